@@ -1,0 +1,44 @@
+# `make demo` shows what fantoccini does, `make test` checks it. Both set everything up in .venv;
+# a stamp file stands for each finished step, so a second run starts at once.
+
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+
+.PHONY: demo test bench lint wheel clean
+.NOTPARALLEL:
+
+demo: $(VENV)/stamp-demo
+	$(BIN)/fantoccini demo
+
+test: $(VENV)/stamp-test
+	$(BIN)/python -m pytest
+
+bench: $(VENV)/stamp-bench
+	$(BIN)/python benchmarks/bench.py
+
+lint: $(VENV)/stamp-test
+	$(BIN)/ruff check .
+
+wheel: $(VENV)/stamp-test
+	$(BIN)/python -m build --wheel --outdir dist
+
+clean:
+	rm -rf $(VENV) build dist out .pytest_cache .ruff_cache .hypothesis
+	find src tests -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(VENV)/stamp-venv:
+	python=$$(sh .ci/prerequisites) && "$$python" -m venv --clear $(VENV)
+	touch $@
+
+$(VENV)/stamp-demo: pyproject.toml $(VENV)/stamp-venv
+	$(PIP) --editable .
+	touch $@
+
+$(VENV)/stamp-test: pyproject.toml $(VENV)/stamp-venv
+	$(PIP) --editable '.[test]'
+	touch $@
+
+$(VENV)/stamp-bench: pyproject.toml $(VENV)/stamp-venv
+	$(PIP) --editable '.[bench]'
+	touch $@

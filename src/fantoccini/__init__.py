@@ -1,0 +1,53 @@
+"""Dynamics of marionettes: articulated rigid bodies hung from massless strings.
+
+    import fantoccini as fan
+
+    arm = fan.puppets.arm2d()
+    x0 = arm.rest({"hand.length": 0.8})
+    lift = fan.Input.waypoints(arm, {"hand.length": [(0, 0.8), (1.5, 0.5)]})
+    run = fan.simulate(arm, x0, lift, t_end=3.0)
+"""
+
+from fantoccini import puppets
+from fantoccini.errors import (
+    BuildError,
+    FantocciniError,
+    InputError,
+    PuppetError,
+    SimulationError,
+    StateError,
+    Status,
+    UnknownNameError,
+)
+from fantoccini.marionette import Marionette, Stepper, load
+from fantoccini.motion import Columns, Event, EventKind, Input, State, Trajectory
+from fantoccini.puppet import Puppet
+from fantoccini.simulate import simulate
+from fantoccini.world import World
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "BuildError",
+    "Columns",
+    "Event",
+    "EventKind",
+    "FantocciniError",
+    "Input",
+    "InputError",
+    "Marionette",
+    "Puppet",
+    "PuppetError",
+    "SimulationError",
+    "State",
+    "StateError",
+    "Status",
+    "Stepper",
+    "Trajectory",
+    "UnknownNameError",
+    "World",
+    "__version__",
+    "load",
+    "puppets",
+    "simulate",
+]

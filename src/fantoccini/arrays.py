@@ -1,0 +1,53 @@
+"""Shape-named array aliases.
+
+The last axis is always the coordinate; lane and time come before it. The names are those of the
+coordinate table: n_qD, n_vD, n_qK, n_vK configuration numbers and velocities of the dynamic and
+the driven coordinates, n_rows one-sided rows (strings, then limits).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+"""Any shape."""
+
+ConfigD = NDArray[np.float64]
+"""(n_qD,) dynamic configuration [rad, m or 1]."""
+
+VecD = NDArray[np.float64]
+"""(n_vD,) dynamic velocity, acceleration or force."""
+
+ConfigK = NDArray[np.float64]
+"""(n_qK,) driven configuration [rad, m or 1]."""
+
+VecK = NDArray[np.float64]
+"""(n_vK,) driven velocity, acceleration or force."""
+
+VecRows = NDArray[np.float64]
+"""(n_rows,) one number a string or limit."""
+
+MaskRows = NDArray[np.bool_]
+"""(n_rows,) one flag a string or limit."""
+
+Times = NDArray[np.float64]
+"""(T,) times [s]."""
+
+Vec3 = NDArray[np.float64]
+"""(..., 3) vector in space."""
+
+Quaternion = NDArray[np.float64]
+"""(..., 4) unit quaternion, in the order w, x, y, z."""
+
+
+def frozen(values, dtype=np.float64) -> NDArray:
+    """A read-only, C-contiguous copy.
+
+    Args:
+        values: anything NumPy turns into an array.
+        dtype: of the copy.
+    """
+    copy = np.array(values, dtype=dtype, order="C", copy=True)
+    copy.setflags(write=False)
+    return copy

@@ -1,0 +1,275 @@
+"""The cache of compiled libraries: ``<cache>/<key[:2]>/<key>/``.
+
+A library is made in a temporary folder beside its place and renamed into it, so a build that is
+killed leaves nothing under an entry's name. A lock makes a second process wait for the first
+rather than compile the same; where there are no locks both compile, and the first to rename wins.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import re
+import shutil
+import tempfile
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from fantoccini.build.compiler import (
+    COMPILE_SECONDS,
+    DiskError,
+    command_line,
+    default_flags,
+    find_compiler,
+    run_compiler,
+)
+from fantoccini.build.entry import Source, is_whole, seal, write_source
+from fantoccini.build.folders import UnusableError, cache_folder, distrust, private_folder
+from fantoccini.build.key import runtime_folder
+from fantoccini.errors import BuildError
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None
+
+Flags = Callable[[Source], tuple[str, ...]] | tuple[str, ...]
+Progress = Callable[[str], None]
+
+LOCK_SECONDS = COMPILE_SECONDS + 60.0
+"""How long to wait for another process that makes the same library."""
+
+_LIFETIMES = {"tmp-*": 3600.0, "failed-*": 7 * 86400.0}
+"""Folders that killed and failed builds leave behind, and the age [s] at which they go."""
+
+_KEY = re.compile(r"[0-9a-f]{16,128}")
+_GROUP = "[0-9a-f][0-9a-f]"
+
+
+def obtain(
+    key: str,
+    produce: Callable[[], Source],
+    *,
+    flags: Flags = default_flags,
+    progress: Progress | None = None,
+    afresh: bool = False,
+) -> Path:
+    """The folder with the library of a key, made when it is not there yet.
+
+    Args:
+        key: see :func:`fantoccini.build.fingerprint`.
+        produce: derives the source; called at most once, and only when it is needed.
+        flags: compiler flags beyond the standard ones, or a function that chooses them.
+        progress: is told in a few words what is going on.
+        afresh: make the library again although it is there (it would not load).
+
+    Returns:
+        A folder that holds ``model.so``, ``info.json`` and the sources.
+
+    Raises:
+        BuildError: no compiler, a compiler that failed, or no folder that can be written.
+    """
+    if not _KEY.fullmatch(key):
+        raise ValueError(f"{key!r} is not a key")
+    produce = functools.cache(produce)
+    tell = progress or (lambda text: None)
+    place = cache_folder()
+    try:
+        return _obtain_in(place, key, produce, flags, tell, afresh)
+    except UnusableError as error:
+        trouble = error
+    try:
+        refuge = private_folder()
+        warnings.warn(
+            f"the cache folder is not used: {trouble}; compiled puppets go to {refuge} "
+            f"(the environment variable FANTOCCINI_CACHE names another folder)",
+            RuntimeWarning,
+            stacklevel=2,
+        )
+        return _obtain_in(refuge, key, produce, flags, tell, afresh)
+    except UnusableError as error:
+        raise BuildError(f"there is no place for the compiled puppet: {trouble}; {error}") from None
+
+
+def clear() -> int:
+    """Removes every library from the cache folder.
+
+    Returns:
+        The number of entries removed.
+
+    Raises:
+        BuildError: the folder is somebody else's, or something in it cannot be removed.
+    """
+    root = cache_folder()
+    if trouble := distrust(root):
+        raise BuildError(f"the cache is not cleared: {trouble}")
+    found = entries(root)
+    try:
+        for folder in [*found, *_leftovers(root)]:
+            shutil.rmtree(folder)
+        for file in root.glob(f"{_GROUP}/*.lock"):
+            if _KEY.fullmatch(file.stem):
+                file.unlink()
+        for group in root.glob(_GROUP):
+            # What else lies there is not ours, and then the folder stays.
+            with contextlib.suppress(OSError):
+                group.rmdir()
+    except OSError as error:
+        raise BuildError(f"the cache cannot be cleared: {error}") from error
+    return len(found)
+
+
+def entries(root: Path) -> list[Path]:
+    """The folders of all entries below a cache folder."""
+    return [e for e in root.glob(f"{_GROUP}/*") if _KEY.fullmatch(e.name)]
+
+
+def _leftovers(root: Path, age: float = 0.0) -> list[Path]:
+    """The folders that builds left behind, at least a number of lifetimes ago."""
+    now = time.time()
+    found = []
+    for pattern, lifetime in _LIFETIMES.items():
+        for folder in root.glob(f"{_GROUP}/{pattern}"):
+            with contextlib.suppress(OSError):
+                if now - folder.stat().st_mtime >= age * lifetime:
+                    found.append(folder)
+    return found
+
+
+def _obtain_in(
+    root: Path,
+    key: str,
+    produce: Callable[[], Source],
+    flags: Flags,
+    tell: Progress,
+    afresh: bool,
+) -> Path:
+    """:func:`obtain` in one cache folder; UnusableError where that folder is no good."""
+    if trouble := distrust(root):
+        raise UnusableError(trouble)
+    group = root / key[:2]
+    entry = group / key
+    if not afresh and is_whole(entry):
+        return entry
+    with _writing(root):
+        # One by one: a mode is not applied to the parents made along the way.
+        root.mkdir(mode=0o700, parents=True, exist_ok=True)
+        group.mkdir(mode=0o700, exist_ok=True)
+    if trouble := distrust(root) or distrust(group):
+        raise UnusableError(trouble)
+    with _lock(group / f"{key}.lock", root, tell) as waited:
+        # Another process may have made it in the meantime.
+        if (waited or not afresh) and is_whole(entry):
+            return entry
+        for folder in _leftovers(root, age=1.0):
+            shutil.rmtree(folder, ignore_errors=True)
+        tell("deriving the equations of motion")
+        source = produce()
+        chosen = flags(source) if callable(flags) else flags
+        _make(root, entry, source, chosen, tell, replace=afresh and not waited)
+    return entry
+
+
+def _make(
+    root: Path,
+    entry: Path,
+    source: Source,
+    flags: tuple[str, ...],
+    tell: Progress,
+    replace: bool,
+) -> None:
+    """Compiles a source under a temporary name and puts it in an entry's place.
+
+    Args:
+        root: the cache folder.
+        entry: the entry's folder-to-be.
+        source: what to compile.
+        flags: compiler flags beyond the standard ones.
+        tell: is told what is going on.
+        replace: also take the place of an entry that is whole.
+    """
+    compiler = find_compiler()
+    with _writing(root):
+        folder = Path(tempfile.mkdtemp(prefix="tmp-", dir=entry.parent))
+    try:
+        command = command_line(compiler, source.main, flags, runtime_folder())
+        with _writing(root):
+            write_source(folder, source)
+        tell(f"compiling with {compiler.version}")
+        with _writing(root):
+            run_compiler(command, folder)
+            seal(folder, tuple(command))
+            _settle(folder, entry, replace)
+    except BuildError as error:
+        # The sources stay for the user to look at, until the next failure of the same puppet.
+        kept = entry.parent / f"failed-{entry.name}"
+        shutil.rmtree(kept, ignore_errors=True)
+        try:
+            folder.rename(kept)
+        except OSError:
+            kept = folder
+        raise BuildError(f"{error}\nthe sources are in {kept}") from None
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+
+
+def _settle(folder: Path, entry: Path, replace: bool) -> None:
+    """Gives a finished folder its entry's name, unless another process was first."""
+    for _ in range(3):
+        try:
+            folder.rename(entry)
+            return
+        except OSError:
+            if not entry.exists():
+                raise
+        if is_whole(entry) and not replace:
+            shutil.rmtree(folder, ignore_errors=True)
+            return
+        # An entry to replace: move it aside, since a folder cannot be renamed onto a full one.
+        aside = Path(tempfile.mkdtemp(prefix="tmp-", dir=entry.parent))
+        with contextlib.suppress(FileNotFoundError):
+            entry.rename(aside / "old")
+        shutil.rmtree(aside, ignore_errors=True)
+    raise OSError(f"{entry} cannot be replaced")
+
+
+@contextlib.contextmanager
+def _writing(root: Path) -> Iterator[None]:
+    """Turns a failure to write below a cache folder into :class:`UnusableError`."""
+    try:
+        yield
+    except OSError as error:
+        reason = str(error) if isinstance(error, DiskError) else (error.strerror or str(error))
+        raise UnusableError(f"{root} cannot be written: {reason}") from error
+
+
+@contextlib.contextmanager
+def _lock(file: Path, root: Path, tell: Progress) -> Iterator[bool]:
+    """Holds a key's lock; yields whether another process held it first.
+
+    After ``LOCK_SECONDS``, and on file systems without locks, goes on without it: two builds of
+    one key are wasteful and harmless.
+    """
+    if fcntl is None:
+        yield False
+        return
+    with contextlib.ExitStack() as stack:
+        with _writing(root):
+            handle = stack.enter_context(open(file, "w"))  # closing it gives the lock back
+        waited = False
+        deadline = time.monotonic() + LOCK_SECONDS
+        while time.monotonic() < deadline:
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if not waited:
+                    tell("waiting for another process that compiles the same puppet")
+                waited = True
+                time.sleep(0.05)
+            except OSError:
+                break
+        yield waited

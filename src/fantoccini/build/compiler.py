@@ -1,0 +1,243 @@
+"""The system's C++ compiler: finding it, its flags, running it.
+
+No other module starts a compiler. Commands are lists, never shell text, and hold nothing that a
+user's file could choose.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import os
+import platform
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from fantoccini.build.entry import LIBRARY, Source
+from fantoccini.errors import BuildError
+
+Kind = Literal["gcc", "clang", "zig"]
+
+COMPILE_SECONDS = 600.0
+"""A compilation that takes longer is stopped."""
+
+LARGE = 12_000
+"""Operations of one function from which -O1 is used: straight-line code compiles in a time that
+grows faster than its size (g++ -O2: 4 s at 7,000 operations, 82 s for a chain of 40 links)."""
+
+BASE_FLAGS = (
+    "-std=c++17",
+    "-fPIC",
+    "-shared",
+    "-fvisibility=hidden",
+    "-ffp-contract=fast",
+)
+"""Always given. Never -ffast-math: the runtime relies on infinities and on the order of sums."""
+
+_VERSION_SECONDS = 60.0
+_ENGLISH = {"LC_ALL": "C"}
+_FULL = ("No space left on device", "Disk quota exceeded", "Read-only file system")
+
+
+@dataclass(frozen=True)
+class Compiler:
+    """A C++ compiler that runs on this machine.
+
+    Attributes:
+        command: how it is called, without flags.
+        kind: whose command line and standard library it has.
+        version: the first line it prints when asked for its version.
+    """
+
+    command: tuple[str, ...]
+    kind: Kind
+    version: str
+
+
+class DiskError(OSError):
+    """The compiler could not write its output: the disk is full or read-only."""
+
+
+def find_compiler() -> Compiler:
+    """The C++ compiler to use.
+
+    The environment variables FANTOCCINI_CXX and CXX are taken at their word: what they name has
+    to run. Without them the first that runs of g++, c++, clang++ and the ziglang package.
+
+    Raises:
+        BuildError: there is none; the message has the one command that installs one.
+    """
+    for variable in ("FANTOCCINI_CXX", "CXX"):
+        value = os.environ.get(variable, "").strip()
+        if not value:
+            continue
+        try:
+            command = tuple(shlex.split(value))
+        except ValueError as error:
+            raise BuildError(f"{variable}={value!r} is not a command: {error}") from None
+        try:
+            return _identify(command, os.environ.get("PATH", ""))
+        except OSError as error:
+            raise BuildError(
+                f"{variable}={value!r} names a C++ compiler that does not run ({error}); "
+                f"set it to one that does, or unset it to use the system's"
+            ) from None
+    for command in (("g++",), ("c++",), ("clang++",), (sys.executable, "-m", "ziglang", "c++")):
+        with contextlib.suppress(OSError):
+            return _identify(command, os.environ.get("PATH", ""))
+    raise BuildError(
+        f"a puppet is compiled on this machine, and no C++ compiler was found "
+        f"(g++, c++, clang++, ziglang); install one with:  {install_command()}"
+    )
+
+
+@functools.lru_cache(maxsize=16)
+def _identify(command: tuple[str, ...], path: str) -> Compiler:
+    """Who a compiler is, by its answer to --version; remembered, since asking takes a while.
+
+    Args:
+        command: how the compiler is called.
+        path: the search path, here so that an answer is not remembered past a change of it.
+
+    Raises:
+        OSError: there is no such program, or it gives no answer (which is not remembered: the
+            user may install it and try again).
+    """
+    program = shutil.which(command[0], path=path or None)
+    if program is None:
+        raise FileNotFoundError("there is no such program")
+    try:
+        answer = subprocess.run(
+            [program, *command[1:], "--version"],
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=_VERSION_SECONDS,
+            stdin=subprocess.DEVNULL,
+            env={**os.environ, **_ENGLISH},
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        raise OSError("it gives no answer") from None
+    if answer.returncode != 0:
+        raise OSError(f"--version ends with exit code {answer.returncode}")
+    lines = answer.stdout.strip().splitlines()
+    kind: Kind = "clang" if "clang" in answer.stdout.lower() else "gcc"
+    if any(Path(word).stem in ("zig", "ziglang") for word in command):
+        kind = "zig"
+    return Compiler((program, *command[1:]), kind, lines[0] if lines else "")
+
+
+def install_command() -> str:
+    """The one command that installs a C++ compiler on this machine."""
+    if sys.platform == "darwin":
+        return "xcode-select --install"
+    as_root = "" if hasattr(os, "geteuid") and os.geteuid() == 0 else "sudo "
+    for program, arguments in (
+        ("apt-get", "install -y g++"),
+        ("dnf", "install -y gcc-c++"),
+        ("pacman", "-S --needed gcc"),
+        ("zypper", "install -y gcc-c++"),
+        ("apk", "add g++"),
+    ):
+        if shutil.which(program):
+            return f"{as_root}{program} {arguments}"
+    return "python -m pip install ziglang"
+
+
+def optimisation_level(n_operations: int) -> str:
+    """The optimisation flag for straight-line code of a size.
+
+    Args:
+        n_operations: scalar operations of the largest generated function.
+    """
+    return "-O2" if n_operations <= LARGE else "-O1"
+
+
+def compile_flags(n_operations: int, compiler: Compiler) -> tuple[str, ...]:
+    """The flags that depend on the size of the code, the compiler and the processor."""
+    # On ARM only -mcpu is understood by every compiler; elsewhere -march.
+    arm = platform.machine().lower() in ("arm64", "aarch64")
+    native = "-mcpu=native" if arm or compiler.kind == "zig" else "-march=native"
+    # zig instruments for undefined behaviour unless told not to.
+    extra = ("-fno-sanitize=undefined",) if compiler.kind == "zig" else ()
+    return (optimisation_level(n_operations), native, *extra)
+
+
+def default_flags(source: Source) -> tuple[str, ...]:
+    """The flags :func:`obtain` uses unless told otherwise: by ``info["n_operations"]``."""
+    return compile_flags(int(source.info.get("n_operations", 0)), find_compiler())
+
+
+def command_line(compiler: Compiler, main: str, flags: tuple[str, ...], include: Path) -> list[str]:
+    """The command that makes the library from ``main``, run inside the entry's folder."""
+    return [*compiler.command, *BASE_FLAGS, *flags, "-I", str(include), main, "-o", LIBRARY]
+
+
+def run_compiler(command: list[str], folder: Path, seconds: float = COMPILE_SECONDS) -> None:
+    """Runs a compiler in a folder and waits for it.
+
+    Args:
+        command: program and arguments.
+        folder: where it runs; relative names in the command are inside it.
+        seconds: how long it may take.
+
+    Raises:
+        BuildError: it failed, or took too long.
+        DiskError: it could not write.
+    """
+    try:
+        process = subprocess.Popen(
+            command,
+            cwd=folder,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            # Its own temporary files go into the folder too: one disk to be full, one to clean.
+            env={**os.environ, **_ENGLISH, "TMPDIR": str(folder)},
+            start_new_session=True,
+        )
+    except OSError as error:
+        raise BuildError(f"the compiler {command[0]!r} does not start: {error}") from error
+    try:
+        output, _ = process.communicate(timeout=seconds)
+    except subprocess.TimeoutExpired:
+        _end(process)
+        raise BuildError(
+            f"the compiler was stopped after {seconds:g} s; the command was\n"
+            f"  {shlex.join(command)}"
+        ) from None
+    except BaseException:
+        _end(process)
+        raise
+    if process.returncode == 0:
+        if not (folder / LIBRARY).is_file():
+            raise BuildError(f"{command[0]} reports success and has written no library")
+        return
+    if any(sign in output for sign in _FULL):
+        raise DiskError(next(line for line in output.splitlines() if any(s in line for s in _FULL)))
+    lines = output.strip().splitlines()
+    shown = "\n".join(f"  {line}" for line in lines[:20]) or "  (it printed nothing)"
+    more = f"\n  ... and {len(lines) - 20} lines more" if len(lines) > 20 else ""
+    raise BuildError(
+        f"the compiler failed with exit code {process.returncode}; the command was\n"
+        f"  {shlex.join(command)}\nand it said\n{shown}{more}"
+    )
+
+
+def _end(process: subprocess.Popen[str]) -> None:
+    """Ends a compiler and the programs it started, which outlive it when it alone is ended."""
+    if hasattr(os, "killpg"):
+        with contextlib.suppress(OSError):
+            os.killpg(process.pid, signal.SIGKILL)
+    else:
+        process.kill()
+    process.communicate()

@@ -1,0 +1,94 @@
+"""One entry of the cache: a folder with a library, its sources and the proof that it is whole.
+
+    <key>/model.so       the shared library
+    <key>/info.json      what the generator wants to remember about it
+    <key>/complete.json  size and SHA-256 of the library, written last
+    <key>/...            the sources
+
+An entry is written under a temporary name beside its place and renamed, so that a folder with an
+entry's name is whole or was damaged afterwards; ``complete.json`` tells which.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+LIBRARY = "model.so"
+INFO = "info.json"
+COMPLETE = "complete.json"
+
+_FILE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}")
+
+
+@dataclass(frozen=True)
+class Source:
+    """What a library is made of.
+
+    Attributes:
+        files: file name -> text. The generator chooses the names: plain names, no folders.
+        main: the file to compile; the others are for it to include.
+        info: JSON-able facts kept beside the library as ``info.json``. ``n_operations``, where
+            given, is the number of scalar operations of the largest function and decides the
+            optimisation level.
+    """
+
+    files: dict[str, str]
+    main: str
+    info: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in self.files:
+            if not _FILE_NAME.fullmatch(name) or name in (LIBRARY, INFO, COMPLETE):
+                raise ValueError(f"{name!r} cannot be the name of a source file")
+        if self.main not in self.files:
+            raise ValueError(f"the main file {self.main!r} is not among the files")
+
+
+def write_source(folder: Path, source: Source) -> None:
+    """Writes the sources and ``info.json`` into a folder."""
+    for name, text in source.files.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    (folder / INFO).write_text(json.dumps(source.info, indent=1), encoding="utf-8")
+
+
+def seal(folder: Path, command: tuple[str, ...]) -> None:
+    """Writes ``complete.json``, after the library has reached the disk.
+
+    Args:
+        folder: the entry under its temporary name.
+        command: how the library was compiled, for the reader.
+    """
+    with open(folder / LIBRARY, "rb+") as library:
+        content = library.read()
+        os.fsync(library.fileno())
+    complete = {
+        "size": len(content),
+        "sha256": hashlib.sha256(content).hexdigest(),
+        "command": list(command),
+    }
+    with open(folder / COMPLETE, "w", encoding="utf-8") as out:
+        json.dump(complete, out, indent=1)
+        out.flush()
+        os.fsync(out.fileno())
+
+
+def is_whole(folder: Path) -> bool:
+    """Whether a folder is an entry whose library is the one that was sealed.
+
+    The hash is always compared: it costs a millisecond, and the loader of a damaged library may
+    crash the process rather than fail.
+    """
+    try:
+        complete = json.loads((folder / COMPLETE).read_text(encoding="utf-8"))
+        library = folder / LIBRARY
+        if library.stat().st_size != complete["size"] or not (folder / INFO).is_file():
+            return False
+        return hashlib.sha256(library.read_bytes()).hexdigest() == complete["sha256"]
+    except (OSError, ValueError, TypeError, KeyError):
+        return False

@@ -1,0 +1,80 @@
+"""The key of a library: a hash of everything that can change it, and of nothing else."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+import sys
+from collections.abc import Iterable
+from importlib import metadata
+from pathlib import Path
+
+from fantoccini.build.compiler import BASE_FLAGS, LARGE, find_compiler
+
+
+def fingerprint(canonical: str, generator: str, flags: Iterable[str] = ()) -> str:
+    """The key under which a puppet's library is kept.
+
+    Args:
+        canonical: the puppet in its canonical form.
+        generator: version of the code generator.
+        flags: compiler flags beyond the standard ones, and anything else that chooses between
+            libraries of one puppet (the number of lanes, say).
+
+    Returns:
+        64 hexadecimal digits. They depend on the arguments, the CasADi version, the runtime's
+        headers, the compiler, the standard flags and the processor, and not on the Python
+        version, so that interpreters share a cache.
+    """
+    compiler = find_compiler()
+    parts = {
+        "canonical": canonical,
+        "generator": generator,
+        "flags": list(flags),
+        "standard flags": [*BASE_FLAGS, LARGE],
+        "casadi": casadi_version(),
+        "runtime": runtime_hash(runtime_folder()),
+        "compiler": [compiler.kind, compiler.version, *compiler.command],
+        "processor": [sys.platform, platform.machine(), processor()],
+    }
+    text = json.dumps(parts, sort_keys=True, ensure_ascii=True)
+    return hashlib.sha256(text.encode("ascii")).hexdigest()
+
+
+def runtime_folder() -> Path:
+    """The include folder of the C++ runtime that is shipped with the package."""
+    return Path(__file__).resolve().parent.parent / "cpp"
+
+
+def runtime_hash(folder: Path) -> str:
+    """SHA-256 of every file of the runtime and its name, in the order of the names."""
+    total = hashlib.sha256()
+    for file in sorted(folder.rglob("*")):
+        if file.is_file():
+            content = file.read_bytes()
+            name = file.relative_to(folder).as_posix()
+            total.update(f"{name}\0{len(content)}\0".encode())
+            total.update(content)
+    return total.hexdigest()
+
+
+def casadi_version() -> str:
+    """The installed CasADi's version, asked of its metadata: importing it takes far longer."""
+    try:
+        return metadata.version("casadi")
+    except metadata.PackageNotFoundError:
+        return "none"
+
+
+def processor(cpuinfo: Path = Path("/proc/cpuinfo")) -> str:
+    """What ``-march=native`` may use: the processor's features, or its name where not listed."""
+    try:
+        with open(cpuinfo, encoding="utf-8", errors="replace") as lines:
+            for line in lines:
+                label, _, value = line.partition(":")
+                if label.strip() in ("flags", "Features"):
+                    return " ".join(sorted(set(value.split())))
+    except OSError:
+        pass
+    return platform.processor()

@@ -1,0 +1,150 @@
+// The C interface of a compiled puppet, as fantoccini.runtime loads it. The translation unit that
+// includes this defines `fan::Model` first.
+#pragma once
+
+#include <new>
+
+#include "event.hpp"
+#include "fixed.hpp"
+
+#define FAN_EXPORT extern "C" __attribute__((visibility("default")))
+
+namespace fan {
+
+// A run of either method behind one handle.
+struct Run {
+  bool event_driven;
+  EventRun<Model> event;
+  FixedRun<Model> fixed;
+};
+
+inline void read_state(
+    const double* q_D, const double* v_D, double* to_q, double* to_v) {
+  for (int i = 0; i < Model::n_qD; ++i) to_q[i] = q_D[i];
+  for (int k = 0; k < Model::n_vD; ++k) to_v[k] = v_D[k];
+}
+
+}  // namespace fan
+
+// Sizes the caller must agree with: n_qD n_vD n_qK n_vK n_strings n_limits n_p row_width event_width.
+FAN_EXPORT void fan_sizes(int* out) {
+  using fan::Model;
+  const int sizes[] = {
+      Model::n_qD,     Model::n_vD,      Model::n_qK, Model::n_vK,
+      Model::n_strings, Model::n_limits, Model::n_p,  fan::Record<Model>::row_width,
+      fan::Record<Model>::event_width};
+  for (int i = 0; i < 9; ++i) out[i] = sizes[i];
+}
+
+FAN_EXPORT void* fan_new(int event_driven) {
+  fan::Run* run = new (std::nothrow) fan::Run();
+  if (run) run->event_driven = event_driven != 0;
+  return run;
+}
+
+FAN_EXPORT void fan_free(void* handle) { delete static_cast<fan::Run*>(handle); }
+
+// Sets everything a run needs and writes its first row. `save_at` must outlive the run.
+FAN_EXPORT int fan_start(
+    void* handle, double t, const double* q_D, const double* v_D, const double* p,
+    const fan::InputArrays* input, const fan::Options* options, const double* save_at,
+    long long n_save, int save_every, fan::Record<fan::Model>* out) {
+  using fan::Model;
+  fan::Run& run = *static_cast<fan::Run*>(handle);
+  if (run.event_driven) {
+    auto& e = run.event;
+    e.flow.opt = *options;
+    e.flow.drive.set(*input);
+    e.flow.t = t;
+    for (int i = 0; i < Model::n_p; ++i) e.flow.p[i] = p[i];
+    for (int j = 0; j < e.NY; ++j) e.flow.y[j] = 0.0;
+    fan::read_state(q_D, v_D, e.flow.y, e.flow.y + Model::n_qD);
+    e.save_at = save_at;
+    e.n_save = n_save;
+    return e.start(*out);
+  }
+  auto& f = run.fixed;
+  f.opt = *options;
+  f.drive.set(*input);
+  f.t = t;
+  f.save_every = save_every;
+  for (int i = 0; i < Model::n_p; ++i) f.p[i] = p[i];
+  fan::read_state(q_D, v_D, f.q_D, f.v_D);
+  f.start(*out);
+  return fan::RUNNING;
+}
+
+// Runs until t_end (DONE), until the record is full (RUNNING), or until something stops it.
+FAN_EXPORT int fan_run(void* handle, double t_end, fan::Record<fan::Model>* out) {
+  fan::Run& run = *static_cast<fan::Run*>(handle);
+  if (run.event_driven) return run.event.run(t_end, *out);
+  run.fixed.next_end_ = t_end;
+  return run.fixed.run(t_end, *out);
+}
+
+// Replaces the inputs from the present time on.
+FAN_EXPORT void fan_set_input(void* handle, const fan::InputArrays* input) {
+  fan::Run& run = *static_cast<fan::Run*>(handle);
+  if (run.event_driven) {
+    run.event.flow.drive.set(*input);
+    run.event.resume();
+  } else {
+    run.fixed.drive.set(*input);
+    run.fixed.restart();
+  }
+}
+
+// Counters: steps, time reached, worst violation (time-stepping) [m].
+FAN_EXPORT void fan_progress(void* handle, double* out) {
+  const fan::Run& run = *static_cast<fan::Run*>(handle);
+  out[0] = double(run.event_driven ? run.event.n_steps : run.fixed.n_steps);
+  out[1] = run.event_driven ? run.event.flow.t : run.fixed.t;
+  out[2] = run.event_driven ? 0.0 : run.fixed.worst_violation;
+}
+
+// Calls a model function n times: argument i of call k begins at arg[i] + k * arg_stride[i].
+#define FAN_MAP(NAME, N_ARG, N_RES)                                                          \
+  FAN_EXPORT int fan_map_##NAME(                                                             \
+      long long n, const double* const* arg, const long long* arg_stride, double* const* res, \
+      const long long* res_stride) {                                                         \
+    const double* a[N_ARG];                                                                  \
+    double* r[N_RES];                                                                        \
+    for (long long k = 0; k < n; ++k) {                                                      \
+      for (int i = 0; i < N_ARG; ++i) a[i] = arg[i] + k * arg_stride[i];                     \
+      for (int i = 0; i < N_RES; ++i) r[i] = res[i] ? res[i] + k * res_stride[i] : nullptr;  \
+      fan::Model::NAME(a, r);                                                                \
+    }                                                                                        \
+    return 0;                                                                                \
+  }
+
+FAN_MAP(dynamics, 8, 15)
+FAN_MAP(rows, 3, 1)
+FAN_MAP(energy, 5, 2)
+FAN_MAP(effort, 8, 1)
+FAN_MAP(wrench_forces, 4, 1)
+FAN_MAP(poses, 3, 1)
+FAN_MAP(points, 3, 1)
+FAN_MAP(forth, 2, 1)
+FAN_MAP(back, 2, 1)
+
+// Complementarity of n rows by itself (fantoccini.complementarity of the tests and of statics):
+// G (n, n), b (n,) -> x, s (n,). Returns 1 when solved.
+FAN_EXPORT int fan_complementarity(
+    int n, const double* G, const double* b, const int* two_sided, double* x, double* s) {
+  using Problem = fan::Complementarity<double, fan::Model::n_rows>;
+  if (n > fan::Model::n_rows) return 0;
+  Problem problem;
+  problem.n = n;
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j < n; ++j) problem.G[i * Problem::N + j] = G[i * n + j];
+    problem.b[i] = b[i];
+    problem.active[i] = true;
+    problem.two_sided[i] = two_sided[i] != 0;
+  }
+  const bool solved = problem.solve(fan::kEps, fan::kRefinements, 1e-12, fan::kPivots);
+  for (int i = 0; i < n; ++i) {
+    x[i] = problem.x[i];
+    s[i] = problem.s[i];
+  }
+  return solved;
+}

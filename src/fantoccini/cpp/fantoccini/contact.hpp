@@ -1,0 +1,95 @@
+// What happens at an instant: catches with their impulse, and the choice of the next mode.
+//
+//   v_D+ = v_D- - M_DD^-1 A_D^T Lambda,  Lambda >= 0, hdot+ <= 0, Lambda . hdot+ = 0   (Eqs. 13-15)
+//   tau >= 0, hddot <= 0, tau . hddot = 0   over the rows with h = 0 and hdot = 0         (Sec. IV)
+#pragma once
+
+#include "flow.hpp"
+
+namespace fan {
+
+constexpr double kTouch = 1e-10;  // |h| below which a row counts as closed at an event, relative
+constexpr double kStill = 1e-9;   // |hdot| below which a closed row counts as at rest
+constexpr int kPivots = 200;      // bound on the pivoting of one complementarity problem
+
+template <class Model>
+struct Contact {
+  using F = Flow<Model>;
+  static constexpr int N = F::N, NQ = F::NQ, M = F::M;
+
+  double impulse[room(M)];  // of the last catch, by row
+  double speed[room(M)];    // hdot before it
+  double lost = 0.0;        // kinetic energy lost in it
+
+  // Applies the impulse over the rows `closed` at (t, y) and books its work. The flow's evaluation
+  // must be that of (t, y).
+  Status strike(F& f, const bool* closed) {
+    int list[room(M)], n = 0;
+    for (int r = 0; r < M; ++r) {
+      impulse[r] = speed[r] = 0.0;
+      if (closed[r]) list[n++] = r;
+    }
+    lost = 0.0;
+    f.rows.gather(f.eval, f.y + NQ, list, n);
+    auto& problem = f.rows.problem;
+    for (int a = 0; a < n; ++a) {
+      problem.b[a] = f.rows.hdot[a];
+      problem.active[a] = f.rows.hdot[a] > 0.0 || f.taut[list[a]];
+    }
+    problem.solve(kEps, kRefinements, 1e-12, kPivots);
+    double w[room(N)], change[room(N)], pull[room(M)], work = 0.0;
+    for (int j = 0; j < N; ++j) w[j] = 0.0;
+    for (int a = 0; a < n; ++a) {
+      const double x = problem.x[a];
+      if (!(fabs(x) <= f.opt.tension_cap)) return IMPOSSIBLE_INPUT;
+      pull[a] = -x;
+      impulse[list[a]] = x;
+      speed[list[a]] = f.rows.hdot[a];
+      lost += x * 0.5 * (f.rows.hdot[a] - problem.s[a]);
+      work += x * f.rows.hdot_K[a];
+    }
+    f.rows.add(pull, w);
+    f.eval.back(w, change);
+    for (int j = 0; j < N; ++j) {
+      f.y[NQ + j] += change[j];
+      work += f.eval.M_DK_v_K[j] * change[j];
+    }
+    f.y[F::WORK] += work;
+    return RUNNING;
+  }
+
+  // Chooses which of the rows that are closed and at rest stay taut, at (t, y).
+  Status choose(F& f, bool* taut) {
+    double rate[F::NY], speed_scale = 1.0;
+    for (int r = 0; r < M; ++r) f.taut[r] = false;
+    f.evaluate(f.t, f.y, rate);
+    for (int j = 0; j < N; ++j)
+      if (fabs(f.y[NQ + j]) > speed_scale) speed_scale = fabs(f.y[NQ + j]);
+    int all[room(M)], list[room(M)], n_all = 0, n = 0;
+    for (int r = 0; r < M; ++r)
+      if (fabs(f.eval.height(r)) <= kTouch * f.row_scale(r) || (r < F::S && Model::wire[r]))
+        all[n_all++] = r;
+    f.rows.gather(f.eval, f.y + NQ, all, n_all);
+    for (int a = 0; a < n_all; ++a)
+      if (fabs(f.rows.hdot[a]) <= kStill * speed_scale || f.rows.problem.two_sided[a])
+        list[n++] = all[a];
+    f.rows.gather(f.eval, f.y + NQ, list, n);
+    auto& problem = f.rows.problem;
+    double scale = 0.0;
+    for (int a = 0; a < n; ++a) {
+      problem.b[a] = f.rows.hddot[a];
+      problem.active[a] = true;
+      if (fabs(problem.b[a]) > scale) scale = fabs(problem.b[a]);
+    }
+    problem.solve(kEps, kRefinements, 1e-12, kPivots);
+    for (int r = 0; r < M; ++r) taut[r] = false;
+    for (int a = 0; a < n; ++a) {
+      if (!(fabs(problem.x[a]) <= f.opt.tension_cap)) return IMPOSSIBLE_INPUT;
+      // A row without tension whose ends do not come closer stays in the taut set.
+      taut[list[a]] = problem.active[a] || problem.s[a] <= 1e-10 * scale;
+    }
+    return RUNNING;
+  }
+};
+
+}  // namespace fan

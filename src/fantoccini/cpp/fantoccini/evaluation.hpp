@@ -1,0 +1,116 @@
+// One evaluation of the generated model, and the systems over one-sided rows made from it.
+//
+//   hddot = gamma + A_D acc_D,   acc_D = L^-1 (w0 + W lambda),   W = L^-T A_D^T,   M_DD = L^T L
+//
+// Rows are the strings, then the limits. Strings come with W and G = W^T W from the generated code;
+// a limit's column of W is made when the limit takes part.
+#pragma once
+
+#include "complementarity.hpp"
+#include "manifold.hpp"
+
+namespace fan {
+
+// Model supplies sizes and tables (generated), and for each Real the generated functions.
+template <class Model, class Real>
+struct Evaluation {
+  static constexpr int N = Model::n_vD, S = Model::n_strings, K = Model::n_limits;
+  Real L[room(Model::n_packed)], w0[room(N)], W[room(N * S)], G[room(S * S)];
+  Real h[room(S)], hdot[room(S)], gamma[room(S)], a0[room(S)], hdot_K[room(S)];
+  Real h_limit[room(K)], J_limit[room(3 * K)], gamma_limit[room(K)];
+  Real power0, M_DK_v_K[room(N)], loss;
+
+  FAN_FN void at(
+      const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
+      const Real* u_D, Real dt, const Real* p) {
+    const Real* arg[] = {q_D, v_D, q_K, v_K, acc_K, u_D, &dt, p};
+    Real* res[] = {L,       w0,      W,           G,       h,        hdot, gamma, a0, hdot_K,
+                   h_limit, J_limit, gamma_limit, &power0, M_DK_v_K, &loss};
+    Model::dynamics(arg, res);
+  }
+
+  // acc = L^-1 w.
+  FAN_FN void back(const Real* w, Real* acc) const {
+    const Real* arg[] = {L, w};
+    Real* res[] = {acc};
+    Model::back(arg, res);
+  }
+
+  FAN_FN Real height(int row) const { return row < S ? h[row] : h_limit[row - S]; }
+};
+
+// The rows that take part in a complementarity problem, in increasing order.
+template <class Model, class Real>
+struct RowSystem {
+  static constexpr int N = Model::n_vD, S = Model::n_strings, M = Model::n_rows;
+  using Eval = Evaluation<Model, Real>;
+
+  int n = 0;
+  int row[room(M)];
+  const Real* column[room(M)];  // W's column of each row
+  Real own[room(N * Model::n_limits)];
+  Real hdot[room(M)];    // at the velocity of the evaluation
+  Real hddot[room(M)];   // at zero multipliers
+  Real kick[room(M)];    // A_D acc_free: change of hdot per unit time without gamma
+  Real hdot_K[room(M)];
+  Complementarity<Real, M> problem;
+
+  FAN_FN void gather(const Eval& e, const Real* v_D, const int* rows, int n_rows) {
+    n = problem.n = n_rows;
+    for (int a = 0; a < n; ++a) {
+      const int r = row[a] = rows[a];
+      if (r < S) {
+        column[a] = e.W + N * r;
+        hdot[a] = e.hdot[r];
+        hddot[a] = e.gamma[r] + e.a0[r];
+        kick[a] = e.a0[r];
+        hdot_K[a] = e.hdot_K[r];
+      } else {
+        limit(e, v_D, a, r - S);
+      }
+      problem.two_sided[a] = r < S && Model::wire[r];
+    }
+    constexpr int stride = Complementarity<Real, M>::N;
+    for (int a = 0; a < n; ++a)
+      for (int b = 0; b <= a; ++b) {
+        Real g;
+        if (row[a] < S) {
+          g = e.G[row[b] + S * row[a]];
+        } else {
+          g = Real(0.0);
+          for (int k = 0; k < N; ++k) g += column[a][k] * column[b][k];
+        }
+        problem.G[a * stride + b] = problem.G[b * stride + a] = g;
+      }
+  }
+
+  // w <- w + W y over the rows.
+  FAN_FN void add(const Real* y, Real* w) const {
+    for (int a = 0; a < n; ++a)
+      for (int k = 0; k < N; ++k) w[k] += column[a][k] * y[a];
+  }
+
+ private:
+  FAN_FN void limit(const Eval& e, const Real* v_D, int a, int i) {
+    Real x[room(N)];
+    for (int k = 0; k < N; ++k) x[k] = Real(0.0);
+    Real rate = Real(0.0);
+    for (int k = 0; k < Model::limit_n[i]; ++k) {
+      x[Model::limit_v[i] + k] = e.J_limit[3 * i + k];
+      rate += e.J_limit[3 * i + k] * v_D[Model::limit_v[i] + k];
+    }
+    Real* w = own + N * i;
+    const Real* arg[] = {e.L, x};
+    Real* res[] = {w};
+    Model::forth(arg, res);
+    column[a] = w;
+    hdot[a] = rate;
+    Real free_rate = Real(0.0);
+    for (int k = 0; k < N; ++k) free_rate += w[k] * e.w0[k];
+    kick[a] = free_rate;
+    hddot[a] = e.gamma_limit[i] + free_rate;
+    hdot_K[a] = Real(0.0);
+  }
+};
+
+}  // namespace fan

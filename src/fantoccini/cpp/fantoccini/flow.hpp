@@ -1,0 +1,251 @@
+// The frozen-mode flow: between two events the same rows are taut, as equalities, and the puppet is
+// a smooth ordinary differential equation
+//
+//   y = (q_D, v_D, work, loss),   ydot = (N(q) v, acc_D, power of inputs and forces, dissipation)
+//
+// advanced by dop853 and projected back on the taut rows (h = 0, hdot = 0) in the metric of M_DD.
+#pragma once
+
+#include "drive.hpp"
+#include "evaluation.hpp"
+#include "status.hpp"
+#include "tableau.hpp"
+
+namespace fan {
+
+// Regularisation and refinement of the scalar solver: rounding-level answers, redundant rows too.
+constexpr double kEps = 1e-11;
+constexpr int kRefinements = 2;
+
+struct Options {
+  double rtol, atol;
+  double first_step, max_step;
+  double tension_cap;   // N; also N s for impulses
+  double energy_scale;  // J: size of the work and loss integrals for the error norm
+  double recovery_speed;  // m/s: time-stepping's cap on how fast a violation is taken back
+  double dt;              // s: time-stepping's step
+  long long max_steps, max_events;
+  int save_steps;  // write every accepted step
+};
+
+template <class Model>
+struct Flow {
+  static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings, M = Model::n_rows;
+  static constexpr int NY = NQ + N + 2, WORK = NQ + N, LOSS = NQ + N + 1;
+  using Eval = Evaluation<Model, double>;
+  using System = RowSystem<Model, double>;
+
+  Drive<typename Model::Driven, N> drive;
+  Options opt;
+  double p[room(Model::n_p)];
+
+  double t = 0.0;
+  double y[NY];
+  bool taut[room(M)];  // the frozen mode
+
+  // The latest evaluation: where, and what came out.
+  double q_K[room(Model::n_qK)], v_K[room(Model::n_vK)], acc_K[room(Model::n_vK)], u_D[room(N)];
+  Eval eval;
+  System rows;
+  double acc[room(N)], tension[room(M)];
+
+  // Evaluates the flow at (at, state) in the frozen mode.
+  void evaluate(double at, const double* state, double* rate) {
+    drive.evaluate(at, q_K, v_K, acc_K, u_D);
+    eval.at(state, state + NQ, q_K, v_K, acc_K, u_D, 0.0, p);
+    int list[room(M)], n = 0;
+    for (int r = 0; r < M; ++r) {
+      tension[r] = 0.0;
+      if (taut[r]) list[n++] = r;
+    }
+    rows.gather(eval, state + NQ, list, n);
+    auto& problem = rows.problem;
+    for (int a = 0; a < n; ++a) {
+      problem.b[a] = rows.hddot[a];
+      problem.active[a] = true;
+    }
+    problem.solve_active(kEps, kRefinements);
+    double w[room(N)];
+    for (int k = 0; k < N; ++k) w[k] = eval.w0[k];
+    double pull[room(M)], power = eval.power0;
+    for (int a = 0; a < n; ++a) {
+      tension[rows.row[a]] = problem.x[a];
+      pull[a] = -problem.x[a];
+      power += problem.x[a] * rows.hdot_K[a];
+    }
+    rows.add(pull, w);
+    eval.back(w, acc);
+    configuration_rate<typename Model::Dynamic>(state, state + NQ, rate);
+    for (int k = 0; k < N; ++k) {
+      rate[NQ + k] = acc[k];
+      power += eval.M_DK_v_K[k] * acc[k] + u_D[k] * state[NQ + k];
+    }
+    rate[WORK] = power;
+    rate[LOSS] = eval.loss;
+  }
+
+  // --- the step -------------------------------------------------------------------------------
+
+  double k[dop853::all_stages][NY];
+  double end[NY];                  // state at the end of the trial step
+  double stage_tension[dop853::stages][room(M)];
+
+  // Trial step of length s from (t, y) with k[0] known. Leaves the end state in `end`.
+  void stages(double s) {
+    double at[NY];
+    for (int i = 1; i < dop853::stages; ++i) {
+      combine(dop853::A[i], i, s, at);
+      evaluate(t + dop853::C[i] * s, at, k[i]);
+      for (int r = 0; r < M; ++r) stage_tension[i][r] = tension[r];
+    }
+    combine(dop853::B, dop853::stages, s, end);
+    normalise_all<typename Model::Dynamic>(end);
+  }
+
+  // Size of the local error against the tolerances (accept when <= 1), Hairer's estimate.
+  double error(double s) const {
+    double five = 0.0, three = 0.0;
+    for (int j = 0; j < NY; ++j) {
+      double e5 = 0.0, e3 = 0.0;
+      for (int i = 0; i < dop853::stages; ++i) {
+        e5 += dop853::E5[i] * k[i][j];
+        e3 += dop853::E3[i] * k[i][j];
+      }
+      const double floor = j < WORK ? opt.atol : opt.atol * opt.energy_scale;
+      const double scale = floor + opt.rtol * larger_of(fabs(y[j]), fabs(end[j]));
+      five += (e5 / scale) * (e5 / scale);
+      three += (e3 / scale) * (e3 / scale);
+    }
+    if (five == 0.0 && three == 0.0) return 0.0;
+    return fabs(s) * five / sqrt((five + 0.01 * three) * NY);
+  }
+
+  // Polynomials of the dense output over the step s just tried; k[12] is the rate at its end.
+  void prepare_dense(double s) {
+    double at[NY];
+    for (int i = dop853::stages + 1; i < dop853::all_stages; ++i) {
+      combine(dop853::A[i], i, s, at);
+      evaluate(t + dop853::C[i] * s, at, k[i]);
+    }
+    for (int j = 0; j < NY; ++j) {
+      const double delta = end[j] - y[j];
+      dense_[0][j] = delta;
+      dense_[1][j] = s * k[0][j] - delta;
+      dense_[2][j] = 2 * delta - s * (k[dop853::stages][j] + k[0][j]);
+      for (int i = 0; i < 4; ++i) {
+        double sum = 0.0;
+        for (int l = 0; l < dop853::all_stages; ++l) sum += dop853::D[i][l] * k[l][j];
+        dense_[3 + i][j] = s * sum;
+      }
+    }
+  }
+
+  // State at t + x s on the dense output, 0 <= x <= 1.
+  void dense(double x, double* out) const {
+    for (int j = 0; j < NY; ++j) {
+      double sum = 0.0;
+      for (int i = 6; i >= 0; --i) sum = (sum + dense_[i][j]) * (i % 2 == 0 ? x : 1 - x);
+      out[j] = y[j] + sum;
+    }
+    normalise_all<typename Model::Dynamic>(out);
+  }
+
+  // --- projection -----------------------------------------------------------------------------
+
+  // Brings the taut rows of `state` at time `at` back to h = 0 and hdot = 0 with the smallest
+  // change in the metric of M_DD. The evaluation must be that of (at, state).
+  Status project(double at, double* state) {
+    if (rows.n == 0) return RUNNING;
+    double h[room(M)];
+    for (int a = 0; a < rows.n; ++a) h[a] = eval.height(rows.row[a]);
+    double before = 1e300;
+    for (int round = 0; round < 12; ++round) {
+      const double worst = relative(h);
+      // Rounding is reached when a round no longer halves what is left.
+      if (worst < 1e-15 || (worst < 1e-12 && worst > 0.5 * before)) break;
+      if (round == 11 || !(worst < 1e3)) return PROJECTION_FAILED;
+      before = worst;
+      double move[room(N)];
+      correction(h, move);
+      retract<typename Model::Dynamic>(state, move);
+      double all[room(M)];
+      heights(state, all);
+      for (int a = 0; a < rows.n; ++a) h[a] = all[rows.row[a]];
+    }
+    double rate[NY];
+    evaluate(at, state, rate);
+    double move[room(N)];
+    correction(rows.hdot, move);
+    for (int j = 0; j < N; ++j) state[NQ + j] += move[j];
+    return RUNNING;
+  }
+
+  // h of all rows at the configuration of `state` and the q_K of the latest evaluation.
+  void heights(const double* state, double* h) const {
+    const double* arg[] = {state, q_K, p};
+    double* res[] = {h};
+    Model::rows(arg, res);
+  }
+
+  // -M^-1 A^T (A M^-1 A^T)^-1 h over the gathered rows.
+  void correction(const double* h, double* move) {
+    double w[room(N)], pull[room(M)];
+    for (int a = 0; a < rows.n; ++a) {
+      rows.problem.b[a] = h[a];
+      rows.problem.active[a] = true;
+    }
+    rows.problem.solve_active(kEps, kRefinements);
+    for (int j = 0; j < N; ++j) w[j] = 0.0;
+    for (int a = 0; a < rows.n; ++a) pull[a] = -rows.problem.x[a];
+    rows.add(pull, w);
+    eval.back(w, move);
+  }
+
+  // hdot of a row at the latest evaluation; v_D is the velocity it was made with.
+  double rate_of(int r, const double* v_D) const {
+    if (r < S) return eval.hdot[r];
+    double sum = 0.0;
+    for (int i = 0; i < Model::limit_n[r - S]; ++i)
+      sum += eval.J_limit[3 * (r - S) + i] * v_D[Model::limit_v[r - S] + i];
+    return sum;
+  }
+
+  // T + V at (t, y); the evaluation must be that of (t, y).
+  double total_energy() const {
+    double T, V;
+    const double* arg[] = {y, y + NQ, q_K, v_K, p};
+    double* res[] = {&T, &V};
+    Model::energy(arg, res);
+    return T + V;
+  }
+
+  // The size a row's h is measured against: the string's length, 1 rad for a limit.
+  double row_scale(int r) const {
+    if (r >= S) return 1.0;
+    const int i = Model::length_q[r];
+    const double length = i >= 0 ? q_K[i] : Model::nominal_length[r];
+    return length > 1e-3 ? length : 1e-3;
+  }
+
+ private:
+  static double larger_of(double a, double b) { return a > b ? a : b; }
+
+  double relative(const double* h) const {
+    double worst = 0.0;
+    for (int a = 0; a < rows.n; ++a)
+      worst = larger_of(worst, fabs(h[a]) / row_scale(rows.row[a]));
+    return worst;
+  }
+
+  void combine(const double* weights, int n, double s, double* out) const {
+    for (int j = 0; j < NY; ++j) {
+      double sum = 0.0;
+      for (int i = 0; i < n; ++i) sum += weights[i] * k[i][j];
+      out[j] = y[j] + s * sum;
+    }
+  }
+
+  double dense_[7][NY];
+};
+
+}  // namespace fan

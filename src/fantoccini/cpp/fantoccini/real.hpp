@@ -1,0 +1,33 @@
+// The scalar type of the runtime and what step code may do with it.
+//
+// Step code is written once, for a type Real that is double or a bundle of doubles (lanes.hpp):
+// no branch depends on a Real; choices go through Mask and select. FAN_FN qualifies every function,
+// so that a CUDA build can mark them for the device.
+#pragma once
+
+#include <math.h>
+
+#ifndef FAN_FN
+#define FAN_FN inline
+#endif
+
+namespace fan {
+
+template <class Real>
+struct Traits;
+
+template <>
+struct Traits<double> {
+  using Mask = bool;
+  static constexpr int width = 1;
+};
+
+FAN_FN double select(bool mask, double yes, double no) { return mask ? yes : no; }
+FAN_FN bool any(bool mask) { return mask; }
+
+// Length of an array of n numbers: C++ has no arrays of length 0.
+constexpr int room(int n) { return n > 0 ? n : 1; }
+
+constexpr int larger(int a, int b) { return a > b ? a : b; }
+
+}  // namespace fan

@@ -1,0 +1,25 @@
+// How a run ended; the numbers are those of fantoccini.errors.Status.
+#pragma once
+
+namespace fan {
+
+enum Status : int {
+  DONE = 0,
+  RUNNING = 1,
+  IMPOSSIBLE_INPUT = 2,
+  TENSION_CAP = 3,
+  STEP_TOO_SMALL = 4,
+  TOO_MANY_EVENTS = 5,
+  TOO_MANY_STEPS = 6,
+  NOT_FINITE = 7,
+  COLLAPSED = 8,
+  LENGTH_NOT_POSITIVE = 9,
+  PROJECTION_FAILED = 10,
+  STOPPED = 11,
+  SINGULAR_MASS = 12,
+};
+
+// What happened to a row; the numbers are those of fantoccini.motion.EventKind.
+enum EventKind : int { CATCH = 0, RELEASE = 1, ACCUMULATION = 2, BREAKPOINT = 3 };
+
+}  // namespace fan

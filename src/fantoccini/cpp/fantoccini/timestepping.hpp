@@ -1,0 +1,115 @@
+// Time-stepping: a fixed step with complementarity on velocities and the position term,
+//
+//   v+ = v + dt (M + dt D)^-1 (u - c - D v - drag) - M^-1 A_D^T Lambda,   Lambda >= 0
+//   h/dt + A_D v+ + A_K dq_K/dt <= 0, complementary to Lambda;            q+ = q moved by dt v+
+//
+// with dq_K the exact increment of the inputs, joint damping D implicit, the recovery of a violated
+// row limited to a speed, and Lambda capped, so that every step has a solution. Written for any
+// Real: lanes step together, each with its own rows.
+#pragma once
+
+#include "evaluation.hpp"
+
+namespace fan {
+
+constexpr double kStepEps = 1e-10;
+constexpr double kNearLimit = 0.02;  // rad or m beyond what a step can cover, still watched
+
+template <class Model, class Real>
+struct TimeStep {
+  static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings;
+  static constexpr int M = Model::n_rows;
+  using Mask = typename Traits<Real>::Mask;
+
+  Evaluation<Model, Real> eval;
+  RowSystem<Model, Real> rows;
+  Real acc[room(N)];      // (v+ - v) / dt
+  Real tension[room(M)];  // Lambda / dt
+  Mask taut[room(M)];
+  Real work, loss, impact, violation;
+
+  // Steps q_D, v_D in place. (q_K, v_K, acc_K) are the inputs at the start of the step with
+  // v_K = dq_K/dt and acc_K the mean acceleration; `taut` is the mode of the step before.
+  FAN_FN void step(
+      Real* q_D, Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K, const Real* u_D,
+      double dt, double recovery_speed, double cap, const Real* p) {
+    eval.at(q_D, v_D, q_K, v_K, acc_K, u_D, Real(dt), p);
+    int list[room(M)];
+    rows.gather(eval, v_D, list, candidates(v_D, dt, list));
+    auto& problem = rows.problem;
+    violation = Real(0.0);
+    for (int a = 0; a < rows.n; ++a) {
+      const Real h = eval.height(rows.row[a]);
+      const Real limit = Real(recovery_speed);
+      const Real h_rate = h * (1.0 / dt);
+      problem.b[a] = rows.hdot[a] + dt * rows.kick[a] + select(h_rate > limit, limit, h_rate);
+      problem.active[a] = taut[rows.row[a]];
+      violation = select(h > violation, h, violation);
+    }
+    problem.solve(kStepEps, 1, 1e-11, 50);
+    Real pull[room(M)], w[room(N)], before[room(M)];
+    for (int a = 0; a < rows.n; ++a) {
+      Real x = problem.x[a];
+      x = select(x > Real(cap * dt), Real(cap * dt), x);
+      if (!problem.two_sided[a]) x = select(x < Real(0.0), Real(0.0), x);
+      pull[a] = -x;
+      before[a] = rows.hdot[a] + dt * rows.kick[a];
+    }
+    for (int k = 0; k < N; ++k) w[k] = dt * eval.w0[k];
+    rows.add(pull, w);
+    eval.back(w, acc);
+    account(pull, before, v_D, u_D, dt);
+    Real move[room(N)];
+    for (int k = 0; k < N; ++k) {
+      v_D[k] += acc[k];
+      move[k] = dt * v_D[k];
+      acc[k] *= 1.0 / dt;
+    }
+    retract<typename Model::Dynamic>(q_D, move);
+  }
+
+ private:
+  // Strings always take part; a limit does when the step could reach it in any lane.
+  FAN_FN int candidates(const Real* v_D, double dt, int* list) const {
+    using std::abs;
+    int n = 0;
+    for (int r = 0; r < S; ++r) list[n++] = r;
+    for (int i = 0; i < M - S; ++i) {
+      Real rate = Real(0.0);
+      for (int k = 0; k < Model::limit_n[i]; ++k)
+        rate += eval.J_limit[3 * i + k] * v_D[Model::limit_v[i] + k];
+      if (any(eval.h_limit[i] + 2.0 * dt * abs(rate) > Real(-kNearLimit))) list[n++] = S + i;
+    }
+    return n;
+  }
+
+  // Tensions, modes and the step's part of the ledger. acc is v+ - v here.
+  FAN_FN void account(
+      const Real* pull, const Real* before, const Real* v_D, const Real* u_D, double dt) {
+    Mask was[room(M)];
+    for (int r = 0; r < M; ++r) {
+      was[r] = taut[r];
+      tension[r] = Real(0.0);
+      taut[r] = Real(0.0) > Real(1.0);
+    }
+    work = dt * eval.power0;
+    impact = Real(0.0);
+    loss = dt * eval.loss;
+    for (int k = 0; k < N; ++k)
+      work += eval.M_DK_v_K[k] * acc[k] + dt * u_D[k] * (v_D[k] + 0.5 * acc[k]);
+    for (int a = 0; a < rows.n; ++a) {
+      const int r = rows.row[a];
+      const Real x = -pull[a];
+      tension[r] = x * (1.0 / dt);
+      taut[r] = x > Real(0.0);
+      work += x * rows.hdot_K[a];
+      Real after = before[a];
+      constexpr int stride = Complementarity<Real, M>::N;
+      for (int b = 0; b < rows.n; ++b) after += rows.problem.G[a * stride + b] * pull[b];
+      const Mask caught = taut[r] && !was[r];
+      impact += select(caught, Real(x * 0.5 * (before[a] + after)), Real(0.0));
+    }
+  }
+};
+
+}  // namespace fan

@@ -1,0 +1,95 @@
+"""Small symbolic vectors and matrices.
+
+Plain NumPy arrays of dtype object hold CasADi scalars: products with the constants 0 and 1 vanish
+while the expressions are built, so sparse joint axes and aligned frames cost nothing.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+
+def symbolic(values) -> np.ndarray:
+    """An object array of CasADi scalars from numbers or scalars, of the same shape."""
+    source = np.asarray(values, dtype=object)
+    out = np.empty(source.shape, dtype=object)
+    for index in np.ndindex(source.shape):
+        out[index] = ca.SX(source[index])
+    return out
+
+
+def elements(vector: ca.SX) -> np.ndarray:
+    """The entries of a CasADi column as an object array (n,)."""
+    out = np.empty(vector.numel(), dtype=object)
+    for k in range(vector.numel()):
+        out[k] = vector[k]
+    return out
+
+
+def column(values) -> ca.SX:
+    """A dense CasADi column (n, 1) from a sequence of scalars."""
+    values = list(values)
+    return ca.densify(ca.vertcat(*values)) if values else ca.SX(0, 1)
+
+
+def matrix(values: np.ndarray) -> ca.SX:
+    """A dense CasADi matrix from an object array (n, m)."""
+    out = ca.SX(*values.shape)
+    for i, j in np.ndindex(values.shape):
+        out[i, j] = values[i, j]
+    return ca.densify(out)
+
+
+def zeros(*shape: int) -> np.ndarray:
+    """An object array of symbolic zeros."""
+    return symbolic(np.zeros(shape))
+
+
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """a x b of two 3-vectors."""
+    return np.array(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]],
+        dtype=object,
+    )
+
+
+def dot(a: np.ndarray, b: np.ndarray) -> ca.SX:
+    """a . b of two vectors of equal length."""
+    total = ca.SX(0)
+    for x, y in zip(a, b, strict=True):
+        total = total + x * y
+    return total
+
+
+def scaled(factor, values: np.ndarray) -> np.ndarray:
+    """factor times an object array. CasADi takes the product over where it meets an array."""
+    out = np.empty(values.shape, dtype=object)
+    for index in np.ndindex(values.shape):
+        out[index] = values[index] * factor
+    return out
+
+
+def axis_rotation(axis: np.ndarray, angle: ca.SX) -> np.ndarray:
+    """R = c 1 + s [a] + (1 - c) a a^T: rotation by an angle about a constant unit axis (3, 3)."""
+    c, s = ca.cos(angle), ca.sin(angle)
+    out = zeros(3, 3)
+    skew = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    for i, j in np.ndindex(3, 3):
+        outer = float(axis[i] * axis[j])
+        diagonal = 1.0 if i == j else 0.0
+        out[i, j] = (diagonal - outer) * c + float(skew[i, j]) * s + outer
+    return out
+
+
+def quaternion_rotation(quaternion: np.ndarray) -> np.ndarray:
+    """Rotation matrix (3, 3) of a unit quaternion (w, x, y, z)."""
+    w, x, y, z = quaternion
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ],
+        dtype=object,
+    )

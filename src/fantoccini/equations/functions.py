@@ -1,0 +1,295 @@
+"""CasADi functions of a system.
+
+Two sets: the *model*, which is generated as C and compiled, and the *analysis*, evaluated by
+CasADi's interpreter when a user asks for M, C, g and the other objects of the paper. All outputs
+are dense; matrices are column-major, as CasADi has them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from fantoccini.equations import dynamics
+from fantoccini.equations.algebra import column, cross, dot, elements, matrix, scaled, zeros
+from fantoccini.equations.coriolis import coriolis_matrix
+from fantoccini.equations.inertia import BodyInertia
+from fantoccini.equations.system import System
+from fantoccini.tree import Role, Tree
+
+STATE = ("q_D", "v_D", "q_K", "v_K")
+CONFIGURATION = ("q_D", "q_K")
+
+MODEL_INPUTS: dict[str, tuple[str, ...]] = {
+    "dynamics": (*STATE, "acc_K", "u_D", "dt", "p"),
+    "rows": (*CONFIGURATION, "p"),
+    "energy": (*STATE, "p"),
+    "effort": (*STATE, "acc_D", "acc_K", "lam", "p"),
+    "wrench_forces": (*CONFIGURATION, "wrench", "p"),
+    "poses": (*CONFIGURATION, "p"),
+    "points": (*CONFIGURATION, "p"),
+}
+"""Arguments of the compiled functions; ``forth`` and ``back`` take (L, x)."""
+
+ANALYSIS_INPUTS: dict[str, tuple[str, ...]] = {
+    "mass_matrix": (*CONFIGURATION, "p"),
+    "coriolis": (*STATE, "p"),
+    "bias": (*STATE, "p"),
+    "gravity": (*CONFIGURATION, "p"),
+    "damping": (*STATE, "p"),
+    "constraint": (*CONFIGURATION, "p"),
+    "A_D": (*CONFIGURATION, "p"),
+    "A_K": (*CONFIGURATION, "p"),
+    "Adot_v": (*STATE, "p"),
+    "A_rate": (*STATE, "p"),
+    "body_velocity": (*STATE, "p"),
+    "lagrangian": (*STATE, "p"),
+    "potential": (*CONFIGURATION, "p"),
+    "kinetic": (*STATE, "p"),
+}
+"""Arguments of the interpreted functions."""
+
+
+class Equations:
+    """The equations of a tree: symbolic expressions and functions of them.
+
+    Attributes:
+        tree: the tree.
+        system: its symbolic expressions.
+        pattern: columns of each row of L left of the diagonal (see ``dynamics.factor_pattern``).
+    """
+
+    def __init__(self, tree: Tree):
+        self.tree = tree
+        self.system = System(tree)
+        self.pattern = dynamics.factor_pattern(tree)
+        self._made: dict[str, ca.Function] = {}
+
+    def __getitem__(self, name: str) -> ca.Function:
+        """The function of a name in ``MODEL_INPUTS`` or ``ANALYSIS_INPUTS``, or forth, back."""
+        if name not in self._made:
+            maker: Callable[[], ca.Function] | None = {
+                "forth": self._forth,
+                "back": self._back,
+            }.get(name)
+            self._made[name] = maker() if maker else self._function(name)
+        return self._made[name]
+
+    @cached_property
+    def model(self) -> dict[str, ca.Function]:
+        """The functions that are compiled, by name."""
+        return {name: self[name] for name in (*MODEL_INPUTS, "forth", "back")}
+
+    def _function(self, name: str) -> ca.Function:
+        inputs = (MODEL_INPUTS | ANALYSIS_INPUTS)[name]
+        outputs = getattr(self, f"_{name}")()
+        arguments = [getattr(self.system.symbols, i) for i in inputs]
+        expressions = ca.cse([ca.densify(x) for x in outputs.values()])
+        return ca.Function(f"fan_{name}", arguments, expressions, list(inputs), list(outputs))
+
+    def _dynamics(self) -> dict[str, ca.SX]:
+        """What the runtime needs to solve Eqs. 10 and 11 for any set of taut rows."""
+        system, s, tree = self.system, self.system.symbols, self.tree
+        n, m = tree.coordinates.n_vD, len(tree.strings)
+        M = system.mass(Role.DYNAMIC, Role.DYNAMIC)
+        for link in tree.links:
+            if link.role is Role.DYNAMIC:
+                for k in range(link.v.start, link.v.stop):
+                    M[k, k] = M[k, k] + s.dt * system.value(link.damping)
+        L = dynamics.factorise(M, self.pattern)
+        loads, v_K = system.free_loads, elements(s.v_K)
+        w0 = dynamics.solve_transposed(L, elements(s.u_D) - loads.f_D, self.pattern)
+        rows = system.string_rows
+        W = zeros(n, m)
+        for i, row in enumerate(rows):
+            W[:, i] = dynamics.solve_transposed(L, row.A_D, self.pattern)
+        G = zeros(m, m)
+        for i in range(m):
+            for j in range(i + 1):
+                G[i, j] = G[j, i] = dot(W[:, i], W[:, j])
+        limits = system.limit_rows
+        J = zeros(3, len(limits))
+        for i, (_, jacobian, _) in enumerate(limits):
+            J[: len(jacobian), i] = jacobian
+        return {
+            "L": column(self._packed(L)),
+            "w0": column(w0),
+            "W": matrix(W),
+            "G": matrix(G),
+            "h": column([r.length for r in rows]),
+            "hdot": column([r.rate for r in rows]),
+            "gamma": column([r.bias for r in rows]),
+            "a0": column([dot(W[:, i], w0) for i in range(m)]),
+            "hdot_K": column([dot(r.A_K, v_K) for r in rows]),
+            "h_limit": column([h for h, _, _ in limits]),
+            "J_limit": matrix(J),
+            "gamma_limit": column([gamma for _, _, gamma in limits]),
+            "power0": dot(v_K, loads.f_K),
+            "M_DK_v_K": column(system.mass(Role.DYNAMIC, Role.DRIVEN).dot(v_K)),
+            "loss": loads.loss,
+        }
+
+    def _packed(self, L: np.ndarray) -> list[ca.SX]:
+        """Row by row: the entries of the pattern, then the reciprocal diagonal."""
+        packed = []
+        for k, before in enumerate(self.pattern):
+            packed.extend(L[k, j] for j in before)
+            packed.append(L[k, k])
+        return packed
+
+    def _unpacked(self, packed: np.ndarray) -> np.ndarray:
+        n = len(self.pattern)
+        L, at = zeros(n, n), 0
+        for k, before in enumerate(self.pattern):
+            for j in [*before, k]:
+                L[k, j] = packed[at]
+                at += 1
+        return L
+
+    def _triangular(self, name: str, solve) -> ca.Function:
+        n_packed = sum(len(before) + 1 for before in self.pattern)
+        L, x = ca.SX.sym("L", n_packed), ca.SX.sym("x", len(self.pattern))
+        y = solve(self._unpacked(elements(L)), elements(x), self.pattern)
+        return ca.Function(f"fan_{name}", [L, x], [column(y)], ["L", "x"], ["y"])
+
+    def _forth(self) -> ca.Function:
+        return self._triangular("forth", dynamics.solve_transposed)
+
+    def _back(self) -> ca.Function:
+        return self._triangular("back", dynamics.solve_lower)
+
+    def _rows(self) -> dict[str, ca.SX]:
+        strings = [row.length for row in self.system.string_rows]
+        return {"h": column(strings + [h for h, _, _ in self.system.limit_rows])}
+
+    def _energy(self) -> dict[str, ca.SX]:
+        return {"T": self.system.kinetic, "V": self.system.potential}
+
+    def _effort(self) -> dict[str, ca.SX]:
+        """Force on every driven coordinate: M_KD acc_D + M_KK acc_K + c_K - A_K^T lambda."""
+        f_K = self.system.loads(self.system.full_motions).f_K
+        lam = elements(self.system.symbols.lam)
+        for i, row in enumerate(self.system.string_rows):
+            f_K = f_K - scaled(lam[i], row.A_K)
+        return {"f_K": column(f_K)}
+
+    def _wrench_forces(self) -> dict[str, ca.SX]:
+        """u_D = sum_i J_i^T w_i of wrenches on the links' centres of mass, in world axes."""
+        system, tree = self.system, self.tree
+        external = []
+        for i, motion in enumerate(system.resting_motions):
+            wrench = elements(system.symbols.wrench[:, i])
+            force = motion.R.T.dot(wrench[:3])
+            arm = cross(system.centre(i), force)
+            external.append((motion.R.T.dot(wrench[3:]) + arm, force))
+        none = BodyInertia(ca.SX(0), zeros(3), zeros(3, 3))
+        forces = dynamics.joint_forces(
+            tree,
+            system.joints,
+            [none] * len(tree.links),
+            system.resting_motions,
+            external,
+        )
+        u = zeros(tree.coordinates.n_vD)
+        for link, force in zip(tree.links, forces, strict=True):
+            if link.role is Role.DYNAMIC:
+                u[link.v] = -force
+        return {"u_D": column(u)}
+
+    def _poses(self) -> dict[str, ca.SX]:
+        """World pose of every link: 12 numbers a link, R column by column and then r."""
+        entries = []
+        for motion in self.system.resting_motions:
+            entries.extend(motion.R.T.flatten())
+            entries.extend(motion.r)
+        return {"poses": column(entries)}
+
+    def _points(self) -> dict[str, ca.SX]:
+        """World positions of all points of all strings, in order: 3 numbers a point."""
+        around = self.system.around(self.system.resting_motions)
+        entries = []
+        for string in self.tree.strings:
+            for point in string.points:
+                entries.extend(around.place(point))
+        return {"points": column(entries)}
+
+    def _mass_matrix(self) -> dict[str, ca.SX]:
+        dynamic, driven = Role.DYNAMIC, Role.DRIVEN
+        mass = self.system.mass
+        return {
+            "M": matrix(mass(dynamic, dynamic)),
+            "M_DK": matrix(mass(dynamic, driven)),
+            "M_KK": matrix(mass(driven, driven)),
+        }
+
+    def _coriolis(self) -> dict[str, ca.SX]:
+        return {"C": coriolis_matrix(self.system)}
+
+    def _bias(self) -> dict[str, ca.SX]:
+        return {"c": column(self.system.bias_D)}
+
+    def _gravity(self) -> dict[str, ca.SX]:
+        return {"g_D": column(self.system.g_D)}
+
+    def _damping(self) -> dict[str, ca.SX]:
+        return {"f": column(self.system.dissipation_D)}
+
+    def _constraint(self) -> dict[str, ca.SX]:
+        return self._rows()
+
+    def _A_D(self) -> dict[str, ca.SX]:
+        n, links = self.tree.coordinates.n_vD, self.tree.links
+        rows = [row.A_D for row in self.system.string_rows]
+        for limit, (_, J, _) in zip(self.tree.limits, self.system.limit_rows, strict=True):
+            row = zeros(n)
+            row[links[limit.link].v] = J
+            rows.append(row)
+        return {"A_D": _stacked(rows, n)}
+
+    def _A_K(self) -> dict[str, ca.SX]:
+        n = self.tree.coordinates.n_vK
+        rows = [row.A_K for row in self.system.string_rows]
+        rows.extend(zeros(n) for _ in self.tree.limits)
+        return {"A_K": _stacked(rows, n)}
+
+    def _Adot_v(self) -> dict[str, ca.SX]:
+        strings = [
+            ca.substitute(r.bias, self.system.symbols.acc_K, 0) for r in self.system.string_rows
+        ]
+        return {"Adot_v": column(strings + [gamma for _, _, gamma in self.system.limit_rows])}
+
+    def _A_rate(self) -> dict[str, ca.SX]:
+        s = self.system.symbols
+        q, rate = ca.vertcat(s.q_D, s.q_K), ca.vertcat(*self.system.rates)
+        return {
+            name: ca.reshape(ca.jtimes(ca.vec(A), q, rate), A.shape)
+            for name, A in (
+                ("Adot_D", self._A_D()["A_D"]),
+                ("Adot_K", self._A_K()["A_K"]),
+            )
+        }
+
+    def _body_velocity(self) -> dict[str, ca.SX]:
+        entries = [x for m in self.system.free_motions for x in (*m.v, *m.w)]
+        return {"V": ca.reshape(column(entries), 6, len(self.tree.links))}
+
+    def _lagrangian(self) -> dict[str, ca.SX]:
+        return {"lagrangian": self.system.lagrangian}
+
+    def _potential(self) -> dict[str, ca.SX]:
+        return {"V": self.system.potential}
+
+    def _kinetic(self) -> dict[str, ca.SX]:
+        return {"T": self.system.kinetic}
+
+
+def derive(tree: Tree) -> Equations:
+    """The equations of a tree; expressions are built when they are first asked for."""
+    return Equations(tree)
+
+
+def _stacked(rows: list[np.ndarray], n: int) -> ca.SX:
+    return matrix(np.array(rows, dtype=object)) if rows else ca.SX(0, n)

@@ -1,0 +1,165 @@
+"""Poses, velocities and accelerations of the links, from the world outward.
+
+g_i = g_parent T(offset) R(rotation) J_i(q)                                  (Eqs. 2, 3)
+V_i = Ad(g_i^-1 g_parent) V_parent + S_i v_i                                  (Eq. 4)
+
+Velocities and accelerations are those of the body's frame, in that frame. The world's
+acceleration is taken as -gravity, so that forces computed from them contain gravity.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from fantoccini.equations.algebra import (
+    axis_rotation,
+    cross,
+    quaternion_rotation,
+    symbolic,
+    zeros,
+)
+from fantoccini.equations.inertia import Value
+from fantoccini.tree import WORLD, Link, Tree
+
+
+@dataclass(frozen=True)
+class JointMotion:
+    """A joint's pose in its parent link and its motion subspace, in the link's frame.
+
+    Attributes:
+        R: (3, 3) orientation of the link in its parent.
+        r: (3,) origin of the link in its parent [m].
+        S_w, S_v: (3, k) angular and linear motion per unit velocity.
+        R_joint: (3, 3) orientation of the link in its joint frame.
+    """
+
+    R: np.ndarray
+    r: np.ndarray
+    S_w: np.ndarray
+    S_v: np.ndarray
+    R_joint: np.ndarray
+
+
+@dataclass(frozen=True)
+class LinkMotion:
+    """Motion of a link: poses in the world, velocity and acceleration in the link's frame.
+
+    Attributes:
+        R, r: orientation (3, 3) and origin (3,) in the world.
+        w, v: angular and linear velocity of the origin.
+        alpha, a: angular acceleration; linear part of the spatial acceleration, minus gravity.
+    """
+
+    R: np.ndarray
+    r: np.ndarray
+    w: np.ndarray
+    v: np.ndarray
+    alpha: np.ndarray
+    a: np.ndarray
+
+    def point(self, at: np.ndarray) -> np.ndarray:
+        """World position of a point fixed on the link."""
+        return self.r + self.R.dot(at)
+
+    def point_velocity(self, at: np.ndarray) -> np.ndarray:
+        """World velocity of a point fixed on the link."""
+        return self.R.dot(self.v + cross(self.w, at))
+
+    def point_acceleration(self, at: np.ndarray, gravity: np.ndarray) -> np.ndarray:
+        """World acceleration of a point fixed on the link."""
+        v = self.v + cross(self.w, at)
+        return self.R.dot(self.a + cross(self.alpha, at) + cross(self.w, v)) + gravity
+
+
+def joint_motion(link: Link, q: np.ndarray, value: Value) -> JointMotion:
+    """Pose and motion subspace of a joint at its configuration.
+
+    Args:
+        link: the link the joint carries.
+        q: the joint's configuration numbers.
+        value: turns a number or parameter into a CasADi scalar.
+    """
+    R0 = symbolic(link.rotation)
+    r0 = symbolic([value(x) for x in link.offset])
+    one, none = symbolic(np.eye(3)), zeros(3, 0)
+    axes = symbolic(link.axes)
+    if link.kind == "fixed":
+        return JointMotion(R0, r0, none, none, one)
+    if link.kind == "revolute":
+        R = axis_rotation(link.axes[:, 0], q[0])
+        return JointMotion(R0.dot(R), r0, axes, zeros(3, 1), R)
+    if link.kind in ("prismatic", "translation"):
+        return JointMotion(R0, r0 + R0.dot(axes.dot(q)), zeros(*axes.shape), axes, one)
+    if link.kind == "ball":
+        R = quaternion_rotation(q)
+        return JointMotion(R0.dot(R), r0, one, zeros(3, 3), R)
+    R = quaternion_rotation(q[3:])
+    S_w = np.hstack([zeros(3, 3), one])
+    S_v = np.hstack([R.T, zeros(3, 3)])
+    return JointMotion(R0.dot(R), r0 + R0.dot(q[:3]), S_w, S_v, R)
+
+
+def link_motions(
+    tree: Tree,
+    joints: list[JointMotion],
+    velocity: list[np.ndarray],
+    acceleration: list[np.ndarray],
+    gravity: np.ndarray,
+) -> list[LinkMotion]:
+    """Motions of all links for joint velocities and accelerations.
+
+    Args:
+        tree: the tree.
+        joints: each link's joint at the configuration.
+        velocity, acceleration: each link's joint velocity and acceleration, (k,) each.
+        gravity: (3,) [m/s^2].
+    """
+    still = LinkMotion(
+        symbolic(np.eye(3)), zeros(3), zeros(3), zeros(3), zeros(3), np.array(-gravity)
+    )
+    motions: list[LinkMotion] = []
+    for i, link in enumerate(tree.links):
+        joint = joints[i]
+        up = still if link.parent == WORLD else motions[link.parent]
+        Rt = joint.R.T
+        w_joint, v_joint = joint.S_w.dot(velocity[i]), joint.S_v.dot(velocity[i])
+        w = Rt.dot(up.w) + w_joint
+        v = Rt.dot(up.v + cross(up.w, joint.r)) + v_joint
+        alpha = Rt.dot(up.alpha) + joint.S_w.dot(acceleration[i]) + cross(w, w_joint)
+        a = (
+            Rt.dot(up.a + cross(up.alpha, joint.r))
+            + joint.S_v.dot(acceleration[i])
+            + cross(w, v_joint)
+            + cross(v, w_joint)
+        )
+        if link.kind == "free":
+            # The linear axes stand still in the joint frame: seen from the body they turn.
+            a = a - cross(w_joint, v_joint)
+        motions.append(
+            LinkMotion(up.R.dot(joint.R), up.r + up.R.dot(joint.r), w, v, alpha, a)
+        )
+    return motions
+
+
+def configuration_rate(q: ca.SX, v: ca.SX, quaternions, scalars) -> ca.SX:
+    """qdot = N(q) v: velocities as they are, quaternions by 1/2 q (0, w).
+
+    Args:
+        q: (n_q,) configuration.
+        v: (n_v,) velocity.
+        quaternions, scalars: (q, v) places as in the coordinate table.
+    """
+    rate = ca.SX.zeros(q.numel(), 1)
+    for i, j in scalars:
+        rate[i] = v[j]
+    for i, j in quaternions:
+        w, x, y, z = (q[i + k] for k in range(4))
+        a, b, c = (v[j + k] for k in range(3))
+        rate[i] = -0.5 * (x * a + y * b + z * c)
+        rate[i + 1] = 0.5 * (w * a + y * c - z * b)
+        rate[i + 2] = 0.5 * (w * b + z * a - x * c)
+        rate[i + 3] = 0.5 * (w * c + x * b - y * a)
+    return rate

@@ -1,0 +1,372 @@
+"""All symbolic expressions of a tree, each derived when it is first asked for.
+
+The state's symbols are CasADi columns named by the paper's letters. Everything here is an
+expression in them; :mod:`fantoccini.equations.functions` turns expressions into functions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from fantoccini.equations import dynamics
+from fantoccini.equations.algebra import cross, dot, elements, scaled, symbolic, zeros
+from fantoccini.equations.inertia import BodyInertia, link_inertia
+from fantoccini.equations.kinematics import (
+    JointMotion,
+    LinkMotion,
+    configuration_rate,
+    joint_motion,
+    link_motions,
+)
+from fantoccini.equations.rows import PathRow, Surroundings, limit_row, path_row, string_row
+from fantoccini.puppet import Number, Parameter
+from fantoccini.tree import Role, Tree
+
+
+@dataclass(frozen=True)
+class Symbols:
+    """The arguments of every expression.
+
+    Attributes:
+        q_D, v_D, acc_D: (n_qD,), (n_vD,), (n_vD,) dynamic configuration, velocity, acceleration.
+        q_K, v_K, acc_K: the same of the driven coordinates.
+        u_D: (n_vD,) user forces [N or N m].
+        lam: (n_strings,) multipliers of the strings, minus their tensions [N].
+        wrench: (6, n_links) force [N] on each link's centre of mass and torque [N m], world axes.
+        dt: step over which joint damping acts implicitly, 0 for the exact equations [s].
+        p: (n_p,) parameters.
+    """
+
+    q_D: ca.SX
+    v_D: ca.SX
+    acc_D: ca.SX
+    q_K: ca.SX
+    v_K: ca.SX
+    acc_K: ca.SX
+    u_D: ca.SX
+    lam: ca.SX
+    wrench: ca.SX
+    dt: ca.SX
+    p: ca.SX
+
+    @classmethod
+    def of(cls, tree: Tree) -> Symbols:
+        """Fresh symbols with the sizes of a tree."""
+        t = tree.coordinates
+        sizes = {
+            "q_D": t.n_qD,
+            "v_D": t.n_vD,
+            "acc_D": t.n_vD,
+            "q_K": t.n_qK,
+            "v_K": t.n_vK,
+            "acc_K": t.n_vK,
+            "u_D": t.n_vD,
+            "lam": len(tree.strings),
+            "dt": 1,
+            "p": len(tree.parameters),
+        }
+        made = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
+        return cls(wrench=ca.SX.sym("wrench", 6, len(tree.links)), **made)
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Forces of one evaluation of the equations of motion.
+
+    Attributes:
+        f_D, f_K: generalised forces needed for the motion: inertia, gravity, springs, dissipation.
+        loss: power taken by damping and drag [W].
+    """
+
+    f_D: np.ndarray
+    f_K: np.ndarray
+    loss: ca.SX
+
+
+@dataclass(frozen=True)
+class System:
+    """A tree's symbolic equations.
+
+    Attributes:
+        tree: the tree.
+        symbols: the arguments.
+    """
+
+    tree: Tree
+    symbols: Symbols = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "symbols", Symbols.of(self.tree))
+
+    def value(self, number: Number) -> ca.SX:
+        """A number as a constant, a parameter as its entry of p."""
+        if isinstance(number, Parameter):
+            return self.symbols.p[list(self.tree.parameters).index(number.parameter)]
+        return ca.SX(float(number))
+
+    @cached_property
+    def gravity(self) -> np.ndarray:
+        """(3,) gravitational acceleration."""
+        return symbolic([self.value(x) for x in self.tree.gravity])
+
+    @cached_property
+    def inertias(self) -> list[BodyInertia]:
+        """Inertia of every link about its origin."""
+        return [link_inertia(link, self.value) for link in self.tree.links]
+
+    @cached_property
+    def joints(self) -> list[JointMotion]:
+        """Pose and motion subspace of every joint."""
+        q = self.by_link(elements(self.symbols.q_D), elements(self.symbols.q_K), "q")
+        return [
+            joint_motion(link, q[i], self.value) for i, link in enumerate(self.tree.links)
+        ]
+
+    def by_link(self, dynamic: np.ndarray, driven: np.ndarray, what: str) -> list[np.ndarray]:
+        """Splits a dynamic and a driven vector into each link's own part."""
+        parts = []
+        for link in self.tree.links:
+            source = {Role.DYNAMIC: dynamic, Role.DRIVEN: driven}.get(link.role, zeros(0))
+            parts.append(source[getattr(link, what)])
+        return parts
+
+    def motions(self, v_D=None, v_K=None, acc_D=None, acc_K=None, gravity=None):
+        """Link motions for velocities and accelerations; what is not given is zero."""
+        table = self.tree.coordinates
+        n_D, n_K = zeros(table.n_vD), zeros(table.n_vK)
+        velocity = self.by_link(n_D if v_D is None else v_D, n_K if v_K is None else v_K, "v")
+        acceleration = self.by_link(
+            n_D if acc_D is None else acc_D, n_K if acc_K is None else acc_K, "v"
+        )
+        g = self.gravity if gravity is None else gravity
+        return link_motions(self.tree, self.joints, velocity, acceleration, g)
+
+    @cached_property
+    def free_motions(self) -> list[LinkMotion]:
+        """Link motions with acc_D = 0: what remains is the bias and the driven part."""
+        s = self.symbols
+        return self.motions(
+            elements(s.v_D), elements(s.v_K), acc_K=elements(s.acc_K)
+        )
+
+    @cached_property
+    def full_motions(self) -> list[LinkMotion]:
+        """Link motions with all accelerations."""
+        s = self.symbols
+        return self.motions(
+            elements(s.v_D), elements(s.v_K), elements(s.acc_D), elements(s.acc_K)
+        )
+
+    @cached_property
+    def resting_motions(self) -> list[LinkMotion]:
+        """Link motions at zero velocity and acceleration: gravity alone."""
+        return self.motions()
+
+    def around(self, motions: list[LinkMotion]) -> Surroundings:
+        """What rows are computed from, with the given motions."""
+        return Surroundings(self.tree, self.joints, motions, self.gravity, self.value)
+
+    @cached_property
+    def mass_blocks(self) -> dict[tuple[int, int], np.ndarray]:
+        """Blocks of the full mass matrix by links."""
+        return dynamics.mass_matrix(self.tree, self.joints, self.inertias)
+
+    def mass(self, rows: Role, columns: Role) -> np.ndarray:
+        """A block of the mass matrix: M_DD, M_DK or M_KK as an object array."""
+        table = self.tree.coordinates
+        size = {Role.DYNAMIC: table.n_vD, Role.DRIVEN: table.n_vK}
+        M = zeros(size[rows], size[columns])
+        links = self.tree.links
+        for (i, j), block in self.mass_blocks.items():
+            if (links[j].role, links[i].role) == (rows, columns):
+                M[links[j].v, links[i].v] = block
+            if (links[i].role, links[j].role) == (rows, columns):
+                M[links[i].v, links[j].v] = block.T
+        return M
+
+    @cached_property
+    def spring_rows(self) -> list[PathRow]:
+        """Path rows of the point-to-point springs."""
+        around = self.around(self.free_motions)
+        return [path_row(around, spring.points) for spring in self.tree.springs]
+
+    def spring_forces(self, f_D: np.ndarray, f_K: np.ndarray) -> None:
+        """Adds the gradient of the springs' energy to f_D and f_K."""
+        q = self.by_link(elements(self.symbols.q_D), elements(self.symbols.q_K), "q")
+        for i, link in enumerate(self.tree.links):
+            k = self.value(link.stiffness)
+            if link.role is not Role.DYNAMIC or k.is_zero():
+                continue
+            gradient = (
+                scaled(2 * k * q[i][0], q[i][1:])
+                if link.kind == "ball"
+                else scaled(k, q[i] - symbolic([self.value(link.rest)]))
+            )
+            f_D[link.v] = f_D[link.v] + gradient
+        for spring, row in zip(self.tree.springs, self.spring_rows, strict=True):
+            pull = self.value(spring.stiffness) * (row.length - self.value(spring.rest))
+            f_D += scaled(pull, row.A_D)
+            f_K += scaled(pull, row.A_K)
+
+    def dissipation(self) -> tuple[np.ndarray, np.ndarray, list, ca.SX]:
+        """Joint and spring damping forces (f_D, f_K), drag wrenches on the links, power loss."""
+        table = self.tree.coordinates
+        f_D, f_K, loss = zeros(table.n_vD), zeros(table.n_vK), ca.SX(0)
+        v = self.by_link(elements(self.symbols.v_D), elements(self.symbols.v_K), "v")
+        wrenches = []
+        for i, link in enumerate(self.tree.links):
+            damping = self.value(link.damping)
+            if link.role is Role.DYNAMIC and not damping.is_zero():
+                f_D[link.v] = f_D[link.v] + scaled(damping, v[i])
+                loss = loss + damping * dot(v[i], v[i])
+            torque, force, lost = self.drag(i)
+            wrenches.append((torque, force))
+            loss = loss + lost
+        for spring, row in zip(self.tree.springs, self.spring_rows, strict=True):
+            damping = self.value(spring.damping)
+            f_D += scaled(damping * row.rate, row.A_D)
+            f_K += scaled(damping * row.rate, row.A_K)
+            loss = loss + damping * row.rate * row.rate
+        return f_D, f_K, wrenches, loss
+
+    def drag(self, i: int) -> tuple[np.ndarray, np.ndarray, ca.SX]:
+        """Air drag on link i: torque about its origin, force, in its frame; and power lost."""
+        linear, quadratic, angular = (self.value(x) for x in self.tree.links[i].drag)
+        if all(x.is_zero() for x in (linear, quadratic, angular)):
+            return zeros(3), zeros(3), ca.SX(0)
+        motion = self.free_motions[i]
+        com = self.centre(i)
+        v = motion.v + cross(motion.w, com)
+        rate = linear
+        if not quadratic.is_zero():
+            rate = linear + quadratic * ca.sqrt(dot(v, v))
+        force = scaled(-rate, v)
+        torque = cross(com, force) - scaled(angular, motion.w)
+        return torque, force, rate * dot(v, v) + angular * dot(motion.w, motion.w)
+
+    def centre(self, i: int) -> np.ndarray:
+        """Centre of mass of link i in its frame (3,); its origin when massless."""
+        inertia = self.inertias[i]
+        return zeros(3) if inertia.m.is_zero() else scaled(1 / inertia.m, inertia.h)
+
+    def loads(self, motions: list[LinkMotion]) -> Loads:
+        """Generalised forces of a motion: inertia, gravity, springs, damping and drag."""
+        f_D, f_K, wrenches, loss = self.dissipation()
+        self.spring_forces(f_D, f_K)
+        forces = dynamics.joint_forces(self.tree, self.joints, self.inertias, motions, wrenches)
+        for link, force in zip(self.tree.links, forces, strict=True):
+            if link.role is Role.DYNAMIC:
+                f_D[link.v] = f_D[link.v] + force
+            elif link.role is Role.DRIVEN:
+                f_K[link.v] = f_K[link.v] + force
+        return Loads(f_D, f_K, loss)
+
+    @cached_property
+    def free_loads(self) -> Loads:
+        """Loads with acc_D = 0: c + M_DK acc_K, with dissipation."""
+        return self.loads(self.free_motions)
+
+    @cached_property
+    def bias_D(self) -> np.ndarray:
+        """(n_vD,) c(q, v) of Eq. 8: Coriolis, gravity and springs, without dissipation."""
+        s = self.symbols
+        motions = self.motions(elements(s.v_D), elements(s.v_K))
+        return self._conservative(motions)
+
+    @cached_property
+    def g_D(self) -> np.ndarray:
+        """(n_vD,) g(q) of Eq. 8: gradient of the potential energy."""
+        return self._conservative(self.resting_motions)
+
+    def _conservative(self, motions: list[LinkMotion]) -> np.ndarray:
+        table = self.tree.coordinates
+        f_D, f_K = zeros(table.n_vD), zeros(table.n_vK)
+        self.spring_forces(f_D, f_K)
+        none = [(zeros(3), zeros(3))] * len(self.tree.links)
+        forces = dynamics.joint_forces(self.tree, self.joints, self.inertias, motions, none)
+        for link, force in zip(self.tree.links, forces, strict=True):
+            if link.role is Role.DYNAMIC:
+                f_D[link.v] = f_D[link.v] + force
+        return f_D
+
+    @cached_property
+    def dissipation_D(self) -> np.ndarray:
+        """(n_vD,) generalised force of damping and drag, on the side of the bias."""
+        f_D, _, wrenches, _ = self.dissipation()
+        nothing = BodyInertia(ca.SX(0), zeros(3), zeros(3, 3))
+        none = [nothing] * len(self.tree.links)
+        forces = dynamics.joint_forces(
+            self.tree, self.joints, none, self.resting_motions, wrenches
+        )
+        for link, force in zip(self.tree.links, forces, strict=True):
+            if link.role is Role.DYNAMIC:
+                f_D[link.v] = f_D[link.v] + force
+        return f_D
+
+    @cached_property
+    def string_rows(self) -> list[PathRow]:
+        """h, hdot, gamma, A_D, A_K of every string."""
+        s = self.symbols
+        around = self.around(self.free_motions)
+        q_K, v_K, acc_K = elements(s.q_K), elements(s.v_K), elements(s.acc_K)
+        return [string_row(around, string, q_K, v_K, acc_K) for string in self.tree.strings]
+
+    @cached_property
+    def limit_rows(self) -> list[tuple[ca.SX, np.ndarray, ca.SX]]:
+        """h, Jacobian by the joint's velocities, and gamma of every limit."""
+        q_D, v_D = elements(self.symbols.q_D), elements(self.symbols.v_D)
+        rows = []
+        for limit in self.tree.limits:
+            link = self.tree.links[limit.link]
+            rows.append(limit_row(limit, q_D[link.q], v_D[link.v]))
+        return rows
+
+    @cached_property
+    def kinetic(self) -> ca.SX:
+        """T = sum_i 1/2 V_i . I_i V_i (Eq. 5)."""
+        total = ca.SX(0)
+        for inertia, motion in zip(self.inertias, self.free_motions, strict=True):
+            angular, linear = inertia.momentum(motion.w, motion.v)
+            total = total + 0.5 * (dot(motion.w, angular) + dot(motion.v, linear))
+        return total
+
+    @cached_property
+    def potential(self) -> ca.SX:
+        """V = -sum_i m_i g . p_i (Eq. 6 with gravity's acceleration), plus the springs' energy."""
+        total = ca.SX(0)
+        for i, motion in enumerate(self.resting_motions):
+            m = self.inertias[i].m
+            if not m.is_zero():
+                total = total - m * dot(self.gravity, motion.point(self.centre(i)))
+        q = self.by_link(elements(self.symbols.q_D), elements(self.symbols.q_K), "q")
+        for i, link in enumerate(self.tree.links):
+            k = self.value(link.stiffness)
+            if link.role is not Role.DYNAMIC or k.is_zero():
+                continue
+            if link.kind == "ball":
+                total = total + 2 * k * (1 - q[i][0] ** 2)
+            else:
+                total = total + 0.5 * k * (q[i][0] - self.value(link.rest)) ** 2
+        around = self.around(self.resting_motions)
+        for spring in self.tree.springs:
+            stretch = path_row(around, spring.points).length - self.value(spring.rest)
+            total = total + 0.5 * self.value(spring.stiffness) * stretch**2
+        return total
+
+    @property
+    def lagrangian(self) -> ca.SX:
+        """L = T - V (Eq. 7)."""
+        return self.kinetic - self.potential
+
+    @cached_property
+    def rates(self) -> tuple[ca.SX, ca.SX]:
+        """(qdot_D, qdot_K) of the configuration numbers."""
+        s, t = self.symbols, self.tree.coordinates
+        return (
+            configuration_rate(s.q_D, s.v_D, t.quaternions_D, t.scalars_D),
+            configuration_rate(s.q_K, s.v_K, t.quaternions_K, t.scalars_K),
+        )

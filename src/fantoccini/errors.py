@@ -1,0 +1,138 @@
+"""The error family and the statuses a run can end with.
+
+An error takes the facts and writes the sentence: what, where, what was found, what is allowed,
+and what to do. A run does not raise while it still has something to give: it carries a
+:class:`Status`, and :class:`SimulationError` brings the trajectory up to the last accepted step.
+"""
+
+from __future__ import annotations
+
+import difflib
+import enum
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+
+class FantocciniError(Exception):
+    """Base of every error that fantoccini raises on purpose."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One mistake in a file the user wrote.
+
+    Attributes:
+        file: the file's name as the user gave it.
+        line: 1-based line, or None when the place is the file as a whole.
+        key: path of the key, for example ``bodies[2].joint.axis``.
+        message: what was found, what is allowed.
+    """
+
+    file: str
+    line: int | None
+    key: str
+    message: str
+
+    def __str__(self) -> str:
+        place = self.file if self.line is None else f"{self.file}:{self.line}"
+        return f"{place}: {self.key}: {self.message}" if self.key else f"{place}: {self.message}"
+
+
+class FileError(FantocciniError):
+    """A file the user wrote holds mistakes; all of them are listed, in file order."""
+
+    def __init__(self, problems: Iterable[Problem]):
+        self.problems = tuple(problems)
+        super().__init__("\n".join(str(p) for p in self.problems))
+
+
+class PuppetError(FileError):
+    """A puppet file, or a puppet built in Python, is not a puppet."""
+
+
+class InputError(FileError):
+    """An inputs file, or inputs built in Python, cannot drive this puppet."""
+
+
+class UnknownNameError(FantocciniError, KeyError):
+    """A name that nothing in the puppet carries.
+
+    Args:
+        what: the kind of thing looked for ("coordinate", "string", "body").
+        found: the name that was given.
+        allowed: the names that exist.
+    """
+
+    def __init__(self, what: str, found: str, allowed: Iterable[str]):
+        self.allowed = tuple(allowed)
+        self.message = f"no {what} is called {found!r}{nearest(found, self.allowed)}"
+        super().__init__(self.message)
+
+    def __str__(self) -> str:
+        return self.message
+
+
+class StateError(FantocciniError, ValueError):
+    """A state or a value that the puppet cannot take (a string longer than its length, ...)."""
+
+
+class BuildError(FantocciniError):
+    """The compiled model could not be made, kept or loaded."""
+
+
+class Status(enum.IntEnum):
+    """How a run ended. The numbers are those of ``cpp/fantoccini/status.hpp``."""
+
+    def __new__(cls, value: int, message: str) -> Status:
+        member = int.__new__(cls, value)
+        member._value_ = value
+        member.message = message
+        return member
+
+    message: str
+
+    DONE = 0, "the run reached its end"
+    RUNNING = 1, "the run has not reached its end yet"
+    IMPOSSIBLE_INPUT = 2, "the inputs ask for a motion that no puppet on these strings can follow"
+    TENSION_CAP = 3, "a tension passed the cap on what a string may pull"
+    STEP_TOO_SMALL = 4, "the step size fell below what the clock can resolve"
+    TOO_MANY_EVENTS = 5, "strings caught and released more often than the bound on events"
+    TOO_MANY_STEPS = 6, "the bound on the number of steps was reached"
+    NOT_FINITE = 7, "a state or a force is no longer a finite number"
+    COLLAPSED = 8, "two neighbouring points of a taut string came together"
+    LENGTH_NOT_POSITIVE = 9, "a string's length was driven to zero or below"
+    PROJECTION_FAILED = 10, "the strings could not be brought back to their lengths"
+    STOPPED = 11, "the run was stopped from outside"
+    SINGULAR_MASS = 12, "the mass matrix is singular: a joint moves no mass"
+
+
+class SimulationError(FantocciniError):
+    """A run stopped before its end.
+
+    Attributes:
+        status: why.
+        trajectory: everything up to the last accepted step (None where nothing was accepted).
+    """
+
+    def __init__(self, status: Status, detail: str = "", trajectory: Any = None):
+        self.status = status
+        self.trajectory = trajectory
+        super().__init__(f"{status.message}{': ' + detail if detail else ''}")
+
+
+def nearest(found: str, allowed: Iterable[str]) -> str:
+    """The end of a sentence that names the nearest valid name, or lists the valid ones.
+
+    Args:
+        found: what was given.
+        allowed: the valid names.
+    """
+    names = sorted(set(allowed))
+    close = difflib.get_close_matches(found, names, n=1)
+    if close:
+        return f"; did you mean {close[0]!r}?"
+    if not names:
+        return "; there are none"
+    shown = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
+    return f"; the names are {shown}"

@@ -1,0 +1,6 @@
+"""Marionette: the user's handle."""
+
+from fantoccini.marionette.handle import Marionette, load
+from fantoccini.marionette.stepper import Stepper
+
+__all__ = ["Marionette", "Stepper", "load"]

@@ -1,0 +1,238 @@
+"""The objects of the paper, numerically: M, C, g, h, A_D, A_K, T, V, poses and velocities."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.equations import ANALYSIS_INPUTS
+from fantoccini.errors import Problem, PuppetError, UnknownNameError
+from fantoccini.motion import State
+from fantoccini.tree import Tree
+
+if TYPE_CHECKING:
+    from fantoccini.equations import Equations
+    from fantoccini.runtime import Library
+
+_SINGULAR = 1e-12
+
+
+class Analysis:
+    """Evaluates a puppet's equations at states.
+
+    M, C, g and their kin go through CasADi's interpreter, so they need no compiler; poses, points
+    and effort are compiled, since pictures and ledgers ask for them thousands of times.
+    """
+
+    tree: Tree
+    p: Array
+    equations: Equations
+    library: Library
+
+    def _interpreted(self, name: str, x: State) -> list[Array]:
+        inputs = {**vars(x), "p": self.p}
+        values = self.equations[name](*(inputs[i] for i in ANALYSIS_INPUTS[name]))
+        many = values if isinstance(values, (tuple, list)) else [values]
+        return [np.array(value) for value in many]
+
+    def mass_matrix(self, x: State) -> Array:
+        """M(q_D) of Eq. 8, (n_vD, n_vD) [kg, kg m, kg m^2]."""
+        return self._interpreted("mass_matrix", x)[0]
+
+    def mass_matrix_DK(self, x: State) -> Array:
+        """M_DK, (n_vD, n_vK): non-zero where a driven joint moves mass."""
+        return self._interpreted("mass_matrix", x)[1]
+
+    def mass_matrix_KK(self, x: State) -> Array:
+        """M_KK, (n_vK, n_vK)."""
+        return self._interpreted("mass_matrix", x)[2]
+
+    def coriolis(self, x: State) -> Array:
+        """C(q, v) of Eq. 8 over the dynamic velocities, (n_vD, n_vD); see ``coriolis_full``."""
+        n = self.tree.coordinates.n_vD
+        return self.coriolis_full(x)[:n, :n]
+
+    def coriolis_full(self, x: State) -> Array:
+        """C over (v_D, v_K): dM/dt - 2 C is skew, and C v is the velocity part of the bias."""
+        return self._interpreted("coriolis", x)[0]
+
+    def gravity(self, x: State) -> Array:
+        """g(q) of Eq. 8, (n_vD,): gradient of the potential energy [N or N m]."""
+        return self._interpreted("gravity", x)[0].ravel()
+
+    def bias(self, x: State) -> Array:
+        """c(q, v) = C v + g, (n_vD,) [N or N m]: Eq. 8 is M acc + c = u."""
+        return self._interpreted("bias", x)[0].ravel()
+
+    def damping(self, x: State) -> Array:
+        """(n_vD,) force of damping and drag, on the side of c: u = -damping [N or N m]."""
+        return self._interpreted("damping", x)[0].ravel()
+
+    def constraint(self, x: State) -> Array:
+        """h(q), (n_rows,): path length less string length [m]; limits [m, rad or 1]."""
+        return self._interpreted("constraint", x)[0].ravel()
+
+    def A_D(self, x: State) -> Array:
+        """A_D = dh/dq_D of Eq. 9, acting on velocities, (n_rows, n_vD)."""
+        return self._interpreted("A_D", x)[0]
+
+    def A_K(self, x: State) -> Array:
+        """A_K = dh/dq_K of Eq. 9, acting on velocities, (n_rows, n_vK)."""
+        return self._interpreted("A_K", x)[0]
+
+    def A_rate(self, x: State) -> tuple[Array, Array]:
+        """(dA_D/dt, dA_K/dt) of Eq. 11 along the velocity."""
+        first, second = self._interpreted("A_rate", x)
+        return first, second
+
+    def Adot_v(self, x: State) -> Array:
+        """dA/dt v = dA_D/dt v_D + dA_K/dt v_K of Eq. 11, (n_rows,)."""
+        return self._interpreted("Adot_v", x)[0].ravel()
+
+    def kinetic(self, x: State) -> float:
+        """T = sum_i 1/2 V_i^T I_i V_i (Eq. 5) [J]."""
+        return float(self._interpreted("kinetic", x)[0].item())
+
+    def potential(self, x: State) -> float:
+        """V (Eq. 6, with gravity's acceleration), plus the energy of springs [J]."""
+        return float(self._interpreted("potential", x)[0].item())
+
+    def lagrangian(self, x: State) -> float:
+        """L = T - V (Eq. 7) [J]."""
+        return float(self._interpreted("lagrangian", x)[0].item())
+
+    def body_velocity(self, x: State, body: str | None = None) -> Array:
+        """V^b (Eq. 4): (v, w) of bodies in their own frames.
+
+        Args:
+            x: the state.
+            body: its name; all bodies when not given.
+
+        Returns:
+            (6,) of one body or (n_links, 6): linear, then angular [m/s, rad/s].
+        """
+        V = self._interpreted("body_velocity", x)[0].T
+        return V if body is None else V[self.link(body)]
+
+    def pose(self, x: State, body: str) -> Array:
+        """g (Eqs. 2, 3): (4, 4) homogeneous pose of a body in the world."""
+        out = np.eye(4)
+        out[:3] = self.poses(x.q_D, x.q_K)[self.link(body)]
+        return out
+
+    def link(self, body: str) -> int:
+        """Index of a body among the links."""
+        names = [link.name for link in self.tree.links]
+        if body not in names:
+            raise UnknownNameError("body", body, names)
+        return names.index(body)
+
+    def poses(self, q_D: Array, q_K: Array) -> Array:
+        """World poses (R | r) of all links.
+
+        Args:
+            q_D: (..., n_qD).
+            q_K: (..., n_qK).
+
+        Returns:
+            (..., n_links, 3, 4).
+        """
+        n = len(self.tree.links)
+        (flat,) = self.library.evaluate("poses", [q_D, q_K, self.p], [12 * n])
+        by_column = flat.reshape(*flat.shape[:-1], n, 4, 3)
+        return np.swapaxes(by_column, -1, -2)
+
+    def string_points(self, q_D: Array, q_K: Array) -> list[Array]:
+        """World positions of every string's points: per string (..., n_points, 3) [m]."""
+        counts = [len(s.points) for s in self.tree.strings]
+        (flat,) = self.library.evaluate("points", [q_D, q_K, self.p], [3 * sum(counts)])
+        split = np.split(flat, 3 * np.cumsum(counts)[:-1], axis=-1) if counts else []
+        return [part.reshape(*part.shape[:-1], -1, 3) for part in split]
+
+    def string_lengths(self, q_K: Array) -> Array:
+        """Lengths of the strings, (..., n_strings) [m]."""
+        q_K = np.asarray(q_K, dtype=float)
+        values = dict(zip(self.tree.parameters, self.p, strict=True))
+        out = np.zeros((*q_K.shape[:-1], len(self.tree.strings)))
+        for i, string in enumerate(self.tree.strings):
+            if string.length_index is not None:
+                out[..., i] = q_K[..., string.length_index[0]]
+            else:
+                name = getattr(string.length, "parameter", None)
+                out[..., i] = float(string.length) if name is None else values[name]
+        return out
+
+    def energies(self, x: State) -> tuple[float, float]:
+        """(T, V) through the compiled model [J]."""
+        arguments = [x.q_D, x.v_D, x.q_K, x.v_K, self.p]
+        T, V = self.library.evaluate("energy", arguments, [1, 1])
+        return float(T[0]), float(V[0])
+
+    def effort(
+        self, q_D: Array, v_D: Array, q_K: Array, v_K: Array, acc_D: Array, acc_K: Array,
+        tension: Array,
+    ) -> Array:  # fmt: skip
+        """Force on every driven coordinate: M_KD acc_D + M_KK acc_K + c_K - A_K^T lambda.
+
+        How heavy the control is in the hand. Arguments (..., n) each; ``tension`` (..., n_strings).
+
+        Returns:
+            (..., n_vK) [N or N m].
+        """
+        arguments = [q_D, v_D, q_K, v_K, acc_D, acc_K, -np.asarray(tension), self.p]
+        return self.library.evaluate("effort", arguments, [self.tree.coordinates.n_vK])[0]
+
+    def wrench_forces(self, x: State, wrenches: dict[str, Array]) -> Array:
+        """u_D of wrenches on bodies, to pass as user forces.
+
+        Args:
+            x: the state.
+            wrenches: body -> (6,) force on its centre of mass [N] and torque [N m], world axes.
+
+        Returns:
+            (n_vD,) [N or N m].
+        """
+        w = np.zeros((len(self.tree.links), 6))
+        for body, wrench in wrenches.items():
+            w[self.link(body)] += np.asarray(wrench, dtype=float)
+        arguments = [x.q_D, x.q_K, w.ravel(), self.p]
+        (u,) = self.library.evaluate("wrench_forces", arguments, [self.tree.coordinates.n_vD])
+        return u
+
+    def check_mass_matrix(self) -> None:
+        """Raises when a joint moves no mass, in the file's pose or in random ones.
+
+        Raises:
+            PuppetError: naming the coordinates that M does not resist.
+        """
+        table = self.tree.coordinates
+        if table.n_vD == 0:
+            return
+        rng = np.random.default_rng(0)
+        for trial in range(3):
+            q_D, q_K = table.start_D.copy(), np.nan_to_num(table.start_K, nan=1.0)
+            if trial:
+                q_D = q_D + rng.normal(size=table.n_qD)
+                for q, _ in table.quaternions_D:
+                    q_D[q : q + 4] /= np.linalg.norm(q_D[q : q + 4])
+            M = np.array(self.equations["mass_matrix"](q_D, q_K, self.p)[0])
+            scale = 1.0 / np.sqrt(np.maximum(np.diag(M), 1e-300))
+            values, vectors = np.linalg.eigh(M * np.outer(scale, scale))
+            if values[0] > _SINGULAR and np.all(np.diag(M) > 1e-300):
+                return
+            still = np.where(np.diag(M) <= 1e-300, 1.0, np.abs(vectors[:, 0] * scale))
+        names = [table.v_D[i] for i in np.flatnonzero(still > 1e-3 * np.max(still))]
+        raise PuppetError([self._massless(names)])
+
+    def _massless(self, names: list[str]) -> Problem:
+        owner = names[0].split(".")[0]
+        file, line = self.world.puppets[0].locate(owner.split("/")[-1])
+        return Problem(
+            file,
+            line,
+            owner,
+            f"the mass matrix is singular: nothing resists {', '.join(names)}; give a body below "
+            "this joint mass and inertia, or make the joint driven or fixed",
+        )

@@ -1,0 +1,364 @@
+"""Marionette: the handle a user holds. Everything about one puppet (or one world of them)."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import hashlib
+from collections.abc import Callable, Iterable, Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from fantoccini import build, codegen, equations, puppet, tree
+from fantoccini.arrays import Array
+from fantoccini.errors import BuildError, StateError, UnknownNameError
+from fantoccini.marionette import statics
+from fantoccini.marionette.analysis import Analysis
+from fantoccini.marionette.instant import Instant
+from fantoccini.marionette.rows import RowLayout
+from fantoccini.marionette.stepper import Stepper
+from fantoccini.motion import State
+from fantoccini.motion.rotation import exp
+from fantoccini.puppet import Parameter, Puppet
+from fantoccini.runtime import Library, RunOptions
+from fantoccini.tree import CoordinateTable, Tree
+from fantoccini.world import World
+
+TENSION_CAP = 1e5
+"""Largest tension a string may pull, in weights of the puppet."""
+
+
+class Marionette(Analysis):
+    """A puppet on strings: its coordinates, equations, compiled model, states.
+
+    Nothing is derived or compiled before it is needed; a puppet that was compiled before loads
+    from the cache without deriving anything. Instances do not change; :meth:`with_parameters`
+    gives another one.
+
+    Attributes:
+        world: the puppets, obstacles and floor.
+        tree: links, strings, limits and coordinates in the order of the equations.
+        p: (n_p,) values of the parameters.
+
+    Args:
+        what: a puppet or a world.
+        progress: told what takes long while it happens ("deriving", "compiling").
+    """
+
+    def __init__(self, what: Puppet | World, progress: Callable[[str], None] | None = None):
+        self.world = what if isinstance(what, World) else World.of(what)
+        self.tree: Tree = tree.grow(self.world)
+        self.p: Array = np.array(list(self.tree.parameters.values()), dtype=float)
+        self._progress = progress
+
+    def __repr__(self) -> str:
+        t = self.coordinates
+        return (
+            f"<Marionette {self.world.name}: {t.n_vD} DOF, {len(self.tree.strings)} strings, "
+            f"{t.n_vK} driven>"
+        )
+
+    # -- what it is made of ------------------------------------------------------------------
+
+    @property
+    def puppet(self) -> Puppet:
+        """The puppet; the first one of a world of several."""
+        return self.world.puppets[0]
+
+    @property
+    def name(self) -> str:
+        """The world's name."""
+        return self.world.name
+
+    @property
+    def coordinates(self) -> CoordinateTable:
+        """Names and places of all coordinates."""
+        return self.tree.coordinates
+
+    @cached_property
+    def equations(self) -> equations.Equations:
+        """The symbolic equations and the functions made from them."""
+        return equations.derive(self.tree)
+
+    @cached_property
+    def library(self) -> Library:
+        """The compiled model, from the cache or made now.
+
+        Raises:
+            BuildError: no compiler, or it failed.
+            PuppetError: the mass matrix is singular.
+        """
+        canonical = "\n".join(p.canonical() for p in self.world.puppets)
+        key = build.fingerprint(canonical, _generator())
+        folder = build.obtain(key, self._source, progress=self._progress)
+        try:
+            return Library(folder / build.LIBRARY, self.tree)
+        except BuildError:
+            folder = build.obtain(key, self._source, progress=self._progress, afresh=True)
+            return Library(folder / build.LIBRARY, self.tree)
+
+    def _source(self) -> build.Source:
+        if self._progress:
+            self._progress("deriving")
+        self.check_mass_matrix()
+        generated = codegen.generate(self.equations)
+        operations = generated.operations
+        return build.Source(
+            generated.files,
+            generated.main,
+            {"operations": operations, "n_operations": max(operations.values())},
+        )
+
+    def with_parameters(self, values: Mapping[str, float]) -> Marionette:
+        """The same puppet with other values of its parameters; nothing is compiled again.
+
+        Args:
+            values: parameter name -> value.
+        """
+        names = list(self.tree.parameters)
+        other = copy.copy(self)
+        other.p = self.p.copy()
+        for name, value in values.items():
+            if name not in names:
+                raise UnknownNameError("parameter", name, names)
+            if not np.isfinite(value):
+                raise StateError(f"parameter {name}: found {value}; it must be a finite number")
+            other.p[names.index(name)] = value
+        for kept in ("mass", "weight", "tension_cap"):
+            other.__dict__.pop(kept, None)
+        return other
+
+    @cached_property
+    def row_layout(self) -> RowLayout:
+        """How the runtime lays out a trajectory's rows."""
+        return RowLayout(self.tree)
+
+    @cached_property
+    def mass(self) -> float:
+        """Mass of all links that move dynamically or hang from one that does [kg]."""
+        values = dict(zip(self.tree.parameters, self.p, strict=True))
+
+        def number(n) -> float:
+            return values[n.parameter] if isinstance(n, Parameter) else float(n)
+
+        total = 0.0
+        for i, link in enumerate(self.tree.links):
+            if any(self.tree.links[j].role == "dynamic" for j in self.tree.ancestors(i)):
+                lumps = sum(number(lump.amount) * lump.volume for lump in link.lumps)
+                total += lumps if link.mass is None else number(link.mass)
+        return total
+
+    @cached_property
+    def weight(self) -> float:
+        """Mass times gravity [N]; where gravity is zero, mass times 1 m/s^2."""
+        g = [n.value if isinstance(n, Parameter) else float(n) for n in self.tree.gravity]
+        return self.mass * (float(np.linalg.norm(g)) or 1.0)
+
+    @cached_property
+    def tension_cap(self) -> float:
+        """Largest tension a string may pull [N]."""
+        return TENSION_CAP * max(self.weight, 1e-9)
+
+    @cached_property
+    def two_sided(self) -> Array:
+        """(n_rows,) bool: rows that are wires."""
+        return np.array([s.wire for s in self.tree.strings] + [False] * len(self.tree.limits))
+
+    def row_scales(self, x: State) -> Array:
+        """(n_rows,) what each row's h is measured against: string lengths [m], 1 for limits."""
+        lengths = self.string_lengths(x.q_K)
+        return np.concatenate([np.maximum(lengths, 1e-3), np.ones(len(self.tree.limits))])
+
+    # -- states ------------------------------------------------------------------------------
+
+    def state(self, values: Mapping[str, float | Iterable[float]] | None = None) -> State:
+        """A state at rest: the file's pose with some values changed.
+
+        Driven lengths that neither the pose nor ``values`` name are those that just reach.
+
+        Args:
+            values: coordinate name -> value; ``joint.rotation`` takes a quaternion (w, x, y, z)
+                or a rotation vector; ``v:NAME`` sets a velocity.
+        """
+        table = self.coordinates
+        q_D, q_K = table.start_D.copy(), table.start_K.copy()
+        v_D, v_K = np.zeros(table.n_vD), np.zeros(table.n_vK)
+        for name, value in (values or {}).items():
+            self._set(name, value, q_D, v_D, q_K, v_K)
+        if np.any(np.isnan(q_K)):
+            reach = np.where(np.isnan(q_K), 0.0, q_K)
+            (h,) = self.library.evaluate("rows", [q_D, reach, self.p], [self.tree.n_rows])
+            for i, string in enumerate(self.tree.strings):
+                if string.length_index and np.isnan(q_K[string.length_index[0]]):
+                    q_K[string.length_index[0]] = h[i]
+        return State(0.0, q_D, v_D, q_K, v_K, np.zeros(self.tree.n_rows, dtype=bool))
+
+    def _set(self, name: str, value, q_D: Array, v_D: Array, q_K: Array, v_K: Array) -> None:
+        table = self.coordinates
+        number = np.asarray(value, dtype=float)
+        if not np.all(np.isfinite(number)):
+            raise StateError(f"{name}: found {value}; it must be finite")
+        for names, target in ((table.q_D, q_D), (table.q_K, q_K)):
+            if name in names:
+                if number.ndim:
+                    raise StateError(f"{name}: found {number.size} numbers; it takes one")
+                target[names.index(name)] = float(number)
+                return
+            if name.endswith(".rotation") and name[: -len("rotation")] + "qw" in names:
+                at = names.index(name[: -len("rotation")] + "qw")
+                target[at : at + 4] = _quaternion(name, number)
+                return
+        if name.startswith("v:"):
+            for names, target in ((table.v_D, v_D), (table.v_K, v_K)):
+                if name[2:] in names:
+                    target[names.index(name[2:])] = float(number)
+                    return
+            raise UnknownNameError("velocity", name[2:], (*table.v_D, *table.v_K))
+        rotations = [n[:-2] + "rotation" for n in (*table.q_D, *table.q_K) if n.endswith(".qw")]
+        raise UnknownNameError("coordinate", name, (*table.q_D, *table.q_K, *rotations))
+
+    def rest(self, values: Mapping[str, float | Iterable[float]] | State | None = None) -> State:
+        """A hanging equilibrium: a local minimum of V subject to the strings and limits.
+
+        Args:
+            values: as in :meth:`state`, or a state to settle from. Driven coordinates are held at
+                them; dynamic ones are where the search begins.
+
+        Raises:
+            StateError: there is none, or it was not found.
+        """
+        x = values if isinstance(values, State) else self.state(values)
+        return statics.rest(self, x)
+
+    def project(self, x: State) -> State:
+        """The nearest state that no string or limit forbids; see :func:`statics.project`."""
+        return statics.project(self, x)
+
+    def check_start(self, x: State) -> None:
+        """Raises :class:`StateError` when a run cannot begin at ``x``."""
+        statics.check_start(self, x)
+
+    def instant(self, x: State, acc_K: Array | None = None, u_D: Array | None = None) -> Instant:
+        """The compiled model's quantities at a state.
+
+        Args:
+            x: the state.
+            acc_K: (n_vK,) accelerations of the inputs; 0 when not given.
+            u_D: (n_vD,) user forces; 0 when not given.
+        """
+        table = self.coordinates
+        acc_K = np.zeros(table.n_vK) if acc_K is None else acc_K
+        u_D = np.zeros(table.n_vD) if u_D is None else u_D
+        return Instant.of(self.library, self.tree, x, self.p, acc_K, u_D)
+
+    def accelerations(
+        self, x: State, acc_K: Array | None = None, u_D: Array | None = None
+    ) -> tuple[Array, Array]:
+        """acc_D and the forces of the rows, from Eqs. 10 and 11 and the rules of Sec. IV.
+
+        Over the rows with h = 0 and hdot = 0: tau >= 0, hddot <= 0, tau . hddot = 0.
+
+        Args:
+            x: a state that no row forbids.
+            acc_K, u_D: as in :meth:`instant`.
+
+        Returns:
+            acc_D (n_vD,), tension (n_rows,) of strings and then limits, >= 0.
+        """
+        instant = self.instant(x, acc_K, u_D)
+        scale = self.row_scales(x)
+        speed = 1e-7 * max(1.0, float(np.max(np.abs(x.v_D), initial=0.0)))
+        closed = (np.abs(instant.h) <= statics.CLOSED * scale) & (np.abs(instant.hdot) <= speed)
+        rows = np.flatnonzero(closed | self.two_sided)
+        hddot = instant.gamma[rows] + instant.W[:, rows].T @ instant.w0
+        pull, _ = instant.complementarity(rows, hddot, self.two_sided)
+        tension = np.zeros(self.tree.n_rows)
+        tension[rows] = pull
+        return instant.back(instant.w0 - instant.W[:, rows] @ pull), tension
+
+    def driven_velocity(self, name: str) -> int:
+        """Place of a driven velocity in v_K."""
+        names = self.coordinates.v_K
+        if name not in names:
+            raise UnknownNameError("driven velocity", name, names)
+        return names.index(name)
+
+    def stepper(
+        self,
+        x0: State,
+        method: Literal["timestepping", "event"] = "timestepping",
+        *,
+        dt: float = 0.002,
+        rtol: float = 1e-9,
+        atol: float = 1e-9,
+    ) -> Stepper:
+        """A run that is advanced piece by piece; see :class:`Stepper`.
+
+        Args:
+            x0: where it starts.
+            method: ``timestepping`` or ``event``.
+            dt: step of the time-stepper [s].
+            rtol, atol: tolerances of the event-driven integrator.
+        """
+        self.check_start(x0)
+        return Stepper(self, x0, method, self.run_options(dt=dt, rtol=rtol, atol=atol))
+
+    def run_options(self, **changes) -> RunOptions:
+        """Run options scaled to this puppet, with some changed."""
+        defaults = RunOptions(
+            rtol=1e-9,
+            atol=1e-9,
+            first_step=1e-4,
+            max_step=0.1,
+            tension_cap=self.tension_cap,
+            energy_scale=max(self.weight, 1e-9),
+            recovery_speed=1.0,
+            dt=0.002,
+            max_steps=50_000_000,
+            max_events=1_000_000,
+            save_steps=True,
+        )
+        return dataclasses.replace(defaults, **changes)
+
+    def with_mode(self, x: State) -> State:
+        """The state with its taut rows found."""
+        _, tension = self.accelerations(x)
+        return x.replace(taut=tension > 0.0)
+
+
+def load(path: str | Path, progress: Callable[[str], None] | None = None) -> Marionette:
+    """The marionette of a puppet file.
+
+    Args:
+        path: a YAML file.
+        progress: told what takes long while it happens.
+
+    Raises:
+        PuppetError: with every mistake in the file.
+    """
+    return Marionette(puppet.load(path), progress)
+
+
+def _quaternion(name: str, value: Array) -> Array:
+    if value.shape == (3,):
+        return exp(value)
+    size = np.linalg.norm(value)
+    if value.shape != (4,) or size == 0:
+        raise StateError(
+            f"{name}: found {value.tolist()}; it takes a quaternion (w, x, y, z), not all zero, or "
+            "a rotation vector of three numbers"
+        )
+    return value / size
+
+
+def _generator() -> str:
+    """The generator's version: that of the text, and a hash of all code that shapes it."""
+    digest = hashlib.sha256()
+    folder = Path(equations.__file__).parent
+    files = [Path(codegen.__file__), Path(tree.__file__), *sorted(folder.glob("*.py"))]
+    for file in files:
+        digest.update(file.read_bytes())
+    return f"{codegen.VERSION}-{digest.hexdigest()}"

@@ -1,0 +1,105 @@
+"""One evaluation of the compiled model, with its rows: the Python side of ``evaluation.hpp``.
+
+    hddot = gamma + A_D acc_D,   acc_D = L^-1 (w0 + W lambda),   W = L^-T A_D^T,   M_DD = L^T L
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.motion import State
+from fantoccini.runtime import Library
+from fantoccini.tree import Tree
+
+
+@dataclass(frozen=True, eq=False)
+class Instant:
+    """The model's quantities at one state.
+
+    Attributes:
+        library: the compiled puppet.
+        L: packed factor of M_DD.
+        w0: (n_vD,) L^-T of the forces without strings.
+        W: (n_vD, n_rows) L^-T A_D^T, strings then limits.
+        h, hdot, gamma: (n_rows,) [m or rad, and per s, per s^2].
+        hdot_K: (n_rows,) A_K v_K.
+    """
+
+    library: Library
+    L: Array
+    w0: Array
+    W: Array
+    h: Array
+    hdot: Array
+    gamma: Array
+    hdot_K: Array
+
+    @classmethod
+    def of(
+        cls, library: Library, tree: Tree, x: State, p: Array, acc_K: Array, u_D: Array
+    ) -> Instant:
+        """Evaluates the model at a state.
+
+        Args:
+            library: the compiled puppet.
+            tree: its tree.
+            x: the state.
+            p: (n_p,) parameters.
+            acc_K: (n_vK,) accelerations of the inputs.
+            u_D: (n_vD,) user forces.
+        """
+        n, n_s, n_l = len(x.v_D), len(tree.strings), len(tree.limits)
+        widths = dynamics_widths(tree)
+        (L, w0, W, _, h, hdot, gamma, _, hdot_K, h_l, J_l, gamma_l, *_) = library.evaluate(
+            "dynamics", [x.q_D, x.v_D, x.q_K, x.v_K, acc_K, u_D, np.zeros(1), p], widths
+        )
+        J = np.zeros((n_l, n))
+        for i, limit in enumerate(tree.limits):
+            place = tree.links[limit.link].v
+            J[i, place] = J_l[3 * i : 3 * i + place.stop - place.start]
+        (W_l,) = library.evaluate("forth", [L, J], [n]) if n_l else (np.zeros((0, n)),)
+        return cls(
+            library,
+            L,
+            w0,
+            np.concatenate([W.reshape(n_s, n), W_l]).T,
+            np.concatenate([h, h_l]),
+            np.concatenate([hdot, J @ x.v_D]),
+            np.concatenate([gamma, gamma_l]),
+            np.concatenate([hdot_K, np.zeros(n_l)]),
+        )
+
+    def back(self, w: Array) -> Array:
+        """L^-1 w, (n_vD,)."""
+        return self.library.evaluate("back", [self.L, w], [len(w)])[0]
+
+    def complementarity(self, rows: Array, b: Array, two_sided: Array) -> tuple[Array, Array]:
+        """x and s of G x - b = s over some rows; see ``complementarity.hpp``.
+
+        Args:
+            rows: indices.
+            b: (len(rows),) right-hand side.
+            two_sided: (n_rows,) bool.
+        """
+        W = self.W[:, rows]
+        x, s, _ = self.library.complementarity(W.T @ W, b, two_sided[rows])
+        return x, s
+
+
+def dynamics_widths(tree: Tree) -> list[int]:
+    """Lengths of the outputs of the generated function ``dynamics``."""
+    n, n_s, n_l = tree.coordinates.n_vD, len(tree.strings), len(tree.limits)
+    packed = 0
+    for i, link in enumerate(tree.links):
+        if link.role == "dynamic":
+            above = sum(
+                tree.links[j].v.stop - tree.links[j].v.start
+                for j in tree.ancestors(i)[1:]
+                if tree.links[j].role == "dynamic"
+            )
+            k = link.v.stop - link.v.start
+            packed += k * above + k * (k + 1) // 2
+    return [packed, n, n * n_s, n_s * n_s, *[n_s] * 5, n_l, 3 * n_l, n_l, 1, n, 1]

@@ -1,0 +1,49 @@
+"""Layout of a trajectory's rows as the runtime writes them (``cpp/fantoccini/record.hpp``)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fantoccini.arrays import Array
+from fantoccini.tree import Tree
+
+
+@dataclass(frozen=True)
+class RowLayout:
+    """Splits rows into named parts.
+
+    Attributes:
+        tree: whose rows they are.
+    """
+
+    tree: Tree
+
+    @property
+    def widths(self) -> dict[str, int]:
+        """Part name -> number of columns, in order."""
+        t, m = self.tree.coordinates, self.tree.n_rows
+        return {
+            "t": 1,
+            "q_D": t.n_qD,
+            "v_D": t.n_vD,
+            "acc_D": t.n_vD,
+            "q_K": t.n_qK,
+            "v_K": t.n_vK,
+            "acc_K": t.n_vK,
+            "tension": m,
+            "taut": m,
+            "kinetic": 1,
+            "potential": 1,
+            "work": 1,
+            "damping": 1,
+            "impact": 1,
+        }
+
+    def split(self, rows: Array) -> dict[str, Array]:
+        """Parts (T, n) of rows (T, width); single columns come as (T,)."""
+        parts, at = {}, 0
+        for name, width in self.widths.items():
+            single = name in ("t", "kinetic", "potential", "work", "damping", "impact")
+            parts[name] = rows[:, at] if single else rows[:, at : at + width]
+            at += width
+        return parts

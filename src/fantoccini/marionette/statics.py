@@ -1,0 +1,237 @@
+"""Rest and repair: equilibria of a hanging puppet, and states brought onto their strings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.errors import StateError, Status
+from fantoccini.marionette.instant import Instant
+from fantoccini.motion import Input, State
+from fantoccini.motion.rotation import exp, multiply
+from fantoccini.runtime import Run
+
+if TYPE_CHECKING:
+    from fantoccini.marionette.handle import Marionette
+
+CLOSED = 1e-9
+"""|h| below which a row counts as closed, relative to 1 m or the string's length."""
+
+_RELAX_DT = 0.002
+_RELAX_PIECE = 0.1
+_RELAX_PIECES = 1500
+_NEWTON_ROUNDS = 30
+_STEP = 1e-6
+"""Step of the finite differences that give Newton's matrix; it does not limit the accuracy of the
+equilibrium, only the speed of convergence."""
+
+
+def retract(marionette: Marionette, q_D: Array, move: Array) -> Array:
+    """q_D moved by tangent vectors: scalars add, quaternions turn.
+
+    Args:
+        marionette: whose coordinates they are.
+        q_D: (n_qD,).
+        move: (..., n_vD).
+
+    Returns:
+        (..., n_qD).
+    """
+    table = marionette.coordinates
+    out = np.broadcast_to(q_D, (*move.shape[:-1], len(q_D))).copy()
+    for q, v in table.scalars_D:
+        out[..., q] += move[..., v]
+    for q, v in table.quaternions_D:
+        turned = multiply(out[..., q : q + 4], exp(move[..., v : v + 3]))
+        out[..., q : q + 4] = turned / np.linalg.norm(turned, axis=-1, keepdims=True)
+    return out
+
+
+def check_start(marionette: Marionette, x: State) -> None:
+    """Raises when a string is longer than its length, or is about to be.
+
+    Raises:
+        StateError: naming the rows, by how much, and the repair.
+    """
+    instant = marionette.instant(x)
+    scale = marionette.row_scales(x)
+    too_long = instant.h > CLOSED * scale
+    closed = np.abs(instant.h) <= CLOSED * scale
+    speed = 1e-7 * max(1.0, float(np.max(np.abs(x.v_D), initial=0.0)))
+    opening = closed & (instant.hdot > speed)
+    wires = marionette.two_sided & (
+        (np.abs(instant.h) > CLOSED * scale) | (np.abs(instant.hdot) > speed)
+    )
+    names, findings = marionette.tree.row_names, []
+    for i in np.flatnonzero(too_long | opening | wires):
+        if too_long[i] or (wires[i] and abs(instant.h[i]) > CLOSED * scale[i]):
+            findings.append(f"{names[i]} is violated by {instant.h[i]:.3g}")
+        else:
+            findings.append(f"{names[i]} is at its bound and moves past it at {instant.hdot[i]:.3g}/s")
+    if findings:
+        raise StateError(
+            f"the start state breaks {len(findings)} of the strings and limits: "
+            + "; ".join(findings)
+            + ". marionette.project(x) gives the nearest state that does not."
+        )
+
+
+def project(marionette: Marionette, x: State) -> State:
+    """The nearest state, in the metric of M_DD, that no string or limit forbids.
+
+    Positions first (q_K stays), then velocities: min |dq|_M with h + A dq <= 0, repeated; then
+    hdot <= 0 on the rows that are closed.
+    """
+    scale = marionette.row_scales(x)
+    wires = marionette.two_sided
+    for _ in range(100):
+        instant = marionette.instant(x)
+        rows = np.flatnonzero((instant.h > -0.05 * scale) | wires)
+        violated = (instant.h > 1e-14 * scale) | (wires & (np.abs(instant.h) > 1e-14 * scale))
+        if not np.any(violated):
+            break
+        pull, _ = instant.complementarity(rows, instant.h[rows], wires)
+        move = -instant.back(instant.W[:, rows] @ pull)
+        size = float(np.max(np.abs(move), initial=0.0))
+        if size < 1e-16:
+            break
+        x = x.replace(q_D=retract(marionette, x.q_D, move * min(1.0, 0.3 / size)))
+    instant = marionette.instant(x)
+    worst = np.max(np.where(wires, np.abs(instant.h), instant.h) / scale, initial=0.0)
+    if worst > CLOSED:
+        names = ", ".join(
+            marionette.tree.row_names[i] for i in np.flatnonzero(instant.h > CLOSED * scale)
+        )
+        raise StateError(f"no state of the puppet fits these string ends and lengths: {names}")
+    rows = np.flatnonzero((np.abs(instant.h) <= CLOSED * scale) | wires)
+    pull, _ = instant.complementarity(rows, instant.hdot[rows], wires)
+    v_D = x.v_D - instant.back(instant.W[:, rows] @ pull)
+    return marionette.with_mode(x.replace(v_D=v_D))
+
+
+@dataclass(frozen=True)
+class _Balance:
+    """Residuals of an equilibrium: force w0 - W tau in the metric of M_DD, and h."""
+
+    force: Array
+    h: Array
+
+
+def rest(marionette: Marionette, x: State) -> State:
+    """A hanging equilibrium near a state: a local minimum of V subject to h <= 0.
+
+    The puppet is let go and stopped whenever its kinetic energy peaks, until it hardly moves;
+    Newton's method on the equilibrium's equations then takes it to rounding.
+
+    Args:
+        marionette: the puppet.
+        x: where to begin; its inputs are held still.
+
+    Raises:
+        StateError: there is no equilibrium below, or it was not found.
+    """
+    still = x.replace(v_D=np.zeros_like(x.v_D), v_K=np.zeros_like(x.v_K))
+    still = project(marionette, still)
+    for q_D in _relaxed(marionette, still):
+        settled = _newton(marionette, still.replace(q_D=q_D))
+        if settled is not None:
+            return marionette.with_mode(settled)
+    raise StateError(
+        "no equilibrium was found: the puppet keeps moving. Is every free body held by a string, "
+        "a limit or a joint to the world?"
+    )
+
+
+def _relaxed(marionette: Marionette, x: State):
+    """Configurations ever closer to an equilibrium."""
+    options = marionette.run_options(dt=_RELAX_DT)
+    table = marionette.coordinates
+    hold = Input.hold(table).bound(x.q_K)
+    q_D, v_D = x.q_D, np.zeros(table.n_vD)
+    start, try_at = np.array(q_D), 4
+    for piece in range(_RELAX_PIECES):
+        run = Run(
+            marionette.library, "timestepping", options, 0.0, q_D, v_D, marionette.p, hold
+        )
+        rows = np.concatenate([r for r, _ in run.advance(_RELAX_PIECE)])
+        if run.status is not Status.DONE:
+            raise StateError(f"no equilibrium was found: {run.status.message}")
+        parts = marionette.row_layout.split(rows)
+        kinetic = parts["kinetic"]
+        peaks = np.flatnonzero((kinetic[1:-1] >= kinetic[:-2]) & (kinetic[1:-1] > kinetic[2:]))
+        at = int(peaks[0]) + 1 if len(peaks) else len(rows) - 1
+        q_D = parts["q_D"][at]
+        v_D = np.zeros(table.n_vD) if len(peaks) else parts["v_D"][at]
+        if np.max(np.abs(q_D - start), initial=0.0) > 100.0:
+            return
+        if piece == try_at:
+            try_at = 2 * try_at + 1
+            yield q_D
+    yield q_D
+
+
+def _newton(marionette: Marionette, x: State) -> State | None:
+    """The equilibrium near a configuration, or None when Newton's method does not settle on it."""
+    n = marionette.coordinates.n_vD
+    scale = marionette.row_scales(x)
+    rows = None
+    for _ in range(_NEWTON_ROUNDS):
+        instant = marionette.instant(x)
+        if rows is None:
+            near = np.flatnonzero((instant.h > -1e-3 * scale) | marionette.two_sided)
+            hddot = instant.gamma[near] + instant.W[:, near].T @ instant.w0
+            tension, _ = instant.complementarity(near, hddot, marionette.two_sided)
+            rows = near[(tension > 1e-9 * marionette.weight) | marionette.two_sided[near]]
+        W = instant.W[:, rows]
+        tension = np.linalg.lstsq(W, instant.w0, rcond=1e-10)[0] if len(rows) else np.zeros(0)
+        force = instant.w0 - W @ tension
+        size = np.linalg.norm(instant.w0) + 1e-300
+        shift = np.max(np.abs(instant.h[rows]) / scale[rows], initial=0.0)
+        if np.linalg.norm(force) < 1e-13 * size and shift < 1e-14:
+            return _accepted(marionette, x, instant, rows, tension)
+        moves = np.concatenate([np.eye(n), -np.eye(n)]) * _STEP
+        balances = [
+            _balance(marionette, x.replace(q_D=q), rows, tension)
+            for q in retract(marionette, x.q_D, moves)
+        ]
+        K = np.array(
+            [(a.force - b.force) / (2 * _STEP) for a, b in zip(balances[:n], balances[n:], strict=True)]
+        ).T
+        A = np.array(
+            [(a.h - b.h) / (2 * _STEP) for a, b in zip(balances[:n], balances[n:], strict=True)]
+        ).T
+        A = A.reshape(len(rows), n)
+        system = np.block([[K, -W], [A, np.zeros((len(rows), len(rows)))]])
+        step = np.linalg.lstsq(system, -np.concatenate([force, instant.h[rows]]), rcond=1e-9)[0]
+        move = step[:n]
+        largest = np.max(np.abs(move), initial=0.0)
+        if not largest < 1.0:
+            return None
+        x = x.replace(q_D=retract(marionette, x.q_D, move))
+        if largest < 1e-15:
+            return _accepted(marionette, x, instant, rows, tension)
+    instant = marionette.instant(x)
+    force = instant.w0 - instant.W[:, rows] @ tension
+    if np.linalg.norm(force) < 1e-11 * np.linalg.norm(instant.w0):
+        return _accepted(marionette, x, instant, rows, tension)
+    return None
+
+
+def _balance(marionette: Marionette, x: State, rows: Array, tension: Array) -> _Balance:
+    instant = marionette.instant(x)
+    return _Balance(instant.w0 - instant.W[:, rows] @ tension, instant.h[rows])
+
+
+def _accepted(
+    marionette: Marionette, x: State, instant: Instant, rows: Array, tension: Array
+) -> State | None:
+    """The state, if strings pull and no other row is broken."""
+    one_sided = ~marionette.two_sided[rows]
+    if np.any(tension[one_sided] < -1e-9 * marionette.weight):
+        return None
+    if np.any((instant.h > CLOSED * marionette.row_scales(x)) & ~marionette.two_sided):
+        return None
+    return x

@@ -1,0 +1,240 @@
+"""Channels: the course of one driven coordinate, before all are put on a common clock.
+
+A scalar channel is a piecewise quintic q(t). A rotation channel is a rotation vector phi(t) in the
+tangent space of a base quaternion: R(t) = R(base) exp([phi(t)]x).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.arrays import Array, Quaternion, Times
+from fantoccini.motion import polynomial, rotation
+
+SAME_TIME = 1e-9
+"""Times [s] closer than this are one time."""
+
+Points = tuple[Times, Array]
+"""Times (n,) [s] and values (n,) or, for a rotation, unit quaternions (n, 4)."""
+
+_SWEEPS = 20
+"""Bound on the sweeps for the angular velocities of a spline through rotations."""
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """Pieces of one coordinate (or of several at once), and what it holds outside of them.
+
+    Attributes:
+        times: (n + 1,) where pieces begin and the last one ends [s].
+        coef: (n, rows, 6) coefficients in the time since the piece began.
+        base: (n, width) configuration of reference: the start value of a scalar, the unit
+            quaternion of a rotation.
+        before, after: ((rows, 6), (width,)) the constant piece outside of ``times``.
+        scalars: (place in width, row) of what is not part of a rotation.
+    """
+
+    times: Times
+    coef: Array
+    base: Array
+    before: tuple[Array, Array]
+    after: tuple[Array, Array]
+    scalars: tuple[tuple[int, int], ...] = ()
+
+    def on(self, breaks: Times) -> tuple[Array, Array]:
+        """The channel's pieces on a finer clock.
+
+        Args:
+            breaks: (m + 1,) increasing; holds every one of ``times`` that lies inside it.
+
+        Returns:
+            coef (m, rows, 6) and base (m, width). A part of a rotation's piece keeps the piece's
+            quaternion of reference, so that its phi need not begin at 0: cutting is exact.
+        """
+        begins = breaks[:-1]
+        piece = np.searchsorted(self.times, begins, side="right") - 1
+        inside = (piece >= 0) & (piece < len(self.coef))
+        coef = np.where((piece < 0)[:, None, None], self.before[0], self.after[0])
+        base = np.where((piece < 0)[:, None], self.before[1], self.after[1])
+        taken = piece[inside]
+        coef[inside] = polynomial.shifted(self.coef[taken], begins[inside] - self.times[taken])
+        base[inside] = self.base[taken]
+        for q, row in self.scalars:
+            base[inside, q] = coef[inside, row, 0]
+        return coef, base
+
+
+def constant(values: Array) -> tuple[Array, Array]:
+    """The constant piece of scalar coordinates: ((rows, 6), (rows,))."""
+    values = np.atleast_1d(np.asarray(values, dtype=float))
+    coef = np.zeros((len(values), polynomial.N_COEF))
+    coef[:, 0] = values
+    return coef, values
+
+
+def still(q: Quaternion) -> tuple[Array, Array]:
+    """The constant piece of a rotation: ((3, 6), (4,))."""
+    return np.zeros((3, polynomial.N_COEF)), np.asarray(q, dtype=float)
+
+
+def scalar(t: Times, coef: Array, first: float, last: float) -> Channel:
+    """A channel of one scalar coordinate from its (n, 6) coefficients."""
+    return Channel(t, coef[:, None, :], coef[:, :1], constant(first), constant(last), ((0, 0),))
+
+
+def scalar_waypoints(t: Times, values: Array) -> Channel:
+    """Quintics through waypoints, without overshoot, at rest at both ends.
+
+    Two points give the minimum-jerk move. The acceleration vanishes at every waypoint.
+
+    Args:
+        t: (n,) times [s].
+        values: (n,) [m or rad].
+    """
+    slopes, zero = polynomial.monotone_slopes(t, values), np.zeros(len(t) - 1)
+    coef = polynomial.hermite(
+        np.diff(t), (values[:-1], slopes[:-1], zero), (values[1:], slopes[1:], zero)
+    )
+    return scalar(t, coef, values[0], values[-1])
+
+
+def rotation_waypoints(t: Times, q: Quaternion) -> Channel:
+    """The same on SO(3): C^1 angular velocity, at rest at both ends.
+
+    At a waypoint the angular velocity bisects the directions of the two neighbouring turns; its
+    size is the harmonic mean of their speeds times the cosine between them (0 when they point
+    away from each other). Turns about one axis reduce to the scalar rule.
+
+    Args:
+        t: (n,) times [s].
+        q: (n, 4) unit quaternions, neighbours less than 180 deg apart.
+    """
+    q, h = rotation.continuous(q), np.diff(t)
+    turn = rotation.between(q[:-1], q[1:])
+    speed = np.linalg.norm(turn, axis=-1) / h
+    angle = np.linalg.norm(turn, axis=-1, keepdims=True)
+    direction = turn / np.where(angle > 0, angle, 1.0)
+    bisector = direction[:-1] + direction[1:]
+    length = np.linalg.norm(bisector, axis=-1, keepdims=True)
+    cosine = np.maximum(np.sum(direction[:-1] * direction[1:], axis=-1), 0.0)
+    w = np.zeros((len(t), 3))
+    size = polynomial.mean_speed(h, speed) * cosine
+    w[1:-1] = size[:, None] * bisector / np.where(length > 0, length, 1.0)
+    return _through(t, q, turn, w, np.zeros_like(w))
+
+
+def _through(t: Times, q: Quaternion, turn: Array, w: Array, wdot: Array) -> Channel:
+    """Quintic rotation vectors with given angular velocity and acceleration at the points."""
+    rate, curve = rotation.tangent_motion(turn, w[1:], wdot[1:])
+    coef = polynomial.hermite(
+        np.diff(t)[:, None], (np.zeros_like(turn), w[:-1], wdot[:-1]), (turn, rate, curve)
+    )
+    return Channel(t, coef, q[:-1], still(q[0]), still(q[-1]))
+
+
+def scalar_samples(t: Times, values: Array, rest: bool) -> Channel:
+    """The cubic spline (C^2) through samples.
+
+    Args:
+        t: (n,) times [s].
+        values: (n,) [m or rad].
+        rest: start and end at rest; otherwise the ends are not-a-knot.
+    """
+    from scipy.interpolate import CubicSpline  # slow to import, and only samples need it
+
+    if len(t) == 1:
+        return scalar(t, np.zeros((0, polynomial.N_COEF)), values[0], values[0])
+    spline = CubicSpline(t, values, bc_type="clamped" if rest else "not-a-knot")
+    coef = np.zeros((len(t) - 1, polynomial.N_COEF))
+    coef[:, :4] = spline.c[::-1].T
+    return scalar(t, coef, values[0], values[-1])
+
+
+def rotation_samples(t: Times, q: Quaternion, rest: bool) -> Channel:
+    """Cubic rotation vectors through samples with C^1 angular velocity and acceleration.
+
+    Args:
+        t: (n,) times [s].
+        q: (n, 4) unit quaternions, neighbours less than 180 deg apart.
+        rest: start and end at rest; otherwise with no angular acceleration at the ends.
+    """
+    q = rotation.continuous(q)
+    if len(t) == 1:
+        empty = np.zeros((0, 3, polynomial.N_COEF))
+        return Channel(t, empty, np.zeros((0, 4)), still(q[0]), still(q[0]))
+    h = np.diff(t)[:, None]
+    turn = rotation.between(q[:-1], q[1:])
+    w = _spline_velocities(h, turn, rest)
+    rate = rotation.apply(rotation.right_jacobian_inverse(turn), w[1:])
+    coef = np.zeros((len(turn), 3, polynomial.N_COEF))
+    coef[..., 1] = w[:-1]
+    coef[..., 2] = (3 * turn / h - 2 * w[:-1] - rate) / h
+    coef[..., 3] = (w[:-1] + rate - 2 * turn / h) / h**2
+    return Channel(t, coef, q[:-1], still(q[0]), still(q[-1]))
+
+
+def _spline_velocities(h: Array, turn: Array, rest: bool) -> Array:
+    """Angular velocities (n, 3) at which the angular acceleration has no step.
+
+    With cubic phi on each piece, J_r phiddot + (dJ_r/dt) phidot at its end equals phiddot at the
+    start of the next. The term with dJ_r/dt is small; sweeps carry it on the right-hand side.
+    """
+    from scipy.sparse import bsr_array  # slow to import, as above
+    from scipy.sparse.linalg import spsolve
+
+    n = len(turn) + 1
+    jacobian, inverse = rotation.right_jacobian(turn), rotation.right_jacobian_inverse(turn)
+    eye, wide = np.eye(3), h[:, :, None]
+    blocks, columns, begin = [], [], [0]
+    for i in range(n):
+        row = {}
+        if rest and i in (0, n - 1):
+            row[i] = eye
+        else:
+            row[i] = np.zeros((3, 3))
+            if i > 0:
+                row[i - 1] = 2 * jacobian[i - 1] / wide[i - 1]
+                row[i] = row[i] + 4 * eye / wide[i - 1]
+            if i < n - 1:
+                row[i] = row[i] + 4 * eye / wide[i]
+                row[i + 1] = 2 * inverse[i] / wide[i]
+        for column in sorted(row):
+            blocks.append(row[column])
+            columns.append(column)
+        begin.append(len(columns))
+    system = bsr_array((np.array(blocks), columns, begin), shape=(3 * n, 3 * n)).tocsc()
+    pull = 6 * turn / h**2
+    right = np.zeros((n, 3))
+    right[1:] += pull
+    right[:-1] += pull
+    w = np.zeros((n, 3))
+    for _ in range(_SWEEPS):
+        rate = rotation.apply(inverse, w[1:])
+        bend = rotation.apply(rotation.right_jacobian_rate(turn, rate), rate)
+        side = right.copy()
+        side[1:] -= bend
+        if rest:
+            side[0] = side[-1] = 0.0
+        new = spsolve(system, side.ravel()).reshape(n, 3)
+        change, w = np.max(np.abs(new - w)), new
+        if change <= 1e-13 * (1 + np.max(np.abs(w))):
+            break
+    return w
+
+
+def linear(t: Times, values: Array) -> Channel:
+    """Piecewise linear, 0 outside; a time given twice is a step (legal for a force).
+
+    Args:
+        t: (n,) times [s], not decreasing.
+        values: (n,) [N or N m].
+    """
+    h = np.diff(t)
+    long = h > 0
+    coef = np.zeros((np.count_nonzero(long), polynomial.N_COEF))
+    coef[:, 0] = values[:-1][long]
+    coef[:, 1] = (np.diff(values) / np.where(long, h, 1.0))[long]
+    ends = np.append(t[:-1][long], t[-1])
+    return scalar(ends, coef, 0.0, 0.0)

@@ -1,0 +1,59 @@
+"""Named columns: an array over time whose last axis has names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.arrays import Array, frozen
+from fantoccini.errors import UnknownNameError
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """``run.tension["hand"]`` is the column (T,) called ``hand``. The values are read-only.
+
+    Attributes:
+        names: of the columns.
+        values: (T, n) numbers or flags; the owner states the unit.
+        what: what a column is called in messages: string, limit, entry.
+    """
+
+    names: tuple[str, ...]
+    values: Array
+    what: str = "column"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "names", tuple(self.names))
+        values = np.asarray(self.values)
+        values = frozen(values, bool if values.dtype.kind == "b" else float)
+        if values.ndim != 2 or values.shape[1] != len(self.names):
+            raise ValueError(
+                f"values have the shape {values.shape}; {len(self.names)} names need "
+                f"(T, {len(self.names)})"
+            )
+        object.__setattr__(self, "values", values)
+
+    def __getitem__(self, name: str) -> Array:
+        if name not in self.names:
+            raise UnknownNameError(self.what, name, self.names)
+        return self.values[:, self.names.index(name)]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.names
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def items(self) -> Iterator[tuple[str, Array]]:
+        """Pairs of a name and its column (T,)."""
+        return ((name, self[name]) for name in self.names)
+
+    def like(self, values: Array) -> Columns:
+        """The same names over other values."""
+        return Columns(self.names, values, self.what)

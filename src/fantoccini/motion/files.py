@@ -1,0 +1,206 @@
+"""Inputs files: YAML waypoints, or CSV or npz samples. Every mistake is given with its place."""
+
+from __future__ import annotations
+
+import csv
+import io
+import zipfile
+from array import array
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BeforeValidator, Field, WithJsonSchema
+
+from fantoccini.arrays import Array
+from fantoccini.errors import InputError, Problem
+from fantoccini.motion import pieces, reading
+from fantoccini.motion.archive import UNREADABLE
+from fantoccini.motion.findings import Findings
+from fantoccini.motion.input import Input
+from fantoccini.puppet.located import Located, read_file, shown, validate
+from fantoccini.puppet.values import Model, Positive, mistake
+
+MAX_BYTES = 256_000_000
+"""Size of the largest file of samples that is read, and of its arrays [bytes]."""
+
+_PAIR = {"type": "array", "prefixItems": [{"type": "number"}], "minItems": 2, "maxItems": 2}
+_ROTATION = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 4}
+_ANGLE = {"type": "string", "pattern": "^.+ *(deg|rad)$"}
+
+
+def _points_schema(*values: dict) -> dict:
+    pair = {**_PAIR, "prefixItems": [{"type": "number"}, {"anyOf": [{"type": "number"}, *values]}]}
+    return {"type": "array", "items": pair, "minItems": 1}
+
+
+def _mapping(value: Any) -> Any:
+    if not isinstance(value, Mapping):
+        raise mistake(f"found {shown(value)}; needed: names and their waypoints")
+    return value
+
+
+# What stands in the lists is checked with the puppet at hand, by `reading`.
+_Waypoints = Annotated[Any, WithJsonSchema(_points_schema(_ANGLE, _ROTATION))]
+_Forces = Annotated[Any, WithJsonSchema(_points_schema())]
+
+
+class InputsFile(Model):
+    """What the hand does: waypoints of driven coordinates; what is not named holds still."""
+
+    name: str = ""
+    """Of the performance."""
+    duration: Positive | None = None
+    """Until when everything is held after the last waypoint [s]."""
+    coordinates: Annotated[dict[str, _Waypoints], BeforeValidator(_mapping)] = Field(
+        default_factory=dict
+    )
+    """Driven coordinate -> list of [time s, value]; a rotation (`bar.rotation`) as a quaternion
+    [w, x, y, z] or a rotation vector [x, y, z] in rad."""
+    forces: Annotated[dict[str, _Forces], BeforeValidator(_mapping)] = Field(default_factory=dict)
+    """Dynamic velocity -> list of [time s, force N or N m], linear between them."""
+
+
+def inputs_schema() -> dict:
+    """JSON Schema of a YAML inputs file, for editors."""
+    schema = InputsFile.model_json_schema()
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def load_inputs(table, path: str | Path) -> Input:
+    """Reads an inputs file; its ending says what it is (.yaml, .yml, .csv or .npz).
+
+    Args:
+        table: a coordinate table, or anything with ``.coordinates``.
+        path: the file.
+
+    Raises:
+        InputError: with every mistake found.
+    """
+    table, path = reading.table_of(table), Path(path)
+    readers = {".yaml": _yaml, ".yml": _yaml, ".csv": _csv, ".npz": _npz}
+    reader = readers.get(path.suffix.lower())
+    if reader is None:
+        raise _file_error(path, f"has the ending {path.suffix!r}; allowed: {', '.join(readers)}")
+    try:
+        return reader(table, path)
+    except OSError as error:
+        raise _file_error(path, f"cannot be read: {error.strerror or error}") from None
+
+
+def _yaml(table, path: Path) -> Input:
+    located = read_file(path, InputError)
+    file = validate(InputsFile, located, InputError)
+    findings = Findings()
+    points = reading.waypoints(table, file.coordinates, findings, ("coordinates",))
+    forces = reading.forces(table, file.forces, findings, ("forces",))
+    last = max((t[-1] for t, _ in (*points.values(), *forces.values())), default=0.0)
+    if file.duration is not None and file.duration < last:
+        findings.add(
+            ("duration",), f"found {file.duration:g} s, before the last waypoint at {last:g} s"
+        )
+    findings.raise_any(located)
+    lengths = Findings()
+    made = Input.of_channels(table, pieces.through_waypoints(table, points), lengths)
+    findings.found = [(("coordinates", *place), message) for place, message in lengths.found]
+    findings.raise_any(located)
+    if forces:
+        made = made.with_force_points(forces)
+    return made.extended(file.duration or 0.0).called(file.name)
+
+
+def _samples(table, columns: dict[str, Array], located: Located) -> Input:
+    if "t" not in columns:
+        raise located.error([((), "the column t (time in s) is missing")], InputError)
+    findings = Findings()
+    rest = {name: values for name, values in columns.items() if name != "t"}
+    read = reading.samples(table, columns["t"], rest, findings)
+    findings.raise_any(located)
+    made = Input.of_channels(table, pieces.through_samples(table, read), findings)
+    findings.raise_any(located)
+    return made
+
+
+class _Rows(Located):
+    """A CSV file: the line of a column's sample is that of its row."""
+
+    def line(self, path) -> int | None:
+        """The header's line for a column as a whole, otherwise the row's."""
+        row = path[-1] if path and isinstance(path[-1], int) else None
+        return 1 if row is None else self.data[row]
+
+
+def _csv(table, path: Path) -> Input:
+    raw = path.read_bytes() if path.stat().st_size <= MAX_BYTES else None
+    if raw is None:
+        raise _file_error(path, f"is larger than {MAX_BYTES / 1e6:g} MB, the most that is read")
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        message = f"found the byte 0x{raw[error.start]:02x}; the file must be UTF-8"
+        raise _file_error(path, message, line) from None
+    header, numbers, lines, findings = [], array("d"), [], Findings()
+    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    try:
+        for cells in reader:
+            if not any(cell.strip() for cell in cells):
+                continue
+            if not header:
+                header = [cell.strip() for cell in cells]
+                continue
+            numbers.extend(_numbers(header, cells, len(lines), findings))
+            lines.append(reader.line_num)
+    except csv.Error as error:
+        raise _file_error(path, f"is not CSV: {error}", reader.line_num) from None
+    if not header:
+        raise _file_error(path, "the file is empty", 1)
+    located = _Rows(data=lines, file=str(path), folder=path.parent)
+    for name in sorted({name for name in header if header.count(name) > 1}):
+        findings.add((name,), "two columns have this name")
+    if "" in header:
+        findings.add((), f"column {header.index('') + 1} has no name")
+    findings.raise_any(located)
+    values = np.array(numbers).reshape(len(lines), len(header))
+    return _samples(table, dict(zip(header, values.T, strict=True)), located)
+
+
+def _numbers(header: list[str], cells: list[str], row: int, findings: Findings) -> list[float]:
+    if len(cells) != len(header):
+        findings.add(("", row), f"found {len(cells)} columns; the header has {len(header)}")
+        return []
+    try:
+        return [float(cell) for cell in cells]
+    except ValueError:
+        for name, cell in zip(header, cells, strict=True):
+            try:
+                float(cell)
+            except ValueError:
+                findings.add((name, row), f"found {shown(cell)}; needed: a number")
+        return []
+
+
+def _npz(table, path: Path) -> Input:
+    columns: dict[str, Array] = {}
+    located = Located(file=str(path), folder=path.parent)
+    try:
+        with zipfile.ZipFile(path) as archive:
+            size = sum(item.file_size for item in archive.infolist())
+        if size > MAX_BYTES:
+            raise _file_error(path, f"its arrays need more than {MAX_BYTES / 1e6:g} MB")
+        findings = Findings()
+        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
+            for name in file.files:
+                try:
+                    columns[name] = file[name]
+                except ValueError as error:
+                    findings.add((name,), f"is not an array of numbers: {error}")
+        findings.raise_any(located)
+    except (*UNREADABLE, KeyError) as error:
+        raise _file_error(path, f"is not an npz file of plain arrays: {error}") from None
+    return _samples(table, columns, located)
+
+
+def _file_error(path: Path, message: str, line: int | None = None) -> InputError:
+    return InputError([Problem(str(path), line, "", message)])

@@ -1,0 +1,388 @@
+"""Inputs: what the driven coordinates do, q_K(t), and the user's forces u_D(t) of Eq. 8."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from fantoccini.arrays import Array, ConfigK, MaskRows, Times, VecD, VecK, frozen
+from fantoccini.errors import InputError, Problem
+from fantoccini.motion import channel, pieces, polynomial, reading, rotation
+from fantoccini.motion.channel import SAME_TIME, Channel
+from fantoccini.motion.findings import Findings
+
+if TYPE_CHECKING:
+    from fantoccini.tree import CoordinateTable
+
+_SAME_POSITION = 1e-9
+"""A start state that differs by less, relative to 1 or the value if larger, is the same."""
+
+
+@dataclass(frozen=True, eq=False)
+class Input:
+    """Piecewise quintic motion of the driven coordinates, C^1 at the breaks.
+
+    A scalar coordinate is q(t) = sum_k coef[..., k] (t - breaks[i])^k on piece i. The three rows of
+    a rotation are its rotation vector phi(t): R(t) = R(base) exp([phi(t)]x), with the angular
+    velocity w = J_r(phi) phidot in the turning frame. phi begins at 0 unless the piece was cut
+    from a longer one. Before the first and after the last break everything is held, at rest, and
+    the forces are 0.
+
+    Attributes:
+        coordinates: names and places of the coordinates.
+        breaks: (n_seg + 1,) increasing [s].
+        coef: (n_seg, n_vK, 6) ascending powers of the time since the piece began [m or rad, s].
+        base: (n_seg, n_qK) configuration of reference: start value of a scalar [m or rad], unit
+            quaternion of a rotation [1].
+        named: (n_vK,) bool, what the user named; :meth:`bound` fills in the rest.
+        force: (n_seg, n_vD, 6) generalised forces u_D [N or N m], or None.
+        name: of the performance, for people.
+    """
+
+    coordinates: CoordinateTable
+    breaks: Times
+    coef: Array
+    base: Array
+    named: MaskRows
+    force: Array | None = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        table, n = self.coordinates, len(self.breaks) - 1
+        shapes = {
+            "breaks": (n + 1,),
+            "coef": (n, table.n_vK, polynomial.N_COEF),
+            "base": (n, table.n_qK),
+            "named": (table.n_vK,),
+            "force": (n, table.n_vD, polynomial.N_COEF),
+        }
+        for field, shape in shapes.items():
+            value = getattr(self, field)
+            if value is None and field == "force":
+                continue
+            value = frozen(value, bool if field == "named" else float)
+            if value.shape != shape:
+                _fail(field, f"has the shape {value.shape}; it must be {shape}")
+            object.__setattr__(self, field, value)
+        if n < 1 or not np.all(np.diff(self.breaks) > 0):
+            _fail("breaks", "must be two or more times that increase")
+
+    @property
+    def start(self) -> float:
+        """Time of the first break [s]."""
+        return float(self.breaks[0])
+
+    @property
+    def end(self) -> float:
+        """Time of the last break [s]."""
+        return float(self.breaks[-1])
+
+    @property
+    def duration(self) -> float:
+        """From the first to the last break [s]."""
+        return self.end - self.start
+
+    # -- making one --------------------------------------------------------------------------
+
+    @classmethod
+    def hold(cls, table, duration: float = 1.0) -> Input:
+        """Everything holds still, at the start state's values.
+
+        Args:
+            table: a coordinate table, or anything with ``.coordinates``.
+            duration: [s] > 0; afterwards everything is held too.
+        """
+        table = reading.table_of(table)
+        return cls(table, *pieces.assembled(table, {}, (0.0, duration)))
+
+    @classmethod
+    def waypoints(
+        cls,
+        table,
+        points: Mapping[str, Sequence],
+        smooth: Literal["minimum-jerk"] = "minimum-jerk",
+    ) -> Input:
+        """Smooth moves through waypoints, without overshoot, at rest at both ends.
+
+        ``Input.waypoints(arm, {"hand.length": [(0, 0.8), (1.5, 0.5)]})``. Two points give the
+        minimum-jerk move; at the points between the acceleration is 0. A rotation
+        (``bar.rotation``) takes quaternions (w, x, y, z) or rotation vectors and goes the
+        shortest way.
+
+        Args:
+            table: a coordinate table, or anything with ``.coordinates``.
+            points: name -> list of (t [s], value [m, rad, or a rotation]).
+            smooth: the kind of move; there is one.
+        """
+        table, findings = reading.table_of(table), Findings()
+        if smooth != "minimum-jerk":
+            findings.add(("smooth",), f"is {smooth!r}; it must be 'minimum-jerk'")
+        read = reading.waypoints(table, points, findings)
+        made = cls.of_channels(table, pieces.through_waypoints(table, read), findings)
+        findings.raise_any()
+        return made
+
+    @classmethod
+    def samples(cls, table, t: Times, columns: Mapping[str, Array], rest: bool = True) -> Input:
+        """Recorded motion: cubic splines through all samples.
+
+        Args:
+            table: a coordinate table, or anything with ``.coordinates``.
+            t: (n,) times [s], increasing.
+            columns: name -> (n,) values [m or rad]; a rotation as (n, 4) under
+                ``bar.rotation``, or as ``bar.qw`` ... ``bar.qz``.
+            rest: the motion starts and ends at rest; otherwise the spline's ends are free, and the
+                start state must have the velocity with which the samples begin.
+        """
+        table, findings = reading.table_of(table), Findings()
+        read = reading.samples(table, t, columns, findings)
+        made = cls.of_channels(table, pieces.through_samples(table, read, rest), findings)
+        findings.raise_any()
+        return made
+
+    @classmethod
+    def of_channels(
+        cls, table: CoordinateTable, channels: Mapping[str, Channel], findings: Findings
+    ) -> Input:
+        """Channels on one clock; notes where a length reaches 0."""
+        made = cls(table, *pieces.assembled(table, channels))
+        made._note_lengths(findings)
+        return made
+
+    @classmethod
+    def segments(cls, table, t: Times, q_K: Array, v_K: Array, acc_K: Array) -> Input:
+        """Constant acceleration on every segment, as planners make it.
+
+        On a segment q = q_0 + v_0 s + acc s^2/2; a rotation's acc is that of its rotation vector,
+        phi = w_0 s + acc s^2/2. The last velocity need not be 0.
+
+        Args:
+            table: a coordinate table, or anything with ``.coordinates``.
+            t: (n + 1,) times [s].
+            q_K: (n_qK,) configuration at t[0], or (n, n_qK) where every segment starts.
+            v_K: (n_vK,) velocity at t[0], or (n, n_vK) where every segment starts.
+            acc_K: (n, n_vK) accelerations [m/s^2 or rad/s^2].
+
+        Raises:
+            InputError: segments given with their own starts do not join (C^1).
+        """
+        table = reading.table_of(table)
+        t, q, v, acc = (np.asarray(x, dtype=float) for x in (t, q_K, v_K, acc_K))
+        coef, base = pieces.constant_acceleration(table, t, q, v, acc)
+        return cls(table, t, coef, base, np.ones(table.n_vK, dtype=bool)).checked()
+
+    @classmethod
+    def load(cls, table, path: str | Path) -> Input:
+        """Reads an inputs file: YAML waypoints, or CSV or npz samples.
+
+        Args:
+            table: a coordinate table, or anything with ``.coordinates``.
+            path: the file; its ending says what it is.
+
+        Raises:
+            InputError: with every mistake in the file.
+        """
+        from fantoccini.motion.files import load_inputs
+
+        return load_inputs(table, path)
+
+    # -- changing one ------------------------------------------------------------------------
+
+    def with_forces(self, points: Mapping[str, Sequence]) -> Input:
+        """The same motion with generalised forces u_D(t), piecewise linear in time, 0 outside.
+
+        A time given twice is a step. Forces replace those that the input had.
+
+        Args:
+            points: name of a dynamic velocity -> list of (t [s], force [N or N m]).
+        """
+        findings = Findings()
+        read = reading.forces(self.coordinates, points, findings)
+        findings.raise_any()
+        return self.with_force_points(read)
+
+    def with_force_points(self, points: Mapping[str, channel.Points]) -> Input:
+        """:meth:`with_forces` from arrays that are read already."""
+        breaks = pieces.refined(self.breaks, [t for t, _ in points.values()])
+        moved = self._on(breaks)
+        force = np.zeros((len(breaks) - 1, self.coordinates.n_vD, polynomial.N_COEF))
+        for name, (t, values) in points.items():
+            place = self.coordinates.v_D.index(name)
+            force[:, place] = channel.linear(pieces.snap(t, breaks), values).on(breaks)[0][:, 0]
+        return dataclasses.replace(moved, force=force)
+
+    def shifted(self, dt: float) -> Input:
+        """The same, ``dt`` seconds later."""
+        return dataclasses.replace(self, breaks=self.breaks + dt)
+
+    def called(self, name: str) -> Input:
+        """The same under a name."""
+        return dataclasses.replace(self, name=name)
+
+    def extended(self, end: float) -> Input:
+        """The same with everything held until ``end`` [s]."""
+        return self if end <= self.end + SAME_TIME else self._on(np.append(self.breaks, end))
+
+    def then(self, *others: Input) -> Input:
+        """This, and right after it the others, whatever their own times.
+
+        A coordinate that only some of them name holds still in the rest.
+
+        Raises:
+            InputError: a position or velocity would jump where two of them meet.
+        """
+        return Input.concatenate([self, *others])
+
+    @staticmethod
+    def concatenate(inputs: Sequence[Input]) -> Input:
+        """The inputs one after the other; the first keeps its times. See :meth:`then`."""
+        joined = inputs[0]
+        for other in inputs[1:]:
+            later = other.shifted(joined.end - other.start)
+            one = joined._filled(other.named & ~joined.named, other.evaluate(other.start)[0])
+            two = later._filled(joined.named & ~other.named, joined.evaluate(joined.end)[0])
+            force = None
+            if one.force is not None or two.force is not None:
+                force = np.concatenate([one._force_or_zero(), two._force_or_zero()])
+            joined = Input(
+                coordinates=joined.coordinates,
+                breaks=np.concatenate([one.breaks, two.breaks[1:]]),
+                coef=np.concatenate([one.coef, two.coef]),
+                base=np.concatenate([one.base, two.base]),
+                named=one.named | two.named,
+                force=force,
+                name=joined.name,
+            )
+        return joined.checked()
+
+    def bound(self, q_K: ConfigK, t: float | None = None) -> Input:
+        """Ready for a run from a start state: what was not named holds the state's values.
+
+        Args:
+            q_K: (n_qK,) driven configuration of the start state [m, rad or 1].
+            t: time of the start state [s]; the first break when not given.
+
+        Raises:
+            InputError: a named coordinate does not start where the state is.
+        """
+        table, findings = self.coordinates, Findings()
+        q_K = np.asarray(q_K, dtype=float)
+        t = self.start if t is None else float(t)
+        own = self.evaluate(t)[0]
+        base = np.array(self.base)
+        for name, (q, v) in pieces.channel_names(table).items():
+            if not self.named[v.start]:
+                continue
+            mine, theirs = own[q], q_K[q]
+            if name in table.rotations:
+                apart = np.linalg.norm(rotation.between(theirs, mine))
+                if mine @ theirs < 0:
+                    base[:, q] *= -1.0
+            else:
+                apart = np.max(np.abs(mine - theirs)) / max(1.0, abs(mine[0]))
+            if not apart <= _SAME_POSITION:
+                here, there = (_text(value) for value in (mine, theirs))
+                findings.add(
+                    (name,),
+                    f"is {here} in the inputs at t = {t:g} s, but {there} in the start state; "
+                    f"start from a state with {name} = {here}, or let the inputs begin at {there}",
+                )
+        findings.raise_any()
+        filled = dataclasses.replace(self, base=base)._filled(~self.named, q_K)
+        filled = dataclasses.replace(filled, named=self.named)
+        filled._note_lengths(findings)
+        findings.raise_any()
+        return filled
+
+    # -- reading one -------------------------------------------------------------------------
+
+    def evaluate(self, t: float | Times) -> tuple[ConfigK, VecK, VecK]:
+        """q_K, v_K, acc_K at given times; at a break, those of the piece that begins there.
+
+        Args:
+            t: scalar or (...) times [s].
+
+        Returns:
+            q_K (..., n_qK), v_K (..., n_vK), acc_K (..., n_vK).
+        """
+        t = np.asarray(t, dtype=float)
+        i, s = self._place(t.ravel())
+        q, v, acc = pieces.evaluate(self.coordinates, self.coef[i], self.base[i], s)
+        held = (t.ravel() < self.start) | (t.ravel() > self.end)
+        v[held], acc[held] = 0.0, 0.0
+        return tuple(x.reshape(*t.shape, x.shape[-1]) for x in (q, v, acc))
+
+    def evaluate_force(self, t: float | Times) -> VecD:
+        """(..., n_vD) generalised forces u_D [N or N m] at given times [s]."""
+        t = np.asarray(t, dtype=float)
+        i, s = self._place(t.ravel())
+        u = polynomial.evaluate(self._force_or_zero()[i], s[:, None])[0]
+        u[(t.ravel() < self.start) | (t.ravel() > self.end)] = 0.0
+        return u.reshape(*t.shape, u.shape[-1])
+
+    def checked(self) -> Input:
+        """Itself, if it is C^1 and keeps every named length positive.
+
+        Raises:
+            InputError: naming the coordinates and times where it jumps.
+        """
+        findings = Findings()
+        pieces.note_steps(self.coordinates, self.breaks, self.coef, self.base, findings)
+        self._note_lengths(findings)
+        findings.raise_any()
+        return self
+
+    # -- inside ------------------------------------------------------------------------------
+
+    def _place(self, t: Times) -> tuple[Array, Array]:
+        i = np.clip(np.searchsorted(self.breaks, t, side="right") - 1, 0, len(self.coef) - 1)
+        return i, np.clip(t, self.start, self.end) - self.breaks[i]
+
+    def _note_lengths(self, findings: Findings) -> None:
+        pieces.note_lengths(self.coordinates, self.breaks, self.coef, findings)
+
+    def _on(self, breaks: Times) -> Input:
+        """The same input on more breaks; its own are among them."""
+        table = self.coordinates
+        ends = [pieces.constants(table, self.evaluate(t)[0]) for t in (self.start, self.end)]
+        coef, base = Channel(
+            self.breaks, self.coef, self.base, ends[0], ends[1], table.scalars_K
+        ).on(breaks)
+        force = None
+        if self.force is not None:
+            nothing = np.zeros((table.n_vD, polynomial.N_COEF)), np.zeros(0)
+            empty = np.zeros((len(self.coef), 0))
+            force = Channel(self.breaks, self.force, empty, nothing, nothing).on(breaks)[0]
+        return dataclasses.replace(self, breaks=breaks, coef=coef, base=base, force=force)
+
+    def _filled(self, which: MaskRows, q_K: ConfigK) -> Input:
+        """Coordinates whose velocity is in ``which`` (n_vK,) hold still at q_K, and are named."""
+        coef, base = np.array(self.coef), np.array(self.base)
+        still, _ = pieces.constants(self.coordinates, q_K)
+        coef[:, which] = still[which]
+        for q, v in self.coordinates.scalars_K:
+            if which[v]:
+                base[:, q] = q_K[q]
+        for q, v in self.coordinates.quaternions_K:
+            if which[v]:
+                base[:, q : q + 4] = q_K[q : q + 4]
+        return dataclasses.replace(self, coef=coef, base=base, named=self.named | which)
+
+    def _force_or_zero(self) -> Array:
+        if self.force is not None:
+            return self.force
+        return np.zeros((len(self.coef), self.coordinates.n_vD, polynomial.N_COEF))
+
+
+def _text(values: Array) -> str:
+    shown = ", ".join(f"{x:.10g}" for x in values)
+    return shown if len(values) == 1 else f"[{shown}]"
+
+
+def _fail(field: str, message: str) -> None:
+    raise InputError([Problem("inputs", None, field, message)])

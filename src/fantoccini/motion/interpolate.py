@@ -1,0 +1,92 @@
+"""Motion between rows: quintics from position, velocity and acceleration at both ends.
+
+A quaternion goes through the tangent space of the left row's rotation: R = R_left exp([phi]x), with
+phi the quintic whose ends have the two rows' angular velocities and accelerations.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fantoccini.arrays import Array, Times
+from fantoccini.motion import polynomial, rotation
+
+Places = tuple[tuple[int, int], ...]
+
+
+def bracket(t: Times, times: Times, side: str) -> tuple[Array, Array, Array]:
+    """The rows around given times.
+
+    Args:
+        t: (T,) times of the rows [s], not decreasing; equal neighbours are an impact.
+        times: (m,) [s], inside the rows' range.
+        side: which row of an impact counts at its time, "right" or "left".
+
+    Returns:
+        left (m,) and right (m,) rows, and the part s in [0, 1] (m,) of the way between.
+    """
+    left = np.searchsorted(t, times, side=side) - 1
+    left = np.clip(left, 0, len(t) - 1)
+    right = np.minimum(left + 1, len(t) - 1)
+    h = t[right] - t[left]
+    return left, right, np.where(h > 0, (times - t[left]) / np.where(h > 0, h, 1.0), 0.0)
+
+
+def linear(values: Array, left: Array, right: Array, s: Array) -> Array:
+    """(m, n) values a part ``s`` of the way between rows; at s = 0 and 1 exactly the rows'."""
+    s = s[:, None]
+    return np.where(s < 1, values[left] + s * (values[right] - values[left]), values[right])
+
+
+def motion(
+    t: Times,
+    rows: tuple[Array, Array, Array],
+    scalars: Places,
+    quaternions: Places,
+    left: Array,
+    right: Array,
+    s: Array,
+) -> tuple[Array, Array, Array]:
+    """Configuration, velocity and acceleration between rows.
+
+    Args:
+        t: (T,) times of the rows [s].
+        rows: q (T, n_q), v (T, n_v), acc (T, n_v).
+        scalars, quaternions: (q, v) places, as in the coordinate table.
+        left, right, s: as :func:`bracket` gives them.
+
+    Returns:
+        q (m, n_q), v (m, n_v), acc (m, n_v); sixth order in the distance of the rows for q.
+    """
+    q, v, acc = (np.array(x[np.where(s < 1, left, right)]) for x in rows)
+    h = t[right] - t[left]
+    inner = (s > 0) & (s < 1)
+    if not np.any(inner):
+        return q, v, acc
+    a, b, h = left[inner], right[inner], h[inner][:, None]
+    time = (s[inner] * h[:, 0])[:, None]
+    q_rows, v_rows, acc_rows = rows
+    if scalars:
+        place, row = (np.array(x) for x in zip(*scalars, strict=True))
+        ends = [
+            tuple(x[np.ix_(k, y)] for x, y in ((q_rows, place), (v_rows, row), (acc_rows, row)))
+            for k in (a, b)
+        ]
+        spot = np.ix_(np.nonzero(inner)[0], place)
+        slot = np.ix_(np.nonzero(inner)[0], row)
+        q[spot], v[slot], acc[slot] = polynomial.evaluate(
+            polynomial.hermite(h, ends[0], ends[1]), time
+        )
+    for place, row in quaternions:
+        spot, slot = slice(place, place + 4), slice(row, row + 3)
+        turn = rotation.between(q_rows[a, spot], q_rows[b, spot])
+        rate, curve = rotation.tangent_motion(turn, v_rows[b, slot], acc_rows[b, slot])
+        coef = polynomial.hermite(
+            h,
+            (np.zeros_like(turn), v_rows[a, slot], acc_rows[a, slot]),
+            (turn, rate, curve),
+        )
+        phi, first, second = polynomial.evaluate(coef, time)
+        q[inner, spot] = rotation.multiply(q_rows[a, spot], rotation.exp(phi))
+        v[inner, slot], acc[inner, slot] = rotation.body_motion(phi, first, second)
+    return q, v, acc

@@ -1,0 +1,207 @@
+"""Pieces of all driven coordinates at once: coef (n, n_vK, 6) and base (n, n_qK).
+
+Scalars are polynomials whose start value ``base`` repeats. Three rows of a rotation are its
+rotation vector: R = R(base) exp([phi]x).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fantoccini.arrays import Array, ConfigK, Times
+from fantoccini.motion import channel, polynomial, rotation
+from fantoccini.motion.channel import SAME_TIME, Channel, Points
+from fantoccini.motion.findings import Findings
+
+if TYPE_CHECKING:
+    from fantoccini.tree import CoordinateTable
+
+_SAME_POSITION = 1e-9
+_SAME_VELOCITY = 1e-7
+"""Steps below these, relative to 1 or the value if larger, are rounding."""
+
+_LOOKS = 17
+"""Times a piece is looked at for a length that is not positive."""
+
+
+def channel_names(table: CoordinateTable) -> dict[str, tuple[slice, slice]]:
+    """Names that inputs may drive -> their places in q_K and v_K."""
+    names = {table.q_K[q]: (slice(q, q + 1), slice(v, v + 1)) for q, v in table.scalars_K}
+    for name, (q, v) in table.rotations.items():
+        names[name] = (slice(q, q + 4), slice(v, v + 3))
+    return names
+
+
+def evaluate(
+    table: CoordinateTable, coef: Array, base: Array, s: Array
+) -> tuple[Array, Array, Array]:
+    """Configuration, velocity and acceleration at ``s`` (n,) seconds into each piece.
+
+    Returns:
+        q_K (n, n_qK), v_K (n, n_vK), acc_K (n, n_vK).
+    """
+    p, first, second = polynomial.evaluate(coef, s[:, None])
+    q_K = np.empty((len(coef), table.n_qK))
+    for q, v in table.scalars_K:
+        q_K[:, q] = p[:, v]
+    for q, v in table.quaternions_K:
+        spot, rows = slice(q, q + 4), slice(v, v + 3)
+        phi, rate, curve = p[:, rows], first[:, rows], second[:, rows]
+        q_K[:, spot] = rotation.multiply(base[:, spot], rotation.exp(phi))
+        first[:, rows], second[:, rows] = rotation.body_motion(phi, rate, curve)
+    return q_K, first, second
+
+
+def constants(table: CoordinateTable, q_K: ConfigK) -> tuple[Array, Array]:
+    """The constant piece at a configuration: coef (n_vK, 6) and base (n_qK,)."""
+    coef = np.zeros((table.n_vK, polynomial.N_COEF))
+    for q, v in table.scalars_K:
+        coef[v, 0] = q_K[q]
+    return coef, np.asarray(q_K, dtype=float)
+
+
+def assembled(
+    table: CoordinateTable, channels: Mapping[str, Channel], span: Sequence[float] = ()
+) -> tuple[Times, Array, Array, Array]:
+    """Channels on one clock; what has no channel stays at the table's start, unnamed.
+
+    Args:
+        table: names and places of the coordinates.
+        channels: by name.
+        span: times [s] the clock holds in any case.
+
+    Returns:
+        breaks (n + 1,), coef (n, n_vK, 6), base (n, n_qK), named (n_vK,).
+    """
+    breaks = clock([np.array(span, dtype=float), *(c.times for c in channels.values())])
+    if len(breaks) == 0:
+        breaks = np.array([0.0, 1.0])
+    elif len(breaks) == 1:
+        breaks = np.array([breaks[0], breaks[0] + 1.0])
+    n = len(breaks) - 1
+    still, start = constants(table, table.start_K)
+    coef, base = np.tile(still, (n, 1, 1)), np.tile(start, (n, 1))
+    named = np.zeros(table.n_vK, dtype=bool)
+    places = channel_names(table)
+    for name, one in channels.items():
+        q, v = places[name]
+        coef[:, v], base[:, q] = one.on(breaks)
+        named[v] = True
+    return breaks, coef, base, named
+
+
+def constant_acceleration(
+    table: CoordinateTable, t: Times, q_K: Array, v_K: Array, acc_K: Array
+) -> tuple[Array, Array]:
+    """Quadratic pieces, each beginning where the one before it ends.
+
+    Args:
+        table: names and places of the coordinates.
+        t: (n + 1,) times [s].
+        q_K: (n_qK,) at t[0], or (n, n_qK) at the start of every piece.
+        v_K: (n_vK,) at t[0], or (n, n_vK) at the start of every piece.
+        acc_K: (n, n_vK).
+
+    Returns:
+        coef (n, n_vK, 6) and base (n, n_qK).
+    """
+    n = len(t) - 1
+    coef, base = np.zeros((n, table.n_vK, polynomial.N_COEF)), np.zeros((n, table.n_qK))
+    base[:], coef[..., 1], coef[..., 2] = q_K, v_K, 0.5 * acc_K
+    follow = np.ndim(q_K) == 1 and np.ndim(v_K) == 1
+    for i in range(n):
+        if i and follow:
+            here = slice(i - 1, i)
+            q, v, _ = evaluate(table, coef[here], base[here], t[i : i + 1] - t[i - 1])
+            base[i], coef[i, :, 1] = q[0], v[0]
+        for q_place, v_place in table.scalars_K:
+            coef[i, v_place, 0] = base[i, q_place]
+    return coef, base
+
+
+def through_waypoints(table: CoordinateTable, points: Mapping[str, Points]) -> dict[str, Channel]:
+    """Smooth channels through waypoints, whose times are put on one clock first."""
+    breaks = clock([t for t, _ in points.values()])
+    return {
+        name: (channel.rotation_waypoints if name in table.rotations else channel.scalar_waypoints)(
+            snap(t, breaks), values
+        )
+        for name, (t, values) in points.items()
+    }
+
+
+def through_samples(
+    table: CoordinateTable, columns: Mapping[str, Points], rest: bool = True
+) -> dict[str, Channel]:
+    """Splines through samples; ``rest`` as in the functions of ``channel``."""
+    return {
+        name: (channel.rotation_samples if name in table.rotations else channel.scalar_samples)(
+            t, values, rest
+        )
+        for name, (t, values) in columns.items()
+    }
+
+
+def clock(times: Sequence[Times]) -> Times:
+    """All times in order, one for each group closer than SAME_TIME."""
+    kept: list[float] = []
+    for t in np.unique(np.concatenate([np.zeros(0), *times])):
+        if not kept or t - kept[-1] > SAME_TIME:
+            kept.append(float(t))
+    return np.array(kept)
+
+
+def refined(breaks: Times, times: Sequence[Times]) -> Times:
+    """The breaks as they are, and between or beyond them those times that are new."""
+    new = clock(times)
+    return np.sort(np.concatenate([breaks, new[np.abs(snap(new, breaks) - new) > SAME_TIME]]))
+
+
+def snap(t: Times, breaks: Times) -> Times:
+    """The nearest breaks."""
+    after = np.clip(np.searchsorted(breaks, t), 1, max(len(breaks) - 1, 1))
+    lower, upper = breaks[after - 1], breaks[np.minimum(after, len(breaks) - 1)]
+    return np.where(np.abs(t - lower) <= np.abs(upper - t), lower, upper)
+
+
+def note_steps(
+    table: CoordinateTable, breaks: Times, coef: Array, base: Array, findings: Findings
+) -> None:
+    """Notes every coordinate and time at which position or velocity jumps."""
+    h = np.diff(breaks)
+    q_0, v_0, _ = evaluate(table, coef[:-1], base[:-1], h[:-1])
+    q_1, v_1, _ = evaluate(table, coef[1:], base[1:], np.zeros(len(h) - 1))
+    for name, (q, v) in channel_names(table).items():
+        if name in table.rotations:
+            step = np.linalg.norm(rotation.between(q_0[:, q], q_1[:, q]), axis=-1)
+            size = np.ones_like(step)
+        else:
+            step = np.abs(q_1 - q_0)[:, q.start]
+            size = np.maximum(1.0, np.abs(q_0[:, q.start]))
+        jump = np.linalg.norm(v_1[:, v] - v_0[:, v], axis=-1)
+        speed = np.maximum(1.0, np.linalg.norm(v_0[:, v], axis=-1))
+        for what, by, bound in (
+            ("position", step, _SAME_POSITION * size),
+            ("velocity", jump, _SAME_VELOCITY * speed),
+        ):
+            for i in np.nonzero(by > bound)[0]:
+                findings.add((name,), f"jumps in {what} by {by[i]:.3g} at t = {breaks[i + 1]:g} s")
+
+
+def note_lengths(table: CoordinateTable, breaks: Times, coef: Array, findings: Findings) -> None:
+    """Notes every driven length that is not positive, where it first is not."""
+    s = np.diff(breaks)[:, None] * np.linspace(0.0, 1.0, _LOOKS)
+    for name, (_, v) in channel_names(table).items():
+        if not name.endswith(".length"):
+            continue
+        value = polynomial.evaluate(coef[:, None, v.start], s)[0]
+        if np.any(value <= 0):
+            i, k = np.unravel_index(np.argmax(value <= 0), value.shape)
+            findings.add(
+                (name,),
+                f"is {value[i, k]:.6g} m at t = {breaks[i] + s[i, k]:g} s; the length of a string "
+                "must stay above 0",
+            )

@@ -1,0 +1,121 @@
+"""Quintic pieces: p(s) = c_0 + c_1 s + ... + c_5 s^5, s the time since the piece began.
+
+Arrays of coefficients have the powers, ascending, on the last axis: (..., 6).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fantoccini.arrays import Array
+
+N_COEF = 6
+"""Coefficients of a quintic."""
+
+_STILL = 1e-200
+"""Speeds below this are 0: their reciprocal would overflow."""
+
+
+def hermite(h: Array, start: tuple, end: tuple) -> Array:
+    """The quintic with given value, first and second derivative at both ends.
+
+    Args:
+        h: (...) durations [s], > 0.
+        start, end: (value, first, second derivative), each (...).
+
+    Returns:
+        (..., 6) coefficients, ascending.
+    """
+    h = np.asarray(h, dtype=float)
+    q0, v0, a0 = (np.asarray(x, dtype=float) for x in start)
+    q1, v1, a1 = (np.asarray(x, dtype=float) for x in end)
+    # What is missing at the end if the start's parabola went on, in units of the value.
+    d = q1 - q0 - h * (v0 + 0.5 * h * a0)
+    e = h * (v1 - v0 - h * a0)
+    f = h * h * (a1 - a0)
+    pieces = [
+        q0,
+        v0,
+        0.5 * a0,
+        (10 * d - 4 * e + 0.5 * f) / h**3,
+        (-15 * d + 7 * e - f) / h**4,
+        (6 * d - 3 * e + 0.5 * f) / h**5,
+    ]
+    return np.stack(np.broadcast_arrays(*pieces), axis=-1)
+
+
+def evaluate(coef: Array, s: Array) -> tuple[Array, Array, Array]:
+    """Value, first and second derivative.
+
+    Args:
+        coef: (..., 6) coefficients, ascending.
+        s: (...) time since the piece began [s]; broadcasts against the leading axes.
+
+    Returns:
+        Three arrays (...).
+    """
+    s = np.asarray(s, dtype=float)
+    p = np.zeros(np.broadcast_shapes(coef.shape[:-1], s.shape))
+    first, second = p, p
+    for k in range(N_COEF - 1, -1, -1):
+        second = second * s + 2 * first
+        first = first * s + p
+        p = p * s + coef[..., k]
+    return p, first, second
+
+
+def shifted(coef: Array, d: Array) -> Array:
+    """The same polynomials written about a later origin: p(s + d) (a Taylor shift, by Horner).
+
+    Args:
+        coef: (n, rows, 6) coefficients.
+        d: (n,) shifts [s].
+
+    Returns:
+        (n, rows, 6).
+    """
+    moved, d = np.array(coef), np.asarray(d)[:, None]
+    for first in range(N_COEF - 1):
+        for k in range(N_COEF - 2, first - 1, -1):
+            moved[..., k] += d * moved[..., k + 1]
+    return moved
+
+
+def monotone_slopes(t: Array, values: Array) -> Array:
+    """Slopes at waypoints that never overshoot; at rest at both ends.
+
+    The slope between two secants of equal sign is Fritsch and Butland's weighted harmonic mean,
+    bounded by twice the smaller secant: up to there a quintic without acceleration at its ends
+    stays monotone (its derivative is then at least 2 - 30 (s(1-s))^2 > 0 secants at worst).
+
+    Args:
+        t: (n,) times [s], increasing.
+        values: (n,) values.
+
+    Returns:
+        (n,) slopes.
+    """
+    h = np.diff(t)
+    secant = np.diff(values) / h
+    slopes = np.zeros(len(t))
+    slopes[1:-1] = mean_speed(h, np.abs(secant)) * np.sign(secant[:-1])
+    slopes[1:-1][secant[:-1] * secant[1:] <= 0] = 0.0
+    return slopes
+
+
+def mean_speed(h: Array, speed: Array) -> Array:
+    """Weighted harmonic mean of neighbouring speeds, at most twice the smaller one.
+
+    Args:
+        h: (n,) durations [s].
+        speed: (n,) speeds >= 0.
+
+    Returns:
+        (n - 1,) speeds at the points between.
+    """
+    before, after = speed[:-1], speed[1:]
+    w_before, w_after = 2 * h[1:] + h[:-1], h[1:] + 2 * h[:-1]
+    moving = (before > _STILL) & (after > _STILL)
+    safe_before, safe_after = np.where(moving, before, 1.0), np.where(moving, after, 1.0)
+    mean = (w_before + w_after) / (w_before / safe_before + w_after / safe_after)
+    return np.where(moving, np.minimum(mean, 2 * np.minimum(before, after)), 0.0)

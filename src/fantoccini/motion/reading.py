@@ -1,0 +1,272 @@
+"""From what the user wrote (numbers, lists, names) to arrays, noting every mistake."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from pydantic import TypeAdapter, ValidationError
+
+from fantoccini.arrays import Array, Times
+from fantoccini.errors import nearest
+from fantoccini.motion import rotation
+from fantoccini.motion.channel import SAME_TIME, Points
+from fantoccini.motion.findings import Findings, Path
+from fantoccini.motion.pieces import channel_names
+from fantoccini.puppet.located import shown
+from fantoccini.puppet.values import Angle
+
+if TYPE_CHECKING:
+    from fantoccini.tree import CoordinateTable
+
+LARGEST = 1e9
+"""Bound on times and values, so that no polynomial overflows."""
+
+HALF_TURN = np.pi - 1e-6
+"""Turn [rad] between neighbours from which on the shortest way is not clear."""
+
+_ANGLE = TypeAdapter(Angle)
+
+_ROTATION = "a quaternion [w, x, y, z] or a rotation vector of 3 numbers"
+
+
+def table_of(thing) -> CoordinateTable:
+    """The coordinate table: ``thing`` itself, or what it carries as ``coordinates``."""
+    return getattr(thing, "coordinates", thing)
+
+
+def unknown_coordinate(table: CoordinateTable, name: str) -> str:
+    """The sentence for a name that is no driven coordinate."""
+    for channel, (q, v) in table.rotations.items():
+        if name in table.q_K[q : q + 4] or name in table.v_K[v : v + 3]:
+            return f"is one number of a rotation; drive {channel!r} as a whole"
+    if name in table.q_D or name in table.v_D:
+        return "moves by itself: it is dynamic, and inputs drive the driven coordinates only"
+    return f"is not a driven coordinate{nearest(str(name), channel_names(table))}"
+
+
+def waypoints(
+    table: CoordinateTable, given: Mapping, findings: Findings, at: Path = ()
+) -> dict[str, Points]:
+    """Reads ``{name: [(t, value), ...]}`` for driven coordinates.
+
+    Args:
+        table: names of the coordinates.
+        given: what the user wrote.
+        findings: collects the mistakes.
+        at: path of ``given`` itself.
+
+    Returns:
+        Times and values of every name that is free of mistakes.
+    """
+    known, read = channel_names(table), {}
+    units = {row.name: row.unit for row in table.rows}
+    for name, points in given.items():
+        path = (*at, str(name))
+        if name not in known:
+            findings.add(path, unknown_coordinate(table, name))
+            continue
+        if name in table.rotations:
+            found = _series(points, findings, path, _quaternion)
+            if found is not None and _turns(points, found[1], findings, path):
+                read[name] = found
+        else:
+            angle = units.get(name) == "rad"
+            found = _series(points, findings, path, lambda x, angle=angle: number(x, angle))
+            if found is not None:
+                read[name] = found
+    return read
+
+
+def forces(
+    table: CoordinateTable, given: Mapping, findings: Findings, at: Path = ()
+) -> dict[str, Points]:
+    """Reads ``{name: [(t, force), ...]}`` for dynamic velocities; equal times make a step."""
+    read = {}
+    for name, points in given.items():
+        path = (*at, str(name))
+        if name not in table.v_D:
+            findings.add(
+                path, f"is not the name of a dynamic velocity{nearest(str(name), table.v_D)}"
+            )
+            continue
+        found = _series(points, findings, path, number, steps=True)
+        if found is not None:
+            read[name] = found
+    return read
+
+
+def number(value, angle: bool = False) -> float:
+    """A finite number, or an angle such as ``30 deg`` where angles are allowed.
+
+    Raises:
+        ValueError: with the sentence for the user.
+    """
+    if isinstance(value, str) and angle:
+        try:
+            return number(_ANGLE.validate_python(value))
+        except ValidationError as error:
+            raise ValueError(error.errors()[0]["msg"]) from None
+    if isinstance(value, bool | np.bool_) or not isinstance(value, int | float | np.number):
+        raise ValueError(f"found {shown(value)}; needed: a number")
+    if not abs(value) <= LARGEST:
+        raise ValueError(f"found {shown(value)}; needed: a finite number up to {LARGEST:g}")
+    return float(value)
+
+
+def _quaternion(value) -> Array:
+    """A quaternion from four numbers w, x, y, z or from a rotation vector of three [rad]."""
+    if isinstance(value, str) or not isinstance(value, Sequence | np.ndarray):
+        raise ValueError(f"found {shown(value)}; needed: {_ROTATION}")
+    parts = np.array([number(x) for x in value])
+    if len(parts) == 3:
+        return rotation.exp(parts)
+    if len(parts) != 4:
+        raise ValueError(f"found {len(parts)} numbers; needed: {_ROTATION}")
+    if not np.any(np.abs(parts) > 1e-9):
+        raise ValueError("found a zero quaternion, which is no rotation")
+    return rotation.normalised(parts)
+
+
+def _series(points, findings: Findings, path: Path, read, steps: bool = False) -> Points | None:
+    """Times and values of one channel; None when a mistake was found."""
+    before = len(findings.found)
+    if isinstance(points, str | Mapping) or not isinstance(points, Sequence | np.ndarray):
+        findings.add(path, f"found {shown(points)}; needed: a list of pairs [time, value]")
+        return None
+    if len(points) == 0:
+        findings.add(path, "found no waypoints; one or more needed")
+        return None
+    times, values = [], []
+    for i, point in enumerate(points):
+        pair = not isinstance(point, str | Mapping) and isinstance(point, Sequence | np.ndarray)
+        if not pair or len(point) != 2:
+            findings.add((*path, i), f"found {shown(point)}; needed: a pair [time, value]")
+            continue
+        try:
+            t = number(point[0])
+        except ValueError as error:
+            findings.add((*path, i), f"the time: {error}")
+            continue
+        if times and not (t - times[-1] > SAME_TIME or (steps and t >= times[-1])):
+            findings.add((*path, i), _order(t, times[-1]))
+        times.append(t)
+        try:
+            values.append(read(point[1]))
+        except ValueError as error:
+            findings.add((*path, i), f"the value: {error}")
+    if len(findings.found) > before:
+        return None
+    return np.array(times), np.array(values)
+
+
+def _order(t: float, before: float) -> str:
+    if abs(t - before) <= SAME_TIME:
+        return (
+            f"comes at t = {t:g} s like the waypoint before it: that would be a step in position; "
+            "leave time between them"
+        )
+    return f"comes at t = {t:g} s, after a waypoint at {before:g} s; times must increase"
+
+
+def _turns(points, q: Array, findings: Findings, path: Path) -> bool:
+    """Whether neighbouring rotations lie less than half a turn apart, as given and in fact."""
+    turn = np.linalg.norm(rotation.between(q[:-1], q[1:]), axis=-1)
+    for i in range(len(q) - 1):
+        if len(points[i][1]) == len(points[i + 1][1]) == 3:
+            apart = np.subtract(points[i + 1][1], points[i][1], dtype=float)
+            turn[i] = max(turn[i], np.linalg.norm(apart))
+    far = np.nonzero(turn >= HALF_TURN)[0]
+    for i in far:
+        findings.add(
+            (*path, int(i) + 1),
+            f"turns by {np.degrees(turn[i]):.0f} deg from the waypoint before it, at "
+            f"t = {points[i][0]:g} s; from 180 deg on the way is not clear: put waypoints between",
+        )
+    return not len(far)
+
+
+def samples(table: CoordinateTable, t, columns: Mapping, findings: Findings) -> dict[str, Points]:
+    """Reads samples: times and named columns; a rotation as (n, 4), or as its four columns.
+
+    Args:
+        table: names of the coordinates.
+        t: (n,) times [s].
+        columns: name -> (n,) values, or (n, 4) quaternions for ``bar.rotation``.
+        findings: collects the mistakes.
+
+    Returns:
+        Times and values of every name, or nothing when mistakes were found.
+    """
+    before, known = len(findings.found), channel_names(table)
+    times = _column("t", t, None, (), findings)
+    if times is not None and not len(times):
+        findings.add(("t",), "found no samples; one or more needed")
+    if times is None or not len(times):
+        return {}
+    for i in np.nonzero(~(np.diff(times) > SAME_TIME))[0]:
+        findings.add(("t", int(i) + 1), _order(times[i + 1], times[i]))
+    pending, read = dict(columns), {}
+    for name, (q, _) in table.rotations.items():
+        parts = [part for part in table.q_K[q : q + 4] if part in pending]
+        if not parts:
+            continue
+        missing = [part for part in table.q_K[q : q + 4] if part not in pending]
+        if missing:
+            findings.add((parts[0],), f"needs the columns {', '.join(missing)} beside it")
+        numbers = [_column(p, pending.pop(p), len(times), (), findings) for p in parts]
+        if not missing and all(x is not None for x in numbers):
+            pending[name] = np.stack(numbers, axis=-1)
+    for name, values in pending.items():
+        if name not in known:
+            findings.add((str(name),), unknown_coordinate(table, name))
+            continue
+        shape = (4,) if name in table.rotations else ()
+        numbers = _column(name, values, len(times), shape, findings)
+        if numbers is not None and shape:
+            numbers = _rotations(name, times, numbers, findings)
+        if numbers is not None:
+            read[name] = (times, numbers)
+    return read if len(findings.found) == before else {}
+
+
+def _column(
+    name: str, values, n: int | None, shape: tuple[int, ...], findings: Findings
+) -> Array | None:
+    """One column as finite numbers (n, *shape); None when it is something else."""
+    values = np.asarray(values)
+    if values.dtype.kind not in "iuf":
+        findings.add((name,), f"found {values.dtype.name} values; needed: numbers")
+        return None
+    wanted = (values.shape[0] if n is None and values.ndim else n, *shape)
+    if values.shape != wanted:
+        sizes = " x ".join("n" if size is None else str(size) for size in wanted)
+        findings.add((name,), f"found the shape {values.shape}; needed: {sizes}, as t has it")
+        return None
+    wrong = ~(np.abs(values) <= LARGEST)
+    rows = np.unique(np.nonzero(wrong)[0])
+    for i in rows:
+        findings.add(
+            (name, int(i)), f"found {values[i]}; needed: a finite number up to {LARGEST:g}"
+        )
+    return None if len(rows) else values.astype(float)
+
+
+def _rotations(name: str, t: Times, q: Array, findings: Findings) -> Array | None:
+    """Unit quaternions; None when one is zero or neighbours are half a turn apart."""
+    zero = np.nonzero(~np.any(np.abs(q) > 1e-9, axis=-1))[0]
+    for i in zero:
+        findings.add((name, int(i)), "found a zero quaternion, which is no rotation")
+    if len(zero):
+        return None
+    q = rotation.normalised(q)
+    turn = np.linalg.norm(rotation.between(q[:-1], q[1:]), axis=-1)
+    far = np.nonzero(turn >= HALF_TURN)[0]
+    for i in far:
+        findings.add(
+            (name, int(i) + 1),
+            f"turns by {np.degrees(turn[i]):.0f} deg since t = {t[i]:g} s; it must be less than "
+            "180 deg from sample to sample",
+        )
+    return None if len(far) else q

@@ -1,0 +1,256 @@
+"""Trajectory: everything a run gives, over time. An impact is two rows at one time."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from fantoccini.arrays import Array, Times, frozen
+from fantoccini.errors import StateError, Status
+from fantoccini.motion import interpolate
+from fantoccini.motion.columns import Columns
+from fantoccini.motion.state import Event, State
+
+if TYPE_CHECKING:
+    from fantoccini.puppet import Puppet
+    from fantoccini.tree import CoordinateTable
+
+LEDGER = ("kinetic", "potential", "damping", "impact", "slip", "work", "residual")
+"""Entries of the energy ledger [J], in order."""
+
+_MOTION = ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
+_SLACK_TIME = 1e-9
+"""Tolerance [s] on times outside of the run."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """The course of a run. The arrays are read-only copies; T rows, times not decreasing.
+
+    Attributes:
+        t: (T,) times [s].
+        q_D: (T, n_qD) dynamic configuration [rad, m or 1].
+        v_D: (T, n_vD) dynamic velocity [rad/s or m/s].
+        acc_D: (T, n_vD) dynamic acceleration [rad/s^2 or m/s^2].
+        q_K: (T, n_qK) driven configuration [rad, m or 1].
+        v_K: (T, n_vK) driven velocity [rad/s or m/s].
+        acc_K: (T, n_vK) driven acceleration [rad/s^2 or m/s^2].
+        tension: by string, >= 0 [N].
+        limit_force: by limit, >= 0 [N or N m].
+        taut: by string, whether it is taut (bool).
+        ledger: kinetic, potential [J], and since the start damping, impact, slip, work, residual
+            [J].
+        events: in order of time.
+        status: how the run ended.
+        method: event, timestepping or variational.
+        coordinates: names and places of the coordinates.
+        puppet: what moved (None when unknown).
+        effort: by driven velocity, the force that drives it [N or N m]; None when not computed.
+    """
+
+    t: Times
+    q_D: Array
+    v_D: Array
+    acc_D: Array
+    q_K: Array
+    v_K: Array
+    acc_K: Array
+    tension: Columns
+    limit_force: Columns
+    taut: Columns
+    ledger: Columns
+    events: tuple[Event, ...]
+    status: Status
+    method: str
+    coordinates: CoordinateTable
+    puppet: Puppet | None = None
+    effort: Columns | None = None
+
+    def __post_init__(self) -> None:
+        table, n = self.coordinates, len(self.t)
+        widths = (table.n_qD, table.n_vD, table.n_vD, table.n_qK, table.n_vK, table.n_vK)
+        for name, width in zip(("t", *_MOTION), (None, *widths), strict=True):
+            value = frozen(getattr(self, name))
+            shape = (n,) if width is None else (n, width)
+            if value.shape != shape:
+                raise ValueError(f"{name} has the shape {value.shape}; it must be {shape}")
+            object.__setattr__(self, name, value)
+        for name, columns in self._tables().items():
+            if len(columns.values) != n:
+                raise ValueError(f"{name} has {len(columns.values)} rows; it must have {n}")
+        if n == 0 or np.any(np.diff(self.t) < 0):
+            raise ValueError("t must hold one time or more, none before the one it follows")
+        object.__setattr__(self, "events", tuple(self.events))
+        object.__setattr__(self, "status", Status(self.status))
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def duration(self) -> float:
+        """From the first to the last row [s]."""
+        return float(self.t[-1] - self.t[0])
+
+    @property
+    def impulse(self) -> Columns:
+        """By string and limit: the impulse [N s or N m s] at the row just after it, else 0."""
+        names = self.tension.names + self.limit_force.names
+        values = np.zeros((len(self.t), len(names)))
+        for event in self.events:
+            if event.impulse and event.name in names:
+                row = np.searchsorted(self.t, event.t, side="right") - 1
+                values[max(row, 0), names.index(event.name)] += event.impulse
+        return Columns(names, values, "string or limit")
+
+    # -- between the rows --------------------------------------------------------------------
+
+    def resample(self, times: Times, side: Literal["right", "left"] = "right") -> Trajectory:
+        """The same run on other times.
+
+        Motion between two rows is the quintic through their positions, velocities and
+        accelerations; tension, forces, effort and ledger are linear; the mode is the left row's.
+
+        Args:
+            times: (m,) [s], not decreasing, inside the run.
+            side: which side of an impact is given at its very time.
+        """
+        times = self._inside(np.asarray(times, dtype=float))
+        left, right, s = interpolate.bracket(self.t, times, side)
+        table, changes = self.coordinates, {}
+        places = {
+            "D": (table.scalars_D, table.quaternions_D),
+            "K": (table.scalars_K, table.quaternions_K),
+        }
+        for kind, (scalars, quaternions) in places.items():
+            names = [f"{part}_{kind}" for part in ("q", "v", "acc")]
+            rows = tuple(getattr(self, name) for name in names)
+            moved = interpolate.motion(self.t, rows, scalars, quaternions, left, right, s)
+            changes.update(zip(names, moved, strict=True))
+        for name, columns in self._tables().items():
+            if columns.values.dtype == bool:
+                changes[name] = columns.like(columns.values[np.where(s < 1, left, right)])
+            else:
+                changes[name] = columns.like(interpolate.linear(columns.values, left, right, s))
+        return dataclasses.replace(self, t=times, **changes)
+
+    def at(self, t: float, side: Literal["right", "left"] = "right") -> State:
+        """The state at a time [s]; ``side`` as in :meth:`resample`."""
+        return self.resample(np.array([t]), side).state(0)
+
+    def state(self, row: int) -> State:
+        """The state of a row (negative rows count from the end)."""
+        holds = np.concatenate([self.taut.values[row], self.limit_force.values[row] > 0])
+        return State(self.t[row], self.q_D[row], self.v_D[row], self.q_K[row], self.v_K[row], holds)
+
+    # -- giving it away ----------------------------------------------------------------------
+
+    def columns(self) -> dict[str, Array]:
+        """All columns (T,) by name; ``pandas.DataFrame(run.columns())`` works.
+
+        ``t``; a coordinate by its name (``elbow``, ``torso.qw``); ``v:elbow``, ``acc:elbow``;
+        ``tension:hand``, ``taut:hand``, ``impulse:hand``, ``force:elbow.upper``,
+        ``effort:hand.length``, ``energy:kinetic``.
+        """
+        table, columns = self.coordinates, {"t": self.t}
+        for names, values in ((table.q_D, self.q_D), (table.q_K, self.q_K)):
+            columns.update(zip(names, values.T, strict=True))
+        for prefix, names, values in (
+            ("v", table.v_D, self.v_D),
+            ("v", table.v_K, self.v_K),
+            ("acc", table.v_D, self.acc_D),
+            ("acc", table.v_K, self.acc_K),
+        ):
+            columns.update((f"{prefix}:{n}", x) for n, x in zip(names, values.T, strict=True))
+        for prefix, named in (
+            ("tension", self.tension),
+            ("taut", self.taut),
+            ("force", self.limit_force),
+            ("impulse", self.impulse),
+            ("effort", self.effort),
+            ("energy", self.ledger),
+        ):
+            if named is not None:
+                columns.update((f"{prefix}:{name}", x) for name, x in named.items())
+        return columns
+
+    def to_dict(self) -> dict[str, list]:
+        """:meth:`columns` as lists of plain numbers, for JSON."""
+        return {name: values.tolist() for name, values in self.columns().items()}
+
+    def to_csv(self, path: str | Path) -> None:
+        """Writes :meth:`columns` as CSV; numbers read back to the same bits, flags as 0 and 1."""
+        from fantoccini.motion.archive import replacing
+
+        columns = self.columns()
+        lists = [
+            (values.astype(int) if values.dtype == bool else values).tolist()
+            for values in columns.values()
+        ]
+        with replacing(path) as temporary, temporary.open("w", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(columns)
+            writer.writerows(zip(*lists, strict=True))
+
+    def save(self, path: str | Path) -> None:
+        """Writes an npz file that holds everything, the puppet included. The file appears whole."""
+        from fantoccini.motion.archive import save
+
+        save(self, path)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Trajectory:
+        """Reads what :meth:`save` wrote, to the same bits.
+
+        Raises:
+            FileError: the file is not a trajectory.
+        """
+        from fantoccini.motion.archive import load
+
+        return load(path)
+
+    def summary(self) -> dict[str, Any]:
+        """Key numbers, without text: duration [s], rows, events by kind, tensions, ledger [J].
+
+        ``summary()["tension"]["hand"]`` has min and max [N], slack [s], catches and the largest
+        impulse [N s].
+        """
+        h = np.diff(self.t, append=self.t[-1])
+        strings = {}
+        for name, values in self.tension.items():
+            caught = [e.impulse for e in self.events if e.name == name and e.kind == "catch"]
+            strings[name] = {
+                "min": float(np.min(values)),
+                "max": float(np.max(values)),
+                "slack": float(np.sum(h[~self.taut[name]])),
+                "catches": len(caught),
+                "impulse": max(caught, default=0.0),
+            }
+        return {
+            "duration": self.duration,
+            "rows": len(self.t),
+            "status": self.status,
+            "events": dict(Counter(event.kind for event in self.events)),
+            "tension": strings,
+            "ledger": {name: float(values[-1]) for name, values in self.ledger.items()},
+        }
+
+    # -- inside ------------------------------------------------------------------------------
+
+    def _tables(self) -> dict[str, Columns]:
+        names = ("tension", "limit_force", "taut", "ledger", "effort")
+        return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
+
+    def _inside(self, times: Times) -> Times:
+        first, last = self.t[0], self.t[-1]
+        wrong = ~((times >= first - _SLACK_TIME) & (times <= last + _SLACK_TIME))
+        if np.any(wrong):
+            raise StateError(
+                f"t = {times[wrong][0]:g} s is outside of the run, {first:g} s to {last:g} s"
+            )
+        return np.clip(times, first, last)

@@ -1,0 +1,50 @@
+"""Puppet files: reading them, and the schema that editors use."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+from fantoccini.errors import PuppetError
+from fantoccini.puppet.located import read_file, read_located, validate
+from fantoccini.puppet.schema import Puppet
+
+
+def load(path: str | os.PathLike[str]) -> Puppet:
+    """Reads a puppet file.
+
+    Args:
+        path: of a YAML file.
+
+    Raises:
+        PuppetError: with every mistake, each with its line.
+    """
+    return validate(Puppet, read_file(path, PuppetError), PuppetError)
+
+
+def loads(text: str | bytes, name: str = "<string>", folder: Path | None = None) -> Puppet:
+    """Reads a puppet from a text.
+
+    Args:
+        text: YAML.
+        name: what messages call the text.
+        folder: where mesh files are looked for; by default the current folder.
+
+    Raises:
+        PuppetError: with every mistake, each with its line.
+    """
+    return validate(Puppet, read_located(text, name, folder, PuppetError), PuppetError)
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON Schema of puppet files, for editors that complete and check while one writes."""
+    schema = Puppet.model_json_schema(by_alias=True)
+    for part in schema["$defs"].values():
+        if "const" in part.get("properties", {}).get("type", {}):
+            part["required"] = ["type", *part.get("required", [])]  # a file always names the shape
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **schema,
+        "title": "fantoccini puppet",
+    }

@@ -1,0 +1,171 @@
+"""Joints: what carries a body, how it moves, and what limits it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+from fantoccini.puppet.values import (
+    Angle,
+    Axes,
+    Direction,
+    Model,
+    Name,
+    NotNegative,
+    NumberAngle,
+    Orientation,
+    Point,
+    mistake,
+)
+
+_ALLOWED_IN = {
+    "axis": ("revolute", "prismatic"),
+    "axes": ("translation",),
+    "driven": ("revolute", "prismatic", "translation", "ball", "free"),
+    "damping": ("revolute", "prismatic", "translation", "ball", "free"),
+    "spring": ("revolute", "prismatic", "ball"),
+    "limits": ("revolute", "prismatic"),
+    "cone": ("ball",),
+    "twist": ("ball",),
+}
+
+
+class JointSpring(Model):
+    """V = k/2 (q - rest)^2; in a ball joint V = 2 k (1 - q_w^2), k/2 phi^2 for small angles."""
+
+    stiffness: NotNegative
+    """k [N m/rad or N/m]."""
+    rest: NumberAngle = 0.0
+    """Where the spring is relaxed [rad or m]; not for ball joints."""
+
+
+class Limits(Model):
+    """Lower and upper end of a joint's travel; at least one of them."""
+
+    lower: Angle | None = None
+    """[rad or m]."""
+    upper: Angle | None = None
+    """[rad or m]."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Limits:
+        _check_range(self.lower, self.upper)
+        return self
+
+
+class Cone(Model):
+    """Swing limit of a ball joint: cos(max) - a . R b <= 0."""
+
+    max: Angle
+    """Largest angle between the two axes, between 0 and 180 deg."""
+    axis: Direction
+    """a, the cone's axis, in the joint frame."""
+    of: Direction | None = None
+    """b, the axis it limits, in the body frame; by default the same numbers as `axis`."""
+
+    @field_validator("max")
+    @classmethod
+    def _open(cls, angle: float) -> float:
+        if not 0 < angle < np.pi:
+            raise mistake(f"found {angle:g} rad; needed: more than 0 and less than 180 deg")
+        return angle
+
+
+class Twist(Model):
+    """Limit on a ball joint's rotation about an axis of the body (swing-twist)."""
+
+    lower: Angle | None = None
+    """[rad]."""
+    upper: Angle | None = None
+    """[rad]."""
+    axis: Direction | None = None
+    """b, in the body frame; by default the axis that the cone limits."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Twist:
+        _check_range(self.lower, self.upper)
+        if any(x is not None and abs(x) > np.pi for x in (self.lower, self.upper)):
+            raise mistake("a twist lies between -180 deg and 180 deg")
+        return self
+
+
+def _check_range(lower: float | None, upper: float | None) -> None:
+    if lower is None and upper is None:
+        raise mistake("needed: lower, upper or both")
+    if lower is not None and upper is not None and lower >= upper:
+        raise mistake(f"found lower {lower:g} and upper {upper:g}; lower must be below upper")
+
+
+class Joint(Model):
+    """What carries a body. The body frame is the joint frame when the coordinates are zero."""
+
+    type: Literal["fixed", "revolute", "prismatic", "translation", "ball", "free"]
+    """Kind of motion."""
+    name: Name | None = None
+    """Name of its coordinates; by default the body's name."""
+    driven: bool = Field(default=False, strict=True)
+    """True when a person or a motor moves it: its coordinates are inputs."""
+    axis: Annotated[Direction | None, Field(validate_default=True)] = None
+    """Axis of a revolute or prismatic joint, in the joint frame."""
+    axes: Annotated[Axes | None, Field(validate_default=True)] = None
+    """Axes along which a translation moves, in the joint frame."""
+    at: Point = (0.0, 0.0, 0.0)
+    """Origin of the joint frame in the parent's body frame [m]."""
+    orientation: Orientation | None = None
+    """Orientation of the joint frame in the parent's body frame."""
+    damping: NotNegative = 0.0
+    """On every velocity of the joint [N m s/rad or N s/m]."""
+    spring: JointSpring | None = None
+    """Pulls the joint to a rest position."""
+    limits: Limits | None = None
+    """Ends of a revolute or prismatic joint's travel."""
+    cone: Cone | None = None
+    """Swing limit of a ball joint."""
+    twist: Twist | None = None
+    """Twist limit of a ball joint."""
+
+    @field_validator("axis", "axes")
+    @classmethod
+    def _needed(cls, value: Any, info: ValidationInfo) -> Any:
+        kind = info.data.get("type")
+        if kind in _ALLOWED_IN[info.field_name] and value is None:
+            raise mistake(f"a {kind} joint needs this key")
+        return value
+
+    @field_validator("driven", "axis", "axes", "damping", "spring", "limits", "cone", "twist")
+    @classmethod
+    def _fits(cls, value: Any, info: ValidationInfo) -> Any:
+        if value is None or value is False or (info.field_name == "damping" and not value):
+            return value
+        kind, allowed = info.data.get("type"), _ALLOWED_IN[info.field_name]
+        if kind is not None and kind not in allowed:
+            raise mistake(f"a {kind} joint has none; it belongs to {', '.join(allowed)} joints")
+        passive = info.field_name in ("damping", "spring", "limits", "cone", "twist")
+        if passive and info.data.get("driven"):
+            raise mistake("a driven joint moves as it is told; it has no damping, spring or limits")
+        return value
+
+    @field_validator("spring", "limits", mode="before")
+    @classmethod
+    def _lengths_are_no_angles(cls, value: Any, info: ValidationInfo) -> Any:
+        if info.data.get("type") == "prismatic" and isinstance(value, dict):
+            words = [v for v in value.values() if isinstance(v, str)]
+            if words:
+                raise mistake(f"found {words[0]!r}; needed: a length in metres, without a unit")
+        return value
+
+    @field_validator("spring")
+    @classmethod
+    def _ball_rests_at_zero(cls, spring: Any, info: ValidationInfo) -> Any:
+        if spring is not None and info.data.get("type") == "ball" and spring.rest != 0:
+            raise mistake("a ball joint's spring has no rest; turn the joint frame instead")
+        return spring
+
+    @field_validator("twist")
+    @classmethod
+    def _twist_axis(cls, twist: Any, info: ValidationInfo) -> Any:
+        if twist is not None and twist.axis is None and info.data.get("cone", ...) is None:
+            raise mistake("needed: an axis, or a cone whose axis is taken")
+        return twist

@@ -1,0 +1,296 @@
+"""Text -> validated model, with the line of every mistake. Nothing here knows about puppets.
+
+Every mistake reads ``file:line: key.path: what was found, what is allowed, nearest valid name``,
+and all mistakes of a file are collected before an error is raised.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import reprlib
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path as FilePath
+from typing import Any, TypeVar, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from fantoccini.errors import FileError, Problem, nearest
+from fantoccini.puppet.yaml_text import Path, Unreadable, read_text
+
+MAX_BYTES = 2_000_000
+"""Size of the largest file that is read [bytes]."""
+MAX_PROBLEMS = 100
+"""Mistakes listed in full; of the rest only the number is given."""
+
+Finding = tuple[Path, str]
+"""Where (path of keys and indices) and what."""
+
+ModelT = TypeVar("ModelT", bound=BaseModel)
+
+
+@dataclass(frozen=True)
+class Located:
+    """Plain data that remembers where it was written.
+
+    Attributes:
+        data: dicts, lists and scalars.
+        file: the file's name as the user gave it.
+        folder: where relative paths in the file begin.
+        lines: path of keys and indices -> 1-based line; empty for data built in Python.
+        problems: mistakes found while reading that left the rest readable.
+    """
+
+    data: Any = None
+    file: str = "<python>"
+    folder: FilePath = field(default_factory=FilePath.cwd)
+    lines: dict[Path, int] = field(default_factory=dict)
+    problems: tuple[Problem, ...] = ()
+
+    def line(self, path: Path) -> int | None:
+        """Line of a path, or of the nearest thing around it that has one."""
+        while path and path not in self.lines:
+            path = path[:-1]
+        return self.lines.get(path)
+
+    def problem(self, path: Path, message: str) -> Problem:
+        """A mistake at a path."""
+        return Problem(self.file, self.line(path), key_path(path), message)
+
+    def error(self, findings: Iterable[Finding], error: type[FileError]) -> FileError:
+        """All mistakes in file order, those found while reading included."""
+        problems = [*self.problems, *(self.problem(p, m) for p, m in findings)]
+        problems = sorted(dict.fromkeys(problems), key=lambda p: p.line or 0)
+        more = len(problems) - MAX_PROBLEMS
+        if more > 0:
+            problems = [*problems[:MAX_PROBLEMS], Problem(self.file, None, "", f"and {more} more")]
+        return error(problems)
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where something was written; things are equal wherever they were written.
+
+    Attributes:
+        file: the file's name as the user gave it.
+        folder: where relative paths in the file begin.
+        lines: name -> 1-based line.
+    """
+
+    file: str = field(default="<python>", compare=False)
+    folder: FilePath = field(default_factory=FilePath.cwd, compare=False)
+    lines: dict[str, int] = field(default_factory=dict, compare=False)
+
+
+def read_file(path: str | os.PathLike[str], error: type[FileError] = FileError) -> Located:
+    """Reads a YAML file.
+
+    Args:
+        path: of the file.
+        error: the kind of error to raise.
+    """
+    name = os.fspath(path)
+    try:
+        place = FilePath(name)
+        if not place.is_file():
+            found = "a folder" if place.is_dir() else "nothing" if not place.exists() else "no file"
+            raise error([Problem(name, None, "", f"found {found} here; a YAML file is needed")])
+        with place.open("rb") as stream:
+            raw = stream.read(MAX_BYTES + 1)
+        folder = place.resolve().parent
+    except (OSError, ValueError) as reason:
+        text = getattr(reason, "strerror", None) or str(reason)
+        raise error([Problem(name, None, "", f"cannot be read: {text}")]) from None
+    return read_located(raw, name, folder, error)
+
+
+def read_located(
+    text: str | bytes,
+    file: str,
+    folder: FilePath | None = None,
+    error: type[FileError] = FileError,
+) -> Located:
+    """Reads YAML text.
+
+    Args:
+        text: the file's content.
+        file: its name, for messages.
+        folder: where relative paths in the file begin; by default the current folder.
+        error: the kind of error to raise where the text cannot be read.
+    """
+
+    def fail(line: int | None, path: Path, message: str) -> FileError:
+        return error([Problem(file, line, key_path(path), message)])
+
+    if len(text) > MAX_BYTES:
+        raise fail(None, (), f"larger than {MAX_BYTES / 1e6:g} MB, the most that is read")
+    if isinstance(text, bytes):
+        try:
+            text = text.decode("utf-8-sig")
+        except UnicodeDecodeError as reason:
+            line = text.count(b"\n", 0, reason.start) + 1
+            byte = text[reason.start]
+            raise fail(line, (), f"found the byte 0x{byte:02x}; the file must be UTF-8") from None
+    try:
+        read = read_text(text)
+    except Unreadable as reason:
+        raise fail(reason.line, reason.path, reason.message) from None
+    if read.data is None:
+        raise fail(1, (), "the file is empty")
+    problems = tuple(Problem(file, line, key_path(p), m) for p, line, m in read.problems)
+    return Located(read.data, file, folder or FilePath.cwd(), read.lines, problems)
+
+
+def validate(model: type[ModelT], located: Located, error: type[FileError] = FileError) -> ModelT:
+    """The model's instance for located data; all mistakes in one error.
+
+    Args:
+        model: a pydantic model; its validators find ``located`` as the validation context.
+        located: what ``read_located`` gave.
+        error: the kind of error to raise.
+    """
+    try:
+        instance = model.model_validate(located.data, context=located)
+    except ValidationError as reason:
+        raise located.error(findings(model, located.data, reason), error) from None
+    if located.problems:
+        raise located.error((), error)
+    return instance
+
+
+def findings(model: type[BaseModel], data: Any, error: ValidationError) -> list[Finding]:
+    """Pydantic's errors as places and sentences.
+
+    Args:
+        model: what was validated.
+        data: plain data it was validated from.
+        error: what pydantic raised.
+    """
+    found = []
+    for item in error.errors(include_url=False):
+        path, leaf = _path(data, item["loc"], item["type"])
+        if item["type"] in ("union_tag_invalid", "union_tag_not_found"):
+            path = (*path, item["ctx"]["discriminator"].strip("'"))
+        found.append((path, _sentence(model, item, leaf)))
+    return found
+
+
+def key_path(path: Path) -> str:
+    """``("bodies", 2, "joint")`` -> ``bodies[2].joint``; odd keys are quoted and cut short."""
+    text = ""
+    for part in path:
+        if isinstance(part, int):
+            text += f"[{part}]"
+        elif re.fullmatch(r"[\w-]{1,64}(\.[\w-]{1,64})?", part, re.ASCII):
+            text += f".{part}" if text else part
+        else:
+            text += f"[{shown(part)}]"
+    return text
+
+
+_short = reprlib.Repr()
+_short.maxstring = _short.maxother = _short.maxlong = 60
+
+
+def shown(value: Any) -> str:
+    """A value as a message shows it: on one line and short."""
+    if isinstance(value, BaseModel):
+        return type(value).__name__
+    if isinstance(value, float) and not math.isfinite(value):
+        return {math.inf: "inf", -math.inf: "-inf"}.get(value, "nan")
+    return (
+        {None: "nothing", True: "true", False: "false"}.get(value, "")
+        if (value is None or isinstance(value, bool))
+        else _short.repr(value)
+    )
+
+
+def _path(data: Any, loc: tuple[str | int, ...], kind: str) -> tuple[Path, str]:
+    """Drops the parts of pydantic's location that name branches of a union, not keys."""
+    path: list[str | int] = []
+    for k, part in enumerate(loc):
+        last = k == len(loc) - 1
+        in_list = isinstance(data, list) and isinstance(part, int) and part < len(data)
+        if in_list or (isinstance(data, dict) and part in data):
+            data = data[part]
+        elif not (last and kind in ("missing", "fantoccini") and _is_key(data, part)):
+            continue
+        path.append(part)
+    return tuple(path), str(loc[-1]) if loc else ""
+
+
+def _is_key(data: Any, part: Any) -> bool:
+    """Whether the last part of a location is a key that is absent, not a branch of a union."""
+    named = isinstance(part, str) and not part.startswith("<")
+    return named and isinstance(data, dict) and data.get("type") != part
+
+
+_NEEDED = {
+    "model_type": "a mapping of keys and values",
+    "dict_type": "a mapping of keys and values",
+    "tuple_type": "a list",
+    "list_type": "a list",
+    "string_type": "a text",
+    "bool_type": "true or false",
+    "none_required": "nothing",
+}
+
+
+def _sentence(model: type[BaseModel], item: Any, leaf: str) -> str:
+    kind, found, facts = item["type"], shown(item["input"]), item.get("ctx", {})
+    if kind == "fantoccini":
+        return item["msg"]
+    if kind == "extra_forbidden":
+        return f"this key is not known{nearest(leaf[:64], allowed_keys(model, item['loc'][:-1]))}"
+    if kind in ("missing", "union_tag_not_found"):
+        return "this key is missing"
+    if kind == "literal_error" or kind == "union_tag_invalid":
+        text = facts.get("expected") or facts["expected_tags"]
+        names = re.findall(r"'([^']*)'", text)
+        wrong = item["input"] if kind == "literal_error" else facts["tag"]
+        return f"found {shown(wrong)}; allowed: {', '.join(names)}{_closest(wrong, names)}"
+    if kind in _NEEDED or kind.endswith("_type"):
+        return f"found {found}; needed: {_NEEDED.get(kind, item['msg'])}"
+    return f"found {found}: {item['msg']}"
+
+
+def _closest(found: Any, names: list[str]) -> str:
+    hint = nearest(found[:64], names) if isinstance(found, str) else ""
+    return hint if "did you mean" in hint else ""
+
+
+def allowed_keys(model: type[BaseModel], loc: tuple[str | int, ...]) -> list[str]:
+    """Keys that may stand at a location of a model.
+
+    Args:
+        model: where the location begins.
+        loc: pydantic's location: keys, indices and names of union branches.
+    """
+    models = [model]
+    for part in loc:
+        if isinstance(part, int):
+            continue
+        fields = [f for m in models for k, f in _fields(m).items() if k == part]
+        if fields:
+            models = [m for f in fields for m in _models(f.annotation)]
+        else:
+            models = [m for m in models if part in _tags(m)] or models
+    return sorted({key for m in models for key in _fields(m)})
+
+
+def _fields(model: type[BaseModel]) -> dict[str, Any]:
+    return {f.alias or name: f for name, f in model.model_fields.items()}
+
+
+def _tags(model: type[BaseModel]) -> set[str]:
+    kind = model.model_fields.get("type")
+    tags = get_args(kind.annotation) if kind else ()
+    return {t for t in tags if isinstance(t, str)} | {f"<{model.__name__.lower()}>"}
+
+
+def _models(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [m for a in get_args(annotation) for m in _models(a)]

@@ -1,0 +1,279 @@
+"""The one schema of a puppet: bodies on joints, hung on strings."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Discriminator,
+    Field,
+    PrivateAttr,
+    Tag,
+    ValidationError,
+    ValidationInfo,
+    model_validator,
+)
+
+from fantoccini.errors import PuppetError
+from fantoccini.puppet import check, dump, mirror
+from fantoccini.puppet.joint import Joint
+from fantoccini.puppet.located import Located, Origin, findings, shown
+from fantoccini.puppet.shapes import AnyObstacle, AnyShape, Colour, Mesh
+from fantoccini.puppet.values import (
+    Angle,
+    Axes,
+    Model,
+    Name,
+    NotNegative,
+    Number,
+    Parameter,
+    Point,
+    Real,
+    entries,
+    mistake,
+    number_kind,
+    positive,
+    rotation_vector_quaternion,
+    sized,
+    unit,
+    value_of,
+)
+
+
+class Drag(Model):
+    """Air drag: -(linear + quadratic |v|) v on the centre of mass, torque -angular w."""
+
+    linear: NotNegative = 0.0
+    """[N s/m]."""
+    quadratic: NotNegative = 0.0
+    """[N s^2/m^2]."""
+    angular: NotNegative = 0.0
+    """[N m s]."""
+
+
+def _possible(inertia: tuple[Number, ...]) -> tuple[Number, ...]:
+    ixx, iyy, izz, ixy, ixz, iyz = (*(value_of(n) for n in inertia), 0.0, 0.0, 0.0)[:6]
+    a, b, c = np.linalg.eigvalsh([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
+    slack = 1e-9 * abs(c)
+    if a < -slack:
+        raise mistake(f"found a principal moment of {a:g} kg m^2; none may be negative")
+    if a + b < c - slack:
+        raise mistake(
+            f"found principal moments {a:g}, {b:g} and {c:g} kg m^2; no solid has one that is "
+            "larger than the sum of the other two"
+        )
+    return inertia
+
+
+class Body(Model):
+    """A rigid body and the joint that carries it. A body without mass is a frame."""
+
+    name: Name
+    """The body's name."""
+    parent: str = "world"
+    """Name of the body it hangs on."""
+    joint: Joint = Joint(type="fixed")
+    """How it moves on its parent."""
+    shapes: tuple[AnyShape, ...] = ()
+    """Solids fixed on the body; those with mass or density give its inertia."""
+    mass: NotNegative | None = None
+    """Mass [kg], instead of the shapes' sum."""
+    com: Point | None = None
+    """Centre of mass in the body frame [m], instead of the shapes'."""
+    inertia: Annotated[tuple[Number, ...], sized(3, 6), AfterValidator(_possible)] | None = None
+    """ixx, iyy, izz and perhaps ixy, ixz, iyz about the centre of mass [kg m^2]."""
+    drag: Drag | None = None
+    """Air drag."""
+
+
+class Attachment(Model):
+    """A point of a string or spring: on a body, in the world, or (a string's end) driven."""
+
+    body: str | None = None
+    """Name of the body the point is fixed on."""
+    at: Point = (0.0, 0.0, 0.0)
+    """Place in the body frame; for a driven end its place in the world at the start [m]."""
+    world: Point | None = None
+    """Place in the world [m]."""
+    driven: Axes | None = None
+    """World axes along which the string's end is moved by hand or motor."""
+
+    @model_validator(mode="after")
+    def _one_place(self) -> Attachment:
+        given = [k for k in ("body", "world", "driven") if getattr(self, k) is not None]
+        if len(given) != 1:
+            found = " and ".join(given) or "neither"
+            raise mistake(f"found {found}; needed: exactly one of body, world, driven")
+        if self.world is not None and "at" in self.model_fields_set:
+            raise mistake("found world and at; the place stands in world itself")
+        return self
+
+
+def _length_kind(value: Any) -> str:
+    return "<driven>" if isinstance(value, str) else number_kind(value)
+
+
+def _driven(word: Any) -> Any:
+    if word != "driven":
+        raise mistake(f"found {shown(word)}; needed: a positive number [m], or driven")
+    return word
+
+
+Length = Annotated[
+    Annotated[Literal["driven"], BeforeValidator(_driven), Tag("<driven>")]
+    | Annotated[Real, Tag("<number>")]
+    | Annotated[Parameter, Tag("<parameter>")],
+    Discriminator(_length_kind),
+    AfterValidator(positive),
+]
+
+
+class String(Model):
+    """A massless string: path length - L <= 0, and it can only pull."""
+
+    name: Name
+    """The string's name."""
+    path: Annotated[tuple[Attachment, ...], entries(2)]
+    """The points it runs through, from end to end."""
+    length: Length
+    """L [m], or `driven` when it is wound in and out."""
+    wire: bool = Field(default=False, strict=True)
+    """True for a rod that also pushes (a two-sided constraint)."""
+    colour: Colour | None = None
+    """Colour as `"#rrggbb"`."""
+
+
+class Spring(Model):
+    """A spring between two points: V = k/2 (d - rest)^2."""
+
+    name: Name
+    """The spring's name."""
+    between: Annotated[tuple[Attachment, ...], entries(2, 2)]
+    """Its two ends."""
+    stiffness: NotNegative
+    """k [N/m]."""
+    rest: NotNegative
+    """Distance d at which it is relaxed [m]."""
+    damping: NotNegative = 0.0
+    """On the rate of d [N s/m]."""
+
+
+class Mirror(Model):
+    """Reflects everything whose name holds one word into a twin whose name holds the other."""
+
+    plane: Literal["xy", "yz", "xz"]
+    """Plane of the reflection, through the origin."""
+    from_: str = Field(alias="from", min_length=1, max_length=64)
+    """The word that is looked for, for example `left`."""
+    to: str = Field(min_length=1, max_length=64)
+    """The word the twin carries, for example `right`."""
+
+
+def _pose_kind(value: Any) -> str:
+    return "<rotation>" if isinstance(value, (list, tuple, np.ndarray)) else "<number>"
+
+
+def _rotation(value: tuple[float, ...]) -> tuple[float, ...]:
+    """Unit quaternion of a rotation vector (3 numbers) or a quaternion (4)."""
+    return rotation_vector_quaternion(value) if len(value) == 3 else unit(value)
+
+
+Rotation = Annotated[tuple[Real, ...], sized(3, 4), AfterValidator(_rotation)]
+PoseValue = Annotated[
+    Annotated[Angle, Tag("<number>")] | Annotated[Rotation, Tag("<rotation>")],
+    Discriminator(_pose_kind),
+]
+
+
+class Puppet(Model):
+    """A puppet, as its file describes it."""
+
+    puppet: Name
+    """The puppet's name."""
+    gravity: Point = (0.0, 0.0, -9.81)
+    """Acceleration of gravity in the world [m/s^2]."""
+    bodies: Annotated[tuple[Body, ...], entries(1)]
+    """Bodies, in any order; each names its parent."""
+    strings: tuple[String, ...] = ()
+    """Strings the puppet hangs on."""
+    springs: tuple[Spring, ...] = ()
+    """Springs between points."""
+    mirror: Mirror | None = None
+    """Reflects one half of the puppet into the other."""
+    pose: dict[str, PoseValue] = Field(default_factory=dict)
+    """Start values: coordinate -> number; `joint.rotation` -> quaternion or rotation vector."""
+    obstacles: tuple[AnyObstacle, ...] = ()
+    """Shapes that stand in the world."""
+    floor: Real | None = None
+    """Height of the floor [m]."""
+
+    _origin: Origin = PrivateAttr(default_factory=Origin)
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _all_mistakes_at_once(cls, data: Any, handler: Any, info: ValidationInfo) -> Any:
+        if isinstance(data, Puppet):
+            return data
+        located = info.context if isinstance(info.context, Located) else Located()
+        plain = dump.plain(data)
+        try:
+            puppet, found = handler(data), []
+        except ValidationError as error:
+            puppet, found = None, findings(cls, plain, error)
+        found += check.findings(plain)
+        if puppet is not None and not found:
+            found += check.massless_joints(puppet.bodies, puppet.mirror)
+            found += mirror.reflected(dump.plain(puppet))[1]
+        if found or located.problems:
+            raise located.error(found, PuppetError)
+        puppet._origin = Origin(located.file, located.folder, check.name_lines(plain, located))
+        return puppet
+
+    def __hash__(self) -> int:
+        return hash((self.puppet, self.bodies, self.strings))
+
+    @property
+    def name(self) -> str:
+        """The puppet's name."""
+        return self.puppet
+
+    def expanded(self) -> Puppet:
+        """The puppet with its mirror applied: both halves written out."""
+        if self.mirror is None:
+            return self
+        data, _ = mirror.reflected(dump.plain(self))
+        origin = self._origin
+        puppet = Puppet.model_validate(data, context=Located(None, origin.file, origin.folder))
+        twins = {mirror.twin_name(n, self.mirror.from_, self.mirror.to): n for n in origin.lines}
+        lines = {twin: origin.lines[n] for twin, n in twins.items()} | origin.lines
+        puppet._origin = Origin(origin.file, origin.folder, lines)
+        return puppet
+
+    def parameters(self) -> dict[str, float]:
+        """Names and values of all parameters, in order of first appearance."""
+        return {p["parameter"]: p["value"] for _, p in check.parameters(dump.plain(self))}
+
+    def locate(self, name: str) -> tuple[str, int | None]:
+        """File and line in which a body, joint, string, spring or obstacle is described.
+
+        Args:
+            name: of the thing; twins are found where their originals are.
+        """
+        line = self._origin.lines.get(name)
+        if line is None and self.mirror is not None:
+            line = self.expanded()._origin.lines.get(name)
+        return self._origin.file, line
+
+    def to_yaml(self) -> str:
+        """The puppet as a file; reading it back gives an equal puppet."""
+        return dump.to_yaml(dump.plain(self))
+
+    def canonical(self) -> str:
+        """One text for equal puppets: JSON of the expanded puppet and of its meshes' digests."""
+        puppet = self.expanded()
+        solids = [s for body in puppet.bodies for s in body.shapes] + list(puppet.obstacles)
+        meshes = {s.file: s.digest() for s in solids if isinstance(s, Mesh)}
+        return dump.canonical(dump.plain(puppet), meshes)

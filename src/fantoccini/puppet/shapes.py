@@ -1,0 +1,336 @@
+"""Shapes: picture, collision geometry and inertia at once.
+
+A shape with a mass or a density counts towards its body's inertia; one with neither is only seen
+and collided with.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    Field,
+    PrivateAttr,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+
+from fantoccini.puppet.located import Located, Origin, shown
+from fantoccini.puppet.values import (
+    Model,
+    Name,
+    NotNegative,
+    Orientation,
+    Positive,
+    Real,
+    Vector,
+    mistake,
+    sized,
+    value_of,
+)
+
+MAX_MESH_BYTES = 50_000_000
+"""Size of the largest mesh file that is read [bytes]."""
+MESH_FORMATS = (".stl", ".obj", ".ply")
+
+
+def _colour(text: str) -> str:
+    if not re.fullmatch(r"#[0-9a-fA-F]{6}", text):
+        raise mistake(f"found {shown(text)}; needed: a colour like '#c08040', in quotes")
+    return text
+
+
+Colour = Annotated[str, AfterValidator(_colour)]
+Sizes = Annotated[tuple[Positive, Positive, Positive], sized(3)]
+
+
+class Shape(Model):
+    """A solid of uniform density, fixed on a body."""
+
+    mass: NotNegative | None = None
+    """Mass [kg]; leave out mass and density for a shape that is only seen."""
+    density: NotNegative | None = None
+    """Density [kg/m^3], instead of a mass."""
+    colour: Colour | None = None
+    """Colour as `"#rrggbb"`."""
+
+    @field_validator("density")
+    @classmethod
+    def _mass_or_density(cls, density: Any, info: ValidationInfo) -> Any:
+        if density is not None and info.data.get("mass") is not None:
+            raise mistake("found a density beside a mass; allowed: one of the two")
+        return density
+
+
+class Capsule(Shape):
+    """A cylinder closed by two half-spheres."""
+
+    type: Literal["capsule"] = "capsule"
+    from_: Vector = Field(alias="from")
+    """Centre of the first half-sphere [m]."""
+    to: Vector
+    """Centre of the second half-sphere [m]."""
+    radius: Positive
+    """[m]."""
+
+
+class Box(Shape):
+    """A box, centred at `at`."""
+
+    type: Literal["box"] = "box"
+    size: Sizes
+    """Lengths of its edges along x, y, z [m]."""
+    at: Vector = (0.0, 0.0, 0.0)
+    """Centre [m]."""
+    orientation: Orientation | None = None
+    """Turns the box about its centre."""
+
+
+class Sphere(Shape):
+    """A ball, centred at `at`."""
+
+    type: Literal["sphere"] = "sphere"
+    radius: Positive
+    """[m]."""
+    at: Vector = (0.0, 0.0, 0.0)
+    """Centre [m]."""
+
+
+class Ellipsoid(Shape):
+    """An ellipsoid, centred at `at`."""
+
+    type: Literal["ellipsoid"] = "ellipsoid"
+    radii: Sizes
+    """Half axes along x, y, z [m]."""
+    at: Vector = (0.0, 0.0, 0.0)
+    """Centre [m]."""
+    orientation: Orientation | None = None
+    """Turns the ellipsoid about its centre."""
+
+
+class Mesh(Shape):
+    """A closed triangle mesh (STL, OBJ or PLY) in the puppet file's folder or below."""
+
+    type: Literal["mesh"] = "mesh"
+    file: str
+    """Path relative to the puppet file, with forward slashes."""
+    scale: Annotated[tuple[Real, Real, Real], sized(3)] = (1.0, 1.0, 1.0)
+    """Factors along x, y, z (file units to metres); a negative factor mirrors."""
+    at: Vector = (0.0, 0.0, 0.0)
+    """Where the mesh's origin lies [m]."""
+    orientation: Orientation | None = None
+    """Turns the mesh about its origin."""
+
+    _origin: Origin = PrivateAttr(default_factory=Origin)
+
+    @field_validator("scale", mode="before")
+    @classmethod
+    def _one_or_three(cls, scale: Any) -> Any:
+        return scale if isinstance(scale, (list, tuple, dict, np.ndarray)) else (scale,) * 3
+
+    @field_validator("scale")
+    @classmethod
+    def _not_flat(cls, scale: tuple[float, ...]) -> tuple[float, ...]:
+        if 0.0 in scale:
+            raise mistake("found a factor of zero; needed: three factors that are not zero")
+        return scale
+
+    @field_validator("file")
+    @classmethod
+    def _inside(cls, file: str, info: ValidationInfo) -> str:
+        folder = info.context.folder if isinstance(info.context, Located) else Path.cwd()
+        path = PurePosixPath(file)
+        plain = file.isprintable() and "\\" not in file and ":" not in file and len(file) < 256
+        if not plain or path.is_absolute() or ".." in path.parts or not path.parts:
+            raise mistake(f"found {shown(file)}; needed: a path inside the puppet file's folder")
+        if path.suffix.lower() not in MESH_FORMATS:
+            raise mistake(f"found {shown(file)}; allowed: {', '.join(MESH_FORMATS)} files")
+        try:
+            place = (folder / path).resolve()
+            if not place.is_relative_to(folder.resolve()):
+                raise mistake(f"found {shown(file)}; it leads out of the puppet file's folder")
+            if not place.is_file():
+                raise mistake(f"found no file {shown(file)} in {folder}")
+            size = place.stat().st_size
+        except OSError as reason:
+            raise mistake(f"found {shown(file)}, which cannot be read: {reason}") from None
+        if size > MAX_MESH_BYTES:
+            raise mistake(f"found {size / 1e6:.0f} MB; at most {MAX_MESH_BYTES / 1e6:.0f} MB read")
+        return file
+
+    def model_post_init(self, context: Any) -> None:
+        if isinstance(context, Located):
+            self._origin = Origin(context.file, context.folder)
+
+    @model_validator(mode="after")
+    def _readable(self) -> Mesh:
+        try:
+            load_mesh(self)
+        except (OSError, ValueError) as reason:
+            raise mistake(str(reason)) from None
+        return self
+
+    @property
+    def path(self) -> Path:
+        """Where the mesh file lies."""
+        return self._origin.folder / self.file
+
+    def digest(self) -> str:
+        """SHA-256 of the mesh file's content, in hexadecimal."""
+        return hashlib.sha256(self.path.read_bytes()).hexdigest()
+
+
+AnyShape = Annotated[Capsule | Box | Sphere | Ellipsoid | Mesh, Field(discriminator="type")]
+
+
+class Obstacle(Shape):
+    """A shape that stands in the world; nothing moves it."""
+
+    name: Name
+    """The obstacle's name."""
+    mass: None = None
+    """An obstacle has no mass."""
+    density: None = None
+    """An obstacle has no density."""
+
+
+class CapsuleObstacle(Obstacle, Capsule):
+    """A capsule that stands in the world."""
+
+
+class BoxObstacle(Obstacle, Box):
+    """A box that stands in the world."""
+
+
+class SphereObstacle(Obstacle, Sphere):
+    """A ball that stands in the world."""
+
+
+class EllipsoidObstacle(Obstacle, Ellipsoid):
+    """An ellipsoid that stands in the world."""
+
+
+class MeshObstacle(Obstacle, Mesh):
+    """A mesh that stands in the world."""
+
+
+AnyObstacle = Annotated[
+    CapsuleObstacle | BoxObstacle | SphereObstacle | EllipsoidObstacle | MeshObstacle,
+    Field(discriminator="type"),
+]
+
+
+@dataclass(frozen=True, eq=False)
+class UnitInertia:
+    """Inertia of a solid per unit of its mass.
+
+    Attributes:
+        com: (3,) centre of mass in the body frame [m].
+        inertia: (3, 3) about the centre of mass, body axes, per unit mass [m^2].
+    """
+
+    com: np.ndarray
+    inertia: np.ndarray
+
+
+def shape_inertia(shape: Shape) -> tuple[float, UnitInertia]:
+    """Volume and unit inertia of a solid of uniform density.
+
+    Args:
+        shape: any shape.
+
+    Returns:
+        The volume [m^3], and centre of mass and inertia per unit mass.
+    """
+    match shape:
+        case Sphere(radius=r):
+            return 4 / 3 * math.pi * r**3, _placed(shape, (0.4 * r * r,) * 3)
+        case Box(size=(x, y, z)):
+            moments = (y * y + z * z) / 12, (x * x + z * z) / 12, (x * x + y * y) / 12
+            return x * y * z, _placed(shape, moments)
+        case Ellipsoid(radii=(a, b, c)):
+            moments = (b * b + c * c) / 5, (a * a + c * c) / 5, (a * a + b * b) / 5
+            return 4 / 3 * math.pi * a * b * c, _placed(shape, moments)
+        case Capsule():
+            return _capsule(shape)
+        case Mesh():
+            return _mesh(shape)
+    raise TypeError(f"{type(shape).__name__} is not a shape")
+
+
+def _placed(shape: Any, moments: tuple[float, float, float]) -> UnitInertia:
+    """R diag(moments) R^T at the shape's centre."""
+    orientation = getattr(shape, "orientation", None)
+    R = np.eye(3) if orientation is None else orientation.matrix
+    return UnitInertia(np.array(shape.at), R @ np.diag(moments) @ R.T)
+
+
+def _capsule(shape: Capsule) -> tuple[float, UnitInertia]:
+    """Cylinder of length l and two half-spheres of radius r, about the middle.
+
+    A half-sphere of mass m: centre of mass 3/8 r beyond its flat face, transverse moment about
+    that centre (2/5 - 9/64) m r^2, so about the capsule's middle m (2/5 r^2 + l^2/4 + 3/8 l r).
+    """
+    start, end, r = np.array(shape.from_), np.array(shape.to), shape.radius
+    length = float(np.linalg.norm(end - start))
+    cylinder, ball = math.pi * r * r * length, 4 / 3 * math.pi * r**3
+    volume = cylinder + ball
+    along = (cylinder * r * r / 2 + ball * 0.4 * r * r) / volume
+    across = (
+        cylinder * (length**2 / 12 + r * r / 4)
+        + ball * (0.4 * r * r + length**2 / 4 + 0.375 * length * r)
+    ) / volume
+    axis = (end - start) / length if length > 0 else np.zeros(3)
+    inertia = across * np.eye(3) + (along - across) * np.outer(axis, axis)
+    return volume, UnitInertia((start + end) / 2, inertia)
+
+
+def _mesh(shape: Mesh) -> tuple[float, UnitInertia]:
+    """Of the enclosed volume, from the triangles."""
+    mesh = load_mesh(shape)
+    volume = float(mesh.volume)
+    return volume, UnitInertia(np.array(mesh.center_mass), np.array(mesh.moment_inertia) / volume)
+
+
+def load_mesh(shape: Mesh) -> Any:
+    """The mesh in the body frame, as a ``trimesh.Trimesh``.
+
+    Args:
+        shape: where it lies, how it is scaled and placed.
+
+    Raises:
+        ValueError: when the file is no mesh, or is not closed although it has a mass.
+    """
+    import trimesh
+
+    content = io.BytesIO(shape.path.read_bytes())  # a stream: no material files are looked for
+    try:
+        mesh = trimesh.load(content, force="mesh", file_type=shape.path.suffix[1:].lower())
+    except Exception as reason:  # trimesh's readers raise whatever their parsing meets
+        raise ValueError(f"{shape.file} is not a mesh: {type(reason).__name__}") from reason
+    if not len(mesh.faces) or not np.isfinite(mesh.vertices).all():
+        raise ValueError(f"{shape.file} holds no triangles with finite corners")
+    placed = np.eye(4)
+    placed[:3, :3] = np.eye(3) if shape.orientation is None else shape.orientation.matrix
+    placed[:3, :3] = placed[:3, :3] @ np.diag(shape.scale)
+    placed[:3, 3] = shape.at
+    mesh.apply_transform(placed)
+    if has_mass(shape) and (not mesh.is_watertight or abs(mesh.volume) < 1e-15):
+        raise ValueError(f"{shape.file} is not closed, so its mass has no place")
+    if mesh.volume < 0:
+        mesh.invert()
+    return mesh
+
+
+def has_mass(shape: Shape) -> bool:
+    """Whether a shape counts towards its body's inertia."""
+    return any(n is not None and value_of(n) > 0 for n in (shape.mass, shape.density))

@@ -1,0 +1,295 @@
+"""The compiled puppet: the one place that speaks to the shared library, through ctypes.
+
+A :class:`Library` evaluates the generated functions over whole arrays; a :class:`Run` holds one
+simulation and hands out rows and events in pieces, so that a progress bar can move and Ctrl-C
+works between them. ctypes releases the interpreter's lock during every call.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.errors import BuildError, Status
+from fantoccini.motion import Input
+from fantoccini.tree import Tree
+
+_DOUBLES = ctypes.POINTER(ctypes.c_double)
+_SIZES = (
+    "n_qD", "n_vD", "n_qK", "n_vK", "n_strings", "n_limits", "n_p", "row_width", "event_width"
+)  # fmt: skip
+
+
+class _InputArrays(ctypes.Structure):
+    _fields_ = [
+        ("n_segments", ctypes.c_int),
+        ("breaks", _DOUBLES),
+        ("coef", _DOUBLES),
+        ("base", _DOUBLES),
+        ("force", _DOUBLES),
+    ]
+
+
+class _Options(ctypes.Structure):
+    _fields_ = [
+        ("rtol", ctypes.c_double),
+        ("atol", ctypes.c_double),
+        ("first_step", ctypes.c_double),
+        ("max_step", ctypes.c_double),
+        ("tension_cap", ctypes.c_double),
+        ("energy_scale", ctypes.c_double),
+        ("recovery_speed", ctypes.c_double),
+        ("dt", ctypes.c_double),
+        ("max_steps", ctypes.c_longlong),
+        ("max_events", ctypes.c_longlong),
+        ("save_steps", ctypes.c_int),
+    ]
+
+
+class _Record(ctypes.Structure):
+    _fields_ = [
+        ("rows", _DOUBLES),
+        ("row_capacity", ctypes.c_longlong),
+        ("n_rows", ctypes.c_longlong),
+        ("events", _DOUBLES),
+        ("event_capacity", ctypes.c_longlong),
+        ("n_events", ctypes.c_longlong),
+    ]
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """Numbers that steer a run; see :func:`fantoccini.simulate.simulate` for their meaning.
+
+    Attributes:
+        rtol, atol: tolerances of the event-driven integrator.
+        first_step, max_step: its step sizes [s].
+        tension_cap: [N]; also of impulses [N s].
+        energy_scale: size of the energies the integrals are compared with [J].
+        recovery_speed: time-stepping's cap on taking back a violation [m/s].
+        dt: time-stepping's step [s].
+        max_steps, max_events: bounds.
+        save_steps: write every accepted step of the event-driven integrator.
+        save_every: write every so many steps of the time-stepper.
+    """
+
+    rtol: float
+    atol: float
+    first_step: float
+    max_step: float
+    tension_cap: float
+    energy_scale: float
+    recovery_speed: float
+    dt: float
+    max_steps: int
+    max_events: int
+    save_steps: bool
+    save_every: int = 1
+
+
+class Library:
+    """A puppet's compiled functions.
+
+    Args:
+        path: the shared library.
+        tree: the tree it was generated from.
+
+    Raises:
+        BuildError: it cannot be loaded, or is not this tree's.
+    """
+
+    def __init__(self, path: Path, tree: Tree):
+        try:
+            self.handle = ctypes.CDLL(str(path))
+        except OSError as error:
+            raise BuildError(f"the compiled puppet {path} cannot be loaded: {error}") from error
+        sizes = (ctypes.c_int * len(_SIZES))()
+        self.handle.fan_sizes(sizes)
+        self.sizes = dict(zip(_SIZES, sizes, strict=True))
+        table = tree.coordinates
+        expected = (table.n_qD, table.n_vD, table.n_qK, table.n_vK, len(tree.strings))
+        if tuple(sizes[:5]) != expected:
+            raise BuildError(
+                f"the compiled puppet {path} is of another puppet: its sizes are "
+                f"{tuple(sizes[:5])}, not {expected}; delete the file to have it made again"
+            )
+        self.handle.fan_new.restype = ctypes.c_void_p
+        self.handle.fan_free.argtypes = [ctypes.c_void_p]
+
+    def evaluate(self, name: str, arguments: list[Array], widths: list[int]) -> list[Array]:
+        """A generated function over arrays.
+
+        Args:
+            name: of the function.
+            arguments: (..., n_i) each; leading axes broadcast against one another.
+            widths: lengths of the outputs.
+
+        Returns:
+            Outputs (..., width) with the broadcast leading axes.
+        """
+        arguments = [np.ascontiguousarray(a, dtype=float) for a in arguments]
+        lead = np.broadcast_shapes(*(a.shape[:-1] for a in arguments))
+        n = int(np.prod(lead))
+        rows, strides = [], []
+        for a in arguments:
+            if a.ndim > 1 and a.shape[:-1] != lead:
+                a = np.ascontiguousarray(np.broadcast_to(a, (*lead, a.shape[-1])))
+            rows.append(a)
+            strides.append(a.shape[-1] if a.ndim > 1 else 0)
+        out = [np.zeros((*lead, width)) for width in widths]
+        status = getattr(self.handle, f"fan_map_{name}")(
+            ctypes.c_longlong(n),
+            _pointers(rows),
+            (ctypes.c_longlong * len(rows))(*strides),
+            _pointers(out),
+            (ctypes.c_longlong * len(out))(*widths),
+        )
+        if status != 0:
+            raise BuildError(f"the generated function {name} returned {status}")
+        return out
+
+    def complementarity(
+        self, G: Array, b: Array, two_sided: Array | None = None
+    ) -> tuple[Array, Array, bool]:
+        """x >= 0, s = G x - b >= 0, x . s = 0 over at most as many rows as the puppet has.
+
+        Args:
+            G: (n, n) symmetric, positive semidefinite.
+            b: (n,).
+            two_sided: (n,) rows with s = 0 and x of any sign.
+
+        Returns:
+            x (n,), s (n,), and whether it was solved.
+        """
+        n = len(b)
+        if n > self.sizes["n_strings"] + self.sizes["n_limits"]:
+            raise ValueError(f"{n} rows are more than the puppet has")
+        G, b = (np.ascontiguousarray(a, dtype=float) for a in (G, b))
+        sides = np.zeros(n, dtype=np.int32) if two_sided is None else two_sided.astype(np.int32)
+        x, s = np.zeros(n), np.zeros(n)
+        solved = self.handle.fan_complementarity(
+            n, _pointer(G), _pointer(b), sides.ctypes.data_as(ctypes.POINTER(ctypes.c_int)),
+            _pointer(x), _pointer(s),
+        )  # fmt: skip
+        return x, s, bool(solved)
+
+
+class Run:
+    """One simulation in progress.
+
+    Args:
+        library: the compiled puppet.
+        method: ``event`` or ``timestepping``.
+        options: numbers that steer it.
+        t, q_D, v_D: where it starts.
+        p: (n_p,) parameters.
+        inputs: bound inputs.
+        save_at: (n,) increasing times at which the event-driven run writes rows [s].
+    """
+
+    rows_at_once = 512
+    events_at_once = 1024
+
+    def __init__(
+        self,
+        library: Library,
+        method: str,
+        options: RunOptions,
+        t: float,
+        q_D: Array,
+        v_D: Array,
+        p: Array,
+        inputs: Input,
+        save_at: Array | None = None,
+    ):
+        self.library = library
+        self._run = ctypes.c_void_p(library.handle.fan_new(int(method == "event")))
+        if not self._run:
+            raise MemoryError("no memory for a run")
+        self._keep = np.ascontiguousarray(save_at if save_at is not None else [], dtype=float)
+        n_row = self.rows_at_once
+        n_event = max(self.events_at_once, 4 * (library.sizes["n_strings"] + 64))
+        self._rows = np.zeros((n_row, library.sizes["row_width"]))
+        self._events = np.zeros((n_event, library.sizes["event_width"]))
+        self._record = _Record(_pointer(self._rows), n_row, 0, _pointer(self._events), n_event, 0)
+        names = [name for name, _ in _Options._fields_]
+        chosen = _Options(**{name: getattr(options, name) for name in names})
+        arrays, held = _input_arrays(inputs)
+        start = [np.ascontiguousarray(a, dtype=float) for a in (q_D, v_D, p)]
+        self.status = Status(
+            library.handle.fan_start(
+                self._run,
+                ctypes.c_double(t),
+                *(_pointer(a) for a in start),
+                ctypes.byref(arrays),
+                ctypes.byref(chosen),
+                _pointer(self._keep),
+                ctypes.c_longlong(len(self._keep)),
+                ctypes.c_int(options.save_every),
+                ctypes.byref(self._record),
+            )
+        )
+        del held
+
+    def __del__(self) -> None:
+        if getattr(self, "_run", None):
+            self.library.handle.fan_free(self._run)
+            self._run = None
+
+    def advance(self, t_end: float) -> Iterator[tuple[Array, Array]]:
+        """Runs until ``t_end`` or until something stops it; yields (rows, events) pieces.
+
+        The status afterwards says how it ended.
+        """
+        yield self._taken()
+        while self.status in (Status.RUNNING, Status.DONE):
+            self.status = Status(
+                self.library.handle.fan_run(
+                    self._run, ctypes.c_double(t_end), ctypes.byref(self._record)
+                )
+            )
+            yield self._taken()
+            if self.status is not Status.RUNNING:
+                return
+
+    def set_input(self, inputs: Input) -> None:
+        """New bound inputs from the present time on."""
+        arrays, held = _input_arrays(inputs)
+        self.library.handle.fan_set_input(self._run, ctypes.byref(arrays))
+        del held
+
+    @property
+    def progress(self) -> tuple[int, float, float]:
+        """Steps taken, time reached [s], worst violation so far (time-stepping) [m]."""
+        out = np.zeros(3)
+        self.library.handle.fan_progress(self._run, _pointer(out))
+        return int(out[0]), float(out[1]), float(out[2])
+
+    def _taken(self) -> tuple[Array, Array]:
+        rows = self._rows[: self._record.n_rows].copy()
+        events = self._events[: self._record.n_events].copy()
+        self._record.n_rows = self._record.n_events = 0
+        return rows, events
+
+
+def _input_arrays(inputs: Input) -> tuple[_InputArrays, list[Array]]:
+    """The structure, and the arrays that must live as long as it is read."""
+    fields = (inputs.breaks, inputs.coef, inputs.base, inputs.force)
+    held = [None if a is None else np.ascontiguousarray(a, dtype=float) for a in fields]
+    return (
+        _InputArrays(len(inputs.coef), *(None if a is None else _pointer(a) for a in held)),
+        held,
+    )
+
+
+def _pointer(array: Array) -> _DOUBLES:
+    return array.ctypes.data_as(_DOUBLES)
+
+
+def _pointers(arrays: list[Array]) -> ctypes.Array:
+    return (_DOUBLES * len(arrays))(*(_pointer(a) for a in arrays))

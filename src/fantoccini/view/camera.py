@@ -1,0 +1,161 @@
+"""Where the picture is taken from: a perspective camera that frames a whole motion.
+
+Camera axes are right, up and back (towards the eye); depth is counted from the eye into the
+picture. Azimuth 0 looks at the scene from +x, azimuth 90 deg from +y; a positive elevation looks
+down on it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+PRESETS = ("auto", "front", "side", "three-quarter")
+"""Names of the points of view that :func:`point_of_view` knows."""
+
+_TURN = np.radians(32.0)
+
+
+@dataclass(frozen=True)
+class Viewport:
+    """A rectangle of the picture, in pixels, with y upwards.
+
+    Attributes:
+        x, y: lower left corner.
+        width, height: size.
+    """
+
+    x: float
+    y: float
+    width: float
+    height: float
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole camera.
+
+    Attributes:
+        eye: (3,) its place [m].
+        axes: (3, 3) rows right, up, back.
+        tangent: tangent of half the vertical opening angle.
+    """
+
+    eye: np.ndarray
+    axes: np.ndarray
+    tangent: float
+
+    def see(self, points: np.ndarray) -> np.ndarray:
+        """Points in camera axes with depth instead of back: (..., 3) world -> (..., 3) [m]."""
+        seen = (points - self.eye) @ self.axes.T
+        seen[..., 2] *= -1.0
+        return seen
+
+    def scale(self, depth, viewport: Viewport):
+        """Pixels for a metre at this depth [px/m]."""
+        return 0.5 * viewport.height / (self.tangent * depth)
+
+    def place(self, seen: np.ndarray, viewport: Viewport) -> np.ndarray:
+        """Pixels of points in camera axes: (..., 3) [m] -> (..., 2) [px]."""
+        scale = self.scale(seen[..., 2:], viewport)
+        centre = (viewport.x + 0.5 * viewport.width, viewport.y + 0.5 * viewport.height)
+        return seen[..., :2] * scale + centre
+
+    def project(self, points: np.ndarray, viewport: Viewport) -> np.ndarray:
+        """Pixels and depth: (..., 3) world [m] -> (..., 3) [px, px, m]."""
+        seen = self.see(np.asarray(points, dtype=float))
+        return np.concatenate([self.place(seen, viewport), seen[..., 2:]], axis=-1)
+
+    def rays(self, pixels: np.ndarray, viewport: Viewport) -> np.ndarray:
+        """Lines of sight through pixels: (..., 2) [px] -> (..., 3), one metre deep."""
+        centre = (viewport.x + 0.5 * viewport.width, viewport.y + 0.5 * viewport.height)
+        offset = (pixels - np.array(centre)) / self.scale(1.0, viewport)
+        return offset @ self.axes[:2] - self.axes[2]
+
+
+def axes(azimuth: float, elevation: float) -> np.ndarray:
+    """Camera axes (3, 3), rows right, up, back, of a camera that looks from there [rad]."""
+    ca, sa = np.cos(azimuth), np.sin(azimuth)
+    ce, se = np.cos(elevation), np.sin(elevation)
+    return np.array([[-sa, ca, 0.0], [-se * ca, -se * sa, ce], [ce * ca, ce * sa, se]])
+
+
+def fit(
+    points: np.ndarray,
+    radii: np.ndarray,
+    azimuth: float,
+    elevation: float,
+    aspect: float,
+    opening: float = np.radians(24.0),
+    margin: float = 0.04,
+) -> Camera:
+    """The nearest camera on this line of sight that has every ball in the picture.
+
+    A ball is in the picture when it lies on the inner side of four planes through the eye. Each is
+    linear in the eye's place, so the answer is closed.
+
+    Args:
+        points: (n, 3) centres [m].
+        radii: (n,) radii [m].
+        azimuth, elevation: line of sight [rad].
+        aspect: width over height of the picture.
+        opening: vertical opening angle [rad].
+        margin: part of the picture to leave free on each side.
+    """
+    rows = axes(azimuth, elevation)
+    local = points @ rows.T
+    tangent = np.tan(0.5 * opening)
+    middles, distances = [], []
+    for k, tan in ((0, tangent * aspect), (1, tangent)):
+        tan *= 1.0 - 2.0 * margin
+        spread = radii * np.hypot(1.0, tan)
+        high = np.max(local[:, k] + local[:, 2] * tan + spread)
+        low = np.max(-local[:, k] + local[:, 2] * tan + spread)
+        middles.append(0.5 * (high - low))
+        distances.append(0.5 * (high + low) / tan)
+    # Never closer than a hand's breadth in front of the nearest ball.
+    nearest = np.max(local[:, 2] + radii)
+    back = max(*distances, nearest + 0.05 * max(1e-3, float(np.ptp(local[:, :2])), radii.max()))
+    return Camera(np.array([*middles, back]) @ rows, rows, float(tangent))
+
+
+def point_of_view(
+    view: str | tuple[float, float], points: np.ndarray, plane: str | None
+) -> tuple[float, float]:
+    """Azimuth and elevation [rad] of a preset, or of a pair given in degrees.
+
+    Args:
+        view: one of ``PRESETS``, or (azimuth, elevation) in degrees.
+        points: (n, 3) points of the motion [m].
+        plane: the puppet's mirror plane, which says where it faces: +x for ``xz`` and ``xy``,
+            -y for ``yz``; None finds the widest side.
+    """
+    if not isinstance(view, str):
+        azimuth, elevation = view
+        return float(np.radians(azimuth)), float(np.radians(elevation))
+    if view not in PRESETS:
+        raise ValueError(f"no view is called {view!r}; the views are {', '.join(PRESETS)}")
+    front, flat = _front(points, plane)
+    if view == "auto":
+        view = "front" if flat else "three-quarter"
+    turn = {"front": 0.0, "side": 0.5 * np.pi, "three-quarter": -_TURN}[view]
+    return front + turn, np.radians({"front": 5.0, "side": 6.0, "three-quarter": 9.0}[view])
+
+
+def _front(points: np.ndarray, plane: str | None) -> tuple[float, bool]:
+    """Azimuth from which the motion is seen from its front, and whether it is flat."""
+    level = points[:, :2] - points[:, :2].mean(axis=0)
+    size = float(np.ptp(points, axis=0).max())
+    spreads, directions = np.linalg.eigh(level.T @ level / len(points))
+    flat = bool(np.sqrt(max(spreads[0], 0.0)) < 1e-3 * max(size, 1e-12))
+    if plane in ("xz", "xy"):
+        return 0.0, flat
+    if plane == "yz":
+        return -0.5 * np.pi, flat
+    thin = directions[:, 0]
+    if np.sqrt(max(spreads[1], 0.0)) < 1e-3 * max(size, 1e-12):
+        thin = np.array([0.0, 1.0])
+    # Of the two sides take the one with +x to the right, or failing that +y.
+    sign = -1.0 if (thin[1] > 1e-6 or (abs(thin[1]) <= 1e-6 and thin[0] < 0.0)) else 1.0
+    return float(np.arctan2(sign * thin[1], sign * thin[0])), flat

@@ -1,0 +1,185 @@
+"""A film of a motion: frames drawn here, encoded by ffmpeg in a process of its own."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import subprocess
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fantoccini.errors import FantocciniError
+from fantoccini.view.camera import Viewport
+from fantoccini.view.compose import compose
+from fantoccini.view.draw import collection, floor, sheet, show, stage_of, tension_bar, write
+from fantoccini.view.scene import Scene, scene_of
+from fantoccini.view.theme import Theme, theme_of
+
+if TYPE_CHECKING:
+    from fantoccini.marionette import Marionette
+    from fantoccini.motion import Trajectory
+
+CODECS = {
+    ".mp4": (
+        "-c:v", "libx264", "-preset", "veryfast", "-crf", "18", "-pix_fmt", "yuv420p",
+        "-movflags", "+faststart", "-f", "mp4",
+    ),
+    ".gif": (
+        "-vf", "split[a][b];[a]palettegen=max_colors=128[p];[b][p]paletteuse=dither=bayer",
+        "-loop", "0", "-f", "gif",
+    ),
+}  # fmt: skip
+"""ffmpeg's arguments for each ending that a film can have."""
+
+
+class FilmError(FantocciniError):
+    """The film could not be written; the message carries what the encoder last said."""
+
+
+def film(
+    marionette: Marionette,
+    run: Trajectory,
+    path: str | os.PathLike,
+    fps: float = 30.0,
+    size: tuple[int, int] = (960, 720),
+    view: str | tuple[float, float] = "auto",
+    focus: str = "all",
+    theme: str | Theme = "dark",
+    speed: float = 1.0,
+    progress: Callable[[int, int], None] | None = None,
+) -> Path:
+    """Writes a film of a run.
+
+    The file appears under its name only when it is whole.
+
+    Args:
+        marionette: the puppet's handle.
+        run: its motion.
+        path: ends in ``.mp4`` (H.264, yuv420p) or ``.gif``.
+        fps: frames a second.
+        size: width and height [px], rounded up to even numbers.
+        view: preset, or (azimuth, elevation) in degrees.
+        focus: ``all`` frames bodies and strings, ``bodies`` lets strings leave the picture.
+        theme: ``dark``, ``light``, or a Theme.
+        speed: seconds of motion for a second of film.
+        progress: called with (frames done, frames in all) after each frame.
+
+    Returns:
+        The path of the film.
+
+    Raises:
+        FilmError: the encoder failed, or the folder does not exist.
+        ValueError: a number is out of range, or the ending is unknown.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in CODECS:
+        raise ValueError(f"a film ends in {' or '.join(CODECS)}, not in {path.suffix!r}")
+    if not (0.0 < fps <= 240.0 and speed > 0.0 and min(size) >= 16 and max(size) <= 8192):
+        raise ValueError("a film needs 0 < fps <= 240, speed > 0 and sides of 16 to 8192 pixels")
+    if not path.parent.is_dir():
+        raise FilmError(f"there is no folder {path.parent}")
+    width, height = (int(n) + int(n) % 2 for n in size)
+
+    start, stop = float(run.t[0]), float(run.t[-1])
+    n = max(1, round((stop - start) / speed * fps))
+    times = np.minimum(start + np.arange(n) * (speed / fps), stop)
+    scene = scene_of(marionette, run.resample(times))
+    frames = Frames(scene, (width, height), theme_of(theme), view, focus)
+    part = path.with_name(f".film-{secrets.token_hex(6)}{path.suffix.lower()}")
+    try:
+        _encode(frames, n, part, fps, progress)
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+    return path
+
+
+class Frames:
+    """Draws the frames of one film; background, scale and captions are drawn once.
+
+    Args:
+        scene: what to show.
+        size: width and height [px].
+        theme: the look.
+        view: preset, or (azimuth, elevation) in degrees.
+        focus: ``all`` or ``bodies``.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        size: tuple[int, int],
+        theme: Theme,
+        view: str | tuple[float, float] = "auto",
+        focus: str = "all",
+    ):
+        width, height = size
+        unit = max(7.0, height / 50.0)
+        self.scene, self.size = scene, size
+        self.figure, self.axes = sheet(size, theme)
+        inner = Viewport(unit, 3.2 * unit, width - 2.0 * unit, height - 6.0 * unit)
+        self.stage = stage_of(scene, inner, theme, view, focus)
+        floor(self.axes, scene, self.stage)
+        tension_bar(self.axes, scene, self.stage, width - 1.6 * unit, 2.2 * unit, unit)
+        write(
+            self.axes, 1.6 * unit, height - 1.6 * unit, scene.title, 1.35 * unit, theme.ink,
+            ha="left", va="top", weight="bold",
+        )  # fmt: skip
+        self.clock = write(
+            self.axes, width - 1.6 * unit, height - 1.6 * unit, "", 1.15 * unit, theme.faint,
+            ha="right", va="top", animated=True,
+        )  # fmt: skip
+        self.polygons = collection(self.axes, animated=True)
+        self.figure.canvas.draw()
+        self.backdrop = self.figure.canvas.copy_from_bbox(self.figure.bbox)
+
+    def draw(self, k: int) -> memoryview:
+        """The pixels of frame k: rows from the top, red, green, blue, opacity, a byte each."""
+        canvas = self.figure.canvas
+        canvas.restore_region(self.backdrop)
+        show(self.polygons, compose(self.scene, k, self.stage))
+        self.clock.set_text(f"{self.scene.t[k]:.2f} s")
+        self.axes.draw_artist(self.polygons)
+        self.axes.draw_artist(self.clock)
+        return canvas.buffer_rgba()
+
+
+def _encode(
+    frames: Frames, n: int, part: Path, fps: float, progress: Callable[[int, int], None] | None
+) -> None:
+    import imageio_ffmpeg
+
+    width, height = frames.size
+    command = [
+        imageio_ffmpeg.get_ffmpeg_exe(), "-hide_banner", "-loglevel", "error", "-y",
+        "-f", "rawvideo", "-pix_fmt", "rgba", "-s", f"{width}x{height}", "-r", f"{fps:.6f}",
+        "-i", "pipe:0", "-an", *CODECS[part.suffix], str(part.absolute()),
+    ]  # fmt: skip
+    with tempfile.TemporaryFile() as said:
+        encoder = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=said
+        )
+        broken = False
+        try:
+            for k in range(n):
+                encoder.stdin.write(frames.draw(k))
+                if progress is not None:
+                    progress(k + 1, n)
+            encoder.stdin.close()
+        except (BrokenPipeError, ConnectionError):
+            broken = True
+        except BaseException:
+            encoder.kill()
+            encoder.wait()
+            raise
+        code = encoder.wait()
+        if broken or code != 0:
+            said.seek(0)
+            lines = said.read().decode("utf-8", "replace").strip().splitlines()[-6:]
+            raise FilmError(
+                f"ffmpeg ended with code {code}: " + ("; ".join(lines) or "it said nothing")
+            )

@@ -1,0 +1,231 @@
+"""Still pictures: a strip of poses, and one state."""
+
+from __future__ import annotations
+
+import os
+import secrets
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fantoccini.errors import FantocciniError
+from fantoccini.view.camera import Viewport
+from fantoccini.view.compose import compose
+from fantoccini.view.draw import (
+    DPI,
+    collection,
+    floor,
+    sheet,
+    show,
+    stage_of,
+    tension_bar,
+    write,
+)
+from fantoccini.view.scene import Scene, scene_at, scene_of
+from fantoccini.view.theme import Theme, theme_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from fantoccini.marionette import Marionette
+    from fantoccini.motion import State, Trajectory
+
+FORMATS = (".png", ".svg", ".pdf")
+"""Endings that pictures can have."""
+
+
+class PictureError(FantocciniError):
+    """The picture could not be written."""
+
+
+def strip(
+    marionette: Marionette,
+    run: Trajectory,
+    path: str | os.PathLike,
+    n: int = 7,
+    times: str | Sequence[float] = "poses",
+    view: str | tuple[float, float] = "auto",
+    focus: str = "all",
+    theme: str | Theme = "light",
+    size: tuple[int, int] | None = None,
+    scale: float = 2.0,
+) -> Path:
+    """Writes a strip of poses of a run, side by side, from left to right in time.
+
+    Args:
+        marionette: the puppet's handle.
+        run: its motion.
+        path: ends in ``.png``, ``.svg`` or ``.pdf``.
+        n: number of poses.
+        times: ``poses`` takes the most different ones, ``events`` those just after strings caught,
+            ``even`` equal steps; or the times themselves [s].
+        view: preset, or (azimuth, elevation) in degrees.
+        focus: ``all`` frames bodies and strings, ``bodies`` lets strings leave the picture.
+        theme: ``light``, ``dark``, or a Theme.
+        size: width and height [px]; by default what the motion needs.
+        scale: pixels of the file for a pixel of ``size``.
+
+    Returns:
+        The path of the picture.
+    """
+    path, theme = checked(path), theme_of(theme)
+    chosen = pose_times(marionette, run, n, times)
+    scene = scene_of(marionette, run.resample(chosen))
+    whole = scene_of(marionette, run.resample(np.linspace(run.t[0], run.t[-1], 400)))
+    n = len(chosen)
+    panel = _panel(scene, view, focus, theme)
+    width, height = size or (round(n * panel[0] + 40), round(panel[1] + 110))
+    unit = max(7.0, height / 50.0)
+    figure, axes = sheet((width, height), theme)
+
+    top = whole.tension_top()
+    each = (width - 2.0 * unit) / n
+    for k in range(n):
+        viewport = Viewport(unit + k * each, 4.6 * unit, each, height - 9.2 * unit)
+        stage = stage_of(scene, viewport, theme, view, focus, top)
+        floor(axes, scene, stage, grid=False)
+        show(collection(axes), compose(scene, k, stage))
+        write(
+            axes, viewport.x + 0.5 * each, 3.2 * unit, f"{chosen[k]:.2f} s", 1.1 * unit, theme.ink,
+            ha="center", va="center",
+        )  # fmt: skip
+    _title(axes, whole, stage, unit)
+    return save(figure, path, scale)
+
+
+def draw(
+    marionette: Marionette,
+    state: State,
+    path: str | os.PathLike,
+    tension: np.ndarray | None = None,
+    view: str | tuple[float, float] = "auto",
+    focus: str = "all",
+    theme: str | Theme = "light",
+    size: tuple[int, int] = (720, 900),
+    scale: float = 2.0,
+) -> Path:
+    """Writes a picture of one state.
+
+    Args:
+        marionette: the puppet's handle.
+        state: configuration and string modes.
+        path: ends in ``.png``, ``.svg`` or ``.pdf``.
+        tension: (n_strings,) [N]; None draws the strings without the colours of tension.
+        view: preset, or (azimuth, elevation) in degrees.
+        focus: ``all`` frames bodies and strings, ``bodies`` lets strings leave the picture.
+        theme: ``light``, ``dark``, or a Theme.
+        size: width and height [px].
+        scale: pixels of the file for a pixel of ``size``.
+
+    Returns:
+        The path of the picture.
+    """
+    path, theme = checked(path), theme_of(theme)
+    scene = scene_at(marionette, state, tension)
+    width, height = size
+    unit = max(7.0, height / 55.0)
+    figure, axes = sheet(size, theme)
+    inner = Viewport(unit, 4.0 * unit, width - 2.0 * unit, height - 8.0 * unit)
+    stage = stage_of(scene, inner, theme, view, focus)
+    floor(axes, scene, stage)
+    show(collection(axes), compose(scene, 0, stage))
+    _title(axes, scene, stage, unit)
+    return save(figure, path, scale)
+
+
+def pose_times(
+    marionette: Marionette, run: Trajectory, n: int, how: str | Sequence[float] = "poses"
+) -> np.ndarray:
+    """Times [s] at which a strip shows the puppet, in order.
+
+    ``poses`` begins with the first and last time and adds, one by one, the time whose pose is
+    farthest from all poses taken so far, counting distance in time as well.
+
+    Args:
+        marionette: the puppet's handle.
+        run: its motion.
+        n: number of times.
+        how: ``poses``, ``events``, ``even``, or the times themselves.
+    """
+    start, stop = float(run.t[0]), float(run.t[-1])
+    if not isinstance(how, str):
+        return np.sort(np.clip(np.asarray(how, dtype=float), start, stop))
+    if n < 1:
+        raise ValueError("a strip needs at least one pose")
+    even = np.linspace(start, stop, n) if n > 1 else np.array([0.5 * (start + stop)])
+    if how == "even" or n < 3:
+        return even
+    if how not in ("poses", "events"):
+        raise ValueError(f"times can be poses, events, even or numbers, not {how!r}")
+    fine = np.linspace(start, stop, 200)
+    shape = _features(marionette, run.resample(fine))
+    late = ((fine - start) / max(stop - start, 1e-12))[:, None]
+    features = np.concatenate([shape, 1.2 * late], axis=1)
+    taken = [0, len(fine) - 1]
+    if how == "events":
+        caught = sorted(e.t for e in run.events if e.kind in ("catch", "accumulation"))
+        spread = np.unique(np.linspace(0, len(caught) - 1, min(n - 2, len(caught))).astype(int))
+        taken += [int(np.searchsorted(fine, caught[k])) for k in spread]
+        taken = sorted({min(k, len(fine) - 1) for k in taken})
+    while len(taken) < n:
+        apart = np.linalg.norm(features[:, None] - features[taken][None], axis=2).min(axis=1)
+        if apart.max() <= 0.0:
+            break
+        taken.append(int(np.argmax(apart)))
+    return fine[sorted(taken)]
+
+
+def _features(marionette: Marionette, run: Trajectory) -> np.ndarray:
+    """Places of all links (T, 3 n_links), scaled so that the motion is of size one."""
+    places = np.asarray(marionette.poses(run.q_D, run.q_K))[..., 3]
+    flat = places.reshape(len(places), -1)
+    flat = np.nan_to_num(flat - flat.mean(axis=0))
+    return flat / max(float(np.linalg.norm(flat, axis=1).max()), 1e-12)
+
+
+def _panel(
+    scene: Scene, view: str | tuple[float, float], focus: str, theme: Theme
+) -> tuple[float, float]:
+    """Width and height [px] of one pose: as tall as a page allows, as wide as the motion asks."""
+    stage = stage_of(scene, Viewport(0.0, 0.0, 500.0, 500.0), theme, view, focus)
+    centres, radii = scene.balls(strings=focus == "all")
+    seen = stage.camera.project(centres, stage.viewport)
+    reach = radii * stage.camera.scale(seen[:, 2], stage.viewport)
+    low, high = (seen[:, :2] - reach[:, None]).min(0), (seen[:, :2] + reach[:, None]).max(0)
+    aspect = float(np.clip((high[0] - low[0]) / max(high[1] - low[1], 1e-9), 0.30, 1.3))
+    height = 560.0 if aspect < 0.7 else 400.0
+    return aspect * height * 1.06, height
+
+
+def _title(axes, scene: Scene, stage, unit: float) -> None:
+    width, height = axes.figure.bbox.width, axes.figure.bbox.height
+    write(
+        axes, 1.6 * unit, height - 1.5 * unit, scene.title, 1.35 * unit, stage.theme.ink,
+        ha="left", va="top", weight="bold",
+    )  # fmt: skip
+    tension_bar(axes, scene, stage, width - 1.6 * unit, height - 2.3 * unit, unit)
+
+
+def checked(path: str | os.PathLike) -> Path:
+    """The path of a picture that can be written: a known ending, a folder that exists."""
+    path = Path(path)
+    if path.suffix.lower() not in FORMATS:
+        raise ValueError(f"a picture ends in {', '.join(FORMATS)}, not in {path.suffix!r}")
+    if not path.parent.is_dir():
+        raise PictureError(f"there is no folder {path.parent}")
+    return path
+
+
+def save(figure: Figure, path: Path, scale: float) -> Path:
+    """Writes a figure under a temporary name and renames it when it is whole."""
+    part = path.with_name(f".picture-{secrets.token_hex(6)}{path.suffix.lower()}")
+    try:
+        figure.savefig(part, dpi=DPI * scale, format=path.suffix[1:].lower())
+        os.replace(part, path)
+    except OSError as reason:
+        raise PictureError(f"{path} cannot be written: {reason.strerror}") from reason
+    finally:
+        part.unlink(missing_ok=True)
+    return path

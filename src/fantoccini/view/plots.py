@@ -1,0 +1,185 @@
+"""A run against time: tensions, string modes, energy ledger, driven coordinates."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fantoccini.view.draw import DPI, plain
+from fantoccini.view.pictures import checked, save
+from fantoccini.view.theme import Theme, theme_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from fantoccini.marionette import Marionette
+    from fantoccini.motion import Trajectory
+
+_MOST_LINES = 24
+"""More driven coordinates than this are not all drawn."""
+
+
+def plot(
+    marionette: Marionette,
+    run: Trajectory,
+    path: str | os.PathLike | None = None,
+    theme: str | Theme = "light",
+    size: tuple[int, int] = (1100, 1000),
+    scale: float = 2.0,
+) -> Figure:
+    """Plots of a run against time, as one matplotlib figure.
+
+    From the top: the tension of each string; when each string was taut, with a mark where it
+    caught; the energy ledger, potential energy counted from its start; the driven lengths, or the
+    other driven coordinates where no length is driven.
+
+    Args:
+        marionette: the puppet's handle.
+        run: its motion.
+        path: writes the figure there as well (``.png``, ``.svg`` or ``.pdf``).
+        theme: ``light``, ``dark``, or a Theme.
+        size: width and height [px].
+        scale: pixels of the file for a pixel of ``size``.
+
+    Returns:
+        The figure; a notebook shows it by itself.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    target = None if path is None else checked(path)
+    theme = theme_of(theme)
+    strings = run.tension.names
+    figure = Figure(figsize=(size[0] / DPI, size[1] / DPI), dpi=DPI, facecolor=theme.top)
+    FigureCanvasAgg(figure)
+    left = (60.0 + 6.3 * max((len(plain(n, 24)) for n in strings), default=4)) / size[0]
+    ratios = (3.0, min(3.4, 0.7 + 0.2 * len(strings)), 2.4, 2.4)
+    rows = figure.subplots(
+        4, 1, sharex=True,
+        gridspec_kw={
+            "height_ratios": ratios, "left": left, "right": 0.83, "top": 0.935, "bottom": 0.06,
+            "hspace": 0.16,
+        },
+    )  # fmt: skip
+    colours = {name: theme.cycle[k % len(theme.cycle)] for k, name in enumerate(strings)}
+    _tension(rows[0], run, colours, theme)
+    _modes(rows[1], run, colours, theme)
+    _energy(rows[2], run, theme)
+    _driven(rows[3], run, colours, theme)
+    for axes in rows:
+        _dress(axes, theme)
+    rows[3].set_xlabel("time [s]", color=theme.ink)
+    start, stop = float(run.t[0]), float(run.t[-1])
+    rows[3].set_xlim(start, stop if stop > start else start + 1.0)
+    figure.text(
+        left, 0.962, plain(marionette.tree.name), color=theme.ink, fontsize=12, weight="bold",
+        parse_math=False, usetex=False,
+    )  # fmt: skip
+    if target is not None:
+        save(figure, target, scale)
+    return figure
+
+
+def _tension(axes: Axes, run: Trajectory, colours: dict[str, str], theme: Theme) -> None:
+    values = run.tension.values
+    for k, name in enumerate(run.tension.names):
+        axes.plot(run.t, values[:, k], color=colours[name], linewidth=1.2, label=name)
+    axes.set_ylabel("tension [N]", color=theme.ink)
+    finite = np.abs(values[np.isfinite(values)])
+    if finite.size and finite.max() > 0.0:
+        # A short peak must not press everything else flat; it leaves through the top.
+        high = min(finite.max(), 2.5 * max(np.percentile(finite, 99.5), 1e-12))
+        low = min(0.0, float(values[np.isfinite(values)].min()))
+        axes.set_ylim(1.06 * low, 1.06 * high)
+    _legend(axes, theme)
+
+
+def _modes(axes: Axes, run: Trajectory, colours: dict[str, str], theme: Theme) -> None:
+    names = run.taut.names
+    for k, name in enumerate(names):
+        axes.broken_barh(
+            _spans(run.t, run.taut.values[:, k]), (k - 0.32, 0.64), facecolor=colours[name],
+            linewidth=0.0, alpha=0.85,
+        )  # fmt: skip
+        caught = [e.t for e in run.events if e.kind in ("catch", "accumulation") and e.name == name]
+        axes.plot(
+            caught, np.full(len(caught), k + 0.0), linestyle="", marker="v", markersize=4.5,
+            color=theme.ink, markeredgecolor=theme.top, markeredgewidth=0.5, clip_on=False,
+        )  # fmt: skip
+    axes.set_yticks(range(len(names)), [plain(n, 24) for n in names])
+    axes.set_ylim(len(names) - 0.4, -0.6)
+    axes.text(
+        1.012, 0.98, "bar: taut\ngap: slack\n\N{BLACK DOWN-POINTING TRIANGLE} caught",
+        transform=axes.transAxes, va="top", color=theme.faint, fontsize=8, parse_math=False,
+    )  # fmt: skip
+
+
+def _energy(axes: Axes, run: Trajectory, theme: Theme) -> None:
+    shown = 0
+    for name in run.ledger.names:
+        values = run.ledger[name]
+        label = name
+        if name == "potential":
+            values, label = values - values[0], "potential - start"
+        if np.any(np.abs(values) > 0.0):
+            axes.plot(
+                run.t, values, linewidth=1.2, label=label,
+                color=theme.cycle[shown % len(theme.cycle)],
+            )  # fmt: skip
+            shown += 1
+    axes.axhline(0.0, color=theme.faint, linewidth=0.6)
+    axes.set_ylabel("energy [J]", color=theme.ink)
+    _legend(axes, theme)
+
+
+def _driven(axes: Axes, run: Trajectory, colours: dict[str, str], theme: Theme) -> None:
+    names = list(run.coordinates.q_K)
+    chosen = [k for k, name in enumerate(names) if name.endswith(".length")]
+    label = "driven length [m]"
+    if not chosen:
+        turning = {q + i for q, _ in run.coordinates.quaternions_K for i in range(4)}
+        chosen = [k for k in range(len(names)) if k not in turning]
+        label = "driven [m or rad]"
+    for n, k in enumerate(chosen[:_MOST_LINES]):
+        owner = names[k].removesuffix(".length")
+        colour = colours.get(owner, theme.cycle[n % len(theme.cycle)])
+        axes.plot(run.t, run.q_K[:, k], color=colour, linewidth=1.2, label=owner)
+    axes.set_ylabel(label, color=theme.ink)
+    _legend(axes, theme)
+
+
+def _spans(t: np.ndarray, on: np.ndarray) -> list[tuple[float, float]]:
+    """(start, duration) of each run of true values; a value holds until the next row."""
+    steps = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(int)))
+    ends = np.append(t, t[-1])
+    return [(float(t[a]), float(ends[b] - t[a])) for a, b in steps.reshape(-1, 2)]
+
+
+def _legend(axes: Axes, theme: Theme) -> None:
+    handles, labels = axes.get_legend_handles_labels()
+    if not handles:
+        return
+    legend = axes.legend(
+        handles, [plain(x, 24) for x in labels], loc="upper left", bbox_to_anchor=(1.005, 1.03),
+        frameon=False, fontsize=8, labelcolor=theme.ink, handlelength=1.3, borderaxespad=0.0,
+        labelspacing=0.3, ncols=1 + (len(handles) > 12),
+    )  # fmt: skip
+    for text in legend.get_texts():
+        text.set_parse_math(False)
+        text.set_usetex(False)
+
+
+def _dress(axes: Axes, theme: Theme) -> None:
+    axes.set_facecolor("none")
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    for side in ("left", "bottom"):
+        axes.spines[side].set_color(theme.faint)
+    axes.tick_params(colors=theme.faint, labelcolor=theme.ink, labelsize=8)
+    axes.grid(True, axis="x", color=theme.grid, linewidth=0.5, alpha=0.7)
+    axes.set_axisbelow(True)
+    for text in (*axes.get_yticklabels(), *axes.get_xticklabels()):
+        text.set_parse_math(False)

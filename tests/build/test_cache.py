@@ -1,0 +1,355 @@
+"""The cache: made once, whole or absent, private, and never in the way."""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import json
+import os
+import subprocess
+import sys
+import time
+import warnings
+from pathlib import Path
+
+import pytest
+
+from fantoccini import build
+from fantoccini.build import cache as cache_module
+from fantoccini.build import folders
+from fantoccini.errors import BuildError
+
+
+def answer(entry: Path) -> int:
+    return ctypes.CDLL(str(entry / build.LIBRARY)).answer()
+
+
+def never() -> build.Source:
+    raise AssertionError("derived again although the library is there")
+
+
+def test_an_entry_holds_the_library_the_info_and_the_sources(cache, key, source):
+    told = []
+    entry = build.obtain(key, lambda: source(42, n_operations=3), progress=told.append)
+    assert entry == cache / key[:2] / key
+    assert answer(entry) == 42
+    assert json.loads((entry / build.INFO).read_text()) == {"n_operations": 3}
+    assert (entry / "model.cpp").is_file()
+    assert not list(cache.glob("*/tmp-*"))
+    assert told[0].startswith("deriving")
+    assert told[1].startswith("compiling")
+
+
+def test_a_second_call_neither_derives_nor_compiles(key, source, monkeypatch):
+    first = build.obtain(key, source)
+    monkeypatch.setenv("FANTOCCINI_CXX", "no-such-compiler")
+    assert build.obtain(key, never) == first
+
+
+def test_flags_may_be_chosen_by_the_source(key):
+    """The number comes from a flag that the function read off the source's info."""
+    text = 'extern "C" __attribute__((visibility("default"))) int answer() { return VALUE; }\n'
+    wanted = build.Source({"model.cpp": text}, "model.cpp", {"value": 11})
+    entry = build.obtain(key, lambda: wanted, flags=lambda s: (f"-DVALUE={s.info['value']}",))
+    assert answer(entry) == 11
+    entry = build.obtain("cd" * 32, lambda: wanted, flags=("-DVALUE=12",))
+    assert answer(entry) == 12
+
+
+@pytest.mark.parametrize("name", ["../up.cpp", "a/b.cpp", "", "model.so", "complete.json", ".x"])
+def test_source_files_have_plain_names(name):
+    with pytest.raises(ValueError, match="name of a source file"):
+        build.Source({name: ""}, name)
+
+
+@pytest.mark.parametrize("key", ["../../x", "short", "ZZ" * 32, ""])
+def test_a_key_is_hexadecimal(key):
+    with pytest.raises(ValueError, match="not a key"):
+        build.obtain(key, never)
+
+
+@pytest.mark.parametrize("damage", ["missing", "truncated", "changed", "no seal", "bad seal"])
+def test_a_damaged_entry_is_made_again(cache, key, source, damage):
+    library = build.obtain(key, source) / build.LIBRARY
+    content = library.read_bytes()
+    seal = library.parent / "complete.json"
+    match damage:
+        case "missing":
+            library.unlink()
+        case "truncated":
+            library.write_bytes(content[: len(content) // 2])
+        case "changed":
+            library.write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
+        case "no seal":
+            seal.unlink()
+        case "bad seal":
+            seal.write_text('["half')
+    entry = build.obtain(key, source)
+    assert (entry / build.LIBRARY).stat().st_size == len(content)
+    assert answer(entry) == 7
+    assert not list(cache.glob("*/tmp-*"))
+
+
+def test_an_entry_that_would_not_load_can_be_made_afresh(key, source):
+    build.obtain(key, lambda: source(1))
+    entry = build.obtain(key, lambda: source(2), afresh=True)
+    assert "return 2" in (entry / "model.cpp").read_text()
+    assert answer(entry) == 2
+
+
+def test_a_build_killed_half_way_leaves_only_a_temporary_folder(cache, key, source, program):
+    """A process whose compiler never returns is killed; the next one does the work."""
+    hanging = program("hanging", 'if [ "$1" = --version ]; then echo g++; else sleep 5; fi')
+    script = (
+        "from fantoccini import build\n"
+        f"build.obtain({key!r}, lambda: build.Source({{'model.cpp': ''}}, 'model.cpp'))\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", script],
+        env={**os.environ, "FANTOCCINI_CXX": str(hanging), "PYTHONPATH": os.pathsep.join(sys.path)},
+    )
+    deadline = time.monotonic() + 20
+    while not list(cache.glob("*/tmp-*/model.cpp")) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    process.kill()
+    process.wait()
+    (left,) = cache.glob("*/tmp-*")
+    assert not (cache / key[:2] / key).exists()
+    assert answer(build.obtain(key, source)) == 7
+    assert left.exists()
+
+
+def test_leftovers_go_when_they_are_old(cache, key, source):
+    """A temporary folder after an hour, the sources of a failure after a week."""
+    group = cache / key[:2]
+    ages = {"tmp-young": 600, "tmp-old": 4000, "failed-young": 4000, "failed-old": 8 * 86400}
+    cache.mkdir(mode=0o700)
+    group.mkdir(mode=0o700)
+    for name, age in ages.items():
+        (group / name).mkdir()
+        os.utime(group / name, (time.time() - age, time.time() - age))
+    build.obtain(key, source)
+    assert {f.name for f in group.iterdir()} >= {"tmp-young", "failed-young"}
+    assert not (group / "tmp-old").exists()
+    assert not (group / "failed-old").exists()
+
+
+RACE = """
+import sys, time
+from pathlib import Path
+from fantoccini import build
+from fantoccini.build import cache
+if {unlocked}:
+    cache.fcntl = None
+def produce():
+    with open({log!r}, "a") as log:
+        log.write("derived\\n")
+    time.sleep(0.3)
+    text = 'extern "C" __attribute__((visibility("default"))) int answer() {{ return 7; }}'
+    return build.Source({{"model.cpp": text}}, "model.cpp")
+while not Path({start!r}).exists():
+    time.sleep(0.005)
+print(build.obtain({key!r}, produce), flush=True)
+"""
+
+
+@pytest.mark.parametrize("unlocked", [False, True])
+def test_processes_that_build_the_same_at_once(tmp_path, cache, key, unlocked):
+    """With locks one derives and the others wait; without, all do and one result is kept."""
+    log, start = tmp_path / "log", tmp_path / "start"
+    script = RACE.format(unlocked=unlocked, log=str(log), start=str(start), key=key)
+    racers = [
+        subprocess.Popen(
+            [sys.executable, "-c", script],
+            stdout=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        )
+        for _ in range(3)
+    ]
+    time.sleep(0.5)
+    start.touch()
+    said = [racer.communicate(timeout=60)[0].strip() for racer in racers]
+    assert [racer.returncode for racer in racers] == [0, 0, 0]
+    assert set(said) == {str(cache / key[:2] / key)}
+    assert answer(Path(said[0])) == 7
+    assert len(log.read_text().splitlines()) == (3 if unlocked else 1)
+    assert not list(cache.glob("*/tmp-*"))
+
+
+def test_the_wait_for_another_process_ends(key, source, monkeypatch, cache):
+    """A lock that is never given back delays a build and does not prevent it."""
+    group = cache / key[:2]
+    cache.mkdir(mode=0o700)
+    group.mkdir(mode=0o700)
+    monkeypatch.setattr(cache_module, "LOCK_SECONDS", 0.2)
+    with open(group / f"{key}.lock", "w") as held:
+        cache_module.fcntl.flock(held, cache_module.fcntl.LOCK_EX)
+        told = []
+        assert answer(build.obtain(key, source, progress=told.append)) == 7
+    assert told[0].startswith("waiting")
+
+
+def refuge_of(entry: Path, key: str) -> Path:
+    assert entry.name == key
+    return entry.parent.parent
+
+
+def test_a_cache_that_cannot_be_made_has_a_private_stand_in(tmp_path, key, source, monkeypatch):
+    """The chosen folder lies below a regular file, which stops the superuser too."""
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("FANTOCCINI_CACHE", str(tmp_path / "file" / "cache"))
+    with pytest.warns(RuntimeWarning, match="the cache folder is not used") as warned:
+        entry = build.obtain(key, source)
+    assert len(warned) == 1
+    refuge = refuge_of(entry, key)
+    assert refuge == tmp_path / "temporary" / f"fantoccini-{os.geteuid()}"
+    assert refuge.stat().st_mode & 0o777 == 0o700
+    with pytest.warns(RuntimeWarning):
+        assert build.obtain(key, never) == entry
+
+
+@pytest.mark.parametrize("code", [errno.EROFS, errno.EACCES, errno.ENOSPC, errno.EDQUOT])
+@pytest.mark.parametrize("call", ["mkdir", "write", "rename"])
+def test_a_read_only_or_full_disk_has_a_private_stand_in(
+    cache, key, source, monkeypatch, code, call
+):
+    """The disk fails at making a folder, at writing a file, at the last rename."""
+    where = {"mkdir": "mkdir", "write": "write_text", "rename": "rename"}[call]
+    real = getattr(Path, where)
+
+    def failing(self, *arguments, **options):
+        if cache in (self, *self.parents):
+            raise OSError(code, os.strerror(code))
+        return real(self, *arguments, **options)
+
+    monkeypatch.setattr(Path, where, failing)
+    derived = []
+    with pytest.warns(RuntimeWarning, match=os.strerror(code)) as warned:
+        entry = build.obtain(key, lambda: derived.append(1) or source())
+    assert len(warned) == 1
+    assert answer(entry) == 7
+    assert cache not in entry.parents
+    assert len(derived) == 1
+    assert not list(cache.glob("*/tmp-*"))
+
+
+def test_a_disk_that_fills_while_compiling_has_a_private_stand_in(
+    cache, key, source, monkeypatch, program
+):
+    """The compiler itself meets the full disk, and only in the cache folder."""
+    full = program(
+        "full",
+        f'case "$PWD" in {cache}*) [ "$1" = --version ] || '
+        '{ echo "as: error: No space left on device" >&2; exit 1; };; esac\n'
+        'exec g++ "$@"',
+    )
+    monkeypatch.setenv("FANTOCCINI_CXX", str(full))
+    with pytest.warns(RuntimeWarning, match="No space left on device"):
+        entry = build.obtain(key, source)
+    assert answer(entry) == 7
+    assert not list(cache.glob("*/tmp-*"))
+
+
+def test_no_place_at_all_is_an_error(tmp_path, key, source, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("FANTOCCINI_CACHE", str(tmp_path / "file" / "cache"))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "file" / "temporary"))
+    with pytest.raises(BuildError, match="no place for the compiled puppet"):
+        build.obtain(key, source)
+
+
+def test_an_error_while_deriving_is_not_taken_for_a_full_disk(key):
+    def produce():
+        raise OSError(errno.ENOSPC, "in the derivation")
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(OSError, match="in the derivation"):
+            build.obtain(key, produce)
+
+
+@pytest.mark.parametrize("mode", [0o777, 0o770, 0o1777])
+def test_a_folder_that_others_can_write_is_refused(cache, key, source, mode):
+    cache.mkdir()
+    cache.chmod(mode)
+    with pytest.warns(RuntimeWarning, match="written by other users"):
+        entry = build.obtain(key, source)
+    assert cache not in entry.parents
+    with pytest.raises(BuildError, match="not cleared"):
+        build.clear()
+
+
+def test_a_folder_of_another_user_is_refused(cache, key, source, monkeypatch):
+    cache.mkdir(mode=0o700)
+    os.chown(cache, 12345, -1) if os.geteuid() == 0 else monkeypatch.setattr(
+        folders.os, "geteuid", lambda: 12345
+    )
+    assert "another user" in folders.distrust(cache)
+
+
+@pytest.mark.parametrize("squatter", ["open folder", "link", "file"])
+def test_a_stand_in_that_somebody_prepared_is_refused(tmp_path, squatter):
+    """Anybody may make a folder under the known name; then a fresh one is made."""
+    place = tmp_path / "temporary" / f"fantoccini-{os.geteuid()}"
+    match squatter:
+        case "open folder":
+            place.mkdir()
+            place.chmod(0o755)
+        case "link":
+            (tmp_path / "elsewhere").mkdir(mode=0o700)
+            place.symlink_to(tmp_path / "elsewhere")
+        case "file":
+            place.write_text("")
+    folder = folders.private_folder()
+    assert folder != place
+    assert folder.stat().st_mode & 0o777 == 0o700
+    assert folders.private_folder() == folder
+
+
+def test_new_folders_are_private_whatever_the_umask(cache, key, source):
+    old = os.umask(0)
+    try:
+        entry = build.obtain(key, source)
+    finally:
+        os.umask(old)
+    for folder in (cache, entry.parent, entry):
+        assert folder.stat().st_mode & 0o777 == 0o700
+
+
+def test_the_default_folder_is_the_users_cache(monkeypatch):
+    monkeypatch.delenv("FANTOCCINI_CACHE")
+    assert build.cache_folder().name == "fantoccini"
+    monkeypatch.setenv("FANTOCCINI_CACHE", "~/elsewhere")
+    assert build.cache_folder() == Path.home() / "elsewhere"
+
+
+def test_clear_removes_what_is_ours_and_nothing_else(cache, key, source):
+    """A user may have named a folder that holds other things."""
+    build.obtain(key, source)
+    other = cache / "ad" / "advertisement.txt"
+    other.parent.mkdir()
+    other.write_text("kept")
+    assert build.clear() == 1
+    assert other.read_text() == "kept"
+    assert not (cache / key[:2]).exists()
+    assert build.clear() == 0
+
+
+def test_describe_tells_the_compiler_and_the_cache(cache, key, source):
+    build.obtain(key, source)
+    facts = build.describe()
+    assert facts["compiler"].startswith(build.find_compiler().version)
+    assert facts["cache"] == str(cache)
+    assert facts["cache entries"].startswith("1 ")
+    assert "problem" not in facts
+
+
+def test_describe_tells_what_is_wrong(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("FANTOCCINI_CACHE", str(tmp_path / "file" / "cache"))
+    monkeypatch.setenv("FANTOCCINI_CXX", "no-such-compiler")
+    facts = build.describe()
+    assert facts["compiler"] == "none"
+    assert "no-such-compiler" in facts["problem"]
+    assert "is not used" in facts["problem"]

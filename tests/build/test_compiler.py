@@ -1,0 +1,133 @@
+"""The compiler is found, or its absence has a remedy; its failures can be read."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from fantoccini import build
+from fantoccini.build import compiler as compiler_module
+from fantoccini.build.compiler import BASE_FLAGS, run_compiler
+from fantoccini.errors import BuildError
+
+VERSION = 'if [ "$1" = --version ]; then echo "fake g++ 1.0"; exit 0; fi\n'
+
+
+def test_the_systems_compiler_is_found():
+    found = build.find_compiler()
+    assert found.kind in ("gcc", "clang", "zig")
+    assert found.version
+    assert shutil.which(found.command[0])
+
+
+def test_no_compiler_names_the_command_that_installs_one(monkeypatch, tmp_path, program):
+    """With apt-get alone on the path, and a Python without ziglang."""
+    program("apt-get", "exit 0")
+    monkeypatch.setenv("PATH", str(tmp_path / "bin"))
+    monkeypatch.setattr(sys, "executable", str(program("python", "exit 1")))
+    with pytest.raises(BuildError, match=r"no C\+\+ compiler was found.*apt-get install -y g\+\+"):
+        build.find_compiler()
+
+
+def test_a_compiler_installed_after_a_failure_is_found(monkeypatch, tmp_path, program):
+    monkeypatch.setenv("PATH", str(tmp_path / "bin"))
+    monkeypatch.setattr(sys, "executable", str(program("python", "exit 1")))
+    with pytest.raises(BuildError):
+        build.find_compiler()
+    program("g++", VERSION)
+    assert build.find_compiler().version == "fake g++ 1.0"
+
+
+def test_the_order_of_search(monkeypatch, tmp_path, program):
+    """FANTOCCINI_CXX before CXX before g++ before c++ before clang++; a broken one is passed."""
+    monkeypatch.setenv("PATH", str(tmp_path / "bin"))
+    program("clang++", 'echo "fake clang version 3"')
+    assert build.find_compiler().kind == "clang"
+    program("c++", 'echo "c++ (fake) 2"')
+    program("g++", "exit 1")
+    assert build.find_compiler().version == "c++ (fake) 2"
+    program("g++", 'echo "g++ (fake) 1"')
+    assert build.find_compiler().version == "g++ (fake) 1"
+    monkeypatch.setenv("CXX", str(program("mine", 'echo "mine $1"')) + " --first 'a b'")
+    assert build.find_compiler().version == "mine --first"
+    assert build.find_compiler().command[1:] == ("--first", "a b")
+    monkeypatch.setenv("FANTOCCINI_CXX", str(program("ours", "echo ours")))
+    assert build.find_compiler().version == "ours"
+
+
+@pytest.mark.parametrize("value", ["no-such-compiler", "no-such-compiler; touch x", "'unclosed"])
+def test_a_named_compiler_that_does_not_run_is_an_error(monkeypatch, value):
+    """The user's choice is not replaced by another compiler in silence."""
+    monkeypatch.setenv("FANTOCCINI_CXX", value)
+    with pytest.raises(BuildError, match="FANTOCCINI_CXX"):
+        build.find_compiler()
+
+
+def test_a_failing_compiler_is_quoted(monkeypatch, program, source, cache, key):
+    """Command, exit code, the first 20 lines of its words, and where the sources are."""
+    body = VERSION + "i=0; while [ $i -lt 50 ]; do echo line $i >&2; i=$((i+1)); done; exit 3"
+    monkeypatch.setenv("FANTOCCINI_CXX", str(program("failing", body)))
+    with pytest.raises(BuildError) as caught:
+        build.obtain(key, source)
+    message = str(caught.value)
+    assert "exit code 3" in message
+    assert "-std=c++17" in message
+    assert "line 19\n" in message
+    assert "line 20" not in message
+    assert "30 lines more" in message
+    kept = Path(message.rsplit("the sources are in ", 1)[1])
+    assert (kept / "model.cpp").read_text() == source().files["model.cpp"]
+    assert not (cache / key[:2] / key).exists()
+    assert not list(cache.glob("*/tmp-*"))
+
+
+def test_a_failure_is_mended_by_the_next_build(monkeypatch, program, source, key):
+    monkeypatch.setenv("FANTOCCINI_CXX", str(program("failing", VERSION + "exit 1")))
+    with pytest.raises(BuildError, match="it printed nothing"):
+        build.obtain(key, source)
+    monkeypatch.delenv("FANTOCCINI_CXX")
+    assert (build.obtain(key, source) / build.LIBRARY).is_file()
+
+
+def test_a_source_that_does_not_compile_shows_its_line(key):
+    broken = build.Source({"model.cpp": "int x = ;\n"}, "model.cpp")
+    with pytest.raises(BuildError, match=r"model\.cpp:1"):
+        build.obtain(key, lambda: broken)
+
+
+def test_a_compiler_that_hangs_is_stopped_with_its_children(tmp_path, program):
+    """The grandchild would touch the file after 2 s."""
+    late = tmp_path / "late"
+    hanging = program("hanging", f"(sleep 2; touch {late}) & wait")
+    start = time.monotonic()
+    with pytest.raises(BuildError, match=r"stopped after 0\.2 s"):
+        run_compiler([str(hanging)], tmp_path, seconds=0.2)
+    assert time.monotonic() - start < 1.5
+    time.sleep(2.2)
+    assert not late.exists()
+
+
+def test_a_library_without_output_is_an_error(monkeypatch, program, source, key):
+    """A compiler that says it worked and wrote nothing."""
+    monkeypatch.setenv("FANTOCCINI_CXX", str(program("lazy", VERSION + "exit 0")))
+    with pytest.raises(BuildError, match="written no library"):
+        build.obtain(key, source)
+
+
+def test_large_functions_are_compiled_with_less_optimisation():
+    assert build.optimisation_level(7_000) == "-O2"
+    assert build.optimisation_level(60_000) == "-O1"
+
+
+@pytest.mark.parametrize("kind", ["gcc", "clang", "zig"])
+@pytest.mark.parametrize("machine", ["x86_64", "aarch64", "arm64"])
+def test_no_flag_lets_the_compiler_break_arithmetic(kind, machine, monkeypatch):
+    monkeypatch.setattr(compiler_module.platform, "machine", lambda: machine)
+    flags = (*BASE_FLAGS, *build.compile_flags(10, build.Compiler(("c++",), kind, "1")))
+    assert "-ffp-contract=fast" in flags
+    assert not {"-ffast-math", "-Ofast", "-funsafe-math-optimizations"} & set(flags)
+    assert sum(flag.endswith("=native") for flag in flags) == 1

@@ -1,0 +1,98 @@
+"""The key changes with everything that can change the library, and with nothing else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from fantoccini import build
+from fantoccini.build import key as key_module
+
+ARGUMENTS = ("puppet", "generator 1", ("-O2",))
+
+
+@pytest.fixture
+def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    folder = tmp_path / "cpp"
+    (folder / "fantoccini").mkdir(parents=True)
+    (folder / "fantoccini" / "strings.hpp").write_text("// strings\n")
+    monkeypatch.setattr(key_module, "runtime_folder", lambda: folder)
+    return folder
+
+
+def test_the_key_is_hexadecimal_and_repeatable(runtime):
+    key = build.fingerprint(*ARGUMENTS)
+    assert len(key) == 64
+    assert set(key) <= set("0123456789abcdef")
+    assert build.fingerprint(*ARGUMENTS) == key
+
+
+def test_the_key_changes_with_each_argument(runtime):
+    keys = {
+        build.fingerprint("puppet", "generator 1", ("-O2",)),
+        build.fingerprint("puppet ", "generator 1", ("-O2",)),
+        build.fingerprint("puppet", "generator 2", ("-O2",)),
+        build.fingerprint("puppet", "generator 1", ("-O1",)),
+        build.fingerprint("puppet", "generator 1", ("-O2", "-DLANES=8")),
+        build.fingerprint("puppet", "generator 1", ()),
+    }
+    assert len(keys) == 6
+
+
+def test_the_key_changes_with_the_runtime(runtime):
+    """A header's text, its name, its place, a new header."""
+    keys = [build.fingerprint(*ARGUMENTS)]
+    header = runtime / "fantoccini" / "strings.hpp"
+    header.write_text("// strings, changed\n")
+    keys.append(build.fingerprint(*ARGUMENTS))
+    header = header.rename(runtime / "fantoccini" / "cords.hpp")
+    keys.append(build.fingerprint(*ARGUMENTS))
+    header.rename(runtime / "cords.hpp")
+    keys.append(build.fingerprint(*ARGUMENTS))
+    (runtime / "empty.hpp").write_text("")
+    keys.append(build.fingerprint(*ARGUMENTS))
+    assert len(set(keys)) == 5
+
+
+@pytest.mark.parametrize("ingredient", ["casadi_version", "processor"])
+def test_the_key_changes_with_casadi_and_the_processor(runtime, monkeypatch, ingredient):
+    before = build.fingerprint(*ARGUMENTS)
+    monkeypatch.setattr(key_module, ingredient, lambda: "another")
+    assert build.fingerprint(*ARGUMENTS) != before
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        build.Compiler(("g++",), "gcc", "g++ 13"),
+        build.Compiler(("g++",), "clang", "g++ 12"),
+        build.Compiler(("c++",), "gcc", "g++ 12"),
+        build.Compiler(("g++", "-m32"), "gcc", "g++ 12"),
+    ],
+)
+def test_the_key_changes_with_the_compiler(runtime, monkeypatch, other):
+    monkeypatch.setattr(
+        key_module, "find_compiler", lambda: build.Compiler(("g++",), "gcc", "g++ 12")
+    )
+    before = build.fingerprint(*ARGUMENTS)
+    monkeypatch.setattr(key_module, "find_compiler", lambda: other)
+    assert build.fingerprint(*ARGUMENTS) != before
+
+
+def test_the_key_changes_with_the_standard_flags(runtime, monkeypatch):
+    before = build.fingerprint(*ARGUMENTS)
+    monkeypatch.setattr(key_module, "BASE_FLAGS", ("-std=c++20",))
+    assert build.fingerprint(*ARGUMENTS) != before
+
+
+def test_the_processors_features_are_a_set(tmp_path):
+    """Their order, the clock rate and the other cores do not matter."""
+    one, two = tmp_path / "one", tmp_path / "two"
+    one.write_text("cpu MHz\t: 2600\nflags\t\t: avx2 fma sse2\n\nflags\t\t: none\n")
+    two.write_text("cpu MHz\t: 1200\nflags\t\t: sse2 avx2 fma\n")
+    assert key_module.processor(one) == key_module.processor(two) == "avx2 fma sse2"
+
+
+def test_the_runtime_is_hashed_where_the_package_lies():
+    assert build.runtime_folder().parent == Path(build.__file__).resolve().parent.parent

@@ -1,0 +1,243 @@
+"""Inputs files: the same input as from Python, and every mistake with its line."""
+
+from __future__ import annotations
+
+import io
+import json
+
+import numpy as np
+import pytest
+
+from fantoccini.errors import InputError
+from fantoccini.motion import Input, inputs_schema, rotation
+
+GOOD = """\
+# a greeting
+name: greeting
+duration: 4
+coordinates:
+  hand.length: [[0, 0.8], [1.5, 0.5]]
+  crank:
+    - [0, 0]
+    - [1, 90 deg]
+  bar.rotation: [[0, [1, 0, 0, 0]], [2, [0, 0, 0.5]]]
+forces:
+  elbow: [[0.25, 0], [1, 2]]
+"""
+
+
+def same(one: Input, two: Input) -> bool:
+    return all(
+        np.array_equal(getattr(one, name), getattr(two, name), equal_nan=True)
+        for name in ("breaks", "coef", "base")
+    ) and np.array_equal(one.named, two.named)
+
+
+def test_yaml_is_what_python_says(table, tmp_path):
+    path = tmp_path / "greet.yaml"
+    path.write_text(GOOD)
+    read = Input.load(table, path)
+    made = (
+        Input.waypoints(
+            table,
+            {
+                "hand.length": [(0, 0.8), (1.5, 0.5)],
+                "crank": [(0, 0), (1, np.pi / 2)],
+                "bar.rotation": [(0, [1, 0, 0, 0]), (2, [0, 0, 0.5])],
+            },
+        )
+        .with_forces({"elbow": [(0.25, 0), (1, 2)]})
+        .extended(4.0)
+    )
+    assert same(read, made)
+    assert np.array_equal(read.force, made.force)
+    assert read.end == 4.0 and read.name == "greeting"
+
+
+def test_samples_from_csv_and_npz_are_those_from_python(table, tmp_path):
+    t = np.linspace(0, 2, 30)
+    q = rotation.exp(np.outer(np.sin(t), [0.3, 0.2, 0.1]))
+    columns = {"hand.length": 1 + 0.1 * np.cos(t), **dict(zip(table.q_K[4:8], q.T, strict=True))}
+    made = Input.samples(table, t, columns)
+    np.savez(tmp_path / "a.npz", t=t, **columns)
+    assert same(Input.load(table, tmp_path / "a.npz"), made)
+    rows = np.column_stack([t, *columns.values()])
+    text = "\n".join([",".join(["t", *columns]), *(",".join(map(repr, r)) for r in rows.tolist())])
+    (tmp_path / "a.csv").write_text(text + "\n")
+    assert same(Input.load(table, tmp_path / "a.csv"), made)
+
+
+def test_schema_is_json_and_closed():
+    schema = json.loads(json.dumps(inputs_schema()))
+    assert schema["additionalProperties"] is False
+    assert set(schema["properties"]) == {"name", "duration", "coordinates", "forces"}
+
+
+YAML = {
+    "nan": ("coordinates:\n  crank:\n  - [0, .nan]\n", 3, "crank[0]", "found nan"),
+    "unknown name": ("coordinates:\n  hand.lenght: [[0, 1]]\n", 2, "hand.lenght", "'hand.length'"),
+    "unsorted": ("coordinates:\n  crank:\n  - [0, 1]\n  - [0, 2]\n", 4, "crank[1]", "step"),
+    "unknown key": ("coordinates: {}\nwaypoint: 3\n", 2, "waypoint", "not known"),
+    "no mapping": ("coordinates:\n  - 3\n", 1, "coordinates", "names and their waypoints"),
+    "a list": ("- 3\n", 1, "", "mapping"),
+    "empty": ("", 1, "", "empty"),
+    "comment only": ("# nothing\n", 1, "", "empty"),
+    "syntax": ("coordinates: {a: [\n", 2, "", "not YAML"),
+    "half a turn": (
+        "coordinates:\n  bar.rotation:\n  - [0, [1, 0, 0, 0]]\n  - [1, [0, 1, 0, 0]]\n",
+        4,
+        "bar.rotation[1]",
+        "180 deg",
+    ),
+    "zero quaternion": (
+        "coordinates:\n  bar.rotation: [[0, [0, 0, 0, 0]]]\n",
+        2,
+        "bar.rotation[0]",
+        "zero quaternion",
+    ),
+    "length": (
+        "coordinates:\n  crank: [[0, 1]]\n  hand.length: [[0, 1], [1, 0]]\n",
+        3,
+        "hand.length",
+        "above 0",
+    ),
+    "duration": ("duration: 1\ncoordinates: {crank: [[0, 1], [2, 2]]}\n", 1, "duration", "before"),
+    "negative duration": ("duration: -1\n", 1, "duration", "positive"),
+    "force": ("forces:\n  elbo: [[0, 1]]\n", 2, "forces.elbo", "'elbow'"),
+    "force of text": ("forces:\n  elbow: [[0, much]]\n", 2, "elbow[0]", "'much'"),
+    "evil name": ('coordinates:\n  "a\\n*/; rm": [[0, 1]]\n', 2, "coordinates", "not a driven"),
+    "twice": ("coordinates:\n  crank: [[0, 1]]\n  crank: [[0, 1]]\n", 3, "crank", "twice"),
+    "a word": ("coordinates:\n  crank: up\n", 2, "crank", "'up'"),
+}
+
+
+def problems(table, path) -> list:
+    with pytest.raises(InputError) as error:
+        Input.load(table, path)
+    assert all(p.file == str(path) for p in error.value.problems)
+    return list(error.value.problems)
+
+
+@pytest.mark.parametrize("what", YAML)
+def test_mistakes_in_yaml_have_a_line(table, tmp_path, what):
+    text, line, key, message = YAML[what]
+    path = tmp_path / "bad.yaml"
+    path.write_text(text)
+    (problem,) = problems(table, path)
+    assert (problem.line, key in problem.key) == (line, True)
+    assert message in problem.message
+    assert "\n" not in str(problem)
+
+
+def test_all_mistakes_in_yaml_come_at_once(table, tmp_path):
+    path = tmp_path / "bad.yaml"
+    path.write_text("coordinates:\n  crank: [[0, a], [0, 1]]\n  nose: []\nforces:\n  x: [[0, 1]]\n")
+    assert [p.line for p in problems(table, path)] == [2, 2, 3, 5]
+
+
+CSV = {
+    "empty": ("", 1, "", "empty"),
+    "no t": ("crank\n1\n", 1, "", "column t"),
+    "no rows": ("t,crank\n", 1, "t", "no samples"),
+    "text": ("t,crank\n0,1\n1,up\n", 3, "crank", "'up'"),
+    "nan": ("t,crank\n0,1\n1,nan\n", 3, "crank", "nan"),
+    "unknown": ("t,crnak\n0,1\n", 1, "crnak", "'crank'"),
+    "unsorted": ("t,crank\n0,1\n\n2,1\n1,1\n", 5, "t", "must increase"),
+    "columns": ("t,crank\n0,1\n1,1,1\n", 3, "", "found 3 columns; the header has 2"),
+    "twice": ("t,crank,crank\n0,1,1\n", 1, "crank", "two columns"),
+    "unnamed": ("t,\n0,1\n", 1, "", "no name"),
+    "part of a rotation": ("t,bar.qw\n0,1\n", 1, "bar.qw", "bar.qx, bar.qy, bar.qz"),
+    "zero quaternion": (
+        "t,bar.qw,bar.qx,bar.qy,bar.qz\n0,1,0,0,0\n1,0,0,0,0\n",
+        3,
+        "bar.rotation",
+        "zero quaternion",
+    ),
+    "length": ("t,hand.length\n0,1\n1,-1\n", 1, "hand.length", "above 0"),
+    "quote": ('t,crank\n0,"1\n', None, "", "not CSV"),
+}
+
+
+@pytest.mark.parametrize("what", CSV)
+def test_mistakes_in_csv_have_a_line(table, tmp_path, what):
+    text, line, key, message = CSV[what]
+    path = tmp_path / "bad.csv"
+    path.write_text(text)
+    problem = problems(table, path)[0]
+    assert line is None or problem.line == line
+    assert key in problem.key and message in problem.message
+
+
+@pytest.mark.parametrize("ending", ["yaml", "csv", "npz"])
+def test_junk_is_refused(table, tmp_path, ending):
+    path = tmp_path / f"bad.{ending}"
+    path.write_bytes(bytes(range(256)) * 40)
+    assert problems(table, path)
+    path.write_bytes(b"\0" * 5000)
+    assert problems(table, path)
+
+
+@pytest.mark.parametrize("ending", ["yaml", "csv", "npz", "txt"])
+def test_missing_files_folders_and_other_endings(table, tmp_path, ending):
+    assert problems(table, tmp_path / f"none.{ending}")
+    (tmp_path / f"folder.{ending}").mkdir()
+    assert problems(table, tmp_path / f"folder.{ending}")
+
+
+def test_ten_megabytes_of_yaml(table, tmp_path):
+    path = tmp_path / "big.yaml"
+    path.write_bytes(b"coordinates:\n  crank: [" + b"[0, 1], " * 1_300_000 + b"]\n")
+    (problem,) = problems(table, path)
+    assert "MB" in problem.message
+
+
+def test_aliases_that_explode(table, tmp_path):
+    path = tmp_path / "bomb.yaml"
+    lines = ["a: &a [0, 0, 0, 0, 0, 0, 0, 0, 0]"]
+    for one, two in zip("abcdefgh", "bcdefghi", strict=True):
+        lines.append(f"{two}: &{two} [{', '.join(['*' + one] * 9)}]")
+    path.write_text("\n".join(lines))
+    assert problems(table, path)
+
+
+def test_npz_with_objects_or_wrong_shapes(table, tmp_path):
+    path = tmp_path / "bad.npz"
+    np.savez(path, t=np.arange(3.0), crank=np.array([1, None, 2], dtype=object))
+    (problem,) = problems(table, path)
+    assert problem.key == "crank" and "allow_pickle=False" in problem.message
+    np.savez(path, t=np.arange(3.0), crank=np.zeros((3, 2)), nose=np.zeros(3))
+    assert {p.key for p in problems(table, path)} == {"crank", "nose"}
+    np.savez(path, t=np.arange(3.0), crank=np.array(["a", "b", "c"]))
+    assert problems(table, path)[0].key == "crank"
+    np.savez(path, t=3.0, crank=np.zeros(3))
+    assert problems(table, path)
+
+
+def test_a_damaged_npz_is_refused_or_read_but_never_a_crash(table, tmp_path):
+    whole, path = io.BytesIO(), tmp_path / "bad.npz"
+    np.savez_compressed(whole, t=np.arange(30.0), crank=np.sin(np.arange(30.0)))
+    rng = np.random.default_rng(5)
+    for _ in range(150):
+        raw = bytearray(whole.getvalue())
+        for place in rng.integers(len(raw), size=3):
+            raw[place] = rng.integers(256)
+        path.write_bytes(raw[: rng.integers(len(raw) // 2, len(raw) + 1)])
+        try:
+            Input.load(table, path)
+        except InputError:
+            continue
+
+
+def test_a_damaged_csv_is_refused_or_read_but_never_a_crash(table, tmp_path):
+    path = tmp_path / "bad.csv"
+    text = b"t,crank,hand.length\n" + b"".join(b"%d,0.5,1.25\n" % i for i in range(9))
+    rng = np.random.default_rng(5)
+    for _ in range(200):
+        raw = bytearray(text)
+        for place in rng.integers(len(raw), size=2):
+            raw[place] = rng.integers(256)
+        path.write_bytes(raw)
+        try:
+            Input.load(table, path)
+        except InputError:
+            continue

@@ -1,0 +1,292 @@
+"""Trajectories: read back to the same bits, resampled at high order, right at impacts."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from fantoccini.errors import FileError, StateError, Status, UnknownNameError
+from fantoccini.motion import Columns, Event, EventKind, Trajectory, rotation
+from fantoccini.motion.trajectory import LEDGER
+from fantoccini.puppet import loads
+
+HEAD_AXIS = np.array([0.3, -0.5, 0.8])
+
+
+def course(t):
+    """An analytic motion of the table's five dynamic velocities; one phi on a curved path."""
+    sin, cos = np.sin(t), np.cos(t)
+    phi = np.stack([0.5 * sin, 0.4 * cos, 0.3 * t], axis=-1)
+    rate = np.stack([0.5 * cos, -0.4 * sin, 0.3 + 0 * t], axis=-1)
+    curve = np.stack([-0.5 * sin, -0.4 * cos, 0 * t], axis=-1)
+    w, wdot = rotation.body_motion(phi, rate, curve)
+    one = np.stack([sin, cos, -sin], axis=0)
+    two = np.stack([np.sin(3 * t), 3 * np.cos(3 * t), -9 * np.sin(3 * t)], axis=0)
+    q = np.concatenate([one[0][:, None], rotation.exp(phi), two[0][:, None]], axis=-1)
+    v = np.concatenate([one[1][:, None], w, two[1][:, None]], axis=-1)
+    acc = np.concatenate([one[2][:, None], wdot, two[2][:, None]], axis=-1)
+    return q, v, acc
+
+
+def run_of(table, t, **changes) -> Trajectory:
+    q, v, acc = course(t)
+    still = np.tile(np.nan_to_num(table.start_K, nan=0.8), (len(t), 1))
+    none = np.zeros((len(t), table.n_vK))
+    given = {
+        "t": t,
+        "q_D": q,
+        "v_D": v,
+        "acc_D": acc,
+        "q_K": still,
+        "v_K": none,
+        "acc_K": none,
+        "tension": Columns(("hand", "knee"), np.stack([1 + t, 2 * t], axis=-1), "string"),
+        "limit_force": Columns(("elbow.upper",), np.zeros((len(t), 1)), "limit"),
+        "taut": Columns(("hand", "knee"), np.stack([t < 1, t >= 0], axis=-1), "string"),
+        "ledger": Columns(LEDGER, np.outer(t, np.arange(len(LEDGER))), "entry"),
+        "events": (Event(1.0, EventKind.CATCH, "hand", 0.25, 0.5), Event(1.5, "breakpoint")),
+        "status": Status.DONE,
+        "method": "event",
+        "coordinates": table,
+    }
+    return Trajectory(**{**given, **changes})
+
+
+@pytest.fixture
+def run(table):
+    return run_of(table, np.concatenate([np.linspace(0, 1, 11), np.linspace(1, 2, 11)]))
+
+
+# -- resampling --------------------------------------------------------------------------------
+
+
+def test_resampling_converges_at_order_six(table):
+    times = np.linspace(0, 2, 317)
+    q, v, acc = course(times)
+
+    def worst(n):
+        got = run_of(table, np.linspace(0, 2, n)).resample(times)
+        return np.array(
+            [
+                np.max(np.abs(got.q_D[:, [0, 5]] - q[:, [0, 5]])),
+                np.max(np.abs(rotation.between(q[:, 1:5], got.q_D[:, 1:5]))),
+                np.max(np.abs(got.v_D - v)),
+                np.max(np.abs(got.acc_D - acc)),
+            ]
+        )
+
+    order = np.log2(worst(9) / worst(17))
+    assert np.all(order > [5.5, 5.5, 4.5, 3.5])
+
+
+def test_rows_come_back_to_the_same_bits(table, run):
+    same = run.resample(np.unique(run.t))
+    rows = np.concatenate([np.arange(10), np.arange(11, 22)])
+    assert np.array_equal(same.q_D, run.q_D[rows])
+    assert np.array_equal(same.v_D, run.v_D[rows])
+    assert np.array_equal(same.tension.values, run.tension.values[rows])
+
+
+def test_an_impact_has_two_sides(table):
+    t = np.array([0.0, 1.0, 1.0, 2.0])
+    _, v, _ = course(t)
+    v[2:] = 0.0
+    tension = Columns(("hand",), np.array([[0.0], [0.0], [7.0], [9.0]]), "string")
+    taut = Columns(("hand",), np.array([[False], [False], [True], [True]]), "string")
+    run = run_of(table, t, v_D=v, tension=tension, taut=taut)
+    right, left = run.at(1.0), run.at(1.0, side="left")
+    assert not right.v_D.any() and right.taut.tolist() == [True, False]
+    assert np.array_equal(left.v_D, v[1]) and left.taut.tolist() == [False, False]
+    assert run.resample([1.0, 1.5]).tension["hand"].tolist() == [7.0, 8.0]
+    assert run.resample([0.0, 1.0], side="left").tension["hand"].tolist() == [0.0, 0.0]
+    assert run.impulse["hand"].tolist() == [0.0, 0.0, 0.25, 0.0]
+
+
+def test_an_impact_at_either_end(table):
+    t = np.array([0.0, 0.0, 1.0, 1.0])
+    run = run_of(table, t, tension=Columns(("hand",), np.arange(4.0)[:, None]))
+    assert run.resample([0.0, 1.0]).tension["hand"].tolist() == [1.0, 3.0]
+    assert run.resample([0.0, 1.0], side="left").tension["hand"].tolist() == [0.0, 2.0]
+
+
+def test_ledger_is_linear_between_rows(run):
+    assert np.allclose(run.resample([0.33]).ledger.values[0], 0.33 * np.arange(len(LEDGER)))
+
+
+def test_a_single_row_is_a_run(table):
+    run = run_of(table, np.array([0.5]))
+    assert run.duration == 0.0
+    assert np.array_equal(run.at(0.5).q_D, run.q_D[0])
+
+
+def test_outside_of_the_run(run):
+    with pytest.raises(StateError, match=r"t = 2\.1 s is outside of the run, 0 s to 2 s"):
+        run.at(2.1)
+    with pytest.raises(StateError):
+        run.at(np.nan)
+
+
+# -- files -------------------------------------------------------------------------------------
+
+
+def test_npz_comes_back_to_the_same_bits(run, tmp_path):
+    path = tmp_path / "lift.npz"
+    run.save(path)
+    back = Trajectory.load(path)
+    assert [p.name for p in tmp_path.iterdir()] == ["lift.npz"]
+    for name in ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K"):
+        assert getattr(back, name).tobytes() == getattr(run, name).tobytes()
+    for name in ("tension", "limit_force", "taut", "ledger"):
+        ours, theirs = getattr(back, name), getattr(run, name)
+        assert ours.names == theirs.names and ours.what == theirs.what
+        assert ours.values.dtype == theirs.values.dtype
+        assert ours.values.tobytes() == theirs.values.tobytes()
+    assert back.events == run.events and back.events[0].kind is EventKind.CATCH
+    assert back.status is Status.DONE and back.method == "event"
+    assert back.coordinates.rows == run.coordinates.rows
+    assert back.coordinates.rotations == run.coordinates.rotations
+    assert np.array_equal(back.coordinates.start_K, run.coordinates.start_K, equal_nan=True)
+    assert np.array_equal(back.resample([0.3]).q_D, run.resample([0.3]).q_D)
+
+
+def test_a_run_without_events_comes_back(table, tmp_path):
+    run_of(table, np.linspace(0, 1, 3), events=()).save(tmp_path / "a.npz")
+    assert Trajectory.load(tmp_path / "a.npz").events == ()
+
+
+def test_the_puppet_comes_back(table, run, tmp_path):
+    puppet = loads(
+        "puppet: bob\nbodies: [{name: bob, joint: {type: free}, mass: 1, inertia: [1, 1, 1]}]\n"
+    )
+    run_of(table, run.t, puppet=puppet).save(tmp_path / "a.npz")
+    assert Trajectory.load(tmp_path / "a.npz").puppet == puppet
+
+
+def test_meshes_travel_with_the_puppet(table, run, tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    folder = tmp_path / "puppet"
+    (folder / "meshes").mkdir(parents=True)
+    trimesh.creation.box((0.1, 0.2, 0.3)).export(folder / "meshes" / "box.stl")
+    text = (
+        "puppet: bob\nbodies:\n- name: bob\n  joint: {type: free}\n"
+        "  shapes: [{type: mesh, file: meshes/box.stl, density: 500}]\n"
+    )
+    puppet = loads(text, folder=folder)
+    run_of(table, run.t, puppet=puppet).save(tmp_path / "a.npz")
+    before = puppet.canonical()
+    shutil.rmtree(folder)
+    assert Trajectory.load(tmp_path / "a.npz").puppet.canonical() == before
+
+
+def test_saving_in_vain_leaves_what_was_there(run, tmp_path, monkeypatch):
+    path = tmp_path / "a.npz"
+    path.write_bytes(b"old")
+
+    def full(*args, **kwargs):
+        raise OSError("no space left on device")
+
+    monkeypatch.setattr(np, "savez", full)
+    with pytest.raises(OSError, match="no space"):
+        run.save(path)
+    assert [p.name for p in tmp_path.iterdir()] == ["a.npz"]
+    assert path.read_bytes() == b"old"
+
+
+@pytest.mark.parametrize("content", [b"", b"junk", b"PK\x03\x04junk", None])
+def test_what_is_no_trajectory_is_refused(tmp_path, content):
+    path = tmp_path / "a.npz"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(FileError, match=r"a\.npz"):
+        Trajectory.load(path)
+
+
+def test_a_damaged_file_is_refused_or_read_but_never_a_crash(run, tmp_path):
+    path = tmp_path / "a.npz"
+    run.save(path)
+    whole, rng = path.read_bytes(), np.random.default_rng(5)
+    for _ in range(100):
+        raw = bytearray(whole)
+        for place in rng.integers(len(raw), size=3):
+            raw[place] = rng.integers(256)
+        path.write_bytes(raw)
+        try:
+            Trajectory.load(path)
+        except FileError:
+            continue
+
+
+def test_objects_are_refused(tmp_path):
+    path = tmp_path / "a.npz"
+    np.savez(path, about=np.array([{"a": 1}], dtype=object))
+    with pytest.raises(FileError, match="is not a trajectory"):
+        Trajectory.load(path)
+
+
+def test_csv_reads_back_to_the_same_bits(run, tmp_path):
+    path = tmp_path / "a.csv"
+    run.to_csv(path)
+    with path.open(newline="") as file:
+        header, *rows = csv.reader(file)
+    assert header == list(run.columns())
+    read = np.array(rows, dtype=float)
+    for name, values in run.columns().items():
+        assert np.array_equal(read[:, header.index(name)], values.astype(float))
+
+
+def test_columns_are_of_one_length_and_to_dict_is_json(run):
+    columns = run.columns()
+    assert {x.shape for x in columns.values()} == {run.t.shape}
+    assert json.loads(json.dumps(run.to_dict()))["tension:hand"][3] == run.tension["hand"][3]
+    pandas = pytest.importorskip("pandas")
+    assert list(pandas.DataFrame(columns).columns) == list(columns)
+
+
+# -- reading -----------------------------------------------------------------------------------
+
+
+def test_columns_know_their_names(run):
+    assert "hand" in run.tension and len(run.tension) == 2 and list(run.tension) == ["hand", "knee"]
+    with pytest.raises(UnknownNameError, match="no string is called 'hnad'; did you mean 'hand'"):
+        run.tension["hnad"]
+
+
+def test_arrays_are_read_only(run):
+    for array in (run.t, run.q_D, run.tension.values, run.state(0).q_D):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1.0
+
+
+def test_summary(run):
+    summary = run.summary()
+    assert summary["duration"] == 2.0 and summary["rows"] == 22
+    assert summary["events"] == {"catch": 1, "breakpoint": 1}
+    assert summary["tension"]["hand"] == {
+        "min": 1.0,
+        "max": 3.0,
+        "slack": pytest.approx(1.0),
+        "catches": 1,
+        "impulse": 0.25,
+    }
+    assert summary["ledger"]["potential"] == 2.0
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"q_D": np.zeros((3, 1))},
+        {"tension": Columns(("a",), np.zeros((5, 1)))},
+    ],
+)
+def test_shapes_are_checked(table, change):
+    with pytest.raises(ValueError, match=r"shape|rows|must"):
+        run_of(table, np.array([0.0, 1.0]), **change)
+
+
+def test_time_does_not_run_backwards(table):
+    with pytest.raises(ValueError, match="none before"):
+        run_of(table, np.array([1.0, 0.0]))

@@ -1,0 +1,199 @@
+"""The package keeps its shape: import order, size of modules, public names, symbols.
+
+A module or package of ``fantoccini`` imports only from those before it in ``ORDER``. Imports
+inside functions count as well, except those of ``view`` that ``LATE_VIEWS`` lists: methods that
+draw import it when they are called, so that nobody pays for matplotlib who does not draw.
+"""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import re
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "src" / "fantoccini"
+
+ORDER = (
+    "errors",
+    "arrays",
+    "puppet",
+    "world",
+    "tree",
+    "equations",
+    "codegen",
+    "build",
+    "motion",
+    "runtime",
+    "marionette",
+    "puppets",  # the bundled puppets: beside the modules, for users of `marionette`
+    "simulate",
+    "optimise",
+    "plan",
+    "choreograph",
+    "stand",
+    "exchange",
+    "view",
+    "cli",
+)
+
+EXEMPT = {"__init__", "__main__"}
+
+LATE_VIEWS = {
+    ("motion", "plot"),
+    ("motion", "show"),
+    ("motion", "_repr_html_"),
+    ("marionette", "plot"),
+    ("marionette", "show"),
+    ("marionette", "_repr_html_"),
+}
+"""(module or package, function) pairs that import ``view`` when they are called."""
+
+ONLY_IN = {
+    "subprocess": {"build", "view"},  # the compiler; the film encoder
+    "ctypes": {"runtime"},
+    "cffi": {"runtime"},
+}
+"""Libraries and the modules that may use them."""
+
+MOST_LINES = 450
+
+
+@dataclass(frozen=True)
+class Import:
+    """One imported name: by which file, inside which function, on which line."""
+
+    file: Path
+    owner: str
+    name: str
+    function: str | None
+    line: int
+
+    def __str__(self) -> str:
+        return f"{self.file.relative_to(ROOT)}:{self.line} imports {self.name}"
+
+
+def modules() -> list[Path]:
+    return sorted(PACKAGE.rglob("*.py"))
+
+
+def owner_of(file: Path) -> str:
+    """The module or package directly below ``fantoccini`` that a file belongs to."""
+    return file.relative_to(PACKAGE).with_suffix("").parts[0]
+
+
+def imports_of(file: Path) -> list[Import]:
+    """Every name that a file imports, at the top and inside functions."""
+    found: list[Import] = []
+
+    def visit(node: ast.AST, function: str | None) -> None:
+        for name in names_of(node, file):
+            found.append(Import(file, owner_of(file), name, function, node.lineno))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            function = node.name
+        for child in ast.iter_child_nodes(node):
+            visit(child, function)
+
+    visit(ast.parse(file.read_text(encoding="utf-8")), None)
+    return found
+
+
+def names_of(node: ast.AST, file: Path) -> list[str]:
+    """The dotted names an import statement asks for; relative ones resolved."""
+    match node:
+        case ast.Import():
+            return [alias.name for alias in node.names]
+        case ast.ImportFrom(level=0):
+            return [f"{node.module}.{alias.name}" for alias in node.names]
+        case ast.ImportFrom():
+            here = ("fantoccini", *file.relative_to(PACKAGE).parts)[: -node.level]
+            start = ".".join([*here, node.module] if node.module else here)
+            return [f"{start}.{alias.name}" for alias in node.names]
+    return []
+
+
+ALL_IMPORTS = [found for file in modules() for found in imports_of(file)]
+INTERNAL = [i for i in ALL_IMPORTS if i.name.split(".")[0] == "fantoccini"]
+
+
+def test_every_module_has_its_place_in_the_order():
+    known = {*ORDER, *EXEMPT}
+    assert [f.name for f in modules() if owner_of(f) not in known] == []
+
+
+def test_a_module_imports_only_from_those_before_it():
+    wrong = []
+    for found in INTERNAL:
+        if found.owner in EXEMPT:
+            continue
+        target = found.name.split(".")[1] if "." in found.name else ""
+        if target == found.owner:
+            continue
+        if target == "view" and (found.owner, found.function) in LATE_VIEWS:
+            continue
+        if target not in ORDER or ORDER.index(target) > ORDER.index(found.owner):
+            wrong.append(str(found))
+    assert wrong == []
+
+
+def test_each_outside_world_has_one_door():
+    """Processes are started, libraries loaded, in known places."""
+    wrong = [
+        str(found)
+        for found in ALL_IMPORTS
+        if found.owner not in ONLY_IN.get(found.name.split(".")[0], {found.owner})
+    ]
+    assert wrong == []
+
+
+def test_modules_are_short():
+    files = [*modules(), *PACKAGE.rglob("*.hpp"), *PACKAGE.rglob("*.h")]
+    lengths = {f: len(f.read_text(encoding="utf-8").splitlines()) for f in files}
+    assert {str(f.relative_to(ROOT)): n for f, n in lengths.items() if n >= MOST_LINES} == {}
+
+
+def test_every_public_name_exists():
+    fantoccini = importlib.import_module("fantoccini")
+    assert len(set(fantoccini.__all__)) == len(fantoccini.__all__)
+    assert [name for name in fantoccini.__all__ if not hasattr(fantoccini, name)] == []
+
+
+@pytest.mark.parametrize("file", [f for f in modules() if f.name == "__init__.py"], ids=owner_of)
+def test_every_name_a_package_exports_exists(file):
+    parts = file.relative_to(PACKAGE.parent).parent.parts
+    package = importlib.import_module(".".join(parts))
+    exported = getattr(package, "__all__", ())
+    assert [name for name in exported if not hasattr(package, name)] == []
+
+
+def test_the_version_is_written_the_same_everywhere():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert importlib.import_module("fantoccini").__version__ == project["version"]
+    assert f"\nversion: {project['version']}\n" in citation
+
+
+def symbols() -> list[str]:
+    """The first column of the table in docs/symbols.md; a cell may hold several."""
+    rows = (ROOT / "docs" / "symbols.md").read_text(encoding="utf-8").splitlines()
+    first = [row.split("|")[1] for row in rows if row.startswith("| `")]
+    return [symbol for cell in first for symbol in re.findall(r"`([^`]+)`", cell)]
+
+
+def test_the_symbol_table_holds_the_papers_symbols():
+    wanted = "q_D v_D acc_D q_K v_K acc_K M C g_D bias_D u_D h A_D A_K Adot_v tension impulse"
+    assert set(wanted.split()) <= set(symbols())
+    assert len(set(symbols())) == len(symbols())
+
+
+@pytest.mark.parametrize("symbol", symbols())
+def test_a_symbol_of_the_table_occurs_in_the_source(symbol):
+    """A table that names what is gone is worse than none."""
+    files = [*modules(), *PACKAGE.rglob("*.hpp")]
+    word = re.compile(rf"(?<![A-Za-z0-9_]){re.escape(symbol)}(?![A-Za-z0-9_])")
+    assert any(word.search(f.read_text(encoding="utf-8")) for f in files)

@@ -1,0 +1,151 @@
+"""Pictures show something, have the right size, and take names as plain text."""
+
+import dataclasses
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from fantoccini import view
+from fantoccini.puppet import loads
+from fantoccini.view.draw import plain
+from view.still_life import StillLife, bundled, swinging
+
+HOSTILE = r"$\frac{_^ \input{x} <b>&amp; 100%"
+
+
+def busy(path):
+    """Share of pixels that differ from their left neighbour."""
+    pixels = imread(path)[..., :3]
+    return np.mean(np.abs(np.diff(pixels, axis=1)).max(axis=2) > 0.02)
+
+
+@pytest.fixture(scope="module")
+def puppet():
+    m = bundled("marionette")
+    return m, swinging(m)
+
+
+@pytest.mark.parametrize("name", ["arm2d", "crane", "marionette", "marionette_bar", "stand6"])
+def test_a_state_is_drawn(tmp_path, name):
+    m = bundled(name)
+    run = swinging(m)
+    target = view.draw(
+        m, run.state(20), tmp_path / "a.png", run.tension.values[20], size=(300, 400), scale=1.0
+    )
+    assert imread(target).shape[:2] == (400, 300)
+    assert busy(target) > 0.005
+    assert [p.name for p in tmp_path.iterdir()] == ["a.png"]
+
+
+def test_a_strip_has_its_size(tmp_path, puppet):
+    target = view.strip(*puppet, tmp_path / "a.png", n=4, size=(800, 400), scale=1.5)
+    assert imread(target).shape[:2] == (600, 1200)
+    assert busy(target) > 0.01
+
+
+@pytest.mark.parametrize("ending", ["svg", "pdf"])
+def test_vector_formats(tmp_path, puppet, ending):
+    target = view.strip(*puppet, tmp_path / f"a.{ending}", n=3, times="even")
+    head = target.read_bytes()[:100]
+    assert head.startswith(b"<?xml" if ending == "svg" else b"%PDF")
+
+
+def test_pose_times(puppet):
+    m, run = puppet
+    for how in ("poses", "events", "even"):
+        times = view.pose_times(m, run, 6, how)
+        assert len(times) == 6
+        assert (np.diff(times) > 0.0).all()
+        assert times[0] == 0.0
+        assert times[-1] == 1.0
+    caught = run.events[0].t
+    assert np.abs(view.pose_times(m, run, 6, "events") - caught).min() < 0.01
+    assert view.pose_times(m, run, 3, [0.5, 0.2]).tolist() == [0.2, 0.5]
+    with pytest.raises(ValueError, match="poses, events, even"):
+        view.pose_times(m, run, 5, "odd")
+
+
+def test_a_plot_shows_every_string(tmp_path, puppet):
+    m, run = puppet
+    figure = view.plot(m, run, tmp_path / "a.png", scale=1.0)
+    assert imread(tmp_path / "a.png").shape[:2] == (1000, 1100)
+    tension, modes = figure.axes[:2]
+    assert [line.get_label() for line in tension.lines] == list(run.tension.names)
+    assert [text.get_text() for text in modes.get_yticklabels()] == list(run.tension.names)
+
+
+def test_plots_without_driven_lengths(tmp_path):
+    m = bundled("marionette_bar")
+    view.plot(m, swinging(m), tmp_path / "a.svg")
+
+
+def test_names_are_plain_text(tmp_path):
+    m = StillLife(loads(
+        "puppet: tame\n"
+        "bodies:\n"
+        "  - {name: a_b_c, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mass: 1}]}\n"
+        "strings:\n"
+        "  - {name: s_1_2, path: [{body: a_b_c}, {world: [0, 0, 1]}], length: 1.2}\n"
+    ))
+    m.tree = dataclasses.replace(m.tree, name=HOSTILE)
+    run = swinging(m)
+    view.draw(m, run.state(0), tmp_path / "a.png", size=(200, 200))
+    assert view.plot(m, run, tmp_path / "b.png").texts[0].get_text() == HOSTILE
+    view.strip(m, run, tmp_path / "c.svg", n=2)
+    assert plain("a\n\x1b[31m\tb  c") == "a [31m b c"
+    assert len(plain("x" * 200)) == 60
+
+
+def test_bodies_without_shapes_and_springs_are_drawn(tmp_path):
+    m = StillLife(loads(
+        "puppet: bare\n"
+        "bodies:\n"
+        "  - {name: rod, joint: {type: revolute, axis: [0, 1, 0]}, mass: 1, com: [0, 0, -1],\n"
+        "     inertia: [0.1, 0.1, 0.1]}\n"
+        "springs:\n"
+        "  - {name: s, between: [{body: rod, at: [0, 0, -1]}, {world: [1, 0, -1]}],\n"
+        "     stiffness: 1, rest: 1}\n"
+    ))
+    x = swinging(bundled("arm2d")).state(0).replace(
+        q_D=np.zeros(1), v_D=np.zeros(1), q_K=np.zeros(0), v_K=np.zeros(0), taut=np.zeros(0, bool)
+    )
+    target = view.draw(m, x, tmp_path / "a.png", size=(300, 300), scale=1.0)
+    assert busy(target) > 0.005
+
+
+def test_what_cannot_be_written_is_said(tmp_path, puppet):
+    m, run = puppet
+    with pytest.raises(ValueError, match=r"\.png, \.svg, \.pdf"):
+        view.draw(m, run.state(0), tmp_path / "a.bmp")
+    with pytest.raises(view.PictureError, match="no folder"):
+        view.draw(m, run.state(0), tmp_path / "none" / "a.png")
+    with pytest.raises(ValueError, match="focus"):
+        view.draw(m, run.state(0), tmp_path / "a.png", focus="feet")
+
+
+def test_matplotlib_and_ffmpeg_wait_for_the_first_picture():
+    code = (
+        "import sys, fantoccini.view\n"
+        "print([m for m in ('matplotlib', 'imageio_ffmpeg', 'trimesh') if m in sys.modules])"
+    )
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert said.stdout.strip() == "[]"
+
+
+def test_no_display_and_no_pyplot(tmp_path):
+    code = (
+        "import sys\n"
+        "from view.still_life import bundled, swinging\n"
+        "from fantoccini import view\n"
+        "m = bundled('string_pendulum')\n"
+        f"view.draw(m, swinging(m).state(0), {str(tmp_path / 'a.png')!r}, size=(100, 100))\n"
+        "print('matplotlib.pyplot' in sys.modules)"
+    )
+    environment = {"PYTHONPATH": ":".join(p for p in sys.path if p), "MPLBACKEND": "TkAgg"}
+    said = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True
+    )
+    assert said.stdout.strip() == "False"
