@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
 from fantoccini.errors import PuppetError
@@ -96,7 +98,7 @@ AFTER = [
         "both ends are driven",
     ),
     (
-        "strings:\n  - {name: s, length: 1, path: [{body: arm}, {driven: [x]}, {world: [0, 0, 1]}]}",
+        "strings:\n- {name: s, length: 1, path: [{body: arm}, {driven: [x]}, {world: [0, 0, 1]}]}",
         8,
         "strings[0].path[1].driven",
         "only a string's two ends",
@@ -161,7 +163,7 @@ AFTER = [
     ("floor: !!float 1", 7, "floor", "tags are not read"),
     ("<<: {floor: 1}", 7, "['<<']", "merge keys are not read"),
     ("---\npuppet: q", 7, "", "a second document"),
-    ("\tfloor: 1", 7, "", "not YAML"),
+    ("\tfloor: 1", 7, "bodies[0]", "not YAML: found a tab; YAML is indented with spaces"),
     ("floor: 1: 2", 7, "", "not YAML: mapping values are not allowed here"),
     ("? [a, b]\n: 1", 7, "", "a key must be a word"),
     ("floor: *missing", 7, "floor", "no finished anchor"),
@@ -283,8 +285,6 @@ NAMES = ["", "a.b", "a b", "1a", "a'", 'a"', "a\n", "a*/", "$(rm)", "a;b", "`a`"
 
 @pytest.mark.parametrize("name", NAMES)
 def test_names_that_could_be_more_than_names_are_refused(name: str) -> None:
-    import json
-
     text = f"puppet: {json.dumps(name)}\nbodies:\n  - name: {json.dumps(name)}\n"
     found = mistakes(text)
     assert [(line, key) for line, key, _ in found] == [(1, "puppet"), (3, "bodies[0].name")]
@@ -339,7 +339,11 @@ bodies:
     joint: {type: fixed, name: c_left}
 """
     found = [(line, key) for line, key, _ in mistakes(text)]
-    assert found == [(4, "bodies[0].name"), (7, "bodies[2].joint.name"), (9, "bodies[3].joint.name")]
+    assert found == [
+        (4, "bodies[0].name"),
+        (7, "bodies[2].joint.name"),
+        (9, "bodies[3].joint.name"),
+    ]
 
 
 def test_the_mirror_does_not_negate_parameters() -> None:
@@ -356,7 +360,9 @@ bodies:
 
 
 def test_start_values_of_strings() -> None:
-    text = GOOD + """\
+    text = (
+        GOOD
+        + """\
 strings:
   - {name: s, length: driven, path: [{body: arm}, {driven: [x], at: [0, 0, 1]}]}
   - {name: t, length: 1, path: [{body: arm}, {world: [0, 0, 1]}]}
@@ -365,6 +371,7 @@ pose:
   s.x: 1
   t.length: 1
 """
+    )
     found = mistakes(text)
     assert [(line, key) for line, key, _ in found] == [
         (11, "pose.s.length"),

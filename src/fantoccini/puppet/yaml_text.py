@@ -16,7 +16,7 @@ Path = tuple[str | int, ...]
 
 MAX_DEPTH = 40
 """Levels of nesting a file may have."""
-MAX_VALUES = 200_000
+MAX_VALUES = 100_000
 """Values a file may hold."""
 MAX_COPIES = 20_000
 """Values that aliases may repeat, in all."""
@@ -232,6 +232,8 @@ def _syntax(error: Any, text: str, reader: _Reader) -> Unreadable:
     mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
     if mark is not None:
         what = getattr(error, "problem", None) or getattr(error, "context", None) or "not YAML"
+        if "'\\t'" in what:
+            what = "found a tab; YAML is indented with spaces"
         return Unreadable(mark.line + 1, reader.here(), f"not YAML: {what}")
     position = getattr(error, "position", None)
     if isinstance(position, int):

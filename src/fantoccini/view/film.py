@@ -153,9 +153,13 @@ def _encode(
 ) -> None:
     import imageio_ffmpeg
 
+    try:
+        ffmpeg = imageio_ffmpeg.get_ffmpeg_exe()
+    except RuntimeError as reason:
+        raise FilmError(f"there is no ffmpeg on this machine: {reason}") from reason
     width, height = frames.size
     command = [
-        imageio_ffmpeg.get_ffmpeg_exe(), "-hide_banner", "-loglevel", "error", "-y",
+        ffmpeg, "-hide_banner", "-loglevel", "error", "-y",
         "-f", "rawvideo", "-pix_fmt", "rgba", "-s", f"{width}x{height}", "-r", f"{fps:.6f}",
         "-i", "pipe:0", "-an", *CODECS[part.suffix], str(part.absolute()),
     ]  # fmt: skip

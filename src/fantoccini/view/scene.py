@@ -200,7 +200,7 @@ def _scene(marionette: Marionette, t, q_D, q_K, taut, tension) -> Scene:
 
 
 def handles(tree: Tree, theme: Theme, size: float) -> list[Solid]:
-    """Beads on the string ends that a hand or a winch holds, and hooks on the world.
+    """Beads on the points of strings that a hand or a winch holds, and hooks on the world.
 
     Args:
         tree: of the world.
@@ -209,7 +209,7 @@ def handles(tree: Tree, theme: Theme, size: float) -> list[Solid]:
     """
     out, seen = [], set()
     for string in tree.strings:
-        for point in string.points[:: len(string.points) - 1]:
+        for point in string.points:
             key = (point.link, tuple(_numbers(point.at)))
             if key in seen or not _held(tree, point.link):
                 continue

@@ -1,7 +1,8 @@
-// Accumulations of catches (Zeno): a rod on two strings inside its radius of gyration is caught by
-// one and the other in turn, at intervals that shrink geometrically. When four intervals in a row
-// have shrunk and what is left of gap and speed is below tolerance, all participants are brought
-// taut at once.
+// Accumulations of catches (Zeno): strings that share a body are caught in turn, each catch
+// loosening the others, at intervals that shrink geometrically. Once several catches in a row are
+// slower than `speed`, what is left of gaps and speeds is below tolerance and all participants are
+// brought taut at once. The impulses still to come act along the same rows as the projection does,
+// so the state after it differs by about speed times the time still to come, some 1e-11.
 #pragma once
 
 #include "contact.hpp"
@@ -10,40 +11,43 @@ namespace fan {
 
 template <int M>
 struct Accumulation {
-  static constexpr int kept = 6;
-  static constexpr double gap = 1e-7;    // relative to the row's scale
-  static constexpr double speed = 1e-6;  // m/s or rad/s
+  static constexpr int kept = 6;           // catches in a row
+  static constexpr double window = 1e-4;   // s in which they happen
+  static constexpr double gap = 1e-9;      // relative to the row's scale
+  static constexpr double speed = 1e-5;    // m/s or rad/s
 
   double times[kept];
-  int row[kept];
-  int n = 0;
+  double fastest[kept];
+  bool caught[kept][room(M)];
   bool member[room(M)];
+  int n = 0;
 
-  // Books the catch about to happen; true when the last catches accumulate here and now.
+  // Books the catch about to happen: `closed` rows of which `before` were taut already.
   template <class Flow>
-  bool watch(const Flow& f, const bool* closed, const bool* before) {
-    int caught = -1;
-    for (int r = 0; r < M; ++r)
-      if (closed[r] && !before[r]) caught = r;
-    if (n == kept) {
-      for (int i = 1; i < kept; ++i) {
-        times[i - 1] = times[i];
-        row[i - 1] = row[i];
-      }
-      --n;
-    }
-    times[n] = f.t;
-    row[n] = caught;
-    ++n;
-    if (n < kept) return false;
-    for (int i = 2; i < kept; ++i)
-      if (!(times[i] - times[i - 1] < 0.98 * (times[i - 1] - times[i - 2]))) return false;
-    for (int r = 0; r < M; ++r) member[r] = closed[r];
-    for (int i = 0; i < kept; ++i) member[row[i]] = true;
+  void watch(const Flow& f, const bool* closed, const bool* before) {
+    const int at = n++ % kept;
+    times[at] = f.t;
+    fastest[at] = 0.0;
     for (int r = 0; r < M; ++r) {
-      if (!member[r]) continue;
-      if (!(f.eval.height(r) > -gap * f.row_scale(r))) return false;
-      if (!(fabs(f.rate_of(r, f.y + Flow::NQ)) < speed)) return false;
+      caught[at][r] = closed[r];
+      const double rate = f.rate_of(r, f.y + Flow::NQ);
+      if (closed[r] && !before[r] && rate > fastest[at]) fastest[at] = rate;
+    }
+  }
+
+  // Whether the last catches accumulate here and now.
+  template <class Flow>
+  bool reached(const Flow& f) {
+    if (n < kept || f.t - times[n % kept] > window) return false;
+    for (int r = 0; r < M; ++r) member[r] = false;
+    for (int i = 0; i < kept; ++i) {
+      if (fastest[i] > speed) return false;
+      for (int r = 0; r < M; ++r) member[r] = member[r] || caught[i][r];
+    }
+    for (int r = 0; r < M; ++r) {
+      const bool far = f.eval.height(r) < -gap * f.row_scale(r);
+      const bool fast = fabs(f.rate_of(r, f.y + Flow::NQ)) > 2.0 * speed;
+      if (member[r] && (far || fast)) member[r] = false;
     }
     n = 0;
     return true;

@@ -9,7 +9,10 @@
 namespace fan {
 
 constexpr double kTouch = 1e-10;  // |h| below which a row counts as closed at an event, relative
-constexpr double kStill = 1e-9;   // |hdot| below which a closed row counts as at rest
+// |hdot| below which a closed row counts as at rest. A row that a catch elsewhere loosens by less
+// and that pulls again at once would be slack for some 2 |hdot| / hddot = 2 us; holding it instead
+// changes the state by the product of both, some 1e-11, and spares a cascade of catches.
+constexpr double kStill = 1e-5;
 constexpr int kPivots = 200;      // bound on the pivoting of one complementarity problem
 
 template <class Model>
@@ -58,8 +61,9 @@ struct Contact {
     return RUNNING;
   }
 
-  // Chooses which of the rows that are closed and at rest stay taut, at (t, y).
-  Status choose(F& f, bool* taut) {
+  // Chooses which of the rows that are closed and at rest stay taut, at (t, y). Rows in `loose`
+  // have just lost their tension: they stay only if they pull.
+  Status choose(F& f, const bool* loose, bool* taut) {
     double rate[F::NY], speed_scale = 1.0;
     for (int r = 0; r < M; ++r) f.taut[r] = false;
     f.evaluate(f.t, f.y, rate);
@@ -86,7 +90,8 @@ struct Contact {
     for (int a = 0; a < n; ++a) {
       if (!(fabs(problem.x[a]) <= f.opt.tension_cap)) return IMPOSSIBLE_INPUT;
       // A row without tension whose ends do not come closer stays in the taut set.
-      taut[list[a]] = problem.active[a] || problem.s[a] <= 1e-10 * scale;
+      const bool pulls = problem.active[a] && (problem.x[a] > 0.0 || problem.two_sided[a]);
+      taut[list[a]] = pulls || (!loose[list[a]] && problem.s[a] <= 1e-10 * scale);
     }
     return RUNNING;
   }

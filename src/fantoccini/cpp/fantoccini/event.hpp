@@ -12,8 +12,10 @@
 
 namespace fan {
 
-constexpr double kOpen = 1e-12;      // |h| that counts as open, relative to the row's scale
-constexpr double kNoTension = 1e-12; // tension that counts as none, relative to the cap / 1e5
+constexpr double kOpen = 2e-15;       // |h| that counts as open, relative to the row's scale
+constexpr double kNoTension = 1e-12;  // tension that counts as none, relative to the cap / 1e5
+constexpr double kHeightRoot = 1e-15;   // how well a catch is met, relative to the row's scale
+constexpr double kTensionRoot = 1e-13;  // how well a release is met, relative to the cap / 1e5
 constexpr int kRootIterations = 100;
 constexpr int kSavesPerStep = 64;
 
@@ -36,9 +38,12 @@ struct EventRun {
 
   Status start(Record<Model>& out) {
     flow.drive.start_at(flow.t);
-    bool taut[room(M)];
-    for (int r = 0; r < M; ++r) armed[r] = true;
-    Status status = contact.choose(flow, taut);
+    bool taut[room(M)], loose[room(M)];
+    for (int r = 0; r < M; ++r) {
+      armed[r] = true;
+      loose[r] = false;
+    }
+    Status status = contact.choose(flow, loose, taut);
     if (status != RUNNING) return status;
     set_mode(taut);
     step_size = flow.opt.first_step;
@@ -139,30 +144,38 @@ struct EventRun {
 
   // A row's guard from the latest evaluation: positive when its mode no longer holds. In units
   // that make rows comparable: lengths over the row's scale, tensions over the cap.
-  double guard(int r) const {
+  double guard(int r, const double* at_v) const {
     if (r < S && Model::wire[r]) return -1.0;
     if (flow.taut[r]) return (-flow.tension[r] - no_tension()) / flow.opt.tension_cap * 1e5;
-    return flow.eval.height(r) / flow.row_scale(r) - (armed[r] ? 0.0 : kOpen);
+    const double open = flow.eval.height(r) / flow.row_scale(r);
+    if (armed[r]) return open;
+    // Rounding may leave a row a trace beyond its bound; it is caught only if it moves further.
+    return flow.rate_of(r, at_v) > 0.0 ? open - kOpen : -kOpen;
   }
 
-  double worst_guard() const {
-    double worst = -1.0;
+  struct Worst {
+    double guard;
+    int row;
+  };
+
+  Worst worst(const double* at_v) const {
+    Worst out = {-1.0, 0};
     for (int r = 0; r < M; ++r) {
-      const double g = guard(r);
-      if (g > worst || g != g) worst = g != g ? 1.0 : g;
+      const double g = guard(r, at_v);
+      if (g > out.guard || g != g) out = {g != g ? 1.0 : g, r};
     }
-    return worst;
+    return out;
   }
 
   double guard_at(double s) {
     flow.stages(s);
     flow.evaluate(flow.t + s, flow.end, flow.k[dop853::stages]);
-    return worst_guard();
+    return worst(flow.end + NQ).guard;
   }
 
   // A time in (0, s] at which a guard is positive, or 0. The step has just been tried and
   // evaluated at its end, and is again when this returns 0.
-  double suspicious(double s) { return worst_guard() > 0.0 ? s : inside(s); }
+  double suspicious(double s) { return worst(flow.end + NQ).guard > 0.0 ? s : inside(s); }
 
   // Crossings that return within the step: heights by the cubic through the ends, tensions at the
   // stages, each confirmed by integrating there.
@@ -217,14 +230,26 @@ struct EventRun {
     return hi;
   }
 
-  // Illinois' method with bisection as a safeguard; returns the upper end of the bracket, where
-  // the guard is positive.
+  // The root of the worst guard below `hi`, where a guard is positive; returns a time at which it
+  // still is, by no more than rounding. Newton's method for heights, whose rates are known, and
+  // Illinois' for tensions, inside a bracket that bisection shrinks where they do not.
   double root(double hi) {
     double lo = 0.0, g_hi = guard_at(hi), g_lo = guard0_ < 0.0 ? guard0_ : -1e-16;
+    double width = hi;
     int side = 0;
-    for (int i = 0; i < kRootIterations && hi - lo > resolution(); ++i) {
+    for (int i = 0; i < kRootIterations; ++i) {
+      const Worst at_hi = worst(flow.end + NQ);
+      const bool height = !flow.taut[at_hi.row];
+      if (hi - lo <= resolution() || (side >= 0 && g_hi <= (height ? kHeightRoot : kTensionRoot)))
+        break;
+      double mid = lo - g_lo * (hi - lo) / (g_hi - g_lo);
+      if (height && side >= 0) {
+        const double rate = flow.rate_of(at_hi.row, flow.end + NQ) / flow.row_scale(at_hi.row);
+        if (rate > 0.0) mid = hi - (g_hi - 0.5 * kHeightRoot) / rate;
+      }
       const double nudge = 0.5 * resolution();
-      double mid = i % 3 == 2 ? 0.5 * (lo + hi) : lo - g_lo * (hi - lo) / (g_hi - g_lo);
+      if (i % 4 == 3 && hi - lo > 0.5 * width) mid = 0.5 * (lo + hi);
+      if (i % 4 == 3) width = hi - lo;
       if (!(mid > lo + nudge)) mid = lo + nudge;
       if (mid > hi - nudge) mid = hi - nudge;
       const double g = guard_at(mid);
@@ -240,7 +265,7 @@ struct EventRun {
         side = -1;
       }
     }
-    guard_at(hi);
+    if (side == -1) guard_at(hi);
     return hi;
   }
 
@@ -261,7 +286,9 @@ struct EventRun {
     refresh();
     stuck = moved > 1e-12 ? 0 : stuck + 1;
     for (int r = 0; r < M; ++r) {
-      if (!flow.taut[r] && flow.eval.height(r) < -kOpen * flow.row_scale(r)) armed[r] = true;
+      const double h = flow.eval.height(r);
+      if (!flow.taut[r] && h < -kOpen * flow.row_scale(r)) armed[r] = true;
+      if (!flow.taut[r] && h > 0.0) armed[r] = false;
       if (!(fabs(flow.tension[r]) <= flow.opt.tension_cap)) return TENSION_CAP;
     }
     for (int i = 0; i < S; ++i)
@@ -309,22 +336,23 @@ struct EventRun {
       height0_[r] = flow.eval.height(r);
       rate0_[r] = flow.rate_of(r, flow.y + NQ);
     }
-    guard0_ = worst_guard();
+    guard0_ = worst(flow.y + NQ).guard;
   }
 
   // An event at (t, y): catches strike, then the next mode is chosen.
   Status instant(Record<Model>& out) {
-    bool before[room(M)], closed[room(M)], next[room(M)];
+    bool before[room(M)], closed[room(M)], loose[room(M)];
     bool caught = false;
     for (int r = 0; r < M; ++r) {
       before[r] = flow.taut[r];
+      loose[r] = before[r] && guard(r, flow.y + NQ) > -kNoTension;
       const bool touches = flow.eval.height(r) >= -kTouch * flow.row_scale(r) &&
                            flow.rate_of(r, flow.y + NQ) > 0.0;
       closed[r] = before[r] || touches;
       caught = caught || (touches && !before[r]);
     }
     if (caught) {
-      const bool accumulated = accumulation.watch(flow, closed, before);
+      accumulation.watch(flow, closed, before);
       if (!flow.opt.save_steps) emit(out);
       Status status = contact.strike(flow, closed);
       if (status != RUNNING) return status;
@@ -334,27 +362,31 @@ struct EventRun {
           out.event(flow.t, CATCH, r, contact.impulse[r], contact.speed[r]);
           ++n_events;
         }
-      if (accumulated) {
+      if (accumulation.reached(flow)) {
         status = accumulation.settle(flow, impact);
         if (status != RUNNING) return status;
         out.event(flow.t, ACCUMULATION, -1, 0.0, 0.0);
         ++n_events;
       }
     }
-    return settle_mode(before, closed, next, out);
+    return settle_mode(before, closed, loose, out);
   }
 
   // At a break of the inputs the tensions may jump: choose the mode again.
   Status breakpoint(Record<Model>& out) {
-    bool before[room(M)], closed[room(M)], next[room(M)];
-    for (int r = 0; r < M; ++r) closed[r] = before[r] = flow.taut[r];
+    bool before[room(M)], closed[room(M)], loose[room(M)];
+    for (int r = 0; r < M; ++r) {
+      closed[r] = before[r] = flow.taut[r];
+      loose[r] = false;
+    }
     flow.drive.start_at(flow.t);
-    return settle_mode(before, closed, next, out);
+    return settle_mode(before, closed, loose, out);
   }
 
   Status settle_mode(
-      const bool* before, const bool* closed, bool* next, Record<Model>& out) {
-    const Status status = contact.choose(flow, next);
+      const bool* before, const bool* closed, const bool* loose, Record<Model>& out) {
+    bool next[room(M)];
+    const Status status = contact.choose(flow, loose, next);
     if (status != RUNNING) return status;
     bool changed = false;
     for (int r = 0; r < M; ++r) {
@@ -369,6 +401,11 @@ struct EventRun {
     }
     set_mode(next);
     refresh();
+    const double energy = flow.total_energy();
+    const Status held = flow.project(flow.t, flow.y);
+    if (held != RUNNING) return held;
+    refresh();
+    impact += energy - flow.total_energy();
     remember();
     if (changed) emit(out);
     return RUNNING;

@@ -1,0 +1,92 @@
+"""The bundled puppets are what the paper and their comments say."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fantoccini import puppets
+from fantoccini.errors import UnknownNameError
+from fantoccini.puppet import Puppet, load
+from fantoccini.puppet.shapes import shape_inertia
+from fantoccini.tree import Tree, grow
+from fantoccini.world import World
+
+# name: n_qD, n_vD, n_qK, n_vK, strings
+SIZES = {
+    "arm2d": (2, 2, 2, 2, 1),
+    "arm3d": (5, 4, 3, 3, 1),
+    "crane": (7, 6, 2, 2, 1),
+    "marionette": (31, 25, 21, 21, 7),
+    "marionette_bar": (31, 25, 7, 6, 7),
+    "stand6": (31, 25, 6, 6, 8),
+    "string_pendulum": (2, 2, 0, 0, 1),
+}
+
+
+def bundled(name: str) -> tuple[Puppet, Tree]:
+    """A bundled puppet and its tree."""
+    puppet = load(puppets.path(name))
+    return puppet, grow(World.of(puppet))
+
+
+def test_all_of_them_are_tested() -> None:
+    assert puppets.names() == tuple(SIZES)
+    with pytest.raises(UnknownNameError, match="did you mean 'arm2d'"):
+        puppets.path("arm_2d")
+
+
+@pytest.mark.parametrize("name", SIZES)
+def test_sizes(name: str) -> None:
+    puppet, tree = bundled(name)
+    table = tree.coordinates
+    found = (table.n_qD, table.n_vD, table.n_qK, table.n_vK, len(tree.strings))
+    assert puppet.name == name
+    assert found == SIZES[name]
+
+
+@pytest.mark.parametrize("name", SIZES)
+def test_files_are_short_and_begin_with_what_they_are(name: str) -> None:
+    text = puppets.path(name).read_text()
+    assert text.startswith("# ")
+    assert len(text.splitlines()) <= 150
+
+
+@pytest.mark.parametrize("name", SIZES)
+def test_no_driven_length_is_left_without_a_start(name: str) -> None:
+    _, tree = bundled(name)
+    assert np.isfinite(tree.coordinates.start_K).all()
+
+
+def test_coordinates_carry_the_paper_s_names() -> None:
+    _, arm2d = bundled("arm2d")
+    assert arm2d.coordinates.q_D == ("shoulder", "elbow")
+    assert arm2d.coordinates.q_K == ("hand.x", "hand.length")
+    assert list(arm2d.parameters) == ["m1", "m2"]
+    np.testing.assert_array_equal(arm2d.links[0].axes[:, 0], [0, -1, 0])
+    _, arm3d = bundled("arm3d")
+    assert arm3d.coordinates.v_D == ("shoulder.wx", "shoulder.wy", "shoulder.wz", "elbow")
+    assert arm3d.coordinates.q_K == ("hand.x", "hand.y", "hand.length")
+
+
+def test_the_marionette_has_the_size_of_a_wooden_one() -> None:
+    puppet, tree = bundled("marionette")
+    mass = 0.0
+    for link in tree.links:
+        mass += sum(lump.amount * lump.volume for lump in link.lumps)
+    assert 0.5 < mass < 1.2
+    strings = {s.name for s in puppet.expanded().strings}
+    sides = {
+        f"{part}_{side}" for part in ("shoulder", "hand", "knee") for side in ("left", "right")
+    }
+    assert strings == {"head", *sides}
+
+
+def test_the_three_marionettes_are_one_puppet() -> None:
+    one, bar, stand = (bundled(n)[0].expanded() for n in ("marionette", "marionette_bar", "stand6"))
+    theirs = {b.name: b for b in bar.bodies}, {b.name: b for b in stand.bodies}
+    for body in one.bodies:
+        assert theirs[0][body.name] == body
+        assert theirs[1][body.name] == body
+    for body in one.bodies:
+        assert all(shape_inertia(s)[0] > 0 for s in body.shapes)
