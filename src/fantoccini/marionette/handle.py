@@ -357,8 +357,8 @@ def _quaternion(name: str, value: Array) -> Array:
 def _generator() -> str:
     """The generator's version: that of the text, and a hash of all code that shapes it."""
     digest = hashlib.sha256()
-    folder = Path(equations.__file__).parent
-    files = [Path(codegen.__file__), Path(tree.__file__), *sorted(folder.glob("*.py"))]
+    folders = [Path(module.__file__).parent for module in (equations, tree)]
+    files = [Path(codegen.__file__), *(f for d in folders for f in sorted(d.glob("*.py")))]
     for file in files:
         digest.update(file.read_bytes())
     return f"{codegen.VERSION}-{digest.hexdigest()}"

@@ -1,0 +1,31 @@
+"""The tree: links in topological order, one-sided rows, and the table of coordinates."""
+
+from fantoccini.tree.grow import grow
+from fantoccini.tree.structure import (
+    WORLD,
+    Coordinate,
+    CoordinateTable,
+    LimitRow,
+    Link,
+    Lump,
+    Point,
+    Role,
+    SpringRow,
+    StringRow,
+    Tree,
+)
+
+__all__ = [
+    "WORLD",
+    "Coordinate",
+    "CoordinateTable",
+    "LimitRow",
+    "Link",
+    "Lump",
+    "Point",
+    "Role",
+    "SpringRow",
+    "StringRow",
+    "Tree",
+    "grow",
+]
