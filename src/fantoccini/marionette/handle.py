@@ -165,7 +165,8 @@ class Marionette(Analysis):
     @cached_property
     def two_sided(self) -> Array:
         """(n_rows,) bool: rows that are wires."""
-        return np.array([s.wire for s in self.tree.strings] + [False] * len(self.tree.limits))
+        wires = [s.wire for s in self.tree.strings] + [False] * len(self.tree.limits)
+        return np.array(wires, dtype=bool)
 
     def row_scales(self, x: State) -> Array:
         """(n_rows,) what each row's h is measured against: string lengths [m], 1 for limits."""

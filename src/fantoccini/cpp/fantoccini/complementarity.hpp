@@ -7,8 +7,8 @@
 // paper's delta_1 delta_2 rule and Eq. 15.
 //
 // Block principal pivoting with a least-index fallback (Judice and Pires), which ends for every
-// positive definite G. The diagonal is raised by a factor 1 + eps, so that redundant rows have a
-// solution, and refinement against the unraised G takes the error of that away again: among
+// positive definite G. The diagonal is raised by eps times its largest entry, so that redundant
+// rows have a solution, and refinement against the unraised G takes the error of that away again: among
 // redundant rows what is left is the solution of least norm in the range of G.
 #pragma once
 
@@ -31,15 +31,21 @@ struct Complementarity {
   Real factor[N * N];  // lower Cholesky factor of the active block, reciprocals on the diagonal
 
   FAN_FN void factorise(double eps) {
+    // Against the largest diagonal: a row without any influence of its own then gets no multiplier.
+    Real top = Real(1e-300);
+    for (int j = 0; j < n; ++j) {
+      const Real own = select(active[j], G[j * N + j], Real(0.0));
+      top = select(own > top, own, top);
+    }
+    const Real raise = top * eps, floor = top * (eps * 1e-2);
     for (int j = 0; j < n; ++j) {
       for (int i = j; i < n; ++i) {
-        Real sum = i == j ? select(active[j], G[j * N + j] * (1.0 + eps), Real(1.0))
+        Real sum = i == j ? select(active[j], Real(G[j * N + j] + raise), Real(1.0))
                           : select(active[i] && active[j], G[i * N + j], Real(0.0));
         for (int k = 0; k < j; ++k) sum -= factor[i * N + k] * factor[j * N + k];
         if (i == j) {
           using std::sqrt;
           // A redundant row leaves rounding here; the floor keeps the factor finite.
-          const Real floor = G[j * N + j] * (eps * 1e-2) + 1e-300;
           factor[j * N + j] = Real(1.0) / sqrt(select(sum > floor, sum, floor));
         } else {
           factor[i * N + j] = sum * factor[j * N + j];

@@ -44,11 +44,12 @@ struct EventRun {
       loose[r] = false;
     }
     Status status = contact.choose(flow, loose, taut);
-    if (status != RUNNING) return status;
-    set_mode(taut);
+    if (status == RUNNING) {
+      set_mode(taut);
+      refresh();
+      status = flow.project(flow.t, flow.y);
+    }
     step_size = flow.opt.first_step;
-    refresh();
-    status = flow.project(flow.t, flow.y);
     refresh();
     emit(out);
     skip_saved();
@@ -320,8 +321,14 @@ struct EventRun {
   void emit(Record<Model>& out) { write(flow.t, flow.y, out); }
 
   void write(double t, const double* y, Record<Model>& out) {
+    // At a release the tension is zero up to rounding, of either sign.
+    double tension[room(M)];
+    for (int r = 0; r < M; ++r) {
+      const bool both = r < S && Model::wire[r];
+      tension[r] = both || flow.tension[r] > 0.0 ? flow.tension[r] : 0.0;
+    }
     out.row(
-        t, y, y + NQ, flow.acc, flow.q_K, flow.v_K, flow.acc_K, flow.tension, flow.taut, flow.p,
+        t, y, y + NQ, flow.acc, flow.q_K, flow.v_K, flow.acc_K, tension, flow.taut, flow.p,
         y[F::WORK], y[F::LOSS], impact);
   }
 
