@@ -17,7 +17,7 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.errors import BuildError, Status
 from fantoccini.motion import Input
-from fantoccini.tree import Tree
+from fantoccini.tree import Role, Tree
 
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
 _SIZES = (
@@ -118,21 +118,28 @@ class Library:
                 f"the compiled puppet {path} is of another puppet: its sizes are "
                 f"{tuple(sizes[:5])}, not {expected}; delete the file to have it made again"
             )
+        self.signatures = _signatures(tree)
         self.handle.fan_new.restype = ctypes.c_void_p
         self.handle.fan_free.argtypes = [ctypes.c_void_p]
 
-    def evaluate(self, name: str, arguments: list[Array], widths: list[int]) -> list[Array]:
+    def evaluate(self, name: str, arguments: list[Array]) -> list[Array]:
         """A generated function over arrays.
 
         Args:
             name: of the function.
             arguments: (..., n_i) each; leading axes broadcast against one another.
-            widths: lengths of the outputs.
 
         Returns:
             Outputs (..., width) with the broadcast leading axes.
+
+        Raises:
+            ValueError: an argument has another width than the function takes.
         """
+        takes, widths = self.signatures[name]
         arguments = [np.ascontiguousarray(a, dtype=float) for a in arguments]
+        found = tuple(a.shape[-1] for a in arguments)
+        if found != takes:
+            raise ValueError(f"{name} takes arguments of widths {takes}; found {found}")
         lead = np.broadcast_shapes(*(a.shape[:-1] for a in arguments))
         n = int(np.prod(lead))
         rows, strides = [], []
@@ -275,6 +282,38 @@ class Run:
         events = self._events[: self._record.n_events].copy()
         self._record.n_rows = self._record.n_events = 0
         return rows, events
+
+
+def _signatures(tree: Tree) -> dict[str, tuple[tuple[int, ...], tuple[int, ...]]]:
+    """Widths of the arguments and results of every generated function."""
+    t = tree.coordinates
+    n_s, n_l, n_p, links = len(tree.strings), len(tree.limits), len(tree.parameters), tree.links
+    n, packed = t.n_vD, n_packed(tree)
+    q, state = (t.n_qD, t.n_qK), (t.n_qD, n, t.n_qK, t.n_vK)
+    rows = (packed, n, n * n_s, n_s * n_s, *[n_s] * 5, n_l, 3 * n_l, n_l, 1, n, 1)
+    return {
+        "dynamics": ((*state, t.n_vK, n, 1, n_p), rows),
+        "rows": ((*q, n_p), (n_s + n_l,)),
+        "energy": ((*state, n_p), (1, 1)),
+        "effort": ((*state, n, t.n_vK, n_s, n_p), (t.n_vK,)),
+        "wrench_forces": ((*q, 6 * len(links), n_p), (n,)),
+        "poses": ((*q, n_p), (12 * len(links),)),
+        "points": ((*q, n_p), (3 * sum(len(s.points) for s in tree.strings),)),
+        "forth": ((packed, n), (n,)),
+        "back": ((packed, n), (n,)),
+    }
+
+
+def n_packed(tree: Tree) -> int:
+    """Entries of the packed factor of M_DD: each velocity's ancestors, and itself."""
+    total = 0
+    for i, link in enumerate(tree.links):
+        if link.role is Role.DYNAMIC:
+            above = [tree.links[j] for j in tree.ancestors(i)[1:]]
+            n_above = sum(a.v.stop - a.v.start for a in above if a.role is Role.DYNAMIC)
+            k = link.v.stop - link.v.start
+            total += k * n_above + k * (k + 1) // 2
+    return total
 
 
 def _input_arrays(inputs: Input) -> tuple[_InputArrays, list[Array]]:

@@ -140,14 +140,14 @@ class Analysis:
             (..., n_links, 3, 4).
         """
         n = len(self.tree.links)
-        (flat,) = self.library.evaluate("poses", [q_D, q_K, self.p], [12 * n])
+        (flat,) = self.library.evaluate("poses", [q_D, q_K, self.p])
         by_column = flat.reshape(*flat.shape[:-1], n, 4, 3)
         return np.swapaxes(by_column, -1, -2)
 
     def string_points(self, q_D: Array, q_K: Array) -> list[Array]:
         """World positions of every string's points: per string (..., n_points, 3) [m]."""
         counts = [len(s.points) for s in self.tree.strings]
-        (flat,) = self.library.evaluate("points", [q_D, q_K, self.p], [3 * sum(counts)])
+        (flat,) = self.library.evaluate("points", [q_D, q_K, self.p])
         split = np.split(flat, 3 * np.cumsum(counts)[:-1], axis=-1) if counts else []
         return [part.reshape(*part.shape[:-1], -1, 3) for part in split]
 
@@ -166,8 +166,7 @@ class Analysis:
 
     def energies(self, x: State) -> tuple[float, float]:
         """(T, V) through the compiled model [J]."""
-        arguments = [x.q_D, x.v_D, x.q_K, x.v_K, self.p]
-        T, V = self.library.evaluate("energy", arguments, [1, 1])
+        T, V = self.library.evaluate("energy", [x.q_D, x.v_D, x.q_K, x.v_K, self.p])
         return float(T[0]), float(V[0])
 
     def effort(
@@ -182,7 +181,7 @@ class Analysis:
             (..., n_vK) [N or N m].
         """
         arguments = [q_D, v_D, q_K, v_K, acc_D, acc_K, -np.asarray(tension), self.p]
-        return self.library.evaluate("effort", arguments, [self.tree.coordinates.n_vK])[0]
+        return self.library.evaluate("effort", arguments)[0]
 
     def wrench_forces(self, x: State, wrenches: dict[str, Array]) -> Array:
         """u_D of wrenches on bodies, to pass as user forces.
@@ -197,8 +196,7 @@ class Analysis:
         w = np.zeros((len(self.tree.links), 6))
         for body, wrench in wrenches.items():
             w[self.link(body)] += np.asarray(wrench, dtype=float)
-        arguments = [x.q_D, x.q_K, w.ravel(), self.p]
-        (u,) = self.library.evaluate("wrench_forces", arguments, [self.tree.coordinates.n_vD])
+        (u,) = self.library.evaluate("wrench_forces", [x.q_D, x.q_K, w.ravel(), self.p])
         return u
 
     def check_mass_matrix(self) -> None:

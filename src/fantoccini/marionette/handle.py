@@ -191,7 +191,7 @@ class Marionette(Analysis):
             self._set(name, value, q_D, v_D, q_K, v_K)
         if np.any(np.isnan(q_K)):
             reach = np.where(np.isnan(q_K), 0.0, q_K)
-            (h,) = self.library.evaluate("rows", [q_D, reach, self.p], [self.tree.n_rows])
+            (h,) = self.library.evaluate("rows", [q_D, reach, self.p])
             for i, string in enumerate(self.tree.strings):
                 if string.length_index and np.isnan(q_K[string.length_index[0]]):
                     q_K[string.length_index[0]] = h[i]

@@ -52,15 +52,14 @@ class Instant:
             u_D: (n_vD,) user forces.
         """
         n, n_s, n_l = len(x.v_D), len(tree.strings), len(tree.limits)
-        widths = dynamics_widths(tree)
-        (L, w0, W, _, h, hdot, gamma, _, hdot_K, h_l, J_l, gamma_l, *_) = library.evaluate(
-            "dynamics", [x.q_D, x.v_D, x.q_K, x.v_K, acc_K, u_D, np.zeros(1), p], widths
+        L, w0, W, _, h, hdot, gamma, _, hdot_K, h_l, J_l, gamma_l, *_ = library.evaluate(
+            "dynamics", [x.q_D, x.v_D, x.q_K, x.v_K, acc_K, u_D, np.zeros(1), p]
         )
         J = np.zeros((n_l, n))
         for i, limit in enumerate(tree.limits):
             place = tree.links[limit.link].v
             J[i, place] = J_l[3 * i : 3 * i + place.stop - place.start]
-        (W_l,) = library.evaluate("forth", [L, J], [n]) if n_l else (np.zeros((0, n)),)
+        (W_l,) = library.evaluate("forth", [L, J]) if n_l else (np.zeros((0, n)),)
         return cls(
             library,
             L,
@@ -73,8 +72,8 @@ class Instant:
         )
 
     def back(self, w: Array) -> Array:
-        """L^-1 w, (n_vD,)."""
-        return self.library.evaluate("back", [self.L, w], [len(w)])[0]
+        """L^-1 w for vectors (..., n_vD)."""
+        return self.library.evaluate("back", [self.L, w])[0]
 
     def complementarity(self, rows: Array, b: Array, two_sided: Array) -> tuple[Array, Array]:
         """x and s of G x - b = s over some rows; see ``complementarity.hpp``.
@@ -88,18 +87,3 @@ class Instant:
         x, s, _ = self.library.complementarity(W.T @ W, b, two_sided[rows])
         return x, s
 
-
-def dynamics_widths(tree: Tree) -> list[int]:
-    """Lengths of the outputs of the generated function ``dynamics``."""
-    n, n_s, n_l = tree.coordinates.n_vD, len(tree.strings), len(tree.limits)
-    packed = 0
-    for i, link in enumerate(tree.links):
-        if link.role == "dynamic":
-            above = sum(
-                tree.links[j].v.stop - tree.links[j].v.start
-                for j in tree.ancestors(i)[1:]
-                if tree.links[j].role == "dynamic"
-            )
-            k = link.v.stop - link.v.start
-            packed += k * above + k * (k + 1) // 2
-    return [packed, n, n * n_s, n_s * n_s, *[n_s] * 5, n_l, 3 * n_l, n_l, 1, n, 1]

@@ -27,6 +27,14 @@ _NEWTON_ROUNDS = 30
 _STEP = 1e-6
 """Step of the finite differences that give Newton's matrix; it does not limit the accuracy of the
 equilibrium, only the speed of convergence."""
+_CLOSE = 0.01
+"""Unbalanced part of the forces below which Newton's method takes over; from farther away it may
+go to another equilibrium, not to the one the puppet falls into."""
+_PUSHES = 8
+_PUSH = 0.05
+"""Largest part of a push off an unstable equilibrium [rad or m]."""
+_UNSTABLE = 1e-6
+"""Growth rate squared that counts as unstable, relative to the fastest oscillation's."""
 
 
 def retract(marionette: Marionette, q_D: Array, move: Array) -> Array:
@@ -112,19 +120,12 @@ def project(marionette: Marionette, x: State) -> State:
     return marionette.with_mode(x.replace(v_D=v_D))
 
 
-@dataclass(frozen=True)
-class _Balance:
-    """Residuals of an equilibrium: force w0 - W tau in the metric of M_DD, and h."""
-
-    force: Array
-    h: Array
-
-
 def rest(marionette: Marionette, x: State) -> State:
     """A hanging equilibrium near a state: a local minimum of V subject to h <= 0.
 
     The puppet is let go and stopped whenever its kinetic energy peaks, until it hardly moves;
-    Newton's method on the equilibrium's equations then takes it to rounding.
+    Newton's method on the equilibrium's equations then takes it to rounding. An equilibrium that a
+    small push would leave is pushed, and the search goes on from there.
 
     Args:
         marionette: the puppet.
@@ -135,14 +136,62 @@ def rest(marionette: Marionette, x: State) -> State:
     """
     still = x.replace(v_D=np.zeros_like(x.v_D), v_K=np.zeros_like(x.v_K))
     still = project(marionette, still)
-    for q_D in _relaxed(marionette, still):
-        settled = _newton(marionette, still.replace(q_D=q_D))
-        if settled is not None:
-            return marionette.with_mode(settled)
+    for _ in range(_PUSHES):
+        settled = _settled(marionette, still)
+        if settled is None:
+            break
+        push = _instability(marionette, settled)
+        if push is None:
+            return marionette.with_mode(settled.x)
+        pushed = settled.x.replace(q_D=retract(marionette, settled.x.q_D, push))
+        still = project(marionette, pushed)
     raise StateError(
         "no equilibrium was found: the puppet keeps moving. Is every free body held by a string, "
         "a limit or a joint to the world?"
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Equilibrium:
+    """An equilibrium: forces w0 - W tau = 0 on the pulling rows, in the metric of M_DD.
+
+    Attributes:
+        x: the state.
+        rows: the pulling rows.
+        tension: (len(rows),) their tensions.
+    """
+
+    x: State
+    rows: Array
+    tension: Array
+
+
+def _settled(marionette: Marionette, x: State) -> _Equilibrium | None:
+    for q_D in _relaxed(marionette, x):
+        found = _newton(marionette, x.replace(q_D=q_D))
+        if found is not None:
+            return found
+    return None
+
+
+def _instability(marionette: Marionette, found: _Equilibrium) -> Array | None:
+    """A push (n_vD,) along which V falls while the strings hold; None at a minimum.
+
+    On the rows' null space the accelerations that answer a small move are -M^-1 H move, with H the
+    Hessian of V + tau . h: self-adjoint in the metric of M_DD, so its eigenvalues are real.
+    """
+    instant = marionette.instant(found.x)
+    K, A = _slopes(marionette, found)
+    n = len(found.x.v_D)
+    answer = instant.back(K.T).T if n else K
+    pull = instant.back(instant.W[:, found.rows].T).T if len(found.rows) else np.zeros((n, 0))
+    free = np.eye(n) - pull @ np.linalg.pinv(A @ pull, rcond=1e-10) @ A
+    values, vectors = np.linalg.eig(free @ answer @ free)
+    worst = int(np.argmax(values.real))
+    if values[worst].real < _UNSTABLE * max(1.0, float(np.max(np.abs(values)))):
+        return None
+    push = free @ vectors[:, worst].real
+    return _PUSH * push / np.max(np.abs(push))
 
 
 def _relaxed(marionette: Marionette, x: State):
@@ -173,7 +222,7 @@ def _relaxed(marionette: Marionette, x: State):
     yield q_D
 
 
-def _newton(marionette: Marionette, x: State) -> State | None:
+def _newton(marionette: Marionette, x: State) -> _Equilibrium | None:
     """The equilibrium near a configuration, or None when Newton's method does not settle on it."""
     n = marionette.coordinates.n_vD
     scale = marionette.row_scales(x)
@@ -185,6 +234,9 @@ def _newton(marionette: Marionette, x: State) -> State | None:
             hddot = instant.gamma[near] + instant.W[:, near].T @ instant.w0
             tension, _ = instant.complementarity(near, hddot, marionette.two_sided)
             rows = near[(tension > 1e-9 * marionette.weight) | marionette.two_sided[near]]
+            left = np.linalg.norm(instant.w0 - instant.W[:, near] @ tension)
+            if left > _CLOSE * np.linalg.norm(instant.w0):
+                return None
         W = instant.W[:, rows]
         tension = np.linalg.lstsq(W, instant.w0, rcond=1e-10)[0] if len(rows) else np.zeros(0)
         force = instant.w0 - W @ tension
@@ -192,18 +244,7 @@ def _newton(marionette: Marionette, x: State) -> State | None:
         shift = np.max(np.abs(instant.h[rows]) / scale[rows], initial=0.0)
         if np.linalg.norm(force) < 1e-13 * size and shift < 1e-14:
             return _accepted(marionette, x, instant, rows, tension)
-        moves = np.concatenate([np.eye(n), -np.eye(n)]) * _STEP
-        balances = [
-            _balance(marionette, x.replace(q_D=q), rows, tension)
-            for q in retract(marionette, x.q_D, moves)
-        ]
-        K = np.array(
-            [(a.force - b.force) / (2 * _STEP) for a, b in zip(balances[:n], balances[n:], strict=True)]
-        ).T
-        A = np.array(
-            [(a.h - b.h) / (2 * _STEP) for a, b in zip(balances[:n], balances[n:], strict=True)]
-        ).T
-        A = A.reshape(len(rows), n)
+        K, A = _slopes(marionette, _Equilibrium(x, rows, tension))
         system = np.block([[K, -W], [A, np.zeros((len(rows), len(rows)))]])
         step = np.linalg.lstsq(system, -np.concatenate([force, instant.h[rows]]), rcond=1e-9)[0]
         move = step[:n]
@@ -220,18 +261,25 @@ def _newton(marionette: Marionette, x: State) -> State | None:
     return None
 
 
-def _balance(marionette: Marionette, x: State, rows: Array, tension: Array) -> _Balance:
-    instant = marionette.instant(x)
-    return _Balance(instant.w0 - instant.W[:, rows] @ tension, instant.h[rows])
+def _slopes(marionette: Marionette, at: _Equilibrium) -> tuple[Array, Array]:
+    """Derivatives of w0 - W tau (n_vD, n_vD) and of h (len(rows), n_vD) by a small move."""
+    n = len(at.x.v_D)
+    moves = np.concatenate([np.eye(n), -np.eye(n)]) * _STEP
+    force, h = np.zeros((2 * n, n)), np.zeros((2 * n, len(at.rows)))
+    for i, q_D in enumerate(retract(marionette, at.x.q_D, moves)):
+        instant = marionette.instant(at.x.replace(q_D=q_D))
+        force[i] = instant.w0 - instant.W[:, at.rows] @ at.tension
+        h[i] = instant.h[at.rows]
+    return tuple((part[:n] - part[n:]).T / (2 * _STEP) for part in (force, h))
 
 
 def _accepted(
     marionette: Marionette, x: State, instant: Instant, rows: Array, tension: Array
-) -> State | None:
-    """The state, if strings pull and no other row is broken."""
+) -> _Equilibrium | None:
+    """The equilibrium, if strings pull and no other row is broken."""
     one_sided = ~marionette.two_sided[rows]
     if np.any(tension[one_sided] < -1e-9 * marionette.weight):
         return None
     if np.any((instant.h > CLOSED * marionette.row_scales(x)) & ~marionette.two_sided):
         return None
-    return x
+    return _Equilibrium(x, rows, tension)
