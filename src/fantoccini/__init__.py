@@ -19,7 +19,7 @@ from fantoccini.errors import (
     Status,
     UnknownNameError,
 )
-from fantoccini.marionette import Marionette, Stepper, load
+from fantoccini.marionette import Marionette, Stepper, load, loads
 from fantoccini.motion import Columns, Event, EventKind, Input, State, Trajectory
 from fantoccini.puppet import Puppet
 from fantoccini.simulate import simulate
@@ -48,6 +48,7 @@ __all__ = [
     "World",
     "__version__",
     "load",
+    "loads",
     "puppets",
     "simulate",
 ]

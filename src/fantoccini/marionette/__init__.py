@@ -1,6 +1,6 @@
 """Marionette: the user's handle."""
 
-from fantoccini.marionette.handle import Marionette, load
+from fantoccini.marionette.handle import Marionette, load, loads
 from fantoccini.marionette.stepper import Stepper
 
-__all__ = ["Marionette", "Stepper", "load"]
+__all__ = ["Marionette", "Stepper", "load", "loads"]

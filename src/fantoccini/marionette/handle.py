@@ -343,6 +343,19 @@ def load(path: str | Path, progress: Callable[[str], None] | None = None) -> Mar
     return Marionette(puppet.load(path), progress)
 
 
+def loads(text: str, progress: Callable[[str], None] | None = None) -> Marionette:
+    """The marionette of a puppet written in a string.
+
+    Args:
+        text: YAML, as in a puppet file.
+        progress: told what takes long while it happens.
+
+    Raises:
+        PuppetError: with every mistake in the text.
+    """
+    return Marionette(puppet.loads(text), progress)
+
+
 def _quaternion(name: str, value: Array) -> Array:
     if value.shape == (3,):
         return exp(value)

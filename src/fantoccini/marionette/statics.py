@@ -95,13 +95,16 @@ def project(marionette: Marionette, x: State) -> State:
     """
     scale = marionette.row_scales(x)
     wires = marionette.two_sided
+    held = wires.copy()
     for _ in range(100):
         instant = marionette.instant(x)
-        rows = np.flatnonzero((instant.h > -0.05 * scale) | wires)
-        violated = (instant.h > 1e-14 * scale) | (wires & (np.abs(instant.h) > 1e-14 * scale))
-        if not np.any(violated):
+        rows = np.flatnonzero((instant.h > -0.05 * scale) | held)
+        off = np.where(held, np.abs(instant.h), instant.h) > 1e-14 * scale
+        if not np.any(off):
             break
-        pull, _ = instant.complementarity(rows, instant.h[rows], wires)
+        # A row that had to be brought back ends on its bound, not beyond it.
+        held |= off
+        pull, _ = instant.complementarity(rows, instant.h[rows], held)
         move = -instant.back(instant.W[:, rows] @ pull)
         size = float(np.max(np.abs(move), initial=0.0))
         if size < 1e-16:
@@ -226,6 +229,7 @@ def _newton(marionette: Marionette, x: State) -> _Equilibrium | None:
     """The equilibrium near a configuration, or None when Newton's method does not settle on it."""
     n = marionette.coordinates.n_vD
     scale = marionette.row_scales(x)
+    size = marionette.weight / np.sqrt(marionette.mass)
     rows = None
     for _ in range(_NEWTON_ROUNDS):
         instant = marionette.instant(x)
@@ -235,12 +239,11 @@ def _newton(marionette: Marionette, x: State) -> _Equilibrium | None:
             tension, _ = instant.complementarity(near, hddot, marionette.two_sided)
             rows = near[(tension > 1e-9 * marionette.weight) | marionette.two_sided[near]]
             left = np.linalg.norm(instant.w0 - instant.W[:, near] @ tension)
-            if left > _CLOSE * np.linalg.norm(instant.w0):
+            if left > _CLOSE * size:
                 return None
         W = instant.W[:, rows]
         tension = np.linalg.lstsq(W, instant.w0, rcond=1e-10)[0] if len(rows) else np.zeros(0)
         force = instant.w0 - W @ tension
-        size = np.linalg.norm(instant.w0) + 1e-300
         shift = np.max(np.abs(instant.h[rows]) / scale[rows], initial=0.0)
         if np.linalg.norm(force) < 1e-13 * size and shift < 1e-14:
             return _accepted(marionette, x, instant, rows, tension)
@@ -256,7 +259,7 @@ def _newton(marionette: Marionette, x: State) -> _Equilibrium | None:
             return _accepted(marionette, x, instant, rows, tension)
     instant = marionette.instant(x)
     force = instant.w0 - instant.W[:, rows] @ tension
-    if np.linalg.norm(force) < 1e-11 * np.linalg.norm(instant.w0):
+    if np.linalg.norm(force) < 1e-11 * size:
         return _accepted(marionette, x, instant, rows, tension)
     return None
 

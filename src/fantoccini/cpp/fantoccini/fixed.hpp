@@ -27,7 +27,7 @@ struct FixedRun {
     drive.start_at(t);
     drive.evaluate(t, q_K, v_K, acc_K, u_D);
     for (int r = 0; r < M; ++r) {
-      at.taut[r] = false;
+      at.taut[r] = at.held[r] = false;
       at.tension[r] = 0.0;
     }
     for (int k = 0; k < N; ++k) at.acc[k] = 0.0;
@@ -38,6 +38,7 @@ struct FixedRun {
     for (int i = 0; i < NQ; ++i) q[i] = q_D[i];
     for (int k = 0; k < N; ++k) v[k] = v_D[k];
     at.step(q, v, q_K, v_K, acc_K, u_D, opt.dt, opt.recovery_speed, opt.tension_cap, p);
+    for (int r = 0; r < M; ++r) at.held[r] = at.taut[r];
     emit(out);
   }
 

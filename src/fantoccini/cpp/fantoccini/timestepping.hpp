@@ -25,7 +25,8 @@ struct TimeStep {
   RowSystem<Model, Real> rows;
   Real acc[room(N)];      // (v+ - v) / dt
   Real tension[room(M)];  // Lambda / dt
-  Mask taut[room(M)];
+  Mask taut[room(M)];    // after the last step
+  Mask held[room(M)];    // after the one before it
   Real work, loss, impact, violation;
 
   // Steps q_D, v_D in place. (q_K, v_K, acc_K) are the inputs at the start of the step with
@@ -86,9 +87,10 @@ struct TimeStep {
   // Tensions, modes and the step's part of the ledger. acc is v+ - v here.
   FAN_FN void account(
       const Real* pull, const Real* before, const Real* v_D, const Real* u_D, double dt) {
-    Mask was[room(M)];
+    Mask held_before[room(M)];
     for (int r = 0; r < M; ++r) {
-      was[r] = taut[r];
+      held_before[r] = held[r];
+      held[r] = taut[r];
       tension[r] = Real(0.0);
       taut[r] = Real(0.0) > Real(1.0);
     }
@@ -106,7 +108,8 @@ struct TimeStep {
       Real after = before[a];
       constexpr int stride = Complementarity<Real, M>::N;
       for (int b = 0; b < rows.n; ++b) after += rows.problem.G[a * stride + b] * pull[b];
-      const Mask caught = taut[r] && !was[r];
+      // A catch takes two steps: the first ends where the row closes, the second stops it.
+      const Mask caught = taut[r] && !(held[r] && held_before[r]);
       impact += select(caught, Real(x * 0.5 * (before[a] + after)), Real(0.0));
     }
   }

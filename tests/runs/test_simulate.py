@@ -1,0 +1,163 @@
+"""simulate: its arguments, its refusals, and what it gives when a run cannot go on."""
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return fan.puppets.arm2d()
+
+
+@pytest.fixture(scope="module")
+def hanging(arm):
+    return arm.rest({"hand.length": 0.8})
+
+
+def jerk(arm):
+    """A pull and a quick release: the string goes slack and is caught."""
+    return fan.Input.waypoints(arm, {"hand.length": [(0, 0.8), (0.15, 0.5), (0.4, 0.5), (0.6, 0.8)]})
+
+
+def test_a_string_too_long_at_the_start_is_named(arm, hanging):
+    q_D = hanging.q_D + np.array([-0.2, 0.0])
+    with pytest.raises(fan.StateError, match=r"hand is violated by .*project"):
+        fan.simulate(arm, hanging.replace(q_D=q_D), t_end=1.0)
+
+
+def test_projecting_repairs_it(arm, hanging):
+    wrong = hanging.replace(q_D=hanging.q_D + np.array([-0.2, 0.0]))
+    repaired = arm.project(wrong)
+    assert abs(arm.constraint(repaired)[0]) < 1e-12
+    assert fan.simulate(arm, repaired, t_end=0.1).status is fan.Status.DONE
+
+
+def test_a_velocity_past_the_string_is_named(arm, hanging):
+    moving = hanging.replace(v_D=np.array([-1.0, 0.0]))
+    with pytest.raises(fan.StateError, match="hand is at its bound and moves past it"):
+        fan.simulate(arm, moving, t_end=1.0)
+
+
+def test_inputs_that_start_elsewhere_are_refused(arm, hanging):
+    inputs = fan.Input.waypoints(arm, {"hand.length": [(0, 0.7), (1, 0.6)]})
+    with pytest.raises(fan.InputError, match=r"hand\.length.*0\.7.*0\.8"):
+        fan.simulate(arm, hanging, inputs)
+
+
+@pytest.mark.parametrize("t_end", [0.0, -1.0, np.nan, np.inf])
+def test_an_end_before_the_start_is_refused(arm, hanging, t_end):
+    with pytest.raises(ValueError, match="t_end"):
+        fan.simulate(arm, hanging, t_end=t_end)
+
+
+@pytest.mark.parametrize("name", ["rtol", "atol", "max_step", "dt"])
+def test_steps_and_tolerances_are_positive(arm, hanging, name):
+    with pytest.raises(ValueError, match=name):
+        fan.simulate(arm, hanging, t_end=1.0, **{name: 0.0})
+
+
+def test_an_unknown_method_is_refused(arm, hanging):
+    with pytest.raises(ValueError, match="euler"):
+        fan.simulate(arm, hanging, t_end=1.0, method="euler")
+
+
+def test_an_impact_is_two_rows_at_one_time(arm, hanging):
+    run = fan.simulate(arm, hanging, jerk(arm), 1.0)
+    catches = [e for e in run.events if e.kind == "catch"]
+    assert catches
+    for event in catches:
+        rows = np.flatnonzero(run.t == event.t)
+        assert len(rows) == 2
+        jump = run.v_D[rows[1]] - run.v_D[rows[0]]
+        assert np.array_equal(run.q_D[rows[0]], run.q_D[rows[1]])
+        A = arm.A_D(run.state(rows[0]))[0]
+        M = arm.mass_matrix(run.state(rows[0]))
+        assert np.allclose(M @ jump, -A * event.impulse, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("method", ["event", "timestepping"])
+def test_a_length_driven_through_zero_stops_the_run(arm, method):
+    x0 = arm.rest({"hand.length": 0.8})
+    breaks = np.array([0.0, 4.0])
+    coef = np.zeros((1, 2, 6))
+    coef[0, 0, 0], coef[0, 1, 0] = x0.q_K[0], 0.8
+    coef[0, 1, 2] = -0.1
+    inputs = fan.Input(arm.coordinates, breaks, coef, np.array([x0.q_K]), np.ones(2, dtype=bool))
+    with pytest.raises(fan.FantocciniError) as caught:
+        fan.simulate(arm, x0, inputs, method=method)
+    assert "hand.length" in str(caught.value)
+
+
+def test_a_pull_that_nothing_can_follow_stops_with_what_was_reached(arm, hanging):
+    """The tip reaches 0.6 m from the shoulder; the string's end goes on beyond that."""
+    inputs = fan.Input.waypoints(arm, {"hand.x": [(0, hanging.q_K[0]), (2, 3.0)]})
+    with pytest.raises(fan.SimulationError) as caught:
+        fan.simulate(arm, hanging, inputs)
+    error = caught.value
+    assert error.status in (
+        fan.Status.IMPOSSIBLE_INPUT,
+        fan.Status.TENSION_CAP,
+        fan.Status.STEP_TOO_SMALL,
+    )
+    run = error.trajectory
+    assert 0.1 < run.t[-1] < 2.0
+    assert np.all(np.isfinite(run.q_D)) and np.all(np.isfinite(run.tension.values))
+    silent = fan.simulate(arm, hanging, inputs, throw=False)
+    assert silent.status is error.status
+
+
+def test_time_stepping_goes_on_with_a_bounded_state(arm, hanging):
+    inputs = fan.Input.waypoints(arm, {"hand.x": [(0, hanging.q_K[0]), (2, 3.0)]})
+    run = fan.simulate(arm, hanging, inputs, 3.0, method="timestepping", throw=False)
+    assert np.all(np.isfinite(run.q_D))
+    assert np.all(np.isfinite(run.tension.values))
+
+
+def test_saved_times_are_on_the_motion(arm, hanging):
+    times = np.linspace(0.0, 1.0, 101)
+    every = fan.simulate(arm, hanging, jerk(arm), 1.0, rtol=1e-11, atol=1e-11)
+    some = fan.simulate(arm, hanging, jerk(arm), 1.0, rtol=1e-11, atol=1e-11, save_at=times)
+    assert np.all(np.isin(times[1:], some.t))
+    at = np.searchsorted(some.t, times[1:], side="right") - 1
+    there = every.resample(times[1:])
+    assert np.max(np.abs(some.q_D[at] - there.q_D)) < 1e-8
+    assert [e.t for e in some.events] == [e.t for e in every.events]
+
+
+def test_the_same_run_gives_the_same_bits(arm, hanging):
+    one, two = (fan.simulate(arm, hanging, jerk(arm), 2.0) for _ in range(2))
+    assert np.array_equal(one.t, two.t) and np.array_equal(one.q_D, two.q_D)
+
+
+def test_effort_is_what_the_hand_feels(arm, hanging):
+    """At rest a string pulls its end down with its tension, and resists being shortened."""
+    run = fan.simulate(arm, hanging, t_end=0.1)
+    tension = run.tension["hand"][0]
+    end, tip = arm.string_points(run.q_D, run.q_K)[0][0][::-1]
+    along = (end - tip) / np.linalg.norm(end - tip)
+    assert run.effort["hand.length"][0] == pytest.approx(-tension, rel=1e-12)
+    assert run.effort["hand.x"][0] == pytest.approx(tension * along[0], rel=1e-10)
+
+
+def test_user_forces_act(arm, hanging):
+    """u_D of Eq. 8: without gravity's pull changed, a torque moves the shoulder by M^-1 u."""
+    inputs = fan.Input.hold(arm).with_forces({"shoulder": [(0.0, 0.5), (1.0, 0.5)]})
+    run = fan.simulate(arm, hanging, inputs, t_end=0.5)
+    x = run.state(0)
+    acc, tension = arm.accelerations(x, u_D=np.array([0.5, 0.0]))
+    assert np.allclose(run.acc_D[0], acc, rtol=1e-10, atol=1e-12)
+    M, c = arm.mass_matrix(x), arm.bias(x) + arm.damping(x)
+    pull = arm.A_D(x).T @ -tension
+    assert np.allclose(M @ acc + c, np.array([0.5, 0.0]) + pull, atol=1e-10)
+
+
+def test_ctrl_c_keeps_what_was_reached(arm, hanging):
+    def stop(t):
+        if t > 0.3:
+            raise KeyboardInterrupt
+
+    run = fan.simulate(arm, hanging, t_end=2.0, progress=stop, throw=False)
+    assert run.status is fan.Status.STOPPED
+    assert 0.3 < run.t[-1] < 0.5

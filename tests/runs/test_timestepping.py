@@ -1,0 +1,72 @@
+"""Time-stepping: bounded violation, energy, and convergence to the event-driven motion."""
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+
+PENDULUM = """
+puppet: pendulum
+bodies:
+  - name: bob
+    joint: {type: translation, axes: [x, z]}
+    shapes: [{type: sphere, radius: 0.02, mass: 1.0}]
+strings:
+  - {name: line, path: [{body: bob, at: [0, 0, 0]}, {world: [0, 0, 0]}], length: 1.0}
+"""
+
+
+@pytest.fixture(scope="module")
+def pendulum():
+    return fan.loads(PENDULUM)
+
+
+def swing(pendulum, dt, t_end=10.0):
+    x0 = pendulum.state({"bob.x": 1.0, "bob.z": 0.0})
+    return fan.simulate(pendulum, x0, t_end=t_end, method="timestepping", dt=dt)
+
+
+def height(run):
+    return np.hypot(run.q_D[:, 0], run.q_D[:, 1]) - 1.0
+
+
+def test_a_swing_keeps_its_energy_and_length(pendulum):
+    """A purely velocity-level rule would lose more than a joule here."""
+    run = swing(pendulum, 0.002)
+    energy = run.ledger["kinetic"] + run.ledger["potential"]
+    assert abs(energy[-1] - energy[0]) < 0.05
+    assert np.max(height(run)) < 1e-4
+
+
+def test_violation_shrinks_with_the_step(pendulum):
+    worst = [np.max(height(swing(pendulum, dt, 2.0))) for dt in (0.004, 0.002, 0.001)]
+    assert worst[0] > 3 * worst[1] > 9 * worst[2] > 0
+
+
+def test_the_motion_converges_at_first_order(pendulum):
+    x0 = pendulum.state({"bob.x": 1.0, "bob.z": 0.0})
+    exact = fan.simulate(pendulum, x0, t_end=1.0, rtol=1e-12, atol=1e-12)
+    errors = [
+        np.max(np.abs(swing(pendulum, dt, 1.0).q_D[-1] - exact.q_D[-1])) for dt in (4e-3, 2e-3, 1e-3)
+    ]
+    assert 1.7 < errors[0] / errors[1] < 2.4
+    assert 1.7 < errors[1] / errors[2] < 2.4
+
+
+def test_the_impact_of_a_fall_converges(pendulum):
+    """Dropped beside its pivot, the bob falls free and is caught by the line."""
+    x0 = pendulum.state({"bob.x": 0.3, "bob.z": 0.0})
+    exact = fan.simulate(pendulum, x0, t_end=0.8)
+    assert [e.kind.value for e in exact.events] == ["catch"]
+    lost = exact.ledger["impact"][-1]
+    errors = []
+    for dt in (2e-3, 5e-4):
+        run = fan.simulate(pendulum, x0, t_end=0.8, method="timestepping", dt=dt)
+        errors.append(abs(run.ledger["impact"][-1] - lost))
+    assert lost > 1.0
+    assert errors[1] < errors[0] < 0.1 * lost
+
+
+def test_rows_lie_on_the_grid(pendulum):
+    run = swing(pendulum, 0.003, 0.01)
+    assert np.allclose(run.t, [0.0, 0.003, 0.006, 0.009, 0.01])
