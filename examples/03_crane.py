@@ -1,7 +1,7 @@
 """A crane moves a load sideways and hoists it: how much does it sway, what does the cable carry?
 
-Two moves over the same distance: one in any time, one in the load's own period of swing, after
-which hardly any sway is left. Writes out/crane.png.
+Two moves over the same distance, one brisk and one gentle.
+Writes out/crane.png.
 """
 
 from pathlib import Path

@@ -18,7 +18,8 @@ def hanging(arm):
 
 def jerk(arm):
     """A pull and a quick release: the string goes slack and is caught."""
-    return fan.Input.waypoints(arm, {"hand.length": [(0, 0.8), (0.15, 0.5), (0.4, 0.5), (0.6, 0.8)]})
+    points = [(0, 0.8), (0.15, 0.5), (0.4, 0.5), (0.6, 0.8)]
+    return fan.Input.waypoints(arm, {"hand.length": points})
 
 
 def test_a_string_too_long_at_the_start_is_named(arm, hanging):

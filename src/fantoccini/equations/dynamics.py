@@ -103,10 +103,10 @@ def joint_forces(
     n = len(tree.links)
     torque, force = [zeros(3) for _ in range(n)], [zeros(3) for _ in range(n)]
     out: list[np.ndarray] = [zeros(0)] * n
-    for i, (I, m) in enumerate(zip(inertias, motions, strict=True)):
-        if not I.is_zero():
-            angular, linear = I.momentum(m.w, m.v)
-            rate_angular, rate_linear = I.momentum(m.alpha, m.a)
+    for i, (inertia, m) in enumerate(zip(inertias, motions, strict=True)):
+        if not inertia.is_zero():
+            angular, linear = inertia.momentum(m.w, m.v)
+            rate_angular, rate_linear = inertia.momentum(m.alpha, m.a)
             torque[i] = rate_angular + cross(m.w, angular) + cross(m.v, linear)
             force[i] = rate_linear + cross(m.w, linear)
         torque[i] = torque[i] - external[i][0]

@@ -9,6 +9,7 @@ A segment's length is sqrt(d.d + eps^2): a slack string through coincident point
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -114,7 +115,7 @@ def path_row(around: Surroundings, points: tuple[Point, ...]) -> PathRow:
     A = {Role.DYNAMIC: zeros(table.n_vD), Role.DRIVEN: zeros(table.n_vK)}
     length, rate, bias = ca.SX(0), ca.SX(0), ca.SX(0)
     pulls = [zeros(3) for _ in points]
-    for k, (first, second) in enumerate(zip(points[:-1], points[1:], strict=True)):
+    for k, (first, second) in enumerate(pairwise(points)):
         if first.link == second.link:
             length = length + _rounded(around.place(second) - around.place(first))
             continue

@@ -78,7 +78,8 @@ def check_start(marionette: Marionette, x: State) -> None:
         if too_long[i] or (wires[i] and abs(instant.h[i]) > CLOSED * scale[i]):
             findings.append(f"{names[i]} is violated by {instant.h[i]:.3g}")
         else:
-            findings.append(f"{names[i]} is at its bound and moves past it at {instant.hdot[i]:.3g}/s")
+            rate = f"{instant.hdot[i]:.3g}/s"
+            findings.append(f"{names[i]} is at its bound and moves past it at {rate}")
     if findings:
         raise StateError(
             f"the start state breaks {len(findings)} of the strings and limits: "

@@ -1,0 +1,47 @@
+"""A puppet of one's own: bird.yaml, beside this file, flaps its wings and glides forward.
+
+Writes out/bird.png and out/bird.npz.
+"""
+
+from pathlib import Path
+
+import fantoccini as fan
+from fantoccini import view
+
+out = Path("out")
+out.mkdir(exist_ok=True)
+
+# A mistake in the file is reported with its line; this one spells a parent wrongly.
+file = Path(__file__).parent / "bird.yaml"
+wrong = out / "wrong_bird.yaml"
+wrong.write_text(file.read_text().replace("parent: body", "parent: bodi"))
+try:
+    fan.load(wrong)
+except fan.PuppetError as error:
+    print(error)
+wrong.unlink()
+
+bird = fan.load(file)  # the first time it is derived and compiled, later it comes from a cache
+print(bird)
+print("driven:", ", ".join(bird.coordinates.q_K))
+x0 = bird.rest()
+tensions = bird.accelerations(x0)[1]
+for string, tension in zip(bird.tree.strings, tensions, strict=False):
+    print(f"{string.name} carries {tension:.3f} N of {bird.weight:.3f} N")
+
+beats = [(0.6 * k, 0.57 if k % 2 == 0 else 0.49) for k in range(9)]
+flapping = fan.Input.waypoints(
+    bird,
+    {
+        "tip_left.length": beats,
+        "tip_right.length": beats,
+        "back.x": [(0, 0.0), (4.8, 0.1)],
+    },
+)
+run = fan.simulate(bird, x0, flapping, t_end=6.0)
+print(f"wings between {run.columns()['flap_left'].min():.2f} and "
+      f"{run.columns()['flap_left'].max():.2f} rad, {len(run.events)} events")  # fmt: skip
+
+run.save(out / "bird.npz")
+view.strip(bird, run, out / "bird.png", n=6, scale=1.0)
+print("wrote", out / "bird.png")
