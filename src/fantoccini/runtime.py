@@ -220,7 +220,8 @@ class Run:
             raise MemoryError("no memory for a run")
         self._keep = np.ascontiguousarray(save_at if save_at is not None else [], dtype=float)
         n_row = self.rows_at_once
-        n_event = max(self.events_at_once, 4 * (library.sizes["n_strings"] + 64))
+        n_rows = library.sizes["n_strings"] + library.sizes["n_limits"]
+        n_event = max(self.events_at_once, 4 * n_rows + 64)
         self._rows = np.zeros((n_row, library.sizes["row_width"]))
         self._events = np.zeros((n_event, library.sizes["event_width"]))
         self._record = _Record(_pointer(self._rows), n_row, 0, _pointer(self._events), n_event, 0)
