@@ -1,9 +1,11 @@
-"""A puppet of one's own: bird.yaml, beside this file, flaps its wings and glides forward.
+"""A puppet of one's own: bird.yaml, beside this file, flaps its wings and moves forward.
 
 Writes out/bird.png and out/bird.npz.
 """
 
 from pathlib import Path
+
+import numpy as np
 
 import fantoccini as fan
 from fantoccini import view
@@ -39,8 +41,8 @@ flapping = fan.Input.waypoints(
     },
 )
 run = fan.simulate(bird, x0, flapping, t_end=6.0)
-print(f"wings between {run.columns()['flap_left'].min():.2f} and "
-      f"{run.columns()['flap_left'].max():.2f} rad, {len(run.events)} events")  # fmt: skip
+flap = run.columns()["flap_left"]
+print(f"the left wing went from {np.degrees(flap.min()):.0f} to {np.degrees(flap.max()):.0f} deg")
 
 run.save(out / "bird.npz")
 view.strip(bird, run, out / "bird.png", n=6, scale=1.0)

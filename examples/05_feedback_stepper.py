@@ -1,7 +1,7 @@
-"""Feedback: a hand is held at a height while the string's end wanders sideways.
+"""Feedback: a hand is held at its height while the string's end wanders sideways.
 
-The winch is told its acceleration 100 times a second by a law that sees the state. Without the
-law the hand would rise and fall with the string's end. Writes out/feedback.csv.
+A law that sees the state is asked for the winch's acceleration 100 times a second. Without it the
+hand rises and falls with the string's end. Writes out/feedback.csv.
 """
 
 from pathlib import Path
@@ -15,36 +15,38 @@ out.mkdir(exist_ok=True)
 
 arm = fan.puppets.arm2d()
 x0 = arm.rest({"hand.length": 0.8})
-HAND = np.array([0.3, 0.0, 0.0])  # in the frame of the lower arm
-TARGET = -0.0
+HAND = np.array([0.3, 0.0, 0.0])  # in the frame of the lower arm [m]
 
 
 def hand(x: fan.State) -> tuple[float, float]:
-    """Height [m] and its rate [m/s] of the hand."""
+    """Height of the hand [m] and its rate [m/s]."""
     pose = arm.pose(x, "lower")
-    v, w = np.split(arm.body_velocity(x, "lower"), 2)
-    return pose[2, 3] + pose[2, :3] @ HAND, pose[2, :3] @ (v + np.cross(w, HAND))
+    R, r = pose[:3, :3], pose[:3, 3]
+    v, w = np.split(arm.body_velocity(x, "lower"), 2)  # in the body's frame
+    return (r + R @ HAND)[2], (R @ (v + np.cross(w, HAND)))[2]
 
 
-def wander(x: fan.State) -> float:
-    """Acceleration of the string's end: to and fro once in 2 s [m/s^2]."""
-    return 0.8 * np.cos(np.pi * x.t)
+HEIGHT = hand(x0)[0]
 
 
-def law(x: fan.State) -> dict[str, float]:
-    """A longer string lowers the hand: accelerate the length along error and rate."""
+def wander(x: fan.State) -> dict[str, float]:
+    """The string's end goes to and fro once in 2 s [m/s^2]; the winch stands still."""
+    return {"hand.x": 0.8 * np.cos(np.pi * x.t)}
+
+
+def hold(x: fan.State) -> dict[str, float]:
+    """The same, and a hand that is too high or rises has its string let out."""
     z, rate = hand(x)
-    return {"hand.x": wander(x), "hand.length": 400.0 * (z - target) + 40.0 * rate}
+    return wander(x) | {"hand.length": 400.0 * (z - HEIGHT) + 40.0 * rate}
 
 
-target = hand(x0)[0]
-for name, chosen in (("winch still", lambda x: {"hand.x": wander(x)}), ("feedback", law)):
+for name, law in (("winch still", wander), ("feedback", hold)):
     stepper = arm.stepper(x0, dt=0.001)
-    states = stepper.run(t_end=4.0, law=chosen, rate=100)
-    heights = np.array([hand(x)[0] for x in states])
-    print(f"{name:<12} hand within {1000 * np.abs(heights - target).max():6.2f} mm of its height")
+    states = stepper.run(t_end=4.0, law=law, rate=100)
+    errors = [abs(hand(x)[0] - HEIGHT) for x in states]
+    print(f"{name}: the hand stays within {1000 * max(errors):.2f} mm of its height")
 
 rows = np.array([(x.t, *x.q_K, *hand(x)) for x in states])
-np.savetxt(out / "feedback.csv", rows, delimiter=",", comments="",
-           header="t,hand.x,hand.length,z,zdot")  # fmt: skip
+header = "t,hand.x,hand.length,z,zdot"
+np.savetxt(out / "feedback.csv", rows, delimiter=",", comments="", header=header)
 print("wrote", out / "feedback.csv")

@@ -95,6 +95,9 @@ class Status(enum.IntEnum):
 
     message: str
 
+    def __str__(self) -> str:
+        return self.message
+
     DONE = 0, "the run reached its end"
     RUNNING = 1, "the run has not reached its end yet"
     IMPOSSIBLE_INPUT = 2, "the inputs ask for a motion that no puppet on these strings can follow"

@@ -201,6 +201,8 @@ class Run:
 
     rows_at_once = 512
     events_at_once = 1024
+    steps_at_once = 200
+    """Bound on the steps of one call, so that bars move and Ctrl-C is answered at once."""
 
     def __init__(
         self,
@@ -221,7 +223,7 @@ class Run:
         self._keep = np.ascontiguousarray(save_at if save_at is not None else [], dtype=float)
         n_row = self.rows_at_once
         n_rows = library.sizes["n_strings"] + library.sizes["n_limits"]
-        n_event = max(self.events_at_once, 4 * n_rows + 64)
+        n_event = max(self.events_at_once, 16 * n_rows + 64)
         self._rows = np.zeros((n_row, library.sizes["row_width"]))
         self._events = np.zeros((n_event, library.sizes["event_width"]))
         self._record = _Record(_pointer(self._rows), n_row, 0, _pointer(self._events), n_event, 0)
@@ -258,12 +260,20 @@ class Run:
         while self.status in (Status.RUNNING, Status.DONE):
             self.status = Status(
                 self.library.handle.fan_run(
-                    self._run, ctypes.c_double(t_end), ctypes.byref(self._record)
+                    self._run,
+                    ctypes.c_double(t_end),
+                    ctypes.c_longlong(self.steps_at_once),
+                    ctypes.byref(self._record),
                 )
             )
             yield self._taken()
             if self.status is not Status.RUNNING:
                 return
+
+    def present(self) -> tuple[Array, Array]:
+        """The present state as a row (rows, events)."""
+        self.library.handle.fan_emit(self._run, ctypes.byref(self._record))
+        return self._taken()
 
     def set_input(self, inputs: Input) -> None:
         """New bound inputs from the present time on."""

@@ -8,14 +8,11 @@ from typing import Literal
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import SimulationError, StateError, Status
-from fantoccini.marionette import Marionette
+from fantoccini.errors import SimulationError, Status
+from fantoccini.marionette import Marionette, check_inputs, check_method, check_speed
 from fantoccini.motion import Columns, Event, EventKind, Input, State, Trajectory
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Run
-
-_PIECE = 0.05
-"""Simulated time between two calls of the progress function [s]."""
 
 _KINDS = (EventKind.CATCH, EventKind.RELEASE, EventKind.ACCUMULATION, EventKind.BREAKPOINT)
 _LIMIT_KINDS = {EventKind.CATCH: EventKind.LIMIT_ON, EventKind.RELEASE: EventKind.LIMIT_OFF}
@@ -54,8 +51,8 @@ def simulate(
         rtol, atol: tolerances of the event-driven integrator.
         max_step: its largest step [s].
         dt: step of the time-stepper [s].
-        save_at: (n,) times to write, next to those of events (event-driven only) [s]; every step
-            when not given.
+        save_at: (n,) times to write, next to the start, the end and those of events
+            (event-driven only) [s]; every step when not given.
         save_every: write every so many steps (time-stepping only).
         effort: compute the force on every driven coordinate.
         progress: called with the time reached, for a progress bar [s].
@@ -69,8 +66,11 @@ def simulate(
         InputError: the inputs do not start where ``x0`` is.
         SimulationError: the run stopped; the error carries the trajectory so far.
     """
-    if method not in ("event", "timestepping"):
-        raise ValueError(f"method is {method!r}; it must be 'event' or 'timestepping'")
+    check_method(method)
+    if not isinstance(x0, State):
+        raise TypeError(f"x0 is {x0!r}; it must be a State, as marionette.rest() gives it")
+    if inputs is not None and not isinstance(inputs, Input):
+        raise TypeError(f"inputs is {inputs!r}; it must be an Input, as Input.waypoints() gives it")
     inputs = Input.hold(marionette).shifted(x0.t) if inputs is None else inputs
     t_end = inputs.end if t_end is None else float(t_end)
     if not np.isfinite(t_end) or not t_end > x0.t:
@@ -78,10 +78,11 @@ def simulate(
     for name, value in (("rtol", rtol), ("atol", atol), ("max_step", max_step), ("dt", dt)):
         if not (np.isfinite(value) and value > 0):
             raise ValueError(f"{name} is {value}; it must be positive")
+    check_inputs(marionette, inputs, x0.t, t_end)
     bound = inputs.bound(x0.q_K, x0.t)
-    start = x0.replace(v_K=bound.evaluate(x0.t)[1])
-    _check_velocity(marionette, x0, start)
-    marionette.check_start(start)
+    check_speed(marionette, x0, bound)
+    marionette.check_start(x0)
+    save_at = _save_times(save_at, method, x0.t, t_end)
     options = marionette.run_options(
         rtol=rtol, atol=atol, max_step=max_step, dt=dt, save_steps=save_at is None,
         save_every=save_every,
@@ -90,39 +91,53 @@ def simulate(
         marionette.library, method, options, x0.t, x0.q_D, x0.v_D, marionette.p, bound, save_at
     )
     rows, events = [], []
-    status = _collect(run, x0.t, t_end, progress, rows, events)
+    status = _collect(run, t_end, progress, rows, events)
     made = _trajectory(
         marionette, np.concatenate(rows), np.concatenate(events), status, method, effort
     )
     if status is not Status.DONE and throw:
-        raise SimulationError(status, f"at t = {made.t[-1]:.6g} s", made)
+        raise SimulationError(status, _where(marionette, made), made)
     return made
 
 
-def _check_velocity(marionette: Marionette, x0: State, start: State) -> None:
-    apart = np.abs(start.v_K - x0.v_K)
-    wrong = np.flatnonzero(apart > 1e-9 * np.maximum(1.0, np.abs(x0.v_K)))
-    if len(wrong):
-        names = [marionette.coordinates.v_K[i] for i in wrong]
-        raise StateError(
-            f"the velocity of {', '.join(names)} would jump at the start: the state has "
-            f"{x0.v_K[wrong[0]]:.6g}, the inputs begin with {start.v_K[wrong[0]]:.6g}"
-        )
+def _where(marionette: Marionette, made: Trajectory) -> str:
+    """When a run stopped, and the strings that were pulling hardest."""
+    text = f"at t = {made.t[-1]:.6g} s"
+    last = made.tension.values[-1]
+    if np.max(last, initial=0.0) > 10.0 * marionette.weight:
+        hard = [n for n, f in zip(made.tension.names, last, strict=True) if f > 0.1 * np.max(last)]
+        text += f", with {', '.join(hard)} at {np.max(last):.3g} N"
+    lengths = marionette.string_lengths(made.q_K[-1])
+    gone = [n for n, x in zip(made.tension.names, lengths, strict=True) if x < 1e-3]
+    return text + "".join(f"; {n}.length is nearly 0" for n in gone)
 
 
-def _collect(run: Run, t: float, t_end: float, progress, rows: list, events: list) -> Status:
-    """Advances piece by piece; Ctrl-C keeps what was reached."""
-    n = max(1, int(np.ceil((t_end - t) / _PIECE))) if progress else 1
+def _save_times(save_at: Array | None, method: str, t: float, t_end: float) -> Array | None:
+    """The times to write, the end among them."""
+    if save_at is None:
+        return None
+    if method != "event":
+        raise ValueError("save_at goes with method='event'; time-stepping takes save_every")
+    times = np.asarray(save_at, dtype=float)
+    if times.ndim != 1 or not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):
+        raise ValueError("save_at must be a list of finite times that increase")
+    if len(times) and (times[0] < t or times[-1] > t_end):
+        raise ValueError(f"save_at must lie between the start {t:g} s and the end {t_end:g} s")
+    return np.union1d(times, [t_end])
+
+
+def _collect(run: Run, t_end: float, progress, rows: list, events: list) -> Status:
+    """Runs to the end piece by piece; Ctrl-C keeps what was reached."""
     try:
-        for target in np.linspace(t, t_end, n + 1)[1:]:
-            for some_rows, some_events in run.advance(float(target)):
-                rows.append(some_rows)
-                events.append(some_events)
-            if run.status is not Status.DONE:
-                break
+        for some_rows, some_events in run.advance(t_end):
+            rows.append(some_rows)
+            events.append(some_events)
             if progress:
-                progress(float(target))
+                progress(run.progress[1])
     except KeyboardInterrupt:
+        some_rows, some_events = run.present()
+        rows.append(some_rows)
+        events.append(some_events)
         return Status.STOPPED
     return run.status
 
@@ -159,7 +174,15 @@ def _trajectory(
         coordinates=marionette.coordinates,
         puppet=marionette.puppet,
         effort=effort,
+        violation=_violation(marionette, part),
     )
+
+
+def _violation(marionette: Marionette, part: dict[str, Array]) -> Columns:
+    """max(h, 0) of every row, |h| of wires: how far strings and limits were overstepped."""
+    (h,) = marionette.library.evaluate("rows", [part["q_D"], part["q_K"], marionette.p])
+    beyond = np.where(marionette.two_sided, np.abs(h), np.maximum(h, 0.0))
+    return Columns(marionette.tree.row_names, beyond, "string or limit")
 
 
 def _ledger(part: dict[str, Array]) -> Columns:

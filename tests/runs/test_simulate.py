@@ -159,6 +159,78 @@ def test_ctrl_c_keeps_what_was_reached(arm, hanging):
         if t > 0.3:
             raise KeyboardInterrupt
 
-    run = fan.simulate(arm, hanging, t_end=2.0, progress=stop, throw=False)
+    run = fan.simulate(
+        arm, hanging, t_end=2.0, method="timestepping", dt=1e-4, progress=stop, throw=False
+    )
     assert run.status is fan.Status.STOPPED
     assert 0.3 < run.t[-1] < 0.5
+
+
+def test_a_progress_function_changes_nothing(arm, hanging):
+    for options in ({}, {"method": "timestepping", "dt": 0.003}):
+        one = fan.simulate(arm, hanging, jerk(arm), 1.0, **options)
+        two = fan.simulate(arm, hanging, jerk(arm), 1.0, progress=lambda t: None, **options)
+        assert np.array_equal(one.t, two.t) and np.array_equal(one.q_D, two.q_D)
+
+
+@pytest.mark.parametrize("times", [[0.2, 0.2], [0.3, 0.1], [np.nan], [2.0], [-1.0]])
+def test_times_to_save_increase_inside_the_run(arm, hanging, times):
+    with pytest.raises(ValueError, match="save_at"):
+        fan.simulate(arm, hanging, t_end=1.0, save_at=times)
+
+
+def test_inputs_of_another_puppet_are_refused(arm, hanging):
+    other = fan.Input.hold(fan.puppets.crane())
+    with pytest.raises(fan.InputError, match="made for a puppet"):
+        fan.simulate(arm, hanging, other, 1.0)
+
+
+def test_inputs_that_stop_dead_within_the_run_are_refused(arm, hanging):
+    inputs = fan.Input.segments(arm, [0.0, 0.5], hanging.q_K, [0.0, 0.0], [[0.5, 0.0]])
+    run = fan.simulate(arm, hanging, inputs)
+    assert run.v_K[-1, 0] == pytest.approx(0.25)
+    with pytest.raises(fan.InputError, match=r"hand\.x.*end at t = 0\.5 s with the velocity 0\.25"):
+        fan.simulate(arm, hanging, inputs, 1.0)
+
+
+def test_a_jump_of_the_inputs_acceleration_is_two_rows(arm, hanging):
+    inputs = fan.Input.segments(
+        arm, [0.0, 0.5, 1.0], hanging.q_K, [0.0, 0.0], [[0.2, 0.0], [-0.2, 0.0]]
+    )
+    run = fan.simulate(arm, hanging, inputs, rtol=1e-11, atol=1e-11)
+    rows = np.flatnonzero(run.t == 0.5)
+    assert run.acc_K[rows, 0].tolist() == [0.2, -0.2]
+    times = np.linspace(0.05, 0.95, 77)
+    assert np.max(np.abs(run.resample(times).q_K - inputs.evaluate(times)[0])) < 1e-12
+
+
+def test_a_bulge_past_a_loosened_string_is_a_catch():
+    """Released at 1 s, the string closes and opens again within one long step."""
+    bob = fan.loads("""
+puppet: bob
+bodies:
+  - {name: bob, joint: {type: translation, axes: [x, z]}, mass: 1}
+strings:
+  - {name: line, path: [{body: bob}, {world: [0, 0, 1]}], length: driven}
+pose: {line.length: 1.0}
+""")
+    height = -2e4 * np.array([0, 0, 0.0018, -0.09, 1, 0])
+    coef = np.zeros((2, 1, 6))
+    coef[:, 0, 0] = 1.0
+    coef[1, 0, 1:] = -height[1:]
+    coef[1, 0, 2] += 4.905
+    breaks, base, named = np.array([0, 1, 1.1]), np.ones((2, 1)), np.array([True])
+    inputs = fan.Input(bob.coordinates, breaks, coef, base, named)
+    for max_step in (0.1, 0.005):
+        run = fan.simulate(bob, bob.project(bob.state()), inputs, 1.0999, max_step=max_step)
+        assert [e.kind.value for e in run.events] == ["release", "catch", "release"]
+        assert run.events[1].t == pytest.approx(1.03, abs=1e-9)
+        assert np.max(run.violation["line"]) < 1e-12
+
+
+def test_mirrored_strings_that_loosen_together_do_not_stall():
+    bar = fan.puppets.marionette_bar()
+    push = {"torso.x": [(2.0, 0.0), (2.0, 0.5), (2.2, 0.5), (2.2, 0.0)]}
+    run = fan.simulate(bar, bar.rest(), fan.Input.hold(bar, 4.0).with_forces(push))
+    assert run.status is fan.Status.DONE
+    assert np.max(run.violation.values) < 1e-9

@@ -23,10 +23,12 @@ class Notation:
     Attributes:
         symbols: q_D, v_D, q_K, v_K, p -> the symbols of their entries.
         names: symbol of a coordinate or parameter -> its name in the puppet file.
+        quaternions: q_D, q_K -> places where a unit quaternion begins.
     """
 
     symbols: dict[str, list[sp.Symbol]]
     names: dict[sp.Symbol, str]
+    quaternions: dict[str, list[int]]
     _taken: dict[str, int] = field(default_factory=dict)
 
     def fresh(self, letter: str) -> sp.Symbol:
@@ -73,7 +75,11 @@ def notation(tree: Tree) -> Notation:
         taken.add(text)
         symbols["p"].append(sp.Symbol(text, real=True))
         names[symbols["p"][-1]] = name
-    return Notation(symbols, names)
+    quaternions = {
+        "q_D": [q for q, _ in table.quaternions_D],
+        "q_K": [q for q, _ in table.quaternions_K],
+    }
+    return Notation(symbols, names, quaternions)
 
 
 def _letter(name: str, turns: bool) -> str:

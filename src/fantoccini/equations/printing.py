@@ -1,10 +1,11 @@
 """Equations for people: CasADi's graphs as SymPy expressions in the textbook's symbols.
 
 A graph is run once over sparse polynomials with rational coefficients. Their generators are the
-state, the parameters, cos and sin of every angle (sin^2 = 1 - cos^2 at once, so that equal
-expressions are equal polynomials), and one symbol for each root, quotient or other function. Every
-polynomial is then written in the shortest of a few forms, among them the one with sines and
-cosines of sums of angles. The work is bounded: what takes too much of it raises TooLargeError.
+state, the parameters, cos and sin of every angle, and one symbol for each root, quotient or other
+function. sin^2 = 1 - cos^2 and the unit length of quaternions are used at once, so that equal
+expressions are equal polynomials. Every polynomial is then written in the shortest of a few forms,
+among them the one with sines and cosines of sums of angles. The work is bounded: what takes too
+much of it raises TooLargeError.
 
 Constants are taken with 15 digits and the rounding of a segment's length at coincident points
 (1e-9 m) is left out, so values differ from the interpreter's by rounding only.
@@ -32,6 +33,12 @@ MOST_TERMS = 1200
 """Terms that one polynomial may have."""
 MOST_PRODUCTS = 400_000
 """Products of terms that may be formed in all."""
+
+_NOTHING = QQ(1, 10**13)
+"""What is left where terms cancel but for the rounding of constants, relative to the largest
+coefficient of the same matrix."""
+_DIGITS = 6
+"""Digits of a number on a page."""
 
 _OBJECTS = {
     "mass_matrix": ("M", "M_DK"),
@@ -125,6 +132,19 @@ def printable(equations: Equations) -> Printable:
     return Printable(reading.notation, objects, tuple(reading.lengths))
 
 
+def decimal(expression: sp.Expr) -> sp.Expr:
+    """The expression as it is printed: fractions as decimals with six digits, but in exponents."""
+    if isinstance(expression, sp.MatrixBase):
+        return expression.applyfunc(decimal)
+    if expression.is_Rational:
+        return expression if expression.is_Integer else sp.Float(expression, _DIGITS)
+    if expression.is_Pow:
+        return sp.Pow(decimal(expression.base), expression.exp)
+    if not expression.args:
+        return expression
+    return expression.func(*(decimal(part) for part in expression.args))
+
+
 def rational(number: float) -> sp.Rational:
     """A constant of the graph as the short decimal it was, before it was folded with others."""
     return sp.Rational(format(number, ".15g"))
@@ -158,6 +178,11 @@ class _Reading:
         }
         self.form = Form(list(inputs), velocities=velocities, inverse=set(), pairs={})
         self._known: dict[tuple, PolyElement] = {}
+        self._squares: dict[int, PolyElement] = {}
+        for name, firsts in notation.quaternions.items():
+            for first in firsts:
+                _, x, y, z = self.ring.gens[self._first[name] + first :][:4]
+                self._squares[self._first[name] + first] = 1 - x**2 - y**2 - z**2
 
     def outputs(self) -> dict[tuple[int, int], sp.Expr]:
         """(output, entry) -> expression."""
@@ -178,9 +203,16 @@ class _Reading:
             else:
                 work[out[0]] = self._operation(op, [work[i] for i in into])
         shortest: dict[PolyElement, sp.Expr] = {}
-        for value in found.values():
-            if value not in shortest:
-                shortest[value] = self.form.shortest(value)
+        for output in {k for k, _ in found}:
+            places = [place for place in found if place[0] == output]
+            largest = max((abs(c) for p in places for c in found[p].values()), default=0)
+            for place in places:
+                terms = found[place].items()
+                found[place] = self.ring.from_dict(
+                    {m: c for m, c in terms if abs(c) > _NOTHING * largest}
+                )
+                if found[place] not in shortest:
+                    shortest[found[place]] = self.form.shortest(found[place])
         return {place: shortest[value] for place, value in found.items()}
 
     def _operation(self, op: int, given: list[_Value]) -> _Value:
@@ -224,17 +256,13 @@ class _Reading:
         return product
 
     def _reduced(self, value: PolyElement) -> PolyElement:
-        """sin^2 = 1 - cos^2, until no square of a sine is left."""
-        for cosine, sine in self.form.pairs.items():
-            high = {m: c for m, c in value.items() if m[sine] > 1}
-            while high:
-                c = self.ring.gens[cosine]
-                rest = self.ring.from_dict({m: x for m, x in value.items() if m not in high})
+        """Squares with a rule are replaced until none is left."""
+        for generator, square in self._squares.items():
+            while high := {m: c for m, c in value.items() if m[generator] > 1}:
                 lowered = self.ring.from_dict(
-                    {(*m[:sine], m[sine] - 2, *m[sine + 1 :]): x for m, x in high.items()}
+                    {(*m[:generator], m[generator] - 2, *m[generator + 1 :]): high[m] for m in high}
                 )
-                value = rest + lowered * (1 - c**2)
-                high = {m: x for m, x in value.items() if m[sine] > 1}
+                value = value - self.ring.from_dict(high) + lowered * square
         return value
 
     def _generator(self, key: tuple, expression: sp.Expr) -> PolyElement:
@@ -253,6 +281,7 @@ class _Reading:
         sine = self._generator((ca.OP_SIN, angle), sp.sin(written, evaluate=False))
         generators = self.ring.gens
         self.form.pairs[generators.index(cosine)] = generators.index(sine)
+        self._squares[generators.index(sine)] = 1 - cosine**2
         return cosine, sine
 
     def _inverse(self, value: PolyElement) -> PolyElement:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +15,7 @@ from fantoccini.tree import Tree
 
 if TYPE_CHECKING:
     from fantoccini.equations import Equations
+    from fantoccini.puppet import Number
     from fantoccini.runtime import Library
 
 _SINGULAR = 1e-12
@@ -30,6 +32,7 @@ class Analysis:
     p: Array
     equations: Equations
     library: Library
+    number: Callable[[Number], float]
 
     def _interpreted(self, name: str, x: State) -> list[Array]:
         inputs = {**vars(x), "p": self.p}
@@ -154,14 +157,12 @@ class Analysis:
     def string_lengths(self, q_K: Array) -> Array:
         """Lengths of the strings, (..., n_strings) [m]."""
         q_K = np.asarray(q_K, dtype=float)
-        values = dict(zip(self.tree.parameters, self.p, strict=True))
         out = np.zeros((*q_K.shape[:-1], len(self.tree.strings)))
         for i, string in enumerate(self.tree.strings):
-            if string.length_index is not None:
-                out[..., i] = q_K[..., string.length_index[0]]
+            if string.length_index is None:
+                out[..., i] = self.number(string.length)
             else:
-                name = getattr(string.length, "parameter", None)
-                out[..., i] = float(string.length) if name is None else values[name]
+                out[..., i] = q_K[..., string.length_index[0]]
         return out
 
     def energies(self, x: State) -> tuple[float, float]:

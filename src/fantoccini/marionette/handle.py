@@ -22,10 +22,12 @@ from fantoccini.marionette.rows import RowLayout
 from fantoccini.marionette.stepper import Stepper
 from fantoccini.motion import State
 from fantoccini.motion.rotation import exp
-from fantoccini.puppet import Parameter, Puppet
+from fantoccini.puppet import Number, Parameter, Puppet
 from fantoccini.runtime import Library, RunOptions
 from fantoccini.tree import CoordinateTable, Tree
 from fantoccini.world import World
+
+METHODS = ("event", "timestepping")
 
 TENSION_CAP = 1e5
 """Largest tension a string may pull, in weights of the puppet."""
@@ -117,6 +119,9 @@ class Marionette(Analysis):
 
         Args:
             values: parameter name -> value.
+
+        Raises:
+            PuppetError: a value that the puppet's file could not have.
         """
         names = list(self.tree.parameters)
         other = copy.copy(self)
@@ -129,6 +134,11 @@ class Marionette(Analysis):
             other.p[names.index(name)] = value
         for kept in ("mass", "weight", "tension_cap"):
             other.__dict__.pop(kept, None)
+        for member in self.world.puppets:
+            prefix = f"{member.name}/" if len(self.world.puppets) > 1 else ""
+            member.with_values(
+                {n[len(prefix) :]: v for n, v in values.items() if n.startswith(prefix)}
+            )
         return other
 
     @cached_property
@@ -139,28 +149,29 @@ class Marionette(Analysis):
     @cached_property
     def mass(self) -> float:
         """Mass of all links that move dynamically or hang from one that does [kg]."""
-        values = dict(zip(self.tree.parameters, self.p, strict=True))
-
-        def number(n) -> float:
-            return values[n.parameter] if isinstance(n, Parameter) else float(n)
-
         total = 0.0
         for i, link in enumerate(self.tree.links):
             if any(self.tree.links[j].role == "dynamic" for j in self.tree.ancestors(i)):
-                lumps = sum(number(lump.amount) * lump.volume for lump in link.lumps)
-                total += lumps if link.mass is None else number(link.mass)
+                lumps = sum(self.number(lump.amount) * lump.volume for lump in link.lumps)
+                total += lumps if link.mass is None else self.number(link.mass)
         return total
+
+    def number(self, value: Number) -> float:
+        """A number of the puppet, with the present value where it is a parameter."""
+        if not isinstance(value, Parameter):
+            return float(value)
+        return float(self.p[list(self.tree.parameters).index(value.parameter)])
 
     @cached_property
     def weight(self) -> float:
         """Mass times gravity [N]; where gravity is zero, mass times 1 m/s^2."""
-        g = [n.value if isinstance(n, Parameter) else float(n) for n in self.tree.gravity]
+        g = [self.number(n) for n in self.tree.gravity]
         return self.mass * (float(np.linalg.norm(g)) or 1.0)
 
     @cached_property
     def tension_cap(self) -> float:
         """Largest tension a string may pull [N]."""
-        return TENSION_CAP * max(self.weight, 1e-9)
+        return TENSION_CAP * (self.weight or 1.0)
 
     @cached_property
     def two_sided(self) -> Array:
@@ -184,6 +195,10 @@ class Marionette(Analysis):
             values: coordinate name -> value; ``joint.rotation`` takes a quaternion (w, x, y, z)
                 or a rotation vector; ``v:NAME`` sets a velocity.
         """
+        if values is not None and not isinstance(values, Mapping):
+            raise StateError(
+                f"found {values!r}; a state is given as names and values: {{'hand.length': 0.8}}"
+            )
         table = self.coordinates
         q_D, q_K = table.start_D.copy(), table.start_K.copy()
         v_D, v_K = np.zeros(table.n_vD), np.zeros(table.n_vK)
@@ -199,9 +214,16 @@ class Marionette(Analysis):
 
     def _set(self, name: str, value, q_D: Array, v_D: Array, q_K: Array, v_K: Array) -> None:
         table = self.coordinates
-        number = np.asarray(value, dtype=float)
+        try:
+            number = np.asarray(value, dtype=float)
+        except (TypeError, ValueError):
+            raise StateError(
+                f"{name}: found {value!r}; it takes a number (radians or metres) or a rotation"
+            ) from None
         if not np.all(np.isfinite(number)):
             raise StateError(f"{name}: found {value}; it must be finite")
+        if name.endswith(".length") and number.ndim == 0 and number <= 0:
+            raise StateError(f"{name}: found {value}; a length must be positive")
         for names, target in ((table.q_D, q_D), (table.q_K, q_K)):
             if name in names:
                 if number.ndim:
@@ -226,7 +248,7 @@ class Marionette(Analysis):
 
         Args:
             values: as in :meth:`state`, or a state to settle from. Driven coordinates are held at
-                them; dynamic ones are where the search begins.
+                them; dynamic ones are where the search begins; velocities do not matter.
 
         Raises:
             StateError: there is none, or it was not found.
@@ -304,6 +326,7 @@ class Marionette(Analysis):
             dt: step of the time-stepper [s].
             rtol, atol: tolerances of the event-driven integrator.
         """
+        check_method(method)
         self.check_start(x0)
         return Stepper(self, x0, method, self.run_options(dt=dt, rtol=rtol, atol=atol))
 
@@ -328,6 +351,12 @@ class Marionette(Analysis):
         """The state with its taut rows found."""
         _, tension = self.accelerations(x)
         return x.replace(taut=tension > 0.0)
+
+
+def check_method(method: str) -> None:
+    """Raises ValueError unless ``method`` is one that runs know."""
+    if method not in METHODS:
+        raise ValueError(f"method is {method!r}; it must be {' or '.join(map(repr, METHODS))}")
 
 
 def load(path: str | Path, progress: Callable[[str], None] | None = None) -> Marionette:
@@ -372,7 +401,7 @@ def _generator() -> str:
     """The generator's version: that of the text, and a hash of all code that shapes it."""
     digest = hashlib.sha256()
     folders = [Path(module.__file__).parent for module in (equations, tree)]
-    files = [Path(codegen.__file__), *(f for d in folders for f in sorted(d.glob("*.py")))]
+    files = [Path(codegen.model.__file__), *(f for d in folders for f in sorted(d.glob("*.py")))]
     for file in files:
         digest.update(file.read_bytes())
     return f"{codegen.VERSION}-{digest.hexdigest()}"

@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import SimulationError, Status
+from fantoccini.errors import InputError, Problem, SimulationError, StateError, Status
 from fantoccini.motion import Input, State
 from fantoccini.runtime import Run, RunOptions
 
 if TYPE_CHECKING:
     from fantoccini.marionette.handle import Marionette
+
+_SAME_SPEED = 1e-9
+"""Relative difference of velocities that counts as none."""
 
 Law = Callable[[State], "Array | Mapping[str, float]"]
 
@@ -80,8 +83,16 @@ class Stepper:
         """
         if not duration > 0:
             raise ValueError(f"duration is {duration}; it must be positive")
-        chosen = inputs.bound(self.state.q_K, self.state.t) if inputs else None
-        self._run.set_input(chosen or self._piece(duration, acc_K, u_D))
+        if inputs is not None and (acc_K is not None or u_D is not None):
+            raise ValueError("inputs carry their own motion and forces: give them or acc_K and u_D")
+        if inputs is None:
+            chosen = self._piece(duration, acc_K, u_D)
+        else:
+            t = self.state.t
+            check_inputs(self.marionette, inputs, t, t + duration)
+            chosen = inputs.bound(self.state.q_K, t)
+            check_speed(self.marionette, self.state, chosen)
+        self._run.set_input(chosen)
         last = None
         for rows, _ in self._run.advance(self.state.t + duration):
             if len(rows):
@@ -121,10 +132,12 @@ class Stepper:
             for name, value in acc_K.items():
                 acc[self.marionette.driven_velocity(name)] = value
         elif acc_K is not None:
+            if np.shape(acc_K) != acc.shape:
+                raise ValueError(f"acc_K has the shape {np.shape(acc_K)}; it must be {acc.shape}")
             acc[:] = acc_K
         x = self.state
-        # Longer than the piece, so that its last instant still lies within the input.
-        times = x.t + np.array([0.0, 2.0 * duration])
+        # A trace longer than the piece, so that its last instant still lies within the input.
+        times = x.t + np.array([0.0, (1.0 + 1e-6) * duration])
         made = Input.segments(table, times, x.q_K, x.v_K, acc[None])
         if u_D is not None:
             forces = {
@@ -133,3 +146,56 @@ class Stepper:
             }
             made = made.with_forces(forces)
         return made
+
+
+def check_inputs(marionette: Marionette, inputs: Input, t: float, t_end: float) -> None:
+    """Raises unless inputs are this puppet's and do not stop or start dead within a run.
+
+    Args:
+        marionette: the puppet.
+        inputs: not bound yet.
+        t, t_end: the run [s].
+
+    Raises:
+        InputError: naming the coordinates and times.
+    """
+    own, theirs = marionette.coordinates, inputs.coordinates
+    if (own.q_K, own.v_D) != (theirs.q_K, theirs.v_D):
+        text = (
+            "were made for a puppet with the driven coordinates "
+            f"{', '.join(theirs.q_K) or 'none'}; {marionette.name} has "
+            f"{', '.join(own.q_K) or 'none'}"
+        )
+        raise InputError([Problem("inputs", None, "", text)])
+    problems = []
+    ends = []
+    if inputs.start > t:
+        ends.append(("begin", inputs.start, inputs.coef[0, :, 1]))
+    if inputs.end < t_end:
+        ends.append(("end", inputs.end, inputs.evaluate(inputs.end)[1]))
+    for what, when, speed in ends:
+        for i in np.flatnonzero(np.abs(speed) > _SAME_SPEED):
+            problems.append(
+                Problem(
+                    "inputs",
+                    None,
+                    own.v_K[i],
+                    f"the inputs {what} at t = {when:g} s with the velocity {speed[i]:.6g}, and "
+                    f"the run goes from {t:g} s to {t_end:g} s; let them {what} at rest, or let "
+                    "the run not go beyond them",
+                )
+            )
+    if problems:
+        raise InputError(problems)
+
+
+def check_speed(marionette: Marionette, x: State, bound: Input) -> None:
+    """Raises StateError when the driven velocities would jump from a state to its inputs."""
+    found = bound.evaluate(x.t)[1]
+    wrong = np.flatnonzero(np.abs(found - x.v_K) > _SAME_SPEED * np.maximum(1.0, np.abs(x.v_K)))
+    if len(wrong):
+        names = [marionette.coordinates.v_K[i] for i in wrong]
+        raise StateError(
+            f"the velocity of {', '.join(names)} would jump at t = {x.t:g} s: the state has "
+            f"{x.v_K[wrong[0]]:.6g}, the inputs begin with {found[wrong[0]]:.6g}"
+        )

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 FORMAT = "fantoccini.trajectory.1"
 _ARRAYS = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
-_TABLES = ("tension", "limit_force", "taut", "ledger", "effort")
+_TABLES = ("tension", "limit_force", "taut", "ledger", "effort", "violation")
 _NUMBERS = ("t", "impulse", "speed")
 _MESH = "mesh:"
 UNREADABLE = (

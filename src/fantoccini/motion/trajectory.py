@@ -52,6 +52,8 @@ class Trajectory:
         coordinates: names and places of the coordinates.
         puppet: what moved (None when unknown).
         effort: by driven velocity, the force that drives it [N or N m]; None when not computed.
+        violation: by string and limit, how far it is overstepped, >= 0 [m, rad or 1]; None when not
+            computed.
     """
 
     t: Times
@@ -71,6 +73,14 @@ class Trajectory:
     coordinates: CoordinateTable
     puppet: Puppet | None = None
     effort: Columns | None = None
+    violation: Columns | None = None
+
+    def __repr__(self) -> str:
+        return (
+            f"<Trajectory {self.puppet.name if self.puppet else ''}: {self.t[0]:g} to "
+            f"{self.t[-1]:g} s, {len(self)} rows, {len(self.events)} events, {self.method}, "
+            f"{self.status.name}>"
+        )
 
     def __post_init__(self) -> None:
         table, n = self.coordinates, len(self.t)
@@ -155,7 +165,7 @@ class Trajectory:
 
         ``t``; a coordinate by its name (``elbow``, ``torso.qw``); ``v:elbow``, ``acc:elbow``;
         ``tension:hand``, ``taut:hand``, ``impulse:hand``, ``force:elbow.upper``,
-        ``effort:hand.length``, ``energy:kinetic``.
+        ``effort:hand.length``, ``violation:hand``, ``energy:kinetic``.
         """
         table, columns = self.coordinates, {"t": self.t}
         for names, values in ((table.q_D, self.q_D), (table.q_K, self.q_K)):
@@ -173,6 +183,7 @@ class Trajectory:
             ("force", self.limit_force),
             ("impulse", self.impulse),
             ("effort", self.effort),
+            ("violation", self.violation),
             ("energy", self.ledger),
         ):
             if named is not None:
@@ -243,7 +254,7 @@ class Trajectory:
     # -- inside ------------------------------------------------------------------------------
 
     def _tables(self) -> dict[str, Columns]:
-        names = ("tension", "limit_force", "taut", "ledger", "effort")
+        names = ("tension", "limit_force", "taut", "ledger", "effort", "violation")
         return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
 
     def _inside(self, times: Times) -> Times:

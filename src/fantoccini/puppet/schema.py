@@ -256,6 +256,20 @@ class Puppet(Model):
         """Names and values of all parameters, in order of first appearance."""
         return {p["parameter"]: p["value"] for _, p in check.parameters(dump.plain(self))}
 
+    def with_values(self, values: dict[str, float]) -> Puppet:
+        """The same puppet with other values of its parameters.
+
+        Args:
+            values: parameter name -> value; names it does not have are left out.
+
+        Raises:
+            PuppetError: a value that its place does not allow.
+        """
+        plain = dump.plain(self)
+        for _, parameter in check.parameters(plain):
+            parameter["value"] = values.get(parameter["parameter"], parameter["value"])
+        return Puppet.model_validate(plain)
+
     def locate(self, name: str) -> tuple[str, int | None]:
         """File and line in which a body, joint, string, spring or obstacle is described.
 

@@ -7,7 +7,8 @@ from functools import partial
 from pathlib import Path
 
 from fantoccini.errors import UnknownNameError
-from fantoccini.marionette import Marionette, load
+from fantoccini.marionette import Marionette
+from fantoccini.marionette import load as _load
 
 _FOLDER = Path(__file__).parent
 
@@ -31,7 +32,7 @@ def path(name: str) -> Path:
 def __getattr__(name: str) -> Callable[..., Marionette]:
     if name.startswith("_") or name not in names():
         raise AttributeError(f"module {__name__!r} has no puppet {name!r}; there are {names()}")
-    return partial(load, path(name))
+    return partial(_load, path(name))
 
 
 def __dir__() -> list[str]:

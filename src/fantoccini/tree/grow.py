@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
+from dataclasses import fields
+
 import numpy as np
 
 from fantoccini.puppet import Attachment, Body, Number, Parameter, Puppet, String
@@ -105,6 +108,7 @@ class _Grower:
 
     def puppet(self, puppet: Puppet, prefix: str) -> None:
         place = {"world": WORLD}
+        marks = [len(part) for part in self.parts]
         for body in _parents_first(puppet.bodies):
             place[body.name] = self.body(body, place[body.parent], puppet.pose, prefix)
         for string in puppet.strings:
@@ -115,7 +119,15 @@ class _Grower:
                 SpringRow(prefix + spring.name, ends, spring.stiffness, spring.rest, spring.damping)
             )
         for name, value in puppet.parameters().items():
-            self.parameters[prefix + name if prefix else name] = value
+            self.parameters[prefix + name] = value
+        if prefix:
+            for part, mark in zip(self.parts, marks, strict=True):
+                part[mark:] = [_prefixed(row, prefix) for row in part[mark:]]
+
+    @property
+    def parts(self) -> tuple[list, ...]:
+        """The lists whose rows may hold parameters."""
+        return self.links, self.strings, self.springs
 
     def body(self, body: Body, parent: int, pose: dict, prefix: str) -> int:
         joint = body.joint
@@ -249,9 +261,10 @@ def grow(world: World) -> Tree:
     for puppet in world.puppets:
         prefix = f"{puppet.name}/" if len(world.puppets) > 1 else ""
         grower.puppet(puppet.expanded(), prefix)
+    first = f"{world.puppets[0].name}/" if len(world.puppets) > 1 else ""
     return Tree(
         name=world.name,
-        gravity=tuple(world.gravity),
+        gravity=_prefixed(tuple(world.gravity), first) if first else tuple(world.gravity),
         links=tuple(grower.links),
         strings=tuple(grower.strings),
         springs=tuple(grower.springs),
@@ -259,6 +272,19 @@ def grow(world: World) -> Tree:
         coordinates=grower.table.finish(),
         parameters=grower.parameters,
     )
+
+
+def _prefixed(part, prefix: str):
+    """The same part of a tree with its parameters' names preceded by the puppet's."""
+    if isinstance(part, Parameter):
+        return Parameter.model_construct(parameter=prefix + part.parameter, value=part.value)
+    if isinstance(part, tuple):
+        return tuple(_prefixed(x, prefix) for x in part)
+    if dataclasses.is_dataclass(part):
+        return dataclasses.replace(
+            part, **{f.name: _prefixed(getattr(part, f.name), prefix) for f in fields(part)}
+        )
+    return part
 
 
 def _parents_first(bodies) -> list[Body]:

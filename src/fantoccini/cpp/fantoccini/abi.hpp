@@ -74,12 +74,19 @@ FAN_EXPORT int fan_start(
   return fan::RUNNING;
 }
 
-// Runs until t_end (DONE), until the record is full (RUNNING), or until something stops it.
-FAN_EXPORT int fan_run(void* handle, double t_end, fan::Record<fan::Model>* out) {
+// Runs until t_end (DONE), until the record is full or the budget of steps is spent (RUNNING), or
+// until something stops it.
+FAN_EXPORT int fan_run(
+    void* handle, double t_end, long long budget, fan::Record<fan::Model>* out) {
   fan::Run& run = *static_cast<fan::Run*>(handle);
-  if (run.event_driven) return run.event.run(t_end, *out);
-  run.fixed.next_end_ = t_end;
-  return run.fixed.run(t_end, *out);
+  return run.event_driven ? run.event.run(t_end, budget, *out) : run.fixed.run(t_end, budget, *out);
+}
+
+// Writes the present state as a row.
+FAN_EXPORT void fan_emit(void* handle, fan::Record<fan::Model>* out) {
+  fan::Run& run = *static_cast<fan::Run*>(handle);
+  if (!out->room_for(1, 0)) return;
+  run.event_driven ? run.event.emit(*out) : run.fixed.emit(*out);
 }
 
 // Replaces the inputs from the present time on.

@@ -16,6 +16,8 @@
 
 namespace fan {
 
+constexpr double kRounding = 4e-16;  // of a row's residual, relative to the sum of its terms
+
 template <class Real, int capacity>
 struct Complementarity {
   using Mask = typename Traits<Real>::Mask;
@@ -32,7 +34,7 @@ struct Complementarity {
 
   FAN_FN void factorise(double eps) {
     // Against the largest diagonal: a row without any influence of its own then gets no multiplier.
-    Real top = Real(1e-300);
+    Real top = Real(1e-30);
     for (int j = 0; j < n; ++j) {
       const Real own = select(active[j], G[j * N + j], Real(0.0));
       top = select(own > top, own, top);
@@ -65,20 +67,28 @@ struct Complementarity {
     }
   }
 
-  // x on the active rows from (G x)_i = b_i, zero elsewhere; then s of all rows.
-  FAN_FN void solve_active(double eps, int refinements) {
+  // x on the active rows from (G x)_i = b_i, zero elsewhere; then s of all rows. Refines until
+  // what is left is rounding; a lane that is done does not change any more.
+  FAN_FN void solve_active(double eps, int max_refinements) {
+    using std::abs;
     Real r[N];
     factorise(eps);
-    for (int i = 0; i < n; ++i) r[i] = x[i] = select(active[i], b[i], Real(0.0));
+    for (int i = 0; i < n; ++i) x[i] = select(active[i], b[i], Real(0.0));
     substitute(x);
-    for (int round = 0; round <= refinements; ++round) {
+    for (int round = 0;; ++round) {
+      Mask rough = Real(0.0) > Real(1.0);
       for (int i = 0; i < n; ++i) {
-        Real sum = -b[i];
-        for (int j = 0; j < n; ++j) sum += G[i * N + j] * x[j];
+        Real sum = -b[i], terms = abs(b[i]);
+        for (int j = 0; j < n; ++j) {
+          const Real term = G[i * N + j] * x[j];
+          sum += term;
+          terms += abs(term);
+        }
         s[i] = sum;
+        rough = rough || (active[i] && abs(sum) > kRounding * terms);
       }
-      if (round == refinements) break;
-      for (int i = 0; i < n; ++i) r[i] = select(active[i], Real(-s[i]), Real(0.0));
+      if (round == max_refinements || !any(rough)) break;
+      for (int i = 0; i < n; ++i) r[i] = select(active[i] && rough, Real(-s[i]), Real(0.0));
       substitute(r);
       for (int i = 0; i < n; ++i) x[i] += r[i];
     }
@@ -86,14 +96,14 @@ struct Complementarity {
 
   // Solves the problem from the guess in `active`. tolerance is relative to the largest |x| and to
   // the size of the terms of each s. Returns the lanes that were solved.
-  FAN_FN Mask solve(double eps, int refinements, double tolerance, int max_iterations) {
+  FAN_FN Mask solve(double eps, int max_refinements, double tolerance, int max_iterations) {
     using std::abs;
     Real fewest = Real(double(n + 1)), patience = Real(3.0);
     Mask solved = Real(0.0) > Real(1.0);
     for (int i = 0; i < n; ++i)
       if (two_sided[i]) active[i] = Real(1.0) > Real(0.0);
     for (int iteration = 0; iteration < max_iterations; ++iteration) {
-      solve_active(eps, refinements);
+      solve_active(eps, max_refinements);
       Real scale = Real(0.0), count = Real(0.0);
       for (int i = 0; i < n; ++i) scale = select(abs(x[i]) > scale, Real(abs(x[i])), scale);
       Mask bad[N];

@@ -39,8 +39,8 @@ struct Contact {
       problem.b[a] = f.rows.hdot[a];
       problem.active[a] = f.rows.hdot[a] > 0.0 || f.taut[list[a]];
     }
-    problem.solve(kEps, kRefinements, 1e-12, kPivots);
-    double w[room(N)], change[room(N)], pull[room(M)], work = 0.0;
+    if (!settle(problem)) return IMPOSSIBLE_INPUT;
+    double w[room(N)], change[room(N)], pull[room(M)] = {}, work = 0.0;
     for (int j = 0; j < N; ++j) w[j] = 0.0;
     for (int a = 0; a < n; ++a) {
       const double x = problem.x[a];
@@ -63,15 +63,15 @@ struct Contact {
 
   // Chooses which of the rows that are closed and at rest stay taut, at (t, y). Rows in `loose`
   // have just lost their tension: they stay only if they pull.
-  Status choose(F& f, const bool* loose, bool* taut) {
+  Status choose(F& f, const bool* loose, bool* taut, double closeness = kTouch) {
     double rate[F::NY], speed_scale = 1.0;
     for (int r = 0; r < M; ++r) f.taut[r] = false;
     f.evaluate(f.t, f.y, rate);
     for (int j = 0; j < N; ++j)
       if (fabs(f.y[NQ + j]) > speed_scale) speed_scale = fabs(f.y[NQ + j]);
-    int all[room(M)], list[room(M)], n_all = 0, n = 0;
+    int all[room(M)] = {}, list[room(M)] = {}, n_all = 0, n = 0;
     for (int r = 0; r < M; ++r)
-      if (fabs(f.eval.height(r)) <= kTouch * f.row_scale(r) || (r < F::S && Model::wire[r]))
+      if (fabs(f.eval.height(r)) <= closeness * f.row_scale(r) || (r < F::S && Model::wire[r]))
         all[n_all++] = r;
     f.rows.gather(f.eval, f.y + NQ, all, n_all);
     for (int a = 0; a < n_all; ++a)
@@ -85,7 +85,7 @@ struct Contact {
       problem.active[a] = true;
       if (fabs(problem.b[a]) > scale) scale = fabs(problem.b[a]);
     }
-    problem.solve(kEps, kRefinements, 1e-12, kPivots);
+    if (!settle(problem)) return IMPOSSIBLE_INPUT;
     for (int r = 0; r < M; ++r) taut[r] = false;
     for (int a = 0; a < n; ++a) {
       if (!(fabs(problem.x[a]) <= f.opt.tension_cap)) return IMPOSSIBLE_INPUT;
@@ -94,6 +94,14 @@ struct Contact {
       taut[list[a]] = pulls || (!loose[list[a]] && problem.s[a] <= 1e-10 * scale);
     }
     return RUNNING;
+  }
+
+ private:
+  // Solves to rounding, or near it where rounding itself keeps rows from settling.
+  template <class Problem>
+  static bool settle(Problem& problem) {
+    return problem.solve(kEps, kRefinements, 1e-12, kPivots) ||
+           problem.solve(kEps, kRefinements, 1e-9, kPivots);
   }
 };
 

@@ -5,6 +5,7 @@
 // Before the first break and after the last the coordinates stand still.
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "manifold.hpp"
@@ -34,17 +35,15 @@ class Drive {
   }
 
   // Chooses the polynomials of the step that starts at t: they hold until the next break.
-  void start_at(double t) {
-    phase_ = t < breaks_[0] ? BEFORE : (t >= breaks_[n_] ? AFTER : WITHIN);
-    if (phase_ == BEFORE || t < breaks_[segment_]) segment_ = 0;
-    while (segment_ + 1 < n_ && t >= breaks_[segment_ + 1]) ++segment_;
-  }
+  void start_at(double t) { choose(t, t < breaks_[0] ? BEFORE : (t >= breaks_[n_] ? AFTER : WITHIN)); }
+
+  // Chooses the polynomials at t alone; at the last break those that end there.
+  void look_at(double t) { choose(t, t < breaks_[0] ? BEFORE : (t > breaks_[n_] ? AFTER : WITHIN)); }
 
   // The first break after t, or `none` when there is none.
   double next_break(double t, double none) const {
-    for (double b : breaks_)
-      if (b > t) return b;
-    return none;
+    const auto found = std::upper_bound(breaks_.begin(), breaks_.end(), t);
+    return found == breaks_.end() ? none : *found;
   }
 
   // q_K, v_K, acc_K and u_D at t, by the polynomials last chosen.
@@ -130,6 +129,13 @@ class Drive {
   }
 
   enum Phase { BEFORE, WITHIN, AFTER };
+
+  void choose(double t, Phase phase) {
+    phase_ = phase;
+    const auto found = std::upper_bound(breaks_.begin(), breaks_.end(), t);
+    const int before = int(found - breaks_.begin()) - 1;
+    segment_ = before < 0 ? 0 : (before >= n_ ? n_ - 1 : before);
+  }
 
   int n_ = 0, segment_ = 0;
   Phase phase_ = BEFORE;

@@ -9,6 +9,7 @@
 
 namespace fan {
 
+constexpr double kStart = 1e-9;  // |h| below which a row counts as closed at the start, relative
 constexpr int kSavesPerStep = 64;
 
 template <class Model>
@@ -16,7 +17,7 @@ struct EventRun {
   using F = Flow<Model>;
   static constexpr int N = F::N, NQ = F::NQ, S = F::S, M = F::M, NY = F::NY;
   static constexpr int rows_per_step = kSavesPerStep + 4;
-  static constexpr int events_per_step = 2 * M + 4;
+  static constexpr int events_per_step = 4 * M + 8;
 
   F flow;
   Contact<Model> contact;
@@ -31,12 +32,22 @@ struct EventRun {
   Status start(Record<Model>& out) {
     flow.drive.start_at(flow.t);
     bool taut[room(M)], loose[room(M)];
-    for (int r = 0; r < M; ++r) loose[r] = false;
-    Status status = contact.choose(flow, loose, taut);
+    for (int r = 0; r < M; ++r) {
+      loose[r] = false;
+      flow.taut[r] = false;
+    }
+    refresh();
+    for (int r = 0; r < M; ++r)
+      flow.taut[r] = flow.eval.height(r) > 0.0 && flow.eval.height(r) <= kStart * flow.row_scale(r);
+    refresh();
+    Status status = flow.pull_back(flow.y);
+    if (status == RUNNING) status = contact.choose(flow, loose, taut, kStart);
     if (status == RUNNING) {
       set_mode(taut);
       refresh();
       status = flow.project(flow.t, flow.y);
+    } else {
+      for (int r = 0; r < M; ++r) flow.taut[r] = false;
     }
     step_size = flow.opt.first_step;
     refresh();
@@ -46,17 +57,19 @@ struct EventRun {
   }
 
   // Takes up new inputs at the present time.
-  void resume() {
-    flow.drive.start_at(flow.t);
-    refresh();
-    guards.remember();
-  }
+  void resume() { at_break_ = true; }
 
-  Status run(double t_end, Record<Model>& out) {
+  // Runs until t_end, for at most `budget` steps.
+  Status run(double t_end, long long budget, Record<Model>& out) {
+    const long long last_step = n_steps + budget;
     while (flow.t < t_end) {
-      if (!out.room_for(rows_per_step, events_per_step)) return RUNNING;
+      if (n_steps >= last_step || !out.room_for(rows_per_step, events_per_step)) return RUNNING;
       if (n_steps >= flow.opt.max_steps) return TOO_MANY_STEPS;
       if (n_events >= flow.opt.max_events || stuck > 200) return TOO_MANY_EVENTS;
+      if (at_break_) {
+        const Status changed = breakpoint(out);
+        if (changed != RUNNING) return changed;
+      }
       const double brk = flow.drive.next_break(flow.t, t_end);
       double target = brk < t_end ? brk : t_end;
       const double last = next_save + kSavesPerStep - 1 < n_save
@@ -65,13 +78,14 @@ struct EventRun {
       if (last < target && last > flow.t) target = last;
       const Status status = step(target, out);
       if (status != RUNNING) return status;
-      if (flow.t == brk) {
-        const Status changed = breakpoint(out);
-        if (changed != RUNNING) return changed;
-      }
+      // The break itself is dealt with when the run goes on beyond it.
+      at_break_ = flow.t == brk;
     }
     return DONE;
   }
+
+  // Writes the present state.
+  void emit(Record<Model>& out) { write(flow.t, flow.y, out); }
 
  private:
   // The evaluation, k[0] and accelerations at (t, y).
@@ -174,8 +188,6 @@ struct EventRun {
     }
   }
 
-  void emit(Record<Model>& out) { write(flow.t, flow.y, out); }
-
   void write(double t, const double* y, Record<Model>& out) {
     // At a release the tension is zero up to rounding, of either sign.
     double tension[room(M)];
@@ -199,11 +211,10 @@ struct EventRun {
     bool caught = false;
     for (int r = 0; r < M; ++r) {
       before[r] = flow.taut[r];
-      loose[r] = before[r] && guards.guard(r, flow.y + NQ) > -kNoTension;
-      const bool touches = flow.eval.height(r) >= -kTouch * flow.row_scale(r) &&
-                           flow.rate_of(r, flow.y + NQ) > 0.0;
+      loose[r] = before[r] ? guards.guard(r) > -kNoTension : !guards.armed[r];
+      const bool touches = !before[r] && guards.touches(r, kTouch);
       closed[r] = before[r] || touches;
-      caught = caught || (touches && !before[r]);
+      caught = caught || touches;
     }
     if (caught) {
       accumulation.watch(flow, closed, before);
@@ -226,16 +237,29 @@ struct EventRun {
     return settle_mode(before, closed, loose, out);
   }
 
-  // At a break of the inputs the tensions may jump: choose the mode again.
+  // At a break of the inputs the tensions may jump: choose the mode again, and write a second row
+  // where the inputs' accelerations or the forces jump.
   Status breakpoint(Record<Model>& out) {
     bool before[room(M)], closed[room(M)], loose[room(M)];
     for (int r = 0; r < M; ++r) {
       closed[r] = before[r] = flow.taut[r];
-      loose[r] = false;
+      loose[r] = !before[r] && !guards.armed[r];
     }
+    double acc_K[room(Model::n_vK)], u_D[room(N)];
+    for (int j = 0; j < Model::n_vK; ++j) acc_K[j] = flow.acc_K[j];
+    for (int k = 0; k < N; ++k) u_D[k] = flow.u_D[k];
+    at_break_ = false;
     flow.drive.start_at(flow.t);
-    return settle_mode(before, closed, loose, out);
+    const long long rows = out.n_rows;
+    const Status status = settle_mode(before, closed, loose, out);
+    bool jumps = false;
+    for (int j = 0; j < Model::n_vK; ++j) jumps = jumps || differ(acc_K[j], flow.acc_K[j]);
+    for (int k = 0; k < N; ++k) jumps = jumps || differ(u_D[k], flow.u_D[k]);
+    if (jumps && out.n_rows == rows) emit(out);
+    return status;
   }
+
+  static bool differ(double a, double b) { return fabs(a - b) > 1e-9 * (1.0 + fabs(a) + fabs(b)); }
 
   Status settle_mode(
       const bool* before, const bool* closed, const bool* loose, Record<Model>& out) {
@@ -256,15 +280,18 @@ struct EventRun {
     set_mode(next);
     refresh();
     const double energy = flow.total_energy();
-    const Status held = flow.project(flow.t, flow.y);
+    double work = 0.0;
+    const Status held = flow.project(flow.t, flow.y, &work);
     if (held != RUNNING) return held;
+    flow.y[F::WORK] += work;
     refresh();
-    impact += energy - flow.total_energy();
+    impact += energy + work - flow.total_energy();
     guards.remember();
     if (changed) emit(out);
     return RUNNING;
   }
 
+  bool at_break_ = false;
 };
 
 }  // namespace fan

@@ -7,6 +7,8 @@
 
 namespace fan {
 
+constexpr double kRunaway = 1e9;  // m, rad, or per second: beyond this a state means nothing
+
 template <class Model>
 struct FixedRun {
   static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings;
@@ -42,9 +44,11 @@ struct FixedRun {
     emit(out);
   }
 
-  Status run(double t_end, Record<Model>& out) {
+  // Runs until t_end, for at most `budget` steps.
+  Status run(double t_end, long long budget, Record<Model>& out) {
+    next_end_ = t_end;
     while (t < t_end - 1e-9 * opt.dt) {
-      if (!out.room_for(2, M + 1)) return RUNNING;
+      if (budget-- <= 0 || !out.room_for(2, M + 1)) return RUNNING;
       if (n_steps >= opt.max_steps) return TOO_MANY_STEPS;
       double next = origin + double(n_here + 1) * opt.dt;
       if (next > t_end - 1e-6 * opt.dt) next = t_end;
@@ -52,6 +56,12 @@ struct FixedRun {
       if (status != RUNNING) return status;
     }
     return DONE;
+  }
+
+  // Writes the present state.
+  void emit(Record<Model>& out) {
+    out.row(
+        t, q_D, v_D, at.acc, q_K, v_K, acc_K, at.tension, at.taut, p, work, damping, impact);
   }
 
   // New inputs, or a new step grid, from here on.
@@ -66,7 +76,7 @@ struct FixedRun {
   Status advance(double next, Record<Model>& out) {
     const double dt = next - t;
     double q_next[room(Model::n_qK)], v_next[room(NK)], a_next[room(NK)], u_next[room(N)];
-    drive.start_at(next);
+    drive.look_at(next);
     drive.evaluate(next, q_next, v_next, a_next, u_next);
     double rate[room(NK)], mean[room(NK)];
     increment(q_K, q_next, dt, rate);
@@ -82,9 +92,9 @@ struct FixedRun {
     impact += at.impact;
     if (at.violation > worst_violation) worst_violation = at.violation;
     for (int i = 0; i < NQ; ++i)
-      if (!(fabs(q_D[i]) < 1e100)) return NOT_FINITE;
+      if (!(fabs(q_D[i]) < kRunaway)) return NOT_FINITE;
     for (int k = 0; k < N; ++k)
-      if (!(fabs(v_D[k]) < 1e100)) return NOT_FINITE;
+      if (!(fabs(v_D[k]) < kRunaway)) return NOT_FINITE;
     for (int i = 0; i < S; ++i)
       if (Model::length_q[i] >= 0 && q_next[Model::length_q[i]] <= 0.0) return LENGTH_NOT_POSITIVE;
     copy(q_next, v_next, a_next, u_next);
@@ -121,12 +131,6 @@ struct FixedRun {
     }
   }
 
-  void emit(Record<Model>& out) {
-    out.row(
-        t, q_D, v_D, at.acc, q_K, v_K, acc_K, at.tension, at.taut, p, work, damping, impact);
-  }
-
- public:
   double next_end_ = 0.0;  // the end of the run asked for: its last row is always written
 };
 

@@ -14,8 +14,8 @@
 namespace fan {
 
 // Regularisation and refinement of the scalar solver: rounding-level answers, redundant rows too.
-constexpr double kEps = 1e-11;
-constexpr int kRefinements = 2;
+constexpr double kEps = 1e-9;
+constexpr int kRefinements = 10;
 
 struct Options {
   double rtol, atol;
@@ -67,7 +67,7 @@ struct Flow {
     problem.solve_active(kEps, kRefinements);
     double w[room(N)];
     for (int k = 0; k < N; ++k) w[k] = eval.w0[k];
-    double pull[room(M)], power = eval.power0;
+    double pull[room(M)] = {}, power = eval.power0;
     for (int a = 0; a < n; ++a) {
       tension[rows.row[a]] = problem.x[a];
       pull[a] = -problem.x[a];
@@ -88,7 +88,7 @@ struct Flow {
 
   double k[dop853::all_stages][NY];
   double end[NY];                  // state at the end of the trial step
-  double stage_tension[dop853::stages][room(M)];
+  double stage_tension[dop853::stages][room(M)], stage_height[dop853::stages][room(M)];
 
   // Trial step of length s from (t, y) with k[0] known. Leaves the end state in `end`.
   void stages(double s) {
@@ -96,7 +96,10 @@ struct Flow {
     for (int i = 1; i < dop853::stages; ++i) {
       combine(dop853::A[i], i, s, at);
       evaluate(t + dop853::C[i] * s, at, k[i]);
-      for (int r = 0; r < M; ++r) stage_tension[i][r] = tension[r];
+      for (int r = 0; r < M; ++r) {
+        stage_tension[i][r] = tension[r];
+        stage_height[i][r] = eval.height(r);
+      }
     }
     combine(dop853::B, dop853::stages, s, end);
     normalise_all<typename Model::Dynamic>(end);
@@ -153,17 +156,35 @@ struct Flow {
   // --- projection -----------------------------------------------------------------------------
 
   // Brings the taut rows of `state` at time `at` back to h = 0 and hdot = 0 with the smallest
-  // change in the metric of M_DD. The evaluation must be that of (at, state).
-  Status project(double at, double* state) {
+  // change in the metric of M_DD. The evaluation must be that of (at, state). `work` is what the
+  // inputs do meanwhile.
+  Status project(double at, double* state, double* work = nullptr) {
     if (rows.n == 0) return RUNNING;
+    const Status status = pull_back(state);
+    if (status != RUNNING) return status;
+    double rate[NY];
+    evaluate(at, state, rate);
+    double move[room(N)];
+    correction(rows.hdot, move);
+    for (int j = 0; j < N; ++j) state[NQ + j] += move[j];
+    if (work) {
+      *work = 0.0;
+      for (int a = 0; a < rows.n; ++a) *work += rows.problem.x[a] * rows.hdot_K[a];
+      for (int j = 0; j < N; ++j) *work += eval.M_DK_v_K[j] * move[j];
+    }
+    return RUNNING;
+  }
+
+  // The positions' part: h = 0 on the rows gathered.
+  Status pull_back(double* state) {
     double h[room(M)];
     for (int a = 0; a < rows.n; ++a) h[a] = eval.height(rows.row[a]);
     double before = 1e300;
     for (int round = 0; round < 12; ++round) {
       const double worst = relative(h);
       // Rounding is reached when a round no longer halves what is left.
-      if (worst < 1e-15 || (worst < 1e-12 && worst > 0.5 * before)) break;
-      if (round == 11 || !(worst < 1e3)) return PROJECTION_FAILED;
+      if (worst < 1e-15 || (worst < 1e-12 && worst > 0.5 * before)) return RUNNING;
+      if (!(worst < 1e3)) break;
       before = worst;
       double move[room(N)];
       correction(h, move);
@@ -172,12 +193,7 @@ struct Flow {
       heights(state, all);
       for (int a = 0; a < rows.n; ++a) h[a] = all[rows.row[a]];
     }
-    double rate[NY];
-    evaluate(at, state, rate);
-    double move[room(N)];
-    correction(rows.hdot, move);
-    for (int j = 0; j < N; ++j) state[NQ + j] += move[j];
-    return RUNNING;
+    return PROJECTION_FAILED;
   }
 
   // h of all rows at the configuration of `state` and the q_K of the latest evaluation.

@@ -11,9 +11,11 @@
 namespace fan {
 
 constexpr double kOpen = 2e-15;         // |h| that counts as open, relative to the row's scale
-constexpr double kNoTension = 1e-12;    // tension that counts as none, relative to the cap / 1e5
+constexpr double kOver = 1e-13;         // h at which a row that is not armed is caught, likewise
+constexpr double kCreep = 1e-9;         // m/s or rad/s below which such a row does not move on
+constexpr double kNoTension = 1e-12;    // tension that counts as none, relative to the weight
 constexpr double kHeightRoot = 1e-15;   // how well a catch is met, relative to the row's scale
-constexpr double kTensionRoot = 1e-13;  // how well a release is met, relative to the cap / 1e5
+constexpr double kTensionRoot = 1e-13;  // how well a release is met, relative to the weight
 constexpr int kRootIterations = 100;
 
 template <class Model>
@@ -23,7 +25,7 @@ struct Guards {
 
   F& flow;
   bool armed[room(M)];
-  double height0[room(M)], rate0[room(M)], guard0 = -1.0;  // at the start of the step
+  double height0[room(M)], rate0[room(M)], guard0[room(M)];  // at the start of the step
 
   explicit Guards(F& f) : flow(f) {
     for (int r = 0; r < M; ++r) armed[r] = true;
@@ -32,26 +34,29 @@ struct Guards {
   // The shortest time the clock resolves.
   double resolution() const { return 4.0 * 2.3e-16 * (fabs(flow.t) > 1.0 ? fabs(flow.t) : 1.0); }
 
-  double no_tension() const { return kNoTension * flow.opt.tension_cap * 1e-5; }
+  double weight() const { return 1e-5 * flow.opt.tension_cap; }
+
+  // Whether a slack row closes at (t, y), the flow's latest evaluation.
+  bool touches(int r, double closeness) const {
+    return flow.eval.height(r) >= -closeness * flow.row_scale(r) &&
+           flow.rate_of(r, flow.y + NQ) > (armed[r] ? 0.0 : kCreep);
+  }
 
   // What the next step's guards compare with.
   void remember() {
     for (int r = 0; r < M; ++r) {
       height0[r] = flow.eval.height(r);
       rate0[r] = flow.rate_of(r, flow.y + NQ);
+      guard0[r] = guard(r);
     }
-    guard0 = worst(flow.y + NQ).guard;
   }
 
   // A row's guard from the latest evaluation: positive when its mode no longer holds. In units
-  // that make rows comparable: lengths over the row's scale, tensions over the cap.
-  double guard(int r, const double* at_v) const {
+  // that make rows comparable: lengths over the row's scale, tensions over the weight.
+  double guard(int r) const {
     if (r < S && Model::wire[r]) return -1.0;
-    if (flow.taut[r]) return (-flow.tension[r] - no_tension()) / flow.opt.tension_cap * 1e5;
-    const double open = flow.eval.height(r) / flow.row_scale(r);
-    if (armed[r]) return open;
-    // Rounding may leave a row a trace beyond its bound; it is caught only if it moves further.
-    return flow.rate_of(r, at_v) > 0.0 ? open - kOpen : -kOpen;
+    if (flow.taut[r]) return -flow.tension[r] / weight() - kNoTension;
+    return flow.eval.height(r) / flow.row_scale(r) - (armed[r] ? 0.0 : kOver);
   }
 
   struct Worst {
@@ -60,10 +65,10 @@ struct Guards {
   };
 
   // The row whose guard is largest at the latest evaluation.
-  Worst worst(const double* at_v) const {
+  Worst worst() const {
     Worst out = {-1.0, 0};
     for (int r = 0; r < M; ++r) {
-      const double g = guard(r, at_v);
+      const double g = guard(r);
       if (g > out.guard || g != g) out = {g != g ? 1.0 : g, r};
     }
     return out;
@@ -73,12 +78,12 @@ struct Guards {
   double guard_at(double s) {
     flow.stages(s);
     flow.evaluate(flow.t + s, flow.end, flow.k[dop853::stages]);
-    return worst(flow.end + NQ).guard;
+    return worst().guard;
   }
 
   // A time in (0, s] at which a guard is positive, or 0. The step has just been tried and
   // evaluated at its end, and is again when this returns 0.
-  double suspicious(double s) { return worst(flow.end + NQ).guard > 0.0 ? s : inside(s); }
+  double suspicious(double s) { return worst().guard > 0.0 ? s : inside(s); }
 
   // Crossings that return within the step: heights by the cubic through the ends, tensions at the
   // stages, each confirmed by integrating there, the earliest first.
@@ -104,31 +109,31 @@ struct Guards {
   // Where within the step just evaluated row r may have crossed and returned; 0 if nowhere.
   double suspect(int r, double s) const {
     if (r < S && Model::wire[r]) return 0.0;
-    if (flow.taut[r]) {
-      for (int i = 1; i < dop853::stages; ++i)
-        if (-flow.stage_tension[i][r] > no_tension() && dop853::C[i] < 1.0)
-          return dop853::C[i] * s;
-      return 0.0;
+    double worst = flow.taut[r] ? kNoTension * weight() : kOver * flow.row_scale(r), at = 0.0;
+    for (int i = 1; i < dop853::stages; ++i) {
+      const double over = flow.taut[r] ? -flow.stage_tension[i][r] : flow.stage_height[i][r];
+      if (over > worst && dop853::C[i] < 1.0) {
+        worst = over;
+        at = dop853::C[i] * s;
+      }
     }
-    if (!armed[r]) return 0.0;
+    if (at > 0.0 || flow.taut[r]) return at;
     return peak_time(
         height0[r], rate0[r], flow.eval.height(r), flow.rate_of(r, flow.end + NQ), s,
-        kOpen * flow.row_scale(r));
+        kOver * flow.row_scale(r));
   }
 
-  // Where the cubic through (0, h0, d0), (s, h1, d1) peaks above or close to zero; 0 if nowhere.
+  // Where the cubic through (0, h0, d0), (s, h1, d1) has a maximum above or close to zero.
   static double peak_time(double h0, double d0, double h1, double d1, double s, double tolerance) {
-    if (!(d0 > 0.0 && d1 < 0.0)) return 0.0;
-    double lo = 0.0, hi = 1.0;
-    for (int i = 0; i < 40; ++i) {
-      const double x = 0.5 * (lo + hi);
-      const double slope = (6 * x * x - 6 * x) * (h0 - h1) + s * (3 * x * x - 4 * x + 1) * d0 +
-                           s * (3 * x * x - 2 * x) * d1;
-      (slope > 0.0 ? lo : hi) = x;
-    }
-    const double x = lo, y = 1 - x;
-    const double top = h0 * (1 + 2 * x) * y * y + h1 * x * x * (3 - 2 * x) + s * d0 * x * y * y -
-                       s * d1 * x * x * y;
+    // h(x) = h0 + s d0 x + b x^2 + a x^3 with x = time / s.
+    const double a = 2 * (h0 - h1) + s * (d0 + d1), b = 3 * (h1 - h0) - s * (2 * d0 + d1);
+    const double c = s * d0, root = b * b - 3 * a * c;
+    if (!(root > 0.0)) return 0.0;
+    // Of the two stationary points the maximum is the one with b + 3 a x < 0.
+    const double q = sqrt(root);
+    const double x = b > 0.0 ? (a != 0.0 ? (-b - q) / (3 * a) : 2.0) : c / (q - b);
+    if (!(x > 0.0 && x < 1.0)) return 0.0;
+    const double top = h0 + x * (c + x * (b + x * a));
     const double rise = top - (h0 > h1 ? h0 : h1);
     return top > -(0.1 * rise + tolerance) ? x * s : 0.0;
   }
@@ -145,33 +150,48 @@ struct Guards {
     return hi;
   }
 
-  // The root of the worst guard below `hi`, where a guard is positive; returns a time at which it
-  // still is, by no more than rounding. Newton's method for heights, whose rates are known, and
-  // Illinois' for tensions, inside a bracket that bisection shrinks where they do not.
+  // The first time below `hi`, where a guard is positive, at which one still is, by no more than
+  // rounding. Rows one after the other: the root of the worst, then of whichever is worst there.
   double root(double hi) {
-    double lo = 0.0, g_hi = guard_at(hi), g_lo = guard0 < 0.0 ? guard0 : -1e-16;
+    for (int i = 0; i <= M; ++i) {
+      const Worst at_hi = worst();
+      if (at_hi.guard <= (flow.taut[at_hi.row] ? kTensionRoot : kHeightRoot)) break;
+      const double found = root_of(at_hi.row, hi);
+      if (found >= hi) break;
+      hi = found;
+    }
+    return hi;
+  }
+
+  // The root of row r's guard in (0, hi], from its positive side. Newton's method for heights,
+  // whose rates are known, Illinois' for tensions, inside a bracket that bisection shrinks where
+  // they do not.
+  double root_of(int r, double hi) {
+    const bool height = !flow.taut[r];
+    const double met = height ? kHeightRoot : kTensionRoot;
+    double lo = 0.0, g_lo = guard0[r] < 0.0 ? guard0[r] : -1e-18, g_hi = guard(r);
     double width = hi;
-    int side = 0;
-    for (int i = 0; i < kRootIterations; ++i) {
-      const Worst at_hi = worst(flow.end + NQ);
-      const bool height = !flow.taut[at_hi.row];
-      if (hi - lo <= resolution() || (side >= 0 && g_hi <= (height ? kHeightRoot : kTensionRoot)))
-        break;
+    int side = 1;
+    for (int i = 0; i < kRootIterations && hi - lo > resolution(); ++i) {
+      if (side == 1 && g_hi <= met) break;
       double mid = lo - g_lo * (hi - lo) / (g_hi - g_lo);
-      if (height && side >= 0) {
-        const double rate = flow.rate_of(at_hi.row, flow.end + NQ) / flow.row_scale(at_hi.row);
+      if (height && side == 1) {
+        const double rate = flow.rate_of(r, flow.end + NQ) / flow.row_scale(r);
         if (rate > 0.0) mid = hi - (g_hi - 0.5 * kHeightRoot) / rate;
       }
+      if (i % 3 == 2) {
+        if (hi - lo > 0.5 * width || i > kRootIterations / 3) mid = 0.5 * (lo + hi);
+        width = hi - lo;
+      }
       const double nudge = 0.5 * resolution();
-      if (i % 4 == 3 && hi - lo > 0.5 * width) mid = 0.5 * (lo + hi);
-      if (i % 4 == 3) width = hi - lo;
       if (!(mid > lo + nudge)) mid = lo + nudge;
       if (mid > hi - nudge) mid = hi - nudge;
-      const double g = guard_at(mid);
+      guard_at(mid);
+      const double g = guard(r);
       if (g > 0.0) {
         hi = mid;
         g_hi = g;
-        if (side == 1) g_lo *= 0.5;
+        if (side == 1 && i > 0) g_lo *= 0.5;
         side = 1;
       } else {
         lo = mid;

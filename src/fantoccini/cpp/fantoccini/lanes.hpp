@@ -1,4 +1,5 @@
-// Real as a bundle of doubles: one trajectory per lane.
+// Real as a bundle of doubles: one trajectory per lane. Included before the rest of the runtime:
+// the bundle is a type of std, so step code finds select and any only if they are declared by then.
 #pragma once
 
 #include <experimental/simd>

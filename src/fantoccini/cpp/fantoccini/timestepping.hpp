@@ -14,6 +14,7 @@ namespace fan {
 
 constexpr double kStepEps = 1e-10;
 constexpr double kNearLimit = 0.02;  // rad or m beyond what a step can cover, still watched
+constexpr double kOutOfReach = 1e30;  // speed at which a row opens in a lane that does not watch it
 
 template <class Model, class Real>
 struct TimeStep {
@@ -43,8 +44,10 @@ struct TimeStep {
       const Real h = eval.height(rows.row[a]);
       const Real limit = Real(recovery_speed);
       const Real h_rate = h * (1.0 / dt);
-      problem.b[a] = rows.hdot[a] + dt * rows.kick[a] + select(h_rate > limit, limit, h_rate);
-      problem.active[a] = taut[rows.row[a]];
+      const Mask watched = near_[rows.row[a]];
+      const Real closing = rows.hdot[a] + dt * rows.kick[a] + select(h_rate > limit, limit, h_rate);
+      problem.b[a] = select(watched, closing, Real(-kOutOfReach));
+      problem.active[a] = watched && taut[rows.row[a]];
       violation = select(h > violation, h, violation);
     }
     problem.solve(kStepEps, 1, 1e-11, 50);
@@ -70,16 +73,21 @@ struct TimeStep {
   }
 
  private:
-  // Strings always take part; a limit does when the step could reach it in any lane.
-  FAN_FN int candidates(const Real* v_D, double dt, int* list) const {
+  // Strings always take part; a limit does when the step could reach it in any lane, and is kept
+  // out of reach in the others: a lane's result does not depend on its neighbours.
+  FAN_FN int candidates(const Real* v_D, double dt, int* list) {
     using std::abs;
     int n = 0;
-    for (int r = 0; r < S; ++r) list[n++] = r;
+    for (int r = 0; r < S; ++r) {
+      near_[r] = Real(1.0) > Real(0.0);
+      list[n++] = r;
+    }
     for (int i = 0; i < M - S; ++i) {
       Real rate = Real(0.0);
       for (int k = 0; k < Model::limit_n[i]; ++k)
         rate += eval.J_limit[3 * i + k] * v_D[Model::limit_v[i] + k];
-      if (any(eval.h_limit[i] + 2.0 * dt * abs(rate) > Real(-kNearLimit))) list[n++] = S + i;
+      near_[S + i] = eval.h_limit[i] + 2.0 * dt * abs(rate) > Real(-kNearLimit);
+      if (any(near_[S + i])) list[n++] = S + i;
     }
     return n;
   }
@@ -103,7 +111,7 @@ struct TimeStep {
       const int r = rows.row[a];
       const Real x = -pull[a];
       tension[r] = x * (1.0 / dt);
-      taut[r] = x > Real(0.0);
+      taut[r] = rows.problem.two_sided[a] ? Real(1.0) > Real(0.0) : x > Real(0.0);
       work += x * rows.hdot_K[a];
       Real after = before[a];
       constexpr int stride = Complementarity<Real, M>::N;
@@ -113,6 +121,8 @@ struct TimeStep {
       impact += select(caught, Real(x * 0.5 * (before[a] + after)), Real(0.0));
     }
   }
+
+  Mask near_[room(M)];  // lanes in which the row takes part in this step
 };
 
 }  // namespace fan

@@ -1,0 +1,250 @@
+"""Commands, their arguments and their help; what they do lies in the other modules here."""
+
+from __future__ import annotations
+
+import contextlib
+import enum
+import math
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fantoccini.cli.guard import GuardedGroup
+from fantoccini.cli.terminal import version
+
+_ABOUT = """\
+Marionettes: articulated bodies hung from massless strings, from a file to a moving picture.
+
+FILE is a puppet file (YAML) or the name of a bundled puppet; `fantoccini info` lists those.
+
+Exit codes: 0 done. 1 the run stopped before its end, or this machine lacks something.
+2 mistakes in files or arguments. 130 stopped with Ctrl-C; what was reached is still written.
+
+Data go to stdout, messages and progress to stderr.
+"""
+
+app = typer.Typer(
+    cls=GuardedGroup,
+    help=_ABOUT,
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+
+
+class SchemaOf(enum.StrEnum):
+    """Kinds of files that have a schema."""
+
+    PUPPET = "puppet"
+    INPUTS = "inputs"
+
+
+class Method(enum.StrEnum):
+    """Ways to integrate."""
+
+    EVENT = "event"
+    TIMESTEPPING = "timestepping"
+
+
+def main() -> None:
+    """The entry point of the command ``fantoccini``."""
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(AttributeError):
+            # A terminal without Unicode shows \N{...} escapes instead of failing.
+            stream.reconfigure(errors="backslashreplace")
+    app(prog_name="fantoccini")
+
+
+def _positive(value: float | None) -> float | None:
+    if value is not None and not (math.isfinite(value) and value > 0):
+        raise typer.BadParameter(f"{value} is not a positive number")
+    return value
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        typer.echo(version())
+        raise typer.Exit
+
+
+File = Annotated[
+    str, typer.Argument(metavar="FILE", help="Puppet file, or name of a bundled puppet.")
+]
+Quiet = Annotated[
+    bool, typer.Option("--quiet", "-q", help="Nothing but errors and what was asked for.")
+]
+
+
+@app.callback()
+def _top(
+    _: Annotated[
+        bool, typer.Option("--version", help="Print the version.", callback=_version, is_eager=True)
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command()
+def check(
+    files: Annotated[
+        list[str], typer.Argument(metavar="FILE...", help="Puppet files, or bundled names.")
+    ],
+    inputs: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="FILE", help="Inputs file to check against every puppet; repeatable."),
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Find every mistake in puppet files."""
+    from fantoccini.cli.check import check_files
+
+    check_files(files, inputs or [], quiet)
+
+
+@app.command()
+def schema(
+    of: Annotated[SchemaOf, typer.Argument(help="Kind of file.")] = SchemaOf.PUPPET,
+) -> None:
+    """Print the JSON Schema of files, for editors."""
+    import json
+
+    from fantoccini.motion import inputs_schema
+    from fantoccini.puppet import json_schema
+
+    made = json_schema() if of is SchemaOf.PUPPET else inputs_schema()
+    typer.echo(json.dumps(made, indent=2))
+
+
+@app.command()
+def info(
+    file: Annotated[
+        str | None,
+        typer.Argument(metavar="[FILE]", help="Puppet; without it the bundled ones are listed."),
+    ] = None,
+) -> None:
+    """Describe a puppet, or list the bundled ones."""
+    from fantoccini.cli.info import describe_puppet, list_bundled
+
+    if file is None:
+        list_bundled()
+    else:
+        describe_puppet(file)
+
+
+@app.command()
+def equations(
+    file: File,
+    latex: Annotated[bool, typer.Option("--latex", help="As LaTeX.")] = False,
+) -> None:
+    """Print a small puppet's equations.
+
+    Lagrangian, M, C, g, h, A_D and A_K; exit code 1 for a puppet whose equations are too large.
+    """
+    from fantoccini.cli.equations import print_equations
+
+    print_equations(file, latex)
+
+
+@app.command()
+def export(
+    file: File,
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Made when it is not there.")],
+    force: Annotated[
+        bool, typer.Option("--force", help="Write into a folder that is not empty.")
+    ] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Write a puppet's equations as C99.
+
+    The files depend on nothing but libm; a header documents every argument.
+    """
+    from fantoccini.cli.export import export_c99
+
+    export_c99(file, folder, force, quiet)
+
+
+@app.command()
+def simulate(
+    file: File,
+    inputs: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="What the driven coordinates do: .yaml, .csv or .npz."),
+    ] = None,
+    duration: Annotated[
+        float | None,
+        typer.Option(
+            metavar="S",
+            callback=_positive,
+            help="Seconds; by default as long as the inputs, or 5 without inputs.",
+        ),
+    ] = None,
+    method: Annotated[Method, typer.Option(help="How to integrate.")] = Method.EVENT,
+    dt: Annotated[
+        float | None,
+        typer.Option(metavar="S", callback=_positive, help="Step of timestepping [0.002]."),
+    ] = None,
+    rtol: Annotated[
+        float | None,
+        typer.Option(callback=_positive, help="Relative tolerance of event [1e-9]."),
+    ] = None,
+    start: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=VALUE",
+            help="A coordinate at the start: 0.3, '30 deg', NAME.rotation=w,x,y,z, v:NAME=1.5; "
+            "repeatable. The puppet starts hanging at rest, unless this names what swings freely.",
+        ),
+    ] = None,
+    out: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="PATH",
+            help="What to write, by its ending: .npz .csv (numbers), .png .svg .pdf (strip of "
+            "poses), .mp4 .gif (film); repeatable.",
+        ),
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(metavar="PATH", help="Plots against time: .png, .svg or .pdf."),
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Move a puppet: numbers, pictures, film."""
+    from fantoccini.cli.simulate import Request, simulate_file
+
+    simulate_file(
+        Request(
+            file, inputs, duration, method.value, dt, rtol,
+            tuple(start or ()), tuple(out or ()), plot, quiet,
+        )
+    )  # fmt: skip
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Where the files go.")] = Path("out"),
+    quiet: Quiet = False,
+) -> None:
+    """Let the bundled marionette greet, step and bow.
+
+    Leaves marionette.npz, marionette.png (poses) and marionette.mp4 in DIR.
+    """
+    from fantoccini.cli.demo import show_demo
+
+    show_demo(out, quiet)
+
+
+@app.command()
+def doctor() -> None:
+    """Say what this machine has, and what it lacks."""
+    from fantoccini.cli.doctor import examine
+
+    examine()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,69 @@
+"""``fantoccini doctor``: whether this machine has what fantoccini needs."""
+
+from __future__ import annotations
+
+import platform
+from importlib import metadata
+
+import typer
+
+from fantoccini.build import describe
+from fantoccini.cli.guard import FAILED
+from fantoccini.cli.terminal import say, version, write
+
+NEEDED = (
+    "casadi",
+    "imageio-ffmpeg",
+    "matplotlib",
+    "numpy",
+    "platformdirs",
+    "pydantic",
+    "rich",
+    "ruamel.yaml",
+    "scipy",
+    "sympy",
+    "trimesh",
+    "typer",
+)
+"""Distributions without which something does not work; those of pyproject.toml."""
+
+
+def examine() -> None:
+    """Prints the facts on stdout and what is wrong on stderr; exit code 1 where something is."""
+    facts = {
+        "fantoccini": version(),
+        "python": f"{platform.python_version()} ({platform.system()} {platform.machine()})",
+    }
+    problems = []
+    for name in NEEDED:
+        try:
+            facts[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            facts[name] = "missing"
+            problems.append(f"{name} is missing; python -m pip install {name} brings it")
+    found = describe()
+    if trouble := found.pop("problem", ""):
+        problems += trouble.split("\n")
+    facts |= found
+    facts["ffmpeg"], trouble = _ffmpeg()
+    if trouble:
+        problems.append(trouble)
+    widest = max(map(len, facts))
+    for label, text in facts.items():
+        write(f"{label:{widest}}  {text}")
+    for problem in problems:
+        say(f"fantoccini: {problem}")
+    if problems:
+        raise typer.Exit(FAILED)
+
+
+def _ffmpeg() -> tuple[str, str]:
+    """Where ffmpeg is and its version; and what is wrong."""
+    try:
+        import imageio_ffmpeg
+
+        path, version = imageio_ffmpeg.get_ffmpeg_exe(), imageio_ffmpeg.get_ffmpeg_version()
+    except (ImportError, RuntimeError, OSError) as error:
+        text = str(error).split("\n")[0]
+        return "none", f"ffmpeg does not run, so no films: {text}"
+    return f"{version} ({path})", ""

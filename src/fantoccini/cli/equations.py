@@ -1,0 +1,222 @@
+"""``fantoccini equations``: a small puppet's equations as a page of text or LaTeX."""
+
+from __future__ import annotations
+
+import sys
+import textwrap
+from collections.abc import Iterator
+
+import sympy as sp
+from sympy.printing.pretty.pretty import PrettyPrinter
+from sympy.printing.pretty.pretty_symbology import pretty_symbol
+from sympy.printing.str import StrPrinter
+
+from fantoccini.cli.files import marionette
+from fantoccini.cli.terminal import number, say, table, width, write
+from fantoccini.equations import printing
+from fantoccini.equations.printing import Printable, TooLargeError, decimal
+from fantoccini.marionette import Marionette
+
+Equation = tuple[str, sp.Expr | sp.Matrix]
+
+_UNICODE = "\N{GREEK SMALL LETTER THETA}\N{COMBINING DOT ABOVE}\N{SUBSCRIPT ONE}"
+
+
+def print_equations(file: str, latex: bool) -> None:
+    """Prints Lagrangian, M, C, g, h, A_D and A_K.
+
+    Args:
+        file: FILE argument.
+        latex: as LaTeX instead of text.
+    """
+    made = marionette(file)
+    made.check_mass_matrix()
+    try:
+        page = printing.printable(made.equations)
+    except TooLargeError:
+        for symbol, count in printing.operation_counts(made.equations).items():
+            say(f"  {symbol}: {count} operations")
+        say(
+            f"{made.name} has too many equations to read; `fantoccini export {file} DIR` writes "
+            "them as C99, and in Python every one is a CasADi function (marionette.equations)"
+        )
+        raise
+    if latex:
+        _print_latex(made, page)
+    else:
+        _print_text(made, page)
+
+
+def _print_latex(made: Marionette, page: Printable) -> None:
+    write("% " + made.name)
+    for symbol, name in page.notation.names.items():
+        write(f"% ${sp.latex(symbol)}$: {name}")
+    lines = [
+        f"  {sp.latex(sp.Symbol(left))} &= {sp.latex(decimal(right))}"
+        for left, right in [*energies(page), *matrices(made, page), *page_lengths(page)]
+    ]
+    write("\\begin{align*}\n" + " \\\\\n".join(lines) + "\n\\end{align*}")
+
+
+def _print_text(made: Marionette, page: Printable) -> None:
+    layout = Layout(width(), _has_unicode())
+    table("Symbols", ("symbol", "name", "role", "value>"), list(_symbols(made, page, layout)))
+    write("Lagrangian T - V (Eqs. 5-7)\n")
+    for left, right in energies(page):
+        write(layout.equation(left, right) + "\n")
+    names = [left for left, _ in matrices(made, page)]
+    moving = " + M_DK acc_K" if "M_DK" in names else ""
+    moving_v = " + C_DK v_K" if "C_DK" in names else ""
+    damped = " + f" if "f" in names else ""
+    pull = " + A_D^T lambda, tension = -lambda >= 0" if "A_D" in names else ""
+    write(f"Motion (Eqs. 8-10): M acc_D{moving} + C v_D{moving_v} + g{damped} = u{pull}\n")
+    for left, right in matrices(made, page):
+        write(layout.matrix(left, right) + "\n")
+    for left, right in page_lengths(page):
+        write("with\n" + layout.root(left, right) + "\n")
+    write("Numbers have six digits; h <= 0, and rows are strings, then limits.")
+
+
+def _symbols(made: Marionette, page: Printable, layout: Layout) -> Iterator[tuple]:
+    values = made.tree.parameters
+    roles = {row.name: row.role for row in made.coordinates.rows}
+    for symbol, name in page.notation.names.items():
+        role = roles.get(name, "parameter")
+        value = number(float(values[name])) if role == "parameter" else ""
+        yield layout.text(symbol), name, role, value
+
+
+def energies(page: Printable) -> list[Equation]:
+    """T and V."""
+    return [("T", page.objects["T"]), ("V", page.objects["V"])]
+
+
+def matrices(made: Marionette, page: Printable) -> list[Equation]:
+    """M, C, g, h, A_D, A_K, and where they are not zero M_DK, C_DK and f."""
+    objects, n = page.objects, made.coordinates.n_vD
+    C = objects["C"]
+    found = [
+        ("M", objects["M"]),
+        ("M_DK", objects["M_DK"]),
+        ("C", C[:n, :n]),
+        ("C_DK", C[:n, n:]),
+        ("g", objects["g"]),
+        ("f", objects["f"]),
+        ("h", objects["h"]),
+        ("A_D", objects["A_D"]),
+        ("A_K", objects["A_K"]),
+    ]
+    optional = ("M_DK", "C_DK", "f", "A_K")
+    return [
+        (name, value)
+        for name, value in found
+        if 0 not in value.shape and not (name in optional and value.is_zero_matrix)
+    ]
+
+
+def page_lengths(page: Printable) -> list[Equation]:
+    """What the symbols of roots stand for."""
+    return [(symbol.name, meaning) for symbol, meaning in page.lengths]
+
+
+def _has_unicode() -> bool:
+    try:
+        _UNICODE.encode(sys.stdout.encoding or "ascii")
+    except (UnicodeEncodeError, LookupError):
+        return False
+    return True
+
+
+class Layout:
+    """Sets equations on lines of a given width.
+
+    Args:
+        columns: characters on a line.
+        unicode: Greek letters, dots and subscripts; otherwise ASCII.
+    """
+
+    def __init__(self, columns: int, unicode: bool):
+        self.columns = columns
+        self._printer = PrettyPrinter(
+            {"use_unicode": unicode, "wrap_line": False, "full_prec": False}
+        )
+        self._line = _Line(unicode)
+
+    def text(self, expression: sp.Basic) -> str:
+        """An expression on as many lines as it is high."""
+        return self._printer.doprint(expression)
+
+    def equation(self, left: str, right: sp.Expr) -> str:
+        """``left = right``; a sum that is too wide has a line for each summand."""
+        symbol, right = sp.Symbol(left), decimal(right)
+        whole = self._side_by_side(symbol, right)
+        if self._fits(whole):
+            return textwrap.indent(whole, "  ")
+        over, under = right.as_numer_denom()
+        if under.is_Symbol:
+            return self._by_terms(sp.Mul(under, symbol, evaluate=False), over)
+        return self._by_terms(symbol, right)
+
+    def root(self, left: str, right: sp.Expr) -> str:
+        """``left = right`` of a root; squared where it is too wide."""
+        whole = self._side_by_side(sp.Symbol(left), decimal(right))
+        if self._fits(whole):
+            return textwrap.indent(whole, "  ")
+        return self._by_terms(sp.Symbol(left) ** 2, decimal(right**2))
+
+    def _side_by_side(self, left: sp.Expr, right: sp.Expr | sp.Matrix) -> str:
+        return self.text(sp.Eq(left, right, evaluate=False))
+
+    def _by_terms(self, left: sp.Expr, right: sp.Expr) -> str:
+        """A line for each summand, with its sign in front."""
+        lines = textwrap.indent(self.text(left), "  ").split("\n")
+        lines[-1] += " ="
+        for term in right.as_ordered_terms():
+            negative = term.could_extract_minus_sign()
+            form = self._printer._print(-term if negative else term)
+            rows, baseline = str(form).split("\n"), form.baseline
+            if max(map(len, rows)) > self.columns - 6:
+                rows = textwrap.wrap(self._line.doprint(-term if negative else term),
+                                     self.columns - 6)  # fmt: skip
+                baseline = 0
+            for k, row in enumerate(rows):
+                sign = " " if k != baseline else "-" if negative else "+"
+                lines.append(f"    {sign} {row}".rstrip())
+        return "\n".join(lines)
+
+    def matrix(self, left: str, right: sp.Matrix) -> str:
+        """A matrix; one that is too wide entry by entry, without zeros."""
+        whole = self._side_by_side(sp.Symbol(left), decimal(right))
+        if self._fits(whole):
+            return textwrap.indent(whole, "  ")
+        symmetric = right.is_square and right == right.T
+        rows, columns = right.shape
+        entries = []
+        for i in range(rows):
+            for j in range(i if symmetric else 0, columns):
+                if right[i, j] != 0:
+                    place = f"{i + 1}" if columns == 1 else f"{i + 1}{j + 1}"
+                    joint = "," if "_" in left else "_"
+                    entries.append(self.equation(f"{left}{joint}{place}", right[i, j]))
+        kind = "symmetric, " if symmetric else ""
+        zero = ", zero but for" if 0 in right else ""
+        head = f"  {self.text(sp.Symbol(left))}: {kind}{rows} x {columns}{zero}"
+        return "\n".join([head, *entries])
+
+    def _fits(self, text: str) -> bool:
+        return max(map(len, text.split("\n"))) <= self.columns - 2
+
+
+class _Line(StrPrinter):
+    """On one line, with the symbols of the pretty printer.
+
+    Args:
+        unicode: Greek letters, dots and subscripts; otherwise ASCII.
+    """
+
+    def __init__(self, unicode: bool):
+        super().__init__({"full_prec": False})
+        self._unicode = unicode
+
+    def _print_Symbol(self, symbol: sp.Symbol) -> str:
+        return pretty_symbol(symbol.name) if self._unicode else symbol.name

@@ -1,0 +1,130 @@
+"""``fantoccini info``: what a puppet is made of."""
+
+from __future__ import annotations
+
+from fantoccini import puppets
+from fantoccini.cli.files import marionette
+from fantoccini.cli.terminal import number, table, write
+from fantoccini.errors import BuildError
+from fantoccini.marionette import Marionette
+from fantoccini.puppet import Number, Parameter
+from fantoccini.tree import WORLD, LimitRow, StringRow
+
+
+class _NotThereError(Exception):
+    """The compiled model would have to be made."""
+
+
+def list_bundled() -> None:
+    """A table of the bundled puppets."""
+    rows = []
+    for name in puppets.names():
+        made = marionette(name)
+        counts = made.coordinates
+        rows.append((name, counts.n_vD, len(made.tree.strings), counts.n_vK))
+    table("Bundled puppets", ("name", "DOF>", "strings>", "driven>"), rows)
+
+
+def describe_puppet(file: str) -> None:
+    """Tables of a puppet's parts.
+
+    Args:
+        file: FILE argument.
+    """
+    made = marionette(file)
+    made.check_mass_matrix()
+    tree, coordinates = made.tree, made.coordinates
+    write(
+        f"{made.name}: {coordinates.n_vD} degrees of freedom ({coordinates.n_qD} configuration "
+        f"numbers), {coordinates.n_vK} driven ({coordinates.n_qK}), {len(tree.strings)} strings, "
+        f"{len(tree.limits)} limits"
+    )
+    moving = f"{number(made.mass)} kg move"
+    write(f"{moving}; weight {number(made.weight)} N; {_compiled(file)}")
+    write()
+    names = [link.name for link in tree.links]
+    table(
+        "Bodies",
+        ("name", "parent", "joint", "type", "role"),
+        [
+            (
+                link.name,
+                "world" if link.parent == WORLD else names[link.parent],
+                link.joint,
+                link.kind,
+                link.role,
+            )
+            for link in tree.links
+        ],
+    )
+    starts = {"dynamic": coordinates.start_D, "driven": coordinates.start_K}
+    table(
+        "Coordinates",
+        ("name", "role", "unit", "start>"),
+        [
+            (
+                row.name,
+                row.role,
+                row.unit,
+                "" if row.index is None else _start(float(starts[row.role][row.index])),
+            )
+            for row in coordinates.rows
+        ],
+    )
+    table(
+        "Strings",
+        ("name", "length", "kind", "from", "to", "points>"),
+        [_string_row(made, string) for string in tree.strings],
+    )
+    table(
+        "Springs",
+        ("name", "stiffness", "rest", "damping"),
+        [(s.name, *map(_value, (s.stiffness, s.rest, s.damping))) for s in tree.springs],
+    )
+    table(
+        "Limits",
+        ("name", "bound>"),
+        [(limit.name, _bound(made, limit)) for limit in tree.limits],
+    )
+    table("Parameters", ("name", "value>"), [(n, float(v)) for n, v in tree.parameters.items()])
+    counts = {name: f.n_instructions() for name, f in made.equations.model.items()}
+    table("Operations", ("function", "count>"), list(counts.items()))
+
+
+def _compiled(file: str) -> str:
+    """Whether the model lies in the cache: the handle tells when it would have to be made."""
+
+    def told(text: str) -> None:
+        raise _NotThereError(text)
+
+    try:
+        _ = marionette(file, told).library
+    except _NotThereError:
+        return "not compiled yet"
+    except BuildError:
+        return "not compiled, and this machine cannot (see fantoccini doctor)"
+    return "compiled"
+
+
+def _start(value: float) -> str:
+    return "just reaches" if value != value else number(value)
+
+
+def _value(given: Number | None) -> str:
+    if isinstance(given, Parameter):
+        return f"{given.parameter} = {number(float(given.value))}"
+    return "driven" if given is None else number(float(given))
+
+
+def _string_row(made: Marionette, string: StringRow) -> tuple:
+    ends = [
+        "world" if point.link == WORLD else made.tree.links[point.link].name
+        for point in (string.points[0], string.points[-1])
+    ]
+    kind = "wire" if string.wire else "string"
+    return string.name, _value(string.length), kind, *ends, len(string.points)
+
+
+def _bound(made: Marionette, limit: LimitRow) -> str:
+    unit = "m" if made.tree.links[limit.link].kind == "prismatic" else "rad"
+    return f"{number(float(limit.bound))} {unit}"

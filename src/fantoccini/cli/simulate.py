@@ -1,0 +1,143 @@
+"""``fantoccini simulate``: puppet, inputs and start -> numbers, pictures and film."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import typer
+
+from fantoccini.cli.files import fail, marionette
+from fantoccini.cli.guard import FAILED, INTERRUPTED
+from fantoccini.cli.outputs import check_outputs, write_outputs
+from fantoccini.cli.report import report
+from fantoccini.cli.start import read_values, start_state
+from fantoccini.cli.terminal import Steps, say
+from fantoccini.errors import SimulationError, Status
+from fantoccini.marionette import Marionette
+from fantoccini.motion import Input, State, Trajectory
+from fantoccini.simulate import simulate
+
+LONGEST = 3600.0
+"""Longest run on the command line [s]."""
+MOST_STEPS = 10_000_000
+"""Most steps of a run with a fixed step."""
+_MOST_ROWS = 500_000
+"""Steps from which only some are written."""
+_STILL = 5.0
+"""Duration of a run without inputs [s]."""
+_DT = 0.002
+
+
+@dataclass(frozen=True)
+class Request:
+    """What was asked for on the command line; see ``fantoccini simulate --help``."""
+
+    file: str
+    inputs: Path | None
+    duration: float | None
+    method: str
+    dt: float | None
+    rtol: float | None
+    start: tuple[str, ...]
+    out: tuple[Path, ...]
+    plot: Path | None
+    quiet: bool
+
+
+def simulate_file(request: Request) -> None:
+    """Simulates, prints a summary and writes the outputs.
+
+    A run that stops before its end still leaves what it has, and ends with exit code 1.
+    """
+    _check_options(request)
+    check_outputs(request.out, request.plot)
+    given = read_values(request.start)
+    with Steps(request.quiet) as steps:
+        made = marionette(request.file, steps.step)
+        inputs = None if request.inputs is None else Input.load(made, request.inputs)
+        duration = _duration(request, inputs)
+        options = _options(request, duration)
+        x0 = start_state(made, inputs, given, request.quiet)
+        run, seconds, trouble = timed(steps, made, x0, inputs, duration, request.method, **options)
+        write_outputs(made, run, request.out, request.plot, steps)
+    if not request.quiet:
+        report(run, seconds)
+    end_with(run, trouble)
+
+
+def timed(
+    steps: Steps,
+    marionette: Marionette,
+    x0: State,
+    inputs: Input | None,
+    duration: float,
+    method: str = "event",
+    **options: float,
+) -> tuple[Trajectory, float, str]:
+    """Runs with a progress bar; a run that stops before its end gives what it has.
+
+    Returns:
+        The run, the time it took [s], and why it stopped before its end (or nothing).
+    """
+    done = steps.bar(f"simulating {duration:g} s", duration)
+    began, trouble = time.perf_counter(), ""
+    try:
+        run = simulate(
+            marionette,
+            x0,
+            inputs,
+            x0.t + duration,
+            method=method,
+            progress=lambda t: done(t - x0.t),
+            **options,
+        )
+    except SimulationError as error:
+        if error.trajectory is None:
+            raise
+        run, trouble = error.trajectory, str(error)
+    return run, time.perf_counter() - began, trouble
+
+
+def end_with(run: Trajectory, trouble: str) -> None:
+    """Ends the command with the exit code of a run's status, and says why it stopped."""
+    if trouble:
+        say(f"fantoccini: {trouble}")
+        raise typer.Exit(INTERRUPTED if run.status is Status.STOPPED else FAILED)
+
+
+def _options(request: Request, duration: float) -> dict[str, float | int]:
+    """Options of the method; of a very long run with a fixed step some steps are not written."""
+    if request.method == "event":
+        return {} if request.rtol is None else {"rtol": request.rtol, "atol": request.rtol}
+    dt = request.dt or _DT
+    n = duration / dt
+    if n > MOST_STEPS:
+        fail(f"{n:.3g} steps are more than {MOST_STEPS:g}; make it larger", "--dt")
+    return {"dt": dt, "save_every": max(1, math.ceil(n / _MOST_ROWS))}
+
+
+def _check_options(request: Request) -> None:
+    """An option of the other method is a mistake."""
+    if request.method == "event":
+        if request.dt is not None:
+            fail("it goes with --method timestepping; event chooses its steps", "--dt")
+        if request.rtol is not None and not 1e-13 <= request.rtol <= 0.1:
+            fail(f"{request.rtol:g} is not between 1e-13 and 0.1", "--rtol")
+    elif request.rtol is not None:
+        fail("it goes with --method event; timestepping has --dt", "--rtol")
+
+
+def _duration(request: Request, inputs: Input | None) -> float:
+    if request.duration is not None:
+        duration = request.duration
+    else:
+        duration = _STILL if inputs is None else inputs.duration
+    if duration > LONGEST:
+        fail(
+            f"{duration:g} s is longer than {LONGEST:g} s; in Python there is no bound",
+            "--duration",
+        )
+    return duration

@@ -1,0 +1,138 @@
+"""A CasADi function as one plain C99 function: pointers in, pointers out, nothing else.
+
+CasADi's own generator surrounds every function with an interface for programs that load it; a
+reader of the exported files wants arguments with names. The elementary operations, their order
+and so the results are the same.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+
+import casadi as ca
+
+_INFIX = {
+    ca.OP_ADD: "+",
+    ca.OP_SUB: "-",
+    ca.OP_MUL: "*",
+    ca.OP_DIV: "/",
+    ca.OP_LT: "<",
+    ca.OP_LE: "<=",
+    ca.OP_EQ: "==",
+    ca.OP_NE: "!=",
+    ca.OP_AND: "&&",
+    ca.OP_OR: "||",
+}
+
+_CALLS = {
+    ca.OP_SQRT: "sqrt",
+    ca.OP_SIN: "sin",
+    ca.OP_COS: "cos",
+    ca.OP_TAN: "tan",
+    ca.OP_ASIN: "asin",
+    ca.OP_ACOS: "acos",
+    ca.OP_ATAN: "atan",
+    ca.OP_ATAN2: "atan2",
+    ca.OP_EXP: "exp",
+    ca.OP_LOG: "log",
+    ca.OP_POW: "pow",
+    ca.OP_CONSTPOW: "pow",
+    ca.OP_FABS: "fabs",
+    ca.OP_FMIN: "fmin",
+    ca.OP_FMAX: "fmax",
+}
+
+_SPELLED = {
+    ca.OP_ASSIGN: "{0}",
+    ca.OP_NEG: "-{0}",
+    ca.OP_SQ: "{0} * {0}",
+    ca.OP_TWICE: "2.0 * {0}",
+    ca.OP_INV: "1.0 / {0}",
+    ca.OP_NOT: "!{0}",
+    ca.OP_IF_ELSE_ZERO: "{0} != 0.0 ? {1} : 0.0",
+}
+
+BY_VALUE = frozenset({"dt"})
+"""Arguments that are one number and passed as such."""
+
+_LOCAL = re.compile(r"t\d+")
+"""Names of the local variables; arguments are called otherwise."""
+
+
+def prototype(function: ca.Function, name: str) -> str:
+    """The declaration of a function, without semicolon.
+
+    Args:
+        function: its arguments' and results' names become those in C.
+        name: of the C function.
+    """
+    arguments = [
+        f"double {n}" if n in BY_VALUE else f"const double *{n}" for n in function.name_in()
+    ] + [f"double *{n}" for n in function.name_out()]
+    lines = [f"void {name}("]
+    for k, argument in enumerate(arguments):
+        word = argument + ("," if k + 1 < len(arguments) else ")")
+        if len(lines[-1]) + 1 + len(word) > 96:
+            lines.append("   ")
+        lines[-1] += word if lines[-1].endswith("(") else f" {word}"
+    return "\n".join(lines)
+
+
+def definition(function: ca.Function, name: str) -> str:
+    """The C99 text of a function of dense SX; a result whose pointer is null is left out.
+
+    Args:
+        function: its inputs and outputs must be dense.
+        name: of the C function.
+
+    Raises:
+        NotImplementedError: it contains an operation that has no counterpart here.
+    """
+    names_in, names_out = function.name_in(), function.name_out()
+    if clash := [n for n in (*names_in, *names_out) if _LOCAL.fullmatch(n)]:
+        raise ValueError(f"{clash[0]} is the name of a local variable")
+    body, locals_, used = [], set(), set()
+    for k in range(function.n_instructions()):
+        operation = function.instruction_id(k)
+        into, of = function.instruction_output(k), function.instruction_input(k)
+        if operation == ca.OP_OUTPUT:
+            result = names_out[into[0]]
+            used.add(result)
+            body.append(f"if ({result}) {result}[{into[1]}] = t{of[0]};")
+            continue
+        locals_.add(into[0])
+        if operation == ca.OP_CONST:
+            value = _number(function.instruction_constant(k))
+        elif operation == ca.OP_INPUT:
+            argument = names_in[of[0]]
+            used.add(argument)
+            value = argument if argument in BY_VALUE else f"{argument}[{of[1]}]"
+        else:
+            value = _expression(operation, [f"t{i}" for i in of])
+        body.append(f"t{into[0]} = {value};")
+    unused = [n for n in (*names_in, *names_out) if n not in used]
+    head = [prototype(function, name), "{", *_declarations(sorted(locals_))]
+    return "\n".join(head + [f"  {s}" for s in [*(f"(void){n};" for n in unused), *body]] + ["}"])
+
+
+def _expression(operation: int, operands: list[str]) -> str:
+    if operation in _INFIX:
+        return f" {_INFIX[operation]} ".join(operands)
+    if operation in _CALLS:
+        return f"{_CALLS[operation]}({', '.join(operands)})"
+    if operation in _SPELLED:
+        return _SPELLED[operation].format(*operands)
+    raise NotImplementedError(f"operation {operation} has no counterpart in the C99 export")
+
+
+def _number(value: float) -> str:
+    """A number that reads back as itself."""
+    if not math.isfinite(value):
+        raise ValueError(f"{value} cannot be a constant of the exported model")
+    return repr(float(value))
+
+
+def _declarations(places: list[int]) -> list[str]:
+    words = [f"t{i}" for i in places]
+    return [f"  double {', '.join(words[i : i + 14])};" for i in range(0, len(words), 14)]

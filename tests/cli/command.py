@@ -1,0 +1,23 @@
+"""Runs the command line inside the test's process."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from typer.testing import CliRunner
+
+from fantoccini.cli.app import app
+
+
+def fantoccini(*arguments: object) -> Any:
+    """What ``fantoccini ARGUMENTS`` gives: ``exit_code``, ``stdout``, ``stderr``."""
+    return CliRunner().invoke(app, [str(a) for a in arguments], prog_name="fantoccini")
+
+
+def mistake(*arguments: object) -> str:
+    """What stderr says of a mistake: exit code 2, nothing on stdout, no traceback."""
+    result = fantoccini(*arguments)
+    assert result.exit_code == 2, (result.stdout, result.stderr, result.exception)
+    assert result.stdout == ""
+    assert "Traceback" not in result.stderr
+    return result.stderr

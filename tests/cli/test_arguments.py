@@ -1,0 +1,213 @@
+"""Arguments, exit codes, and where text goes."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from tests.cli.command import fantoccini, mistake
+
+import fantoccini as fan
+from fantoccini.cli import doctor
+from fantoccini.cli.terminal import plain
+from fantoccini.errors import BuildError
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_help_names_every_command_and_the_exit_codes() -> None:
+    text = fantoccini("--help").stdout
+    for command in ("check", "schema", "info", "equations", "export", "simulate", "demo", "doctor"):
+        assert f"\n  {command} " in text
+    for code in ("0 done", "1 the run", "2 mistakes", "130 stopped"):
+        assert code in " ".join(text.split())
+
+
+def test_the_documentation_names_every_option() -> None:
+    text = (ROOT / "docs" / "cli.md").read_text(encoding="utf-8")
+    for command in ("check", "schema", "info", "equations", "export", "simulate", "demo", "doctor"):
+        assert f"fantoccini {command}" in text
+        for word in fantoccini(command, "--help").stdout.split():
+            if word.startswith("--") and word.strip(",") != "--help":
+                assert word.strip(",") in text, (command, word)
+
+
+def test_help_loads_nothing_that_only_some_commands_need() -> None:
+    code = (
+        "import sys; from fantoccini.cli.app import app\n"
+        "try: app(['--help'])\n"
+        "except SystemExit: pass\n"
+        "print([m for m in ('sympy', 'matplotlib', 'rich.progress', 'imageio_ffmpeg')"
+        " if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_version() -> None:
+    assert fantoccini("--version").stdout.strip() == fan.__version__
+
+
+WRONG = {
+    "no command": ([], "Usage"),
+    "an unknown command": (["bogus"], "No such command"),
+    "an unknown option": (["check", "--bogus", "arm2d"], "No such option"),
+    "no file": (["check"], "Missing argument"),
+    "a name like a bundled one": (["info", "marionete"], "did you mean 'marionette'?"),
+    "a file that is not there": (["info", "none.yaml"], "none.yaml: found nothing here"),
+    "a folder": (["info", "."], "found a folder here"),
+    "an unknown schema": (["schema", "foo"], "puppet"),
+    "a negative duration": (["simulate", "arm2d", "--duration", "-1"], "not a positive number"),
+    "no duration": (["simulate", "arm2d", "--duration", "0"], "not a positive number"),
+    "a duration that is no number": (["simulate", "arm2d", "--duration", "nan"], "nan is not"),
+    "a duration without end": (["simulate", "arm2d", "--duration", "inf"], "inf is not"),
+    "a word for a duration": (["simulate", "arm2d", "--duration", "x"], "--duration"),
+    "a very long duration": (["simulate", "arm2d", "--duration", "1e9"], "longer than 3600 s"),
+    "an unknown method": (["simulate", "arm2d", "--method", "euler"], "timestepping"),
+    "a step of the other method": (["simulate", "arm2d", "--dt", "0.001"], "timestepping"),
+    "a tolerance of the other method": (
+        ["simulate", "arm2d", "--method", "timestepping", "--rtol", "1e-6"],
+        "goes with --method event",
+    ),
+    "a tolerance out of range": (["simulate", "arm2d", "--rtol", "1e-30"], "between 1e-13"),
+    "no equals sign": (["simulate", "arm2d", "--start", "elbow"], "needed: NAME=VALUE"),
+    "a start twice": (
+        ["simulate", "arm2d", "--start", "elbow=1", "--start", "elbow=2"],
+        "given twice",
+    ),
+    "a start that is a word": (["simulate", "arm2d", "--start", "elbow=x"], "needed: an angle"),
+    "two numbers for one": (["simulate", "arm2d", "--start", "v:elbow=1,2"], "needed: one"),
+    "one of a quaternion": (["simulate", "arm3d", "--start", "shoulder.qw=1"], ".rotation=w,x,y,z"),
+    "an output without ending": (["simulate", "arm2d", "--out", "x"], "has no ending"),
+    "an output with another ending": (["simulate", "arm2d", "--out", "x.txt"], ".npz, .csv"),
+    "an output in no folder": (["simulate", "arm2d", "--out", "no/x.npz"], "there is no folder"),
+    "an output twice": (
+        ["simulate", "arm2d", "--out", "x.png", "--plot", "x.png"],
+        "to be written twice",
+    ),
+    "a film of plots": (["simulate", "arm2d", "--plot", "x.mp4"], ".png, .svg, .pdf"),
+    "an export into no folder": (["export", "arm2d", "no/x"], "there is no folder"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "message"), WRONG.values(), ids=WRONG)
+def test_wrong_arguments_are_mistakes(arguments, message, tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = fantoccini(*arguments)
+    assert result.exit_code == 2
+    assert message in " ".join((result.stdout + result.stderr).split())
+    assert list(tmp_path.iterdir()) == []
+
+
+COMPILED = {
+    "an unknown coordinate": ("elbo=1", "did you mean 'elbow'?"),
+    "not a number": ("elbow=nan", "must be finite"),
+    "a velocity of a driven coordinate": ("v:hand.x=1", "would jump at"),
+    "a string that cannot reach": ("hand.length=0.1", "no state of the puppet fits"),
+}
+
+
+@pytest.mark.parametrize(("start", "message"), COMPILED.values(), ids=COMPILED)
+def test_an_impossible_start_is_a_mistake(start, message) -> None:
+    assert message in mistake("simulate", "arm2d", "--quiet", "--start", start)
+
+
+def test_names_are_neither_markup_nor_control_characters(tmp_path) -> None:
+    path = tmp_path / "[red]x[red]\x1b[31m.yaml"
+    assert mistake("check", path).startswith(plain(path))
+    path.write_text("puppet: '[bold]\\x1b'\n")
+    text = mistake("check", path)
+    assert "[red]x[red]\\x1b[31m.yaml:1: puppet: found '[bold]" in text
+    assert "\x1b" not in text
+
+
+def test_plain_text_keeps_letters_and_line_breaks() -> None:
+    assert plain("héllo\n\N{GREEK SMALL LETTER THETA}") == "héllo\n\N{GREEK SMALL LETTER THETA}"
+    assert plain("a\x1b\x07\u202e\udcff") == "a\\x1b\\x07\\u202e\\udcff"
+
+
+@pytest.mark.parametrize("of", ["puppet", "inputs"])
+def test_schema_is_json(of) -> None:
+    assert json.loads(fantoccini("schema", of).stdout)["type"] == "object"
+
+
+def test_doctor_tells_versions_compiler_and_cache() -> None:
+    result = fantoccini("doctor")
+    labels = [line.split("  ")[0] for line in result.stdout.splitlines()]
+    assert {"fantoccini", "python", "casadi", "compiler", "cache", "ffmpeg"} <= set(labels)
+    assert result.exit_code == (1 if result.stderr else 0)
+
+
+def test_doctor_ends_with_1_where_something_is_missing(monkeypatch) -> None:
+    monkeypatch.setattr(doctor, "describe", lambda: {"compiler": "none", "problem": "no compiler"})
+    monkeypatch.setattr(doctor, "NEEDED", ("numpy", "no-such-distribution"))
+    result = fantoccini("doctor")
+    assert result.exit_code == 1
+    assert "no-such-distribution is missing" in result.stderr
+    assert "no compiler" in result.stderr
+
+
+def test_doctor_looks_for_every_dependency() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert sorted(doctor.NEEDED) == sorted(d.split(">")[0] for d in project["dependencies"])
+
+
+def test_no_compiler_ends_with_1(monkeypatch) -> None:
+    monkeypatch.setenv("FANTOCCINI_CXX", "no-such-compiler")
+    result = fantoccini("simulate", "arm2d")
+    assert result.exit_code == 1
+    assert "no-such-compiler" in result.stderr
+    assert "Traceback" not in result.stderr
+    assert "cannot (see fantoccini doctor)" in fantoccini("info", "arm2d").stdout
+
+
+def test_a_fault_of_our_own_is_said_in_one_line(monkeypatch) -> None:
+    def broken(*_):
+        raise ZeroDivisionError("[bold]\x1b")
+
+    monkeypatch.setattr("fantoccini.cli.check.marionette", broken)
+    result = fantoccini("check", "arm2d")
+    assert result.exit_code == 1
+    assert "a fault of fantoccini itself: ZeroDivisionError: [bold]\\x1b" in result.stderr
+    monkeypatch.setenv("FANTOCCINI_TRACEBACK", "1")
+    assert isinstance(fantoccini("check", "arm2d").exception, ZeroDivisionError)
+
+
+def test_a_build_that_fails_ends_with_1(monkeypatch) -> None:
+    def fails(*_):
+        raise BuildError("the compiler failed")
+
+    monkeypatch.setattr("fantoccini.cli.simulate.marionette", fails)
+    result = fantoccini("simulate", "arm2d")
+    assert (result.exit_code, result.stderr.splitlines()[-1]) == (
+        1,
+        "fantoccini: the compiler failed",
+    )
+
+
+def test_info_lists_the_bundled_puppets() -> None:
+    text = fantoccini("info").stdout
+    assert all(f"\n{name} " in text for name in fan.puppets.names())
+
+
+def test_info_describes_a_puppet() -> None:
+    text = fantoccini("info", "arm3d").stdout
+    for part in ("4 degrees of freedom", "shoulder.qw", "elbow.lower", "-0.034907 rad", "dynamics"):
+        assert part in text
+    assert "m1" in fantoccini("info", "arm2d").stdout
+
+
+def test_check_counts_and_lists_mistakes_of_all_files(tmp_path) -> None:
+    first, second = tmp_path / "a.yaml", tmp_path / "b.yaml"
+    first.write_text("puppet: a\nflor: 1\nbodies: []\n")
+    second.write_text("puppet: b\n")
+    result = fantoccini("check", first, "arm2d", second)
+    assert result.exit_code == 2
+    assert result.stdout == "arm2d: no mistakes; 2 DOF, 1 strings, 2 driven\n"
+    assert [line.split(": ")[1] for line in result.stderr.splitlines()] == [
+        "flor", "bodies", "bodies",
+    ]  # fmt: skip

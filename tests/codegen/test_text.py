@@ -1,0 +1,85 @@
+"""The generated text is a reviewed artefact: the same every time, and it does not grow unseen."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from fantoccini import puppets
+from fantoccini.codegen import c99_files, generate
+from fantoccini.equations import derive
+from fantoccini.puppet import load
+from fantoccini.tree import grow
+from fantoccini.world import World
+
+SOURCE = Path(__file__).resolve().parents[2] / "src"
+
+OPERATIONS = {
+    "arm2d": {"dynamics": 189, "effort": 35, "energy": 58, "rows": 32},
+    "arm3d": {"dynamics": 502, "effort": 75, "energy": 94, "rows": 75},
+    "crane": {"dynamics": 542, "effort": 48, "energy": 104, "rows": 42},
+    "marionette": {"dynamics": 8441, "effort": 626, "energy": 1030, "rows": 693},
+    "marionette_bar": {"dynamics": 9305, "effort": 1146, "energy": 1141, "rows": 801},
+    "stand6": {"dynamics": 8871, "effort": 12, "energy": 1030, "rows": 699},
+    "string_pendulum": {"dynamics": 56, "effort": 0, "energy": 15, "rows": 11},
+}
+"""Elementary operations of the compiled functions. Lower a number when the derivation or a puppet
+gets simpler; raise one only for a reason that the commit tells."""
+
+_HASHES = """
+import hashlib, json, sys
+from fantoccini import puppets
+from fantoccini.codegen import c99_files, generate
+from fantoccini.equations import derive
+from fantoccini.puppet import load
+from fantoccini.tree import grow
+from fantoccini.world import World
+equations = derive(grow(World.of(load(puppets.path("arm2d")))))
+files = generate(equations).files | c99_files(equations)
+hashes = {n: hashlib.sha256(t.encode()).hexdigest() for n, t in files.items()}
+print(json.dumps(hashes))
+"""
+
+
+def equations_of(name: str):
+    return derive(grow(World.of(load(puppets.path(name)))))
+
+
+def test_every_process_derives_the_same_text(tmp_path):
+    """Names of model.c depend on no path, order of hashing, or time."""
+    found = []
+    for seed in ("1", "2"):
+        folder = tmp_path / seed
+        folder.mkdir()
+        environment = {**os.environ, "PYTHONHASHSEED": seed, "PYTHONPATH": str(SOURCE)}
+        printed = subprocess.run(
+            [sys.executable, "-c", _HASHES], cwd=folder, env=environment,
+            capture_output=True, text=True, check=True,
+        ).stdout  # fmt: skip
+        found.append(json.loads(printed))
+    equations = equations_of("arm2d")
+    files = generate(equations).files | c99_files(equations)
+    assert found[0] == found[1]
+    assert found[0] == {n: hashlib.sha256(t.encode()).hexdigest() for n, t in files.items()}
+
+
+def test_deriving_twice_in_one_process_gives_the_same_text():
+    assert generate(equations_of("arm3d")).files == generate(equations_of("arm3d")).files
+
+
+def test_every_bundled_puppet_has_a_recorded_count():
+    assert sorted(OPERATIONS) == sorted(puppets.names())
+
+
+@pytest.mark.parametrize("name", sorted(OPERATIONS))
+def test_a_bundled_puppet_needs_no_more_operations_than_recorded(name):
+    model = equations_of(name)
+    found = {f: model[f].n_instructions() for f in OPERATIONS[name]}
+    grown = {f: n for f, n in found.items() if n > OPERATIONS[name][f]}
+    assert grown == {}

@@ -1,0 +1,203 @@
+// The time-stepper on bundles of doubles beside the scalar one.
+//
+// stdin: n_steps, dt, recovery speed, cap; then for each lane q_D, v_D, q_K, and for every driven
+// coordinate an amplitude, a frequency and a phase: q_K(t) = q_K + a (cos(p) - cos(w t + p)). All
+// driven coordinates are scalars. Parameters follow, the same for all lanes.
+//
+// stdout, one number a line with its name: what the Python side asserts.
+#define FAN_LANES 8
+
+#include <cstdio>
+#include <cstring>
+#include <vector>
+
+#include "model_of.hpp"
+#include "fantoccini/timestepping.hpp"
+
+namespace {
+
+using fan::Model;
+using fan::room;
+constexpr int W = FAN_LANES;
+constexpr int NQ = Model::n_qD, N = Model::n_vD, NK = Model::n_vK, M = Model::n_rows;
+static_assert(Model::n_qK == NK, "scalar inputs only");
+
+struct Lane {
+  double q_D[room(NQ)], v_D[room(N)], q_K[room(NK)], amplitude[room(NK)], omega[room(NK)],
+      phase[room(NK)];
+
+  double input(int j, double t) const {
+    return q_K[j] + amplitude[j] * (cos(phase[j]) - cos(omega[j] * t + phase[j]));
+  }
+};
+
+double numbers_left_out = 0;
+
+void take(double* out, int n) {
+  for (int i = 0; i < n; ++i)
+    if (std::scanf("%lf", out + i) != 1) numbers_left_out += 1;
+}
+
+double& at(double& x, int) { return x; }
+decltype(auto) at(fan::Lanes<W>& x, int lane) { return x[lane]; }
+double get(const double& x, int) { return x; }
+double get(const fan::Lanes<W>& x, int lane) { return x[lane]; }
+bool get(const bool& x, int) { return x; }
+bool get(const fan::Traits<fan::Lanes<W>>::Mask& x, int lane) { return x[lane]; }
+
+// A stepper for some lanes, whose places in the bundle are given by `who`: place k holds who[k].
+template <class Real>
+struct Bundle {
+  static constexpr int width = fan::Traits<Real>::width;
+  fan::TimeStep<Model, Real> step;
+  Real q_D[room(NQ)], v_D[room(N)], q_K[room(NK)], v_K[room(NK)], acc_K[room(NK)], u_D[room(N)],
+      p[room(Model::n_p)];
+  int who[width];
+
+  Bundle(const std::vector<Lane>& lanes, const double* parameters, const int* places) {
+    for (int r = 0; r < M; ++r) {
+      step.taut[r] = step.held[r] = Real(0.0) > Real(1.0);
+      step.tension[r] = Real(0.0);
+    }
+    for (int k = 0; k < N; ++k) u_D[k] = Real(0.0);
+    for (int i = 0; i < Model::n_p; ++i) p[i] = Real(parameters[i]);
+    for (int l = 0; l < width; ++l) {
+      who[l] = places[l];
+      const Lane& lane = lanes[who[l]];
+      for (int i = 0; i < NQ; ++i) at(q_D[i], l) = lane.q_D[i];
+      for (int k = 0; k < N; ++k) at(v_D[k], l) = lane.v_D[k];
+    }
+  }
+
+  void advance(const std::vector<Lane>& lanes, int n, double dt, double recovery, double cap) {
+    for (int l = 0; l < width; ++l)
+      for (int j = 0; j < NK; ++j) {
+        const Lane& lane = lanes[who[l]];
+        const double before = lane.input(j, (n - 1) * dt), here = lane.input(j, n * dt);
+        const double next = lane.input(j, (n + 1) * dt);
+        at(q_K[j], l) = here;
+        at(v_K[j], l) = (next - here) / dt;
+        at(acc_K[j], l) = (next - 2 * here + before) / (dt * dt);
+      }
+    step.step(q_D, v_D, q_K, v_K, acc_K, u_D, dt, recovery, cap, p);
+  }
+
+  // Everything a step leaves behind, of one place.
+  std::vector<double> all(int l) const {
+    std::vector<double> out;
+    for (int i = 0; i < NQ; ++i) out.push_back(get(q_D[i], l));
+    for (int k = 0; k < N; ++k) out.push_back(get(v_D[k], l));
+    for (int r = 0; r < M; ++r) out.push_back(get(step.tension[r], l));
+    for (int r = 0; r < M; ++r) out.push_back(get(step.taut[r], l) ? 1.0 : 0.0);
+    out.push_back(get(step.work, l));
+    out.push_back(get(step.loss, l));
+    out.push_back(get(step.impact, l));
+    out.push_back(get(step.violation, l));
+    return out;
+  }
+};
+
+struct Worst {
+  double value = 0.0;
+  void operator()(double found, double scale) {
+    const double relative = fabs(found) / (scale > 1.0 ? scale : 1.0);
+    if (!(relative <= value)) value = relative;  // keeps NaN
+  }
+};
+
+bool apart(const std::vector<double>& a, const std::vector<double>& b) {
+  return std::memcmp(a.data(), b.data(), sizeof(double) * a.size()) != 0;
+}
+
+double largest(const double* x, int n) {
+  double top = 0.0;
+  for (int i = 0; i < n; ++i)
+    if (!(fabs(x[i]) <= top)) top = fabs(x[i]);
+  return top;
+}
+
+}  // namespace
+
+int main() {
+  double head[4];
+  take(head, 4);
+  const int n_steps = int(head[0]);
+  const double dt = head[1], recovery = head[2], cap = head[3];
+  std::vector<Lane> lanes(W);
+  for (Lane& lane : lanes) {
+    take(lane.q_D, NQ);
+    take(lane.v_D, N);
+    take(lane.q_K, NK);
+    take(lane.amplitude, NK);
+    take(lane.omega, NK);
+    take(lane.phase, NK);
+  }
+  double p[room(Model::n_p)];
+  take(p, Model::n_p);
+
+  int in_order[W], turned[W];
+  for (int l = 0; l < W; ++l) {
+    in_order[l] = l;
+    turned[l] = (3 * l + 5) % W;
+  }
+  using Wide = fan::Lanes<W>;
+  Bundle<Wide> first(lanes, p, in_order), second(lanes, p, turned);
+  std::vector<Bundle<Wide>> alike;  // bundles whose places all hold the same lane
+  std::vector<Bundle<double>> single;
+  for (int l = 0; l < W; ++l) {
+    const int same[W] = {l, l, l, l, l, l, l, l};
+    alike.emplace_back(lanes, p, same);
+    single.emplace_back(lanes, p, &in_order[l]);
+  }
+
+  Worst q, v, tension, ledger;
+  long long modes_apart = 0, bits_apart = 0;
+  std::vector<long long> changes(W, 0);
+  long long steps_unlike = 0;  // in which lanes had different modes
+  for (int n = 0; n < n_steps; ++n) {
+    std::vector<std::vector<bool>> was(W);
+    // Every scalar stepper starts the step where its lane is.
+    for (int l = 0; l < W; ++l) {
+      for (int i = 0; i < NQ; ++i) single[l].q_D[i] = first.q_D[i][l];
+      for (int k = 0; k < N; ++k) single[l].v_D[k] = first.v_D[k][l];
+      for (int r = 0; r < M; ++r) {
+        single[l].step.taut[r] = first.step.taut[r][l];
+        single[l].step.held[r] = first.step.held[r][l];
+        was[l].push_back(first.step.taut[r][l]);
+      }
+    }
+    first.advance(lanes, n, dt, recovery, cap);
+    second.advance(lanes, n, dt, recovery, cap);
+    bool unlike = false;
+    for (int l = 0; l < W; ++l) {
+      single[l].advance(lanes, n, dt, recovery, cap);
+      alike[l].advance(lanes, n, dt, recovery, cap);
+      const std::vector<double> mine = first.all(l), own = single[l].all(0);
+      const double *a = mine.data(), *b = own.data();
+      for (int i = 0; i < NQ; ++i) q(a[i] - b[i], largest(b, NQ));
+      a += NQ, b += NQ;
+      for (int i = 0; i < N; ++i) v(a[i] - b[i], largest(b, N));
+      a += N, b += N;
+      for (int i = 0; i < M; ++i) tension(a[i] - b[i], largest(b, M));
+      a += M, b += M;
+      for (int i = 0; i < M; ++i) modes_apart += a[i] != b[i];
+      for (int i = 0; i < M; ++i) changes[l] += (a[i] > 0.5) != was[l][i];
+      for (int i = 0; i < M; ++i) unlike = unlike || get(first.step.taut[i], 0) != (a[i] > 0.5);
+      a += M, b += M;
+      for (int i = 0; i < 4; ++i) ledger(a[i] - b[i], largest(b, 4));
+      for (int k = 0; k < W; ++k) {
+        bits_apart += second.who[k] == l && apart(second.all(k), mine);
+        bits_apart += apart(alike[l].all(k), mine);
+      }
+    }
+    steps_unlike += unlike;
+  }
+  long long fewest = changes[0];
+  for (long long c : changes) fewest = c < fewest ? c : fewest;
+  std::printf("numbers_left_out %g\n", numbers_left_out);
+  std::printf("q %.3e\nv %.3e\ntension %.3e\nledger %.3e\n", q.value, v.value, tension.value,
+              ledger.value);
+  std::printf("modes_apart %lld\nbits_apart %lld\n", modes_apart, bits_apart);
+  std::printf("fewest_changes %lld\nsteps_unlike %lld\n", fewest, steps_unlike);
+  return 0;
+}

@@ -1,0 +1,49 @@
+// The generated model of a puppet for Real = double and, with FAN_LANES, for bundles of doubles.
+#pragma once
+
+#include <cmath>
+
+#include "fantoccini/real.hpp"
+#ifdef FAN_LANES
+#include "fantoccini/lanes.hpp"
+#endif
+#include "model.hpp"
+
+namespace fan {
+namespace scalar {
+#define casadi_real double
+#include "model.c"
+#undef casadi_real
+}  // namespace scalar
+
+#ifdef FAN_LANES
+namespace wide {
+#define casadi_real fan::Lanes<FAN_LANES>
+#include "model.c"
+#undef casadi_real
+}  // namespace wide
+#define FAN_WIDE(NAME)                                                          \
+  static int NAME(const Lanes<FAN_LANES>** arg, Lanes<FAN_LANES>** res) {       \
+    return wide::fan_##NAME(arg, res, nullptr, nullptr, 0);                     \
+  }
+#else
+#define FAN_WIDE(NAME)
+#endif
+
+struct Model : ModelTables {
+#define FAN_FUNCTION(NAME)                                    \
+  static int NAME(const double** arg, double** res) {         \
+    return scalar::fan_##NAME(arg, res, nullptr, nullptr, 0); \
+  }                                                           \
+  FAN_WIDE(NAME)
+  FAN_FUNCTION(dynamics)
+  FAN_FUNCTION(rows)
+  FAN_FUNCTION(energy)
+  FAN_FUNCTION(effort)
+  FAN_FUNCTION(wrench_forces)
+  FAN_FUNCTION(poses)
+  FAN_FUNCTION(points)
+  FAN_FUNCTION(forth)
+  FAN_FUNCTION(back)
+};
+}  // namespace fan

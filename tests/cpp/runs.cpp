@@ -1,0 +1,105 @@
+// A run through the C interface, as the package makes it, for the sanitizers to watch.
+//
+// stdin: event-driven (1 or 0), t, t_end, new inputs half way (1 or 0), the eleven options, q_D, v_D,
+// p, the input (n_segments, breaks, coef, base), and times to save (n, times).
+// stdout: status, rows, events, steps, whether all rows are finite, and the last row.
+#include "model_of.hpp"
+
+#include "fantoccini/abi.hpp"
+
+#include <cstdio>
+#include <vector>
+
+namespace {
+
+using fan::Model;
+
+double take() {
+  double x = 0.0;
+  if (std::scanf("%lf", &x) != 1) std::printf("numbers_left_out 1\n");
+  return x;
+}
+
+std::vector<double> take(int n) {
+  std::vector<double> out;
+  for (int i = 0; i < n; ++i) out.push_back(take());
+  return out;
+}
+
+fan::Options options() {
+  fan::Options o;
+  for (double* x : {&o.rtol, &o.atol, &o.first_step, &o.max_step, &o.tension_cap, &o.energy_scale,
+                    &o.recovery_speed, &o.dt})
+    *x = take();
+  o.max_steps = static_cast<long long>(take());
+  o.max_events = static_cast<long long>(take());
+  o.save_steps = int(take());
+  return o;
+}
+
+constexpr long long kBudget = 20;  // steps of one call: far fewer than a run has
+
+// Records too small for a whole run: it has to be handed out in pieces.
+struct Sheets {
+  static constexpr int kRows = 96, kEvents = 16 * Model::n_rows + 64;
+  std::vector<double> rows = std::vector<double>(kRows * fan::Record<Model>::row_width);
+  std::vector<double> events = std::vector<double>(kEvents * fan::Record<Model>::event_width);
+  std::vector<double> last;
+  fan::Record<Model> record{rows.data(), kRows, 0, events.data(), kEvents, 0};
+  long long n_rows = 0, n_events = 0;
+  bool finite = true;
+
+  void turn() {
+    constexpr int width = fan::Record<Model>::row_width;
+    for (long long i = 0; i < record.n_rows * width; ++i)
+      finite = finite && fabs(rows[size_t(i)]) < 1e100;
+    if (record.n_rows > 0)
+      last.assign(rows.begin() + (record.n_rows - 1) * width, rows.begin() + record.n_rows * width);
+    n_rows += record.n_rows;
+    n_events += record.n_events;
+    record.n_rows = record.n_events = 0;
+  }
+};
+
+int run_to(void* run, double t_end, Sheets& sheets) {
+  int status = fan::RUNNING;
+  while (status == fan::RUNNING) {
+    status = fan_run(run, t_end, kBudget, &sheets.record);
+    sheets.turn();
+  }
+  return status;
+}
+
+}  // namespace
+
+int main() {
+  const bool event_driven = take() != 0.0;
+  const double t = take(), t_end = take();
+  const bool twice = take() != 0.0;
+  const fan::Options o = options();
+  const auto q_D = take(Model::n_qD), v_D = take(Model::n_vD), p = take(Model::n_p);
+  const int n = int(take());
+  const auto breaks = take(n + 1), coef = take(n * Model::n_vK * 6), base = take(n * Model::n_qK);
+  const auto save_at = take(int(take()));
+  const fan::InputArrays input{n, breaks.data(), coef.data(), base.data(), nullptr};
+
+  void* run = fan_new(event_driven);
+  Sheets sheets;
+  int status = fan_start(
+      run, t, q_D.data(), v_D.data(), p.data(), &input, &o, save_at.data(),
+      static_cast<long long>(save_at.size()), 1, &sheets.record);
+  sheets.turn();
+  if (status == fan::RUNNING && twice) {
+    status = run_to(run, 0.5 * (t + t_end), sheets);
+    fan_set_input(run, &input);
+  }
+  if (status == fan::RUNNING || status == fan::DONE) status = run_to(run, t_end, sheets);
+  double progress[3];
+  fan_progress(run, progress);
+  fan_free(run);
+
+  std::printf("status %d\nrows %lld\nevents %lld\nsteps %g\nfinite %d\n", status, sheets.n_rows,
+              sheets.n_events, progress[0], int(sheets.finite));
+  for (size_t i = 0; i < sheets.last.size(); ++i) std::printf("row%zu %.17g\n", i, sheets.last[i]);
+  return 0;
+}

@@ -1,0 +1,217 @@
+"""The complementarity solver against solvers that know nothing of it.
+
+s = G x - b, x >= 0, s >= 0, x . s = 0 are the conditions of the quadratic programme
+min 1/2 x . G x - b . x over x >= 0; with G = A^T A and b = A^T c that is the non-negative
+least-squares problem min |A x - c|.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy.optimize import nnls
+
+from cpp.toolchain import SANITIZE, compile_program, run_program
+
+
+@dataclass(frozen=True)
+class Problem:
+    """min |A x - c| over x >= 0, x of any sign where ``free``.
+
+    Attributes:
+        A, c, free: of the problem.
+        event: solve with the event-driven run's settings, else with the time-stepper's.
+        guess: start with all rows active, else with none.
+    """
+
+    A: np.ndarray
+    c: np.ndarray
+    free: np.ndarray
+    event: bool = True
+    guess: bool = True
+
+    @property
+    def G(self) -> np.ndarray:
+        return self.A.T @ self.A
+
+    @property
+    def b(self) -> np.ndarray:
+        return self.A.T @ self.c
+
+    def words(self) -> list[float]:
+        numbers = [self.free.astype(float), self.b, self.G.ravel()]
+        return [len(self.b), self.event, self.guess, *np.concatenate(numbers)]
+
+
+@dataclass(frozen=True)
+class Answer:
+    solved: bool
+    apart: float
+    x: np.ndarray
+    s: np.ndarray
+
+
+@pytest.fixture(scope="module")
+def solve(tmp_path_factory):
+    """A function from problems to answers."""
+    folder = tmp_path_factory.mktemp("complementarity")
+    flags = ("-O1", *SANITIZE)
+    program = compile_program("complementarity.cpp", folder, *flags)
+
+    def answers(problems: list[Problem]) -> list[Answer]:
+        words = [len(problems), *(x for p in problems for x in p.words())]
+        lines = run_program(program, "\n".join(repr(float(w)) for w in words)).splitlines()
+        assert len(lines) == len(problems)
+        found = []
+        for p, line in zip(problems, lines, strict=True):
+            solved, apart, *rest = map(float, line.split())
+            x, s = np.split(np.array(rest), [len(p.b)])
+            found.append(Answer(bool(solved), apart, x, s))
+        return found
+
+    return answers
+
+
+def random_problem(
+    rng: np.random.Generator, n: int, *, redundant: int = 0, free: int = 0, **settings
+) -> Problem:
+    """Rows of a mechanism with 4 n or more degrees of freedom.
+
+    Args:
+        rng: random numbers.
+        n: rows.
+        redundant: how many of them are combinations of others.
+        free: how many of them are two-sided.
+        settings: of the problem.
+    """
+    A = rng.normal(size=(2 * n + 6, n)) / np.sqrt(2 * n + 6)
+    for k in range(redundant):
+        kept = n - redundant
+        A[:, kept + k] = A[:, k % kept] if k % 2 else A[:, :kept] @ rng.normal(size=kept)
+    order = rng.permutation(n)
+    sides = np.zeros(n, dtype=bool)
+    sides[rng.choice(n, free, replace=False)] = True
+    return Problem(A[:, order], rng.normal(size=len(A)), sides, **settings)
+
+
+def check_conditions(p: Problem, answer: Answer, tolerance: float = 1e-12) -> None:
+    """x >= 0, s >= 0, x . s = 0 and s = G x - b, to rounding of the terms of each."""
+    assert answer.solved
+    x, s, G = answer.x, answer.s, p.G
+    terms = np.abs(p.b) + np.abs(G) @ np.abs(x)
+    top = max(np.max(np.abs(x)), 1e-300)
+    assert np.max(np.abs(G @ x - p.b - s) / terms) <= tolerance
+    assert np.min(x[~p.free], initial=0.0) >= -tolerance * top
+    assert np.min((s / terms)[~p.free], initial=0.0) >= -tolerance
+    assert np.max(np.abs(s / terms)[p.free], initial=0.0) <= tolerance
+    assert np.max(np.abs(x * s) / (top * terms)) <= tolerance
+
+
+def least_squares(p: Problem) -> np.ndarray:
+    """A x of the solution, by Lawson and Hanson; it is unique also where x is not."""
+    x, _ = nnls(np.hstack([p.A, -p.A[:, p.free]]), p.c, maxiter=10_000)
+    full = x[: p.A.shape[1]].copy()
+    full[p.free] -= x[p.A.shape[1] :]
+    return p.A @ full
+
+
+def enumerated(p: Problem) -> np.ndarray:
+    """x by trying every set of active rows; of the sets that fit the least-norm one."""
+    n, found = len(p.b), []
+    for choice in itertools.product([False, True], repeat=n):
+        on = np.array(choice)
+        if np.any(p.free & ~on):
+            continue
+        x = np.zeros(n)
+        x[on] = np.linalg.lstsq(p.G[np.ix_(on, on)], p.b[on], rcond=1e-10)[0]
+        s = p.G @ x - p.b
+        good = np.all(x[~p.free] > -1e-9) and np.all(s[~p.free] > -1e-9)
+        if good and np.all(np.abs(s[on]) < 1e-9):
+            found.append(x)
+    return min(found, key=np.linalg.norm)
+
+
+@pytest.mark.parametrize("event", [True, False], ids=["event", "timestepping"])
+def test_well_conditioned_rows(solve, event):
+    """Against Lawson and Hanson, from one row to sixty; the guess does not matter."""
+    rng = np.random.default_rng(1)
+    problems = [
+        random_problem(rng, n, event=event, guess=bool(k % 2))
+        for n in (1, 2, 3, 5, 8, 13, 21, 34, 47, 60)
+        for k in range(8)
+    ]
+    for p, answer in zip(problems, solve(problems), strict=True):
+        check_conditions(p, answer)
+        assert np.linalg.norm(p.A @ answer.x - least_squares(p)) <= 1e-12 * np.linalg.norm(p.c)
+        assert answer.apart <= 1e-12
+
+
+def test_two_sided_rows(solve):
+    rng = np.random.default_rng(2)
+    problems = [
+        random_problem(rng, n, free=free)
+        for n, free in ((2, 1), (4, 2), (4, 4), (12, 5), (30, 10), (60, 20))
+        for _ in range(8)
+    ]
+    for p, answer in zip(problems, solve(problems), strict=True):
+        check_conditions(p, answer)
+        assert np.linalg.norm(p.A @ answer.x - least_squares(p)) <= 1e-12 * np.linalg.norm(p.c)
+        assert answer.apart <= 1e-12
+
+
+def test_redundant_rows_have_one_motion(solve):
+    """x is not unique among redundant rows, A x is."""
+    rng = np.random.default_rng(3)
+    problems = [
+        random_problem(rng, n, redundant=redundant, free=free)
+        for n, redundant, free in ((2, 1, 0), (4, 2, 0), (8, 3, 1), (20, 6, 0), (60, 15, 0))
+        for _ in range(8)
+    ]
+    for p, answer in zip(problems, solve(problems), strict=True):
+        check_conditions(p, answer)
+        assert np.linalg.norm(p.A @ answer.x - least_squares(p)) <= 1e-11 * np.linalg.norm(p.c)
+
+
+def test_every_set_of_rows_tried(solve):
+    """Small problems, redundant ones and two-sided rows among them, by enumeration."""
+    rng = np.random.default_rng(4)
+    problems = [
+        random_problem(rng, n, redundant=redundant, free=free)
+        for n, redundant, free in ((3, 0, 0), (5, 0, 1), (6, 1, 0), (6, 2, 1))
+        for _ in range(10)
+    ]
+    for p, answer in zip(problems, solve(problems), strict=True):
+        check_conditions(p, answer)
+        x = enumerated(p)
+        assert np.linalg.norm(p.A @ (answer.x - x)) <= 1e-11 * np.linalg.norm(p.c)
+
+
+def test_equal_strings_share_the_load(solve):
+    """Among redundant rows that all pull the tensions of least norm are reported.
+
+    Rounding divided by the regularisation leaves some 1e-7 of the differences between them.
+    """
+    rng = np.random.default_rng(5)
+    problems = []
+    for k in (2, 3, 5):
+        direction = rng.normal(size=(6, 1))
+        A = np.repeat(direction, k, axis=1)
+        problems.append(Problem(A, 3 * direction[:, 0], np.zeros(k, bool)))
+    for p, answer in zip(problems, solve(problems), strict=True):
+        check_conditions(p, answer)
+        assert answer.x == pytest.approx(np.full(len(p.b), 3 / len(p.b)), rel=2e-6)
+
+
+def test_rows_that_all_open_and_rows_that_all_close(solve):
+    rng = np.random.default_rng(6)
+    A = np.abs(rng.normal(size=(40, 12)))
+    none, every = np.zeros(12, bool), np.ones(40)
+    problems = [Problem(A, -every, none), Problem(np.eye(40)[:, :12], every, none)]
+    open_, closed = solve(problems)
+    check_conditions(problems[0], open_)
+    check_conditions(problems[1], closed)
+    assert np.all(open_.x == 0.0)
+    assert closed.x == pytest.approx(np.ones(12), rel=1e-11)

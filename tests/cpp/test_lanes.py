@@ -1,0 +1,62 @@
+"""Lanes: the time-stepper at width 8 is eight scalar time-steppers, none minding the others."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cpp.toolchain import SANITIZE, compile_program, equations, numbers, run_program, write_model
+from fantoccini import puppets
+
+WIDTH, STEPS, DT = 8, 400, 2e-3
+
+SEEDS = (0, 1, 9, 10)
+"""In some of these a joint flies into its limit faster than the step watches for, in one lane only:
+a limit that takes part in one lane must then leave the others alone."""
+
+TOLERANCE = {"q": 1e-14, "v": 1e-12, "tension": 3e-11, "ledger": 1e-13}
+"""Relative, a step. The step divides h by dt, and v by dt again for the tension: the last digit of
+a cosine (where a bundle's may differ from a double's) is worth 500 times as much in each."""
+
+QUIET = ("-Wno-maybe-uninitialized", "-Wno-uninitialized")
+"""g++ 12 warns about its own AVX-512 header."""
+
+
+def motions(name: str, seed: int) -> str:
+    """Starts and inputs of eight lanes that shake the puppet until strings fall slack and catch."""
+    marionette = getattr(puppets, name)()
+    rest, tree = marionette.rest(), equations(name).tree
+    rng, table = np.random.default_rng(seed), tree.coordinates
+    words = [STEPS, DT, 1.0, marionette.tension_cap]
+    lengths = np.array([n.endswith(".length") for n in table.v_K])
+    for lane in range(WIDTH):
+        swing = 0.3 * lane / WIDTH
+        words += [*rest.q_D, *(swing * rng.normal(size=table.n_vD)), *rest.q_K]
+        # At 4 Hz an amplitude of 2 cm asks for more than the acceleration of gravity.
+        amplitude = np.where(lengths, rng.uniform(0.04, 0.10), 0.02) * rng.uniform(
+            0.5, 1.0, table.n_vK
+        )
+        words += [*amplitude, *rng.uniform(18, 28, table.n_vK), *rng.uniform(0, 6, table.n_vK)]
+    words += list(tree.parameters.values())
+    return "\n".join(repr(float(x)) for x in words)
+
+
+@pytest.mark.parametrize(
+    ("name", "flags"),
+    [
+        pytest.param("arm2d", ("-O1", "-march=native", *QUIET, *SANITIZE), id="arm2d"),
+        pytest.param("marionette", ("-O1", "-march=native", *QUIET), id="marionette"),
+    ],
+)
+def test_a_lane_is_a_scalar_stepper_whatever_its_neighbours(name, flags, tmp_path):
+    write_model(name, tmp_path)
+    program = compile_program("lanes.cpp", tmp_path, *flags)
+    for seed in SEEDS:
+        found = numbers(run_program(program, motions(name, seed)))
+        assert found["numbers_left_out"] == 0
+        assert found["fewest_changes"] >= 3, "in every lane a string falls slack and is caught"
+        assert found["steps_unlike"] >= 50, "lanes are in different modes"
+        assert found["modes_apart"] == 0
+        for what, tolerance in TOLERANCE.items():
+            assert found[what] <= tolerance, what
+        assert found["bits_apart"] == 0

@@ -1,0 +1,40 @@
+"""Every example runs as it stands, in an empty folder, and leaves what it says it leaves."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+
+
+def test_there_are_examples():
+    assert [e.name[:2] for e in EXAMPLES] == [f"{k:02d}" for k in range(1, len(EXAMPLES) + 1)]
+    assert len(EXAMPLES) >= 5
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda e: e.stem)
+def test_an_example_runs(example, tmp_path):
+    path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
+    done = subprocess.run(
+        [sys.executable, str(example)],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert 2 <= len(done.stdout.splitlines()) <= 20
+    promised = re.findall(r"out/\w+\.\w+", example.read_text(encoding="utf-8").split('"""')[1])
+    assert promised
+    for name in promised:
+        assert (tmp_path / name).stat().st_size > 0, name
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["out"]

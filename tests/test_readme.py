@@ -1,0 +1,113 @@
+"""The Python and YAML of the README and the docs do what they say.
+
+The ``python`` blocks of a page run one after the other, as a reader would type them, in an empty
+folder. A ``yaml`` block that names a file in its first line (``# arm.yaml``, or for inputs
+``# lift.yaml for marionette_bar``) is that file; any other is a part that may be added to the first
+puppet file of the page.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import fantoccini as fan
+from fantoccini import puppet
+from fantoccini.puppet import Puppet
+from fantoccini.puppet.yaml_text import read_text
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    """The fenced blocks of a page in a language."""
+    text = page.read_text(encoding="utf-8")
+    return re.findall(rf"^```{language}\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
+
+
+def with_blocks(language: str) -> list[Path]:
+    return [page for page in PAGES if blocks(page, language)]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("page", with_blocks("python"), ids=lambda p: p.stem)
+def test_the_python_of_a_page_runs(page, folder, capsys):
+    names: dict[str, object] = {"__name__": "__page__"}
+    for block in blocks(page, "python"):
+        exec(compile(block, str(page), "exec"), names)
+
+
+@pytest.mark.parametrize("page", with_blocks("yaml"), ids=lambda p: p.stem)
+def test_the_files_of_a_page_are_read_and_run(page, folder):
+    first: Puppet | None = None
+    for block in blocks(page, "yaml"):
+        title = re.match(r"# (\w+\.yaml)(?: for (\w+))?$", block, flags=re.MULTILINE)
+        if title is None:
+            assert first is not None
+            puppet.loads(json.dumps(joined(first.model_dump(exclude_unset=True), block)))
+        elif title[2]:
+            (folder / title[1]).write_text(block, encoding="utf-8")
+            marionette = getattr(fan.puppets, title[2])()
+            inputs = fan.Input.load(marionette, folder / title[1])
+            fan.simulate(marionette, marionette.rest(), inputs)
+        else:
+            first = puppet.loads(block, title[1])
+            fan.Marionette(first).rest()
+
+
+def joined(whole: dict, part: str) -> dict:
+    """A puppet's data with a part of a file added: lists and mappings grow, the rest is new."""
+    for key, value in read_text(part).data.items():
+        old = whole.get(key)
+        if isinstance(value, list):
+            value = [*(old or ()), *value]
+        elif key == "pose":
+            value = {**(old or {}), **value}
+        whole[key] = value
+    return whole
+
+
+def test_the_readmes_commands_run(folder):
+    page = ROOT / "README.md"
+    for block in blocks(page, "yaml"):
+        (folder / block.split()[1]).write_text(block, encoding="utf-8")
+    lines = [line for block in blocks(page, "sh") for line in block.splitlines()]
+    commands = [line.split()[1:] for line in lines if line.startswith("fantoccini ")]
+    path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
+    for command in commands:
+        done = subprocess.run(
+            [sys.executable, "-c", "from fantoccini.cli import main; main()", *command],
+            env={**os.environ, "PYTHONPATH": path},
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+        )
+        assert done.returncode == 0, (command, done.stderr)
+    made = {path.name for path in folder.iterdir()}
+    assert made == {"pendulum.yaml", "pendulum.npz", "pendulum.png"}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
+def test_links_lead_somewhere(page):
+    text = page.read_text(encoding="utf-8")
+    for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", text):
+        if not target.startswith(("http://", "https://")):
+            assert (page.parent / target).exists(), target
+
+
+def test_the_readme_opens_with_the_two_commands():
+    first = blocks(ROOT / "README.md", "(?:sh|console)?")[0]
+    assert [line.split("#")[0].strip() for line in first.splitlines()] == ["make demo", "make test"]
