@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 import fantoccini as fan
-from fantoccini import view
 
 out = Path("out")
 out.mkdir(exist_ok=True)
@@ -42,5 +41,5 @@ for event in thrown.events:
     print(f"{event.t:.4f} s: {event.name} {event.kind}, impulse {event.impulse:.4f} N s")
 
 run.save(out / "arm2d.npz")
-view.plot(arm, run, out / "arm2d.png", scale=1.0)
+run.plot(out / "arm2d.png", scale=1.0)
 print("wrote", out / "arm2d.png", "and", out / "arm2d.npz")

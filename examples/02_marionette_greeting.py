@@ -32,5 +32,5 @@ print(f"the energy ledger closes to {np.abs(run.ledger['residual']).max():.0e} J
 
 run.to_csv(out / "greeting.csv")
 view.strip(puppet, run, out / "greeting.png", times=POSES, scale=1.0)
-view.plot(puppet, run, out / "greeting_plot.png", scale=1.0)
+run.plot(out / "greeting_plot.png", scale=1.0)
 print("wrote greeting.png, greeting_plot.png and greeting.csv in", out)

@@ -21,7 +21,8 @@ from fantoccini.tree import Role, Tree
 
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
 _SIZES = (
-    "n_qD", "n_vD", "n_qK", "n_vK", "n_strings", "n_limits", "n_p", "row_width", "event_width"
+    "n_qD", "n_vD", "n_qK", "n_vK", "n_strings", "n_limits", "n_p", "row_width", "event_width",
+    "input_bytes", "options_bytes", "record_bytes",
 )  # fmt: skip
 
 
@@ -112,11 +113,15 @@ class Library:
         self.handle.fan_sizes(sizes)
         self.sizes = dict(zip(_SIZES, sizes, strict=True))
         table = tree.coordinates
-        expected = (table.n_qD, table.n_vD, table.n_qK, table.n_vK, len(tree.strings))
-        if tuple(sizes[:5]) != expected:
+        expected = (
+            table.n_qD, table.n_vD, table.n_qK, table.n_vK, len(tree.strings), len(tree.limits),
+            len(tree.parameters),
+        )  # fmt: skip
+        structures = tuple(ctypes.sizeof(s) for s in (_InputArrays, _Options, _Record))
+        if tuple(sizes[:7]) + tuple(sizes[9:]) != expected + structures:
             raise BuildError(
-                f"the compiled puppet {path} is of another puppet: its sizes are "
-                f"{tuple(sizes[:5])}, not {expected}; delete the file to have it made again"
+                f"the compiled puppet {path} is of another puppet or version: its sizes are "
+                f"{tuple(sizes)}; delete the file to have it made again"
             )
         self.signatures = _signatures(tree)
         self.handle.fan_new.restype = ctypes.c_void_p

@@ -69,8 +69,8 @@ def test_pose_times(puppet):
 
 
 def test_a_plot_shows_every_string(tmp_path, puppet):
-    m, run = puppet
-    figure = view.plot(m, run, tmp_path / "a.png", scale=1.0)
+    _, run = puppet
+    figure = view.plot(run, tmp_path / "a.png", scale=1.0)
     assert imread(tmp_path / "a.png").shape[:2] == (1000, 1100)
     tension, modes = figure.axes[:2]
     assert [line.get_label() for line in tension.lines] == list(run.tension.names)
@@ -79,7 +79,7 @@ def test_a_plot_shows_every_string(tmp_path, puppet):
 
 def test_plots_without_driven_lengths(tmp_path):
     m = bundled("marionette_bar")
-    view.plot(m, swinging(m), tmp_path / "a.svg")
+    view.plot(swinging(m), tmp_path / "a.svg")
 
 
 def test_names_are_plain_text(tmp_path):
@@ -93,7 +93,7 @@ def test_names_are_plain_text(tmp_path):
     m.tree = dataclasses.replace(m.tree, name=HOSTILE)
     run = swinging(m)
     view.draw(m, run.state(0), tmp_path / "a.png", size=(200, 200))
-    assert view.plot(m, run, tmp_path / "b.png").texts[0].get_text() == HOSTILE
+    assert view.plot(run, tmp_path / "b.png").texts[0].get_text() == HOSTILE
     view.strip(m, run, tmp_path / "c.svg", n=2)
     assert plain("a\n\x1b[31m\tb  c") == "a [31m b c"
     assert len(plain("x" * 200)) == 60

@@ -60,7 +60,7 @@ def write_outputs(
         from fantoccini import view
 
         steps.step(f"drawing {plot}")
-        view.plot(marionette, run, plot)
+        view.plot(run, plot)
 
 
 def _write(

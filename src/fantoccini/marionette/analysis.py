@@ -217,21 +217,24 @@ class Analysis:
                 for q, _ in table.quaternions_D:
                     q_D[q : q + 4] /= np.linalg.norm(q_D[q : q + 4])
             M = np.array(self.equations["mass_matrix"](q_D, q_K, self.p)[0])
+            if not np.all(np.isfinite(M)):
+                raise PuppetError([self._massless(list(table.v_D), "is not finite")])
             scale = 1.0 / np.sqrt(np.maximum(np.diag(M), 1e-300))
             values, vectors = np.linalg.eigh(M * np.outer(scale, scale))
             if values[0] > _SINGULAR and np.all(np.diag(M) > 1e-300):
                 return
             still = np.where(np.diag(M) <= 1e-300, 1.0, np.abs(vectors[:, 0] * scale))
         names = [table.v_D[i] for i in np.flatnonzero(still > 1e-3 * np.max(still))]
-        raise PuppetError([self._massless(names)])
+        raise PuppetError([self._massless(names, "is singular")])
 
-    def _massless(self, names: list[str]) -> Problem:
+    def _massless(self, names: list[str], what: str) -> Problem:
         owner = names[0].split(".")[0]
         file, line = self.world.puppets[0].locate(owner.split("/")[-1])
         return Problem(
             file,
             line,
             owner,
-            f"the mass matrix is singular: nothing resists {', '.join(names)}; give a body below "
-            "this joint mass and inertia, or make the joint driven or fixed",
+            f"the mass matrix {what}: look at {', '.join(names)}; give the bodies below this joint "
+            "a mass and an inertia that are neither zero nor beyond all measure, or make the joint "
+            "driven or fixed",
         )

@@ -27,6 +27,11 @@ from fantoccini.runtime import Library, RunOptions
 from fantoccini.tree import CoordinateTable, Tree
 from fantoccini.world import World
 
+_NOT_GENERATING = (
+    "printing.py", "notation.py", "forms.py", "c99.py", "contract.py", "statements.py"
+)  # fmt: skip
+"""Modules beside the derivation that do not shape the compiled model."""
+
 METHODS = ("event", "timestepping")
 
 TENSION_CAP = 1e5
@@ -103,8 +108,6 @@ class Marionette(Analysis):
             return Library(folder / build.LIBRARY, self.tree)
 
     def _source(self) -> build.Source:
-        if self._progress:
-            self._progress("deriving")
         self.check_mass_matrix()
         generated = codegen.generate(self.equations)
         operations = generated.operations
@@ -224,10 +227,11 @@ class Marionette(Analysis):
             raise StateError(f"{name}: found {value}; it must be finite")
         if name.endswith(".length") and number.ndim == 0 and number <= 0:
             raise StateError(f"{name}: found {value}; a length must be positive")
+        scalar = name.startswith("v:") or name in table.q_D or name in table.q_K
+        if scalar and number.ndim:
+            raise StateError(f"{name}: found {number.size} numbers; it takes one")
         for names, target in ((table.q_D, q_D), (table.q_K, q_K)):
             if name in names:
-                if number.ndim:
-                    raise StateError(f"{name}: found {number.size} numbers; it takes one")
                 target[names.index(name)] = float(number)
                 return
             if name.endswith(".rotation") and name[: -len("rotation")] + "qw" in names:
@@ -400,8 +404,8 @@ def _quaternion(name: str, value: Array) -> Array:
 def _generator() -> str:
     """The generator's version: that of the text, and a hash of all code that shapes it."""
     digest = hashlib.sha256()
-    folders = [Path(module.__file__).parent for module in (equations, tree)]
-    files = [Path(codegen.model.__file__), *(f for d in folders for f in sorted(d.glob("*.py")))]
-    for file in files:
-        digest.update(file.read_bytes())
+    folders = [Path(module.__file__).parent for module in (equations, tree, codegen)]
+    for file in sorted(f for folder in folders for f in folder.glob("*.py")):
+        if file.name not in _NOT_GENERATING:
+            digest.update(file.read_bytes())
     return f"{codegen.VERSION}-{digest.hexdigest()}"

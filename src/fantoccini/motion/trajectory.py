@@ -251,6 +251,17 @@ class Trajectory:
             "ledger": {name: float(values[-1]) for name, values in self.ledger.items()},
         }
 
+    def plot(self, path: str | Path | None = None, **look):
+        """Tensions, string modes, energy and driven lengths against time, as a matplotlib figure.
+
+        Args:
+            path: writes the figure there as well (png, svg or pdf).
+            look: theme, size and scale, as in :func:`fantoccini.view.plot`.
+        """
+        from fantoccini.view import plot
+
+        return plot(self, path, **look)
+
     # -- inside ------------------------------------------------------------------------------
 
     def _tables(self) -> dict[str, Columns]:

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from fantoccini.marionette import Marionette
     from fantoccini.motion import Trajectory
 
 _MOST_LINES = 24
@@ -23,7 +22,6 @@ _MOST_LINES = 24
 
 
 def plot(
-    marionette: Marionette,
     run: Trajectory,
     path: str | os.PathLike | None = None,
     theme: str | Theme = "light",
@@ -37,8 +35,7 @@ def plot(
     other driven coordinates where no length is driven.
 
     Args:
-        marionette: the puppet's handle.
-        run: its motion.
+        run: the motion.
         path: writes the figure there as well (``.png``, ``.svg`` or ``.pdf``).
         theme: ``light``, ``dark``, or a Theme.
         size: width and height [px].
@@ -75,7 +72,7 @@ def plot(
     start, stop = float(run.t[0]), float(run.t[-1])
     rows[3].set_xlim(start, stop if stop > start else start + 1.0)
     figure.text(
-        left, 0.962, plain(marionette.tree.name), color=theme.ink, fontsize=12, weight="bold",
+        left, 0.962, plain(run.puppet.name if run.puppet else ""), color=theme.ink, fontsize=12, weight="bold",
         parse_math=False, usetex=False,
     )  # fmt: skip
     if target is not None:
