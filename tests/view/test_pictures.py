@@ -3,6 +3,7 @@
 import dataclasses
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -93,6 +94,7 @@ def test_names_are_plain_text(tmp_path):
     m.tree = dataclasses.replace(m.tree, name=HOSTILE)
     run = swinging(m)
     view.draw(m, run.state(0), tmp_path / "a.png", size=(200, 200))
+    run = dataclasses.replace(run, puppet=SimpleNamespace(name=HOSTILE))
     assert view.plot(run, tmp_path / "b.png").texts[0].get_text() == HOSTILE
     view.strip(m, run, tmp_path / "c.svg", n=2)
     assert plain("a\n\x1b[31m\tb  c") == "a [31m b c"

@@ -71,8 +71,9 @@ def plot(
     rows[3].set_xlabel("time [s]", color=theme.ink)
     start, stop = float(run.t[0]), float(run.t[-1])
     rows[3].set_xlim(start, stop if stop > start else start + 1.0)
+    title = plain(run.puppet.name if run.puppet else "")
     figure.text(
-        left, 0.962, plain(run.puppet.name if run.puppet else ""), color=theme.ink, fontsize=12, weight="bold",
+        left, 0.962, title, color=theme.ink, fontsize=12, weight="bold",
         parse_math=False, usetex=False,
     )  # fmt: skip
     if target is not None:
