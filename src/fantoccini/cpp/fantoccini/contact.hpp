@@ -8,7 +8,7 @@
 
 namespace fan {
 
-constexpr double kTouch = 1e-10;  // |h| below which a row counts as closed at an event, relative
+constexpr double kTouch = 1e-12;  // gap below which a row counts as closed at an event, relative
 // |hdot| below which a closed row counts as at rest. A row that a catch elsewhere loosens by less
 // and that pulls again at once would be slack for some 2 |hdot| / hddot = 2 us; holding it instead
 // changes the state by the product of both, some 1e-11, and spares a cascade of catches.
@@ -40,24 +40,16 @@ struct Contact {
       problem.active[a] = f.rows.hdot[a] > 0.0 || f.taut[list[a]];
     }
     if (!settle(problem)) return IMPOSSIBLE_INPUT;
-    double w[room(N)], change[room(N)], pull[room(M)] = {}, work = 0.0;
-    for (int j = 0; j < N; ++j) w[j] = 0.0;
     for (int a = 0; a < n; ++a) {
       const double x = problem.x[a];
       if (!(fabs(x) <= f.opt.tension_cap)) return IMPOSSIBLE_INPUT;
-      pull[a] = -x;
       impulse[list[a]] = x;
       speed[list[a]] = f.rows.hdot[a];
       lost += x * 0.5 * (f.rows.hdot[a] - problem.s[a]);
-      work += x * f.rows.hdot_K[a];
     }
-    f.rows.add(pull, w);
-    f.eval.back(w, change);
-    for (int j = 0; j < N; ++j) {
-      f.y[NQ + j] += change[j];
-      work += f.eval.M_DK_v_K[j] * change[j];
-    }
-    f.y[F::WORK] += work;
+    double change[room(N)];
+    f.y[F::WORK] += apply(f, change);
+    for (int j = 0; j < N; ++j) f.y[NQ + j] += change[j];
     return RUNNING;
   }
 
@@ -71,7 +63,7 @@ struct Contact {
       if (fabs(f.y[NQ + j]) > speed_scale) speed_scale = fabs(f.y[NQ + j]);
     int all[room(M)] = {}, list[room(M)] = {}, n_all = 0, n = 0;
     for (int r = 0; r < M; ++r)
-      if (fabs(f.eval.height(r)) <= closeness * f.row_scale(r) || (r < F::S && Model::wire[r]))
+      if (f.eval.height(r) >= -closeness * f.row_scale(r) || (r < F::S && Model::wire[r]))
         all[n_all++] = r;
     f.rows.gather(f.eval, f.y + NQ, all, n_all);
     for (int a = 0; a < n_all; ++a)
@@ -96,7 +88,47 @@ struct Contact {
     return RUNNING;
   }
 
+  // Brings the rows chosen to h = 0 and hdot = 0 at (t, y), without setting other closed rows in
+  // motion past their bounds: hdot = 0 on the taut rows, hdot <= 0 on the rest. `work` is what the
+  // inputs do meanwhile.
+  Status hold(F& f, double* work) {
+    double rate[F::NY];
+    if (f.rows.n == 0) return RUNNING;
+    const Status status = f.pull_back(f.y);
+    if (status != RUNNING) return status;
+    f.evaluate(f.t, f.y, rate);
+    int list[room(M)] = {}, n = 0;
+    for (int r = 0; r < M; ++r)
+      if (f.taut[r] || f.eval.height(r) >= -kTouch * f.row_scale(r)) list[n++] = r;
+    f.rows.gather(f.eval, f.y + NQ, list, n);
+    auto& problem = f.rows.problem;
+    for (int a = 0; a < n; ++a) {
+      problem.b[a] = f.rows.hdot[a];
+      problem.two_sided[a] = problem.two_sided[a] || f.taut[list[a]];
+      problem.active[a] = problem.two_sided[a];
+    }
+    if (!settle(problem)) return IMPOSSIBLE_INPUT;
+    double change[room(N)];
+    *work = apply(f, change);
+    for (int j = 0; j < N; ++j) f.y[NQ + j] += change[j];
+    return RUNNING;
+  }
+
  private:
+  // The change of velocity by the impulses solved for, and the work of the inputs in it.
+  double apply(F& f, double* change) {
+    double w[room(N)], pull[room(M)] = {}, work = 0.0;
+    for (int j = 0; j < N; ++j) w[j] = 0.0;
+    for (int a = 0; a < f.rows.n; ++a) {
+      pull[a] = -f.rows.problem.x[a];
+      work += f.rows.problem.x[a] * f.rows.hdot_K[a];
+    }
+    f.rows.add(pull, w);
+    f.eval.back(w, change);
+    for (int j = 0; j < N; ++j) work += f.eval.M_DK_v_K[j] * change[j];
+    return work;
+  }
+
   // Solves to rounding, or near it where rounding itself keeps rows from settling.
   template <class Problem>
   static bool settle(Problem& problem) {

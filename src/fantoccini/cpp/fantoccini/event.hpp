@@ -281,7 +281,7 @@ struct EventRun {
     refresh();
     const double energy = flow.total_energy();
     double work = 0.0;
-    const Status held = flow.project(flow.t, flow.y, &work);
+    const Status held = contact.hold(flow, &work);
     if (held != RUNNING) return held;
     flow.y[F::WORK] += work;
     refresh();

@@ -156,9 +156,8 @@ struct Flow {
   // --- projection -----------------------------------------------------------------------------
 
   // Brings the taut rows of `state` at time `at` back to h = 0 and hdot = 0 with the smallest
-  // change in the metric of M_DD. The evaluation must be that of (at, state). `work` is what the
-  // inputs do meanwhile.
-  Status project(double at, double* state, double* work = nullptr) {
+  // change in the metric of M_DD. The evaluation must be that of (at, state).
+  Status project(double at, double* state) {
     if (rows.n == 0) return RUNNING;
     const Status status = pull_back(state);
     if (status != RUNNING) return status;
@@ -167,11 +166,6 @@ struct Flow {
     double move[room(N)];
     correction(rows.hdot, move);
     for (int j = 0; j < N; ++j) state[NQ + j] += move[j];
-    if (work) {
-      *work = 0.0;
-      for (int a = 0; a < rows.n; ++a) *work += rows.problem.x[a] * rows.hdot_K[a];
-      for (int j = 0; j < N; ++j) *work += eval.M_DK_v_K[j] * move[j];
-    }
     return RUNNING;
   }
 

@@ -56,20 +56,18 @@ struct Guards {
   double guard(int r) const {
     if (r < S && Model::wire[r]) return -1.0;
     if (flow.taut[r]) return -flow.tension[r] / weight() - kNoTension;
-    return flow.eval.height(r) / flow.row_scale(r) - (armed[r] ? 0.0 : kOver);
+    // A row that is not armed may stand a trace beyond its bound: what counts is going further.
+    const double already = height0[r] > 0.0 ? height0[r] : 0.0;
+    const double open = flow.eval.height(r) - (armed[r] ? 0.0 : already);
+    return open / flow.row_scale(r) - (armed[r] ? 0.0 : kOver);
   }
 
-  struct Worst {
-    double guard;
-    int row;
-  };
-
-  // The row whose guard is largest at the latest evaluation.
-  Worst worst() const {
-    Worst out = {-1.0, 0};
+  // The largest guard at the latest evaluation.
+  double worst() const {
+    double out = -1.0;
     for (int r = 0; r < M; ++r) {
       const double g = guard(r);
-      if (g > out.guard || g != g) out = {g != g ? 1.0 : g, r};
+      if (g > out || g != g) out = g != g ? 1.0 : g;
     }
     return out;
   }
@@ -78,12 +76,12 @@ struct Guards {
   double guard_at(double s) {
     flow.stages(s);
     flow.evaluate(flow.t + s, flow.end, flow.k[dop853::stages]);
-    return worst().guard;
+    return worst();
   }
 
   // A time in (0, s] at which a guard is positive, or 0. The step has just been tried and
   // evaluated at its end, and is again when this returns 0.
-  double suspicious(double s) { return worst().guard > 0.0 ? s : inside(s); }
+  double suspicious(double s) { return worst() > 0.0 ? s : inside(s); }
 
   // Crossings that return within the step: heights by the cubic through the ends, tensions at the
   // stages, each confirmed by integrating there, the earliest first.
@@ -109,7 +107,9 @@ struct Guards {
   // Where within the step just evaluated row r may have crossed and returned; 0 if nowhere.
   double suspect(int r, double s) const {
     if (r < S && Model::wire[r]) return 0.0;
-    double worst = flow.taut[r] ? kNoTension * weight() : kOver * flow.row_scale(r), at = 0.0;
+    const double already = height0[r] > 0.0 ? height0[r] : 0.0;
+    double worst = flow.taut[r] ? kNoTension * weight() : already + kOver * flow.row_scale(r);
+    double at = 0.0;
     for (int i = 1; i < dop853::stages; ++i) {
       const double over = flow.taut[r] ? -flow.stage_tension[i][r] : flow.stage_height[i][r];
       if (over > worst && dop853::C[i] < 1.0) {
@@ -150,15 +150,16 @@ struct Guards {
     return hi;
   }
 
-  // The first time below `hi`, where a guard is positive, at which one still is, by no more than
-  // rounding. Rows one after the other: the root of the worst, then of whichever is worst there.
+  // The first time below `hi`, where guards are positive, at which one still is, by no more than
+  // rounding: row by row, until none has its root earlier. The flow is left there.
   double root(double hi) {
-    for (int i = 0; i <= M; ++i) {
-      const Worst at_hi = worst();
-      if (at_hi.guard <= (flow.taut[at_hi.row] ? kTensionRoot : kHeightRoot)) break;
-      const double found = root_of(at_hi.row, hi);
-      if (found >= hi) break;
-      hi = found;
+    for (int round = 0; round <= M; ++round) {
+      const double before = hi;
+      for (int r = 0; r < M; ++r) {
+        if (guard(r) <= (flow.taut[r] ? kTensionRoot : kHeightRoot)) continue;
+        hi = root_of(r, hi);
+      }
+      if (!(hi < before)) break;
     }
     return hi;
   }
