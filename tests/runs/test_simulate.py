@@ -234,3 +234,34 @@ def test_mirrored_strings_that_loosen_together_do_not_stall():
     run = fan.simulate(bar, bar.rest(), fan.Input.hold(bar, 4.0).with_forces(push))
     assert run.status is fan.Status.DONE
     assert np.max(run.violation.values) < 1e-9
+
+
+def test_catches_in_turn_accumulate():
+    """A rod on two strings inside its radius of gyration: intervals shrink by a constant ratio.
+
+    A catch of one string turns hdot of the other by -(1 - a^2/k^2) / (1 + a^2/k^2), with the
+    strings at a from the middle and k the radius of gyration; flights last 2 hdot / hddot.
+    """
+    a, inertia = 0.15, 1.0 / 12.0
+    rod = fan.loads(f"""
+puppet: rod
+bodies:
+  - name: rod
+    joint: {{type: free}}
+    mass: 1.0
+    com: [0, 0, 0]
+    inertia: [0.0001, {inertia}, {inertia}]
+strings:
+  - {{name: left, path: [{{body: rod, at: [-{a}, 0, 0]}}, {{world: [-{a}, 0, 1]}}], length: 1.0}}
+  - {{name: right, path: [{{body: rod, at: [{a}, 0, 0]}}, {{world: [{a}, 0, 1]}}], length: 1.0}}
+""")
+    x0 = rod.state({"rod.z": 0.1, "rod.rotation": [0, 0.05, 0]})
+    run = fan.simulate(rod, x0, t_end=1.5)
+    catches = [e for e in run.events if e.kind == "catch"]
+    assert {e.name for e in catches[-4:]} == {"left", "right"}
+    ratio = (1 - a**2 / inertia) / (1 + a**2 / inertia)
+    intervals = np.diff([e.t for e in catches])[6:16]
+    assert np.allclose(intervals[1:] / intervals[:-1], ratio, rtol=1e-3)
+    assert [e.kind.value for e in run.events][-1] == "accumulation"
+    assert run.taut.values[-1].all()
+    assert abs(run.ledger["residual"][-1]) < 1e-8

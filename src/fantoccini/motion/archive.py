@@ -51,6 +51,8 @@ _folders: list[TemporaryDirectory] = []
 def replacing(path: str | Path) -> Iterator[Path]:
     """A temporary name in the same folder, renamed to ``path`` when the block ends well."""
     path = Path(path)
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"{path} cannot be written: there is no folder {path.parent}")
     temporary = path.with_name(f".{path.name}.{os.getpid()}.{secrets.token_hex(4)}.part")
     try:
         yield temporary

@@ -23,6 +23,7 @@ struct Contact {
   double impulse[room(M)];  // of the last catch, by row
   double speed[room(M)];    // hdot before it
   double lost = 0.0;        // kinetic energy lost in it
+  double stopped = 0.0;     // largest |hdot| that the last hold took from a taut row
 
   // Applies the impulse over the rows `closed` at (t, y) and books its work. The flow's evaluation
   // must be that of (t, y).
@@ -93,7 +94,10 @@ struct Contact {
   // inputs do meanwhile.
   Status hold(F& f, double* work) {
     double rate[F::NY];
+    stopped = 0.0;
     if (f.rows.n == 0) return RUNNING;
+    for (int a = 0; a < f.rows.n; ++a)
+      if (fabs(f.rows.hdot[a]) > stopped) stopped = fabs(f.rows.hdot[a]);
     const Status status = f.pull_back(f.y);
     if (status != RUNNING) return status;
     f.evaluate(f.t, f.y, rate);

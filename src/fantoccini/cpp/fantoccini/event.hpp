@@ -21,7 +21,7 @@ struct EventRun {
 
   F flow;
   Contact<Model> contact;
-  Accumulation<M> accumulation;
+  Accumulation accumulation;
   double impact = 0.0;  // energy lost in catches so far
   Guards<Model> guards{flow};
   double step_size = 0.0;
@@ -217,7 +217,7 @@ struct EventRun {
       caught = caught || touches;
     }
     if (caught) {
-      accumulation.watch(flow, closed, before);
+      accumulation.watch(flow.t);
       if (!flow.opt.save_steps) emit(out);
       Status status = contact.strike(flow, closed);
       if (status != RUNNING) return status;
@@ -227,12 +227,6 @@ struct EventRun {
           out.event(flow.t, CATCH, r, contact.impulse[r], contact.speed[r]);
           ++n_events;
         }
-      if (accumulation.reached(flow)) {
-        status = accumulation.settle(flow, impact);
-        if (status != RUNNING) return status;
-        out.event(flow.t, ACCUMULATION, -1, 0.0, 0.0);
-        ++n_events;
-      }
     }
     return settle_mode(before, closed, loose, out);
   }
@@ -286,6 +280,11 @@ struct EventRun {
     flow.y[F::WORK] += work;
     refresh();
     impact += energy + work - flow.total_energy();
+    if (contact.stopped > kCreep && accumulation.shrinking()) {
+      out.event(flow.t, ACCUMULATION, -1, 0.0, contact.stopped);
+      ++n_events;
+      accumulation.forget();
+    }
     guards.remember();
     if (changed) emit(out);
     return RUNNING;
