@@ -78,3 +78,22 @@ def test_lengths_that_do_not_fit_are_named():
     assert crane is not None
     with pytest.raises(fan.StateError, match="hand"):
         arm.rest({"hand.length": 0.05, "hand.x": 2.0})
+
+
+@pytest.mark.parametrize(("name", "seed"), [("marionette", 0), ("stand6", 6), ("stand6", 13)])
+def test_rest_is_found_from_afar(name, seed):
+    """Lengths off by a tenth: soft modes, limits that come to bear, saddles passed on the way."""
+    puppet = getattr(fan.puppets, name)()
+    x0, rng, values = puppet.rest(), np.random.default_rng(seed), {}
+    for q, _ in puppet.coordinates.scalars_K:
+        coordinate, start = puppet.coordinates.q_K[q], x0.q_K[q]
+        if coordinate.endswith("length"):
+            values[coordinate] = start * (1 + rng.uniform(-0.1, 0.1))
+        else:
+            values[coordinate] = start + rng.uniform(-0.1, 0.1)
+    x = puppet.rest(values)
+    acc, tension = puppet.accelerations(x)
+    assert np.max(np.abs(acc)) < 1e-7
+    assert np.min(tension) >= 0.0
+    run = fan.simulate(puppet, x, t_end=2.0)
+    assert np.max(np.abs(run.q_D - x.q_D)) < 1e-6

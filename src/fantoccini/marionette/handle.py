@@ -302,6 +302,8 @@ class Marionette(Analysis):
         rows = np.flatnonzero(closed | self.two_sided)
         hddot = instant.gamma[rows] + instant.W[:, rows].T @ instant.w0
         pull, _ = instant.complementarity(rows, hddot, self.two_sided)
+        # Zero up to rounding may come with either sign.
+        pull = np.where(self.two_sided[rows], pull, np.maximum(pull, 0.0))
         tension = np.zeros(self.tree.n_rows)
         tension[rows] = pull
         return instant.back(instant.w0 - instant.W[:, rows] @ pull), tension

@@ -30,6 +30,10 @@ equilibrium, only the speed of convergence."""
 _CLOSE = 0.01
 """Unbalanced part of the forces below which Newton's method takes over; from farther away it may
 go to another equilibrium, not to the one the puppet falls into."""
+_LONGEST = 0.3
+"""Longest move of one round of Newton's method [rad or m]."""
+_STANDS = 1e-6
+"""Distance from an equilibrium at which the puppet stands on it, rather than passes it by."""
 _PUSHES = 8
 _PUSH = 0.05
 """Largest part of a push off an unstable equilibrium [rad or m]."""
@@ -141,13 +145,19 @@ def rest(marionette: Marionette, x: State) -> State:
     still = x.replace(v_D=np.zeros_like(x.v_D), v_K=np.zeros_like(x.v_K))
     still = project(marionette, still)
     for _ in range(_PUSHES):
-        settled = _settled(marionette, still)
-        if settled is None:
+        pushed = None
+        for q_D in _relaxed(marionette, still):
+            found = _newton(marionette, still.replace(q_D=q_D))
+            if found is None:
+                continue
+            push = _instability(marionette, found)
+            if push is None:
+                return marionette.with_mode(found.x)
+            if np.max(np.abs(found.x.q_D - q_D)) < _STANDS:
+                pushed = found.x.replace(q_D=retract(marionette, found.x.q_D, push))
+                break
+        if pushed is None:
             break
-        push = _instability(marionette, settled)
-        if push is None:
-            return marionette.with_mode(settled.x)
-        pushed = settled.x.replace(q_D=retract(marionette, settled.x.q_D, push))
         still = project(marionette, pushed)
     raise StateError(
         "no equilibrium was found: the puppet keeps moving. Is every free body held by a string, "
@@ -168,14 +178,6 @@ class _Equilibrium:
     x: State
     rows: Array
     tension: Array
-
-
-def _settled(marionette: Marionette, x: State) -> _Equilibrium | None:
-    for q_D in _relaxed(marionette, x):
-        found = _newton(marionette, x.replace(q_D=q_D))
-        if found is not None:
-            return found
-    return None
 
 
 def _instability(marionette: Marionette, found: _Equilibrium) -> Array | None:
@@ -247,22 +249,42 @@ def _newton(marionette: Marionette, x: State) -> _Equilibrium | None:
         force = instant.w0 - W @ tension
         shift = np.max(np.abs(instant.h[rows]) / scale[rows], initial=0.0)
         if np.linalg.norm(force) < 1e-13 * size and shift < 1e-14:
-            return _accepted(marionette, x, instant, rows, tension)
+            changed = _changed(marionette, instant, rows, tension, scale)
+            if changed is None:
+                return _Equilibrium(x, rows, tension)
+            rows = changed
+            continue
         K, A = _slopes(marionette, _Equilibrium(x, rows, tension))
         system = np.block([[K, -W], [A, np.zeros((len(rows), len(rows)))]])
         step = np.linalg.lstsq(system, -np.concatenate([force, instant.h[rows]]), rcond=1e-9)[0]
         move = step[:n]
         largest = np.max(np.abs(move), initial=0.0)
-        if not largest < 1.0:
+        if not np.isfinite(largest):
             return None
-        x = x.replace(q_D=retract(marionette, x.q_D, move))
-        if largest < 1e-15:
-            return _accepted(marionette, x, instant, rows, tension)
+        x = x.replace(q_D=retract(marionette, x.q_D, move * min(1.0, _LONGEST / (largest or 1.0))))
+        settled = largest < 1e-15
+        if settled and _changed(marionette, instant, rows, tension, scale) is None:
+            return _Equilibrium(x, rows, tension)
     instant = marionette.instant(x)
     force = instant.w0 - instant.W[:, rows] @ tension
-    if np.linalg.norm(force) < 1e-11 * size:
-        return _accepted(marionette, x, instant, rows, tension)
+    balanced = np.linalg.norm(force) < 1e-11 * size
+    if balanced and _changed(marionette, instant, rows, tension, scale) is None:
+        return _Equilibrium(x, rows, tension)
     return None
+
+
+def _changed(
+    marionette: Marionette, instant: Instant, rows: Array, tension: Array, scale: Array
+) -> Array | None:
+    """The rows that should pull instead: without those that push, with those that are overstepped.
+
+    None when the rows are right.
+    """
+    pushing = (tension < -1e-9 * marionette.weight) & ~marionette.two_sided[rows]
+    beyond = (instant.h > CLOSED * scale) & ~marionette.two_sided
+    if not np.any(pushing) and not np.any(beyond):
+        return None
+    return np.union1d(rows[~pushing], np.flatnonzero(beyond))
 
 
 def _slopes(marionette: Marionette, at: _Equilibrium) -> tuple[Array, Array]:
@@ -275,15 +297,3 @@ def _slopes(marionette: Marionette, at: _Equilibrium) -> tuple[Array, Array]:
         force[i] = instant.w0 - instant.W[:, at.rows] @ at.tension
         h[i] = instant.h[at.rows]
     return tuple((part[:n] - part[n:]).T / (2 * _STEP) for part in (force, h))
-
-
-def _accepted(
-    marionette: Marionette, x: State, instant: Instant, rows: Array, tension: Array
-) -> _Equilibrium | None:
-    """The equilibrium, if strings pull and no other row is broken."""
-    one_sided = ~marionette.two_sided[rows]
-    if np.any(tension[one_sided] < -1e-9 * marionette.weight):
-        return None
-    if np.any((instant.h > CLOSED * marionette.row_scales(x)) & ~marionette.two_sided):
-        return None
-    return _Equilibrium(x, rows, tension)
