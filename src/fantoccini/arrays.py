@@ -25,9 +25,6 @@ ConfigK = NDArray[np.float64]
 VecK = NDArray[np.float64]
 """(n_vK,) driven velocity, acceleration or force."""
 
-VecRows = NDArray[np.float64]
-"""(n_rows,) one number a string or limit."""
-
 MaskRows = NDArray[np.bool_]
 """(n_rows,) one flag a string or limit."""
 

@@ -15,7 +15,7 @@ import numpy as np
 from fantoccini import build, codegen, equations, puppet, tree
 from fantoccini.arrays import Array
 from fantoccini.errors import BuildError, StateError, UnknownNameError
-from fantoccini.marionette import statics
+from fantoccini.marionette import checks, statics
 from fantoccini.marionette.analysis import Analysis
 from fantoccini.marionette.instant import Instant
 from fantoccini.marionette.rows import RowLayout
@@ -31,8 +31,6 @@ _NOT_GENERATING = (
     "printing.py", "notation.py", "forms.py", "c99.py", "contract.py", "statements.py"
 )  # fmt: skip
 """Modules beside the derivation that do not shape the compiled model."""
-
-METHODS = ("event", "timestepping")
 
 TENSION_CAP = 1e5
 """Largest tension a string may pull, in weights of the puppet."""
@@ -266,7 +264,7 @@ class Marionette(Analysis):
 
     def check_start(self, x: State) -> None:
         """Raises :class:`StateError` when a run cannot begin at ``x``."""
-        statics.check_start(self, x)
+        checks.check_start(self, x)
 
     def instant(self, x: State, acc_K: Array | None = None, u_D: Array | None = None) -> Instant:
         """The compiled model's quantities at a state.
@@ -298,7 +296,7 @@ class Marionette(Analysis):
         instant = self.instant(x, acc_K, u_D)
         scale = self.row_scales(x)
         speed = 1e-7 * max(1.0, float(np.max(np.abs(x.v_D), initial=0.0)))
-        closed = (np.abs(instant.h) <= statics.CLOSED * scale) & (np.abs(instant.hdot) <= speed)
+        closed = (np.abs(instant.h) <= checks.CLOSED * scale) & (np.abs(instant.hdot) <= speed)
         rows = np.flatnonzero(closed | self.two_sided)
         hddot = instant.gamma[rows] + instant.W[:, rows].T @ instant.w0
         pull, _ = instant.complementarity(rows, hddot, self.two_sided)
@@ -332,7 +330,7 @@ class Marionette(Analysis):
             dt: step of the time-stepper [s].
             rtol, atol: tolerances of the event-driven integrator.
         """
-        check_method(method)
+        checks.check_method(method)
         self.check_start(x0)
         return Stepper(self, x0, method, self.run_options(dt=dt, rtol=rtol, atol=atol))
 
@@ -357,12 +355,6 @@ class Marionette(Analysis):
         """The state with its taut rows found."""
         _, tension = self.accelerations(x)
         return x.replace(taut=tension > 0.0)
-
-
-def check_method(method: str) -> None:
-    """Raises ValueError unless ``method`` is one that runs know."""
-    if method not in METHODS:
-        raise ValueError(f"method is {method!r}; it must be {' or '.join(map(repr, METHODS))}")
 
 
 def load(path: str | Path, progress: Callable[[str], None] | None = None) -> Marionette:

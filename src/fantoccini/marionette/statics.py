@@ -9,6 +9,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError, Status
+from fantoccini.marionette.checks import CLOSED
 from fantoccini.marionette.instant import Instant
 from fantoccini.motion import Input, State
 from fantoccini.motion.rotation import exp, multiply
@@ -16,9 +17,6 @@ from fantoccini.runtime import Run
 
 if TYPE_CHECKING:
     from fantoccini.marionette.handle import Marionette
-
-CLOSED = 1e-9
-"""|h| below which a row counts as closed, relative to 1 m or the string's length."""
 
 _RELAX_DT = 0.002
 _RELAX_PIECE = 0.1
@@ -60,36 +58,6 @@ def retract(marionette: Marionette, q_D: Array, move: Array) -> Array:
         turned = multiply(out[..., q : q + 4], exp(move[..., v : v + 3]))
         out[..., q : q + 4] = turned / np.linalg.norm(turned, axis=-1, keepdims=True)
     return out
-
-
-def check_start(marionette: Marionette, x: State) -> None:
-    """Raises when a string is longer than its length, or is about to be.
-
-    Raises:
-        StateError: naming the rows, by how much, and the repair.
-    """
-    instant = marionette.instant(x)
-    scale = marionette.row_scales(x)
-    too_long = instant.h > CLOSED * scale
-    closed = np.abs(instant.h) <= CLOSED * scale
-    speed = 1e-7 * max(1.0, float(np.max(np.abs(x.v_D), initial=0.0)))
-    opening = closed & (instant.hdot > speed)
-    wires = marionette.two_sided & (
-        (np.abs(instant.h) > CLOSED * scale) | (np.abs(instant.hdot) > speed)
-    )
-    names, findings = marionette.tree.row_names, []
-    for i in np.flatnonzero(too_long | opening | wires):
-        if too_long[i] or (wires[i] and abs(instant.h[i]) > CLOSED * scale[i]):
-            findings.append(f"{names[i]} is violated by {instant.h[i]:.3g}")
-        else:
-            rate = f"{instant.hdot[i]:.3g}/s"
-            findings.append(f"{names[i]} is at its bound and moves past it at {rate}")
-    if findings:
-        raise StateError(
-            f"the start state breaks {len(findings)} of the strings and limits: "
-            + "; ".join(findings)
-            + ". marionette.project(x) gives the nearest state that does not."
-        )
 
 
 def project(marionette: Marionette, x: State) -> State:

@@ -8,15 +8,13 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import InputError, Problem, SimulationError, StateError, Status
+from fantoccini.errors import SimulationError, Status
+from fantoccini.marionette.checks import check_inputs, check_speed
 from fantoccini.motion import Input, State
 from fantoccini.runtime import Run, RunOptions
 
 if TYPE_CHECKING:
     from fantoccini.marionette.handle import Marionette
-
-_SAME_SPEED = 1e-9
-"""Relative difference of velocities that counts as none."""
 
 Law = Callable[[State], "Array | Mapping[str, float]"]
 
@@ -146,56 +144,3 @@ class Stepper:
             }
             made = made.with_forces(forces)
         return made
-
-
-def check_inputs(marionette: Marionette, inputs: Input, t: float, t_end: float) -> None:
-    """Raises unless inputs are this puppet's and do not stop or start dead within a run.
-
-    Args:
-        marionette: the puppet.
-        inputs: not bound yet.
-        t, t_end: the run [s].
-
-    Raises:
-        InputError: naming the coordinates and times.
-    """
-    own, theirs = marionette.coordinates, inputs.coordinates
-    if (own.q_K, own.v_D) != (theirs.q_K, theirs.v_D):
-        text = (
-            "were made for a puppet with the driven coordinates "
-            f"{', '.join(theirs.q_K) or 'none'}; {marionette.name} has "
-            f"{', '.join(own.q_K) or 'none'}"
-        )
-        raise InputError([Problem("inputs", None, "", text)])
-    problems = []
-    ends = []
-    if inputs.start > t:
-        ends.append(("begin", inputs.start, inputs.coef[0, :, 1]))
-    if inputs.end < t_end:
-        ends.append(("end", inputs.end, inputs.evaluate(inputs.end)[1]))
-    for what, when, speed in ends:
-        for i in np.flatnonzero(np.abs(speed) > _SAME_SPEED):
-            problems.append(
-                Problem(
-                    "inputs",
-                    None,
-                    own.v_K[i],
-                    f"the inputs {what} at t = {when:g} s with the velocity {speed[i]:.6g}, and "
-                    f"the run goes from {t:g} s to {t_end:g} s; let them {what} at rest, or let "
-                    "the run not go beyond them",
-                )
-            )
-    if problems:
-        raise InputError(problems)
-
-
-def check_speed(marionette: Marionette, x: State, bound: Input) -> None:
-    """Raises StateError when the driven velocities would jump from a state to its inputs."""
-    found = bound.evaluate(x.t)[1]
-    wrong = np.flatnonzero(np.abs(found - x.v_K) > _SAME_SPEED * np.maximum(1.0, np.abs(x.v_K)))
-    if len(wrong):
-        names = [marionette.coordinates.v_K[i] for i in wrong]
-        raise StateError(
-            f"the velocity of {', '.join(names)} would jump at t = {x.t:g} s: the state has "
-            f"{x.v_K[wrong[0]]:.6g}, the inputs begin with {found[wrong[0]]:.6g}"
-        )

@@ -28,6 +28,4 @@ FAN_FN bool any(bool mask) { return mask; }
 // Length of an array of n numbers: C++ has no arrays of length 0.
 constexpr int room(int n) { return n > 0 ? n : 1; }
 
-constexpr int larger(int a, int b) { return a > b ? a : b; }
-
 }  // namespace fan
