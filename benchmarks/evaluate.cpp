@@ -31,7 +31,13 @@ int main() {
   for (int i = 0; i < Model::n_p; ++i) flow.p[i] = p[i];
   for (int i = 0; i < Model::n_qD; ++i) flow.y[i] = q_D[i];
   for (int k = 0; k < Model::n_vD; ++k) flow.y[Model::n_qD + k] = v_D[k];
-  for (int r = 0; r < Model::n_rows; ++r) flow.taut[r] = r < Model::n_strings;
+  for (int r = 0; r < Model::n_rows; ++r)
+    flow.mode[r] = r < Model::n_strings ? fan::HELD : fan::SLACK;
+  for (int i = 0; i < Model::n_strings; ++i) {
+    flow.slip[i] = flow.winding[i] = 0.0;
+    flow.winches.max_tension[i] = fan::kUnlimited;
+  }
+  flow.opt.tension_cap = 1e9;
 
   double rate[fan::Flow<Model>::NY], sum = 0.0;
   for (int repeat = 0; repeat < int(head[0]); ++repeat) {

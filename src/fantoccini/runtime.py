@@ -16,7 +16,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import BuildError, Status
-from fantoccini.motion import Input
+from fantoccini.motion import Input, State
 from fantoccini.tree import Role, Tree
 
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
@@ -24,6 +24,10 @@ _SIZES = (
     "n_qD", "n_vD", "n_qK", "n_vK", "n_strings", "n_limits", "n_p", "row_width", "event_width",
     "input_bytes", "options_bytes", "record_bytes",
 )  # fmt: skip
+
+
+_UNLIMITED = 1e300
+"""A bound that is none, as the runtime has it."""
 
 
 class _InputArrays(ctypes.Structure):
@@ -166,29 +170,56 @@ class Library:
         return out
 
     def complementarity(
-        self, G: Array, b: Array, two_sided: Array | None = None
-    ) -> tuple[Array, Array, bool]:
-        """x >= 0, s = G x - b >= 0, x . s = 0 over at most as many rows as the puppet has.
+        self,
+        W: Array,
+        b: Array,
+        two_sided: Array | None = None,
+        upper: Array | None = None,
+        guess: Array | None = None,
+    ) -> Complementarity:
+        """0 <= x <= upper, s = W^T W x - b: >= 0 at x = 0, <= 0 at x = upper, 0 between.
 
         Args:
-            G: (n, n) symmetric, positive semidefinite.
+            W: (n_vD, n) a column a row; at most as many as the puppet has rows.
             b: (n,).
-            two_sided: (n,) rows with s = 0 and x of any sign.
-
-        Returns:
-            x (n,), s (n,), and whether it was solved.
+            two_sided: (n,) rows with s = 0 and x of any sign; none when not given.
+            upper: (n,) bounds of x; none when not given.
+            guess: (n,) rows that are expected to have x > 0; all when not given.
         """
         n = len(b)
         if n > self.sizes["n_strings"] + self.sizes["n_limits"]:
             raise ValueError(f"{n} rows are more than the puppet has")
-        G, b = (np.ascontiguousarray(a, dtype=float) for a in (G, b))
-        sides = np.zeros(n, dtype=np.int32) if two_sided is None else two_sided.astype(np.int32)
-        x, s = np.zeros(n), np.zeros(n)
-        solved = self.handle.fan_complementarity(
-            n, _pointer(G), _pointer(b), sides.ctypes.data_as(ctypes.POINTER(ctypes.c_int)),
-            _pointer(x), _pointer(s),
+        if W.shape != (self.sizes["n_vD"], n):
+            raise ValueError(f"W has the shape {W.shape}; it must be {(self.sizes['n_vD'], n)}")
+        columns, b = (np.ascontiguousarray(a, dtype=float) for a in (W.T, b))
+        upper = np.full(n, _UNLIMITED) if upper is None else np.minimum(upper, _UNLIMITED)
+        sides = np.zeros(n, bool) if two_sided is None else two_sided
+        active = np.ones(n, bool) if guess is None else guess
+        sides, active = (a.astype(np.int32) for a in (sides, active))
+        x, s, ray = np.zeros(n), np.zeros(n), np.zeros(n)
+        status = self.handle.fan_complementarity(
+            n, _pointer(columns), _pointer(b), _pointer(upper), _integers(sides),
+            _integers(active), _pointer(x), _pointer(s), _pointer(ray),
         )  # fmt: skip
-        return x, s, bool(solved)
+        return Complementarity(x, s, status == 0, ray if status == 1 else None)
+
+
+@dataclass(frozen=True, eq=False)
+class Complementarity:
+    """What :meth:`Library.complementarity` found.
+
+    Attributes:
+        x: (n,) of least norm where several give the same motion.
+        s: (n,).
+        solved: whether x and s are the answer.
+        ray: (n,) where there is none: y >= 0 with W y = 0 and b . y > 0, which says that the rows
+            with y > 0 cannot hold together.
+    """
+
+    x: Array
+    s: Array
+    solved: bool
+    ray: Array | None
 
 
 class Run:
@@ -198,8 +229,9 @@ class Run:
         library: the compiled puppet.
         method: ``event`` or ``timestepping``.
         options: numbers that steer it.
-        t, q_D, v_D: where it starts.
+        x0: where it starts.
         p: (n_p,) parameters.
+        winches: (n_strings, 3) largest tension [N], rewinding speed [m/s], restitution.
         inputs: bound inputs.
         save_at: (n,) increasing times at which the event-driven run writes rows [s].
     """
@@ -214,10 +246,9 @@ class Run:
         library: Library,
         method: str,
         options: RunOptions,
-        t: float,
-        q_D: Array,
-        v_D: Array,
+        x0: State,
         p: Array,
+        winches: Array,
         inputs: Input,
         save_at: Array | None = None,
     ):
@@ -235,11 +266,15 @@ class Run:
         names = [name for name, _ in _Options._fields_]
         chosen = _Options(**{name: getattr(options, name) for name in names})
         arrays, held = _input_arrays(inputs)
-        start = [np.ascontiguousarray(a, dtype=float) for a in (q_D, v_D, p)]
+        slip = x0.slip if len(x0.slip) else np.zeros(library.sizes["n_strings"])
+        start = [
+            np.ascontiguousarray(a, dtype=float)
+            for a in (x0.q_D, x0.v_D, slip, p, np.minimum(winches, _UNLIMITED))
+        ]
         self.status = Status(
             library.handle.fan_start(
                 self._run,
-                ctypes.c_double(t),
+                ctypes.c_double(x0.t),
                 *(_pointer(a) for a in start),
                 ctypes.byref(arrays),
                 ctypes.byref(chosen),
@@ -293,6 +328,13 @@ class Run:
         self.library.handle.fan_progress(self._run, _pointer(out))
         return int(out[0]), float(out[1]), float(out[2])
 
+    @property
+    def blame(self) -> Array:
+        """(n_rows,) how much each row is to blame for the status, 0 to 1."""
+        out = np.zeros(self.library.sizes["n_strings"] + self.library.sizes["n_limits"])
+        self.library.handle.fan_blame(self._run, _pointer(out))
+        return out
+
     def _taken(self) -> tuple[Array, Array]:
         rows = self._rows[: self._record.n_rows].copy()
         events = self._events[: self._record.n_events].copy()
@@ -344,6 +386,10 @@ def _input_arrays(inputs: Input) -> tuple[_InputArrays, list[Array]]:
 
 def _pointer(array: Array) -> _DOUBLES:
     return array.ctypes.data_as(_DOUBLES)
+
+
+def _integers(array: np.ndarray):
+    return array.ctypes.data_as(ctypes.POINTER(ctypes.c_int))
 
 
 def _pointers(arrays: list[Array]) -> ctypes.Array:

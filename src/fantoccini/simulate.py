@@ -14,7 +14,12 @@ from fantoccini.motion import Columns, Event, EventKind, Input, State, Trajector
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Run
 
-_KINDS = (EventKind.CATCH, EventKind.RELEASE, EventKind.ACCUMULATION, EventKind.BREAKPOINT)
+_KINDS = (
+    EventKind.CATCH, EventKind.RELEASE, EventKind.ACCUMULATION, EventKind.BREAKPOINT,
+    EventKind.SLIP, EventKind.GRIP,
+)  # fmt: skip
+_TO_BLAME = 0.1
+"""Share of the blame for a status, 0 to 1, from which a string or limit is named."""
 _LIMIT_KINDS = {EventKind.CATCH: EventKind.LIMIT_ON, EventKind.RELEASE: EventKind.LIMIT_OFF}
 
 
@@ -88,12 +93,12 @@ def simulate(
         save_every=save_every,
     )  # fmt: skip
     run = Run(
-        marionette.library, method, options, x0.t, x0.q_D, x0.v_D, marionette.p, bound, save_at
+        marionette.library, method, options, x0, marionette.p, marionette.winches, bound, save_at
     )
     rows, events = [], []
     status = _collect(run, t_end, progress, rows, events)
     made = _trajectory(
-        marionette, np.concatenate(rows), np.concatenate(events), status, method, effort
+        marionette, np.concatenate(rows), np.concatenate(events), status, method, effort, run.blame
     )
     if status is not Status.DONE and throw:
         raise SimulationError(status, _where(marionette, made), made)
@@ -101,12 +106,13 @@ def simulate(
 
 
 def _where(marionette: Marionette, made: Trajectory) -> str:
-    """When a run stopped, and the strings that were pulling hardest."""
+    """When a run stopped, the strings that made it, and what they pulled."""
     text = f"at t = {made.t[-1]:.6g} s"
+    if made.blamed:
+        text += f", because of {', '.join(made.blamed)}"
     last = made.tension.values[-1]
     if np.max(last, initial=0.0) > 10.0 * marionette.weight:
-        hard = [n for n, f in zip(made.tension.names, last, strict=True) if f > 0.1 * np.max(last)]
-        text += f", with {', '.join(hard)} at {np.max(last):.3g} N"
+        text += f"; the largest tension was {np.max(last):.3g} N"
     lengths = marionette.string_lengths(made.q_K[-1])
     gone = [n for n, x in zip(made.tension.names, lengths, strict=True) if x < 1e-3]
     return text + "".join(f"; {n}.length is nearly 0" for n in gone)
@@ -149,6 +155,7 @@ def _trajectory(
     status: Status,
     method: str,
     with_effort: bool,
+    blame: Array,
 ) -> Trajectory:
     tree = marionette.tree
     part = marionette.row_layout.split(rows)
@@ -175,19 +182,22 @@ def _trajectory(
         puppet=marionette.puppet,
         effort=effort,
         violation=_violation(marionette, part),
+        slip=Columns(strings, part["slip"], "string"),
+        blamed=tuple(tree.row_names[i] for i in np.flatnonzero(blame > _TO_BLAME)),
     )
 
 
 def _violation(marionette: Marionette, part: dict[str, Array]) -> Columns:
     """max(h, 0) of every row, |h| of wires: how far strings and limits were overstepped."""
     (h,) = marionette.library.evaluate("rows", [part["q_D"], part["q_K"], marionette.p])
+    h[:, : part["slip"].shape[1]] -= part["slip"]
     beyond = np.where(marionette.two_sided, np.abs(h), np.maximum(h, 0.0))
     return Columns(marionette.tree.row_names, beyond, "string or limit")
 
 
 def _ledger(part: dict[str, Array]) -> Columns:
     """residual = (T + V) - (T + V)_0 - work + damping + impact + slip: what the books miss."""
-    slip = np.zeros_like(part["work"])
+    slip = part["slip_loss"]
     energy = part["kinetic"] + part["potential"]
     residual = energy - energy[0] - part["work"] + part["damping"] + part["impact"] + slip
     entries = {**part, "slip": slip, "residual": residual}

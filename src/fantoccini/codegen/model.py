@@ -80,6 +80,7 @@ def tables_text(equations: Equations) -> str:
         "n_rows": tree.n_rows,
         "n_p": len(tree.parameters),
         "n_packed": packed,
+        "n_points": sum(len(s.points) for s in tree.strings),
     }
     places = [_limit_place(tree, limit) for limit in tree.limits]
     length_q = [s.length_index[0] if s.length_index else -1 for s in tree.strings]
@@ -89,6 +90,7 @@ def tables_text(equations: Equations) -> str:
         _array("bool", "wire", [int(s.wire) for s in tree.strings]),
         _array("int", "length_q", length_q),
         _array("double", "nominal_length", [_nominal(s) for s in tree.strings]),
+        _array("int", "string_points", [len(s.points) for s in tree.strings]),
         _array("int", "limit_v", [first for first, _ in places]),
         _array("int", "limit_n", [n for _, n in places]),
         *_space("Dynamic", table.n_qD, table.n_vD, table.scalars_D, table.quaternions_D),

@@ -74,8 +74,10 @@ class Analysis:
         return self._interpreted("damping", x)[0].ravel()
 
     def constraint(self, x: State) -> Array:
-        """h(q), (n_rows,): path length less string length [m]; limits [m, rad or 1]."""
-        return self._interpreted("constraint", x)[0].ravel()
+        """h(q), (n_rows,): path length less string length and slip [m]; limits [m, rad or 1]."""
+        h = self._interpreted("constraint", x)[0].ravel()
+        h[: len(x.slip)] -= x.slip
+        return h
 
     def A_D(self, x: State) -> Array:
         """A_D = dh/dq_D of Eq. 9, acting on velocities, (n_rows, n_vD)."""

@@ -15,13 +15,12 @@ import numpy as np
 from fantoccini import build, codegen, equations, puppet, tree
 from fantoccini.arrays import Array
 from fantoccini.errors import BuildError, StateError, UnknownNameError
-from fantoccini.marionette import checks, statics
+from fantoccini.marionette import checks, statics, values_by_name
 from fantoccini.marionette.analysis import Analysis
 from fantoccini.marionette.instant import Instant
 from fantoccini.marionette.rows import RowLayout
 from fantoccini.marionette.stepper import Stepper
 from fantoccini.motion import State
-from fantoccini.motion.rotation import exp
 from fantoccini.puppet import Number, Parameter, Puppet
 from fantoccini.runtime import Library, RunOptions
 from fantoccini.tree import CoordinateTable, Tree
@@ -133,7 +132,7 @@ class Marionette(Analysis):
             if not np.isfinite(value):
                 raise StateError(f"parameter {name}: found {value}; it must be a finite number")
             other.p[names.index(name)] = value
-        for kept in ("mass", "weight", "tension_cap"):
+        for kept in ("mass", "weight", "tension_cap", "winches"):
             other.__dict__.pop(kept, None)
         for member in self.world.puppets:
             prefix = f"{member.name}/" if len(self.world.puppets) > 1 else ""
@@ -175,6 +174,22 @@ class Marionette(Analysis):
         return TENSION_CAP * (self.weight or 1.0)
 
     @cached_property
+    def winches(self) -> Array:
+        """(n_strings, 3) largest tension [N], rewinding speed [m/s], restitution of every string."""
+        table = np.zeros((len(self.tree.strings), 3))
+        for row, string in zip(table, self.tree.strings, strict=True):
+            slips, rewinds = string.max_tension is not None, string.rewind_speed is not None
+            row[0] = self.number(string.max_tension) if slips else np.inf
+            row[1] = self.number(string.rewind_speed) if rewinds else 0.0
+            row[2] = self.number(string.restitution)
+        return table
+
+    @property
+    def upper(self) -> Array:
+        """(n_rows,) largest force of every row [N]; inf where there is none."""
+        return np.concatenate([self.winches[:, 0], np.full(len(self.tree.limits), np.inf)])
+
+    @cached_property
     def two_sided(self) -> Array:
         """(n_rows,) bool: rows that are wires."""
         wires = [s.wire for s in self.tree.strings] + [False] * len(self.tree.limits)
@@ -204,46 +219,15 @@ class Marionette(Analysis):
         q_D, q_K = table.start_D.copy(), table.start_K.copy()
         v_D, v_K = np.zeros(table.n_vD), np.zeros(table.n_vK)
         for name, value in (values or {}).items():
-            self._set(name, value, q_D, v_D, q_K, v_K)
+            values_by_name.put(table, name, value, q_D, v_D, q_K, v_K)
         if np.any(np.isnan(q_K)):
             reach = np.where(np.isnan(q_K), 0.0, q_K)
             (h,) = self.library.evaluate("rows", [q_D, reach, self.p])
             for i, string in enumerate(self.tree.strings):
                 if string.length_index and np.isnan(q_K[string.length_index[0]]):
                     q_K[string.length_index[0]] = h[i]
-        return State(0.0, q_D, v_D, q_K, v_K, np.zeros(self.tree.n_rows, dtype=bool))
-
-    def _set(self, name: str, value, q_D: Array, v_D: Array, q_K: Array, v_K: Array) -> None:
-        table = self.coordinates
-        try:
-            number = np.asarray(value, dtype=float)
-        except (TypeError, ValueError):
-            raise StateError(
-                f"{name}: found {value!r}; it takes a number (radians or metres) or a rotation"
-            ) from None
-        if not np.all(np.isfinite(number)):
-            raise StateError(f"{name}: found {value}; it must be finite")
-        if name.endswith(".length") and number.ndim == 0 and number <= 0:
-            raise StateError(f"{name}: found {value}; a length must be positive")
-        scalar = name.startswith("v:") or name in table.q_D or name in table.q_K
-        if scalar and number.ndim:
-            raise StateError(f"{name}: found {number.size} numbers; it takes one")
-        for names, target in ((table.q_D, q_D), (table.q_K, q_K)):
-            if name in names:
-                target[names.index(name)] = float(number)
-                return
-            if name.endswith(".rotation") and name[: -len("rotation")] + "qw" in names:
-                at = names.index(name[: -len("rotation")] + "qw")
-                target[at : at + 4] = _quaternion(name, number)
-                return
-        if name.startswith("v:"):
-            for names, target in ((table.v_D, v_D), (table.v_K, v_K)):
-                if name[2:] in names:
-                    target[names.index(name[2:])] = float(number)
-                    return
-            raise UnknownNameError("velocity", name[2:], (*table.v_D, *table.v_K))
-        rotations = [n[:-2] + "rotation" for n in (*table.q_D, *table.q_K) if n.endswith(".qw")]
-        raise UnknownNameError("coordinate", name, (*table.q_D, *table.q_K, *rotations))
+        taut, slip = np.zeros(self.tree.n_rows, dtype=bool), np.zeros(len(self.tree.strings))
+        return State(0.0, q_D, v_D, q_K, v_K, taut, slip)
 
     def rest(self, values: Mapping[str, float | Iterable[float]] | State | None = None) -> State:
         """A hanging equilibrium: a local minimum of V subject to the strings and limits.
@@ -291,7 +275,11 @@ class Marionette(Analysis):
             acc_K, u_D: as in :meth:`instant`.
 
         Returns:
-            acc_D (n_vD,), tension (n_rows,) of strings and then limits, >= 0.
+            acc_D (n_vD,), tension (n_rows,) of strings and then limits, >= 0; the least-norm one
+            where several give the same motion.
+
+        Raises:
+            StateError: no acceleration keeps the rows, as when two inputs pull a string apart.
         """
         instant = self.instant(x, acc_K, u_D)
         scale = self.row_scales(x)
@@ -299,12 +287,24 @@ class Marionette(Analysis):
         closed = (np.abs(instant.h) <= checks.CLOSED * scale) & (np.abs(instant.hdot) <= speed)
         rows = np.flatnonzero(closed | self.two_sided)
         hddot = instant.gamma[rows] + instant.W[:, rows].T @ instant.w0
-        pull, _ = instant.complementarity(rows, hddot, self.two_sided)
-        # Zero up to rounding may come with either sign.
-        pull = np.where(self.two_sided[rows], pull, np.maximum(pull, 0.0))
+        found = instant.complementarity(rows, hddot, self.two_sided, self.upper)
+        if not found.solved:
+            raise StateError(
+                "no acceleration keeps these strings and limits: "
+                + ", ".join(self.rows_of(rows, found.ray))
+            )
+        pull = found.x
         tension = np.zeros(self.tree.n_rows)
         tension[rows] = pull
         return instant.back(instant.w0 - instant.W[:, rows] @ pull), tension
+
+    def rows_of(self, rows: Array, share: Array | None) -> tuple[str, ...]:
+        """Names of those of some rows that have a share in something; all when none is given."""
+        names = [self.tree.row_names[i] for i in rows]
+        if share is None:
+            return tuple(names)
+        least = 1e-6 * np.max(np.abs(share), initial=0.0)
+        return tuple(n for n, part in zip(names, share, strict=True) if part > least)
 
     def driven_velocity(self, name: str) -> int:
         """Place of a driven velocity in v_K."""
@@ -381,18 +381,6 @@ def loads(text: str, progress: Callable[[str], None] | None = None) -> Marionett
         PuppetError: with every mistake in the text.
     """
     return Marionette(puppet.loads(text), progress)
-
-
-def _quaternion(name: str, value: Array) -> Array:
-    if value.shape == (3,):
-        return exp(value)
-    size = np.linalg.norm(value)
-    if value.shape != (4,) or size == 0:
-        raise StateError(
-            f"{name}: found {value.tolist()}; it takes a quaternion (w, x, y, z), not all zero, or "
-            "a rotation vector of three numbers"
-        )
-    return value / size
 
 
 def _generator() -> str:

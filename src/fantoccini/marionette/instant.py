@@ -11,7 +11,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.motion import State
-from fantoccini.runtime import Library
+from fantoccini.runtime import Complementarity, Library
 from fantoccini.tree import Tree
 
 
@@ -24,7 +24,7 @@ class Instant:
         L: packed factor of M_DD.
         w0: (n_vD,) L^-T of the forces without strings.
         W: (n_vD, n_rows) L^-T A_D^T, strings then limits.
-        h, hdot, gamma: (n_rows,) [m or rad, and per s, per s^2].
+        h, hdot, gamma: (n_rows,) [m or rad, and per s, per s^2]; of strings with what has slipped.
         hdot_K: (n_rows,) A_K v_K.
     """
 
@@ -60,6 +60,8 @@ class Instant:
             place = tree.links[limit.link].v
             J[i, place] = J_l[3 * i : 3 * i + place.stop - place.start]
         (W_l,) = library.evaluate("forth", [L, J]) if n_l else (np.zeros((0, n)),)
+        if len(x.slip):
+            h = h - x.slip
         return cls(
             library,
             L,
@@ -75,15 +77,16 @@ class Instant:
         """L^-1 w for vectors (..., n_vD)."""
         return self.library.evaluate("back", [self.L, w])[0]
 
-    def complementarity(self, rows: Array, b: Array, two_sided: Array) -> tuple[Array, Array]:
-        """x and s of G x - b = s over some rows; see ``complementarity.hpp``.
+    def complementarity(
+        self, rows: Array, b: Array, two_sided: Array, upper: Array | None = None
+    ) -> Complementarity:
+        """x and s of G x - b = s over some rows; see ``active_set.hpp``.
 
         Args:
             rows: indices.
             b: (len(rows),) right-hand side.
             two_sided: (n_rows,) bool.
+            upper: (n_rows,) bounds of x; none when not given.
         """
-        W = self.W[:, rows]
-        x, s, _ = self.library.complementarity(W.T @ W, b, two_sided[rows])
-        return x, s
-
+        bounds = None if upper is None else upper[rows]
+        return self.library.complementarity(self.W[:, rows], b, two_sided[rows], bounds)

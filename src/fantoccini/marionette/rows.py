@@ -8,6 +8,9 @@ from fantoccini.arrays import Array
 from fantoccini.tree import Tree
 
 
+_SINGLE = ("t", "kinetic", "potential", "work", "damping", "impact", "slip_loss")
+
+
 @dataclass(frozen=True)
 class RowLayout:
     """Splits rows into named parts.
@@ -37,13 +40,15 @@ class RowLayout:
             "work": 1,
             "damping": 1,
             "impact": 1,
+            "slip_loss": 1,
+            "slip": len(self.tree.strings),
         }
 
     def split(self, rows: Array) -> dict[str, Array]:
         """Parts (T, n) of rows (T, width); single columns come as (T,)."""
         parts, at = {}, 0
         for name, width in self.widths.items():
-            single = name in ("t", "kinetic", "potential", "work", "damping", "impact")
+            single = name in _SINGLE
             parts[name] = rows[:, at] if single else rows[:, at : at + width]
             at += width
         return parts

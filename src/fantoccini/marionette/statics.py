@@ -30,6 +30,10 @@ _CLOSE = 0.01
 go to another equilibrium, not to the one the puppet falls into."""
 _LONGEST = 0.3
 """Longest move of one round of Newton's method [rad or m]."""
+_LONGEST_PULL = 1e3
+"""Bound on what moves a configuration back onto its strings, over the puppet's mass [m]."""
+_FIRM = np.array([[np.inf, 0.0, 0.0]])
+"""A winch that does not slip, and catches without bouncing."""
 _STANDS = 1e-6
 """Distance from an equilibrium at which the puppet stands on it, rather than passes it by."""
 _PUSHES = 8
@@ -77,7 +81,9 @@ def project(marionette: Marionette, x: State) -> State:
             break
         # A row that had to be brought back ends on its bound, not beyond it.
         held |= off
-        pull, _ = instant.complementarity(rows, instant.h[rows], held)
+        # Where rows contradict one another the bound lets each go as far as it can.
+        bound = np.full(len(held), _LONGEST_PULL * marionette.mass)
+        pull = instant.complementarity(rows, instant.h[rows], held, bound).x
         move = -instant.back(instant.W[:, rows] @ pull)
         size = float(np.max(np.abs(move), initial=0.0))
         if size < 1e-16:
@@ -91,8 +97,11 @@ def project(marionette: Marionette, x: State) -> State:
         )
         raise StateError(f"no state of the puppet fits these string ends and lengths: {names}")
     rows = np.flatnonzero((np.abs(instant.h) <= CLOSED * scale) | wires)
-    pull, _ = instant.complementarity(rows, instant.hdot[rows], wires)
-    v_D = x.v_D - instant.back(instant.W[:, rows] @ pull)
+    found = instant.complementarity(rows, instant.hdot[rows], wires)
+    if not found.solved:
+        names = ", ".join(marionette.rows_of(rows, found.ray))
+        raise StateError(f"no velocity of the puppet fits these driven velocities: {names}")
+    v_D = x.v_D - instant.back(instant.W[:, rows] @ found.x)
     return marionette.with_mode(x.replace(v_D=v_D))
 
 
@@ -177,8 +186,9 @@ def _relaxed(marionette: Marionette, x: State):
     start, try_at = np.array(q_D), 4
     for piece in range(_RELAX_PIECES):
         run = Run(
-            marionette.library, "timestepping", options, 0.0, q_D, v_D, marionette.p, hold
-        )
+            marionette.library, "timestepping", options, x.replace(t=0.0, q_D=q_D, v_D=v_D),
+            marionette.p, _FIRM * np.ones((len(x.slip), 1)), hold,
+        )  # fmt: skip
         rows = np.concatenate([r for r, _ in run.advance(_RELAX_PIECE)])
         if run.status is not Status.DONE:
             raise StateError(f"no equilibrium was found: {run.status.message}")
@@ -207,7 +217,8 @@ def _newton(marionette: Marionette, x: State) -> _Equilibrium | None:
         if rows is None:
             near = np.flatnonzero((instant.h > -1e-3 * scale) | marionette.two_sided)
             hddot = instant.gamma[near] + instant.W[:, near].T @ instant.w0
-            tension, _ = instant.complementarity(near, hddot, marionette.two_sided)
+            bound = np.full(len(scale), marionette.tension_cap)
+            tension = instant.complementarity(near, hddot, marionette.two_sided, bound).x
             rows = near[(tension > 1e-9 * marionette.weight) | marionette.two_sided[near]]
             left = np.linalg.norm(instant.w0 - instant.W[:, near] @ tension)
             if left > _CLOSE * size:

@@ -48,7 +48,7 @@ class Stepper:
         self.state = x0
         hold = Input.hold(marionette).bound(x0.q_K).shifted(x0.t)
         self._run = Run(
-            marionette.library, method, options, x0.t, x0.q_D, x0.v_D, marionette.p, hold
+            marionette.library, method, options, x0, marionette.p, marionette.winches, hold
         )
         self.tension = np.zeros(marionette.tree.n_rows)
 
@@ -97,7 +97,7 @@ class Stepper:
                 last = rows[-1:]
         if last is not None:
             split = self.marionette.row_layout.split(last)
-            motion = {name: split[name][0] for name in ("q_D", "v_D", "q_K", "v_K")}
+            motion = {name: split[name][0] for name in ("q_D", "v_D", "q_K", "v_K", "slip")}
             self.state = State(float(split["t"][0]), taut=split["taut"][0] > 0, **motion)
             self.tension = split["tension"][0]
         if self.status is not Status.DONE and throw:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 FORMAT = "fantoccini.trajectory.1"
 _ARRAYS = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
-_TABLES = ("tension", "limit_force", "taut", "ledger", "effort", "violation")
+_TABLES = ("tension", "limit_force", "taut", "ledger", "effort", "violation", "slip")
 _NUMBERS = ("t", "impulse", "speed")
 _MESH = "mesh:"
 UNREADABLE = (
@@ -68,6 +68,7 @@ def save(run: Trajectory, path: str | Path) -> None:
         "format": FORMAT,
         "method": run.method,
         "status": run.status.name,
+        "blamed": run.blamed,
         "columns": {name: [table.what, *table.names] for name, table in tables.items()},
         "events": [[event.kind, event.name] for event in run.events],
         "coordinates": _table_to_json(run.coordinates),
@@ -109,6 +110,7 @@ def load(path: str | Path) -> Trajectory:
             **tables,
             events=tuple(events),
             status=Status[about["status"]],
+            blamed=about.get("blamed", ()),
             method=about["method"],
             coordinates=_table_from_json(about["coordinates"], arrays),
             puppet=_puppet(about["puppet"], str(path), arrays),

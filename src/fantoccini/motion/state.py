@@ -6,7 +6,7 @@ import dataclasses
 import enum
 from dataclasses import dataclass
 
-from fantoccini.arrays import ConfigD, ConfigK, MaskRows, VecD, VecK, frozen
+from fantoccini.arrays import Array, ConfigD, ConfigK, MaskRows, VecD, VecK, frozen
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,6 +20,8 @@ class State:
         q_K: (n_qK,) driven configuration [rad, m or 1].
         v_K: (n_vK,) driven velocity [rad/s or m/s].
         taut: (n_rows,) bool, rows that hold: strings, then limits.
+        slip: (n_strings,) by how much slipping winches have let each string out, >= 0 [m]; empty
+            for none.
     """
 
     t: float
@@ -28,10 +30,11 @@ class State:
     q_K: ConfigK
     v_K: VecK
     taut: MaskRows
+    slip: Array = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "t", float(self.t))
-        for name in ("q_D", "v_D", "q_K", "v_K"):
+        for name in ("q_D", "v_D", "q_K", "v_K", "slip"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
         object.__setattr__(self, "taut", frozen(self.taut, bool))
 
@@ -49,6 +52,8 @@ class EventKind(enum.StrEnum):
     LIMIT_OFF = "limit_off"
     ACCUMULATION = "accumulation"
     BREAKPOINT = "breakpoint"
+    SLIP = "slip"
+    GRIP = "grip"
 
 
 @dataclass(frozen=True)
@@ -57,10 +62,10 @@ class Event:
 
     Attributes:
         t: time [s].
-        kind: what happened.
-        name: the string or limit; empty for a breakpoint.
+        kind: what happened. A winch that reaches its largest tension slips, and grips again.
+        name: the string or limit; empty for a breakpoint or an accumulation.
         impulse: of the catch, >= 0 [N s, or N m s for a limit of an angle].
-        speed: hdot just before the catch [m/s or rad/s].
+        speed: hdot just before the catch, or with which a winch begins to slip [m/s or rad/s].
     """
 
     t: float

@@ -48,12 +48,15 @@ class Trajectory:
             [J].
         events: in order of time.
         status: how the run ended.
+        blamed: strings and limits that no motion satisfies together, or that pull beyond the cap,
+            where the status says so.
         method: event, timestepping or variational.
         coordinates: names and places of the coordinates.
         puppet: what moved (None when unknown).
         effort: by driven velocity, the force that drives it [N or N m]; None when not computed.
         violation: by string and limit, how far it is overstepped, >= 0 [m, rad or 1]; None when not
             computed.
+        slip: by string, how much its slipping winch has let out, >= 0 [m]; None when not computed.
     """
 
     t: Times
@@ -74,6 +77,8 @@ class Trajectory:
     puppet: Puppet | None = None
     effort: Columns | None = None
     violation: Columns | None = None
+    slip: Columns | None = None
+    blamed: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return (
@@ -98,6 +103,7 @@ class Trajectory:
             raise ValueError("t must hold one time or more, none before the one it follows")
         object.__setattr__(self, "events", tuple(self.events))
         object.__setattr__(self, "status", Status(self.status))
+        object.__setattr__(self, "blamed", tuple(self.blamed))
 
     def __len__(self) -> int:
         return len(self.t)
@@ -156,7 +162,9 @@ class Trajectory:
     def state(self, row: int) -> State:
         """The state of a row (negative rows count from the end)."""
         holds = np.concatenate([self.taut.values[row], self.limit_force.values[row] > 0])
-        return State(self.t[row], self.q_D[row], self.v_D[row], self.q_K[row], self.v_K[row], holds)
+        slip = () if self.slip is None else self.slip.values[row]
+        motion = (x[row] for x in (self.t, self.q_D, self.v_D, self.q_K, self.v_K))
+        return State(*motion, holds, slip)
 
     # -- giving it away ----------------------------------------------------------------------
 
@@ -165,7 +173,7 @@ class Trajectory:
 
         ``t``; a coordinate by its name (``elbow``, ``torso.qw``); ``v:elbow``, ``acc:elbow``;
         ``tension:hand``, ``taut:hand``, ``impulse:hand``, ``force:elbow.upper``,
-        ``effort:hand.length``, ``violation:hand``, ``energy:kinetic``.
+        ``effort:hand.length``, ``violation:hand``, ``slip:hand``, ``energy:kinetic``.
         """
         table, columns = self.coordinates, {"t": self.t}
         for names, values in ((table.q_D, self.q_D), (table.q_K, self.q_K)):
@@ -184,6 +192,7 @@ class Trajectory:
             ("impulse", self.impulse),
             ("effort", self.effort),
             ("violation", self.violation),
+            ("slip", self.slip),
             ("energy", self.ledger),
         ):
             if named is not None:
@@ -265,7 +274,7 @@ class Trajectory:
     # -- inside ------------------------------------------------------------------------------
 
     def _tables(self) -> dict[str, Columns]:
-        names = ("tension", "limit_force", "taut", "ledger", "effort", "violation")
+        names = ("tension", "limit_force", "taut", "ledger", "effort", "violation", "slip")
         return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
 
     def _inside(self, times: Times) -> Times:

@@ -31,7 +31,9 @@ from fantoccini.puppet.values import (
     Number,
     Parameter,
     Point,
+    PositiveNumber,
     Real,
+    Share,
     entries,
     mistake,
     number_kind,
@@ -142,8 +144,29 @@ class String(Model):
     """L [m], or `driven` when it is wound in and out."""
     wire: bool = Field(default=False, strict=True)
     """True for a rod that also pushes (a two-sided constraint)."""
+    restitution: Share = 0.0
+    """Part of the speed that a catch gives back: 0 (none) to 1."""
+    max_tension: PositiveNumber | None = None
+    """Tension at which its winch slips and lets string out [N]."""
+    rewind_speed: PositiveNumber | None = None
+    """Speed at which the winch takes back what slipped [m/s]."""
     colour: Colour | None = None
     """Colour as `"#rrggbb"`."""
+
+    @model_validator(mode="after")
+    def _winch(self) -> String:
+        bounces = value_of(self.restitution) > 0
+        if self.wire and (bounces or self.max_tension is not None):
+            what = "restitution" if bounces else "max_tension"
+            raise mistake(f"found wire: true and {what}; a wire neither bounces nor slips")
+        if self.rewind_speed is not None and self.max_tension is None:
+            raise mistake("found rewind_speed without max_tension; only a winch that slips rewinds")
+        if bounces and self.max_tension is not None:
+            raise mistake(
+                "found restitution and max_tension; a winch that slips takes no impulse to give "
+                "back"
+            )
+        return self
 
 
 class Spring(Model):

@@ -132,6 +132,16 @@ NumberAngle = Annotated[
 ]
 NotNegative = Annotated[Number, AfterValidator(_not_negative)]
 Positive = Annotated[Real, AfterValidator(positive)]
+PositiveNumber = Annotated[Number, AfterValidator(positive)]
+
+
+def _share(number: float | Parameter) -> float | Parameter:
+    if not 0 <= value_of(number) <= 1:
+        raise mistake(f"found {value_of(number):g}; needed: a number from 0 to 1")
+    return number
+
+
+Share = Annotated[Number, AfterValidator(_share)]
 
 
 def sized(*sizes: int) -> BeforeValidator:

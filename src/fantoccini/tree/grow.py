@@ -213,7 +213,15 @@ class _Grower:
             )
         self.strings.append(
             StringRow(
-                prefix + string.name, points, length, length_index, string.wire, string.colour
+                name=prefix + string.name,
+                points=points,
+                length=length,
+                length_index=length_index,
+                wire=string.wire,
+                colour=string.colour,
+                restitution=string.restitution,
+                max_tension=string.max_tension,
+                rewind_speed=string.rewind_speed,
             )
         )
 

@@ -120,6 +120,9 @@ class StringRow:
         length_index: place of the length in q_K and v_K as (q, v); None when it is a number.
         wire: True for a two-sided constraint (Sec. III-B).
         colour: "#rrggbb" or None.
+        restitution: part of the speed that a catch gives back.
+        max_tension: tension at which its winch slips [N]; None for a winch that does not.
+        rewind_speed: speed at which the winch takes back what slipped [m/s]; None for never.
     """
 
     name: str
@@ -128,6 +131,9 @@ class StringRow:
     length_index: tuple[int, int] | None
     wire: bool
     colour: str | None
+    restitution: Number = 0.0
+    max_tension: Number | None = None
+    rewind_speed: Number | None = None
 
 
 @dataclass(frozen=True)

@@ -46,10 +46,11 @@ FAN_EXPORT void* fan_new(int event_driven) {
 
 FAN_EXPORT void fan_free(void* handle) { delete static_cast<fan::Run*>(handle); }
 
-// Sets everything a run needs and writes its first row. `save_at` must outlive the run.
+// Sets everything a run needs and writes its first row. `winches` has the largest tension, the
+// rewinding speed and the restitution of every string; `save_at` must outlive the run.
 FAN_EXPORT int fan_start(
-    void* handle, double t, const double* q_D, const double* v_D, const double* p,
-    const fan::InputArrays* input, const fan::Options* options, const double* save_at,
+    void* handle, double t, const double* q_D, const double* v_D, const double* slip,
+    const double* p, const double* winches, const fan::InputArrays* input, const fan::Options* options, const double* save_at,
     long long n_save, int save_every, fan::Record<fan::Model>* out) {
   using fan::Model;
   fan::Run& run = *static_cast<fan::Run*>(handle);
@@ -61,6 +62,8 @@ FAN_EXPORT int fan_start(
     for (int i = 0; i < Model::n_p; ++i) e.flow.p[i] = p[i];
     for (int j = 0; j < e.NY; ++j) e.flow.y[j] = 0.0;
     fan::read_state(q_D, v_D, e.flow.y, e.flow.y + Model::n_qD);
+    for (int i = 0; i < Model::n_strings; ++i) e.flow.slip[i] = slip[i];
+    e.flow.winches.set(winches);
     e.save_at = save_at;
     e.n_save = n_save;
     return e.start(*out);
@@ -72,6 +75,8 @@ FAN_EXPORT int fan_start(
   f.save_every = save_every;
   for (int i = 0; i < Model::n_p; ++i) f.p[i] = p[i];
   fan::read_state(q_D, v_D, f.q_D, f.v_D);
+  for (int i = 0; i < Model::n_strings; ++i) f.at.slip[i] = slip[i];
+  f.winches.set(winches);
   f.start(*out);
   return fan::RUNNING;
 }
@@ -111,6 +116,12 @@ FAN_EXPORT void fan_progress(void* handle, double* out) {
   out[2] = run.event_driven ? 0.0 : run.fixed.worst_violation;
 }
 
+// By row, how much it is to blame for the status that stopped the run, 0 to 1.
+FAN_EXPORT void fan_blame(void* handle, double* out) {
+  const fan::Run& run = *static_cast<fan::Run*>(handle);
+  for (int r = 0; r < fan::Model::n_rows; ++r) out[r] = run.event_driven ? run.event.blame[r] : 0.0;
+}
+
 // Calls a model function n times: argument i of call k begins at arg[i] + k * arg_stride[i].
 #define FAN_MAP(NAME, N_ARG, N_RES)                                                          \
   FAN_EXPORT int fan_map_##NAME(                                                             \
@@ -136,24 +147,46 @@ FAN_MAP(points, 3, 1)
 FAN_MAP(forth, 2, 1)
 FAN_MAP(back, 2, 1)
 
-// Complementarity of n rows by itself (fantoccini.complementarity of the tests and of statics):
-// G (n, n), b (n,) -> x, s (n,). Returns 1 when solved.
+// Complementarity of n rows by itself (active_set.hpp): W (n, n_vD) with a row's column in each row,
+// b (n,), upper (n,), two_sided (n,) -> x of least norm, s, and a Farkas ray where there is no
+// solution (n,) each. `active` (n,) is the guess on entry and the rows in the basis on return.
+// Returns 0 when solved, 1 when no solution exists, 2 when the bound on rounds was met, 3 for more
+// rows than the puppet has or for no memory.
 FAN_EXPORT int fan_complementarity(
-    int n, const double* G, const double* b, const int* two_sided, double* x, double* s) {
-  using Problem = fan::Complementarity<double, fan::Model::n_rows>;
-  if (n > fan::Model::n_rows) return 0;
-  Problem problem;
-  problem.n = n;
+    int n, const double* W, const double* b, const double* upper, const int* two_sided, int* active,
+    double* x, double* s, double* ray) {
+  using Set = fan::ActiveSet<fan::Model::n_rows, fan::Model::n_vD>;
+  struct Room {
+    Set set;
+    fan::LeastNorm<Set> least;
+    bool stays[Set::C];
+  };
+  if (n > fan::Model::n_rows) return 3;
+  Room* room = new (std::nothrow) Room();
+  if (!room) return 3;
+  Set& set = room->set;
+  set.n = n;
   for (int i = 0; i < n; ++i) {
-    for (int j = 0; j < n; ++j) problem.G[i * Problem::N + j] = G[i * n + j];
-    problem.b[i] = b[i];
-    problem.active[i] = true;
-    problem.two_sided[i] = two_sided[i] != 0;
+    set.column[i] = W + i * fan::Model::n_vD;
+    set.b[i] = b[i];
+    set.upper[i] = upper[i];
+    set.two_sided[i] = two_sided[i] != 0;
+    set.place[i] = active[i] ? Set::BASIC : Set::LOW;
+    room->stays[i] = true;
+    ray[i] = 0.0;
   }
-  const bool solved = problem.solve(fan::kEps, fan::kRefinements, 1e-12, fan::kPivots);
+  const fan::Solved solved = set.solve();
+  if (solved == fan::Solved::INFEASIBLE)
+    for (int i = 0; i < n; ++i) ray[i] = set.ray[i];
+  if (solved == fan::Solved::YES) {
+    set.complete(room->stays);
+    room->least.apply(set);
+  }
   for (int i = 0; i < n; ++i) {
-    x[i] = problem.x[i];
-    s[i] = problem.s[i];
+    x[i] = set.x[i];
+    s[i] = set.s[i];
+    active[i] = set.place[i] == Set::BASIC;
   }
-  return solved;
+  delete room;
+  return int(solved);
 }

@@ -1,10 +1,15 @@
 // What happens at an instant: catches with their impulse, and the choice of the next mode.
 //
-//   v_D+ = v_D- - M_DD^-1 A_D^T Lambda,  Lambda >= 0, hdot+ <= 0, Lambda . hdot+ = 0   (Eqs. 13-15)
-//   tau >= 0, hddot <= 0, tau . hddot = 0   over the rows with h = 0 and hdot = 0         (Sec. IV)
+//   v_D+ = v_D- - M_DD^-1 A_D^T Lambda,   Lambda >= 0,   hdot+ <= -e max(hdot-, 0),
+//   complementary                                                                   (Eqs. 13-15)
+//   tau >= 0, hddot <= 0, tau . hddot = 0   over the rows with h = 0 and hdot = 0       (Sec. IV)
+//
+// A string on a slipping winch takes no impulse: where it is caught it begins to slip, and where
+// its tension would pass the winch's largest it slips with that.
 #pragma once
 
 #include "flow.hpp"
+#include "least_norm.hpp"
 
 namespace fan {
 
@@ -13,17 +18,42 @@ constexpr double kTouch = 1e-12;  // gap below which a row counts as closed at a
 // and that pulls again at once would be slack for some 2 |hdot| / hddot = 2 us; holding it instead
 // changes the state by the product of both, some 1e-11, and spares a cascade of catches.
 constexpr double kStill = 1e-5;
-constexpr int kPivots = 200;      // bound on the pivoting of one complementarity problem
+// Of heights (m, rad), speeds and accelerations: what redundant rows may contradict one another by.
+constexpr double kContradiction = 1e-10;
 
 template <class Model>
 struct Contact {
   using F = Flow<Model>;
-  static constexpr int N = F::N, NQ = F::NQ, M = F::M;
+  static constexpr int N = F::N, NQ = F::NQ, S = F::S, M = F::M;
+  using Set = ActiveSet<M, N>;
 
   double impulse[room(M)];  // of the last catch, by row
   double speed[room(M)];    // hdot before it
   double lost = 0.0;        // kinetic energy lost in it
-  double stopped = 0.0;     // largest |hdot| that the last hold took from a taut row
+  double stopped = 0.0;     // largest |hdot| that the last hold took from a held row
+  double blame[room(M)];    // rows that no motion satisfies together, after IMPOSSIBLE_INPUT
+
+  // Moves the configuration at (t, y) by what its rows are overstepped, with the smallest change in
+  // the metric of M_DD: for starts that are closed to the user's rounding, not to ours.
+  Status retreat(F& f) {
+    for (int round = 0; round < 3; ++round) {
+      double rate[F::NY];
+      f.evaluate(f.t, f.y, rate);
+      int list[room(M)] = {}, n = 0;
+      for (int r = 0; r < M; ++r)
+        if (f.eval.height(r) > 0.0) list[n++] = r;
+      f.rows.gather(f.eval, f.y + NQ, list, n);
+      begin(kContradiction);
+      for (int a = 0; a < n; ++a)
+        add_row(f, a, f.eval.height(list[a]), kUnlimited, Set::BASIC);
+      const Status status = settle(f);
+      if (status != RUNNING) return status;
+      double move[room(N)];
+      push(f, move);
+      retract<typename Model::Dynamic>(f.y, move);
+    }
+    return RUNNING;
+  }
 
   // Applies the impulse over the rows `closed` at (t, y) and books its work. The flow's evaluation
   // must be that of (t, y).
@@ -31,114 +61,234 @@ struct Contact {
     int list[room(M)], n = 0;
     for (int r = 0; r < M; ++r) {
       impulse[r] = speed[r] = 0.0;
-      if (closed[r]) list[n++] = r;
+      if (!closed[r]) continue;
+      speed[r] = f.rate_of(r, f.y + NQ);
+      if (!f.winches.slips(r)) list[n++] = r;
     }
-    lost = 0.0;
     f.rows.gather(f.eval, f.y + NQ, list, n);
-    auto& problem = f.rows.problem;
-    for (int a = 0; a < n; ++a) {
-      problem.b[a] = f.rows.hdot[a];
-      problem.active[a] = f.rows.hdot[a] > 0.0 || f.taut[list[a]];
+    Status status = bounce(f, 1.0);
+    // Unequal restitutions may add energy; all are then scaled down until none is added.
+    if (status == RUNNING && lost < 0.0) {
+      double low = 0.0, high = 1.0;
+      for (int halving = 0; halving < 50; ++halving) {
+        const double mid = 0.5 * (low + high);
+        if (bounce(f, mid) != RUNNING || lost < 0.0) high = mid;
+        else low = mid;
+      }
+      status = bounce(f, low);
     }
-    if (!settle(problem)) return IMPOSSIBLE_INPUT;
-    for (int a = 0; a < n; ++a) {
-      const double x = problem.x[a];
-      if (!(fabs(x) <= f.opt.tension_cap)) return IMPOSSIBLE_INPUT;
-      impulse[list[a]] = x;
-      speed[list[a]] = f.rows.hdot[a];
-      lost += x * 0.5 * (f.rows.hdot[a] - problem.s[a]);
-    }
+    if (status != RUNNING) return status;
+    for (int a = 0; a < n; ++a) impulse[list[a]] = set_.x[a];
     double change[room(N)];
     f.y[F::WORK] += apply(f, change);
     for (int j = 0; j < N; ++j) f.y[NQ + j] += change[j];
     return RUNNING;
   }
 
-  // Chooses which of the rows that are closed and at rest stay taut, at (t, y). Rows in `loose`
-  // have just lost their tension: they stay only if they pull.
-  Status choose(F& f, const bool* loose, bool* taut, double closeness = kTouch) {
-    double rate[F::NY], speed_scale = 1.0;
-    for (int r = 0; r < M; ++r) f.taut[r] = false;
+  // Chooses the rows' modes at (t, y) among those that are closed and at rest. Rows in `loose`
+  // have just lost their tension: they stay only if they pull; strings in `strained` have just
+  // reached their winch's largest: they stay only if they pull with less.
+  Status choose(
+      F& f, const bool* loose, const bool* strained, Hold* next, double closeness = kTouch) {
+    double rate[F::NY];
+    f.settle_slip(f.t);
+    for (int r = 0; r < M; ++r) f.mode[r] = next[r] = SLACK;
     f.evaluate(f.t, f.y, rate);
-    for (int j = 0; j < N; ++j)
-      if (fabs(f.y[NQ + j]) > speed_scale) speed_scale = fabs(f.y[NQ + j]);
+    const double still = kStill * speed_scale(f);
     int all[room(M)] = {}, list[room(M)] = {}, n_all = 0, n = 0;
     for (int r = 0; r < M; ++r)
-      if (f.eval.height(r) >= -closeness * f.row_scale(r) || (r < F::S && Model::wire[r]))
+      if (f.eval.height(r) >= -closeness * f.row_scale(r) || (r < S && Model::wire[r]))
         all[n_all++] = r;
     f.rows.gather(f.eval, f.y + NQ, all, n_all);
-    for (int a = 0; a < n_all; ++a)
-      if (fabs(f.rows.hdot[a]) <= kStill * speed_scale || f.rows.problem.two_sided[a])
-        list[n++] = all[a];
+    for (int a = 0; a < n_all; ++a) {
+      const int r = all[a];
+      const bool rests = fabs(f.rows.hdot[a]) <= still || f.rows.two_sided[a];
+      if (!rests && f.winches.slips(r) && f.rows.hdot[a] > 0.0) next[r] = SLIPPING;
+      if (rests || next[r] == SLIPPING) list[n++] = r;
+    }
     f.rows.gather(f.eval, f.y + NQ, list, n);
-    auto& problem = f.rows.problem;
-    double scale = 0.0;
-    for (int a = 0; a < n; ++a) {
-      problem.b[a] = f.rows.hddot[a];
-      problem.active[a] = true;
-      if (fabs(problem.b[a]) > scale) scale = fabs(problem.b[a]);
-    }
-    if (!settle(problem)) return IMPOSSIBLE_INPUT;
-    for (int r = 0; r < M; ++r) taut[r] = false;
-    for (int a = 0; a < n; ++a) {
-      if (!(fabs(problem.x[a]) <= f.opt.tension_cap)) return IMPOSSIBLE_INPUT;
-      // A row without tension whose ends do not come closer stays in the taut set.
-      const bool pulls = problem.active[a] && (problem.x[a] > 0.0 || problem.two_sided[a]);
-      taut[list[a]] = pulls || (!loose[list[a]] && problem.s[a] <= 1e-10 * scale);
-    }
+    begin(kContradiction * hddot_scale(f));
+    for (int a = 0; a < n; ++a)
+      if (next[list[a]] != SLIPPING) add_pull(f, next, a, Set::BASIC);
+    const Status status = settle(f);
+    if (status != RUNNING) return status;
+    bool stays[room(M)];
+    for (int i = 0; i < set_.n; ++i) stays[i] = !loose[row_[i]];
+    set_.complete(stays);
+    for (int i = 0; i < set_.n; ++i) next[row_[i]] = mode_of(i, strained[row_[i]]);
     return RUNNING;
   }
 
-  // Brings the rows chosen to h = 0 and hdot = 0 at (t, y), without setting other closed rows in
-  // motion past their bounds: hdot = 0 on the taut rows, hdot <= 0 on the rest. `work` is what the
+  // Brings the held rows to h = 0 and hdot = 0 at (t, y), without setting other closed rows in
+  // motion past their bounds: hdot = 0 on the held rows, hdot <= 0 on the rest. `work` is what the
   // inputs do meanwhile.
   Status hold(F& f, double* work) {
     double rate[F::NY];
     stopped = 0.0;
     if (f.rows.n == 0) return RUNNING;
     for (int a = 0; a < f.rows.n; ++a)
-      if (fabs(f.rows.hdot[a]) > stopped) stopped = fabs(f.rows.hdot[a]);
+      if (f.mode[f.rows.row[a]] == HELD && fabs(f.rows.hdot[a]) > stopped)
+        stopped = fabs(f.rows.hdot[a]);
     const Status status = f.pull_back(f.y);
     if (status != RUNNING) return status;
     f.evaluate(f.t, f.y, rate);
     int list[room(M)] = {}, n = 0;
-    for (int r = 0; r < M; ++r)
-      if (f.taut[r] || f.eval.height(r) >= -kTouch * f.row_scale(r)) list[n++] = r;
-    f.rows.gather(f.eval, f.y + NQ, list, n);
-    auto& problem = f.rows.problem;
-    for (int a = 0; a < n; ++a) {
-      problem.b[a] = f.rows.hdot[a];
-      problem.two_sided[a] = problem.two_sided[a] || f.taut[list[a]];
-      problem.active[a] = problem.two_sided[a];
+    for (int r = 0; r < M; ++r) {
+      const bool closed = f.eval.height(r) >= -kTouch * f.row_scale(r) && !f.winches.slips(r);
+      if (f.mode[r] == HELD || closed) list[n++] = r;
     }
-    if (!settle(problem)) return IMPOSSIBLE_INPUT;
+    f.rows.gather(f.eval, f.y + NQ, list, n);
+    begin(kContradiction * speed_scale(f));
+    for (int a = 0; a < n; ++a) {
+      const bool held = f.mode[list[a]] == HELD;
+      f.rows.two_sided[a] = f.rows.two_sided[a] || held;
+      add_row(f, a, f.rows.hdot[a], kUnlimited, held ? Set::BASIC : Set::LOW);
+    }
+    const Status settled = settle(f);
+    if (settled != RUNNING) return settled;
     double change[room(N)];
     *work = apply(f, change);
     for (int j = 0; j < N; ++j) f.y[NQ + j] += change[j];
     return RUNNING;
   }
 
+  // The tensions of the flow's latest evaluation, by row: where rows are redundant those of least
+  // norm among all that give the motion.
+  void tensions(const F& f, double* out) {
+    bool redundant = false;
+    for (int r = 0; r < M; ++r) {
+      out[r] = f.tension[r];
+      redundant = redundant || f.mode[r] == IDLE || f.mode[r] == PINNED;
+    }
+    if (!redundant) return;
+    begin(kContradiction * hddot_scale(f));
+    for (int a = 0; a < f.rows.n; ++a) {
+      const Hold mode = f.mode[f.rows.row[a]];
+      if (mode == SLIPPING) continue;
+      add_pull(f, f.mode, a, mode == HELD ? Set::BASIC : (mode == PINNED ? Set::HIGH : Set::LOW));
+    }
+    if (set_.solve() != Solved::YES) return;
+    bool stays[room(M)];
+    for (int i = 0; i < set_.n; ++i) stays[i] = true;
+    set_.complete(stays);
+    least_.apply(set_);
+    for (int i = 0; i < set_.n; ++i) out[row_[i]] = set_.x[i];
+  }
+
  private:
+  void begin(double noise) {
+    set_.n = 0;
+    set_.noise = noise;
+  }
+
+  void add_row(const F& f, int a, double b, double most, typename Set::Place guess) {
+    const int i = set_.n++;
+    row_[i] = f.rows.row[a];
+    set_.column[i] = f.rows.column[a];
+    set_.b[i] = b;
+    set_.upper[i] = most;
+    set_.two_sided[i] = f.rows.two_sided[a];
+    set_.place[i] = guess;
+  }
+
+  // Gathered row a among the rows whose tension is sought, beside those that slip.
+  void add_pull(const F& f, const Hold* mode, int a, typename Set::Place guess) {
+    constexpr int stride = Complementarity<double, M>::N;
+    double hddot = f.rows.hddot[a];
+    for (int b = 0; b < f.rows.n; ++b)
+      if (mode[f.rows.row[b]] == SLIPPING)
+        hddot -= f.rows.problem.G[a * stride + b] * f.winches.max_tension[f.rows.row[b]];
+    const int r = f.rows.row[a];
+    add_row(f, a, hddot, r < S ? f.winches.max_tension[r] : kUnlimited, guess);
+  }
+
+  // The impulses with every restitution times `scale`, and the energy they take.
+  Status bounce(F& f, double scale) {
+    begin(kContradiction * speed_scale(f));
+    for (int a = 0; a < f.rows.n; ++a) {
+      const int r = f.rows.row[a];
+      const double hdot = f.rows.hdot[a];
+      const double back = r < S && hdot > 0.0 ? scale * f.winches.restitution[r] * hdot : 0.0;
+      const bool pulls = hdot > 0.0 || f.mode[r] == HELD;
+      add_row(f, a, hdot + back, kUnlimited, pulls ? Set::BASIC : Set::LOW);
+    }
+    const Status status = settle(f);
+    if (status != RUNNING) return status;
+    lost = 0.0;
+    double gross = 0.0;
+    for (int i = 0; i < set_.n; ++i) {
+      const double after = f.rows.hdot[i] - set_.s[i] - set_.b[i];
+      lost += set_.x[i] * 0.5 * (f.rows.hdot[i] + after);
+      gross += fabs(set_.x[i] * f.rows.hdot[i]);
+    }
+    if (fabs(lost) < 1e-14 * gross) lost = 0.0;
+    return RUNNING;
+  }
+
+  Hold mode_of(int i, bool strained) const {
+    switch (set_.place[i]) {
+      case Set::BASIC:
+        return strained && set_.x[i] >= set_.upper[i] * (1.0 - 1e-12) ? SLIPPING : HELD;
+      case Set::IDLE: return IDLE;
+      case Set::PINNED: return PINNED;
+      case Set::HIGH: return SLIPPING;
+      default: return SLACK;
+    }
+  }
+
+  // The size of what hddot is the sum of, over the gathered rows.
+  double hddot_scale(const F& f) const {
+    double top = 1.0;
+    for (int a = 0; a < f.rows.n; ++a) {
+      const double size = fabs(f.rows.hddot[a]) + fabs(f.rows.kick[a]);
+      if (size > top) top = size;
+    }
+    return top;
+  }
+
+  double speed_scale(const F& f) const {
+    double top = 1.0;
+    for (int j = 0; j < N; ++j)
+      if (fabs(f.y[NQ + j]) > top) top = fabs(f.y[NQ + j]);
+    return top;
+  }
+
+  // Solves; where the inputs ask for too much, `blame` tells which rows cannot hold together.
+  Status settle(const F& f) {
+    const Solved solved = set_.solve();
+    double most = 0.0;
+    for (int i = 0; i < set_.n; ++i)
+      if (!(fabs(set_.x[i]) <= most)) most = fabs(set_.x[i]);
+    if (solved == Solved::YES && most <= f.opt.tension_cap) return RUNNING;
+    for (int r = 0; r < M; ++r) blame[r] = 0.0;
+    for (int i = 0; i < set_.n; ++i)
+      blame[row_[i]] = solved == Solved::YES  ? fabs(set_.x[i]) / most
+                       : set_.two_sided[i] ? fabs(set_.ray[i])
+                                           : set_.ray[i];
+    return solved == Solved::UNSETTLED ? NOT_SETTLED : IMPOSSIBLE_INPUT;
+  }
+
   // The change of velocity by the impulses solved for, and the work of the inputs in it.
   double apply(F& f, double* change) {
-    double w[room(N)], pull[room(M)] = {}, work = 0.0;
-    for (int j = 0; j < N; ++j) w[j] = 0.0;
-    for (int a = 0; a < f.rows.n; ++a) {
-      pull[a] = -f.rows.problem.x[a];
-      work += f.rows.problem.x[a] * f.rows.hdot_K[a];
-    }
-    f.rows.add(pull, w);
-    f.eval.back(w, change);
+    double work = 0.0;
+    push(f, change);
+    for (int a = 0; a < f.rows.n; ++a) work += set_.x[a] * f.rows.hdot_K[a];
     for (int j = 0; j < N; ++j) work += f.eval.M_DK_v_K[j] * change[j];
     return work;
   }
 
-  // Solves to rounding, or near it where rounding itself keeps rows from settling.
-  template <class Problem>
-  static bool settle(Problem& problem) {
-    return problem.solve(kEps, kRefinements, 1e-12, kPivots) ||
-           problem.solve(kEps, kRefinements, 1e-9, kPivots);
+  // -M^-1 A^T x over the gathered rows.
+  void push(const F& f, double* change) const {
+    double w[room(N)], pull[room(M)] = {};
+    for (int j = 0; j < N; ++j) w[j] = 0.0;
+    for (int a = 0; a < f.rows.n; ++a) pull[a] = -set_.x[a];
+    f.rows.add(pull, w);
+    f.eval.back(w, change);
   }
+
+  Set set_;
+  int row_[room(M)];  // of each of the set's columns
+  LeastNorm<Set> least_;
 };
 
 }  // namespace fan

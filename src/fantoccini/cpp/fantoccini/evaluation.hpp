@@ -53,6 +53,7 @@ struct RowSystem {
   Real hddot[room(M)];   // at zero multipliers
   Real kick[room(M)];    // A_D acc_free: change of hdot per unit time without gamma
   Real hdot_K[room(M)];
+  bool two_sided[room(M)];
   Complementarity<Real, M> problem;
 
   FAN_FN void gather(const Eval& e, const Real* v_D, const int* rows, int n_rows) {
@@ -68,7 +69,7 @@ struct RowSystem {
       } else {
         limit(e, v_D, a, r - S);
       }
-      problem.two_sided[a] = r < S && Model::wire[r];
+      two_sided[a] = r < S && Model::wire[r];
     }
     constexpr int stride = Complementarity<Real, M>::N;
     for (int a = 0; a < n; ++a)

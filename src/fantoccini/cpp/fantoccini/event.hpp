@@ -1,9 +1,10 @@
 // The event-driven run: adaptive steps of the frozen-mode flow, stopped where a tension falls
-// through zero (release) or a slack row closes (catch).
+// through zero (release), a slack row closes (catch), or a winch begins or ends to slip.
 #pragma once
 
 #include "accumulation.hpp"
 #include "contact.hpp"
+#include "detector.hpp"
 #include "guards.hpp"
 #include "record.hpp"
 
@@ -21,36 +22,35 @@ struct EventRun {
 
   F flow;
   Contact<Model> contact;
+  Detector<Model> detector;
   Accumulation accumulation;
   double impact = 0.0;  // energy lost in catches so far
+  double blame[room(M)] = {};  // by row, how much it is to blame for the status, 0 to 1
   Guards<Model> guards{flow};
   double step_size = 0.0;
   long long n_steps = 0, n_events = 0, stuck = 0;
   const double* save_at = nullptr;
   long long n_save = 0, next_save = 0;
 
+  // Begins at flow.t, flow.y and flow.slip.
   Status start(Record<Model>& out) {
     flow.drive.start_at(flow.t);
-    bool taut[room(M)], loose[room(M)];
-    for (int r = 0; r < M; ++r) {
-      loose[r] = false;
-      flow.taut[r] = false;
-    }
-    refresh();
-    for (int r = 0; r < M; ++r)
-      flow.taut[r] = flow.eval.height(r) > 0.0 && flow.eval.height(r) <= kStart * flow.row_scale(r);
-    refresh();
-    Status status = flow.pull_back(flow.y);
-    if (status == RUNNING) status = contact.choose(flow, loose, taut, kStart);
+    const bool none[room(M)] = {};
+    Hold next[room(M)];
+    for (int r = 0; r < M; ++r) flow.mode[r] = SLACK;
+    for (int i = 0; i < S; ++i) flow.winding[i] = 0.0;
+    flow.slip_time = flow.t;
+    Status status = contact.retreat(flow);
+    if (status == RUNNING) status = contact.choose(flow, none, none, next, kStart);
     if (status == RUNNING) {
-      set_mode(taut);
+      set_mode(next);
       refresh();
       status = flow.project(flow.t, flow.y);
-    } else {
-      for (int r = 0; r < M; ++r) flow.taut[r] = false;
     }
     step_size = flow.opt.first_step;
     refresh();
+    if (status == RUNNING) status = watch();
+    else accuse(contact.blame);
     emit(out);
     skip_saved();
     return status;
@@ -71,7 +71,9 @@ struct EventRun {
         if (changed != RUNNING) return changed;
       }
       const double brk = flow.drive.next_break(flow.t, t_end);
+      const double rewound = flow.rewound(t_end);
       double target = brk < t_end ? brk : t_end;
+      if (rewound < target) target = rewound > flow.t ? rewound : flow.t;
       const double last = next_save + kSavesPerStep - 1 < n_save
                               ? save_at[next_save + kSavesPerStep - 1]
                               : target;
@@ -79,7 +81,7 @@ struct EventRun {
       const Status status = step(target, out);
       if (status != RUNNING) return status;
       // The break itself is dealt with when the run goes on beyond it.
-      at_break_ = flow.t == brk;
+      at_break_ = flow.t == brk || flow.t >= rewound;
     }
     return DONE;
   }
@@ -91,8 +93,19 @@ struct EventRun {
   // The evaluation, k[0] and accelerations at (t, y).
   void refresh() { flow.evaluate(flow.t, flow.y, flow.k[0]); }
 
-  void set_mode(const bool* taut) {
-    for (int r = 0; r < M; ++r) flow.taut[r] = taut[r];
+  void set_mode(const Hold* mode) {
+    for (int r = 0; r < M; ++r) flow.mode[r] = mode[r];
+  }
+
+  void accuse(const double* rows) {
+    for (int r = 0; r < M; ++r) blame[r] = rows[r];
+  }
+
+  // What the detector says of the present state.
+  Status watch() {
+    const Status status = detector.look(flow);
+    if (status != RUNNING) accuse(detector.blame);
+    return status;
   }
 
   Status step(double target, Record<Model>& out) {
@@ -158,13 +171,14 @@ struct EventRun {
     stuck = moved > 1e-12 ? 0 : stuck + 1;
     for (int r = 0; r < M; ++r) {
       const double h = flow.eval.height(r);
-      if (!flow.taut[r] && h < -kOpen * flow.row_scale(r)) guards.armed[r] = true;
-      if (!flow.taut[r] && h > 0.0) guards.armed[r] = false;
-      if (!(fabs(flow.tension[r]) <= flow.opt.tension_cap)) return TENSION_CAP;
+      if (flow.mode[r] == SLIPPING && flow.lack(r) < -kCreep) guards.armed[r] = true;
+      if (flow.taut(r)) continue;
+      if (h < -kOpen * flow.row_scale(r)) guards.armed[r] = true;
+      if (h > 0.0) guards.armed[r] = false;
     }
-    for (int i = 0; i < S; ++i)
-      if (Model::length_q[i] >= 0 && flow.q_K[Model::length_q[i]] <= 1e-9)
-        return LENGTH_NOT_POSITIVE;
+    if (flow.frail()) return another_basis(out);
+    const Status seen = watch();
+    if (seen != RUNNING) return seen;
     guards.remember();
     if (flow.opt.save_steps) emit(out);
     while (next_save < n_save && save_at[next_save] <= flow.t) {
@@ -189,15 +203,18 @@ struct EventRun {
   }
 
   void write(double t, const double* y, Record<Model>& out) {
-    // At a release the tension is zero up to rounding, of either sign.
     double tension[room(M)];
+    bool taut[room(M)];
+    contact.tensions(flow, tension);
     for (int r = 0; r < M; ++r) {
+      // At a release the tension is zero up to rounding, of either sign.
       const bool both = r < S && Model::wire[r];
-      tension[r] = both || flow.tension[r] > 0.0 ? flow.tension[r] : 0.0;
+      if (!both && !(tension[r] > 0.0)) tension[r] = 0.0;
+      taut[r] = flow.taut(r);
     }
     out.row(
-        t, y, y + NQ, flow.acc, flow.q_K, flow.v_K, flow.acc_K, tension, flow.taut, flow.p,
-        y[F::WORK], y[F::LOSS], impact);
+        t, y, y + NQ, flow.acc, flow.q_K, flow.v_K, flow.acc_K, tension, taut, flow.p, y[F::WORK],
+        y[F::LOSS], impact, y[F::SLIP_LOSS], flow.slip_now);
   }
 
   void skip_saved() {
@@ -207,87 +224,132 @@ struct EventRun {
 
   // An event at (t, y): catches strike, then the next mode is chosen.
   Status instant(Record<Model>& out) {
-    bool before[room(M)], closed[room(M)], loose[room(M)];
+    Situation s;
     bool caught = false;
     for (int r = 0; r < M; ++r) {
-      before[r] = flow.taut[r];
-      loose[r] = before[r] ? guards.guard(r) > -kNoTension : !guards.armed[r];
-      const bool touches = !before[r] && guards.touches(r, kTouch);
-      closed[r] = before[r] || touches;
+      s.before[r] = flow.mode[r];
+      const bool held = s.before[r] == HELD || s.before[r] == PINNED;
+      const double none = -flow.tension[r] / flow.weight();
+      s.loose[r] = s.before[r] == SLACK ? !guards.armed[r] : held && none > -kNoTension;
+      s.strained[r] = held && flow.winches.slips(r) &&
+                      flow.tension[r] >= flow.winches.max_tension[r] - kNoTension * flow.weight();
+      const bool touches = s.before[r] == SLACK && guards.touches(r, kTouch);
+      s.closed[r] = s.before[r] != SLACK || touches;
       caught = caught || touches;
     }
     if (caught) {
       accumulation.watch(flow.t);
       if (!flow.opt.save_steps) emit(out);
-      Status status = contact.strike(flow, closed);
-      if (status != RUNNING) return status;
+      const Status status = contact.strike(flow, s.closed);
+      if (status != RUNNING) return fail(status);
       impact += contact.lost;
       for (int r = 0; r < M; ++r)
-        if (closed[r] && !before[r]) {
-          out.event(flow.t, CATCH, r, contact.impulse[r], contact.speed[r]);
-          ++n_events;
-        }
+        if (s.closed[r] && s.before[r] == SLACK)
+          note(out, CATCH, r, contact.impulse[r], contact.speed[r]);
     }
-    return settle_mode(before, closed, loose, out);
+    return settle_mode(s, out);
   }
 
   // At a break of the inputs the tensions may jump: choose the mode again, and write a second row
   // where the inputs' accelerations or the forces jump.
   Status breakpoint(Record<Model>& out) {
-    bool before[room(M)], closed[room(M)], loose[room(M)];
+    Situation s;
     for (int r = 0; r < M; ++r) {
-      closed[r] = before[r] = flow.taut[r];
-      loose[r] = !before[r] && !guards.armed[r];
+      s.before[r] = flow.mode[r];
+      s.closed[r] = flow.taut(r);
+      s.loose[r] = !flow.taut(r) && !guards.armed[r];
+      s.strained[r] = false;
     }
     double acc_K[room(Model::n_vK)], u_D[room(N)];
     for (int j = 0; j < Model::n_vK; ++j) acc_K[j] = flow.acc_K[j];
     for (int k = 0; k < N; ++k) u_D[k] = flow.u_D[k];
     at_break_ = false;
     flow.drive.start_at(flow.t);
-    const long long rows = out.n_rows;
-    const Status status = settle_mode(before, closed, loose, out);
+    refresh();
     bool jumps = false;
     for (int j = 0; j < Model::n_vK; ++j) jumps = jumps || differ(acc_K[j], flow.acc_K[j]);
     for (int k = 0; k < N; ++k) jumps = jumps || differ(u_D[k], flow.u_D[k]);
+    if (jumps) note(out, BREAKPOINT, -1, 0.0, 0.0);
+    const long long rows = out.n_rows;
+    const Status status = settle_mode(s, out);
     if (jumps && out.n_rows == rows) emit(out);
+    return status;
+  }
+
+  // Among redundant rows others stand better on their own: hold those instead. Nothing happens to
+  // the puppet.
+  Status another_basis(Record<Model>& out) {
+    Situation s;
+    for (int r = 0; r < M; ++r) {
+      s.before[r] = flow.mode[r];
+      s.closed[r] = flow.taut(r);
+      s.loose[r] = !flow.taut(r) && !guards.armed[r];
+      s.strained[r] = false;
+    }
+    const Status status = settle_mode(s, out);
+    return status == RUNNING ? watch() : status;
+  }
+
+  // The rows at an event: what they did before it, which are closed, which have just lost their
+  // tension and which have just reached their winch's largest.
+  struct Situation {
+    Hold before[room(M)];
+    bool closed[room(M)], loose[room(M)], strained[room(M)];
+  };
+
+  void note(Record<Model>& out, EventKind kind, int row, double impulse, double speed) {
+    out.event(flow.t, kind, row, impulse, speed);
+    ++n_events;
+  }
+
+  Status fail(Status status) {
+    accuse(contact.blame);
     return status;
   }
 
   static bool differ(double a, double b) { return fabs(a - b) > 1e-9 * (1.0 + fabs(a) + fabs(b)); }
 
-  Status settle_mode(
-      const bool* before, const bool* closed, const bool* loose, Record<Model>& out) {
-    bool next[room(M)];
-    const Status status = contact.choose(flow, loose, next);
-    if (status != RUNNING) return status;
+  Status settle_mode(const Situation& s, Record<Model>& out) {
+    Hold next[room(M)];
+    const Status status = contact.choose(flow, s.loose, s.strained, next);
+    if (status != RUNNING) return fail(status);
     bool changed = false;
     for (int r = 0; r < M; ++r) {
-      if (closed[r] && !next[r]) {
-        if (before[r]) {
-          out.event(flow.t, RELEASE, r, 0.0, 0.0);
-          ++n_events;
-        }
-        guards.armed[r] = false;
-      }
-      changed = changed || next[r] != before[r] || closed[r] != before[r];
+      tell(s, r, next[r], out);
+      changed = changed || next[r] != s.before[r] || s.closed[r] != (s.before[r] != SLACK);
     }
     set_mode(next);
     refresh();
+    for (int r = 0; r < M; ++r) {
+      if (next[r] == SLIPPING) guards.armed[r] = flow.lack(r) < -kCreep;
+      if (next[r] == SLACK && s.closed[r]) guards.armed[r] = false;
+    }
     const double energy = flow.total_energy();
     double work = 0.0;
     const Status held = contact.hold(flow, &work);
-    if (held != RUNNING) return held;
+    if (held != RUNNING) return fail(held);
     flow.y[F::WORK] += work;
     refresh();
     impact += energy + work - flow.total_energy();
     if (contact.stopped > kCreep && accumulation.shrinking()) {
-      out.event(flow.t, ACCUMULATION, -1, 0.0, contact.stopped);
-      ++n_events;
+      note(out, ACCUMULATION, -1, 0.0, contact.stopped);
       accumulation.forget();
     }
     guards.remember();
     if (changed) emit(out);
     return RUNNING;
+  }
+
+  // The event of row r that goes from s.before to `next`, beside the catch that has been told.
+  void tell(const Situation& s, int r, Hold next, Record<Model>& out) {
+    const Hold before = s.before[r];
+    if (next == SLACK) {
+      if (s.closed[r]) note(out, RELEASE, r, 0.0, 0.0);
+      return;
+    }
+    if (!s.closed[r]) note(out, CATCH, r, 0.0, 0.0);
+    if (next == SLIPPING && before != SLIPPING) note(out, SLIP, r, 0.0, flow.rate_of(r, flow.y + NQ));
+    if (next != SLIPPING && before == SLIPPING) note(out, GRIP, r, 0.0, 0.0);
   }
 
   bool at_break_ = false;

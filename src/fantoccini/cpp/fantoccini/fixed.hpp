@@ -21,7 +21,8 @@ struct FixedRun {
   double q_D[room(NQ)], v_D[room(N)];
   double q_K[room(Model::n_qK)], v_K[room(NK)], acc_K[room(NK)], u_D[room(N)];
   TimeStep<Model, double> at;
-  double work = 0.0, damping = 0.0, impact = 0.0, worst_violation = 0.0;
+  Winches<S> winches;
+  double work = 0.0, damping = 0.0, impact = 0.0, slip_loss = 0.0, worst_violation = 0.0;
   long long n_steps = 0, n_here = 0;
   int save_every = 1;
 
@@ -36,10 +37,12 @@ struct FixedRun {
     origin = t;
     n_here = 0;
     // The tensions of the first row are those of the first step, tried and taken back.
-    double q[room(NQ)], v[room(N)];
+    double q[room(NQ)], v[room(N)], slip[room(S)];
     for (int i = 0; i < NQ; ++i) q[i] = q_D[i];
     for (int k = 0; k < N; ++k) v[k] = v_D[k];
-    at.step(q, v, q_K, v_K, acc_K, u_D, opt.dt, opt.recovery_speed, opt.tension_cap, p);
+    for (int i = 0; i < S; ++i) slip[i] = at.slip[i];
+    at.step(q, v, q_K, v_K, acc_K, u_D, opt.dt, opt.recovery_speed, opt.tension_cap, winches, p);
+    for (int i = 0; i < S; ++i) at.slip[i] = slip[i];
     for (int r = 0; r < M; ++r) at.held[r] = at.taut[r];
     emit(out);
   }
@@ -61,7 +64,8 @@ struct FixedRun {
   // Writes the present state.
   void emit(Record<Model>& out) {
     out.row(
-        t, q_D, v_D, at.acc, q_K, v_K, acc_K, at.tension, at.taut, p, work, damping, impact);
+        t, q_D, v_D, at.acc, q_K, v_K, acc_K, at.tension, at.taut, p, work, damping, impact,
+        slip_loss, at.slip);
   }
 
   // New inputs, or a new step grid, from here on.
@@ -83,13 +87,16 @@ struct FixedRun {
     for (int j = 0; j < NK; ++j) mean[j] = (v_next[j] - v_K[j]) / dt;
     bool was[room(M)];
     for (int r = 0; r < M; ++r) was[r] = at.taut[r];
-    at.step(q_D, v_D, q_K, rate, mean, u_D, dt, opt.recovery_speed, opt.tension_cap, p);
+    at.step(
+        q_D, v_D, q_K, rate, mean, u_D, dt, opt.recovery_speed, opt.tension_cap, winches, p);
+    if (!at.settled) return NOT_SETTLED;
     ++n_steps;
     ++n_here;
     t = next;
     work += at.work;
     damping += at.loss;
     impact += at.impact;
+    slip_loss += at.slip_loss;
     if (at.violation > worst_violation) worst_violation = at.violation;
     for (int i = 0; i < NQ; ++i)
       if (!(fabs(q_D[i]) < kRunaway)) return NOT_FINITE;

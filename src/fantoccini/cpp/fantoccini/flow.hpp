@@ -1,7 +1,8 @@
 // The frozen-mode flow: between two events the same rows are taut, as equalities, and the puppet is
 // a smooth ordinary differential equation
 //
-//   y = (q_D, v_D, work, loss),   ydot = (N(q) v, acc_D, power of inputs and forces, dissipation)
+//   y = (q_D, v_D, work, loss, slip loss)
+//   ydot = (N(q) v, acc_D, power of inputs and forces, dissipation, tension . rate of slip)
 //
 // advanced by dop853 and projected back on the taut rows (h = 0, hdot = 0) in the metric of M_DD.
 #pragma once
@@ -10,12 +11,21 @@
 #include "evaluation.hpp"
 #include "status.hpp"
 #include "tableau.hpp"
+#include "winch.hpp"
 
 namespace fan {
 
-// Regularisation and refinement of the scalar solver: rounding-level answers, redundant rows too.
-constexpr double kEps = 1e-9;
-constexpr int kRefinements = 10;
+constexpr int kRefinements = 2;  // of the held rows' tensions
+
+// |hddot| at which a row that held with others no longer does, relative to the size of its terms.
+constexpr double kApart = 1e-9;
+
+// Pivot of G, relative to its largest diagonal, below which a row hardly stands on its own.
+constexpr double kFrail = 1e-4;
+
+// What a row does between two events. IDLE and PINNED rows depend on the held ones and hold with
+// them, at no tension and at the winch's largest; SLIPPING rows pull with that and give way.
+enum Hold : signed char { SLACK, HELD, IDLE, PINNED, SLIPPING };
 
 struct Options {
   double rtol, atol;
@@ -31,7 +41,7 @@ struct Options {
 template <class Model>
 struct Flow {
   static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings, M = Model::n_rows;
-  static constexpr int NY = NQ + N + 2, WORK = NQ + N, LOSS = NQ + N + 1;
+  static constexpr int NY = NQ + N + 3, WORK = NQ + N, LOSS = NQ + N + 1, SLIP_LOSS = NQ + N + 2;
   using Eval = Evaluation<Model, double>;
   using System = RowSystem<Model, double>;
 
@@ -41,37 +51,52 @@ struct Flow {
 
   double t = 0.0;
   double y[NY];
-  bool taut[room(M)];  // the frozen mode
+  Hold mode[room(M)];  // frozen between events
+  Winches<S> winches;
+  double slip[room(S)];     // m, at slip_time
+  double winding[room(S)];  // m/s, of strings that do not slip
+  double slip_time = 0.0;
 
   // The latest evaluation: where, and what came out.
   double q_K[room(Model::n_qK)], v_K[room(Model::n_vK)], acc_K[room(Model::n_vK)], u_D[room(N)];
   Eval eval;
   System rows;
   double acc[room(N)], tension[room(M)];
+  double slip_now[room(S)], slip_rate[room(S)];
+  double apart[room(M)];  // |hddot| of idle and pinned rows, relative to the size of its terms
+
+  bool taut(int r) const { return mode[r] != SLACK; }
 
   // Evaluates the flow at (at, state) in the frozen mode.
   void evaluate(double at, const double* state, double* rate) {
     drive.evaluate(at, q_K, v_K, acc_K, u_D);
     eval.at(state, state + NQ, q_K, v_K, acc_K, u_D, 0.0, p);
+    let_out(at);
     int list[room(M)], n = 0;
     for (int r = 0; r < M; ++r) {
-      tension[r] = 0.0;
-      if (taut[r]) list[n++] = r;
+      tension[r] = apart[r] = 0.0;
+      if (taut(r)) list[n++] = r;
     }
     rows.gather(eval, state + NQ, list, n);
     auto& problem = rows.problem;
     for (int a = 0; a < n; ++a) {
       problem.b[a] = rows.hddot[a];
-      problem.active[a] = true;
+      problem.lower[a] = 0.0;
+      problem.upper[a] = list[a] < S ? winches.max_tension[list[a]] : kUnlimited;
+      problem.active[a] = mode[list[a]] == HELD;
+      problem.high[a] = mode[list[a]] == PINNED || mode[list[a]] == SLIPPING;
     }
-    problem.solve_active(kEps, kRefinements);
+    problem.solve_active(0.0, kRefinements);
     double w[room(N)];
     for (int k = 0; k < N; ++k) w[k] = eval.w0[k];
-    double pull[room(M)] = {}, power = eval.power0;
+    double pull[room(M)] = {}, power = eval.power0, slip_power = 0.0;
     for (int a = 0; a < n; ++a) {
-      tension[rows.row[a]] = problem.x[a];
+      const int r = list[a];
+      tension[r] = problem.x[a];
       pull[a] = -problem.x[a];
       power += problem.x[a] * rows.hdot_K[a];
+      if (winches.slips(r)) slip_power += problem.x[a] * slip_rate[r];
+      if (mode[r] == IDLE || mode[r] == PINNED) apart[r] = fabs(problem.s[a]) / size_of(a);
     }
     rows.add(pull, w);
     eval.back(w, acc);
@@ -82,13 +107,72 @@ struct Flow {
     }
     rate[WORK] = power;
     rate[LOSS] = eval.loss;
+    rate[SLIP_LOSS] = slip_power;
+  }
+
+  // How far a row's mode is from holding at the latest evaluation, positive when it does not:
+  // tensions over the weight, speeds in m/s. Slack rows have their height instead.
+  double lack(int r) const {
+    if (r < S && Model::wire[r]) return -1.0;
+    if (mode[r] == HELD) {
+      const double below = -tension[r];
+      if (!winches.slips(r)) return below / weight();
+      const double over = tension[r] - winches.max_tension[r];
+      return (below > over ? below : over) / weight();
+    }
+    if (mode[r] == SLIPPING) return winches.winding(r, slip_now[r]) - slip_rate[r];
+    return apart[r] - kApart;
+  }
+
+  double weight() const { return 1e-5 * opt.tension_cap; }
+
+  // Whether the held rows depend on one another so nearly that of the redundant rows others had
+  // better be held.
+  bool frail() const {
+    constexpr int stride = Complementarity<double, M>::N;
+    bool redundant = false;
+    double least = 1e300, top = 0.0;
+    for (int a = 0; a < rows.n; ++a) {
+      const double own = rows.problem.G[a * stride + a];
+      if (own > top) top = own;
+      if (mode[rows.row[a]] != HELD) {
+        redundant = redundant || mode[rows.row[a]] != SLIPPING;
+        continue;
+      }
+      const double reciprocal = rows.problem.factor[a * stride + a];
+      const double pivot = 1.0 / (reciprocal * reciprocal);
+      if (pivot < least) least = pivot;
+    }
+    return redundant && least < kFrail * top;
+  }
+
+  // Ends the slipping of all strings in the books: from here on `mode` alone says which slip.
+  void settle_slip(double at) {
+    for (int i = 0; i < S; ++i) {
+      // What the clock does not resolve is none.
+      const double rounding = winches.rewind_speed[i] * 1e-14 * larger_of(1.0, fabs(at));
+      slip[i] = slip_now[i] > rounding ? slip_now[i] : 0.0;
+      winding[i] = winches.winding(i, slip[i]);
+    }
+    slip_time = at;
+  }
+
+  // When the first string that is wound back has no slip left; `none` when none is.
+  double rewound(double none) const {
+    double first = none;
+    for (int i = 0; i < S; ++i) {
+      if (mode[i] == SLIPPING || !(winding[i] < 0.0)) continue;
+      const double at = slip_time - slip[i] / winding[i];
+      if (at < first) first = at;
+    }
+    return first;
   }
 
   // --- the step -------------------------------------------------------------------------------
 
   double k[dop853::all_stages][NY];
   double end[NY];                  // state at the end of the trial step
-  double stage_tension[dop853::stages][room(M)], stage_height[dop853::stages][room(M)];
+  double stage_lack[dop853::stages][room(M)];  // for slack rows the height
 
   // Trial step of length s from (t, y) with k[0] known. Leaves the end state in `end`.
   void stages(double s) {
@@ -97,8 +181,7 @@ struct Flow {
       combine(dop853::A[i], i, s, at);
       evaluate(t + dop853::C[i] * s, at, k[i]);
       for (int r = 0; r < M; ++r) {
-        stage_tension[i][r] = tension[r];
-        stage_height[i][r] = eval.height(r);
+        stage_lack[i][r] = taut(r) ? lack(r) : eval.height(r);
       }
     }
     combine(dop853::B, dop853::stages, s, end);
@@ -155,7 +238,7 @@ struct Flow {
 
   // --- projection -----------------------------------------------------------------------------
 
-  // Brings the taut rows of `state` at time `at` back to h = 0 and hdot = 0 with the smallest
+  // Brings the held rows of `state` at time `at` back to h = 0 and hdot = 0 with the smallest
   // change in the metric of M_DD. The evaluation must be that of (at, state).
   Status project(double at, double* state) {
     if (rows.n == 0) return RUNNING;
@@ -169,7 +252,7 @@ struct Flow {
     return RUNNING;
   }
 
-  // The positions' part: h = 0 on the rows gathered.
+  // The positions' part: h = 0 on the held rows.
   Status pull_back(double* state) {
     double h[room(M)];
     for (int a = 0; a < rows.n; ++a) h[a] = eval.height(rows.row[a]);
@@ -190,23 +273,26 @@ struct Flow {
     return PROJECTION_FAILED;
   }
 
-  // h of all rows at the configuration of `state` and the q_K of the latest evaluation.
+  // h of all rows at the configuration of `state` and the inputs of the latest evaluation.
   void heights(const double* state, double* h) const {
     const double* arg[] = {state, q_K, p};
     double* res[] = {h};
     Model::rows(arg, res);
+    for (int i = 0; i < S; ++i) h[i] -= mode[i] == SLIPPING ? h[i] : slip_now[i];
   }
 
-  // -M^-1 A^T (A M^-1 A^T)^-1 h over the gathered rows.
+  // -M^-1 A^T (A M^-1 A^T)^-1 h over the held rows.
   void correction(const double* h, double* move) {
+    auto& problem = rows.problem;
     double w[room(N)], pull[room(M)];
     for (int a = 0; a < rows.n; ++a) {
-      rows.problem.b[a] = h[a];
-      rows.problem.active[a] = true;
+      problem.b[a] = h[a];
+      problem.upper[a] = 0.0;
+      problem.active[a] = mode[rows.row[a]] == HELD;
     }
-    rows.problem.solve_active(kEps, kRefinements);
+    problem.solve_active(0.0, kRefinements);
     for (int j = 0; j < N; ++j) w[j] = 0.0;
-    for (int a = 0; a < rows.n; ++a) pull[a] = -rows.problem.x[a];
+    for (int a = 0; a < rows.n; ++a) pull[a] = problem.active[a] ? -problem.x[a] : 0.0;
     rows.add(pull, w);
     eval.back(w, move);
   }
@@ -238,12 +324,33 @@ struct Flow {
   }
 
  private:
+  // The strings' own lengths: h and hdot are those of L + slip.
+  void let_out(double at) {
+    for (int i = 0; i < S; ++i) {
+      const bool slipping = mode[i] == SLIPPING;
+      slip_now[i] = slipping ? eval.h[i] : slip[i] + winding[i] * (at - slip_time);
+      slip_rate[i] = slipping ? eval.hdot[i] : winding[i];
+      eval.h[i] -= slip_now[i];
+      eval.hdot[i] -= slip_rate[i];
+    }
+  }
+
+  // The size of the terms that a gathered row's hddot is the sum of.
+  double size_of(int a) const {
+    constexpr int stride = Complementarity<double, M>::N;
+    double terms = fabs(rows.problem.b[a]) + 1e-30;
+    for (int b = 0; b < rows.n; ++b)
+      terms += fabs(rows.problem.G[a * stride + b] * rows.problem.x[b]);
+    return terms;
+  }
+
   static double larger_of(double a, double b) { return a > b ? a : b; }
 
   double relative(const double* h) const {
     double worst = 0.0;
     for (int a = 0; a < rows.n; ++a)
-      worst = larger_of(worst, fabs(h[a]) / row_scale(rows.row[a]));
+      if (mode[rows.row[a]] == HELD)
+        worst = larger_of(worst, fabs(h[a]) / row_scale(rows.row[a]));
     return worst;
   }
 

@@ -1,5 +1,6 @@
-// Guards: what a step must not pass. A slack row's guard is its height h, a taut row's its lacking
-// tension; a guard is positive when the row's mode no longer holds.
+// Guards: what a step must not pass. A slack row's guard is its height h, a held row's its lacking
+// tension (or what it has beyond its winch's largest), a slipping row's its lacking speed; a guard is
+// positive when the row's mode no longer holds.
 //
 // An event's time is the root of the worst guard evaluated by integrating to it, not read off an
 // interpolant. After a release the row's guard re-arms once it has opened by more than rounding;
@@ -12,7 +13,8 @@ namespace fan {
 
 constexpr double kOpen = 2e-15;         // |h| that counts as open, relative to the row's scale
 constexpr double kOver = 1e-13;         // h at which a row that is not armed is caught, likewise
-constexpr double kCreep = 1e-9;         // m/s or rad/s below which such a row does not move on
+constexpr double kCreep = 1e-9;         // m/s or rad/s below which such a row does not move on,
+                                        // and by which a string begins to slip
 constexpr double kNoTension = 1e-12;    // tension that counts as none, relative to the weight
 constexpr double kHeightRoot = 1e-15;   // how well a catch is met, relative to the row's scale
 constexpr double kTensionRoot = 1e-13;  // how well a release is met, relative to the weight
@@ -34,8 +36,6 @@ struct Guards {
   // The shortest time the clock resolves.
   double resolution() const { return 4.0 * 2.3e-16 * (fabs(flow.t) > 1.0 ? fabs(flow.t) : 1.0); }
 
-  double weight() const { return 1e-5 * flow.opt.tension_cap; }
-
   // Whether a slack row closes at (t, y), the flow's latest evaluation.
   bool touches(int r, double closeness) const {
     return flow.eval.height(r) >= -closeness * flow.row_scale(r) &&
@@ -55,7 +55,12 @@ struct Guards {
   // that make rows comparable: lengths over the row's scale, tensions over the weight.
   double guard(int r) const {
     if (r < S && Model::wire[r]) return -1.0;
-    if (flow.taut[r]) return -flow.tension[r] / weight() - kNoTension;
+    if (flow.mode[r] == SLIPPING) {
+      const double wound_in = -flow.slip_now[r] / flow.row_scale(r) - kOver;
+      const double slow = flow.lack(r) - (armed[r] ? 0.0 : kCreep);
+      return slow > wound_in ? slow : wound_in;
+    }
+    if (flow.taut(r)) return flow.lack(r) - kNoTension;
     // A row that is not armed may stand a trace beyond its bound: what counts is going further.
     const double already = height0[r] > 0.0 ? height0[r] : 0.0;
     const double open = flow.eval.height(r) - (armed[r] ? 0.0 : already);
@@ -108,16 +113,16 @@ struct Guards {
   double suspect(int r, double s) const {
     if (r < S && Model::wire[r]) return 0.0;
     const double already = height0[r] > 0.0 ? height0[r] : 0.0;
-    double worst = flow.taut[r] ? kNoTension * weight() : already + kOver * flow.row_scale(r);
+    double worst = flow.taut(r) ? kNoTension + kCreep : already + kOver * flow.row_scale(r);
     double at = 0.0;
     for (int i = 1; i < dop853::stages; ++i) {
-      const double over = flow.taut[r] ? -flow.stage_tension[i][r] : flow.stage_height[i][r];
+      const double over = flow.stage_lack[i][r];
       if (over > worst && dop853::C[i] < 1.0) {
         worst = over;
         at = dop853::C[i] * s;
       }
     }
-    if (at > 0.0 || flow.taut[r]) return at;
+    if (at > 0.0 || flow.taut(r)) return at;
     return peak_time(
         height0[r], rate0[r], flow.eval.height(r), flow.rate_of(r, flow.end + NQ), s,
         kOver * flow.row_scale(r));
@@ -156,7 +161,7 @@ struct Guards {
     for (int round = 0; round <= M; ++round) {
       const double before = hi;
       for (int r = 0; r < M; ++r) {
-        if (guard(r) <= (flow.taut[r] ? kTensionRoot : kHeightRoot)) continue;
+        if (guard(r) <= (flow.taut(r) ? kTensionRoot : kHeightRoot)) continue;
         hi = root_of(r, hi);
       }
       if (!(hi < before)) break;
@@ -168,7 +173,7 @@ struct Guards {
   // whose rates are known, Illinois' for tensions, inside a bracket that bisection shrinks where
   // they do not.
   double root_of(int r, double hi) {
-    const bool height = !flow.taut[r];
+    const bool height = !flow.taut(r);
     const double met = height ? kHeightRoot : kTensionRoot;
     double lo = 0.0, g_lo = guard0[r] < 0.0 ? guard0[r] : -1e-18, g_hi = guard(r);
     double width = hi;

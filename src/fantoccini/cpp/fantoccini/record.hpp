@@ -7,13 +7,13 @@ namespace fan {
 
 // One row of a trajectory, in doubles:
 //   t, q_D, v_D, acc_D, q_K, v_K, acc_K, tension (strings), force (limits), taut (strings, limits),
-//   T, V, work, damping, impact
+//   T, V, work, damping, impact, slip loss, slip (strings)
 // One event: t, kind, row (-1 for none), impulse, speed.
 template <class Model>
 struct Record {
-  static constexpr int N = Model::n_vD, M = Model::n_rows;
+  static constexpr int N = Model::n_vD, M = Model::n_rows, S = Model::n_strings;
   static constexpr int row_width =
-      1 + Model::n_qD + 2 * N + Model::n_qK + 2 * Model::n_vK + 2 * M + 5;
+      1 + Model::n_qD + 2 * N + Model::n_qK + 2 * Model::n_vK + 2 * M + 6 + S;
   static constexpr int event_width = 5;
 
   double* rows;
@@ -37,7 +37,8 @@ struct Record {
   void row(
       double t, const double* q_D, const double* v_D, const double* acc_D, const double* q_K,
       const double* v_K, const double* acc_K, const double* tension, const bool* taut,
-      const double* p, double work, double damping, double impact) {
+      const double* p, double work, double damping, double impact, double slip_loss,
+      const double* slip) {
     double* out = rows + row_width * n_rows++;
     *out++ = t;
     put(out, q_D, Model::n_qD);
@@ -57,6 +58,8 @@ struct Record {
     *out++ = work;
     *out++ = damping;
     *out++ = impact;
+    *out++ = slip_loss;
+    put(out, slip, S);
   }
 
  private:

@@ -17,9 +17,17 @@ enum Status : int {
   PROJECTION_FAILED = 10,
   STOPPED = 11,
   SINGULAR_MASS = 12,
+  NOT_SETTLED = 13,
 };
 
 // What happened to a row; the numbers are those of fantoccini.motion.EventKind.
-enum EventKind : int { CATCH = 0, RELEASE = 1, ACCUMULATION = 2, BREAKPOINT = 3 };
+enum EventKind : int {
+  CATCH = 0,
+  RELEASE = 1,
+  ACCUMULATION = 2,
+  BREAKPOINT = 3,
+  SLIP = 4,
+  GRIP = 5,
+};
 
 }  // namespace fan

@@ -4,15 +4,18 @@
 //   h/dt + A_D v+ + A_K dq_K/dt <= 0, complementary to Lambda;            q+ = q moved by dt v+
 //
 // with dq_K the exact increment of the inputs, joint damping D implicit, the recovery of a violated
-// row limited to a speed, and Lambda capped, so that every step has a solution. Written for any
+// row limited to a speed, and Lambda capped, so that every step has a solution. Where the cap is
+// the largest tension of a string's winch, the winch gives way by what is left. Written for any
 // Real: lanes step together, each with its own rows.
 #pragma once
 
 #include "evaluation.hpp"
+#include "winch.hpp"
 
 namespace fan {
 
 constexpr double kStepEps = 1e-10;
+constexpr double kStepTolerance = 1e-13;
 constexpr double kNearLimit = 0.02;  // rad or m beyond what a step can cover, still watched
 constexpr double kOutOfReach = 1e30;  // speed at which a row opens in a lane that does not watch it
 
@@ -28,34 +31,42 @@ struct TimeStep {
   Real tension[room(M)];  // Lambda / dt
   Mask taut[room(M)];    // after the last step
   Mask held[room(M)];    // after the one before it
-  Real work, loss, impact, violation;
+  Real slip[room(S)];    // m, by which winches have given way
+  Real work, loss, impact, slip_loss, violation;
+  Mask settled;  // whether the last step's complementarity was solved
 
   // Steps q_D, v_D in place. (q_K, v_K, acc_K) are the inputs at the start of the step with
   // v_K = dq_K/dt and acc_K the mean acceleration; `taut` is the mode of the step before.
   FAN_FN void step(
       Real* q_D, Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K, const Real* u_D,
-      double dt, double recovery_speed, double cap, const Real* p) {
+      double dt, double recovery_speed, double cap, const Winches<S>& winches, const Real* p) {
     eval.at(q_D, v_D, q_K, v_K, acc_K, u_D, Real(dt), p);
+    wind(winches, dt);
     int list[room(M)];
     rows.gather(eval, v_D, list, candidates(v_D, dt, list));
     auto& problem = rows.problem;
     violation = Real(0.0);
     for (int a = 0; a < rows.n; ++a) {
-      const Real h = eval.height(rows.row[a]);
+      const int r = rows.row[a];
+      const Real h = eval.height(r);
       const Real limit = Real(recovery_speed);
       const Real h_rate = h * (1.0 / dt);
-      const Mask watched = near_[rows.row[a]];
+      const Mask watched = near_[r];
       const Real closing = rows.hdot[a] + dt * rows.kick[a] + select(h_rate > limit, limit, h_rate);
+      const bool winch = winches.slips(r) && winches.max_tension[r] < cap;
       problem.b[a] = select(watched, closing, Real(-kOutOfReach));
-      problem.active[a] = watched && taut[rows.row[a]];
+      problem.upper[a] = Real(dt * (winch ? winches.max_tension[r] : cap));
+      problem.lower[a] = rows.two_sided[a] ? Real(-cap * dt) : Real(0.0);
+      problem.active[a] = watched && (taut[r] || problem.lower[a] < Real(0.0));
+      problem.high[a] = Real(0.0) > Real(1.0);
       violation = select(h > violation, h, violation);
     }
-    problem.solve(kStepEps, 1, 1e-11, 50);
+    settled = problem.solve(kStepEps, 1, kStepTolerance, 50 + 4 * rows.n);
     Real pull[room(M)], w[room(N)], before[room(M)];
     for (int a = 0; a < rows.n; ++a) {
       Real x = problem.x[a];
-      x = select(x > Real(cap * dt), Real(cap * dt), x);
-      if (!problem.two_sided[a]) x = select(x < Real(0.0), Real(0.0), x);
+      x = select(x > problem.upper[a], problem.upper[a], x);
+      x = select(x < problem.lower[a], problem.lower[a], x);
       pull[a] = -x;
       before[a] = rows.hdot[a] + dt * rows.kick[a];
     }
@@ -63,6 +74,7 @@ struct TimeStep {
     rows.add(pull, w);
     eval.back(w, acc);
     account(pull, before, v_D, u_D, dt);
+    give_way(winches, pull, dt);
     Real move[room(N)];
     for (int k = 0; k < N; ++k) {
       v_D[k] += acc[k];
@@ -73,6 +85,30 @@ struct TimeStep {
   }
 
  private:
+  // Winches wind back what slipped before; the strings' h and hdot are those of L + slip.
+  FAN_FN void wind(const Winches<S>& winches, double dt) {
+    for (int i = 0; i < S; ++i) {
+      const Real most = slip[i] * (1.0 / dt), wanted = Real(winches.rewind_speed[i]);
+      winding_[i] = -select(most < wanted, most, wanted);
+      eval.h[i] -= slip[i];
+      eval.hdot[i] -= winding_[i];
+    }
+  }
+
+  // s < 0 at the bound of a winch is the speed at which it gives way.
+  FAN_FN void give_way(const Winches<S>& winches, const Real* pull, double dt) {
+    slip_loss = Real(0.0);
+    for (int i = 0; i < S; ++i) slip_rate_[i] = winding_[i];
+    for (int a = 0; a < rows.n; ++a) {
+      const int r = rows.row[a];
+      if (!winches.slips(r)) continue;
+      const Mask gives = rows.problem.high[a] && rows.problem.s[a] < Real(0.0);
+      slip_rate_[r] -= select(gives, rows.problem.s[a], Real(0.0));
+      slip_loss -= pull[a] * slip_rate_[r];
+    }
+    for (int i = 0; i < S; ++i) slip[i] += dt * slip_rate_[i];
+  }
+
   // Strings always take part; a limit does when the step could reach it in any lane, and is kept
   // out of reach in the others: a lane's result does not depend on its neighbours.
   FAN_FN int candidates(const Real* v_D, double dt, int* list) {
@@ -111,7 +147,7 @@ struct TimeStep {
       const int r = rows.row[a];
       const Real x = -pull[a];
       tension[r] = x * (1.0 / dt);
-      taut[r] = rows.problem.two_sided[a] ? Real(1.0) > Real(0.0) : x > Real(0.0);
+      taut[r] = rows.two_sided[a] ? Real(1.0) > Real(0.0) : x > Real(0.0);
       work += x * rows.hdot_K[a];
       Real after = before[a];
       constexpr int stride = Complementarity<Real, M>::N;
@@ -122,6 +158,7 @@ struct TimeStep {
     }
   }
 
+  Real winding_[room(S)], slip_rate_[room(S)];
   Mask near_[room(M)];  // lanes in which the row takes part in this step
 };
 

@@ -1,0 +1,118 @@
+// Inputs that nothing can follow. Where two hands pull a taut string apart there is no rigid motion:
+// tensions grow without bound while A_D M^-1 A_D^T becomes singular, and an integrator alone does not
+// notice. Looked for after every accepted step; the rows to blame are left in `blame`.
+#pragma once
+
+#include "flow.hpp"
+
+namespace fan {
+
+constexpr double kNearlySingular = 1e-8;  // of a pivot of A_D M^-1 A_D^T, relative to its diagonal
+constexpr double kGrown = 2.0;            // growth of the tension meanwhile that tells
+constexpr double kHeavy = 10.0;           // and the tension, in weights
+constexpr double kCollapsed = 1e-6;       // m: length of a taut string's segment that is none
+constexpr double kNoLength = 1e-9;        // m: likewise of a whole string
+
+template <class Model>
+struct Detector {
+  using F = Flow<Model>;
+  static constexpr int S = F::S, M = F::M;
+
+  double blame[room(M)];  // by row, 0 to 1
+
+  // The status of the flow's latest evaluation, made at its present state.
+  Status look(const F& f) {
+    for (int j = 0; j < F::N; ++j)
+      if (!(fabs(f.acc[j]) < 1e300)) return broken(f);
+    for (int r = 0; r < M; ++r)
+      if (!(fabs(f.tension[r]) <= f.opt.tension_cap)) return capped(f);
+    for (int i = 0; i < S; ++i)
+      if (Model::length_q[i] >= 0 && f.q_K[Model::length_q[i]] <= kNoLength) {
+        accuse_only(i);
+        return LENGTH_NOT_POSITIVE;
+      }
+    const Status status = collapse(f);
+    return status == RUNNING ? singularity(f) : status;
+  }
+
+ private:
+  void accuse_only(int row) {
+    for (int r = 0; r < M; ++r) blame[r] = r == row ? 1.0 : 0.0;
+  }
+
+  Status broken(const F& f) {
+    accuse_only(-1);
+    for (int k = 0; k < Model::n_packed; ++k)
+      if (!(fabs(f.eval.L[k]) < 1e300)) return SINGULAR_MASS;
+    return NOT_FINITE;
+  }
+
+  Status capped(const F& f) {
+    for (int r = 0; r < M; ++r) blame[r] = fabs(f.tension[r]) / f.opt.tension_cap;
+    return TENSION_CAP;
+  }
+
+  // Two neighbouring points of a taut string that came together: its direction there is lost.
+  Status collapse(const F& f) {
+    bool wanted = false;
+    for (int i = 0; i < S; ++i) wanted = wanted || (f.taut(i) && Model::string_points[i] > 2);
+    if (!wanted) return RUNNING;
+    double points[room(3 * Model::n_points)];
+    const double* arg[] = {f.y, f.q_K, f.p};
+    double* res[] = {points};
+    Model::points(arg, res);
+    int at = 0;
+    for (int i = 0; i < S; ++i) {
+      for (int k = 1; k < Model::string_points[i]; ++k) {
+        const double* a = points + 3 * (at + k - 1);
+        double square = 0.0;
+        for (int c = 0; c < 3; ++c) square += (a[3 + c] - a[c]) * (a[3 + c] - a[c]);
+        const bool looked_at = f.taut(i) && Model::string_points[i] > 2;
+        if (looked_at && square < kCollapsed * kCollapsed) {
+          accuse_only(i);
+          return COLLAPSED;
+        }
+      }
+      at += Model::string_points[i];
+    }
+    return RUNNING;
+  }
+
+  Status singularity(const F& f) {
+    constexpr int stride = Complementarity<double, M>::N;
+    const auto& problem = f.rows.problem;
+    int weakest = -1;
+    double least = kNearlySingular, top = 0.0;
+    for (int a = 0; a < f.rows.n; ++a) {
+      if (f.tension[f.rows.row[a]] > top) top = f.tension[f.rows.row[a]];
+      if (!problem.active[a]) continue;
+      const double reciprocal = problem.factor[a * stride + a];
+      const double ratio =
+          1.0 / (reciprocal * reciprocal * problem.G[a * stride + a]);
+      if (ratio < least) {
+        least = ratio;
+        weakest = a;
+      }
+    }
+    if (weakest < 0) {
+      reference_ = -1.0;
+      return RUNNING;
+    }
+    if (reference_ < 0.0 || top < reference_) reference_ = top;
+    if (top < kGrown * reference_ || top < kHeavy * f.weight()) return RUNNING;
+    // The direction in which A_D M^-1 A_D^T nearly vanishes.
+    double y[room(M)], most = 0.0;
+    for (int a = 0; a < f.rows.n; ++a) y[a] = a == weakest ? 1.0 : 0.0;
+    problem.substitute(y);
+    for (int a = 0; a < f.rows.n; ++a)
+      if (problem.active[a] && fabs(y[a]) > most) most = fabs(y[a]);
+    accuse_only(-1);
+    for (int a = 0; a < f.rows.n; ++a)
+      if (problem.active[a]) blame[f.rows.row[a]] = y[a] / most;
+    return IMPOSSIBLE_INPUT;
+  }
+
+  double reference_ = -1.0;  // the largest tension when the rows became nearly singular
+};
+
+}  // namespace fan

@@ -1,0 +1,68 @@
+"""States by name: one value put into the arrays of a state."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.errors import StateError, UnknownNameError
+from fantoccini.motion.rotation import exp
+from fantoccini.tree import CoordinateTable
+
+
+def put(
+    table: CoordinateTable, name: str, value, q_D: Array, v_D: Array, q_K: Array, v_K: Array
+) -> None:
+    """Sets one named value in the arrays it belongs to.
+
+    Args:
+        table: names and places of all coordinates.
+        name: of a coordinate; ``joint.rotation`` for a rotation; ``v:NAME`` for a velocity.
+        value: a number, or a quaternion (w, x, y, z) or rotation vector.
+        q_D, v_D, q_K, v_K: changed in place.
+
+    Raises:
+        StateError: the value is not what the name takes.
+        UnknownNameError: the puppet has no such coordinate.
+    """
+    try:
+        number = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise StateError(
+            f"{name}: found {value!r}; it takes a number (radians or metres) or a rotation"
+        ) from None
+    if not np.all(np.isfinite(number)):
+        raise StateError(f"{name}: found {value}; it must be finite")
+    if name.endswith(".length") and number.ndim == 0 and number <= 0:
+        raise StateError(f"{name}: found {value}; a length must be positive")
+    scalar = name.startswith("v:") or name in table.q_D or name in table.q_K
+    if scalar and number.ndim:
+        raise StateError(f"{name}: found {number.size} numbers; it takes one")
+    for names, target in ((table.q_D, q_D), (table.q_K, q_K)):
+        if name in names:
+            target[names.index(name)] = float(number)
+            return
+        if name.endswith(".rotation") and name[: -len("rotation")] + "qw" in names:
+            at = names.index(name[: -len("rotation")] + "qw")
+            target[at : at + 4] = _quaternion(name, number)
+            return
+    if name.startswith("v:"):
+        for names, target in ((table.v_D, v_D), (table.v_K, v_K)):
+            if name[2:] in names:
+                target[names.index(name[2:])] = float(number)
+                return
+        raise UnknownNameError("velocity", name[2:], (*table.v_D, *table.v_K))
+    rotations = [n[:-2] + "rotation" for n in (*table.q_D, *table.q_K) if n.endswith(".qw")]
+    raise UnknownNameError("coordinate", name, (*table.q_D, *table.q_K, *rotations))
+
+
+def _quaternion(name: str, value: Array) -> Array:
+    if value.shape == (3,):
+        return exp(value)
+    size = np.linalg.norm(value)
+    if value.shape != (4,) or size == 0:
+        raise StateError(
+            f"{name}: found {value.tolist()}; it takes a quaternion (w, x, y, z), not all zero, or "
+            "a rotation vector of three numbers"
+        )
+    return value / size
