@@ -38,7 +38,6 @@ struct EventRun {
     const bool none[room(M)] = {};
     Hold next[room(M)];
     for (int r = 0; r < M; ++r) flow.mode[r] = SLACK;
-    for (int i = 0; i < S; ++i) flow.winding[i] = 0.0;
     flow.slip_time = flow.t;
     Status status = contact.retreat(flow);
     if (status == RUNNING) status = contact.choose(flow, none, none, next, kStart);

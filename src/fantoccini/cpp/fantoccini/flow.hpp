@@ -53,8 +53,7 @@ struct Flow {
   double y[NY];
   Hold mode[room(M)];  // frozen between events
   Winches<S> winches;
-  double slip[room(S)];     // m, at slip_time
-  double winding[room(S)];  // m/s, of strings that do not slip
+  double slip[room(S)];  // m, at slip_time
   double slip_time = 0.0;
 
   // The latest evaluation: where, and what came out.
@@ -148,22 +147,17 @@ struct Flow {
 
   // Ends the slipping of all strings in the books: from here on `mode` alone says which slip.
   void settle_slip(double at) {
-    for (int i = 0; i < S; ++i) {
-      // What the clock does not resolve is none.
-      const double rounding = winches.rewind_speed[i] * 1e-14 * larger_of(1.0, fabs(at));
-      slip[i] = slip_now[i] > rounding ? slip_now[i] : 0.0;
-      winding[i] = winches.winding(i, slip[i]);
-    }
+    for (int i = 0; i < S; ++i) slip[i] = slip_now[i] > kNoSlip ? slip_now[i] : 0.0;
     slip_time = at;
   }
 
-  // When the first string that is wound back has no slip left; `none` when none is.
+  // When the first winch that winds back begins to brake or stops; `none` when none does.
   double rewound(double none) const {
     double first = none;
     for (int i = 0; i < S; ++i) {
-      if (mode[i] == SLIPPING || !(winding[i] < 0.0)) continue;
-      const double at = slip_time - slip[i] / winding[i];
-      if (at < first) first = at;
+      const double stretch = winches.stretch(i, slip[i]);
+      if (mode[i] != SLIPPING && stretch > 0.0 && slip_time + stretch < first)
+        first = slip_time + stretch;
     }
     return first;
   }
@@ -324,14 +318,21 @@ struct Flow {
   }
 
  private:
-  // The strings' own lengths: h and hdot are those of L + slip.
+  // The strings' own lengths: h, hdot and gamma are those of L + slip.
   void let_out(double at) {
     for (int i = 0; i < S; ++i) {
-      const bool slipping = mode[i] == SLIPPING;
-      slip_now[i] = slipping ? eval.h[i] : slip[i] + winding[i] * (at - slip_time);
-      slip_rate[i] = slipping ? eval.hdot[i] : winding[i];
-      eval.h[i] -= slip_now[i];
-      eval.hdot[i] -= slip_rate[i];
+      if (mode[i] == SLIPPING) {
+        slip_now[i] = eval.h[i];
+        slip_rate[i] = eval.hdot[i];
+        eval.h[i] = eval.hdot[i] = 0.0;
+        continue;
+      }
+      const Wound wound = winches.wound(i, slip[i], at - slip_time);
+      slip_now[i] = wound.slip;
+      slip_rate[i] = wound.rate;
+      eval.h[i] -= wound.slip;
+      eval.hdot[i] -= wound.rate;
+      eval.gamma[i] -= wound.acc;
     }
   }
 
