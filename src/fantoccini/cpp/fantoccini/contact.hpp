@@ -33,26 +33,39 @@ struct Contact {
   double stopped = 0.0;     // largest |hdot| that the last hold took from a held row
   double blame[room(M)];    // rows that no motion satisfies together, after IMPOSSIBLE_INPUT
 
-  // Moves the configuration at (t, y) by what its rows are overstepped, with the smallest change in
-  // the metric of M_DD: for starts that are closed to the user's rounding, not to ours.
+  // Brings the held rows to h = 0 and all others to h <= 0, with the smallest change of the
+  // configuration at (t, y) in the metric of M_DD. The flow's evaluation must be that of (t, y).
   Status retreat(F& f) {
-    for (int round = 0; round < 3; ++round) {
-      double rate[F::NY];
-      f.evaluate(f.t, f.y, rate);
-      int list[room(M)] = {}, n = 0;
-      for (int r = 0; r < M; ++r)
-        if (f.eval.height(r) > 0.0) list[n++] = r;
-      f.rows.gather(f.eval, f.y + NQ, list, n);
+    int list[room(M)] = {}, n = 0;
+    for (int r = 0; r < M; ++r)
+      if (f.mode[r] == HELD || f.eval.height(r) > 0.0) list[n++] = r;
+    f.rows.gather(f.eval, f.y + NQ, list, n);
+    double h[room(M)], before = 1e300;
+    for (int r = 0; r < M; ++r) h[r] = f.eval.height(r);
+    for (int round = 0; round < 12; ++round) {
+      double worst = 0.0;
+      for (int a = 0; a < n; ++a) {
+        const double beyond = f.mode[list[a]] == HELD ? fabs(h[list[a]]) : h[list[a]];
+        if (!(beyond <= worst * f.row_scale(list[a]))) worst = beyond / f.row_scale(list[a]);
+      }
+      // Rounding is reached when a round no longer halves what is left.
+      if (worst < 1e-15 || (worst < 1e-12 && worst > 0.5 * before)) return RUNNING;
+      if (!(worst < 1e3)) break;
+      before = worst;
       begin(kContradiction);
-      for (int a = 0; a < n; ++a)
-        add_row(f, a, f.eval.height(list[a]), kUnlimited, Set::BASIC);
+      for (int a = 0; a < n; ++a) {
+        const bool held = f.mode[list[a]] == HELD;
+        f.rows.two_sided[a] = f.rows.two_sided[a] || held;
+        add_row(f, a, h[list[a]], kUnlimited, held ? Set::BASIC : Set::LOW);
+      }
       const Status status = settle(f);
       if (status != RUNNING) return status;
       double move[room(N)];
       push(f, move);
       retract<typename Model::Dynamic>(f.y, move);
+      f.heights(f.y, h);
     }
-    return RUNNING;
+    return PROJECTION_FAILED;
   }
 
   // Applies the impulse over the rows `closed` at (t, y) and books its work. The flow's evaluation
@@ -125,11 +138,10 @@ struct Contact {
   Status hold(F& f, double* work) {
     double rate[F::NY];
     stopped = 0.0;
-    if (f.rows.n == 0) return RUNNING;
     for (int a = 0; a < f.rows.n; ++a)
       if (f.mode[f.rows.row[a]] == HELD && fabs(f.rows.hdot[a]) > stopped)
         stopped = fabs(f.rows.hdot[a]);
-    const Status status = f.pull_back(f.y);
+    const Status status = retreat(f);
     if (status != RUNNING) return status;
     f.evaluate(f.t, f.y, rate);
     int list[room(M)] = {}, n = 0;

@@ -39,6 +39,7 @@ struct EventRun {
     Hold next[room(M)];
     for (int r = 0; r < M; ++r) flow.mode[r] = SLACK;
     flow.slip_time = flow.t;
+    refresh();
     Status status = contact.retreat(flow);
     if (status == RUNNING) status = contact.choose(flow, none, none, next, kStart);
     if (status == RUNNING) {

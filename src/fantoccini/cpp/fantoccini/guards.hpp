@@ -13,6 +13,7 @@ namespace fan {
 
 constexpr double kOpen = 2e-15;         // |h| that counts as open, relative to the row's scale
 constexpr double kOver = 1e-13;         // h at which a row that is not armed is caught, likewise
+constexpr double kStand = 5e-13;        // how far beyond its bound a row may stand, likewise
 constexpr double kCreep = 1e-9;         // m/s or rad/s below which such a row does not move on,
                                         // and by which a string begins to slip
 constexpr double kNoTension = 1e-12;    // tension that counts as none, relative to the weight
@@ -62,9 +63,14 @@ struct Guards {
     }
     if (flow.taut(r)) return flow.lack(r) - kNoTension;
     // A row that is not armed may stand a trace beyond its bound: what counts is going further.
-    const double already = height0[r] > 0.0 ? height0[r] : 0.0;
-    const double open = flow.eval.height(r) - (armed[r] ? 0.0 : already);
+    const double open = flow.eval.height(r) - (armed[r] ? 0.0 : already(r));
     return open / flow.row_scale(r) - (armed[r] ? 0.0 : kOver);
+  }
+
+  // How far a row that is not armed stood beyond its bound when the step began.
+  double already(int r) const {
+    const double most = kStand * flow.row_scale(r);
+    return height0[r] > most ? most : (height0[r] > 0.0 ? height0[r] : 0.0);
   }
 
   // The largest guard at the latest evaluation.
@@ -112,8 +118,7 @@ struct Guards {
   // Where within the step just evaluated row r may have crossed and returned; 0 if nowhere.
   double suspect(int r, double s) const {
     if (r < S && Model::wire[r]) return 0.0;
-    const double already = height0[r] > 0.0 ? height0[r] : 0.0;
-    double worst = flow.taut(r) ? kNoTension + kCreep : already + kOver * flow.row_scale(r);
+    double worst = flow.taut(r) ? kNoTension + kCreep : already(r) + kOver * flow.row_scale(r);
     double at = 0.0;
     for (int i = 1; i < dop853::stages; ++i) {
       const double over = flow.stage_lack[i][r];
@@ -178,7 +183,9 @@ struct Guards {
     double lo = 0.0, g_lo = guard0[r] < 0.0 ? guard0[r] : -1e-18, g_hi = guard(r);
     double width = hi;
     int side = 1;
-    for (int i = 0; i < kRootIterations && hi - lo > resolution(); ++i) {
+    // Finer than the clock: the state is integrated over s, whatever t + s rounds to.
+    const double finest = 4.0 * 2.3e-16 * hi;
+    for (int i = 0; i < kRootIterations && hi - lo > finest; ++i) {
       if (side == 1 && g_hi <= met) break;
       double mid = lo - g_lo * (hi - lo) / (g_hi - g_lo);
       if (height && side == 1) {
@@ -189,7 +196,7 @@ struct Guards {
         if (hi - lo > 0.5 * width || i > kRootIterations / 3) mid = 0.5 * (lo + hi);
         width = hi - lo;
       }
-      const double nudge = 0.5 * resolution();
+      const double nudge = 0.5 * finest;
       if (!(mid > lo + nudge)) mid = lo + nudge;
       if (mid > hi - nudge) mid = hi - nudge;
       guard_at(mid);
