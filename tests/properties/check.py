@@ -41,6 +41,8 @@ LEDGER = 1e-7
 STEPS = 5.0
 """Bound on gaps of rows that pull, and on violations where the inputs can be followed, in
 dt * the largest speed of the run or 1 (time-stepping)."""
+FOLLOWED = 1e-4
+"""Violation below which inputs count as followed, relative (time-stepping)."""
 MOST_PIECES = 10
 """Bound on the pieces of up to 200 steps that a run may take; it needs one or two."""
 
@@ -94,7 +96,11 @@ def simulated(given: Performance, method: str) -> fan.Trajectory:
 
 
 def checked(
-    puppet: str, seed: int, method: str, given: Performance | None = None, done: bool | None = None
+    puppet: str,
+    seed: int,
+    method: str,
+    given: Performance | None = None,
+    event: Status | None = None,
 ) -> Result:
     """Runs one case and looks for broken properties.
 
@@ -103,17 +109,20 @@ def checked(
         seed: of the performance.
         method: event or timestepping.
         given: the performance, if it is made already.
-        done: whether the event-driven run of it reaches its end, which tells the time-stepping
-            one that the inputs can be followed; found out when not given.
+        event: how the event-driven run of it ends, which tells the time-stepping one whether the
+            inputs can be followed; found out when not given.
     """
     given = performance(puppet, seed) if given is None else given
-    if method == "timestepping" and done is None:
-        done = simulated(given, "event").status is Status.DONE
+    if method == "timestepping" and event is None:
+        event = simulated(given, "event").status
     run = simulated(given, method)
     broken, measures = _always(given, run, method), (0.0, 0.0, 0.0)
     if not any("finite" in what for what in broken):
-        look = _event_driven if method == "event" else _time_stepping
-        measures, more = look(given, run, _Rows(given, run), bool(done))
+        rows = _Rows(given, run)
+        if method == "event":
+            measures, more = _event_driven(given, run, rows)
+        else:
+            measures, more = _time_stepping(given, run, rows, event)
         broken += more
     return Result(
         puppet, seed, method, given.asks, run.status.name,
@@ -225,7 +234,7 @@ def _energy(given: Performance, run: fan.Trajectory) -> np.ndarray:
     return given.marionette.weight + np.maximum.accumulate(size)
 
 
-def _event_driven(given: Performance, run: fan.Trajectory, rows: _Rows, _: bool):
+def _event_driven(given: Performance, run: fan.Trajectory, rows: _Rows):
     """Lengths, complementarity, Eqs. 10 and 11 and the ledger of an event-driven run."""
     broken = []
     violation = np.max(run.violation.values / rows.scale, initial=0.0)
@@ -266,19 +275,25 @@ def _event_driven(given: Performance, run: fan.Trajectory, rows: _Rows, _: bool)
     return (violation, gap, residual), broken
 
 
-def _time_stepping(given: Performance, run: fan.Trajectory, rows: _Rows, feasible: bool):
-    """Bounded violation, and no tension on rows that one step does not close."""
+def _time_stepping(given: Performance, run: fan.Trajectory, rows: _Rows, event: Status):
+    """Bounded violation, and no tension on rows that one step does not close.
+
+    Where the event-driven run found that no puppet can follow the inputs, rows must be violated.
+    """
     broken = []
     speeds = (rows.hdot, run.v_D, run.v_K)
     closes = DT * max(float(np.max(np.abs(v), initial=1.0)) for v in speeds)
-    violation = np.max(run.violation.values / closes, initial=0.0)
-    gap = np.max(rows.worst_gap() / closes, initial=0.0)
-    if feasible and violation > STEPS:
+    violation = float(np.max(run.violation.values, initial=0.0)) / closes
+    gap = np.max(rows.worst_gap(), initial=0.0) / closes
+    if event is Status.DONE and violation > STEPS:
         broken.append("a row is violated")
+    refused = event in (Status.IMPOSSIBLE_INPUT, Status.TENSION_CAP)
+    if refused and np.max(run.violation.values / rows.scale, initial=0.0) < FOLLOWED:
+        broken.append(f"follows the inputs that the event-driven run ends with {event.name} at")
     if gap > STEPS:
         broken.append("tension across a gap")
     residual = np.max(np.abs(run.ledger["residual"]) / _energy(given, run))
-    return (violation if feasible else 0.0, gap, residual), broken
+    return (violation if event is Status.DONE else 0.0, gap, residual), broken
 
 
 def main() -> None:

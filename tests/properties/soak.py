@@ -104,7 +104,7 @@ def performed(puppet: str, first: int, n: int) -> Tally:
         given = performances.performance(puppet, seed)
         event = checked(puppet, seed, "event", given)
         tally.add(event)
-        tally.add(checked(puppet, seed, "timestepping", given, event.status == "DONE"))
+        tally.add(checked(puppet, seed, "timestepping", given, fan.Status[event.status]))
     return tally
 
 
