@@ -17,6 +17,7 @@ import signal
 import sys
 import time
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
@@ -31,6 +32,9 @@ from properties.check import METHODS, Result, checked
 
 PIECE = 50
 """Performances that a worker runs before it reports."""
+
+PATIENCE = 300.0
+"""Time without any report after which the workers count as stuck [s]."""
 
 KEPT = 20
 """Failures written down of each kind; all are counted."""
@@ -86,6 +90,14 @@ class Tally:
         for kind, cases in other.failures.items():
             self._keep(kind, cases)
 
+    def lost(self, what: str, pieces) -> None:
+        """Books pieces (puppet, first seed, number) of which some run did not come back."""
+        module = "PYTHONPATH=tests .venv/bin/python -m properties.soak --workers 1"
+        for puppet, first, n in pieces:
+            command = f"{module} --only {puppet} --seed {first} --runs {len(METHODS) * n}"
+            self.broken[what] += 1
+            self._keep(what, [(puppet, first, command)])
+
     def _keep(self, kind: str, cases: list) -> None:
         """Keeps the first cases by puppet and seed, whichever worker reports first."""
         self.failures[kind] = sorted([*self.failures.get(kind, []), *cases])[:KEPT]
@@ -135,16 +147,24 @@ def soak(names: list[str], runs: int, seed: int, workers: int, progress=None) ->
     tally, todo = Tally(), pieces(names, runs, seed)
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, mp_context=context, initializer=_deaf) as pool:
-        waiting: set[Future] = set()
+        waiting: dict[Future, tuple] = {}
         with contextlib.suppress(KeyboardInterrupt):
             while True:
                 # No more than the workers need is queued, so that Ctrl-C ends soon.
                 while len(waiting) < 2 * workers and (piece := next(todo, None)):
-                    waiting.add(pool.submit(performed, *piece))
+                    waiting[pool.submit(performed, *piece)] = piece
                 if not waiting:
                     break
-                done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+                done, _ = wait(waiting, timeout=PATIENCE, return_when=FIRST_COMPLETED)
+                broke = any(isinstance(f.exception(), BrokenProcessPool) for f in done)
+                if broke or not done:
+                    what = "a worker died" if broke else f"no answer within {PATIENCE} s"
+                    tally.lost(what, waiting.values())
+                    for process in multiprocessing.active_children():
+                        process.kill()
+                    break
                 for future in done:
+                    del waiting[future]
                     tally.merge(future.result())
                 if progress:
                     progress(tally)
