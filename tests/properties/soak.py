@@ -36,10 +36,28 @@ PIECE = 50
 PATIENCE = 300.0
 """Time without any report after which the workers count as stuck [s]."""
 
-KEPT = 20
-"""Failures written down of each kind; all are counted."""
+KEPT = 5
+"""Cases written down of each failure of a puppet; all are counted."""
 
 OUT = Path(__file__).resolve().parents[2] / "benchmarks" / "soak.json"
+
+
+@dataclass
+class Failure:
+    """A property that runs of one puppet lack.
+
+    Attributes:
+        runs: how many.
+        cases: (seed, command that shows it) of the first ones.
+    """
+
+    runs: int = 0
+    cases: list[tuple[int, str]] = field(default_factory=list)
+
+    def add(self, runs: int, cases: list[tuple[int, str]]) -> None:
+        """Books runs; the first cases by seed are kept, whichever worker reports first."""
+        self.runs += runs
+        self.cases = sorted([*self.cases, *cases])[:KEPT]
 
 
 @dataclass
@@ -50,8 +68,7 @@ class Tally:
         runs, events, catches, runs_with_a_catch: counts.
         by_status: method -> status -> runs.
         worst: method -> measure -> largest value (see ``check.Result``).
-        broken: "method: property" -> runs.
-        failures: "method: property" -> the first cases.
+        failures: (what is broken, puppet) -> how often and where.
     """
 
     runs: int = 0
@@ -59,9 +76,8 @@ class Tally:
     catches: int = 0
     runs_with_a_catch: int = 0
     by_status: dict = field(default_factory=lambda: {m: collections.Counter() for m in METHODS})
-    worst: dict = field(default_factory=lambda: {m: {} for m in METHODS})
-    broken: collections.Counter = field(default_factory=collections.Counter)
-    failures: dict = field(default_factory=dict)
+    worst: dict = field(default_factory=lambda: {m: collections.Counter() for m in METHODS})
+    failures: dict[tuple[str, str], Failure] = field(default_factory=dict)
 
     def add(self, result: Result) -> None:
         """Books one run."""
@@ -70,13 +86,11 @@ class Tally:
         self.catches += result.catches
         self.runs_with_a_catch += result.catches > 0
         self.by_status[result.method][result.status] += 1
-        worst = self.worst[result.method]
         for name in ("violation", "gap", "residual"):
-            worst[name] = max(worst.get(name, 0.0), getattr(result, name))
+            self._widen(result.method, name, getattr(result, name))
         for what in result.broken:
-            kind = f"{result.method}: {what}"
-            self.broken[kind] += 1
-            self._keep(kind, [(result.puppet, result.seed, result.command)])
+            case = (result.seed, result.command)
+            self._fail(f"{result.method}: {what}", result.puppet, 1, [case])
 
     def merge(self, other: Tally) -> None:
         """Books all runs of another tally."""
@@ -85,22 +99,34 @@ class Tally:
         for method in METHODS:
             self.by_status[method] += other.by_status[method]
             for name, value in other.worst[method].items():
-                self.worst[method][name] = max(self.worst[method].get(name, 0.0), value)
-        self.broken += other.broken
-        for kind, cases in other.failures.items():
-            self._keep(kind, cases)
+                self._widen(method, name, value)
+        for (what, puppet), failure in other.failures.items():
+            self._fail(what, puppet, failure.runs, failure.cases)
 
     def lost(self, what: str, pieces) -> None:
         """Books pieces (puppet, first seed, number) of which some run did not come back."""
         module = "PYTHONPATH=tests .venv/bin/python -m properties.soak --workers 1"
         for puppet, first, n in pieces:
-            command = f"{module} --only {puppet} --seed {first} --runs {len(METHODS) * n}"
-            self.broken[what] += 1
-            self._keep(what, [(puppet, first, command)])
+            runs = len(METHODS) * n
+            command = f"{module} --only {puppet} --seed {first} --runs {runs}"
+            self._fail(what, puppet, runs, [(first, command)])
 
-    def _keep(self, kind: str, cases: list) -> None:
-        """Keeps the first cases by puppet and seed, whichever worker reports first."""
-        self.failures[kind] = sorted([*self.failures.get(kind, []), *cases])[:KEPT]
+    def kinds(self) -> list[tuple[str, int, list[tuple[str, Failure]]]]:
+        """(what is broken, runs, [(puppet, failure), ...]), the most frequent first."""
+        by_kind = collections.defaultdict(list)
+        for (what, puppet), failure in self.failures.items():
+            by_kind[what].append((puppet, failure))
+        kinds = [
+            (what, sum(f.runs for _, f in found), sorted(found, key=lambda x: -x[1].runs))
+            for what, found in by_kind.items()
+        ]
+        return sorted(kinds, key=lambda kind: -kind[1])
+
+    def _fail(self, what: str, puppet: str, runs: int, cases: list) -> None:
+        self.failures.setdefault((what, puppet), Failure()).add(runs, cases)
+
+    def _widen(self, method: str, name: str, value: float) -> None:
+        self.worst[method][name] = max(self.worst[method][name], value)
 
 
 def performed(puppet: str, first: int, n: int) -> Tally:
@@ -187,13 +213,20 @@ def report(tally: Tally, names: list[str], seed: int, seconds: float) -> dict:
         "catches": tally.catches,
         "runs_with_a_catch": tally.runs_with_a_catch,
         "by_status": {m: dict(tally.by_status[m].most_common()) for m in METHODS},
-        "worst_violation": {m: tally.worst[m].get("violation", 0.0) for m in METHODS},
-        "worst_gap_under_tension": {m: tally.worst[m].get("gap", 0.0) for m in METHODS},
-        "worst_ledger_residual": {m: tally.worst[m].get("residual", 0.0) for m in METHODS},
-        "broken": dict(tally.broken.most_common()),
-        "failures": {
-            kind: [command for *_, command in cases] for kind, cases in tally.failures.items()
-        },
+        "worst_violation": {m: tally.worst[m]["violation"] for m in METHODS},
+        "worst_gap_under_tension": {m: tally.worst[m]["gap"] for m in METHODS},
+        "worst_ledger_residual": {m: tally.worst[m]["residual"] for m in METHODS},
+        "failures": [
+            {
+                "what": what,
+                "puppet": puppet,
+                "runs": failure.runs,
+                "seeds": [seed for seed, _ in failure.cases],
+                "command": failure.cases[0][1],
+            }
+            for what, _, found in tally.kinds()
+            for puppet, failure in found
+        ],
         "seconds": round(seconds, 1),
         "machine": machine(),
     }
@@ -231,16 +264,18 @@ def main() -> int:
         task = bar.add_task("soaking", total=options.runs)
 
         def show(tally: Tally) -> None:
-            text = f"soaking, {sum(tally.broken.values())} broken"
-            bar.update(task, completed=tally.runs, description=text)
+            broken = sum(failure.runs for failure in tally.failures.values())
+            bar.update(task, completed=tally.runs, description=f"soaking, {broken} broken")
 
         tally = soak(names, options.runs, options.seed, options.workers, show)
     found = report(tally, names, options.seed, time.perf_counter() - start)
     options.out.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     Console().print_json(json.dumps({k: v for k, v in found.items() if k != "failures"}))
-    for kind, cases in tally.failures.items():
-        print(f"{tally.broken[kind]:>8}  {kind}\n{'':10}{cases[0][-1]}")
-    return int(bool(tally.broken))
+    for what, runs, found in tally.kinds():
+        puppet, failure = found[0]
+        print(f"{runs:>8}  {what} (of {len(found)} puppets, {failure.runs} {puppet})")
+        print(f"{'':10}{failure.cases[0][1]}")
+    return int(bool(tally.failures))
 
 
 if __name__ == "__main__":

@@ -28,9 +28,7 @@ def test_properties():
         print(f"{method}: {dict(tally.by_status[method])}, worst {tally.worst[method]}")
     assert tally.runs >= RUNS
     assert tally.runs_with_a_catch >= RUNS // 2
-    lines = [
-        f"{n} x {kind}: " + tally.failures[kind][0][-1] for kind, n in tally.broken.most_common()
-    ]
+    lines = [f"{n} x {what}: {found[0][1].cases[0][1]}" for what, n, found in tally.kinds()]
     assert not lines, "\n".join(["broken properties, each with a command that shows it:", *lines])
 
 
