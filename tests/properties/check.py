@@ -287,7 +287,7 @@ def _time_stepping(given: Performance, run: fan.Trajectory, rows: _Rows, event: 
     gap = np.max(rows.worst_gap(), initial=0.0) / closes
     if event is Status.DONE and violation > STEPS:
         broken.append("a row is violated")
-    refused = event in (Status.IMPOSSIBLE_INPUT, Status.TENSION_CAP)
+    refused = run.status is Status.DONE and event in (Status.IMPOSSIBLE_INPUT, Status.TENSION_CAP)
     if refused and np.max(run.violation.values / rows.scale, initial=0.0) < FOLLOWED:
         broken.append(f"follows the inputs that the event-driven run ends with {event.name} at")
     if gap > STEPS:
