@@ -43,7 +43,7 @@ STEPS = 5.0
 dt * the largest speed of the run or 1 (time-stepping)."""
 FOLLOWED = 1e-4
 """Violation below which inputs count as followed, relative (time-stepping)."""
-MOST_PIECES = 10
+MOST_PIECES = 5
 """Bound on the pieces of up to 200 steps that a run may take; it needs one or two."""
 
 
@@ -132,48 +132,56 @@ def checked(
 
 
 class _Rows:
-    """The rows' quantities along a run, from the model itself: strings, then limits.
+    """The rows along a run: strings, then limits.
 
     Attributes:
         force: (T, n_rows) tensions and limit forces [N or N m].
         pulls: (T, n_rows) bool, one-sided rows with a force.
-        h, hdot: (T, n_rows) [m or rad, and per s].
+        h: (T, n_rows) [m or rad].
+        gap: (T, n_rows) by how much rows that pull are open, else 0 [m or rad].
         scale: (T, n_rows) lengths of strings [m], 1 for limits.
+    """
+
+    def __init__(self, given: Performance, run: fan.Trajectory):
+        puppet = given.marionette
+        (h,) = puppet.library.evaluate("rows", [run.q_D, run.q_K, puppet.p])
+        slip = getattr(run, "slip", None)
+        if slip is not None:
+            # A string is longer by what its winch has let slip.
+            h[:, : slip.values.shape[1]] -= slip.values
+        self.h, self.scale = h, np.ones_like(h)
+        for r, string in enumerate(puppet.tree.strings):
+            driven = string.length_index
+            length = puppet.number(string.length) if driven is None else run.q_K[:, driven[0]]
+            self.scale[:, r] = np.maximum(length, 1e-3)
+        self.force = np.concatenate([run.tension.values, run.limit_force.values], axis=1)
+        self.pulls = (self.force != 0) & ~puppet.two_sided
+        self.gap = np.where(self.pulls, np.maximum(-h, 0.0), 0.0)
+
+
+class _Rates:
+    """How the rows move along a run, from the model itself.
+
+    Attributes:
+        hdot: (T, n_rows) [m/s or rad/s].
     """
 
     def __init__(self, given: Performance, run: fan.Trajectory):
         puppet, tree = given.marionette, given.marionette.tree
         self._puppet, self._n, self._n_s = puppet, run.v_D.shape[1], len(tree.strings)
         state = [run.q_D, run.v_D, run.q_K, run.v_K, run.acc_K]
-        self._L, self._w0, self._W, _, h, hdot, gamma, _, _, h_l, J_l, gamma_l, *_ = (
+        self._L, self._w0, self._W, _, _, hdot, gamma, _, _, _, J_l, gamma_l, *_ = (
             puppet.library.evaluate("dynamics", [*state, np.zeros(self._n), np.zeros(1), puppet.p])
         )
-        T, n_l = len(run), len(tree.limits)
-        self._J = np.zeros((T, n_l, self._n))
+        self._J = np.zeros((len(run), len(tree.limits), self._n))
         for i, limit in enumerate(tree.limits):
             place = tree.links[limit.link].v
             self._J[:, i, place] = J_l[:, 3 * i : 3 * i + place.stop - place.start]
-        self.force = np.concatenate([run.tension.values, run.limit_force.values], axis=1)
-        self.pulls = (self.force != 0) & ~puppet.two_sided
-        self.h = np.concatenate([h, h_l], axis=1)
         hdot_l = (self._J * run.v_D[:, None]).sum(axis=-1)
         self.hdot = np.concatenate([hdot, hdot_l], axis=1)
         self._gamma = np.concatenate([gamma, gamma_l], axis=1)
-        self.scale = np.ones_like(self.h)
-        for r, string in enumerate(tree.strings):
-            driven = string.length_index
-            length = puppet.number(string.length) if driven is None else run.q_K[:, driven[0]]
-            self.scale[:, r] = np.maximum(length, 1e-3)
-        slip = getattr(run, "slip", None)
-        if slip is not None:
-            # A string is longer by what its winch has let slip.
-            self.h[:, : self._n_s] -= slip.values
 
-    def worst_gap(self) -> np.ndarray:
-        """(T, n_rows) by how much rows that pull are open [m or rad]."""
-        return np.where(self.pulls, np.maximum(-self.h, 0.0), 0.0)
-
-    def newton(self, run: fan.Trajectory) -> tuple[float, np.ndarray]:
+    def newton(self, run: fan.Trajectory, force: np.ndarray) -> tuple[float, np.ndarray]:
         """What Eq. 10 lacks, and hddot, both relative to their largest terms.
 
         Returns:
@@ -183,7 +191,7 @@ class _Rows:
         if self._J.shape[1]:
             (W_l,) = self._puppet.library.evaluate("forth", [self._L[:, None], self._J])
             W = np.concatenate([W, W_l], axis=1)
-        pull = (self.force[..., None] * W).sum(axis=1)
+        pull = (force[..., None] * W).sum(axis=1)
         (acc,) = self._puppet.library.evaluate("back", [self._L, np.stack([self._w0, pull])])
         terms = np.abs(acc).max(axis=2, initial=0.0).sum(axis=0) + 1.0
         lack = np.abs(acc[0] - acc[1] - run.acc_D).max(axis=1, initial=0.0) / terms
@@ -236,9 +244,10 @@ def _energy(given: Performance, run: fan.Trajectory) -> np.ndarray:
 
 def _event_driven(given: Performance, run: fan.Trajectory, rows: _Rows):
     """Lengths, complementarity, Eqs. 10 and 11 and the ledger of an event-driven run."""
-    broken = []
+    broken, rates = [], _Rates(given, run)
+    hdot = rates.hdot
     violation = np.max(run.violation.values / rows.scale, initial=0.0)
-    gap = np.max(rows.worst_gap() / rows.scale, initial=0.0)
+    gap = np.max(rows.gap / rows.scale, initial=0.0)
     if violation > LENGTH:
         broken.append("a row is violated")
     if gap > LENGTH:
@@ -249,16 +258,14 @@ def _event_driven(given: Performance, run: fan.Trajectory, rows: _Rows):
     speed = SPEED * np.maximum(1.0, np.max(np.abs(run.v_D), axis=1, initial=0.0))[:, None]
     closed = np.abs(rows.h) <= 1e-14 * rows.scale
     if np.any(
-        (np.where(rows.pulls, np.abs(rows.hdot), rows.hdot) > speed)[
-            (rows.pulls | closed) & after[:, None]
-        ]
+        (np.where(rows.pulls, np.abs(hdot), hdot) > speed)[(rows.pulls | closed) & after[:, None]]
     ):
         broken.append("a closed row moves on")
     if given.inputs.force is None:
-        lack, hddot = rows.newton(run)
+        lack, hddot = rates.newton(run, rows.force)
         if lack > NEWTON:
             broken.append("Eq. 10 does not hold")
-        at_rest = closed & (np.abs(rows.hdot) <= speed)
+        at_rest = closed & (np.abs(hdot) <= speed)
         if np.any(
             (np.where(rows.pulls, np.abs(hddot), hddot) > NEWTON)[
                 (rows.pulls | at_rest) & after[:, None]
@@ -281,10 +288,10 @@ def _time_stepping(given: Performance, run: fan.Trajectory, rows: _Rows, event: 
     Where the event-driven run found that no puppet can follow the inputs, rows must be violated.
     """
     broken = []
-    speeds = (rows.hdot, run.v_D, run.v_K)
+    speeds = (run.v_D, run.v_K)
     closes = DT * max(float(np.max(np.abs(v), initial=1.0)) for v in speeds)
     violation = float(np.max(run.violation.values, initial=0.0)) / closes
-    gap = np.max(rows.worst_gap(), initial=0.0) / closes
+    gap = np.max(rows.gap, initial=0.0) / closes
     if event is Status.DONE and violation > STEPS:
         broken.append("a row is violated")
     refused = run.status is Status.DONE and event in (Status.IMPOSSIBLE_INPUT, Status.TENSION_CAP)
