@@ -39,8 +39,10 @@ NEWTON = 1e-7
 LEDGER = 1e-7
 """Bound on the residual, relative to weight * 1 m + |work| + losses + kinetic energy."""
 STEPS = 5.0
-"""Bound on gaps of rows that pull, and on violations where the inputs can be followed, in
-dt * the largest speed of the run or 1 (time-stepping)."""
+"""Bound on gaps of rows that pull, in dt * the largest speed of the run or 1 (time-stepping)."""
+STRAYS = 1.0
+"""Bound on violations where the inputs can be followed, in dt * (speed + duration * speed^2 /
+(2 length)) with the largest speed of the run and the shortest string (time-stepping)."""
 FOLLOWED = 1e-4
 """Violation below which inputs count as followed, relative (time-stepping)."""
 MOST_PIECES = 5
@@ -56,8 +58,8 @@ class Result:
         asks: what the inputs asked for.
         status: name of how it ended.
         catches, events: their numbers.
-        violation: worst, relative to the string's length (event-driven) or in dt * speed.
-        gap: of a row that pulls, worst, likewise.
+        violation: worst, relative to the string's length (event-driven) or as in ``STRAYS``.
+        gap: of a row that pulls, worst, relative to the length or as in ``STEPS``.
         residual: of the ledger, relative to the energies.
         broken: the properties it lacks, in words; empty when all is well.
     """
@@ -288,11 +290,13 @@ def _time_stepping(given: Performance, run: fan.Trajectory, rows: _Rows, event: 
     Where the event-driven run found that no puppet can follow the inputs, rows must be violated.
     """
     broken = []
-    speeds = (run.v_D, run.v_K)
-    closes = DT * max(float(np.max(np.abs(v), initial=1.0)) for v in speeds)
-    violation = float(np.max(run.violation.values, initial=0.0)) / closes
+    speed = max(float(np.max(np.abs(v), initial=1.0)) for v in (run.v_D, run.v_K))
+    closes = DT * speed
+    # A step goes straight on where the row curves: it leaves by up to closes^2 / (2 length).
+    strays = closes * (1.0 + 0.5 * run.duration * speed / np.min(rows.scale, initial=1.0))
+    violation = float(np.max(run.violation.values, initial=0.0)) / strays
     gap = np.max(rows.gap, initial=0.0) / closes
-    if event is Status.DONE and violation > STEPS:
+    if event is Status.DONE and violation > STRAYS:
         broken.append("a row is violated")
     refused = run.status is Status.DONE and event in (Status.IMPOSSIBLE_INPUT, Status.TENSION_CAP)
     if refused and np.max(run.violation.values / rows.scale, initial=0.0) < FOLLOWED:
