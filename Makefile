@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test bench lint wheel clean
+.PHONY: demo test bench soak lint wheel clean
 .NOTPARALLEL:
 
 demo: $(VENV)/stamp-demo
@@ -16,6 +16,9 @@ test: $(VENV)/stamp-test
 
 bench: $(VENV)/stamp-bench
 	$(BIN)/python benchmarks/bench.py
+
+soak: $(VENV)/stamp-test
+	PYTHONPATH=tests $(BIN)/python -m properties.soak
 
 lint: $(VENV)/stamp-test
 	$(BIN)/ruff check .
