@@ -234,7 +234,8 @@ struct EventRun {
       s.strained[r] = held && flow.winches.slips(r) &&
                       flow.tension[r] >= flow.winches.max_tension[r] - kNoTension * flow.weight();
       const bool touches = s.before[r] == SLACK && guards.touches(r, kTouch);
-      s.closed[r] = s.before[r] != SLACK || touches;
+      s.caught[r] = touches;
+      s.closed[r] = s.before[r] != SLACK || guards.closed(r, kTouch);
       caught = caught || touches;
     }
     if (caught) {
@@ -243,9 +244,10 @@ struct EventRun {
       const Status status = contact.strike(flow, s.closed);
       if (status != RUNNING) return fail(status);
       impact += contact.lost;
-      for (int r = 0; r < M; ++r)
-        if (s.closed[r] && s.before[r] == SLACK)
-          note(out, CATCH, r, contact.impulse[r], contact.speed[r]);
+      for (int r = 0; r < M; ++r) {
+        s.caught[r] = s.caught[r] || (s.before[r] == SLACK && contact.impulse[r] > 0.0);
+        if (s.caught[r]) note(out, CATCH, r, contact.impulse[r], contact.speed[r]);
+      }
     }
     return settle_mode(s, out);
   }
@@ -256,9 +258,8 @@ struct EventRun {
     Situation s;
     for (int r = 0; r < M; ++r) {
       s.before[r] = flow.mode[r];
-      s.closed[r] = flow.taut(r);
+      s.caught[r] = s.strained[r] = false;
       s.loose[r] = !flow.taut(r) && !guards.armed[r];
-      s.strained[r] = false;
     }
     double acc_K[room(Model::n_vK)], u_D[room(N)];
     for (int j = 0; j < Model::n_vK; ++j) acc_K[j] = flow.acc_K[j];
@@ -282,19 +283,21 @@ struct EventRun {
     Situation s;
     for (int r = 0; r < M; ++r) {
       s.before[r] = flow.mode[r];
-      s.closed[r] = flow.taut(r);
+      s.caught[r] = s.strained[r] = false;
       s.loose[r] = !flow.taut(r) && !guards.armed[r];
-      s.strained[r] = false;
     }
     const Status status = settle_mode(s, out);
     return status == RUNNING ? watch() : status;
   }
 
-  // The rows at an event: what they did before it, which are closed, which have just lost their
-  // tension and which have just reached their winch's largest.
+  // The rows at an event: what they did before it, which are closed and which have just been
+  // caught, which have just lost their tension and which have just reached their winch's largest.
   struct Situation {
     Hold before[room(M)];
-    bool closed[room(M)], loose[room(M)], strained[room(M)];
+    bool closed[room(M)], caught[room(M)], loose[room(M)], strained[room(M)];
+
+    // Whether row r holds after the catches and before the choice of the next mode.
+    bool holds(int r) const { return before[r] != SLACK || caught[r]; }
   };
 
   void note(Record<Model>& out, EventKind kind, int row, double impulse, double speed) {
@@ -316,13 +319,13 @@ struct EventRun {
     bool changed = false;
     for (int r = 0; r < M; ++r) {
       tell(s, r, next[r], out);
-      changed = changed || next[r] != s.before[r] || s.closed[r] != (s.before[r] != SLACK);
+      changed = changed || next[r] != s.before[r] || s.caught[r];
     }
     set_mode(next);
     refresh();
     for (int r = 0; r < M; ++r) {
       if (next[r] == SLIPPING) guards.armed[r] = flow.lack(r) < -kCreep;
-      if (next[r] == SLACK && s.closed[r]) guards.armed[r] = false;
+      if (next[r] == SLACK && s.holds(r)) guards.armed[r] = false;
     }
     const double energy = flow.total_energy();
     double work = 0.0;
@@ -344,10 +347,10 @@ struct EventRun {
   void tell(const Situation& s, int r, Hold next, Record<Model>& out) {
     const Hold before = s.before[r];
     if (next == SLACK) {
-      if (s.closed[r]) note(out, RELEASE, r, 0.0, 0.0);
+      if (s.holds(r)) note(out, RELEASE, r, 0.0, 0.0);
       return;
     }
-    if (!s.closed[r]) note(out, CATCH, r, 0.0, 0.0);
+    if (!s.holds(r)) note(out, CATCH, r, 0.0, 0.0);
     if (next == SLIPPING && before != SLIPPING) note(out, SLIP, r, 0.0, flow.rate_of(r, flow.y + NQ));
     if (next != SLIPPING && before == SLIPPING) note(out, GRIP, r, 0.0, 0.0);
   }

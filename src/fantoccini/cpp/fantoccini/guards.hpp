@@ -37,10 +37,14 @@ struct Guards {
   // The shortest time the clock resolves.
   double resolution() const { return 4.0 * 2.3e-16 * (fabs(flow.t) > 1.0 ? fabs(flow.t) : 1.0); }
 
+  // Whether a row is closed at the flow's latest evaluation.
+  bool closed(int r, double closeness) const {
+    return flow.eval.height(r) >= -closeness * flow.row_scale(r);
+  }
+
   // Whether a slack row closes at (t, y), the flow's latest evaluation.
   bool touches(int r, double closeness) const {
-    return flow.eval.height(r) >= -closeness * flow.row_scale(r) &&
-           flow.rate_of(r, flow.y + NQ) > (armed[r] ? 0.0 : kCreep);
+    return closed(r, closeness) && flow.rate_of(r, flow.y + NQ) > (armed[r] ? 0.0 : kCreep);
   }
 
   // What the next step's guards compare with.
