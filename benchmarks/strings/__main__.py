@@ -1,0 +1,33 @@
+"""``python -m benchmarks.strings``: measures everything and writes docs/strings.md."""
+
+import argparse
+import time
+
+from . import ROOT, convergence
+from .report import write
+
+SECTIONS = {
+    "convergence": convergence.section,
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Writes docs/strings.md and its pictures.")
+    parser.add_argument("--only", choices=SECTIONS, help="measure one section, print it")
+    chosen = parser.parse_args().only
+    made = []
+    for name, section in SECTIONS.items():
+        if chosen in (None, name):
+            began = time.perf_counter()
+            made.append(section())
+            print(f"{name}: {time.perf_counter() - began:.0f} s", flush=True)
+    if chosen:
+        print(made[0].markdown())
+        for mark in made[0].marks:
+            print(mark.what, mark.value, mark.bound, mark.met)
+    else:
+        write(ROOT / "docs" / "strings.md", "", made)
+
+
+if __name__ == "__main__":
+    main()
