@@ -3,11 +3,17 @@
 import argparse
 import time
 
-from . import ROOT, convergence
+from . import ROOT, closed_forms, convergence, energy, rest, tolerance
 from .report import write
 
 SECTIONS = {
     "convergence": convergence.section,
+    "closed-forms": closed_forms.launches,
+    "reeling": closed_forms.reeling,
+    "defaults": tolerance.defaults,
+    "rest": rest.section,
+    "energy": energy.section,
+    "ledger": tolerance.ledger,
 }
 
 

@@ -72,11 +72,12 @@ class Peer:
         """Step by step: (n, nq) positions, (n, nv) velocities, (n,) tension [N] at each."""
         q, v, pull = [], [], []
         for _ in range(steps):
-            mujoco.mj_step1(self.model, self.data)
+            # The forces that a step leaves behind may be those of its last stage.
+            mujoco.mj_forward(self.model, self.data)
             q.append(self.data.qpos.copy())
             v.append(self.data.qvel.copy())
-            mujoco.mj_step2(self.model, self.data)
             pull.append(float(np.sum(self.data.efc_force)))
+            mujoco.mj_step(self.model, self.data)
         return np.array(q), np.array(v), np.array(pull)
 
 
