@@ -3,7 +3,17 @@
 import argparse
 import time
 
-from . import ROOT, closed_forms, convergence, energy, rest, tolerance
+from . import (
+    ROOT,
+    closed_forms,
+    contest,
+    convergence,
+    energy,
+    fixed_steps,
+    rest,
+    soak,
+    tolerance,
+)
 from .report import write
 
 SECTIONS = {
@@ -13,7 +23,10 @@ SECTIONS = {
     "defaults": tolerance.defaults,
     "rest": rest.section,
     "energy": energy.section,
+    "steps": fixed_steps.section,
     "ledger": tolerance.ledger,
+    "rivals": contest.section,
+    "soak": soak.section,
 }
 
 

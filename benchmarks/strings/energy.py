@@ -141,7 +141,7 @@ def _draw(curves: dict[tuple[str, str], tuple[Array, Array]]) -> None:
                 axis.semilogy(seconds, worst, style, color=COLOUR[kind], label=name)
             axis.set(title=swing, xlabel="time (s)")
         axes[0].set_ylabel("largest drift so far, relative")
-        axes[0].legend(loc="center right", fontsize=8.5)
+        axes[0].legend(loc="center right", bbox_to_anchor=(1.0, 0.6), fontsize=8.5)
 
 
 def _envelope(t: Array, drift: Array) -> tuple[Array, Array]:

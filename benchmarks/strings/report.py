@@ -76,7 +76,7 @@ def number(value: float, digits: int = 2) -> str:
         text = f"{value:.{digits}g}" if abs(value) < 10**digits else f"{value:.0f}"
         return text if "e" not in text else f"{float(text):g}"
     mantissa, power = f"{value:.{digits - 1}e}".split("e")
-    return f"{mantissa}e{int(power)}"
+    return f"{float(mantissa):g}e{int(power)}"
 
 
 def order(errors: Sequence[float], steps: Sequence[float]) -> list[str]:

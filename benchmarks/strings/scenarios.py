@@ -78,12 +78,12 @@ class Scenario:
     exact: str
     events: tuple[tuple[float, str, float], ...] = ()
 
-    def run(self, **options) -> Trajectory:
-        """Our motion over 5 s; options as in ``fan.simulate``, ``tolerance`` for both."""
+    def run(self, t_end: float = SECONDS, **options) -> Trajectory:
+        """Our motion; options as in ``fan.simulate``, ``tolerance`` for both of its."""
         if "tolerance" in options:
             options["rtol"] = options["atol"] = options.pop("tolerance")
         return fan.simulate(
-            self.marionette, self.x0, self.inputs, t_end=SECONDS, effort=False, **options
+            self.marionette, self.x0, self.inputs, t_end=t_end, effort=False, **options
         )
 
     def errors(self, run: Trajectory) -> tuple[float, float]:
