@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from oracles.string_pendulum import flight
 
 import fantoccini as fan
+from oracles.string_pendulum import flight
 
 from . import scenarios
 from .report import Mark, Section, Table, number
@@ -44,8 +44,9 @@ def launches() -> Section:
         d_release, d_catch = abs(release.t - f.t_release), abs(catch.t - f.t_catch)
         d_impulse = abs(catch.impulse / f.impulse - 1.0)
         angles = (
-            abs(_angle(run.q_D[at_release], f.psi)), abs(_angle(run.q_D[after], -3.0 * f.psi))
-        )  # fmt: skip
+            abs(_angle(run.q_D[at_release], f.psi)),
+            abs(_angle(run.q_D[after], -3.0 * f.psi)),
+        )
         if lost >= TRANSVERSE:
             times += [d_release, d_catch]
             impulses.append(d_impulse)

@@ -58,9 +58,7 @@ def measure(scenario: Scenario, make) -> dict[str, list[Point]]:
     return {
         "event": ours(scenario, TOLERANCES, lambda tol: {"tolerance": tol}),
         "event, fixed steps": ours(scenario, STEPS, lambda h: {**fixed, "max_step": h}),
-        "timestepping": ours(
-            scenario, TIME_STEPS, lambda dt: {"method": "timestepping", "dt": dt}
-        ),
+        "timestepping": ours(scenario, TIME_STEPS, lambda dt: {"method": "timestepping", "dt": dt}),
         "MuJoCo, default": theirs(scenario, make, DEFAULT),
         "MuJoCo, stiffest": theirs(scenario, make, STIFFEST),
     }
@@ -93,23 +91,18 @@ def _tables(scenario: Scenario, found: dict[str, list[Point]]) -> list:
     events = len(scenario.events)
     parts = [f"### {scenario.name[0].upper()}{scenario.name[1:]}: {events} events"]
     parts.append(f"Reference: {scenario.exact}{_how(scenario)}.")
-    rows = [
-        [number(p.setting, 1), p.cost, p.events, number(p.error)] for p in found["event"]
-    ]
+    rows = [[number(p.setting, 1), p.cost, p.events, number(p.error)] for p in found["event"]]
     parts.append(Table(["`event`: rtol = atol", "evaluations", "events", "error"], rows))
     points = found["event, fixed steps"]
     orders = order([p.error for p in points], [p.setting for p in points])
     rows = [
-        [number(p.setting), p.cost, number(p.error), o]
-        for p, o in zip(points, orders, strict=True)
+        [number(p.setting), p.cost, number(p.error), o] for p, o in zip(points, orders, strict=True)
     ]
     head = ["`event`, steps fixed by `max_step` (s)", "evaluations", "error", "order"]
     parts.append(Table(head, rows))
     points = found["timestepping"]
     orders = order([p.error for p in points], [p.setting for p in points])
-    columns = zip(
-        points, orders, found["MuJoCo, default"], found["MuJoCo, stiffest"], strict=True
-    )
+    columns = zip(points, orders, found["MuJoCo, default"], found["MuJoCo, stiffest"], strict=True)
     rows = [
         [number(p.setting), number(p.error), o, number(soft.error), number(stiff.error)]
         for p, o, soft, stiff in columns

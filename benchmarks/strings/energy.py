@@ -86,35 +86,49 @@ def section() -> Section:
         runs |= {f"timestepping, {dt * 1e3:g} ms": {"dt": dt} for dt in STEPS}
         for name, options in runs.items():
             if options:
-                options |= {
-                    "method": "timestepping", "save_every": round(SAVED / options["dt"])
-                }  # fmt: skip
-            run = fan.simulate(
-                swing.marionette, swing.x0, t_end=SECONDS, effort=False, **options
-            )
+                options |= {"method": "timestepping", "save_every": round(SAVED / options["dt"])}
+            run = fan.simulate(swing.marionette, swing.x0, t_end=SECONDS, effort=False, **options)
             energy = run.ledger["kinetic"] + run.ledger["potential"]
             drift = (energy - energy[0]) / depth
             worst = float(np.max(np.abs(swing.stretch(run.q_D))))
             rows.append(
-                [swing.name, name, number(energy[-1] - energy[0]), number(drift[-1]),
-                 number(float(np.max(np.abs(drift)))), number(worst), len(run.events)]
-            )  # fmt: skip
+                [
+                    swing.name,
+                    name,
+                    number(energy[-1] - energy[0]),
+                    number(drift[-1]),
+                    number(float(np.max(np.abs(drift)))),
+                    number(worst),
+                    len(run.events),
+                ]
+            )
             curves[swing.name, name] = (run.t, np.abs(drift))
             if name == "event":
                 out.marks += [
                     Mark(f"length error over 1,000 s, relative: {swing.name}", worst, 1e-12),
-                    Mark(f"energy drift of `event` over 1,000 s, relative: {swing.name}",
-                         float(np.max(np.abs(drift))), 1e-5),
-                ]  # fmt: skip
+                    Mark(
+                        f"energy drift of `event` over 1,000 s, relative: {swing.name}",
+                        float(np.max(np.abs(drift))),
+                        1e-5,
+                    ),
+                ]
     out.parts = [
         "Undamped swings on taut strings, nothing driven. The drift is given in joules and "
         "relative to the energy of the swing (start less lowest point). `event` runs at default "
         "tolerance and its lengths are looked at after every accepted step; `timestepping` every "
         f"{SAVED:g} s.",
         Table(
-            ["motion", "method", "drift (J)", "relative", "largest", "length error, relative",
-             "events"], rows,
-        ),  # fmt: skip
+            [
+                "motion",
+                "method",
+                "drift (J)",
+                "relative",
+                "largest",
+                "length error, relative",
+                "events",
+            ],
+            rows,
+        ),
         Picture("strings_energy.png", "Drift of the energy over 1,000 s"),
     ]
     _draw(curves)

@@ -17,8 +17,8 @@ def section() -> Section:
     out = Section("7. Time-stepping against its step")
     out.parts.append(
         "The violation is the longest that a string was beyond its length, the residual the "
-        "largest that the ledger missed, the error that of the place at the end against `event` "
-        "at 1e-13. The orders are those between neighbouring rows."
+        "largest that the ledger missed. Place and velocity are the errors at the end against "
+        "`event` at 1e-13. The orders are those between neighbouring rows."
     )
     for scenario, seconds in ((scenarios.chain(), 5.0), (scenarios.arm_led(), LED_SECONDS)):
         runs = [scenario.run(seconds, method="timestepping", dt=dt) for dt in STEPS]
@@ -27,15 +27,17 @@ def section() -> Section:
             [float(np.max(run.violation.values)) for run in runs],
             [float(np.max(np.abs(run.ledger["residual"]))) for run in runs],
             [float(np.max(np.abs(run.q_D[-1] - known.q_D[-1]))) for run in runs],
+            [float(np.max(np.abs(run.v_D[-1] - known.v_D[-1]))) for run in runs],
         ]
         rows = [[number(dt, 3)] for dt in STEPS]
         for values in columns:
             for row, value, power in zip(rows, values, order(values, STEPS), strict=True):
                 row += [number(value), power]
-        head = ["step (s)", "violation (m)", "order", "residual (J)", "order", "error (m, rad)"]
+        head = ["step (s)", "violation (m)", "order", "residual (J)", "order"]
+        head += ["place (m, rad)", "order", "velocity (m/s, rad/s)", "order"]
         title = f"{scenario.name[0].upper()}{scenario.name[1:]}"
         out.parts += [
             f"### {title}: {seconds:g} s, {len(known.events)} events",
-            Table([*head, "order"], rows),
+            Table(head, rows),
         ]
     return out

@@ -24,7 +24,7 @@ COLOUR = {
     "MuJoCo, stiffest": "#e08a5b",
     "penalty": "#7a5aa6",
     "Baumgarte": "#8a8a8a",
-    "exact": "#202020",
+    "Baumgarte with impulse": "#202020",
 }
 """One colour a method, in every picture."""
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 import platform
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib import metadata
@@ -62,7 +64,7 @@ class Section:
     marks: list[Mark] = field(default_factory=list)
 
     def markdown(self) -> str:
-        bodies = [p if isinstance(p, str) else p.markdown() for p in self.parts]
+        bodies = [_wrapped(p) if isinstance(p, str) else p.markdown() for p in self.parts]
         return "\n\n".join([f"## {self.title}", *bodies])
 
 
@@ -81,7 +83,8 @@ def number(value: float, digits: int = 2) -> str:
 
 def order(errors: Sequence[float], steps: Sequence[float]) -> list[str]:
     """Orders of convergence between neighbours, the first one blank."""
-    return ["", *(f"{_slope(e, s):.1f}" for e, s in zip(_pairs(errors), _pairs(steps)))]
+    pairs = zip(itertools.pairwise(errors), itertools.pairwise(steps), strict=True)
+    return ["", *(f"{_slope(e, s):.1f}" for e, s in pairs)]
 
 
 def marks_table(sections: Sequence[Section]) -> Table:
@@ -114,14 +117,17 @@ def machine() -> Table:
 
 def write(path: Path, opening: str, sections: Sequence[Section]) -> None:
     """The whole page."""
-    head = ["# Strings, measured", opening, marks_table(sections).markdown()]
+    head = ["# Strings, measured", _wrapped(opening), marks_table(sections).markdown()]
     body = [section.markdown() for section in sections]
     text = "\n\n".join([*head, machine().markdown(), *body]) + "\n"
     path.write_text(text, encoding="utf-8")
 
 
-def _pairs(values: Sequence[float]) -> list[tuple[float, float]]:
-    return list(zip(values, values[1:], strict=False))
+def _wrapped(text: str) -> str:
+    """A paragraph in lines; headings as they are."""
+    if text.startswith("#"):
+        return text
+    return textwrap.fill(text, 100, break_long_words=False, break_on_hyphens=False)
 
 
 def _slope(errors: tuple[float, float], steps: tuple[float, float]) -> float:

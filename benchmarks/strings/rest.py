@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from oracles import point_mass_events
 
 import fantoccini as fan
 from fantoccini.arrays import Array
+from oracles import point_mass_events
 
 from . import mujoco_peer, scenarios
 from .mujoco_peer import DEFAULT, STIFFEST
@@ -22,8 +22,11 @@ STEP = 0.002
 REST_SECONDS, DROP_SECONDS = 5.0, 1.0
 WEIGHT = MASS * GRAVITY
 LINES = {
-    "event": "-", "timestepping": "--", "MuJoCo, default": "-", "MuJoCo, stiffest": "--",
-}  # fmt: skip
+    "event": "-",
+    "timestepping": "--",
+    "MuJoCo, default": "-",
+    "MuJoCo, stiffest": "--",
+}
 
 
 @dataclass(frozen=True)
@@ -84,7 +87,8 @@ def section() -> Section:
     head = ["method", "largest tension off m g (N)", "after 1 s", "its range after 1 s", "sag (m)"]
     out.parts += [
         f"A mass of {MASS:g} kg hangs at rest on its string for {REST_SECONDS:g} s. Its tension "
-        f"is m g = {WEIGHT:g} N. The sag is how far it has sunk below its length. Steps of {STEP * 1e3:g} ms where they are fixed.",
+        f"is m g = {WEIGHT:g} N. The sag is how far it has sunk below its length. Steps of "
+        f"{STEP * 1e3:g} ms where they are fixed.",
         Table(head, rows),
     ]
     exact = point_mass_events.simulate([DROP_X, 0.0, 0.0, 0.0], DROP_SECONDS, LENGTH, GRAVITY)
@@ -129,7 +133,9 @@ def _draw(resting: dict[str, Course], falling: dict[str, Course], t_catch: float
         rest.set(title="let go at rest", xlabel="time (ms)", ylabel="tension / m g")
         rest.set_ylim(bottom=-0.05)
         drop.set(
-            title="dropped and caught", xlabel="time after the catch (ms)",
-            ylabel="distance from the pivot less L (mm)", ylim=(-20, 30),
-        )  # fmt: skip
+            title="dropped and caught",
+            xlabel="time after the catch (ms)",
+            ylabel="distance from the pivot less L (mm)",
+            ylim=(-20, 30),
+        )
         rest.legend(loc="lower right")

@@ -7,15 +7,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+
+import fantoccini as fan
+from fantoccini.arrays import Array
+from fantoccini.motion import Input, State, Trajectory
 from harness import polynomial_input, start
 from oracles import arm2d_events, point_mass_events
 from oracles.arm2d_sympy import Arm, model
 from oracles.pendulum_chain import Chain
 from oracles.reeling_pendulum import Reeling
-
-import fantoccini as fan
-from fantoccini.arrays import Array
-from fantoccini.motion import Input, State, Trajectory
 
 SECONDS = 5.0
 """Length of every run whose error is given [s]."""

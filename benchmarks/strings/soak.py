@@ -12,7 +12,7 @@ RESULT = ROOT / "benchmarks" / "soak.json"
 
 def section() -> Section:
     """A table of the soak's entries, or how to make them."""
-    out = Section("Soak")
+    out = Section("10. Soak")
     if not RESULT.is_file():
         out.parts.append("There is no result of a soak here yet; `make soak` makes one.")
         return out

@@ -37,9 +37,13 @@ def defaults() -> Section:
         run = scenario.run()
         place, speed = scenario.errors(run)
         enough = next(
-            (tol for tol in TOLERANCES[3:] if max(scenario.errors(scenario.run(tolerance=tol)))
-             <= BOUND), None,
-        )  # fmt: skip
+            (
+                tol
+                for tol in TOLERANCES[3:]
+                if max(scenario.errors(scenario.run(tolerance=tol))) <= BOUND
+            ),
+            None,
+        )
         text = "none tried" if enough is None else number(enough, 1)
         values = map(number, (place, speed, scenario.growth()))
         rows.append([scenario.name, len(run.events), *values, text])
@@ -53,9 +57,9 @@ def defaults() -> Section:
         "more digits than it leaves. The last column is the first tolerance that keeps both errors "
         f"below {number(BOUND, 1)}.",
         Table(
-            ["motion", "events", "place (m, rad)", "velocity (m/s, rad/s)", "growth",
-             "enough"], rows,
-        ),  # fmt: skip
+            ["motion", "events", "place (m, rad)", "velocity (m/s, rad/s)", "growth", "enough"],
+            rows,
+        ),
         *_many(),
     ]
     return out
@@ -87,9 +91,7 @@ def _many() -> list[str | Table]:
     return [
         "A double pendulum is chaotic, so that one start says little. The same arm dropped from "
         f"{STARTS} random slack poses (0 to {events} events), against its own run at 1e-13:",
-        Table(
-            ["rtol = atol", "median", "ninth tenth", "worst", f"below {number(BOUND, 1)}"], rows
-        ),
+        Table(["rtol = atol", "median", "ninth tenth", "worst", f"below {number(BOUND, 1)}"], rows),
     ]
 
 

@@ -16,7 +16,6 @@ from scipy.special import ellipj
 from .string_pendulum import Flight, flight, time_on_circle
 
 
-
 @dataclass(frozen=True)
 class Throw:
     """From the bottom through release, flight and catch back to the bottom.

@@ -29,9 +29,7 @@ class Run:
     events: list[tuple[float, str, float]]
 
 
-def simulate(
-    state, t_end: float, length: float, gravity: float, tolerance: float = 1e-13
-) -> Run:
+def simulate(state, t_end: float, length: float, gravity: float, tolerance: float = 1e-13) -> Run:
     """The motion from a state inside or on the circle about the pivot (0, 0).
 
     Args:
