@@ -77,7 +77,8 @@ def section() -> Section:
         "(m, m/s or rad, rad/s). MuJoCo runs with RK4; its strings are tendons with a limited "
         "length. `stiffest` is the shortest time constant its safeguard allows (two steps) with "
         "the highest impedance. Evaluations are evaluations of the model: for `event` 14 a step "
-        "and 150 an event, a rule found by counting; 1 a time step; 4 a step of RK4."
+        "and 150 an event, a rule that counting confirmed within 20 %; 1 a time step; 4 a step of "
+        "RK4."
     )
     found = {scenario.name: measure(scenario, make) for scenario, make in cases}
     for scenario, _ in cases:
@@ -132,7 +133,7 @@ def _seen(found: dict[str, list[Point]]) -> str:
         verdict = "still falls" if fell else "does not fall"
         sentences.append(
             f"{name}: the error {verdict} over the last {factor:.0f}-fold refinement; its "
-            f"smallest is {number(errors[best])}, at {TIME_STEPS[best]:g} s, its last "
+            f"smallest is {number(errors[best])}, at {number(TIME_STEPS[best])} s, its last "
             f"{number(errors[-1])}."
         )
     return " ".join(sentences)

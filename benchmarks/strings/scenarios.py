@@ -118,10 +118,10 @@ class Scenario:
 
 
 def evaluations(run: Trajectory) -> int:
-    """Evaluations of the model, by a rule found by counting them.
+    """Evaluations of the model, by a rule: the runtime does not tell how many it made.
 
-    An accepted step takes 14 (11 stages, the end, and two for the projection); looking for an
-    event takes 90 to 150, rejected steps among them. A time step takes one.
+    An accepted step takes 14 (11 stages, the end, and two for the projection). Looking for an event
+    took 90 to 150 when they were counted once, rejected steps among them. A time step takes one.
     """
     steps = len(np.unique(run.t)) - 1
     return steps if run.method == "timestepping" else 14 * steps + 150 * len(run.events)
