@@ -1,8 +1,8 @@
 """The same mechanisms in MuJoCo: strings are spatial tendons with a limited length.
 
 Its limits are soft. ``default`` leaves solreflimit and solimplimit as MuJoCo has them; ``stiffest``
-is the shortest time constant that its own safeguard allows, two steps, with the highest
-impedance. Resetting after a NaN is switched off.
+is the shortest time constant that its own safeguard allows, two steps, with the highest impedance;
+``overdamped`` is the same with twice the damping. Resetting after a NaN is switched off.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from .scenarios import ARM, FALL, GRAVITY, LENGTH, MASS
 COST = {"Euler": 1, "RK4": 4}
 """Evaluations of the model a step."""
 
-DEFAULT, STIFFEST = "default", "stiffest"
+DAMPING = {"default": None, "stiffest": 1, "overdamped": 2}
+"""Settings, and their damping ratios."""
 
 
 @dataclass
@@ -41,17 +42,19 @@ class Peer:
             body: MJCF of bodies and sites.
             tendon: ``range`` attribute's upper end, then the sites.
             dt: step [s].
-            setting: ``default`` or ``stiffest``.
+            setting: one of DAMPING.
             integrator: ``Euler`` or ``RK4``.
         """
         length, *sites = tendon.split()
-        stiff = f'solreflimit="{2 * dt!r} 1" solimplimit="0.9999 0.9999 0.001 0.5 2"'
+        soft, damping = "", DAMPING[setting]
+        if damping:
+            soft = f'solreflimit="{2 * dt!r} {damping}" solimplimit="0.9999 0.9999 0.001 0.5 2"'
         text = (
             f'<mujoco><compiler angle="radian"/><option timestep="{dt!r}" '
             f'integrator="{integrator}" gravity="0 0 {-GRAVITY}" tolerance="1e-14" '
             'iterations="200" jacobian="dense"><flag contact="disable" autoreset="disable"/>'
             f'</option><worldbody>{body}</worldbody><tendon><spatial name="line" limited="true" '
-            f'range="0 {length}" {stiff if setting == STIFFEST else ""}>'
+            f'range="0 {length}" {soft}>'
             + "".join(f'<site site="{site}"/>' for site in sites)
             + "</spatial></tendon></mujoco>"
         )

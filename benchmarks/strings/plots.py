@@ -22,6 +22,7 @@ COLOUR = {
     "timestepping": "#2f8f5b",
     "MuJoCo, default": "#b03a2e",
     "MuJoCo, stiffest": "#e08a5b",
+    "MuJoCo, overdamped": "#d9b23c",
     "penalty": "#7a5aa6",
     "Baumgarte": "#8a8a8a",
     "Baumgarte with impulse": "#202020",

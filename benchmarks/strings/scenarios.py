@@ -68,6 +68,7 @@ class Scenario:
         reference: (n_qD + n_vD,) q_D and v_D after 5 s [m or rad, and per s].
         exact: how the reference was found.
         events: (time [s], kind, impulse [N s]) of the reference.
+        doubt: how far the reference moves when it is made at ten times its tolerance.
     """
 
     name: str
@@ -77,6 +78,7 @@ class Scenario:
     reference: Array
     exact: str
     events: tuple[tuple[float, str, float], ...] = ()
+    doubt: float = 0.0
 
     def run(self, t_end: float = SECONDS, **options) -> Trajectory:
         """Our motion; options as in ``fan.simulate``, ``tolerance`` for both of its."""
@@ -214,9 +216,13 @@ def arm_led() -> Scenario:
 
 
 def _arm(name: str, x0: State, given: Input | None, drive: arm2d_events.Polynomials) -> Scenario:
-    known = arm2d_events.simulate(ARM, x0.q_D, x0.v_D, drive, SECONDS)
+    known, other = (
+        arm2d_events.simulate(ARM, x0.q_D, x0.v_D, drive, SECONDS, tolerance=tolerance)
+        for tolerance in (1e-13, 1e-12)
+    )
+    doubt = float(np.max(np.abs(known.state - other.state)))
     events = tuple((t, kind, impulse) for t, kind, impulse, _ in known.events)
-    return Scenario(name, arm(), x0, given, known.state, "SciPy", events)
+    return Scenario(name, arm(), x0, given, known.state, "SciPy", events, doubt)
 
 
 @functools.cache

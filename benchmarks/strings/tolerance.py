@@ -54,8 +54,8 @@ def defaults() -> Section:
         f"`fan.simulate(m, x0, inputs, t_end={SECONDS:g})` with nothing else given "
         "(rtol = atol = 1e-9). `growth` is how many times larger a small change of the start "
         "is after the run: it belongs to the motion, not to the method, and no method can keep "
-        "more digits than it leaves. The reeled pendulum is that of section 3 with 25 quintic pieces, "
-        "given to both. The last column is the first tolerance that keeps both errors "
+        "more digits than it leaves. The reeled pendulum is that of section 3 with 25 quintic "
+        "pieces, given to both. The last column is the first tolerance that keeps both errors "
         f"below {number(BOUND, 1)}.",
         Table(
             ["motion", "events", "place (m, rad)", "velocity (m/s, rad/s)", "growth", "enough"],
