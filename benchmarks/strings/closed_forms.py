@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import fantoccini as fan
+from fantoccini.motion import Event
 from oracles.string_pendulum import flight
 
 from . import scenarios
@@ -37,7 +38,7 @@ def launches() -> Section:
         f = flight(k, LENGTH, MASS, GRAVITY)
         x0 = scenarios.pendulum_start(0.0, -LENGTH, float(np.sqrt(k * GRAVITY * LENGTH)))
         run = _tight(x0, f.t_catch + 1e-3)
-        release, catch = run.events[:2]
+        release, catch = _first(run, "release"), _first(run, "catch")
         after = np.flatnonzero(run.t == catch.t)[-1]
         at_release = np.searchsorted(run.t, release.t)
         lost = f.impulse / MASS / np.linalg.norm(f.v_before)
@@ -64,7 +65,7 @@ def launches() -> Section:
         low = -np.sqrt(LENGTH**2 - x**2)
         t, speed = np.sqrt(2.0 * (z - low) / GRAVITY), np.sqrt(2.0 * GRAVITY * (z - low))
         impulse = MASS * speed * -low / LENGTH
-        (catch, *_) = _tight(scenarios.pendulum_start(x, z), t + 1e-3).events
+        catch = _first(_tight(scenarios.pendulum_start(x, z), t + 1e-3), "catch")
         times.append(abs(catch.t - t))
         impulses.append(abs(catch.impulse / impulse - 1.0))
         rows.append([f"({x:g}, {z:g})", f"{t:.6f}", f"{impulse:.6f}"])
@@ -115,6 +116,10 @@ def reeling() -> Section:
 
 def _tight(x0: fan.State, t_end: float) -> fan.Trajectory:
     return fan.simulate(scenarios.pendulum(), x0, t_end=t_end, rtol=TIGHT, atol=TIGHT)
+
+
+def _first(run: fan.Trajectory, kind: str) -> Event:
+    return next(event for event in run.events if event.kind == kind)
 
 
 def _angle(place, polar: float) -> float:
