@@ -77,9 +77,9 @@ def section() -> Section:
         "(m, m/s or rad, rad/s). MuJoCo runs with RK4; its strings are tendons with a limited "
         "length. `default` leaves their softness alone, `stiffest` is the shortest time constant "
         "that its safeguard allows (two steps) with the highest impedance, `overdamped` is that "
-        "with a damping ratio of 2 for 1. Evaluations are evaluations of the model: for `event` 14 a step "
-        "and 150 an event, a rule that counting confirmed within 20 %; 1 a time step; 4 a step of "
-        "RK4."
+        "with a damping ratio of 2 for 1. Evaluations are evaluations of the model: for `event` "
+        "14 a step and 150 an event, a rule that counting confirmed within 20 %; 1 a time step; "
+        "4 a step of RK4."
     )
     found = {scenario.name: measure(scenario, make) for scenario, make in cases}
     for scenario, _ in cases:
