@@ -78,7 +78,8 @@ def _many() -> list[str | Table]:
         x0 = scenarios.arm().state(values)
         if scenarios.arm().constraint(x0)[0] < -0.01:
             starts.append(x0)
-    best, rows, events = [_dropped(x0, 1e-13) for x0 in starts], [], 0
+    best, rows, events, worse = [_dropped(x0, 1e-13) for x0 in starts], [], 0, 0
+    above = max(scenarios.arm_fall().errors(scenarios.arm_fall().run()))
     for tolerance in (1e-9, 1e-10, 1e-11, 1e-12):
         errors = []
         for x0, known in zip(starts, best, strict=True):
@@ -87,11 +88,13 @@ def _many() -> list[str | Table]:
             apart = [run.q_D[-1] - known.q_D[-1], run.v_D[-1] - known.v_D[-1]]
             errors.append(float(np.max(np.abs(apart))))
         errors = np.sort(errors)
+        worse = np.sum(errors > above) if tolerance == 1e-9 else worse
         shown = map(number, (np.median(errors), errors[int(0.9 * STARTS)], errors[-1]))
         rows.append([number(tolerance, 1), *shown, f"{np.sum(errors <= BOUND)} of {STARTS}"])
     return [
         "A double pendulum is chaotic, so that one start says little. The same arm dropped from "
-        f"{STARTS} random slack poses (0 to {events} events), against its own run at 1e-13:",
+        f"{STARTS} random slack poses (0 to {events} events), against its own run at 1e-13. At "
+        f"default tolerance {worse} of them have a larger error than the pose above:",
         Table(["rtol = atol", "median", "ninth tenth", "worst", f"below {number(BOUND, 1)}"], rows),
     ]
 
