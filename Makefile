@@ -6,6 +6,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
 .PHONY: demo test bench soak lint wheel clean
+.PHONY: demo test bench strings-report lint wheel clean
 .NOTPARALLEL:
 
 demo: $(VENV)/stamp-demo
@@ -19,6 +20,8 @@ bench: $(VENV)/stamp-bench
 
 soak: $(VENV)/stamp-test
 	PYTHONPATH=tests $(BIN)/python -m properties.soak
+strings-report: $(VENV)/stamp-bench
+	$(BIN)/python -m benchmarks.strings
 
 lint: $(VENV)/stamp-test
 	$(BIN)/ruff check .

@@ -127,9 +127,9 @@ def _with_velocity(puppet: fan.Marionette, x: fan.State, v_K: np.ndarray) -> fan
         at = x.replace(v_K=driven)
         instant = puppet.instant(at)
         rows = np.flatnonzero((instant.h >= -1e-9 * puppet.row_scales(at)) | puppet.two_sided)
-        pull, left = instant.complementarity(rows, instant.hdot[rows], puppet.two_sided)
-        if np.min(left, initial=0.0) > -1e-8:
-            return at.replace(v_D=at.v_D - instant.back(instant.W[:, rows] @ pull))
+        found = instant.complementarity(rows, instant.hdot[rows], puppet.two_sided)
+        if found.solved:
+            return at.replace(v_D=at.v_D - instant.back(instant.W[:, rows] @ found.x))
     return x.replace(v_D=np.zeros_like(x.v_D), v_K=np.zeros_like(v_K))
 
 
