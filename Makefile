@@ -5,8 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test bench soak lint wheel clean
-.PHONY: demo test bench strings-report lint wheel clean
+.PHONY: demo test bench soak strings-report lint wheel clean
 .NOTPARALLEL:
 
 demo: $(VENV)/stamp-demo
@@ -20,6 +19,7 @@ bench: $(VENV)/stamp-bench
 
 soak: $(VENV)/stamp-test
 	PYTHONPATH=tests $(BIN)/python -m properties.soak
+
 strings-report: $(VENV)/stamp-bench
 	$(BIN)/python -m benchmarks.strings
 

@@ -45,7 +45,7 @@ STRAYS = 1.0
 (2 length)) with the largest speed of the run and the shortest string (time-stepping)."""
 FOLLOWED = 1e-4
 """Violation below which inputs count as followed, relative (time-stepping)."""
-MOST_PIECES = 5
+MOST_PIECES = 25
 """Bound on the pieces of up to 200 steps that a run may take; it needs one or two."""
 
 

@@ -79,11 +79,13 @@ struct ActiveSet {
     }
   }
 
-  // Coefficients of column i on the basis: column i = sum_j c_j column[basis[j]], for an idle row.
-  void coefficients(int i, double* c) {
-    project(i);
+  // Coefficients of column i on the basis, column i = sum_j c_j column[basis[j]]; returns how far
+  // the column is apart from that, relative to its length.
+  double coefficients(int i, double* c) {
+    const double apart = project(i);
     for (int j = 0; j < k_; ++j) c[j] = along_[j];
     back_substitute(c);
+    return size_[i] > 0.0 ? apart / size_[i] : 0.0;
   }
 
   int basis_size() const { return k_; }

@@ -11,6 +11,7 @@
 namespace fan {
 
 constexpr double kStart = 1e-9;  // |h| below which a row counts as closed at the start, relative
+constexpr double kAtOnce = 1e-10;  // s between events that count as one instant
 constexpr int kSavesPerStep = 64;
 
 template <class Model>
@@ -38,6 +39,7 @@ struct EventRun {
     const bool none[room(M)] = {};
     Hold next[room(M)];
     for (int r = 0; r < M; ++r) flow.mode[r] = SLACK;
+    for (int r = 0; r < M; ++r) loosened_[r] = -1e300;
     flow.slip_time = flow.t;
     refresh();
     Status status = contact.retreat(flow);
@@ -144,7 +146,12 @@ struct EventRun {
       factor = factor < 0.2 ? 0.2 : (factor > growth_cap ? growth_cap : factor);
       if (!reaches || factor < 1.0) step_size = s * factor;
       else if (s * factor > step_size) step_size = s * factor;
-      flow.evaluate(flow.t + s, flow.end, flow.k[dop853::stages]);
+      if (flow.finish(s) != RUNNING) {
+        if (s < 1e-10) return PROJECTION_FAILED;
+        s *= 0.2;
+        growth_cap = 1.0;
+        continue;
+      }
       const double found = guards.suspicious(s);
       if (found <= 0.0) return accept(s, reaches ? target : flow.t + s, out);
       const double at = guards.locate(found);
@@ -158,16 +165,16 @@ struct EventRun {
   Status accept(double s, double new_t, Record<Model>& out) {
     if (next_save < n_save && save_at[next_save] < new_t) {
       save_inside(s, new_t, out);
-      flow.evaluate(new_t, flow.end, flow.k[dop853::stages]);
+      flow.evaluate(new_t, flow.end, flow.end_rate);
     }
-    const Status status = flow.project(new_t, flow.end);
-    if (status != RUNNING) return status;
     for (int j = 0; j < NY; ++j)
       if (!(fabs(flow.end[j]) < 1e300)) return NOT_FINITE;
     const double moved = new_t - flow.t;
     flow.t = new_t;
-    for (int j = 0; j < NY; ++j) flow.y[j] = flow.end[j];
-    refresh();
+    for (int j = 0; j < NY; ++j) {
+      flow.y[j] = flow.end[j];
+      flow.k[0][j] = flow.end_rate[j];
+    }
     stuck = moved > 1e-12 ? 0 : stuck + 1;
     for (int r = 0; r < M; ++r) {
       const double h = flow.eval.height(r);
@@ -176,8 +183,8 @@ struct EventRun {
       if (h < -kOpen * flow.row_scale(r)) guards.armed[r] = true;
       if (h > 0.0) guards.armed[r] = false;
     }
-    if (flow.frail()) return another_basis(out);
-    const Status seen = watch();
+    Status seen = flow.frail() ? another_basis(out) : RUNNING;
+    if (seen == RUNNING) seen = watch();
     if (seen != RUNNING) return seen;
     guards.remember();
     if (flow.opt.save_steps) emit(out);
@@ -230,7 +237,9 @@ struct EventRun {
       s.before[r] = flow.mode[r];
       const bool held = s.before[r] == HELD || s.before[r] == PINNED;
       const double none = -flow.tension[r] / flow.weight();
-      s.loose[r] = s.before[r] == SLACK ? !guards.armed[r] : held && none > -kNoTension;
+      if (held && none > -kNoTension) loosened_[r] = flow.t;
+      // Among redundant rows one that has just lost its tension must not take turns with another.
+      s.loose[r] = s.before[r] == SLACK ? !guards.armed[r] : flow.t - loosened_[r] <= kAtOnce;
       s.strained[r] = held && flow.winches.slips(r) &&
                       flow.tension[r] >= flow.winches.max_tension[r] - kNoTension * flow.weight();
       const bool touches = s.before[r] == SLACK && guards.touches(r, kTouch);
@@ -286,8 +295,7 @@ struct EventRun {
       s.caught[r] = s.strained[r] = false;
       s.loose[r] = !flow.taut(r) && !guards.armed[r];
     }
-    const Status status = settle_mode(s, out);
-    return status == RUNNING ? watch() : status;
+    return settle_mode(s, out);
   }
 
   // The rows at an event: what they did before it, which are closed and which have just been
@@ -356,6 +364,7 @@ struct EventRun {
   }
 
   bool at_break_ = false;
+  double loosened_[room(M)];  // when each row last lost its tension
 };
 
 }  // namespace fan

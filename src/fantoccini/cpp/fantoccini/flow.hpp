@@ -165,7 +165,7 @@ struct Flow {
   // --- the step -------------------------------------------------------------------------------
 
   double k[dop853::all_stages][NY];
-  double end[NY];                  // state at the end of the trial step
+  double end[NY], end_rate[NY];    // state at the end of the trial step, and its rate
   double stage_lack[dop853::stages][room(M)];  // for slack rows the height
 
   // Trial step of length s from (t, y) with k[0] known. Leaves the end state in `end`.
@@ -180,6 +180,17 @@ struct Flow {
     }
     combine(dop853::B, dop853::stages, s, end);
     normalise_all<typename Model::Dynamic>(end);
+  }
+
+  // Ends the trial step of length s: its rate for the dense output, and `end` projected, with the
+  // evaluation there.
+  Status finish(double s) {
+    evaluate(t + s, end, k[dop853::stages]);
+    for (int j = 0; j < NY; ++j) end_rate[j] = k[dop853::stages][j];
+    if (rows.n == 0) return RUNNING;
+    const Status status = project(t + s, end);
+    evaluate(t + s, end, end_rate);
+    return status;
   }
 
   // Size of the local error against the tolerances (accept when <= 1), Hairer's estimate.

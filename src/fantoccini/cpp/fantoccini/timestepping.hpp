@@ -16,6 +16,7 @@
 namespace fan {
 
 constexpr double kStepEps = 1e-10;
+constexpr double kFirmStepEps = 1e-6;  // where the rows are too near to one another for that
 constexpr double kStepTolerance = 1e-13;
 constexpr double kWidestTurn = 0.5;    // rad that a coordinate turns in a step at most
 constexpr double kLongestStride = 5.0;  // m, likewise
@@ -65,7 +66,7 @@ struct TimeStep {
       problem.high[a] = Real(0.0) > Real(1.0);
       violation = select(h > violation, h, violation);
     }
-    settled = problem.solve(kStepEps, 1, kStepTolerance, 50 + 4 * rows.n);
+    settle();
     Real pull[room(M)], w[room(N)], before[room(M)];
     for (int a = 0; a < rows.n; ++a) {
       Real x = problem.x[a];
@@ -99,6 +100,27 @@ struct TimeStep {
   }
 
  private:
+  FAN_FN void settle() {
+    auto& problem = rows.problem;
+    const int most = 50 + 4 * rows.n;
+    settled = problem.solve(kStepEps, 1, kStepTolerance, most);
+    if (!any(!settled)) return;
+    Real x[room(M)], s[room(M)];
+    Mask high[room(M)];
+    for (int a = 0; a < rows.n; ++a) {
+      x[a] = problem.x[a];
+      s[a] = problem.s[a];
+      high[a] = problem.high[a];
+    }
+    const Mask now = problem.solve(kFirmStepEps, 1, kStepTolerance, most);
+    for (int a = 0; a < rows.n; ++a) {
+      problem.x[a] = select(settled, x[a], problem.x[a]);
+      problem.s[a] = select(settled, s[a], problem.s[a]);
+      problem.high[a] = (settled && high[a]) || (!settled && problem.high[a]);
+    }
+    settled = settled || now;
+  }
+
   // Winches wind back what slipped before; the strings' h and hdot are those of L + slip.
   FAN_FN void wind(const Winches<S>& winches, double dt) {
     for (int i = 0; i < S; ++i) {
