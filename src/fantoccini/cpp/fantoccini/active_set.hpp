@@ -25,10 +25,9 @@ constexpr double kConsistent = 1e-10;  // of the s of a row that depends on the 
 // Likewise, from which rows that nothing satisfies together are called so.
 constexpr double kContradicted = 1e-7;
 // Distance of a column from the basis' span, relative to the column, below which it depends on it.
-// Runs solve with G = W^T W, where this is 1e-12.
-constexpr double kDependent = 1e-6;
+constexpr double kDependent = 1e-9;
 
-constexpr double kNoColumn = 1e-9;     // likewise, relative to the largest column
+constexpr double kNoColumn = 1e-12;    // likewise, relative to the largest column
 constexpr double kForever = 1e300;     // an upper bound that is none
 
 enum class Solved : int { YES = 0, INFEASIBLE = 1, UNSETTLED = 2 };
@@ -79,13 +78,11 @@ struct ActiveSet {
     }
   }
 
-  // Coefficients of column i on the basis, column i = sum_j c_j column[basis[j]]; returns how far
-  // the column is apart from that, relative to its length.
-  double coefficients(int i, double* c) {
-    const double apart = project(i);
+  // Coefficients of column i on the basis: column i = sum_j c_j column[basis[j]], for an idle row.
+  void coefficients(int i, double* c) {
+    project(i);
     for (int j = 0; j < k_; ++j) c[j] = along_[j];
     back_substitute(c);
-    return size_[i] > 0.0 ? apart / size_[i] : 0.0;
   }
 
   int basis_size() const { return k_; }

@@ -9,6 +9,7 @@
 
 #include "drive.hpp"
 #include "evaluation.hpp"
+#include "orthogonal.hpp"
 #include "status.hpp"
 #include "tableau.hpp"
 #include "winch.hpp"
@@ -18,10 +19,13 @@ namespace fan {
 constexpr int kRefinements = 2;  // of the held rows' tensions
 
 // |hddot| at which a row that held with others no longer does, relative to the size of its terms.
-constexpr double kApart = 1e-9;
+constexpr double kApart = 1e-8;
 
 // Pivot of G, relative to its largest diagonal, below which a row hardly stands on its own.
 constexpr double kFrail = 1e-4;
+
+// Likewise, relative to its own diagonal, below which solving with G loses too many digits.
+constexpr double kBlunt = 1e-9;
 
 // What a row does between two events. IDLE and PINNED rows depend on the held ones and hold with
 // them, at no tension and at the winch's largest; SLIPPING rows pull with that and give way.
@@ -62,7 +66,7 @@ struct Flow {
   System rows;
   double acc[room(N)], tension[room(M)];
   double slip_now[room(S)], slip_rate[room(S)];
-  double apart[room(M)];  // |hddot| of idle and pinned rows, relative to the size of its terms
+  double apart[room(M)];  // |hddot| of idle and pinned rows, relative to the rows' terms
 
   bool taut(int r) const { return mode[r] != SLACK; }
 
@@ -86,6 +90,7 @@ struct Flow {
       problem.high[a] = mode[list[a]] == PINNED || mode[list[a]] == SLIPPING;
     }
     problem.solve_active(0.0, kRefinements);
+    if (weakest_pivot() < kBlunt) sharpen();
     double w[room(N)];
     for (int k = 0; k < N; ++k) w[k] = eval.w0[k];
     double pull[room(M)] = {}, power = eval.power0, slip_power = 0.0;
@@ -95,7 +100,7 @@ struct Flow {
       pull[a] = -problem.x[a];
       power += problem.x[a] * rows.hdot_K[a];
       if (winches.slips(r)) slip_power += problem.x[a] * slip_rate[r];
-      if (mode[r] == IDLE || mode[r] == PINNED) apart[r] = fabs(problem.s[a]) / size_of(a);
+      if (mode[r] == IDLE || mode[r] == PINNED) apart[r] = fabs(problem.s[a]) / hddot_scale();
     }
     rows.add(pull, w);
     eval.back(w, acc);
@@ -121,6 +126,13 @@ struct Flow {
     }
     if (mode[r] == SLIPPING) return winches.winding(r, slip_now[r]) - slip_rate[r];
     return apart[r] - kApart;
+  }
+
+  // The size of what the gathered rows' hddot are the sums of, at least 1 m/s^2.
+  double hddot_scale() const {
+    double top = 1.0;
+    for (int a = 0; a < rows.n; ++a) top = larger_of(top, fabs(rows.hddot[a]) + fabs(rows.kick[a]));
+    return top;
   }
 
   double weight() const { return 1e-5 * opt.tension_cap; }
@@ -347,13 +359,44 @@ struct Flow {
     }
   }
 
-  // The size of the terms that a gathered row's hddot is the sum of.
-  double size_of(int a) const {
+  // The least pivot of the held rows in the factor of G, relative to their diagonals; 1 for none.
+  double weakest_pivot() const {
     constexpr int stride = Complementarity<double, M>::N;
-    double terms = fabs(rows.problem.b[a]) + 1e-30;
-    for (int b = 0; b < rows.n; ++b)
-      terms += fabs(rows.problem.G[a * stride + b] * rows.problem.x[b]);
-    return terms;
+    double least = 1.0;
+    for (int a = 0; a < rows.n; ++a) {
+      if (!rows.problem.active[a]) continue;
+      const double reciprocal = rows.problem.factor[a * stride + a];
+      const double pivot = 1.0 / (reciprocal * reciprocal * rows.problem.G[a * stride + a]);
+      if (pivot < least) least = pivot;
+    }
+    return least;
+  }
+
+  // The held rows' tensions anew, from W instead of G; then s of the others.
+  void sharpen() {
+    auto& problem = rows.problem;
+    const double* columns[room(M)];
+    double w[room(N)], gamma[room(M)], x[room(M)];
+    int held[room(M)], n = 0;
+    for (int k = 0; k < N; ++k) w[k] = eval.w0[k];
+    for (int a = 0; a < rows.n; ++a) {
+      if (problem.active[a]) {
+        columns[n] = rows.column[a];
+        gamma[n] = rows.hddot[a] - rows.kick[a];
+        held[n++] = a;
+      }
+      for (int k = 0; k < N && !problem.active[a]; ++k) w[k] -= rows.column[a][k] * problem.x[a];
+    }
+    orthogonal_.factorise(columns, n);
+    orthogonal_.solve(w, gamma, x);
+    for (int i = 0; i < n; ++i) problem.x[held[i]] = x[i];
+    for (int i = 0; i < n; ++i)
+      for (int k = 0; k < N; ++k) w[k] -= columns[i][k] * x[i];
+    for (int a = 0; a < rows.n; ++a) {
+      double hddot = rows.hddot[a] - rows.kick[a];
+      for (int k = 0; k < N; ++k) hddot += rows.column[a][k] * w[k];
+      problem.s[a] = -hddot;
+    }
   }
 
   static double larger_of(double a, double b) { return a > b ? a : b; }
@@ -374,6 +417,7 @@ struct Flow {
     }
   }
 
+  Orthogonal<M, N> orthogonal_;
   double dense_[7][NY];
 };
 
