@@ -24,10 +24,12 @@ constexpr double kViolated = 1e-14;   // of s, relative to the size of its terms
 constexpr double kConsistent = 1e-10;  // of the s of a row that depends on the basis, likewise
 // Likewise, from which rows that nothing satisfies together are called so.
 constexpr double kContradicted = 1e-7;
-// Distance of a column from the basis' span, relative to the column, below which it depends on it.
-constexpr double kDependent = 1e-9;
+// Distance of a column from the basis' span, relative to the column, below which it depends on it:
+// rows that differ by less are held apart by rounding alone.
+constexpr double kDependent = 1e-6;
 
-constexpr double kNoColumn = 1e-12;    // likewise, relative to the largest column
+constexpr double kStandsAlone = 1e-3;  // likewise, above which a row without tension may join the basis
+constexpr double kNoColumn = 1e-9;     // likewise, relative to the largest column
 constexpr double kForever = 1e300;     // an upper bound that is none
 
 enum class Solved : int { YES = 0, INFEASIBLE = 1, UNSETTLED = 2 };
@@ -70,19 +72,23 @@ struct ActiveSet {
   // pinned. A row without tension joins the basis only if it `stays`. To be called after solve().
   void complete(const bool* stays) {
     bool wanted[C];
-    for (int i = 0; i < n; ++i) wanted[i] = place[i] == LOW && stays[i] && holds(i);
+    for (int i = 0; i < n; ++i)
+      wanted[i] = place[i] == LOW && stays[i] && holds(i) && project(i) > kStandsAlone * size_[i];
     join_all(wanted);
     for (int i = 0; i < n; ++i) {
-      if (place[i] == BASIC || !(two_sided[i] || (holds(i) && is_dependent(i, project(i))))) continue;
+      const bool leans = holds(i) && project(i) <= kStandsAlone * size_[i];
+      if (place[i] == BASIC || !(two_sided[i] || leans)) continue;
       place[i] = place[i] == LOW ? IDLE : PINNED;
     }
   }
 
-  // Coefficients of column i on the basis: column i = sum_j c_j column[basis[j]], for an idle row.
-  void coefficients(int i, double* c) {
-    project(i);
+  // Coefficients of column i on the basis, column i = sum_j c_j column[basis[j]]; returns how far
+  // the column is apart from that, relative to its length.
+  double coefficients(int i, double* c) {
+    const double apart = project(i);
     for (int j = 0; j < k_; ++j) c[j] = along_[j];
     back_substitute(c);
+    return size_[i] > 0.0 ? apart / size_[i] : 0.0;
   }
 
   int basis_size() const { return k_; }

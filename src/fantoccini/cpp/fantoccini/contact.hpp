@@ -18,9 +18,10 @@ constexpr double kTouch = 1e-12;  // gap below which a row counts as closed at a
 // and that pulls again at once would be slack for some 2 |hdot| / hddot = 2 us; holding it instead
 // changes the state by the product of both, some 1e-11, and spares a cascade of catches.
 constexpr double kStill = 1e-5;
+constexpr double kHardlyStill = 1e-9;  // likewise, where redundant rows cannot be held together
 constexpr double kNear = 1e-4;  // gap below which a row is minded when others are corrected, relative
-// How far a slack row may stand beyond its bound after an event, likewise: where rows hardly differ
-// the correction would be many times as large.
+// How far a row may be off its bound after an event, likewise: where rows hardly differ the
+// correction would be many times as large.
 constexpr double kMayStand = 1e-13;
 constexpr double kAtBound = 1e-9;  // of tensions, relative to the largest
 // Of heights (m, rad), speeds and accelerations: what redundant rows may contradict one another by.
@@ -45,19 +46,25 @@ struct Contact {
     for (int r = 0; r < M; ++r)
       if (f.mode[r] == HELD || f.eval.height(r) > -kNear * f.row_scale(r)) list[n++] = r;
     f.rows.gather(f.eval, f.y + NQ, list, n);
-    double h[room(M)], before = 1e300;
+    double h[room(M)], kept[NQ], before = 1e300;
     for (int r = 0; r < M; ++r) h[r] = f.eval.height(r);
+    for (int i = 0; i < NQ; ++i) kept[i] = f.y[i];
     for (int round = 0; round < 12; ++round) {
       double worst = 0.0;
       for (int a = 0; a < n; ++a) {
-        const double beyond = f.mode[list[a]] == HELD ? fabs(h[list[a]])
-                                                      : h[list[a]] - kMayStand * f.row_scale(list[a]);
+        const double off = f.mode[list[a]] == HELD ? fabs(h[list[a]]) : h[list[a]];
+        const double beyond = off - kMayStand * f.row_scale(list[a]);
         if (!(beyond <= worst * f.row_scale(list[a]))) worst = beyond / f.row_scale(list[a]);
       }
-      // Rounding is reached when a round no longer halves what is left.
-      if (worst < 1e-15 || (worst < 1e-12 && worst > 0.5 * before)) return RUNNING;
-      if (!(worst < 1e3)) break;
+      if (worst < 1e-15) return RUNNING;
+      // Rounding is reached when a round no longer halves what is left. Where rows are nearly
+      // dependent it may even add to it: that round is taken back.
+      if (!(worst < 0.5 * before)) {
+        for (int i = 0; i < NQ && !(worst < before); ++i) f.y[i] = kept[i];
+        return before < kTouch ? RUNNING : PROJECTION_FAILED;
+      }
       before = worst;
+      for (int i = 0; i < NQ; ++i) kept[i] = f.y[i];
       begin(kContradiction);
       for (int a = 0; a < n; ++a) {
         const bool held = f.mode[list[a]] == HELD;
@@ -65,7 +72,7 @@ struct Contact {
         add_row(f, a, h[list[a]], kUnlimited, held ? Set::BASIC : Set::LOW);
       }
       const Status status = settle(f);
-      if (status != RUNNING) return status;
+      if (status != RUNNING) return before < kTouch ? RUNNING : status;
       double move[room(N)];
       push(f, move);
       retract<typename Model::Dynamic>(f.y, move);
@@ -108,12 +115,13 @@ struct Contact {
   // have just lost their tension: they stay only if they pull; strings in `strained` have just
   // reached their winch's largest: they stay only if they pull with less.
   Status choose(
-      F& f, const bool* loose, const bool* strained, Hold* next, double closeness = kTouch) {
+      F& f, const bool* loose, const bool* strained, Hold* next, double closeness = kTouch,
+      double stillness = kStill) {
     double rate[F::NY];
     f.settle_slip(f.t);
     for (int r = 0; r < M; ++r) f.mode[r] = next[r] = SLACK;
     f.evaluate(f.t, f.y, rate);
-    const double still = kStill * speed_scale(f);
+    const double still = stillness * speed_scale(f);
     int all[room(M)] = {}, list[room(M)] = {}, n_all = 0, n = 0;
     for (int r = 0; r < M; ++r)
       if (f.eval.height(r) >= -closeness * f.row_scale(r) || (r < S && Model::wire[r]))
@@ -166,7 +174,7 @@ struct Contact {
       if (f.mode[r] == HELD || closed) list[n++] = r;
     }
     f.rows.gather(f.eval, f.y + NQ, list, n);
-    begin(kContradiction * speed_scale(f));
+    begin(kHardlyStill * speed_scale(f));
     for (int a = 0; a < n; ++a) {
       const bool held = f.mode[list[a]] == HELD;
       f.rows.two_sided[a] = f.rows.two_sided[a] || held;

@@ -322,26 +322,28 @@ struct EventRun {
 
   Status settle_mode(const Situation& s, Record<Model>& out) {
     Hold next[room(M)];
-    const Status status = contact.choose(flow, s.loose, s.strained, next);
-    if (status != RUNNING) return fail(status);
-    bool changed = false;
-    for (int r = 0; r < M; ++r) {
-      tell(s, r, next[r], out);
-      changed = changed || next[r] != s.before[r] || s.caught[r];
+    Status held = RUNNING;
+    double energy = 0.0, work = 0.0;
+    for (const double stillness : {kStill, kHardlyStill}) {
+      const Status chosen = contact.choose(flow, s.loose, s.strained, next, kTouch, stillness);
+      if (chosen != RUNNING) return fail(chosen);
+      set_mode(next);
+      refresh();
+      energy = flow.total_energy();
+      held = contact.hold(flow, &work);
+      if (held == RUNNING) break;
     }
-    set_mode(next);
-    refresh();
-    for (int r = 0; r < M; ++r) {
-      if (next[r] == SLIPPING) guards.armed[r] = flow.lack(r) < -kCreep;
-      if (next[r] == SLACK && s.holds(r)) guards.armed[r] = false;
-    }
-    const double energy = flow.total_energy();
-    double work = 0.0;
-    const Status held = contact.hold(flow, &work);
     if (held != RUNNING) return fail(held);
     flow.y[F::WORK] += work;
     refresh();
     impact += energy + work - flow.total_energy();
+    bool changed = false;
+    for (int r = 0; r < M; ++r) {
+      tell(s, r, out);
+      changed = changed || next[r] != s.before[r] || s.caught[r];
+      if (next[r] == SLIPPING) guards.armed[r] = flow.lack(r) < -kCreep;
+      if (next[r] == SLACK && s.holds(r)) guards.armed[r] = false;
+    }
     if (contact.stopped > kCreep && accumulation.shrinking()) {
       note(out, ACCUMULATION, -1, 0.0, contact.stopped);
       accumulation.forget();
@@ -351,15 +353,15 @@ struct EventRun {
     return RUNNING;
   }
 
-  // The event of row r that goes from s.before to `next`, beside the catch that has been told.
-  void tell(const Situation& s, int r, Hold next, Record<Model>& out) {
-    const Hold before = s.before[r];
+  // The event of row r that went from s.before to its mode, beside the catch that has been told.
+  void tell(const Situation& s, int r, Record<Model>& out) {
+    const Hold before = s.before[r], next = flow.mode[r];
     if (next == SLACK) {
       if (s.holds(r)) note(out, RELEASE, r, 0.0, 0.0);
       return;
     }
     if (!s.holds(r)) note(out, CATCH, r, 0.0, 0.0);
-    if (next == SLIPPING && before != SLIPPING) note(out, SLIP, r, 0.0, flow.rate_of(r, flow.y + NQ));
+    if (next == SLIPPING && before != SLIPPING) note(out, SLIP, r, 0.0, flow.slip_rate[r]);
     if (next != SLIPPING && before == SLIPPING) note(out, GRIP, r, 0.0, 0.0);
   }
 

@@ -24,6 +24,8 @@ constexpr double kApart = 1e-8;
 // Pivot of G, relative to its largest diagonal, below which a row hardly stands on its own.
 constexpr double kFrail = 1e-4;
 
+// Raise of G where lengths and speeds are corrected, relative to its largest diagonal.
+constexpr double kSoft = 1e-10;
 // Likewise, relative to its own diagonal, below which solving with G loses too many digits.
 constexpr double kBlunt = 1e-9;
 
@@ -273,13 +275,19 @@ struct Flow {
   Status pull_back(double* state) {
     double h[room(M)];
     for (int a = 0; a < rows.n; ++a) h[a] = eval.height(rows.row[a]);
-    double before = 1e300;
+    double kept[room(NQ)], before = 1e300;
+    for (int i = 0; i < NQ; ++i) kept[i] = state[i];
     for (int round = 0; round < 12; ++round) {
       const double worst = relative(h);
-      // Rounding is reached when a round no longer halves what is left.
-      if (worst < 1e-15 || (worst < 1e-12 && worst > 0.5 * before)) return RUNNING;
-      if (!(worst < 1e3)) break;
+      if (worst < 1e-15) return RUNNING;
+      // Rounding is reached when a round no longer halves what is left. Where rows are nearly
+      // dependent it may even add to it: that round is taken back.
+      if (!(worst < 0.5 * before)) {
+        for (int i = 0; i < NQ && !(worst < before); ++i) state[i] = kept[i];
+        return before < 1e-12 ? RUNNING : PROJECTION_FAILED;
+      }
       before = worst;
+      for (int i = 0; i < NQ; ++i) kept[i] = state[i];
       double move[room(N)];
       correction(h, move);
       retract<typename Model::Dynamic>(state, move);
@@ -307,7 +315,9 @@ struct Flow {
       problem.upper[a] = 0.0;
       problem.active[a] = mode[rows.row[a]] == HELD;
     }
-    problem.solve_active(0.0, kRefinements);
+    // Raised and not refined: what two nearly dependent rows lack against one another would be
+    // taken from the others many times over.
+    problem.solve_active(kSoft, 0);
     for (int j = 0; j < N; ++j) w[j] = 0.0;
     for (int a = 0; a < rows.n; ++a) pull[a] = problem.active[a] ? -problem.x[a] : 0.0;
     rows.add(pull, w);

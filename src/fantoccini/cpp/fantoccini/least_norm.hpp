@@ -11,6 +11,10 @@
 
 namespace fan {
 
+// Distance of a column from the basis' span, relative to its length, below which the row may share
+// tensions with the basis.
+constexpr double kShares = 1e-9;
+
 template <class Set>
 struct LeastNorm {
   static constexpr int C = Set::C;
@@ -51,7 +55,7 @@ struct LeastNorm {
   // Column i = sum_j c_j column[basis[j]], so that e_i - sum_j c_j e_basis[j] is a null vector.
   void add_null_vector(Set& set, int i) {
     double c[Set::D], v[C] = {};
-    set.coefficients(i, c);
+    if (set.coefficients(i, c) > kShares) return;
     v[i] = 1.0;
     for (int j = 0; j < set.basis_size(); ++j) v[set.basis(j)] -= c[j];
     for (int twice = 0; twice < 2; ++twice)

@@ -16,7 +16,7 @@
 namespace fan {
 
 constexpr double kStepEps = 1e-10;
-constexpr double kFirmStepEps = 1e-6;  // where the rows are too near to one another for that
+constexpr double kFirmStepEps = 1e-4;  // where the rows are too near to one another for that
 constexpr double kStepTolerance = 1e-13;
 constexpr double kWidestTurn = 0.5;    // rad that a coordinate turns in a step at most
 constexpr double kLongestStride = 5.0;  // m, likewise
