@@ -67,6 +67,9 @@ struct Guards {
     return open / flow.row_scale(r) - (armed[r] ? 0.0 : kOver);
   }
 
+  // How far beyond its root a row's guard may be where the row's event is.
+  double met(int r) const { return flow.taut(r) ? kTensionRoot : kHeightRoot; }
+
   // The largest guard at the latest evaluation.
   double worst() const {
     double out = -1.0;
@@ -161,7 +164,7 @@ struct Guards {
     for (int round = 0; round <= M; ++round) {
       const double before = hi;
       for (int r = 0; r < M; ++r) {
-        if (guard(r) <= (flow.taut(r) ? kTensionRoot : kHeightRoot)) continue;
+        if (guard(r) <= met(r)) continue;
         hi = root_of(r, hi);
       }
       if (!(hi < before)) break;
@@ -174,12 +177,11 @@ struct Guards {
   // they do not.
   double root_of(int r, double hi) {
     const bool height = !flow.taut(r);
-    const double met = height ? kHeightRoot : kTensionRoot;
     double lo = 0.0, g_lo = guard0[r] < 0.0 ? guard0[r] : -1e-18, g_hi = guard(r);
     double width = hi;
     int side = 1;
     for (int i = 0; i < kRootIterations && hi - lo > resolution(); ++i) {
-      if (side == 1 && g_hi <= met) break;
+      if (side == 1 && g_hi <= met(r)) break;
       double mid = lo - g_lo * (hi - lo) / (g_hi - g_lo);
       if (height && side == 1) {
         const double rate = flow.rate_of(r, flow.end + NQ) / flow.row_scale(r);
