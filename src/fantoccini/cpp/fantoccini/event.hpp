@@ -182,7 +182,7 @@ struct EventRun {
       const double h = flow.eval.height(r);
       if (flow.mode[r] == SLIPPING && flow.lack(r) < -kCreep) guards.armed[r] = true;
       if (flow.taut(r)) continue;
-      if (h < -kOpen * flow.row_scale(r)) guards.armed[r] = true;
+      if (h < -(kOpen + guards.noise) * flow.row_scale(r)) guards.armed[r] = true;
       if (h > 0.0) guards.armed[r] = false;
     }
     if (flow.frail()) return another_basis(out);

@@ -28,6 +28,9 @@ struct Guards {
   F& flow;
   bool armed[room(M)];
   double height0[room(M)], rate0[room(M)], guard0[room(M)];  // at the start of the step
+  // The integrator's errors in a released row's h, relative to its scale, where they are not small
+  // against its first opening: the row is armed, and caught unarmed, beyond them.
+  double noise = 0.0;
 
   explicit Guards(F& f) : flow(f) {
     for (int r = 0; r < M; ++r) armed[r] = true;
@@ -64,7 +67,7 @@ struct Guards {
     // A row that is not armed may stand a trace beyond its bound: what counts is going further.
     const double already = height0[r] > 0.0 ? height0[r] : 0.0;
     const double open = flow.eval.height(r) - (armed[r] ? 0.0 : already);
-    return open / flow.row_scale(r) - (armed[r] ? 0.0 : kOver);
+    return open / flow.row_scale(r) - (armed[r] ? 0.0 : kOver + noise);
   }
 
   // How far beyond its root a row's guard may be where the row's event is.
