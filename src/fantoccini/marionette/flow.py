@@ -46,9 +46,9 @@ class Flow:
 
     def __init__(self, marionette: Marionette, x0: State, inputs: Input | None = None):
         marionette.check_start(x0)
-        inputs = Input.hold(marionette).shifted(x0.t) if inputs is None else inputs
-        check_inputs(marionette, inputs, x0.t, x0.t)
-        self._inputs = inputs.bound(x0.q_K, x0.t)
+        given = Input.hold(marionette).shifted(x0.t) if inputs is None else inputs
+        check_inputs(marionette, given, x0.t, x0.t)
+        self._inputs = given.bound(x0.q_K, x0.t)
         check_speed(marionette, x0, self._inputs)
         self._run = OutsideRun(
             marionette.library, marionette.run_options(), x0, marionette.p, marionette.winches,
@@ -59,7 +59,7 @@ class Flow:
         table = marionette.coordinates
         self._n_qD, self._n_vD = table.n_qD, table.n_vD
         self.t0, self.y0 = self._run.t, self._run.y
-        self.t_end = self._run.stretch(np.inf)
+        self.t_end = np.inf if inputs is None else self._run.stretch(np.inf)
         self.rows = marionette.tree.row_names
         self.taut = self._run.mode != 0
 

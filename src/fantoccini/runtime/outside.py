@@ -30,10 +30,14 @@ class OutsideRun(Run):
 
     Args:
         library, options, x0, p, winches, inputs, save_at: as of :class:`Run`.
+        noise: how large the integrator's errors in h may be where a string has just been released
+            and has hardly opened yet, relative to its length.
     """
 
-    def __init__(self, library, options, x0, p, winches, inputs, save_at=None):
+    def __init__(self, library, options, x0, p, winches, inputs, save_at=None, noise=0.0):
         handle, sizes = library.handle, library.sizes
+        handle.fan_set_noise.argtypes = [_ADDRESS, ctypes.c_double]
+        handle.fan_set_noise.restype = None
         handle.fan_stretch.argtypes = [_ADDRESS, _TIME, _ADDRESS, _ADDRESS]
         handle.fan_look.argtypes = [_ADDRESS, _TIME, *[_ADDRESS] * 5]
         handle.fan_look.restype = None
@@ -45,6 +49,7 @@ class OutsideRun(Run):
         handle.fan_present.argtypes = [_ADDRESS] * 3
         handle.fan_present.restype = ctypes.c_double
         super().__init__(library, "event", options, x0, p, winches, inputs, save_at)
+        handle.fan_set_noise(self._run, noise)
         self._out = ctypes.addressof(self._record)
         self._n_slip = sizes["n_strings"]
         self._n_rows = sizes["n_strings"] + sizes["n_limits"]

@@ -18,7 +18,7 @@ from fantoccini.errors import Status
 from fantoccini.runtime import OutsideRun
 from fantoccini.simulate.step import Step
 
-NAMES = ("RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA")
+INTEGRATORS = ("RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA")
 """SciPy's methods."""
 
 _EXPLICIT = (integrate.RK23, integrate.RK45, integrate.DOP853)
@@ -43,33 +43,50 @@ def solver_class(integrator: str | type[integrate.OdeSolver]) -> type[integrate.
     """
     if isinstance(integrator, type) and issubclass(integrator, integrate.OdeSolver):
         return integrator
-    if integrator not in NAMES:
+    if integrator not in INTEGRATORS:
+        names = ", ".join(map(repr, INTEGRATORS))
         raise ValueError(
-            f"integrator is {integrator!r}; it must be {', '.join(map(repr, NAMES))}, a subclass "
-            "of scipy.integrate.OdeSolver, or None for the compiled one"
+            f"integrator is {integrator!r}; it must be {names}, a subclass of "
+            "scipy.integrate.OdeSolver, or None for the compiled one"
         )
     return getattr(integrate, integrator)
+
+
+def _options_of(solver: type[integrate.OdeSolver]) -> set[str]:
+    """Names of the options that a class takes, or passes on to the one it derives from."""
+    names = set()
+    for cls in solver.__mro__:
+        if "__init__" in vars(cls):
+            found = inspect.signature(cls.__init__).parameters
+            names |= set(found)
+            if not any(p.kind is p.VAR_KEYWORD for p in found.values()):
+                break
+    return names
 
 
 class ScipyRun(OutsideRun):
     """One event-driven simulation in progress, with SciPy's steps.
 
     Args:
-        integrator: a name of :data:`NAMES`, or a subclass of ``scipy.integrate.OdeSolver``. Of
-            rtol, atol, max_step and first_step it is given those that its signature names.
+        integrator: a name of :data:`INTEGRATORS`, or a subclass of SciPy's ``OdeSolver``. Of rtol,
+            atol, max_step and first_step it is given those that it takes by name.
         library, options, x0, p, winches, inputs, save_at: as of :class:`OutsideRun`.
     """
 
     def __init__(self, integrator, library, options, x0, p, winches, inputs, save_at=None):
-        super().__init__(library, options, x0, p, winches, inputs, save_at)
         self._class = solver_class(integrator)
+        one_step = issubclass(self._class, _ONE_STEP)
+        # After a release h leaves 0 with the third power of time. A method that starts with tiny
+        # steps of low order makes errors there that exceed it.
+        noise = 0.0 if one_step else options.rtol
+        super().__init__(library, options, x0, p, winches, inputs, save_at, noise)
         self._rtol, self._atol = options.rtol, np.full(len(self.y), options.atol)
         self._atol[-3:] *= options.energy_scale
         given = {"rtol": self._rtol, "atol": self._atol, "max_step": options.max_step}
-        self._takes = inspect.signature(self._class).parameters
+        self._takes = _options_of(self._class)
         self._given = {name: value for name, value in given.items() if name in self._takes}
         self._drift = _DRIFT if issubclass(self._class, _EXPLICIT) else _DRIFT_WITH_MEMORY
-        self._step = options.first_step if issubclass(self._class, _ONE_STEP) else None
+        self._step = options.first_step if one_step else None
         self._save_at = np.zeros(0) if save_at is None else np.asarray(save_at, dtype=float)
         self._next_save = int(np.searchsorted(self._save_at, self.t, side="right"))
         self._solver: integrate.OdeSolver | None = None

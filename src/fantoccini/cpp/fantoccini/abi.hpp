@@ -126,6 +126,11 @@ FAN_EXPORT void fan_blame(void* handle, double* out) {
 //
 // y = (q_D, v_D, work, loss, slip loss). What comes back is a status.
 
+// Sets how large the integrator's errors in a released row's h may be (Guards::noise).
+FAN_EXPORT void fan_set_noise(void* handle, double noise) {
+  static_cast<fan::Run*>(handle)->event.guards.noise = noise;
+}
+
 // How far the flow is smooth from the present time, at most to t_end; a break there is dealt with.
 FAN_EXPORT int fan_stretch(
     void* handle, double t_end, double* end, fan::Record<fan::Model>* out) {

@@ -39,9 +39,6 @@ struct OutsideRun : EventRun<Model> {
 
   // As begin_stretch; what the clock does not resolve of the stretch is passed at once.
   Status stretch(double t_end, double* end, Record<Model>& out) {
-    // After a release h leaves 0 with the third power of time: the compiled integrator's errors
-    // are smaller, another's need not be.
-    guards.noise = flow.opt.rtol;
     if (this->at_break_) this->refresh();
     const Status status = this->begin_stretch(t_end, end, out);
     smooth_until_ = *end;
