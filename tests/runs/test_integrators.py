@@ -183,6 +183,34 @@ def test_strings_are_kept_to_rounding_and_the_books_close(arm):
         assert np.max(np.abs(run.ledger["residual"])) < residual
 
 
+def test_an_implicit_method_takes_long_steps_where_the_puppet_is_stiff():
+    """An elbow as in honey: its time constant is 5 us."""
+    arm = fan.loads("""
+puppet: stiff
+bodies:
+  - name: upper
+    joint: {type: revolute, axis: [0, -1, 0], damping: 0.001}
+    mass: 0.2
+    com: [0.15, 0, 0]
+    inertia: [0.0015, 0.0015, 0.0015]
+  - name: lower
+    parent: upper
+    joint: {type: revolute, axis: [0, -1, 0], at: [0.3, 0, 0], damping: 50}
+    mass: 0.01
+    com: [0.1, 0, 0]
+    inertia: [0.00003, 0.00003, 0.00003]
+strings:
+  - {name: hand, path: [{body: lower, at: [0.3, 0, 0]}, {world: [0.45, 0, 0.7]}], length: driven}
+pose: {hand.length: 0.9}
+""")
+    given = arm, arm.project(arm.state()), None, 0.3
+    ours = fan.simulate(*given)
+    for name in ("Radau", "BDF", "LSODA"):
+        run = fan.simulate(*given, integrator=name, rtol=1e-7, atol=1e-7)
+        agree(run, ours, 1e-6, 1e-5, 1e-4)
+        assert 20 * len(run.t) < len(ours.t)
+
+
 @pytest.mark.parametrize("integrator", ["dop853", "euler", "", 5, float])
 def test_an_unknown_integrator_is_refused(arm, integrator):
     given, _ = arm
