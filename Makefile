@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test bench lint wheel clean
+.PHONY: demo test bench soak strings-report lint wheel clean
 .NOTPARALLEL:
 
 demo: $(VENV)/stamp-demo
@@ -16,6 +16,12 @@ test: $(VENV)/stamp-test
 
 bench: $(VENV)/stamp-bench
 	$(BIN)/python benchmarks/bench.py
+
+soak: $(VENV)/stamp-test
+	PYTHONPATH=tests $(BIN)/python -m properties.soak
+
+strings-report: $(VENV)/stamp-bench
+	$(BIN)/python -m benchmarks.strings
 
 lint: $(VENV)/stamp-test
 	$(BIN)/ruff check .

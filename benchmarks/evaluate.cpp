@@ -34,7 +34,7 @@ int main() {
   for (int r = 0; r < Model::n_rows; ++r)
     flow.mode[r] = r < Model::n_strings ? fan::HELD : fan::SLACK;
   for (int i = 0; i < Model::n_strings; ++i) {
-    flow.slip[i] = flow.winding[i] = 0.0;
+    flow.slip[i] = 0.0;
     flow.winches.max_tension[i] = fan::kUnlimited;
   }
   flow.opt.tension_cap = 1e9;

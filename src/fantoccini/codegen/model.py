@@ -83,6 +83,8 @@ def tables_text(equations: Equations) -> str:
         "n_points": sum(len(s.points) for s in tree.strings),
     }
     places = [_limit_place(tree, limit) for limit in tree.limits]
+    units = {row.name: row.unit for row in table.rows}
+    turns = [int(units.get(name, "rad") != "m") for name in table.v_D]
     length_q = [s.length_index[0] if s.length_index else -1 for s in tree.strings]
     lines = ["#pragma once", "", "namespace fan {", "", "struct ModelTables {"]
     lines += [f"  static constexpr int {name} = {value};" for name, value in constants.items()]
@@ -91,6 +93,7 @@ def tables_text(equations: Equations) -> str:
         _array("int", "length_q", length_q),
         _array("double", "nominal_length", [_nominal(s) for s in tree.strings]),
         _array("int", "string_points", [len(s.points) for s in tree.strings]),
+        _array("bool", "turns", turns),
         _array("int", "limit_v", [first for first, _ in places]),
         _array("int", "limit_n", [n for _, n in places]),
         *_space("Dynamic", table.n_qD, table.n_vD, table.scalars_D, table.quaternions_D),

@@ -176,7 +176,7 @@ class Marionette(Analysis):
 
     @cached_property
     def winches(self) -> Array:
-        """(n_strings, 3) largest tension [N], rewinding speed [m/s], restitution of every string."""
+        """(n_strings, 3) largest tension [N], rewinding speed [m/s], restitution, by string."""
         table = np.zeros((len(self.tree.strings), 3))
         for row, string in zip(table, self.tree.strings, strict=True):
             slips, rewinds = string.max_tension is not None, string.rewind_speed is not None

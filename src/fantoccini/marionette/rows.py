@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from fantoccini.arrays import Array
 from fantoccini.tree import Tree
 
-
 _SINGLE = ("t", "kinetic", "potential", "work", "damping", "impact", "slip_loss")
 
 

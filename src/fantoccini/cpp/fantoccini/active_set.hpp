@@ -25,10 +25,9 @@ constexpr double kConsistent = 1e-10;  // of the s of a row that depends on the 
 // Likewise, from which rows that nothing satisfies together are called so.
 constexpr double kContradicted = 1e-7;
 // Distance of a column from the basis' span, relative to the column, below which it depends on it.
-// Runs solve with G = W^T W, where this is 1e-12.
-constexpr double kDependent = 1e-6;
+constexpr double kDependent = 1e-9;
 
-constexpr double kNoColumn = 1e-9;     // likewise, relative to the largest column
+constexpr double kNoColumn = 1e-12;    // likewise, relative to the largest column
 constexpr double kForever = 1e300;     // an upper bound that is none
 
 enum class Solved : int { YES = 0, INFEASIBLE = 1, UNSETTLED = 2 };

@@ -18,6 +18,11 @@ constexpr double kTouch = 1e-12;  // gap below which a row counts as closed at a
 // and that pulls again at once would be slack for some 2 |hdot| / hddot = 2 us; holding it instead
 // changes the state by the product of both, some 1e-11, and spares a cascade of catches.
 constexpr double kStill = 1e-5;
+constexpr double kNear = 1e-4;  // gap below which a row is minded when others are corrected, relative
+// How far a slack row may stand beyond its bound after an event, likewise: where rows hardly differ
+// the correction would be many times as large.
+constexpr double kMayStand = 1e-13;
+constexpr double kAtBound = 1e-9;  // of tensions, relative to the largest
 // Of heights (m, rad), speeds and accelerations: what redundant rows may contradict one another by.
 constexpr double kContradiction = 1e-10;
 
@@ -33,26 +38,40 @@ struct Contact {
   double stopped = 0.0;     // largest |hdot| that the last hold took from a held row
   double blame[room(M)];    // rows that no motion satisfies together, after IMPOSSIBLE_INPUT
 
-  // Moves the configuration at (t, y) by what its rows are overstepped, with the smallest change in
-  // the metric of M_DD: for starts that are closed to the user's rounding, not to ours.
+  // Brings the held rows to h = 0 and all others to h <= 0, with the smallest change of the
+  // configuration at (t, y) in the metric of M_DD. The flow's evaluation must be that of (t, y).
   Status retreat(F& f) {
-    for (int round = 0; round < 3; ++round) {
-      double rate[F::NY];
-      f.evaluate(f.t, f.y, rate);
-      int list[room(M)] = {}, n = 0;
-      for (int r = 0; r < M; ++r)
-        if (f.eval.height(r) > 0.0) list[n++] = r;
-      f.rows.gather(f.eval, f.y + NQ, list, n);
+    int list[room(M)] = {}, n = 0;
+    for (int r = 0; r < M; ++r)
+      if (f.mode[r] == HELD || f.eval.height(r) > -kNear * f.row_scale(r)) list[n++] = r;
+    f.rows.gather(f.eval, f.y + NQ, list, n);
+    double h[room(M)], before = 1e300;
+    for (int r = 0; r < M; ++r) h[r] = f.eval.height(r);
+    for (int round = 0; round < 12; ++round) {
+      double worst = 0.0;
+      for (int a = 0; a < n; ++a) {
+        const double beyond = f.mode[list[a]] == HELD ? fabs(h[list[a]])
+                                                      : h[list[a]] - kMayStand * f.row_scale(list[a]);
+        if (!(beyond <= worst * f.row_scale(list[a]))) worst = beyond / f.row_scale(list[a]);
+      }
+      // Rounding is reached when a round no longer halves what is left.
+      if (worst < 1e-15 || (worst < 1e-12 && worst > 0.5 * before)) return RUNNING;
+      if (!(worst < 1e3)) break;
+      before = worst;
       begin(kContradiction);
-      for (int a = 0; a < n; ++a)
-        add_row(f, a, f.eval.height(list[a]), kUnlimited, Set::BASIC);
+      for (int a = 0; a < n; ++a) {
+        const bool held = f.mode[list[a]] == HELD;
+        f.rows.two_sided[a] = f.rows.two_sided[a] || held;
+        add_row(f, a, h[list[a]], kUnlimited, held ? Set::BASIC : Set::LOW);
+      }
       const Status status = settle(f);
       if (status != RUNNING) return status;
       double move[room(N)];
       push(f, move);
       retract<typename Model::Dynamic>(f.y, move);
+      f.heights(f.y, h);
     }
-    return RUNNING;
+    return PROJECTION_FAILED;
   }
 
   // Applies the impulse over the rows `closed` at (t, y) and books its work. The flow's evaluation
@@ -107,7 +126,7 @@ struct Contact {
       if (rests || next[r] == SLIPPING) list[n++] = r;
     }
     f.rows.gather(f.eval, f.y + NQ, list, n);
-    begin(kContradiction * hddot_scale(f));
+    begin(kContradiction * f.hddot_scale());
     for (int a = 0; a < n; ++a)
       if (next[list[a]] != SLIPPING) add_pull(f, next, a, Set::BASIC);
     const Status status = settle(f);
@@ -115,7 +134,17 @@ struct Contact {
     bool stays[room(M)];
     for (int i = 0; i < set_.n; ++i) stays[i] = !loose[row_[i]];
     set_.complete(stays);
-    for (int i = 0; i < set_.n; ++i) next[row_[i]] = mode_of(i, strained[row_[i]]);
+    double most = 0.0;
+    for (int i = 0; i < set_.n; ++i)
+      if (fabs(set_.x[i]) > most) most = fabs(set_.x[i]);
+    for (int i = 0; i < set_.n; ++i) {
+      const int r = row_[i];
+      next[r] = mode_of(i);
+      if (next[r] != HELD || set_.two_sided[i]) continue;
+      // What has just met its bound and stands there but for rounding goes on past it.
+      if (loose[r] && set_.x[i] <= kAtBound * most) next[r] = SLACK;
+      if (strained[r] && set_.x[i] >= set_.upper[i] - kAtBound * most) next[r] = SLIPPING;
+    }
     return RUNNING;
   }
 
@@ -125,11 +154,10 @@ struct Contact {
   Status hold(F& f, double* work) {
     double rate[F::NY];
     stopped = 0.0;
-    if (f.rows.n == 0) return RUNNING;
     for (int a = 0; a < f.rows.n; ++a)
       if (f.mode[f.rows.row[a]] == HELD && fabs(f.rows.hdot[a]) > stopped)
         stopped = fabs(f.rows.hdot[a]);
-    const Status status = f.pull_back(f.y);
+    const Status status = retreat(f);
     if (status != RUNNING) return status;
     f.evaluate(f.t, f.y, rate);
     int list[room(M)] = {}, n = 0;
@@ -161,7 +189,7 @@ struct Contact {
       redundant = redundant || f.mode[r] == IDLE || f.mode[r] == PINNED;
     }
     if (!redundant) return;
-    begin(kContradiction * hddot_scale(f));
+    begin(kContradiction * f.hddot_scale());
     for (int a = 0; a < f.rows.n; ++a) {
       const Hold mode = f.mode[f.rows.row[a]];
       if (mode == SLIPPING) continue;
@@ -225,25 +253,14 @@ struct Contact {
     return RUNNING;
   }
 
-  Hold mode_of(int i, bool strained) const {
+  Hold mode_of(int i) const {
     switch (set_.place[i]) {
-      case Set::BASIC:
-        return strained && set_.x[i] >= set_.upper[i] * (1.0 - 1e-12) ? SLIPPING : HELD;
+      case Set::BASIC: return HELD;
       case Set::IDLE: return IDLE;
       case Set::PINNED: return PINNED;
       case Set::HIGH: return SLIPPING;
       default: return SLACK;
     }
-  }
-
-  // The size of what hddot is the sum of, over the gathered rows.
-  double hddot_scale(const F& f) const {
-    double top = 1.0;
-    for (int a = 0; a < f.rows.n; ++a) {
-      const double size = fabs(f.rows.hddot[a]) + fabs(f.rows.kick[a]);
-      if (size > top) top = size;
-    }
-    return top;
   }
 
   double speed_scale(const F& f) const {

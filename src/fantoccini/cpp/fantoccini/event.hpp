@@ -11,6 +11,7 @@
 namespace fan {
 
 constexpr double kStart = 1e-9;  // |h| below which a row counts as closed at the start, relative
+constexpr double kAtOnce = 1e-10;  // s between events that count as one instant
 constexpr int kSavesPerStep = 64;
 
 template <class Model>
@@ -38,8 +39,9 @@ struct EventRun {
     const bool none[room(M)] = {};
     Hold next[room(M)];
     for (int r = 0; r < M; ++r) flow.mode[r] = SLACK;
-    for (int i = 0; i < S; ++i) flow.winding[i] = 0.0;
+    for (int r = 0; r < M; ++r) loosened_[r] = -1e300;
     flow.slip_time = flow.t;
+    refresh();
     Status status = contact.retreat(flow);
     if (status == RUNNING) status = contact.choose(flow, none, none, next, kStart);
     if (status == RUNNING) {
@@ -153,7 +155,12 @@ struct EventRun {
       factor = factor < 0.2 ? 0.2 : (factor > growth_cap ? growth_cap : factor);
       if (!reaches || factor < 1.0) step_size = s * factor;
       else if (s * factor > step_size) step_size = s * factor;
-      flow.evaluate(flow.t + s, flow.end, flow.k[dop853::stages]);
+      if (flow.finish(s) != RUNNING) {
+        if (s < 1e-10) return PROJECTION_FAILED;
+        s *= 0.2;
+        growth_cap = 1.0;
+        continue;
+      }
       const double found = guards.suspicious(s);
       if (found <= 0.0) return accept(s, reaches ? target : flow.t + s, out);
       const double at = guards.locate(found);
@@ -167,16 +174,16 @@ struct EventRun {
   Status accept(double s, double new_t, Record<Model>& out) {
     if (next_save < n_save && save_at[next_save] < new_t) {
       save_inside(s, new_t, out);
-      flow.evaluate(new_t, flow.end, flow.k[dop853::stages]);
+      flow.evaluate(new_t, flow.end, flow.end_rate);
     }
-    const Status status = flow.project(new_t, flow.end);
-    if (status != RUNNING) return status;
     for (int j = 0; j < NY; ++j)
       if (!(fabs(flow.end[j]) < 1e300)) return NOT_FINITE;
     const double moved = new_t - flow.t;
     flow.t = new_t;
-    for (int j = 0; j < NY; ++j) flow.y[j] = flow.end[j];
-    refresh();
+    for (int j = 0; j < NY; ++j) {
+      flow.y[j] = flow.end[j];
+      flow.k[0][j] = flow.end_rate[j];
+    }
     stuck = moved > 1e-12 ? 0 : stuck + 1;
     for (int r = 0; r < M; ++r) {
       const double h = flow.eval.height(r);
@@ -185,8 +192,8 @@ struct EventRun {
       if (h < -(kOpen + guards.noise) * flow.row_scale(r)) guards.armed[r] = true;
       if (h > 0.0) guards.armed[r] = false;
     }
-    if (flow.frail()) return another_basis(out);
-    const Status seen = watch();
+    Status seen = flow.frail() ? another_basis(out) : RUNNING;
+    if (seen == RUNNING) seen = watch();
     if (seen != RUNNING) return seen;
     guards.remember();
     if (flow.opt.save_steps) emit(out);
@@ -239,11 +246,14 @@ struct EventRun {
       s.before[r] = flow.mode[r];
       const bool held = s.before[r] == HELD || s.before[r] == PINNED;
       const double none = -flow.tension[r] / flow.weight();
-      s.loose[r] = s.before[r] == SLACK ? !guards.armed[r] : held && none > -kNoTension;
+      if (held && none > -kNoTension) loosened_[r] = flow.t;
+      // Among redundant rows one that has just lost its tension must not take turns with another.
+      s.loose[r] = s.before[r] == SLACK ? !guards.armed[r] : flow.t - loosened_[r] <= kAtOnce;
       s.strained[r] = held && flow.winches.slips(r) &&
                       flow.tension[r] >= flow.winches.max_tension[r] - kNoTension * flow.weight();
       const bool touches = s.before[r] == SLACK && guards.touches(r, kTouch);
-      s.closed[r] = s.before[r] != SLACK || touches;
+      s.caught[r] = touches;
+      s.closed[r] = s.before[r] != SLACK || guards.closed(r, kTouch);
       caught = caught || touches;
     }
     if (caught) {
@@ -252,9 +262,10 @@ struct EventRun {
       const Status status = contact.strike(flow, s.closed);
       if (status != RUNNING) return fail(status);
       impact += contact.lost;
-      for (int r = 0; r < M; ++r)
-        if (s.closed[r] && s.before[r] == SLACK)
-          note(out, CATCH, r, contact.impulse[r], contact.speed[r]);
+      for (int r = 0; r < M; ++r) {
+        s.caught[r] = s.caught[r] || (s.before[r] == SLACK && contact.impulse[r] > 0.0);
+        if (s.caught[r]) note(out, CATCH, r, contact.impulse[r], contact.speed[r]);
+      }
     }
     return settle_mode(s, out);
   }
@@ -265,9 +276,8 @@ struct EventRun {
     Situation s;
     for (int r = 0; r < M; ++r) {
       s.before[r] = flow.mode[r];
-      s.closed[r] = flow.taut(r);
+      s.caught[r] = s.strained[r] = false;
       s.loose[r] = !flow.taut(r) && !guards.armed[r];
-      s.strained[r] = false;
     }
     double acc_K[room(Model::n_vK)], u_D[room(N)];
     for (int j = 0; j < Model::n_vK; ++j) acc_K[j] = flow.acc_K[j];
@@ -291,19 +301,20 @@ struct EventRun {
     Situation s;
     for (int r = 0; r < M; ++r) {
       s.before[r] = flow.mode[r];
-      s.closed[r] = flow.taut(r);
+      s.caught[r] = s.strained[r] = false;
       s.loose[r] = !flow.taut(r) && !guards.armed[r];
-      s.strained[r] = false;
     }
-    const Status status = settle_mode(s, out);
-    return status == RUNNING ? watch() : status;
+    return settle_mode(s, out);
   }
 
-  // The rows at an event: what they did before it, which are closed, which have just lost their
-  // tension and which have just reached their winch's largest.
+  // The rows at an event: what they did before it, which are closed and which have just been
+  // caught, which have just lost their tension and which have just reached their winch's largest.
   struct Situation {
     Hold before[room(M)];
-    bool closed[room(M)], loose[room(M)], strained[room(M)];
+    bool closed[room(M)], caught[room(M)], loose[room(M)], strained[room(M)];
+
+    // Whether row r holds after the catches and before the choice of the next mode.
+    bool holds(int r) const { return before[r] != SLACK || caught[r]; }
   };
 
   void note(Record<Model>& out, EventKind kind, int row, double impulse, double speed) {
@@ -325,13 +336,13 @@ struct EventRun {
     bool changed = false;
     for (int r = 0; r < M; ++r) {
       tell(s, r, next[r], out);
-      changed = changed || next[r] != s.before[r] || s.closed[r] != (s.before[r] != SLACK);
+      changed = changed || next[r] != s.before[r] || s.caught[r];
     }
     set_mode(next);
     refresh();
     for (int r = 0; r < M; ++r) {
       if (next[r] == SLIPPING) guards.armed[r] = flow.lack(r) < -kCreep;
-      if (next[r] == SLACK && s.closed[r]) guards.armed[r] = false;
+      if (next[r] == SLACK && s.holds(r)) guards.armed[r] = false;
     }
     const double energy = flow.total_energy();
     double work = 0.0;
@@ -353,15 +364,16 @@ struct EventRun {
   void tell(const Situation& s, int r, Hold next, Record<Model>& out) {
     const Hold before = s.before[r];
     if (next == SLACK) {
-      if (s.closed[r]) note(out, RELEASE, r, 0.0, 0.0);
+      if (s.holds(r)) note(out, RELEASE, r, 0.0, 0.0);
       return;
     }
-    if (!s.closed[r]) note(out, CATCH, r, 0.0, 0.0);
+    if (!s.holds(r)) note(out, CATCH, r, 0.0, 0.0);
     if (next == SLIPPING && before != SLIPPING) note(out, SLIP, r, 0.0, flow.rate_of(r, flow.y + NQ));
     if (next != SLIPPING && before == SLIPPING) note(out, GRIP, r, 0.0, 0.0);
   }
 
   bool at_break_ = false;
+  double loosened_[room(M)];  // when each row last lost its tension
 };
 
 }  // namespace fan

@@ -33,6 +33,7 @@ struct FixedRun {
       at.taut[r] = at.held[r] = false;
       at.tension[r] = 0.0;
     }
+    for (int i = 0; i < S; ++i) at.slips[i] = false;
     for (int k = 0; k < N; ++k) at.acc[k] = 0.0;
     origin = t;
     n_here = 0;
@@ -51,7 +52,7 @@ struct FixedRun {
   Status run(double t_end, long long budget, Record<Model>& out) {
     next_end_ = t_end;
     while (t < t_end - 1e-9 * opt.dt) {
-      if (budget-- <= 0 || !out.room_for(2, M + 1)) return RUNNING;
+      if (budget-- <= 0 || !out.room_for(2, M + S + 1)) return RUNNING;
       if (n_steps >= opt.max_steps) return TOO_MANY_STEPS;
       double next = origin + double(n_here + 1) * opt.dt;
       if (next > t_end - 1e-6 * opt.dt) next = t_end;
@@ -85,8 +86,9 @@ struct FixedRun {
     double rate[room(NK)], mean[room(NK)];
     increment(q_K, q_next, dt, rate);
     for (int j = 0; j < NK; ++j) mean[j] = (v_next[j] - v_K[j]) / dt;
-    bool was[room(M)];
+    bool was[room(M)], slipped[room(S)];
     for (int r = 0; r < M; ++r) was[r] = at.taut[r];
+    for (int i = 0; i < S; ++i) slipped[i] = at.slips[i];
     at.step(
         q_D, v_D, q_K, rate, mean, u_D, dt, opt.recovery_speed, opt.tension_cap, winches, p);
     if (!at.settled) return NOT_SETTLED;
@@ -108,6 +110,8 @@ struct FixedRun {
     for (int r = 0; r < M; ++r)
       if (was[r] != at.taut[r])
         out.event(t, at.taut[r] ? CATCH : RELEASE, r, at.taut[r] ? at.tension[r] * dt : 0.0, 0.0);
+    for (int i = 0; i < S; ++i)
+      if (slipped[i] != at.slips[i]) out.event(t, at.slips[i] ? SLIP : GRIP, i, 0.0, 0.0);
     if (n_here % save_every == 0 || t >= next_end_) emit(out);
     return RUNNING;
   }

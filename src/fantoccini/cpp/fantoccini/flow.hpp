@@ -9,6 +9,7 @@
 
 #include "drive.hpp"
 #include "evaluation.hpp"
+#include "orthogonal.hpp"
 #include "status.hpp"
 #include "tableau.hpp"
 #include "winch.hpp"
@@ -18,10 +19,13 @@ namespace fan {
 constexpr int kRefinements = 2;  // of the held rows' tensions
 
 // |hddot| at which a row that held with others no longer does, relative to the size of its terms.
-constexpr double kApart = 1e-9;
+constexpr double kApart = 1e-8;
 
 // Pivot of G, relative to its largest diagonal, below which a row hardly stands on its own.
 constexpr double kFrail = 1e-4;
+
+// Likewise, relative to its own diagonal, below which solving with G loses too many digits.
+constexpr double kBlunt = 1e-9;
 
 // What a row does between two events. IDLE and PINNED rows depend on the held ones and hold with
 // them, at no tension and at the winch's largest; SLIPPING rows pull with that and give way.
@@ -53,8 +57,7 @@ struct Flow {
   double y[NY];
   Hold mode[room(M)];  // frozen between events
   Winches<S> winches;
-  double slip[room(S)];     // m, at slip_time
-  double winding[room(S)];  // m/s, of strings that do not slip
+  double slip[room(S)];  // m, at slip_time
   double slip_time = 0.0;
 
   // The latest evaluation: where, and what came out.
@@ -63,7 +66,7 @@ struct Flow {
   System rows;
   double acc[room(N)], tension[room(M)];
   double slip_now[room(S)], slip_rate[room(S)];
-  double apart[room(M)];  // |hddot| of idle and pinned rows, relative to the size of its terms
+  double apart[room(M)];  // |hddot| of idle and pinned rows, relative to the rows' terms
 
   bool taut(int r) const { return mode[r] != SLACK; }
 
@@ -87,6 +90,7 @@ struct Flow {
       problem.high[a] = mode[list[a]] == PINNED || mode[list[a]] == SLIPPING;
     }
     problem.solve_active(0.0, kRefinements);
+    if (weakest_pivot() < kBlunt) sharpen();
     double w[room(N)];
     for (int k = 0; k < N; ++k) w[k] = eval.w0[k];
     double pull[room(M)] = {}, power = eval.power0, slip_power = 0.0;
@@ -96,7 +100,7 @@ struct Flow {
       pull[a] = -problem.x[a];
       power += problem.x[a] * rows.hdot_K[a];
       if (winches.slips(r)) slip_power += problem.x[a] * slip_rate[r];
-      if (mode[r] == IDLE || mode[r] == PINNED) apart[r] = fabs(problem.s[a]) / size_of(a);
+      if (mode[r] == IDLE || mode[r] == PINNED) apart[r] = fabs(problem.s[a]) / hddot_scale();
     }
     rows.add(pull, w);
     eval.back(w, acc);
@@ -124,6 +128,13 @@ struct Flow {
     return apart[r] - kApart;
   }
 
+  // The size of what the gathered rows' hddot are the sums of, at least 1 m/s^2.
+  double hddot_scale() const {
+    double top = 1.0;
+    for (int a = 0; a < rows.n; ++a) top = larger_of(top, fabs(rows.hddot[a]) + fabs(rows.kick[a]));
+    return top;
+  }
+
   double weight() const { return 1e-5 * opt.tension_cap; }
 
   // Whether the held rows depend on one another so nearly that of the redundant rows others had
@@ -148,22 +159,17 @@ struct Flow {
 
   // Ends the slipping of all strings in the books: from here on `mode` alone says which slip.
   void settle_slip(double at) {
-    for (int i = 0; i < S; ++i) {
-      // What the clock does not resolve is none.
-      const double rounding = winches.rewind_speed[i] * 1e-14 * larger_of(1.0, fabs(at));
-      slip[i] = slip_now[i] > rounding ? slip_now[i] : 0.0;
-      winding[i] = winches.winding(i, slip[i]);
-    }
+    for (int i = 0; i < S; ++i) slip[i] = slip_now[i] > kNoSlip ? slip_now[i] : 0.0;
     slip_time = at;
   }
 
-  // When the first string that is wound back has no slip left; `none` when none is.
+  // When the first winch that winds back begins to brake or stops; `none` when none does.
   double rewound(double none) const {
     double first = none;
     for (int i = 0; i < S; ++i) {
-      if (mode[i] == SLIPPING || !(winding[i] < 0.0)) continue;
-      const double at = slip_time - slip[i] / winding[i];
-      if (at < first) first = at;
+      const double stretch = winches.stretch(i, slip[i]);
+      if (mode[i] != SLIPPING && stretch > 0.0 && slip_time + stretch < first)
+        first = slip_time + stretch;
     }
     return first;
   }
@@ -171,7 +177,7 @@ struct Flow {
   // --- the step -------------------------------------------------------------------------------
 
   double k[dop853::all_stages][NY];
-  double end[NY];                  // state at the end of the trial step
+  double end[NY], end_rate[NY];    // state at the end of the trial step, and its rate
   double stage_lack[dop853::stages][room(M)];  // for slack rows the height
 
   // Trial step of length s from (t, y) with k[0] known. Leaves the end state in `end`.
@@ -186,6 +192,17 @@ struct Flow {
     }
     combine(dop853::B, dop853::stages, s, end);
     normalise_all<typename Model::Dynamic>(end);
+  }
+
+  // Ends the trial step of length s: its rate for the dense output, and `end` projected, with the
+  // evaluation there.
+  Status finish(double s) {
+    evaluate(t + s, end, k[dop853::stages]);
+    for (int j = 0; j < NY; ++j) end_rate[j] = k[dop853::stages][j];
+    if (rows.n == 0) return RUNNING;
+    const Status status = project(t + s, end);
+    evaluate(t + s, end, end_rate);
+    return status;
   }
 
   // Size of the local error against the tolerances (accept when <= 1), Hairer's estimate.
@@ -324,24 +341,62 @@ struct Flow {
   }
 
  private:
-  // The strings' own lengths: h and hdot are those of L + slip.
+  // The strings' own lengths: h, hdot and gamma are those of L + slip.
   void let_out(double at) {
     for (int i = 0; i < S; ++i) {
-      const bool slipping = mode[i] == SLIPPING;
-      slip_now[i] = slipping ? eval.h[i] : slip[i] + winding[i] * (at - slip_time);
-      slip_rate[i] = slipping ? eval.hdot[i] : winding[i];
-      eval.h[i] -= slip_now[i];
-      eval.hdot[i] -= slip_rate[i];
+      if (mode[i] == SLIPPING) {
+        slip_now[i] = eval.h[i];
+        slip_rate[i] = eval.hdot[i];
+        eval.h[i] = eval.hdot[i] = 0.0;
+        continue;
+      }
+      const Wound wound = winches.wound(i, slip[i], at - slip_time);
+      slip_now[i] = wound.slip;
+      slip_rate[i] = wound.rate;
+      eval.h[i] -= wound.slip;
+      eval.hdot[i] -= wound.rate;
+      eval.gamma[i] -= wound.acc;
     }
   }
 
-  // The size of the terms that a gathered row's hddot is the sum of.
-  double size_of(int a) const {
+  // The least pivot of the held rows in the factor of G, relative to their diagonals; 1 for none.
+  double weakest_pivot() const {
     constexpr int stride = Complementarity<double, M>::N;
-    double terms = fabs(rows.problem.b[a]) + 1e-30;
-    for (int b = 0; b < rows.n; ++b)
-      terms += fabs(rows.problem.G[a * stride + b] * rows.problem.x[b]);
-    return terms;
+    double least = 1.0;
+    for (int a = 0; a < rows.n; ++a) {
+      if (!rows.problem.active[a]) continue;
+      const double reciprocal = rows.problem.factor[a * stride + a];
+      const double pivot = 1.0 / (reciprocal * reciprocal * rows.problem.G[a * stride + a]);
+      if (pivot < least) least = pivot;
+    }
+    return least;
+  }
+
+  // The held rows' tensions anew, from W instead of G; then s of the others.
+  void sharpen() {
+    auto& problem = rows.problem;
+    const double* columns[room(M)];
+    double w[room(N)], gamma[room(M)], x[room(M)];
+    int held[room(M)], n = 0;
+    for (int k = 0; k < N; ++k) w[k] = eval.w0[k];
+    for (int a = 0; a < rows.n; ++a) {
+      if (problem.active[a]) {
+        columns[n] = rows.column[a];
+        gamma[n] = rows.hddot[a] - rows.kick[a];
+        held[n++] = a;
+      }
+      for (int k = 0; k < N && !problem.active[a]; ++k) w[k] -= rows.column[a][k] * problem.x[a];
+    }
+    orthogonal_.factorise(columns, n);
+    orthogonal_.solve(w, gamma, x);
+    for (int i = 0; i < n; ++i) problem.x[held[i]] = x[i];
+    for (int i = 0; i < n; ++i)
+      for (int k = 0; k < N; ++k) w[k] -= columns[i][k] * x[i];
+    for (int a = 0; a < rows.n; ++a) {
+      double hddot = rows.hddot[a] - rows.kick[a];
+      for (int k = 0; k < N; ++k) hddot += rows.column[a][k] * w[k];
+      problem.s[a] = -hddot;
+    }
   }
 
   static double larger_of(double a, double b) { return a > b ? a : b; }
@@ -362,6 +417,7 @@ struct Flow {
     }
   }
 
+  Orthogonal<M, N> orthogonal_;
   double dense_[7][NY];
 };
 

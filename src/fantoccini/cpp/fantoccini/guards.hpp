@@ -13,6 +13,7 @@ namespace fan {
 
 constexpr double kOpen = 2e-15;         // |h| that counts as open, relative to the row's scale
 constexpr double kOver = 1e-13;         // h at which a row that is not armed is caught, likewise
+constexpr double kStand = 5e-13;        // how far beyond its bound a row may stand, likewise
 constexpr double kCreep = 1e-9;         // m/s or rad/s below which such a row does not move on,
                                         // and by which a string begins to slip
 constexpr double kNoTension = 1e-12;    // tension that counts as none, relative to the weight
@@ -39,10 +40,14 @@ struct Guards {
   // The shortest time the clock resolves.
   double resolution() const { return 4.0 * 2.3e-16 * (fabs(flow.t) > 1.0 ? fabs(flow.t) : 1.0); }
 
+  // Whether a row is closed at the flow's latest evaluation.
+  bool closed(int r, double closeness) const {
+    return flow.eval.height(r) >= -closeness * flow.row_scale(r);
+  }
+
   // Whether a slack row closes at (t, y), the flow's latest evaluation.
   bool touches(int r, double closeness) const {
-    return flow.eval.height(r) >= -closeness * flow.row_scale(r) &&
-           flow.rate_of(r, flow.y + NQ) > (armed[r] ? 0.0 : kCreep);
+    return closed(r, closeness) && flow.rate_of(r, flow.y + NQ) > (armed[r] ? 0.0 : kCreep);
   }
 
   // What the next step's guards compare with.
@@ -65,9 +70,14 @@ struct Guards {
     }
     if (flow.taut(r)) return flow.lack(r) - kNoTension;
     // A row that is not armed may stand a trace beyond its bound: what counts is going further.
-    const double already = height0[r] > 0.0 ? height0[r] : 0.0;
-    const double open = flow.eval.height(r) - (armed[r] ? 0.0 : already);
+    const double open = flow.eval.height(r) - (armed[r] ? 0.0 : already(r));
     return open / flow.row_scale(r) - (armed[r] ? 0.0 : kOver + noise);
+  }
+
+  // How far a row that is not armed stood beyond its bound when the step began.
+  double already(int r) const {
+    const double most = kStand * flow.row_scale(r);
+    return height0[r] > most ? most : (height0[r] > 0.0 ? height0[r] : 0.0);
   }
 
   // How far beyond its root a row's guard may be where the row's event is.
@@ -86,7 +96,7 @@ struct Guards {
   // The worst guard after a step of length s; the flow is left there.
   double guard_at(double s) {
     flow.stages(s);
-    flow.evaluate(flow.t + s, flow.end, flow.k[dop853::stages]);
+    flow.finish(s);
     return worst();
   }
 
@@ -118,8 +128,7 @@ struct Guards {
   // Where within the step just evaluated row r may have crossed and returned; 0 if nowhere.
   double suspect(int r, double s) const {
     if (r < S && Model::wire[r]) return 0.0;
-    const double already = height0[r] > 0.0 ? height0[r] : 0.0;
-    double worst = flow.taut(r) ? kNoTension + kCreep : already + kOver * flow.row_scale(r);
+    double worst = flow.taut(r) ? kNoTension + kCreep : already(r) + kOver * flow.row_scale(r);
     double at = 0.0;
     for (int i = 1; i < dop853::stages; ++i) {
       const double over = flow.stage_lack[i][r];
@@ -183,7 +192,9 @@ struct Guards {
     double lo = 0.0, g_lo = guard0[r] < 0.0 ? guard0[r] : -1e-18, g_hi = guard(r);
     double width = hi;
     int side = 1;
-    for (int i = 0; i < kRootIterations && hi - lo > resolution(); ++i) {
+    // Finer than the clock: the state is integrated over s, whatever t + s rounds to.
+    const double finest = 4.0 * 2.3e-16 * hi;
+    for (int i = 0; i < kRootIterations && hi - lo > finest; ++i) {
       if (side == 1 && g_hi <= met(r)) break;
       double mid = lo - g_lo * (hi - lo) / (g_hi - g_lo);
       if (height && side == 1) {
@@ -194,7 +205,7 @@ struct Guards {
         if (hi - lo > 0.5 * width || i > kRootIterations / 3) mid = 0.5 * (lo + hi);
         width = hi - lo;
       }
-      const double nudge = 0.5 * resolution();
+      const double nudge = 0.5 * finest;
       if (!(mid > lo + nudge)) mid = lo + nudge;
       if (mid > hi - nudge) mid = hi - nudge;
       guard_at(mid);

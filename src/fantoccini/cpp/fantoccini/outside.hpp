@@ -53,9 +53,10 @@ struct OutsideRun : EventRun<Model> {
   Status accept_reached(double t, const double* y, Record<Model>& out) {
     ++this->n_steps;
     for (int j = 0; j < F::NY; ++j) flow.end[j] = y[j];
-    normalise_all<typename Model::Dynamic>(flow.end);
-    flow.evaluate(t, flow.end, flow.k[dop853::stages]);
-    const Status status = this->accept(t - flow.t, t, out);
+    Status status = settle(t, flow.end);
+    if (status != RUNNING) return status;
+    flow.evaluate(t, flow.end, flow.end_rate);
+    status = this->accept(t - flow.t, t, out);
     this->at_break_ = flow.t >= smooth_until_;
     return status;
   }

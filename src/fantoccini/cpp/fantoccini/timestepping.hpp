@@ -5,8 +5,9 @@
 //
 // with dq_K the exact increment of the inputs, joint damping D implicit, the recovery of a violated
 // row limited to a speed, and Lambda capped, so that every step has a solution. Where the cap is
-// the largest tension of a string's winch, the winch gives way by what is left. Written for any
-// Real: lanes step together, each with its own rows.
+// the largest tension of a string's winch, the winch gives way by what is left. Where a step would
+// turn a coordinate by more than kWidestTurn, all velocities are scaled down. Written for any Real:
+// lanes step together, each with its own rows.
 #pragma once
 
 #include "evaluation.hpp"
@@ -15,7 +16,10 @@
 namespace fan {
 
 constexpr double kStepEps = 1e-10;
+constexpr double kFirmStepEps = 1e-6;  // where the rows are too near to one another for that
 constexpr double kStepTolerance = 1e-13;
+constexpr double kWidestTurn = 0.5;    // rad that a coordinate turns in a step at most
+constexpr double kLongestStride = 5.0;  // m, likewise
 constexpr double kNearLimit = 0.02;  // rad or m beyond what a step can cover, still watched
 constexpr double kOutOfReach = 1e30;  // speed at which a row opens in a lane that does not watch it
 
@@ -32,6 +36,7 @@ struct TimeStep {
   Mask taut[room(M)];    // after the last step
   Mask held[room(M)];    // after the one before it
   Real slip[room(S)];    // m, by which winches have given way
+  Mask slips[room(S)];   // in the last step
   Real work, loss, impact, slip_loss, violation;
   Mask settled;  // whether the last step's complementarity was solved
 
@@ -61,7 +66,7 @@ struct TimeStep {
       problem.high[a] = Real(0.0) > Real(1.0);
       violation = select(h > violation, h, violation);
     }
-    settled = problem.solve(kStepEps, 1, kStepTolerance, 50 + 4 * rows.n);
+    settle();
     Real pull[room(M)], w[room(N)], before[room(M)];
     for (int a = 0; a < rows.n; ++a) {
       Real x = problem.x[a];
@@ -75,20 +80,54 @@ struct TimeStep {
     eval.back(w, acc);
     account(pull, before, v_D, u_D, dt);
     give_way(winches, pull, dt);
-    Real move[room(N)];
+    Real move[room(N)], farthest = Real(0.0);
     for (int k = 0; k < N; ++k) {
+      using std::abs;
       v_D[k] += acc[k];
       move[k] = dt * v_D[k];
+      const Real part = abs(move[k]) * (1.0 / (Model::turns[k] ? kWidestTurn : kLongestStride));
+      farthest = select(part > farthest, part, farthest);
       acc[k] *= 1.0 / dt;
+    }
+    // Nothing moves farther in a step than the step can follow: what inputs that nothing can follow
+    // stir up stays bounded.
+    const Real brake = select(farthest > Real(1.0), Real(1.0) / farthest, Real(1.0));
+    for (int k = 0; k < N; ++k) {
+      v_D[k] *= brake;
+      move[k] *= brake;
     }
     retract<typename Model::Dynamic>(q_D, move);
   }
 
  private:
+  FAN_FN void settle() {
+    auto& problem = rows.problem;
+    const int most = 50 + 4 * rows.n;
+    settled = problem.solve(kStepEps, 1, kStepTolerance, most);
+    if (!any(!settled)) return;
+    Real x[room(M)], s[room(M)];
+    Mask high[room(M)];
+    for (int a = 0; a < rows.n; ++a) {
+      x[a] = problem.x[a];
+      s[a] = problem.s[a];
+      high[a] = problem.high[a];
+    }
+    const Mask now = problem.solve(kFirmStepEps, 1, kStepTolerance, most);
+    for (int a = 0; a < rows.n; ++a) {
+      problem.x[a] = select(settled, x[a], problem.x[a]);
+      problem.s[a] = select(settled, s[a], problem.s[a]);
+      problem.high[a] = (settled && high[a]) || (!settled && problem.high[a]);
+    }
+    settled = settled || now;
+  }
+
   // Winches wind back what slipped before; the strings' h and hdot are those of L + slip.
   FAN_FN void wind(const Winches<S>& winches, double dt) {
     for (int i = 0; i < S; ++i) {
-      const Real most = slip[i] * (1.0 / dt), wanted = Real(winches.rewind_speed[i]);
+      using std::sqrt;
+      const Real most = slip[i] * (1.0 / dt), braked = sqrt(Real(2.0 * kBrake) * slip[i]);
+      const Real speed = Real(winches.rewind_speed[i]);
+      const Real wanted = select(braked < speed, braked, speed);
       winding_[i] = -select(most < wanted, most, wanted);
       eval.h[i] -= slip[i];
       eval.hdot[i] -= winding_[i];
@@ -98,11 +137,15 @@ struct TimeStep {
   // s < 0 at the bound of a winch is the speed at which it gives way.
   FAN_FN void give_way(const Winches<S>& winches, const Real* pull, double dt) {
     slip_loss = Real(0.0);
-    for (int i = 0; i < S; ++i) slip_rate_[i] = winding_[i];
+    for (int i = 0; i < S; ++i) {
+      slip_rate_[i] = winding_[i];
+      slips[i] = Real(0.0) > Real(1.0);
+    }
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
       if (!winches.slips(r)) continue;
       const Mask gives = rows.problem.high[a] && rows.problem.s[a] < Real(0.0);
+      slips[r] = gives;
       slip_rate_[r] -= select(gives, rows.problem.s[a], Real(0.0));
       slip_loss -= pull[a] * slip_rate_[r];
     }

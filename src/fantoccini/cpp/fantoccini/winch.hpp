@@ -2,9 +2,11 @@
 //
 // A winch with a largest tension slips: the string's length is L + slip with slip >= 0, and
 //
-//   0 <= tension < max:  slip changes at the winding rate;   tension = max:  it grows faster
+//   0 <= tension < max:  the slip is wound back;   tension = max:  it grows faster than that
 //
-// The winding rate is 0, or -rewind_speed while there is slip to be wound back.
+// It is wound back at rewind_speed and braked evenly to rest at no slip, or not at all:
+//
+//   rate of slip = -min(rewind_speed, sqrt(2 kBrake slip))
 #pragma once
 
 #include "real.hpp"
@@ -12,6 +14,13 @@
 namespace fan {
 
 constexpr double kUnlimited = 1e300;  // a largest tension that is none
+constexpr double kBrake = 1.0;        // m/s^2
+constexpr double kNoSlip = 1e-20;     // m
+
+// Slip while it is wound back [m, m/s, m/s^2].
+struct Wound {
+  double slip, rate, acc;
+};
 
 // Three numbers a string, by Python.
 template <int S>
@@ -30,8 +39,35 @@ struct Winches {
 
   bool slips(int row) const { return row < S && max_tension[row] < kUnlimited; }
 
-  // The rate at which a winch that does not slip changes the slip.
-  double winding(int i, double slip) const { return slip > 0.0 ? -rewind_speed[i] : 0.0; }
+  // The rate at which a slip is wound back.
+  double winding(int i, double slip) const {
+    if (!(slip > 0.0)) return 0.0;
+    const double braked = sqrt(2.0 * kBrake * slip);
+    return braked < rewind_speed[i] ? -braked : -rewind_speed[i];
+  }
+
+  // The slip `time` after it was `slip`, within the stretch that `stretch` gives.
+  Wound wound(int i, double slip, double time) const {
+    const double speed = rewind_speed[i];
+    if (!(slip > 0.0 && speed > 0.0)) return {slip > 0.0 ? slip : 0.0, 0.0, 0.0};
+    if (slip > braking(i)) return {slip - speed * time, -speed, 0.0};
+    const double left = sqrt(2.0 * slip / kBrake) - time;
+    return {0.5 * kBrake * left * left, -kBrake * left, kBrake};
+  }
+
+  // How long the winch goes on as it does: until it brakes, or until it stops; 0 where it rests.
+  double stretch(int i, double slip) const {
+    const double speed = rewind_speed[i];
+    if (!(slip > 0.0 && speed > 0.0)) return 0.0;
+    return slip > braking(i) ? (slip - 0.5 * speed * speed / kBrake) / speed
+                             : sqrt(2.0 * slip / kBrake);
+  }
+
+ private:
+  // The slip at which braking begins; a trace more, so that a stretch ends in the next one.
+  double braking(int i) const {
+    return 0.5 * rewind_speed[i] * rewind_speed[i] / kBrake * (1.0 + 1e-9);
+  }
 };
 
 }  // namespace fan

@@ -1,0 +1,61 @@
+"""``python -m benchmarks.strings``: measures everything and writes docs/strings.md."""
+
+import argparse
+import time
+
+from . import (
+    ROOT,
+    closed_forms,
+    contest,
+    convergence,
+    energy,
+    fixed_steps,
+    rest,
+    soak,
+    tolerance,
+)
+from .report import write
+
+SECTIONS = {
+    "convergence": convergence.section,
+    "closed-forms": closed_forms.launches,
+    "reeling": closed_forms.reeling,
+    "defaults": tolerance.defaults,
+    "rest": rest.section,
+    "energy": energy.section,
+    "steps": fixed_steps.section,
+    "ledger": tolerance.ledger,
+    "rivals": contest.section,
+    "soak": soak.section,
+}
+
+
+OPENING = (
+    "How exactly fantoccini follows strings that go slack and snap taut: against closed forms, "
+    "against independent integrations by SciPy at 1e-13, beside MuJoCo and beside two classical "
+    "methods. Errors are absolute and in SI units unless said otherwise. `event` and "
+    "`timestepping` are the methods of `fan.simulate`; see [what is computed](physics.md). "
+    "`make strings-report` measures everything and writes this page."
+)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Writes docs/strings.md and its pictures.")
+    parser.add_argument("--only", choices=SECTIONS, help="measure one section, print it")
+    chosen = parser.parse_args().only
+    made = []
+    for name, section in SECTIONS.items():
+        if chosen in (None, name):
+            began = time.perf_counter()
+            made.append(section())
+            print(f"{name}: {time.perf_counter() - began:.0f} s", flush=True)
+    if chosen:
+        print(made[0].markdown())
+        for mark in made[0].marks:
+            print(mark.what, mark.value, mark.bound, mark.met)
+    else:
+        write(ROOT / "docs" / "strings.md", OPENING, made)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,249 @@
+"""The problems: a puppet, a start, inputs, and the state it must reach by an independent way."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+import fantoccini as fan
+from fantoccini.arrays import Array
+from fantoccini.motion import Input, State, Trajectory
+from harness import polynomial_input, start
+from oracles import arm2d_events, point_mass_events
+from oracles.arm2d_sympy import Arm, model
+from oracles.pendulum_chain import Chain
+from oracles.reeling_pendulum import Reeling
+
+SECONDS = 5.0
+"""Length of every run whose error is given [s]."""
+
+GRAVITY, LENGTH, MASS = 9.81, 1.0, 0.5
+"""Of the bundled string pendulum [m/s^2], [m], [kg]."""
+
+CHAIN_K = 2.4
+"""v0^2 / (g L) of the pendulum that is thrown again and again."""
+
+DROP_X = 0.6
+"""Where the mass is dropped, beside its pivot and as high [m]."""
+
+ARM = Arm(m1=0.12, m2=0.08, I1=9e-4, I2=6e-4, L1=0.3, L2=0.3, height=0.9, gravity=GRAVITY)
+"""The numbers of the bundled arm2d."""
+
+FALL = {"shoulder": 0.5, "elbow": -0.5, "hand.x": 0.45, "hand.length": 1.02}
+"""The slack pose that the arm is dropped from [rad], [m]."""
+
+LED_X = [
+    (0, 0.41), (0.44, 0.42), (0.77, 0.45), (1.06, 0.44), (1.41, 0.34), (1.76, 0.42),
+    (2.02, 0.35), (2.42, 0.4), (2.84, 0.46), (3.3, 0.4), (3.9, 0.44), (5.0, 0.45),
+]  # fmt: skip
+LED_LENGTH = [0.58, 0.75, 0.82, 0.77, 0.63, 0.65, 0.73, 0.77, 0.6, 0.75, 0.75]
+"""Waypoints (s, m) of the led arm's string end, and the lengths at them after the first [m]."""
+
+REELING_PUPPET = """
+puppet: reeling_pendulum
+bodies:
+  - name: bob
+    joint: {type: translation, axes: [x, z]}
+    mass: 0.3
+strings:
+  - name: line
+    path: [{body: bob, at: [0, 0, 0]}, {driven: [x], at: [0, 0, 0]}]
+    length: driven
+pose: {line.length: 1.0}
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Scenario:
+    """A motion with a known end.
+
+    Attributes:
+        name: in tables.
+        marionette: the puppet.
+        x0: where it starts.
+        inputs: what drives it; None when everything holds still.
+        reference: (n_qD + n_vD,) q_D and v_D after 5 s [m or rad, and per s].
+        exact: how the reference was found.
+        events: (time [s], kind, impulse [N s]) of the reference.
+        doubt: how far the reference moves when it is made at ten times its tolerance.
+    """
+
+    name: str
+    marionette: fan.Marionette
+    x0: State
+    inputs: Input | None
+    reference: Array
+    exact: str
+    events: tuple[tuple[float, str, float], ...] = ()
+    doubt: float = 0.0
+
+    def run(self, t_end: float = SECONDS, **options) -> Trajectory:
+        """Our motion; options as in ``fan.simulate``, ``tolerance`` for both of its."""
+        if "tolerance" in options:
+            options["rtol"] = options["atol"] = options.pop("tolerance")
+        return fan.simulate(
+            self.marionette, self.x0, self.inputs, t_end=t_end, effort=False, **options
+        )
+
+    def errors(self, run: Trajectory) -> tuple[float, float]:
+        """Largest error of a coordinate and of a velocity at the end."""
+        return self.apart(run.q_D[-1], run.v_D[-1])
+
+    def apart(self, q: Array, v: Array) -> tuple[float, float]:
+        """Largest distance of coordinates and of velocities from the reference."""
+        n = len(q)
+        return (
+            float(np.max(np.abs(q - self.reference[:n]))),
+            float(np.max(np.abs(v - self.reference[n:]))),
+        )
+
+    def growth(self, size: float = 1e-8) -> float:
+        """How much a small change of the start has grown at the end: the problem's own condition.
+
+        Args:
+            size: of the change of every start coordinate and velocity [m or rad, and per s].
+        """
+        starts, ends = [], []
+        for sign in (-0.5, 0.5):
+            q, v = self.x0.q_D + sign * size, self.x0.v_D + sign * size
+            x = self.marionette.project(self.x0.replace(q_D=q, v_D=v))
+            run = fan.simulate(
+                self.marionette, x, self.inputs, t_end=SECONDS, rtol=1e-13, atol=1e-13
+            )
+            starts.append(np.concatenate([x.q_D, x.v_D]))
+            ends.append(np.concatenate([run.q_D[-1], run.v_D[-1]]))
+        apart = [float(np.max(np.abs(b - a))) for a, b in (starts, ends)]
+        return apart[1] / apart[0]
+
+
+def evaluations(run: Trajectory) -> int:
+    """Evaluations of the model, by a rule: the runtime does not tell how many it made.
+
+    An accepted step takes 14 (11 stages, the end, and two for the projection). Looking for an event
+    took 90 to 150 when they were counted once, rejected steps among them. A time step takes one.
+    """
+    steps = len(np.unique(run.t)) - 1
+    return steps if run.method == "timestepping" else 14 * steps + 150 * len(run.events)
+
+
+@functools.cache
+def pendulum() -> fan.Marionette:
+    """The bundled point mass on a string."""
+    return fan.puppets.string_pendulum()
+
+
+def pendulum_start(x: float, z: float, vx: float = 0.0) -> State:
+    """The pendulum at a place [m], moving sideways [m/s]."""
+    return pendulum().state({"bob.x": x, "bob.z": z, "v:bob.x": vx})
+
+
+@functools.cache
+def chain() -> Scenario:
+    """Thrown up and caught again and again, in closed form."""
+    known = Chain.until(SECONDS, CHAIN_K, LENGTH, MASS, GRAVITY)
+    x0 = pendulum_start(0.0, -LENGTH, float(np.sqrt(CHAIN_K * GRAVITY * LENGTH)))
+    return Scenario(
+        "pendulum, thrown up and caught",
+        pendulum(),
+        x0,
+        None,
+        known.state(SECONDS),
+        "closed form",
+        tuple(known.events(SECONDS)),
+    )
+
+
+def launched(k: float) -> Scenario:
+    """Launched once from the bottom with v0^2 = k g L."""
+    speed = float(np.sqrt(k * GRAVITY * LENGTH))
+    known = point_mass_events.simulate([0.0, -LENGTH, speed, 0.0], SECONDS, LENGTH, GRAVITY)
+    events = tuple((t, kind, MASS * lost) for t, kind, lost in known.events)
+    x0 = pendulum_start(0.0, -LENGTH, speed)
+    name = f"pendulum, launched with k = {k:g}"
+    return Scenario(name, pendulum(), x0, None, known.state, "SciPy", events)
+
+
+def dropped(x: float, z: float, name: str) -> Scenario:
+    """Dropped from rest on a slack string."""
+    known = point_mass_events.simulate([x, z, 0.0, 0.0], SECONDS, LENGTH, GRAVITY)
+    events = tuple((t, kind, MASS * lost) for t, kind, lost in known.events)
+    x0 = pendulum_start(x, z)
+    return Scenario(name, pendulum(), x0, None, known.state, "SciPy", events)
+
+
+@functools.cache
+def drop() -> Scenario:
+    """Dropped beside the pivot, caught, then swinging."""
+    return dropped(DROP_X, 0.0, "mass, dropped beside its pivot")
+
+
+@functools.cache
+def drop_below() -> Scenario:
+    """Dropped straight below the pivot, caught, then hanging."""
+    return dropped(0.0, -0.3, "mass, dropped below its pivot")
+
+
+@functools.cache
+def arm() -> fan.Marionette:
+    """The bundled two-link arm on one string."""
+    return fan.puppets.arm2d()
+
+
+@functools.cache
+def arm_fall() -> Scenario:
+    """The arm dropped from a slack pose, string end and length fixed."""
+    x, length = FALL["hand.x"], FALL["hand.length"]
+    drive = arm2d_events.waypoints([(0, x), (SECONDS, x)], [(0, length), (SECONDS, length)])
+    x0 = start(arm(), FALL, {})
+    return _arm("arm, dropped on a slack string", x0, None, drive)
+
+
+@functools.cache
+def arm_led() -> Scenario:
+    """The arm thrown and caught by a moving, reeled string."""
+    pose, x = (-0.35, 0.85), LED_X[0][1]
+    taut = float(model()["h"](pose, (0, 0), (x, 0.0), (0, 0), ARM.numbers()))
+    times = [t for t, _ in LED_X]
+    drive = arm2d_events.waypoints(LED_X, list(zip(times, [taut, *LED_LENGTH], strict=True)))
+    values = {"shoulder": pose[0], "elbow": pose[1], "hand.x": x, "hand.length": taut}
+    x0 = start(arm(), values, {})
+    coef = {"hand.x": drive.coef[:, 0], "hand.length": drive.coef[:, 1]}
+    given = polynomial_input(arm(), drive.breaks, coef, x0.q_K)
+    return _arm("arm, led by a moving string", x0, given, drive)
+
+
+def _arm(name: str, x0: State, given: Input | None, drive: arm2d_events.Polynomials) -> Scenario:
+    known, other = (
+        arm2d_events.simulate(ARM, x0.q_D, x0.v_D, drive, SECONDS, tolerance=tolerance)
+        for tolerance in (1e-13, 1e-12)
+    )
+    doubt = float(np.max(np.abs(known.state - other.state)))
+    events = tuple((t, kind, impulse) for t, kind, impulse, _ in known.events)
+    return Scenario(name, arm(), x0, given, known.state, "SciPy", events, doubt)
+
+
+@functools.cache
+def reeling(pieces: int) -> tuple[Scenario, Callable[[Array], tuple[Array, Array]]]:
+    """The reeled pendulum with a moving pivot, and its states and tensions at given breaks.
+
+    Args:
+        pieces: quintic ones that stand for the sines; the reference is given the same.
+    """
+    oracle, marionette = Reeling(), fan.loads(REELING_PUPPET)
+    drive = oracle.polynomials(SECONDS, pieces)
+    states, _ = oracle.solve(drive, drive.breaks[[0, -1]])
+    (X, L), (dX, dL), _ = drive.at(0, 0.0)
+    x, z, vx, vz = states[0]
+    x0 = start(
+        marionette,
+        {"bob.x": x, "bob.z": z, "line.x": X, "line.length": L},
+        {"bob.x": vx, "bob.z": vz, "line.x": dX, "line.length": dL},
+    )
+    coef = {"line.x": drive.coef[:, 0], "line.length": drive.coef[:, 1]}
+    given = polynomial_input(marionette, drive.breaks, coef, x0.q_K)
+    name = "pendulum, reeled, its pivot moving"
+    made = Scenario(name, marionette, x0, given, states[-1], "SciPy")
+    return made, lambda times: oracle.solve(drive, times)

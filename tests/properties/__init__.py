@@ -1,0 +1,1 @@
+"""Properties that every run has, whatever the puppet and whatever its inputs ask for."""

@@ -1,0 +1,320 @@
+"""One run and the properties it has to have.
+
+``python -m properties.check PUPPET SEED METHOD`` runs one case and prints what is broken.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+
+import fantoccini as fan
+from fantoccini import Status
+from properties.performances import Performance, performance
+
+METHODS = ("event", "timestepping")
+DT = 0.002
+"""Step of the time-stepper [s]."""
+SAVE_EVERY = 5
+"""Rows of the time-stepper: one every so many steps."""
+
+EXPECTED = {
+    "event": {
+        Status.DONE, Status.IMPOSSIBLE_INPUT, Status.TENSION_CAP, Status.COLLAPSED,
+        Status.LENGTH_NOT_POSITIVE,
+    },
+    "timestepping": {Status.DONE, Status.COLLAPSED, Status.LENGTH_NOT_POSITIVE},
+}  # fmt: skip
+"""How a run may end. Time-stepping goes on under inputs that nothing can follow."""
+
+LENGTH = 1e-10
+"""Bound on violations and on gaps of rows that pull, relative to a string's length, or to 1 rad
+or 1 m (event-driven)."""
+SPEED = 1e-9
+"""Bound on hdot of a closed row after an event, relative to the largest velocity or 1."""
+NEWTON = 1e-7
+"""Bound on what Eqs. 10 and 11 lack, relative to the largest term in them."""
+LEDGER = 1e-7
+"""Bound on the residual, relative to weight * 1 m + |work| + losses + kinetic energy."""
+STEPS = 5.0
+"""Bound on gaps of rows that pull, in dt * the largest speed of the run or 1 (time-stepping)."""
+STRAYS = 1.0
+"""Bound on violations where the inputs can be followed, in dt * (speed + duration * speed^2 /
+(2 length)) with the largest speed of the run and the shortest string (time-stepping)."""
+FOLLOWED = 1e-4
+"""Violation below which inputs count as followed, relative (time-stepping)."""
+MOST_PIECES = 25
+"""Bound on the pieces of up to 200 steps that a run may take; it needs one or two."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """What became of one case.
+
+    Attributes:
+        puppet, seed, method: the case.
+        asks: what the inputs asked for.
+        status: name of how it ended.
+        catches, events: their numbers.
+        violation: worst, relative to the string's length (event-driven) or as in ``STRAYS``.
+        gap: of a row that pulls, worst, relative to the length or as in ``STEPS``.
+        residual: of the ledger, relative to the energies.
+        broken: the properties it lacks, in words; empty when all is well.
+    """
+
+    puppet: str
+    seed: int
+    method: str
+    asks: str
+    status: str
+    catches: int
+    events: int
+    violation: float
+    gap: float
+    residual: float
+    broken: tuple[str, ...]
+
+    @property
+    def command(self) -> str:
+        """The command that runs the case again."""
+        module = "PYTHONPATH=tests .venv/bin/python -m properties.check"
+        return f"{module} {self.puppet} {self.seed} {self.method}"
+
+
+def simulated(given: Performance, method: str) -> fan.Trajectory:
+    """The run of a performance; one that takes no end is stopped after a number of steps."""
+    pieces = iter(range(MOST_PIECES))
+
+    def count(_: float) -> None:
+        if next(pieces, None) is None:
+            raise KeyboardInterrupt
+
+    return fan.simulate(
+        given.marionette, given.x0, given.inputs, given.t_end, method=method, dt=DT,
+        save_every=SAVE_EVERY, effort=False, progress=count, throw=False,
+    )  # fmt: skip
+
+
+def checked(
+    puppet: str,
+    seed: int,
+    method: str,
+    given: Performance | None = None,
+    event: Status | None = None,
+) -> Result:
+    """Runs one case and looks for broken properties.
+
+    Args:
+        puppet: name in ``puppets.ALL``.
+        seed: of the performance.
+        method: event or timestepping.
+        given: the performance, if it is made already.
+        event: how the event-driven run of it ends, which tells the time-stepping one whether the
+            inputs can be followed; found out when not given.
+    """
+    given = performance(puppet, seed) if given is None else given
+    if method == "timestepping" and event is None:
+        event = simulated(given, "event").status
+    run = simulated(given, method)
+    broken, measures = _always(given, run, method), (0.0, 0.0, 0.0)
+    if not any("finite" in what for what in broken):
+        rows = _Rows(given, run)
+        if method == "event":
+            measures, more = _event_driven(given, run, rows)
+        else:
+            measures, more = _time_stepping(given, run, rows, event)
+        broken += more
+    return Result(
+        puppet, seed, method, given.asks, run.status.name,
+        sum(e.kind in ("catch", "limit_on") for e in run.events), len(run.events),
+        *(float(x) for x in measures), tuple(broken),
+    )  # fmt: skip
+
+
+class _Rows:
+    """The rows along a run: strings, then limits.
+
+    Attributes:
+        force: (T, n_rows) tensions and limit forces [N or N m].
+        pulls: (T, n_rows) bool, one-sided rows with a force.
+        h: (T, n_rows) [m or rad].
+        gap: (T, n_rows) by how much rows that pull are open, else 0 [m or rad].
+        scale: (T, n_rows) lengths of strings [m], 1 for limits.
+    """
+
+    def __init__(self, given: Performance, run: fan.Trajectory):
+        puppet = given.marionette
+        (h,) = puppet.library.evaluate("rows", [run.q_D, run.q_K, puppet.p])
+        slip = getattr(run, "slip", None)
+        if slip is not None:
+            # A string is longer by what its winch has let slip.
+            h[:, : slip.values.shape[1]] -= slip.values
+        self.h, self.scale = h, np.ones_like(h)
+        for r, string in enumerate(puppet.tree.strings):
+            driven = string.length_index
+            length = puppet.number(string.length) if driven is None else run.q_K[:, driven[0]]
+            self.scale[:, r] = np.maximum(length, 1e-3)
+        self.force = np.concatenate([run.tension.values, run.limit_force.values], axis=1)
+        self.pulls = (self.force != 0) & ~puppet.two_sided
+        self.gap = np.where(self.pulls, np.maximum(-h, 0.0), 0.0)
+
+
+class _Rates:
+    """How the rows move along a run, from the model itself.
+
+    Attributes:
+        hdot: (T, n_rows) [m/s or rad/s].
+    """
+
+    def __init__(self, given: Performance, run: fan.Trajectory):
+        puppet, tree = given.marionette, given.marionette.tree
+        self._puppet, self._n, self._n_s = puppet, run.v_D.shape[1], len(tree.strings)
+        state = [run.q_D, run.v_D, run.q_K, run.v_K, run.acc_K]
+        self._L, self._w0, self._W, _, _, hdot, gamma, _, _, _, J_l, gamma_l, *_ = (
+            puppet.library.evaluate("dynamics", [*state, np.zeros(self._n), np.zeros(1), puppet.p])
+        )
+        self._J = np.zeros((len(run), len(tree.limits), self._n))
+        for i, limit in enumerate(tree.limits):
+            place = tree.links[limit.link].v
+            self._J[:, i, place] = J_l[:, 3 * i : 3 * i + place.stop - place.start]
+        hdot_l = (self._J * run.v_D[:, None]).sum(axis=-1)
+        self.hdot = np.concatenate([hdot, hdot_l], axis=1)
+        self._gamma = np.concatenate([gamma, gamma_l], axis=1)
+
+    def newton(self, run: fan.Trajectory, force: np.ndarray) -> tuple[float, np.ndarray]:
+        """What Eq. 10 lacks, and hddot, both relative to their largest terms.
+
+        Returns:
+            the worst |acc_D - M_DD^-1 (forces + A_D^T lambda)|, and hddot (T, n_rows).
+        """
+        W = self._W.reshape(len(run), self._n_s, self._n)
+        if self._J.shape[1]:
+            (W_l,) = self._puppet.library.evaluate("forth", [self._L[:, None], self._J])
+            W = np.concatenate([W, W_l], axis=1)
+        pull = (force[..., None] * W).sum(axis=1)
+        (acc,) = self._puppet.library.evaluate("back", [self._L, np.stack([self._w0, pull])])
+        terms = np.abs(acc).max(axis=2, initial=0.0).sum(axis=0) + 1.0
+        lack = np.abs(acc[0] - acc[1] - run.acc_D).max(axis=1, initial=0.0) / terms
+        hddot = self._gamma + (W * (self._w0 - pull)[:, None]).sum(axis=-1)
+        forces = np.linalg.norm(self._w0, axis=1) + np.linalg.norm(pull, axis=1)
+        size = 1.0 + np.abs(self._gamma) + np.linalg.norm(W, axis=-1) * forces[:, None]
+        return float(np.max(lack)), hddot / size
+
+
+def _always(given: Performance, run: fan.Trajectory, method: str) -> list[str]:
+    """What holds for either method, whatever the inputs."""
+    broken = []
+    tables = ("tension", "limit_force", "ledger", "violation")
+    arrays = {name: getattr(run, name) for name in ("t", "q_D", "v_D", "acc_D", "q_K", "v_K")}
+    arrays |= {name: getattr(run, name).values for name in tables}
+    arrays["events"] = np.array([(e.t, e.impulse, e.speed) for e in run.events])
+    broken += [f"{name} is not finite" for name, a in arrays.items() if not np.all(np.isfinite(a))]
+    if run.status is Status.STOPPED:
+        broken.append(f"takes more than {MOST_PIECES * 200} steps")
+    elif run.status not in EXPECTED[method]:
+        broken.append(f"ends with {run.status.name}")
+    elif run.status is not Status.DONE and given.asks == "nothing" and given.inputs.force is None:
+        broken.append(f"ends with {run.status.name} though all inputs hold still")
+    if run.status is Status.DONE and run.t[-1] != given.t_end:
+        broken.append("ends with DONE before the end")
+    if run.t[0] != given.x0.t or np.any(np.diff(run.t) < 0):
+        broken.append("times do not increase from the start's")
+    when = [run.t[0], *(e.t for e in run.events), *run.t[-1:][: run.status is Status.DONE]]
+    if np.any(np.diff(when) < 0):
+        broken.append("events are not in order")
+    one_sided = ~given.marionette.two_sided
+    n_s = run.tension.values.shape[1]
+    if np.min(run.tension.values[:, one_sided[:n_s]], initial=0.0) < 0:
+        broken.append("a string pushes")
+    if np.min(run.limit_force.values, initial=0.0) < 0:
+        broken.append("a limit pulls")
+    wires = {s.name for s in given.marionette.tree.strings if s.wire}
+    if any(e.impulse < 0 and e.name not in wires for e in run.events):
+        broken.append("an impulse is negative")
+    if np.any(run.tension.values[~run.taut.values] != 0):
+        broken.append("a slack string has tension")
+    return broken
+
+
+def _energy(given: Performance, run: fan.Trajectory) -> np.ndarray:
+    """(T,) the energies a residual is compared with [J], the largest so far."""
+    size = np.abs(run.ledger["work"]) + np.abs(run.ledger["kinetic"]) + run.ledger["impact"]
+    return given.marionette.weight + np.maximum.accumulate(size)
+
+
+def _event_driven(given: Performance, run: fan.Trajectory, rows: _Rows):
+    """Lengths, complementarity, Eqs. 10 and 11 and the ledger of an event-driven run."""
+    broken, rates = [], _Rates(given, run)
+    hdot = rates.hdot
+    violation = np.max(run.violation.values / rows.scale, initial=0.0)
+    gap = np.max(rows.gap / rows.scale, initial=0.0)
+    if violation > LENGTH:
+        broken.append("a row is violated")
+    if gap > LENGTH:
+        broken.append("tension across a gap")
+    # After an event: the last of the rows at one time. A run that stops may stop within a catch.
+    after = np.append(np.diff(run.t) > 0, run.status is Status.DONE)
+    after[-1] &= all(e.t < run.t[-1] for e in run.events)
+    speed = SPEED * np.maximum(1.0, np.max(np.abs(run.v_D), axis=1, initial=0.0))[:, None]
+    closed = np.abs(rows.h) <= 1e-14 * rows.scale
+    if np.any(
+        (np.where(rows.pulls, np.abs(hdot), hdot) > speed)[(rows.pulls | closed) & after[:, None]]
+    ):
+        broken.append("a closed row moves on")
+    if given.inputs.force is None:
+        lack, hddot = rates.newton(run, rows.force)
+        if lack > NEWTON:
+            broken.append("Eq. 10 does not hold")
+        at_rest = closed & (np.abs(hdot) <= speed)
+        if np.any(
+            (np.where(rows.pulls, np.abs(hddot), hddot) > NEWTON)[
+                (rows.pulls | at_rest) & after[:, None]
+            ]
+        ):
+            broken.append("a closed row is let go beyond its bound")
+    energy = _energy(given, run)
+    residual = np.max(np.abs(run.ledger["residual"]) / energy)
+    if residual > LEDGER:
+        broken.append("the ledger does not close")
+    for column in ("impact", "damping"):
+        if np.any(np.diff(run.ledger[column]) < -1e-9 * energy[1:]):
+            broken.append(f"{column} decreases")
+    return (violation, gap, residual), broken
+
+
+def _time_stepping(given: Performance, run: fan.Trajectory, rows: _Rows, event: Status):
+    """Bounded violation, and no tension on rows that one step does not close.
+
+    Where the event-driven run found that no puppet can follow the inputs, rows must be violated.
+    """
+    broken = []
+    speed = max(float(np.max(np.abs(v), initial=1.0)) for v in (run.v_D, run.v_K))
+    closes = DT * speed
+    # A step goes straight on where the row curves: it leaves by up to closes^2 / (2 length).
+    strays = closes * (1.0 + 0.5 * run.duration * speed / np.min(rows.scale, initial=1.0))
+    violation = float(np.max(run.violation.values, initial=0.0)) / strays
+    gap = np.max(rows.gap, initial=0.0) / closes
+    if event is Status.DONE and violation > STRAYS:
+        broken.append("a row is violated")
+    refused = run.status is Status.DONE and event in (Status.IMPOSSIBLE_INPUT, Status.TENSION_CAP)
+    if refused and np.max(run.violation.values / rows.scale, initial=0.0) < FOLLOWED:
+        broken.append(f"follows the inputs that the event-driven run ends with {event.name} at")
+    if gap > STEPS:
+        broken.append("tension across a gap")
+    residual = np.max(np.abs(run.ledger["residual"]) / _energy(given, run))
+    return (violation if event is Status.DONE else 0.0, gap, residual), broken
+
+
+def main() -> None:
+    """Runs the case that the command line names."""
+    puppet, seed, method = sys.argv[1:4]
+    result = checked(puppet, int(seed), method)
+    print(result)
+    print("broken:", *(result.broken or ["nothing"]), sep="\n  ")
+    sys.exit(bool(result.broken))
+
+
+if __name__ == "__main__":
+    main()

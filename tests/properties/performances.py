@@ -1,0 +1,198 @@
+"""Random performances: a start state and inputs for any puppet, from a seed.
+
+A fifth of them ask for what no puppet can follow: ends pulled far apart, lengths far too short.
+"""
+
+from __future__ import annotations
+
+import functools
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+
+import fantoccini as fan
+from fantoccini.marionette.statics import retract
+from properties import puppets
+
+STOCK = 24
+"""Start states kept for each puppet, from which performances begin."""
+
+ASKS = {"nothing": 0.1, "moderate": 0.4, "wild": 0.3, "impossible": 0.2}
+"""What inputs ask for, and how often."""
+
+_REACH = {"nothing": 0.0, "moderate": 0.15, "wild": 0.5, "impossible": 2.0}
+"""Size of the inputs' moves within one performance [m or rad]."""
+
+_SHORTEST = {"nothing": 1.0, "moderate": 0.6, "wild": 0.3, "impossible": 0.05}
+"""Least part of its first length that a string is shortened to."""
+
+
+@dataclass(frozen=True, eq=False)
+class Performance:
+    """What one run is given.
+
+    Attributes:
+        marionette: the puppet.
+        x0: where it starts.
+        inputs: what its driven coordinates do, and forces in some.
+        t_end: end of the run [s].
+        start: hanging, moved or thrown.
+        asks: nothing, moderate, wild or impossible.
+    """
+
+    marionette: fan.Marionette
+    x0: fan.State
+    inputs: fan.Input
+    t_end: float
+    start: str
+    asks: str
+
+
+def performance(name: str, seed: int) -> Performance:
+    """The performance of a puppet that belongs to a seed.
+
+    Args:
+        name: of the puppet, in ``puppets.ALL``.
+        seed: the same seed gives the same performance.
+    """
+    puppet = puppets.load(name)
+    rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
+    start = str(rng.choice(["hanging", "moved", "thrown"], p=[0.2, 0.3, 0.5]))
+    asks = str(rng.choice(list(ASKS), p=list(ASKS.values())))
+    t_end = float(rng.uniform(0.1, 0.25))
+    x0 = stock(name)[0 if start == "hanging" else int(rng.integers(1, STOCK))]
+    breaks, coef = _moves(rng, puppet, x0, t_end, asks)
+    if start == "thrown":
+        x0 = x0.replace(v_D=rng.uniform(0.3, 3.0) * rng.normal(size=len(x0.v_D)))
+    x0 = _with_velocity(puppet, x0, coef[0, :, 1])
+    # What the strings forbid at once is left out: the inputs begin at rest.
+    coef[:, :, :2] -= _ramp(coef[0, :, 1] - x0.v_K, breaks)
+    return Performance(puppet, x0, _input(rng, puppet, x0, breaks, coef), t_end, start, asks)
+
+
+@functools.cache
+def stock(name: str) -> tuple[fan.State, ...]:
+    """Start states of a puppet, at rest: the first hangs, the others are moved from it.
+
+    Strings with driven lengths are given some slack in most of the moved ones, so that they catch
+    soon after.
+    """
+    puppet = puppets.load(name)
+    rng = np.random.default_rng(zlib.crc32(name.encode()))
+    try:
+        states = [puppet.rest()]
+    except fan.StateError:
+        # Not every puppet hangs stably below its strings: then it starts from its pose.
+        states = [puppet.project(puppet.state())]
+    while len(states) < STOCK:
+        try:
+            states.append(_moved(rng, puppet, states[0]))
+        except fan.StateError:
+            # No state fits these ends: move it elsewhere.
+            continue
+    return tuple(states)
+
+
+def _moved(rng: np.random.Generator, puppet: fan.Marionette, x: fan.State) -> fan.State:
+    """A state at rest some way from another one, on strings that fit."""
+    move = rng.uniform(0.02, 0.5) * rng.normal(size=len(x.v_D))
+    q_K = np.array(x.q_K)
+    for q, _ in puppet.coordinates.scalars_K:
+        if not puppet.coordinates.q_K[q].endswith(".length"):
+            q_K[q] += 0.05 * rng.normal()
+    moved = x.replace(q_D=retract(puppet, x.q_D, move), q_K=q_K)
+    h = puppet.constraint(moved)
+    slack = rng.choice([0.0, 0.003, 0.03, 0.1])
+    for row, string in enumerate(puppet.tree.strings):
+        if string.length_index is not None:
+            q_K[string.length_index[0]] += h[row] + slack * rng.uniform()
+    return puppet.project(moved.replace(q_K=np.maximum(q_K, _least(puppet))))
+
+
+def _least(puppet: fan.Marionette) -> np.ndarray:
+    """(n_qK,) least values of the driven coordinates: a length is positive."""
+    names = puppet.coordinates.q_K
+    return np.array([0.05 if n.endswith(".length") else -np.inf for n in names])
+
+
+def _with_velocity(puppet: fan.Marionette, x: fan.State, v_K: np.ndarray) -> fan.State:
+    """The state with the nearest velocity that opens no closed row, and with inputs at v_K.
+
+    Where the inputs themselves would open one, as two ends that part at once, they are at rest.
+    """
+    if not (np.any(x.v_D) or np.any(v_K)):
+        return x
+    for driven in (v_K, np.zeros_like(v_K)):
+        at = x.replace(v_K=driven)
+        instant = puppet.instant(at)
+        rows = np.flatnonzero((instant.h >= -1e-9 * puppet.row_scales(at)) | puppet.two_sided)
+        found = instant.complementarity(rows, instant.hdot[rows], puppet.two_sided)
+        if found.solved:
+            return at.replace(v_D=at.v_D - instant.back(instant.W[:, rows] @ found.x))
+    return x.replace(v_D=np.zeros_like(x.v_D), v_K=np.zeros_like(v_K))
+
+
+def _moves(
+    rng: np.random.Generator, puppet: fan.Marionette, x0: fan.State, t_end: float, asks: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """How far the driven coordinates go from where they start.
+
+    Constant accelerations piece by piece, or minimum-jerk moves between waypoints.
+
+    Returns:
+        breaks (n + 1,) [s], coef (n, n_vK, 6) [m or rad, s]; they begin at 0 and are C^1.
+    """
+    table = puppet.coordinates
+    n, n_vK = int(rng.integers(1, 4)), table.n_vK
+    pieces = rng.uniform(0.3, 1.0, n)
+    breaks = np.r_[0.0, np.cumsum(pieces)] * (t_end / np.sum(pieces))
+    breaks[-1] = t_end
+    s = np.diff(breaks)[:, None]
+    coef = np.zeros((n, n_vK, 6))
+    if rng.random() < 0.5:
+        acc = rng.normal(size=(n, n_vK)) / t_end**2
+        v_0 = rng.normal(size=n_vK) / t_end if rng.random() < 0.4 else np.zeros(n_vK)
+        v = np.concatenate([[v_0], v_0 + np.cumsum(acc * s, axis=0)])[:-1]
+        coef[:, :, 1], coef[:, :, 2] = v, 0.5 * acc
+        move = v * s + 0.5 * acc * s**2
+    else:
+        move = rng.normal(size=(n, n_vK))
+        coef[:, :, 3:] = move[..., None] * np.array([10.0, -15.0, 6.0]) / s[..., None] ** [3, 4, 5]
+    coef[1:, :, 0] = np.cumsum(move, axis=0)[:-1]
+    # Not everything moves in every performance.
+    coef *= (_REACH[asks] * rng.uniform(0.2, 1.0) * (rng.random(n_vK) < 0.7))[:, None]
+    # Lengths stay positive: a move that shortens a string too far is made smaller as a whole.
+    x = np.linspace(0.0, 1.0, 17) * s
+    places = (coef[:, :, None] * x[:, None, :, None] ** np.arange(6)).sum(axis=-1)
+    lowest = np.min(places, axis=(0, 2), initial=0.0)
+    for q, v in table.scalars_K:
+        most = (1.0 - _SHORTEST[asks]) * x0.q_K[q]
+        if table.q_K[q].endswith(".length") and -lowest[v] > most:
+            coef[:, v] *= most / -lowest[v]
+    return breaks, coef
+
+
+def _ramp(v_K: np.ndarray, breaks: np.ndarray) -> np.ndarray:
+    """(n, n_vK, 2) the first two powers of v_K t on every piece."""
+    return np.stack([np.outer(breaks[:-1], v_K), np.tile(v_K, (len(breaks) - 1, 1))], axis=-1)
+
+
+def _input(
+    rng: np.random.Generator,
+    puppet: fan.Marionette,
+    x0: fan.State,
+    breaks: np.ndarray,
+    coef: np.ndarray,
+) -> fan.Input:
+    """The input that goes from the start state's values, in some with forces."""
+    table = puppet.coordinates
+    base = np.tile(x0.q_K, (len(coef), 1))
+    for q, v in table.scalars_K:
+        coef[:, v, 0] += x0.q_K[q]
+        base[:, q] = coef[:, v, 0]
+    force = None
+    if rng.random() < 0.1:
+        force = np.zeros((len(coef), table.n_vD, 6))
+        force[:, :, 0] = 0.3 * puppet.weight * rng.normal(size=(len(coef), table.n_vD))
+    return fan.Input(table, breaks, coef, base, np.ones(table.n_vK, dtype=bool), force)

@@ -1,0 +1,282 @@
+"""Runs very many cases and writes down what is broken: ``make soak``.
+
+A performance is run by both methods. ``--runs`` counts runs, so a million are half a million
+performances, spread evenly over the puppets. Ctrl-C keeps what was done.
+"""
+
+from __future__ import annotations
+
+import argparse
+import collections
+import contextlib
+import json
+import multiprocessing
+import os
+import platform
+import signal
+import sys
+import time
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, field
+from importlib import metadata
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+import fantoccini as fan
+from fantoccini import build
+from properties import performances, puppets
+from properties.check import METHODS, Result, checked
+
+PIECE = 50
+"""Performances that a worker runs before it reports."""
+
+PATIENCE = 300.0
+"""Time without any report after which the workers count as stuck [s]."""
+
+KEPT = 5
+"""Cases written down of each failure of a puppet; all are counted."""
+
+OUT = Path(__file__).resolve().parents[2] / "benchmarks" / "soak.json"
+
+
+@dataclass
+class Failure:
+    """A property that runs of one puppet lack.
+
+    Attributes:
+        runs: how many.
+        cases: (seed, command that shows it) of the first ones.
+    """
+
+    runs: int = 0
+    cases: list[tuple[int, str]] = field(default_factory=list)
+
+    def add(self, runs: int, cases: list[tuple[int, str]]) -> None:
+        """Books runs; the first cases by seed are kept, whichever worker reports first."""
+        self.runs += runs
+        self.cases = sorted([*self.cases, *cases])[:KEPT]
+
+
+@dataclass
+class Tally:
+    """Sums and extremes over runs.
+
+    Attributes:
+        runs, events, catches, runs_with_a_catch: counts.
+        by_status: method -> status -> runs.
+        worst: method -> measure -> largest value (see ``check.Result``).
+        failures: (what is broken, puppet) -> how often and where.
+    """
+
+    runs: int = 0
+    events: int = 0
+    catches: int = 0
+    runs_with_a_catch: int = 0
+    by_status: dict = field(default_factory=lambda: {m: collections.Counter() for m in METHODS})
+    worst: dict = field(default_factory=lambda: {m: collections.Counter() for m in METHODS})
+    failures: dict[tuple[str, str], Failure] = field(default_factory=dict)
+
+    def add(self, result: Result) -> None:
+        """Books one run."""
+        self.runs += 1
+        self.events += result.events
+        self.catches += result.catches
+        self.runs_with_a_catch += result.catches > 0
+        self.by_status[result.method][result.status] += 1
+        for name in ("violation", "gap", "residual"):
+            self._widen(result.method, name, getattr(result, name))
+        for what in result.broken:
+            case = (result.seed, result.command)
+            self._fail(f"{result.method}: {what}", result.puppet, 1, [case])
+
+    def merge(self, other: Tally) -> None:
+        """Books all runs of another tally."""
+        for name in ("runs", "events", "catches", "runs_with_a_catch"):
+            setattr(self, name, getattr(self, name) + getattr(other, name))
+        for method in METHODS:
+            self.by_status[method] += other.by_status[method]
+            for name, value in other.worst[method].items():
+                self._widen(method, name, value)
+        for (what, puppet), failure in other.failures.items():
+            self._fail(what, puppet, failure.runs, failure.cases)
+
+    def lost(self, what: str, pieces) -> None:
+        """Books pieces (puppet, first seed, number) of which some run did not come back."""
+        module = "PYTHONPATH=tests .venv/bin/python -m properties.soak --workers 1"
+        for puppet, first, n in pieces:
+            runs = len(METHODS) * n
+            command = f"{module} --only {puppet} --seed {first} --runs {runs}"
+            self._fail(what, puppet, runs, [(first, command)])
+
+    def kinds(self) -> list[tuple[str, int, list[tuple[str, Failure]]]]:
+        """(what is broken, runs, [(puppet, failure), ...]), the most frequent first."""
+        by_kind = collections.defaultdict(list)
+        for (what, puppet), failure in self.failures.items():
+            by_kind[what].append((puppet, failure))
+        kinds = [
+            (what, sum(f.runs for _, f in found), sorted(found, key=lambda x: -x[1].runs))
+            for what, found in by_kind.items()
+        ]
+        return sorted(kinds, key=lambda kind: -kind[1])
+
+    def _fail(self, what: str, puppet: str, runs: int, cases: list) -> None:
+        self.failures.setdefault((what, puppet), Failure()).add(runs, cases)
+
+    def _widen(self, method: str, name: str, value: float) -> None:
+        self.worst[method][name] = max(self.worst[method][name], value)
+
+
+def performed(puppet: str, first: int, n: int) -> Tally:
+    """Runs n performances of a puppet by both methods.
+
+    Args:
+        puppet: name in ``puppets.ALL``.
+        first: seed of the first performance.
+        n: how many.
+    """
+    tally = Tally()
+    for seed in range(first, first + n):
+        given = performances.performance(puppet, seed)
+        event = checked(puppet, seed, "event", given)
+        tally.add(event)
+        tally.add(checked(puppet, seed, "timestepping", given, fan.Status[event.status]))
+    return tally
+
+
+def pieces(names: list[str], runs: int, seed: int):
+    """(puppet, first seed, number) of pieces with ``runs`` runs in all, puppets in turn."""
+    left, first = -(-runs // len(METHODS)), seed
+    while left > 0:
+        for k, name in enumerate(names):
+            n = min(PIECE, -(-left // (len(names) - k)))
+            if n > 0:
+                yield name, first, n
+            left -= n
+        first += PIECE
+
+
+def soak(names: list[str], runs: int, seed: int, workers: int, progress=None) -> Tally:
+    """Runs cases in several processes; Ctrl-C gives the tally of what was done.
+
+    Args:
+        names: of puppets.
+        runs: how many runs, over both methods.
+        seed: of the first performance of each puppet.
+        workers: processes.
+        progress: called with the number of runs done and the tally.
+    """
+    for name in names:
+        puppets.load(name).library  # noqa: B018  (compiled once, not by every worker)
+    tally, todo = Tally(), pieces(names, runs, seed)
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=_deaf) as pool:
+        waiting: dict[Future, tuple] = {}
+        with contextlib.suppress(KeyboardInterrupt):
+            while True:
+                # No more than the workers need is queued, so that Ctrl-C ends soon.
+                while len(waiting) < 2 * workers and (piece := next(todo, None)):
+                    waiting[pool.submit(performed, *piece)] = piece
+                if not waiting:
+                    break
+                done, _ = wait(waiting, timeout=PATIENCE, return_when=FIRST_COMPLETED)
+                broke = any(isinstance(f.exception(), BrokenProcessPool) for f in done)
+                if broke or not done:
+                    what = "a worker died" if broke else f"no answer within {PATIENCE} s"
+                    tally.lost(what, waiting.values())
+                    for process in multiprocessing.active_children():
+                        process.kill()
+                    break
+                for future in done:
+                    del waiting[future]
+                    tally.merge(future.result())
+                if progress:
+                    progress(tally)
+        pool.shutdown(cancel_futures=True)
+    return tally
+
+
+def _deaf() -> None:
+    """Ctrl-C is for the parent."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def report(tally: Tally, names: list[str], seed: int, seconds: float) -> dict:
+    """What ``soak.json`` holds."""
+    return {
+        "runs": tally.runs,
+        "puppets": len(names),
+        "seed": seed,
+        "events": tally.events,
+        "catches": tally.catches,
+        "runs_with_a_catch": tally.runs_with_a_catch,
+        "by_status": {m: dict(tally.by_status[m].most_common()) for m in METHODS},
+        "worst_violation": {m: tally.worst[m]["violation"] for m in METHODS},
+        "worst_gap_under_tension": {m: tally.worst[m]["gap"] for m in METHODS},
+        "worst_ledger_residual": {m: tally.worst[m]["residual"] for m in METHODS},
+        "failures": [
+            {
+                "what": what,
+                "puppet": puppet,
+                "runs": failure.runs,
+                "seeds": [seed for seed, _ in failure.cases],
+                "command": failure.cases[0][1],
+            }
+            for what, _, found in tally.kinds()
+            for puppet, failure in found
+        ],
+        "seconds": round(seconds, 1),
+        "machine": machine(),
+    }
+
+
+def machine() -> dict[str, str]:
+    """Where it ran, without names of hosts or folders."""
+    names = [platform.machine()]
+    with contextlib.suppress(OSError):
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+        names = [x.split(":", 1)[1].strip() for x in lines if x.startswith("model name")] or names
+    return {
+        "processor": f"{names[0]}, {os.cpu_count()} cores",
+        "system": f"{platform.system()} {platform.machine()}",
+        "compiler": build.find_compiler().version,
+        "python": platform.python_version(),
+        "fantoccini": fan.__version__,
+        **{name: metadata.version(name) for name in ("casadi", "numpy")},
+    }
+
+
+def main() -> int:
+    """Soaks, writes, prints; 1 when a property is broken."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--runs", type=int, default=1_000_000, help="(default 1,000,000)")
+    parser.add_argument("--workers", type=int, default=os.cpu_count(), help="(default: all cores)")
+    parser.add_argument("--seed", type=int, default=0, help="first seed of every puppet")
+    parser.add_argument("--only", choices=list(puppets.ALL), action="append", help="one puppet")
+    parser.add_argument("--out", type=Path, default=OUT, help="(default benchmarks/soak.json)")
+    options = parser.parse_args()
+    names = options.only or list(puppets.ALL)
+    start = time.perf_counter()
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    with Progress(*columns, TimeRemainingColumn()) as bar:
+        task = bar.add_task("soaking", total=options.runs)
+
+        def show(tally: Tally) -> None:
+            broken = sum(failure.runs for failure in tally.failures.values())
+            bar.update(task, completed=tally.runs, description=f"soaking, {broken} broken")
+
+        tally = soak(names, options.runs, options.seed, options.workers, show)
+    found = report(tally, names, options.seed, time.perf_counter() - start)
+    options.out.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    Console().print_json(json.dumps({k: v for k, v in found.items() if k != "failures"}))
+    for what, runs, found in tally.kinds():
+        puppet, failure = found[0]
+        print(f"{runs:>8}  {what} (of {len(found)} puppets, {failure.runs} {puppet})")
+        print(f"{'':10}{failure.cases[0][1]}")
+    return int(bool(tally.failures))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,52 @@
+"""Random puppets, random inputs, both methods: every run keeps the rules and says how it ended."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from properties import puppets
+from properties.check import METHODS, simulated
+from properties.performances import performance
+from properties.soak import soak
+
+RUNS = 10_000
+WORKERS = 2
+
+
+@pytest.mark.slow
+def test_properties():
+    assert len(puppets.ALL) >= 12
+    tally = soak(list(puppets.ALL), RUNS, seed=0, workers=WORKERS)
+    print(
+        f"{tally.runs} runs of {len(puppets.ALL)} puppets, {tally.events} events, "
+        f"{tally.runs_with_a_catch} runs with a catch"
+    )
+    for method in METHODS:
+        print(f"{method}: {dict(tally.by_status[method])}, worst {tally.worst[method]}")
+    assert tally.runs >= RUNS
+    assert tally.runs_with_a_catch >= RUNS // 2
+    lines = [f"{n} x {what}: {found[0][1].cases[0][1]}" for what, n, found in tally.kinds()]
+    assert not lines, "\n".join(["broken properties, each with a command that shows it:", *lines])
+
+
+def bits(puppet: str, seed: int, method: str) -> list:
+    """Everything a run gives, as bytes."""
+    run = simulated(performance(puppet, seed), method)
+    arrays = [run.t, run.q_D, run.v_D, run.acc_D, run.q_K, run.v_K, run.acc_K]
+    tables = (run.tension, run.limit_force, run.taut, run.ledger, run.violation)
+    arrays += [columns.values for columns in tables]
+    events = [(e.t.hex(), e.kind, e.name, e.impulse.hex(), e.speed.hex()) for e in run.events]
+    return [run.status, events, *(np.ascontiguousarray(a).tobytes() for a in arrays)]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_same_input_same_bits_in_any_thread(method):
+    cases = [(name, seed) for seed in (1, 2) for name in ("rod", "tray", "arm", "figure", "dozen")]
+    alone = [bits(name, seed, method) for name, seed in cases]
+    with ThreadPoolExecutor(4) as pool:
+        mixed = list(pool.map(lambda case: bits(*case, method), cases * 4))
+    for k, found in enumerate(mixed):
+        assert found == alone[k % len(cases)], cases[k % len(cases)]
