@@ -19,7 +19,7 @@ from fantoccini.errors import (
     Status,
     UnknownNameError,
 )
-from fantoccini.marionette import Marionette, Stepper, load, loads
+from fantoccini.marionette import Flow, Marionette, Stepper, load, loads
 from fantoccini.motion import Columns, Event, EventKind, Input, State, Trajectory
 from fantoccini.puppet import Puppet
 from fantoccini.simulate import simulate
@@ -33,6 +33,7 @@ __all__ = [
     "Event",
     "EventKind",
     "FantocciniError",
+    "Flow",
     "Input",
     "InputError",
     "Marionette",

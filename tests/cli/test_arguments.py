@@ -73,6 +73,11 @@ WRONG = {
         ["simulate", "arm2d", "--method", "timestepping", "--rtol", "1e-6"],
         "goes with --method event",
     ),
+    "an unknown integrator": (["simulate", "arm2d", "--integrator", "RK4"], "LSODA"),
+    "an integrator of the other method": (
+        ["simulate", "arm2d", "--method", "timestepping", "--integrator", "RK45"],
+        "goes with --method event",
+    ),
     "a tolerance out of range": (["simulate", "arm2d", "--rtol", "1e-30"], "between 1e-13"),
     "no equals sign": (["simulate", "arm2d", "--start", "elbow"], "needed: NAME=VALUE"),
     "a start twice": (

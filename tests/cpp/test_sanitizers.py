@@ -7,7 +7,7 @@ import pytest
 
 from cpp.toolchain import SANITIZE, compile_program, numbers, run_program, write_model
 from fantoccini import Input, puppets, simulate
-from fantoccini.runtime import _Options
+from fantoccini.runtime.compiled import _Options
 
 FLAGS = ("-O1", *SANITIZE)
 

@@ -191,6 +191,14 @@ def simulate(
         float | None,
         typer.Option(callback=_positive, help="Relative tolerance of event [1e-9]."),
     ] = None,
+    integrator: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Integrator of event, one of SciPy's: RK23, RK45, DOP853, Radau, BDF, LSODA; "
+            "by default the compiled one.",
+        ),
+    ] = None,
     start: Annotated[
         list[str] | None,
         typer.Option(
@@ -218,7 +226,7 @@ def simulate(
 
     simulate_file(
         Request(
-            file, inputs, duration, method.value, dt, rtol,
+            file, inputs, duration, method.value, dt, rtol, integrator,
             tuple(start or ()), tuple(out or ()), plot, quiet,
         )
     )  # fmt: skip

@@ -18,7 +18,7 @@ from fantoccini.cli.terminal import Steps, say
 from fantoccini.errors import SimulationError, Status
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State, Trajectory
-from fantoccini.simulate import simulate
+from fantoccini.simulate import INTEGRATORS, simulate
 
 LONGEST = 3600.0
 """Longest run on the command line [s]."""
@@ -41,6 +41,7 @@ class Request:
     method: str
     dt: float | None
     rtol: float | None
+    integrator: str | None
     start: tuple[str, ...]
     out: tuple[Path, ...]
     plot: Path | None
@@ -75,7 +76,7 @@ def timed(
     inputs: Input | None,
     duration: float,
     method: str = "event",
-    **options: float,
+    **options: float | str | None,
 ) -> tuple[Trajectory, float, str]:
     """Runs with a progress bar; a run that stops before its end gives what it has.
 
@@ -108,10 +109,11 @@ def end_with(run: Trajectory, trouble: str) -> None:
         raise typer.Exit(INTERRUPTED if run.status is Status.STOPPED else FAILED)
 
 
-def _options(request: Request, duration: float) -> dict[str, float | int]:
+def _options(request: Request, duration: float) -> dict[str, float | str | None]:
     """Options of the method; of a very long run with a fixed step some steps are not written."""
     if request.method == "event":
-        return {} if request.rtol is None else {"rtol": request.rtol, "atol": request.rtol}
+        tolerances = {} if request.rtol is None else {"rtol": request.rtol, "atol": request.rtol}
+        return {"integrator": request.integrator, **tolerances}
     dt = request.dt or _DT
     n = duration / dt
     if n > MOST_STEPS:
@@ -126,8 +128,12 @@ def _check_options(request: Request) -> None:
             fail("it goes with --method timestepping; event chooses its steps", "--dt")
         if request.rtol is not None and not 1e-13 <= request.rtol <= 0.1:
             fail(f"{request.rtol:g} is not between 1e-13 and 0.1", "--rtol")
+        if request.integrator is not None and request.integrator not in INTEGRATORS:
+            fail(f"{request.integrator} is none of {', '.join(INTEGRATORS)}", "--integrator")
     elif request.rtol is not None:
         fail("it goes with --method event; timestepping has --dt", "--rtol")
+    elif request.integrator is not None:
+        fail("it goes with --method event; timestepping has its own", "--integrator")
 
 
 def _duration(request: Request, inputs: Input | None) -> float:

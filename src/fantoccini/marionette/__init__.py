@@ -1,7 +1,17 @@
 """Marionette: the user's handle."""
 
 from fantoccini.marionette.checks import check_inputs, check_method, check_speed
+from fantoccini.marionette.flow import Flow
 from fantoccini.marionette.handle import Marionette, load, loads
 from fantoccini.marionette.stepper import Stepper
 
-__all__ = ["Marionette", "Stepper", "check_inputs", "check_method", "check_speed", "load", "loads"]
+__all__ = [
+    "Flow",
+    "Marionette",
+    "Stepper",
+    "check_inputs",
+    "check_method",
+    "check_speed",
+    "load",
+    "loads",
+]

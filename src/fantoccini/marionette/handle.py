@@ -17,10 +17,11 @@ from fantoccini.arrays import Array
 from fantoccini.errors import BuildError, StateError, UnknownNameError
 from fantoccini.marionette import checks, statics, values_by_name
 from fantoccini.marionette.analysis import Analysis
+from fantoccini.marionette.flow import Flow
 from fantoccini.marionette.instant import Instant
 from fantoccini.marionette.rows import RowLayout
 from fantoccini.marionette.stepper import Stepper
-from fantoccini.motion import State
+from fantoccini.motion import Input, State
 from fantoccini.puppet import Number, Parameter, Puppet
 from fantoccini.runtime import Library, RunOptions
 from fantoccini.tree import CoordinateTable, Tree
@@ -333,6 +334,15 @@ class Marionette(Analysis):
         checks.check_method(method)
         self.check_start(x0)
         return Stepper(self, x0, method, self.run_options(dt=dt, rtol=rtol, atol=atol))
+
+    def flow(self, x0: State, inputs: Input | None = None) -> Flow:
+        """The motion from a state while no string catches or releases; see :class:`Flow`.
+
+        Args:
+            x0: where it starts.
+            inputs: what the driven coordinates do; they hold still when not given.
+        """
+        return Flow(self, x0, inputs)
 
     def run_options(self, **changes) -> RunOptions:
         """Run options scaled to this puppet, with some changed."""

@@ -4,8 +4,8 @@
 
 #include <new>
 
-#include "event.hpp"
 #include "fixed.hpp"
+#include "outside.hpp"
 
 #define FAN_EXPORT extern "C" __attribute__((visibility("default")))
 
@@ -14,7 +14,7 @@ namespace fan {
 // A run of either method behind one handle.
 struct Run {
   bool event_driven;
-  EventRun<Model> event;
+  OutsideRun<Model> event;
   FixedRun<Model> fixed;
 };
 
@@ -93,7 +93,7 @@ FAN_EXPORT int fan_run(
 FAN_EXPORT void fan_emit(void* handle, fan::Record<fan::Model>* out) {
   fan::Run& run = *static_cast<fan::Run*>(handle);
   if (!out->room_for(1, 0)) return;
-  run.event_driven ? run.event.emit(*out) : run.fixed.emit(*out);
+  run.event_driven ? run.event.present(*out) : run.fixed.emit(*out);
 }
 
 // Replaces the inputs from the present time on.
@@ -120,6 +120,58 @@ FAN_EXPORT void fan_progress(void* handle, double* out) {
 FAN_EXPORT void fan_blame(void* handle, double* out) {
   const fan::Run& run = *static_cast<fan::Run*>(handle);
   for (int r = 0; r < fan::Model::n_rows; ++r) out[r] = run.event_driven ? run.event.blame[r] : 0.0;
+}
+
+// --- an event-driven run whose steps are made outside (outside.hpp) -----------------------------
+//
+// y = (q_D, v_D, work, loss, slip loss). What comes back is a status.
+
+// Sets how large the integrator's errors in a released row's h may be (Guards::noise).
+FAN_EXPORT void fan_set_noise(void* handle, double noise) {
+  static_cast<fan::Run*>(handle)->event.guards.noise = noise;
+}
+
+// How far the flow is smooth from the present time, at most to t_end; a break there is dealt with.
+FAN_EXPORT int fan_stretch(
+    void* handle, double t_end, double* end, fan::Record<fan::Model>* out) {
+  return static_cast<fan::Run*>(handle)->event.stretch(t_end, end, *out);
+}
+
+// The flow at (t, y): rate (n_y,), guards and how well they are met (n_rows,), slip (n_strings,);
+// each may be null.
+FAN_EXPORT void fan_look(
+    void* handle, double t, const double* y, double* rate, double* guard, double* met,
+    double* slip) {
+  static_cast<fan::Run*>(handle)->event.look(t, y, {rate, guard, met, slip});
+}
+
+// Brings y at time t onto the held rows.
+FAN_EXPORT int fan_settle(void* handle, double t, double* y) {
+  return static_cast<fan::Run*>(handle)->event.settle(t, y);
+}
+
+// Takes (t, y), which a step has reached.
+FAN_EXPORT int fan_accept(
+    void* handle, double t, const double* y, fan::Record<fan::Model>* out) {
+  return static_cast<fan::Run*>(handle)->event.accept_reached(t, y, *out);
+}
+
+// Deals with the guards that are positive at the present state.
+FAN_EXPORT int fan_react(void* handle, fan::Record<fan::Model>* out) {
+  return static_cast<fan::Run*>(handle)->event.react(*out);
+}
+
+// Writes the row of the next time to save, at which the step's dense output is y.
+FAN_EXPORT void fan_save(void* handle, double t, double* y, fan::Record<fan::Model>* out) {
+  static_cast<fan::Run*>(handle)->event.save(t, y, *out);
+}
+
+// The present time, y and what every row does (fan::Hold).
+FAN_EXPORT double fan_present(const void* handle, double* y, signed char* mode) {
+  const auto& flow = static_cast<const fan::Run*>(handle)->event.flow;
+  for (int j = 0; j < flow.NY; ++j) y[j] = flow.y[j];
+  for (int r = 0; r < flow.M; ++r) mode[r] = flow.mode[r];
+  return flow.t;
 }
 
 // Calls a model function n times: argument i of call k begins at arg[i] + k * arg_stride[i].

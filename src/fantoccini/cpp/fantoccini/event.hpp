@@ -66,16 +66,10 @@ struct EventRun {
     const long long last_step = n_steps + budget;
     while (flow.t < t_end) {
       if (n_steps >= last_step || !out.room_for(rows_per_step, events_per_step)) return RUNNING;
-      if (n_steps >= flow.opt.max_steps) return TOO_MANY_STEPS;
-      if (n_events >= flow.opt.max_events || stuck > 200) return TOO_MANY_EVENTS;
-      if (at_break_) {
-        const Status changed = breakpoint(out);
-        if (changed != RUNNING) return changed;
-      }
-      const double brk = flow.drive.next_break(flow.t, t_end);
-      const double rewound = flow.rewound(t_end);
-      double target = brk < t_end ? brk : t_end;
-      if (rewound < target) target = rewound > flow.t ? rewound : flow.t;
+      double smooth;
+      const Status ready = begin_stretch(t_end, &smooth, out);
+      if (ready != RUNNING) return ready;
+      double target = smooth;
       const double last = next_save + kSavesPerStep - 1 < n_save
                               ? save_at[next_save + kSavesPerStep - 1]
                               : target;
@@ -83,7 +77,7 @@ struct EventRun {
       const Status status = step(target, out);
       if (status != RUNNING) return status;
       // The break itself is dealt with when the run goes on beyond it.
-      at_break_ = flow.t == brk || flow.t >= rewound;
+      at_break_ = flow.t >= smooth;
     }
     return DONE;
   }
@@ -91,7 +85,22 @@ struct EventRun {
   // Writes the present state.
   void emit(Record<Model>& out) { write(flow.t, flow.y, out); }
 
- private:
+ protected:
+  // Deals with a break of the inputs at the present time; from there the flow is smooth until `end`.
+  Status begin_stretch(double t_end, double* end, Record<Model>& out) {
+    if (n_steps >= flow.opt.max_steps) return TOO_MANY_STEPS;
+    if (n_events >= flow.opt.max_events || stuck > 200) return TOO_MANY_EVENTS;
+    if (at_break_) {
+      const Status changed = breakpoint(out);
+      if (changed != RUNNING) return changed;
+    }
+    const double brk = flow.drive.next_break(flow.t, t_end);
+    const double rewound = flow.rewound(t_end);
+    *end = brk < t_end ? brk : t_end;
+    if (rewound < *end) *end = rewound > flow.t ? rewound : flow.t;
+    return RUNNING;
+  }
+
   // The evaluation, k[0] and accelerations at (t, y).
   void refresh() { flow.evaluate(flow.t, flow.y, flow.k[0]); }
 
@@ -180,7 +189,7 @@ struct EventRun {
       const double h = flow.eval.height(r);
       if (flow.mode[r] == SLIPPING && flow.lack(r) < -kCreep) guards.armed[r] = true;
       if (flow.taut(r)) continue;
-      if (h < -kOpen * flow.row_scale(r)) guards.armed[r] = true;
+      if (h < -(kOpen + guards.noise) * flow.row_scale(r)) guards.armed[r] = true;
       if (h > 0.0) guards.armed[r] = false;
     }
     Status seen = flow.frail() ? another_basis(out) : RUNNING;

@@ -29,6 +29,9 @@ struct Guards {
   F& flow;
   bool armed[room(M)];
   double height0[room(M)], rate0[room(M)], guard0[room(M)];  // at the start of the step
+  // The integrator's errors in a released row's h, relative to its scale, where they are not small
+  // against its first opening: the row is armed, and caught unarmed, beyond them.
+  double noise = 0.0;
 
   explicit Guards(F& f) : flow(f) {
     for (int r = 0; r < M; ++r) armed[r] = true;
@@ -68,7 +71,7 @@ struct Guards {
     if (flow.taut(r)) return flow.lack(r) - kNoTension;
     // A row that is not armed may stand a trace beyond its bound: what counts is going further.
     const double open = flow.eval.height(r) - (armed[r] ? 0.0 : already(r));
-    return open / flow.row_scale(r) - (armed[r] ? 0.0 : kOver);
+    return open / flow.row_scale(r) - (armed[r] ? 0.0 : kOver + noise);
   }
 
   // How far a row that is not armed stood beyond its bound when the step began.
@@ -76,6 +79,9 @@ struct Guards {
     const double most = kStand * flow.row_scale(r);
     return height0[r] > most ? most : (height0[r] > 0.0 ? height0[r] : 0.0);
   }
+
+  // How far beyond its root a row's guard may be where the row's event is.
+  double met(int r) const { return flow.taut(r) ? kTensionRoot : kHeightRoot; }
 
   // The largest guard at the latest evaluation.
   double worst() const {
@@ -170,7 +176,7 @@ struct Guards {
     for (int round = 0; round <= M; ++round) {
       const double before = hi;
       for (int r = 0; r < M; ++r) {
-        if (guard(r) <= (flow.taut(r) ? kTensionRoot : kHeightRoot)) continue;
+        if (guard(r) <= met(r)) continue;
         hi = root_of(r, hi);
       }
       if (!(hi < before)) break;
@@ -183,14 +189,13 @@ struct Guards {
   // they do not.
   double root_of(int r, double hi) {
     const bool height = !flow.taut(r);
-    const double met = height ? kHeightRoot : kTensionRoot;
     double lo = 0.0, g_lo = guard0[r] < 0.0 ? guard0[r] : -1e-18, g_hi = guard(r);
     double width = hi;
     int side = 1;
     // Finer than the clock: the state is integrated over s, whatever t + s rounds to.
     const double finest = 4.0 * 2.3e-16 * hi;
     for (int i = 0; i < kRootIterations && hi - lo > finest; ++i) {
-      if (side == 1 && g_hi <= met) break;
+      if (side == 1 && g_hi <= met(r)) break;
       double mid = lo - g_lo * (hi - lo) / (g_hi - g_lo);
       if (height && side == 1) {
         const double rate = flow.rate_of(r, flow.end + NQ) / flow.row_scale(r);

@@ -1,4 +1,4 @@
-"""The compiled puppet: the one place that speaks to the shared library, through ctypes.
+"""A puppet's shared library and its runs.
 
 A :class:`Library` evaluates the generated functions over whole arrays; a :class:`Run` holds one
 simulation and hands out rows and events in pieces, so that a progress bar can move and Ctrl-C

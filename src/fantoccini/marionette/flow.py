@@ -1,0 +1,82 @@
+"""Flow: a puppet's motion between two events, for whoever wants to integrate it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.errors import SimulationError, Status
+from fantoccini.marionette.checks import check_inputs, check_speed
+from fantoccini.motion import Input, State
+from fantoccini.runtime import OutsideRun
+
+if TYPE_CHECKING:
+    from fantoccini.marionette.handle import Marionette
+
+
+class Flow:
+    """ydot = f(t, y), Eqs. 10-12 with the strings and limits that are taut at the start held taut.
+
+    A smooth ordinary differential equation in y = (q_D, v_D, work, loss, slip loss), for any
+    integrator::
+
+        flow = arm.flow(x0, inputs)
+        found = scipy.integrate.solve_ivp(flow.rate, (flow.t0, 0.3), flow.y0, method="Radau")
+        x = flow.state(found.t[-1], found.y[:, -1])
+
+    It is the puppet's motion until one of :meth:`guards` turns positive, and no longer than the
+    inputs are smooth, until :attr:`t_end`. For what follows there is ``fan.simulate``. A flow is
+    not to be used by several threads at once.
+
+    Attributes:
+        t0: time of the start [s].
+        t_end: when the inputs' next piece begins; inf when there is none [s].
+        y0: (n_y,) q_D [rad, m or 1] and v_D [rad/s or m/s] at the start, work of the inputs, loss
+            to damping and drag, loss of slipping winches, 0 at the start [J].
+        rows: names of the strings and limits, in the order of the guards.
+        taut: (n_rows,) bool, those that are held.
+
+    Args:
+        marionette: the puppet.
+        x0: where it starts; no string may be longer than its length.
+        inputs: what the driven coordinates do; they hold still when not given.
+    """
+
+    def __init__(self, marionette: Marionette, x0: State, inputs: Input | None = None):
+        marionette.check_start(x0)
+        given = Input.hold(marionette).shifted(x0.t) if inputs is None else inputs
+        check_inputs(marionette, given, x0.t, x0.t)
+        self._inputs = given.bound(x0.q_K, x0.t)
+        check_speed(marionette, x0, self._inputs)
+        self._run = OutsideRun(
+            marionette.library, marionette.run_options(), x0, marionette.p, marionette.winches,
+            self._inputs,
+        )  # fmt: skip
+        if self._run.status is not Status.RUNNING:
+            raise SimulationError(self._run.status, f"at t = {x0.t:.6g} s")
+        table = marionette.coordinates
+        self._n_qD, self._n_vD = table.n_qD, table.n_vD
+        self.t0, self.y0 = self._run.t, self._run.y
+        self.t_end = np.inf if inputs is None else self._run.stretch(np.inf)
+        self.rows = marionette.tree.row_names
+        self.taut = self._run.mode != 0
+
+    def rate(self, t: float, y: Array) -> Array:
+        """ydot (n_y,) at a time [s] and y (n_y,)."""
+        return self._run.rate(t, y)
+
+    def guards(self, t: float, y: Array) -> Array:
+        """(n_rows,) positive where a string or limit would snap taut or let go.
+
+        Of a slack one: h over the string's length (over 1 for a limit). Of a taut one: minus its
+        tension, or the tension beyond its winch's largest, over the puppet's weight.
+        """
+        return self._run.guards(t, y)[0]
+
+    def state(self, t: float, y: Array) -> State:
+        """The state at a time [s] and y (n_y,)."""
+        q_K, v_K, _ = self._inputs.evaluate(t)
+        q_D, v_D = y[: self._n_qD], y[self._n_qD : self._n_qD + self._n_vD]
+        return State(t, q_D, v_D, q_K, v_K, self.taut, self._run.slip(t, y))

@@ -1,0 +1,393 @@
+"""SciPy's integrators on the frozen-mode flow, an independent check of the compiled one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import integrate
+from scipy.interpolate import CubicHermiteSpline
+
+import fantoccini as fan
+from fantoccini.simulate.scipy_run import ScipyRun
+
+METHODS = {
+    # tolerance given to it; allowed difference of event times, of impulses, of the end state
+    "DOP853": (1e-11, 1e-11, 1e-11, 1e-9),
+    "Radau": (1e-9, 1e-11, 1e-11, 1e-9),
+    "RK45": (1e-10, 1e-9, 1e-9, 1e-6),
+    "LSODA": (1e-10, 2e-8, 1e-7, 5e-6),
+    "RK23": (1e-6, 1e-5, 1e-4, 2e-3),
+    "BDF": (1e-7, 1e-4, 1e-3, 1e-2),
+}
+
+BAR = """
+puppet: bar
+bodies:
+  - {name: bar, joint: {type: free}, mass: 0.4, inertia: [0.0006, 0.008, 0.0085]}
+  - name: doll
+    parent: bar
+    joint: {type: ball, at: [0.05, 0, -0.02]}
+    mass: 0.2
+    com: [0, 0, -0.12]
+    inertia: [0.001, 0.001, 0.0002]
+strings:
+  - {name: left, path: [{body: bar, at: [-0.25, 0, 0]}, {world: [-0.3, 0, 1]}], length: driven}
+  - {name: right, path: [{body: bar, at: [0.25, 0, 0]}, {world: [0.35, 0.1, 1]}], length: driven}
+pose: {left.length: 0.8, right.length: 0.75}
+"""
+"""A free bar on two strings with a doll on a ball joint below it."""
+
+
+WINCH = """
+puppet: winch
+bodies:
+  - {name: bob, joint: {type: translation, axes: [x, z]}, mass: 1}
+strings:
+  - name: line
+    path: [{body: bob}, {world: [0, 0, 1]}]
+    length: driven
+    max_tension: 15
+    rewind_speed: 0.3
+  - {name: other, path: [{body: bob}, {world: [0.5, 0, 1]}], length: 1.05}
+pose: {line.length: 0.8}
+"""
+"""A bob on a string whose winch slips and rewinds, and on one of fixed length."""
+
+
+class FixedStep(integrate.OdeSolver):
+    """The classical Runge-Kutta method: a solver of one's own, which takes no tolerances."""
+
+    h = 5e-4
+
+    def __init__(self, fun, t0, y0, t_bound, vectorized=False, **extraneous):
+        assert not extraneous
+        super().__init__(fun, t0, y0, t_bound, vectorized)
+
+    def _step_impl(self):
+        t, y, h = self.t, self.y, min(self.h, self.t_bound - self.t)
+        k1 = self.fun(t, y)
+        k2 = self.fun(t + h / 2, y + h / 2 * k1)
+        k3 = self.fun(t + h / 2, y + h / 2 * k2)
+        k4 = self.fun(t + h, y + h * k3)
+        self.before = y, k1
+        self.t, self.y = t + h, y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        return True, None
+
+    def _dense_output_impl(self):
+        y, rate = self.before
+        rates = [rate, self.fun(self.t, self.y)]
+        return CubicHermiteSpline([self.t_old, self.t], [y, self.y], rates)
+
+
+class GivesUp(integrate.RK45):
+    """Fails after a while."""
+
+    def _step_impl(self):
+        return (False, "no") if self.t > 0.05 else super()._step_impl()
+
+
+class Forwards(integrate.DOP853):
+    """Passes its options on without naming them."""
+
+    def __init__(self, *args, **options):
+        super().__init__(*args, **options)
+
+
+def jerk(arm):
+    """A pull and a quick release: the string goes slack and is caught."""
+    points = [(0, 0.8), (0.15, 0.5), (0.4, 0.5), (0.6, 0.8)]
+    return fan.Input.waypoints(arm, {"hand.length": points})
+
+
+def arm_case():
+    arm = fan.puppets.arm2d()
+    return arm, arm.rest({"hand.length": 0.8}), jerk(arm), 0.5
+
+
+def bar_case():
+    bar = fan.loads(BAR)
+    pull = fan.Input.waypoints(
+        bar,
+        {
+            "left.length": [(0, 0.8), (0.12, 0.6), (0.5, 0.65)],
+            "right.length": [(0, 0.75), (0.2, 0.6), (0.5, 0.65)],
+        },
+    )
+    return bar, bar.rest(), pull, 0.6
+
+
+def winch_case():
+    winch = fan.loads(WINCH)
+    x0 = winch.project(winch.state({"bob.x": 0.4, "bob.z": 0.35}))
+    return winch, x0, None, 1.0
+
+
+CASES = {"arm": (arm_case, 2), "bar": (bar_case, 4), "winch": (winch_case, 8)}
+"""Puppet, start, inputs and end; number of events at least."""
+
+
+@pytest.fixture(scope="module")
+def reference():
+    """Case -> its arguments and the compiled integrator's run."""
+    found = {}
+    for name, (case, least) in CASES.items():
+        given = case()
+        run = fan.simulate(*given, rtol=1e-12, atol=1e-12)
+        assert len(run.events) >= least
+        found[name] = given, run
+    return found
+
+
+@pytest.fixture(scope="module")
+def arm(reference):
+    return reference["arm"]
+
+
+def agree(run, ours, t, impulse, state):
+    """The same events in the same order, with times, impulses and the end state close."""
+    assert run.status is ours.status
+    assert [(e.kind, e.name) for e in run.events] == [(e.kind, e.name) for e in ours.events]
+    assert [e.t for e in run.events] == pytest.approx([e.t for e in ours.events], abs=t)
+    for name in ("impulse", "speed"):
+        theirs, mine = ([getattr(e, name) for e in r.events] for r in (run, ours))
+        assert theirs == pytest.approx(mine, abs=impulse * (10 if name == "speed" else 1))
+    for name in ("q_D", "v_D", "slip"):
+        theirs, mine = (getattr(r, name) for r in (run, ours))
+        theirs, mine = (getattr(a, "values", a)[-1] for a in (theirs, mine))
+        assert theirs == pytest.approx(mine, abs=state)
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("name", METHODS)
+def test_scipys_methods_give_the_compiled_ones_run(reference, name, case):
+    given, ours = reference[case]
+    tolerance, t, impulse, state = METHODS[name]
+    run = fan.simulate(*given, integrator=name, rtol=tolerance, atol=tolerance)
+    agree(run, ours, t, impulse, state)
+
+
+@pytest.mark.parametrize(
+    ("solver", "t", "state"), [(FixedStep, 1e-9, 1e-5), (Forwards, 1e-11, 1e-9)]
+)
+def test_a_solver_of_ones_own(arm, solver, t, state):
+    given, ours = arm
+    run = fan.simulate(*given, integrator=solver, rtol=1e-11, atol=1e-11)
+    agree(run, ours, t, t, state)
+
+
+def test_strings_are_kept_to_rounding_and_the_books_close(arm):
+    given, _ = arm
+    for name, residual in (("RK45", 1e-6), ("DOP853", 1e-7), ("Radau", 1e-7)):
+        run = fan.simulate(*given, integrator=name, rtol=1e-7, atol=1e-7)
+        assert np.max(run.violation.values) < 1e-14
+        assert np.max(np.abs(run.ledger["residual"])) < residual
+
+
+def test_an_implicit_method_takes_long_steps_where_the_puppet_is_stiff():
+    """An elbow as in honey: its time constant is 5 us."""
+    arm = fan.loads("""
+puppet: stiff
+bodies:
+  - name: upper
+    joint: {type: revolute, axis: [0, -1, 0], damping: 0.001}
+    mass: 0.2
+    com: [0.15, 0, 0]
+    inertia: [0.0015, 0.0015, 0.0015]
+  - name: lower
+    parent: upper
+    joint: {type: revolute, axis: [0, -1, 0], at: [0.3, 0, 0], damping: 50}
+    mass: 0.01
+    com: [0.1, 0, 0]
+    inertia: [0.00003, 0.00003, 0.00003]
+strings:
+  - {name: hand, path: [{body: lower, at: [0.3, 0, 0]}, {world: [0.45, 0, 0.7]}], length: driven}
+pose: {hand.length: 0.9}
+""")
+    given = arm, arm.project(arm.state()), None, 0.3
+    ours = fan.simulate(*given)
+    for name in ("Radau", "BDF", "LSODA"):
+        run = fan.simulate(*given, integrator=name, rtol=1e-7, atol=1e-7)
+        agree(run, ours, 1e-6, 1e-5, 1e-4)
+        assert 20 * len(run.t) < len(ours.t)
+
+
+@pytest.mark.parametrize("integrator", ["dop853", "euler", "", 5, float])
+def test_an_unknown_integrator_is_refused(arm, integrator):
+    given, _ = arm
+    with pytest.raises(ValueError, match=r"must be 'RK23', .*'LSODA', a subclass of") as caught:
+        fan.simulate(*given, integrator=integrator)
+    assert repr(integrator) in str(caught.value)
+
+
+def test_time_stepping_takes_none(arm):
+    given, _ = arm
+    with pytest.raises(ValueError, match="integrator goes with method='event'"):
+        fan.simulate(*given, method="timestepping", integrator="RK45")
+
+
+@pytest.mark.parametrize("n", [7, 2001])
+def test_saved_times_are_on_the_motion(arm, n):
+    given, ours = arm
+    times = np.linspace(0.0, given[-1], n)
+    options = {"rtol": 1e-11, "atol": 1e-11, "save_at": times}
+    run = fan.simulate(*given, integrator="DOP853", **options)
+    compiled = fan.simulate(*given, **options)
+    assert run.t == pytest.approx(compiled.t, abs=1e-12)
+    assert np.all(np.isin(times, run.t))
+    for name in ("q_D", "v_D", "acc_D"):
+        assert getattr(run, name) == pytest.approx(getattr(compiled, name), abs=1e-7)
+    assert np.max(run.violation.values) < 1e-12
+    assert [e.t for e in run.events] == pytest.approx([e.t for e in ours.events], abs=1e-11)
+
+
+def test_a_jump_of_the_inputs_acceleration_is_two_rows(arm):
+    (marionette, x0, _, _), _ = arm
+    inputs = fan.Input.segments(
+        marionette, [0.0, 0.5, 1.0], x0.q_K, [0.0, 0.0], [[0.2, 0.0], [-0.2, 0.0]]
+    )
+    run = fan.simulate(marionette, x0, inputs, integrator="DOP853")
+    assert run.acc_K[run.t == 0.5, 0].tolist() == [0.2, -0.2]
+    assert [e.kind.value for e in run.events] == ["breakpoint"]
+    assert run.t[-1] == 1.0
+
+
+def test_a_bulge_within_one_step_is_found():
+    """Released at 1 s, the string closes and opens again within one long step."""
+    bob = fan.loads("""
+puppet: bob
+bodies:
+  - {name: bob, joint: {type: translation, axes: [x, z]}, mass: 1}
+strings:
+  - {name: line, path: [{body: bob}, {world: [0, 0, 1]}], length: driven}
+pose: {line.length: 1.0}
+""")
+    height = -2e4 * np.array([0, 0, 0.0018, -0.09, 1, 0])
+    coef = np.zeros((2, 1, 6))
+    coef[:, 0, 0] = 1.0
+    coef[1, 0, 1:] = -height[1:]
+    coef[1, 0, 2] += 4.905
+    inputs = fan.Input(
+        bob.coordinates, np.array([0, 1, 1.1]), coef, np.ones((2, 1)), np.array([True])
+    )
+    x0 = bob.project(bob.state())
+    ours = fan.simulate(bob, x0, inputs, 1.0999)
+    assert [e.kind.value for e in ours.events] == ["breakpoint", "release", "catch", "release"]
+    for name in ("RK45", "DOP853", "Radau"):
+        run = fan.simulate(bob, x0, inputs, 1.0999, integrator=name)
+        agree(run, ours, 1e-8, 1e-7, 1e-7)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_pull_that_nothing_can_follow_ends_alike(arm, name):
+    (marionette, x0, _, _), _ = arm
+    inputs = fan.Input.waypoints(marionette, {"hand.x": [(0, x0.q_K[0]), (2, 3.0)]})
+    ours = fan.simulate(marionette, x0, inputs, throw=False)
+    with pytest.raises(fan.SimulationError, match="because of hand") as caught:
+        fan.simulate(marionette, x0, inputs, integrator=name, rtol=1e-6, atol=1e-6)
+    run = caught.value.trajectory
+    assert run.status is caught.value.status is ours.status
+    assert run.blamed == ours.blamed
+    assert run.t[-1] == pytest.approx(ours.t[-1], abs=1e-3)
+    assert np.all(np.isfinite(run.tension.values))
+
+
+def test_a_solver_that_fails_ends_the_run_with_what_was_reached(arm):
+    given, _ = arm
+    run = fan.simulate(*given, integrator=GivesUp, throw=False)
+    assert run.status is fan.Status.STEP_TOO_SMALL
+    assert 0.05 < run.t[-1] < 0.1
+
+
+@pytest.mark.parametrize(
+    ("bound", "status"),
+    [("max_steps", fan.Status.TOO_MANY_STEPS), ("max_events", fan.Status.TOO_MANY_EVENTS)],
+)
+def test_bounds_hold(arm, bound, status):
+    (marionette, x0, inputs, t_end), _ = arm
+    run = ScipyRun(
+        "RK45", marionette.library, marionette.run_options(**{bound: 1}), x0, marionette.p,
+        marionette.winches, inputs.bound(x0.q_K, x0.t),
+    )  # fmt: skip
+    for _ in run.advance(t_end):
+        pass
+    assert run.status is status
+
+
+def test_ctrl_c_keeps_what_was_reached(arm):
+    (marionette, x0, inputs, t_end), _ = arm
+
+    def stop(t):
+        if t > 0.1:
+            raise KeyboardInterrupt
+
+    run = fan.simulate(
+        marionette, x0, inputs, t_end, integrator="RK23", rtol=1e-7, progress=stop, throw=False
+    )
+    assert run.status is fan.Status.STOPPED
+    assert 0.1 < run.t[-1] < t_end
+    acc_D, _ = marionette.accelerations(run.state(-1), run.acc_K[-1])
+    assert run.acc_D[-1] == pytest.approx(acc_D, rel=1e-9, abs=1e-9)
+
+
+def test_the_same_run_gives_the_same_bits(arm):
+    given, _ = arm
+    one, two = (
+        fan.simulate(*given, integrator="RK45", progress=progress)
+        for progress in (None, lambda t: None)
+    )
+    assert np.array_equal(one.t, two.t) and np.array_equal(one.q_D, two.q_D)
+
+
+# -- the flow by itself ------------------------------------------------------------------------
+
+
+def test_rate_is_the_motion(arm):
+    """ydot = (N v, acc_D, power, dissipation): Eqs. 10 and 11 at the start."""
+    (marionette, x0, inputs, _), _ = arm
+    flow = marionette.flow(x0, inputs)
+    acc_D, tension = marionette.accelerations(x0, inputs.evaluate(0.0)[2])
+    rate = flow.rate(flow.t0, flow.y0)
+    assert rate[:2] == pytest.approx(x0.v_D, abs=1e-12)
+    assert rate[2:4] == pytest.approx(acc_D, rel=1e-9)
+    assert flow.rows == ("hand",) and flow.taut.tolist() == [True]
+    assert flow.guards(0.0, flow.y0) == pytest.approx(-tension / marionette.weight, rel=1e-9)
+
+
+@pytest.mark.parametrize("method", ["DOP853", "Radau"])
+def test_solve_ivp_on_a_flow(reference, method):
+    """Up to the first event, whose time is the root of a guard."""
+    for name in ("arm", "bar"):
+        (marionette, x0, inputs, _), ours = reference[name]
+        flow = marionette.flow(x0, inputs)
+        first = ours.events[0]
+        row = flow.rows.index(first.name)
+
+        def guard(t, y, flow=flow, row=row):
+            return flow.guards(t, y)[row]
+
+        guard.terminal, guard.direction = True, 1
+        assert flow.t_end > first.t
+        found = integrate.solve_ivp(
+            flow.rate, (flow.t0, flow.t_end), flow.y0, method, events=guard, rtol=1e-10, atol=1e-10
+        )
+        assert found.t[-1] == pytest.approx(first.t, abs=1e-7)
+        x = flow.state(found.t[-1], found.y[:, -1])
+        there = ours.at(first.t)
+        assert x.q_D == pytest.approx(there.q_D, abs=1e-6)
+        assert x.q_K == pytest.approx(there.q_K, abs=1e-6)
+        assert x.taut.tolist() == flow.taut.tolist()
+
+
+def test_a_flow_ends_where_its_inputs_next_piece_begins(arm):
+    (marionette, x0, inputs, _), _ = arm
+    assert marionette.flow(x0, inputs).t_end == inputs.breaks[1]
+    assert marionette.flow(x0).t_end == np.inf
+
+
+def test_a_flow_starts_where_a_run_could(arm):
+    (marionette, x0, _, _), _ = arm
+    with pytest.raises(fan.StateError, match="hand is violated"):
+        marionette.flow(x0.replace(q_D=x0.q_D + np.array([-0.2, 0.0])))
+    elsewhere = fan.Input.waypoints(marionette, {"hand.length": [(0, 0.7), (1, 0.6)]})
+    with pytest.raises(fan.InputError, match=r"hand\.length"):
+        marionette.flow(x0, elsewhere)
