@@ -10,7 +10,6 @@ from fantoccini.marionette import Marionette
 from fantoccini.puppet import Number, Parameter
 from fantoccini.tree import WORLD, LimitRow, StringRow
 
-
 _WINCH = ("restitution", "max_tension", "rewind_speed")
 """What only some puppets' strings have."""
 
