@@ -206,6 +206,21 @@ def test_info_describes_a_puppet() -> None:
     assert "m1" in fantoccini("info", "arm2d").stdout
 
 
+def test_info_shows_winches_where_there_are_any(tmp_path) -> None:
+    path = tmp_path / "p.yaml"
+    path.write_text(
+        "puppet: p\nbodies: [{name: b, joint: {type: translation, axes: [z]}, mass: 1}]\nstrings:\n"
+        "  - {name: firm, path: [{body: b}, {world: [0, 0, 1]}], length: 1}\n"
+        "  - {name: slips, path: [{body: b}, {world: [0, 0, 1]}], length: 1,\n"
+        "     max_tension: {parameter: grip, value: 7.5}, rewind_speed: 0.125}\n"
+    )
+    text = fantoccini("info", str(path)).stdout
+    for part in ("max tension", "rewind speed", "grip = 7.5", "0.125"):
+        assert part in text
+    assert "restitution" not in text
+    assert "max tension" not in fantoccini("info", "arm2d").stdout
+
+
 def test_check_counts_and_lists_mistakes_of_all_files(tmp_path) -> None:
     first, second = tmp_path / "a.yaml", tmp_path / "b.yaml"
     first.write_text("puppet: a\nflor: 1\nbodies: []\n")

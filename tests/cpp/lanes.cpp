@@ -1,8 +1,8 @@
 // The time-stepper on bundles of doubles beside the scalar one.
 //
-// stdin: n_steps, dt, recovery speed, cap; then for each lane q_D, v_D, q_K, and for every driven
-// coordinate an amplitude, a frequency and a phase: q_K(t) = q_K + a (cos(p) - cos(w t + p)). All
-// driven coordinates are scalars. Parameters follow, the same for all lanes.
+// stdin: n_steps, dt, recovery speed, cap; then for each lane q_D, v_D, slip, q_K, and for every
+// driven coordinate an amplitude, a frequency and a phase: q_K(t) = q_K + a (cos(p) - cos(w t + p)).
+// All driven coordinates are scalars. Parameters and winches follow, the same for all lanes.
 //
 // stdout, one number a line with its name: what the Python side asserts.
 #define FAN_LANES 8
@@ -20,11 +20,12 @@ using fan::Model;
 using fan::room;
 constexpr int W = FAN_LANES;
 constexpr int NQ = Model::n_qD, N = Model::n_vD, NK = Model::n_vK, M = Model::n_rows;
+constexpr int S = Model::n_strings, LEDGER = 5;
 static_assert(Model::n_qK == NK, "scalar inputs only");
 
 struct Lane {
-  double q_D[room(NQ)], v_D[room(N)], q_K[room(NK)], amplitude[room(NK)], omega[room(NK)],
-      phase[room(NK)];
+  double q_D[room(NQ)], v_D[room(N)], slip[room(S)], q_K[room(NK)], amplitude[room(NK)],
+      omega[room(NK)], phase[room(NK)];
 
   double input(int j, double t) const {
     return q_K[j] + amplitude[j] * (cos(phase[j]) - cos(omega[j] * t + phase[j]));
@@ -52,9 +53,13 @@ struct Bundle {
   fan::TimeStep<Model, Real> step;
   Real q_D[room(NQ)], v_D[room(N)], q_K[room(NK)], v_K[room(NK)], acc_K[room(NK)], u_D[room(N)],
       p[room(Model::n_p)];
+  fan::Winches<S> winches;
   int who[width];
 
-  Bundle(const std::vector<Lane>& lanes, const double* parameters, const int* places) {
+  Bundle(
+      const std::vector<Lane>& lanes, const double* parameters, const fan::Winches<S>& all_winches,
+      const int* places)
+      : winches(all_winches) {
     for (int r = 0; r < M; ++r) {
       step.taut[r] = step.held[r] = Real(0.0) > Real(1.0);
       step.tension[r] = Real(0.0);
@@ -66,6 +71,7 @@ struct Bundle {
       const Lane& lane = lanes[who[l]];
       for (int i = 0; i < NQ; ++i) at(q_D[i], l) = lane.q_D[i];
       for (int k = 0; k < N; ++k) at(v_D[k], l) = lane.v_D[k];
+      for (int i = 0; i < S; ++i) at(step.slip[i], l) = lane.slip[i];
     }
   }
 
@@ -79,7 +85,7 @@ struct Bundle {
         at(v_K[j], l) = (next - here) / dt;
         at(acc_K[j], l) = (next - 2 * here + before) / (dt * dt);
       }
-    step.step(q_D, v_D, q_K, v_K, acc_K, u_D, dt, recovery, cap, p);
+    step.step(q_D, v_D, q_K, v_K, acc_K, u_D, dt, recovery, cap, winches, p);
   }
 
   // Everything a step leaves behind, of one place.
@@ -87,12 +93,15 @@ struct Bundle {
     std::vector<double> out;
     for (int i = 0; i < NQ; ++i) out.push_back(get(q_D[i], l));
     for (int k = 0; k < N; ++k) out.push_back(get(v_D[k], l));
+    for (int i = 0; i < S; ++i) out.push_back(get(step.slip[i], l));
     for (int r = 0; r < M; ++r) out.push_back(get(step.tension[r], l));
     for (int r = 0; r < M; ++r) out.push_back(get(step.taut[r], l) ? 1.0 : 0.0);
     out.push_back(get(step.work, l));
     out.push_back(get(step.loss, l));
     out.push_back(get(step.impact, l));
+    out.push_back(get(step.slip_loss, l));
     out.push_back(get(step.violation, l));
+    out.push_back(get(step.settled, l) ? 1.0 : 0.0);
     return out;
   }
 };
@@ -127,6 +136,7 @@ int main() {
   for (Lane& lane : lanes) {
     take(lane.q_D, NQ);
     take(lane.v_D, N);
+    take(lane.slip, S);
     take(lane.q_K, NK);
     take(lane.amplitude, NK);
     take(lane.omega, NK);
@@ -134,6 +144,10 @@ int main() {
   }
   double p[room(Model::n_p)];
   take(p, Model::n_p);
+  double table[room(3 * S)];
+  take(table, 3 * S);
+  fan::Winches<S> winches;
+  winches.set(table);
 
   int in_order[W], turned[W];
   for (int l = 0; l < W; ++l) {
@@ -141,18 +155,18 @@ int main() {
     turned[l] = (3 * l + 5) % W;
   }
   using Wide = fan::Lanes<W>;
-  Bundle<Wide> first(lanes, p, in_order), second(lanes, p, turned);
+  Bundle<Wide> first(lanes, p, winches, in_order), second(lanes, p, winches, turned);
   std::vector<Bundle<Wide>> alike;  // bundles whose places all hold the same lane
   std::vector<Bundle<double>> single;
   for (int l = 0; l < W; ++l) {
     const int same[W] = {l, l, l, l, l, l, l, l};
-    alike.emplace_back(lanes, p, same);
-    single.emplace_back(lanes, p, &in_order[l]);
+    alike.emplace_back(lanes, p, winches, same);
+    single.emplace_back(lanes, p, winches, &in_order[l]);
   }
 
-  Worst q, v, tension, ledger;
-  long long modes_apart = 0, bits_apart = 0;
-  std::vector<long long> changes(W, 0);
+  Worst q, v, slip, tension, ledger;
+  long long modes_apart = 0, bits_apart = 0, unsettled = 0;
+  std::vector<long long> changes(W, 0), slips(W, 0);
   long long steps_unlike = 0;  // in which lanes had different modes
   for (int n = 0; n < n_steps; ++n) {
     std::vector<std::vector<bool>> was(W);
@@ -160,6 +174,7 @@ int main() {
     for (int l = 0; l < W; ++l) {
       for (int i = 0; i < NQ; ++i) single[l].q_D[i] = first.q_D[i][l];
       for (int k = 0; k < N; ++k) single[l].v_D[k] = first.v_D[k][l];
+      for (int i = 0; i < S; ++i) single[l].step.slip[i] = first.step.slip[i][l];
       for (int r = 0; r < M; ++r) {
         single[l].step.taut[r] = first.step.taut[r][l];
         single[l].step.held[r] = first.step.held[r][l];
@@ -178,13 +193,17 @@ int main() {
       a += NQ, b += NQ;
       for (int i = 0; i < N; ++i) v(a[i] - b[i], largest(b, N));
       a += N, b += N;
+      for (int i = 0; i < S; ++i) slip(a[i] - b[i], largest(b, S));
+      for (int i = 0; i < S; ++i) slips[l] += a[i] > lanes[l].slip[i];
+      a += S, b += S;
       for (int i = 0; i < M; ++i) tension(a[i] - b[i], largest(b, M));
       a += M, b += M;
       for (int i = 0; i < M; ++i) modes_apart += a[i] != b[i];
       for (int i = 0; i < M; ++i) changes[l] += (a[i] > 0.5) != was[l][i];
       for (int i = 0; i < M; ++i) unlike = unlike || get(first.step.taut[i], 0) != (a[i] > 0.5);
       a += M, b += M;
-      for (int i = 0; i < 4; ++i) ledger(a[i] - b[i], largest(b, 4));
+      for (int i = 0; i < LEDGER; ++i) ledger(a[i] - b[i], largest(b, LEDGER));
+      unsettled += a[LEDGER] < 0.5;
       for (int k = 0; k < W; ++k) {
         bits_apart += second.who[k] == l && apart(second.all(k), mine);
         bits_apart += apart(alike[l].all(k), mine);
@@ -192,12 +211,15 @@ int main() {
     }
     steps_unlike += unlike;
   }
-  long long fewest = changes[0];
+  long long fewest = changes[0], slipped = 0;
   for (long long c : changes) fewest = c < fewest ? c : fewest;
+  for (long long c : slips) slipped += c > 0;
   std::printf("numbers_left_out %g\n", numbers_left_out);
-  std::printf("q %.3e\nv %.3e\ntension %.3e\nledger %.3e\n", q.value, v.value, tension.value,
-              ledger.value);
-  std::printf("modes_apart %lld\nbits_apart %lld\n", modes_apart, bits_apart);
+  std::printf("q %.3e\nv %.3e\nslip %.3e\ntension %.3e\nledger %.3e\n", q.value, v.value,
+              slip.value, tension.value, ledger.value);
+  std::printf("modes_apart %lld\nbits_apart %lld\nunsettled %lld\n", modes_apart, bits_apart,
+              unsettled);
+  std::printf("lanes_that_slipped %lld\n", slipped);
   std::printf("fewest_changes %lld\nsteps_unlike %lld\n", fewest, steps_unlike);
   return 0;
 }

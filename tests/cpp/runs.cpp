@@ -1,8 +1,9 @@
 // A run through the C interface, as the package makes it, for the sanitizers to watch.
 //
 // stdin: event-driven (1 or 0), t, t_end, new inputs half way (1 or 0), the eleven options, q_D, v_D,
-// p, the input (n_segments, breaks, coef, base), and times to save (n, times).
-// stdout: status, rows, events, steps, whether all rows are finite, and the last row.
+// slip, p, the winches, the input (n_segments, breaks, coef, base), and times to save (n, times).
+// stdout: status, rows, events, events of slipping, steps, whether all rows are finite, the largest
+// blame, and the last row.
 #include "model_of.hpp"
 
 #include "fantoccini/abi.hpp"
@@ -46,7 +47,7 @@ struct Sheets {
   std::vector<double> events = std::vector<double>(kEvents * fan::Record<Model>::event_width);
   std::vector<double> last;
   fan::Record<Model> record{rows.data(), kRows, 0, events.data(), kEvents, 0};
-  long long n_rows = 0, n_events = 0;
+  long long n_rows = 0, n_events = 0, n_slips = 0;
   bool finite = true;
 
   void turn() {
@@ -55,6 +56,8 @@ struct Sheets {
       finite = finite && fabs(rows[size_t(i)]) < 1e100;
     if (record.n_rows > 0)
       last.assign(rows.begin() + (record.n_rows - 1) * width, rows.begin() + record.n_rows * width);
+    for (long long i = 0; i < record.n_events; ++i)
+      n_slips += events[size_t(i * fan::Record<Model>::event_width + 1)] == fan::SLIP;
     n_rows += record.n_rows;
     n_events += record.n_events;
     record.n_rows = record.n_events = 0;
@@ -77,7 +80,8 @@ int main() {
   const double t = take(), t_end = take();
   const bool twice = take() != 0.0;
   const fan::Options o = options();
-  const auto q_D = take(Model::n_qD), v_D = take(Model::n_vD), p = take(Model::n_p);
+  const auto q_D = take(Model::n_qD), v_D = take(Model::n_vD), slip = take(Model::n_strings);
+  const auto p = take(Model::n_p), winches = take(3 * Model::n_strings);
   const int n = int(take());
   const auto breaks = take(n + 1), coef = take(n * Model::n_vK * 6), base = take(n * Model::n_qK);
   const auto save_at = take(int(take()));
@@ -86,20 +90,23 @@ int main() {
   void* run = fan_new(event_driven);
   Sheets sheets;
   int status = fan_start(
-      run, t, q_D.data(), v_D.data(), p.data(), &input, &o, save_at.data(),
-      static_cast<long long>(save_at.size()), 1, &sheets.record);
+      run, t, q_D.data(), v_D.data(), slip.data(), p.data(), winches.data(), &input, &o,
+      save_at.data(), static_cast<long long>(save_at.size()), 1, &sheets.record);
   sheets.turn();
   if (status == fan::RUNNING && twice) {
     status = run_to(run, 0.5 * (t + t_end), sheets);
     fan_set_input(run, &input);
   }
   if (status == fan::RUNNING || status == fan::DONE) status = run_to(run, t_end, sheets);
-  double progress[3];
+  double progress[3], blame[fan::room(Model::n_rows)], most = 0.0;
   fan_progress(run, progress);
+  fan_blame(run, blame);
   fan_free(run);
+  for (int r = 0; r < Model::n_rows; ++r) most = blame[r] > most ? blame[r] : most;
 
-  std::printf("status %d\nrows %lld\nevents %lld\nsteps %g\nfinite %d\n", status, sheets.n_rows,
-              sheets.n_events, progress[0], int(sheets.finite));
+  std::printf("status %d\nrows %lld\nevents %lld\nslips %lld\nsteps %g\nfinite %d\nblame %g\n",
+              status, sheets.n_rows, sheets.n_events, sheets.n_slips, progress[0],
+              int(sheets.finite), most);
   for (size_t i = 0; i < sheets.last.size(); ++i) std::printf("row%zu %.17g\n", i, sheets.last[i]);
   return 0;
 }

@@ -1,30 +1,34 @@
-"""The complementarity solver against solvers that know nothing of it.
+"""The complementarity solvers against solvers that know nothing of them.
 
-s = G x - b, x >= 0, s >= 0, x . s = 0 are the conditions of the quadratic programme
-min 1/2 x . G x - b . x over x >= 0; with G = A^T A and b = A^T c that is the non-negative
-least-squares problem min |A x - c|.
+s = G x - b, 0 <= x <= upper, s >= 0 at x = 0, s <= 0 at x = upper, s = 0 between are the conditions
+of the quadratic programme min 1/2 x . G x - b . x over 0 <= x <= upper; with G = A^T A and
+b = A^T c that is the bounded least-squares problem min |A x - c|.
 """
 
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
-from scipy.optimize import nnls
+from scipy.optimize import lsq_linear, nnls
 
 from cpp.toolchain import SANITIZE, compile_program, run_program
+
+SOLVED, INFEASIBLE = 0, 1
 
 
 @dataclass(frozen=True)
 class Problem:
-    """min |A x - c| over x >= 0, x of any sign where ``free``.
+    """min |A x - c| over 0 <= x <= upper, x of any sign where ``free``.
 
     Attributes:
         A, c, free: of the problem.
-        event: solve with the event-driven run's settings, else with the time-stepper's.
+        upper: bounds; none when not given.
+        event: solve exactly, as the event-driven run does, else as the time-stepper does.
         guess: start with all rows active, else with none.
+        right: b, instead of A^T c.
     """
 
     A: np.ndarray
@@ -32,6 +36,8 @@ class Problem:
     free: np.ndarray
     event: bool = True
     guess: bool = True
+    upper: np.ndarray | None = None
+    right: np.ndarray | None = field(default=None, kw_only=True)
 
     @property
     def G(self) -> np.ndarray:
@@ -39,19 +45,25 @@ class Problem:
 
     @property
     def b(self) -> np.ndarray:
-        return self.A.T @ self.c
+        return self.A.T @ self.c if self.right is None else self.right
+
+    @property
+    def bounds(self) -> np.ndarray:
+        return np.full(len(self.b), 1e300) if self.upper is None else self.upper
 
     def words(self) -> list[float]:
-        numbers = [self.free.astype(float), self.b, self.G.ravel()]
-        return [len(self.b), self.event, self.guess, *np.concatenate(numbers)]
+        length, n = self.A.shape
+        numbers = [self.free.astype(float), self.bounds, self.b, self.A.T.ravel()]
+        return [n, length, self.event, self.guess, *np.concatenate(numbers)]
 
 
 @dataclass(frozen=True)
 class Answer:
-    solved: bool
+    status: int
     apart: float
     x: np.ndarray
     s: np.ndarray
+    ray: np.ndarray
 
 
 @pytest.fixture(scope="module")
@@ -66,10 +78,9 @@ def solve(tmp_path_factory):
         lines = run_program(program, "\n".join(repr(float(w)) for w in words)).splitlines()
         assert len(lines) == len(problems)
         found = []
-        for p, line in zip(problems, lines, strict=True):
-            solved, apart, *rest = map(float, line.split())
-            x, s = np.split(np.array(rest), [len(p.b)])
-            found.append(Answer(bool(solved), apart, x, s))
+        for line in lines:
+            status, apart, *rest = map(float, line.split())
+            found.append(Answer(int(status), apart, *np.split(np.array(rest), 3)))
         return found
 
     return answers
@@ -98,20 +109,28 @@ def random_problem(
 
 
 def check_conditions(p: Problem, answer: Answer, tolerance: float = 1e-12) -> None:
-    """x >= 0, s >= 0, x . s = 0 and s = G x - b, to rounding of the terms of each."""
-    assert answer.solved
+    """s = G x - b, and the signs of x and s, to rounding of the terms of each."""
+    assert answer.status == SOLVED
     x, s, G = answer.x, answer.s, p.G
     terms = np.abs(p.b) + np.abs(G) @ np.abs(x)
     top = max(np.max(np.abs(x)), 1e-300)
     assert np.max(np.abs(G @ x - p.b - s) / terms) <= tolerance
     assert np.min(x[~p.free], initial=0.0) >= -tolerance * top
-    assert np.min((s / terms)[~p.free], initial=0.0) >= -tolerance
+    assert np.max((x - p.bounds)[~p.free], initial=0.0) <= tolerance * top
+    low, high = ~p.free & (x < p.bounds), ~p.free & (x > 0)
+    assert np.min((s / terms)[low], initial=0.0) >= -tolerance
     assert np.max(np.abs(s / terms)[p.free], initial=0.0) <= tolerance
-    assert np.max(np.abs(x * s) / (top * terms)) <= tolerance
+    assert np.max((np.minimum(x, p.bounds) * s / (top * terms))[high], initial=0.0) <= tolerance
 
 
 def least_squares(p: Problem) -> np.ndarray:
-    """A x of the solution, by Lawson and Hanson; it is unique also where x is not."""
+    """A x of the solution, by Lawson and Hanson, bounded by Stark and Parker; it is unique also
+    where x is not.
+    """
+    if p.upper is not None:
+        bounds = (np.where(p.free, -np.inf, 0.0), np.where(p.free, np.inf, p.upper))
+        found = lsq_linear(p.A, p.c, bounds, method="bvls", tol=1e-15, max_iter=10_000)
+        return p.A @ found.x
     x, _ = nnls(np.hstack([p.A, -p.A[:, p.free]]), p.c, maxiter=10_000)
     full = x[: p.A.shape[1]].copy()
     full[p.free] -= x[p.A.shape[1] :]
@@ -163,7 +182,7 @@ def test_two_sided_rows(solve):
 
 
 def test_redundant_rows_have_one_motion(solve):
-    """x is not unique among redundant rows, A x is."""
+    """x is not unique among redundant rows, A x is; nor does it depend on the guess."""
     rng = np.random.default_rng(3)
     problems = [
         random_problem(rng, n, redundant=redundant, free=free)
@@ -173,6 +192,65 @@ def test_redundant_rows_have_one_motion(solve):
     for p, answer in zip(problems, solve(problems), strict=True):
         check_conditions(p, answer)
         assert np.linalg.norm(p.A @ answer.x - least_squares(p)) <= 1e-11 * np.linalg.norm(p.c)
+        assert answer.apart <= 1e-12
+
+
+@pytest.mark.parametrize("event", [True, False], ids=["event", "timestepping"])
+def test_bounded_rows(solve, event):
+    """Rows whose force has a largest value, as a slipping winch's; at it s may be negative."""
+    rng = np.random.default_rng(7)
+    problems = [
+        random_problem(
+            rng, n, free=free, event=event, guess=bool(k % 2), upper=rng.uniform(0.05, 0.8, n)
+        )
+        for n, free in ((1, 0), (3, 0), (6, 2), (12, 3), (30, 0), (60, 10))
+        for k in range(8)
+    ]
+    n_at_bound = 0
+    for p, answer in zip(problems, solve(problems), strict=True):
+        check_conditions(p, answer)
+        assert np.linalg.norm(p.A @ answer.x - least_squares(p)) <= 1e-12 * np.linalg.norm(p.c)
+        assert answer.apart <= 1e-12
+        n_at_bound += np.sum(~p.free & (answer.x >= p.upper))
+    assert n_at_bound >= 200
+
+
+def test_bounded_rows_among_redundant_ones(solve):
+    """One motion, also where some of a redundant set pull with all they may."""
+    rng = np.random.default_rng(8)
+    problems = [
+        random_problem(
+            rng, n, redundant=redundant, guess=bool(k % 2), upper=rng.uniform(0.05, 1.0, n)
+        )
+        for n, redundant in ((2, 1), (6, 2), (20, 6), (60, 15))
+        for k in range(8)
+    ]
+    for p, answer in zip(problems, solve(problems), strict=True):
+        check_conditions(p, answer)
+        assert np.linalg.norm(p.A @ answer.x - least_squares(p)) <= 1e-11 * np.linalg.norm(p.c)
+        assert answer.apart <= 1e-12
+
+
+def test_rows_that_nothing_satisfies_are_told_with_a_proof(solve):
+    """y >= 0 with A y = 0 and b . y > 0: then A^T z >= b has no solution z."""
+    rng = np.random.default_rng(9)
+    problems = []
+    for n in (2, 5, 20, 58):
+        for k in range(8):
+            A = rng.normal(size=(2 * n + 6, n)) / np.sqrt(2 * n + 6)
+            share = np.where(rng.random(n) < 0.3, 0.0, rng.uniform(0.2, 1.0, n))
+            share[0] = 1.0
+            A[:, -1] = -A[:, :-1] @ share[:-1]
+            right = rng.normal(size=n)
+            right[-1] = 0.3 - right[:-1] @ share[:-1]
+            free = np.zeros(n, dtype=bool)
+            problems.append(Problem(A, right, free, guess=bool(k % 2), right=right))
+    for p, answer in zip(problems, solve(problems), strict=True):
+        assert answer.status == INFEASIBLE
+        y = answer.ray / np.max(answer.ray)
+        assert np.min(y) >= -1e-13
+        assert np.linalg.norm(p.A @ y) <= 1e-12 * np.sum(np.abs(y))
+        assert p.b @ y >= 0.01
 
 
 def test_every_set_of_rows_tried(solve):
@@ -190,10 +268,7 @@ def test_every_set_of_rows_tried(solve):
 
 
 def test_equal_strings_share_the_load(solve):
-    """Among redundant rows that all pull the tensions of least norm are reported.
-
-    Rounding divided by the regularisation leaves some 1e-7 of the differences between them.
-    """
+    """Among redundant rows that all pull the tensions of least norm are reported."""
     rng = np.random.default_rng(5)
     problems = []
     for k in (2, 3, 5):
@@ -202,7 +277,7 @@ def test_equal_strings_share_the_load(solve):
         problems.append(Problem(A, 3 * direction[:, 0], np.zeros(k, bool)))
     for p, answer in zip(problems, solve(problems), strict=True):
         check_conditions(p, answer)
-        assert answer.x == pytest.approx(np.full(len(p.b), 3 / len(p.b)), rel=2e-6)
+        assert answer.x == pytest.approx(np.full(len(p.b), 3 / len(p.b)), rel=1e-14)
 
 
 def test_rows_that_all_open_and_rows_that_all_close(solve):

@@ -31,12 +31,15 @@ def puppet(request, tmp_path_factory):
     return marionette, rest, inputs, compile_program("runs.cpp", folder, *FLAGS)
 
 
-def words(marionette, x0, inputs, *, event: bool, t_end: float, twice: bool, save_at=()) -> str:
+def words(
+    marionette, x0, inputs, *, event: bool, t_end: float, twice: bool, save_at=(), winches=None
+) -> str:
     options = marionette.run_options(save_steps=not len(save_at))
     bound = inputs.bound(x0.q_K, x0.t)
     chosen = [float(getattr(options, name)) for name, _ in _Options._fields_]
+    winches = np.minimum(marionette.winches if winches is None else winches, 1e300)
     parts = [
-        [event, x0.t, t_end, twice, *chosen], x0.q_D, x0.v_D, marionette.p,
+        [event, x0.t, t_end, twice, *chosen], x0.q_D, x0.v_D, x0.slip, marionette.p, winches,
         [len(bound.coef)], bound.breaks, bound.coef, bound.base, [len(save_at)], save_at,
     ]  # fmt: skip
     return "\n".join(repr(float(x)) for part in parts for x in np.ravel(part))
@@ -74,6 +77,32 @@ def test_a_run_that_is_given_new_inputs(puppet, event):
     assert last_row(found)[0] == pytest.approx(0.6)
 
 
+@pytest.mark.parametrize("event", [True, False], ids=["event", "timestepping"])
+def test_a_run_with_winches_that_slip_and_strings_that_bounce(puppet, event):
+    """Every second string is on a slipping winch that rewinds; another one gives speed back."""
+    marionette, x0, inputs, program = puppet
+    winches = marionette.winches.copy()
+    hanging = marionette.accelerations(x0)[1][: len(winches)]
+    winches[::2, 0] = 1.3 * hanging[::2] + 0.02 * marionette.weight
+    winches[::2, 1] = 0.1
+    winches[1::2, 2] = 0.4
+    runs = {}
+    for saved in (False, True):
+        fed = words(
+            marionette, x0, inputs, event=event, t_end=1.0, twice=True, winches=winches,
+            save_at=np.linspace(0.0, 1.0, 51) if saved else (),
+        )  # fmt: skip
+        runs[saved] = found = numbers(run_program(program, fed))
+        assert found["status"] == 0
+        assert found["finite"] == 1
+        assert found["events"] >= 2
+    if event:
+        assert runs[False]["slips"] >= 1
+    n = marionette.coordinates.n_qD
+    apart = last_row(runs[True])[1 : 1 + n] - last_row(runs[False])[1 : 1 + n]
+    assert np.max(np.abs(apart)) < 1e-5
+
+
 def test_a_time_stepping_run(puppet):
     marionette, x0, inputs, program = puppet
     fed = words(marionette, x0, inputs, event=False, t_end=1.0, twice=False)
@@ -102,3 +131,4 @@ def test_an_impossible_input_ends_with_a_status(puppet):
     found = numbers(run_program(program, fed))
     assert found["status"] not in (0, 1)
     assert found["finite"] == 1
+    assert found["blame"] > 0

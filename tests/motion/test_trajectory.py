@@ -153,6 +153,32 @@ def test_npz_comes_back_to_the_same_bits(run, tmp_path):
     assert np.array_equal(back.resample([0.3]).q_D, run.resample([0.3]).q_D)
 
 
+def test_slip_and_blame_come_back(table, run, tmp_path):
+    slip = Columns(("hand", "knee"), np.stack([0.1 * run.t, 0 * run.t], axis=-1), "string")
+    events = (Event(0.5, "slip", "hand", 0.0, 0.1), Event(1.5, "grip", "hand"))
+    stopped = run_of(
+        table, run.t, slip=slip, blamed=("hand", "elbow.upper"), events=events,
+        status=Status.IMPOSSIBLE_INPUT,
+    )  # fmt: skip
+    stopped.save(tmp_path / "a.npz")
+    back = Trajectory.load(tmp_path / "a.npz")
+    assert back.slip.names == slip.names
+    assert back.slip.values.tobytes() == slip.values.tobytes()
+    assert back.blamed == ("hand", "elbow.upper")
+    assert back.events == events
+    assert back.status is Status.IMPOSSIBLE_INPUT
+    assert back.state(-1).slip.tolist() == [0.1 * run.t[-1], 0.0]
+    columns = stopped.columns()
+    assert columns["slip:hand"].tolist() == slip["hand"].tolist()
+    stopped.to_csv(tmp_path / "a.csv")
+    assert "slip:knee" in (tmp_path / "a.csv").read_text().splitlines()[0].split(",")
+    # Runs saved without either, as those of earlier versions are.
+    run.save(tmp_path / "b.npz")
+    back = Trajectory.load(tmp_path / "b.npz")
+    assert back.slip is None and back.blamed == ()
+    assert not [name for name in run.columns() if name.startswith("slip:")]
+
+
 def test_a_run_without_events_comes_back(table, tmp_path):
     run_of(table, np.linspace(0, 1, 3), events=()).save(tmp_path / "a.npz")
     assert Trajectory.load(tmp_path / "a.npz").events == ()

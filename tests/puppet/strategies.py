@@ -107,6 +107,7 @@ def files(draw: Any) -> dict[str, Any]:
             "name": f"s_{name}",
             "path": [{"body": name, "at": draw(vectors)}, draw(ends())],
             "length": draw(st.one_of(sizes, st.just("driven"))),
+            **draw(winches()),
         }
         for name in names
     ]
@@ -131,4 +132,14 @@ def ends() -> st.SearchStrategy[dict[str, Any]]:
     return st.one_of(
         st.builds(lambda p: {"world": p}, vectors),
         st.builds(lambda p: {"driven": ["x", "y"], "at": p}, vectors),
+    )
+
+
+def winches() -> st.SearchStrategy[dict[str, Any]]:
+    """What a string's winch and its catches may do."""
+    return st.one_of(
+        st.just({}),
+        st.builds(lambda e: {"restitution": e}, st.floats(0, 1)),
+        st.builds(lambda m: {"max_tension": m}, sizes),
+        st.builds(lambda m, v: {"max_tension": m, "rewind_speed": v}, sizes, sizes),
     )

@@ -10,6 +10,9 @@ from fantoccini.marionette import Marionette
 from fantoccini.puppet import Number, Parameter
 from fantoccini.tree import WORLD, LimitRow, StringRow
 
+_WINCH = ("restitution", "max_tension", "rewind_speed")
+"""What only some puppets' strings have."""
+
 
 class _NotThereError(Exception):
     """The compiled model would have to be made."""
@@ -71,10 +74,11 @@ def describe_puppet(file: str) -> None:
             for row in coordinates.rows
         ],
     )
+    given = [key for key in _WINCH if any(getattr(string, key) for string in tree.strings)]
     table(
         "Strings",
-        ("name", "length", "kind", "from", "to", "points>"),
-        [_string_row(made, string) for string in tree.strings],
+        ("name", "length", "kind", "from", "to", "points>", *(k.replace("_", " ") for k in given)),
+        [(*_string_row(made, s), *(_given(getattr(s, k)) for k in given)) for s in tree.strings],
     )
     table(
         "Springs",
@@ -114,6 +118,10 @@ def _value(given: Number | None) -> str:
     if isinstance(given, Parameter):
         return f"{given.parameter} = {number(float(given.value))}"
     return "driven" if given is None else number(float(given))
+
+
+def _given(value: Number | None) -> str:
+    return "" if value is None else _value(value)
 
 
 def _string_row(made: Marionette, string: StringRow) -> tuple:

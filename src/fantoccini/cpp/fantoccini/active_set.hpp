@@ -143,7 +143,7 @@ struct ActiveSet {
         const int i = basis_[j];
         if (two_sided[i]) continue;
         const double rate = -sign * c[j];
-        if (fabs(rate) <= 1e-13) continue;
+        if (fabs(rate) <= 1e-13 || (rate > 0.0 && upper[i] >= kForever)) continue;
         const double left = rate < 0.0 ? x[i] : upper[i] - x[i];
         if (left < t * fabs(rate)) {
           t = left / fabs(rate);
