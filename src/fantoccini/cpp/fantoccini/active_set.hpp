@@ -251,16 +251,22 @@ struct ActiveSet {
   }
 
   void residuals() {
-    double z[D], total = 0.0;
-    for (int a = 0; a < dim; ++a) z[a] = 0.0;
+    double z[D], size[D];
+    for (int a = 0; a < dim; ++a) z[a] = size[a] = 0.0;
     for (int i = 0; i < n; ++i) {
-      if (x[i] == 0.0) continue;
-      total += size_[i] * fabs(x[i]);
-      for (int a = 0; a < dim; ++a) z[a] += column[i][a] * x[i];
+      for (int a = 0; a < dim && x[i] != 0.0; ++a) {
+        const double part = column[i][a] * x[i];
+        z[a] += part;
+        size[a] += fabs(part);
+      }
     }
     for (int i = 0; i < n; ++i) {
-      s[i] = product(column[i], z) - b[i];
-      terms[i] = fabs(b[i]) + size_[i] * total;
+      s[i] = -b[i];
+      terms[i] = fabs(b[i]);
+      for (int a = 0; a < dim; ++a) {
+        s[i] += column[i][a] * z[a];
+        terms[i] += fabs(column[i][a]) * size[a];
+      }
     }
   }
 
