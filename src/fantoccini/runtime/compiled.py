@@ -19,7 +19,6 @@ from fantoccini.errors import BuildError, Status
 from fantoccini.motion import Input, State
 from fantoccini.tree import Role, Tree
 
-_DOUBLES = ctypes.POINTER(ctypes.c_double)
 _SIZES = (
     "n_qD", "n_vD", "n_qK", "n_vK", "n_strings", "n_limits", "n_p", "row_width", "event_width",
     "input_bytes", "options_bytes", "record_bytes",
@@ -33,10 +32,10 @@ _UNLIMITED = 1e300
 class _InputArrays(ctypes.Structure):
     _fields_ = [
         ("n_segments", ctypes.c_int),
-        ("breaks", _DOUBLES),
-        ("coef", _DOUBLES),
-        ("base", _DOUBLES),
-        ("force", _DOUBLES),
+        ("breaks", ctypes.c_void_p),
+        ("coef", ctypes.c_void_p),
+        ("base", ctypes.c_void_p),
+        ("force", ctypes.c_void_p),
     ]
 
 
@@ -58,10 +57,10 @@ class _Options(ctypes.Structure):
 
 class _Record(ctypes.Structure):
     _fields_ = [
-        ("rows", _DOUBLES),
+        ("rows", ctypes.c_void_p),
         ("row_capacity", ctypes.c_longlong),
         ("n_rows", ctypes.c_longlong),
-        ("events", _DOUBLES),
+        ("events", ctypes.c_void_p),
         ("event_capacity", ctypes.c_longlong),
         ("n_events", ctypes.c_longlong),
     ]
@@ -198,8 +197,8 @@ class Library:
         sides, active = (a.astype(np.int32) for a in (sides, active))
         x, s, ray = np.zeros(n), np.zeros(n), np.zeros(n)
         status = self.handle.fan_complementarity(
-            n, _pointer(columns), _pointer(b), _pointer(upper), _integers(sides),
-            _integers(active), _pointer(x), _pointer(s), _pointer(ray),
+            n, _pointer(columns), _pointer(b), _pointer(upper), _pointer(sides),
+            _pointer(active), _pointer(x), _pointer(s), _pointer(ray),
         )  # fmt: skip
         return Complementarity(x, s, status == 0, ray if status == 1 else None)
 
@@ -384,13 +383,10 @@ def _input_arrays(inputs: Input) -> tuple[_InputArrays, list[Array]]:
     )
 
 
-def _pointer(array: Array) -> _DOUBLES:
-    return array.ctypes.data_as(_DOUBLES)
-
-
-def _integers(array: np.ndarray):
-    return array.ctypes.data_as(ctypes.POINTER(ctypes.c_int))
+def _pointer(array: np.ndarray) -> ctypes.c_void_p:
+    """Where an array's numbers lie. ``ctypes.data_as`` does the same at ten times the cost."""
+    return ctypes.c_void_p(array.__array_interface__["data"][0])
 
 
 def _pointers(arrays: list[Array]) -> ctypes.Array:
-    return (_DOUBLES * len(arrays))(*(_pointer(a) for a in arrays))
+    return (ctypes.c_void_p * len(arrays))(*(_pointer(a) for a in arrays))

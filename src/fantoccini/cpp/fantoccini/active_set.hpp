@@ -22,6 +22,7 @@ namespace fan {
 
 constexpr double kViolated = 1e-14;   // of s, relative to the size of its terms
 constexpr double kConsistent = 1e-10;  // of the s of a row that depends on the basis, likewise
+constexpr double kRests = 1e-12;       // likewise of a row without tension that joins the basis
 // Likewise, from which rows that nothing satisfies together are called so.
 constexpr double kContradicted = 1e-7;
 // Distance of a column from the basis' span, relative to the column, below which it depends on it:
@@ -65,6 +66,17 @@ struct ActiveSet {
     return Solved::UNSETTLED;
   }
 
+  // Takes x and the places as they are: a solution found elsewhere.
+  void adopt() {
+    bool basic[C];
+    measure();
+    for (int i = 0; i < n; ++i) {
+      basic[i] = place[i] == BASIC;
+      if (basic[i]) place[i] = IDLE;
+    }
+    join_all(basic);
+  }
+
   // Whether row i holds as an equality, to the accuracy of its terms.
   bool holds(int i) const { return fabs(s[i]) <= kConsistent * terms[i] + noise; }
 
@@ -73,7 +85,8 @@ struct ActiveSet {
   void complete(const bool* stays) {
     bool wanted[C];
     for (int i = 0; i < n; ++i)
-      wanted[i] = place[i] == LOW && stays[i] && holds(i) && project(i) > kStandsAlone * size_[i];
+      wanted[i] = place[i] == LOW && stays[i] && fabs(s[i]) <= kRests * terms[i] &&
+                  project(i) > kStandsAlone * size_[i];
     join_all(wanted);
     for (int i = 0; i < n; ++i) {
       const bool leans = holds(i) && project(i) <= kStandsAlone * size_[i];
@@ -95,13 +108,18 @@ struct ActiveSet {
   int basis(int j) const { return basis_[j]; }
 
  private:
-  void begin() {
+  // An empty basis, and the columns' sizes.
+  void measure() {
     k_ = 0;
     top_ = 0.0;
     for (int i = 0; i < n; ++i) {
       size_[i] = sqrt(product(column[i], column[i]));
       if (size_[i] > top_) top_ = size_[i];
     }
+  }
+
+  void begin() {
+    measure();
     for (int i = 0; i < n; ++i) {
       implied_[i] = false;
       if (place[i] != BASIC && !(place[i] == HIGH && upper[i] < kForever)) place[i] = LOW;

@@ -197,16 +197,15 @@ struct Contact {
       redundant = redundant || f.mode[r] == IDLE || f.mode[r] == PINNED;
     }
     if (!redundant) return;
-    begin(kContradiction * f.hddot_scale());
+    begin(0.0);
     for (int a = 0; a < f.rows.n; ++a) {
       const Hold mode = f.mode[f.rows.row[a]];
       if (mode == SLIPPING) continue;
-      add_pull(f, f.mode, a, mode == HELD ? Set::BASIC : (mode == PINNED ? Set::HIGH : Set::LOW));
+      const auto place = mode == HELD ? Set::BASIC : (mode == IDLE ? Set::IDLE : Set::PINNED);
+      add_pull(f, f.mode, a, place);
+      set_.x[set_.n - 1] = f.tension[f.rows.row[a]];
     }
-    if (set_.solve() != Solved::YES) return;
-    bool stays[room(M)];
-    for (int i = 0; i < set_.n; ++i) stays[i] = true;
-    set_.complete(stays);
+    set_.adopt();
     least_.apply(set_);
     for (int i = 0; i < set_.n; ++i) out[row_[i]] = set_.x[i];
   }

@@ -16,7 +16,6 @@
 namespace fan {
 
 constexpr double kStepEps = 1e-10;
-constexpr double kFirmStepEps = 1e-4;  // where the rows are too near to one another for that
 constexpr double kStepTolerance = 1e-13;
 constexpr double kWidestTurn = 0.5;    // rad that a coordinate turns in a step at most
 constexpr double kLongestStride = 5.0;  // m, likewise
@@ -100,25 +99,27 @@ struct TimeStep {
   }
 
  private:
+  // Solves for the impulses; where the rows are too near to one another, with a firmer raise.
   FAN_FN void settle() {
     auto& problem = rows.problem;
-    const int most = 50 + 4 * rows.n;
-    settled = problem.solve(kStepEps, 1, kStepTolerance, most);
-    if (!any(!settled)) return;
+    settled = Real(0.0) > Real(1.0);
     Real x[room(M)], s[room(M)];
     Mask high[room(M)];
     for (int a = 0; a < rows.n; ++a) {
-      x[a] = problem.x[a];
-      s[a] = problem.s[a];
-      high[a] = problem.high[a];
+      x[a] = s[a] = Real(0.0);
+      high[a] = settled;
     }
-    const Mask now = problem.solve(kFirmStepEps, 1, kStepTolerance, most);
-    for (int a = 0; a < rows.n; ++a) {
-      problem.x[a] = select(settled, x[a], problem.x[a]);
-      problem.s[a] = select(settled, s[a], problem.s[a]);
-      problem.high[a] = (settled && high[a]) || (!settled && problem.high[a]);
+    for (const double eps : {kStepEps, 1e-4, 1e-2}) {
+      const Mask now = problem.solve(eps, 1, kStepTolerance, 50 + 4 * rows.n);
+      // A lane that was solved before keeps its solution.
+      for (int a = 0; a < rows.n; ++a) {
+        problem.x[a] = x[a] = select(settled, x[a], problem.x[a]);
+        problem.s[a] = s[a] = select(settled, s[a], problem.s[a]);
+        problem.high[a] = high[a] = (settled && high[a]) || (!settled && problem.high[a]);
+      }
+      settled = settled || now;
+      if (!any(!settled)) return;
     }
-    settled = settled || now;
   }
 
   // Winches wind back what slipped before; the strings' h and hdot are those of L + slip.
