@@ -45,6 +45,8 @@ STRAYS = 1.0
 (2 length)) with the largest speed of the run and the shortest string (time-stepping)."""
 FOLLOWED = 1e-4
 """Violation below which inputs count as followed, relative (time-stepping)."""
+HARD = 100.0
+"""Tension that counts as a hard pull [weights]."""
 MOST_PIECES = 25
 """Bound on the pieces of up to 200 steps that a run may take; it needs one or two."""
 
@@ -287,7 +289,8 @@ def _event_driven(given: Performance, run: fan.Trajectory, rows: _Rows):
 def _time_stepping(given: Performance, run: fan.Trajectory, rows: _Rows, event: Status):
     """Bounded violation, and no tension on rows that one step does not close.
 
-    Where the event-driven run found that no puppet can follow the inputs, rows must be violated.
+    Where the event-driven run found that no puppet can follow the inputs, rows must be violated or
+    pull hard: a limb that snaps straight passes the cap for a moment that a step may jump over.
     """
     broken = []
     speed = max(float(np.max(np.abs(v), initial=1.0)) for v in (run.v_D, run.v_K))
@@ -299,7 +302,9 @@ def _time_stepping(given: Performance, run: fan.Trajectory, rows: _Rows, event: 
     if event is Status.DONE and violation > STRAYS:
         broken.append("a row is violated")
     refused = run.status is Status.DONE and event in (Status.IMPOSSIBLE_INPUT, Status.TENSION_CAP)
-    if refused and np.max(run.violation.values / rows.scale, initial=0.0) < FOLLOWED:
+    pull = np.max(run.tension.values, initial=0.0) / given.marionette.weight
+    overstepped = np.max(run.violation.values / rows.scale, initial=0.0)
+    if refused and overstepped < FOLLOWED and pull < HARD:
         broken.append(f"follows the inputs that the event-driven run ends with {event.name} at")
     if gap > STEPS:
         broken.append("tension across a gap")

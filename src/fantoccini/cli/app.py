@@ -189,7 +189,7 @@ def simulate(
     ] = None,
     rtol: Annotated[
         float | None,
-        typer.Option(callback=_positive, help="Relative tolerance of event [1e-9]."),
+        typer.Option(callback=_positive, help="Relative tolerance of event [1e-11]."),
     ] = None,
     integrator: Annotated[
         str | None,

@@ -320,8 +320,8 @@ class Marionette(Analysis):
         method: Literal["timestepping", "event"] = "timestepping",
         *,
         dt: float = 0.002,
-        rtol: float = 1e-9,
-        atol: float = 1e-9,
+        rtol: float = 1e-11,
+        atol: float = 1e-11,
     ) -> Stepper:
         """A run that is advanced piece by piece; see :class:`Stepper`.
 
@@ -347,8 +347,8 @@ class Marionette(Analysis):
     def run_options(self, **changes) -> RunOptions:
         """Run options scaled to this puppet, with some changed."""
         defaults = RunOptions(
-            rtol=1e-9,
-            atol=1e-9,
+            rtol=1e-11,
+            atol=1e-11,
             first_step=1e-4,
             max_step=0.1,
             tension_cap=self.tension_cap,
