@@ -104,6 +104,11 @@ struct Contact {
       status = bounce(f, low);
     }
     if (status != RUNNING) return status;
+    // Redundant rows share their impulse as they share a tension.
+    bool every[room(M)];
+    for (int a = 0; a < n; ++a) every[a] = true;
+    set_.complete(every);
+    least_.apply(set_);
     for (int a = 0; a < n; ++a) impulse[list[a]] = set_.x[a];
     double change[room(N)];
     f.y[F::WORK] += apply(f, change);

@@ -264,6 +264,7 @@ struct EventRun {
       impact += contact.lost;
       for (int r = 0; r < M; ++r) {
         s.caught[r] = s.caught[r] || (s.before[r] == SLACK && contact.impulse[r] > 0.0);
+        s.loose[r] = s.loose[r] && !s.caught[r];
         if (s.caught[r]) note(out, CATCH, r, contact.impulse[r], contact.speed[r]);
       }
     }

@@ -1,0 +1,131 @@
+"""Inputs that no puppet can follow: the run says so, names the strings and keeps what it has."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+
+GIVES_UP = (fan.Status.IMPOSSIBLE_INPUT, fan.Status.TENSION_CAP)
+
+BETWEEN = """
+puppet: between
+bodies:
+  - {name: bob, joint: {type: translation, axes: [x, y, z]}, mass: 1}
+strings:
+  - {name: left, path: [{body: bob}, {driven: [x], at: [-1, 0, 0.5]}], length: 1.2}
+  - {name: right, path: [{body: bob}, {driven: [x], at: [1, 0, 0.5]}], length: 1.2}
+  - {name: loose, path: [{body: bob}, {world: [0, 0, 0.5]}], length: 3.0}
+"""
+
+PULLEY = """
+puppet: pulley
+bodies:
+  - {name: bob, joint: {type: translation, axes: [z]}, mass: 1}
+strings:
+  - {name: hoist, path: [{body: bob}, {world: [0, 0, 1]}, {world: [1, 0, 1]}], length: driven}
+pose: {bob.z: 0.5, hoist.length: 1.5}
+"""
+
+SHORT = """
+puppet: short
+bodies:
+  - {name: bob, joint: {type: translation, axes: [x, z]}, mass: 1}
+strings:
+  - {name: link, path: [{world: [0, 0, 0]}, {driven: [x], at: [0.5, 0, 0]}], length: 0.5}
+  - {name: line, path: [{body: bob}, {world: [0, 0, 1]}], length: 1.0}
+"""
+
+
+def shaken(marionette, x0, **moves):
+    """Waypoints from where the coordinates are: suffix -> (time, change with sign by turns)."""
+    points = {}
+    for suffix, (t, change) in moves.items():
+        names = [n for n in marionette.coordinates.q_K if n.endswith("." + suffix)]
+        for i, name in enumerate(names):
+            q = x0.q_K[marionette.coordinates.q_K.index(name)]
+            points[name] = [(0.0, q), (t, q + (-1) ** i * change)]
+    return fan.Input.waypoints(marionette, points)
+
+
+@pytest.mark.parametrize(
+    "points", [[(0, -1), (2, -2)], [(0, -1), (0.2, -3)], [(0, -1), (0.3, -0.5), (1, -2.5)]]
+)
+def test_two_hands_that_pull_a_line_apart(points):
+    between = fan.loads(BETWEEN)
+    inputs = fan.Input.waypoints(between, {"left.x": points})
+    x0 = between.rest()
+    with pytest.raises(fan.SimulationError, match="because of left, right") as caught:
+        fan.simulate(between, x0, inputs)
+    run = caught.value.trajectory
+    assert run.status in GIVES_UP
+    assert set(run.blamed) == {"left", "right"}
+    assert len(run) > 10
+    apart = np.diff(run.q_K[-1][[0, 1]])[0]
+    assert 2.39 < apart < 2.4
+    assert all(np.all(np.isfinite(x)) for x in (run.q_D, run.v_D, run.tension.values))
+    assert np.max(run.violation.values) < 1e-12
+    assert np.max(run.tension["loose"]) == 0.0
+
+
+def test_rows_that_contradict_one_another_at_once_are_named():
+    """A string between two ends that nothing dynamic holds: the driven one leaves it."""
+    short = fan.loads(SHORT)
+    inputs = fan.Input.waypoints(short, {"link.x": [(0, 0.5), (1, 0.8)]})
+    run = fan.simulate(short, short.rest(), inputs, throw=False)
+    assert run.status is fan.Status.IMPOSSIBLE_INPUT
+    assert run.blamed == ("link",)
+    assert run.t[-1] < 0.1
+
+
+def test_a_hook_pulled_into_its_pulley_collapses():
+    pulley = fan.loads(PULLEY)
+    inputs = fan.Input.waypoints(pulley, {"hoist.length": [(0, 1.5), (1, 0.9)]})
+    run = fan.simulate(pulley, pulley.rest(), inputs, throw=False)
+    assert run.status is fan.Status.COLLAPSED
+    assert run.blamed == ("hoist",)
+    assert run.q_D[-1][0] == pytest.approx(1.0, abs=1e-2)
+
+
+@pytest.mark.parametrize("ask", ["apart", "short", "both"])
+def test_the_marionette_is_torn_apart(ask):
+    """Event-driven runs stop with names; time-stepping goes on, as far off as it has to be."""
+    puppet = fan.puppets.marionette()
+    x0 = puppet.rest()
+    lengths = max(puppet.string_lengths(x0.q_K))
+    moves = {"apart": {"x": (1.0, 1.0)}, "short": {}, "both": {"x": (1.0, 1.0)}}[ask]
+    inputs = shaken(puppet, x0, **moves)
+    if ask != "apart":
+        names = [n for n in puppet.coordinates.q_K if n.endswith(".length")]
+        places = [x0.q_K[puppet.coordinates.q_K.index(n)] for n in names]
+        points = {n: [(0, q), (1, 0.05)] for n, q in zip(names, places, strict=True)}
+        for name in (n for n in puppet.coordinates.q_K if n.endswith(".x") and moves):
+            q = x0.q_K[puppet.coordinates.q_K.index(name)]
+            sign = -1 if list(puppet.coordinates.q_K).index(name) % 2 else 1
+            points[name] = [(0, q), (1, q + sign)]
+        inputs = fan.Input.waypoints(puppet, points)
+    run = fan.simulate(puppet, x0, inputs, 3.0, throw=False)
+    assert run.status in GIVES_UP and run.blamed
+    assert 0.3 < run.t[-1] < 1.0
+    assert np.max(run.violation.values) < 1e-10
+    for dt in (0.002, 0.01):
+        run = fan.simulate(puppet, x0, inputs, 3.0, method="timestepping", dt=dt)
+        assert run.status is fan.Status.DONE
+        assert np.all(np.isfinite(run.tension.values))
+        # Ends move by up to 1 m and strings shorten by up to their length.
+        assert np.max(run.violation.values) < 1.0 + lengths
+
+
+def test_a_singular_mass_matrix_is_named():
+    """A point on the axis that it turns about has no inertia there."""
+    gimbal = fan.loads("""
+puppet: gimbal
+bodies:
+  - {name: outer, joint: {type: revolute, axis: [0, 0, 1]}}
+  - {name: inner, parent: outer, joint: {type: revolute, axis: [0, 1, 0]}, com: [0, 0, -1],
+     mass: 1, inertia: [0, 0, 0]}
+""")
+    assert fan.simulate(gimbal, gimbal.state({"inner": 1.0}), t_end=1.0).status is fan.Status.DONE
+    run = fan.simulate(gimbal, gimbal.state({"v:outer": 1.0}), t_end=1.0, throw=False)
+    assert run.status is fan.Status.SINGULAR_MASS

@@ -1,0 +1,105 @@
+"""Winches that slip: closed forms of a caught weight, the ledger, impossible inputs made possible."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+
+MASS, GRAVITY, MOST = 1.0, 9.81, 20.0
+DROP = 0.5  # m that the weight falls before its string is taut
+
+WEIGHT = """
+puppet: weight
+bodies:
+  - {{name: bob, joint: {{type: translation, axes: [x, z]}}, mass: 1}}
+strings:
+  - {{name: line, path: [{{body: bob}}, {{world: [0, 0, 1]}}], length: 1.0, {winch}}}
+pose: {{bob.z: 0.5}}
+"""
+
+BETWEEN = """
+puppet: between
+bodies:
+  - {name: bob, joint: {type: translation, axes: [x, z]}, mass: 1}
+strings:
+  - {name: left, path: [{body: bob}, {driven: [x], at: [-1, 0, 0.5]}], length: 1.2,
+     max_tension: 30, rewind_speed: 0.3}
+  - {name: right, path: [{body: bob}, {driven: [x], at: [1, 0, 0.5]}], length: 1.2}
+"""
+
+
+def kinds(run) -> list[str]:
+    return [e.kind.value for e in run.events]
+
+
+def test_a_caught_weight_slips_until_it_has_stopped():
+    """v = sqrt(2 g d) is taken away at (max - m g) / m; the winch takes max times the slip."""
+    weight = fan.loads(WEIGHT.format(winch="max_tension: 20"))
+    run = fan.simulate(weight, weight.state(), t_end=2.0)
+    assert kinds(run) == ["catch", "slip", "grip"]
+    speed, brake = np.sqrt(2 * GRAVITY * DROP), (MOST - MASS * GRAVITY) / MASS
+    caught, slipped, gripped = run.events
+    assert caught.t == slipped.t == pytest.approx(np.sqrt(2 * DROP / GRAVITY), abs=1e-10)
+    assert (caught.impulse, slipped.speed) == (0.0, pytest.approx(speed, abs=1e-10))
+    assert gripped.t - slipped.t == pytest.approx(speed / brake, abs=1e-9)
+    slip = speed**2 / (2 * brake)
+    assert run.slip["line"][-1] == pytest.approx(slip, abs=1e-10)
+    assert np.max(run.tension["line"]) == MOST
+    assert run.ledger["slip"][-1] == pytest.approx(MOST * slip, abs=1e-9)
+    assert run.ledger["impact"][-1] == 0.0
+    assert np.max(np.abs(run.ledger["residual"])) < 1e-9
+    assert np.max(run.violation["line"]) < 1e-12
+    assert run.tension["line"][-1] == pytest.approx(MASS * GRAVITY, abs=1e-9)
+
+
+def test_what_slipped_is_wound_back_gently():
+    """In the end the whole drop's energy is the winch's, and the string is never loose again."""
+    weight = fan.loads(WEIGHT.format(winch="max_tension: 20, rewind_speed: 0.2"))
+    run = fan.simulate(weight, weight.state(), t_end=5.0)
+    assert kinds(run) == ["catch", "slip", "grip"]
+    assert run.slip["line"][-1] == 0.0
+    rate = np.diff(run.slip["line"]) / np.maximum(np.diff(run.t), 1e-9)
+    assert np.min(rate) > -0.2 - 1e-9
+    assert run.ledger["slip"][-1] == pytest.approx(MASS * GRAVITY * DROP, abs=1e-9)
+    assert np.max(np.abs(run.ledger["residual"])) < 1e-9
+
+
+def test_time_stepping_slips_alike():
+    weight = fan.loads(WEIGHT.format(winch="max_tension: 20, rewind_speed: 0.2"))
+    exact = fan.simulate(weight, weight.state(), t_end=5.0)
+    errors = []
+    for dt in (2e-3, 1e-3, 5e-4):
+        run = fan.simulate(weight, weight.state(), t_end=5.0, method="timestepping", dt=dt)
+        assert kinds(run)[:2] == ["catch", "slip"] and "grip" in kinds(run)
+        assert np.max(run.tension["line"]) <= MOST * (1 + 1e-12)
+        errors.append(abs(np.max(run.slip["line"]) - np.max(exact.slip["line"])))
+    assert errors[2] < errors[0] < 0.02
+
+
+@pytest.mark.parametrize("method", ["event", "timestepping"])
+def test_a_winch_makes_an_impossible_pull_possible(method):
+    """Two hands pull a taut line apart: the winch gives way by just what is missing, and rewinds."""
+    between = fan.loads(BETWEEN)
+    inputs = fan.Input.waypoints(between, {"left.x": [(0, -1.0), (2, -2.0), (4, -1.0)]})
+    run = fan.simulate(between, between.rest(), inputs, t_end=8.0, method=method)
+    assert run.status is fan.Status.DONE
+    assert 0.6 < np.max(run.slip["left"]) < 0.8
+    assert run.slip["left"][-1] == pytest.approx(0.0, abs=1e-9)
+    assert np.max(run.tension["left"]) == pytest.approx(30.0, rel=1e-9)
+    assert np.max(run.violation.values) < (1e-12 if method == "event" else 1e-4)
+
+
+def test_a_state_carries_its_slip():
+    """A run that goes on from another's state ends where one run through both does."""
+    weight = fan.loads(WEIGHT.format(winch="max_tension: 20, rewind_speed: 0.2"))
+    whole = fan.simulate(weight, weight.state(), t_end=3.0)
+    first = fan.simulate(weight, weight.state(), t_end=1.0)
+    x = first.state(-1)
+    assert x.slip[0] > 0.1
+    rest = fan.simulate(weight, x, t_end=3.0)
+    assert rest.slip["line"][-1] == pytest.approx(whole.slip["line"][-1], abs=1e-8)
+    assert rest.q_D[-1] == pytest.approx(whole.q_D[-1], abs=1e-8)
+    stepper = weight.stepper(weight.state(), "event")
+    assert stepper.advance(1.0).slip[0] == pytest.approx(x.slip[0], abs=1e-9)
