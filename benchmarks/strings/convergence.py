@@ -78,8 +78,7 @@ def section() -> Section:
         "length. `default` leaves their softness alone, `stiffest` is the shortest time constant "
         "that its safeguard allows (two steps) with the highest impedance, `overdamped` is that "
         "with a damping ratio of 2 for 1. Evaluations are evaluations of the model: for `event` "
-        "14 a step and 150 an event, a rule that counting confirmed within 20 %; 1 a time step; "
-        "4 a step of RK4."
+        "14 a step and about 150 to find an event; 1 a time step; 4 a step of RK4."
     )
     found = {scenario.name: measure(scenario, make) for scenario, make in cases}
     for scenario, _ in cases:

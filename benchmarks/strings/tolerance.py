@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+
 import numpy as np
 
 import fantoccini as fan
@@ -12,6 +14,7 @@ from .scenarios import SECONDS, Scenario
 
 TOLERANCES = (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13)
 BOUND = 1e-8
+DEFAULT = inspect.signature(fan.simulate).parameters["rtol"].default
 STARTS = 40
 """Random slack poses that the arm is dropped from."""
 
@@ -52,7 +55,8 @@ def defaults() -> Section:
         )
     out.parts = [
         f"`fan.simulate(m, x0, inputs, t_end={SECONDS:g})` with nothing else given "
-        "(rtol = atol = 1e-9). `growth` is how many times larger a small change of the start "
+        f"(rtol = atol = {number(DEFAULT, 1)}). `growth` is how many times larger a small change "
+        "of the start "
         "is after the run: it belongs to the motion, not to the method, and no method can keep "
         "more digits than it leaves. The reeled pendulum is that of section 3 with 25 quintic "
         "pieces, given to both. The last column is the first tolerance that keeps both errors "
@@ -88,7 +92,7 @@ def _many() -> list[str | Table]:
             apart = [run.q_D[-1] - known.q_D[-1], run.v_D[-1] - known.v_D[-1]]
             errors.append(float(np.max(np.abs(apart))))
         errors = np.sort(errors)
-        worse = np.sum(errors > above) if tolerance == 1e-9 else worse
+        worse = np.sum(errors > above) if tolerance == DEFAULT else worse
         shown = map(number, (np.median(errors), errors[int(0.9 * STARTS)], errors[-1]))
         rows.append([number(tolerance, 1), *shown, f"{np.sum(errors <= BOUND)} of {STARTS}"])
     return [
@@ -125,7 +129,7 @@ def ledger() -> Section:
         f"From {number(TOLERANCES[0], 1)} to {number(TOLERANCES[-1], 1)} the largest residual "
         f"falls by a factor of {number(fell)}.",
     ]
-    at_default = worst[TOLERANCES.index(1e-9)]
+    at_default = worst[TOLERANCES.index(DEFAULT)]
     out.marks = [
         Mark("ledger residual at default tolerance, 5 s (J)", at_default, 1e-7),
         Mark("ledger residual at 1e-13, 5 s (J)", worst[-1], 1e-11),

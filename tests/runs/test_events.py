@@ -1,4 +1,4 @@
-"""Events that are easily missed: grazing, simultaneous, twice within a step, and at input breaks."""
+"""Events that are easily missed: grazing, simultaneous, within one step, at breaks of inputs."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ LEVER = {
          "length": 1.0},
     ],
 }  # fmt: skip
-"""A rod whose strings are tied inside its radius of gyration: what lifts one end lifts the other."""
+"""A rod tied inside its radius of gyration: what lifts one end lifts the other."""
 
 
 def kinds(run) -> list[tuple[str, str]]:

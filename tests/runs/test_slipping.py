@@ -1,4 +1,4 @@
-"""Winches that slip: closed forms of a caught weight, the ledger, impossible inputs made possible."""
+"""Winches that slip: closed forms of a caught weight, the ledger, pulls made possible."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_time_stepping_slips_alike():
 
 @pytest.mark.parametrize("method", ["event", "timestepping"])
 def test_a_winch_makes_an_impossible_pull_possible(method):
-    """Two hands pull a taut line apart: the winch gives way by just what is missing, and rewinds."""
+    """Two hands pull a taut line apart: the winch gives way by what is missing, and rewinds."""
     between = fan.loads(BETWEEN)
     inputs = fan.Input.waypoints(between, {"left.x": [(0, -1.0), (2, -2.0), (4, -1.0)]})
     run = fan.simulate(between, between.rest(), inputs, t_end=8.0, method=method)
