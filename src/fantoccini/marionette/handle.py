@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-import hashlib
 from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property
 from pathlib import Path
@@ -15,7 +14,7 @@ import numpy as np
 from fantoccini import build, codegen, equations, puppet, tree
 from fantoccini.arrays import Array
 from fantoccini.errors import BuildError, StateError, UnknownNameError
-from fantoccini.marionette import checks, statics, values_by_name
+from fantoccini.marionette import checks, generator, statics, values_by_name
 from fantoccini.marionette.analysis import Analysis
 from fantoccini.marionette.flow import Flow
 from fantoccini.marionette.instant import Instant
@@ -26,11 +25,6 @@ from fantoccini.puppet import Number, Parameter, Puppet
 from fantoccini.runtime import Library, RunOptions
 from fantoccini.tree import CoordinateTable, Tree
 from fantoccini.world import World
-
-_NOT_GENERATING = (
-    "printing.py", "notation.py", "forms.py", "c99.py", "contract.py", "statements.py"
-)  # fmt: skip
-"""Modules beside the derivation that do not shape the compiled model."""
 
 TENSION_CAP = 1e5
 """Largest tension a string may pull, in weights of the puppet."""
@@ -97,7 +91,7 @@ class Marionette(Analysis):
             PuppetError: the mass matrix is singular.
         """
         canonical = "\n".join(p.canonical() for p in self.world.puppets)
-        key = build.fingerprint(canonical, _generator())
+        key = build.fingerprint(canonical, generator.fingerprint())
         folder = build.obtain(key, self._source, progress=self._progress)
         try:
             return Library(folder / build.LIBRARY, self.tree)
@@ -391,13 +385,3 @@ def loads(text: str, progress: Callable[[str], None] | None = None) -> Marionett
         PuppetError: with every mistake in the text.
     """
     return Marionette(puppet.loads(text), progress)
-
-
-def _generator() -> str:
-    """The generator's version: that of the text, and a hash of all code that shapes it."""
-    digest = hashlib.sha256()
-    folders = [Path(module.__file__).parent for module in (equations, tree, codegen)]
-    for file in sorted(f for folder in folders for f in folder.glob("*.py")):
-        if file.name not in _NOT_GENERATING:
-            digest.update(file.read_bytes())
-    return f"{codegen.VERSION}-{digest.hexdigest()}"

@@ -9,40 +9,14 @@
 
 #include "drive.hpp"
 #include "evaluation.hpp"
+#include "modes.hpp"
+#include "options.hpp"
 #include "orthogonal.hpp"
 #include "status.hpp"
 #include "tableau.hpp"
 #include "winch.hpp"
 
 namespace fan {
-
-constexpr int kRefinements = 2;  // of the held rows' tensions
-
-// |hddot| at which a row that held with others no longer does, relative to the size of its terms.
-constexpr double kApart = 1e-8;
-
-// Pivot of G, relative to its largest diagonal, below which a row hardly stands on its own.
-constexpr double kFrail = 1e-4;
-
-// Raise of G where lengths and speeds are corrected, relative to its largest diagonal.
-constexpr double kSoft = 1e-10;
-// Likewise, relative to its own diagonal, below which solving with G loses too many digits.
-constexpr double kBlunt = 1e-9;
-
-// What a row does between two events. IDLE and PINNED rows depend on the held ones and hold with
-// them, at no tension and at the winch's largest; SLIPPING rows pull with that and give way.
-enum Hold : signed char { SLACK, HELD, IDLE, PINNED, SLIPPING };
-
-struct Options {
-  double rtol, atol;
-  double first_step, max_step;
-  double tension_cap;   // N; also N s for impulses
-  double energy_scale;  // J: size of the work and loss integrals for the error norm
-  double recovery_speed;  // m/s: time-stepping's cap on how fast a violation is taken back
-  double dt;              // s: time-stepping's step
-  long long max_steps, max_events;
-  int save_steps;  // write every accepted step
-};
 
 template <class Model>
 struct Flow {

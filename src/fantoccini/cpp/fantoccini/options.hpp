@@ -1,0 +1,17 @@
+// Numbers that steer a run; fantoccini.runtime fills them in.
+#pragma once
+
+namespace fan {
+
+struct Options {
+  double rtol, atol;
+  double first_step, max_step;
+  double tension_cap;   // N; also N s for impulses
+  double energy_scale;  // J: size of the work and loss integrals for the error norm
+  double recovery_speed;  // m/s: time-stepping's cap on how fast a violation is taken back
+  double dt;              // s: time-stepping's step
+  long long max_steps, max_events;
+  int save_steps;  // write every accepted step
+};
+
+}  // namespace fan

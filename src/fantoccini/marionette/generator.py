@@ -1,0 +1,23 @@
+"""What makes a compiled model what it is, beside the puppet: part of the cache's key."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+from fantoccini import codegen, equations, tree
+
+_NOT_GENERATING = (
+    "printing.py", "notation.py", "forms.py", "c99.py", "contract.py", "statements.py"
+)  # fmt: skip
+"""Modules beside the derivation that do not shape the compiled model."""
+
+
+def fingerprint() -> str:
+    """The generator's version: that of the text, and a hash of all code that shapes it."""
+    digest = hashlib.sha256()
+    folders = [Path(module.__file__).parent for module in (equations, tree, codegen)]
+    for file in sorted(f for folder in folders for f in folder.glob("*.py")):
+        if file.name not in _NOT_GENERATING:
+            digest.update(file.read_bytes())
+    return f"{codegen.VERSION}-{digest.hexdigest()}"
