@@ -11,7 +11,6 @@
 #include "evaluation.hpp"
 #include "modes.hpp"
 #include "options.hpp"
-#include "orthogonal.hpp"
 #include "status.hpp"
 #include "tableau.hpp"
 #include "winch.hpp"
@@ -66,7 +65,6 @@ struct Flow {
       problem.high[a] = mode[list[a]] == PINNED || mode[list[a]] == SLIPPING;
     }
     problem.solve_active(0.0, kRefinements);
-    if (weakest_pivot() < kBlunt) sharpen();
     double w[room(N)];
     for (int k = 0; k < N; ++k) w[k] = eval.w0[k];
     double pull[room(M)] = {}, power = eval.power0, slip_power = 0.0;
@@ -343,46 +341,6 @@ struct Flow {
     }
   }
 
-  // The least pivot of the held rows in the factor of G, relative to their diagonals; 1 for none.
-  double weakest_pivot() const {
-    constexpr int stride = Complementarity<double, M>::N;
-    double least = 1.0;
-    for (int a = 0; a < rows.n; ++a) {
-      if (!rows.problem.active[a]) continue;
-      const double reciprocal = rows.problem.factor[a * stride + a];
-      const double pivot = 1.0 / (reciprocal * reciprocal * rows.problem.G[a * stride + a]);
-      if (pivot < least) least = pivot;
-    }
-    return least;
-  }
-
-  // The held rows' tensions anew, from W instead of G; then s of the others.
-  void sharpen() {
-    auto& problem = rows.problem;
-    const double* columns[room(M)];
-    double w[room(N)], gamma[room(M)], x[room(M)];
-    int held[room(M)], n = 0;
-    for (int k = 0; k < N; ++k) w[k] = eval.w0[k];
-    for (int a = 0; a < rows.n; ++a) {
-      if (problem.active[a]) {
-        columns[n] = rows.column[a];
-        gamma[n] = rows.hddot[a] - rows.kick[a];
-        held[n++] = a;
-      }
-      for (int k = 0; k < N && !problem.active[a]; ++k) w[k] -= rows.column[a][k] * problem.x[a];
-    }
-    orthogonal_.factorise(columns, n);
-    orthogonal_.solve(w, gamma, x);
-    for (int i = 0; i < n; ++i) problem.x[held[i]] = x[i];
-    for (int i = 0; i < n; ++i)
-      for (int k = 0; k < N; ++k) w[k] -= columns[i][k] * x[i];
-    for (int a = 0; a < rows.n; ++a) {
-      double hddot = rows.hddot[a] - rows.kick[a];
-      for (int k = 0; k < N; ++k) hddot += rows.column[a][k] * w[k];
-      problem.s[a] = -hddot;
-    }
-  }
-
   static double larger_of(double a, double b) { return a > b ? a : b; }
 
   double relative(const double* h) const {
@@ -401,7 +359,6 @@ struct Flow {
     }
   }
 
-  Orthogonal<M, N> orthogonal_;
   double dense_[7][NY];
 };
 

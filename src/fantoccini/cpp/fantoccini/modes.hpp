@@ -13,8 +13,6 @@ constexpr double kFrail = 1e-4;
 
 // Raise of G where lengths and speeds are corrected, relative to its largest diagonal.
 constexpr double kSoft = 1e-10;
-// Likewise, relative to its own diagonal, below which solving with G loses too many digits.
-constexpr double kBlunt = 1e-9;
 
 // What a row does between two events. IDLE and PINNED rows depend on the held ones and hold with
 // them, at no tension and at the winch's largest; SLIPPING rows pull with that and give way.
