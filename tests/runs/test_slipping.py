@@ -103,3 +103,11 @@ def test_a_state_carries_its_slip():
     assert rest.q_D[-1] == pytest.approx(whole.q_D[-1], abs=1e-8)
     stepper = weight.stepper(weight.state(), "event")
     assert stepper.advance(1.0).slip[0] == pytest.approx(x.slip[0], abs=1e-9)
+
+
+def test_a_puppet_too_heavy_for_its_winch_does_not_rest():
+    weight = fan.loads(WEIGHT.format(winch="max_tension: 8"))
+    with pytest.raises(fan.StateError, match=r"line \(8 N\) does not hold it"):
+        weight.rest()
+    strong = fan.loads(WEIGHT.format(winch="max_tension: 9.9"))
+    assert strong.rest().q_D[1] == pytest.approx(0.0, abs=1e-9)

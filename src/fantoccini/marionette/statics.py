@@ -117,7 +117,7 @@ def rest(marionette: Marionette, x: State) -> State:
         x: where to begin; its inputs are held still.
 
     Raises:
-        StateError: there is no equilibrium below, or it was not found.
+        StateError: there is no equilibrium below, or it was not found, or a winch would slip in it.
     """
     still = x.replace(v_D=np.zeros_like(x.v_D), v_K=np.zeros_like(x.v_K))
     still = project(marionette, still)
@@ -129,6 +129,7 @@ def rest(marionette: Marionette, x: State) -> State:
                 continue
             push = _instability(marionette, found)
             if push is None:
+                _check_winches(marionette, found)
                 return marionette.with_mode(found.x)
             if np.max(np.abs(found.x.q_D - q_D)) < _STANDS:
                 pushed = found.x.replace(q_D=retract(marionette, found.x.q_D, push))
@@ -155,6 +156,22 @@ class _Equilibrium:
     x: State
     rows: Array
     tension: Array
+
+
+def _check_winches(marionette: Marionette, found: _Equilibrium) -> None:
+    """Raises StateError where the strings cannot hold the puppet without slipping."""
+    upper = marionette.upper
+    if not np.any(np.isfinite(upper)):
+        return
+    acc, tension = marionette.accelerations(found.x)
+    if np.max(np.abs(acc), initial=0.0) > _STANDS:
+        names = marionette.tree.row_names
+        slips = [f"{names[i]} ({upper[i]:g} N)" for i in np.flatnonzero(tension >= upper)]
+        raise StateError(
+            "the puppet cannot rest there: the largest tension of "
+            f"{', '.join(slips) or 'its winches'} does not hold it; raise max_tension, or let "
+            "other strings carry more"
+        )
 
 
 def _instability(marionette: Marionette, found: _Equilibrium) -> Array | None:
