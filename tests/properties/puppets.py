@@ -288,6 +288,27 @@ def _beads() -> dict:
     return {"bodies": bodies, "strings": strings}
 
 
+def _winches() -> dict:
+    """A weight on winches that slip, one of which rewinds, and a plain string."""
+    strings = [
+        _string("slips", _on("load"), _end("x", -0.4, 0, 0.5), max_tension=6),
+        _string("rewinds", _on("load"), _end("x", 0.4, 0, 0.5), max_tension=5, rewind_speed=0.4),
+        _string("holds", _on("load"), _end("z", 0, 0.2, 0.6)),
+    ]
+    return {"bodies": [{"name": "load", "joint": _SPACE, "mass": 0.4}], "strings": strings}
+
+
+def _bouncers() -> dict:
+    """A board on strings that give back different parts of a catch."""
+    board = _box("board", [0.4, 0.2, 0.02], 0.5)
+    corners = [(0.2, 0.1), (-0.2, 0.1), (-0.2, -0.1), (0.2, -0.1)]
+    strings = [
+        _string(f"s{i}", _on("board", x, y), _end("z", 1.1 * x, 1.2 * y, 0.5), restitution=0.3 * i)
+        for i, (x, y) in enumerate(corners)
+    ]
+    return {"bodies": [board], "strings": strings}
+
+
 def _gate() -> dict:
     """Slides and a hinge between their limits; nothing is driven, nothing hangs on a string."""
     slide = {"type": "prismatic", "limits": {"lower": -0.15, "upper": 0.1}}
@@ -334,6 +355,8 @@ ALL = {
     "chain": _chain(),
     "beads": _beads(),
     "gate": _gate(),
+    "winches": _winches(),
+    "bouncers": _bouncers(),
     "tree_a": _tree(3, 4, 2),
     "tree_b": _tree(9, 6, 3),
 }

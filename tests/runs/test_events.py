@@ -174,3 +174,43 @@ def test_an_acceleration_beyond_gravity_lets_go(pendulum):
     gap, speed = 1.095 * 0.1**2, 2.19 * 0.1
     t = (speed + np.sqrt(speed**2 + 4 * 14.905 * gap)) / (2 * 14.905)
     assert run.events[-1].t == pytest.approx(0.3 + t, abs=1e-10)
+
+
+TRIO = """
+puppet: trio
+bodies:
+  - {{name: heavy, joint: {{type: translation, axes: [x, z]}}, mass: 10}}
+  - {{name: light, joint: {{type: translation, axes: [x, z]}}, mass: {light}}}
+  - {{name: third, joint: {{type: translation, axes: [x, z]}}, mass: 1}}
+strings:
+  - {{name: one, path: [{{body: heavy}}, {{world: [0, 0, 1]}}], length: 1}}
+  - {{name: other, path: [{{body: heavy}}, {{world: [0, 0, 1]}}], length: 1}}
+  - {{name: thin, path: [{{body: light}}, {{world: [0, 0, 1]}}], length: 1}}
+  - {{name: bounce, path: [{{body: third}}, {{world: [0, 0, 1]}}], length: 1, restitution: 0.5}}
+pose: {{third.z: 0.5}}
+"""
+
+
+@pytest.mark.parametrize("light", [1.0, 1e-2, 5e-4])
+def test_a_catch_is_the_same_beside_redundant_strings_and_unlike_masses(light):
+    trio = fan.loads(TRIO.format(light=light))
+    run = fan.simulate(trio, trio.state(), t_end=0.7)
+    caught = [e for e in run.events if e.kind == "catch" and e.name == "bounce"]
+    speed = np.sqrt(2 * GRAVITY * 0.5)
+    assert caught[0].impulse == pytest.approx(1.5 * speed, rel=1e-9)
+    assert caught[1].impulse == pytest.approx(0.75 * speed, rel=1e-9)
+    assert caught[1].t - caught[0].t == pytest.approx(speed / GRAVITY, abs=1e-9)
+    assert {e.name for e in run.events} == {"bounce"}
+
+
+def test_a_fast_wheel_is_left_alone_by_large_steps():
+    """Only what impossible inputs stir up is braked."""
+    wheel = fan.loads("""
+puppet: wheel
+bodies:
+  - {name: wheel, joint: {type: revolute, axis: [0, 1, 0]}, mass: 1, com: [0, 0, 0],
+     inertia: [0.01, 0.01, 0.01]}
+""")
+    run = fan.simulate(wheel, wheel.state({"v:wheel": 60.0}), t_end=1.0, method="timestepping",
+                       dt=0.01)  # fmt: skip
+    assert run.v_D[-1] == pytest.approx([60.0], rel=1e-12)

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 import fantoccini as fan
+from fantoccini import build
+from fantoccini.marionette import handle
 
 MASS, GRAVITY, MOST = 1.0, 9.81, 20.0
 DROP = 0.5  # m that the weight falls before its string is taut
@@ -111,3 +115,49 @@ def test_a_puppet_too_heavy_for_its_winch_does_not_rest():
         weight.rest()
     strong = fan.loads(WEIGHT.format(winch="max_tension: 9.9"))
     assert strong.rest().q_D[1] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_run_goes_on_from_every_row_of_another():
+    """Slipping, winding back, braking: the state knows, the compiled model and Python alike."""
+    weight = fan.loads(WEIGHT.format(winch="max_tension: 20, rewind_speed: 0.2"))
+    whole = fan.simulate(weight, weight.state(), t_end=4.0)
+    slips = whole.slip["line"] > 0
+    assert np.sum(slips) > 20
+    last = {t: i for i, t in enumerate(whole.t)}.values()  # an event is two rows at one time
+    for i in [i for i in last if slips[i]][::2]:
+        x = whole.state(i)
+        acc, tension = weight.accelerations(x)
+        assert acc == pytest.approx(whole.acc_D[i], abs=1e-6)
+        assert tension == pytest.approx(whole.tension.values[i], abs=1e-6)
+        assert weight.project(x).v_D == pytest.approx(x.v_D, abs=1e-9)
+        if x.t < 3.9:
+            run = fan.simulate(weight, x, t_end=4.0)
+            assert run.q_D[-1] == pytest.approx(whole.q_D[-1], abs=1e-9)
+
+
+@pytest.mark.parametrize("t", [1e5, 1e7, 1.7e9])
+def test_late_clocks_do_not_stall_a_winch(t):
+    weight = fan.loads(WEIGHT.format(winch="max_tension: 20, rewind_speed: 0.2"))
+    run = fan.simulate(weight, weight.state().replace(t=t), t_end=t + 5.0, rtol=1e-8, atol=1e-8)
+    assert run.slip["line"][-1] == pytest.approx(0.0, abs=1e-6)
+    assert run.q_D[-1][1] == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("slip", [[0.1, 0.2], [np.nan], [-0.1]])
+def test_a_slip_is_a_length_for_every_string(slip):
+    weight = fan.loads(WEIGHT.format(winch="max_tension: 20"))
+    with pytest.raises(fan.StateError, match="slip: found"):
+        fan.simulate(weight, weight.state().replace(slip=slip), t_end=0.1)
+
+
+def test_rest_winds_back_what_can_be_wound_back():
+    weight = fan.loads(WEIGHT.format(winch="max_tension: 20, rewind_speed: 0.2"))
+    x = weight.rest(weight.state().replace(slip=[0.3]))
+    assert x.slip[0] == 0.0 and x.q_D[1] == pytest.approx(0.0, abs=1e-9)
+    held = fan.loads(WEIGHT.format(winch="max_tension: 20"))
+    assert held.rest(held.state().replace(slip=[0.3])).q_D[1] == pytest.approx(-0.3, abs=1e-9)
+
+
+def test_python_and_the_runtime_brake_alike():
+    text = (build.runtime_folder() / "fantoccini" / "winch.hpp").read_text()
+    assert float(re.search(r"kBrake = ([0-9.]+);", text)[1]) == handle.BRAKE

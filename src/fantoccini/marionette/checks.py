@@ -33,12 +33,14 @@ def check_start(marionette: Marionette, x: State) -> None:
     Raises:
         StateError: naming the rows, by how much, and the repair.
     """
+    check_slip(marionette, x)
     instant = marionette.instant(x)
     scale = marionette.row_scales(x)
     too_long = instant.h > CLOSED * scale
     closed = np.abs(instant.h) <= CLOSED * scale
     speed = 1e-7 * max(1.0, float(np.max(np.abs(x.v_D), initial=0.0)))
-    opening = closed & (instant.hdot > speed)
+    # A string on a winch that slips gives way.
+    opening = closed & (instant.hdot > speed) & ~np.isfinite(marionette.upper)
     wires = marionette.two_sided & (
         (np.abs(instant.h) > CLOSED * scale) | (np.abs(instant.hdot) > speed)
     )
@@ -54,6 +56,16 @@ def check_start(marionette: Marionette, x: State) -> None:
             f"the start state breaks {len(findings)} of the strings and limits: "
             + "; ".join(findings)
             + ". marionette.project(x) gives the nearest state that does not."
+        )
+
+
+def check_slip(marionette: Marionette, x: State) -> None:
+    """Raises StateError unless what winches have let out is a length for every string, or none."""
+    n = len(marionette.tree.strings)
+    if x.slip.shape not in ((0,), (n,)) or not np.all(np.isfinite(x.slip)) or np.any(x.slip < 0):
+        raise StateError(
+            f"slip: found {x.slip.tolist()}; it takes a length >= 0 for each of the {n} strings, "
+            "or nothing"
         )
 
 

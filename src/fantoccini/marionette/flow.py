@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from fantoccini.marionette.handle import Marionette
 
 
+_LONG = 1e9
+"""For how long inputs are held that nobody gave [s]."""
+
+
 class Flow:
     """ydot = f(t, y), Eqs. 10-12 with the strings and limits that are taut at the start held taut.
 
@@ -32,7 +36,8 @@ class Flow:
 
     Attributes:
         t0: time of the start [s].
-        t_end: when the inputs' next piece begins; inf when there is none [s].
+        t_end: when the inputs' next piece begins, or a winch that rewinds begins to brake or
+            stops; inf when there is none [s].
         y0: (n_y,) q_D [rad, m or 1] and v_D [rad/s or m/s] at the start, work of the inputs, loss
             to damping and drag, loss of slipping winches, 0 at the start [J].
         rows: names of the strings and limits, in the order of the guards.
@@ -46,7 +51,7 @@ class Flow:
 
     def __init__(self, marionette: Marionette, x0: State, inputs: Input | None = None):
         marionette.check_start(x0)
-        given = Input.hold(marionette).shifted(x0.t) if inputs is None else inputs
+        given = Input.hold(marionette, _LONG).shifted(x0.t) if inputs is None else inputs
         check_inputs(marionette, given, x0.t, x0.t)
         self._inputs = given.bound(x0.q_K, x0.t)
         check_speed(marionette, x0, self._inputs)
@@ -58,8 +63,9 @@ class Flow:
             raise SimulationError(self._run.status, f"at t = {x0.t:.6g} s")
         table = marionette.coordinates
         self._n_qD, self._n_vD = table.n_qD, table.n_vD
+        end = self._run.stretch(np.inf)
+        self.t_end = np.inf if inputs is None and end >= given.end else end
         self.t0, self.y0 = self._run.t, self._run.y
-        self.t_end = np.inf if inputs is None else self._run.stretch(np.inf)
         self.rows = marionette.tree.row_names
         self.taut = self._run.mode != 0
 

@@ -28,6 +28,8 @@ from fantoccini.world import World
 
 TENSION_CAP = 1e5
 """Largest tension a string may pull, in weights of the puppet."""
+BRAKE = 1.0
+"""Deceleration of a winch that rewinds, before it stops [m/s^2]; ``kBrake`` of ``winch.hpp``."""
 
 
 class Marionette(Analysis):
@@ -256,7 +258,14 @@ class Marionette(Analysis):
         table = self.coordinates
         acc_K = np.zeros(table.n_vK) if acc_K is None else acc_K
         u_D = np.zeros(table.n_vD) if u_D is None else u_D
-        return Instant.of(self.library, self.tree, x, self.p, acc_K, u_D)
+        checks.check_slip(self, x)
+        made = Instant.of(self.library, self.tree, x, self.p, acc_K, u_D)
+        if len(x.slip):
+            # What has slipped is wound back at -min(rewind_speed, sqrt(2 BRAKE slip)).
+            speed, braked = self.winches[:, 1], np.sqrt(2.0 * BRAKE * x.slip)
+            made.hdot[: len(x.slip)] += np.minimum(speed, braked)
+            made.gamma[: len(x.slip)] -= np.where((braked > 0) & (braked < speed), BRAKE, 0.0)
+        return made
 
     def accelerations(
         self, x: State, acc_K: Array | None = None, u_D: Array | None = None
@@ -280,18 +289,20 @@ class Marionette(Analysis):
         scale = self.row_scales(x)
         speed = 1e-7 * max(1.0, float(np.max(np.abs(x.v_D), initial=0.0)))
         closed = (np.abs(instant.h) <= checks.CLOSED * scale) & (np.abs(instant.hdot) <= speed)
+        slipping = (instant.h >= -checks.CLOSED * scale) & (instant.hdot > speed)
+        slipping &= np.isfinite(self.upper)
+        tension = np.where(slipping, self.upper, 0.0)
+        w0 = instant.w0 - instant.W[:, slipping] @ tension[slipping]
         rows = np.flatnonzero(closed | self.two_sided)
-        hddot = instant.gamma[rows] + instant.W[:, rows].T @ instant.w0
+        hddot = instant.gamma[rows] + instant.W[:, rows].T @ w0
         found = instant.complementarity(rows, hddot, self.two_sided, self.upper)
         if not found.solved:
             raise StateError(
                 "no acceleration keeps these strings and limits: "
                 + ", ".join(self.rows_of(rows, found.ray))
             )
-        pull = found.x
-        tension = np.zeros(self.tree.n_rows)
-        tension[rows] = pull
-        return instant.back(instant.w0 - instant.W[:, rows] @ pull), tension
+        tension[rows] = found.x
+        return instant.back(w0 - instant.W[:, rows] @ found.x), tension
 
     def rows_of(self, rows: Array, share: Array | None) -> tuple[str, ...]:
         """Names of those of some rows that have a share in something; all when none is given."""

@@ -96,7 +96,9 @@ def project(marionette: Marionette, x: State) -> State:
             marionette.tree.row_names[i] for i in np.flatnonzero(instant.h > CLOSED * scale)
         )
         raise StateError(f"no state of the puppet fits these string ends and lengths: {names}")
-    rows = np.flatnonzero((np.abs(instant.h) <= CLOSED * scale) | wires)
+    # Strings on winches that slip give way instead.
+    firm = (np.abs(instant.h) <= CLOSED * scale) & ~np.isfinite(marionette.upper)
+    rows = np.flatnonzero(firm | wires)
     found = instant.complementarity(rows, instant.hdot[rows], wires)
     if not found.solved:
         names = ", ".join(marionette.rows_of(rows, found.ray))
@@ -119,7 +121,10 @@ def rest(marionette: Marionette, x: State) -> State:
     Raises:
         StateError: there is no equilibrium below, or it was not found, or a winch would slip in it.
     """
-    still = x.replace(v_D=np.zeros_like(x.v_D), v_K=np.zeros_like(x.v_K))
+    rewinds = marionette.winches[: len(x.slip), 1] > 0
+    still = x.replace(
+        v_D=np.zeros_like(x.v_D), v_K=np.zeros_like(x.v_K), slip=np.where(rewinds, 0.0, x.slip)
+    )
     still = project(marionette, still)
     for _ in range(_PUSHES):
         pushed = None
@@ -204,7 +209,7 @@ def _relaxed(marionette: Marionette, x: State):
     for piece in range(_RELAX_PIECES):
         run = Run(
             marionette.library, "timestepping", options, x.replace(t=0.0, q_D=q_D, v_D=v_D),
-            marionette.p, _FIRM * np.ones((len(x.slip), 1)), hold,
+            marionette.p, np.tile(_FIRM, (len(marionette.tree.strings), 1)), hold,
         )  # fmt: skip
         rows = np.concatenate([r for r, _ in run.advance(_RELAX_PIECE)])
         if run.status is not Status.DONE:

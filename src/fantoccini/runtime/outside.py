@@ -59,7 +59,7 @@ class OutsideRun(Run):
 
     def rate(self, t: float, y: Array) -> Array:
         """ydot (n_y,) at a time [s] and y (n_y,), in the present mode."""
-        y, rate = np.ascontiguousarray(y, dtype=float), np.empty(self._n_y)
+        y, rate = self._checked(y), np.empty(self._n_y)
         look = self.library.handle.fan_look
         look(self._run, t, y.ctypes.data, rate.ctypes.data, None, None, None)
         return rate
@@ -71,7 +71,7 @@ class OutsideRun(Run):
             guard (n_rows,), positive where the present mode no longer holds: of a slack row
             h over its length, of a taut one its lacking tension over the weight; met (n_rows,).
         """
-        y = np.ascontiguousarray(y, dtype=float)
+        y = self._checked(y)
         guard, met = np.empty(self._n_rows), np.empty(self._n_rows)
         look = self.library.handle.fan_look
         look(self._run, t, y.ctypes.data, None, guard.ctypes.data, met.ctypes.data, None)
@@ -79,14 +79,14 @@ class OutsideRun(Run):
 
     def slip(self, t: float, y: Array) -> Array:
         """(n_strings,) what the winches have let out at (t, y) [m]."""
-        y, slip = np.ascontiguousarray(y, dtype=float), np.empty(self._n_slip)
+        y, slip = self._checked(y), np.empty(self._n_slip)
         look = self.library.handle.fan_look
         look(self._run, t, y.ctypes.data, None, None, None, slip.ctypes.data)
         return slip
 
     def settled(self, t: float, y: Array) -> Array | None:
         """The nearest y (n_y,) with unit quaternions and the taut rows at h = 0, hdot = 0."""
-        y = np.array(y, dtype=float)
+        y = self._checked(y).copy()
         status = self.library.handle.fan_settle(self._run, t, y.ctypes.data)
         return y if status == Status.RUNNING else None
 
@@ -103,7 +103,7 @@ class OutsideRun(Run):
 
     def accept(self, t: float, y: Array) -> None:
         """Goes to (t, y), which a step from the present state has reached."""
-        y = np.ascontiguousarray(y, dtype=float)
+        y = self._checked(y)
         status = self.library.handle.fan_accept(self._run, t, y.ctypes.data, self._out)
         self._refresh(status)
 
@@ -113,7 +113,7 @@ class OutsideRun(Run):
 
     def save(self, t: float, y: Array) -> None:
         """Writes the row of the next time to save, at which y (n_y,) is the step's dense output."""
-        y = np.array(y, dtype=float)
+        y = self._checked(y).copy()
         self.library.handle.fan_save(self._run, t, y.ctypes.data, self._out)
 
     @property
@@ -123,6 +123,12 @@ class OutsideRun(Run):
         return (
             2 * record.n_rows > record.row_capacity or 2 * record.n_events > record.event_capacity
         )
+
+    def _checked(self, y: Array) -> Array:
+        y = np.ascontiguousarray(y, dtype=float)
+        if y.shape != (self._n_y,):
+            raise ValueError(f"y has the shape {y.shape}; it must be {(self._n_y,)}")
+        return y
 
     def _refresh(self, status: int | None = None) -> None:
         if status is not None:

@@ -175,7 +175,9 @@ struct Contact {
     f.evaluate(f.t, f.y, rate);
     int list[room(M)] = {}, n = 0;
     for (int r = 0; r < M; ++r) {
-      const bool closed = f.eval.height(r) >= -kTouch * f.row_scale(r) && !f.winches.slips(r);
+      // A row that closes faster than that is about to be caught.
+      const bool closed = f.eval.height(r) >= -kTouch * f.row_scale(r) && !f.winches.slips(r) &&
+                          f.rate_of(r, f.y + NQ) <= kStill * speed_scale(f);
       if (f.mode[r] == HELD || closed) list[n++] = r;
     }
     f.rows.gather(f.eval, f.y + NQ, list, n);
@@ -291,10 +293,17 @@ struct Contact {
     if (solved == Solved::YES && most <= f.opt.tension_cap) return RUNNING;
     for (int r = 0; r < M; ++r) blame[r] = 0.0;
     for (int i = 0; i < set_.n; ++i)
-      blame[row_[i]] = solved == Solved::YES  ? fabs(set_.x[i]) / most
-                       : set_.two_sided[i] ? fabs(set_.ray[i])
-                                           : set_.ray[i];
+      blame[row_[i]] = solved == Solved::YES ? fabs(set_.x[i]) / most : ray_share(i, solved);
     return solved == Solved::UNSETTLED ? NOT_SETTLED : IMPOSSIBLE_INPUT;
+  }
+
+  // The part of row i in the ray that shows that the rows contradict one another.
+  double ray_share(int i, Solved solved) const {
+    if (solved != Solved::INFEASIBLE) return 0.0;
+    double most = 0.0;
+    for (int j = 0; j < set_.n; ++j)
+      if (fabs(set_.ray[j]) > most) most = fabs(set_.ray[j]);
+    return (set_.two_sided[i] ? fabs(set_.ray[i]) : set_.ray[i]) / most;
   }
 
   // The change of velocity by the impulses solved for, and the work of the inputs in it.

@@ -19,7 +19,7 @@ struct EventRun {
   using F = Flow<Model>;
   static constexpr int N = F::N, NQ = F::NQ, S = F::S, M = F::M, NY = F::NY;
   static constexpr int rows_per_step = kSavesPerStep + 4;
-  static constexpr int events_per_step = 4 * M + 8;
+  static constexpr int events_per_step = 6 * M + 8;
 
   F flow;
   Contact<Model> contact;
@@ -53,6 +53,8 @@ struct EventRun {
     refresh();
     if (status == RUNNING) status = watch();
     else accuse(contact.blame);
+    for (int r = 0; r < S; ++r)
+      if (flow.mode[r] == SLIPPING) note(out, SLIP, r, 0.0, flow.slip_rate[r]);
     emit(out);
     skip_saved();
     return status;
@@ -124,6 +126,7 @@ struct EventRun {
     double s = step_size < flow.opt.max_step ? step_size : flow.opt.max_step;
     if (left <= guards.resolution()) {
       flow.t = target;
+      ++stuck;
       return RUNNING;
     }
     double growth_cap = 8.0;
@@ -192,7 +195,8 @@ struct EventRun {
       if (h < -(kOpen + guards.noise) * flow.row_scale(r)) guards.armed[r] = true;
       if (h > 0.0) guards.armed[r] = false;
     }
-    Status seen = flow.frail() ? another_basis(out) : RUNNING;
+    const bool event = guards.worst() > 0.0;
+    Status seen = flow.frail() && !event ? another_basis(out) : RUNNING;
     if (seen == RUNNING) seen = watch();
     if (seen != RUNNING) return seen;
     guards.remember();
@@ -274,12 +278,7 @@ struct EventRun {
   // At a break of the inputs the tensions may jump: choose the mode again, and write a second row
   // where the inputs' accelerations or the forces jump.
   Status breakpoint(Record<Model>& out) {
-    Situation s;
-    for (int r = 0; r < M; ++r) {
-      s.before[r] = flow.mode[r];
-      s.caught[r] = s.strained[r] = false;
-      s.loose[r] = !flow.taut(r) && !guards.armed[r];
-    }
+    const Situation s = present();
     double acc_K[room(Model::n_vK)], u_D[room(N)];
     for (int j = 0; j < Model::n_vK; ++j) acc_K[j] = flow.acc_K[j];
     for (int k = 0; k < N; ++k) u_D[k] = flow.u_D[k];
@@ -296,16 +295,9 @@ struct EventRun {
     return status;
   }
 
-  // Among redundant rows others stand better on their own: hold those instead. Nothing happens to
-  // the puppet.
+  // Among redundant rows others stand better on their own: hold those instead.
   Status another_basis(Record<Model>& out) {
-    Situation s;
-    for (int r = 0; r < M; ++r) {
-      s.before[r] = flow.mode[r];
-      s.caught[r] = s.strained[r] = false;
-      s.loose[r] = !flow.taut(r) && !guards.armed[r];
-    }
-    return settle_mode(s, out);
+    return settle_mode(present(), out);
   }
 
   // The rows at an event: what they did before it, which are closed and which have just been
@@ -317,6 +309,18 @@ struct EventRun {
     // Whether row r holds after the catches and before the choice of the next mode.
     bool holds(int r) const { return before[r] != SLACK || caught[r]; }
   };
+
+  // The rows where nothing has happened to them.
+  Situation present() const {
+    Situation s;
+    for (int r = 0; r < M; ++r) {
+      s.before[r] = flow.mode[r];
+      s.closed[r] = flow.taut(r);
+      s.caught[r] = s.strained[r] = false;
+      s.loose[r] = !flow.taut(r) && !guards.armed[r];
+    }
+    return s;
+  }
 
   void note(Record<Model>& out, EventKind kind, int row, double impulse, double speed) {
     out.event(flow.t, kind, row, impulse, speed);

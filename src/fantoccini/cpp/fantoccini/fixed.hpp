@@ -34,6 +34,7 @@ struct FixedRun {
       at.tension[r] = 0.0;
     }
     for (int i = 0; i < S; ++i) at.slips[i] = false;
+    at.stirred = false;
     for (int k = 0; k < N; ++k) at.acc[k] = 0.0;
     origin = t;
     n_here = 0;
@@ -44,6 +45,7 @@ struct FixedRun {
     for (int i = 0; i < S; ++i) slip[i] = at.slip[i];
     at.step(q, v, q_K, v_K, acc_K, u_D, opt.dt, opt.recovery_speed, opt.tension_cap, winches, p);
     for (int i = 0; i < S; ++i) at.slip[i] = slip[i];
+    at.stirred = false;
     for (int r = 0; r < M; ++r) at.held[r] = at.taut[r];
     emit(out);
   }
@@ -89,9 +91,16 @@ struct FixedRun {
     bool was[room(M)], slipped[room(S)];
     for (int r = 0; r < M; ++r) was[r] = at.taut[r];
     for (int i = 0; i < S; ++i) slipped[i] = at.slips[i];
+    double q_before[room(NQ)], v_before[room(N)];
+    for (int i = 0; i < NQ; ++i) q_before[i] = q_D[i];
+    for (int k = 0; k < N; ++k) v_before[k] = v_D[k];
     at.step(
         q_D, v_D, q_K, rate, mean, u_D, dt, opt.recovery_speed, opt.tension_cap, winches, p);
-    if (!at.settled) return NOT_SETTLED;
+    if (!at.settled) {
+      for (int i = 0; i < NQ; ++i) q_D[i] = q_before[i];
+      for (int k = 0; k < N; ++k) v_D[k] = v_before[k];
+      return NOT_SETTLED;
+    }
     ++n_steps;
     ++n_here;
     t = next;

@@ -133,7 +133,7 @@ struct Flow {
 
   // Ends the slipping of all strings in the books: from here on `mode` alone says which slip.
   void settle_slip(double at) {
-    for (int i = 0; i < S; ++i) slip[i] = slip_now[i] > kNoSlip ? slip_now[i] : 0.0;
+    for (int i = 0; i < S; ++i) slip[i] = winches.resolved(i, slip_now[i], at);
     slip_time = at;
   }
 

@@ -5,9 +5,10 @@
 //
 // with dq_K the exact increment of the inputs, joint damping D implicit, the recovery of a violated
 // row limited to a speed, and Lambda capped, so that every step has a solution. Where the cap is
-// the largest tension of a string's winch, the winch gives way by what is left. Where a step would
-// turn a coordinate by more than kWidestTurn, all velocities are scaled down. Written for any Real:
-// lanes step together, each with its own rows.
+// the largest tension of a string's winch, the winch gives way by what is left. Once a row was
+// overstepped by kStirred, all velocities are scaled down where a step would turn a coordinate by
+// more than kWidestTurn or move one by more than kLongestStride. Written for any Real: lanes step
+// together, each with its own rows.
 #pragma once
 
 #include "evaluation.hpp"
@@ -17,6 +18,7 @@ namespace fan {
 
 constexpr double kStepEps = 1e-10;
 constexpr double kStepTolerance = 1e-13;
+constexpr double kStirred = 1e-3;      // m or rad
 constexpr double kWidestTurn = 0.5;    // rad that a coordinate turns in a step at most
 constexpr double kLongestStride = 5.0;  // m, likewise
 constexpr double kNearLimit = 0.02;  // rad or m beyond what a step can cover, still watched
@@ -38,6 +40,8 @@ struct TimeStep {
   Mask slips[room(S)];   // in the last step
   Real work, loss, impact, slip_loss, violation;
   Mask settled;  // whether the last step's complementarity was solved
+  // Whether a row was ever overstepped by more than kStirred: from then on turns are limited.
+  Mask stirred = Real(0.0) > Real(1.0);
 
   // Steps q_D, v_D in place. (q_K, v_K, acc_K) are the inputs at the start of the step with
   // v_K = dq_K/dt and acc_K the mean acceleration; `taut` is the mode of the step before.
@@ -78,7 +82,7 @@ struct TimeStep {
     rows.add(pull, w);
     eval.back(w, acc);
     account(pull, before, v_D, u_D, dt);
-    give_way(winches, pull, dt);
+    give_way(winches, cap, pull, dt);
     Real move[room(N)], farthest = Real(0.0);
     for (int k = 0; k < N; ++k) {
       using std::abs;
@@ -90,7 +94,9 @@ struct TimeStep {
     }
     // Nothing moves farther in a step than the step can follow: what inputs that nothing can follow
     // stir up stays bounded.
-    const Real brake = select(farthest > Real(1.0), Real(1.0) / farthest, Real(1.0));
+    stirred = stirred || violation > Real(kStirred);
+    const Mask brakes = stirred && farthest > Real(1.0);
+    const Real brake = select(brakes, Real(1.0) / farthest, Real(1.0));
     for (int k = 0; k < N; ++k) {
       v_D[k] *= brake;
       move[k] *= brake;
@@ -136,7 +142,7 @@ struct TimeStep {
   }
 
   // s < 0 at the bound of a winch is the speed at which it gives way.
-  FAN_FN void give_way(const Winches<S>& winches, const Real* pull, double dt) {
+  FAN_FN void give_way(const Winches<S>& winches, double cap, const Real* pull, double dt) {
     slip_loss = Real(0.0);
     for (int i = 0; i < S; ++i) {
       slip_rate_[i] = winding_[i];
@@ -144,7 +150,7 @@ struct TimeStep {
     }
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
-      if (!winches.slips(r)) continue;
+      if (!winches.slips(r) || winches.max_tension[r] >= cap) continue;
       const Mask gives = rows.problem.high[a] && rows.problem.s[a] < Real(0.0);
       slips[r] = gives;
       slip_rate_[r] -= select(gives, rows.problem.s[a], Real(0.0));

@@ -63,6 +63,14 @@ struct Winches {
                              : sqrt(2.0 * slip / kBrake);
   }
 
+  // A slip without what the clock at `time` does not resolve of its stretch.
+  double resolved(int i, double slip, double time) const {
+    if (!(slip > kNoSlip)) return 0.0;
+    const double left = stretch(i, slip), finest = 1e-15 * (fabs(time) > 1.0 ? fabs(time) : 1.0);
+    if (left == 0.0 || left > finest) return slip;
+    return slip > braking(i) ? 0.5 * rewind_speed[i] * rewind_speed[i] / kBrake : 0.0;
+  }
+
  private:
   // The slip at which braking begins; a trace more, so that a stretch ends in the next one.
   double braking(int i) const {
