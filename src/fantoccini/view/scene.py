@@ -57,7 +57,7 @@ class Scene:
         poses: (T, n_links, 3, 4) link poses.
         names: of the strings.
         points: for each string (T, n_points, 3) [m].
-        lengths: (T, n_strings) [m].
+        lengths: (T, n_strings) with what winches have let out [m].
         taut: (T, n_strings) modes.
         tension: (T, n_strings) [N], or None when unknown.
         colours: of the strings that have one of their own, else None.
@@ -146,8 +146,9 @@ def scene_of(marionette: Marionette, run: Trajectory) -> Scene:
         run: its motion.
     """
     return _scene(
-        marionette, np.asarray(run.t), run.q_D, run.q_K, run.taut.values, run.tension.values
-    )
+        marionette, np.asarray(run.t), run.q_D, run.q_K, run.taut.values, run.tension.values,
+        0.0 if run.slip is None else run.slip.values,
+    )  # fmt: skip
 
 
 def scene_at(marionette: Marionette, state: State, tension: np.ndarray | None = None) -> Scene:
@@ -162,10 +163,11 @@ def scene_at(marionette: Marionette, state: State, tension: np.ndarray | None = 
     return _scene(
         marionette, np.array([state.t]), state.q_D[None], state.q_K[None], state.taut[None, :n],
         None if tension is None else np.asarray(tension, dtype=float)[None],
+        state.slip[None] if len(state.slip) else 0.0,
     )  # fmt: skip
 
 
-def _scene(marionette: Marionette, t, q_D, q_K, taut, tension) -> Scene:
+def _scene(marionette: Marionette, t, q_D, q_K, taut, tension, slip) -> Scene:
     tree, world = marionette.tree, marionette.world
     poses = np.asarray(marionette.poses(q_D, q_K))
     points = tuple(np.asarray(p) for p in marionette.string_points(q_D, q_K))
@@ -185,7 +187,7 @@ def _scene(marionette: Marionette, t, q_D, q_K, taut, tension) -> Scene:
         poses=poses,
         names=tuple(s.name for s in tree.strings),
         points=points,
-        lengths=np.asarray(marionette.string_lengths(q_K)),
+        lengths=np.asarray(marionette.string_lengths(q_K)) + slip,
         taut=np.asarray(taut, dtype=bool),
         tension=None if tension is None else np.asarray(tension, dtype=float),
         colours=tuple(None if s.colour is None else rgb(s.colour) for s in tree.strings),
