@@ -7,7 +7,7 @@
 // row limited to a speed, and Lambda capped, so that every step has a solution. Where the cap is
 // the largest tension of a string's winch, the winch gives way by what is left. Once a row was
 // overstepped by kStirred, all velocities are scaled down where a step would turn a coordinate by
-// more than kWidestTurn or move one by more than kLongestStride. Written for any Real: lanes step
+// more than kWidestTurn or move one by more than kLongestStride; before, by kWild times as much. Written for any Real: lanes step
 // together, each with its own rows.
 #pragma once
 
@@ -19,6 +19,7 @@ namespace fan {
 constexpr double kStepEps = 1e-10;
 constexpr double kStepTolerance = 1e-13;
 constexpr double kStirred = 1e-3;      // m or rad
+constexpr double kWild = 10.0;         // times as much as long as nothing was overstepped
 constexpr double kWidestTurn = 0.5;    // rad that a coordinate turns in a step at most
 constexpr double kLongestStride = 5.0;  // m, likewise
 constexpr double kNearLimit = 0.02;  // rad or m beyond what a step can cover, still watched
@@ -95,8 +96,8 @@ struct TimeStep {
     // Nothing moves farther in a step than the step can follow: what inputs that nothing can follow
     // stir up stays bounded.
     stirred = stirred || violation > Real(kStirred);
-    const Mask brakes = stirred && farthest > Real(1.0);
-    const Real brake = select(brakes, Real(1.0) / farthest, Real(1.0));
+    const Real most = select(stirred, Real(1.0), Real(kWild));
+    const Real brake = select(farthest > most, most / farthest, Real(1.0));
     for (int k = 0; k < N; ++k) {
       v_D[k] *= brake;
       move[k] *= brake;
