@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+import fantoccini as fan
 from fantoccini import motion
 from fantoccini.equations import derive
 from fantoccini.motion import Input
@@ -167,3 +168,22 @@ def start(model, pose: dict[str, float], rates: dict[str, float]) -> motion.Stat
                 driven[places[1].index(name)] = value
     taut = np.zeros(model.tree.n_rows, dtype=bool)
     return motion.State(t=0.0, q_D=q_D, v_D=v_D, q_K=q_K, v_K=v_K, taut=taut)
+
+
+def bulge() -> tuple[fan.Marionette, Input]:
+    """A bob whose string, released at 1 s, closes and opens again within one long step."""
+    bob = fan.loads("""
+puppet: bob
+bodies:
+  - {name: bob, joint: {type: translation, axes: [x, z]}, mass: 1}
+strings:
+  - {name: line, path: [{body: bob}, {world: [0, 0, 1]}], length: driven}
+pose: {line.length: 1.0}
+""")
+    height = -2e4 * np.array([0, 0, 0.0018, -0.09, 1, 0])
+    coef = np.zeros((2, 1, 6))
+    coef[:, 0, 0] = 1.0
+    coef[1, 0, 1:] = -height[1:]
+    coef[1, 0, 2] += 4.905
+    breaks, base, named = np.array([0, 1, 1.1]), np.ones((2, 1)), np.array([True])
+    return bob, Input(bob.coordinates, breaks, coef, base, named)

@@ -15,7 +15,7 @@ from harness import polynomial_input, start
 from oracles import arm2d_events, point_mass_events
 from oracles.arm2d_sympy import Arm, model
 from oracles.pendulum_chain import Chain
-from oracles.reeling_pendulum import Reeling
+from oracles.reeling_pendulum import PUPPET, Reeling
 
 SECONDS = 5.0
 """Length of every run whose error is given [s]."""
@@ -41,19 +41,6 @@ LED_X = [
 ]  # fmt: skip
 LED_LENGTH = [0.58, 0.75, 0.82, 0.77, 0.63, 0.65, 0.73, 0.77, 0.6, 0.75, 0.75]
 """Waypoints (s, m) of the led arm's string end, and the lengths at them after the first [m]."""
-
-REELING_PUPPET = """
-puppet: reeling_pendulum
-bodies:
-  - name: bob
-    joint: {type: translation, axes: [x, z]}
-    mass: 0.3
-strings:
-  - name: line
-    path: [{body: bob, at: [0, 0, 0]}, {driven: [x], at: [0, 0, 0]}]
-    length: driven
-pose: {line.length: 1.0}
-"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,7 +219,7 @@ def reeling(pieces: int) -> tuple[Scenario, Callable[[Array], tuple[Array, Array
     Args:
         pieces: quintic ones that stand for the sines; the reference is given the same.
     """
-    oracle, marionette = Reeling(), fan.loads(REELING_PUPPET)
+    oracle, marionette = Reeling(), fan.loads(PUPPET)
     drive = oracle.polynomials(SECONDS, pieces)
     states, _ = oracle.solve(drive, drive.breaks[[0, -1]])
     (X, L), (dX, dL), _ = drive.at(0, 0.0)

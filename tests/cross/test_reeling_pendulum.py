@@ -7,20 +7,7 @@ import pytest
 
 import fantoccini as fan
 from harness import polynomial_input, start
-from oracles.reeling_pendulum import Reeling
-
-PUPPET = """
-puppet: reeling_pendulum
-bodies:
-  - name: bob
-    joint: {type: translation, axes: [x, z]}
-    mass: 0.3
-strings:
-  - name: line
-    path: [{body: bob, at: [0, 0, 0]}, {driven: [x], at: [0, 0, 0]}]
-    length: driven
-pose: {line.length: 1.0}
-"""
+from oracles.reeling_pendulum import PUPPET, Reeling
 
 SECONDS, PIECES = 5.0, 250
 

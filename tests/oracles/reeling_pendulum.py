@@ -17,6 +17,20 @@ from scipy.integrate import DOP853
 from .arm2d_events import Polynomials
 from .mechanisms import hermite
 
+PUPPET = """
+puppet: reeling_pendulum
+bodies:
+  - name: bob
+    joint: {type: translation, axes: [x, z]}
+    mass: 0.3
+strings:
+  - name: line
+    path: [{body: bob, at: [0, 0, 0]}, {driven: [x], at: [0, 0, 0]}]
+    length: driven
+pose: {line.length: 1.0}
+"""
+"""The same pendulum as a puppet."""
+
 
 @dataclass(frozen=True)
 class Reeling:

@@ -9,6 +9,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 import fantoccini as fan
 from fantoccini.simulate.scipy_run import ScipyRun
+from harness import bulge
 
 METHODS = {
     # tolerance given to it; allowed difference of event times, of impulses, of the end state
@@ -253,22 +254,7 @@ def test_a_jump_of_the_inputs_acceleration_is_two_rows(arm):
 
 def test_a_bulge_within_one_step_is_found():
     """Released at 1 s, the string closes and opens again within one long step."""
-    bob = fan.loads("""
-puppet: bob
-bodies:
-  - {name: bob, joint: {type: translation, axes: [x, z]}, mass: 1}
-strings:
-  - {name: line, path: [{body: bob}, {world: [0, 0, 1]}], length: driven}
-pose: {line.length: 1.0}
-""")
-    height = -2e4 * np.array([0, 0, 0.0018, -0.09, 1, 0])
-    coef = np.zeros((2, 1, 6))
-    coef[:, 0, 0] = 1.0
-    coef[1, 0, 1:] = -height[1:]
-    coef[1, 0, 2] += 4.905
-    inputs = fan.Input(
-        bob.coordinates, np.array([0, 1, 1.1]), coef, np.ones((2, 1)), np.array([True])
-    )
+    bob, inputs = bulge()
     x0 = bob.project(bob.state())
     ours = fan.simulate(bob, x0, inputs, 1.0999)
     assert [e.kind.value for e in ours.events] == ["breakpoint", "release", "catch", "release"]

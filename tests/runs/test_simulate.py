@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
+from harness import bulge
 
 
 @pytest.fixture(scope="module")
@@ -206,21 +207,7 @@ def test_a_jump_of_the_inputs_acceleration_is_two_rows(arm, hanging):
 
 def test_a_bulge_past_a_loosened_string_is_a_catch():
     """Released at 1 s, the string closes and opens again within one long step."""
-    bob = fan.loads("""
-puppet: bob
-bodies:
-  - {name: bob, joint: {type: translation, axes: [x, z]}, mass: 1}
-strings:
-  - {name: line, path: [{body: bob}, {world: [0, 0, 1]}], length: driven}
-pose: {line.length: 1.0}
-""")
-    height = -2e4 * np.array([0, 0, 0.0018, -0.09, 1, 0])
-    coef = np.zeros((2, 1, 6))
-    coef[:, 0, 0] = 1.0
-    coef[1, 0, 1:] = -height[1:]
-    coef[1, 0, 2] += 4.905
-    breaks, base, named = np.array([0, 1, 1.1]), np.ones((2, 1)), np.array([True])
-    inputs = fan.Input(bob.coordinates, breaks, coef, base, named)
+    bob, inputs = bulge()
     for max_step in (0.1, 0.005):
         run = fan.simulate(bob, bob.project(bob.state()), inputs, 1.0999, max_step=max_step)
         kinds = [e.kind.value for e in run.events]

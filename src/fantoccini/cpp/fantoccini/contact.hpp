@@ -46,25 +46,18 @@ struct Contact {
     for (int r = 0; r < M; ++r)
       if (f.mode[r] == HELD || f.eval.height(r) > -kNear * f.row_scale(r)) list[n++] = r;
     f.rows.gather(f.eval, f.y + NQ, list, n);
-    double h[room(M)], kept[NQ], before = 1e300;
+    double h[room(M)];
     for (int r = 0; r < M; ++r) h[r] = f.eval.height(r);
-    for (int i = 0; i < NQ; ++i) kept[i] = f.y[i];
-    for (int round = 0; round < 12; ++round) {
+    const auto left = [&] {
       double worst = 0.0;
       for (int a = 0; a < n; ++a) {
         const double off = f.mode[list[a]] == HELD ? fabs(h[list[a]]) : h[list[a]];
         const double beyond = off - kMayStand * f.row_scale(list[a]);
         if (!(beyond <= worst * f.row_scale(list[a]))) worst = beyond / f.row_scale(list[a]);
       }
-      if (worst < 1e-15) return RUNNING;
-      // Rounding is reached when a round no longer halves what is left. Where rows are nearly
-      // dependent it may even add to it: that round is taken back.
-      if (!(worst < 0.5 * before)) {
-        for (int i = 0; i < NQ && !(worst < before); ++i) f.y[i] = kept[i];
-        return before < kTouch ? RUNNING : PROJECTION_FAILED;
-      }
-      before = worst;
-      for (int i = 0; i < NQ; ++i) kept[i] = f.y[i];
+      return worst;
+    };
+    return correct<NQ>(f.y, left, [&] {
       begin(kContradiction);
       for (int a = 0; a < n; ++a) {
         const bool held = f.mode[list[a]] == HELD;
@@ -72,13 +65,13 @@ struct Contact {
         add_row(f, a, h[list[a]], kUnlimited, held ? Set::BASIC : Set::LOW);
       }
       const Status status = settle(f);
-      if (status != RUNNING) return before < kTouch ? RUNNING : status;
+      if (status != RUNNING) return status;
       double move[room(N)];
       push(f, move);
       retract<typename Model::Dynamic>(f.y, move);
       f.heights(f.y, h);
-    }
-    return PROJECTION_FAILED;
+      return RUNNING;
+    });
   }
 
   // Applies the impulse over the rows `closed` at (t, y) and books its work. The flow's evaluation

@@ -7,6 +7,7 @@
 // advanced by dop853 and projected back on the taut rows (h = 0, hdot = 0) in the metric of M_DD.
 #pragma once
 
+#include "correct.hpp"
 #include "drive.hpp"
 #include "evaluation.hpp"
 #include "modes.hpp"
@@ -111,6 +112,12 @@ struct Flow {
 
   double weight() const { return 1e-5 * opt.tension_cap; }
 
+  // The pivot of gathered row a in the factor of G; the diagonal where it stands on its own.
+  double pivot(int a) const {
+    const double reciprocal = rows.problem.factor[a * Complementarity<double, M>::N + a];
+    return 1.0 / (reciprocal * reciprocal);
+  }
+
   // Whether the held rows depend on one another so nearly that of the redundant rows others had
   // better be held.
   bool frail() const {
@@ -124,9 +131,7 @@ struct Flow {
         redundant = redundant || mode[rows.row[a]] != SLIPPING;
         continue;
       }
-      const double reciprocal = rows.problem.factor[a * stride + a];
-      const double pivot = 1.0 / (reciprocal * reciprocal);
-      if (pivot < least) least = pivot;
+      if (pivot(a) < least) least = pivot(a);
     }
     return redundant && least < kFrail * top;
   }
@@ -247,27 +252,16 @@ struct Flow {
   Status pull_back(double* state) {
     double h[room(M)];
     for (int a = 0; a < rows.n; ++a) h[a] = eval.height(rows.row[a]);
-    double kept[room(NQ)], before = 1e300;
-    for (int i = 0; i < NQ; ++i) kept[i] = state[i];
-    for (int round = 0; round < 12; ++round) {
-      const double worst = relative(h);
-      if (worst < 1e-15) return RUNNING;
-      // Rounding is reached when a round no longer halves what is left. Where rows are nearly
-      // dependent it may even add to it: that round is taken back.
-      if (!(worst < 0.5 * before)) {
-        for (int i = 0; i < NQ && !(worst < before); ++i) state[i] = kept[i];
-        return before < 1e-12 ? RUNNING : PROJECTION_FAILED;
-      }
-      before = worst;
-      for (int i = 0; i < NQ; ++i) kept[i] = state[i];
-      double move[room(N)];
-      correction(h, move);
-      retract<typename Model::Dynamic>(state, move);
-      double all[room(M)];
-      heights(state, all);
-      for (int a = 0; a < rows.n; ++a) h[a] = all[rows.row[a]];
-    }
-    return PROJECTION_FAILED;
+    return correct<NQ>(
+        state, [&] { return relative(h); },
+        [&] {
+          double move[room(N)], all[room(M)];
+          correction(h, move);
+          retract<typename Model::Dynamic>(state, move);
+          heights(state, all);
+          for (int a = 0; a < rows.n; ++a) h[a] = all[rows.row[a]];
+          return RUNNING;
+        });
   }
 
   // h of all rows at the configuration of `state` and the inputs of the latest evaluation.
