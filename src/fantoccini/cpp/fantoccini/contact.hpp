@@ -37,6 +37,7 @@ struct Contact {
   double speed[room(M)];    // hdot before it
   double lost = 0.0;        // kinetic energy lost in it
   double stopped = 0.0;     // largest |hdot| that the last hold took from a held row
+  bool brought = false;     // whether it had to stop another row
   double blame[room(M)];    // rows that no motion satisfies together, after IMPOSSIBLE_INPUT
 
   // Brings the held rows to h = 0 and all others to h <= 0, with the smallest change of the
@@ -103,9 +104,7 @@ struct Contact {
     set_.complete(every);
     least_.apply(set_);
     for (int a = 0; a < n; ++a) impulse[list[a]] = set_.x[a];
-    double change[room(N)];
-    f.y[F::WORK] += apply(f, change);
-    for (int j = 0; j < N; ++j) f.y[NQ + j] += change[j];
+    apply(f);
     return RUNNING;
   }
 
@@ -155,11 +154,11 @@ struct Contact {
   }
 
   // Brings the held rows to h = 0 and hdot = 0 at (t, y), without setting other closed rows in
-  // motion past their bounds: hdot = 0 on the held rows, hdot <= 0 on the rest. `work` is what the
-  // inputs do meanwhile.
-  Status hold(F& f, double* work) {
+  // motion past their bounds: hdot = 0 on the held rows, hdot <= 0 on the rest. Books the work.
+  Status hold(F& f) {
     double rate[F::NY];
     stopped = 0.0;
+    brought = false;
     for (int a = 0; a < f.rows.n; ++a)
       if (f.mode[f.rows.row[a]] == HELD && fabs(f.rows.hdot[a]) > stopped)
         stopped = fabs(f.rows.hdot[a]);
@@ -182,9 +181,9 @@ struct Contact {
     }
     const Status settled = settle(f);
     if (settled != RUNNING) return settled;
-    double change[room(N)];
-    *work = apply(f, change);
-    for (int j = 0; j < N; ++j) f.y[NQ + j] += change[j];
+    for (int a = 0; a < n; ++a)
+      brought = brought || (f.mode[list[a]] == SLACK && set_.place[a] == Set::BASIC);
+    apply(f);
     return RUNNING;
   }
 
@@ -299,13 +298,15 @@ struct Contact {
     return (set_.two_sided[i] ? fabs(set_.ray[i]) : set_.ray[i]) / most;
   }
 
-  // The change of velocity by the impulses solved for, and the work of the inputs in it.
-  double apply(F& f, double* change) {
-    double work = 0.0;
+  // Applies the impulses solved for and books the work of the inputs in them.
+  void apply(F& f) {
+    double change[room(N)];
     push(f, change);
-    for (int a = 0; a < f.rows.n; ++a) work += set_.x[a] * f.rows.hdot_K[a];
-    for (int j = 0; j < N; ++j) work += f.eval.M_DK_v_K[j] * change[j];
-    return work;
+    for (int a = 0; a < f.rows.n; ++a) f.y[F::WORK] += set_.x[a] * f.rows.hdot_K[a];
+    for (int j = 0; j < N; ++j) {
+      f.y[F::WORK] += f.eval.M_DK_v_K[j] * change[j];
+      f.y[NQ + j] += change[j];
+    }
   }
 
   // -M^-1 A^T x over the gathered rows.

@@ -336,21 +336,25 @@ struct EventRun {
 
   Status settle_mode(const Situation& s, Record<Model>& out) {
     Hold next[room(M)];
+    const double energy = flow.total_energy(), work = flow.y[F::WORK];
+    double stopped = 0.0;
     Status held = RUNNING;
-    double energy = 0.0, work = 0.0;
     for (const double stillness : {kStill, kHardlyStill}) {
-      const Status chosen = contact.choose(flow, s.loose, s.strained, next, kTouch, stillness);
-      if (chosen != RUNNING) return fail(chosen);
-      set_mode(next);
-      refresh();
-      energy = flow.total_energy();
-      held = contact.hold(flow, &work);
+      // A row that holding the others brings to rest takes part in the choice.
+      for (int round = 0; round <= M; ++round) {
+        const Status chosen = contact.choose(flow, s.loose, s.strained, next, kTouch, stillness);
+        if (chosen != RUNNING) return fail(chosen);
+        set_mode(next);
+        refresh();
+        held = contact.hold(flow);
+        if (contact.stopped > stopped) stopped = contact.stopped;
+        if (held != RUNNING || !contact.brought) break;
+      }
       if (held == RUNNING) break;
     }
     if (held != RUNNING) return fail(held);
-    flow.y[F::WORK] += work;
     refresh();
-    impact += energy + work - flow.total_energy();
+    impact += energy + flow.y[F::WORK] - work - flow.total_energy();
     bool changed = false;
     for (int r = 0; r < M; ++r) {
       tell(s, r, out);
@@ -358,8 +362,8 @@ struct EventRun {
       if (next[r] == SLIPPING) guards.armed[r] = flow.lack(r) < -kCreep;
       if (next[r] == SLACK && s.holds(r)) guards.armed[r] = false;
     }
-    if (contact.stopped > kCreep && accumulation.shrinking()) {
-      note(out, ACCUMULATION, -1, 0.0, contact.stopped);
+    if (stopped > kCreep && accumulation.shrinking()) {
+      note(out, ACCUMULATION, -1, 0.0, stopped);
       accumulation.forget();
     }
     guards.remember();
