@@ -174,7 +174,7 @@ class _Rates:
     def __init__(self, given: Performance, run: fan.Trajectory):
         puppet, tree = given.marionette, given.marionette.tree
         self._puppet, self._n, self._n_s = puppet, run.v_D.shape[1], len(tree.strings)
-        state = [run.q_D, run.v_D, run.q_K, run.v_K, run.acc_K, _forces(given.inputs, run.t)]
+        state = [run.q_D, run.v_D, run.q_K, run.v_K, run.acc_K, given.inputs.evaluate_force(run.t)]
         self._L, self._w0, self._W, _, _, hdot, gamma, _, _, _, J_l, gamma_l, *_ = (
             puppet.library.evaluate("dynamics", [*state, np.zeros(1), puppet.p])
         )
@@ -205,15 +205,6 @@ class _Rates:
         forces = np.linalg.norm(self._w0, axis=1) + np.linalg.norm(pull, axis=1)
         size = 1.0 + np.abs(self._gamma) + np.linalg.norm(W, axis=-1) * forces[:, None]
         return lack, hddot, size
-
-
-def _forces(inputs: fan.Input, t: np.ndarray) -> np.ndarray:
-    """(T, n_vD) u_D, which performances hold from one break to the next [N or N m]."""
-    n = inputs.coordinates.n_vD
-    if inputs.force is None:
-        return np.zeros((len(t), n))
-    piece = np.clip(np.searchsorted(inputs.breaks, t, "right") - 1, 0, len(inputs.force) - 1)
-    return inputs.force[piece, :, 0]
 
 
 def _always(given: Performance, run: fan.Trajectory, method: str) -> list[str]:
