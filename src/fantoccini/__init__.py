@@ -20,7 +20,16 @@ from fantoccini.errors import (
     UnknownNameError,
 )
 from fantoccini.marionette import Flow, Marionette, Stepper, load, loads
-from fantoccini.motion import Columns, Event, EventKind, Input, State, Trajectory
+from fantoccini.motion import (
+    Columns,
+    Event,
+    EventKind,
+    Input,
+    Inputs,
+    State,
+    Trajectories,
+    Trajectory,
+)
 from fantoccini.puppet import Puppet
 from fantoccini.simulate import simulate
 from fantoccini.world import World
@@ -36,6 +45,7 @@ __all__ = [
     "Flow",
     "Input",
     "InputError",
+    "Inputs",
     "Marionette",
     "Puppet",
     "PuppetError",
@@ -44,6 +54,7 @@ __all__ = [
     "StateError",
     "Status",
     "Stepper",
+    "Trajectories",
     "Trajectory",
     "UnknownNameError",
     "World",

@@ -1,7 +1,15 @@
 """Equations -> source text: the model that is compiled here, and C99 to take elsewhere."""
 
 from fantoccini.codegen.c99 import c99_files
-from fantoccini.codegen.model import STEM, VERSION, Generated, generate, model_text, tables_text
+from fantoccini.codegen.model import (
+    STEM,
+    VERSION,
+    Generated,
+    generate,
+    generate_lanes,
+    model_text,
+    tables_text,
+)
 
 __all__ = [
     "STEM",
@@ -9,6 +17,7 @@ __all__ = [
     "Generated",
     "c99_files",
     "generate",
+    "generate_lanes",
     "model_text",
     "tables_text",
 ]

@@ -4,10 +4,10 @@
 
 #include <new>
 
+#include "event_batch.hpp"
+#include "export.hpp"
 #include "fixed.hpp"
 #include "outside.hpp"
-
-#define FAN_EXPORT extern "C" __attribute__((visibility("default")))
 
 namespace fan {
 
@@ -173,6 +173,21 @@ FAN_EXPORT double fan_present(const void* handle, double* y, signed char* mode) 
   for (int j = 0; j < flow.NY; ++j) y[j] = flow.y[j];
   for (int r = 0; r < flow.M; ++r) mode[r] = flow.mode[r];
   return flow.t;
+}
+
+// --- many event-driven runs (batch.hpp, event_batch.hpp) ----------------------------------------
+
+FAN_POOL
+
+// Bytes of BatchArrays, and trajectories that are advanced together.
+FAN_EXPORT void fan_batch_sizes(int* out) {
+  out[0] = int(sizeof(fan::BatchArrays));
+  out[1] = 1;
+}
+
+// Works on a pool until nothing is left; 0, or 1 where there was no memory.
+FAN_EXPORT int fan_batch_work(void* pool) {
+  return fan::work_on<fan::EventBatch<fan::Model>>(pool);
 }
 
 // Calls a model function n times: argument i of call k begins at arg[i] + k * arg_stride[i].
