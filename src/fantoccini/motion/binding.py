@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fantoccini.arrays import Array, MaskRows
+from fantoccini.arrays import Array
 from fantoccini.motion import pieces, polynomial, rotation
 from fantoccini.motion.findings import Findings
 
@@ -25,7 +25,7 @@ def bound(
     breaks: Array,
     coef: Array,
     base: Array,
-    named: MaskRows,
+    named: Array,
     q_here: Array,
     q_K: Array,
     t: float,
@@ -37,7 +37,7 @@ def bound(
         breaks: (n, n_seg + 1) [s].
         coef: (n, n_seg, n_vK, 6).
         base: (n, n_seg, n_qK).
-        named: (n_vK,) bool.
+        named: (n, n_vK) bool.
         q_here: (n, n_qK) of the inputs at ``t``.
         q_K: (n, n_qK) of the start states.
         t: the start [s].
@@ -52,17 +52,18 @@ def bound(
     findings, coef, base = Findings(), np.array(coef), np.array(base)
     for name, (q, v) in pieces.channel_names(table).items():
         mine, theirs = q_here[:, q], q_K[:, q]
-        if not named[v.start]:
-            coef[:, :, v], base[:, :, q] = 0.0, theirs[:, None]
-            if name not in table.rotations:
-                coef[:, :, v, 0] = theirs[:, None]
-            continue
+        mask = named[:, v.start]
+        free = np.flatnonzero(~mask)
+        coef[free[:, None], :, np.arange(v.start, v.stop)] = 0.0
+        base[free, :, q] = theirs[free, None]
         if name in table.rotations:
             away = np.linalg.norm(rotation.between(theirs, mine), axis=-1)
-            base[:, :, q] *= np.where((mine * theirs).sum(axis=-1) < 0, -1.0, 1.0)[:, None, None]
+            turned = mask & ((mine * theirs).sum(axis=-1) < 0)
+            base[:, :, q] *= np.where(turned, -1.0, 1.0)[:, None, None]
         else:
+            coef[free, :, v.start, 0] = theirs[free]
             away = np.abs(mine - theirs)[:, 0] / np.maximum(1.0, np.abs(mine[:, 0]))
-        for i in np.flatnonzero(~(away <= _SAME_POSITION))[:1]:
+        for i in np.flatnonzero(mask & ~(away <= _SAME_POSITION))[:1]:
             here, there = _text(mine[i]), _text(theirs[i])
             findings.add(
                 (*which(i, len(coef)), name),
@@ -92,9 +93,9 @@ def note_lengths(table: CoordinateTable, breaks: Array, coef: Array, findings: F
             )
 
 
-def which(i: int, n: int) -> tuple[str, ...]:
+def which(i: int, n: int) -> tuple[int, ...]:
     """Where in many inputs the i-th of n is, for messages; nothing for a single one."""
-    return (f"inputs[{i}]",) if n > 1 else ()
+    return (int(i),) if n > 1 else ()
 
 
 def _text(values: Array) -> str:

@@ -279,7 +279,7 @@ class Input:
         q_here, q_K = self.evaluate(t)[0], np.asarray(q_K, dtype=float)
         one = [a[None] for a in (self.breaks, self.coef, self.base)]
         coef, base = binding.bound(
-            self.coordinates, *one, self.named, q_here[None], q_K[None], t
+            self.coordinates, *one, self.named[None], q_here[None], q_K[None], t
         )
         return dataclasses.replace(self, coef=coef[0], base=base[0])
 

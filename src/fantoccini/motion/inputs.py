@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fantoccini.arrays import Array, MaskRows, frozen
+from fantoccini.arrays import Array, frozen
 from fantoccini.errors import UnknownNameError
 from fantoccini.motion import binding, pieces, polynomial, reading, rotation
 from fantoccini.motion.findings import Findings
@@ -27,10 +27,10 @@ class Inputs:
 
     Attributes:
         coordinates: names and places of the coordinates.
-        breaks: (n or 1, n_seg + 1) not decreasing [s].
+        breaks: (n or 1, n_seg + 1) not decreasing [s]; pieces at the end may last no time.
         coef: (n, n_seg, n_vK, 6) ascending powers of the time since the piece began [m or rad, s].
         base: (n, n_seg, n_qK) configuration of reference [m, rad or 1].
-        named: (n_vK,) bool, what was named; the rest holds still.
+        named: (n or 1, n_vK) bool, what was named; the rest holds still.
         force: (n, n_seg, n_vD, 6) generalised forces u_D [N or N m], or None.
         relative: the motion is that from wherever the start state is, not one of given places.
     """
@@ -39,7 +39,7 @@ class Inputs:
     breaks: Array
     coef: Array
     base: Array
-    named: MaskRows
+    named: Array
     force: Array | None = None
     relative: bool = False
 
@@ -63,7 +63,7 @@ class Inputs:
         force = None if self.force is None else self.force[i][kept]
         return Input(
             self.coordinates, np.append(breaks[:-1][kept], breaks[-1]), self.coef[i][kept],
-            self.base[i][kept], self.named, force,
+            self.base[i][kept], self.named[i if len(self.named) > 1 else 0], force,
         )  # fmt: skip
 
     @classmethod
@@ -71,10 +71,10 @@ class Inputs:
         """Inputs of one puppet side by side. Shorter ones are held at their ends.
 
         Args:
-            inputs: one or more; those that name a coordinate which others do not are refused.
+            inputs: one or more.
 
         Raises:
-            ValueError: there are none, they are of different puppets or name different things.
+            ValueError: there are none, or they are of different puppets.
         """
         if not inputs:
             raise ValueError("inputs is empty; it must hold one Input or more")
@@ -85,33 +85,23 @@ class Inputs:
                 != (first.coordinates.q_K, first.coordinates.v_D)
             ):
                 raise ValueError(f"inputs[{i}] is of another puppet than inputs[0]")
-            if np.any(other.named != first.named):
-                raise ValueError(
-                    f"inputs[{i}] names other coordinates than inputs[0]; inputs of one batch "
-                    "must name the same"
-                )
         table, longest = first.coordinates, max(len(one.coef) for one in inputs)
         n, forced = len(inputs), any(one.force is not None for one in inputs)
+        # Shorter ones are filled up with pieces that last no time at their end.
         breaks = np.empty((n, longest + 1))
-        coef = np.zeros((n, longest, table.n_vK, polynomial.N_COEF))
+        coef = np.empty((n, longest, table.n_vK, polynomial.N_COEF))
         base = np.empty((n, longest, table.n_qK))
         force = np.zeros((n, longest, table.n_vD, polynomial.N_COEF)) if forced else None
         for i, one in enumerate(inputs):
             k = len(one.coef)
             breaks[i, : k + 1], breaks[i, k + 1 :] = one.breaks, one.end
             coef[i, :k], base[i, :k] = one.coef, one.base
+            coef[i, k:], base[i, k:] = one.coef[-1], one.base[-1]
             if one.force is not None:
                 force[i, :k] = one.force
-            if k < longest:
-                # Pieces without duration that begin and move on as the last one ends.
-                h = np.array([one.breaks[-1] - one.breaks[-2]])
-                coef[i, k:] = polynomial.shifted(one.coef[-1:], h)
-                base[i, k:] = one.base[-1]
-                if one.force is not None:
-                    force[i, k:] = polynomial.shifted(one.force[-1:], h)
         if np.all(breaks == breaks[0]):
             breaks = breaks[:1]
-        return cls(table, breaks, coef, base, first.named, force)
+        return cls(table, breaks, coef, base, np.stack([one.named for one in inputs]), force)
 
     @classmethod
     def random(
@@ -177,7 +167,7 @@ class Inputs:
                 base[:, :, q] = points[:, :-1, v]
                 coef[:, :, v, 0] = points[:, :-1, v]
         coef[..., 3:] = move[..., None] * np.array([10.0, -15.0, 6.0]) / h ** np.arange(3, 6)
-        return cls(table, breaks[None], coef, base, np.ones(table.n_vK, bool), relative=True)
+        return cls(table, breaks[None], coef, base, np.ones((1, table.n_vK), bool), relative=True)
 
     @property
     def start(self) -> float:
@@ -199,7 +189,8 @@ class Inputs:
         breaks = np.broadcast_to(self.breaks, (n, n_seg + 1))
         t = np.broadcast_to(np.asarray(t, dtype=float), n)[:, None]
         at = np.clip(t, breaks[:, :1], breaks[:, -1:])
-        i = np.clip((breaks <= at).sum(axis=1) - 1, 0, n_seg - 1)
+        last = (np.diff(breaks) > 0).sum(axis=1) - 1
+        i = np.clip((breaks <= at).sum(axis=1) - 1, 0, last)
         all_of_them = np.arange(n)
         s = at[:, 0] - breaks[all_of_them, i]
         coef, base = self.coef[all_of_them, i], self.base[all_of_them, i]
@@ -230,8 +221,9 @@ class Inputs:
         t = self.start if t is None else float(t)
         q_here = np.broadcast_to(self.evaluate(t)[0], (n, self.coordinates.n_qK))
         q_K = np.broadcast_to(q_K, (n, self.coordinates.n_qK))
+        named = np.broadcast_to(self.named, (n, self.coordinates.n_vK))
         coef, base = binding.bound(
-            self.coordinates, self.breaks, coef, base, self.named, q_here, q_K, t
+            self.coordinates, self.breaks, coef, base, named, q_here, q_K, t
         )
         return dataclasses.replace(self, coef=coef, base=base)
 

@@ -33,7 +33,7 @@ class Trajectories:
     Attributes:
         t: (T,) times [s].
         status: (n,) :class:`Status` numbers: how each ended.
-        reached: (n,) how far each got [s].
+        reached: (n,) how far each got [s]; NaN where Ctrl-C came before a run was begun.
         violation: (n,) by how much rows were overstepped at worst (time-stepping; 0 for event)
             [m, rad or 1].
         catches, releases: (n,) of strings and limits.
@@ -97,13 +97,15 @@ class Trajectories:
         """Run i by itself, without its events. Everything must have been saved (``save="all"``).
 
         Raises:
-            ValueError: naming what was not saved.
+            ValueError: naming what was not saved; or the run was not begun.
         """
         missing = [name for name in SAVED if getattr(self, name) is None]
         if missing:
             raise ValueError(
                 f"{', '.join(missing)} of these runs were not saved; simulate with save='all'"
             )
+        if not np.isfinite(self.reached[i]):
+            raise ValueError(f"run {i} was not begun")
         rows = slice(0, max(1, int(np.searchsorted(self.t, self.reached[i], side="right"))))
         return Trajectory(
             t=self.t[rows],

@@ -157,9 +157,11 @@ class Batch:
         try:
             for worker in workers:
                 worker.start()
-            while any(worker.is_alive() for worker in workers):
+            working = True
+            while working:
                 for worker in workers:
                     worker.join(_LOOK_SECONDS / threads)
+                working = any(worker.is_alive() for worker in workers)
                 if look:
                     look(library.handle.fan_batch_done(pool) / self.n)
         finally:

@@ -63,7 +63,7 @@ def simulate_many(
         slip=np.stack([x.slip if len(x.slip) else still for x in states]),
         breaks=bound.breaks, coef=bound.coef, base=bound.base, force=bound.force,
         p=marionette.p, winches=marionette.winches, options=options, times=times, parts=parts,
-        status=np.full(n, Status.STOPPED, dtype=np.int32), reached=np.full(n, t),
+        status=np.full(n, Status.STOPPED, dtype=np.int32), reached=np.full(n, np.nan),
         violation=np.zeros(n), events=np.zeros((n, 2), dtype=np.int64),
         blame=np.zeros((n, marionette.tree.n_rows)),
     )  # fmt: skip

@@ -45,8 +45,12 @@ struct BatchArrays {
   long long* events;  // (n, 2) catches and releases
   double* blame;      // (n, rows) event-driven
 
+  // Shorter inputs are filled up with pieces that last no time at their end.
   InputArrays input(long long i) const {
-    return {n_segments, breaks.of(i), coef.of(i), base.of(i), force.of(i)};
+    const double* times = breaks.of(i);
+    int n = n_segments;
+    while (n > 1 && times[n - 1] >= times[n]) --n;
+    return {n, times, coef.of(i), base.of(i), force.of(i)};
   }
 };
 

@@ -121,7 +121,8 @@ class LaneBatch {
     const BatchArrays& in = pool.arrays;
     const double dt = in.options.dt;
     double t = in.t;
-    long long row = 0, told = 0;
+    double told = t;
+    long long row = 0;
     write(in, row++);
     for (long long step = 1; t < in.t_end - 1e-9 * dt; ++step) {
       double next = in.t + double(step) * dt;
@@ -132,12 +133,12 @@ class LaneBatch {
       t = next;
       count(t);
       if (step % in.save_every == 0 || t >= in.t_end) write(in, row++);
-      if (step - told < kTold) continue;
-      pool.advance(n_ * double(step - told) * dt / (in.t_end - in.t));
-      told = step;
-      if (pool.stopped()) break;
-      if (!any(led_.status < Real(RUNNING + 0.5))) break;
+      if (step % kTold != 0) continue;
+      pool.advance(n_ * (t - told) / (in.t_end - in.t));
+      told = t;
+      if (pool.stopped() || !any(led_.status < Real(RUNNING + 0.5))) break;
     }
+    if (!pool.stopped()) pool.advance(n_ * (in.t_end - told) / (in.t_end - in.t));
     for (int l = 0; l < n_; ++l) {
       const int status = int(lane_of(led_.status, l));
       const long long who = first_ + l;
