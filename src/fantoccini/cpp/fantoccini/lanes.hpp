@@ -67,6 +67,7 @@ struct Lanes {
 
   FAN_LANE_OP Mask operator<(const Lanes& a, const Lanes& b) { return {a.v < b.v}; }
   FAN_LANE_OP Mask operator>(const Lanes& a, const Lanes& b) { return {a.v > b.v}; }
+  FAN_LANE_OP Mask operator!=(const Lanes& a, const Lanes& b) { return {a.v != b.v}; }
   FAN_LANE_OP Mask operator<=(const Lanes& a, const Lanes& b) { return {a.v <= b.v}; }
   FAN_LANE_OP Mask operator>=(const Lanes& a, const Lanes& b) { return {a.v >= b.v}; }
 

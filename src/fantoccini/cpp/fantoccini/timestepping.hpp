@@ -202,11 +202,12 @@ struct TimeStep {
       tension[r] = x * (1.0 / dt);
       taut[r] = rows.two_sided[a] ? Real(1.0) > Real(0.0) : x > Real(0.0);
       work += x * rows.hdot_K[a];
+      // A catch takes two steps: the first ends where the row closes, the second stops it.
+      const Mask caught = taut[r] && !(held[r] && held_before[r]);
+      if (!any(caught)) continue;
       Real after = before[a];
       constexpr int stride = Complementarity<Real, M>::N;
       for (int b = 0; b < rows.n; ++b) after += rows.problem.G[a * stride + b] * pull[b];
-      // A catch takes two steps: the first ends where the row closes, the second stops it.
-      const Mask caught = taut[r] && !(held[r] && held_before[r]);
       impact += select(caught, Real(x * 0.5 * (before[a] + after)), Real(0.0));
     }
   }
