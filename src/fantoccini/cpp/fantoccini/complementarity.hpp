@@ -29,8 +29,6 @@ struct Complementarity {
   Real lower[N], upper[N];
   Mask active[N];      // rows between their bounds; on entry the guess
   Mask high[N];        // rows at their upper bound
-  Real factor[N * N];  // lower Cholesky factor of the active block, reciprocals on the diagonal
-
   FAN_FN void factorise(double eps) {
     // Against the largest diagonal: a row without any influence of its own then gets no multiplier.
     raise_ = Real(1e-30);
@@ -43,41 +41,43 @@ struct Complementarity {
     }
     raise_ *= eps;
     for (int c = 0; c < n_some_; ++c) {
-      const int j = some_[c];
-      factor[j * N + j] = select(active[j], Real(G[j * N + j] + raise_), Real(1.0));
-      for (int d = c + 1; d < n_some_; ++d) {
-        const int i = some_[d];
-        factor[i * N + j] = select(active[i] && active[j], G[i * N + j], Real(0.0));
-      }
-    }
-    // Column by column, each taken out of all that follow: their updates do not wait on another.
-    for (int c = 0; c < n_some_; ++c) {
       using std::sqrt;
       const int j = some_[c];
+      Real pivot = select(active[j], Real(G[j * N + j] + raise_), Real(1.0));
+      const Real* own = factor_ + c * N;
+      for (int k = 0; k < c; ++k) pivot -= own[k] * own[k];
       // A redundant row leaves rounding here; the floor keeps the factor finite.
       const Real floor = raise_ * 1e-2 + G[j * N + j] * 1e-16 + 1e-300;
-      const Real sum = factor[j * N + j];
-      const Real pivot = factor[j * N + j] = Real(1.0) / sqrt(select(sum > floor, sum, floor));
-      for (int d = c + 1; d < n_some_; ++d) factor[some_[d] * N + j] *= pivot;
+      pivot = factor_[c * N + c] = Real(1.0) / sqrt(select(pivot > floor, pivot, floor));
       for (int d = c + 1; d < n_some_; ++d) {
-        Real* row = factor + some_[d] * N;
-        const Real part = row[j];
-        for (int e = c + 1; e <= d; ++e) row[some_[e]] -= part * factor[some_[e] * N + j];
+        const int i = some_[d];
+        Real* other = factor_ + d * N;
+        Real sum = select(active[i] && active[j], G[i * N + j], Real(0.0));
+        for (int k = 0; k < c; ++k) sum -= other[k] * own[k];
+        other[c] = sum * pivot;
       }
     }
   }
 
+  // The pivot of active row i in the factor.
+  FAN_FN Real pivot(int i) const {
+    int c = 0;
+    while (some_[c] != i) ++c;
+    return Real(1.0) / (factor_[c * N + c] * factor_[c * N + c]);
+  }
+
   // r <- (active block)^-1 r; the other rows stay as they are.
   FAN_FN void substitute(Real* r) const {
+    Real y[N];
+    for (int c = 0; c < n_some_; ++c) y[c] = r[some_[c]];
     for (int c = 0; c < n_some_; ++c) {
-      const int j = some_[c];
-      r[j] *= factor[j * N + j];
-      for (int d = c + 1; d < n_some_; ++d) r[some_[d]] -= factor[some_[d] * N + j] * r[j];
+      y[c] *= factor_[c * N + c];
+      for (int d = c + 1; d < n_some_; ++d) y[d] -= factor_[d * N + c] * y[c];
     }
     for (int c = n_some_ - 1; c >= 0; --c) {
-      const int i = some_[c];
-      r[i] *= factor[i * N + i];
-      for (int d = 0; d < c; ++d) r[some_[d]] -= factor[i * N + some_[d]] * r[i];
+      y[c] *= factor_[c * N + c];
+      for (int d = 0; d < c; ++d) y[d] -= factor_[c * N + d] * y[c];
+      r[some_[c]] = y[c];
     }
   }
 
@@ -86,6 +86,7 @@ struct Complementarity {
   FAN_FN void solve_active(double eps, int max_refinements) {
     factorise(eps);
     first_solution();
+    residuals();
     refine(max_refinements);
   }
 
@@ -101,14 +102,9 @@ struct Complementarity {
       Real scale = Real(0.0), count = Real(0.0);
       for (int i = 0; i < n; ++i) scale = select(abs(x[i]) > scale, Real(abs(x[i])), scale);
       Mask below[N], above[N], wrong[N];
-      const int n_pull = pulling();
+      residuals();
       for (int i = 0; i < n; ++i) {
-        // What s says of a row matters only where the row is at a bound.
-        Real sum = Real(0.0), terms = Real(0.0);
-        if (any(!active[i])) {
-          residual(i, n_pull, sum, terms);
-          sum += raise_ * x[i];
-        }
+        const Real sum = s[i] + raise_ * x[i], terms = terms_[i];
         below[i] = active[i] && x[i] < lower[i] - tolerance * scale;
         above[i] = active[i] && x[i] > upper[i] + tolerance * scale;
         const Mask freed = (high[i] && sum > tolerance * terms) ||
@@ -148,47 +144,45 @@ struct Complementarity {
     for (int i = 0; i < n; ++i) x[i] = select(active[i], x[i], known[i]);
   }
 
-  FAN_FN void refine(int max_refinements) {
+  // Takes what is left out of x, until it is rounding or `most` times; s is that of x on entry.
+  FAN_FN void refine(int most) {
     using std::abs;
     Real r[N];
-    for (int round = 0;; ++round) {
+    for (int round = 0; round < most; ++round) {
       Mask rough = Real(0.0) > Real(1.0);
-      const int n_pull = pulling();
-      for (int i = 0; i < n; ++i) {
-        Real terms;
-        residual(i, n_pull, s[i], terms);
-        rough = rough || (active[i] && abs(s[i]) > kRounding * terms);
-      }
-      if (round == max_refinements || !any(rough)) break;
+      for (int i = 0; i < n; ++i)
+        rough = rough || (active[i] && abs(s[i]) > kRounding * terms_[i]);
+      if (!any(rough)) return;
       for (int i = 0; i < n; ++i) r[i] = select(active[i] && rough, Real(-s[i]), Real(0.0));
       substitute(r);
       for (int i = 0; i < n; ++i) x[i] += r[i];
+      residuals();
     }
   }
 
-  // Rows with x other than 0 in some lane, in pull_.
-  FAN_FN int pulling() {
-    int count = 0;
-    for (int j = 0; j < n; ++j)
-      if (any(x[j] != Real(0.0))) pull_[count++] = j;
-    return count;
-  }
-
-  // s_i and the size of its terms.
-  FAN_FN void residual(int i, int n_pull, Real& sum, Real& terms) const {
+  // s, and the size of its terms.
+  FAN_FN void residuals() {
     using std::abs;
-    sum = -b[i];
-    terms = abs(b[i]);
-    for (int k = 0; k < n_pull; ++k) {
-      const Real term = G[i * N + pull_[k]] * x[pull_[k]];
-      sum += term;
-      terms += abs(term);
+    int pulls[N], n_pulls = 0;
+    for (int j = 0; j < n; ++j)
+      if (any(x[j] != Real(0.0))) pulls[n_pulls++] = j;
+    for (int i = 0; i < n; ++i) {
+      Real sum = -b[i], terms = abs(b[i]);
+      for (int k = 0; k < n_pulls; ++k) {
+        const Real term = G[i * N + pulls[k]] * x[pulls[k]];
+        sum += term;
+        terms += abs(term);
+      }
+      s[i] = sum;
+      terms_[i] = terms;
     }
   }
 
-  Real raise_;
+  Real raise_, terms_[N];
   int some_[N], n_some_ = 0;  // rows active in some lane, in order
-  int pull_[N];
+  // Lower Cholesky factor of these rows' block, reciprocals on the diagonal; the part of a row that
+  // is not active in a lane is that of the unit matrix there.
+  Real factor_[N * N];
 };
 
 }  // namespace fan

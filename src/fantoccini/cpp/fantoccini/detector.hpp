@@ -86,7 +86,7 @@ struct Detector {
     for (int a = 0; a < f.rows.n; ++a) {
       if (f.tension[f.rows.row[a]] > top) top = f.tension[f.rows.row[a]];
       if (!problem.active[a]) continue;
-      const double ratio = f.pivot(a) / problem.G[a * stride + a];
+      const double ratio = problem.pivot(a) / problem.G[a * stride + a];
       if (ratio < least) {
         least = ratio;
         weakest = a;

@@ -73,22 +73,47 @@ struct RowSystem {
     }
     constexpr int stride = Complementarity<Real, M>::N;
     for (int a = 0; a < n; ++a) {
-      Real g[room(M)];
-      for (int b = 0; b <= a; ++b) g[b] = row[a] < S ? e.G[row[b] + S * row[a]] : Real(0.0);
-      if (row[a] >= S)
-        for (int k = 0; k < N; ++k)
-          for (int b = 0; b <= a; ++b) g[b] += column[a][k] * column[b][k];
-      for (int b = 0; b <= a; ++b) problem.G[a * stride + b] = problem.G[b * stride + a] = g[b];
+      Real* G = problem.G + a * stride;
+      if (row[a] < S)
+        for (int b = 0; b <= a; ++b) G[b] = e.G[row[b] + S * row[a]];
+      else
+        products(a, G);
+      for (int b = 0; b < a; ++b) problem.G[b * stride + a] = G[b];
     }
   }
 
   // w <- w + W y over the rows.
   FAN_FN void add(const Real* y, Real* w) const {
     for (int a = 0; a < n; ++a)
-      for (int k = 0; k < N; ++k) w[k] += column[a][k] * y[a];
+      for (int k = 0; k < length(a); ++k) w[k] += column[a][k] * y[a];
   }
 
  private:
+  // Entries of row a's column up to the last that is not 0: w = L^-T x has none behind those of x,
+  // since links come after their parents.
+  FAN_FN int length(int a) const {
+    const int i = row[a] - S;
+    return i < 0 ? N : Model::limit_v[i] + Model::limit_n[i];
+  }
+
+  // Row a of W^T W up to its diagonal, four sums at a time: each addition waits for the one before.
+  FAN_FN void products(int a, Real* out) const {
+    const Real* own_column = column[a];
+    const int n_k = length(a);
+    for (int b = 0; b <= a; b += 4) {
+      const Real* c[4];
+      for (int j = 0; j < 4; ++j) c[j] = column[b + j <= a ? b + j : a];
+      Real sum[4] = {Real(0.0), Real(0.0), Real(0.0), Real(0.0)};
+      for (int k = 0; k < n_k; ++k) {
+        sum[0] += own_column[k] * c[0][k];
+        sum[1] += own_column[k] * c[1][k];
+        sum[2] += own_column[k] * c[2][k];
+        sum[3] += own_column[k] * c[3][k];
+      }
+      for (int j = 0; j < 4 && b + j <= a; ++j) out[b + j] = sum[j];
+    }
+  }
+
   FAN_FN void limit(const Eval& e, const Real* v_D, int a, int i) {
     Real x[room(N)];
     for (int k = 0; k < N; ++k) x[k] = Real(0.0);

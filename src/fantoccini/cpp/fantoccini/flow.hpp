@@ -112,12 +112,6 @@ struct Flow {
 
   double weight() const { return 1e-5 * opt.tension_cap; }
 
-  // The pivot of gathered row a in the factor of G; the diagonal where it stands on its own.
-  double pivot(int a) const {
-    const double reciprocal = rows.problem.factor[a * Complementarity<double, M>::N + a];
-    return 1.0 / (reciprocal * reciprocal);
-  }
-
   // Whether the held rows depend on one another so nearly that of the redundant rows others had
   // better be held.
   bool frail() const {
@@ -131,7 +125,8 @@ struct Flow {
         redundant = redundant || mode[rows.row[a]] != SLIPPING;
         continue;
       }
-      if (pivot(a) < least) least = pivot(a);
+      const double pivot = rows.problem.pivot(a);
+      if (pivot < least) least = pivot;
     }
     return redundant && least < kFrail * top;
   }

@@ -12,6 +12,10 @@
 #include <experimental/simd>
 #endif
 
+#if defined(__AVX__)
+#include <immintrin.h>
+#endif
+
 #include "real.hpp"
 
 #define FAN_LANE_OP __attribute__((always_inline)) friend inline
@@ -72,9 +76,18 @@ struct Lanes {
   FAN_LANE_OP Mask operator>=(const Lanes& a, const Lanes& b) { return {a.v >= b.v}; }
 
   // Hidden friends, so that step code on doubles goes on finding the C library's.
-  FAN_LANE_OP Lanes abs(const Lanes& a) { return of(a.v < 0.0 ? -a.v : a.v); }
+  FAN_LANE_OP Lanes abs(const Lanes& a) {
+    using Bits = typename Mask::Bits;
+    return of((Vector)((Bits)a.v & 0x7fffffffffffffffLL));
+  }
   FAN_LANE_OP Lanes fabs(const Lanes& a) { return abs(a); }
   FAN_LANE_OP Lanes sqrt(const Lanes& a) {
+#if defined(__AVX512F__)
+    if constexpr (width == 8) return of((Vector)_mm512_sqrt_pd((__m512d)a.v));
+#endif
+#if defined(__AVX__)
+    if constexpr (width == 4) return of((Vector)_mm256_sqrt_pd((__m256d)a.v));
+#endif
     Lanes out;
     for (int l = 0; l < width; ++l) out.v[l] = ::sqrt(a.v[l]);
     return out;
@@ -147,7 +160,13 @@ __attribute__((always_inline)) inline Lanes<width> select(
 }
 
 template <int width>
-inline bool any(const LaneMask<width>& mask) {
+__attribute__((always_inline)) inline bool any(const LaneMask<width>& mask) {
+#if defined(__AVX512F__)
+  if constexpr (width == 8) return _mm512_test_epi64_mask((__m512i)mask.bits, (__m512i)mask.bits);
+#endif
+#if defined(__AVX__)
+  if constexpr (width == 4) return !_mm256_testz_si256((__m256i)mask.bits, (__m256i)mask.bits);
+#endif
   long long some = 0;
   for (int l = 0; l < width; ++l) some |= mask.bits[l];
   return some != 0;
