@@ -6,7 +6,9 @@ bodies: the strings' upper ends are points of a body welded to the world.
 
 from __future__ import annotations
 
+import logging
 import time
+from importlib import metadata
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -35,12 +37,10 @@ class Drake:
             PeerError: it is not installed.
         """
         try:
-            from importlib import metadata
-
             from pydrake.systems.analysis import Simulator
         except ImportError:
             raise PeerError("not installed") from None
-        self.version = metadata.version("drake")
+        self.version, self.strings = metadata.version("drake"), hung
         self.free, self.hung = _plant(text, 0.0, []), _plant(text, DT, hung)
         self.context = self.free.CreateDefaultContext()
         self.simulator = Simulator(self.hung)
@@ -72,15 +72,31 @@ class Drake:
             plant.EvalTimeDerivatives(context)
         return (time.thread_time() - start) / CALLS
 
+    def stretch(self, q_D: Array, v_D: Array) -> float:
+        """How far a string is from its length after some steps from a state [m]."""
+        self._begin(q_D, v_D)
+        self.simulator.AdvanceTo(STEPS * DT)
+        context, world = self.simulator.get_context(), self.hung.world_frame()
+        apart = 0.0
+        for s in self.strings:
+            frame = self.hung.GetBodyByName(s.body).body_frame()
+            end = self.hung.CalcPointsPositions(context, frame, np.array(s.at), world).ravel()
+            apart = max(apart, abs(float(np.linalg.norm(end - s.world)) - s.length))
+        return apart
+
     def step(self, q_D: Array, v_D: Array) -> float:
         """Seconds of a step with strings."""
+        self._begin(q_D, v_D)
+        start = time.thread_time()
+        self.simulator.AdvanceTo(STEPS * DT)
+        return (time.thread_time() - start) / STEPS
+
+    def _begin(self, q_D: Array, v_D: Array) -> None:
+        """Time 0 and a state."""
         context = self.simulator.get_mutable_context()
         context.SetTime(0.0)
         self._place(self.hung, context, q_D, v_D)
         self.simulator.Initialize()
-        start = time.thread_time()
-        self.simulator.AdvanceTo(STEPS * DT)
-        return (time.thread_time() - start) / STEPS
 
     @staticmethod
     def _place(plant, context, q_D: Array, v_D: Array) -> None:
@@ -114,6 +130,7 @@ def _plant(text: str, dt: float, hung: list[Anchored]):
     from pydrake.multibody.plant import DiscreteContactApproximation, MultibodyPlant
     from pydrake.multibody.tree import SpatialInertia, UnitInertia
 
+    logging.getLogger("drake").setLevel(logging.ERROR)  # it names the elements it leaves out
     plant = MultibodyPlant(dt)
     Parser(plant).AddModelsFromString(text, "xml")
     if dt > 0.0:

@@ -18,6 +18,7 @@ from fantoccini.arrays import Array
 from fantoccini.equations.inertia import link_inertia
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State
+from fantoccini.puppet import Number, Parameter
 from fantoccini.tree import Link, Role, Tree
 
 
@@ -88,8 +89,13 @@ def strings(marionette: Marionette, x: State) -> list[Anchored]:
     return found
 
 
-def mjcf(tree: Tree, gravity: float, hung: list[Anchored]) -> str:
-    """The text."""
+def mjcf(tree: Tree, hung: list[Anchored]) -> str:
+    """The text.
+
+    Args:
+        tree: the bodies; driven ones are left out.
+        hung: the strings.
+    """
     sites = {link.name: "" for link in tree.links}
     world = tendons = ""
     for s in hung:
@@ -102,7 +108,7 @@ def mjcf(tree: Tree, gravity: float, hung: list[Anchored]) -> str:
     world += "".join(_body(tree, i, sites) for i in _children(tree, -1))
     return (
         '<mujoco model="puppet"><compiler angle="radian"/>'
-        f'<option gravity={_text((0.0, 0.0, -gravity))}><flag contact="disable"/></option>'
+        f'<option gravity={_text(tree.gravity)}><flag contact="disable"/></option>'
         f"<worldbody>{world}</worldbody><tendon>{tendons}</tendon></mujoco>"
     )
 
@@ -149,7 +155,7 @@ def _body(tree: Tree, i: int, sites: dict[str, str]) -> str:
 
 def _inertial(link: Link) -> str:
     """Mass, centre of mass and inertia about it."""
-    found = link_inertia(link, lambda value: ca.SX(float(value)))
+    found = link_inertia(link, lambda value: ca.SX(_number(value)))
     m, h = float(found.m), np.array([float(x) for x in found.h])
     about_origin = np.array([[float(x) for x in row] for row in found.I])
     c = h / m
@@ -165,4 +171,9 @@ def _inertial(link: Link) -> str:
 
 
 def _text(values) -> str:
-    return '"' + " ".join(repr(float(v)) for v in values) + '"'
+    return '"' + " ".join(repr(_number(v)) for v in values) + '"'
+
+
+def _number(value: Number) -> float:
+    """A parameter has the value that the file gives it."""
+    return value.value if isinstance(value, Parameter) else float(value)

@@ -19,6 +19,10 @@ WARM_UP = 200
 """Steps before a clock is started."""
 
 
+SOLREF, SOLIMP = (0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0)
+"""How soft a limit is in MuJoCo unless told otherwise."""
+
+
 class Bench:
     """The models that were loaded, and the tasks."""
 
@@ -49,7 +53,8 @@ class Bench:
         end, speed = self._joints(m, d, q)
         mujoco.mj_forward(m, d)
         on = d.efc_type[: d.nefc] == mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON
-        pull = dict(zip(d.efc_id[: d.nefc][on].tolist(), d.efc_force[: d.nefc][on].tolist()))
+        who, force = d.efc_id[: d.nefc][on].tolist(), d.efc_force[: d.nefc][on].tolist()
+        pull = dict(zip(who, force, strict=True))
         tension = {m.tendon(i).name: pull.get(i, 0.0) for i in range(m.ntendon)}
         return {"seconds": took / steps, "q": end, "v": speed, "tension": tension}
 
@@ -58,7 +63,7 @@ class Bench:
         m, d = self._put(model, settings, *states[0])
         full = mujoco.mjtState.mjSTATE_FULLPHYSICS
         start = np.empty((len(states), mujoco.mj_stateSize(m, full)))
-        for row, (q, v) in zip(start, states):
+        for row, (q, v) in zip(start, states, strict=True):
             self._place(m, d, q, v)
             mujoco.mj_getState(m, d, row, full)
         data = [mujoco.MjData(m) for _ in range(threads)]
@@ -84,9 +89,8 @@ class Bench:
         for key in ("timestep", "iterations", "tolerance"):
             if key in settings:
                 setattr(model.opt, key, settings[key])
-        if "solref" in settings:
-            model.tendon_solref_lim[:] = settings["solref"]
-            model.tendon_solimp_lim[:] = settings["solimp"]
+        model.tendon_solref_lim[:] = settings.get("solref", SOLREF)
+        model.tendon_solimp_lim[:] = settings.get("solimp", SOLIMP)
         data = mujoco.MjData(model)
         self._place(model, data, q, v)
         return model, data

@@ -61,12 +61,12 @@ class Program:
 
 def flags() -> list[str]:
     """Those of the library, without what makes it one."""
-    return [f for f in (*BASE_FLAGS, *build.default_flags(_source())) if f != "-shared"]
+    return [f for f in (*BASE_FLAGS, *build.default_flags(source())) if f != "-shared"]
 
 
 def compiled(name: str, folder: Path) -> Program:
     """``scalar`` or ``lanes``, with the bundled marionette in it."""
-    for file, text in _source().files.items():
+    for file, text in source().files.items():
         Path(folder, file).write_text(text, encoding="utf-8")
     include = [f"-I{folder}", f"-I{MODEL_OF}", f"-I{build.runtime_folder()}"]
     command = [*build.find_compiler().command, *flags(), "-Wno-psabi", *include]
@@ -85,7 +85,8 @@ def words(states: Sequence[State]) -> list:
     return [*parts, [len(bound.coef)], bound.breaks, bound.coef, bound.base]
 
 
-def _source() -> build.Source:
+def source() -> build.Source:
+    """The bundled marionette as text to be compiled."""
     generated = codegen.generate(marionette().equations)
     info = {"n_operations": max(generated.operations.values())}
     return build.Source(generated.files, generated.main, info)

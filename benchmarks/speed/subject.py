@@ -15,7 +15,7 @@ from fantoccini.world import World
 DT = 0.002
 """Step of everything that has a fixed one [s]."""
 
-_KNEES = {"knee_left.length": 1.04, "knee_right.length": 1.04}
+KNEES = {"knee_left.length": 1.04, "knee_right.length": 1.04}
 """Two centimetres less than the file's: the thighs hang on their strings as well [m]."""
 
 _SWING = 0.05
@@ -31,7 +31,7 @@ def marionette() -> fan.Marionette:
 @functools.cache
 def hanging() -> State:
     """Its equilibrium with all strings taut."""
-    state = marionette().rest(_KNEES)
+    state = marionette().rest(KNEES)
     tension = tensions(state)
     if min(tension.values()) <= 0.0:
         raise RuntimeError(f"a string is slack: {tension}")
