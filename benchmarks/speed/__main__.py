@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import tempfile
+import time
 from pathlib import Path
 
 from ..strings import ROOT
@@ -15,29 +16,35 @@ from .programs import compiled
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Writes docs/benchmarks.md.")
-    parser.add_argument("--quick", action="store_true", help="few turns, for a look; no page")
+    parser.add_argument("--quick", action="store_true", help="two turns, for a look; no page")
     parser.add_argument("--turns", type=int, default=15, help="of what is compared (default 15)")
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "benchmarks.md")
     parser.add_argument(
         "--older-mujoco", type=Path, default=peers.OLDER, help="interpreter that has MuJoCo 3.17"
     )
     options = parser.parse_args()
-    turns = 2 if options.quick else max(1, options.turns)
+    quick = options.quick
+    turns = 2 if quick else max(1, options.turns)
     few = max(2, turns // 3)
-    everyone = peers.gather(options.older_mujoco)
+    began, everyone = time.perf_counter(), peers.gather(options.older_mujoco)
+    measures = {
+        "steps": lambda: steps.chapters(everyone, scalar, turns, 500 if quick else 5000),
+        "batches": lambda: [batches.chapter(everyone, few, 64 if quick else 1024)],
+        "error and cost": lambda: [accuracy.chapter(everyone, few, 0.5 if quick else 30.0)],
+        "real time": lambda: [real_time.chapter(turns)],
+        "pipeline": lambda: [pipeline.chapter(2 if quick else 7)],
+    }
     chapters: list[Chapter] = [peers.chapter(everyone)]
     try:
         with tempfile.TemporaryDirectory() as folder:
             scalar = compiled("scalar", Path(folder))
-            chapters += steps.chapters(everyone, scalar, turns, 500 if options.quick else 5000)
-        chapters.append(batches.chapter(everyone, few, 64 if options.quick else 1024))
-        chapters.append(accuracy.chapter(everyone, few, 0.5 if options.quick else 60.0))
+            for name, measure in measures.items():
+                chapters += measure()
+                print(f"{name}: after {time.perf_counter() - began:.0f} s", flush=True)
     finally:
         everyone.stop()
-    chapters.append(real_time.chapter(turns))
-    chapters.append(pipeline.chapter(few if options.quick else 7))
     text = page(chapters, everyone, scalar.flags)
-    if options.quick:
+    if quick:
         print(text)
     else:
         options.out.write_text(text, encoding="utf-8")

@@ -35,15 +35,16 @@ GOAL, MARK = 1e-6, 100.0
 """The error to be reached, and how many times as long MuJoCo is to take for it at least."""
 
 TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11)
-INTEGRATORS = ("Euler", "RK4", "implicitfast")
+INTEGRATORS = ("Euler", "RK4")
 STEPS = (1e-3, 3e-4, 1e-4, 3e-5, 1e-5)
 FINER = (3e-6, 1e-6, 3e-7, 1e-7)
 """Steps that only the best settings so far are given [s]."""
 
-KEPT = 3
-DAMPINGS = (None, 1.0, 2.0, 5.0)
+KEPT = 2
+DAMPINGS = (None, 1.0, 5.0, 30.0, 200.0, 1000.0)
 """How strings are made hard: not at all, or with the shortest time constant that MuJoCo's safeguard
-allows, two steps, the highest impedance, and a damping ratio."""
+allows, two steps, the highest impedance, and a damping ratio. The more it is damped, the less a
+catch gives back; with 1, a seventh of the speed however short the step."""
 
 MODEL = "arm"
 
@@ -178,12 +179,14 @@ def chapter(peers: Peers, turns: int, budget: float) -> Chapter:
         "of the processor; ours have the whole call of `fan.simulate` in them."
     )
     parts: list = [text]
+    reached = False
     least: Samples | str = "not installed"
     for peer in peers.mujoco.values():
         tree, hung = arm().tree, exported.strings(arm(), problem.x0)
         peer.load(exported.mjcf(tree, hung), MODEL)
         tried = sweep(functools.partial(problem.theirs, peer), budget)
         best = chosen(tried)
+        reached = reached or best.error <= GOAL
         taken = in_turns(
             {
                 "ours": lambda: problem.ours(tolerance)[0],
@@ -201,6 +204,8 @@ def chapter(peers: Peers, turns: int, budget: float) -> Chapter:
         ]
     parts.append(Table(["method", "tolerance or step (s)", "time", "error"], rows))
     what = f"time to {number(GOAL)} on {SECONDS:g} s with catches: MuJoCo's best / ours"
+    if peers.mujoco and not reached:
+        what += " (never reached: the time of its smallest error)"
     return Chapter(Section("5. Error and cost", parts), [Goal(what, least, MARK)])
 
 

@@ -6,7 +6,7 @@ import statistics
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from ..strings.report import Section, Table, number
+from ..strings.report import Section, Table
 
 
 @dataclass(frozen=True)
@@ -83,8 +83,8 @@ def shown(seconds: float) -> str:
 
 
 def times(ratio: float) -> str:
-    """A ratio: 9.4x, 1234x."""
-    return f"{number(ratio, 2) if ratio < 100 else f'{ratio:.0f}'}x"
+    """A ratio: 9.41x, 1234x."""
+    return f"{ratio:.3g}x" if ratio < 100 else f"{ratio:.0f}x"
 
 
 def spread(samples: Samples, write: Callable[[float], str] = shown) -> list[str]:
