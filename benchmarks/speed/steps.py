@@ -42,7 +42,8 @@ def chapters(peers: Peers, scalar: Program, turns: int, steps: int) -> list[Chap
         f"state and makes {steps} steps or {EVALUATIONS} evaluations: ours in a compiled C++ "
         "program with the library's flags, MuJoCo's in one call of `mj_step` with `nstep`, "
         "Drake's in one call of `AdvanceTo`. Pinocchio and Drake's derivative are called from "
-        "Python in a loop, so that about half a microsecond of each call is the call itself. Our "
+        "Python in a loop, so that about half a microsecond of each call is the call itself. Ours "
+        "is compiled for this processor, the peers are wheels as they come. Our "
         "RK4 step is four evaluations with all tensions, combined, without projection. Ratios are "
         "taken turn by turn."
     )
