@@ -10,12 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from xml.sax.saxutils import quoteattr
 
-import casadi as ca
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fantoccini.arrays import Array
-from fantoccini.equations.inertia import link_inertia
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.puppet import Number, Parameter
@@ -154,13 +152,17 @@ def _body(tree: Tree, i: int, sites: dict[str, str]) -> str:
 
 
 def _inertial(link: Link) -> str:
-    """Mass, centre of mass and inertia about it."""
-    found = link_inertia(link, lambda value: ca.SX(_number(value)))
-    m, h = float(found.m), np.array([float(x) for x in found.h])
-    about_origin = np.array([[float(x) for x in row] for row in found.I])
-    c = h / m
-    I = about_origin - m * (c @ c * np.eye(3) - np.outer(c, c))  # noqa: E741 the field's symbol
-    moments, axes = np.linalg.eigh((I + I.T) / 2.0)
+    """Mass, centre of mass and inertia about it, of the shapes unless they are given."""
+    m, c, about_com = _lumped(link)
+    if link.mass is not None:
+        about_com *= _number(link.mass) / m if m else 0.0
+        m = _number(link.mass)
+    if link.com is not None:
+        c = np.array([_number(x) for x in link.com])
+    if link.inertia is not None:
+        xx, yy, zz, xy, xz, yz = map(_number, link.inertia)
+        about_com = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    moments, axes = np.linalg.eigh(about_com)
     if np.linalg.det(axes) < 0.0:
         axes[:, 2] *= -1.0
     x, y, z, w = Rotation.from_matrix(axes).as_quat()
@@ -168,6 +170,20 @@ def _inertial(link: Link) -> str:
         f"<inertial mass={_text((m,))} pos={_text(c)} quat={_text((w, x, y, z))} "
         f"diaginertia={_text(moments)}/>"
     )
+
+
+def _lumped(link: Link) -> tuple[float, Array, Array]:
+    """Mass, centre of mass and inertia about it, of the shapes."""
+    masses = [_number(lump.amount) * lump.volume for lump in link.lumps]
+    units = [lump.unit for lump in link.lumps]
+    m = sum(masses)
+    c = sum((a * np.array(u.com) for a, u in zip(masses, units, strict=True)), np.zeros(3))
+    c = c / m if m else c
+    about_com = np.zeros((3, 3))
+    for a, u in zip(masses, units, strict=True):
+        d = np.array(u.com) - c
+        about_com += a * (np.array(u.inertia) + d @ d * np.eye(3) - np.outer(d, d))
+    return m, c, about_com
 
 
 def _text(values) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fantoccini import build, codegen
+from fantoccini import build
 from fantoccini.build.compiler import BASE_FLAGS
 from fantoccini.motion import Input, State
 
@@ -86,7 +86,5 @@ def words(states: Sequence[State]) -> list:
 
 
 def source() -> build.Source:
-    """The bundled marionette as text to be compiled."""
-    generated = codegen.generate(marionette().equations)
-    info = {"n_operations": max(generated.operations.values())}
-    return build.Source(generated.files, generated.main, info)
+    """The bundled marionette as text to be compiled, just as the library is made of it."""
+    return marionette()._source()
