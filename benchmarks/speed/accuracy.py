@@ -165,6 +165,7 @@ def sweep(run: Callable[[str, float | None, float], Run], budget: float) -> list
 def chapter(peers: Peers, turns: int, budget: float) -> Chapter:
     """The cheapest way to the goal on both sides."""
     problem = Problem.fall()
+    problem.ours(TOLERANCES[0])  # what is done once is done
     runs = [(tolerance, *problem.ours(tolerance)) for tolerance in TOLERANCES]
     rows = [["fantoccini, event", number(t), shown(took), number(e)] for t, took, e in runs]
     tolerance = next(t for t, _, error in runs if error <= GOAL)
@@ -205,7 +206,7 @@ def chapter(peers: Peers, turns: int, budget: float) -> Chapter:
     parts.append(Table(["method", "tolerance or step (s)", "time", "error"], rows))
     what = f"time to {number(GOAL)} on {SECONDS:g} s with catches: MuJoCo's best / ours"
     if peers.mujoco and not reached:
-        what += " (never reached: the time of its smallest error)"
+        what += f" (not reached within {number(budget)} s: the time of its smallest error)"
     return Chapter(Section("5. Error and cost", parts), [Goal(what, least, MARK)])
 
 
@@ -238,7 +239,7 @@ def _words(peer: MuJoCo, best: Run, taken: dict[str, Samples], tolerance: float)
         reached = f"reaches {number(GOAL)} with {run} in {theirs}, {ratio} ours"
     else:
         reached = (
-            f"never reaches {number(GOAL)}: its best is {number(best.error)} ({run}) and takes "
+            f"does not reach {number(GOAL)}: its best is {number(best.error)} ({run}) and takes "
             f"{theirs}, {ratio} ours, so that the ratio is more than that"
         )
     return (
