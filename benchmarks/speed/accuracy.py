@@ -181,7 +181,7 @@ def chapter(peers: Peers, turns: int, budget: float) -> Chapter:
     )
     parts: list = [text]
     reached = False
-    least: Samples | str = "not installed"
+    least: Samples | str = peers.no_mujoco
     for peer in peers.mujoco.values():
         tree, hung = arm().tree, exported.strings(arm(), problem.x0)
         peer.load(exported.mjcf(tree, hung), MODEL)

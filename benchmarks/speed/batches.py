@@ -68,7 +68,7 @@ def chapter(peers: Peers, turns: int, trajectories: int) -> Chapter:
     if ours[THREADS] in taken:
         rivals = [s for name, s in taken.items() if name.startswith("MuJoCo")]
         ratios = [taken[ours[THREADS]].over(rival) for rival in rivals]
-        ratio = min(ratios, key=lambda s: s.median) if ratios else "not installed"
+        ratio = min(ratios, key=lambda s: s.median) if ratios else peers.no_mujoco
         lanes = Samples(tuple(rate * STEPS * DT for rate in taken[ours[1]].values))
     rows = [
         [name, *(f"{x:.0f}" for x in (s.median, min(s.values), max(s.values)))]

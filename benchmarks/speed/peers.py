@@ -58,6 +58,11 @@ class Peers:
     missing: dict[str, str] = field(default_factory=dict)
     checks: list[list[str]] = field(default_factory=list)
 
+    @property
+    def no_mujoco(self) -> str:
+        """Why there is none, where there is none."""
+        return self.missing.get("MuJoCo", "not installed")
+
     def stop(self) -> None:
         """Ends the processes."""
         for one in self.mujoco.values():

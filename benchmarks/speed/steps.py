@@ -6,9 +6,10 @@ from collections.abc import Callable
 
 from ..strings.report import Section, Table
 from .figures import Chapter, Goal, Samples, in_turns, shown, spread, times
+from .mujoco_peer import MuJoCo
 from .peers import Peers
-from .programs import Program, words
-from .subject import DT, swinging
+from .programs import Burst, Program, words
+from .subject import DT, marionette, swinging
 
 OURS = {
     "evaluate": "fantoccini, constrained evaluation",
@@ -22,6 +23,9 @@ MARKS = (("Euler", "evaluate", 8.0), ("Euler", "step", 6.0), ("RK4", "rk4", 6.0)
 
 EVALUATIONS = 20_000
 EVALUATION_MARK = 2e-6
+
+APART = 1e-6
+"""The farthest that a string of ours may be from its length at the end of a burst [m]."""
 
 
 def chapters(peers: Peers, scalar: Program, turns: int, steps: int) -> list[Chapter]:
@@ -60,16 +64,16 @@ def _actions(peers: Peers, scalar: Program, steps: int) -> dict[str, Callable[[]
     x, actions = swinging(), {}
 
     def ours(work: str, count: int) -> Callable[[], float]:
-        return lambda: scalar.run(words([x]), work, 1, count).seconds[0]
+        return lambda: _checked(scalar.run(words([x]), work, 1, count)).seconds[0]
 
-    def mj_step(peer, settings: dict) -> Callable[[], float]:
+    def mj_step(peer: MuJoCo, settings: dict) -> Callable[[], float]:
         return lambda: peer.burst(settings, x.q_D, x.v_D, steps)["seconds"]
 
     for work, name in OURS.items():
         actions[name] = ours(work, EVALUATIONS if work == "evaluate" else steps)
-    for name, peer in peers.mujoco.items():
+    for peer in peers.mujoco.values():
         for integrator, settings in peer.fastest.items():
-            actions[_name(name, peer, integrator)] = mj_step(peer, settings)
+            actions[_name(peer, integrator)] = mj_step(peer, settings)
     if peers.pinocchio:
         name = f"Pinocchio {peers.pinocchio.version}, ABA from Python, unconstrained"
         actions[name] = lambda: peers.pinocchio.burst(x.q_D, x.v_D)
@@ -82,7 +86,15 @@ def _actions(peers: Peers, scalar: Program, steps: int) -> dict[str, Callable[[]
     return actions
 
 
-def _name(name: str, peer, integrator: str) -> str:
+def _checked(burst: Burst) -> Burst:
+    """A burst whose strings carried the puppet and kept their lengths."""
+    carried = burst.tension / marionette().weight
+    if not (0.9 < carried < 1.1 and burst.apart < APART):
+        raise RuntimeError(f"strings carry {carried:.3g} of the weight, {burst.apart:.1g} m off")
+    return burst
+
+
+def _name(peer: MuJoCo, integrator: str) -> str:
     return f"MuJoCo {peer.version}, mj_step, {integrator}"
 
 
@@ -91,9 +103,9 @@ def _ratios(peers: Peers, taken: dict[str, Samples]) -> tuple[list[list[str]], l
     rows, goals = [], []
     for integrator, work, bound in MARKS:
         what = f"mj_step ({integrator}) / {OURS[work].removeprefix('fantoccini, ')}"
-        least: Samples | str = "not installed"
-        for name, peer in peers.mujoco.items():
-            ratio = taken[_name(name, peer, integrator)].over(taken[OURS[work]])
+        least: Samples | str = peers.no_mujoco
+        for peer in peers.mujoco.values():
+            ratio = taken[_name(peer, integrator)].over(taken[OURS[work]])
             rows.append([f"{what}, MuJoCo {peer.version}", *spread(ratio, times)])
             if isinstance(least, str) or ratio.median < least.median:
                 least = ratio

@@ -97,8 +97,8 @@ def marks_table(sections: Sequence[Section]) -> Table:
     return Table(["Figure", "measured", "to stay below", "met"], rows)
 
 
-def machine() -> Table:
-    """Where the figures were measured."""
+def machine(packages: Sequence[str] = PACKAGES) -> Table:
+    """Where the figures were measured, and the versions of some packages."""
     names = [platform.machine()]
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
@@ -110,7 +110,7 @@ def machine() -> Table:
         ["compiler", build.find_compiler().version],
         ["python", platform.python_version()],
         ["fantoccini", fan.__version__],
-        *([name, metadata.version(name)] for name in PACKAGES),
+        *([name, metadata.version(name)] for name in packages),
     ]
     return Table(["Made with", ""], rows)
 
