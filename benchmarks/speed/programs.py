@@ -13,15 +13,9 @@ from fantoccini import build
 from fantoccini.build.compiler import BASE_FLAGS
 from fantoccini.motion import Input, State
 
-from ..strings import ROOT
 from .subject import DT, hanging, marionette
 
 HERE = Path(__file__).resolve().parent
-MODEL_OF = ROOT / "tests" / "cpp"
-"""Where the header lies that instantiates a model for lanes."""
-
-LANES = 8
-
 
 @dataclass(frozen=True)
 class Burst:
@@ -65,18 +59,18 @@ def flags() -> list[str]:
 
 
 def compiled(name: str, folder: Path) -> Program:
-    """``scalar`` or ``lanes``, with the bundled marionette in it."""
+    """A program of this folder with the bundled marionette in it."""
     for file, text in source().files.items():
         Path(folder, file).write_text(text, encoding="utf-8")
-    include = [f"-I{folder}", f"-I{MODEL_OF}", f"-I{build.runtime_folder()}"]
-    command = [*build.find_compiler().command, *flags(), "-Wno-psabi", *include]
+    include = [f"-I{folder}", f"-I{build.runtime_folder()}"]
+    command = [*build.find_compiler().command, *flags(), *include]
     path = folder / name
     subprocess.run([*command, str(HERE / f"{name}.cpp"), "-o", str(path)], check=True)
     return Program(path, " ".join(flags()))
 
 
 def words(states: Sequence[State]) -> list:
-    """The start of every lane, and what all have in common: inputs that hold still."""
+    """What a program reads: the starts, then what they have in common, inputs that hold still."""
     puppet = marionette()
     bound = Input.hold(puppet).bound(hanging().q_K, 0.0)
     options = puppet.run_options()
