@@ -2,6 +2,7 @@
 # a stamp file stands for each finished step, so a second run starts at once.
 
 VENV := .venv
+OLDER := .venv-mujoco317
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
@@ -14,13 +15,13 @@ demo: $(VENV)/stamp-demo
 test: $(VENV)/stamp-test
 	$(BIN)/python -m pytest
 
-bench: $(VENV)/stamp-bench
-	$(BIN)/python benchmarks/bench.py
+bench: $(VENV)/stamp-bench $(OLDER)/stamp
+	$(BIN)/python -m benchmarks.speed
 
 soak: $(VENV)/stamp-test
 	PYTHONPATH=tests $(BIN)/python -m properties.soak
 
-strings-report: $(VENV)/stamp-bench
+strings-report: $(VENV)/stamp-test
 	$(BIN)/python -m benchmarks.strings
 
 lint: $(VENV)/stamp-test
@@ -30,7 +31,7 @@ wheel: $(VENV)/stamp-test
 	$(BIN)/python -m build --wheel --outdir dist
 
 clean:
-	rm -rf $(VENV) build dist out .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(OLDER) build dist out .pytest_cache .ruff_cache .hypothesis
 	find src tests -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(VENV)/stamp-venv:
@@ -47,4 +48,10 @@ $(VENV)/stamp-test: pyproject.toml $(VENV)/stamp-venv
 
 $(VENV)/stamp-bench: pyproject.toml $(VENV)/stamp-venv
 	$(PIP) --editable '.[bench]'
+	touch $@
+
+# An older MuJoCo beside the newest: two versions cannot share an environment.
+$(OLDER)/stamp: $(VENV)/stamp-venv
+	$(BIN)/python -m venv --clear $(OLDER)
+	$(OLDER)/bin/python -m pip install --quiet --disable-pip-version-check 'mujoco==3.17.*'
 	touch $@

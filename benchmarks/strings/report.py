@@ -64,7 +64,7 @@ class Section:
     marks: list[Mark] = field(default_factory=list)
 
     def markdown(self) -> str:
-        bodies = [_wrapped(p) if isinstance(p, str) else p.markdown() for p in self.parts]
+        bodies = [wrapped(p) if isinstance(p, str) else p.markdown() for p in self.parts]
         return "\n\n".join([f"## {self.title}", *bodies])
 
 
@@ -97,8 +97,8 @@ def marks_table(sections: Sequence[Section]) -> Table:
     return Table(["Figure", "measured", "to stay below", "met"], rows)
 
 
-def machine() -> Table:
-    """Where the figures were measured."""
+def machine(packages: Sequence[str] = PACKAGES) -> Table:
+    """Where the figures were measured, and the versions of some packages."""
     names = [platform.machine()]
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
@@ -110,20 +110,20 @@ def machine() -> Table:
         ["compiler", build.find_compiler().version],
         ["python", platform.python_version()],
         ["fantoccini", fan.__version__],
-        *([name, metadata.version(name)] for name in PACKAGES),
+        *([name, metadata.version(name)] for name in packages),
     ]
     return Table(["Made with", ""], rows)
 
 
 def write(path: Path, opening: str, sections: Sequence[Section]) -> None:
     """The whole page."""
-    head = ["# Strings, measured", _wrapped(opening), marks_table(sections).markdown()]
+    head = ["# Strings, measured", wrapped(opening), marks_table(sections).markdown()]
     body = [section.markdown() for section in sections]
     text = "\n\n".join([*head, machine().markdown(), *body]) + "\n"
     path.write_text(text, encoding="utf-8")
 
 
-def _wrapped(text: str) -> str:
+def wrapped(text: str) -> str:
     """A paragraph in lines; headings as they are."""
     if text.startswith("#"):
         return text

@@ -1,0 +1,55 @@
+"""``python -m benchmarks.speed``: measures everything and writes docs/benchmarks.md."""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from pathlib import Path
+
+from ..strings import ROOT
+from . import accuracy, batches, peers, pipeline, real_time, steps
+from .figures import Chapter, goals_table
+from .page import page
+from .programs import compiled
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Writes docs/benchmarks.md.")
+    parser.add_argument("--quick", action="store_true", help="two turns, for a look; no page")
+    parser.add_argument("--turns", type=int, default=15, help="of what is compared (default 15)")
+    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "benchmarks.md")
+    parser.add_argument(
+        "--older-mujoco", type=Path, default=peers.OLDER, help="interpreter that has MuJoCo 3.17"
+    )
+    options = parser.parse_args()
+    quick = options.quick
+    turns = 2 if quick else max(1, options.turns)
+    few = max(2, turns // 3)
+    began, everyone = time.perf_counter(), peers.gather(options.older_mujoco)
+    measures = {
+        "steps": lambda: steps.chapters(everyone, scalar, turns, 500 if quick else 5000),
+        "batches": lambda: [batches.chapter(everyone, few, 64 if quick else 1024)],
+        "error and cost": lambda: [accuracy.chapter(everyone, min(few, 3), 0.5 if quick else 10.0)],
+        "real time": lambda: [real_time.chapter(turns)],
+        "pipeline": lambda: [pipeline.chapter(2 if quick else 7)],
+    }
+    chapters: list[Chapter] = [peers.chapter(everyone)]
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            scalar = compiled("scalar", Path(folder))
+            for name, measure in measures.items():
+                chapters += measure()
+                print(f"{name}: after {time.perf_counter() - began:.0f} s", flush=True)
+    finally:
+        everyone.stop()
+    text = page(chapters, everyone, scalar.flags)
+    if quick:
+        print(text)
+    else:
+        options.out.write_text(text, encoding="utf-8")
+        print(goals_table(chapters).markdown())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,97 @@
+"""Section 4: many trajectories at once, on all threads and on one core."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import fantoccini as fan
+from fantoccini.motion import Input
+
+from ..strings.report import Section, Table, number
+from .figures import Chapter, Goal, Samples, in_turns, times
+from .peers import Peers
+from .subject import DT, marionette, swinging
+
+THREADS = 2
+STEPS = 100
+RATE_MARK, LANES_MARK = 30.0, 4000.0
+
+MISSING = "no batches"
+"""Why nothing was measured where ``fan.simulate`` takes one state alone."""
+
+
+def batch_rate(states: list, steps: int, threads: int) -> float:
+    """Trajectories a second of time-stepping from some states, their inputs holding still.
+
+    Raises:
+        TypeError: ``fan.simulate`` does not take many states.
+    """
+    start = time.perf_counter()
+    fan.simulate(
+        marionette(),
+        states,
+        Input.hold(marionette(), duration=steps * DT),
+        t_end=steps * DT,
+        method="timestepping",
+        dt=DT,
+        threads=threads,
+        save_every=steps,
+    )
+    return len(states) / (time.perf_counter() - start)
+
+
+def chapter(peers: Peers, turns: int, trajectories: int) -> Chapter:
+    """Rates and their ratios."""
+    states = [swinging(seed) for seed in range(trajectories)]
+    starts = [(x.q_D, x.v_D) for x in states]
+    actions: dict[str, Callable[[], float]] = {}
+    ours = {n: f"fantoccini, {n} {'threads' if n > 1 else 'thread'}" for n in (THREADS, 1)}
+
+    def own(threads: int) -> Callable[[], float]:
+        return lambda: batch_rate(states, STEPS, threads)
+
+    def theirs(peer) -> Callable[[], float]:
+        settings = peer.fastest["Euler"]
+        return lambda: trajectories / peer.trajectories(settings, starts, STEPS, THREADS)
+
+    try:
+        batch_rate(states[:8], STEPS, THREADS)
+        actions |= {name: own(threads) for threads, name in ours.items()}
+    except TypeError:
+        pass
+    for peer in peers.mujoco.values():
+        actions[f"MuJoCo {peer.version}, rollout, {THREADS} threads"] = theirs(peer)
+    taken = in_turns(actions, turns)
+    ratio: Samples | str = MISSING
+    lanes: Samples | str = MISSING
+    if ours[THREADS] in taken:
+        rivals = [s for name, s in taken.items() if name.startswith("MuJoCo")]
+        ratios = [taken[ours[THREADS]].over(rival) for rival in rivals]
+        ratio = min(ratios, key=lambda s: s.median) if ratios else peers.no_mujoco
+        lanes = Samples(tuple(rate * STEPS * DT for rate in taken[ours[1]].values))
+    rows = [
+        [name, *(f"{x:.0f}" for x in (s.median, min(s.values), max(s.values)))]
+        for name, s in taken.items()
+    ]
+    rows += [[name, MISSING, "-", "-"] for name in ours.values() if name not in taken]
+    rows += [[f"{name}, rollout", peers.missing[name], "-", "-"]
+             for name in peers.missing if name.startswith("MuJoCo")]  # fmt: skip
+    text = (
+        f"{trajectories} trajectories of {STEPS} steps of {number(DT * 1e3)} ms, each with a swing "
+        f"of its own, in turns, {turns} of them, by the clock. Ours come from one call of "
+        "`fan.simulate` in Python, with all that it checks and the last state of every trajectory "
+        "kept; `mujoco.rollout` runs the fastest setting of Euler with a pool of threads that was "
+        "made before, and keeps every state, which it cannot help. Simulated seconds a second on "
+        "one core are those of the row with one thread."
+    )
+    table = Table(["trajectories a second", "median", "min", "max"], rows)
+    goals = [
+        Goal(f"trajectories a second, ours / mujoco.rollout, {THREADS} threads", ratio, RATE_MARK),
+        Goal(f"lanes: simulated seconds a second of one core, steps of {number(DT * 1e3)} ms",
+             lanes, LANES_MARK),
+    ]  # fmt: skip
+    parts = [text, table]
+    if not isinstance(lanes, str):
+        parts.append(f"One core simulates {times(lanes.median)} real time.")
+    return Chapter(Section("4. Many trajectories", parts), goals)

@@ -1,0 +1,187 @@
+"""MuJoCo beside us: the versions that are there, their fastest settings, their bursts."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+import subprocess
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from fantoccini.arrays import Array
+
+from .exported import Joint, joints, packed
+from .subject import DT, still_tree
+
+WORKER = Path(__file__).with_name("mujoco_worker.py")
+
+SOLVERS = ("Newton", "CG", "PGS")
+JACOBIANS = ("dense", "sparse")
+MODEL = "marionette"
+
+CLOSE = 1e-3
+"""How far [m or rad] settings may lie apart after a burst: one that lies farther is wrong."""
+
+
+class PeerError(Exception):
+    """A peer that is not there, or gave no answer."""
+
+
+@dataclass
+class MuJoCo:
+    """One version of MuJoCo, running.
+
+    Attributes:
+        version: as it says itself.
+        fastest: integrator -> the settings that were found fastest.
+        tried: all settings that were timed.
+    """
+
+    process: subprocess.Popen
+    version: str = ""
+    fastest: dict[str, dict] = field(default_factory=dict)
+    tried: list[Tried] = field(default_factory=list)
+
+    @classmethod
+    def start(cls, python: str) -> MuJoCo:
+        """The version that belongs to an interpreter.
+
+        Raises:
+            PeerError: it has none.
+        """
+        try:
+            process = subprocess.Popen(
+                [python, str(WORKER)],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                text=True,
+            )
+        except OSError:
+            raise PeerError("not installed") from None
+        return cls(process)
+
+    def load(self, text: str, name: str = MODEL) -> None:
+        """A model from its MJCF text."""
+        self.version = self.ask("load", name=name, text=text)["version"]
+
+    def ask(self, task: str, **request) -> dict:
+        """The worker's answer to a request.
+
+        Raises:
+            PeerError: it is not there any more, or says that something failed.
+        """
+        try:
+            self.process.stdin.write(json.dumps({"task": task, **request}) + "\n")
+            self.process.stdin.flush()
+            line = self.process.stdout.readline()
+        except BrokenPipeError:
+            line = ""
+        if not line:
+            raise PeerError("not installed" if not self.version else "it ended")
+        answer = json.loads(line)
+        if "error" in answer:
+            raise PeerError(answer["error"])
+        return answer
+
+    def stop(self) -> None:
+        """Ends the process."""
+        self.process.stdin.close()
+        self.process.wait()
+
+    def acceleration(self, q_D: Array, v_D: Array) -> Array:
+        """(n_vD,) without strings, in our order."""
+        q, v = state(q_D, v_D)
+        return packed(still_tree(), self.ask("accelerate", model=MODEL, q=q, v=v)["acc"])
+
+    def burst(self, settings: dict, q_D: Array, v_D: Array, steps: int) -> dict:
+        """Some steps from a state; ``seconds`` is what one takes."""
+        q, v = state(q_D, v_D)
+        return self.ask("step", model=MODEL, settings=settings, q=q, v=v, steps=steps)
+
+    def trajectories(self, settings: dict, starts: list, steps: int, threads: int) -> float:
+        """Seconds of a rollout from some (q_D, v_D)."""
+        states = [state(q_D, v_D) for q_D, v_D in starts]
+        answer = self.ask(
+            "rollout", model=MODEL, settings=settings, states=states, steps=steps, threads=threads
+        )
+        if not answer["finite"]:
+            raise PeerError("a rollout is not finite")
+        return answer["seconds"]
+
+    def find_fastest(self, q_D: Array, v_D: Array, steps: int, tries: int) -> None:
+        """Times every solver and Jacobian, with and without islands; keeps the fastest right one.
+
+        Dense Newton without islands is taken to be right; a setting that ends elsewhere is not.
+        """
+        for integrator in ("Euler", "RK4"):
+            found = [Tried(settings) for settings in choices(integrator)]
+            for _ in range(tries):
+                for one in found:
+                    if one.wrong:
+                        continue
+                    try:
+                        answer = self.burst(one.settings, q_D, v_D, steps)
+                        one.wrong = _apart(one.answer or found[0].answer or answer, answer)
+                        one.answer, one.seconds = answer, min(one.seconds, answer["seconds"])
+                    except PeerError as error:
+                        one.wrong = str(error)
+            right = [one for one in found if not one.wrong]
+            if not right:
+                raise PeerError(f"no setting of {integrator} works: {found[0].wrong}")
+            self.fastest[integrator] = min(right, key=lambda one: one.seconds).settings
+            self.tried += found
+
+
+@dataclass
+class Tried:
+    """A setting that was tried.
+
+    Attributes:
+        settings: as the worker takes them.
+        seconds: the fewest a step took.
+        answer: to the last burst.
+        wrong: what is wrong with it, or nothing.
+    """
+
+    settings: dict
+    seconds: float = math.inf
+    answer: dict | None = None
+    wrong: str = ""
+
+    @property
+    def name(self) -> str:
+        """``Newton, dense, islands``."""
+        islands = ", islands" if self.settings["islands"] else ""
+        return f"{self.settings['solver']}, {self.settings['jacobian']}{islands}"
+
+
+def choices(integrator: str) -> list[dict]:
+    """All settings that may be the fastest, the one that is taken to be right first."""
+    return [
+        {
+            "integrator": integrator,
+            "solver": solver,
+            "jacobian": jacobian,
+            "islands": islands,
+            "timestep": DT,
+        }
+        for solver, jacobian, islands in itertools.product(SOLVERS, JACOBIANS, (False, True))
+    ]
+
+
+def state(q_D: Array, v_D: Array) -> tuple[dict, dict]:
+    """Positions and velocities by joint; MuJoCo's conventions are ours."""
+    found: dict[str, Joint] = joints(still_tree(), q_D, v_D)
+    return {n: j.q for n, j in found.items()}, {n: j.v for n, j in found.items()}
+
+
+def _apart(right: dict, other: dict) -> str:
+    """What is wrong with the end of a burst, next to one that is right."""
+    pairs = ((a, b) for n in right["q"] for a, b in zip(right["q"][n], other["q"][n], strict=True))
+    apart = max(abs(a - b) for a, b in pairs)
+    if not apart <= CLOSE:
+        return f"ends {apart:.1g} away"
+    slack = [name for name, pull in other["tension"].items() if not pull > 0.0]
+    return f"{', '.join(slack)} slack" if slack else ""

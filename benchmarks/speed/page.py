@@ -1,0 +1,35 @@
+"""The page: what was measured where, under one table of all marks."""
+
+from __future__ import annotations
+
+from ..strings.report import Table, machine, wrapped
+from .figures import Chapter, goals_table
+from .peers import Peers
+
+OPENING = (
+    "How fast fantoccini is, beside MuJoCo, Pinocchio and Drake on the same puppet. `make bench` "
+    "installs them beside it, measures everything in one run and writes this page; they are in "
+    "the extra `bench` and no part of an installation. Figures of one run belong together: "
+    "what is compared is timed in turns and ratios are taken turn by turn, so they say more than "
+    "the times, which are those of one machine. Every figure is the median, with the "
+    "least and the greatest."
+)
+
+
+def page(chapters: list[Chapter], peers: Peers, flags: str) -> str:
+    """All of it as Markdown."""
+    made = machine(("numpy", "scipy", "casadi"))
+    versions = [["compiler's flags", flags]]
+    versions += [[name, peer.version] for name, peer in peers.mujoco.items()]
+    for name, peer in (("Pinocchio", peers.pinocchio), ("Drake", peers.drake)):
+        if peer:
+            versions.append([name, peer.version])
+    versions += [[name, why] for name, why in peers.missing.items()]
+    parts = [
+        "# Speed, measured",
+        wrapped(OPENING),
+        goals_table(chapters).markdown(),
+        Table(made.header, [*made.rows, *versions]).markdown(),
+        *(chapter.section.markdown() for chapter in chapters),
+    ]
+    return "\n\n".join(parts) + "\n"

@@ -1,0 +1,172 @@
+"""All peers that are there, each given the same puppet, and the proof that it is the same."""
+
+from __future__ import annotations
+
+import functools
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+import fantoccini as fan
+from fantoccini.motion import State
+
+from ..strings import ROOT
+from ..strings.report import Section, Table, number
+from . import exported
+from .drake_peer import Drake
+from .figures import Chapter
+from .mujoco_peer import MuJoCo, PeerError
+from .pinocchio_peer import Pinocchio
+from .subject import DT, KNEES, hanging, marionette, still_air, still_tree, swinging
+
+OLDER = ROOT / ".venv-mujoco317" / "bin" / "python"
+"""Where ``make bench`` puts the older MuJoCo."""
+
+SAME = 1e-9
+"""Accelerations that lie farther apart, relative to the largest, make a comparison void."""
+
+CLOSE = 1e-3
+"""The same for tensions at rest, relative to the weight, and for the lengths of strings [m]."""
+
+SETTLED = 100
+"""Steps in which strings find their tensions and nothing else moves yet."""
+
+STIFF = {
+    "integrator": "Euler", "solver": "Newton", "jacobian": "dense", "timestep": DT,
+    "solref": [2 * DT, 1.0], "solimp": [0.9999, 0.9999, 0.001, 0.5, 2.0],
+}  # fmt: skip
+"""MuJoCo's strings as hard as they can be: their tensions at rest are those of rigid ones."""
+
+
+@dataclass
+class Peers:
+    """What can be compared with.
+
+    Attributes:
+        mujoco: name -> version that runs.
+        pinocchio, drake: None when they are not there.
+        missing: name -> why.
+        checks: rows of the table that shows that all simulate the same puppet.
+    """
+
+    mujoco: dict[str, MuJoCo] = field(default_factory=dict)
+    pinocchio: Pinocchio | None = None
+    drake: Drake | None = None
+    missing: dict[str, str] = field(default_factory=dict)
+    checks: list[list[str]] = field(default_factory=list)
+
+    @property
+    def no_mujoco(self) -> str:
+        """Why there is none, where there is none."""
+        return self.missing.get("MuJoCo", "not installed")
+
+    def stop(self) -> None:
+        """Ends the processes."""
+        for one in self.mujoco.values():
+            one.stop()
+
+
+def gather(older: Path) -> Peers:
+    """Starts and checks all of them.
+
+    Args:
+        older: interpreter that has the older MuJoCo.
+    """
+    peers, hung = Peers(), exported.strings(marionette(), hanging())
+    whole, bare = (exported.mjcf(still_tree(), strings) for strings in (hung, []))
+
+    def admit(name: str, start: Callable[[], object], rest: Callable | None = None):
+        try:
+            peer = start()
+            accelerations, rested = _acceleration_apart(peer), rest(peer) if rest else None
+        except PeerError as error:
+            peers.missing[name] = str(error)
+            return None
+        right = accelerations <= SAME and (rested is None or rested <= CLOSE)
+        peers.checks.append(
+            [name, peer.version, number(accelerations), "-" if rested is None else number(rested),
+             "yes" if right else "**no**"]
+        )  # fmt: skip
+        if not right:
+            peers.missing[name] = "void: it is not the same puppet"
+        return peer if right else None
+
+    for name, python in (("MuJoCo", sys.executable), ("MuJoCo 3.17", str(older))):
+        found = admit(name, functools.partial(_mujoco, python, whole), _tension_apart)
+        if found:
+            peers.mujoco[name] = found
+    peers.pinocchio = admit("Pinocchio", lambda: Pinocchio(bare))
+    peers.drake = admit("Drake", lambda: Drake(bare, hung), _stretch)
+    return peers
+
+
+def chapter(peers: Peers) -> Chapter:
+    """The proof."""
+    rows = [*peers.checks, *([name, why, "-", "-", "-"] for name, why in peers.missing.items())]
+    header = ["peer", "version", "accelerations apart", "strings apart", "same puppet"]
+    speed, limits = float(np.abs(swinging().v_D).max()), len(marionette().tree.limits)
+    text = (
+        "All simulate the bundled `marionette`: 25 DOF, 7 strings, all taut, hanging and swinging "
+        f"gently (velocities up to {number(speed)} m/s or rad/s), the upper ends still. The peers "
+        "get it as MJCF: the same masses, inertia, joints and damping; strings are tendons with a "
+        "limited length in MuJoCo and distances in Drake. Pinocchio's constrained dynamics knows "
+        "points and frames that meet, no distances, so it is measured without strings. What the "
+        "peers are spared: the costume's drag and the neck's spring, which none of them has in the "
+        f"same form, the {limits} limits of the joints, and strings that move. What is timed of "
+        "ours has all of them."
+    )
+    proof = (
+        "Before anything is timed, unconstrained accelerations at random states are compared, "
+        f"relative to the largest; beyond {number(SAME)} the comparison is void. So are, up to "
+        f"{number(CLOSE)}, MuJoCo's tensions of the hanging puppet, its strings as hard as they "
+        "can be, relative to the weight; and how far a string of Drake's is from its length after "
+        "half a second [m]."
+    )
+    return Chapter(Section("1. The same puppet", [text, proof, Table(header, rows)]))
+
+
+def _mujoco(python: str, text: str) -> MuJoCo:
+    peer = MuJoCo.start(python)
+    peer.load(text)
+    return peer
+
+
+@functools.cache
+def _still() -> tuple[fan.Marionette, State]:
+    """What the peers simulate, as a marionette of ours, at rest."""
+    puppet = fan.Marionette(still_air())
+    return puppet, puppet.rest(KNEES)
+
+
+def _acceleration_apart(peer) -> float:
+    """The largest difference at some states, relative to the largest acceleration."""
+    puppet, rest = _still()
+    worst = 0.0
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        q_D = rest.q_D + 0.3 * rng.normal(size=len(rest.q_D))
+        for q, _ in puppet.coordinates.quaternions_D:
+            q_D[q : q + 4] /= np.linalg.norm(q_D[q : q + 4])
+        x = rest.replace(q_D=q_D, v_D=rng.normal(size=len(rest.v_D)))
+        instant = puppet.instant(x)
+        ours = instant.back(instant.w0)
+        worst = max(worst, float(np.abs(peer.acceleration(x.q_D, x.v_D) - ours).max())
+                    / float(np.abs(ours).max()))  # fmt: skip
+    return worst
+
+
+def _tension_apart(peer: MuJoCo) -> float:
+    puppet, x = _still()
+    found = peer.burst(STIFF, x.q_D, x.v_D, SETTLED)["tension"]
+    _, ours = puppet.accelerations(x)
+    names = [s.name for s in puppet.tree.strings]
+    apart = max(abs(found[n] - t) for n, t in zip(names, ours, strict=False))
+    return float(apart) / puppet.weight
+
+
+def _stretch(peer: Drake) -> float:
+    _, x = _still()
+    return peer.stretch(x.q_D, x.v_D)

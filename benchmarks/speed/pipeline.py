@@ -1,0 +1,106 @@
+"""Section 7: from the package's import to the first performance."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+
+import fantoccini as fan
+from fantoccini import build, codegen, demo, equations, tree
+from fantoccini.world import World
+
+from ..strings.report import Section, Table
+from .figures import Chapter, Goal, Samples, shown, spread
+from .programs import source
+from .subject import DT, marionette
+
+IMPORT = """
+import time
+start = time.perf_counter()
+import fantoccini
+print(time.perf_counter() - start)
+"""
+
+LOAD = """
+import time
+import fantoccini
+start = time.perf_counter()
+fantoccini.puppets.marionette().library
+print(time.perf_counter() - start)
+"""
+
+
+def timed(action: Callable[[], object], runs: int) -> Samples:
+    """Seconds that each of some runs takes."""
+    took = []
+    for _ in range(runs):
+        start = time.perf_counter()
+        action()
+        took.append(time.perf_counter() - start)
+    return Samples(tuple(took))
+
+
+def fresh(code: str, runs: int) -> Samples:
+    """What a program prints that runs in a new interpreter every time."""
+    command = [sys.executable, "-c", code]
+    return Samples(
+        tuple(
+            float(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+            for _ in range(runs)
+        )
+    )
+
+
+def derivation(runs: int) -> Samples:
+    """Tree -> equations -> source text."""
+    puppet = marionette().puppet
+    return timed(lambda: codegen.generate(equations.derive(tree.grow(World.of(puppet)))), runs)
+
+
+def compilation(runs: int) -> Samples:
+    """Source text -> shared library, in a cache folder of its own."""
+    text, kept = source(), os.environ.get("FANTOCCINI_CACHE")
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["FANTOCCINI_CACHE"] = folder
+        try:
+            keys = iter(f"{k:064x}" for k in range(runs))
+            return timed(lambda: build.obtain(next(keys), lambda: text), runs)
+        finally:
+            del os.environ["FANTOCCINI_CACHE"]
+            if kept is not None:
+                os.environ["FANTOCCINI_CACHE"] = kept
+
+
+def performance(method: str, runs: int) -> Samples:
+    """The demo's performance, from inputs to trajectory."""
+    x0, inputs, duration = demo.performance(marionette())
+    return timed(
+        lambda: fan.simulate(marionette(), x0, inputs, t_end=duration, method=method, dt=DT), runs
+    )
+
+
+def chapter(runs: int) -> Chapter:
+    """All of it, in the order of the pipeline."""
+    marionette().library  # noqa: B018  (fills the cache)
+    seconds = f"{demo.DURATION:g} s demo"
+    goals = [
+        Goal("import fantoccini", fresh(IMPORT, runs), 0.5, False),
+        Goal("derivation", derivation(runs), 1.0, False),
+        Goal("compile", compilation(max(2, runs // 2)), 10.0, False),
+        Goal("load from cache", fresh(LOAD, runs), 0.2, False),
+        Goal(f"{seconds}, event-driven", performance("event", runs), 0.5, False),
+        Goal(f"{seconds}, steps of {shown(DT)}", performance("timestepping", runs), 0.1, False),
+    ]
+    rows = [[goal.what, *spread(goal.measured)] for goal in goals]
+    text = (
+        f"The bundled marionette by the clock, {runs} times each (half as often compiled): what "
+        "happens once on a machine, once in a program, and at every run."
+    )
+    return Chapter(
+        Section("7. From import to performance", [text, Table(["", "median", "min", "max"], rows)]),
+        goals,
+    )

@@ -1,0 +1,128 @@
+// Time of the scalar runtime's three works from a state with all strings taut:
+//
+//   evaluate   accelerations and all tensions
+//   rk4        a step of the classical Runge-Kutta method, four evaluations with tensions
+//   step       a time step with complementarity, as a run makes it
+//
+// argv: the work, how often it is timed, how many in each.
+// stdin: q_D, v_D, p, winches, dt, recovery speed, tension cap, the input (n_segments, breaks,
+// coef, base).
+// stdout: one line a time, seconds of the processor for one; then the sum of the tensions [N] and the largest |h|
+// of a string [m] where the last one ended.
+#include "main.cpp"
+
+#include <ctime>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <vector>
+
+namespace {
+
+using fan::Model;
+constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings, M = Model::n_rows;
+constexpr int NY = fan::Flow<Model>::NY;
+
+std::vector<double> take(int n) {
+  std::vector<double> out(static_cast<size_t>(n));
+  for (double& x : out)
+    if (std::scanf("%lf", &x) != 1) std::exit(2);
+  return out;
+}
+
+std::vector<double> q_D, v_D, p, table, number, breaks, coef, base;
+int n_segments;
+fan::Flow<Model> flow;
+fan::FixedRun<Model> run;
+
+template <class Drive>
+void give(Drive& drive) {
+  drive.set({n_segments, breaks.data(), coef.data(), base.data(), nullptr});
+  drive.start_at(0.0);
+}
+
+void hold_all_strings() {
+  give(flow.drive);
+  for (int i = 0; i < Model::n_p; ++i) flow.p[i] = p[i];
+  for (int i = 0; i < NQ; ++i) flow.y[i] = q_D[i];
+  for (int k = 0; k < N; ++k) flow.y[NQ + k] = v_D[k];
+  for (int k = NQ + N; k < NY; ++k) flow.y[k] = 0.0;
+  for (int r = 0; r < M; ++r) flow.mode[r] = r < S ? fan::HELD : fan::SLACK;
+  for (int i = 0; i < S; ++i) flow.slip[i] = 0.0;
+  flow.winches.set(table.data());
+  flow.opt.tension_cap = number[2];
+}
+
+void evaluate(int n) {
+  double rate[NY];
+  for (int i = 0; i < n; ++i) flow.evaluate(1e-9 * i, flow.y, rate);
+}
+
+void rk4(int n) {
+  const double dt = number[0];
+  double k1[NY], k2[NY], k3[NY], k4[NY], at[NY];
+  double* y = flow.y;
+  for (int i = 0; i < n; ++i) {
+    const double t = i * dt;
+    flow.evaluate(t, y, k1);
+    for (int j = 0; j < NY; ++j) at[j] = y[j] + 0.5 * dt * k1[j];
+    flow.evaluate(t + 0.5 * dt, at, k2);
+    for (int j = 0; j < NY; ++j) at[j] = y[j] + 0.5 * dt * k2[j];
+    flow.evaluate(t + 0.5 * dt, at, k3);
+    for (int j = 0; j < NY; ++j) at[j] = y[j] + dt * k3[j];
+    flow.evaluate(t + dt, at, k4);
+    for (int j = 0; j < NY; ++j) y[j] += dt / 6.0 * (k1[j] + 2.0 * (k2[j] + k3[j]) + k4[j]);
+    fan::normalise_all<Model::Dynamic>(y);
+  }
+}
+
+double row[fan::Record<Model>::row_width * 4], event[fan::Record<Model>::event_width * 4 * (M + S + 1)];
+
+void begin_steps() {
+  give(run.drive);
+  for (int i = 0; i < Model::n_p; ++i) run.p[i] = p[i];
+  for (int i = 0; i < NQ; ++i) run.q_D[i] = q_D[i];
+  for (int k = 0; k < N; ++k) run.v_D[k] = v_D[k];
+  for (int i = 0; i < S; ++i) run.at.slip[i] = 0.0;
+  run.winches.set(table.data());
+  run.opt.dt = number[0];
+  run.opt.recovery_speed = number[1];
+  run.opt.tension_cap = number[2];
+  run.opt.max_steps = 1LL << 60;
+  run.save_every = 1 << 30;
+  run.t = 0.0;
+  fan::Record<Model> out{row, 4, 0, event, 4 * (M + S + 1), 0};
+  run.start(out);
+}
+
+void steps(int n) {
+  fan::Record<Model> out{row, 4, 0, event, 4 * (M + S + 1), 0};
+  if (run.run(n * number[0], n + 1, out) != fan::DONE) std::exit(3);
+}
+
+}  // namespace
+
+int main(int, char** argv) {
+  const bool stepping = !std::strcmp(argv[1], "step"), whole = !std::strcmp(argv[1], "rk4");
+  const int times = std::atoi(argv[2]), n = std::atoi(argv[3]);
+  q_D = take(NQ), v_D = take(N), p = take(Model::n_p), table = take(3 * S), number = take(3);
+  n_segments = int(take(1)[0]);
+  breaks = take(n_segments + 1), coef = take(n_segments * Model::n_vK * 6);
+  base = take(n_segments * Model::n_qK);
+  for (int i = 0; i <= times; ++i) {  // the first is a warm-up
+    stepping ? begin_steps() : hold_all_strings();
+    const std::clock_t start = std::clock();
+    (stepping ? steps : whole ? rk4 : evaluate)(n);
+    const double took = double(std::clock() - start) / CLOCKS_PER_SEC;
+    if (i > 0) std::printf("%.9g\n", took / n);
+  }
+  const double *tension = stepping ? run.at.tension : flow.tension;
+  const auto& eval = stepping ? run.at.eval : flow.eval;
+  double sum = 0.0, apart = 0.0;
+  for (int r = 0; r < S; ++r) {
+    sum += tension[r];
+    if (!(fabs(eval.h[r]) <= apart)) apart = fabs(eval.h[r]);
+  }
+  std::printf("%.9g %.9g\n", sum, apart);
+  return 0;
+}

@@ -1,0 +1,136 @@
+"""Sections 2 and 3: evaluations and steps of everyone in turns, and MuJoCo's settings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from ..strings.report import Section, Table
+from .figures import Chapter, Goal, Samples, in_turns, shown, spread, times
+from .mujoco_peer import MuJoCo
+from .peers import Peers
+from .programs import Burst, Program, words
+from .subject import DT, marionette, swinging
+
+OURS = {
+    "evaluate": "fantoccini, constrained evaluation",
+    "step": "fantoccini, time step with complementarity",
+    "rk4": "fantoccini, RK4 step with tensions",
+}
+"""Work of the scalar program -> its name on the page."""
+
+MARKS = (("Euler", "evaluate", 8.0), ("Euler", "step", 6.0), ("RK4", "rk4", 6.0))
+"""Integrator of mj_step, our work beside it, how many times as long it is to take at least."""
+
+EVALUATIONS = 20_000
+EVALUATION_MARK = 2e-6
+
+APART = 1e-6
+"""The farthest that a string of ours may be from its length at the end of a burst [m]."""
+
+
+def chapters(peers: Peers, scalar: Program, turns: int, steps: int) -> list[Chapter]:
+    """Times, ratios, and which settings of MuJoCo are the fastest."""
+    x = swinging()
+    for peer in peers.mujoco.values():
+        peer.find_fastest(x.q_D, x.v_D, steps // 5, max(3, turns // 2))
+    taken = in_turns(_actions(peers, scalar, steps), turns)
+    rows = [[name, *spread(samples)] for name, samples in taken.items()]
+    rows += [[name, why, "-", "-"] for name, why in peers.missing.items()]
+    ratios, goals = _ratios(peers, taken)
+    goals.append(
+        Goal("one constrained evaluation", taken[OURS["evaluate"]], EVALUATION_MARK, False)
+    )
+    text = (
+        f"One evaluation or step, in turns, {turns} of them. Steps are of {shown(DT)}. Times are "
+        "of the processor, so that waiting for it does not count. Every burst starts at the same "
+        f"state and makes {steps} steps or {EVALUATIONS} evaluations: ours in a compiled C++ "
+        "program with the library's flags, MuJoCo's in one call of `mj_step` with `nstep`, "
+        "Drake's in one call of `AdvanceTo`. Pinocchio and Drake's derivative are called from "
+        "Python in a loop, so that about half a microsecond of each call is the call itself. Ours "
+        "is compiled for this processor, the peers are wheels as they come. Our "
+        "RK4 step is four evaluations with all tensions, combined, without projection. Ratios are "
+        "taken turn by turn."
+    )
+    table = Table(["who, what", "median", "min", "max"], rows)
+    ratio_table = Table(["ratio", "median", "min", "max"], ratios)
+    return [
+        Chapter(Section("2. Evaluations and steps", [text, table, ratio_table]), goals),
+        _settings(peers),
+    ]
+
+
+def _actions(peers: Peers, scalar: Program, steps: int) -> dict[str, Callable[[], float]]:
+    """Name on the page -> seconds of one evaluation or step."""
+    x, actions = swinging(), {}
+
+    def ours(work: str, count: int) -> Callable[[], float]:
+        return lambda: _checked(scalar.run(words([x]), work, 1, count)).seconds[0]
+
+    def mj_step(peer: MuJoCo, settings: dict) -> Callable[[], float]:
+        return lambda: peer.burst(settings, x.q_D, x.v_D, steps)["seconds"]
+
+    for work, name in OURS.items():
+        actions[name] = ours(work, EVALUATIONS if work == "evaluate" else steps)
+    for peer in peers.mujoco.values():
+        for integrator, settings in peer.fastest.items():
+            actions[_name(peer, integrator)] = mj_step(peer, settings)
+    if peers.pinocchio:
+        name = f"Pinocchio {peers.pinocchio.version}, ABA from Python, unconstrained"
+        actions[name] = lambda: peers.pinocchio.burst(x.q_D, x.v_D)
+    if peers.drake:
+        name = f"Drake {peers.drake.version}, "
+        actions[name + "derivative from Python, unconstrained"] = lambda: peers.drake.derivative(
+            x.q_D, x.v_D
+        )
+        actions[name + "discrete step with distances"] = lambda: peers.drake.step(x.q_D, x.v_D)
+    return actions
+
+
+def _checked(burst: Burst) -> Burst:
+    """A burst whose strings carried the puppet and kept their lengths."""
+    carried = burst.tension / marionette().weight
+    if not (0.9 < carried < 1.1 and burst.apart < APART):
+        raise RuntimeError(f"strings carry {carried:.3g} of the weight, {burst.apart:.1g} m off")
+    return burst
+
+
+def _name(peer: MuJoCo, integrator: str) -> str:
+    return f"MuJoCo {peer.version}, mj_step, {integrator}"
+
+
+def _ratios(peers: Peers, taken: dict[str, Samples]) -> tuple[list[list[str]], list[Goal]]:
+    """Every version of MuJoCo over ours; the faster one decides."""
+    rows, goals = [], []
+    for integrator, work, bound in MARKS:
+        what = f"mj_step ({integrator}) / {OURS[work].removeprefix('fantoccini, ')}"
+        least: Samples | str = peers.no_mujoco
+        for peer in peers.mujoco.values():
+            ratio = taken[_name(peer, integrator)].over(taken[OURS[work]])
+            rows.append([f"{what}, MuJoCo {peer.version}", *spread(ratio, times)])
+            if isinstance(least, str) or ratio.median < least.median:
+                least = ratio
+        goals.append(Goal(what, least, bound))
+    return rows, goals
+
+
+def _settings(peers: Peers) -> Chapter:
+    """What was tried."""
+    versions = list(peers.mujoco.values())
+    rows = []
+    for settings in zip(*(peer.tried for peer in versions), strict=True):
+        cells = [settings[0].settings["integrator"], settings[0].name]
+        for peer, one in zip(versions, settings, strict=True):
+            text = one.wrong or shown(one.seconds)
+            best = peer.fastest[one.settings["integrator"]] is one.settings
+            cells.append(f"**{text}**" if best else text)
+        rows.append(cells)
+    versions_text = [f"MuJoCo {peer.version}" for peer in versions]
+    text = (
+        "Contacts are off, as are sensors and energies, which the model does not ask for; strings "
+        "are as soft as MuJoCo has them by itself. The least of some bursts decides which solver, "
+        "which Jacobian, and whether constraints are split into islands: the setting in bold is "
+        "the one that section 2 times. A setting whose end lies elsewhere than that of dense "
+        "Newton is left out."
+    )
+    table = Table(["integrator", "setting", *versions_text], rows)
+    return Chapter(Section("3. MuJoCo's settings", [text, table if rows else "Not installed."]))

@@ -1,0 +1,75 @@
+"""What is simulated: the bundled marionette hanging on all seven strings, swinging gently."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+
+import fantoccini as fan
+from fantoccini import tree
+from fantoccini.motion import State
+from fantoccini.puppet import Puppet
+from fantoccini.world import World
+
+DT = 0.002
+"""Step of everything that has a fixed one [s]."""
+
+KNEES = {"knee_left.length": 1.04, "knee_right.length": 1.04}
+"""Two centimetres less than the file's: the thighs hang on their strings as well [m]."""
+
+_SWING = 0.05
+"""Size of the velocities of a gentle swing [m/s or rad/s]."""
+
+
+@functools.cache
+def marionette() -> fan.Marionette:
+    """The bundled puppet: 25 DOF, 7 strings."""
+    return fan.puppets.marionette()
+
+
+@functools.cache
+def hanging() -> State:
+    """Its equilibrium with all strings taut."""
+    state = marionette().rest(KNEES)
+    tension = tensions(state)
+    if min(tension.values()) <= 0.0:
+        raise RuntimeError(f"a string is slack: {tension}")
+    return state
+
+
+def tensions(x: State) -> dict[str, float]:
+    """Tension of every string at a state [N]."""
+    _, found = marionette().accelerations(x)
+    names = [s.name for s in marionette().tree.strings]
+    return dict(zip(names, map(float, found), strict=False))
+
+
+def swinging(seed: int = 0) -> State:
+    """The same pose with small velocities that leave every string its length."""
+    x = hanging()
+    v = _SWING * np.random.default_rng(seed).normal(size=len(x.v_D))
+    A = marionette().A_D(x)[: len(marionette().tree.strings)]
+    return x.replace(v_D=v - np.linalg.pinv(A) @ (A @ v))
+
+
+@functools.cache
+def still_air() -> Puppet:
+    """The puppet without what no peer has in the same form: the costume's drag, the neck's spring.
+
+    It is what the peers are given. What is timed of ours is the whole puppet.
+    """
+    puppet = marionette().puppet.expanded()
+    bodies = [
+        body.model_copy(
+            update={"drag": None, "joint": body.joint.model_copy(update={"spring": None})}
+        )
+        for body in puppet.bodies
+    ]
+    return puppet.model_copy(update={"bodies": type(puppet.bodies)(bodies)})
+
+
+@functools.cache
+def still_tree() -> tree.Tree:
+    """The tree of :func:`still_air`; its coordinates are those of the whole puppet."""
+    return tree.grow(World.of(still_air()))
