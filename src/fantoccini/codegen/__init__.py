@@ -1,14 +1,18 @@
 """Equations -> source text: the model that is compiled here, and C99 to take elsewhere."""
 
 from fantoccini.codegen.c99 import c99_files
+from fantoccini.codegen.derivatives import SIZES as DERIVATIVE_SIZES
+from fantoccini.codegen.derivatives import generate_derivatives
 from fantoccini.codegen.model import STEM, VERSION, Generated, generate, model_text, tables_text
 
 __all__ = [
+    "DERIVATIVE_SIZES",
     "STEM",
     "VERSION",
     "Generated",
     "c99_files",
     "generate",
+    "generate_derivatives",
     "model_text",
     "tables_text",
 ]

@@ -77,6 +77,10 @@ class Instant:
         """L^-1 w for vectors (..., n_vD)."""
         return self.library.evaluate("back", [self.L, w])[0]
 
+    def forth(self, f: Array) -> Array:
+        """L^-T f for vectors (..., n_vD)."""
+        return self.library.evaluate("forth", [self.L, f])[0]
+
     def complementarity(
         self, rows: Array, b: Array, two_sided: Array, upper: Array | None = None
     ) -> Complementarity:

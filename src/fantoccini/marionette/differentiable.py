@@ -1,0 +1,72 @@
+"""A puppet's derivatives: compiled when they are first asked for, in a library of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from fantoccini import build, codegen, equations
+from fantoccini.arrays import Array
+from fantoccini.errors import BuildError
+from fantoccini.marionette import generator
+from fantoccini.marionette.linearisation import Linearisation, linearise
+from fantoccini.motion import State
+from fantoccini.runtime import Slopes
+from fantoccini.tree import Tree
+from fantoccini.world import World
+
+if TYPE_CHECKING:
+    from fantoccini.marionette.handle import Marionette
+
+
+class Differentiable:
+    """The part of a marionette that knows derivatives."""
+
+    world: World
+    tree: Tree
+    _progress: Callable[[str], None] | None
+
+    @cached_property
+    def derivatives(self) -> Slopes:
+        """The compiled derivatives, from the cache or made now.
+
+        Raises:
+            BuildError: no compiler, or it failed.
+        """
+        canonical = "\n".join(p.canonical() for p in self.world.puppets)
+        key = build.fingerprint(canonical, generator.fingerprint(derivatives=True), ["derivatives"])
+        folder = build.obtain(key, self._derivatives_source, progress=self._progress)
+        try:
+            return Slopes(folder / build.LIBRARY, self.tree)
+        except BuildError:
+            folder = build.obtain(
+                key, self._derivatives_source, progress=self._progress, afresh=True
+            )
+            return Slopes(folder / build.LIBRARY, self.tree)
+
+    def _derivatives_source(self) -> build.Source:
+        generated = codegen.generate_derivatives(equations.Derivatives(self.tree))
+        operations = generated.operations
+        return build.Source(
+            generated.files,
+            generated.main,
+            {"operations": operations, "n_operations": max(operations.values())},
+        )
+
+    def linearise(
+        self: Marionette,
+        x: State,
+        acc_K: Array | None = None,
+        u_D: Array | None = None,
+        rows: Iterable[str] | None = None,
+    ) -> Linearisation:
+        """Derivatives of acc_D and the tensions at a state, and A and B of the linear system.
+
+        Args:
+            x: the state.
+            acc_K: (n_vK,) accelerations of the inputs; 0 when not given.
+            u_D: (n_vD,) user forces; 0 when not given.
+            rows: names of the strings and limits to hold; those that pull when not given.
+        """
+        return linearise(self, x, acc_K, u_D, rows)
