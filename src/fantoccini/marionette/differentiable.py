@@ -11,6 +11,7 @@ from fantoccini.arrays import Array
 from fantoccini.errors import BuildError
 from fantoccini.marionette import generator
 from fantoccini.marionette.linearisation import Linearisation, linearise
+from fantoccini.marionette.modes import Modes, modes
 from fantoccini.motion import State
 from fantoccini.runtime import Slopes
 from fantoccini.tree import Tree
@@ -70,3 +71,14 @@ class Differentiable:
             rows: names of the strings and limits to hold; those that pull when not given.
         """
         return linearise(self, x, acc_K, u_D, rows)
+
+    def modes(self: Marionette, x: State) -> Modes:
+        """How the puppet swings about a state of rest, and which inputs excite each swing.
+
+        Args:
+            x: a state of rest, as :meth:`Marionette.rest` gives it.
+
+        Raises:
+            StateError: the puppet does not rest there.
+        """
+        return modes(self, x)

@@ -2,8 +2,8 @@
 
     M acc_D + M_DK acc_K + c - u_D + A_D^T tension = 0,   A_D acc_D + A_K acc_K + Adot v = 0
 
-By the implicit function theorem, with r and hddot the left sides and d a change of a state, an input
-or a parameter:
+By the implicit function theorem, with r and hddot the left sides and d a change of state, input
+or parameter:
 
     M dacc_D + A_D^T dtension = -r_d,   A_D dacc_D = -hddot_d      over the rows that hold
 
