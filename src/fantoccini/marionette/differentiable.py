@@ -12,6 +12,7 @@ from fantoccini.errors import BuildError
 from fantoccini.marionette import generator
 from fantoccini.marionette.linearisation import Linearisation, linearise
 from fantoccini.marionette.modes import Modes, modes
+from fantoccini.marionette.step_linearisation import StepLinearisation, linearise_step
 from fantoccini.motion import State
 from fantoccini.runtime import Slopes
 from fantoccini.tree import Tree
@@ -71,6 +72,23 @@ class Differentiable:
             rows: names of the strings and limits to hold; those that pull when not given.
         """
         return linearise(self, x, acc_K, u_D, rows)
+
+    def linearise_step(
+        self: Marionette,
+        x: State,
+        acc_K: Array | None = None,
+        u_D: Array | None = None,
+        dt: float = 0.002,
+    ) -> StepLinearisation:
+        """One step of the time-stepper with its derivatives, in the mode that it chooses.
+
+        Args:
+            x: where the step starts.
+            acc_K: (n_vK,) accelerations of the inputs over the step; 0 when not given.
+            u_D: (n_vD,) user forces over the step; 0 when not given.
+            dt: its length [s].
+        """
+        return linearise_step(self, x, acc_K, u_D, dt)
 
     def modes(self: Marionette, x: State) -> Modes:
         """How the puppet swings about a state of rest, and which inputs excite each swing.
