@@ -19,10 +19,21 @@ from fantoccini.errors import (
     Status,
     UnknownNameError,
 )
-from fantoccini.marionette import Flow, Marionette, Stepper, load, loads
+from fantoccini.marionette import (
+    Flow,
+    Linearisation,
+    Marionette,
+    Mode,
+    Modes,
+    Partials,
+    StepLinearisation,
+    Stepper,
+    load,
+    loads,
+)
 from fantoccini.motion import Columns, Event, EventKind, Input, State, Trajectory
 from fantoccini.puppet import Puppet
-from fantoccini.simulate import simulate
+from fantoccini.simulate import Passage, Sensitivity, sensitivity, simulate
 from fantoccini.world import World
 
 __version__ = "0.1.0"
@@ -36,13 +47,20 @@ __all__ = [
     "Flow",
     "Input",
     "InputError",
+    "Linearisation",
     "Marionette",
+    "Mode",
+    "Modes",
+    "Partials",
+    "Passage",
     "Puppet",
     "PuppetError",
+    "Sensitivity",
     "SimulationError",
     "State",
     "StateError",
     "Status",
+    "StepLinearisation",
     "Stepper",
     "Trajectory",
     "UnknownNameError",
@@ -51,5 +69,6 @@ __all__ = [
     "load",
     "loads",
     "puppets",
+    "sensitivity",
     "simulate",
 ]

@@ -3,11 +3,19 @@
 from fantoccini.marionette.checks import check_inputs, check_method, check_speed
 from fantoccini.marionette.flow import Flow
 from fantoccini.marionette.handle import Marionette, load, loads
+from fantoccini.marionette.linearisation import Linearisation, Partials
+from fantoccini.marionette.modes import Mode, Modes
+from fantoccini.marionette.step_linearisation import StepLinearisation
 from fantoccini.marionette.stepper import Stepper
 
 __all__ = [
     "Flow",
+    "Linearisation",
     "Marionette",
+    "Mode",
+    "Modes",
+    "Partials",
+    "StepLinearisation",
     "Stepper",
     "check_inputs",
     "check_method",
