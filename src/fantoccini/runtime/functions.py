@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from pathlib import Path
 
 import numpy as np
@@ -54,8 +55,9 @@ class Functions:
         found = tuple(a.shape[-1] for a in arguments)
         if found != takes:
             raise ValueError(f"{name} takes arguments of widths {takes}; found {found}")
-        lead = np.broadcast_shapes(*(a.shape[:-1] for a in arguments))
-        n = int(np.prod(lead))
+        lead = () if all(a.ndim == 1 for a in arguments) else np.broadcast_shapes(
+            *(a.shape[:-1] for a in arguments)
+        )
         rows, strides = [], []
         for a in arguments:
             if a.ndim > 1 and a.shape[:-1] != lead:
@@ -64,7 +66,7 @@ class Functions:
             strides.append(a.shape[-1] if a.ndim > 1 else 0)
         out = [np.zeros((*lead, width)) for width in widths]
         status = getattr(self.handle, f"fan_map_{name}")(
-            ctypes.c_longlong(n),
+            ctypes.c_longlong(math.prod(lead)),
             _pointers(rows),
             (ctypes.c_longlong * len(rows))(*strides),
             _pointers(out),
@@ -81,4 +83,4 @@ def pointer(array: np.ndarray) -> ctypes.c_void_p:
 
 
 def _pointers(arrays: list[Array]) -> ctypes.Array:
-    return (ctypes.c_void_p * len(arrays))(*(pointer(a) for a in arrays))
+    return (ctypes.c_void_p * len(arrays))(*[a.__array_interface__["data"][0] for a in arrays])

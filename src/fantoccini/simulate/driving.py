@@ -57,23 +57,30 @@ class Driving:
         end: float,
     ):
         self.start, self.end = start, end
-        self._marionette, self._places = marionette, marionette.coordinates.scalars_K
+        self._places = marionette.coordinates.scalars_K
         self._own = _piece(inputs, start, end)
         self._others = [_piece(other, start, end) for other in toward]
+        first = 2 * marionette.coordinates.n_vD + len(marionette.p)
+        self._outside = Outside.none(marionette, first + len(toward))
+        self._outside.p[:, first - len(marionette.p) : first] = np.eye(len(marionette.p))
 
     def at(self, t: float) -> tuple[Array, Array, Array, Array]:
         """q_K, v_K, acc_K and u_D at a time of the stretch [s]."""
         return self._own(min(max(t, self.start), self.end))
 
     def outside(self, t: float) -> Outside:
-        """The changes at a time of the stretch [s]: none by the state, parameters, towards."""
+        """The changes at a time of the stretch [s], good until the next call.
+
+        Columns: by the state at the start, where nothing outside changes, by the parameters, towards
+        the other inputs.
+        """
         t = min(max(t, self.start), self.end)
-        own, others = self._own(t), [other(t) for other in self._others]
-        first = 2 * self._marionette.coordinates.n_vD + len(self._marionette.p)
-        out = Outside.none(self._marionette, first + len(others))
-        out.p[:, first - len(out.p) : first] = np.eye(len(out.p))
-        changes = out.v_K, out.acc_K, out.u_D
-        for k, other in enumerate(others, first):
+        out = self._outside
+        if not self._others:
+            return out
+        changes, own = (out.v_K, out.acc_K, out.u_D), self._own(t)
+        others = (other(t) for other in self._others)
+        for k, other in enumerate(others, out.p.shape[1] - len(self._others)):
             for q, v in self._places:
                 out.q_K[v, k] = other[0][q] - own[0][q]
             for change, theirs, mine in zip(changes, other[1:], own[1:], strict=True):
