@@ -84,7 +84,8 @@ class Modes:
     Attributes:
         x: the state of rest.
         rows: names of the strings and limits that hold.
-        modes: all of them: ``2 (n_vD - independent rows)`` eigenvalues, two in each swing.
+        modes: all of them. A swing stands for two eigenvalues, s and its conjugate; so does a
+            coordinate that nothing drives back and nothing damps.
     """
 
     x: State
