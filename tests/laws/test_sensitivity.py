@@ -162,7 +162,6 @@ bodies:
 strings:
   - {name: left, path: [{body: box, at: [-0.15, 0.05, 0.05]}, {driven: [x], at: [-0.2, 0, 1]}], length: 0.95}
   - {name: right, path: [{body: box, at: [0.15, -0.02, 0.05]}, {world: [0.2, 0.1, 1]}], length: 1.0}
-pose: {left.x: -0.2}
 """
 
 
