@@ -41,7 +41,10 @@ strings:
     path: [{body: body, at: [0, 0.05, 0.02]}, {body: bar, at: [0, 0.1, 0]}]
     length: driven
   - name: over
-    path: [{body: arm, at: [0, 0, -0.2]}, {body: crank, at: [0.1, 0, 0]}, {driven: [x], at: [0, 0, 2]}]
+    path:
+      - {body: arm, at: [0, 0, -0.2]}
+      - {body: crank, at: [0.1, 0, 0]}
+      - {driven: [x], at: [0, 0, 2]}
     length: driven
   - name: stay
     path: [{body: body, at: [-0.1, 0, 0]}, {world: [-0.5, 0, 1]}]
@@ -181,9 +184,9 @@ def test_the_linear_system_predicts_the_motion(rig):
 
         def after(h: float) -> np.ndarray:
             out = []
-            for q, v, dq, dv, acc, scalars, quaternions in (
-                (x.q_D, x.v_D, parts[0], parts[1], 0, t.scalars_D, t.quaternions_D),
-                (x.q_K, x.v_K, parts[2], parts[3], 1, t.scalars_K, t.quaternions_K),
+            for q, v, dq, dv, scalars, quaternions in (
+                (x.q_D, x.v_D, parts[0], parts[1], t.scalars_D, t.quaternions_D),
+                (x.q_K, x.v_K, parts[2], parts[3], t.scalars_K, t.quaternions_K),
             ):
                 mine = moved(q, h * v, scalars, quaternions)
                 theirs = moved(q, dq, scalars, quaternions)

@@ -71,7 +71,7 @@ def test_a_bob_on_a_string_swings_two_ways(bob):
 
 @pytest.mark.parametrize("c", [0.05, 1.0, 2.0, 10.0])
 def test_damping_ratios(bob, c):
-    """zeta = c / (2 m omega); beyond 1 the bob creeps with s = -omega (zeta +- sqrt(zeta^2 - 1))."""
+    """zeta = c / (2 m omega); beyond 1 it creeps, s = -omega (zeta +- sqrt(zeta^2 - 1))."""
     omega = np.sqrt(G / 0.7)
     zeta = c / (2.0 * 0.4 * omega)
     damped = bob.with_parameters({"damping": c})

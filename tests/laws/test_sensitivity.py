@@ -140,7 +140,8 @@ def test_a_start_on_a_taut_string(swing):
         x = x0.replace(q_D=x0.q_D + s[0] * free, v_D=s[1] * free)
         for _ in range(6):
             h, A = arm.constraint(x), arm.A_D(x)
-            x = x.replace(q_D=x.q_D - np.linalg.solve(M, A.T) @ (h / (A @ np.linalg.solve(M, A.T))[0]))
+            pull = np.linalg.solve(M, A.T)
+            x = x.replace(q_D=x.q_D - pull @ np.linalg.solve(A @ pull, h))
         A = arm.A_D(x)
         v_D = x.v_D - A[0] * (A[0] @ x.v_D) / (A[0] @ A[0])
         return end(arm, x.replace(v_D=v_D), lift, 0.25)
@@ -160,8 +161,12 @@ bodies:
     shapes: [{type: box, size: [0.3, 0.2, 0.1], mass: 0.5}]
     drag: {quadratic: 0.2}
 strings:
-  - {name: left, path: [{body: box, at: [-0.15, 0.05, 0.05]}, {driven: [x], at: [-0.2, 0, 1]}], length: 0.95}
-  - {name: right, path: [{body: box, at: [0.15, -0.02, 0.05]}, {world: [0.2, 0.1, 1]}], length: 1.0}
+  - name: left
+    path: [{body: box, at: [-0.15, 0.05, 0.05]}, {driven: [x], at: [-0.2, 0, 1]}]
+    length: 0.95
+  - name: right
+    path: [{body: box, at: [0.15, -0.02, 0.05]}, {world: [0.2, 0.1, 1]}]
+    length: 1.0
 """
 
 

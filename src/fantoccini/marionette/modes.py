@@ -161,13 +161,15 @@ def modes(marionette: Marionette, x: State) -> Modes:
     )  # fmt: skip
     reduced = _Reduced(K, D, forcing)
     groups = reduced.groups()
-    loudest = max((reduced.gains(s, phi, N).max(initial=0.0) for s, phi in groups if s), default=0.0)
+    all_gains = [reduced.gains(s, phi, N) for s, phi in groups]
+    swinging = (gains for (s, _), gains in zip(groups, all_gains, strict=True) if s)
+    loudest = max((np.max(gains, initial=0.0) for gains in swinging), default=0.0)
     M = marionette.mass_matrix(x)
-    made = []
-    for s, phi in groups:
-        gains = reduced.gains(s, phi, N)
-        for shape, gain in zip((N @ phi).T, gains, strict=True):
-            made.append(_mode(marionette, s, shape, M, gain, loudest))
+    made = [
+        _mode(marionette, s, shape, M, gain, loudest)
+        for (s, phi), gains in zip(groups, all_gains, strict=True)
+        for shape, gain in zip((N @ phi).T, gains, strict=True)
+    ]
     names = tuple(marionette.tree.row_names[i] for i in held)
     return Modes(x, names, tuple(made))
 
@@ -233,10 +235,8 @@ class _Reduced:
             return phi
         u, size, _ = np.linalg.svd(np.concatenate([phi.real, phi.imag], axis=1))
         real = u[:, : np.sum(size > 1e-6 * size[0])]
-        if s == 0.0 or real.shape[1] == phi.shape[1]:
-            phi = real
-        else:
-            phi = np.linalg.qr(phi)[0]
+        is_real = s == 0.0 or real.shape[1] == phi.shape[1]
+        phi = real if is_real else np.linalg.qr(phi)[0]
         b = self._input(s, phi)
         _, turn = np.linalg.eigh(np.real(b @ b.conj().T))
         return phi @ turn[:, ::-1]

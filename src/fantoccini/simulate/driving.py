@@ -71,8 +71,8 @@ class Driving:
     def outside(self, t: float) -> Outside:
         """The changes at a time of the stretch [s], good until the next call.
 
-        Columns: by the state at the start, where nothing outside changes, by the parameters, towards
-        the other inputs.
+        Columns: by the state at the start, where nothing outside changes, by the parameters,
+        towards the other inputs.
         """
         t = min(max(t, self.start), self.end)
         out = self._outside

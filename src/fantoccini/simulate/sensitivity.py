@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -65,8 +66,8 @@ def sensitivity(
 ) -> Sensitivity:
     """dx(t)/dx0, dx(t)/dp and along changes of the inputs, through releases and catches.
 
-    The run is that of ``fan.simulate`` with its default tolerances. The order of its events is kept:
-    the derivative is that of all neighbours with the same one.
+    The run is that of ``fan.simulate`` with its default tolerances. The order of its events is
+    kept: the derivative is that of all neighbours with the same one.
 
     Args:
         marionette: the puppet.
@@ -148,7 +149,7 @@ class _Course:
         """(time, changes) at the start, at the times asked for, around every event, at the end."""
         run, n = self.run, self.marionette.coordinates.n_vD
         columns = 2 * n + len(self.marionette.p) + len(self._toward)
-        Z = np.eye(2 * n, columns)
+        Z, outside = np.eye(2 * n, columns), Outside.none(self.marionette, columns)
         edges = np.flatnonzero(np.diff(run.t) == 0.0)
         firsts = np.concatenate([[0], edges + 1])
         lasts = np.concatenate([edges, [len(run.t) - 1]])
@@ -203,5 +204,5 @@ class _Course:
         times = np.concatenate([[start], inner, [end]])
         return [
             Driving(self.marionette, self._inputs, self._toward, a, b)
-            for a, b in zip(times[:-1], times[1:], strict=True)
+            for a, b in pairwise(times)
         ]
