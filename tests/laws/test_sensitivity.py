@@ -167,35 +167,44 @@ strings:
   - name: right
     path: [{body: box, at: [0.15, -0.02, 0.05]}, {world: [0.2, 0.1, 1]}]
     length: 1.0
+    restitution: {parameter: bounce, value: 0}
 """
 
 
-def test_a_tumbling_box():
-    """Orientations and several strings: catches of one while the other is taut or slack."""
-    box = fan.loads(TUMBLER)
+@pytest.mark.parametrize(("bounce", "t_end", "catches"), [(0.0, 0.8, 2), (0.4, 0.47, 4)])
+def test_a_tumbling_box(bounce, t_end, catches):
+    """Orientations and several strings: catches of one while the other is slack, taut, bounces."""
+    box = fan.loads(TUMBLER).with_parameters({"bounce": bounce})
     t = box.coordinates
     x0 = box.state({"box.z": 0.3, "v:box.wx": 2.0, "v:box.wy": 1.0, "v:box.x": 0.5, "v:box.z": 1.0})
-    found = fan.sensitivity(box, x0, t_end=0.8)
-    caught = {event.name for event in found.run.events if event.kind == "catch"}
-    assert caught == {"left", "right"} and found.sharp
+    found = fan.sensitivity(box, x0, t_end=t_end)
+    caught = [passage.rows for passage in found.passages]
+    assert set(caught) == {("left",), ("right",)} and len(caught) == catches and found.sharp
 
     def by_start(d: np.ndarray) -> np.ndarray:
         q_D = moved(x0.q_D, d[:6], t.scalars_D, t.quaternions_D)
         start = x0.replace(q_D=q_D, v_D=x0.v_D + d[6:])
-        run = fan.simulate(box, start, t_end=0.8, **FINE)
-        assert [e.name for e in run.events] == [e.name for e in found.run.events]
-        return np.concatenate([box.poses(run.q_D[-1], run.q_K[-1])[0].ravel(), run.v_D[-1]])
+        return outcome(box, start)
 
-    wanted = difference(by_start, 12, 1e-4)
-    R = box.poses(found.run.q_D[-1], found.run.q_K[-1])[0]
+    def outcome(puppet: fan.Marionette, start: fan.State) -> np.ndarray:
+        run = fan.simulate(puppet, start, t_end=t_end, **FINE)
+        assert [e.name for e in run.events] == [e.name for e in found.run.events]
+        return np.concatenate([puppet.poses(run.q_D[-1], run.q_K[-1])[0].ravel(), run.v_D[-1]])
+
+    wanted = difference(by_start, 12, 1e-5)
     here = found.run.state(-1)
     to_pose = difference(
         lambda d: box.poses(moved(here.q_D, d, t.scalars_D, t.quaternions_D), here.q_K)[0].ravel(),
         6, 1e-3,
     )  # fmt: skip
-    assert R.shape == (3, 4)
     mine = np.concatenate([to_pose @ found.x0[-1][:6], found.x0[-1][6:]])
     assert worst(mine, wanted) < 1e-7
+    if bounce:
+        wanted = difference(
+            lambda d: outcome(box.with_parameters({"bounce": bounce + d[0]}), x0), 1, 1e-5
+        )
+        mine = np.concatenate([to_pose @ found.p[-1][:6], found.p[-1][6:]])
+        assert worst(mine, wanted) < 1e-7
 
 
 def test_what_slips_has_no_sensitivity():

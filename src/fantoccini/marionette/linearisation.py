@@ -182,7 +182,7 @@ def linearise(
     held_by = row_columns(found)[held]
     dacc, dtension = Answer(instant, held).to(by, held_by)
     dpull = np.zeros((marionette.tree.n_rows, by.shape[1]))
-    dpull[:, -len(marionette.p) or by.shape[1] :] = winch_slopes(marionette, tension)
+    dpull[:, by.shape[1] - len(marionette.p) :] = winch_slopes(marionette, tension)
     dpull[held] = dtension
     widths = [table.n_vD] * 2 + [table.n_vK] * 3 + [table.n_vD, len(marionette.p)]
     return Linearisation(
