@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
+from fantoccini.demo import performance
 from oracles.differences import difference, moved, worst
 
 DROP = """
@@ -205,6 +206,39 @@ def test_a_tumbling_box(bounce, t_end, catches):
         )
         mine = np.concatenate([to_pose @ found.p[-1][:6], found.p[-1][6:]])
         assert worst(mine, wanted) < 1e-7
+
+
+def test_the_marionettes_catches():
+    """A knee's string snaps taut and lets go all others, which are caught one after the other."""
+    puppet = fan.puppets.marionette()
+    x0, inputs, _ = performance(puppet)
+    x0 = fan.simulate(puppet, x0, inputs, 3.755, **FINE).state(-1)
+    t, taut, t_end = puppet.coordinates, np.flatnonzero(x0.taut), 3.7655
+    found = fan.sensitivity(puppet, x0, inputs, t_end)
+    assert len(found.passages) == 5 and found.passages[0].rows == ("knee_left",)
+    change = found.x0[0] @ np.random.default_rng(1).normal(size=2 * t.n_vD)
+
+    def ended(s: np.ndarray) -> np.ndarray:
+        """v_D at the end after a start moved along the change, and back onto its strings."""
+        d = s[0] * change
+        q_D = moved(x0.q_D, d[: t.n_vD], t.scalars_D, t.quaternions_D)
+        x = x0.replace(q_D=q_D, v_D=x0.v_D + d[t.n_vD :])
+        for _ in range(6):
+            h, A = puppet.constraint(x)[taut], puppet.A_D(x)[taut]
+            pull = np.linalg.solve(puppet.mass_matrix(x), A.T)
+            back = -pull @ np.linalg.solve(A @ pull, h)
+            x = x.replace(q_D=moved(x.q_D, back, t.scalars_D, t.quaternions_D))
+        A = puppet.A_D(x)[taut]
+        rate = A @ x.v_D + puppet.A_K(x)[taut] @ x.v_K
+        pull = np.linalg.solve(puppet.mass_matrix(x), A.T)
+        x = x.replace(v_D=x.v_D - pull @ np.linalg.solve(A @ pull, rate))
+        run = fan.simulate(puppet, x, inputs, t_end, **FINE)
+        kept = [(e.name, e.kind) for e in run.events]
+        assert kept == [(e.name, e.kind) for e in found.run.events]
+        return run.v_D[-1]
+
+    wanted = difference(ended, 1, 1e-6)
+    assert worst(found.x0[-1][t.n_vD :] @ change[:, None], wanted) < 1e-6
 
 
 def test_what_slips_has_no_sensitivity():

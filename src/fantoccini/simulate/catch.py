@@ -6,7 +6,7 @@ v+ = R(q, v-) of Eqs. 13-15 and f = (v_D, acc_D),
     dz+ = dR (dz- + f- dt) - f+ dt,
 
 for changes of the state alone the saltation matrix dR + (f+ - dR f-) (-dh/dz) / hdot-. dR comes
-from the impulse's own equations, over the rows whose impulse is not 0:
+from the impulse's own equations, over the rows that are struck or held afterwards:
 
     M (v+ - v-) + A_D^T Lambda = 0,   hdot+ = -e max(hdot-, 0)
 """
@@ -79,32 +79,34 @@ class Catch:
         self._back = np.zeros(n_rows)
         self._back[: len(marionette.tree.strings)] = marionette.winches[:, 2]
         self._back[instant.hdot <= 0.0] = 0.0
-        found = instant.complementarity(rows, ((1.0 + self._back) * instant.hdot)[rows], wires)
-        self._impulse = np.zeros(n_rows)
-        self._impulse[rows] = found.x
-        self._kick = -instant.back(instant.W @ self._impulse)
+        stopped = (1.0 + self._back) * instant.hdot
+        found = instant.complementarity(rows, stopped[rows], wires)
+        strikes = np.zeros(n_rows, dtype=bool)
+        strikes[rows] = np.abs(found.x) > _NONE * np.max(np.abs(found.x), initial=0.0)
+        # What the run holds afterwards it has stopped, if only from speeds that count as rest.
+        self._rows = np.flatnonzero(strikes | wires | stays)
+        self._answer = Answer(instant, self._rows)
+        still = np.zeros((len(before.v_D), 1))
+        kick, impulse = self._answer.to(still, stopped[self._rows, None])
+        self._kick, self._impulse = kick[:, 0], np.zeros(n_rows)
+        self._impulse[self._rows] = impulse[:, 0]
         self._after = after.replace(v_D=before.v_D + self._kick)
         off = np.abs(self._after.v_D - after.v_D) / (1.0 + np.abs(after.v_D))
         if not found.solved or np.max(off, initial=0.0) > _SAME:
             raise SimulationError(
                 Status.NOT_SETTLED,
-                f"the catch at t = {before.t:.6g} s cannot be differentiated: several strings with "
-                "unequal restitution share it",
+                f"the catch at t = {before.t:.6g} s cannot be differentiated: its velocities are "
+                "not those of the impulse on the strings that it strikes and holds, as when "
+                "unequal restitutions are scaled down",
             )
-        left = np.full(n_rows, np.inf)
-        left[rows] = np.abs(found.s)
-        largest = np.max(np.abs(self._impulse), initial=0.0)
         fast = np.max(np.abs(instant.hdot[rows]), initial=0.0)
-        strikes = np.abs(self._impulse) > _NONE * largest
-        self._rows = np.flatnonzero(strikes | wires | (was & stays & (left <= _NONE * fast)))
         self.caught = np.flatnonzero(closed & ~was & ~wires & (instant.hdot > _NONE * fast))
         speeds = instant.hdot[self.caught]
         self.speed = float(np.max(speeds, initial=0.0))
         self._guard = self.caught[np.argmax(speeds)] if len(speeds) else None
         touching = closed & ~was & (instant.hdot > -_STILL)
-        accounted = was | np.isin(np.arange(n_rows), self._rows)
         self.sharp = bool(
-            len(self.caught) == 1 and np.sum(touching) == 1 and not np.any(stays & ~accounted)
+            len(self.caught) == 1 and np.sum(touching) == 1 and not np.any(stays & ~was & ~strikes)
         )
 
     def passage(self, acc: tuple[Array, Array], acc_K: Array) -> Passage:
@@ -139,8 +141,7 @@ class Catch:
         speed = rate_change(before, q_D, q_K, v_K, p) + before["A_D"] @ v_D
         rate = rate_change(after, q_D, q_K, v_K, p) + after["A_D"] @ v_D
         rate += self._back[:, None] * speed + self._restitution_change() @ p
-        answer = Answer(self._instant, self._rows)
-        v_D = v_D + answer.to(self._force_change(q_D, q_K, p), rate[self._rows])[0]
+        v_D = v_D + self._answer.to(self._force_change(q_D, q_K, p), rate[self._rows])[0]
         q_D = q_D - self._after.v_D[:, None] * late
         return np.concatenate([q_D, v_D - acc[1][:, None] * late])
 
