@@ -128,6 +128,22 @@ def test_a_rod_on_two_strings():
     assert len(modes.rows) == 2 and "1 stand anywhere" in str(modes)
 
 
+def test_a_pendulum_without_strings():
+    """omega^2 = m g l / (m l^2 + I) of a body on a hinge that nothing drives."""
+    hinge = fan.loads("""
+puppet: hinge
+bodies:
+  - name: body
+    joint: {type: revolute, axis: [0, 1, 0]}
+    mass: 2.0
+    com: [0, 0, -0.4]
+    inertia: [0.02, 0.03, 0.02]
+""")
+    (mode,) = hinge.modes(hinge.rest())
+    assert abs(2 * np.pi * mode.frequency - np.sqrt(2.0 * G * 0.4 / (2.0 * 0.16 + 0.03))) < 1e-10
+    assert mode.gain == {} and not mode.excitable
+
+
 def test_the_frequency_is_that_of_the_simulated_swing():
     """arm2d is let go near rest: its period is the mode's."""
     arm = fan.puppets.arm2d()
