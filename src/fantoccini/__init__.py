@@ -31,7 +31,16 @@ from fantoccini.marionette import (
     load,
     loads,
 )
-from fantoccini.motion import Columns, Event, EventKind, Input, State, Trajectory
+from fantoccini.motion import (
+    Columns,
+    Event,
+    EventKind,
+    Input,
+    Inputs,
+    State,
+    Trajectories,
+    Trajectory,
+)
 from fantoccini.puppet import Puppet
 from fantoccini.simulate import Passage, Sensitivity, sensitivity, simulate
 from fantoccini.world import World
@@ -47,6 +56,7 @@ __all__ = [
     "Flow",
     "Input",
     "InputError",
+    "Inputs",
     "Linearisation",
     "Marionette",
     "Mode",
@@ -62,6 +72,7 @@ __all__ = [
     "Status",
     "StepLinearisation",
     "Stepper",
+    "Trajectories",
     "Trajectory",
     "UnknownNameError",
     "World",

@@ -3,7 +3,15 @@
 from fantoccini.codegen.c99 import c99_files
 from fantoccini.codegen.derivatives import SIZES as DERIVATIVE_SIZES
 from fantoccini.codegen.derivatives import generate_derivatives
-from fantoccini.codegen.model import STEM, VERSION, Generated, generate, model_text, tables_text
+from fantoccini.codegen.model import (
+    STEM,
+    VERSION,
+    Generated,
+    generate,
+    generate_lanes,
+    model_text,
+    tables_text,
+)
 
 __all__ = [
     "DERIVATIVE_SIZES",
@@ -13,6 +21,7 @@ __all__ = [
     "c99_files",
     "generate",
     "generate_derivatives",
+    "generate_lanes",
     "model_text",
     "tables_text",
 ]

@@ -56,6 +56,24 @@ def generate(equations: Equations) -> Generated:
     )
 
 
+def generate_lanes(equations: Equations) -> Generated:
+    """The source text of a puppet's time-stepper for many trajectories side by side.
+
+    Args:
+        equations: the derived equations.
+    """
+    functions = {name: equations.model[name] for name in _LANE_FUNCTIONS}
+    return Generated(
+        files={
+            f"{STEM}.c": model_text(functions.values()),
+            f"{STEM}.hpp": tables_text(equations),
+            "main.cpp": _LANES_MAIN,
+        },
+        main="main.cpp",
+        operations={name: f.n_instructions() for name, f in functions.items()},
+    )
+
+
 def model_text(functions: Iterable[ca.Function]) -> str:
     """C99 text of the functions, as CasADi writes it."""
     generator = ca.CodeGenerator(
@@ -137,6 +155,35 @@ def _limit_place(tree: Tree, limit: LimitRow) -> tuple[int, int]:
     place = tree.links[limit.link].v
     return place.start, place.stop - place.start
 
+
+_LANE_FUNCTIONS = ("dynamics", "energy", "forth", "back")
+
+_LANES_MAIN = """\
+// A puppet's time-stepper over bundles of doubles.
+#include "fantoccini/wide.hpp"
+#include "model.hpp"
+
+namespace fan {
+namespace wide {
+#define casadi_real fan::Wide
+#include "model.c"
+#undef casadi_real
+}  // namespace wide
+
+struct Model : ModelTables {
+#define FAN_FUNCTION(NAME)                                \\
+  static int NAME(const Wide** arg, Wide** res) {         \\
+    return wide::fan_##NAME(arg, res, nullptr, nullptr, 0); \\
+  }
+  FAN_FUNCTION(dynamics)
+  FAN_FUNCTION(energy)
+  FAN_FUNCTION(forth)
+  FAN_FUNCTION(back)
+};
+}  // namespace fan
+
+#include "fantoccini/lane_abi.hpp"
+"""
 
 _MAIN = """\
 // A compiled puppet: the generated model under the runtime's C interface.

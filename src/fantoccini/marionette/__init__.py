@@ -1,6 +1,12 @@
 """Marionette: the user's handle."""
 
-from fantoccini.marionette.checks import check_inputs, check_method, check_speed
+from fantoccini.marionette.checks import (
+    check_inputs,
+    check_method,
+    check_speeds,
+    check_starts,
+    many_of,
+)
 from fantoccini.marionette.flow import Flow
 from fantoccini.marionette.handle import Marionette, load, loads
 from fantoccini.marionette.linearisation import Linearisation, Partials
@@ -19,7 +25,9 @@ __all__ = [
     "Stepper",
     "check_inputs",
     "check_method",
-    "check_speed",
+    "check_speeds",
+    "check_starts",
     "load",
     "loads",
+    "many_of",
 ]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fantoccini.arrays import Array
 from fantoccini.errors import InputError, Problem, StateError
-from fantoccini.motion import Input, State
+from fantoccini.motion import Input, Inputs, State
 
 if TYPE_CHECKING:
     from fantoccini.marionette.handle import Marionette
@@ -19,6 +21,10 @@ CLOSED = 1e-9
 
 _SAME_SPEED = 1e-9
 """Relative difference of velocities that counts as none."""
+_AT_ONCE = 4096
+"""States that are evaluated together."""
+_MOST_SHOWN = 20
+"""Mistakes of one kind that a message lists."""
 
 
 def check_method(method: str) -> None:
@@ -33,30 +39,60 @@ def check_start(marionette: Marionette, x: State) -> None:
     Raises:
         StateError: naming the rows, by how much, and the repair.
     """
-    check_slip(marionette, x)
-    instant = marionette.instant(x)
-    scale = marionette.row_scales(x)
-    too_long = instant.h > CLOSED * scale
-    closed = np.abs(instant.h) <= CLOSED * scale
-    speed = 1e-7 * max(1.0, float(np.max(np.abs(x.v_D), initial=0.0)))
-    # A string on a winch that slips gives way.
-    opening = closed & (instant.hdot > speed) & ~np.isfinite(marionette.upper)
-    wires = marionette.two_sided & (
-        (np.abs(instant.h) > CLOSED * scale) | (np.abs(instant.hdot) > speed)
-    )
-    names, findings = marionette.tree.row_names, []
-    for i in np.flatnonzero(too_long | opening | wires):
-        if too_long[i] or (wires[i] and abs(instant.h[i]) > CLOSED * scale[i]):
-            findings.append(f"{names[i]} is violated by {instant.h[i]:.3g}")
-        else:
-            rate = f"{instant.hdot[i]:.3g}/s"
-            findings.append(f"{names[i]} is at its bound and moves past it at {rate}")
-    if findings:
+    check_starts(marionette, [x])
+
+
+def check_starts(marionette: Marionette, states: Sequence[State]) -> None:
+    """:func:`check_start` of many states; the first wrong one is reported."""
+    for x in states:
+        check_slip(marionette, x)
+    for first in range(0, len(states), _AT_ONCE):
+        some = states[first : first + _AT_ONCE]
+        h, hdot = _rows_of(marionette, some)
+        scale = np.stack([marionette.row_scales(x) for x in some])
+        top = np.array([np.max(np.abs(x.v_D), initial=1.0) for x in some])
+        speed = 1e-7 * top[:, None]
+        too_long = h > CLOSED * scale
+        # A string on a winch that slips gives way.
+        opening = (np.abs(h) <= CLOSED * scale) & (hdot > speed) & ~np.isfinite(marionette.upper)
+        off = np.abs(h) > CLOSED * scale
+        wires = marionette.two_sided & (off | (np.abs(hdot) > speed))
+        wrong = too_long | opening | wires
+        if not np.any(wrong):
+            continue
+        i = int(np.argmax(np.any(wrong, axis=1)))
+        which = f"states[{first + i}]" if len(states) > 1 else "the start state"
+        rows, findings = np.flatnonzero(wrong[i]), []
+        for r in rows:
+            name = marionette.tree.row_names[r]
+            if too_long[i, r] or (wires[i, r] and off[i, r]):
+                findings.append(f"{name} is violated by {h[i, r]:.3g}")
+            else:
+                findings.append(f"{name} is at its bound and moves past it at {hdot[i, r]:.3g}/s")
         raise StateError(
-            f"the start state breaks {len(findings)} of the strings and limits: "
+            f"{which} breaks {len(findings)} of the strings and limits: "
             + "; ".join(findings)
             + ". marionette.project(x) gives the nearest state that does not."
         )
+
+
+def _rows_of(marionette: Marionette, states: Sequence[State]) -> tuple[Array, Array]:
+    """h and hdot (n, n_rows) of states."""
+    tree, table = marionette.tree, marionette.coordinates
+    q_D, v_D, q_K, v_K = (
+        np.stack([getattr(x, name) for x in states]) for name in ("q_D", "v_D", "q_K", "v_K")
+    )
+    still = np.zeros(table.n_vK), np.zeros(table.n_vD), np.zeros(1)
+    outputs = marionette.library.evaluate("dynamics", [q_D, v_D, q_K, v_K, *still, marionette.p])
+    h, hdot, h_limit, J_limit = (outputs[i] for i in (4, 5, 9, 10))
+    slip = np.array([x.slip if len(x.slip) else np.zeros(len(tree.strings)) for x in states])
+    hdot_limit = np.zeros_like(h_limit)
+    for i, limit in enumerate(tree.limits):
+        place = tree.links[limit.link].v
+        J = J_limit[:, 3 * i : 3 * i + place.stop - place.start]
+        hdot_limit[:, i] = (J * v_D[:, place]).sum(axis=1)
+    hdot = hdot - marionette.winding(slip)
+    return np.hstack([h - slip, h_limit]), np.hstack([hdot, hdot_limit])
 
 
 def check_slip(marionette: Marionette, x: State) -> None:
@@ -69,7 +105,9 @@ def check_slip(marionette: Marionette, x: State) -> None:
         )
 
 
-def check_inputs(marionette: Marionette, inputs: Input, t: float, t_end: float) -> None:
+def check_inputs(
+    marionette: Marionette, inputs: Input | Inputs, t: float, t_end: float
+) -> None:
     """Raises unless inputs are this puppet's and do not stop or start dead within a run.
 
     Args:
@@ -80,6 +118,7 @@ def check_inputs(marionette: Marionette, inputs: Input, t: float, t_end: float) 
     Raises:
         InputError: naming the coordinates and times.
     """
+    inputs = many_of(inputs)
     own, theirs = marionette.coordinates, inputs.coordinates
     if (own.q_K, own.v_D) != (theirs.q_K, theirs.v_D):
         text = (
@@ -89,19 +128,22 @@ def check_inputs(marionette: Marionette, inputs: Input, t: float, t_end: float) 
         )
         raise InputError([Problem("inputs", None, "", text)])
     problems = []
-    ends = []
-    if inputs.start > t:
-        ends.append(("begin", inputs.start, inputs.coef[0, :, 1]))
-    if inputs.end < t_end:
-        ends.append(("end", inputs.end, inputs.evaluate(inputs.end)[1]))
-    for what, when, speed in ends:
-        for i in np.flatnonzero(np.abs(speed) > _SAME_SPEED):
+    last = inputs.breaks[:, -1]
+    ends = (
+        ("begin", inputs.breaks[:, 0], inputs.breaks[:, 0] > t, inputs.coef[:, 0, :, 1]),
+        ("end", last, last < t_end, inputs.evaluate(last)[1]),
+    )
+    for what, when, inside, speed in ends:
+        wrong = (np.abs(speed) > _SAME_SPEED) & inside[:, None]
+        for n, i in np.argwhere(wrong)[:_MOST_SHOWN]:
+            at = when[n if len(when) > 1 else 0]
+            which = f"inputs[{n}].{own.v_K[i]}" if len(inputs) > 1 else own.v_K[i]
             problems.append(
                 Problem(
                     "inputs",
                     None,
-                    own.v_K[i],
-                    f"the inputs {what} at t = {when:g} s with the velocity {speed[i]:.6g}, and "
+                    which,
+                    f"the inputs {what} at t = {at:g} s with the velocity {speed[n, i]:.6g}, and "
                     f"the run goes from {t:g} s to {t_end:g} s; let them {what} at rest, or let "
                     "the run not go beyond them",
                 )
@@ -112,11 +154,29 @@ def check_inputs(marionette: Marionette, inputs: Input, t: float, t_end: float) 
 
 def check_speed(marionette: Marionette, x: State, bound: Input) -> None:
     """Raises StateError when the driven velocities would jump from a state to its inputs."""
-    found = bound.evaluate(x.t)[1]
-    wrong = np.flatnonzero(np.abs(found - x.v_K) > _SAME_SPEED * np.maximum(1.0, np.abs(x.v_K)))
-    if len(wrong):
-        names = [marionette.coordinates.v_K[i] for i in wrong]
-        raise StateError(
-            f"the velocity of {', '.join(names)} would jump at t = {x.t:g} s: the state has "
-            f"{x.v_K[wrong[0]]:.6g}, the inputs begin with {found[wrong[0]]:.6g}"
-        )
+    check_speeds(marionette, [x], many_of(bound))
+
+
+def check_speeds(marionette: Marionette, states: Sequence[State], bound: Inputs) -> None:
+    """:func:`check_speed` of many states at one time, or many inputs, or both."""
+    t, v_K = states[0].t, np.stack([x.v_K for x in states])
+    found = bound.evaluate(t)[1]
+    wrong = np.abs(found - v_K) > _SAME_SPEED * np.maximum(1.0, np.abs(v_K))
+    if not np.any(wrong):
+        return
+    i = int(np.argmax(np.any(wrong, axis=1)))
+    rows = np.flatnonzero(wrong[i])
+    names = [marionette.coordinates.v_K[r] for r in rows]
+    has, begins = np.broadcast_to(v_K, wrong.shape)[i], np.broadcast_to(found, wrong.shape)[i]
+    which = f" of run {i}" if len(wrong) > 1 else ""
+    raise StateError(
+        f"the velocity of {', '.join(names)}{which} would jump at t = {t:g} s: the state has "
+        f"{has[rows[0]]:.6g}, the inputs begin with {begins[rows[0]]:.6g}"
+    )
+
+
+def many_of(inputs: Input | Inputs | Sequence[Input]) -> Inputs:
+    """Inputs side by side."""
+    if isinstance(inputs, Inputs):
+        return inputs
+    return Inputs.of([inputs] if isinstance(inputs, Input) else list(inputs))

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from fantoccini import build, codegen, equations
+from fantoccini import codegen, equations
 from fantoccini.arrays import Array
-from fantoccini.errors import BuildError
-from fantoccini.marionette import generator
 from fantoccini.marionette.linearisation import Linearisation, linearise
 from fantoccini.marionette.modes import Modes, modes
 from fantoccini.marionette.step_linearisation import StepLinearisation, linearise_step
 from fantoccini.motion import State
 from fantoccini.runtime import Slopes
 from fantoccini.tree import Tree
-from fantoccini.world import World
 
 if TYPE_CHECKING:
     from fantoccini.marionette.handle import Marionette
@@ -25,9 +22,8 @@ if TYPE_CHECKING:
 class Differentiable:
     """The part of a marionette that knows derivatives."""
 
-    world: World
     tree: Tree
-    _progress: Callable[[str], None] | None
+    _compiled: Callable[[str, Callable, Callable], Any]
 
     @cached_property
     def derivatives(self) -> Slopes:
@@ -36,24 +32,11 @@ class Differentiable:
         Raises:
             BuildError: no compiler, or it failed.
         """
-        canonical = "\n".join(p.canonical() for p in self.world.puppets)
-        key = build.fingerprint(canonical, generator.fingerprint(derivatives=True), ["derivatives"])
-        folder = build.obtain(key, self._derivatives_source, progress=self._progress)
-        try:
-            return Slopes(folder / build.LIBRARY, self.tree)
-        except BuildError:
-            folder = build.obtain(
-                key, self._derivatives_source, progress=self._progress, afresh=True
-            )
-            return Slopes(folder / build.LIBRARY, self.tree)
-
-    def _derivatives_source(self) -> build.Source:
-        generated = codegen.generate_derivatives(equations.Derivatives(self.tree))
-        operations = generated.operations
-        return build.Source(
-            generated.files,
-            generated.main,
-            {"operations": operations, "n_operations": max(operations.values())},
+        tree = self.tree
+        return self._compiled(
+            "derivatives",
+            lambda _: codegen.generate_derivatives(equations.Derivatives(tree)),
+            lambda file: Slopes(file, tree),
         )
 
     def linearise(

@@ -7,7 +7,7 @@ import dataclasses
 from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from fantoccini.marionette.rows import RowLayout
 from fantoccini.marionette.stepper import Stepper
 from fantoccini.motion import Input, State
 from fantoccini.puppet import Number, Parameter, Puppet
-from fantoccini.runtime import Library, RunOptions
+from fantoccini.runtime import BatchLibrary, Library, RunOptions
 from fantoccini.tree import CoordinateTable, Tree
 from fantoccini.world import World
 
@@ -93,24 +93,37 @@ class Marionette(Analysis, Differentiable):
             BuildError: no compiler, or it failed.
             PuppetError: the mass matrix is singular.
         """
-        canonical = "\n".join(p.canonical() for p in self.world.puppets)
-        key = build.fingerprint(canonical, generator.fingerprint())
-        folder = build.obtain(key, self._source, progress=self._progress)
-        try:
-            return Library(folder / build.LIBRARY, self.tree)
-        except BuildError:
-            folder = build.obtain(key, self._source, progress=self._progress, afresh=True)
-            return Library(folder / build.LIBRARY, self.tree)
+        return self._compiled("model", codegen.generate, lambda file: Library(file, self.tree))
 
-    def _source(self) -> build.Source:
-        self.check_mass_matrix()
-        generated = codegen.generate(self.equations)
-        operations = generated.operations
-        return build.Source(
-            generated.files,
-            generated.main,
-            {"operations": operations, "n_operations": max(operations.values())},
-        )
+    @cached_property
+    def lanes(self) -> BatchLibrary:
+        """The compiled time-stepper for many trajectories side by side; made when first needed.
+
+        Raises:
+            BuildError: no compiler, or it failed.
+            PuppetError: the mass matrix is singular.
+        """
+        return self._compiled("lanes", codegen.generate_lanes, BatchLibrary)
+
+    def _compiled(self, what: str, generate: Callable, load: Callable[[Path], Any]) -> Any:
+        """A library of this puppet, from the cache or made now; ``what`` tells them apart."""
+        canonical = "\n".join(p.canonical() for p in self.world.puppets)
+        shaped_by = generator.fingerprint(derivatives=what == "derivatives")
+        key = build.fingerprint(canonical, shaped_by, flags=(what,))
+
+        def source() -> build.Source:
+            self.check_mass_matrix()
+            made = generate(self.equations)
+            largest = max(made.operations.values())
+            info = {"operations": made.operations, "n_operations": largest}
+            return build.Source(made.files, made.main, info)
+
+        folder = build.obtain(key, source, progress=self._progress)
+        try:
+            return load(folder / build.LIBRARY)
+        except BuildError:
+            folder = build.obtain(key, source, progress=self._progress, afresh=True)
+            return load(folder / build.LIBRARY)
 
     def with_parameters(self, values: Mapping[str, float]) -> Marionette:
         """The same puppet with other values of its parameters; nothing is compiled again.
@@ -181,6 +194,13 @@ class Marionette(Analysis, Differentiable):
             row[1] = self.number(string.rewind_speed) if rewinds else 0.0
             row[2] = self.number(string.restitution)
         return table
+
+    def winding(self, slip: Array) -> Array:
+        """The rate at which winches wind slips (..., n_strings) back [m/s], <= 0.
+
+        -min(rewind_speed, sqrt(2 BRAKE slip))
+        """
+        return -np.minimum(self.winches[:, 1], np.sqrt(2.0 * BRAKE * slip))
 
     @property
     def upper(self) -> Array:
@@ -262,9 +282,8 @@ class Marionette(Analysis, Differentiable):
         checks.check_slip(self, x)
         made = Instant.of(self.library, self.tree, x, self.p, acc_K, u_D)
         if len(x.slip):
-            # What has slipped is wound back at -min(rewind_speed, sqrt(2 BRAKE slip)).
             speed, braked = self.winches[:, 1], np.sqrt(2.0 * BRAKE * x.slip)
-            made.hdot[: len(x.slip)] += np.minimum(speed, braked)
+            made.hdot[: len(x.slip)] -= self.winding(x.slip)
             made.gamma[: len(x.slip)] -= np.where((braked > 0) & (braked < speed), BRAKE, 0.0)
         return made
 

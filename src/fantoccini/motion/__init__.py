@@ -3,7 +3,20 @@
 from fantoccini.motion.columns import Columns
 from fantoccini.motion.files import inputs_schema
 from fantoccini.motion.input import Input
+from fantoccini.motion.inputs import Inputs
 from fantoccini.motion.state import Event, EventKind, State
+from fantoccini.motion.trajectories import SAVED, Trajectories
 from fantoccini.motion.trajectory import Trajectory
 
-__all__ = ["Columns", "Event", "EventKind", "Input", "State", "Trajectory", "inputs_schema"]
+__all__ = [
+    "SAVED",
+    "Columns",
+    "Event",
+    "EventKind",
+    "Input",
+    "Inputs",
+    "State",
+    "Trajectories",
+    "Trajectory",
+    "inputs_schema",
+]

@@ -1,4 +1,4 @@
-"""Named columns: an array over time whose last axis has names."""
+"""Named columns: an array whose last axis has names."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ class Columns:
 
     Attributes:
         names: of the columns.
-        values: (T, n) numbers or flags; the owner states the unit.
+        values: (..., T, n) numbers or flags; the owner states the unit. A batch's have its
+            trajectories on the first axis. A read-only array is kept as it is, any other copied.
         what: what a column is called in messages: string, limit, entry.
     """
 
@@ -28,8 +29,9 @@ class Columns:
     def __post_init__(self) -> None:
         object.__setattr__(self, "names", tuple(self.names))
         values = np.asarray(self.values)
-        values = frozen(values, bool if values.dtype.kind == "b" else float)
-        if values.ndim != 2 or values.shape[1] != len(self.names):
+        if values.flags.writeable:
+            values = frozen(values, bool if values.dtype.kind == "b" else float)
+        if values.ndim < 2 or values.shape[-1] != len(self.names):
             raise ValueError(
                 f"values have the shape {values.shape}; {len(self.names)} names need "
                 f"(T, {len(self.names)})"
@@ -39,7 +41,7 @@ class Columns:
     def __getitem__(self, name: str) -> Array:
         if name not in self.names:
             raise UnknownNameError(self.what, name, self.names)
-        return self.values[:, self.names.index(name)]
+        return self.values[..., self.names.index(name)]
 
     def __contains__(self, name: object) -> bool:
         return name in self.names

@@ -12,15 +12,13 @@ import numpy as np
 
 from fantoccini.arrays import Array, ConfigK, MaskRows, Times, VecD, VecK, frozen
 from fantoccini.errors import InputError, Problem
-from fantoccini.motion import channel, pieces, polynomial, reading, rotation
+from fantoccini.motion import binding, channel, pieces, polynomial, reading
 from fantoccini.motion.channel import SAME_TIME, Channel
 from fantoccini.motion.findings import Findings
 
 if TYPE_CHECKING:
+    from fantoccini.motion.inputs import Inputs
     from fantoccini.tree import CoordinateTable
-
-_SAME_POSITION = 1e-9
-"""A start state that differs by less, relative to 1 or the value if larger, is the same."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +125,13 @@ class Input:
         findings.raise_any()
         return made
 
+    @staticmethod
+    def random(table, n: int, seed: int = 0, **how) -> Inputs:
+        """Many inputs that wander smoothly about the start state; see :meth:`Inputs.random`."""
+        from fantoccini.motion.inputs import Inputs
+
+        return Inputs.random(table, n, seed, **how)
+
     @classmethod
     def samples(cls, table, t: Times, columns: Mapping[str, Array], rest: bool = True) -> Input:
         """Recorded motion: cubic splines through all samples.
@@ -151,7 +156,7 @@ class Input:
     ) -> Input:
         """Channels on one clock; notes where a length reaches 0."""
         made = cls(table, *pieces.assembled(table, channels))
-        made._note_lengths(findings)
+        binding.note_lengths(table, made.breaks[None], made.coef[None], findings)
         return made
 
     @classmethod
@@ -270,34 +275,13 @@ class Input:
         Raises:
             InputError: a named coordinate does not start where the state is.
         """
-        table, findings = self.coordinates, Findings()
-        q_K = np.asarray(q_K, dtype=float)
         t = self.start if t is None else float(t)
-        own = self.evaluate(t)[0]
-        base = np.array(self.base)
-        for name, (q, v) in pieces.channel_names(table).items():
-            if not self.named[v.start]:
-                continue
-            mine, theirs = own[q], q_K[q]
-            if name in table.rotations:
-                apart = np.linalg.norm(rotation.between(theirs, mine))
-                if mine @ theirs < 0:
-                    base[:, q] *= -1.0
-            else:
-                apart = np.max(np.abs(mine - theirs)) / max(1.0, abs(mine[0]))
-            if not apart <= _SAME_POSITION:
-                here, there = (_text(value) for value in (mine, theirs))
-                findings.add(
-                    (name,),
-                    f"is {here} in the inputs at t = {t:g} s, but {there} in the start state; "
-                    f"start from a state with {name} = {here}, or let the inputs begin at {there}",
-                )
-        findings.raise_any()
-        filled = dataclasses.replace(self, base=base)._filled(~self.named, q_K)
-        filled = dataclasses.replace(filled, named=self.named)
-        filled._note_lengths(findings)
-        findings.raise_any()
-        return filled
+        q_here, q_K = self.evaluate(t)[0], np.asarray(q_K, dtype=float)
+        one = [a[None] for a in (self.breaks, self.coef, self.base)]
+        coef, base = binding.bound(
+            self.coordinates, *one, self.named[None], q_here[None], q_K[None], t
+        )
+        return dataclasses.replace(self, coef=coef[0], base=base[0])
 
     # -- reading one -------------------------------------------------------------------------
 
@@ -333,7 +317,8 @@ class Input:
         """
         findings = Findings()
         pieces.note_steps(self.coordinates, self.breaks, self.coef, self.base, findings)
-        self._note_lengths(findings)
+        one = self.breaks[None], self.coef[None]
+        binding.note_lengths(self.coordinates, *one, findings)
         findings.raise_any()
         return self
 
@@ -342,9 +327,6 @@ class Input:
     def _place(self, t: Times) -> tuple[Array, Array]:
         i = np.clip(np.searchsorted(self.breaks, t, side="right") - 1, 0, len(self.coef) - 1)
         return i, np.clip(t, self.start, self.end) - self.breaks[i]
-
-    def _note_lengths(self, findings: Findings) -> None:
-        pieces.note_lengths(self.coordinates, self.breaks, self.coef, findings)
 
     def _on(self, breaks: Times) -> Input:
         """The same input on more breaks; its own are among them."""
@@ -377,11 +359,6 @@ class Input:
         if self.force is not None:
             return self.force
         return np.zeros((len(self.coef), self.coordinates.n_vD, polynomial.N_COEF))
-
-
-def _text(values: Array) -> str:
-    shown = ", ".join(f"{x:.10g}" for x in values)
-    return shown if len(values) == 1 else f"[{shown}]"
 
 
 def _fail(field: str, message: str) -> None:

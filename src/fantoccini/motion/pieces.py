@@ -23,7 +23,7 @@ _SAME_POSITION = 1e-9
 _SAME_VELOCITY = 1e-7
 """Steps below these, relative to 1 or the value if larger, are rounding."""
 
-_LOOKS = 17
+LOOKS = 17
 """Times a piece is looked at for a length that is not positive."""
 
 
@@ -189,19 +189,3 @@ def note_steps(
         ):
             for i in np.nonzero(by > bound)[0]:
                 findings.add((name,), f"jumps in {what} by {by[i]:.3g} at t = {breaks[i + 1]:g} s")
-
-
-def note_lengths(table: CoordinateTable, breaks: Times, coef: Array, findings: Findings) -> None:
-    """Notes every driven length that is not positive, where it first is not."""
-    s = np.diff(breaks)[:, None] * np.linspace(0.0, 1.0, _LOOKS)
-    for name, (_, v) in channel_names(table).items():
-        if not name.endswith(".length"):
-            continue
-        value = polynomial.evaluate(coef[:, None, v.start], s)[0]
-        if np.any(value <= 0):
-            i, k = np.unravel_index(np.argmax(value <= 0), value.shape)
-            findings.add(
-                (name,),
-                f"is {value[i, k]:.6g} m at t = {breaks[i] + s[i, k]:g} s; the length of a string "
-                "must stay above 0",
-            )

@@ -1,7 +1,20 @@
 """The compiled puppet: the one package that speaks to the shared library, through ctypes."""
 
+from fantoccini.runtime.batch import PARTS, Batch, BatchLibrary, default_threads
 from fantoccini.runtime.compiled import Complementarity, Library, Run, RunOptions, n_packed
 from fantoccini.runtime.outside import OutsideRun
 from fantoccini.runtime.slopes import Slopes
 
-__all__ = ["Complementarity", "Library", "OutsideRun", "Run", "RunOptions", "Slopes", "n_packed"]
+__all__ = [
+    "PARTS",
+    "Batch",
+    "BatchLibrary",
+    "Complementarity",
+    "Library",
+    "OutsideRun",
+    "Run",
+    "RunOptions",
+    "Slopes",
+    "default_threads",
+    "n_packed",
+]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Literal
 
 import numpy as np
@@ -10,10 +10,26 @@ from scipy.integrate import OdeSolver
 
 from fantoccini.arrays import Array
 from fantoccini.errors import SimulationError, Status
-from fantoccini.marionette import Marionette, check_inputs, check_method, check_speed
-from fantoccini.motion import Columns, Event, EventKind, Input, State, Trajectory
+from fantoccini.marionette import (
+    Marionette,
+    check_inputs,
+    check_method,
+    check_speeds,
+    many_of,
+)
+from fantoccini.motion import (
+    Columns,
+    Event,
+    EventKind,
+    Input,
+    Inputs,
+    State,
+    Trajectories,
+    Trajectory,
+)
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Run
+from fantoccini.simulate.many import simulate_many
 from fantoccini.simulate.scipy_run import ScipyRun, solver_class
 
 _KINDS = (
@@ -27,8 +43,8 @@ _LIMIT_KINDS = {EventKind.CATCH: EventKind.LIMIT_ON, EventKind.RELEASE: EventKin
 
 def simulate(
     marionette: Marionette,
-    x0: State,
-    inputs: Input | None = None,
+    x0: State | Sequence[State],
+    inputs: Input | Inputs | Sequence[Input] | None = None,
     t_end: float | None = None,
     *,
     method: Literal["event", "timestepping"] = "event",
@@ -42,17 +58,26 @@ def simulate(
     effort: bool = True,
     progress: Callable[[float], None] | None = None,
     throw: bool = True,
-) -> Trajectory:
+    save: Sequence[str] | str | None = None,
+    out: Mapping[str, Array] | None = None,
+    threads: int | None = None,
+) -> Trajectory | Trajectories:
     """M_DD acc_D + M_DK acc_K + c = u_D + A_D^T lambda, with strings that only pull.
 
     Between events the taut strings hold (Eqs. 10-12); where one releases or snaps taut the run
     stops, the impulse acts (Eqs. 13-15) and the mode is chosen anew (Sec. IV).
 
+    Many states, many inputs or both make a batch, which gives :class:`Trajectories`: on threads,
+    and the time-stepper in lanes. A run of a batch that stops early is told by its status and does
+    not raise; Ctrl-C keeps what was reached, with the others STOPPED.
+
     Args:
         marionette: the puppet.
-        x0: where it starts; no string may be longer than its length.
+        x0: where it starts; no string may be longer than its length. A list of states of one time
+            makes a batch.
         inputs: what the driven coordinates do; they hold still when not given. Times are absolute:
-            the run starts at ``x0.t``.
+            the run starts at ``x0.t``. A list of them, or :class:`Inputs`, makes a batch; there
+            must be as many as states, or a single one of either.
         t_end: end of the run [s]; the end of the inputs when not given.
         method: ``event``: adaptive order 8 with located events. ``timestepping``: fixed step, for
             interaction, planning and batches.
@@ -68,9 +93,15 @@ def simulate(
         effort: compute the force on every driven coordinate.
         progress: called with the time reached, for a progress bar [s].
         throw: raise when the run stops before its end; otherwise the status tells.
+        save: of a batch, what to save: ``all``, or names of its arrays; q_D, v_D and tension when
+            not given.
+        out: of a batch, arrays to write into, by name, with the shapes that the batch gives:
+            C-contiguous (n, T, width); new ones where not given. ``force`` holds tension and
+            limit_force side by side, ``books`` what the ledger is made of.
+        threads: of a batch; all processors when not given.
 
     Returns:
-        The trajectory.
+        The trajectory, or those of a batch.
 
     Raises:
         StateError: ``x0`` breaks a string or limit; ``marionette.project(x0)`` repairs it.
@@ -82,26 +113,36 @@ def simulate(
         if method != "event":
             raise ValueError("integrator goes with method='event'; time-stepping has its own")
         solver_class(integrator)
-    if not isinstance(x0, State):
-        raise TypeError(f"x0 is {x0!r}; it must be a State, as marionette.rest() gives it")
-    if inputs is not None and not isinstance(inputs, Input):
-        raise TypeError(f"inputs is {inputs!r}; it must be an Input, as Input.waypoints() gives it")
+    for name, value in (("rtol", rtol), ("atol", atol), ("max_step", max_step), ("dt", dt)):
+        if not (np.isfinite(value) and value > 0):
+            raise ValueError(f"{name} is {value}; it must be positive")
+    if save_every < 1:
+        raise ValueError(f"save_every is {save_every}; it must be 1 or more")
+    many = not isinstance(x0, State) or not isinstance(inputs, Input | None)
+    options = marionette.run_options(
+        rtol=rtol, atol=atol, max_step=max_step, dt=dt, save_steps=save_at is None and not many,
+        save_every=save_every,
+    )  # fmt: skip
+    if many:
+        if integrator is not None:
+            raise ValueError("integrator goes with a single run; batches have the compiled one")
+        times = _save_times(save_at, method, -np.inf, np.inf)
+        return simulate_many(
+            marionette, x0, inputs, t_end, method, options, save_at=times, save=save, out=out,
+            threads=threads, progress=progress,
+        )  # fmt: skip
+    for name, value in (("save", save), ("out", out), ("threads", threads)):
+        if value is not None:
+            raise ValueError(f"{name} goes with many states or inputs")
     inputs = Input.hold(marionette).shifted(x0.t) if inputs is None else inputs
     t_end = inputs.end if t_end is None else float(t_end)
     if not np.isfinite(t_end) or not t_end > x0.t:
         raise ValueError(f"t_end is {t_end}; it must be later than the start at {x0.t}")
-    for name, value in (("rtol", rtol), ("atol", atol), ("max_step", max_step), ("dt", dt)):
-        if not (np.isfinite(value) and value > 0):
-            raise ValueError(f"{name} is {value}; it must be positive")
     check_inputs(marionette, inputs, x0.t, t_end)
     bound = inputs.bound(x0.q_K, x0.t)
-    check_speed(marionette, x0, bound)
+    check_speeds(marionette, [x0], many_of(bound))
     marionette.check_start(x0)
     save_at = _save_times(save_at, method, x0.t, t_end)
-    options = marionette.run_options(
-        rtol=rtol, atol=atol, max_step=max_step, dt=dt, save_steps=save_at is None,
-        save_every=save_every,
-    )  # fmt: skip
     about = options, x0, marionette.p, marionette.winches, bound, save_at
     if integrator is None:
         run = Run(marionette.library, method, *about)
@@ -141,7 +182,7 @@ def _save_times(save_at: Array | None, method: str, t: float, t_end: float) -> A
         raise ValueError("save_at must be a list of finite times that increase")
     if len(times) and (times[0] < t or times[-1] > t_end):
         raise ValueError(f"save_at must lie between the start {t:g} s and the end {t_end:g} s")
-    return np.union1d(times, [t_end])
+    return np.union1d(times, [t_end] if np.isfinite(t_end) else [])
 
 
 def _collect(run: Run, t_end: float, progress, rows: list, events: list) -> Status:

@@ -4,10 +4,10 @@
 
 #include <new>
 
+#include "event_batch.hpp"
+#include "export.hpp"
 #include "fixed.hpp"
 #include "outside.hpp"
-
-#define FAN_EXPORT extern "C" __attribute__((visibility("default")))
 
 namespace fan {
 
@@ -69,14 +69,15 @@ FAN_EXPORT int fan_start(
     return e.start(*out);
   }
   auto& f = run.fixed;
-  f.opt = *options;
+  auto& led = f.led;
+  led.opt = *options;
   f.drive.set(*input);
   f.t = t;
   f.save_every = save_every;
-  for (int i = 0; i < Model::n_p; ++i) f.p[i] = p[i];
-  fan::read_state(q_D, v_D, f.q_D, f.v_D);
-  for (int i = 0; i < Model::n_strings; ++i) f.at.slip[i] = slip[i];
-  f.winches.set(winches);
+  for (int i = 0; i < Model::n_p; ++i) led.p[i] = p[i];
+  fan::read_state(q_D, v_D, led.q_D, led.v_D);
+  for (int i = 0; i < Model::n_strings; ++i) led.at.slip[i] = slip[i];
+  led.winches.set(winches);
   f.start(*out);
   return fan::RUNNING;
 }
@@ -113,7 +114,7 @@ FAN_EXPORT void fan_progress(void* handle, double* out) {
   const fan::Run& run = *static_cast<fan::Run*>(handle);
   out[0] = double(run.event_driven ? run.event.n_steps : run.fixed.n_steps);
   out[1] = run.event_driven ? run.event.flow.t : run.fixed.t;
-  out[2] = run.event_driven ? 0.0 : run.fixed.worst_violation;
+  out[2] = run.event_driven ? 0.0 : run.fixed.led.worst_violation;
 }
 
 // By row, how much it is to blame for the status that stopped the run, 0 to 1.
@@ -172,6 +173,21 @@ FAN_EXPORT double fan_present(const void* handle, double* y, signed char* mode) 
   for (int j = 0; j < flow.NY; ++j) y[j] = flow.y[j];
   for (int r = 0; r < flow.M; ++r) mode[r] = flow.mode[r];
   return flow.t;
+}
+
+// --- many event-driven runs (batch.hpp, event_batch.hpp) ----------------------------------------
+
+FAN_POOL
+
+// Bytes of BatchArrays, and trajectories that are advanced together.
+FAN_EXPORT void fan_batch_sizes(int* out) {
+  out[0] = int(sizeof(fan::BatchArrays));
+  out[1] = 1;
+}
+
+// Works on a pool until nothing is left; 0, or 1 where there was no memory.
+FAN_EXPORT int fan_batch_work(void* pool) {
+  return fan::work_on<fan::EventBatch<fan::Model>>(pool);
 }
 
 // Calls a model function n times: argument i of call k begins at arg[i] + k * arg_stride[i].

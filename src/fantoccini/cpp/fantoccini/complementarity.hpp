@@ -34,36 +34,50 @@ struct Complementarity {
   FAN_FN void factorise(double eps) {
     // Against the largest diagonal: a row without any influence of its own then gets no multiplier.
     raise_ = Real(1e-30);
+    n_some_ = 0;
     for (int j = 0; j < n; ++j) {
+      if (!any(active[j])) continue;
+      some_[n_some_++] = j;
       const Real own = select(active[j], G[j * N + j], Real(0.0));
       raise_ = select(own > raise_, own, raise_);
     }
     raise_ *= eps;
-    for (int j = 0; j < n; ++j) {
+    for (int c = 0; c < n_some_; ++c) {
+      const int j = some_[c];
+      factor[j * N + j] = select(active[j], Real(G[j * N + j] + raise_), Real(1.0));
+      for (int d = c + 1; d < n_some_; ++d) {
+        const int i = some_[d];
+        factor[i * N + j] = select(active[i] && active[j], G[i * N + j], Real(0.0));
+      }
+    }
+    // Column by column, each taken out of all that follow: their updates do not wait on another.
+    for (int c = 0; c < n_some_; ++c) {
+      using std::sqrt;
+      const int j = some_[c];
       // A redundant row leaves rounding here; the floor keeps the factor finite.
       const Real floor = raise_ * 1e-2 + G[j * N + j] * 1e-16 + 1e-300;
-      for (int i = j; i < n; ++i) {
-        Real sum = i == j ? select(active[j], Real(G[j * N + j] + raise_), Real(1.0))
-                          : select(active[i] && active[j], G[i * N + j], Real(0.0));
-        for (int k = 0; k < j; ++k) sum -= factor[i * N + k] * factor[j * N + k];
-        if (i == j) {
-          using std::sqrt;
-          factor[j * N + j] = Real(1.0) / sqrt(select(sum > floor, sum, floor));
-        } else {
-          factor[i * N + j] = sum * factor[j * N + j];
-        }
+      const Real sum = factor[j * N + j];
+      const Real pivot = factor[j * N + j] = Real(1.0) / sqrt(select(sum > floor, sum, floor));
+      for (int d = c + 1; d < n_some_; ++d) factor[some_[d] * N + j] *= pivot;
+      for (int d = c + 1; d < n_some_; ++d) {
+        Real* row = factor + some_[d] * N;
+        const Real part = row[j];
+        for (int e = c + 1; e <= d; ++e) row[some_[e]] -= part * factor[some_[e] * N + j];
       }
     }
   }
 
+  // r <- (active block)^-1 r; the other rows stay as they are.
   FAN_FN void substitute(Real* r) const {
-    for (int i = 0; i < n; ++i) {
-      for (int k = 0; k < i; ++k) r[i] -= factor[i * N + k] * r[k];
-      r[i] *= factor[i * N + i];
+    for (int c = 0; c < n_some_; ++c) {
+      const int j = some_[c];
+      r[j] *= factor[j * N + j];
+      for (int d = c + 1; d < n_some_; ++d) r[some_[d]] -= factor[some_[d] * N + j] * r[j];
     }
-    for (int i = n - 1; i >= 0; --i) {
-      for (int k = i + 1; k < n; ++k) r[i] -= factor[k * N + i] * r[k];
+    for (int c = n_some_ - 1; c >= 0; --c) {
+      const int i = some_[c];
       r[i] *= factor[i * N + i];
+      for (int d = 0; d < c; ++d) r[some_[d]] -= factor[i * N + some_[d]] * r[i];
     }
   }
 
@@ -87,12 +101,13 @@ struct Complementarity {
       Real scale = Real(0.0), count = Real(0.0);
       for (int i = 0; i < n; ++i) scale = select(abs(x[i]) > scale, Real(abs(x[i])), scale);
       Mask below[N], above[N], wrong[N];
+      const int n_pull = pulling();
       for (int i = 0; i < n; ++i) {
-        Real sum = raise_ * x[i] - b[i], terms = abs(b[i]);
-        for (int j = 0; j < n; ++j) {
-          const Real term = G[i * N + j] * x[j];
-          sum += term;
-          terms += abs(term);
+        // What s says of a row matters only where the row is at a bound.
+        Real sum = Real(0.0), terms = Real(0.0);
+        if (any(!active[i])) {
+          residual(i, n_pull, sum, terms);
+          sum += raise_ * x[i];
         }
         below[i] = active[i] && x[i] < lower[i] - tolerance * scale;
         above[i] = active[i] && x[i] > upper[i] + tolerance * scale;
@@ -123,11 +138,11 @@ struct Complementarity {
   FAN_FN void first_solution() {
     Real known[N];
     for (int i = 0; i < n; ++i) known[i] = select(high[i], upper[i], lower[i]);
-    for (int i = 0; i < n; ++i) {
-      Real sum = b[i];
-      for (int j = 0; j < n; ++j)
-        sum -= select(active[j], Real(0.0), Real(G[i * N + j] * known[j]));
-      x[i] = select(active[i], sum, Real(0.0));
+    for (int i = 0; i < n; ++i) x[i] = select(active[i], b[i], Real(0.0));
+    for (int j = 0; j < n; ++j) {
+      const Real fixed = select(active[j], Real(0.0), known[j]);
+      if (!any(fixed != Real(0.0))) continue;
+      for (int i = 0; i < n; ++i) x[i] -= select(active[i], Real(G[i * N + j] * fixed), Real(0.0));
     }
     substitute(x);
     for (int i = 0; i < n; ++i) x[i] = select(active[i], x[i], known[i]);
@@ -138,15 +153,11 @@ struct Complementarity {
     Real r[N];
     for (int round = 0;; ++round) {
       Mask rough = Real(0.0) > Real(1.0);
+      const int n_pull = pulling();
       for (int i = 0; i < n; ++i) {
-        Real sum = -b[i], terms = abs(b[i]);
-        for (int j = 0; j < n; ++j) {
-          const Real term = G[i * N + j] * x[j];
-          sum += term;
-          terms += abs(term);
-        }
-        s[i] = sum;
-        rough = rough || (active[i] && abs(sum) > kRounding * terms);
+        Real terms;
+        residual(i, n_pull, s[i], terms);
+        rough = rough || (active[i] && abs(s[i]) > kRounding * terms);
       }
       if (round == max_refinements || !any(rough)) break;
       for (int i = 0; i < n; ++i) r[i] = select(active[i] && rough, Real(-s[i]), Real(0.0));
@@ -155,7 +166,29 @@ struct Complementarity {
     }
   }
 
+  // Rows with x other than 0 in some lane, in pull_.
+  FAN_FN int pulling() {
+    int count = 0;
+    for (int j = 0; j < n; ++j)
+      if (any(x[j] != Real(0.0))) pull_[count++] = j;
+    return count;
+  }
+
+  // s_i and the size of its terms.
+  FAN_FN void residual(int i, int n_pull, Real& sum, Real& terms) const {
+    using std::abs;
+    sum = -b[i];
+    terms = abs(b[i]);
+    for (int k = 0; k < n_pull; ++k) {
+      const Real term = G[i * N + pull_[k]] * x[pull_[k]];
+      sum += term;
+      terms += abs(term);
+    }
+  }
+
   Real raise_;
+  int some_[N], n_some_ = 0;  // rows active in some lane, in order
+  int pull_[N];
 };
 
 }  // namespace fan

@@ -72,17 +72,14 @@ struct RowSystem {
       two_sided[a] = r < S && Model::wire[r];
     }
     constexpr int stride = Complementarity<Real, M>::N;
-    for (int a = 0; a < n; ++a)
-      for (int b = 0; b <= a; ++b) {
-        Real g;
-        if (row[a] < S) {
-          g = e.G[row[b] + S * row[a]];
-        } else {
-          g = Real(0.0);
-          for (int k = 0; k < N; ++k) g += column[a][k] * column[b][k];
-        }
-        problem.G[a * stride + b] = problem.G[b * stride + a] = g;
-      }
+    for (int a = 0; a < n; ++a) {
+      Real g[room(M)];
+      for (int b = 0; b <= a; ++b) g[b] = row[a] < S ? e.G[row[b] + S * row[a]] : Real(0.0);
+      if (row[a] >= S)
+        for (int k = 0; k < N; ++k)
+          for (int b = 0; b <= a; ++b) g[b] += column[a][k] * column[b][k];
+      for (int b = 0; b <= a; ++b) problem.G[a * stride + b] = problem.G[b * stride + a] = g[b];
+    }
   }
 
   // w <- w + W y over the rows.

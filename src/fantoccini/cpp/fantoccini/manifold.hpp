@@ -42,10 +42,16 @@ FAN_FN void quaternion_exp(const Real* phi, Real* out) {
 }
 
 // The rotation vector of a unit quaternion, the shorter way round.
-FAN_FN void quaternion_log(const double* q, double* phi) {
-  const double sine = sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-  const double sign = q[0] < 0 ? -1.0 : 1.0;
-  const double factor = sine < 1e-8 ? 2.0 * sign : 2.0 * sign * atan2(sine, sign * q[0]) / sine;
+template <class Real>
+FAN_FN void quaternion_log(const Real* q, Real* phi) {
+  using std::atan2;
+  using std::sqrt;
+  const Real sine = sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+  const Real sign = select(q[0] < Real(0.0), Real(-1.0), Real(1.0));
+  const auto small = sine < Real(1e-8);
+  const Real safe = select(small, Real(1.0), sine);
+  const Real factor =
+      select(small, Real(2.0 * sign), Real(2.0 * sign * atan2(safe, sign * q[0]) / safe));
   for (int k = 0; k < 3; ++k) phi[k] = factor * q[1 + k];
 }
 

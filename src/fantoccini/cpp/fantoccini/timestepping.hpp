@@ -41,6 +41,7 @@ struct TimeStep {
   Mask slips[room(S)];   // in the last step
   Real work, loss, impact, slip_loss, violation;
   Mask settled;  // whether the last step's complementarity was solved
+  Mask idle = Real(0.0) > Real(1.0);  // lanes in which nothing is asked any more
   // Whether a row was ever overstepped by more than kStirred: from then on turns are limited.
   Mask stirred = Real(0.0) > Real(1.0);
 
@@ -65,7 +66,8 @@ struct TimeStep {
       const bool winch = winches.slips(r) && winches.max_tension[r] < cap;
       problem.b[a] = select(watched, closing, Real(-kOutOfReach));
       problem.upper[a] = Real(dt * (winch ? winches.max_tension[r] : cap));
-      problem.lower[a] = rows.two_sided[a] ? Real(-cap * dt) : Real(0.0);
+      problem.lower[a] =
+          rows.two_sided[a] ? select(watched, Real(-cap * dt), Real(0.0)) : Real(0.0);
       problem.active[a] = watched && (taut[r] || problem.lower[a] < Real(0.0));
       problem.high[a] = Real(0.0) > Real(1.0);
       violation = select(h > violation, h, violation);
@@ -109,12 +111,12 @@ struct TimeStep {
   // Solves for the impulses; where the rows are too near to one another, with a firmer raise.
   FAN_FN void settle() {
     auto& problem = rows.problem;
-    settled = Real(0.0) > Real(1.0);
+    settled = idle;
     Real x[room(M)], s[room(M)];
     Mask high[room(M)];
     for (int a = 0; a < rows.n; ++a) {
       x[a] = s[a] = Real(0.0);
-      high[a] = settled;
+      high[a] = Real(0.0) > Real(1.0);
     }
     for (const double eps : {kStepEps, 1e-4, 1e-2}) {
       const Mask now = problem.solve(eps, 1, kStepTolerance, 50 + 4 * rows.n);
@@ -166,14 +168,14 @@ struct TimeStep {
     using std::abs;
     int n = 0;
     for (int r = 0; r < S; ++r) {
-      near_[r] = Real(1.0) > Real(0.0);
+      near_[r] = !idle;
       list[n++] = r;
     }
     for (int i = 0; i < M - S; ++i) {
       Real rate = Real(0.0);
       for (int k = 0; k < Model::limit_n[i]; ++k)
         rate += eval.J_limit[3 * i + k] * v_D[Model::limit_v[i] + k];
-      near_[S + i] = eval.h_limit[i] + 2.0 * dt * abs(rate) > Real(-kNearLimit);
+      near_[S + i] = !idle && eval.h_limit[i] + 2.0 * dt * abs(rate) > Real(-kNearLimit);
       if (any(near_[S + i])) list[n++] = S + i;
     }
     return n;
@@ -200,11 +202,12 @@ struct TimeStep {
       tension[r] = x * (1.0 / dt);
       taut[r] = rows.two_sided[a] ? Real(1.0) > Real(0.0) : x > Real(0.0);
       work += x * rows.hdot_K[a];
+      // A catch takes two steps: the first ends where the row closes, the second stops it.
+      const Mask caught = taut[r] && !(held[r] && held_before[r]);
+      if (!any(caught)) continue;
       Real after = before[a];
       constexpr int stride = Complementarity<Real, M>::N;
       for (int b = 0; b < rows.n; ++b) after += rows.problem.G[a * stride + b] * pull[b];
-      // A catch takes two steps: the first ends where the row closes, the second stops it.
-      const Mask caught = taut[r] && !(held[r] && held_before[r]);
       impact += select(caught, Real(x * 0.5 * (before[a] + after)), Real(0.0));
     }
   }

@@ -1,0 +1,92 @@
+// A batch of event-driven runs, one trajectory at a time.
+#pragma once
+
+#include <optional>
+
+#include "batch.hpp"
+#include "event.hpp"
+
+namespace fan {
+
+template <class Model>
+class EventBatch {
+ public:
+  void work(Pool& pool) {
+    long long first, last;
+    while (pool.take(1, &first, &last)) run(pool, first);
+  }
+
+ private:
+  using Row = Record<Model>;
+  static constexpr int N = Model::n_vD, S = Model::n_strings, M = Model::n_rows;
+  static constexpr int kRows = 256;
+  static constexpr int kEvents = 1024 > 4 * EventRun<Model>::events_per_step
+                                     ? 1024
+                                     : 4 * EventRun<Model>::events_per_step;
+  static constexpr long long kBudget = 200;  // steps between two looks at the pool
+
+  void run(Pool& pool, long long who) {
+    const BatchArrays& in = pool.arrays;
+    EventRun<Model>& run = run_.emplace();
+    auto& flow = run.flow;
+    flow.opt = in.options;
+    flow.drive.set(in.input(who));
+    flow.t = in.t;
+    for (int i = 0; i < Model::n_p; ++i) flow.p[i] = in.p[i];
+    for (int j = 0; j < run.NY; ++j) flow.y[j] = 0.0;
+    for (int i = 0; i < Model::n_qD; ++i) flow.y[i] = in.q_D.of(who)[i];
+    for (int k = 0; k < N; ++k) flow.y[Model::n_qD + k] = in.v_D.of(who)[k];
+    for (int i = 0; i < S; ++i) flow.slip[i] = in.slip.of(who)[i];
+    flow.winches.set(in.winches);
+    run.save_at = in.save_at;
+    run.n_save = in.n_rows;
+    Row out{rows_, kRows, 0, events_, kEvents, 0};
+    caught_ = released_ = 0;
+    row_ = 0;
+    Status status = run.start(out);
+    hand_over(in, who, out);
+    double told = in.t;
+    while (status == RUNNING) {
+      status = run.run(in.t_end, kBudget, out);
+      hand_over(in, who, out);
+      pool.advance((flow.t - told) / (in.t_end - in.t));
+      told = flow.t;
+      if (status == RUNNING && pool.stopped()) status = STOPPED;
+    }
+    in.status[who] = status;
+    in.reached[who] = flow.t;
+    in.violation[who] = 0.0;
+    in.events[2 * who] = caught_;
+    in.events[2 * who + 1] = released_;
+    for (int r = 0; r < M; ++r) in.blame[who * M + r] = run.blame[r];
+  }
+
+  // Rows at the times asked for go to their places: of several at one time the last, which is that
+  // after the event.
+  void hand_over(const BatchArrays& in, long long who, Row& out) {
+    for (long long i = 0; i < out.n_rows; ++i) {
+      const double* row = out.rows + i * Row::row_width;
+      while (row_ + 1 < in.n_rows && in.save_at[row_ + 1] <= row[0]) ++row_;
+      if (in.save_at[row_] != row[0]) continue;
+      const double* from = row + 1;
+      for (int part = 0; part < N_PARTS; ++part) {
+        const int width = part_width<Model>(part);
+        if (in.parts[part])
+          put_part(in, part, width, who, row_, [&](int k) { return from[k]; });
+        from += width;
+      }
+    }
+    for (long long i = 0; i < out.n_events; ++i) {
+      const int kind = int(out.events[i * Row::event_width + 1]);
+      caught_ += kind == CATCH;
+      released_ += kind == RELEASE;
+    }
+    out.n_rows = out.n_events = 0;
+  }
+
+  std::optional<EventRun<Model>> run_;
+  double rows_[kRows * Row::row_width], events_[kEvents * Row::event_width];
+  long long caught_ = 0, released_ = 0, row_ = 0;
+};
+
+}  // namespace fan

@@ -1,0 +1,110 @@
+// One piece of an input (fantoccini.motion.Input): polynomials of degree five in the time s since
+// the piece began.
+//
+// Scalars: q(s) = sum_k coef_k s^k. Rotations: R(s) = R(base) exp(phi(s)), with body angular
+// velocity w = J_r(phi) phidot. User forces u_D are polynomials likewise.
+#pragma once
+
+#include "manifold.hpp"
+
+namespace fan {
+
+constexpr int kPowers = 6;
+
+template <class Real>
+FAN_FN void polynomial(const Real* c, Real s, Real& p, Real& d, Real& dd) {
+  p = c[0] + s * (c[1] + s * (c[2] + s * (c[3] + s * (c[4] + s * c[5]))));
+  d = c[1] + s * (2.0 * c[2] + s * (3.0 * c[3] + s * (4.0 * c[4] + s * 5.0 * c[5])));
+  dd = 2.0 * c[2] + s * (6.0 * c[3] + s * (12.0 * c[4] + s * 20.0 * c[5]));
+}
+
+template <class Real>
+FAN_FN void cross(const Real* a, const Real* b, Real* out) {
+  out[0] = a[1] * b[2] - a[2] * b[1];
+  out[1] = a[2] * b[0] - a[0] * b[2];
+  out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+// w = J_r phidot and its rate; J_r = 1 - a [phi] + b [phi]^2 with a = (1 - cos)/theta^2 and
+// b = (theta - sin)/theta^3.
+template <class Real>
+FAN_FN void body_rates(
+    const Real* phi, const Real* rate, const Real* second, Real* w, Real* alpha) {
+  const Real square = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2];
+  const auto small = square < Real(1.0);
+  Real a = Real(0.0), b = a, da = a, db = a;  // da = a'/theta, db = b'/theta
+  if (any(small)) {
+    Real power = Real(1.0), before = Real(0.0);
+    double factorial = 1.0;
+    for (int k = 0; k < 10; ++k) {
+      factorial *= k == 0 ? 2.0 : (2.0 * k + 1) * (2.0 * k + 2);
+      a += power / factorial;
+      b += power / (factorial * (2 * k + 3));
+      da += 2.0 * k * before / factorial;
+      db += 2.0 * k * before / (factorial * (2 * k + 3));
+      before = -power;
+      power *= -square;
+    }
+  }
+  if (any(!small)) {
+    using std::cos;
+    using std::sin;
+    using std::sqrt;
+    const Real big = select(small, Real(1.0), square);
+    const Real theta = sqrt(big), c = cos(theta), s = sin(theta);
+    a = select(small, a, Real((1.0 - c) / big));
+    b = select(small, b, Real((theta - s) / (theta * big)));
+    da = select(small, da, Real((theta * s - 2.0 * (1.0 - c)) / (big * big)));
+    db = select(small, db, Real((3.0 * s - theta * (2.0 + c)) / (theta * big * big)));
+  }
+  Real cross1[3], cross2[3], second1[3], second2[3], turn[3];
+  cross(phi, rate, cross1);
+  cross(phi, cross1, cross2);
+  cross(phi, second, second1);
+  cross(phi, second1, second2);
+  cross(rate, cross1, turn);
+  const Real along = phi[0] * rate[0] + phi[1] * rate[1] + phi[2] * rate[2];
+  for (int k = 0; k < 3; ++k) {
+    w[k] = rate[k] - a * cross1[k] + b * cross2[k];
+    alpha[k] = second[k] - a * second1[k] + b * second2[k] - da * along * cross1[k] +
+               db * along * cross2[k] + b * turn[k];
+  }
+}
+
+// q_K, v_K and acc_K at s; coef (n_v, 6), base (n_q,).
+template <class Space, class Real>
+FAN_FN void motion_of(const Real* coef, const Real* base, Real s, Real* q, Real* v, Real* a) {
+  for (int i = 0; i < Space::n_scalars; ++i) {
+    const int j = Space::scalar_v[i];
+    polynomial(coef + kPowers * j, s, q[Space::scalar_q[i]], v[j], a[j]);
+  }
+  for (int i = 0; i < Space::n_quaternions; ++i) {
+    const int j = Space::quaternion_v[i], at = Space::quaternion_q[i];
+    Real phi[3], rate[3], second[3], turn[4];
+    for (int k = 0; k < 3; ++k)
+      polynomial(coef + kPowers * (j + k), s, phi[k], rate[k], second[k]);
+    quaternion_exp(phi, turn);
+    quaternion_product(base + at, turn, q + at);
+    normalise(q + at);
+    body_rates(phi, rate, second, v + j, a + j);
+  }
+}
+
+// The velocity that takes q to q_next in dt.
+template <class Space, class Real>
+FAN_FN void increment(const Real* q, const Real* q_next, double dt, Real* rate) {
+  for (int i = 0; i < Space::n_scalars; ++i) {
+    const int at = Space::scalar_q[i];
+    rate[Space::scalar_v[i]] = (q_next[at] - q[at]) / dt;
+  }
+  for (int i = 0; i < Space::n_quaternions; ++i) {
+    const Real* a = q + Space::quaternion_q[i];
+    const Real inverse[4] = {a[0], -a[1], -a[2], -a[3]};
+    Real turn[4], phi[3];
+    quaternion_product(inverse, q_next + Space::quaternion_q[i], turn);
+    quaternion_log(turn, phi);
+    for (int k = 0; k < 3; ++k) rate[Space::quaternion_v[i] + k] = phi[k] / dt;
+  }
+}
+
+}  // namespace fan

@@ -1,0 +1,243 @@
+"""Many inputs side by side, for batches: one a trajectory."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fantoccini.arrays import Array, frozen
+from fantoccini.errors import UnknownNameError
+from fantoccini.motion import binding, pieces, polynomial, reading, rotation
+from fantoccini.motion.findings import Findings
+from fantoccini.motion.input import Input
+
+if TYPE_CHECKING:
+    from fantoccini.tree import CoordinateTable
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """What many :class:`Input` hold, with a leading axis: n inputs of as many pieces each.
+
+    ``inputs[i]`` is the i-th of them. Where an axis is 1 long all inputs share what it holds.
+
+    Attributes:
+        coordinates: names and places of the coordinates.
+        breaks: (n or 1, n_seg + 1) not decreasing [s]; pieces at the end may last no time.
+        coef: (n, n_seg, n_vK, 6) ascending powers of the time since the piece began [m or rad, s].
+        base: (n, n_seg, n_qK) configuration of reference [m, rad or 1].
+        named: (n or 1, n_vK) bool, what was named; the rest holds still.
+        force: (n, n_seg, n_vD, 6) generalised forces u_D [N or N m], or None.
+        relative: the motion is that from wherever the start state is, not one of given places.
+    """
+
+    coordinates: CoordinateTable
+    breaks: Array
+    coef: Array
+    base: Array
+    named: Array
+    force: Array | None = None
+    relative: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("breaks", "coef", "base", "force"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, frozen(getattr(self, name)))
+        object.__setattr__(self, "named", frozen(self.named, bool))
+
+    def __len__(self) -> int:
+        return len(self.coef)
+
+    def __getitem__(self, i: int) -> Input:
+        if self.relative:
+            raise TypeError(
+                "these inputs go from wherever a start state is; bind them to one first: "
+                "inputs.bound(x0.q_K)[i]"
+            )
+        breaks = self.breaks[i if len(self.breaks) > 1 else 0]
+        kept = np.diff(breaks) > 0
+        force = None if self.force is None else self.force[i][kept]
+        return Input(
+            self.coordinates, np.append(breaks[:-1][kept], breaks[-1]), self.coef[i][kept],
+            self.base[i][kept], self.named[i if len(self.named) > 1 else 0], force,
+        )  # fmt: skip
+
+    @classmethod
+    def of(cls, inputs: Sequence[Input]) -> Inputs:
+        """Inputs of one puppet side by side. Shorter ones are held at their ends.
+
+        Args:
+            inputs: one or more.
+
+        Raises:
+            ValueError: there are none, or they are of different puppets.
+        """
+        if not inputs:
+            raise ValueError("inputs is empty; it must hold one Input or more")
+        first = inputs[0]
+        for i, other in enumerate(inputs):
+            if other.coordinates is not first.coordinates and (
+                (other.coordinates.q_K, other.coordinates.v_D)
+                != (first.coordinates.q_K, first.coordinates.v_D)
+            ):
+                raise ValueError(f"inputs[{i}] is of another puppet than inputs[0]")
+        table, longest = first.coordinates, max(len(one.coef) for one in inputs)
+        n, forced = len(inputs), any(one.force is not None for one in inputs)
+        # Shorter ones are filled up with pieces that last no time at their end.
+        breaks = np.empty((n, longest + 1))
+        coef = np.empty((n, longest, table.n_vK, polynomial.N_COEF))
+        base = np.empty((n, longest, table.n_qK))
+        force = np.zeros((n, longest, table.n_vD, polynomial.N_COEF)) if forced else None
+        for i, one in enumerate(inputs):
+            k = len(one.coef)
+            breaks[i, : k + 1], breaks[i, k + 1 :] = one.breaks, one.end
+            coef[i, :k], base[i, :k] = one.coef, one.base
+            coef[i, k:], base[i, k:] = one.coef[-1], one.base[-1]
+            if one.force is not None:
+                force[i, :k] = one.force
+        if np.all(breaks == breaks[0]):
+            breaks = breaks[:1]
+        return cls(table, breaks, coef, base, np.stack([one.named for one in inputs]), force)
+
+    @classmethod
+    def random(
+        cls,
+        table,
+        n: int,
+        seed: int = 0,
+        *,
+        t_end: float = 2.0,
+        every: float = 0.25,
+        reach: float = 0.05,
+        turn: float = 0.3,
+        only: Sequence[str] | None = None,
+    ) -> Inputs:
+        """Smooth wandering about the start state, for Monte-Carlo runs and training data.
+
+        Every coordinate goes from waypoint to waypoint by minimum-jerk moves; the waypoints are
+        drawn evenly within ``reach`` or ``turn`` of where the start state is, and the last one is
+        there. The same seed gives the same inputs, and the first ones do not depend on n.
+
+        Args:
+            table: a coordinate table, or anything with ``.coordinates``.
+            n: how many.
+            seed: of the drawing.
+            t_end: end of the motion [s].
+            every: time between waypoints [s].
+            reach: farthest move of a position or length [m].
+            turn: farthest turn of an angle or rotation [rad].
+            only: names of the coordinates that move; all when not given.
+        """
+        table = reading.table_of(table)
+        for name, value in (("n", n), ("t_end", t_end), ("every", every)):
+            if not value > 0:
+                raise ValueError(f"{name} is {value}; it must be positive")
+        places = pieces.channel_names(table)
+        for name in only or ():
+            if name not in places:
+                raise UnknownNameError("driven coordinate", name, places)
+        n_seg = max(1, round(t_end / every))
+        breaks = np.linspace(0.0, t_end, n_seg + 1)
+        units = {row.name: row.unit for row in table.rows}
+        farthest = np.full(table.n_vK, float(turn))
+        for q, v in table.scalars_K:
+            farthest[v] = reach if units[table.q_K[q]] == "m" else turn
+        for name, (_, v) in places.items():
+            if only is not None and name not in only:
+                farthest[v] = 0.0
+        drawn = [
+            np.random.default_rng([seed, i]).uniform(-1.0, 1.0, (n_seg + 1, table.n_vK))
+            for i in range(n)
+        ]
+        points = np.stack(drawn) * farthest
+        points[:, [0, -1]] = 0.0
+        coef = np.zeros((n, n_seg, table.n_vK, polynomial.N_COEF))
+        base = np.zeros((n, n_seg, table.n_qK))
+        move, h = np.diff(points, axis=1), t_end / n_seg
+        for name, (q, v) in places.items():
+            if name in table.rotations:
+                at = rotation.exp(points[:, :, v])
+                base[:, :, q] = at[:, :-1]
+                move[:, :, v] = rotation.between(at[:, :-1], at[:, 1:])
+            else:
+                base[:, :, q] = points[:, :-1, v]
+                coef[:, :, v, 0] = points[:, :-1, v]
+        coef[..., 3:] = move[..., None] * np.array([10.0, -15.0, 6.0]) / h ** np.arange(3, 6)
+        return cls(table, breaks[None], coef, base, np.ones((1, table.n_vK), bool), relative=True)
+
+    @property
+    def start(self) -> float:
+        """The latest first break [s]."""
+        return float(np.max(self.breaks[:, 0]))
+
+    @property
+    def end(self) -> float:
+        """The latest last break [s]."""
+        return float(np.max(self.breaks[:, -1]))
+
+    def shifted(self, dt: float) -> Inputs:
+        """The same, ``dt`` seconds later."""
+        return dataclasses.replace(self, breaks=self.breaks + dt)
+
+    def evaluate(self, t: float | Array) -> tuple[Array, Array, Array]:
+        """q_K (n, n_qK), v_K (n, n_vK) and acc_K (n, n_vK) of all at a time (or (n,) times) [s]."""
+        n, n_seg = self.coef.shape[:2]
+        breaks = np.broadcast_to(self.breaks, (n, n_seg + 1))
+        t = np.broadcast_to(np.asarray(t, dtype=float), n)[:, None]
+        at = np.clip(t, breaks[:, :1], breaks[:, -1:])
+        last = (np.diff(breaks) > 0).sum(axis=1) - 1
+        i = np.clip((breaks <= at).sum(axis=1) - 1, 0, last)
+        all_of_them = np.arange(n)
+        s = at[:, 0] - breaks[all_of_them, i]
+        coef, base = self.coef[all_of_them, i], self.base[all_of_them, i]
+        q, v, acc = pieces.evaluate(self.coordinates, coef, base, s)
+        held = ((t < breaks[:, :1]) | (t > breaks[:, -1:]))[:, 0]
+        v[held], acc[held] = 0.0, 0.0
+        return q, v, acc
+
+    def bound(self, q_K: Array, t: float | None = None) -> Inputs:
+        """Ready for runs from start states: what was not named holds the states' values.
+
+        Args:
+            q_K: (n or 1, n_qK) driven configurations of the start states [m, rad or 1].
+            t: time of the start [s]; the latest first break when not given.
+
+        Raises:
+            InputError: a named coordinate does not start where its state is, or a length does not
+                stay positive.
+        """
+        q_K = np.atleast_2d(np.asarray(q_K, dtype=float))
+        if len(q_K) > 1 and np.all(q_K == q_K[0]):
+            q_K = q_K[:1]
+        n = max(len(q_K), len(self))
+        if self.relative:
+            return self._from(q_K, n)
+        coef = np.broadcast_to(self.coef, (n, *self.coef.shape[1:]))
+        base = np.broadcast_to(self.base, (n, *self.base.shape[1:]))
+        t = self.start if t is None else float(t)
+        q_here = np.broadcast_to(self.evaluate(t)[0], (n, self.coordinates.n_qK))
+        q_K = np.broadcast_to(q_K, (n, self.coordinates.n_qK))
+        named = np.broadcast_to(self.named, (n, self.coordinates.n_vK))
+        coef, base = binding.bound(
+            self.coordinates, self.breaks, coef, base, named, q_here, q_K, t
+        )
+        return dataclasses.replace(self, coef=coef, base=base)
+
+    def _from(self, q_K: Array, n: int) -> Inputs:
+        """The motions from given configurations (n or 1, n_qK)."""
+        table, findings = self.coordinates, Findings()
+        coef = np.array(np.broadcast_to(self.coef, (n, *self.coef.shape[1:])))
+        base = np.array(np.broadcast_to(self.base, (n, *self.base.shape[1:])))
+        for q, v in table.scalars_K:
+            base[:, :, q] += q_K[:, None, q]
+            coef[:, :, v, 0] += q_K[:, None, q]
+        for q, _ in table.quaternions_K:
+            spot = slice(q, q + 4)
+            base[:, :, spot] = rotation.multiply(q_K[:, None, spot], base[:, :, spot])
+        binding.note_lengths(table, self.breaks, coef, findings)
+        findings.raise_any()
+        return dataclasses.replace(self, coef=coef, base=base, relative=False)

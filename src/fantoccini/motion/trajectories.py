@@ -1,0 +1,124 @@
+"""Trajectories: what many runs give, lane first."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fantoccini.arrays import Array, Times
+from fantoccini.errors import Status
+from fantoccini.motion.columns import Columns
+from fantoccini.motion.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from fantoccini.puppet import Puppet
+    from fantoccini.tree import CoordinateTable
+
+MOTION = ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
+TABLES = ("tension", "limit_force", "taut", "ledger", "slip")
+SAVED = MOTION + TABLES
+"""What a batch can save."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectories:
+    """n runs of one puppet on the same T times: ``many.q_D[i, k]``, ``many.tension["hand"][i, k]``.
+
+    What was not saved is None. Rows that a run did not reach are NaN, and not taut.
+
+    Attributes:
+        t: (T,) times [s].
+        status: (n,) :class:`Status` numbers: how each ended.
+        reached: (n,) how far each got [s]; NaN where Ctrl-C came before a run was begun.
+        violation: (n,) by how much rows were overstepped at worst (time-stepping; 0 for event)
+            [m, rad or 1].
+        catches, releases: (n,) of strings and limits.
+        blame: (n, n_rows) what stopped each, by string and limit, 0 to 1 (event).
+        method: event or timestepping.
+        coordinates: names and places of the coordinates.
+        puppet: what moved.
+        q_D, v_D, acc_D, q_K, v_K, acc_K: (n, T, ...) as of :class:`Trajectory`.
+        tension, limit_force, taut, ledger, slip: (n, T) by name, as of :class:`Trajectory`.
+    """
+
+    t: Times
+    status: Array
+    reached: Array
+    violation: Array
+    catches: Array
+    releases: Array
+    blame: Columns
+    method: str
+    coordinates: CoordinateTable
+    puppet: Puppet | None = None
+    q_D: Array | None = None
+    v_D: Array | None = None
+    acc_D: Array | None = None
+    q_K: Array | None = None
+    v_K: Array | None = None
+    acc_K: Array | None = None
+    tension: Columns | None = None
+    limit_force: Columns | None = None
+    taut: Columns | None = None
+    ledger: Columns | None = None
+    slip: Columns | None = None
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    def __repr__(self) -> str:
+        ended = ", ".join(f"{n} {status.name}" for status, n in self.counts().items())
+        return (
+            f"<Trajectories {self.puppet.name if self.puppet else ''}: {len(self)} runs from "
+            f"{self.t[0]:g} to {self.t[-1]:g} s, {len(self.t)} rows, {self.method}, {ended}>"
+        )
+
+    def __iter__(self) -> Iterator[Trajectory]:
+        return (self.trajectory(i) for i in range(len(self)))
+
+    @property
+    def done(self) -> Array:
+        """(n,) bool, the runs that reached their end."""
+        return self.status == Status.DONE
+
+    def counts(self) -> dict[Status, int]:
+        """How many runs ended how, the most frequent first."""
+        return {Status(s): n for s, n in Counter(self.status.tolist()).most_common()}
+
+    def blamed(self, i: int, least: float = 0.1) -> tuple[str, ...]:
+        """Strings and limits to blame for how run i ended; ``least`` of the blame names one."""
+        return tuple(n for n in self.blame.names if self.blame[n][i] > least)
+
+    def trajectory(self, i: int) -> Trajectory:
+        """Run i by itself, without its events. Everything must have been saved (``save="all"``).
+
+        Raises:
+            ValueError: naming what was not saved; or the run was not begun.
+        """
+        missing = [name for name in SAVED if getattr(self, name) is None]
+        if missing:
+            raise ValueError(
+                f"{', '.join(missing)} of these runs were not saved; simulate with save='all'"
+            )
+        if not np.isfinite(self.reached[i]):
+            raise ValueError(f"run {i} was not begun")
+        rows = slice(0, max(1, int(np.searchsorted(self.t, self.reached[i], side="right"))))
+        return Trajectory(
+            t=self.t[rows],
+            **{name: getattr(self, name)[i, rows] for name in MOTION},
+            **{name: self._columns(name, i, rows) for name in TABLES},
+            events=(),
+            status=Status(int(self.status[i])),
+            method=self.method,
+            coordinates=self.coordinates,
+            puppet=self.puppet,
+            blamed=self.blamed(i),
+        )
+
+    def _columns(self, name: str, i: int, rows: slice) -> Columns:
+        table = getattr(self, name)
+        return table.like(table.values[i, rows])

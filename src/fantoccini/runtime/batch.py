@@ -1,0 +1,218 @@
+"""Many trajectories at once: the Python side of ``cpp/fantoccini/batch.hpp``.
+
+A batch is a pool of trajectories that any number of threads work on; the interpreter's lock is
+released while they do.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.errors import BuildError
+from fantoccini.runtime.compiled import _UNLIMITED, Library, RunOptions, _Options
+from fantoccini.runtime.functions import pointer
+
+PARTS = ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K", "force", "taut", "books", "slip")
+"""Parts of a row, in the order of ``Part`` in ``batch.hpp``."""
+
+_LOOK_SECONDS = 0.05
+"""How often the batch is looked at for progress and Ctrl-C."""
+
+
+class _Shared(ctypes.Structure):
+    _fields_ = [("first", ctypes.c_void_p), ("stride", ctypes.c_longlong)]
+
+
+class _BatchArrays(ctypes.Structure):
+    _fields_ = [
+        ("n", ctypes.c_longlong),
+        ("t", ctypes.c_double),
+        ("t_end", ctypes.c_double),
+        ("q_D", _Shared),
+        ("v_D", _Shared),
+        ("slip", _Shared),
+        ("n_segments", ctypes.c_int),
+        ("breaks", _Shared),
+        ("coef", _Shared),
+        ("base", _Shared),
+        ("force", _Shared),
+        ("p", ctypes.c_void_p),
+        ("winches", ctypes.c_void_p),
+        ("options", _Options),
+        ("save_every", ctypes.c_int),
+        ("save_at", ctypes.c_void_p),
+        ("n_rows", ctypes.c_longlong),
+        ("parts", ctypes.c_void_p * len(PARTS)),
+        ("status", ctypes.c_void_p),
+        ("reached", ctypes.c_void_p),
+        ("violation", ctypes.c_void_p),
+        ("events", ctypes.c_void_p),
+        ("blame", ctypes.c_void_p),
+    ]
+
+
+class BatchLibrary:
+    """A library that advances many trajectories.
+
+    Attributes:
+        width: trajectories that are advanced together, in lanes.
+
+    Args:
+        source: its file, or the puppet's own library, which makes event-driven batches.
+
+    Raises:
+        BuildError: it cannot be loaded, or is of another version.
+    """
+
+    def __init__(self, source: Path | Library):
+        if isinstance(source, Library):
+            self.handle = source.handle
+        else:
+            try:
+                self.handle = ctypes.CDLL(str(source))
+            except OSError as error:
+                raise BuildError(
+                    f"the compiled lanes {source} cannot be loaded: {error}"
+                ) from error
+        sizes = (ctypes.c_int * 2)()
+        self.handle.fan_batch_sizes(sizes)
+        if sizes[0] != ctypes.sizeof(_BatchArrays):
+            raise BuildError(f"{source} is of another version; delete it to have it made again")
+        self.width = sizes[1]
+        self.handle.fan_batch_new.restype = ctypes.c_void_p
+        self.handle.fan_batch_done.restype = ctypes.c_double
+        for name in ("free", "stop", "done", "work"):
+            getattr(self.handle, f"fan_batch_{name}").argtypes = [ctypes.c_void_p]
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """What a batch begins with and where its results go. n trajectories, T rows each.
+
+    What begins a trajectory has (n, ...) or, where all share it, (1, ...).
+
+    Attributes:
+        n: trajectories.
+        t, t_end: begin and end of all [s].
+        q_D, v_D, slip: the start states.
+        breaks, coef, base, force: the inputs, bound; ``force`` may be None.
+        p: (n_p,) parameters.
+        winches: (n_strings, 3) as of :class:`fantoccini.runtime.Run`.
+        options: numbers that steer the runs.
+        times: (T,) of the rows; the event-driven ones take them, the fixed steps make them [s].
+        parts: name of a part -> (n, T, width), written where a trajectory gets that far.
+        status, reached, violation: (n,) how each ended, when [s], worst violation (time-stepping).
+        events: (n, 2) catches and releases.
+        blame: (n, n_rows) rows that stopped it, 0 to 1 (event-driven).
+    """
+
+    n: int
+    t: float
+    t_end: float
+    q_D: Array
+    v_D: Array
+    slip: Array
+    breaks: Array
+    coef: Array
+    base: Array
+    force: Array | None
+    p: Array
+    winches: Array
+    options: RunOptions
+    times: Array
+    parts: dict[str, Array]
+    status: Array
+    reached: Array
+    violation: Array
+    events: Array
+    blame: Array
+
+    def run(
+        self, library: BatchLibrary, threads: int, look: Callable[[float], None] | None = None
+    ) -> None:
+        """Works the batch off. Ctrl-C stops the workers and is raised again.
+
+        Args:
+            library: what advances the trajectories.
+            threads: workers.
+            look: told now and then how much is done, 0 to 1.
+        """
+        arrays, kept = self._arrays()
+        pool = library.handle.fan_batch_new(ctypes.byref(arrays))
+        if not pool:
+            raise MemoryError("no memory for a batch")
+        failed: list[int] = []
+
+        def work() -> None:
+            failed.append(library.handle.fan_batch_work(pool))
+
+        workers = [threading.Thread(target=work, daemon=True) for _ in range(threads)]
+        try:
+            for worker in workers:
+                worker.start()
+            working = True
+            while working:
+                for worker in workers:
+                    worker.join(_LOOK_SECONDS / threads)
+                working = any(worker.is_alive() for worker in workers)
+                if look:
+                    look(library.handle.fan_batch_done(pool) / self.n)
+        finally:
+            library.handle.fan_batch_stop(pool)
+            for worker in workers:
+                if worker.ident is not None:
+                    worker.join()
+            library.handle.fan_batch_free(pool)
+            del kept
+        if all(failed):
+            raise MemoryError("no memory for the workers of a batch")
+
+    def _arrays(self) -> tuple[_BatchArrays, list[Array]]:
+        """The structure, and the arrays that must live as long as it is read."""
+        kept: list[Array] = []
+
+        def held(a: Array) -> ctypes.c_void_p:
+            kept.append(np.ascontiguousarray(a, dtype=float))
+            return pointer(kept[-1])
+
+        def shared(a: Array | None) -> _Shared:
+            if a is None:
+                return _Shared(None, 0)
+            first = held(a)
+            return _Shared(first, 0 if len(a) == 1 else int(np.prod(a.shape[1:])))
+
+        names = [name for name, _ in _Options._fields_]
+        arrays = _BatchArrays(
+            n=self.n, t=self.t, t_end=self.t_end,
+            q_D=shared(self.q_D), v_D=shared(self.v_D), slip=shared(self.slip),
+            n_segments=self.coef.shape[1],
+            breaks=shared(self.breaks), coef=shared(self.coef), base=shared(self.base),
+            force=shared(self.force),
+            p=held(self.p), winches=held(np.minimum(self.winches, _UNLIMITED)),
+            options=_Options(**{name: getattr(self.options, name) for name in names}),
+            save_every=self.options.save_every,
+            save_at=held(self.times), n_rows=len(self.times),
+            status=pointer(self.status), reached=pointer(self.reached),
+            violation=pointer(self.violation), events=pointer(self.events),
+            blame=pointer(self.blame),
+        )  # fmt: skip
+        for i, name in enumerate(PARTS):
+            if name in self.parts:
+                arrays.parts[i] = pointer(self.parts[name])
+        return arrays, kept
+
+
+def default_threads() -> int:
+    """The processors this process may use."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:
+        return os.cpu_count() or 1

@@ -1,0 +1,215 @@
+"""Many runs in one call: each is the run it would be by itself."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini import Status
+
+ARM = fan.puppets.arm2d()
+X0 = ARM.rest()
+END = 0.4
+
+
+def wandering(n: int, seed: int = 1, **how) -> fan.Inputs:
+    return fan.Input.random(ARM, n=n, seed=seed, t_end=1.0, reach=0.1, **how)
+
+
+def stepped(inputs, x0=X0, **how) -> fan.Trajectories:
+    how = {"method": "timestepping", "save": "all"} | how
+    return fan.simulate(ARM, x0, inputs, t_end=END, **how)
+
+
+def same(a: fan.Trajectories, b: fan.Trajectories, rows=slice(None)) -> bool:
+    """Whether some of a's runs are all of b's, bit for bit."""
+    names = ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
+    tables = ("tension", "limit_force", "taut", "ledger", "slip")
+    arrays = [(getattr(a, n)[rows], getattr(b, n)) for n in names]
+    arrays += [(getattr(a, n).values[rows], getattr(b, n).values) for n in tables]
+    return all(np.array_equal(x, y, equal_nan=True) for x, y in arrays)
+
+
+@pytest.mark.parametrize("puppet", ["arm2d", "marionette_bar"])
+def test_a_lane_is_the_run_by_itself(puppet):
+    """marionette_bar hangs from a bar that turns: rotations are driven too."""
+    marionette = getattr(fan.puppets, puppet)()
+    x0 = marionette.rest()
+    inputs = fan.Input.random(marionette, n=11, seed=3, t_end=0.5, reach=0.12, turn=0.2)
+    how = {"t_end": 0.4, "method": "timestepping"}
+    many, bound = fan.simulate(marionette, x0, inputs, save="all", **how), inputs.bound(x0.q_K)
+    assert np.sum(many.catches) + np.sum(many.releases) > 0
+    for i in range(len(many)):
+        one = fan.simulate(marionette, x0, bound[i], effort=False, **how)
+        lane = many.trajectory(i)
+        assert np.array_equal(lane.t, one.t)
+        assert np.allclose(lane.q_K, one.q_K, rtol=0, atol=1e-14)
+        assert np.allclose(lane.q_D, one.q_D, rtol=0, atol=1e-10)
+        assert np.allclose(lane.v_D, one.v_D, rtol=0, atol=1e-8)
+        assert np.array_equal(lane.taut.values, one.taut.values)
+        scale = 1.0 + np.max(one.tension.values)
+        assert np.allclose(lane.tension.values, one.tension.values, rtol=0, atol=1e-6 * scale)
+        assert np.allclose(lane.ledger.values, one.ledger.values, rtol=0, atol=1e-8)
+        kinds = [e.kind for e in one.events]
+        assert many.catches[i] == sum(k in ("catch", "limit_on") for k in kinds)
+        assert many.releases[i] == sum(k in ("release", "limit_off") for k in kinds)
+
+
+def test_an_event_driven_run_of_a_batch_has_the_bits_of_the_run_by_itself():
+    times = np.linspace(0.0, END, 9)
+    inputs = wandering(6)
+    many = fan.simulate(ARM, X0, inputs, t_end=END, save_at=times, save="all")
+    assert many.method == "event"
+    assert np.sum(many.catches) > 0
+    for i, one in enumerate(inputs.bound(X0.q_K)):
+        run = fan.simulate(ARM, X0, one, t_end=END, save_at=times, effort=False)
+        rows = [np.flatnonzero(run.t == t)[-1] for t in many.t]
+        assert np.array_equal(run.q_D[rows], many.q_D[i])
+        assert np.array_equal(run.tension.values[rows], many.tension.values[i])
+        assert np.array_equal(run.ledger.values[rows], many.ledger.values[i])
+
+
+def test_neighbours_and_threads_make_no_difference():
+    inputs = wandering(29)
+    many = stepped(inputs, threads=2)
+    assert same(many, stepped(inputs, threads=1))
+    assert same(many, stepped(list(inputs.bound(X0.q_K))[3:14]), slice(3, 14))
+    assert same(many, stepped(wandering(5)), slice(5))
+
+
+def test_states_and_inputs_go_together_or_one_goes_with_all():
+    states = [X0.replace(v_D=X0.v_D + 0.1 * i) for i in range(4)]
+    states = [ARM.project(x) for x in states]
+    inputs = wandering(4)
+    both = stepped(inputs, states)
+    for i in range(4):
+        assert same(both, stepped(inputs.bound(X0.q_K)[i], [states[i]]), slice(i, i + 1))
+    assert len(stepped(None, states)) == len(stepped(inputs)) == 4
+    with pytest.raises(ValueError, match="4 states and 3 inputs do not go together"):
+        stepped(wandering(3), states)
+
+
+def test_inputs_of_different_lengths_are_held_at_their_ends():
+    hand = X0.q_K[ARM.coordinates.q_K.index("hand.length")]
+    inputs = [
+        fan.Input.waypoints(ARM, {"hand.length": [(0, hand), (0.1, hand - 0.05)]}),
+        fan.Input.waypoints(
+            ARM, {"hand.length": [(0, hand), (0.15, hand - 0.1), (0.3, hand - 0.02)]}
+        ),
+    ]
+    many = stepped(inputs)
+    for i, one in enumerate(inputs):
+        assert same(many, stepped([one]), slice(i, i + 1))
+
+
+def test_a_run_that_stops_keeps_what_it_had_and_disturbs_no_other():
+    hold = fan.Input.hold(ARM)
+    name = ARM.coordinates.v_D[0]
+    pushed = hold.with_forces({name: [(0.0, 0.0), (0.1, 0.0), (0.2, 1.0)]})
+    pushed = dataclasses.replace(pushed, force=1e308 * pushed.force)
+    calm = stepped([hold])
+    many = stepped([hold, pushed, hold])
+    assert [Status(s) for s in many.status] == [Status.DONE, Status.NOT_FINITE, Status.DONE]
+    assert 0.09 < many.reached[1] < END
+    assert not many.done[1]
+    assert same(many, calm, slice(0, 1)) and same(many, calm, slice(2, 3))
+    rows = many.t <= many.reached[1]
+    assert np.all(np.isfinite(many.q_D[1][rows])) and np.all(np.isnan(many.q_D[1][~rows]))
+    assert np.max(np.abs(many.q_D[1][rows])) < 1e9
+    assert many.trajectory(1).t[-1] <= many.reached[1]
+    assert "NOT_FINITE" in repr(many)
+
+
+def test_an_impossible_input_is_told_by_its_status_and_its_strings():
+    arm = fan.puppets.arm3d()
+    x0 = arm.rest()
+    hold = fan.Input.hold(arm)
+    lengths = [n for n in arm.coordinates.q_K if n.endswith(".length")]
+    pull = {n: [(0, x0.q_K[arm.coordinates.q_K.index(n)]), (0.3, 0.05)] for n in lengths}
+    many = fan.simulate(arm, x0, [hold, fan.Input.waypoints(arm, pull)], t_end=0.3)
+    assert many.status[0] == Status.DONE
+    assert many.status[1] in (Status.IMPOSSIBLE_INPUT, Status.TENSION_CAP)
+    assert many.blamed(1) and set(many.blamed(1)) <= set(arm.tree.row_names)
+
+
+def test_only_what_is_asked_for_is_saved():
+    many = fan.simulate(ARM, X0, wandering(3), t_end=END, method="timestepping", save_every=50)
+    assert many.t.tolist() == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
+    assert many.q_D.shape == (3, 5, ARM.coordinates.n_qD)
+    assert many.tension["hand"].shape == (3, 5)
+    assert many.acc_D is None and many.ledger is None
+    with pytest.raises(ValueError, match="were not saved"):
+        many.trajectory(0)
+    with pytest.raises(ValueError, match="save names 'q'"):
+        stepped(wandering(3), save="q")
+
+
+def test_results_go_into_arrays_that_are_given():
+    shape = (3, 201, ARM.coordinates.n_qD)
+    out = {"q_D": np.zeros(shape)}
+    many = stepped(wandering(3), out=out, save=("q_D",))
+    assert np.shares_memory(many.q_D, out["q_D"])
+    assert np.array_equal(out["q_D"], stepped(wandering(3)).q_D)
+    with pytest.raises(ValueError, match="must be a C-contiguous float64 array of shape"):
+        stepped(wandering(3), out={"q_D": np.zeros((3, 200, 2))}, save=("q_D",))
+    with pytest.raises(ValueError, match="does not write"):
+        stepped(wandering(3), out={"slip": np.zeros(shape)}, save=("q_D",))
+
+
+@pytest.mark.parametrize("method", ["timestepping", "event"])
+def test_ctrl_c_keeps_what_was_reached(method):
+    def interrupt(_: float) -> None:
+        raise KeyboardInterrupt
+
+    inputs = fan.Input.random(ARM, n=64, seed=0, t_end=30.0, reach=0.1)
+    many = fan.simulate(
+        ARM, X0, inputs, t_end=30.0, method=method, threads=1, progress=interrupt,
+        save_every=100,
+    )  # fmt: skip
+    assert Status.STOPPED in many.counts()
+    stopped = many.status == Status.STOPPED
+    assert not np.any(many.reached[stopped] >= 30.0)
+    for i in np.flatnonzero(stopped) if method == "timestepping" else ():
+        assert np.all(np.isfinite(many.q_D[i][many.t <= many.reached[i]]))
+
+
+def test_progress_goes_to_the_end():
+    seen: list[float] = []
+    stepped(wandering(64), progress=seen.append)
+    assert seen == sorted(seen)
+    assert seen[-1] == pytest.approx(END)
+
+
+def test_mistakes_name_the_run():
+    bad = X0.replace(q_K=X0.q_K * 0.9)
+    with pytest.raises(fan.StateError, match=r"states\[2\] breaks"):
+        stepped(None, [X0, X0, bad])
+    far = fan.Input.waypoints(ARM, {"hand.length": [(0, 0.3), (1, 0.4)]})
+    near = fan.Input.waypoints(ARM, {"hand.length": [(0, X0.q_K[-1]), (1, 0.4)]})
+    with pytest.raises(fan.InputError, match=r"\[1\]\.hand\.length"):
+        stepped([near, far])
+    with pytest.raises(TypeError, match="or a list of one or more of them"):
+        stepped([1, 2])
+    with pytest.raises(ValueError, match="must be of one time"):
+        stepped(None, [X0, X0.replace(t=1.0)])
+    with pytest.raises(ValueError, match="threads goes with many"):
+        fan.simulate(ARM, X0, t_end=END, threads=2)
+
+
+def test_random_inputs_wander_within_reach_and_are_the_same_again():
+    many = wandering(50).bound(X0.q_K)
+    places = np.array([many.evaluate(t)[0] for t in np.linspace(0, 1, 101)])
+    far = np.abs(places - X0.q_K)
+    assert 0.05 < np.max(far) <= 0.1 + 1e-12
+    assert np.allclose(places[0], X0.q_K) and np.allclose(places[-1], X0.q_K)
+    for one in (many[0], many[49]):
+        one.checked()
+    again = wandering(3).bound(X0.q_K)
+    assert np.array_equal(again.coef, many.coef[:3])
+    assert not np.array_equal(wandering(3, seed=2).coef, wandering(3).coef)
+    only = wandering(4, only=["hand.length"]).bound(X0.q_K).evaluate(0.3)[0] - X0.q_K
+    moved = np.any(only != 0, axis=0)
+    assert [ARM.coordinates.q_K[i] for i in np.flatnonzero(moved)] == ["hand.length"]
