@@ -19,7 +19,18 @@ from fantoccini.errors import (
     Status,
     UnknownNameError,
 )
-from fantoccini.marionette import Flow, Marionette, Stepper, load, loads
+from fantoccini.marionette import (
+    Flow,
+    Linearisation,
+    Marionette,
+    Mode,
+    Modes,
+    Partials,
+    StepLinearisation,
+    Stepper,
+    load,
+    loads,
+)
 from fantoccini.motion import (
     Columns,
     Event,
@@ -31,7 +42,7 @@ from fantoccini.motion import (
     Trajectory,
 )
 from fantoccini.puppet import Puppet
-from fantoccini.simulate import simulate
+from fantoccini.simulate import Passage, Sensitivity, sensitivity, simulate
 from fantoccini.world import World
 
 __version__ = "0.1.0"
@@ -46,13 +57,20 @@ __all__ = [
     "Input",
     "InputError",
     "Inputs",
+    "Linearisation",
     "Marionette",
+    "Mode",
+    "Modes",
+    "Partials",
+    "Passage",
     "Puppet",
     "PuppetError",
+    "Sensitivity",
     "SimulationError",
     "State",
     "StateError",
     "Status",
+    "StepLinearisation",
     "Stepper",
     "Trajectories",
     "Trajectory",
@@ -62,5 +80,6 @@ __all__ = [
     "load",
     "loads",
     "puppets",
+    "sensitivity",
     "simulate",
 ]

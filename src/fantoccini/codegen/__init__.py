@@ -1,6 +1,8 @@
 """Equations -> source text: the model that is compiled here, and C99 to take elsewhere."""
 
 from fantoccini.codegen.c99 import c99_files
+from fantoccini.codegen.derivatives import SIZES as DERIVATIVE_SIZES
+from fantoccini.codegen.derivatives import generate_derivatives
 from fantoccini.codegen.model import (
     STEM,
     VERSION,
@@ -12,11 +14,13 @@ from fantoccini.codegen.model import (
 )
 
 __all__ = [
+    "DERIVATIVE_SIZES",
     "STEM",
     "VERSION",
     "Generated",
     "c99_files",
     "generate",
+    "generate_derivatives",
     "generate_lanes",
     "model_text",
     "tables_text",

@@ -1,5 +1,8 @@
 """Derivation: Tree -> Equations (Eqs. 1-11), symbolically with CasADi."""
 
+from fantoccini.equations.derivatives import ARGUMENTS as DERIVATIVE_ARGUMENTS
+from fantoccini.equations.derivatives import RESULTS as DERIVATIVE_RESULTS
+from fantoccini.equations.derivatives import Derivatives
 from fantoccini.equations.functions import (
     ANALYSIS_INPUTS,
     MODEL_INPUTS,
@@ -7,4 +10,12 @@ from fantoccini.equations.functions import (
     derive,
 )
 
-__all__ = ["ANALYSIS_INPUTS", "MODEL_INPUTS", "Equations", "derive"]
+__all__ = [
+    "ANALYSIS_INPUTS",
+    "DERIVATIVE_ARGUMENTS",
+    "DERIVATIVE_RESULTS",
+    "MODEL_INPUTS",
+    "Derivatives",
+    "Equations",
+    "derive",
+]

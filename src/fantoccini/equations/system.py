@@ -26,6 +26,9 @@ from fantoccini.equations.rows import PathRow, Surroundings, limit_row, path_row
 from fantoccini.puppet import Number, Parameter
 from fantoccini.tree import Role, Tree
 
+_STILL = 1e-300
+"""Added to the square of a speed, so that the derivative of |v| v at rest is 0 [m^2/s^2]."""
+
 
 @dataclass(frozen=True)
 class Symbols:
@@ -243,7 +246,7 @@ class System:
         v = motion.v + cross(motion.w, com)
         rate = linear
         if not quadratic.is_zero():
-            rate = linear + quadratic * ca.sqrt(dot(v, v))
+            rate = linear + quadratic * ca.sqrt(dot(v, v) + _STILL)
         force = scaled(-rate, v)
         torque = cross(com, force) - scaled(angular, motion.w)
         return torque, force, rate * dot(v, v) + angular * dot(motion.w, motion.w)

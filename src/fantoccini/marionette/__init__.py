@@ -9,11 +9,19 @@ from fantoccini.marionette.checks import (
 )
 from fantoccini.marionette.flow import Flow
 from fantoccini.marionette.handle import Marionette, load, loads
+from fantoccini.marionette.linearisation import Linearisation, Partials
+from fantoccini.marionette.modes import Mode, Modes
+from fantoccini.marionette.step_linearisation import StepLinearisation
 from fantoccini.marionette.stepper import Stepper
 
 __all__ = [
     "Flow",
+    "Linearisation",
     "Marionette",
+    "Mode",
+    "Modes",
+    "Partials",
+    "StepLinearisation",
     "Stepper",
     "check_inputs",
     "check_method",

@@ -10,14 +10,21 @@ from fantoccini import codegen, equations, tree
 _NOT_GENERATING = (
     "printing.py", "notation.py", "forms.py", "c99.py", "contract.py", "statements.py"
 )  # fmt: skip
-"""Modules beside the derivation that do not shape the compiled model."""
+"""Modules beside the derivation that shape nothing that is compiled."""
+_DERIVATIVES = "derivatives.py"
+"""Modules that shape the derivatives' library alone."""
 
 
-def fingerprint() -> str:
-    """The generator's version: that of the text, and a hash of all code that shapes it."""
+def fingerprint(derivatives: bool = False) -> str:
+    """The generator's version: that of the text, and a hash of all code that shapes it.
+
+    Args:
+        derivatives: of the derivatives' library, not of the model's.
+    """
     digest = hashlib.sha256()
     folders = [Path(module.__file__).parent for module in (equations, tree, codegen)]
     for file in sorted(f for folder in folders for f in folder.glob("*.py")):
-        if file.name not in _NOT_GENERATING:
+        left_out = file.name in _NOT_GENERATING or file.name == "__init__.py"
+        if not left_out and (derivatives or file.name != _DERIVATIVES):
             digest.update(file.read_bytes())
     return f"{codegen.VERSION}-{digest.hexdigest()}"

@@ -16,6 +16,7 @@ from fantoccini.arrays import Array
 from fantoccini.errors import BuildError, StateError, UnknownNameError
 from fantoccini.marionette import checks, generator, statics, values_by_name
 from fantoccini.marionette.analysis import Analysis
+from fantoccini.marionette.differentiable import Differentiable
 from fantoccini.marionette.flow import Flow
 from fantoccini.marionette.instant import Instant
 from fantoccini.marionette.rows import RowLayout
@@ -32,7 +33,7 @@ BRAKE = 1.0
 """Deceleration of a winch that rewinds, before it stops [m/s^2]; ``kBrake`` of ``winch.hpp``."""
 
 
-class Marionette(Analysis):
+class Marionette(Analysis, Differentiable):
     """A puppet on strings: its coordinates, equations, compiled model, states.
 
     Nothing is derived or compiled before it is needed; a puppet that was compiled before loads
@@ -107,7 +108,8 @@ class Marionette(Analysis):
     def _compiled(self, what: str, generate: Callable, load: Callable[[Path], Any]) -> Any:
         """A library of this puppet, from the cache or made now; ``what`` tells them apart."""
         canonical = "\n".join(p.canonical() for p in self.world.puppets)
-        key = build.fingerprint(canonical, generator.fingerprint(), flags=(what,))
+        shaped_by = generator.fingerprint(derivatives=what == "derivatives")
+        key = build.fingerprint(canonical, shaped_by, flags=(what,))
 
         def source() -> build.Source:
             self.check_mass_matrix()

@@ -39,7 +39,14 @@ class Instant:
 
     @classmethod
     def of(
-        cls, library: Library, tree: Tree, x: State, p: Array, acc_K: Array, u_D: Array
+        cls,
+        library: Library,
+        tree: Tree,
+        x: State,
+        p: Array,
+        acc_K: Array,
+        u_D: Array,
+        dt: float = 0.0,
     ) -> Instant:
         """Evaluates the model at a state.
 
@@ -50,10 +57,11 @@ class Instant:
             p: (n_p,) parameters.
             acc_K: (n_vK,) accelerations of the inputs.
             u_D: (n_vD,) user forces.
+            dt: step over which joint damping acts implicitly, as in time-stepping [s].
         """
         n, n_s, n_l = len(x.v_D), len(tree.strings), len(tree.limits)
         L, w0, W, _, h, hdot, gamma, _, hdot_K, h_l, J_l, gamma_l, *_ = library.evaluate(
-            "dynamics", [x.q_D, x.v_D, x.q_K, x.v_K, acc_K, u_D, np.zeros(1), p]
+            "dynamics", [x.q_D, x.v_D, x.q_K, x.v_K, acc_K, u_D, np.array([dt]), p]
         )
         J = np.zeros((n_l, n))
         for i, limit in enumerate(tree.limits):
@@ -76,6 +84,10 @@ class Instant:
     def back(self, w: Array) -> Array:
         """L^-1 w for vectors (..., n_vD)."""
         return self.library.evaluate("back", [self.L, w])[0]
+
+    def forth(self, f: Array) -> Array:
+        """L^-T f for vectors (..., n_vD)."""
+        return self.library.evaluate("forth", [self.L, f])[0]
 
     def complementarity(
         self, rows: Array, b: Array, two_sided: Array, upper: Array | None = None

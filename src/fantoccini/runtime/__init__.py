@@ -3,6 +3,7 @@
 from fantoccini.runtime.batch import PARTS, Batch, BatchLibrary, default_threads
 from fantoccini.runtime.compiled import Complementarity, Library, Run, RunOptions, n_packed
 from fantoccini.runtime.outside import OutsideRun
+from fantoccini.runtime.slopes import Slopes
 
 __all__ = [
     "PARTS",
@@ -13,6 +14,7 @@ __all__ = [
     "OutsideRun",
     "Run",
     "RunOptions",
+    "Slopes",
     "default_threads",
     "n_packed",
 ]

@@ -17,7 +17,8 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import BuildError
-from fantoccini.runtime.compiled import _UNLIMITED, Library, RunOptions, _Options, _pointer
+from fantoccini.runtime.compiled import _UNLIMITED, Library, RunOptions, _Options
+from fantoccini.runtime.functions import pointer
 
 PARTS = ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K", "force", "taut", "books", "slip")
 """Parts of a row, in the order of ``Part`` in ``batch.hpp``."""
@@ -180,7 +181,7 @@ class Batch:
 
         def held(a: Array) -> ctypes.c_void_p:
             kept.append(np.ascontiguousarray(a, dtype=float))
-            return _pointer(kept[-1])
+            return pointer(kept[-1])
 
         def shared(a: Array | None) -> _Shared:
             if a is None:
@@ -199,13 +200,13 @@ class Batch:
             options=_Options(**{name: getattr(self.options, name) for name in names}),
             save_every=self.options.save_every,
             save_at=held(self.times), n_rows=len(self.times),
-            status=_pointer(self.status), reached=_pointer(self.reached),
-            violation=_pointer(self.violation), events=_pointer(self.events),
-            blame=_pointer(self.blame),
+            status=pointer(self.status), reached=pointer(self.reached),
+            violation=pointer(self.violation), events=pointer(self.events),
+            blame=pointer(self.blame),
         )  # fmt: skip
         for i, name in enumerate(PARTS):
             if name in self.parts:
-                arrays.parts[i] = _pointer(self.parts[name])
+                arrays.parts[i] = pointer(self.parts[name])
         return arrays, kept
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.errors import BuildError, Status
 from fantoccini.motion import Input, State
+from fantoccini.runtime.functions import Functions, Signatures, pointer
 from fantoccini.tree import Role, Tree
 
 _SIZES = (
@@ -96,7 +97,7 @@ class RunOptions:
     save_every: int = 1
 
 
-class Library:
+class Library(Functions):
     """A puppet's compiled functions.
 
     Args:
@@ -108,10 +109,7 @@ class Library:
     """
 
     def __init__(self, path: Path, tree: Tree):
-        try:
-            self.handle = ctypes.CDLL(str(path))
-        except OSError as error:
-            raise BuildError(f"the compiled puppet {path} cannot be loaded: {error}") from error
+        super().__init__(path, _signatures(tree))
         sizes = (ctypes.c_int * len(_SIZES))()
         self.handle.fan_sizes(sizes)
         self.sizes = dict(zip(_SIZES, sizes, strict=True))
@@ -126,47 +124,8 @@ class Library:
                 f"the compiled puppet {path} is of another puppet or version: its sizes are "
                 f"{tuple(sizes)}; delete the file to have it made again"
             )
-        self.signatures = _signatures(tree)
         self.handle.fan_new.restype = ctypes.c_void_p
         self.handle.fan_free.argtypes = [ctypes.c_void_p]
-
-    def evaluate(self, name: str, arguments: list[Array]) -> list[Array]:
-        """A generated function over arrays.
-
-        Args:
-            name: of the function.
-            arguments: (..., n_i) each; leading axes broadcast against one another.
-
-        Returns:
-            Outputs (..., width) with the broadcast leading axes.
-
-        Raises:
-            ValueError: an argument has another width than the function takes.
-        """
-        takes, widths = self.signatures[name]
-        arguments = [np.ascontiguousarray(a, dtype=float) for a in arguments]
-        found = tuple(a.shape[-1] for a in arguments)
-        if found != takes:
-            raise ValueError(f"{name} takes arguments of widths {takes}; found {found}")
-        lead = np.broadcast_shapes(*(a.shape[:-1] for a in arguments))
-        n = int(np.prod(lead))
-        rows, strides = [], []
-        for a in arguments:
-            if a.ndim > 1 and a.shape[:-1] != lead:
-                a = np.ascontiguousarray(np.broadcast_to(a, (*lead, a.shape[-1])))
-            rows.append(a)
-            strides.append(a.shape[-1] if a.ndim > 1 else 0)
-        out = [np.zeros((*lead, width)) for width in widths]
-        status = getattr(self.handle, f"fan_map_{name}")(
-            ctypes.c_longlong(n),
-            _pointers(rows),
-            (ctypes.c_longlong * len(rows))(*strides),
-            _pointers(out),
-            (ctypes.c_longlong * len(out))(*widths),
-        )
-        if status != 0:
-            raise BuildError(f"the generated function {name} returned {status}")
-        return out
 
     def complementarity(
         self,
@@ -197,8 +156,8 @@ class Library:
         sides, active = (a.astype(np.int32) for a in (sides, active))
         x, s, ray = np.zeros(n), np.zeros(n), np.zeros(n)
         status = self.handle.fan_complementarity(
-            n, _pointer(columns), _pointer(b), _pointer(upper), _pointer(sides),
-            _pointer(active), _pointer(x), _pointer(s), _pointer(ray),
+            n, pointer(columns), pointer(b), pointer(upper), pointer(sides),
+            pointer(active), pointer(x), pointer(s), pointer(ray),
         )  # fmt: skip
         return Complementarity(x, s, status == 0, ray if status == 1 else None)
 
@@ -261,7 +220,7 @@ class Run:
         n_event = max(self.events_at_once, 16 * n_rows + 64)
         self._rows = np.zeros((n_row, library.sizes["row_width"]))
         self._events = np.zeros((n_event, library.sizes["event_width"]))
-        self._record = _Record(_pointer(self._rows), n_row, 0, _pointer(self._events), n_event, 0)
+        self._record = _Record(pointer(self._rows), n_row, 0, pointer(self._events), n_event, 0)
         names = [name for name, _ in _Options._fields_]
         chosen = _Options(**{name: getattr(options, name) for name in names})
         arrays, held = _input_arrays(inputs)
@@ -274,10 +233,10 @@ class Run:
             library.handle.fan_start(
                 self._run,
                 ctypes.c_double(x0.t),
-                *(_pointer(a) for a in start),
+                *(pointer(a) for a in start),
                 ctypes.byref(arrays),
                 ctypes.byref(chosen),
-                _pointer(self._keep),
+                pointer(self._keep),
                 ctypes.c_longlong(len(self._keep)),
                 ctypes.c_int(options.save_every),
                 ctypes.byref(self._record),
@@ -324,14 +283,14 @@ class Run:
     def progress(self) -> tuple[int, float, float]:
         """Steps taken, time reached [s], worst violation so far (time-stepping) [m]."""
         out = np.zeros(3)
-        self.library.handle.fan_progress(self._run, _pointer(out))
+        self.library.handle.fan_progress(self._run, pointer(out))
         return int(out[0]), float(out[1]), float(out[2])
 
     @property
     def blame(self) -> Array:
         """(n_rows,) how much each row is to blame for the status, 0 to 1."""
         out = np.zeros(self.library.sizes["n_strings"] + self.library.sizes["n_limits"])
-        self.library.handle.fan_blame(self._run, _pointer(out))
+        self.library.handle.fan_blame(self._run, pointer(out))
         return out
 
     def _taken(self) -> tuple[Array, Array]:
@@ -341,7 +300,7 @@ class Run:
         return rows, events
 
 
-def _signatures(tree: Tree) -> dict[str, tuple[tuple[int, ...], tuple[int, ...]]]:
+def _signatures(tree: Tree) -> Signatures:
     """Widths of the arguments and results of every generated function."""
     t = tree.coordinates
     n_s, n_l, n_p, links = len(tree.strings), len(tree.limits), len(tree.parameters), tree.links
@@ -378,15 +337,6 @@ def _input_arrays(inputs: Input) -> tuple[_InputArrays, list[Array]]:
     fields = (inputs.breaks, inputs.coef, inputs.base, inputs.force)
     held = [None if a is None else np.ascontiguousarray(a, dtype=float) for a in fields]
     return (
-        _InputArrays(len(inputs.coef), *(None if a is None else _pointer(a) for a in held)),
+        _InputArrays(len(inputs.coef), *(None if a is None else pointer(a) for a in held)),
         held,
     )
-
-
-def _pointer(array: np.ndarray) -> ctypes.c_void_p:
-    """Where an array's numbers lie. ``ctypes.data_as`` does the same at ten times the cost."""
-    return ctypes.c_void_p(array.__array_interface__["data"][0])
-
-
-def _pointers(arrays: list[Array]) -> ctypes.Array:
-    return (ctypes.c_void_p * len(arrays))(*(_pointer(a) for a in arrays))

@@ -1,0 +1,211 @@
+"""Derivatives of the equations of motion, taken on their residual and not on their solution.
+
+    r = M acc_D + M_DK acc_K + c + damping + A_D^T tension - u_D        (Eq. 10; r = 0)
+    hddot = A_D acc_D + A_K acc_K + Adot v                              (Eq. 11; 0 on taut rows)
+
+The implicit function theorem turns the residual's derivatives into those of acc_D and of the
+tensions with one factor of M and of the taut rows, which the model gives anyway. What is
+differentiated here is recursive Newton-Euler, a tenth of the solved form. Derivatives by a
+configuration are along tangent vectors: a scalar adds, a quaternion turns in the body's frame,
+dq/ddelta = N(q) with qdot = N(q) v.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+
+from fantoccini.equations import dynamics
+from fantoccini.equations.algebra import (
+    column,
+    cross,
+    dot,
+    elements,
+    matrix,
+    scaled,
+    symbolic,
+    zeros,
+)
+from fantoccini.equations.kinematics import configuration_rate
+from fantoccini.equations.rows import string_row
+from fantoccini.equations.system import System
+from fantoccini.tree import WORLD, Role, Tree
+
+ARGUMENTS: dict[str, tuple[str, ...]] = {
+    "force_by_q": ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K", "tension", "p"),
+    "force_by_v": ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K", "tension", "p"),
+    "force_by_K": ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K", "tension", "dt", "p"),
+    "rows_by": ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K", "p"),
+}
+"""Arguments of the compiled functions; ``tension`` has all rows, strings and then limits."""
+
+RESULTS: dict[str, dict[str, str]] = {
+    "force_by_q": {"r_q": "v_D"},
+    "force_by_v": {"r_v": "v_D"},
+    "force_by_K": {"r_qK": "v_K", "r_vK": "v_K", "M_DK": "v_K", "r_p": "p"},
+    "rows_by": {
+        "A_D": "v_D", "A_K": "v_K", "h_p": "p",
+        "hdot_q": "v_D", "hdot_qK": "v_K", "hdot_p": "p",
+        "hddot_q": "v_D", "hddot_v": "v_D", "hddot_qK": "v_K", "hddot_vK": "v_K", "hddot_p": "p",
+    },
+}  # fmt: skip
+"""Results of the compiled functions and what they are derivatives by.
+
+Those of ``rows_by`` have a row for every string and limit, the others one for every v_D.
+"""
+
+_LENGTH = 1e-18
+"""eps^2 of a segment's length, as in the rows [m^2]."""
+
+
+class Derivatives:
+    """The derivatives of a tree's equations as CasADi functions.
+
+    Attributes:
+        tree: the tree.
+        system: its symbolic expressions.
+    """
+
+    def __init__(self, tree: Tree):
+        self.tree = tree
+        self.system = System(tree)
+
+    def functions(self) -> dict[str, ca.Function]:
+        """The functions that are compiled, by name; all results are dense."""
+        s = self.system.symbols
+        places = {name: getattr(s, name) for name in vars(s)}
+        places["tension"] = ca.SX.sym("tension", self.tree.n_rows)
+        found = {**self._forces(places["tension"]), **self._rows()}
+        made = {}
+        for name, arguments in ARGUMENTS.items():
+            values = [ca.densify(found[result]) for result in RESULTS[name]]
+            made[name] = ca.Function(
+                f"fan_{name}",
+                [places[a] for a in arguments],
+                ca.cse(values),
+                list(arguments),
+                list(RESULTS[name]),
+            )
+        return made
+
+    def residual(self, tension: ca.SX) -> ca.SX:
+        """r (n_vD,) of Eq. 10 without u_D; joint damping acts on v_D + dt acc_D.
+
+        The strings' pulls enter as forces on the links, so that one pass towards the root projects
+        them together with inertia and gravity.
+
+        Args:
+            tension: (n_rows,) of strings and limits [N or N m].
+        """
+        system, s, tree = self.system, self.system.symbols, self.tree
+        f_D, f_K, external, _ = system.dissipation()
+        system.spring_forces(f_D, f_K)
+        tau = elements(tension)
+        for i, string in enumerate(tree.strings):
+            self._pull(string.points, tau[i], external)
+        forces = dynamics.joint_forces(
+            tree, system.joints, system.inertias, system.full_motions, external
+        )
+        acc_D = elements(s.acc_D)
+        for link, force in zip(tree.links, forces, strict=True):
+            if link.role is Role.DYNAMIC:
+                late = scaled(s.dt * system.value(link.damping), acc_D[link.v])
+                f_D[link.v] = f_D[link.v] + force + late
+        for i, limit in enumerate(tree.limits):
+            place = tree.links[limit.link].v
+            _, J, _ = system.limit_rows[i]
+            f_D[place] = f_D[place] + scaled(tau[len(tree.strings) + i], J)
+        return column(f_D)
+
+    def _pull(self, points: tuple, tension: ca.SX, external: list) -> None:
+        """Adds a string's pull to the (torque, force) on its links, about their origins."""
+        system = self.system
+        around = system.around(system.full_motions)
+        pulls = [zeros(3) for _ in points]
+        for k, (first, second) in enumerate(pairwise(points)):
+            if first.link == second.link:
+                continue
+            d = around.place(second) - around.place(first)
+            along = scaled(tension / ca.sqrt(dot(d, d) + _LENGTH), d)
+            pulls[k] = pulls[k] + along
+            pulls[k + 1] = pulls[k + 1] - along
+        for point, pull in zip(points, pulls, strict=True):
+            if point.link == WORLD:
+                continue
+            force = system.full_motions[point.link].R.T.dot(pull)
+            at = symbolic([system.value(x) for x in point.at])
+            torque, before = external[point.link]
+            external[point.link] = (torque + cross(at, force), before + force)
+
+    def _forces(self, tension: ca.SX) -> dict[str, ca.SX]:
+        names = {"r_q": "q_D", "r_v": "v_D", "r_qK": "q_K", "r_vK": "v_K", "M_DK": "acc_K",
+                 "r_p": "p"}  # fmt: skip
+        found = self._slopes(ca.cse(self.residual(tension)), names.values())
+        return {name: found[by] for name, by in names.items()}
+
+    def _rows(self) -> dict[str, ca.SX]:
+        """A_D, A_K and the derivatives of h, hdot and hddot of strings and limits."""
+        system, s, tree = self.system, self.system.symbols, self.tree
+        n, n_K = tree.coordinates.n_vD, tree.coordinates.n_vK
+        around = system.around(system.full_motions)
+        q_K, v_K, acc_K = elements(s.q_K), elements(s.v_K), elements(s.acc_K)
+        v_D, acc_D = elements(s.v_D), elements(s.acc_D)
+        rows = [string_row(around, string, q_K, v_K, acc_K) for string in tree.strings]
+        h, hdot, hddot = ([getattr(r, k) for r in rows] for k in ("length", "rate", "bias"))
+        A_D, A_K = [r.A_D for r in rows], [r.A_K for r in rows]
+        for limit, (height, J, gamma) in zip(tree.limits, system.limit_rows, strict=True):
+            place = tree.links[limit.link].v
+            row = zeros(n)
+            row[place] = J
+            A_D.append(row)
+            A_K.append(zeros(n_K))
+            h.append(height)
+            hdot.append(dot(J, v_D[place]))
+            hddot.append(dot(J, acc_D[place]) + gamma)
+        h, hdot, hddot = (ca.cse(column(part)) for part in (h, hdot, hddot))
+        # A string hangs on few links: backward from each row is the shorter way.
+        h_by = self._slopes(h, ("p",), backward=True)
+        hdot_by = self._slopes(hdot, ("q_D", "q_K", "p"), backward=True)
+        hddot_by = self._slopes(hddot, ("q_D", "v_D", "q_K", "v_K", "p"), backward=True)
+        return {
+            "A_D": matrix(np.array(A_D, dtype=object)) if A_D else ca.SX(0, n),
+            "A_K": matrix(np.array(A_K, dtype=object)) if A_K else ca.SX(0, n_K),
+            "h_p": h_by["p"],
+            "hdot_q": hdot_by["q_D"],
+            "hdot_qK": hdot_by["q_K"],
+            "hdot_p": hdot_by["p"],
+            "hddot_q": hddot_by["q_D"],
+            "hddot_v": hddot_by["v_D"],
+            "hddot_qK": hddot_by["q_K"],
+            "hddot_vK": hddot_by["v_K"],
+            "hddot_p": hddot_by["p"],
+        }
+
+    def _slopes(
+        self, values: ca.SX, names: Iterable[str], backward: bool = False
+    ) -> dict[str, ca.SX]:
+        """Derivatives of a column by some symbols, along tangents of configurations."""
+        found = {}
+        for name in names:
+            by, along = getattr(self.system.symbols, name), self._tangent(name)
+            if not by.numel() or not values.numel():
+                found[name] = ca.SX(values.numel(), along.shape[1])
+            elif backward:
+                found[name] = ca.jtimes(values, by, ca.SX.eye(values.numel()), True).T @ along
+            else:
+                found[name] = ca.jtimes(values, by, along)
+        return found
+
+    def _tangent(self, name: str) -> ca.SX:
+        """N(q) of a configuration, one of everything else."""
+        s, t = self.system.symbols, self.tree.coordinates
+        if name == "q_D":
+            rate = configuration_rate(s.q_D, s.v_D, t.quaternions_D, t.scalars_D)
+            return ca.jacobian(rate, s.v_D)
+        if name == "q_K":
+            rate = configuration_rate(s.q_K, s.v_K, t.quaternions_K, t.scalars_K)
+            return ca.jacobian(rate, s.v_K)
+        return ca.SX.eye(getattr(s, name).numel())

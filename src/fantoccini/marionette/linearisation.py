@@ -1,0 +1,294 @@
+"""Linearisation: how accelerations and tensions answer small changes while the mode stays.
+
+    M acc_D + M_DK acc_K + c - u_D + A_D^T tension = 0,   A_D acc_D + A_K acc_K + Adot v = 0
+
+By the implicit function theorem, with r and hddot the left sides and d a change of state, input
+or parameter:
+
+    M dacc_D + A_D^T dtension = -r_d,   A_D dacc_D = -hddot_d      over the rows that hold
+
+Changes of a configuration are tangent vectors, of the size of the velocities: a scalar adds, an
+orientation turns by a rotation vector in the body's frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.errors import UnknownNameError
+from fantoccini.marionette.instant import Instant
+from fantoccini.motion import State
+from fantoccini.puppet import Parameter
+from fantoccini.tree import CoordinateTable
+
+if TYPE_CHECKING:
+    from fantoccini.marionette.handle import Marionette
+
+_DEPENDENT = 1e-9
+"""Singular value of W, relative to the largest, below which rows count as depending on others."""
+
+
+@dataclass(frozen=True, eq=False)
+class Partials:
+    """Derivatives of one quantity by everything that it depends on, a row an entry of it.
+
+    Attributes:
+        q_D: (n, n_vD) by tangent vectors of the dynamic configuration [per rad or m].
+        v_D: (n, n_vD) by the dynamic velocity.
+        q_K: (n, n_vK) by tangent vectors of the driven configuration.
+        v_K: (n, n_vK) by the driven velocity.
+        acc_K: (n, n_vK) by the driven acceleration.
+        u_D: (n, n_vD) by the user's forces.
+        p: (n, n_p) by the parameters.
+    """
+
+    q_D: Array
+    v_D: Array
+    q_K: Array
+    v_K: Array
+    acc_K: Array
+    u_D: Array
+    p: Array
+
+    @classmethod
+    def of(cls, columns: Array, widths: Iterable[int]) -> Partials:
+        """From all columns side by side."""
+        return cls(*np.split(columns, np.cumsum(list(widths))[:-1], axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Linearisation:
+    """A puppet's accelerations and tensions near a state, in a frozen mode.
+
+    As a linear system in z = (dq_D, dv_D, dq_K, dv_K), with tangent vectors dq, around a motion::
+
+        zdot = A z + B dacc_K + B_u du_D + B_p dp
+
+    A moves on the rows that hold: only z with A_D dq_D + A_K dq_K = 0, and the same of the rates,
+    are small changes of the puppet. Every row adds two eigenvalues 0 to A for the rest.
+
+    Attributes:
+        x: the state.
+        rows: names of the strings and limits that hold.
+        acc_D: (n_vD,) acceleration there [rad/s^2 or m/s^2].
+        tension: (n_rows,) forces of strings and limits there [N or N m].
+        acc: derivatives of acc_D (n_vD, ...).
+        pull: derivatives of the tensions (n_rows, ...); 0 for rows that do not hold.
+        coordinates: names and places of the coordinates.
+    """
+
+    x: State
+    rows: tuple[str, ...]
+    acc_D: Array
+    tension: Array
+    acc: Partials
+    pull: Partials
+    coordinates: CoordinateTable
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the entries of z: ``dq:elbow``, ``v:elbow``, then the driven ones."""
+        t = self.coordinates
+        return tuple(
+            f"{kind}:{name}" for names in (t.v_D, t.v_K) for kind in ("dq", "v") for name in names
+        )
+
+    @property
+    def A(self) -> Array:
+        """(2 n_vD + 2 n_vK,) squared: zdot by z."""
+        t = self.coordinates
+        n, k = t.n_vD, t.n_vK
+        A = np.zeros((2 * (n + k), 2 * (n + k)))
+        A[:n, :n] = turning(t.quaternions_D, self.x.v_D)
+        A[:n, n : 2 * n] = np.eye(n)
+        parts = (self.acc.q_D, self.acc.v_D, self.acc.q_K, self.acc.v_K)
+        A[n : 2 * n] = np.concatenate(parts, axis=1)
+        A[2 * n : 2 * n + k, 2 * n : 2 * n + k] = turning(t.quaternions_K, self.x.v_K)
+        A[2 * n : 2 * n + k, 2 * n + k :] = np.eye(k)
+        return A
+
+    @property
+    def B(self) -> Array:
+        """(2 n_vD + 2 n_vK, n_vK): zdot by the driven acceleration, the input of Eq. 12."""
+        B = self._of(self.acc.acc_K)
+        B[len(B) - B.shape[1] :] = np.eye(B.shape[1])
+        return B
+
+    @property
+    def B_u(self) -> Array:
+        """(2 n_vD + 2 n_vK, n_vD): zdot by the user's forces."""
+        return self._of(self.acc.u_D)
+
+    @property
+    def B_p(self) -> Array:
+        """(2 n_vD + 2 n_vK, n_p): zdot by the parameters."""
+        return self._of(self.acc.p)
+
+    def _of(self, acc: Array) -> Array:
+        n, k = self.coordinates.n_vD, self.coordinates.n_vK
+        B = np.zeros((2 * (n + k), acc.shape[1]))
+        B[n : 2 * n] = acc
+        return B
+
+
+def linearise(
+    marionette: Marionette,
+    x: State,
+    acc_K: Array | None = None,
+    u_D: Array | None = None,
+    rows: Iterable[str] | None = None,
+) -> Linearisation:
+    """The derivatives of acc_D and of the tensions (Eqs. 10, 11) in the mode at a state.
+
+    What slipping winches have let out is held; a string at its winch's largest tension goes on
+    pulling with that.
+
+    Args:
+        marionette: the puppet.
+        x: the state.
+        acc_K: (n_vK,) accelerations of the inputs; 0 when not given.
+        u_D: (n_vD,) user forces; 0 when not given.
+        rows: names of the strings and limits to hold, as equalities whatever they would pull;
+            those that pull at ``x`` (:meth:`Marionette.accelerations`), and wires, when not given.
+
+    Raises:
+        StateError: no acceleration keeps the rows at ``x``.
+        UnknownNameError: a row that the puppet does not have.
+    """
+    table = marionette.coordinates
+    acc_K = np.zeros(table.n_vK) if acc_K is None else np.asarray(acc_K, dtype=float)
+    u_D = np.zeros(table.n_vD) if u_D is None else np.asarray(u_D, dtype=float)
+    instant = marionette.instant(x, acc_K, u_D)
+    if rows is None:
+        acc_D, tension = marionette.accelerations(x, acc_K, u_D)
+        held = np.flatnonzero(
+            marionette.two_sided | ((tension > 0.0) & (tension < marionette.upper))
+        )
+    else:
+        held = named_rows(marionette, rows)
+        none = np.zeros((len(x.v_D), 1))
+        hddot = instant.gamma[held, None] + instant.W[:, held].T @ instant.w0[:, None]
+        dacc, dtension = Answer(instant, held).to(none, hddot)
+        tension = np.zeros(marionette.tree.n_rows)
+        tension[held] = dtension[:, 0]
+        acc_D = instant.back(instant.w0) + dacc[:, 0]
+    found = slopes_at(marionette, x, acc_D, acc_K, tension)
+    by = force_columns(marionette, found, tension)
+    held_by = row_columns(found)[held]
+    dacc, dtension = Answer(instant, held).to(by, held_by)
+    dpull = np.zeros((marionette.tree.n_rows, by.shape[1]))
+    dpull[:, by.shape[1] - len(marionette.p) :] = winch_slopes(marionette, tension)
+    dpull[held] = dtension
+    widths = [table.n_vD] * 2 + [table.n_vK] * 3 + [table.n_vD, len(marionette.p)]
+    return Linearisation(
+        x=x,
+        rows=tuple(marionette.tree.row_names[i] for i in held),
+        acc_D=acc_D,
+        tension=tension,
+        acc=Partials.of(dacc, widths),
+        pull=Partials.of(dpull, widths),
+        coordinates=table,
+    )
+
+
+class Answer:
+    """How accelerations and tensions answer, with some rows held at one state.
+
+    Args:
+        instant: the model at the state.
+        rows: indices of the rows that hold.
+    """
+
+    def __init__(self, instant: Instant, rows: Array):
+        self._instant = instant
+        self._W = instant.W[:, rows]
+        u, s, vt = np.linalg.svd(self._W, full_matrices=False)
+        kept = s > _DEPENDENT * np.max(s, initial=0.0)
+        self._u, self._s, self._v = u[:, kept], s[kept], vt[kept].T
+
+    def to(self, force: Array, rate: Array) -> tuple[Array, Array]:
+        """Solves M x + A_D^T y = -force, A_D x = -rate over the rows.
+
+        Args:
+            force: (n_vD, m).
+            rate: (len(rows), m).
+
+        Returns:
+            x (n_vD, m) and y (len(rows), m), the shortest where rows depend on one another.
+        """
+        w = -self._instant.forth(force.T).T
+        inner = self._u.T @ w + (self._v.T @ rate) / self._s[:, None]
+        y = self._v @ (inner / self._s[:, None])
+        return self._instant.back((w - self._W @ y).T).T, y
+
+
+def named_rows(marionette: Marionette, names: Iterable[str]) -> Array:
+    """Indices of strings and limits, in order."""
+    known = marionette.tree.row_names
+    for name in (names := tuple(names)):
+        if name not in known:
+            raise UnknownNameError("string or limit", name, known)
+    return np.array(sorted(known.index(name) for name in set(names)), dtype=int)
+
+
+def slopes_at(
+    marionette: Marionette,
+    x: State,
+    acc_D: Array,
+    acc_K: Array,
+    tension: Array,
+    dt: float = 0.0,
+) -> dict[str, Array]:
+    """All compiled derivatives at one state, by their names (``equations.derivatives``)."""
+    values = {
+        "q_D": x.q_D, "v_D": x.v_D, "acc_D": acc_D, "q_K": x.q_K, "v_K": x.v_K, "acc_K": acc_K,
+        "tension": tension, "dt": np.array([dt]), "p": marionette.p,
+    }  # fmt: skip
+    found = {}
+    for name in ("force_by_q", "force_by_v", "force_by_K", "rows_by"):
+        found |= marionette.derivatives.at(name, values)
+    return found
+
+
+def force_columns(marionette: Marionette, found: dict[str, Array], tension: Array) -> Array:
+    """Derivatives of r by q_D, v_D, q_K, v_K, acc_K, u_D and p, side by side."""
+    n = len(found["r_q"])
+    by_p = found["r_p"] + found["A_D"].T @ winch_slopes(marionette, tension)
+    columns = (found["r_q"], found["r_v"], found["r_qK"], found["r_vK"], found["M_DK"])
+    return np.concatenate([*columns, -np.eye(n), by_p], axis=1)
+
+
+def row_columns(found: dict[str, Array]) -> Array:
+    """Derivatives of hddot by q_D, v_D, q_K, v_K, acc_K, u_D and p, side by side."""
+    names = ("hddot_q", "hddot_v", "hddot_qK", "hddot_vK", "A_K")
+    none = np.zeros_like(found["hddot_v"])
+    return np.concatenate([*(found[name] for name in names), none, found["hddot_p"]], axis=1)
+
+
+def winch_slopes(marionette: Marionette, tension: Array) -> Array:
+    """(n_rows, n_p) derivatives of the tensions of strings that slip, by the parameters."""
+    out = np.zeros((len(tension), len(marionette.p)))
+    names = list(marionette.tree.parameters)
+    for i, string in enumerate(marionette.tree.strings):
+        if isinstance(string.max_tension, Parameter) and tension[i] >= marionette.upper[i]:
+            out[i, names.index(string.max_tension.parameter)] = 1.0
+    return out
+
+
+def turning(quaternions: Iterable[tuple[int, int]], v: Array) -> Array:
+    """(n_v, n_v) -[w]x of every rotation: the rate at which a small turn turns in a turning frame.
+
+    Args:
+        quaternions: (q, v) places where rotations begin.
+        v: (n_v,) velocity.
+    """
+    out = np.zeros((len(v), len(v)))
+    for _, at in quaternions:
+        x, y, z = v[at : at + 3]
+        out[at : at + 3, at : at + 3] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
+    return out

@@ -1,0 +1,249 @@
+"""Linearisation of one step of the time-stepper, in the mode that the step chooses.
+
+With rate = dq_K/dt and mean = dv_K/dt over the step, joint damping F implicit, and the rows in
+Lambda > 0 (``cpp/fantoccini/timestepping.hpp``):
+
+    (M + dt F) (v+ - v) + dt (c(q, v, q_K, rate) + M_DK mean - u_D) + A_D^T Lambda = 0
+    A_D v+ + A_K rate + min(h/dt, recovery speed) = 0,      q+ = q moved by dt v+
+
+are differentiated as they stand, M, A and c at the step's start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.errors import StateError
+from fantoccini.marionette.instant import Instant
+from fantoccini.marionette.linearisation import (
+    Answer,
+    Partials,
+    force_columns,
+    slopes_at,
+    winch_slopes,
+)
+from fantoccini.marionette.stepper import Stepper
+from fantoccini.motion import State, rotation
+from fantoccini.tree import CoordinateTable
+
+if TYPE_CHECKING:
+    from fantoccini.marionette.handle import Marionette
+
+_BRAKED = 1e-9
+"""Relative difference between the step's velocity and its equations' at which it was braked."""
+
+
+@dataclass(frozen=True, eq=False)
+class StepLinearisation:
+    """One step of the time-stepper and its derivatives, in the mode it chose.
+
+    As a discrete system in z = (dq_D, dv_D, dq_K, dv_K), with tangent vectors dq::
+
+        z_next = A z + B dacc_K + B_u du_D + B_p dp
+
+    where acc_K and u_D are constant over the step, as a stepper's are.
+
+    Attributes:
+        x, x_next: the states before and after it.
+        dt: its length [s].
+        rows: names of the strings and limits that hold in it.
+        tension: (n_rows,) impulses over dt [N or N m].
+        A: (2 n_vD + 2 n_vK,) squared.
+        B: (2 n_vD + 2 n_vK, n_vK) by the driven acceleration.
+        B_u: (2 n_vD + 2 n_vK, n_vD) by the user's forces.
+        B_p: (2 n_vD + 2 n_vK, n_p) by the parameters.
+        pull: derivatives of ``tension`` (n_rows, ...); 0 for rows that do not hold.
+        coordinates: names and places of the coordinates.
+    """
+
+    x: State
+    x_next: State
+    dt: float
+    rows: tuple[str, ...]
+    tension: Array
+    A: Array
+    B: Array
+    B_u: Array
+    B_p: Array
+    pull: Partials
+    coordinates: CoordinateTable
+
+
+def linearise_step(
+    marionette: Marionette,
+    x: State,
+    acc_K: Array | None = None,
+    u_D: Array | None = None,
+    dt: float = 0.002,
+) -> StepLinearisation:
+    """One step of the time-stepper with its derivatives.
+
+    What slipping winches have let out is held; a string at its winch's largest tension goes on
+    pulling with that.
+
+    Args:
+        marionette: the puppet.
+        x: where the step starts; strings may be overstepped, as time-stepping does.
+        acc_K: (n_vK,) accelerations of the inputs over the step; 0 when not given.
+        u_D: (n_vD,) user forces over the step; 0 when not given.
+        dt: its length [s].
+
+    Raises:
+        StateError: the step was braked: the strings are so far overstepped that it means nothing.
+    """
+    t = marionette.coordinates
+    n, k, n_p = t.n_vD, t.n_vK, len(marionette.p)
+    acc_K = np.zeros(k) if acc_K is None else np.asarray(acc_K, dtype=float)
+    u_D = np.zeros(n) if u_D is None else np.asarray(u_D, dtype=float)
+    stepper = Stepper(marionette, x, "timestepping", marionette.run_options(dt=dt))
+    x_next = stepper.advance(dt, acc_K, u_D=u_D)
+    tension, upper = stepper.tension, np.minimum(marionette.upper, marionette.tension_cap)
+    held = np.flatnonzero(
+        marionette.two_sided | ((tension > 0.0) & (tension < (1.0 - 1e-9) * upper))
+    )
+    path = _DrivenStep(t.quaternions_K, x.v_K, acc_K, dt)
+    # The model as the step sees it: the mean velocity and acceleration of the inputs, M + dt F.
+    start = x.replace(v_K=path.rate)
+    instant = Instant.of(
+        marionette.library, marionette.tree, start, marionette.p, path.mean, u_D, dt
+    )
+    acc_D = instant.back(instant.w0 - instant.W @ tension)
+    if np.max(np.abs(x.v_D + dt * acc_D - x_next.v_D), initial=0.0) > _BRAKED * (
+        1.0 + np.max(np.abs(x_next.v_D), initial=0.0)
+    ):
+        raise StateError(
+            "the step was braked: strings are overstepped so far, or so fast, that the "
+            "time-stepper scaled the velocities down"
+        )
+    found = slopes_at(marionette, start, acc_D, path.mean, tension, dt)
+    by = force_columns(marionette, found, tension)
+    rate = _row_rates(marionette, start.replace(v_D=x.v_D + dt * acc_D), instant, dt)
+    dacc, dtension = Answer(instant, held).to(by, rate[held])
+    dpull = np.zeros((marionette.tree.n_rows, by.shape[1]))
+    dpull[:, by.shape[1] - n_p :] = winch_slopes(marionette, tension)
+    dpull[held] = dtension
+    # From (q_D, v_D, q_K, rate, mean, u_D, p) to (q_D, v_D, q_K, v_K, acc_K, u_D, p).
+    turn = path.chain(n, n_p)
+    dv = dt * dacc @ turn
+    dv[:, n : 2 * n] += np.eye(n)
+    dq = _carried(t.quaternions_D, dt * x_next.v_D, dt * dv, n)
+    driven = path.state(n, n_p)
+    whole = np.concatenate([dq, dv, driven])
+    widths = [n, n, k, k, k, n, n_p]
+    columns = Partials.of(whole, widths)
+    return StepLinearisation(
+        x=x,
+        x_next=x_next,
+        dt=dt,
+        rows=tuple(marionette.tree.row_names[i] for i in held),
+        tension=tension,
+        A=np.concatenate([columns.q_D, columns.v_D, columns.q_K, columns.v_K], axis=1),
+        B=columns.acc_K,
+        B_u=columns.u_D,
+        B_p=columns.p,
+        pull=Partials.of(dpull @ turn, widths),
+        coordinates=t,
+    )
+
+
+def _row_rates(marionette: Marionette, at: State, instant: Instant, dt: float) -> Array:
+    """Derivatives of (A_D v+ + A_K rate + min(h/dt, recovery speed)) / dt at fixed acc_D.
+
+    By q_D, v_D, q_K, rate, mean, u_D and p, side by side; ``at`` has v+ and the rate.
+    """
+    t = marionette.coordinates
+    found = marionette.derivatives.at(
+        "rows_by",
+        {
+            "q_D": at.q_D, "v_D": at.v_D, "acc_D": np.zeros(t.n_vD), "q_K": at.q_K, "v_K": at.v_K,
+            "acc_K": np.zeros(t.n_vK), "p": marionette.p,
+        },
+    )  # fmt: skip
+    taken_back = instant.h / dt < marionette.run_options().recovery_speed
+    gap = np.where(taken_back, 1.0 / dt, 0.0)[:, None]
+    none = np.zeros_like(found["A_K"]), np.zeros_like(found["A_D"])
+    columns = (
+        found["hdot_q"] + gap * found["A_D"],
+        found["A_D"],
+        found["hdot_qK"] + gap * found["A_K"],
+        found["A_K"],
+        *none,
+        found["hdot_p"] + gap * found["h_p"],
+    )
+    return np.concatenate(columns, axis=1) / dt
+
+
+def _carried(
+    quaternions: Iterable[tuple[int, int]], move: Array, dmove: Array, at: int
+) -> Array:
+    """Change of the tangent vector at q moved by ``move``: Exp(-move) dq + J_r(move) dmove.
+
+    Args:
+        quaternions: (q, v) places of rotations; scalars add.
+        move: (n,) tangent vector.
+        dmove: (n, m) its change.
+        at: number of columns of dq, which are the first ones.
+    """
+    out = dmove.copy()
+    carry = np.eye(len(move), at)
+    for _, v in quaternions:
+        here = slice(v, v + 3)
+        out[here] = rotation.right_jacobian(move[here]) @ dmove[here]
+        carry[here, here] = rotation.matrix(rotation.exp(-move[here]))
+    out[:, :at] += carry
+    return out
+
+
+class _DrivenStep:
+    """What the driven coordinates do over a step at constant acceleration.
+
+    Args:
+        quaternions: (q, v) places of their rotations.
+        v_K, acc_K: (n_vK,) at the start; the rotation vector's for rotations.
+        dt: the step [s].
+    """
+
+    def __init__(
+        self, quaternions: Iterable[tuple[int, int]], v_K: Array, acc_K: Array, dt: float
+    ):
+        self._quaternions, self._dt, k = tuple(quaternions), dt, len(v_K)
+        self._move = dt * v_K + 0.5 * dt * dt * acc_K
+        end, by_v, by_a = v_K + dt * acc_K, np.eye(k), dt * np.eye(k)
+        for _, v in self._quaternions:
+            here = slice(v, v + 3)
+            phi, speed = self._move[here], end[here].copy()
+            J = rotation.right_jacobian(phi)
+            bend = np.stack(
+                [rotation.right_jacobian_rate(phi, e) @ speed for e in np.eye(3)], axis=1
+            )
+            end[here] = J @ speed
+            by_v[here, here] = dt * bend + J
+            by_a[here, here] = 0.5 * dt * dt * bend + dt * J
+        self.rate = self._move / dt
+        self.mean = (end - v_K) / dt
+        self._end_by_v, self._end_by_a = by_v, by_a
+
+    def chain(self, n: int, n_p: int) -> Array:
+        """d(q_D, v_D, q_K, rate, mean, u_D, p) by (q_D, v_D, q_K, v_K, acc_K, u_D, p)."""
+        k, dt = len(self.rate), self._dt
+        out = np.eye(3 * n + 3 * k + n_p)
+        v, a = slice(2 * n + k, 2 * n + 2 * k), slice(2 * n + 2 * k, 2 * n + 3 * k)
+        out[v, a] = 0.5 * dt * np.eye(k)
+        out[a, v] = (self._end_by_v - np.eye(k)) / dt
+        out[a, a] = self._end_by_a / dt
+        return out
+
+    def state(self, n: int, n_p: int) -> Array:
+        """d(q_K, v_K) after the step by (q_D, v_D, q_K, v_K, acc_K, u_D, p)."""
+        k, dt = len(self.rate), self._dt
+        move, speed = np.zeros((k, 3 * n + 3 * k + n_p)), np.zeros((k, 3 * n + 3 * k + n_p))
+        v, a = slice(2 * n + k, 2 * n + 2 * k), slice(2 * n + 2 * k, 2 * n + 3 * k)
+        move[:, v], move[:, a] = dt * np.eye(k), 0.5 * dt * dt * np.eye(k)
+        speed[:, v], speed[:, a] = self._end_by_v, self._end_by_a
+        moved = _carried(self._quaternions, self._move, move[:, 2 * n :], k)
+        return np.concatenate([np.concatenate([np.zeros((k, 2 * n)), moved], axis=1), speed])

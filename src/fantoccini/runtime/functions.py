@@ -1,0 +1,86 @@
+"""Generated functions in a shared library, evaluated over whole arrays."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from pathlib import Path
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.errors import BuildError
+
+Signatures = dict[str, tuple[tuple[int, ...], tuple[int, ...]]]
+"""Name of a function -> widths of its arguments and of its results."""
+
+
+class Functions:
+    """The generated functions of a shared library.
+
+    Attributes:
+        handle: the loaded library.
+        signatures: widths of the functions' arguments and results.
+
+    Args:
+        path: the shared library.
+        signatures: see above.
+
+    Raises:
+        BuildError: it cannot be loaded.
+    """
+
+    def __init__(self, path: Path, signatures: Signatures):
+        try:
+            self.handle = ctypes.CDLL(str(path))
+        except OSError as error:
+            raise BuildError(f"the compiled puppet {path} cannot be loaded: {error}") from error
+        self.signatures = signatures
+
+    def evaluate(self, name: str, arguments: list[Array]) -> list[Array]:
+        """A generated function over arrays.
+
+        Args:
+            name: of the function.
+            arguments: (..., n_i) each; leading axes broadcast against one another.
+
+        Returns:
+            Outputs (..., width) with the broadcast leading axes.
+
+        Raises:
+            ValueError: an argument has another width than the function takes.
+        """
+        takes, widths = self.signatures[name]
+        arguments = [np.ascontiguousarray(a, dtype=float) for a in arguments]
+        found = tuple(a.shape[-1] for a in arguments)
+        if found != takes:
+            raise ValueError(f"{name} takes arguments of widths {takes}; found {found}")
+        lead = () if all(a.ndim == 1 for a in arguments) else np.broadcast_shapes(
+            *(a.shape[:-1] for a in arguments)
+        )
+        rows, strides = [], []
+        for a in arguments:
+            if a.ndim > 1 and a.shape[:-1] != lead:
+                a = np.ascontiguousarray(np.broadcast_to(a, (*lead, a.shape[-1])))
+            rows.append(a)
+            strides.append(a.shape[-1] if a.ndim > 1 else 0)
+        out = [np.zeros((*lead, width)) for width in widths]
+        status = getattr(self.handle, f"fan_map_{name}")(
+            ctypes.c_longlong(math.prod(lead)),
+            _pointers(rows),
+            (ctypes.c_longlong * len(rows))(*strides),
+            _pointers(out),
+            (ctypes.c_longlong * len(out))(*widths),
+        )
+        if status != 0:
+            raise BuildError(f"the generated function {name} returned {status}")
+        return out
+
+
+def pointer(array: np.ndarray) -> ctypes.c_void_p:
+    """Where an array's numbers lie. ``ctypes.data_as`` does the same at ten times the cost."""
+    return ctypes.c_void_p(array.__array_interface__["data"][0])
+
+
+def _pointers(arrays: list[Array]) -> ctypes.Array:
+    return (ctypes.c_void_p * len(arrays))(*[a.__array_interface__["data"][0] for a in arrays])

@@ -1,0 +1,112 @@
+"""The inputs over one smooth stretch, and the changes that go from them towards others."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.marionette import Marionette
+from fantoccini.motion import Input
+
+
+@dataclass(frozen=True, eq=False)
+class Outside:
+    """What is changed beside the state, at one time: a column for each change.
+
+    Attributes:
+        q_K: (n_vK, m) tangent vectors of the driven configuration.
+        v_K, acc_K: (n_vK, m).
+        u_D: (n_vD, m).
+        p: (n_p, m).
+    """
+
+    q_K: Array
+    v_K: Array
+    acc_K: Array
+    u_D: Array
+    p: Array
+
+    @classmethod
+    def none(cls, marionette: Marionette, m: int) -> Outside:
+        """No change, for m columns."""
+        t = marionette.coordinates
+        sizes = (t.n_vK, t.n_vK, t.n_vK, t.n_vD, len(marionette.p))
+        return cls(*(np.zeros((size, m)) for size in sizes))
+
+
+class Driving:
+    """The inputs over one smooth stretch and the changes towards other inputs.
+
+    Args:
+        marionette: the puppet.
+        inputs: bound inputs.
+        toward: bound inputs; a change goes from ``inputs`` towards each.
+        start, end: of the stretch, within which no input has a break [s].
+    """
+
+    def __init__(
+        self,
+        marionette: Marionette,
+        inputs: Input,
+        toward: Sequence[Input],
+        start: float,
+        end: float,
+    ):
+        self.start, self.end = start, end
+        self._places = marionette.coordinates.scalars_K
+        self._own = _piece(inputs, start, end)
+        self._others = [_piece(other, start, end) for other in toward]
+        first = 2 * marionette.coordinates.n_vD + len(marionette.p)
+        self._outside = Outside.none(marionette, first + len(toward))
+        self._outside.p[:, first - len(marionette.p) : first] = np.eye(len(marionette.p))
+
+    def at(self, t: float) -> tuple[Array, Array, Array, Array]:
+        """q_K, v_K, acc_K and u_D at a time of the stretch [s]."""
+        return self._own(min(max(t, self.start), self.end))
+
+    def outside(self, t: float) -> Outside:
+        """The changes at a time of the stretch [s], good until the next call.
+
+        Columns: by the state at the start, where nothing outside changes, by the parameters,
+        towards the other inputs.
+        """
+        t = min(max(t, self.start), self.end)
+        out = self._outside
+        if not self._others:
+            return out
+        changes, own = (out.v_K, out.acc_K, out.u_D), self._own(t)
+        others = (other(t) for other in self._others)
+        for k, other in enumerate(others, out.p.shape[1] - len(self._others)):
+            for q, v in self._places:
+                out.q_K[v, k] = other[0][q] - own[0][q]
+            for change, theirs, mine in zip(changes, other[1:], own[1:], strict=True):
+                change[:, k] = theirs - mine
+        return out
+
+
+def _piece(inputs: Input, start: float, end: float) -> Callable[[float], tuple[Array, ...]]:
+    """time -> (q_K, v_K, acc_K, u_D) on the polynomials that hold between two times."""
+    middle = 0.5 * (start + end)
+    if not inputs.start <= middle <= inputs.end:
+        q_K, v_K, acc_K = inputs.evaluate(min(max(middle, inputs.start), inputs.end))
+        still = q_K, 0.0 * v_K, 0.0 * acc_K, np.zeros(inputs.coordinates.n_vD)
+        return lambda t: still
+    i = min(int(np.searchsorted(inputs.breaks, middle, "right")) - 1, len(inputs.coef) - 1)
+    force = None if inputs.force is None else inputs.force[i : i + 1]
+    piece = dataclasses.replace(
+        inputs,
+        breaks=inputs.breaks[i : i + 2],
+        coef=inputs.coef[i : i + 1],
+        base=inputs.base[i : i + 1],
+        force=force,
+    )
+
+    def at(t: float) -> tuple[Array, ...]:
+        t = min(max(t, piece.start), piece.end)
+        return *piece.evaluate(t), piece.evaluate_force(t)
+
+    return at
