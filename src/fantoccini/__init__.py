@@ -17,6 +17,8 @@ from fantoccini.errors import (
     SimulationError,
     StateError,
     Status,
+    StoreError,
+    SweepStopped,
     UnknownNameError,
 )
 from fantoccini.marionette import Flow, Marionette, Stepper, load, loads
@@ -32,12 +34,14 @@ from fantoccini.motion import (
 )
 from fantoccini.puppet import Puppet
 from fantoccini.simulate import simulate
+from fantoccini.sweep import Case, SweepResult, Trial, sweep
 from fantoccini.world import World
 
 __version__ = "0.1.0"
 
 __all__ = [
     "BuildError",
+    "Case",
     "Columns",
     "Event",
     "EventKind",
@@ -54,8 +58,12 @@ __all__ = [
     "StateError",
     "Status",
     "Stepper",
+    "StoreError",
+    "SweepResult",
+    "SweepStopped",
     "Trajectories",
     "Trajectory",
+    "Trial",
     "UnknownNameError",
     "World",
     "__version__",
@@ -63,4 +71,5 @@ __all__ = [
     "loads",
     "puppets",
     "simulate",
+    "sweep",
 ]
