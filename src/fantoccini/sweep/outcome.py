@@ -85,7 +85,8 @@ class Job:
         try:
             label = case.values.get("puppet")
             if label is not None:
-                marionette = self._ready(label).with_parameters(case.parameters())
+                marionette, p = self._ready(label), case.parameters()
+                marionette = marionette.with_parameters(p) if p else marionette
                 case = dataclasses.replace(case, marionette=marionette)
             figures = figures_of(self.study(case), self.names)
         except BaseException as error:

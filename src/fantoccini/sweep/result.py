@@ -69,7 +69,7 @@ class SweepResult:
 
     def __getitem__(self, name: str) -> Array:
         column = self._column(name)
-        return column.reshape(*self.shape, *column.shape[1:])
+        return column.reshape((*self.shape, *column.shape[1:]))
 
     @property
     def shape(self) -> tuple[int, ...]:

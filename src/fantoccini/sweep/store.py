@@ -116,14 +116,17 @@ class Store:
                 f"{place} is not the file that a sweep writes ({error}); give another folder"
             ) from None
         if differ:
-            told = "; ".join(
+            told = [
                 f"{name} is {found.get(name)!r} there and {self._manifest.get(name)!r} here"
                 for name in differ
-            )
-            hint = ""
-            if differ == ["code"]:
-                hint = " (version='...' says which changes of the study make its results others)"
+                if name != "code"
+            ]
+            if not told:
+                told = [
+                    "the code or the settings of the study have changed since (with "
+                    "version='1', you say yourself when its results become others)"
+                ]
             raise StoreError(
-                f"the store {self.folder} holds another sweep: {told}; give another folder, or "
-                f"delete this one to begin anew{hint}"
+                f"the store {self.folder} holds another sweep: {'; '.join(told)}; give another "
+                "folder, or delete this one to begin anew"
             )
