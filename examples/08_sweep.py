@@ -42,7 +42,9 @@ peak = result["peak"]  # (masses, seconds, repetitions)
 for mass, row in zip(result.axes["p:m2"], peak.mean(axis=2), strict=True):
     print(f"m2 = {mass:.2f} kg: mean peak tension " + ", ".join(f"{x:.2f}" for x in row) + " N")
 
-slow = fan.Trial(t_end=1.0, inputs={"hand.length": [(0, 0.8), (0.8, 0.6)]}, keep=["max energy:work"])
+slow = fan.Trial(
+    t_end=1.0, inputs={"hand.length": [(0, 0.8), (0.8, 0.6)]}, keep=["max energy:work"]
+)
 drawn = fan.sweep(slow, puppet=asked["puppet"], draw={"p:m2": (0.05, 0.12)}, seeds=20)
 work = drawn["max energy:work"]
 print(f"slowly, with a mass drawn 20 times: {work.min():.3f} to {work.max():.3f} J of work")

@@ -60,6 +60,16 @@ def test_puppets_and_inputs_go_by_their_names(arm):
     assert [told["puppet"] for told in listed.labels] == ["arm2d"] * 2 + ["arm2d 2"] * 2
 
 
+def test_arrays_are_values_and_stand_for_themselves():
+    starts = np.arange(2000.0).reshape(2, 1000)
+    made = fan.sweep(lambda case: {"x": case["start"].sum()}, {"start": starts})
+    assert np.array_equal(made["start"], starts) and np.array_equal(made.axes["start"], starts)
+    assert np.array_equal(made["x"], starts.sum(axis=1))
+    with pytest.raises(ValueError, match="twice"):
+        design({"start": starts[[0, 0]]})
+    assert design({"start": starts}, seeds=np.int64(2), seed=np.int64(1)).shape == (2, 2)
+
+
 def test_a_case_has_random_numbers_of_its_own_whatever_the_others_are():
     few = design({"a": [1, 2]}, seeds=2)
     more = design({"a": [0, 2, 1, 5]}, seeds=5)

@@ -12,6 +12,8 @@ import numpy as np
 from fantoccini.errors import UnknownNameError
 from fantoccini.marionette import Marionette
 
+PUPPET = "puppet"
+"""The name under which puppets are varied."""
 PARAMETER = "p:"
 """What the names of values that are parameters of the puppet begin with."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -13,12 +14,10 @@ from fantoccini.errors import UnknownNameError
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input
 from fantoccini.puppet import Puppet
-from fantoccini.sweep.case import PARAMETER, Case
+from fantoccini.sweep.case import PARAMETER, PUPPET, Case
 from fantoccini.sweep.identity import digest
 from fantoccini.world import World
 
-PUPPET = "puppet"
-"""The name under which puppets are varied."""
 REPEAT = "repeat"
 """The name of the axis of repetitions."""
 CASE = "case"
@@ -84,9 +83,8 @@ def designed(
     puppet: Marionette | Puppet | World | None,
 ) -> Design:
     """The cases that :func:`fantoccini.sweep.sweep` is asked for; its arguments."""
-    check_whole("seed", seed, 0)
-    if seeds is not None:
-        check_whole("seeds", seeds, 1)
+    seed = check_whole("seed", seed, 0)
+    seeds = None if seeds is None else check_whole("seeds", seeds, 1)
     draw = dict(draw or {})
     shared = None if puppet is None else _items(PUPPET, [puppet])[0]
     axes, points = _points(over)
@@ -148,9 +146,11 @@ def _column(name: str, given: Any) -> list[_Item]:
     found = _items(name, list(given.values() if isinstance(given, Mapping) else given), labels)
     if not found:
         raise ValueError(f"{name} has no values; it needs one or more")
-    labels = [repr(item.label) for item in found]
-    if twice := [label for label in labels if labels.count(label) > 1]:
-        raise ValueError(f"{name} has {twice[0]} twice; seeds=N repeats every case N times")
+    met: set[str] = set()
+    for item in found:
+        if repr(item.stream) in met:
+            raise ValueError(f"{name} has {item.label!r} twice; seeds=N repeats every case N times")
+        met.add(repr(item.stream))
     return found
 
 
@@ -168,6 +168,8 @@ def _items(name: str, values: list[Any], labels: list[str] | None = None) -> lis
             label = stream = labels[k]
         elif isinstance(value, bool | int | float | str) and name != PUPPET:
             label = stream = value
+        elif isinstance(value, np.ndarray):
+            label, stream = value, key
         else:
             named = value.name if isinstance(value, Marionette | Input) else ""
             label = by_key.setdefault(key, _unused(named or name, by_key, bare=bool(named)))
@@ -219,10 +221,11 @@ def _drawn(name: str, how: Any, entropy: tuple[int, ...]) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def check_whole(name: str, value: Any, least: int) -> None:
-    """Raises ValueError where a value is no whole number, or below the least."""
-    if isinstance(value, bool) or not isinstance(value, int) or value < least:
+def check_whole(name: str, value: Any, least: int) -> int:
+    """The whole number that a value is; ValueError where it is none, or below the least."""
+    if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
         raise ValueError(f"{name} is {value!r}; it must be a whole number, {least} or more")
+    return int(value)
 
 
 def _check_names(names: tuple[str, ...], over: Any, draw: Any, shared: _Item | None) -> None:

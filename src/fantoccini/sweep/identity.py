@@ -48,19 +48,20 @@ def study_name(study: Any) -> str:
 def study_digest(study: Any) -> str | None:
     """A digest of what a study does; None where that cannot be told.
 
-    Of a function it is the compiled code with its constants and defaults, not what it calls; of a
-    dataclass or a ``functools.partial`` the settings as well.
+    Of a function it is the compiled code with its constants, defaults and captured values, not what
+    it calls; of a dataclass or a ``functools.partial`` the settings as well.
     """
     if isinstance(study, partial):
         inner = study_digest(study.func)
-        return inner and digest([inner, list(study.args), dict(study.keywords)])
+        keywords = {name: _or_kind(value) for name, value in study.keywords.items()}
+        return inner and digest([inner, [_or_kind(value) for value in study.args], keywords])
     if inspect.isfunction(study):
-        # The values a closure has captured take part where they are plain data.
+        # What a closure has captured takes part where it is plain data.
         captured = [_or_kind(cell.cell_contents) for cell in study.__closure__ or ()]
         given = [_or_kind(study.__defaults__), _or_kind(study.__kwdefaults__)]
         return digest([_code(study.__code__), captured, given])
     if dataclasses.is_dataclass(study) and not isinstance(study, type):
-        return digest(study)
+        return _or_kind(study)
     return None
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from fantoccini.errors import FantocciniError
 from fantoccini.marionette import Marionette
-from fantoccini.sweep.case import Case
+from fantoccini.sweep.case import PUPPET, Case
 
 Study = Callable[[Case], Mapping[str, Any]]
 
@@ -83,7 +83,7 @@ class Job:
         """Runs one case. Whatever goes wrong in it is its outcome."""
         start = time.perf_counter()
         try:
-            label = case.values.get("puppet")
+            label = case.values.get(PUPPET)
             if label is not None:
                 marionette, p = self._ready(label), case.parameters()
                 marionette = marionette.with_parameters(p) if p else marionette

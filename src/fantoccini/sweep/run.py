@@ -88,8 +88,7 @@ def sweep(
         raise TypeError(f"study is {study!r:.80}; it must be a function of a case, or a Trial")
     if on not in ("threads", "ray"):
         raise ValueError(f"on is {on!r}; it must be 'threads' or 'ray'")
-    if workers is not None:
-        check_whole("workers", workers, 1)
+    workers = None if workers is None else check_whole("workers", workers, 1)
     if address is not None and on != "ray":
         raise ValueError("address goes with on='ray'")
     design = designed(over, draw, seeds, seed, puppet)
@@ -185,7 +184,7 @@ def _manifest(study: Study, design: Design, seed: int, version: str | None) -> d
         "study": study_name(study),
         "version": version,
         "code": code,
-        "seed": seed,
+        "seed": int(seed),
         "values": sorted(design.names),
     }
 

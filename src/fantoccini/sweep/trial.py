@@ -14,8 +14,7 @@ from fantoccini.errors import UnknownNameError
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State, Trajectory
 from fantoccini.simulate import simulate
-from fantoccini.sweep.case import PARAMETER, Case
-from fantoccini.sweep.design import PUPPET
+from fantoccini.sweep.case import PARAMETER, PUPPET, Case
 
 INPUTS = "inputs"
 """The name under which inputs are varied."""
@@ -41,7 +40,7 @@ STATISTICS = {
 """What can be made of a column (T,) and its times (T,); ``mean``, ``rms`` are means over time."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trial:
     """A study that simulates each case and keeps some figures of the run.
 
@@ -79,6 +78,8 @@ class Trial:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "times", np.array(self.times, dtype=float))
+        if isinstance(self.keep, str):
+            raise TypeError(f"keep is {self.keep!r}; it must be a list of texts, [{self.keep!r}]")
         for wanted in self.keep:
             statistic, _, column = wanted.rpartition(" ")
             if statistic and statistic not in STATISTICS:
