@@ -6,27 +6,24 @@ module of a test.
 
 from __future__ import annotations
 
+import itertools
 import os
 import signal
+import sys
+import types
 
 import numpy as np
 import pytest
 
 import fantoccini as fan
+from fantoccini.sweep import on_ray
 
 ray = pytest.importorskip("ray")
 
 
 @pytest.fixture(scope="module")
 def cluster():
-    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
-    ray.init(
-        num_cpus=2,
-        include_dashboard=False,
-        object_store_memory=100_000_000,
-        logging_level=40,
-        log_to_driver=False,
-    )
+    on_ray.join(ray, 2, None)
     yield
     ray.shutdown()
 
@@ -122,9 +119,31 @@ def test_an_interrupt_keeps_what_is_finished(cluster, tmp_path):
     assert np.array_equal(whole["x"], fan.sweep(study, {"k": range(40)})["x"])
 
 
-def test_a_sweep_starts_a_cluster_of_its_own_and_ends_it():
-    if ray.is_initialized():
-        ray.shutdown()
+def test_a_cluster_is_ended_by_who_started_it(cluster, monkeypatch):
+    """Its start and its end are only noted: each would take some seconds."""
+    noted, asked = [], itertools.chain([False], itertools.repeat(True))
+    monkeypatch.setattr(ray, "is_initialized", lambda: next(asked))
+    monkeypatch.setattr(on_ray, "join", lambda *found: noted.append(found))
+    monkeypatch.setattr(ray, "shutdown", lambda: noted.append("ended"))
     result = fan.sweep(lambda case: {"x": case["k"]}, {"k": [1, 2]}, on="ray", workers=1)
     assert np.array_equal(result["x"], [1, 2])
-    assert not ray.is_initialized()
+    assert noted == [(ray, 1, None), "ended"]
+
+
+def test_a_cluster_elsewhere_is_joined_and_not_configured(monkeypatch):
+    monkeypatch.delenv("RAY_ADDRESS", raising=False)
+    noted = []
+    stub = types.SimpleNamespace(init=lambda **options: noted.append(options))
+    on_ray.join(stub, 3, None)
+    on_ray.join(stub, 3, "auto")
+    monkeypatch.setenv("RAY_ADDRESS", "10.0.0.1:6379")
+    on_ray.join(stub, 3, None)
+    assert noted[0]["num_cpus"] == 3 and noted[0]["include_dashboard"] is False
+    assert noted[1]["address"] == "auto" and noted[2]["address"] is None
+    assert all("num_cpus" not in options for options in noted[1:])
+
+
+def test_without_ray_there_is_a_sentence(monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(ImportError, match="pip install 'fantoccini"):
+        fan.sweep(lambda case: {}, on="ray")

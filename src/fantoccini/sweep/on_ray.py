@@ -10,6 +10,9 @@ from fantoccini.sweep.case import Case
 from fantoccini.sweep.crew import Report, cores
 from fantoccini.sweep.outcome import Failure, Job, Outcome
 
+_OBJECT_STORE = 200_000_000
+"""Memory for results on their way, of a cluster that is started [B]; what is more goes to disk."""
+
 
 class RayCrew:
     """Ray workers. A cluster is joined where there is one, and otherwise started on this machine.
@@ -35,7 +38,7 @@ class RayCrew:
         self._ray = ray
         self._ours = not ray.is_initialized()
         if self._ours:
-            _start(ray, workers, address)
+            join(ray, workers, address)
         self._bound = workers
         self._pending: dict[Any, tuple[Case, ...]] = {}
 
@@ -88,11 +91,22 @@ class RayCrew:
             return cases, None
 
 
-def _start(ray: Any, workers: int | None, address: str | None) -> None:
-    """Joins a cluster, or starts one without a dashboard that says little and reports nothing."""
+def join(ray: Any, workers: int | None, address: str | None) -> None:
+    """Joins a cluster, or starts one here that has no dashboard, says little, reports nothing.
+
+    Args:
+        ray: the module.
+        workers: processors of a cluster that is started; all of this machine when None.
+        address: of a cluster; when None that of ``RAY_ADDRESS``, and without it one is started.
+    """
     options: dict[str, Any] = {"logging_level": logging.ERROR, "log_to_driver": False}
     if address is not None or os.environ.get("RAY_ADDRESS"):
         ray.init(address=address, **options)
         return
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
-    ray.init(num_cpus=workers or cores(), include_dashboard=False, **options)
+    ray.init(
+        num_cpus=workers or cores(),
+        include_dashboard=False,
+        object_store_memory=_OBJECT_STORE,
+        **options,
+    )

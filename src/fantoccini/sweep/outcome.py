@@ -95,6 +95,8 @@ class Job:
 
     def _ready(self, label: str) -> Marionette:
         """A marionette that is compiled; one that cannot be is not tried for every case anew."""
+        if "library" in vars(self.puppets[label]):
+            return self.puppets[label]
         with _building:
             if label in self._unusable:
                 raise self._unusable[label].with_traceback(None)

@@ -28,6 +28,8 @@ _AHEAD = 2
 """Pieces handed out for every worker: one that it runs, one that waits."""
 _MOST_AT_ONCE = 1000
 """Most cases handed out together."""
+_NEWEST = 0.1
+"""Weight of the newest case in the time that cases are expected to take."""
 _LIVES = 2
 """How many workers a case may see die before it is given up."""
 
@@ -137,14 +139,14 @@ def _run(crew: Crew, cases: list[Case], ledger: _Ledger) -> None:
     """Hands the cases out, a bounded number ahead, and books what comes back."""
     todo, alone = deque(cases), deque()
     deaths: dict[int, int] = {}
-    spent, n_spent = 0.0, 0
+    seconds = crew.piece  # of a case; the newest count most, since the first ones compile
     while todo or alone or crew.busy:
         width = crew.width
         while (todo or alone) and crew.busy < _AHEAD * width:
             if alone:
                 crew.submit((alone.popleft(),))
                 continue
-            fitting = 1 if n_spent == 0 else crew.piece * n_spent / max(spent, 1e-9)
+            fitting = crew.piece / max(seconds, 1e-9)
             fair = len(todo) / (_AHEAD * width)
             n = max(1, min(_MOST_AT_ONCE, int(fitting), int(fair)))
             crew.submit(tuple(todo.popleft() for _ in range(n)))
@@ -159,7 +161,7 @@ def _run(crew: Crew, cases: list[Case], ledger: _Ledger) -> None:
                         ledger.book(case, Outcome({}, 0.0, _dead()))
                 continue
             for case, outcome in zip(handed, outcomes, strict=True):
-                spent, n_spent = spent + outcome.seconds, n_spent + 1
+                seconds += _NEWEST * (outcome.seconds - seconds)
                 ledger.book(case, outcome)
 
 
