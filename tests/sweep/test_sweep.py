@@ -36,10 +36,9 @@ def test_results_are_shaped_like_the_grid(arm):
     assert np.array_equal(result["length"][:, 1, 1], LENGTHS)
     assert np.array_equal(result.axes["p:m2"], [0.05, 0.08])
     assert result.done.all() and result.failures == () and (result.seconds > 0).all()
-    x0 = arm.with_parameters({"m2": 0.08})
-    case = result.design.cases[7]
-    again = swing(fan.Case(7, case.values, case.repeat, case.entropy, x0))
-    assert np.array_equal(again["end"], result["end"][1, 1, 1])
+    case = result.case(1, 1, 1)
+    assert case.index == result.case(7).index == 7 and case.marionette.p[1] == 0.08
+    assert np.array_equal(swing(case)["end"], result["end"][1, 1, 1])
 
 
 def test_any_number_of_workers_gives_the_same_bits(arm):
@@ -101,6 +100,15 @@ def test_a_puppet_that_cannot_be_built_fails_its_own_cases(arm):
     assert [f.values["puppet"] for f in result.failures] == ["bad", "bad"]
     assert "no compiler here" in result.failures[1].failure.message
     assert result.done[:2].all() and len(tried) == 1
+
+
+def test_a_case_without_a_puppet_can_be_run_again():
+    def study(case):
+        return {"x": case.rng.random()}
+
+    result = fan.sweep(study, seeds=3)
+    assert [study(result.case(k))["x"] for k in range(3)] == result["x"].tolist()
+    assert result.case(0).marionette is None
 
 
 def test_figures_of_several_shapes_stay_apart():

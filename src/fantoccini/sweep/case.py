@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -51,6 +52,13 @@ class Case:
         """A seed of the case's own, below 2^63, for what wants a number."""
         made = np.random.SeedSequence((*self.entropy, 0)).generate_state(1, np.uint64)
         return int(made[0] >> np.uint64(1))
+
+    def on(self, marionette: Marionette | None) -> Case:
+        """The case with its puppet, which gets the case's parameters, and fresh random numbers."""
+        p = self.parameters()
+        if marionette is not None and p:
+            marionette = marionette.with_parameters(p)
+        return dataclasses.replace(self, marionette=marionette)
 
     def parameters(self) -> dict[str, float]:
         """Parameter name -> value, of the values called ``p:NAME``."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import threading
 import time
 import traceback
@@ -84,11 +83,8 @@ class Job:
         start = time.perf_counter()
         try:
             label = case.values.get(PUPPET)
-            if label is not None:
-                marionette, p = self._ready(label), case.parameters()
-                marionette = marionette.with_parameters(p) if p else marionette
-                case = dataclasses.replace(case, marionette=marionette)
-            figures = figures_of(self.study(case), self.names)
+            ready = case.on(None if label is None else self._ready(label))
+            figures = figures_of(self.study(ready), self.names)
         except BaseException as error:
             return Outcome({}, time.perf_counter() - start, Failure.of(error))
         return Outcome(figures, time.perf_counter() - start)

@@ -14,6 +14,7 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.errors import UnknownNameError
 from fantoccini.motion.archive import replacing
+from fantoccini.sweep.case import PUPPET, Case
 from fantoccini.sweep.design import Design
 from fantoccini.sweep.outcome import Failure, Outcome
 
@@ -104,6 +105,18 @@ class SweepResult:
             for k, o in enumerate(self.outcomes)
             if o is not None and o.failure is not None
         )
+
+    def case(self, *place: int) -> Case:
+        """A case as its study got it, for a closer look: ``study(result.case(3, 0))``.
+
+        Args:
+            place: along every axis, or the number of the case.
+        """
+        if len(place) != 1:
+            place = (int(np.ravel_multi_index(place, self.shape)),)
+        case = self.design.cases[place[0]]
+        label = case.values.get(PUPPET)
+        return case.on(None if label is None else self.design.puppets[label])
 
     def columns(self) -> dict[str, Array]:
         """The whole table: name -> (n_cases, ...), of values, repetitions and figures.
