@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import importlib.util
 import os
-import statistics
 import time
 
 from rich.console import Console
@@ -18,8 +17,8 @@ from rich.table import Table
 import fantoccini as fan
 from fantoccini import demo
 
-ROUNDS = 3
-"""Sweeps for every figure; the median is printed."""
+ROUNDS = 8
+"""Sweeps for every figure; the fastest is printed, the one that neighbours disturbed least."""
 
 
 def nothing(case: fan.Case) -> dict:
@@ -44,7 +43,7 @@ def long(case: fan.Case) -> dict:
 
 
 def cases_per_second(study, n: int, puppet, start, **asked) -> float:
-    """Median over some sweeps of n cases [1/s]."""
+    """The fastest of some sweeps of n cases [1/s]."""
     over = {"start": [start], "k": range(n)} if start else {"k": range(n)}
     rates = []
     for _ in range(ROUNDS):
@@ -52,7 +51,7 @@ def cases_per_second(study, n: int, puppet, start, **asked) -> float:
         result = fan.sweep(study, over, puppet=puppet, progress=False, **asked)
         rates.append(n / (time.perf_counter() - begun))
         assert result.failures == (), result.failures[0]
-    return statistics.median(rates)
+    return max(rates)
 
 
 def main() -> None:
@@ -63,8 +62,8 @@ def main() -> None:
     hanging, greeting, _ = demo.performance(marionette)
     studies = (
         ("nothing", nothing, 2000, None, None),
-        ("arm2d, 0.3 s, event", short, 600, arm, (x0, lift)),
-        ("marionette, 5 s, timestepping", long, 60, marionette, (hanging, greeting)),
+        ("arm2d, 0.3 s, event", short, 200, arm, (x0, lift)),
+        ("marionette, 5 s, timestepping", long, 24, marionette, (hanging, greeting)),
     )
     crews = [("threads", 1), ("threads", 2)]
     if importlib.util.find_spec("ray"):

@@ -6,6 +6,7 @@ import sys
 from collections import deque
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from statistics import median
 from typing import Any, Literal
 
 from fantoccini.errors import SweepStopped
@@ -28,8 +29,8 @@ _AHEAD = 2
 """Pieces handed out for every worker: one that it runs, one that waits."""
 _MOST_AT_ONCE = 1000
 """Most cases handed out together."""
-_NEWEST = 0.1
-"""Weight of the newest case in the time that cases are expected to take."""
+_RECENT = 15
+"""Cases from which one tells how long the next will take."""
 _LIVES = 2
 """How many workers a case may see die before it is given up."""
 
@@ -139,14 +140,15 @@ def _run(crew: Crew, cases: list[Case], ledger: _Ledger) -> None:
     """Hands the cases out, a bounded number ahead, and books what comes back."""
     todo, alone = deque(cases), deque()
     deaths: dict[int, int] = {}
-    seconds = crew.piece  # of a case; the newest count most, since the first ones compile
+    # The median, since a worker's first case may compile a puppet.
+    recent = deque([crew.piece], maxlen=_RECENT)
     while todo or alone or crew.busy:
         width = crew.width
         while (todo or alone) and crew.busy < _AHEAD * width:
             if alone:
                 crew.submit((alone.popleft(),))
                 continue
-            fitting = crew.piece / max(seconds, 1e-9)
+            fitting = crew.piece / max(median(recent), 1e-9)
             fair = len(todo) / (_AHEAD * width)
             n = max(1, min(_MOST_AT_ONCE, int(fitting), int(fair)))
             crew.submit(tuple(todo.popleft() for _ in range(n)))
@@ -161,7 +163,7 @@ def _run(crew: Crew, cases: list[Case], ledger: _Ledger) -> None:
                         ledger.book(case, Outcome({}, 0.0, _dead()))
                 continue
             for case, outcome in zip(handed, outcomes, strict=True):
-                seconds += _NEWEST * (outcome.seconds - seconds)
+                recent.append(outcome.seconds)
                 ledger.book(case, outcome)
 
 
