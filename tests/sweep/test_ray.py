@@ -10,6 +10,7 @@ import itertools
 import os
 import signal
 import sys
+import time
 import types
 
 import numpy as np
@@ -101,6 +102,18 @@ def test_a_study_that_cannot_reach_the_workers_is_a_failure(cluster):
     result = fan.sweep(Stuck(), {"k": [0, 1]}, on="ray")
     assert len(result.failures) == 2
     assert "not a study" in result.failures[0].failure.message
+
+
+def test_workers_bound_how_many_cases_run_at_a_time(cluster, tmp_path):
+    def study(case):
+        mine = tmp_path / str(case["k"])
+        mine.touch()
+        time.sleep(0.05)
+        running = len(list(tmp_path.iterdir()))
+        mine.unlink()
+        return {"running": running}
+
+    assert fan.sweep(study, {"k": range(6)}, on="ray", workers=1)["running"].max() == 1
 
 
 def test_an_interrupt_keeps_what_is_finished(cluster, tmp_path):

@@ -18,13 +18,13 @@ class Crew(Protocol):
     """Who runs the cases of a sweep.
 
     Attributes:
-        width: how many cases it runs at a time.
+        room: how many pieces may be out at a time: one for every worker, and one that waits.
         piece: how long the cases handed out together should take in all [s]; what handing out
             costs is small beside it.
         busy: how many pieces were submitted and not collected.
     """
 
-    width: int
+    room: int
     piece: float
     busy: int
 
@@ -49,13 +49,14 @@ class Threads:
     piece = 0.02
 
     def __init__(self, job: Job, workers: int | None):
-        self.width, self.busy = workers or cores(), 0
+        self._workers = workers or cores()
+        self.room, self.busy = 2 * self._workers, 0
         self._job = job
         self._todo: queue.SimpleQueue = queue.SimpleQueue()
         self._done: queue.SimpleQueue = queue.SimpleQueue()
         self._closed = threading.Event()
         # Daemons: after Ctrl-C nobody waits for the cases that are running.
-        for k in range(self.width):
+        for k in range(self._workers):
             threading.Thread(target=self._work, name=f"sweep-{k}", daemon=True).start()
 
     def submit(self, cases: tuple[Case, ...]) -> None:
@@ -78,7 +79,7 @@ class Threads:
     def close(self) -> None:
         """As :meth:`Crew.close`."""
         self._closed.set()
-        for _ in range(self.width):
+        for _ in range(self._workers):
             self._todo.put(None)
 
     def _work(self) -> None:

@@ -94,13 +94,14 @@ def designed(
     items |= {} if shared is None else {shared.label: shared}
     puppets = {label: item.value for label, item in items.items()}
     _check_parameters(names, puppets)
+    streams = {name: int(digest(name), 16) for name in draw}
     cases, labels, keys = [], [], []
     for point in points:
         stream = int(digest({n: item.stream for n, item in point.items()}), 16)
         own = {n: item.key for n, item in (point | ({PUPPET: shared} if shared else {})).items()}
         for repeat in range(seeds or 1):
             entropy = (seed, stream, repeat)
-            drawn = {name: _drawn(name, how, entropy) for name, how in draw.items()}
+            drawn = {n: _drawn(n, how, (*entropy, streams[n])) for n, how in draw.items()}
             told = {n: item.label for n, item in point.items()} | drawn
             values = {n: told[n] if n == PUPPET else i.value for n, i in point.items()} | drawn
             if shared is not None:
@@ -199,10 +200,9 @@ def _marionette(given: Any) -> Marionette:
 def _drawn(name: str, how: Any, entropy: tuple[int, ...]) -> Any:
     """A value for one case: from a range, a function of a generator or a SciPy distribution.
 
-    Every name has random numbers of its own, so that a name more or less changes no other.
+    Every name has an entropy of its own, so that a name more or less changes no other.
     """
-    own = np.random.SeedSequence((*entropy, int(digest(name), 16)))
-    rng = np.random.default_rng(own)
+    rng = np.random.default_rng(np.random.SeedSequence(entropy))
     if hasattr(how, "rvs"):
         value = how.rvs(random_state=rng)
     elif callable(how):

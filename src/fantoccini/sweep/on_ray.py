@@ -49,10 +49,13 @@ class RayCrew:
         self._perform = ray.remote(num_cpus=1, max_retries=0)(perform)
 
     @property
-    def width(self) -> int:
-        """Cases at a time; follows a cluster that grows."""
+    def room(self) -> int:
+        """Pieces that may be out; follows a cluster that grows.
+
+        With fewer workers than processors none waits: Ray would run it at once.
+        """
         found = int(self._ray.cluster_resources().get("CPU", 1)) or 1
-        return found if self._bound is None else min(found, self._bound)
+        return 2 * found if self._bound is None or self._bound >= found else self._bound
 
     @property
     def busy(self) -> int:

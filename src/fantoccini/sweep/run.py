@@ -25,8 +25,6 @@ from fantoccini.world import World
 
 _PATIENCE = 0.2
 """Longest wait for an answer, so that Ctrl-C is heard at once [s]."""
-_AHEAD = 2
-"""Pieces handed out for every worker: one that it runs, one that waits."""
 _MOST_AT_ONCE = 1000
 """Most cases handed out together."""
 _RECENT = 15
@@ -143,13 +141,13 @@ def _run(crew: Crew, cases: list[Case], ledger: _Ledger) -> None:
     # The median, since a worker's first case may compile a puppet.
     recent = deque([crew.piece], maxlen=_RECENT)
     while todo or alone or crew.busy:
-        width = crew.width
-        while (todo or alone) and crew.busy < _AHEAD * width:
+        room = crew.room
+        while (todo or alone) and crew.busy < room:
             if alone:
                 crew.submit((alone.popleft(),))
                 continue
             fitting = crew.piece / max(median(recent), 1e-9)
-            fair = len(todo) / (_AHEAD * width)
+            fair = len(todo) / room
             n = max(1, min(_MOST_AT_ONCE, int(fitting), int(fair)))
             crew.submit(tuple(todo.popleft() for _ in range(n)))
         for handed, outcomes in crew.collect(_PATIENCE):
