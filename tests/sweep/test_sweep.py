@@ -87,15 +87,15 @@ def test_a_study_that_returns_something_else_is_told(found, said):
 
 
 def test_a_puppet_that_cannot_be_built_fails_its_own_cases(arm):
-    text = arm.puppet.to_yaml().replace("name: arm2d", "name: broken").replace("0.3", "0.31")
-    broken = fan.loads(text)
     tried = []
 
-    def no_source():
-        tried.append(1)
-        raise fan.BuildError("no compiler here")
+    class Broken(fan.Marionette):
+        @property
+        def library(self):
+            tried.append(1)
+            raise fan.BuildError("no compiler here")
 
-    broken._source = no_source
+    broken = Broken(arm.puppet)
     result = fan.sweep(swing, {"puppet": {"good": arm, "bad": broken}, "length": [0.8, 0.81]})
     assert [f.values["puppet"] for f in result.failures] == ["bad", "bad"]
     assert "no compiler here" in result.failures[1].failure.message

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import queue
 import threading
 from typing import Protocol
 
+from fantoccini.runtime import default_threads
 from fantoccini.sweep.case import Case
 from fantoccini.sweep.outcome import Job, Outcome
 
@@ -49,7 +49,7 @@ class Threads:
     piece = 0.02
 
     def __init__(self, job: Job, workers: int | None):
-        self._workers = workers or cores()
+        self._workers = workers or default_threads()
         self.room, self.busy = 2 * self._workers, 0
         self._job = job
         self._todo: queue.SimpleQueue = queue.SimpleQueue()
@@ -90,10 +90,3 @@ class Threads:
                     return
                 outcomes.append(self._job.perform(case))
             self._done.put((cases, outcomes))
-
-
-def cores() -> int:
-    """Processor cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1

@@ -6,8 +6,9 @@ import logging
 import os
 from typing import Any
 
+from fantoccini.runtime import default_threads
 from fantoccini.sweep.case import Case
-from fantoccini.sweep.crew import Report, cores
+from fantoccini.sweep.crew import Report
 from fantoccini.sweep.outcome import Failure, Job, Outcome
 
 _OBJECT_STORE = 200_000_000
@@ -108,7 +109,7 @@ def join(ray: Any, workers: int | None, address: str | None) -> None:
         return
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     ray.init(
-        num_cpus=workers or cores(),
+        num_cpus=workers or default_threads(),
         include_dashboard=False,
         object_store_memory=_OBJECT_STORE,
         **options,
