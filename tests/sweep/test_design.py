@@ -105,6 +105,11 @@ def test_a_case_keeps_its_key_when_the_grid_grows(arm):
     assert [c.seed for c in heavy.cases] == [c.seed for c in few.cases]
 
 
+def test_what_has_other_random_numbers_is_stored_apart():
+    one = design({"way": {"slow": [1, 2], "gentle": [1, 2]}})
+    assert len(set(one.keys)) == 2 and one.cases[0].seed != one.cases[1].seed
+
+
 @pytest.mark.parametrize(
     ("asked", "said"),
     [

@@ -108,7 +108,7 @@ def designed(
                 values = {PUPPET: shared.label} | values
             cases.append(Case(len(cases), values, repeat, entropy))
             labels.append(told)
-            keys.append(digest([own, drawn, repeat]))
+            keys.append(digest([own, drawn, stream, repeat]))
     _check_twice(keys, labels)
     if seeds is not None:
         axes = (*axes, Axis(REPEAT, tuple(range(seeds))))
