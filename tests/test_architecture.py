@@ -33,6 +33,7 @@ ORDER = (
     "marionette",
     "puppets",  # the bundled puppets: beside the modules, for users of `marionette`
     "simulate",
+    "sweep",
     "demo",  # the bundled performance: inputs for a bundled puppet
     "optimise",
     "plan",
@@ -59,6 +60,7 @@ ONLY_IN = {
     "subprocess": {"build", "view"},  # the compiler; the film encoder
     "ctypes": {"runtime"},
     "cffi": {"runtime"},
+    "ray": {"sweep"},
 }
 """Libraries and the modules that may use them."""
 

@@ -17,6 +17,8 @@ from fantoccini.errors import (
     SimulationError,
     StateError,
     Status,
+    StoreError,
+    SweepStopped,
     UnknownNameError,
 )
 from fantoccini.marionette import (
@@ -43,12 +45,14 @@ from fantoccini.motion import (
 )
 from fantoccini.puppet import Puppet
 from fantoccini.simulate import Passage, Sensitivity, sensitivity, simulate
+from fantoccini.sweep import Case, SweepResult, Trial, sweep
 from fantoccini.world import World
 
 __version__ = "0.1.0"
 
 __all__ = [
     "BuildError",
+    "Case",
     "Columns",
     "Event",
     "EventKind",
@@ -72,8 +76,12 @@ __all__ = [
     "Status",
     "StepLinearisation",
     "Stepper",
+    "StoreError",
+    "SweepResult",
+    "SweepStopped",
     "Trajectories",
     "Trajectory",
+    "Trial",
     "UnknownNameError",
     "World",
     "__version__",
@@ -82,4 +90,5 @@ __all__ = [
     "puppets",
     "sensitivity",
     "simulate",
+    "sweep",
 ]

@@ -128,6 +128,22 @@ class SimulationError(FantocciniError):
         super().__init__(f"{status.message}{': ' + detail if detail else ''}")
 
 
+class StoreError(FantocciniError):
+    """A folder that cannot keep a sweep's cases: another sweep's, somebody else's, or full."""
+
+
+class SweepStopped(FantocciniError):
+    """A sweep was stopped from outside, as by Ctrl-C.
+
+    Attributes:
+        result: the cases that were finished.
+    """
+
+    def __init__(self, message: str, result: Any):
+        self.result = result
+        super().__init__(message)
+
+
 def nearest(found: str, allowed: Iterable[str]) -> str:
     """The end of a sentence that names the nearest valid name, or lists the valid ones.
 

@@ -65,7 +65,7 @@ def start_state(marionette: Marionette, inputs: Input | None, given: Values, qui
         given: coordinates that the user chose.
         quiet: do not say what was changed.
     """
-    values = {**_first_values(marionette, inputs), **given}
+    values = {**({} if inputs is None else inputs.first_values()), **given}
     table = marionette.coordinates
     driven = {*table.q_K, *table.rotations}
     if all(name in driven for name in given):
@@ -81,16 +81,3 @@ def start_state(marionette: Marionette, inputs: Input | None, given: Values, qui
                 f"{table.q_D[most]} is {number(float(x.q_D[most]))}"
             )
     return x if inputs is None else x.replace(t=inputs.start)
-
-
-def _first_values(marionette: Marionette, inputs: Input | None) -> Values:
-    """What the inputs name, at their first time."""
-    if inputs is None:
-        return {}
-    table = marionette.coordinates
-    q_K, _, _ = inputs.evaluate(inputs.start)
-    values: Values = {table.q_K[q]: float(q_K[q]) for q, v in table.scalars_K if inputs.named[v]}
-    for name, (q, v) in table.rotations.items():
-        if inputs.named[v]:
-            values[name] = q_K[q : q + 4].tolist()
-    return values

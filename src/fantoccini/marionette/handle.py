@@ -19,6 +19,7 @@ from fantoccini.marionette.analysis import Analysis
 from fantoccini.marionette.differentiable import Differentiable
 from fantoccini.marionette.flow import Flow
 from fantoccini.marionette.instant import Instant
+from fantoccini.marionette.portable import Portable
 from fantoccini.marionette.rows import RowLayout
 from fantoccini.marionette.stepper import Stepper
 from fantoccini.motion import Input, State
@@ -33,7 +34,7 @@ BRAKE = 1.0
 """Deceleration of a winch that rewinds, before it stops [m/s^2]; ``kBrake`` of ``winch.hpp``."""
 
 
-class Marionette(Analysis, Differentiable):
+class Marionette(Portable, Analysis, Differentiable):
     """A puppet on strings: its coordinates, equations, compiled model, states.
 
     Nothing is derived or compiled before it is needed; a puppet that was compiled before loads

@@ -9,7 +9,7 @@ import secrets
 import struct
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -80,8 +80,8 @@ def save(run: Trajectory, path: str | Path) -> None:
         -1, len(_NUMBERS)
     )
     arrays["start_D"], arrays["start_K"] = run.coordinates.start_D, run.coordinates.start_K
-    for mesh in _meshes(run.puppet):
-        arrays[_MESH + mesh.file] = np.frombuffer(mesh.path.read_bytes(), dtype=np.uint8)
+    for name, content in ({} if run.puppet is None else mesh_files(run.puppet)).items():
+        arrays[_MESH + name] = np.frombuffer(content, dtype=np.uint8)
     arrays["about"] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
     with replacing(path) as temporary, temporary.open("wb") as file:
         np.savez(file, **arrays)
@@ -122,18 +122,24 @@ def load(path: str | Path) -> Trajectory:
         raise FileError([Problem(str(path), None, "", message)]) from error
 
 
-def _meshes(puppet: Puppet | None) -> list[Mesh]:
-    if puppet is None:
-        return []
+def mesh_files(puppet: Puppet) -> dict[str, bytes]:
+    """The content of a puppet's mesh files, by the name that its text has for them."""
     shapes = [shape for body in puppet.bodies for shape in body.shapes]
-    return [shape for shape in (*shapes, *puppet.obstacles) if isinstance(shape, Mesh)]
+    meshes = [shape for shape in (*shapes, *puppet.obstacles) if isinstance(shape, Mesh)]
+    return {mesh.file: mesh.path.read_bytes() for mesh in meshes}
 
 
-def _puppet(text: str | None, source: str, arrays: dict[str, np.ndarray]) -> Puppet | None:
-    """The puppet; its meshes are laid in a temporary folder that goes when Python ends."""
-    if text is None:
-        return None
-    meshes = {name[len(_MESH) :]: x for name, x in arrays.items() if name.startswith(_MESH)}
+def restored(text: str, source: str, meshes: Mapping[str, bytes]) -> Puppet:
+    """The puppet of a text; its meshes are laid in a temporary folder that goes when Python ends.
+
+    Args:
+        text: YAML.
+        source: what messages call the text.
+        meshes: as :func:`mesh_files` gives them.
+
+    Raises:
+        ValueError: the name of a mesh leads out of its folder.
+    """
     if not meshes:
         return loads(text, source)
     kept = TemporaryDirectory(prefix="fantoccini-", ignore_cleanup_errors=True)
@@ -144,8 +150,15 @@ def _puppet(text: str | None, source: str, arrays: dict[str, np.ndarray]) -> Pup
         if not place.is_relative_to(folder):
             raise ValueError(f"the mesh {name!r} leads out of its folder")
         place.parent.mkdir(parents=True, exist_ok=True)
-        place.write_bytes(content.tobytes())
+        place.write_bytes(content)
     return loads(text, source, folder)
+
+
+def _puppet(text: str | None, source: str, arrays: dict[str, np.ndarray]) -> Puppet | None:
+    if text is None:
+        return None
+    held = {n[len(_MESH) :]: x.tobytes() for n, x in arrays.items() if n.startswith(_MESH)}
+    return restored(text, source, held)
 
 
 def _table_to_json(table: CoordinateTable) -> dict:

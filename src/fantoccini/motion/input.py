@@ -309,6 +309,16 @@ class Input:
         u[(t.ravel() < self.start) | (t.ravel() > self.end)] = 0.0
         return u.reshape(*t.shape, u.shape[-1])
 
+    def first_values(self) -> dict[str, float | list[float]]:
+        """What is named, at the first time: name -> value, as a state takes it."""
+        q_K, _, _ = self.evaluate(self.start)
+        values = {}
+        for name, (q, v) in pieces.channel_names(self.coordinates).items():
+            if self.named[v.start]:
+                rotation = name in self.coordinates.rotations
+                values[name] = q_K[q].tolist() if rotation else float(q_K[q.start])
+        return values
+
     def checked(self) -> Input:
         """Itself, if it is C^1 and keeps every named length positive.
 

@@ -1,0 +1,61 @@
+"""Marionettes travel as text: what arrives is the same puppet, compiled already where it was."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import shutil
+
+import numpy as np
+import pytest
+import trimesh
+
+import fantoccini as fan
+
+
+@pytest.mark.parametrize("name", ["arm2d", "marionette_bar"])
+def test_what_arrives_is_the_same_puppet(name):
+    sent = getattr(fan.puppets, name)()
+    if sent.p.size:
+        sent = sent.with_parameters({next(iter(sent.tree.parameters)): 0.07})
+    made = pickle.loads(pickle.dumps(sent))
+    assert [p.canonical() for p in made.world.puppets] == [
+        p.canonical() for p in sent.world.puppets
+    ]
+    assert np.array_equal(made.p, sent.p) and made.name == sent.name
+
+
+def test_what_is_compiled_stays_behind_and_a_copy_keeps_it():
+    arm = fan.puppets.arm2d()
+    library = arm.library
+    assert "library" not in pickle.loads(pickle.dumps(arm)).__dict__
+    assert copy.copy(arm).library is library
+    assert arm.with_parameters({"m2": 0.1}).library is library
+
+
+def test_meshes_travel_with_their_puppet(tmp_path):
+    folder = tmp_path / "there" / "meshes"
+    folder.mkdir(parents=True)
+    trimesh.creation.box((0.1, 0.2, 0.3)).export(folder / "box.stl")
+    file = folder.parent / "stone.yaml"
+    file.write_text(
+        "puppet: stone\nbodies:\n  - name: stone\n    joint: {type: free}\n"
+        "    shapes: [{type: mesh, file: meshes/box.stl, density: 1000}]\n"
+    )
+    stone = fan.load(file)
+    sent = pickle.dumps(stone)
+    mass = stone.mass
+    shutil.rmtree(folder.parent)
+    made = pickle.loads(sent)
+    assert made.mass == mass == pytest.approx(6.0)
+    assert made.puppet.bodies[0].shapes[0].path.is_file()
+
+
+def test_a_world_of_several_keeps_its_name_and_what_only_it_has_is_refused():
+    arm, crane = (getattr(fan.puppets, n)().puppet for n in ("arm2d", "crane"))
+    world = fan.World.of(arm, crane, name="stage")
+    made = pickle.loads(pickle.dumps(fan.Marionette(world)))
+    assert made.name == "stage" and made.world == world
+    bare = fan.World((arm,), "stage", arm.gravity, floor=-1.0)
+    with pytest.raises(fan.StateError, match="give them to a puppet"):
+        pickle.dumps(fan.Marionette(bare))

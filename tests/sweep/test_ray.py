@@ -1,0 +1,162 @@
+"""A sweep on a real Ray cluster of this machine: the same bits, failures, dead workers, Ctrl-C.
+
+Studies are made inside the tests: Ray then ships them as they are, and no worker has to find the
+module of a test.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import signal
+import sys
+import time
+import types
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.sweep import on_ray
+
+ray = pytest.importorskip("ray")
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    on_ray.join(ray, 2, None)
+    yield
+    ray.shutdown()
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return fan.puppets.arm2d()
+
+
+def test_ray_gives_the_same_bits_as_threads(cluster, arm, tmp_path):
+    heavy = arm.with_parameters({"m2": 0.12})
+    lift = fan.Input.waypoints(arm, {"hand.length": [(0, 0.8), (0.1, 0.78)]})
+
+    def study(case):
+        puppet = case.marionette
+        x0 = puppet.project(puppet.state({"hand.length": 0.8, "v:elbow": case.rng.normal()}))
+        run = fan.simulate(puppet, x0, case["inputs"], t_end=0.2)
+        return {"end": run.q_D[-1], "peak": run.tension["hand"].max(), "seed": str(case.seed)}
+
+    asked = {
+        "over": {"puppet": [arm, heavy], "inputs": [lift], "p:m1": [0.1, 0.12]},
+        "draw": {"x": (0, 1)},
+        "seeds": 3,
+    }
+    here = fan.sweep(study, **asked)
+    there = fan.sweep(study, **asked, on="ray", store=tmp_path)
+    assert there.done.all() and here.done.all()
+    for name in ("end", "peak", "seed", "x"):
+        assert np.array_equal(here[name], there[name]), name
+    assert fan.sweep(study, **asked, store=tmp_path)["end"].tobytes() == here["end"].tobytes()
+    assert ray.is_initialized()
+
+
+def test_a_study_may_close_over_a_puppet(cluster, arm):
+    arm.library  # noqa: B018  (what is loaded stays behind)
+    trial = fan.Trial(t_end=0.05, method="timestepping", keep=["last elbow"])
+
+    def study(case):
+        return {"mass": arm.mass * case["k"]}
+
+    assert np.array_equal(
+        fan.sweep(study, {"k": [1, 2]}, on="ray")["mass"], [arm.mass, 2 * arm.mass]
+    )
+    over = {"hand.length": [0.78, 0.8]}
+    there, here = (fan.sweep(trial, over, puppet=arm, on=on) for on in ("ray", "threads"))
+    assert there.failures == () and np.array_equal(there["last elbow"], here["last elbow"])
+
+
+def test_failures_and_dead_workers_are_reported_and_stop_nothing(cluster):
+    def study(case):
+        if case["k"] == 3:
+            raise ValueError("three")
+        if case["k"] == 11:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return {"x": case["k"]}
+
+    result = fan.sweep(study, {"k": range(20)}, on="ray")
+    assert [(f.index, f.failure.error) for f in result.failures] == [
+        (3, "ValueError"),
+        (11, "WorkerDied"),
+    ]
+    assert "in study" in result.failures[0].failure.trace
+    assert "ended 2 times" in result.failures[1].failure.message
+    assert result.done.sum() == 18
+
+
+def test_a_study_that_cannot_reach_the_workers_is_a_failure(cluster):
+    class Stuck:
+        def __call__(self, case):
+            return {}
+
+        def __reduce__(self):
+            return int, ("not a study",)
+
+    result = fan.sweep(Stuck(), {"k": [0, 1]}, on="ray")
+    assert len(result.failures) == 2
+    assert "not a study" in result.failures[0].failure.message
+
+
+def test_workers_bound_how_many_cases_run_at_a_time(cluster, tmp_path):
+    def study(case):
+        mine = tmp_path / str(case["k"])
+        mine.touch()
+        time.sleep(0.05)
+        running = len(list(tmp_path.iterdir()))
+        mine.unlink()
+        return {"running": running}
+
+    assert fan.sweep(study, {"k": range(6)}, on="ray", workers=1)["running"].max() == 1
+
+
+def test_an_interrupt_keeps_what_is_finished(cluster, tmp_path):
+    def study(case):
+        return {"x": case.rng.random()}
+
+    def interrupt(done, total, failed):
+        if done >= 5:
+            raise KeyboardInterrupt
+
+    asked = {"over": {"k": range(40)}, "on": "ray", "store": tmp_path}
+    with pytest.raises(fan.SweepStopped, match="run the same sweep again"):
+        fan.sweep(study, **asked, progress=interrupt)
+    assert ray.is_initialized()
+    whole = fan.sweep(study, **asked)
+    assert np.array_equal(whole["x"], fan.sweep(study, {"k": range(40)})["x"])
+
+
+def test_a_cluster_is_ended_by_who_started_it(cluster, monkeypatch):
+    """Its start and its end are only noted: each would take some seconds."""
+    noted, asked = [], itertools.chain([False], itertools.repeat(True))
+    monkeypatch.setattr(ray, "is_initialized", lambda: next(asked))
+    monkeypatch.setattr(on_ray, "join", lambda *found: noted.append(found))
+    monkeypatch.setattr(ray, "shutdown", lambda: noted.append("ended"))
+    result = fan.sweep(lambda case: {"x": case["k"]}, {"k": [1, 2]}, on="ray", workers=1)
+    assert np.array_equal(result["x"], [1, 2])
+    assert noted == [(ray, 1, None), "ended"]
+
+
+def test_a_cluster_elsewhere_is_joined_and_not_configured(monkeypatch):
+    monkeypatch.delenv("RAY_ADDRESS", raising=False)
+    noted = []
+    stub = types.SimpleNamespace(init=lambda **options: noted.append(options))
+    on_ray.join(stub, 3, None)
+    on_ray.join(stub, 3, "auto")
+    monkeypatch.setenv("RAY_ADDRESS", "10.0.0.1:6379")
+    on_ray.join(stub, 3, None)
+    assert noted[0]["num_cpus"] == 3 and noted[0]["include_dashboard"] is False
+    assert noted[1]["address"] == "auto" and noted[2]["address"] is None
+    assert all("num_cpus" not in options for options in noted[1:])
+
+
+def test_without_ray_there_is_a_sentence(monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(ImportError, match="pip install 'fantoccini"):
+        fan.sweep(lambda case: {}, on="ray")
