@@ -82,42 +82,38 @@ def mass_matrix(
     return blocks
 
 
-def joint_forces(
-    tree: Tree,
-    joints: list[JointMotion],
-    inertias: list[BodyInertia],
-    motions: list[LinkMotion],
-    external: list[tuple[np.ndarray, np.ndarray]],
-) -> list[np.ndarray]:
-    """Generalised forces that make the links move as given: recursive Newton-Euler.
+def link_wrenches(
+    inertias: list[BodyInertia], motions: list[LinkMotion]
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """(torque, force) about each link's origin, in its frame, that make it move as given."""
+    none = zeros(3), zeros(3)
+    return [
+        none if inertia.is_zero() else inertia.wrench(motion.a, motion.U)
+        for inertia, motion in zip(inertias, motions, strict=True)
+    ]
 
-    f_i = I_i a_i + v_i x* I_i v_i - f_ext, summed towards the root; tau_i = S_i^T f_i.
+
+def joint_forces(
+    tree: Tree, joints: list[JointMotion], wrenches: list[tuple[np.ndarray, np.ndarray]]
+) -> list[np.ndarray]:
+    """Generalised forces of wrenches on the links: tau_i = S_i^T f_i, f summed towards the root.
 
     Args:
-        tree, joints, inertias, motions: as elsewhere.
-        external: (torque, force) on each link about its origin, in its frame.
+        tree, joints: as elsewhere.
+        wrenches: (torque, force) on each link about its origin, in its frame.
 
     Returns:
         (k,) forces for the joint of each link.
     """
-    n = len(tree.links)
-    torque, force = [zeros(3) for _ in range(n)], [zeros(3) for _ in range(n)]
-    out: list[np.ndarray] = [zeros(0)] * n
-    for i, (inertia, m) in enumerate(zip(inertias, motions, strict=True)):
-        if not inertia.is_zero():
-            angular, linear = inertia.momentum(m.w, m.v)
-            rate_angular, rate_linear = inertia.momentum(m.alpha, m.a)
-            torque[i] = rate_angular + cross(m.w, angular) + cross(m.v, linear)
-            force[i] = rate_linear + cross(m.w, linear)
-        torque[i] = torque[i] - external[i][0]
-        force[i] = force[i] - external[i][1]
-    for i in reversed(range(n)):
+    torque, force = ([wrench[k] for wrench in wrenches] for k in range(2))
+    out: list[np.ndarray] = [zeros(0)] * len(wrenches)
+    for i in reversed(range(len(wrenches))):
         joint, parent = joints[i], tree.links[i].parent
         out[i] = _project(joint, torque[i], force[i])
         if parent != WORLD:
             moved = joint.R.dot(force[i])
             force[parent] = force[parent] + moved
-            torque[parent] = torque[parent] + joint.R.dot(torque[i]) + cross(joint.r, moved)
+            torque[parent] = torque[parent] + (joint.R.dot(torque[i]) + cross(joint.r, moved))
     return out
 
 

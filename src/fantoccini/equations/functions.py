@@ -16,7 +16,6 @@ import numpy as np
 from fantoccini.equations import dynamics
 from fantoccini.equations.algebra import column, cross, dot, elements, matrix, scaled, zeros
 from fantoccini.equations.coriolis import coriolis_matrix
-from fantoccini.equations.inertia import BodyInertia
 from fantoccini.equations.system import System
 from fantoccini.tree import Role, Tree
 
@@ -101,7 +100,8 @@ class Equations:
                     M[k, k] = M[k, k] + s.dt * system.value(link.damping)
         L = dynamics.factorise(M, self.pattern)
         loads, v_K = system.free_loads, elements(s.v_K)
-        w0 = dynamics.solve_transposed(L, elements(s.u_D) - loads.f_D, self.pattern)
+        f_D, f_K = system.generalised(loads)
+        w0 = dynamics.solve_transposed(L, elements(s.u_D) - f_D, self.pattern)
         rows = system.string_rows
         W = zeros(n, m)
         for i, row in enumerate(rows):
@@ -127,7 +127,7 @@ class Equations:
             "h_limit": column([h for h, _, _ in limits]),
             "J_limit": matrix(J),
             "gamma_limit": column([gamma for _, _, gamma in limits]),
-            "power0": dot(v_K, loads.f_K),
+            "power0": dot(v_K, f_K),
             "M_DK_v_K": column(system.mass(Role.DYNAMIC, Role.DRIVEN).dot(v_K)),
             "loss": loads.loss,
         }
@@ -170,7 +170,7 @@ class Equations:
 
     def _effort(self) -> dict[str, ca.SX]:
         """Force on every driven coordinate: M_KD acc_D + M_KK acc_K + c_K - A_K^T lambda."""
-        f_K = self.system.loads(self.system.full_motions).f_K
+        _, f_K = self.system.generalised(self.system.loads(self.system.full_motions))
         lam = elements(self.system.symbols.lam)
         for i, row in enumerate(self.system.string_rows):
             f_K = f_K - scaled(lam[i], row.A_K)
@@ -185,18 +185,11 @@ class Equations:
             force = motion.R.T.dot(wrench[:3])
             arm = cross(system.centre(i), force)
             external.append((motion.R.T.dot(wrench[3:]) + arm, force))
-        none = BodyInertia(ca.SX(0), zeros(3), zeros(3, 3))
-        forces = dynamics.joint_forces(
-            tree,
-            system.joints,
-            [none] * len(tree.links),
-            system.resting_motions,
-            external,
-        )
+        forces = dynamics.joint_forces(tree, system.joints, external)
         u = zeros(tree.coordinates.n_vD)
         for link, force in zip(tree.links, forces, strict=True):
             if link.role is Role.DYNAMIC:
-                u[link.v] = -force
+                u[link.v] = force
         return {"u_D": column(u)}
 
     def _poses(self) -> dict[str, ca.SX]:

@@ -170,19 +170,21 @@ def limit_row(
     if limit.side == "cone":
         R = quaternion_rotation(q)
         a = R.T.dot(symbolic(limit.a))
-        J = cross(a, b)
-        return np.cos(limit.bound) - dot(a, b), J, -dot(a, cross(w, cross(w, b)))
+        cosine = dot(a, b)
+        gamma = cosine * dot(w, w) - dot(a, w) * dot(b, w)
+        return np.cos(limit.bound) - cosine, cross(a, b), gamma
     sign = -1.0 if limit.side == "twist.lower" else 1.0
     scalar, vector = q[0], q[1:]
     x = dot(vector, b)
     # The twist is an angle modulo one turn; atan of the ratio gives the one nearest to zero.
     twist = 2 * ca.atan(x / scalar)
-    J = scaled(scalar, scaled(scalar, b) + cross(b, vector)) + scaled(x, vector)
-    J = scaled(sign / (scalar * scalar + x * x), J)
-    symbols = ca.vertcat(*q)
-    rate = 0.5 * np.array([-dot(vector, w), *(scaled(scalar, w) + cross(vector, w))], dtype=object)
-    gamma = ca.jtimes(dot(J, w), symbols, ca.vertcat(*rate))
-    return sign * (twist - limit.bound), J, gamma
+    # With n = scalar^2 + x^2 the rate is (scalar alpha + x beta) / n; the second derivatives of
+    # scalar and x at wdot = 0 are both -|w|^2/4 of them, so that only n's rate is left.
+    n = scalar * scalar + x * x
+    J = scaled(1 / n, scaled(scalar, scaled(scalar, b) + cross(b, vector)) + scaled(x, vector))
+    alpha, beta = dot(b, scaled(scalar, w) + cross(vector, w)), dot(vector, w)
+    gamma = (scalar * alpha + x * beta) * (scalar * beta - x * alpha) / (n * n)
+    return sign * (twist - limit.bound), scaled(sign, J), sign * gamma
 
 
 def _rounded(d: np.ndarray) -> ca.SX:
