@@ -69,7 +69,6 @@ def model_text(functions: Iterable[ca.Function]) -> str:
 def tables_text(equations: Equations) -> str:
     """``model.hpp``: sizes and index tables of a tree as C++ constants."""
     tree, table = equations.tree, equations.tree.coordinates
-    packed = sum(len(before) + 1 for before in equations.pattern)
     constants = {
         "n_qD": table.n_qD,
         "n_vD": table.n_vD,
@@ -79,7 +78,7 @@ def tables_text(equations: Equations) -> str:
         "n_limits": len(tree.limits),
         "n_rows": tree.n_rows,
         "n_p": len(tree.parameters),
-        "n_packed": packed,
+        "n_packed": equations.n_packed,
         "n_points": sum(len(s.points) for s in tree.strings),
     }
     places = [_limit_place(tree, limit) for limit in tree.limits]
@@ -158,6 +157,7 @@ struct Model : ModelTables {
     return scalar::fan_##NAME(arg, res, nullptr, nullptr, 0); \\
   }
   FAN_FUNCTION(dynamics)
+  FAN_FUNCTION(exact_dynamics)
   FAN_FUNCTION(rows)
   FAN_FUNCTION(energy)
   FAN_FUNCTION(effort)

@@ -13,17 +13,18 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from fantoccini.equations import dynamics
+from fantoccini.equations import articulated, dynamics
 from fantoccini.equations.algebra import column, cross, dot, elements, matrix, scaled, zeros
 from fantoccini.equations.coriolis import coriolis_matrix
 from fantoccini.equations.system import System
-from fantoccini.tree import Role, Tree
+from fantoccini.tree import Link, Role, Tree
 
 STATE = ("q_D", "v_D", "q_K", "v_K")
 CONFIGURATION = ("q_D", "q_K")
 
 MODEL_INPUTS: dict[str, tuple[str, ...]] = {
     "dynamics": (*STATE, "acc_K", "u_D", "dt", "p"),
+    "exact_dynamics": (*STATE, "acc_K", "u_D", "dt", "p"),
     "rows": (*CONFIGURATION, "p"),
     "energy": (*STATE, "p"),
     "effort": (*STATE, "acc_D", "acc_K", "lam", "p"),
@@ -58,13 +59,11 @@ class Equations:
     Attributes:
         tree: the tree.
         system: its symbolic expressions.
-        pattern: columns of each row of L left of the diagonal (see ``dynamics.factor_pattern``).
     """
 
     def __init__(self, tree: Tree):
         self.tree = tree
         self.system = System(tree)
-        self.pattern = dynamics.factor_pattern(tree)
         self._made: dict[str, ca.Function] = {}
 
     def __getitem__(self, name: str) -> ca.Function:
@@ -89,23 +88,41 @@ class Equations:
         expressions = ca.cse([ca.densify(x) for x in outputs.values()])
         return ca.Function(f"fan_{name}", arguments, expressions, list(inputs), list(outputs))
 
+    @cached_property
+    def factor(self) -> articulated.Factor:
+        """F of M_DD = F^T F, with the joints' damping over a step dt; L are its numbers."""
+        s, value = self.system.symbols, self.system.value
+        return self._factor(lambda link: s.dt * value(link.damping))
+
+    @cached_property
+    def damped(self) -> bool:
+        """Whether a joint's damping acts over a step: whether ``dynamics`` depends on dt."""
+        links, value = self.tree.links, self.system.value
+        return any(k.role is Role.DYNAMIC and not value(k.damping).is_zero() for k in links)
+
+    def _factor(self, armature: Callable[[Link], ca.SX]) -> articulated.Factor:
+        system = self.system
+        return articulated.factorise(self.tree, system.joints, system.regrouped, armature)
+
     def _dynamics(self) -> dict[str, ca.SX]:
         """What the runtime needs to solve Eqs. 10 and 11 for any set of taut rows."""
+        return self._with_factor(self.factor)
+
+    def _exact_dynamics(self) -> dict[str, ca.SX]:
+        """The same for dt = 0, with fewer operations: a joint hands on nothing about its axis."""
+        return self._with_factor(self._factor(lambda link: ca.SX(0)))
+
+    def _with_factor(self, factor: articulated.Factor) -> dict[str, ca.SX]:
         system, s, tree = self.system, self.system.symbols, self.tree
         n, m = tree.coordinates.n_vD, len(tree.strings)
-        M = system.mass(Role.DYNAMIC, Role.DYNAMIC)
-        for link in tree.links:
-            if link.role is Role.DYNAMIC:
-                for k in range(link.v.start, link.v.stop):
-                    M[k, k] = M[k, k] + s.dt * system.value(link.damping)
-        L = dynamics.factorise(M, self.pattern)
         loads, v_K = system.free_loads, elements(s.v_K)
-        f_D, f_K = system.generalised(loads)
-        w0 = dynamics.solve_transposed(L, elements(s.u_D) - f_D, self.pattern)
+        _, f_K = system.generalised(loads)
+        needed = {i: (-torque, -force) for i, (torque, force) in enumerate(loads.wrenches)}
+        w0 = factor.forth(elements(s.u_D) - loads.f_D, needed)
         rows = system.string_rows
         W = zeros(n, m)
         for i, row in enumerate(rows):
-            W[:, i] = dynamics.solve_transposed(L, row.A_D, self.pattern)
+            W[:, i] = factor.forth(zeros(n), row.wrenches)
         G = zeros(m, m)
         for i in range(m):
             for j in range(i + 1):
@@ -115,7 +132,7 @@ class Equations:
         for i, (_, jacobian, _) in enumerate(limits):
             J[: len(jacobian), i] = jacobian
         return {
-            "L": column(self._packed(L)),
+            "L": column(factor.numbers(self.factor)),
             "w0": column(w0),
             "W": matrix(W),
             "G": matrix(G),
@@ -128,38 +145,25 @@ class Equations:
             "J_limit": matrix(J),
             "gamma_limit": column([gamma for _, _, gamma in limits]),
             "power0": dot(v_K, f_K),
-            "M_DK_v_K": column(system.mass(Role.DYNAMIC, Role.DRIVEN).dot(v_K)),
+            "M_DK_v_K": column(system.driven_momentum),
             "loss": loads.loss,
         }
 
-    def _packed(self, L: np.ndarray) -> list[ca.SX]:
-        """Row by row: the entries of the pattern, then the reciprocal diagonal."""
-        packed = []
-        for k, before in enumerate(self.pattern):
-            packed.extend(L[k, j] for j in before)
-            packed.append(L[k, k])
-        return packed
+    @property
+    def n_packed(self) -> int:
+        """Length of L."""
+        return len(self.factor.numbers(self.factor))
 
-    def _unpacked(self, packed: np.ndarray) -> np.ndarray:
-        n = len(self.pattern)
-        L, at = zeros(n, n), 0
-        for k, before in enumerate(self.pattern):
-            for j in [*before, k]:
-                L[k, j] = packed[at]
-                at += 1
-        return L
-
-    def _triangular(self, name: str, solve) -> ca.Function:
-        n_packed = sum(len(before) + 1 for before in self.pattern)
-        L, x = ca.SX.sym("L", n_packed), ca.SX.sym("x", len(self.pattern))
-        y = solve(self._unpacked(elements(L)), elements(x), self.pattern)
-        return ca.Function(f"fan_{name}", [L, x], [column(y)], ["L", "x"], ["y"])
+    def _solve(self, name: str, solve: Callable) -> ca.Function:
+        L, x = ca.SX.sym("L", self.n_packed), ca.SX.sym("x", self.factor.n)
+        y = ca.cse(column(solve(self.factor.stored(elements(L)), elements(x))))
+        return ca.Function(f"fan_{name}", [L, x], [y], ["L", "x"], ["y"])
 
     def _forth(self) -> ca.Function:
-        return self._triangular("forth", dynamics.solve_transposed)
+        return self._solve("forth", lambda factor, x: factor.forth(x, {}))
 
     def _back(self) -> ca.Function:
-        return self._triangular("back", dynamics.solve_lower)
+        return self._solve("back", articulated.Factor.back)
 
     def _rows(self) -> dict[str, ca.SX]:
         strings = [row.length for row in self.system.string_rows]

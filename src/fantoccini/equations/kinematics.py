@@ -78,10 +78,6 @@ class LinkMotion:
         """World velocity of a point fixed on the link."""
         return self.rate + self.R.dot(cross(self.w, at))
 
-    def point_acceleration(self, at: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-        """World acceleration of a point fixed on the link."""
-        return self.R.dot(self.a + self.U.dot(at)) + gravity
-
 
 def joint_motion(link: Link, q: np.ndarray, value: Value) -> JointMotion:
     """Pose and motion subspace of a joint at its configuration.

@@ -289,6 +289,15 @@ class System:
         return self.loads(self.free_motions)
 
     @cached_property
+    def driven_momentum(self) -> np.ndarray:
+        """(n_vD,) M_DK v_K: the forces of accelerations v_K alone."""
+        table = self.tree.coordinates
+        motions = self.motions(acc_K=elements(self.symbols.v_K), gravity=zeros(3))
+        wrenches = dynamics.link_wrenches(self.regrouped, motions)
+        loads = Loads(zeros(table.n_vD), zeros(table.n_vK), wrenches, ca.SX(0))
+        return self.generalised(loads)[0]
+
+    @cached_property
     def bias_D(self) -> np.ndarray:
         """(n_vD,) c(q, v) of Eq. 8: Coriolis, gravity and springs, without dissipation."""
         s = self.symbols

@@ -27,15 +27,16 @@ inline void read_state(
 }  // namespace fan
 
 // Sizes the caller must agree with: n_qD n_vD n_qK n_vK n_strings n_limits n_p row_width event_width,
-// and the bytes of InputArrays, Options and Record.
+// the bytes of InputArrays, Options and Record; and n_packed.
 FAN_EXPORT void fan_sizes(int* out) {
   using fan::Model;
   const int sizes[] = {
       Model::n_qD,     Model::n_vD,      Model::n_qK, Model::n_vK,
       Model::n_strings, Model::n_limits, Model::n_p,  fan::Record<Model>::row_width,
       fan::Record<Model>::event_width,
-      int(sizeof(fan::InputArrays)), int(sizeof(fan::Options)), int(sizeof(fan::Record<Model>))};
-  for (int i = 0; i < 12; ++i) out[i] = sizes[i];
+      int(sizeof(fan::InputArrays)), int(sizeof(fan::Options)), int(sizeof(fan::Record<Model>)),
+      Model::n_packed};
+  for (int i = 0; i < 13; ++i) out[i] = sizes[i];
 }
 
 FAN_EXPORT void* fan_new(int event_driven) {
