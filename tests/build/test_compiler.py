@@ -114,7 +114,7 @@ def test_a_compiler_that_hangs_is_stopped_with_its_children(tmp_path, program):
 def test_a_library_without_output_is_an_error(monkeypatch, program, source, key):
     """A compiler that says it worked and wrote nothing."""
     monkeypatch.setenv("FANTOCCINI_CXX", str(program("lazy", VERSION + "exit 0")))
-    with pytest.raises(BuildError, match="written no library"):
+    with pytest.raises(BuildError, match="has not written model.so"):
         build.obtain(key, source)
 
 

@@ -1,26 +1,37 @@
 """Equations -> source text. No disk, no names from the user's file.
 
-Three files make a compiled puppet: ``model.c`` (CasADi's generated functions), ``model.hpp`` (sizes
-and index tables as constants) and ``main.cpp`` (puts both under the runtime's C interface). The
-text depends on the equations alone, so it can serve as a golden file and as part of a cache key.
+A compiled puppet is made of ``model.c`` and its pieces (the functions), ``model.hpp`` (sizes and
+index tables as constants) and ``main.cpp`` (puts both under the runtime's C interface); the pieces
+can be compiled on their own and in parallel. The text depends on the equations alone, so it can
+serve as a golden file and as part of a cache key.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import casadi as ca
 
+from fantoccini.codegen.straight import alias, dealt, pieces, program
 from fantoccini.equations import Equations
 from fantoccini.puppet import Parameter
 from fantoccini.tree import LimitRow, StringRow, Tree
 
-VERSION = "1"
+VERSION = "2"
 """Version of the generated text; part of every cache key."""
 
 STEM = "model"
-"""The one file name CasADi's generator is given: it enters symbol names."""
+"""Of the files that hold the model."""
+
+
+PIECE = 1000
+"""Arithmetic statements of a piece."""
+
+UNIT = 6000
+"""Statements from which on pieces go to another file."""
+
+APART = 2000
+"""Arithmetic statements from which on the files of pieces are compiled apart from the runtime."""
 
 
 @dataclass(frozen=True)
@@ -30,11 +41,14 @@ class Generated:
     Attributes:
         files: file name -> text.
         main: the file to compile.
+        units: files to compile beside it, with ``FAN_APART`` defined in all; compiled by itself,
+            without that, ``main`` is whole too.
         operations: elementary operations of every generated function.
     """
 
     files: dict[str, str]
     main: str
+    units: tuple[str, ...]
     operations: dict[str, int]
 
 
@@ -44,26 +58,50 @@ def generate(equations: Equations) -> Generated:
     Args:
         equations: the derived equations.
     """
-    functions = equations.model
+    functions = dict(equations.model)
+    same = {} if equations.damped else {"exact_dynamics": "dynamics"}
+    text = model_text({n: f for n, f in functions.items() if n not in same}, same)
+    operations = {name: program(f).operations for name, f in functions.items()}
+    units = {}
+    if sum(operations[name] for name in functions if name not in same) >= APART:
+        units = {
+            name.replace("pieces", "unit").replace(".c", ".cpp"): _UNIT.format(pieces=name)
+            for name in text
+            if name.startswith("pieces")
+        }
     return Generated(
-        files={
-            f"{STEM}.c": model_text(functions.values()),
-            f"{STEM}.hpp": tables_text(equations),
-            "main.cpp": _MAIN,
-        },
+        files={**text, **units, f"{STEM}.hpp": tables_text(equations), "main.cpp": _MAIN},
         main="main.cpp",
-        operations={name: f.n_instructions() for name, f in functions.items()},
+        units=tuple(units),
+        operations=operations,
     )
 
 
-def model_text(functions: Iterable[ca.Function]) -> str:
-    """C99 text of the functions, as CasADi writes it."""
-    generator = ca.CodeGenerator(
-        f"{STEM}.c", {"with_header": False, "with_export": False, "include_math": False}
+def model_text(functions: dict[str, ca.Function], same: dict[str, str]) -> dict[str, str]:
+    """The functions as C, to be included where ``casadi_real`` is defined.
+
+    ``model.c`` declares the pieces, includes them unless ``FAN_APART`` is defined, and has the
+    functions that call them. ``pieces0.c`` and so on have the pieces.
+
+    Args:
+        functions: by the name they are called by.
+        same: name -> name of another function that computes the same.
+
+    Returns:
+        File name -> text.
+    """
+    made = {name: pieces(f, f"fan_{name}", PIECE) for name, f in functions.items()}
+    files = dealt([piece for cut in made.values() for piece in cut.pieces], UNIT)
+    names = [f"pieces{k}.c" for k in range(len(files))]
+    declarations = [line for cut in made.values() for line in cut.declarations]
+    definitions = [cut.definition for cut in made.values()]
+    definitions += [alias(f"fan_{name}", f"fan_{other}") for name, other in same.items()]
+    text = _MODEL.format(
+        declarations="\n".join(declarations),
+        includes="\n".join(f'#include "{name}"' for name in names),
+        definitions="\n\n".join(definitions),
     )
-    for function in functions:
-        generator.add(function)
-    return generator.dump()
+    return {f"{STEM}.c": text} | dict(zip(names, files, strict=True))
 
 
 def tables_text(equations: Equations) -> str:
@@ -136,6 +174,42 @@ def _limit_place(tree: Tree, limit: LimitRow) -> tuple[int, int]:
     place = tree.links[limit.link].v
     return place.start, place.stop - place.start
 
+
+_MODEL = """\
+#ifndef casadi_int
+#define casadi_int long long int
+#endif
+#ifdef FAN_APART
+#define FAN_PIECE
+#else
+#define FAN_PIECE static __attribute__((noinline))
+#endif
+
+{declarations}
+
+#ifndef FAN_APART
+{includes}
+#endif
+
+{definitions}
+
+#undef FAN_PIECE
+"""
+
+_UNIT = """\
+// Pieces of a compiled puppet's functions.
+#include <cmath>
+
+#include "fantoccini/real.hpp"
+
+namespace fan {{
+namespace scalar {{
+#define casadi_real double
+#define FAN_PIECE
+#include "{pieces}"
+}}  // namespace scalar
+}}  // namespace fan
+"""
 
 _MAIN = """\
 // A compiled puppet: the generated model under the runtime's C interface.

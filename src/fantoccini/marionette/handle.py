@@ -109,6 +109,7 @@ class Marionette(Analysis):
             generated.files,
             generated.main,
             {"operations": operations, "n_operations": max(operations.values())},
+            generated.units,
         )
 
     def with_parameters(self, values: Mapping[str, float]) -> Marionette:
