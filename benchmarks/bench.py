@@ -100,8 +100,7 @@ def compilation(runs: int) -> tuple[float, ...]:
     """Source text -> shared library, in a cache folder of its own."""
     marionette = fan.puppets.marionette()
     generated = codegen.generate(marionette.equations)
-    info = {"n_operations": max(generated.operations.values())}
-    source = build.Source(generated.files, generated.main, info)
+    source = build.Source(generated.files, generated.main, units=generated.units)
     kept = os.environ.get("FANTOCCINI_CACHE")
     with tempfile.TemporaryDirectory() as folder:
         os.environ["FANTOCCINI_CACHE"] = folder
@@ -120,9 +119,7 @@ def evaluation(runs: int) -> tuple[float, ...]:
     x0 = marionette.rest()
     bound = Input.hold(marionette).bound(x0.q_K, 0.0)
     generated = codegen.generate(marionette.equations)
-    source = build.Source(
-        generated.files, generated.main, {"n_operations": max(generated.operations.values())}
-    )
+    source = build.Source(generated.files, generated.main)
     with tempfile.TemporaryDirectory() as folder:
         for name, text in generated.files.items():
             Path(folder, name).write_text(text, encoding="utf-8")

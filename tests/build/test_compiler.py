@@ -118,16 +118,11 @@ def test_a_library_without_output_is_an_error(monkeypatch, program, source, key)
         build.obtain(key, source)
 
 
-def test_large_functions_are_compiled_with_less_optimisation():
-    assert build.optimisation_level(7_000) == "-O2"
-    assert build.optimisation_level(60_000) == "-O1"
-
-
 @pytest.mark.parametrize("kind", ["gcc", "clang", "zig"])
 @pytest.mark.parametrize("machine", ["x86_64", "aarch64", "arm64"])
 def test_no_flag_lets_the_compiler_break_arithmetic(kind, machine, monkeypatch):
     monkeypatch.setattr(compiler_module.platform, "machine", lambda: machine)
-    flags = (*BASE_FLAGS, *build.compile_flags(10, build.Compiler(("c++",), kind, "1")))
+    flags = (*BASE_FLAGS, *build.compile_flags(build.Compiler(("c++",), kind, "1")))
     assert "-ffp-contract=fast" in flags
     assert not {"-ffast-math", "-Ofast", "-funsafe-math-optimizations"} & set(flags)
     assert sum(flag.endswith("=native") for flag in flags) == 1

@@ -28,10 +28,6 @@ Kind = Literal["gcc", "clang", "zig"]
 COMPILE_SECONDS = 600.0
 """A compilation that takes longer is stopped."""
 
-LARGE = 12_000
-"""Operations of one function from which -O1 is used: straight-line code compiles in a time that
-grows faster than its size (g++ -O2: 4 s at 7,000 operations, 82 s for a chain of 40 links)."""
-
 BASE_FLAGS = (
     "-std=c++17",
     "-fPIC",
@@ -155,28 +151,23 @@ def install_command() -> str:
     return "python -m pip install ziglang"
 
 
-def optimisation_level(n_operations: int) -> str:
-    """The optimisation flag for straight-line code of a size.
+def compile_flags(compiler: Compiler) -> tuple[str, ...]:
+    """The flags that depend on the compiler and the processor.
 
-    Args:
-        n_operations: scalar operations of the largest generated function.
+    -O2 at every size: the code comes in pieces, so that it compiles in a time proportional to its
+    length (docs/growth.md has what -O1 would save and cost).
     """
-    return "-O2" if n_operations <= LARGE else "-O1"
-
-
-def compile_flags(n_operations: int, compiler: Compiler) -> tuple[str, ...]:
-    """The flags that depend on the size of the code, the compiler and the processor."""
     # On ARM only -mcpu is understood by every compiler; elsewhere -march.
     arm = platform.machine().lower() in ("arm64", "aarch64")
     native = "-mcpu=native" if arm or compiler.kind == "zig" else "-march=native"
     # zig instruments for undefined behaviour unless told not to.
     extra = ("-fno-sanitize=undefined",) if compiler.kind == "zig" else ()
-    return (optimisation_level(n_operations), native, *extra)
+    return ("-O2", native, *extra)
 
 
 def default_flags(source: Source) -> tuple[str, ...]:
-    """The flags :func:`obtain` uses unless told otherwise: by ``info["n_operations"]``."""
-    return compile_flags(int(source.info.get("n_operations", 0)), find_compiler())
+    """The flags :func:`obtain` uses unless told otherwise; the same for every source."""
+    return compile_flags(find_compiler())
 
 
 def command_lines(

@@ -34,9 +34,7 @@ class Source:
         files: file name -> text. The generator chooses the names: plain names, no folders.
         main: the file to compile; the others are for it to include.
         units: files to compile beside it, with ``FAN_APART`` defined in all, and to link with it.
-        info: JSON-able facts kept beside the library as ``info.json``. ``n_operations``, where
-            given, is the number of scalar operations of the largest function and decides the
-            optimisation level.
+        info: JSON-able facts kept beside the library as ``info.json``.
     """
 
     files: dict[str, str]

@@ -1,7 +1,15 @@
 """Equations -> source text: the model that is compiled here, and C99 to take elsewhere."""
 
 from fantoccini.codegen.c99 import c99_files
-from fantoccini.codegen.model import STEM, VERSION, Generated, generate, model_text, tables_text
+from fantoccini.codegen.model import (
+    STEM,
+    VERSION,
+    Generated,
+    generate,
+    model_text,
+    operations,
+    tables_text,
+)
 
 __all__ = [
     "STEM",
@@ -10,5 +18,6 @@ __all__ = [
     "c99_files",
     "generate",
     "model_text",
+    "operations",
     "tables_text",
 ]

@@ -43,7 +43,7 @@ class Generated:
         main: the file to compile.
         units: files to compile beside it, with ``FAN_APART`` defined in all; compiled by itself,
             without that, ``main`` is whole too.
-        operations: elementary operations of every generated function.
+        operations: arithmetic operations of every generated function.
     """
 
     files: dict[str, str]
@@ -58,12 +58,11 @@ def generate(equations: Equations) -> Generated:
     Args:
         equations: the derived equations.
     """
-    functions = dict(equations.model)
+    functions, counts = equations.model, operations(equations)
     same = {} if equations.damped else {"exact_dynamics": "dynamics"}
     text = model_text({n: f for n, f in functions.items() if n not in same}, same)
-    operations = {name: program(f).operations for name, f in functions.items()}
     units = {}
-    if sum(operations[name] for name in functions if name not in same) >= APART:
+    if sum(counts.values()) >= APART:
         units = {
             name.replace("pieces", "unit").replace(".c", ".cpp"): _UNIT.format(pieces=name)
             for name in text
@@ -73,8 +72,16 @@ def generate(equations: Equations) -> Generated:
         files={**text, **units, f"{STEM}.hpp": tables_text(equations), "main.cpp": _MAIN},
         main="main.cpp",
         units=tuple(units),
-        operations=operations,
+        operations=counts,
     )
+
+
+def operations(equations: Equations) -> dict[str, int]:
+    """Arithmetic operations of every compiled function; 0 for one that is another one."""
+    same = () if equations.damped else ("exact_dynamics",)
+    return {
+        name: 0 if name in same else program(f).operations for name, f in equations.model.items()
+    }
 
 
 def model_text(functions: dict[str, ca.Function], same: dict[str, str]) -> dict[str, str]:

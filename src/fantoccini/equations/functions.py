@@ -36,6 +36,7 @@ MODEL_INPUTS: dict[str, tuple[str, ...]] = {
 
 ANALYSIS_INPUTS: dict[str, tuple[str, ...]] = {
     "mass_matrix": (*CONFIGURATION, "p"),
+    "mass_times": (*CONFIGURATION, "acc_D", "p"),
     "coriolis": (*STATE, "p"),
     "bias": (*STATE, "p"),
     "gravity": (*CONFIGURATION, "p"),
@@ -145,7 +146,7 @@ class Equations:
             "J_limit": matrix(J),
             "gamma_limit": column([gamma for _, _, gamma in limits]),
             "power0": dot(v_K, f_K),
-            "M_DK_v_K": column(system.driven_momentum),
+            "M_DK_v_K": column(system.inertial(None, v_K)),
             "loss": loads.loss,
         }
 
@@ -221,6 +222,10 @@ class Equations:
             "M_DK": matrix(mass(dynamic, driven)),
             "M_KK": matrix(mass(driven, driven)),
         }
+
+    def _mass_times(self) -> dict[str, ca.SX]:
+        """M_DD acc_D, in a number of operations that grows with the links and not their square."""
+        return {"f": column(self.system.inertial(elements(self.system.symbols.acc_D), None))}
 
     def _coriolis(self) -> dict[str, ca.SX]:
         return {"C": coriolis_matrix(self.system)}

@@ -288,11 +288,10 @@ class System:
         """Loads with acc_D = 0: c + M_DK acc_K, with dissipation."""
         return self.loads(self.free_motions)
 
-    @cached_property
-    def driven_momentum(self) -> np.ndarray:
-        """(n_vD,) M_DK v_K: the forces of accelerations v_K alone."""
+    def inertial(self, acc_D: np.ndarray | None, acc_K: np.ndarray | None) -> np.ndarray:
+        """(n_vD,) M_DD acc_D + M_DK acc_K, by the forces of these accelerations alone."""
         table = self.tree.coordinates
-        motions = self.motions(acc_K=elements(self.symbols.v_K), gravity=zeros(3))
+        motions = self.motions(acc_D=acc_D, acc_K=acc_K, gravity=zeros(3))
         wrenches = dynamics.link_wrenches(self.regrouped, motions)
         loads = Loads(zeros(table.n_vD), zeros(table.n_vK), wrenches, ca.SX(0))
         return self.generalised(loads)[0]
@@ -348,8 +347,9 @@ class System:
         for inertia, motion in zip(self.regrouped, self.free_motions, strict=True):
             if inertia.is_zero():
                 continue
-            angular, linear = inertia.momentum(motion.w, motion.v)
-            total = total + 0.5 * (dot(motion.w, angular) + dot(motion.v, linear))
+            v, turned = motion.v, cross(motion.w, inertia.h)
+            turning = dot(motion.w, inertia.I.dot(motion.w)) + inertia.m * dot(v, v)
+            total = total + (0.5 * turning + dot(v, turned))
         return total
 
     @cached_property

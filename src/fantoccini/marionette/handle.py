@@ -104,11 +104,10 @@ class Marionette(Analysis):
     def _source(self) -> build.Source:
         self.check_mass_matrix()
         generated = codegen.generate(self.equations)
-        operations = generated.operations
         return build.Source(
             generated.files,
             generated.main,
-            {"operations": operations, "n_operations": max(operations.values())},
+            {"operations": generated.operations},
             generated.units,
         )
 

@@ -350,6 +350,7 @@ def _signatures(tree: Tree, packed: int) -> dict[str, tuple[tuple[int, ...], tup
     rows = (packed, n, n * n_s, n_s * n_s, *[n_s] * 5, n_l, 3 * n_l, n_l, 1, n, 1)
     return {
         "dynamics": ((*state, t.n_vK, n, 1, n_p), rows),
+        "exact_dynamics": ((*state, t.n_vK, n, 1, n_p), rows),
         "rows": ((*q, n_p), (n_s + n_l,)),
         "energy": ((*state, n_p), (1, 1)),
         "effort": ((*state, n, t.n_vK, n_s, n_p), (t.n_vK,)),

@@ -175,7 +175,8 @@ FAN_EXPORT double fan_present(const void* handle, double* y, signed char* mode) 
   return flow.t;
 }
 
-// Calls a model function n times: argument i of call k begins at arg[i] + k * arg_stride[i].
+// Calls a model function n times: argument i of call k begins at arg[i] + k * arg_stride[i]. No
+// pointer may be null but those of empty arguments and results.
 #define FAN_MAP(NAME, N_ARG, N_RES)                                                          \
   FAN_EXPORT int fan_map_##NAME(                                                             \
       long long n, const double* const* arg, const long long* arg_stride, double* const* res, \
@@ -184,13 +185,14 @@ FAN_EXPORT double fan_present(const void* handle, double* y, signed char* mode) 
     double* r[N_RES];                                                                        \
     for (long long k = 0; k < n; ++k) {                                                      \
       for (int i = 0; i < N_ARG; ++i) a[i] = arg[i] + k * arg_stride[i];                     \
-      for (int i = 0; i < N_RES; ++i) r[i] = res[i] ? res[i] + k * res_stride[i] : nullptr;  \
+      for (int i = 0; i < N_RES; ++i) r[i] = res[i] + k * res_stride[i];                    \
       fan::Model::NAME(a, r);                                                                \
     }                                                                                        \
     return 0;                                                                                \
   }
 
 FAN_MAP(dynamics, 8, 15)
+FAN_MAP(exact_dynamics, 8, 15)
 FAN_MAP(rows, 3, 1)
 FAN_MAP(energy, 5, 2)
 FAN_MAP(effort, 8, 1)
