@@ -35,8 +35,8 @@ OPERATIONS = {
     },
     "string_pendulum": {"dynamics": 33, "exact_dynamics": 0, "effort": 0, "energy": 6, "rows": 6},
 }
-"""Arithmetic operations of the compiled functions; 0 for one that is another one. Lower a number when the derivation or a puppet
-gets simpler; raise one only for a reason that the commit tells."""
+"""Arithmetic operations of the compiled functions; 0 for one that is another one. Lower a number
+when the derivation or a puppet gets simpler; raise one only for a reason that the commit tells."""
 
 _HASHES = """
 import hashlib, json, sys

@@ -84,7 +84,9 @@ def operations(equations: Equations) -> dict[str, int]:
     }
 
 
-def model_text(functions: dict[str, ca.Function], same: dict[str, str]) -> dict[str, str]:
+def model_text(
+    functions: dict[str, ca.Function], same: dict[str, str], longest: int = PIECE
+) -> dict[str, str]:
     """The functions as C, to be included where ``casadi_real`` is defined.
 
     ``model.c`` declares the pieces, includes them unless ``FAN_APART`` is defined, and has the
@@ -93,11 +95,12 @@ def model_text(functions: dict[str, ca.Function], same: dict[str, str]) -> dict[
     Args:
         functions: by the name they are called by.
         same: name -> name of another function that computes the same.
+        longest: arithmetic statements of a piece.
 
     Returns:
         File name -> text.
     """
-    made = {name: pieces(f, f"fan_{name}", PIECE) for name, f in functions.items()}
+    made = {name: pieces(f, f"fan_{name}", longest) for name, f in functions.items()}
     files = dealt([piece for cut in made.values() for piece in cut.pieces], UNIT)
     names = [f"pieces{k}.c" for k in range(len(files))]
     declarations = [line for cut in made.values() for line in cut.declarations]

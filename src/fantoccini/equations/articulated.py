@@ -1,4 +1,4 @@
-"""M_DD = F^T F by the articulated-body recursion: F^-T and F^-1 in a time that grows with the links.
+"""M_DD = F^T F by the articulated-body recursion: F^-T and F^-1 in operations linear in the links.
 
 A link with all that hangs from it answers a motion of its frame with the wrench N a - p, where N
 (6, 6) is its articulated inertia. From the leaves to the root every velocity k, with the column S
@@ -11,9 +11,12 @@ w = F^-T x for forces x in the joints and wrenches p on the links; back from the
 
     y_k = (w_k - U.a / sqrt D) / sqrt D,  a <- a + S y_k
 
-gives y = F^-1 w. Wrenches and motions have six entries, the angular ones first, in the link's frame.
-The linear velocities of a free joint are eliminated along the link's own axes: F is then not
-triangular, which nobody asks of it.
+gives y = F^-1 w. Wrenches and motions have six entries, the angular ones first, in the link's
+frame. The linear velocities of a free joint are eliminated along the link's own axes: F is then
+not triangular, which nobody asks of it.
+
+Without armature a joint hands on nothing about its own axis, so that rows of N vanish: a ball joint
+hands on a force. The armature is the damping of a step; an exact evaluation has none.
 """
 
 from __future__ import annotations

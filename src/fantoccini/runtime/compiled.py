@@ -17,7 +17,7 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.errors import BuildError, Status
 from fantoccini.motion import Input, State
-from fantoccini.tree import Role, Tree
+from fantoccini.tree import Tree
 
 _SIZES = (
     "n_qD", "n_vD", "n_qK", "n_vK", "n_strings", "n_limits", "n_p", "row_width", "event_width",
