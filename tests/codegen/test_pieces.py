@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 
 from cpp.toolchain import compile_program, equations, run_program
+from fantoccini import puppets
 from fantoccini.codegen import generate, model_text
 from fantoccini.codegen.straight import pieces, program
 from fantoccini.equations.functions import MODEL_INPUTS
+from fantoccini.puppet import load
+from harness import Model
 
 PROGRAM = """
 #include <cmath>
@@ -69,8 +72,9 @@ def test_a_function_in_pieces_gives_the_same_bits(name, which, longest, tmp_path
             (tmp_path / folder / file).write_text(text, encoding="ascii")
     (tmp_path / "both.cpp").write_text(PROGRAM, encoding="ascii")
     built = compile_program(str(tmp_path / "both.cpp"), tmp_path, "-O1", "-ffp-contract=off")
-    rng = np.random.default_rng(0)
-    given = [rng.normal(size=function.numel_in(i)) for i in range(function.n_in())]
+    state = Model.of(load(puppets.path(name))).random(0)
+    values = vars(state) | {"u_D": state.v_D, "dt": np.array([2e-3]), "p": np.zeros(0)}
+    given = [values[argument] for argument in function.name_in()]
     words = [function.n_in(), function.n_out()]
     for x in given:
         words += [len(x), *x]
