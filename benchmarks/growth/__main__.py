@@ -19,8 +19,8 @@ BODY = 25
 """Degrees of freedom of the puppet that is hung from more and more strings."""
 
 SIZES = [
-    *((kind, dof, 3) for kind in ("chain", "bushy") for dof in DOF),
     *(("bushy", BODY, n) for n in STRINGS if n != 3),
+    *((kind, dof, 3) for dof in DOF for kind in ("bushy", "chain")),
 ]
 
 
