@@ -34,6 +34,7 @@ DRAWN = ("operations", "derive", "compile_cpu", "evaluate", "memory", "compiler_
 COLOUR = {"chain": "#b03a2e", "bushy": "#1f4e8c"}
 FITTED = 25
 """Degrees of freedom from which an exponent is fitted."""
+_MEGABYTES = (80, 100, 150, 200, 300, 400)
 LONGEST = 60.0
 """What compiling 100 degrees of freedom is to stay below [s]."""
 
@@ -92,8 +93,12 @@ def draw(file: Path, by_dof: dict[str, list[Size]]) -> None:
             if figure == "compile_cpu":
                 panel.axhline(LONGEST, color="#8a8a8a", linestyle="--", linewidth=1)
             panel.set_title(FIGURES[figure])
-            panel.set_xticks(x, [str(n) for n in x])
+            ticks = sorted({s.dof for sizes in by_dof.values() for s in sizes})
+            panel.set_xticks(ticks, [str(n) for n in ticks])
             panel.minorticks_off()
+            if "memory" in figure:
+                panel.set_yticks(_MEGABYTES, [str(n) for n in _MEGABYTES])
+                panel.set_ylim(_MEGABYTES[0], _MEGABYTES[-1])
             panel.legend(loc="upper left")
             panel.margins(y=0.18)
         for panel in axes[-1]:
