@@ -38,7 +38,13 @@ def main() -> None:
         print(found[-1], flush=True)
         if kept:
             kept.write_text(json.dumps([vars(size) for size in found], indent=1))
-    report.write(ROOT, found, BODY)
+    report.write(ROOT, found, BODY, missing(found))
+
+
+def missing(found: list[Size]) -> list[str]:
+    """The sizes that were not measured, in words."""
+    there = {(s.kind, s.dof, s.strings) for s in found}
+    return [f"{k}, {n} DOF, {m} strings" for k, n, m in SIZES if (k, n, m) not in there]
 
 
 if __name__ == "__main__":

@@ -39,8 +39,8 @@ LONGEST = 60.0
 """What compiling 100 degrees of freedom is to stay below [s]."""
 
 
-def write(root: Path, sizes: Sequence[Size], body: int) -> None:
-    """Writes docs/growth.md and docs/pictures/growth.png."""
+def write(root: Path, sizes: Sequence[Size], body: int, missing: Sequence[str]) -> None:
+    """Writes docs/growth.md and docs/pictures/growth.png; what is missing is said."""
     by_dof = {
         kind: sorted((s for s in sizes if s.kind == kind and s.strings == 3), key=_dof)
         for kind in COLOUR
@@ -48,6 +48,8 @@ def write(root: Path, sizes: Sequence[Size], body: int) -> None:
     by_strings = sorted((s for s in sizes if s.kind == "bushy" and s.dof == body), key=_strings)
     draw(root / "docs" / "pictures" / "growth.png", by_dof)
     parts = ["# Growth", *map(_wrapped, _OPENING)]
+    if missing:
+        parts.append(_wrapped(f"Not measured this time: {'; '.join(missing)}."))
     for kind, rows in by_dof.items():
         parts += [f"## {_TITLE[kind]}", _by_size(rows, "dof", "DOF").markdown(), _marks(rows)]
     parts += [
@@ -76,9 +78,9 @@ def write(root: Path, sizes: Sequence[Size], body: int) -> None:
 
 def exponent(sizes: Sequence[Size], by: str, figure: str) -> float:
     """Slope of the straight line through the logarithms."""
-    x = [getattr(s, by) for s in sizes]
-    y = [getattr(s, figure) for s in sizes]
-    return float(np.polyfit(np.log(x), np.log(y), 1)[0])
+    x, y = (np.array([float(getattr(s, name)) for s in sizes]) for name in (by, figure))
+    known = np.isfinite(y)
+    return float(np.polyfit(np.log(x[known]), np.log(y[known]), 1)[0])
 
 
 def draw(file: Path, by_dof: dict[str, list[Size]]) -> None:
