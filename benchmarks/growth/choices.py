@@ -10,8 +10,8 @@ FACTORISATION = (
     "proportion to the links. Operations of a whole evaluation, and of one product with the "
     "inverse factor, before and after the recursion took the sparse factor's place (other savings "
     "were made in the same days; the bodies are those above). The sparse factor's products are "
-    "cheaper up to some thirty links in a row: the recursion is taken at every size because the "
-    "evaluation as a whole is within a few operations there, and smaller everywhere else."
+    "cheaper in short chains, and for those the recursion costs up to an eighth more in a whole "
+    "evaluation; it is taken at every size, so that there is one way only."
 )
 
 FACTORS = Table(
