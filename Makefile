@@ -6,7 +6,7 @@ OLDER := .venv-mujoco317
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test bench soak strings-report lint wheel clean
+.PHONY: demo test bench soak strings-report growth-report lint wheel clean
 .NOTPARALLEL:
 
 demo: $(VENV)/stamp-demo
@@ -23,6 +23,9 @@ soak: $(VENV)/stamp-test
 
 strings-report: $(VENV)/stamp-test
 	$(BIN)/python -m benchmarks.strings
+
+growth-report: $(VENV)/stamp-bench
+	$(BIN)/python -m benchmarks.growth
 
 lint: $(VENV)/stamp-test
 	$(BIN)/ruff check .

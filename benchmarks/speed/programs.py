@@ -81,4 +81,4 @@ def words(states: Sequence[State]) -> list:
 
 def source() -> build.Source:
     """The bundled marionette as text to be compiled, just as the library is made of it."""
-    return marionette()._source()
+    return marionette().source()

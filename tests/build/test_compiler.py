@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+import json
 import shutil
 import sys
 import time
@@ -11,7 +13,7 @@ import pytest
 
 from fantoccini import build
 from fantoccini.build import compiler as compiler_module
-from fantoccini.build.compiler import BASE_FLAGS, run_compiler
+from fantoccini.build.compiler import BASE_FLAGS, run_compiler, run_compilers
 from fantoccini.errors import BuildError
 
 VERSION = 'if [ "$1" = --version ]; then echo "fake g++ 1.0"; exit 0; fi\n'
@@ -114,20 +116,55 @@ def test_a_compiler_that_hangs_is_stopped_with_its_children(tmp_path, program):
 def test_a_library_without_output_is_an_error(monkeypatch, program, source, key):
     """A compiler that says it worked and wrote nothing."""
     monkeypatch.setenv("FANTOCCINI_CXX", str(program("lazy", VERSION + "exit 0")))
-    with pytest.raises(BuildError, match="written no library"):
+    with pytest.raises(BuildError, match=r"has not written model\.so"):
         build.obtain(key, source)
 
 
-def test_large_functions_are_compiled_with_less_optimisation():
-    assert build.optimisation_level(7_000) == "-O2"
-    assert build.optimisation_level(60_000) == "-O1"
+def parts(second: str) -> build.Source:
+    """A main file that calls what two units define."""
+    main = "int one(); int two();\n"
+    main += 'extern "C" __attribute__((visibility("default"))) int answer();\n'
+    main += "int answer() { return one() + two(); }\n"
+    main += '#ifndef FAN_APART\n#include "one.cpp"\n#include "two.cpp"\n#endif\n'
+    files = {"main.cpp": main, "one.cpp": "int one() { return 3; }\n", "two.cpp": second}
+    return build.Source(files, "main.cpp", units=("one.cpp", "two.cpp"))
+
+
+def test_units_are_compiled_apart_and_linked(key):
+    entry = build.obtain(key, lambda: parts("int two() { return 4; }\n"))
+    assert ctypes.CDLL(str(entry / build.LIBRARY)).answer() == 7
+    commands = json.loads((entry / "complete.json").read_text())["commands"]
+    assert [command[-1] for command in commands] == ["main.o", "one.o", "two.o", build.LIBRARY]
+    assert not list(entry.glob("*.o"))
+
+
+def test_a_unit_that_does_not_compile_shows_its_line(key, cache):
+    with pytest.raises(BuildError, match=r"two\.cpp:2(.|\n)*the sources are in"):
+        build.obtain(key, lambda: parts("int two() {\n  return four;\n}\n"))
+    assert not (cache / key[:2] / key).exists()
+
+
+def test_compilers_beside_one_that_fails_are_ended(tmp_path, program):
+    failing, late = program("failing", "exit 1"), tmp_path / "late"
+    hanging = program("hanging", f"(sleep 3; touch {late}) & wait")
+    start = time.monotonic()
+    with pytest.raises(BuildError, match="exit code 1"):
+        run_compilers([[str(failing), "a.o"], [str(hanging), "b.o"]], tmp_path)
+    assert time.monotonic() - start < 2.5
+    time.sleep(3.2)
+    assert not late.exists()
+
+
+def test_a_unit_must_be_among_the_files():
+    with pytest.raises(ValueError, match=r"'other\.cpp' is not among the files"):
+        build.Source({"main.cpp": ""}, "main.cpp", units=("other.cpp",))
 
 
 @pytest.mark.parametrize("kind", ["gcc", "clang", "zig"])
 @pytest.mark.parametrize("machine", ["x86_64", "aarch64", "arm64"])
 def test_no_flag_lets_the_compiler_break_arithmetic(kind, machine, monkeypatch):
     monkeypatch.setattr(compiler_module.platform, "machine", lambda: machine)
-    flags = (*BASE_FLAGS, *build.compile_flags(10, build.Compiler(("c++",), kind, "1")))
+    flags = (*BASE_FLAGS, *build.compile_flags(build.Compiler(("c++",), kind, "1")))
     assert "-ffp-contract=fast" in flags
     assert not {"-ffast-math", "-Ofast", "-funsafe-math-optimizations"} & set(flags)
     assert sum(flag.endswith("=native") for flag in flags) == 1

@@ -37,6 +37,7 @@ struct Model : ModelTables {
   }                                                           \
   FAN_WIDE(NAME)
   FAN_FUNCTION(dynamics)
+  FAN_FUNCTION(exact_dynamics)
   FAN_FUNCTION(rows)
   FAN_FUNCTION(energy)
   FAN_FUNCTION(effort)

@@ -311,3 +311,42 @@ def _product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def _rotate(q: np.ndarray, x: np.ndarray) -> np.ndarray:
     return x + 2 * np.cross(q[1:], np.cross(q[1:], x) + q[0] * x)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_exact_dynamics_are_the_dynamics_of_a_step_of_no_length(seed):
+    """Their factors differ in what is stored where, and their products with it do not."""
+    model = tree(seed, strings=3, limits=True, drag=True)
+    state, rng = model.random(seed), np.random.default_rng(seed)
+    u_D = rng.normal(size=model.table.n_vD)
+    step, exact = (model.call(f, state, u_D=u_D) for f in ("dynamics", "exact_dynamics"))
+    for name in step:
+        if name != "L":
+            close(exact[name], step[name], 1e-12)
+    for product in ("forth", "back"):
+        of_step, of_exact = (model.equations[product](x["L"], u_D) for x in (step, exact))
+        close(np.array(of_exact), np.array(of_step), 1e-12)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_factor_of_a_step_has_its_damping(seed):
+    """back(forth(x)) = (M + dt damping)^-1 x."""
+    model, dt = tree(seed), 0.1
+    state, t = model.random(seed), model.table
+    x = np.random.default_rng(seed).normal(size=t.n_vD)
+    M = whole_mass(model, state)[: t.n_vD, : t.n_vD]
+    for link in model.tree.links:
+        if link.role == "dynamic":
+            M[link.v, link.v] += dt * link.damping * np.eye(link.v.stop - link.v.start)
+    L = model.call("dynamics", state, dt=dt)["L"]
+    found = np.array(model.equations["back"](L, model.equations["forth"](L, x))).ravel()
+    close(found, np.linalg.solve(M, x), 1e-11)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_mass_times_is_a_product_with_M(seed):
+    model = tree(seed)
+    state, n = model.random(seed), model.table.n_vD
+    x = np.random.default_rng(seed).normal(size=n)
+    product = whole_mass(model, state)[:n, :n] @ x
+    close(model.one("mass_times", state, acc_D=x)[:, 0], product, 1e-13)

@@ -11,7 +11,6 @@ from fantoccini.build.compiler import (
     compile_flags,
     default_flags,
     find_compiler,
-    optimisation_level,
 )
 from fantoccini.build.describe import describe
 from fantoccini.build.entry import INFO, LIBRARY, Source
@@ -31,6 +30,5 @@ __all__ = [
     "find_compiler",
     "fingerprint",
     "obtain",
-    "optimisation_level",
     "runtime_folder",
 ]

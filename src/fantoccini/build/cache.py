@@ -20,10 +20,11 @@ from pathlib import Path
 from fantoccini.build.compiler import (
     COMPILE_SECONDS,
     DiskError,
-    command_line,
+    command_lines,
     default_flags,
     find_compiler,
     run_compiler,
+    run_compilers,
 )
 from fantoccini.build.entry import Source, is_whole, seal, write_source
 from fantoccini.build.folders import UnusableError, cache_folder, distrust, private_folder
@@ -194,13 +195,16 @@ def _make(
     with _writing(root):
         folder = Path(tempfile.mkdtemp(prefix="tmp-", dir=entry.parent))
     try:
-        command = command_line(compiler, source.main, flags, runtime_folder())
+        parts, whole = command_lines(compiler, source, flags, runtime_folder())
         with _writing(root):
             write_source(folder, source)
         tell(f"compiling with {compiler.version}")
         with _writing(root):
-            run_compiler(command, folder)
-            seal(folder, tuple(command))
+            run_compilers(parts, folder)
+            run_compiler(whole, folder)
+            for command in parts:
+                (folder / command[-1]).unlink()
+            seal(folder, [*parts, whole])
             _settle(folder, entry, replace)
     except BuildError as error:
         # The sources stay for the user to look at, until the next failure of the same puppet.

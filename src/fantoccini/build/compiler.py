@@ -15,6 +15,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -27,10 +28,6 @@ Kind = Literal["gcc", "clang", "zig"]
 COMPILE_SECONDS = 600.0
 """A compilation that takes longer is stopped."""
 
-LARGE = 12_000
-"""Operations of one function from which -O1 is used: straight-line code compiles in a time that
-grows faster than its size (g++ -O2: 4 s at 7,000 operations, 82 s for a chain of 40 links)."""
-
 BASE_FLAGS = (
     "-std=c++17",
     "-fPIC",
@@ -39,6 +36,9 @@ BASE_FLAGS = (
     "-ffp-contract=fast",
 )
 """Always given. Never -ffast-math: the runtime relies on infinities and on the order of sums."""
+
+APART = "-DFAN_APART"
+"""Tells the files of a source with units that each is to hold its own part only."""
 
 _VERSION_SECONDS = 60.0
 _ENGLISH = {"LC_ALL": "C"}
@@ -151,42 +151,84 @@ def install_command() -> str:
     return "python -m pip install ziglang"
 
 
-def optimisation_level(n_operations: int) -> str:
-    """The optimisation flag for straight-line code of a size.
+def compile_flags(compiler: Compiler) -> tuple[str, ...]:
+    """The flags that depend on the compiler and the processor.
 
-    Args:
-        n_operations: scalar operations of the largest generated function.
+    -O2 at every size: the code comes in pieces, so that it compiles in a time proportional to its
+    length (docs/growth.md has what -O1 would save and cost).
     """
-    return "-O2" if n_operations <= LARGE else "-O1"
-
-
-def compile_flags(n_operations: int, compiler: Compiler) -> tuple[str, ...]:
-    """The flags that depend on the size of the code, the compiler and the processor."""
     # On ARM only -mcpu is understood by every compiler; elsewhere -march.
     arm = platform.machine().lower() in ("arm64", "aarch64")
     native = "-mcpu=native" if arm or compiler.kind == "zig" else "-march=native"
     # zig instruments for undefined behaviour unless told not to.
     extra = ("-fno-sanitize=undefined",) if compiler.kind == "zig" else ()
-    return (optimisation_level(n_operations), native, *extra)
+    return ("-O2", native, *extra)
 
 
 def default_flags(source: Source) -> tuple[str, ...]:
-    """The flags :func:`obtain` uses unless told otherwise: by ``info["n_operations"]``."""
-    return compile_flags(int(source.info.get("n_operations", 0)), find_compiler())
+    """The flags :func:`obtain` uses unless told otherwise; the same for every source."""
+    return compile_flags(find_compiler())
 
 
-def command_line(compiler: Compiler, main: str, flags: tuple[str, ...], include: Path) -> list[str]:
-    """The command that makes the library from ``main``, run inside the entry's folder."""
-    return [*compiler.command, *BASE_FLAGS, *flags, "-I", str(include), main, "-o", LIBRARY]
+def command_lines(
+    compiler: Compiler, source: Source, flags: tuple[str, ...], include: Path
+) -> tuple[list[list[str]], list[str]]:
+    """The commands that make the library, to run inside the entry's folder.
+
+    Returns:
+        Commands that can run at the same time, and the one that links what they made; the first
+        list is empty where one command does both.
+    """
+    files = [source.main, *source.units]
+    common = [*compiler.command, *BASE_FLAGS, *flags]
+    if len(files) == 1:
+        return [], [*common, "-I", str(include), source.main, "-o", LIBRARY]
+    alone = [flag for flag in common if flag != "-shared"] + [APART, "-I", str(include), "-c"]
+    objects = [f"{Path(file).stem}.o" for file in files]
+    parts = [[*alone, f, "-o", o] for f, o in zip(files, objects, strict=True)]
+    return parts, [*common, *objects, "-o", LIBRARY]
 
 
-def run_compiler(command: list[str], folder: Path, seconds: float = COMPILE_SECONDS) -> None:
+def run_compilers(
+    commands: list[list[str]], folder: Path, seconds: float = COMPILE_SECONDS
+) -> None:
+    """Runs compilers in a folder, as many at a time as there are processors.
+
+    Args:
+        commands: each as in :func:`run_compiler`.
+        folder: where they run.
+        seconds: how long each may take.
+
+    Raises:
+        BuildError, DiskError: of the first one to fail; the others are ended.
+    """
+    running: set[subprocess.Popen[str]] = set()
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        made = [pool.submit(run_compiler, c, folder, seconds, running) for c in commands]
+        try:
+            for future in as_completed(made):
+                future.result()
+        except BaseException:
+            for future in made:
+                future.cancel()
+            for process in running.copy():
+                _kill(process)
+            raise
+
+
+def run_compiler(
+    command: list[str],
+    folder: Path,
+    seconds: float = COMPILE_SECONDS,
+    running: set[subprocess.Popen[str]] | None = None,
+) -> None:
     """Runs a compiler in a folder and waits for it.
 
     Args:
-        command: program and arguments.
+        command: program and arguments, the last one the file to write.
         folder: where it runs; relative names in the command are inside it.
         seconds: how long it may take.
+        running: holds the process while it runs.
 
     Raises:
         BuildError: it failed, or took too long.
@@ -207,6 +249,8 @@ def run_compiler(command: list[str], folder: Path, seconds: float = COMPILE_SECO
         )
     except OSError as error:
         raise BuildError(f"the compiler {command[0]!r} does not start: {error}") from error
+    running = set() if running is None else running
+    running.add(process)
     try:
         output, _ = process.communicate(timeout=seconds)
     except subprocess.TimeoutExpired:
@@ -218,9 +262,11 @@ def run_compiler(command: list[str], folder: Path, seconds: float = COMPILE_SECO
     except BaseException:
         _end(process)
         raise
+    finally:
+        running.discard(process)
     if process.returncode == 0:
-        if not (folder / LIBRARY).is_file():
-            raise BuildError(f"{command[0]} reports success and has written no library")
+        if not (folder / command[-1]).is_file():
+            raise BuildError(f"{command[0]} reports success and has not written {command[-1]}")
         return
     if any(sign in output for sign in _FULL):
         raise DiskError(next(line for line in output.splitlines() if any(s in line for s in _FULL)))
@@ -234,10 +280,15 @@ def run_compiler(command: list[str], folder: Path, seconds: float = COMPILE_SECO
 
 
 def _end(process: subprocess.Popen[str]) -> None:
-    """Ends a compiler and the programs it started, which outlive it when it alone is ended."""
+    """Ends a compiler and waits for it."""
+    _kill(process)
+    process.communicate()
+
+
+def _kill(process: subprocess.Popen[str]) -> None:
+    """Kills a compiler and the programs it started, which outlive it when it alone is ended."""
     if hasattr(os, "killpg"):
         with contextlib.suppress(OSError):
             os.killpg(process.pid, signal.SIGKILL)
     else:
         process.kill()
-    process.communicate()

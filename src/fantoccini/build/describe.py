@@ -24,7 +24,7 @@ def describe() -> dict[str, str]:
     try:
         compiler = find_compiler()
         facts["compiler"] = f"{compiler.version} ({' '.join(compiler.command)})"
-        facts["flags"] = " ".join((*BASE_FLAGS, *compile_flags(0, compiler)))
+        facts["flags"] = " ".join((*BASE_FLAGS, *compile_flags(compiler)))
     except BuildError as error:
         facts["compiler"] = "none"
         problems.append(str(error))

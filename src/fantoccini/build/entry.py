@@ -33,14 +33,14 @@ class Source:
     Attributes:
         files: file name -> text. The generator chooses the names: plain names, no folders.
         main: the file to compile; the others are for it to include.
-        info: JSON-able facts kept beside the library as ``info.json``. ``n_operations``, where
-            given, is the number of scalar operations of the largest function and decides the
-            optimisation level.
+        units: files to compile beside it, with ``FAN_APART`` defined in all, and to link with it.
+        info: JSON-able facts kept beside the library as ``info.json``.
     """
 
     files: dict[str, str]
     main: str
     info: dict[str, Any] = field(default_factory=dict)
+    units: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name in self.files:
@@ -48,6 +48,8 @@ class Source:
                 raise ValueError(f"{name!r} cannot be the name of a source file")
         if self.main not in self.files:
             raise ValueError(f"the main file {self.main!r} is not among the files")
+        if missing := [name for name in self.units if name not in self.files]:
+            raise ValueError(f"the unit {missing[0]!r} is not among the files")
 
 
 def write_source(folder: Path, source: Source) -> None:
@@ -57,12 +59,12 @@ def write_source(folder: Path, source: Source) -> None:
     (folder / INFO).write_text(json.dumps(source.info, indent=1), encoding="utf-8")
 
 
-def seal(folder: Path, command: tuple[str, ...]) -> None:
+def seal(folder: Path, commands: list[list[str]]) -> None:
     """Writes ``complete.json``, after the library has reached the disk.
 
     Args:
         folder: the entry under its temporary name.
-        command: how the library was compiled, for the reader.
+        commands: how the library was compiled, for the reader.
     """
     with open(folder / LIBRARY, "rb+") as library:
         content = library.read()
@@ -70,7 +72,7 @@ def seal(folder: Path, command: tuple[str, ...]) -> None:
     complete = {
         "size": len(content),
         "sha256": hashlib.sha256(content).hexdigest(),
-        "command": list(command),
+        "commands": commands,
     }
     with open(folder / COMPLETE, "w", encoding="utf-8") as out:
         json.dump(complete, out, indent=1)

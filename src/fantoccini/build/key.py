@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from importlib import metadata
 from pathlib import Path
 
-from fantoccini.build.compiler import BASE_FLAGS, LARGE, find_compiler
+from fantoccini.build.compiler import BASE_FLAGS, compile_flags, find_compiler
 
 
 def fingerprint(canonical: str, generator: str, flags: Iterable[str] = ()) -> str:
@@ -32,7 +32,7 @@ def fingerprint(canonical: str, generator: str, flags: Iterable[str] = ()) -> st
         "canonical": canonical,
         "generator": generator,
         "flags": list(flags),
-        "standard flags": [*BASE_FLAGS, LARGE],
+        "standard flags": [*BASE_FLAGS, *compile_flags(compiler)],
         "casadi": casadi_version(),
         "runtime": runtime_hash(runtime_folder()),
         "compiler": [compiler.kind, compiler.version, *compiler.command],

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from fantoccini import puppets
+from fantoccini.build import describe
 from fantoccini.cli.files import marionette
 from fantoccini.cli.terminal import number, table, write
+from fantoccini.codegen import operations
 from fantoccini.errors import BuildError
 from fantoccini.marionette import Marionette
 from fantoccini.puppet import Number, Parameter
@@ -12,6 +14,13 @@ from fantoccini.tree import WORLD, LimitRow, StringRow
 
 _WINCH = ("restitution", "max_tension", "rewind_speed")
 """What only some puppets' strings have."""
+
+
+_EVALUATED = {
+    "dynamics": "a time step",
+    "exact_dynamics": "an evaluation of an event-driven run",
+}
+"""What the counts that matter are paid for."""
 
 
 class _NotThereError(Exception):
@@ -91,8 +100,15 @@ def describe_puppet(file: str) -> None:
         [(limit.name, _bound(made, limit)) for limit in tree.limits],
     )
     table("Parameters", ("name", "value>"), [(n, float(v)) for n, v in tree.parameters.items()])
-    counts = {name: f.n_instructions() for name, f in made.equations.model.items()}
-    table("Operations", ("function", "count>"), list(counts.items()))
+    counts = operations(made.equations)
+    rows = [(name, _EVALUATED.get(name, ""), n) for name, n in counts.items()]
+    table("Operations", ("function", "", "count>"), [*rows, ("all", "", sum(counts.values()))])
+    write(f"compiled with {_flags()}")
+
+
+def _flags() -> str:
+    """The compiler's flags, or that there is no compiler."""
+    return describe().get("flags", "nothing: there is no compiler")
 
 
 def _compiled(file: str) -> str:

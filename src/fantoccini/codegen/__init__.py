@@ -10,6 +10,7 @@ from fantoccini.codegen.model import (
     generate,
     generate_lanes,
     model_text,
+    operations,
     tables_text,
 )
 
@@ -23,5 +24,6 @@ __all__ = [
     "generate_derivatives",
     "generate_lanes",
     "model_text",
+    "operations",
     "tables_text",
 ]

@@ -27,7 +27,7 @@ def c99_files(equations: Equations) -> dict[str, str]:
     """
     functions = {name: equations[name] for name in FUNCTIONS}
     sizes = {name: len(order.entries) for name, order in orders(equations.tree).items()}
-    sizes["packed"] = sum(len(before) + 1 for before in equations.pattern)
+    sizes["packed"] = equations.n_packed
     return {
         "fan_model.h": _header(equations.tree, functions, sizes),
         "fan_model.c": _source(functions),

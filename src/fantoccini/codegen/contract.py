@@ -32,8 +32,8 @@ FUNCTIONS = {
     "effort": "Force on every driven coordinate: M_KD acc_D + M_KK acc_K + c_K - A_K^T lam.",
     "dynamics": "All that the accelerations and tensions of any set of taut strings need "
     "(Eqs. 10, 11): acc_D = back(L, w0 + W lam), hddot = gamma + a0 + G lam, lam = -tension.",
-    "forth": "y = L^-T x.",
-    "back": "y = L^-1 x.",
+    "forth": "y = F^-T x.",
+    "back": "y = F^-1 x.",
 }
 """Name of an exported function -> what it computes, in the order of the header."""
 
@@ -51,7 +51,7 @@ ARGUMENTS: dict[str, tuple[Shape, str]] = {
     "wrench": (("6", "links"), "force at the centre of mass [N], torque [N m]; world axes"),
     "dt": (("1",), "step of implicit joint damping; 0: exact equations [s]"),
     "p": (("p",), "parameters"),
-    "L": (("packed",), "factor of M = L^T L that fan_dynamics gives"),
+    "L": (("packed",), "numbers of the factor M = F^T F that fan_dynamics gives"),
     "x": (("v_D",), "any vector"),
 }
 """Argument -> its shape in orders of entries, its meaning and unit."""
@@ -75,9 +75,9 @@ RESULTS: dict[str, tuple[Shape, str]] = {
     "points.points": (("3", "points"), "x, y, z [m]"),
     "wrench_forces.u_D": (("v_D",), "[force's unit]"),
     "effort.f_K": (("v_K",), "[force's unit]"),
-    "dynamics.L": (("packed",), "factor of M = L^T L, for fan_forth and fan_back only"),
-    "dynamics.w0": (("v_D",), "L^-T (u_D - c - damping - M_DK acc_K)"),
-    "dynamics.W": (("v_D", "strings"), "L^-T A_D^T"),
+    "dynamics.L": (("packed",), "numbers of the factor M = F^T F, for fan_forth and fan_back only"),
+    "dynamics.w0": (("v_D",), "F^-T (u_D - c - damping - M_DK acc_K)"),
+    "dynamics.W": (("v_D", "strings"), "F^-T A_D^T"),
     "dynamics.G": (("strings", "strings"), "A_D M^-1 A_D^T = W^T W [1/kg]"),
     "dynamics.h": (("strings",), "path length minus string length [m]"),
     "dynamics.hdot": (("strings",), "its rate [m/s]"),

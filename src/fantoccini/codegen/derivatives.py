@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from fantoccini.codegen.model import STEM, Generated, model_text
+from fantoccini.codegen.model import Generated, assembled
+from fantoccini.codegen.straight import program
 from fantoccini.equations import Derivatives
 
 SIZES = ("n_qD", "n_vD", "n_qK", "n_vK", "n_rows", "n_p")
@@ -25,24 +26,24 @@ def generate_derivatives(derivatives: Derivatives) -> Generated:
         for name, function in functions.items()
     )
     main = _MAIN.replace("SIZES", ", ".join(map(str, sizes))).replace("MAPS", maps)
-    return Generated(
-        files={f"{STEM}.c": model_text(functions.values()), "main.cpp": main},
-        main="main.cpp",
-        operations={name: f.n_instructions() for name, f in functions.items()},
-    )
+    counts = {name: program(f).operations for name, f in functions.items()}
+    return assembled(functions, counts, {"main.cpp": main})
 
 
 _MAIN = """\
 // The derivatives of a puppet's equations of motion.
 #include <cmath>
 
+#include "fantoccini/export.hpp"
+#include "fantoccini/real.hpp"
+
 namespace fan {
+namespace scalar {
 #define casadi_real double
 #include "model.c"
 #undef casadi_real
+}  // namespace scalar
 }  // namespace fan
-
-#define FAN_EXPORT extern "C" __attribute__((visibility("default")))
 
 FAN_EXPORT void fan_sizes(int* out) {
   const int sizes[] = {SIZES};
@@ -59,7 +60,7 @@ FAN_EXPORT void fan_sizes(int* out) {
     for (long long k = 0; k < n; ++k) {                                                       \\
       for (int i = 0; i < N_ARG; ++i) a[i] = arg[i] + k * arg_stride[i];                      \\
       for (int i = 0; i < N_RES; ++i) r[i] = res[i] + k * res_stride[i];                      \\
-      fan::fan_##NAME(a, r, nullptr, nullptr, 0);                                             \\
+      fan::scalar::fan_##NAME(a, r, nullptr, nullptr, 0);                                     \\
     }                                                                                         \\
     return 0;                                                                                 \\
   }

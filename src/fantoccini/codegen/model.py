@@ -1,26 +1,37 @@
 """Equations -> source text. No disk, no names from the user's file.
 
-Three files make a compiled puppet: ``model.c`` (CasADi's generated functions), ``model.hpp`` (sizes
-and index tables as constants) and ``main.cpp`` (puts both under the runtime's C interface). The
-text depends on the equations alone, so it can serve as a golden file and as part of a cache key.
+A compiled puppet is made of ``model.c`` and its pieces (the functions), ``model.hpp`` (sizes and
+index tables as constants) and ``main.cpp`` (puts both under the runtime's C interface); the pieces
+can be compiled on their own and in parallel. The text depends on the equations alone, so it can
+serve as a golden file and as part of a cache key.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import casadi as ca
 
+from fantoccini.codegen.straight import alias, dealt, pieces, program
 from fantoccini.equations import Equations
 from fantoccini.puppet import Parameter
 from fantoccini.tree import LimitRow, StringRow, Tree
 
-VERSION = "1"
+VERSION = "2"
 """Version of the generated text; part of every cache key."""
 
 STEM = "model"
-"""The one file name CasADi's generator is given: it enters symbol names."""
+"""Of the files that hold the model."""
+
+
+PIECE = 1000
+"""Arithmetic statements of a piece."""
+
+UNIT = 6000
+"""Statements from which on pieces go to another file."""
+
+APART = 2000
+"""Arithmetic statements from which on the files of pieces are compiled apart from the runtime."""
 
 
 @dataclass(frozen=True)
@@ -30,11 +41,14 @@ class Generated:
     Attributes:
         files: file name -> text.
         main: the file to compile.
-        operations: elementary operations of every generated function.
+        units: files to compile beside it, with ``FAN_APART`` defined in all; compiled by itself,
+            without that, ``main`` is whole too.
+        operations: arithmetic operations of every generated function.
     """
 
     files: dict[str, str]
     main: str
+    units: tuple[str, ...]
     operations: dict[str, int]
 
 
@@ -44,16 +58,10 @@ def generate(equations: Equations) -> Generated:
     Args:
         equations: the derived equations.
     """
-    functions = equations.model
-    return Generated(
-        files={
-            f"{STEM}.c": model_text(functions.values()),
-            f"{STEM}.hpp": tables_text(equations),
-            "main.cpp": _MAIN,
-        },
-        main="main.cpp",
-        operations={name: f.n_instructions() for name, f in functions.items()},
-    )
+    same = {} if equations.damped else {"exact_dynamics": "dynamics"}
+    functions = {name: f for name, f in equations.model.items() if name not in same}
+    tables = {f"{STEM}.hpp": tables_text(equations)}
+    return assembled(functions, operations(equations), tables | {"main.cpp": _MAIN}, same=same)
 
 
 def generate_lanes(equations: Equations) -> Generated:
@@ -62,32 +70,101 @@ def generate_lanes(equations: Equations) -> Generated:
     Args:
         equations: the derived equations.
     """
-    functions = {name: equations.model[name] for name in _LANE_FUNCTIONS}
-    return Generated(
-        files={
-            f"{STEM}.c": model_text(functions.values()),
-            f"{STEM}.hpp": tables_text(equations),
-            "main.cpp": _LANES_MAIN,
-        },
-        main="main.cpp",
-        operations={name: f.n_instructions() for name, f in functions.items()},
+    counts = operations(equations)
+    files = {f"{STEM}.hpp": tables_text(equations), "main.cpp": _LANES_MAIN}
+    return assembled(
+        {name: equations.model[name] for name in _LANE_FUNCTIONS},
+        {name: counts[name] for name in _LANE_FUNCTIONS},
+        files,
+        real=Real("fan::Wide", "wide", "fantoccini/wide.hpp"),
     )
 
 
-def model_text(functions: Iterable[ca.Function]) -> str:
-    """C99 text of the functions, as CasADi writes it."""
-    generator = ca.CodeGenerator(
-        f"{STEM}.c", {"with_header": False, "with_export": False, "include_math": False}
+@dataclass(frozen=True)
+class Real:
+    """The type that functions compute with.
+
+    Attributes:
+        type: in C++.
+        space: namespace inside ``fan`` that holds the functions.
+        header: where the type is declared.
+    """
+
+    type: str = "double"
+    space: str = "scalar"
+    header: str = "fantoccini/real.hpp"
+
+
+def assembled(
+    functions: dict[str, ca.Function],
+    counts: dict[str, int],
+    files: dict[str, str],
+    *,
+    same: dict[str, str] | None = None,
+    real: Real | None = None,
+) -> Generated:
+    """Functions with the files that use them; large ones in units to compile apart.
+
+    Args:
+        functions: by the name they are called by.
+        counts: their operations.
+        files: ``main.cpp``, and what it includes beside the functions.
+        same: name -> name of another function that computes the same.
+        real: the type they compute with; double when not given.
+    """
+    text, real, units = model_text(functions, same or {}), real or Real(), {}
+    if sum(counts.values()) >= APART:
+        units = {
+            name.replace("pieces", "unit").replace(".c", ".cpp"): _UNIT.format(
+                pieces=name, type=real.type, space=real.space, header=real.header
+            )
+            for name in text
+            if name.startswith("pieces")
+        }
+    return Generated({**text, **units, **files}, "main.cpp", tuple(units), counts)
+
+
+def operations(equations: Equations) -> dict[str, int]:
+    """Arithmetic operations of every compiled function; 0 for one that is another one."""
+    same = () if equations.damped else ("exact_dynamics",)
+    return {
+        name: 0 if name in same else program(f).operations for name, f in equations.model.items()
+    }
+
+
+def model_text(
+    functions: dict[str, ca.Function], same: dict[str, str], longest: int = PIECE
+) -> dict[str, str]:
+    """The functions as C, to be included where ``casadi_real`` is defined.
+
+    ``model.c`` declares the pieces, includes them unless ``FAN_APART`` is defined, and has the
+    functions that call them. ``pieces0.c`` and so on have the pieces.
+
+    Args:
+        functions: by the name they are called by.
+        same: name -> name of another function that computes the same.
+        longest: arithmetic statements of a piece.
+
+    Returns:
+        File name -> text.
+    """
+    made = {name: pieces(f, f"fan_{name}", longest) for name, f in functions.items()}
+    files = dealt([piece for cut in made.values() for piece in cut.pieces], UNIT)
+    names = [f"pieces{k}.c" for k in range(len(files))]
+    declarations = [line for cut in made.values() for line in cut.declarations]
+    definitions = [cut.definition for cut in made.values()]
+    definitions += [alias(f"fan_{name}", f"fan_{other}") for name, other in same.items()]
+    text = _MODEL.format(
+        declarations="\n".join(declarations),
+        includes="\n".join(f'#include "{name}"' for name in names),
+        definitions="\n\n".join(definitions),
     )
-    for function in functions:
-        generator.add(function)
-    return generator.dump()
+    return {f"{STEM}.c": text} | dict(zip(names, files, strict=True))
 
 
 def tables_text(equations: Equations) -> str:
     """``model.hpp``: sizes and index tables of a tree as C++ constants."""
     tree, table = equations.tree, equations.tree.coordinates
-    packed = sum(len(before) + 1 for before in equations.pattern)
     constants = {
         "n_qD": table.n_qD,
         "n_vD": table.n_vD,
@@ -97,7 +174,7 @@ def tables_text(equations: Equations) -> str:
         "n_limits": len(tree.limits),
         "n_rows": tree.n_rows,
         "n_p": len(tree.parameters),
-        "n_packed": packed,
+        "n_packed": equations.n_packed,
         "n_points": sum(len(s.points) for s in tree.strings),
     }
     places = [_limit_place(tree, limit) for limit in tree.limits]
@@ -156,6 +233,42 @@ def _limit_place(tree: Tree, limit: LimitRow) -> tuple[int, int]:
     return place.start, place.stop - place.start
 
 
+_MODEL = """\
+#ifndef casadi_int
+#define casadi_int long long int
+#endif
+#ifdef FAN_APART
+#define FAN_PIECE
+#else
+#define FAN_PIECE static __attribute__((noinline))
+#endif
+
+{declarations}
+
+#ifndef FAN_APART
+{includes}
+#endif
+
+{definitions}
+
+#undef FAN_PIECE
+"""
+
+_UNIT = """\
+// Pieces of a compiled puppet's functions.
+#include <cmath>
+
+#include "{header}"
+
+namespace fan {{
+namespace {space} {{
+#define casadi_real {type}
+#define FAN_PIECE
+#include "{pieces}"
+}}  // namespace {space}
+}}  // namespace fan
+"""
+
 _LANE_FUNCTIONS = ("dynamics", "energy", "forth", "back")
 
 _LANES_MAIN = """\
@@ -205,6 +318,7 @@ struct Model : ModelTables {
     return scalar::fan_##NAME(arg, res, nullptr, nullptr, 0); \\
   }
   FAN_FUNCTION(dynamics)
+  FAN_FUNCTION(exact_dynamics)
   FAN_FUNCTION(rows)
   FAN_FUNCTION(energy)
   FAN_FUNCTION(effort)

@@ -109,14 +109,15 @@ def definition(function: ca.Function, name: str) -> str:
             used.add(argument)
             value = argument if argument in BY_VALUE else f"{argument}[{of[1]}]"
         else:
-            value = _expression(operation, [f"t{i}" for i in of])
+            value = expression(operation, [f"t{i}" for i in of])
         body.append(f"t{into[0]} = {value};")
     unused = [n for n in (*names_in, *names_out) if n not in used]
     head = [prototype(function, name), "{", *_declarations(sorted(locals_))]
     return "\n".join(head + [f"  {s}" for s in [*(f"(void){n};" for n in unused), *body]] + ["}"])
 
 
-def _expression(operation: int, operands: list[str]) -> str:
+def expression(operation: int, operands: list[str]) -> str:
+    """The C text of an elementary operation on names and numbers."""
     if operation in _INFIX:
         return f" {_INFIX[operation]} ".join(operands)
     if operation in _CALLS:
@@ -124,6 +125,12 @@ def _expression(operation: int, operands: list[str]) -> str:
     if operation in _SPELLED:
         return _SPELLED[operation].format(*operands)
     raise NotImplementedError(f"operation {operation} has no counterpart in the C99 export")
+
+
+def literal(value: float) -> str:
+    """A number among the operands of an operation."""
+    text = _number(value)
+    return f"({text})" if text.startswith("-") else text
 
 
 def _number(value: float) -> str:

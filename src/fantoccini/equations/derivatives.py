@@ -12,13 +12,13 @@ dq/ddelta = N(q) with qdot = N(q) v.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable
 from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 
-from fantoccini.equations import dynamics
 from fantoccini.equations.algebra import (
     column,
     cross,
@@ -101,19 +101,20 @@ class Derivatives:
             tension: (n_rows,) of strings and limits [N or N m].
         """
         system, s, tree = self.system, self.system.symbols, self.tree
-        f_D, f_K, external, _ = system.dissipation()
-        system.spring_forces(f_D, f_K)
-        tau = elements(tension)
+        loads = system.loads(system.full_motions)
+        tau, pulls = elements(tension), [(zeros(3), zeros(3)) for _ in tree.links]
         for i, string in enumerate(tree.strings):
-            self._pull(string.points, tau[i], external)
-        forces = dynamics.joint_forces(
-            tree, system.joints, system.inertias, system.full_motions, external
-        )
+            self._pull(string.points, tau[i], pulls)
+        wrenches = [
+            (torque - pulled[0], force - pulled[1])
+            for (torque, force), pulled in zip(loads.wrenches, pulls, strict=True)
+        ]
+        f_D, _ = system.generalised(dataclasses.replace(loads, wrenches=wrenches))
         acc_D = elements(s.acc_D)
-        for link, force in zip(tree.links, forces, strict=True):
+        for link in tree.links:
             if link.role is Role.DYNAMIC:
                 late = scaled(s.dt * system.value(link.damping), acc_D[link.v])
-                f_D[link.v] = f_D[link.v] + force + late
+                f_D[link.v] = f_D[link.v] + late
         for i, limit in enumerate(tree.limits):
             place = tree.links[limit.link].v
             _, J, _ = system.limit_rows[i]

@@ -1,42 +1,20 @@
-"""M, c and the tree-sparse factor of M.
+"""M and c.
 
 M_DD acc_D + M_DK acc_K + c(q, v) = u_D + A_D^T lambda                        (Eq. 10)
 
 The composite-rigid-body recursion gives M, the recursive Newton-Euler recursion gives the bias.
-They are Lagrange's equations (Eqs. 5-8) without redundant work. M_DD = L^T L, with L lower
-triangular, has no fill-in: L_kj differs from zero only where j lies between k and the root.
+They are Lagrange's equations (Eqs. 5-8) without redundant work. The factor of M_DD that solves them
+is made without M (:mod:`fantoccini.equations.articulated`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-import casadi as ca
 import numpy as np
 
 from fantoccini.equations.algebra import cross, dot, scaled, symbolic, zeros
 from fantoccini.equations.inertia import BodyInertia
 from fantoccini.equations.kinematics import JointMotion, LinkMotion
-from fantoccini.tree import WORLD, Role, Tree
-
-
-@dataclass(frozen=True)
-class Column:
-    """One velocity of the system: the link whose joint it belongs to and its place there."""
-
-    link: int
-    k: int
-
-
-def velocity_columns(tree: Tree, role: Role) -> list[Column]:
-    """The joint columns behind v_D or v_K, in order; string lengths of v_K have link WORLD."""
-    n = tree.coordinates.n_vD if role is Role.DYNAMIC else tree.coordinates.n_vK
-    columns = [Column(WORLD, 0)] * n
-    for i, link in enumerate(tree.links):
-        if link.role is role:
-            for k in range(link.v.stop - link.v.start):
-                columns[link.v.start + k] = Column(i, k)
-    return columns
+from fantoccini.tree import WORLD, Tree
 
 
 def mass_matrix(
@@ -82,42 +60,38 @@ def mass_matrix(
     return blocks
 
 
-def joint_forces(
-    tree: Tree,
-    joints: list[JointMotion],
-    inertias: list[BodyInertia],
-    motions: list[LinkMotion],
-    external: list[tuple[np.ndarray, np.ndarray]],
-) -> list[np.ndarray]:
-    """Generalised forces that make the links move as given: recursive Newton-Euler.
+def link_wrenches(
+    inertias: list[BodyInertia], motions: list[LinkMotion]
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """(torque, force) about each link's origin, in its frame, that make it move as given."""
+    none = zeros(3), zeros(3)
+    return [
+        none if inertia.is_zero() else inertia.wrench(motion.a, motion.U)
+        for inertia, motion in zip(inertias, motions, strict=True)
+    ]
 
-    f_i = I_i a_i + v_i x* I_i v_i - f_ext, summed towards the root; tau_i = S_i^T f_i.
+
+def joint_forces(
+    tree: Tree, joints: list[JointMotion], wrenches: list[tuple[np.ndarray, np.ndarray]]
+) -> list[np.ndarray]:
+    """Generalised forces of wrenches on the links: tau_i = S_i^T f_i, f summed towards the root.
 
     Args:
-        tree, joints, inertias, motions: as elsewhere.
-        external: (torque, force) on each link about its origin, in its frame.
+        tree, joints: as elsewhere.
+        wrenches: (torque, force) on each link about its origin, in its frame.
 
     Returns:
         (k,) forces for the joint of each link.
     """
-    n = len(tree.links)
-    torque, force = [zeros(3) for _ in range(n)], [zeros(3) for _ in range(n)]
-    out: list[np.ndarray] = [zeros(0)] * n
-    for i, (inertia, m) in enumerate(zip(inertias, motions, strict=True)):
-        if not inertia.is_zero():
-            angular, linear = inertia.momentum(m.w, m.v)
-            rate_angular, rate_linear = inertia.momentum(m.alpha, m.a)
-            torque[i] = rate_angular + cross(m.w, angular) + cross(m.v, linear)
-            force[i] = rate_linear + cross(m.w, linear)
-        torque[i] = torque[i] - external[i][0]
-        force[i] = force[i] - external[i][1]
-    for i in reversed(range(n)):
+    torque, force = ([wrench[k] for wrench in wrenches] for k in range(2))
+    out: list[np.ndarray] = [zeros(0)] * len(wrenches)
+    for i in reversed(range(len(wrenches))):
         joint, parent = joints[i], tree.links[i].parent
         out[i] = _project(joint, torque[i], force[i])
         if parent != WORLD:
             moved = joint.R.dot(force[i])
             force[parent] = force[parent] + moved
-            torque[parent] = torque[parent] + joint.R.dot(torque[i]) + cross(joint.r, moved)
+            torque[parent] = torque[parent] + (joint.R.dot(torque[i]) + cross(joint.r, moved))
     return out
 
 
@@ -130,62 +104,3 @@ def _project(joint: JointMotion, angular: np.ndarray, linear: np.ndarray) -> np.
         [dot(joint.S_w[:, k], angular) + dot(joint.S_v[:, k], linear) for k in columns],
         dtype=object,
     )
-
-
-def factor_pattern(tree: Tree) -> list[list[int]]:
-    """For every dynamic velocity k, the dynamic velocities on the way to the root, nearest first.
-
-    These are the columns of row k of L left of the diagonal.
-    """
-    columns = velocity_columns(tree, Role.DYNAMIC)
-    pattern = []
-    for k, column in enumerate(columns):
-        before = []
-        for link in tree.ancestors(column.link):
-            other = tree.links[link]
-            if other.role is Role.DYNAMIC:
-                before.extend(j for j in reversed(range(other.v.start, other.v.stop)) if j < k)
-        pattern.append(before)
-    return pattern
-
-
-def factorise(M: np.ndarray, pattern: list[list[int]]) -> np.ndarray:
-    """L of M = L^T L, with the reciprocals 1 / L_kk on the diagonal.
-
-    Eliminates the leaves first, so only the pattern's entries are touched.
-
-    Args:
-        M: (n, n) object array; the lower triangle is read.
-        pattern: from :func:`factor_pattern`.
-    """
-    n = len(pattern)
-    H = M.copy()
-    L = zeros(n, n)
-    for k in reversed(range(n)):
-        L[k, k] = 1 / ca.sqrt(H[k, k])
-        for j in pattern[k]:
-            L[k, j] = H[k, j] * L[k, k]
-        for a, i in enumerate(pattern[k]):
-            for j in pattern[k][a:]:
-                H[i, j] = H[i, j] - L[k, i] * L[k, j]
-    return L
-
-
-def solve_transposed(L: np.ndarray, x: np.ndarray, pattern: list[list[int]]) -> np.ndarray:
-    """w = L^-T x, from the leaves to the root (n,)."""
-    w = x.copy()
-    for k in reversed(range(len(pattern))):
-        w[k] = w[k] * L[k, k]
-        for j in pattern[k]:
-            w[j] = w[j] - L[k, j] * w[k]
-    return w
-
-
-def solve_lower(L: np.ndarray, w: np.ndarray, pattern: list[list[int]]) -> np.ndarray:
-    """y = L^-1 w, from the root to the leaves (n,)."""
-    y = w.copy()
-    for k in range(len(pattern)):
-        for j in pattern[k]:
-            y[k] = y[k] - L[k, j] * y[j]
-        y[k] = y[k] * L[k, k]
-    return y

@@ -13,18 +13,18 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from fantoccini.equations import dynamics
+from fantoccini.equations import articulated, dynamics
 from fantoccini.equations.algebra import column, cross, dot, elements, matrix, scaled, zeros
 from fantoccini.equations.coriolis import coriolis_matrix
-from fantoccini.equations.inertia import BodyInertia
 from fantoccini.equations.system import System
-from fantoccini.tree import Role, Tree
+from fantoccini.tree import Link, Role, Tree
 
 STATE = ("q_D", "v_D", "q_K", "v_K")
 CONFIGURATION = ("q_D", "q_K")
 
 MODEL_INPUTS: dict[str, tuple[str, ...]] = {
     "dynamics": (*STATE, "acc_K", "u_D", "dt", "p"),
+    "exact_dynamics": (*STATE, "acc_K", "u_D", "dt", "p"),
     "rows": (*CONFIGURATION, "p"),
     "energy": (*STATE, "p"),
     "effort": (*STATE, "acc_D", "acc_K", "lam", "p"),
@@ -36,6 +36,7 @@ MODEL_INPUTS: dict[str, tuple[str, ...]] = {
 
 ANALYSIS_INPUTS: dict[str, tuple[str, ...]] = {
     "mass_matrix": (*CONFIGURATION, "p"),
+    "mass_times": (*CONFIGURATION, "acc_D", "p"),
     "coriolis": (*STATE, "p"),
     "bias": (*STATE, "p"),
     "gravity": (*CONFIGURATION, "p"),
@@ -59,13 +60,11 @@ class Equations:
     Attributes:
         tree: the tree.
         system: its symbolic expressions.
-        pattern: columns of each row of L left of the diagonal (see ``dynamics.factor_pattern``).
     """
 
     def __init__(self, tree: Tree):
         self.tree = tree
         self.system = System(tree)
-        self.pattern = dynamics.factor_pattern(tree)
         self._made: dict[str, ca.Function] = {}
 
     def __getitem__(self, name: str) -> ca.Function:
@@ -90,22 +89,41 @@ class Equations:
         expressions = ca.cse([ca.densify(x) for x in outputs.values()])
         return ca.Function(f"fan_{name}", arguments, expressions, list(inputs), list(outputs))
 
+    @cached_property
+    def factor(self) -> articulated.Factor:
+        """F of M_DD = F^T F, with the joints' damping over a step dt; L are its numbers."""
+        s, value = self.system.symbols, self.system.value
+        return self._factor(lambda link: s.dt * value(link.damping))
+
+    @cached_property
+    def damped(self) -> bool:
+        """Whether a joint's damping acts over a step: whether ``dynamics`` depends on dt."""
+        links, value = self.tree.links, self.system.value
+        return any(k.role is Role.DYNAMIC and not value(k.damping).is_zero() for k in links)
+
+    def _factor(self, armature: Callable[[Link], ca.SX]) -> articulated.Factor:
+        system = self.system
+        return articulated.factorise(self.tree, system.joints, system.regrouped, armature)
+
     def _dynamics(self) -> dict[str, ca.SX]:
         """What the runtime needs to solve Eqs. 10 and 11 for any set of taut rows."""
+        return self._with_factor(self.factor)
+
+    def _exact_dynamics(self) -> dict[str, ca.SX]:
+        """The same for dt = 0, with fewer operations: a joint hands on nothing about its axis."""
+        return self._with_factor(self._factor(lambda link: ca.SX(0)))
+
+    def _with_factor(self, factor: articulated.Factor) -> dict[str, ca.SX]:
         system, s, tree = self.system, self.system.symbols, self.tree
         n, m = tree.coordinates.n_vD, len(tree.strings)
-        M = system.mass(Role.DYNAMIC, Role.DYNAMIC)
-        for link in tree.links:
-            if link.role is Role.DYNAMIC:
-                for k in range(link.v.start, link.v.stop):
-                    M[k, k] = M[k, k] + s.dt * system.value(link.damping)
-        L = dynamics.factorise(M, self.pattern)
         loads, v_K = system.free_loads, elements(s.v_K)
-        w0 = dynamics.solve_transposed(L, elements(s.u_D) - loads.f_D, self.pattern)
+        _, f_K = system.generalised(loads)
+        needed = {i: (-torque, -force) for i, (torque, force) in enumerate(loads.wrenches)}
+        w0 = factor.forth(elements(s.u_D) - loads.f_D, needed)
         rows = system.string_rows
         W = zeros(n, m)
         for i, row in enumerate(rows):
-            W[:, i] = dynamics.solve_transposed(L, row.A_D, self.pattern)
+            W[:, i] = factor.forth(zeros(n), row.wrenches)
         G = zeros(m, m)
         for i in range(m):
             for j in range(i + 1):
@@ -115,7 +133,7 @@ class Equations:
         for i, (_, jacobian, _) in enumerate(limits):
             J[: len(jacobian), i] = jacobian
         return {
-            "L": column(self._packed(L)),
+            "L": column(factor.numbers(self.factor)),
             "w0": column(w0),
             "W": matrix(W),
             "G": matrix(G),
@@ -127,39 +145,26 @@ class Equations:
             "h_limit": column([h for h, _, _ in limits]),
             "J_limit": matrix(J),
             "gamma_limit": column([gamma for _, _, gamma in limits]),
-            "power0": dot(v_K, loads.f_K),
-            "M_DK_v_K": column(system.mass(Role.DYNAMIC, Role.DRIVEN).dot(v_K)),
+            "power0": dot(v_K, f_K),
+            "M_DK_v_K": column(system.inertial(None, v_K)),
             "loss": loads.loss,
         }
 
-    def _packed(self, L: np.ndarray) -> list[ca.SX]:
-        """Row by row: the entries of the pattern, then the reciprocal diagonal."""
-        packed = []
-        for k, before in enumerate(self.pattern):
-            packed.extend(L[k, j] for j in before)
-            packed.append(L[k, k])
-        return packed
+    @property
+    def n_packed(self) -> int:
+        """Length of L."""
+        return len(self.factor.numbers(self.factor))
 
-    def _unpacked(self, packed: np.ndarray) -> np.ndarray:
-        n = len(self.pattern)
-        L, at = zeros(n, n), 0
-        for k, before in enumerate(self.pattern):
-            for j in [*before, k]:
-                L[k, j] = packed[at]
-                at += 1
-        return L
-
-    def _triangular(self, name: str, solve) -> ca.Function:
-        n_packed = sum(len(before) + 1 for before in self.pattern)
-        L, x = ca.SX.sym("L", n_packed), ca.SX.sym("x", len(self.pattern))
-        y = solve(self._unpacked(elements(L)), elements(x), self.pattern)
-        return ca.Function(f"fan_{name}", [L, x], [column(y)], ["L", "x"], ["y"])
+    def _solve(self, name: str, solve: Callable) -> ca.Function:
+        L, x = ca.SX.sym("L", self.n_packed), ca.SX.sym("x", self.factor.n)
+        y = ca.cse(column(solve(self.factor.stored(elements(L)), elements(x))))
+        return ca.Function(f"fan_{name}", [L, x], [y], ["L", "x"], ["y"])
 
     def _forth(self) -> ca.Function:
-        return self._triangular("forth", dynamics.solve_transposed)
+        return self._solve("forth", lambda factor, x: factor.forth(x, {}))
 
     def _back(self) -> ca.Function:
-        return self._triangular("back", dynamics.solve_lower)
+        return self._solve("back", articulated.Factor.back)
 
     def _rows(self) -> dict[str, ca.SX]:
         strings = [row.length for row in self.system.string_rows]
@@ -170,7 +175,7 @@ class Equations:
 
     def _effort(self) -> dict[str, ca.SX]:
         """Force on every driven coordinate: M_KD acc_D + M_KK acc_K + c_K - A_K^T lambda."""
-        f_K = self.system.loads(self.system.full_motions).f_K
+        _, f_K = self.system.generalised(self.system.loads(self.system.full_motions))
         lam = elements(self.system.symbols.lam)
         for i, row in enumerate(self.system.string_rows):
             f_K = f_K - scaled(lam[i], row.A_K)
@@ -185,18 +190,11 @@ class Equations:
             force = motion.R.T.dot(wrench[:3])
             arm = cross(system.centre(i), force)
             external.append((motion.R.T.dot(wrench[3:]) + arm, force))
-        none = BodyInertia(ca.SX(0), zeros(3), zeros(3, 3))
-        forces = dynamics.joint_forces(
-            tree,
-            system.joints,
-            [none] * len(tree.links),
-            system.resting_motions,
-            external,
-        )
+        forces = dynamics.joint_forces(tree, system.joints, external)
         u = zeros(tree.coordinates.n_vD)
         for link, force in zip(tree.links, forces, strict=True):
             if link.role is Role.DYNAMIC:
-                u[link.v] = -force
+                u[link.v] = force
         return {"u_D": column(u)}
 
     def _poses(self) -> dict[str, ca.SX]:
@@ -224,6 +222,10 @@ class Equations:
             "M_DK": matrix(mass(dynamic, driven)),
             "M_KK": matrix(mass(driven, driven)),
         }
+
+    def _mass_times(self) -> dict[str, ca.SX]:
+        """M_DD acc_D, in a number of operations that grows with the links and not their square."""
+        return {"f": column(self.system.inertial(elements(self.system.symbols.acc_D), None))}
 
     def _coriolis(self) -> dict[str, ca.SX]:
         return {"C": coriolis_matrix(self.system)}

@@ -3,8 +3,9 @@
 g_i = g_parent T(offset) R(rotation) J_i(q)                                  (Eqs. 2, 3)
 V_i = Ad(g_i^-1 g_parent) V_parent + S_i v_i                                  (Eq. 4)
 
-Velocities and accelerations are those of the body's frame, in that frame. The world's
-acceleration is taken as -gravity, so that forces computed from them contain gravity.
+Accelerations are those of the link's origin, in the link's frame, and those of a link's other
+points follow by one product: a(r) = a + U r with U = [alpha] + [w][w]. The world's acceleration is
+taken as -gravity, so that forces computed from them contain gravity.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from fantoccini.equations.algebra import (
     axis_rotation,
     cross,
     quaternion_rotation,
+    scaled,
     symbolic,
     zeros,
 )
@@ -45,20 +47,28 @@ class JointMotion:
 
 @dataclass(frozen=True)
 class LinkMotion:
-    """Motion of a link: poses in the world, velocity and acceleration in the link's frame.
+    """Motion of a link.
 
     Attributes:
         R, r: orientation (3, 3) and origin (3,) in the world.
-        w, v: angular and linear velocity of the origin.
-        alpha, a: angular acceleration; linear part of the spatial acceleration, minus gravity.
+        rate: velocity of the origin, in the world's axes.
+        w, alpha: angular velocity and acceleration, in the link's.
+        a: acceleration of the origin minus gravity, in the link's.
+        U: (3, 3) [alpha] + [w][w]: what a point's place adds to its acceleration, in the link's.
     """
 
     R: np.ndarray
     r: np.ndarray
+    rate: np.ndarray
     w: np.ndarray
-    v: np.ndarray
     alpha: np.ndarray
     a: np.ndarray
+    U: np.ndarray
+
+    @property
+    def v(self) -> np.ndarray:
+        """Velocity of the origin, in the link's frame (Eq. 4)."""
+        return self.R.T.dot(self.rate)
 
     def point(self, at: np.ndarray) -> np.ndarray:
         """World position of a point fixed on the link."""
@@ -66,12 +76,7 @@ class LinkMotion:
 
     def point_velocity(self, at: np.ndarray) -> np.ndarray:
         """World velocity of a point fixed on the link."""
-        return self.R.dot(self.v + cross(self.w, at))
-
-    def point_acceleration(self, at: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-        """World acceleration of a point fixed on the link."""
-        v = self.v + cross(self.w, at)
-        return self.R.dot(self.a + cross(self.alpha, at) + cross(self.w, v)) + gravity
+        return self.rate + self.R.dot(cross(self.w, at))
 
 
 def joint_motion(link: Link, q: np.ndarray, value: Value) -> JointMotion:
@@ -117,8 +122,9 @@ def link_motions(
         velocity, acceleration: each link's joint velocity and acceleration, (k,) each.
         gravity: (3,) [m/s^2].
     """
+    none = zeros(3)
     still = LinkMotion(
-        symbolic(np.eye(3)), zeros(3), zeros(3), zeros(3), zeros(3), np.array(-gravity)
+        symbolic(np.eye(3)), none, none, none, none, np.array(-gravity), zeros(3, 3)
     )
     motions: list[LinkMotion] = []
     for i, link in enumerate(tree.links):
@@ -126,22 +132,38 @@ def link_motions(
         up = still if link.parent == WORLD else motions[link.parent]
         Rt = joint.R.T
         w_joint, v_joint = joint.S_w.dot(velocity[i]), joint.S_v.dot(velocity[i])
-        w = Rt.dot(up.w) + w_joint
-        v = Rt.dot(up.v + cross(up.w, joint.r)) + v_joint
-        alpha = Rt.dot(up.alpha) + joint.S_w.dot(acceleration[i]) + cross(w, w_joint)
-        a = (
-            Rt.dot(up.a + cross(up.alpha, joint.r))
-            + joint.S_v.dot(acceleration[i])
-            + cross(w, v_joint)
-            + cross(v, w_joint)
+        w_carried = Rt.dot(up.w)
+        w = w_carried + w_joint
+        # A free joint's linear velocity is in its joint frame already.
+        slide = (
+            symbolic(link.rotation).dot(velocity[i][:3])
+            if link.kind == "free"
+            else joint.R.dot(v_joint)
         )
-        if link.kind == "free":
-            # The linear axes stand still in the joint frame: seen from the body they turn.
-            a = a - cross(w_joint, v_joint)
+        rate = up.rate + up.R.dot(cross(up.w, joint.r) + slide)
+        alpha = Rt.dot(up.alpha) + joint.S_w.dot(acceleration[i]) + cross(w_carried, w_joint)
+        a = (
+            Rt.dot(up.a + up.U.dot(joint.r))
+            + joint.S_v.dot(acceleration[i])
+            + cross(scaled(2, w_carried), v_joint)
+        )
         motions.append(
-            LinkMotion(up.R.dot(joint.R), up.r + up.R.dot(joint.r), w, v, alpha, a)
+            LinkMotion(
+                up.R.dot(joint.R), up.r + up.R.dot(joint.r), rate, w, alpha, a, turning(w, alpha)
+            )
         )
     return motions
+
+
+def turning(w: np.ndarray, alpha: np.ndarray) -> np.ndarray:
+    """U = [alpha] + [w][w] (3, 3)."""
+    xx, yy, zz = (x * x for x in w)
+    xy, xz, yz = w[0] * w[1], w[0] * w[2], w[1] * w[2]
+    x, y, z = alpha
+    return np.array(
+        [[-(yy + zz), xy - z, xz + y], [xy + z, -(xx + zz), yz - x], [xz - y, yz + x, -(xx + yy)]],
+        dtype=object,
+    )
 
 
 def configuration_rate(q: ca.SX, v: ca.SX, quaternions, scalars) -> ca.SX:

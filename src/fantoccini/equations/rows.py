@@ -8,7 +8,8 @@ A segment's length is sqrt(d.d + eps^2): a slack string through coincident point
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import casadi as ca
@@ -31,24 +32,6 @@ EPS = 1e-9
 
 
 @dataclass(frozen=True)
-class PathRow:
-    """A path's length and how it changes.
-
-    Attributes:
-        length: sum of the segments [m].
-        rate: d length / dt.
-        bias: d^2 length / dt^2 for the accelerations the motions were computed with.
-        A_D, A_K: (n_vD,), (n_vK,) derivative of the rate by the velocities.
-    """
-
-    length: ca.SX
-    rate: ca.SX
-    bias: ca.SX
-    A_D: np.ndarray
-    A_K: np.ndarray
-
-
-@dataclass(frozen=True)
 class Surroundings:
     """What the rows of a tree are computed from."""
 
@@ -58,37 +41,40 @@ class Surroundings:
     gravity: np.ndarray
     value: Value
 
+    def at(self, point: Point) -> np.ndarray:
+        """Place of a point in its link's frame (3,)."""
+        return symbolic([self.value(x) for x in point.at])
+
     def place(self, point: Point) -> np.ndarray:
         """World position of a point (3,)."""
-        at = symbolic([self.value(x) for x in point.at])
+        at = self.at(point)
         return at if point.link == WORLD else self.motions[point.link].point(at)
 
     def velocity(self, point: Point) -> np.ndarray:
         """World velocity of a point (3,)."""
         if point.link == WORLD:
             return zeros(3)
-        at = symbolic([self.value(x) for x in point.at])
-        return self.motions[point.link].point_velocity(at)
-
-    def acceleration(self, point: Point) -> np.ndarray:
-        """World acceleration of a point (3,)."""
-        if point.link == WORLD:
-            return zeros(3)
-        at = symbolic([self.value(x) for x in point.at])
-        return self.motions[point.link].point_acceleration(at, self.gravity)
+        return self.motions[point.link].point_velocity(self.at(point))
 
     def add_pull(
-        self, point: Point, direction: np.ndarray, A: dict[Role, np.ndarray]
+        self, point: Point, direction: np.ndarray, role: Role, row: np.ndarray
     ) -> None:
-        """Adds direction . d(point velocity)/dv to the rows A: the pull J^T direction."""
+        """Adds direction . d(point velocity)/dv to a row: the pull J^T direction.
+
+        Args:
+            point: where it pulls.
+            direction: (3,) in the world.
+            role: of the joints whose velocities the row is over.
+            row: (n_vD,) or (n_vK,), by role.
+        """
         if point.link == WORLD:
             return
         place = self.place(point)
         for i in self.tree.ancestors(point.link):
             link = self.tree.links[i]
-            if link.role is Role.FIXED:
+            if link.role is not role:
                 continue
-            row, v0 = A[link.role], link.v.start
+            v0 = link.v.start
             motion, joint = self.motions[i], self.joints[i]
             linear = motion.R.T.dot(direction)
             if link.kind in ("prismatic", "translation"):
@@ -109,29 +95,87 @@ class Surroundings:
             row[v0 : v0 + 3] = row[v0 : v0 + 3] + motion.R.T.dot(arm)
 
 
+@dataclass(frozen=True)
+class PathRow:
+    """A path's length, or that less a string's, and how it changes.
+
+    Attributes:
+        around: what it is computed from.
+        points: the path.
+        pulls: (3,) derivative of the length by each point's place, in the world.
+        length: sum of the segments, less the string's length [m].
+        rate: d length / dt.
+        bias: d^2 length / dt^2 for the accelerations the motions were computed with.
+        own: place in v_K of the rate that is taken off; None where there is none.
+    """
+
+    around: Surroundings
+    points: tuple[Point, ...]
+    pulls: list[np.ndarray]
+    length: ca.SX
+    rate: ca.SX
+    bias: ca.SX
+    own: int | None = None
+
+    @cached_property
+    def A_D(self) -> np.ndarray:
+        """(n_vD,) derivative of the rate by v_D."""
+        return self._pulled(Role.DYNAMIC, self.around.tree.coordinates.n_vD)
+
+    @cached_property
+    def A_K(self) -> np.ndarray:
+        """(n_vK,) derivative of the rate by v_K."""
+        row = self._pulled(Role.DRIVEN, self.around.tree.coordinates.n_vK)
+        if self.own is not None:
+            row[self.own] = row[self.own] - 1
+        return row
+
+    @cached_property
+    def wrenches(self) -> dict[int, tuple[np.ndarray, np.ndarray]]:
+        """Link -> (torque, force) about its origin, in its frame, of a unit multiplier."""
+        found: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+        for point, pull in zip(self.points, self.pulls, strict=True):
+            if point.link == WORLD:
+                continue
+            force = self.around.motions[point.link].R.T.dot(pull)
+            torque = cross(self.around.at(point), force)
+            before = found.get(point.link, (zeros(3), zeros(3)))
+            found[point.link] = (before[0] + torque, before[1] + force)
+        return found
+
+    def _pulled(self, role: Role, n: int) -> np.ndarray:
+        row = zeros(n)
+        for point, pull in zip(self.points, self.pulls, strict=True):
+            self.around.add_pull(point, pull, role, row)
+        return row
+
+
 def path_row(around: Surroundings, points: tuple[Point, ...]) -> PathRow:
-    """Length, rate, bias and Jacobians of a path through points."""
-    table = around.tree.coordinates
-    A = {Role.DYNAMIC: zeros(table.n_vD), Role.DRIVEN: zeros(table.n_vK)}
+    """Length, rate and bias of a path through points."""
     length, rate, bias = ca.SX(0), ca.SX(0), ca.SX(0)
     pulls = [zeros(3) for _ in points]
     for k, (first, second) in enumerate(pairwise(points)):
-        if first.link == second.link:
-            length = length + _rounded(around.place(second) - around.place(first))
-            continue
         d = around.place(second) - around.place(first)
-        dv = around.velocity(second) - around.velocity(first)
-        da = around.acceleration(second) - around.acceleration(first)
         segment = _rounded(d)
+        length = length + segment
+        if first.link == second.link:
+            continue
+        dv = around.velocity(second) - around.velocity(first)
         u = scaled(1 / segment, d)
         along = dot(u, dv)
-        length, rate = length + segment, rate + along
-        bias = bias + dot(u, da) + (dot(dv, dv) - along * along) / segment
+        rate = rate + along
+        bias = bias + (dot(dv, dv) - along * along) / segment
         pulls[k] = pulls[k] - u
         pulls[k + 1] = pulls[k + 1] + u
     for point, pull in zip(points, pulls, strict=True):
-        around.add_pull(point, pull, A)
-    return PathRow(length, rate, bias, A[Role.DYNAMIC], A[Role.DRIVEN])
+        if point.link == WORLD:
+            # Links' accelerations are less gravity, and the pulls cancel one another.
+            bias = bias - dot(pull, around.gravity)
+        else:
+            motion = around.motions[point.link]
+            acceleration = motion.a + motion.U.dot(around.at(point))
+            bias = bias + dot(motion.R.T.dot(pull), acceleration)
+    return PathRow(around, points, pulls, length, rate, bias)
 
 
 def string_row(
@@ -140,13 +184,14 @@ def string_row(
     """h, hdot, gamma, A_D and A_K of a string: its path's row less its length."""
     row = path_row(around, string.points)
     if string.length_index is None:
-        h = row.length - around.value(string.length)
-        return PathRow(h, row.rate, row.bias, row.A_D, row.A_K)
+        return replace(row, length=row.length - around.value(string.length))
     i_q, i_v = string.length_index
-    A_K = row.A_K.copy()
-    A_K[i_v] = A_K[i_v] - 1
-    return PathRow(
-        row.length - q_K[i_q], row.rate - v_K[i_v], row.bias - acc_K[i_v], row.A_D, A_K
+    return replace(
+        row,
+        length=row.length - q_K[i_q],
+        rate=row.rate - v_K[i_v],
+        bias=row.bias - acc_K[i_v],
+        own=i_v,
     )
 
 
@@ -170,19 +215,21 @@ def limit_row(
     if limit.side == "cone":
         R = quaternion_rotation(q)
         a = R.T.dot(symbolic(limit.a))
-        J = cross(a, b)
-        return np.cos(limit.bound) - dot(a, b), J, -dot(a, cross(w, cross(w, b)))
+        cosine = dot(a, b)
+        gamma = cosine * dot(w, w) - dot(a, w) * dot(b, w)
+        return np.cos(limit.bound) - cosine, cross(a, b), gamma
     sign = -1.0 if limit.side == "twist.lower" else 1.0
     scalar, vector = q[0], q[1:]
     x = dot(vector, b)
     # The twist is an angle modulo one turn; atan of the ratio gives the one nearest to zero.
     twist = 2 * ca.atan(x / scalar)
-    J = scaled(scalar, scaled(scalar, b) + cross(b, vector)) + scaled(x, vector)
-    J = scaled(sign / (scalar * scalar + x * x), J)
-    symbols = ca.vertcat(*q)
-    rate = 0.5 * np.array([-dot(vector, w), *(scaled(scalar, w) + cross(vector, w))], dtype=object)
-    gamma = ca.jtimes(dot(J, w), symbols, ca.vertcat(*rate))
-    return sign * (twist - limit.bound), J, gamma
+    # With n = scalar^2 + x^2 the rate is (scalar alpha + x beta) / n; the second derivatives of
+    # scalar and x at wdot = 0 are both -|w|^2/4 of them, so that only n's rate is left.
+    n = scalar * scalar + x * x
+    J = scaled(1 / n, scaled(scalar, scaled(scalar, b) + cross(b, vector)) + scaled(x, vector))
+    alpha, beta = dot(b, scaled(scalar, w) + cross(vector, w)), dot(vector, w)
+    gamma = (scalar * alpha + x * beta) * (scalar * beta - x * alpha) / (n * n)
+    return sign * (twist - limit.bound), scaled(sign, J), sign * gamma
 
 
 def _rounded(d: np.ndarray) -> ca.SX:

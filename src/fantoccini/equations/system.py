@@ -14,7 +14,7 @@ import numpy as np
 
 from fantoccini.equations import dynamics
 from fantoccini.equations.algebra import cross, dot, elements, scaled, symbolic, zeros
-from fantoccini.equations.inertia import BodyInertia, link_inertia
+from fantoccini.equations.inertia import BodyInertia, link_inertia, regrouped
 from fantoccini.equations.kinematics import (
     JointMotion,
     LinkMotion,
@@ -78,15 +78,18 @@ class Symbols:
 
 @dataclass(frozen=True)
 class Loads:
-    """Forces of one evaluation of the equations of motion.
+    """Forces that a motion needs.
 
     Attributes:
-        f_D, f_K: generalised forces needed for the motion: inertia, gravity, springs, dissipation.
+        f_D, f_K: in the joints, for springs and damping.
+        wrenches: (torque, force) on each link about its origin, in its frame: inertia, gravity,
+            drag.
         loss: power taken by damping and drag [W].
     """
 
     f_D: np.ndarray
     f_K: np.ndarray
+    wrenches: list[tuple[np.ndarray, np.ndarray]]
     loss: ca.SX
 
 
@@ -120,6 +123,11 @@ class System:
     def inertias(self) -> list[BodyInertia]:
         """Inertia of every link about its origin."""
         return [link_inertia(link, self.value) for link in self.tree.links]
+
+    @cached_property
+    def regrouped(self) -> list[BodyInertia]:
+        """Fewer numbers that give the same equations of motion."""
+        return regrouped(self.tree, self.inertias, [joint.r for joint in self.joints])
 
     @cached_property
     def joints(self) -> list[JointMotion]:
@@ -176,7 +184,7 @@ class System:
     @cached_property
     def mass_blocks(self) -> dict[tuple[int, int], np.ndarray]:
         """Blocks of the full mass matrix by links."""
-        return dynamics.mass_matrix(self.tree, self.joints, self.inertias)
+        return dynamics.mass_matrix(self.tree, self.joints, self.regrouped)
 
     def mass(self, rows: Role, columns: Role) -> np.ndarray:
         """A block of the mass matrix: M_DD, M_DK or M_KK as an object array."""
@@ -257,21 +265,39 @@ class System:
         return zeros(3) if inertia.m.is_zero() else scaled(1 / inertia.m, inertia.h)
 
     def loads(self, motions: list[LinkMotion]) -> Loads:
-        """Generalised forces of a motion: inertia, gravity, springs, damping and drag."""
-        f_D, f_K, wrenches, loss = self.dissipation()
+        """Forces of a motion: inertia, gravity, springs, damping and drag."""
+        f_D, f_K, drag, loss = self.dissipation()
         self.spring_forces(f_D, f_K)
-        forces = dynamics.joint_forces(self.tree, self.joints, self.inertias, motions, wrenches)
+        needed = dynamics.link_wrenches(self.regrouped, motions)
+        wrenches = [
+            (torque - drag_torque, force - drag_force)
+            for (torque, force), (drag_torque, drag_force) in zip(needed, drag, strict=True)
+        ]
+        return Loads(f_D, f_K, wrenches, loss)
+
+    def generalised(self, loads: Loads) -> tuple[np.ndarray, np.ndarray]:
+        """(n_vD,) and (n_vK,) generalised forces of loads."""
+        f_D, f_K = loads.f_D.copy(), loads.f_K.copy()
+        forces = dynamics.joint_forces(self.tree, self.joints, loads.wrenches)
         for link, force in zip(self.tree.links, forces, strict=True):
             if link.role is Role.DYNAMIC:
                 f_D[link.v] = f_D[link.v] + force
             elif link.role is Role.DRIVEN:
                 f_K[link.v] = f_K[link.v] + force
-        return Loads(f_D, f_K, loss)
+        return f_D, f_K
 
     @cached_property
     def free_loads(self) -> Loads:
         """Loads with acc_D = 0: c + M_DK acc_K, with dissipation."""
         return self.loads(self.free_motions)
+
+    def inertial(self, acc_D: np.ndarray | None, acc_K: np.ndarray | None) -> np.ndarray:
+        """(n_vD,) M_DD acc_D + M_DK acc_K, by the forces of these accelerations alone."""
+        table = self.tree.coordinates
+        motions = self.motions(acc_D=acc_D, acc_K=acc_K, gravity=zeros(3))
+        wrenches = dynamics.link_wrenches(self.regrouped, motions)
+        loads = Loads(zeros(table.n_vD), zeros(table.n_vK), wrenches, ca.SX(0))
+        return self.generalised(loads)[0]
 
     @cached_property
     def bias_D(self) -> np.ndarray:
@@ -289,26 +315,15 @@ class System:
         table = self.tree.coordinates
         f_D, f_K = zeros(table.n_vD), zeros(table.n_vK)
         self.spring_forces(f_D, f_K)
-        none = [(zeros(3), zeros(3))] * len(self.tree.links)
-        forces = dynamics.joint_forces(self.tree, self.joints, self.inertias, motions, none)
-        for link, force in zip(self.tree.links, forces, strict=True):
-            if link.role is Role.DYNAMIC:
-                f_D[link.v] = f_D[link.v] + force
-        return f_D
+        wrenches = dynamics.link_wrenches(self.regrouped, motions)
+        return self.generalised(Loads(f_D, f_K, wrenches, ca.SX(0)))[0]
 
     @cached_property
     def dissipation_D(self) -> np.ndarray:
         """(n_vD,) generalised force of damping and drag, on the side of the bias."""
-        f_D, _, wrenches, _ = self.dissipation()
-        nothing = BodyInertia(ca.SX(0), zeros(3), zeros(3, 3))
-        none = [nothing] * len(self.tree.links)
-        forces = dynamics.joint_forces(
-            self.tree, self.joints, none, self.resting_motions, wrenches
-        )
-        for link, force in zip(self.tree.links, forces, strict=True):
-            if link.role is Role.DYNAMIC:
-                f_D[link.v] = f_D[link.v] + force
-        return f_D
+        f_D, f_K, drag, loss = self.dissipation()
+        wrenches = [(-torque, -force) for torque, force in drag]
+        return self.generalised(Loads(f_D, f_K, wrenches, loss))[0]
 
     @cached_property
     def string_rows(self) -> list[PathRow]:
@@ -332,9 +347,12 @@ class System:
     def kinetic(self) -> ca.SX:
         """T = sum_i 1/2 V_i . I_i V_i (Eq. 5)."""
         total = ca.SX(0)
-        for inertia, motion in zip(self.inertias, self.free_motions, strict=True):
-            angular, linear = inertia.momentum(motion.w, motion.v)
-            total = total + 0.5 * (dot(motion.w, angular) + dot(motion.v, linear))
+        for inertia, motion in zip(self.regrouped, self.free_motions, strict=True):
+            if inertia.is_zero():
+                continue
+            v, turned = motion.v, cross(motion.w, inertia.h)
+            turning = dot(motion.w, inertia.I.dot(motion.w)) + inertia.m * dot(v, v)
+            total = total + (0.5 * turning + dot(v, turned))
         return total
 
     @cached_property

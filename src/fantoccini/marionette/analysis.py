@@ -218,7 +218,9 @@ class Analysis:
                 q_D = q_D + rng.normal(size=table.n_qD)
                 for q, _ in table.quaternions_D:
                     q_D[q : q + 4] /= np.linalg.norm(q_D[q : q + 4])
-            M = np.array(self.equations["mass_matrix"](q_D, q_K, self.p)[0])
+            times = self.equations["mass_times"]
+            units = np.eye(table.n_vD)
+            M = np.column_stack([np.array(times(q_D, q_K, e, self.p))[:, 0] for e in units])
             if not np.all(np.isfinite(M)):
                 raise PuppetError([self._massless(list(table.v_D), "is not finite")])
             scale = 1.0 / np.sqrt(np.maximum(np.diag(M), 1e-300))

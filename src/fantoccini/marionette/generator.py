@@ -8,7 +8,7 @@ from pathlib import Path
 from fantoccini import codegen, equations, tree
 
 _NOT_GENERATING = (
-    "printing.py", "notation.py", "forms.py", "c99.py", "contract.py", "statements.py"
+    "printing.py", "notation.py", "forms.py", "c99.py", "contract.py"
 )  # fmt: skip
 """Modules beside the derivation that shape nothing that is compiled."""
 _DERIVATIVES = "derivatives.py"

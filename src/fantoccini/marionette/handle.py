@@ -113,11 +113,7 @@ class Marionette(Portable, Analysis, Differentiable):
         key = build.fingerprint(canonical, shaped_by, flags=(what,))
 
         def source() -> build.Source:
-            self.check_mass_matrix()
-            made = generate(self.equations)
-            largest = max(made.operations.values())
-            info = {"operations": made.operations, "n_operations": largest}
-            return build.Source(made.files, made.main, info)
+            return self.source(generate)
 
         folder = build.obtain(key, source, progress=self._progress)
         try:
@@ -125,6 +121,16 @@ class Marionette(Portable, Analysis, Differentiable):
         except BuildError:
             folder = build.obtain(key, source, progress=self._progress, afresh=True)
             return load(folder / build.LIBRARY)
+
+    def source(self, generate: Callable = codegen.generate) -> build.Source:
+        """The text that a library of this puppet is compiled from.
+
+        Raises:
+            PuppetError: the mass matrix is singular.
+        """
+        self.check_mass_matrix()
+        made = generate(self.equations)
+        return build.Source(made.files, made.main, {"operations": made.operations}, made.units)
 
     def with_parameters(self, values: Mapping[str, float]) -> Marionette:
         """The same puppet with other values of its parameters; nothing is compiled again.

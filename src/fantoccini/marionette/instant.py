@@ -1,6 +1,6 @@
 """One evaluation of the compiled model, with its rows: the Python side of ``evaluation.hpp``.
 
-    hddot = gamma + A_D acc_D,   acc_D = L^-1 (w0 + W lambda),   W = L^-T A_D^T,   M_DD = L^T L
+    hddot = gamma + A_D acc_D,   acc_D = F^-1 (w0 + W lambda),   W = F^-T A_D^T,   M_DD = F^T F
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ class Instant:
     Attributes:
         library: the compiled puppet.
         L: packed factor of M_DD.
-        w0: (n_vD,) L^-T of the forces without strings.
-        W: (n_vD, n_rows) L^-T A_D^T, strings then limits.
+        w0: (n_vD,) F^-T of the forces without strings.
+        W: (n_vD, n_rows) F^-T A_D^T, strings then limits.
         h, hdot, gamma: (n_rows,) [m or rad, and per s, per s^2]; of strings with what has slipped.
         hdot_K: (n_rows,) A_K v_K.
     """
@@ -82,7 +82,7 @@ class Instant:
         )
 
     def back(self, w: Array) -> Array:
-        """L^-1 w for vectors (..., n_vD)."""
+        """F^-1 w for vectors (..., n_vD)."""
         return self.library.evaluate("back", [self.L, w])[0]
 
     def forth(self, f: Array) -> Array:

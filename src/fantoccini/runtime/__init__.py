@@ -1,7 +1,7 @@
 """The compiled puppet: the one package that speaks to the shared library, through ctypes."""
 
 from fantoccini.runtime.batch import PARTS, Batch, BatchLibrary, default_threads
-from fantoccini.runtime.compiled import Complementarity, Library, Run, RunOptions, n_packed
+from fantoccini.runtime.compiled import Complementarity, Library, Run, RunOptions
 from fantoccini.runtime.outside import OutsideRun
 from fantoccini.runtime.slopes import Slopes
 
@@ -16,5 +16,4 @@ __all__ = [
     "RunOptions",
     "Slopes",
     "default_threads",
-    "n_packed",
 ]

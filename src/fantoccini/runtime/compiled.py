@@ -18,11 +18,11 @@ from fantoccini.arrays import Array
 from fantoccini.errors import BuildError, Status
 from fantoccini.motion import Input, State
 from fantoccini.runtime.functions import Functions, Signatures, pointer
-from fantoccini.tree import Role, Tree
+from fantoccini.tree import Tree
 
 _SIZES = (
     "n_qD", "n_vD", "n_qK", "n_vK", "n_strings", "n_limits", "n_p", "row_width", "event_width",
-    "input_bytes", "options_bytes", "record_bytes",
+    "input_bytes", "options_bytes", "record_bytes", "n_packed",
 )  # fmt: skip
 
 
@@ -109,7 +109,7 @@ class Library(Functions):
     """
 
     def __init__(self, path: Path, tree: Tree):
-        super().__init__(path, _signatures(tree))
+        super().__init__(path)
         sizes = (ctypes.c_int * len(_SIZES))()
         self.handle.fan_sizes(sizes)
         self.sizes = dict(zip(_SIZES, sizes, strict=True))
@@ -119,11 +119,12 @@ class Library(Functions):
             len(tree.parameters),
         )  # fmt: skip
         structures = tuple(ctypes.sizeof(s) for s in (_InputArrays, _Options, _Record))
-        if tuple(sizes[:7]) + tuple(sizes[9:]) != expected + structures:
+        if tuple(sizes[:7]) + tuple(sizes[9:12]) != expected + structures:
             raise BuildError(
                 f"the compiled puppet {path} is of another puppet or version: its sizes are "
                 f"{tuple(sizes)}; delete the file to have it made again"
             )
+        self.signatures = _signatures(tree, self.sizes["n_packed"])
         self.handle.fan_new.restype = ctypes.c_void_p
         self.handle.fan_free.argtypes = [ctypes.c_void_p]
 
@@ -300,15 +301,16 @@ class Run:
         return rows, events
 
 
-def _signatures(tree: Tree) -> Signatures:
+def _signatures(tree: Tree, packed: int) -> Signatures:
     """Widths of the arguments and results of every generated function."""
     t = tree.coordinates
     n_s, n_l, n_p, links = len(tree.strings), len(tree.limits), len(tree.parameters), tree.links
-    n, packed = t.n_vD, n_packed(tree)
+    n = t.n_vD
     q, state = (t.n_qD, t.n_qK), (t.n_qD, n, t.n_qK, t.n_vK)
     rows = (packed, n, n * n_s, n_s * n_s, *[n_s] * 5, n_l, 3 * n_l, n_l, 1, n, 1)
     return {
         "dynamics": ((*state, t.n_vK, n, 1, n_p), rows),
+        "exact_dynamics": ((*state, t.n_vK, n, 1, n_p), rows),
         "rows": ((*q, n_p), (n_s + n_l,)),
         "energy": ((*state, n_p), (1, 1)),
         "effort": ((*state, n, t.n_vK, n_s, n_p), (t.n_vK,)),
@@ -318,18 +320,6 @@ def _signatures(tree: Tree) -> Signatures:
         "forth": ((packed, n), (n,)),
         "back": ((packed, n), (n,)),
     }
-
-
-def n_packed(tree: Tree) -> int:
-    """Entries of the packed factor of M_DD: each velocity's ancestors, and itself."""
-    total = 0
-    for i, link in enumerate(tree.links):
-        if link.role is Role.DYNAMIC:
-            above = [tree.links[j] for j in tree.ancestors(i)[1:]]
-            n_above = sum(a.v.stop - a.v.start for a in above if a.role is Role.DYNAMIC)
-            k = link.v.stop - link.v.start
-            total += k * n_above + k * (k + 1) // 2
-    return total
 
 
 def _input_arrays(inputs: Input) -> tuple[_InputArrays, list[Array]]:

@@ -24,18 +24,18 @@ class Functions:
 
     Args:
         path: the shared library.
-        signatures: see above.
+        signatures: see above; a library that has to be asked for its sizes sets them later.
 
     Raises:
         BuildError: it cannot be loaded.
     """
 
-    def __init__(self, path: Path, signatures: Signatures):
+    def __init__(self, path: Path, signatures: Signatures | None = None):
         try:
             self.handle = ctypes.CDLL(str(path))
         except OSError as error:
             raise BuildError(f"the compiled puppet {path} cannot be loaded: {error}") from error
-        self.signatures = signatures
+        self.signatures = signatures or {}
 
     def evaluate(self, name: str, arguments: list[Array]) -> list[Array]:
         """A generated function over arrays.

@@ -27,15 +27,16 @@ inline void read_state(
 }  // namespace fan
 
 // Sizes the caller must agree with: n_qD n_vD n_qK n_vK n_strings n_limits n_p row_width event_width,
-// and the bytes of InputArrays, Options and Record.
+// the bytes of InputArrays, Options and Record; and n_packed.
 FAN_EXPORT void fan_sizes(int* out) {
   using fan::Model;
   const int sizes[] = {
       Model::n_qD,     Model::n_vD,      Model::n_qK, Model::n_vK,
       Model::n_strings, Model::n_limits, Model::n_p,  fan::Record<Model>::row_width,
       fan::Record<Model>::event_width,
-      int(sizeof(fan::InputArrays)), int(sizeof(fan::Options)), int(sizeof(fan::Record<Model>))};
-  for (int i = 0; i < 12; ++i) out[i] = sizes[i];
+      int(sizeof(fan::InputArrays)), int(sizeof(fan::Options)), int(sizeof(fan::Record<Model>)),
+      Model::n_packed};
+  for (int i = 0; i < 13; ++i) out[i] = sizes[i];
 }
 
 FAN_EXPORT void* fan_new(int event_driven) {
@@ -190,7 +191,8 @@ FAN_EXPORT int fan_batch_work(void* pool) {
   return fan::work_on<fan::EventBatch<fan::Model>>(pool);
 }
 
-// Calls a model function n times: argument i of call k begins at arg[i] + k * arg_stride[i].
+// Calls a model function n times: argument i of call k begins at arg[i] + k * arg_stride[i]. No
+// pointer may be null but those of empty arguments and results.
 #define FAN_MAP(NAME, N_ARG, N_RES)                                                          \
   FAN_EXPORT int fan_map_##NAME(                                                             \
       long long n, const double* const* arg, const long long* arg_stride, double* const* res, \
@@ -199,13 +201,14 @@ FAN_EXPORT int fan_batch_work(void* pool) {
     double* r[N_RES];                                                                        \
     for (long long k = 0; k < n; ++k) {                                                      \
       for (int i = 0; i < N_ARG; ++i) a[i] = arg[i] + k * arg_stride[i];                     \
-      for (int i = 0; i < N_RES; ++i) r[i] = res[i] ? res[i] + k * res_stride[i] : nullptr;  \
+      for (int i = 0; i < N_RES; ++i) r[i] = res[i] + k * res_stride[i];                    \
       fan::Model::NAME(a, r);                                                                \
     }                                                                                        \
     return 0;                                                                                \
   }
 
 FAN_MAP(dynamics, 8, 15)
+FAN_MAP(exact_dynamics, 8, 15)
 FAN_MAP(rows, 3, 1)
 FAN_MAP(energy, 5, 2)
 FAN_MAP(effort, 8, 1)

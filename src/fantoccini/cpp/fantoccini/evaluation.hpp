@@ -1,6 +1,8 @@
 // One evaluation of the generated model, and the systems over one-sided rows made from it.
 //
-//   hddot = gamma + A_D acc_D,   acc_D = L^-1 (w0 + W lambda),   W = L^-T A_D^T,   M_DD = L^T L
+//   hddot = gamma + A_D acc_D,   acc_D = F^-1 (w0 + W lambda),   W = F^-T A_D^T,   M_DD = F^T F
+//
+// forth applies F^-T and back F^-1, from the numbers L that the model gives.
 //
 // Rows are the strings, then the limits. Strings come with W and G = W^T W from the generated code;
 // a limit's column of W is made when the limit takes part.
@@ -29,7 +31,18 @@ struct Evaluation {
     Model::dynamics(arg, res);
   }
 
-  // acc = L^-1 w.
+  // The same for dt = 0, with fewer operations.
+  FAN_FN void at(
+      const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
+      const Real* u_D, const Real* p) {
+    const Real dt = 0.0;
+    const Real* arg[] = {q_D, v_D, q_K, v_K, acc_K, u_D, &dt, p};
+    Real* res[] = {L,       w0,      W,           G,       h,        hdot, gamma, a0, hdot_K,
+                   h_limit, J_limit, gamma_limit, &power0, M_DK_v_K, &loss};
+    Model::exact_dynamics(arg, res);
+  }
+
+  // acc = F^-1 w.
   FAN_FN void back(const Real* w, Real* acc) const {
     const Real* arg[] = {L, w};
     Real* res[] = {acc};

@@ -49,7 +49,7 @@ struct Flow {
   // Evaluates the flow at (at, state) in the frozen mode.
   void evaluate(double at, const double* state, double* rate) {
     drive.evaluate(at, q_K, v_K, acc_K, u_D);
-    eval.at(state, state + NQ, q_K, v_K, acc_K, u_D, 0.0, p);
+    eval.at(state, state + NQ, q_K, v_K, acc_K, u_D, p);
     let_out(at);
     int list[room(M)], n = 0;
     for (int r = 0; r < M; ++r) {

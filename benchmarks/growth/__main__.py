@@ -1,0 +1,51 @@
+"""``python -m benchmarks.growth``: measures puppets of all sizes and writes docs/growth.md."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+from benchmarks.growth import report
+from benchmarks.growth.measure import Size
+
+ROOT = Path(__file__).resolve().parents[2]
+
+DOF = (5, 10, 25, 50, 100, 200)
+STRINGS = (1, 3, 10, 30, 100)
+BODY = 25
+"""Degrees of freedom of the puppet that is hung from more and more strings."""
+
+SIZES = [
+    *(("bushy", BODY, n) for n in STRINGS if n != 3),
+    *((kind, dof, 3) for dof in DOF for kind in ("bushy", "chain")),
+]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Writes docs/growth.md and its picture.")
+    parser.add_argument("--kept", type=Path, help="file of measurements to go on from")
+    kept = parser.parse_args().kept
+    found = [Size(**row) for row in json.loads(kept.read_text())] if kept and kept.exists() else []
+    for kind, dof, strings in SIZES:
+        if any((s.kind, s.dof, s.strings) == (kind, dof, strings) for s in found):
+            continue
+        command = [sys.executable, "-m", "benchmarks.growth.measure", kind, str(dof), str(strings)]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+        found.append(Size(**json.loads(done.stdout)))
+        print(found[-1], flush=True)
+        if kept:
+            kept.write_text(json.dumps([vars(size) for size in found], indent=1))
+    report.write(ROOT, found, BODY, missing(found))
+
+
+def missing(found: list[Size]) -> list[str]:
+    """The sizes that were not measured, in words."""
+    there = {(s.kind, s.dof, s.strings) for s in found}
+    return [f"{k}, {n} DOF, {m} strings" for k, n, m in SIZES if (k, n, m) not in there]
+
+
+if __name__ == "__main__":
+    main()

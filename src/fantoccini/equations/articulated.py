@@ -1,0 +1,289 @@
+"""M_DD = F^T F by the articulated-body recursion: F^-T and F^-1 in operations linear in the links.
+
+A link with all that hangs from it answers a motion of its frame with the wrench N a - p, where N
+(6, 6) is its articulated inertia. From the leaves to the root every velocity k, with the column S
+of its joint, is eliminated:
+
+    U = N S,  D = S.U + armature,  N <- N - U U^T / D,  w_k = (x_k + S.p) / sqrt D,
+    p <- p - U w_k / sqrt D
+
+w = F^-T x for forces x in the joints and wrenches p on the links; back from the root to the leaves
+
+    y_k = (w_k - U.a / sqrt D) / sqrt D,  a <- a + S y_k
+
+gives y = F^-1 w. Wrenches and motions have six entries, the angular ones first, in the link's
+frame. The linear velocities of a free joint are eliminated along the link's own axes: F is then
+not triangular, which nobody asks of it.
+
+Without armature a joint hands on nothing about its own axis, so that rows of N vanish: a ball joint
+hands on a force. The armature is the damping of a step; an exact evaluation has none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from fantoccini.equations.algebra import cross, dot, scaled, symbolic, zeros
+from fantoccini.equations.inertia import BodyInertia, rotated
+from fantoccini.equations.kinematics import JointMotion
+from fantoccini.tree import WORLD, Link, Role, Tree
+
+Wrench = tuple[np.ndarray, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Column:
+    """One velocity that has been eliminated.
+
+    Attributes:
+        S: (6,) motion of the link per unit velocity, a constant.
+        U: (6,) U / sqrt D.
+        d: 1 / sqrt D.
+        place: the entry of S that alone differs from zero, where a column without armature has
+            one: there the wrench handed on is known beforehand. None elsewhere.
+    """
+
+    S: np.ndarray
+    U: np.ndarray
+    d: ca.SX
+    place: int | None
+
+    def forth(self, x: ca.SX, p: np.ndarray) -> ca.SX:
+        """w_k from the force x in the joint; the wrench p (6,) becomes the one handed on."""
+        w = (x + dot(self.S, p)) * self.d
+        p -= scaled(w, self.U)
+        if self.place is not None:
+            p[self.place] = -x * self.S[self.place]
+        return w
+
+    def back(self, w: ca.SX, a: np.ndarray) -> ca.SX:
+        """y_k; the acceleration a (6,) becomes that below the joint."""
+        if self.place is None:
+            y = (w - dot(self.U, a)) * self.d
+            a += scaled(y, self.S)
+            return y
+        others = [k for k in range(6) if k != self.place]
+        sign, before = self.S[self.place], a[self.place]
+        a[self.place] = (w - dot(self.U[others], a[others])) * self.d * sign
+        return (a[self.place] - before) * sign
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A link in the recursion.
+
+    Attributes:
+        parent: index of the link that wrenches are handed to, ``WORLD`` where no joint from there
+            on is dynamic.
+        R, r: pose of the link in its parent.
+        columns: of a dynamic joint, in the order of its velocities; empty otherwise.
+        v: place of these velocities in v_D.
+        turned: (3, 3) orientation in the link of the axes of a free joint's linear velocities;
+            None for other joints.
+    """
+
+    parent: int
+    R: np.ndarray
+    r: np.ndarray
+    columns: tuple[Column, ...]
+    v: slice
+    turned: np.ndarray | None
+
+
+@dataclass(frozen=True)
+class Factor:
+    """F of M_DD = F^T F.
+
+    Attributes:
+        stages: the links, parents before children.
+        n: number of dynamic velocities.
+    """
+
+    stages: list[Stage]
+    n: int
+
+    def forth(self, x: np.ndarray, wrenches: dict[int, Wrench]) -> np.ndarray:
+        """w = F^-T (x + J^T p), from the leaves to the root (n,).
+
+        Args:
+            x: (n,) forces in the joints.
+            wrenches: link -> (torque, force) on it about its origin, in its frame.
+        """
+        w = zeros(self.n)
+        p = [zeros(6) for _ in self.stages]
+        for link, wrench in wrenches.items():
+            p[link] = np.concatenate(wrench)
+        for i in reversed(range(len(self.stages))):
+            stage = self.stages[i]
+            own = x[stage.v].copy()
+            if stage.turned is not None:
+                own[:3] = stage.turned.dot(own[:3])
+            for k in reversed(range(len(stage.columns))):
+                w[stage.v.start + k] = stage.columns[k].forth(own[k], p[i])
+            if stage.parent != WORLD:
+                force = stage.R.dot(p[i][3:])
+                torque = stage.R.dot(p[i][:3]) + cross(stage.r, force)
+                p[stage.parent] = p[stage.parent] + np.concatenate([torque, force])
+        return w
+
+    def back(self, w: np.ndarray) -> np.ndarray:
+        """y = F^-1 w, from the root to the leaves (n,)."""
+        y = zeros(self.n)
+        a: list[np.ndarray] = []
+        for stage in self.stages:
+            here = zeros(6)
+            if stage.parent != WORLD:
+                up, Rt = a[stage.parent], stage.R.T
+                here[:3] = Rt.dot(up[:3])
+                here[3:] = Rt.dot(up[3:] + cross(up[:3], stage.r))
+            own = [
+                column.back(w[stage.v.start + k], here) for k, column in enumerate(stage.columns)
+            ]
+            if stage.turned is not None:
+                own[:3] = stage.turned.T.dot(np.array(own[:3], dtype=object))
+            y[stage.v] = own
+            a.append(here)
+        return y
+
+    def numbers(self, layout: Factor) -> list[ca.SX]:
+        """What the factor is stored as: its numbers where those of a layout are not constant.
+
+        Args:
+            layout: this factor, or the same tree's with more that is not constant.
+        """
+        found: dict[int, ca.SX] = {}
+        for theirs, own in zip(layout._all(), self._all(), strict=True):
+            if not theirs.is_constant():
+                found.setdefault(theirs.element_hash(), own)
+        return list(found.values())
+
+    def stored(self, packed: np.ndarray) -> Factor:
+        """The same factor with its numbers taken from a vector, in the order of its own layout."""
+        place = {x.element_hash(): k for k, x in enumerate(self.numbers(self))}
+        return self._with(lambda x: x if x.is_constant() else packed[place[x.element_hash()]])
+
+    def _all(self) -> list[ca.SX]:
+        """All numbers that :meth:`forth` and :meth:`back` may use."""
+        found: list[ca.SX] = []
+
+        def note(x: ca.SX) -> ca.SX:
+            found.append(x)
+            return x
+
+        self._with(note)
+        return found
+
+    def _with(self, change: Callable[[ca.SX], ca.SX]) -> Factor:
+        """The factor with its numbers changed."""
+
+        def every(values: np.ndarray) -> np.ndarray:
+            out = values.copy()
+            for index in np.ndindex(values.shape):
+                out[index] = change(ca.SX(values[index]))
+            return out
+
+        stages = []
+        for s in self.stages:
+            columns = tuple(replace(c, U=every(c.U), d=change(c.d)) for c in s.columns)
+            R, r = (every(s.R), every(s.r)) if s.parent != WORLD else (s.R, s.r)
+            turned = None if s.turned is None else every(s.turned)
+            stages.append(replace(s, R=R, r=r, columns=columns, turned=turned))
+        return Factor(stages, self.n)
+
+
+def factorise(
+    tree: Tree,
+    joints: list[JointMotion],
+    inertias: list[BodyInertia],
+    armature: Callable[[Link], ca.SX],
+) -> Factor:
+    """The factor of M_DD + armature.
+
+    Args:
+        tree, joints, inertias: as elsewhere.
+        armature: what a link's joint adds to the diagonal.
+    """
+    n = len(tree.links)
+    N = [_spatial(inertia) for inertia in inertias]
+    below = _below_dynamic(tree)
+    stages: list[Stage | None] = [None] * n
+    for i in reversed(range(n)):
+        link, joint = tree.links[i], joints[i]
+        dynamic = link.role is Role.DYNAMIC
+        columns = _eliminated(N[i], link, joint, armature(link)) if dynamic else ()
+        parent = link.parent if below[i] else WORLD
+        if parent != WORLD:
+            N[parent] = N[parent] + _in_parent(N[i], joint.R, joint.r)
+        turned = joint.R_joint.T if dynamic and link.kind == "free" else None
+        v = link.v if dynamic else slice(0, 0)
+        stages[i] = Stage(parent, joint.R, joint.r, columns, v, turned)
+    return Factor(stages, tree.coordinates.n_vD)
+
+
+def _below_dynamic(tree: Tree) -> list[bool]:
+    """Whether a dynamic joint lies between each link's parent and the world."""
+    below: list[bool] = []
+    for link in tree.links:
+        up = link.parent
+        below.append(up != WORLD and (tree.links[up].role is Role.DYNAMIC or below[up]))
+    return below
+
+
+def _eliminated(
+    N: np.ndarray, link: Link, joint: JointMotion, armature: ca.SX
+) -> tuple[Column, ...]:
+    """The columns of a joint, the last eliminated first; N becomes what its parent feels."""
+    S = np.vstack([joint.S_w, joint.S_v])
+    if link.kind == "free":
+        S = np.roll(symbolic(np.eye(6)), 3, axis=0)
+    columns: list[Column] = []
+    for k in reversed(range(S.shape[1])):
+        s = S[:, k]
+        U = N.dot(s)
+        root = ca.sqrt(dot(s, U) + armature)
+        d = 1 / root
+        U = scaled(d, U)
+        place = _single(s) if armature.is_zero() else None
+        for i in range(6):
+            for j in range(i + 1):
+                N[i, j] = N[j, i] = N[i, j] - U[i] * U[j]
+        if place is not None:
+            N[place, :] = N[:, place] = ca.SX(0)
+            U[place] = root * s[place]
+        columns.append(Column(s, U, d, place))
+    return tuple(reversed(columns))
+
+
+def _single(s: np.ndarray) -> int | None:
+    """The place of the only entry that differs from zero, where it is 1 or -1."""
+    places = [i for i in range(6) if not s[i].is_zero()]
+    return places[0] if len(places) == 1 and abs(float(s[places[0]])) == 1.0 else None
+
+
+def _spatial(inertia: BodyInertia) -> np.ndarray:
+    """(6, 6): [[I, [h]], [-[h], m 1]]."""
+    N, h = zeros(6, 6), inertia.h
+    skew = np.array([[0 * h[0], -h[2], h[1]], [h[2], 0 * h[0], -h[0]], [-h[1], h[0], 0 * h[0]]])
+    N[:3, :3], N[:3, 3:], N[3:, :3] = inertia.I, skew, skew.T
+    for k in range(3, 6):
+        N[k, k] = inertia.m
+    return N
+
+
+def _in_parent(N: np.ndarray, R: np.ndarray, r: np.ndarray) -> np.ndarray:
+    """The same articulated inertia about the parent's origin, with pose (R, r) in the parent."""
+    A, C = rotated(R, N[:3, :3]), rotated(R, N[3:, 3:])
+    B = R.dot(N[:3, 3:]).dot(R.T)
+    across = np.array([cross(r, B[i]) for i in range(3)], dtype=object)  # -B [r], row by row
+    moved = B + np.array([cross(r, C[:, j]) for j in range(3)], dtype=object).T
+    out = zeros(6, 6)
+    for i in range(3):
+        for j in range(i + 1):
+            shift = across[j, i] + cross(r, moved[i])[j]
+            out[i, j] = out[j, i] = A[i, j] + shift
+    out[:3, 3:], out[3:, :3], out[3:, 3:] = moved, moved.T, C
+    return out

@@ -1,0 +1,140 @@
+"""Functions in pieces: the same arithmetic wherever they are cut."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from cpp.toolchain import compile_program, equations, run_program
+from fantoccini import puppets
+from fantoccini.codegen import generate, model_text
+from fantoccini.codegen.straight import pieces, program
+from fantoccini.equations.functions import MODEL_INPUTS
+from fantoccini.puppet import load
+from harness import Model
+
+PROGRAM = """
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <vector>
+#define casadi_real double
+namespace whole {
+#include "whole/model.c"
+}
+namespace cut {
+#include "cut/model.c"
+}
+int main() {
+  int n_arg, n_res;
+  if (std::scanf("%d %d", &n_arg, &n_res) != 2) return 1;
+  std::vector<std::vector<double>> arg(n_arg), a(n_res), b(n_res);
+  std::vector<const double*> in;
+  std::vector<double*> one, other;
+  for (auto& x : arg) {
+    int n;
+    if (std::scanf("%d", &n) != 1) return 1;
+    x.resize(n + 1);
+    for (int i = 0; i < n; ++i)
+      if (std::scanf("%lf", &x[i]) != 1) return 1;
+    in.push_back(x.data());
+  }
+  for (int k = 0; k < n_res; ++k) {
+    int n;
+    if (std::scanf("%d", &n) != 1) return 1;
+    a[k].resize(n + 1);
+    b[k].resize(n + 1);
+    one.push_back(a[k].data());
+    other.push_back(b[k].data());
+  }
+  whole::fan_it(in.data(), one.data(), nullptr, nullptr, 0);
+  cut::fan_it(in.data(), other.data(), nullptr, nullptr, 0);
+  int apart = 0;
+  for (int k = 0; k < n_res; ++k)
+    apart += std::memcmp(a[k].data(), b[k].data(), 8 * a[k].size()) != 0;
+  std::printf("%d\\n", apart);
+  for (const auto& x : a)
+    for (size_t i = 0; i + 1 < x.size(); ++i) std::printf("%.17g\\n", x[i]);
+  return 0;
+}
+"""
+
+
+@pytest.mark.parametrize(("name", "longest"), [("arm2d", 20), ("marionette", 700)])
+@pytest.mark.parametrize("which", ["dynamics", "exact_dynamics"])
+def test_a_function_in_pieces_gives_the_same_bits(name, which, longest, tmp_path):
+    """Compiled without contraction: products join sums where the compiler sees both."""
+    function = equations(name)[which]
+    for folder, most in (("whole", 10**9), ("cut", longest)):
+        (tmp_path / folder).mkdir()
+        for file, text in model_text({"it": function}, {}, most).items():
+            (tmp_path / folder / file).write_text(text, encoding="ascii")
+    (tmp_path / "both.cpp").write_text(PROGRAM, encoding="ascii")
+    built = compile_program(str(tmp_path / "both.cpp"), tmp_path, "-O1", "-ffp-contract=off")
+    state = Model.of(load(puppets.path(name))).random(0)
+    values = vars(state) | {"u_D": state.v_D, "dt": np.array([2e-3]), "p": np.zeros(0)}
+    given = [values[argument] for argument in function.name_in()]
+    words = [function.n_in(), function.n_out()]
+    for x in given:
+        words += [len(x), *x]
+    words += [function.numel_out(i) for i in range(function.n_out())]
+    apart, *printed = run_program(built, "\n".join(map(repr, map(_plain, words)))).split()
+    assert apart == "0"
+    expected = np.concatenate([np.ravel(np.array(x), order="F") for x in function(*given)])
+    size = np.maximum(1.0, np.abs(expected).max())
+    assert np.max(np.abs(np.array(printed, dtype=float) - expected)) <= 1e-13 * size
+
+
+def _plain(word):
+    return float(word) if isinstance(word, np.floating) else word
+
+
+def test_a_divisor_of_several_quotients_is_inverted_once():
+    x, y, z = (ca.SX.sym(n) for n in "xyz")
+    both = program(ca.Function("f", [x, y, z], [x / y + z / y, 1 / y]))
+    operations = [s.operation for s in both.statements if s.is_arithmetic]
+    assert operations.count(ca.OP_INV) == 1
+    assert ca.OP_DIV not in operations
+    single = program(ca.Function("f", [x, y], [x / y]))
+    assert [s.operation for s in single.statements if s.is_arithmetic] == [ca.OP_DIV]
+
+
+def test_a_sine_and_a_cosine_once_an_angle():
+    """Four hinges turn in the marionette; its ball joints have quaternions."""
+    for which in ("dynamics", "exact_dynamics"):
+        made = [s.operation for s in program(equations("marionette")[which]).statements]
+        assert (made.count(ca.OP_SIN), made.count(ca.OP_COS)) == (4, 4)
+
+
+def test_no_operation_with_a_constant_0_or_1_is_left():
+    whole = program(equations("marionette")["exact_dynamics"])
+    listed = enumerate(whole.statements)
+    constants = {k: s.constant for k, s in listed if s.operation == ca.OP_CONST}
+    for s in whole.statements:
+        if s.operation in (ca.OP_ADD, ca.OP_SUB, ca.OP_MUL):
+            values = [constants.get(i) for i in s.of]
+            assert 0.0 not in values
+            assert s.operation != ca.OP_MUL or 1.0 not in values
+            assert values.count(None) > 0, "two constants would have been folded"
+
+
+def test_pieces_are_no_longer_than_asked():
+    made = pieces(equations("marionette")["dynamics"], "f", 500)
+    assert len(made.pieces) == len(made.declarations) > 10
+    # A line of arithmetic, and at most one each to fetch its two operands and to hand it on.
+    assert max(text.count("\n") for text in made.pieces) < 4 * 500
+
+
+def test_small_models_are_one_file_and_large_ones_several():
+    assert generate(equations("arm2d")).units == ()
+    large = generate(equations("marionette"))
+    assert len(large.units) > 1
+    assert set(large.units) <= set(large.files)
+
+
+def test_an_undamped_puppet_has_one_dynamics():
+    made = generate(equations("arm2d"))
+    assert made.operations["exact_dynamics"] == 0
+    assert "return fan_dynamics(arg, res" in made.files["model.c"]
+    assert MODEL_INPUTS["dynamics"] == MODEL_INPUTS["exact_dynamics"]
