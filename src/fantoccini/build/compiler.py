@@ -15,6 +15,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
@@ -202,25 +203,48 @@ def run_compilers(
     Raises:
         BuildError, DiskError: of the first one to fail; the others are ended.
     """
-    running: set[subprocess.Popen[str]] = set()
+    together = _Together()
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        made = [pool.submit(run_compiler, c, folder, seconds, running) for c in commands]
+        made = [pool.submit(run_compiler, c, folder, seconds, together) for c in commands]
         try:
             for future in as_completed(made):
                 future.result()
         except BaseException:
             for future in made:
                 future.cancel()
-            for process in running.copy():
-                _kill(process)
+            together.end()
             raise
+
+
+class _Together:
+    """Compilers that run beside one another and are ended together."""
+
+    def __init__(self) -> None:
+        self._ended = threading.Event()
+        self._running: set[subprocess.Popen[str]] = set()
+
+    def add(self, process: subprocess.Popen[str]) -> None:
+        """Takes a process in; it is ended at once where the others have been."""
+        self._running.add(process)
+        if self._ended.is_set():
+            _kill(process)
+
+    def discard(self, process: subprocess.Popen[str]) -> None:
+        """Forgets a process that has ended."""
+        self._running.discard(process)
+
+    def end(self) -> None:
+        """Ends those that run, and any that is taken in from now on."""
+        self._ended.set()
+        for process in self._running.copy():
+            _kill(process)
 
 
 def run_compiler(
     command: list[str],
     folder: Path,
     seconds: float = COMPILE_SECONDS,
-    running: set[subprocess.Popen[str]] | None = None,
+    together: _Together | None = None,
 ) -> None:
     """Runs a compiler in a folder and waits for it.
 
@@ -228,7 +252,7 @@ def run_compiler(
         command: program and arguments, the last one the file to write.
         folder: where it runs; relative names in the command are inside it.
         seconds: how long it may take.
-        running: holds the process while it runs.
+        together: the compilers it runs beside.
 
     Raises:
         BuildError: it failed, or took too long.
@@ -249,8 +273,8 @@ def run_compiler(
         )
     except OSError as error:
         raise BuildError(f"the compiler {command[0]!r} does not start: {error}") from error
-    running = set() if running is None else running
-    running.add(process)
+    together = together or _Together()
+    together.add(process)
     try:
         output, _ = process.communicate(timeout=seconds)
     except subprocess.TimeoutExpired:
@@ -263,7 +287,7 @@ def run_compiler(
         _end(process)
         raise
     finally:
-        running.discard(process)
+        together.discard(process)
     if process.returncode == 0:
         if not (folder / command[-1]).is_file():
             raise BuildError(f"{command[0]} reports success and has not written {command[-1]}")
