@@ -9,7 +9,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import InputError, Problem, StateError
-from fantoccini.motion import Input, Inputs, State
+from fantoccini.motion import Input, Inputs, State, States
 
 if TYPE_CHECKING:
     from fantoccini.marionette.handle import Marionette
@@ -39,19 +39,16 @@ def check_start(marionette: Marionette, x: State) -> None:
     Raises:
         StateError: naming the rows, by how much, and the repair.
     """
-    check_starts(marionette, [x])
+    check_starts(marionette, States.of([x], len(marionette.tree.strings)))
 
 
-def check_starts(marionette: Marionette, states: Sequence[State]) -> None:
+def check_starts(marionette: Marionette, states: States) -> None:
     """:func:`check_start` of many states; the first wrong one is reported."""
-    for x in states:
-        check_slip(marionette, x)
     for first in range(0, len(states), _AT_ONCE):
-        some = states[first : first + _AT_ONCE]
+        some = states.some(slice(first, first + _AT_ONCE))
         h, hdot = _rows_of(marionette, some)
-        scale = np.stack([marionette.row_scales(x) for x in some])
-        top = np.array([np.max(np.abs(x.v_D), initial=1.0) for x in some])
-        speed = 1e-7 * top[:, None]
+        scale = marionette.row_scales(some.q_K)
+        speed = 1e-7 * np.max(np.abs(some.v_D), axis=1, initial=1.0)[:, None]
         too_long = h > CLOSED * scale
         # A string on a winch that slips gives way.
         opening = (np.abs(h) <= CLOSED * scale) & (hdot > speed) & ~np.isfinite(marionette.upper)
@@ -76,33 +73,20 @@ def check_starts(marionette: Marionette, states: Sequence[State]) -> None:
         )
 
 
-def _rows_of(marionette: Marionette, states: Sequence[State]) -> tuple[Array, Array]:
+def _rows_of(marionette: Marionette, x: States) -> tuple[Array, Array]:
     """h and hdot (n, n_rows) of states."""
     tree, table = marionette.tree, marionette.coordinates
-    q_D, v_D, q_K, v_K = (
-        np.stack([getattr(x, name) for x in states]) for name in ("q_D", "v_D", "q_K", "v_K")
-    )
     still = np.zeros(table.n_vK), np.zeros(table.n_vD), np.zeros(1)
-    outputs = marionette.library.evaluate("dynamics", [q_D, v_D, q_K, v_K, *still, marionette.p])
+    state = [x.q_D, x.v_D, x.q_K, x.v_K, *still, marionette.p]
+    outputs = marionette.library.evaluate("dynamics", state)
     h, hdot, h_limit, J_limit = (outputs[i] for i in (4, 5, 9, 10))
-    slip = np.array([x.slip if len(x.slip) else np.zeros(len(tree.strings)) for x in states])
     hdot_limit = np.zeros_like(h_limit)
     for i, limit in enumerate(tree.limits):
         place = tree.links[limit.link].v
         J = J_limit[:, 3 * i : 3 * i + place.stop - place.start]
-        hdot_limit[:, i] = (J * v_D[:, place]).sum(axis=1)
-    hdot = hdot - marionette.winding(slip)
-    return np.hstack([h - slip, h_limit]), np.hstack([hdot, hdot_limit])
-
-
-def check_slip(marionette: Marionette, x: State) -> None:
-    """Raises StateError unless what winches have let out is a length for every string, or none."""
-    n = len(marionette.tree.strings)
-    if x.slip.shape not in ((0,), (n,)) or not np.all(np.isfinite(x.slip)) or np.any(x.slip < 0):
-        raise StateError(
-            f"slip: found {x.slip.tolist()}; it takes a length >= 0 for each of the {n} strings, "
-            "or nothing"
-        )
+        hdot_limit[:, i] = (J * x.v_D[:, place]).sum(axis=1)
+    hdot = hdot - marionette.winding(x.slip)
+    return np.hstack([h - x.slip, h_limit]), np.hstack([hdot, hdot_limit])
 
 
 def check_inputs(
@@ -154,12 +138,11 @@ def check_inputs(
 
 def check_speed(marionette: Marionette, x: State, bound: Input) -> None:
     """Raises StateError when the driven velocities would jump from a state to its inputs."""
-    check_speeds(marionette, [x], many_of(bound))
+    check_speeds(marionette, x.t, x.v_K[None], many_of(bound))
 
 
-def check_speeds(marionette: Marionette, states: Sequence[State], bound: Inputs) -> None:
-    """:func:`check_speed` of many states at one time, or many inputs, or both."""
-    t, v_K = states[0].t, np.stack([x.v_K for x in states])
+def check_speeds(marionette: Marionette, t: float, v_K: Array, bound: Inputs) -> None:
+    """:func:`check_speed` of many states, (n or 1, n_vK) at a time [s], or many inputs, or both."""
     found = bound.evaluate(t)[1]
     wrong = np.abs(found - v_K) > _SAME_SPEED * np.maximum(1.0, np.abs(v_K))
     if not np.any(wrong):

@@ -22,7 +22,7 @@ from fantoccini.marionette.instant import Instant
 from fantoccini.marionette.portable import Portable
 from fantoccini.marionette.rows import RowLayout
 from fantoccini.marionette.stepper import Stepper
-from fantoccini.motion import Input, State
+from fantoccini.motion import Input, State, States
 from fantoccini.puppet import Number, Parameter, Puppet
 from fantoccini.runtime import BatchLibrary, Library, RunOptions
 from fantoccini.tree import CoordinateTable, Tree
@@ -220,10 +220,15 @@ class Marionette(Portable, Analysis, Differentiable):
         wires = [s.wire for s in self.tree.strings] + [False] * len(self.tree.limits)
         return np.array(wires, dtype=bool)
 
-    def row_scales(self, x: State) -> Array:
-        """(n_rows,) what each row's h is measured against: string lengths [m], 1 for limits."""
-        lengths = self.string_lengths(x.q_K)
-        return np.concatenate([np.maximum(lengths, 1e-3), np.ones(len(self.tree.limits))])
+    def row_scales(self, q_K: Array) -> Array:
+        """(..., n_rows) what each row's h is measured against: string lengths [m], 1 for limits.
+
+        Args:
+            q_K: (..., n_qK) driven configuration [m, rad or 1].
+        """
+        lengths = np.maximum(self.string_lengths(q_K), 1e-3)
+        limits = np.ones((*lengths.shape[:-1], len(self.tree.limits)))
+        return np.concatenate([lengths, limits], axis=-1)
 
     # -- states ------------------------------------------------------------------------------
 
@@ -286,7 +291,7 @@ class Marionette(Portable, Analysis, Differentiable):
         table = self.coordinates
         acc_K = np.zeros(table.n_vK) if acc_K is None else acc_K
         u_D = np.zeros(table.n_vD) if u_D is None else u_D
-        checks.check_slip(self, x)
+        States.of([x], len(self.tree.strings))  # a slip that is none is refused
         made = Instant.of(self.library, self.tree, x, self.p, acc_K, u_D)
         if len(x.slip):
             speed, braked = self.winches[:, 1], np.sqrt(2.0 * BRAKE * x.slip)
@@ -313,7 +318,7 @@ class Marionette(Portable, Analysis, Differentiable):
             StateError: no acceleration keeps the rows, as when two inputs pull a string apart.
         """
         instant = self.instant(x, acc_K, u_D)
-        scale = self.row_scales(x)
+        scale = self.row_scales(x.q_K)
         speed = 1e-7 * max(1.0, float(np.max(np.abs(x.v_D), initial=0.0)))
         closed = (np.abs(instant.h) <= checks.CLOSED * scale) & (np.abs(instant.hdot) <= speed)
         slipping = (instant.h >= -checks.CLOSED * scale) & (instant.hdot > speed)

@@ -4,7 +4,7 @@ from fantoccini.motion.columns import Columns
 from fantoccini.motion.files import inputs_schema
 from fantoccini.motion.input import Input
 from fantoccini.motion.inputs import Inputs
-from fantoccini.motion.state import Event, EventKind, State
+from fantoccini.motion.state import Event, EventKind, State, States
 from fantoccini.motion.trajectories import SAVED, Trajectories
 from fantoccini.motion.trajectory import Trajectory
 
@@ -16,6 +16,7 @@ __all__ = [
     "Input",
     "Inputs",
     "State",
+    "States",
     "Trajectories",
     "Trajectory",
     "inputs_schema",

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from fantoccini.arrays import Array, ConfigD, ConfigK, MaskRows, VecD, VecK, frozen
+from fantoccini.errors import StateError
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +45,54 @@ class State:
     def replace(self, **changes) -> State:
         """A copy with some fields changed: ``x.replace(t=0.0, v_D=v)``."""
         return dataclasses.replace(self, **changes)
+
+
+@dataclass(frozen=True, eq=False)
+class States:
+    """States of one time side by side, n of them.
+
+    Attributes:
+        t: time [s].
+        q_D, v_D, q_K, v_K: (n, ...) as of :class:`State`.
+        slip: (n, n_strings) [m].
+    """
+
+    t: float
+    q_D: Array
+    v_D: Array
+    q_K: Array
+    v_K: Array
+    slip: Array
+
+    @classmethod
+    def of(cls, states: Sequence[State], n_strings: int) -> States:
+        """States with what winches have let out, for every string.
+
+        Raises:
+            ValueError: they are not of one time.
+            StateError: a slip that is not a length >= 0 for each of the strings.
+        """
+        if any(x.t != states[0].t for x in states):
+            raise ValueError("the states of a batch must be of one time: x.replace(t=...)")
+        still, slips = np.zeros(n_strings), [x.slip for x in states]
+        wrong = [x for x in slips if x.shape not in ((0,), (n_strings,))]
+        slip = np.array([still if x.shape == (0,) else x for x in slips if not wrong])
+        if wrong or not np.all(np.isfinite(slip) & (slip >= 0)):
+            bad = wrong[0] if wrong else slip[~np.all(np.isfinite(slip) & (slip >= 0), axis=1)][0]
+            raise StateError(
+                f"slip: found {bad.tolist()}; it takes a length >= 0 for each of the {n_strings} "
+                "strings, or nothing"
+            )
+        parts = (np.array([getattr(x, n) for x in states]) for n in ("q_D", "v_D", "q_K", "v_K"))
+        return cls(states[0].t, *parts, slip.reshape(len(states), n_strings))
+
+    def __len__(self) -> int:
+        return len(self.q_D)
+
+    def some(self, rows: slice) -> States:
+        """Some of them."""
+        parts = (getattr(self, name)[rows] for name in ("q_D", "v_D", "q_K", "v_K", "slip"))
+        return States(self.t, *parts)
 
 
 class EventKind(enum.StrEnum):

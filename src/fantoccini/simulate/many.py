@@ -10,7 +10,7 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.errors import Status
 from fantoccini.marionette import Marionette, check_inputs, check_speeds, check_starts, many_of
-from fantoccini.motion import SAVED, Columns, Input, Inputs, State, Trajectories
+from fantoccini.motion import SAVED, Columns, Input, Inputs, State, States, Trajectories
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Batch, BatchLibrary, RunOptions, default_threads
 from fantoccini.simulate.bar import Bar
@@ -40,27 +40,23 @@ def simulate_many(
     states = _listed(states, State, "x0", "marionette.rest()")
     if inputs is not None and not isinstance(inputs, Inputs):
         inputs = _listed(inputs, Input, "inputs", "Input.waypoints()")
-    t = states[0].t
-    if any(x.t != t for x in states):
-        raise ValueError("the states of a batch must be of one time; x.replace(t=...) moves one")
+    x0 = States.of(states, len(marionette.tree.strings))
+    t = x0.t
     given = many_of(Input.hold(marionette).shifted(t) if inputs is None else inputs)
-    n = _n_runs(len(states), len(given))
+    n = _n_runs(len(x0), len(given))
     t_end = given.end if t_end is None else float(t_end)
     if not np.isfinite(t_end) or not t_end > t:
         raise ValueError(f"t_end is {t_end}; it must be later than the start at {t}")
     check_inputs(marionette, given, t, t_end)
-    bound = given.bound(np.stack([x.q_K for x in states]), t)
-    check_speeds(marionette, states, bound)
-    check_starts(marionette, states)
+    bound = given.bound(x0.q_K, t)
+    check_speeds(marionette, t, x0.v_K, bound)
+    check_starts(marionette, x0)
     times = _times(method, options, t, t_end, save_at)
     names = _saved(save)
     parts = _parts(marionette, names, n, len(times), out or {})
-    still = np.zeros(len(marionette.tree.strings))
     batch = Batch(
         n=n, t=t, t_end=t_end,
-        q_D=np.stack([x.q_D for x in states]),
-        v_D=np.stack([x.v_D for x in states]),
-        slip=np.stack([x.slip if len(x.slip) else still for x in states]),
+        q_D=x0.q_D, v_D=x0.v_D, slip=x0.slip,
         breaks=bound.breaks, coef=bound.coef, base=bound.base, force=bound.force,
         p=marionette.p, winches=marionette.winches, options=options, times=times, parts=parts,
         status=np.full(n, Status.STOPPED, dtype=np.int32), reached=np.full(n, np.nan),

@@ -140,7 +140,7 @@ def simulate(
         raise ValueError(f"t_end is {t_end}; it must be later than the start at {x0.t}")
     check_inputs(marionette, inputs, x0.t, t_end)
     bound = inputs.bound(x0.q_K, x0.t)
-    check_speeds(marionette, [x0], many_of(bound))
+    check_speeds(marionette, x0.t, x0.v_K[None], many_of(bound))
     marionette.check_start(x0)
     save_at = _save_times(save_at, method, x0.t, t_end)
     about = options, x0, marionette.p, marionette.winches, bound, save_at

@@ -97,8 +97,15 @@ struct RowSystem {
 
   // w <- w + W y over the rows.
   FAN_FN void add(const Real* y, Real* w) const {
+    // Every sum stays in a register; rows that do not pull add nothing.
+    int pulls[room(M)], n_pulls = 0;
     for (int a = 0; a < n; ++a)
-      for (int k = 0; k < length(a); ++k) w[k] += column[a][k] * y[a];
+      if (any(y[a] != Real(0.0))) pulls[n_pulls++] = a;
+    for (int k = 0; k < N; ++k) {
+      Real sum = w[k];
+      for (int i = 0; i < n_pulls; ++i) sum += column[pulls[i]][k] * y[pulls[i]];
+      w[k] = sum;
+    }
   }
 
  private:
