@@ -1,8 +1,8 @@
 """simulate: a marionette, a start state and inputs -> Trajectory; sensitivity: its derivatives."""
 
 from fantoccini.simulate.catch import Passage
+from fantoccini.simulate.integrators import INTEGRATORS
 from fantoccini.simulate.run import simulate
-from fantoccini.simulate.scipy_run import INTEGRATORS
 from fantoccini.simulate.sensitivity import Sensitivity, sensitivity
 
 __all__ = ["INTEGRATORS", "Passage", "Sensitivity", "sensitivity", "simulate"]

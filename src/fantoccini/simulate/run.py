@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from scipy.integrate import OdeSolver
 
 from fantoccini.arrays import Array
 from fantoccini.errors import SimulationError, Status
@@ -30,7 +29,9 @@ from fantoccini.motion import (
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Run
 from fantoccini.simulate.many import simulate_many
-from fantoccini.simulate.scipy_run import ScipyRun, solver_class
+
+if TYPE_CHECKING:
+    from scipy.integrate import OdeSolver
 
 _KINDS = (
     EventKind.CATCH, EventKind.RELEASE, EventKind.ACCUMULATION, EventKind.BREAKPOINT,
@@ -112,6 +113,8 @@ def simulate(
     if integrator is not None:
         if method != "event":
             raise ValueError("integrator goes with method='event'; time-stepping has its own")
+        from fantoccini.simulate.scipy_run import ScipyRun, solver_class
+
         solver_class(integrator)
     for name, value in (("rtol", rtol), ("atol", atol), ("max_step", max_step), ("dt", dt)):
         if not (np.isfinite(value) and value > 0):

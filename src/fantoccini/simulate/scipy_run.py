@@ -16,10 +16,8 @@ from scipy import integrate
 from fantoccini.arrays import Array
 from fantoccini.errors import Status
 from fantoccini.runtime import OutsideRun
+from fantoccini.simulate.integrators import INTEGRATORS
 from fantoccini.simulate.step import Step
-
-INTEGRATORS = ("RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA")
-"""SciPy's methods."""
 
 _EXPLICIT = (integrate.RK23, integrate.RK45, integrate.DOP853)
 _ONE_STEP = (*_EXPLICIT, integrate.Radau)

@@ -11,7 +11,6 @@ At a release nothing jumps: Z goes on. At a catch it does: :mod:`fantoccini.simu
 from __future__ import annotations
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from fantoccini.arrays import Array
 from fantoccini.errors import SimulationError, Status
@@ -77,6 +76,8 @@ class Variation:
             return np.concatenate(moved)
 
         start = np.concatenate([x.q_D, x.v_D, Z.ravel()])
+        from scipy.integrate import solve_ivp  # as long to import as all the rest
+
         found = solve_ivp(
             rate, (x.t, times[-1]), start, "DOP853", times, rtol=self._rtol, atol=self._atol
         )
