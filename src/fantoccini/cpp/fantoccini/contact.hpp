@@ -24,6 +24,8 @@ constexpr double kNear = 1e-4;  // gap below which a row is minded when others a
 // correction would be many times as large.
 constexpr double kMayStand = 1e-13;
 constexpr double kAtBound = 1e-9;  // of tensions, relative to the largest
+// J, relative to the weight times 1 m: what bringing rows that are nearly still to rest may add.
+constexpr double kGain = 1e-10;
 // Of heights (m, rad), speeds and accelerations: what redundant rows may contradict one another by.
 constexpr double kContradiction = 1e-10;
 
@@ -154,8 +156,10 @@ struct Contact {
   }
 
   // Brings the held rows to h = 0 and hdot = 0 at (t, y), without setting other closed rows in
-  // motion past their bounds: hdot = 0 on the held rows, hdot <= 0 on the rest. Books the work.
-  Status hold(F& f) {
+  // motion past their bounds: hdot = 0 on the held rows, hdot <= 0 on the rest, and a string that
+  // begins to slip is not wound back faster than its winch does. Books the work. Rows that hardly
+  // differ may take much energy to be brought to rest: not where that adds more than `most_gain`.
+  Status hold(F& f, double most_gain) {
     double rate[F::NY];
     stopped = 0.0;
     brought = false;
@@ -170,17 +174,23 @@ struct Contact {
       // A row that closes faster than that is about to be caught.
       const bool closed = f.eval.height(r) >= -kTouch * f.row_scale(r) && !f.winches.slips(r) &&
                           f.rate_of(r, f.y + NQ) <= kStill * speed_scale(f);
-      if (f.mode[r] == HELD || closed) list[n++] = r;
+      const bool slow = f.mode[r] == SLIPPING && f.lack(r) > 0.0;
+      if (f.mode[r] == HELD || closed || slow) list[n++] = r;
     }
     f.rows.gather(f.eval, f.y + NQ, list, n);
     begin(kHardlyStill * speed_scale(f));
     for (int a = 0; a < n; ++a) {
-      const bool held = f.mode[list[a]] == HELD;
+      const bool slow = f.mode[list[a]] == SLIPPING;
+      const bool held = f.mode[list[a]] == HELD || slow;
       f.rows.two_sided[a] = f.rows.two_sided[a] || held;
-      add_row(f, a, f.rows.hdot[a], kUnlimited, held ? Set::BASIC : Set::LOW);
+      const double rate = slow ? -f.lack(list[a]) : f.rows.hdot[a];
+      add_row(f, a, rate, kUnlimited, held ? Set::BASIC : Set::LOW);
     }
     const Status settled = settle(f);
     if (settled != RUNNING) return settled;
+    double gain = 0.0;
+    for (int a = 0; a < n; ++a) gain -= 0.5 * set_.x[a] * (set_.b[a] - set_.s[a]);
+    if (gain > most_gain) return NOT_SETTLED;
     for (int a = 0; a < n; ++a)
       brought = brought || (f.mode[list[a]] == SLACK && set_.place[a] == Set::BASIC);
     apply(f);
@@ -302,7 +312,11 @@ struct Contact {
   void apply(F& f) {
     double change[room(N)];
     push(f, change);
-    for (int a = 0; a < f.rows.n; ++a) f.y[F::WORK] += set_.x[a] * f.rows.hdot_K[a];
+    for (int a = 0; a < f.rows.n; ++a) {
+      const int r = f.rows.row[a];
+      f.y[F::WORK] += set_.x[a] * f.rows.hdot_K[a];
+      if (f.winches.slips(r)) f.y[F::SLIP_LOSS] += set_.x[a] * f.slip_rate[r];
+    }
     for (int j = 0; j < N; ++j) {
       f.y[F::WORK] += f.eval.M_DK_v_K[j] * change[j];
       f.y[NQ + j] += change[j];

@@ -336,7 +336,7 @@ struct EventRun {
 
   Status settle_mode(const Situation& s, Record<Model>& out) {
     Hold next[room(M)];
-    const double energy = flow.total_energy(), work = flow.y[F::WORK];
+    const double energy = flow.total_energy() - given();
     double stopped = 0.0;
     Status held = RUNNING;
     for (const double stillness : {kStill, kHardlyStill}) {
@@ -346,7 +346,8 @@ struct EventRun {
         if (chosen != RUNNING) return fail(chosen);
         set_mode(next);
         refresh();
-        held = contact.hold(flow);
+        // What is hardly still is held at any price.
+        held = contact.hold(flow, stillness == kStill ? kGain * flow.weight() : kForever);
         if (contact.stopped > stopped) stopped = contact.stopped;
         if (held != RUNNING || !contact.brought) break;
       }
@@ -354,7 +355,7 @@ struct EventRun {
     }
     if (held != RUNNING) return fail(held);
     refresh();
-    impact += energy + flow.y[F::WORK] - work - flow.total_energy();
+    impact += energy - (flow.total_energy() - given());
     bool changed = false;
     for (int r = 0; r < M; ++r) {
       tell(s, r, out);
@@ -370,6 +371,9 @@ struct EventRun {
     if (changed) emit(out);
     return RUNNING;
   }
+
+  // What inputs and winches have given so far.
+  double given() const { return flow.y[F::WORK] - flow.y[F::SLIP_LOSS]; }
 
   // The event of row r that went from s.before to its mode, beside the catch that has been told.
   void tell(const Situation& s, int r, Record<Model>& out) {
