@@ -124,7 +124,9 @@ def test_a_run_goes_on_from_every_row_of_another():
     slips = whole.slip["line"] > 0
     assert np.sum(slips) > 20
     last = {t: i for i, t in enumerate(whole.t)}.values()  # an event is two rows at one time
-    for i in [i for i in last if slips[i]][::2]:
+    # Where the winch begins to brake its acceleration jumps, and a row there may say either.
+    jumps = np.abs(whole.slip["line"] - 0.2**2 / 2) < 1e-9
+    for i in [i for i in last if slips[i] and not jumps[i]][::2]:
         x = whole.state(i)
         acc, tension = weight.accelerations(x)
         assert acc == pytest.approx(whole.acc_D[i], abs=1e-6)

@@ -150,6 +150,13 @@ def rational(number: float) -> sp.Rational:
     return sp.Rational(format(number, ".15g"))
 
 
+def _short(coefficient):
+    """A coefficient as a short decimal, where it is one but for the rounding of its parts."""
+    short = rational(float(coefficient))
+    close = abs(QQ(short.p, short.q) - coefficient) <= _NOTHING * abs(coefficient)
+    return QQ(short.p, short.q) if close and short.q < coefficient.denominator else coefficient
+
+
 class _Reading:
     """Runs a graph over polynomials.
 
@@ -209,7 +216,7 @@ class _Reading:
             for place in places:
                 terms = found[place].items()
                 found[place] = self.ring.from_dict(
-                    {m: c for m, c in terms if abs(c) > _NOTHING * largest}
+                    {m: _short(c) for m, c in terms if abs(c) > _NOTHING * largest}
                 )
                 if found[place] not in shortest:
                     shortest[found[place]] = self.form.shortest(found[place])
