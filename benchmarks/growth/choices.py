@@ -28,8 +28,8 @@ FACTORS = Table(
 
 EVALUATION = (
     "One event-driven evaluation of the marionette with all strings taut (drive, model, tensions), "
-    "`benchmarks/speed/scalar.cpp`; the shortest of 1,800 runs of 1,000 evaluations, all programs in "
-    "turn, on the machine below. A piece is a function of so many statements; values travel "
+    "`benchmarks/speed/scalar.cpp`; the shortest of 1,800 runs of 1,000 evaluations, all in "
+    "turns, on the machine below. A piece is a function of so many statements; values travel "
     "between pieces through a work array, and inside a piece they are local. Before all this the "
     "evaluation took 3.32 us."
 )

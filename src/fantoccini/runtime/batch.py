@@ -17,8 +17,9 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import BuildError
-from fantoccini.runtime.compiled import _UNLIMITED, Library, RunOptions, _Options
+from fantoccini.runtime.compiled import Library
 from fantoccini.runtime.functions import pointer
+from fantoccini.runtime.structures import UNLIMITED, Options, RunOptions
 
 PARTS = ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K", "force", "taut", "books", "slip")
 """Parts of a row, in the order of ``Part`` in ``batch.hpp``."""
@@ -46,7 +47,7 @@ class _BatchArrays(ctypes.Structure):
         ("force", _Shared),
         ("p", ctypes.c_void_p),
         ("winches", ctypes.c_void_p),
-        ("options", _Options),
+        ("options", Options),
         ("save_every", ctypes.c_int),
         ("save_at", ctypes.c_void_p),
         ("n_rows", ctypes.c_longlong),
@@ -189,15 +190,14 @@ class Batch:
             first = held(a)
             return _Shared(first, 0 if len(a) == 1 else int(np.prod(a.shape[1:])))
 
-        names = [name for name, _ in _Options._fields_]
         arrays = _BatchArrays(
             n=self.n, t=self.t, t_end=self.t_end,
             q_D=shared(self.q_D), v_D=shared(self.v_D), slip=shared(self.slip),
             n_segments=self.coef.shape[1],
             breaks=shared(self.breaks), coef=shared(self.coef), base=shared(self.base),
             force=shared(self.force),
-            p=held(self.p), winches=held(np.minimum(self.winches, _UNLIMITED)),
-            options=_Options(**{name: getattr(self.options, name) for name in names}),
+            p=held(self.p), winches=held(np.minimum(self.winches, UNLIMITED)),
+            options=self.options.structure(),
             save_every=self.options.save_every,
             save_at=held(self.times), n_rows=len(self.times),
             status=pointer(self.status), reached=pointer(self.reached),

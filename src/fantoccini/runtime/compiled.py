@@ -18,83 +18,20 @@ from fantoccini.arrays import Array
 from fantoccini.errors import BuildError, Status
 from fantoccini.motion import Input, State
 from fantoccini.runtime.functions import Functions, Signatures, pointer
+from fantoccini.runtime.structures import (
+    UNLIMITED,
+    InputArrays,
+    Options,
+    Record,
+    RunOptions,
+    input_arrays,
+)
 from fantoccini.tree import Tree
 
 _SIZES = (
     "n_qD", "n_vD", "n_qK", "n_vK", "n_strings", "n_limits", "n_p", "row_width", "event_width",
     "input_bytes", "options_bytes", "record_bytes", "n_packed",
 )  # fmt: skip
-
-
-_UNLIMITED = 1e300
-"""A bound that is none, as the runtime has it."""
-
-
-class _InputArrays(ctypes.Structure):
-    _fields_ = [
-        ("n_segments", ctypes.c_int),
-        ("breaks", ctypes.c_void_p),
-        ("coef", ctypes.c_void_p),
-        ("base", ctypes.c_void_p),
-        ("force", ctypes.c_void_p),
-    ]
-
-
-class _Options(ctypes.Structure):
-    _fields_ = [
-        ("rtol", ctypes.c_double),
-        ("atol", ctypes.c_double),
-        ("first_step", ctypes.c_double),
-        ("max_step", ctypes.c_double),
-        ("tension_cap", ctypes.c_double),
-        ("energy_scale", ctypes.c_double),
-        ("recovery_speed", ctypes.c_double),
-        ("dt", ctypes.c_double),
-        ("max_steps", ctypes.c_longlong),
-        ("max_events", ctypes.c_longlong),
-        ("save_steps", ctypes.c_int),
-    ]
-
-
-class _Record(ctypes.Structure):
-    _fields_ = [
-        ("rows", ctypes.c_void_p),
-        ("row_capacity", ctypes.c_longlong),
-        ("n_rows", ctypes.c_longlong),
-        ("events", ctypes.c_void_p),
-        ("event_capacity", ctypes.c_longlong),
-        ("n_events", ctypes.c_longlong),
-    ]
-
-
-@dataclass(frozen=True)
-class RunOptions:
-    """Numbers that steer a run; see :func:`fantoccini.simulate.simulate` for their meaning.
-
-    Attributes:
-        rtol, atol: tolerances of the event-driven integrator.
-        first_step, max_step: its step sizes [s].
-        tension_cap: [N]; also of impulses [N s].
-        energy_scale: size of the energies the integrals are compared with [J].
-        recovery_speed: time-stepping's cap on taking back a violation [m/s].
-        dt: time-stepping's step [s].
-        max_steps, max_events: bounds.
-        save_steps: write every accepted step of the event-driven integrator.
-        save_every: write every so many steps of the time-stepper.
-    """
-
-    rtol: float
-    atol: float
-    first_step: float
-    max_step: float
-    tension_cap: float
-    energy_scale: float
-    recovery_speed: float
-    dt: float
-    max_steps: int
-    max_events: int
-    save_steps: bool
-    save_every: int = 1
 
 
 class Library(Functions):
@@ -118,7 +55,7 @@ class Library(Functions):
             table.n_qD, table.n_vD, table.n_qK, table.n_vK, len(tree.strings), len(tree.limits),
             len(tree.parameters),
         )  # fmt: skip
-        structures = tuple(ctypes.sizeof(s) for s in (_InputArrays, _Options, _Record))
+        structures = tuple(ctypes.sizeof(s) for s in (InputArrays, Options, Record))
         if tuple(sizes[:7]) + tuple(sizes[9:12]) != expected + structures:
             raise BuildError(
                 f"the compiled puppet {path} is of another puppet or version: its sizes are "
@@ -151,7 +88,7 @@ class Library(Functions):
         if W.shape != (self.sizes["n_vD"], n):
             raise ValueError(f"W has the shape {W.shape}; it must be {(self.sizes['n_vD'], n)}")
         columns, b = (np.ascontiguousarray(a, dtype=float) for a in (W.T, b))
-        upper = np.full(n, _UNLIMITED) if upper is None else np.minimum(upper, _UNLIMITED)
+        upper = np.full(n, UNLIMITED) if upper is None else np.minimum(upper, UNLIMITED)
         sides = np.zeros(n, bool) if two_sided is None else two_sided
         active = np.ones(n, bool) if guess is None else guess
         sides, active = (a.astype(np.int32) for a in (sides, active))
@@ -221,14 +158,13 @@ class Run:
         n_event = max(self.events_at_once, 16 * n_rows + 64)
         self._rows = np.zeros((n_row, library.sizes["row_width"]))
         self._events = np.zeros((n_event, library.sizes["event_width"]))
-        self._record = _Record(pointer(self._rows), n_row, 0, pointer(self._events), n_event, 0)
-        names = [name for name, _ in _Options._fields_]
-        chosen = _Options(**{name: getattr(options, name) for name in names})
-        arrays, held = _input_arrays(inputs)
+        self._record = Record(pointer(self._rows), n_row, 0, pointer(self._events), n_event, 0)
+        chosen = options.structure()
+        arrays, held = input_arrays(inputs)
         slip = x0.slip if len(x0.slip) else np.zeros(library.sizes["n_strings"])
         start = [
             np.ascontiguousarray(a, dtype=float)
-            for a in (x0.q_D, x0.v_D, slip, p, np.minimum(winches, _UNLIMITED))
+            for a in (x0.q_D, x0.v_D, slip, p, np.minimum(winches, UNLIMITED))
         ]
         self.status = Status(
             library.handle.fan_start(
@@ -276,7 +212,7 @@ class Run:
 
     def set_input(self, inputs: Input) -> None:
         """New bound inputs from the present time on."""
-        arrays, held = _input_arrays(inputs)
+        arrays, held = input_arrays(inputs)
         self.library.handle.fan_set_input(self._run, ctypes.byref(arrays))
         del held
 
@@ -320,13 +256,3 @@ def _signatures(tree: Tree, packed: int) -> Signatures:
         "forth": ((packed, n), (n,)),
         "back": ((packed, n), (n,)),
     }
-
-
-def _input_arrays(inputs: Input) -> tuple[_InputArrays, list[Array]]:
-    """The structure, and the arrays that must live as long as it is read."""
-    fields = (inputs.breaks, inputs.coef, inputs.base, inputs.force)
-    held = [None if a is None else np.ascontiguousarray(a, dtype=float) for a in fields]
-    return (
-        _InputArrays(len(inputs.coef), *(None if a is None else pointer(a) for a in held)),
-        held,
-    )

@@ -1,0 +1,98 @@
+"""The structures that Python and the shared library share: ``options.hpp``, ``drive.hpp`` and
+``record.hpp``."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.motion import Input
+from fantoccini.runtime.functions import pointer
+
+UNLIMITED = 1e300
+"""A bound that is none, as the runtime has it."""
+
+
+class InputArrays(ctypes.Structure):
+    _fields_ = [
+        ("n_segments", ctypes.c_int),
+        ("breaks", ctypes.c_void_p),
+        ("coef", ctypes.c_void_p),
+        ("base", ctypes.c_void_p),
+        ("force", ctypes.c_void_p),
+    ]
+
+
+class Options(ctypes.Structure):
+    _fields_ = [
+        ("rtol", ctypes.c_double),
+        ("atol", ctypes.c_double),
+        ("first_step", ctypes.c_double),
+        ("max_step", ctypes.c_double),
+        ("tension_cap", ctypes.c_double),
+        ("energy_scale", ctypes.c_double),
+        ("recovery_speed", ctypes.c_double),
+        ("dt", ctypes.c_double),
+        ("max_steps", ctypes.c_longlong),
+        ("max_events", ctypes.c_longlong),
+        ("save_steps", ctypes.c_int),
+    ]
+
+
+class Record(ctypes.Structure):
+    _fields_ = [
+        ("rows", ctypes.c_void_p),
+        ("row_capacity", ctypes.c_longlong),
+        ("n_rows", ctypes.c_longlong),
+        ("events", ctypes.c_void_p),
+        ("event_capacity", ctypes.c_longlong),
+        ("n_events", ctypes.c_longlong),
+    ]
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """Numbers that steer a run; see :func:`fantoccini.simulate.simulate` for their meaning.
+
+    Attributes:
+        rtol, atol: tolerances of the event-driven integrator.
+        first_step, max_step: its step sizes [s].
+        tension_cap: [N]; also of impulses [N s].
+        energy_scale: size of the energies the integrals are compared with [J].
+        recovery_speed: time-stepping's cap on taking back a violation [m/s].
+        dt: time-stepping's step [s].
+        max_steps, max_events: bounds.
+        save_steps: write every accepted step of the event-driven integrator.
+        save_every: write every so many steps of the time-stepper.
+    """
+
+    rtol: float
+    atol: float
+    first_step: float
+    max_step: float
+    tension_cap: float
+    energy_scale: float
+    recovery_speed: float
+    dt: float
+    max_steps: int
+    max_events: int
+    save_steps: bool
+    save_every: int = 1
+
+    def structure(self) -> Options:
+        """As the library takes them."""
+        names = [name for name, _ in Options._fields_]
+        return Options(**{name: getattr(self, name) for name in names})
+
+
+def input_arrays(inputs: Input) -> tuple[InputArrays, list[Array]]:
+    """The structure, and the arrays that must live as long as it is read."""
+    fields = (inputs.breaks, inputs.coef, inputs.base, inputs.force)
+    held = [None if a is None else np.ascontiguousarray(a, dtype=float) for a in fields]
+    return (
+        InputArrays(len(inputs.coef), *(None if a is None else pointer(a) for a in held)),
+        held,
+    )
