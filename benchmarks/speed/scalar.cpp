@@ -80,15 +80,15 @@ double row[fan::Record<Model>::row_width * 4], event[fan::Record<Model>::event_w
 
 void begin_steps() {
   give(run.drive);
-  for (int i = 0; i < Model::n_p; ++i) run.p[i] = p[i];
-  for (int i = 0; i < NQ; ++i) run.q_D[i] = q_D[i];
-  for (int k = 0; k < N; ++k) run.v_D[k] = v_D[k];
-  for (int i = 0; i < S; ++i) run.at.slip[i] = 0.0;
-  run.winches.set(table.data());
-  run.opt.dt = number[0];
-  run.opt.recovery_speed = number[1];
-  run.opt.tension_cap = number[2];
-  run.opt.max_steps = 1LL << 60;
+  for (int i = 0; i < Model::n_p; ++i) run.led.p[i] = p[i];
+  for (int i = 0; i < NQ; ++i) run.led.q_D[i] = q_D[i];
+  for (int k = 0; k < N; ++k) run.led.v_D[k] = v_D[k];
+  for (int i = 0; i < S; ++i) run.led.at.slip[i] = 0.0;
+  run.led.winches.set(table.data());
+  run.led.opt.dt = number[0];
+  run.led.opt.recovery_speed = number[1];
+  run.led.opt.tension_cap = number[2];
+  run.led.opt.max_steps = 1LL << 60;
   run.save_every = 1 << 30;
   run.t = 0.0;
   fan::Record<Model> out{row, 4, 0, event, 4 * (M + S + 1), 0};
@@ -116,8 +116,8 @@ int main(int, char** argv) {
     const double took = double(std::clock() - start) / CLOCKS_PER_SEC;
     if (i > 0) std::printf("%.9g\n", took / n);
   }
-  const double *tension = stepping ? run.at.tension : flow.tension;
-  const auto& eval = stepping ? run.at.eval : flow.eval;
+  const double *tension = stepping ? run.led.at.tension : flow.tension;
+  const auto& eval = stepping ? run.led.at.eval : flow.eval;
   double sum = 0.0, apart = 0.0;
   for (int r = 0; r < S; ++r) {
     sum += tension[r];
