@@ -169,7 +169,7 @@ def soak(names: list[str], runs: int, seed: int, workers: int, progress=None) ->
         progress: called with the number of runs done and the tally.
     """
     for name in names:
-        puppets.load(name).library  # noqa: B018  (compiled once, not by every worker)
+        puppets.load(name).compile()  # once, not by every worker
     tally, todo = Tally(), pieces(names, runs, seed)
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, mp_context=context, initializer=_deaf) as pool:

@@ -59,7 +59,7 @@ def test_ray_gives_the_same_bits_as_threads(cluster, arm, tmp_path):
 
 
 def test_a_study_may_close_over_a_puppet(cluster, arm):
-    arm.library  # noqa: B018  (what is loaded stays behind)
+    arm.compile()  # what is loaded stays behind
     trial = fan.Trial(t_end=0.05, method="timestepping", keep=["last elbow"])
 
     def study(case):

@@ -106,6 +106,10 @@ class Marionette(Portable, Analysis, Differentiable):
         """
         return self._compiled("lanes", codegen.generate_lanes, BatchLibrary)
 
+    def compile(self) -> None:
+        """Loads the compiled model, or makes it, before anything needs it."""
+        _ = self.library
+
     def _compiled(self, what: str, generate: Callable, load: Callable[[Path], Any]) -> Any:
         """A library of this puppet, from the cache or made now; ``what`` tells them apart."""
         canonical = "\n".join(p.canonical() for p in self.world.puppets)

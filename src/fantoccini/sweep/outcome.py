@@ -97,7 +97,7 @@ class Job:
             if label in self._unusable:
                 raise self._unusable[label].with_traceback(None)
             try:
-                self.puppets[label].library  # noqa: B018  (compiled once, not by every case)
+                self.puppets[label].compile()  # once, not by every case
             except FantocciniError as error:
                 self._unusable[label] = error
                 raise
