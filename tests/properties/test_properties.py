@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from properties import puppets
-from properties.check import METHODS, simulated
+from properties.check import METHODS, checked, simulated
 from properties.performances import performance
 from properties.soak import soak
 
@@ -30,6 +30,20 @@ def test_properties():
     assert tally.runs_with_a_catch >= RUNS // 2
     lines = [f"{n} x {what}: {found[0][1].cases[0][1]}" for what, n, found in tally.kinds()]
     assert not lines, "\n".join(["broken properties, each with a command that shows it:", *lines])
+
+
+# Cases that have broken a property before, found among very many.
+@pytest.mark.parametrize(
+    "case",
+    [
+        "beads 31 event", "beads 278 event", "beads 5098 event", "beads 8609 event",
+        "beads 8633 event", "beads 13057 event", "beads 14626 event", "arm 571 event",
+        "bouncers 10393 event", "limb 15086 timestepping",
+    ],
+)  # fmt: skip
+def test_a_case_that_has_broken_before(case):
+    puppet, seed, method = case.split()
+    assert not checked(puppet, int(seed), method).broken
 
 
 def bits(puppet: str, seed: int, method: str) -> list:

@@ -13,17 +13,16 @@
 
 namespace fan {
 
-constexpr double kTouch = 1e-12;  // gap below which a row counts as closed at an event, relative
 // |hdot| below which a closed row counts as at rest. A row that a catch elsewhere loosens by less
 // and that pulls again at once would be slack for some 2 |hdot| / hddot = 2 us; holding it instead
 // changes the state by the product of both, some 1e-11, and spares a cascade of catches.
 constexpr double kStill = 1e-5;
 constexpr double kHardlyStill = 1e-9;  // likewise, where redundant rows cannot be held together
 constexpr double kNear = 1e-4;  // gap below which a row is minded when others are corrected, relative
-// How far a row may be off its bound after an event, likewise: where rows hardly differ the
-// correction would be many times as large.
-constexpr double kMayStand = 1e-13;
+// How far a held row may be off its bound, relative. Others may be so by kTouch (flow.hpp).
+constexpr double kMet = 1e-13;
 constexpr double kAtBound = 1e-9;  // of tensions, relative to the largest
+constexpr double kRounded = 1e-14;  // of accelerations, relative to the largest of their terms
 // J, relative to the weight times 1 m: what bringing rows that are nearly still to rest may add.
 constexpr double kGain = 1e-10;
 // Of heights (m, rad), speeds and accelerations: what redundant rows may contradict one another by.
@@ -54,9 +53,10 @@ struct Contact {
     const auto left = [&] {
       double worst = 0.0;
       for (int a = 0; a < n; ++a) {
-        const double off = f.mode[list[a]] == HELD ? fabs(h[list[a]]) : h[list[a]];
-        const double beyond = off - kMayStand * f.row_scale(list[a]);
-        if (!(beyond <= worst * f.row_scale(list[a]))) worst = beyond / f.row_scale(list[a]);
+        const bool held = f.mode[list[a]] == HELD;
+        const double off = (held ? fabs(h[list[a]]) : h[list[a]]) / f.row_scale(list[a]);
+        const double beyond = off - (held ? kMet : kTouch);
+        if (!(beyond <= worst)) worst = beyond;
       }
       return worst;
     };
@@ -149,7 +149,7 @@ struct Contact {
       next[r] = mode_of(i);
       if (next[r] != HELD || set_.two_sided[i]) continue;
       // What has just met its bound and stands there but for rounding goes on past it.
-      if (loose[r] && set_.x[i] <= kAtBound * most) next[r] = SLACK;
+      if (loose[r] && set_.x[i] <= kAtBound * most + rounding(f, i)) next[r] = SLACK;
       if (strained[r] && set_.x[i] >= set_.upper[i] - kAtBound * most) next[r] = SLIPPING;
     }
     return RUNNING;
@@ -195,6 +195,11 @@ struct Contact {
       brought = brought || (f.mode[list[a]] == SLACK && set_.place[a] == Set::BASIC);
     apply(f);
     return RUNNING;
+  }
+
+  // Whether row r opens at the flow's latest evaluation, and not just by what counts as still.
+  bool leaves(const F& f, int r) const {
+    return f.rate_of(r, f.y + NQ) < -kStill * speed_scale(f);
   }
 
   // The tensions of the flow's latest evaluation, by row: where rows are redundant those of least
@@ -244,6 +249,13 @@ struct Contact {
         hddot -= f.rows.problem.G[a * stride + b] * f.winches.max_tension[f.rows.row[b]];
     const int r = f.rows.row[a];
     add_row(f, a, hddot, r < S ? f.winches.max_tension[r] : kUnlimited, guess);
+  }
+
+  // The tension of row i that the rounding of its hddot makes.
+  double rounding(const F& f, int i) const {
+    double own = 0.0;
+    for (int j = 0; j < N; ++j) own += set_.column[i][j] * set_.column[i][j];
+    return kRounded * f.hddot_scale() / own;
   }
 
   // The impulses with every restitution times `scale`, and the energy they take.

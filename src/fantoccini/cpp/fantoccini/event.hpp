@@ -49,6 +49,14 @@ struct EventRun {
       refresh();
       status = flow.project(flow.t, flow.y);
     }
+    if (status == RUNNING) {
+      // A start may let closed rows open by what counts as still; where rows hardly differ it stands.
+      double kept[NY];
+      for (int j = 0; j < NY; ++j) kept[j] = flow.y[j];
+      refresh();
+      if (contact.hold(flow, kGain * flow.weight()) != RUNNING)
+        for (int j = 0; j < NY; ++j) flow.y[j] = kept[j];
+    }
     step_size = flow.opt.first_step;
     refresh();
     if (status == RUNNING) status = watch();
@@ -361,7 +369,8 @@ struct EventRun {
       tell(s, r, out);
       changed = changed || next[r] != s.before[r] || s.caught[r];
       if (next[r] == SLIPPING) guards.armed[r] = flow.lack(r) < -kCreep;
-      if (next[r] == SLACK && s.holds(r)) guards.armed[r] = false;
+      // A string that springs back leaves its bound for sure; one that is let go may stay at it.
+      if (next[r] == SLACK && s.holds(r)) guards.armed[r] = contact.leaves(flow, r);
     }
     if (stopped > kCreep && accumulation.shrinking()) {
       note(out, ACCUMULATION, -1, 0.0, stopped);

@@ -18,6 +18,11 @@
 
 namespace fan {
 
+// How far off its bound a row counts as at it, relative to its scale. No event moves the puppet for
+// less: where rows hardly differ, as strings along one another, that would be a move many times as
+// large.
+constexpr double kTouch = 5e-13;
+
 template <class Model>
 struct Flow {
   static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings, M = Model::n_rows;

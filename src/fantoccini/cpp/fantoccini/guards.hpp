@@ -13,7 +13,6 @@ namespace fan {
 
 constexpr double kOpen = 2e-15;         // |h| that counts as open, relative to the row's scale
 constexpr double kOver = 1e-13;         // h at which a row that is not armed is caught, likewise
-constexpr double kStand = 5e-13;        // how far beyond its bound a row may stand, likewise
 constexpr double kCreep = 1e-9;         // m/s or rad/s below which such a row does not move on,
                                         // and by which a string begins to slip
 constexpr double kNoTension = 1e-12;    // tension that counts as none, relative to the weight
@@ -68,15 +67,20 @@ struct Guards {
       const double slow = flow.lack(r) - (armed[r] ? 0.0 : kCreep);
       return slow > wound_in ? slow : wound_in;
     }
-    if (flow.taut(r)) return flow.lack(r) - kNoTension;
-    // A row that is not armed may stand a trace beyond its bound: what counts is going further.
-    const double open = flow.eval.height(r) - (armed[r] ? 0.0 : already(r));
-    return open / flow.row_scale(r) - (armed[r] ? 0.0 : kOver + noise);
+    // A row may stand a trace beyond its bound: what counts is going further.
+    const double over = (flow.eval.height(r) - already(r)) / flow.row_scale(r);
+    if (flow.taut(r)) {
+      const double lack = flow.lack(r) - kNoTension;
+      // A redundant row follows from the held ones, unless it hardly differs from them.
+      const double strays = flow.mode[r] == HELD ? lack : over - kTouch;
+      return lack > strays ? lack : strays;
+    }
+    return over - (armed[r] ? 0.0 : kOver + noise);
   }
 
-  // How far a row that is not armed stood beyond its bound when the step began.
+  // How far a row stood beyond its bound when the step began.
   double already(int r) const {
-    const double most = kStand * flow.row_scale(r);
+    const double most = kTouch * flow.row_scale(r);
     return height0[r] > most ? most : (height0[r] > 0.0 ? height0[r] : 0.0);
   }
 
