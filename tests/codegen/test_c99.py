@@ -13,7 +13,6 @@ import pytest
 from fantoccini import puppets
 from fantoccini.codegen import c99_files
 from fantoccini.codegen.contract import ARGUMENTS, FUNCTIONS, RESULTS, shown
-from fantoccini.codegen.statements import BY_VALUE
 from fantoccini.puppet import load
 from harness import Model
 from oracles.random_trees import description
@@ -44,7 +43,7 @@ def wiring(functions) -> str:
         lines.append("  {")
         lines += [f"    double x{i}[{max(1, n)}] = {{0.0}};" for i, n in enumerate(sizes)]
         lines += [f"    take(x{i}, {n});" for i, n in enumerate(sizes[: f.n_in()])]
-        given = [f"x{i}[0]" if n in BY_VALUE else f"x{i}" for i, n in enumerate(names)]
+        given = [f"x{i}" for i in range(len(names))]
         lines.append(f"    fan_{name}({', '.join(given)});")
         lines += [f"    give(x{f.n_in() + i}, {n});" for i, n in enumerate(sizes[f.n_in() :])]
         lines.append("  }")
@@ -88,7 +87,6 @@ def arguments(model: Model, seed: int) -> dict[str, np.ndarray]:
     values |= {
         "lam": rng.normal(size=len(model.tree.strings)),
         "wrench": rng.normal(size=(6, len(model.tree.links))),
-        "dt": np.array(2e-3),
         "p": model.p,
     }
     dynamics = functions["dynamics"]

@@ -10,7 +10,6 @@ from cpp.toolchain import compile_program, equations, run_program
 from fantoccini import puppets
 from fantoccini.codegen import generate, model_text
 from fantoccini.codegen.straight import pieces, program
-from fantoccini.equations.functions import MODEL_INPUTS
 from fantoccini.puppet import load
 from harness import Model
 
@@ -19,7 +18,9 @@ PROGRAM = """
 #include <cstdio>
 #include <cstring>
 #include <vector>
+#include "fantoccini/elementary.hpp"
 #define casadi_real double
+using namespace fan;
 namespace whole {
 #include "whole/model.c"
 }
@@ -62,13 +63,13 @@ int main() {
 
 
 @pytest.mark.parametrize(("name", "longest"), [("arm2d", 20), ("marionette", 700)])
-@pytest.mark.parametrize("which", ["dynamics", "exact_dynamics"])
+@pytest.mark.parametrize("which", ["dynamics", "step_dynamics"])
 def test_a_function_in_pieces_gives_the_same_bits(name, which, longest, tmp_path):
     """Compiled without contraction: products join sums where the compiler sees both."""
     function = equations(name)[which]
     for folder, most in (("whole", 10**9), ("cut", longest)):
         (tmp_path / folder).mkdir()
-        for file, text in model_text({"it": function}, {}, most).items():
+        for file, text in model_text({"it": program(function)}, most).items():
             (tmp_path / folder / file).write_text(text, encoding="ascii")
     (tmp_path / "both.cpp").write_text(PROGRAM, encoding="ascii")
     built = compile_program(str(tmp_path / "both.cpp"), tmp_path, "-O1", "-ffp-contract=off")
@@ -102,13 +103,13 @@ def test_a_divisor_of_several_quotients_is_inverted_once():
 
 def test_a_sine_and_a_cosine_once_an_angle():
     """Four hinges turn in the marionette; its ball joints have quaternions."""
-    for which in ("dynamics", "exact_dynamics"):
+    for which in ("dynamics", "step_dynamics"):
         made = [s.operation for s in program(equations("marionette")[which]).statements]
         assert (made.count(ca.OP_SIN), made.count(ca.OP_COS)) == (4, 4)
 
 
 def test_no_operation_with_a_constant_0_or_1_is_left():
-    whole = program(equations("marionette")["exact_dynamics"])
+    whole = program(equations("marionette")["dynamics"])
     listed = enumerate(whole.statements)
     constants = {k: s.constant for k, s in listed if s.operation == ca.OP_CONST}
     for s in whole.statements:
@@ -120,7 +121,7 @@ def test_no_operation_with_a_constant_0_or_1_is_left():
 
 
 def test_pieces_are_no_longer_than_asked():
-    made = pieces(equations("marionette")["dynamics"], "f", 500)
+    made = pieces(program(equations("marionette")["step_dynamics"]), "f", 500)
     assert len(made.pieces) == len(made.declarations) > 10
     # A line of arithmetic, and at most one each to fetch its two operands and to hand it on.
     assert max(text.count("\n") for text in made.pieces) < 4 * 500
@@ -131,10 +132,3 @@ def test_small_models_are_one_file_and_large_ones_several():
     large = generate(equations("marionette"))
     assert len(large.units) > 1
     assert set(large.units) <= set(large.files)
-
-
-def test_an_undamped_puppet_has_one_dynamics():
-    made = generate(equations("arm2d"))
-    assert made.operations["exact_dynamics"] == 0
-    assert "return fan_dynamics(arg, res" in made.files["model.c"]
-    assert MODEL_INPUTS["dynamics"] == MODEL_INPUTS["exact_dynamics"]

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "fantoccini/real.hpp"
+#include "fantoccini/elementary.hpp"
 #ifdef FAN_LANES
 #include "fantoccini/lanes.hpp"
 #endif
@@ -37,7 +37,7 @@ struct Model : ModelTables {
   }                                                           \
   FAN_WIDE(NAME)
   FAN_FUNCTION(dynamics)
-  FAN_FUNCTION(exact_dynamics)
+  FAN_FUNCTION(step_dynamics)
   FAN_FUNCTION(rows)
   FAN_FUNCTION(energy)
   FAN_FUNCTION(effort)
@@ -46,5 +46,13 @@ struct Model : ModelTables {
   FAN_FUNCTION(points)
   FAN_FUNCTION(forth)
   FAN_FUNCTION(back)
+  static void column(int which, const double** arg, double** res) {
+    scalar::fan_column(which, arg, res);
+  }
+#ifdef FAN_LANES
+  static void column(int which, const Lanes<FAN_LANES>** arg, Lanes<FAN_LANES>** res) {
+    wide::fan_column(which, arg, res);
+  }
+#endif
 };
 }  // namespace fan

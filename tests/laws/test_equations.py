@@ -314,12 +314,12 @@ def _rotate(q: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_exact_dynamics_are_the_dynamics_of_a_step_of_no_length(seed):
+def test_the_dynamics_are_those_of_a_step_of_no_length(seed):
     """Their factors differ in what is stored where, and their products with it do not."""
     model = tree(seed, strings=3, limits=True, drag=True)
     state, rng = model.random(seed), np.random.default_rng(seed)
     u_D = rng.normal(size=model.table.n_vD)
-    step, exact = (model.call(f, state, u_D=u_D) for f in ("dynamics", "exact_dynamics"))
+    step, exact = (model.call(f, state, u_D=u_D) for f in ("step_dynamics", "dynamics"))
     for name in step:
         if name != "L":
             close(exact[name], step[name], 1e-12)
@@ -338,9 +338,25 @@ def test_the_factor_of_a_step_has_its_damping(seed):
     for link in model.tree.links:
         if link.role == "dynamic":
             M[link.v, link.v] += dt * link.damping * np.eye(link.v.stop - link.v.start)
-    L = model.call("dynamics", state, dt=dt)["L"]
+    L = model.call("step_dynamics", state, dt=dt)["L"]
     found = np.array(model.equations["back"](L, model.equations["forth"](L, x))).ravel()
     close(found, np.linalg.solve(M, x), 1e-11)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_column_of_a_limit_is_what_forth_makes_of_it(seed):
+    model = constrained(seed)
+    state, rng = model.random(seed), np.random.default_rng(seed)
+    L = model.call("step_dynamics", state, dt=0.01)["L"]
+    columns = model.equations.columns
+    assert set(columns) == {limit.link for limit in model.tree.limits}
+    for link, (entries, function) in columns.items():
+        place, x, forces = model.tree.links[link].v, np.zeros(3), np.zeros(model.table.n_vD)
+        forces[place] = x[: place.stop - place.start] = rng.normal(size=place.stop - place.start)
+        right = np.array(model.equations["forth"](L, forces)).ravel()
+        found = np.zeros_like(right)
+        found[entries] = np.array(function(L, x)).ravel()
+        close(found, right, 1e-13)
 
 
 @pytest.mark.parametrize("seed", SEEDS)

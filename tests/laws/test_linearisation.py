@@ -223,7 +223,7 @@ def derivatives_of_the_solved_form(puppet: fan.Marionette) -> ca.Function:
     """acc_D and the tensions of all strings, solved by Cholesky, and then differentiated."""
     E = puppet.equations
     s, found = E.system.symbols, E["dynamics"]
-    values = found(s.q_D, s.v_D, s.q_K, s.v_K, s.acc_K, s.u_D, 0.0, s.p)
+    values = found(s.q_D, s.v_D, s.q_K, s.v_K, s.acc_K, s.u_D, s.p)
     out = dict(zip(found.name_out(), values, strict=True))
     R, b = ca.chol(out["G"]), ca.vertsplit(out["gamma"] + out["a0"])
     n, y, tension = len(b), [], []

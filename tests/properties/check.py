@@ -178,7 +178,7 @@ class _Rates:
         self._puppet, self._n, self._n_s = puppet, run.v_D.shape[1], len(tree.strings)
         state = [run.q_D, run.v_D, run.q_K, run.v_K, run.acc_K, given.inputs.evaluate_force(run.t)]
         self._L, self._w0, self._W, _, _, hdot, gamma, _, _, _, J_l, gamma_l, *_ = (
-            puppet.library.evaluate("dynamics", [*state, np.zeros(1), puppet.p])
+            puppet.library.evaluate("dynamics", [*state, puppet.p])
         )
         self._J = np.zeros((len(run), len(tree.limits), self._n))
         for i, limit in enumerate(tree.limits):

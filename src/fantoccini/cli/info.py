@@ -17,8 +17,8 @@ _WINCH = ("restitution", "max_tension", "rewind_speed")
 
 
 _EVALUATED = {
-    "dynamics": "a time step",
-    "exact_dynamics": "an evaluation of an event-driven run",
+    "dynamics": "an evaluation of an event-driven run",
+    "step_dynamics": "a time step",
 }
 """What the counts that matter are paid for."""
 

@@ -146,7 +146,7 @@ int main(void)
 {reach}  fan_constraint(q_D, q_K, p, h);
   fan_energy(q_D, v_D, q_K, v_K, p, &T, &V);
   /* v_K and v_D are zero, and so may stand for acc_K and u_D. */
-  fan_dynamics(q_D, v_D, q_K, v_K, v_K, v_D, 0.0, p, L, w0, NULL, NULL, NULL, NULL, NULL, NULL,
+  fan_dynamics(q_D, v_D, q_K, v_K, v_K, v_D, p, L, w0, NULL, NULL, NULL, NULL, NULL, NULL,
       NULL, NULL, NULL, NULL, NULL, NULL, NULL);
   fan_back(L, w0, acc_D);
   show("h", h, FAN_N_ROWS);

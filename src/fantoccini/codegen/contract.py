@@ -49,7 +49,6 @@ ARGUMENTS: dict[str, tuple[Shape, str]] = {
     "u_D": (("v_D",), "user forces [force's unit]"),
     "lam": (("strings",), "multipliers, minus the tensions [N]"),
     "wrench": (("6", "links"), "force at the centre of mass [N], torque [N m]; world axes"),
-    "dt": (("1",), "step of implicit joint damping; 0: exact equations [s]"),
     "p": (("p",), "parameters"),
     "L": (("packed",), "numbers of the factor M = F^T F that fan_dynamics gives"),
     "x": (("v_D",), "any vector"),

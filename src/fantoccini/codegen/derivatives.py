@@ -26,8 +26,7 @@ def generate_derivatives(derivatives: Derivatives) -> Generated:
         for name, function in functions.items()
     )
     main = _MAIN.replace("SIZES", ", ".join(map(str, sizes))).replace("MAPS", maps)
-    counts = {name: program(f).operations for name, f in functions.items()}
-    return assembled(functions, counts, {"main.cpp": main})
+    return assembled({name: program(f) for name, f in functions.items()}, {"main.cpp": main})
 
 
 _MAIN = """\
@@ -35,7 +34,7 @@ _MAIN = """\
 #include <cmath>
 
 #include "fantoccini/export.hpp"
-#include "fantoccini/real.hpp"
+#include "fantoccini/elementary.hpp"
 
 namespace fan {
 namespace scalar {

@@ -8,16 +8,16 @@ serve as a golden file and as part of a cache key.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import accumulate
 
-import casadi as ca
-
-from fantoccini.codegen.straight import alias, dealt, pieces, program
+from fantoccini.codegen.straight import Program, dealt, pieces, program
 from fantoccini.equations import Equations
 from fantoccini.puppet import Parameter
 from fantoccini.tree import LimitRow, StringRow, Tree
 
-VERSION = "2"
+VERSION = "3"
 """Version of the generated text; part of every cache key."""
 
 STEM = "model"
@@ -58,10 +58,8 @@ def generate(equations: Equations) -> Generated:
     Args:
         equations: the derived equations.
     """
-    same = {} if equations.damped else {"exact_dynamics": "dynamics"}
-    functions = {name: f for name, f in equations.model.items() if name not in same}
-    tables = {f"{STEM}.hpp": tables_text(equations)}
-    return assembled(functions, operations(equations), tables | {"main.cpp": _MAIN}, same=same)
+    files = {f"{STEM}.hpp": tables_text(equations), "main.cpp": _MAIN}
+    return assembled(programs(equations), files)
 
 
 def generate_lanes(equations: Equations) -> Generated:
@@ -70,14 +68,9 @@ def generate_lanes(equations: Equations) -> Generated:
     Args:
         equations: the derived equations.
     """
-    counts = operations(equations)
     files = {f"{STEM}.hpp": tables_text(equations), "main.cpp": _LANES_MAIN}
-    return assembled(
-        {name: equations.model[name] for name in _LANE_FUNCTIONS},
-        {name: counts[name] for name in _LANE_FUNCTIONS},
-        files,
-        real=Real("fan::Wide", "wide", "fantoccini/wide.hpp"),
-    )
+    made = programs(equations, _LANE_FUNCTIONS)
+    return assembled(made, files, real=Real("fan::Wide", "wide", "fantoccini/wide.hpp"))
 
 
 @dataclass(frozen=True)
@@ -92,27 +85,21 @@ class Real:
 
     type: str = "double"
     space: str = "scalar"
-    header: str = "fantoccini/real.hpp"
+    header: str = "fantoccini/elementary.hpp"
 
 
 def assembled(
-    functions: dict[str, ca.Function],
-    counts: dict[str, int],
-    files: dict[str, str],
-    *,
-    same: dict[str, str] | None = None,
-    real: Real | None = None,
+    functions: dict[str, Program], files: dict[str, str], *, real: Real | None = None
 ) -> Generated:
     """Functions with the files that use them; large ones in units to compile apart.
 
     Args:
         functions: by the name they are called by.
-        counts: their operations.
         files: ``main.cpp``, and what it includes beside the functions.
-        same: name -> name of another function that computes the same.
         real: the type they compute with; double when not given.
     """
-    text, real, units = model_text(functions, same or {}), real or Real(), {}
+    text, real, units = model_text(functions), real or Real(), {}
+    counts = _counted(functions)
     if sum(counts.values()) >= APART:
         units = {
             name.replace("pieces", "unit").replace(".c", ".cpp"): _UNIT.format(
@@ -124,17 +111,32 @@ def assembled(
     return Generated({**text, **units, **files}, "main.cpp", tuple(units), counts)
 
 
+def programs(equations: Equations, names: Iterable[str] | None = None) -> dict[str, Program]:
+    """The statements of compiled functions, by name; of all when no names are given.
+
+    ``column_0`` and so on are those of ``Equations.columns``, in their order.
+    """
+    made = {name: program(equations[name]) for name in names or equations.model}
+    columns = enumerate(equations.columns.values())
+    return made | {f"column_{k}": program(function) for k, (_, function) in columns}
+
+
 def operations(equations: Equations) -> dict[str, int]:
-    """Arithmetic operations of every compiled function; 0 for one that is another one."""
-    same = () if equations.damped else ("exact_dynamics",)
-    return {
-        name: 0 if name in same else program(f).operations for name, f in equations.model.items()
-    }
+    """Arithmetic operations of every compiled function; ``columns`` is one that they share."""
+    return _counted(programs(equations))
 
 
-def model_text(
-    functions: dict[str, ca.Function], same: dict[str, str], longest: int = PIECE
-) -> dict[str, str]:
+def _counted(functions: dict[str, Program]) -> dict[str, int]:
+    counts = {n: whole.operations for n, whole in functions.items() if not _is_column(n)}
+    columns = [whole.operations for n, whole in functions.items() if _is_column(n)]
+    return counts | ({"columns": sum(columns)} if columns else {})
+
+
+def _is_column(name: str) -> bool:
+    return name.startswith("column_")
+
+
+def model_text(functions: dict[str, Program], longest: int = PIECE) -> dict[str, str]:
     """The functions as C, to be included where ``casadi_real`` is defined.
 
     ``model.c`` declares the pieces, includes them unless ``FAN_APART`` is defined, and has the
@@ -142,24 +144,32 @@ def model_text(
 
     Args:
         functions: by the name they are called by.
-        same: name -> name of another function that computes the same.
         longest: arithmetic statements of a piece.
 
     Returns:
         File name -> text.
     """
-    made = {name: pieces(f, f"fan_{name}", longest) for name, f in functions.items()}
+    made = {name: pieces(whole, f"fan_{name}", longest) for name, whole in functions.items()}
     files = dealt([piece for cut in made.values() for piece in cut.pieces], UNIT)
     names = [f"pieces{k}.c" for k in range(len(files))]
     declarations = [line for cut in made.values() for line in cut.declarations]
-    definitions = [cut.definition for cut in made.values()]
-    definitions += [alias(f"fan_{name}", f"fan_{other}") for name, other in same.items()]
+    definitions = [cut.definition for cut in made.values()] + [_switch(functions)]
     text = _MODEL.format(
         declarations="\n".join(declarations),
         includes="\n".join(f'#include "{name}"' for name in names),
         definitions="\n\n".join(definitions),
     )
     return {f"{STEM}.c": text} | dict(zip(names, files, strict=True))
+
+
+def _switch(functions: dict[str, Program]) -> str:
+    """The function that calls a column of ``Equations.columns`` by its number."""
+    calls = [
+        f"    case {k}: fan_{name}(arg, res, nullptr, nullptr, 0); break;"
+        for k, name in enumerate(filter(_is_column, functions))
+    ]
+    head = "inline void fan_column(int which, const casadi_real** arg, casadi_real** res) {"
+    return "\n".join([head, "  switch (which) {", *calls, "  }", "}"])
 
 
 def tables_text(equations: Equations) -> str:
@@ -177,6 +187,10 @@ def tables_text(equations: Equations) -> str:
         "n_packed": equations.n_packed,
         "n_points": sum(len(s.points) for s in tree.strings),
     }
+    columns = equations.columns
+    numbered = {link: k for k, link in enumerate(columns)}
+    entries = [entry for entries, _ in columns.values() for entry in entries]
+    ends = accumulate((len(entries) for entries, _ in columns.values()), initial=0)
     places = [_limit_place(tree, limit) for limit in tree.limits]
     units = {row.name: row.unit for row in table.rows}
     turns = [int(units.get(name, "rad") != "m") for name in table.v_D]
@@ -191,6 +205,11 @@ def tables_text(equations: Equations) -> str:
         _array("bool", "turns", turns),
         _array("int", "limit_v", [first for first, _ in places]),
         _array("int", "limit_n", [n for _, n in places]),
+        # Which column of Equations.columns a limit has, and where its entries are in v_D.
+        f"  static constexpr int n_columns = {len(columns)};",
+        _array("int", "limit_column", [numbered[r.link] for r in tree.limits if columns]),
+        _array("int", "column_begin", list(ends)),
+        _array("int", "column_entry", entries),
         *_space("Dynamic", table.n_qD, table.n_vD, table.scalars_D, table.quaternions_D),
         *_space("Driven", table.n_qK, table.n_vK, table.scalars_K, table.quaternions_K),
         "};",
@@ -269,7 +288,7 @@ namespace {space} {{
 }}  // namespace fan
 """
 
-_LANE_FUNCTIONS = ("dynamics", "energy", "forth", "back")
+_LANE_FUNCTIONS = ("step_dynamics", "energy", "forth", "back")
 
 _LANES_MAIN = """\
 // A puppet's time-stepper over bundles of doubles.
@@ -288,10 +307,13 @@ struct Model : ModelTables {
   static int NAME(const Wide** arg, Wide** res) {         \\
     return wide::fan_##NAME(arg, res, nullptr, nullptr, 0); \\
   }
-  FAN_FUNCTION(dynamics)
+  FAN_FUNCTION(step_dynamics)
   FAN_FUNCTION(energy)
   FAN_FUNCTION(forth)
   FAN_FUNCTION(back)
+  static void column(int which, const Wide** arg, Wide** res) {
+    wide::fan_column(which, arg, res);
+  }
 };
 }  // namespace fan
 
@@ -302,7 +324,7 @@ _MAIN = """\
 // A compiled puppet: the generated model under the runtime's C interface.
 #include <cmath>
 
-#include "fantoccini/real.hpp"
+#include "fantoccini/elementary.hpp"
 #include "model.hpp"
 
 namespace fan {
@@ -318,7 +340,7 @@ struct Model : ModelTables {
     return scalar::fan_##NAME(arg, res, nullptr, nullptr, 0); \\
   }
   FAN_FUNCTION(dynamics)
-  FAN_FUNCTION(exact_dynamics)
+  FAN_FUNCTION(step_dynamics)
   FAN_FUNCTION(rows)
   FAN_FUNCTION(energy)
   FAN_FUNCTION(effort)
@@ -327,6 +349,9 @@ struct Model : ModelTables {
   FAN_FUNCTION(points)
   FAN_FUNCTION(forth)
   FAN_FUNCTION(back)
+  static void column(int which, const double** arg, double** res) {
+    scalar::fan_column(which, arg, res);
+  }
 };
 }  // namespace fan
 

@@ -53,9 +53,6 @@ _SPELLED = {
     ca.OP_IF_ELSE_ZERO: "{0} != 0.0 ? {1} : 0.0",
 }
 
-BY_VALUE = frozenset({"dt"})
-"""Arguments that are one number and passed as such."""
-
 _LOCAL = re.compile(r"t\d+")
 """Names of the local variables; arguments are called otherwise."""
 
@@ -67,9 +64,8 @@ def prototype(function: ca.Function, name: str) -> str:
         function: its arguments' and results' names become those in C.
         name: of the C function.
     """
-    arguments = [
-        f"double {n}" if n in BY_VALUE else f"const double *{n}" for n in function.name_in()
-    ] + [f"double *{n}" for n in function.name_out()]
+    arguments = [f"const double *{n}" for n in function.name_in()]
+    arguments += [f"double *{n}" for n in function.name_out()]
     lines = [f"void {name}("]
     for k, argument in enumerate(arguments):
         word = argument + ("," if k + 1 < len(arguments) else ")")
@@ -107,7 +103,7 @@ def definition(function: ca.Function, name: str) -> str:
         elif operation == ca.OP_INPUT:
             argument = names_in[of[0]]
             used.add(argument)
-            value = argument if argument in BY_VALUE else f"{argument}[{of[1]}]"
+            value = f"{argument}[{of[1]}]"
         else:
             value = expression(operation, [f"t{i}" for i in of])
         body.append(f"t{into[0]} = {value};")

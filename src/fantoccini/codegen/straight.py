@@ -5,8 +5,9 @@ function are therefore dealt out, in their order, to pieces: functions of their 
 the arguments, the results and a work array. A value that is used in a later piece travels through
 the work array, or through the result that it is. Inside a piece values are constants with names.
 
-CasADi turns x (1 / y) into x / y. Where a divisor divides more than once, it is inverted once here:
-a division takes as long as five products and more.
+What takes long is written so that it is done once: a divisor of several quotients is inverted, the
+root of an inverse becomes one operation with it, and the sine and the cosine of an angle follow one
+another and are made together.
 """
 
 from __future__ import annotations
@@ -21,13 +22,19 @@ from fantoccini.codegen.statements import expression, literal
 
 _NOT_ARITHMETIC = (ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT)
 
+INVERSE_ROOT = -1
+"""Operation that CasADi does not have: 1 / sqrt(x)."""
+
+_OWN = {INVERSE_ROOT: "inverse_root({})", ca.OP_ATAN: "arctangent({})"}
+"""Functions of ``elementary.hpp``."""
+
 
 @dataclass(frozen=True)
 class Statement:
     """An operation; its value's name is its place in the list.
 
     Attributes:
-        operation: CasADi's code.
+        operation: CasADi's code, or ``INVERSE_ROOT``.
         of: places of the values it is made of.
         constant: its value, for OP_CONST.
         argument: (which, entry), for OP_INPUT.
@@ -62,7 +69,7 @@ class Program:
 
 
 def program(function: ca.Function) -> Program:
-    """The statements of a function of dense SX, with shared divisors inverted once."""
+    """The statements of a function of dense SX, what takes long done once."""
     statements: list[Statement] = []
     results: list[tuple[int, int, int]] = []
     holds: dict[int, int] = {}  # place in CasADi's work vector -> statement
@@ -80,31 +87,69 @@ def program(function: ca.Function) -> Program:
             made = Statement(operation, tuple(holds[i] for i in of))
         holds[into[0]] = len(statements)
         statements.append(made)
-    return _inverted(Program(statements, results))
+    return _Rewriting(Program(statements, results)).done()
 
 
-def _inverted(whole: Program) -> Program:
-    """The same program with each divisor of several quotients inverted once."""
-    divided = Counter(s.of[-1] for s in whole.statements if s.operation in (ca.OP_DIV, ca.OP_INV))
-    statements: list[Statement] = []
-    place: list[int] = []
-    inverse: dict[int, int] = {}
+class _Rewriting:
+    """A program anew, with what takes long done once.
 
-    def add(statement: Statement) -> int:
-        statements.append(statement)
-        return len(statements) - 1
+    CasADi turns x (1 / y) into x / y: a divisor of several quotients is inverted once, a root that
+    divides becomes an inverse root (and the root x times that), and sine and cosine of one angle
+    are put side by side.
 
-    for s in whole.statements:
-        of = tuple(place[i] for i in s.of)
-        if s.operation not in (ca.OP_DIV, ca.OP_INV) or divided[s.of[-1]] == 1:
-            place.append(add(Statement(s.operation, of, s.constant, s.argument)))
-            continue
-        if of[-1] not in inverse:
-            inverse[of[-1]] = add(Statement(ca.OP_INV, (of[-1],)))
-        reciprocal = inverse[of[-1]]
-        product = s.operation == ca.OP_DIV
-        place.append(add(Statement(ca.OP_MUL, (of[0], reciprocal))) if product else reciprocal)
-    return Program(statements, [(r, k, place[v]) for r, k, v in whole.results])
+    Args:
+        whole: the program as CasADi has it.
+    """
+
+    def __init__(self, whole: Program):
+        self.whole = whole
+        old = whole.statements
+        quotients = [s for s in old if s.operation in (ca.OP_DIV, ca.OP_INV)]
+        self.divided = Counter(s.of[-1] for s in quotients)
+        self.used = Counter([i for s in old for i in s.of] + [v for *_, v in whole.results])
+        self.statements: list[Statement] = []
+        self.place: list[int] = []
+        self.inverse: dict[int, int] = {}
+        self.sine: dict[int, int] = {}
+
+    def done(self) -> Program:
+        for k, s in enumerate(self.whole.statements):
+            self.place.append(self._place(k, s))
+        return Program(
+            self.statements, [(r, k, self.place[v]) for r, k, v in self.whole.results]
+        )
+
+    def _add(self, operation: int, *of: int) -> int:
+        self.statements.append(Statement(operation, of))
+        return len(self.statements) - 1
+
+    def _place(self, k: int, s: Statement) -> int:
+        """Where the value of statement k of the old program is in the new one."""
+        of = tuple(self.place[i] for i in s.of)
+        if s.operation == ca.OP_SQRT and self.divided[k]:
+            self.inverse[k] = self._add(INVERSE_ROOT, *of)
+            only_divides = self.used[k] == self.divided[k]
+            return self.inverse[k] if only_divides else self._add(ca.OP_MUL, *of, self.inverse[k])
+        if s.operation in (ca.OP_DIV, ca.OP_INV):
+            divisor = s.of[-1]
+            if divisor not in self.inverse and self.divided[divisor] > 1:
+                self.inverse[divisor] = self._add(ca.OP_INV, of[-1])
+            if divisor in self.inverse:
+                reciprocal = self.inverse[divisor]
+                product = s.operation == ca.OP_DIV
+                return self._add(ca.OP_MUL, of[0], reciprocal) if product else reciprocal
+        if s.operation in (ca.OP_SIN, ca.OP_COS):
+            return self._sine_or_cosine(s)
+        self.statements.append(Statement(s.operation, of, s.constant, s.argument))
+        return len(self.statements) - 1
+
+    def _sine_or_cosine(self, s: Statement) -> int:
+        """A sine or cosine; the first of an angle makes both, the cosine after the sine."""
+        angle = s.of[0]
+        if angle not in self.sine:
+            self.sine[angle] = self._add(ca.OP_SIN, self.place[angle])
+            self._add(ca.OP_COS, self.place[angle])
+        return self.sine[angle] + (s.operation == ca.OP_COS)
 
 
 @dataclass(frozen=True)
@@ -124,18 +169,17 @@ class Pieces:
     definition: str
 
 
-def pieces(function: ca.Function, name: str, longest: int) -> Pieces:
+def pieces(whole: Program, name: str, longest: int) -> Pieces:
     """The text of a function in pieces.
 
     ``casadi_real`` and ``FAN_PIECE`` (qualifiers of the pieces) are for the including file to
     define. No pointer may be null but those of empty arguments and results.
 
     Args:
-        function: its inputs and outputs are dense.
+        whole: the function's statements.
         name: of the C function.
         longest: arithmetic statements of a piece.
     """
-    whole = program(function)
     cut = _Cut(whole, longest)
     head = "const casadi_real* const* arg, casadi_real* const* res, casadi_real* w"
     names = [f"{name}_{k}" for k in range(cut.n)]
@@ -143,25 +187,15 @@ def pieces(function: ca.Function, name: str, longest: int) -> Pieces:
         "\n".join([f"FAN_PIECE void {n}({head}) {{", *cut.body(k), "}"])
         for k, n in enumerate(names)
     ]
+    arguments = "const casadi_real** arg, casadi_real** res, casadi_int*, casadi_real*, int"
     lines = [
-        _head(name),
+        f"inline int {name}({arguments}) {{",
         f"  casadi_real work[{max(1, cut.n_work)}];",
         *(f"  {n}(arg, res, work);" for n in names),
         "  return 0;",
         "}",
     ]
     return Pieces(name, [f"FAN_PIECE void {n}({head});" for n in names], texts, "\n".join(lines))
-
-
-def alias(name: str, other: str) -> str:
-    """The text of a function that is another one."""
-    return f"{_head(name)}\n  return {other}(arg, res, nullptr, nullptr, 0);\n}}"
-
-
-def _head(name: str) -> str:
-    """What a function begins with; it has the arguments of CasADi's generated functions."""
-    arguments = "const casadi_real** arg, casadi_real** res, casadi_int*, casadi_real*, int"
-    return f"inline int {name}({arguments}) {{"
 
 
 def dealt(texts: list[str], statements: int) -> list[str]:
@@ -189,7 +223,9 @@ class _Cut:
         self.whole = whole
         done, self.piece = 0, []
         for s in whole.statements:
-            self.piece.append(done // longest)
+            # A cosine stays with its sine.
+            follows = s.operation == ca.OP_COS
+            self.piece.append(self.piece[-1] if follows else done // longest)
             done += s.is_arithmetic
         self.n = self.piece[-1] + 1 if self.piece else 1
         self.last = list(self.piece)
@@ -227,7 +263,7 @@ class _Cut:
             s = self.whole.statements[k]
             if s.is_arithmetic:
                 operands = [self._operand(i, piece, named, lines) for i in s.of]
-                lines.append(f"  const casadi_real t{k} = {expression(s.operation, operands)};")
+                lines += self._text(k, operands)
                 named.add(k)
                 if k in self.slot:
                     lines.append(f"  w[{self.slot[k]}] = t{k};")
@@ -235,6 +271,17 @@ class _Cut:
                 value = self._operand(k, piece, named, lines)
                 lines.append(f"  res[{which}][{entry}] = {value};")
         return lines
+
+    def _text(self, k: int, operands: list[str]) -> list[str]:
+        """Statement k; a sine makes the cosine that follows it."""
+        operation = self.whole.statements[k].operation
+        if operation == ca.OP_COS:
+            return []
+        if operation == ca.OP_SIN:
+            called = f"sine_cosine({operands[0]}, &t{k}, &t{k + 1})"
+            return [f"  casadi_real t{k}, t{k + 1};", f"  {called};"]
+        text = _OWN.get(operation, "").format(*operands) or expression(operation, operands)
+        return [f"  const casadi_real t{k} = {text};"]
 
     def _operand(self, k: int, piece: int, named: set[int], lines: list[str]) -> str:
         """A value in a piece; one made before is fetched when it is first needed."""

@@ -93,6 +93,16 @@ class Stage:
     v: slice
     turned: np.ndarray | None
 
+    def forth(self, x: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """w of the joint from forces x in it and the wrench p (6,), and the wrench handed on."""
+        p, own, w = p.copy(), x.copy(), zeros(len(self.columns))
+        if self.turned is not None:
+            own[:3] = self.turned.dot(own[:3])
+        for k in reversed(range(len(self.columns))):
+            w[k] = self.columns[k].forth(own[k], p)
+        force = self.R.dot(p[3:])
+        return w, np.concatenate([self.R.dot(p[:3]) + cross(self.r, force), force])
+
 
 @dataclass(frozen=True)
 class Factor:
@@ -119,16 +129,22 @@ class Factor:
             p[link] = np.concatenate(wrench)
         for i in reversed(range(len(self.stages))):
             stage = self.stages[i]
-            own = x[stage.v].copy()
-            if stage.turned is not None:
-                own[:3] = stage.turned.dot(own[:3])
-            for k in reversed(range(len(stage.columns))):
-                w[stage.v.start + k] = stage.columns[k].forth(own[k], p[i])
+            w[stage.v], up = stage.forth(x[stage.v], p[i])
             if stage.parent != WORLD:
-                force = stage.R.dot(p[i][3:])
-                torque = stage.R.dot(p[i][:3]) + cross(stage.r, force)
-                p[stage.parent] = p[stage.parent] + np.concatenate([torque, force])
+                p[stage.parent] = p[stage.parent] + up
         return w
+
+    def forth_from(self, link: int, x: np.ndarray) -> dict[int, ca.SX]:
+        """The entries of w = F^-T x that differ from zero, for forces x in one joint alone."""
+        w: dict[int, ca.SX] = {}
+        p = zeros(6)
+        while link != WORLD:
+            stage = self.stages[link]
+            own, p = stage.forth(x, p)
+            w |= dict(zip(range(stage.v.start, stage.v.stop), own, strict=True))
+            link = stage.parent
+            x = zeros(6)
+        return {k: value for k, value in sorted(w.items()) if not value.is_zero()}
 
     def back(self, w: np.ndarray) -> np.ndarray:
         """y = F^-1 w, from the root to the leaves (n,)."""

@@ -23,8 +23,8 @@ STATE = ("q_D", "v_D", "q_K", "v_K")
 CONFIGURATION = ("q_D", "q_K")
 
 MODEL_INPUTS: dict[str, tuple[str, ...]] = {
-    "dynamics": (*STATE, "acc_K", "u_D", "dt", "p"),
-    "exact_dynamics": (*STATE, "acc_K", "u_D", "dt", "p"),
+    "dynamics": (*STATE, "acc_K", "u_D", "p"),
+    "step_dynamics": (*STATE, "acc_K", "u_D", "dt", "p"),
     "rows": (*CONFIGURATION, "p"),
     "energy": (*STATE, "p"),
     "effort": (*STATE, "acc_D", "acc_K", "lam", "p"),
@@ -52,6 +52,10 @@ ANALYSIS_INPUTS: dict[str, tuple[str, ...]] = {
     "kinetic": (*STATE, "p"),
 }
 """Arguments of the interpreted functions."""
+
+
+_MANY = 5
+"""Times the operations of ``forth`` that all ``columns`` may have."""
 
 
 class Equations:
@@ -95,23 +99,18 @@ class Equations:
         s, value = self.system.symbols, self.system.value
         return self._factor(lambda link: s.dt * value(link.damping))
 
-    @cached_property
-    def damped(self) -> bool:
-        """Whether a joint's damping acts over a step: whether ``dynamics`` depends on dt."""
-        links, value = self.tree.links, self.system.value
-        return any(k.role is Role.DYNAMIC and not value(k.damping).is_zero() for k in links)
-
     def _factor(self, armature: Callable[[Link], ca.SX]) -> articulated.Factor:
         system = self.system
         return articulated.factorise(self.tree, system.joints, system.regrouped, armature)
 
     def _dynamics(self) -> dict[str, ca.SX]:
         """What the runtime needs to solve Eqs. 10 and 11 for any set of taut rows."""
-        return self._with_factor(self.factor)
-
-    def _exact_dynamics(self) -> dict[str, ca.SX]:
-        """The same for dt = 0, with fewer operations: a joint hands on nothing about its axis."""
         return self._with_factor(self._factor(lambda link: ca.SX(0)))
+
+    def _step_dynamics(self) -> dict[str, ca.SX]:
+        """What a step needs: the damping of joints over it, and no accelerations of rows."""
+        made = self._with_factor(self.factor)
+        return {name: x for name, x in made.items() if name not in ("gamma", "gamma_limit")}
 
     def _with_factor(self, factor: articulated.Factor) -> dict[str, ca.SX]:
         system, s, tree = self.system, self.system.symbols, self.tree
@@ -150,18 +149,42 @@ class Equations:
             "loss": loads.loss,
         }
 
-    @property
+    @cached_property
     def n_packed(self) -> int:
         """Length of L."""
         return len(self.factor.numbers(self.factor))
 
+    @cached_property
+    def _stored(self) -> tuple[ca.SX, articulated.Factor]:
+        """L as symbols, and the factor that it stands for."""
+        L = ca.SX.sym("L", self.n_packed)
+        return L, self.factor.stored(elements(L))
+
     def _solve(self, name: str, solve: Callable) -> ca.Function:
-        L, x = ca.SX.sym("L", self.n_packed), ca.SX.sym("x", self.factor.n)
-        y = ca.cse(column(solve(self.factor.stored(elements(L)), elements(x))))
+        (L, factor), x = self._stored, ca.SX.sym("x", self.factor.n)
+        y = ca.cse(column(solve(factor, elements(x))))
         return ca.Function(f"fan_{name}", [L, x], [y], ["L", "x"], ["y"])
 
     def _forth(self) -> ca.Function:
         return self._solve("forth", lambda factor, x: factor.forth(x, {}))
+
+    @cached_property
+    def columns(self) -> dict[int, tuple[list[int], ca.Function]]:
+        """link -> its part of ``forth``, for links with limits: y = F^-T x for x in its joint.
+
+        The entries of y that differ from zero, those on the way to the root, and a function
+        (L, x (3,)) -> these. Empty where all of them have many more operations than ``forth``, as
+        for a long chain with limits all along.
+        """
+        made: dict[int, tuple[list[int], ca.Function]] = {}
+        (L, factor), x = self._stored, ca.SX.sym("x", 3)
+        for i in sorted({limit.link for limit in self.tree.limits}):
+            place = self.tree.links[i].v
+            found = factor.forth_from(i, elements(x)[: place.stop - place.start])
+            y = ca.cse(column(list(found.values())))
+            made[i] = list(found), ca.Function(f"fan_column_{i}", [L, x], [y], ["L", "x"], ["y"])
+        total = sum(function.n_instructions() for _, function in made.values())
+        return made if total < _MANY * self["forth"].n_instructions() else {}
 
     def _back(self) -> ca.Function:
         return self._solve("back", articulated.Factor.back)

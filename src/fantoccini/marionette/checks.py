@@ -76,7 +76,7 @@ def check_starts(marionette: Marionette, states: States) -> None:
 def _rows_of(marionette: Marionette, x: States) -> tuple[Array, Array]:
     """h and hdot (n, n_rows) of states."""
     tree, table = marionette.tree, marionette.coordinates
-    still = np.zeros(table.n_vK), np.zeros(table.n_vD), np.zeros(1)
+    still = np.zeros(table.n_vK), np.zeros(table.n_vD)
     state = [x.q_D, x.v_D, x.q_K, x.v_K, *still, marionette.p]
     outputs = marionette.library.evaluate("dynamics", state)
     h, hdot, h_limit, J_limit = (outputs[i] for i in (4, 5, 9, 10))

@@ -60,9 +60,12 @@ class Instant:
             dt: step over which joint damping acts implicitly, as in time-stepping [s].
         """
         n, n_s, n_l = len(x.v_D), len(tree.strings), len(tree.limits)
+        at = [x.q_D, x.v_D, x.q_K, x.v_K, acc_K, u_D]
         L, w0, W, _, h, hdot, gamma, _, hdot_K, h_l, J_l, gamma_l, *_ = library.evaluate(
-            "dynamics", [x.q_D, x.v_D, x.q_K, x.v_K, acc_K, u_D, np.array([dt]), p]
+            "dynamics", [*at, p]
         )
+        if dt:
+            L, w0, W, *_ = library.evaluate("step_dynamics", [*at, np.array([dt]), p])
         J = np.zeros((n_l, n))
         for i, limit in enumerate(tree.limits):
             place = tree.links[limit.link].v

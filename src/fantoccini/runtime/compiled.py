@@ -243,10 +243,14 @@ def _signatures(tree: Tree, packed: int) -> Signatures:
     n_s, n_l, n_p, links = len(tree.strings), len(tree.limits), len(tree.parameters), tree.links
     n = t.n_vD
     q, state = (t.n_qD, t.n_qK), (t.n_qD, n, t.n_qK, t.n_vK)
-    rows = (packed, n, n * n_s, n_s * n_s, *[n_s] * 5, n_l, 3 * n_l, n_l, 1, n, 1)
+    factor = (packed, n, n * n_s, n_s * n_s)
     return {
-        "dynamics": ((*state, t.n_vK, n, 1, n_p), rows),
-        "exact_dynamics": ((*state, t.n_vK, n, 1, n_p), rows),
+        "dynamics": (
+            (*state, t.n_vK, n, n_p), (*factor, *[n_s] * 5, n_l, 3 * n_l, n_l, 1, n, 1)
+        ),
+        "step_dynamics": (
+            (*state, t.n_vK, n, 1, n_p), (*factor, *[n_s] * 4, n_l, 3 * n_l, 1, n, 1)
+        ),
         "rows": ((*q, n_p), (n_s + n_l,)),
         "energy": ((*state, n_p), (1, 1)),
         "effort": ((*state, n, t.n_vK, n_s, n_p), (t.n_vK,)),

@@ -10,7 +10,7 @@
 // active_set.hpp solves the same problem exactly, one trajectory at a time.
 #pragma once
 
-#include "real.hpp"
+#include "elementary.hpp"
 
 namespace fan {
 
@@ -41,14 +41,13 @@ struct Complementarity {
     }
     raise_ *= eps;
     for (int c = 0; c < n_some_; ++c) {
-      using std::sqrt;
       const int j = some_[c];
       Real pivot = select(active[j], Real(G[j * N + j] + raise_), Real(1.0));
       const Real* own = factor_ + c * N;
       for (int k = 0; k < c; ++k) pivot -= own[k] * own[k];
       // A redundant row leaves rounding here; the floor keeps the factor finite.
       const Real floor = raise_ * 1e-2 + G[j * N + j] * 1e-16 + 1e-300;
-      pivot = factor_[c * N + c] = Real(1.0) / sqrt(select(pivot > floor, pivot, floor));
+      pivot = factor_[c * N + c] = inverse_root(select(pivot > floor, pivot, floor));
       for (int d = c + 1; d < n_some_; ++d) {
         const int i = some_[d];
         Real* other = factor_ + d * N;

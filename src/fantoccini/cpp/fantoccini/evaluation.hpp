@@ -18,28 +18,27 @@ template <class Model, class Real>
 struct Evaluation {
   static constexpr int N = Model::n_vD, S = Model::n_strings, K = Model::n_limits;
   Real L[room(Model::n_packed)], w0[room(N)], W[room(N * S)], G[room(S * S)];
-  Real h[room(S)], hdot[room(S)], gamma[room(S)], a0[room(S)], hdot_K[room(S)];
-  Real h_limit[room(K)], J_limit[room(3 * K)], gamma_limit[room(K)];
+  Real h[room(S)], hdot[room(S)], gamma[room(S)] = {}, a0[room(S)], hdot_K[room(S)];
+  Real h_limit[room(K)], J_limit[room(3 * K)], gamma_limit[room(K)] = {};
   Real power0, M_DK_v_K[room(N)], loss;
 
   FAN_FN void at(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
-      const Real* u_D, Real dt, const Real* p) {
-    const Real* arg[] = {q_D, v_D, q_K, v_K, acc_K, u_D, &dt, p};
+      const Real* u_D, const Real* p) {
+    const Real* arg[] = {q_D, v_D, q_K, v_K, acc_K, u_D, p};
     Real* res[] = {L,       w0,      W,           G,       h,        hdot, gamma, a0, hdot_K,
                    h_limit, J_limit, gamma_limit, &power0, M_DK_v_K, &loss};
     Model::dynamics(arg, res);
   }
 
-  // The same for dt = 0, with fewer operations.
+  // For a step dt, with the damping of joints over it in F; gamma is left alone.
   FAN_FN void at(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
-      const Real* u_D, const Real* p) {
-    const Real dt = 0.0;
+      const Real* u_D, Real dt, const Real* p) {
     const Real* arg[] = {q_D, v_D, q_K, v_K, acc_K, u_D, &dt, p};
-    Real* res[] = {L,       w0,      W,           G,       h,        hdot, gamma, a0, hdot_K,
-                   h_limit, J_limit, gamma_limit, &power0, M_DK_v_K, &loss};
-    Model::exact_dynamics(arg, res);
+    Real* res[] = {L,  w0,     W,       G,       h,       hdot,     a0,
+                   hdot_K, h_limit, J_limit, &power0, M_DK_v_K, &loss};
+    Model::step_dynamics(arg, res);
   }
 
   // acc = F^-1 w.
@@ -47,6 +46,14 @@ struct Evaluation {
     const Real* arg[] = {L, w};
     Real* res[] = {acc};
     Model::back(arg, res);
+  }
+
+  // hdot of limit i at the velocity v_D.
+  FAN_FN Real limit_rate(int i, const Real* v_D) const {
+    Real rate = Real(0.0);
+    for (int k = 0; k < Model::limit_n[i]; ++k)
+      rate += J_limit[3 * i + k] * v_D[Model::limit_v[i] + k];
+    return rate;
   }
 
   FAN_FN Real height(int row) const { return row < S ? h[row] : h_limit[row - S]; }
@@ -61,7 +68,7 @@ struct RowSystem {
   int n = 0;
   int row[room(M)];
   const Real* column[room(M)];  // W's column of each row
-  Real own[room(N * Model::n_limits)];
+  Real own[room(N * Model::n_limits)] = {};
   Real hdot[room(M)];    // at the velocity of the evaluation
   Real hddot[room(M)];   // at zero multipliers
   Real kick[room(M)];    // A_D acc_free: change of hdot per unit time without gamma
@@ -70,6 +77,12 @@ struct RowSystem {
   Complementarity<Real, M> problem;
 
   FAN_FN void gather(const Eval& e, const Real* v_D, const int* rows, int n_rows) {
+    for (int i = 0; i < Model::n_limits; ++i) made_[i] = false;
+    gather_more(e, v_D, rows, n_rows);
+  }
+
+  // The same for more rows at the same evaluation: the columns that were made are kept.
+  FAN_FN void gather_more(const Eval& e, const Real* v_D, const int* rows, int n_rows) {
     n = problem.n = n_rows;
     for (int a = 0; a < n; ++a) {
       const int r = row[a] = rows[a];
@@ -97,34 +110,47 @@ struct RowSystem {
 
   // w <- w + W y over the rows.
   FAN_FN void add(const Real* y, Real* w) const {
-    // Every sum stays in a register; rows that do not pull add nothing.
-    int pulls[room(M)], n_pulls = 0;
-    for (int a = 0; a < n; ++a)
+    // Strings' sums stay in a register; rows that do not pull add nothing.
+    int pulls[room(S)], n_pulls = 0, first_limit = 0;
+    for (int a = 0; a < n && row[a] < S; ++a, ++first_limit)
       if (any(y[a] != Real(0.0))) pulls[n_pulls++] = a;
     for (int k = 0; k < N; ++k) {
       Real sum = w[k];
       for (int i = 0; i < n_pulls; ++i) sum += column[pulls[i]][k] * y[pulls[i]];
       w[k] = sum;
     }
+    for (int a = first_limit; a < n; ++a) {
+      if (!any(y[a] != Real(0.0))) continue;
+      const Entries of = entries(row[a] - S);
+      for (int j = 0; j < of.n; ++j) w[of[j]] += column[a][of[j]] * y[a];
+    }
   }
 
  private:
-  // Entries of row a's column up to the last that is not 0: w = L^-T x has none behind those of x,
-  // since links come after their parents.
-  FAN_FN int length(int a) const {
-    const int i = row[a] - S;
-    return i < 0 ? N : Model::limit_v[i] + Model::limit_n[i];
+  // The entries of a limit's column that differ from zero.
+  struct Entries {
+    const int* place;
+    int n;
+    FAN_FN int operator[](int j) const { return place ? place[j] : j; }
+  };
+
+  FAN_FN Entries entries(int i) const {
+    // Behind those of x, w = F^-T x has none: links come after their parents.
+    if (Model::n_columns == 0) return {nullptr, Model::limit_v[i] + Model::limit_n[i]};
+    const int* begin = Model::column_begin + Model::limit_column[i];
+    return {Model::column_entry + begin[0], begin[1] - begin[0]};
   }
 
   // Row a of W^T W up to its diagonal, four sums at a time: each addition waits for the one before.
   FAN_FN void products(int a, Real* out) const {
     const Real* own_column = column[a];
-    const int n_k = length(a);
+    const Entries of = entries(row[a] - S);
     for (int b = 0; b <= a; b += 4) {
       const Real* c[4];
       for (int j = 0; j < 4; ++j) c[j] = column[b + j <= a ? b + j : a];
       Real sum[4] = {Real(0.0), Real(0.0), Real(0.0), Real(0.0)};
-      for (int k = 0; k < n_k; ++k) {
+      for (int j = 0; j < of.n; ++j) {
+        const int k = of[j];
         sum[0] += own_column[k] * c[0][k];
         sum[1] += own_column[k] * c[1][k];
         sum[2] += own_column[k] * c[2][k];
@@ -135,25 +161,40 @@ struct RowSystem {
   }
 
   FAN_FN void limit(const Eval& e, const Real* v_D, int a, int i) {
-    Real x[room(N)];
-    for (int k = 0; k < N; ++k) x[k] = Real(0.0);
-    Real rate = Real(0.0);
-    for (int k = 0; k < Model::limit_n[i]; ++k) {
-      x[Model::limit_v[i] + k] = e.J_limit[3 * i + k];
-      rate += e.J_limit[3 * i + k] * v_D[Model::limit_v[i] + k];
-    }
     Real* w = own + N * i;
-    const Real* arg[] = {e.L, x};
-    Real* res[] = {w};
-    Model::forth(arg, res);
+    const Entries of = entries(i);
+    if (!made_[i]) {
+      make(e, i, of, w);
+      made_[i] = true;
+    }
     column[a] = w;
-    hdot[a] = rate;
+    hdot[a] = e.limit_rate(i, v_D);
     Real free_rate = Real(0.0);
-    for (int k = 0; k < N; ++k) free_rate += w[k] * e.w0[k];
+    for (int j = 0; j < of.n; ++j) free_rate += w[of[j]] * e.w0[of[j]];
     kick[a] = free_rate;
     hddot[a] = e.gamma_limit[i] + free_rate;
     hdot_K[a] = Real(0.0);
   }
+
+  // The column w = F^-T A_D^T of limit i; entries that are always zero have been so from the start.
+  FAN_FN void make(const Eval& e, int i, const Entries& of, Real* w) {
+    if (Model::n_columns > 0) {
+      Real found[room(N)];
+      const Real* arg[] = {e.L, e.J_limit + 3 * i};
+      Real* res[] = {found};
+      Model::column(Model::limit_column[i], arg, res);
+      for (int j = 0; j < of.n; ++j) w[of[j]] = found[j];
+      return;
+    }
+    Real x[room(N)];
+    for (int k = 0; k < N; ++k) x[k] = Real(0.0);
+    for (int k = 0; k < Model::limit_n[i]; ++k) x[Model::limit_v[i] + k] = e.J_limit[3 * i + k];
+    const Real* arg[] = {e.L, x};
+    Real* res[] = {w};
+    Model::forth(arg, res);
+  }
+
+  bool made_[room(Model::n_limits)];  // whether the column of a limit is that of this evaluation
 };
 
 }  // namespace fan

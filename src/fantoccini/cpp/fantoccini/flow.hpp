@@ -292,11 +292,7 @@ struct Flow {
 
   // hdot of a row at the latest evaluation; v_D is the velocity it was made with.
   double rate_of(int r, const double* v_D) const {
-    if (r < S) return eval.hdot[r];
-    double sum = 0.0;
-    for (int i = 0; i < Model::limit_n[r - S]; ++i)
-      sum += eval.J_limit[3 * (r - S) + i] * v_D[Model::limit_v[r - S] + i];
-    return sum;
+    return r < S ? eval.hdot[r] : eval.limit_rate(r - S, v_D);
   }
 
   // T + V at (t, y); the evaluation must be that of (t, y).

@@ -1,7 +1,7 @@
 // Motion on the configuration space: unit quaternions (w, x, y, z) and scalars.
 #pragma once
 
-#include "real.hpp"
+#include "elementary.hpp"
 
 namespace fan {
 
@@ -20,38 +20,48 @@ FAN_FN void quaternion_product(const Real* a, const Real* b, Real* out) {
 
 template <class Real>
 FAN_FN void normalise(Real* q) {
-  using std::sqrt;
-  const Real scale = Real(1.0) / sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+  const Real scale = inverse_root(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
   for (int k = 0; k < 4; ++k) q[k] *= scale;
 }
+
+constexpr double kNearTurn = 0.25;  // rad: half turns of quaternions made from a series
 
 // The quaternion of a rotation vector phi.
 template <class Real>
 FAN_FN void quaternion_exp(const Real* phi, Real* out) {
-  using std::cos;
-  using std::sin;
   using std::sqrt;
-  const Real square = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2];
-  const Real half = Real(0.5) * sqrt(square);
-  const Real near = Real(0.5) - square * (1.0 / 48.0) * (Real(1.0) - square * (1.0 / 80.0));
-  const auto small = half < Real(1e-3);
-  const Real safe = select(small, Real(1.0), half);
-  const Real factor = select(small, near, Real(Real(0.5) * sin(safe) / safe));
-  out[0] = cos(half);
-  for (int k = 0; k < 3; ++k) out[1 + k] = factor * phi[k];
+  // cos(x) and sin(x) / x in powers of x^2, x = |phi| / 2: what is left out is below 1e-18.
+  const Real square = Real(0.25) * (phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]);
+  Real cosine = 1.0 / 479001600.0, factor = 1.0 / 6227020800.0;
+  constexpr double cosines[] = {-1.0 / 3628800.0, 1.0 / 40320.0, -1.0 / 720.0, 1.0 / 24.0, -0.5, 1.0};
+  constexpr double factors[] = {
+      -1.0 / 39916800.0, 1.0 / 362880.0, -1.0 / 5040.0, 1.0 / 120.0, -1.0 / 6.0, 1.0};
+  for (int k = 0; k < 6; ++k) {
+    cosine = cosine * square + cosines[k];
+    factor = factor * square + factors[k];
+  }
+  const auto wide = !(square < Real(kNearTurn * kNearTurn));
+  if (any(wide)) {
+    Real sine_far, cosine_far;
+    const Real half = sqrt(select(wide, square, Real(1.0)));
+    sine_cosine(half, &sine_far, &cosine_far);
+    cosine = select(wide, cosine_far, cosine);
+    factor = select(wide, sine_far / half, factor);
+  }
+  out[0] = cosine;
+  for (int k = 0; k < 3; ++k) out[1 + k] = 0.5 * factor * phi[k];
 }
 
 // The rotation vector of a unit quaternion, the shorter way round.
 template <class Real>
 FAN_FN void quaternion_log(const Real* q, Real* phi) {
-  using std::atan2;
   using std::sqrt;
   const Real sine = sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
   const Real sign = select(q[0] < Real(0.0), Real(-1.0), Real(1.0));
   const auto small = sine < Real(1e-8);
   const Real safe = select(small, Real(1.0), sine);
   const Real factor =
-      select(small, Real(2.0 * sign), Real(2.0 * sign * atan2(safe, sign * q[0]) / safe));
+      select(small, Real(2.0 * sign), Real(2.0 * sign * arctangent(safe / (sign * q[0])) / safe));
   for (int k = 0; k < 3; ++k) phi[k] = factor * q[1 + k];
 }
 

@@ -47,11 +47,11 @@ FAN_FN void body_rates(
     }
   }
   if (any(!small)) {
-    using std::cos;
-    using std::sin;
     using std::sqrt;
     const Real big = select(small, Real(1.0), square);
-    const Real theta = sqrt(big), c = cos(theta), s = sin(theta);
+    const Real theta = sqrt(big);
+    Real s, c;
+    sine_cosine(theta, &s, &c);
     a = select(small, a, Real((1.0 - c) / big));
     b = select(small, b, Real((theta - s) / (theta * big)));
     da = select(small, da, Real((theta * s - 2.0 * (1.0 - c)) / (big * big)));

@@ -22,7 +22,7 @@ constexpr double kStirred = 1e-3;      // m or rad
 constexpr double kWild = 10.0;         // times as much as long as nothing was overstepped
 constexpr double kWidestTurn = 0.5;    // rad that a coordinate turns in a step at most
 constexpr double kLongestStride = 5.0;  // m, likewise
-constexpr double kNearLimit = 0.02;  // rad or m beyond what a step can cover, still watched
+constexpr double kPasses = 1e-12;  // rad/s or m/s at which a limit counts as passed
 constexpr double kOutOfReach = 1e30;  // speed at which a row opens in a lane that does not watch it
 
 template <class Model, class Real>
@@ -52,40 +52,18 @@ struct TimeStep {
       double dt, double recovery_speed, double cap, const Winches<S>& winches, const Real* p) {
     eval.at(q_D, v_D, q_K, v_K, acc_K, u_D, Real(dt), p);
     wind(winches, dt);
-    int list[room(M)];
-    rows.gather(eval, v_D, list, candidates(v_D, dt, list));
-    auto& problem = rows.problem;
     violation = Real(0.0);
-    for (int a = 0; a < rows.n; ++a) {
-      const int r = rows.row[a];
-      const Real h = eval.height(r);
-      const Real limit = Real(recovery_speed);
-      const Real h_rate = h * (1.0 / dt);
-      const Mask watched = near_[r];
-      const Real closing = rows.hdot[a] + dt * rows.kick[a] + select(h_rate > limit, limit, h_rate);
-      const bool winch = winches.slips(r) && winches.max_tension[r] < cap;
-      problem.b[a] = select(watched, closing, Real(-kOutOfReach));
-      problem.upper[a] = Real(dt * (winch ? winches.max_tension[r] : cap));
-      problem.lower[a] =
-          rows.two_sided[a] ? select(watched, Real(-cap * dt), Real(0.0)) : Real(0.0);
-      problem.active[a] = watched && (taut[r] || problem.lower[a] < Real(0.0));
-      problem.high[a] = Real(0.0) > Real(1.0);
-      violation = select(h > violation, h, violation);
+    for (int r = 0; r < M; ++r)
+      violation = select(eval.height(r) > violation, eval.height(r), violation);
+    watch_first(v_D, dt);
+    gather(v_D);
+    pull(dt, recovery_speed, cap, winches);
+    while (watch_more(v_D, dt, recovery_speed)) {
+      gather_more(v_D);
+      pull(dt, recovery_speed, cap, winches);
     }
-    settle();
-    Real pull[room(M)], w[room(N)], before[room(M)];
-    for (int a = 0; a < rows.n; ++a) {
-      Real x = problem.x[a];
-      x = select(x > problem.upper[a], problem.upper[a], x);
-      x = select(x < problem.lower[a], problem.lower[a], x);
-      pull[a] = -x;
-      before[a] = rows.hdot[a] + dt * rows.kick[a];
-    }
-    for (int k = 0; k < N; ++k) w[k] = dt * eval.w0[k];
-    rows.add(pull, w);
-    eval.back(w, acc);
-    account(pull, before, v_D, u_D, dt);
-    give_way(winches, cap, pull, dt);
+    account(v_D, u_D, dt);
+    give_way(winches, cap, dt);
     Real move[room(N)], farthest = Real(0.0);
     for (int k = 0; k < N; ++k) {
       using std::abs;
@@ -134,18 +112,21 @@ struct TimeStep {
   // Winches wind back what slipped before; the strings' h and hdot are those of L + slip.
   FAN_FN void wind(const Winches<S>& winches, double dt) {
     for (int i = 0; i < S; ++i) {
-      using std::sqrt;
-      const Real most = slip[i] * (1.0 / dt), braked = sqrt(Real(2.0 * kBrake) * slip[i]);
-      const Real speed = Real(winches.rewind_speed[i]);
-      const Real wanted = select(braked < speed, braked, speed);
-      winding_[i] = -select(most < wanted, most, wanted);
+      winding_[i] = Real(0.0);
+      if (winches.rewind_speed[i] > 0.0) {
+        using std::sqrt;
+        const Real most = slip[i] * (1.0 / dt), braked = sqrt(Real(2.0 * kBrake) * slip[i]);
+        const Real speed = Real(winches.rewind_speed[i]);
+        const Real wanted = select(braked < speed, braked, speed);
+        winding_[i] = -select(most < wanted, most, wanted);
+      }
       eval.h[i] -= slip[i];
       eval.hdot[i] -= winding_[i];
     }
   }
 
   // s < 0 at the bound of a winch is the speed at which it gives way.
-  FAN_FN void give_way(const Winches<S>& winches, double cap, const Real* pull, double dt) {
+  FAN_FN void give_way(const Winches<S>& winches, double cap, double dt) {
     slip_loss = Real(0.0);
     for (int i = 0; i < S; ++i) {
       slip_rate_[i] = winding_[i];
@@ -157,33 +138,92 @@ struct TimeStep {
       const Mask gives = rows.problem.high[a] && rows.problem.s[a] < Real(0.0);
       slips[r] = gives;
       slip_rate_[r] -= select(gives, rows.problem.s[a], Real(0.0));
-      slip_loss -= pull[a] * slip_rate_[r];
+      slip_loss -= pull_[a] * slip_rate_[r];
     }
     for (int i = 0; i < S; ++i) slip[i] += dt * slip_rate_[i];
   }
 
-  // Strings always take part; a limit does when the step could reach it in any lane, and is kept
-  // out of reach in the others: a lane's result does not depend on its neighbours.
-  FAN_FN int candidates(const Real* v_D, double dt, int* list) {
-    using std::abs;
-    int n = 0;
-    for (int r = 0; r < S; ++r) {
-      near_[r] = !idle;
-      list[n++] = r;
-    }
+  // Strings always take part. Of the limits those do that pulled in the step before or would be
+  // passed at the present velocity, each in its own lanes: a lane's result does not depend on its
+  // neighbours.
+  FAN_FN void watch_first(const Real* v_D, double dt) {
+    for (int r = 0; r < S; ++r) near_[r] = !idle;
     for (int i = 0; i < M - S; ++i) {
-      Real rate = Real(0.0);
-      for (int k = 0; k < Model::limit_n[i]; ++k)
-        rate += eval.J_limit[3 * i + k] * v_D[Model::limit_v[i] + k];
-      near_[S + i] = !idle && eval.h_limit[i] + 2.0 * dt * abs(rate) > Real(-kNearLimit);
-      if (any(near_[S + i])) list[n++] = S + i;
+      const Mask passes = eval.h_limit[i] + dt * eval.limit_rate(i, v_D) > Real(0.0);
+      near_[S + i] = !idle && (taut[S + i] || passes);
     }
+  }
+
+  // Adds the limits that the impulses found would let be passed; whether there are any.
+  FAN_FN bool watch_more(const Real* v_D, double dt, double recovery_speed) {
+    Real v[room(N)];
+    for (int k = 0; k < N; ++k) v[k] = v_D[k] + acc[k];
+    bool more = false;
+    for (int i = 0; i < M - S; ++i) {
+      const Real closing = eval.limit_rate(i, v) + position_term(S + i, dt, recovery_speed);
+      const Mask passes = !idle && !near_[S + i] && closing > Real(kPasses);
+      if (!any(passes)) continue;
+      near_[S + i] = near_[S + i] || passes;
+      more = true;
+    }
+    return more;
+  }
+
+  // The rows that take part in some lane, in order: so no lane's sums depend on its neighbours.
+  FAN_FN int watched(int* list) const {
+    int n = 0;
+    for (int r = 0; r < M; ++r)
+      if (r < S || any(near_[r])) list[n++] = r;
     return n;
   }
 
+  FAN_FN void gather(const Real* v_D) {
+    int list[room(M)];
+    rows.gather(eval, v_D, list, watched(list));
+  }
+
+  FAN_FN void gather_more(const Real* v_D) {
+    int list[room(M)];
+    rows.gather_more(eval, v_D, list, watched(list));
+  }
+
+  // h / dt; what is overstepped is taken back at the recovery's speed.
+  FAN_FN Real position_term(int r, double dt, double recovery_speed) const {
+    const Real rate = eval.height(r) * (1.0 / dt), limit = Real(recovery_speed);
+    return select(rate > limit, limit, rate);
+  }
+
+  // The impulses over the rows that take part, and acc = v+ - v with them.
+  FAN_FN void pull(double dt, double recovery_speed, double cap, const Winches<S>& winches) {
+    auto& problem = rows.problem;
+    for (int a = 0; a < rows.n; ++a) {
+      const int r = rows.row[a];
+      const Mask takes_part = near_[r];
+      before_[a] = rows.hdot[a] + dt * rows.kick[a];
+      const Real closing = before_[a] + position_term(r, dt, recovery_speed);
+      const bool winch = winches.slips(r) && winches.max_tension[r] < cap;
+      problem.b[a] = select(takes_part, closing, Real(-kOutOfReach));
+      problem.upper[a] = Real(dt * (winch ? winches.max_tension[r] : cap));
+      problem.lower[a] =
+          rows.two_sided[a] ? select(takes_part, Real(-cap * dt), Real(0.0)) : Real(0.0);
+      problem.active[a] = takes_part && (taut[r] || problem.lower[a] < Real(0.0));
+      problem.high[a] = Real(0.0) > Real(1.0);
+    }
+    settle();
+    Real w[room(N)];
+    for (int a = 0; a < rows.n; ++a) {
+      Real x = problem.x[a];
+      x = select(x > problem.upper[a], problem.upper[a], x);
+      x = select(x < problem.lower[a], problem.lower[a], x);
+      pull_[a] = -x;
+    }
+    for (int k = 0; k < N; ++k) w[k] = dt * eval.w0[k];
+    rows.add(pull_, w);
+    eval.back(w, acc);
+  }
+
   // Tensions, modes and the step's part of the ledger. acc is v+ - v here.
-  FAN_FN void account(
-      const Real* pull, const Real* before, const Real* v_D, const Real* u_D, double dt) {
+  FAN_FN void account(const Real* v_D, const Real* u_D, double dt) {
     Mask held_before[room(M)];
     for (int r = 0; r < M; ++r) {
       held_before[r] = held[r];
@@ -198,22 +238,24 @@ struct TimeStep {
       work += eval.M_DK_v_K[k] * acc[k] + dt * u_D[k] * (v_D[k] + 0.5 * acc[k]);
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
-      const Real x = -pull[a];
+      const Real x = -pull_[a];
       tension[r] = x * (1.0 / dt);
       taut[r] = rows.two_sided[a] ? Real(1.0) > Real(0.0) : x > Real(0.0);
       work += x * rows.hdot_K[a];
       // A catch takes two steps: the first ends where the row closes, the second stops it.
       const Mask caught = taut[r] && !(held[r] && held_before[r]);
       if (!any(caught)) continue;
-      Real after = before[a];
+      Real after = before_[a];
       constexpr int stride = Complementarity<Real, M>::N;
-      for (int b = 0; b < rows.n; ++b) after += rows.problem.G[a * stride + b] * pull[b];
-      impact += select(caught, Real(x * 0.5 * (before[a] + after)), Real(0.0));
+      for (int b = 0; b < rows.n; ++b) after += rows.problem.G[a * stride + b] * pull_[b];
+      impact += select(caught, Real(x * 0.5 * (before_[a] + after)), Real(0.0));
     }
   }
 
   Real winding_[room(S)], slip_rate_[room(S)];
-  Mask near_[room(M)];  // lanes in which the row takes part in this step
+  Mask near_[room(M)];   // lanes in which the row takes part in this step
+  Real pull_[room(M)];   // -Lambda, by gathered row
+  Real before_[room(M)];  // hdot at the end of the step without impulses, likewise
 };
 
 }  // namespace fan

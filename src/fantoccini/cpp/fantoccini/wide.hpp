@@ -19,10 +19,10 @@
 #endif
 #endif
 
+#include "elementary.hpp"
+
 #if FAN_WIDTH > 1
 #include "lanes.hpp"
-#else
-#include "real.hpp"
 #endif
 
 namespace fan {
