@@ -13,8 +13,8 @@ from fantoccini import puppets
 WIDTH, STEPS, DT = 8, 400, 2e-3
 
 SEEDS = (0, 1, 9, 10)
-"""In some of these a joint flies into its limit faster than the step watches for, in one lane only:
-a limit that takes part in one lane must then leave the others alone."""
+"""In some of these the impulse of a string lets a joint pass its limit within the step, in one lane
+only: a limit that takes part in one lane must then leave the others alone."""
 
 TOLERANCE = {"q": 2e-14, "v": 1e-12, "slip": 1e-14, "tension": 3e-11, "ledger": 2e-13}
 """Relative, a step; about twice what is found. The step divides h by dt, and v by dt again for the

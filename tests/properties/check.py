@@ -35,9 +35,11 @@ SPEED = 1e-9
 NEWTON = 1e-7
 """Bound on what Eqs. 10 and 11 lack, relative to the largest term in them."""
 LET_GO = 1e-5
-"""Bound on hddot of a loose closed row, relative to the largest term in it: where strings lie along
-one another, heights known to 1e-13 tell their directions to the root of that, some 1e-6. The row is
-caught again before it is 1e-13 beyond its bound."""
+"""Bound on hddot of a loose closed row that hardly differs from other closed ones, relative to the
+largest term in it: where strings lie along one another, heights known to 1e-13 tell their
+directions to the root of that, some 1e-6. The row is caught before it is ``LENGTH`` off."""
+HARDLY = 1e-3
+"""Part of a row's column of W outside the span of the other closed rows' that is hardly any."""
 LEDGER = 1e-7
 """Bound on the residual, relative to weight * 1 m + |work| + losses + kinetic energy."""
 STEPS = 10.0
@@ -171,13 +173,14 @@ class _Rates:
 
     Attributes:
         hdot: (T, n_rows) [m/s or rad/s].
+        W: (T, n_rows, n_vD) F^-T A_D^T, row by row.
     """
 
     def __init__(self, given: Performance, run: fan.Trajectory):
         puppet, tree = given.marionette, given.marionette.tree
         self._puppet, self._n, self._n_s = puppet, run.v_D.shape[1], len(tree.strings)
         state = [run.q_D, run.v_D, run.q_K, run.v_K, run.acc_K, given.inputs.evaluate_force(run.t)]
-        self._L, self._w0, self._W, _, _, hdot, gamma, _, _, _, J_l, gamma_l, *_ = (
+        self._L, self._w0, W, _, _, hdot, gamma, _, _, _, J_l, gamma_l, *_ = (
             puppet.library.evaluate("dynamics", [*state, puppet.p])
         )
         self._J = np.zeros((len(run), len(tree.limits), self._n))
@@ -187,6 +190,17 @@ class _Rates:
         hdot_l = (self._J * run.v_D[:, None]).sum(axis=-1)
         self.hdot = np.concatenate([hdot, hdot_l], axis=1)
         self._gamma = np.concatenate([gamma, gamma_l], axis=1)
+        self.W = W.reshape(len(run), self._n_s, self._n)
+        if self._J.shape[1]:
+            (W_l,) = puppet.library.evaluate("forth", [self._L[:, None], self._J])
+            self.W = np.concatenate([self.W, W_l], axis=1)
+
+    def hardly_differs(self, t: int, r: int, closed: np.ndarray) -> bool:
+        """Whether row r at time t is nearly in the span of the other closed rows."""
+        others = closed & (np.arange(len(closed)) != r)
+        W, own = self.W[t, others].T, self.W[t, r]
+        along = W @ np.linalg.lstsq(W, own, rcond=1e-9)[0]
+        return bool(np.linalg.norm(own - along) <= HARDLY * np.linalg.norm(own))
 
     def newton(self, run: fan.Trajectory, force: np.ndarray):
         """What Eq. 10 lacks, and how the rows accelerate.
@@ -195,10 +209,7 @@ class _Rates:
             (T,) |acc_D - M_DD^-1 (forces + A_D^T lambda)| relative to its largest term,
             hddot (T, n_rows) [m/s^2 or rad/s^2] and the size of its terms, at least 1.
         """
-        W = self._W.reshape(len(run), self._n_s, self._n)
-        if self._J.shape[1]:
-            (W_l,) = self._puppet.library.evaluate("forth", [self._L[:, None], self._J])
-            W = np.concatenate([W, W_l], axis=1)
+        W = self.W
         pull = (force[..., None] * W).sum(axis=1)
         (acc,) = self._puppet.library.evaluate("back", [self._L, np.stack([self._w0, pull])])
         terms = np.abs(acc).max(axis=2, initial=0.0).sum(axis=0) + 1.0
@@ -278,8 +289,11 @@ def _event_driven(given: Performance, run: fan.Trajectory, rows: _Rows):
     if np.any(moves[(pulls | closed) & after[:, None]]):
         broken.append("a closed row moves on")
     at_rest = closed & (np.abs(hdot) <= speed)
-    let_go = np.where(pulls, np.abs(hddot) > NEWTON * size, hddot > LET_GO * size)
-    if np.any(let_go[(pulls | at_rest) & after[:, None]]):
+    let_go = np.where(pulls, np.abs(hddot), hddot) > NEWTON * size
+    let_go &= (pulls | at_rest) & after[:, None]
+    for t, r in np.argwhere(let_go & ~pulls & (hddot <= LET_GO * size)):
+        let_go[t, r] = not rates.hardly_differs(t, r, closed[t])
+    if np.any(let_go):
         broken.append("a closed row is let go beyond its bound")
     energy = _energy(given, run)
     residual = np.max(np.abs(run.ledger["residual"]) / energy)
@@ -308,7 +322,7 @@ def _time_stepping(given: Performance, run: fan.Trajectory, rows: _Rows, event: 
     if event is Status.DONE and violation > STRAYS:
         broken.append("a row is violated")
     refused = run.status is Status.DONE and event is Status.IMPOSSIBLE_INPUT
-    pull = np.max(run.tension.values, initial=0.0) / given.marionette.weight
+    pull = np.max(rows.force, initial=0.0) / given.marionette.weight
     overstepped = np.max(run.violation.values / rows.scale, initial=0.0)
     if refused and overstepped < FOLLOWED and pull < HARD:
         broken.append(f"follows the inputs that the event-driven run ends with {event.name} at")

@@ -377,3 +377,26 @@ def test_a_flow_starts_where_a_run_could(arm):
     elsewhere = fan.Input.waypoints(marionette, {"hand.length": [(0, 0.7), (1, 0.6)]})
     with pytest.raises(fan.InputError, match=r"hand\.length"):
         marionette.flow(x0, elsewhere)
+
+
+TWINS = """
+puppet: twins
+bodies:
+  - {name: bob, joint: {type: translation, axes: [x, y, z]}, mass: 0.25}
+strings:
+  - {name: one, path: [{body: bob}, {world: [0, 0, 0.6]}], length: 0.6}
+  - {name: other, path: [{body: bob}, {world: [0, 0, 0.6]}], length: 0.6}
+"""
+"""A bob on two strings between the same two points."""
+
+
+@pytest.mark.parametrize("integrator", ["LSODA", "BDF", "Radau"])
+def test_a_redundant_string_stops_no_integrator(integrator):
+    """It follows from the other: on the dense output it is off by no more than that is."""
+    rows = []
+    for text in (TWINS, TWINS.replace("  - {name: other, path", "  # - {name: other, path")):
+        puppet = fan.loads(text)
+        x0 = puppet.project(puppet.state({"bob.x": 0.3, "bob.z": 0.1}))
+        run = fan.simulate(puppet, x0, None, 1.0, integrator=integrator, rtol=1e-7, atol=1e-7)
+        rows.append(len(run))
+    assert rows[0] <= 1.2 * rows[1] + 10, rows

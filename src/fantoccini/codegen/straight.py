@@ -5,8 +5,8 @@ function are therefore dealt out, in their order, to pieces: functions of their 
 the arguments, the results and a work array. A value that is used in a later piece travels through
 the work array, or through the result that it is. Inside a piece values are constants with names.
 
-What takes long is written so that it is done once: a divisor of several quotients is inverted, the
-root of an inverse becomes one operation with it, and the sine and the cosine of an angle follow one
+What takes long is written so that it is done once: a divisor of several quotients is inverted, a
+root that divides becomes an inverse root, and the sine and the cosine of an angle follow one
 another and are made together.
 """
 
@@ -94,8 +94,8 @@ class _Rewriting:
     """A program anew, with what takes long done once.
 
     CasADi turns x (1 / y) into x / y: a divisor of several quotients is inverted once, a root that
-    divides becomes an inverse root (and the root x times that), and sine and cosine of one angle
-    are put side by side.
+    divides becomes an inverse root (and the root x times that: x is then positive), and sine and
+    cosine of one angle are put side by side.
 
     Args:
         whole: the program as CasADi has it.

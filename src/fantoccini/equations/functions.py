@@ -55,7 +55,7 @@ ANALYSIS_INPUTS: dict[str, tuple[str, ...]] = {
 
 
 _MANY = 5
-"""Times the operations of ``forth`` that all ``columns`` may have."""
+"""Times the instructions of ``forth`` that all ``columns`` may have."""
 
 
 class Equations:

@@ -78,9 +78,12 @@ def bound(
 
 def note_lengths(table: CoordinateTable, breaks: Array, coef: Array, findings: Findings) -> None:
     """Notes every driven length that is not positive, where it first is not."""
-    s = np.diff(breaks)[..., None] * np.linspace(0.0, 1.0, pieces.LOOKS)
+    h = np.diff(breaks)
+    s = h[..., None] * np.linspace(0.0, 1.0, pieces.LOOKS)
     for name, (_, v) in pieces.channel_names(table).items():
         if not name.endswith(".length"):
+            continue
+        if np.all(polynomial.control_points(coef[:, :, v.start], h) > 0):
             continue
         value = polynomial.evaluate(coef[:, :, None, v.start], s)[0]
         if np.any(value <= 0):

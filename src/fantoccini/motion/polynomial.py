@@ -5,12 +5,19 @@ Arrays of coefficients have the powers, ascending, on the last axis: (..., 6).
 
 from __future__ import annotations
 
+from math import comb
+
 import numpy as np
 
 from fantoccini.arrays import Array
 
 N_COEF = 6
 """Coefficients of a quintic."""
+
+_TO_BEZIER = np.array(
+    [[comb(i, k) / comb(N_COEF - 1, k) for k in range(N_COEF)] for i in range(N_COEF)]
+)
+"""From the coefficients of s / h to Bezier's control points."""
 
 _STILL = 1e-200
 """Speeds below this are 0: their reciprocal would overflow."""
@@ -62,6 +69,20 @@ def evaluate(coef: Array, s: Array) -> tuple[Array, Array, Array]:
         first = first * s + p
         p = p * s + coef[..., k]
     return p, first, second
+
+
+def control_points(coef: Array, h: Array) -> Array:
+    """Bezier's control points: on 0 <= s <= h every value lies between the least and the largest.
+
+    Args:
+        coef: (..., 6) coefficients, ascending.
+        h: (...) durations [s]; broadcasts against the leading axes.
+
+    Returns:
+        (..., 6).
+    """
+    powers = coef * np.asarray(h, dtype=float)[..., None] ** np.arange(N_COEF)
+    return powers @ _TO_BEZIER.T
 
 
 def shifted(coef: Array, d: Array) -> Array:

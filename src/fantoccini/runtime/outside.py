@@ -32,11 +32,14 @@ class OutsideRun(Run):
         library, options, x0, p, winches, inputs, save_at: as of :class:`Run`.
         noise: how large the integrator's errors in h may be where a string has just been released
             and has hardly opened yet, relative to its length.
+        afield: how far the states that are looked at may be off the taut strings, likewise.
     """
 
-    def __init__(self, library, options, x0, p, winches, inputs, save_at=None, noise=0.0):
+    def __init__(
+        self, library, options, x0, p, winches, inputs, save_at=None, noise=0.0, afield=0.0
+    ):
         handle, sizes = library.handle, library.sizes
-        handle.fan_set_noise.argtypes = [_ADDRESS, ctypes.c_double]
+        handle.fan_set_noise.argtypes = [_ADDRESS, ctypes.c_double, ctypes.c_double]
         handle.fan_set_noise.restype = None
         handle.fan_stretch.argtypes = [_ADDRESS, _TIME, _ADDRESS, _ADDRESS]
         handle.fan_look.argtypes = [_ADDRESS, _TIME, *[_ADDRESS] * 5]
@@ -49,7 +52,7 @@ class OutsideRun(Run):
         handle.fan_present.argtypes = [_ADDRESS] * 3
         handle.fan_present.restype = ctypes.c_double
         super().__init__(library, "event", options, x0, p, winches, inputs, save_at)
-        handle.fan_set_noise(self._run, noise)
+        handle.fan_set_noise(self._run, noise, afield)
         self._out = ctypes.addressof(self._record)
         self._n_slip = sizes["n_strings"]
         self._n_rows = sizes["n_strings"] + sizes["n_limits"]

@@ -81,7 +81,8 @@ class ScipyRun(OutsideRun):
         # After a release h leaves 0 with the third power of time. A method that starts with tiny
         # steps of low order makes errors there that exceed it.
         noise = 0.0 if one_step else options.rtol
-        super().__init__(library, options, x0, p, winches, inputs, save_at, noise)
+        afield = _DRIFT_WITH_MEMORY * options.rtol
+        super().__init__(library, options, x0, p, winches, inputs, save_at, noise, afield)
         self._rtol, self._atol = options.rtol, np.full(len(self.y), options.atol)
         self._atol[-3:] *= options.energy_scale
         given = {"rtol": self._rtol, "atol": self._atol, "max_step": options.max_step}

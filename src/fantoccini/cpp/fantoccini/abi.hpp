@@ -128,9 +128,12 @@ FAN_EXPORT void fan_blame(void* handle, double* out) {
 //
 // y = (q_D, v_D, work, loss, slip loss). What comes back is a status.
 
-// Sets how large the integrator's errors in a released row's h may be (Guards::noise).
-FAN_EXPORT void fan_set_noise(void* handle, double noise) {
-  static_cast<fan::Run*>(handle)->event.guards.noise = noise;
+// Sets how large the integrator's errors in a row's h may be, where it has just been released and
+// where it is redundant (Guards::noise, afield).
+FAN_EXPORT void fan_set_noise(void* handle, double noise, double afield) {
+  auto& guards = static_cast<fan::Run*>(handle)->event.guards;
+  guards.noise = noise;
+  guards.afield = afield;
 }
 
 // How far the flow is smooth from the present time, at most to t_end; a break there is dealt with.

@@ -40,20 +40,25 @@ struct Complementarity {
       raise_ = select(own > raise_, own, raise_);
     }
     raise_ *= eps;
+    Real scaled[N];  // row c of L times D
     for (int c = 0; c < n_some_; ++c) {
       const int j = some_[c];
       Real pivot = select(active[j], Real(G[j * N + j] + raise_), Real(1.0));
       const Real* own = factor_ + c * N;
-      for (int k = 0; k < c; ++k) pivot -= own[k] * own[k];
+      for (int k = 0; k < c; ++k) {
+        scaled[k] = own[k] * pivots_[k];
+        pivot -= own[k] * scaled[k];
+      }
       // A redundant row leaves rounding here; the floor keeps the factor finite.
       const Real floor = raise_ * 1e-2 + G[j * N + j] * 1e-16 + 1e-300;
-      pivot = factor_[c * N + c] = inverse_root(select(pivot > floor, pivot, floor));
+      pivots_[c] = select(pivot > floor, pivot, floor);
+      inverse_[c] = Real(1.0) / pivots_[c];
       for (int d = c + 1; d < n_some_; ++d) {
         const int i = some_[d];
         Real* other = factor_ + d * N;
         Real sum = select(active[i] && active[j], G[i * N + j], Real(0.0));
-        for (int k = 0; k < c; ++k) sum -= other[k] * own[k];
-        other[c] = sum * pivot;
+        for (int k = 0; k < c; ++k) sum -= other[k] * scaled[k];
+        other[c] = sum * inverse_[c];
       }
     }
   }
@@ -62,19 +67,17 @@ struct Complementarity {
   FAN_FN Real pivot(int i) const {
     int c = 0;
     while (some_[c] != i) ++c;
-    return Real(1.0) / (factor_[c * N + c] * factor_[c * N + c]);
+    return pivots_[c];
   }
 
   // r <- (active block)^-1 r; the other rows stay as they are.
   FAN_FN void substitute(Real* r) const {
     Real y[N];
     for (int c = 0; c < n_some_; ++c) y[c] = r[some_[c]];
-    for (int c = 0; c < n_some_; ++c) {
-      y[c] *= factor_[c * N + c];
+    for (int c = 0; c < n_some_; ++c)
       for (int d = c + 1; d < n_some_; ++d) y[d] -= factor_[d * N + c] * y[c];
-    }
+    for (int c = 0; c < n_some_; ++c) y[c] *= inverse_[c];
     for (int c = n_some_ - 1; c >= 0; --c) {
-      y[c] *= factor_[c * N + c];
       for (int d = 0; d < c; ++d) y[d] -= factor_[c * N + d] * y[c];
       r[some_[c]] = y[c];
     }
@@ -179,9 +182,9 @@ struct Complementarity {
 
   Real raise_, terms_[N];
   int some_[N], n_some_ = 0;  // rows active in some lane, in order
-  // Lower Cholesky factor of these rows' block, reciprocals on the diagonal; the part of a row that
-  // is not active in a lane is that of the unit matrix there.
-  Real factor_[N * N];
+  // These rows' block is L D L^T with ones on L's diagonal; the part of a row that is not active in
+  // a lane is that of the unit matrix there.
+  Real factor_[N * N], pivots_[N], inverse_[N];
 };
 
 }  // namespace fan

@@ -1,6 +1,7 @@
-// Elementary functions for any Real, without calls and without branches, so that they cost a lane
-// little and give scalars and lanes the same: sine and cosine, arctangent, inverse root. Errors
-// stay below 1 unit in the last place, of the arctangent and the inverse root below 2.
+// Elementary functions for any Real, without calls (but for angles beyond kFarAngle), so that they
+// cost a lane little: sine and cosine, arctangent, inverse root. Errors stay below 1 unit in the
+// last place up to 1e4 rad and below 1.5 up to kFarAngle, of the arctangent and the inverse root
+// below 2.
 //
 // Ranges are reduced and approximated as in Sun's fdlibm (K. C. Ng), whose coefficients these are.
 #pragma once

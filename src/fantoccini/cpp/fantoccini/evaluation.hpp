@@ -110,15 +110,25 @@ struct RowSystem {
 
   // w <- w + W y over the rows.
   FAN_FN void add(const Real* y, Real* w) const {
-    // Strings' sums stay in a register; rows that do not pull add nothing.
+    // Rows that do not pull add nothing; four sums at a time: each addition waits for the one before.
     int pulls[room(S)], n_pulls = 0, first_limit = 0;
     for (int a = 0; a < n && row[a] < S; ++a, ++first_limit)
       if (any(y[a] != Real(0.0))) pulls[n_pulls++] = a;
-    for (int k = 0; k < N; ++k) {
-      Real sum = w[k];
-      for (int i = 0; i < n_pulls; ++i) sum += column[pulls[i]][k] * y[pulls[i]];
-      w[k] = sum;
+    int k = 0;
+    for (; k + 4 <= N; k += 4) {
+      Real sum[4] = {w[k], w[k + 1], w[k + 2], w[k + 3]};
+      for (int i = 0; i < n_pulls; ++i) {
+        const Real* c = column[pulls[i]] + k;
+        const Real pull = y[pulls[i]];
+        sum[0] += c[0] * pull;
+        sum[1] += c[1] * pull;
+        sum[2] += c[2] * pull;
+        sum[3] += c[3] * pull;
+      }
+      for (int j = 0; j < 4; ++j) w[k + j] = sum[j];
     }
+    for (; k < N; ++k)
+      for (int i = 0; i < n_pulls; ++i) w[k] += column[pulls[i]][k] * y[pulls[i]];
     for (int a = first_limit; a < n; ++a) {
       if (!any(y[a] != Real(0.0))) continue;
       const Entries of = entries(row[a] - S);

@@ -50,12 +50,13 @@ struct EventRun {
       status = flow.project(flow.t, flow.y);
     }
     if (status == RUNNING) {
-      // A start may let closed rows open by what counts as still; where rows hardly differ it stands.
+      // A start may let closed rows open by what counts as still. That is put right where it can be
+      // (not among rows that hardly differ), before the books begin.
       double kept[NY];
       for (int j = 0; j < NY; ++j) kept[j] = flow.y[j];
       refresh();
-      if (contact.hold(flow, kGain * flow.weight()) != RUNNING)
-        for (int j = 0; j < NY; ++j) flow.y[j] = kept[j];
+      const bool held = contact.hold(flow, kGain * flow.weight()) == RUNNING;
+      for (int j = held ? F::WORK : 0; j < NY; ++j) flow.y[j] = kept[j];
     }
     step_size = flow.opt.first_step;
     refresh();

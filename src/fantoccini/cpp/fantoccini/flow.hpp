@@ -19,8 +19,8 @@
 namespace fan {
 
 // How far off its bound a row counts as at it, relative to its scale. No event moves the puppet for
-// less: where rows hardly differ, as strings along one another, that would be a move many times as
-// large.
+// less to put a loose row right: where rows hardly differ, as strings along one another, that would
+// be a move many times as large.
 constexpr double kTouch = 5e-13;
 
 template <class Model>

@@ -1,10 +1,12 @@
 // Guards: what a step must not pass. A slack row's guard is its height h, a held row's its lacking
-// tension (or what it has beyond its winch's largest), a slipping row's its lacking speed; a guard is
-// positive when the row's mode no longer holds.
+// tension (or what it has beyond its winch's largest), a redundant row's how far it strays from the
+// held ones, a slipping row's its lacking speed; a guard is positive when the row's mode no longer
+// holds.
 //
 // An event's time is the root of the worst guard evaluated by integrating to it, not read off an
-// interpolant. After a release the row's guard re-arms once it has opened by more than rounding;
-// until then it fires only if the row is violated by more than rounding and moves further.
+// interpolant. After a release the row's guard re-arms once it has opened by more than rounding, or
+// at once where it springs back; until then it fires only if the row is violated by more than
+// rounding and moves further.
 #pragma once
 
 #include "flow.hpp"
@@ -31,6 +33,9 @@ struct Guards {
   // The integrator's errors in a released row's h, relative to its scale, where they are not small
   // against its first opening: the row is armed, and caught unarmed, beyond them.
   double noise = 0.0;
+  // How far states that are looked at may be off the held rows, likewise: an integrator made outside
+  // is looked at on its dense output, before it is projected.
+  double afield = 0.0;
 
   explicit Guards(F& f) : flow(f) {
     for (int r = 0; r < M; ++r) armed[r] = true;
@@ -72,7 +77,7 @@ struct Guards {
     if (flow.taut(r)) {
       const double lack = flow.lack(r) - kNoTension;
       // A redundant row follows from the held ones, unless it hardly differs from them.
-      const double strays = flow.mode[r] == HELD ? lack : over - kTouch;
+      const double strays = flow.mode[r] == HELD ? lack : over - kTouch - afield;
       return lack > strays ? lack : strays;
     }
     return over - (armed[r] ? 0.0 : kOver + noise);

@@ -66,7 +66,7 @@ struct LedStep {
   FAN_FN void advance(double dt) {
     Real rate[room(NK)], mean[room(NK)];
     increment<Space>(q_K, q_next, dt, rate);
-    for (int j = 0; j < NK; ++j) mean[j] = (v_next[j] - v_K[j]) / dt;
+    for (int j = 0; j < NK; ++j) mean[j] = (v_next[j] - v_K[j]) * (1.0 / dt);
     Real q[room(NQ)], v[room(N)], slip[room(S)];
     for (int i = 0; i < NQ; ++i) q[i] = q_D[i];
     for (int k = 0; k < N; ++k) v[k] = v_D[k];
@@ -75,9 +75,11 @@ struct LedStep {
         q_D, v_D, q_K, rate, mean, u_D, dt, opt.recovery_speed, opt.tension_cap, winches, p);
     judge();
     const Mask goes = status < Real(RUNNING + 0.5);
-    for (int i = 0; i < NQ; ++i) q_D[i] = select(goes, q_D[i], q[i]);
-    for (int k = 0; k < N; ++k) v_D[k] = select(goes, v_D[k], v[k]);
-    for (int i = 0; i < S; ++i) at.slip[i] = select(goes, at.slip[i], slip[i]);
+    if (any(!goes)) {
+      for (int i = 0; i < NQ; ++i) q_D[i] = select(goes, q_D[i], q[i]);
+      for (int k = 0; k < N; ++k) v_D[k] = select(goes, v_D[k], v[k]);
+      for (int i = 0; i < S; ++i) at.slip[i] = select(goes, at.slip[i], slip[i]);
+    }
     const auto book = [&](Real& sum, const Real& part) {
       sum += select(goes, part, Real(0.0));
     };

@@ -65,6 +65,14 @@ FAN_FN void quaternion_log(const Real* q, Real* phi) {
   for (int k = 0; k < 3; ++k) phi[k] = factor * q[1 + k];
 }
 
+// Takes rounding out of a quaternion whose length is 1 but for it.
+template <class Real>
+FAN_FN void tidy(Real* q) {
+  const Real square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
+  const Real scale = 1.5 - 0.5 * square;
+  for (int k = 0; k < 4; ++k) q[k] *= scale;
+}
+
 // q <- q moved by the tangent vector d (velocities times a time): scalars add, quaternions turn.
 template <class Space, class Real>
 FAN_FN void retract(Real* q, const Real* d) {
@@ -74,7 +82,7 @@ FAN_FN void retract(Real* q, const Real* d) {
     quaternion_exp(d + Space::quaternion_v[i], turn);
     Real* here = q + Space::quaternion_q[i];
     quaternion_product(here, turn, here);
-    normalise(here);
+    tidy(here);
   }
 }
 

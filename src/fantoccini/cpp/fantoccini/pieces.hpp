@@ -11,11 +11,16 @@ namespace fan {
 
 constexpr int kPowers = 6;
 
+// Value, rate and second derivative, by Horner's scheme three times over.
 template <class Real>
 FAN_FN void polynomial(const Real* c, Real s, Real& p, Real& d, Real& dd) {
-  p = c[0] + s * (c[1] + s * (c[2] + s * (c[3] + s * (c[4] + s * c[5]))));
-  d = c[1] + s * (2.0 * c[2] + s * (3.0 * c[3] + s * (4.0 * c[4] + s * 5.0 * c[5])));
-  dd = 2.0 * c[2] + s * (6.0 * c[3] + s * (12.0 * c[4] + s * 20.0 * c[5]));
+  const Real p4 = c[4] + s * c[5], d4 = p4 + s * c[5];
+  const Real p3 = c[3] + s * p4, d3 = p3 + s * d4, e3 = d4 + s * c[5];
+  const Real p2 = c[2] + s * p3, d2 = p2 + s * d3, e2 = d3 + s * e3;
+  const Real p1 = c[1] + s * p2;
+  p = c[0] + s * p1;
+  d = p1 + s * d2;
+  dd = 2.0 * (d2 + s * e2);
 }
 
 template <class Real>
@@ -95,7 +100,7 @@ template <class Space, class Real>
 FAN_FN void increment(const Real* q, const Real* q_next, double dt, Real* rate) {
   for (int i = 0; i < Space::n_scalars; ++i) {
     const int at = Space::scalar_q[i];
-    rate[Space::scalar_v[i]] = (q_next[at] - q[at]) / dt;
+    rate[Space::scalar_v[i]] = (q_next[at] - q[at]) * (1.0 / dt);
   }
   for (int i = 0; i < Space::n_quaternions; ++i) {
     const Real* a = q + Space::quaternion_q[i];
@@ -103,7 +108,7 @@ FAN_FN void increment(const Real* q, const Real* q_next, double dt, Real* rate) 
     Real turn[4], phi[3];
     quaternion_product(inverse, q_next + Space::quaternion_q[i], turn);
     quaternion_log(turn, phi);
-    for (int k = 0; k < 3; ++k) rate[Space::quaternion_v[i] + k] = phi[k] / dt;
+    for (int k = 0; k < 3; ++k) rate[Space::quaternion_v[i] + k] = phi[k] * (1.0 / dt);
   }
 }
 

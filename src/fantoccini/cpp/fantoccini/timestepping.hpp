@@ -23,7 +23,7 @@ constexpr double kWild = 10.0;         // times as much as long as nothing was o
 constexpr double kWidestTurn = 0.5;    // rad that a coordinate turns in a step at most
 constexpr double kLongestStride = 5.0;  // m, likewise
 constexpr double kPasses = 1e-12;  // rad/s or m/s at which a limit counts as passed
-constexpr double kOutOfReach = 1e30;  // speed at which a row opens in a lane that does not watch it
+constexpr double kOutOfReach = 1e30;  // speed at which a row opens in lanes it takes no part in
 
 template <class Model, class Real>
 struct TimeStep {
