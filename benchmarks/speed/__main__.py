@@ -8,10 +8,10 @@ import time
 from pathlib import Path
 
 from ..strings import ROOT
-from . import accuracy, batches, peers, pipeline, real_time, steps
+from . import accuracy, batches, bounds, peers, pipeline, real_time, steps
 from .figures import Chapter, goals_table
 from .page import page
-from .programs import compiled
+from .programs import compiled, lane_source
 
 
 def main() -> None:
@@ -33,11 +33,13 @@ def main() -> None:
         "error and cost": lambda: [accuracy.chapter(everyone, min(few, 3), 0.5 if quick else 10.0)],
         "real time": lambda: [real_time.chapter(turns)],
         "pipeline": lambda: [pipeline.chapter(2 if quick else 7)],
+        "bounds": lambda: [bounds.chapter(scalar, lanes, turns)],
     }
     chapters: list[Chapter] = [peers.chapter(everyone)]
     try:
-        with tempfile.TemporaryDirectory() as folder:
+        with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryDirectory() as other:
             scalar = compiled("scalar", Path(folder))
+            lanes = compiled("lanes", Path(other), lane_source())
             for name, measure in measures.items():
                 chapters += measure()
                 print(f"{name}: after {time.perf_counter() - began:.0f} s", flush=True)

@@ -11,6 +11,7 @@ import numpy as np
 
 from fantoccini import build
 from fantoccini.build.compiler import BASE_FLAGS
+from fantoccini.codegen import generate_lanes
 from fantoccini.motion import Input, State
 
 from .subject import DT, hanging, marionette
@@ -58,9 +59,15 @@ def flags() -> list[str]:
     return [f for f in (*BASE_FLAGS, *build.default_flags(source())) if f != "-shared"]
 
 
-def compiled(name: str, folder: Path) -> Program:
-    """A program of this folder with the bundled marionette in it."""
-    for file, text in source().files.items():
+def compiled(name: str, folder: Path, text_of: build.Source | None = None) -> Program:
+    """A program of this folder with the bundled marionette in it.
+
+    Args:
+        name: of the program.
+        folder: where it is made.
+        text_of: the marionette; that of its library when not given.
+    """
+    for file, text in (text_of or source()).files.items():
         Path(folder, file).write_text(text, encoding="utf-8")
     include = [f"-I{folder}", f"-I{build.runtime_folder()}"]
     command = [*build.find_compiler().command, *flags(), *include]
@@ -77,6 +84,12 @@ def words(states: Sequence[State]) -> list:
     parts: list = [part for x in states for part in (x.q_D, x.v_D)]
     parts += [puppet.p, puppet.winches, [DT, options.recovery_speed, options.tension_cap]]
     return [*parts, [len(bound.coef)], bound.breaks, bound.coef, bound.base]
+
+
+def lane_source() -> build.Source:
+    """Likewise as the library of its lanes is made of it."""
+    generated = generate_lanes(marionette().equations)
+    return build.Source(generated.files, generated.main, units=generated.units)
 
 
 def source() -> build.Source:

@@ -1,8 +1,10 @@
-// Time of the scalar runtime's three works from a state with all strings taut:
+// Time of the scalar runtime's works from a state with all strings taut:
 //
-//   evaluate   accelerations and all tensions
-//   rk4        a step of the classical Runge-Kutta method, four evaluations with tensions
-//   step       a time step with complementarity, as a run makes it
+//   evaluate        accelerations and all tensions
+//   rk4             a step of the classical Runge-Kutta method, four evaluations with tensions
+//   step            a time step with complementarity, as a run makes it
+//   dynamics        of an evaluation the generated function alone
+//   step_dynamics   likewise of a step
 //
 // argv: the work, how often it is timed, how many in each.
 // stdin: q_D, v_D, p, winches, dt, recovery speed, tension cap, the input (n_segments, breaks,
@@ -51,6 +53,8 @@ void hold_all_strings() {
   for (int i = 0; i < S; ++i) flow.slip[i] = 0.0;
   flow.winches.set(table.data());
   flow.opt.tension_cap = number[2];
+  double rate[NY];
+  flow.evaluate(0.0, flow.y, rate);
 }
 
 void evaluate(int n) {
@@ -74,6 +78,18 @@ void rk4(int n) {
     for (int j = 0; j < NY; ++j) y[j] += dt / 6.0 * (k1[j] + 2.0 * (k2[j] + k3[j]) + k4[j]);
     fan::normalise_all<Model::Dynamic>(y);
   }
+}
+
+// The generated functions at the state: their inputs are those of its latest evaluation.
+void dynamics(int n) {
+  for (int i = 0; i < n; ++i)
+    flow.eval.at(flow.y, flow.y + NQ, flow.q_K, flow.v_K, flow.acc_K, flow.u_D, flow.p);
+}
+
+void step_dynamics(int n) {
+  const double dt = number[0];
+  for (int i = 0; i < n; ++i)
+    flow.eval.at(flow.y, flow.y + NQ, flow.q_K, flow.v_K, flow.acc_K, flow.u_D, dt, flow.p);
 }
 
 double row[fan::Record<Model>::row_width * 4], event[fan::Record<Model>::event_width * 4 * (M + S + 1)];
@@ -103,7 +119,12 @@ void steps(int n) {
 }  // namespace
 
 int main(int, char** argv) {
-  const bool stepping = !std::strcmp(argv[1], "step"), whole = !std::strcmp(argv[1], "rk4");
+  const bool stepping = !std::strcmp(argv[1], "step");
+  void (*work)(int) = steps;
+  const struct { const char* name; void (*work)(int); } works[] = {
+      {"evaluate", evaluate}, {"rk4", rk4}, {"dynamics", dynamics}, {"step_dynamics", step_dynamics}};
+  for (const auto& known : works)
+    if (!std::strcmp(argv[1], known.name)) work = known.work;
   const int times = std::atoi(argv[2]), n = std::atoi(argv[3]);
   q_D = take(NQ), v_D = take(N), p = take(Model::n_p), table = take(3 * S), number = take(3);
   n_segments = int(take(1)[0]);
@@ -112,7 +133,7 @@ int main(int, char** argv) {
   for (int i = 0; i <= times; ++i) {  // the first is a warm-up
     stepping ? begin_steps() : hold_all_strings();
     const std::clock_t start = std::clock();
-    (stepping ? steps : whole ? rk4 : evaluate)(n);
+    work(n);
     const double took = double(std::clock() - start) / CLOCKS_PER_SEC;
     if (i > 0) std::printf("%.9g\n", took / n);
   }

@@ -28,7 +28,7 @@ class Drive {
     base_.assign(in.base, in.base + n_ * Space::n_q);
     force_.clear();
     if (in.force) force_.assign(in.force, in.force + n_ * n_vD * kPowers);
-    segment_ = 0;
+    enter(0);
   }
 
   // Chooses the polynomials of the step that starts at t: they hold until the next break.
@@ -48,7 +48,7 @@ class Drive {
     const double at = phase_ == BEFORE ? breaks_[0] : (phase_ == AFTER ? breaks_[n_] : t);
     const double s = at - breaks_[segment_];
     const double* coef = coef_.data() + segment_ * Space::n_v * kPowers;
-    motion_of<Space>(coef, base_.data() + segment_ * Space::n_q, s, q, v, a);
+    motion_of<Space>(coef, base_.data() + segment_ * Space::n_q, still_, s, q, v, a);
     if (phase_ != WITHIN)
       for (int j = 0; j < Space::n_v; ++j) v[j] = a[j] = 0.0;
     for (int j = 0; j < n_vD; ++j) {
@@ -66,10 +66,18 @@ class Drive {
     phase_ = phase;
     const auto found = std::upper_bound(breaks_.begin(), breaks_.end(), t);
     const int before = int(found - breaks_.begin()) - 1;
-    segment_ = before < 0 ? 0 : (before >= n_ ? n_ - 1 : before);
+    const int segment = before < 0 ? 0 : (before >= n_ ? n_ - 1 : before);
+    if (segment != segment_) enter(segment);
+  }
+
+  void enter(int segment) {
+    segment_ = segment;
+    const double* coef = coef_.data() + segment * Space::n_v * kPowers;
+    for (int j = 0; j < Space::n_v; ++j) still_[j] = is_constant(coef + kPowers * j);
   }
 
   int n_ = 0, segment_ = 0;
+  bool still_[room(Space::n_v)];
   Phase phase_ = BEFORE;
   std::vector<double> breaks_, coef_, base_, force_;
 };

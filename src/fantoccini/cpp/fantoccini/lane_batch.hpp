@@ -34,19 +34,25 @@ class LaneDrive {
   // also at the last break, after which all stands still.
   void evaluate(double t, bool starts, Real* q, Real* v, Real* a, Real* u) {
     Real s, moves;
+    bool entered = false;
     for (int l = 0; l < width; ++l) {
       const InputArrays& in = input_[l];
       const int n = in.n_segments;
       int i = piece_[l] < 0 ? 0 : piece_[l];
       while (i > 0 && t < in.breaks[i]) --i;
       while (i < n - 1 && t >= in.breaks[i + 1]) ++i;
-      if (i != piece_[l]) load(l, i);
+      if (i != piece_[l]) {
+        load(l, i);
+        entered = true;
+      }
       const bool after = starts ? t >= in.breaks[n] : t > in.breaks[n], before = t < in.breaks[0];
       const double at = before ? in.breaks[0] : (after ? in.breaks[n] : t);
       lane_of(s, l) = at - in.breaks[i];
       lane_of(moves, l) = before || after ? 0.0 : 1.0;
     }
-    motion_of<Space>(coef_, base_, s, q, v, a);
+    if (entered)
+      for (int j = 0; j < Space::n_v; ++j) still_[j] = is_constant(coef_ + kPowers * j);
+    motion_of<Space>(coef_, base_, still_, s, q, v, a);
     for (int j = 0; j < Space::n_v; ++j) {
       v[j] *= moves;
       a[j] *= moves;
@@ -74,7 +80,7 @@ class LaneDrive {
 
   InputArrays input_[width];
   int piece_[width];
-  bool forced_ = false;
+  bool forced_ = false, still_[room(Space::n_v)];
   Real coef_[room(Space::n_v * kPowers)], base_[room(Space::n_q)], force_[room(n_vD * kPowers)];
 };
 

@@ -76,11 +76,26 @@ FAN_FN void body_rates(
   }
 }
 
-// q_K, v_K and acc_K at s; coef (n_v, 6), base (n_q,).
+// Whether a polynomial is a constant, in all lanes.
+template <class Real>
+FAN_FN bool is_constant(const Real* c) {
+  auto moves = Real(0.0) > Real(1.0);
+  for (int k = 1; k < kPowers; ++k) moves = moves || c[k] != Real(0.0);
+  return !any(moves);
+}
+
+// q_K, v_K and acc_K at s; coef (n_v, 6), base (n_q,), still (n_v,): which polynomials are constant,
+// for many driven coordinates stand still most of the time.
 template <class Space, class Real>
-FAN_FN void motion_of(const Real* coef, const Real* base, Real s, Real* q, Real* v, Real* a) {
+FAN_FN void motion_of(
+    const Real* coef, const Real* base, const bool* still, Real s, Real* q, Real* v, Real* a) {
   for (int i = 0; i < Space::n_scalars; ++i) {
     const int j = Space::scalar_v[i];
+    if (still[j]) {
+      q[Space::scalar_q[i]] = coef[kPowers * j];
+      v[j] = a[j] = Real(0.0);
+      continue;
+    }
     polynomial(coef + kPowers * j, s, q[Space::scalar_q[i]], v[j], a[j]);
   }
   for (int i = 0; i < Space::n_quaternions; ++i) {

@@ -1,0 +1,85 @@
+// Time of a bundle of lanes, each the same swing from the same state:
+//
+//   step            a time step with complementarity, without what a batch does around it
+//   step_dynamics   the generated function alone
+//
+// argv and stdin are those of scalar.cpp. stdout: one line a time, seconds of the processor for one
+// lane; then the sum of the tensions [N] and the largest |h| of a string [m] where the last one ended.
+#include "main.cpp"
+
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <ctime>
+#include <vector>
+
+namespace {
+
+using fan::Model;
+using fan::Wide;
+constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings, M = Model::n_rows;
+
+std::vector<double> take(int n) {
+  std::vector<double> out(static_cast<size_t>(n));
+  for (double& x : out)
+    if (std::scanf("%lf", &x) != 1) std::exit(2);
+  return out;
+}
+
+std::vector<double> q_D, v_D, p, table, number, breaks, coef, base;
+fan::LedStep<Model, Wide> led;
+
+void begin() {
+  for (int i = 0; i < NQ; ++i) led.q_D[i] = Wide(q_D[i]);
+  for (int k = 0; k < N; ++k) led.v_D[k] = Wide(v_D[k]);
+  for (int i = 0; i < Model::n_p; ++i) led.p[i] = Wide(p[i]);
+  for (int i = 0; i < S; ++i) led.at.slip[i] = Wide(0.0);
+  for (int i = 0; i < Model::n_qK; ++i) led.q_next[i] = Wide(base[i]);
+  for (int j = 0; j < Model::n_vK; ++j) led.v_next[j] = led.acc_next[j] = Wide(0.0);
+  for (int k = 0; k < N; ++k) led.u_next[k] = Wide(0.0);
+  led.winches.set(table.data());
+  led.opt.dt = number[0];
+  led.opt.recovery_speed = number[1];
+  led.opt.tension_cap = number[2];
+  led.take_inputs();
+  led.begin();
+}
+
+void step(int n) {
+  for (int i = 0; i < n; ++i) led.advance(number[0]);
+}
+
+void step_dynamics(int n) {
+  for (int i = 0; i < n; ++i)
+    led.at.eval.at(
+        led.q_D, led.v_D, led.q_K, led.v_K, led.acc_K, led.u_D, Wide(number[0]), led.p);
+}
+
+}  // namespace
+
+int main(int, char** argv) {
+  const bool stepping = !std::strcmp(argv[1], "step");
+  const int times = std::atoi(argv[2]), n = std::atoi(argv[3]);
+  q_D = take(NQ), v_D = take(N), p = take(Model::n_p), table = take(3 * S), number = take(3);
+  const int n_segments = int(take(1)[0]);
+  breaks = take(n_segments + 1), coef = take(n_segments * Model::n_vK * 6);
+  base = take(n_segments * Model::n_qK);
+  // The inputs hold still: the constant terms say where.
+  for (int i = 0; i < Model::Driven::n_scalars; ++i)
+    base[Model::Driven::scalar_q[i]] = coef[6 * Model::Driven::scalar_v[i]];
+  for (int i = 0; i <= times; ++i) {  // the first is a warm-up
+    begin();
+    const std::clock_t start = std::clock();
+    (stepping ? step : step_dynamics)(n);
+    const double took = double(std::clock() - start) / CLOCKS_PER_SEC;
+    if (i > 0) std::printf("%.9g\n", took / n / fan::Traits<Wide>::width);
+  }
+  double sum = 0.0, apart = 0.0;
+  for (int r = 0; r < S; ++r) {
+    sum += fan::lane_of(led.at.tension[r], 0);
+    const double h = fabs(fan::lane_of(led.at.eval.h[r], 0));
+    if (!(h <= apart)) apart = h;
+  }
+  std::printf("%.9g %.9g\n", sum, apart);
+  return 0;
+}
