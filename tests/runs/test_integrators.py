@@ -400,3 +400,25 @@ def test_a_redundant_string_stops_no_integrator(integrator):
         run = fan.simulate(puppet, x0, None, 1.0, integrator=integrator, rtol=1e-7, atol=1e-7)
         rows.append(len(run))
     assert rows[0] <= 1.2 * rows[1] + 10, rows
+
+
+SPRINGY = """
+puppet: springy
+bodies:
+  - {name: bob, joint: {type: translation, axes: [x, z]}, mass: 0.25}
+strings:
+  - {name: line, path: [{body: bob}, {world: [0, 0, 0.6]}], length: 0.6, restitution: 0.5}
+"""
+"""A bob on a string that springs back with half the speed."""
+
+
+@pytest.mark.parametrize("integrator", METHODS)
+def test_a_string_that_springs_back_comes_to_rest(integrator):
+    """Bounces that an integrator cannot tell from its errors are none: it does not hop for ever."""
+    puppet = fan.loads(SPRINGY)
+    x0 = puppet.project(puppet.state({"bob.x": 0.3, "bob.z": 0.4}))
+    right = fan.simulate(puppet, x0, None, 1.0, rtol=1e-6, atol=1e-6)
+    run = fan.simulate(puppet, x0, None, 1.0, integrator=integrator, rtol=1e-6, atol=1e-6)
+    assert 10 <= len(run.events) <= len(right.events) + 2
+    assert run.events[-1].kind == "accumulation"
+    assert np.max(np.abs(run.q_D[-1] - right.q_D[-1])) < 1e-4

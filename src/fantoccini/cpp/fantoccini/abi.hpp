@@ -131,9 +131,9 @@ FAN_EXPORT void fan_blame(void* handle, double* out) {
 // Sets how large the integrator's errors in a row's h may be, where it has just been released and
 // where it is redundant (Guards::noise, afield).
 FAN_EXPORT void fan_set_noise(void* handle, double noise, double afield) {
-  auto& guards = static_cast<fan::Run*>(handle)->event.guards;
-  guards.noise = noise;
-  guards.afield = afield;
+  auto& run = static_cast<fan::Run*>(handle)->event;
+  run.guards.noise = run.contact.hop = noise;
+  run.guards.afield = afield;
 }
 
 // How far the flow is smooth from the present time, at most to t_end; a break there is dealt with.

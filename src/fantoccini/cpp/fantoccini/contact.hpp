@@ -40,6 +40,9 @@ struct Contact {
   double stopped = 0.0;     // largest |hdot| that the last hold took from a held row
   bool brought = false;     // whether it had to stop another row
   double blame[room(M)];    // rows that no motion satisfies together, after IMPOSSIBLE_INPUT
+  // How far a string that springs back has to open, relative to its length, not to count as at rest:
+  // what opens less an integrator from outside cannot tell from its errors.
+  double hop = 0.0;
 
   // Brings the held rows to h = 0 and all others to h <= 0, with the smallest change of the
   // configuration at (t, y) in the metric of M_DD. The flow's evaluation must be that of (t, y).
@@ -128,7 +131,9 @@ struct Contact {
     f.rows.gather(f.eval, f.y + NQ, all, n_all);
     for (int a = 0; a < n_all; ++a) {
       const int r = all[a];
-      const bool rests = fabs(f.rows.hdot[a]) <= still || f.rows.two_sided[a];
+      const double hdot = f.rows.hdot[a];
+      const bool hops = hdot < 0.0 && hdot * hdot <= 2.0 * hop * f.row_scale(r) * f.rows.hddot[a];
+      const bool rests = fabs(hdot) <= still || hops || f.rows.two_sided[a];
       if (!rests && f.winches.slips(r) && f.rows.hdot[a] > 0.0) next[r] = SLIPPING;
       if (rests || next[r] == SLIPPING) list[n++] = r;
     }
