@@ -19,6 +19,7 @@ _WINCH = ("restitution", "max_tension", "rewind_speed")
 _EVALUATED = {
     "dynamics": "an evaluation of an event-driven run",
     "step_dynamics": "a time step",
+    "columns": "all limits together, once each",
 }
 """What the counts that matter are paid for."""
 
