@@ -6,12 +6,12 @@
 // argv and stdin are those of scalar.cpp. stdout: one line a time, seconds of the processor for one
 // lane; then the sum of the tensions [N] and the largest |h| of a string [m] where the last one ended.
 #include "main.cpp"
+#include "given.hpp"
 
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <ctime>
-#include <vector>
 
 namespace {
 
@@ -19,14 +19,6 @@ using fan::Model;
 using fan::Wide;
 constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings, M = Model::n_rows;
 
-std::vector<double> take(int n) {
-  std::vector<double> out(static_cast<size_t>(n));
-  for (double& x : out)
-    if (std::scanf("%lf", &x) != 1) std::exit(2);
-  return out;
-}
-
-std::vector<double> q_D, v_D, p, table, number, breaks, coef, base;
 fan::LedStep<Model, Wide> led;
 
 void begin() {
@@ -60,10 +52,7 @@ void step_dynamics(int n) {
 int main(int, char** argv) {
   const bool stepping = !std::strcmp(argv[1], "step");
   const int times = std::atoi(argv[2]), n = std::atoi(argv[3]);
-  q_D = take(NQ), v_D = take(N), p = take(Model::n_p), table = take(3 * S), number = take(3);
-  const int n_segments = int(take(1)[0]);
-  breaks = take(n_segments + 1), coef = take(n_segments * Model::n_vK * 6);
-  base = take(n_segments * Model::n_qK);
+  take_all();
   // The inputs hold still: the constant terms say where.
   for (int i = 0; i < Model::Driven::n_scalars; ++i)
     base[Model::Driven::scalar_q[i]] = coef[6 * Model::Driven::scalar_v[i]];

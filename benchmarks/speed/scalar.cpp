@@ -12,12 +12,12 @@
 // stdout: one line a time, seconds of the processor for one; then the sum of the tensions [N] and the largest |h|
 // of a string [m] where the last one ended.
 #include "main.cpp"
+#include "given.hpp"
 
 #include <ctime>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <vector>
 
 namespace {
 
@@ -25,15 +25,6 @@ using fan::Model;
 constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings, M = Model::n_rows;
 constexpr int NY = fan::Flow<Model>::NY;
 
-std::vector<double> take(int n) {
-  std::vector<double> out(static_cast<size_t>(n));
-  for (double& x : out)
-    if (std::scanf("%lf", &x) != 1) std::exit(2);
-  return out;
-}
-
-std::vector<double> q_D, v_D, p, table, number, breaks, coef, base;
-int n_segments;
 fan::Flow<Model> flow;
 fan::FixedRun<Model> run;
 
@@ -126,10 +117,7 @@ int main(int, char** argv) {
   for (const auto& known : works)
     if (!std::strcmp(argv[1], known.name)) work = known.work;
   const int times = std::atoi(argv[2]), n = std::atoi(argv[3]);
-  q_D = take(NQ), v_D = take(N), p = take(Model::n_p), table = take(3 * S), number = take(3);
-  n_segments = int(take(1)[0]);
-  breaks = take(n_segments + 1), coef = take(n_segments * Model::n_vK * 6);
-  base = take(n_segments * Model::n_qK);
+  take_all();
   for (int i = 0; i <= times; ++i) {  // the first is a warm-up
     stepping ? begin_steps() : hold_all_strings();
     const std::clock_t start = std::clock();
