@@ -147,6 +147,7 @@ def produce():
     time.sleep(0.3)
     text = 'extern "C" __attribute__((visibility("default"))) int answer() {{ return 7; }}'
     return build.Source({{"model.cpp": text}}, "model.cpp")
+print("ready", flush=True)
 while not Path({start!r}).exists():
     time.sleep(0.005)
 print(build.obtain({key!r}, produce), flush=True)
@@ -167,7 +168,7 @@ def test_processes_that_build_the_same_at_once(tmp_path, cache, key, unlocked):
         )
         for _ in range(3)
     ]
-    time.sleep(0.5)
+    assert [racer.stdout.readline() for racer in racers] == 3 * ["ready\n"]
     start.touch()
     said = [racer.communicate(timeout=60)[0].strip() for racer in racers]
     assert [racer.returncode for racer in racers] == [0, 0, 0]
