@@ -22,18 +22,19 @@ constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings, M = Model
 fan::LedStep<Model, Wide> led;
 
 void begin() {
-  for (int i = 0; i < NQ; ++i) led.q_D[i] = Wide(q_D[i]);
-  for (int k = 0; k < N; ++k) led.v_D[k] = Wide(v_D[k]);
+  for (int i = 0; i < NQ; ++i) led.state().q_D[i] = Wide(q_D[i]);
+  for (int k = 0; k < N; ++k) led.state().v_D[k] = Wide(v_D[k]);
   for (int i = 0; i < Model::n_p; ++i) led.p[i] = Wide(p[i]);
   for (int i = 0; i < S; ++i) led.at.slip[i] = Wide(0.0);
-  for (int i = 0; i < Model::n_qK; ++i) led.q_next[i] = Wide(base[i]);
-  for (int j = 0; j < Model::n_vK; ++j) led.v_next[j] = led.acc_next[j] = Wide(0.0);
-  for (int k = 0; k < N; ++k) led.u_next[k] = Wide(0.0);
+  for (auto* in : {&led.inputs(), &led.coming()}) {
+    for (int i = 0; i < Model::n_qK; ++i) in->q_K[i] = Wide(base[i]);
+    for (int j = 0; j < Model::n_vK; ++j) in->v_K[j] = in->acc_K[j] = Wide(0.0);
+    for (int k = 0; k < N; ++k) in->u_D[k] = Wide(0.0);
+  }
   led.winches.set(table.data());
   led.opt.dt = number[0];
   led.opt.recovery_speed = number[1];
   led.opt.tension_cap = number[2];
-  led.take_inputs();
   led.begin();
 }
 
@@ -44,7 +45,8 @@ void step(int n) {
 void step_dynamics(int n) {
   for (int i = 0; i < n; ++i)
     led.at.eval.at(
-        led.q_D, led.v_D, led.q_K, led.v_K, led.acc_K, led.u_D, Wide(number[0]), led.p);
+        led.state().q_D, led.state().v_D, led.inputs().q_K, led.inputs().v_K, led.inputs().acc_K,
+        led.inputs().u_D, Wide(number[0]), led.p);
 }
 
 }  // namespace

@@ -88,8 +88,8 @@ double row[fan::Record<Model>::row_width * 4], event[fan::Record<Model>::event_w
 void begin_steps() {
   give(run.drive);
   for (int i = 0; i < Model::n_p; ++i) run.led.p[i] = p[i];
-  for (int i = 0; i < NQ; ++i) run.led.q_D[i] = q_D[i];
-  for (int k = 0; k < N; ++k) run.led.v_D[k] = v_D[k];
+  for (int i = 0; i < NQ; ++i) run.led.state().q_D[i] = q_D[i];
+  for (int k = 0; k < N; ++k) run.led.state().v_D[k] = v_D[k];
   for (int i = 0; i < S; ++i) run.led.at.slip[i] = 0.0;
   run.led.winches.set(table.data());
   run.led.opt.dt = number[0];

@@ -85,7 +85,7 @@ struct Bundle {
         at(v_K[j], l) = (next - here) / dt;
         at(acc_K[j], l) = (next - 2 * here + before) / (dt * dt);
       }
-    step.step(q_D, v_D, q_K, v_K, acc_K, u_D, dt, recovery, cap, winches, p);
+    step.step(q_D, v_D, q_K, v_K, acc_K, u_D, dt, recovery, cap, winches, p, q_D, v_D);
   }
 
   // Everything a step leaves behind, of one place.

@@ -37,7 +37,10 @@ struct Model : ModelTables {
   }                                                           \
   FAN_WIDE(NAME)
   FAN_FUNCTION(dynamics)
+  FAN_FUNCTION(dynamics_varying)
   FAN_FUNCTION(step_dynamics)
+  FAN_FUNCTION(step_dynamics_varying)
+  FAN_FUNCTION(limit_rates)
   FAN_FUNCTION(rows)
   FAN_FUNCTION(energy)
   FAN_FUNCTION(effort)
@@ -46,10 +49,17 @@ struct Model : ModelTables {
   FAN_FUNCTION(points)
   FAN_FUNCTION(forth)
   FAN_FUNCTION(back)
+  static void dynamics_constants(double** res) { scalar::fan_dynamics_constants(res); }
+  static void step_dynamics_constants(double** res) {
+    scalar::fan_step_dynamics_constants(res);
+  }
   static void column(int which, const double** arg, double** res) {
     scalar::fan_column(which, arg, res);
   }
 #ifdef FAN_LANES
+  static void step_dynamics_constants(Lanes<FAN_LANES>** res) {
+    wide::fan_step_dynamics_constants(res);
+  }
   static void column(int which, const Lanes<FAN_LANES>** arg, Lanes<FAN_LANES>** res) {
     wide::fan_column(which, arg, res);
   }

@@ -15,9 +15,9 @@ from itertools import accumulate
 from fantoccini.codegen.straight import Program, dealt, pieces, program
 from fantoccini.equations import Equations
 from fantoccini.puppet import Parameter
-from fantoccini.tree import LimitRow, StringRow, Tree
+from fantoccini.tree import LimitRow, Role, StringRow, Tree
 
-VERSION = "3"
+VERSION = "4"
 """Version of the generated text; part of every cache key."""
 
 STEM = "model"
@@ -32,6 +32,10 @@ UNIT = 6000
 
 APART = 2000
 """Arithmetic statements from which on the files of pieces are compiled apart from the runtime."""
+
+
+_STANDING = ("W", "J_limit", "M_DK_v_K")
+"""Results with many constants, most of them zeros, where nothing else writes: written once."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +153,10 @@ def model_text(functions: dict[str, Program], longest: int = PIECE) -> dict[str,
     Returns:
         File name -> text.
     """
-    made = {name: pieces(whole, f"fan_{name}", longest) for name, whole in functions.items()}
+    made = {
+        name: pieces(whole, f"fan_{name}", longest, _STANDING)
+        for name, whole in functions.items()
+    }
     files = dealt([piece for cut in made.values() for piece in cut.pieces], UNIT)
     names = [f"pieces{k}.c" for k in range(len(files))]
     declarations = [line for cut in made.values() for line in cut.declarations]
@@ -189,8 +196,6 @@ def tables_text(equations: Equations) -> str:
     }
     columns = equations.columns
     numbered = {link: k for k, link in enumerate(columns)}
-    entries = [entry for entries, _ in columns.values() for entry in entries]
-    ends = accumulate((len(entries) for entries, _ in columns.values()), initial=0)
     places = [_limit_place(tree, limit) for limit in tree.limits]
     units = {row.name: row.unit for row in table.rows}
     turns = [int(units.get(name, "rad") != "m") for name in table.v_D]
@@ -198,18 +203,20 @@ def tables_text(equations: Equations) -> str:
     lines = ["#pragma once", "", "namespace fan {", "", "struct ModelTables {"]
     lines += [f"  static constexpr int {name} = {value};" for name, value in constants.items()]
     lines += [
+        f"  static constexpr bool coupled = {int(_coupled(tree))};",
         _array("bool", "wire", [int(s.wire) for s in tree.strings]),
         _array("int", "length_q", length_q),
         _array("double", "nominal_length", [_nominal(s) for s in tree.strings]),
         _array("int", "string_points", [len(s.points) for s in tree.strings]),
+        # Where the entries of a string's column of W are in v_D.
+        *_lists("string", [_pulled(tree, s) for s in tree.strings]),
         _array("bool", "turns", turns),
         _array("int", "limit_v", [first for first, _ in places]),
         _array("int", "limit_n", [n for _, n in places]),
         # Which column of Equations.columns a limit has, and where its entries are in v_D.
         f"  static constexpr int n_columns = {len(columns)};",
         _array("int", "limit_column", [numbered[r.link] for r in tree.limits if columns]),
-        _array("int", "column_begin", list(ends)),
-        _array("int", "column_entry", entries),
+        *_lists("column", [entries for entries, _ in columns.values()]),
         *_space("Dynamic", table.n_qD, table.n_vD, table.scalars_D, table.quaternions_D),
         *_space("Driven", table.n_qK, table.n_vK, table.scalars_K, table.quaternions_K),
         "};",
@@ -238,6 +245,28 @@ def _array(kind: str, name: str, values: list) -> str:
     """A constant array; one unused entry where it would be empty, which C++ does not have."""
     body = ", ".join(repr(v) for v in values) or "0"
     return f"  static constexpr {kind} {name}[{max(1, len(values))}] = {{{body}}};"
+
+
+def _coupled(tree: Tree) -> bool:
+    """Whether M_DK is not zero: some link is moved by a dynamic and by a driven one."""
+    ways = (tree.ancestors(i) for i in range(len(tree.links)))
+    return any(len({tree.links[i].role for i in way} - {Role.FIXED}) > 1 for way in ways)
+
+
+def _lists(name: str, lists: list[list[int]]) -> list[str]:
+    """Lists one after the other as ``name_entry``, and where each begins as ``name_begin``."""
+    begins = accumulate((len(entries) for entries in lists), initial=0)
+    return [
+        _array("int", f"{name}_begin", list(begins)),
+        _array("int", f"{name}_entry", [entry for entries in lists for entry in entries]),
+    ]
+
+
+def _pulled(tree: Tree, string: StringRow) -> list[int]:
+    """Places in v_D of the links on the way from a string's points to the world, in order."""
+    ways = (tree.ancestors(point.link) for point in string.points)
+    links = {i for way in ways for i in way if tree.links[i].role is Role.DYNAMIC}
+    return [k for i in sorted(links) for k in range(tree.links[i].v.start, tree.links[i].v.stop)]
 
 
 def _nominal(string: StringRow) -> float:
@@ -288,7 +317,7 @@ namespace {space} {{
 }}  // namespace fan
 """
 
-_LANE_FUNCTIONS = ("step_dynamics", "energy", "forth", "back")
+_LANE_FUNCTIONS = ("step_dynamics", "limit_rates", "energy", "forth", "back")
 
 _LANES_MAIN = """\
 // A puppet's time-stepper over bundles of doubles.
@@ -307,10 +336,12 @@ struct Model : ModelTables {
   static int NAME(const Wide** arg, Wide** res) {         \\
     return wide::fan_##NAME(arg, res, nullptr, nullptr, 0); \\
   }
-  FAN_FUNCTION(step_dynamics)
+  FAN_FUNCTION(step_dynamics_varying)
+  FAN_FUNCTION(limit_rates)
   FAN_FUNCTION(energy)
   FAN_FUNCTION(forth)
   FAN_FUNCTION(back)
+  static void step_dynamics_constants(Wide** res) { wide::fan_step_dynamics_constants(res); }
   static void column(int which, const Wide** arg, Wide** res) {
     wide::fan_column(which, arg, res);
   }
@@ -340,7 +371,10 @@ struct Model : ModelTables {
     return scalar::fan_##NAME(arg, res, nullptr, nullptr, 0); \\
   }
   FAN_FUNCTION(dynamics)
+  FAN_FUNCTION(dynamics_varying)
   FAN_FUNCTION(step_dynamics)
+  FAN_FUNCTION(step_dynamics_varying)
+  FAN_FUNCTION(limit_rates)
   FAN_FUNCTION(rows)
   FAN_FUNCTION(energy)
   FAN_FUNCTION(effort)
@@ -349,6 +383,10 @@ struct Model : ModelTables {
   FAN_FUNCTION(points)
   FAN_FUNCTION(forth)
   FAN_FUNCTION(back)
+  static void dynamics_constants(double** res) { scalar::fan_dynamics_constants(res); }
+  static void step_dynamics_constants(double** res) {
+    scalar::fan_step_dynamics_constants(res);
+  }
   static void column(int which, const double** arg, double** res) {
     scalar::fan_column(which, arg, res);
   }

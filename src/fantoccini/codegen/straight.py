@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from collections import Counter
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import casadi as ca
@@ -57,10 +58,12 @@ class Program:
     Attributes:
         statements: operands before what is made of them.
         results: (which, entry, place of the value) of every entry of every result.
+        names: of the results.
     """
 
     statements: list[Statement]
     results: list[tuple[int, int, int]]
+    names: tuple[str, ...]
 
     @property
     def operations(self) -> int:
@@ -87,7 +90,8 @@ def program(function: ca.Function) -> Program:
             made = Statement(operation, tuple(holds[i] for i in of))
         holds[into[0]] = len(statements)
         statements.append(made)
-    return _Rewriting(Program(statements, results)).done()
+    names = tuple(function.name_out())
+    return _Rewriting(Program(statements, results, names)).done()
 
 
 class _Rewriting:
@@ -115,9 +119,8 @@ class _Rewriting:
     def done(self) -> Program:
         for k, s in enumerate(self.whole.statements):
             self.place.append(self._place(k, s))
-        return Program(
-            self.statements, [(r, k, self.place[v]) for r, k, v in self.whole.results]
-        )
+        results = [(r, k, self.place[v]) for r, k, v in self.whole.results]
+        return Program(self.statements, results, self.whole.names)
 
     def _add(self, operation: int, *of: int) -> int:
         self.statements.append(Statement(operation, of))
@@ -169,7 +172,9 @@ class Pieces:
     definition: str
 
 
-def pieces(whole: Program, name: str, longest: int) -> Pieces:
+def pieces(
+    whole: Program, name: str, longest: int, standing: Collection[str] = ()
+) -> Pieces:
     """The text of a function in pieces.
 
     ``casadi_real`` and ``FAN_PIECE`` (qualifiers of the pieces) are for the including file to
@@ -179,8 +184,11 @@ def pieces(whole: Program, name: str, longest: int) -> Pieces:
         whole: the function's statements.
         name: of the C function.
         longest: arithmetic statements of a piece.
+        standing: names of results whose constants need not be written every time: where the
+            function has some, ``name_constants`` writes these and ``name_varying`` the rest.
     """
-    cut = _Cut(whole, longest)
+    kept = frozenset(r for r, result in enumerate(whole.names) if result in standing)
+    cut = _Cut(whole, longest, kept)
     head = "const casadi_real* const* arg, casadi_real* const* res, casadi_real* w"
     names = [f"{name}_{k}" for k in range(cut.n)]
     texts = [
@@ -188,6 +196,7 @@ def pieces(whole: Program, name: str, longest: int) -> Pieces:
         for k, n in enumerate(names)
     ]
     arguments = "const casadi_real** arg, casadi_real** res, casadi_int*, casadi_real*, int"
+    whole_name, name = name, f"{name}_varying" if kept else name
     lines = [
         f"inline int {name}({arguments}) {{",
         f"  casadi_real work[{max(1, cut.n_work)}];",
@@ -195,7 +204,20 @@ def pieces(whole: Program, name: str, longest: int) -> Pieces:
         "  return 0;",
         "}",
     ]
-    return Pieces(name, [f"FAN_PIECE void {n}({head});" for n in names], texts, "\n".join(lines))
+    if kept:
+        lines += [
+            "",
+            f"inline void {whole_name}_constants(casadi_real** res) {{",
+            *cut.constants(),
+            "}",
+            "",
+            f"inline int {whole_name}({arguments}) {{",
+            f"  {whole_name}_constants(res);",
+            f"  return {name}(arg, res, nullptr, nullptr, 0);",
+            "}",
+        ]
+    declarations = [f"FAN_PIECE void {n}({head});" for n in names]
+    return Pieces(whole_name, declarations, texts, "\n".join(lines))
 
 
 def dealt(texts: list[str], statements: int) -> list[str]:
@@ -217,10 +239,11 @@ class _Cut:
     Args:
         whole: the program.
         longest: arithmetic statements of a piece.
+        kept: results whose constants are apart.
     """
 
-    def __init__(self, whole: Program, longest: int):
-        self.whole = whole
+    def __init__(self, whole: Program, longest: int, kept: frozenset[int]):
+        self.whole, self.kept = whole, kept
         done, self.piece = 0, []
         for s in whole.statements:
             # A cosine stays with its sine.
@@ -255,6 +278,17 @@ class _Cut:
             ends.setdefault(self.last[k], []).append(slot[k])
         return slot
 
+    def _is_apart(self, which: int, value: int) -> bool:
+        return which in self.kept and self.whole.statements[value].operation == ca.OP_CONST
+
+    def constants(self) -> list[str]:
+        """What writes the constants that are apart."""
+        return [
+            f"  res[{which}][{entry}] = {literal(self.whole.statements[value].constant)};"
+            for which, entry, value in self.whole.results
+            if self._is_apart(which, value)
+        ]
+
     def body(self, piece: int) -> list[str]:
         """The statements of a piece, each on a line."""
         lines: list[str] = []
@@ -268,6 +302,8 @@ class _Cut:
                 if k in self.slot:
                     lines.append(f"  w[{self.slot[k]}] = t{k};")
             for which, entry in self.results.get(k, ()):
+                if self._is_apart(which, k):
+                    continue
                 value = self._operand(k, piece, named, lines)
                 lines.append(f"  res[{which}][{entry}] = {value};")
         return lines

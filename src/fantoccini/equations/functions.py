@@ -32,7 +32,8 @@ MODEL_INPUTS: dict[str, tuple[str, ...]] = {
     "poses": (*CONFIGURATION, "p"),
     "points": (*CONFIGURATION, "p"),
 }
-"""Arguments of the compiled functions; ``forth`` and ``back`` take (L, x)."""
+"""Arguments of the compiled functions; ``forth`` and ``back`` take (L, x), ``limit_rates``
+(J_limit, v_D)."""
 
 ANALYSIS_INPUTS: dict[str, tuple[str, ...]] = {
     "mass_matrix": (*CONFIGURATION, "p"),
@@ -72,11 +73,12 @@ class Equations:
         self._made: dict[str, ca.Function] = {}
 
     def __getitem__(self, name: str) -> ca.Function:
-        """The function of a name in ``MODEL_INPUTS`` or ``ANALYSIS_INPUTS``, or forth, back."""
+        """The function of a name in ``MODEL_INPUTS``, ``ANALYSIS_INPUTS`` or ``model``."""
         if name not in self._made:
             maker: Callable[[], ca.Function] | None = {
                 "forth": self._forth,
                 "back": self._back,
+                "limit_rates": self._limit_rates,
             }.get(name)
             self._made[name] = maker() if maker else self._function(name)
         return self._made[name]
@@ -84,7 +86,7 @@ class Equations:
     @cached_property
     def model(self) -> dict[str, ca.Function]:
         """The functions that are compiled, by name."""
-        return {name: self[name] for name in (*MODEL_INPUTS, "forth", "back")}
+        return {name: self[name] for name in (*MODEL_INPUTS, "forth", "back", "limit_rates")}
 
     def _function(self, name: str) -> ca.Function:
         inputs = (MODEL_INPUTS | ANALYSIS_INPUTS)[name]
@@ -188,6 +190,18 @@ class Equations:
 
     def _back(self) -> ca.Function:
         return self._solve("back", articulated.Factor.back)
+
+    def _limit_rates(self) -> ca.Function:
+        """hdot of the limits at a velocity; what is constant in their Jacobians is folded in."""
+        limits = self.system.limit_rows
+        J, v = ca.SX.sym("J_limit", 3, len(limits)), self.system.symbols.v_D
+        rates = []
+        for i, (limit, (_, jacobian, _)) in enumerate(zip(self.tree.limits, limits, strict=True)):
+            place = self.tree.links[limit.link].v
+            given = [x if ca.SX(x).is_constant() else J[k, i] for k, x in enumerate(jacobian)]
+            rates.append(dot(np.array(given, dtype=object), elements(v[place])))
+        names = ["J_limit", "v_D"], ["rates"]
+        return ca.Function("fan_limit_rates", [J, v], [column(rates)], *names)
 
     def _rows(self) -> dict[str, ca.SX]:
         strings = [row.length for row in self.system.string_rows]

@@ -76,7 +76,7 @@ FAN_EXPORT int fan_start(
   f.t = t;
   f.save_every = save_every;
   for (int i = 0; i < Model::n_p; ++i) led.p[i] = p[i];
-  fan::read_state(q_D, v_D, led.q_D, led.v_D);
+  fan::read_state(q_D, v_D, led.state().q_D, led.state().v_D);
   for (int i = 0; i < Model::n_strings; ++i) led.at.slip[i] = slip[i];
   led.winches.set(winches);
   f.start(*out);

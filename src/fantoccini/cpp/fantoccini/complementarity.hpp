@@ -4,9 +4,10 @@
 //   s_i <= 0 where x_i = upper_i                      (G = A_D M^-1 A_D^T)
 //
 // Block principal pivoting with a least-index fallback (Judice and Pires), which ends for every
-// positive definite G. G's diagonal is raised by eps times its largest entry, so redundant rows
-// have a solution too: as eps goes to 0 it becomes the one of least norm (Tikhonov). The pivots are
-// chosen for the raised G; refinement against G itself then takes eps' error from the free rows.
+// positive definite G. Where rows are nearly redundant, G's diagonal is raised by eps times its
+// largest entry, so that they have a solution too: as eps goes to 0 it becomes the one of least norm
+// (Tikhonov). The pivots are chosen for the raised G; refinement against G itself then takes eps'
+// error from the free rows.
 // active_set.hpp solves the same problem exactly, one trajectory at a time.
 #pragma once
 
@@ -14,6 +15,7 @@
 
 namespace fan {
 
+constexpr double kFirm = 1e4;        // times eps: relative pivots from which on nothing is raised
 constexpr double kRounding = 4e-16;  // of a row's residual, relative to the sum of its terms
 
 template <class Real, int capacity>
@@ -25,42 +27,16 @@ struct Complementarity {
   Real G[N * N];       // row i, column j at i * N + j
   Real b[N];
   Real x[N];
-  Real s[N];
+  Real s[N];           // in rows that are not active
   Real lower[N], upper[N];
   Mask active[N];      // rows between their bounds; on entry the guess
   Mask high[N];        // rows at their upper bound
+
+  // The factor of the active rows, the diagonal raised by eps times its largest entry.
   FAN_FN void factorise(double eps) {
-    // Against the largest diagonal: a row without any influence of its own then gets no multiplier.
-    raise_ = Real(1e-30);
-    n_some_ = 0;
-    for (int j = 0; j < n; ++j) {
-      if (!any(active[j])) continue;
-      some_[n_some_++] = j;
-      const Real own = select(active[j], G[j * N + j], Real(0.0));
-      raise_ = select(own > raise_, own, raise_);
-    }
-    raise_ *= eps;
-    Real scaled[N];  // row c of L times D
-    for (int c = 0; c < n_some_; ++c) {
-      const int j = some_[c];
-      Real pivot = select(active[j], Real(G[j * N + j] + raise_), Real(1.0));
-      const Real* own = factor_ + c * N;
-      for (int k = 0; k < c; ++k) {
-        scaled[k] = own[k] * pivots_[k];
-        pivot -= own[k] * scaled[k];
-      }
-      // A redundant row leaves rounding here; the floor keeps the factor finite.
-      const Real floor = raise_ * 1e-2 + G[j * N + j] * 1e-16 + 1e-300;
-      pivots_[c] = select(pivot > floor, pivot, floor);
-      inverse_[c] = Real(1.0) / pivots_[c];
-      for (int d = c + 1; d < n_some_; ++d) {
-        const int i = some_[d];
-        Real* other = factor_ + d * N;
-        Real sum = select(active[i] && active[j], G[i * N + j], Real(0.0));
-        for (int k = 0; k < c; ++k) sum -= other[k] * scaled[k];
-        other[c] = sum * inverse_[c];
-      }
-    }
+    choose();
+    raise_ = eps * largest_;
+    factor(0.0);
   }
 
   // The pivot of active row i in the factor.
@@ -88,8 +64,9 @@ struct Complementarity {
   FAN_FN void solve_active(double eps, int max_refinements) {
     factorise(eps);
     first_solution();
-    residuals();
-    refine(max_refinements);
+    const Mask everywhere = Real(0.0) < Real(1.0);
+    residuals(everywhere);
+    refine(max_refinements, everywhere);
   }
 
   // Solves the problem from the guess in `active` and `high`. tolerance is relative to the largest
@@ -99,12 +76,12 @@ struct Complementarity {
     Real fewest = Real(double(n + 1)), patience = Real(3.0);
     Mask solved = Real(0.0) > Real(1.0);
     for (int iteration = 0; iteration < max_iterations; ++iteration) {
-      factorise(eps);
+      factorise_as_needed(eps);
       first_solution();
       Real scale = Real(0.0), count = Real(0.0);
       for (int i = 0; i < n; ++i) scale = select(abs(x[i]) > scale, Real(abs(x[i])), scale);
       Mask below[N], above[N], wrong[N];
-      residuals();
+      residuals(raise_ > Real(0.0));
       for (int i = 0; i < n; ++i) {
         const Real sum = s[i] + raise_ * x[i], terms = terms_[i];
         below[i] = active[i] && x[i] < lower[i] - tolerance * scale;
@@ -128,11 +105,63 @@ struct Complementarity {
         active[i] = (active[i] && !flip) || (!active[i] && flip);
       }
     }
-    refine(max_refinements);
+    refine(max_refinements, raise_ > Real(0.0));
     return solved;
   }
 
  private:
+  // Raised in the lanes in which a row hardly differs from those before it; the others' solution
+  // has no more error than rounding, and needs no refinement.
+  FAN_FN void factorise_as_needed(double eps) {
+    choose();
+    raise_ = Real(0.0);
+    factor(kFirm * eps);
+    if (!any(loose_)) return;
+    raise_ = select(loose_, eps * largest_, raise_);
+    factor(0.0);
+  }
+
+  // The rows that are active in some lane, and the largest diagonal entry: against that one, a row
+  // without any influence of its own gets no multiplier.
+  FAN_FN void choose() {
+    largest_ = Real(1e-30);
+    n_some_ = 0;
+    for (int j = 0; j < n; ++j) {
+      if (!any(active[j])) continue;
+      some_[n_some_++] = j;
+      const Real own = select(active[j], G[j * N + j], Real(0.0));
+      largest_ = select(own > largest_, own, largest_);
+    }
+  }
+
+  // Pivots below `least` times their row's diagonal entry are noted.
+  FAN_FN void factor(double least) {
+    loose_ = Real(0.0) > Real(1.0);
+    Real scaled[N];  // row c of L times D
+    for (int c = 0; c < n_some_; ++c) {
+      const int j = some_[c];
+      const Real diagonal = G[j * N + j];
+      Real pivot = select(active[j], Real(diagonal + raise_), Real(1.0));
+      const Real* own = factor_ + c * N;
+      for (int k = 0; k < c; ++k) {
+        scaled[k] = own[k] * pivots_[k];
+        pivot -= own[k] * scaled[k];
+      }
+      // A redundant row leaves rounding here; the floor keeps the factor finite.
+      const Real floor = raise_ * 1e-2 + diagonal * 1e-16 + 1e-300;
+      pivots_[c] = select(pivot > floor, pivot, floor);
+      inverse_[c] = Real(1.0) / pivots_[c];
+      loose_ = loose_ || (active[j] && pivots_[c] < least * diagonal);
+      for (int d = c + 1; d < n_some_; ++d) {
+        const int i = some_[d];
+        Real* other = factor_ + d * N;
+        Real sum = select(active[i] && active[j], G[i * N + j], Real(0.0));
+        for (int k = 0; k < c; ++k) sum -= other[k] * scaled[k];
+        other[c] = sum * inverse_[c];
+      }
+    }
+  }
+
   FAN_FN void first_solution() {
     Real known[N];
     for (int i = 0; i < n; ++i) known[i] = select(high[i], upper[i], lower[i]);
@@ -146,29 +175,34 @@ struct Complementarity {
     for (int i = 0; i < n; ++i) x[i] = select(active[i], x[i], known[i]);
   }
 
-  // Takes what is left out of x, until it is rounding or `most` times; s is that of x on entry.
-  FAN_FN void refine(int most) {
+  // Takes what is left out of x in some lanes, until it is rounding or `most` times; s is that of x
+  // on entry.
+  FAN_FN void refine(int most, const Mask& where) {
     using std::abs;
+    if (!any(where)) return;
     Real r[N];
     for (int round = 0; round < most; ++round) {
       Mask rough = Real(0.0) > Real(1.0);
       for (int i = 0; i < n; ++i)
-        rough = rough || (active[i] && abs(s[i]) > kRounding * terms_[i]);
+        rough = rough || (where && active[i] && abs(s[i]) > kRounding * terms_[i]);
       if (!any(rough)) return;
       for (int i = 0; i < n; ++i) r[i] = select(active[i] && rough, Real(-s[i]), Real(0.0));
       substitute(r);
       for (int i = 0; i < n; ++i) x[i] += r[i];
-      residuals();
+      residuals(where);
     }
   }
 
-  // s, and the size of its terms.
-  FAN_FN void residuals() {
+  // s, and the size of its terms; of active rows, whose s is 0 but for rounding and what raising
+  // does to it, only in the lanes of `also`.
+  FAN_FN void residuals(const Mask& also) {
     using std::abs;
     int pulls[N], n_pulls = 0;
     for (int j = 0; j < n; ++j)
       if (any(x[j] != Real(0.0))) pulls[n_pulls++] = j;
     for (int i = 0; i < n; ++i) {
+      s[i] = terms_[i] = Real(0.0);
+      if (!any(!active[i] || also)) continue;
       Real sum = -b[i], terms = abs(b[i]);
       for (int k = 0; k < n_pulls; ++k) {
         const Real term = G[i * N + pulls[k]] * x[pulls[k]];
@@ -180,7 +214,8 @@ struct Complementarity {
     }
   }
 
-  Real raise_, terms_[N];
+  Real raise_, largest_, terms_[N];
+  Mask loose_;
   int some_[N], n_some_ = 0;  // rows active in some lane, in order
   // These rows' block is L D L^T with ones on L's diagonal; the part of a row that is not active in
   // a lane is that of the unit matrix there.

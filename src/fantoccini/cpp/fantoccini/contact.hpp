@@ -74,7 +74,7 @@ struct Contact {
       if (status != RUNNING) return status;
       double move[room(N)];
       push(f, move);
-      retract<typename Model::Dynamic>(f.y, move);
+      retract<typename Model::Dynamic>(f.y, move, f.y);
       f.heights(f.y, h);
       return RUNNING;
     });

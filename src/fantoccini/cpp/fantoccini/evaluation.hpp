@@ -28,7 +28,9 @@ struct Evaluation {
     const Real* arg[] = {q_D, v_D, q_K, v_K, acc_K, u_D, p};
     Real* res[] = {L,       w0,      W,           G,       h,        hdot, gamma, a0, hdot_K,
                    h_limit, J_limit, gamma_limit, &power0, M_DK_v_K, &loss};
-    Model::dynamics(arg, res);
+    if (constants_ != OF_DYNAMICS) Model::dynamics_constants(res);
+    constants_ = OF_DYNAMICS;
+    Model::dynamics_varying(arg, res);
   }
 
   // For a step dt, with the damping of joints over it in F; gamma is left alone.
@@ -38,7 +40,9 @@ struct Evaluation {
     const Real* arg[] = {q_D, v_D, q_K, v_K, acc_K, u_D, &dt, p};
     Real* res[] = {L,  w0,     W,       G,       h,       hdot,     a0,
                    hdot_K, h_limit, J_limit, &power0, M_DK_v_K, &loss};
-    Model::step_dynamics(arg, res);
+    if (constants_ != OF_STEP) Model::step_dynamics_constants(res);
+    constants_ = OF_STEP;
+    Model::step_dynamics_varying(arg, res);
   }
 
   // acc = F^-1 w.
@@ -46,6 +50,13 @@ struct Evaluation {
     const Real* arg[] = {L, w};
     Real* res[] = {acc};
     Model::back(arg, res);
+  }
+
+  // hdot of the limits at the velocity v_D.
+  FAN_FN void limit_rates(const Real* v_D, Real* rates) const {
+    const Real* arg[] = {J_limit, v_D};
+    Real* res[] = {rates};
+    Model::limit_rates(arg, res);
   }
 
   // hdot of limit i at the velocity v_D.
@@ -57,6 +68,10 @@ struct Evaluation {
   }
 
   FAN_FN Real height(int row) const { return row < S ? h[row] : h_limit[row - S]; }
+
+ private:
+  // Entries of W, J_limit and M_DK_v_K that are always the same are written once.
+  enum { NOBODYS, OF_DYNAMICS, OF_STEP } constants_ = NOBODYS;
 };
 
 // The rows that take part in a complementarity problem, in increasing order.
@@ -110,41 +125,27 @@ struct RowSystem {
 
   // w <- w + W y over the rows.
   FAN_FN void add(const Real* y, Real* w) const {
-    // Rows that do not pull add nothing; four sums at a time: each addition waits for the one before.
-    int pulls[room(S)], n_pulls = 0, first_limit = 0;
-    for (int a = 0; a < n && row[a] < S; ++a, ++first_limit)
-      if (any(y[a] != Real(0.0))) pulls[n_pulls++] = a;
-    int k = 0;
-    for (; k + 4 <= N; k += 4) {
-      Real sum[4] = {w[k], w[k + 1], w[k + 2], w[k + 3]};
-      for (int i = 0; i < n_pulls; ++i) {
-        const Real* c = column[pulls[i]] + k;
-        const Real pull = y[pulls[i]];
-        sum[0] += c[0] * pull;
-        sum[1] += c[1] * pull;
-        sum[2] += c[2] * pull;
-        sum[3] += c[3] * pull;
-      }
-      for (int j = 0; j < 4; ++j) w[k + j] = sum[j];
-    }
-    for (; k < N; ++k)
-      for (int i = 0; i < n_pulls; ++i) w[k] += column[pulls[i]][k] * y[pulls[i]];
-    for (int a = first_limit; a < n; ++a) {
+    for (int a = 0; a < n; ++a) {
       if (!any(y[a] != Real(0.0))) continue;
-      const Entries of = entries(row[a] - S);
+      const Entries of = entries(row[a]);
       for (int j = 0; j < of.n; ++j) w[of[j]] += column[a][of[j]] * y[a];
     }
   }
 
  private:
-  // The entries of a limit's column that differ from zero.
+  // The entries of a row's column that differ from zero.
   struct Entries {
     const int* place;
     int n;
     FAN_FN int operator[](int j) const { return place ? place[j] : j; }
   };
 
-  FAN_FN Entries entries(int i) const {
+  FAN_FN Entries entries(int r) const {
+    if (r < S) {
+      const int* begin = Model::string_begin + r;
+      return {Model::string_entry + begin[0], begin[1] - begin[0]};
+    }
+    const int i = r - S;
     // Behind those of x, w = F^-T x has none: links come after their parents.
     if (Model::n_columns == 0) return {nullptr, Model::limit_v[i] + Model::limit_n[i]};
     const int* begin = Model::column_begin + Model::limit_column[i];
@@ -154,7 +155,7 @@ struct RowSystem {
   // Row a of W^T W up to its diagonal, four sums at a time: each addition waits for the one before.
   FAN_FN void products(int a, Real* out) const {
     const Real* own_column = column[a];
-    const Entries of = entries(row[a] - S);
+    const Entries of = entries(row[a]);
     for (int b = 0; b <= a; b += 4) {
       const Real* c[4];
       for (int j = 0; j < 4; ++j) c[j] = column[b + j <= a ? b + j : a];
@@ -172,7 +173,7 @@ struct RowSystem {
 
   FAN_FN void limit(const Eval& e, const Real* v_D, int a, int i) {
     Real* w = own + N * i;
-    const Entries of = entries(i);
+    const Entries of = entries(S + i);
     if (!made_[i]) {
       make(e, i, of, w);
       made_[i] = true;

@@ -39,8 +39,10 @@ struct FixedRun {
 
   // Writes the present state.
   void emit(Record<Model>& out) {
+    const auto& state = led.state();
+    const auto& in = led.inputs();
     out.row(
-        t, led.q_D, led.v_D, led.at.acc, led.q_K, led.v_K, led.acc_K, led.at.tension, led.at.taut,
+        t, state.q_D, state.v_D, led.at.acc, in.q_K, in.v_K, in.acc_K, led.at.tension, led.at.taut,
         led.p, led.work, led.damping, led.impact, led.slip_loss, led.at.slip);
   }
 
@@ -55,7 +57,8 @@ struct FixedRun {
 
  private:
   void look(double when) {
-    drive.evaluate(when, led.q_next, led.v_next, led.acc_next, led.u_next);
+    auto& in = led.coming();
+    drive.evaluate(when, in.q_K, in.v_K, in.acc_K, in.u_D);
   }
 
   Status advance(double next, Record<Model>& out) {

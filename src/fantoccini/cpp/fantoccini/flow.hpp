@@ -257,7 +257,7 @@ struct Flow {
         [&] {
           double move[room(N)], all[room(M)];
           correction(h, move);
-          retract<typename Model::Dynamic>(state, move);
+          retract<typename Model::Dynamic>(state, move, state);
           heights(state, all);
           for (int a = 0; a < rows.n; ++a) h[a] = all[rows.row[a]];
           return RUNNING;

@@ -59,8 +59,11 @@ class LaneDrive {
     }
     for (int k = 0; k < n_vD; ++k) {
       Real rate, second;
-      u[k] = Real(0.0);
-      if (forced_) polynomial(force_ + kPowers * k, s, u[k], rate, second);
+      if (!forced_) {
+        u[k] = Real(0.0);
+        continue;
+      }
+      polynomial(force_ + kPowers * k, s, u[k], rate, second);
       u[k] *= moves;
     }
   }
@@ -111,8 +114,8 @@ class LaneBatch {
     for (int i = 0; i < Model::n_p; ++i) led_.p[i] = Real(in.p[i]);
     for (int l = 0; l < width; ++l) {
       const long long who = first + (l < n ? l : n - 1);
-      put(led_.q_D, NQ, l, in.q_D.of(who));
-      put(led_.v_D, N, l, in.v_D.of(who));
+      put(led_.state().q_D, NQ, l, in.q_D.of(who));
+      put(led_.state().v_D, N, l, in.v_D.of(who));
       put(led_.at.slip, S, l, in.slip.of(who));
       drive_.set(l, in.input(who));
       caught_[l] = released_[l] = 0;
@@ -157,7 +160,8 @@ class LaneBatch {
   }
 
   void look(double t, bool starts) {
-    drive_.evaluate(t, starts, led_.q_next, led_.v_next, led_.acc_next, led_.u_next);
+    auto& in = led_.coming();
+    drive_.evaluate(t, starts, in.q_K, in.v_K, in.acc_K, in.u_D);
   }
 
   // Counts what was caught and released in the step to t.
@@ -179,18 +183,20 @@ class LaneBatch {
 
   // The row of all lanes that still run.
   void write(const BatchArrays& in, long long row) {
-    put_lanes(in, Q_D, row, led_.q_D);
-    put_lanes(in, V_D, row, led_.v_D);
+    const auto& state = led_.state();
+    const auto& inputs = led_.inputs();
+    put_lanes(in, Q_D, row, state.q_D);
+    put_lanes(in, V_D, row, state.v_D);
     put_lanes(in, ACC_D, row, led_.at.acc);
-    put_lanes(in, Q_K, row, led_.q_K);
-    put_lanes(in, V_K, row, led_.v_K);
-    put_lanes(in, ACC_K, row, led_.acc_K);
+    put_lanes(in, Q_K, row, inputs.q_K);
+    put_lanes(in, V_K, row, inputs.v_K);
+    put_lanes(in, ACC_K, row, inputs.acc_K);
     put_lanes(in, FORCE, row, led_.at.tension);
     put_lanes(in, TAUT, row, led_.at.taut);
     put_lanes(in, SLIP_LENGTH, row, led_.at.slip);
     if (!in.parts[BOOKS]) return;
     Real T, V;
-    const Real* arg[] = {led_.q_D, led_.v_D, led_.q_K, led_.v_K, led_.p};
+    const Real* arg[] = {state.q_D, state.v_D, inputs.q_K, inputs.v_K, led_.p};
     Real* res[] = {&T, &V};
     Model::energy(arg, res);
     const Real books[] = {T, V, led_.work, led_.damping, led_.impact, led_.slip_loss};

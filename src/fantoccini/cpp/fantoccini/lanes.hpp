@@ -22,10 +22,11 @@ struct VectorOf {
   typedef T type __attribute__((vector_size(sizeof(T) * width)));
 };
 
+// What is true of each lane: all ones or all zeros in it.
 template <int width>
 struct LaneMask {
   using Bits = typename VectorOf<long long, width>::type;
-  Bits bits;  // all ones or all zeros in a lane
+  Bits bits;
 
   bool operator[](int lane) const { return bits[lane] != 0; }
 
@@ -35,6 +36,39 @@ struct LaneMask {
   FAN_LANE_OP LaneMask operator==(const LaneMask& a, const LaneMask& b) { return {a.bits == b.bits}; }
   FAN_LANE_OP LaneMask operator!=(const LaneMask& a, const LaneMask& b) { return {a.bits ^ b.bits}; }
 };
+
+#if defined(__AVX512F__)
+// A bit a lane, as this processor's comparisons give and its choices take it.
+template <>
+struct LaneMask<8> {
+  unsigned char bits;
+
+  bool operator[](int lane) const { return bits >> lane & 1; }
+
+  FAN_LANE_OP LaneMask operator&&(LaneMask a, LaneMask b) { return made(a.bits & b.bits); }
+  FAN_LANE_OP LaneMask operator||(LaneMask a, LaneMask b) { return made(a.bits | b.bits); }
+  FAN_LANE_OP LaneMask operator!(LaneMask a) { return made(~a.bits); }
+  FAN_LANE_OP LaneMask operator==(LaneMask a, LaneMask b) { return made(~(a.bits ^ b.bits)); }
+  FAN_LANE_OP LaneMask operator!=(LaneMask a, LaneMask b) { return made(a.bits ^ b.bits); }
+
+ private:
+  static LaneMask made(int bits) { return {static_cast<unsigned char>(bits)}; }
+};
+#endif
+
+// A comparison of lanes; HOW is its code in AVX-512.
+#if defined(__AVX512F__)
+#define FAN_LANE_COMPARISON(OP, HOW)                                      \
+  FAN_LANE_OP Mask operator OP(const Lanes& a, const Lanes& b) {          \
+    if constexpr (width == 8)                                             \
+      return {_mm512_cmp_pd_mask((__m512d)a.v, (__m512d)b.v, HOW)};       \
+    else                                                                  \
+      return {a.v OP b.v};                                                \
+  }
+#else
+#define FAN_LANE_COMPARISON(OP, HOW) \
+  FAN_LANE_OP Mask operator OP(const Lanes& a, const Lanes& b) { return {a.v OP b.v}; }
+#endif
 
 template <int width_>
 struct Lanes {
@@ -64,16 +98,16 @@ struct Lanes {
   FAN_LANE_OP Lanes& operator*=(Lanes& a, const Lanes& b) { a.v *= b.v; return a; }
   FAN_LANE_OP Lanes& operator/=(Lanes& a, const Lanes& b) { a.v /= b.v; return a; }
 
-  FAN_LANE_OP Mask operator==(const Lanes& a, const Lanes& b) { return {a.v == b.v}; }
-  FAN_LANE_OP Mask operator<(const Lanes& a, const Lanes& b) { return {a.v < b.v}; }
-  FAN_LANE_OP Mask operator>(const Lanes& a, const Lanes& b) { return {a.v > b.v}; }
-  FAN_LANE_OP Mask operator!=(const Lanes& a, const Lanes& b) { return {a.v != b.v}; }
-  FAN_LANE_OP Mask operator<=(const Lanes& a, const Lanes& b) { return {a.v <= b.v}; }
-  FAN_LANE_OP Mask operator>=(const Lanes& a, const Lanes& b) { return {a.v >= b.v}; }
+  FAN_LANE_COMPARISON(==, _CMP_EQ_OQ)
+  FAN_LANE_COMPARISON(<, _CMP_LT_OQ)
+  FAN_LANE_COMPARISON(>, _CMP_GT_OQ)
+  FAN_LANE_COMPARISON(!=, _CMP_NEQ_UQ)
+  FAN_LANE_COMPARISON(<=, _CMP_LE_OQ)
+  FAN_LANE_COMPARISON(>=, _CMP_GE_OQ)
 
   // Hidden friends, so that step code on doubles goes on finding the C library's.
   FAN_LANE_OP Lanes abs(const Lanes& a) {
-    using Bits = typename Mask::Bits;
+    using Bits = typename VectorOf<long long, width>::type;
     return of((Vector)((Bits)a.v & 0x7fffffffffffffffLL));
   }
   FAN_LANE_OP Lanes fabs(const Lanes& a) { return abs(a); }
@@ -112,7 +146,13 @@ struct Traits<Lanes<width_>> {
 template <int width>
 __attribute__((always_inline)) inline Lanes<width> select(
     const LaneMask<width>& mask, const Lanes<width>& yes, const Lanes<width>& no) {
-  return Lanes<width>::of(mask.bits ? yes.v : no.v);
+#if defined(__AVX512F__)
+  if constexpr (width == 8) {
+    const __m512d chosen = _mm512_mask_blend_pd(mask.bits, (__m512d)no.v, (__m512d)yes.v);
+    return Lanes<width>::of((typename Lanes<width>::Vector)chosen);
+  } else
+#endif
+    return Lanes<width>::of(mask.bits ? yes.v : no.v);
 }
 
 // 1 / sqrt(x), x > 0. A root and a quotient of eight doubles take as long as sixty products: where
@@ -134,19 +174,21 @@ __attribute__((always_inline)) inline Lanes<width> inverse_root(const Lanes<widt
   return 1.0 / sqrt(x);
 }
 
+#if defined(__AVX512F__)
+inline bool any(LaneMask<8> mask) { return mask.bits != 0; }
+#endif
+
 template <int width>
 __attribute__((always_inline)) inline bool any(const LaneMask<width>& mask) {
-#if defined(__AVX512F__)
-  if constexpr (width == 8) return _mm512_test_epi64_mask((__m512i)mask.bits, (__m512i)mask.bits);
-#endif
 #if defined(__AVX__)
   if constexpr (width == 4) return !_mm256_testz_si256((__m256i)mask.bits, (__m256i)mask.bits);
 #endif
-  long long some = 0;
-  for (int l = 0; l < width; ++l) some |= mask.bits[l];
-  return some != 0;
+  bool some = false;
+  for (int l = 0; l < width; ++l) some |= mask[l];
+  return some;
 }
 
 }  // namespace fan
 
+#undef FAN_LANE_COMPARISON
 #undef FAN_LANE_OP

@@ -9,7 +9,7 @@
 
 namespace fan {
 
-constexpr double kRunaway = 1e9;  // m, rad, or per second: beyond this a state means nothing
+constexpr double kRunaway = 1e9;  // m, rad, per second: a state of this size means nothing
 
 template <class Model, class Real>
 struct LedStep {
@@ -18,27 +18,28 @@ struct LedStep {
   static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings;
   static constexpr int M = Model::n_rows, NK = Model::n_vK;
 
-  Real q_D[room(NQ)], v_D[room(N)], p[room(Model::n_p)];
-  Real q_K[room(Model::n_qK)], v_K[room(NK)], acc_K[room(NK)], u_D[room(N)];  // at present
-  // The inputs at the end of the next step.
-  Real q_next[room(Model::n_qK)], v_next[room(NK)], acc_next[room(NK)], u_next[room(N)];
+  struct State {
+    Real q_D[room(NQ)], v_D[room(N)];
+  };
+  struct Inputs {
+    Real q_K[room(Model::n_qK)], v_K[room(NK)], acc_K[room(NK)], u_D[room(N)] = {};
+  };
+
+  Real p[room(Model::n_p)];
   TimeStep<Model, Real> at;
   Winches<S> winches;
   Options opt;
   Real work, damping, impact, slip_loss, worst_violation;
   Real status;  // a Status: RUNNING, or what has stopped the trajectory
 
-  // Takes the inputs in `next` up as the present ones.
-  FAN_FN void take_inputs() {
-    for (int i = 0; i < Model::n_qK; ++i) q_K[i] = q_next[i];
-    for (int j = 0; j < NK; ++j) {
-      v_K[j] = v_next[j];
-      acc_K[j] = acc_next[j];
-    }
-    for (int k = 0; k < N; ++k) u_D[k] = u_next[k];
-  }
+  FAN_FN State& state() { return states_[state_]; }
+  FAN_FN Inputs& inputs() { return inputs_[inputs_at_]; }     // at present
+  FAN_FN Inputs& coming() { return inputs_[1 - inputs_at_]; }  // at the end of the next step
 
-  // Begins at q_D, v_D, at.slip and the present inputs. The tensions of the start are those of the
+  // Makes the coming inputs the present ones.
+  FAN_FN void take_inputs() { inputs_at_ = 1 - inputs_at_; }
+
+  // Begins at state(), at.slip and the present inputs. The tensions of the start are those of the
   // first step, tried and taken back.
   FAN_FN void begin() {
     const Mask no = Real(0.0) > Real(1.0);
@@ -51,35 +52,31 @@ struct LedStep {
     for (int i = 0; i < S; ++i) at.slips[i] = no;
     at.stirred = at.idle = no;
     for (int k = 0; k < N; ++k) at.acc[k] = Real(0.0);
-    Real q[room(NQ)], v[room(N)], slip[room(S)];
-    for (int i = 0; i < NQ; ++i) q[i] = q_D[i];
-    for (int k = 0; k < N; ++k) v[k] = v_D[k];
+    Real slip[room(S)];
     for (int i = 0; i < S; ++i) slip[i] = at.slip[i];
-    at.step(q, v, q_K, v_K, acc_K, u_D, opt.dt, opt.recovery_speed, opt.tension_cap, winches, p);
+    step(inputs().v_K, inputs().acc_K, opt.dt);
     for (int i = 0; i < S; ++i) at.slip[i] = slip[i];
     at.stirred = no;
     for (int r = 0; r < M; ++r) at.held[r] = at.taut[r];
   }
 
-  // A step of length dt to the inputs in `next`. A trajectory that cannot make it is stopped and
+  // A step of length dt to the coming inputs. A trajectory that cannot make it is stopped and
   // keeps what it had.
   FAN_FN void advance(double dt) {
-    Real rate[room(NK)], mean[room(NK)];
-    increment<Space>(q_K, q_next, dt, rate);
-    for (int j = 0; j < NK; ++j) mean[j] = (v_next[j] - v_K[j]) * (1.0 / dt);
-    Real q[room(NQ)], v[room(N)], slip[room(S)];
-    for (int i = 0; i < NQ; ++i) q[i] = q_D[i];
-    for (int k = 0; k < N; ++k) v[k] = v_D[k];
+    Real rate[room(NK)], mean[room(NK)], slip[room(S)];
+    increment<Space>(inputs().q_K, coming().q_K, dt, rate);
+    for (int j = 0; j < NK; ++j) mean[j] = (coming().v_K[j] - inputs().v_K[j]) * (1.0 / dt);
     for (int i = 0; i < S; ++i) slip[i] = at.slip[i];
-    at.step(
-        q_D, v_D, q_K, rate, mean, u_D, dt, opt.recovery_speed, opt.tension_cap, winches, p);
+    step(rate, mean, dt);
     judge();
     const Mask goes = status < Real(RUNNING + 0.5);
+    State &old = state(), &made = stepped();
     if (any(!goes)) {
-      for (int i = 0; i < NQ; ++i) q_D[i] = select(goes, q_D[i], q[i]);
-      for (int k = 0; k < N; ++k) v_D[k] = select(goes, v_D[k], v[k]);
+      for (int i = 0; i < NQ; ++i) made.q_D[i] = select(goes, made.q_D[i], old.q_D[i]);
+      for (int k = 0; k < N; ++k) made.v_D[k] = select(goes, made.v_D[k], old.v_D[k]);
       for (int i = 0; i < S; ++i) at.slip[i] = select(goes, at.slip[i], slip[i]);
     }
+    state_ = 1 - state_;
     const auto book = [&](Real& sum, const Real& part) {
       sum += select(goes, part, Real(0.0));
     };
@@ -94,13 +91,33 @@ struct LedStep {
   }
 
  private:
+  FAN_FN State& stepped() { return states_[1 - state_]; }  // what a step makes of state()
+
+  FAN_FN void step(const Real* v_K, const Real* acc_K, double dt) {
+    State &from = state(), &to = stepped();
+    at.step(
+        from.q_D, from.v_D, inputs().q_K, v_K, acc_K, inputs().u_D, dt, opt.recovery_speed,
+        opt.tension_cap, winches, p, to.q_D, to.v_D);
+  }
+
+  // The sum of n squares, four sums at a time: each addition waits for the one before.
+  template <int n>
+  FAN_FN static Real squares(const Real* x) {
+    Real sum[4] = {Real(0.0), Real(0.0), Real(0.0), Real(0.0)};
+    int i = 0;
+    for (; i + 4 <= n; i += 4)
+      for (int j = 0; j < 4; ++j) sum[j] += x[i + j] * x[i + j];
+    for (; i < n; ++i) sum[0] += x[i] * x[i];
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+  }
+
   FAN_FN void judge() {
-    using std::abs;
-    Mask wild = Real(0.0) > Real(1.0), empty = wild;
-    for (int i = 0; i < NQ; ++i) wild = wild || !(abs(q_D[i]) < Real(kRunaway));
-    for (int k = 0; k < N; ++k) wild = wild || !(abs(v_D[k]) < Real(kRunaway));
+    const State& made = stepped();
+    const Real size = squares<NQ>(made.q_D) + squares<N>(made.v_D);
+    const Mask wild = !(size < Real(kRunaway * kRunaway));
+    Mask empty = Real(0.0) > Real(1.0);
     for (int i = 0; i < S; ++i)
-      if (Model::length_q[i] >= 0) empty = empty || !(q_next[Model::length_q[i]] > Real(0.0));
+      if (Model::length_q[i] >= 0) empty = empty || !(coming().q_K[Model::length_q[i]] > Real(0.0));
     const auto stop = [&](const Mask& mask, Status why) {
       status = select(mask && status < Real(RUNNING + 0.5), Real(why), status);
     };
@@ -108,6 +125,10 @@ struct LedStep {
     stop(wild, NOT_FINITE);
     stop(empty, LENGTH_NOT_POSITIVE);
   }
+
+  State states_[2];
+  Inputs inputs_[2];
+  int state_ = 0, inputs_at_ = 0;
 };
 
 }  // namespace fan

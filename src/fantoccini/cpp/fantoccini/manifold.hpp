@@ -73,16 +73,18 @@ FAN_FN void tidy(Real* q) {
   for (int k = 0; k < 4; ++k) q[k] *= scale;
 }
 
-// q <- q moved by the tangent vector d (velocities times a time): scalars add, quaternions turn.
+// moved = q moved by the tangent vector d (velocities times a time): scalars add, quaternions turn.
+// It may be q itself.
 template <class Space, class Real>
-FAN_FN void retract(Real* q, const Real* d) {
-  for (int i = 0; i < Space::n_scalars; ++i) q[Space::scalar_q[i]] += d[Space::scalar_v[i]];
+FAN_FN void retract(const Real* q, const Real* d, Real* moved) {
+  for (int i = 0; i < Space::n_scalars; ++i)
+    moved[Space::scalar_q[i]] = q[Space::scalar_q[i]] + d[Space::scalar_v[i]];
   for (int i = 0; i < Space::n_quaternions; ++i) {
     Real turn[4];
     quaternion_exp(d + Space::quaternion_v[i], turn);
-    Real* here = q + Space::quaternion_q[i];
-    quaternion_product(here, turn, here);
-    tidy(here);
+    Real* there = moved + Space::quaternion_q[i];
+    quaternion_product(q + Space::quaternion_q[i], turn, there);
+    tidy(there);
   }
 }
 

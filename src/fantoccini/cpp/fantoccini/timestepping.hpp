@@ -45,11 +45,12 @@ struct TimeStep {
   // Whether a row was ever overstepped by more than kStirred: from then on turns are limited.
   Mask stirred = Real(0.0) > Real(1.0);
 
-  // Steps q_D, v_D in place. (q_K, v_K, acc_K) are the inputs at the start of the step with
+  // Steps from q_D, v_D to q_next, v_next. (q_K, v_K, acc_K) are the inputs at the start of the step with
   // v_K = dq_K/dt and acc_K the mean acceleration; `taut` is the mode of the step before.
   FAN_FN void step(
-      Real* q_D, Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K, const Real* u_D,
-      double dt, double recovery_speed, double cap, const Winches<S>& winches, const Real* p) {
+      const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
+      const Real* u_D, double dt, double recovery_speed, double cap, const Winches<S>& winches,
+      const Real* p, Real* q_next, Real* v_next) {
     eval.at(q_D, v_D, q_K, v_K, acc_K, u_D, Real(dt), p);
     wind(winches, dt);
     violation = Real(0.0);
@@ -67,8 +68,8 @@ struct TimeStep {
     Real move[room(N)], farthest = Real(0.0);
     for (int k = 0; k < N; ++k) {
       using std::abs;
-      v_D[k] += acc[k];
-      move[k] = dt * v_D[k];
+      v_next[k] = v_D[k] + acc[k];
+      move[k] = dt * v_next[k];
       const Real part = abs(move[k]) * (1.0 / (Model::turns[k] ? kWidestTurn : kLongestStride));
       farthest = select(part > farthest, part, farthest);
       acc[k] *= 1.0 / dt;
@@ -79,25 +80,28 @@ struct TimeStep {
     const Real most = select(stirred, Real(1.0), Real(kWild));
     const Real brake = select(farthest > most, most / farthest, Real(1.0));
     for (int k = 0; k < N; ++k) {
-      v_D[k] *= brake;
+      v_next[k] *= brake;
       move[k] *= brake;
     }
-    retract<typename Model::Dynamic>(q_D, move);
+    retract<typename Model::Dynamic>(q_D, move, q_next);
   }
 
  private:
   // Solves for the impulses; where the rows are too near to one another, with a firmer raise.
   FAN_FN void settle() {
     auto& problem = rows.problem;
-    settled = idle;
+    const int patience = 50 + 4 * rows.n;
+    settled = idle || problem.solve(kStepEps, 1, kStepTolerance, patience);
+    if (!any(!settled)) return;
     Real x[room(M)], s[room(M)];
     Mask high[room(M)];
     for (int a = 0; a < rows.n; ++a) {
-      x[a] = s[a] = Real(0.0);
-      high[a] = Real(0.0) > Real(1.0);
+      x[a] = problem.x[a];
+      s[a] = problem.s[a];
+      high[a] = problem.high[a];
     }
-    for (const double eps : {kStepEps, 1e-4, 1e-2}) {
-      const Mask now = problem.solve(eps, 1, kStepTolerance, 50 + 4 * rows.n);
+    for (const double eps : {1e-4, 1e-2}) {
+      const Mask now = problem.solve(eps, 1, kStepTolerance, patience);
       // A lane that was solved before keeps its solution.
       for (int a = 0; a < rows.n; ++a) {
         problem.x[a] = x[a] = select(settled, x[a], problem.x[a]);
@@ -148,19 +152,22 @@ struct TimeStep {
   // neighbours.
   FAN_FN void watch_first(const Real* v_D, double dt) {
     for (int r = 0; r < S; ++r) near_[r] = !idle;
+    Real rate[room(M - S)];
+    eval.limit_rates(v_D, rate);
     for (int i = 0; i < M - S; ++i) {
-      const Mask passes = eval.h_limit[i] + dt * eval.limit_rate(i, v_D) > Real(0.0);
+      const Mask passes = eval.h_limit[i] + dt * rate[i] > Real(0.0);
       near_[S + i] = !idle && (taut[S + i] || passes);
     }
   }
 
   // Adds the limits that the impulses found would let be passed; whether there are any.
   FAN_FN bool watch_more(const Real* v_D, double dt, double recovery_speed) {
-    Real v[room(N)];
+    Real v[room(N)], rate[room(M - S)];
     for (int k = 0; k < N; ++k) v[k] = v_D[k] + acc[k];
+    eval.limit_rates(v, rate);
     bool more = false;
     for (int i = 0; i < M - S; ++i) {
-      const Real closing = eval.limit_rate(i, v) + position_term(S + i, dt, recovery_speed);
+      const Real closing = rate[i] + position_term(S + i, dt, recovery_speed);
       const Mask passes = !idle && !near_[S + i] && closing > Real(kPasses);
       if (!any(passes)) continue;
       near_[S + i] = near_[S + i] || passes;
@@ -234,8 +241,11 @@ struct TimeStep {
     work = dt * eval.power0;
     impact = Real(0.0);
     loss = dt * eval.loss;
-    for (int k = 0; k < N; ++k)
-      work += eval.M_DK_v_K[k] * acc[k] + dt * u_D[k] * (v_D[k] + 0.5 * acc[k]);
+    if (Model::coupled)
+      for (int k = 0; k < N; ++k) work += eval.M_DK_v_K[k] * acc[k];
+    Real power = Real(0.0);
+    for (int k = 0; k < N; ++k) power += u_D[k] * (v_D[k] + 0.5 * acc[k]);
+    work += dt * power;
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
       const Real x = -pull_[a];

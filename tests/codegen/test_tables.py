@@ -1,0 +1,95 @@
+"""What the generated tables say of the functions beside them."""
+
+from __future__ import annotations
+
+import re
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from cpp.toolchain import equations
+from fantoccini import puppets
+from fantoccini.codegen.model import tables_text
+from fantoccini.codegen.straight import pieces, program
+
+NAMES = ("arm2d", "arm3d", "crane", "marionette", "marionette_bar", "stand6", "string_pendulum")
+
+
+def table(name: str, what: str) -> list[int]:
+    found = re.search(rf" {what}(?:\[\d+\])? = {{?([^;}}]*)}}?;", tables_text(equations(name)))
+    return [int(word) for word in found[1].split(",")]
+
+
+def varying(name: str, function: str, result: str) -> set[int]:
+    """Entries of a result that are not constant zeros."""
+    whole = program(equations(name)[function])
+    which = whole.names.index(result)
+    zero = {
+        entry
+        for r, entry, value in whole.results
+        if r == which
+        and whole.statements[value].operation == ca.OP_CONST
+        and whole.statements[value].constant == 0.0
+    }
+    return {entry for r, entry, _ in whole.results if r == which} - zero
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("function", ["dynamics", "step_dynamics"])
+def test_a_strings_column_has_no_entries_but_the_tables(name, function):
+    begin, entry = table(name, "string_begin"), table(name, "string_entry")
+    n = equations(name).tree.coordinates.n_vD
+    listed = {n * r + k for r in range(len(begin) - 1) for k in entry[begin[r] : begin[r + 1]]}
+    found = varying(name, function, "W")
+    assert found <= listed
+    assert len(found) >= 0.8 * len(listed), "the table is not just everything"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_puppets_that_driven_joints_do_not_carry_are_not_coupled(name):
+    (coupled,) = table(name, "coupled")
+    assert coupled == bool(varying(name, "step_dynamics", "M_DK_v_K"))
+
+
+def test_a_load_below_a_driven_cart_is_coupled():
+    cart = "{name: cart, joint: {type: prismatic, axis: [1, 0, 0], driven: true}, mass: 1.0}"
+    load = (
+        "{name: load, parent: cart, joint: {type: revolute, axis: [0, 1, 0]}, mass: 1.0, "
+        "com: [0, 0, -1.0]}"
+    )
+    hung = fan.loads(f"puppet: hung\nbodies:\n  - {cart}\n  - {load}\n").equations
+    assert "bool coupled = 1;" in tables_text(hung)
+    assert "bool coupled = 0;" in tables_text(equations("marionette"))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_rates_of_limits_are_their_jacobians_times_the_velocity(name):
+    marionette = getattr(puppets, name)()
+    tree, rng = marionette.tree, np.random.default_rng(3)
+    x = marionette.rest() if tree.strings else marionette.state()
+    v_D = rng.normal(size=tree.coordinates.n_vD)
+    limits = len(tree.limits)
+    J = marionette.A_D(x)[len(tree.strings) :]
+    packed = np.zeros((3, limits))
+    for i, limit in enumerate(tree.limits):
+        place = tree.links[limit.link].v
+        packed[: place.stop - place.start, i] = J[i, place]
+    found = np.array(equations(name)["limit_rates"](packed, v_D)).ravel()
+    assert np.allclose(found, J @ v_D, rtol=1e-14, atol=1e-14)
+
+
+def test_constants_and_what_varies_are_the_whole_function():
+    whole = program(equations("marionette")["step_dynamics"])
+    apart = pieces(whole, "f", 1000, ("W", "J_limit"))
+    together = pieces(whole, "f", 1000)
+    assert "f_constants" not in together.definition
+    kept = [line for line in apart.definition.splitlines() if line.startswith("  res[")]
+
+    def written(lines: list[str]) -> list[str]:
+        return sorted(re.findall(r"res\[\d+\]\[\d+\] =", "\n".join(lines)))
+
+    every = written(together.pieces)
+    assert written([*apart.pieces, *kept]) == every
+    assert len(kept) > 100
