@@ -3,12 +3,12 @@
 from fantoccini.codegen.c99 import c99_files
 from fantoccini.codegen.derivatives import SIZES as DERIVATIVE_SIZES
 from fantoccini.codegen.derivatives import generate_derivatives
+from fantoccini.codegen.lanes import generate_clearance, generate_lanes
 from fantoccini.codegen.model import (
     STEM,
     VERSION,
     Generated,
     generate,
-    generate_lanes,
     model_text,
     operations,
     tables_text,
@@ -21,6 +21,7 @@ __all__ = [
     "Generated",
     "c99_files",
     "generate",
+    "generate_clearance",
     "generate_derivatives",
     "generate_lanes",
     "model_text",

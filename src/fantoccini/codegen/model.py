@@ -66,17 +66,6 @@ def generate(equations: Equations) -> Generated:
     return assembled(programs(equations), files)
 
 
-def generate_lanes(equations: Equations) -> Generated:
-    """The source text of a puppet's time-stepper for many trajectories side by side.
-
-    Args:
-        equations: the derived equations.
-    """
-    files = {f"{STEM}.hpp": tables_text(equations), "main.cpp": _LANES_MAIN}
-    made = programs(equations, _LANE_FUNCTIONS)
-    return assembled(made, files, real=Real("fan::Wide", "wide", "fantoccini/wide.hpp"))
-
-
 @dataclass(frozen=True)
 class Real:
     """The type that functions compute with.
@@ -192,6 +181,7 @@ def tables_text(equations: Equations) -> str:
         "n_rows": tree.n_rows,
         "n_p": len(tree.parameters),
         "n_packed": equations.n_packed,
+        "n_links": len(tree.links),
         "n_points": sum(len(s.points) for s in tree.strings),
     }
     columns = equations.columns
@@ -317,9 +307,7 @@ namespace {space} {{
 }}  // namespace fan
 """
 
-_LANE_FUNCTIONS = ("step_dynamics", "limit_rates", "energy", "forth", "back")
-
-_LANES_MAIN = """\
+_MAIN = """\
 // A puppet's time-stepper over bundles of doubles.
 #include "fantoccini/wide.hpp"
 #include "model.hpp"

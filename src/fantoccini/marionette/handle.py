@@ -24,7 +24,7 @@ from fantoccini.marionette.rows import RowLayout
 from fantoccini.marionette.stepper import Stepper
 from fantoccini.motion import Input, State, States
 from fantoccini.puppet import Number, Parameter, Puppet
-from fantoccini.runtime import BatchLibrary, Library, RunOptions
+from fantoccini.runtime import BatchLibrary, ClearanceLibrary, Library, RunOptions
 from fantoccini.tree import CoordinateTable, Tree
 from fantoccini.world import World
 
@@ -105,6 +105,16 @@ class Marionette(Portable, Analysis, Differentiable):
             PuppetError: the mass matrix is singular.
         """
         return self._compiled("lanes", codegen.generate_lanes, BatchLibrary)
+
+    @cached_property
+    def clearances(self) -> ClearanceLibrary:
+        """The compiled distances from obstacles; made when first needed.
+
+        Raises:
+            BuildError: no compiler, or it failed.
+            PuppetError: the mass matrix is singular.
+        """
+        return self._compiled("clearance", codegen.generate_clearance, ClearanceLibrary)
 
     def compile(self) -> None:
         """Loads the compiled model, or makes it, before anything needs it."""

@@ -1,20 +1,34 @@
 """The compiled puppet: the one package that speaks to the shared library, through ctypes."""
 
 from fantoccini.runtime.batch import PARTS, Batch, BatchLibrary, default_threads
+from fantoccini.runtime.clearance import (
+    BOX,
+    HALF_SPACE,
+    SEGMENT,
+    SOLID,
+    ClearanceLibrary,
+    Solids,
+)
 from fantoccini.runtime.compiled import Complementarity, Library, Run
 from fantoccini.runtime.outside import OutsideRun
 from fantoccini.runtime.slopes import Slopes
 from fantoccini.runtime.structures import RunOptions
 
 __all__ = [
+    "BOX",
+    "HALF_SPACE",
     "PARTS",
+    "SEGMENT",
+    "SOLID",
     "Batch",
     "BatchLibrary",
+    "ClearanceLibrary",
     "Complementarity",
     "Library",
     "OutsideRun",
     "Run",
     "RunOptions",
     "Slopes",
+    "Solids",
     "default_threads",
 ]

@@ -2,21 +2,10 @@
 #pragma once
 
 #include "batch.hpp"
+#include "lane_of.hpp"
 #include "led_step.hpp"
 
 namespace fan {
-
-inline double& lane_of(double& x, int) { return x; }
-inline double lane_of(const double& x, int) { return x; }
-inline bool lane_of(bool x, int) { return x; }
-template <class Real>
-decltype(auto) lane_of(Real& x, int lane) {
-  return x[lane];
-}
-template <class Real>
-auto lane_of(const Real& x, int lane) {
-  return x[lane];
-}
 
 // The inputs of a bundle: for every lane the polynomials of the piece it is in.
 template <class Space, int n_vD, class Real>

@@ -1,0 +1,187 @@
+// How far a puppet is from what stands about it and from itself, at many configurations: bundles of
+// lanes, a configuration a lane.
+#pragma once
+
+#include "distance.hpp"
+#include "lane_of.hpp"
+
+namespace fan {
+
+enum SolidKind : int { SEGMENT, BOX, HALF_SPACE };
+
+// A solid in the frame of a link, or of the world. A segment a to b and a box (centre a, axes the
+// columns of R, half edges) are swollen by the radius; a half-space is below the plane through a
+// with the normal b.
+struct Solid {
+  int kind, link;
+  double a[3], b[3], R[9], half[3], radius;
+};
+
+// What is measured: moving solids against standing ones, against one another by pairs, and strings
+// against standing ones, each swollen by its radius, where that is not negative.
+struct ClearanceArrays {
+  long long n_moving, n_standing, n_pairs;
+  const Solid *moving, *standing;
+  const int* pairs;            // (n_pairs, 2) of moving ones
+  const double* string_radius;  // (n_strings,)
+};
+
+// A solid placed in the world.
+template <class Real>
+struct Placed {
+  int kind;
+  Real a[3], b[3], R[9];
+  const double* half;
+  double radius;
+};
+
+template <class Model, class Real>
+class Clearance {
+ public:
+  static constexpr int S = Model::n_strings;
+
+  Real q_D[room(Model::n_qD)], q_K[room(Model::n_qK)], p[room(Model::n_p)];
+  Real least, which;  // the clearance and its number: see `measure`
+
+  // The least distance over all pairs, which are numbered in this order: moving (outer) and
+  // standing (inner); pairs; the segments of strings (outer) and standing.
+  FAN_FN void measure(const ClearanceArrays& in, Placed<Real>* placed) {
+    const Real* arg[] = {q_D, q_K, p};
+    Real* res[] = {poses_};
+    Model::poses(arg, res);
+    for (long long m = 0; m < in.n_moving; ++m) place(in.moving[m], placed[m]);
+    least = Real(1e30);
+    which = Real(-1.0);
+    double number = 0.0;
+    const auto take = [&](const Real& distance) {
+      const auto nearer = distance < least;
+      least = select(nearer, distance, least);
+      which = select(nearer, Real(number), which);
+      number += 1.0;
+    };
+    for (long long m = 0; m < in.n_moving; ++m)
+      for (long long o = 0; o < in.n_standing; ++o) take(between(placed[m], in.standing[o]));
+    for (long long k = 0; k < in.n_pairs; ++k)
+      take(between(placed[in.pairs[2 * k]], placed[in.pairs[2 * k + 1]]));
+    bool strings = false;
+    for (int i = 0; i < S; ++i) strings = strings || in.string_radius[i] >= 0.0;
+    if (!strings) return;
+    Real* points[] = {points_};
+    Model::points(arg, points);
+    int at = 0;
+    for (int i = 0; i < S; at += Model::string_points[i++])
+      for (int k = 0; k + 1 < Model::string_points[i]; ++k) {
+        Placed<Real> segment;
+        segment.kind = SEGMENT;
+        segment.radius = in.string_radius[i];
+        for (int c = 0; c < 3; ++c) {
+          segment.a[c] = points_[3 * (at + k) + c];
+          segment.b[c] = points_[3 * (at + k + 1) + c];
+        }
+        for (long long o = 0; o < in.n_standing; ++o)
+          take(segment.radius < 0.0 ? Real(1e30) : between(segment, in.standing[o]));
+      }
+  }
+
+ private:
+  FAN_FN void place(const Solid& solid, Placed<Real>& out) const {
+    out.kind = solid.kind;
+    out.radius = solid.radius;
+    out.half = solid.half;
+    if (solid.link < 0) {
+      for (int c = 0; c < 3; ++c) {
+        out.a[c] = Real(solid.a[c]);
+        out.b[c] = Real(solid.b[c]);
+      }
+      for (int c = 0; c < 9; ++c) out.R[c] = Real(solid.R[c]);
+      return;
+    }
+    const Real* R = poses_ + 12 * solid.link;
+    const Real* r = R + 9;
+    for (int c = 0; c < 3; ++c) {
+      out.a[c] = r[c] + R[c] * solid.a[0] + R[3 + c] * solid.a[1] + R[6 + c] * solid.a[2];
+      out.b[c] = r[c] + R[c] * solid.b[0] + R[3 + c] * solid.b[1] + R[6 + c] * solid.b[2];
+    }
+    if (solid.kind != BOX) return;
+    for (int j = 0; j < 3; ++j)
+      for (int c = 0; c < 3; ++c)
+        out.R[3 * j + c] = R[c] * solid.R[3 * j] + R[3 + c] * solid.R[3 * j + 1] +
+                           R[6 + c] * solid.R[3 * j + 2];
+  }
+
+  // Places x and directions in the frame of a box.
+  template <class Number>
+  FAN_FN static void into(const Number* R, const Number* centre, const Real* x, Real* out) {
+    Real from[3];
+    for (int c = 0; c < 3; ++c) from[c] = x[c] - Real(centre[c]);
+    turn(R, from, out);
+  }
+
+  template <class Number>
+  FAN_FN static void turn(const Number* R, const Real* x, Real* out) {
+    for (int j = 0; j < 3; ++j)
+      out[j] = Real(R[3 * j]) * x[0] + Real(R[3 * j + 1]) * x[1] + Real(R[3 * j + 2]) * x[2];
+  }
+
+  // Of two that both move, or one that stands (with doubles for its place).
+  template <class Other>
+  FAN_FN static Real between(const Placed<Real>& x, const Other& y) {
+    const double swollen = x.radius + y.radius;
+    if (y.kind == HALF_SPACE) return above(x, y) - Real(swollen);
+    if (x.kind == SEGMENT && y.kind == SEGMENT) {
+      Real a[3], b[3];
+      for (int c = 0; c < 3; ++c) {
+        a[c] = Real(y.a[c]);
+        b[c] = Real(y.b[c]);
+      }
+      return between_segments(x.a, x.b, a, b) - Real(swollen);
+    }
+    Real a[3], b[3];
+    if (x.kind == SEGMENT) {
+      into(y.R, y.a, x.a, a);
+      into(y.R, y.a, x.b, b);
+      return segment_to_box(a, b, y.half) - Real(swollen);
+    }
+    if (y.kind == SEGMENT) {
+      Real from[3], to[3];
+      for (int c = 0; c < 3; ++c) {
+        from[c] = Real(y.a[c]);
+        to[c] = Real(y.b[c]);
+      }
+      into(x.R, x.a, from, a);
+      into(x.R, x.a, to, b);
+      return segment_to_box(a, b, x.half) - Real(swollen);
+    }
+    Real axes[9];
+    into(y.R, y.a, x.a, a);
+    for (int j = 0; j < 3; ++j) turn(y.R, x.R + 3 * j, axes + 3 * j);
+    return box_to_box(a, axes, x.half, y.half) - Real(swollen);
+  }
+
+  // The lowest point's height above a half-space.
+  template <class Other>
+  FAN_FN static Real above(const Placed<Real>& x, const Other& y) {
+    using std::abs;
+    const auto height = [&](const Real* point) {
+      Real sum = Real(0.0);
+      for (int c = 0; c < 3; ++c) sum += (point[c] - Real(y.a[c])) * Real(y.b[c]);
+      return sum;
+    };
+    const Real first = height(x.a);
+    if (x.kind == SEGMENT) {
+      const Real second = height(x.b);
+      return select(second < first, second, first);
+    }
+    Real reach = Real(0.0);
+    for (int j = 0; j < 3; ++j) {
+      Real along = Real(0.0);
+      for (int c = 0; c < 3; ++c) along += x.R[3 * j + c] * Real(y.b[c]);
+      reach += abs(along) * x.half[j];
+    }
+    return first - reach;
+  }
+
+  Real poses_[room(12 * Model::n_links)], points_[room(3 * Model::n_points)];
+};
+
+}  // namespace fan

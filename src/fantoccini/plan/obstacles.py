@@ -1,0 +1,71 @@
+"""What stands about a puppet: the obstacles of its file, more of the same kinds, half-spaces."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, field_validator
+
+from fantoccini.errors import FileError, Problem
+from fantoccini.puppet.located import Located, validate
+from fantoccini.puppet.shapes import AnyObstacle, Obstacle
+from fantoccini.puppet.values import Model, Name, Vector, mistake
+from fantoccini.world import World
+
+
+class HalfSpace(Model):
+    """All that lies below a plane: a floor, a wall, a ceiling."""
+
+    type: Literal["half_space"] = "half_space"
+    name: Name
+    """The obstacle's name."""
+    at: Vector = (0.0, 0.0, 0.0)
+    """A point of the plane [m]."""
+    normal: Vector = (0.0, 0.0, 1.0)
+    """Direction out of the solid."""
+
+    @field_validator("normal")
+    @classmethod
+    def _of_unit_length(cls, normal: tuple[float, float, float]) -> tuple[float, ...]:
+        size = float(np.linalg.norm(normal))
+        if size == 0.0:
+            raise mistake("found the zero vector; needed: a direction")
+        return tuple(float(x) / size for x in normal)
+
+
+Standing = Annotated[AnyObstacle | HalfSpace, Field(discriminator="type")]
+"""An obstacle of a puppet file, or a half-space."""
+
+
+class _Listed(Model):
+    obstacles: tuple[Standing, ...]
+
+
+def standing(
+    world: World, obstacles: Iterable[Obstacle | HalfSpace | Mapping[str, Any]] = ()
+) -> tuple[Obstacle | HalfSpace, ...]:
+    """The obstacles of a world, its floor, and more.
+
+    Args:
+        world: the puppet's.
+        obstacles: more of them; a mapping has the keys of an obstacle in a puppet file, or those
+            of a half-space: ``{"name": "wall", "type": "half_space", "at": [1, 0, 0],
+            "normal": [-1, 0, 0]}``.
+
+    Raises:
+        FileError: a mapping is not an obstacle, or a name is used twice.
+    """
+    given = [o if isinstance(o, (Obstacle, HalfSpace)) else dict(o) for o in obstacles]
+    described = [o for o in given if isinstance(o, dict)]
+    made = iter(validate(_Listed, Located({"obstacles": described}, "<python>")).obstacles)
+    found = [next(made) if isinstance(o, dict) else o for o in given]
+    floor = [] if world.floor is None else [HalfSpace(name="floor", at=(0.0, 0.0, world.floor))]
+    every = (*world.obstacles, *floor, *found)
+    names = [o.name for o in every]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        text = f"the names {', '.join(twice)} are used twice; obstacles differ in name"
+        raise FileError([Problem("<python>", None, "obstacles", text)])
+    return every

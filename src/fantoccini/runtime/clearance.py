@@ -1,0 +1,128 @@
+"""Clearances of many configurations, by a puppet's compiled library of them."""
+
+from __future__ import annotations
+
+import ctypes
+import threading
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.errors import BuildError
+from fantoccini.runtime.functions import pointer
+
+SEGMENT, BOX, HALF_SPACE = range(3)
+"""Kinds of solids, as in ``clearance.hpp``."""
+
+SOLID = np.dtype(
+    [
+        ("kind", np.int32), ("link", np.int32), ("a", float, 3), ("b", float, 3),
+        ("R", float, 9), ("half", float, 3), ("radius", float),
+    ]
+)  # fmt: skip
+"""A ``Solid`` of ``clearance.hpp``: a link's number, -1 for the world; R column by column."""
+
+_APART = 4096
+"""Configurations from which on they are dealt to threads."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solids:
+    """What is measured against what.
+
+    Attributes:
+        moving, standing: (n,) ``SOLID``.
+        pairs: (n, 2) numbers of moving solids that are measured against one another.
+        string_radius: (n_strings,) of strings against standing solids [m]; negative: not at all.
+    """
+
+    moving: np.ndarray
+    standing: np.ndarray
+    pairs: np.ndarray
+    string_radius: Array
+
+
+class _Arrays(ctypes.Structure):
+    _fields_ = [
+        ("n_moving", ctypes.c_longlong),
+        ("n_standing", ctypes.c_longlong),
+        ("n_pairs", ctypes.c_longlong),
+        ("moving", ctypes.c_void_p),
+        ("standing", ctypes.c_void_p),
+        ("pairs", ctypes.c_void_p),
+        ("string_radius", ctypes.c_void_p),
+    ]
+
+
+class ClearanceLibrary:
+    """A library that measures clearances.
+
+    Args:
+        file: the shared library.
+
+    Raises:
+        BuildError: it cannot be loaded, or is of another version.
+    """
+
+    def __init__(self, file: Path):
+        try:
+            self.handle = ctypes.CDLL(str(file))
+        except OSError as error:
+            raise BuildError(f"the compiled clearances {file} cannot be loaded: {error}") from error
+        sizes = (ctypes.c_int * 3)()
+        self.handle.fan_clearance_sizes(sizes)
+        if list(sizes[:2]) != [SOLID.itemsize, ctypes.sizeof(_Arrays)]:
+            raise BuildError(f"{file} is of another version; delete it to have it made again")
+        self.width = sizes[2]
+
+    def measure(
+        self, solids: Solids, q_D: Array, q_K: Array, p: Array, threads: int
+    ) -> tuple[Array, np.ndarray]:
+        """The least distance at each of n configurations, and the number of the pair that has it.
+
+        Args:
+            solids: what is measured.
+            q_D, q_K: (n, n_qD), (n, n_qK).
+            p: (n_p,) parameters.
+            threads: that share the work where there is much of it.
+
+        Returns:
+            (n,) [m], and (n,) numbers in the order of ``Clearance::measure``; -1 where nothing is
+            measured.
+        """
+        kept = [
+            np.ascontiguousarray(solids.moving, dtype=SOLID),
+            np.ascontiguousarray(solids.standing, dtype=SOLID),
+            np.ascontiguousarray(solids.pairs, dtype=np.int32),
+            np.ascontiguousarray(solids.string_radius, dtype=float),
+        ]
+        arrays = _Arrays(len(kept[0]), len(kept[1]), len(kept[2]), *map(pointer, kept))
+        n = len(q_D)
+        q_D, q_K, p = (np.ascontiguousarray(a, dtype=float) for a in (q_D, q_K, p))
+        clearance, pair = np.empty(n), np.empty(n, dtype=np.int64)
+        failed: list[int] = []
+
+        def work(first: int, last: int) -> None:
+            part = slice(first, last)
+            failed.append(
+                self.handle.fan_clearance(
+                    ctypes.c_longlong(last - first), pointer(q_D[part]), pointer(q_K[part]),
+                    pointer(p), ctypes.byref(arrays), pointer(clearance[part]), pointer(pair[part]),
+                )
+            )  # fmt: skip
+
+        parts = max(1, min(threads, n // _APART))
+        ends = np.linspace(0, n, parts + 1).astype(int)
+        others = [threading.Thread(target=work, args=span) for span in pairwise(ends[1:])]
+        for other in others:
+            other.start()
+        if n:
+            work(0, ends[1])
+        for other in others:
+            other.join()
+        if any(failed):
+            raise MemoryError("no memory for clearances")
+        return clearance, pair
