@@ -29,7 +29,7 @@ def main() -> None:
     began, everyone = time.perf_counter(), peers.gather(options.older_mujoco)
     measures = {
         "steps": lambda: steps.chapters(everyone, scalar, turns, 500 if quick else 5000),
-        "batches": lambda: [batches.chapter(everyone, few, 64 if quick else 1024)],
+        "batches": lambda: [batches.chapter(everyone, turns, 64 if quick else 1024)],
         "error and cost": lambda: [accuracy.chapter(everyone, min(few, 3), 0.5 if quick else 10.0)],
         "real time": lambda: [real_time.chapter(turns)],
         "pipeline": lambda: [pipeline.chapter(2 if quick else 7)],

@@ -100,17 +100,6 @@ struct LedStep {
         opt.tension_cap, winches, p, to.q_D, to.v_D);
   }
 
-  // The sum of n squares, four sums at a time: each addition waits for the one before.
-  template <int n>
-  FAN_FN static Real squares(const Real* x) {
-    Real sum[4] = {Real(0.0), Real(0.0), Real(0.0), Real(0.0)};
-    int i = 0;
-    for (; i + 4 <= n; i += 4)
-      for (int j = 0; j < 4; ++j) sum[j] += x[i + j] * x[i + j];
-    for (; i < n; ++i) sum[0] += x[i] * x[i];
-    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
-  }
-
   FAN_FN void judge() {
     const State& made = stepped();
     const Real size = squares<NQ>(made.q_D) + squares<N>(made.v_D);

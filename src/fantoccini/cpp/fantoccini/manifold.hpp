@@ -5,6 +5,17 @@
 
 namespace fan {
 
+// The sum of n squares, four sums at a time: each addition waits for the one before.
+template <int n, class Real>
+FAN_FN Real squares(const Real* x) {
+  Real sum[4] = {Real(0.0), Real(0.0), Real(0.0), Real(0.0)};
+  int i = 0;
+  for (; i + 4 <= n; i += 4)
+    for (int j = 0; j < 4; ++j) sum[j] += x[i + j] * x[i + j];
+  for (; i < n; ++i) sum[0] += x[i] * x[i];
+  return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+
 // out = a b.
 template <class Real>
 FAN_FN void quaternion_product(const Real* a, const Real* b, Real* out) {

@@ -65,28 +65,33 @@ struct TimeStep {
     }
     account(v_D, u_D, dt);
     give_way(winches, cap, dt);
-    Real move[room(N)], farthest = Real(0.0);
+    Real move[room(N)], part[room(N)];
     for (int k = 0; k < N; ++k) {
-      using std::abs;
       v_next[k] = v_D[k] + acc[k];
       move[k] = dt * v_next[k];
-      const Real part = abs(move[k]) * (1.0 / (Model::turns[k] ? kWidestTurn : kLongestStride));
-      farthest = select(part > farthest, part, farthest);
+      part[k] = move[k] * (1.0 / (Model::turns[k] ? kWidestTurn : kLongestStride));
       acc[k] *= 1.0 / dt;
     }
-    // Nothing moves farther in a step than the step can follow: what inputs that nothing can follow
-    // stir up stays bounded.
     stirred = stirred || violation > Real(kStirred);
     const Real most = select(stirred, Real(1.0), Real(kWild));
-    const Real brake = select(farthest > most, most / farthest, Real(1.0));
-    for (int k = 0; k < N; ++k) {
-      v_next[k] *= brake;
-      move[k] *= brake;
-    }
+    if (any(!(squares<N>(part) < most * most))) slow_down(part, most, v_next, move);
     retract<typename Model::Dynamic>(q_D, move, q_next);
   }
 
  private:
+  // Nothing moves farther in a step than the step can follow: what inputs that nothing can follow
+  // stir up stays bounded.
+  FAN_FN static void slow_down(const Real* part, const Real& most, Real* v, Real* move) {
+    using std::abs;
+    Real farthest = Real(0.0);
+    for (int k = 0; k < N; ++k) farthest = select(abs(part[k]) > farthest, abs(part[k]), farthest);
+    const Real brake = select(farthest > most, most / farthest, Real(1.0));
+    for (int k = 0; k < N; ++k) {
+      v[k] *= brake;
+      move[k] *= brake;
+    }
+  }
+
   // Solves for the impulses; where the rows are too near to one another, with a firmer raise.
   FAN_FN void settle() {
     auto& problem = rows.problem;
