@@ -34,7 +34,7 @@ DRAWN = ("operations", "derive", "compile_cpu", "evaluate", "memory", "compiler_
 COLOUR = {"chain": "#b03a2e", "bushy": "#1f4e8c"}
 FITTED = 25
 """Degrees of freedom from which an exponent is fitted."""
-_MEGABYTES = (80, 100, 150, 200, 300, 400)
+_MEGABYTES = (50, 70, 100, 150, 200, 300, 400)
 LONGEST = 60.0
 """What compiling 100 degrees of freedom is to stay below [s]."""
 
