@@ -43,6 +43,7 @@ from fantoccini.motion import (
     Trajectories,
     Trajectory,
 )
+from fantoccini.plan import Clearance, Goal, HalfSpace, PlanResult, PlanStatus, plan
 from fantoccini.puppet import Puppet
 from fantoccini.simulate import Passage, Sensitivity, sensitivity, simulate
 from fantoccini.sweep import Case, SweepResult, Trial, sweep
@@ -53,11 +54,14 @@ __version__ = "0.1.0"
 __all__ = [
     "BuildError",
     "Case",
+    "Clearance",
     "Columns",
     "Event",
     "EventKind",
     "FantocciniError",
     "Flow",
+    "Goal",
+    "HalfSpace",
     "Input",
     "InputError",
     "Inputs",
@@ -67,6 +71,8 @@ __all__ = [
     "Modes",
     "Partials",
     "Passage",
+    "PlanResult",
+    "PlanStatus",
     "Puppet",
     "PuppetError",
     "Sensitivity",
@@ -87,6 +93,7 @@ __all__ = [
     "__version__",
     "load",
     "loads",
+    "plan",
     "puppets",
     "sensitivity",
     "simulate",

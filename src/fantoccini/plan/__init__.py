@@ -1,6 +1,23 @@
 """Planning: from here to there among obstacles."""
 
 from fantoccini.plan.clearance import Clearance, Nearest
+from fantoccini.plan.goals import Goal, Rows
 from fantoccini.plan.obstacles import HalfSpace
+from fantoccini.plan.plan import PLANNERS, plan
+from fantoccini.plan.planners import EST2007, Explore
+from fantoccini.plan.result import Check, PlanResult, PlanStatus
 
-__all__ = ["Clearance", "HalfSpace", "Nearest"]
+__all__ = [
+    "EST2007",
+    "PLANNERS",
+    "Check",
+    "Clearance",
+    "Explore",
+    "Goal",
+    "HalfSpace",
+    "Nearest",
+    "PlanResult",
+    "PlanStatus",
+    "Rows",
+    "plan",
+]

@@ -1,0 +1,168 @@
+"""What a planner found."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.motion import Input, State, Trajectory
+from fantoccini.plan.goals import Goal, Rows
+from fantoccini.plan.motions import Motions
+from fantoccini.plan.search_tree import SearchTree
+from fantoccini.simulate import simulate
+
+
+class PlanStatus(enum.Enum):
+    """How a search ended."""
+
+    EXACT = "the plan ends within the tolerance"
+    APPROXIMATE = "the search ended before it came within the tolerance; this is the nearest"
+    INFEASIBLE_START = "the start is in collision or outside of the bounds"
+
+    @property
+    def message(self) -> str:
+        """In words."""
+        return self.value
+
+
+@dataclass(frozen=True)
+class Check:
+    """A plan made again.
+
+    Attributes:
+        arrives: whether it ends within the tolerance and stays clear.
+        distance: from the goal at the end.
+        clearance: the least on the way [m].
+        gap: largest difference of a dynamic coordinate from the plan's own run, at its nodes.
+        run: the trajectory.
+    """
+
+    arrives: bool
+    distance: float
+    clearance: float
+    gap: float
+    run: Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class PlanResult:
+    """A plan, and the tree it was found in. True where the plan is exact.
+
+    Attributes:
+        status: how the search ended.
+        reason: why, where a name or a number says more than the status.
+        start: where the plan begins.
+        goal: where it was to end.
+        tolerance: of the goal's distance.
+        path: nodes of the tree from the start to the plan's end.
+        tree: all that was found.
+        motions: what made them.
+        tried: motions that were tried.
+        seconds: that the search took [s].
+    """
+
+    status: PlanStatus
+    reason: str
+    start: State
+    goal: Goal
+    tolerance: float
+    path: tuple[int, ...]
+    tree: SearchTree
+    motions: Motions
+    tried: int
+    seconds: float
+
+    def __bool__(self) -> bool:
+        return self.status is PlanStatus.EXACT
+
+    def __repr__(self) -> str:
+        found = (
+            f"{self.duration:.2f} s in {len(self.path) - 1} motions, {self.distance:.3g} from the "
+            f"goal; {self.tried} tried, {len(self.tree)} nodes, {self.seconds:.3g} s"
+        )
+        return f"<PlanResult {self.status.name}: {self.reason or found}>"
+
+    @property
+    def duration(self) -> float:
+        """Of the plan [s]."""
+        return float(self.tree.time[self.path[-1]])
+
+    @property
+    def distance(self) -> float:
+        """From the goal at the plan's end."""
+        return float(self.tree.distance[self.path[-1]])
+
+    @cached_property
+    def inputs(self) -> Input:
+        """The driven coordinates: constant accelerations from node to node, then held.
+
+        A plan without a motion holds still.
+        """
+        marionette, tree, path = self.motions.marionette, self.tree, list(self.path)
+        if len(path) == 1:
+            return Input.hold(marionette)
+        return Input.segments(
+            marionette, self.start.t + tree.time[path], self.start.q_K, self.start.v_K,
+            tree.acceleration[path[1:]],
+        )  # fmt: skip
+
+    @cached_property
+    def trajectory(self) -> Trajectory:
+        """The plan by the time-stepper, with the planner's step."""
+        return self._run(method="timestepping", dt=self.motions.dt)
+
+    @property
+    def clearance(self) -> Array:
+        """(T,) of ``trajectory`` [m]."""
+        return self.motions.clearance.of(self.trajectory)
+
+    def replay(self) -> bool:
+        """Makes every motion of the plan again; whether it comes out the same, to the last bit."""
+        for before, node in zip(self.path, self.path[1:], strict=False):
+            looks = int(self.tree.looks[node])
+            swept = self.motions.sweep(
+                self.tree.rows[[before]], self.tree.acceleration[[node]], looks
+            )
+            again, there = swept.rows[:, -1], self.tree.rows[[node]]
+            same = all(
+                np.array_equal(getattr(again, name), getattr(there, name))
+                for name in Rows.__dataclass_fields__
+            )
+            if not (same and swept.good[0, -1]):
+                return False
+        return True
+
+    def verify(self, dt_factor: float = 0.5, method: str = "timestepping", **options) -> Check:
+        """Simulates the plan anew, from its start and inputs alone.
+
+        Args:
+            dt_factor: step, as part of the planner's (time-stepping).
+            method: ``"timestepping"`` or ``"event"``.
+            options: more of :func:`fantoccini.simulate`, as ``rtol``.
+        """
+        if method == "timestepping":
+            options["dt"] = self.motions.dt * dt_factor
+        run = self._run(method=method, **options)
+        end = run.state(-1)
+        rows = Rows(*(getattr(end, name) for name in Rows.__dataclass_fields__))
+        distance = float(self.goal.distance(rows))
+        clearance = float(np.min(self.motions.clearance.of(run)))
+        times = self.start.t + self.tree.time[list(self.path)]
+        near = np.array([int(np.argmin(np.abs(run.t - t))) for t in times])
+        gap = float(np.max(np.abs(run.q_D[near] - self.tree.q_D[list(self.path)])))
+        reached = run.t[-1] >= times[-1] - 1e-9
+        arrives = reached and distance <= self.tolerance and clearance >= self.motions.margin
+        return Check(bool(arrives), distance, clearance, gap, run)
+
+    def _run(self, **options) -> Trajectory:
+        # A plan of one node has nothing to run; it stands for one step.
+        end = self.start.t + max(self.duration, self.motions.dt)
+        if options["method"] == "event":
+            options["save_at"] = self.start.t + self.tree.time[list(self.path)]
+        return simulate(
+            self.motions.marionette, self.start, self.inputs, t_end=end, throw=False, **options
+        )

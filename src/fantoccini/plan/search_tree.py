@@ -1,0 +1,98 @@
+"""The tree that a planner grows: states, how they were reached, and what it knows of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.plan.goals import Rows
+
+_FIRST = 1024
+
+
+class SearchTree:
+    """States and the motions that lead to them, in arrays that grow.
+
+    Attributes:
+        n: nodes.
+
+    Args:
+        root: the start, rows (1,).
+        distance: of the start from the goal.
+        n_vK: driven velocities.
+    """
+
+    def __init__(self, root: Rows, distance: float, n_vK: int):
+        self.n = 0
+        self._arrays = {
+            name: np.empty((_FIRST, getattr(root, name).shape[-1]))
+            for name in root.__dataclass_fields__
+        }
+        self._arrays |= {
+            "acceleration": np.empty((_FIRST, n_vK)),
+            "parent": np.empty(_FIRST, dtype=np.int64),
+            "looks": np.empty(_FIRST, dtype=np.int64),
+            "time": np.empty(_FIRST),
+            "distance": np.empty(_FIRST),
+            "tried": np.empty(_FIRST, dtype=np.int64),
+        }
+        self.add(root, np.array([-1]), np.zeros((1, n_vK)), np.array([0]), 0.0, distance)
+
+    def __len__(self) -> int:
+        return self.n
+
+    def __getattr__(self, name: str) -> Array:
+        arrays = self.__dict__.get("_arrays", {})
+        if name not in arrays:
+            raise AttributeError(name)
+        return arrays[name][: self.n]
+
+    @property
+    def rows(self) -> Rows:
+        """The states of all nodes."""
+        return Rows(*(getattr(self, name) for name in Rows.__dataclass_fields__))
+
+    def add(
+        self,
+        rows: Rows,
+        parent: Array,
+        acceleration: Array,
+        looks: Array,
+        interval: float,
+        distance: Array | float,
+    ) -> range:
+        """Adds nodes.
+
+        Args:
+            rows: (k,) states.
+            parent: (k,) nodes they were reached from.
+            acceleration: (k, n_vK) of the driven coordinates on the way.
+            looks: (k,) how long, in intervals.
+            interval: [s].
+            distance: (k,) from the goal.
+
+        Returns:
+            Their numbers.
+        """
+        k = len(parent)
+        while self.n + k > len(self._arrays["parent"]):
+            self._arrays = {
+                name: np.concatenate([a, np.empty_like(a)]) for name, a in self._arrays.items()
+            }
+        new = slice(self.n, self.n + k)
+        arrays = self._arrays
+        for name in Rows.__dataclass_fields__:
+            arrays[name][new] = getattr(rows, name)
+        arrays["parent"][new], arrays["acceleration"][new] = parent, acceleration
+        arrays["looks"][new], arrays["distance"][new], arrays["tried"][new] = looks, distance, 0
+        before = np.where(parent < 0, 0.0, arrays["time"][parent])
+        arrays["time"][new] = before + looks * interval
+        self.n += k
+        return range(new.start, new.stop)
+
+    def path(self, node: int) -> list[int]:
+        """Nodes from the root to a node."""
+        found = [node]
+        while self.parent[found[-1]] >= 0:
+            found.append(int(self.parent[found[-1]]))
+        return found[::-1]

@@ -1,0 +1,168 @@
+"""Plans: found, the same again, still good when they are simulated anew; and mistakes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.errors import FileError
+from fantoccini.plan import EST2007, Explore, Rows
+
+ARM = fan.puppets.arm3d()
+HANGING = ARM.rest(
+    {"shoulder.rotation": [0, 0, 0], "elbow": 0.05, "hand.x": 0.3, "hand.length": 1.34}
+)
+RAISED = {"shoulder.rotation": [0, -np.radians(80), 0], "elbow": np.radians(80)}
+BOXES = [
+    {"name": "low", "type": "box", "size": [0.12, 0.3, 0.1], "at": [0.24, 0.0, -0.42]},
+    {"name": "high", "type": "box", "size": [0.1, 0.16, 0.2], "at": [0.32, -0.12, -0.1]},
+]
+LIMIT = 120.0
+"""Seconds: far more than a search takes, so that iterations decide."""
+
+
+def raised(seed: int = 0, obstacles=(), **options) -> fan.PlanResult:
+    asked = {"tolerance": 0.25, "iterations": 40_000, "time_limit": LIMIT} | options
+    return fan.plan(ARM, HANGING, RAISED, obstacles, seed=seed, **asked)
+
+
+@pytest.fixture(scope="module")
+def among_boxes() -> fan.PlanResult:
+    return raised(seed=1, obstacles=BOXES)
+
+
+def test_a_plan_among_boxes_arrives_and_stays_clear(among_boxes):
+    found = among_boxes
+    assert found and found.status is fan.PlanStatus.EXACT
+    assert found.distance <= 0.25
+    assert found.clearance.min() > -1e-3, "between looks it may come a little nearer"
+    end = found.trajectory.state(-1)
+    shoulder = 2 * np.arccos(
+        abs(end.q_D[:4] @ [np.cos(np.radians(40)), 0, -np.sin(np.radians(40)), 0])
+    )
+    distance = shoulder + abs(end.q_D[4] - RAISED["elbow"]) + 0.1 * np.linalg.norm(end.v_D)
+    assert distance == pytest.approx(found.distance, abs=1e-6)
+
+
+def test_the_boxes_are_in_the_way(among_boxes):
+    """Without them the first plans pass through where they stood."""
+    clear = fan.Clearance(ARM, BOXES)
+    through = [np.min(clear.of(raised(seed).trajectory)) < 0.0 for seed in range(5)]
+    assert sum(through) >= 4
+
+
+def test_inputs_keep_their_bounds(among_boxes):
+    t = np.linspace(0, among_boxes.duration, 2001)
+    _, v_K, acc_K = among_boxes.inputs.evaluate(t)
+    assert np.max(np.abs(v_K)) <= 0.5 * (1 + 1e-9)
+    assert np.max(np.abs(acc_K)) <= 2.0 * (1 + 1e-9)
+    bound = raised(obstacles=[], speed={"hand.x": 0.3, "hand.length": 0.5}, seed=2)
+    _, v_K, _ = bound.inputs.evaluate(np.linspace(0, bound.duration, 501))
+    assert np.max(np.abs(v_K[:, 1])) == 0.0, "hand.y is not named and holds still"
+    assert np.max(np.abs(v_K[:, 0])) <= 0.3 * (1 + 1e-9)
+
+
+def test_the_same_seed_gives_the_same_plan_for_any_threads(among_boxes):
+    other = raised(seed=1, obstacles=BOXES, threads=1)
+    assert other.path == among_boxes.path and other.tried == among_boxes.tried
+    for name in ("q_D", "v_D", "q_K", "acceleration", "distance"):
+        assert np.array_equal(getattr(other.tree, name), getattr(among_boxes.tree, name))
+    assert raised(seed=2, obstacles=BOXES).path != among_boxes.path
+
+
+def test_a_plan_replays_to_the_last_bit(among_boxes):
+    assert among_boxes.replay()
+    node = among_boxes.path[1]
+    kept = among_boxes.tree.acceleration[node].copy()
+    among_boxes.tree.acceleration[node] *= 1 + 1e-12
+    assert not among_boxes.replay()
+    among_boxes.tree.acceleration[node] = kept
+
+
+def test_a_plan_is_simulated_anew(among_boxes):
+    same = among_boxes.verify(dt_factor=1.0)
+    assert same.arrives and same.gap < 1e-6
+    half = among_boxes.verify(dt_factor=0.5)
+    event = among_boxes.verify(method="event", rtol=1e-10, atol=1e-10)
+    assert half.gap < event.gap < 0.3
+    assert event.run.t[-1] == pytest.approx(among_boxes.duration)
+    assert half.distance == pytest.approx(among_boxes.distance, abs=0.15)
+
+
+def test_the_papers_planner_comes_nearer():
+    found = raised(planner="est-2007", iterations=400)
+    assert found.tried == 400 and not found
+    assert found.status is fan.PlanStatus.APPROXIMATE
+    assert found.distance < 0.9 * float(found.tree.distance[0])
+    uniform = raised(planner=EST2007(bias=0.0), iterations=400)
+    assert found.distance < uniform.distance, "the distance bias helps, as the paper says"
+
+
+def test_goals_of_other_kinds():
+    elbow = fan.plan(ARM, ARM.rest(), {"elbow": 1.2}, tolerance=0.05, iterations=20_000)
+    assert elbow and abs(elbow.trajectory.q_D[-1, 4] - 1.2) < 0.05
+    up = fan.Goal.point(ARM, "lower", [0.35, 0.05, 0.0], at=[0, 0, -0.3])
+    hand = fan.plan(ARM, ARM.rest(), up, tolerance=0.03, iterations=20_000)
+    assert hand
+    end = hand.trajectory.state(-1)
+    (points,) = ARM.library.evaluate("points", [end.q_D, end.q_K, ARM.p])
+    assert np.linalg.norm(points[:3] - [0.35, 0.05, 0.0]) < 0.03 + 1e-6
+
+    def left(rows: Rows):
+        return np.maximum(0.1 - rows.q_K[..., 1], 0.0)
+
+    assert fan.plan(ARM, ARM.rest(), left, tolerance=1e-6, iterations=20_000)
+    there = ARM.rest({"hand.x": 0.4})
+    assert fan.plan(ARM, ARM.rest(), there, tolerance=0.1, iterations=20_000)
+
+
+def test_a_goal_that_is_met_needs_no_motion():
+    met = fan.plan(ARM, HANGING, HANGING)
+    assert met and met.duration == 0.0 and met.path == (0,)
+    assert met.trajectory.status is fan.Status.DONE
+
+
+def test_a_start_in_collision_is_told():
+    inside = [{"name": "stone", "type": "sphere", "radius": 0.2, "at": [0, 0, -0.3]}]
+    found = fan.plan(ARM, HANGING, RAISED, inside)
+    assert not found and found.status is fan.PlanStatus.INFEASIBLE_START
+    assert "inside stone" in found.reason and found.tried == 0
+    far = fan.plan(ARM, HANGING, RAISED, ranges={"hand.length": (0.2, 1.0)})
+    assert "hand.length starts at 1.34, outside of its range 0.2 to 1" in far.reason
+
+
+def test_an_end_of_the_search_returns_the_nearest():
+    def interrupted(tree, motions, goal, rng):
+        if len(tree) > 500:
+            raise KeyboardInterrupt
+        return Explore()(tree, motions, goal, rng)
+
+    stopped = raised(planner=interrupted, tolerance=1e-9)
+    assert not stopped and stopped.status is fan.PlanStatus.APPROXIMATE
+    assert stopped.distance == stopped.tree.distance.min() < stopped.tree.distance[0]
+    late = raised(tolerance=1e-9, time_limit=0.2)
+    assert not late and late.seconds < 5.0
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"goal": {"elbo": 1.0}}, fan.UnknownNameError, "did you mean 'elbow'"),
+        ({"goal": 3}, fan.StateError, "the goal is 3"),
+        ({"planner": "rrt"}, ValueError, "explore, est-2007"),
+        ({"tolerance": 0.0}, ValueError, "tolerance is 0"),
+        ({"speed": -1.0}, fan.StateError, "the speed of hand.x is -1"),
+        ({"speed": {"hand.z": 1.0}}, fan.UnknownNameError, "hand.z"),
+        ({"speed": 0.0}, fan.StateError, "no driven coordinate may move"),
+        ({"ranges": {"hand.x": (1.0, 0.0)}}, fan.StateError, "must not be empty"),
+        ({"obstacles": [{"name": "o", "type": "sphere", "radius": 0}]}, FileError, "radius"),
+        ({"margin": -1.0}, ValueError, "margin"),
+        ({"look": 0}, ValueError, "look"),
+    ],
+)
+def test_mistakes_are_told(options, error, message):
+    options = dict(options)
+    goal, obstacles = options.pop("goal", RAISED), options.pop("obstacles", ())
+    with pytest.raises(error, match=message):
+        fan.plan(ARM, HANGING, goal, obstacles, **options)
