@@ -290,3 +290,34 @@ def test_rows_that_all_open_and_rows_that_all_close(solve):
     check_conditions(problems[1], closed)
     assert np.all(open_.x == 0.0)
     assert closed.x == pytest.approx(np.ones(12), rel=1e-11)
+
+
+@pytest.mark.parametrize("guess", [True, False])
+def test_a_row_with_hardly_any_influence_gets_hardly_any_multiplier(solve, guess):
+    """Of the time-stepper: a string at dead centre pulls no harder than its neighbours."""
+    settings = {"event": False, "guess": guess, "upper": np.full(2, 5e3)}
+    cases = [(0.0, [1e-14, 1.0]), (1e-6, [1e-9, 1.0])]
+    none, little = solve(
+        [
+            Problem(
+                np.diag([a, 1.0]), np.zeros(2), np.zeros(2, bool), right=np.array(b), **settings
+            )
+            for a, b in cases
+        ]
+    )
+    assert 0.0 <= none.x[0] < 1e-3 and none.x[1] == pytest.approx(1.0)
+    assert 0.0 <= little.x[0] < 50.0 and little.x[1] == pytest.approx(1.0)
+
+
+def test_rows_that_hardly_differ_settle(solve):
+    """Three of six rows are the others but for a tilt of 1e-5: pivoting is for one matrix."""
+    rng, problems = np.random.default_rng(11), []
+    for _ in range(600):
+        A = rng.normal(size=(18, 6)) / np.sqrt(18)
+        A[:, 3:] = A[:, :3] @ rng.normal(size=(3, 3)) + 1e-5 * rng.normal(size=(18, 3))
+        # Rows at rest on the edge of pulling: neither x nor s differs from 0.
+        right = A.T @ (A @ np.maximum(rng.normal(size=6), 0.0))
+        free = np.zeros(6, dtype=bool)
+        problems.append(Problem(A, np.zeros(18), free, event=False, right=right))
+    unsettled = sum(found.status != SOLVED for found in solve(problems))
+    assert unsettled <= 10

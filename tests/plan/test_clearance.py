@@ -245,3 +245,39 @@ def test_mistakes_are_told():
         Clearance(arm, [{"name": "w", "type": "cone"}])
     with pytest.raises(ValueError, match="string_radius"):
         Clearance(arm, [box], string_radius=-1.0)
+
+
+def test_shapes_of_arrays_are_checked():
+    arm = fan.puppets.arm3d()
+    x = arm.rest()
+    clear = Clearance(arm, [HalfSpace(name="ground", at=(0, 0, -0.9))])
+    assert clear.at(np.tile(x.q_D, (3, 1)), x.q_K).shape == (3,)
+    assert clear.at(x.q_D.tolist(), x.q_K.tolist()) == clear.of(x)
+    assert clear.at(np.zeros((0, 5)), np.zeros((0, 3))).shape == (0,)
+    for wrong in ((x.q_D[:2], x.q_K), (x.q_D, x.q_K[:2]), (x.q_D, np.zeros(6))):
+        with pytest.raises(ValueError, match="must end in 5 and 3"):
+            clear.at(*wrong)
+    with pytest.raises(ValueError, match="no states"):
+        clear.of([])
+    assert np.isnan(clear.at(x.q_D * np.nan, x.q_K))
+
+
+def test_a_puppet_without_shapes_keeps_its_strings_clear_or_nothing():
+    bob = {"name": "bob", "joint": {"type": "translation", "axes": ["x", "z"]}, "mass": 1.0}
+    string = {"name": "s", "path": [{"body": "bob"}, {"world": [0, 0, 1]}], "length": 1.0}
+    puppet = fan.loads(str({"puppet": "bare", "bodies": [bob], "strings": [string]}))
+    x = puppet.rest()
+    bead = {"name": "bead", "type": "sphere", "radius": 0.1, "at": [0.3, 0, 0.5]}
+    assert Clearance(puppet, [bead]).nearest(x).what == "string s"
+    without = Clearance(puppet, [bead], strings=False)
+    assert without.nearest(x) is None and np.isinf(without.of(x))
+
+
+def test_an_ellipsoid_counts_as_the_capsule_about_it():
+    ellipsoid = {"type": "ellipsoid", "radii": [0.1, 0.2, 0.05], "at": [0.0, 0.0, 0.0]}
+    puppet = flying(ellipsoid)
+    x = puppet.state()
+    ground = {"name": "ground", "type": "half_space", "at": [0, 0, -1.0]}
+    assert float(Clearance(puppet, [ground]).of(x)) == pytest.approx(1.0 - 0.1)
+    wall = {"name": "wall", "type": "half_space", "at": [0, 1.0, 0], "normal": [0, -1, 0]}
+    assert float(Clearance(puppet, [wall]).of(x)) == pytest.approx(1.0 - 0.2)

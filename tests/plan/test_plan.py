@@ -106,8 +106,8 @@ def test_goals_of_other_kinds():
     hand = fan.plan(ARM, ARM.rest(), up, tolerance=0.03, iterations=20_000)
     assert hand
     end = hand.trajectory.state(-1)
-    (points,) = ARM.library.evaluate("points", [end.q_D, end.q_K, ARM.p])
-    assert np.linalg.norm(points[:3] - [0.35, 0.05, 0.0]) < 0.03 + 1e-6
+    tip = ARM.string_points(end.q_D, end.q_K)[0][0]
+    assert np.linalg.norm(tip - [0.35, 0.05, 0.0]) < 0.03 + 1e-6
 
     def left(rows: Rows):
         return np.maximum(0.1 - rows.q_K[..., 1], 0.0)
@@ -159,6 +159,11 @@ def test_an_end_of_the_search_returns_the_nearest():
         ({"obstacles": [{"name": "o", "type": "sphere", "radius": 0}]}, FileError, "radius"),
         ({"margin": -1.0}, ValueError, "margin"),
         ({"look": 0}, ValueError, "look"),
+        ({"threads": 0}, ValueError, "threads is 0"),
+        ({"iterations": 0}, ValueError, "iterations is 0"),
+        ({"obstacles": [3]}, FileError, r"obstacles\[0\]: found 3"),
+        ({"goal": lambda rows: 1.0}, fan.StateError, "finite distances of the shape"),
+        ({"goal": fan.puppets.arm2d().state()}, fan.StateError, "another puppet"),
     ],
 )
 def test_mistakes_are_told(options, error, message):
@@ -166,3 +171,46 @@ def test_mistakes_are_told(options, error, message):
     goal, obstacles = options.pop("goal", RAISED), options.pop("obstacles", ())
     with pytest.raises(error, match=message):
         fan.plan(ARM, HANGING, goal, obstacles, **options)
+
+
+def test_a_coordinate_that_holds_still_does_not_mislead():
+    some = {"hand.x": 0.5, "hand.length": 0.5}
+    tried = [raised(seed, speed=some).tried for seed in range(5)]
+    assert np.median(tried) <= 1.5 * np.median([raised(seed).tried for seed in range(5)])
+
+
+def test_the_event_driven_run_is_looked_at_all_along(among_boxes):
+    event = among_boxes.verify(method="event", rtol=1e-9, atol=1e-9)
+    assert np.max(np.diff(event.run.t)) <= among_boxes.motions.interval * (1 + 1e-9)
+    dense = fan.simulate(
+        ARM, HANGING, among_boxes.inputs, t_end=among_boxes.duration, rtol=1e-9, atol=1e-9
+    )
+    least = np.min(among_boxes.motions.clearance.of(dense))
+    assert event.clearance == pytest.approx(least, abs=5e-3)
+
+
+@pytest.mark.parametrize(("dt", "look"), [(0.001, 13), (0.0037, 3), (0.003, 7)])
+def test_a_plan_replays_with_any_step(dt, look):
+    found = raised(seed=2, dt=dt, look=look, planner=Explore(looks=20))
+    assert len(found.path) > 2 and found.replay()
+
+
+def test_a_start_that_moves_may_be_the_goal():
+    moving = ARM.project(HANGING.replace(v_K=[0.1, 0.0, 0.0]))
+    met = fan.plan(ARM, moving, HANGING, tolerance=1.0)
+    assert met and met.path == (0,)
+    assert met.trajectory.status is fan.Status.DONE and met.verify().arrives
+
+
+def test_a_start_that_no_string_allows_is_told():
+    with pytest.raises(fan.StateError, match="hand"):
+        fan.plan(ARM, HANGING.replace(q_K=[0.3, 0.0, 1.0]), RAISED)
+
+
+def test_compiling_does_not_count(tmp_path, monkeypatch):
+    monkeypatch.setenv("FANTOCCINI_CACHE", str(tmp_path))
+    text = fan.puppets.path("arm2d").read_text(encoding="utf-8")
+    fresh = fan.loads(text)
+    x = fresh.rest()
+    found = fan.plan(fresh, x, lambda rows: rows.q_K[..., 0] * 0 + 1, time_limit=0.5)
+    assert found.tried > 0

@@ -308,38 +308,6 @@ namespace {space} {{
 """
 
 _MAIN = """\
-// A puppet's time-stepper over bundles of doubles.
-#include "fantoccini/wide.hpp"
-#include "model.hpp"
-
-namespace fan {
-namespace wide {
-#define casadi_real fan::Wide
-#include "model.c"
-#undef casadi_real
-}  // namespace wide
-
-struct Model : ModelTables {
-#define FAN_FUNCTION(NAME)                                \\
-  static int NAME(const Wide** arg, Wide** res) {         \\
-    return wide::fan_##NAME(arg, res, nullptr, nullptr, 0); \\
-  }
-  FAN_FUNCTION(step_dynamics_varying)
-  FAN_FUNCTION(limit_rates)
-  FAN_FUNCTION(energy)
-  FAN_FUNCTION(forth)
-  FAN_FUNCTION(back)
-  static void step_dynamics_constants(Wide** res) { wide::fan_step_dynamics_constants(res); }
-  static void column(int which, const Wide** arg, Wide** res) {
-    wide::fan_column(which, arg, res);
-  }
-};
-}  // namespace fan
-
-#include "fantoccini/lane_abi.hpp"
-"""
-
-_MAIN = """\
 // A compiled puppet: the generated model under the runtime's C interface.
 #include <cmath>
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import least_squares, nnls
 
-from fantoccini.arrays import Array, ConfigD, ConfigK
+from fantoccini.arrays import Array, ConfigD, ConfigK, MaskRows
 from fantoccini.marionette import Marionette
 
 _SOFT = 1e-3
 """Weight of how far string ends move, so that those that matter to nothing stay."""
 
 
-def balanced(marionette: Marionette, q_D: ConfigD, q_K: ConfigK) -> ConfigK:
+def balanced(marionette: Marionette, q_D: ConfigD, q_K: ConfigK, moves: MaskRows) -> ConfigK:
     """q_K at which a pose is nearest to an equilibrium on its strings.
 
         min over q_K and T >= 0 of |w_0 - W T|^2,   acc_D = F^-1 (w_0 - W T) at rest
@@ -23,11 +23,17 @@ def balanced(marionette: Marionette, q_D: ConfigD, q_K: ConfigK) -> ConfigK:
         marionette: the puppet.
         q_D: the pose.
         q_K: where to begin.
+        moves: (n_vK,) bool, the driven coordinates that may be elsewhere.
     """
     tree, p = marionette.tree, marionette.p
     at_rest = np.zeros(marionette.coordinates.n_vD), np.zeros(marionette.coordinates.n_vK)
-    lengths = [(i, s.length_index[0]) for i, s in enumerate(tree.strings) if s.length_index]
-    ends = np.setdiff1d(np.arange(len(q_K)), [k for _, k in lengths])
+    movable = [q for q, v in marionette.coordinates.scalars_K if moves[v]]
+    lengths = [
+        (i, s.length_index[0])
+        for i, s in enumerate(tree.strings)
+        if s.length_index and s.length_index[0] in movable
+    ]
+    ends = np.setdiff1d(movable, [k for _, k in lengths]).astype(int)
 
     def reaching(x: Array) -> Array:
         made = q_K.copy()

@@ -85,9 +85,8 @@ class Clearance:
     @property
     def measures_nothing(self) -> bool:
         """Whether there is nothing to keep clear of."""
-        of_obstacles = len(self._solids.standing) * (
-            len(self._links) + len(self._solids.string_radius)
-        )
+        strings = int(np.sum(self._solids.string_radius >= 0.0))
+        of_obstacles = len(self._solids.standing) * (len(self._links) + strings)
         return not of_obstacles and not len(self._solids.pairs)
 
     def at(self, q_D: Array, q_K: Array, threads: int = 1) -> Array:
@@ -98,7 +97,10 @@ class Clearance:
             threads: that share the work where there is much of it.
 
         Returns:
-            (...) [m]; infinite where nothing is measured.
+            (...) [m]; infinite where nothing is measured, nan where a configuration is.
+
+        Raises:
+            ValueError: arrays of other widths than the puppet's configurations.
         """
         return self._measured(q_D, q_K, threads)[0]
 
@@ -112,22 +114,33 @@ class Clearance:
 
     def nearest(self, motion: State | Trajectory | Sequence[State]) -> Nearest | None:
         """What comes nearest to what, at the worst of all configurations; None without any."""
-        if self.measures_nothing:
-            return None
         distance, pair = (np.ravel(a) for a in self._measured(*_configurations(motion), 1))
-        worst = int(np.argmin(distance))
+        if not np.any(pair >= 0):
+            return None
+        worst = int(np.nanargmin(distance))
         what, other = self._named(int(pair[worst]))
         return Nearest(what, other, float(distance[worst]))
 
     def _measured(self, q_D: Array, q_K: Array, threads: int) -> tuple[Array, np.ndarray]:
-        lead = q_D.shape[:-1]
-        if self.measures_nothing:
+        q_D, q_K = np.asarray(q_D, dtype=float), np.asarray(q_K, dtype=float)
+        table = self.marionette.coordinates
+        if (q_D.shape[-1:], q_K.shape[-1:]) != ((table.n_qD,), (table.n_qK,)):
+            raise ValueError(
+                f"q_D and q_K have the shapes {q_D.shape} and {q_K.shape}; they must end in "
+                f"{table.n_qD} and {table.n_qK}"
+            )
+        lead = np.broadcast_shapes(q_D.shape[:-1], q_K.shape[:-1])
+        if self.measures_nothing or 0 in lead:
             return np.full(lead, np.inf), np.full(lead, -1)
         n = int(np.prod(lead))
-        found = self.marionette.clearances.measure(
-            self._solids, q_D.reshape(n, -1), q_K.reshape(n, -1), self.marionette.p, threads
+        rows = [
+            np.broadcast_to(a, (*lead, a.shape[-1])).reshape(n, a.shape[-1]) for a in (q_D, q_K)
+        ]
+        distance, pair = self.marionette.clearances.measure(
+            self._solids, *rows, self.marionette.p, threads
         )
-        return found[0].reshape(lead), found[1].reshape(lead)
+        finite = np.isfinite(rows[0]).all(axis=1) & np.isfinite(rows[1]).all(axis=1)
+        return np.where(finite, distance, np.nan).reshape(lead), pair.reshape(lead)
 
     def _named(self, pair: int) -> tuple[str, str]:
         """The names of a pair, by its number."""
@@ -147,4 +160,6 @@ class Clearance:
 def _configurations(motion: State | Trajectory | Sequence[State]) -> tuple[Array, Array]:
     if isinstance(motion, (State, Trajectory)):
         return motion.q_D, motion.q_K
+    if not len(motion):
+        raise ValueError("no states; give at least one")
     return np.array([x.q_D for x in motion]), np.array([x.q_K for x in motion])

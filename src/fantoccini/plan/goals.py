@@ -60,6 +60,20 @@ class Goal:
     q_D: ConfigD | None = None
     q_K: ConfigK | None = None
 
+    def of_start(self, rows: Rows) -> float:
+        """The distance of one state, rows (1,).
+
+        Raises:
+            StateError: the goal's function does not give one finite distance for it.
+        """
+        found = np.asarray(self.distance(rows))
+        if found.shape != rows.shape or not np.all(np.isfinite(found)):
+            raise StateError(
+                f"the goal gives {found!r} for the start; needed: finite distances of the shape "
+                f"{rows.shape}"
+            )
+        return float(found[0])
+
     @classmethod
     def of(cls, marionette: Marionette, goal, speed_weight: float = 0.1) -> Goal:
         """A goal from what a user gives.
@@ -77,6 +91,9 @@ class Goal:
         if isinstance(goal, Goal):
             return goal
         if isinstance(goal, State):
+            wanted = marionette.coordinates.n_qD, marionette.coordinates.n_qK
+            if (len(goal.q_D), len(goal.q_K)) != wanted:
+                raise StateError("the goal is a state of another puppet")
             return _configuration(marionette, goal.q_D, None, speed_weight, goal.q_K)
         if isinstance(goal, Mapping):
             return cls.pose(marionette, goal, speed_weight=speed_weight)
@@ -143,13 +160,11 @@ class Goal:
         target, offset = np.asarray(place, dtype=float), np.asarray(at, dtype=float)
         if target.shape != (3,) or offset.shape != (3,) or not np.all(np.isfinite(target)):
             raise StateError(f"a point's place is {place!r} and at {at!r}; needed: three numbers")
-        first = 12 * links.index(body)
+        link = links.index(body)
 
         def distance(rows: Rows) -> Array:
-            (poses,) = marionette.library.evaluate("poses", [rows.q_D, rows.q_K, marionette.p])
-            pose = poses[..., first : first + 12]
-            R = pose[..., :9].reshape(*pose.shape[:-1], 3, 3)  # columns as rows
-            there = pose[..., 9:] + np.einsum("...ji,j->...i", R, offset)
+            pose = marionette.poses(rows.q_D, rows.q_K)[..., link, :, :]
+            there = pose[..., 3] + pose[..., :3] @ offset
             return _size(there - target) + speed_weight * _size(rows.v_D)
 
         return cls(distance, f"{body} at {target.tolist()}")

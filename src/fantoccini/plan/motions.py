@@ -30,6 +30,11 @@ class Bounds:
     low: Array
     high: Array
 
+    @property
+    def moves(self) -> Array:
+        """(n_vK,) bool, the coordinates that may move."""
+        return (self.speed > 0.0) & (self.acceleration > 0.0)
+
     @classmethod
     def of(
         cls,
@@ -145,7 +150,8 @@ class Motions:
         """
         n, m = len(acceleration), looks + 1
         table, tree = self.marionette.coordinates, self.marionette.tree
-        t = np.arange(m) * self.interval
+        # Whole steps, so that a motion that ends earlier has the same times.
+        t = self.dt * (self.look * np.arange(m))
         parts = {
             "q_D": np.full((n, m, table.n_qD), np.nan),
             "v_D": np.full((n, m, table.n_vD), np.nan),
@@ -155,9 +161,9 @@ class Motions:
         coef[:, 0, :, 0], coef[:, 0, :, 1] = starts.q_K, starts.v_K
         coef[:, 0, :, 2] = 0.5 * acceleration
         batch = Batch(
-            n=n, t=0.0, t_end=looks * self.interval,
+            n=n, t=0.0, t_end=t[-1],
             q_D=starts.q_D, v_D=starts.v_D, slip=starts.slip,
-            breaks=np.array([[0.0, looks * self.interval]]), coef=coef,
+            breaks=np.array([[0.0, t[-1]]]), coef=coef,
             base=np.ascontiguousarray(starts.q_K[:, None]), force=None,
             p=self.marionette.p, winches=self.marionette.winches, options=self._options, times=t,
             parts=parts, status=np.full(n, Status.STOPPED, dtype=np.int32),

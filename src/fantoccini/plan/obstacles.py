@@ -57,7 +57,11 @@ def standing(
     Raises:
         FileError: a mapping is not an obstacle, or a name is used twice.
     """
-    given = [o if isinstance(o, (Obstacle, HalfSpace)) else dict(o) for o in obstacles]
+    given = [dict(o) if isinstance(o, Mapping) else o for o in obstacles]
+    for k, o in enumerate(given):
+        if not isinstance(o, (Obstacle, HalfSpace, dict)):
+            text = f"found {o!r}; needed: a mapping of keys and values, or an obstacle"
+            raise FileError([Problem("<python>", None, f"obstacles[{k}]", text)])
     described = [o for o in given if isinstance(o, dict)]
     made = iter(validate(_Listed, Located({"obstacles": described}, "<python>")).obstacles)
     found = [next(made) if isinstance(o, dict) else o for o in given]

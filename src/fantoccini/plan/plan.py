@@ -78,27 +78,40 @@ def plan(
         The plan; false unless it ends within the tolerance.
 
     Raises:
-        StateError, UnknownNameError, FileError: what is asked makes no sense.
+        StateError, UnknownNameError, FileError: what is asked makes no sense, or a string is too
+            short for the start.
         ValueError: a number out of range, or an unknown planner.
     """
-    _check(tolerance, margin, time_limit, dt, look, iterations)
+    threads = default_threads() if threads is None else threads
+    _check(tolerance, margin, time_limit, dt)
+    for name, number in (
+        ("look", look),
+        ("iterations", 1 if iterations is None else iterations),
+        ("threads", threads),
+    ):
+        if number < 1:
+            raise ValueError(f"{name} is {number}; it must be at least 1")
     if isinstance(planner, str):
         if planner not in PLANNERS:
             raise ValueError(f"planner is {planner!r}; it must be one of {', '.join(PLANNERS)}")
         planner = PLANNERS[planner]()
-    began = time.perf_counter()
+    marionette.check_start(start)
     aim = Goal.of(marionette, goal)
-    if aim.q_K is None and aim.q_D is not None:
-        aim = replace(aim, q_K=balanced(marionette, aim.q_D, start.q_K))
     clearance = Clearance(marionette, obstacles, strings=strings, self_collision=self_collision)
     bounds = Bounds.of(marionette, speed, acceleration, ranges or {})
+    # What is compiled once and kept does not count.
+    _ = marionette.library, marionette.lanes, marionette.clearances
+    began = time.perf_counter()
+    if aim.q_K is None and aim.q_D is not None:
+        there = balanced(marionette, aim.q_D, start.q_K, bounds.moves)
+        aim = replace(aim, q_K=np.clip(there, bounds.low, bounds.high))
     motions = Motions(
         marionette, clearance, bounds, margin=margin, dt=dt, look=look,
-        threads=threads or default_threads(),
+        threads=threads,
     )  # fmt: skip
     slip = start.slip if len(start.slip) else np.zeros(len(marionette.tree.strings))
     root = Rows(*(np.array([a]) for a in (start.q_D, start.v_D, slip, start.q_K, start.v_K)))
-    tree = SearchTree(root, float(aim.distance(root)[0]), marionette.coordinates.n_vK)
+    tree = SearchTree(root, aim.of_start(root), marionette.coordinates.n_vK)
     status, reason, tried = PlanStatus.APPROXIMATE, _blocked(start, motions), 0
     if reason:
         status = PlanStatus.INFEASIBLE_START
@@ -138,13 +151,9 @@ def _blocked(start: State, motions: Motions) -> str:
     return ""
 
 
-def _check(
-    tolerance: float, margin: float, limit: float, dt: float, look: int, iterations: int | None
-) -> None:
+def _check(tolerance: float, margin: float, limit: float, dt: float) -> None:
     for name, value in (("tolerance", tolerance), ("time_limit", limit), ("dt", dt)):
         if not 0.0 < value < np.inf:
             raise ValueError(f"{name} is {value}; it must be finite and greater than 0")
     if not 0.0 <= margin < np.inf:
         raise ValueError(f"margin is {margin}; it must be a number of at least 0 [m]")
-    if look < 1 or (iterations is not None and iterations < 1):
-        raise ValueError(f"look is {look} and iterations {iterations}; both must be at least 1")

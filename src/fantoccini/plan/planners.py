@@ -55,7 +55,8 @@ class EST2007:
         self, tree: SearchTree, motions: Motions, goal: Goal, rng: np.random.Generator
     ) -> Grown:
         weight = np.maximum(tree.distance, 1e-9) ** -self.bias
-        chosen = np.searchsorted(np.cumsum(weight), rng.random(1) * weight.sum())
+        sums = np.cumsum(weight)
+        chosen = np.searchsorted(sums, rng.random(1) * sums[-1])
         looks = int(rng.integers(self.looks[0], self.looks[1] + 1))
         acceleration = random_accelerations(tree, motions, goal, chosen, looks, rng)
         swept = motions.sweep(tree.rows[chosen], acceleration, looks)
@@ -163,8 +164,9 @@ def time_to_go(q_K: Array, motions: Motions, goal: Goal) -> Array:
     """
     if goal.q_K is None:
         return np.zeros(q_K.shape[:-1])
-    speed = np.maximum(motions.bounds.speed, 1e-300)
-    return np.max(np.abs(q_K - goal.q_K) / speed, axis=-1)
+    moves = motions.bounds.moves
+    away = np.abs(q_K - goal.q_K)[..., moves]
+    return np.max(away / motions.bounds.speed[moves], axis=-1)
 
 
 def _mixing(n: int) -> Array:
@@ -198,7 +200,8 @@ def random_accelerations(
     if goal.q_K is not None and led > 0.0:
         n = len(chosen)
         patience = duration * (1.0 + 3.0 * rng.random((n, 1)))
-        there = (goal.q_K - tree.q_K[chosen]) / patience / np.maximum(bounds.speed, 1e-300)
+        away = np.where(bounds.moves, goal.q_K - tree.q_K[chosen], 0.0)
+        there = away / patience / np.where(bounds.moves, bounds.speed, 1.0)
         # All together slow down to the slowest, so that the ends go straight there.
         there /= np.maximum(1.0, np.abs(there).max(axis=1, keepdims=True))
         astray = wanted * rng.choice([0.0, 0.2, 0.6], (n, 1))

@@ -100,15 +100,16 @@ class PlanResult:
     def inputs(self) -> Input:
         """The driven coordinates: constant accelerations from node to node, then held.
 
-        A plan without a motion holds still.
+        A plan without a motion goes on for a step.
         """
-        marionette, tree, path = self.motions.marionette, self.tree, list(self.path)
+        tree, path = self.tree, list(self.path)
+        times, acceleration = self.start.t + tree.time[path], tree.acceleration[path[1:]]
         if len(path) == 1:
-            return Input.hold(marionette)
+            times = np.append(times, times + self.motions.dt)
+            acceleration = np.zeros((1, len(self.start.v_K)))
         return Input.segments(
-            marionette, self.start.t + tree.time[path], self.start.q_K, self.start.v_K,
-            tree.acceleration[path[1:]],
-        )  # fmt: skip
+            self.motions.marionette, times, self.start.q_K, self.start.v_K, acceleration
+        )
 
     @cached_property
     def trajectory(self) -> Trajectory:
@@ -162,7 +163,10 @@ class PlanResult:
         # A plan of one node has nothing to run; it stands for one step.
         end = self.start.t + max(self.duration, self.motions.dt)
         if options["method"] == "event":
-            options["save_at"] = self.start.t + self.tree.time[list(self.path)]
+            # The nodes, and looks from start to end.
+            nodes = self.start.t + self.tree.time[list(self.path)]
+            looks = np.arange(self.start.t, end, self.motions.interval)
+            options["save_at"] = np.unique(np.minimum(np.append(nodes, looks), end))
         return simulate(
             self.motions.marionette, self.start, self.inputs, t_end=end, throw=False, **options
         )

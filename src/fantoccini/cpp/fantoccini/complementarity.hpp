@@ -15,7 +15,7 @@
 
 namespace fan {
 
-constexpr double kFirm = 1e4;        // times eps: relative pivots from which on nothing is raised
+constexpr double kFirm = 1e4;        // times eps: pivots, by the largest, from which on nothing is raised
 constexpr double kRounding = 4e-16;  // of a row's residual, relative to the sum of its terms
 
 template <class Real, int capacity>
@@ -75,13 +75,14 @@ struct Complementarity {
     using std::abs;
     Real fewest = Real(double(n + 1)), patience = Real(3.0);
     Mask solved = Real(0.0) > Real(1.0);
+    raised_ = solved;
     for (int iteration = 0; iteration < max_iterations; ++iteration) {
       factorise_as_needed(eps);
       first_solution();
       Real scale = Real(0.0), count = Real(0.0);
       for (int i = 0; i < n; ++i) scale = select(abs(x[i]) > scale, Real(abs(x[i])), scale);
       Mask below[N], above[N], wrong[N];
-      residuals(raise_ > Real(0.0));
+      residuals(raised_);
       for (int i = 0; i < n; ++i) {
         const Real sum = s[i] + raise_ * x[i], terms = terms_[i];
         below[i] = active[i] && x[i] < lower[i] - tolerance * scale;
@@ -105,19 +106,22 @@ struct Complementarity {
         active[i] = (active[i] && !flip) || (!active[i] && flip);
       }
     }
-    refine(max_refinements, raise_ > Real(0.0));
+    refine(max_refinements, raised_);
     return solved;
   }
 
  private:
-  // Raised in the lanes in which a row hardly differs from those before it; the others' solution
-  // has no more error than rounding, and needs no refinement.
+  // Raised in the lanes in which a row hardly differs from those before it, or has hardly any
+  // influence, and from then on: pivoting ends for one matrix, not for two that take turns. The
+  // others' solution has no more error than rounding, and needs no refinement.
   FAN_FN void factorise_as_needed(double eps) {
     choose();
-    raise_ = Real(0.0);
+    raise_ = select(raised_, eps * largest_, Real(0.0));
     factor(kFirm * eps);
-    if (!any(loose_)) return;
-    raise_ = select(loose_, eps * largest_, raise_);
+    const Mask now = loose_ && !raised_;
+    if (!any(now)) return;
+    raised_ = raised_ || now;
+    raise_ = select(raised_, eps * largest_, Real(0.0));
     factor(0.0);
   }
 
@@ -134,7 +138,7 @@ struct Complementarity {
     }
   }
 
-  // Pivots below `least` times their row's diagonal entry are noted.
+  // Lanes with pivots below `least` times the largest diagonal entry are noted.
   FAN_FN void factor(double least) {
     loose_ = Real(0.0) > Real(1.0);
     Real scaled[N];  // row c of L times D
@@ -151,7 +155,7 @@ struct Complementarity {
       const Real floor = raise_ * 1e-2 + diagonal * 1e-16 + 1e-300;
       pivots_[c] = select(pivot > floor, pivot, floor);
       inverse_[c] = Real(1.0) / pivots_[c];
-      loose_ = loose_ || (active[j] && pivots_[c] < least * diagonal);
+      loose_ = loose_ || (active[j] && pivots_[c] < least * largest_);
       for (int d = c + 1; d < n_some_; ++d) {
         const int i = some_[d];
         Real* other = factor_ + d * N;
@@ -215,7 +219,7 @@ struct Complementarity {
   }
 
   Real raise_, largest_, terms_[N];
-  Mask loose_;
+  Mask loose_, raised_;
   int some_[N], n_some_ = 0;  // rows active in some lane, in order
   // These rows' block is L D L^T with ones on L's diagonal; the part of a row that is not active in
   // a lane is that of the unit matrix there.

@@ -96,7 +96,7 @@ struct TimeStep {
   FAN_FN void settle() {
     auto& problem = rows.problem;
     const int patience = 50 + 4 * rows.n;
-    settled = idle || problem.solve(kStepEps, 1, kStepTolerance, patience);
+    settled = problem.solve(kStepEps, 1, kStepTolerance, patience) || idle;
     if (!any(!settled)) return;
     Real x[room(M)], s[room(M)];
     Mask high[room(M)];
