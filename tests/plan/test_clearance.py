@@ -48,8 +48,13 @@ def turned(found: dict) -> np.ndarray:
 
 def geom(name: str, found: dict, place: np.ndarray, turn: np.ndarray) -> str:
     """The same shape as a geom of MuJoCo, moved by a rotation and a translation."""
-    numbers = lambda x: " ".join(repr(float(v)) for v in np.ravel(x))  # noqa: E731
-    move = lambda x: turn @ np.asarray(x) + place  # noqa: E731
+
+    def numbers(x) -> str:
+        return " ".join(repr(float(v)) for v in np.ravel(x))
+
+    def move(x) -> np.ndarray:
+        return turn @ np.asarray(x) + place
+
     if found["type"] == "capsule":
         ends = [move(found["from"]), move(found["to"])]
         form = f'type="capsule" size="{found["radius"]}" fromto="{numbers(ends)}"'

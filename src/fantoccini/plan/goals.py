@@ -154,13 +154,10 @@ class Goal:
         Raises:
             UnknownNameError: no body has this name.
         """
-        links = [link.name for link in marionette.tree.links]
-        if body not in links:
-            raise UnknownNameError("body", body, links)
+        link = marionette.link(body)
         target, offset = np.asarray(place, dtype=float), np.asarray(at, dtype=float)
         if target.shape != (3,) or offset.shape != (3,) or not np.all(np.isfinite(target)):
             raise StateError(f"a point's place is {place!r} and at {at!r}; needed: three numbers")
-        link = links.index(body)
 
         def distance(rows: Rows) -> Array:
             pose = marionette.poses(rows.q_D, rows.q_K)[..., link, :, :]

@@ -55,8 +55,7 @@ class EST2007:
         self, tree: SearchTree, motions: Motions, goal: Goal, rng: np.random.Generator
     ) -> Grown:
         weight = np.maximum(tree.distance, 1e-9) ** -self.bias
-        sums = np.cumsum(weight)
-        chosen = np.searchsorted(sums, rng.random(1) * sums[-1])
+        chosen = _drawn(weight, 1, rng)
         looks = int(rng.integers(self.looks[0], self.looks[1] + 1))
         acceleration = random_accelerations(tree, motions, goal, chosen, looks, rng)
         swept = motions.sweep(tree.rows[chosen], acceleration, looks)
@@ -147,8 +146,7 @@ class Explore:
         number = cells @ _mixing(cells.shape[1])
         _, cell, count = np.unique(number, return_inverse=True, return_counts=True)
         weight = 1.0 / (count[cell] * (1.0 + tree.tried))
-        sums = np.cumsum(weight)
-        return np.searchsorted(sums, rng.random(n) * sums[-1])
+        return _drawn(weight, n, rng)
 
 
 def time_to_go(q_K: Array, motions: Motions, goal: Goal) -> Array:
@@ -167,6 +165,12 @@ def time_to_go(q_K: Array, motions: Motions, goal: Goal) -> Array:
     moves = motions.bounds.moves
     away = np.abs(q_K - goal.q_K)[..., moves]
     return np.max(away / motions.bounds.speed[moves], axis=-1)
+
+
+def _drawn(weight: Array, n: int, rng: np.random.Generator) -> Array:
+    """n places, each with a probability in proportion to its weight."""
+    sums = np.cumsum(weight)
+    return np.searchsorted(sums, rng.random(n) * sums[-1])
 
 
 def _mixing(n: int) -> Array:

@@ -18,7 +18,7 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.errors import BuildError
 from fantoccini.runtime.compiled import Library
-from fantoccini.runtime.functions import pointer
+from fantoccini.runtime.functions import opened, pointer
 from fantoccini.runtime.structures import UNLIMITED, Options, RunOptions
 
 PARTS = ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K", "force", "taut", "books", "slip")
@@ -74,15 +74,8 @@ class BatchLibrary:
     """
 
     def __init__(self, source: Path | Library):
-        if isinstance(source, Library):
-            self.handle = source.handle
-        else:
-            try:
-                self.handle = ctypes.CDLL(str(source))
-            except OSError as error:
-                raise BuildError(
-                    f"the compiled lanes {source} cannot be loaded: {error}"
-                ) from error
+        made = isinstance(source, Library)
+        self.handle = source.handle if made else opened(source, "lanes")
         sizes = (ctypes.c_int * 2)()
         self.handle.fan_batch_sizes(sizes)
         if sizes[0] != ctypes.sizeof(_BatchArrays):

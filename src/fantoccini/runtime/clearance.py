@@ -12,7 +12,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import BuildError
-from fantoccini.runtime.functions import pointer
+from fantoccini.runtime.functions import opened, pointer
 
 SEGMENT, BOX, HALF_SPACE = range(3)
 """Kinds of solids, as in ``clearance.hpp``."""
@@ -68,10 +68,7 @@ class ClearanceLibrary:
     """
 
     def __init__(self, file: Path):
-        try:
-            self.handle = ctypes.CDLL(str(file))
-        except OSError as error:
-            raise BuildError(f"the compiled clearances {file} cannot be loaded: {error}") from error
+        self.handle = opened(file, "clearances")
         sizes = (ctypes.c_int * 3)()
         self.handle.fan_clearance_sizes(sizes)
         if list(sizes[:2]) != [SOLID.itemsize, ctypes.sizeof(_Arrays)]:

@@ -31,10 +31,7 @@ class Functions:
     """
 
     def __init__(self, path: Path, signatures: Signatures | None = None):
-        try:
-            self.handle = ctypes.CDLL(str(path))
-        except OSError as error:
-            raise BuildError(f"the compiled puppet {path} cannot be loaded: {error}") from error
+        self.handle = opened(path, "puppet")
         self.signatures = signatures or {}
 
     def evaluate(self, name: str, arguments: list[Array]) -> list[Array]:
@@ -75,6 +72,22 @@ class Functions:
         if status != 0:
             raise BuildError(f"the generated function {name} returned {status}")
         return out
+
+
+def opened(path: Path, what: str) -> ctypes.CDLL:
+    """A shared library.
+
+    Args:
+        path: of the file.
+        what: it holds, in words.
+
+    Raises:
+        BuildError: it cannot be loaded.
+    """
+    try:
+        return ctypes.CDLL(str(path))
+    except OSError as error:
+        raise BuildError(f"the compiled {what} {path} cannot be loaded: {error}") from error
 
 
 def pointer(array: np.ndarray) -> ctypes.c_void_p:
