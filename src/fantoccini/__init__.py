@@ -1,11 +1,11 @@
 """Dynamics of marionettes: articulated rigid bodies hung from massless strings.
 
-    import fantoccini as fan
+import fantoccini as fan
 
-    arm = fan.puppets.arm2d()
-    x0 = arm.rest({"hand.length": 0.8})
-    lift = fan.Input.waypoints(arm, {"hand.length": [(0, 0.8), (1.5, 0.5)]})
-    run = fan.simulate(arm, x0, lift, t_end=3.0)
+arm = fan.puppets.arm2d()
+x0 = arm.rest({"hand.length": 0.8})
+lift = fan.Input.waypoints(arm, {"hand.length": [(0, 0.8), (1.5, 0.5)]})
+run = fan.simulate(arm, x0, lift, t_end=3.0)
 """
 
 from fantoccini import puppets

@@ -3,7 +3,7 @@
 from fantoccini.codegen.c99 import c99_files
 from fantoccini.codegen.derivatives import SIZES as DERIVATIVE_SIZES
 from fantoccini.codegen.derivatives import generate_derivatives
-from fantoccini.codegen.lanes import generate_clearance, generate_lanes
+from fantoccini.codegen.lanes import generate_clearance, generate_lanes, generate_motions
 from fantoccini.codegen.model import (
     STEM,
     VERSION,
@@ -24,6 +24,7 @@ __all__ = [
     "generate_clearance",
     "generate_derivatives",
     "generate_lanes",
+    "generate_motions",
     "model_text",
     "operations",
     "tables_text",

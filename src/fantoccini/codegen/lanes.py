@@ -1,4 +1,5 @@
-"""What is compiled for bundles of doubles: time-steppers and clearances, libraries of their own."""
+"""What is compiled for bundles of doubles, libraries of their own: time-steppers for batches,
+clearances, and a planner's motions, which are both."""
 
 from __future__ import annotations
 
@@ -29,6 +30,17 @@ def generate_clearance(equations: Equations) -> Generated:
     names = ("poses", "points")
     made = {name: whole for name, whole in programs(equations, names).items() if name in names}
     return _generated(equations, made, names, "", "clearance_abi")
+
+
+def generate_motions(equations: Equations) -> Generated:
+    """The source text of a puppet's time-stepper with clearances, for planners.
+
+    Args:
+        equations: the derived equations.
+    """
+    names = ("step_dynamics", "limit_rates", "forth", "back", "poses", "points")
+    functions = ("step_dynamics_varying", *names[1:])
+    return _generated(equations, programs(equations, names), functions, _STEPPER, "motions_abi")
 
 
 def _generated(

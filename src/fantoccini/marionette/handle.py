@@ -7,15 +7,16 @@ import dataclasses
 from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
-from fantoccini import build, codegen, equations, puppet, tree
+from fantoccini import puppet, tree
 from fantoccini.arrays import Array
-from fantoccini.errors import BuildError, StateError, UnknownNameError
-from fantoccini.marionette import checks, generator, statics, values_by_name
+from fantoccini.errors import StateError, UnknownNameError
+from fantoccini.marionette import checks, statics, values_by_name
 from fantoccini.marionette.analysis import Analysis
+from fantoccini.marionette.compiled import Compiled
 from fantoccini.marionette.differentiable import Differentiable
 from fantoccini.marionette.flow import Flow
 from fantoccini.marionette.instant import Instant
@@ -24,7 +25,7 @@ from fantoccini.marionette.rows import RowLayout
 from fantoccini.marionette.stepper import Stepper
 from fantoccini.motion import Input, State, States
 from fantoccini.puppet import Number, Parameter, Puppet
-from fantoccini.runtime import BatchLibrary, ClearanceLibrary, Library, RunOptions
+from fantoccini.runtime import RunOptions
 from fantoccini.tree import CoordinateTable, Tree
 from fantoccini.world import World
 
@@ -34,7 +35,7 @@ BRAKE = 1.0
 """Deceleration of a winch that rewinds, before it stops [m/s^2]; ``kBrake`` of ``winch.hpp``."""
 
 
-class Marionette(Portable, Analysis, Differentiable):
+class Marionette(Compiled, Portable, Analysis, Differentiable):
     """A puppet on strings: its coordinates, equations, compiled model, states.
 
     Nothing is derived or compiled before it is needed; a puppet that was compiled before loads
@@ -80,71 +81,6 @@ class Marionette(Portable, Analysis, Differentiable):
     def coordinates(self) -> CoordinateTable:
         """Names and places of all coordinates."""
         return self.tree.coordinates
-
-    @cached_property
-    def equations(self) -> equations.Equations:
-        """The symbolic equations and the functions made from them."""
-        return equations.derive(self.tree)
-
-    @cached_property
-    def library(self) -> Library:
-        """The compiled model, from the cache or made now.
-
-        Raises:
-            BuildError: no compiler, or it failed.
-            PuppetError: the mass matrix is singular.
-        """
-        return self._compiled("model", codegen.generate, lambda file: Library(file, self.tree))
-
-    @cached_property
-    def lanes(self) -> BatchLibrary:
-        """The compiled time-stepper for many trajectories side by side; made when first needed.
-
-        Raises:
-            BuildError: no compiler, or it failed.
-            PuppetError: the mass matrix is singular.
-        """
-        return self._compiled("lanes", codegen.generate_lanes, BatchLibrary)
-
-    @cached_property
-    def clearances(self) -> ClearanceLibrary:
-        """The compiled distances from obstacles; made when first needed.
-
-        Raises:
-            BuildError: no compiler, or it failed.
-            PuppetError: the mass matrix is singular.
-        """
-        return self._compiled("clearance", codegen.generate_clearance, ClearanceLibrary)
-
-    def compile(self) -> None:
-        """Loads the compiled model, or makes it, before anything needs it."""
-        _ = self.library
-
-    def _compiled(self, what: str, generate: Callable, load: Callable[[Path], Any]) -> Any:
-        """A library of this puppet, from the cache or made now; ``what`` tells them apart."""
-        canonical = "\n".join(p.canonical() for p in self.world.puppets)
-        shaped_by = generator.fingerprint(derivatives=what == "derivatives")
-        key = build.fingerprint(canonical, shaped_by, flags=(what,))
-
-        def source() -> build.Source:
-            return self.source(generate)
-
-        folder = build.obtain(key, source, progress=self._progress)
-        try:
-            return load(folder / build.LIBRARY)
-        except BuildError:
-            folder = build.obtain(key, source, progress=self._progress, afresh=True)
-            return load(folder / build.LIBRARY)
-
-    def source(self, generate: Callable = codegen.generate) -> build.Source:
-        """The text that a library of this puppet is compiled from.
-
-        Raises:
-            PuppetError: the mass matrix is singular.
-        """
-        self.check_mass_matrix()
-        made = generate(self.equations)
-        return build.Source(made.files, made.main, {"operations": made.operations}, made.units)
 
     def with_parameters(self, values: Mapping[str, float]) -> Marionette:
         """The same puppet with other values of its parameters; nothing is compiled again.

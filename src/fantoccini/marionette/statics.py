@@ -11,8 +11,7 @@ from fantoccini.arrays import Array
 from fantoccini.errors import StateError, Status
 from fantoccini.marionette.checks import CLOSED
 from fantoccini.marionette.instant import Instant
-from fantoccini.motion import Input, State
-from fantoccini.motion.rotation import exp, multiply
+from fantoccini.motion import Input, State, tangent
 from fantoccini.runtime import Run
 
 if TYPE_CHECKING:
@@ -55,13 +54,7 @@ def retract(marionette: Marionette, q_D: Array, move: Array) -> Array:
         (..., n_qD).
     """
     table = marionette.coordinates
-    out = np.broadcast_to(q_D, (*move.shape[:-1], len(q_D))).copy()
-    for q, v in table.scalars_D:
-        out[..., q] += move[..., v]
-    for q, v in table.quaternions_D:
-        turned = multiply(out[..., q : q + 4], exp(move[..., v : v + 3]))
-        out[..., q : q + 4] = turned / np.linalg.norm(turned, axis=-1, keepdims=True)
-    return out
+    return tangent.moved(table.scalars_D, table.quaternions_D, q_D, move)
 
 
 def project(marionette: Marionette, x: State) -> State:

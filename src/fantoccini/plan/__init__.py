@@ -3,8 +3,9 @@
 from fantoccini.plan.clearance import Clearance, Nearest
 from fantoccini.plan.goals import Goal, Rows
 from fantoccini.plan.obstacles import HalfSpace
-from fantoccini.plan.plan import PLANNERS, plan
+from fantoccini.plan.plan import PLANNERS, plan, search
 from fantoccini.plan.planners import EST2007, Explore
+from fantoccini.plan.problem import Problem
 from fantoccini.plan.result import Check, PlanResult, PlanStatus
 
 __all__ = [
@@ -18,6 +19,8 @@ __all__ = [
     "Nearest",
     "PlanResult",
     "PlanStatus",
+    "Problem",
     "Rows",
     "plan",
+    "search",
 ]

@@ -49,6 +49,7 @@ class Clearance:
     Attributes:
         marionette: the puppet.
         obstacles: all that stand, the world's own and its floor included.
+        solids: all that is measured, for the compiled library.
 
     Args:
         marionette: the puppet.
@@ -80,14 +81,14 @@ class Clearance:
         still = solids.standing(self.obstacles)
         pairs = solids.apart(tree, self._links) if self_collision else np.zeros((0, 2), np.int32)
         radius = string_radius if strings and len(still) else -1.0
-        self._solids = Solids(moving, still, pairs, np.full(len(tree.strings), radius))
+        self.solids = Solids(moving, still, pairs, np.full(len(tree.strings), radius))
 
     @property
     def measures_nothing(self) -> bool:
         """Whether there is nothing to keep clear of."""
-        strings = int(np.sum(self._solids.string_radius >= 0.0))
-        of_obstacles = len(self._solids.standing) * (len(self._links) + strings)
-        return not of_obstacles and not len(self._solids.pairs)
+        strings = int(np.sum(self.solids.string_radius >= 0.0))
+        of_obstacles = len(self.solids.standing) * (len(self._links) + strings)
+        return not of_obstacles and not len(self.solids.pairs)
 
     def at(self, q_D: Array, q_K: Array, threads: int = 1) -> Array:
         """Clearances of configurations.
@@ -137,7 +138,7 @@ class Clearance:
             np.broadcast_to(a, (*lead, a.shape[-1])).reshape(n, a.shape[-1]) for a in (q_D, q_K)
         ]
         distance, pair = self.marionette.clearances.measure(
-            self._solids, *rows, self.marionette.p, threads
+            self.solids, *rows, self.marionette.p, threads
         )
         finite = np.isfinite(rows[0]).all(axis=1) & np.isfinite(rows[1]).all(axis=1)
         return np.where(finite, distance, np.nan).reshape(lead), pair.reshape(lead)
@@ -149,10 +150,10 @@ class Clearance:
         if pair < len(moving) * len(still):
             return moving[pair // len(still)], still[pair % len(still)]
         pair -= len(moving) * len(still)
-        if pair < len(self._solids.pairs):
-            a, b = self._solids.pairs[pair]
+        if pair < len(self.solids.pairs):
+            a, b = self.solids.pairs[pair]
             return moving[a], moving[b]
-        pair -= len(self._solids.pairs)
+        pair -= len(self.solids.pairs)
         segments = [f"string {s.name}" for s in tree.strings for _ in s.points[1:]]
         return segments[pair // len(still)], still[pair % len(still)]
 

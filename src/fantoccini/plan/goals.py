@@ -10,7 +10,8 @@ import numpy as np
 from fantoccini.arrays import Array, ConfigD, ConfigK
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.marionette import Marionette
-from fantoccini.motion import State
+from fantoccini.motion import State, rotation
+from fantoccini.runtime import POINT, POSE, STATE, UNKNOWN, GoalNumbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +29,12 @@ class Rows:
     v_K: Array
 
     def __getitem__(self, index) -> Rows:
-        return Rows(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
+        return Rows(*(getattr(self, name)[index] for name in STATE))
+
+    @property
+    def parts(self) -> dict[str, Array]:
+        """Name -> rows."""
+        return {name: getattr(self, name) for name in STATE}
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -39,6 +45,9 @@ class Rows:
 Distance = Callable[[Rows], Array]
 """Rows (...) -> distances (...); 0 at the goal."""
 
+Wanted = float | Sequence[float]
+"""A value; two of them for the ends of an interval; a rotation has three or four."""
+
 
 @dataclass(frozen=True, eq=False)
 class Goal:
@@ -46,19 +55,60 @@ class Goal:
 
         d(x) = sum_i w_i |q_i - goal_i| + w_v |v_D|    or    |point - place| + w_v |v_D|
 
-    Made by :meth:`pose`, :meth:`point` or :meth:`of`.
+    where values and places that may lie in an interval or a box count from its nearest point. Made
+    by :meth:`pose`, :meth:`point` or :meth:`of`.
 
     Attributes:
-        distance: of rows.
+        marionette: the puppet.
         text: what is asked, for people.
-        q_D: (n_qD,) the configuration that it asks for, where it asks for a whole one.
+        numbers: what is asked, for the compiled library.
+        function: what is asked, where only Python can tell.
         q_K: (n_qK,) where the driven coordinates are at the goal, where that was given.
     """
 
-    distance: Distance
+    marionette: Marionette
     text: str
-    q_D: ConfigD | None = None
+    numbers: GoalNumbers
+    function: Distance | None = None
     q_K: ConfigK | None = None
+
+    def distance(self, rows: Rows) -> Array:
+        """(...) distances of states."""
+        if self.function is not None:
+            return np.asarray(self.function(rows), dtype=float)
+        flat = (a.reshape(-1, a.shape[-1]) for a in (rows.q_D, rows.v_D, rows.q_K))
+        library = self.marionette.motions
+        return library.distances(self.numbers, *flat, self.marionette.p).reshape(rows.shape)
+
+    @property
+    def whole(self) -> ConfigD | None:
+        """(n_qD,) the configuration that it asks for, where it asks for one and no other."""
+        numbers, table = self.numbers, self.marionette.coordinates
+        every = [v for _, v in (*table.scalars_D, *table.quaternions_D)]
+        if numbers.kind != POSE or not np.all(numbers.weight[every] > 0.0):
+            return None
+        return numbers.low if np.array_equal(numbers.low, numbers.high) else None
+
+    def residuals(self, rows: Rows) -> Array:
+        """What the positions lack of the goal, entry by entry (n, m); no velocities.
+
+        Args:
+            rows: (n,) states.
+        """
+        numbers, table = self.numbers, self.marionette.coordinates
+        if numbers.kind == UNKNOWN:
+            return self.distance(rows)[:, None]
+        if numbers.kind == POINT:
+            pose = self.marionette.poses(rows.q_D, rows.q_K)[:, numbers.link]
+            there = pose[..., 3] + pose[..., :3] @ numbers.at
+            return there - np.clip(there, numbers.place, numbers.place_high)
+        off = rows.q_D - np.clip(rows.q_D, numbers.low, numbers.high)
+        columns = [off[:, q] * numbers.weight[v] for q, v in table.scalars_D if numbers.weight[v]]
+        for q, v in table.quaternions_D:
+            if numbers.weight[v]:
+                away = rotation.between(numbers.low[q : q + 4], rows.q_D[:, q : q + 4])
+                columns += list(numbers.weight[v] * away.T)
+        return np.stack(columns, axis=1)
 
     def of_start(self, rows: Rows) -> float:
         """The distance of one state, rows (1,).
@@ -66,7 +116,7 @@ class Goal:
         Raises:
             StateError: the goal's function does not give one finite distance for it.
         """
-        found = np.asarray(self.distance(rows))
+        found = self.distance(rows)
         if found.shape != rows.shape or not np.all(np.isfinite(found)):
             raise StateError(
                 f"the goal gives {found!r} for the start; needed: finite distances of the shape "
@@ -88,17 +138,25 @@ class Goal:
             UnknownNameError: a name that is no dynamic coordinate.
             StateError: a goal that is none of these, or not finite.
         """
+        table = marionette.coordinates
         if isinstance(goal, Goal):
+            if goal.marionette.tree is not marionette.tree:
+                raise StateError("the goal is of another puppet")
             return goal
         if isinstance(goal, State):
-            wanted = marionette.coordinates.n_qD, marionette.coordinates.n_qK
-            if (len(goal.q_D), len(goal.q_K)) != wanted:
+            if (len(goal.q_D), len(goal.q_K)) != (table.n_qD, table.n_qK):
                 raise StateError("the goal is a state of another puppet")
-            return _configuration(marionette, goal.q_D, None, speed_weight, goal.q_K)
+            if not np.all(np.isfinite(goal.q_D)):
+                raise StateError("the goal is not finite")
+            weight = _weights(marionette, dict.fromkeys(_names(table), 1.0))
+            numbers = GoalNumbers(POSE, goal.q_D, goal.q_D, weight, speed_weight=speed_weight)
+            return cls(marionette, ", ".join(_names(table)), numbers, q_K=goal.q_K)
         if isinstance(goal, Mapping):
             return cls.pose(marionette, goal, speed_weight=speed_weight)
         if callable(goal):
-            return cls(goal, getattr(goal, "__name__", "a function"))
+            none = np.zeros(table.n_qD), np.zeros(table.n_qD), np.zeros(table.n_vD)
+            text = getattr(goal, "__name__", "a function")
+            return cls(marionette, text, GoalNumbers(UNKNOWN, *none), goal)
         raise StateError(
             f"the goal is {goal!r}; it must be a state, names and values, a Goal or a function"
         )
@@ -107,30 +165,42 @@ class Goal:
     def pose(
         cls,
         marionette: Marionette,
-        values: Mapping[str, float | Sequence[float]],
+        values: Mapping[str, Wanted],
         *,
         weights: Mapping[str, float] | None = None,
         speed_weight: float = 0.1,
     ) -> Goal:
-        """Some coordinates at some values: ``{"elbow": 1.2}``.
+        """Some coordinates at some values, ``{"elbow": 1.2}``, or between two:
+        ``{"elbow": (1.0, 1.4)}``.
 
         Args:
             marionette: the puppet.
-            values: name -> value [rad or m]; ``joint.rotation`` takes a quaternion or a rotation
-                vector and counts by the angle between.
-            weights: name -> weight; 1 by default.
+            values: name -> value or pair of values [rad or m]; ``joint.rotation`` takes a
+                quaternion or a rotation vector and counts by the angle between.
+            weights: name -> weight of a coordinate in ``values``; 1 by default.
             speed_weight: of the size of all dynamic velocities [s].
 
         Raises:
-            UnknownNameError: a name that is no dynamic coordinate.
+            UnknownNameError: a name that is no dynamic coordinate, or a weight of none of them.
+            StateError: a value that is none, an interval from high to low, or a weight that is not
+                greater than 0.
         """
         places = _names(marionette.coordinates)
-        for name in [*values, *(weights or {})]:
+        for name in values:
             if name not in places:
                 raise UnknownNameError("dynamic coordinate", name, list(places))
-        aimed = marionette.state(values)
+        for name, weight in (weights or {}).items():
+            if name not in values:
+                raise UnknownNameError("coordinate of the goal", name, list(values))
+            if not 0.0 < weight < np.inf:
+                raise StateError(f"the weight of {name} is {weight}; it must be greater than 0")
+        ends = {name: _ends(name, value, places[name][1]) for name, value in values.items()}
+        low, high = (marionette.state({n: e[k] for n, e in ends.items()}).q_D for k in (0, 1))
         weight = {name: float((weights or {}).get(name, 1.0)) for name in values}
-        return _configuration(marionette, aimed.q_D, weight, speed_weight, None)
+        numbers = GoalNumbers(
+            POSE, low, high, _weights(marionette, weight), speed_weight=_positive(speed_weight)
+        )
+        return cls(marionette, ", ".join(values), numbers)
 
     @classmethod
     def point(
@@ -140,65 +210,69 @@ class Goal:
         place: Sequence[float],
         *,
         at: Sequence[float] = (0.0, 0.0, 0.0),
+        to: Sequence[float] | None = None,
         speed_weight: float = 0.0,
     ) -> Goal:
-        """A point of a body at a place in the world.
+        """A point of a body at a place in the world, or in a box.
 
         Args:
             marionette: the puppet.
             body: its name.
-            place: (3,) in the world [m].
+            place: (3,) in the world [m]; with ``to``, the lowest corner of a box.
             at: (3,) the point in the body's frame [m].
+            to: (3,) the highest corner [m].
             speed_weight: of the size of all dynamic velocities [s].
 
         Raises:
             UnknownNameError: no body has this name.
+            StateError: what is not three finite numbers, or a box without room.
         """
-        link = marionette.link(body)
-        target, offset = np.asarray(place, dtype=float), np.asarray(at, dtype=float)
-        if target.shape != (3,) or offset.shape != (3,) or not np.all(np.isfinite(target)):
-            raise StateError(f"a point's place is {place!r} and at {at!r}; needed: three numbers")
+        table = marionette.coordinates
+        target, offset = _triple("place", place), _triple("at", at)
+        high = target if to is None else _triple("to", to)
+        if np.any(high < target):
+            raise StateError(
+                f"the box from {place!r} to {to!r} is empty: `to` is its highest corner"
+            )
+        numbers = GoalNumbers(
+            POINT, np.zeros(table.n_qD), np.zeros(table.n_qD), np.zeros(table.n_vD),
+            marionette.link(body), offset, target, high, _positive(speed_weight),
+        )  # fmt: skip
+        return cls(marionette, f"{body} at {target.tolist()}", numbers)
 
-        def distance(rows: Rows) -> Array:
-            pose = marionette.poses(rows.q_D, rows.q_K)[..., link, :, :]
-            there = pose[..., 3] + pose[..., :3] @ offset
-            return _size(there - target) + speed_weight * _size(rows.v_D)
 
-        return cls(distance, f"{body} at {target.tolist()}")
+def _ends(name: str, value: Wanted, turns: bool) -> tuple[Wanted, Wanted]:
+    """The ends of the interval that a value is to lie in."""
+    if turns or np.ndim(value) == 0:
+        return value, value
+    if np.shape(value) != (2,):
+        raise StateError(f"{name}: found {value!r}; needed: a number or two")
+    low, high = value
+    if not low <= high:
+        raise StateError(f"{name}: {low} to {high}; the first end must not be above the second")
+    return low, high
 
 
-def _configuration(
-    marionette: Marionette,
-    q_D: Array,
-    weight: Mapping[str, float] | None,
-    speed_weight: float,
-    driven: ConfigK | None,
-) -> Goal:
-    """The goal of a configuration, or of the coordinates that have a weight."""
-    table = marionette.coordinates
-    if not np.all(np.isfinite(q_D)):
-        raise StateError("the goal is not finite")
-    scalars, turns, shown = [], [], []
-    for name, (q, is_turn) in _names(table).items():
-        w = 1.0 if weight is None else weight.get(name)
-        if w is None:
-            continue
-        (turns if is_turn else scalars).append((q, w))
-        shown.append(name)
-    places = np.array([q for q, _ in scalars], dtype=int)
-    factors = np.array([w for _, w in scalars])
-    aims = q_D[places]
+def _weights(marionette: Marionette, by_name: Mapping[str, float]) -> Array:
+    """(n_vD,) a coordinate's weight, at the first of its velocities."""
+    table, found = marionette.coordinates, np.zeros(marionette.coordinates.n_vD)
+    first = dict((*table.scalars_D, *table.quaternions_D))
+    for name, (q, _) in _names(table).items():
+        found[first[q]] = by_name.get(name, 0.0)
+    return found
 
-    def distance(rows: Rows) -> Array:
-        total = np.abs(rows.q_D[..., places] - aims) @ factors
-        for q, w in turns:
-            # |p . q| is the cosine of half the angle between.
-            cosine = np.abs(rows.q_D[..., q : q + 4] @ q_D[q : q + 4])
-            total = total + 2.0 * w * np.arccos(np.minimum(cosine, 1.0))
-        return total + speed_weight * _size(rows.v_D)
 
-    whole = len(shown) == len(_names(table))
-    return Goal(distance, ", ".join(shown), q_D if whole else None, driven)
+def _positive(speed_weight: float) -> float:
+    if not 0.0 <= speed_weight < np.inf:
+        raise StateError(f"speed_weight is {speed_weight}; it must be a number of at least 0 [s]")
+    return float(speed_weight)
+
+
+def _triple(what: str, given: Sequence[float]) -> Array:
+    found = np.asarray(given, dtype=float)
+    if found.shape != (3,) or not np.all(np.isfinite(found)):
+        raise StateError(f"a point's {what} is {given!r}; needed: three numbers")
+    return found
 
 
 def _names(table) -> dict[str, tuple[int, bool]]:
@@ -207,7 +281,3 @@ def _names(table) -> dict[str, tuple[int, bool]]:
     for q, _ in table.quaternions_D:
         found[table.q_D[q].rsplit(".", 1)[0] + ".rotation"] = (q, True)
     return found
-
-
-def _size(vectors: Array) -> Array:
-    return np.sqrt(np.einsum("...i,...i->...", vectors, vectors))

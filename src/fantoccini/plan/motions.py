@@ -1,4 +1,4 @@
-"""Motions from many states at once: every driven coordinate at a constant acceleration."""
+"""Motions from many states at once, within bounds."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import StateError, Status, UnknownNameError
+from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.marionette import Marionette
 from fantoccini.plan.clearance import Clearance
-from fantoccini.plan.goals import Rows
-from fantoccini.runtime import Batch
+from fantoccini.plan.goals import Goal, Rows
+from fantoccini.runtime import Funnel, Segments, Sweeper, Terms
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,31 +92,24 @@ def _bounds(names: tuple[str, ...], given: float | Mapping[str, float], what: st
     return found
 
 
-@dataclass(frozen=True, eq=False)
-class Swept:
-    """Motions looked at in equal times.
-
-    Attributes:
-        rows: (n, m + 1, ...) states, the first those that the motions began at.
-        good: (n, m + 1) bool: free of collisions, within the bounds and finite up to there.
-        clearance: (n, m + 1) [m].
-    """
-
-    rows: Rows
-    good: Array
-    clearance: Array
-
-
 class Motions:
     """Makes motions by time-stepping in lanes on all threads, and looks whether they are clear.
+
+    Motions are made of segments in which every driven coordinate has a constant acceleration.
+
+    Attributes:
+        funnel: the law that motions may be led by; None where there is none.
 
     Args:
         marionette: the puppet.
         clearance: what it keeps clear of.
         bounds: of the driven coordinates.
+        goal: that motions end at.
+        tolerance: of the goal's distance.
         margin: least clearance [m].
         dt: step [s].
-        look: steps from one look to the next.
+        look: steps from one look for collisions and the goal to the next.
+        looks: of a segment.
         threads: that share the work; the results do not depend on it.
     """
 
@@ -125,69 +118,78 @@ class Motions:
         marionette: Marionette,
         clearance: Clearance,
         bounds: Bounds,
+        goal: Goal,
         *,
+        tolerance: float,
         margin: float,
         dt: float,
         look: int,
-        threads: int,
+        looks: int = 5,
+        threads: int = 1,
     ):
-        self.marionette, self.clearance, self.bounds = marionette, clearance, bounds
-        self.margin, self.dt, self.look, self.threads = margin, dt, look, threads
-        self._options = marionette.run_options(dt=dt, save_every=look)
+        self.marionette, self.clearance, self.bounds, self.goal = (
+            marionette,
+            clearance,
+            bounds,
+            goal,
+        )
+        self.tolerance, self.margin, self.dt, self.look = tolerance, margin, dt, look
+        self.looks, self.threads = looks, threads
+        self.funnel: Funnel | None = None
+        self.options = marionette.run_options(dt=dt, save_every=look)
+        limits = bounds.speed, bounds.acceleration, bounds.low, bounds.high
+        terms = Terms(
+            self.options, looks, marionette.p, marionette.winches, limits, margin,
+            clearance.solids, goal.numbers, tolerance,
+        )  # fmt: skip
+        self._sweeper = Sweeper(marionette.motions, terms, threads)
 
     @property
     def interval(self) -> float:
         """From one look to the next [s]."""
         return self.dt * self.look
 
-    def sweep(self, starts: Rows, acceleration: Array, looks: int) -> Swept:
-        """Motions of equal duration.
+    def sweep(
+        self,
+        starts: Rows,
+        chosen: Array,
+        acceleration: Array,
+        *,
+        given: Array | None = None,
+        reach: Array | None = None,
+        looks: int | None = None,
+    ) -> Segments:
+        """Motions, each until it is done, reaches the goal, or comes into collision.
+
+        Segments whose end is not written were not made whole: something was nearer than the margin,
+        or out of its bounds, on their way.
 
         Args:
-            starts: (n,) states.
-            acceleration: (n, n_vK) of the driven coordinates.
-            looks: m, how many times of ``interval`` they last.
+            starts: (m,) states.
+            chosen: (n,) the one that a motion begins at.
+            acceleration: (n, segments, n_vK) of the driven coordinates.
+            given: (n,) how many of these hold, the others are led to the funnel; all by default.
+            reach: (n,) by how much motions that are led hurry [s].
+            looks: of a segment.
         """
-        n, m = len(acceleration), looks + 1
-        table, tree = self.marionette.coordinates, self.marionette.tree
-        # Whole steps, so that a motion that ends earlier has the same times.
-        t = self.dt * (self.look * np.arange(m))
-        parts = {
-            "q_D": np.full((n, m, table.n_qD), np.nan),
-            "v_D": np.full((n, m, table.n_vD), np.nan),
-            "slip": np.full((n, m, len(tree.strings)), np.nan),
-        }
-        coef = np.zeros((n, 1, table.n_vK, 6))
-        coef[:, 0, :, 0], coef[:, 0, :, 1] = starts.q_K, starts.v_K
-        coef[:, 0, :, 2] = 0.5 * acceleration
-        batch = Batch(
-            n=n, t=0.0, t_end=t[-1],
-            q_D=starts.q_D, v_D=starts.v_D, slip=starts.slip,
-            breaks=np.array([[0.0, t[-1]]]), coef=coef,
-            base=np.ascontiguousarray(starts.q_K[:, None]), force=None,
-            p=self.marionette.p, winches=self.marionette.winches, options=self._options, times=t,
-            parts=parts, status=np.full(n, Status.STOPPED, dtype=np.int32),
-            reached=np.full(n, np.nan), violation=np.zeros(n),
-            events=np.zeros((n, 2), dtype=np.int64), blame=np.zeros((n, tree.n_rows)),
-        )  # fmt: skip
-        library = self.marionette.lanes
-        batch.run(library, min(self.threads, -(-n // library.width)))
-        q_K = starts.q_K[:, None] + t[:, None] * (
-            starts.v_K[:, None] + 0.5 * t[:, None] * acceleration[:, None]
+        n, segments = acceleration.shape[:2]
+        given = np.full(n, segments) if given is None else given
+        funnels = [] if self.funnel is None else [self.funnel]
+        made = self._sweeper(
+            starts.parts, chosen, acceleration, given, funnels, reach=reach, looks=looks
         )
-        v_K = starts.v_K[:, None] + t[:, None] * acceleration[:, None]
-        rows = Rows(parts["q_D"], parts["v_D"], parts["slip"], q_K, v_K)
-        return self._looked_at(rows)
+        if self.goal.function is not None:
+            whole = made.looks > 0
+            made.distance[whole] = self.goal.distance(Rows(*made.states.values())[whole])
+        return made
 
-    def _looked_at(self, rows: Rows) -> Swept:
-        finite = np.isfinite(rows.q_D).all(axis=-1) & np.isfinite(rows.v_D).all(axis=-1)
-        q_D = rows.q_D
-        if not finite.all():
-            # What a motion that stopped has not reached is looked at where it began.
-            q_D = np.where(finite[..., None], q_D, q_D[:, :1])
-        clear = self.clearance.at(q_D, rows.q_K, threads=self.threads)
-        bounds = self.bounds
-        within = (rows.q_K >= bounds.low) & (rows.q_K <= bounds.high)
-        slow = np.abs(rows.v_K) <= bounds.speed * (1.0 + 1e-12)
-        now = finite & (clear >= self.margin) & within.all(axis=-1) & slow.all(axis=-1)
-        return Swept(rows, np.logical_and.accumulate(now, axis=-1), clear)
+    def replay(self, before: Rows, acceleration: Array, looks: int) -> Rows | None:
+        """The end of one segment, made again; None where it is not clear.
+
+        Args:
+            before: (1,) state.
+            acceleration: (n_vK,).
+            looks: that it lasts.
+        """
+        made = self.sweep(before, np.zeros(1), acceleration[None, None], looks=looks)
+        return Rows(*made.states.values())[:, 0] if made.looks[0, 0] == looks else None

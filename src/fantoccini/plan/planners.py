@@ -3,21 +3,21 @@
 ``est-2007`` is the paper's expansive-space tree (Sec. VII): one node at a time, chosen with a
 probability that falls with its distance from the goal, a random input, and the end is kept.
 
-``explore`` goes on from many nodes at a time, in lanes on all threads: some of them near the goal,
-the others where little was tried. Where the driven coordinates are known at the goal, part of the
-motions are led there. All states along a motion are looked at; of the first kind of motions the
-state is kept that has the least left, of the second any.
+``explore`` goes on from many nodes at a time, in lanes on all threads, those where little was tried
+first. A motion goes astray for a while, with random velocities of the driven coordinates, and is
+then led to where the puppet hangs at the goal, by a linear-quadratic regulator that takes the swing
+out of it, until it is there or something is in the way. The ends of all its segments are kept.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.plan.goals import Goal
 from fantoccini.plan.motions import Motions
 from fantoccini.plan.search_tree import SearchTree
 
@@ -35,7 +35,7 @@ class Grown:
     nodes: range
 
 
-Planner = Callable[[SearchTree, Motions, Goal, np.random.Generator], Grown]
+Planner = Callable[[SearchTree, Motions, np.random.Generator], Grown]
 """One round of a planner: grows the tree."""
 
 
@@ -51,21 +51,15 @@ class EST2007:
     def __init__(self, bias: float = 4.0, looks: tuple[int, int] = (2, 10)):
         self.bias, self.looks = bias, looks
 
-    def __call__(
-        self, tree: SearchTree, motions: Motions, goal: Goal, rng: np.random.Generator
-    ) -> Grown:
+    def __call__(self, tree: SearchTree, motions: Motions, rng: np.random.Generator) -> Grown:
         weight = np.maximum(tree.distance, 1e-9) ** -self.bias
         chosen = _drawn(weight, 1, rng)
         looks = int(rng.integers(self.looks[0], self.looks[1] + 1))
-        acceleration = random_accelerations(tree, motions, goal, chosen, looks, rng)
-        swept = motions.sweep(tree.rows[chosen], acceleration, looks)
+        wanted = motions.bounds.speed * rng.uniform(-1.0, 1.0, (1, tree.v_K.shape[1]))
+        acceleration = towards(wanted, tree.v_K[chosen], 1, looks * motions.interval, motions)
+        made = motions.sweep(tree.rows, chosen, acceleration, looks=looks)
         tree.tried[chosen] += 1
-        if not swept.good[0, -1]:
-            return Grown(1, range(len(tree), len(tree)))
-        end = swept.rows[:, -1]
-        distance = goal.distance(end)
-        ends = np.array([looks])
-        return Grown(1, tree.add(end, chosen, acceleration, ends, motions.interval, distance))
+        return Grown(1, tree.add_segments(made, chosen, motions.interval))
 
 
 class Explore:
@@ -73,98 +67,66 @@ class Explore:
 
     Args:
         batch: motions a round.
-        looks: how long a motion lasts, in looks.
-        greedy: part of the motions that begin near the goal.
-        led: part of the motions that are led to where the driven coordinates are at the goal.
+        astray: segments that a motion goes astray for, at most.
+        led: segments that it is led for, at most.
+        direct: part of the motions that are led from the beginning.
+        hurry: least and greatest time in which the regulator's reference runs ahead [s].
         cell: size of the cells whose nodes are counted [rad or m].
-        weary: by how much a trial makes a node count as farther from the goal.
-        spread: part of the nodes among which promising ones are chosen, on average.
     """
 
     def __init__(
         self,
-        batch: int = 256,
-        looks: int = 40,
-        greedy: float = 0.6,
-        led: float = 0.5,
-        cell: float = 0.25,
-        weary: float = 2.0,
-        spread: float = 0.02,
+        batch: int = 64,
+        astray: int = 16,
+        led: int = 40,
+        direct: float = 0.1,
+        hurry: tuple[float, float] = (0.4, 1.0),
+        cell: float = 0.1,
     ):
-        self.batch, self.looks, self.greedy = batch, looks, greedy
-        self.led, self.cell, self.weary, self.spread = led, cell, weary, spread
+        self.batch, self.astray, self.led = batch, astray, led
+        self.direct, self.hurry, self.cell = direct, hurry, cell
 
-    def __call__(
-        self, tree: SearchTree, motions: Motions, goal: Goal, rng: np.random.Generator
-    ) -> Grown:
-        n_greedy = int(self.greedy * self.batch)
-        chosen = np.concatenate(
-            [
-                self._promising(tree, motions, goal, n_greedy, rng),
-                self._where_little_was_tried(tree, self.batch - n_greedy, rng),
-            ]
-        )
+    def __call__(self, tree: SearchTree, motions: Motions, rng: np.random.Generator) -> Grown:
+        n = self.batch
+        chosen = self._where_little_was_tried(tree, n, rng)
         np.add.at(tree.tried, chosen, 1)
-        acceleration = random_accelerations(tree, motions, goal, chosen, self.looks, rng, self.led)
-        swept = motions.sweep(tree.rows[chosen], acceleration, self.looks)
-        distance = np.where(swept.good, goal.distance(swept.rows), np.inf)
-        to_go = distance + time_to_go(swept.rows.q_K, motions, goal)
-        reach = swept.good.sum(axis=1) - 1  # the last look that is good
-        promising = np.argmin(to_go[:, 1:], axis=1) + 1
-        anywhere = 1 + np.floor(rng.random(self.batch) * np.maximum(reach, 1)).astype(int)
-        end = np.where(np.arange(self.batch) < n_greedy, promising, anywhere)
-        # What comes nearer to the goal than all before is kept whoever finds it.
-        nearest = np.argmin(distance[:, 1:], axis=1) + 1
-        best = distance[np.arange(self.batch), nearest]
-        end = np.where(best < tree.distance.min(), nearest, end)
-        kept = np.flatnonzero(reach >= 1)
-        end = end[kept]
-        nodes = tree.add(
-            swept.rows[kept, end],
-            chosen[kept],
-            acceleration[kept],
-            end,
-            motions.interval,
-            distance[kept, end],
+        given = rng.integers(1, self.astray + 1, n)
+        led = self.led if motions.funnel else 0
+        if led:
+            given[rng.random(n) < self.direct] = 0
+        wanted = motions.bounds.speed * rng.uniform(-1.0, 1.0, (n, tree.v_K.shape[1]))
+        duration = motions.looks * motions.interval
+        acceleration = np.empty((n, self.astray + led, wanted.shape[1]))
+        acceleration[:, : self.astray] = towards(
+            wanted, tree.v_K[chosen], self.astray, duration, motions
         )
-        return Grown(self.batch, nodes)
-
-    def _promising(
-        self, tree: SearchTree, motions: Motions, goal: Goal, n: int, rng: np.random.Generator
-    ) -> Array:
-        """Nodes by their rank in what is left; one that was often tried counts as farther."""
-        left = tree.distance + time_to_go(tree.q_K, motions, goal)
-        order = np.argsort(left * (1.0 + self.weary * tree.tried), kind="stable")
-        rank = rng.exponential(1.0 + self.spread * len(order), n).astype(int)
-        return order[np.minimum(rank, len(order) - 1)]
+        made = motions.sweep(
+            tree.rows, chosen, acceleration, given=given, reach=rng.uniform(*self.hurry, n)
+        )
+        return Grown(made.n_made, tree.add_segments(made, chosen, motions.interval))
 
     def _where_little_was_tried(self, tree: SearchTree, n: int, rng: np.random.Generator) -> Array:
         """Nodes with a probability that falls with the nodes about them and with their trials."""
-        features = np.concatenate([tree.q_D, tree.q_K], axis=1)
-        cells = np.floor(features / self.cell).astype(np.int64)
+        cells = np.floor(tree.q_K / self.cell).astype(np.int64)
         # A cell's number, by which equal ones are found a hundred times as fast as by its places.
         number = cells @ _mixing(cells.shape[1])
         _, cell, count = np.unique(number, return_inverse=True, return_counts=True)
-        weight = 1.0 / (count[cell] * (1.0 + tree.tried))
-        return _drawn(weight, n, rng)
+        return _drawn(1.0 / (count[cell] * (1.0 + tree.tried)), n, rng)
 
 
-def time_to_go(q_K: Array, motions: Motions, goal: Goal) -> Array:
-    """Seconds in which the driven coordinates could be where they are at the goal.
+def towards(wanted: Array, v_K: Array, segments: int, duration: float, motions: Motions) -> Array:
+    """Accelerations (n, segments, n_vK) that bring velocities to wanted ones, within the bounds.
 
     Args:
-        q_K: (..., n_qK).
+        wanted: (n, n_vK) within the bounds.
+        v_K: (n, n_vK) at the start.
+        segments: of a motion.
+        duration: of a segment [s].
         motions: for the bounds.
-        goal: 0 where it says nothing of the driven coordinates.
-
-    Returns:
-        (...) [s].
     """
-    if goal.q_K is None:
-        return np.zeros(q_K.shape[:-1])
-    moves = motions.bounds.moves
-    away = np.abs(q_K - goal.q_K)[..., moves]
-    return np.max(away / motions.bounds.speed[moves], axis=-1)
+    left, most = (wanted - v_K)[:, None], duration * motions.bounds.acceleration
+    gone = np.arange(segments + 1)[:, None] * most
+    return np.diff(np.clip(left, -gone, gone), axis=1) / duration
 
 
 def _drawn(weight: Array, n: int, rng: np.random.Generator) -> Array:
@@ -173,42 +135,7 @@ def _drawn(weight: Array, n: int, rng: np.random.Generator) -> Array:
     return np.searchsorted(sums, rng.random(n) * sums[-1])
 
 
+@cache
 def _mixing(n: int) -> Array:
     """Odd numbers that mix n places to one."""
     return np.random.default_rng(n).integers(1, 2**62, n) | 1
-
-
-def random_accelerations(
-    tree: SearchTree,
-    motions: Motions,
-    goal: Goal,
-    chosen: Array,
-    looks: int,
-    rng: np.random.Generator,
-    led: float = 0.0,
-) -> Array:
-    """Accelerations (n, n_vK) towards random velocities within the bounds.
-
-    Args:
-        tree: the nodes.
-        motions: for the bounds and the times.
-        goal: where its driven coordinates are known, some motions are led there.
-        chosen: (n,) nodes.
-        looks: how long the motions last.
-        rng: of all choices.
-        led: part of the motions that are led.
-    """
-    bounds, duration = motions.bounds, looks * motions.interval
-    v_K = tree.v_K[chosen]
-    wanted = rng.uniform(-1.0, 1.0, v_K.shape)
-    if goal.q_K is not None and led > 0.0:
-        n = len(chosen)
-        patience = duration * (1.0 + 3.0 * rng.random((n, 1)))
-        away = np.where(bounds.moves, goal.q_K - tree.q_K[chosen], 0.0)
-        there = away / patience / np.where(bounds.moves, bounds.speed, 1.0)
-        # All together slow down to the slowest, so that the ends go straight there.
-        there /= np.maximum(1.0, np.abs(there).max(axis=1, keepdims=True))
-        astray = wanted * rng.choice([0.0, 0.2, 0.6], (n, 1))
-        wanted = np.where(rng.random((n, 1)) < led, np.clip(there + astray, -1.0, 1.0), wanted)
-    acceleration = (wanted * bounds.speed - v_K) / duration
-    return np.clip(acceleration, -bounds.acceleration, bounds.acceleration)

@@ -12,7 +12,9 @@ from fantoccini.arrays import Array
 from fantoccini.motion import Input, State, Trajectory
 from fantoccini.plan.goals import Goal, Rows
 from fantoccini.plan.motions import Motions
+from fantoccini.plan.problem import Problem
 from fantoccini.plan.search_tree import SearchTree
+from fantoccini.runtime import STATE
 from fantoccini.simulate import simulate
 
 
@@ -54,25 +56,17 @@ class PlanResult:
 
     Attributes:
         status: how the search ended.
-        reason: why, where a name or a number says more than the status.
-        start: where the plan begins.
-        goal: where it was to end.
-        tolerance: of the goal's distance.
+        problem: what was to be planned.
         path: nodes of the tree from the start to the plan's end.
         tree: all that was found.
-        motions: what made them.
         tried: motions that were tried.
         seconds: that the search took [s].
     """
 
     status: PlanStatus
-    reason: str
-    start: State
-    goal: Goal
-    tolerance: float
+    problem: Problem
     path: tuple[int, ...]
     tree: SearchTree
-    motions: Motions
     tried: int
     seconds: float
 
@@ -85,6 +79,31 @@ class PlanResult:
             f"goal; {self.tried} tried, {len(self.tree)} nodes, {self.seconds:.3g} s"
         )
         return f"<PlanResult {self.status.name}: {self.reason or found}>"
+
+    @property
+    def reason(self) -> str:
+        """Why there is no plan, where a name or a number says more than the status."""
+        return self.problem.reason
+
+    @property
+    def start(self) -> State:
+        """Where the plan begins."""
+        return self.problem.start
+
+    @property
+    def goal(self) -> Goal:
+        """Where it was to end."""
+        return self.problem.goal
+
+    @property
+    def tolerance(self) -> float:
+        """Of the goal's distance."""
+        return self.problem.tolerance
+
+    @property
+    def motions(self) -> Motions:
+        """What made it."""
+        return self.problem.motions
 
     @property
     def duration(self) -> float:
@@ -123,17 +142,15 @@ class PlanResult:
 
     def replay(self) -> bool:
         """Makes every motion of the plan again; whether it comes out the same, to the last bit."""
+        tree = self.tree
         for before, node in zip(self.path, self.path[1:], strict=False):
-            looks = int(self.tree.looks[node])
-            swept = self.motions.sweep(
-                self.tree.rows[[before]], self.tree.acceleration[[node]], looks
+            again = self.motions.replay(
+                tree.rows[[before]], tree.acceleration[node], int(tree.looks[node])
             )
-            again, there = swept.rows[:, -1], self.tree.rows[[node]]
-            same = all(
-                np.array_equal(getattr(again, name), getattr(there, name))
-                for name in Rows.__dataclass_fields__
-            )
-            if not (same and swept.good[0, -1]):
+            there = tree.rows[[node]].parts
+            if again is None or not all(
+                np.array_equal(a, there[name]) for name, a in again.parts.items()
+            ):
                 return False
         return True
 
@@ -149,8 +166,8 @@ class PlanResult:
             options["dt"] = self.motions.dt * dt_factor
         run = self._run(method=method, **options)
         end = run.state(-1)
-        rows = Rows(*(getattr(end, name) for name in Rows.__dataclass_fields__))
-        distance = float(self.goal.distance(rows))
+        rows = Rows(*(getattr(end, name)[None] for name in STATE))
+        distance = float(self.goal.distance(rows)[0])
         clearance = float(np.min(self.motions.clearance.of(run)))
         times = self.start.t + self.tree.time[list(self.path)]
         near = np.array([int(np.argmin(np.abs(run.t - t))) for t in times])

@@ -6,6 +6,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.plan.goals import Rows
+from fantoccini.runtime import Segments
 
 _FIRST = 1024
 
@@ -34,9 +35,10 @@ class SearchTree:
             "looks": np.empty(_FIRST, dtype=np.int64),
             "time": np.empty(_FIRST),
             "distance": np.empty(_FIRST),
+            "catches": np.empty(_FIRST, dtype=np.int64),
             "tried": np.empty(_FIRST, dtype=np.int64),
         }
-        self.add(root, np.array([-1]), np.zeros((1, n_vK)), np.array([0]), 0.0, distance)
+        self.add(root, np.array([-1]), np.zeros((1, n_vK)), np.array([0]), 0.0, distance, 0)
 
     def __len__(self) -> int:
         return self.n
@@ -58,8 +60,9 @@ class SearchTree:
         parent: Array,
         acceleration: Array,
         looks: Array,
-        interval: float,
+        time: Array | float,
         distance: Array | float,
+        catches: Array | int,
     ) -> range:
         """Adds nodes.
 
@@ -68,8 +71,9 @@ class SearchTree:
             parent: (k,) nodes they were reached from.
             acceleration: (k, n_vK) of the driven coordinates on the way.
             looks: (k,) how long, in intervals.
-            interval: [s].
+            time: (k,) since the start [s].
             distance: (k,) from the goal.
+            catches: (k,) of strings and limits on the way.
 
         Returns:
             Their numbers.
@@ -84,11 +88,31 @@ class SearchTree:
         for name in Rows.__dataclass_fields__:
             arrays[name][new] = getattr(rows, name)
         arrays["parent"][new], arrays["acceleration"][new] = parent, acceleration
-        arrays["looks"][new], arrays["distance"][new], arrays["tried"][new] = looks, distance, 0
-        before = np.where(parent < 0, 0.0, arrays["time"][parent])
-        arrays["time"][new] = before + looks * interval
+        arrays["looks"][new], arrays["distance"][new] = looks, distance
+        arrays["catches"][new], arrays["tried"][new] = catches, 0
+        arrays["time"][new] = time
         self.n += k
         return range(new.start, new.stop)
+
+    def add_segments(self, made: Segments, chosen: Array, interval: float) -> range:
+        """Adds the ends of all segments that motions made.
+
+        Args:
+            made: the motions.
+            chosen: (n,) nodes they began at.
+            interval: between looks [s].
+
+        Returns:
+            Their numbers.
+        """
+        there = made.looks > 0
+        number = self.n + np.cumsum(there).reshape(there.shape) - 1
+        parent = np.concatenate([chosen[:, None], number[:, :-1]], axis=1)
+        time = self.time[chosen, None] + interval * np.cumsum(made.looks, axis=1)
+        return self.add(
+            Rows(*(a[there] for a in made.states.values())), parent[there], made.acc_K[there],
+            made.looks[there], time[there], made.distance[there], made.catches[there],
+        )  # fmt: skip
 
     def path(self, node: int) -> list[int]:
         """Nodes from the root to a node."""

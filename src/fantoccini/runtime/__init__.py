@@ -10,6 +10,18 @@ from fantoccini.runtime.clearance import (
     Solids,
 )
 from fantoccini.runtime.compiled import Complementarity, Library, Run
+from fantoccini.runtime.motions import (
+    POINT,
+    POSE,
+    STATE,
+    UNKNOWN,
+    Funnel,
+    GoalNumbers,
+    MotionLibrary,
+    Segments,
+    Sweeper,
+    Terms,
+)
 from fantoccini.runtime.outside import OutsideRun
 from fantoccini.runtime.slopes import Slopes
 from fantoccini.runtime.structures import RunOptions
@@ -18,17 +30,27 @@ __all__ = [
     "BOX",
     "HALF_SPACE",
     "PARTS",
+    "POINT",
+    "POSE",
     "SEGMENT",
     "SOLID",
+    "STATE",
+    "UNKNOWN",
     "Batch",
     "BatchLibrary",
     "ClearanceLibrary",
     "Complementarity",
+    "Funnel",
+    "GoalNumbers",
     "Library",
+    "MotionLibrary",
     "OutsideRun",
     "Run",
     "RunOptions",
+    "Segments",
     "Slopes",
     "Solids",
+    "Sweeper",
+    "Terms",
     "default_threads",
 ]

@@ -44,8 +44,14 @@ class Solids:
     pairs: np.ndarray
     string_radius: Array
 
+    @classmethod
+    def none(cls, n_strings: int) -> Solids:
+        """Nothing is measured."""
+        solids = np.zeros(0, dtype=SOLID)
+        return cls(solids, solids, np.zeros((0, 2), dtype=np.int32), np.full(n_strings, -1.0))
 
-class _Arrays(ctypes.Structure):
+
+class ClearanceArrays(ctypes.Structure):
     _fields_ = [
         ("n_moving", ctypes.c_longlong),
         ("n_standing", ctypes.c_longlong),
@@ -55,6 +61,18 @@ class _Arrays(ctypes.Structure):
         ("pairs", ctypes.c_void_p),
         ("string_radius", ctypes.c_void_p),
     ]
+
+    @classmethod
+    def of(cls, solids: Solids, kept: list[np.ndarray]) -> ClearanceArrays:
+        """As the library takes them; ``kept`` must live as long as that."""
+        held = [
+            np.ascontiguousarray(solids.moving, dtype=SOLID),
+            np.ascontiguousarray(solids.standing, dtype=SOLID),
+            np.ascontiguousarray(solids.pairs, dtype=np.int32),
+            np.ascontiguousarray(solids.string_radius, dtype=float),
+        ]
+        kept += held
+        return cls(len(held[0]), len(held[1]), len(held[2]), *map(pointer, held))
 
 
 class ClearanceLibrary:
@@ -71,7 +89,7 @@ class ClearanceLibrary:
         self.handle = opened(file, "clearances")
         sizes = (ctypes.c_int * 3)()
         self.handle.fan_clearance_sizes(sizes)
-        if list(sizes[:2]) != [SOLID.itemsize, ctypes.sizeof(_Arrays)]:
+        if list(sizes[:2]) != [SOLID.itemsize, ctypes.sizeof(ClearanceArrays)]:
             raise BuildError(f"{file} is of another version; delete it to have it made again")
         self.width = sizes[2]
 
@@ -90,13 +108,8 @@ class ClearanceLibrary:
             (n,) [m], and (n,) numbers in the order of ``Clearance::measure``; -1 where nothing is
             measured.
         """
-        kept = [
-            np.ascontiguousarray(solids.moving, dtype=SOLID),
-            np.ascontiguousarray(solids.standing, dtype=SOLID),
-            np.ascontiguousarray(solids.pairs, dtype=np.int32),
-            np.ascontiguousarray(solids.string_radius, dtype=float),
-        ]
-        arrays = _Arrays(len(kept[0]), len(kept[1]), len(kept[2]), *map(pointer, kept))
+        kept: list[np.ndarray] = []
+        arrays = ClearanceArrays.of(solids, kept)
         n = len(q_D)
         q_D, q_K, p = (np.ascontiguousarray(a, dtype=float) for a in (q_D, q_K, p))
         clearance, pair = np.empty(n), np.empty(n, dtype=np.int64)

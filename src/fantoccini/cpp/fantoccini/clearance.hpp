@@ -7,6 +7,8 @@
 
 namespace fan {
 
+constexpr double kSure = 1e-9;  // m, for rounding
+
 enum SolidKind : int { SEGMENT, BOX, HALF_SPACE };
 
 // A solid in the frame of a link, or of the world. A segment a to b and a box (centre a, axes the
@@ -43,9 +45,14 @@ class Clearance {
   Real q_D[room(Model::n_qD)], q_K[room(Model::n_qK)], p[room(Model::n_p)];
   Real least, which;  // the clearance and its number: see `measure`
 
+  // A link's pose at the last measurement: R by columns and r.
+  FAN_FN const Real* pose(int link) const { return poses_ + 12 * link; }
+
   // The least distance over all pairs, which are numbered in this order: moving (outer) and
-  // standing (inner); pairs; the segments of strings (outer) and standing.
-  FAN_FN void measure(const ClearanceArrays& in, Placed<Real>* placed) {
+  // standing (inner); pairs; the segments of strings (outer) and standing. Distances that are
+  // certainly more than `enough` count with a lower bound.
+  FAN_FN void measure(const ClearanceArrays& in, Placed<Real>* placed, double enough = 1e30) {
+    enough_ = enough + kSure;
     const Real* arg[] = {q_D, q_K, p};
     Real* res[] = {poses_};
     Model::poses(arg, res);
@@ -125,7 +132,7 @@ class Clearance {
 
   // Of two that both move, or one that stands (with doubles for its place).
   template <class Other>
-  FAN_FN static Real between(const Placed<Real>& x, const Other& y) {
+  FAN_FN Real between(const Placed<Real>& x, const Other& y) const {
     const double swollen = x.radius + y.radius;
     if (y.kind == HALF_SPACE) return above(x, y) - Real(swollen);
     if (x.kind == SEGMENT && y.kind == SEGMENT) {
@@ -140,6 +147,8 @@ class Clearance {
     if (x.kind == SEGMENT) {
       into(y.R, y.a, x.a, a);
       into(y.R, y.a, x.b, b);
+      const Real bound = at_least(a, b, y.half) - Real(swollen);
+      if (!any(!(bound > Real(enough_)))) return bound;
       return segment_to_box(a, b, y.half) - Real(swollen);
     }
     if (y.kind == SEGMENT) {
@@ -156,6 +165,20 @@ class Clearance {
     into(y.R, y.a, x.a, a);
     for (int j = 0; j < 3; ++j) turn(y.R, x.R + 3 * j, axes + 3 * j);
     return box_to_box(a, axes, x.half, y.half) - Real(swollen);
+  }
+
+  // A lower bound of a segment's distance from a box about the origin: that of the middle, less half
+  // the length.
+  FAN_FN static Real at_least(const Real* a, const Real* b, const double* half) {
+    using std::sqrt;
+    Real off = Real(0.0), length = Real(0.0);
+    for (int k = 0; k < 3; ++k) {
+      const Real middle = Real(0.5) * (a[k] + b[k]);
+      const Real out = middle - clamped(middle, Real(-half[k]), Real(half[k]));
+      off += out * out;
+      length += (b[k] - a[k]) * (b[k] - a[k]);
+    }
+    return sqrt(off) - Real(0.5) * sqrt(length);
   }
 
   // The lowest point's height above a half-space.
@@ -181,6 +204,7 @@ class Clearance {
     return first - reach;
   }
 
+  double enough_ = 1e30;
   Real poses_[room(12 * Model::n_links)], points_[room(3 * Model::n_points)];
 };
 

@@ -1,0 +1,61 @@
+// How far a state is from a goal.
+#pragma once
+
+#include <cmath>
+
+#include "manifold.hpp"
+
+namespace fan {
+
+enum GoalKind : int { UNKNOWN, POSE, POINT };
+
+// POSE: every dynamic coordinate with a weight lies between low and high; a rotation, whose weight
+// is that of its first velocity, is at `low`. POINT: a point of a link lies in the box from place to
+// place_high. UNKNOWN: only Python can tell.
+struct GoalArrays {
+  int kind, link;
+  const double *low, *high;  // (n_qD,)
+  const double* weight;      // (n_vD,)
+  double at[3], place[3], place_high[3];
+  double speed_weight, tolerance;
+};
+
+// d = sum_i w_i |q_i - goal_i| + w_v |v_D|, or |point - place| + w_v |v_D|; pose: the link's, R by
+// columns and r.
+template <class Model>
+double goal_distance(
+    const GoalArrays& goal, const double* q_D, const double* v_D, const double* pose) {
+  using Space = typename Model::Dynamic;
+  const auto outside = [](double x, double low, double high) {
+    return x < low ? low - x : (x > high ? x - high : 0.0);
+  };
+  double total = 0.0;
+  if (goal.kind == POINT) {
+    for (int c = 0; c < 3; ++c) {
+      double there = pose[9 + c];
+      for (int j = 0; j < 3; ++j) there += pose[3 * j + c] * goal.at[j];
+      const double off = outside(there, goal.place[c], goal.place_high[c]);
+      total += off * off;
+    }
+    total = std::sqrt(total);
+  } else {
+    for (int i = 0; i < Space::n_scalars; ++i) {
+      const int q = Space::scalar_q[i];
+      total += goal.weight[Space::scalar_v[i]] * outside(q_D[q], goal.low[q], goal.high[q]);
+    }
+    for (int i = 0; i < Space::n_quaternions; ++i) {
+      const double w = goal.weight[Space::quaternion_v[i]];
+      if (w == 0.0) continue;
+      const double *a = goal.low + Space::quaternion_q[i], *b = q_D + Space::quaternion_q[i];
+      const double conjugate[4] = {a[0], -a[1], -a[2], -a[3]};
+      double turn[4], phi[3];
+      quaternion_product(conjugate, b, turn);
+      quaternion_log(turn, phi);
+      total += w * std::sqrt(squares<3>(phi));
+    }
+  }
+  return goal.speed_weight == 0.0 ? total
+                                  : total + goal.speed_weight * std::sqrt(squares<Model::n_vD>(v_D));
+}
+
+}  // namespace fan

@@ -1,0 +1,99 @@
+"""A puppet's compiled libraries: each from the cache, or made when it is first needed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from fantoccini import build, codegen, equations
+from fantoccini.errors import BuildError
+from fantoccini.marionette import generator
+from fantoccini.runtime import BatchLibrary, ClearanceLibrary, Library, MotionLibrary
+from fantoccini.tree import Tree
+from fantoccini.world import World
+
+
+class Compiled:
+    """The part of a marionette that is compiled."""
+
+    world: World
+    tree: Tree
+    check_mass_matrix: Callable[[], None]
+    _progress: Callable[[str], None] | None
+
+    @cached_property
+    def equations(self) -> equations.Equations:
+        """The symbolic equations and the functions made from them."""
+        return equations.derive(self.tree)
+
+    @cached_property
+    def library(self) -> Library:
+        """The compiled model, from the cache or made now.
+
+        Raises:
+            BuildError: no compiler, or it failed.
+            PuppetError: the mass matrix is singular.
+        """
+        return self._compiled("model", codegen.generate, lambda file: Library(file, self.tree))
+
+    @cached_property
+    def lanes(self) -> BatchLibrary:
+        """The compiled time-stepper for many trajectories side by side; made when first needed.
+
+        Raises:
+            BuildError: no compiler, or it failed.
+            PuppetError: the mass matrix is singular.
+        """
+        return self._compiled("lanes", codegen.generate_lanes, BatchLibrary)
+
+    @cached_property
+    def clearances(self) -> ClearanceLibrary:
+        """The compiled distances from obstacles; made when first needed.
+
+        Raises:
+            BuildError: no compiler, or it failed.
+            PuppetError: the mass matrix is singular.
+        """
+        return self._compiled("clearance", codegen.generate_clearance, ClearanceLibrary)
+
+    @cached_property
+    def motions(self) -> MotionLibrary:
+        """The compiled motions of planners; made when first needed.
+
+        Raises:
+            BuildError: no compiler, or it failed.
+            PuppetError: the mass matrix is singular.
+        """
+        return self._compiled("motions", codegen.generate_motions, MotionLibrary)
+
+    def compile(self) -> None:
+        """Loads the compiled model, or makes it, before anything needs it."""
+        _ = self.library
+
+    def _compiled(self, what: str, generate: Callable, load: Callable[[Path], Any]) -> Any:
+        """A library of this puppet, from the cache or made now; ``what`` tells them apart."""
+        canonical = "\n".join(p.canonical() for p in self.world.puppets)
+        shaped_by = generator.fingerprint(derivatives=what == "derivatives")
+        key = build.fingerprint(canonical, shaped_by, flags=(what,))
+
+        def source() -> build.Source:
+            return self.source(generate)
+
+        folder = build.obtain(key, source, progress=self._progress)
+        try:
+            return load(folder / build.LIBRARY)
+        except BuildError:
+            folder = build.obtain(key, source, progress=self._progress, afresh=True)
+            return load(folder / build.LIBRARY)
+
+    def source(self, generate: Callable = codegen.generate) -> build.Source:
+        """The text that a library of this puppet is compiled from.
+
+        Raises:
+            PuppetError: the mass matrix is singular.
+        """
+        self.check_mass_matrix()
+        made = generate(self.equations)
+        return build.Source(made.files, made.main, {"operations": made.operations}, made.units)

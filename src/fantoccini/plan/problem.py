@@ -1,0 +1,140 @@
+"""What is to be planned: everything that is the same for every seed, made ready once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from fantoccini.errors import StateError
+from fantoccini.marionette import Marionette
+from fantoccini.motion import State
+from fantoccini.plan.balance import balanced
+from fantoccini.plan.clearance import Clearance
+from fantoccini.plan.funnels import funnel
+from fantoccini.plan.goals import Goal, Rows
+from fantoccini.plan.motions import Bounds, Motions
+from fantoccini.plan.obstacles import HalfSpace
+from fantoccini.puppet import Obstacle
+from fantoccini.runtime import STATE, Funnel, default_threads
+
+_BALANCED = 1e-6
+"""What may be left of the forces on a puppet that hangs, beside its weight."""
+
+
+class Problem:
+    """A puppet, where it begins, where it is to be, and what is about it.
+
+    Attributes:
+        marionette: the puppet.
+        start: where it begins.
+        goal: where it is to be.
+        tolerance: of the goal's distance.
+        motions: makes its motions.
+        reason: why no plan can begin at the start; empty where one can.
+
+    Args:
+        marionette: the puppet.
+        start: where it begins; its driven coordinates may move.
+        goal: a state, names and values (``{"elbow": 1.2}``), a :class:`Goal`, or a function of
+            :class:`Rows` that gives distances.
+        obstacles: more than the world has.
+        tolerance: of the goal's distance.
+        speed, acceleration: largest of the driven coordinates, for all or by name [m/s, m/s^2].
+        ranges: name of a driven coordinate -> (low, high) [m].
+        margin: least clearance [m].
+        strings: whether strings are kept clear of obstacles too.
+        self_collision: whether bodies are kept clear of one another.
+        threads: that share the work; all processors by default.
+        dt: step of the time-stepper [s].
+        look: steps from one look for collisions and the goal to the next.
+
+    Raises:
+        StateError, UnknownNameError, FileError: what is asked makes no sense, or a string is too
+            short for the start.
+        ValueError: a number out of range.
+    """
+
+    def __init__(
+        self,
+        marionette: Marionette,
+        start: State,
+        goal: Goal | State | Mapping[str, Any] | Any,
+        obstacles: Iterable[Obstacle | HalfSpace | Mapping[str, Any]] = (),
+        *,
+        tolerance: float = 0.1,
+        speed: float | Mapping[str, float] = 0.5,
+        acceleration: float | Mapping[str, float] = 2.0,
+        ranges: Mapping[str, tuple[float, float]] | None = None,
+        margin: float = 0.0,
+        strings: bool = True,
+        self_collision: bool = False,
+        threads: int | None = None,
+        dt: float = 0.004,
+        look: int = 5,
+    ):
+        threads = default_threads() if threads is None else threads
+        for name, value in (("tolerance", tolerance), ("dt", dt)):
+            if not 0.0 < value < np.inf:
+                raise ValueError(f"{name} is {value}; it must be finite and greater than 0")
+        if not 0.0 <= margin < np.inf:
+            raise ValueError(f"margin is {margin}; it must be a number of at least 0 [m]")
+        for name, number in (("look", look), ("threads", threads)):
+            if number < 1:
+                raise ValueError(f"{name} is {number}; it must be at least 1")
+        marionette.check_start(start)
+        self.marionette, self.start, self.tolerance = marionette, start, tolerance
+        self.goal = Goal.of(marionette, goal)
+        clearance = Clearance(marionette, obstacles, strings=strings, self_collision=self_collision)
+        bounds = Bounds.of(marionette, speed, acceleration, ranges or {})
+        self.motions = Motions(
+            marionette, clearance, bounds, self.goal, tolerance=tolerance, margin=margin, dt=dt,
+            look=look, threads=threads,
+        )  # fmt: skip
+        self.reason = _blocked(start, self.motions)
+        self.distance = self.goal.of_start(self.root)
+        self.motions.funnel = None if self.reason else _hanging_at(self.goal, start, self.motions)
+
+    @property
+    def root(self) -> Rows:
+        """The start as the one row of a tree."""
+        start, strings = self.start, len(self.marionette.tree.strings)
+        slip = start.slip if len(start.slip) else np.zeros(strings)
+        return Rows(*(np.array([{**vars(start), "slip": slip}[name]]) for name in STATE))
+
+
+def _hanging_at(goal: Goal, start: State, motions: Motions) -> Funnel | None:
+    """The law that leads to where the puppet hangs at a goal, or nearest to it.
+
+    None where the driven coordinates cannot be there.
+    """
+    marionette, bounds = motions.marionette, motions.bounds
+    q_D, q_K, left = balanced(marionette, goal, start, bounds.moves)
+    if goal.q_K is not None:
+        q_K = np.where(bounds.moves, goal.q_K, start.q_K)
+    if left > _BALANCED * marionette.weight or goal.q_K is not None:
+        try:
+            at = marionette.rest(start.replace(q_D=q_D, q_K=q_K))
+        except StateError:
+            return None
+        q_D, q_K = at.q_D, at.q_K
+    if np.any(q_K < bounds.low) or np.any(q_K > bounds.high):
+        return None
+    return funnel(marionette, q_D, q_K, bounds.moves, motions.options, motions.looks)
+
+
+def _blocked(start: State, motions: Motions) -> str:
+    """Why no plan can begin at a state; nothing where one can."""
+    nearest = motions.clearance.nearest(start)
+    if nearest is not None and nearest.distance < motions.margin:
+        return f"at the start {nearest}; the margin is {motions.margin:g} m"
+    bounds, table = motions.bounds, motions.marionette.coordinates
+    for k, name in enumerate(table.q_K):
+        if not bounds.low[k] <= start.q_K[k] <= bounds.high[k]:
+            span = f"{bounds.low[k]:g} to {bounds.high[k]:g}"
+            return f"{name} starts at {start.q_K[k]:g}, outside of its range {span}"
+    for k, name in enumerate(table.v_K):
+        if abs(start.v_K[k]) > bounds.speed[k]:
+            return f"{name} starts at {start.v_K[k]:g}, faster than its bound {bounds.speed[k]:g}"
+    return ""

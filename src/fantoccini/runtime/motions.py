@@ -1,0 +1,306 @@
+"""A planner's motions: the Python side of ``cpp/fantoccini/sweep.hpp``."""
+
+from __future__ import annotations
+
+import ctypes
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.errors import BuildError
+from fantoccini.runtime.clearance import ClearanceArrays, Solids
+from fantoccini.runtime.functions import opened, pointer
+from fantoccini.runtime.structures import UNLIMITED, Options, RunOptions
+
+UNKNOWN, POSE, POINT = range(3)
+"""Kinds of goals, as in ``goal.hpp``."""
+
+STATE = ("q_D", "v_D", "slip", "q_K", "v_K")
+"""Parts of a state, in the order of ``SweepArrays`` and ``SegmentArrays``."""
+
+
+class _GoalArrays(ctypes.Structure):
+    _fields_ = [
+        ("kind", ctypes.c_int),
+        ("link", ctypes.c_int),
+        ("low", ctypes.c_void_p),
+        ("high", ctypes.c_void_p),
+        ("weight", ctypes.c_void_p),
+        ("at", ctypes.c_double * 3),
+        ("place", ctypes.c_double * 3),
+        ("place_high", ctypes.c_double * 3),
+        ("speed_weight", ctypes.c_double),
+        ("tolerance", ctypes.c_double),
+    ]
+
+
+class _FunnelArrays(ctypes.Structure):
+    _fields_ = [(name, ctypes.c_void_p) for name in ("q_D", "q_K", "gains")]
+
+
+class _BoundArrays(ctypes.Structure):
+    _fields_ = [(name, ctypes.c_void_p) for name in ("speed", "acceleration", "low", "high")]
+
+
+_OUT = (*STATE, "distance", "looks", "catches")
+
+
+class _SegmentArrays(ctypes.Structure):
+    _fields_ = [(name, ctypes.c_void_p) for name in _OUT]
+
+
+class _SweepArrays(ctypes.Structure):
+    _fields_ = [
+        ("n", ctypes.c_longlong),
+        ("segments", ctypes.c_int),
+        ("looks", ctypes.c_int),
+        ("steps", ctypes.c_int),
+        ("options", Options),
+        ("p", ctypes.c_void_p),
+        ("winches", ctypes.c_void_p),
+        ("from_", ctypes.c_void_p),
+        *((name, ctypes.c_void_p) for name in STATE),
+        ("acc_K", ctypes.c_void_p),
+        ("given", ctypes.c_void_p),
+        ("which", ctypes.c_void_p),
+        ("reach", ctypes.c_void_p),
+        ("funnels", ctypes.c_void_p),
+        ("bounds", _BoundArrays),
+        ("margin", ctypes.c_double),
+        ("solids", ctypes.c_void_p),
+        ("goal", _GoalArrays),
+        ("out", _SegmentArrays),
+    ]
+
+
+class _SweepProgress(ctypes.Structure):
+    _fields_ = [("next", ctypes.c_longlong), ("reached", ctypes.c_longlong)]
+
+
+@dataclass(frozen=True, eq=False)
+class GoalNumbers:
+    """A goal as the library knows it; see ``goal.hpp``.
+
+    Attributes:
+        kind: ``UNKNOWN``, ``POSE`` or ``POINT``.
+        low, high: (n_qD,) of a pose.
+        weight: (n_vD,) of its coordinates.
+        link: of a point.
+        at: (3,) in the link's frame [m].
+        place, place_high: (3,) corners of the box it is to be in [m].
+        speed_weight: of |v_D| [s].
+    """
+
+    kind: int
+    low: Array
+    high: Array
+    weight: Array
+    link: int = 0
+    at: Array = field(default_factory=lambda: np.zeros(3))
+    place: Array = field(default_factory=lambda: np.zeros(3))
+    place_high: Array = field(default_factory=lambda: np.zeros(3))
+    speed_weight: float = 0.0
+
+    def structure(self, tolerance: float, kept: list[Array]) -> _GoalArrays:
+        """As the library takes it; ``kept`` must live as long as that."""
+        return _GoalArrays(
+            self.kind, self.link, *(_held(a, kept) for a in (self.low, self.high, self.weight)),
+            *((ctypes.c_double * 3)(*a) for a in (self.at, self.place, self.place_high)),
+            self.speed_weight, tolerance,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Funnel:
+    """An equilibrium and the law that leads there; see ``funnel.hpp``.
+
+    Attributes:
+        q_D, q_K: (n_qD,), (n_qK,) the equilibrium.
+        gains: (n_vK, 2 n_vD + 2 n_vK) on (dq_D, v_D, dq_K, v_K).
+    """
+
+    q_D: Array
+    q_K: Array
+    gains: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """What all motions of a planner have in common.
+
+    Attributes:
+        options: of the time-stepper.
+        looks: of a segment.
+        p, winches: as of :class:`fantoccini.runtime.Run`.
+        bounds: (n_vK,) speeds and accelerations, (n_qK,) least and greatest places.
+        margin: least clearance [m].
+        solids: what is kept clear of what.
+        goal: that a motion ends at.
+        tolerance: of the goal's distance; negative where motions go on.
+    """
+
+    options: RunOptions
+    looks: int
+    p: Array
+    winches: Array
+    bounds: tuple[Array, Array, Array, Array]
+    margin: float
+    solids: Solids
+    goal: GoalNumbers
+    tolerance: float
+
+
+@dataclass(frozen=True, eq=False)
+class Segments:
+    """What motions made, segment by segment.
+
+    Attributes:
+        states: part of a state -> (n, segments, width), at the segments' ends.
+        acc_K: (n, segments, n_vK) [m/s^2 or rad/s^2].
+        looks: (n, segments) that a segment lasted; 0 where it was not made.
+        distance: (n, segments) from the goal at its end.
+        catches: (n, segments) strings and limits that were caught.
+        n_made: motions that were made: all up to the first that reached the goal.
+    """
+
+    states: dict[str, Array]
+    acc_K: Array
+    looks: Array
+    distance: Array
+    catches: Array
+    n_made: int
+
+
+class MotionLibrary:
+    """A library that makes a planner's motions.
+
+    Args:
+        file: the shared library.
+
+    Raises:
+        BuildError: it cannot be loaded, or is of another version.
+    """
+
+    def __init__(self, file: Path):
+        self.handle = opened(file, "motions")
+        if self.handle.fan_sweep_size() != ctypes.sizeof(_SweepArrays):
+            raise BuildError(f"{file} is of another version; delete it to have it made again")
+
+    def distances(self, goal: GoalNumbers, q_D: Array, v_D: Array, q_K: Array, p: Array) -> Array:
+        """(n,) distances of states (n, n_qD), (n, n_vD), (n, n_qK) from a goal."""
+        kept: list[Array] = []
+        structure = goal.structure(0.0, kept)
+        rows = [_held(a, kept) for a in (q_D, v_D, q_K, p)]
+        found = np.empty(len(q_D))
+        n = ctypes.c_longlong(len(q_D))
+        self.handle.fan_goal_distances(n, *rows, ctypes.byref(structure), pointer(found))
+        return found
+
+
+class Sweeper:
+    """Makes motions on some threads.
+
+    Args:
+        library: of the puppet.
+        terms: what the motions have in common.
+        threads: that share the work.
+    """
+
+    def __init__(self, library: MotionLibrary, terms: Terms, threads: int):
+        self._library, self._others = library, threads - 1
+        self._kept: list[Array] = []
+        kept = self._kept
+        solids = ClearanceArrays.of(terms.solids, kept)
+        self._arrays = _SweepArrays(
+            looks=terms.looks,
+            steps=terms.options.save_every,
+            options=terms.options.structure(),
+            p=_held(terms.p, kept),
+            winches=_held(np.minimum(terms.winches, UNLIMITED), kept),
+            bounds=_BoundArrays(*(_held(a, kept) for a in terms.bounds)),
+            margin=terms.margin,
+            solids=ctypes.addressof(solids),
+            goal=terms.goal.structure(terms.tolerance, kept),
+        )
+        self._solids = solids
+
+    def __call__(
+        self,
+        starts: dict[str, Array],
+        chosen: Array,
+        acc_K: Array,
+        given: Array,
+        funnels: list[Funnel] = (),
+        which: Array | None = None,
+        reach: Array | None = None,
+        looks: int | None = None,
+    ) -> Segments:
+        """Motions, each until it is done, reaches the goal, or comes into collision.
+
+        None is made, or kept, after the first that reaches the goal.
+
+        Args:
+            starts: part of a state -> (m, width) rows.
+            chosen: (n,) the row that a motion begins at.
+            acc_K: (n, segments, n_vK) accelerations of its first segments.
+            given: (n,) how many of them are given; the others are led.
+            funnels: where to.
+            which: (n,) the funnel of a motion.
+            reach: (n,) by how much it hurries [s].
+            looks: of a segment; those of the terms when not given.
+        """
+        kept: list[Array] = []
+        n, segments = acc_K.shape[:2]
+        acc_K = np.array(acc_K, dtype=float, order="C")
+        which = np.zeros(n) if which is None else which
+        reach = np.ones(n) if reach is None else reach
+        laws = (_FunnelArrays * max(1, len(funnels)))(
+            *(_FunnelArrays(*(_held(a, kept) for a in (f.q_D, f.q_K, f.gains))) for f in funnels)
+        )
+        states = {name: np.empty((n, segments, starts[name].shape[-1])) for name in STATE}
+        distance = np.full((n, segments), np.inf)
+        lasted = np.zeros((n, segments), dtype=np.int32)
+        catches = np.zeros((n, segments), dtype=np.int32)
+        arrays = _SweepArrays.from_buffer_copy(self._arrays)
+        arrays.n, arrays.segments = n, segments
+        arrays.looks = looks or arrays.looks
+        arrays.from_ = _held(chosen, kept, np.int64)
+        for name in STATE:
+            setattr(arrays, name, _held(starts[name], kept))
+        arrays.acc_K = pointer(acc_K)
+        arrays.given, arrays.which = _held(given, kept, np.int32), _held(which, kept, np.int32)
+        arrays.reach, arrays.funnels = _held(reach, kept), ctypes.addressof(laws)
+        out = (*states.values(), distance, lasted, catches)
+        arrays.out = _SegmentArrays(*(pointer(a) for a in out))
+        reached = self._work(arrays)
+        lasted[reached + 1 :] = 0
+        return Segments(states, acc_K, lasted, distance, catches, min(reached + 1, n))
+
+    def _work(self, arrays: _SweepArrays) -> int:
+        """Makes the motions; the first that reached the goal, n where none did."""
+        progress = _SweepProgress(0, arrays.n)
+
+        def work() -> int:
+            return self._library.handle.fan_sweep(ctypes.byref(arrays), ctypes.byref(progress))
+
+        others = [_helpers(self._others).submit(work) for _ in range(self._others)]
+        failed = [work(), *(other.result() for other in others)]
+        if any(failed):
+            raise MemoryError("no memory for motions")
+        return progress.reached
+
+
+@cache
+def _helpers(n: int) -> ThreadPoolExecutor:
+    """Threads that wait for work: to start one takes as long as some motions."""
+    return ThreadPoolExecutor(n, thread_name_prefix="fantoccini-motions")
+
+
+def _held(array: Array, kept: list[Array], dtype: type = float) -> ctypes.c_void_p:
+    """Where an array's numbers lie, once it is contiguous; kept alive in ``kept``."""
+    kept.append(np.ascontiguousarray(array, dtype=dtype))
+    return pointer(kept[-1])
