@@ -3,10 +3,11 @@
 from fantoccini.plan.clearance import Clearance, Nearest
 from fantoccini.plan.goals import Goal, Rows
 from fantoccini.plan.obstacles import HalfSpace
-from fantoccini.plan.plan import PLANNERS, plan, search
+from fantoccini.plan.plan import plan, solve
 from fantoccini.plan.planners import EST2007, Explore
 from fantoccini.plan.problem import Problem
 from fantoccini.plan.result import Check, PlanResult, PlanStatus
+from fantoccini.plan.search import PLANNERS, Search
 
 __all__ = [
     "EST2007",
@@ -21,6 +22,7 @@ __all__ = [
     "PlanStatus",
     "Problem",
     "Rows",
+    "Search",
     "plan",
-    "search",
+    "solve",
 ]

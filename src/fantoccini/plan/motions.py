@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from fantoccini.marionette import Marionette
 from fantoccini.plan.clearance import Clearance
 from fantoccini.plan.goals import Goal, Rows
 from fantoccini.runtime import Funnel, Segments, Sweeper, Terms
+
+_INNER = 0.9
+"""Part of the tolerance that a search goes for: its plans arrive in other simulations too."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +101,7 @@ class Motions:
     Motions are made of segments in which every driven coordinate has a constant acceleration.
 
     Attributes:
+        inner: distance from the goal at which motions end.
         funnel: the law that motions may be led by; None where there is none.
 
     Args:
@@ -107,6 +111,7 @@ class Motions:
         goal: that motions end at.
         tolerance: of the goal's distance.
         margin: least clearance [m].
+        slack: whether strings that pull may go slack on the way.
         dt: step [s].
         look: steps from one look for collisions and the goal to the next.
         looks: of a segment.
@@ -122,6 +127,7 @@ class Motions:
         *,
         tolerance: float,
         margin: float,
+        slack: bool,
         dt: float,
         look: int,
         looks: int = 5,
@@ -133,16 +139,38 @@ class Motions:
             bounds,
             goal,
         )
-        self.tolerance, self.margin, self.dt, self.look = tolerance, margin, dt, look
+        self.inner, self.margin, self.dt, self.look = _INNER * tolerance, margin, dt, look
+        self.slack = slack
         self.looks, self.threads = looks, threads
         self.funnel: Funnel | None = None
         self.options = marionette.run_options(dt=dt, save_every=look)
         limits = bounds.speed, bounds.acceleration, bounds.low, bounds.high
         terms = Terms(
-            self.options, looks, marionette.p, marionette.winches, limits, margin,
-            clearance.solids, goal.numbers, tolerance,
+            self.options, looks, marionette.p, marionette.winches, limits, margin, slack,
+            clearance.solids, goal.numbers, self.inner,
         )  # fmt: skip
         self._sweeper = Sweeper(marionette.motions, terms, threads)
+
+    def where(self, *, tolerance: float, free: bool = False) -> Motions:
+        """The same motions with another tolerance; ``free``: that nothing but it ends."""
+        bounds, far = self.bounds, np.full(len(self.bounds.low), np.inf)
+        if free:
+            bounds = replace(bounds, speed=np.full_like(bounds.speed, np.inf), low=-far, high=far)
+        made = Motions(
+            self.marionette,
+            self.clearance,
+            bounds,
+            self.goal,
+            tolerance=tolerance,
+            margin=-np.inf if free else self.margin,
+            slack=self.slack or free,
+            dt=self.dt,
+            look=self.look,
+            looks=self.looks,
+            threads=self.threads,
+        )
+        made.funnel = self.funnel
+        return made
 
     @property
     def interval(self) -> float:
@@ -156,6 +184,7 @@ class Motions:
         acceleration: Array,
         *,
         given: Array | None = None,
+        made: Array | None = None,
         reach: Array | None = None,
         looks: int | None = None,
     ) -> Segments:
@@ -169,19 +198,20 @@ class Motions:
             chosen: (n,) the one that a motion begins at.
             acceleration: (n, segments, n_vK) of the driven coordinates.
             given: (n,) how many of these hold, the others are led to the funnel; all by default.
+            made: (n,) how many segments a motion has, at most; all by default.
             reach: (n,) by how much motions that are led hurry [s].
             looks: of a segment.
         """
         n, segments = acceleration.shape[:2]
         given = np.full(n, segments) if given is None else given
         funnels = [] if self.funnel is None else [self.funnel]
-        made = self._sweeper(
-            starts.parts, chosen, acceleration, given, funnels, reach=reach, looks=looks
+        found = self._sweeper(
+            starts.parts, chosen, acceleration, given, made, funnels, reach=reach, looks=looks
         )
         if self.goal.function is not None:
-            whole = made.looks > 0
-            made.distance[whole] = self.goal.distance(Rows(*made.states.values())[whole])
-        return made
+            whole = found.looks > 0
+            found.distance[whole] = self.goal.distance(Rows(*found.states.values())[whole])
+        return found
 
     def replay(self, before: Rows, acceleration: Array, looks: int) -> Rows | None:
         """The end of one segment, made again; None where it is not clear.

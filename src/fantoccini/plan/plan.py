@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import time
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -13,14 +11,17 @@ from fantoccini.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.plan.goals import Goal
 from fantoccini.plan.obstacles import HalfSpace
-from fantoccini.plan.planners import EST2007, Explore, Planner
+from fantoccini.plan.planners import Planner
 from fantoccini.plan.problem import Problem
-from fantoccini.plan.result import PlanResult, PlanStatus
-from fantoccini.plan.search_tree import SearchTree
+from fantoccini.plan.result import PlanResult
+from fantoccini.plan.search import Search
 from fantoccini.puppet import Obstacle
 
-PLANNERS: dict[str, type] = {"explore": Explore, "est-2007": EST2007}
-"""Planners by name."""
+_SHORTER = 0.35
+"""Part of the time for improvements in which new trees are grown; then a plan is polished."""
+
+_NEAR = 1e-3
+"""Distance from the goal at which a plan that is polished ends."""
 
 
 def plan(
@@ -32,6 +33,7 @@ def plan(
     planner: str | Planner = "explore",
     time_limit: float = 10.0,
     iterations: int | None = None,
+    improve: float = 0.0,
     seed: int = 0,
     **options,
 ) -> PlanResult:
@@ -39,13 +41,13 @@ def plan(
 
     The driven coordinates move from node to node of a tree with constant accelerations; their
     places and velocities are part of a node. The same seed gives the same plan, whatever the
-    threads, as long as the time limit does not end the search. Ctrl-C ends it with the best so far.
+    threads, as long as no time limit ends the search. Ctrl-C ends it with the best so far.
 
-    To plan the same with several seeds, make the :class:`Problem` once and ``search`` it.
+    To plan the same with several seeds, make the :class:`Problem` once and ``solve`` it.
 
     Args:
         marionette, start, goal, obstacles, options: see :class:`Problem`.
-        planner, time_limit, iterations, seed: see :func:`search`.
+        planner, time_limit, iterations, improve, seed: see :func:`solve`.
 
     Returns:
         The plan; false unless it ends within the tolerance.
@@ -56,24 +58,34 @@ def plan(
         ValueError: a number out of range, or an unknown planner.
     """
     problem = Problem(marionette, start, goal, obstacles, **options)
-    return search(problem, planner=planner, time_limit=time_limit, iterations=iterations, seed=seed)
+    return solve(
+        problem,
+        planner=planner,
+        time_limit=time_limit,
+        iterations=iterations,
+        improve=improve,
+        seed=seed,
+    )
 
 
-def search(
+def solve(
     problem: Problem,
     *,
     planner: str | Planner = "explore",
     time_limit: float = 10.0,
     iterations: int | None = None,
+    improve: float = 0.0,
     seed: int = 0,
 ) -> PlanResult:
-    """Searches a problem for a first plan.
+    """Searches a problem for a plan.
 
     Args:
         problem: what is to be planned.
         planner: ``"explore"``, ``"est-2007"``, or one round of a planner.
-        time_limit: after which the search ends [s].
+        time_limit: after which the search for a first plan ends [s].
         iterations: motions after which it ends; no bound by default.
+        improve: how long to look for shorter plans, and to bring the end nearer to the goal, once
+            there is one [s].
         seed: of all random choices.
 
     Raises:
@@ -81,39 +93,17 @@ def search(
     """
     if not 0.0 < time_limit < np.inf:
         raise ValueError(f"time_limit is {time_limit}; it must be finite and greater than 0")
+    if not 0.0 <= improve < np.inf:
+        raise ValueError(f"improve is {improve}; it must be a finite number of at least 0 [s]")
     if iterations is not None and iterations < 1:
         raise ValueError(f"iterations is {iterations}; it must be at least 1")
-    if isinstance(planner, str):
-        if planner not in PLANNERS:
-            raise ValueError(f"planner is {planner!r}; it must be one of {', '.join(PLANNERS)}")
-        planner = PLANNERS[planner]()
-    began = time.perf_counter()
-    motions, tolerance = problem.motions, problem.tolerance
-    tree = SearchTree(problem.root, problem.distance, problem.marionette.coordinates.n_vK)
-    status = PlanStatus.INFEASIBLE_START if problem.reason else PlanStatus.APPROXIMATE
-    rng, best, tried = np.random.default_rng(seed), 0, 0
-    with contextlib.suppress(KeyboardInterrupt):
-        while status is PlanStatus.APPROXIMATE:
-            if tree.distance[best] <= tolerance:
-                status = PlanStatus.EXACT
-                break
-            late = time.perf_counter() - began > time_limit
-            if late or (iterations is not None and tried >= iterations):
-                break
-            grown = planner(tree, motions, rng)
-            tried += grown.motions
-            if len(grown.nodes):
-                nearest = _best(tree, grown.nodes, tolerance)
-                best = nearest if tree.distance[nearest] < tree.distance[best] else best
-    return PlanResult(
-        status, problem, tuple(tree.path(best)), tree, tried, time.perf_counter() - began
-    )
-
-
-def _best(tree: SearchTree, nodes: range, tolerance: float) -> int:
-    """Of nodes at the goal the earliest, otherwise the nearest."""
-    distance = tree.distance[nodes.start : nodes.stop]
-    there = np.flatnonzero(distance <= tolerance)
-    if len(there):
-        return nodes[int(there[np.argmin(tree.time[nodes.start + there])])]
-    return nodes[int(np.argmin(distance))]
+    search = Search(problem, planner, seed)
+    try:
+        search.first(time_limit, iterations)
+        if improve and search.arrived:
+            search.shorter(_SHORTER * improve)
+            if problem.goal.function is None:
+                search.polish(min(_NEAR, problem.motions.inner), (1.0 - _SHORTER) * improve)
+    except KeyboardInterrupt:
+        pass
+    return PlanResult.of(search)

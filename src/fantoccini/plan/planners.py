@@ -72,6 +72,7 @@ class Explore:
         direct: part of the motions that are led from the beginning.
         hurry: least and greatest time in which the regulator's reference runs ahead [s].
         cell: size of the cells whose nodes are counted [rad or m].
+        haste: power with which the probability of a node falls with its time.
     """
 
     def __init__(
@@ -82,13 +83,14 @@ class Explore:
         direct: float = 0.1,
         hurry: tuple[float, float] = (0.4, 1.0),
         cell: float = 0.1,
+        haste: float = 4.0,
     ):
         self.batch, self.astray, self.led = batch, astray, led
-        self.direct, self.hurry, self.cell = direct, hurry, cell
+        self.direct, self.hurry, self.cell, self.haste = direct, hurry, cell, haste
 
     def __call__(self, tree: SearchTree, motions: Motions, rng: np.random.Generator) -> Grown:
         n = self.batch
-        chosen = self._where_little_was_tried(tree, n, rng)
+        chosen = self._where_little_was_tried(tree, motions, n, rng)
         np.add.at(tree.tried, chosen, 1)
         given = rng.integers(1, self.astray + 1, n)
         led = self.led if motions.funnel else 0
@@ -100,18 +102,47 @@ class Explore:
         acceleration[:, : self.astray] = towards(
             wanted, tree.v_K[chosen], self.astray, duration, motions
         )
+        left = np.minimum((tree.bound - tree.time[chosen]) / duration, self.astray + led)
         made = motions.sweep(
-            tree.rows, chosen, acceleration, given=given, reach=rng.uniform(*self.hurry, n)
+            tree.rows,
+            chosen,
+            acceleration,
+            given=given,
+            made=np.maximum(left, 1.0).astype(int),
+            reach=rng.uniform(*self.hurry, n),
         )
         return Grown(made.n_made, tree.add_segments(made, chosen, motions.interval))
 
-    def _where_little_was_tried(self, tree: SearchTree, n: int, rng: np.random.Generator) -> Array:
-        """Nodes with a probability that falls with the nodes about them and with their trials."""
+    def _where_little_was_tried(
+        self, tree: SearchTree, motions: Motions, n: int, rng: np.random.Generator
+    ) -> Array:
+        """Nodes with a probability that falls with the nodes about them and with their trials.
+
+        Those from which the driven coordinates cannot be at the goal within the tree's bound have
+        none.
+        """
         cells = np.floor(tree.q_K / self.cell).astype(np.int64)
         # A cell's number, by which equal ones are found a hundred times as fast as by its places.
         number = cells @ _mixing(cells.shape[1])
         _, cell, count = np.unique(number, return_inverse=True, return_counts=True)
-        return _drawn(1.0 / (count[cell] * (1.0 + tree.tried)), n, rng)
+        early = (1.0 + tree.time) ** -self.haste
+        weight = early / (count[cell] * (1.0 + tree.tried))
+        if np.isfinite(tree.bound):
+            late = tree.time + time_to_go(tree.q_K, motions) > tree.bound
+            weight[late] = 0.0
+            weight[0] = max(weight[0], 1e-300)
+        return _drawn(weight, n, rng)
+
+
+def time_to_go(q_K: Array, motions: Motions) -> Array:
+    """Seconds (n,) in which the driven coordinates could be where the funnel leads; 0 without."""
+    if motions.funnel is None:
+        return np.zeros(len(q_K))
+    table, bounds = motions.marionette.coordinates, motions.bounds
+    places = [(q, v) for q, v in table.scalars_K if bounds.moves[v]]
+    q, v = np.array(places).T
+    away = np.abs(q_K[:, q] - motions.funnel.q_K[q])
+    return np.max(away / bounds.speed[v], axis=1)
 
 
 def towards(wanted: Array, v_K: Array, segments: int, duration: float, motions: Motions) -> Array:

@@ -44,6 +44,8 @@ class Problem:
         speed, acceleration: largest of the driven coordinates, for all or by name [m/s, m/s^2].
         ranges: name of a driven coordinate -> (low, high) [m].
         margin: least clearance [m].
+        slack: whether strings that pull may go slack on the way. Plans on which none does depend
+            less on how exactly they are followed.
         strings: whether strings are kept clear of obstacles too.
         self_collision: whether bodies are kept clear of one another.
         threads: that share the work; all processors by default.
@@ -68,6 +70,7 @@ class Problem:
         acceleration: float | Mapping[str, float] = 2.0,
         ranges: Mapping[str, tuple[float, float]] | None = None,
         margin: float = 0.0,
+        slack: bool = True,
         strings: bool = True,
         self_collision: bool = False,
         threads: int | None = None,
@@ -89,8 +92,8 @@ class Problem:
         clearance = Clearance(marionette, obstacles, strings=strings, self_collision=self_collision)
         bounds = Bounds.of(marionette, speed, acceleration, ranges or {})
         self.motions = Motions(
-            marionette, clearance, bounds, self.goal, tolerance=tolerance, margin=margin, dt=dt,
-            look=look, threads=threads,
+            marionette, clearance, bounds, self.goal, tolerance=tolerance, margin=margin,
+            slack=slack, dt=dt, look=look, threads=threads,
         )  # fmt: skip
         self.reason = _blocked(start, self.motions)
         self.distance = self.goal.of_start(self.root)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import enum
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,6 +14,7 @@ from fantoccini.motion import Input, State, Trajectory
 from fantoccini.plan.goals import Goal, Rows
 from fantoccini.plan.motions import Motions
 from fantoccini.plan.problem import Problem
+from fantoccini.plan.search import Search
 from fantoccini.plan.search_tree import SearchTree
 from fantoccini.runtime import STATE
 from fantoccini.simulate import simulate
@@ -36,7 +38,7 @@ class Check:
     """A plan made again.
 
     Attributes:
-        arrives: whether it ends within the tolerance and stays clear.
+        arrives: whether it ends within the tolerance and touches nothing; the margin was for this.
         distance: from the goal at the end.
         clearance: the least on the way [m].
         gap: largest difference of a dynamic coordinate from the plan's own run, at its nodes.
@@ -58,17 +60,46 @@ class PlanResult:
         status: how the search ended.
         problem: what was to be planned.
         path: nodes of the tree from the start to the plan's end.
-        tree: all that was found.
+        tree: the one in which the plan was found.
+        search: what found it, to go on.
         tried: motions that were tried.
         seconds: that the search took [s].
+        curve: (seconds, motions, time of the plan) of every plan that was the best so far.
     """
 
     status: PlanStatus
     problem: Problem
     path: tuple[int, ...]
     tree: SearchTree
+    search: Search
     tried: int
     seconds: float
+    curve: tuple[tuple[float, int, float], ...]
+
+    @classmethod
+    def of(cls, search: Search) -> PlanResult:
+        """What a search has found so far."""
+        problem, tree = search.problem, search.tree
+        status = PlanStatus.APPROXIMATE
+        if problem.reason:
+            status = PlanStatus.INFEASIBLE_START
+        elif tree.distance[search.best] <= problem.tolerance:
+            status = PlanStatus.EXACT
+        path = tuple(tree.path(search.best))
+        curve = tuple(search.curve)
+        return cls(status, problem, path, tree, search, search.tried, search.seconds, curve)
+
+    def grow(self, seconds: float = 1.0, iterations: int | None = None) -> PlanResult:
+        """Goes on with the search: for a plan, or a shorter one where there is one.
+
+        Args:
+            seconds: for so long.
+            iterations: and with so many motions at most.
+        """
+        with contextlib.suppress(KeyboardInterrupt):
+            go_on = self.search.shorter if self.search.arrived else self.search.first
+            go_on(seconds, iterations)
+        return PlanResult.of(self.search)
 
     def __bool__(self) -> bool:
         return self.status is PlanStatus.EXACT
@@ -79,6 +110,25 @@ class PlanResult:
             f"goal; {self.tried} tried, {len(self.tree)} nodes, {self.seconds:.3g} s"
         )
         return f"<PlanResult {self.status.name}: {self.reason or found}>"
+
+    def polish(self, distance: float = 1e-3, seconds: float = 0.5) -> PlanResult:
+        """The plan, ended nearer to the goal and made shorter where it can be.
+
+        Args:
+            distance: that is near enough.
+            seconds: how long to look for shorter plans.
+
+        Returns:
+            The plan as it is where none comes so near.
+
+        Raises:
+            ValueError: there is no plan, or its goal is a function.
+        """
+        if not self:
+            raise ValueError(f"there is no plan to polish: {self.status.message}")
+        with contextlib.suppress(KeyboardInterrupt):
+            self.search.polish(distance, seconds)
+        return PlanResult.of(self.search)
 
     @property
     def reason(self) -> str:
@@ -142,9 +192,9 @@ class PlanResult:
 
     def replay(self) -> bool:
         """Makes every motion of the plan again; whether it comes out the same, to the last bit."""
-        tree = self.tree
+        tree, motions = self.tree, self.motions.where(tolerance=-1.0)
         for before, node in zip(self.path, self.path[1:], strict=False):
-            again = self.motions.replay(
+            again = motions.replay(
                 tree.rows[[before]], tree.acceleration[node], int(tree.looks[node])
             )
             there = tree.rows[[node]].parts
@@ -173,7 +223,7 @@ class PlanResult:
         near = np.array([int(np.argmin(np.abs(run.t - t))) for t in times])
         gap = float(np.max(np.abs(run.q_D[near] - self.tree.q_D[list(self.path)])))
         reached = run.t[-1] >= times[-1] - 1e-9
-        arrives = reached and distance <= self.tolerance and clearance >= self.motions.margin
+        arrives = reached and distance <= self.tolerance and clearance >= 0.0
         return Check(bool(arrives), distance, clearance, gap, run)
 
     def _run(self, **options) -> Trajectory:

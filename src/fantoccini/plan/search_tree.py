@@ -16,15 +16,17 @@ class SearchTree:
 
     Attributes:
         n: nodes.
+        bound: time by which a plan is to end [s].
 
     Args:
         root: the start, rows (1,).
         distance: of the start from the goal.
         n_vK: driven velocities.
+        bound: see above.
     """
 
-    def __init__(self, root: Rows, distance: float, n_vK: int):
-        self.n = 0
+    def __init__(self, root: Rows, distance: float, n_vK: int, bound: float = np.inf):
+        self.n, self.bound = 0, bound
         self._arrays = {
             name: np.empty((_FIRST, getattr(root, name).shape[-1]))
             for name in root.__dataclass_fields__

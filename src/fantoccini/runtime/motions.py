@@ -65,12 +65,14 @@ class _SweepArrays(ctypes.Structure):
         ("from_", ctypes.c_void_p),
         *((name, ctypes.c_void_p) for name in STATE),
         ("acc_K", ctypes.c_void_p),
+        ("made", ctypes.c_void_p),
         ("given", ctypes.c_void_p),
         ("which", ctypes.c_void_p),
         ("reach", ctypes.c_void_p),
         ("funnels", ctypes.c_void_p),
         ("bounds", _BoundArrays),
         ("margin", ctypes.c_double),
+        ("may_slacken", ctypes.c_int),
         ("solids", ctypes.c_void_p),
         ("goal", _GoalArrays),
         ("out", _SegmentArrays),
@@ -138,6 +140,7 @@ class Terms:
         p, winches: as of :class:`fantoccini.runtime.Run`.
         bounds: (n_vK,) speeds and accelerations, (n_qK,) least and greatest places.
         margin: least clearance [m].
+        slack: whether strings that pull may go slack.
         solids: what is kept clear of what.
         goal: that a motion ends at.
         tolerance: of the goal's distance; negative where motions go on.
@@ -149,6 +152,7 @@ class Terms:
     winches: Array
     bounds: tuple[Array, Array, Array, Array]
     margin: float
+    slack: bool
     solids: Solids
     goal: GoalNumbers
     tolerance: float
@@ -173,6 +177,14 @@ class Segments:
     distance: Array
     catches: Array
     n_made: int
+
+    def of(self, i: int) -> Segments:
+        """One of the motions."""
+        one = slice(i, i + 1)
+        states = {name: a[one] for name, a in self.states.items()}
+        return Segments(
+            states, self.acc_K[one], self.looks[one], self.distance[one], self.catches[one], 1
+        )
 
 
 class MotionLibrary:
@@ -223,6 +235,7 @@ class Sweeper:
             winches=_held(np.minimum(terms.winches, UNLIMITED), kept),
             bounds=_BoundArrays(*(_held(a, kept) for a in terms.bounds)),
             margin=terms.margin,
+            may_slacken=int(terms.slack),
             solids=ctypes.addressof(solids),
             goal=terms.goal.structure(terms.tolerance, kept),
         )
@@ -234,6 +247,7 @@ class Sweeper:
         chosen: Array,
         acc_K: Array,
         given: Array,
+        made: Array | None = None,
         funnels: list[Funnel] = (),
         which: Array | None = None,
         reach: Array | None = None,
@@ -248,6 +262,7 @@ class Sweeper:
             chosen: (n,) the row that a motion begins at.
             acc_K: (n, segments, n_vK) accelerations of its first segments.
             given: (n,) how many of them are given; the others are led.
+            made: (n,) how many segments it has, one at least; all by default.
             funnels: where to.
             which: (n,) the funnel of a motion.
             reach: (n,) by how much it hurries [s].
@@ -272,6 +287,7 @@ class Sweeper:
         for name in STATE:
             setattr(arrays, name, _held(starts[name], kept))
         arrays.acc_K = pointer(acc_K)
+        arrays.made = _held(np.full(n, segments) if made is None else made, kept, np.int32)
         arrays.given, arrays.which = _held(given, kept, np.int32), _held(which, kept, np.int32)
         arrays.reach, arrays.funnels = _held(reach, kept), ctypes.addressof(laws)
         out = (*states.values(), distance, lasted, catches)

@@ -28,14 +28,15 @@ struct SweepArrays {
   // Starts: rows `from` (n,) of a table of states.
   const long long* from;
   const double *q_D, *v_D, *slip, *q_K, *v_K;
-  // Accelerations (n, segments, n_vK): the first `given` (n,) segments have them, the others are led
-  // to a funnel (n,) with a reach (n,), and write them.
+  // Accelerations (n, segments, n_vK) of `made` (n,) segments, one at least: the first `given` (n,) have them, the
+  // others are led to a funnel (n,) with a reach (n,), and write them.
   double* acc_K;
-  const int *given, *which;
+  const int *made, *given, *which;
   const double* reach;
   const FunnelArrays* funnels;
   BoundArrays bounds;
   double margin;  // m
+  int may_slacken;  // whether strings that pull may go slack
   const ClearanceArrays* solids;
   GoalArrays goal;
   SegmentArrays out;
@@ -118,6 +119,7 @@ class Sweep {
       choose(in, l);
       goes_[l] = motion_[l] >= 0;
       caught_[l] = 0;
+      slackened_[l] = false;
     }
     for (int j = 0; j < NK; ++j) still_[j] = is_constant(coef_ + kPowers * j);
     put_inputs(0.0);
@@ -173,9 +175,12 @@ class Sweep {
 
   void count(const Mask* was) {
     for (int r = 0; r < M; ++r) {
-      if (!any(led_.at.taut[r] && !was[r])) continue;
-      for (int l = 0; l < width; ++l)
-        caught_[l] += goes_[l] && lane_of(led_.at.taut[r], l) && !lane_of(was[r], l);
+      if (!any(led_.at.taut[r] != was[r])) continue;
+      for (int l = 0; l < width; ++l) {
+        const bool before = lane_of(was[r], l), after = lane_of(led_.at.taut[r], l);
+        caught_[l] += goes_[l] && after && !before;
+        slackened_[l] = slackened_[l] || (r < S && before && !after);
+      }
     }
   }
 
@@ -193,7 +198,9 @@ class Sweep {
       get(state.q_D, NQ, l, q_D);
       get(state.v_D, N, l, v_D);
       const double clear = lane_of(clearance_.least, l);
-      if (lane_of(led_.status, l) > RUNNING + 0.5 || !(clear >= in.margin) || !within(in, l)) {
+      const bool slack = slackened_[l] && !in.may_slacken;
+      if (lane_of(led_.status, l) > RUNNING + 0.5 || slack || !(clear >= in.margin) ||
+          !within(in, l)) {
         leave(l);
         continue;
       }
@@ -207,7 +214,7 @@ class Sweep {
       if (!there && look < in.looks) continue;
       write(in, l, look, distance);
       if (there) progress.reach(motion_[l]);
-      if (there || ++segment_[l] == in.segments) leave(l);
+      if (there || ++segment_[l] == in.made[motion_[l]]) leave(l);
     }
     return some;
   }
@@ -255,7 +262,7 @@ class Sweep {
   Clearance<Model, Real> clearance_;
   std::vector<Placed<Real>> placed_;
   Real coef_[room(NK * kPowers)], base_[room(QK)];
-  bool still_[room(NK)], goes_[width];
+  bool still_[room(NK)], goes_[width], slackened_[width];
   long long motion_[width];
   int segment_[width], caught_[width];
 };

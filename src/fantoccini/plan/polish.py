@@ -1,0 +1,230 @@
+"""Plans made shorter and brought to their goal: by Gauss and Newton on the whole of a plan.
+
+The velocities V of the driven coordinates at the ends of its segments are varied::
+
+    min |r + J dV|^2 + damping^2 |dV|^2,      |V + dV| <= speed
+
+where r is what the end lacks of the goal, and what clearances lack. Steps of several dampings
+are tried side by side, in lanes, and the one that comes nearest is made (Levenberg, Marquardt).
+What stands in the way is looked at when the end is near enough.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.plan.goals import Rows
+from fantoccini.plan.motions import Motions
+from fantoccini.plan.problem import Problem
+from fantoccini.runtime import UNKNOWN, Segments
+
+_DAMPINGS = (1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.3, 1.0)
+"""Of steps that are tried side by side, as parts of the largest singular value of J."""
+
+_ITERATIONS = 7
+
+_CHANGE = 1e-4
+"""Of a velocity, to see what comes of it [m/s or rad/s]."""
+
+_ROOM = 0.003
+"""Clearance beyond the margin that is wished for [m]."""
+
+_CLEAR = 1.0
+"""Weight of clearances beside the goal's residuals [1/m]."""
+
+_LONGER = (0, 3, 6, 10, 15, 25)
+"""Segments that are added until the goal can be reached."""
+
+_FEWER = 3
+"""Segments by which a plan is shortened at once, at most."""
+
+_SLOW = 0.7
+"""Part of the distance that may be left two iterations later, before a plan is given up."""
+
+
+class Polisher:
+    """Makes plans of a problem shorter, and ends them at the goal.
+
+    Args:
+        problem: what was planned.
+
+    Raises:
+        ValueError: the goal is a function, of which nothing is known.
+    """
+
+    def __init__(self, problem: Problem):
+        if problem.goal.numbers.kind == UNKNOWN:
+            raise ValueError("a plan to a goal that is a function cannot be polished")
+        self._problem = problem
+        self._strict = problem.motions.where(tolerance=-1.0)
+        self._free = problem.motions.where(tolerance=-1.0, free=True)
+
+    def __call__(
+        self, acceleration: Array, distance: float, seconds: float
+    ) -> Segments | None:
+        """A plan that ends nearer to the goal, and is shorter where time allows.
+
+        Args:
+            acceleration: (m, n_vK) of a plan's segments.
+            distance: that is near enough.
+            seconds: how long to look for shorter ones.
+
+        Returns:
+            The plan, one motion; None where none comes so near.
+        """
+        until = time.perf_counter() + seconds
+        tries = (self._ended(self._longer(acceleration, more), distance) for more in _LONGER)
+        best = next((found for found in tries if found is not None), None)
+        if best is None:
+            return None
+        fewer = _FEWER
+        while time.perf_counter() < until and fewer and len(best[0]) > fewer:
+            found = self._ended(self._hurried(best[0], len(best[0]) - fewer), distance)
+            if found is None:
+                fewer -= 1
+            else:
+                best = found
+        return best[1]
+
+    def _longer(self, acceleration: Array, more: int) -> Array:
+        """The same, and then led to the goal for some segments; standing still without a law."""
+        m, n_K = acceleration.shape
+        whole = np.zeros((1, m + more, n_K))
+        whole[0, :m] = acceleration
+        if self._problem.motions.funnel is None:
+            whole[0, m:] = self._within(np.zeros((m + more, n_K)))[m:]
+            return whole[0]
+        given = np.array([m])
+        return self._free.sweep(self._problem.root, np.zeros(1), whole, given=given).acc_K[0]
+
+    def _hurried(self, acceleration: Array, m: int) -> Array:
+        """The same ways in m segments, as far as the bounds allow."""
+        V = self._velocities(acceleration)
+        scale = len(acceleration) / m
+        at = scale * np.arange(1, m + 1)
+        there = np.arange(len(V))
+        wanted = scale * np.stack([np.interp(at, there, column) for column in V.T], axis=1)
+        return self._within(wanted)
+
+    def _ended(self, acceleration: Array, distance: float) -> tuple[Array, Segments] | None:
+        """These segments, changed so that they end at the goal with nothing in the way."""
+        made = self._made(self._free, acceleration[None])
+        if made is None:
+            return None
+        left = [float(made.distance[0, -1])]
+        while left[-1] > distance and len(left) <= _ITERATIONS:
+            if len(left) > 3 and left[-1] > _SLOW * left[-3]:
+                return None
+            tried = np.stack([self._within(V) for V in self._steps(acceleration, made)])
+            made = self._made(self._free, tried)
+            if made is None:
+                return None
+            nearest = int(np.argmin(made.distance[:, -1]))
+            acceleration, made = tried[nearest], made.of(nearest)
+            left.append(float(made.distance[0, -1]))
+        if made.distance[0, -1] > distance:
+            return None
+        strict = self._made(self._strict, acceleration[None])
+        return None if strict is None or strict.looks[0, -1] == 0 else (acceleration, strict)
+
+    def _made(self, motions: Motions, acceleration: Array) -> Segments | None:
+        """Motions (n, m, n_vK) from the start; None where none was made whole."""
+        n = len(acceleration)
+        made = motions.sweep(self._problem.root, np.zeros(n), acceleration)
+        whole = made.looks[:, -1] > 0
+        made.distance[~whole] = np.inf
+        return made if np.any(whole) else None
+
+    def _velocities(self, acceleration: Array) -> Array:
+        """(m + 1, n_vK) from the start to the ends of the segments."""
+        first = self._problem.root.v_K
+        return first + np.concatenate(
+            [np.zeros_like(first), self._segment * np.cumsum(acceleration, axis=0)]
+        )
+
+    @property
+    def _segment(self) -> float:
+        motions = self._problem.motions
+        return motions.looks * motions.interval
+
+    def _within(self, V: Array) -> Array:
+        """(m, n_vK) accelerations by which velocities are followed as the bounds allow."""
+        bounds, T = self._problem.motions.bounds, self._segment
+        v, made = self._problem.root.v_K[0], np.empty_like(V)
+        for k, wanted in enumerate(np.clip(V, -bounds.speed, bounds.speed)):
+            made[k] = np.clip((wanted - v) / T, -bounds.acceleration, bounds.acceleration)
+            v = v + T * made[k]
+        return made
+
+    def _steps(self, acceleration: Array, made: Segments) -> Array:
+        """Velocities (n, m, n_vK) that are worth a try."""
+        bounds, (m, n_K) = self._problem.motions.bounds, acceleration.shape
+        r, J = self._answers(acceleration, made)
+        V = self._velocities(acceleration)[1:].ravel()
+        most, free = np.tile(bounds.speed, m), np.tile(bounds.moves, m)
+        tried = []
+        for damping in _DAMPINGS:
+            still = ~free
+            for _ in range(3):
+                U, s, W = np.linalg.svd(np.where(still, 0.0, J), full_matrices=False)
+                size = damping * s[0] + 1e-300
+                dV = -W.T @ (s / (s**2 + size**2) * (U.T @ r))
+                out = ~still & (np.abs(V + dV) > most)
+                if not np.any(out):
+                    break
+                # What is at its bound stays there, and the others do its part.
+                r = r + J[:, out] @ (np.clip(V + dV, -most, most) - V)[out]
+                still = still | out
+            tried.append(V + dV)
+        return np.array(tried).reshape(-1, m, n_K)
+
+    def _answers(self, acceleration: Array, made: Segments) -> tuple[Array, Array]:
+        """What is lacking of the goal and of clearances, (r,), and its slopes by V (r, m n_vK).
+
+        Every velocity is changed by itself, and the rest of the plan made again.
+        """
+        root, T = self._problem.root, self._segment
+        m, n_K = acceleration.shape
+        nodes = Rows(
+            *(
+                np.concatenate([first, a[0]])
+                for first, a in zip(root.parts.values(), made.states.values(), strict=True)
+            )
+        )
+        chosen = np.repeat(np.arange(m), n_K)
+        changed = np.zeros((m, n_K, m, n_K))
+        for k in range(m):
+            changed[k, :, : m - k] = acceleration[k:]
+            changed[k, :, 0] += np.eye(n_K) * (_CHANGE / T)
+            if k + 1 < m:
+                changed[k, :, 1] -= np.eye(n_K) * (_CHANGE / T)
+        again = self._free.sweep(
+            nodes, chosen, changed.reshape(m * n_K, m, n_K), made=np.repeat(m - np.arange(m), n_K)
+        )
+        last = np.repeat(m - 1 - np.arange(m), n_K)
+        ends = Rows(*(a[np.arange(m * n_K), last] for a in again.states.values()))
+        r = self._lacking(nodes[-1:])
+        parts, J = [r[0]], [(self._lacking(ends) - r).T / _CHANGE]
+        clear, wanted = self._clear(nodes[1:]), self._problem.motions.margin + _ROOM
+        for i in np.flatnonzero(clear < wanted):
+            # Those that were changed before or in this segment.
+            early = np.flatnonzero(chosen <= i)
+            there = Rows(*(a[early, i - chosen[early]] for a in again.states.values()))
+            slope = np.zeros((1, m * n_K))
+            slope[0, early] = (self._clear(there) - clear[i]) / _CHANGE
+            parts.append(_CLEAR * (clear[i : i + 1] - wanted))
+            J.append(_CLEAR * slope)
+        return np.concatenate(parts), np.concatenate(J)
+
+    def _clear(self, rows: Rows) -> Array:
+        return self._problem.motions.clearance.at(rows.q_D, rows.q_K)
+
+    def _lacking(self, rows: Rows) -> Array:
+        """(n, r) what states lack of the goal, and their speeds."""
+        goal = self._problem.goal
+        return np.concatenate(
+            [goal.residuals(rows), goal.numbers.speed_weight * rows.v_D], axis=1
+        )

@@ -1,0 +1,143 @@
+"""A search: a first plan, then shorter ones."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from fantoccini.plan.planners import EST2007, Explore, Planner
+from fantoccini.plan.polish import Polisher
+from fantoccini.plan.problem import Problem
+from fantoccini.plan.search_tree import SearchTree
+
+PLANNERS: dict[str, type] = {"explore": Explore, "est-2007": EST2007}
+"""Planners by name."""
+
+_LARGEST = 20_000
+"""Nodes of a tree that looks for a shorter plan, before another takes its place."""
+
+
+class Search:
+    """A tree that grows until it holds a plan, and trees in which plans must be shorter.
+
+    Shorter plans are looked for as AO-x does (Hauser and Zhou 2016): a new tree begins at the start
+    whenever a plan was found, with its time as a bound; what cannot end before it is left out.
+
+    Attributes:
+        problem: what is planned.
+        tree: the one that holds the best plan; the only one as long as there is none.
+        best: the node where that ends: the nearest to the goal as long as none is there.
+        tried: motions that were tried.
+        seconds: that the search has taken [s].
+        curve: (seconds, motions, time of the plan) of every plan that was the best; a polished one
+            is nearer to the goal, but may be longer than the one before it.
+
+    Args:
+        problem: what is planned.
+        planner: a name of ``PLANNERS``, or one round of a planner.
+        seed: of all random choices.
+
+    Raises:
+        ValueError: an unknown planner.
+    """
+
+    def __init__(self, problem: Problem, planner: str | Planner = "explore", seed: int = 0):
+        if isinstance(planner, str):
+            if planner not in PLANNERS:
+                names = ", ".join(PLANNERS)
+                raise ValueError(f"planner is {planner!r}; it must be one of {names}")
+            planner = PLANNERS[planner]()
+        self.problem, self.planner = problem, planner
+        self.tree, self.best, self.tried, self.seconds = self._fresh(np.inf), 0, 0, 0.0
+        self.curve: list[tuple[float, int, float]] = []
+        self._rng = np.random.default_rng(seed)
+        self._growing = self.tree
+        if self.arrived:
+            self.curve.append((0.0, 0, 0.0))
+
+    @property
+    def arrived(self) -> bool:
+        """Whether there is a plan."""
+        return bool(self.tree.distance[self.best] <= self.problem.motions.inner)
+
+    def first(self, time_limit: float, iterations: int | None = None) -> None:
+        """Looks for a first plan, for so long and with so many motions at most."""
+        self._run(lambda: self.arrived, time_limit, iterations)
+
+    def shorter(self, time_limit: float, iterations: int | None = None) -> None:
+        """Looks for shorter plans, for so long and with so many motions."""
+        self._run(lambda: False, time_limit, iterations)
+
+    def polish(self, distance: float, seconds: float) -> bool:
+        """Brings the end of the best plan nearer to the goal, and makes it shorter where it can.
+
+        Args:
+            distance: that is near enough.
+            seconds: how long to look for shorter plans.
+
+        Returns:
+            Whether a plan came so near; it is the best then.
+
+        Raises:
+            ValueError: the goal is a function.
+        """
+        began = time.perf_counter()
+        path = self.tree.path(self.best)
+        if len(path) == 1:
+            return bool(self.tree.distance[self.best] <= distance)
+        found = Polisher(self.problem)(self.tree.acceleration[path[1:]], distance, seconds)
+        self.seconds += time.perf_counter() - began
+        if found is None:
+            return False
+        interval = self.problem.motions.interval
+        self.best = self.tree.add_segments(found, np.zeros(1, dtype=int), interval)[-1]
+        self.curve.append((self.seconds, self.tried, float(self.tree.time[self.best])))
+        return True
+
+    def _run(self, done: Callable[[], bool], time_limit: float, iterations: int | None) -> None:
+        began, most = time.perf_counter(), self.tried + (iterations or 0)
+        before = began - self.seconds
+        try:
+            while not done() and not self.problem.reason:
+                late = time.perf_counter() - began > time_limit
+                if late or (iterations is not None and self.tried >= most):
+                    break
+                self._round(before)
+        finally:
+            self.seconds = time.perf_counter() - before
+
+    def _round(self, before: float) -> None:
+        """One round of the planner; the search has gone on since ``before``."""
+        motions, tree = self.problem.motions, self._growing
+        if self.arrived and (tree is self.tree or len(tree) > _LARGEST):
+            # Shorter by a look at least.
+            bound = float(self.tree.time[self.best]) - 0.5 * motions.interval
+            tree = self._growing = self._fresh(bound)
+        grown = self.planner(tree, motions, self._rng)
+        self.tried += grown.motions
+        if not len(grown.nodes):
+            return
+        found = _best(tree, grown.nodes, motions.inner)
+        there = tree.distance[found] <= motions.inner
+        if there and tree.time[found] <= tree.bound:
+            self.tree, self.best = tree, found
+            seconds = time.perf_counter() - before
+            self.curve.append((seconds, self.tried, float(tree.time[found])))
+        elif not self.arrived and tree.distance[found] < self.tree.distance[self.best]:
+            self.best = found
+
+    def _fresh(self, bound: float) -> SearchTree:
+        problem = self.problem
+        n_vK = problem.marionette.coordinates.n_vK
+        return SearchTree(problem.root, problem.distance, n_vK, bound)
+
+
+def _best(tree: SearchTree, nodes: range, inner: float) -> int:
+    """Of nodes at the goal the earliest, otherwise the nearest."""
+    distance = tree.distance[nodes.start : nodes.stop]
+    there = np.flatnonzero(distance <= inner)
+    if len(there):
+        return nodes[int(there[np.argmin(tree.time[nodes.start + there])])]
+    return nodes[int(np.argmin(distance))]

@@ -1,0 +1,91 @@
+"""Plans that go on: shorter ones, nearer to the goal, the same search taken up again."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.plan import EST2007, Problem, Search, solve
+
+ARM = fan.puppets.arm3d()
+START = ARM.rest({"hand.x": 0.3, "hand.length": 1.32, "shoulder.rotation": [0, 0, 0], "elbow": 0.1})
+RAISED = {"shoulder.rotation": [0, -np.radians(80), 0], "elbow": np.radians(80)}
+BOX = {"name": "low", "type": "box", "size": [0.14, 0.4, 0.12], "at": [0.25, 0.0, -0.42]}
+
+
+@pytest.fixture(scope="module")
+def problem() -> Problem:
+    return Problem(ARM, START, RAISED, [BOX], tolerance=0.25, margin=0.005, slack=False)
+
+
+def test_plans_become_shorter(problem):
+    search = Search(problem, seed=3)
+    search.first(60.0)
+    first = float(search.tree.time[search.best])
+    search.shorter(60.0, iterations=4000)
+    times = [t for _, _, t in search.curve]
+    assert times[0] == first and np.all(np.diff(times) < 0) and times[-1] < 0.95 * first
+    found = fan.PlanResult.of(search)
+    assert found and found.duration == times[-1] and found.replay()
+    seconds = [s for s, _, _ in found.curve]
+    assert np.all(np.diff(seconds) >= 0.0) and seconds[-1] <= found.seconds
+
+
+def test_iterations_decide_what_is_found(problem):
+    """The same for any number of threads, as long as no clock ends the search."""
+    found = []
+    for threads in (1, 2):
+        asked = Problem(
+            ARM, START, RAISED, [BOX], tolerance=0.25, margin=0.005, slack=False, threads=threads
+        )
+        search = Search(asked, seed=5)
+        search.first(60.0)
+        search.shorter(60.0, iterations=1500)
+        found.append(search)
+    a, b = (fan.PlanResult.of(s) for s in found)
+    assert a.path == b.path and np.array_equal(a.tree.q_D, b.tree.q_D)
+
+
+def test_a_polished_plan_ends_at_the_goal(problem):
+    found = solve(problem, seed=1)
+    polished = found.polish(1e-3, seconds=0.0)
+    assert polished.distance <= 1e-3 < found.distance
+    assert polished.replay() and polished.clearance.min() > 0.0
+    assert polished.trajectory.tension["hand"].min() >= 0.0
+    _, v_K, acc_K = polished.inputs.evaluate(np.linspace(0, polished.duration, 2001))
+    assert np.max(np.abs(v_K)) <= 0.5 * (1 + 1e-9) and np.max(np.abs(acc_K)) <= 2.0 * (1 + 1e-9)
+    again = polished.verify(method="event", rtol=1e-10, atol=1e-10)
+    assert again.arrives and again.distance < 0.05
+    assert polished.polish(1e-3, seconds=0.0).distance <= 1e-3, "it may be polished again"
+
+
+def test_all_is_done_within_the_time_for_it(problem):
+    found = solve(problem, seed=0, improve=1.0)
+    assert found.distance <= 1e-3 and found.replay()
+    assert found.seconds < 3.0, "a second, and a step that had begun"
+
+
+def test_a_search_is_taken_up_again(problem):
+    begun = solve(problem, seed=2, iterations=1)
+    if not begun:
+        begun = begun.grow(seconds=60.0)
+    assert begun
+    longer = begun.duration
+    assert begun.grow(seconds=60.0, iterations=3000).duration < longer
+
+
+def test_the_papers_planner_grows_too():
+    asked = Problem(ARM, START, RAISED, tolerance=0.25)
+    begun = solve(asked, planner=EST2007(), iterations=50)
+    assert begun.tried == 50 and begun.grow(60.0, iterations=50).tried == 100
+
+
+def test_what_cannot_be_polished_is_told(problem):
+    with pytest.raises(ValueError, match="no plan to polish"):
+        solve(problem, seed=0, planner=EST2007(), iterations=1).polish()
+    function = Problem(ARM, START, lambda rows: np.maximum(0.3 - rows.q_K[..., 1], 0.0))
+    with pytest.raises(ValueError, match="is a function"):
+        solve(function, seed=0).polish()
+    with pytest.raises(ValueError, match="improve is -1"):
+        solve(problem, improve=-1.0)

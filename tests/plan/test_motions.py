@@ -1,0 +1,159 @@
+"""A planner's compiled motions against the simulator; laws and goals against other computations."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import solve_discrete_are
+
+import fantoccini as fan
+from fantoccini.plan import Goal, Problem, Rows
+from fantoccini.plan.funnels import regulator
+from fantoccini.plan.slopes import segment_slopes
+
+ARM = fan.puppets.arm3d()
+START = ARM.rest({"hand.x": 0.3, "hand.length": 1.32, "shoulder.rotation": [0, 0, 0], "elbow": 0.1})
+FAR = {"elbow": 3.0}
+"""A goal that no motion reaches."""
+
+
+def rows(*states: fan.State) -> Rows:
+    names = ("q_D", "v_D", "slip", "q_K", "v_K")
+    return Rows(*(np.array([getattr(x, name) for x in states]) for name in names))
+
+
+def problem(**options) -> Problem:
+    asked = {"tolerance": 0.01, "speed": 1.0, "acceleration": 5.0} | options
+    return Problem(ARM, START, FAR, **asked)
+
+
+def test_motions_are_those_of_the_simulator():
+    made_of = problem()
+    motions = made_of.motions
+    rng = np.random.default_rng(0)
+    acceleration = rng.uniform(-1.0, 1.0, (9, 6, 3))
+    made = motions.sweep(made_of.root, np.zeros(9), acceleration)
+    segment = motions.looks * motions.interval
+    assert np.all(made.looks == motions.looks)
+    for i in range(9):
+        times = segment * np.arange(7)
+        inputs = fan.Input.segments(ARM, times, START.q_K, START.v_K, acceleration[i])
+        run = fan.simulate(
+            ARM, START, inputs, t_end=times[-1], method="timestepping", dt=motions.dt
+        )
+        steps = motions.look * motions.looks * np.arange(1, 7)
+        assert np.allclose(made.states["q_D"][i], run.q_D[steps], atol=1e-9)
+        assert np.allclose(made.states["v_D"][i], run.v_D[steps], atol=1e-7)
+        assert np.allclose(made.states["q_K"][i], run.q_K[steps], atol=1e-12)
+
+
+def test_a_motion_does_not_depend_on_its_neighbours_or_on_threads():
+    acceleration = np.random.default_rng(1).uniform(-1.0, 1.0, (40, 5, 3))
+    alone = problem(threads=1)
+    together = problem(threads=3).motions.sweep(alone.root, np.zeros(40), acceleration)
+    for i in (0, 7, 8, 39):
+        one = alone.motions.sweep(alone.root, np.zeros(1), acceleration[[i]])
+        for name, a in one.states.items():
+            assert np.array_equal(a[0], together.states[name][i])
+
+
+def test_none_is_made_after_the_first_that_arrives():
+    near = Problem(ARM, START, {"elbow": 0.35}, tolerance=0.1, speed=1.0, acceleration=5.0)
+    rng = np.random.default_rng(2)
+    acceleration = rng.uniform(-2.0, 2.0, (64, 12, 3))
+    made = near.motions.sweep(near.root, np.zeros(64), acceleration)
+    there = (made.looks > 0) & (made.distance <= near.motions.inner)
+    arrived = np.flatnonzero(there.any(axis=1))
+    assert len(arrived) == 1 and made.n_made == arrived[0] + 1 < 64
+    assert not made.looks[made.n_made :].any()
+
+
+def test_motions_end_at_obstacles_bounds_and_slackness():
+    wall = {"name": "wall", "type": "half_space", "at": [0.1, 0, 0], "normal": [-1, 0, 0]}
+    asked = problem(obstacles=[wall], strings=False)
+    push = np.zeros((1, 12, 3))
+    push[0, :4, 0] = 2.0
+    push[0, :, 2] = -0.4
+    free = problem().motions.sweep(asked.root, np.zeros(1), push)
+    cut = asked.motions.sweep(asked.root, np.zeros(1), push)
+    reached = int((cut.looks > 0).sum())
+    assert 0 < reached < (free.looks > 0).sum()
+    clear = asked.motions.clearance
+    q_D, q_K = cut.states["q_D"][0, :reached], cut.states["q_K"][0, :reached]
+    assert clear.at(q_D, q_K).min() >= 0.0
+    assert clear.at(free.states["q_D"][0, reached], free.states["q_K"][0, reached]) < 0.0
+    narrow = problem(ranges={"hand.length": (1.2, 1.4)})
+    cut = narrow.motions.sweep(narrow.root, np.zeros(1), push)
+    kept = cut.states["q_K"][0, (cut.looks[0] > 0)][:, 2]
+    assert kept.min() >= 1.2 and len(kept) < 12
+    down = np.zeros((1, 12, 3))
+    down[0, :3, 2] = 3.0
+    taut, any_ = (
+        problem(slack=slack).motions.sweep(asked.root, np.zeros(1), down) for slack in (False, True)
+    )
+    assert (taut.looks > 0).sum() < (any_.looks > 0).sum()
+
+
+def test_a_regulator_for_many_steps_is_that_for_endlessly_many():
+    rng = np.random.default_rng(3)
+    A = rng.normal(size=(6, 6))
+    A *= 0.95 / np.max(np.abs(np.linalg.eigvals(A)))
+    B, Q, R = rng.normal(size=(6, 2)), np.eye(6), 0.1 * np.eye(2)
+    P = solve_discrete_are(A, B, Q, R)
+    wanted = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
+    assert np.allclose(regulator(A, B, Q, R), wanted, atol=1e-9)
+
+
+def test_slopes_of_segments_are_those_of_the_simulators_steps():
+    """The product of the exact slopes of the steps, over a segment of a swinging arm."""
+    motions = problem().motions
+    acc = np.array([0.3, -0.2, -0.1])
+    x, A = START, np.eye(14)
+    B = np.zeros((14, 3))
+    for _ in range(motions.look * motions.looks):
+        step = ARM.linearise_step(x, acc, dt=motions.dt)
+        A, B = step.A @ A, step.A @ B + step.B
+        x = step.x_next
+    found_A, found_B = segment_slopes(
+        ARM, rows(START), acc[None], motions.options, motions.looks
+    )
+    assert np.allclose(found_B[0], B, atol=2e-5)
+    assert found_A.shape == (1, 14, 14)
+
+
+def test_led_motions_come_to_rest_at_the_goal():
+    asked = Problem(
+        ARM, START, {"shoulder.rotation": [0, -0.6, 0], "elbow": 1.2}, tolerance=1e-3
+    )
+    made = asked.motions.where(tolerance=-1.0).sweep(
+        asked.root, np.zeros(4), np.zeros((4, 100, 3)), given=np.zeros(4),
+        reach=np.array([0.3, 0.5, 0.8, 1.0]),
+    )  # fmt: skip
+    assert np.all(made.distance[:, -1] < 0.02)
+
+
+def test_distances_from_goals():
+    goal = Goal.pose(
+        ARM, {"shoulder.rotation": [0.1, -0.7, 0.3], "elbow": (0.5, 0.9)},
+        weights={"elbow": 2.0}, speed_weight=0.3,
+    )  # fmt: skip
+    rng = np.random.default_rng(4)
+    states = [
+        ARM.state({"shoulder.rotation": rng.normal(size=3), "elbow": e}).replace(
+            v_D=rng.normal(size=4)
+        )
+        for e in (0.2, 0.6, 1.4)
+    ]
+    found = goal.distance(rows(*states))
+    for x, d in zip(states, found, strict=True):
+        half = np.sqrt(0.1**2 + 0.7**2 + 0.3**2) / 2
+        axis = np.array([0.1, -0.7, 0.3]) / (2 * half)
+        cosine = abs(x.q_D[:4] @ np.concatenate([[np.cos(half)], np.sin(half) * axis]))
+        off = max(0.5 - x.q_D[4], x.q_D[4] - 0.9, 0.0)
+        wanted = 2 * np.arccos(min(cosine, 1.0)) + 2.0 * off + 0.3 * np.linalg.norm(x.v_D)
+        assert d == pytest.approx(wanted, abs=1e-9)
+    tip = Goal.point(ARM, "lower", [0.1, 0.0, -0.5], at=[0, 0, -0.3], to=[0.2, 0.1, -0.4])
+    for x, d in zip(states, tip.distance(rows(*states)), strict=True):
+        place = ARM.string_points(x.q_D, x.q_K)[0][0]
+        nearest = np.clip(place, [0.1, 0.0, -0.5], [0.2, 0.1, -0.4])
+        assert d == pytest.approx(np.linalg.norm(place - nearest), abs=1e-12)
