@@ -43,7 +43,17 @@ from fantoccini.motion import (
     Trajectories,
     Trajectory,
 )
-from fantoccini.plan import Clearance, Goal, HalfSpace, PlanResult, PlanStatus, plan
+from fantoccini.plan import (
+    Clearance,
+    Goal,
+    HalfSpace,
+    PlanResult,
+    PlanStatus,
+    Problem,
+    load_problem,
+    plan,
+    solve,
+)
 from fantoccini.puppet import Puppet
 from fantoccini.simulate import Passage, Sensitivity, sensitivity, simulate
 from fantoccini.sweep import Case, SweepResult, Trial, sweep
@@ -73,6 +83,7 @@ __all__ = [
     "Passage",
     "PlanResult",
     "PlanStatus",
+    "Problem",
     "Puppet",
     "PuppetError",
     "Sensitivity",
@@ -92,10 +103,12 @@ __all__ = [
     "World",
     "__version__",
     "load",
+    "load_problem",
     "loads",
     "plan",
     "puppets",
     "sensitivity",
     "simulate",
+    "solve",
     "sweep",
 ]

@@ -6,6 +6,7 @@ from fantoccini.plan.obstacles import HalfSpace
 from fantoccini.plan.plan import plan, solve
 from fantoccini.plan.planners import EST2007, Explore
 from fantoccini.plan.problem import Problem
+from fantoccini.plan.problem_file import load_problem, problem_names, problem_schema
 from fantoccini.plan.result import Check, PlanResult, PlanStatus
 from fantoccini.plan.search import PLANNERS, Search
 
@@ -23,6 +24,9 @@ __all__ = [
     "Problem",
     "Rows",
     "Search",
+    "load_problem",
     "plan",
+    "problem_names",
+    "problem_schema",
     "solve",
 ]

@@ -14,7 +14,22 @@ from fantoccini.motion import State
 from fantoccini.plan.goals import Goal, Rows
 
 _SOFT = 1e-3
-"""Weight of how far coordinates move, so that those that matter to nothing stay."""
+"""Weight of how far driven coordinates move, so that those that matter to nothing stay."""
+
+_SOFTER = 1e-4
+"""Weight of how far the others do."""
+
+_PULLS = 1e-6
+"""Tension beside the puppet's weight from which on a string pulls."""
+
+_SLACK = 0.005
+"""That strings which do not pull have at least [m]."""
+
+_FREE = 0.05
+"""Room that is left to limits on the way [rad or m]."""
+
+_STAGES = 8
+"""In which a goal is approached."""
 
 _STEP = 1e-7
 """Of finite differences [m or rad]."""
@@ -28,10 +43,11 @@ def balanced(
 ) -> tuple[ConfigD, ConfigK, float]:
     """The pose nearest to a goal and to an equilibrium on its strings.
 
-        min over q_D, q_K and T >= 0 of |w_0 - W T|^2 + |goal's residuals|^2,
+        min over q_D, q_K and T >= 0 of |w_0 - W T|^2 + |goal's residuals|^2 + |limits passed|^2,
         acc_D = F^-1 (w_0 - W T) at rest
 
-    Driven lengths are those that just reach. Where the goal is a whole configuration, q_D is that.
+    Driven lengths are those that just reach; strings that do not pull keep the slack they have at
+    the start. Where the goal is a whole configuration, q_D is that.
 
     Args:
         marionette: the puppet.
@@ -50,7 +66,6 @@ def balanced(
     ]
     reeled = {k for _, k in lengths}
     ends = [q for q, v in table.scalars_K if moves[v] and q not in reeled]
-    wires = [i for i, s in enumerate(tree.strings) if s.wire]
     pinned = goal.whole
     n_D = 0 if pinned is not None else table.n_vD
     origin = start.q_D if pinned is None else pinned
@@ -64,24 +79,19 @@ def balanced(
         return q_D, q_K
 
     def lacking(x: Array) -> Array:
-        """(n, m) w_0 - W T, what the goal lacks, and how far x is from where it began.
-
-        None of it depends on the strings' lengths, but what the user's functions make of them.
-        """
+        """(n, m) w_0 - W T, what the goal lacks, and how far coordinates are from the start."""
         q_D, q_K = configurations(x)
-        none_D, none_K = np.zeros((len(x), table.n_vD)), np.zeros((len(x), table.n_vK))
-        arguments = [q_D, none_D, q_K, none_K, none_K, none_D, p]
-        _, w0, W, *_ = marionette.library.evaluate("dynamics", arguments)
-        W = W.reshape(len(x), -1, table.n_vD).swapaxes(1, 2)[:, :, : len(tree.strings)]
-        if wires:  # they push too
-            W = np.concatenate([W, -W[:, :, wires]], axis=2)
-        left = np.array([w - A @ nnls(A, w)[0] for w, A in zip(w0, W, strict=True)])
-        parts = [left, _SOFT * (x - first)]
+        left, _, limits = pulled(marionette, q_D, q_K)
+        parts = [left, _SOFT * soft * (x - first)[:, n_D:]]
         if pinned is None:
-            if goal.function is not None:
-                q_K = reached(q_D, q_K)
+            q_K = reached(q_D, q_K)
+            away = q_K - start.q_K
+            parts.append(np.maximum(limits + soft * _FREE, 0.0))
+            parts += [_SOFT * soft * away[:, list(reeled)], _SOFTER * soft * x[:, :n_D]]
+            none_D, none_K = np.zeros((len(x), table.n_vD)), np.zeros((len(x), table.n_vK))
             slip = np.zeros((len(x), len(tree.strings)))
-            parts.append(goal.residuals(Rows(q_D, none_D, slip, q_K, none_K)))
+            off = goal.residuals(Rows(q_D, none_D, slip, q_K, none_K))
+            parts.append(off if begun is None else off - left_over * begun)
         return np.concatenate(parts, axis=1)
 
     def reached(q_D: Array, q_K: Array) -> Array:
@@ -93,10 +103,54 @@ def balanced(
                 q_K[:, k] = h[:, i]
         return q_K
 
-    x = _least(lacking, first) if len(first) and tree.strings else first
+    soft, x, begun, left_over = 1.0, first, None, 0.0
+    if len(first) and tree.strings:
+        if pinned is None:
+            # To the goal by stages, so that what hangs stays what hangs.
+            begun = goal.residuals(Rows.of(start))[0]
+            for stage in range(1, _STAGES):
+                left_over = 1.0 - stage / _STAGES
+                x = _least(lacking, x)
+        left_over = 0.0
+        x = _least(lacking, x)
+        # Then what was found is only put right.
+        soft = 0.0
+        x = _least(lacking, x)
     q_D, q_K = configurations(x[None])
-    left = lacking(x[None])[0, : table.n_vD]
-    return q_D[0], reached(q_D, q_K)[0], float(np.linalg.norm(left))
+    left, tension, _ = pulled(marionette, q_D, q_K)
+    q_K = reached(q_D, q_K)[0]
+    (h,) = marionette.library.evaluate("rows", [start.q_D, start.q_K, p])
+    for i, k in lengths:
+        if not tension[0, i] > _PULLS * marionette.weight:
+            q_K[k] += max(_SLACK, -h[i])
+    return q_D[0], q_K, float(np.linalg.norm(left))
+
+
+def pulled(marionette: Marionette, q_D: Array, q_K: Array) -> tuple[Array, Array, Array]:
+    """How strings hold configurations at rest best.
+
+    All strings are taken for taut, whatever their lengths; limits do not help.
+
+    Args:
+        marionette: the puppet.
+        q_D, q_K: (n, n_qD), (n, n_qK).
+
+    Returns:
+        w_0 - W T (n, n_vD), T (n, n_strings) [N], and h of limits (n, n_limits).
+    """
+    tree, table, n = marionette.tree, marionette.coordinates, len(q_D)
+    wires = [i for i, s in enumerate(tree.strings) if s.wire]
+    none_D, none_K = np.zeros((n, table.n_vD)), np.zeros((n, table.n_vK))
+    _, w0, W, _, _, _, _, _, _, h_limit, *_ = marionette.library.evaluate(
+        "dynamics", [q_D, none_D, q_K, none_K, none_K, none_D, marionette.p]
+    )
+    W = W.reshape(n, -1, table.n_vD).swapaxes(1, 2)[:, :, : len(tree.strings)]
+    # Wires push too.
+    both = np.concatenate([W, -W[:, :, wires]], axis=2)
+    found = np.array([nnls(A, w)[0] for A, w in zip(both, w0, strict=True)])
+    tension = found[:, : len(tree.strings)]
+    tension[:, wires] -= found[:, len(tree.strings) :]
+    return w0 - np.einsum("nij,nj->ni", W, tension), tension, h_limit
 
 
 def _least(residuals: Callable[[Array], Array], x: Array) -> Array:

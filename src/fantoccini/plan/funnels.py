@@ -6,8 +6,9 @@ import numpy as np
 
 from fantoccini.arrays import Array, ConfigD, ConfigK, MaskRows
 from fantoccini.marionette import Marionette
+from fantoccini.plan.balance import pulled
 from fantoccini.plan.goals import Rows
-from fantoccini.plan.slopes import segment_slopes
+from fantoccini.plan.slopes import segment_slopes, taut
 from fantoccini.runtime import Funnel, RunOptions
 
 _DOUBLINGS = 7
@@ -16,21 +17,25 @@ _DOUBLINGS = 7
 _SPEED = 0.1
 """Weight of velocities beside positions [s]."""
 
-_EFFORT = 0.01
-"""Weight of accelerations beside positions [s^4]."""
+_EFFORTS = (0.01, 1.0)
+"""Weights of accelerations beside positions [s^4]."""
 
 
-def funnel(
+def funnels(
     marionette: Marionette,
     q_D: ConfigD,
     q_K: ConfigK,
     moves: MaskRows,
     options: RunOptions,
     looks: int,
-) -> Funnel:
-    """The law of a linear-quadratic regulator about an equilibrium, a step a segment.
+    threads: int,
+) -> list[Funnel]:
+    """The laws of linear-quadratic regulators about an equilibrium, a step a segment.
 
-        min sum |dq_D|^2 + _SPEED^2 (|v_D|^2 + |dq_K|^2 + |v_K|^2) + _EFFORT |acc_K|^2
+        min sum |dq_D|^2 + _SPEED^2 (|v_D|^2 + |dq_K|^2 + |v_K|^2) + effort |acc_K|^2
+
+    One takes swing out fast, but far from the equilibrium of a puppet on many strings it stirs up
+    more than it takes out; the other is gentle.
 
     Args:
         marionette: the puppet.
@@ -38,16 +43,27 @@ def funnel(
         moves: (n_vK,) bool, the driven coordinates that may move.
         options: of the time-stepper; ``save_every`` steps make a look.
         looks: that a segment has.
+        threads: that share the work.
     """
     n, k = marionette.coordinates.n_vD, marionette.coordinates.n_vK
     strings = np.zeros((1, len(marionette.tree.strings)))
     at = Rows(q_D[None], np.zeros((1, n)), strings, q_K[None], np.zeros((1, k)))
-    A, B = (a[0] for a in segment_slopes(marionette, at, np.zeros((1, k)), options, looks))
+    _, tension, _ = pulled(marionette, q_D[None], q_K[None])
+    onto = taut(marionette, q_D, q_K, tension[0] != 0.0)
+    A, B = (
+        a[0]
+        for a in segment_slopes(
+            marionette, at, np.zeros((1, k)), options, looks, threads, onto=onto
+        )
+    )
     weight = np.full(2 * (n + k), _SPEED**2)
     weight[:n] = 1.0
-    gains = np.zeros((k, 2 * (n + k)))
-    gains[moves] = regulator(A, B[:, moves], np.diag(weight), _EFFORT * np.eye(int(moves.sum())))
-    return Funnel(q_D, q_K, gains)
+    made = []
+    for effort in _EFFORTS:
+        gains = np.zeros((k, 2 * (n + k)))
+        gains[moves] = regulator(A, B[:, moves], np.diag(weight), effort * np.eye(moves.sum()))
+        made.append(Funnel(q_D, q_K, gains))
+    return made
 
 
 def regulator(A: Array, B: Array, Q: Array, R: Array) -> Array:

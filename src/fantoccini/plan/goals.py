@@ -28,6 +28,11 @@ class Rows:
     q_K: Array
     v_K: Array
 
+    @classmethod
+    def of(cls, *states: State) -> Rows:
+        """States of a puppet as rows."""
+        return cls(*(np.array([getattr(x, name) for x in states]) for name in STATE))
+
     def __getitem__(self, index) -> Rows:
         return Rows(*(getattr(self, name)[index] for name in STATE))
 

@@ -18,6 +18,10 @@ _INNER = 0.9
 """Part of the tolerance that a search goes for: its plans arrive in other simulations too."""
 
 
+_FASTER = 1.01
+"""Part of the speed bounds that free motions keep."""
+
+
 @dataclass(frozen=True, eq=False)
 class Bounds:
     """What the driven coordinates may do.
@@ -102,7 +106,7 @@ class Motions:
 
     Attributes:
         inner: distance from the goal at which motions end.
-        funnel: the law that motions may be led by; None where there is none.
+        funnels: the laws that motions may be led by; empty where there is none.
 
     Args:
         marionette: the puppet.
@@ -142,7 +146,7 @@ class Motions:
         self.inner, self.margin, self.dt, self.look = _INNER * tolerance, margin, dt, look
         self.slack = slack
         self.looks, self.threads = looks, threads
-        self.funnel: Funnel | None = None
+        self.funnels: list[Funnel] = []
         self.options = marionette.run_options(dt=dt, save_every=look)
         limits = bounds.speed, bounds.acceleration, bounds.low, bounds.high
         terms = Terms(
@@ -152,10 +156,11 @@ class Motions:
         self._sweeper = Sweeper(marionette.motions, terms, threads)
 
     def where(self, *, tolerance: float, free: bool = False) -> Motions:
-        """The same motions with another tolerance; ``free``: that nothing but it ends."""
+        """The same motions with another tolerance; ``free``: that nothing but it ends, and a
+        little faster where that is asked."""
         bounds, far = self.bounds, np.full(len(self.bounds.low), np.inf)
         if free:
-            bounds = replace(bounds, speed=np.full_like(bounds.speed, np.inf), low=-far, high=far)
+            bounds = replace(bounds, speed=_FASTER * bounds.speed, low=-far, high=far)
         made = Motions(
             self.marionette,
             self.clearance,
@@ -169,7 +174,7 @@ class Motions:
             looks=self.looks,
             threads=self.threads,
         )
-        made.funnel = self.funnel
+        made.funnels = self.funnels
         return made
 
     @property
@@ -185,6 +190,7 @@ class Motions:
         *,
         given: Array | None = None,
         made: Array | None = None,
+        which: Array | None = None,
         reach: Array | None = None,
         looks: int | None = None,
     ) -> Segments:
@@ -197,16 +203,16 @@ class Motions:
             starts: (m,) states.
             chosen: (n,) the one that a motion begins at.
             acceleration: (n, segments, n_vK) of the driven coordinates.
-            given: (n,) how many of these hold, the others are led to the funnel; all by default.
+            given: (n,) how many of these hold, the others are led by a funnel; all by default.
             made: (n,) how many segments a motion has, at most; all by default.
+            which: (n,) the funnel; the first by default.
             reach: (n,) by how much motions that are led hurry [s].
             looks: of a segment.
         """
         n, segments = acceleration.shape[:2]
         given = np.full(n, segments) if given is None else given
-        funnels = [] if self.funnel is None else [self.funnel]
         found = self._sweeper(
-            starts.parts, chosen, acceleration, given, made, funnels, reach=reach, looks=looks
+            starts.parts, chosen, acceleration, given, made, self.funnels, which, reach, looks
         )
         if self.goal.function is not None:
             whole = found.looks > 0

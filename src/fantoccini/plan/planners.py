@@ -93,7 +93,7 @@ class Explore:
         chosen = self._where_little_was_tried(tree, motions, n, rng)
         np.add.at(tree.tried, chosen, 1)
         given = rng.integers(1, self.astray + 1, n)
-        led = self.led if motions.funnel else 0
+        led = self.led if motions.funnels else 0
         if led:
             given[rng.random(n) < self.direct] = 0
         wanted = motions.bounds.speed * rng.uniform(-1.0, 1.0, (n, tree.v_K.shape[1]))
@@ -109,6 +109,7 @@ class Explore:
             acceleration,
             given=given,
             made=np.maximum(left, 1.0).astype(int),
+            which=rng.integers(0, max(1, len(motions.funnels)), n),
             reach=rng.uniform(*self.hurry, n),
         )
         return Grown(made.n_made, tree.add_segments(made, chosen, motions.interval))
@@ -135,13 +136,13 @@ class Explore:
 
 
 def time_to_go(q_K: Array, motions: Motions) -> Array:
-    """Seconds (n,) in which the driven coordinates could be where the funnel leads; 0 without."""
-    if motions.funnel is None:
+    """Seconds (n,) in which the driven coordinates could be where funnels lead; 0 without."""
+    if not motions.funnels:
         return np.zeros(len(q_K))
     table, bounds = motions.marionette.coordinates, motions.bounds
     places = [(q, v) for q, v in table.scalars_K if bounds.moves[v]]
     q, v = np.array(places).T
-    away = np.abs(q_K[:, q] - motions.funnel.q_K[q])
+    away = np.abs(q_K[:, q] - motions.funnels[0].q_K[q])
     return np.max(away / bounds.speed[v], axis=1)
 
 

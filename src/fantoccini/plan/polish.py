@@ -94,7 +94,7 @@ class Polisher:
         m, n_K = acceleration.shape
         whole = np.zeros((1, m + more, n_K))
         whole[0, :m] = acceleration
-        if self._problem.motions.funnel is None:
+        if not self._problem.motions.funnels:
             whole[0, m:] = self._within(np.zeros((m + more, n_K)))[m:]
             return whole[0]
         given = np.array([m])

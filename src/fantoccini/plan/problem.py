@@ -12,12 +12,18 @@ from fantoccini.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.plan.balance import balanced
 from fantoccini.plan.clearance import Clearance
-from fantoccini.plan.funnels import funnel
+from fantoccini.plan.funnels import funnels
 from fantoccini.plan.goals import Goal, Rows
 from fantoccini.plan.motions import Bounds, Motions
 from fantoccini.plan.obstacles import HalfSpace
 from fantoccini.puppet import Obstacle
-from fantoccini.runtime import STATE, Funnel, default_threads
+from fantoccini.runtime import Funnel, default_threads
+
+_TRIAL = 30
+"""Segments after which laws are compared."""
+
+_HURRY = 0.6
+"""By how much motions hurry that compare laws [s]."""
 
 _BALANCED = 1e-6
 """What may be left of the forces on a puppet that hangs, beside its weight."""
@@ -28,6 +34,7 @@ class Problem:
 
     Attributes:
         marionette: the puppet.
+        name: of the problem; may be empty.
         start: where it begins.
         goal: where it is to be.
         tolerance: of the goal's distance.
@@ -40,6 +47,7 @@ class Problem:
         goal: a state, names and values (``{"elbow": 1.2}``), a :class:`Goal`, or a function of
             :class:`Rows` that gives distances.
         obstacles: more than the world has.
+        name: of the problem.
         tolerance: of the goal's distance.
         speed, acceleration: largest of the driven coordinates, for all or by name [m/s, m/s^2].
         ranges: name of a driven coordinate -> (low, high) [m].
@@ -65,6 +73,7 @@ class Problem:
         goal: Goal | State | Mapping[str, Any] | Any,
         obstacles: Iterable[Obstacle | HalfSpace | Mapping[str, Any]] = (),
         *,
+        name: str = "",
         tolerance: float = 0.1,
         speed: float | Mapping[str, float] = 0.5,
         acceleration: float | Mapping[str, float] = 2.0,
@@ -87,7 +96,10 @@ class Problem:
             if number < 1:
                 raise ValueError(f"{name} is {number}; it must be at least 1")
         marionette.check_start(start)
+        if not len(start.slip):
+            start = start.replace(slip=np.zeros(len(marionette.tree.strings)))
         self.marionette, self.start, self.tolerance = marionette, start, tolerance
+        self.name = name
         self.goal = Goal.of(marionette, goal)
         clearance = Clearance(marionette, obstacles, strings=strings, self_collision=self_collision)
         bounds = Bounds.of(marionette, speed, acceleration, ranges or {})
@@ -97,20 +109,18 @@ class Problem:
         )  # fmt: skip
         self.reason = _blocked(start, self.motions)
         self.distance = self.goal.of_start(self.root)
-        self.motions.funnel = None if self.reason else _hanging_at(self.goal, start, self.motions)
+        self.motions.funnels = [] if self.reason else _hanging_at(self.goal, start, self.motions)
 
     @property
     def root(self) -> Rows:
         """The start as the one row of a tree."""
-        start, strings = self.start, len(self.marionette.tree.strings)
-        slip = start.slip if len(start.slip) else np.zeros(strings)
-        return Rows(*(np.array([{**vars(start), "slip": slip}[name]]) for name in STATE))
+        return Rows.of(self.start)
 
 
-def _hanging_at(goal: Goal, start: State, motions: Motions) -> Funnel | None:
-    """The law that leads to where the puppet hangs at a goal, or nearest to it.
+def _hanging_at(goal: Goal, start: State, motions: Motions) -> list[Funnel]:
+    """The laws that lead to where the puppet hangs at a goal, or nearest to it.
 
-    None where the driven coordinates cannot be there.
+    None of them where the driven coordinates cannot be there.
     """
     marionette, bounds = motions.marionette, motions.bounds
     q_D, q_K, left = balanced(marionette, goal, start, bounds.moves)
@@ -120,11 +130,25 @@ def _hanging_at(goal: Goal, start: State, motions: Motions) -> Funnel | None:
         try:
             at = marionette.rest(start.replace(q_D=q_D, q_K=q_K))
         except StateError:
-            return None
+            return []
         q_D, q_K = at.q_D, at.q_K
     if np.any(q_K < bounds.low) or np.any(q_K > bounds.high):
-        return None
-    return funnel(marionette, q_D, q_K, bounds.moves, motions.options, motions.looks)
+        return []
+    motions.funnels = funnels(
+        marionette, q_D, q_K, bounds.moves, motions.options, motions.looks, motions.threads
+    )
+    return [_best_of(motions, start)]
+
+
+def _best_of(motions: Motions, start: State) -> Funnel:
+    """The law that comes nearest to the goal from the start, as if nothing were about."""
+    n, n_K = len(motions.funnels), motions.marionette.coordinates.n_vK
+    made = motions.where(tolerance=-1.0, free=True).sweep(
+        Rows.of(start), np.zeros(n), np.zeros((n, _TRIAL, n_K)), given=np.zeros(n),
+        which=np.arange(n), reach=np.full(n, _HURRY),
+    )  # fmt: skip
+    late = np.where(made.looks > 0, made.distance, np.inf)[:, _TRIAL // 2 :]
+    return motions.funnels[int(np.argmin(np.mean(late, axis=1)))]
 
 
 def _blocked(start: State, motions: Motions) -> str:

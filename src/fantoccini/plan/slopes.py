@@ -20,6 +20,9 @@ from fantoccini.runtime import POSE, GoalNumbers, RunOptions, Solids, Sweeper, T
 _EPS = 1e-4
 """Of central differences [rad, m and their rates]."""
 
+_STEP = 1e-7
+"""Of forward differences of strings' lengths [rad or m]."""
+
 
 def segment_slopes(
     marionette: Marionette,
@@ -28,6 +31,7 @@ def segment_slopes(
     options: RunOptions,
     looks: int,
     threads: int = 1,
+    onto: Array | None = None,
 ) -> tuple[Array, Array]:
     """Slopes of segments.
 
@@ -38,6 +42,7 @@ def segment_slopes(
         options: of the time-stepper; ``save_every`` steps make a look.
         looks: that they last.
         threads: that share the work.
+        onto: (n_z, n_z) projects changes of the start, so that no string is stretched by them.
 
     Returns:
         A (m, n_z, n_z) and B (m, n_z, n_vK).
@@ -47,7 +52,10 @@ def segment_slopes(
     places_D = table.scalars_D, table.quaternions_D
     places_K = table.scalars_K, table.quaternions_K
     size = 2 * n + 3 * k
-    z = _EPS * np.concatenate([np.eye(size), -np.eye(size)])
+    changes = np.eye(size)
+    if onto is not None:
+        changes[: size - k, : size - k] = onto.T
+    z = _EPS * np.concatenate([changes, -changes])
     q_D, v_D, q_K, v_K, acc_K = np.split(z, np.cumsum([n, n, k, k]), axis=1)
 
     def all_of(a: Array) -> Array:
@@ -64,13 +72,13 @@ def segment_slopes(
     rows = np.arange(2 * size * m)
     made = sweeper(near, rows, all_of(acceleration[:, None] + acc_K)[:, None], np.ones(len(rows)))
     ends = {name: a.reshape(m, 2, size, -1) for name, a in made.states.items()}
-    changes = (
+    apart = (
         tangent.between(*places_D, ends["q_D"][:, 1], ends["q_D"][:, 0], n),
         ends["v_D"][:, 0] - ends["v_D"][:, 1],
         tangent.between(*places_K, ends["q_K"][:, 1], ends["q_K"][:, 0], k),
         ends["v_K"][:, 0] - ends["v_K"][:, 1],
     )
-    slopes = np.concatenate(changes, axis=2).swapaxes(1, 2) / (2.0 * _EPS)
+    slopes = np.concatenate(apart, axis=2).swapaxes(1, 2) / (2.0 * _EPS)
     return slopes[:, :, : size - k], slopes[:, :, size - k :]
 
 
@@ -93,3 +101,31 @@ def _free(marionette: Marionette, options: RunOptions, looks: int) -> Terms:
         goal=nowhere,
         tolerance=-1.0,
     )
+
+
+def taut(marionette: Marionette, q_D: Array, q_K: Array, held: Array) -> Array:
+    """The projection (n_z, n_z) of changes onto those that leave taut strings at their length.
+
+    dq_D and dv_D give way, by the least that is needed.
+
+    Args:
+        marionette: the puppet.
+        q_D, q_K: (n_qD,), (n_qK,).
+        held: (n_strings,) bool, strings that are taut.
+    """
+    table = marionette.coordinates
+    n, k = table.n_vD, table.n_vK
+    steps = _STEP * np.eye(n + k)
+    moved_D = tangent.moved(table.scalars_D, table.quaternions_D, q_D, steps[:, :n])
+    moved_K = tangent.moved(table.scalars_K, table.quaternions_K, q_K, steps[:, n:])
+    (there,) = marionette.library.evaluate("rows", [moved_D, moved_K, marionette.p])
+    (here,) = marionette.library.evaluate("rows", [q_D, q_K, marionette.p])
+    slopes = ((there - here) / _STEP).T[: len(held)][held]
+    back = np.linalg.pinv(slopes[:, :n], rcond=1e-6) @ slopes
+    one = np.eye(n + k)
+    one[:n] -= back
+    onto = np.zeros((2 * (n + k), 2 * (n + k)))
+    for first in (0, 1):  # positions, velocities
+        rows = np.concatenate([first * n + np.arange(n), 2 * n + first * k + np.arange(k)])
+        onto[np.ix_(rows, rows)] = one
+    return onto

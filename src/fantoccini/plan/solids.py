@@ -1,7 +1,8 @@
 """Shapes as the solids that clearances are measured between.
 
-Capsules, spheres, boxes and half-spaces are exact. An ellipsoid counts as the capsule about it, a
-mesh as the box about it in its own axes: both are larger, so that a clearance is never too great.
+Capsules, spheres, boxes and half-spaces are exact, and ellipsoids against half-spaces. Against all
+else an ellipsoid counts as the capsule about it, a mesh always as the box about it in its own axes:
+both are larger, so that a clearance is never too great.
 """
 
 from __future__ import annotations
@@ -98,6 +99,7 @@ def _enclose(made: np.ndarray, shape) -> None:
     longest, radius = int(np.argmax(radii)), float(np.sort(radii)[1])
     along = (radii[longest] - radius) * _turn(shape)[:, longest]
     _swell(made, centre - along, centre + along, radius)
+    made["R"], made["half"] = _turn(shape).T.ravel(), radii
 
 
 def _stacked(made: list[np.ndarray]) -> np.ndarray:

@@ -13,7 +13,8 @@ enum SolidKind : int { SEGMENT, BOX, HALF_SPACE };
 
 // A solid in the frame of a link, or of the world. A segment a to b and a box (centre a, axes the
 // columns of R, half edges) are swollen by the radius; a half-space is below the plane through a
-// with the normal b.
+// with the normal b. A segment with half[0] > 0 stands for the ellipsoid in it, with these radii along
+// the columns of R: exact against half-spaces, the swollen segment against all else.
 struct Solid {
   int kind, link;
   double a[3], b[3], R[9], half[3], radius;
@@ -70,6 +71,7 @@ class Clearance {
       for (long long o = 0; o < in.n_standing; ++o) take(between(placed[m], in.standing[o]));
     for (long long k = 0; k < in.n_pairs; ++k)
       take(between(placed[in.pairs[2 * k]], placed[in.pairs[2 * k + 1]]));
+    static constexpr double no_box[3] = {};
     bool strings = false;
     for (int i = 0; i < S; ++i) strings = strings || in.string_radius[i] >= 0.0;
     if (!strings) return;
@@ -81,6 +83,7 @@ class Clearance {
         Placed<Real> segment;
         segment.kind = SEGMENT;
         segment.radius = in.string_radius[i];
+        segment.half = no_box;
         for (int c = 0; c < 3; ++c) {
           segment.a[c] = points_[3 * (at + k) + c];
           segment.b[c] = points_[3 * (at + k + 1) + c];
@@ -109,7 +112,7 @@ class Clearance {
       out.a[c] = r[c] + R[c] * solid.a[0] + R[3 + c] * solid.a[1] + R[6 + c] * solid.a[2];
       out.b[c] = r[c] + R[c] * solid.b[0] + R[3 + c] * solid.b[1] + R[6 + c] * solid.b[2];
     }
-    if (solid.kind != BOX) return;
+    if (solid.kind != BOX && !(solid.half[0] > 0.0)) return;
     for (int j = 0; j < 3; ++j)
       for (int c = 0; c < 3; ++c)
         out.R[3 * j + c] = R[c] * solid.R[3 * j] + R[3 + c] * solid.R[3 * j + 1] +
@@ -181,7 +184,7 @@ class Clearance {
     return sqrt(off) - Real(0.5) * sqrt(length);
   }
 
-  // The lowest point's height above a half-space.
+  // The lowest point's height above a half-space, before the radius is taken off.
   template <class Other>
   FAN_FN static Real above(const Placed<Real>& x, const Other& y) {
     using std::abs;
@@ -193,6 +196,16 @@ class Clearance {
     const Real first = height(x.a);
     if (x.kind == SEGMENT) {
       const Real second = height(x.b);
+      if (x.half[0] > 0.0) {
+        using std::sqrt;
+        Real reach = Real(0.0);
+        for (int j = 0; j < 3; ++j) {
+          Real along = Real(0.0);
+          for (int c = 0; c < 3; ++c) along += x.R[3 * j + c] * Real(y.b[c]);
+          reach += along * along * Real(x.half[j] * x.half[j]);
+        }
+        return Real(0.5) * (first + second) - sqrt(reach) + Real(x.radius);
+      }
       return select(second < first, second, first);
     }
     Real reach = Real(0.0);
