@@ -51,6 +51,8 @@ LATE_VIEWS = {
     ("motion", "show"),
     ("motion", "_repr_html_"),
     ("marionette", "plot"),
+    ("plan", "plot"),
+    ("plan", "animate"),
     ("marionette", "show"),
     ("marionette", "_repr_html_"),
 }

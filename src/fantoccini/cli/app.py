@@ -41,6 +41,14 @@ class SchemaOf(enum.StrEnum):
 
     PUPPET = "puppet"
     INPUTS = "inputs"
+    PROBLEM = "problem"
+
+
+class Planners(enum.StrEnum):
+    """Planners by name."""
+
+    EXPLORE = "explore"
+    EST2007 = "est-2007"
 
 
 class Method(enum.StrEnum):
@@ -113,10 +121,15 @@ def schema(
     import json
 
     from fantoccini.motion import inputs_schema
+    from fantoccini.plan import problem_schema
     from fantoccini.puppet import json_schema
 
-    made = json_schema() if of is SchemaOf.PUPPET else inputs_schema()
-    typer.echo(json.dumps(made, indent=2))
+    schemas = {
+        SchemaOf.PUPPET: json_schema,
+        SchemaOf.INPUTS: inputs_schema,
+        SchemaOf.PROBLEM: problem_schema,
+    }
+    typer.echo(json.dumps(schemas[of](), indent=2))
 
 
 @app.command()
@@ -228,6 +241,61 @@ def simulate(
         Request(
             file, inputs, duration, method.value, dt, rtol, integrator,
             tuple(start or ()), tuple(out or ()), plot, quiet,
+        )
+    )  # fmt: skip
+
+
+@app.command()
+def plan(
+    file: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[PROBLEM]",
+            help="Problem file, or name of a bundled problem; without it those are listed.",
+        ),
+    ] = None,
+    planner: Annotated[Planners, typer.Option(help="Which planner.")] = Planners.EXPLORE,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(callback=_positive, help="Of the goal's distance, in place of the file's."),
+    ] = None,
+    time_limit: Annotated[
+        float, typer.Option(metavar="S", callback=_positive, help="For a first plan.")
+    ] = 10.0,
+    improve: Annotated[
+        float, typer.Option(metavar="S", min=0.0, help="Time to make the plan shorter and better.")
+    ] = 0.0,
+    confirm: Annotated[
+        bool, typer.Option("--confirm", help="Only a plan that arrives by method event counts.")
+    ] = False,
+    seed: Annotated[int, typer.Option(help="Of all random choices.")] = 0,
+    threads: Annotated[
+        int | None, typer.Option(min=1, help="That share the work; all processors by default.")
+    ] = None,
+    out: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="PATH",
+            help="The plan's motion, by its ending: .npz .csv (numbers), .png .svg .pdf (strip of "
+            "poses), .mp4 .gif (film); repeatable.",
+        ),
+    ] = None,
+    picture: Annotated[
+        Path | None,
+        typer.Option(metavar="PATH", help="Tree, way, poses and obstacles: .png, .svg or .pdf."),
+    ] = None,
+    save: Annotated[
+        Path | None, typer.Option(metavar="PATH", help="The plan with its tree: .npz.")
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Plan a puppet's way to a goal, clear of obstacles."""
+    from fantoccini.cli.plan import Request, plan_file
+
+    plan_file(
+        Request(
+            file, planner.value, tolerance, time_limit, improve, confirm, seed, threads,
+            tuple(out or ()), picture, save, quiet,
         )
     )  # fmt: skip
 

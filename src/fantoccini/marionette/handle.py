@@ -24,7 +24,7 @@ from fantoccini.marionette.portable import Portable
 from fantoccini.marionette.rows import RowLayout
 from fantoccini.marionette.stepper import Stepper
 from fantoccini.motion import Input, State, States
-from fantoccini.puppet import Number, Parameter, Puppet
+from fantoccini.puppet import Number, Obstacle, Parameter, Puppet
 from fantoccini.runtime import RunOptions
 from fantoccini.tree import CoordinateTable, Tree
 from fantoccini.world import World
@@ -107,6 +107,12 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
             member.with_values(
                 {n[len(prefix) :]: v for n, v in values.items() if n.startswith(prefix)}
             )
+        return other
+
+    def among(self, obstacles: Iterable[Obstacle]) -> Marionette:
+        """The same puppet with other obstacles about it; nothing is compiled again."""
+        other = copy.copy(self)
+        other.world = dataclasses.replace(self.world, obstacles=tuple(obstacles))
         return other
 
     @cached_property

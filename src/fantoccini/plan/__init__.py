@@ -1,5 +1,6 @@
 """Planning: from here to there among obstacles."""
 
+from fantoccini.plan.check import Check
 from fantoccini.plan.clearance import Clearance, Nearest
 from fantoccini.plan.goals import Goal, Rows
 from fantoccini.plan.obstacles import HalfSpace
@@ -7,7 +8,7 @@ from fantoccini.plan.plan import plan, solve
 from fantoccini.plan.planners import EST2007, Explore
 from fantoccini.plan.problem import Problem
 from fantoccini.plan.problem_file import load_problem, problem_names, problem_schema
-from fantoccini.plan.result import Check, PlanResult, PlanStatus
+from fantoccini.plan.result import PlanResult, PlanStatus
 from fantoccini.plan.search import PLANNERS, Search
 
 __all__ = [

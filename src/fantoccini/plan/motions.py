@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -176,6 +177,13 @@ class Motions:
         )
         made.funnels = self.funnels
         return made
+
+    @cached_property
+    def ends(self) -> tuple[Array, int]:
+        """(n_vK,) which end a driven coordinate belongs to, by its name's first part; how many."""
+        names = [name.rsplit(".", 1)[0] for name in self.marionette.coordinates.v_K]
+        found = sorted(set(names))
+        return np.array([found.index(name) for name in names]), len(found)
 
     @property
     def interval(self) -> float:

@@ -34,6 +34,7 @@ def plan(
     time_limit: float = 10.0,
     iterations: int | None = None,
     improve: float = 0.0,
+    confirm: bool = False,
     seed: int = 0,
     **options,
 ) -> PlanResult:
@@ -47,7 +48,7 @@ def plan(
 
     Args:
         marionette, start, goal, obstacles, options: see :class:`Problem`.
-        planner, time_limit, iterations, improve, seed: see :func:`solve`.
+        planner, time_limit, iterations, improve, confirm, seed: see :func:`solve`.
 
     Returns:
         The plan; false unless it ends within the tolerance.
@@ -64,6 +65,7 @@ def plan(
         time_limit=time_limit,
         iterations=iterations,
         improve=improve,
+        confirm=confirm,
         seed=seed,
     )
 
@@ -75,6 +77,7 @@ def solve(
     time_limit: float = 10.0,
     iterations: int | None = None,
     improve: float = 0.0,
+    confirm: bool = False,
     seed: int = 0,
 ) -> PlanResult:
     """Searches a problem for a plan.
@@ -86,6 +89,8 @@ def solve(
         iterations: motions after which it ends; no bound by default.
         improve: how long to look for shorter plans, and to bring the end nearer to the goal, once
             there is one [s].
+        confirm: whether a plan counts only if it arrives by the event-driven method too, which
+            takes some milliseconds for every plan that is found.
         seed: of all random choices.
 
     Raises:
@@ -97,7 +102,7 @@ def solve(
         raise ValueError(f"improve is {improve}; it must be a finite number of at least 0 [s]")
     if iterations is not None and iterations < 1:
         raise ValueError(f"iterations is {iterations}; it must be at least 1")
-    search = Search(problem, planner, seed)
+    search = Search(problem, planner, seed, confirm)
     try:
         search.first(time_limit, iterations)
         if improve and search.arrived:

@@ -35,6 +35,9 @@ class Grown:
     nodes: range
 
 
+_ASTRAY = 1.5
+"""Ends that go astray beside the first, on average."""
+
 Planner = Callable[[SearchTree, Motions, np.random.Generator], Grown]
 """One round of a planner: grows the tree."""
 
@@ -97,6 +100,7 @@ class Explore:
         if led:
             given[rng.random(n) < self.direct] = 0
         wanted = motions.bounds.speed * rng.uniform(-1.0, 1.0, (n, tree.v_K.shape[1]))
+        wanted *= _some_ends(motions, n, rng)
         duration = motions.looks * motions.interval
         acceleration = np.empty((n, self.astray + led, wanted.shape[1]))
         acceleration[:, : self.astray] = towards(
@@ -133,6 +137,14 @@ class Explore:
             weight[late] = 0.0
             weight[0] = max(weight[0], 1e-300)
         return _drawn(weight, n, rng)
+
+
+def _some_ends(motions: Motions, n: int, rng: np.random.Generator) -> Array:
+    """(n, n_vK) 1 for driven coordinates that go astray: all of an end's, and of few ends."""
+    of, ends = motions.ends
+    moves = rng.random((n, ends)) < _ASTRAY / ends
+    moves[np.arange(n), rng.integers(0, ends, n)] = True
+    return moves[:, of].astype(float)
 
 
 def time_to_go(q_K: Array, motions: Motions) -> Array:

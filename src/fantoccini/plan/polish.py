@@ -62,9 +62,7 @@ class Polisher:
         self._strict = problem.motions.where(tolerance=-1.0)
         self._free = problem.motions.where(tolerance=-1.0, free=True)
 
-    def __call__(
-        self, acceleration: Array, distance: float, seconds: float
-    ) -> Segments | None:
+    def __call__(self, acceleration: Array, distance: float, seconds: float) -> Segments | None:
         """A plan that ends nearer to the goal, and is shorter where time allows.
 
         Args:
@@ -225,6 +223,4 @@ class Polisher:
     def _lacking(self, rows: Rows) -> Array:
         """(n, r) what states lack of the goal, and their speeds."""
         goal = self._problem.goal
-        return np.concatenate(
-            [goal.residuals(rows), goal.numbers.speed_weight * rows.v_D], axis=1
-        )
+        return np.concatenate([goal.residuals(rows), goal.numbers.speed_weight * rows.v_D], axis=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -110,6 +111,12 @@ class Problem:
         self.reason = _blocked(start, self.motions)
         self.distance = self.goal.of_start(self.root)
         self.motions.funnels = [] if self.reason else _hanging_at(self.goal, start, self.motions)
+
+    @cached_property
+    def stage(self) -> Marionette:
+        """The puppet in a world with all the obstacles, to be drawn; half-spaces are left out."""
+        solid = tuple(o for o in self.motions.clearance.obstacles if not isinstance(o, HalfSpace))
+        return self.marionette.among(solid)
 
     @property
     def root(self) -> Rows:

@@ -22,7 +22,9 @@ from fantoccini.puppet.values import Angle, Model, Name, Positive, Real, Vector
 
 _FOLDER = Path(__file__).parent / "problems"
 
-Value = Annotated[Angle | tuple[Angle, ...], WithJsonSchema({"type": ["number", "string", "array"]})]
+Value = Annotated[
+    Angle | tuple[Angle, ...], WithJsonSchema({"type": ["number", "string", "array"]})
+]
 """A number, an angle, an interval, a rotation."""
 
 
@@ -66,7 +68,7 @@ class ProblemFile(Model):
     tolerance: Positive = 0.1
     """Of the goal's distance."""
     speed: Real | dict[str, Real] = 0.5
-    """Largest of the driven coordinates, of all or by name; the others hold still [m/s or rad/s]."""
+    """Largest of the driven coordinates, of all or by name; others hold still [m/s or rad/s]."""
     acceleration: Real | dict[str, Real] = 2.0
     """Largest of the driven coordinates, of all or by name [m/s^2 or rad/s^2]."""
     ranges: dict[str, tuple[Real, Real]] = Field(default_factory=dict)
@@ -154,9 +156,7 @@ def _problem(
     return Problem(marionette, start, goal, file.obstacles, name=file.problem, **asked)
 
 
-def _puppet(
-    name: str, located: Located, progress: Callable[[str], None] | None
-) -> Marionette:
+def _puppet(name: str, located: Located, progress: Callable[[str], None] | None) -> Marionette:
     beside = located.folder / name
     if beside.is_file():
         return load(beside, progress)
@@ -181,7 +181,9 @@ def _goal(file: GoalFile, marionette: Marionette, tried: Callable[[tuple, Callab
             ),
         )
     good = [
-        tried(("goal", "pose", key), lambda key=key, value=value: Goal.pose(marionette, {key: value}))
+        tried(
+            ("goal", "pose", key), lambda key=key, value=value: Goal.pose(marionette, {key: value})
+        )
         for key, value in file.pose.items()
     ]
     if not all(good):

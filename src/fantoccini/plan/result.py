@@ -6,18 +6,21 @@ import contextlib
 import enum
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.motion import Input, State, Trajectory
-from fantoccini.plan.goals import Goal, Rows
+from fantoccini.plan import archive
+from fantoccini.plan.check import Check, checked, inputs_along, run_along
+from fantoccini.plan.goals import Goal
 from fantoccini.plan.motions import Motions
+from fantoccini.plan.planners import Planner
 from fantoccini.plan.problem import Problem
 from fantoccini.plan.search import Search
 from fantoccini.plan.search_tree import SearchTree
-from fantoccini.runtime import STATE
-from fantoccini.simulate import simulate
+from fantoccini.runtime import POINT
 
 
 class PlanStatus(enum.Enum):
@@ -31,25 +34,6 @@ class PlanStatus(enum.Enum):
     def message(self) -> str:
         """In words."""
         return self.value
-
-
-@dataclass(frozen=True)
-class Check:
-    """A plan made again.
-
-    Attributes:
-        arrives: whether it ends within the tolerance and touches nothing; the margin was for this.
-        distance: from the goal at the end.
-        clearance: the least on the way [m].
-        gap: largest difference of a dynamic coordinate from the plan's own run, at its nodes.
-        run: the trajectory.
-    """
-
-    arrives: bool
-    distance: float
-    clearance: float
-    gap: float
-    run: Trajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +72,24 @@ class PlanResult:
         path = tuple(tree.path(search.best))
         curve = tuple(search.curve)
         return cls(status, problem, path, tree, search, search.tried, search.seconds, curve)
+
+    def save(self, path: str | Path) -> None:
+        """Writes the plan with its tree as npz; the file appears whole or not at all."""
+        archive.save(self, path)
+
+    @classmethod
+    def load(cls, path: str | Path, problem: Problem, planner: Planner | None = None) -> PlanResult:
+        """Reads what :meth:`save` wrote; the search can go on as if it had never ended.
+
+        Args:
+            path: of the file.
+            problem: what was planned.
+            planner: the one that was used, where that has no name.
+
+        Raises:
+            FileError: the file is no plan, or one of another problem.
+        """
+        return cls.of(archive.load(path, problem, planner))
 
     def grow(self, seconds: float = 1.0, iterations: int | None = None) -> PlanResult:
         """Goes on with the search: for a plan, or a shorter one where there is one.
@@ -171,24 +173,51 @@ class PlanResult:
 
         A plan without a motion goes on for a step.
         """
-        tree, path = self.tree, list(self.path)
-        times, acceleration = self.start.t + tree.time[path], tree.acceleration[path[1:]]
-        if len(path) == 1:
-            times = np.append(times, times + self.motions.dt)
-            acceleration = np.zeros((1, len(self.start.v_K)))
-        return Input.segments(
-            self.motions.marionette, times, self.start.q_K, self.start.v_K, acceleration
-        )
+        return inputs_along(self.problem, self.tree, self.path)
 
     @cached_property
     def trajectory(self) -> Trajectory:
         """The plan by the time-stepper, with the planner's step."""
-        return self._run(method="timestepping", dt=self.motions.dt)
+        return run_along(
+            self.problem, self.tree, self.path, method="timestepping", dt=self.motions.dt
+        )
 
     @property
     def clearance(self) -> Array:
         """(T,) of ``trajectory`` [m]."""
         return self.motions.clearance.of(self.trajectory)
+
+    def plot(self, path: str | Path, **options) -> Path:
+        """Writes a picture as the paper's Fig. 4: the tree's nodes, the way taken, poses.
+
+        Nodes and way are those of a point of the puppet: the goal's, where that is one, otherwise
+        the last string's first point that moves.
+
+        Args:
+            path: ends in ``.png``, ``.svg`` or ``.pdf``.
+            options: of :func:`fantoccini.view.plan_picture`.
+        """
+        from fantoccini import view
+
+        run = self.trajectory
+        nodes, way = (self._point(a.q_D, a.q_K) for a in (self.tree, run))
+        return view.plan_picture(self.problem.stage, run, nodes, way, path, **options)
+
+    def animate(self, path: str | Path, **options) -> Path:
+        """Writes a film of the plan among its obstacles; see :func:`fantoccini.view.film`."""
+        from fantoccini import view
+
+        return view.film(self.problem.stage, self.trajectory, path, **options)
+
+    def _point(self, q_D: Array, q_K: Array) -> Array:
+        """(n, 3) of the point that pictures follow [m]."""
+        marionette, numbers = self.problem.marionette, self.goal.numbers
+        if numbers.kind == POINT:
+            pose = marionette.poses(q_D, q_K)[:, numbers.link]
+            return pose[..., 3] + pose[..., :3] @ numbers.at
+        if marionette.tree.strings:
+            return marionette.string_points(q_D, q_K)[-1][:, 0]
+        return marionette.poses(q_D, q_K)[:, -1, :, 3]
 
     def replay(self) -> bool:
         """Makes every motion of the plan again; whether it comes out the same, to the last bit."""
@@ -212,28 +241,4 @@ class PlanResult:
             method: ``"timestepping"`` or ``"event"``.
             options: more of :func:`fantoccini.simulate`, as ``rtol``.
         """
-        if method == "timestepping":
-            options["dt"] = self.motions.dt * dt_factor
-        run = self._run(method=method, **options)
-        end = run.state(-1)
-        rows = Rows(*(getattr(end, name)[None] for name in STATE))
-        distance = float(self.goal.distance(rows)[0])
-        clearance = float(np.min(self.motions.clearance.of(run)))
-        times = self.start.t + self.tree.time[list(self.path)]
-        near = np.array([int(np.argmin(np.abs(run.t - t))) for t in times])
-        gap = float(np.max(np.abs(run.q_D[near] - self.tree.q_D[list(self.path)])))
-        reached = run.t[-1] >= times[-1] - 1e-9
-        arrives = reached and distance <= self.tolerance and clearance >= 0.0
-        return Check(bool(arrives), distance, clearance, gap, run)
-
-    def _run(self, **options) -> Trajectory:
-        # A plan of one node has nothing to run; it stands for one step.
-        end = self.start.t + max(self.duration, self.motions.dt)
-        if options["method"] == "event":
-            # The nodes, and looks from start to end.
-            nodes = self.start.t + self.tree.time[list(self.path)]
-            looks = np.arange(self.start.t, end, self.motions.interval)
-            options["save_at"] = np.unique(np.minimum(np.append(nodes, looks), end))
-        return simulate(
-            self.motions.marionette, self.start, self.inputs, t_end=end, throw=False, **options
-        )
+        return checked(self.problem, self.tree, self.path, dt_factor, method, **options)

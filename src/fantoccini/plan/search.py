@@ -7,6 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from fantoccini.arrays import Array
+from fantoccini.plan.check import checked
 from fantoccini.plan.planners import EST2007, Explore, Planner
 from fantoccini.plan.polish import Polisher
 from fantoccini.plan.problem import Problem
@@ -14,6 +16,9 @@ from fantoccini.plan.search_tree import SearchTree
 
 PLANNERS: dict[str, type] = {"explore": Explore, "est-2007": EST2007}
 """Planners by name."""
+
+_CONFIRMED = 1e-8
+"""Tolerance of the event-driven runs by which plans are confirmed."""
 
 _LARGEST = 20_000
 """Nodes of a tree that looks for a shorter plan, before another takes its place."""
@@ -27,6 +32,8 @@ class Search:
 
     Attributes:
         problem: what is planned.
+        planner_name: empty where the planner has none.
+        confirm: see below.
         tree: the one that holds the best plan; the only one as long as there is none.
         best: the node where that ends: the nearest to the goal as long as none is there.
         tried: motions that were tried.
@@ -38,18 +45,26 @@ class Search:
         problem: what is planned.
         planner: a name of ``PLANNERS``, or one round of a planner.
         seed: of all random choices.
+        confirm: whether a plan counts only if it arrives by the event-driven method too.
 
     Raises:
         ValueError: an unknown planner.
     """
 
-    def __init__(self, problem: Problem, planner: str | Planner = "explore", seed: int = 0):
+    def __init__(
+        self,
+        problem: Problem,
+        planner: str | Planner = "explore",
+        seed: int = 0,
+        confirm: bool = False,
+    ):
+        self.planner_name = planner if isinstance(planner, str) else ""
         if isinstance(planner, str):
             if planner not in PLANNERS:
                 names = ", ".join(PLANNERS)
                 raise ValueError(f"planner is {planner!r}; it must be one of {names}")
             planner = PLANNERS[planner]()
-        self.problem, self.planner = problem, planner
+        self.problem, self.planner, self.confirm = problem, planner, confirm
         self.tree, self.best, self.tried, self.seconds = self._fresh(np.inf), 0, 0, 0.0
         self.curve: list[tuple[float, int, float]] = []
         self._rng = np.random.default_rng(seed)
@@ -61,6 +76,26 @@ class Search:
     def arrived(self) -> bool:
         """Whether there is a plan."""
         return bool(self.tree.distance[self.best] <= self.problem.motions.inner)
+
+    @property
+    def random_state(self) -> dict:
+        """Of the random choices to come, as plain data."""
+        return self._rng.bit_generator.state
+
+    def restore(
+        self,
+        tree: SearchTree,
+        best: int,
+        tried: int,
+        seconds: float,
+        curve: Array,
+        random_state: dict,
+    ) -> None:
+        """Takes up a search where it was left."""
+        self.tree, self._growing, self.best = tree, tree, best
+        self.tried, self.seconds = tried, seconds
+        self.curve = [(float(s), int(n), float(t)) for s, n, t in curve.reshape(-1, 3)]
+        self._rng.bit_generator.state = random_state
 
     def first(self, time_limit: float, iterations: int | None = None) -> None:
         """Looks for a first plan, for so long and with so many motions at most."""
@@ -120,13 +155,23 @@ class Search:
         if not len(grown.nodes):
             return
         found = _best(tree, grown.nodes, motions.inner)
-        there = tree.distance[found] <= motions.inner
-        if there and tree.time[found] <= tree.bound:
+        there = tree.distance[found] <= motions.inner and tree.time[found] <= tree.bound
+        if there and self.confirm and not self._arrives(tree, found):
+            # It counts as one that is nowhere.
+            tree.distance[found], there = np.inf, False
+        if there:
             self.tree, self.best = tree, found
             seconds = time.perf_counter() - before
             self.curve.append((seconds, self.tried, float(tree.time[found])))
         elif not self.arrived and tree.distance[found] < self.tree.distance[self.best]:
             self.best = found
+
+    def _arrives(self, tree: SearchTree, node: int) -> bool:
+        """Whether the plan to a node arrives when its events are located."""
+        path = tree.path(node)
+        return checked(
+            self.problem, tree, path, method="event", rtol=_CONFIRMED, atol=_CONFIRMED
+        ).arrives
 
     def _fresh(self, bound: float) -> SearchTree:
         problem = self.problem

@@ -6,9 +6,12 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.plan.goals import Rows
-from fantoccini.runtime import Segments
+from fantoccini.runtime import STATE, Segments
 
 _FIRST = 1024
+
+_OF_NODES = ("acceleration", "parent", "looks", "time", "distance", "catches", "tried")
+"""What is known of a node beside its state."""
 
 
 class SearchTree:
@@ -27,10 +30,7 @@ class SearchTree:
 
     def __init__(self, root: Rows, distance: float, n_vK: int, bound: float = np.inf):
         self.n, self.bound = 0, bound
-        self._arrays = {
-            name: np.empty((_FIRST, getattr(root, name).shape[-1]))
-            for name in root.__dataclass_fields__
-        }
+        self._arrays = {name: np.empty((_FIRST, getattr(root, name).shape[-1])) for name in STATE}
         self._arrays |= {
             "acceleration": np.empty((_FIRST, n_vK)),
             "parent": np.empty(_FIRST, dtype=np.int64),
@@ -41,6 +41,21 @@ class SearchTree:
             "tried": np.empty(_FIRST, dtype=np.int64),
         }
         self.add(root, np.array([-1]), np.zeros((1, n_vK)), np.array([0]), 0.0, distance, 0)
+
+    @classmethod
+    def of(cls, arrays: dict[str, Array]) -> SearchTree:
+        """A tree from its ``arrays``."""
+        made = cls.__new__(cls)
+        made.n, made.bound = len(arrays["parent"]), np.inf
+        made._arrays = {name: arrays[name] for name in (*STATE, *_OF_NODES)}
+        if any(len(a) != made.n for a in made._arrays.values()) or not made.n:
+            raise ValueError("its arrays differ in length")
+        return made
+
+    @property
+    def arrays(self) -> dict[str, Array]:
+        """All that is known of the nodes: name -> (n, ...)."""
+        return {name: a[: self.n] for name, a in self._arrays.items()}
 
     def __len__(self) -> int:
         return self.n
@@ -54,7 +69,7 @@ class SearchTree:
     @property
     def rows(self) -> Rows:
         """The states of all nodes."""
-        return Rows(*(getattr(self, name) for name in Rows.__dataclass_fields__))
+        return Rows(*(getattr(self, name) for name in STATE))
 
     def add(
         self,
@@ -87,7 +102,7 @@ class SearchTree:
             }
         new = slice(self.n, self.n + k)
         arrays = self._arrays
-        for name in Rows.__dataclass_fields__:
+        for name in STATE:
             arrays[name][new] = getattr(rows, name)
         arrays["parent"][new], arrays["acceleration"][new] = parent, acceleration
         arrays["looks"][new], arrays["distance"][new] = looks, distance

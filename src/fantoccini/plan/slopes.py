@@ -86,9 +86,7 @@ def _free(marionette: Marionette, options: RunOptions, looks: int) -> Terms:
     """Motions that nothing ends."""
     table = marionette.coordinates
     fast, far = np.full(table.n_vK, np.inf), np.full(table.n_qK, np.inf)
-    nowhere = GoalNumbers(
-        POSE, np.zeros(table.n_qD), np.zeros(table.n_qD), np.zeros(table.n_vD)
-    )
+    nowhere = GoalNumbers(POSE, np.zeros(table.n_qD), np.zeros(table.n_qD), np.zeros(table.n_vD))
     return Terms(
         options=options,
         looks=looks,

@@ -6,6 +6,7 @@ or a gif. matplotlib and ffmpeg are loaded by the first call, not by importing t
 
 from fantoccini.view.film import FilmError, film
 from fantoccini.view.pictures import PictureError, draw, pose_times, strip
+from fantoccini.view.plans import plan_picture
 from fantoccini.view.plots import plot
 from fantoccini.view.theme import DARK, LIGHT, Theme
 
@@ -17,6 +18,7 @@ __all__ = [
     "Theme",
     "draw",
     "film",
+    "plan_picture",
     "plot",
     "pose_times",
     "strip",

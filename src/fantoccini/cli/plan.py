@@ -1,0 +1,111 @@
+"""``fantoccini plan``: a problem file -> inputs that take the puppet to its goal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import typer
+
+from fantoccini.cli.files import PICTURES, check_output, fail
+from fantoccini.cli.guard import FAILED
+from fantoccini.cli.outputs import check_outputs, write_outputs
+from fantoccini.cli.terminal import Steps, say, table, write
+from fantoccini.plan import Check, PlanResult, load_problem, problem_names, solve
+
+
+@dataclass(frozen=True)
+class Request:
+    """What was asked for on the command line; see ``fantoccini plan --help``."""
+
+    file: str | None
+    planner: str
+    tolerance: float | None
+    time_limit: float
+    improve: float
+    confirm: bool
+    seed: int
+    threads: int | None
+    out: tuple[Path, ...]
+    picture: Path | None
+    save: Path | None
+    quiet: bool
+
+
+def plan_file(request: Request) -> None:
+    """Plans, verifies, prints a summary and writes the outputs; exit code 1 without a plan."""
+    if request.file is None:
+        for name in problem_names():
+            write(name)
+        return
+    check_outputs(request.out, None)
+    if request.picture is not None:
+        check_output(request.picture, PICTURES, "--picture")
+    if request.save is not None:
+        check_output(request.save, (".npz",), "--save")
+    if request.seed < 0:
+        fail(f"{request.seed} is negative", "--seed")
+    given = {"tolerance": request.tolerance, "threads": request.threads}
+    options = {name: value for name, value in given.items() if value is not None}
+    with Steps(request.quiet) as steps:
+        problem = load_problem(request.file, progress=steps.step, **options)
+        steps.step("planning")
+        found = solve(
+            problem, planner=request.planner, time_limit=request.time_limit,
+            improve=request.improve, confirm=request.confirm, seed=request.seed,
+        )  # fmt: skip
+        checks = {}
+        if found and not request.quiet:
+            steps.step("verifying")
+            checks = {
+                "step halved": found.verify(),
+                "events located": found.verify(method="event", rtol=1e-9, atol=1e-9),
+            }
+        if not found.reason:
+            _write(request, found, steps)
+    if not request.quiet:
+        _report(found, checks)
+    if not found:
+        say(f"fantoccini: {found.reason or found.status.message}")
+        raise typer.Exit(FAILED)
+
+
+def _write(request: Request, found: PlanResult, steps: Steps) -> None:
+    if request.save is not None:
+        found.save(request.save)
+    if request.picture is not None:
+        steps.step(f"drawing {request.picture}")
+        found.plot(request.picture)
+    stage = found.problem.stage
+    write_outputs(stage, found.trajectory, request.out, None, steps)
+
+
+def _report(found: PlanResult, checks: dict[str, Check]) -> None:
+    table(
+        "Plan",
+        ("", ">"),
+        [
+            ("status", found.status.name.lower()),
+            ("duration [s]", f"{found.duration:.3f}"),
+            ("distance from the goal", f"{found.distance:.4g}"),
+            ("tolerance", f"{found.tolerance:g}"),
+            ("least clearance [mm]", f"{1e3 * float(found.clearance.min()):.1f}"),
+            ("motions tried", found.tried),
+            ("nodes", len(found.tree)),
+            ("search [s]", f"{found.seconds:.3g}"),
+        ],
+    )
+    if checks:
+        table(
+            "Simulated anew",
+            ("", "arrives>", "distance>", "clearance [mm]>"),
+            [
+                (
+                    name,
+                    "yes" if c.arrives else "no",
+                    f"{c.distance:.4g}",
+                    f"{1e3 * c.clearance:.1f}",
+                )
+                for name, c in checks.items()
+            ],
+        )

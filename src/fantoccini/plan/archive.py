@@ -1,0 +1,85 @@
+"""Plans on disk: npz without pickle; with its problem a plan is whole again, and can go on."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fantoccini.errors import FileError
+from fantoccini.errors import Problem as Mistake
+from fantoccini.motion.archive import UNREADABLE, replacing
+from fantoccini.plan.planners import Planner
+from fantoccini.plan.problem import Problem
+from fantoccini.plan.search import Search
+from fantoccini.plan.search_tree import SearchTree
+
+if TYPE_CHECKING:
+    from fantoccini.plan.result import PlanResult
+
+FORMAT = "fantoccini.plan.1"
+
+
+def save(plan: PlanResult, path: str | Path) -> None:
+    """Writes a plan with its tree."""
+    search = plan.search
+    about = {
+        "format": FORMAT,
+        "problem": plan.problem.name,
+        "puppet": plan.problem.marionette.name,
+        "status": plan.status.name,
+        "planner": search.planner_name,
+        "confirm": search.confirm,
+        "tried": plan.tried,
+        "seconds": plan.seconds,
+        "random": search.random_state,
+    }
+    arrays = {**plan.tree.arrays, "path": np.array(plan.path), "curve": np.array(plan.curve)}
+    arrays["about"] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(file, **arrays)
+
+
+def load(path: str | Path, problem: Problem, planner: Planner | None = None) -> Search:
+    """The search that a file's plan came from, ready to go on.
+
+    Args:
+        path: what :func:`save` wrote.
+        problem: what was planned.
+        planner: the one that was used, where that has no name.
+
+    Raises:
+        FileError: the file is none of these, or of another problem.
+    """
+
+    def wrong(text: str) -> FileError:
+        return FileError([Mistake(str(path), None, "", text)])
+
+    try:
+        with Path(path).open("rb") as raw, np.load(raw, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+        about: dict[str, Any] = json.loads(arrays.pop("about").tobytes())
+        if about["format"] != FORMAT:
+            raise ValueError(f"has the format {about['format']!r}; this version reads {FORMAT!r}")
+        nodes, curve = arrays.pop("path"), arrays.pop("curve")
+        tree = SearchTree.of(arrays)
+        asked = planner or about["planner"] or "explore"
+        search = Search(problem, asked, confirm=bool(about["confirm"]))
+        root = tree.rows[[0]].parts
+        if any(
+            root[name].shape != a.shape or not np.array_equal(root[name], a)
+            for name, a in problem.root.parts.items()
+        ):
+            raise wrong(f"is a plan of {about['puppet']} from another start than the problem's")
+        search.restore(
+            tree, int(nodes[-1]), about["tried"], about["seconds"], curve, about["random"]
+        )
+    except FileNotFoundError:
+        raise wrong("there is no such file") from None
+    except (*UNREADABLE, AttributeError, LookupError, TypeError) as error:
+        if isinstance(error, FileError):
+            raise
+        raise wrong(f"is no plan, or damaged: {error}") from None
+    return search

@@ -1,0 +1,93 @@
+"""Plans made again, from their start and inputs alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.motion import Input, Trajectory
+from fantoccini.plan.goals import Rows
+from fantoccini.plan.problem import Problem
+from fantoccini.plan.search_tree import SearchTree
+from fantoccini.simulate import simulate
+
+
+@dataclass(frozen=True)
+class Check:
+    """A plan made again.
+
+    Attributes:
+        arrives: whether it ends within the tolerance and touches nothing; the margin was for this.
+        distance: from the goal at the end.
+        clearance: the least on the way [m].
+        gap: largest difference of a dynamic coordinate from the plan's own run, at its nodes.
+        run: the trajectory.
+    """
+
+    arrives: bool
+    distance: float
+    clearance: float
+    gap: float
+    run: Trajectory
+
+
+def inputs_along(problem: Problem, tree: SearchTree, path: Sequence[int]) -> Input:
+    """The driven coordinates of a plan: constant accelerations from node to node, then held.
+
+    A plan without a motion goes on for a step.
+
+    Args:
+        problem: what was planned.
+        tree: of the plan.
+        path: its nodes.
+    """
+    path, start = list(path), problem.start
+    times, acceleration = start.t + tree.time[path], tree.acceleration[path[1:]]
+    if len(path) == 1:
+        times = np.append(times, times + problem.motions.dt)
+        acceleration = np.zeros((1, len(start.v_K)))
+    return Input.segments(problem.marionette, times, start.q_K, start.v_K, acceleration)
+
+
+def run_along(problem: Problem, tree: SearchTree, path: Sequence[int], **options) -> Trajectory:
+    """What a plan does.
+
+    Args:
+        problem, tree, path: see :func:`inputs_along`.
+        options: of :func:`fantoccini.simulate`, with ``method``.
+    """
+    start, motions = problem.start, problem.motions
+    nodes = start.t + tree.time[list(path)]
+    # A plan of one node has nothing to run; it stands for one step.
+    end = max(float(nodes[-1]), start.t + motions.dt)
+    if options["method"] == "event":
+        # The nodes, and looks from start to end.
+        looks = np.arange(start.t, end, motions.interval)
+        options["save_at"] = np.unique(np.minimum(np.append(nodes, looks), end))
+    inputs = inputs_along(problem, tree, path)
+    return simulate(problem.marionette, start, inputs, t_end=end, throw=False, **options)
+
+
+def checked(
+    problem: Problem,
+    tree: SearchTree,
+    path: Sequence[int],
+    dt_factor: float = 0.5,
+    method: str = "timestepping",
+    **options,
+) -> Check:
+    """Simulates a plan anew; see :meth:`PlanResult.verify`."""
+    motions, path = problem.motions, list(path)
+    if method == "timestepping":
+        options["dt"] = motions.dt * dt_factor
+    run = run_along(problem, tree, path, method=method, **options)
+    distance = float(problem.goal.distance(Rows.of(run.state(-1)))[0])
+    clearance = float(np.min(motions.clearance.of(run)))
+    times = problem.start.t + tree.time[path]
+    near = np.array([int(np.argmin(np.abs(run.t - t))) for t in times])
+    gap = float(np.max(np.abs(run.q_D[near] - tree.q_D[path])))
+    reached = run.t[-1] >= times[-1] - 1e-9
+    arrives = reached and distance <= problem.tolerance and clearance >= 0.0
+    return Check(bool(arrives), distance, clearance, gap, run)
