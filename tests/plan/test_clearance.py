@@ -278,11 +278,21 @@ def test_a_puppet_without_shapes_keeps_its_strings_clear_or_nothing():
     assert without.nearest(x) is None and np.isinf(without.of(x))
 
 
-def test_an_ellipsoid_counts_as_the_capsule_about_it():
-    ellipsoid = {"type": "ellipsoid", "radii": [0.1, 0.2, 0.05], "at": [0.0, 0.0, 0.0]}
-    puppet = flying(ellipsoid)
+def test_an_ellipsoid_is_exact_against_half_spaces_and_a_capsule_against_the_rest():
+    turn = {"rpy": ["20 deg", "-35 deg", "50 deg"]}
+    shape = {"type": "ellipsoid", "radii": [0.1, 0.2, 0.05], "at": [0.02, 0.0, 0.03]}
+    puppet = flying(shape | {"orientation": turn})
     x = puppet.state()
-    ground = {"name": "ground", "type": "half_space", "at": [0, 0, -1.0]}
-    assert float(Clearance(puppet, [ground]).of(x)) == pytest.approx(1.0 - 0.1)
-    wall = {"name": "wall", "type": "half_space", "at": [0, 1.0, 0], "normal": [0, -1, 0]}
-    assert float(Clearance(puppet, [wall]).of(x)) == pytest.approx(1.0 - 0.2)
+    R = np.asarray(puppet.puppet.bodies[0].shapes[0].orientation.matrix)
+    rng = np.random.default_rng(5)
+    ball = rng.normal(size=(400_000, 3))
+    ball /= np.linalg.norm(ball, axis=1, keepdims=True)
+    skin = (ball * shape["radii"]) @ R.T + shape["at"]
+    for normal in ([0, 0, 1.0], [0, -1.0, 0], [0.6, 0.0, 0.8]):
+        wall = {"name": "wall", "type": "half_space", "at": (-np.array(normal)).tolist()}
+        found = float(Clearance(puppet, [wall | {"normal": normal}]).of(x))
+        lowest = float(np.min(skin @ normal))
+        assert found == pytest.approx(lowest + 1.0, abs=1e-5)
+    flat = flying(shape)
+    bead = {"name": "bead", "type": "sphere", "radius": 0.1, "at": [0.02, 0.0, 0.53]}
+    assert float(Clearance(flat, [bead]).of(flat.state())) == pytest.approx(0.5 - 0.1 - 0.1)

@@ -88,14 +88,14 @@ class Problem:
         look: int = 5,
     ):
         threads = default_threads() if threads is None else threads
-        for name, value in (("tolerance", tolerance), ("dt", dt)):
+        for what, value in (("tolerance", tolerance), ("dt", dt)):
             if not 0.0 < value < np.inf:
-                raise ValueError(f"{name} is {value}; it must be finite and greater than 0")
+                raise ValueError(f"{what} is {value}; it must be finite and greater than 0")
         if not 0.0 <= margin < np.inf:
             raise ValueError(f"margin is {margin}; it must be a number of at least 0 [m]")
-        for name, number in (("look", look), ("threads", threads)):
+        for what, number in (("look", look), ("threads", threads)):
             if number < 1:
-                raise ValueError(f"{name} is {number}; it must be at least 1")
+                raise ValueError(f"{what} is {number}; it must be at least 1")
         marionette.check_start(start)
         if not len(start.slip):
             start = start.replace(slip=np.zeros(len(marionette.tree.strings)))

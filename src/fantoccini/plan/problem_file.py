@@ -188,6 +188,15 @@ def _goal(file: GoalFile, marionette: Marionette, tried: Callable[[tuple, Callab
     ]
     if not all(good):
         return None
+    good = [
+        tried(
+            ("goal", "weights", key),
+            lambda one={key: value}: Goal.pose(marionette, file.pose, weights=one),
+        )
+        for key, value in file.weights.items()
+    ]
+    if not all(good):
+        return None
     return tried(
         ("goal",), lambda: Goal.pose(marionette, file.pose, weights=file.weights, **weight)
     )

@@ -1,0 +1,39 @@
+"""A plan of the full marionette: 25 degrees of freedom, 21 driven coordinates, and a lamp."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import fantoccini as fan
+from fantoccini.plan.balance import balanced
+
+
+def test_the_marionette_touches_the_bell_past_the_lamp():
+    problem = fan.load_problem("marionette_bell")
+    found = fan.solve(problem, seed=0, confirm=True, time_limit=60.0)
+    assert found and found.replay()
+    again = found.verify(method="event", rtol=1e-9, atol=1e-9)
+    assert again.arrives and again.clearance > 0.0
+    run = found.trajectory
+    tip = problem.marionette.link("forearm_right")
+    pose = problem.marionette.poses(run.q_D[-1:], run.q_K[-1:])[0, tip]
+    hand = pose[:, 3] + pose[:, :3] @ [0.0, 0.0, -0.09]
+    assert np.linalg.norm(hand - [0.14, -0.14, 0.55]) < 0.02
+    assert max(float(t.max()) for _, t in run.tension.items()) < 2.0 * problem.marionette.weight
+    # Without the lamp the straight way is open, and goes through where it stood.
+    free = fan.Problem(
+        problem.marionette, problem.start, problem.goal, tolerance=0.02, speed=0.4,
+        acceleration=1.0, slack=False,
+    )  # fmt: skip
+    straight = [fan.solve(free, seed=s) for s in range(4)]
+    hits = [float(problem.motions.clearance.of(p.trajectory).min()) < 0.0 for p in straight]
+    assert all(straight) and sum(hits) >= 3
+
+
+def test_where_it_hangs_at_the_goal_is_a_stable_equilibrium():
+    problem = fan.load_problem("marionette_bell")
+    puppet, moves = problem.marionette, problem.motions.bounds.moves
+    q_D, q_K, left = balanced(puppet, problem.goal, problem.start, moves)
+    assert left < 1e-9 * puppet.weight
+    there = problem.start.replace(q_D=q_D, q_K=q_K)
+    assert np.max(np.abs(puppet.rest(there).q_D - q_D)) < 1e-6

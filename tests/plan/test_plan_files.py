@@ -1,0 +1,69 @@
+"""Plans on disk: the same again, taken up where they were left, and damaged ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.errors import FileError
+from fantoccini.plan import Explore
+
+
+@pytest.fixture(scope="module")
+def problem() -> fan.Problem:
+    return fan.load_problem("arm3d_boxes")
+
+
+def test_a_plan_comes_back_whole_and_goes_on_as_if_nothing_had_been(problem, tmp_path):
+    found = fan.solve(problem, seed=4)
+    found.save(tmp_path / "plan.npz")
+    again = fan.PlanResult.load(tmp_path / "plan.npz", problem)
+    assert again and again.path == found.path and again.replay()
+    assert (again.tried, again.curve, again.status) == (found.tried, found.curve, found.status)
+    for name, a in found.tree.arrays.items():
+        assert np.array_equal(a, again.tree.arrays[name])
+    assert np.array_equal(found.inputs.coef, again.inputs.coef)
+    longer, same = (p.grow(seconds=60.0, iterations=800) for p in (found, again))
+    assert longer.path == same.path and np.array_equal(longer.tree.q_D, same.tree.q_D)
+    assert not list(tmp_path.glob(".*")), "nothing half-written is left"
+
+
+def test_a_planner_without_a_name_is_given_again(problem, tmp_path):
+    planner = Explore(batch=32)
+    fan.solve(problem, planner=planner, seed=1).save(tmp_path / "plan.npz")
+    again = fan.PlanResult.load(tmp_path / "plan.npz", problem, planner)
+    assert again.search.planner is planner
+
+
+def test_what_is_no_plan_is_told(problem, tmp_path):
+    path = tmp_path / "plan.npz"
+    with pytest.raises(FileError, match="no such file"):
+        fan.PlanResult.load(path, problem)
+    path.write_bytes(b"not a plan")
+    with pytest.raises(FileError, match="is no plan"):
+        fan.PlanResult.load(path, problem)
+    fan.simulate(problem.marionette, problem.start, t_end=0.1).save(path)
+    with pytest.raises(FileError, match="has the format"):
+        fan.PlanResult.load(path, problem)
+    fan.solve(problem, seed=0).save(path)
+    arm = problem.marionette
+    other = fan.Problem(arm, arm.rest({"hand.x": 0.2}), {"elbow": 1.0})
+    with pytest.raises(FileError, match="another start"):
+        fan.PlanResult.load(path, other)
+    raw = path.read_bytes()
+    path.write_bytes(raw[: len(raw) // 2])
+    with pytest.raises(FileError, match="is no plan"):
+        fan.PlanResult.load(path, problem)
+
+
+def test_pictures_and_films_of_plans(problem, tmp_path):
+    from matplotlib.image import imread
+
+    found = fan.solve(problem, seed=0, improve=0.2)
+    pixels = imread(found.plot(tmp_path / "plan.png", size=(400, 400)))
+    assert pixels.shape[:2] == (800, 800) and pixels[..., :3].std() > 0.02
+    blue = (pixels[..., 2] > pixels[..., 0] + 0.3).sum()
+    assert blue > 100, "the way is drawn"
+    found.animate(tmp_path / "plan.gif", size=(160, 200))
+    assert (tmp_path / "plan.gif").stat().st_size > 1000

@@ -1,0 +1,109 @@
+"""Problem files: bundled ones, their schema, and mistakes with their places."""
+
+from __future__ import annotations
+
+import json
+
+import jsonschema
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.errors import FileError
+from fantoccini.plan import problem_names, problem_schema
+from fantoccini.puppet.located import read_file
+
+GOOD = """\
+problem: lift
+puppet: arm3d
+start: {hand.x: 0.3, hand.length: 1.3}
+goal:
+  pose: {elbow: 60 deg}
+  weights: {elbow: 2}
+tolerance: 0.1
+ranges: {hand.x: [-1, 1]}
+obstacles:
+  - {name: stone, type: sphere, radius: 0.05, at: [0.4, 0, -0.5]}
+"""
+
+
+def written(tmp_path, text: str):
+    path = tmp_path / "problem.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_bundled_problems_are_as_they_say():
+    assert set(problem_names()) >= {"arm3d_boxes", "marionette_bell"}
+    arm = fan.load_problem("arm3d_boxes")
+    assert arm.name == "arm3d_boxes" and not arm.reason and arm.tolerance == 0.25
+    assert np.array_equal(arm.motions.bounds.speed, [0.5] * 3)
+    assert [o.name for o in arm.motions.clearance.obstacles] == ["low", "high"]
+    assert fan.load_problem("arm3d_boxes", tolerance=0.1).tolerance == 0.1
+
+
+def test_a_file_says_what_python_says(tmp_path):
+    read = fan.load_problem(written(tmp_path, GOOD))
+    arm = fan.puppets.arm3d()
+    made = fan.Problem(
+        arm,
+        arm.rest({"hand.x": 0.3, "hand.length": 1.3}),
+        fan.Goal.pose(arm, {"elbow": np.radians(60)}, weights={"elbow": 2.0}),
+        [{"name": "stone", "type": "sphere", "radius": 0.05, "at": [0.4, 0, -0.5]}],
+        ranges={"hand.x": (-1.0, 1.0)},
+    )
+    a, b = fan.solve(read, seed=3), fan.solve(made, seed=3)
+    assert a and a.path == b.path and np.array_equal(a.tree.q_D, b.tree.q_D)
+
+
+def test_a_puppet_may_lie_beside_its_problem(tmp_path):
+    text = fan.puppets.path("arm3d").read_text(encoding="utf-8")
+    (tmp_path / "mine.yaml").write_text(text.replace("puppet: arm3d", "puppet: mine"))
+    found = fan.load_problem(written(tmp_path, GOOD.replace("arm3d", "mine.yaml")))
+    assert found.marionette.name == "mine"
+
+
+def test_the_schema_takes_bundled_problems_and_refuses_others(tmp_path):
+    schema = problem_schema()
+    for name in problem_names():
+        path = fan.plan.__globals__["__file__"].replace("plan.py", f"problems/{name}.yaml")
+        jsonschema.validate(json.loads(json.dumps(read_file(path).data)), schema)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate({"problem": "x", "puppet": "arm3d"}, schema)
+
+
+@pytest.mark.parametrize(
+    ("change", "line", "message"),
+    [
+        (("elbow: 60 deg}", "elbo: 60 deg}"), 5, "did you mean 'elbow'"),
+        (("hand.x: 0.3", "hand.z: 0.3"), 3, "hand.z"),
+        (("ranges: {hand.x: [-1, 1]}", "ranges: {hand.x: [1, -1]}"), 8, "must not be empty"),
+        (("ranges: {hand.x: [-1, 1]}", "speed: {hand.y: -1}"), 8, "hand.y is -1"),
+        (("radius: 0.05", "radius: 0"), 10, "radius"),
+        (("puppet: arm3d", "puppet: arm3"), 2, "did you mean 'arm3d'"),
+        (("tolerance: 0.1", "tolerance: 0"), 7, "positive"),
+        (("tolerance: 0.1", "tolerence: 0.1"), 7, "did you mean 'tolerance'"),
+        (("  pose: {elbow: 60 deg}\n  weights: {elbow: 2}", "  speed_weight: 1"), 4, "neither"),
+        (("weights: {elbow: 2}", "weights: {elbo: 2}"), 6, "did you mean 'elbow'"),
+        (("  pose: {elbow: 60 deg}\n  weights: {elbow: 2}",
+          "  point: {body: hand, place: [0, 0, 0]}"), 5, "no body is called 'hand'"),
+    ],
+)  # fmt: skip
+def test_mistakes_have_places(tmp_path, change, line, message):
+    assert change[0] in GOOD
+    path = written(tmp_path, GOOD.replace(*change))
+    with pytest.raises(FileError, match=message) as caught:
+        fan.load_problem(path)
+    assert f"problem.yaml:{line}" in str(caught.value)
+
+
+def test_several_mistakes_are_told_at_once(tmp_path):
+    text = GOOD.replace("hand.x: 0.3", "hand.z: 0.3").replace("elbow: 60", "elbo: 60")
+    with pytest.raises(FileError) as caught:
+        fan.load_problem(written(tmp_path, text))
+    assert len(caught.value.problems) >= 2
+
+
+def test_there_is_no_such_problem():
+    with pytest.raises(FileError, match="found nothing here"):
+        fan.load_problem("arm3d_boxse")
