@@ -6,7 +6,7 @@ OLDER := .venv-mujoco317
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test bench soak strings-report growth-report lint wheel clean
+.PHONY: demo test bench bench-plan soak strings-report growth-report lint wheel clean
 .NOTPARALLEL:
 
 demo: $(VENV)/stamp-demo
@@ -17,6 +17,9 @@ test: $(VENV)/stamp-test
 
 bench: $(VENV)/stamp-bench $(OLDER)/stamp
 	$(BIN)/python -m benchmarks.speed
+
+bench-plan: $(VENV)/stamp-bench
+	$(BIN)/python -m benchmarks.planning
 
 soak: $(VENV)/stamp-test
 	PYTHONPATH=tests $(BIN)/python -m properties.soak

@@ -1,0 +1,1 @@
+"""How fast plans are found, how good they are, and whether they hold elsewhere."""

@@ -1,0 +1,54 @@
+"""``python -m benchmarks.planning``: measures plans and writes docs/planning-measured.md."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+
+from ..strings import ROOT
+from ..strings.report import Section, machine, wrapped
+from . import own
+from .marks import Mark, marks_table
+
+OPENING = (
+    "How fast plans are found, how good they are, and whether they hold when they are simulated in "
+    "another way. `make bench-plan` measures all of it in one run and writes this page. All seeds "
+    "count, from 0 on."
+)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Writes docs/planning-measured.md.")
+    parser.add_argument("--quick", action="store_true", help="few seeds, for a look; no page")
+    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "planning-measured.md")
+    options = parser.parse_args()
+    many, some, few = (20, 4, 2) if options.quick else (1000, 100, 10)
+    measures = {
+        "first plans": lambda: own.first_plans(many),
+        "boxes": lambda: own.boxes_matter(many),
+        "better plans": lambda: own.better_plans(some),
+        "marionette": lambda: own.full_marionette(few),
+    }
+    sections: list[Section] = []
+    marks: list[Mark] = []
+    began = time.perf_counter()
+    for name, measure in measures.items():
+        section, found = measure()
+        sections.append(section)
+        marks += found
+        print(f"{name}: after {time.perf_counter() - began:.0f} s", flush=True)
+    parts = [
+        "# Planning, measured", wrapped(OPENING), marks_table(marks).markdown(),
+        machine(("numpy", "scipy")).markdown(), *(s.markdown() for s in sections),
+    ]  # fmt: skip
+    text = "\n\n".join(parts) + "\n"
+    if options.quick:
+        print(text)
+    else:
+        options.out.write_text(text, encoding="utf-8")
+        print(marks_table(marks).markdown())
+
+
+if __name__ == "__main__":
+    main()
