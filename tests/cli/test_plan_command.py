@@ -38,7 +38,7 @@ def test_no_plan_is_exit_code_one() -> None:
         "0.01",
     )  # fmt: skip
     assert result.exit_code == 1
-    assert "approximate" in result.stdout and "nearest" in result.stderr
+    assert "timeout" in result.stdout and "nearest" in result.stderr
     assert "events located" not in result.stdout
 
 

@@ -132,6 +132,18 @@ def test_a_start_in_collision_is_told():
     assert "hand.length starts at 1.34, outside of its range 0.2 to 1" in far.reason
 
 
+def test_a_goal_out_of_reach_is_told():
+    bent = fan.plan(ARM, HANGING, {"elbow": 3.0})
+    assert bent.status is fan.PlanStatus.INFEASIBLE_GOAL and not bent and bent.tried == 0
+    assert "elbow is to be at 3, beyond its upper limit 2.6" in bent.reason
+    assert fan.plan(ARM, HANGING, {"elbow": (2.0, 3.0)}, iterations=64).tried > 0
+    far = fan.Goal.point(ARM, "lower", [0.5, 0.0, -0.5], at=[0, 0, -0.3])
+    found = fan.plan(ARM, HANGING, far, tolerance=0.05)
+    assert found.status is fan.PlanStatus.INFEASIBLE_GOAL
+    assert "0.707 m from shoulder, and lower reaches no farther than 0.6 m" in found.reason
+    assert fan.plan(ARM, HANGING, far, tolerance=0.11, iterations=64).tried > 0
+
+
 def test_an_end_of_the_search_returns_the_nearest():
     def interrupted(tree, motions, rng):
         if len(tree) > 500:
@@ -142,7 +154,7 @@ def test_an_end_of_the_search_returns_the_nearest():
     assert not stopped and stopped.status is fan.PlanStatus.APPROXIMATE
     assert stopped.distance == stopped.tree.distance.min() < stopped.tree.distance[0]
     late = raised(tolerance=1e-9, time_limit=0.2)
-    assert not late and late.seconds < 5.0
+    assert late.status is fan.PlanStatus.TIMEOUT and not late and late.seconds < 5.0
 
 
 @pytest.mark.parametrize(

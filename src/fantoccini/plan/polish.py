@@ -35,7 +35,7 @@ _ROOM = 0.003
 _CLEAR = 1.0
 """Weight of clearances beside the goal's residuals [1/m]."""
 
-_LONGER = (0, 3, 6, 10, 15, 25)
+_LONGER = (0, 3, 6, 10, 15, 25, 40)
 """Segments that are added until the goal can be reached."""
 
 _FEWER = 3

@@ -13,6 +13,7 @@ from fantoccini.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.plan.balance import balanced
 from fantoccini.plan.clearance import Clearance
+from fantoccini.plan.feasible import out_of_reach
 from fantoccini.plan.funnels import funnels
 from fantoccini.plan.goals import Goal, Rows
 from fantoccini.plan.motions import Bounds, Motions
@@ -41,6 +42,7 @@ class Problem:
         tolerance: of the goal's distance.
         motions: makes its motions.
         reason: why no plan can begin at the start; empty where one can.
+        out_of_reach: why no plan can end at the goal; empty where one may.
 
     Args:
         marionette: the puppet.
@@ -110,7 +112,13 @@ class Problem:
         )  # fmt: skip
         self.reason = _blocked(start, self.motions)
         self.distance = self.goal.of_start(self.root)
-        self.motions.funnels = [] if self.reason else _hanging_at(self.goal, start, self.motions)
+        self.out_of_reach = out_of_reach(self.goal, tolerance)
+        self.motions.funnels = [] if self.hopeless else _hanging_at(self.goal, start, self.motions)
+
+    @property
+    def hopeless(self) -> str:
+        """Why there is nothing to search for; empty where there is."""
+        return self.reason or self.out_of_reach
 
     @cached_property
     def stage(self) -> Marionette:

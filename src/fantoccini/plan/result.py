@@ -28,7 +28,9 @@ class PlanStatus(enum.Enum):
 
     EXACT = "the plan ends within the tolerance"
     APPROXIMATE = "the search ended before it came within the tolerance; this is the nearest"
+    TIMEOUT = "the time ended before the search came within the tolerance; this is the nearest"
     INFEASIBLE_START = "the start is in collision or outside of the bounds"
+    INFEASIBLE_GOAL = "the goal is out of reach"
 
     @property
     def message(self) -> str:
@@ -64,9 +66,11 @@ class PlanResult:
     def of(cls, search: Search) -> PlanResult:
         """What a search has found so far."""
         problem, tree = search.problem, search.tree
-        status = PlanStatus.APPROXIMATE
+        status = PlanStatus.TIMEOUT if search.late else PlanStatus.APPROXIMATE
         if problem.reason:
             status = PlanStatus.INFEASIBLE_START
+        elif problem.out_of_reach:
+            status = PlanStatus.INFEASIBLE_GOAL
         elif tree.distance[search.best] <= problem.tolerance:
             status = PlanStatus.EXACT
         path = tuple(tree.path(search.best))
@@ -135,7 +139,7 @@ class PlanResult:
     @property
     def reason(self) -> str:
         """Why there is no plan, where a name or a number says more than the status."""
-        return self.problem.reason
+        return self.problem.hopeless
 
     @property
     def start(self) -> State:

@@ -38,6 +38,7 @@ class Search:
         best: the node where that ends: the nearest to the goal as long as none is there.
         tried: motions that were tried.
         seconds: that the search has taken [s].
+        late: whether the time limit ended it.
         curve: (seconds, motions, time of the plan) of every plan that was the best; a polished one
             is nearer to the goal, but may be longer than the one before it.
 
@@ -66,6 +67,7 @@ class Search:
             planner = PLANNERS[planner]()
         self.problem, self.planner, self.confirm = problem, planner, confirm
         self.tree, self.best, self.tried, self.seconds = self._fresh(np.inf), 0, 0, 0.0
+        self.late = False
         self.curve: list[tuple[float, int, float]] = []
         self._rng = np.random.default_rng(seed)
         self._growing = self.tree
@@ -135,9 +137,9 @@ class Search:
         began, most = time.perf_counter(), self.tried + (iterations or 0)
         before = began - self.seconds
         try:
-            while not done() and not self.problem.reason:
-                late = time.perf_counter() - began > time_limit
-                if late or (iterations is not None and self.tried >= most):
+            while not done() and not self.problem.hopeless:
+                self.late = time.perf_counter() - began > time_limit
+                if self.late or (iterations is not None and self.tried >= most):
                     break
                 self._round(before)
         finally:
