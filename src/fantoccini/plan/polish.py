@@ -26,6 +26,9 @@ _DAMPINGS = (1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.3, 1.0)
 
 _ITERATIONS = 7
 
+_WINDOW = 24
+"""Last segments whose velocities are varied: what is changed earlier bends too much on its way."""
+
 _CHANGE = 1e-4
 """Of a velocity, to see what comes of it [m/s or rad/s]."""
 
@@ -35,7 +38,7 @@ _ROOM = 0.003
 _CLEAR = 1.0
 """Weight of clearances beside the goal's residuals [1/m]."""
 
-_LONGER = (0, 3, 6, 10, 15, 25, 40)
+_LONGER = (1, 3, 5, 8, 12, 18, 25, 40)
 """Segments that are added until the goal can be reached."""
 
 _FEWER = 3
@@ -168,7 +171,7 @@ class Polisher:
             still = ~free
             for _ in range(3):
                 U, s, W = np.linalg.svd(np.where(still, 0.0, J), full_matrices=False)
-                size = damping * s[0] + 1e-300
+                size = damping * s[0] + 1e-30
                 dV = -W.T @ (s / (s**2 + size**2) * (U.T @ r))
                 out = ~still & (np.abs(V + dV) > most)
                 if not np.any(out):
@@ -182,7 +185,7 @@ class Polisher:
     def _answers(self, acceleration: Array, made: Segments) -> tuple[Array, Array]:
         """What is lacking of the goal and of clearances, (r,), and its slopes by V (r, m n_vK).
 
-        Every velocity is changed by itself, and the rest of the plan made again.
+        Every velocity of the last segments is changed by itself, and what follows made again.
         """
         root, T = self._problem.root, self._segment
         m, n_K = acceleration.shape
@@ -192,30 +195,32 @@ class Polisher:
                 for first, a in zip(root.parts.values(), made.states.values(), strict=True)
             )
         )
-        chosen = np.repeat(np.arange(m), n_K)
-        changed = np.zeros((m, n_K, m, n_K))
-        for k in range(m):
-            changed[k, :, : m - k] = acceleration[k:]
+        first = max(0, m - _WINDOW)
+        chosen, length = np.repeat(np.arange(first, m), n_K), m - first
+        changed = np.zeros((length, n_K, length, n_K))
+        for k in range(length):
+            changed[k, :, : length - k] = acceleration[first + k :]
             changed[k, :, 0] += np.eye(n_K) * (_CHANGE / T)
-            if k + 1 < m:
+            if k + 1 < length:
                 changed[k, :, 1] -= np.eye(n_K) * (_CHANGE / T)
-        again = self._free.sweep(
-            nodes, chosen, changed.reshape(m * n_K, m, n_K), made=np.repeat(m - np.arange(m), n_K)
-        )
-        last = np.repeat(m - 1 - np.arange(m), n_K)
-        ends = Rows(*(a[np.arange(m * n_K), last] for a in again.states.values()))
-        r = self._lacking(nodes[-1:])
-        parts, J = [r[0]], [(self._lacking(ends) - r).T / _CHANGE]
+        again = self._free.sweep(nodes, chosen, changed.reshape(-1, length, n_K), made=m - chosen)
+        ends = Rows(*(a[np.arange(len(chosen)), m - 1 - chosen] for a in again.states.values()))
+        r, varied = self._lacking(nodes[-1:]), slice(first * n_K, m * n_K)
+        J = np.zeros((r.shape[1], m * n_K))
+        J[:, varied] = (self._lacking(ends) - r).T / _CHANGE
+        parts, slopes = [r[0]], [J]
         clear, wanted = self._clear(nodes[1:]), self._problem.motions.margin + _ROOM
         for i in np.flatnonzero(clear < wanted):
             # Those that were changed before or in this segment.
             early = np.flatnonzero(chosen <= i)
+            if not len(early):
+                continue
             there = Rows(*(a[early, i - chosen[early]] for a in again.states.values()))
             slope = np.zeros((1, m * n_K))
-            slope[0, early] = (self._clear(there) - clear[i]) / _CHANGE
+            slope[0, first * n_K + early] = (self._clear(there) - clear[i]) / _CHANGE
             parts.append(_CLEAR * (clear[i : i + 1] - wanted))
-            J.append(_CLEAR * slope)
-        return np.concatenate(parts), np.concatenate(J)
+            slopes.append(_CLEAR * slope)
+        return np.concatenate(parts), np.concatenate(slopes)
 
     def _clear(self, rows: Rows) -> Array:
         return self._problem.motions.clearance.at(rows.q_D, rows.q_K)
