@@ -1,8 +1,8 @@
-"""The paper's Section VII: an arm on one string is planned past two boxes; then a marionette's hand past
-a lamp to a bell.
+"""The paper's Section VII: an arm on one string is planned past two boxes.
 
-The dots are the hand at every state of the search tree, as in the paper's Fig. 4; the line is the way
-that was found. Writes out/plan-arm.png, out/plan-bell.png and out/plan-bell.npz.
+The dots are the hand at every state of the search tree, as in the paper's Fig. 4; the line is the
+way that was found. Then a marionette's hand past a lamp to a bell. Writes out/plan-arm.png,
+out/plan-bell.png and out/plan-bell.npz.
 """
 
 from pathlib import Path

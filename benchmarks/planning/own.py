@@ -169,8 +169,8 @@ def full_marionette(seeds: int) -> tuple[Section, list[Mark]]:
     section = Section("The full marionette (`marionette_bell`)")
     section.parts += [
         "25 degrees of freedom, 7 strings, 21 driven coordinates: a hand is raised past a lamp and "
-        "touches a bell, and no string that pulls goes slack. Reading and preparing, and the search "
-        "with its confirmation by the event-driven method.",
+        "touches a bell, and no string that pulls goes slack. Reading and preparing, and the "
+        "search with its confirmation by the event-driven method.",
         Table(
             [
                 "seed", "prepared [s]", "search [s]", "plan [s]", "from the bell [mm]",
