@@ -296,3 +296,40 @@ def test_an_ellipsoid_is_exact_against_half_spaces_and_a_capsule_against_the_res
     flat = flying(shape)
     bead = {"name": "bead", "type": "sphere", "radius": 0.1, "at": [0.02, 0.0, 0.53]}
     assert float(Clearance(flat, [bead]).of(flat.state())) == pytest.approx(0.5 - 0.1 - 0.1)
+
+
+def test_slack_strings_keep_clear_along_their_hanging_curve():
+    from fantoccini.view import rope
+
+    arm = fan.puppets.arm3d()
+    rng = np.random.default_rng(6)
+    states = []
+    for _ in range(40):
+        turn = rng.normal(size=3) * 0.4
+        x = arm.state({"elbow": rng.uniform(0.2, 2.0), "shoulder.rotation": turn})
+        reach = np.linalg.norm(np.diff(arm.string_points(x.q_D, x.q_K)[0], axis=0))
+        states.append(x.replace(q_K=[*x.q_K[:2], reach * (1.0 + rng.uniform(0.0, 0.5))]))
+    beads = [
+        {"name": f"b{k}", "type": "sphere", "radius": 0.01, "at": at.tolist()}
+        for k, at in enumerate(rng.normal(size=(3, 3)) * 0.4)
+    ]
+    clear, without = (Clearance(arm, beads, strings=s) for s in (True, False))
+    differs = 0
+    for x in states:
+        a, b = arm.string_points(x.q_D, x.q_K)[0]
+        thread = rope.hanging(a, b, float(x.q_K[2]), 4000)
+        nearest = min(np.min(np.linalg.norm(thread - bead["at"], axis=1)) - 0.01 for bead in beads)
+        wanted = min(float(without.of(x)), float(nearest))
+        assert float(clear.of(x)) == pytest.approx(wanted, abs=4e-3)
+        line = a + np.linspace(0, 1, 2000)[:, None] * (b - a)
+        chord = min(np.min(np.linalg.norm(line - bead["at"], axis=1)) - 0.01 for bead in beads)
+        differs += abs(min(float(without.of(x)), float(chord)) - wanted) > 0.02
+    assert differs >= 5, "hanging matters in some of them"
+
+
+def test_slack_strings_may_lie_on_a_floor():
+    arm = fan.puppets.arm3d()
+    x = arm.state({"hand.length": 6.0})
+    ground = HalfSpace(name="ground", at=(0, 0, -1.0))
+    straight = float(Clearance(arm, [ground]).of(arm.state()))
+    assert float(Clearance(arm, [ground]).of(x)) == straight > 0.0

@@ -54,7 +54,9 @@ class Clearance:
     Args:
         marionette: the puppet.
         obstacles: more than its world has; a mapping has the keys of a puppet file.
-        strings: whether strings are kept clear of obstacles, as straight lines from point to point.
+        strings: whether strings are kept clear of obstacles: straight from point to point, slack
+            ones along the curve in which a thread of their length hangs; on half-spaces they may
+            lie.
         string_radius: half their thickness [m].
         self_collision: whether bodies that no joint connects are kept clear of one another.
 

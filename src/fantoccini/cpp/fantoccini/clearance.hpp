@@ -3,11 +3,13 @@
 #pragma once
 
 #include "distance.hpp"
+#include "hanging.hpp"
 #include "lane_of.hpp"
 
 namespace fan {
 
-constexpr double kSure = 1e-9;  // m, for rounding
+constexpr double kSure = 1e-9;      // m, for rounding
+constexpr double kSlack = 1.0 + 1e-6;  // of its span: the length from which a string hangs
 
 enum SolidKind : int { SEGMENT, BOX, HALF_SPACE };
 
@@ -78,8 +80,16 @@ class Clearance {
     Real* points[] = {points_};
     Model::points(arg, points);
     int at = 0;
-    for (int i = 0; i < S; at += Model::string_points[i++])
-      for (int k = 0; k + 1 < Model::string_points[i]; ++k) {
+    for (int i = 0; i < S; at += Model::string_points[i++]) {
+      const int pieces = Model::string_points[i] - 1;
+      Real span[room(Model::n_points)], whole = Real(0.0);
+      for (int k = 0; k < pieces; ++k) {
+        span[k] = apart(points_ + 3 * (at + k), points_ + 3 * (at + k + 1));
+        whole += span[k];
+      }
+      const int q = Model::length_q[i];
+      const Real length = q >= 0 ? q_K[q] : Real(Model::nominal_length[i]);
+      for (int k = 0; k < pieces; ++k) {
         Placed<Real> segment;
         segment.kind = SEGMENT;
         segment.radius = in.string_radius[i];
@@ -88,12 +98,76 @@ class Clearance {
           segment.a[c] = points_[3 * (at + k) + c];
           segment.b[c] = points_[3 * (at + k + 1) + c];
         }
+        // What it has to spare is shared in proportion to the spans.
+        const Real own = length * (span[k] / select(whole > Real(0.0), whole, Real(1.0)));
+        Curve curve;
+        curve.straight = segment;
+        curve.span = span[k];
+        curve.length = own;
+        // Wires push too, and stay straight.
+        curve.slack = own > (Model::wire[i] ? Real(1e30) : Real(span[k] * kSlack));
         for (long long o = 0; o < in.n_standing; ++o)
-          take(segment.radius < 0.0 ? Real(1e30) : between(segment, in.standing[o]));
+          take(segment.radius < 0.0 ? Real(1e30) : from_string(curve, in.standing[o]));
       }
+    }
   }
 
  private:
+  // A piece of a string between two of its points: straight, and how it hangs where it is slack.
+  struct Curve {
+    Placed<Real> straight;
+    Real span, length;
+    typename Traits<Real>::Mask slack;
+    bool known = false;
+    Real points[3 * (kPieces + 1)];
+  };
+
+  // Of a string from what stands; slack ones hang, but lie on half-spaces without touching them.
+  FAN_FN Real from_string(Curve& curve, const Solid& other) {
+    const Real chord = between(curve.straight, other);
+    if (other.kind == HALF_SPACE || !any(curve.slack)) return chord;
+    using std::sqrt;
+    // A thread of this length keeps this near to the chord, whatever it does.
+    const Real spare = curve.length * curve.length - curve.span * curve.span;
+    const Real bound = chord - Real(0.5) * sqrt(select(curve.slack, spare, Real(0.0)));
+    const Real most = select(least < Real(enough_), least, Real(enough_));
+    const auto needed = curve.slack && bound < most;
+    if (!any(needed)) return chord;
+    if (!curve.known) hang(curve);
+    Placed<Real> piece = curve.straight;
+    Real nearest = Real(1e30);
+    for (int k = 0; k < kPieces; ++k) {
+      for (int c = 0; c < 3; ++c) {
+        piece.a[c] = curve.points[3 * k + c];
+        piece.b[c] = curve.points[3 * (k + 1) + c];
+      }
+      const Real found = between(piece, other);
+      nearest = select(found < nearest, found, nearest);
+    }
+    return select(needed, nearest, chord);
+  }
+
+  FAN_FN static void hang(Curve& curve) {
+    curve.known = true;
+    for (int l = 0; l < Traits<Real>::width; ++l) {
+      double a[3], b[3], points[3 * (kPieces + 1)];
+      for (int c = 0; c < 3; ++c) {
+        a[c] = lane_of(curve.straight.a[c], l);
+        b[c] = lane_of(curve.straight.b[c], l);
+      }
+      if (lane_of(curve.slack, l)) hanging(a, b, lane_of(curve.length, l), points);
+      for (int k = 0; k < 3 * (kPieces + 1); ++k)
+        lane_of(curve.points[k], l) = lane_of(curve.slack, l) ? points[k] : a[k % 3];
+    }
+  }
+
+  FAN_FN static Real apart(const Real* a, const Real* b) {
+    using std::sqrt;
+    Real sum = Real(0.0);
+    for (int c = 0; c < 3; ++c) sum += (b[c] - a[c]) * (b[c] - a[c]);
+    return sqrt(sum);
+  }
+
   FAN_FN void place(const Solid& solid, Placed<Real>& out) const {
     out.kind = solid.kind;
     out.radius = solid.radius;
