@@ -1,0 +1,187 @@
+"""OMPL's control-based planners on our problems: ``python -m benchmarks.planning.ompl_peers``.
+
+The state space is real: (q_D, v_D, q_K, v_K) with velocities times 0.1 s. Segments have a constant
+acceleration of the driven coordinates and last 2 to 10 looks; OMPL asks for the state after each
+look and whether it may be, and at a segment's end how far the goal is. ``own`` answers by our
+compiled time-stepper, ``mujoco`` by MuJoCo with Euler steps as long as ours; clearance, ranges,
+speeds and slack strings are looked at in both. EST and KPIECE1 project to q_K, in cells of 0.1 m.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import json
+import math
+import subprocess
+import sys
+import time
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+import fantoccini as fan
+from fantoccini.arrays import Array
+from fantoccini.plan import Problem
+
+from .propagators import PROPAGATORS, Layout
+
+PLANNERS = ("EST", "RRT", "KPIECE1")
+
+LOOKS = (2, 10)
+"""How long a segment lasts, in looks: at least and at most."""
+
+CELL = 0.1
+"""Size of the cells of EST and KPIECE1, in q_K [m]."""
+
+TIME = 0.1
+"""Weight of velocities in OMPL's metric [s]."""
+
+FASTEST = 10.0
+"""Largest dynamic velocity that OMPL samples [m/s or rad/s]."""
+
+ROOM = 1.0
+"""How far from the start OMPL samples driven coordinates that have no range [m]."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a search came to.
+
+    Attributes:
+        planner, propagator, seed: as asked for.
+        found: whether it has a plan.
+        seconds: it took [s].
+        distance: from the goal at the end of its plan, or of the nearest it has.
+        duration: of that [s].
+    """
+
+    planner: str
+    propagator: str
+    seed: int
+    found: bool
+    seconds: float
+    distance: float
+    duration: float
+
+
+def _box(problem: Problem, layout: Layout) -> tuple[Array, Array]:
+    """Least and greatest (n,) of the states that OMPL samples; what it reaches may lie outside."""
+    table, bounds = problem.marionette.coordinates, problem.motions.bounds
+    low, high = np.full(layout.n, -FASTEST), np.full(layout.n, FASTEST)
+    q_D, _, q_K, v_K = layout.parts
+    low[q_D], high[q_D] = -math.pi, math.pi
+    for q, _ in table.quaternions_D:
+        low[q : q + 4], high[q : q + 4] = -1.0, 1.0
+    for row in problem.marionette.tree.limits:
+        side = high if row.side == "upper" else low
+        side[problem.marionette.tree.links[row.link].q] = problem.marionette.number(row.bound)
+    low[q_K] = np.maximum(bounds.low, problem.start.q_K - ROOM)
+    high[q_K] = np.minimum(bounds.high, problem.start.q_K + ROOM)
+    low[v_K], high[v_K] = -bounds.speed, bounds.speed
+    return low, high
+
+
+def solve(problem: Problem, planner: str, propagator: str, seed: int, time_limit: float) -> Outcome:
+    """One search. OMPL has one generator a process, and complains where it is seeded again.
+
+    Args:
+        problem: what is to be planned.
+        planner: one of ``PLANNERS``.
+        propagator: one of ``PROPAGATORS``.
+        seed: of OMPL's generator.
+        time_limit: [s].
+    """
+    from ompl import base, control, util
+
+    util.setLogLevel(util.LOG_ERROR)
+    util.RNG.setSeed(seed + 1)  # it has no seed 0
+    layout, motions = Layout(problem), problem.motions
+    made = PROPAGATORS[propagator](problem, layout)
+    n, n_K = layout.n, len(motions.bounds.speed)
+    scale = np.ones(n)
+    scale[layout.parts[1]] = scale[layout.parts[3]] = TIME
+
+    def read(state: base.State) -> Array:
+        return np.array(state[0:n]) / scale
+
+    def write(row: Array, state: base.State) -> None:
+        state[0:n] = (row * scale).tolist()
+
+    def distance(state: base.State) -> float:
+        return float(problem.goal.distance(layout.rows(read(state)))[0])
+
+    class Near(base.GoalRegion):
+        def distanceGoal(self, state: base.State) -> float:
+            return distance(state)
+
+    def limits(low: Array, high: Array) -> base.RealVectorBounds:
+        found = base.RealVectorBounds(len(low))
+        for k in range(len(low)):
+            found.setLow(k, float(low[k]))
+            found.setHigh(k, float(high[k]))
+        return found
+
+    def propagate(state, chosen, duration, result) -> None:
+        acc_K = np.array([chosen[k] for k in range(n_K)])
+        write(made.after(read(state), acc_K), result)
+
+    space = base.RealVectorStateSpace(n)
+    space.setBounds(limits(*(end * scale for end in _box(problem, layout))))
+    places = list(range(layout.parts[2].start, layout.parts[2].stop))
+    space.registerDefaultProjection(
+        base.RealVectorOrthogonalProjectionEvaluator(space, [CELL] * len(places), places)
+    )
+    controls = control.RealVectorControlSpace(space, n_K)
+    most = motions.bounds.acceleration
+    controls.setBounds(limits(-most, most))
+    setup = control.SimpleSetup(controls)
+    info = setup.getSpaceInformation()
+    info.setPropagationStepSize(motions.interval)
+    info.setMinMaxControlDuration(*LOOKS)
+    setup.setStatePropagator(propagate)
+    setup.setStateValidityChecker(lambda state: made.clear(read(state)))
+    start = space.allocState()
+    write(layout.row(problem.root), start)
+    setup.setStartState(start)
+    goal = Near(info)
+    goal.setThreshold(problem.tolerance)
+    setup.setGoal(goal)
+    setup.setPlanner(getattr(control, planner)(info))
+    setup.setup()
+    began = time.perf_counter()
+    setup.solve(time_limit)
+    seconds = time.perf_counter() - began
+    found, duration, left = setup.haveExactSolutionPath(), 0.0, problem.distance
+    if setup.haveSolutionPath():
+        path = setup.getSolutionPath()
+        duration, left = sum(path.getControlDurations()), distance(path.getStates()[-1])
+    return Outcome(planner, propagator, seed, found, seconds, left, duration)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="OMPL on a problem: one line of JSON a search.")
+    parser.add_argument("--problem", default="arm3d_boxes", help="a name or a file")
+    parser.add_argument("--planner", choices=PLANNERS, required=True)
+    parser.add_argument("--propagator", choices=tuple(PROPAGATORS), required=True)
+    parser.add_argument("--seeds", type=int, default=1, help="how many, each in its own process")
+    parser.add_argument("--first", type=int, default=0, help="the first of them")
+    parser.add_argument("--time-limit", type=float, default=30.0, help="[s]")
+    parser.add_argument("--tolerance", type=float, help="of the goal's distance; the problem's")
+    options = parser.parse_args()
+    if importlib.util.find_spec("ompl") is None:
+        print("OMPL is not installed: pip install ompl", file=sys.stderr)
+        raise SystemExit(3)
+    if options.seeds > 1:
+        for seed in range(options.first, options.first + options.seeds):
+            one = ["--seeds", "1", "--first", str(seed)]
+            subprocess.run([sys.executable, "-m", __spec__.name, *sys.argv[1:], *one], check=True)
+        return
+    changed = {} if options.tolerance is None else {"tolerance": options.tolerance}
+    problem = fan.load_problem(options.problem, **changed)
+    asked = options.planner, options.propagator, options.first, options.time_limit
+    print(json.dumps(asdict(solve(problem, *asked))), flush=True)
+
+
+if __name__ == "__main__":
+    main()
