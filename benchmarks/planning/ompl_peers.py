@@ -170,7 +170,7 @@ def main() -> None:
     parser.add_argument("--tolerance", type=float, help="of the goal's distance; the problem's")
     options = parser.parse_args()
     if importlib.util.find_spec("ompl") is None:
-        print("OMPL is not installed: pip install ompl", file=sys.stderr)
+        print("OMPL is not installed: pip install 'fantoccini[bench]'", file=sys.stderr)
         raise SystemExit(3)
     if options.seeds > 1:
         for seed in range(options.first, options.first + options.seeds):

@@ -80,9 +80,7 @@ def first_plans(seeds: int) -> tuple[Section, list[Mark]]:
             Mark(name + "median, search", 1e3 * float(np.median(alone)), median, "ms"),
             Mark(name + "99 %, everything", 1e3 * float(np.quantile(whole, 0.99)), most, "ms"),
             Mark(name + "replay to the last bit", share(replayed), 100.0, "%", True),
-            Mark(
-                name + "arrive event-driven", share([c.arrives for c in events]), 95.0, "%", True
-            ),
+            Mark(name + "arrive event-driven", share([c.arrives for c in events]), 95.0, "%", True),
         ]
     section.parts.append(
         Table(["tolerance", "of", "median", "90 %", "99 %", "greatest", "found"], rows)

@@ -41,17 +41,13 @@ def section(seeds: int, limit: float) -> Section:
             rows.append(_row(f"OMPL {planner}", propagator, found))
     problem = fan.load_problem("arm3d_boxes")
     for planner in ("est-2007", "explore"):
-        ours = [
-            fan.solve(problem, planner=planner, seed=s, time_limit=limit) for s in range(seeds)
-        ]
-        found = [
-            {"found": bool(p), "seconds": p.seconds, "distance": p.distance} for p in ours
-        ]
+        ours = [fan.solve(problem, planner=planner, seed=s, time_limit=limit) for s in range(seeds)]
+        found = [{"found": bool(p), "seconds": p.seconds, "distance": p.distance} for p in ours]
         rows.append(_row(f"fantoccini {planner}", "own, in lanes", found))
     text = (
-        f"`arm3d_boxes` at tolerance 0.25, {seeds} seeds, {limit:g} s for each. OMPL's segments are "
-        f"ours: constant accelerations for {LOOKS[0]} to {LOOKS[1]} looks of 20 ms; its states are "
-        "propagated by our compiled time-stepper, or by MuJoCo with steps as long, and clearances, "
+        f"`arm3d_boxes` at tolerance 0.25, {seeds} seeds, {limit:g} s for each. OMPL's segments "
+        f"are ours: constant accelerations for {LOOKS[0]} to {LOOKS[1]} looks of 20 ms; its states "
+        "are propagated by our compiled time-stepper, or by MuJoCo with steps as long, and clearances, "
         "ranges, speeds and slack strings are looked at alike. One thread: OMPL's control planners "
         "have no more."
     )
