@@ -47,9 +47,9 @@ def section(seeds: int, limit: float) -> Section:
     text = (
         f"`arm3d_boxes` at tolerance 0.25, {seeds} seeds, {limit:g} s for each. OMPL's segments "
         f"are ours: constant accelerations for {LOOKS[0]} to {LOOKS[1]} looks of 20 ms; its states "
-        "are propagated by our compiled time-stepper, or by MuJoCo with steps as long, and clearances, "
-        "ranges, speeds and slack strings are looked at alike. One thread: OMPL's control planners "
-        "have no more."
+        "are propagated by our compiled time-stepper, or by MuJoCo with steps as long, and "
+        "clearances, ranges, speeds and slack strings are looked at alike. One thread: OMPL's "
+        "control planners have no more."
     )
     header = ["planner", "propagator", "found", "median [s]", "nearest, median"]
     return Section("Beside OMPL", [text, Table(header, rows)])

@@ -60,6 +60,20 @@ def test_a_polished_plan_ends_at_the_goal(problem):
     assert polished.polish(1e-3, seconds=0.0).distance <= 1e-3, "it may be polished again"
 
 
+def test_inputs_end_at_rest_where_that_is_asked():
+    goal = fan.Goal.pose(ARM, RAISED, driven_weight=0.5)
+    asked = Problem(ARM, START, goal, [BOX], tolerance=0.25, margin=0.005, slack=False)
+    assert asked.equilibrium
+    polished = solve(asked, seed=2).polish(1e-3, seconds=0.0)
+    assert polished.distance <= 1e-3
+    assert np.linalg.norm(polished.trajectory.v_K[-1]) <= 2e-3
+    end = polished.trajectory.state(-1)
+    held = ARM.rest(end.replace(v_D=np.zeros(4), v_K=np.zeros(3)))
+    assert abs(held.q_D[4] - RAISED["elbow"]) < 0.01, "it hangs where it is"
+    swung = Problem(ARM, START, {"elbow": 0.9, "shoulder.rotation": [0.0, 1.3, 0.0]})
+    assert not swung.equilibrium
+
+
 def test_all_is_done_within_the_time_for_it(problem):
     found = solve(problem, seed=0, improve=1.0)
     assert found.distance <= 1e-3 and found.replay()

@@ -152,6 +152,9 @@ def test_distances_from_goals():
         off = max(0.5 - x.q_D[4], x.q_D[4] - 0.9, 0.0)
         wanted = 2 * np.arccos(min(cosine, 1.0)) + 2.0 * off + 0.3 * np.linalg.norm(x.v_D)
         assert d == pytest.approx(wanted, abs=1e-9)
+    rest = Goal.pose(ARM, {"elbow": 0.5}, speed_weight=0.0, driven_weight=0.4)
+    moving = states[0].replace(v_K=[0.3, 0.0, -0.4])
+    assert rest.distance(rows(moving))[0] == pytest.approx(0.3 + 0.4 * 0.5, abs=1e-12)
     tip = Goal.point(ARM, "lower", [0.1, 0.0, -0.5], at=[0, 0, -0.3], to=[0.2, 0.1, -0.4])
     for x, d in zip(states, tip.distance(rows(*states)), strict=True):
         place = ARM.string_points(x.q_D, x.q_K)[0][0]

@@ -58,7 +58,7 @@ Wanted = float | Sequence[float]
 class Goal:
     """A distance that a plan takes below a tolerance.
 
-        d(x) = sum_i w_i |q_i - goal_i| + w_v |v_D|    or    |point - place| + w_v |v_D|
+        d(x) = sum_i w_i |q_i - goal_i| + w_v |v_D| + w_K |v_K|,  or |point - place| + ...
 
     where values and places that may lie in an interval or a box count from its nearest point. Made
     by :meth:`pose`, :meth:`point` or :meth:`of`.
@@ -81,7 +81,7 @@ class Goal:
         """(...) distances of states."""
         if self.function is not None:
             return np.asarray(self.function(rows), dtype=float)
-        flat = (a.reshape(-1, a.shape[-1]) for a in (rows.q_D, rows.v_D, rows.q_K))
+        flat = (a.reshape(-1, a.shape[-1]) for a in (rows.q_D, rows.v_D, rows.q_K, rows.v_K))
         library = self.marionette.motions
         return library.distances(self.numbers, *flat, self.marionette.p).reshape(rows.shape)
 
@@ -174,6 +174,7 @@ class Goal:
         *,
         weights: Mapping[str, float] | None = None,
         speed_weight: float = 0.1,
+        driven_weight: float = 0.0,
     ) -> Goal:
         """Some coordinates at some values, ``{"elbow": 1.2}``, or between two:
         ``{"elbow": (1.0, 1.4)}``.
@@ -184,6 +185,8 @@ class Goal:
                 quaternion or a rotation vector and counts by the angle between.
             weights: name -> weight of a coordinate in ``values``; 1 by default.
             speed_weight: of the size of all dynamic velocities [s].
+            driven_weight: of that of all driven ones: greater than 0 where they are to end at rest
+                [s].
 
         Raises:
             UnknownNameError: a name that is no dynamic coordinate, or a weight of none of them.
@@ -203,7 +206,12 @@ class Goal:
         low, high = (marionette.state({n: e[k] for n, e in ends.items()}).q_D for k in (0, 1))
         weight = {name: float((weights or {}).get(name, 1.0)) for name in values}
         numbers = GoalNumbers(
-            POSE, low, high, _weights(marionette, weight), speed_weight=_positive(speed_weight)
+            POSE,
+            low,
+            high,
+            _weights(marionette, weight),
+            speed_weight=_positive(speed_weight),
+            driven_weight=_positive(driven_weight),
         )
         return cls(marionette, ", ".join(values), numbers)
 
@@ -217,6 +225,7 @@ class Goal:
         at: Sequence[float] = (0.0, 0.0, 0.0),
         to: Sequence[float] | None = None,
         speed_weight: float = 0.0,
+        driven_weight: float = 0.0,
     ) -> Goal:
         """A point of a body at a place in the world, or in a box.
 
@@ -226,7 +235,8 @@ class Goal:
             place: (3,) in the world [m]; with ``to``, the lowest corner of a box.
             at: (3,) the point in the body's frame [m].
             to: (3,) the highest corner [m].
-            speed_weight: of the size of all dynamic velocities [s].
+            speed_weight, driven_weight: of the size of all dynamic and of all driven velocities
+                [s].
 
         Raises:
             UnknownNameError: no body has this name.
@@ -242,6 +252,7 @@ class Goal:
         numbers = GoalNumbers(
             POINT, np.zeros(table.n_qD), np.zeros(table.n_qD), np.zeros(table.n_vD),
             marionette.link(body), offset, target, high, _positive(speed_weight),
+            _positive(driven_weight),
         )  # fmt: skip
         return cls(marionette, f"{body} at {target.tolist()}", numbers)
 
@@ -269,7 +280,7 @@ def _weights(marionette: Marionette, by_name: Mapping[str, float]) -> Array:
 
 def _positive(speed_weight: float) -> float:
     if not 0.0 <= speed_weight < np.inf:
-        raise StateError(f"speed_weight is {speed_weight}; it must be a number of at least 0 [s]")
+        raise StateError(f"a speed's weight is {speed_weight}; it must be at least 0 [s]")
     return float(speed_weight)
 
 

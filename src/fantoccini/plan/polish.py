@@ -227,5 +227,6 @@ class Polisher:
 
     def _lacking(self, rows: Rows) -> Array:
         """(n, r) what states lack of the goal, and their speeds."""
-        goal = self._problem.goal
-        return np.concatenate([goal.residuals(rows), goal.numbers.speed_weight * rows.v_D], axis=1)
+        goal, numbers = self._problem.goal, self._problem.goal.numbers
+        speeds = numbers.speed_weight * rows.v_D, numbers.driven_weight * rows.v_K
+        return np.concatenate([goal.residuals(rows), *speeds], axis=1)

@@ -42,6 +42,7 @@ class Problem:
         tolerance: of the goal's distance.
         motions: makes its motions.
         reason: why no plan can begin at the start; empty where one can.
+        equilibrium: whether the puppet can hang at the goal; a plan passes one at which it cannot.
         out_of_reach: why no plan can end at the goal; empty where one may.
 
     Args:
@@ -112,8 +113,10 @@ class Problem:
         )  # fmt: skip
         self.reason = _blocked(start, self.motions)
         self.distance = self.goal.of_start(self.root)
+        self.equilibrium = False
         self.out_of_reach = out_of_reach(self.goal, tolerance)
-        self.motions.funnels = [] if self.hopeless else _hanging_at(self.goal, start, self.motions)
+        if not self.hopeless:
+            self.motions.funnels, self.equilibrium = _hanging_at(self.goal, start, self.motions)
 
     @property
     def hopeless(self) -> str:
@@ -132,10 +135,10 @@ class Problem:
         return Rows.of(self.start)
 
 
-def _hanging_at(goal: Goal, start: State, motions: Motions) -> list[Funnel]:
+def _hanging_at(goal: Goal, start: State, motions: Motions) -> tuple[list[Funnel], bool]:
     """The laws that lead to where the puppet hangs at a goal, or nearest to it.
 
-    None of them where the driven coordinates cannot be there.
+    None of them where the driven coordinates cannot be there. And whether that is at the goal.
     """
     marionette, bounds = motions.marionette, motions.bounds
     q_D, q_K, left = balanced(marionette, goal, start, bounds.moves)
@@ -145,14 +148,16 @@ def _hanging_at(goal: Goal, start: State, motions: Motions) -> list[Funnel]:
         try:
             at = marionette.rest(start.replace(q_D=q_D, q_K=q_K))
         except StateError:
-            return []
+            return [], False
         q_D, q_K = at.q_D, at.q_K
     if np.any(q_K < bounds.low) or np.any(q_K > bounds.high):
-        return []
+        return [], False
     motions.funnels = funnels(
         marionette, q_D, q_K, bounds.moves, motions.options, motions.looks, motions.threads
     )
-    return [_best_of(motions, start)]
+    chosen = _best_of(motions, start)
+    at_rest = Rows.of(start.replace(q_D=q_D, q_K=q_K, v_D=0.0 * start.v_D, v_K=0.0 * start.v_K))
+    return [chosen], bool(goal.distance(at_rest)[0] <= motions.inner)
 
 
 def _best_of(motions: Motions, start: State) -> Funnel:

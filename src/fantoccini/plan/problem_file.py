@@ -52,6 +52,8 @@ class GoalFile(Model):
     """A point of a body."""
     speed_weight: Real | None = None
     """Weight of the size of all dynamic velocities [s]; 0.1 for a pose, 0 for a point."""
+    driven_weight: Real = 0.0
+    """Weight of the size of all driven velocities [s]: greater than 0 where they end at rest."""
 
 
 class ProblemFile(Model):
@@ -169,6 +171,7 @@ def _puppet(name: str, located: Located, progress: Callable[[str], None] | None)
 
 def _goal(file: GoalFile, marionette: Marionette, tried: Callable[[tuple, Callable], Any]) -> Any:
     weight = {} if file.speed_weight is None else {"speed_weight": file.speed_weight}
+    weight["driven_weight"] = file.driven_weight
     if (file.pose is None) == (file.point is None):
         text = "found both a pose and a point" if file.pose else "found neither a pose nor a point"
         return tried(("goal",), lambda: _refuse(f"{text}; needed: one of them"))

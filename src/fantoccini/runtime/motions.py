@@ -34,6 +34,7 @@ class _GoalArrays(ctypes.Structure):
         ("place", ctypes.c_double * 3),
         ("place_high", ctypes.c_double * 3),
         ("speed_weight", ctypes.c_double),
+        ("driven_weight", ctypes.c_double),
         ("tolerance", ctypes.c_double),
     ]
 
@@ -94,7 +95,7 @@ class GoalNumbers:
         link: of a point.
         at: (3,) in the link's frame [m].
         place, place_high: (3,) corners of the box it is to be in [m].
-        speed_weight: of |v_D| [s].
+        speed_weight, driven_weight: of |v_D| and of |v_K| [s].
     """
 
     kind: int
@@ -106,13 +107,14 @@ class GoalNumbers:
     place: Array = field(default_factory=lambda: np.zeros(3))
     place_high: Array = field(default_factory=lambda: np.zeros(3))
     speed_weight: float = 0.0
+    driven_weight: float = 0.0
 
     def structure(self, tolerance: float, kept: list[Array]) -> _GoalArrays:
         """As the library takes it; ``kept`` must live as long as that."""
         return _GoalArrays(
             self.kind, self.link, *(_held(a, kept) for a in (self.low, self.high, self.weight)),
             *((ctypes.c_double * 3)(*a) for a in (self.at, self.place, self.place_high)),
-            self.speed_weight, tolerance,
+            self.speed_weight, self.driven_weight, tolerance,
         )  # fmt: skip
 
 
@@ -202,11 +204,13 @@ class MotionLibrary:
         if self.handle.fan_sweep_size() != ctypes.sizeof(_SweepArrays):
             raise BuildError(f"{file} is of another version; delete it to have it made again")
 
-    def distances(self, goal: GoalNumbers, q_D: Array, v_D: Array, q_K: Array, p: Array) -> Array:
-        """(n,) distances of states (n, n_qD), (n, n_vD), (n, n_qK) from a goal."""
+    def distances(
+        self, goal: GoalNumbers, q_D: Array, v_D: Array, q_K: Array, v_K: Array, p: Array
+    ) -> Array:
+        """(n,) distances of states (n, n_qD), (n, n_vD), (n, n_qK), (n, n_vK) from a goal."""
         kept: list[Array] = []
         structure = goal.structure(0.0, kept)
-        rows = [_held(a, kept) for a in (q_D, v_D, q_K, p)]
+        rows = [_held(a, kept) for a in (q_D, v_D, q_K, v_K, p)]
         found = np.empty(len(q_D))
         n = ctypes.c_longlong(len(q_D))
         self.handle.fan_goal_distances(n, *rows, ctypes.byref(structure), pointer(found))

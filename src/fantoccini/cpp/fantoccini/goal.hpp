@@ -17,14 +17,16 @@ struct GoalArrays {
   const double *low, *high;  // (n_qD,)
   const double* weight;      // (n_vD,)
   double at[3], place[3], place_high[3];
-  double speed_weight, tolerance;
+  double speed_weight, driven_weight;  // of |v_D| and |v_K|, s
+  double tolerance;
 };
 
-// d = sum_i w_i |q_i - goal_i| + w_v |v_D|, or |point - place| + w_v |v_D|; pose: the link's, R by
-// columns and r.
+// d = sum_i w_i |q_i - goal_i| + w_v |v_D| + w_K |v_K|, or |point - place| and the same; pose: the
+// link's, R by columns and r.
 template <class Model>
 double goal_distance(
-    const GoalArrays& goal, const double* q_D, const double* v_D, const double* pose) {
+    const GoalArrays& goal, const double* q_D, const double* v_D, const double* v_K,
+    const double* pose) {
   using Space = typename Model::Dynamic;
   const auto outside = [](double x, double low, double high) {
     return x < low ? low - x : (x > high ? x - high : 0.0);
@@ -54,8 +56,9 @@ double goal_distance(
       total += w * std::sqrt(squares<3>(phi));
     }
   }
-  return goal.speed_weight == 0.0 ? total
-                                  : total + goal.speed_weight * std::sqrt(squares<Model::n_vD>(v_D));
+  if (goal.speed_weight > 0.0) total += goal.speed_weight * std::sqrt(squares<Model::n_vD>(v_D));
+  if (goal.driven_weight > 0.0) total += goal.driven_weight * std::sqrt(squares<Model::n_vK>(v_K));
+  return total;
 }
 
 }  // namespace fan

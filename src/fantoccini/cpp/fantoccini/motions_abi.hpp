@@ -23,10 +23,10 @@ FAN_EXPORT int fan_sweep(const fan::SweepArrays* in, fan::SweepProgress* progres
   return 0;
 }
 
-// Distances (n,) of states (n, n_qD), (n, n_vD), (n, n_qK) from a goal.
+// Distances (n,) of states (n, n_qD), (n, n_vD), (n, n_qK), (n, n_vK) from a goal.
 FAN_EXPORT void fan_goal_distances(
-    long long n, const double* q_D, const double* v_D, const double* q_K, const double* p,
-    const fan::GoalArrays* goal, double* distance) {
+    long long n, const double* q_D, const double* v_D, const double* q_K,
+    const double* v_K, const double* p, const fan::GoalArrays* goal, double* distance) {
   using fan::Model;
   using fan::Wide;
   constexpr int width = fan::Traits<Wide>::width;
@@ -51,7 +51,8 @@ FAN_EXPORT void fan_goal_distances(
       if (goal->kind == fan::POINT)
         for (int k = 0; k < 12; ++k) pose[k] = fan::lane_of(poses[12 * goal->link + k], l);
       distance[first + l] = fan::goal_distance<Model>(
-          *goal, q_D + (first + l) * Model::n_qD, v_D + (first + l) * Model::n_vD, pose);
+          *goal, q_D + (first + l) * Model::n_qD, v_D + (first + l) * Model::n_vD,
+          v_K + (first + l) * Model::n_vK, pose);
     }
   }
 }

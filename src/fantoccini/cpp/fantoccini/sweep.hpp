@@ -194,9 +194,10 @@ class Sweep {
     bool some = false;
     for (int l = 0; l < width; ++l) {
       if (!goes_[l]) continue;
-      double q_D[room(NQ)], v_D[room(N)], pose[12] = {};
+      double q_D[room(NQ)], v_D[room(N)], v_K[room(NK)], pose[12] = {};
       get(state.q_D, NQ, l, q_D);
       get(state.v_D, N, l, v_D);
+      get(inputs.v_K, NK, l, v_K);
       const double clear = lane_of(clearance_.least, l);
       const bool slack = slackened_[l] && !in.may_slacken;
       if (lane_of(led_.status, l) > RUNNING + 0.5 || slack || !(clear >= in.margin) ||
@@ -207,7 +208,7 @@ class Sweep {
       double distance = 1e300;
       if (in.goal.kind != UNKNOWN) {
         if (in.goal.kind == POINT) get(clearance_.pose(in.goal.link), 12, l, pose);
-        distance = goal_distance<Model>(in.goal, q_D, v_D, pose);
+        distance = goal_distance<Model>(in.goal, q_D, v_D, v_K, pose);
       }
       const bool there = distance <= in.goal.tolerance;
       some = some || (!there && look < in.looks);
