@@ -62,7 +62,7 @@ def first_plans(seeds: int) -> tuple[Section, list[Mark]]:
         ]
         events = [p.verify(method="event", rtol=RTOL, atol=RTOL) for p in plans]
         halved = [p.verify() for p in plans]
-        replayed = [p.replay() for p in plans]
+        replayed = [bool(p) and p.replay() for p in plans]
         held.append(
             [
                 f"{tolerance:g}",
@@ -116,6 +116,7 @@ def better_plans(seeds: int) -> tuple[Section, list[Mark]]:
     """What a second makes of a first plan."""
     problem = fan.load_problem("arm3d_boxes")
     plans = [fan.solve(problem, seed=s, improve=0.95) for s in range(seeds)]
+    plans = [p for p in plans if p]
     ratios = [p.duration / p.curve[0][2] for p in plans]
     near = [p.distance <= 1e-3 for p in plans]
     events = [p.verify(method="event", rtol=RTOL, atol=RTOL) for p in plans]

@@ -160,3 +160,30 @@ def test_distances_from_goals():
         place = ARM.string_points(x.q_D, x.q_K)[0][0]
         nearest = np.clip(place, [0.1, 0.0, -0.5], [0.2, 0.1, -0.4])
         assert d == pytest.approx(np.linalg.norm(place - nearest), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"chosen": np.array([5])}, "chosen goes from 5"),
+        ({"made": np.array([200])}, "made goes from 200"),
+        ({"made": np.array([0])}, "made goes from 0"),
+        ({"given": np.array([0])}, "which goes from 0"),
+        ({"acceleration": np.zeros((1, 4, 1))}, "the accelerations have the shape"),
+    ],
+)
+def test_numbers_that_lead_out_of_arrays_are_refused(change, message):
+    asked = problem()
+    asked.motions.funnels = []
+    given = {"chosen": np.zeros(1), "acceleration": np.zeros((1, 4, 3))} | change
+    with pytest.raises(ValueError, match=message):
+        asked.motions.sweep(asked.root, **given)
+
+
+def test_a_goal_counts_with_the_parameters_of_the_puppet_that_plans():
+    text = fan.puppets.path("arm3d").read_text(encoding="utf-8")
+    goal = Goal.point(ARM, "lower", [0.3, 0.0, -0.4], at=[0, 0, -0.3])
+    assert Goal.of(ARM, goal).marionette is ARM
+    other = fan.loads(text)
+    with pytest.raises(fan.StateError, match="another puppet"):
+        Goal.of(other, goal)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
 import fantoccini as fan
 from fantoccini.errors import FileError
-from fantoccini.plan import EST2007, Explore, Rows
+from fantoccini.plan import EST2007, Explore, Rows, solve
 
 ARM = fan.puppets.arm3d()
 HANGING = ARM.rest(
@@ -226,3 +230,63 @@ def test_compiling_does_not_count(tmp_path, monkeypatch):
     x = fresh.rest()
     found = fan.plan(fresh, x, lambda rows: rows.q_K[..., 0] * 0 + 1, time_limit=0.5)
     assert found.tried > 0
+
+
+def test_a_goal_at_which_the_ends_cannot_be_is_searched_without_a_law():
+    out = fan.Problem(
+        ARM, ARM.rest({"hand.x": 0.3, "hand.length": 1.32}), RAISED, tolerance=0.25,
+        ranges={"hand.length": (1.25, 1.6)},
+    )  # fmt: skip
+    assert not out.motions.funnels and not out.equilibrium
+    assert solve(out, iterations=200).tried >= 200
+
+
+def test_a_puppet_without_strings_is_planned():
+    cart = {"name": "cart", "joint": {"name": "slide", "type": "prismatic", "axis": [1, 0, 0]}}
+    cart["joint"]["driven"] = True
+    bob = {
+        "name": "bob", "parent": "cart", "mass": 0.2, "com": [0, 0, -0.3],
+        "joint": {"name": "swing", "type": "revolute", "axis": [0, 1, 0], "damping": 0.01},
+    }  # fmt: skip
+    puppet = fan.loads(str({"puppet": "gantry", "bodies": [cart, bob]}))
+    found = fan.plan(puppet, puppet.state(), {"swing": 0.3}, tolerance=0.1, iterations=20_000)
+    assert found and found.replay()
+
+
+def test_ctrl_c_leaves_nothing_that_works_on():
+    """The arrays of a round that is interrupted outlive its workers."""
+    script = """
+import os, signal, threading, time
+import fantoccini as fan
+arm = fan.puppets.arm3d()
+x = arm.rest({"hand.x": 0.3, "hand.length": 1.32, "elbow": 0.1})
+problem = fan.Problem(arm, x, {"elbow": 1.0}, tolerance=1e-7, threads=2)
+for k in range(25):
+    threading.Timer(0.02 + 0.003 * k, os.kill, (os.getpid(), signal.SIGINT)).start()
+    found = None
+    try:
+        found = fan.solve(problem, seed=k, time_limit=20.0)
+        time.sleep(0.3)
+    except KeyboardInterrupt:
+        pass
+    assert found is None or found.distance < 1.0
+print("whole")
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=False, timeout=120
+    )
+    assert done.returncode == 0 and "whole" in done.stdout, done.stderr
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_fork_plans_too():
+    script = """
+import os, fantoccini as fan
+problem = fan.load_problem("arm3d_boxes")
+assert fan.solve(problem, seed=0)
+child = os.fork()
+if child == 0:
+    os._exit(0 if fan.solve(problem, seed=1) else 1)
+assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+"""
+    subprocess.run([sys.executable, "-c", script], check=True, timeout=60)

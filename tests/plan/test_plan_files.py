@@ -49,8 +49,10 @@ def test_what_is_no_plan_is_told(problem, tmp_path):
     fan.solve(problem, seed=0).save(path)
     arm = problem.marionette
     other = fan.Problem(arm, arm.rest({"hand.x": 0.2}), {"elbow": 1.0})
-    with pytest.raises(FileError, match="another start"):
+    with pytest.raises(FileError, match="another problem"):
         fan.PlanResult.load(path, other)
+    with pytest.raises(FileError, match="another problem"):
+        fan.PlanResult.load(path, fan.load_problem("arm3d_boxes", tolerance=0.2))
     raw = path.read_bytes()
     path.write_bytes(raw[: len(raw) // 2])
     with pytest.raises(FileError, match="is no plan"):
@@ -67,3 +69,25 @@ def test_pictures_and_films_of_plans(problem, tmp_path):
     assert blue > 100, "the way is drawn"
     found.animate(tmp_path / "plan.gif", size=(160, 200))
     assert (tmp_path / "plan.gif").stat().st_size > 1000
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("parent", lambda a: np.arange(len(a))),
+        ("parent", lambda a: a + 10_000),
+        ("distance", lambda a: a.astype(str)),
+        ("acceleration", lambda a: a[:, :1]),
+        ("time", lambda a: a * np.nan),
+        ("path", lambda a: a[:-1] * 0 + 10_000),
+    ],
+)
+def test_damaged_arrays_are_told(problem, tmp_path, name, change):
+    path = tmp_path / "plan.npz"
+    fan.solve(problem, seed=0).save(path)
+    with np.load(path) as file:
+        arrays = {key: file[key] for key in file.files}
+    arrays[name] = change(arrays[name])
+    np.savez(path, **arrays)
+    with pytest.raises(FileError, match="is no plan"):
+        fan.PlanResult.load(path, problem)

@@ -35,6 +35,8 @@ def save(plan: PlanResult, path: str | Path) -> None:
         "tried": plan.tried,
         "seconds": plan.seconds,
         "random": search.random_state,
+        "late": search.late,
+        "fingerprint": plan.problem.fingerprint,
     }
     arrays = {**plan.tree.arrays, "path": np.array(plan.path), "curve": np.array(plan.curve)}
     arrays["about"] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
@@ -51,7 +53,7 @@ def load(path: str | Path, problem: Problem, planner: Planner | None = None) -> 
         planner: the one that was used, where that has no name.
 
     Raises:
-        FileError: the file is none of these, or of another problem.
+        FileError: the file is none of these, damaged, or of another problem.
     """
 
     def wrong(text: str) -> FileError:
@@ -63,19 +65,21 @@ def load(path: str | Path, problem: Problem, planner: Planner | None = None) -> 
         about: dict[str, Any] = json.loads(arrays.pop("about").tobytes())
         if about["format"] != FORMAT:
             raise ValueError(f"has the format {about['format']!r}; this version reads {FORMAT!r}")
+        if about["fingerprint"] != problem.fingerprint:
+            raise wrong(
+                f"is a plan of {about['puppet']} for another problem: start, goal, obstacles, "
+                "bounds or parameters differ"
+            )
         nodes, curve = arrays.pop("path"), arrays.pop("curve")
-        tree = SearchTree.of(arrays)
         asked = planner or about["planner"] or "explore"
         search = Search(problem, asked, confirm=bool(about["confirm"]))
-        root = tree.rows[[0]].parts
-        if any(
-            root[name].shape != a.shape or not np.array_equal(root[name], a)
-            for name, a in problem.root.parts.items()
-        ):
-            raise wrong(f"is a plan of {about['puppet']} from another start than the problem's")
+        tree, end = SearchTree.of(arrays, like=search.tree), int(nodes[-1])
+        if not 0 <= end < len(tree) or tree.path(end) != nodes.tolist():
+            raise ValueError("its path is none of its tree")
         search.restore(
-            tree, int(nodes[-1]), about["tried"], about["seconds"], curve, about["random"]
-        )
+            tree, end, int(about["tried"]), float(about["seconds"]), curve, about["random"],
+            bool(about["late"]),
+        )  # fmt: skip
     except FileNotFoundError:
         raise wrong("there is no such file") from None
     except (*UNREADABLE, AttributeError, LookupError, TypeError) as error:

@@ -147,6 +147,8 @@ def pulled(marionette: Marionette, q_D: Array, q_K: Array) -> tuple[Array, Array
     W = W.reshape(n, -1, table.n_vD).swapaxes(1, 2)[:, :, : len(tree.strings)]
     # Wires push too.
     both = np.concatenate([W, -W[:, :, wires]], axis=2)
+    if not both.shape[2]:  # SciPy's nnls writes where it must not without columns
+        return w0, np.zeros((n, 0)), h_limit
     found = np.array([nnls(A, w)[0] for A, w in zip(both, w0, strict=True)])
     tension = found[:, : len(tree.strings)]
     tension[:, wires] -= found[:, len(tree.strings) :]

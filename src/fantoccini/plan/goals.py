@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -80,7 +80,9 @@ class Goal:
     def distance(self, rows: Rows) -> Array:
         """(...) distances of states."""
         if self.function is not None:
-            return np.asarray(self.function(rows), dtype=float)
+            found = np.asarray(self.function(rows), dtype=float)
+            # What is no distance is nowhere near.
+            return np.where(np.isnan(found), np.inf, found)
         flat = (a.reshape(-1, a.shape[-1]) for a in (rows.q_D, rows.v_D, rows.q_K, rows.v_K))
         library = self.marionette.motions
         return library.distances(self.numbers, *flat, self.marionette.p).reshape(rows.shape)
@@ -147,7 +149,7 @@ class Goal:
         if isinstance(goal, Goal):
             if goal.marionette.tree is not marionette.tree:
                 raise StateError("the goal is of another puppet")
-            return goal
+            return replace(goal, marionette=marionette)
         if isinstance(goal, State):
             if (len(goal.q_D), len(goal.q_K)) != (table.n_qD, table.n_qK):
                 raise StateError("the goal is a state of another puppet")
@@ -194,6 +196,8 @@ class Goal:
                 greater than 0.
         """
         places = _names(marionette.coordinates)
+        if not values:
+            raise StateError("the pose names no coordinate")
         for name in values:
             if name not in places:
                 raise UnknownNameError("dynamic coordinate", name, list(places))

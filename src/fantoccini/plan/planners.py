@@ -107,6 +107,8 @@ class Explore:
             wanted, tree.v_K[chosen], self.astray, duration, motions
         )
         left = np.minimum((tree.bound - tree.time[chosen]) / duration, self.astray + led)
+        if not led:
+            left = np.minimum(left, given)
         made = motions.sweep(
             tree.rows,
             chosen,

@@ -11,6 +11,7 @@ What stands in the way is looked at when the end is near enough.
 
 from __future__ import annotations
 
+import math
 import time
 
 import numpy as np
@@ -65,11 +66,14 @@ class Polisher:
         self._strict = problem.motions.where(tolerance=-1.0)
         self._free = problem.motions.where(tolerance=-1.0, free=True)
 
-    def __call__(self, acceleration: Array, distance: float, seconds: float) -> Segments | None:
+    def __call__(
+        self, acceleration: Array, looks: Array, distance: float, seconds: float
+    ) -> Segments | None:
         """A plan that ends nearer to the goal, and is shorter where time allows.
 
         Args:
             acceleration: (m, n_vK) of a plan's segments.
+            looks: (m,) that they last.
             distance: that is near enough.
             seconds: how long to look for shorter ones.
 
@@ -77,6 +81,7 @@ class Polisher:
             The plan, one motion; None where none comes so near.
         """
         until = time.perf_counter() + seconds
+        acceleration = self._whole(acceleration, looks)
         tries = (self._ended(self._longer(acceleration, more), distance) for more in _LONGER)
         best = next((found for found in tries if found is not None), None)
         if best is None:
@@ -89,6 +94,15 @@ class Polisher:
             else:
                 best = found
         return best[1]
+
+    def _whole(self, acceleration: Array, looks: Array) -> Array:
+        """The same ways in segments of the usual duration; the last one may last longer."""
+        motions, root = self._problem.motions, self._problem.root
+        times = np.concatenate([[0.0], np.cumsum(looks * motions.interval)])
+        V = np.cumsum(acceleration * (looks * motions.interval)[:, None], axis=0)
+        V = np.concatenate([root.v_K, root.v_K + V])
+        at = self._segment * np.arange(1, math.ceil(times[-1] / self._segment - 1e-9) + 1)
+        return self._within(np.stack([np.interp(at, times, column) for column in V.T], axis=1))
 
     def _longer(self, acceleration: Array, more: int) -> Array:
         """The same, and then led to the goal for some segments; standing still without a law."""
@@ -163,12 +177,12 @@ class Polisher:
     def _steps(self, acceleration: Array, made: Segments) -> Array:
         """Velocities (n, m, n_vK) that are worth a try."""
         bounds, (m, n_K) = self._problem.motions.bounds, acceleration.shape
-        r, J = self._answers(acceleration, made)
+        lacks, J = self._answers(acceleration, made)
         V = self._velocities(acceleration)[1:].ravel()
         most, free = np.tile(bounds.speed, m), np.tile(bounds.moves, m)
         tried = []
         for damping in _DAMPINGS:
-            still = ~free
+            still, r, held = ~free, lacks, np.zeros_like(V)
             for _ in range(3):
                 U, s, W = np.linalg.svd(np.where(still, 0.0, J), full_matrices=False)
                 size = damping * s[0] + 1e-30
@@ -177,9 +191,9 @@ class Polisher:
                 if not np.any(out):
                     break
                 # What is at its bound stays there, and the others do its part.
-                r = r + J[:, out] @ (np.clip(V + dV, -most, most) - V)[out]
-                still = still | out
-            tried.append(V + dV)
+                held[out] = (np.clip(V + dV, -most, most) - V)[out]
+                r, still = r + J[:, out] @ held[out], still | out
+            tried.append(V + np.where(still & free, held, dV))
         return np.array(tried).reshape(-1, m, n_K)
 
     def _answers(self, acceleration: Array, made: Segments) -> tuple[Array, Array]:
@@ -208,6 +222,8 @@ class Polisher:
         r, varied = self._lacking(nodes[-1:]), slice(first * n_K, m * n_K)
         J = np.zeros((r.shape[1], m * n_K))
         J[:, varied] = (self._lacking(ends) - r).T / _CHANGE
+        # What could not be made again says nothing.
+        J[:, ~np.isfinite(J).all(axis=0)] = 0.0
         parts, slopes = [r[0]], [J]
         clear, wanted = self._clear(nodes[1:]), self._problem.motions.margin + _ROOM
         for i in np.flatnonzero(clear < wanted):
@@ -217,7 +233,8 @@ class Polisher:
                 continue
             there = Rows(*(a[early, i - chosen[early]] for a in again.states.values()))
             slope = np.zeros((1, m * n_K))
-            slope[0, first * n_K + early] = (self._clear(there) - clear[i]) / _CHANGE
+            change = (self._clear(there) - clear[i]) / _CHANGE
+            slope[0, first * n_K + early] = np.where(np.isfinite(change), change, 0.0)
             parts.append(_CLEAR * (clear[i : i + 1] - wanted))
             slopes.append(_CLEAR * slope)
         return np.concatenate(parts), np.concatenate(slopes)

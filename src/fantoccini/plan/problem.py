@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable, Mapping
 from functools import cached_property
 from typing import Any
@@ -128,6 +129,26 @@ class Problem:
         """The puppet in a world with all the obstacles, to be drawn; half-spaces are left out."""
         solid = tuple(o for o in self.motions.clearance.obstacles if not isinstance(o, HalfSpace))
         return self.marionette.among(solid)
+
+    @property
+    def fingerprint(self) -> str:
+        """Of all that decides what a plan is: a plan of another problem is none of this one."""
+        motions, numbers, bounds = self.motions, self.goal.numbers, self.motions.bounds
+        solids, digest = motions.clearance.solids, hashlib.sha256()
+        for a in (
+            *self.root.parts.values(), self.marionette.p, self.marionette.winches,
+            numbers.low, numbers.high, numbers.weight, numbers.at, numbers.place,
+            numbers.place_high, bounds.speed, bounds.acceleration, bounds.low, bounds.high,
+            solids.moving, solids.standing, solids.pairs, solids.string_radius,
+        ):  # fmt: skip
+            digest.update(np.ascontiguousarray(a).tobytes())
+        plain = (
+            self.tolerance, numbers.kind, numbers.link, numbers.speed_weight,
+            numbers.driven_weight, motions.margin, motions.slack, motions.dt, motions.look,
+            motions.looks, self.marionette.coordinates.v_D, self.marionette.coordinates.v_K,
+        )  # fmt: skip
+        digest.update(repr(plain).encode())
+        return digest.hexdigest()
 
     @property
     def root(self) -> Rows:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Annotated, Any
 
 from pydantic import Field, WithJsonSchema
@@ -17,7 +17,7 @@ from fantoccini.plan.goals import Goal
 from fantoccini.plan.motions import Bounds
 from fantoccini.plan.obstacles import Standing
 from fantoccini.plan.problem import Problem
-from fantoccini.puppet.located import Located, read_file, validate
+from fantoccini.puppet.located import Located, read_file, shown, validate
 from fantoccini.puppet.values import Angle, Model, Name, Positive, Real, Vector
 
 _FOLDER = Path(__file__).parent / "problems"
@@ -159,13 +159,16 @@ def _problem(
 
 
 def _puppet(name: str, located: Located, progress: Callable[[str], None] | None) -> Marionette:
-    beside = located.folder / name
-    if beside.is_file():
-        return load(beside, progress)
-    if name in puppets.names():
+    if name in puppets.names() and not (located.folder / name).exists():
         return load(puppets.path(name), progress)
+    path = PurePosixPath(name)
+    plain = name.isprintable() and "\\" not in name and ":" not in name and len(name) < 256
+    if plain and path.parts and not path.is_absolute() and ".." not in path.parts:
+        beside = (located.folder / path).resolve()
+        if beside.is_relative_to(located.folder.resolve()) and beside.is_file():
+            return load(beside, progress)
     hint = nearest(name, puppets.names())
-    message = f"found {name!r}: no file beside this one and no bundled puppet{hint}"
+    message = f"found {shown(name)}: no file in this one's folder and no bundled puppet{hint}"
     raise located.error([(("puppet",), message)], FileError)
 
 
@@ -173,7 +176,7 @@ def _goal(file: GoalFile, marionette: Marionette, tried: Callable[[tuple, Callab
     weight = {} if file.speed_weight is None else {"speed_weight": file.speed_weight}
     weight["driven_weight"] = file.driven_weight
     if (file.pose is None) == (file.point is None):
-        text = "found both a pose and a point" if file.pose else "found neither a pose nor a point"
+        text = "found both a pose and a point" if file.point else "found neither a pose nor a point"
         return tried(("goal",), lambda: _refuse(f"{text}; needed: one of them"))
     if file.point is not None:
         asked = file.point

@@ -92,9 +92,10 @@ class Search:
         seconds: float,
         curve: Array,
         random_state: dict,
+        late: bool,
     ) -> None:
-        """Takes up a search where it was left."""
-        self.tree, self._growing, self.best = tree, tree, best
+        """Takes up a search where it was left, but for a tree in which no plan was found yet."""
+        self.tree, self._growing, self.best, self.late = tree, tree, best, late
         self.tried, self.seconds = tried, seconds
         self.curve = [(float(s), int(n), float(t)) for s, n, t in curve.reshape(-1, 3)]
         self._rng.bit_generator.state = random_state
@@ -118,18 +119,24 @@ class Search:
             Whether a plan came so near; it is the best then.
 
         Raises:
-            ValueError: the goal is a function.
+            ValueError: the goal is a function, or a distance that is none.
         """
-        began = time.perf_counter()
-        path = self.tree.path(self.best)
+        if not distance > 0.0:
+            raise ValueError(f"distance is {distance}; it must be greater than 0")
+        began, motions = time.perf_counter(), self.problem.motions
+        path, distance = self.tree.path(self.best), min(distance, motions.inner)
         if len(path) == 1:
             return bool(self.tree.distance[self.best] <= distance)
-        found = Polisher(self.problem)(self.tree.acceleration[path[1:]], distance, seconds)
+        steps = self.tree.acceleration[path[1:]], self.tree.looks[path[1:]]
+        found = Polisher(self.problem)(*steps, distance, seconds)
         self.seconds += time.perf_counter() - began
         if found is None:
             return False
-        interval = self.problem.motions.interval
-        self.best = self.tree.add_segments(found, np.zeros(1, dtype=int), interval)[-1]
+        made = self.tree.add_segments(found, np.zeros(1, dtype=int), motions.interval)[-1]
+        if self.confirm and not self._arrives(self.tree, made):
+            self.tree.distance[made] = np.inf
+            return False
+        self.best = made
         self.curve.append((self.seconds, self.tried, float(self.tree.time[self.best])))
         return True
 
@@ -157,11 +164,11 @@ class Search:
         if not len(grown.nodes):
             return
         found = _best(tree, grown.nodes, motions.inner)
-        there = tree.distance[found] <= motions.inner and tree.time[found] <= tree.bound
-        if there and self.confirm and not self._arrives(tree, found):
-            # It counts as one that is nowhere.
-            tree.distance[found], there = np.inf, False
-        if there:
+        # A plan at the edge of the tolerance is one too, where the search ends with it.
+        near = tree.distance[found] <= self.problem.tolerance
+        if near and self.confirm and not self._arrives(tree, found):
+            tree.distance[found] = np.inf  # it counts as one that is nowhere
+        if tree.distance[found] <= motions.inner and tree.time[found] <= tree.bound:
             self.tree, self.best = tree, found
             seconds = time.perf_counter() - before
             self.curve.append((seconds, self.tried, float(tree.time[found])))
@@ -183,7 +190,7 @@ class Search:
 
 def _best(tree: SearchTree, nodes: range, inner: float) -> int:
     """Of nodes at the goal the earliest, otherwise the nearest."""
-    distance = tree.distance[nodes.start : nodes.stop]
+    distance = np.nan_to_num(tree.distance[nodes.start : nodes.stop], nan=np.inf)
     there = np.flatnonzero(distance <= inner)
     if len(there):
         return nodes[int(there[np.argmin(tree.time[nodes.start + there])])]

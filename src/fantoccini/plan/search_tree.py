@@ -43,13 +43,31 @@ class SearchTree:
         self.add(root, np.array([-1]), np.zeros((1, n_vK)), np.array([0]), 0.0, distance, 0)
 
     @classmethod
-    def of(cls, arrays: dict[str, Array]) -> SearchTree:
-        """A tree from its ``arrays``."""
+    def of(cls, arrays: dict[str, Array], like: SearchTree, bound: float = np.inf) -> SearchTree:
+        """A tree from its ``arrays``.
+
+        Args:
+            arrays: of a tree.
+            like: a tree of the same puppet.
+            bound: of the tree.
+
+        Raises:
+            ValueError: they are not those of a tree of this puppet.
+        """
         made = cls.__new__(cls)
-        made.n, made.bound = len(arrays["parent"]), np.inf
+        made.n, made.bound = len(arrays["parent"]), bound
         made._arrays = {name: arrays[name] for name in (*STATE, *_OF_NODES)}
-        if any(len(a) != made.n for a in made._arrays.values()) or not made.n:
-            raise ValueError("its arrays differ in length")
+        for name, a in made._arrays.items():
+            known = like.arrays[name]
+            if a.dtype != known.dtype or a.shape != (made.n, *known.shape[1:]):
+                raise ValueError(f"{name} has the shape {a.shape} of {a.dtype}")
+            if name not in ("distance", *STATE) and not np.all(np.isfinite(a)):
+                raise ValueError(f"{name} is not finite")
+        parent = made._arrays["parent"]
+        if not made.n or parent[0] != -1 or np.any(parent[1:] < 0):
+            raise ValueError("its nodes have no root")
+        if np.any(parent >= np.arange(made.n)):
+            raise ValueError("a node comes before its parent")
         return made
 
     @property

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
-from concurrent.futures import ThreadPoolExecutor
+import os
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -244,6 +246,14 @@ class Sweeper:
             goal=terms.goal.structure(terms.tolerance, kept),
         )
         self._solids = solids
+        n_K, n_qK = (len(terms.bounds[k]) for k in (0, 2))
+        self._widths = {
+            "q_D": len(terms.goal.low),
+            "v_D": len(terms.goal.weight),
+            "slip": len(terms.solids.string_radius),
+            "q_K": n_qK,
+            "v_K": n_K,
+        }
 
     def __call__(
         self,
@@ -280,7 +290,10 @@ class Sweeper:
         laws = (_FunnelArrays * max(1, len(funnels)))(
             *(_FunnelArrays(*(_held(a, kept) for a in (f.q_D, f.q_K, f.gains))) for f in funnels)
         )
-        states = {name: np.empty((n, segments, starts[name].shape[-1])) for name in STATE}
+        made = np.full(n, segments) if made is None else np.asarray(made)
+        given, which, chosen = (np.asarray(a) for a in (given, which, chosen))
+        self._check(starts, chosen, acc_K, given, made, which, len(funnels))
+        states = {name: np.full((n, segments, w), np.nan) for name, w in self._widths.items()}
         distance = np.full((n, segments), np.inf)
         lasted = np.zeros((n, segments), dtype=np.int32)
         catches = np.zeros((n, segments), dtype=np.int32)
@@ -291,7 +304,7 @@ class Sweeper:
         for name in STATE:
             setattr(arrays, name, _held(starts[name], kept))
         arrays.acc_K = pointer(acc_K)
-        arrays.made = _held(np.full(n, segments) if made is None else made, kept, np.int32)
+        arrays.made = _held(made, kept, np.int32)
         arrays.given, arrays.which = _held(given, kept, np.int32), _held(which, kept, np.int32)
         arrays.reach, arrays.funnels = _held(reach, kept), ctypes.addressof(laws)
         out = (*states.values(), distance, lasted, catches)
@@ -300,6 +313,39 @@ class Sweeper:
         lasted[reached + 1 :] = 0
         return Segments(states, acc_K, lasted, distance, catches, min(reached + 1, n))
 
+    def _check(
+        self,
+        starts: dict[str, Array],
+        chosen: Array,
+        acc_K: Array,
+        given: Array,
+        made: Array,
+        which: Array,
+        n_funnels: int,
+    ) -> None:
+        """Raises ValueError where sizes or numbers would lead out of the arrays."""
+        n, segments = acc_K.shape[:2]
+        rows = len(starts["q_D"])
+        shapes = {name: a.shape for name, a in starts.items()}
+        if shapes != {name: (rows, w) for name, w in self._widths.items()}:
+            raise ValueError(
+                f"the starts have the shapes {shapes}; needed: rows of a puppet's states"
+            )
+        if acc_K.shape[2] != self._widths["v_K"] or not segments:
+            raise ValueError(f"the accelerations have the shape {acc_K.shape}")
+        if any(a.shape != (n,) for a in (chosen, given, made, which)):
+            raise ValueError("chosen, given, made and which have an entry for every motion")
+        led = np.any(given < made)
+        for name, a, low, high in (
+            ("chosen", chosen, 0, rows - 1),
+            ("made", made, 1, segments),
+            ("given", given, 0, segments),
+            ("which", which, 0, n_funnels - 1 if led else max(0, n_funnels - 1)),
+        ):
+            if n and not (low <= np.min(a) and np.max(a) <= high):
+                span = f"{np.min(a)} to {np.max(a)}"
+                raise ValueError(f"{name} goes from {span}; it must lie in {low} to {high}")
+
     def _work(self, arrays: _SweepArrays) -> int:
         """Makes the motions; the first that reached the goal, n where none did."""
         progress = _SweepProgress(0, arrays.n)
@@ -307,8 +353,18 @@ class Sweeper:
         def work() -> int:
             return self._library.handle.fan_sweep(ctypes.byref(arrays), ctypes.byref(progress))
 
-        others = [_helpers(self._others).submit(work) for _ in range(self._others)]
-        failed = [work(), *(other.result() for other in others)]
+        others: list[Future[int]] = []
+        try:
+            for _ in range(self._others):
+                others.append(_helpers(self._others).submit(work))
+            failed = [work(), *(other.result() for other in others)]
+        except BaseException:
+            # What they write to must live until they have stopped, however often Ctrl-C comes.
+            progress.reached = -1
+            while not all(other.done() or other.cancel() for other in others):
+                with contextlib.suppress(KeyboardInterrupt):
+                    wait(others)
+            raise
         if any(failed):
             raise MemoryError("no memory for motions")
         return progress.reached
@@ -318,6 +374,11 @@ class Sweeper:
 def _helpers(n: int) -> ThreadPoolExecutor:
     """Threads that wait for work: to start one takes as long as some motions."""
     return ThreadPoolExecutor(n, thread_name_prefix="fantoccini-motions")
+
+
+# A child of a fork has none of its parent's threads.
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_helpers.cache_clear)
 
 
 def _held(array: Array, kept: list[Array], dtype: type = float) -> ctypes.c_void_p:
