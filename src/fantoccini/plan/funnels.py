@@ -49,7 +49,7 @@ def funnels(
     strings = np.zeros((1, len(marionette.tree.strings)))
     at = Rows(q_D[None], np.zeros((1, n)), strings, q_K[None], np.zeros((1, k)))
     _, tension, _ = pulled(marionette, q_D[None], q_K[None])
-    onto = taut(marionette, q_D, q_K, tension[0] != 0.0)
+    onto = taut(marionette, at, tension != 0.0)
     A, B = (
         a[0]
         for a in segment_slopes(
@@ -79,3 +79,23 @@ def regulator(A: Array, B: Array, Q: Array, R: Array) -> Array:
         ahead, spread = both[:, : len(A)], both[:, len(A) :]
         G, H, C = G + C @ spread @ C.T, H + ahead.T @ H @ C, C @ ahead
     return np.linalg.solve(R + B.T @ H @ B, B.T @ H @ A)
+
+
+def regulators(A: Array, B: Array, Q: Array, R: Array, Q_m: Array) -> Array:
+    """Gains K_k of a_k = -K_k z_k, by Riccati's recursion from the end::
+
+        min z_m'Q_m z_m + sum over k < m of z_k'Q z_k + a_k'R a_k,   z_k+1 = A_k z_k + B_k a_k
+
+    Args:
+        A, B: (m, n_z, n_z), (m, n_z, n_a).
+        Q, R, Q_m: weights.
+
+    Returns:
+        (m, n_a, n_z).
+    """
+    P, gains = Q_m, np.zeros(B.swapaxes(1, 2).shape)
+    for k in reversed(range(len(A))):
+        gains[k] = np.linalg.solve(R + B[k].T @ P @ B[k], B[k].T @ P @ A[k])
+        P = Q + A[k].T @ P @ (A[k] - B[k] @ gains[k])
+        P = 0.5 * (P + P.T)
+    return gains

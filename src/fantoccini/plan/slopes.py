@@ -11,14 +11,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, MaskRows
 from fantoccini.marionette import Marionette
 from fantoccini.motion import tangent
 from fantoccini.plan.goals import Rows
 from fantoccini.runtime import POSE, GoalNumbers, RunOptions, Solids, Sweeper, Terms
 
 _EPS = 1e-4
-"""Of central differences [rad, m and their rates]."""
+"""Of central differences, where nothing else is said [rad, m and their rates]."""
 
 _STEP = 1e-7
 """Of forward differences of strings' lengths [rad or m]."""
@@ -32,6 +32,7 @@ def segment_slopes(
     looks: int,
     threads: int = 1,
     onto: Array | None = None,
+    apart: float = _EPS,
 ) -> tuple[Array, Array]:
     """Slopes of segments.
 
@@ -42,7 +43,8 @@ def segment_slopes(
         options: of the time-stepper; ``save_every`` steps make a look.
         looks: that they last.
         threads: that share the work.
-        onto: (n_z, n_z) projects changes of the start, so that no string is stretched by them.
+        onto: (m, n_z, n_z) project changes of the starts, so that no string is stretched by them.
+        apart: size of the changes [rad, m and their rates].
 
     Returns:
         A (m, n_z, n_z) and B (m, n_z, n_vK).
@@ -52,11 +54,11 @@ def segment_slopes(
     places_D = table.scalars_D, table.quaternions_D
     places_K = table.scalars_K, table.quaternions_K
     size = 2 * n + 3 * k
-    changes = np.eye(size)
+    changes = np.tile(np.eye(size), (m, 1, 1))
     if onto is not None:
-        changes[: size - k, : size - k] = onto.T
-    z = _EPS * np.concatenate([changes, -changes])
-    q_D, v_D, q_K, v_K, acc_K = np.split(z, np.cumsum([n, n, k, k]), axis=1)
+        changes[:, : size - k, : size - k] = onto.swapaxes(1, 2)
+    z = apart * np.concatenate([changes, -changes], axis=1)
+    q_D, v_D, q_K, v_K, acc_K = np.split(z, np.cumsum([n, n, k, k]), axis=2)
 
     def all_of(a: Array) -> Array:
         return a.reshape(-1, a.shape[-1])
@@ -72,13 +74,13 @@ def segment_slopes(
     rows = np.arange(2 * size * m)
     made = sweeper(near, rows, all_of(acceleration[:, None] + acc_K)[:, None], np.ones(len(rows)))
     ends = {name: a.reshape(m, 2, size, -1) for name, a in made.states.items()}
-    apart = (
+    answers = (
         tangent.between(*places_D, ends["q_D"][:, 1], ends["q_D"][:, 0], n),
         ends["v_D"][:, 0] - ends["v_D"][:, 1],
         tangent.between(*places_K, ends["q_K"][:, 1], ends["q_K"][:, 0], k),
         ends["v_K"][:, 0] - ends["v_K"][:, 1],
     )
-    slopes = np.concatenate(apart, axis=2).swapaxes(1, 2) / (2.0 * _EPS)
+    slopes = np.concatenate(answers, axis=2).swapaxes(1, 2) / (2.0 * apart)
     return slopes[:, :, : size - k], slopes[:, :, size - k :]
 
 
@@ -101,29 +103,50 @@ def _free(marionette: Marionette, options: RunOptions, looks: int) -> Terms:
     )
 
 
-def taut(marionette: Marionette, q_D: Array, q_K: Array, held: Array) -> Array:
-    """The projection (n_z, n_z) of changes onto those that leave taut strings at their length.
+def taut(marionette: Marionette, at: Rows, held: MaskRows) -> Array:
+    """The projections of changes onto those that leave taut strings taut::
 
-    dq_D and dv_D give way, by the least that is needed.
+        dh = A_D dq_D + A_K dq_K = 0
+        dhdot = A_D dv_D + A_K dv_K + (d hdot / dq) dq = 0
+
+    dq_D and then dv_D give way, by the least that is needed.
 
     Args:
         marionette: the puppet.
-        q_D, q_K: (n_qD,), (n_qK,).
-        held: (n_strings,) bool, strings that are taut.
+        at: (m,) states.
+        held: (m, n_strings) bool, the strings that are taut.
+
+    Returns:
+        (m, n_z, n_z).
     """
     table = marionette.coordinates
     n, k = table.n_vD, table.n_vK
-    steps = _STEP * np.eye(n + k)
-    moved_D = tangent.moved(table.scalars_D, table.quaternions_D, q_D, steps[:, :n])
-    moved_K = tangent.moved(table.scalars_K, table.quaternions_K, q_K, steps[:, n:])
-    (there,) = marionette.library.evaluate("rows", [moved_D, moved_K, marionette.p])
-    (here,) = marionette.library.evaluate("rows", [q_D, q_K, marionette.p])
-    slopes = ((there - here) / _STEP).T[: len(held)][held]
-    back = np.linalg.pinv(slopes[:, :n], rcond=1e-6) @ slopes
-    one = np.eye(n + k)
-    one[:n] -= back
-    onto = np.zeros((2 * (n + k), 2 * (n + k)))
-    for first in (0, 1):  # positions, velocities
-        rows = np.concatenate([first * n + np.arange(n), 2 * n + first * k + np.arange(k)])
-        onto[np.ix_(rows, rows)] = one
+    m, ways = len(held), n + k
+    steps = _STEP * np.concatenate([np.zeros((1, ways)), np.eye(ways)])
+    places_D = table.scalars_D, table.quaternions_D
+    places_K = table.scalars_K, table.quaternions_K
+    q_D = tangent.moved(*places_D, at.q_D[:, None], steps[:, :n]).reshape(m * (ways + 1), -1)
+    q_K = tangent.moved(*places_K, at.q_K[:, None], steps[:, n:]).reshape(m * (ways + 1), -1)
+    v_D, v_K = (np.repeat(v, ways + 1, axis=0) for v in (at.v_D, at.v_K))
+    (h,) = marionette.library.evaluate("rows", [q_D, q_K, marionette.p])
+    _, _, _, _, _, hdot, *_ = marionette.library.evaluate(
+        "dynamics", [q_D, v_D, q_K, v_K, np.zeros_like(v_K), np.zeros_like(v_D), marionette.p]
+    )
+    strings = held.shape[1]
+    h_q, hdot_q = (
+        _by_places(a[:, :strings].reshape(m, ways + 1, strings), held) for a in (h, hdot)
+    )
+    back = np.linalg.pinv(h_q[..., :n], rcond=1e-6)
+    one = np.tile(np.eye(ways), (m, 1, 1))
+    one[:, :n] -= back @ h_q
+    place = np.concatenate([np.arange(n), 2 * n + np.arange(k)])
+    rate = np.concatenate([n + np.arange(n), 2 * n + k + np.arange(k)])
+    onto = np.zeros((m, 2 * ways, 2 * ways))
+    onto[:, place[:, None], place] = onto[:, rate[:, None], rate] = one
+    onto[:, n : 2 * n, place] = -back @ hdot_q @ one
     return onto
+
+
+def _by_places(found: Array, held: MaskRows) -> Array:
+    """(m, n_strings, ways) slopes from (m, 1 + ways, n_strings) values; 0 where nothing is held."""
+    return (found[:, 1:] - found[:, :1]).swapaxes(1, 2) / _STEP * held[..., None]

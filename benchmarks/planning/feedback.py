@@ -1,0 +1,150 @@
+"""Prints how many plans arrive in MuJoCo, open loop and with feedback, and what they absorb.
+
+    python -m benchmarks.planning.feedback [--seeds 40] [--improve 0.5] [--slack]
+
+A plan arrives when it ends within the tolerance; what it touches on the way is counted apart.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from benchmarks.planning.mujoco_peer import Peer
+
+import fantoccini as fan
+from fantoccini.errors import Status
+from fantoccini.motion import State
+from fantoccini.plan import Problem, solve
+from fantoccini.plan.feedback import Feedback, Followed
+
+KICKS = (0.25, 0.5, 1.0, 2.0, 4.0)
+"""Sizes of changes of all joint velocities at the start, together [rad/s]."""
+
+OF_EACH = 2
+"""Kicks of one size for a plan."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """How many of some runs arrive.
+
+    Attributes:
+        name: of the runs.
+        runs: how many there are.
+        within: that end within the tolerance.
+        clear: that touch nothing either.
+    """
+
+    name: str
+    runs: int
+    within: int
+    clear: int
+
+    @classmethod
+    def of(cls, name: str, found: Sequence, tolerance: float) -> Row:
+        """Counts what was found."""
+        within = sum(one.distance <= tolerance for one in found)
+        return cls(name, len(found), int(within), sum(one.arrives for one in found))
+
+    def __str__(self) -> str:
+        return f"{self.name:40} {self.within:4d} of {self.runs} arrive, {self.clear} touch nothing"
+
+
+def measure(problem: Problem, seeds: Iterable[int], improve: float = 0.5) -> list[Row]:
+    """Arrivals of plans, one a seed, and of kicked runs of the first quarter of them."""
+    found = [solve(problem, seed=seed, improve=improve) for seed in seeds]
+    laws = [Feedback.along(plan) for plan in found if plan]
+    exact = [law.plan.verify(method="event") for law in laws]
+    rows = [Row.of("open loop, event-driven", exact, problem.tolerance)]
+    ways = {"open loop, MuJoCo": False, "feedback, MuJoCo": True}
+    for name, closed in ways.items():
+        followed = [follow(law, law.plan.start, closed) for law in laws]
+        rows.append(Row.of(name, followed, problem.tolerance))
+    few = laws[: max(1, len(laws) // 4)]
+    for name, closed in ways.items():
+        for size in KICKS:
+            random = np.random.default_rng(0)
+            starts = [(law, kicked(problem, size, random)) for law in few for _ in range(OF_EACH)]
+            followed = [follow(law, x0, closed) for law, x0 in starts]
+            rows.append(Row.of(f"{name}, kicked by {size:g} rad/s", followed, problem.tolerance))
+    return rows
+
+
+def half(rows: Sequence[Row], name: str, what: str) -> float:
+    """The size of kick that half of the runs absorb, between those that were tried [rad/s].
+
+    Args:
+        rows: what was measured.
+        name: ``open loop, MuJoCo`` or ``feedback, MuJoCo``.
+        what: ``within`` or ``clear``.
+    """
+    shares = {
+        size: getattr(row, what) / row.runs
+        for size in KICKS
+        for row in rows
+        if row.name == f"{name}, kicked by {size:g} rad/s"
+    }
+    # Shares fall with the size, but for chance.
+    falling = np.minimum.accumulate(list(shares.values()))
+    return float(np.exp(np.interp(-0.5, -falling, np.log(list(shares)))))
+
+
+def kicked(problem: Problem, size: float, random: np.random.Generator) -> State:
+    """The start with other joint velocities, as far as strings that are taut let them be."""
+    x = problem.start
+    kick = random.normal(size=len(x.v_D))
+    return problem.marionette.project(x.replace(v_D=x.v_D + size * kick / np.linalg.norm(kick)))
+
+
+def follow(law: Feedback, x0: State, closed: bool) -> Followed:
+    """A plan in MuJoCo, from look to look; the law is asked once a segment."""
+    problem, interval = law.plan.problem, law.plan.motions.interval
+    peer, states, asked = Peer(problem.marionette, x0), [x0], []
+    for k, looks in enumerate(law.looks):
+        asked.append(law.acceleration(k, peer.x) if closed else law.planned[k])
+        states += [peer.advance(interval, asked[-1]) for _ in range(looks)]
+    whole = np.all(np.isfinite(np.concatenate([peer.x.q_D, peer.x.v_D])))
+    status = Status.DONE if whole else Status.NOT_FINITE
+    return Followed.of(problem, states, np.array(asked), status)
+
+
+def main() -> None:
+    """Measures and prints."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--problem", default="arm3d_boxes", help="name or file of a problem")
+    parser.add_argument("--seeds", type=int, default=40)
+    parser.add_argument("--improve", type=float, default=0.5, help="seconds of improving [s]")
+    parser.add_argument("--slack", action="store_true", help="strings may go slack on the way")
+    asked = parser.parse_args()
+    problem = fan.load_problem(asked.problem)
+    if asked.slack:
+        problem = slackened(problem)
+    rows = measure(problem, range(asked.seeds), asked.improve)
+    print(*rows, sep="\n")
+    for name in ("open loop, MuJoCo", "feedback, MuJoCo"):
+        within, clear = (half(rows, name, what) for what in ("within", "clear"))
+        print(f"{name}: half absorb {within:.2g} rad/s, {clear:.2g} touching nothing")
+
+
+def slackened(problem: Problem) -> Problem:
+    """The same, with strings that may go slack."""
+    motions = problem.motions
+    names = problem.marionette.coordinates.v_K
+    return Problem(
+        problem.marionette,
+        problem.start,
+        problem.goal,
+        motions.clearance.obstacles,
+        tolerance=problem.tolerance,
+        speed=dict(zip(names, motions.bounds.speed, strict=True)),
+        acceleration=dict(zip(names, motions.bounds.acceleration, strict=True)),
+        margin=motions.margin,
+        slack=True,
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,266 @@
+"""Feedback along a plan: a time-varying linear-quadratic regulator, asked once a segment.
+
+    acc_K = planned_k - K_k z_k,      z = (dq_D, dv_D, dq_K, dv_K) from the plan's node k
+    min z_m'Q_m z_m + sum_k z_k'Q z_k + effort |dacc_K|^2,      z_k+1 = A_k z_k + B_k dacc_K
+
+A_k and B_k are central differences of the time-stepper about the nodes, of changes that leave taut
+strings taut (:mod:`fantoccini.plan.slopes`). Where a string is caught or let go inside a segment,
+they hold what the event does to its neighbours, its saltation, only if the changes move the event
+by more than a step, and yet have the same events in that segment: they are made with a tenth of
+the planner's step for that. Slopes about catches that graze, or that fall on a node, stay wrong.
+Gains are those of the segment, whatever the mode: a puppet whose string is still slack where the
+plan's has been caught is led by gains for a taut one until the next node.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.errors import StateError, Status
+from fantoccini.marionette import Marionette
+from fantoccini.motion import State, tangent
+from fantoccini.plan.funnels import regulators
+from fantoccini.plan.goals import Rows
+from fantoccini.plan.problem import Problem
+from fantoccini.plan.slopes import segment_slopes, taut
+
+if TYPE_CHECKING:
+    from fantoccini.plan.result import PlanResult
+
+_SPEED = 0.1
+"""Weight of velocities beside positions [s]."""
+
+_EFFORT = 0.03
+"""Weight of accelerations beside positions [s^4]."""
+
+_ARRIVE = 100.0
+"""Weight of what the goal asks for beside what is asked on the way."""
+
+_APART = 1e-3
+"""Size of the changes that slopes are made of [rad, m and their rates]."""
+
+_FINER = 10
+"""Steps that slopes are made with, in one of the planner's."""
+
+_STEP = 1e-6
+"""Of differences of what the goal lacks [rad or m]."""
+
+Push = Callable[[float], Array]
+"""Time -> (n_vD,) forces on the dynamic coordinates [N or N m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """A plan that was followed.
+
+    Attributes:
+        t: (T,) at every look [s].
+        states: (T,) there.
+        acceleration: (segments, n_vK) that was asked for.
+        distance: from the goal at the end.
+        clearance: the least on the way, at looks [m].
+        arrives: whether it ends within the tolerance and touches nothing.
+        status: how the run ended.
+    """
+
+    t: Array
+    states: Rows
+    acceleration: Array
+    distance: float
+    clearance: float
+    arrives: bool
+    status: Status
+
+    @classmethod
+    def of(
+        cls, problem: Problem, states: list[State], acceleration: Array, status: Status
+    ) -> Followed:
+        """What states of a run say.
+
+        Args:
+            problem: what was planned.
+            states: at looks.
+            acceleration: (segments, n_vK) that was asked for.
+            status: how the run ended.
+        """
+        rows = Rows.of(*states)
+        distance = float(problem.goal.distance(rows[-1:])[0])
+        clearance = float(np.min(problem.motions.clearance.at(rows.q_D, rows.q_K)))
+        arrives = status is Status.DONE and distance <= problem.tolerance and clearance >= 0.0
+        t = np.array([x.t for x in states])
+        return cls(t, rows, acceleration, distance, clearance, bool(arrives), status)
+
+
+@dataclass(frozen=True, eq=False)
+class Feedback:
+    """The law that follows a plan. Made by :meth:`along`.
+
+    Attributes:
+        plan: what is followed.
+        nodes: (m + 1,) states of the plan.
+        looks: (m,) of its segments.
+        planned: (m, n_vK) accelerations [m/s^2 or rad/s^2].
+        A, B: (m, n_z, n_z), (m, n_z, n_vK) slopes of its segments.
+        gains: (m, n_vK, n_z).
+    """
+
+    plan: PlanResult
+    nodes: Rows
+    looks: Array
+    planned: Array
+    A: Array
+    B: Array
+    gains: Array
+
+    @classmethod
+    def along(
+        cls, plan: PlanResult, *, effort: float = _EFFORT, arrive: float = _ARRIVE
+    ) -> Feedback:
+        """The law for a plan.
+
+        Args:
+            plan: what is to be followed.
+            effort: weight of accelerations beside positions [s^4].
+            arrive: weight of the goal's residuals at the end beside positions on the way.
+
+        Raises:
+            ValueError: the plan has no motion, or a weight that is not greater than 0.
+        """
+        path, tree, motions = list(plan.path), plan.tree, plan.motions
+        if len(path) < 2:
+            raise ValueError("the plan has no motion that could be followed")
+        for name, value in (("effort", effort), ("arrive", arrive)):
+            if not 0.0 < value < np.inf:
+                raise ValueError(f"{name} is {value}; it must be finite and greater than 0")
+        nodes, looks, planned = tree.rows[path], tree.looks[path[1:]], tree.acceleration[path[1:]]
+        marionette = plan.problem.marionette
+        table, onto = marionette.coordinates, taut(marionette, nodes[:-1], _pulling(plan)[:-1])
+        size = 2 * (table.n_vD + table.n_vK)
+        fine = replace(motions.options, dt=motions.dt / _FINER, save_every=_FINER * motions.look)
+        A, B = (np.zeros((len(looks), size, n)) for n in (size, table.n_vK))
+        for n in np.unique(looks):
+            same = np.flatnonzero(looks == n)
+            A[same], B[same] = segment_slopes(
+                marionette, nodes[same], planned[same], fine, int(n), motions.threads,
+                onto=onto[same], apart=_APART,
+            )  # fmt: skip
+        Q = np.diag(np.where(np.arange(size) < table.n_vD, 1.0, _SPEED**2))
+        moves, gains = motions.bounds.moves, np.zeros((len(looks), table.n_vK, size))
+        R = effort * np.eye(moves.sum())
+        gains[:, moves] = regulators(A, B[:, :, moves], Q, R, Q + arrive * _wanted(plan, nodes[-1]))
+        return cls(plan, nodes, looks, planned, A, B, gains)
+
+    def acceleration(self, k: int, x: State) -> Array:
+        """(n_vK,) that segment k is to have from a state on, within the bounds of the problem.
+
+        After the last segment the puppet is held at the goal by the law that leads there, where
+        the problem has one; otherwise the driven coordinates stop. Ranges of driven coordinates are
+        kept by the plan only: the law may lead out of one by as much as it corrects.
+
+        Args:
+            k: which segment; from the plan's first.
+            x: where the puppet is.
+        """
+        motions = self.plan.motions
+        bounds, T = motions.bounds, motions.looks * motions.interval
+        if k < len(self.looks):
+            T = self.looks[k] * motions.interval
+            asked = self.planned[k] - self.gains[k] @ self.away(self.nodes[k], x)
+        elif motions.funnels:
+            funnel, still = motions.funnels[0], np.zeros_like
+            there = Rows(funnel.q_D, still(x.v_D), x.slip, funnel.q_K, still(x.v_K))
+            asked = -funnel.gains @ self.away(there, x)
+        else:
+            asked = -x.v_K / T
+        asked = np.clip(asked, (-bounds.speed - x.v_K) / T, (bounds.speed - x.v_K) / T)
+        return np.clip(asked, -bounds.acceleration, bounds.acceleration)
+
+    def away(self, node: Rows, x: State) -> Array:
+        """(n_z,) tangent vector from a state of the plan to another."""
+        table = self.plan.problem.marionette.coordinates
+        places_D = table.scalars_D, table.quaternions_D
+        places_K = table.scalars_K, table.quaternions_K
+        return np.concatenate(
+            [
+                tangent.between(*places_D, node.q_D, x.q_D, table.n_vD),
+                x.v_D - node.v_D,
+                tangent.between(*places_K, node.q_K, x.q_K, table.n_vK),
+                x.v_K - node.v_K,
+            ]
+        )
+
+    def run(
+        self,
+        x0: State | None = None,
+        marionette: Marionette | None = None,
+        method: Literal["timestepping", "event"] = "timestepping",
+        *,
+        push: Push | None = None,
+        hold: float = 0.0,
+        closed: bool = True,
+        **options,
+    ) -> Followed:
+        """Follows the plan.
+
+        Args:
+            x0: where the puppet is; at the plan's start by default.
+            marionette: what is led, where that is not the puppet that was planned for.
+            method: of the simulation.
+            push: forces beside those of the plan, held from look to look.
+            hold: how long to stay at the goal afterwards [s].
+            closed: whether the law is asked; otherwise the plan's accelerations are made.
+            options: of :meth:`fantoccini.Marionette.stepper`; ``dt`` is the planner's by default.
+
+        Raises:
+            StateError: another puppet has other coordinates, or a run cannot begin at ``x0``.
+        """
+        problem, interval = self.plan.problem, self.plan.motions.interval
+        led = problem.marionette if marionette is None else marionette
+        names = [(m.coordinates.v_D, m.coordinates.v_K) for m in (led, problem.marionette)]
+        if names[0] != names[1]:
+            raise StateError("the puppet that is led has other coordinates than the plan's")
+        x = self.plan.start if x0 is None else x0
+        stepper = led.stepper(x, method, **({"dt": self.plan.motions.dt} | options))
+        m, whole = len(self.looks), self.plan.motions.looks
+        more = int(np.ceil(hold / (whole * interval) - 1e-9))
+        states, asked = [x], []
+        for k in np.repeat(np.arange(m + more), np.append(self.looks, np.full(more, whole))):
+            if len(asked) <= k:
+                law = closed or k >= m
+                asked.append(self.acceleration(k, x) if law else self.planned[k])
+            u_D = None if push is None else push(x.t)
+            x = stepper.advance(interval, asked[-1], u_D=u_D, throw=False)
+            states.append(x)
+            if stepper.status is not Status.DONE:
+                break
+        return Followed.of(problem, states, np.array(asked), stepper.status)
+
+
+def _pulling(plan: PlanResult) -> Array:
+    """(m + 1, n_strings) bool, whether strings pull in the step after a node."""
+    run, times = plan.trajectory, plan.start.t + plan.tree.time[list(plan.path)]
+    # Tensions of a time step stand at its end.
+    after = np.searchsorted(run.t, times + 0.5 * plan.motions.dt)
+    return run.tension.values[np.minimum(after, len(run.t) - 1)] != 0.0
+
+
+def _wanted(plan: PlanResult, end: Rows) -> Array:
+    """(n_z, n_z) weights of what the goal asks for at the plan's end: J'J of its residuals."""
+    goal, table = plan.goal, plan.problem.marionette.coordinates
+    n, k = table.n_vD, table.n_vK
+    steps = _STEP * np.concatenate([np.eye(n + k), -np.eye(n + k)])
+    q_D = tangent.moved(table.scalars_D, table.quaternions_D, end.q_D, steps[:, :n])
+    q_K = tangent.moved(table.scalars_K, table.quaternions_K, end.q_K, steps[:, n:])
+    v_D, slip, v_K = (np.tile(a, (len(steps), 1)) for a in (end.v_D, end.slip, end.v_K))
+    lacking = goal.residuals(Rows(q_D, v_D, slip, q_K, v_K))
+    J = np.zeros((lacking.shape[1], 2 * (n + k)))
+    at = np.concatenate([np.arange(n), 2 * n + np.arange(k)])
+    J[:, at] = (lacking[: n + k] - lacking[n + k :]).T / (2.0 * _STEP)
+    made = J.T @ J
+    made[n : 2 * n, n : 2 * n] += goal.numbers.speed_weight**2 * np.eye(n)
+    return made

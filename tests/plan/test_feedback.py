@@ -1,0 +1,164 @@
+"""Feedback along plans: its gains, its slopes, what it makes of disturbances."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.errors import StateError
+from fantoccini.motion import State, tangent
+from fantoccini.plan import PlanResult, Rows, solve
+from fantoccini.plan.feedback import Feedback
+from fantoccini.plan.funnels import regulators
+from fantoccini.plan.slopes import segment_slopes, taut
+
+
+@pytest.fixture(scope="module")
+def plan() -> PlanResult:
+    """The same on every machine: no clock ends its search."""
+    return solve(fan.load_problem("arm3d_boxes"), seed=0).polish(1e-3, seconds=0.0)
+
+
+@pytest.fixture(scope="module")
+def law(plan) -> Feedback:
+    return Feedback.along(plan)
+
+
+def test_gains_are_those_of_least_squares():
+    """The same problem as one big least-squares problem in all accelerations."""
+    rng = np.random.default_rng(0)
+    m, n, k = 7, 5, 2
+    A, B = rng.normal(size=(m, n, n)), rng.normal(size=(m, n, k))
+    Q, Q_m = np.diag(rng.uniform(0.1, 1.0, n)), np.diag(rng.uniform(1.0, 9.0, n))
+    R = np.diag([0.3, 0.7])
+    # z_j = start[j] z_0 + by[j] a, with all accelerations in a.
+    start, by = [np.eye(n)], [np.zeros((n, m * k))]
+    for j in range(m):
+        moved = A[j] @ by[-1]
+        moved[:, j * k : (j + 1) * k] += B[j]
+        start.append(A[j] @ start[-1])
+        by.append(moved)
+    roots = [np.sqrt(Q)] * m + [np.sqrt(Q_m)]
+    rows = np.concatenate([W @ a for W, a in zip(roots, by, strict=True)])
+    rows = np.concatenate([rows, np.kron(np.eye(m), np.sqrt(R))])
+    right = np.concatenate([W @ a for W, a in zip(roots, start, strict=True)])
+    right = np.concatenate([right, np.zeros((m * k, n))])
+    best = -np.linalg.lstsq(rows, right, rcond=None)[0]
+
+    z, gains = np.eye(n), regulators(A, B, Q, R, Q_m)
+    for j in range(m):
+        a = -gains[j] @ z
+        np.testing.assert_allclose(a, best[j * k : (j + 1) * k], atol=1e-9 * np.abs(best).max())
+        z = A[j] @ z + B[j] @ a
+
+
+def test_projected_changes_leave_taut_strings_taut(plan, law):
+    """h and hdot answer them by less than the square of their size."""
+    marionette, nodes = plan.problem.marionette, law.nodes
+    onto = taut(marionette, nodes, np.ones((len(nodes.q_D), 1), dtype=bool))
+    rng, size = np.random.default_rng(1), 1e-4
+    for k in range(0, len(onto), 5):
+        z = onto[k] @ rng.normal(size=onto.shape[1]) * size
+        before = marionette.instant(at(plan, nodes[k]))
+        after = marionette.instant(at(plan, changed(plan, nodes[k], z)))
+        squared = float(z @ z)
+        assert abs(after.h[0] - before.h[0]) < 5.0 * squared
+        assert abs(after.hdot[0] - before.hdot[0]) < 50.0 * squared
+
+
+def test_slopes_predict_where_neighbours_end(plan, law):
+    """Segments without events, from neighbours whose string is as taut as the plan's."""
+    marionette, rng = plan.problem.marionette, np.random.default_rng(2)
+    free = plan.motions.where(tolerance=-1.0, free=True)
+    onto = taut(marionette, law.nodes, np.ones((len(law.nodes.q_D), 1), dtype=bool))
+    quiet = np.flatnonzero(plan.tree.catches[list(plan.path[1:])] == 0)
+    for k in quiet[::4]:
+        z = onto[k] @ rng.normal(size=onto.shape[1]) * 1e-4
+        more = rng.normal(size=3) * 1e-4
+        start = changed(plan, law.nodes[[k]], z)
+        ended = free.replay(start, law.planned[k] + more, int(law.looks[k]))
+        found = law.away(law.nodes[k + 1], at(plan, ended[0]))
+        told = law.A[k] @ z + law.B[k] @ more
+        assert np.linalg.norm(found - told) < 0.1 * np.linalg.norm(found)
+
+
+@pytest.mark.parametrize("slack", [0.005, 0.01])
+def test_slopes_hold_what_a_catch_does_to_neighbours(plan, slack):
+    """Beside the exact derivative through the catch of an arm that falls onto its string."""
+    arm, funnel = plan.problem.marionette, plan.motions.funnels[0]
+    x = at(plan, Rows(funnel.q_D, np.zeros(4), np.zeros(1), funnel.q_K, np.zeros(3)))
+    x = x.replace(q_K=x.q_K + np.array([0.0, 0.0, slack]))
+    options = dataclasses.replace(plan.motions.options, dt=4e-4, save_every=50)
+    A, _ = segment_slopes(arm, Rows.of(x), np.zeros((1, 3)), options, 5, apart=1e-3)
+    exact = fan.sensitivity(arm, x, t_end=0.1)
+    assert [event.kind.value for event in exact.run.events] == ["catch"]
+    wrong = np.linalg.norm(A[0][:8, :8] - exact.x0[-1]) / np.linalg.norm(exact.x0[-1])
+    assert wrong < 0.05
+
+
+def test_disturbed_starts_arrive(plan, law):
+    """Kicks of half a radian a second in every joint, bounds kept."""
+    problem, rng = plan.problem, np.random.default_rng(3)
+    within = {True: [], False: []}
+    for _ in range(20):
+        x = plan.start
+        kicked = x.replace(v_D=x.v_D + 0.5 * rng.normal(size=len(x.v_D)))
+        kicked = problem.marionette.project(kicked)
+        for closed, found in within.items():
+            run = law.run(kicked, closed=closed)
+            found.append(run.distance <= plan.tolerance)
+            assert np.all(np.abs(run.acceleration) <= plan.motions.bounds.acceleration + 1e-9)
+            assert np.all(np.abs(run.states.v_K) <= plan.motions.bounds.speed + 1e-9)
+    with_law, without = np.mean(within[True]), np.mean(within[False])
+    assert with_law >= 0.9 and with_law >= without + 0.25, (with_law, without)
+
+
+def test_an_undisturbed_puppet_does_what_was_planned(plan, law):
+    followed, planned = law.run(), law.run(closed=False)
+    assert followed.arrives and planned.arrives
+    # Rounding, and what comes of it.
+    np.testing.assert_allclose(followed.acceleration, law.planned, atol=1e-5)
+    assert abs(planned.distance - plan.distance) < 1e-5
+    assert law.run(method="event").arrives
+
+
+def test_pushes_are_absorbed_and_the_goal_is_held(plan, law):
+    def push(t: float) -> np.ndarray:
+        return np.array([0.0, 0.01, 0.0, 0.0]) if t < 0.5 else np.zeros(4)
+
+    pushed = law.run(push=push, hold=2.0)
+    assert pushed.t[-1] >= plan.duration + 2.0 - 1e-9
+    assert pushed.distance < 0.05
+    assert law.run(push=push, closed=False).distance > 2.0 * law.run(push=push).distance
+
+
+def test_what_makes_no_sense_is_refused(plan, law):
+    with pytest.raises(StateError, match="other coordinates"):
+        law.run(marionette=fan.puppets.arm2d())
+    with pytest.raises(ValueError, match="effort is 0"):
+        Feedback.along(plan, effort=0.0)
+    with pytest.raises(ValueError, match="no motion"):
+        Feedback.along(dataclasses.replace(plan, path=plan.path[:1]))
+
+
+def at(plan: PlanResult, row: Rows) -> State:
+    """One row as a state."""
+    rows = plan.problem.marionette.tree.n_rows
+    return State(0.0, row.q_D, row.v_D, row.q_K, row.v_K, np.zeros(rows, dtype=bool), row.slip)
+
+
+def changed(plan: PlanResult, row: Rows, z: np.ndarray) -> Rows:
+    """A state, changed by a tangent vector."""
+    table = plan.problem.marionette.coordinates
+    n, k = table.n_vD, table.n_vK
+    q_D, v_D, q_K, v_K = np.split(z, np.cumsum([n, n, k]))
+    return Rows(
+        tangent.moved(table.scalars_D, table.quaternions_D, row.q_D, q_D),
+        row.v_D + v_D,
+        row.slip,
+        tangent.moved(table.scalars_K, table.quaternions_K, row.q_K, q_K),
+        row.v_K + v_K,
+    )
