@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..strings import ROOT
 from ..strings.report import Section, machine, wrapped
-from . import own, peers
+from . import absorbed, own, peers
 from .marks import Mark, marks_table
 
 OPENING = (
@@ -29,6 +29,7 @@ def main() -> None:
         "boxes": lambda: own.boxes_matter(many),
         "better plans": lambda: own.better_plans(some),
         "marionette": lambda: own.full_marionette(few),
+        "feedback": lambda: absorbed.chapter(4 if options.quick else 40),
         "OMPL": lambda: (peers.section(1 if options.quick else 3, 10.0), []),
     }
     sections: list[Section] = []

@@ -12,13 +12,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from benchmarks.planning.mujoco_peer import Peer
 
 import fantoccini as fan
 from fantoccini.errors import Status
 from fantoccini.motion import State
 from fantoccini.plan import Problem, solve
 from fantoccini.plan.feedback import Feedback, Followed
+
+from .mujoco_peer import Peer
 
 KICKS = (0.25, 0.5, 1.0, 2.0, 4.0)
 """Sizes of changes of all joint velocities at the start, together [rad/s]."""

@@ -2,6 +2,7 @@
 
 from fantoccini.plan.check import Check
 from fantoccini.plan.clearance import Clearance, Nearest
+from fantoccini.plan.feedback import Feedback, Followed
 from fantoccini.plan.goals import Goal, Rows
 from fantoccini.plan.obstacles import HalfSpace
 from fantoccini.plan.plan import plan, solve
@@ -17,6 +18,8 @@ __all__ = [
     "Check",
     "Clearance",
     "Explore",
+    "Feedback",
+    "Followed",
     "Goal",
     "HalfSpace",
     "Nearest",

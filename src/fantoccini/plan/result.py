@@ -14,6 +14,7 @@ from fantoccini.arrays import Array
 from fantoccini.motion import Input, State, Trajectory
 from fantoccini.plan import archive
 from fantoccini.plan.check import Check, checked, inputs_along, run_along
+from fantoccini.plan.feedback import Feedback
 from fantoccini.plan.goals import Goal
 from fantoccini.plan.motions import Motions
 from fantoccini.plan.planners import Planner
@@ -222,6 +223,14 @@ class PlanResult:
         if marionette.tree.strings:
             return marionette.string_points(q_D, q_K)[-1][:, 0]
         return marionette.poses(q_D, q_K)[:, -1, :, 3]
+
+    def feedback(self, **weights: float) -> Feedback:
+        """The law that follows the plan although something pushes; see :class:`Feedback`.
+
+        Args:
+            weights: of :meth:`Feedback.along`.
+        """
+        return Feedback.along(self, **weights)
 
     def replay(self) -> bool:
         """Makes every motion of the plan again; whether it comes out the same, to the last bit."""
