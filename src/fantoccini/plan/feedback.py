@@ -261,6 +261,6 @@ def _wanted(plan: PlanResult, end: Rows) -> Array:
     J = np.zeros((lacking.shape[1], 2 * (n + k)))
     at = np.concatenate([np.arange(n), 2 * n + np.arange(k)])
     J[:, at] = (lacking[: n + k] - lacking[n + k :]).T / (2.0 * _STEP)
-    made = J.T @ J
-    made[n : 2 * n, n : 2 * n] += goal.numbers.speed_weight**2 * np.eye(n)
-    return made
+    rates = np.zeros(2 * (n + k))
+    rates[n : 2 * n], rates[2 * n + k :] = goal.numbers.speed_weight, goal.numbers.driven_weight
+    return J.T @ J + np.diag(rates**2)
