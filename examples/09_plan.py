@@ -1,8 +1,8 @@
 """The paper's Section VII: an arm on one string is planned past two boxes.
 
 The dots are the hand at every state of the search tree, as in the paper's Fig. 4; the line is the
-way that was found. Then a marionette's hand past a lamp to a bell. Writes out/plan-arm.png,
-out/plan-bell.png and out/plan-bell.npz.
+way that was found. Then a marionette's hand past a lamp to a bell. Writes out/plan_arm.png,
+out/plan_bell.png and out/plan_bell.npz.
 """
 
 from pathlib import Path
@@ -19,9 +19,9 @@ better = plan.grow(0.4).polish(1e-3)
 again = better.verify(method="event")
 print(f"better: {better.duration:.2f} s, {better.distance:.1e} from the goal; with located events "
       f"{again.distance:.1e}, {1e3 * again.clearance:.1f} mm from the boxes")  # fmt: skip
-better.plot(out / "plan-arm.png")
+better.plot(out / "plan_arm.png")
 
 bell = fan.solve(fan.load_problem("marionette_bell"), seed=4, confirm=True)
 print(bell)
-bell.plot(out / "plan-bell.png")
-bell.trajectory.save(out / "plan-bell.npz")
+bell.plot(out / "plan_bell.png")
+bell.trajectory.save(out / "plan_bell.npz")

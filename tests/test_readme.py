@@ -2,8 +2,8 @@
 
 The ``python`` blocks of a page run one after the other, as a reader would type them, in an empty
 folder. A ``yaml`` block that names a file in its first line (``# arm.yaml``, or for inputs
-``# lift.yaml for marionette_bar``) is that file; any other is a part that may be added to the first
-puppet file of the page.
+``# lift.yaml for marionette_bar``) is that file, a problem where it says so; any other is a part that
+may be added to the first puppet file of the page.
 """
 
 from __future__ import annotations
@@ -57,6 +57,9 @@ def test_the_files_of_a_page_are_read_and_run(page, folder):
         if title is None:
             assert first is not None
             puppet.loads(json.dumps(joined(first.model_dump(exclude_unset=True), block)))
+        elif re.search("^problem:", block, flags=re.MULTILINE):
+            (folder / title[1]).write_text(block, encoding="utf-8")
+            assert fan.solve(fan.load_problem(folder / title[1]), seed=0)
         elif title[2]:
             (folder / title[1]).write_text(block, encoding="utf-8")
             marionette = getattr(fan.puppets, title[2])()
@@ -97,7 +100,7 @@ def test_the_readmes_commands_run(folder):
         )
         assert done.returncode == 0, (command, done.stderr)
     made = {path.name for path in folder.iterdir()}
-    assert made == {"pendulum.yaml", "pendulum.npz", "pendulum.png"}
+    assert made == {"pendulum.yaml", "pendulum.npz", "pendulum.png", "plan.png"}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
