@@ -2,8 +2,8 @@
 
 The ``python`` blocks of a page run one after the other, as a reader would type them, in an empty
 folder. A ``yaml`` block that names a file in its first line (``# arm.yaml``, or for inputs
-``# lift.yaml for marionette_bar``) is that file, a problem where it says so; any other is a part that
-may be added to the first puppet file of the page.
+``# lift.yaml for marionette_bar``) is that file, a problem where it says so; any other is a part
+that may be added to the first puppet file of the page.
 """
 
 from __future__ import annotations
