@@ -140,7 +140,7 @@ def _limit(joint: mujoco.MjsJoint, limit: LimitRow, stiff: dict[str, Array]) -> 
     if limit.side not in ("lower", "upper"):
         raise ValueError(f"{limit.name}: only hinges are limited here")
     low, high = (
-        joint.range if joint.limited == mujoco.mjtLimited.mjLIMITED_TRUE else (-100.0, 100.0)
+        joint.range if joint.limited == mujoco.mjtLimited.mjLIMITED_TRUE else (-_FAR, _FAR)
     )
     joint.limited = mujoco.mjtLimited.mjLIMITED_TRUE
     joint.range = [limit.bound, high] if limit.side == "lower" else [low, limit.bound]
