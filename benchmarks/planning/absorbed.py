@@ -20,8 +20,9 @@ def chapter(seeds: int) -> tuple[Section, list[Mark]]:
     section = Section("Plans in MuJoCo, and feedback")
     section.parts += [
         f"{seeds} plans of `arm3d_boxes`, improved for half a second, are made again in MuJoCo "
-        "(RK4, steps of 1 ms): open loop, and with the regulator of `plan.feedback()`, asked once a segment. Then kicked: all joint velocities at the start "
-        "are changed, together by so much.",
+        "(RK4, steps of 1 ms): open loop, and with the regulator of `plan.feedback()`, asked once "
+        "a segment. Then kicked: all joint velocities at the start are changed, together by so "
+        "much.",
         Table(
             ["", "within the tolerance", "and touch nothing"],
             [[r.name, f"{r.within} of {r.runs}", f"{r.clear} of {r.runs}"] for r in rows],
