@@ -19,7 +19,7 @@ from fantoccini.plan.slopes import segment_slopes, taut
 @pytest.fixture(scope="module")
 def plan() -> PlanResult:
     """The same on every machine: no clock ends its search."""
-    return solve(fan.load_problem("arm3d_boxes"), seed=0).polish(1e-3, seconds=0.0)
+    return solve(fan.load_problem("arm3d_boxes"), seed=3).polish(1e-3, seconds=0.0)
 
 
 @pytest.fixture(scope="module")

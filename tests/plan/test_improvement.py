@@ -23,7 +23,7 @@ def test_plans_become_shorter(problem):
     search = Search(problem, seed=3)
     search.first(60.0)
     first = float(search.tree.time[search.best])
-    search.shorter(60.0, iterations=4000)
+    search.better(60.0, iterations=4000)
     times = [t for _, _, t in search.curve]
     assert times[0] == first and np.all(np.diff(times) < 0) and times[-1] < 0.95 * first
     found = fan.PlanResult.of(search)
@@ -41,7 +41,7 @@ def test_iterations_decide_what_is_found(problem):
         )
         search = Search(asked, seed=5)
         search.first(60.0)
-        search.shorter(60.0, iterations=1500)
+        search.better(60.0, iterations=1500)
         found.append(search)
     a, b = (fan.PlanResult.of(s) for s in found)
     assert a.path == b.path and np.array_equal(a.tree.q_D, b.tree.q_D)

@@ -19,7 +19,7 @@ from fantoccini.plan.search_tree import SearchTree
 if TYPE_CHECKING:
     from fantoccini.plan.result import PlanResult
 
-FORMAT = "fantoccini.plan.1"
+FORMAT = "fantoccini.plan.2"
 
 
 def save(plan: PlanResult, path: str | Path) -> None:
@@ -32,6 +32,7 @@ def save(plan: PlanResult, path: str | Path) -> None:
         "status": plan.status.name,
         "planner": search.planner_name,
         "confirm": search.confirm,
+        "objective": search.objective,
         "tried": plan.tried,
         "seconds": plan.seconds,
         "random": search.random_state,
@@ -72,7 +73,9 @@ def load(path: str | Path, problem: Problem, planner: Planner | None = None) -> 
             )
         nodes, curve = arrays.pop("path"), arrays.pop("curve")
         asked = planner or about["planner"] or "explore"
-        search = Search(problem, asked, confirm=bool(about["confirm"]))
+        search = Search(
+            problem, asked, confirm=bool(about["confirm"]), objective=about["objective"]
+        )
         tree, end = SearchTree.of(arrays, like=search.tree), int(nodes[-1])
         if not 0 <= end < len(tree) or tree.path(end) != nodes.tolist():
             raise ValueError("its path is none of its tree")

@@ -17,9 +17,6 @@ from fantoccini.plan.result import PlanResult
 from fantoccini.plan.search import Search
 from fantoccini.puppet import Obstacle
 
-_SHORTER = 0.35
-"""Part of the time for improvements in which new trees are grown; then a plan is polished."""
-
 _NEAR = 1e-3
 """Distance from the goal at which a plan that is polished ends."""
 
@@ -35,6 +32,7 @@ def plan(
     iterations: int | None = None,
     improve: float = 0.0,
     confirm: bool = False,
+    objective: str = "gentle",
     seed: int = 0,
     **options,
 ) -> PlanResult:
@@ -48,7 +46,7 @@ def plan(
 
     Args:
         marionette, start, goal, obstacles, options: see :class:`Problem`.
-        planner, time_limit, iterations, improve, confirm, seed: see :func:`solve`.
+        planner, time_limit, iterations, improve, confirm, objective, seed: see :func:`solve`.
 
     Returns:
         The plan; false unless it ends within the tolerance.
@@ -56,7 +54,7 @@ def plan(
     Raises:
         StateError, UnknownNameError, FileError: what is asked makes no sense, or a string is too
             short for the start.
-        ValueError: a number out of range, or an unknown planner.
+        ValueError: a number out of range, or an unknown planner or objective.
     """
     problem = Problem(marionette, start, goal, obstacles, **options)
     return solve(
@@ -66,6 +64,7 @@ def plan(
         iterations=iterations,
         improve=improve,
         confirm=confirm,
+        objective=objective,
         seed=seed,
     )
 
@@ -78,6 +77,7 @@ def solve(
     iterations: int | None = None,
     improve: float = 0.0,
     confirm: bool = False,
+    objective: str = "gentle",
     seed: int = 0,
 ) -> PlanResult:
     """Searches a problem for a plan.
@@ -87,14 +87,16 @@ def solve(
         planner: ``"explore"``, ``"est-2007"``, or one round of a planner.
         time_limit: after which the search for a first plan ends [s].
         iterations: motions after which it ends; no bound by default.
-        improve: how long to look for shorter plans, and to bring the end nearer to the goal, once
+        improve: how long to look for better plans, and to bring the end nearer to the goal, once
             there is one [s].
         confirm: whether a plan counts only if it arrives by the event-driven method too, which
             takes some milliseconds for every plan that is found.
+        objective: what better plans have less of: ``"time"``; ``"gentle"``, strings and limits that
+            are caught, and time; ``"effort"``, accelerations of the driven coordinates, and time.
         seed: of all random choices.
 
     Raises:
-        ValueError: a number out of range, or an unknown planner.
+        ValueError: a number out of range, or an unknown planner or objective.
     """
     if not 0.0 < time_limit < np.inf:
         raise ValueError(f"time_limit is {time_limit}; it must be finite and greater than 0")
@@ -102,13 +104,11 @@ def solve(
         raise ValueError(f"improve is {improve}; it must be a finite number of at least 0 [s]")
     if iterations is not None and iterations < 1:
         raise ValueError(f"iterations is {iterations}; it must be at least 1")
-    search = Search(problem, planner, seed, confirm)
+    search = Search(problem, planner, seed, confirm, objective)
     try:
         search.first(time_limit, iterations)
         if improve and search.arrived:
-            search.shorter(_SHORTER * improve)
-            if problem.goal.function is None:
-                search.polish(min(_NEAR, problem.motions.inner), (1.0 - _SHORTER) * improve)
+            search.improve(improve, min(_NEAR, problem.motions.inner))
     except KeyboardInterrupt:
         pass
     return PlanResult.of(search)

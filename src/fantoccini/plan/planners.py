@@ -106,7 +106,7 @@ class Explore:
         acceleration[:, : self.astray] = towards(
             wanted, tree.v_K[chosen], self.astray, duration, motions
         )
-        left = np.minimum((tree.bound - tree.time[chosen]) / duration, self.astray + led)
+        left = np.minimum((tree.bound - tree.cost[chosen]) / duration, self.astray + led)
         if not led:
             left = np.minimum(left, given)
         made = motions.sweep(
@@ -135,7 +135,7 @@ class Explore:
         early = (1.0 + tree.time) ** -self.haste
         weight = early / (count[cell] * (1.0 + tree.tried))
         if np.isfinite(tree.bound):
-            late = tree.time + time_to_go(tree.q_K, motions) > tree.bound
+            late = tree.cost + time_to_go(tree.q_K, motions) > tree.bound
             weight[late] = 0.0
             weight[0] = max(weight[0], 1e-300)
         return _drawn(weight, n, rng)

@@ -97,14 +97,14 @@ class PlanResult:
         return cls.of(archive.load(path, problem, planner))
 
     def grow(self, seconds: float = 1.0, iterations: int | None = None) -> PlanResult:
-        """Goes on with the search: for a plan, or a shorter one where there is one.
+        """Goes on with the search: for a plan, or a better one where there is one.
 
         Args:
             seconds: for so long.
             iterations: and with so many motions at most.
         """
         with contextlib.suppress(KeyboardInterrupt):
-            go_on = self.search.shorter if self.search.arrived else self.search.first
+            go_on = self.search.better if self.search.arrived else self.search.first
             go_on(seconds, iterations)
         return PlanResult.of(self.search)
 
@@ -119,11 +119,11 @@ class PlanResult:
         return f"<PlanResult {self.status.name}: {self.reason or found}>"
 
     def polish(self, distance: float = 1e-3, seconds: float = 0.5) -> PlanResult:
-        """The plan, ended nearer to the goal and made shorter where it can be.
+        """The plan, ended nearer to the goal, made shorter where it can be, and smooth.
 
         Args:
             distance: that is near enough.
-            seconds: how long to look for shorter plans.
+            seconds: how long to make it shorter.
 
         Returns:
             The plan as it is where none comes so near.

@@ -1,4 +1,4 @@
-"""A search: a first plan, then shorter ones."""
+"""A search: a first plan, then better ones."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.plan.check import checked
+from fantoccini.plan.objective import OBJECTIVES
 from fantoccini.plan.planners import EST2007, Explore, Planner
 from fantoccini.plan.polish import Polisher
 from fantoccini.plan.problem import Problem
@@ -21,19 +22,25 @@ _CONFIRMED = 1e-8
 """Tolerance of the event-driven runs by which plans are confirmed."""
 
 _LARGEST = 20_000
-"""Nodes of a tree that looks for a shorter plan, before another takes its place."""
+"""Nodes of a tree that looks for a better plan, before another takes its place."""
+
+_GROWN = 0.2
+"""Part of the time for improvements in which new trees are grown; then a plan is polished."""
+
+_AGAIN = 0.1
+"""Part in which they are grown on where a plan could not be polished."""
 
 
 class Search:
-    """A tree that grows until it holds a plan, and trees in which plans must be shorter.
+    """A tree that grows until it holds a plan, and trees in which plans must cost less.
 
-    Shorter plans are looked for as AO-x does (Hauser and Zhou 2016): a new tree begins at the start
-    whenever a plan was found, with its time as a bound; what cannot end before it is left out.
+    Better plans are looked for as AO-x does (Hauser and Zhou 2016): a new tree begins at the start
+    whenever a plan was found, with its cost as a bound; what cannot end below it is left out.
 
     Attributes:
         problem: what is planned.
         planner_name: empty where the planner has none.
-        confirm: see below.
+        confirm, objective: see below.
         tree: the one that holds the best plan; the only one as long as there is none.
         best: the node where that ends: the nearest to the goal as long as none is there.
         tried: motions that were tried.
@@ -47,9 +54,10 @@ class Search:
         planner: a name of ``PLANNERS``, or one round of a planner.
         seed: of all random choices.
         confirm: whether a plan counts only if it arrives by the event-driven method too.
+        objective: a name of ``OBJECTIVES``: what plans are to have little of.
 
     Raises:
-        ValueError: an unknown planner.
+        ValueError: an unknown planner or objective.
     """
 
     def __init__(
@@ -58,6 +66,7 @@ class Search:
         planner: str | Planner = "explore",
         seed: int = 0,
         confirm: bool = False,
+        objective: str = "gentle",
     ):
         self.planner_name = planner if isinstance(planner, str) else ""
         if isinstance(planner, str):
@@ -65,7 +74,11 @@ class Search:
                 names = ", ".join(PLANNERS)
                 raise ValueError(f"planner is {planner!r}; it must be one of {names}")
             planner = PLANNERS[planner]()
+        if objective not in OBJECTIVES:
+            names = ", ".join(OBJECTIVES)
+            raise ValueError(f"objective is {objective!r}; it must be one of {names}")
         self.problem, self.planner, self.confirm = problem, planner, confirm
+        self.objective = objective
         self.tree, self.best, self.tried, self.seconds = self._fresh(np.inf), 0, 0, 0.0
         self.late = False
         self.curve: list[tuple[float, int, float]] = []
@@ -104,16 +117,43 @@ class Search:
         """Looks for a first plan, for so long and with so many motions at most."""
         self._run(lambda: self.arrived, time_limit, iterations)
 
-    def shorter(self, time_limit: float, iterations: int | None = None) -> None:
-        """Looks for shorter plans, for so long and with so many motions."""
+    def better(self, time_limit: float, iterations: int | None = None) -> None:
+        """Looks for plans that cost less, for so long and with so many motions."""
         self._run(lambda: False, time_limit, iterations)
 
-    def polish(self, distance: float, seconds: float) -> bool:
-        """Brings the end of the best plan nearer to the goal, and makes it shorter where it can.
+    def improve(self, seconds: float, distance: float) -> None:
+        """Looks for better plans, and brings one to the goal.
+
+        Args:
+            seconds: for so long.
+            distance: from the goal that is near enough.
+        """
+        until = time.perf_counter() + seconds
+        self.better(_GROWN * seconds)
+        if self.problem.goal.function is not None:
+            return
+        polished: tuple[float, SearchTree, int] | None = None
+        tried = None
+        try:
+            while (left := until - time.perf_counter()) > 0.0:
+                if (self.tree, self.best) != tried and self.polish(distance, left, left):
+                    cost = float(self.tree.cost[self.best])
+                    if polished is None or cost < polished[0]:
+                        polished = cost, self.tree, self.best
+                tried = self.tree, self.best
+                # Another plan may become a shorter one.
+                self.better(min(until - time.perf_counter(), _AGAIN * seconds))
+        finally:
+            if polished is not None:
+                _, self.tree, self.best = polished
+
+    def polish(self, distance: float, seconds: float, limit: float = np.inf) -> bool:
+        """Brings the end of the best plan nearer to the goal, makes it shorter, and smooth.
 
         Args:
             distance: that is near enough.
-            seconds: how long to look for shorter plans.
+            seconds: how long to make it shorter.
+            limit: after which it is given up where none comes so near [s].
 
         Returns:
             Whether a plan came so near; it is the best then.
@@ -128,7 +168,9 @@ class Search:
         if len(path) == 1:
             return bool(self.tree.distance[self.best] <= distance)
         steps = self.tree.acceleration[path[1:]], self.tree.looks[path[1:]]
-        found = Polisher(self.problem)(*steps, distance, seconds)
+        found = Polisher(self.problem)(
+            *steps, distance, seconds, limit, shorter=self.objective != "effort"
+        )
         self.seconds += time.perf_counter() - began
         if found is None:
             return False
@@ -156,8 +198,8 @@ class Search:
         """One round of the planner; the search has gone on since ``before``."""
         motions, tree = self.problem.motions, self._growing
         if self.arrived and (tree is self.tree or len(tree) > _LARGEST):
-            # Shorter by a look at least.
-            bound = float(self.tree.time[self.best]) - 0.5 * motions.interval
+            # Better by a look at least.
+            bound = float(self.tree.cost[self.best]) - 0.5 * motions.interval
             tree = self._growing = self._fresh(bound)
         grown = self.planner(tree, motions, self._rng)
         self.tried += grown.motions
@@ -168,7 +210,7 @@ class Search:
         near = tree.distance[found] <= self.problem.tolerance
         if near and self.confirm and not self._arrives(tree, found):
             tree.distance[found] = np.inf  # it counts as one that is nowhere
-        if tree.distance[found] <= motions.inner and tree.time[found] <= tree.bound:
+        if tree.distance[found] <= motions.inner and tree.cost[found] <= tree.bound:
             self.tree, self.best = tree, found
             seconds = time.perf_counter() - before
             self.curve.append((seconds, self.tried, float(tree.time[found])))
@@ -185,13 +227,14 @@ class Search:
     def _fresh(self, bound: float) -> SearchTree:
         problem = self.problem
         n_vK = problem.marionette.coordinates.n_vK
-        return SearchTree(problem.root, problem.distance, n_vK, bound)
+        objective = OBJECTIVES[self.objective]
+        return SearchTree(problem.root, problem.distance, n_vK, bound, objective)
 
 
 def _best(tree: SearchTree, nodes: range, inner: float) -> int:
-    """Of nodes at the goal the earliest, otherwise the nearest."""
+    """Of nodes at the goal the one that costs least, otherwise the nearest."""
     distance = np.nan_to_num(tree.distance[nodes.start : nodes.stop], nan=np.inf)
     there = np.flatnonzero(distance <= inner)
     if len(there):
-        return nodes[int(there[np.argmin(tree.time[nodes.start + there])])]
+        return nodes[int(there[np.argmin(tree.cost[nodes.start + there])])]
     return nodes[int(np.argmin(distance))]

@@ -6,11 +6,14 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.plan.goals import Rows
+from fantoccini.plan.objective import TIME, Objective
 from fantoccini.runtime import STATE, Segments
 
 _FIRST = 1024
 
-_OF_NODES = ("acceleration", "parent", "looks", "time", "distance", "catches", "tried")
+_OF_NODES = (
+    "acceleration", "parent", "looks", "time", "cost", "distance", "catches", "tried",
+)  # fmt: skip
 """What is known of a node beside its state."""
 
 
@@ -19,28 +22,37 @@ class SearchTree:
 
     Attributes:
         n: nodes.
-        bound: time by which a plan is to end [s].
+        bound: of a plan's cost [s].
+        objective: what that is.
 
     Args:
         root: the start, rows (1,).
         distance: of the start from the goal.
         n_vK: driven velocities.
-        bound: see above.
+        bound, objective: see above.
     """
 
-    def __init__(self, root: Rows, distance: float, n_vK: int, bound: float = np.inf):
-        self.n, self.bound = 0, bound
+    def __init__(
+        self,
+        root: Rows,
+        distance: float,
+        n_vK: int,
+        bound: float = np.inf,
+        objective: Objective = TIME,
+    ):
+        self.n, self.bound, self.objective = 0, bound, objective
         self._arrays = {name: np.empty((_FIRST, getattr(root, name).shape[-1])) for name in STATE}
         self._arrays |= {
             "acceleration": np.empty((_FIRST, n_vK)),
             "parent": np.empty(_FIRST, dtype=np.int64),
             "looks": np.empty(_FIRST, dtype=np.int64),
             "time": np.empty(_FIRST),
+            "cost": np.empty(_FIRST),
             "distance": np.empty(_FIRST),
             "catches": np.empty(_FIRST, dtype=np.int64),
             "tried": np.empty(_FIRST, dtype=np.int64),
         }
-        self.add(root, np.array([-1]), np.zeros((1, n_vK)), np.array([0]), 0.0, distance, 0)
+        self.add(root, np.array([-1]), np.zeros((1, n_vK)), np.array([0]), 0.0, 0.0, distance, 0)
 
     @classmethod
     def of(cls, arrays: dict[str, Array], like: SearchTree, bound: float = np.inf) -> SearchTree:
@@ -56,6 +68,7 @@ class SearchTree:
         """
         made = cls.__new__(cls)
         made.n, made.bound = len(arrays["parent"]), bound
+        made.objective = like.objective
         made._arrays = {name: arrays[name] for name in (*STATE, *_OF_NODES)}
         for name, a in made._arrays.items():
             known = like.arrays[name]
@@ -96,6 +109,7 @@ class SearchTree:
         acceleration: Array,
         looks: Array,
         time: Array | float,
+        cost: Array | float,
         distance: Array | float,
         catches: Array | int,
     ) -> range:
@@ -107,6 +121,7 @@ class SearchTree:
             acceleration: (k, n_vK) of the driven coordinates on the way.
             looks: (k,) how long, in intervals.
             time: (k,) since the start [s].
+            cost: (k,) since the start [s].
             distance: (k,) from the goal.
             catches: (k,) of strings and limits on the way.
 
@@ -125,7 +140,7 @@ class SearchTree:
         arrays["parent"][new], arrays["acceleration"][new] = parent, acceleration
         arrays["looks"][new], arrays["distance"][new] = looks, distance
         arrays["catches"][new], arrays["tried"][new] = catches, 0
-        arrays["time"][new] = time
+        arrays["time"][new], arrays["cost"][new] = time, cost
         self.n += k
         return range(new.start, new.stop)
 
@@ -144,9 +159,12 @@ class SearchTree:
         number = self.n + np.cumsum(there).reshape(there.shape) - 1
         parent = np.concatenate([chosen[:, None], number[:, :-1]], axis=1)
         time = self.time[chosen, None] + interval * np.cumsum(made.looks, axis=1)
+        cost = np.cumsum(self.objective.of_segments(made, interval), axis=1)
+        cost += self.cost[chosen, None]
         return self.add(
             Rows(*(a[there] for a in made.states.values())), parent[there], made.acc_K[there],
-            made.looks[there], time[there], made.distance[there], made.catches[there],
+            made.looks[there], time[there], cost[there], made.distance[there],
+            made.catches[there],
         )  # fmt: skip
 
     def path(self, node: int) -> list[int]:
