@@ -36,10 +36,10 @@ ORDER = (
     "sweep",
     "demo",  # the bundled performance: inputs for a bundled puppet
     "optimise",
+    "exchange",  # plans are verified in what it makes of a puppet
     "plan",
     "choreograph",
     "stand",
-    "exchange",
     "view",
     "cli",
 )
@@ -63,6 +63,7 @@ ONLY_IN = {
     "ctypes": {"runtime"},
     "cffi": {"runtime"},
     "ray": {"sweep"},
+    "mujoco": {"exchange"},
 }
 """Libraries and the modules that may use them."""
 

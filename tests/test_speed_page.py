@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 import pytest
-from benchmarks.speed import accuracy, batches, exported, peers, pipeline, real_time, steps, subject
+from benchmarks.speed import accuracy, batches, peers, pipeline, real_time, steps, subject
 from benchmarks.speed.figures import Chapter, Goal, Samples, goals_table, in_turns, times
 from benchmarks.speed.mujoco_peer import MuJoCo, PeerError
 from benchmarks.strings import ROOT
@@ -95,7 +95,7 @@ def test_the_peers_puppet_is_ours():
     still = Model.of(subject.still_air())
     peer = MuJoCo.start(sys.executable)
     try:
-        peer.load(exported.mjcf(subject.still_tree(), []))
+        peer.load(peers.text(strung=False))
         for seed in range(3):
             state = still.random(seed, moving_inputs=False)
             x = State(state.q_D, state.v_D, np.array(still.table.start_K), state.v_K, state.acc_K)

@@ -14,15 +14,18 @@ from dataclasses import dataclass
 import numpy as np
 
 import fantoccini as fan
+from fantoccini.arrays import Array
 from fantoccini.errors import Status
+from fantoccini.exchange import MuJoCoPuppet
 from fantoccini.motion import State
 from fantoccini.plan import Problem, solve
 from fantoccini.plan.feedback import Feedback, Followed
 
-from .mujoco_peer import Peer
-
 KICKS = (0.25, 0.5, 1.0, 2.0, 4.0)
 """Sizes of changes of all joint velocities at the start, together [rad/s]."""
+
+STEP = 0.001
+"""Of MuJoCo [s]."""
 
 OF_EACH = 2
 """Kicks of one size for a plan."""
@@ -103,13 +106,37 @@ def kicked(problem: Problem, size: float, random: np.random.Generator) -> State:
 def follow(law: Feedback, x0: State, closed: bool) -> Followed:
     """A plan in MuJoCo, from look to look; the law is asked once a segment."""
     problem, interval = law.plan.problem, law.plan.motions.interval
-    peer, states, asked = Peer(problem.marionette, x0), [x0], []
+    puppet, states, asked = MuJoCoPuppet(problem.marionette, STEP), [x0], []
+    puppet.put(x0.q_D, x0.v_D)
     for k, looks in enumerate(law.looks):
-        asked.append(law.acceleration(k, peer.x) if closed else law.planned[k])
-        states += [peer.advance(interval, asked[-1]) for _ in range(looks)]
-    whole = np.all(np.isfinite(np.concatenate([peer.x.q_D, peer.x.v_D])))
+        asked.append(law.acceleration(k, states[-1]) if closed else law.planned[k])
+        for _ in range(looks):
+            states.append(advanced(puppet, states[-1], interval, asked[-1]))
+    whole = np.all(np.isfinite(np.concatenate([states[-1].q_D, states[-1].v_D])))
     status = Status.DONE if whole else Status.NOT_FINITE
     return Followed.of(problem, states, np.array(asked), status)
+
+
+def advanced(puppet: MuJoCoPuppet, x: State, duration: float, acc_K: Array) -> State:
+    """Where a puppet is that goes on with constant accelerations of its driven coordinates.
+
+    Args:
+        puppet: stands as in ``x``.
+        x: where it is.
+        duration: a multiple of the step [s].
+        acc_K: (n_vK,) [m/s^2].
+    """
+    puppet.drive(x.q_K, x.v_K, acc_K)
+    for _ in range(round(duration / STEP)):
+        puppet.evaluate()
+        puppet.step()
+    return x.replace(
+        t=x.t + duration,
+        q_D=puppet.data.qpos[puppet.q_D],
+        v_D=puppet.data.qvel[puppet.v_D],
+        q_K=x.q_K + duration * (x.v_K + 0.5 * duration * acc_K),
+        v_K=x.v_K + duration * acc_K,
+    )
 
 
 def main() -> None:

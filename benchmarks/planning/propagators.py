@@ -8,23 +8,14 @@ from __future__ import annotations
 import ctypes
 from itertools import pairwise
 
-import mujoco
 import numpy as np
 
 from fantoccini.arrays import Array
+from fantoccini.exchange import MuJoCoPuppet
 from fantoccini.plan import Problem, Rows
 from fantoccini.runtime import Sweeper, Terms
 from fantoccini.runtime.clearance import ClearanceArrays
 from fantoccini.runtime.functions import pointer
-from fantoccini.tree import Role
-
-from ..speed.exported import Anchored, mjcf, strings
-
-HEAVY = 1e6
-"""Mass of a driven coordinate in MuJoCo [kg]: what pulls at it hardly moves it."""
-
-SPOOL = 10.0
-"""Longest string in MuJoCo [m]."""
 
 SLACK = 1e-3
 """By how much a string of MuJoCo is too long where it counts as slack [m]."""
@@ -98,59 +89,39 @@ class Own(Sweeper):
 
 
 class MuJoCo:
-    """The same puppet in MuJoCo: driven coordinates are heavy slides, a string is a tendon.
+    """The same puppet in MuJoCo, by Euler's method with steps as long as ours.
 
-    The tendon of a string goes on behind a pulley, to a slide that stands for its length: so MuJoCo
-    knows how fast it is wound. Limits are as stiff as its safeguard allows: two steps. Where it
-    goes astray it is not reset, as it would be: states that are not finite are not clear.
+    Where it goes astray it is not reset, as it would be: states that are not finite are not clear.
     """
 
     def __init__(self, problem: Problem, layout: Layout):
-        self.motions, self.parts, marionette = problem.motions, layout.parts, problem.marionette
-        tree, q_K = marionette.tree, marionette.coordinates.q_K
-        spec = mujoco.MjSpec.from_string(mjcf(tree, []))
-        spec.option.timestep = self.motions.dt
-        spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-        stiff = [2.0 * self.motions.dt, 1.0], [0.9999, 0.9999, 0.001, 0.5, 2.0]
-        for row in tree.limits:
-            joint = spec.joint(tree.links[row.link].joint)
-            joint.limited = mujoco.mjtLimited.mjLIMITED_TRUE
-            joint.range[int(row.side == "upper")] = marionette.number(row.bound)
-            joint.solref_limit, joint.solimp_limit = stiff
-        for s in strings(marionette, problem.start):
-            spec.body(s.body).add_site(name=s.name, pos=s.at)
-            _slides(spec, s, q_K)
-            line = spec.add_tendon(name=s.name, limited=True, range=[0.0, SPOOL])
-            line.solref_limit, line.solimp_limit = stiff
-            line.wrap_site(s.name + ".end")
-            line.wrap_site(s.name)
-            line.wrap_pulley(1.0)
-            line.wrap_site(s.name + ".spool")
-            line.wrap_site(s.name + ".wound")
-        self.model = model = spec.compile()
-        self.data = d = mujoco.MjData(model)
-        self._views = d.qpos, d.qvel, d.qfrc_applied, d.qacc_warmstart, d.ten_length
-        names = *(k.joint for k in tree.links if k.role is Role.DYNAMIC), *q_K
-        self.q = _places(model, model.jnt_qposadr, model.nq, names)
-        self.v = _places(model, model.jnt_dofadr, model.nv, names)
+        self.motions, self.parts = problem.motions, layout.parts
+        self.puppet = puppet = MuJoCoPuppet(problem.marionette, self.motions.dt)
+        if puppet.twists:
+            raise ValueError("limits of twists must be led anew at every step; here is no time")
+        mujoco, option = puppet.mujoco, puppet.model.opt
+        option.integrator = mujoco.mjtIntegrator.mjINT_EULER
+        option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         mujoco.set_mju_user_warning(lambda text: None)
+        self._step = mujoco.mj_step
+        self._slack = puppet.model.tendon_range[puppet.strings, 1] - SLACK
+        self._warm, self._lengths = puppet.data.qacc_warmstart, puppet.data.ten_length
+        self._qpos, self._qvel = puppet.data.qpos, puppet.data.qvel
         self._clearance = _OneClearance(problem)
 
     def after(self, row: Array, acc_K: Array) -> Array:
         """(n,) one look later, nan where a string went slack that must not; acc_K (n_vK,)
         [m/s^2]."""
-        (qpos, qvel, force, warm, lengths), motions = self._views, self.motions
+        puppet, motions, t = self.puppet, self.motions, self.motions.interval
         q_D, v_D, q_K, v_K = (row[part] for part in self.parts)
-        n, m, t = len(q_D), len(v_D), motions.interval
-        qpos[self.q[:n]], qpos[self.q[n:]] = q_D, q_K
+        puppet.put(q_D, v_D)
         # An Euler step takes its last velocity for the whole of it: that in its middle is exact.
-        qvel[self.v[:m]], qvel[self.v[m:]] = v_D, v_K - 0.5 * motions.dt * acc_K
-        force[self.v[m:]] = HEAVY * acc_K
-        warm[:] = 0.0
-        mujoco.mj_step(self.model, self.data, motions.look)
-        if not motions.slack and lengths.min() < SPOOL - SLACK:
+        puppet.drive(q_K, v_K - 0.5 * motions.dt * acc_K, acc_K)
+        self._warm[:] = 0.0
+        self._step(puppet.model, puppet.data, motions.look)
+        if not motions.slack and (self._lengths[puppet.strings] < self._slack).any():
             return np.full(len(row), np.nan)
-        there = qpos[self.q[:n]], qvel[self.v[:m]]
+        there = self._qpos[puppet.q_D], self._qvel[puppet.v_D]
         return np.concatenate([*there, q_K + t * (v_K + 0.5 * t * acc_K), v_K + t * acc_K])
 
     def clear(self, row: Array) -> bool:
@@ -185,33 +156,6 @@ class _OneClearance:
         if self._call(*self._arguments):
             raise MemoryError("no memory for clearances")
         return float(self._found[0])
-
-
-def _slides(spec: mujoco.MjSpec, string: Anchored, driven: tuple[str, ...]) -> None:
-    """A string's end, on slides where it is driven, and its spool, ``SPOOL`` less its length."""
-    axes = [(f"{string.name}.{axis}", k) for k, axis in enumerate("xyz")]
-    moved = [(name, k) for name, k in axes if name in driven]
-    place = np.array(string.world)
-    place[[k for _, k in moved]] = 0.0
-    end = spec.worldbody.add_body(pos=place)
-    end.add_site(name=f"{string.name}.end")
-    for name, k in moved:
-        end.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=np.eye(3)[k])
-    spec.worldbody.add_site(name=f"{string.name}.spool")
-    winch = spec.worldbody.add_body(pos=[SPOOL, 0.0, 0.0])
-    winch.add_site(name=f"{string.name}.wound")
-    winch.add_joint(
-        name=f"{string.name}.length", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[-1.0, 0.0, 0.0]
-    )
-    for body in (end, winch):
-        body.explicitinertial, body.mass, body.inertia = True, HEAVY, np.full(3, HEAVY)
-
-
-def _places(model: mujoco.MjModel, first: Array, n: int, names: tuple[str, ...]) -> Array:
-    """Places of joints in qpos or qvel, whose joints begin at ``first`` and that has n entries."""
-    ends = np.append(first, n)
-    which = [model.joint(name).id for name in names]
-    return np.concatenate([np.arange(ends[j], ends[j + 1]) for j in which])
 
 
 PROPAGATORS: dict[str, type] = {"own": Own, "mujoco": MuJoCo}

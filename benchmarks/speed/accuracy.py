@@ -17,13 +17,14 @@ import numpy as np
 
 import fantoccini as fan
 from fantoccini.arrays import Array
+from fantoccini.exchange import mjcf
 from fantoccini.motion import State
 from harness import start
 from oracles import arm2d_events
 
 from ..strings.report import Section, Table, number
 from ..strings.scenarios import ARM, FALL, arm
-from . import exported
+from . import by_joint
 from .figures import Chapter, Goal, Samples, in_turns, shown, times
 from .mujoco_peer import MuJoCo, PeerError
 from .peers import Peers
@@ -132,14 +133,14 @@ class Problem:
         if damping is not None:
             settings["solref"] = [2.0 * dt, damping]
             settings["solimp"] = [0.9999, 0.9999, 0.001, 0.5, 2.0]
-        joints = exported.joints(arm().tree, self.x0.q_D, self.x0.v_D)
+        joints = by_joint.joints(arm().tree, self.x0.q_D, self.x0.v_D)
         q, v = ({n: getattr(j, part) for n, j in joints.items()} for part in "qv")
         steps = round(SECONDS / dt)
         try:
             found = peer.ask("step", model=MODEL, settings=settings, q=q, v=v, steps=steps)
         except PeerError:
             return Run(integrator, damping, dt, math.inf, math.inf)
-        end = [exported.packed(arm().tree, found[part]) for part in "qv"]
+        end = [by_joint.packed(arm().tree, found[part]) for part in "qv"]
         return Run(integrator, damping, dt, found["seconds"] * steps, self.error(*end))
 
 
@@ -183,8 +184,7 @@ def chapter(peers: Peers, turns: int, budget: float) -> Chapter:
     reached = False
     least: Samples | str = peers.no_mujoco
     for peer in peers.mujoco.values():
-        tree, hung = arm().tree, exported.strings(arm(), problem.x0)
-        peer.load(exported.mjcf(tree, hung), MODEL)
+        peer.load(mjcf(arm(), problem.x0.q_K), MODEL)
         tried = sweep(functools.partial(problem.theirs, peer), budget)
         best = chosen(tried)
         reached = reached or best.error <= GOAL

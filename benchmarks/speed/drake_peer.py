@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from fantoccini.arrays import Array
 
-from .exported import Anchored, joints, packed
+from .by_joint import Anchored, joints, packed
 from .mujoco_peer import PeerError
 from .subject import DT, still_tree
 

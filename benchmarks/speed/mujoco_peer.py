@@ -11,7 +11,7 @@ from pathlib import Path
 
 from fantoccini.arrays import Array
 
-from .exported import Joint, joints, packed
+from .by_joint import Joint, joints, packed
 from .subject import DT, still_tree
 
 WORKER = Path(__file__).with_name("mujoco_worker.py")

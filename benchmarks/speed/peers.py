@@ -11,16 +11,17 @@ from pathlib import Path
 import numpy as np
 
 import fantoccini as fan
+from fantoccini.exchange import mjcf
 from fantoccini.motion import State
 
 from ..strings import ROOT
 from ..strings.report import Section, Table, number
-from . import exported
+from .by_joint import strings
 from .drake_peer import Drake
 from .figures import Chapter
 from .mujoco_peer import MuJoCo, PeerError
 from .pinocchio_peer import Pinocchio
-from .subject import DT, KNEES, hanging, marionette, still_air, still_tree, swinging
+from .subject import DT, KNEES, hanging, marionette, still_air, swinging
 
 OLDER = ROOT / ".venv-mujoco317" / "bin" / "python"
 """Where ``make bench`` puts the older MuJoCo."""
@@ -75,8 +76,8 @@ def gather(older: Path) -> Peers:
     Args:
         older: interpreter that has the older MuJoCo.
     """
-    peers, hung = Peers(), exported.strings(marionette(), hanging())
-    whole, bare = (exported.mjcf(still_tree(), strings) for strings in (hung, []))
+    peers, hung = Peers(), strings(marionette(), hanging())
+    whole, bare = text(strung=True), text(strung=False)
 
     def admit(name: str, start: Callable[[], object], rest: Callable | None = None):
         try:
@@ -126,6 +127,16 @@ def chapter(peers: Peers) -> Chapter:
         "half a second [m]."
     )
     return Chapter(Section("1. The same puppet", [text, proof, Table(header, rows)]))
+
+
+def text(strung: bool) -> str:
+    """MJCF of the puppet that the peers are given, whose strings' ends stand still.
+
+    Args:
+        strung: whether it has its strings.
+    """
+    puppet = still_air() if strung else still_air().model_copy(update={"strings": ()})
+    return mjcf(fan.Marionette(puppet), hanging().q_K)
 
 
 def _mujoco(python: str, text: str) -> MuJoCo:

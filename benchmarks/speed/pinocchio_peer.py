@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from fantoccini.arrays import Array
 
-from .exported import joints, packed
+from .by_joint import joints, packed
 from .mujoco_peer import PeerError
 from .subject import still_tree
 
@@ -79,7 +79,7 @@ class Pinocchio:
         for name, joint in joints(still_tree(), q_D, v_D).items():
             at_q, at_v = self._places(name)
             rate = np.array(joint.v)
-            if joint.kind == "revolute":
+            if joint.kind == "hinge":
                 q[at_q] = joint.q
             else:
                 w, *xyz = joint.q[-4:]

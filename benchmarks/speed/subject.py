@@ -55,15 +55,14 @@ def swinging(seed: int = 0) -> State:
 
 @functools.cache
 def still_air() -> Puppet:
-    """The puppet without what no peer has in the same form: the costume's drag, the neck's spring.
+    """The puppet without what not all peers have in the same form: drag, the neck's spring, limits.
 
     It is what the peers are given. What is timed of ours is the whole puppet.
     """
     puppet = marionette().puppet.expanded()
+    spared = dict.fromkeys(("spring", "limits", "cone", "twist"))
     bodies = [
-        body.model_copy(
-            update={"drag": None, "joint": body.joint.model_copy(update={"spring": None})}
-        )
+        body.model_copy(update={"drag": None, "joint": body.joint.model_copy(update=spared)})
         for body in puppet.bodies
     ]
     return puppet.model_copy(update={"bodies": type(puppet.bodies)(bodies)})

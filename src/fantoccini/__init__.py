@@ -11,8 +11,10 @@ run = fan.simulate(arm, x0, lift, t_end=3.0)
 from fantoccini import puppets
 from fantoccini.errors import (
     BuildError,
+    ExchangeError,
     FantocciniError,
     InputError,
+    MissingLibraryError,
     PuppetError,
     SimulationError,
     StateError,
@@ -68,6 +70,7 @@ __all__ = [
     "Columns",
     "Event",
     "EventKind",
+    "ExchangeError",
     "FantocciniError",
     "Flow",
     "Goal",
@@ -77,6 +80,7 @@ __all__ = [
     "Inputs",
     "Linearisation",
     "Marionette",
+    "MissingLibraryError",
     "Mode",
     "Modes",
     "Partials",

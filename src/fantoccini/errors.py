@@ -58,6 +58,25 @@ class InputError(FileError):
     """An inputs file, or inputs built in Python, cannot drive this puppet."""
 
 
+class ExchangeError(FileError):
+    """A puppet has what another program's models cannot have."""
+
+
+class MissingLibraryError(FantocciniError, ImportError):
+    """A library that is needed for one thing only, and is not installed.
+
+    Args:
+        what: needs it.
+        library: its name.
+        extra: of the package, that brings it.
+    """
+
+    def __init__(self, what: str, library: str, extra: str):
+        super().__init__(
+            f"{what} needs {library}, which is not installed: pip install 'fantoccini[{extra}]'"
+        )
+
+
 class UnknownNameError(FantocciniError, KeyError):
     """A name that nothing in the puppet carries.
 

@@ -50,7 +50,7 @@ class Trajectory:
         status: how the run ended.
         blamed: strings and limits that no motion satisfies together, or that pull beyond the cap,
             where the status says so.
-        method: event, timestepping or variational.
+        method: event, timestepping or variational; mujoco where that made it.
         coordinates: names and places of the coordinates.
         puppet: what moved (None when unknown).
         effort: by driven velocity, the force that drives it [N or N m]; None when not computed.

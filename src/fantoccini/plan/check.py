@@ -13,6 +13,9 @@ from fantoccini.plan.problem import Problem
 from fantoccini.plan.search_tree import SearchTree
 from fantoccini.simulate import simulate
 
+BACKENDS = {"fantoccini": 0.5, "mujoco": 0.25}
+"""What plans can be made again in, and the step there by default, as part of the planner's."""
+
 
 @dataclass(frozen=True)
 class Check:
@@ -51,17 +54,29 @@ def inputs_along(problem: Problem, tree: SearchTree, path: Sequence[int]) -> Inp
     return Input.segments(problem.marionette, times, start.q_K, start.v_K, acceleration)
 
 
-def run_along(problem: Problem, tree: SearchTree, path: Sequence[int], **options) -> Trajectory:
+def run_along(
+    problem: Problem,
+    tree: SearchTree,
+    path: Sequence[int],
+    backend: str = "fantoccini",
+    **options,
+) -> Trajectory:
     """What a plan does.
 
     Args:
         problem, tree, path: see :func:`inputs_along`.
-        options: of :func:`fantoccini.simulate`, with ``method``.
+        backend: one of ``BACKENDS``.
+        options: of :func:`fantoccini.simulate`, with ``method``; of MuJoCo, ``dt``.
     """
     start, motions = problem.start, problem.motions
     nodes = start.t + tree.time[list(path)]
     # A plan of one node has nothing to run; it stands for one step.
     end = max(float(nodes[-1]), start.t + motions.dt)
+    if backend == "mujoco":
+        from fantoccini.exchange import mujoco_run
+
+        inputs = inputs_along(problem, tree, path)
+        return mujoco_run(problem.marionette, start, inputs, end, **options)
     if options["method"] == "event":
         # The nodes, and looks from start to end.
         looks = np.arange(start.t, end, motions.interval)
@@ -74,15 +89,23 @@ def checked(
     problem: Problem,
     tree: SearchTree,
     path: Sequence[int],
-    dt_factor: float = 0.5,
+    dt_factor: float | None = None,
     method: str = "timestepping",
+    backend: str = "fantoccini",
     **options,
 ) -> Check:
     """Simulates a plan anew; see :meth:`PlanResult.verify`."""
     motions, path = problem.motions, list(path)
+    if backend not in BACKENDS:
+        raise ValueError(f"backend is {backend!r}; it must be {' or '.join(map(repr, BACKENDS))}")
+    dt_factor = BACKENDS[backend] if dt_factor is None else dt_factor
+    if backend == "mujoco":
+        _check_mujoco(dt_factor, method, options)
+    else:
+        options["method"] = method
     if method == "timestepping":
         options["dt"] = motions.dt * dt_factor
-    run = run_along(problem, tree, path, method=method, **options)
+    run = run_along(problem, tree, path, backend, **options)
     distance = float(problem.goal.distance(Rows.of(run.state(-1)))[0])
     clearance = float(np.min(motions.clearance.of(run)))
     times = problem.start.t + tree.time[path]
@@ -91,3 +114,16 @@ def checked(
     reached = run.t[-1] >= times[-1] - 1e-9
     arrives = reached and distance <= problem.tolerance and clearance >= 0.0
     return Check(bool(arrives), distance, clearance, gap, run)
+
+
+def _check_mujoco(dt_factor: float, method: str, options: dict) -> None:
+    """Raises ValueError for what does not go with MuJoCo."""
+    if method != "timestepping":
+        raise ValueError(
+            f"backend='mujoco' steps through time: method must be 'timestepping', not {method!r}"
+        )
+    if options:
+        given = ", ".join(options)
+        raise ValueError(f"backend='mujoco' takes dt_factor and nothing else; found {given}")
+    if not 0.0 < dt_factor < np.inf:
+        raise ValueError(f"dt_factor is {dt_factor}; it must be finite and greater than 0")

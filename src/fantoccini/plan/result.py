@@ -7,6 +7,7 @@ import enum
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -246,12 +247,27 @@ class PlanResult:
                 return False
         return True
 
-    def verify(self, dt_factor: float = 0.5, method: str = "timestepping", **options) -> Check:
+    def verify(
+        self,
+        dt_factor: float | None = None,
+        method: Literal["timestepping", "event"] = "timestepping",
+        backend: Literal["fantoccini", "mujoco"] = "fantoccini",
+        **options,
+    ) -> Check:
         """Simulates the plan anew, from its start and inputs alone.
 
         Args:
-            dt_factor: step, as part of the planner's (time-stepping).
+            dt_factor: step, as part of the planner's: half of it by default, and in MuJoCo a
+                quarter, since its strings give the more the longer it is. None of ``event``.
             method: ``"timestepping"`` or ``"event"``.
-            options: more of :func:`fantoccini.simulate`, as ``rtol``.
+            backend: ``"fantoccini"``, or ``"mujoco"`` (extra ``mujoco``): another program's
+                equations and strings.
+            options: more of :func:`fantoccini.simulate`, as ``rtol``; of fantoccini only.
+
+        Raises:
+            ExchangeError: MuJoCo cannot do what the puppet has: slipping winches, restitution,
+                quadratic drag.
+            MissingLibraryError: MuJoCo is not installed.
+            ValueError: an unknown backend, or what does not go with it.
         """
-        return checked(self.problem, self.tree, self.path, dt_factor, method, **options)
+        return checked(self.problem, self.tree, self.path, dt_factor, method, backend, **options)

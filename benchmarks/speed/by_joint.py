@@ -1,0 +1,78 @@
+"""States joint by joint, as MuJoCo, Pinocchio and Drake take them, and strings for Drake."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.exchange import all_joints
+from fantoccini.marionette import Marionette
+from fantoccini.motion import State
+from fantoccini.tree import Role, Tree
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint's coordinates at a state.
+
+    Attributes:
+        kind: free, ball, hinge or slide.
+        q: position, then quaternion (w, x, y, z); or an angle [m], [rad].
+        v: velocity of the origin in the world, then angular velocity in the body's axes; or a rate.
+    """
+
+    kind: str
+    q: tuple[float, ...]
+    v: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Anchored:
+    """A string between a point of a body and a place in the world.
+
+    Attributes:
+        name: the string's.
+        body: the body's name.
+        at: (3,) place in the body's frame [m].
+        world: (3,) where its upper end stands [m].
+        length: [m].
+    """
+
+    name: str
+    body: str
+    at: tuple[float, ...]
+    world: tuple[float, ...]
+    length: float
+
+
+def joints(tree: Tree, q_D: Array, v_D: Array) -> dict[str, Joint]:
+    """The dynamic joints by name."""
+    return {
+        j.name: Joint(j.kind, tuple(map(float, q_D[j.q])), tuple(map(float, v_D[j.v])))
+        for j in all_joints(tree)
+        if j.role is Role.DYNAMIC
+    }
+
+
+def packed(tree: Tree, rates: dict[str, list[float]]) -> Array:
+    """(n_vD,) velocities or accelerations from those of the joints."""
+    out = np.zeros(tree.coordinates.n_vD)
+    for joint in all_joints(tree):
+        if joint.role is Role.DYNAMIC:
+            out[joint.v] = rates[joint.name]
+    return out
+
+
+def strings(marionette: Marionette, x: State) -> list[Anchored]:
+    """All strings of a puppet, each from one body to one place that does not move."""
+    found = []
+    places = marionette.string_points(x.q_D, x.q_K)
+    lengths = marionette.string_lengths(x.q_K)
+    for row, points, length in zip(marionette.tree.strings, places, lengths, strict=True):
+        first, _ = row.points
+        link, at = marionette.tree.links[first.link], tuple(map(marionette.number, first.at))
+        end = tuple(map(float, points[-1]))
+        found.append(Anchored(row.name, link.name, at, end, float(length)))
+    return found

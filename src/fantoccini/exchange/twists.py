@@ -1,0 +1,79 @@
+"""Limits of twists in MuJoCo, as cords that are led anew before every step.
+
+MuJoCo limits what a ball joint turns by in all, never the part about an axis. But a tendon between
+two points a unit from the joint's centre, a right angle apart about the axis g, lengthens by
+sqrt(1/2) g.w. With g along J, where hdot = J w, and a range that leaves sqrt(1/2) h/|J|, it limits
+what the twist's row limits, to first order in the angle of a step.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.motion import rotation
+from fantoccini.tree import Tree
+
+_LENGTH, _RATE = np.sqrt(2.0), np.sqrt(0.5)
+"""Of a cord: its length, and what it lengthens by a radian."""
+
+
+class Twists:
+    """The cords of a puppet's twists. False where it has none.
+
+    Attributes:
+        places: (n,) among the limits.
+        tendons: (n,) of MuJoCo.
+        scale: (n,) length of a tendon by the limit's h, as the cords lie.
+
+    Args:
+        model: MuJoCo's.
+        tree: of the puppet.
+    """
+
+    def __init__(self, model: Any, tree: Tree):
+        found = [i for i, limit in enumerate(tree.limits) if limit.side.startswith("twist")]
+        limits = [tree.limits[i] for i in found]
+        self.places, self._model = np.array(found, dtype=int), model
+        self.tendons = np.array([model.tendon(limit.name).id for limit in limits], dtype=int)
+        joints = [model.joint(tree.links[limit.link].joint).id for limit in limits]
+        joints = np.array(joints, dtype=int)
+        self._q = model.jnt_qposadr[joints][:, None] + np.arange(4)
+        # Where a body stands on its parent, but for what its joint turns.
+        bodies = model.jnt_bodyid[joints]
+        self._centre, self._frame = model.body_pos[bodies].copy(), model.body_quat[bodies].copy()
+        sites = [model.site(f"{limit.name}.{end}").id for limit in limits for end in (0, 1)]
+        self._sites = np.array(sites, dtype=int).reshape(-1, 2)
+        self._b = np.array([limit.b for limit in limits]).reshape(-1, 3)
+        self._bound = np.array([limit.bound for limit in limits])
+        self._sign = np.array([-1.0 if limit.side == "twist.lower" else 1.0 for limit in limits])
+        self.scale = np.ones(len(found))
+
+    def __bool__(self) -> bool:
+        return len(self.places) > 0
+
+    def lead(self, qpos: Array) -> None:
+        """Leads the cords for a configuration (n_q,) of MuJoCo's."""
+        q, b = qpos[self._q], self._b
+        s, v = q[:, :1], q[:, 1:]
+        x = np.sum(v * b, axis=1, keepdims=True)
+        twist = 2.0 * np.arctan2(np.where(s < 0.0, -x, x), np.abs(s))[:, 0]
+        h = self._sign * (twist - self._bound)
+        J = self._sign[:, None] * (s * (s * b + np.cross(b, v)) + x * v) / (s * s + x * x)
+        size = np.linalg.norm(J, axis=1)
+        self.scale = _RATE / size
+        g = J / size[:, None]
+        begin, end = cord(g)
+        turned = rotation.matrix(rotation.multiply(self._frame, q)) @ begin[..., None]
+        self._model.site_pos[self._sites[:, 0]] = self._centre + turned[..., 0]
+        self._model.site_pos[self._sites[:, 1]] = end
+        self._model.tendon_range[self.tendons, 1] = _LENGTH - self.scale * h
+
+
+def cord(g: Array) -> tuple[Array, Array]:
+    """Unit vectors (..., 3), the second a right angle on from the first about g (..., 3)."""
+    end = np.cross(g, np.eye(3)[np.argmin(np.abs(g), axis=-1)])
+    end /= np.linalg.norm(end, axis=-1, keepdims=True)
+    return np.cross(end, g), end
