@@ -71,12 +71,14 @@ class MuJoCoPuppet:
         self.q_K, self.v_K = self._places(marionette, Role.DRIVEN)
         self._heavy = m.dof_armature[self.v_K].copy()
         self.strings = np.array([m.tendon(s.name).id for s in tree.strings], dtype=int)
-        self._wires = [i for i, s in enumerate(tree.strings) if s.wire]
-        for k, i in enumerate(self._wires):
-            string, own = tree.strings[i], m.tendon_length0[self.strings[i]]
-            length = SPOOL if string.length is None else marionette.number(string.length)
+        for k, tendon in enumerate(m.eq_obj1id):
+            wire = tree.strings[list(self.strings).index(tendon)]
+            length = SPOOL if wire.length is None else marionette.number(wire.length)
             # A wire's length is given as a change from that in MuJoCo's zero pose.
-            m.eq_data[k, 0] = length - own
+            m.eq_data[k, 0] = length - m.tendon_length0[tendon]
+        kinds = self.mujoco.mjtConstraint
+        names = "LIMIT_TENDON", "LIMIT_JOINT", "EQUALITY"
+        self._kinds = [int(getattr(kinds, f"mjCNSTR_{name}")) for name in names]
         self._stops, self.twists = _Stops.of(m, tree), Twists(m, tree)
 
     def put(self, q_D: ConfigD, v_D: VecD) -> None:
@@ -104,13 +106,13 @@ class MuJoCoPuppet:
 
     def forces(self) -> tuple[Array, Array]:
         """(n_strings,) tensions [N] and (n_limits,) forces of limits, of the last evaluation."""
-        d, kinds = self.data, self.mujoco.mjtConstraint
+        d, (of_tendon, of_joint, of_wire) = self.data, self._kinds
         kind, who, force = (a[: d.nefc] for a in (d.efc_type, d.efc_id, d.efc_force))
         pull, turn = np.zeros(self.model.ntendon), np.zeros(self.model.njnt)
-        for total, row in ((pull, kinds.mjCNSTR_LIMIT_TENDON), (turn, kinds.mjCNSTR_LIMIT_JOINT)):
-            on = kind == row
+        for total, limited in ((pull, of_tendon), (turn, of_joint)):
+            on = kind == limited
             total[who[on]] += force[on]
-        on = kind == kinds.mjCNSTR_EQUALITY
+        on = kind == of_wire
         pull[self.model.eq_obj1id[who[on]]] -= force[on]
         stops = self._stops.forces(d, pull, turn)
         stops[self.twists.places] = pull[self.twists.tendons] * self.twists.scale

@@ -1,0 +1,113 @@
+"""A puppet as MJCF: MuJoCo's accelerations, lengths and limits are ours; the rest is refused."""
+
+from __future__ import annotations
+
+import sys
+
+import mujoco
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.errors import ExchangeError, MissingLibraryError
+from fantoccini.exchange import MuJoCoPuppet, mjcf
+from harness import Model, State
+from oracles import random_trees
+
+FLAGS = mujoco.mjtDisableBit
+
+
+def tree(seed: int, dof: int = 9) -> Model:
+    """Everything that can be said: no driven rotations, no quadratic drag; balls have springs."""
+    made = random_trees.description(seed, dof, strings=3, limits=True, drag=True)
+    for body in made["bodies"]:
+        joint = body["joint"]
+        body.get("drag", {}).pop("quadratic", None)
+        if joint["type"] in ("ball", "free"):
+            joint["driven"] = False
+        if joint["type"] == "ball":
+            joint["spring"] = {"stiffness": 3.0}
+    return Model(made)
+
+
+def stand(puppet: MuJoCoPuppet, x: State) -> mujoco.MjData:
+    """MuJoCo's data at a state."""
+    puppet.put(x.q_D, x.v_D)
+    puppet.drive(x.q_K, x.v_K, x.acc_K)
+    puppet.evaluate()
+    return puppet.data
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_accelerations_are_ours(seed):
+    """Without strings and limits; driven joints move as they are told, their masses with them."""
+    model = tree(seed, 6 + seed)
+    puppet, x = MuJoCoPuppet(fan.Marionette(model.puppet), 1e-3), model.random(seed)
+    puppet.model.opt.disableflags |= FLAGS.mjDSBL_LIMIT
+    data, acc = stand(puppet, x), model.acceleration(x)
+    assert np.abs(data.qacc[puppet.v_D] - acc).max() < 1e-7 * max(1.0, np.abs(acc).max())
+    # What a puppet pulls at a driven joint moves it by its share of a millionth.
+    assert np.allclose(data.qacc[puppet.v_K], x.acc_K, atol=1e-4 * max(1.0, np.abs(acc).max()))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_tendons_are_as_long_as_strings_and_limits_say(seed):
+    """And a twist's cord lengthens as its row does."""
+    model, speed = tree(seed), 1e-6
+    puppet, x = MuJoCoPuppet(fan.Marionette(model.puppet), 1e-3), model.random(seed)
+    data, parts = stand(puppet, x), model.tree
+    h, later = (model.call("rows", at)["h"] for at in (x, model.moved(x, speed)))
+    most, hdot = puppet.model.tendon_range[:, 1], (later - h) / speed
+    beyond = data.ten_length - most
+    assert np.allclose(beyond[puppet.strings], h[: len(parts.strings)], atol=1e-10)
+    for i, limit in enumerate(parts.limits, len(parts.strings)):
+        if limit.side == "cone":
+            t = puppet.model.tendon(limit.name).id
+            assert (data.ten_length[t] ** 2 - most[t] ** 2) / 2 == pytest.approx(h[i], abs=1e-12)
+    for i, t, scale in zip(
+        puppet.twists.places, puppet.twists.tendons, puppet.twists.scale, strict=True
+    ):
+        i += len(parts.strings)
+        assert beyond[t] == pytest.approx(scale * h[i], abs=1e-12)
+        assert data.ten_velocity[t] == pytest.approx(scale * hdot[i], abs=1e-4)
+
+
+def test_ends_that_stand_still_are_dissolved():
+    """No joints are left of them; strings have the lengths that they have there."""
+    arm = fan.puppets.arm3d()
+    x = arm.rest({"hand.x": 0.3, "hand.length": 1.32})
+    model = mujoco.MjModel.from_xml_string(mjcf(arm, x.q_K))
+    assert (model.nq, model.nv, model.nu) == (5, 4, 0)
+    data = mujoco.MjData(model)
+    data.qpos[:] = x.q_D
+    mujoco.mj_forward(model, data)
+    assert model.tendon_range[model.tendon("hand").id, 1] == 1.32
+    assert data.tendon("hand").length == pytest.approx(1.32, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("string", "body", "named"),
+    [
+        ({"max_tension": 3.0}, {}, "line: has max_tension"),
+        ({"restitution": 0.5}, {}, "line: has restitution"),
+        ({}, {"drag": {"quadratic": 0.1}}, "bob: has quadratic drag"),
+        ({}, {"parent": "bar"}, "grip: has a driven rotation"),
+    ],
+)
+def test_what_mujoco_cannot_do_is_named_with_its_line(string, body, named):
+    bar = {"name": "bar", "joint": {"name": "grip", "type": "free", "driven": True}}
+    bob = {"name": "bob", "joint": {"type": "ball"}, "mass": 1.0, "inertia": [1, 1, 1], **body}
+    ends = [{"body": "bob"}, {"world": [0, 0, 1]}]
+    made = {
+        "puppet": "odd",
+        "bodies": [*([bar] if "parent" in body else []), bob],
+        "strings": [{"name": "line", "path": ends, "length": 1.0, **string}],
+    }
+    with pytest.raises(ExchangeError, match=rf"^\S+:\d+: {named}: MuJoCo"):
+        mjcf(fan.loads(str(made)))
+
+
+def test_a_library_that_is_missing_is_named_with_its_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(MissingLibraryError, match=r"pip install 'fantoccini\[mujoco\]'"):
+        MuJoCoPuppet(fan.puppets.arm3d(), 1e-3)

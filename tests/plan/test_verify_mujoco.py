@@ -1,0 +1,82 @@
+"""Plans made again in MuJoCo, from their start and inputs alone."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.plan import PlanResult, solve
+from fantoccini.plan.search_tree import SearchTree
+
+
+@pytest.fixture(scope="module")
+def plan() -> PlanResult:
+    return solve(fan.load_problem("arm3d_boxes"), seed=4)
+
+
+def test_a_plan_arrives_in_mujoco_too(plan):
+    there, event = plan.verify(backend="mujoco"), plan.verify(method="event")
+    assert there.arrives and there.distance <= plan.tolerance
+    assert 0.0 < there.gap < 0.02
+    assert there.distance == pytest.approx(event.distance, abs=0.02)
+    assert there.clearance == pytest.approx(event.clearance, abs=1e-3)
+    run = there.run
+    assert run.method == "mujoco" and run.status is fan.Status.DONE and not run.events
+    assert run.t[-1] == pytest.approx(plan.start.t + plan.duration)
+    assert np.diff(run.t).max() <= 0.25 * plan.motions.dt * (1 + 1e-9)
+    assert run.violation["hand"].max() < 1e-3 and run.tension["hand"].max() > 0.1
+    assert np.array_equal(run.q_K, plan.inputs.evaluate(run.t)[0])
+
+
+def test_finer_steps_come_nearer_to_the_event_driven_run(plan):
+    event = plan.verify(method="event", rtol=1e-9, atol=1e-9)
+    apart = [
+        np.abs(plan.verify(f, backend="mujoco").run.q_D[-1] - event.run.q_D[-1]).max()
+        for f in (1.0, 0.25)
+    ]
+    assert apart[1] < apart[0]
+
+
+def test_a_plan_with_other_inputs_does_not_arrive(plan):
+    other = {name: a.copy() for name, a in plan.tree.arrays.items()}
+    other["acceleration"][plan.path[3]] *= -1.0
+    spoiled = dataclasses.replace(plan, tree=SearchTree.of(other, plan.tree))
+    there = spoiled.verify(backend="mujoco")
+    assert not there.arrives and there.gap > 0.1
+    assert there.distance == pytest.approx(spoiled.verify(method="event").distance, abs=0.1)
+
+
+def test_the_marionettes_plan_arrives_with_its_limits():
+    """Springs, drag, cones and twists are there; some limits are reached on the way."""
+    plan = solve(fan.load_problem("marionette_bell"), seed=0)
+    there, event = plan.verify(backend="mujoco"), plan.verify(method="event")
+    assert there.arrives and there.gap < 0.01
+    assert there.distance == pytest.approx(event.distance, abs=2e-3)
+    touched = {name for name, force in event.run.limit_force.items() if force.max() > 1e-4}
+    assert touched <= {name for name, force in there.run.limit_force.items() if force.max() > 0}
+    assert "hip_right.twist.lower" in touched and there.run.violation.values.max() < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"backend": "drake"}, "backend is 'drake'; it must be 'fantoccini' or 'mujoco'"),
+        ({"backend": "mujoco", "method": "event"}, "must be 'timestepping', not 'event'"),
+        ({"backend": "mujoco", "rtol": 1e-9}, "takes dt_factor and nothing else; found rtol"),
+        ({"backend": "mujoco", "dt_factor": 0.0}, "dt_factor is 0"),
+    ],
+)
+def test_what_does_not_go_with_mujoco_is_told(plan, options, message):
+    with pytest.raises(ValueError, match=message):
+        plan.verify(**options)
+
+
+def test_without_mujoco_the_extra_is_named(plan, monkeypatch):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(fan.MissingLibraryError, match=r"pip install 'fantoccini\[mujoco\]'"):
+        plan.verify(backend="mujoco")
+    assert plan.verify().arrives
