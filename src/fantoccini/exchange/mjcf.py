@@ -32,7 +32,7 @@ from fantoccini.marionette import Marionette
 from fantoccini.tree import WORLD, LimitRow, Link, Point, Role, StringRow
 
 SPOOL = 1000.0
-"""Length of a driven string and of what is wound in [m]."""
+"""Length of a driven string and of what is wound in [m]; the longest that a string can be."""
 
 _HEAVY = 1e6
 """Inertia of a driven coordinate, in masses of the puppet [1 or m^2]."""
@@ -304,14 +304,14 @@ class _Text:
             if self.number(link.drag[1]):
                 found.append((link.name, "quadratic drag: MuJoCo has it for whole models only"))
             if link.role is Role.DRIVEN and self.still is None and link.kind in ("ball", "free"):
-                found.append((link.joint, "a driven rotation: MuJoCo's joints move by one number"))
-        return [located(self.marionette, name, f"has {what}") for name, what in found]
+                found.append((link.joint, "a driven rotation: MuJoCo gets slides and hinges only"))
+        return [_located(self.marionette, name, f"has {what}") for name, what in found]
 
     def _text(self, values) -> str:
         return _numbers(map(self.number, values))
 
 
-def located(marionette: Marionette, name: str, message: str) -> Problem:
+def _located(marionette: Marionette, name: str, message: str) -> Problem:
     """What is the matter with a body, joint or string, with its place in the puppet's file."""
     file, line = marionette.puppet.locate(name.split("/")[-1].split(".")[0])
     return Problem(file, line, name, message)

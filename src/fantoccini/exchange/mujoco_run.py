@@ -22,14 +22,14 @@ def mujoco_run(
 ) -> Trajectory:
     """What MuJoCo makes of a puppet's inputs, by Runge and Kutta's method of order 4.
 
-    Driven coordinates are put right at every step, and constantly accelerated in between. Strings
-    and limits are soft: ``violation`` has by how much. There are no events; of the ledger, what was
-    lost and worked since the start is nan.
+    Driven coordinates are put right at every step, and constantly accelerated in between; user
+    forces are constant there. Strings and limits are soft: ``violation`` has by how much. There are
+    no events; of the ledger, what was lost and worked since the start is nan.
 
     Args:
         marionette: the puppet.
         x0: where it starts.
-        inputs: what the driven coordinates do; breaks are ends of steps.
+        inputs: what the driven coordinates do, and user forces; breaks are ends of steps.
         t_end: end of the run [s].
         dt: longest step [s].
 
@@ -39,17 +39,21 @@ def mujoco_run(
     Raises:
         ExchangeError: the puppet has what MuJoCo cannot do.
         MissingLibraryError: MuJoCo is not installed.
+        StateError: ``x0`` breaks a string or limit.
     """
+    marionette.check_start(x0)
     puppet = MuJoCoPuppet(marionette, dt)
     data = puppet.data
     t = _steps(x0.t, t_end, inputs.breaks, dt)
     q_K, v_K, acc_K = inputs.bound(x0.q_K, x0.t).evaluate(t)
     h = np.diff(t)
+    u_D = inputs.evaluate_force(np.append(t[:-1] + 0.5 * h, t[-1]))
     rates = np.concatenate([np.diff(v_K, axis=0) / h[:, None], acc_K[-1:]])
     puppet.put(x0.q_D, x0.v_D)
     rows, pulls, stops = [], [], []
     for k in range(len(t)):
         puppet.drive(q_K[k], v_K[k], rates[k])
+        data.qfrc_applied[puppet.v_D] = u_D[k]
         moved = np.concatenate([data.qpos[puppet.q_D], data.qvel[puppet.v_D]])
         if not np.all(np.isfinite(moved)):
             break
