@@ -14,7 +14,7 @@ from fantoccini.arrays import Array
 from fantoccini.exchange import MuJoCoPuppet
 from fantoccini.plan import Problem, Rows
 from fantoccini.runtime import Sweeper, Terms
-from fantoccini.runtime.clearance import ClearanceArrays
+from fantoccini.runtime.clearance import ClearanceArrays, Exact
 from fantoccini.runtime.functions import pointer
 
 SLACK = 1e-3
@@ -141,7 +141,9 @@ class _OneClearance:
     def __init__(self, problem: Problem):
         marionette, q = problem.marionette, problem.start
         self._solids: list[np.ndarray] = []
-        solids = ClearanceArrays.of(problem.motions.clearance.solids, self._solids)
+        measured = problem.motions.clearance.solids
+        self._exact = Exact(measured)
+        solids = ClearanceArrays.of(measured, self._exact, self._solids)
         self._given = q.q_D.copy(), q.q_K.copy(), np.array(marionette.p, dtype=float)
         self._found, self._pair = np.empty(1), np.empty(1, np.int64)
         self._call = marionette.clearances.handle.fan_clearance

@@ -12,6 +12,7 @@ from fantoccini.arrays import Array
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State, Trajectory
 from fantoccini.plan import solids
+from fantoccini.plan.meshes import Meshes
 from fantoccini.plan.obstacles import HalfSpace, standing
 from fantoccini.puppet import Obstacle
 from fantoccini.runtime import Solids, default_threads
@@ -41,15 +42,16 @@ class Clearance:
 
         d = min over pairs of (distance of their cores - radii)
 
-    Cores are points, segments and boxes; distances between them are exact, but between two boxes a
-    lower bound where an edge or a corner of one is nearest to an edge or a corner of the other, and
-    of ellipsoids and meshes what lies about them counts (see :mod:`fantoccini.plan.solids`). Where
-    things overlap d is negative, and no measure of how far.
+    Cores are points, segments, boxes and meshes; distances between them are exact, but of
+    ellipsoids what lies about them counts (see :mod:`fantoccini.plan.solids`). Where things overlap
+    d is negative, and no measure of how far. Closed meshes are solid, open ones surfaces (see
+    :class:`fantoccini.plan.meshes.Meshes`).
 
     Attributes:
         marionette: the puppet.
         obstacles: all that stand, the world's own and its floor included.
         solids: all that is measured, for the compiled library.
+        meshes: those among the solids.
 
     Args:
         marionette: the puppet.
@@ -79,11 +81,13 @@ class Clearance:
         self.marionette = marionette
         self.obstacles = standing(marionette.world, obstacles)
         tree = marionette.tree
-        moving, self._links = solids.moving(tree)
-        still = solids.standing(self.obstacles)
+        self.meshes = Meshes()
+        moving, self._links = solids.moving(tree, self.meshes)
+        still = solids.standing(self.obstacles, self.meshes)
         pairs = solids.apart(tree, self._links) if self_collision else np.zeros((0, 2), np.int32)
         radius = string_radius if strings and len(still) else -1.0
-        self.solids = Solids(moving, still, pairs, np.full(len(tree.strings), radius))
+        exact = self.meshes.distance if len(self.meshes) else None
+        self.solids = Solids(moving, still, pairs, np.full(len(tree.strings), radius), exact)
 
     @property
     def measures_nothing(self) -> bool:

@@ -146,6 +146,7 @@ class Problem:
             self.tolerance, numbers.kind, numbers.link, numbers.speed_weight,
             numbers.driven_weight, motions.margin, motions.slack, motions.dt, motions.look,
             motions.looks, self.marionette.coordinates.v_D, self.marionette.coordinates.v_K,
+            motions.clearance.meshes.digest,
         )  # fmt: skip
         digest.update(repr(plain).encode())
         return digest.hexdigest()

@@ -1,37 +1,38 @@
 """Shapes as the solids that clearances are measured between.
 
-Capsules, spheres, boxes and half-spaces are exact, and ellipsoids against half-spaces. Against all
-else an ellipsoid counts as the capsule about it, a mesh always as the box about it in its own axes:
-both are larger, so that a clearance is never too great.
+All are exact, but that against all else than half-spaces an ellipsoid counts as the capsule about
+it, which is larger, so that a clearance is never too great. A mesh is the box about it in the axes
+of its body, and a number by which :class:`fantoccini.plan.meshes.Meshes` knows it.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from fantoccini.plan.meshes import Meshes
 from fantoccini.plan.obstacles import HalfSpace
 from fantoccini.puppet import Obstacle, Shape
-from fantoccini.puppet.shapes import load_mesh
 from fantoccini.runtime import BOX, HALF_SPACE, SEGMENT, SOLID
 from fantoccini.tree import WORLD, Tree
 
 
-def moving(tree: Tree) -> tuple[np.ndarray, list[int]]:
+def moving(tree: Tree, meshes: Meshes) -> tuple[np.ndarray, list[int]]:
     """The solids of a puppet's bodies, and the link of each.
 
     Args:
         tree: the puppet's.
+        meshes: takes its meshes.
 
     Returns:
         (n,) ``SOLID``, and n links.
     """
-    found = [(solid(s, i), i) for i, link in enumerate(tree.links) for s in link.shapes]
+    found = [(solid(s, i, meshes), i) for i, link in enumerate(tree.links) for s in link.shapes]
     return _stacked([made for made, _ in found]), [i for _, i in found]
 
 
-def standing(obstacles: tuple[Obstacle | HalfSpace, ...]) -> np.ndarray:
-    """(n,) ``SOLID`` of obstacles."""
-    return _stacked([solid(o, WORLD) for o in obstacles])
+def standing(obstacles: tuple[Obstacle | HalfSpace, ...], meshes: Meshes) -> np.ndarray:
+    """(n,) ``SOLID`` of obstacles; ``meshes`` takes the meshes among them."""
+    return _stacked([solid(o, WORLD, meshes) for o in obstacles])
 
 
 def apart(tree: Tree, links: list[int]) -> np.ndarray:
@@ -53,15 +54,16 @@ def apart(tree: Tree, links: list[int]) -> np.ndarray:
     return np.array(pairs, dtype=np.int32).reshape(-1, 2)
 
 
-def solid(shape: Shape | HalfSpace, link: int) -> np.ndarray:
+def solid(shape: Shape | HalfSpace, link: int, meshes: Meshes) -> np.ndarray:
     """A shape as a ``SOLID``.
 
     Args:
         shape: of a body, or an obstacle.
         link: that carries it, ``WORLD`` for an obstacle.
+        meshes: takes it where it is a mesh.
     """
     made = np.zeros((), dtype=SOLID)
-    made["link"], made["R"] = link, np.eye(3).ravel()
+    made["link"], made["mesh"], made["R"] = link, -1, np.eye(3).ravel()
     match shape.type:
         case "half_space":
             made["kind"], made["a"], made["b"] = HALF_SPACE, shape.at, shape.normal
@@ -74,9 +76,8 @@ def solid(shape: Shape | HalfSpace, link: int) -> np.ndarray:
         case "box":
             _fill(made, shape.at, _turn(shape), np.asarray(shape.size) / 2)
         case "mesh":
-            corners = load_mesh(shape).vertices
-            low, high = corners.min(axis=0), corners.max(axis=0)
-            _fill(made, (low + high) / 2, np.eye(3), (high - low) / 2)
+            made["mesh"], centre, half = meshes.add(shape)
+            _fill(made, centre, np.eye(3), half)
     return made
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -19,11 +20,14 @@ SEGMENT, BOX, HALF_SPACE = range(3)
 
 SOLID = np.dtype(
     [
-        ("kind", np.int32), ("link", np.int32), ("a", float, 3), ("b", float, 3),
-        ("R", float, 9), ("half", float, 3), ("radius", float),
+        ("kind", np.int32), ("link", np.int32), ("mesh", np.int64), ("a", float, 3),
+        ("b", float, 3), ("R", float, 9), ("half", float, 3), ("radius", float),
     ]
 )  # fmt: skip
-"""A ``Solid`` of ``clearance.hpp``: a link's number, -1 for the world; R column by column."""
+"""A ``Solid`` of ``clearance.hpp``: a link's number, -1 for the world; a mesh's, -1 for none; R
+column by column."""
+
+_EXACT = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
 
 _APART = 4096
 """Configurations from which on they are dealt to threads."""
@@ -37,12 +41,15 @@ class Solids:
         moving, standing: (n,) ``SOLID``.
         pairs: (n, 2) numbers of moving solids that are measured against one another.
         string_radius: (n_strings,) of strings against standing solids [m]; negative: not at all.
+        exact: distance of two placed solids (``SOLID`` records) one of which is a mesh, before
+            radii are taken off [m]; negative where they overlap. None where there is no mesh.
     """
 
     moving: np.ndarray
     standing: np.ndarray
     pairs: np.ndarray
     string_radius: Array
+    exact: Callable[[np.void, np.void], float] | None = None
 
     @classmethod
     def none(cls, n_strings: int) -> Solids:
@@ -60,11 +67,12 @@ class ClearanceArrays(ctypes.Structure):
         ("standing", ctypes.c_void_p),
         ("pairs", ctypes.c_void_p),
         ("string_radius", ctypes.c_void_p),
+        ("exact", _EXACT),
     ]
 
     @classmethod
-    def of(cls, solids: Solids, kept: list[np.ndarray]) -> ClearanceArrays:
-        """As the library takes them; ``kept`` must live as long as that."""
+    def of(cls, solids: Solids, exact: Exact, kept: list[np.ndarray]) -> ClearanceArrays:
+        """As the library takes them; ``exact`` and ``kept`` must live as long as that."""
         held = [
             np.ascontiguousarray(solids.moving, dtype=SOLID),
             np.ascontiguousarray(solids.standing, dtype=SOLID),
@@ -72,7 +80,40 @@ class ClearanceArrays(ctypes.Structure):
             np.ascontiguousarray(solids.string_radius, dtype=float),
         ]
         kept += held
-        return cls(len(held[0]), len(held[1]), len(held[2]), *map(pointer, held))
+        return cls(len(held[0]), len(held[1]), len(held[2]), *map(pointer, held), exact.function)
+
+
+class Exact:
+    """``Solids.exact`` as the library calls it, during one call of the library.
+
+    What it raises cannot pass through compiled code: all then overlaps, so that the call soon ends,
+    and :meth:`check` raises it.
+
+    Args:
+        solids: whose function it is.
+    """
+
+    def __init__(self, solids: Solids):
+        self._raised: list[BaseException] = []
+        raised, exact = self._raised, solids.exact
+
+        def asked(x: int, y: int) -> float:
+            try:
+                return -1.0 if raised else exact(_record(x), _record(y))
+            except BaseException as error:  # KeyboardInterrupt too
+                raised.append(error)
+                return -1.0
+
+        self.function = _EXACT() if exact is None else _EXACT(asked)
+
+    def check(self) -> None:
+        """Raises what the function raised."""
+        if self._raised:
+            raise self._raised[0]
+
+
+def _record(address: int) -> np.void:
+    return np.frombuffer((ctypes.c_char * SOLID.itemsize).from_address(address), SOLID)[0]
 
 
 class ClearanceLibrary:
@@ -109,7 +150,8 @@ class ClearanceLibrary:
             measured.
         """
         kept: list[np.ndarray] = []
-        arrays = ClearanceArrays.of(solids, kept)
+        exact = Exact(solids)
+        arrays = ClearanceArrays.of(solids, exact, kept)
         n = len(q_D)
         q_D, q_K, p = (np.ascontiguousarray(a, dtype=float) for a in (q_D, q_K, p))
         clearance, pair = np.empty(n), np.empty(n, dtype=np.int64)
@@ -135,4 +177,5 @@ class ClearanceLibrary:
             other.join()
         if any(failed):
             raise MemoryError("no memory for clearances")
+        exact.check()
         return clearance, pair

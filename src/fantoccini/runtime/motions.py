@@ -14,7 +14,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import BuildError
-from fantoccini.runtime.clearance import ClearanceArrays, Solids
+from fantoccini.runtime.clearance import ClearanceArrays, Exact, Solids
 from fantoccini.runtime.functions import opened, pointer
 from fantoccini.runtime.structures import UNLIMITED, Options, RunOptions
 
@@ -232,7 +232,7 @@ class Sweeper:
         self._library, self._others = library, threads - 1
         self._kept: list[Array] = []
         kept = self._kept
-        solids = ClearanceArrays.of(terms.solids, kept)
+        self._solids = terms.solids
         self._arrays = _SweepArrays(
             looks=terms.looks,
             steps=terms.options.save_every,
@@ -242,10 +242,8 @@ class Sweeper:
             bounds=_BoundArrays(*(_held(a, kept) for a in terms.bounds)),
             margin=terms.margin,
             may_slacken=int(terms.slack),
-            solids=ctypes.addressof(solids),
             goal=terms.goal.structure(terms.tolerance, kept),
         )
-        self._solids = solids
         n_K, n_qK = (len(terms.bounds[k]) for k in (0, 2))
         self._widths = {
             "q_D": len(terms.goal.low),
@@ -299,6 +297,9 @@ class Sweeper:
         catches = np.zeros((n, segments), dtype=np.int32)
         arrays = _SweepArrays.from_buffer_copy(self._arrays)
         arrays.n, arrays.segments = n, segments
+        exact = Exact(self._solids)
+        solids = ClearanceArrays.of(self._solids, exact, kept)
+        arrays.solids = ctypes.addressof(solids)
         arrays.looks = looks or arrays.looks
         arrays.from_ = _held(chosen, kept, np.int64)
         for name in STATE:
@@ -310,6 +311,7 @@ class Sweeper:
         out = (*states.values(), distance, lasted, catches)
         arrays.out = _SegmentArrays(*(pointer(a) for a in out))
         reached = self._work(arrays)
+        exact.check()
         lasted[reached + 1 :] = 0
         return Segments(states, acc_K, lasted, distance, catches, min(reached + 1, n))
 

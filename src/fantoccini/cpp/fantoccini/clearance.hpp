@@ -8,7 +8,7 @@
 
 namespace fan {
 
-constexpr double kSure = 1e-9;      // m, for rounding
+constexpr double kSure = 1e-9;      // m, for rounding; what meets overlaps by this, at least
 constexpr double kSlack = 1.0 + 1e-6;  // of its span: the length from which a string hangs
 
 enum SolidKind : int { SEGMENT, BOX, HALF_SPACE };
@@ -16,9 +16,11 @@ enum SolidKind : int { SEGMENT, BOX, HALF_SPACE };
 // A solid in the frame of a link, or of the world. A segment a to b and a box (centre a, axes the
 // columns of R, half edges) are swollen by the radius; a half-space is below the plane through a
 // with the normal b. A segment with half[0] > 0 stands for the ellipsoid in it, with these radii along
-// the columns of R: exact against half-spaces, the swollen segment against all else.
+// the columns of R: exact against half-spaces, the swollen segment against all else. A mesh is the box
+// about it with its number, which is not negative.
 struct Solid {
   int kind, link;
+  long long mesh;
   double a[3], b[3], R[9], half[3], radius;
 };
 
@@ -29,12 +31,16 @@ struct ClearanceArrays {
   const Solid *moving, *standing;
   const int* pairs;            // (n_pairs, 2) of moving ones
   const double* string_radius;  // (n_strings,)
+  // Distance of two solids in the world, a mesh one of them, before radii are taken off; null where
+  // there is no mesh.
+  double (*exact)(const Solid* x, const Solid* y);
 };
 
 // A solid placed in the world.
 template <class Real>
 struct Placed {
   int kind;
+  long long mesh;
   Real a[3], b[3], R[9];
   const double* half;
   double radius;
@@ -44,6 +50,7 @@ template <class Model, class Real>
 class Clearance {
  public:
   static constexpr int S = Model::n_strings;
+  using Mask = typename Traits<Real>::Mask;
 
   Real q_D[room(Model::n_qD)], q_K[room(Model::n_qK)], p[room(Model::n_p)];
   Real least, which;  // the clearance and its number: see `measure`
@@ -53,9 +60,11 @@ class Clearance {
 
   // The least distance over all pairs, which are numbered in this order: moving (outer) and
   // standing (inner); pairs; the segments of strings (outer) and standing. Distances that are
-  // certainly more than `enough` count with a lower bound.
-  FAN_FN void measure(const ClearanceArrays& in, Placed<Real>* placed, double enough = 1e30) {
+  // certainly more than `enough`, and those of meshes in lanes that do not count, are lower bounds.
+  FAN_FN void measure(
+      const ClearanceArrays& in, Placed<Real>* placed, const Mask& counts, double enough = 1e30) {
     enough_ = enough + kSure;
+    exact_ = in.exact;
     const Real* arg[] = {q_D, q_K, p};
     Real* res[] = {poses_};
     Model::poses(arg, res);
@@ -70,9 +79,10 @@ class Clearance {
       number += 1.0;
     };
     for (long long m = 0; m < in.n_moving; ++m)
-      for (long long o = 0; o < in.n_standing; ++o) take(between(placed[m], in.standing[o]));
+      for (long long o = 0; o < in.n_standing; ++o)
+        take(measured(placed[m], in.standing[o], counts, most()));
     for (long long k = 0; k < in.n_pairs; ++k)
-      take(between(placed[in.pairs[2 * k]], placed[in.pairs[2 * k + 1]]));
+      take(measured(placed[in.pairs[2 * k]], placed[in.pairs[2 * k + 1]], counts, most()));
     static constexpr double no_box[3] = {};
     bool strings = false;
     for (int i = 0; i < S; ++i) strings = strings || in.string_radius[i] >= 0.0;
@@ -92,6 +102,7 @@ class Clearance {
       for (int k = 0; k < pieces; ++k) {
         Placed<Real> segment;
         segment.kind = SEGMENT;
+        segment.mesh = -1;
         segment.radius = in.string_radius[i];
         segment.half = no_box;
         for (int c = 0; c < 3; ++c) {
@@ -107,7 +118,7 @@ class Clearance {
         // Wires push too, and stay straight.
         curve.slack = own > (Model::wire[i] ? Real(1e30) : Real(span[k] * kSlack));
         for (long long o = 0; o < in.n_standing; ++o)
-          take(segment.radius < 0.0 ? Real(1e30) : from_string(curve, in.standing[o]));
+          take(segment.radius < 0.0 ? Real(1e30) : from_string(curve, in.standing[o], counts));
       }
     }
   }
@@ -117,31 +128,31 @@ class Clearance {
   struct Curve {
     Placed<Real> straight;
     Real span, length;
-    typename Traits<Real>::Mask slack;
+    Mask slack;
     bool known = false;
     Real points[3 * (kPieces + 1)];
   };
 
   // Of a string from what stands; slack ones hang, but lie on half-spaces without touching them.
-  FAN_FN Real from_string(Curve& curve, const Solid& other) {
-    const Real chord = between(curve.straight, other);
+  FAN_FN Real from_string(Curve& curve, const Solid& other, const Mask& counts) {
+    const Real chord = measured(curve.straight, other, counts && !curve.slack, most());
     if (other.kind == HALF_SPACE || !any(curve.slack)) return chord;
     using std::sqrt;
     // A thread of this length keeps this near to the chord, whatever it does.
     const Real spare = curve.length * curve.length - curve.span * curve.span;
     const Real bound = chord - Real(0.5) * sqrt(select(curve.slack, spare, Real(0.0)));
-    const Real most = select(least < Real(enough_), least, Real(enough_));
-    const auto needed = curve.slack && bound < most;
+    const auto needed = curve.slack && bound < most();
     if (!any(needed)) return chord;
     if (!curve.known) hang(curve);
     Placed<Real> piece = curve.straight;
     Real nearest = Real(1e30);
     for (int k = 0; k < kPieces; ++k) {
+      const Real limit = select(nearest < most(), nearest, most());
       for (int c = 0; c < 3; ++c) {
         piece.a[c] = curve.points[3 * k + c];
         piece.b[c] = curve.points[3 * (k + 1) + c];
       }
-      const Real found = between(piece, other);
+      const Real found = measured(piece, other, counts && needed, limit);
       nearest = select(found < nearest, found, nearest);
     }
     return select(needed, nearest, chord);
@@ -170,6 +181,7 @@ class Clearance {
 
   FAN_FN void place(const Solid& solid, Placed<Real>& out) const {
     out.kind = solid.kind;
+    out.mesh = solid.mesh;
     out.radius = solid.radius;
     out.half = solid.half;
     if (solid.link < 0) {
@@ -207,7 +219,44 @@ class Clearance {
       out[j] = Real(R[3 * j]) * x[0] + Real(R[3 * j + 1]) * x[1] + Real(R[3 * j + 2]) * x[2];
   }
 
-  // Of two that both move, or one that stands (with doubles for its place).
+  // Distances from which on lower bounds do.
+  FAN_FN Real most() const { return select(least < Real(enough_), least, Real(enough_)); }
+
+  // The same as `between`, but where that is less than `limit`, in lanes that count, exact of meshes.
+  template <class Other>
+  FAN_FN Real measured(
+      const Placed<Real>& x, const Other& y, const Mask& counts, const Real& limit) const {
+    Real found = between(x, y);
+    if (x.mesh < 0 && y.mesh < 0) return found;
+    const auto needed = counts && found < limit;
+    if (!any(needed)) return found;
+    for (int l = 0; l < Traits<Real>::width; ++l) {
+      if (!lane_of(needed, l)) continue;
+      Solid first{}, second{};
+      lane_of(found, l) = exact_(in_lane(x, l, first), in_lane(y, l, second)) - x.radius - y.radius;
+    }
+    return found;
+  }
+
+  FAN_FN static const Solid* in_lane(const Solid& standing, int, Solid&) { return &standing; }
+
+  FAN_FN static const Solid* in_lane(const Placed<Real>& x, int lane, Solid& out) {
+    out.kind = x.kind;
+    out.link = -1;
+    out.mesh = x.mesh;
+    out.radius = x.radius;
+    for (int c = 0; c < 3; ++c) {
+      out.a[c] = lane_of(x.a[c], lane);
+      out.b[c] = lane_of(x.b[c], lane);
+      out.half[c] = x.half[c];
+    }
+    if (x.kind == BOX)
+      for (int c = 0; c < 9; ++c) out.R[c] = lane_of(x.R[c], lane);
+    return &out;
+  }
+
+  // Of two that both move, or one that stands (with doubles for its place): a mesh is the box about
+  // it.
   template <class Other>
   FAN_FN Real between(const Placed<Real>& x, const Other& y) const {
     const double swollen = x.radius + y.radius;
@@ -226,7 +275,7 @@ class Clearance {
       into(y.R, y.a, x.b, b);
       const Real bound = at_least(a, b, y.half) - Real(swollen);
       if (!any(!(bound > Real(enough_)))) return bound;
-      return segment_to_box(a, b, y.half) - Real(swollen);
+      return parted(segment_to_box(a, b, y.half)) - Real(swollen);
     }
     if (y.kind == SEGMENT) {
       Real from[3], to[3];
@@ -236,12 +285,20 @@ class Clearance {
       }
       into(x.R, x.a, from, a);
       into(x.R, x.a, to, b);
-      return segment_to_box(a, b, x.half) - Real(swollen);
+      return parted(segment_to_box(a, b, x.half)) - Real(swollen);
     }
     Real axes[9];
     into(y.R, y.a, x.a, a);
     for (int j = 0; j < 3; ++j) turn(y.R, x.R + 3 * j, axes + 3 * j);
-    return box_to_box(a, axes, x.half, y.half) - Real(swollen);
+    const Real bound = box_to_box(a, axes, x.half, y.half);
+    const auto needed = bound > Real(0.0) && bound - Real(swollen) < most();
+    if (!any(needed)) return bound - Real(swollen);
+    return select(needed, between_boxes(a, axes, x.half, y.half), bound) - Real(swollen);
+  }
+
+  // What meets is not clear, however thin.
+  FAN_FN static Real parted(const Real& distance) {
+    return select(distance > Real(0.0), distance, Real(-kSure));
   }
 
   // A lower bound of a segment's distance from a box about the origin: that of the middle, less half
@@ -292,6 +349,7 @@ class Clearance {
   }
 
   double enough_ = 1e30;
+  double (*exact_)(const Solid*, const Solid*) = nullptr;
   Real poses_[room(12 * Model::n_links)], points_[room(3 * Model::n_points)];
 };
 

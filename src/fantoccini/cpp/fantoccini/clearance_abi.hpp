@@ -36,7 +36,9 @@ FAN_EXPORT int fan_clearance(
         for (int i = 0; i < Model::n_qK; ++i)
           fan::lane_of(at.q_K[i], l) = q_K[who * Model::n_qK + i];
       }
-      at.measure(*in, placed.data());
+      Wide counts(0.0);
+      for (int l = 0; l < width && first + l < n; ++l) fan::lane_of(counts, l) = 1.0;
+      at.measure(*in, placed.data(), counts > Wide(0.5));
       for (int l = 0; l < width && first + l < n; ++l) {
         clearance[first + l] = fan::lane_of(at.least, l);
         pair[first + l] = (long long)(fan::lane_of(at.which, l));

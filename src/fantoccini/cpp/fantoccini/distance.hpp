@@ -99,7 +99,7 @@ FAN_FN Real segment_to_box(const Real* a, const Real* b, const double* half) {
 }
 
 // How far a box is from another about the origin, at least: the widest gap along the axes of faces
-// and of pairs of edges. Negative where they overlap, and then the depth.
+// and of pairs of edges. Negative where they overlap, and then the depth; see `between_boxes`.
 template <class Real>
 FAN_FN Real box_to_box(const Real* centre, const Real* R, const double* half, const double* other) {
   using std::abs;
@@ -133,6 +133,44 @@ FAN_FN Real box_to_box(const Real* centre, const Real* R, const double* half, co
       widest = select(crossed && found > widest, found, widest);
     }
   return widest;
+}
+
+// Distance of a box from another about the origin, where they do not overlap: nearest to one another
+// are a point of an edge of the first and some of the other, or a corner of the other and some of the
+// first.
+template <class Real>
+FAN_FN Real between_boxes(
+    const Real* centre, const Real* R, const double* half, const double* other) {
+  using std::abs;
+  using std::sqrt;
+  Real least = Real(1e30);
+  const auto nearer = [&](const Real& found) { least = select(found < least, found, least); };
+  for (const double x : {-other[0], other[0]})
+    for (const double y : {-other[1], other[1]})
+      for (const double z : {-other[2], other[2]}) {
+        const Real from[] = {x - centre[0], y - centre[1], z - centre[2]};
+        Real square = Real(0.0);
+        for (int j = 0; j < 3; ++j) {
+          const Real out = abs(dot3(from, R + 3 * j)) - Real(half[j]);
+          square += select(out > Real(0.0), Real(out * out), Real(0.0));
+        }
+        nearer(square);
+      }
+  least = sqrt(least);
+  for (int j = 0; j < 3; ++j) {
+    const int j1 = (j + 1) % 3, j2 = (j + 2) % 3;
+    for (const double x : {-half[j1], half[j1]})
+      for (const double y : {-half[j2], half[j2]}) {
+        Real a[3], b[3];
+        for (int c = 0; c < 3; ++c) {
+          const Real middle = centre[c] + R[3 * j1 + c] * x + R[3 * j2 + c] * y;
+          a[c] = middle - R[3 * j + c] * half[j];
+          b[c] = middle + R[3 * j + c] * half[j];
+        }
+        nearer(segment_to_box(a, b, other));
+      }
+  }
+  return least;
 }
 
 }  // namespace fan

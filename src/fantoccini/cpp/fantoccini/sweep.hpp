@@ -190,7 +190,9 @@ class Sweep {
     auto& inputs = led_.inputs();
     for (int i = 0; i < NQ; ++i) clearance_.q_D[i] = state.q_D[i];
     for (int i = 0; i < QK; ++i) clearance_.q_K[i] = inputs.q_K[i];
-    clearance_.measure(*in.solids, placed_.data(), in.margin);
+    Real counts = Real(0.0);
+    for (int l = 0; l < width; ++l) lane_of(counts, l) = goes_[l];
+    clearance_.measure(*in.solids, placed_.data(), counts > Real(0.5), in.margin);
     bool some = false;
     for (int l = 0; l < width; ++l) {
       if (!goes_[l]) continue;
