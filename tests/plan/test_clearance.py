@@ -1,9 +1,10 @@
-"""Clearances against MuJoCo's distances of geoms, and against numerical minimisation."""
+"""Clearances against MuJoCo's and coal's distances, closed forms and numerical minimisation."""
 
 from __future__ import annotations
 
 import itertools
 
+import coal
 import mujoco
 import numpy as np
 import pytest
@@ -115,11 +116,57 @@ def test_distances_are_mujocos(moving, still):
             continue
         assert (found > 0.0) == (theirs > 0.0)
         apart, together = apart + (theirs > 0.0), together + (theirs < 0.0)
-        if theirs > 0.0 and (moving, still) == ("box", "box"):
-            assert theirs * 0.5 < found < theirs + 1e-5
-        elif theirs > 0.0:
+        if theirs > 0.0:
             assert found == pytest.approx(theirs, abs=1e-5)
     assert apart >= 3 and together >= 3
+
+
+def test_boxes_are_as_far_apart_as_coal_says():
+    rng = np.random.default_rng(8)
+    mine = shape("box", rng)
+    puppet = flying(mine)
+    apart = 0
+    for _ in range(200):
+        x, turn = placed(puppet, rng)
+        x = x.replace(q_D=[*(2.0 * x.q_D[:3]), *x.q_D[3:]])
+        other = shape("box", rng)
+        places = (
+            coal.Transform3s(turn @ turned(mine), turn @ np.array(mine["at"]) + x.q_D[:3]),
+            coal.Transform3s(turned(other), np.array(other["at"])),
+        )
+        theirs = coal.distance(
+            coal.Box(*mine["size"]), places[0], coal.Box(*other["size"]), places[1],
+            coal.DistanceRequest(), coal.DistanceResult(),
+        )  # fmt: skip
+        found = float(Clearance(puppet, [other | {"name": "it"}]).of(x))
+        assert (found > 0.0) == (theirs > 0.0) or abs(theirs) < 1e-6
+        if theirs > 1e-6:
+            assert found == pytest.approx(theirs, abs=1e-9)
+            apart += 1
+    assert apart > 60
+
+
+@pytest.mark.parametrize(
+    ("rpy", "at", "gap"),
+    [
+        ((0, 0, 0), (0.23, 0.04, 0.0), 0.03),  # face to face
+        ((0, 0, 0), (0.23, 0.04, 0.24), np.hypot(0.03, 0.04)),  # edge along edge
+        ((0, 0, 0), (0.22, -0.23, 0.26), 0.07),  # corner to corner
+        ((45, 0, 0), (0.0, 0.27, 0.0), 0.17 - np.sqrt(0.02)),  # edge to face
+        ((45, 0, 0), (0.24, 0.0, 0.28), np.hypot(0.04, 0.18 - np.sqrt(0.02))),  # corner to edge
+        ((45, 45, 0), (0.28, 0.0, 0.28), np.sqrt(2) * (0.28 - 0.2)),  # edge across edge
+    ],
+)
+def test_boxes_are_as_far_apart_as_geometry_says(rpy, at, gap):
+    """Cubes with edges of 0.2, one of them turned and moved; both, then, turned any way."""
+    cube = {"type": "box", "size": [0.2, 0.2, 0.2]}
+    puppet = flying(cube)
+    turn = Rotation.from_euler("xyz", rpy, degrees=True)
+    for view in (Rotation.identity(), Rotation.from_euler("xyz", [0.3, -0.4, 0.9])):
+        w = np.roll((view * turn).as_quat(), 1)
+        x = puppet.state().replace(q_D=[*view.apply(at), *w])
+        still = cube | {"name": "it", "orientation": {"rpy": view.as_euler("xyz").tolist()}}
+        assert float(Clearance(puppet, [still]).of(x)) == pytest.approx(gap, abs=1e-12)
 
 
 def test_a_box_and_a_capsule_are_as_far_as_the_nearest_of_many_points():
@@ -195,6 +242,12 @@ def test_a_string_is_kept_clear_too():
     assert float(Clearance(arm, [on_the_line], strings=False).of(x)) > 0.3
     thick = Clearance(arm, [on_the_line | {"at": [0.4, 0, 0.2]}], string_radius=0.02)
     assert float(thick.of(x)) == pytest.approx(0.1 - 0.01 - 0.02, abs=1e-3)
+
+
+def test_a_string_without_thickness_does_not_pass_through_a_box():
+    arm = fan.puppets.arm3d()
+    box = {"name": "shelf", "type": "box", "size": [0.1, 0.1, 0.1], "at": [0.3, 0, 0.2]}
+    assert float(Clearance(arm, [box]).of(arm.rest())) < 0.0
 
 
 def test_a_puppet_may_be_kept_clear_of_itself():

@@ -20,8 +20,8 @@ _TOUCH = 1e-8
 """Distance up to which things overlap [m]; coal's iteration tells no more."""
 
 _FLAT = 1e-7
-"""By how much a convex mesh may be dented, and the square root of its volume's part that may lack:
-the corners of STL files have seven digits."""
+"""Part of its size by which a convex mesh may be dented, and of its volume that may lack: corners
+in STL files have seven digits."""
 
 
 class Meshes:
@@ -29,8 +29,9 @@ class Meshes:
 
         d = min |x - y|, x in the mesh, y in the other's core
 
-    A closed mesh whose triangles all face out is solid; what lies within it overlaps. Any other is
-    a surface without an inside: what it surrounds is clear.
+    A closed mesh is solid: what lies within it overlaps. Closed are triangles that run along every
+    edge as often one way as the other; they may be in pieces, and leave hollows. Any others are a
+    surface without an inside: what they surround is clear.
     """
 
     def __init__(self):
@@ -79,8 +80,6 @@ class Meshes:
         if y["kind"] == HALF_SPACE:
             corners = self._made[x["mesh"]].hull @ _turn(x).T + x["a"]
             return float(np.min((corners - y["a"]) @ y["b"]))
-        if x["mesh"] < 0:  # coal takes half the time where the mesh is the first
-            x, y = y, x
         found = coal.distance(
             *self._placed(x), *self._placed(y), self._request, coal.DistanceResult()
         )
@@ -97,21 +96,22 @@ class Meshes:
         if x["kind"] == BOX:
             return coal.Box(*(2.0 * x["half"]).tolist()), coal.Transform3s(_turn(x), x["a"])
         a, b = x["a"].tolist(), x["b"].tolist()
+        middle = np.array([0.5 * (p + q) for p, q in zip(a, b, strict=True)])
         length = math.dist(a, b)
         if length < _TOUCH:
-            return coal.Sphere(0.0), coal.Transform3s(np.eye(3), x["a"])
-        place = coal.Transform3s(_along(a, b, length), 0.5 * (x["a"] + x["b"]))
-        return coal.Capsule(0.0, length), place
+            return coal.Sphere(0.0), coal.Transform3s(np.eye(3), middle)
+        return coal.Capsule(0.0, length), coal.Transform3s(_along(a, b, length), middle)
 
     def _holds(self, x: np.void, y: np.void) -> bool:
         """Whether y lies within x, where their surfaces do not meet."""
         inside = self._made[x["mesh"]].inside if x["mesh"] >= 0 else None
         if inside is None:
             return False
-        points = y["a"][None]
-        if y["mesh"] >= 0:
-            points = points + self._made[y["mesh"]].points @ _turn(y).T
-        return any(inside.holds(point) for point in (points - x["a"]) @ _turn(x))
+        turn, middle = _turn(x), y["a"] - x["a"]
+        if y["mesh"] < 0:
+            return inside.holds(middle @ turn)
+        points = self._made[y["mesh"]].points @ _turn(y).T
+        return any(inside.holds(point) for point in (middle + points) @ turn)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +120,7 @@ class _Body:
 
     Attributes:
         geometry: coal's: convex and solid, or a tree of triangles.
-        hull: (n, 3) corners of its convex hull [m].
+        hull: (n, 3) corners, those of its convex hull among them [m].
         points: (k, 3) a corner of every connected piece [m].
         inside: tells what is within; None for convex meshes, of which coal tells, and open ones.
     """
@@ -138,16 +138,15 @@ class _Body:
         label = connected_component_labels(mesh.face_adjacency, node_count=len(mesh.faces))
         first = np.unique(label, return_index=True)[1]
         points = np.array(mesh.vertices[mesh.faces[first, 0]])
-        hull = mesh.convex_hull
-        if _convex(mesh, hull):
+        hull = mesh.convex_hull if mesh.is_volume else mesh
+        if hull is not mesh and _convex(mesh, hull):
             geometry = coal.Convex(_corners(hull), _triangles(hull))
             return cls(geometry, np.array(hull.vertices), points, None)
         geometry = coal.BVHModelOBBRSS()
         geometry.beginModel(len(mesh.faces), len(mesh.vertices))
         geometry.addSubModel(_corners(mesh), _triangles(mesh))
         geometry.endModel()
-        closed = mesh.is_watertight and mesh.is_winding_consistent
-        inside = _Inside(np.array(mesh.triangles)) if closed else None
+        inside = _Inside(np.array(mesh.triangles)) if _closed(mesh.edges) else None
         return cls(geometry, np.array(hull.vertices), points, inside)
 
 
@@ -163,12 +162,13 @@ class _Inside:
     def __init__(self, corners: Array):
         self._corners = corners
         self._low, self._high = corners.min(axis=1), corners.max(axis=1)
-        self._least, self._most = self._low.min(axis=0), self._high.max(axis=0)
+        self._box = np.concatenate([self._low.min(axis=0), self._high.max(axis=0)]).tolist()
         self._normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
     def holds(self, point: Array) -> bool:
         """Whether a point (3,) that is not on a surface is within one."""
-        if (point < self._least).any() or (point > self._most).any():
+        (x, y, z), (x_low, y_low, z_low, x_high, y_high, z_high) = point.tolist(), self._box
+        if not (x_low <= x <= x_high and y_low <= y <= y_high and z_low <= z <= z_high):
             return False
         near = (self._low[:, :2] <= point[:2]) & (point[:2] <= self._high[:, :2])
         (which,) = np.nonzero(near.all(axis=1) & (self._high[:, 2] >= point[2]))
@@ -194,12 +194,17 @@ def _left_of(point: Array, a: Array, b: Array) -> Array:
     return passes & (point[0] < x)
 
 
+def _closed(edges: np.ndarray) -> bool:
+    """Whether edges (n, 2), as triangles run along them, cancel out."""
+    which = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True)[1]
+    return not np.bincount(which.ravel(), np.where(edges[:, 0] < edges[:, 1], 1, -1)).any()
+
+
 def _convex(mesh: Any, hull: Any) -> bool:
-    """Whether a mesh is its convex hull: no edge of it is dented, and it is as large."""
-    if not mesh.is_volume or mesh.body_count != 1:
+    """Whether a closed mesh is its convex hull: no edge is dented, and it is as large."""
+    if mesh.body_count != 1 or np.max(mesh.face_adjacency_projections) > _FLAT * mesh.scale:
         return False
-    dents = mesh.face_adjacency_projections
-    return np.max(dents) <= _FLAT * mesh.scale and hull.volume - mesh.volume <= _FLAT * hull.volume
+    return hull.volume - mesh.volume <= _FLAT * hull.volume
 
 
 def _corners(mesh: Any) -> Any:

@@ -113,7 +113,7 @@ class Exact:
 
 
 def _record(address: int) -> np.void:
-    return np.frombuffer((ctypes.c_char * SOLID.itemsize).from_address(address), SOLID)[0]
+    return np.frombuffer((ctypes.c_char * SOLID.itemsize).from_address(address), SOLID)[0].copy()
 
 
 class ClearanceLibrary:

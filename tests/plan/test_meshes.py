@@ -1,0 +1,279 @@
+"""Distances from meshes against closed forms, and against the same solids as boxes."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+import fantoccini as fan
+from fantoccini.plan import Clearance
+
+THICK = 0.1
+"""Of the legs of the L, which are 0.4 long and lie along x and z; 0.2 across."""
+
+FREE = {"joint": {"type": "free"}, "mass": 1.0, "inertia": [1, 1, 1, 0, 0, 0]}
+
+
+def prism(outline: list[tuple[float, float]], triangles: list[tuple[int, ...]]) -> trimesh.Trimesh:
+    """Over an outline in x and z, counter-clockwise seen against y, from y = -0.1 to 0.1."""
+    n, flat = len(outline), np.array(outline)
+    front = np.column_stack([flat[:, 0], np.full(n, -0.1), flat[:, 1]])
+    corners = np.vstack([front, front + [0.0, 0.2, 0.0]])
+    faces = [*triangles, *((c + n, b + n, a + n) for a, b, c in triangles)]
+    for i in range(n):
+        j = (i + 1) % n
+        faces += [(j, i, i + n), (j, i + n, j + n)]
+    return trimesh.Trimesh(corners, faces)
+
+
+def angle() -> trimesh.Trimesh:
+    """The L."""
+    outline = [(0, 0), (0.4, 0), (0.4, THICK), (THICK, THICK), (THICK, 0.4), (0, 0.4)]
+    return prism(outline, [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Meshes: an L, a tetrahedron, boxes convex and in two pieces, a hollow one, an open one."""
+    made = tmp_path_factory.mktemp("meshes")
+    ell, box = angle(), trimesh.creation.box((0.2, 0.3, 0.4))
+    assert ell.is_volume and ell.volume == pytest.approx(0.2 * (0.4 * 0.1 + 0.3 * 0.1))
+    corner = trimesh.Trimesh(
+        np.vstack([np.zeros(3), 0.3 * np.eye(3)]), [(0, 2, 1), (0, 3, 2), (0, 1, 3), (1, 2, 3)]
+    )
+    halves = [trimesh.creation.box((0.1, 0.3, 0.4)).apply_translation((x, 0, 0)) for x in (-1, 1)]
+    for half, x in zip(halves, (0.95, -0.95), strict=True):
+        half.apply_translation((x, 0, 0))
+    hole = trimesh.creation.box((0.1, 0.2, 0.3))
+    hole.invert()
+    for name, mesh in {
+        "ell": ell, "corner": corner, "box": box.subdivide(), "halves": sum(halves[1:], halves[0]),
+        "hollow": box + hole, "open": trimesh.Trimesh(box.vertices, box.faces[:-2]),
+        "sheet": trimesh.Trimesh(corner.vertices, corner.faces[:1]),
+        "fine": box.subdivide().subdivide().subdivide(), "small": box.copy().apply_scale(0.1),
+    }.items():  # fmt: skip
+        mesh.export(made / f"{name}.obj")
+    return made
+
+
+@pytest.fixture(autouse=True)
+def there(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+
+
+def flying(*shapes: dict) -> fan.Marionette:
+    """A free body for every shape."""
+    bodies = [{"name": f"body{k}", "shapes": [s], **FREE} for k, s in enumerate(shapes)]
+    for k, body in enumerate(bodies):
+        bodies[k] = body | {"joint": body["joint"] | {"name": f"j{k}"}}
+    return fan.loads(str({"puppet": "flying", "bodies": bodies}))
+
+
+def mesh(file: str, **more) -> dict:
+    return {"type": "mesh", "file": f"{file}.obj", **more}
+
+
+def posed(puppet: fan.Marionette, *poses: tuple[np.ndarray, Rotation]) -> fan.State:
+    """Bodies at places, turned."""
+    numbers = [[*place, *np.roll(turn.as_quat(), 1)] for place, turn in poses]
+    return puppet.state().replace(q_D=np.ravel(numbers))
+
+
+def distances(puppet: fan.Marionette, still: dict, places: np.ndarray) -> np.ndarray:
+    """Of one body, not turned, at places (n, 3), from an obstacle."""
+    q_D = np.column_stack([places, np.tile([1.0, 0, 0, 0], (len(places), 1))])
+    return Clearance(puppet, [still | {"name": "it"}]).at(q_D, np.zeros((len(places), 0)))
+
+
+@pytest.fixture(scope="module")
+def bead():
+    return flying({"type": "sphere", "radius": 1e-3})
+
+
+@pytest.mark.parametrize("name", ["box", "fine", "halves"])
+@pytest.mark.parametrize("kind", ["capsule", "box", "ellipsoid", "half_space", "mesh"])
+def test_a_mesh_of_a_box_is_the_box(folder, name, kind):
+    rng = np.random.default_rng(3)
+    puppet, same = flying(mesh(name)), flying({"type": "box", "size": [0.2, 0.3, 0.4]})
+    other = {
+        "capsule": {"from": [-0.1, 0.02, 0.0], "to": [0.1, 0.05, 0.07], "radius": 0.02},
+        "box": {"size": [0.1, 0.2, 0.3], "orientation": {"rpy": [0.4, 0.2, -0.5]}},
+        "ellipsoid": {"radii": [0.1, 0.02, 0.05], "orientation": {"rpy": [0.4, 0.2, -0.5]}},
+        "half_space": {"at": [0.0, 0.0, -0.1], "normal": [0.3, -0.2, 0.9]},
+        "mesh": {"file": "box.obj"},
+    }[kind] | {"type": kind, "name": "it"}
+    twin = {"type": "box", "size": [0.2, 0.3, 0.4], "name": "it"} if kind == "mesh" else other
+    clear, known = Clearance(puppet, [other]), Clearance(same, [twin])
+    apart = 0
+    for _ in range(25):
+        turn, place = Rotation.random(random_state=rng), rng.normal(0, 0.25, 3)
+        found = float(clear.of(posed(puppet, (place, turn))))
+        expected = float(known.of(posed(same, (place, turn))))
+        if expected > 0.0 or kind == "half_space":
+            assert found == pytest.approx(expected, abs=1e-7)
+        assert (found > 0.0) == (expected > 0.0)
+        apart += expected > 0.0
+    assert 3 < apart < 24
+
+
+@pytest.mark.parametrize(
+    ("at", "gap"),
+    [
+        ((0.5, 0.5, 0.5), (1.5 - 0.3) / np.sqrt(3)),  # the slanted face
+        ((0.1, 0.1, -0.2), 0.2),  # a face
+        ((-0.3, -0.4, 0.1), 0.5),  # an edge
+        ((-0.2, -0.3, -0.6), 0.7),  # a corner
+        ((0.0, 0.0, 0.5), 0.2),  # another
+    ],
+)
+def test_a_moving_tetrahedron_is_as_far_as_geometry_says(at, gap):
+    rng = np.random.default_rng(4)
+    puppet = flying(mesh("corner", at=[0.1, -0.2, 0.3]))
+    for _ in range(5):
+        turn, place = Rotation.random(random_state=rng), rng.normal(size=3)
+        centre = turn.apply(np.array(at) + [0.1, -0.2, 0.3]) + place
+        ball = {"type": "sphere", "name": "ball", "radius": 0.05, "at": centre.tolist()}
+        clear = Clearance(puppet, [ball])
+        near = clear.nearest(posed(puppet, (place, turn)))
+        assert near.distance == pytest.approx(gap - 0.05, abs=1e-9)
+        assert (near.what, near.other) == ("body0", "ball")
+
+
+def test_a_notch_is_free():
+    """The box about the L is met, its legs are 0.1 away less the radius."""
+    rod = flying({"type": "capsule", "from": [0, -0.3, 0], "to": [0, 0.3, 0], "radius": 0.02})
+    x = posed(rod, (np.array([0.2, 0.0, 0.2]), Rotation.identity()))
+    ell = mesh("ell", name="ell")
+    assert float(Clearance(rod, [ell]).of(x)) == pytest.approx(0.1 - 0.02, abs=1e-9)
+    about = {"type": "box", "size": [0.4, 0.2, 0.4], "at": [0.2, 0, 0.2], "name": "about"}
+    assert float(Clearance(rod, [about]).of(x)) < 0.0
+    tilted = posed(rod, (np.array([0.2, 0.0, 0.2]), Rotation.from_euler("x", 50, degrees=True)))
+    assert float(Clearance(rod, [ell]).of(tilted)) < 0.0
+    half = mesh("ell", name="ell", scale=0.5, at=[0.1, 0.0, 0.1])
+    assert float(Clearance(rod, [half]).of(x)) == pytest.approx(0.05 - 0.02, abs=1e-9)
+
+
+def test_what_lies_within_overlaps_whatever_it_lines_up_with(bead):
+    """A grid of beads, half of them straight above corners and edges of the L."""
+    line = np.arange(-2, 11) * 0.05 + 1e-5 * np.array([0, 7, -9] * 5)[:13]
+    line = np.concatenate([line, [0.025, 0.125, 0.375]])
+    places = np.stack(np.meshgrid(line, [-0.15, -0.05, 0.0, 0.05, 0.15], line), -1).reshape(-1, 3)
+
+    def outside(p, low, high):
+        return np.linalg.norm(np.maximum(np.maximum(low - p, p - high), 0.0), axis=1)
+
+    legs = ([0, -0.1, 0], [0.4, 0.1, THICK]), ([0, -0.1, 0], [THICK, 0.1, 0.4])
+    gap = np.min([outside(places, *(np.array(c) for c in leg)) for leg in legs], axis=0)
+    skin = gap == 0.0
+    found = distances(bead, mesh("ell"), places)
+    assert np.all(found[skin] < 0.0) and np.count_nonzero(skin) > 100
+    np.testing.assert_allclose(found[~skin], gap[~skin] - 1e-3, atol=1e-9)
+
+
+def test_hollows_are_free_and_open_meshes_have_no_inside(bead):
+    middle, wall = np.array([[0.0, 0.0, 0.01]]), np.array([[0.07, 0.0, 0.0]])
+    assert distances(bead, mesh("hollow"), middle)[0] == pytest.approx(0.05 - 1e-3, abs=1e-9)
+    assert distances(bead, mesh("hollow"), wall)[0] < 0.0
+    assert distances(bead, mesh("box"), middle)[0] < 0.0
+    assert distances(bead, mesh("halves"), middle + [0.03, 0, 0])[0] < 0.0
+    assert distances(bead, mesh("open"), middle)[0] == pytest.approx(0.1 - 1e-3, abs=1e-9)
+    below, sheet = np.array([[0.1, 0.1, -0.1]]), mesh("sheet", at=[0.0, 0.0, 0.1])
+    assert distances(bead, sheet, below)[0] == pytest.approx(0.2 - 1e-3, abs=1e-9)
+
+
+def test_solids_within_one_another_overlap_either_way():
+    large = {"type": "box", "size": [1, 1, 1]}
+    for moving, still in (
+        (mesh("small"), mesh("halves", scale=2.0, at=[0.1, 0, 0])),
+        (mesh("halves", scale=2.0, at=[0.1, 0, 0]), mesh("small")),
+        (mesh("ell", scale=0.1, at=[0.1, 0, 0]), mesh("halves")),
+        ({"type": "box", "size": [0.01, 0.01, 0.01], "at": [0.05, 0, 0.05]}, mesh("ell")),
+        (mesh("ell"), large),
+        (large, mesh("open")),
+    ):
+        puppet = flying(moving)
+        assert float(Clearance(puppet, [still | {"name": "it"}]).of(puppet.state())) < 0.0
+
+
+def test_meshes_of_one_puppet_keep_clear_of_one_another():
+    """Two Ls, one turned by half a turn, a leg of each in the other's notch."""
+    puppet = flying(mesh("ell"), mesh("ell"))
+    own = Clearance(puppet, self_collision=True)
+    still, turn = (np.zeros(3), Rotation.identity()), Rotation.from_euler("y", 180, degrees=True)
+    near = own.nearest(posed(puppet, still, (np.array([0.53, 0.0, 0.54]), turn)))
+    assert near.distance == pytest.approx(np.hypot(0.03, 0.04), abs=1e-9)
+    assert {near.what, near.other} == {"body0", "body1"}
+    assert float(own.of(posed(puppet, still, (np.array([0.45, 0.0, 0.45]), turn)))) < 0.0
+
+
+def test_threads_and_neighbours_do_not_matter():
+    puppet = flying({"type": "box", "size": [0.1, 0.1, 0.1]})
+    rng = np.random.default_rng(7)
+    n = 8200
+    q_D = np.zeros((n, 7))
+    q_D[:, :3] = rng.normal([0.2, 0.0, 0.2], 0.3, (n, 3))
+    q_D[:, 3:] = Rotation.random(n, random_state=rng).as_quat()[:, [3, 0, 1, 2]]
+    clear, none = Clearance(puppet, [mesh("ell", name="ell")]), np.zeros((n, 0))
+    found = clear.at(q_D, none)
+    assert np.array_equal(found, clear.at(q_D, none, threads=2))
+    assert np.array_equal(found[5:40:7], [clear.at(q_D[k], none[k]) for k in range(5, 40, 7)])
+
+
+ARM = fan.puppets.arm3d()
+HANGING = ARM.rest({"hand.x": 0.3, "hand.length": 1.32, "elbow": 0.1})
+RAISED = {"shoulder.rotation": [0, -np.radians(80), 0], "elbow": np.radians(80)}
+SHELF = mesh("ell", name="shelf", scale=[-1.25, 1.0, 1.25], at=[0.6, 0.0, -0.75])
+"""It lies beside the hand with a leg upright before the arm; the string hangs in its notch."""
+
+
+def test_a_plan_goes_through_a_notch():
+    about = {"name": "about", "type": "box", "size": [0.5, 0.2, 0.5], "at": [0.35, 0.0, -0.5]}
+    refused = fan.Problem(ARM, HANGING, RAISED, [about])
+    assert "string hand" in refused.reason and "about" in refused.reason
+    plan = fan.plan(
+        ARM, HANGING, RAISED, [SHELF], tolerance=0.25, margin=0.005, iterations=40_000,
+        time_limit=120.0, seed=2, threads=1,
+    )  # fmt: skip
+    assert plan, str(plan)
+    clear = plan.problem.motions.clearance
+    assert np.min(clear.of(plan.trajectory)) > 0.0
+    assert np.min(fan.Clearance(ARM, [about]).of(plan.trajectory)) < -1e-3
+    assert plan.replay()
+    legs = [
+        {"name": "low", "type": "box", "size": [0.5, 0.2, 0.125], "at": [0.35, 0.0, -0.6875]},
+        {"name": "up", "type": "box", "size": [0.125, 0.2, 0.5], "at": [0.5375, 0.0, -0.5]},
+    ]
+    np.testing.assert_allclose(
+        clear.of(plan.trajectory), fan.Clearance(ARM, legs).of(plan.trajectory), atol=1e-9
+    )
+    other = fan.Problem(ARM, HANGING, RAISED, [SHELF | {"scale": [-1.25, 1.01, 1.25]}])
+    assert other.fingerprint != fan.Problem(ARM, HANGING, RAISED, [SHELF]).fingerprint
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_what_fails_while_meshes_are_measured_is_told(monkeypatch, threads):
+    problem = fan.Problem(ARM, HANGING, RAISED, [SHELF], threads=threads)
+    for error in (RuntimeError("no distance"), KeyboardInterrupt()):
+
+        def fails(*solids, error=error):
+            raise error
+
+        monkeypatch.setattr("coal.distance", fails)
+        with pytest.raises(type(error)):
+            problem.motions.clearance.of(HANGING)
+        with pytest.raises(type(error)):
+            problem.motions.sweep(problem.root, np.zeros(8), np.zeros((8, 1, 3)))
+
+
+def test_coal_is_loaded_where_there_is_a_mesh_only():
+    code = (
+        "import sys, fantoccini as fan; arm = fan.puppets.arm3d(); x = arm.rest();"
+        "fan.Clearance(arm, [{'name': 'b', 'type': 'box', 'size': [1, 1, 1]}]).of(x);"
+        "assert 'coal' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
