@@ -23,7 +23,7 @@ def prism(outline: list[tuple[float, float]], triangles: list[tuple[int, ...]]) 
     """Over an outline in x and z, counter-clockwise seen against y, from y = -0.1 to 0.1."""
     n, flat = len(outline), np.array(outline)
     front = np.column_stack([flat[:, 0], np.full(n, -0.1), flat[:, 1]])
-    corners = np.vstack([front, front + [0.0, 0.2, 0.0]])
+    corners = np.vstack([front, front + np.array([0.0, 0.2, 0.0])])
     faces = [*triangles, *((c + n, b + n, a + n) for a, b, c in triangles)]
     for i in range(n):
         j = (i + 1) % n
@@ -41,7 +41,8 @@ def angle() -> trimesh.Trimesh:
 def folder(tmp_path_factory):
     """Meshes: an L, a tetrahedron, boxes convex and in two pieces, a hollow one, an open one."""
     made = tmp_path_factory.mktemp("meshes")
-    ell, box = angle(), trimesh.creation.box((0.2, 0.3, 0.4))
+    ell, box = angle().subdivide(), trimesh.creation.box((0.2, 0.3, 0.4))
+    small = box.copy().apply_scale(0.1)
     assert ell.is_volume and ell.volume == pytest.approx(0.2 * (0.4 * 0.1 + 0.3 * 0.1))
     corner = trimesh.Trimesh(
         np.vstack([np.zeros(3), 0.3 * np.eye(3)]), [(0, 2, 1), (0, 3, 2), (0, 1, 3), (1, 2, 3)]
@@ -54,8 +55,9 @@ def folder(tmp_path_factory):
     for name, mesh in {
         "ell": ell, "corner": corner, "box": box.subdivide(), "halves": sum(halves[1:], halves[0]),
         "hollow": box + hole, "open": trimesh.Trimesh(box.vertices, box.faces[:-2]),
-        "sheet": trimesh.Trimesh(corner.vertices, corner.faces[:1]),
-        "fine": box.subdivide().subdivide().subdivide(), "small": box.copy().apply_scale(0.1),
+        "sheet": trimesh.Trimesh(corner.vertices, corner.faces[3:]),
+        "small": small, "pair": small + small.copy().apply_translation([1, 0, 0]),
+        "fine": box.subdivide().subdivide().subdivide(),
     }.items():  # fmt: skip
         mesh.export(made / f"{name}.obj")
     return made
@@ -136,7 +138,7 @@ def test_a_moving_tetrahedron_is_as_far_as_geometry_says(at, gap):
     puppet = flying(mesh("corner", at=[0.1, -0.2, 0.3]))
     for _ in range(5):
         turn, place = Rotation.random(random_state=rng), rng.normal(size=3)
-        centre = turn.apply(np.array(at) + [0.1, -0.2, 0.3]) + place
+        centre = turn.apply(np.add(at, [0.1, -0.2, 0.3])) + place
         ball = {"type": "sphere", "name": "ball", "radius": 0.05, "at": centre.tolist()}
         clear = Clearance(puppet, [ball])
         near = clear.nearest(posed(puppet, (place, turn)))
@@ -159,17 +161,16 @@ def test_a_notch_is_free():
 
 
 def test_what_lies_within_overlaps_whatever_it_lines_up_with(bead):
-    """A grid of beads, half of them straight above corners and edges of the L."""
-    line = np.arange(-2, 11) * 0.05 + 1e-5 * np.array([0, 7, -9] * 5)[:13]
-    line = np.concatenate([line, [0.025, 0.125, 0.375]])
-    places = np.stack(np.meshgrid(line, [-0.15, -0.05, 0.0, 0.05, 0.15], line), -1).reshape(-1, 3)
+    """A grid of beads, many of them straight above and below corners and edges of the L."""
+    line = np.arange(-2, 11) * 0.05
+    places = np.stack(np.meshgrid(line, line[:7] - 0.05, line), -1).reshape(-1, 3)
 
     def outside(p, low, high):
         return np.linalg.norm(np.maximum(np.maximum(low - p, p - high), 0.0), axis=1)
 
     legs = ([0, -0.1, 0], [0.4, 0.1, THICK]), ([0, -0.1, 0], [THICK, 0.1, 0.4])
     gap = np.min([outside(places, *(np.array(c) for c in leg)) for leg in legs], axis=0)
-    skin = gap == 0.0
+    skin = gap < 1e-12
     found = distances(bead, mesh("ell"), places)
     assert np.all(found[skin] < 0.0) and np.count_nonzero(skin) > 100
     np.testing.assert_allclose(found[~skin], gap[~skin] - 1e-3, atol=1e-9)
@@ -180,10 +181,10 @@ def test_hollows_are_free_and_open_meshes_have_no_inside(bead):
     assert distances(bead, mesh("hollow"), middle)[0] == pytest.approx(0.05 - 1e-3, abs=1e-9)
     assert distances(bead, mesh("hollow"), wall)[0] < 0.0
     assert distances(bead, mesh("box"), middle)[0] < 0.0
-    assert distances(bead, mesh("halves"), middle + [0.03, 0, 0])[0] < 0.0
+    assert distances(bead, mesh("halves", at=[0.03, 0, 0]), middle)[0] < 0.0
     assert distances(bead, mesh("open"), middle)[0] == pytest.approx(0.1 - 1e-3, abs=1e-9)
-    below, sheet = np.array([[0.1, 0.1, -0.1]]), mesh("sheet", at=[0.0, 0.0, 0.1])
-    assert distances(bead, sheet, below)[0] == pytest.approx(0.2 - 1e-3, abs=1e-9)
+    found = distances(bead, mesh("sheet"), np.zeros((1, 3)))[0]
+    assert found == pytest.approx(0.3 / np.sqrt(3) - 1e-3, abs=1e-9)
 
 
 def test_solids_within_one_another_overlap_either_way():
@@ -193,6 +194,8 @@ def test_solids_within_one_another_overlap_either_way():
         (mesh("halves", scale=2.0, at=[0.1, 0, 0]), mesh("small")),
         (mesh("ell", scale=0.1, at=[0.1, 0, 0]), mesh("halves")),
         ({"type": "box", "size": [0.01, 0.01, 0.01], "at": [0.05, 0, 0.05]}, mesh("ell")),
+        (mesh("pair", at=[0.05, 0, 0.05]), mesh("ell")),
+        (mesh("pair", at=[-0.95, 0, 0.05]), mesh("ell")),
         (mesh("ell"), large),
         (large, mesh("open")),
     ):
