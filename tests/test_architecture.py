@@ -64,6 +64,7 @@ ONLY_IN = {
     "cffi": {"runtime"},
     "ray": {"sweep"},
     "mujoco": {"exchange"},
+    "coal": {"plan"},
 }
 """Libraries and the modules that may use them."""
 

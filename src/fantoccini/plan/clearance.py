@@ -32,6 +32,8 @@ class Nearest:
     distance: float
 
     def __str__(self) -> str:
+        if -1e-6 < self.distance < 0.0:  # of thin things, which have no depth
+            return f"{self.what} meets {self.other}"
         if self.distance < 0.0:
             return f"{self.what} is {-self.distance:.3g} m inside {self.other}"
         return f"{self.what} is {self.distance:.3g} m from {self.other}"
