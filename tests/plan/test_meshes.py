@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 import sys
+import threading
+import time
 
 import numpy as np
 import pytest
@@ -287,6 +291,30 @@ def test_what_fails_while_meshes_are_measured_is_told(monkeypatch, threads):
             problem.motions.clearance.of(HANGING)
         with pytest.raises(type(error)):
             problem.motions.sweep(problem.root, np.zeros(8), np.zeros((8, 1, 3)))
+
+
+def test_an_interrupt_is_not_lost_while_meshes_are_measured():
+    """Python delivers it where compiled code calls back."""
+
+    class Stopped(Exception):
+        pass
+
+    def stop(number, frame):
+        raise Stopped
+
+    clear, many = Clearance(ARM, [SHELF]), 40_000
+    before = signal.signal(signal.SIGINT, stop)
+    later = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
+    try:
+        later.start()
+        began = time.perf_counter()
+        with pytest.raises(Stopped):
+            clear.at(np.tile(HANGING.q_D, (many, 1)), HANGING.q_K)
+        assert time.perf_counter() - began < 2.0
+        assert signal.getsignal(signal.SIGINT) is stop
+    finally:
+        later.join()
+        signal.signal(signal.SIGINT, before)
 
 
 def test_coal_is_loaded_where_there_is_a_mesh_only():

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import ctypes
+import signal
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from types import FrameType
+from typing import Any
 
 import numpy as np
 
@@ -84,10 +87,10 @@ class ClearanceArrays(ctypes.Structure):
 
 
 class Exact:
-    """``Solids.exact`` as the library calls it, during one call of the library.
+    """``Solids.exact`` as the library calls it: ``with`` it, the library may be called.
 
     What it raises cannot pass through compiled code: all then overlaps, so that the call soon ends,
-    and :meth:`check` raises it.
+    and the end of ``with`` raises it.
 
     Args:
         solids: whose function it is.
@@ -95,21 +98,38 @@ class Exact:
 
     def __init__(self, solids: Solids):
         self._raised: list[BaseException] = []
+        self._handler: Any = None
         raised, exact = self._raised, solids.exact
 
         def asked(x: int, y: int) -> float:
             try:
                 return -1.0 if raised else exact(_record(x), _record(y))
-            except BaseException as error:  # KeyboardInterrupt too
+            except BaseException as error:
                 raised.append(error)
                 return -1.0
 
         self.function = _EXACT() if exact is None else _EXACT(asked)
 
-    def check(self) -> None:
-        """Raises what the function raised."""
-        if self._raised:
+    def __enter__(self) -> Exact:
+        # Ctrl-C would be raised on entry to `asked`, before its `try`, and be lost.
+        if self.function and threading.current_thread() is threading.main_thread():
+            handler = signal.getsignal(signal.SIGINT)
+            if callable(handler):
+                self._handler = handler
+                signal.signal(signal.SIGINT, self._interrupted)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
+        if self._handler is not None:
+            signal.signal(signal.SIGINT, self._handler)
+        if self._raised and kind is None:
             raise self._raised[0]
+
+    def _interrupted(self, number: int, frame: FrameType | None) -> None:
+        try:
+            self._handler(number, frame)
+        except BaseException as error:
+            self._raised.append(error)
 
 
 def _record(address: int) -> np.void:
@@ -150,12 +170,12 @@ class ClearanceLibrary:
             measured.
         """
         kept: list[np.ndarray] = []
-        exact = Exact(solids)
-        arrays = ClearanceArrays.of(solids, exact, kept)
         n = len(q_D)
         q_D, q_K, p = (np.ascontiguousarray(a, dtype=float) for a in (q_D, q_K, p))
         clearance, pair = np.empty(n), np.empty(n, dtype=np.int64)
         failed: list[int] = []
+        exact = Exact(solids)
+        arrays = ClearanceArrays.of(solids, exact, kept)
 
         def work(first: int, last: int) -> None:
             part = slice(first, last)
@@ -169,13 +189,13 @@ class ClearanceLibrary:
         parts = max(1, min(threads, n // _APART))
         ends = np.linspace(0, n, parts + 1).astype(int)
         others = [threading.Thread(target=work, args=span) for span in pairwise(ends[1:])]
-        for other in others:
-            other.start()
-        if n:
-            work(0, ends[1])
-        for other in others:
-            other.join()
+        with exact:
+            for other in others:
+                other.start()
+            if n:
+                work(0, ends[1])
+            for other in others:
+                other.join()
         if any(failed):
             raise MemoryError("no memory for clearances")
-        exact.check()
         return clearance, pair

@@ -310,8 +310,8 @@ class Sweeper:
         arrays.reach, arrays.funnels = _held(reach, kept), ctypes.addressof(laws)
         out = (*states.values(), distance, lasted, catches)
         arrays.out = _SegmentArrays(*(pointer(a) for a in out))
-        reached = self._work(arrays)
-        exact.check()
+        with exact:
+            reached = self._work(arrays)
         lasted[reached + 1 :] = 0
         return Segments(states, acc_K, lasted, distance, catches, min(reached + 1, n))
 
