@@ -310,6 +310,8 @@ class Sweeper:
         arrays.reach, arrays.funnels = _held(reach, kept), ctypes.addressof(laws)
         out = (*states.values(), distance, lasted, catches)
         arrays.out = _SegmentArrays(*(pointer(a) for a in out))
+        # Ctrl-C may leave a worker behind: what it uses lives as long as `arrays`.
+        arrays.held = (self._kept, kept, acc_K, laws, out, solids, exact)
         with exact:
             reached = self._work(arrays)
         lasted[reached + 1 :] = 0

@@ -2,6 +2,8 @@
 // that depend on a Real. Capsules and spheres are segments with a radius, which the caller takes off.
 #pragma once
 
+#include <initializer_list>
+
 #include "elementary.hpp"
 
 namespace fan {
