@@ -34,6 +34,9 @@ _STAGES = 8
 _STEP = 1e-7
 """Of finite differences [m or rad]."""
 
+_LAST = 1e-6
+"""Step after which nothing is left to do: what is left of an error is 1e-7 of it [m or rad]."""
+
 _FARTHEST = 0.5
 """That a coordinate moves in one iteration [m or rad]."""
 
@@ -111,8 +114,8 @@ def balanced(
             for stage in range(1, _STAGES):
                 left_over = 1.0 - stage / _STAGES
                 x = _least(lacking, x)
-        left_over = 0.0
-        x = _least(lacking, x)
+            left_over = 0.0
+            x = _least(lacking, x)
         # Then what was found is only put right.
         soft = 0.0
         x = _least(lacking, x)
@@ -179,7 +182,9 @@ def _least(residuals: Callable[[Array], Array], x: Array) -> Array:
         size = float(np.max(np.abs(move)))
         gained = squares < (1.0 - 1e-6) * least
         least, before = squares, x
-        if size < 1e-9 or not gained:
+        if size < _LAST:
+            return x + move
+        if not gained:
             break
         x = x + move * min(1.0, _FARTHEST / size)
     return before

@@ -58,26 +58,27 @@ def funnels(
     )
     weight = np.full(2 * (n + k), _SPEED**2)
     weight[:n] = 1.0
-    made = []
-    for effort in _EFFORTS:
-        gains = np.zeros((k, 2 * (n + k)))
-        gains[moves] = regulator(A, B[:, moves], np.diag(weight), effort * np.eye(moves.sum()))
-        made.append(Funnel(q_D, q_K, gains))
-    return made
+    efforts = np.array(_EFFORTS)[:, None, None] * np.eye(moves.sum())
+    gains = np.zeros((len(efforts), k, 2 * (n + k)))
+    gains[:, moves] = regulator(A, B[:, moves], np.diag(weight), efforts)
+    return [Funnel(q_D, q_K, K) for K in gains]
 
 
 def regulator(A: Array, B: Array, Q: Array, R: Array) -> Array:
     """Gains K of acc = -K z that minimise sum z'Q z + acc'R acc over 2^7 steps of z' = A z + B acc.
 
+    For several R (..., n_a, n_a) at once.
+
     By the structure-preserving doubling of Chu, Fan and Lin (2005): exact for that many steps, so
     that it holds where nothing can be done about a mode; SciPy's solution for endlessly many steps
     needs that something can, and takes 7 to 17 times as long.
     """
-    unit, G, H, C = np.eye(len(A)), B @ np.linalg.solve(R, B.T), Q, A
+    G = B @ np.linalg.solve(R, B.T)
+    unit, H, C = np.eye(len(A)), np.broadcast_to(Q, G.shape), np.broadcast_to(A, G.shape)
     for _ in range(_DOUBLINGS):
-        both = np.linalg.solve(unit + G @ H, np.concatenate([C, G], axis=1))
-        ahead, spread = both[:, : len(A)], both[:, len(A) :]
-        G, H, C = G + C @ spread @ C.T, H + ahead.T @ H @ C, C @ ahead
+        both = np.linalg.solve(unit + G @ H, np.concatenate([C, G], axis=-1))
+        ahead, spread = both[..., : len(A)], both[..., len(A) :]
+        G, H, C = G + C @ spread @ C.swapaxes(-1, -2), H + ahead.swapaxes(-1, -2) @ H @ C, C @ ahead
     return np.linalg.solve(R + B.T @ H @ B, B.T @ H @ A)
 
 

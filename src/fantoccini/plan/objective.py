@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from fantoccini.arrays import Array
-from fantoccini.runtime import Segments
 
 
 @dataclass(frozen=True)
@@ -22,19 +22,16 @@ class Objective:
     catch: float = 0.0
     effort: float = 0.0
 
-    def of_segments(self, made: Segments, interval: float) -> Array:
-        """(n, segments) [s] of motions.
+    def cost(self, time: Array, catches: Array, effort: Callable[[], Array]) -> Array:
+        """(n,) J [s].
 
         Args:
-            made: the motions.
-            interval: between looks [s].
+            time: (n,) T [s].
+            catches: (n,).
+            effort: gives the integral (n,); asked where it counts.
         """
-        duration = interval * made.looks
-        cost = duration + self.catch * made.catches
-        if self.effort:
-            there = made.looks > 0
-            cost[there] += self.effort * duration[there] * (made.acc_K[there] ** 2).sum(axis=1)
-        return cost
+        cost = time + self.catch * catches
+        return cost + self.effort * effort() if self.effort else cost
 
 
 TIME = Objective()

@@ -80,7 +80,7 @@ class Explore:
 
     def __init__(
         self,
-        batch: int = 64,
+        batch: int = 192,
         astray: int = 16,
         led: int = 40,
         direct: float = 0.1,

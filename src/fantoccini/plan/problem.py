@@ -22,7 +22,7 @@ from fantoccini.plan.obstacles import HalfSpace
 from fantoccini.puppet import Obstacle
 from fantoccini.runtime import Funnel, default_threads
 
-_TRIAL = 30
+_TRIAL = 20
 """Segments after which laws are compared."""
 
 _HURRY = 0.6

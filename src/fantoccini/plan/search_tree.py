@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from fantoccini.arrays import Array
@@ -155,16 +157,22 @@ class SearchTree:
         Returns:
             Their numbers.
         """
-        there = made.looks > 0
-        number = self.n + np.cumsum(there).reshape(there.shape) - 1
-        parent = np.concatenate([chosen[:, None], number[:, :-1]], axis=1)
-        time = self.time[chosen, None] + interval * np.cumsum(made.looks, axis=1)
-        cost = np.cumsum(self.objective.of_segments(made, interval), axis=1)
-        cost += self.cost[chosen, None]
+        flat = np.flatnonzero(made.looks)
+        motion, place = np.divmod(flat, made.looks.shape[1])
+        begin, chosen = place == 0, chosen[motion]
+        looks, catches = made.looks.ravel()[flat], made.catches.ravel()[flat]
+        acceleration = _all_of(made.acc_K)[flat]
+        time = interval * _running(looks, begin)
+        cost = self.objective.cost(
+            time,
+            _running(catches, begin),
+            lambda: _running(interval * looks * (acceleration**2).sum(axis=1), begin),
+        )
         return self.add(
-            Rows(*(a[there] for a in made.states.values())), parent[there], made.acc_K[there],
-            made.looks[there], time[there], cost[there], made.distance[there],
-            made.catches[there],
+            Rows(*(_all_of(a)[flat] for a in made.states.values())),
+            np.where(begin, chosen, self.n + np.arange(len(flat)) - 1), acceleration, looks,
+            self.time[chosen] + time, self.cost[chosen] + cost, made.distance.ravel()[flat],
+            catches,
         )  # fmt: skip
 
     def path(self, node: int) -> list[int]:
@@ -173,3 +181,14 @@ class SearchTree:
         while self.parent[found[-1]] >= 0:
             found.append(int(self.parent[found[-1]]))
         return found[::-1]
+
+
+def _running(a: Array, begin: Array) -> Array:
+    """(n,) sums of entries up to each one, anew where one begins."""
+    sums = np.cumsum(a)
+    before = (sums - a)[begin]
+    return sums - before[np.cumsum(begin) - 1]
+
+
+def _all_of(a: Array) -> Array:
+    return a.reshape(math.prod(a.shape[:-1]), a.shape[-1])

@@ -9,6 +9,7 @@ The velocities V of the driven coordinates at the ends of segments decide a moti
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -317,4 +318,4 @@ def _flat(rows: Rows) -> Rows:
 
 
 def _all_of(a: Array) -> Array:
-    return a.reshape(-1, a.shape[-1])
+    return a.reshape(math.prod(a.shape[:-1]), a.shape[-1])

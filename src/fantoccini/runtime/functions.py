@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+from itertools import accumulate
 from pathlib import Path
 
 import numpy as np
@@ -61,17 +62,24 @@ class Functions:
                 a = np.ascontiguousarray(np.broadcast_to(a, (*lead, a.shape[-1])))
             rows.append(a)
             strides.append(a.shape[-1] if a.ndim > 1 else 0)
-        out = [np.zeros((*lead, width)) for width in widths]
+        # All results lie in one block: to ask every array where it lies takes longer than a row.
+        n = math.prod(lead)
+        ends = [n * end for end in accumulate(widths, initial=0)]
+        block = np.zeros(ends[-1])
+        first = _address(block)
         status = getattr(self.handle, f"fan_map_{name}")(
-            ctypes.c_longlong(math.prod(lead)),
-            _pointers(rows),
+            ctypes.c_longlong(n),
+            (ctypes.c_void_p * len(rows))(*[_address(a) for a in rows]),
             (ctypes.c_longlong * len(rows))(*strides),
-            _pointers(out),
-            (ctypes.c_longlong * len(out))(*widths),
+            (ctypes.c_void_p * len(widths))(*[first + block.itemsize * at for at in ends[:-1]]),
+            (ctypes.c_longlong * len(widths))(*widths),
         )
         if status != 0:
             raise BuildError(f"the generated function {name} returned {status}")
-        return out
+        return [
+            block[at:end].reshape(*lead, width)
+            for at, end, width in zip(ends, ends[1:], widths, strict=False)
+        ]
 
 
 def opened(path: Path, what: str) -> ctypes.CDLL:
@@ -92,8 +100,8 @@ def opened(path: Path, what: str) -> ctypes.CDLL:
 
 def pointer(array: np.ndarray) -> ctypes.c_void_p:
     """Where an array's numbers lie. ``ctypes.data_as`` does the same at ten times the cost."""
-    return ctypes.c_void_p(array.__array_interface__["data"][0])
+    return ctypes.c_void_p(_address(array))
 
 
-def _pointers(arrays: list[Array]) -> ctypes.Array:
-    return (ctypes.c_void_p * len(arrays))(*[a.__array_interface__["data"][0] for a in arrays])
+def _address(array: np.ndarray) -> int:
+    return array.__array_interface__["data"][0]

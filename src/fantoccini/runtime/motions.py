@@ -358,8 +358,9 @@ class Sweeper:
             return self._library.handle.fan_sweep(ctypes.byref(arrays), ctypes.byref(progress))
 
         others: list[Future[int]] = []
+        needed = -(-arrays.n // _BUNDLE) - 1
         try:
-            for _ in range(self._others):
+            for _ in range(min(self._others, needed)):
                 others.append(_helpers(self._others).submit(work))
             failed = [work(), *(other.result() for other in others)]
         except BaseException:
@@ -372,6 +373,10 @@ class Sweeper:
         if any(failed):
             raise MemoryError("no memory for motions")
         return progress.reached
+
+
+_BUNDLE = 8
+"""Motions that one thread makes side by side where lanes are widest; fewer need no other thread."""
 
 
 @cache
