@@ -47,6 +47,7 @@ def test_no_plan_is_exit_code_one() -> None:
     [
         (("arm3d_boxse",), "found nothing here"),
         (("arm3d_boxes", "--planner", "rrt"), "rrt"),
+        (("arm3d_boxes", "--objective", "speed"), "speed"),
         (("arm3d_boxes", "--seed", "-1"), "negative"),
         (("arm3d_boxes", "--tolerance", "0"), "not a positive number"),
         (("arm3d_boxes", "--save", "plan.txt"), "allowed: .npz"),

@@ -32,6 +32,105 @@ def test_plans_become_shorter(problem):
     assert np.all(np.diff(seconds) >= 0.0) and seconds[-1] <= found.seconds
 
 
+def test_what_a_plan_costs(problem):
+    """Sums along the paths of a tree, whatever its arrays were filled with at once."""
+    search = Search(problem, seed=3, objective="effort")
+    search.first(60.0)
+    tree, interval = search.tree, problem.motions.interval
+    for node in range(0, len(tree), 97):
+        path = tree.path(node)[1:]
+        lasts = interval * tree.looks[path]
+        effort = np.sum(lasts * np.sum(tree.acceleration[path] ** 2, axis=1))
+        assert tree.time[node] == pytest.approx(lasts.sum())
+        assert tree.cost[node] == pytest.approx(lasts.sum() + effort)
+    gentle = Search(problem, seed=3)
+    gentle.first(60.0)
+    assert gentle.objective == "gentle" and len(gentle.tree) == len(tree)
+    for node in range(0, len(tree), 97):
+        catches = gentle.tree.catches[tree.path(node)].sum()
+        assert gentle.tree.cost[node] == pytest.approx(gentle.tree.time[node] + 3.0 * catches)
+
+
+def test_better_plans_cost_less(problem):
+    ends = {}
+    for objective in ("gentle", "time", "effort"):
+        search = Search(problem, seed=1, objective=objective)
+        search.first(60.0)
+        first = float(search.tree.cost[search.best])
+        search.better(60.0, iterations=3000)
+        ends[objective] = search.tree, search.best
+        assert search.tree.cost[search.best] < first
+    tree, best = ends["gentle"]
+    assert not tree.catches[tree.path(best)].any()
+    costs = {name: _effort(tree, best) for name, (tree, best) in ends.items()}
+    assert costs["effort"] < costs["time"]
+    with pytest.raises(ValueError, match="must be one of gentle, time, effort"):
+        Search(problem, objective="speed")
+
+
+def _effort(tree, node) -> float:
+    path = tree.path(node)[1:]
+    return float(np.sum(tree.looks[path] * np.sum(tree.acceleration[path] ** 2, axis=1)))
+
+
+def test_time_is_not_what_effort_saves(problem):
+    found = solve(problem, seed=3, objective="effort")
+    assert found.polish(1e-3, seconds=5.0).duration >= found.duration - 1e-9
+    search = Search(problem, seed=1)
+    search.first(60.0)
+    search.better(60.0, iterations=3000)
+    found = fan.PlanResult.of(search)
+    assert found.polish(1e-3, seconds=20.0).duration < 0.9 * found.duration
+
+
+def test_a_search_goes_on_from_what_was_polished(problem):
+    """What it finds then costs less, and Ctrl-C leaves what was found before."""
+    search = Search(problem, seed=1)
+    search.first(60.0)
+    search.better(60.0, iterations=2000)
+    assert search.polish(1e-3, 10.0)
+    cost = float(search.tree.cost[search.best])
+    search.better(60.0, iterations=2000)
+    assert float(search.tree.cost[search.best]) <= cost
+    assert search.curve[-1][2] == float(search.tree.time[search.best])
+
+
+def test_ctrl_c_keeps_what_was_polished(problem, monkeypatch):
+    from fantoccini.plan import polish
+
+    brought, calls = polish.brought, []
+
+    def interrupted(*arguments):
+        calls.append(found := brought(*arguments))
+        if sum(way is not None for way in calls[:-1]):
+            raise KeyboardInterrupt
+        return found
+
+    monkeypatch.setattr(polish, "brought", interrupted)
+    polished = solve(problem, seed=1).polish(1e-3, seconds=20.0)
+    assert polished.distance <= 1e-3 and polished.replay()
+
+
+def test_puppets_with_nothing_to_constrain_are_polished():
+    """No limits, nothing to measure, strings that may go slack; and a plan of one segment."""
+    arm = fan.puppets.arm2d()
+    start = arm.rest({"hand.x": 0.3, "hand.length": 1.2})
+    found = fan.plan(arm, start, {"elbow": start.q_D[1] + 0.3}, seed=0)
+    assert found and found.polish(1e-3, seconds=0.0).distance <= 1e-3
+    near = fan.Goal.pose(ARM, {"elbow": float(START.q_D[4]) + 0.03}, speed_weight=0.0)
+    found = fan.plan(ARM, START, near, tolerance=0.025, seed=2)
+    assert found and found.polish(1e-4, seconds=0.0).distance <= 1e-4
+
+
+def test_seconds_make_sense(problem):
+    found = solve(problem, seed=0)
+    for seconds in (-1.0, np.nan, np.inf):
+        with pytest.raises(ValueError, match="seconds is"):
+            found.grow(seconds)
+        with pytest.raises(ValueError, match="seconds is"):
+            found.polish(seconds=seconds)
+
+
 def test_iterations_decide_what_is_found(problem):
     """The same for any number of threads, as long as no clock ends the search."""
     found = []

@@ -51,6 +51,14 @@ class Planners(enum.StrEnum):
     EST2007 = "est-2007"
 
 
+class Objectives(enum.StrEnum):
+    """What plans may cost, by name."""
+
+    GENTLE = "gentle"
+    TIME = "time"
+    EFFORT = "effort"
+
+
 class Method(enum.StrEnum):
     """Ways to integrate."""
 
@@ -268,6 +276,9 @@ def plan(
     confirm: Annotated[
         bool, typer.Option("--confirm", help="Only a plan that arrives by method event counts.")
     ] = False,
+    objective: Annotated[
+        Objectives, typer.Option(help="What better plans have less of.")
+    ] = Objectives.GENTLE,
     seed: Annotated[int, typer.Option(help="Of all random choices.")] = 0,
     threads: Annotated[
         int | None, typer.Option(min=1, help="That share the work; all processors by default.")
@@ -294,8 +305,8 @@ def plan(
 
     plan_file(
         Request(
-            file, planner.value, tolerance, time_limit, improve, confirm, seed, threads,
-            tuple(out or ()), picture, save, quiet,
+            file, planner.value, tolerance, time_limit, improve, confirm, objective.value, seed,
+            threads, tuple(out or ()), picture, save, quiet,
         )
     )  # fmt: skip
 

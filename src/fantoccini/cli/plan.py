@@ -24,6 +24,7 @@ class Request:
     time_limit: float
     improve: float
     confirm: bool
+    objective: str
     seed: int
     threads: int | None
     out: tuple[Path, ...]
@@ -52,7 +53,8 @@ def plan_file(request: Request) -> None:
         steps.step("planning")
         found = solve(
             problem, planner=request.planner, time_limit=request.time_limit,
-            improve=request.improve, confirm=request.confirm, seed=request.seed,
+            improve=request.improve, confirm=request.confirm, objective=request.objective,
+            seed=request.seed,
         )  # fmt: skip
         checks = {}
         if found and not request.quiet:

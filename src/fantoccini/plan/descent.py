@@ -37,9 +37,6 @@ _LATE = 1.2
 _SMOOTH = 1e-5
 """Weight of changes of accelerations [s^2]."""
 
-_SMOOTHER, _SMOOTHING, _WORTH = 6, 1e-3, 0.97
-"""Steps that make a way smooth, the weight in them, and what a step must leave at most."""
-
 _SMALL = 1e-6
 """Weight of the step itself."""
 
@@ -69,6 +66,8 @@ def brought(
         late: whether only the last segments are varied, when nothing is caught any more: earlier
             changes bend too much on their way, or are answered by leaps.
     """
+    if time.perf_counter() > until:
+        return None
     way = shooting.ways(shooting.within(V)[None])
     if not np.isfinite(way.merit[0]):
         return None
@@ -92,40 +91,7 @@ def brought(
     return None
 
 
-def smoothed(shooting: Shooting, way: Ways, there: Callable[[Ways], bool], until: float) -> Ways:
-    """The way with less change of its accelerations.
-
-    Args:
-        shooting: makes ways.
-        way: one that is where it is to be.
-        there: whether a way is.
-        until: the time at which it is smooth enough.
-    """
-    for _ in range(_SMOOTHER):
-        if time.perf_counter() > until:
-            break
-        slopes = shooting.slopes(way)
-        x = step(shooting, way, slopes, _TRUST, _SMOOTHING)
-        tried = np.stack([shooting.changed(way.V[0], slopes.basis, p * x) for p in _PARTS])
-        ways = shooting.ways(shooting.within(tried))
-        least = _WORTH * _roughness(shooting, way)[0]
-        rough = _roughness(shooting, ways)
-        found = (ways[i] for i in np.argsort(rough) if rough[i] < least)
-        finer = next((one for one in found if there(one)), None)
-        if finer is None:
-            break
-        way = finer
-    return way
-
-
-def _roughness(shooting: Shooting, ways: Ways) -> Array:
-    """(n,) squares of what accelerations change."""
-    return np.sum(np.diff(shooting.accelerations(ways.V), axis=1) ** 2, axis=(1, 2))
-
-
-def step(
-    shooting: Shooting, way: Ways, slopes: Slopes, trust: float, smooth: float = _SMOOTH
-) -> Array:
+def step(shooting: Shooting, way: Ways, slopes: Slopes, trust: float) -> Array:
     """(n_x,) the step of the quadratic program."""
     bounds, V = shooting.problem.motions.bounds, way.V[0][:, shooting.moves]
     m, n_m = V.shape
@@ -135,12 +101,12 @@ def step(
     before = np.broadcast_to(shooting.problem.root.v_K[0, shooting.moves], (1, n_m))
     D = np.diff(changes.reshape(m, n_m, n_x), axis=0, prepend=0.0)
     dV = np.diff(V, axis=0, prepend=before)
-    jerk, jerk_V = (np.diff(a, axis=0).reshape((m - 1) * n_m, -1) for a in (D, dV))
+    jerk, jerk_V = np.diff(D, axis=0).reshape((m - 1) * n_m, n_x), np.diff(dV, axis=0).ravel()
     lacks = way.lacks[0]
     H, g = np.zeros((n_x + n_s, n_x + n_s)), np.zeros(n_x + n_s)
-    H[:n_x, :n_x] = slopes.lacks.T @ slopes.lacks + smooth * jerk.T @ jerk
+    H[:n_x, :n_x] = slopes.lacks.T @ slopes.lacks + _SMOOTH * jerk.T @ jerk
     H[np.arange(n_x + n_s), np.arange(n_x + n_s)] += _SMALL
-    g[:n_x] = slopes.lacks.T @ lacks + smooth * jerk.T @ jerk_V[:, 0]
+    g[:n_x] = slopes.lacks.T @ lacks + _SMOOTH * jerk.T @ jerk_V
     g[n_x:] = _PENALTY * max(float(np.linalg.norm(lacks)), _LEAST)
     # Only what the step can reach is bounded.
     speed, most = bounds.speed[shooting.moves], shooting.segment * bounds.acceleration

@@ -15,7 +15,7 @@ from fantoccini.plan.clearance import Clearance
 from fantoccini.plan.goals import Goal, Rows
 from fantoccini.runtime import Funnel, Segments, Sweeper, Terms
 
-_INNER = 0.9
+_INNER = 0.8
 """Part of the tolerance that a search goes for: its plans arrive in other simulations too."""
 
 

@@ -37,7 +37,7 @@ class Objective:
 TIME = Objective()
 
 OBJECTIVES = {
-    "gentle": Objective(catch=1.0),
+    "gentle": Objective(catch=3.0),
     "time": TIME,
     "effort": Objective(effort=1.0),
 }

@@ -5,11 +5,12 @@ from __future__ import annotations
 import itertools
 import math
 import time
+from collections.abc import Iterator
 
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.plan.descent import brought, smoothed
+from fantoccini.plan.descent import brought
 from fantoccini.plan.problem import Problem
 from fantoccini.plan.shooting import Shooting, Ways
 from fantoccini.runtime import UNKNOWN, Segments
@@ -17,14 +18,14 @@ from fantoccini.runtime import UNKNOWN, Segments
 _TIMES = (0.85, 1.0)
 """Of a plan's duration, that are tried at first."""
 
+_EARLY = 0.2
+"""Part of the time, for each of them."""
+
 _LONGER = (0.0, 0.5, 1.0, 2.0, 4.0)
 """Seconds for which it is led on until its end can be brought to the goal."""
 
 _FEWER = 0.15
 """Part of its segments by which it is shortened then at once, at most."""
-
-_SHORTER = 0.9
-"""Part of the time in which it is shortened; in what is left it is made smooth."""
 
 
 class Polisher:
@@ -52,32 +53,34 @@ class Polisher:
         limit: float = np.inf,
         *,
         shorter: bool = True,
-    ) -> Segments | None:
-        """A plan that ends nearer to the goal.
+    ) -> Iterator[Segments]:
+        """Plans that end at the goal, one motion each; every one is shorter than that before.
 
         Args:
             acceleration: (m, n_vK) of a plan's segments.
             looks: (m,) that they last.
             distance: that is near enough.
-            seconds: how long to look for shorter ones, and to make it smooth.
+            seconds: how long to look for shorter ones.
             limit: after which it is given up where none comes so near [s].
-            shorter: whether it is to be made shorter.
-
-        Returns:
-            The plan, one motion; None where none comes so near.
+            shorter: whether shorter ones are wanted.
         """
         began = time.perf_counter()
-        V, until = self._whole(acceleration, looks), began + _SHORTER * seconds
+        V, until, end = self._whole(acceleration, looks), began + seconds, began + limit
         sizes = [max(1, round(x * len(V))) for x in _TIMES if shorter or x >= 1.0]
         V = self._shooting.within(V)
         tries = itertools.chain(
             ((self._in_segments(V, m), False) for m in sizes),
             ((self._shooting.led(V, round(s / self._shooting.segment)), True) for s in _LONGER),
         )
-        found = (self._brought(one, distance, began + limit, late) for one, late in tries)
+        early = itertools.takewhile(lambda _: time.perf_counter() < end, tries)
+        found = (
+            self._brought(one, distance, end if late else self._soon(limit), late)
+            for one, late in early
+        )
         best = next((way for way in found if way is not None), None)
         if best is None:
-            return None
+            return
+        yield self._made(best)
         fewer = round(_FEWER * len(best)) if shorter else 0
         while fewer and time.perf_counter() < until:
             m = max(1, len(best) - fewer)
@@ -86,10 +89,12 @@ class Polisher:
                 fewer //= 2
             else:
                 best, fewer = way, min(fewer, round(_FEWER * m))
-        finer = smoothed(
-            self._shooting, best, lambda way: self._there(way, distance), began + seconds
-        )
-        return self._made(finer)
+                yield self._made(best)
+
+    @staticmethod
+    def _soon(limit: float) -> float:
+        """Until when the whole of a plan is varied at first: its last part is sure, and quick."""
+        return time.perf_counter() + _EARLY * limit
 
     def _brought(
         self, V: Array, distance: float, until: float, late: bool = False

@@ -43,7 +43,8 @@ class Problem:
         tolerance: of the goal's distance.
         motions: makes its motions.
         reason: why no plan can begin at the start; empty where one can.
-        equilibrium: whether the puppet can hang at the goal; a plan passes one at which it cannot.
+        equilibrium: whether the puppet can hang at the goal, clear of obstacles; a plan passes one
+            at which it cannot.
         out_of_reach: why no plan can end at the goal; empty where one may.
 
     Args:
@@ -179,7 +180,8 @@ def _hanging_at(goal: Goal, start: State, motions: Motions) -> tuple[list[Funnel
     )
     chosen = _best_of(motions, start)
     at_rest = Rows.of(start.replace(q_D=q_D, q_K=q_K, v_D=0.0 * start.v_D, v_K=0.0 * start.v_K))
-    return [chosen], bool(goal.distance(at_rest)[0] <= motions.inner)
+    there = goal.distance(at_rest)[0] <= motions.inner
+    return [chosen], bool(there and motions.clearance.at(q_D, q_K) >= motions.margin)
 
 
 def _best_of(motions: Motions, start: State) -> Funnel:

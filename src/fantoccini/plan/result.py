@@ -85,7 +85,10 @@ class PlanResult:
 
     @classmethod
     def load(cls, path: str | Path, problem: Problem, planner: Planner | None = None) -> PlanResult:
-        """Reads what :meth:`save` wrote; the search can go on as if it had never ended.
+        """Reads what :meth:`save` wrote; the search can go on.
+
+        It goes on as if it had never ended, but that a tree in which it looked for a better plan
+        begins anew.
 
         Args:
             path: of the file.
@@ -103,7 +106,11 @@ class PlanResult:
         Args:
             seconds: for so long.
             iterations: and with so many motions at most.
+
+        Raises:
+            ValueError: a number of seconds that is negative or not finite.
         """
+        _check(seconds)
         with contextlib.suppress(KeyboardInterrupt):
             go_on = self.search.better if self.search.arrived else self.search.first
             go_on(seconds, iterations)
@@ -120,18 +127,21 @@ class PlanResult:
         return f"<PlanResult {self.status.name}: {self.reason or found}>"
 
     def polish(self, distance: float = 1e-3, seconds: float = 0.5) -> PlanResult:
-        """The plan, ended nearer to the goal, made shorter where it can be, and smooth.
+        """The plan, ended nearer to the goal, and made shorter where it can be.
+
+        Where it comes no nearer otherwise it may last longer.
 
         Args:
             distance: that is near enough.
-            seconds: how long to make it shorter.
+            seconds: how long to make it shorter, once it is there.
 
         Returns:
             The plan as it is where none comes so near.
 
         Raises:
-            ValueError: there is no plan, or its goal is a function.
+            ValueError: there is no plan, its goal is a function, or a number out of range.
         """
+        _check(seconds)
         if not self:
             raise ValueError(f"there is no plan to polish: {self.status.message}")
         with contextlib.suppress(KeyboardInterrupt):
@@ -167,6 +177,11 @@ class PlanResult:
     def duration(self) -> float:
         """Of the plan [s]."""
         return float(self.tree.time[self.path[-1]])
+
+    @property
+    def cost(self) -> float:
+        """Of the plan, by its objective [s]."""
+        return float(self.tree.cost[self.path[-1]])
 
     @property
     def distance(self) -> float:
@@ -271,3 +286,8 @@ class PlanResult:
             ValueError: an unknown backend, or what does not go with it.
         """
         return checked(self.problem, self.tree, self.path, dt_factor, method, backend, **options)
+
+
+def _check(seconds: float) -> None:
+    if not 0.0 <= seconds < np.inf:
+        raise ValueError(f"seconds is {seconds}; it must be a finite number of at least 0")

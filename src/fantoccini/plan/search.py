@@ -14,6 +14,7 @@ from fantoccini.plan.planners import EST2007, Explore, Planner
 from fantoccini.plan.polish import Polisher
 from fantoccini.plan.problem import Problem
 from fantoccini.plan.search_tree import SearchTree
+from fantoccini.runtime import Segments
 
 PLANNERS: dict[str, type] = {"explore": Explore, "est-2007": EST2007}
 """Planners by name."""
@@ -46,8 +47,8 @@ class Search:
         tried: motions that were tried.
         seconds: that the search has taken [s].
         late: whether the time limit ended it.
-        curve: (seconds, motions, time of the plan) of every plan that was the best; a polished one
-            is nearer to the goal, but may be longer than the one before it.
+        curve: (seconds, motions, time of the plan) of every plan that was the best, the last one
+            is; a polished one is nearer to the goal, but may be longer than the one before it.
 
     Args:
         problem: what is planned.
@@ -130,29 +131,28 @@ class Search:
         """
         until = time.perf_counter() + seconds
         self.better(_GROWN * seconds)
-        if self.problem.goal.function is not None:
+        if self.problem.goal.function is not None or self.best == 0:
             return
-        polished: tuple[float, SearchTree, int] | None = None
-        tried = None
+        polished = tried = None
         try:
             while (left := until - time.perf_counter()) > 0.0:
                 if (self.tree, self.best) != tried and self.polish(distance, left, left):
-                    cost = float(self.tree.cost[self.best])
-                    if polished is None or cost < polished[0]:
-                        polished = cost, self.tree, self.best
+                    polished = self.tree, self.best
                 tried = self.tree, self.best
-                # Another plan may become a shorter one.
+                # Another plan that costs less may be brought to the goal too.
                 self.better(min(until - time.perf_counter(), _AGAIN * seconds))
         finally:
-            if polished is not None:
-                _, self.tree, self.best = polished
+            if polished is not None and (self.tree, self.best) != polished:
+                self._adopt(*polished)
 
     def polish(self, distance: float, seconds: float, limit: float = np.inf) -> bool:
-        """Brings the end of the best plan nearer to the goal, makes it shorter, and smooth.
+        """Brings the end of the best plan nearer to the goal, and makes it shorter.
+
+        It may last longer than before where it comes no nearer otherwise.
 
         Args:
             distance: that is near enough.
-            seconds: how long to make it shorter.
+            seconds: how long to make it shorter, once it is there.
             limit: after which it is given up where none comes so near [s].
 
         Returns:
@@ -163,24 +163,38 @@ class Search:
         """
         if not distance > 0.0:
             raise ValueError(f"distance is {distance}; it must be greater than 0")
-        began, motions = time.perf_counter(), self.problem.motions
-        path, distance = self.tree.path(self.best), min(distance, motions.inner)
+        began, distance = time.perf_counter(), min(distance, self.problem.motions.inner)
+        path, found = self.tree.path(self.best), None
         if len(path) == 1:
             return bool(self.tree.distance[self.best] <= distance)
         steps = self.tree.acceleration[path[1:]], self.tree.looks[path[1:]]
-        found = Polisher(self.problem)(
-            *steps, distance, seconds, limit, shorter=self.objective != "effort"
-        )
-        self.seconds += time.perf_counter() - began
-        if found is None:
+        shorter, there = self.objective != "effort", False
+        try:
+            ways = Polisher(self.problem)(*steps, distance, seconds, limit, shorter=shorter)
+            for shortest in ways:
+                found = shortest
+        finally:
+            # What was found when Ctrl-C came is kept.
+            self.seconds += time.perf_counter() - began
+            if found is not None:
+                there = self._keep(found, distance)
+        return there
+
+    def _keep(self, found: Segments, distance: float) -> bool:
+        """Whether a polished plan holds; it is the best then, unless that is as good already."""
+        tree, interval = self.tree, self.problem.motions.interval
+        made = tree.add_segments(found, np.zeros(1, dtype=int), interval)[-1]
+        if self.confirm and not self._arrives(tree, made):
+            tree.distance[made] = np.inf
             return False
-        made = self.tree.add_segments(found, np.zeros(1, dtype=int), motions.interval)[-1]
-        if self.confirm and not self._arrives(self.tree, made):
-            self.tree.distance[made] = np.inf
-            return False
-        self.best = made
-        self.curve.append((self.seconds, self.tried, float(self.tree.time[self.best])))
+        if tree.distance[self.best] > distance or tree.cost[made] < tree.cost[self.best]:
+            self._adopt(tree, made)
         return True
+
+    def _adopt(self, tree: SearchTree, node: int) -> None:
+        """Makes a node the end of the best plan."""
+        self.tree, self.best = tree, node
+        self.curve.append((self.seconds, self.tried, float(tree.time[node])))
 
     def _run(self, done: Callable[[], bool], time_limit: float, iterations: int | None) -> None:
         began, most = time.perf_counter(), self.tried + (iterations or 0)
@@ -198,9 +212,11 @@ class Search:
         """One round of the planner; the search has gone on since ``before``."""
         motions, tree = self.problem.motions, self._growing
         if self.arrived and (tree is self.tree or len(tree) > _LARGEST):
-            # Better by a look at least.
-            bound = float(self.tree.cost[self.best]) - 0.5 * motions.interval
-            tree = self._growing = self._fresh(bound)
+            tree = self._growing = self._fresh(np.inf)
+        if self.arrived:
+            # Better by a look at least than the best, which may have been polished meanwhile.
+            cost = float(self.tree.cost[self.best])
+            tree.bound = min(tree.bound, cost - 0.5 * motions.interval)
         grown = self.planner(tree, motions, self._rng)
         self.tried += grown.motions
         if not len(grown.nodes):
@@ -211,9 +227,8 @@ class Search:
         if near and self.confirm and not self._arrives(tree, found):
             tree.distance[found] = np.inf  # it counts as one that is nowhere
         if tree.distance[found] <= motions.inner and tree.cost[found] <= tree.bound:
-            self.tree, self.best = tree, found
-            seconds = time.perf_counter() - before
-            self.curve.append((seconds, self.tried, float(tree.time[found])))
+            self.seconds = time.perf_counter() - before
+            self._adopt(tree, found)
         elif not self.arrived and tree.distance[found] < self.tree.distance[self.best]:
             self.best = found
 

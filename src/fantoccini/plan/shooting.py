@@ -133,7 +133,8 @@ class Shooting:
         if not motions.slack:
             self._pulls = np.arange(len(problem.marionette.tree.strings))
             tension = self._forces(root, still)[1][0]
-            self._pulls = np.flatnonzero(tension > _SOME)
+            wires = [s.wire for s in problem.marionette.tree.strings]
+            self._pulls = np.flatnonzero((tension > _SOME) & ~np.array(wires, dtype=bool))
         wished = self._all(motions.margin + _CLEAR, _LIMIT, _TENSION * _PULL)
         # What the start itself lacks cannot be wished for, only what must be.
         lacking = self._measured(root, still)[0] < wished
@@ -307,7 +308,7 @@ class Shooting:
 
 def _nearest(spare: Array, looks: int) -> Array:
     """(k, 2) looks and numbers of constraints (n, n_c) that matter: the worst look of a segment."""
-    by_segment = spare.reshape(-1, looks, spare.shape[1])
+    by_segment = spare.reshape(len(spare) // looks, looks, spare.shape[1])
     segment, which = np.nonzero(np.min(by_segment, axis=1) < _NEAR)
     worst = np.argmin(by_segment, axis=1)[segment, which]
     return np.stack([segment * looks + worst, which], axis=1)
