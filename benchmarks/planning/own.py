@@ -119,7 +119,7 @@ def better_plans(seeds: int) -> tuple[Section, list[Mark]]:
     plans = [p for p in plans if p]
     ratios = [p.duration / p.curve[0][2] for p in plans]
     near = [p.distance <= 1e-3 for p in plans]
-    pulling = [all(a.min() >= 0.0 for a in p.trajectory.tension.values()) for p in plans]
+    pulling = [float(np.min(_tensions(p))) >= 0.0 for p in plans]
     held = [not _slackens(p) for p in plans]
     rough = [_roughness(p) for p in plans]
     peers = [p.verify(backend="mujoco").arrives for p in plans]
@@ -159,7 +159,13 @@ def better_plans(seeds: int) -> tuple[Section, list[Mark]]:
 
 def _slackens(plan: fan.PlanResult) -> bool:
     """Whether a string that pulls goes slack on the way."""
-    return any(np.any(np.diff((a > 0.0).astype(int)) < 0) for a in plan.trajectory.tension.values())
+    return bool(np.any(np.diff((_tensions(plan) > 0.0).astype(int), axis=0) < 0))
+
+
+def _tensions(plan: fan.PlanResult) -> np.ndarray:
+    """(T, n_strings) [N]."""
+    run = plan.trajectory
+    return np.stack([run.tension[s.name] for s in plan.problem.marionette.tree.strings], axis=1)
 
 
 def _roughness(plan: fan.PlanResult) -> float:

@@ -63,6 +63,9 @@ class Own(Sweeper):
         self._zero, self._one = np.zeros(1, np.int64), np.ones(1, np.int32)
         self._looks, self._slips = np.empty(2, np.int32), np.concatenate([layout.slip] * 2)
         arrays = self._arrays
+        self._exact = Exact(m.clearance.solids)
+        self._measured = ClearanceArrays.of(m.clearance.solids, self._exact, self._kept)
+        arrays.solids = ctypes.addressof(self._measured)
         arrays.n = arrays.segments = 1
         for into, row, slip in (
             (arrays, self._before, self._slips[0]),
