@@ -115,7 +115,7 @@ def boxes_matter(seeds: int) -> tuple[Section, list[Mark]]:
 def better_plans(seeds: int) -> tuple[Section, list[Mark]]:
     """What a second makes of a first plan."""
     problem = fan.load_problem("arm3d_boxes")
-    plans = [fan.solve(problem, seed=s, improve=0.95) for s in range(seeds)]
+    plans = [fan.solve(problem, seed=s, improve=0.98) for s in range(seeds)]
     plans = [p for p in plans if p]
     ratios = [p.duration / p.curve[0][2] for p in plans]
     near = [p.distance <= 1e-3 for p in plans]

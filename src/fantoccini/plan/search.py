@@ -25,7 +25,7 @@ _CONFIRMED = 1e-8
 _LARGEST = 20_000
 """Nodes of a tree that looks for a better plan, before another takes its place."""
 
-_GROWN = 0.2
+_GROWN = 0.15
 """Part of the time for improvements in which new trees are grown; then a plan is polished."""
 
 _AGAIN = 0.1
