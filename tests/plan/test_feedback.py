@@ -142,6 +142,33 @@ def test_pushes_are_absorbed_and_the_goal_is_held(plan, law):
     assert law.run(push=push, closed=False).distance > 2.0 * law.run(push=push).distance
 
 
+def test_ranges_are_kept_whatever_is_asked(plan, law):
+    """Gains that pull at everything, and a puppet that is far away."""
+    wild = dataclasses.replace(law, gains=-30.0 * law.gains)
+    low, high = plan.motions.bounds.low.copy(), plan.motions.bounds.high.copy()
+    problem, random = plan.problem, np.random.default_rng(0)
+    k = problem.marionette.coordinates.q_K.index("hand.length")
+    assert low[k] > 0.0 and high[k] == np.inf
+    for _ in range(5):
+        x = plan.start
+        kicked = x.replace(v_D=x.v_D + 2.0 * random.normal(size=len(x.v_D)))
+        run = wild.run(problem.marionette.project(kicked), hold=3.0)
+        assert np.all(run.states.q_K >= low - 1e-9)
+        assert np.all(np.abs(run.states.v_K) <= plan.motions.bounds.speed + 1e-9)
+    spans = {"hand.x": (0.2, 0.6), "hand.length": (0.4, 1.4)}
+    narrow = Problem(
+        problem.marionette, plan.start, plan.goal, tolerance=0.25, slack=False, ranges=spans
+    )
+    found = solve(narrow, seed=0)
+    law = dataclasses.replace(found.feedback(), gains=-30.0 * found.feedback().gains)
+    q_K = law.run(hold=3.0).states.q_K
+    names = problem.marionette.coordinates.q_K
+    for name, (least, most) in spans.items():
+        column = q_K[:, names.index(name)]
+        assert least - 1e-9 <= column.min() and column.max() <= most + 1e-9
+    assert np.ptp(q_K[:, names.index("hand.x")]) > 0.3, "it was pulled to the ends"
+
+
 def test_what_makes_no_sense_is_refused(plan, law):
     with pytest.raises(StateError, match="other coordinates"):
         law.run(marionette=fan.puppets.arm2d())

@@ -159,8 +159,8 @@ class Feedback:
         """(n_vK,) that segment k is to have from a state on, within the bounds of the problem.
 
         After the last segment the puppet is held at the goal by the law that leads there, where
-        the problem has one; otherwise the driven coordinates stop. Ranges of driven coordinates are
-        kept by the plan only: the law may lead out of one by as much as it corrects.
+        the problem has one; otherwise the driven coordinates stop. Before a range of a driven
+        coordinate ends it is slowed down, so that a string is never wound in to nothing.
 
         Args:
             k: which segment; from the plan's first.
@@ -177,8 +177,29 @@ class Feedback:
             asked = -funnel.gains @ self.away(there, x)
         else:
             asked = -x.v_K / T
-        asked = np.clip(asked, (-bounds.speed - x.v_K) / T, (bounds.speed - x.v_K) / T)
+        slowest, fastest = self._kept_within(x, T)
+        asked = np.clip(asked, (slowest - x.v_K) / T, (fastest - x.v_K) / T)
         return np.clip(asked, -bounds.acceleration, bounds.acceleration)
+
+    def _kept_within(self, x: State, T: float) -> tuple[Array, Array]:
+        """(n_vK,) velocities, least and greatest, from which driven coordinates stop in time.
+
+        v after T leaves room to brake, in whole segments T_1, before a range ends at d::
+
+            v^2 / (2 a) + v T_1 / 2 <= d - (v_K + v) T / 2
+        """
+        motions, table = self.plan.motions, self.plan.problem.marionette.coordinates
+        bounds, mean = motions.bounds, 0.5 * (T + motions.looks * motions.interval)
+        fastest, slowest = bounds.speed.copy(), -bounds.speed
+        for q, v in table.scalars_K:
+            a = max(float(bounds.acceleration[v]), 1e-9)
+
+            def most(d: float, toward: float, a: float = a) -> float:
+                return a * (np.sqrt(max(mean**2 + 2.0 / a * (d - 0.5 * toward * T), 0.0)) - mean)
+
+            fastest[v] = min(fastest[v], most(bounds.high[q] - x.q_K[q], x.v_K[v]))
+            slowest[v] = max(slowest[v], -most(x.q_K[q] - bounds.low[q], -x.v_K[v]))
+        return slowest, np.maximum(fastest, slowest)
 
     def away(self, node: Rows, x: State) -> Array:
         """(n_z,) tangent vector from a state of the plan to another."""
