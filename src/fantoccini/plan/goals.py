@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -42,9 +43,19 @@ class Rows:
         return {name: getattr(self, name) for name in STATE}
 
     @property
+    def flat(self) -> Rows:
+        """With one leading axis."""
+        return Rows(*(all_rows(a) for a in self.parts.values()))
+
+    @property
     def shape(self) -> tuple[int, ...]:
         """Of the leading axes."""
         return self.q_D.shape[:-1]
+
+
+def all_rows(a: Array) -> Array:
+    """(n, width) of (..., width), which may be 0."""
+    return a.reshape(math.prod(a.shape[:-1]), a.shape[-1])
 
 
 Distance = Callable[[Rows], Array]

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.plan.goals import Rows
+from fantoccini.plan.goals import Rows, all_rows
 from fantoccini.plan.objective import TIME, Objective
 from fantoccini.runtime import STATE, Segments
 
@@ -161,7 +159,7 @@ class SearchTree:
         motion, place = np.divmod(flat, made.looks.shape[1])
         begin, chosen = place == 0, chosen[motion]
         looks, catches = made.looks.ravel()[flat], made.catches.ravel()[flat]
-        acceleration = _all_of(made.acc_K)[flat]
+        acceleration = all_rows(made.acc_K)[flat]
         time = interval * _running(looks, begin)
         cost = self.objective.cost(
             time,
@@ -169,7 +167,7 @@ class SearchTree:
             lambda: _running(interval * looks * (acceleration**2).sum(axis=1), begin),
         )
         return self.add(
-            Rows(*(_all_of(a)[flat] for a in made.states.values())),
+            Rows(*(all_rows(a)[flat] for a in made.states.values())),
             np.where(begin, chosen, self.n + np.arange(len(flat)) - 1), acceleration, looks,
             self.time[chosen] + time, self.cost[chosen] + cost, made.distance.ravel()[flat],
             catches,
@@ -188,7 +186,3 @@ def _running(a: Array, begin: Array) -> Array:
     sums = np.cumsum(a)
     before = (sums - a)[begin]
     return sums - before[np.cumsum(begin) - 1]
-
-
-def _all_of(a: Array) -> Array:
-    return a.reshape(math.prod(a.shape[:-1]), a.shape[-1])

@@ -9,13 +9,12 @@ The velocities V of the driven coordinates at the ends of segments decide a moti
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.plan.goals import Rows
+from fantoccini.plan.goals import Rows, all_rows
 from fantoccini.plan.problem import Problem
 
 _CHANGE = 1e-5
@@ -178,7 +177,7 @@ class Shooting:
             )
         )
         lacks = self._lacking(nodes[:, -1])
-        spare = (self._measured(_flat(nodes[:, 1:]), _all_of(acc_K)) - self._wished).reshape(
+        spare = (self._measured(nodes[:, 1:].flat, all_rows(acc_K)) - self._wished).reshape(
             n, acc_K.shape[1], -1
         )
         worst = np.max(np.maximum(-spare, 0.0), axis=1)
@@ -312,11 +311,3 @@ def _nearest(spare: Array, looks: int) -> Array:
     segment, which = np.nonzero(np.min(by_segment, axis=1) < _NEAR)
     worst = np.argmin(by_segment, axis=1)[segment, which]
     return np.stack([segment * looks + worst, which], axis=1)
-
-
-def _flat(rows: Rows) -> Rows:
-    return Rows(*(_all_of(a) for a in rows.parts.values()))
-
-
-def _all_of(a: Array) -> Array:
-    return a.reshape(math.prod(a.shape[:-1]), a.shape[-1])
