@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.plan import EST2007, Problem, Search, solve
+from fantoccini.plan import EST2007, OBJECTIVES, Objective, Problem, Search, solve
 
 ARM = fan.puppets.arm3d()
 START = ARM.rest({"hand.x": 0.3, "hand.length": 1.32, "shoulder.rotation": [0, 0, 0], "elbow": 0.1})
@@ -45,7 +45,7 @@ def test_what_a_plan_costs(problem):
         assert tree.cost[node] == pytest.approx(lasts.sum() + effort)
     gentle = Search(problem, seed=3)
     gentle.first(60.0)
-    assert gentle.objective == "gentle" and len(gentle.tree) == len(tree)
+    assert gentle.objective == OBJECTIVES["gentle"] and len(gentle.tree) == len(tree)
     for node in range(0, len(tree), 97):
         catches = gentle.tree.catches[tree.path(node)].sum()
         assert gentle.tree.cost[node] == pytest.approx(gentle.tree.time[node] + 3.0 * catches)
@@ -64,8 +64,24 @@ def test_better_plans_cost_less(problem):
     assert not tree.catches[tree.path(best)].any()
     costs = {name: _effort(tree, best) for name, (tree, best) in ends.items()}
     assert costs["effort"] < costs["time"]
-    with pytest.raises(ValueError, match="must be one of gentle, time, effort"):
+    with pytest.raises(ValueError, match="one of gentle, time, effort"):
         Search(problem, objective="speed")
+
+
+def test_an_objective_of_ones_own(problem, tmp_path):
+    """Catches and accelerations that count as much as is asked, in what is saved too."""
+    own = Objective(catch=0.5, effort=0.25)
+    found = solve(problem, seed=3, objective=own).grow(60.0, iterations=1000)
+    path = list(found.path[1:])
+    effort = problem.motions.interval * _effort(found.tree, found.path[-1])
+    catches = found.tree.catches[path].sum()
+    assert found.cost == pytest.approx(found.duration + 0.5 * catches + 0.25 * effort)
+    found.save(tmp_path / "plan.npz")
+    again = fan.PlanResult.load(tmp_path / "plan.npz", problem)
+    assert again.search.objective == own and again.cost == found.cost
+    for wrong in (-1.0, np.inf, np.nan):
+        with pytest.raises(ValueError, match="effort"):
+            Objective(effort=wrong)
 
 
 def _effort(tree, node) -> float:

@@ -56,6 +56,29 @@ def test_a_file_says_what_python_says(tmp_path):
     assert a and a.path == b.path and np.array_equal(a.tree.q_D, b.tree.q_D)
 
 
+def test_a_file_chooses_segments_and_an_objective(tmp_path):
+    """Accelerations hold for a whole number of segments, and better plans cost less of it."""
+    text = GOOD + "segment: 0.06\nobjective: effort\n"
+    problem = fan.load_problem(written(tmp_path, text))
+    assert problem.motions.looks == 3 and problem.objective.effort > 0.0
+    found = fan.solve(problem, seed=3)
+    assert found and found.replay()
+    looks = found.tree.looks[list(found.path[1:])]
+    assert np.all(looks[:-1] == 3) and 1 <= looks[-1] <= 3
+    assert found.search.objective == problem.objective
+    assert fan.solve(problem, seed=3, objective="time").search.objective.effort == 0.0
+    slow = fan.solve(problem, seed=3, planner="est-2007", iterations=40)
+    assert set(slow.tree.looks[1:]) <= set(range(1, 7)) and np.max(slow.tree.looks) > 3
+    other = fan.load_problem(written(tmp_path, GOOD + "segment: 0.2\n"))
+    assert fan.solve(other, seed=3) and other.fingerprint != problem.fingerprint
+
+
+@pytest.mark.parametrize("segment", ["0.05", "0.01", "-0.1", ".inf", "soon"])
+def test_a_segment_that_is_none_is_told_with_its_line(tmp_path, segment):
+    with pytest.raises(FileError, match=r"problem\.yaml:11: segment"):
+        fan.load_problem(written(tmp_path, GOOD + f"segment: {segment}\n"))
+
+
 def test_a_puppet_may_lie_beside_its_problem(tmp_path):
     text = fan.puppets.path("arm3d").read_text(encoding="utf-8")
     (tmp_path / "mine.yaml").write_text(text.replace("puppet: arm3d", "puppet: mine"))

@@ -277,8 +277,9 @@ def plan(
         bool, typer.Option("--confirm", help="Only a plan that arrives by method event counts.")
     ] = False,
     objective: Annotated[
-        Objectives, typer.Option(help="What better plans have less of.")
-    ] = Objectives.GENTLE,
+        Objectives | None,
+        typer.Option(help="What better plans have less of, in place of the file's."),
+    ] = None,
     seed: Annotated[int, typer.Option(help="Of all random choices.")] = 0,
     threads: Annotated[
         int | None, typer.Option(min=1, help="That share the work; all processors by default.")
@@ -305,8 +306,9 @@ def plan(
 
     plan_file(
         Request(
-            file, planner.value, tolerance, time_limit, improve, confirm, objective.value, seed,
-            threads, tuple(out or ()), picture, save, quiet,
+            file, planner.value, tolerance, time_limit, improve, confirm,
+            None if objective is None else objective.value, seed, threads, tuple(out or ()),
+            picture, save, quiet,
         )
     )  # fmt: skip
 

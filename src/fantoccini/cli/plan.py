@@ -24,7 +24,7 @@ class Request:
     time_limit: float
     improve: float
     confirm: bool
-    objective: str
+    objective: str | None
     seed: int
     threads: int | None
     out: tuple[Path, ...]

@@ -4,6 +4,7 @@ from fantoccini.plan.check import Check
 from fantoccini.plan.clearance import Clearance, Nearest
 from fantoccini.plan.feedback import Feedback, Followed
 from fantoccini.plan.goals import Goal, Rows
+from fantoccini.plan.objective import OBJECTIVES, Objective
 from fantoccini.plan.obstacles import HalfSpace
 from fantoccini.plan.plan import plan, solve
 from fantoccini.plan.planners import EST2007, Explore
@@ -14,6 +15,7 @@ from fantoccini.plan.search import PLANNERS, Search
 
 __all__ = [
     "EST2007",
+    "OBJECTIVES",
     "PLANNERS",
     "Check",
     "Clearance",
@@ -23,6 +25,7 @@ __all__ = [
     "Goal",
     "HalfSpace",
     "Nearest",
+    "Objective",
     "PlanResult",
     "PlanStatus",
     "Problem",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +12,7 @@ import numpy as np
 from fantoccini.errors import FileError
 from fantoccini.errors import Problem as Mistake
 from fantoccini.motion.archive import UNREADABLE, replacing
+from fantoccini.plan.objective import Objective
 from fantoccini.plan.planners import Planner
 from fantoccini.plan.problem import Problem
 from fantoccini.plan.search import Search
@@ -19,7 +21,7 @@ from fantoccini.plan.search_tree import SearchTree
 if TYPE_CHECKING:
     from fantoccini.plan.result import PlanResult
 
-FORMAT = "fantoccini.plan.2"
+FORMAT = "fantoccini.plan.3"
 
 
 def save(plan: PlanResult, path: str | Path) -> None:
@@ -32,7 +34,7 @@ def save(plan: PlanResult, path: str | Path) -> None:
         "status": plan.status.name,
         "planner": search.planner_name,
         "confirm": search.confirm,
-        "objective": search.objective,
+        "objective": dataclasses.asdict(search.objective),
         "tried": plan.tried,
         "seconds": plan.seconds,
         "random": search.random_state,
@@ -74,8 +76,9 @@ def load(path: str | Path, problem: Problem, planner: Planner | None = None) -> 
         nodes, curve = arrays.pop("path"), arrays.pop("curve")
         asked = planner or about["planner"] or "explore"
         search = Search(
-            problem, asked, confirm=bool(about["confirm"]), objective=about["objective"]
-        )
+            problem, asked, confirm=bool(about["confirm"]),
+            objective=Objective(**about["objective"]),
+        )  # fmt: skip
         tree, end = SearchTree.of(arrays, like=search.tree), int(nodes[-1])
         if not 0 <= end < len(tree) or tree.path(end) != nodes.tolist():
             raise ValueError("its path is none of its tree")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -17,10 +18,35 @@ class Objective:
     Attributes:
         catch: what a string or a limit that is caught counts [s].
         effort: weight of the driven accelerations [s^4/m^2].
+
+    Raises:
+        ValueError: a weight that is negative or not finite.
     """
 
     catch: float = 0.0
     effort: float = 0.0
+
+    def __post_init__(self) -> None:
+        for what in ("catch", "effort"):
+            weight = getattr(self, what)
+            if not 0.0 <= weight < math.inf:
+                raise ValueError(
+                    f"an objective's {what} is {weight}; it must be a finite number of at least 0"
+                )
+
+    @classmethod
+    def of(cls, given: str | Objective) -> Objective:
+        """An objective, or the one of a name in ``OBJECTIVES``.
+
+        Raises:
+            ValueError: an unknown name.
+        """
+        if isinstance(given, Objective):
+            return given
+        if given not in OBJECTIVES:
+            names = ", ".join(OBJECTIVES)
+            raise ValueError(f"objective is {given!r}; it must be an Objective or one of {names}")
+        return OBJECTIVES[given]
 
     def cost(self, time: Array, catches: Array, effort: Callable[[], Array]) -> Array:
         """(n,) J [s].

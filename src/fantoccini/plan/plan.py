@@ -10,6 +10,7 @@ import numpy as np
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.plan.goals import Goal
+from fantoccini.plan.objective import Objective
 from fantoccini.plan.obstacles import HalfSpace
 from fantoccini.plan.planners import Planner
 from fantoccini.plan.problem import Problem
@@ -32,7 +33,7 @@ def plan(
     iterations: int | None = None,
     improve: float = 0.0,
     confirm: bool = False,
-    objective: str = "gentle",
+    objective: str | Objective | None = None,
     seed: int = 0,
     **options,
 ) -> PlanResult:
@@ -77,7 +78,7 @@ def solve(
     iterations: int | None = None,
     improve: float = 0.0,
     confirm: bool = False,
-    objective: str = "gentle",
+    objective: str | Objective | None = None,
     seed: int = 0,
 ) -> PlanResult:
     """Searches a problem for a plan.
@@ -91,8 +92,7 @@ def solve(
             there is one [s].
         confirm: whether a plan counts only if it arrives by the event-driven method too, which
             takes some milliseconds for every plan that is found.
-        objective: what better plans have less of: ``"time"``; ``"gentle"``, strings and limits that
-            are caught, and time; ``"effort"``, accelerations of the driven coordinates, and time.
+        objective: what better plans have less of, in place of the problem's.
         seed: of all random choices.
 
     Raises:

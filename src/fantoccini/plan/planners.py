@@ -48,16 +48,17 @@ class EST2007:
     Args:
         bias: power with which the probability of a node falls with its distance from the goal; 0
             chooses uniformly.
-        looks: how long a motion lasts, in looks: at least and at most.
+        lasts: how long a motion lasts, in segments of the problem: at least and at most.
     """
 
-    def __init__(self, bias: float = 4.0, looks: tuple[int, int] = (2, 10)):
-        self.bias, self.looks = bias, looks
+    def __init__(self, bias: float = 4.0, lasts: tuple[float, float] = (0.4, 2.0)):
+        self.bias, self.lasts = bias, lasts
 
     def __call__(self, tree: SearchTree, motions: Motions, rng: np.random.Generator) -> Grown:
         weight = np.maximum(tree.distance, 1e-9) ** -self.bias
         chosen = _drawn(weight, 1, rng)
-        looks = int(rng.integers(self.looks[0], self.looks[1] + 1))
+        least, most = (max(1, round(part * motions.looks)) for part in self.lasts)
+        looks = int(rng.integers(least, most + 1))
         wanted = motions.bounds.speed * rng.uniform(-1.0, 1.0, (1, tree.v_K.shape[1]))
         acceleration = towards(wanted, tree.v_K[chosen], 1, looks * motions.interval, motions)
         made = motions.sweep(tree.rows, chosen, acceleration, looks=looks)
@@ -70,8 +71,8 @@ class Explore:
 
     Args:
         batch: motions a round.
-        astray: segments that a motion goes astray for, at most.
-        led: segments that it is led for, at most.
+        astray: for so long a motion goes astray, at most [s].
+        led: for so long it is led, at most [s].
         direct: part of the motions that are led from the beginning.
         hurry: least and greatest time in which the regulator's reference runs ahead [s].
         cell: size of the cells whose nodes are counted [rad or m].
@@ -81,8 +82,8 @@ class Explore:
     def __init__(
         self,
         batch: int = 192,
-        astray: int = 16,
-        led: int = 40,
+        astray: float = 1.6,
+        led: float = 4.0,
         direct: float = 0.1,
         hurry: tuple[float, float] = (0.4, 1.0),
         cell: float = 0.1,
@@ -95,18 +96,17 @@ class Explore:
         n = self.batch
         chosen = self._where_little_was_tried(tree, motions, n, rng)
         np.add.at(tree.tried, chosen, 1)
-        given = rng.integers(1, self.astray + 1, n)
-        led = self.led if motions.funnels else 0
+        duration = motions.looks * motions.interval
+        astray, led = (max(1, round(s / duration)) for s in (self.astray, self.led))
+        given = rng.integers(1, astray + 1, n)
+        led = led if motions.funnels else 0
         if led:
             given[rng.random(n) < self.direct] = 0
         wanted = motions.bounds.speed * rng.uniform(-1.0, 1.0, (n, tree.v_K.shape[1]))
         wanted *= _some_ends(motions, n, rng)
-        duration = motions.looks * motions.interval
-        acceleration = np.empty((n, self.astray + led, wanted.shape[1]))
-        acceleration[:, : self.astray] = towards(
-            wanted, tree.v_K[chosen], self.astray, duration, motions
-        )
-        left = np.minimum((tree.bound - tree.cost[chosen]) / duration, self.astray + led)
+        acceleration = np.empty((n, astray + led, wanted.shape[1]))
+        acceleration[:, :astray] = towards(wanted, tree.v_K[chosen], astray, duration, motions)
+        left = np.minimum((tree.bound - tree.cost[chosen]) / duration, astray + led)
         if not led:
             left = np.minimum(left, given)
         made = motions.sweep(

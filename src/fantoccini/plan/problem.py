@@ -18,9 +18,19 @@ from fantoccini.plan.feasible import out_of_reach
 from fantoccini.plan.funnels import funnels
 from fantoccini.plan.goals import Goal, Rows
 from fantoccini.plan.motions import Bounds, Motions
+from fantoccini.plan.objective import Objective
 from fantoccini.plan.obstacles import HalfSpace
 from fantoccini.puppet import Obstacle
 from fantoccini.runtime import Funnel, default_threads
+
+DT = 0.004
+"""Step of a planner's time-stepper, by default [s]."""
+
+LOOK = 5
+"""Steps from one look to the next, by default."""
+
+_SEGMENT = 5
+"""Looks of a segment, by default."""
 
 _TRIAL = 20
 """Segments after which laws are compared."""
@@ -41,6 +51,7 @@ class Problem:
         start: where it begins.
         goal: where it is to be.
         tolerance: of the goal's distance.
+        objective: what better plans have less of.
         motions: makes its motions.
         reason: why no plan can begin at the start; empty where one can.
         equilibrium: whether the puppet can hang at the goal, clear of obstacles; a plan passes one
@@ -65,6 +76,11 @@ class Problem:
         threads: that share the work; all processors by default.
         dt: step of the time-stepper [s].
         look: steps from one look for collisions and the goal to the next.
+        segment: for which accelerations hold [s], a whole number of looks; five of them, 0.1 s, by
+            default. Motions of ``"est-2007"`` last 0.4 to 2 times as long.
+        objective: what better plans have less of: ``"time"``; ``"gentle"``, strings and limits that
+            are caught, and time; ``"effort"``, accelerations of the driven coordinates, and time;
+            or an :class:`Objective`.
 
     Raises:
         StateError, UnknownNameError, FileError: what is asked makes no sense, or a string is too
@@ -89,8 +105,10 @@ class Problem:
         strings: bool = True,
         self_collision: bool = False,
         threads: int | None = None,
-        dt: float = 0.004,
-        look: int = 5,
+        dt: float = DT,
+        look: int = LOOK,
+        segment: float | None = None,
+        objective: str | Objective = "gentle",
     ):
         threads = default_threads() if threads is None else threads
         for what, value in (("tolerance", tolerance), ("dt", dt)):
@@ -101,6 +119,8 @@ class Problem:
         for what, number in (("look", look), ("threads", threads)):
             if number < 1:
                 raise ValueError(f"{what} is {number}; it must be at least 1")
+        looks = _SEGMENT if segment is None else whole_looks(segment, dt * look)
+        self.objective = Objective.of(objective)
         marionette.check_start(start)
         if not len(start.slip):
             start = start.replace(slip=np.zeros(len(marionette.tree.strings)))
@@ -111,7 +131,8 @@ class Problem:
         bounds = Bounds.of(marionette, speed, acceleration, ranges or {})
         self.motions = Motions(
             marionette, clearance, bounds, self.goal, tolerance=tolerance, margin=margin,
-            slack=slack, dt=dt, look=look, threads=threads,
+            slack=slack, dt=dt, look=look, looks=looks,
+            threads=threads,
         )  # fmt: skip
         self.reason = _blocked(start, self.motions)
         self.distance = self.goal.of_start(self.root)
@@ -193,6 +214,21 @@ def _best_of(motions: Motions, start: State) -> Funnel:
     )  # fmt: skip
     late = np.where(made.looks > 0, made.distance, np.inf)[:, _TRIAL // 2 :]
     return motions.funnels[int(np.argmin(np.mean(late, axis=1)))]
+
+
+def whole_looks(segment: float, interval: float = DT * LOOK) -> int:
+    """The looks of a segment, both in seconds.
+
+    Raises:
+        ValueError: it is none, or not a whole number of them.
+    """
+    looks = round(segment / interval) if 0.0 < segment < np.inf else 0
+    if looks < 1 or abs(segment - looks * interval) > 1e-9 * segment:
+        raise ValueError(
+            f"segment is {segment} s; it must be a whole number of looks, which are {interval:g} s "
+            "apart"
+        )
+    return looks
 
 
 def _blocked(start: State, motions: Motions) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from pathlib import Path, PurePosixPath
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, WithJsonSchema
 
@@ -16,7 +16,7 @@ from fantoccini.motion import State
 from fantoccini.plan.goals import Goal
 from fantoccini.plan.motions import Bounds
 from fantoccini.plan.obstacles import Standing
-from fantoccini.plan.problem import Problem
+from fantoccini.plan.problem import Problem, whole_looks
 from fantoccini.puppet.located import Located, read_file, shown, validate
 from fantoccini.puppet.values import Angle, Model, Name, Positive, Real, Vector
 
@@ -73,6 +73,10 @@ class ProblemFile(Model):
     """Largest of the driven coordinates, of all or by name; others hold still [m/s or rad/s]."""
     acceleration: Real | dict[str, Real] = 2.0
     """Largest of the driven coordinates, of all or by name [m/s^2 or rad/s^2]."""
+    segment: Positive | None = None
+    """For which accelerations hold; a multiple of 0.02 s, 0.1 s by default [s]."""
+    objective: Literal["gentle", "time", "effort"] = "gentle"
+    """What better plans have less of: catches and time, time, or accelerations and time."""
     ranges: dict[str, tuple[Real, Real]] = Field(default_factory=dict)
     """Driven coordinate -> [low, high]."""
     margin: Real = 0.0
@@ -135,6 +139,8 @@ def load_problem(
     for what in ("speed", "acceleration"):
         given = {"speed": 1.0, "acceleration": 1.0, what: getattr(file, what)}
         tried((what,), lambda given=given: Bounds.of(marionette, **given, ranges={}))
+    if file.segment is not None:
+        tried(("segment",), lambda: whole_looks(file.segment))
     for key, span in file.ranges.items():
         asked = {key: span}
         tried(("ranges", key), lambda asked=asked: Bounds.of(marionette, 1.0, 1.0, asked))
@@ -142,8 +148,8 @@ def load_problem(
     if found:
         raise located.error(found, FileError)
     names = (
-        "tolerance", "speed", "acceleration", "ranges", "margin", "slack", "strings",
-        "self_collision",
+        "tolerance", "speed", "acceleration", "segment", "objective", "ranges", "margin", "slack",
+        "strings", "self_collision",
     )  # fmt: skip
     asked = {key: getattr(file, key) for key in names} | options
     made = tried((), lambda: _problem(marionette, start, goal, file, asked))

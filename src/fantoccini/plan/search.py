@@ -9,7 +9,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.plan.check import checked
-from fantoccini.plan.objective import OBJECTIVES
+from fantoccini.plan.objective import Objective
 from fantoccini.plan.planners import EST2007, Explore, Planner
 from fantoccini.plan.polish import Polisher
 from fantoccini.plan.problem import Problem
@@ -55,7 +55,7 @@ class Search:
         planner: a name of ``PLANNERS``, or one round of a planner.
         seed: of all random choices.
         confirm: whether a plan counts only if it arrives by the event-driven method too.
-        objective: a name of ``OBJECTIVES``: what plans are to have little of.
+        objective: what plans are to have little of; the problem's by default.
 
     Raises:
         ValueError: an unknown planner or objective.
@@ -67,7 +67,7 @@ class Search:
         planner: str | Planner = "explore",
         seed: int = 0,
         confirm: bool = False,
-        objective: str = "gentle",
+        objective: str | Objective | None = None,
     ):
         self.planner_name = planner if isinstance(planner, str) else ""
         if isinstance(planner, str):
@@ -75,11 +75,8 @@ class Search:
                 names = ", ".join(PLANNERS)
                 raise ValueError(f"planner is {planner!r}; it must be one of {names}")
             planner = PLANNERS[planner]()
-        if objective not in OBJECTIVES:
-            names = ", ".join(OBJECTIVES)
-            raise ValueError(f"objective is {objective!r}; it must be one of {names}")
         self.problem, self.planner, self.confirm = problem, planner, confirm
-        self.objective = objective
+        self.objective = problem.objective if objective is None else Objective.of(objective)
         self.tree, self.best, self.tried, self.seconds = self._fresh(np.inf), 0, 0, 0.0
         self.late = False
         self.curve: list[tuple[float, int, float]] = []
@@ -168,7 +165,7 @@ class Search:
         if len(path) == 1:
             return bool(self.tree.distance[self.best] <= distance)
         steps = self.tree.acceleration[path[1:]], self.tree.looks[path[1:]]
-        shorter, there = self.objective != "effort", False
+        shorter, there = not self.objective.effort, False
         try:
             ways = Polisher(self.problem)(*steps, distance, seconds, limit, shorter=shorter)
             for shortest in ways:
@@ -242,8 +239,7 @@ class Search:
     def _fresh(self, bound: float) -> SearchTree:
         problem = self.problem
         n_vK = problem.marionette.coordinates.n_vK
-        objective = OBJECTIVES[self.objective]
-        return SearchTree(problem.root, problem.distance, n_vK, bound, objective)
+        return SearchTree(problem.root, problem.distance, n_vK, bound, self.objective)
 
 
 def _best(tree: SearchTree, nodes: range, inner: float) -> int:
