@@ -12,55 +12,89 @@ import fantoccini as fan
 
 from ..strings import ROOT
 from ..strings.report import Section, Table
-from .ompl_peers import LOOKS, PLANNERS
+from .ompl_peers import LOOKS, PLANNERS, easier
 from .propagators import PROPAGATORS
 
 MISSING = 3
 """Exit code of a run without OMPL."""
 
 
+HEADER = ["planner", "propagator", "found", "median [s]", "nearest, median", "to ours"]
+
+
 def section(seeds: int, limit: float) -> Section:
-    """A row for every planner and propagator.
+    """``arm3d_boxes`` and an easier problem, a row for every planner and propagator.
 
     Args:
         seeds: of each.
         limit: of a search [s].
     """
+    problem = fan.load_problem("arm3d_boxes")
+    whole, easy = _rows(problem, seeds, limit, []), _rows(easier(problem), seeds, limit, ["--easy"])
+    if not whole or not easy:
+        return Section("Beside OMPL", ["OMPL was not installed."])
+    text = (
+        f"`arm3d_boxes` at tolerance 0.25, {seeds} seeds, {limit:g} s for each. OMPL's segments "
+        f"are ours: constant accelerations for {LOOKS[0]} to {LOOKS[1]} looks of 20 ms; its states "
+        "are propagated by our compiled time-stepper, or by MuJoCo with steps as long, and "
+        "clearances, ranges, speeds and slack strings are looked at alike. One thread: OMPL's "
+        "control planners have no more. The last column is the median time of a search, one that "
+        "found nothing counted with the time it was given, beside that of `explore`: where fewer "
+        "than half found a plan, the ratio is larger than that."
+    )
+    more = (
+        "The same arm, start and goal without the boxes, with a string that may go slack, and at "
+        "twice the tolerance, where OMPL's planners find plans too:"
+    )
+    return Section("Beside OMPL", [text, Table(HEADER, whole), more, Table(HEADER, easy)])
+
+
+def _rows(problem: fan.Problem, seeds: int, limit: float, changes: list[str]) -> list[list[str]]:
+    """Rows of OMPL's planners and ours; none where OMPL is not installed."""
+    ours = {
+        planner: [
+            {"found": bool(p), "seconds": p.seconds, "distance": p.distance}
+            for p in (
+                fan.solve(problem, planner=planner, seed=s, time_limit=limit) for s in range(seeds)
+            )
+        ]
+        for planner in ("est-2007", "explore")
+    }
+    least = _median(ours["explore"], limit)
     rows = []
     for planner in PLANNERS:
         for propagator in PROPAGATORS:
             command = [
                 sys.executable, "-m", "benchmarks.planning.ompl_peers", "--planner", planner,
                 "--propagator", propagator, "--seeds", str(seeds), "--time-limit", str(limit),
+                *changes,
             ]  # fmt: skip
             done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
             if done.returncode == MISSING:
-                return Section("Beside OMPL", ["OMPL was not installed."])
+                return []
             done.check_returncode()
             found = [json.loads(line) for line in done.stdout.splitlines() if line[:1] == "{"]
-            rows.append(_row(f"OMPL {planner}", propagator, found))
-    problem = fan.load_problem("arm3d_boxes")
-    for planner in ("est-2007", "explore"):
-        ours = [fan.solve(problem, planner=planner, seed=s, time_limit=limit) for s in range(seeds)]
-        found = [{"found": bool(p), "seconds": p.seconds, "distance": p.distance} for p in ours]
-        rows.append(_row(f"fantoccini {planner}", "own, in lanes", found))
-    text = (
-        f"`arm3d_boxes` at tolerance 0.25, {seeds} seeds, {limit:g} s for each. OMPL's segments "
-        f"are ours: constant accelerations for {LOOKS[0]} to {LOOKS[1]} looks of 20 ms; its states "
-        "are propagated by our compiled time-stepper, or by MuJoCo with steps as long, and "
-        "clearances, ranges, speeds and slack strings are looked at alike. One thread: OMPL's "
-        "control planners have no more."
-    )
-    header = ["planner", "propagator", "found", "median [s]", "nearest, median"]
-    return Section("Beside OMPL", [text, Table(header, rows)])
+            rows.append(_row(f"OMPL {planner}", propagator, found, limit, least))
+    for planner, found in ours.items():
+        rows.append(_row(f"fantoccini {planner}", "own, in lanes", found, limit, least))
+    return rows
 
 
-def _row(planner: str, propagator: str, found: list[dict]) -> list[str]:
+def _median(found: list[dict], limit: float) -> float:
+    """Seconds of a search; one without a plan has taken all it was given."""
+    return float(np.median([f["seconds"] if f["found"] else limit for f in found]))
+
+
+def _row(
+    planner: str, propagator: str, found: list[dict], limit: float, least: float
+) -> list[str]:
     there = [f for f in found if f["found"]]
+    more = "" if 2 * len(there) > len(found) else "> "
     return [
         planner,
         propagator,
         f"{len(there)} of {len(found)}",
         f"{np.median([f['seconds'] for f in there]):.3g}" if there else "-",
         f"{np.median([f['distance'] for f in found]):.2f}",
+        f"{more}{_median(found, limit) / least:.3g}x",
     ]
