@@ -70,7 +70,22 @@ def strip(
     Returns:
         The path of the picture.
     """
-    path, theme = checked(path), theme_of(theme)
+    path = checked(path)
+    return save(strip_figure(marionette, run, n, times, view, focus, theme, size), path, scale)
+
+
+def strip_figure(
+    marionette: Marionette,
+    run: Trajectory,
+    n: int = 7,
+    times: str | Sequence[float] = "poses",
+    view: str | tuple[float, float] = "auto",
+    focus: str = "all",
+    theme: str | Theme = "light",
+    size: tuple[int, int] | None = None,
+) -> Figure:
+    """The strip as a matplotlib figure; arguments as for :func:`strip`."""
+    theme = theme_of(theme)
     chosen = pose_times(marionette, run, n, times)
     scene = scene_of(marionette, run.resample(chosen))
     whole = scene_of(marionette, run.resample(np.linspace(run.t[0], run.t[-1], 400)))
@@ -92,7 +107,7 @@ def strip(
             ha="center", va="center",
         )  # fmt: skip
     _title(axes, whole, stage, unit)
-    return save(figure, path, scale)
+    return figure
 
 
 def draw(
@@ -122,8 +137,20 @@ def draw(
     Returns:
         The path of the picture.
     """
-    path, theme = checked(path), theme_of(theme)
+    path = checked(path)
     scene = scene_at(marionette, state, tension)
+    return save(figure_of(scene, view, focus, theme, size), path, scale)
+
+
+def figure_of(
+    scene: Scene,
+    view: str | tuple[float, float] = "auto",
+    focus: str = "all",
+    theme: str | Theme = "light",
+    size: tuple[int, int] = (720, 900),
+) -> Figure:
+    """The first time of a scene as a matplotlib figure; arguments as for :func:`draw`."""
+    theme = theme_of(theme)
     width, height = size
     unit = max(7.0, height / 55.0)
     figure, axes = sheet(size, theme)
@@ -132,7 +159,7 @@ def draw(
     floor(axes, scene, stage)
     show(collection(axes), compose(scene, 0, stage))
     _title(axes, scene, stage, unit)
-    return save(figure, path, scale)
+    return figure
 
 
 def pose_times(
