@@ -12,11 +12,12 @@ import numpy as np
 
 from fantoccini.errors import FantocciniError
 from fantoccini.view.camera import Viewport
-from fantoccini.view.compose import compose
+from fantoccini.view.compose import compose, shadows
 from fantoccini.view.draw import (
     DPI,
     collection,
     floor,
+    image,
     sheet,
     show,
     stage_of,
@@ -24,6 +25,7 @@ from fantoccini.view.draw import (
     write,
 )
 from fantoccini.view.scene import Scene, scene_at, scene_of
+from fantoccini.view.studio import Studio, checked_renderer
 from fantoccini.view.theme import Theme, theme_of
 
 if TYPE_CHECKING:
@@ -120,6 +122,7 @@ def draw(
     theme: str | Theme = "light",
     size: tuple[int, int] = (720, 900),
     scale: float = 2.0,
+    renderer: str = "matplotlib",
 ) -> Path:
     """Writes a picture of one state.
 
@@ -133,13 +136,18 @@ def draw(
         theme: ``light``, ``dark``, or a Theme.
         size: width and height [px].
         scale: pixels of the file for a pixel of ``size``.
+        renderer: ``matplotlib``, or ``pyvista`` for shaded solids where that is installed.
 
     Returns:
         The path of the picture.
+
+    Raises:
+        MissingLibraryError: pyvista is asked for and not installed.
     """
     path = checked(path)
     scene = scene_at(marionette, state, tension)
-    return save(figure_of(scene, view, focus, theme, size), path, scale)
+    photographed = scale if checked_renderer(renderer) == "pyvista" else None
+    return save(figure_of(scene, view, focus, theme, size, photographed), path, scale)
 
 
 def figure_of(
@@ -148,8 +156,12 @@ def figure_of(
     focus: str = "all",
     theme: str | Theme = "light",
     size: tuple[int, int] = (720, 900),
+    photographed: float | None = None,
 ) -> Figure:
-    """The first time of a scene as a matplotlib figure; arguments as for :func:`draw`."""
+    """The first time of a scene as a matplotlib figure; arguments as for :func:`draw`.
+
+    With ``photographed``, pyvista draws solids and strings with so many pixels for one of ``size``.
+    """
     theme = theme_of(theme)
     width, height = size
     unit = max(7.0, height / 55.0)
@@ -157,7 +169,13 @@ def figure_of(
     inner = Viewport(unit, 4.0 * unit, width - 2.0 * unit, height - 8.0 * unit)
     stage = stage_of(scene, inner, theme, view, focus)
     floor(axes, scene, stage)
-    show(collection(axes), compose(scene, 0, stage))
+    if photographed is None:
+        show(collection(axes), compose(scene, 0, stage))
+    else:
+        show(collection(axes), shadows(scene, 0, stage))
+        studio = Studio(scene, stage, size, photographed)
+        image(axes, studio.photograph(0)[::-1], (0.0, width, 0.0, height), 3.0)
+        studio.close()
     _title(axes, scene, stage, unit)
     return figure
 
