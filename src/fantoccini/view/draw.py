@@ -209,7 +209,7 @@ def tension_bar(
     if scene.tension is None or not scene.names:
         return
     theme = stage.theme
-    length, thick = 13.0 * unit, 0.62 * unit
+    length, thick = 15.0 * unit, 0.62 * unit
     left = right - length
     image(axes, stage.colours[None, :, :], (left, right, y, y + thick), 4.0)
     over = float(np.nanmax(np.abs(scene.tension), initial=0.0)) > 1.001 * stage.top
@@ -220,7 +220,7 @@ def tension_bar(
         ha="right", va="top",
     )  # fmt: skip
     write(
-        axes, 0.5 * (left + right), y - 0.35 * unit, "string tension", 0.85 * unit, theme.faint,
+        axes, 0.5 * (left + right), y - 0.35 * unit, "tension", 0.85 * unit, theme.faint,
         ha="center", va="top",
     )  # fmt: skip
     axes.plot(

@@ -127,16 +127,17 @@ class Frames:
         renderer: str = "matplotlib",
     ):
         width, height = size
-        unit = max(7.0, height / 50.0)
+        unit = max(height / 50.0, min(10.0, width / 24.0))  # small films have letters to be read
         self.scene, self.size = scene, size
         self.figure, self.axes = sheet(size, theme)
         inner = Viewport(unit, 3.2 * unit, width - 2.0 * unit, height - 6.0 * unit)
         self.stage = stage_of(scene, inner, theme, view, focus)
         floor(self.axes, scene, self.stage)
         tension_bar(self.axes, scene, self.stage, width - 1.6 * unit, 2.2 * unit, unit)
-        write(
+        # Strings may run up behind the title.
+        self.title = write(
             self.axes, 1.6 * unit, height - 1.6 * unit, scene.title, 1.35 * unit, theme.ink,
-            ha="left", va="top", weight="bold",
+            ha="left", va="top", weight="bold", animated=True,
         )  # fmt: skip
         self.clock = write(
             self.axes, width - 1.6 * unit, height - 1.6 * unit, "", 1.15 * unit, theme.faint,
@@ -162,6 +163,7 @@ class Frames:
         if self.studio is not None:
             self.photograph.set_data(self.studio.photograph(k)[::-1])
             self.axes.draw_artist(self.photograph)
+        self.axes.draw_artist(self.title)
         self.axes.draw_artist(self.clock)
         return canvas.buffer_rgba()
 

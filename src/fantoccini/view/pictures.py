@@ -93,8 +93,13 @@ def strip_figure(
     whole = scene_of(marionette, run.resample(np.linspace(run.t[0], run.t[-1], 400)))
     n = len(chosen)
     panel = _panel(scene, view, focus, theme)
-    width, height = size or (round(n * panel[0] + 40), round(panel[1] + 110))
-    unit = max(7.0, height / 50.0)
+    if size is None:
+        width = round(n * panel[0] + 40)
+        unit = max(12.0, width / 130.0)  # a wide strip is seen from farther away
+        height = round(panel[1] + 9.2 * unit)
+    else:
+        width, height = size
+        unit = max(7.0, height / 50.0)
     figure, axes = sheet((width, height), theme)
 
     top = whole.tension_top()

@@ -219,8 +219,7 @@ def handles(tree: Tree, theme: Theme, size: float) -> list[Solid]:
             seen.add(key)
             if point.link != WORLD and tree.links[point.link].shapes:
                 continue
-            radius = (0.006 if point.link == WORLD else 0.009) * size
-            out.append(capsule(point.link, theme.handle, np.tile(key[1], (2, 1)), radius))
+            out.append(capsule(point.link, theme.handle, np.tile(key[1], (2, 1)), 0.009 * size))
     return out
 
 
