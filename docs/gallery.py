@@ -77,43 +77,43 @@ PIECES = (
     ),
     Piece(
         "marionette_bar",
-        "The same puppet on a control bar held in one hand. Only the bar moves: tipped up and rolled "
-        "from side to side it lifts hands and knees in turn; tipped down it lets them fall.",
+        "The same puppet on a control bar held in one hand. Only the bar moves: tipped up and "
+        "rolled from side to side it lifts hands and knees in turn; tipped down it lets them fall.",
         duration=6.0, part=(0.2, 5.6), times=(0.0, 0.7, 1.7, 2.7, 3.7, 4.9), inputs="dance",
         theme="light", size=(320, 440), speed=1.5,
     ),
     Piece(
         "stand6",
-        "The paper's stand: winches at fixed places change the strings' lengths, nothing else moves. "
-        "Two strings to each hand conduct up, out and in, one string over two pulleys bends both "
-        "knees.",
+        "The paper's stand: winches at fixed places change the strings' lengths, nothing else "
+        "moves. Two strings to each hand conduct up, out and in; one string over two pulleys bends "
+        "both knees.",
         duration=5.0, part=(0.2, 4.4), times=(0.0, 0.8, 1.2, 1.6, 3.0, 3.4), inputs="conduct",
         speed=1.2,
     ),
     Piece(
         "crane",
-        "A load of a quarter of a tonne on one cable, hoisted, carried to one side and to the other "
-        "while it swings, and let down.",
+        "A load of a quarter of a tonne on one cable, hoisted, carried to one side and to the "
+        "other while it swings, and let down.",
         duration=10.0, part=(0.2, 9.6), times=(0.2, 3.4, 5.2, 6.9), inputs="hoist",
         theme="light", size=(440, 320), speed=2.0,
     ),
     Piece(
         "arm2d",
-        "The paper's two-link arm. The winch jerks it up and lets the string run out: the arm falls "
-        "free while the string sags, and snaps taut.",
+        "The paper's two-link arm. The winch jerks it up and lets the string run out: the arm "
+        "falls free while the string sags, and snaps taut.",
         duration=4.0, part=(0.2, 3.4), times=(0.0, 0.6, 0.8, 1.5, 2.0, 2.3), inputs="toss",
     ),
     Piece(
         "arm3d",
-        "The arm of the paper's planning example: a ball joint, a hinge and one string, whose upper "
-        "end moves in a plane while the string is wound in and out. The hand stirs a pot.",
+        "The arm of the paper's planning example: a ball joint, a hinge and one string, whose "
+        "upper end moves in a plane while the string is wound in and out. The hand stirs a pot.",
         duration=4.4, part=(0.0, 3.7), times=(0.0, 0.6, 1.0, 1.4, 1.8, 3.6), inputs="stir",
         theme="light", view=(-50.0, 22.0), speed=1.2,
     ),
     Piece(
         "string_pendulum",
-        "A point mass on a string of one metre, pushed just too weakly for a full circle: it leaves "
-        "the circle, flies under a slack string and is caught.",
+        "A point mass on a string of one metre, pushed just too weakly for a full circle: it "
+        "leaves the circle, flies with the string slack and is caught.",
         duration=3.0, part=(0.0, 3.0), times=(0.0, 0.25, 0.5, 0.75, 1.0, 1.3),
         start={"v:bob.x": 6.2},
     ),

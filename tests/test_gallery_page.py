@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 
 import pytest
+from docs.gallery import PAGE, PERFORMANCES, PICTURES, PIECES, ROOT, page, perform
 
 import fantoccini as fan
-from docs.gallery import PAGE, PERFORMANCES, PICTURES, PIECES, ROOT, page, perform
 
 
 def test_every_bundled_puppet_has_its_piece():

@@ -329,4 +329,5 @@ def _size(solids: list[Solid], poses: np.ndarray, points: tuple[np.ndarray, ...]
         places.append(solid.points @ pose[:, :3].T + pose[:, 3])
     places = np.concatenate(places)
     places = places[np.isfinite(places).all(axis=1)]
-    return max(float(np.ptp(places, axis=0).max()), 1e-3) if len(places) else 1.0
+    size = float(np.ptp(places, axis=0).max()) if len(places) else 0.0
+    return size if size > 1e-9 else 1.0
