@@ -124,9 +124,16 @@ def floor(axes: Axes, scene: Scene, stage: Stage, grid: bool = True) -> None:
         place = camera.eye[:2] + ahead[..., None] * rays[..., :2]
         away = np.linalg.norm(place - middle, axis=-1) / (1.25 * reach)
     light = np.where((ahead > 0.0) & (away < 1.0), (1.0 - np.minimum(away, 1.0) ** 2) ** 2, 0.0)
-    pixels = np.empty((*light.shape, 4))
-    pixels[..., :3], pixels[..., 3] = theme.floor[:3], theme.floor[3] * light
-    image(axes, pixels, (0.0, width, 0.0, height), 1.0)
+    rows, columns = (np.flatnonzero(light.any(axis=k)) for k in (1, 0))
+    if len(rows):
+        # Only the lit part: stretching an image takes time by its area.
+        rows, columns = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+        lit = light[rows, columns]
+        pixels = np.empty((*lit.shape, 4))
+        pixels[..., :3], pixels[..., 3] = theme.floor[:3], theme.floor[3] * lit
+        across, up = width / light.shape[1], height / light.shape[0]
+        extent = (columns.start * across, columns.stop * across, rows.start * up, rows.stop * up)
+        image(axes, pixels, extent, 1.0)
     if grid:
         _grid(axes, scene, stage, middle, reach)
 
