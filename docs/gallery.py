@@ -15,6 +15,7 @@ from fantoccini.motion import Trajectory
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "gallery.md"
 PICTURES = ROOT / "docs" / "pictures" / "gallery"
+PROBLEM = "src/fantoccini/plan/problems/arm3d_boxes.yaml"
 PERFORMANCES = "src/fantoccini/puppets/performances"
 
 FPS = 12.0
@@ -146,6 +147,13 @@ def draw(piece: Piece, marionette: fan.Marionette, run: Trajectory) -> None:
     )  # fmt: skip
 
 
+def draw_plan() -> None:
+    """Writes picture and film of the bundled plan."""
+    plan = fan.solve(fan.load_problem(ROOT / PROBLEM), seed=0).polish()
+    plan.plot(PICTURES / "arm3d_boxes.png", size=(640, 640), scale=1.0)
+    plan.animate(PICTURES / "arm3d_boxes.gif", fps=FPS, size=(320, 320))
+
+
 def page() -> str:
     """The text of docs/gallery.md."""
     parts = [_HEAD]
@@ -158,7 +166,7 @@ def page() -> str:
             f"Film: {piece.part[0]:g} to {piece.part[1]:g} s{pace}. The motion:\n\n"
             f"```\n{piece.command}\n```\n"
         )
-    return "\n".join(parts)
+    return "\n".join([*parts, _PLAN])
 
 
 _HEAD = """# Gallery
@@ -167,6 +175,20 @@ Every bundled puppet, drawn and filmed by `make gallery` without a GPU or a disp
 string is its tension, grey is a slack string. The commands run in the repository's root; they film
 at full size. The motions lie in
 [`performances`](../src/fantoccini/puppets/performances) as files to read and change.
+"""
+
+_PLAN = """## A plan: arm3d_boxes
+
+The paper's planning problem: from hanging, past two boxes, to rest with the hand lifted. Dots are
+the nodes of the search tree, the line is the way taken; [planning.md](planning.md) tells more.
+
+![arm3d_boxes: film](pictures/gallery/arm3d_boxes.gif)
+
+![arm3d_boxes: tree, way and poses](pictures/gallery/arm3d_boxes.png)
+
+```
+fantoccini plan arm3d_boxes --improve 1 --picture plan.png --out plan.mp4
+```
 """
 
 
@@ -179,6 +201,8 @@ def main() -> None:
         if not only or piece.puppet in only:
             draw(piece, *perform(piece))
             print(piece.puppet, flush=True)
+    if not only:
+        draw_plan()
     PAGE.write_text(page(), encoding="utf-8")
 
 
