@@ -211,7 +211,8 @@ def test_what_cannot_be_written_is_said(tmp_path, puppet):
 def test_matplotlib_and_ffmpeg_wait_for_the_first_picture():
     code = (
         "import sys, fantoccini.view\n"
-        "print([m for m in ('matplotlib', 'imageio_ffmpeg', 'trimesh') if m in sys.modules])"
+        "late = ('matplotlib', 'imageio_ffmpeg', 'trimesh', 'pyvista')\n"
+        "print([m for m in late if m in sys.modules])"
     )
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert said.stdout.strip() == "[]"
