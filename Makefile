@@ -6,7 +6,7 @@ OLDER := .venv-mujoco317
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test bench bench-plan soak strings-report growth-report lint wheel clean
+.PHONY: demo test gallery bench bench-plan soak strings-report growth-report lint wheel clean
 .NOTPARALLEL:
 
 demo: $(VENV)/stamp-demo
@@ -14,6 +14,9 @@ demo: $(VENV)/stamp-demo
 
 test: $(VENV)/stamp-test
 	$(BIN)/python -m pytest
+
+gallery: $(VENV)/stamp-demo
+	$(BIN)/python -m docs.gallery
 
 bench: $(VENV)/stamp-bench $(OLDER)/stamp
 	$(BIN)/python -m benchmarks.speed

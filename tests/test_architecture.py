@@ -65,6 +65,7 @@ ONLY_IN = {
     "ray": {"sweep"},
     "mujoco": {"exchange"},
     "coal": {"plan"},
+    "pyvista": {"view"},
 }
 """Libraries and the modules that may use them."""
 

@@ -1,6 +1,7 @@
 """Pictures show something, have the right size, and take names as plain text."""
 
 import dataclasses
+import itertools
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -11,7 +12,12 @@ from matplotlib.image import imread
 
 from fantoccini import view
 from fantoccini.puppet import loads
-from fantoccini.view.draw import plain
+from fantoccini.view.camera import Viewport
+from fantoccini.view.compose import compose
+from fantoccini.view.draw import plain, stage_of
+from fantoccini.view.film import Frames
+from fantoccini.view.scene import scene_at, scene_of
+from fantoccini.view.theme import DARK, LIGHT
 from view.still_life import StillLife, bundled, swinging
 
 HOSTILE = r"$\frac{_^ \input{x} <b>&amp; 100%"
@@ -83,6 +89,80 @@ def test_plots_without_driven_lengths(tmp_path):
     view.plot(swinging(m), tmp_path / "a.svg")
 
 
+BARE = (
+    "puppet: bare\n"
+    "bodies:\n"
+    "  - {name: rod, joint: {type: revolute, axis: [0, 1, 0]}, shapes: [{type: capsule,\n"
+    "     from: [0, 0, 0], to: [0, 0, -1], radius: 0.05, mass: 1}]}\n"
+)
+
+
+def test_what_a_puppet_does_not_have_is_not_plotted():
+    figure = view.plot(swinging(StillLife(loads(BARE))))
+    assert [axes.get_ylabel() for axes in figure.axes] == ["energy [J]"]
+    labels = [axes.get_ylabel() for axes in view.plot(swinging(bundled("string_pendulum"))).axes]
+    assert labels == ["tension [N]", "", "energy [J]"]
+
+
+def test_labels_of_small_numbers_stay_on_the_sheet():
+    run = swinging(bundled("arm2d"))
+    run = dataclasses.replace(run, q_K=7.9e-4 + 1e-5 * run.q_K)
+    figure = view.plot(run)
+    figure.canvas.draw()
+    for axes in figure.axes:
+        assert axes.yaxis.label.get_window_extent().x0 > 0.0
+
+
+def dangling(factor):
+    """A rod on a string, this many times one metre large, beside a ball that stands there."""
+    ball = f"type: sphere, radius: {0.1 * factor}, at: [{0.4 * factor}, 0, 0]"
+    return StillLife(loads(
+        "puppet: rod\n"
+        f"obstacles: [{{name: ball, {ball}}}]\n"
+        "bodies:\n"
+        "  - {name: rod, joint: {type: free}, shapes: [{type: capsule, from: [0, 0, 0],\n"
+        f"     to: [0, 0, {-0.4 * factor}], radius: {0.03 * factor}, mass: 1}}]}}\n"
+        "strings:\n"
+        f"  - {{name: line, path: [{{body: rod}}, {{driven: [x], at: [0, 0, {0.6 * factor}]}}],\n"
+        "     length: driven}\n"
+    ))
+
+
+@pytest.mark.parametrize("factor", [1e-4, 1e-3, 50.0])
+def test_size_does_not_matter(tmp_path, factor):
+    """Pixels are the same up to rounding, but for the floor's lines, whose distances are round."""
+    pictures = []
+    for each in (1.0, factor):
+        m = dangling(each)
+        x = m.start()
+        scene, stage = still_stage(m, x)
+        pictures.append([p.outline for p in compose(scene, 0, stage)])
+        view.draw(m, x, tmp_path / "a.png", size=(200, 200), scale=1.0)
+        assert busy(tmp_path / "a.png") > 0.005
+    assert len(pictures[0]) == len(pictures[1])
+    for one, other in zip(*pictures, strict=True):
+        assert np.allclose(one, other, atol=0.05)
+
+
+def still_stage(m, x):
+    scene = scene_at(m, x)
+    return scene, stage_of(scene, Viewport(0.0, 0.0, 300.0, 300.0), LIGHT)
+
+
+def test_the_tension_bars_texts_keep_apart():
+    """Whatever the largest tension is, and however small the film."""
+    m = bundled("marionette")
+    for size in ((320, 240), (160, 120), (960, 720)):
+        for factor in (1e-5, 1.0, 1000.0, 1e6):
+            run = swinging(m)
+            peak = np.where(np.arange(len(run)) == 20, 1.7, 1.0)[:, None]
+            tension = dataclasses.replace(run.tension, values=run.tension.values * factor * peak)
+            frames = Frames(scene_of(m, dataclasses.replace(run, tension=tension)), size, DARK)
+            boxes = [text.get_window_extent() for text in frames.axes.texts if text.get_text()]
+            assert all(b.x0 >= 0.0 and b.x1 <= size[0] for b in boxes)
+            assert not any(a.overlaps(b) for a, b in itertools.combinations(boxes, 2))
+
+
 def test_names_are_plain_text(tmp_path):
     m = StillLife(loads(
         "puppet: tame\n"
@@ -131,7 +211,8 @@ def test_what_cannot_be_written_is_said(tmp_path, puppet):
 def test_matplotlib_and_ffmpeg_wait_for_the_first_picture():
     code = (
         "import sys, fantoccini.view\n"
-        "print([m for m in ('matplotlib', 'imageio_ffmpeg', 'trimesh') if m in sys.modules])"
+        "late = ('matplotlib', 'imageio_ffmpeg', 'trimesh', 'pyvista')\n"
+        "print([m for m in late if m in sys.modules])"
     )
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert said.stdout.strip() == "[]"

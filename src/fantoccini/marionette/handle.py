@@ -65,6 +65,12 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
             f"{t.n_vK} driven>"
         )
 
+    def _repr_html_(self) -> str | None:
+        """A picture of the start pose and tables, for notebooks; nothing is compiled for it."""
+        from fantoccini.view.notebook import puppet_html
+
+        return puppet_html(self)
+
     # -- what it is made of ------------------------------------------------------------------
 
     @property

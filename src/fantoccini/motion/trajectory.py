@@ -87,6 +87,12 @@ class Trajectory:
             f"{self.status.name}>"
         )
 
+    def _repr_html_(self) -> str | None:
+        """A strip of poses and the summary, for notebooks; nothing is compiled for it."""
+        from fantoccini.view.notebook import run_html
+
+        return run_html(self)
+
     def __post_init__(self) -> None:
         table, n = self.coordinates, len(self.t)
         widths = (table.n_qD, table.n_vD, table.n_vD, table.n_qK, table.n_vK, table.n_vK)

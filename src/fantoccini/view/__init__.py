@@ -1,18 +1,21 @@
 """Pictures and film of a motion, without a GPU or a display.
 
 ``strip`` writes a row of poses, ``draw`` one state, ``plot`` the run against time, ``film`` an mp4
-or a gif. matplotlib and ffmpeg are loaded by the first call, not by importing this package.
+or a gif. matplotlib and ffmpeg are loaded by the first call, not by importing this package; pyvista
+only where ``renderer="pyvista"`` asks for it.
 """
 
 from fantoccini.view.film import FilmError, film
 from fantoccini.view.pictures import PictureError, draw, pose_times, strip
 from fantoccini.view.plans import plan_picture
 from fantoccini.view.plots import plot
+from fantoccini.view.studio import RENDERERS
 from fantoccini.view.theme import DARK, LIGHT, Theme
 
 __all__ = [
     "DARK",
     "LIGHT",
+    "RENDERERS",
     "FilmError",
     "PictureError",
     "Theme",

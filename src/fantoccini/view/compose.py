@@ -60,17 +60,17 @@ def compose(scene: Scene, k: int, stage: Stage) -> list[Polygon]:
     camera, viewport = stage.camera, stage.viewport
     poses = scene.poses[k]
     solids = [*scene.solids, *stage.handles]
-    placed = [np.eye(3, 4) if s.link == WORLD else poses[s.link] for s in solids]
+    placed = [_placed(solid, poses) for solid in solids]
     kept = [i for i, pose in enumerate(placed) if np.isfinite(pose).all()]
     painted = [paint(solids[i], placed[i], camera, viewport, stage.theme, stage.pen) for i in kept]
     kept = [(i, p) for i, p in zip(kept, painted, strict=True) if p]
 
     occluders = [occluder(solids[i], placed[i], polygons) for i, polygons in kept]
-    lines = _lines(scene, k, stage)
-    out = _shadows(scene, placed, stage)
-    for item in painting_order(camera, viewport, occluders, [line.points for line in lines]):
+    hung = lines(scene, k, stage)
+    out = shadows(scene, k, stage)
+    for item in painting_order(camera, viewport, occluders, [line.points for line in hung]):
         if isinstance(item, Run):
-            line = lines[item.thread]
+            line = hung[item.thread]
             out.append(_stroke(line, line.points[item.start : item.stop + 1], stage))
         else:
             out += kept[item][1]
@@ -105,12 +105,17 @@ def _sides(solid: Solid, pose: np.ndarray) -> Sides | None:
     return Sides(normals, quads.mean(axis=1))
 
 
-def _shadows(scene: Scene, placed: list, stage: Stage) -> list[Polygon]:
+def _placed(solid: Solid, poses: np.ndarray) -> np.ndarray:
+    return np.eye(3, 4) if solid.link == WORLD else poses[solid.link]
+
+
+def shadows(scene: Scene, k: int, stage: Stage) -> list[Polygon]:
     """Soft shadows on the floor: nested translucent outlines, fainter from higher solids."""
     right, _, back = stage.camera.axes
     ray = np.array([0.10 * right[0] - 0.06 * back[0], 0.10 * right[1] - 0.06 * back[1], -1.0])
     out = []
-    for solid, pose in zip(scene.solids, placed, strict=False):
+    for solid in scene.solids:
+        pose = _placed(solid, scene.poses[k])
         centre = pose[2, :3] @ solid.axis.mean(axis=0) + pose[2, 3]
         height = centre - scene.floor
         if not np.isfinite(height) or height <= 0.0:
@@ -129,7 +134,7 @@ def _shadows(scene: Scene, placed: list, stage: Stage) -> list[Polygon]:
 
 
 @dataclass(frozen=True)
-class _Line:
+class Line:
     """A string or spring to be stroked: points (n, 3) [m], width [px], colour (3,)."""
 
     points: np.ndarray
@@ -137,21 +142,22 @@ class _Line:
     colour: np.ndarray
 
 
-def _lines(scene: Scene, k: int, stage: Stage) -> list[_Line]:
-    lines = []
+def lines(scene: Scene, k: int, stage: Stage) -> list[Line]:
+    """The strings and springs of the scene at time ``t[k]``; those behind the eye left out."""
+    drawn = []
     for thread in scene.threads(k):
         width = (1.75 if thread.wire else 1.35) if thread.taut else 0.95
-        lines.append((thread.points, width, stage.thread_colour(thread)))
+        drawn.append((thread.points, width, stage.thread_colour(thread)))
     steel = mix(stage.theme.faint, stage.theme.ink, 0.4)
-    lines += [(_coil(ends[k], stage), 1.0, steel) for ends in scene.springs]
+    drawn += [(_coil(ends[k], stage), 1.0, steel) for ends in scene.springs]
     return [
-        _Line(_refined(points), width * stage.pen, colour)
-        for points, width, colour in lines
+        Line(_refined(points), width * stage.pen, colour)
+        for points, width, colour in drawn
         if np.isfinite(points).all() and np.all(stage.camera.see(points)[:, 2] > 1e-6)
     ]
 
 
-def _stroke(line: _Line, points: np.ndarray, stage: Stage) -> Polygon:
+def _stroke(line: Line, points: np.ndarray, stage: Stage) -> Polygon:
     """The polygon (2 n, 2) of a polyline of the line's width, half a pixel longer at both ends."""
     placed = stage.camera.project(points, stage.viewport)[:, :2]
     along = np.diff(placed, axis=0)

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import PolyCollection
     from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
     from matplotlib.text import Text
 
 DPI = 100.0
@@ -51,18 +52,21 @@ def sheet(size: tuple[int, int], theme: Theme) -> tuple[Figure, Axes]:
     axes.set_axis_off()
     rows = np.linspace(0.0, 1.0, 128)[:, None, None]
     pixels = np.clip(mix(theme.bottom, theme.top, np.sqrt(rows)), 0.0, 1.0)
-    _image(axes, pixels, (0.0, width, 0.0, height), 0.0)
+    image(axes, pixels, (0.0, width, 0.0, height), 0.0)
     return figure, axes
 
 
-def _image(axes: Axes, pixels: np.ndarray, extent: tuple, zorder: float) -> None:
+def image(
+    axes: Axes, pixels: np.ndarray, extent: tuple, zorder: float, animated: bool = False
+) -> AxesImage:
     """Rows of pixels from below, stretched over a part of the sheet."""
-    axes.imshow(
+    shown = axes.imshow(
         pixels, extent=extent, origin="lower", aspect="auto", interpolation="bilinear",
-        zorder=zorder,
+        zorder=zorder, animated=animated,
     )  # fmt: skip
     axes.set_xlim(0.0, axes.figure.bbox.width)
     axes.set_ylim(0.0, axes.figure.bbox.height)
+    return shown
 
 
 def stage_of(
@@ -120,9 +124,16 @@ def floor(axes: Axes, scene: Scene, stage: Stage, grid: bool = True) -> None:
         place = camera.eye[:2] + ahead[..., None] * rays[..., :2]
         away = np.linalg.norm(place - middle, axis=-1) / (1.25 * reach)
     light = np.where((ahead > 0.0) & (away < 1.0), (1.0 - np.minimum(away, 1.0) ** 2) ** 2, 0.0)
-    pixels = np.empty((*light.shape, 4))
-    pixels[..., :3], pixels[..., 3] = theme.floor[:3], theme.floor[3] * light
-    _image(axes, pixels, (0.0, width, 0.0, height), 1.0)
+    rows, columns = (np.flatnonzero(light.any(axis=k)) for k in (1, 0))
+    if len(rows):
+        # Only the lit part: stretching an image takes time by its area.
+        rows, columns = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+        lit = light[rows, columns]
+        pixels = np.empty((*lit.shape, 4))
+        pixels[..., :3], pixels[..., 3] = theme.floor[:3], theme.floor[3] * lit
+        across, up = width / light.shape[1], height / light.shape[0]
+        extent = (columns.start * across, columns.stop * across, rows.start * up, rows.stop * up)
+        image(axes, pixels, extent, 1.0)
     if grid:
         _grid(axes, scene, stage, middle, reach)
 
@@ -205,9 +216,9 @@ def tension_bar(
     if scene.tension is None or not scene.names:
         return
     theme = stage.theme
-    length, thick = 13.0 * unit, 0.62 * unit
+    length, thick = 15.0 * unit, 0.62 * unit
     left = right - length
-    _image(axes, stage.colours[None, :, :], (left, right, y, y + thick), 4.0)
+    image(axes, stage.colours[None, :, :], (left, right, y, y + thick), 4.0)
     over = float(np.nanmax(np.abs(scene.tension), initial=0.0)) > 1.001 * stage.top
     sign = "\N{GREATER-THAN OR EQUAL TO} " if over else ""
     write(axes, left, y - 0.35 * unit, "0", 0.85 * unit, theme.faint, ha="left", va="top")
@@ -216,7 +227,7 @@ def tension_bar(
         ha="right", va="top",
     )  # fmt: skip
     write(
-        axes, 0.5 * (left + right), y - 0.35 * unit, "string tension", 0.85 * unit, theme.faint,
+        axes, 0.5 * (left + right), y - 0.35 * unit, "tension", 0.85 * unit, theme.faint,
         ha="center", va="top",
     )  # fmt: skip
     axes.plot(

@@ -14,9 +14,10 @@ import numpy as np
 
 from fantoccini.errors import FantocciniError
 from fantoccini.view.camera import Viewport
-from fantoccini.view.compose import compose
-from fantoccini.view.draw import collection, floor, sheet, show, stage_of, tension_bar, write
+from fantoccini.view.compose import compose, shadows
+from fantoccini.view.draw import collection, floor, image, sheet, show, stage_of, tension_bar, write
 from fantoccini.view.scene import Scene, scene_of
+from fantoccini.view.studio import Studio, checked_renderer
 from fantoccini.view.theme import Theme, theme_of
 
 if TYPE_CHECKING:
@@ -51,6 +52,7 @@ def film(
     theme: str | Theme = "dark",
     speed: float = 1.0,
     progress: Callable[[int, int], None] | None = None,
+    renderer: str = "matplotlib",
 ) -> Path:
     """Writes a film of a run.
 
@@ -67,12 +69,15 @@ def film(
         theme: ``dark``, ``light``, or a Theme.
         speed: seconds of motion for a second of film.
         progress: called with (frames done, frames in all) after each frame.
+        renderer: ``matplotlib``, or ``pyvista`` for shaded solids where that is installed; it takes
+            several times as long.
 
     Returns:
         The path of the film.
 
     Raises:
         FilmError: the encoder failed, or the folder does not exist.
+        MissingLibraryError: pyvista is asked for and not installed.
         ValueError: a number is out of range, or the ending is unknown.
     """
     path = Path(path)
@@ -83,18 +88,20 @@ def film(
     if not path.parent.is_dir():
         raise FilmError(f"there is no folder {path.parent}")
     width, height = (int(n) + int(n) % 2 for n in size)
+    checked_renderer(renderer)
 
     start, stop = float(run.t[0]), float(run.t[-1])
     n = max(1, round((stop - start) / speed * fps))
     times = np.minimum(start + np.arange(n) * (speed / fps), stop)
     scene = scene_of(marionette, run.resample(times))
-    frames = Frames(scene, (width, height), theme_of(theme), view, focus)
+    frames = Frames(scene, (width, height), theme_of(theme), view, focus, renderer)
     part = path.with_name(f".film-{secrets.token_hex(6)}{path.suffix.lower()}")
     try:
         _encode(frames, n, part, fps, progress)
         os.replace(part, path)
     finally:
         part.unlink(missing_ok=True)
+        frames.close()
     return path
 
 
@@ -107,6 +114,7 @@ class Frames:
         theme: the look.
         view: preset, or (azimuth, elevation) in degrees.
         focus: ``all`` or ``bodies``.
+        renderer: of solids and strings.
     """
 
     def __init__(
@@ -116,24 +124,31 @@ class Frames:
         theme: Theme,
         view: str | tuple[float, float] = "auto",
         focus: str = "all",
+        renderer: str = "matplotlib",
     ):
         width, height = size
-        unit = max(7.0, height / 50.0)
+        unit = max(height / 50.0, min(10.0, width / 24.0))  # small films have letters to be read
         self.scene, self.size = scene, size
         self.figure, self.axes = sheet(size, theme)
         inner = Viewport(unit, 3.2 * unit, width - 2.0 * unit, height - 6.0 * unit)
         self.stage = stage_of(scene, inner, theme, view, focus)
         floor(self.axes, scene, self.stage)
         tension_bar(self.axes, scene, self.stage, width - 1.6 * unit, 2.2 * unit, unit)
-        write(
+        # Strings may run up behind the title.
+        self.title = write(
             self.axes, 1.6 * unit, height - 1.6 * unit, scene.title, 1.35 * unit, theme.ink,
-            ha="left", va="top", weight="bold",
+            ha="left", va="top", weight="bold", animated=True,
         )  # fmt: skip
         self.clock = write(
             self.axes, width - 1.6 * unit, height - 1.6 * unit, "", 1.15 * unit, theme.faint,
             ha="right", va="top", animated=True,
         )  # fmt: skip
         self.polygons = collection(self.axes, animated=True)
+        self.studio = None
+        if renderer == "pyvista":
+            self.studio = Studio(scene, self.stage, size)
+            blank = np.zeros((height, width, 4))
+            self.photograph = image(self.axes, blank, (0.0, width, 0.0, height), 3.0, animated=True)
         self.figure.canvas.draw()
         self.backdrop = self.figure.canvas.copy_from_bbox(self.figure.bbox)
 
@@ -141,11 +156,21 @@ class Frames:
         """The pixels of frame k: rows from the top, red, green, blue, opacity, a byte each."""
         canvas = self.figure.canvas
         canvas.restore_region(self.backdrop)
-        show(self.polygons, compose(self.scene, k, self.stage))
         self.clock.set_text(f"{self.scene.t[k]:.2f} s")
+        painted = compose if self.studio is None else shadows
+        show(self.polygons, painted(self.scene, k, self.stage))
         self.axes.draw_artist(self.polygons)
+        if self.studio is not None:
+            self.photograph.set_data(self.studio.photograph(k)[::-1])
+            self.axes.draw_artist(self.photograph)
+        self.axes.draw_artist(self.title)
         self.axes.draw_artist(self.clock)
         return canvas.buffer_rgba()
+
+    def close(self) -> None:
+        """Gives back what drawing held."""
+        if self.studio is not None:
+            self.studio.close()
 
 
 def _encode(

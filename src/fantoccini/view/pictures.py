@@ -12,11 +12,12 @@ import numpy as np
 
 from fantoccini.errors import FantocciniError
 from fantoccini.view.camera import Viewport
-from fantoccini.view.compose import compose
+from fantoccini.view.compose import compose, shadows
 from fantoccini.view.draw import (
     DPI,
     collection,
     floor,
+    image,
     sheet,
     show,
     stage_of,
@@ -24,6 +25,7 @@ from fantoccini.view.draw import (
     write,
 )
 from fantoccini.view.scene import Scene, scene_at, scene_of
+from fantoccini.view.studio import Studio, checked_renderer
 from fantoccini.view.theme import Theme, theme_of
 
 if TYPE_CHECKING:
@@ -70,14 +72,34 @@ def strip(
     Returns:
         The path of the picture.
     """
-    path, theme = checked(path), theme_of(theme)
+    path = checked(path)
+    return save(strip_figure(marionette, run, n, times, view, focus, theme, size), path, scale)
+
+
+def strip_figure(
+    marionette: Marionette,
+    run: Trajectory,
+    n: int = 7,
+    times: str | Sequence[float] = "poses",
+    view: str | tuple[float, float] = "auto",
+    focus: str = "all",
+    theme: str | Theme = "light",
+    size: tuple[int, int] | None = None,
+) -> Figure:
+    """The strip as a matplotlib figure; arguments as for :func:`strip`."""
+    theme = theme_of(theme)
     chosen = pose_times(marionette, run, n, times)
     scene = scene_of(marionette, run.resample(chosen))
     whole = scene_of(marionette, run.resample(np.linspace(run.t[0], run.t[-1], 400)))
     n = len(chosen)
     panel = _panel(scene, view, focus, theme)
-    width, height = size or (round(n * panel[0] + 40), round(panel[1] + 110))
-    unit = max(7.0, height / 50.0)
+    if size is None:
+        width = round(n * panel[0] + 40)
+        unit = max(12.0, width / 130.0)  # a wide strip is seen from farther away
+        height = round(panel[1] + 9.2 * unit)
+    else:
+        width, height = size
+        unit = max(7.0, height / 50.0)
     figure, axes = sheet((width, height), theme)
 
     top = whole.tension_top()
@@ -92,7 +114,7 @@ def strip(
             ha="center", va="center",
         )  # fmt: skip
     _title(axes, whole, stage, unit)
-    return save(figure, path, scale)
+    return figure
 
 
 def draw(
@@ -105,6 +127,7 @@ def draw(
     theme: str | Theme = "light",
     size: tuple[int, int] = (720, 900),
     scale: float = 2.0,
+    renderer: str = "matplotlib",
 ) -> Path:
     """Writes a picture of one state.
 
@@ -118,21 +141,48 @@ def draw(
         theme: ``light``, ``dark``, or a Theme.
         size: width and height [px].
         scale: pixels of the file for a pixel of ``size``.
+        renderer: ``matplotlib``, or ``pyvista`` for shaded solids where that is installed.
 
     Returns:
         The path of the picture.
+
+    Raises:
+        MissingLibraryError: pyvista is asked for and not installed.
     """
-    path, theme = checked(path), theme_of(theme)
+    path = checked(path)
     scene = scene_at(marionette, state, tension)
+    photographed = scale if checked_renderer(renderer) == "pyvista" else None
+    return save(figure_of(scene, view, focus, theme, size, photographed), path, scale)
+
+
+def figure_of(
+    scene: Scene,
+    view: str | tuple[float, float] = "auto",
+    focus: str = "all",
+    theme: str | Theme = "light",
+    size: tuple[int, int] = (720, 900),
+    photographed: float | None = None,
+) -> Figure:
+    """The first time of a scene as a matplotlib figure; arguments as for :func:`draw`.
+
+    With ``photographed``, pyvista draws solids and strings with so many pixels for one of ``size``.
+    """
+    theme = theme_of(theme)
     width, height = size
     unit = max(7.0, height / 55.0)
     figure, axes = sheet(size, theme)
     inner = Viewport(unit, 4.0 * unit, width - 2.0 * unit, height - 8.0 * unit)
     stage = stage_of(scene, inner, theme, view, focus)
     floor(axes, scene, stage)
-    show(collection(axes), compose(scene, 0, stage))
+    if photographed is None:
+        show(collection(axes), compose(scene, 0, stage))
+    else:
+        show(collection(axes), shadows(scene, 0, stage))
+        studio = Studio(scene, stage, size, photographed)
+        image(axes, studio.photograph(0)[::-1], (0.0, width, 0.0, height), 3.0)
+        studio.close()
     _title(axes, scene, stage, unit)
-    return save(figure, path, scale)
+    return figure
 
 
 def pose_times(

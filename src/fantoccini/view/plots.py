@@ -32,7 +32,7 @@ def plot(
 
     From the top: the tension of each string; when each string was taut, with a mark where it
     caught; the energy ledger, potential energy counted from its start; the driven lengths, or the
-    other driven coordinates where no length is driven.
+    other driven coordinates where no length is driven. What a puppet does not have is left out.
 
     Args:
         run: the motion.
@@ -53,24 +53,28 @@ def plot(
     figure = Figure(figsize=(size[0] / DPI, size[1] / DPI), dpi=DPI, facecolor=theme.top)
     FigureCanvasAgg(figure)
     left = (60.0 + 6.3 * max((len(plain(n, 24)) for n in strings), default=4)) / size[0]
-    ratios = (3.0, min(3.4, 0.7 + 0.2 * len(strings)), 2.4, 2.4)
+    colours = {name: theme.cycle[k % len(theme.cycle)] for k, name in enumerate(strings)}
+    panels = [(2.4, lambda axes: _energy(axes, run, theme))]
+    if strings:
+        modes = min(3.4, 0.7 + 0.2 * len(strings))
+        panels.insert(0, (modes, lambda axes: _modes(axes, run, colours, theme)))
+        panels.insert(0, (3.0, lambda axes: _tension(axes, run, colours, theme)))
+    if len(run.coordinates.q_K):
+        panels.append((2.4, lambda axes: _driven(axes, run, colours, theme)))
+    ratios = [share for share, _ in panels]
     rows = figure.subplots(
-        4, 1, sharex=True,
+        len(panels), 1, sharex=True, squeeze=False,
         gridspec_kw={
             "height_ratios": ratios, "left": left, "right": 0.83, "top": 0.935, "bottom": 0.06,
             "hspace": 0.16,
         },
-    )  # fmt: skip
-    colours = {name: theme.cycle[k % len(theme.cycle)] for k, name in enumerate(strings)}
-    _tension(rows[0], run, colours, theme)
-    _modes(rows[1], run, colours, theme)
-    _energy(rows[2], run, theme)
-    _driven(rows[3], run, colours, theme)
-    for axes in rows:
+    )[:, 0]  # fmt: skip
+    for axes, (_, paint) in zip(rows, panels, strict=True):
+        paint(axes)
         _dress(axes, theme)
-    rows[3].set_xlabel("time [s]", color=theme.ink)
+    rows[-1].set_xlabel("time [s]", color=theme.ink)
     start, stop = float(run.t[0]), float(run.t[-1])
-    rows[3].set_xlim(start, stop if stop > start else start + 1.0)
+    rows[-1].set_xlim(start, stop if stop > start else start + 1.0)
     title = plain(run.puppet.name if run.puppet else "")
     figure.text(
         left, 0.962, title, color=theme.ink, fontsize=12, weight="bold",
@@ -86,6 +90,7 @@ def _tension(axes: Axes, run: Trajectory, colours: dict[str, str], theme: Theme)
     for k, name in enumerate(run.tension.names):
         axes.plot(run.t, values[:, k], color=colours[name], linewidth=1.2, label=name)
     axes.set_ylabel("tension [N]", color=theme.ink)
+    _short_numbers(axes, theme)
     finite = np.abs(values[np.isfinite(values)])
     if finite.size and finite.max() > 0.0:
         # A short peak must not press everything else flat; it leaves through the top.
@@ -130,6 +135,7 @@ def _energy(axes: Axes, run: Trajectory, theme: Theme) -> None:
             shown += 1
     axes.axhline(0.0, color=theme.faint, linewidth=0.6)
     axes.set_ylabel("energy [J]", color=theme.ink)
+    _short_numbers(axes, theme)
     _legend(axes, theme)
 
 
@@ -146,7 +152,14 @@ def _driven(axes: Axes, run: Trajectory, colours: dict[str, str], theme: Theme) 
         colour = colours.get(owner, theme.cycle[n % len(theme.cycle)])
         axes.plot(run.t, run.q_K[:, k], color=colour, linewidth=1.2, label=owner)
     axes.set_ylabel(label, color=theme.ink)
+    _short_numbers(axes, theme)
     _legend(axes, theme)
+
+
+def _short_numbers(axes: Axes, theme: Theme) -> None:
+    """Very small and large numbers with their power of ten above the axis: room for its label."""
+    axes.ticklabel_format(axis="y", style="sci", scilimits=(-2, 4))
+    axes.yaxis.get_offset_text().set(color=theme.ink, fontsize=8)
 
 
 def _spans(t: np.ndarray, on: np.ndarray) -> list[tuple[float, float]]:

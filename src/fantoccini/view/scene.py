@@ -6,12 +6,13 @@ the strings with their lengths, tensions and modes. It knows nothing of pixels.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fantoccini.puppet import Parameter
+from fantoccini.puppet import Number
 from fantoccini.tree import WORLD, Point, Role, Tree
 from fantoccini.view import rope
 from fantoccini.view.shapes import solid_of
@@ -67,7 +68,7 @@ class Scene:
         ground: True where that plane is a floor of the world, which strings cannot hang through.
         plane: mirror plane of the puppet, or None.
         size: largest side of the box about puppet and strings at the first time [m].
-        tree: links and strings.
+        tree: links and strings, their places in plain numbers.
     """
 
     title: str
@@ -168,7 +169,7 @@ def scene_at(marionette: Marionette, state: State, tension: np.ndarray | None = 
 
 
 def _scene(marionette: Marionette, t, q_D, q_K, taut, tension, slip) -> Scene:
-    tree, world = marionette.tree, marionette.world
+    tree, world = _settled(marionette.tree, marionette.number), marionette.world
     poses = np.asarray(marionette.poses(q_D, q_K))
     points = tuple(np.asarray(p) for p in marionette.string_points(q_D, q_K))
     springs = tuple(
@@ -212,14 +213,13 @@ def handles(tree: Tree, theme: Theme, size: float) -> list[Solid]:
     out, seen = [], set()
     for string in tree.strings:
         for point in string.points:
-            key = (point.link, tuple(_numbers(point.at)))
+            key = (point.link, point.at)
             if key in seen or not _held(tree, point.link):
                 continue
             seen.add(key)
             if point.link != WORLD and tree.links[point.link].shapes:
                 continue
-            radius = (0.006 if point.link == WORLD else 0.009) * size
-            out.append(capsule(point.link, theme.handle, np.tile(key[1], (2, 1)), radius))
+            out.append(capsule(point.link, theme.handle, np.tile(key[1], (2, 1)), 0.009 * size))
     return out
 
 
@@ -241,16 +241,16 @@ def _stand_ins(tree: Tree, size: float) -> list[Solid]:
     out = []
     children: dict[int, list[np.ndarray]] = {}
     for link in tree.links:
-        children.setdefault(link.parent, []).append(_numbers(link.offset))
+        children.setdefault(link.parent, []).append(np.array(link.offset))
     for row in tree.strings:
         for point in row.points:
-            children.setdefault(point.link, []).append(_numbers(point.at))
+            children.setdefault(point.link, []).append(np.array(point.at))
     for k, link in enumerate(tree.links):
         if link.shapes:
             continue
         colour = rgb(WOOD[1 if link.role is Role.DRIVEN else 3])
-        mass = 0.0 if link.mass is None else _number(link.mass)
-        com = np.zeros(3) if link.com is None else _numbers(link.com)
+        mass = 0.0 if link.mass is None else link.mass
+        com = np.zeros(3) if link.com is None else np.array(link.com)
         if mass > 0.0:
             out.append(capsule(k, colour, np.tile(com, (2, 1)), 0.026 * size))
         reach = [com, *children.get(k, [])]
@@ -266,12 +266,27 @@ def _held(tree: Tree, link: int) -> bool:
     return link == WORLD or all(tree.links[k].role in _HELD for k in tree.ancestors(link))
 
 
-def _number(number: float | Parameter) -> float:
-    return number.value if isinstance(number, Parameter) else float(number)
+def _settled(tree: Tree, number: Callable[[Number], float]) -> Tree:
+    """The tree with plain numbers, of parameters their present values, where pictures need them."""
 
+    def numbers(xs):
+        return tuple(number(x) for x in xs)
 
-def _numbers(numbers) -> np.ndarray:
-    return np.array([_number(x) for x in numbers])
+    def points(row):
+        return replace(row, points=tuple(replace(p, at=numbers(p.at)) for p in row.points))
+
+    links = (
+        replace(
+            link, offset=numbers(link.offset),
+            mass=None if link.mass is None else number(link.mass),
+            com=None if link.com is None else numbers(link.com),
+        )
+        for link in tree.links
+    )  # fmt: skip
+    return replace(
+        tree, links=tuple(links), strings=tuple(map(points, tree.strings)),
+        springs=tuple(map(points, tree.springs)),
+    )  # fmt: skip
 
 
 def _on(poses: np.ndarray, link: int) -> np.ndarray:
@@ -282,7 +297,7 @@ def _on(poses: np.ndarray, link: int) -> np.ndarray:
 
 def _carry(poses: np.ndarray, point: Point) -> np.ndarray:
     pose = _on(poses, point.link)
-    return pose[..., :3] @ _numbers(point.at) + pose[..., 3]
+    return pose[..., :3] @ np.array(point.at) + pose[..., 3]
 
 
 def _reach(solid: Solid) -> float:
@@ -314,4 +329,5 @@ def _size(solids: list[Solid], poses: np.ndarray, points: tuple[np.ndarray, ...]
         places.append(solid.points @ pose[:, :3].T + pose[:, 3])
     places = np.concatenate(places)
     places = places[np.isfinite(places).all(axis=1)]
-    return max(float(np.ptp(places, axis=0).max()), 1e-3) if len(places) else 1.0
+    size = float(np.ptp(places, axis=0).max()) if len(places) else 0.0
+    return size if size > 1e-9 else 1.0

@@ -1,0 +1,210 @@
+"""``python -m docs.gallery``: draws and films every bundled puppet and writes docs/gallery.md."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+import fantoccini as fan
+from fantoccini import view
+from fantoccini.motion import Trajectory
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = ROOT / "docs" / "gallery.md"
+PICTURES = ROOT / "docs" / "pictures" / "gallery"
+PROBLEM = "src/fantoccini/plan/problems/arm3d_boxes.yaml"
+PERFORMANCES = "src/fantoccini/puppets/performances"
+
+FPS = 12.0
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One puppet in one motion.
+
+    Attributes:
+        puppet: name of the bundled puppet.
+        text: what is to be seen.
+        inputs: name of the performance; None where nothing is driven.
+        start: coordinates at the start that are not those of hanging at rest.
+        duration: of the motion [s].
+        part: what is filmed of it: from, to [s].
+        times: of the strip's poses [s].
+        view: preset, or azimuth and elevation in degrees.
+        focus: of the film: ``bodies`` lets strings leave the picture.
+        theme: of the film; the strip has the other.
+        size: width and height of the film [px].
+        speed: seconds of motion for a second of film.
+    """
+
+    puppet: str
+    text: str
+    duration: float
+    part: tuple[float, float]
+    times: tuple[float, ...]
+    inputs: str | None = None
+    start: dict[str, float] = field(default_factory=dict)
+    view: str | tuple[float, float] = "auto"
+    focus: str = "all"
+    theme: str = "dark"
+    size: tuple[int, int] = (320, 400)
+    speed: float = 1.0
+
+    @property
+    def name(self) -> str:
+        """Of the motion."""
+        return self.inputs or "loop"
+
+    @property
+    def command(self) -> str:
+        """What makes the motion on the command line."""
+        inputs = f" --inputs {PERFORMANCES}/{self.inputs}.yaml" if self.inputs else ""
+        start = "".join(f" --start {name}={value:g}" for name, value in self.start.items())
+        duration = "" if self.inputs else f" --duration {self.duration:g}"
+        out = f" --out {self.name}.png --out {self.name}.mp4"
+        return f"fantoccini simulate {self.puppet}{inputs}{start}{duration}{out}"
+
+
+PIECES = (
+    Piece(
+        "marionette",
+        "The paper's marionette: 25 degrees of freedom on seven strings, 21 driven coordinates. It "
+        "lifts its right hand and waves, takes four steps and bows.",
+        duration=10.0, part=(0.4, 9.4), times=(0.0, 1.4, 2.1, 4.6, 5.4, 8.2), inputs="greeting",
+        focus="bodies", speed=2.0,
+    ),
+    Piece(
+        "marionette_bar",
+        "The same puppet on a control bar held in one hand. Only the bar moves: tipped up and "
+        "rolled from side to side it lifts hands and knees in turn; tipped down it lets them fall.",
+        duration=6.0, part=(0.2, 5.6), times=(0.0, 0.7, 1.7, 2.7, 3.7, 4.9), inputs="dance",
+        theme="light", size=(320, 440), speed=1.5,
+    ),
+    Piece(
+        "stand6",
+        "The paper's stand: winches at fixed places change the strings' lengths, nothing else "
+        "moves. Two strings to each hand conduct up, out and in; one string over two pulleys bends "
+        "both knees.",
+        duration=5.0, part=(0.2, 4.4), times=(0.0, 0.8, 1.2, 1.6, 3.0, 3.4), inputs="conduct",
+        speed=1.2,
+    ),
+    Piece(
+        "crane",
+        "A load of a quarter of a tonne on one cable, hoisted, carried to one side and to the "
+        "other while it swings, and let down.",
+        duration=10.0, part=(0.2, 9.6), times=(0.2, 3.4, 5.2, 6.9), inputs="hoist",
+        theme="light", size=(440, 320), speed=2.0,
+    ),
+    Piece(
+        "arm2d",
+        "The paper's two-link arm. The winch jerks it up and lets the string run out: the arm "
+        "falls free while the string sags, and snaps taut.",
+        duration=4.0, part=(0.2, 3.4), times=(0.0, 0.6, 0.8, 1.5, 2.0, 2.3), inputs="toss",
+    ),
+    Piece(
+        "arm3d",
+        "The arm of the paper's planning example: a ball joint, a hinge and one string, whose "
+        "upper end moves in a plane while the string is wound in and out. The hand stirs a pot.",
+        duration=4.4, part=(0.0, 3.7), times=(0.0, 0.6, 1.0, 1.4, 1.8, 3.6), inputs="stir",
+        theme="light", view=(-50.0, 22.0), speed=1.2,
+    ),
+    Piece(
+        "string_pendulum",
+        "A point mass on a string of one metre, pushed just too weakly for a full circle: it "
+        "leaves the circle, flies with the string slack and is caught.",
+        duration=3.0, part=(0.0, 3.0), times=(0.0, 0.25, 0.5, 0.75, 1.0, 1.3),
+        start={"v:bob.x": 6.2},
+    ),
+)  # fmt: skip
+
+
+def perform(piece: Piece) -> tuple[fan.Marionette, Trajectory]:
+    """The puppet of a piece and its motion."""
+    marionette = getattr(fan.puppets, piece.puppet)()
+    if piece.inputs is None:
+        return marionette, fan.simulate(
+            marionette, marionette.state(piece.start), None, piece.duration
+        )
+    inputs = fan.Input.load(marionette, ROOT / PERFORMANCES / f"{piece.inputs}.yaml")
+    return marionette, fan.simulate(marionette, marionette.rest(), inputs, piece.duration)
+
+
+def draw(piece: Piece, marionette: fan.Marionette, run: Trajectory) -> None:
+    """Writes strip and film of a piece."""
+    other = {"dark": "light", "light": "dark"}[piece.theme]
+    view.strip(
+        marionette, run, PICTURES / f"{piece.puppet}.png", times=piece.times, view=piece.view,
+        theme=other, scale=0.6,
+    )  # fmt: skip
+    start, stop = piece.part
+    times = np.arange(start, stop, piece.speed / FPS)
+    view.film(
+        marionette, run.resample(times), PICTURES / f"{piece.puppet}.gif", fps=FPS, size=piece.size,
+        view=piece.view, focus=piece.focus, theme=piece.theme, speed=piece.speed,
+    )  # fmt: skip
+
+
+def draw_plan() -> None:
+    """Writes picture and film of the bundled plan."""
+    plan = fan.solve(fan.load_problem(ROOT / PROBLEM), seed=0).polish()
+    plan.plot(PICTURES / "arm3d_boxes.png", size=(640, 640), scale=1.0)
+    plan.animate(PICTURES / "arm3d_boxes.gif", fps=FPS, size=(320, 320))
+
+
+def page() -> str:
+    """The text of docs/gallery.md."""
+    parts = [_HEAD]
+    for piece in PIECES:
+        pace = "" if piece.speed == 1.0 else f", {piece.speed:g} times as fast"
+        parts.append(
+            f"## {piece.puppet}\n\n{piece.text}\n\n"
+            f"![{piece.puppet}: film](pictures/gallery/{piece.puppet}.gif)\n\n"
+            f"![{piece.puppet}: poses](pictures/gallery/{piece.puppet}.png)\n\n"
+            f"Film: {piece.part[0]:g} to {piece.part[1]:g} s{pace}. The motion:\n\n"
+            f"```\n{piece.command}\n```\n"
+        )
+    return "\n".join([*parts, _PLAN])
+
+
+_HEAD = """# Gallery
+
+Every bundled puppet, drawn and filmed by `make gallery` without a GPU or a display. Colour on a
+string is its tension, grey is a slack string. The commands run in the repository's root; they film
+at full size. The motions lie in
+[`performances`](../src/fantoccini/puppets/performances) as files to read and change.
+"""
+
+_PLAN = """## A plan: arm3d_boxes
+
+The paper's planning problem: from hanging, past two boxes, to rest with the hand lifted. Dots are
+the nodes of the search tree, the line is the way taken; [planning.md](planning.md) tells more.
+
+![arm3d_boxes: film](pictures/gallery/arm3d_boxes.gif)
+
+![arm3d_boxes: tree, way and poses](pictures/gallery/arm3d_boxes.png)
+
+```
+fantoccini plan arm3d_boxes --improve 1 --picture plan.png --out plan.mp4
+```
+"""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Draws and films the bundled puppets.")
+    parser.add_argument("only", nargs="*", help="puppets to draw; by default all")
+    only = parser.parse_args().only
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    for piece in PIECES:
+        if not only or piece.puppet in only:
+            draw(piece, *perform(piece))
+            print(piece.puppet, flush=True)
+    if not only:
+        draw_plan()
+    PAGE.write_text(page(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,123 @@
+"""Solids as triangle meshes, for renderers with a depth buffer: the browser's, or pyvista's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.view.silhouettes import Solid
+
+AROUND = 20
+"""Corners of a capsule's or an ellipsoid's roundest section."""
+
+_POLE_TO_RIM = 6
+"""Rings of triangles on a half-sphere."""
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleMesh:
+    """A closed surface in its link's frame.
+
+    Attributes:
+        vertices: (n, 3) [m].
+        faces: (m, 3) indices of vertices, anticlockwise from outside.
+        normals: (n, 3) outward unit normals of a smooth surface; None where edges are sharp.
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    normals: np.ndarray | None
+
+
+def triangles(solid: Solid) -> TriangleMesh:
+    """The surface of a solid as triangles, in the frame of the link that carries it.
+
+    Corners lie on the surface, so the mesh is a little smaller than the solid: a capsule or an
+    ellipsoid of the few hundred triangles used here loses less than 4 % of its volume.
+
+    Args:
+        solid: from :func:`fantoccini.view.shapes.solid_of`, or a bead or hook of the scene.
+    """
+    if solid.kind == "capsule":
+        return _capsule(solid.points, solid.radius)
+    if solid.kind == "ellipsoid":
+        return _ellipsoid(solid.points[0], solid.half)
+    return _faces(solid)
+
+
+def _capsule(ends: np.ndarray, radius: float) -> TriangleMesh:
+    """Two half-spheres and the tube between them; one ball where the ends coincide."""
+    apart = ends[1] - ends[0]
+    length = float(np.linalg.norm(apart))
+    frame = _frame(apart / length) if length > 1e-9 * radius else np.eye(3)
+    directions, faces = _ball(rims=2 if length > 1e-9 * radius else 1)
+    normals = directions @ frame.T
+    # The first half of the corners belongs to the far end, the second to the near one.
+    upper = np.arange(len(directions)) < len(directions) // 2
+    centres = np.where(upper[:, None], ends[1], ends[0])
+    return TriangleMesh(centres + radius * normals, faces, normals)
+
+
+def _ellipsoid(centre: np.ndarray, half: np.ndarray) -> TriangleMesh:
+    """The unit ball under x = centre + H u; normals go with H^-T."""
+    directions, faces = _ball(rims=1)
+    if np.linalg.det(half) < 0.0:
+        faces = faces[:, ::-1]
+    normals = directions @ np.linalg.inv(half)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return TriangleMesh(centre + directions @ half.T, faces, normals)
+
+
+def _faces(solid: Solid) -> TriangleMesh:
+    """Fans of triangles; a box gets corners of its own on each face, which keeps it sharp."""
+    if solid.smooth:
+        return TriangleMesh(
+            np.array(solid.points, dtype=float), np.array(solid.faces, dtype=int), None
+        )
+    vertices, faces = [], []
+    for face in solid.faces:
+        first = sum(map(len, vertices))
+        vertices.append(solid.points[face])
+        faces += [(first, first + k, first + k + 1) for k in range(1, len(face) - 1)]
+    return TriangleMesh(np.concatenate(vertices), np.array(faces, dtype=int), None)
+
+
+def _ball(rims: int) -> tuple[np.ndarray, np.ndarray]:
+    """Corners (n, 3) and triangles (m, 3) of the unit ball about z, from +z to -z.
+
+    Args:
+        rims: rings of corners at the equator; 2 lets the halves be pulled apart.
+    """
+    polar = np.linspace(0.0, 0.5 * np.pi, _POLE_TO_RIM + 1)[1:]
+    polar = np.concatenate([polar, (np.pi - polar)[::-1][0 if rims == 2 else 1 :]])
+    angles = np.arange(AROUND) * (2.0 * np.pi / AROUND)
+    rings = np.stack(
+        [
+            np.sin(polar)[:, None] * np.cos(angles),
+            np.sin(polar)[:, None] * np.sin(angles),
+            np.tile(np.cos(polar)[:, None], AROUND),
+        ],
+        axis=-1,
+    )
+    corners = np.concatenate([[[0.0, 0.0, 1.0]], rings.reshape(-1, 3), [[0.0, 0.0, -1.0]]])
+
+    here = np.arange(AROUND)
+    following = (here + 1) % AROUND
+    ring = 1 + AROUND * np.arange(len(polar))[:, None]
+    above, below = ring[:-1], ring[1:]
+    bands = [
+        np.stack(np.broadcast_arrays(above + here, below + here, below + following), axis=-1),
+        np.stack(np.broadcast_arrays(above + here, below + following, above + following), axis=-1),
+    ]
+    last = len(corners) - 1
+    top = np.stack(np.broadcast_arrays(0, 1 + here, 1 + following), axis=-1)
+    bottom = np.stack(np.broadcast_arrays(last, ring[-1] + following, ring[-1] + here), axis=-1)
+    return corners, np.concatenate([top, *(b.reshape(-1, 3) for b in bands), bottom])
+
+
+def _frame(axis: np.ndarray) -> np.ndarray:
+    """A rotation (3, 3) whose third column is a unit vector."""
+    first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    first /= np.linalg.norm(first)
+    return np.column_stack([first, np.cross(axis, first), axis])

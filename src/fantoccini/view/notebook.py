@@ -1,0 +1,227 @@
+"""What a notebook shows of a puppet and of a run: a picture and tables, as HTML.
+
+Nothing is derived or compiled for it (see :mod:`fantoccini.view.still`). Every text is escaped. A
+picture that cannot be drawn is left out, and a display that fails altogether is None, so that the
+notebook falls back to plain text.
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fantoccini.puppet import Parameter
+from fantoccini.tree import WORLD, StringRow, grow
+from fantoccini.view.draw import DPI, plain
+from fantoccini.view.pictures import figure_of, strip_figure
+from fantoccini.view.plots import plot
+from fantoccini.view.scene import scene_at
+from fantoccini.view.still import Still
+from fantoccini.world import World
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from fantoccini.marionette import Marionette
+    from fantoccini.motion import Trajectory
+
+_MOST_BYTES = 200_000
+"""A picture larger than this is drawn with fewer pixels."""
+
+_MOST_ROWS = 16
+"""Rows of a table; what is more is counted."""
+
+_POSES = 5
+
+_CELL = 'style="text-align:left;padding:.1em .6em .1em 0"'
+
+_UNITS = {"1": "", "m": "m", "rad": "rad"}
+
+
+def puppet_html(marionette: Marionette) -> str | None:
+    """A puppet as HTML: its start pose; its mass, strings and driven coordinates.
+
+    Args:
+        marionette: the puppet's handle.
+    """
+    try:
+        still = Still(marionette.world, marionette.tree, marionette.number)
+        picture = _picture(
+            lambda: figure_of(scene_at(still, still.start()), size=(420, 520)), "the start pose"
+        )
+        return _page(marionette.name, picture, _puppet_tables(marionette))
+    except Exception:  # whatever it was: a display must not end a notebook's cell with an error
+        return None
+
+
+def run_html(run: Trajectory) -> str | None:
+    """A run as HTML: a strip of poses, or plots where its poses are unknown; its key numbers.
+
+    Args:
+        run: the motion.
+    """
+    try:
+        still = _still_of(run)
+        if still is None:
+            picture = _picture(lambda: plot(run, size=(900, 800)), "the run against time")
+        else:
+            picture = _picture(lambda: strip_figure(still, run, _POSES), "poses of the run")
+        name = run.puppet.name if run.puppet else "run"
+        return _page(name, picture, _run_tables(run), wide=True)
+    except Exception:  # as above
+        return None
+
+
+def _still_of(run: Trajectory) -> Still | None:
+    """The puppet of a run; None where the run is one of several puppets, or of none that is known.
+
+    A run does not keep the values of parameters, so one whose strings do not fit the file's is not
+    drawn either.
+    """
+    if run.puppet is None:
+        return None
+    world = World.of(run.puppet)
+    tree = grow(world)
+    if (tree.coordinates.q_D, tree.coordinates.q_K) != (run.coordinates.q_D, run.coordinates.q_K):
+        return None
+    still = Still(world, tree)
+    spans = [
+        np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
+        for points in still.string_points(run.q_D[:1], run.q_K[:1])
+    ]
+    over = np.array(spans).reshape(-1) - still.string_lengths(run.q_K[:1])[0]
+    slip = 0.0 if run.slip is None else run.slip.values[0]
+    return still if np.all(over - slip <= 1e-3 * np.abs(over).max(initial=1.0)) else None
+
+
+def _picture(figure: Callable[[], Figure], what: str) -> str:
+    """An image with its content in the page; nothing where it cannot be drawn."""
+    try:
+        made = figure()
+        for scale in (2.0, 1.5, 1.0, 0.7):
+            content = io.BytesIO()
+            made.savefig(content, dpi=DPI * scale, format="png")
+            if content.tell() <= _MOST_BYTES:
+                break
+    except Exception:  # the tables are worth showing without it
+        return ""
+    width = round(made.get_figwidth() * DPI)
+    data = base64.b64encode(content.getvalue()).decode("ascii")
+    return (
+        f'<img alt="{_text(what)}" width="{width}" style="max-width:100%;height:auto" '
+        f'src="data:image/png;base64,{data}">'
+    )
+
+
+def _puppet_tables(m: Marionette) -> list[str]:
+    table = m.coordinates
+    facts = [
+        ("degrees of freedom", table.n_vD),
+        ("strings", len(m.tree.strings)),
+        ("driven coordinates", table.n_vK),
+        ("bodies", sum(not _is_end(m, k) for k in range(len(m.tree.links)))),
+        ("mass that moves", f"{m.mass:.4g} kg"),
+    ]
+    if m.world.obstacles:
+        facts.append(("obstacles", len(m.world.obstacles)))
+    strings = [
+        (string.name, _end(m, string, 0), _end(m, string, -1), _length(m, string))
+        for string in m.tree.strings
+    ]
+    starts = [
+        (row.name, "just reaches" if np.isnan(start) else f"{start:.4g} {_UNITS[row.unit]}")
+        for row in table.rows
+        if row.role == "driven"
+        for start in [float(table.start_K[row.index])]
+    ]
+    values = zip(m.tree.parameters, (f"{value:.6g}" for value in m.p), strict=True)
+    return [
+        _table((), facts),
+        _table(("string", "from", "to", "length"), strings),
+        _table(("driven", "start"), starts),
+        _table(("parameter", "value"), list(values)),
+    ]
+
+
+def _end(m: Marionette, string: StringRow, which: int) -> str:
+    link = string.points[which].link
+    if link == WORLD:
+        return "world"
+    return "driven end" if _is_end(m, link) else m.tree.links[link].name
+
+
+def _is_end(m: Marionette, link: int) -> bool:
+    """Whether a link is nothing but the driven end of a string."""
+    return m.tree.links[link].name in {f"{string.name}.end" for string in m.tree.strings}
+
+
+def _length(m: Marionette, string: StringRow) -> str:
+    if string.length is None:
+        return "driven"
+    name = f"{string.length.parameter} = " if isinstance(string.length, Parameter) else ""
+    return f"{name}{m.number(string.length):.4g} m"
+
+
+def _run_tables(run: Trajectory) -> list[str]:
+    about = run.summary()
+    events = ", ".join(f"{n} {kind}" for kind, n in about["events"].items()) or "none"
+    facts = [
+        ("duration", f"{run.duration:.6g} s"),
+        ("method", run.method),
+        ("status", run.status.message),
+        ("events", events),
+        ("rows", len(run)),
+    ]
+    if run.blamed:
+        facts.insert(3, ("because of", ", ".join(run.blamed)))
+    strings = [
+        (
+            name, f"{of['min']:.4g}", f"{of['max']:.4g}", f"{of['slack']:.3f}", of["catches"],
+            f"{of['impulse']:.3g}" if of["catches"] else "",
+        )
+        for name, of in about["tension"].items()
+    ]  # fmt: skip
+    heads = ("string", "least [N]", "most [N]", "slack [s]", "catches", "hardest [N s]")
+    ledger = [(name, f"{value:.4g}") for name, value in about["ledger"].items()]
+    return [
+        _table((), facts), _table(heads, strings), _table(("energy at the end", "J"), ledger),
+    ]  # fmt: skip
+
+
+def _page(title: str, picture: str, tables: list[str], wide: bool = False) -> str:
+    """Picture and tables side by side, or, ``wide``, one below the other.
+
+    The picture carries the title; without it the title stands above the tables.
+    """
+    head = "" if picture else f'<div style="font-weight:bold">{_text(title)}</div>'
+    beside = "".join(f'<div style="margin:0 2em .8em 0">{t}</div>' for t in tables if t)
+    row = "display:flex;gap:1.2em;align-items:flex-start"
+    return (
+        f'<div class="fantoccini">{head}'
+        f'<div style="{row};flex-direction:{"column" if wide else "row"}">'
+        f'<div style="flex:none;max-width:100%">{picture}</div>'
+        f'<div style="{row};flex-wrap:wrap">{beside}</div></div></div>'
+    )
+
+
+def _table(heads: Sequence[str], rows: Sequence[Iterable]) -> str:
+    """A table; long ones end with the number of rows that are not shown."""
+    if not rows:
+        return ""
+    shown = [list(row) for row in rows[:_MOST_ROWS]]
+    lines = ["".join(f"<th {_CELL}>{_text(h)}</th>" for h in heads)] if heads else []
+    lines += ["".join(f"<td {_CELL}>{_text(c)}</td>" for c in row) for row in shown]
+    if len(rows) > len(shown):
+        width = len(shown[0])
+        rest = f"and {len(rows) - len(shown)} more"
+        lines.append(f'<td colspan="{width}" {_CELL}>{rest}</td>')
+    return "<table>" + "".join(f"<tr>{line}</tr>" for line in lines) + "</table>"
+
+
+def _text(cell: object) -> str:
+    return html.escape(plain(str(cell)))

@@ -1,0 +1,37 @@
+"""docs/gallery.md is what `make gallery` writes, shows every bundled puppet, and stays small."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from docs.gallery import PAGE, PERFORMANCES, PICTURES, PIECES, ROOT, page, perform
+
+import fantoccini as fan
+
+
+def test_every_bundled_puppet_has_its_piece():
+    assert sorted(piece.puppet for piece in PIECES) == list(fan.puppets.names())
+
+
+def test_the_page_is_the_one_that_is_written():
+    assert PAGE.read_text(encoding="utf-8") == page()
+
+
+def test_the_pictures_are_there_and_not_too_large():
+    shown = re.findall(r"!\[[^]]+\]\(([^)]+)\)", page())
+    assert {PAGE.parent / name for name in shown} == set(PICTURES.iterdir())
+    assert sum(file.stat().st_size for file in PICTURES.iterdir()) < 5_000_000
+
+
+def test_every_bundled_performance_is_shown():
+    files = {path.stem for path in (ROOT / PERFORMANCES).glob("*.yaml")}
+    assert files == {piece.inputs for piece in PIECES if piece.inputs}
+
+
+@pytest.mark.parametrize("piece", PIECES, ids=lambda p: p.puppet)
+def test_a_piece_runs_to_its_end(piece):
+    _, run = perform(piece)
+    assert run.status is fan.Status.DONE
+    assert 0.0 <= piece.part[0] < piece.part[1] <= piece.duration == pytest.approx(run.duration)
+    assert max(piece.times) <= piece.duration

@@ -1,0 +1,81 @@
+"""Triangle meshes of solids: closed, facing outwards, of the solid's volume and place."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from fantoccini.view.meshes import triangles
+from fantoccini.view.silhouettes import box, capsule, ellipsoid, mesh
+
+GREY = np.full(3, 0.5)
+TURN = Rotation.from_rotvec([0.4, -0.9, 0.3]).as_matrix()
+CENTRE = np.array([0.3, -0.2, 0.5])
+BALL = 4.0 / 3.0 * np.pi
+
+SOLIDS = {
+    "capsule": (
+        capsule(0, GREY, np.array([[0.1, 0.0, 0.0], [0.1, 0.3, -0.4]]), 0.1),
+        np.pi * 0.01 * 0.5 + BALL * 0.001,
+        [0.1, 0.15, -0.2],
+    ),
+    "upright capsule": (
+        capsule(0, GREY, np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0]]), 0.2),
+        np.pi * 0.04 + BALL * 0.008,
+        [0.0, 0.0, 0.5],
+    ),
+    "ball": (capsule(0, GREY, np.tile(CENTRE, (2, 1)), 0.2), BALL * 0.008, CENTRE),
+    "speck": (capsule(0, GREY, np.zeros((2, 3)), 1e-4), BALL * 1e-12, [0.0, 0.0, 0.0]),
+    "ellipsoid": (
+        ellipsoid(0, GREY, CENTRE, TURN * [0.1, 0.2, 0.05]), BALL * 0.001, CENTRE,
+    ),
+    "mirrored ellipsoid": (
+        ellipsoid(0, GREY, CENTRE, TURN * [-0.1, 0.2, 0.05]), BALL * 0.001, CENTRE,
+    ),
+    "box": (box(0, GREY, CENTRE, TURN * [0.1, 0.2, 0.05]), 8.0 * 0.001, CENTRE),
+    "mirrored box": (box(0, GREY, CENTRE, TURN * [-0.1, 0.2, 0.05]), 8.0 * 0.001, CENTRE),
+    "mesh": (
+        mesh(0, GREY, *(lambda m: (m.vertices, m.faces))(trimesh.creation.box((0.2, 0.4, 0.6)))),
+        0.048,
+        [0.0, 0.0, 0.0],
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_a_mesh_is_closed_and_has_the_solids_volume_and_centre(name):
+    solid, volume, centre = SOLIDS[name]
+    made = triangles(solid)
+    surface = trimesh.Trimesh(made.vertices, made.faces)  # corners at one place are merged
+    assert surface.is_watertight and surface.is_winding_consistent
+    exact = solid.kind == "faces"
+    # Inscribed: never above the solid's volume.
+    assert (1.0 - 1e-9 if exact else 0.96) * volume < surface.volume < (1.0 + 1e-9) * volume
+    assert np.allclose(surface.center_mass, centre, atol=1e-9)
+    if not exact:
+        assert 200 <= len(made.faces) <= 600
+
+
+@pytest.mark.parametrize("name", ["capsule", "ball", "ellipsoid", "mirrored ellipsoid"])
+def test_normals_are_units_and_look_the_way_the_triangles_look(name):
+    made = triangles(SOLIDS[name][0])
+    assert np.allclose(np.linalg.norm(made.normals, axis=1), 1.0)
+    flat = trimesh.Trimesh(made.vertices, made.faces, process=False).face_normals
+    assert np.min(np.sum(made.normals[made.faces] * flat[:, None], axis=-1)) > 0.8
+
+
+def test_corners_of_round_solids_lie_on_the_surface():
+    solid = SOLIDS["capsule"][0]
+    along = np.clip((triangles(solid).vertices - solid.points[0]) @ [0.0, 1.2, -1.6], 0.0, 1.0)
+    axis = solid.points[0] + along[:, None] * (solid.points[1] - solid.points[0])
+    assert np.allclose(np.linalg.norm(triangles(solid).vertices - axis, axis=1), 0.1)
+    solid = SOLIDS["ellipsoid"][0]
+    unit = np.linalg.solve(solid.half, (triangles(solid).vertices - CENTRE).T)
+    assert np.allclose(np.linalg.norm(unit, axis=0), 1.0)
+
+
+def test_a_boxs_faces_keep_their_edges():
+    made = triangles(SOLIDS["box"][0])
+    assert (len(made.vertices), len(made.faces), made.normals) == (24, 12, None)

@@ -1,0 +1,142 @@
+"""Notebook displays: a picture and tables, nothing compiled, no markup from a file."""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import io
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+import fantoccini as fan
+from fantoccini.motion import Trajectory
+from fantoccini.view import notebook
+from view.still_life import bundled, swinging
+
+MOST = 300_000
+"""Characters of a display."""
+
+HOSTILE = "<script>alert(1)</script>\"'><img src=x onerror=alert(2)>&amp;\x1b[31m"
+
+
+class Page(HTMLParser):
+    """Tags, texts and images of a page; tags that do not nest fail."""
+
+    def __init__(self, text: str):
+        super().__init__()
+        self.tags, self.texts, self.images, self.open = set(), [], [], []
+        self.feed(text)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.add(tag)
+        if tag == "img":
+            self.images.append(dict(attrs))
+        else:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.texts.append(data)
+
+
+def pixels(image):
+    head, data = image["src"].split(",")
+    assert head == "data:image/png;base64"
+    return imread(io.BytesIO(base64.b64decode(data)))
+
+
+@pytest.mark.parametrize("name", fan.puppets.names())
+def test_a_puppet_is_shown_and_nothing_is_compiled_for_it(name):
+    marionette = getattr(fan.puppets, name)()
+    text = marionette._repr_html_()
+    assert len(text) < MOST
+    assert not {"library", "equations"} & set(vars(marionette))
+    page = Page(text)
+    assert page.tags <= {"div", "img", "table", "tr", "td", "th"}
+    assert np.ptp(pixels(page.images[0])[..., :3]) > 0.5
+    cell = page.texts.index("degrees of freedom") + 1
+    assert page.texts[cell] == str(marionette.coordinates.n_vD)
+    assert {s.name for s in marionette.tree.strings} <= set(page.texts)
+
+
+def test_what_a_table_cannot_hold_is_counted():
+    page = Page(fan.puppets.marionette()._repr_html_())
+    driven = page.texts.index("head.x")
+    more = page.texts.index("and 5 more", driven)
+    assert (more - driven) // 2 == 16  # of 21
+
+
+def test_a_run_is_shown_with_its_summary():
+    run = swinging(bundled("marionette"))
+    text = run._repr_html_()
+    assert len(text) < MOST
+    page = Page(text)
+    assert np.ptp(pixels(page.images[0])[..., :3]) > 0.5
+    for expected in ("duration", "1 s", "event", run.status.message, "1 catch", *run.tension.names):
+        assert expected in page.texts
+
+
+def test_a_run_of_what_is_not_known_is_plotted():
+    run = swinging(bundled("arm2d"))
+    strip = Page(run._repr_html_()).images
+    for unknown in (
+        dataclasses.replace(run, puppet=None),
+        dataclasses.replace(run, puppet=bundled("crane").world.puppets[0]),
+    ):
+        page = Page(unknown._repr_html_())
+        assert page.images[0]["alt"] == "the run against time"
+    assert strip[0]["alt"] == "poses of the run"
+
+
+def test_poses_that_do_not_fit_the_file_are_not_drawn():
+    """As where a parameter had another value in the run."""
+    run = swinging(bundled("arm2d"))
+    shorter = run.q_K - np.array([0.0, 0.2])
+    page = Page(dataclasses.replace(run, q_K=shorter)._repr_html_())
+    assert page.images[0]["alt"] == "the run against time"
+
+
+def test_names_cannot_inject_markup():
+    marionette = fan.puppets.arm2d()
+    links = tuple(dataclasses.replace(link, name=HOSTILE) for link in marionette.tree.links)
+    strings = tuple(dataclasses.replace(s, name=HOSTILE) for s in marionette.tree.strings)
+    values = {**marionette.tree.parameters, HOSTILE: 1.0}
+    marionette.tree = dataclasses.replace(
+        marionette.tree, name=HOSTILE, links=links, strings=strings, parameters=values
+    )
+    marionette.world = dataclasses.replace(marionette.world, name=HOSTILE)
+    marionette.p = np.ones(len(values))
+    run = swinging(bundled("arm2d"))
+    tension, taut = (dataclasses.replace(x, names=(HOSTILE,)) for x in (run.tension, run.taut))
+    run = dataclasses.replace(
+        run, method=HOSTILE, tension=tension, taut=taut, blamed=(HOSTILE,), puppet=None
+    )
+    for text in (notebook.puppet_html(marionette), run._repr_html_()):
+        page = Page(text)
+        assert page.tags <= {"div", "img", "table", "tr", "td", "th"}
+        assert all(set(image) == {"alt", "width", "style", "src"} for image in page.images)
+        assert "<script" not in text and "\x1b" not in text
+        assert any("<script>alert(1)" in shown for shown in page.texts)
+
+
+def test_a_picture_that_fails_leaves_the_tables(monkeypatch):
+    def fail(*args, **how):
+        raise RuntimeError("no")
+
+    monkeypatch.setattr(notebook, "figure_of", fail)
+    page = Page(fan.puppets.arm2d()._repr_html_())
+    assert page.images == []
+    assert page.texts[:3] == ["arm2d", "degrees of freedom", "2"]
+
+
+def test_a_display_that_fails_is_none_and_not_an_error(monkeypatch):
+    assert notebook.puppet_html(object()) is None
+    monkeypatch.setattr(Trajectory, "summary", lambda self: {})
+    assert swinging(bundled("arm2d"))._repr_html_() is None

@@ -1,0 +1,93 @@
+"""Photographs by pyvista: where the quick path draws things, in colour, over the same floor."""
+
+from __future__ import annotations
+
+import sys
+
+import imageio_ffmpeg
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from fantoccini import MissingLibraryError, view
+from fantoccini.view.camera import Viewport
+from fantoccini.view.draw import stage_of
+from fantoccini.view.scene import scene_of
+from fantoccini.view.studio import Studio
+from fantoccini.view.theme import LIGHT
+from view.still_life import bundled, swinging
+
+SIZE = (300, 400)
+
+
+@pytest.fixture
+def installed():
+    pytest.importorskip("pyvista", reason="the extra 'pyvista' is not installed")
+
+
+@pytest.fixture(scope="module")
+def puppet():
+    m = bundled("marionette")
+    return m, swinging(m)
+
+
+def test_without_pyvista_the_error_says_how_to_get_it(tmp_path, puppet, monkeypatch):
+    m, run = puppet
+    monkeypatch.setitem(sys.modules, "pyvista", None)
+    with pytest.raises(MissingLibraryError, match=r"fantoccini\[pyvista\]"):
+        view.draw(m, run.state(0), tmp_path / "a.png", renderer="pyvista")
+    with pytest.raises(MissingLibraryError, match=r"fantoccini\[pyvista\]"):
+        view.film(m, run, tmp_path / "a.mp4", renderer="pyvista")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_unknown_renderer_is_refused(tmp_path, puppet):
+    m, run = puppet
+    with pytest.raises(ValueError, match="matplotlib, pyvista"):
+        view.draw(m, run.state(0), tmp_path / "a.png", renderer="crayon")
+
+
+def test_links_are_photographed_where_the_camera_projects_them(installed, puppet):
+    """The window is the sheet, the viewport a part of it that is not in the middle."""
+    scene = scene_of(*puppet)
+    viewport = Viewport(20.0, 70.0, 240.0, 300.0)
+    stage = stage_of(scene, viewport, LIGHT)
+    studio = Studio(scene, stage, SIZE)
+    shots = [studio.photograph(k) for k in (0, 20)]
+    studio.close()
+    assert shots[0].shape == (*SIZE[::-1], 4)
+    assert np.any(shots[0] != shots[1])
+    names = [link.name for link in scene.tree.links]
+    for k, shot in zip((0, 20), shots, strict=True):
+        for solid in scene.solids:
+            pose = scene.poses[k][solid.link]
+            middle = pose[:, :3] @ solid.axis.mean(axis=0) + pose[:, 3]
+            x, y, _ = stage.camera.project(middle, viewport)
+            assert shot[int(SIZE[1] - y), int(x), 3] > 0.9, names[solid.link]
+        # Nothing outside of the silhouette's rectangle.
+        assert shot[: SIZE[1] - 370, :, 3].max() == 0.0 and shot[:, 261:, 3].max() == 0.0
+
+
+def test_a_picture_and_a_film(installed, tmp_path, puppet):
+    m, run = puppet
+    quick, photographed = (
+        imread(view.draw(
+            m, run.state(20), tmp_path / f"{renderer}.png", run.tension.values[20], size=SIZE,
+            scale=1.0, renderer=renderer,
+        ))[..., :3]
+        for renderer in view.RENDERERS
+    )  # fmt: skip
+    apart = np.abs(quick - photographed).max(axis=2)
+    assert 0.001 < np.mean(apart > 0.05) < 0.2  # solids and strings differ, all else does not
+    film = view.film(m, run, tmp_path / "a.mp4", fps=5, size=(160, 120), renderer="pyvista")
+    assert imageio_ffmpeg.count_frames_and_secs(str(film))[0] == 5
+
+
+@pytest.mark.parametrize("name", ["string_pendulum", "crane", "marionette_bar"])
+def test_other_puppets_are_photographed(installed, tmp_path, name):
+    m = bundled(name)
+    run = swinging(m)
+    target = view.draw(
+        m, run.state(5), tmp_path / "a.png", size=SIZE, scale=1.0, theme="dark", renderer="pyvista"
+    )
+    assert np.ptp(imread(target)[..., :3]) > 0.3
