@@ -130,7 +130,9 @@ def advanced(puppet: MuJoCoPuppet, x: State, duration: float, acc_K: Array) -> S
     for _ in range(round(duration / STEP)):
         puppet.evaluate()
         puppet.step()
+    puppet.evaluate()
     return x.replace(
+        taut=np.concatenate(puppet.forces()) > 0.0,
         t=x.t + duration,
         q_D=puppet.data.qpos[puppet.q_D],
         v_D=puppet.data.qvel[puppet.v_D],

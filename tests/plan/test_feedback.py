@@ -55,7 +55,7 @@ def test_gains_are_those_of_least_squares():
     right = np.concatenate([right, np.zeros((m * k, n))])
     best = -np.linalg.lstsq(rows, right, rcond=None)[0]
 
-    z, gains = np.eye(n), regulators(A, B, Q, R, Q_m)
+    z, (gains, P) = np.eye(n), regulators(A, B, Q, R, Q_m)
     for j in range(m):
         a = -gains[j] @ z
         np.testing.assert_allclose(a, best[j * k : (j + 1) * k], atol=1e-9 * np.abs(best).max())

@@ -20,13 +20,15 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, MaskRows
 from fantoccini.errors import StateError, Status
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State, tangent
 from fantoccini.plan.funnels import regulators
 from fantoccini.plan.goals import Rows
+from fantoccini.plan.modes import Beyond, Path
 from fantoccini.plan.problem import Problem
+from fantoccini.plan.saltation import caught_slopes
 from fantoccini.plan.slopes import segment_slopes, taut
 
 if TYPE_CHECKING:
@@ -46,6 +48,13 @@ _APART = 1e-3
 
 _FINER = 10
 """Steps that slopes are made with, in one of the planner's."""
+
+EXACT=True
+_WINDOW = 3
+"""How far modes are led beyond their events, in segments."""
+
+_CLOSED, _SLOW = 1e-7, 1e-6
+"""h beside a string's length, and hdot [m/s], from which on it counts as taut."""
 
 _STEP = 1e-6
 """Of differences of what the goal lacks [rad or m]."""
@@ -116,6 +125,9 @@ class Feedback:
     A: Array
     B: Array
     gains: Array
+    pulling: MaskRows
+    beyond: Beyond
+    by_event: bool = True
 
     @classmethod
     def along(
@@ -139,7 +151,8 @@ class Feedback:
                 raise ValueError(f"{name} is {value}; it must be finite and greater than 0")
         nodes, looks, planned = tree.rows[path], tree.looks[path[1:]], tree.acceleration[path[1:]]
         marionette = plan.problem.marionette
-        table, onto = marionette.coordinates, taut(marionette, nodes[:-1], _pulling(plan)[:-1])
+        table, pulling = marionette.coordinates, _pulling(plan)
+        onto = taut(marionette, nodes[:-1], pulling[:-1])
         size = 2 * (table.n_vD + table.n_vK)
         fine = replace(motions.options, dt=motions.dt / _FINER, save_every=_FINER * motions.look)
         A, B = (np.zeros((len(looks), size, n)) for n in (size, table.n_vK))
@@ -149,11 +162,23 @@ class Feedback:
                 marionette, nodes[same], planned[same], fine, int(n), motions.threads,
                 onto=onto[same], apart=_APART,
             )  # fmt: skip
+        events = np.any(pulling[1:] != pulling[:-1], axis=1) | (tree.catches[path[1:]] > 0)
+        for k in np.flatnonzero(events if EXACT else 0*events):
+            exact = caught_slopes(marionette, nodes[k], planned[k], looks[k] * motions.interval)
+            if exact is not None:
+                A[k], B[k] = exact
         Q = np.diag(np.where(np.arange(size) < table.n_vD, 1.0, _SPEED**2))
         moves, gains = motions.bounds.moves, np.zeros((len(looks), table.n_vK, size))
         R = effort * np.eye(moves.sum())
-        gains[:, moves] = regulators(A, B[:, :, moves], Q, R, Q + arrive * _wanted(plan, nodes[-1]))
-        return cls(plan, nodes, looks, planned, A, B, gains)
+        gains[:, moves], P = regulators(
+            A, B[:, :, moves], Q, R, Q + arrive * _wanted(plan, nodes[-1])
+        )
+        path = Path(
+            marionette, nodes, pulling, looks * motions.interval, planned, A, B[:, :, moves],
+            gains[:, moves], P, Q, R, moves,
+        )  # fmt: skip
+        beyond = Beyond.of(path, _WINDOW)
+        return cls(plan, nodes, looks, planned, A, B, gains, pulling, beyond)
 
     def acceleration(self, k: int, x: State) -> Array:
         """(n_vK,) that segment k is to have from a state on, within the bounds of the problem.
@@ -170,7 +195,13 @@ class Feedback:
         bounds, T = motions.bounds, motions.looks * motions.interval
         if k < len(self.looks):
             T = self.looks[k] * motions.interval
-            asked = self.planned[k] - self.gains[k] @ self.away(self.nodes[k], x)
+            asked = self.planned[k].copy()
+            e = self.beyond.nearest(k, self.mode(x)) if self.by_event else None
+            if e is None or np.array_equal(self.mode(x), self.pulling[k]):
+                asked -= self.gains[k] @ self.away(self.nodes[k], x)
+            else:
+                moves = bounds.moves
+                asked[moves] -= self.beyond.gains[e] @ self.away(self.beyond.nodes[e], x)
         elif motions.funnels:
             funnel, still = motions.funnels[0], np.zeros_like
             there = Rows(funnel.q_D, still(x.v_D), x.slip, funnel.q_K, still(x.v_K))
@@ -180,6 +211,13 @@ class Feedback:
         slowest, fastest = self._kept_within(x, T)
         asked = np.clip(asked, (slowest - x.v_K) / T, (fastest - x.v_K) / T)
         return np.clip(asked, -bounds.acceleration, bounds.acceleration)
+
+    def mode(self, x: State) -> MaskRows:
+        """(n_strings,) bool, the strings that pull."""
+        marionette, strings = self.plan.problem.marionette, self.pulling.shape[1]
+        instant = marionette.instant(x)
+        near = instant.h >= -_CLOSED * marionette.row_scales(x.q_K)
+        return (x.taut | (near & (instant.hdot >= -_SLOW)))[:strings]
 
     def _kept_within(self, x: State, T: float) -> tuple[Array, Array]:
         """(n_vK,) velocities, least and greatest, from which driven coordinates stop in time.
