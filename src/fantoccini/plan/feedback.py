@@ -127,6 +127,7 @@ class Feedback:
     gains: Array
     pulling: MaskRows
     beyond: Beyond
+    P: Array
     by_event: bool = True
 
     @classmethod
@@ -178,7 +179,7 @@ class Feedback:
             gains[:, moves], P, Q, R, moves,
         )  # fmt: skip
         beyond = Beyond.of(path, _WINDOW)
-        return cls(plan, nodes, looks, planned, A, B, gains, pulling, beyond)
+        return cls(plan, nodes, looks, planned, A, B, gains, pulling, beyond, P)
 
     def acceleration(self, k: int, x: State) -> Array:
         """(n_vK,) that segment k is to have from a state on, within the bounds of the problem.
@@ -199,6 +200,8 @@ class Feedback:
             e = self.beyond.nearest(k, self.mode(x)) if self.by_event else None
             if e is None or np.array_equal(self.mode(x), self.pulling[k]):
                 asked -= self.gains[k] @ self.away(self.nodes[k], x)
+            elif self.by_event == 2 and self.worse(k, e, x):
+                asked -= self.gains[k] @ self.away(self.nodes[k], x)
             else:
                 moves = bounds.moves
                 asked[moves] -= self.beyond.gains[e] @ self.away(self.beyond.nodes[e], x)
@@ -211,6 +214,10 @@ class Feedback:
         slowest, fastest = self._kept_within(x, T)
         asked = np.clip(asked, (slowest - x.v_K) / T, (fastest - x.v_K) / T)
         return np.clip(asked, -bounds.acceleration, bounds.acceleration)
+
+    def worse(self, k, e, x):
+        a, b = self.away(self.nodes[k], x), self.away(self.beyond.nodes[e], x)
+        return b @ self.beyond.P[e] @ b > a @ self.P[k] @ a
 
     def mode(self, x: State) -> MaskRows:
         """(n_strings,) bool, the strings that pull."""

@@ -25,7 +25,6 @@ from fantoccini.plan.funnels import before
 from fantoccini.plan.goals import Rows
 from fantoccini.plan.slopes import slopes_of, taut
 
-LATE="S"
 _STEPS = 20
 """Of Runge and Kutta's method, in a segment."""
 
@@ -85,6 +84,7 @@ class Beyond:
     late: Array
     nodes: Rows
     gains: Array
+    P: Array
 
     @classmethod
     def of(cls, path: Path, window: int) -> Beyond:
@@ -99,10 +99,10 @@ class Beyond:
         parts = [*_early(path, events, window), *_late(path, events, window)]
         if not parts:
             none = np.zeros(0, dtype=int)
-            return cls(none, np.zeros((0, strings), dtype=bool), none, path.nodes[:0], path.gains[:0])
-        segment, pulling, late, nodes, gains = zip(*parts, strict=True)
+            return cls(none, np.zeros((0, strings), dtype=bool), none, path.nodes[:0], path.gains[:0], path.P[:0])
+        segment, pulling, late, nodes, gains, P = zip(*parts, strict=True)
         rows = Rows(*(np.concatenate(a) for a in zip(*(x.parts.values() for x in nodes), strict=True)))
-        return cls(*(np.concatenate(a) for a in (segment, pulling, late)), rows, np.concatenate(gains))
+        return cls(*(np.concatenate(a) for a in (segment, pulling, late)), rows, np.concatenate(gains), np.concatenate(P))
 
     def nearest(self, k: int, pulling: MaskRows) -> int | None:
         """The one for a segment and a mode; None where no part of the plan near it has this mode.
@@ -116,7 +116,7 @@ class Beyond:
         return int(found[np.argmin(np.abs(self.late[found]))]) if len(found) else None
 
 
-_Part = tuple[Array, MaskRows, Array, Rows, Array]
+_Part = tuple[Array, MaskRows, Array, Rows, Array, Array]
 """Some of each attribute of :class:`Beyond`."""
 
 
@@ -137,7 +137,7 @@ def _early(path: Path, events: Array, window: int) -> list[_Part]:
             break
         A, B = _slopes(path, at, mode, k, taut(path.marionette, at, mode))
         K, P = before(A, B[..., path.moves], path.Q, path.R, P)
-        parts.append((k, mode, np.full(len(k), -1 - back), at, K))
+        parts.append((k, mode, np.full(len(k), -1 - back), at, K, P))
         k = k - 1
     return parts
 
@@ -158,7 +158,8 @@ def _late(path: Path, events: Array, window: int) -> list[_Part]:
         k, at, mode, S, F = k[near], at[near], mode[near], S[near], F[near]
         S = path.A[k] @ S @ np.linalg.inv(F)
         k = k + 1
-        parts.append((k, mode, np.full(len(k), 1 + on), at, path.gains[k-1-on] if LATE=="held" else path.gains[k] @ S))
+        P = S.swapaxes(1, 2) @ path.P[k] @ S
+        parts.append((k, mode, np.full(len(k), 1 + on), at, path.gains[k] @ S, P))
     return parts
 
 
