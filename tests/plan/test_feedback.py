@@ -56,6 +56,8 @@ def test_gains_are_those_of_least_squares():
     best = -np.linalg.lstsq(rows, right, rcond=None)[0]
 
     z, (gains, P) = np.eye(n), regulators(A, B, Q, R, Q_m)
+    left = rows @ best + right
+    np.testing.assert_allclose(P[0], left.T @ left, rtol=1e-9, atol=1e-9 * np.abs(P[0]).max())
     for j in range(m):
         a = -gains[j] @ z
         np.testing.assert_allclose(a, best[j * k : (j + 1) * k], atol=1e-9 * np.abs(best).max())

@@ -47,7 +47,8 @@ def caught_slopes(
 
     changes = np.split(np.eye(3 * k), 3, axis=1)
     try:
-        x = marionette.project(State(0.0, *(start.parts[name] for name in PARTS), none, start.slip))
+        given = State(0.0, start.q_D, start.v_D, start.q_K, start.v_K, none, start.slip)
+        x = marionette.project(given)
         found = sensitivity(
             marionette,
             x,
@@ -67,6 +68,3 @@ def caught_slopes(
     A[2 * n : 2 * n + k, 2 * n + k :] = T * np.eye(k)
     B[2 * n :] = np.concatenate([0.5 * T**2 * np.eye(k), T * np.eye(k)])
     return A, B
-
-
-PARTS = ("q_D", "v_D", "q_K", "v_K")
