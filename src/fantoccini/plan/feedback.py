@@ -3,9 +3,9 @@
     acc_K = planned_k - K_k z_k,      z = (dq_D, dv_D, dq_K, dv_K) from the plan's node k
     min z_m'Q_m z_m + sum_k z_k'Q z_k + effort |dacc_K|^2,      z_k+1 = A_k z_k + B_k dacc_K
 
-A_k and B_k are central differences of the time-stepper about the nodes, of changes that leave taut
-strings taut (:mod:`fantoccini.plan.slopes`); where strings or limits are caught they are exact,
-with the saltation of every catch (:mod:`fantoccini.plan.saltation`).
+A_k and B_k are those of the strings that pull (:mod:`fantoccini.plan.modes`), of changes that leave
+taut strings taut; where strings are caught or let go they carry the saltation of every catch
+(:mod:`fantoccini.plan.saltation`).
 
 Gains are indexed by event: the law is that of the mode that the puppet is in, the set of strings
 that pull. Where the plan is in another one at that time, because the puppet's string is caught or
@@ -17,7 +17,7 @@ nearest part of the plan with the puppet's mode, led on beyond its event
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -28,10 +28,10 @@ from fantoccini.marionette import Marionette
 from fantoccini.motion import State, tangent
 from fantoccini.plan.funnels import regulators
 from fantoccini.plan.goals import Rows
-from fantoccini.plan.modes import Beyond, Course, away
+from fantoccini.plan.modes import Beyond, Course, away, mode_slopes
 from fantoccini.plan.problem import Problem
 from fantoccini.plan.saltation import caught_slopes
-from fantoccini.plan.slopes import segment_slopes, taut
+from fantoccini.plan.slopes import taut
 
 if TYPE_CHECKING:
     from fantoccini.plan.result import PlanResult
@@ -45,12 +45,7 @@ _EFFORT = 0.03
 _ARRIVE = 100.0
 """Weight of what the goal asks for beside what is asked on the way."""
 
-_APART = 1e-3
-"""Size of the changes that slopes are made of [rad, m and their rates]."""
-
-_FINER = 10
-"""Steps that slopes are made with, in one of the planner's."""
-
+LIMITS=False
 _WINDOW = 3
 """How far modes are led beyond their events, in segments."""
 
@@ -163,22 +158,16 @@ class Feedback:
             raise ValueError(f"window is {window}; it must be at least 0")
         nodes, looks, planned = tree.rows[path], tree.looks[path[1:]], tree.acceleration[path[1:]]
         marionette = plan.problem.marionette
-        table, pulling = marionette.coordinates, _pulling(plan)
+        table, durations = marionette.coordinates, looks * motions.interval
+        pulling, changes = _pulling(plan)
         onto = taut(marionette, nodes[:-1], pulling[:-1])
-        size, durations = 2 * (table.n_vD + table.n_vK), looks * motions.interval
-        fine = replace(motions.options, dt=motions.dt / _FINER, save_every=_FINER * motions.look)
-        A, B = (np.zeros((len(looks), size, n)) for n in (size, table.n_vK))
-        for n in np.unique(looks):
-            same = np.flatnonzero(looks == n)
-            A[same], B[same] = segment_slopes(
-                marionette, nodes[same], planned[same], fine, int(n), motions.threads,
-                onto=onto[same], apart=_APART,
-            )  # fmt: skip
-        events = np.any(pulling[1:] != pulling[:-1], axis=1) | (tree.catches[path[1:]] > 0)
-        for k in np.flatnonzero(events):
+        A, B = mode_slopes(marionette, nodes[:-1], pulling[:-1], planned, durations, onto)
+        if LIMITS: changes = changes | (tree.catches[path[1:]] > 0)
+        for k in np.flatnonzero(changes):
             exact = caught_slopes(marionette, nodes[k], planned[k], durations[k])
             if exact is not None:
                 A[k], B[k] = exact
+        size = A.shape[1]
         Q = np.diag(np.where(np.arange(size) < table.n_vD, 1.0, _SPEED**2))
         moves, gains = motions.bounds.moves, np.zeros((len(looks), table.n_vK, size))
         R = effort * np.eye(moves.sum())
@@ -314,13 +303,19 @@ class Feedback:
         return Followed.of(problem, states, np.array(asked), stepper.status)
 
 
-def _pulling(plan: PlanResult) -> Array:
-    """(m + 1, n_strings) bool, whether strings pull in the step after a node."""
-    run, times = plan.trajectory, plan.start.t + plan.tree.time[list(plan.path)]
+def _pulling(plan: PlanResult) -> tuple[Array, Array]:
+    """The strings that pull in the step after a node, (m + 1, n_strings) bool, and whether any
+    does so in one part of a segment and not in another, (m,) bool."""
+    run, nodes = plan.trajectory, plan.start.t + plan.tree.time[list(plan.path)]
+    wires = plan.problem.marionette.two_sided[: run.tension.values.shape[1]]
+    pulls = (run.tension.values != 0.0) | wires
     # Tensions of a time step stand at its end.
-    after = np.searchsorted(run.t, times + 0.5 * plan.motions.dt)
-    pulls = run.tension.values[np.minimum(after, len(run.t) - 1)] != 0.0
-    return pulls | plan.problem.marionette.two_sided[: pulls.shape[1]]
+    after = np.searchsorted(run.t, nodes + 0.5 * plan.motions.dt)
+    at_nodes = pulls[np.minimum(after, len(run.t) - 1)]
+    events = run.t[1:][np.any(pulls[1:] != pulls[:-1], axis=1)] - 0.5 * plan.motions.dt
+    changes = np.any(at_nodes[1:] != at_nodes[:-1], axis=1)
+    changes[np.clip(np.searchsorted(nodes, events) - 1, 0, len(changes) - 1)] = True
+    return at_nodes, changes
 
 
 def _wanted(plan: PlanResult, end: Rows) -> Array:

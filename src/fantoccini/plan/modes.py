@@ -25,8 +25,11 @@ from fantoccini.plan.funnels import before
 from fantoccini.plan.goals import Rows
 from fantoccini.plan.slopes import slopes_of, taut
 
-_STEPS = 20
+_STEPS = 10
 """Of Runge and Kutta's method, in a segment."""
+
+_APART = 1e-5
+"""Size of the changes that slopes are made of [rad, m and their rates]."""
 
 _SOFT = 1e-9
 """How much strings give beside one another, so that several may hold the same."""
@@ -186,14 +189,36 @@ def _near(course: Course, k: Array, at: Rows) -> MaskRows:
 def _slopes(
     course: Course, at: Rows, mode: MaskRows, k: Array, onto: Array | None = None
 ) -> tuple[Array, Array]:
-    """Slopes of modes, from states over segments k."""
+    return mode_slopes(
+        course.marionette, at, mode, course.planned[k], course.durations[k], onto
+    )
+
+
+def mode_slopes(
+    marionette: Marionette,
+    at: Rows,
+    pulling: MaskRows,
+    acceleration: Array,
+    duration: Array,
+    onto: Array | None = None,
+) -> tuple[Array, Array]:
+    """Slopes of modes, A (m, n_z, n_z) and B (m, n_z, n_vK); arguments as of :func:`led`.
+
+    Args:
+        marionette: the puppet.
+        at: (m,) states.
+        pulling: (m, n_strings) bool.
+        acceleration: (m, n_vK).
+        duration: (m,) [s].
+        onto: (m, n_z, n_z) project changes of the states; see :func:`fantoccini.plan.slopes.taut`.
+    """
 
     def move(near: Rows, acc_K: Array) -> Rows:
-        each = len(acc_K) // len(k)
-        modes, times = (np.repeat(a, each, axis=0) for a in (mode, course.durations[k]))
-        return led(course.marionette, near, modes, acc_K, times)
+        each = len(acc_K) // len(pulling)
+        modes, times = (np.repeat(a, each, axis=0) for a in (pulling, duration))
+        return led(marionette, near, modes, acc_K, times)
 
-    return slopes_of(course.marionette, move, at, course.planned[k], onto)
+    return slopes_of(marionette, move, at, acceleration, onto, _APART)
 
 
 def led(
