@@ -134,6 +134,15 @@ def test_an_undisturbed_puppet_does_what_was_planned(plan, law):
     assert law.run(method="event").arrives
 
 
+def test_without_events_gains_go_by_time(plan, law):
+    """The same to the last bit, where the plan's string pulls all the way."""
+    assert np.all(law.pulling) and not len(law.beyond.late)
+    by_time = Feedback.along(plan, window=0)
+    kicked = plan.problem.marionette.project(plan.start.replace(v_D=[0.3, 0.1, 0.0, -0.4]))
+    runs = [each.run(kicked) for each in (law, by_time)]
+    np.testing.assert_array_equal(runs[0].acceleration, runs[1].acceleration)
+
+
 def test_pushes_are_absorbed_and_the_goal_is_held(plan, law):
     def push(t: float) -> np.ndarray:
         return np.array([0.0, 0.01, 0.0, 0.0]) if t < 0.5 else np.zeros(4)

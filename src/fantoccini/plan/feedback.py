@@ -45,7 +45,6 @@ _EFFORT = 0.03
 _ARRIVE = 100.0
 """Weight of what the goal asks for beside what is asked on the way."""
 
-LIMITS=False
 _WINDOW = 3
 """How far modes are led beyond their events, in segments."""
 
@@ -159,10 +158,10 @@ class Feedback:
         nodes, looks, planned = tree.rows[path], tree.looks[path[1:]], tree.acceleration[path[1:]]
         marionette = plan.problem.marionette
         table, durations = marionette.coordinates, looks * motions.interval
-        pulling, changes = _pulling(plan)
+        pulling = _pulling(plan)
         onto = taut(marionette, nodes[:-1], pulling[:-1])
         A, B = mode_slopes(marionette, nodes[:-1], pulling[:-1], planned, durations, onto)
-        if LIMITS: changes = changes | (tree.catches[path[1:]] > 0)
+        changes = np.any(pulling[1:] != pulling[:-1], axis=1)
         for k in np.flatnonzero(changes):
             exact = caught_slopes(marionette, nodes[k], planned[k], durations[k])
             if exact is not None:
@@ -303,19 +302,13 @@ class Feedback:
         return Followed.of(problem, states, np.array(asked), stepper.status)
 
 
-def _pulling(plan: PlanResult) -> tuple[Array, Array]:
-    """The strings that pull in the step after a node, (m + 1, n_strings) bool, and whether any
-    does so in one part of a segment and not in another, (m,) bool."""
-    run, nodes = plan.trajectory, plan.start.t + plan.tree.time[list(plan.path)]
-    wires = plan.problem.marionette.two_sided[: run.tension.values.shape[1]]
-    pulls = (run.tension.values != 0.0) | wires
+def _pulling(plan: PlanResult) -> MaskRows:
+    """(m + 1, n_strings) bool, whether strings pull in the step after a node."""
+    run, times = plan.trajectory, plan.start.t + plan.tree.time[list(plan.path)]
     # Tensions of a time step stand at its end.
-    after = np.searchsorted(run.t, nodes + 0.5 * plan.motions.dt)
-    at_nodes = pulls[np.minimum(after, len(run.t) - 1)]
-    events = run.t[1:][np.any(pulls[1:] != pulls[:-1], axis=1)] - 0.5 * plan.motions.dt
-    changes = np.any(at_nodes[1:] != at_nodes[:-1], axis=1)
-    changes[np.clip(np.searchsorted(nodes, events) - 1, 0, len(changes) - 1)] = True
-    return at_nodes, changes
+    after = np.searchsorted(run.t, times + 0.5 * plan.motions.dt)
+    pulls = run.tension.values[np.minimum(after, len(run.t) - 1)] != 0.0
+    return pulls | plan.problem.marionette.two_sided[: pulls.shape[1]]
 
 
 def _wanted(plan: PlanResult, end: Rows) -> Array:
