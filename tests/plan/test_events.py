@@ -42,7 +42,7 @@ def catches(plan: PlanResult, start: State) -> list[float]:
 
 
 @pytest.mark.parametrize(
-    ("lift", "kicks"), [(0.17, np.linspace(0.1, 0.5, 5)), (0.24, -np.linspace(0.7, 1.2, 6))]
+    ("lift", "kicks"), [(0.17, np.linspace(0.3, 0.7, 5)), (0.24, -np.linspace(0.7, 1.2, 6))]
 )
 def test_a_puppet_caught_late_or_early_is_led_by_the_gains_of_its_mode(lift, kicks):
     """At the second node it is on the other side of the catch than the plan."""
@@ -62,8 +62,7 @@ def test_the_mode_is_the_puppets():
     plan = dropped(0.17, 4)
     law, arm = Feedback.along(plan), plan.problem.marionette
     assert law.pulling[:, 0].tolist() == [False, True, True, True, True]
-    caught = law.run().states[10]
-    x = State(0.2, caught.q_D, caught.v_D, caught.q_K, caught.v_K, caught.taut)
+    x = arm.stepper(plan.start).advance(0.2)
     assert law.mode(x) == [True]
     assert law.mode(arm.project(x).replace(taut=np.zeros_like(x.taut))) == [True], "not filled in"
     slack = x.replace(q_K=x.q_K + np.array([0.0, 0.01]), taut=np.zeros_like(x.taut))

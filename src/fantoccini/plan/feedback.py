@@ -4,8 +4,8 @@
     min z_m'Q_m z_m + sum_k z_k'Q z_k + effort |dacc_K|^2,      z_k+1 = A_k z_k + B_k dacc_K
 
 A_k and B_k are those of the strings that pull (:mod:`fantoccini.plan.modes`), of changes that leave
-taut strings taut; where strings are caught or let go they carry the saltation of every catch
-(:mod:`fantoccini.plan.saltation`).
+taut strings taut; where another mode begins within the segment they are exact, with the saltation
+of every catch (:mod:`fantoccini.plan.saltation`), if there is such a derivative.
 
 Gains are indexed by event: the law is that of the mode that the puppet is in, the set of strings
 that pull. Where the plan is in another one at that time, because the puppet's string is caught or

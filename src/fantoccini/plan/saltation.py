@@ -1,4 +1,4 @@
-"""Exact slopes of segments in which strings or limits catch.
+"""Exact slopes of segments in which another mode begins.
 
 By :func:`fantoccini.sensitivity`, with the saltation matrix of every catch. Differences of the
 time-stepper cannot give them where a catch grazes or falls next to a node: they were off a
