@@ -240,13 +240,13 @@ class PlanResult:
             return marionette.string_points(q_D, q_K)[-1][:, 0]
         return marionette.poses(q_D, q_K)[:, -1, :, 3]
 
-    def feedback(self, **weights: float) -> Feedback:
+    def feedback(self, **options: float) -> Feedback:
         """The law that follows the plan although something pushes; see :class:`Feedback`.
 
         Args:
-            weights: of :meth:`Feedback.along`.
+            options: of :meth:`Feedback.along`.
         """
-        return Feedback.along(self, **weights)
+        return Feedback.along(self, **options)
 
     def replay(self) -> bool:
         """Makes every motion of the plan again; whether it comes out the same, to the last bit."""
