@@ -81,23 +81,27 @@ class Holding:
             wanted: (n_vK,) velocities [m/s or rad/s].
         """
         self.held = self._free
-        pull = tension[: len(self._pulls)]
-        pulling = pull > self._pulls
-        if not pulling.any():
+        n = len(self._pulls)
+        pull = np.where(self._wire, np.abs(tension[:n]), tension[:n])
+        pulling, slipped = pull > self._pulls, self._firm & (x.slip > SLIPPED)
+        if not (slipped.any() or (self._wire & pulling).any()):
             return wanted
-        slip = float(np.max(x.slip[pulling & ~self._wire], initial=0.0))
+        slip = float(np.max(x.slip[pulling & slipped], initial=0.0))
         if np.any(self._wire & (pull > self._grip)):
             slip = max(slip, HELD)  # a wire cannot slip: its hand stops
-        if slip <= SLIPPED:
+        most = np.full(n, np.inf)
+        most[slipped] = 0.0  # it is slack, and being wound back
+        if slip > SLIPPED:
+            most[pulling] = RETURN * (HELD - slip)
+        if not np.isfinite(most).any():
             return wanted
-        most = RETURN * (HELD - slip)
         self.held = self._free.copy()
-        wanted = wanted.copy()
-        rates = self.rates(x)[pulling]
+        # A wire that is pushed hinders its hand the other way.
+        slower, rates = wanted.copy(), self.rates(x) * np.where(tension[:n] < 0, -1.0, 1.0)[:, None]
         for _ in range(_ROUNDS):
-            for row in rates:
-                self._slow_down(row, wanted, most)
-        return wanted
+            for i in np.flatnonzero(np.isfinite(most)):
+                self._slow_down(rates[i], slower, most[i])
+        return self.hands.bounded(slower)
 
     def rates(self, x: State) -> Array:
         """A_K of the strings, (n_strings, n_vK): hdot_K of a unit velocity at a time."""

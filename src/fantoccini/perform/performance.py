@@ -21,6 +21,9 @@ SPEED = 1.5
 """Bound on the speed of handles and winches [m/s]."""
 ACCELERATION = 10.0
 """Bound on their acceleration [m/s^2]."""
+STEP = 0.0005
+"""Longest step of the time-stepper [s]; with twice as long ones a limb that is thrown about until
+it whirls at 100 rad/s gains energy from nowhere."""
 _SHOWN = 1.0
 """How long a hand that was stopped is told of [s]."""
 
@@ -61,7 +64,7 @@ class Performance:
         marionette: Marionette,
         x0: State | None = None,
         *,
-        dt: float = 0.001,
+        dt: float = STEP,
         tick: float = 1 / 120,
         speed: float = SPEED,
         acceleration: float = ACCELERATION,
@@ -159,9 +162,7 @@ class Performance:
         with self._lock:
             return place_of(self.marionette, self._handle(name), self._wanted, self._poses())
 
-    def move(
-        self, name: str, position: Vec3 | None = None, wxyz: Quaternion | None = None
-    ) -> None:
+    def move(self, name: str, position: Vec3 | None = None, wxyz: Quaternion | None = None) -> None:
         """Wants a handle somewhere else. What its joint cannot reach is projected away.
 
         A handle on a body that moves goes on wanting the same place on its body.
@@ -272,18 +273,14 @@ class Performance:
 
     def _replace(self, marionette: Marionette, start: State, why: str) -> tuple[str, ...]:
         self._end_recording(why)
-        before, old, old_wanted = self.marionette, self._hands, self._wanted
+        before, lengths, wanted_before = self.marionette, self._hands.lengths, self._wanted
         x, lost = change.carried(before, self.state, marionette, start)
-        self._take(marionette, change.permitted(gripped(marionette, self._grip_of(marionette)), x))
-        # Lengths keep ranging about those of the start.
-        fresh = Hands.of(marionette, start, self._speed, self._acceleration)
-        self._hands.lengths.update(fresh.lengths)
-        for name in self._hands.lengths.keys() & old.lengths.keys():
-            self._hands.lengths[name] = old.lengths[name]
-        names = {c: i for i, c in enumerate(before.coordinates.q_K)}
+        x = change.permitted(gripped(marionette, self._grip_of(marionette)), x)
+        self._take(marionette, x, Hands.ranges_of(marionette, start) | lengths)
+        places = {name: i for i, name in enumerate(before.coordinates.q_K)}
         for i, name in enumerate(marionette.coordinates.q_K):
-            if name in names:
-                self._wanted[i] = old_wanted[names[name]]
+            if name in places:
+                self._wanted[i] = wanted_before[places[name]]
         self._x0 = start
         return lost
 
@@ -339,14 +336,20 @@ class Performance:
         return self._hands.winch[string][0]
 
     def _grip_of(self, marionette: Marionette) -> float:
-        return self._asked_grip or GRIP * marionette.weight
+        return self._asked_grip or GRIP * (marionette.weight or 1.0)
 
-    def _take(self, marionette: Marionette, x: State) -> None:
-        """Goes on from a state of a puppet, with the hands wanted where they are."""
+    def _take(self, marionette: Marionette, x: State, lengths: dict | None = None) -> None:
+        """Goes on from a state of a puppet, with the hands wanted where they are.
+
+        Args:
+            marionette: the puppet.
+            x: the state.
+            lengths: string -> its range [m]; about those of the state when not given.
+        """
         self.marionette = marionette
         self.grip = self._grip_of(marionette)
         self._performed = gripped(marionette, self.grip)
-        self._hands = Hands.of(marionette, x, self._speed, self._acceleration)
+        self._hands = Hands.of(marionette, x, self._speed, self._acceleration, lengths)
         self._holding = Holding(self._performed, self._hands, self.grip)
         self._wanted = np.array(x.q_K)
         self._since = x.t
