@@ -6,7 +6,8 @@ pull against it are slowed down. With the rate u at which hands lengthen the way
 
   u = A_K v_K <= RETURN (HELD - s),   s: the largest slip,
 
-takes them back to where it has slipped by ``HELD``. What a hand does across the string, or towards
+takes them back to where it has slipped by ``HELD``; a wire cannot slip, and s is what it is
+overstepped by beyond that. What a hand does across the string, or towards
 the puppet, stays as it was.
 """
 
@@ -87,12 +88,17 @@ class Holding:
         if not (slipped.any() or (self._wire & pulling).any()):
             return wanted
         slip = float(np.max(x.slip[pulling & slipped], initial=0.0))
-        if np.any(self._wire & (pull > self._grip)):
-            slip = max(slip, HELD)  # a wire cannot slip: its hand stops
+        strained = self._wire & (pull > self._grip)
+        if strained.any():
+            slip = max(slip, HELD)
         most = np.full(n, np.inf)
         most[slipped] = 0.0  # it is slack, and being wound back
         if slip > SLIPPED:
             most[pulling] = RETURN * (HELD - slip)
+        if strained.any():
+            # A wire cannot slip: what it is overstepped by is taken back.
+            (h,) = self.marionette.library.evaluate("rows", [x.q_D, x.q_K, self.marionette.p])
+            most[strained] = -RETURN * np.abs(h[:n][strained])
         if not np.isfinite(most).any():
             return wanted
         self.held = self._free.copy()

@@ -250,8 +250,8 @@ class Performance:
         """
         marionette = self.marionette.with_parameters(values)
         with self._lock:
-            lost = self._replace(marionette, self._x0, "parameters were changed")
-            self._x0 = None
+            lost = self._replace(marionette, self.state, "parameters were changed")
+            self._x0 = None  # found when it is asked for
         return lost
 
     def replace(self, marionette: Marionette) -> tuple[str, ...]:
