@@ -10,6 +10,7 @@ import pytest
 import fantoccini as fan
 from fantoccini.motion import rotation
 from fantoccini.perform import reach
+from fantoccini.perform.handle import quaternion
 
 CRANES = """
 puppet: bridge
@@ -47,6 +48,14 @@ def bar():
 @pytest.fixture(scope="module")
 def crane():
     return fan.loads(CRANES)
+
+
+def test_quaternions_of_matrices():
+    rng = np.random.default_rng(0)
+    turns = np.concatenate([rng.normal(size=(50, 4)), np.eye(4), 1e-9 + np.eye(4)])
+    for q in rotation.normalised(turns):
+        found = quaternion(rotation.matrix(q))
+        assert min(np.max(np.abs(found - q)), np.max(np.abs(found + q))) < 1e-14
 
 
 def test_it_hangs_at_rest_and_stays(marionette):

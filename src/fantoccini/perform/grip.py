@@ -33,7 +33,11 @@ RETURN = 20.0
 _PULLS = 0.5
 """Part of its largest tension from which on a string counts as pulling."""
 _ROUNDS = 3
-"""Times the strings are gone through, as a hand may hold several."""
+"""Times a string is looked at, as a hand may hold several."""
+_ENOUGH = 1e-6
+"""Rate beyond what is allowed that is let be [m/s]."""
+_SHARE = 0.05
+"""Part of a string's rate from which on a hand is said to be held back."""
 
 
 def gripped(marionette: Marionette, grip: float) -> Marionette:
@@ -103,10 +107,14 @@ class Holding:
             return wanted
         self.held = self._free.copy()
         # A wire that is pushed hinders its hand the other way.
-        slower, rates = wanted.copy(), self.rates(x) * np.where(tension[:n] < 0, -1.0, 1.0)[:, None]
-        for _ in range(_ROUNDS):
-            for i in np.flatnonzero(np.isfinite(most)):
-                self._slow_down(rates[i], slower, most[i])
+        rows = np.flatnonzero(np.isfinite(most))
+        rates = self.rates(x)[rows] * np.where(tension[rows] < 0, -1.0, 1.0)[:, None]
+        slower, most = wanted.copy(), most[rows]
+        for _ in range(_ROUNDS * len(rows)):
+            excess = rates @ slower - most
+            worst = int(np.argmax(excess))
+            if excess[worst] <= _ENOUGH or not self._slow_down(rates[worst], slower, excess[worst]):
+                break
         return self.hands.bounded(slower)
 
     def rates(self, x: State) -> Array:
@@ -116,15 +124,19 @@ class Holding:
         state = [x.q_D, still, x.q_K, unit, np.zeros(n_K), still, self.marionette.p]
         return self.marionette.library.evaluate("dynamics", state)[8].T
 
-    def _slow_down(self, row: Array, wanted: VecK, most: float) -> None:
-        """Takes the groups back that lengthen a string's way, each in proportion."""
+    def _slow_down(self, row: Array, wanted: VecK, excess: float) -> bool:
+        """Takes the groups back that lengthen a string's way, each in proportion.
+
+        Returns:
+            Whether there are any.
+        """
         group, n = self.hands.group, self._n_groups
-        rate = np.bincount(group, row * wanted, n)
-        excess, outward = rate.sum() - most, np.maximum(rate, 0.0)
+        outward = np.maximum(np.bincount(group, row * wanted, n), 0.0)
         whole = outward.sum()
-        if excess <= 0.0 or whole <= 0.0:
-            return
+        if whole <= 0.0:
+            return False
         size = np.bincount(group, row * row, n)
         back = excess * outward / (whole * np.where(size > 0.0, size, 1.0))
         wanted -= back[group] * row
-        self.held |= outward > 0.05 * whole
+        self.held |= outward > _SHARE * whole
+        return True

@@ -7,7 +7,7 @@ from threading import RLock
 
 import numpy as np
 
-from fantoccini.arrays import Array, Quaternion, Vec3
+from fantoccini.arrays import Array, ConfigK, Quaternion, Vec3
 from fantoccini.errors import StateError, Status, UnknownNameError
 from fantoccini.marionette import Marionette, Stepper
 from fantoccini.motion import State
@@ -16,6 +16,7 @@ from fantoccini.perform.grip import GRIP, SLIPPED, Holding, gripped
 from fantoccini.perform.handle import Handle, Place, place_of, wanted
 from fantoccini.perform.hands import Hands
 from fantoccini.perform.recording import Recorder, Recording
+from fantoccini.tree import WORLD
 
 SPEED = 1.5
 """Bound on the speed of handles and winches [m/s]."""
@@ -155,12 +156,12 @@ class Performance:
     def place(self, name: str) -> Place:
         """Where a handle is: position (3,) [m] and orientation (w, x, y, z) in the world."""
         with self._lock:
-            return place_of(self.marionette, self._handle(name), self._x.q_K, self._poses())
+            return self._place(self._handle(name), self._x.q_K)
 
     def target(self, name: str) -> Place:
         """Where a handle is wanted, as :meth:`place`."""
         with self._lock:
-            return place_of(self.marionette, self._handle(name), self._wanted, self._poses())
+            return self._place(self._handle(name), self._wanted)
 
     def move(self, name: str, position: Vec3 | None = None, wxyz: Quaternion | None = None) -> None:
         """Wants a handle somewhere else. What its joint cannot reach is projected away.
@@ -178,7 +179,7 @@ class Performance:
         """
         with self._lock:
             handle = self._handle(name)
-            about = self._wanted[handle.q], self._poses(), position, wxyz
+            about = self._wanted[handle.q], self._poses(handle), position, wxyz
             self._wanted[handle.q] = wanted(self.marionette, handle, *about)
 
     def wind(self, string: str, length: float) -> None:
@@ -321,7 +322,13 @@ class Performance:
     def _x(self) -> State:
         return self._stepper.state
 
-    def _poses(self) -> Array:
+    def _place(self, handle: Handle, q_K: ConfigK) -> Place:
+        return place_of(self.marionette, handle, q_K, self._poses(handle))
+
+    def _poses(self, handle: Handle) -> Array:
+        """(n_links, 3, 4) of the links; nothing where the handle's joint is fixed in the world."""
+        if self.marionette.tree.links[handle.link].parent == WORLD:
+            return np.zeros((0, 3, 4))
         return self.marionette.poses(self._x.q_D, self._x.q_K)
 
     def _handle(self, name: str) -> Handle:
