@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import shutil
 
 import numpy as np
 import pytest
+import trimesh
 
 import fantoccini as fan
 from fantoccini.motion import rotation
@@ -89,6 +91,26 @@ def test_parameters_and_worlds_of_several_are_kept(tmp_path):
     read = fan.Recording.load(tmp_path / "two.npz")
     assert np.array_equal(read.marionette.p, world.p)
     same(read.replay(), recording.trajectory)
+
+
+def test_meshes_travel_with_a_recording(tmp_path):
+    folder = tmp_path / "there"
+    (folder / "meshes").mkdir(parents=True)
+    trimesh.creation.box((0.1, 0.2, 0.3)).export(folder / "meshes" / "box.stl")
+    (folder / "stone.yaml").write_text(
+        "puppet: stone\nbodies:\n  - name: stone\n    joint: {type: free}\n"
+        "    shapes: [{type: mesh, file: meshes/box.stl, density: 1000}]\n"
+        "strings:\n  - {name: line, path: [{body: stone, at: [0, 0, 0.15]}, "
+        "{driven: [x, y], at: [0, 0, 1]}], length: driven}\n"
+    )
+    live = fan.Performance(fan.load(folder / "stone.yaml"))
+    live.record()
+    live.move("line", [0.2, 0.0, 1.0])
+    live.advance(0.4)
+    made = live.stop()
+    made.save(tmp_path / "stone.npz")
+    shutil.rmtree(folder)
+    same(fan.Recording.load(tmp_path / "stone.npz").replay(), made.trajectory)
 
 
 def test_damaged_and_foreign_files_are_named(gentle, tmp_path):
