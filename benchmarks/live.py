@@ -20,8 +20,8 @@ import fantoccini as fan
 PUPPETS = ("marionette", "marionette_bar", "arm3d")
 SECONDS = 2.0
 """Performed for every figure [s]."""
-ROUNDS = 7
-MOVES = 60
+ROUNDS = 5
+MOVES = 40
 
 
 def dragged(live: fan.Performance, homes: dict, rng: np.random.Generator, far: float) -> None:
@@ -30,18 +30,23 @@ def dragged(live: fan.Performance, homes: dict, rng: np.random.Generator, far: f
         live.move(name, position + far * rng.uniform(-1.0, 1.0, size=3))
 
 
-def real_time_factor(name: str, far: float) -> float:
-    """Seconds performed in a second, the hands wanted elsewhere 60 times a second; the best."""
+def real_time_factors(name: str, far: float) -> tuple[float, float]:
+    """Seconds performed in a second, the hands wanted elsewhere 60 times a second; the best.
+
+    By the clock, and by the processor's time, which neighbours disturb less.
+    """
     live, rng = fan.Performance(getattr(fan.puppets, name)()), np.random.default_rng(0)
     homes = {h.name: live.place(h.name) for h in live.handles}
     rates = []
     for _ in range(ROUNDS):
-        begun = time.perf_counter()
+        begun = time.perf_counter(), time.process_time()
         for _ in range(round(60 * SECONDS)):
             dragged(live, homes, rng, far)
             live.advance(1 / 60)
-        rates.append(SECONDS / (time.perf_counter() - begun))
-    return max(rates)
+        ended = time.perf_counter(), time.process_time()
+        rates.append([SECONDS / (b - a) for a, b in zip(begun, ended, strict=True)])
+    by_clock, by_processor = np.max(rates, axis=0)
+    return by_clock, by_processor
 
 
 def answer(name: str) -> float:
@@ -76,10 +81,12 @@ def answer(name: str) -> float:
 
 def main() -> None:
     """Measures and prints."""
-    table = Table("puppet", "x real time, dragged 5 cm", "thrown 10 m", "drag to new state [ms]")
+    print("times real time by the clock (by the processor's time); drag to changed state")
+    table = Table("puppet", "dragged 5 cm", "thrown 10 m", "answer")
     for name in PUPPETS:
-        gentle, rough = (real_time_factor(name, far) for far in (0.05, 10.0))
-        table.add_row(name, f"{gentle:.1f}", f"{rough:.1f}", f"{1000 * answer(name):.1f}")
+        factors = (real_time_factors(name, far) for far in (0.05, 10.0))
+        cells = (f"{clock:.1f} ({processor:.1f})" for clock, processor in factors)
+        table.add_row(name, *cells, f"{1000 * answer(name):.1f} ms")
     Console().print(table)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from fantoccini.errors import FantocciniError, FileError, Problem, Status
 from fantoccini.marionette import Marionette, Parcel
 from fantoccini.motion import State
-from fantoccini.motion.archive import UNREADABLE, replacing
+from fantoccini.motion.archive import UNREADABLE, contents, replacing
 from fantoccini.perform.recording import Recording, Written
 from fantoccini.world import World
 
@@ -56,11 +56,7 @@ def save(recording: Recording, path: str | Path) -> None:
 def load(path: str | Path) -> Recording:
     """Reads what :func:`save` wrote."""
     try:
-        with Path(path).open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-        about = json.loads(arrays["about"].tobytes())
-        if about["format"] != FORMAT:
-            raise ValueError(f"has the format {about['format']!r}; this version reads {FORMAT!r}")
+        arrays, about = contents(path, FORMAT)
         marionette = _marionette(about, arrays)
         state = {name: arrays[f"start_{name}"] for name in _STATE}
         written = Written(arrays["rows"], arrays["events"], Status[about["status"]])
