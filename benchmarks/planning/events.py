@@ -81,8 +81,8 @@ def in_fantoccini(law: Feedback, x0: State, closed: bool) -> float:
 
 
 def in_mujoco(law: Feedback, x0: State, closed: bool) -> float:
-    """The distance at the end."""
-    return follow(law, x0, closed).distance
+    """The distance at the end; a run that does not stay finite ends nowhere."""
+    return float(np.nan_to_num(follow(law, x0, closed).distance, nan=np.inf))
 
 
 def compared(

@@ -4,8 +4,8 @@
     min z_m'Q_m z_m + sum_k z_k'Q z_k + effort |dacc_K|^2,      z_k+1 = A_k z_k + B_k dacc_K
 
 A_k and B_k are those of the strings that pull (:mod:`fantoccini.plan.modes`), of changes that leave
-taut strings taut; where another mode begins within the segment they are exact, with the saltation
-of every catch (:mod:`fantoccini.plan.saltation`), if there is such a derivative.
+taut strings taut; in segments where strings or limits are caught or let go they are exact, with the
+saltation of every catch (:mod:`fantoccini.plan.saltation`), if there is such a derivative.
 
 Gains are indexed by event: the law is that of the mode that the puppet is in, the set of strings
 that pull. Where the plan is in another one at that time, because the puppet's string is caught or
@@ -161,8 +161,8 @@ class Feedback:
         pulling = _pulling(plan)
         onto = taut(marionette, nodes[:-1], pulling[:-1])
         A, B = mode_slopes(marionette, nodes[:-1], pulling[:-1], planned, durations, onto)
-        changes = np.any(pulling[1:] != pulling[:-1], axis=1)
-        for k in np.flatnonzero(changes):
+        events = np.any(pulling[1:] != pulling[:-1], axis=1) | (tree.catches[path[1:]] > 0)
+        for k in np.flatnonzero(events):
             exact = caught_slopes(marionette, nodes[k], planned[k], durations[k])
             if exact is not None:
                 A[k], B[k] = exact

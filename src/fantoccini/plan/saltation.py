@@ -1,4 +1,4 @@
-"""Exact slopes of segments in which another mode begins.
+"""Exact slopes of segments in which strings or limits are caught or let go.
 
 By :func:`fantoccini.sensitivity`, with the saltation matrix of every catch. Differences of the
 time-stepper cannot give them where a catch grazes or falls next to a node: they were off a
@@ -16,7 +16,7 @@ from fantoccini.motion import Input, State
 from fantoccini.plan.goals import Rows
 from fantoccini.simulate import sensitivity
 
-_TOLERANCE = 1e-7
+_TOLERANCE = 1e-6
 """Of the integration."""
 
 
