@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -92,6 +92,11 @@ class Stage:
         for node in self._obstacles:
             node.visible = visible
 
+    @property
+    def has_obstacles(self) -> bool:
+        """Whether anything stands in the world."""
+        return bool(self._obstacles)
+
     def clear(self) -> None:
         """Takes everything out of the page."""
         with self.server.atomic():
@@ -131,13 +136,13 @@ class Stage:
         plane = mix(theme.bottom, theme.floor[:3], float(theme.floor[3]))
         self._floor = self._kept(
             api.add_grid(
-                "/floor", width=reach, height=reach, plane="xy",
+                "/floor", width=6.0 * reach, height=6.0 * reach, plane="xy",
                 position=(float(middle[0]), float(middle[1]), scene.floor),
                 cell_size=cell, section_size=5.0 * cell,
                 cell_color=_byte(mix(plane, theme.grid, 0.55)), section_color=_byte(theme.grid),
-                cell_thickness=0.6, section_thickness=1.0, fade_distance=2.2 * reach,
+                cell_thickness=0.6, section_thickness=1.0, fade_distance=2.6 * reach,
                 fade_strength=1.0, fade_from="camera", plane_color=_byte(plane),
-                plane_opacity=1.0, shadow_opacity=0.34 if theme.name == "light" else 0.5,
+                plane_opacity=1.0, shadow_opacity=0.45 if theme.name == "light" else 0.6,
             )
         )  # fmt: skip
         obstacles = [s for s in scene.solids if s.link == WORLD]
@@ -232,11 +237,6 @@ class Stage:
         low = centres[:, 2] - self.scene.floor
         near = (low > 0.0) & (low < 0.25 * self.scene.size)
         return np.column_stack([centres[near, :2], np.full(near.sum(), self.scene.floor)])
-
-
-def still(scene: Scene) -> Scene:
-    """The scene with its first moment only: what a page is built from."""
-    return replace(scene, t=scene.t[:1], poses=scene.poses[:1])
 
 
 def _target(camera: Camera, middle: np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ class Segments:
 
     Attributes:
         points: (n, 2, 3) ends [m].
-        colours: (n, 2, 3) in 0 to 255.
+        colours: (n, 2, 3) in 0 to 255, linear.
     """
 
     points: np.ndarray
@@ -38,17 +38,33 @@ class Colours:
 
     def __init__(self, scene: Scene, theme: Theme, top: float):
         self.top = top
-        self._ramp = np.round(255.0 * theme.tension_colours()).astype(np.uint8)
-        self.slack = np.round(255.0 * theme.slack).astype(np.uint8)
-        self._own = [None if c is None else np.round(255.0 * c) for c in scene.colours]
+        self._seen = theme.tension_colours()
+        self._ramp = linear(self._seen)
+        self.slack = linear(theme.slack)
+        self._own = [None if c is None else linear(c) for c in scene.colours]
 
     def of(self, string: int, tension: float | None) -> np.ndarray:
-        """(3,) colour of a string that pulls, in 0 to 255."""
+        """(3,) colour of a string that pulls, in 0 to 255, linear."""
         if tension is None or not np.isfinite(tension):
             own = self._own[string]
-            return self._ramp[0] if own is None else own.astype(np.uint8)
+            return self._ramp[0] if own is None else own
+        return self._ramp[self._place(tension)]
+
+    def hexadecimal(self, tension: float) -> str:
+        """Colour of a tension as ``#rrggbb``."""
+        seen = np.round(255.0 * self._seen[self._place(tension)]).astype(int)
+        return "#" + "".join(f"{c:02x}" for c in seen)
+
+    def _place(self, tension: float) -> int:
         share = min(abs(tension) / self.top, 1.0) if self.top > 0.0 else 0.0
-        return self._ramp[round(share * (len(self._ramp) - 1))]
+        return round(share * (len(self._seen) - 1))
+
+
+def linear(colour: np.ndarray) -> np.ndarray:
+    """Colours in 0 to 255 as viser's lines take them: proportional to light, not as on a screen."""
+    colour = np.asarray(colour, dtype=float)
+    light = np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)
+    return np.round(255.0 * light).astype(np.uint8)
 
 
 def split(
