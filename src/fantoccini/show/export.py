@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from html import escape
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fantoccini.motion.archive import replacing
-from fantoccini.show.moment import Moment, moment_of
+from fantoccini.show.moment import moment_of
 from fantoccini.show.panel import text
 from fantoccini.show.replay import RATE, Film
 from fantoccini.show.server import Server, policy, with_title
@@ -26,8 +27,34 @@ if TYPE_CHECKING:
 
 _QUANTUM = 1e-4
 """Places are rounded to a tenth of a millimetre for a puppet of a metre."""
-_LABELS_EVERY = 6
-"""Frames between two readings of the tensions."""
+_READINGS = 10
+"""Of the tensions, each second; the player shows its time to a tenth of one."""
+_SCRIPT = """
+(() => {
+  const {t0, rate, top, tension, taut, colours} = READINGS;
+  const rows = [...document.querySelectorAll("#readings > div")];
+  let shown = -1;
+  const read = () => {
+    // The player's own clock is the first field on the page.
+    const clock = document.querySelector("input");
+    const t = clock === null ? NaN : parseFloat(clock.value);
+    const k = Math.max(0, Math.min(tension.length - 1, Math.round(t * rate)));
+    if (Number.isFinite(t) && k !== shown) {
+      shown = k;
+      document.getElementById("clock").textContent = (t0 + t).toFixed(1) + " s";
+      rows.forEach((row, s) => {
+        const pull = tension[k][s], share = taut[k][s] ? Math.min(1, Math.abs(pull) / top) : 0;
+        row.children[1].firstChild.style.width = 100 * share + "%";
+        row.children[1].firstChild.style.background =
+          colours[Math.round(share * (colours.length - 1))];
+        row.children[2].textContent = taut[k][s] ? pull.toFixed(2) + " N" : "slack";
+      });
+    }
+    setTimeout(read, 60);
+  };
+  read();
+})();
+"""
 
 
 def write_html(
@@ -79,16 +106,10 @@ def _recorded(
     if growth is not None:
         growth.add_to(server.viser, theme, scene.size)
     stage.look(server.viser.initial_camera, view)
-    readings = Readings(server, stage)
-    first = moment_of(scene, 0)
-    stage.show(first)
-    readings.show(first)
+    stage.show(moment_of(scene, 0))
     recorder = server.viser.get_scene_serializer()
     for k in range(frames):
-        moment = moment_of(scene, k)
-        stage.show(moment)
-        if k % _LABELS_EVERY == 0:
-            readings.show(moment)
+        stage.show(moment_of(scene, k))
         if k < frames - 1:
             recorder.insert_sleep(float(scene.t[k + 1] - scene.t[k]))
         if progress is not None:
@@ -96,69 +117,47 @@ def _recorded(
     return recorder.as_html(dark_mode=theme.name == "dark")
 
 
-class Readings:
-    """Tensions in the scene, each at the upper end of its string.
-
-    Args:
-        server: of the page.
-        stage: what it shows.
-    """
-
-    def __init__(self, server: Server, stage: Stage):
-        self._size = stage.scene.size
-        self._labels = [
-            server.viser.scene.add_label(
-                f"/readings/{s}", "", font_screen_scale=0.95, anchor="bottom-center"
-            )
-            for s in range(len(stage.scene.names))
-        ]
-        self._ends = [self._upper(points[0]) for points in stage.scene.points]
-        self._wires = stage.scene.wires
-
-    def show(self, moment: Moment) -> None:
-        """Reads the tensions of a moment."""
-        for s, label in enumerate(self._labels):
-            place = moment.points[s][self._ends[s]]
-            if not np.isfinite(place).all():
-                continue
-            label.position = place + [0.0, 0.0, 0.02 * self._size]
-            holds = bool(moment.taut[s]) or self._wires[s]
-            pull = None if moment.tension is None else float(moment.tension[s])
-            label.text = f"{pull:.1f} N" if holds and pull is not None else "slack"
-
-    @staticmethod
-    def _upper(points: np.ndarray) -> int:
-        return 0 if points[0, 2] > points[-1, 2] else -1
-
-
 def _dressed(page: str, film: Film, theme: Theme) -> str:
-    """The page with its title, a caption, and no way out to a network."""
-    scene = film.scene
-    ink = "#" + "".join(f"{round(255.0 * float(c)):02x}" for c in theme.ink)
-    caption = (
-        f'<div style="position:fixed;left:1em;top:0.8em;z-index:5;pointer-events:none;color:{ink};'
-        'font:600 17px/1.4 system-ui,sans-serif">'
-        f"{text(scene.title)}"
-        f'<div style="font-weight:400;font-size:13px;opacity:0.7">{film.run.duration:.2f} s'
-        f"{_scale(film, theme)}</div></div>"
-    )
+    """The page with its title, a caption with readings, and no way out to a network."""
     meta = f'<meta http-equiv="Content-Security-Policy" content="{escape(policy())}">'
-    page = with_title(page, scene.title)
+    page = with_title(page, film.scene.title)
     head = page.index("<head>") + len("<head>")
     page = page[:head] + meta + page[head:]
     body = page.rindex("</body>")
-    return page[:body] + caption + page[body:]
+    return page[:body] + _caption(film, theme) + page[body:]
 
 
-def _scale(film: Film, theme: Theme) -> str:
-    """The colours of tension, as HTML."""
-    scene = film.scene
-    if scene.tension is None or not scene.names:
-        return ""
-    steps = theme.tension_colours(12)
-    colours = ",".join("rgb(" + ",".join(str(round(255 * float(c))) for c in s) + ")" for s in steps)
+def _caption(film: Film, theme: Theme) -> str:
+    """Name, time and tensions in the corner, as HTML."""
+    scene, run = film.scene, film.run
+    ink = "#" + "".join(f"{round(255.0 * float(c)):02x}" for c in theme.ink)
+    rows = "".join(
+        '<div style="display:grid;grid-template-columns:8em 5em 4.2em;gap:0.6em;'
+        f'align-items:center"><span>{text(name)}</span><span style="background:'
+        'rgba(128,128,128,0.2);border-radius:3px;height:0.55em"><span style="display:block;'
+        'height:100%;border-radius:3px"></span></span><span style="text-align:right"></span></div>'
+        for name in scene.names
+    )
+    times = np.linspace(run.t[0], run.t[-1], max(1, round(run.duration * _READINGS)) + 1)
+    coarse = run.resample(times)
+    readings = {
+        "t0": float(run.t[0]),
+        "rate": (len(times) - 1) / run.duration if run.duration > 0.0 else 1.0,
+        "top": scene.tension_top(),
+        "tension": np.round(coarse.tension.values, 3).tolist(),
+        "taut": coarse.taut.values.astype(int).tolist(),
+        "colours": [
+            "#" + "".join(f"{round(255.0 * float(c)):02x}" for c in colour)
+            for colour in theme.tension_colours(32)
+        ],
+    }
+    # Nothing in here is text of the puppet's; `<` cannot occur.
+    script = _SCRIPT.replace("READINGS", json.dumps(readings, allow_nan=False))
     return (
-        f'<div style="margin-top:0.6em">tension 0 <span style="display:inline-block;width:7em;'
-        f'height:0.5em;border-radius:3px;background:linear-gradient(90deg,{colours})"></span> '
-        f"{scene.tension_top():g} N</div>"
+        f'<div style="position:fixed;right:1.2em;top:1em;z-index:5;pointer-events:none;color:{ink};'
+        'font:13px/1.5 system-ui,sans-serif">'
+        f'<div style="font-size:18px;font-weight:600">{text(scene.title)} '
+        '<span id="clock" style="font-weight:400;opacity:0.7"></span></div>'
+        f'<div id="readings" style="margin-top:0.4em;font-variant-numeric:tabular-nums">{rows}'
+        f"</div></div><script>{script}</script>"
     )

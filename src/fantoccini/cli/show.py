@@ -1,0 +1,73 @@
+"""``fantoccini show``: a puppet to play with, a motion or a plan to look at, in the browser."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from fantoccini.cli.files import check_folder, check_output, fail, puppet_path
+from fantoccini.cli.terminal import Steps, say, write
+from fantoccini.show.page import Page, Subject, open_page, subject_of
+from fantoccini.show.page import write as write_motion
+
+
+@dataclass(frozen=True)
+class Request:
+    """What was asked for on the command line; see ``fantoccini show --help``."""
+
+    file: str
+    html: Path | None
+    theme: str
+    host: str
+    port: int
+    browser: bool
+    record_to: Path
+    problem: str | None
+    quiet: bool
+
+
+def show_file(request: Request) -> None:
+    """Shows a file until Ctrl-C, or writes it as a page."""
+    if request.html is not None:
+        check_output(request.html, (".html",), "--html")
+    check_folder(request.record_to, "--record-to")
+    # Names of npz files are read as they are; all else is a puppet's file or a bundled name.
+    name = request.file
+    if not name.lower().endswith(".npz"):
+        name = str(puppet_path(name))
+        if request.html is not None:
+            fail("a puppet that is alive cannot be written as a file; a run (.npz) can", "--html")
+    with Steps(request.quiet) as steps:
+        subject = subject_of(name, request.problem, steps.step)
+        if request.html is not None:
+            done = steps.bar(f"writing {request.html}", 1.0)
+            write_motion(subject, request.html, request.theme, done)
+            return
+        steps.step("opening the page")
+        page = open_page(subject, request.theme, request.host, request.port, request.record_to)
+    serve(page, subject, request)
+
+
+def serve(page: Page, subject: Subject, request: Request) -> None:
+    """Says where the page is, and stays until Ctrl-C.
+
+    Args:
+        page: that is open.
+        subject: what it shows.
+        request: what was asked for.
+    """
+    server = page.server
+    if server.moved:
+        say(f"port {request.port} is in use; the page is on port {server.port}")
+    if server.exposed:
+        say(
+            f"--host {request.host}: everybody who can reach this machine on port {server.port} "
+            "sees the page, can move the puppet and record into "
+            f"{request.record_to.absolute()}; there is no password"
+        )
+    write(page.url)
+    if not request.quiet:
+        say(f"{subject.marionette.name} is on {page.url}; Ctrl-C ends")
+    if request.browser:
+        server.open_browser()
+    page.wait()
