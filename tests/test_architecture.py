@@ -35,6 +35,7 @@ ORDER = (
     "simulate",
     "sweep",
     "demo",  # the bundled performance: inputs for a bundled puppet
+    "perform",
     "optimise",
     "exchange",  # plans are verified in what it makes of a puppet
     "plan",

@@ -45,6 +45,7 @@ from fantoccini.motion import (
     Trajectories,
     Trajectory,
 )
+from fantoccini.perform import Handle, Performance, Recording
 from fantoccini.plan import (
     Clearance,
     Goal,
@@ -75,6 +76,7 @@ __all__ = [
     "Flow",
     "Goal",
     "HalfSpace",
+    "Handle",
     "Input",
     "InputError",
     "Inputs",
@@ -85,11 +87,13 @@ __all__ = [
     "Modes",
     "Partials",
     "Passage",
+    "Performance",
     "PlanResult",
     "PlanStatus",
     "Problem",
     "Puppet",
     "PuppetError",
+    "Recording",
     "Sensitivity",
     "SimulationError",
     "State",

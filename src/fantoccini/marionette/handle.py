@@ -158,6 +158,16 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
             row[2] = self.number(string.restitution)
         return table
 
+    def with_winches(self, winches: Array) -> Marionette:
+        """The same puppet on other winches; nothing is compiled again.
+
+        Args:
+            winches: (n_strings, 3) as in :attr:`winches`.
+        """
+        other = copy.copy(self)
+        other.__dict__["winches"] = np.array(winches, dtype=float).reshape(self.winches.shape)
+        return other
+
     def winding(self, slip: Array) -> Array:
         """The rate at which winches wind slips (..., n_strings) back [m/s], <= 0.
 

@@ -96,6 +96,13 @@ def note_lengths(table: CoordinateTable, breaks: Array, coef: Array, findings: F
             )
 
 
+def keeps_lengths(table: CoordinateTable, coef: Array, h: float) -> bool:
+    """Whether a quadratic piece (n_vK, 6) of h seconds surely keeps all lengths positive."""
+    fall = h * np.abs(coef[:, 1]) + h * h * np.abs(coef[:, 2])
+    safe = coef[:, 0] > fall
+    return all(safe[v] for q, v in table.scalars_K if table.q_K[q].endswith(".length"))
+
+
 def which(i: int, n: int) -> tuple[int, ...]:
     """Where in many inputs the i-th of n is, for messages; nothing for a single one."""
     return (int(i),) if n > 1 else ()
