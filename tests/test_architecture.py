@@ -42,6 +42,7 @@ ORDER = (
     "choreograph",
     "stand",
     "view",
+    "show",
     "cli",
 )
 
@@ -66,6 +67,7 @@ ONLY_IN = {
     "ray": {"sweep"},
     "mujoco": {"exchange"},
     "coal": {"plan"},
+    "viser": {"show"},
 }
 """Libraries and the modules that may use them."""
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fantoccini.cli.files import check_folder, check_output, fail, puppet_path
 from fantoccini.cli.terminal import Steps, say, write
-from fantoccini.show.page import Page, Subject, open_page, subject_of
-from fantoccini.show.page import write as write_motion
+from fantoccini.plan import PlanResult
+
+if TYPE_CHECKING:
+    from fantoccini.show.page import Page
 
 
 @dataclass(frozen=True)
@@ -16,14 +19,14 @@ class Request:
     """What was asked for on the command line; see ``fantoccini show --help``."""
 
     file: str
-    html: Path | None
-    theme: str
-    host: str
-    port: int
-    browser: bool
-    record_to: Path
-    problem: str | None
-    quiet: bool
+    html: Path | None = None
+    theme: str = "light"
+    host: str = "127.0.0.1"
+    port: int = 8080
+    browser: bool = True
+    record_to: Path = Path(".")
+    problem: str | None = None
+    quiet: bool = False
 
 
 def show_file(request: Request) -> None:
@@ -37,6 +40,9 @@ def show_file(request: Request) -> None:
         name = str(puppet_path(name))
         if request.html is not None:
             fail("a puppet that is alive cannot be written as a file; a run (.npz) can", "--html")
+    from fantoccini.show.page import open_page, subject_of
+    from fantoccini.show.page import write as write_motion
+
     with Steps(request.quiet) as steps:
         subject = subject_of(name, request.problem, steps.step)
         if request.html is not None:
@@ -45,17 +51,25 @@ def show_file(request: Request) -> None:
             return
         steps.step("opening the page")
         page = open_page(subject, request.theme, request.host, request.port, request.record_to)
-    serve(page, subject, request)
+    _serve(page, request)
 
 
-def serve(page: Page, subject: Subject, request: Request) -> None:
-    """Says where the page is, and stays until Ctrl-C.
+def show_plan(found: PlanResult, quiet: bool) -> None:
+    """Shows a plan until Ctrl-C.
 
     Args:
-        page: that is open.
-        subject: what it shows.
-        request: what was asked for.
+        found: the plan.
+        quiet: say nothing but the address.
     """
+    from fantoccini.show.page import open_page, subject_of
+
+    request = Request(file=found.problem.name, quiet=quiet)
+    subject = subject_of(found)
+    _serve(open_page(subject, request.theme, request.host, request.port), request)
+
+
+def _serve(page: Page, request: Request) -> None:
+    """Says where the page is, and stays until Ctrl-C."""
     server = page.server
     if server.moved:
         say(f"port {request.port} is in use; the page is on port {server.port}")
@@ -67,7 +81,9 @@ def serve(page: Page, subject: Subject, request: Request) -> None:
         )
     write(page.url)
     if not request.quiet:
-        say(f"{subject.marionette.name} is on {page.url}; Ctrl-C ends")
+        say("Ctrl-C ends")
     if request.browser:
         server.open_browser()
     page.wait()
+    if page.said and not request.quiet:
+        say(page.said)

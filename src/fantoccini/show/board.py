@@ -54,9 +54,7 @@ class Board:
         self._pause.on_click(lambda e: live.later(e.client_id, live.pause))
         self._record.on_click(lambda e: live.later(e.client_id, live.record))
         steps.on_click(
-            lambda e: live.later(
-                e.client_id, live.step if e.target.value == "Step" else live.reset
-            )
+            lambda e: live.later(e.client_id, live.step if e.target.value == "Step" else live.reset)
         )
         self._speed.on_update(self._set_speed)
         self._add_keys()
@@ -139,8 +137,10 @@ class Board:
         elif live.factor != 1.0:
             clock += f", {live.factor:g} times as fast"
         if live.recording:
-            clock += f' &ensp;<span style="color:{_RED}">&#9679; recording {live.take_time:.1f} s</span>'
-        lines = [f"<div>{clock} &ensp;<span style=\"opacity:0.7\">{text(live.held_by)}</span></div>"]
+            clock += (
+                f' &ensp;<span style="color:{_RED}">&#9679; recording {live.take_time:.1f} s</span>'
+            )
+        lines = [f'<div>{clock} &ensp;<span style="opacity:0.7">{text(live.held_by)}</span></div>']
         lines += [
             f'<div style="color:{_RED}">{text(name)}: {text(why)}</div>'
             for name, why in lagging.items()
@@ -150,7 +150,9 @@ class Board:
             for said in dict.fromkeys((live.take_said, self._said))
             if said
         ]
-        return f'<div style="padding:0 0.5em;font-size:0.85em;line-height:1.45">{"".join(lines)}</div>'
+        return (
+            f'<div style="padding:0 0.5em;font-size:0.85em;line-height:1.45">{"".join(lines)}</div>'
+        )
 
     def _set_speed(self, event: Any) -> None:
         if event.client_id is None:
@@ -205,4 +207,3 @@ class Board:
     def _keep(self, node: Any) -> Any:
         self._made.append(node)
         return node
-

@@ -11,6 +11,7 @@ import numpy as np
 from fantoccini.perform import Handle, Performance
 from fantoccini.show.drag import follow
 from fantoccini.show.holder import Viewer
+from fantoccini.show.poses import place
 from fantoccini.view.theme import Theme, mix, rgb
 
 if TYPE_CHECKING:
@@ -71,6 +72,7 @@ class Controls:
         self._turned: dict[str, bool] = {}
         self._sliders: dict[str, Any] = {}
         self._grabs: dict[tuple[Viewer, str], _Grab] = {}
+        self._last = np.full((len(self._handles), 3), np.nan)
         self.selected = next(iter(self._handles), None)
         with server.atomic():
             for n, handle in enumerate(performance.handles):
@@ -111,32 +113,40 @@ class Controls:
 
     # -- every frame ---------------------------------------------------------------------------
 
-    def update(self, lagging: dict[str, str]) -> None:
-        """Moves beads and rings to where the handles are, and shows what lags.
+    def update(self, poses: np.ndarray) -> None:
+        """Moves beads to where the handles are.
+
+        Args:
+            poses: (n_links, 3, 4) of the links.
+        """
+        places = poses[[handle.link for handle in self._handles.values()], :, 3]
+        changed = ~(np.abs(places - self._last).max(axis=1, initial=0.0) < 1e-6)
+        for n, (name, handle) in enumerate(self._handles.items()):
+            if changed[n] and len(handle.axes):
+                place(self._beads[name], places[n])
+            if name == self.selected and (changed[n] or self._label.text != name):
+                place(self._label, places[n] + [0.0, 0.0, 0.035 * self._size])
+                self._label.text = name
+        self._last = places
+
+    def mark(self, lagging: dict[str, str]) -> None:
+        """Shows where handles are wanted that are elsewhere, and which of them are held back.
 
         Args:
             lagging: names of handles and strings that cannot do what is asked, and why.
         """
         behind, leads = [], []
-        for name, handle in self._handles.items():
-            place, _ = self._performance.place(name)
+        for (name, handle), here in zip(self._handles.items(), self._last, strict=True):
             wanted, wxyz = self._performance.target(name)
-            away = float(np.linalg.norm(wanted - place))
             if len(handle.axes):
-                self._beads[name].position = place
                 self._beads[name].color = self._colour(name, name in lagging)
-                if away > _LAG * self._size:
+                if float(np.linalg.norm(wanted - here)) > _LAG * self._size:
                     behind.append(wanted)
-                    leads.append((place, wanted))
+                    leads.append((here, wanted))
             ring = self._rings.get(name)
             if ring is not None and not self._turned.get(name):
                 ring.position, ring.wxyz = wanted, wxyz
-        self._mark(behind, leads)
-        if self.selected is not None:
-            self._label.position = (
-                self._performance.place(self.selected)[0] + [0.0, 0.0, 0.035 * self._size]
-            )
-            self._label.text = self.selected
+        self._show_marks(behind, leads)
 
     def update_sliders(self) -> None:
         """Sets the sliders to the lengths that are wanted."""
@@ -148,10 +158,10 @@ class Controls:
     # -- inside --------------------------------------------------------------------------------
 
     def _add_handle(self, n: int, handle: Handle) -> None:
-        place, wxyz = self._performance.place(handle.name)
+        position, wxyz = self._performance.place(handle.name)
         if len(handle.axes):
             bead = self._server.scene.add_icosphere(
-                f"/handles/{n}", radius=0.017 * self._size, subdivisions=3, position=place,
+                f"/handles/{n}", radius=0.017 * self._size, subdivisions=3, position=position,
                 color=self._colour(handle.name, False), cast_shadow=False,
             )  # fmt: skip
             bead.on_click(lambda event, name=handle.name: self.select(name))
@@ -162,7 +172,7 @@ class Controls:
             ring = self._server.scene.add_transform_controls(
                 f"/rings/{n}", scale=0.16 * self._size, line_width=2.0,
                 disable_axes=not len(handle.axes), disable_sliders=True, depth_test=False,
-                opacity=0.75, position=place, wxyz=wxyz,
+                opacity=0.75, position=position, wxyz=wxyz,
             )  # fmt: skip
             ring.on_update(self._turned_ring(handle))
             self._rings[handle.name] = ring
@@ -198,7 +208,7 @@ class Controls:
             "/handles/name", "", anchor="bottom-center", visible=self.selected is not None
         )
 
-    def _mark(self, behind: list, leads: list) -> None:
+    def _show_marks(self, behind: list, leads: list) -> None:
         for node in (self._ghosts, self._leads):
             if node.visible != bool(behind):
                 node.visible = bool(behind)
@@ -248,9 +258,7 @@ class Controls:
 
         async def turned(event: Any) -> None:
             position, wxyz = np.array(event.target.position), np.array(event.target.wxyz)
-            done = self._act(
-                event.client_id, lambda: self._performance.move(name, position, wxyz)
-            )
+            done = self._act(event.client_id, lambda: self._performance.move(name, position, wxyz))
             # While a viewer turns the ring, it is where that viewer sees it.
             self._turned[name] = done and event.phase != "end"
 

@@ -32,6 +32,7 @@ RATE = 60.0
 _LONGEST = 0.1
 """A frame that took longer makes the puppet slower, not jumpier [s]."""
 _NUMBERS_EVERY = 0.1
+_MARKS_EVERY = 1.0 / 15.0
 _HISTORY = 10.0
 """Length of the plot [s]."""
 _SAMPLES_EVERY = 0.05
@@ -74,7 +75,7 @@ class Live:
         self._past: deque[tuple[float, np.ndarray]] = deque()
         self._said: dict[Viewer, float] = {}
         self._eye: Any = None
-        self._due = {"numbers": 0.0, "sample": 0.0}
+        self._due = {"numbers": 0.0, "marks": 0.0, "sample": 0.0}
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._run, name="live", daemon=True)
 
@@ -223,12 +224,14 @@ class Live:
         self._remember(now, moment)
         with self.server.viser.atomic():
             self.stage.show(moment)
-            lagging = self.performance.lagging
-            self.controls.update(lagging)
+            self.controls.update(moment.poses)
+            if now >= self._due["marks"]:
+                self._due["marks"] = now + _MARKS_EVERY
+                self.controls.mark(self.performance.lagging)
             if now >= self._due["numbers"]:
                 self._due["numbers"] = now + _NUMBERS_EVERY
                 self.controls.update_sliders()
-                self.board.update(moment, lagging, self._history())
+                self.board.update(moment, self.performance.lagging, self._history())
         self._take.look()
         self._look_at_file(now)
 

@@ -73,6 +73,11 @@ class Page:
         """Address of the page."""
         return self.server.url
 
+    @property
+    def said(self) -> str:
+        """What became of the last recording; empty where there was none."""
+        return self.show.take_said if isinstance(self.show, Live) else ""
+
     def wait(self) -> None:
         """Stays until Ctrl-C, then closes the page."""
         try:

@@ -28,7 +28,9 @@ _SIDE = "0.5em"
 
 def text(words: object) -> str:
     """Plain text as HTML: nothing in it is markup."""
-    return escape("".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in str(words)))
+    return escape(
+        "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in str(words))
+    )
 
 
 def note(words: str) -> str:

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fantoccini.show import strings
 from fantoccini.show.moment import Moment
+from fantoccini.show.poses import place
+from fantoccini.show.strings import Colours, Strings
 from fantoccini.tree import WORLD
 from fantoccini.view.camera import Camera, fit, point_of_view
 from fantoccini.view.meshes import triangles
@@ -61,27 +62,22 @@ class Stage:
         quantum: float = 0.0,
     ):
         self.server, self.scene, self.theme = server, scene, theme
-        self.colours = strings.Colours(scene, theme, scene.tension_top() if top is None else top)
+        self.colours = Colours(scene, theme, scene.tension_top() if top is None else top)
         self._quantum = quantum
         self._nodes: list[Any] = []
         self._links: dict[int, Any] = {}
         with server.atomic():
             self._set_up_world()
             self._set_up_links()
-            self._set_up_lines()
+            self._strings = Strings(server, scene, theme, self.colours, quantum)
+            self._nodes += self._strings.nodes
         self._last = np.full((len(scene.tree.links), 7), np.nan)
 
     def show(self, moment: Moment) -> None:
         """Moves everything to where it is at a moment; one bundle of messages."""
         with self.server.atomic():
             self._move_links(moment.poses)
-            pulling, sagging = strings.split(
-                self.scene, self.colours, moment.points, moment.lengths, moment.taut, moment.tension
-            )
-            self._draw(self._pulling, pulling)
-            self._draw(self._sagging, sagging)
-            if self._springs is not None:
-                self._springs.points = self._round(np.concatenate(moment.springs))
+            self._strings.show(moment)
 
     def show_floor(self, visible: bool) -> None:
         """Shows or hides the floor."""
@@ -161,28 +157,6 @@ class Stage:
             self._links[k] = self._kept(frame)
             self._meshes(name, carried)
 
-    def _set_up_lines(self) -> None:
-        api, none = self.server.scene, np.zeros((1, 2, 3))
-        self._pulling = self._kept(
-            api.add_line_segments(
-                "/strings/pulling", none, (0, 0, 0), thickness=3.0, thickness_units="screen"
-            )
-        )
-        self._sagging = self._kept(
-            api.add_line_segments(
-                "/strings/slack", none, (0, 0, 0), thickness=1.8, thickness_units="screen"
-            )
-        )
-        self._springs = None
-        if self.scene.springs:
-            self._springs = self._kept(
-                api.add_line_segments(
-                    "/springs", np.zeros((len(self.scene.springs), 2, 3)),
-                    _byte(mix(self.theme.faint, self.theme.ink, 0.4)), thickness=4.0,
-                    thickness_units="screen",
-                )
-            )  # fmt: skip
-
     def _meshes(self, name: str, solids: list[Solid]) -> list[Any]:
         """One mesh for each colour and kind of shading of the solids of a link."""
         groups: dict[tuple, list[Solid]] = {}
@@ -212,26 +186,15 @@ class Stage:
 
     def _move_links(self, poses: np.ndarray) -> None:
         turned = Rotation.from_matrix(poses[:, :, :3]).as_quat(canonical=True)
-        rows = np.concatenate([turned[:, [3, 0, 1, 2]], self._round(poses[:, :, 3])], axis=1)
-        rows[:, :4] = np.round(rows[:, :4], 4) if self._quantum else rows[:, :4]
+        rows = np.concatenate([turned[:, [3, 0, 1, 2]], poses[:, :, 3]], axis=1)
+        if self._quantum:
+            rows[:, :4] = np.round(rows[:, :4], 4)
+            rows[:, 4:] = np.round(rows[:, 4:] / self._quantum) * self._quantum
         changed = ~(np.abs(rows - self._last).max(axis=1) <= 1e-7)
         for k, node in self._links.items():
             if changed[k] and np.isfinite(rows[k]).all():
-                node.wxyz, node.position = rows[k, :4], rows[k, 4:]
+                place(node, rows[k, 4:], rows[k, :4])
         self._last = rows
-
-    def _draw(self, node: Any, lines: strings.Segments) -> None:
-        shown = len(lines.points) > 0
-        if node.visible != shown:
-            node.visible = shown
-        if shown:
-            node.points = self._round(lines.points).astype(np.float32)
-            node.colors = lines.colours
-
-    def _round(self, places: np.ndarray) -> np.ndarray:
-        if not self._quantum:
-            return places
-        return np.round(places / self._quantum) * self._quantum
 
     def _feet(self, centres: np.ndarray) -> np.ndarray:
         low = centres[:, 2] - self.scene.floor
@@ -253,7 +216,7 @@ def _sky(theme: Theme) -> np.ndarray:
 
 
 def _byte(colour: np.ndarray) -> tuple[int, int, int]:
-    return tuple(int(round(255.0 * float(c))) for c in colour[:3])
+    return tuple(round(255.0 * float(c)) for c in colour[:3])
 
 
 def _round_number(x: float) -> float:
