@@ -1,7 +1,8 @@
 """Strings in a viser server: those that pull by the colour of their tension, the others sagging.
 
 A string that pulls keeps its length, so each of its spans is a node with a fixed line that is moved
-like a body, and stays on the hand it pulls. The curves of the others change; they share one node.
+like a body, and stays on the hand it pulls. The curve of a slack one changes; its node goes with the
+string's first point.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from fantoccini.view.theme import Theme, mix
 if TYPE_CHECKING:
     import viser
 
-_SAG = 22
+_SAG = 30
 """Points on each segment of a slack string."""
 _STEPS = 64
 """Colours from no tension to the largest."""
@@ -41,33 +42,28 @@ class Colours:
 
     def __init__(self, scene: Scene, theme: Theme, top: float):
         self.top = top
-        self._seen = theme.tension_colours(_STEPS)
-        self._lines = linear(self._seen)
-        self.slack = linear(theme.slack)
-        self._own = [None if c is None else linear(c) for c in scene.colours]
+        self._ramp = _bytes(theme.tension_colours(_STEPS))
+        self.slack = _bytes(theme.slack)
+        self._own = [None if c is None else _bytes(c) for c in scene.colours]
 
     def of(self, string: int, tension: float | None) -> np.ndarray:
-        """(3,) colour of a string that pulls, in 0 to 255, linear."""
+        """(3,) colour of a string that pulls, in 0 to 255."""
         if tension is None or not np.isfinite(tension):
             own = self._own[string]
-            return self._lines[0] if own is None else own
-        return self._lines[self._step(tension)]
+            return self._ramp[0] if own is None else own
+        return self._ramp[self._step(tension)]
 
     def hexadecimal(self, tension: float) -> str:
         """Colour of a tension as ``#rrggbb``."""
-        seen = np.round(255.0 * self._seen[self._step(tension)]).astype(int)
-        return "#" + "".join(f"{c:02x}" for c in seen)
+        return "#" + "".join(f"{c:02x}" for c in self._ramp[self._step(tension)])
 
     def _step(self, tension: float) -> int:
         share = min(abs(tension) / self.top, 1.0) if self.top > 0.0 else 0.0
-        return round(share * (len(self._seen) - 1))
+        return round(share * (len(self._ramp) - 1))
 
 
-def linear(colour: np.ndarray) -> np.ndarray:
-    """Colours in 0 to 255 as viser's lines take them: proportional to light, not as on a screen."""
-    colour = np.asarray(colour, dtype=float)
-    light = np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)
-    return np.round(255.0 * light).astype(np.uint8)
+def _bytes(colour: np.ndarray) -> np.ndarray:
+    return np.round(255.0 * np.asarray(colour, dtype=float)).astype(np.uint8)
 
 
 class Strings:
@@ -107,14 +103,17 @@ class Strings:
         ]  # fmt: skip
         self._drawn = np.zeros(len(self._owner))
         self._coloured = [b""] * len(self._owner)
-        self._curves = add(
-            "/strings/slack", none, tuple(map(int, colours.slack)), thickness=1.8,
-            thickness_units="screen", visible=False,
-        )  # fmt: skip
-        self.nodes: list[Any] = [*self._spans, self._curves]
+        self._curves = [
+            add(
+                f"/strings/{name}/slack", none, tuple(map(int, colours.slack)), thickness=1.8,
+                thickness_units="screen", visible=False,
+            )
+            for name in scene.names
+        ]  # fmt: skip
+        self.nodes: list[Any] = [*self._spans, *self._curves]
         self._springs = None
         if scene.springs:
-            colour = linear(mix(theme.faint, theme.ink, 0.4))
+            colour = _bytes(mix(theme.faint, theme.ink, 0.4))
             self._springs = add(
                 "/springs", np.zeros((len(scene.springs), 2, 3)), tuple(map(int, colour)),
                 thickness=4.0, thickness_units="screen",
@@ -159,19 +158,19 @@ class Strings:
                 node.colors = colour
 
     def _show_curves(self, moment: Moment, holds: np.ndarray) -> None:
-        parts = []
-        for s in np.flatnonzero(~holds):
-            line = moment.points[s]
-            if not np.isfinite(line).all():
+        for s, node in enumerate(self._curves):
+            shown = not holds[s] and bool(np.isfinite(moment.points[s]).all())
+            if node.visible != shown:
+                node.visible = shown
+            if not shown:
                 continue
-            line = rope.path(line, float(moment.lengths[s]), _SAG)
+            line = rope.path(moment.points[s], float(moment.lengths[s]), _SAG)
             if self._scene.ground:
                 line = np.maximum(line, [-np.inf, -np.inf, self._scene.floor])
-            parts.append(np.stack([line[:-1], line[1:]], axis=1))
-        if self._curves.visible != bool(parts):
-            self._curves.visible = bool(parts)
-        if parts:
-            self._curves.points = self._rounded(np.concatenate(parts)).astype(np.float32)
+            line = self._rounded(line)
+            place(node, line[0])
+            away = (line - line[0]).astype(np.float32)
+            node.points = np.stack([away[:-1], away[1:]], axis=1)
 
     def _rounded(self, places: np.ndarray) -> np.ndarray:
         return np.round(places / self._quantum) * self._quantum if self._quantum else places
