@@ -18,7 +18,7 @@ import pytest
 FLAGS = (
     "--headless=new --no-sandbox --disable-gpu --use-angle=swiftshader "
     "--enable-unsafe-swiftshader --disable-quic --no-first-run --disable-background-networking "
-    "--disable-component-update --disable-sync --disable-dev-shm-usage --window-size=1200,900"
+    "--disable-component-update --disable-sync --disable-dev-shm-usage --window-size=960,720"
 )
 
 _PATIENCE = 40.0

@@ -32,6 +32,7 @@ def scene(browser, tmp_path_factory):
     folder = tmp_path_factory.mktemp("page")
     file = toy(folder)
     page = fan.show(file, port=0, browser=False, wait=False, record_to=folder)
+    page.show.stage.show_shadows(False)  # software draws them slowly
     browser.get(page.url)
     clients = page.server.viser.get_clients
     until(clients, "the page connects")
@@ -74,6 +75,12 @@ def words(browser) -> str:
     return browser.execute_script("return document.body.innerText")
 
 
+def still(scene) -> bool:
+    """Whether nothing moves."""
+    x = scene.performance.state
+    return np.abs(x.v_D).max() < 0.05 and not x.v_K.any()
+
+
 def test_the_puppet_is_seen_with_its_numbers(scene):
     pixels = picture(scene.browser, "live")
     assert colours(pixels) > 150
@@ -88,13 +95,14 @@ def test_the_puppet_is_seen_with_its_numbers(scene):
 def test_a_bead_is_dragged_and_the_puppet_follows(scene):
     from selenium.webdriver.common.actions.action_builder import ActionBuilder
 
+    until(lambda: still(scene), "the puppet hangs still")
     before = scene.performance.place("line")[0]
     bob = scene.performance.state.q_D[:3].copy()
     x, y = pixel(scene.client, before, canvas(scene.browser))
-    mouse = ActionBuilder(scene.browser, duration=80)
-    mouse.pointer_action.move_to_location(round(x), round(y)).pause(0.4).pointer_down()
+    mouse = ActionBuilder(scene.browser, duration=50)
+    mouse.pointer_action.move_to_location(round(x), round(y)).pause(1.0).pointer_down().pause(0.5)
     for k in range(1, 9):
-        mouse.pointer_action.move_to_location(round(x + 10 * k), round(y)).pause(0.08)
+        mouse.pointer_action.move_to_location(round(x + 10 * k), round(y)).pause(0.1)
     mouse.perform()
     until(
         lambda: np.linalg.norm(scene.performance.place("line")[0] - before) > 0.1, "the end moves"
@@ -116,8 +124,7 @@ def test_a_slider_winds_the_string(scene):
 
     before = scene.performance.length("line")
     slider = scene.browser.find_elements("css selector", "[role=slider]")[0]
-    for _ in range(25):
-        slider.send_keys(Keys.ARROW_LEFT)
+    slider.send_keys(Keys.ARROW_LEFT * 25)
     until(lambda: scene.performance.length("line") < before - 0.015, "the string is wound in")
 
 
@@ -210,6 +217,7 @@ def swing(tmp_path_factory):
 
 def test_a_replay_goes_through_the_motion(browser, swing):
     with fan.show(swing, port=0, browser=False, wait=False) as page:
+        page.show.stage.show_shadows(False)
         browser.get(page.url)
         until(lambda: like(picture(browser), RED) > 200, "the puppet is seen")
         first = page.show.t

@@ -89,13 +89,18 @@ class Views:
 
         self._floor = gui.add_checkbox("Floor", True)
         self._obstacles = gui.add_checkbox("Obstacles", True)
-        self._floor.on_update(lambda _: self.apply())
+        self._shadows = gui.add_checkbox(
+            "Shadows", True, hint="Without a graphics card the page is faster without them"
+        )
+        for box in (self._floor, self._shadows):
+            box.on_update(lambda _: self.apply())
         self._obstacles.on_update(lambda _: self.apply())
 
     def apply(self) -> None:
         """Shows and hides what the boxes say."""
         stage = self._stage()
         stage.show_floor(self._floor.value)
+        stage.show_shadows(self._shadows.value)
         stage.show_obstacles(self._obstacles.value)
         self._obstacles.visible = stage.has_obstacles
 

@@ -83,6 +83,10 @@ class Stage:
         """Shows or hides the floor."""
         self._floor.visible = visible
 
+    def show_shadows(self, visible: bool) -> None:
+        """Shows or hides shadows; without a graphics card they cost most of a frame."""
+        self.server.scene.configure_default_lights(cast_shadow=visible)
+
     def show_obstacles(self, visible: bool) -> None:
         """Shows or hides what stands in the world."""
         for node in self._obstacles:
@@ -96,7 +100,8 @@ class Stage:
     def clear(self) -> None:
         """Takes everything out of the page."""
         with self.server.atomic():
-            for node in self._nodes:
+            # Children go first: viser removes them with their parents.
+            for node in reversed(self._nodes):
                 node.remove()
 
     def view(self, name: str) -> View:

@@ -1,8 +1,8 @@
 """Strings in a viser server: those that pull by the colour of their tension, the others sagging.
 
 A string that pulls keeps its length, so each of its spans is a node with a fixed line that is moved
-like a body, and stays on the hand it pulls. The curve of a slack one changes; its node goes with the
-string's first point.
+like a body, and stays on the hand it pulls. The curve of a slack one changes; its node goes with
+the string's first point.
 """
 
 from __future__ import annotations
