@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -69,7 +70,17 @@ def show_plan(found: PlanResult, quiet: bool) -> None:
 
 
 def _serve(page: Page, request: Request) -> None:
-    """Says where the page is, and stays until Ctrl-C."""
+    """Says where the page is, and stays until Ctrl-C, which is how a page is closed."""
+    with page, contextlib.suppress(KeyboardInterrupt):
+        _announce(page, request)
+        if request.browser:
+            page.server.open_browser()
+        page.wait()
+    if page.said and not request.quiet:
+        say(page.said)
+
+
+def _announce(page: Page, request: Request) -> None:
     server = page.server
     if server.moved:
         say(f"port {request.port} is in use; the page is on port {server.port}")
@@ -82,8 +93,3 @@ def _serve(page: Page, request: Request) -> None:
     write(page.url)
     if not request.quiet:
         say("Ctrl-C ends")
-    if request.browser:
-        server.open_browser()
-    page.wait()
-    if page.said and not request.quiet:
-        say(page.said)

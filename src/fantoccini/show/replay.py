@@ -163,10 +163,10 @@ class Replay:
         if film.events:
             with gui.add_folder("Events"):
                 self._listing = gui.add_html("")
-        gui.add_command("Play or pause", hotkey="space").on_trigger(lambda _: self._toggle())
+        gui.add_command("Play or pause", hotkey="P").on_trigger(lambda _: self._toggle())
         for label, key, what in (
-            ("Step back", "arrowleft", "<"), ("Step on", "arrowright", ">"),
-            ("Event before", "arrowup", "|<"), ("Next event", "arrowdown", ">|"),
+            ("Step back", "A", "<"), ("Step on", "D", ">"),
+            ("Event before", "W", "|<"), ("Next event", "S", ">|"),
         ):  # fmt: skip
             gui.add_command(label, hotkey=key).on_trigger(lambda _, what=what: self._step(what))
         self._plot_t = np.linspace(film.start, film.end, _PLOT_POINTS)
