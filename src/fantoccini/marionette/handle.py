@@ -161,6 +161,8 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
     def with_winches(self, winches: Array) -> Marionette:
         """The same puppet on other winches; nothing is compiled again.
 
+        :meth:`with_parameters` gives those of the file again.
+
         Args:
             winches: (n_strings, 3) as in :attr:`winches`.
         """

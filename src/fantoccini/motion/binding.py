@@ -98,9 +98,8 @@ def note_lengths(table: CoordinateTable, breaks: Array, coef: Array, findings: F
 
 def keeps_lengths(table: CoordinateTable, coef: Array, h: float) -> bool:
     """Whether a quadratic piece (n_vK, 6) of h seconds surely keeps all lengths positive."""
-    fall = h * np.abs(coef[:, 1]) + h * h * np.abs(coef[:, 2])
-    safe = coef[:, 0] > fall
-    return all(safe[v] for q, v in table.scalars_K if table.q_K[q].endswith(".length"))
+    length, rate, curve = coef[table.lengths_K, :3].T
+    return bool(np.all(length > h * np.abs(rate) + h * h * np.abs(curve)))
 
 
 def which(i: int, n: int) -> tuple[int, ...]:

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from fantoccini.errors import FantocciniError, FileError, Problem, Status
-from fantoccini.marionette import Marionette
+from fantoccini.marionette import Marionette, Parcel
 from fantoccini.motion import State
-from fantoccini.motion.archive import UNREADABLE, mesh_files, replacing, restored
+from fantoccini.motion.archive import UNREADABLE, contents, replacing
 from fantoccini.perform.recording import Recording, Written
 from fantoccini.world import World
 
@@ -23,11 +23,12 @@ def save(recording: Recording, path: str | Path) -> None:
     """Writes a recording; an edited one is simulated first."""
     recording = recording.kept()
     marionette, written = recording.marionette, recording.written
-    puppets = marionette.world.puppets
+    # Obstacles that no puppet has do not move it; they are not kept.
+    parcel = Parcel.of(World.of(*marionette.world.puppets, name=marionette.name))
     about = {
         "format": FORMAT,
         "world": marionette.name,
-        "puppets": [puppet.to_yaml() for puppet in puppets],
+        "puppets": parcel.puppets,
         "parameters": list(marionette.tree.parameters),
         "coordinates": list(marionette.coordinates.q_D + marionette.coordinates.q_K),
         "steps": recording.steps,
@@ -45,8 +46,8 @@ def save(recording: Recording, path: str | Path) -> None:
         "events": written.events,
         "about": np.frombuffer(json.dumps(about).encode(), dtype=np.uint8),
     }
-    for i, puppet in enumerate(puppets):
-        for name, content in mesh_files(puppet).items():
+    for i, meshes in enumerate(parcel.meshes):
+        for name, content in meshes.items():
             arrays[f"{_MESH}{i}:{name}"] = np.frombuffer(content, dtype=np.uint8)
     with replacing(path) as temporary, temporary.open("wb") as file:
         np.savez(file, **arrays)
@@ -55,12 +56,8 @@ def save(recording: Recording, path: str | Path) -> None:
 def load(path: str | Path) -> Recording:
     """Reads what :func:`save` wrote."""
     try:
-        with Path(path).open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-        about = json.loads(arrays["about"].tobytes())
-        if about["format"] != FORMAT:
-            raise ValueError(f"has the format {about['format']!r}; this version reads {FORMAT!r}")
-        marionette = _marionette(about, arrays, str(path))
+        arrays, about = contents(path, FORMAT)
+        marionette = _marionette(about, arrays)
         state = {name: arrays[f"start_{name}"] for name in _STATE}
         written = Written(arrays["rows"], arrays["events"], Status[about["status"]])
         _check(marionette, state, written)
@@ -80,13 +77,13 @@ def load(path: str | Path) -> Recording:
         raise FileError([Problem(str(path), None, "", message)]) from error
 
 
-def _marionette(about: dict, arrays: dict[str, np.ndarray], source: str) -> Marionette:
-    puppets = []
-    for i, text in enumerate(about["puppets"]):
+def _marionette(about: dict, arrays: dict[str, np.ndarray]) -> Marionette:
+    meshes = []
+    for i, _ in enumerate(about["puppets"]):
         mark = f"{_MESH}{i}:"
-        meshes = {n[len(mark) :]: x.tobytes() for n, x in arrays.items() if n.startswith(mark)}
-        puppets.append(restored(text, source, meshes))
-    marionette = Marionette(World.of(*puppets, name=about["world"]))
+        mine = [name for name in arrays if name.startswith(mark)]
+        meshes.append({name[len(mark) :]: arrays[name].tobytes() for name in mine})
+    marionette = Marionette(Parcel(about["world"], about["puppets"], tuple(meshes)).world())
     table = marionette.coordinates
     if list(table.q_D + table.q_K) != about["coordinates"]:
         raise ValueError("its puppet has other coordinates than were recorded")

@@ -81,11 +81,16 @@ def _last_velocity(recording: Recording) -> Array:
 
 
 def _averaged(path: Array, most: int) -> Array:
-    """Hann's average over up to ``most`` ticks to either side, as many as there are on both."""
+    """Hann's average over up to ``most`` ticks to either side; at an end over nothing.
+
+    In between the window widens smoothly: a kink in its width would be a step in velocity.
+    """
     n = len(path) - 1
     out = path.copy()
     for i in range(1, n):
-        half = min(most, i, n - i)
-        weight = np.cos(0.5 * np.pi * np.arange(-half, half + 1) / (half + 1)) ** 2
+        near = min(i, n - i, 2 * most)
+        wide = near - 0.25 * near**2 / most  # 1 : 1 at first, level where it is `most`
+        half = min(int(wide) + 1, near)
+        weight = np.cos(0.5 * np.pi * np.arange(-half, half + 1) / (wide + 1.0)) ** 2
         out[i] = weight @ path[i - half : i + half + 1] / weight.sum()
     return out

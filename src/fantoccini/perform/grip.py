@@ -6,7 +6,8 @@ pull against it are slowed down. With the rate u at which hands lengthen the way
 
   u = A_K v_K <= RETURN (HELD - s),   s: the largest slip,
 
-takes them back to where it has slipped by ``HELD``. What a hand does across the string, or towards
+takes them back to where it has slipped by ``HELD``; a wire cannot slip, and s is what it is
+overstepped by beyond that. What a hand does across the string, or towards
 the puppet, stays as it was.
 """
 
@@ -32,7 +33,11 @@ RETURN = 20.0
 _PULLS = 0.5
 """Part of its largest tension from which on a string counts as pulling."""
 _ROUNDS = 3
-"""Times the strings are gone through, as a hand may hold several."""
+"""Times a string is looked at, as a hand may hold several."""
+_ENOUGH = 1e-6
+"""Rate beyond what is allowed that is let be [m/s]."""
+_SHARE = 0.05
+"""Part of a string's rate from which on a hand is said to be held back."""
 
 
 def gripped(marionette: Marionette, grip: float) -> Marionette:
@@ -81,23 +86,36 @@ class Holding:
             wanted: (n_vK,) velocities [m/s or rad/s].
         """
         self.held = self._free
-        pull = tension[: len(self._pulls)]
-        pulling = pull > self._pulls
-        if not pulling.any():
+        n = len(self._pulls)
+        pull = np.where(self._wire, np.abs(tension[:n]), tension[:n])
+        pulling, slipped = pull > self._pulls, self._firm & (x.slip > SLIPPED)
+        if not (slipped.any() or (self._wire & pulling).any()):
             return wanted
-        slip = float(np.max(x.slip[pulling & ~self._wire], initial=0.0))
-        if np.any(self._wire & (pull > self._grip)):
-            slip = max(slip, HELD)  # a wire cannot slip: its hand stops
-        if slip <= SLIPPED:
+        slip = float(np.max(x.slip[pulling & slipped], initial=0.0))
+        strained = self._wire & (pull > self._grip)
+        if strained.any():
+            slip = max(slip, HELD)
+        most = np.full(n, np.inf)
+        most[slipped] = 0.0  # it is slack, and being wound back
+        if slip > SLIPPED:
+            most[pulling] = RETURN * (HELD - slip)
+        if strained.any():
+            # A wire cannot slip: what it is overstepped by is taken back.
+            (h,) = self.marionette.library.evaluate("rows", [x.q_D, x.q_K, self.marionette.p])
+            most[strained] = -RETURN * np.abs(h[:n][strained])
+        if not np.isfinite(most).any():
             return wanted
-        most = RETURN * (HELD - slip)
         self.held = self._free.copy()
-        wanted = wanted.copy()
-        rates = self.rates(x)[pulling]
-        for _ in range(_ROUNDS):
-            for row in rates:
-                self._slow_down(row, wanted, most)
-        return wanted
+        # A wire that is pushed hinders its hand the other way.
+        rows = np.flatnonzero(np.isfinite(most))
+        rates = self.rates(x)[rows] * np.where(tension[rows] < 0, -1.0, 1.0)[:, None]
+        slower, most = wanted.copy(), most[rows]
+        for _ in range(_ROUNDS * len(rows)):
+            excess = rates @ slower - most
+            worst = int(np.argmax(excess))
+            if excess[worst] <= _ENOUGH or not self._slow_down(rates[worst], slower, excess[worst]):
+                break
+        return self.hands.bounded(slower)
 
     def rates(self, x: State) -> Array:
         """A_K of the strings, (n_strings, n_vK): hdot_K of a unit velocity at a time."""
@@ -106,15 +124,19 @@ class Holding:
         state = [x.q_D, still, x.q_K, unit, np.zeros(n_K), still, self.marionette.p]
         return self.marionette.library.evaluate("dynamics", state)[8].T
 
-    def _slow_down(self, row: Array, wanted: VecK, most: float) -> None:
-        """Takes the groups back that lengthen a string's way, each in proportion."""
+    def _slow_down(self, row: Array, wanted: VecK, excess: float) -> bool:
+        """Takes the groups back that lengthen a string's way, each in proportion.
+
+        Returns:
+            Whether there are any.
+        """
         group, n = self.hands.group, self._n_groups
-        rate = np.bincount(group, row * wanted, n)
-        excess, outward = rate.sum() - most, np.maximum(rate, 0.0)
+        outward = np.maximum(np.bincount(group, row * wanted, n), 0.0)
         whole = outward.sum()
-        if excess <= 0.0 or whole <= 0.0:
-            return
+        if whole <= 0.0:
+            return False
         size = np.bincount(group, row * row, n)
         back = excess * outward / (whole * np.where(size > 0.0, size, 1.0))
         wanted -= back[group] * row
-        self.held |= outward > 0.05 * whole
+        self.held |= outward > _SHARE * whole
+        return True

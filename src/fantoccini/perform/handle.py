@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from fantoccini.arrays import Array, ConfigK, Quaternion, Vec3
 from fantoccini.errors import StateError
@@ -112,11 +111,11 @@ def place_of(marionette: Marionette, handle: Handle, q_K: ConfigK, poses: Array)
         marionette: the puppet.
         handle: one of its handles.
         q_K: (n_qK,) driven configuration.
-        poses: (n_links, 3, 4) of the links; of them only the handle's parent is looked at.
+        poses: (n_links, 3, 4) of the links; only a parent that is a link is looked at.
     """
     link = marionette.tree.links[handle.link]
     R, r = frame(marionette, link, poses)
-    q, turn = q_K[handle.q], np.array([1.0, 0.0, 0.0, 0.0])
+    q, turn = q_K[handle.q], None
     match link.kind:
         case "revolute":
             turn = rotation.exp(link.axes[:, 0] * q[0])
@@ -126,7 +125,8 @@ def place_of(marionette: Marionette, handle: Handle, q_K: ConfigK, poses: Array)
             turn = q
         case "free":
             r, turn = r + R @ q[:3], q[3:]
-    return r, rotation.normalised(rotation.multiply(quaternion(R), turn))
+    wxyz = quaternion(R)
+    return r, wxyz if turn is None else rotation.normalised(rotation.multiply(wxyz, turn))
 
 
 def wanted(
@@ -168,8 +168,16 @@ def wanted(
 
 
 def quaternion(R: Array) -> Quaternion:
-    """(4,) w, x, y, z of a rotation matrix (3, 3)."""
-    return Rotation.from_matrix(R).as_quat()[[3, 0, 1, 2]]
+    """(4,) w, x, y, z of a rotation matrix (3, 3), from the largest of 4 w^2, 4 x^2, ..."""
+    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
+    rows = (
+        (1.0 + a + e + i, h - f, c - g, d - b),
+        (h - f, 1.0 + a - e - i, b + d, c + g),
+        (c - g, b + d, 1.0 - a + e - i, f + h),
+        (d - b, c + g, f + h, 1.0 - a - e + i),
+    )
+    best = max(range(4), key=lambda k: rows[k][k])
+    return rotation.normalised(np.array(rows[best]))
 
 
 def _three(handle: Handle, position) -> Vec3:

@@ -7,7 +7,7 @@ from threading import RLock
 
 import numpy as np
 
-from fantoccini.arrays import Array, Quaternion, Vec3
+from fantoccini.arrays import Array, ConfigK, Quaternion, Vec3
 from fantoccini.errors import StateError, Status, UnknownNameError
 from fantoccini.marionette import Marionette, Stepper
 from fantoccini.motion import State
@@ -16,11 +16,15 @@ from fantoccini.perform.grip import GRIP, SLIPPED, Holding, gripped
 from fantoccini.perform.handle import Handle, Place, place_of, wanted
 from fantoccini.perform.hands import Hands
 from fantoccini.perform.recording import Recorder, Recording
+from fantoccini.tree import WORLD
 
 SPEED = 1.5
 """Bound on the speed of handles and winches [m/s]."""
 ACCELERATION = 10.0
 """Bound on their acceleration [m/s^2]."""
+STEP = 0.0005
+"""Longest step of the time-stepper [s]; with twice as long ones a limb that is thrown about until
+it whirls at 100 rad/s gains energy from nowhere."""
 _SHOWN = 1.0
 """How long a hand that was stopped is told of [s]."""
 
@@ -61,7 +65,7 @@ class Performance:
         marionette: Marionette,
         x0: State | None = None,
         *,
-        dt: float = 0.001,
+        dt: float = STEP,
         tick: float = 1 / 120,
         speed: float = SPEED,
         acceleration: float = ACCELERATION,
@@ -152,16 +156,14 @@ class Performance:
     def place(self, name: str) -> Place:
         """Where a handle is: position (3,) [m] and orientation (w, x, y, z) in the world."""
         with self._lock:
-            return place_of(self.marionette, self._handle(name), self._x.q_K, self._poses())
+            return self._place(self._handle(name), self._x.q_K)
 
     def target(self, name: str) -> Place:
         """Where a handle is wanted, as :meth:`place`."""
         with self._lock:
-            return place_of(self.marionette, self._handle(name), self._wanted, self._poses())
+            return self._place(self._handle(name), self._wanted)
 
-    def move(
-        self, name: str, position: Vec3 | None = None, wxyz: Quaternion | None = None
-    ) -> None:
+    def move(self, name: str, position: Vec3 | None = None, wxyz: Quaternion | None = None) -> None:
         """Wants a handle somewhere else. What its joint cannot reach is projected away.
 
         A handle on a body that moves goes on wanting the same place on its body.
@@ -177,7 +179,7 @@ class Performance:
         """
         with self._lock:
             handle = self._handle(name)
-            about = self._wanted[handle.q], self._poses(), position, wxyz
+            about = self._wanted[handle.q], self._poses(handle), position, wxyz
             self._wanted[handle.q] = wanted(self.marionette, handle, *about)
 
     def wind(self, string: str, length: float) -> None:
@@ -249,8 +251,8 @@ class Performance:
         """
         marionette = self.marionette.with_parameters(values)
         with self._lock:
-            lost = self._replace(marionette, self._x0, "parameters were changed")
-            self._x0 = None
+            lost = self._replace(marionette, self.state, "parameters were changed")
+            self._x0 = None  # found when it is asked for
         return lost
 
     def replace(self, marionette: Marionette) -> tuple[str, ...]:
@@ -272,18 +274,14 @@ class Performance:
 
     def _replace(self, marionette: Marionette, start: State, why: str) -> tuple[str, ...]:
         self._end_recording(why)
-        before, old, old_wanted = self.marionette, self._hands, self._wanted
+        before, lengths, wanted_before = self.marionette, self._hands.lengths, self._wanted
         x, lost = change.carried(before, self.state, marionette, start)
-        self._take(marionette, change.permitted(gripped(marionette, self._grip_of(marionette)), x))
-        # Lengths keep ranging about those of the start.
-        fresh = Hands.of(marionette, start, self._speed, self._acceleration)
-        self._hands.lengths.update(fresh.lengths)
-        for name in self._hands.lengths.keys() & old.lengths.keys():
-            self._hands.lengths[name] = old.lengths[name]
-        names = {c: i for i, c in enumerate(before.coordinates.q_K)}
+        x = change.permitted(gripped(marionette, self._grip_of(marionette)), x)
+        self._take(marionette, x, Hands.ranges_of(marionette, start) | lengths)
+        places = {name: i for i, name in enumerate(before.coordinates.q_K)}
         for i, name in enumerate(marionette.coordinates.q_K):
-            if name in names:
-                self._wanted[i] = old_wanted[names[name]]
+            if name in places:
+                self._wanted[i] = wanted_before[places[name]]
         self._x0 = start
         return lost
 
@@ -324,7 +322,13 @@ class Performance:
     def _x(self) -> State:
         return self._stepper.state
 
-    def _poses(self) -> Array:
+    def _place(self, handle: Handle, q_K: ConfigK) -> Place:
+        return place_of(self.marionette, handle, q_K, self._poses(handle))
+
+    def _poses(self, handle: Handle) -> Array:
+        """(n_links, 3, 4) of the links; nothing where the handle's joint is fixed in the world."""
+        if self.marionette.tree.links[handle.link].parent == WORLD:
+            return np.zeros((0, 3, 4))
         return self.marionette.poses(self._x.q_D, self._x.q_K)
 
     def _handle(self, name: str) -> Handle:
@@ -339,14 +343,20 @@ class Performance:
         return self._hands.winch[string][0]
 
     def _grip_of(self, marionette: Marionette) -> float:
-        return self._asked_grip or GRIP * marionette.weight
+        return self._asked_grip or GRIP * (marionette.weight or 1.0)
 
-    def _take(self, marionette: Marionette, x: State) -> None:
-        """Goes on from a state of a puppet, with the hands wanted where they are."""
+    def _take(self, marionette: Marionette, x: State, lengths: dict | None = None) -> None:
+        """Goes on from a state of a puppet, with the hands wanted where they are.
+
+        Args:
+            marionette: the puppet.
+            x: the state.
+            lengths: string -> its range [m]; about those of the state when not given.
+        """
         self.marionette = marionette
         self.grip = self._grip_of(marionette)
         self._performed = gripped(marionette, self.grip)
-        self._hands = Hands.of(marionette, x, self._speed, self._acceleration)
+        self._hands = Hands.of(marionette, x, self._speed, self._acceleration, lengths)
         self._holding = Holding(self._performed, self._hands, self.grip)
         self._wanted = np.array(x.q_K)
         self._since = x.t

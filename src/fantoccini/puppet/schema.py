@@ -291,7 +291,8 @@ class Puppet(Model):
         plain = dump.plain(self)
         for _, parameter in check.parameters(plain):
             parameter["value"] = values.get(parameter["parameter"], parameter["value"])
-        return Puppet.model_validate(plain)
+        # Its meshes lie where they did.
+        return Puppet.model_validate(plain, context=Located(folder=self._origin.folder))
 
     def locate(self, name: str) -> tuple[str, int | None]:
         """File and line in which a body, joint, string, spring or obstacle is described.

@@ -70,7 +70,7 @@ class Board:
             with tension:
                 self._bars = gui.add_html("")
                 self._plot = Plot(
-                    gui, names, self._theme, "N", (-10.0, 0.0), 1.05 * stage.colours.top
+                    gui, names, self._theme, "N", (-10.0, 0.0), (0.0, 1.05 * stage.colours.top)
                 )
         self.lengths = self._keep(
             gui.add_folder("String lengths [m]", visible=bool(live.performance.lengths))

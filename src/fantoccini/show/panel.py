@@ -114,7 +114,7 @@ class Plot:
         theme: the look.
         label: unit of the values.
         span: first and last time [s].
-        high: upper end of the scale, or None to follow the values.
+        scale: lower and upper end of the values.
         mark: draw a mark at the present.
         height: [px].
     """
@@ -126,7 +126,7 @@ class Plot:
         theme: Theme,
         label: str,
         span: tuple[float, float],
-        high: float | None = None,
+        scale: tuple[float, float],
         mark: bool = False,
         height: int = 170,
     ):
@@ -141,7 +141,8 @@ class Plot:
         ]
         if mark:
             series.append({"label": "now", "stroke": ink, "width": 1.4, "points": {"show": False}})
-        values = {"auto": True} if high is None else {"auto": False, "range": [0.0, high]}
+        # A scale that follows the values would be led astray by the mark, which is mostly nothing.
+        values = {"auto": False, "range": list(scale)}
         zeros = tuple(np.zeros(2) for _ in series[1:])
         self._node = gui.add_uplot(
             (np.array(span, dtype=float), *zeros), tuple(series),

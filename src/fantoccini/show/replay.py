@@ -146,17 +146,23 @@ class Replay:
         self._loop = gui.add_checkbox("Loop", True)
         self._views = Views(gui, lambda: self.stage)
         self._views.apply()
+        self._plot_t = np.linspace(film.start, film.end, _PLOT_POINTS)
+        coarse = film.run.resample(self._plot_t)
+        self._tensions = np.minimum(coarse.tension.values, 10.0 * self.stage.colours.top).T
+        stored = [coarse.ledger["kinetic"], coarse.ledger["potential"]]
+        stored[1] = stored[1] - stored[1].min()
+        self._energies = np.array([*stored, stored[0] + stored[1]])
         if film.scene.names:
             with gui.add_folder("Tension"):
                 self._bars = gui.add_html("")
                 self._tension = Plot(
                     gui, film.scene.names, self.theme, "N", (film.start, film.end),
-                    1.05 * self.stage.colours.top, mark=True,
+                    (0.0, 1.05 * self.stage.colours.top), mark=True,
                 )  # fmt: skip
         with gui.add_folder("Energy"):
             self._energy = Plot(
                 gui, ("kinetic", "potential", "sum"), self.theme, "J", (film.start, film.end),
-                mark=True, height=140,
+                _scale(self._energies), mark=True, height=140,
             )  # fmt: skip
             gui.add_html(_legend(("kinetic", "potential", "sum"), self.theme.cycle))
         self._listing = None
@@ -169,12 +175,6 @@ class Replay:
             ("Event before", "W", "|<"), ("Next event", "S", ">|"),
         ):  # fmt: skip
             gui.add_command(label, hotkey=key).on_trigger(lambda _, what=what: self._step(what))
-        self._plot_t = np.linspace(film.start, film.end, _PLOT_POINTS)
-        coarse = film.run.resample(self._plot_t)
-        self._tensions = np.minimum(coarse.tension.values, 10.0 * self.stage.colours.top).T
-        stored = [coarse.ledger["kinetic"], coarse.ledger["potential"]]
-        stored[1] = stored[1] - stored[1].min()
-        self._energies = np.array([*stored, stored[0] + stored[1]])
 
     def _slid(self, event: Any) -> None:
         if event.client is not None:  # a person, not this program
@@ -246,6 +246,13 @@ class Replay:
                     self._tension.draw(self._plot_t, self._tensions, self.t)
                 self._energy.draw(self._plot_t, self._energies, self.t)
                 self._shown = k
+
+
+def _scale(values: np.ndarray) -> tuple[float, float]:
+    """Ends of a scale that holds all values."""
+    low, high = float(np.min(values)), float(np.max(values))
+    margin = 0.05 * (high - low) or 1.0
+    return low - margin, high + margin
 
 
 def _about(film: Film) -> str:
