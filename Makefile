@@ -53,6 +53,7 @@ $(VENV)/stamp-demo: pyproject.toml $(VENV)/stamp-venv
 
 $(VENV)/stamp-test: pyproject.toml $(VENV)/stamp-venv
 	$(PIP) --editable '.[test]'
+	sh .ci/browser
 	touch $@
 
 $(VENV)/stamp-bench: pyproject.toml $(VENV)/stamp-venv

@@ -42,6 +42,7 @@ ORDER = (
     "choreograph",
     "stand",
     "view",
+    "show",
     "cli",
 )
 
@@ -67,6 +68,7 @@ ONLY_IN = {
     "mujoco": {"exchange"},
     "coal": {"plan"},
     "pyvista": {"view"},
+    "viser": {"show"},
 }
 """Libraries and the modules that may use them."""
 

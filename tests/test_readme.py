@@ -100,7 +100,9 @@ def test_the_readmes_commands_run(folder):
         )
         assert done.returncode == 0, (command, done.stderr)
     made = {path.name for path in folder.iterdir()}
-    assert made == {"pendulum.yaml", "pendulum.npz", "pendulum.png", "plan.png"}
+    assert made == {
+        "pendulum.yaml", "pendulum.npz", "pendulum.png", "pendulum.html", "plan.png",
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)

@@ -58,6 +58,7 @@ from fantoccini.plan import (
     solve,
 )
 from fantoccini.puppet import Puppet
+from fantoccini.show import show
 from fantoccini.simulate import Passage, Sensitivity, sensitivity, simulate
 from fantoccini.sweep import Case, SweepResult, Trial, sweep
 from fantoccini.world import World
@@ -116,6 +117,7 @@ __all__ = [
     "plan",
     "puppets",
     "sensitivity",
+    "show",
     "simulate",
     "solve",
     "sweep",

@@ -1,0 +1,91 @@
+"""Recordings that go to disk, each under a name of its own."""
+
+from __future__ import annotations
+
+import re
+import threading
+from datetime import datetime
+from pathlib import Path
+
+from fantoccini.errors import FantocciniError
+from fantoccini.perform import Performance, Recording
+
+
+class Take:
+    """The recording that goes on, and where the last one went.
+
+    Attributes:
+        said: what became of the last one; empty at first.
+
+    Args:
+        performance: what is recorded.
+        folder: where recordings go.
+    """
+
+    def __init__(self, performance: Performance, folder: Path):
+        self._performance, self._folder = performance, folder
+        self._name = ""
+        self._writers: list[threading.Thread] = []
+        self.running = False
+        self.began = 0.0
+        self.said = ""
+
+    def begin(self) -> None:
+        """Records from now on."""
+        self._name = self._performance.marionette.name
+        self._performance.record()
+        self.running, self.began = True, self._performance.t
+
+    def look(self) -> None:
+        """Writes a recording that has ended by itself."""
+        if self.running and not self._performance.recording:
+            self.end()
+
+    def end(self) -> None:
+        """Ends the recording; it is written beside everything else."""
+        if not self.running:
+            return
+        self.running = False
+        try:
+            recording = self._performance.stop()
+        except FantocciniError as error:
+            self.said = str(error)
+            return
+        path = free_path(self._folder, self._name, datetime.now())
+        self.said = f"writing {path.name}"
+        writer = threading.Thread(target=self._write, args=(recording, path), name="write")
+        self._writers.append(writer)
+        writer.start()
+
+    def finish(self) -> None:
+        """Ends the recording, and waits until everything is on disk."""
+        self.end()
+        for writer in self._writers:
+            writer.join()
+        self._writers.clear()
+
+    def _write(self, recording: Recording, path: Path) -> None:
+        try:
+            recording.save(path)
+        except OSError as error:
+            self.said = f"{path} cannot be written: {error.strerror or error}"
+            return
+        why = f"; {recording.ended}" if recording.ended else ""
+        self.said = f"wrote {path} ({recording.duration:.1f} s{why})"
+
+
+def free_path(folder: Path, name: str, now: datetime) -> Path:
+    """A path that no file has: ``NAME-YYYYmmdd-HHMMSS.npz`` in the folder.
+
+    Args:
+        folder: where.
+        name: of the puppet; what is no letter, digit, - or _ in it becomes one.
+        now: date and time.
+    """
+    plain = re.sub(r"[^A-Za-z0-9_-]", "_", name)[:64] or "puppet"
+    stem = f"{plain}-{now:%Y%m%d-%H%M%S}"
+    path, n = folder / f"{stem}.npz", 1
+    while path.exists():
+        n += 1
+        path = folder / f"{stem}-{n}.npz"
+    return path
