@@ -7,6 +7,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -198,10 +199,7 @@ class Live:
             self._work(last + 1.0 / RATE)
             now = time.perf_counter()
             duration, last = min(now - last, _LONGEST), now
-            try:
-                self._frame(now, duration)
-            except FantocciniError as error:
-                self.board.say(str(error))
+            self._safely(partial(self._frame, now, duration))
 
     def _work(self, until: float) -> None:
         """Does what waits, until the next frame is due."""
@@ -211,10 +209,16 @@ class Live:
                 job = self._jobs.get(timeout=left) if left > 0.0 else self._jobs.get_nowait()
             except queue.Empty:
                 return
-            try:
-                job()
-            except FantocciniError as error:
-                self.board.say(str(error))
+            self._safely(job)
+
+    def _safely(self, do: Callable[[], None]) -> None:
+        """Does something; a fault is told on the page, and the puppet lives on."""
+        try:
+            do()
+        except FantocciniError as error:
+            self.board.say(str(error))
+        except Exception as error:
+            self.board.say(f"a fault of fantoccini itself: {type(error).__name__}: {error}")
 
     def _frame(self, now: float, duration: float) -> None:
         self._follow_pads(duration)
