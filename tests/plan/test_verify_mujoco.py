@@ -61,7 +61,12 @@ def test_the_marionettes_plan_arrives_with_its_limits():
     assert there.distance == pytest.approx(event.distance, abs=2e-3)
     touched = {name for name, force in event.run.limit_force.items() if force.max() > 1e-4}
     assert touched <= {name for name, force in there.run.limit_force.items() if force.max() > 0}
-    assert "hip_right.twist.lower" in touched and there.run.violation.values.max() < 1e-3
+    assert "hip_right.twist.lower" in touched
+    # MuJoCo's limits are critically damped with a time constant of two steps: what meets one at the
+    # speed v passes it by 2 dt v / e. Nothing in this plan turns faster than all joints together.
+    step = 0.25 * plan.motions.dt
+    fastest = np.linalg.norm(event.run.v_D, axis=1).max()
+    assert there.run.violation.values.max() < 2.0 * step * fastest / np.e
 
 
 @pytest.mark.parametrize(
