@@ -49,14 +49,16 @@ class Take:
         if ended is None:
             return
         writer = threading.Thread(target=self._write, args=ended, name="write")
-        self._writers.append(writer)
-        writer.start()
+        try:
+            writer.start()
+        except RuntimeError:  # Python ends, and starts no threads any more
+            self._write(*ended)
+        else:
+            self._writers.append(writer)
 
     def finish(self) -> None:
         """Ends the recording, and waits until everything is on disk."""
-        ended = self._ended()
-        if ended is not None:
-            self._write(*ended)  # a thread cannot be started where Python ends
+        self.end()
         for writer in self._writers:
             writer.join()
         self._writers.clear()
