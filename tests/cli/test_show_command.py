@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.cli.command import fantoccini, mistake
+from websockets.sync.client import connect
 
 import fantoccini as fan
 
@@ -45,13 +46,16 @@ class Shown:
         self.watch = threading.Timer(90.0, self.process.kill)
         self.watch.start()
         self.url = self.process.stdout.readline().strip()
+        self.heard = ""
+        while "Ctrl-C ends" not in self.heard and (line := self.process.stderr.readline()):
+            self.heard += line
 
-    def end(self) -> tuple[int, str]:
-        """Ctrl-C: the exit code, and what was said on stderr."""
-        self.process.send_signal(signal.SIGINT)
+    def end(self, by: signal.Signals = signal.SIGINT) -> tuple[int, str]:
+        """Ctrl-C, or another signal: the exit code, and what was said on stderr."""
+        self.process.send_signal(by)
         _, said = self.process.communicate()
         self.watch.cancel()
-        return self.process.returncode, said
+        return self.process.returncode, self.heard + said
 
 
 def fetched(url: str) -> tuple[int, str]:
@@ -73,6 +77,21 @@ def test_a_page_is_served_until_ctrl_c(what, run, tmp_path):
     assert code == 0
     assert "Traceback" not in said and "Ctrl-C ends" in said
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("by", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_recording_that_goes_on_is_written_when_the_page_is_ended(by, tmp_path):
+    shown = Shown("string_pendulum", "--port", 0, folder=tmp_path)
+    try:
+        # A gamepad's upper button records.
+        with connect(shown.url.replace("http", "ws") + "/pad") as there:
+            there.send('{"axes": [0, 0, 0, 0], "buttons": [0, 0, 0, 1]}')
+            time.sleep(1.0)
+    finally:
+        code, said = shown.end(by)
+    assert code == (0 if by == signal.SIGINT else 128 + by), said
+    (path,) = tmp_path.iterdir()
+    assert fan.Recording.load(path).duration > 0.3
 
 
 def test_a_port_in_use_is_said_and_the_next_free_one_taken(tmp_path):

@@ -277,3 +277,17 @@ def test_mistakes_are_told_and_change_nothing(crane):
     before = live.state
     live.advance(0.2)
     assert np.array_equal(live.state.q_K, before.q_K)
+
+
+def test_a_puppet_whose_every_joint_is_driven_is_alive_too():
+    live = fan.Performance(
+        fan.loads("""
+puppet: turntable
+bodies:
+  - {name: table, joint: {type: revolute, axis: [0, 0, 1], driven: true}, mass: 1.0,
+     inertia: [0.1, 0.1, 0.2]}
+""")
+    )
+    live.move("table", None, [np.cos(0.3), 0.0, 0.0, np.sin(0.3)])
+    live.advance(2.0)
+    assert live.state.q_K[0] == pytest.approx(0.6, abs=1e-12)

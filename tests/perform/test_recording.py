@@ -129,7 +129,9 @@ def test_damaged_and_foreign_files_are_named(gentle, tmp_path):
         np.savez(tmp_path / "less.npz", **{n: x for n, x in arrays.items() if n != name})
         with pytest.raises(fan.FantocciniError, match=r"less\.npz"):
             fan.Recording.load(tmp_path / "less.npz")
-    for name, wrong in {"rows": arrays["rows"][:, 1:], "start_q_D": np.zeros(3)}.items():
+    wrongs = {"rows": arrays["rows"][:, 1:], "start_q_D": np.zeros(3)}
+    wrongs["acc_K"] = np.where(np.arange(len(arrays["acc_K"])) == 7, np.nan, arrays["acc_K"].T).T
+    for name, wrong in wrongs.items():
         np.savez(tmp_path / "wrong.npz", **{**arrays, name: wrong})
         with pytest.raises(fan.FantocciniError, match=r"wrong\.npz"):
             fan.Recording.load(tmp_path / "wrong.npz")

@@ -10,9 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
+from tests.show.toys import toy
 
 import fantoccini as fan
-from fantoccini.show import drag, pad, page, panel, replay, take
+from fantoccini.show import drag, pad, page, panel, replay, source, take
 from fantoccini.show.holder import Holder
 from fantoccini.show.poses import turned_to
 
@@ -115,6 +116,62 @@ def test_recordings_have_names_of_their_own(tmp_path):
     first.touch()
     assert take.free_path(tmp_path, "toy", now) == tmp_path / "toy-20260301-090507-2.npz"
     assert take.free_path(tmp_path, "../../etc/x y", now).parent == tmp_path
+    second = take.free_path(tmp_path, "toy", now, {tmp_path / "toy-20260301-090507-2.npz"})
+    assert second == tmp_path / "toy-20260301-090507-3.npz"
+
+
+def test_two_short_recordings_are_two_files(tmp_path):
+    live = fan.Performance(fan.puppets.string_pendulum())
+    taken = take.Take(live, tmp_path)
+    for _ in range(3):
+        taken.begin()
+        live.advance(0.05)
+        taken.end()
+    taken.finish()
+    assert len(list(tmp_path.glob("*.npz"))) == 3
+
+
+def test_what_keeps_a_recording_from_disk_is_told(tmp_path, monkeypatch):
+    live = fan.Performance(fan.puppets.string_pendulum())
+    taken = take.Take(live, tmp_path / "gone")
+    taken.begin()
+    live.advance(0.05)
+    taken.finish()
+    assert "there is no folder" in taken.said
+    monkeypatch.setattr(fan.Recording, "save", lambda *_: 1 / 0)
+    taken.begin()
+    live.advance(0.05)
+    taken.finish()
+    assert "cannot be written: division by zero" in taken.said
+
+
+def test_a_recording_is_shown_with_its_parameters_and_all_its_puppets(tmp_path):
+    one, two = fan.puppets.arm2d().puppet, fan.puppets.string_pendulum().puppet
+    world = fan.Marionette(fan.World.of(one, two)).with_parameters({"arm2d/m1": 0.3})
+    live = fan.Performance(world)
+    live.record()
+    live.advance(0.1)
+    made = live.stop()
+    made.save(tmp_path / "two.npz")
+    for what in (made, tmp_path / "two.npz"):
+        subject = page.subject_of(what)
+        assert np.array_equal(subject.marionette.p, world.p)
+        scene = replay.Film.of(subject.marionette, subject.run).scene
+        assert len(scene.names) == 2
+    made.trajectory.save(tmp_path / "run.npz")
+    with pytest.raises(ValueError, match="several puppets and knows only arm2d"):
+        page.subject_of(made.trajectory)
+    with pytest.raises(fan.FantocciniError, match=r"run\.npz.* knows only arm2d"):
+        page.subject_of(tmp_path / "run.npz")
+
+
+def test_a_file_that_cannot_even_be_read_is_told_of(tmp_path, monkeypatch):
+    watched = source.Source(toy(tmp_path))
+    monkeypatch.setattr(source, "load", lambda _: 1 / 0)
+    watched._read()
+    assert watched._news.mistakes == (
+        "a fault of fantoccini itself: ZeroDivisionError: division by zero",
+    )
 
 
 def test_what_cannot_be_shown_is_said():
@@ -124,3 +181,5 @@ def test_what_cannot_be_shown_is_said():
         page.write(page.Subject(fan.puppets.string_pendulum()), "x.html", "light")
     with pytest.raises(fan.UnknownNameError, match="no theme is called 'green'"):
         fan.show("string_pendulum", theme="green", port=0, wait=False)
+    with pytest.raises(fan.FantocciniError, match="there is no such folder"):
+        fan.show("string_pendulum", port=0, wait=False, record_to="no/such/folder")

@@ -40,7 +40,7 @@ def stretched(recording: Recording, factor: float) -> Recording:
     x = recording.start
     return recording.edited(
         start=x.replace(v_D=x.v_D / factor, v_K=x.v_K / factor),
-        acc_K=recording.acc_K / factor**2,
+        acc_K=recording.acc_K / factor / factor,
         tick=recording.tick * factor,
         steps=max(1, math.ceil(recording.steps * factor - 1e-9)),
     )

@@ -121,12 +121,14 @@ class Performance:
     @property
     def tension(self) -> Array:
         """(n_strings,) [N]."""
-        return self._stepper.tension[: len(self.marionette.tree.strings)].copy()
+        with self._lock:
+            return self._stepper.tension[: len(self.marionette.tree.strings)].copy()
 
     @property
     def slip(self) -> Array:
         """(n_strings,) by how much winches have let out [m]."""
-        return np.array(self._stepper.state.slip)
+        with self._lock:
+            return np.array(self._stepper.state.slip)
 
     @property
     def performed(self) -> Marionette:
@@ -199,11 +201,13 @@ class Performance:
 
     def length(self, string: str) -> float:
         """The length that a driven string has now [m]."""
-        return float(self._x.q_K[self._winch(string)])
+        with self._lock:
+            return float(self._x.q_K[self._winch(string)])
 
     def wanted_length(self, string: str) -> float:
         """The length that a driven string is wanted at [m]."""
-        return float(self._wanted[self._winch(string)])
+        with self._lock:
+            return float(self._wanted[self._winch(string)])
 
     def hold(self) -> None:
         """Wants every hand where it is: whatever moves stops."""

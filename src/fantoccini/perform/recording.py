@@ -64,6 +64,8 @@ class Recording:
         shape = (len(self.acc_K), self.marionette.coordinates.n_vK)
         if self.acc_K.shape != shape or not len(self.acc_K):
             raise ValueError(f"acc_K has the shape {self.acc_K.shape}; it must be (n, {shape[1]})")
+        if not np.isfinite(self.acc_K).all():
+            raise ValueError("acc_K holds what is no finite number")
         if not (np.isfinite(self.tick) and self.tick > 0 and self.steps >= 1):
             raise ValueError(f"found {self.steps} steps in ticks of {self.tick} s")
 

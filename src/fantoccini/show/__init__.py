@@ -50,7 +50,8 @@ def show(
         The page, to close it; with ``html`` the path of the file.
 
     Raises:
-        FileError: a file is none that can be shown, with what is wrong.
+        FileError: a file is none that can be shown, with what is wrong; or there is no folder
+            ``record_to``.
         ValueError: what is given cannot be shown, or not as a file.
     """
     from fantoccini.show import page

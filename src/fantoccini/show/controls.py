@@ -221,7 +221,7 @@ class Controls:
         colour = mix(self._theme.handle, np.ones(3), 0.15)
         if lags:
             colour = _WARNING
-        elif name == self.selected or any(held == name for _, held in self._grabs):
+        elif name == self.selected or any(held == name for _, held in list(self._grabs)):
             colour = accent
         return tuple(round(255.0 * float(c)) for c in colour)
 

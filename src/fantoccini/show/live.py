@@ -293,8 +293,7 @@ class Live:
         with self.server.viser.atomic():
             self._clear()
             self._build()
-        self._told(lost)
-        self.board.say("the puppet was read again")
+        self._told(("the puppet was read again", *lost))
 
     def _build(self) -> None:
         scene = self._scene()

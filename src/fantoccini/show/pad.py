@@ -108,7 +108,7 @@ class Pads:
             sticks = read(message)
             if sticks is None:
                 continue
-            self._fresh |= sticks.buttons - before
+            self._fresh.update(sticks.buttons - before)
             before = sticks.buttons
             self._sticks, self._told, self.name = sticks, time.monotonic(), name
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import atexit
+import contextlib
 import json
 import os
+import signal
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -58,6 +62,7 @@ class Page:
     def __init__(self, server: Server, show: Live | Replay):
         self.server, self.show = server, show
         self._closed = threading.Event()
+        atexit.register(self.close)
 
     def __repr__(self) -> str:
         return f"<Page {self.url}>"
@@ -79,20 +84,45 @@ class Page:
         return self.show.take_said if isinstance(self.show, Live) else ""
 
     def wait(self) -> None:
-        """Stays until Ctrl-C, then closes the page."""
-        try:
-            while not self._closed.wait(0.5):
+        """Stays until Ctrl-C, then closes the page.
+
+        A terminal that is closed and a polite kill (SIGHUP, SIGTERM) close it as well, and end
+        Python.
+        """
+        with _killed_politely():
+            try:
+                while not self._closed.wait(0.5):
+                    pass
+            except KeyboardInterrupt:
                 pass
-        except KeyboardInterrupt:
-            pass
-        finally:
-            self.close()
+            finally:
+                self.close()
 
     def close(self) -> None:
         """Ends the page; a recording that goes on is written first."""
         if not self._closed.is_set():
             self._closed.set()
+            atexit.unregister(self.close)
             self.show.stop()
+
+
+@contextlib.contextmanager
+def _killed_politely() -> Iterator[None]:
+    """SIGTERM and SIGHUP raise SystemExit; those that are ignored or handled elsewhere do not."""
+
+    def end(number: int, frame: FrameType | None) -> None:
+        raise SystemExit(128 + number)
+
+    here = threading.current_thread() is threading.main_thread()
+    signals = [getattr(signal, name, None) for name in ("SIGTERM", "SIGHUP")]
+    taken = [s for s in signals if here and s and signal.getsignal(s) is signal.SIG_DFL]
+    for number in taken:
+        signal.signal(number, end)
+    try:
+        yield
+    finally:
+        for number in taken:
+            signal.signal(number, signal.SIG_DFL)
 
 
 def subject_of(
@@ -116,11 +146,9 @@ def subject_of(
     if isinstance(what, Marionette):
         return Subject(what)
     if isinstance(what, Recording):
-        what = what.trajectory
+        return Subject(what.marionette, what.trajectory)
     if isinstance(what, Trajectory):
-        if what.puppet is None:
-            raise ValueError("the trajectory does not know its puppet, and cannot be shown")
-        return Subject(Marionette(what.puppet, progress), what)
+        return Subject(_performer(what, progress), what)
     if isinstance(what, PlanResult):
         if what.reason:
             raise ValueError(f"there is no plan to show: {what.reason}")
@@ -129,6 +157,21 @@ def subject_of(
         f"found {type(what).__name__}; what can be shown is a puppet, a trajectory, a recording, "
         "a plan, or the file of one"
     )
+
+
+def _performer(run: Trajectory, progress: Callable[[str], None] | None) -> Marionette:
+    """The puppet of a trajectory."""
+    if run.puppet is None:
+        raise ValueError("the trajectory does not know its puppet, and cannot be shown")
+    marionette = Marionette(run.puppet, progress)
+    if marionette.coordinates.q_D + marionette.coordinates.q_K != (
+        run.coordinates.q_D + run.coordinates.q_K
+    ):
+        raise ValueError(
+            f"the trajectory is of a world of several puppets and knows only {run.puppet.name}; "
+            "a recording (fan.Recording) of it can be shown"
+        )
+    return marionette
 
 
 def _of_file(
@@ -141,7 +184,10 @@ def _of_file(
             return subject_of(_plan(path, about, problem, progress), progress=progress)
         if form.startswith("fantoccini.recording."):
             return subject_of(Recording.load(path), progress=progress)
-        return subject_of(Trajectory.load(path), progress=progress)
+        try:
+            return subject_of(Trajectory.load(path), progress=progress)
+        except ValueError as error:
+            raise FileError([Problem(str(path), None, "", str(error))]) from None
     if not path.exists() and name in puppets.names():
         path = puppets.path(name)
     return Subject(load(path, progress), file=path)
@@ -202,9 +248,13 @@ def open_page(
         record_to: folder for recordings.
 
     Raises:
+        FileError: there is no such folder for recordings.
         ServerError: nothing can be served there.
     """
     look = theme_of(theme)
+    if not record_to.is_dir():
+        message = "there is no such folder; recordings go to one"
+        raise FileError([Problem(str(record_to), None, "", message)])
     title = subject.marionette.name
     if subject.run is not None:
         film = Film.of(subject.marionette, subject.run)
@@ -212,7 +262,7 @@ def open_page(
         shown: Live | Replay = Replay(server, film, look, subject.growth)
     else:
         performance = Performance(subject.marionette)
-        live = Live(performance, look, record_to, subject.file)
+        live = Live(performance, look, record_to.absolute(), subject.file)
         server = Server(title, look, host, port, live.script, live.visitors)
         live.open(server)
         shown = live

@@ -74,12 +74,12 @@ class Server:
     ):
         self.host = host
         self.port = free_port(host, port)
-        self.moved = port not in (0, self.port)
         self._index = _index(title, script)
         self._visitors = visitors or {}
         with _serving, self._own_serve(), contextlib.redirect_stdout(io.StringIO()):
             self.viser = viser.ViserServer(host, self.port, label=title, verbose=False)
         self.port = self.viser.get_port()
+        self.moved = port not in (0, self.port)
         # viser could open a tunnel through a server of its makers: not from here.
         for message in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
             self.viser._websock_server.unregister_handler(message)

@@ -71,6 +71,9 @@ class Source:
             self._news = News(marionette)
         except (FantocciniError, OSError) as error:
             self._news = News(None, tuple(str(error).splitlines()))
+        except Exception as error:
+            what = f"a fault of fantoccini itself: {type(error).__name__}: {error}"
+            self._news = News(None, tuple(what.splitlines()))
 
     def _look(self) -> tuple[int, int, int] | None:
         """What changes with the file; None while it is not there."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import threading
+from collections.abc import Collection
 from datetime import datetime
 from pathlib import Path
 
@@ -26,6 +27,7 @@ class Take:
         self._performance, self._folder = performance, folder
         self._name = ""
         self._writers: list[threading.Thread] = []
+        self._given: set[Path] = set()
         self.running = False
         self.began = 0.0
         self.said = ""
@@ -43,19 +45,16 @@ class Take:
 
     def end(self) -> None:
         """Ends the recording; it is written beside everything else."""
-        if not self.running:
+        ended = self._ended()
+        if ended is None:
             return
-        self.running = False
+        writer = threading.Thread(target=self._write, args=ended, name="write")
         try:
-            recording = self._performance.stop()
-        except FantocciniError as error:
-            self.said = str(error)
-            return
-        path = free_path(self._folder, self._name, datetime.now())
-        self.said = f"writing {path.name}"
-        writer = threading.Thread(target=self._write, args=(recording, path), name="write")
-        self._writers.append(writer)
-        writer.start()
+            writer.start()
+        except RuntimeError:  # Python ends, and starts no threads any more
+            self._write(*ended)
+        else:
+            self._writers.append(writer)
 
     def finish(self) -> None:
         """Ends the recording, and waits until everything is on disk."""
@@ -64,28 +63,47 @@ class Take:
             writer.join()
         self._writers.clear()
 
+    def _ended(self) -> tuple[Recording, Path] | None:
+        """The recording that was going on and the path it gets; None where there is none."""
+        if not self.running:
+            return None
+        self.running = False
+        try:
+            recording = self._performance.stop()
+        except FantocciniError as error:
+            self.said = str(error)
+            return None
+        path = free_path(self._folder, self._name, datetime.now(), self._given)
+        self._given.add(path)
+        self.said = f"writing {path.name}"
+        return recording, path
+
     def _write(self, recording: Recording, path: Path) -> None:
         try:
             recording.save(path)
-        except OSError as error:
-            self.said = f"{path} cannot be written: {error.strerror or error}"
+        except Exception as error:  # whatever it is, nobody else would tell
+            why = getattr(error, "strerror", None) or error
+            self.said = f"{path} cannot be written: {why}"
             return
         why = f"; {recording.ended}" if recording.ended else ""
         self.said = f"wrote {path} ({recording.duration:.1f} s{why})"
 
 
-def free_path(folder: Path, name: str, now: datetime) -> Path:
+def free_path(
+    folder: Path, name: str, now: datetime, given: Collection[Path] = frozenset()
+) -> Path:
     """A path that no file has: ``NAME-YYYYmmdd-HHMMSS.npz`` in the folder.
 
     Args:
         folder: where.
         name: of the puppet; what is no letter, digit, - or _ in it becomes one.
         now: date and time.
+        given: paths that are about to be written.
     """
     plain = re.sub(r"[^A-Za-z0-9_-]", "_", name)[:64] or "puppet"
     stem = f"{plain}-{now:%Y%m%d-%H%M%S}"
     path, n = folder / f"{stem}.npz", 1
-    while path.exists():
+    while path in given or path.exists():
         n += 1
         path = folder / f"{stem}-{n}.npz"
     return path
