@@ -309,9 +309,17 @@ class Puppet(Model):
         """The puppet as a file; reading it back gives an equal puppet."""
         return dump.to_yaml(dump.plain(self))
 
-    def canonical(self) -> str:
-        """One text for equal puppets: JSON of the expanded puppet and of its meshes' digests."""
+    def canonical(self, *, values: bool = True) -> str:
+        """One text for equal puppets: JSON of the expanded puppet and of its meshes' digests.
+
+        Args:
+            values: whether puppets that differ in the values of their parameters differ.
+        """
         puppet = self.expanded()
         solids = [s for body in puppet.bodies for s in body.shapes] + list(puppet.obstacles)
         meshes = {s.file: s.digest() for s in solids if isinstance(s, Mesh)}
-        return dump.canonical(dump.plain(puppet), meshes)
+        plain = dump.plain(puppet)
+        if not values:
+            for _, parameter in check.parameters(plain):
+                parameter["value"] = 0.0
+        return dump.canonical(plain, meshes)

@@ -246,7 +246,7 @@ def trajectory_of_rows(
         status=status,
         method=method,
         coordinates=marionette.coordinates,
-        puppet=marionette.puppet,
+        puppet=marionette.described,
         effort=effort,
         violation=_violation(marionette, part),
         slip=Columns(strings, part["slip"], "string"),
