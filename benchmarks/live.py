@@ -1,4 +1,4 @@
-"""Prints how fast a puppet in somebody's hands is simulated, how soon it answers, and what a page costs.
+"""Prints how fast a puppet in hands is simulated, how soon it answers, and what a page costs.
 
     python -m benchmarks.live
 
@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 from rich.table import Table
-
-import fantoccini as fan
 from tests.show.browser import chrome, missing, until
 from tests.show.viewer import Viewer
+
+import fantoccini as fan
 
 PUPPETS = ("marionette", "marionette_bar", "arm3d")
 SECONDS = 2.0
@@ -140,7 +140,7 @@ def page_cost(name: str) -> tuple[float, float, float]:
             begun = time.perf_counter(), time.process_time()
             orders.send(SECONDS)
             rates.append(orders.recv())
-            clock, used = (b - a for a, b in zip(begun, (time.perf_counter(), time.process_time())))
+            clock, used = time.perf_counter() - begun[0], time.process_time() - begun[1]
             shares.append(used / clock)
         time.sleep(2.0)
         performance = page.show.performance

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.cli.command import fantoccini, mistake
+from tests.show.viewer import Viewer
 
 import fantoccini as fan
 
@@ -46,9 +47,9 @@ class Shown:
         self.watch.start()
         self.url = self.process.stdout.readline().strip()
 
-    def end(self) -> tuple[int, str]:
-        """Ctrl-C: the exit code, and what was said on stderr."""
-        self.process.send_signal(signal.SIGINT)
+    def end(self, by: int = signal.SIGINT) -> tuple[int, str]:
+        """Ctrl-C, or another signal: the exit code, and what was said on stderr."""
+        self.process.send_signal(by)
         _, said = self.process.communicate()
         self.watch.cancel()
         return self.process.returncode, said
@@ -73,6 +74,24 @@ def test_a_page_is_served_until_ctrl_c(what, run, tmp_path):
     assert code == 0
     assert "Traceback" not in said and "Ctrl-C ends" in said
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("by", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_a_recording_is_whole_however_the_program_ends(by, tmp_path):
+    if not hasattr(signal, by):
+        pytest.skip(f"there is no {by} here")
+    shown = Shown("string_pendulum", "--port", 0, folder=tmp_path)
+    try:
+        with Viewer(shown.url) as viewer:
+            viewer.press("Record")
+            viewer.until_said("recording 0.5 s")
+    finally:
+        code, said = shown.end(getattr(signal, by))
+    (path,) = tmp_path.iterdir()  # nothing half-written beside it
+    assert code == 0 and "Traceback" not in said and f"wrote {path.name}" in said
+    recording = fan.Recording.load(path)
+    assert recording.duration >= 0.45
+    assert np.array_equal(recording.replay().q_D, recording.trajectory.q_D)
 
 
 def test_a_port_in_use_is_said_and_the_next_free_one_taken(tmp_path):

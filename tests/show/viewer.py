@@ -1,4 +1,4 @@
-"""A viewer without a browser: it speaks the language of viser's page, and can do what a page can."""
+"""A viewer without a browser: it speaks the language of viser's page and does what a page does."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ class Viewer:
         bundles: how many bundles of messages have come.
         controls: kind and properties of everything in the panel, by its identifier.
         poses: where nodes are, by name.
+        notices: titles of what popped up.
 
     Args:
         url: of the page.
@@ -33,6 +34,7 @@ class Viewer:
         self.bundles, self._heard = 0, heard
         self.controls: dict[str, dict] = {}
         self.poses: dict[str, tuple] = {}
+        self.notices: list[str] = []
         self._socket = connect(
             url.replace("http", "ws", 1), origin=url, max_size=None,
             subprotocols=[f"viser-v{viser.__version__}"],
@@ -102,6 +104,19 @@ class Viewer:
         if phase == "end":
             self.send(_messages.TransformControlsDragEndMessage(node))
 
+    def until_said(self, words: str, patience: float = 20.0) -> None:
+        """Waits until the page says something."""
+        end = time.monotonic() + patience
+        while words not in self.said:
+            assert time.monotonic() < end, f"waited {patience:g} s for {words!r}: {self.said}"
+            time.sleep(0.01)
+
+    @property
+    def said(self) -> str:
+        """What the page says, as HTML, and in notices."""
+        panels = (str(props.get("content", "")) for props in list(self.controls.values()))
+        return "\n".join((*panels, *self.notices))
+
     # -- what comes ----------------------------------------------------------------------------
 
     def _named(self, kind: str, label: str, patience: float = 20.0) -> str:
@@ -126,7 +141,9 @@ class Viewer:
 
     def _take(self, message: dict) -> None:
         kind = message["type"]
-        if "uuid" in message and "props" in message:
+        if kind == "NotificationShowMessage":
+            self.notices.append(message["props"]["title"])
+        elif "uuid" in message and "props" in message:
             self.controls[message["uuid"]] = {
                 **message["props"], "value": message.get("value"), "type": kind,
             }  # fmt: skip

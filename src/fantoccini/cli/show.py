@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import signal
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -71,13 +73,30 @@ def show_plan(found: PlanResult, quiet: bool) -> None:
 
 def _serve(page: Page, request: Request) -> None:
     """Says where the page is, and stays until Ctrl-C, which is how a page is closed."""
-    with page, contextlib.suppress(KeyboardInterrupt):
+    with page, contextlib.suppress(KeyboardInterrupt), _endings():
         _announce(page, request)
         if request.browser:
             page.server.open_browser()
         page.wait()
     if page.said and not request.quiet:
         say(page.said)
+
+
+@contextlib.contextmanager
+def _endings() -> Iterator[None]:
+    """Whoever ends the program, or closes its terminal, ends it as Ctrl-C does.
+
+    A recording that goes on would be lost otherwise.
+    """
+    names = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = {n: signal.getsignal(n) for n in names if signal.getsignal(n) is not signal.SIG_IGN}
+    for number in before:
+        signal.signal(number, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _announce(page: Page, request: Request) -> None:
