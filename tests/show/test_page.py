@@ -279,7 +279,7 @@ def test_a_gamepad_moves_winds_pauses_and_records(scene):
         browser.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", script)
 
 
-def test_two_windows_fight_over_the_strings(scene, monkeypatch):
+def test_two_tabs_fight_over_the_strings(scene, monkeypatch):
     from selenium.webdriver.common.keys import Keys
 
     monkeypatch.setattr(scene.live.holder, "_idle", 60.0)
@@ -292,10 +292,10 @@ def test_two_windows_fight_over_the_strings(scene, monkeypatch):
         slider.send_keys(keys)
         return slider
 
-    browser.switch_to.new_window("window")
+    browser.switch_to.new_window("tab")
     second = browser.current_window_handle
     browser.get(scene.page.url)
-    until(lambda: len(clients()) == 2, "a second window")
+    until(lambda: len(clients()) == 2, "a second tab")
     until(lambda: browser.find_elements("css selector", "[role=slider]"), "its panel")
     before = performance.wanted_length("line")
     slide(Keys.ARROW_LEFT * 5)
