@@ -7,15 +7,18 @@ variable FANTOCCINI_SCREENSHOTS names, if any.
 from __future__ import annotations
 
 import json
-import time
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from tests.show.browser import chrome, colours, like, picture, pixel, until
-from tests.show.toys import GREEN, TOY, WRONG, toy
+from tests.show.toys import BAR, GREEN, TOY, WRONG, toy
 
 import fantoccini as fan
+from fantoccini.show.replay import Film
+from fantoccini.show.server import Server
+from fantoccini.show.stage import Stage
+from fantoccini.view.theme import LIGHT
 
 RED, GREENISH = (192, 32, 32), (32, 160, 32)
 
@@ -32,7 +35,7 @@ def scene(browser, tmp_path_factory):
     folder = tmp_path_factory.mktemp("page")
     file = toy(folder)
     page = fan.show(file, port=0, browser=False, wait=False, record_to=folder)
-    page.show.stage.show_shadows(False)  # software draws them slowly
+    page.show.board._views._shadows.value = False  # software draws them slowly
     browser.get(page.url)
     clients = page.server.viser.get_clients
     until(clients, "the page connects")
@@ -53,6 +56,23 @@ def free_strings(request):
         live.holder.leave(live.holder.viewer)
         if live.paused:
             live.pause()
+
+
+PAD = """
+window.stick = {axes: [0, 0, 0, 0], down: [], gone: false};
+navigator.getGamepads = () => window.stick.gone ? [] : [{
+  axes: window.stick.axes,
+  buttons: [...Array(16).keys()].map((n) => ({pressed: window.stick.down.includes(n)})),
+}];
+"""
+"""A gamepad that a test holds."""
+
+SCRUB = """
+const field = document.querySelector("input");
+Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(field, arguments[0]);
+field.dispatchEvent(new Event("input", {bubbles: true}));
+"""
+"""Types a time into the player of an exported page, at a stroke."""
 
 
 def canvas(browser) -> dict:
@@ -158,6 +178,23 @@ def test_keys_move_the_handle_that_is_selected(scene):
     until(lambda: np.allclose(scene.performance.target("line")[0], [0, 0, 1]), "a reset")
 
 
+def test_a_parameter_changes_under_way(scene):
+    from selenium.webdriver.common.keys import Keys
+
+    until(lambda: still(scene), "the puppet hangs still")
+    slider = scene.browser.find_elements("css selector", "[role=slider]")[-1]
+    t = scene.performance.t
+    slider.send_keys(Keys.ARROW_RIGHT * 40)
+    until(lambda: scene.performance.marionette.p[0] > 0.4, "the ball is heavier")
+    mass = float(scene.performance.marionette.p[0])
+    until(lambda: scene.performance.t > t + 0.3, "the puppet lives on")
+    until(lambda: scene.performance.marionette.p[0] == pytest.approx(
+        float(slider.get_attribute("aria-valuenow"))), "the slider says what it is")  # fmt: skip
+    mass = float(scene.performance.marionette.p[0])
+    until(lambda: abs(scene.performance.tension[0] - 9.81 * mass) < 0.03 * 9.81 * mass, "weight")
+    assert np.isfinite(scene.performance.state.q_D).all()
+
+
 def test_a_recording_is_whole_on_disk_and_replays(scene):
     press(scene.browser, "Record")
     until(lambda: scene.live.recording, "recording")
@@ -212,6 +249,116 @@ def test_a_tab_that_is_closed_and_opened_again_sees_the_same_puppet(scene):
     assert scene.performance.t > before
 
 
+def test_a_gamepad_moves_winds_pauses_and_records(scene):
+    browser, performance, live = scene.browser, scene.performance, scene.live
+    script = browser.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": PAD})
+
+    def hold(**how) -> None:
+        browser.execute_script("Object.assign(window.stick, arguments[0])", how)
+
+    try:
+        browser.refresh()
+        until(lambda: browser.execute_script("return window.stick !== undefined"), "a gamepad")
+        start = performance.target("line")[0]
+        hold(axes=[1, 0, 0, 0])
+        until(lambda: np.linalg.norm(performance.target("line")[0] - start) > 0.05, "it moves")
+        hold(axes=[0.05, 0, 0, 0])  # no stick is ever quite at rest
+        until(lambda: not live._pads.sticks.moved, "the stick is let go")
+        rest = performance.target("line")[0]
+        length = performance.wanted_length("line")
+        hold(axes=[0, 0, 0, -1])
+        until(lambda: performance.wanted_length("line") < length - 0.03, "the string is wound in")
+        hold(gone=True)  # as where the gamepad loses its radio
+        until(lambda: not live._pads.sticks.moved, "nobody tells of it")
+        length = performance.wanted_length("line")
+        assert np.array_equal(performance.target("line")[0], rest)
+        hold(gone=False, axes=[0, 0, 0, 0])
+        for button, holds in (
+            (9, lambda: live.paused), (9, lambda: not live.paused),
+            (3, lambda: live.recording), (3, lambda: not live.recording),
+        ):  # fmt: skip
+            hold(down=[button])
+            until(holds, f"button {button}")
+            hold(down=[])
+            until(lambda: not live._pads.sticks.buttons, "the button is up")
+        assert performance.wanted_length("line") == length
+    finally:
+        browser.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", script)
+
+
+def test_two_tabs_fight_over_the_strings(scene, monkeypatch):
+    from selenium.webdriver.common.keys import Keys
+
+    monkeypatch.setattr(scene.live.holder, "_idle", 60.0)
+    browser, performance = scene.browser, scene.performance
+    clients = scene.page.server.viser.get_clients
+    first = browser.current_window_handle
+
+    def slide(keys: str):
+        slider = browser.find_elements("css selector", "[role=slider]")[0]
+        slider.send_keys(keys)
+        return slider
+
+    browser.switch_to.new_window("tab")
+    second = browser.current_window_handle
+    browser.get(scene.page.url)
+    until(lambda: len(clients()) == 2, "a second tab")
+    until(lambda: browser.find_elements("css selector", "[role=slider]"), "its panel")
+    before = performance.wanted_length("line")
+    slide(Keys.ARROW_LEFT * 5)
+    until(lambda: performance.wanted_length("line") == pytest.approx(before - 0.005), "it winds")
+    held = performance.wanted_length("line")
+    browser.switch_to.window(first)
+    slider = slide(Keys.ARROW_RIGHT * 9)
+    until(lambda: "Somebody else holds the strings" in words(browser), "the other is told")
+    until(lambda: float(slider.get_attribute("aria-valuenow")) == pytest.approx(held), "snaps back")
+    assert performance.wanted_length("line") == held
+    browser.switch_to.window(second)
+    browser.close()
+    browser.switch_to.window(first)
+    until(lambda: len(clients()) == 1 and scene.live.holder.viewer is None, "the holder is gone")
+    slide(Keys.ARROW_RIGHT * 5)
+    until(lambda: performance.wanted_length("line") > held, "the other takes over")
+
+
+def test_rings_turn_a_bar(browser, tmp_path):
+    from selenium.webdriver.common.actions.action_builder import ActionBuilder
+
+    page = fan.show(fan.loads(BAR), port=0, browser=False, wait=False, record_to=tmp_path)
+    page.show.stage.show_shadows(False)
+    with page:
+        browser.get(page.url)
+        performance, clients = page.show.performance, page.server.viser.get_clients
+        until(lambda: clients() and like(picture(browser), RED) > 200, "the puppet is seen")
+        client = next(iter(clients().values()))
+        home, _ = performance.place("bar")
+        radius = 0.65 * page.show.controls._rings["bar"].scale
+
+        def seen(angle: float) -> tuple[int, int]:
+            """A place on the ring about x: a quarter of a circle from y to z."""
+            point = home + radius * np.array([0.0, np.cos(angle), np.sin(angle)])
+            x, y = pixel(client, point, canvas(browser))
+            return round(x), round(y)
+
+        mouse = ActionBuilder(browser, duration=50)
+        mouse.pointer_action.move_to_location(*seen(0.5)).pause(1.0).pointer_down().pause(0.5)
+        for angle in np.linspace(0.5, 1.0, 6):
+            mouse.pointer_action.move_to_location(*seen(angle)).pause(0.1)
+        mouse.perform()
+        until(lambda: performance.place("bar")[1][1] > 0.1, "the bar rolls")
+        picture(browser, "rings")
+        assert page.show.holder.viewer == client.client_id
+        mouse = ActionBuilder(browser)
+        mouse.pointer_action.pointer_up()
+        mouse.perform()
+        until(lambda: page.show.holder.viewer is None, "the strings are free")
+        # Half an angle of 0.5, about x alone.
+        assert performance.target("bar")[1] == pytest.approx(
+            [np.cos(0.25), np.sin(0.25), 0.0, 0.0], abs=0.05
+        )
+        assert np.allclose(performance.target("bar")[0], home, atol=1e-6)
+
+
 @pytest.fixture(scope="module")
 def swing(tmp_path_factory):
     """A run of the toy."""
@@ -249,7 +396,6 @@ def test_a_file_plays_from_disk_without_a_network(browser, swing, tmp_path):
     until(lambda: np.abs(picture(browser).astype(int) - early).max() > 60, "it moves")
     until(lambda: " N" in browser.execute_script(
         "return document.getElementById('readings').innerText"), "tensions")  # fmt: skip
-    time.sleep(0.2)
     asked = [
         message["params"]["request"]["url"]
         for entry in browser.get_log("performance")
@@ -258,3 +404,43 @@ def test_a_file_plays_from_disk_without_a_network(browser, swing, tmp_path):
     ]
     assert path.as_uri() in asked
     assert [url for url in asked if not url.startswith(("file:", "data:", "blob:"))] == []
+
+    in_step(browser, swing)
+
+
+def in_step(browser, swing):
+    """Bodies, strings, name of the time and numbers of an exported page are those of one time."""
+    film = Film.of(fan.loads(TOY), swing, rate=60.0)
+    server = Server("toy", LIGHT, port=0)
+    view = Stage(server.viser, film.scene, LIGHT).view("three-quarter")
+    server.stop()
+    camera = SimpleNamespace(
+        position=view.eye, look_at=view.target, up_direction=np.array([0.0, 0.0, 1.0]),
+        fov=np.radians(30.0),
+    )  # fmt: skip
+    seen = {}
+    for t in (0.6, 1.3, 0.6):  # on, and back
+        browser.execute_script(SCRUB, str(t))
+        says = "return document.getElementById('clock').textContent"
+        until(lambda: browser.execute_script(says) == f"{t:.1f} s", "the time")  # noqa: B023
+        k = film.frame(t)
+        tension = browser.execute_script("return document.getElementById('readings').innerText")
+        assert f"{film.scene.tension[k, 0]:.2f} N" in tension
+        ball, (*_, end) = swing.resample([t]).q_D[0, :3], film.scene.points[0][k]
+
+        def drawn() -> bool:
+            pixels, rect = picture(browser, f"html-{t}"), canvas(browser)  # noqa: B023
+
+            def about(point: np.ndarray) -> np.ndarray:
+                x, y = pixel(SimpleNamespace(camera=camera), point, rect)
+                return pixels[round(y) - 3 : round(y) + 4, round(x) - 3 : round(x) + 4]
+
+            middle = 0.5 * (ball + end)  # noqa: B023
+            string = about(middle).astype(int)
+            reddish = (string[..., 0] - string[..., 1]).max() > 60
+            return like(about(ball), RED) > 40 and reddish  # noqa: B023
+
+        until(drawn, f"ball and string of {t} s")
+        seen.setdefault(t, picture(browser))
+        again = np.abs(picture(browser).astype(int) - seen[t]).max(axis=2) > 30
+        assert again.sum() < 20

@@ -71,13 +71,15 @@ def show_plan(found: PlanResult, quiet: bool) -> None:
 
 def _serve(page: Page, request: Request) -> None:
     """Says where the page is, and stays until Ctrl-C, which is how a page is closed."""
-    with page, contextlib.suppress(KeyboardInterrupt):
-        _announce(page, request)
-        if request.browser:
-            page.server.open_browser()
-        page.wait()
-    if page.said and not request.quiet:
-        say(page.said)
+    try:
+        with page, contextlib.suppress(KeyboardInterrupt):
+            _announce(page, request)
+            if request.browser:
+                page.server.open_browser()
+            page.wait()
+    finally:
+        if page.said and not request.quiet:
+            say(page.said)
 
 
 def _announce(page: Page, request: Request) -> None:

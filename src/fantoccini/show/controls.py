@@ -52,6 +52,7 @@ class Controls:
         theme: the look.
         size: of the puppet [m].
         act: asks whether a viewer may, and does it.
+        let_go: told that a viewer's hand is off what it dragged.
         folder: where the sliders go.
     """
 
@@ -62,14 +63,15 @@ class Controls:
         theme: Theme,
         size: float,
         act: Act,
+        let_go: Callable[[Viewer], None],
         folder: Any,
     ):
         self._server, self._performance, self._theme = server, performance, theme
-        self._size, self._act = size, act
+        self._size, self._act, self._let_go = size, act, let_go
         self._handles = {handle.name: handle for handle in performance.handles}
         self._beads: dict[str, Any] = {}
         self._rings: dict[str, Any] = {}
-        self._turned: dict[str, bool] = {}
+        self._turned: dict[str, Viewer] = {}
         self._sliders: dict[str, Any] = {}
         self._grabs: dict[tuple[Viewer, str], _Grab] = {}
         self._last = np.full((len(self._handles), 3), np.nan)
@@ -144,7 +146,7 @@ class Controls:
                     behind.append(wanted)
                     leads.append((here, wanted))
             ring = self._rings.get(name)
-            if ring is not None and not self._turned.get(name):
+            if ring is not None and name not in self._turned:
                 ring.position, ring.wxyz = wanted, wxyz
         self._show_marks(behind, leads)
 
@@ -232,6 +234,7 @@ class Controls:
             key = (event.client_id, name)
             if event.phase == "end":
                 self._grabs.pop(key, None)
+                self._let_go(event.client_id)
                 return
             grab = self._grabs.get(key)
             if grab is None:
@@ -258,9 +261,15 @@ class Controls:
 
         async def turned(event: Any) -> None:
             position, wxyz = np.array(event.target.position), np.array(event.target.wxyz)
-            done = self._act(event.client_id, lambda: self._performance.move(name, position, wxyz))
+            viewer = event.client_id
+            done = self._act(viewer, lambda: self._performance.move(name, position, wxyz))
             # While a viewer turns the ring, it is where that viewer sees it.
-            self._turned[name] = done and event.phase != "end"
+            if done and event.phase != "end":
+                self._turned[name] = viewer
+            elif self._turned.get(name) == viewer:
+                del self._turned[name]
+            if event.phase == "end":
+                self._let_go(viewer)
 
         return turned
 

@@ -27,18 +27,17 @@ if TYPE_CHECKING:
 
 _QUANTUM = 1e-4
 """Places are rounded to a tenth of a millimetre for a puppet of a metre."""
-_READINGS = 10
-"""Of the tensions, each second; the player shows its time to a tenth of one."""
 _SCRIPT = """
 (() => {
   const {t0, rate, top, tension, taut, colours} = READINGS;
   const rows = [...document.querySelectorAll("#readings > div")];
   let shown = -1;
   const read = () => {
-    // The player's own clock is the first field on the page.
-    const clock = document.querySelector("input");
-    const t = clock === null ? NaN : parseFloat(clock.value);
-    const k = Math.max(0, Math.min(tension.length - 1, Math.round(t * rate)));
+    // The player's own time, where its slider stands: the frame that it draws is the last one
+    // that has begun.
+    const slider = document.querySelector("[role=slider]");
+    const t = slider === null ? NaN : parseFloat(slider.getAttribute("aria-valuenow"));
+    const k = Math.max(0, Math.min(tension.length - 1, Math.floor(t * rate + 1e-6)));
     if (Number.isFinite(t) && k !== shown) {
       shown = k;
       document.getElementById("clock").textContent = (t0 + t).toFixed(1) + " s";
@@ -50,7 +49,7 @@ _SCRIPT = """
         row.children[2].textContent = taut[k][s] ? pull.toFixed(2) + " N" : "slack";
       });
     }
-    setTimeout(read, 60);
+    requestAnimationFrame(read);  // however slowly the page is drawn, the numbers go with it
   };
   read();
 })();
@@ -138,14 +137,13 @@ def _caption(film: Film, theme: Theme) -> str:
         'height:100%;border-radius:3px"></span></span><span style="text-align:right"></span></div>'
         for name in scene.names
     )
-    times = np.linspace(run.t[0], run.t[-1], max(1, round(run.duration * _READINGS)) + 1)
-    coarse = run.resample(times)
+    tension = np.zeros(scene.taut.shape) if scene.tension is None else scene.tension
     readings = {
         "t0": float(run.t[0]),
-        "rate": (len(times) - 1) / run.duration if run.duration > 0.0 else 1.0,
+        "rate": (len(scene.t) - 1) / run.duration if run.duration > 0.0 else 1.0,
         "top": scene.tension_top(),
-        "tension": np.round(coarse.tension.values, 3).tolist(),
-        "taut": coarse.taut.values.astype(int).tolist(),
+        "tension": np.round(tension, 2).tolist(),
+        "taut": scene.taut.astype(int).tolist(),
         "colours": [
             "#" + "".join(f"{round(255.0 * float(c)):02x}" for c in colour)
             for colour in theme.tension_colours(32)

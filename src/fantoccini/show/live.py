@@ -236,6 +236,8 @@ class Live:
                 self._due["numbers"] = now + _NUMBERS_EVERY
                 self.controls.update_sliders()
                 self.board.update(moment, self.performance.lagging, self._history())
+        # viser would wait for more, and send two frames as one.
+        self.server.viser.flush()
         self._take.look()
         self._look_at_file(now)
 
@@ -301,7 +303,7 @@ class Live:
         self.board.build(self.stage)
         self.controls = Controls(
             self.server.viser, self.performance, self.theme, scene.size, self.act,
-            self.board.lengths,
+            self.holder.leave, self.board.lengths,
         )  # fmt: skip
         self.stage.show(self._moment())
 
