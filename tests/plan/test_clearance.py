@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from functools import cache
 
 import coal
 import mujoco
@@ -14,6 +15,7 @@ from scipy.spatial.transform import Rotation
 import fantoccini as fan
 from fantoccini.errors import FileError
 from fantoccini.plan import Clearance, HalfSpace
+from fantoccini.runtime import ClearanceLibrary
 
 KINDS = ("sphere", "capsule", "box")
 
@@ -79,9 +81,18 @@ def mujocos(first: str, second: str) -> float:
 
 
 def flying(found: dict) -> fan.Marionette:
-    """One free body with one shape."""
-    body = {"name": "body", "joint": {"type": "free"}, "mass": 1.0, "inertia": [1, 1, 1, 0, 0, 0]}
-    return fan.loads(str({"puppet": "flying", "bodies": [body | {"shapes": [found]}]}))
+    """One free body with one shape; what is compiled knows no shapes, and is made once."""
+    puppet = fan.loads(str({"puppet": "flying", "bodies": [BODY | {"shapes": [found]}]}))
+    puppet.__dict__["clearances"] = clearances()
+    return puppet
+
+
+BODY = {"name": "body", "joint": {"type": "free"}, "mass": 1.0, "inertia": [1, 1, 1, 0, 0, 0]}
+
+
+@cache
+def clearances() -> ClearanceLibrary:
+    return fan.loads(str({"puppet": "flying", "bodies": [BODY]})).clearances
 
 
 def placed(puppet: fan.Marionette, rng: np.random.Generator) -> tuple[fan.State, np.ndarray]:
