@@ -20,7 +20,7 @@ LONG = (
     "perform/test_abuse.py",
     "plan/test_plan.py",
 )
-"""The files that take longest. A file runs on one worker, and one that begins last is waited for."""
+"""The files that take longest, which go first: one that begins last is waited for."""
 
 
 def pytest_configure(config):
