@@ -222,7 +222,7 @@ def test_the_distance_of_a_capsule_is_the_least_along_it(still):
             least = min((a - other["at"]) @ unit, (b - other["at"]) @ unit)
             assert found == pytest.approx(least - puppet_shape["radius"], abs=1e-14)
             continue
-        starts = [(s, t) for s in (0.0, 0.5, 1.0) for t in (0.0, 0.5, 1.0)]
+        starts = [(0.0, 1.0), (0.5, 0.5), (1.0, 1.0)]  # the square is convex: all lead to its least
         best = min(
             minimize(square, s, bounds=[(0, 1), (0, 1)], tol=1e-15, method="L-BFGS-B").fun
             for s in starts
