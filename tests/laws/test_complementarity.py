@@ -226,11 +226,13 @@ def test_rows_that_no_motion_satisfies_are_told_with_a_proof():
 def test_sixty_rows_that_all_pull():
     """b = W^T W y with y > 0: all sixty rows hold, and no tensions that do are shorter.
 
-    Where y = W^T z these are y itself: nothing shorter has the same W y. For half of the states
-    there is a z with W^T z > 0 (Cover's theorem: sixty rows in thirty degrees of freedom).
+    The shortest x >= 0 with W x = W y is the positive part of W^T z for some z: z comes from the
+    rows that pull, and W^T z then says the same of the others. Where y = W^T z it is y itself; for
+    half of the states there is a z with W^T z > 0 (Cover's theorem: sixty rows, thirty degrees of
+    freedom).
     """
     rig, rng = puppet("many_strings"), np.random.default_rng(2)
-    all_pull = 0
+    all_pull = some_rest = 0
     for _ in range(50):
         W = rig.instant(random_state(rig, rng, still=True)).W
         some, shortest = rng.uniform(1.0, 1.5, W.shape[1]), all_positive(W)
@@ -243,12 +245,17 @@ def test_sixty_rows_that_all_pull():
             assert p.worst(answer.x) <= TOLERANCE
             assert p.apart(answer.x, y) <= 1e-14
             assert np.linalg.norm(answer.x) <= np.linalg.norm(y) * (1.0 + 1e-14)
+            # What is left of a row that rests is 0 or the last digit of a sum.
+            pulls = answer.x > 1e-12 * np.max(answer.x)
+            z = np.linalg.lstsq(W[:, pulls].T, answer.x[pulls], rcond=1e-10)[0]
+            assert np.maximum(W.T @ z, 0.0) == pytest.approx(answer.x, abs=1e-9), "the shortest"
             motion = W @ nnls(W, W @ y, maxiter=10_000)[0]
             assert np.linalg.norm(W @ answer.x - motion) <= 1e-12 * np.linalg.norm(motion)
+            some_rest += not np.all(pulls)
         if shortest is not None:
             assert answer.x == pytest.approx(shortest, rel=1e-9)
             all_pull += 1
-    assert all_pull >= 15, f"{all_pull} of 50"
+    assert all_pull >= 15 and some_rest >= 20, f"{all_pull} and {some_rest} of 50"
 
 
 def all_positive(W: np.ndarray) -> np.ndarray | None:

@@ -54,7 +54,10 @@ def test_a_plan_with_other_inputs_does_not_arrive(plan):
 
 
 def test_the_marionettes_plan_arrives_with_its_limits():
-    """Springs, drag, cones and twists are there; some limits are reached on the way."""
+    """Springs, drag, cones and twists are there; some limits are reached on the way.
+
+    MuJoCo pushes back once a limit is passed: one that is struck may be passed for a step.
+    """
     plan = solve(fan.load_problem("marionette_bell"), seed=0)
     there, event = plan.verify(backend="mujoco"), plan.verify(method="event")
     assert there.arrives and there.gap < 0.01
@@ -62,11 +65,12 @@ def test_the_marionettes_plan_arrives_with_its_limits():
     touched = {name for name, force in event.run.limit_force.items() if force.max() > 1e-4}
     assert touched <= {name for name, force in there.run.limit_force.items() if force.max() > 0}
     assert "hip_right.twist.lower" in touched
-    # MuJoCo's limits are critically damped with a time constant of two steps: what meets one at the
-    # speed v passes it by 2 dt v / e. Nothing in this plan turns faster than all joints together.
-    step = 0.25 * plan.motions.dt
-    fastest = np.linalg.norm(event.run.v_D, axis=1).max()
-    assert there.run.violation.values.max() < 2.0 * step * fastest / np.e
+    passed, step = dict.fromkeys(there.run.violation.names, 1e-3), np.diff(there.run.t).max()
+    for struck in event.run.events:
+        if struck.name in passed:
+            passed[struck.name] = max(passed[struck.name], struck.speed * step)
+    for name, most in passed.items():
+        assert there.run.violation[name].max() < most, name
 
 
 @pytest.mark.parametrize(
