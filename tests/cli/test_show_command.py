@@ -156,3 +156,11 @@ def test_an_address_that_nobody_can_listen_on_ends_the_command():
     result = fantoccini("show", "string_pendulum", "--host", "192.0.2.1", "--no-browser")
     assert result.exit_code == 1
     assert "no page can be served at 192.0.2.1, port 8080" in result.stderr
+
+
+def test_a_problem_file_goes_with_a_plan_only(tmp_path):
+    pendulum = fan.puppets.string_pendulum()
+    fan.simulate(pendulum, pendulum.rest(), t_end=0.02).save(tmp_path / "run.npz")
+    for file in (tmp_path / "run.npz", "arm2d"):
+        said = mistake("show", file, "--problem", "arm3d_boxes", "--no-browser")
+        assert "is no plan" in said and "arm3d_boxes" in said

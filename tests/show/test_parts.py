@@ -132,17 +132,24 @@ def test_two_short_recordings_are_two_files(tmp_path):
 
 
 def test_what_keeps_a_recording_from_disk_is_told(tmp_path, monkeypatch):
+    spare = tmp_path / "spare"
+    spare.mkdir()
+    monkeypatch.setattr(take.tempfile, "gettempdir", lambda: str(spare))
     live = fan.Performance(fan.puppets.string_pendulum())
     taken = take.Take(live, tmp_path / "gone")
     taken.begin()
     live.advance(0.05)
     taken.finish()
-    assert "there is no folder" in taken.said
+    (path,) = spare.iterdir()  # nothing is lost where its folder is gone
+    assert "there is no folder" in taken.said and f"; wrote {path} (0.1 s)" in taken.said
+    assert taken.said.count("cannot be written") == 1
+    assert fan.Recording.load(path).duration == pytest.approx(0.05)
     monkeypatch.setattr(fan.Recording, "save", lambda *_: 1 / 0)
     taken.begin()
     live.advance(0.05)
     taken.finish()
-    assert "cannot be written: division by zero" in taken.said
+    assert taken.said.count("cannot be written: division by zero") == 2
+    assert taken.said.endswith("the recording is lost")
 
 
 def test_a_recording_is_shown_with_its_parameters_and_all_its_puppets(tmp_path):

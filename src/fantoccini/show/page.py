@@ -182,15 +182,24 @@ def _of_file(
         form, about = _form(path)
         if form.startswith("fantoccini.plan."):
             return subject_of(_plan(path, about, problem, progress), progress=progress)
+        _check_no_problem(path, problem)
         if form.startswith("fantoccini.recording."):
             return subject_of(Recording.load(path), progress=progress)
         try:
             return subject_of(Trajectory.load(path), progress=progress)
         except ValueError as error:
             raise FileError([Problem(str(path), None, "", str(error))]) from None
+    _check_no_problem(path, problem)
     if not path.exists() and name in puppets.names():
         path = puppets.path(name)
     return Subject(load(path, progress), file=path)
+
+
+def _check_no_problem(path: Path, problem: str | Path | None) -> None:
+    """Raises FileError where a problem file is given for what is no plan."""
+    if problem is not None:
+        message = f"is no plan; a problem file ({problem}) goes with one"
+        raise FileError([Problem(str(path), None, "", message)])
 
 
 def _form(path: Path) -> tuple[str, dict]:

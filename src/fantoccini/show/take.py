@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tempfile
 import threading
 from collections.abc import Collection
 from datetime import datetime
@@ -79,14 +80,20 @@ class Take:
         return recording, path
 
     def _write(self, recording: Recording, path: Path) -> None:
-        try:
-            recording.save(path)
-        except Exception as error:  # whatever it is, nobody else would tell
-            why = getattr(error, "strerror", None) or error
-            self.said = f"{path} cannot be written: {why}"
+        """Writes a recording; where its folder takes none any more, among temporary files."""
+        failed = ""
+        for place in (path, Path(tempfile.gettempdir()) / path.name):
+            try:
+                recording.save(place)
+            except Exception as error:  # whatever it is, nobody else would tell
+                reason = str(getattr(error, "strerror", None) or error)
+                told = f"{place} cannot be written"
+                failed += (reason if reason.startswith(told) else f"{told}: {reason}") + "; "
+                continue
+            why = f"; {recording.ended}" if recording.ended else ""
+            self.said = f"{failed}wrote {place} ({recording.duration:.1f} s{why})"
             return
-        why = f"; {recording.ended}" if recording.ended else ""
-        self.said = f"wrote {path} ({recording.duration:.1f} s{why})"
+        self.said = f"{failed}the recording is lost"
 
 
 def free_path(
