@@ -68,6 +68,18 @@ class Compiled:
         """
         return self._compiled("motions", codegen.generate_motions, MotionLibrary)
 
+    @cached_property
+    def variational(self) -> Library:
+        """The compiled variational integrator; made when first needed.
+
+        Raises:
+            BuildError: no compiler, or it failed.
+            PuppetError: the mass matrix is singular.
+        """
+        return self._compiled(
+            "variational", codegen.generate_variational, lambda file: Library(file, self.tree)
+        )
+
     def compile(self) -> None:
         """Loads the compiled model, or makes it, before anything needs it."""
         _ = self.library
@@ -75,7 +87,7 @@ class Compiled:
     def _compiled(self, what: str, generate: Callable, load: Callable[[Path], Any]) -> Any:
         """A library of this puppet, from the cache or made now; ``what`` tells them apart."""
         canonical = "\n".join(p.canonical() for p in self.world.puppets)
-        shaped_by = generator.fingerprint(derivatives=what == "derivatives")
+        shaped_by = generator.fingerprint(what)
         key = build.fingerprint(canonical, shaped_by, flags=(what,))
 
         def source() -> build.Source:
