@@ -98,6 +98,9 @@ struct VariationalStep {
     settle(guess, now, 0.0);
   }
 
+  // Whether a row is at its bound.
+  FAN_FN Mask closed(int r) const { return height(r) > Real(-kTouching); }
+
   // Looks for the step of length dt from the node with the inputs `now`: the lanes in which it was
   // found. Nothing moves yet.
   FAN_FN Mask solve(const Inputs& now, const Lead& lead, double dt) {
@@ -174,19 +177,19 @@ struct VariationalStep {
     gather(node);
     auto& rows = node.rows;
     auto& problem = rows.problem;
-    Mask closed[room(M)];
+    Mask at_bound[room(M)];
     Real rate[room(M)];
     rows.along(moving_, rate);
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
       rate[a] += rows.hdot_K[a];
       if (r < S) rate[a] -= winding(r);
-      closed[a] = near_[r] && (sides(rows, a) || height(r) > Real(-kTouching));
-      problem.b[a] = select(closed[a], rate[a], Real(-kAway));
+      at_bound[a] = near_[r] && (sides(rows, a) || closed(r));
+      problem.b[a] = select(at_bound[a], rate[a], Real(-kAway));
     }
     bound(node, dt);
     for (int a = 0; a < rows.n; ++a)
-      problem.active[a] = closed[a] && (lambda[rows.row[a]] > Real(0.0) || sides(rows, a));
+      problem.active[a] = at_bound[a] && (lambda[rows.row[a]] > Real(0.0) || sides(rows, a));
     problem.solve(kRaise, 1, kTolerance, 50 + 4 * rows.n);
     for (int r = 0; r < M; ++r) {
       mu_[r] = Real(0.0);
@@ -195,10 +198,10 @@ struct VariationalStep {
     Real pull[room(M)];
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
-      mu_[r] = select(closed[a], clamped(node, a), Real(0.0));
+      mu_[r] = select(at_bound[a], clamped(node, a), Real(0.0));
       pull[a] = -mu_[r];
       const Mask pulls = lambda[r] > Real(0.0) || mu_[r] > Real(0.0) || sides(rows, a);
-      taut[r] = closed[a] && pulls;
+      taut[r] = at_bound[a] && pulls;
     }
     rows.add(pull, node.y);
     rows.add(pull, moving_);

@@ -35,6 +35,7 @@ struct VariationalRun {
     work = damping = impact = slip_loss = worst_violation = 0.0;
     for (int r = 0; r < M; ++r) tension_[r] = blame[r] = 0.0;
     restart();
+    try_out();
     emit(out);
   }
 
@@ -115,18 +116,20 @@ struct VariationalRun {
     return judged();
   }
 
+  // What pulls at the start, and how much, is what does so in the first step.
+  void try_out() {
+    if (!solve_to(t + opt.dt)) return;
+    for (int r = 0; r < M; ++r) {
+      tension_[r] = at.lambda[r] * (2.0 / opt.dt);
+      at.taut[r] = at.taut[r] || (at.lambda[r] != 0.0 && at.closed(r));
+    }
+    restart();
+  }
+
   // Goes to `end` in one part, or stays where it is.
   bool try_to(double end) {
-    const double dt = end - t, middle = t + 0.5 * dt;
-    double unused_q[room(Model::n_qK)], unused_v[room(Model::n_vK)], unused_a[room(Model::n_vK)];
-    drive.look_at(middle);
-    drive.evaluate(middle, unused_q, unused_v, unused_a, lead_.u_D);
-    drive.look_at(end);
-    look(end, coming_);
-    for (int i = 0; i < Model::n_qK; ++i) lead_.q_next[i] = coming_.q_K[i];
-    half_way<typename Model::Driven>(now_.q_K, coming_.q_K, lead_.q_mid, lead_.v_mid);
-    for (int j = 0; j < Model::n_vK; ++j) lead_.v_mid[j] *= 1.0 / dt;
-    if (!at.solve(now_, lead_, dt)) return false;
+    if (!solve_to(end)) return false;
+    const double dt = end - t;
     at.accept(lead_, coming_, dt);
     now_ = coming_;
     t = end;
@@ -137,6 +140,19 @@ struct VariationalRun {
     for (int r = 0; r < M; ++r)
       if (at.h[r] > worst_violation) worst_violation = at.h[r];
     return true;
+  }
+
+  bool solve_to(double end) {
+    const double dt = end - t, middle = t + 0.5 * dt;
+    double unused_q[room(Model::n_qK)], unused_v[room(Model::n_vK)], unused_a[room(Model::n_vK)];
+    drive.look_at(middle);
+    drive.evaluate(middle, unused_q, unused_v, unused_a, lead_.u_D);
+    drive.look_at(end);
+    look(end, coming_);
+    for (int i = 0; i < Model::n_qK; ++i) lead_.q_next[i] = coming_.q_K[i];
+    half_way<typename Model::Driven>(now_.q_K, coming_.q_K, lead_.q_mid, lead_.v_mid);
+    for (int j = 0; j < Model::n_vK; ++j) lead_.v_mid[j] *= 1.0 / dt;
+    return at.solve(now_, lead_, dt);
   }
 
   Status judged() const {
