@@ -119,6 +119,17 @@ struct VariationalStep {
     return solved;
   }
 
+  // By row of the node, the speed that the row's impulse has to take from a step of length dt.
+  FAN_FN void demand(const Lead& lead, double dt, Real* b) {
+    Real z[room(N)];
+    first_guess(dt);
+    evaluate(lead, dt);
+    node.forth(before_, z);
+    for (int k = 0; k < N; ++k) z[k] = node.y[k] - z[k];
+    node.rows.along(z, b);
+    for (int a = 0; a < node.rows.n; ++a) b[a] += h[node.rows.row[a]] * (1.0 / dt);
+  }
+
   // Takes the step of length dt that was found.
   FAN_FN void accept(const Lead& lead, const Inputs& coming, double dt) {
     Real before[room(N)], coupled[room(N)], guess[room(N)];

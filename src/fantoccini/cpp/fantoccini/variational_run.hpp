@@ -78,7 +78,7 @@ struct VariationalRun {
 
   // A step, in as many parts as it takes.
   Status advance(double next, Record<Model>& out) {
-    const double dt = next - t;
+    const double start = t, dt = next - t;
     double part = dt;
     bool was[room(M)], slipped[room(S)], gives[room(S)];
     double impulse[room(M)], caught[room(M)];
@@ -90,22 +90,25 @@ struct VariationalRun {
       slipped[i] = at.slips[i];
       gives[i] = false;
     }
-    while (t < next) {
+    Status status = RUNNING;
+    while (t < next && status == RUNNING) {
       const bool last = next - t <= part * (1.0 + 1e-9);
-      const double end = last ? next : t + part;
+      const double end = last ? next : t + part, before = t;
       if (!try_to(end)) {
         part = 0.5 * (end - t);
-        if (part < kFinest * dt) return reason();
+        if (part < kFinest * dt) status = reason();
         continue;
       }
       for (int r = 0; r < M; ++r) (at.caught[r] ? caught : impulse)[r] += at.impulse[r];
       for (int i = 0; i < S; ++i) gives[i] = gives[i] || at.slips[i];
+      status = judged(t - before);
       if (!last) part *= 2.0;
     }
+    if (t == start) return status;
     ++n_steps;
     ++n_here;
     for (int r = 0; r < M; ++r) {
-      tension_[r] = impulse[r] / dt;
+      tension_[r] = impulse[r] / (t - start);
       if (caught[r] > 0.0) out.event(t, CATCH, r, caught[r], 0.0);
       if (!at.taut[r] && (was[r] || caught[r] > 0.0)) out.event(t, RELEASE, r, 0.0, 0.0);
     }
@@ -113,7 +116,8 @@ struct VariationalRun {
       at.slips[i] = gives[i];
       if (slipped[i] != gives[i]) out.event(t, gives[i] ? SLIP : GRIP, i, 0.0, 0.0);
     }
-    return judged();
+    if (status != RUNNING) emit(out);
+    return status;
   }
 
   // What pulls at the start, and how much, is what does so in the first step.
@@ -143,7 +147,7 @@ struct VariationalRun {
   }
 
   bool solve_to(double end) {
-    const double dt = end - t, middle = t + 0.5 * dt;
+    const double dt = part_ = end - t, middle = t + 0.5 * dt;
     double unused_q[room(Model::n_qK)], unused_v[room(Model::n_vK)], unused_a[room(Model::n_vK)];
     drive.look_at(middle);
     drive.evaluate(middle, unused_q, unused_v, unused_a, lead_.u_D);
@@ -155,41 +159,53 @@ struct VariationalRun {
     return at.solve(now_, lead_, dt);
   }
 
-  Status judged() const {
+  // After a part of a step.
+  Status judged(double dt) {
     const double size = squares<Model::n_qD>(at.q_D) + squares<N>(at.v_D);
     if (!(size < kTooWild * kTooWild)) return NOT_FINITE;
-    for (int i = 0; i < S; ++i)
-      if (Model::length_q[i] >= 0 && !(now_.q_K[Model::length_q[i]] > 0.0))
-        return LENGTH_NOT_POSITIVE;
-    return RUNNING;
+    if (is_empty(now_)) return LENGTH_NOT_POSITIVE;
+    double most = 0.0;
+    for (int r = 0; r < M; ++r)
+      if (!at.caught[r]) most = fmax(most, fabs(at.impulse[r]));
+    if (most <= at.cap * dt) return RUNNING;
+    for (int r = 0; r < M; ++r) blame[r] = at.caught[r] ? 0.0 : fabs(at.impulse[r]) / most;
+    return TENSION_CAP;
   }
 
-  // Why even the shortest part of a step has no solution; a row's share in it is its blame.
-  Status reason() {
+  static bool is_empty(const Inputs& in) {
     for (int i = 0; i < S; ++i)
-      if (Model::length_q[i] >= 0 && !(coming_.q_K[Model::length_q[i]] > 0.0))
-        return LENGTH_NOT_POSITIVE;
+      if (Model::length_q[i] >= 0 && !(in.q_K[Model::length_q[i]] > 0.0)) return true;
+    return false;
+  }
+
+  // Why even the shortest part of a step was not solved; a row's share in it is its blame.
+  Status reason() {
+    if (is_empty(coming_)) return LENGTH_NOT_POSITIVE;
     ActiveSet<M, N> set;
     const auto& rows = at.node.rows;
+    at.demand(lead_, part_, set.b);
     set.n = rows.n;
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
       set.column[a] = rows.column[a];
-      set.b[a] = rows.problem.b[a];
-      set.upper[a] = at.winches.slips(r) ? at.winches.max_tension[r] : kForever;
+      set.upper[a] = at.winches.slips(r) ? at.winches.max_tension[r] * part_ : kForever;
       set.two_sided[a] = rows.two_sided[a];
       set.place[a] = ActiveSet<M, N>::LOW;
     }
-    const bool none = set.solve() == Solved::INFEASIBLE;
+    const Solved solved = set.solve();
+    if (solved == Solved::UNSETTLED) return NOT_SETTLED;
+    const double* share = solved == Solved::INFEASIBLE ? set.ray : set.x;
     double most = 0.0;
-    for (int a = 0; a < rows.n && none; ++a) most = fmax(most, fabs(set.ray[a]));
-    for (int a = 0; a < rows.n && none; ++a) blame[rows.row[a]] = fabs(set.ray[a]) / most;
-    return none ? IMPOSSIBLE_INPUT : NOT_SETTLED;
+    for (int a = 0; a < rows.n; ++a) most = fmax(most, fabs(share[a]));
+    if (solved == Solved::YES && most <= at.cap * part_) return NOT_SETTLED;
+    for (int a = 0; a < rows.n; ++a) blame[rows.row[a]] = fabs(share[a]) / most;
+    return solved == Solved::YES ? TENSION_CAP : IMPOSSIBLE_INPUT;
   }
 
   Inputs now_, coming_;
   Lead lead_;
   double tension_[room(M)];
+  double part_ = 0.0;  // s: length of the step last looked for
 };
 
 }  // namespace fan
