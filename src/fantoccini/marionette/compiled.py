@@ -80,6 +80,10 @@ class Compiled:
             "variational", codegen.generate_variational, lambda file: Library(file, self.tree)
         )
 
+    def library_of(self, method: str) -> Library:
+        """The library that makes runs of a method."""
+        return self.variational if method == "variational" else self.library
+
     def compile(self) -> None:
         """Loads the compiled model, or makes it, before anything needs it."""
         _ = self.library

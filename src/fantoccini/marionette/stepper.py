@@ -32,7 +32,7 @@ class Stepper:
     Args:
         marionette: the puppet.
         x0: where it starts.
-        method: ``timestepping`` or ``event``.
+        method: ``timestepping``, ``variational`` or ``event``.
         options: numbers that steer the run.
     """
 
@@ -40,7 +40,7 @@ class Stepper:
         self,
         marionette: Marionette,
         x0: State,
-        method: Literal["timestepping", "event"],
+        method: Literal["timestepping", "variational", "event"],
         options: RunOptions,
     ):
         self.marionette = marionette
@@ -48,8 +48,9 @@ class Stepper:
         self.state = x0
         hold = Input.hold(marionette).bound(x0.q_K).shifted(x0.t)
         self._run = Run(
-            marionette.library, method, options, x0, marionette.p, marionette.winches, hold
-        )
+            marionette.library_of(method), method, options, x0, marionette.p, marionette.winches,
+            hold,
+        )  # fmt: skip
         self.tension = np.zeros(marionette.tree.n_rows)
 
     @property

@@ -106,7 +106,10 @@ struct VariationalStep {
   FAN_FN Mask solve(const Inputs& now, const Lead& lead, double dt) {
     if (!stiff_) {
       const Mask solved = solve_on(node, lead, dt);
-      if (!any(!solved)) return solved;
+      if (!any(!solved)) {
+        balance(now);
+        return solved;
+      }
     }
     firm.eval.at(q_D, v_D, now.q_K, now.v_K, now.acc_K, now.u_D, Real(0.5 * dt), p);
     firm.forth(momentum_, firm.y);
@@ -258,6 +261,7 @@ struct VariationalStep {
         pull[a] = -lambda[r];
       }
       rows.add(pull, z);
+      for (int k = 0; k < N; ++k) left_[k] = select(solved, left_[k], z[k]);
       const Real wrong = squares<N>(z);
       const Mask exact = wrong < (kExact * kExact) * size;
       const Mask stuck = wrong < (kNearlyExact * kNearlyExact) * size && !(wrong < 0.1 * last);
@@ -275,6 +279,18 @@ struct VariationalStep {
     for (int k = 0; k < N; ++k)
       if (Model::turns[k]) solved = solved && abs(xi_[k]) < Real(kFarthestTurn);
     return solved && !lost;
+  }
+
+  // Gives what the momenta at the node lack to those at the end: so symmetries keep theirs to
+  // rounding, whatever the iteration leaves.
+  FAN_FN void balance(const Inputs& now) {
+    Real v[room(N)], still[room(NK)], lacks[room(N)];
+    node.eval.back(left_, v);
+    for (int j = 0; j < NK; ++j) still[j] = Real(0.0);
+    const Real* arg[] = {q_D, v, now.q_K, still, p};
+    Real* res[] = {lacks};
+    Model::momentum(arg, res);
+    for (int k = 0; k < N; ++k) after_[k] += lacks[k];
   }
 
   // What the forces at the node make of the velocities half-way, with mu for Lambda.
@@ -421,6 +437,7 @@ struct VariationalStep {
   bool stiff_ = false;
   Real momentum_[room(N)], moving_[room(N)], mu_[room(M)], lost_[room(M)];
   Real xi_[room(N)], before_[room(N)], after_[room(N)], q_next_[room(NQ)];
+  Real left_[room(N)];  // z of the step that was found
   Real slip_next_[room(S)], slip_rate_[room(S)];
   Mask near_[room(M)];
   Broyden<N, Real> quick_;

@@ -5,7 +5,7 @@
 #include <new>
 
 #include "export.hpp"
-#include "variational_run.hpp"
+#include "variational_batch.hpp"
 
 // Sizes the caller must agree with, as in abi.hpp.
 FAN_EXPORT void fan_sizes(int* out) {
@@ -36,19 +36,11 @@ FAN_EXPORT int fan_start(
     const double* p, const double* winches, const fan::InputArrays* input,
     const fan::Options* options, const double*, long long, int save_every,
     fan::Record<fan::Model>* out) {
-  using fan::Model;
   auto& run = fan::run_of(handle);
   run.opt = *options;
-  run.drive.set(*input);
-  run.t = t;
   run.save_every = save_every;
-  auto& at = run.at;
-  at.cap = options->tension_cap;
-  at.winches.set(winches);
-  for (int i = 0; i < Model::n_p; ++i) at.p[i] = p[i];
-  for (int i = 0; i < Model::n_qD; ++i) at.q_D[i] = q_D[i];
-  for (int k = 0; k < Model::n_vD; ++k) at.v_D[k] = v_D[k];
-  for (int i = 0; i < Model::n_strings; ++i) at.slip[i] = slip[i];
+  run.drive.set(*input);
+  run.set(t, q_D, v_D, slip, p, winches);
   run.start(*out);
   return fan::RUNNING;
 }
@@ -82,4 +74,19 @@ FAN_EXPORT void fan_progress(void* handle, double* out) {
 FAN_EXPORT void fan_blame(void* handle, double* out) {
   const auto& run = fan::run_of(handle);
   for (int r = 0; r < fan::Model::n_rows; ++r) out[r] = run.blame[r];
+}
+
+// --- many runs (batch.hpp, variational_batch.hpp) -------------------------------------------------
+
+FAN_POOL
+
+// Bytes of BatchArrays, and trajectories that are advanced together.
+FAN_EXPORT void fan_batch_sizes(int* out) {
+  out[0] = int(sizeof(fan::BatchArrays));
+  out[1] = 1;
+}
+
+// Works on a pool until nothing is left; 0, or 1 where there was no memory.
+FAN_EXPORT int fan_batch_work(void* pool) {
+  return fan::work_on<fan::VariationalBatch<fan::Model>>(pool);
 }

@@ -28,6 +28,20 @@ struct VariationalRun {
   long long n_steps = 0, n_here = 0;
   int save_every = 1;
 
+  // Where the run begins; options and inputs come before.
+  void set(
+      double start, const double* q_D, const double* v_D, const double* slip, const double* p,
+      const double* winches) {
+    t = start;
+    n_steps = 0;
+    at.cap = opt.tension_cap;
+    at.winches.set(winches);
+    for (int i = 0; i < Model::n_p; ++i) at.p[i] = p[i];
+    for (int i = 0; i < Model::n_qD; ++i) at.q_D[i] = q_D[i];
+    for (int k = 0; k < N; ++k) at.v_D[k] = v_D[k];
+    for (int i = 0; i < S; ++i) at.slip[i] = slip[i];
+  }
+
   void start(Record<Model>& out) {
     drive.start_at(t);
     look(t, now_);
