@@ -1,4 +1,4 @@
-"""The variational integrator's source text: a library of its own, made when somebody asks for it."""
+"""The variational integrator's source text: a library of its own, made when first asked for."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ def joint_forces(
 def summed(
     tree: Tree, joints: list[JointMotion], wrenches: list[tuple[np.ndarray, np.ndarray]]
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Wrenches, or momenta, of every link with all that hangs from it, likewise about its origin."""
+    """Wrenches, or momenta, of every link and all that hangs from it, about its own origin."""
     torque, force = ([wrench[k] for wrench in wrenches] for k in range(2))
     for i in reversed(range(len(wrenches))):
         joint, parent = joints[i], tree.links[i].parent

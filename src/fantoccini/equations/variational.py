@@ -10,8 +10,8 @@ takes v_mid = xi/dt:
 
     L_d = dt L(q_mid, v_mid),    P = dL/dv,    G = dt/2 (dL/dq + u_D - damping - drag)
 
-With [s] a = s x a, s = xi/4 and the quaternions' tangent vectors in the body's frame, its derivatives
-give the momenta at both ends,
+With s = xi/4 and the quaternions' tangent vectors in the body's frame, its derivatives give the
+momenta at both ends,
 
     p_k   = P - G,   p_k+1 = P + G                                                 (scalars)
     p_k   = (1 - s.s) P + 2 (s x P) + 2 s (s.P) - (G + s x G)                      (quaternions)
@@ -54,8 +54,8 @@ ARGUMENTS: dict[str, tuple[str, ...]] = {
     "midpoint_rule": ("q_D", "xi", "q_mid", "v_mid", "q_K", "u_D", "dt", "p"),
     "momentum": ("q_D", "v_D", "q_K", "v_K", "p"),
 }
-"""Arguments of the functions. Of ``midpoint_rule`` q_D is q_k, q_mid and v_mid are those of the driven
-coordinates half-way, q_K is theirs at the end."""
+"""Arguments of the functions. Of ``midpoint_rule`` q_D is q_k, q_mid and v_mid are those of the
+driven coordinates half-way, q_K is theirs at the end."""
 
 RESULTS: dict[str, tuple[str, ...]] = {
     "midpoint_rule": ("before", "after", "q_next", "h"),

@@ -197,7 +197,7 @@ struct VariationalStep {
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
       rate[a] += rows.hdot_K[a];
-      if (r < S) rate[a] -= winding(r);
+      if (r < S) rate[a] -= winding(r, dt);
       at_bound[a] = near_[r] && (sides(rows, a) || closed(r));
       problem.b[a] = select(at_bound[a], rate[a], Real(-kAway));
     }
@@ -228,7 +228,7 @@ struct VariationalStep {
     auto& problem = rows.problem;
     const Mask no = Real(0.0) > Real(1.0);
     Real z[room(N)], moved[room(N)], along[room(M)], pull[room(M)];
-    for (int i = 0; i < S; ++i) slip_next_[i] = slip[i] + dt * winding(i);
+    for (int i = 0; i < S; ++i) slip_next_[i] = slip[i] + dt * winding(i, dt);
     bound(on, dt);
     for (int a = 0; a < rows.n; ++a) {
       pull[a] = -mu_[rows.row[a]];
@@ -395,24 +395,25 @@ struct VariationalStep {
     return true;
   }
 
-  FAN_FN Real winding(int i) const {
+  // The rate at which a winch winds back what has slipped, over a step dt.
+  FAN_FN Real winding(int i, double dt) const {
     using std::sqrt;
-    const Real speed = Real(winches.rewind_speed[i]);
-    if (!(winches.rewind_speed[i] > 0.0)) return Real(0.0);
-    const Real braked = sqrt(Real(2.0 * kBrake) * slip[i]);
-    return -select(braked < speed, braked, speed);
+    if (!(winches.rewind_speed[i] > 0.0) || !(dt > 0.0)) return Real(0.0);
+    const Real most = slip[i] * (1.0 / dt), braked = sqrt(Real(2.0 * kBrake) * slip[i]);
+    Real speed = Real(winches.rewind_speed[i]);
+    speed = select(braked < speed, braked, speed);
+    return -select(most < speed, most, speed);
   }
 
   // A winch at its largest tension gives way by what its string lacks.
   FAN_FN void give_way(const Footing<Model, Real>& on) {
     for (int i = 0; i < S; ++i) slips[i] = Real(0.0) > Real(1.0);
-    for (int i = 0; i < S; ++i)
-      slip_next_[i] = select(slip_next_[i] > Real(0.0), slip_next_[i], Real(0.0));
     for (int a = 0; a < on.rows.n; ++a) {
       const int r = on.rows.row[a];
       if (!winches.slips(r)) continue;
       slips[r] = on.rows.problem.high[a] && h[r] > Real(0.0);
       slip_next_[r] += select(slips[r], h[r], Real(0.0));
+      slip_next_[r] = select(slip_next_[r] > Real(kNoSlip), slip_next_[r], Real(0.0));
     }
   }
 
