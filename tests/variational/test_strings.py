@@ -9,7 +9,6 @@ import fantoccini as fan
 from fantoccini import puppets
 from fantoccini.errors import SimulationError, Status
 from fantoccini.motion import EventKind
-from harness import polynomial_input
 from variational import rigs
 
 HELD = 1e-11
@@ -117,17 +116,6 @@ def test_strings_pulled_apart_end_with_their_names(bench):
     exact = fan.simulate(bench, x, pull, 1.0, throw=False)
     assert run.t[-1] == pytest.approx(exact.t[-1], abs=2e-3)
     assert np.all(np.isfinite(run.q_D)) and np.max(run.violation.values) < HELD
-
-
-def test_a_length_wound_in_to_nothing_has_its_status(bench):
-    x = bench.rest({"line.length": 0.5})
-    reel = polynomial_input(
-        bench, [0.0, 1.0], {"line.length": np.array([[0.5, 0, -0.75, 0, 0, 0]])}, x.q_K
-    )
-    run = variational(bench, x, reel, 1.0, throw=False)
-    assert run.status is Status.LENGTH_NOT_POSITIVE
-    assert run.t[-1] == pytest.approx((0.5 / 0.75) ** 0.5, abs=0.02)
-    assert np.all(np.isfinite(run.q_D))
 
 
 def test_stiff_springs_and_heavy_damping_do_not_stop_it(bench):
