@@ -25,7 +25,7 @@
 
 namespace fan {
 
-constexpr double kExact = 2e-13;        // of the momenta's size: what a solved step may lack
+constexpr double kExact = 1e-12;        // of the momenta's size: what a solved step may lack
 constexpr double kNearlyExact = 1e-10;  // likewise, where it does not get any better
 constexpr double kHeld = 1e-11;         // m or rad by which a solved step may overstep a row
 constexpr double kTouching = 1e-10;     // m or rad: a row this near to its bound is at it

@@ -178,10 +178,12 @@ struct VariationalRun {
     const double size = squares<Model::n_qD>(at.q_D) + squares<N>(at.v_D);
     if (!(size < kTooWild * kTooWild)) return NOT_FINITE;
     if (is_empty(now_)) return LENGTH_NOT_POSITIVE;
-    double most = 0.0;
-    for (int r = 0; r < M; ++r)
-      if (!at.caught[r]) most = fmax(most, fabs(at.impulse[r]));
-    if (most <= at.cap * dt) return RUNNING;
+    double most = 0.0, span = dt;
+    for (int r = 0; r < M; ++r) {
+      if (at.caught[r]) span = 1.0;  // s: rows that pull pass a blow on
+      else most = fmax(most, fabs(at.impulse[r]));
+    }
+    if (most <= at.cap * span) return RUNNING;
     for (int r = 0; r < M; ++r) blame[r] = at.caught[r] ? 0.0 : fabs(at.impulse[r]) / most;
     return TENSION_CAP;
   }
