@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from benchmarks.long_runs import measure
-from benchmarks.strings.report import Table, machine, number
+from benchmarks.strings.report import Table, machine, number, wrapped
 
 ROOT = Path(__file__).resolve().parents[2]
 SECONDS = 1000.0
@@ -25,12 +25,15 @@ def main() -> None:
     told("cost", cost)
     growth = told("growth", measure.growth())
     text = PAGE.format(
-        seconds=seconds, longer=longer, gentle=gentle, vigorous=vigorous, orders=orders, momenta=momenta,
-        cost=cost.markdown(), growth=growth, machine=machine().markdown(),
+        seconds=seconds, longer=longer, gentle=gentle, vigorous=vigorous,
+        orders=orders, momenta=momenta, cost=cost.markdown(), growth=growth,
+        machine=machine().markdown(),
         fast=number(measure.TREP[0] / slowest), slow=number(measure.TREP[1] / slowest),
         slowest=f"{slowest:.1f}", drift=measure.TREP_DRIFT, strays=min(seconds, 100.0),
     )  # fmt: skip
-    (ROOT / "docs" / "long-runs.md").write_text(text, encoding="utf-8")
+    parts = (p if p.startswith(("|", "#")) else wrapped(p) for p in text.strip().split("\n\n"))
+    page = ROOT / "docs" / "long-runs.md"
+    page.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
 
 
 def told(what: str, table: Table) -> str:
@@ -56,9 +59,11 @@ A gentle swing (random velocities of 0.02 rad/s and m/s, less what the strings h
 {gentle}
 
 What looks like a slope over 1,000 s of `variational` is a slow wave: over eight times as long it is
-{longer} of the mean kinetic energy a second. trep, on a comparable puppet, drifts by {drift:g} J within 10 s in steps of 10 ms.
+{longer} of the mean kinetic energy a second. trep, on a comparable puppet, drifts by {drift:g} J
+within 10 s in steps of 10 ms.
 
-A vigorous swing (0.5), {strays:g} s: strings and limits catch, and every catch takes energy. What the ledger lacks is what the method itself gains or loses.
+A vigorous swing (0.5), {strays:g} s: strings and limits catch, and every catch takes energy. What
+the ledger lacks is what the method itself gains or loses.
 
 {vigorous}
 
