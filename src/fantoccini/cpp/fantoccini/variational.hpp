@@ -20,7 +20,7 @@
 #pragma once
 
 #include "broyden.hpp"
-#include "evaluation.hpp"
+#include "footing.hpp"
 #include "winch.hpp"
 
 namespace fan {
@@ -32,21 +32,6 @@ constexpr double kTouching = 1e-10;     // m or rad: a row this near to its boun
 constexpr double kFarthestTurn = 2.0;   // rad in one step
 constexpr double kAway = 1e30;          // speed at which a row opens in lanes it takes no part in
 constexpr int kCorrections = 30;        // of a step
-
-// A factor of the mass matrix at a node, the rows there, and the momenta in its terms.
-template <class Model, class Real>
-struct Footing {
-  Evaluation<Model, Real> eval;
-  RowSystem<Model, Real> rows;
-  Real y[room(Model::n_vD)];
-
-  // F^-T x.
-  FAN_FN void forth(const Real* x, Real* out) const {
-    const Real* arg[] = {eval.L, x};
-    Real* res[] = {out};
-    Model::forth(arg, res);
-  }
-};
 
 template <class Model, class Real>
 struct VariationalStep {
@@ -71,18 +56,21 @@ struct VariationalStep {
   Real impulse[room(M)];  // Lambda + mu of the last step
   Mask taut[room(M)], caught[room(M)];
   Real slip[room(S)];  // m, by which winches have given way
-  Mask slips[room(S)];
+  Mask slips[room(S)];    // in the last step
   Real work, loss, impact, slip_loss;  // of the last step
   long long n_corrections = 0;
   Footing<Model, Real> node, firm;
-  Real h[room(M)], lambda[room(M)];  // of the step that was looked for
+
+  // How far a row is beyond its bound at the end of the step that was found, and its impulse.
+  FAN_FN Real overstep(int r) const { return found_.h[r]; }
+  FAN_FN Real found_impulse(int r) const { return found_.lambda[r]; }
 
   // Begins at q_D, v_D and slip.
   FAN_FN void begin(const Inputs& now) {
     const Mask no = Real(0.0) > Real(1.0);
     for (int r = 0; r < M; ++r) {
       taut[r] = caught[r] = no;
-      lambda[r] = impulse[r] = mu_[r] = Real(0.0);
+      found_.lambda[r] = impulse[r] = mu_[r] = Real(0.0);
     }
     for (int i = 0; i < S; ++i) {
       slips[i] = no;
@@ -104,22 +92,23 @@ struct VariationalStep {
   // Looks for the step of length dt from the node with the inputs `now`: the lanes in which it was
   // found. Nothing moves yet.
   FAN_FN Mask solve(const Inputs& now, const Lead& lead, double dt) {
-    if (!stiff_) {
-      const Mask solved = solve_on(node, lead, dt);
-      if (!any(!solved)) {
-        balance(now);
-        return solved;
-      }
+    Mask solved = Real(0.0) > Real(1.0);
+    if (any(!stiff_)) {
+      solved = solve_on(node, lead, dt) && !stiff_;
+      balance(now);
+      if (!any(!solved)) return solved;
     }
+    const Found<Model, Real> first = found_;
     firm.eval.at(q_D, v_D, now.q_K, now.v_K, now.acc_K, now.u_D, Real(0.5 * dt), p);
     firm.forth(momentum_, firm.y);
     gather(firm);
     Real pull[room(M)];
     for (int a = 0; a < firm.rows.n; ++a) pull[a] = -mu_[firm.rows.row[a]];
     firm.rows.add(pull, firm.y);
-    const Mask solved = solve_on(firm, lead, dt);
-    stiff_ = stiff_ || !any(!solved);
-    return solved;
+    const Mask now_solved = solve_on(firm, lead, dt) && !solved;
+    stiff_ = stiff_ || now_solved;
+    if (any(solved)) found_.keep(first, solved);
+    return solved || now_solved;
   }
 
   // By row of the node, the speed that the row's impulse has to take from a step of length dt.
@@ -130,7 +119,7 @@ struct VariationalStep {
     node.forth(before_, z);
     for (int k = 0; k < N; ++k) z[k] = node.y[k] - z[k];
     node.rows.along(z, b);
-    for (int a = 0; a < node.rows.n; ++a) b[a] += h[node.rows.row[a]] * (1.0 / dt);
+    for (int a = 0; a < node.rows.n; ++a) b[a] += found_.h[node.rows.row[a]] * (1.0 / dt);
   }
 
   // Takes the step of length dt that was found.
@@ -142,20 +131,21 @@ struct VariationalStep {
     for (int k = 0; k < N; ++k) {
       before[k] = v_D[k];
       coupled[k] = node.eval.M_DK_v_K[k];
-      guess[k] = xi_[k] * (2.0 / dt) - v_D[k];
-      momentum_[k] = after_[k];
-      work += lead.u_D[k] * xi_[k];
+      guess[k] = found_.xi[k] * (2.0 / dt) - v_D[k];
+      momentum_[k] = found_.after[k];
+      work += lead.u_D[k] * found_.xi[k];
     }
     for (int r = 0; r < M; ++r) {
       was_taut[r] = taut[r];
-      impulse[r] = lambda[r];
+      impulse[r] = found_.lambda[r];
       lost_[r] = Real(0.0);
     }
-    account(lambda, false);
-    for (int i = 0; i < NQ; ++i) q_D[i] = q_next_[i];
+    account(found_.lambda, false);
+    for (int i = 0; i < NQ; ++i) q_D[i] = found_.q_next[i];
     for (int i = 0; i < S; ++i) {
-      slip_rate_[i] = (slip_next_[i] - slip[i]) * (1.0 / dt);
-      slip[i] = slip_next_[i];
+      slip_rate_[i] = (found_.slip_next[i] - slip[i]) * (1.0 / dt);
+      slip[i] = found_.slip_next[i];
+      slips[i] = found_.slips[i];
     }
     settle(guess, coming, dt);
     account(mu_, true);
@@ -202,8 +192,10 @@ struct VariationalStep {
       problem.b[a] = select(at_bound[a], rate[a], Real(-kAway));
     }
     bound(node, dt);
-    for (int a = 0; a < rows.n; ++a)
-      problem.active[a] = at_bound[a] && (lambda[rows.row[a]] > Real(0.0) || sides(rows, a));
+    for (int a = 0; a < rows.n; ++a) {
+      problem.high[a] = no;
+      problem.active[a] = at_bound[a] && (found_.lambda[rows.row[a]] > Real(0.0) || sides(rows, a));
+    }
     problem.solve(kRaise, 1, kTolerance, 50 + 4 * rows.n);
     for (int r = 0; r < M; ++r) {
       mu_[r] = Real(0.0);
@@ -214,7 +206,7 @@ struct VariationalStep {
       const int r = rows.row[a];
       mu_[r] = select(at_bound[a], clamped(node, a), Real(0.0));
       pull[a] = -mu_[r];
-      const Mask pulls = lambda[r] > Real(0.0) || mu_[r] > Real(0.0) || sides(rows, a);
+      const Mask pulls = found_.lambda[r] > Real(0.0) || mu_[r] > Real(0.0) || sides(rows, a);
       taut[r] = at_bound[a] && pulls;
     }
     rows.add(pull, node.y);
@@ -228,18 +220,18 @@ struct VariationalStep {
     auto& problem = rows.problem;
     const Mask no = Real(0.0) > Real(1.0);
     Real z[room(N)], moved[room(N)], along[room(M)], pull[room(M)];
-    for (int i = 0; i < S; ++i) slip_next_[i] = slip[i] + dt * winding(i, dt);
+    for (int i = 0; i < S; ++i) found_.slip_next[i] = slip[i] + dt * winding(i, dt);
     bound(on, dt);
     for (int a = 0; a < rows.n; ++a) {
-      pull[a] = -mu_[rows.row[a]];
+      problem.high[a] = no;
       problem.active[a] = near_[rows.row[a]] && (taut[rows.row[a]] || sides(rows, a));
     }
     first_guess(dt);
     Real size = squares<N>(on.y) + dt * dt * squares<N>(on.eval.w0);
     size = select(size > Real(1e-280), size, Real(1e-280));
     Mask solved = no, lost = no;
-    Real last = Real(kForever);
-    for (int r = 0; r < M; ++r) lambda[r] = Real(0.0);
+    Real last = Real(kAway);
+    for (int r = 0; r < M; ++r) found_.lambda[r] = Real(0.0);
     quick_.begin();
     for (int round = 0; round < kCorrections; ++round) {
       ++n_corrections;
@@ -251,14 +243,14 @@ struct VariationalStep {
       for (int a = 0; a < rows.n; ++a) {
         const int r = rows.row[a];
         was[a] = problem.active[a];
-        problem.b[a] = select(near_[r], Real(h[r] * (1.0 / dt) + along[a]), Real(-kAway));
+        problem.b[a] = select(near_[r], Real(found_.h[r] * (1.0 / dt) + along[a]), Real(-kAway));
       }
       problem.solve(kRaise, 1, kTolerance, 50 + 4 * rows.n);
       for (int a = 0; a < rows.n; ++a) {
         const int r = rows.row[a];
         changed = changed || was[a] != problem.active[a];
-        lambda[r] = select(solved, lambda[r], clamped(on, a));
-        pull[a] = -lambda[r];
+        found_.lambda[r] = select(solved, found_.lambda[r], clamped(on, a));
+        pull[a] = -found_.lambda[r];
       }
       rows.add(pull, z);
       for (int k = 0; k < N; ++k) left_[k] = select(solved, left_[k], z[k]);
@@ -273,11 +265,12 @@ struct VariationalStep {
       quick_.forget(changed);
       quick_.correct(z);
       on.eval.back(z, moved);
-      for (int k = 0; k < N; ++k) xi_[k] += select(solved || lost, Real(0.0), Real(dt * moved[k]));
+      for (int k = 0; k < N; ++k)
+        found_.xi[k] += select(solved || lost, Real(0.0), Real(dt * moved[k]));
     }
     give_way(on);
     for (int k = 0; k < N; ++k)
-      if (Model::turns[k]) solved = solved && abs(xi_[k]) < Real(kFarthestTurn);
+      if (Model::turns[k]) solved = solved && abs(found_.xi[k]) < Real(kFarthestTurn);
     return solved && !lost;
   }
 
@@ -290,7 +283,7 @@ struct VariationalStep {
     const Real* arg[] = {q_D, v, now.q_K, still, p};
     Real* res[] = {lacks};
     Model::momentum(arg, res);
-    for (int k = 0; k < N; ++k) after_[k] += lacks[k];
+    for (int k = 0; k < N; ++k) found_.after[k] += lacks[k];
   }
 
   // What the forces at the node make of the velocities half-way, with mu for Lambda.
@@ -299,16 +292,16 @@ struct VariationalStep {
     for (int k = 0; k < N; ++k) w[k] = moving_[k] + (0.5 * dt) * node.eval.w0[k];
     for (int a = 0; a < node.rows.n; ++a) pull[a] = -mu_[node.rows.row[a]];
     node.rows.add(pull, w);
-    node.eval.back(w, xi_);
-    for (int k = 0; k < N; ++k) xi_[k] *= dt;
+    node.eval.back(w, found_.xi);
+    for (int k = 0; k < N; ++k) found_.xi[k] *= dt;
   }
 
   FAN_FN void evaluate(const Lead& lead, double dt) {
     const Real step = Real(dt);
-    const Real* arg[] = {q_D, xi_, lead.q_mid, lead.v_mid, lead.q_next, lead.u_D, &step, p};
-    Real* res[] = {before_, after_, q_next_, h};
+    const Real* arg[] = {q_D, found_.xi, lead.q_mid, lead.v_mid, lead.q_next, lead.u_D, &step, p};
+    Real* res[] = {before_, found_.after, found_.q_next, found_.h};
     Model::midpoint_rule(arg, res);
-    for (int i = 0; i < S; ++i) h[i] -= slip_next_[i];
+    for (int i = 0; i < S; ++i) found_.h[i] -= found_.slip_next[i];
   }
 
   FAN_FN Real height(int r) const {
@@ -345,7 +338,6 @@ struct VariationalStep {
       const bool winch = winches.slips(r) && winches.max_tension[r] < cap;
       problem.upper[a] = Real(winch ? 0.5 * dt * winches.max_tension[r] : kMostImpulse * cap);
       problem.lower[a] = on.rows.two_sided[a] ? Real(-kMostImpulse * cap) : Real(0.0);
-      problem.high[a] = Real(0.0) > Real(1.0);
     }
   }
 
@@ -360,10 +352,10 @@ struct VariationalStep {
   FAN_FN Mask held(const Footing<Model, Real>& on) const {
     using std::abs;
     Mask all = Real(0.0) < Real(1.0);
-    for (int r = S; r < M; ++r) all = all && (near_[r] || !(h[r] > Real(kHeld)));
+    for (int r = S; r < M; ++r) all = all && (near_[r] || !(found_.h[r] > Real(kHeld)));
     for (int a = 0; a < on.rows.n; ++a) {
       const int r = on.rows.row[a];
-      const Real beyond = on.rows.two_sided[a] ? Real(abs(h[r])) : h[r];
+      const Real beyond = on.rows.two_sided[a] ? Real(abs(found_.h[r])) : found_.h[r];
       const Mask free = !near_[r] || (on.rows.problem.high[a] && in_all(winches.slips(r)));
       all = all && (free || beyond < Real(kHeld));
     }
@@ -380,18 +372,24 @@ struct VariationalStep {
   FAN_FN bool join(Footing<Model, Real>& on) {
     bool more = false;
     for (int r = S; r < M; ++r) {
-      const Mask joins = !near_[r] && h[r] > Real(kHeld);
+      const Mask joins = !near_[r] && found_.h[r] > Real(kHeld);
       more = more || any(joins);
       near_[r] = near_[r] || joins;
     }
     if (!more) return false;
     auto& problem = on.rows.problem;
-    Mask active[room(M)];
-    for (int r = 0; r < M; ++r) active[r] = Real(0.0) > Real(1.0);
-    for (int a = 0; a < on.rows.n; ++a) active[on.rows.row[a]] = problem.active[a];
+    Mask active[room(M)], high[room(M)];
+    for (int r = 0; r < M; ++r) active[r] = high[r] = Real(0.0) > Real(1.0);
+    for (int a = 0; a < on.rows.n; ++a) {
+      active[on.rows.row[a]] = problem.active[a];
+      high[on.rows.row[a]] = problem.high[a];
+    }
     int list[room(M)];
     on.rows.gather_more(on.eval, v_D, list, watched(list));
-    for (int a = 0; a < on.rows.n; ++a) problem.active[a] = active[on.rows.row[a]];
+    for (int a = 0; a < on.rows.n; ++a) {
+      problem.active[a] = active[on.rows.row[a]];
+      problem.high[a] = high[on.rows.row[a]];
+    }
     return true;
   }
 
@@ -407,13 +405,14 @@ struct VariationalStep {
 
   // A winch at its largest tension gives way by what its string lacks.
   FAN_FN void give_way(const Footing<Model, Real>& on) {
-    for (int i = 0; i < S; ++i) slips[i] = Real(0.0) > Real(1.0);
+    for (int i = 0; i < S; ++i) found_.slips[i] = Real(0.0) > Real(1.0);
     for (int a = 0; a < on.rows.n; ++a) {
       const int r = on.rows.row[a];
       if (!winches.slips(r)) continue;
-      slips[r] = on.rows.problem.high[a] && h[r] > Real(0.0);
-      slip_next_[r] += select(slips[r], h[r], Real(0.0));
-      slip_next_[r] = select(slip_next_[r] > Real(kNoSlip), slip_next_[r], Real(0.0));
+      found_.slips[r] = on.rows.problem.high[a] && found_.h[r] > Real(0.0);
+      Real& next = found_.slip_next[r];
+      next += select(found_.slips[r], found_.h[r], Real(0.0));
+      next = select(next > Real(kNoSlip), next, Real(0.0));
     }
   }
 
@@ -435,11 +434,11 @@ struct VariationalStep {
   }
 
   static constexpr double kRaise = 1e-10, kTolerance = 1e-13, kMostImpulse = 1.0;  // s
-  bool stiff_ = false;
+  Found<Model, Real> found_;
+  Mask stiff_ = Real(0.0) > Real(1.0);  // lanes in which F has to take in the damping
   Real momentum_[room(N)], moving_[room(N)], mu_[room(M)], lost_[room(M)];
-  Real xi_[room(N)], before_[room(N)], after_[room(N)], q_next_[room(NQ)];
+  Real before_[room(N)], slip_rate_[room(S)];
   Real left_[room(N)];  // z of the step that was found
-  Real slip_next_[room(S)], slip_rate_[room(S)];
   Mask near_[room(M)];
   Broyden<N, Real> quick_;
 };

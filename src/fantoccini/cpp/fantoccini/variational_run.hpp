@@ -138,8 +138,8 @@ struct VariationalRun {
   void try_out() {
     if (!solve_to(t + opt.dt)) return;
     for (int r = 0; r < M; ++r) {
-      tension_[r] = at.lambda[r] * (2.0 / opt.dt);
-      at.taut[r] = at.taut[r] || (at.lambda[r] != 0.0 && at.closed(r));
+      tension_[r] = at.found_impulse(r) * (2.0 / opt.dt);
+      at.taut[r] = at.taut[r] || (at.found_impulse(r) != 0.0 && at.closed(r));
     }
     restart();
   }
@@ -156,7 +156,7 @@ struct VariationalRun {
     impact += at.impact;
     slip_loss += at.slip_loss;
     for (int r = 0; r < M; ++r)
-      if (at.h[r] > worst_violation) worst_violation = at.h[r];
+      worst_violation = fmax(worst_violation, at.overstep(r));
     return true;
   }
 
