@@ -70,7 +70,7 @@ class Compiled:
 
     @cached_property
     def variational(self) -> Library:
-        """The compiled variational integrator; made when first needed.
+        """The compiled variational integrator, for runs alone; made when first needed.
 
         Raises:
             BuildError: no compiler, or it failed.
