@@ -128,3 +128,49 @@ def test_large_steps_stay_stable():
     assert np.min(run.tension.values) >= 0.0
     assert np.max(run.ledger["kinetic"]) < 0.1 and run.ledger["kinetic"][-1] < 0.01
     assert np.max(np.abs(run.ledger["residual"])) < 0.03
+
+
+TURNED = """
+puppet: turned
+bodies:
+  - {name: bar, joint: {type: free, driven: true}}
+  - name: weight
+    parent: bar
+    joint: {type: ball, at: [0.1, 0, 0], damping: 0.002}
+    mass: 0.3
+    com: [0.02, 0, -0.1]
+    inertia: [1.0e-3, 1.0e-3, 4.0e-4]
+  - name: bob
+    joint: {type: free}
+    mass: 0.4
+    com: [0, 0, -0.05]
+    inertia: [1.0e-3, 1.2e-3, 6.0e-4]
+    drag: {linear: 0.05, quadratic: 0.1}
+strings:
+  - {name: a, path: [{body: bar, at: [-0.2, 0, 0]}, {body: bob, at: [-0.1, 0, 0]}], length: 0.5}
+  - {name: b, path: [{body: bar, at: [0, 0.2, 0]}, {body: bob, at: [0, 0.1, 0]}], length: 0.5}
+pose: {bar.z: 1.0, bob.z: 0.4}
+"""
+"""A control bar that carries a weight on a ball joint, and a bob with drag on two strings."""
+
+
+def test_a_bar_that_turns_and_moves_mass_is_of_second_order():
+    """Driven orientations, M_DK that is not zero, drag and damping: the motion and the work."""
+    puppet = fan.loads(TURNED)
+    x = puppet.rest()
+    turn = {
+        "bar.rotation": [(0.0, [1, 0, 0, 0]), (0.5, [0.2, -0.3, 0.5])],
+        "bar.x": [(0.0, 0.0), (0.5, 0.1)],
+    }
+    inputs = fan.Input.waypoints(puppet, turn)
+    exact = fan.simulate(puppet, x, inputs, 0.5, rtol=1e-12, atol=1e-12)
+    off = []
+    for dt in STEPS:
+        run = fan.simulate(puppet, x, inputs, 0.5, method="variational", dt=dt)
+        work = run.ledger["work"][-1] - exact.ledger["work"][-1]
+        lost = run.ledger["damping"][-1] - exact.ledger["damping"][-1]
+        moved = np.max(np.abs(run.q_D[-1] - exact.q_D[-1]))
+        off.append([moved, abs(work), abs(lost), np.max(np.abs(run.ledger["residual"]))])
+    orders = [slope(errors) for errors in np.transpose(off)]
+    print(f"order of q_D, work, damping, residual: {orders}")
+    assert orders == pytest.approx([2.0] * 4, abs=0.1)
