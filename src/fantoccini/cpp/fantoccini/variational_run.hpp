@@ -211,9 +211,12 @@ struct VariationalRun {
     const Solved solved = set.solve();
     if (solved == Solved::UNSETTLED) return NOT_SETTLED;
     const double* share = solved == Solved::INFEASIBLE ? set.ray : set.x;
-    double most = 0.0;
-    for (int a = 0; a < rows.n; ++a) most = fmax(most, fabs(share[a]));
-    if (solved == Solved::YES && most <= at.cap * part_) return NOT_SETTLED;
+    double most = 0.0, span = part_;
+    for (int a = 0; a < rows.n; ++a) {
+      if (share[a] != 0.0 && !at.taut[rows.row[a]]) span = 1.0;  // s: a blow, not a pull
+      most = fmax(most, fabs(share[a]));
+    }
+    if (solved == Solved::YES && most <= at.cap * span) return NOT_SETTLED;
     for (int a = 0; a < rows.n; ++a) blame[rows.row[a]] = fabs(share[a]) / most;
     return solved == Solved::YES ? TENSION_CAP : IMPOSSIBLE_INPUT;
   }
