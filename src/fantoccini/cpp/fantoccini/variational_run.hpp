@@ -173,12 +173,13 @@ struct VariationalRun {
     return at.solve(now_, lead_, dt);
   }
 
-  // After a part of a step.
+  // After a part of a step, of length dt. A pull counts over a whole step: in a short part, what rows
+  // that are taut get of a blow just before looks like one.
   Status judged(double dt) {
     const double size = squares<Model::n_qD>(at.q_D) + squares<N>(at.v_D);
     if (!(size < kTooWild * kTooWild)) return NOT_FINITE;
     if (is_empty(now_)) return LENGTH_NOT_POSITIVE;
-    double most = 0.0, span = dt;
+    double most = 0.0, span = fmax(dt, opt.dt);
     for (int r = 0; r < M; ++r) {
       if (at.caught[r]) span = 1.0;  // s: rows that pull pass a blow on
       else most = fmax(most, fabs(at.impulse[r]));
