@@ -1,4 +1,5 @@
-# `make demo` shows what fantoccini does, `make test` checks it. Both set everything up in .venv;
+# `make demo` shows what fantoccini does, `make show` puts strings into your hands, `make test` checks
+# it. All set everything up in .venv;
 # a stamp file stands for each finished step, so a second run starts at once.
 
 VENV := .venv
@@ -6,11 +7,15 @@ OLDER := .venv-mujoco317
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test gallery bench bench-plan soak strings-report growth-report long-runs-report lint wheel clean
+.PHONY: demo show test gallery bench bench-plan soak strings-report growth-report long-runs-report
+.PHONY: lint wheel clean
 .NOTPARALLEL:
 
 demo: $(VENV)/stamp-demo
 	$(BIN)/fantoccini demo
+
+show: $(VENV)/stamp-demo
+	$(BIN)/fantoccini show marionette
 
 test: $(VENV)/stamp-test
 	$(BIN)/python -m pytest
@@ -56,6 +61,7 @@ $(VENV)/stamp-demo: pyproject.toml $(VENV)/stamp-venv
 
 $(VENV)/stamp-test: pyproject.toml $(VENV)/stamp-venv
 	$(PIP) --editable '.[test]'
+	sh .ci/browser
 	touch $@
 
 $(VENV)/stamp-bench: pyproject.toml $(VENV)/stamp-venv

@@ -35,12 +35,14 @@ ORDER = (
     "simulate",
     "sweep",
     "demo",  # the bundled performance: inputs for a bundled puppet
+    "perform",
     "optimise",
     "exchange",  # plans are verified in what it makes of a puppet
     "plan",
     "choreograph",
     "stand",
     "view",
+    "show",
     "cli",
 )
 
@@ -66,6 +68,7 @@ ONLY_IN = {
     "mujoco": {"exchange"},
     "coal": {"plan"},
     "pyvista": {"view"},
+    "viser": {"show"},
 }
 """Libraries and the modules that may use them."""
 

@@ -9,13 +9,11 @@ that may be added to the first puppet file of the page.
 from __future__ import annotations
 
 import json
-import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from tests.cli.command import fantoccini
 
 import fantoccini as fan
 from fantoccini import puppet
@@ -88,19 +86,13 @@ def test_the_readmes_commands_run(folder):
         (folder / block.split()[1]).write_text(block, encoding="utf-8")
     lines = [line for block in blocks(page, "sh") for line in block.splitlines()]
     commands = [line.split()[1:] for line in lines if line.startswith("fantoccini ")]
-    path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
     for command in commands:
-        done = subprocess.run(
-            [sys.executable, "-c", "from fantoccini.cli import main; main()", *command],
-            env={**os.environ, "PYTHONPATH": path},
-            capture_output=True,
-            text=True,
-            timeout=120,
-            check=False,
-        )
-        assert done.returncode == 0, (command, done.stderr)
+        done = fantoccini(*command)
+        assert done.exit_code == 0, (command, done.stderr)
     made = {path.name for path in folder.iterdir()}
-    assert made == {"pendulum.yaml", "pendulum.npz", "pendulum.png", "plan.png"}
+    assert made == {
+        "pendulum.yaml", "pendulum.npz", "pendulum.png", "pendulum.html", "plan.png",
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import fantoccini as fan
 
 from ..strings.report import Section, Table
-from . import feedback
+from . import events, feedback
 from .marks import Mark
 
 
@@ -34,6 +34,17 @@ def chapter(seeds: int) -> tuple[Section, list[Mark]]:
             f"{name}: half of the runs absorb a kick of {within:.2g} rad/s ({clear:.2g} rad/s "
             "touching nothing)."
         )
+    engines = {"fantoccini": events.in_fantoccini, "MuJoCo": events.in_mujoco}
+    slack = max(1, seeds // 5)
+    rows_slack = events.compared(events.slack_plans(slack), 6, events.SIZES[1:], engines)
+    bell, taken = events.bell(6)
+    section.parts += [
+        f"Where strings go slack: {slack} such plans, improved for time alone, 6 kicks of each "
+        "size; gains by time, and by the mode that the puppet is in.",
+        Table(events.HEAD, [row.cells() for row in rows_slack]),
+        f"The full marionette's bell, whose law takes {taken:.1f} s to make:",
+        Table(events.HEAD, [row.cells() for row in bell]),
+    ]
     closed = next(r for r in rows if r.name == "feedback, MuJoCo")
     share = 100.0 * closed.within / closed.runs
     return section, [Mark("with feedback: arrive in MuJoCo", share, 95.0, "%", True)]

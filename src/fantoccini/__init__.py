@@ -45,6 +45,7 @@ from fantoccini.motion import (
     Trajectories,
     Trajectory,
 )
+from fantoccini.perform import Handle, Performance, Recording
 from fantoccini.plan import (
     Clearance,
     Goal,
@@ -57,6 +58,7 @@ from fantoccini.plan import (
     solve,
 )
 from fantoccini.puppet import Puppet
+from fantoccini.show import show
 from fantoccini.simulate import Passage, Sensitivity, sensitivity, simulate
 from fantoccini.sweep import Case, SweepResult, Trial, sweep
 from fantoccini.world import World
@@ -75,6 +77,7 @@ __all__ = [
     "Flow",
     "Goal",
     "HalfSpace",
+    "Handle",
     "Input",
     "InputError",
     "Inputs",
@@ -85,11 +88,13 @@ __all__ = [
     "Modes",
     "Partials",
     "Passage",
+    "Performance",
     "PlanResult",
     "PlanStatus",
     "Problem",
     "Puppet",
     "PuppetError",
+    "Recording",
     "Sensitivity",
     "SimulationError",
     "State",
@@ -112,6 +117,7 @@ __all__ = [
     "plan",
     "puppets",
     "sensitivity",
+    "show",
     "simulate",
     "solve",
     "sweep",

@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -149,20 +148,36 @@ def test_impossible_inputs_leave_what_was_reached_and_end_with_1(tmp_path) -> No
     assert np.all(np.isfinite(run.q_D))
 
 
+BEGUN = """
+import sys
+from fantoccini.cli import main
+from fantoccini.simulate import run
+
+advance = run.Run.advance
+
+def told(self, t_end):
+    for piece in advance(self, t_end):
+        print("begun", file=sys.stderr, flush=True)
+        yield piece
+
+run.Run.advance = told
+main()
+"""
+"""The command, which says on stderr whenever a piece of the run is there."""
+
+
 def test_ctrl_c_writes_what_was_reached_and_ends_with_130(tmp_path) -> None:
     fan.puppets.arm2d().rest()  # so that nothing is compiled below
     out = tmp_path / "run.npz"
     command = [
-        sys.executable, "-m", "fantoccini.cli.app", "simulate", "arm2d", "--out", str(out),
+        sys.executable, "-c", BEGUN, "simulate", "arm2d", "--out", str(out),
         "--method", "timestepping", "--dt", "0.0005", "--duration", "3600",
     ]  # fmt: skip
     with subprocess.Popen(
         command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as run:
-        for line in run.stderr:
-            if line.startswith("simulating"):
-                break
-        time.sleep(0.3)
+        for wanted in ("simulating", "begun"):  # what is begun before is a rest to start from
+            assert any(line.startswith(wanted) for line in run.stderr)
         run.send_signal(signal.SIGINT)
         _, said = run.communicate(timeout=60)
     assert run.returncode == 130

@@ -15,8 +15,9 @@ TREES = 200
 SIZES = [40, 38, 36, 34, *([28] * 6), *([20] * 15), *([12] * 45), *([6] * 65), *([3] * 65)]
 
 
-COMPILED = (4, 10, 30, 45, 60, 75, 90, 105, 140, 180)
-"""Seeds of the trees that are compiled too: 28, 20, 12, ... DOF."""
+COMPILED = (4, 10, 30, 45, 75, 140)
+"""Seeds of the trees that are compiled too: 28, 20, 12, 12, 6, 3 DOF. One of a size is enough: that
+what is compiled returns what the equations do is the business of the tests of the generator."""
 
 
 def check(model: Model, seed: int, acceleration=None) -> float:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import itertools
 import json
+from functools import cache
 
 import numpy as np
 import pytest
@@ -30,14 +31,31 @@ def bob(anchors: list[float], most: dict[int, float] | None = None) -> Marionett
         anchors: x of the points.
         most: string number -> largest tension of its winch.
     """
-    strings = []
-    for i, x in enumerate(anchors):
-        top = [x, 0.0, HEIGHT]
-        length = float(np.linalg.norm(START - top))
-        string = {"name": f"s{i}", "path": [{"world": top}, {"body": "bob"}], "length": length}
-        if i in (most or {}):
-            string["max_tension"] = most[i]
-        strings.append(string)
+    x = np.array(anchors)
+    lengths = np.hypot(START[0] - x, np.hypot(START[1], START[2] - HEIGHT))
+    named = {f"x{i}": float(at) for i, at in enumerate(x)}
+    named |= {f"length{i}": float(length) for i, length in enumerate(lengths)}
+    marionette = on_strings(len(anchors)).with_parameters(named)
+    winches = marionette.winches.copy()
+    for i, tension in (most or {}).items():
+        winches[i, 0] = tension
+    return marionette.with_winches(winches)
+
+
+@cache
+def on_strings(n: int) -> Marionette:
+    """A bob on n strings whose points and lengths are parameters: compiled once for all bobs."""
+    strings = [
+        {
+            "name": f"s{i}",
+            "path": [
+                {"world": [{"parameter": f"x{i}", "value": 0.0}, 0.0, HEIGHT]},
+                {"body": "bob"},
+            ],
+            "length": {"parameter": f"length{i}", "value": 1.0},
+        }
+        for i in range(n)
+    ]
     joint = {"type": "translation", "axes": ["x", "y", "z"]}
     pose = {f"bob.{axis}": float(at) for axis, at in zip("xyz", START, strict=True)}
     body = {"name": "bob", "joint": joint, "mass": MASS}

@@ -55,7 +55,9 @@ def test_gains_are_those_of_least_squares():
     right = np.concatenate([right, np.zeros((m * k, n))])
     best = -np.linalg.lstsq(rows, right, rcond=None)[0]
 
-    z, gains = np.eye(n), regulators(A, B, Q, R, Q_m)
+    z, (gains, P) = np.eye(n), regulators(A, B, Q, R, Q_m)
+    left = rows @ best + right
+    np.testing.assert_allclose(P[0], left.T @ left, rtol=1e-9, atol=1e-9 * np.abs(P[0]).max())
     for j in range(m):
         a = -gains[j] @ z
         np.testing.assert_allclose(a, best[j * k : (j + 1) * k], atol=1e-9 * np.abs(best).max())
@@ -130,6 +132,15 @@ def test_an_undisturbed_puppet_does_what_was_planned(plan, law):
     np.testing.assert_allclose(followed.acceleration, law.planned, atol=1e-5)
     assert abs(planned.distance - plan.distance) < 1e-5
     assert law.run(method="event").arrives
+
+
+def test_without_events_gains_go_by_time(plan, law):
+    """The same to the last bit, where the plan's string pulls all the way."""
+    assert np.all(law.pulling) and not len(law.beyond.late)
+    by_time = Feedback.along(plan, window=0)
+    kicked = plan.problem.marionette.project(plan.start.replace(v_D=[0.3, 0.1, 0.0, -0.4]))
+    runs = [each.run(kicked) for each in (law, by_time)]
+    np.testing.assert_array_equal(runs[0].acceleration, runs[1].acceleration)
 
 
 def test_pushes_are_absorbed_and_the_goal_is_held(plan, law):

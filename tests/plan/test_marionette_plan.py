@@ -30,6 +30,19 @@ def test_the_marionette_touches_the_bell_past_the_lamp():
     assert all(straight) and sum(hits) >= 3
 
 
+def test_feedback_along_the_bell_absorbs_kicks():
+    """Kicks of half a radian a second, over 25 degrees of freedom together."""
+    problem = fan.load_problem("marionette_bell")
+    plan = fan.solve(problem, seed=0, time_limit=60.0)
+    law, random, within = plan.feedback(), np.random.default_rng(0), []
+    assert law.run().arrives
+    for _ in range(4):
+        x, kick = plan.start, random.normal(size=len(plan.start.v_D))
+        kicked = problem.marionette.project(x.replace(v_D=0.5 * kick / np.linalg.norm(kick)))
+        within.append(law.run(kicked).distance <= plan.tolerance)
+    assert all(within)
+
+
 def test_where_it_hangs_at_the_goal_is_a_stable_equilibrium():
     problem = fan.load_problem("marionette_bell")
     puppet, moves = problem.marionette, problem.motions.bounds.moves

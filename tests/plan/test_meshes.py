@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from functools import cache
 
 import numpy as np
 import pytest
@@ -16,11 +17,10 @@ from scipy.spatial.transform import Rotation
 
 import fantoccini as fan
 from fantoccini.plan import Clearance
+from fantoccini.runtime import ClearanceLibrary
 
 THICK = 0.1
 """Of the legs of the L, which are 0.4 long and lie along x and z; 0.2 across."""
-
-FREE = {"joint": {"type": "free"}, "mass": 1.0, "inertia": [1, 1, 1, 0, 0, 0]}
 
 
 def prism(outline: list[tuple[float, float]], triangles: list[tuple[int, ...]]) -> trimesh.Trimesh:
@@ -73,11 +73,25 @@ def there(folder, monkeypatch):
 
 
 def flying(*shapes: dict) -> fan.Marionette:
-    """A free body for every shape."""
-    bodies = [{"name": f"body{k}", "shapes": [s], **FREE} for k, s in enumerate(shapes)]
-    for k, body in enumerate(bodies):
-        bodies[k] = body | {"joint": body["joint"] | {"name": f"j{k}"}}
-    return fan.loads(str({"puppet": "flying", "bodies": bodies}))
+    """A free body for every shape; what is compiled knows no shapes, and is made once."""
+    bodies = [body | {"shapes": [s]} for body, s in zip(free(len(shapes)), shapes, strict=True)]
+    puppet = fan.loads(str({"puppet": "flying", "bodies": bodies}))
+    puppet.__dict__["clearances"] = clearances(len(shapes))
+    return puppet
+
+
+def free(n: int) -> list[dict]:
+    """Bodies that hang from nothing."""
+    inertia = {"mass": 1.0, "inertia": [1, 1, 1, 0, 0, 0]}
+    return [
+        {"name": f"body{k}", "joint": {"name": f"j{k}", "type": "free"}, **inertia}
+        for k in range(n)
+    ]
+
+
+@cache
+def clearances(n: int) -> ClearanceLibrary:
+    return fan.loads(str({"puppet": "flying", "bodies": free(n)})).clearances
 
 
 def mesh(file: str, **more) -> dict:

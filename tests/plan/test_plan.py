@@ -258,14 +258,21 @@ def test_ctrl_c_leaves_nothing_that_works_on():
     script = """
 import os, signal, threading, time
 import fantoccini as fan
+told = []
+def stop(number, frame):
+    told.append(number)
+    raise KeyboardInterrupt
+signal.signal(signal.SIGINT, stop)
 arm = fan.puppets.arm3d()
 x = arm.rest({"hand.x": 0.3, "hand.length": 1.32, "elbow": 0.1})
 problem = fan.Problem(arm, x, {"elbow": 1.0}, tolerance=1e-7, threads=2)
 for k in range(25):
-    threading.Timer(0.02 + 0.003 * k, os.kill, (os.getpid(), signal.SIGINT)).start()
     found = None
     try:
-        found = fan.solve(problem, seed=k, time_limit=20.0)
+        threading.Timer(0.02 + 0.003 * k, os.kill, (os.getpid(), signal.SIGINT)).start()
+        found = fan.solve(problem, seed=k, time_limit=60.0)
+        while len(told) <= k:
+            time.sleep(0.01)
         time.sleep(0.3)
     except KeyboardInterrupt:
         pass
@@ -273,7 +280,7 @@ for k in range(25):
 print("whole")
 """
     done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=False, timeout=120
+        [sys.executable, "-c", script], capture_output=True, text=True, check=False, timeout=300
     )
     assert done.returncode == 0 and "whole" in done.stdout, done.stderr
 

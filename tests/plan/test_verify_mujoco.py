@@ -54,14 +54,23 @@ def test_a_plan_with_other_inputs_does_not_arrive(plan):
 
 
 def test_the_marionettes_plan_arrives_with_its_limits():
-    """Springs, drag, cones and twists are there; some limits are reached on the way."""
+    """Springs, drag, cones and twists are there; some limits are reached on the way.
+
+    MuJoCo pushes back once a limit is passed: one that is struck may be passed for a step.
+    """
     plan = solve(fan.load_problem("marionette_bell"), seed=0)
     there, event = plan.verify(backend="mujoco"), plan.verify(method="event")
     assert there.arrives and there.gap < 0.01
     assert there.distance == pytest.approx(event.distance, abs=2e-3)
     touched = {name for name, force in event.run.limit_force.items() if force.max() > 1e-4}
     assert touched <= {name for name, force in there.run.limit_force.items() if force.max() > 0}
-    assert "hip_right.twist.lower" in touched and there.run.violation.values.max() < 1e-3
+    assert "hip_right.twist.lower" in touched
+    passed, step = dict.fromkeys(there.run.violation.names, 1e-3), np.diff(there.run.t).max()
+    for struck in event.run.events:
+        if struck.name in passed:
+            passed[struck.name] = max(passed[struck.name], struck.speed * step)
+    for name, most in passed.items():
+        assert there.run.violation[name].max() < most, name
 
 
 @pytest.mark.parametrize(

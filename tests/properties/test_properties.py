@@ -12,7 +12,7 @@ from properties.check import METHODS, checked, simulated
 from properties.performances import performance
 from properties.soak import soak
 
-RUNS = 10_000
+RUNS = 5_000
 WORKERS = 2
 
 

@@ -12,10 +12,11 @@ SECONDS = 1000.0
 PENDULUM = """
 puppet: pendulum
 bodies:
-  - {{name: bob, joint: {{type: translation, axes: [x, z]}}, mass: 1}}
+  - {name: bob, joint: {type: translation, axes: [x, z]}, mass: 1}
 strings:
-  - {{name: line, path: [{{body: bob}}, {{world: [0, 0, 0]}}], length: 0.7, restitution: {e}}}
-pose: {{bob.z: -0.7}}
+  - {name: line, path: [{body: bob}, {world: [0, 0, 0]}], length: 0.7,
+     restitution: {parameter: e, value: 0}}
+pose: {bob.z: -0.7}
 """
 
 ROD = """
@@ -37,7 +38,7 @@ def relative(marionette, run) -> float:
 
 
 def test_a_swing_of_a_thousand_seconds():
-    pendulum = fan.loads(PENDULUM.format(e=0))
+    pendulum = fan.loads(PENDULUM)
     x0 = pendulum.state({"v:bob.x": 2.2})
     run = fan.simulate(pendulum, x0, t_end=SECONDS)
     assert not run.events
@@ -47,7 +48,7 @@ def test_a_swing_of_a_thousand_seconds():
 
 def test_a_thousand_seconds_of_bounces():
     """An elastic string: thousands of catches, none of which may leave a trace."""
-    pendulum = fan.loads(PENDULUM.format(e=1))
+    pendulum = fan.loads(PENDULUM).with_parameters({"e": 1.0})
     run = fan.simulate(pendulum, pendulum.state({"bob.x": 0.1, "bob.z": -0.2}), t_end=SECONDS)
     assert sum(e.kind == "catch" for e in run.events) > 2000
     assert relative(pendulum, run) < 1e-12

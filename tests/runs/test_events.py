@@ -179,21 +179,21 @@ def test_an_acceleration_beyond_gravity_lets_go(pendulum):
 TRIO = """
 puppet: trio
 bodies:
-  - {{name: heavy, joint: {{type: translation, axes: [x, z]}}, mass: 10}}
-  - {{name: light, joint: {{type: translation, axes: [x, z]}}, mass: {light}}}
-  - {{name: third, joint: {{type: translation, axes: [x, z]}}, mass: 1}}
+  - {name: heavy, joint: {type: translation, axes: [x, z]}, mass: 10}
+  - {name: light, joint: {type: translation, axes: [x, z]}, mass: {parameter: light, value: 1.0}}
+  - {name: third, joint: {type: translation, axes: [x, z]}, mass: 1}
 strings:
-  - {{name: one, path: [{{body: heavy}}, {{world: [0, 0, 1]}}], length: 1}}
-  - {{name: other, path: [{{body: heavy}}, {{world: [0, 0, 1]}}], length: 1}}
-  - {{name: thin, path: [{{body: light}}, {{world: [0, 0, 1]}}], length: 1}}
-  - {{name: bounce, path: [{{body: third}}, {{world: [0, 0, 1]}}], length: 1, restitution: 0.5}}
-pose: {{third.z: 0.5}}
+  - {name: one, path: [{body: heavy}, {world: [0, 0, 1]}], length: 1}
+  - {name: other, path: [{body: heavy}, {world: [0, 0, 1]}], length: 1}
+  - {name: thin, path: [{body: light}, {world: [0, 0, 1]}], length: 1}
+  - {name: bounce, path: [{body: third}, {world: [0, 0, 1]}], length: 1, restitution: 0.5}
+pose: {third.z: 0.5}
 """
 
 
 @pytest.mark.parametrize("light", [1.0, 1e-2, 5e-4])
 def test_a_catch_is_the_same_beside_redundant_strings_and_unlike_masses(light):
-    trio = fan.loads(TRIO.format(light=light))
+    trio = fan.loads(TRIO).with_parameters({"light": light})
     run = fan.simulate(trio, trio.state(), t_end=0.7)
     caught = [e for e in run.events if e.kind == "catch" and e.name == "bounce"]
     speed = np.sqrt(2 * GRAVITY * 0.5)

@@ -253,3 +253,17 @@ strings:
     assert [e.kind.value for e in run.events][-1] == "accumulation"
     assert run.taut.values[-1].all()
     assert abs(run.ledger["residual"][-1]) < 1e-8
+
+
+def test_a_run_knows_the_values_of_its_parameters(tmp_path):
+    """They are in the puppet that it keeps, which is not compiled again for them."""
+    arm = fan.puppets.arm2d().with_parameters({"m1": 0.5}).with_parameters({"m2": 0.25})
+    run = fan.simulate(arm, arm.rest({"hand.length": 0.8}), t_end=0.01)
+    run.save(tmp_path / "run.npz")
+    told = []
+    again = fan.Marionette(fan.Trajectory.load(tmp_path / "run.npz").puppet, told.append)
+    assert np.array_equal(again.p, arm.p) and again.mass == pytest.approx(0.75)
+    assert np.array_equal(again.mass_matrix(run.state(0)), arm.mass_matrix(run.state(0)))
+    assert not told
+    file = fan.puppets.arm2d()
+    assert file.described is file.puppet

@@ -17,11 +17,13 @@ DROP = 0.5  # m that the weight falls before its string is taut
 WEIGHT = """
 puppet: weight
 bodies:
-  - {{name: bob, joint: {{type: translation, axes: [x, z]}}, mass: 1}}
+  - {name: bob, joint: {type: translation, axes: [x, z]}, mass: 1}
 strings:
-  - {{name: line, path: [{{body: bob}}, {{world: [0, 0, 1]}}], length: 1.0, {winch}}}
-pose: {{bob.z: 0.5}}
+  - {name: line, path: [{body: bob}, {world: [0, 0, 1]}], length: 1.0,
+     max_tension: {parameter: most, value: 20}}
+pose: {bob.z: 0.5}
 """
+REWOUND = WEIGHT.replace("value: 20}", "value: 20}, rewind_speed: 0.2")
 
 BETWEEN = """
 puppet: between
@@ -40,7 +42,7 @@ def kinds(run) -> list[str]:
 
 def test_a_caught_weight_slips_until_it_has_stopped():
     """v = sqrt(2 g d) is taken away at (max - m g) / m; the winch takes max times the slip."""
-    weight = fan.loads(WEIGHT.format(winch="max_tension: 20"))
+    weight = fan.loads(WEIGHT)
     run = fan.simulate(weight, weight.state(), t_end=2.0)
     assert kinds(run) == ["catch", "slip", "grip"]
     speed, brake = np.sqrt(2 * GRAVITY * DROP), (MOST - MASS * GRAVITY) / MASS
@@ -60,7 +62,7 @@ def test_a_caught_weight_slips_until_it_has_stopped():
 
 def test_what_slipped_is_wound_back_gently():
     """In the end the whole drop's energy is the winch's, and the string is never loose again."""
-    weight = fan.loads(WEIGHT.format(winch="max_tension: 20, rewind_speed: 0.2"))
+    weight = fan.loads(REWOUND)
     run = fan.simulate(weight, weight.state(), t_end=5.0)
     assert kinds(run) == ["catch", "slip", "grip"]
     assert run.slip["line"][-1] == 0.0
@@ -71,7 +73,7 @@ def test_what_slipped_is_wound_back_gently():
 
 
 def test_time_stepping_slips_alike():
-    weight = fan.loads(WEIGHT.format(winch="max_tension: 20, rewind_speed: 0.2"))
+    weight = fan.loads(REWOUND)
     exact = fan.simulate(weight, weight.state(), t_end=5.0)
     errors = []
     for dt in (2e-3, 1e-3, 5e-4):
@@ -97,7 +99,7 @@ def test_a_winch_makes_an_impossible_pull_possible(method):
 
 def test_a_state_carries_its_slip():
     """A run that goes on from another's state ends where one run through both does."""
-    weight = fan.loads(WEIGHT.format(winch="max_tension: 20, rewind_speed: 0.2"))
+    weight = fan.loads(REWOUND)
     whole = fan.simulate(weight, weight.state(), t_end=3.0)
     first = fan.simulate(weight, weight.state(), t_end=1.0)
     x = first.state(-1)
@@ -110,16 +112,16 @@ def test_a_state_carries_its_slip():
 
 
 def test_a_puppet_too_heavy_for_its_winch_does_not_rest():
-    weight = fan.loads(WEIGHT.format(winch="max_tension: 8"))
+    weight = fan.loads(WEIGHT).with_parameters({"most": 8.0})
     with pytest.raises(fan.StateError, match=r"line \(8 N\) does not hold it"):
         weight.rest()
-    strong = fan.loads(WEIGHT.format(winch="max_tension: 9.9"))
+    strong = fan.loads(WEIGHT).with_parameters({"most": 9.9})
     assert strong.rest().q_D[1] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_run_goes_on_from_every_row_of_another():
     """Slipping, winding back, braking: the state knows, the compiled model and Python alike."""
-    weight = fan.loads(WEIGHT.format(winch="max_tension: 20, rewind_speed: 0.2"))
+    weight = fan.loads(REWOUND)
     whole = fan.simulate(weight, weight.state(), t_end=4.0)
     slips = whole.slip["line"] > 0
     assert np.sum(slips) > 20
@@ -139,7 +141,7 @@ def test_a_run_goes_on_from_every_row_of_another():
 
 @pytest.mark.parametrize("t", [1e5, 1e7, 1.7e9])
 def test_late_clocks_do_not_stall_a_winch(t):
-    weight = fan.loads(WEIGHT.format(winch="max_tension: 20, rewind_speed: 0.2"))
+    weight = fan.loads(REWOUND)
     run = fan.simulate(weight, weight.state().replace(t=t), t_end=t + 5.0, rtol=1e-8, atol=1e-8)
     assert run.slip["line"][-1] == pytest.approx(0.0, abs=1e-6)
     assert run.q_D[-1][1] == pytest.approx(0.0, abs=1e-6)
@@ -147,16 +149,16 @@ def test_late_clocks_do_not_stall_a_winch(t):
 
 @pytest.mark.parametrize("slip", [[0.1, 0.2], [np.nan], [-0.1]])
 def test_a_slip_is_a_length_for_every_string(slip):
-    weight = fan.loads(WEIGHT.format(winch="max_tension: 20"))
+    weight = fan.loads(WEIGHT)
     with pytest.raises(fan.StateError, match="slip: found"):
         fan.simulate(weight, weight.state().replace(slip=slip), t_end=0.1)
 
 
 def test_rest_winds_back_what_can_be_wound_back():
-    weight = fan.loads(WEIGHT.format(winch="max_tension: 20, rewind_speed: 0.2"))
+    weight = fan.loads(REWOUND)
     x = weight.rest(weight.state().replace(slip=[0.3]))
     assert x.slip[0] == 0.0 and x.q_D[1] == pytest.approx(0.0, abs=1e-9)
-    held = fan.loads(WEIGHT.format(winch="max_tension: 20"))
+    held = fan.loads(WEIGHT)
     assert held.rest(held.state().replace(slip=[0.3])).q_D[1] == pytest.approx(-0.3, abs=1e-9)
 
 

@@ -25,6 +25,13 @@ def test_what_arrives_is_the_same_puppet(name):
     assert np.array_equal(made.p, sent.p) and made.name == sent.name
 
 
+def test_winches_travel_too():
+    arm = fan.puppets.arm2d()
+    sent = arm.with_winches([[12.0, 0.5, 0.0]])
+    assert np.array_equal(pickle.loads(pickle.dumps(sent)).winches, [[12.0, 0.5, 0.0]])
+    assert np.array_equal(sent.with_parameters({"m1": 0.2}).winches, arm.winches)
+
+
 def test_what_is_compiled_stays_behind_and_a_copy_keeps_it():
     arm = fan.puppets.arm2d()
     library = arm.library

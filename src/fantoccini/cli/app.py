@@ -59,6 +59,13 @@ class Objectives(enum.StrEnum):
     EFFORT = "effort"
 
 
+class Themes(enum.StrEnum):
+    """Looks of a page by name."""
+
+    LIGHT = "light"
+    DARK = "dark"
+
+
 class Method(enum.StrEnum):
     """Ways to integrate."""
 
@@ -302,6 +309,9 @@ def plan(
     save: Annotated[
         Path | None, typer.Option(metavar="PATH", help="The plan with its tree: .npz.")
     ] = None,
+    show: Annotated[
+        bool, typer.Option("--show", help="Then show the plan in the browser, until Ctrl-C.")
+    ] = False,
     quiet: Quiet = False,
 ) -> None:
     """Plan a puppet's way to a goal, clear of obstacles."""
@@ -311,9 +321,57 @@ def plan(
         Request(
             file, planner.value, tolerance, time_limit, improve, confirm,
             None if objective is None else objective.value, seed, threads, tuple(out or ()),
-            picture, save, quiet,
+            picture, save, show, quiet,
         )
     )  # fmt: skip
+
+
+@app.command("show")
+def show_(
+    file: Annotated[
+        str,
+        typer.Argument(
+            metavar="FILE",
+            help="Puppet file, name of a bundled puppet, run (.npz), recording (.npz) or plan "
+            "(.npz).",
+        ),
+    ],
+    html: Annotated[
+        Path | None,
+        typer.Option(metavar="PATH", help="Write a run as one file that plays from disk: .html."),
+    ] = None,
+    theme: Annotated[Themes, typer.Option(help="Look of the page.")] = Themes.LIGHT,
+    host: Annotated[
+        str,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Address to listen on; any but this machine's own lets others in.",
+        ),
+    ] = "127.0.0.1",
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="First port to try; 0 takes any that is free.")
+    ] = 8080,
+    no_browser: Annotated[
+        bool, typer.Option("--no-browser", help="Print the address, open nothing.")
+    ] = False,
+    record_to: Annotated[Path, typer.Option(metavar="DIR", help="Folder for recordings.")] = Path(
+        "."
+    ),
+    problem: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="Problem file of a plan, where it is no bundled one."),
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Take a puppet's strings in hand, or watch a run, in the browser.
+
+    The page is on this machine only, until Ctrl-C.
+    """
+    from fantoccini.cli.show import Request, show_file
+
+    show_file(
+        Request(file, html, theme.value, host, port, not no_browser, record_to, problem, quiet)
+    )
 
 
 @app.command()

@@ -25,6 +25,7 @@ NEEDED = (
     "sympy",
     "trimesh",
     "typer",
+    "viser",
 )
 """Distributions without which something does not work; those of pyproject.toml."""
 

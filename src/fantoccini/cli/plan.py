@@ -10,6 +10,7 @@ import typer
 from fantoccini.cli.files import PICTURES, check_output, fail
 from fantoccini.cli.guard import FAILED
 from fantoccini.cli.outputs import check_outputs, write_outputs
+from fantoccini.cli.show import show_plan
 from fantoccini.cli.terminal import Steps, say, table, write
 from fantoccini.plan import Check, PlanResult, load_problem, problem_names, solve
 
@@ -30,6 +31,7 @@ class Request:
     out: tuple[Path, ...]
     picture: Path | None
     save: Path | None
+    show: bool
     quiet: bool
 
 
@@ -69,7 +71,11 @@ def plan_file(request: Request) -> None:
         _report(found, checks)
     if not found:
         say(f"fantoccini: {found.reason or found.status.message}")
+        if request.show and not found.reason:
+            show_plan(found, request.quiet)
         raise typer.Exit(FAILED)
+    if request.show:
+        show_plan(found, request.quiet)
 
 
 def _write(request: Request, found: PlanResult, steps: Steps) -> None:

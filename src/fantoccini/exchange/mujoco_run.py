@@ -107,7 +107,7 @@ def _trajectory(
         status=status,
         method="mujoco",
         coordinates=marionette.coordinates,
-        puppet=marionette.puppet,
+        puppet=marionette.described,
         violation=Columns(tree.row_names, beyond, "string or limit"),
         slip=Columns(strings, np.zeros((n, len(strings))), "string"),
     )

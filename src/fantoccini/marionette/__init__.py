@@ -11,6 +11,7 @@ from fantoccini.marionette.flow import Flow
 from fantoccini.marionette.handle import Marionette, load, loads
 from fantoccini.marionette.linearisation import Linearisation, Partials
 from fantoccini.marionette.modes import Mode, Modes
+from fantoccini.marionette.portable import Parcel
 from fantoccini.marionette.step_linearisation import StepLinearisation
 from fantoccini.marionette.stepper import Stepper
 
@@ -20,6 +21,7 @@ __all__ = [
     "Marionette",
     "Mode",
     "Modes",
+    "Parcel",
     "Partials",
     "StepLinearisation",
     "Stepper",

@@ -90,7 +90,8 @@ class Compiled:
 
     def _compiled(self, what: str, generate: Callable, load: Callable[[Path], Any]) -> Any:
         """A library of this puppet, from the cache or made now; ``what`` tells them apart."""
-        canonical = "\n".join(p.canonical() for p in self.world.puppets)
+        # Values of parameters are arguments of every function: nothing that is compiled has them.
+        canonical = "\n".join(p.canonical(values=False) for p in self.world.puppets)
         shaped_by = generator.fingerprint(what)
         key = build.fingerprint(canonical, shaped_by, flags=(what,))
 

@@ -106,7 +106,7 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
             if not np.isfinite(value):
                 raise StateError(f"parameter {name}: found {value}; it must be a finite number")
             other.p[names.index(name)] = value
-        for kept in ("mass", "weight", "tension_cap", "winches"):
+        for kept in ("described", "mass", "weight", "tension_cap", "winches"):
             other.__dict__.pop(kept, None)
         for member in self.world.puppets:
             prefix = f"{member.name}/" if len(self.world.puppets) > 1 else ""
@@ -114,6 +114,16 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
                 {n[len(prefix) :]: v for n, v in values.items() if n.startswith(prefix)}
             )
         return other
+
+    @cached_property
+    def described(self) -> Puppet:
+        """The puppet as a file would describe it now: its parameters have their present values."""
+        present = dict(zip(self.tree.parameters, self.p.tolist(), strict=True))
+        if present == self.tree.parameters:
+            return self.puppet
+        prefix = f"{self.puppet.name}/" if len(self.world.puppets) > 1 else ""
+        own = {n[len(prefix) :]: v for n, v in present.items() if n.startswith(prefix)}
+        return self.puppet.with_values(own)
 
     def among(self, obstacles: Iterable[Obstacle]) -> Marionette:
         """The same puppet with other obstacles about it; nothing is compiled again."""
@@ -163,6 +173,18 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
             row[1] = self.number(string.rewind_speed) if rewinds else 0.0
             row[2] = self.number(string.restitution)
         return table
+
+    def with_winches(self, winches: Array) -> Marionette:
+        """The same puppet on other winches; nothing is compiled again.
+
+        :meth:`with_parameters` gives those of the file again.
+
+        Args:
+            winches: (n_strings, 3) as in :attr:`winches`.
+        """
+        other = copy.copy(self)
+        other.__dict__["winches"] = np.array(winches, dtype=float).reshape(self.winches.shape)
+        return other
 
     def winding(self, slip: Array) -> Array:
         """The rate at which winches wind slips (..., n_strings) back [m/s], <= 0.

@@ -71,10 +71,13 @@ class Portable:
         return other
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _unpacked, (type(self), Parcel.of(self.world), self.p)
+        # The winches travel as they are: they need not be those of the file.
+        return _unpacked, (type(self), Parcel.of(self.world), self.p, vars(self).get("winches"))
 
 
-def _unpacked(cls: type, parcel: Parcel, p: Array):
+def _unpacked(cls: type, parcel: Parcel, p: Array, winches: Array | None):
     made = cls(parcel.world())
     made.p = np.array(p, dtype=float)
+    if winches is not None:
+        made.__dict__["winches"] = winches
     return made

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from fantoccini.arrays import Array
 from fantoccini.tree import Tree
@@ -45,9 +46,12 @@ class RowLayout:
 
     def split(self, rows: Array) -> dict[str, Array]:
         """Parts (T, n) of rows (T, width); single columns come as (T,)."""
-        parts, at = {}, 0
+        return {name: rows[:, place] for name, place in self._places.items()}
+
+    @cached_property
+    def _places(self) -> dict[str, slice | int]:
+        places, at = {}, 0
         for name, width in self.widths.items():
-            single = name in _SINGLE
-            parts[name] = rows[:, at] if single else rows[:, at : at + width]
+            places[name] = at if name in _SINGLE else slice(at, at + width)
             at += width
-        return parts
+        return places

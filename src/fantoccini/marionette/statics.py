@@ -119,6 +119,8 @@ def rest(marionette: Marionette, x: State) -> State:
         v_D=np.zeros_like(x.v_D), v_K=np.zeros_like(x.v_K), slip=np.where(rewinds, 0.0, x.slip)
     )
     still = project(marionette, still)
+    if not len(still.q_D):
+        return marionette.with_mode(still)
     for _ in range(_PUSHES):
         pushed = None
         for q_D in _relaxed(marionette, still):

@@ -28,6 +28,9 @@ class Stepper:
     Attributes:
         state: where the puppet is now.
         tension: (n_rows,) forces of strings and limits at ``state`` [N or N m].
+        rows: (n, width) what the last advance wrote, laid out as ``marionette.row_layout`` says;
+            before the first one, the start.
+        events: (n, 5) that it met: time, kind, row, impulse, speed.
 
     Args:
         marionette: the puppet.
@@ -51,7 +54,9 @@ class Stepper:
             marionette.library_of(method), method, options, x0, marionette.p, marionette.winches,
             hold,
         )  # fmt: skip
-        self.tension = np.zeros(marionette.tree.n_rows)
+        rows, self.events = self._run.present()
+        self.rows = rows[-1:]
+        self.tension = marionette.row_layout.split(self.rows)["tension"][0]
 
     @property
     def status(self) -> Status:
@@ -92,12 +97,11 @@ class Stepper:
             chosen = inputs.bound(self.state.q_K, t)
             check_speed(self.marionette, self.state, chosen)
         self._run.set_input(chosen)
-        last = None
-        for rows, _ in self._run.advance(self.state.t + duration):
-            if len(rows):
-                last = rows[-1:]
-        if last is not None:
-            split = self.marionette.row_layout.split(last)
+        written = list(self._run.advance(self.state.t + duration))
+        self.rows = np.concatenate([rows for rows, _ in written])
+        self.events = np.concatenate([events for _, events in written])
+        if len(self.rows):
+            split = self.marionette.row_layout.split(self.rows[-1:])
             motion = {name: split[name][0] for name in ("q_D", "v_D", "q_K", "v_K", "slip")}
             self.state = State(float(split["t"][0]), taut=split["taut"][0] > 0, **motion)
             self.tension = split["tension"][0]

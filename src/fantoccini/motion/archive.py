@@ -92,11 +92,7 @@ def load(path: str | Path) -> Trajectory:
     from fantoccini.motion.trajectory import Trajectory
 
     try:
-        with Path(path).open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-        about = json.loads(arrays["about"].tobytes())
-        if about["format"] != FORMAT:
-            raise ValueError(f"has the format {about['format']!r}; this version reads {FORMAT!r}")
+        arrays, about = contents(path, FORMAT)
         tables = {
             name: Columns(names[1:], arrays[name], names[0])
             for name, names in about["columns"].items()
@@ -120,6 +116,24 @@ def load(path: str | Path) -> Trajectory:
     except (*UNREADABLE, AttributeError, LookupError, TypeError) as error:
         message = f"is not a trajectory that this version can read ({error})"
         raise FileError([Problem(str(path), None, "", message)]) from error
+
+
+def contents(path: str | Path, form: str) -> tuple[dict[str, np.ndarray], dict]:
+    """The arrays of an npz file, and what its ``about`` says.
+
+    Args:
+        path: the file.
+        form: the ``format`` that ``about`` must have.
+
+    Raises:
+        ValueError: it has another; and all of ``UNREADABLE``, LookupError and TypeError.
+    """
+    with Path(path).open("rb") as raw, np.load(raw, allow_pickle=False) as file:
+        arrays = {name: file[name] for name in file.files}
+    about = json.loads(arrays["about"].tobytes())
+    if about["format"] != form:
+        raise ValueError(f"has the format {about['format']!r}; this version reads {form!r}")
+    return arrays, about
 
 
 def mesh_files(puppet: Puppet) -> dict[str, bytes]:

@@ -96,6 +96,12 @@ def note_lengths(table: CoordinateTable, breaks: Array, coef: Array, findings: F
             )
 
 
+def keeps_lengths(table: CoordinateTable, coef: Array, h: float) -> bool:
+    """Whether a quadratic piece (n_vK, 6) of h seconds surely keeps all lengths positive."""
+    length, rate, curve = coef[table.lengths_K, :3].T
+    return bool(np.all(length > h * np.abs(rate) + h * h * np.abs(curve)))
+
+
 def which(i: int, n: int) -> tuple[int, ...]:
     """Where in many inputs the i-th of n is, for messages; nothing for a single one."""
     return (int(i),) if n > 1 else ()

@@ -117,8 +117,8 @@ def constant_acceleration(
             here = slice(i - 1, i)
             q, v, _ = evaluate(table, coef[here], base[here], t[i : i + 1] - t[i - 1])
             base[i], coef[i, :, 1] = q[0], v[0]
-        for q_place, v_place in table.scalars_K:
-            coef[i, v_place, 0] = base[i, q_place]
+        q_places, v_places = table.places_K
+        coef[i, v_places, 0] = base[i, q_places]
     return coef, base
 
 

@@ -3,31 +3,35 @@
     acc_K = planned_k - K_k z_k,      z = (dq_D, dv_D, dq_K, dv_K) from the plan's node k
     min z_m'Q_m z_m + sum_k z_k'Q z_k + effort |dacc_K|^2,      z_k+1 = A_k z_k + B_k dacc_K
 
-A_k and B_k are central differences of the time-stepper about the nodes, of changes that leave taut
-strings taut (:mod:`fantoccini.plan.slopes`). Where a string is caught or let go inside a segment,
-they hold what the event does to its neighbours, its saltation, only if the changes move the event
-by more than a step, and yet have the same events in that segment: they are made with a tenth of
-the planner's step for that. Slopes about catches that graze, or that fall on a node, stay wrong.
-Gains are those of the segment, whatever the mode: a puppet whose string is still slack where the
-plan's has been caught is led by gains for a taut one until the next node.
+A_k and B_k are those of the strings that pull (:mod:`fantoccini.plan.modes`), of changes that leave
+taut strings taut; in segments where strings or limits are caught or let go they are exact, with the
+saltation of every catch (:mod:`fantoccini.plan.saltation`), if there is such a derivative.
+
+Gains are indexed by event: the law is that of the mode that the puppet is in, the set of strings
+that pull. Where the plan is in another one at that time, because the puppet's string is caught or
+let go earlier or later than the plan's, the state that z is measured from and K are those of the
+nearest part of the plan with the puppet's mode, led on beyond its event
+(:mod:`fantoccini.plan.modes`); where there is none near, those of the time.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, MaskRows
 from fantoccini.errors import StateError, Status
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State, tangent
 from fantoccini.plan.funnels import regulators
 from fantoccini.plan.goals import Rows
+from fantoccini.plan.modes import Beyond, Course, away, mode_slopes
 from fantoccini.plan.problem import Problem
-from fantoccini.plan.slopes import segment_slopes, taut
+from fantoccini.plan.saltation import caught_slopes
+from fantoccini.plan.slopes import taut
 
 if TYPE_CHECKING:
     from fantoccini.plan.result import PlanResult
@@ -41,11 +45,11 @@ _EFFORT = 0.03
 _ARRIVE = 100.0
 """Weight of what the goal asks for beside what is asked on the way."""
 
-_APART = 1e-3
-"""Size of the changes that slopes are made of [rad, m and their rates]."""
+_WINDOW = 3
+"""How far modes are led beyond their events, in segments."""
 
-_FINER = 10
-"""Steps that slopes are made with, in one of the planner's."""
+_CLOSED, _SLOW = 1e-7, 1e-6
+"""h beside a string's length, and hdot [m/s], from which on it counts as taut."""
 
 _STEP = 1e-6
 """Of differences of what the goal lacks [rad or m]."""
@@ -107,6 +111,8 @@ class Feedback:
         planned: (m, n_vK) accelerations [m/s^2 or rad/s^2].
         A, B: (m, n_z, n_z), (m, n_z, n_vK) slopes of its segments.
         gains: (m, n_vK, n_z).
+        pulling: (m + 1, n_strings) bool, the strings that pull after the nodes.
+        beyond: what a puppet is compared with that is in another mode.
     """
 
     plan: PlanResult
@@ -116,10 +122,17 @@ class Feedback:
     A: Array
     B: Array
     gains: Array
+    pulling: MaskRows
+    beyond: Beyond
 
     @classmethod
     def along(
-        cls, plan: PlanResult, *, effort: float = _EFFORT, arrive: float = _ARRIVE
+        cls,
+        plan: PlanResult,
+        *,
+        effort: float = _EFFORT,
+        arrive: float = _ARRIVE,
+        window: int = _WINDOW,
     ) -> Feedback:
         """The law for a plan.
 
@@ -127,9 +140,12 @@ class Feedback:
             plan: what is to be followed.
             effort: weight of accelerations beside positions [s^4].
             arrive: weight of the goal's residuals at the end beside positions on the way.
+            window: how many segments before and after its part of the plan a mode is known; with 0
+                gains go by time alone.
 
         Raises:
-            ValueError: the plan has no motion, or a weight that is not greater than 0.
+            ValueError: the plan has no motion, a weight that is not greater than 0, or a negative
+                window.
         """
         path, tree, motions = list(plan.path), plan.tree, plan.motions
         if len(path) < 2:
@@ -137,23 +153,31 @@ class Feedback:
         for name, value in (("effort", effort), ("arrive", arrive)):
             if not 0.0 < value < np.inf:
                 raise ValueError(f"{name} is {value}; it must be finite and greater than 0")
+        if window < 0:
+            raise ValueError(f"window is {window}; it must be at least 0")
         nodes, looks, planned = tree.rows[path], tree.looks[path[1:]], tree.acceleration[path[1:]]
         marionette = plan.problem.marionette
-        table, onto = marionette.coordinates, taut(marionette, nodes[:-1], _pulling(plan)[:-1])
-        size = 2 * (table.n_vD + table.n_vK)
-        fine = replace(motions.options, dt=motions.dt / _FINER, save_every=_FINER * motions.look)
-        A, B = (np.zeros((len(looks), size, n)) for n in (size, table.n_vK))
-        for n in np.unique(looks):
-            same = np.flatnonzero(looks == n)
-            A[same], B[same] = segment_slopes(
-                marionette, nodes[same], planned[same], fine, int(n), motions.threads,
-                onto=onto[same], apart=_APART,
-            )  # fmt: skip
+        table, durations = marionette.coordinates, looks * motions.interval
+        pulling = _pulling(plan)
+        onto = taut(marionette, nodes[:-1], pulling[:-1])
+        A, B = mode_slopes(marionette, nodes[:-1], pulling[:-1], planned, durations, onto)
+        events = np.any(pulling[1:] != pulling[:-1], axis=1) | (tree.catches[path[1:]] > 0)
+        for k in np.flatnonzero(events):
+            exact = caught_slopes(marionette, nodes[k], planned[k], durations[k])
+            if exact is not None:
+                A[k], B[k] = exact
+        size = A.shape[1]
         Q = np.diag(np.where(np.arange(size) < table.n_vD, 1.0, _SPEED**2))
         moves, gains = motions.bounds.moves, np.zeros((len(looks), table.n_vK, size))
         R = effort * np.eye(moves.sum())
-        gains[:, moves] = regulators(A, B[:, :, moves], Q, R, Q + arrive * _wanted(plan, nodes[-1]))
-        return cls(plan, nodes, looks, planned, A, B, gains)
+        gains[:, moves], P = regulators(
+            A, B[:, :, moves], Q, R, Q + arrive * _wanted(plan, nodes[-1])
+        )
+        course = Course(
+            marionette, nodes, pulling, durations, planned, A, B, gains, P, Q, R, moves
+        )
+        beyond = Beyond.of(course, window)
+        return cls(plan, nodes, looks, planned, A, B, gains, pulling, beyond)
 
     def acceleration(self, k: int, x: State) -> Array:
         """(n_vK,) that segment k is to have from a state on, within the bounds of the problem.
@@ -170,7 +194,8 @@ class Feedback:
         bounds, T = motions.bounds, motions.looks * motions.interval
         if k < len(self.looks):
             T = self.looks[k] * motions.interval
-            asked = self.planned[k] - self.gains[k] @ self.away(self.nodes[k], x)
+            node, K = self.reference(k, x)
+            asked = self.planned[k] - K @ self.away(node, x)
         elif motions.funnels:
             funnel, still = motions.funnels[0], np.zeros_like
             there = Rows(funnel.q_D, still(x.v_D), x.slip, funnel.q_K, still(x.v_K))
@@ -180,6 +205,31 @@ class Feedback:
         slowest, fastest = self._kept_within(x, T)
         asked = np.clip(asked, (slowest - x.v_K) / T, (fastest - x.v_K) / T)
         return np.clip(asked, -bounds.acceleration, bounds.acceleration)
+
+    def reference(self, k: int, x: State) -> tuple[Rows, Array]:
+        """What a state is compared with in segment k, and the gains (n_vK, n_z) on that.
+
+        Args:
+            k: which segment.
+            x: where the puppet is.
+        """
+        pulling = self.mode(x)
+        e = self.beyond.nearest(k, pulling)
+        if e is None or np.array_equal(pulling, self.pulling[k]):
+            return self.nodes[k], self.gains[k]
+        return self.beyond.nodes[e], self.beyond.gains[e]
+
+    def mode(self, x: State) -> MaskRows:
+        """(n_strings,) bool, the strings that pull.
+
+        They are those that are taut in the state, and those that just reach and are not about to
+        go slack: the modes of a state that somebody made are not filled in.
+        """
+        marionette, strings = self.plan.problem.marionette, self.pulling.shape[1]
+        instant = marionette.instant(x)
+        reach = instant.h >= -_CLOSED * marionette.row_scales(x.q_K)
+        taut = x.taut | (reach & (instant.hdot >= -_SLOW)) | marionette.two_sided
+        return taut[:strings]
 
     def _kept_within(self, x: State, T: float) -> tuple[Array, Array]:
         """(n_vK,) velocities, least and greatest, from which driven coordinates stop in time.
@@ -203,17 +253,7 @@ class Feedback:
 
     def away(self, node: Rows, x: State) -> Array:
         """(n_z,) tangent vector from a state of the plan to another."""
-        table = self.plan.problem.marionette.coordinates
-        places_D = table.scalars_D, table.quaternions_D
-        places_K = table.scalars_K, table.quaternions_K
-        return np.concatenate(
-            [
-                tangent.between(*places_D, node.q_D, x.q_D, table.n_vD),
-                x.v_D - node.v_D,
-                tangent.between(*places_K, node.q_K, x.q_K, table.n_vK),
-                x.v_K - node.v_K,
-            ]
-        )
+        return away(self.plan.problem.marionette, node, x)
 
     def run(
         self,
@@ -262,12 +302,13 @@ class Feedback:
         return Followed.of(problem, states, np.array(asked), stepper.status)
 
 
-def _pulling(plan: PlanResult) -> Array:
+def _pulling(plan: PlanResult) -> MaskRows:
     """(m + 1, n_strings) bool, whether strings pull in the step after a node."""
     run, times = plan.trajectory, plan.start.t + plan.tree.time[list(plan.path)]
     # Tensions of a time step stand at its end.
     after = np.searchsorted(run.t, times + 0.5 * plan.motions.dt)
-    return run.tension.values[np.minimum(after, len(run.t) - 1)] != 0.0
+    pulls = run.tension.values[np.minimum(after, len(run.t) - 1)] != 0.0
+    return pulls | plan.problem.marionette.two_sided[: pulls.shape[1]]
 
 
 def _wanted(plan: PlanResult, end: Rows) -> Array:

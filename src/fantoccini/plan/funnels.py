@@ -82,7 +82,7 @@ def regulator(A: Array, B: Array, Q: Array, R: Array) -> Array:
     return np.linalg.solve(R + B.T @ H @ B, B.T @ H @ A)
 
 
-def regulators(A: Array, B: Array, Q: Array, R: Array, Q_m: Array) -> Array:
+def regulators(A: Array, B: Array, Q: Array, R: Array, Q_m: Array) -> tuple[Array, Array]:
     """Gains K_k of a_k = -K_k z_k, by Riccati's recursion from the end::
 
         min z_m'Q_m z_m + sum over k < m of z_k'Q z_k + a_k'R a_k,   z_k+1 = A_k z_k + B_k a_k
@@ -92,11 +92,27 @@ def regulators(A: Array, B: Array, Q: Array, R: Array, Q_m: Array) -> Array:
         Q, R, Q_m: weights.
 
     Returns:
-        (m, n_a, n_z).
+        K (m, n_a, n_z), and P (m + 1, n_z, n_z) of what is still to be paid, z_k'P_k z_k.
     """
-    P, gains = Q_m, np.zeros(B.swapaxes(1, 2).shape)
+    gains, P = np.zeros(B.swapaxes(1, 2).shape), np.zeros((len(A) + 1, *Q.shape))
+    P[-1] = Q_m
     for k in reversed(range(len(A))):
-        gains[k] = np.linalg.solve(R + B[k].T @ P @ B[k], B[k].T @ P @ A[k])
-        P = Q + A[k].T @ P @ (A[k] - B[k] @ gains[k])
-        P = 0.5 * (P + P.T)
-    return gains
+        gains[k], P[k] = before(A[k], B[k], Q, R, P[k + 1])
+    return gains, P
+
+
+def before(A: Array, B: Array, Q: Array, R: Array, P: Array) -> tuple[Array, Array]:
+    """One step of Riccati's recursion, for many at once.
+
+    Args:
+        A, B: (..., n_z, n_z), (..., n_z, n_a).
+        Q, R: weights.
+        P: (..., n_z, n_z) of what is to be paid after the step.
+
+    Returns:
+        K (..., n_a, n_z), and P before the step.
+    """
+    later = B.swapaxes(-1, -2) @ P
+    K = np.linalg.solve(R + later @ B, later @ A)
+    P = Q + A.swapaxes(-1, -2) @ P @ (A - B @ K)
+    return K, 0.5 * (P + P.swapaxes(-1, -2))

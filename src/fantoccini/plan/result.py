@@ -211,8 +211,7 @@ class PlanResult:
     def plot(self, path: str | Path, **options) -> Path:
         """Writes a picture as the paper's Fig. 4: the tree's nodes, the way taken, poses.
 
-        Nodes and way are those of a point of the puppet: the goal's, where that is one, otherwise
-        the last string's first point that moves.
+        Nodes and way are those of a point of the puppet; see :meth:`traces`.
 
         Args:
             path: ends in ``.png``, ``.svg`` or ``.pdf``.
@@ -220,9 +219,17 @@ class PlanResult:
         """
         from fantoccini import view
 
-        run = self.trajectory
-        nodes, way = (self._point(a.q_D, a.q_K) for a in (self.tree, run))
-        return view.plan_picture(self.problem.stage, run, nodes, way, path, **options)
+        nodes, way = self.traces()
+        return view.plan_picture(self.problem.stage, self.trajectory, nodes, way, path, **options)
+
+    def traces(self) -> tuple[Array, Array]:
+        """Where the point that pictures follow is: (n, 3) at the tree's nodes, (T, 3) on the way.
+
+        It is the goal's point, where that is one, otherwise the last string's first point that
+        moves [m].
+        """
+        nodes, way = (self._point(a.q_D, a.q_K) for a in (self.tree, self.trajectory))
+        return nodes, way
 
     def animate(self, path: str | Path, **options) -> Path:
         """Writes a film of the plan among its obstacles; see :func:`fantoccini.view.film`."""
@@ -240,13 +247,13 @@ class PlanResult:
             return marionette.string_points(q_D, q_K)[-1][:, 0]
         return marionette.poses(q_D, q_K)[:, -1, :, 3]
 
-    def feedback(self, **weights: float) -> Feedback:
+    def feedback(self, **options: float) -> Feedback:
         """The law that follows the plan although something pushes; see :class:`Feedback`.
 
         Args:
-            weights: of :meth:`Feedback.along`.
+            options: of :meth:`Feedback.along`.
         """
-        return Feedback.along(self, **weights)
+        return Feedback.along(self, **options)
 
     def replay(self) -> bool:
         """Makes every motion of the plan again; whether it comes out the same, to the last bit."""

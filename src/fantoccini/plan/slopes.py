@@ -4,17 +4,20 @@ In z = (dq_D, dv_D, dq_K, dv_K), with tangent vectors dq::
 
     z_end = A z_start + B dacc_K
 
-by central differences of the time-stepper, all of them side by side in lanes.
+by central differences, all of them side by side: of the time-stepper in lanes, or of any other way
+to go on from many states.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
 from fantoccini.arrays import Array, MaskRows
 from fantoccini.marionette import Marionette
 from fantoccini.motion import tangent
-from fantoccini.plan.goals import Rows
+from fantoccini.plan.goals import Rows, all_rows
 from fantoccini.runtime import POSE, GoalNumbers, RunOptions, Solids, Sweeper, Terms
 
 _EPS = 1e-4
@@ -49,6 +52,37 @@ def segment_slopes(
     Returns:
         A (m, n_z, n_z) and B (m, n_z, n_vK).
     """
+    sweeper = Sweeper(marionette.motions, _free(marionette, options, looks), threads)
+
+    def made(near: Rows, acc_K: Array) -> Rows:
+        every = np.arange(len(acc_K))
+        return Rows(**sweeper(near.parts, every, acc_K[:, None], np.ones(len(every))).states)
+
+    return slopes_of(marionette, made, starts, acceleration, onto, apart)
+
+
+Move = Callable[[Rows, Array], Rows]
+"""Rows (n,) and accelerations (n, n_vK) -> where they lead."""
+
+
+def slopes_of(
+    marionette: Marionette,
+    move: Move,
+    starts: Rows,
+    acceleration: Array,
+    onto: Array | None = None,
+    apart: float = _EPS,
+) -> tuple[Array, Array]:
+    """Slopes of where many states lead; arguments and results as of :func:`segment_slopes`.
+
+    Args:
+        marionette: the puppet.
+        move: gets (2 n_changes) neighbours of every start, start by start.
+        starts: (m,).
+        acceleration: (m, n_vK).
+        onto: (m, n_z, n_z).
+        apart: size of the changes [rad, m and their rates].
+    """
     table, m = marionette.coordinates, len(acceleration)
     n, k = table.n_vD, table.n_vK
     places_D = table.scalars_D, table.quaternions_D
@@ -59,21 +93,15 @@ def segment_slopes(
         changes[:, : size - k, : size - k] = onto.swapaxes(1, 2)
     z = apart * np.concatenate([changes, -changes], axis=1)
     q_D, v_D, q_K, v_K, acc_K = np.split(z, np.cumsum([n, n, k, k]), axis=2)
-
-    def all_of(a: Array) -> Array:
-        return a.reshape(-1, a.shape[-1])
-
-    near = {
-        "q_D": all_of(tangent.moved(*places_D, starts.q_D[:, None], q_D)),
-        "v_D": all_of(starts.v_D[:, None] + v_D),
-        "slip": np.repeat(starts.slip, 2 * size, axis=0),
-        "q_K": all_of(tangent.moved(*places_K, starts.q_K[:, None], q_K)),
-        "v_K": all_of(starts.v_K[:, None] + v_K),
-    }
-    sweeper = Sweeper(marionette.motions, _free(marionette, options, looks), threads)
-    rows = np.arange(2 * size * m)
-    made = sweeper(near, rows, all_of(acceleration[:, None] + acc_K)[:, None], np.ones(len(rows)))
-    ends = {name: a.reshape(m, 2, size, -1) for name, a in made.states.items()}
+    near = Rows(
+        tangent.moved(*places_D, starts.q_D[:, None], q_D),
+        starts.v_D[:, None] + v_D,
+        np.repeat(starts.slip[:, None], 2 * size, axis=1),
+        tangent.moved(*places_K, starts.q_K[:, None], q_K),
+        starts.v_K[:, None] + v_K,
+    )
+    found = move(near.flat, all_rows(acceleration[:, None] + acc_K))
+    ends = {name: a.reshape(m, 2, size, -1) for name, a in found.parts.items()}
     answers = (
         tangent.between(*places_D, ends["q_D"][:, 1], ends["q_D"][:, 0], n),
         ends["v_D"][:, 0] - ends["v_D"][:, 1],

@@ -291,7 +291,8 @@ class Puppet(Model):
         plain = dump.plain(self)
         for _, parameter in check.parameters(plain):
             parameter["value"] = values.get(parameter["parameter"], parameter["value"])
-        return Puppet.model_validate(plain)
+        # Its meshes lie where they did.
+        return Puppet.model_validate(plain, context=Located(folder=self._origin.folder))
 
     def locate(self, name: str) -> tuple[str, int | None]:
         """File and line in which a body, joint, string, spring or obstacle is described.
@@ -308,9 +309,17 @@ class Puppet(Model):
         """The puppet as a file; reading it back gives an equal puppet."""
         return dump.to_yaml(dump.plain(self))
 
-    def canonical(self) -> str:
-        """One text for equal puppets: JSON of the expanded puppet and of its meshes' digests."""
+    def canonical(self, *, values: bool = True) -> str:
+        """One text for equal puppets: JSON of the expanded puppet and of its meshes' digests.
+
+        Args:
+            values: whether puppets that differ in the values of their parameters differ.
+        """
         puppet = self.expanded()
         solids = [s for body in puppet.bodies for s in body.shapes] + list(puppet.obstacles)
         meshes = {s.file: s.digest() for s in solids if isinstance(s, Mesh)}
-        return dump.canonical(dump.plain(puppet), meshes)
+        plain = dump.plain(puppet)
+        if not values:
+            for _, parameter in check.parameters(plain):
+                parameter["value"] = 0.0
+        return dump.canonical(plain, meshes)

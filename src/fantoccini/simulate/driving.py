@@ -11,6 +11,13 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input
+from fantoccini.motion.polynomial import N_COEF
+
+_SAMPLED = 0.5 - 0.5 * np.cos(np.pi * (np.arange(N_COEF) + 0.5) / N_COEF)
+"""Parts of a stretch, at which changes are sampled: Chebyshev's."""
+
+_LAGRANGE = [(np.delete(_SAMPLED, i), s - np.delete(_SAMPLED, i)) for i, s in enumerate(_SAMPLED)]
+"""The other samples, and how far each is from them: Lagrange's polynomials."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,10 +66,11 @@ class Driving:
         self.start, self.end = start, end
         self._places = marionette.coordinates.scalars_K
         self._own = _piece(inputs, start, end)
-        self._others = [_piece(other, start, end) for other in toward]
         first = 2 * marionette.coordinates.n_vD + len(marionette.p)
         self._outside = Outside.none(marionette, first + len(toward))
         self._outside.p[:, first - len(marionette.p) : first] = np.eye(len(marionette.p))
+        self._first, self._others = first, [_piece(other, start, end) for other in toward]
+        self._sampled = self._samples() if toward else ()
 
     def at(self, t: float) -> tuple[Array, Array, Array, Array]:
         """q_K, v_K, acc_K and u_D at a time of the stretch [s]."""
@@ -74,27 +82,41 @@ class Driving:
         Columns: by the state at the start, where nothing outside changes, by the parameters,
         towards the other inputs.
         """
-        t = min(max(t, self.start), self.end)
         out = self._outside
-        if not self._others:
-            return out
-        changes, own = (out.v_K, out.acc_K, out.u_D), self._own(t)
-        others = (other(t) for other in self._others)
-        for k, other in enumerate(others, out.p.shape[1] - len(self._others)):
-            for q, v in self._places:
-                out.q_K[v, k] = other[0][q] - own[0][q]
-            for change, theirs, mine in zip(changes, other[1:], own[1:], strict=True):
-                change[:, k] = theirs - mine
+        if self._sampled:
+            s = (min(max(t, self.start), self.end) - self.start) / (self.end - self.start)
+            weights = np.array([np.prod((s - rest) / scale) for rest, scale in _LAGRANGE])
+            for change, samples in zip(
+                (out.q_K, out.v_K, out.acc_K, out.u_D), self._sampled, strict=True
+            ):
+                change[:, self._first :] = np.tensordot(weights, samples, axes=1)
         return out
 
+    def _samples(self) -> tuple[Array, ...]:
+        """Changes of q_K, v_K, acc_K, u_D at some times, (6, n, others): they are polynomials of
+        the fifth degree, so that these say all."""
+        times = self.start + _SAMPLED * (self.end - self.start)
+        own = self._own(times)
+        apart = [
+            [a - mine for a, mine in zip(other(times), own, strict=True)]
+            for other in self._others
+        ]
+        q, v_K, acc_K, u_D = (np.stack(columns, axis=-1) for columns in zip(*apart, strict=True))
+        q_K = np.zeros_like(v_K)
+        for at, v in self._places:
+            q_K[:, v] = q[:, at]
+        return q_K, v_K, acc_K, u_D
 
-def _piece(inputs: Input, start: float, end: float) -> Callable[[float], tuple[Array, ...]]:
-    """time -> (q_K, v_K, acc_K, u_D) on the polynomials that hold between two times."""
+
+def _piece(
+    inputs: Input, start: float, end: float
+) -> Callable[[float | Array], tuple[Array, ...]]:
+    """times (...) -> (q_K, v_K, acc_K, u_D) on the polynomials that hold between two times."""
     middle = 0.5 * (start + end)
     if not inputs.start <= middle <= inputs.end:
         q_K, v_K, acc_K = inputs.evaluate(min(max(middle, inputs.start), inputs.end))
         still = q_K, 0.0 * v_K, 0.0 * acc_K, np.zeros(inputs.coordinates.n_vD)
-        return lambda t: still
+        return lambda t: tuple(np.broadcast_to(a, (*np.shape(t), len(a))) for a in still)
     i = min(int(np.searchsorted(inputs.breaks, middle, "right")) - 1, len(inputs.coef) - 1)
     force = None if inputs.force is None else inputs.force[i : i + 1]
     piece = dataclasses.replace(
@@ -105,8 +127,8 @@ def _piece(inputs: Input, start: float, end: float) -> Callable[[float], tuple[A
         force=force,
     )
 
-    def at(t: float) -> tuple[Array, ...]:
-        t = min(max(t, piece.start), piece.end)
+    def at(t: float | Array) -> tuple[Array, ...]:
+        t = np.clip(t, piece.start, piece.end)
         return *piece.evaluate(t), piece.evaluate_force(t)
 
     return at

@@ -190,7 +190,7 @@ def _trajectories(
         blame=Columns(tree.row_names, batch.blame, "string or limit"),
         method=method,
         coordinates=marionette.coordinates,
-        puppet=marionette.puppet,
+        puppet=marionette.described,
         **made,
     )
 

@@ -154,7 +154,7 @@ def simulate(
         run = ScipyRun(integrator, marionette.library, *about)
     rows, events = [], []
     status = _collect(run, t_end, progress, rows, events)
-    made = _trajectory(
+    made = trajectory_of_rows(
         marionette, np.concatenate(rows), np.concatenate(events), status, method, effort, run.blame
     )
     if status is not Status.DONE and throw:
@@ -205,7 +205,7 @@ def _collect(run: Run, t_end: float, progress, rows: list, events: list) -> Stat
     return run.status
 
 
-def _trajectory(
+def trajectory_of_rows(
     marionette: Marionette,
     rows: Array,
     events: Array,
@@ -214,6 +214,17 @@ def _trajectory(
     with_effort: bool,
     blame: Array,
 ) -> Trajectory:
+    """The trajectory of what a run wrote.
+
+    Args:
+        marionette: the puppet.
+        rows: (T, width), laid out as ``marionette.row_layout`` says.
+        events: (n, 5) time, kind, row, impulse, speed.
+        status: how the run ended.
+        method: of the run.
+        with_effort: compute the force on every driven coordinate.
+        blame: (n_rows,) each row's share of the blame for the status, 0 to 1.
+    """
     tree = marionette.tree
     part = marionette.row_layout.split(rows)
     n_strings = len(tree.strings)
@@ -236,7 +247,7 @@ def _trajectory(
         status=status,
         method=method,
         coordinates=marionette.coordinates,
-        puppet=marionette.puppet,
+        puppet=marionette.described,
         effort=effort,
         violation=_violation(marionette, part),
         slip=Columns(strings, part["slip"], "string"),

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -215,6 +216,17 @@ class CoordinateTable:
     rotations: dict[str, tuple[int, int]]
     start_D: np.ndarray
     start_K: np.ndarray
+
+    @cached_property
+    def places_K(self) -> tuple[np.ndarray, np.ndarray]:
+        """``scalars_K`` as two arrays: places in q_K and in v_K."""
+        places = np.array(self.scalars_K, dtype=np.intp).reshape(-1, 2)
+        return places[:, 0], places[:, 1]
+
+    @cached_property
+    def lengths_K(self) -> np.ndarray:
+        """Places of the driven lengths in v_K."""
+        return np.array([v for q, v in self.scalars_K if self.q_K[q].endswith(".length")], np.intp)
 
     @property
     def n_qD(self) -> int:

@@ -80,8 +80,7 @@ def run_html(run: Trajectory) -> str | None:
 def _still_of(run: Trajectory) -> Still | None:
     """The puppet of a run; None where the run is one of several puppets, or of none that is known.
 
-    A run does not keep the values of parameters, so one whose strings do not fit the file's is not
-    drawn either.
+    One whose strings do not fit the puppet, as after changes to it by hand, is not drawn either.
     """
     if run.puppet is None:
         return None

@@ -172,9 +172,7 @@ def _scene(marionette: Marionette, t, q_D, q_K, taut, tension, slip) -> Scene:
     tree, world = _settled(marionette.tree, marionette.number), marionette.world
     poses = np.asarray(marionette.poses(q_D, q_K))
     points = tuple(np.asarray(p) for p in marionette.string_points(q_D, q_K))
-    springs = tuple(
-        np.stack([_carry(poses, end) for end in row.points], axis=1) for row in tree.springs
-    )
+    springs = spring_ends(tree, poses)
     solids = _shapes(tree)
     size = _size(solids, poses, points)
     solids += _stand_ins(tree, size)
@@ -260,6 +258,18 @@ def _stand_ins(tree: Tree, size: float) -> list[Solid]:
             if np.linalg.norm(tip) > 1e-6
         ]
     return out
+
+
+def spring_ends(tree: Tree, poses: np.ndarray) -> tuple[np.ndarray, ...]:
+    """For each spring (..., 2, 3) its ends [m].
+
+    Args:
+        tree: with the springs.
+        poses: (..., n_links, 3, 4) link poses.
+    """
+    return tuple(
+        np.stack([_carry(poses, end) for end in row.points], axis=-2) for row in tree.springs
+    )
 
 
 def _held(tree: Tree, link: int) -> bool:

@@ -1,0 +1,170 @@
+"""Prints what kicked runs of plans make of gains by time and by event, where strings go slack.
+
+    python -m benchmarks.planning.events [--plans 14] [--kicks 12] [--marionette 6]
+
+Plans of ``arm3d_boxes`` with strings that may go slack, improved for half a second for time alone;
+only those on which the string does go slack. Then the full marionette's bell.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import binomtest, bootstrap
+
+import fantoccini as fan
+from fantoccini.arrays import Array
+from fantoccini.motion import State
+from fantoccini.plan import PlanResult, Problem, solve
+from fantoccini.plan.feedback import Feedback
+
+from ..strings.report import Table
+from .feedback import follow, kicked
+
+SIZES = (0.25, 0.5, 1.0)
+"""Of kicks: changes of all joint velocities at the start, together [rad/s]."""
+
+BELL_SIZES = (0.5, 1.0, 2.0)
+"""Those of the marionette."""
+
+LAWS = ("open loop", "gains by time", "gains by event")
+
+Run = Callable[[Feedback, State, bool], float]
+"""A law, a start and whether the law is asked -> the distance at the end."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """Runs of one law.
+
+    Attributes:
+        name: the engine and the law.
+        size: of the kicks [rad/s].
+        distance: (n,) from the goal at the end.
+        by_time: (n,) that of the law by time.
+        tolerance: of the goal.
+    """
+
+    name: str
+    size: float
+    distance: Array
+    by_time: Array
+    tolerance: float
+
+    def cells(self) -> list[str]:
+        """Arrivals and the median distance, with 95 % intervals, and what it changes."""
+        hits, n = int(np.sum(self.distance <= self.tolerance)), len(self.distance)
+        share = binomtest(hits, n).proportion_ci(method="wilson")
+        spread = bootstrap(
+            (self.distance,), np.median, n_resamples=2000, method="percentile", rng=0
+        ).confidence_interval
+        nearer, farther = (int(np.sum(s * (self.by_time - self.distance) > 1e-9)) for s in (1, -1))
+        return [
+            self.name, f"{self.size:g}", f"{hits} of {n}",
+            f"{100 * share.low:.0f} to {100 * share.high:.0f} %", f"{np.median(self.distance):.3g}",
+            f"{spread.low:.3g} to {spread.high:.3g}", f"{nearer} / {farther}",
+        ]  # fmt: skip
+
+
+HEAD = ["", "kick [rad/s]", "arrive", "(95 %)", "median distance", "(95 %)",
+        "nearer / farther than by time"]  # fmt: skip
+
+
+def in_fantoccini(law: Feedback, x0: State, closed: bool) -> float:
+    """The distance at the end."""
+    return law.run(x0, closed=closed).distance
+
+
+def in_mujoco(law: Feedback, x0: State, closed: bool) -> float:
+    """The distance at the end; a run that does not stay finite ends nowhere."""
+    return float(np.nan_to_num(follow(law, x0, closed).distance, nan=np.inf))
+
+
+def compared(
+    plans: Sequence[PlanResult], kicks: int, sizes: Sequence[float], engines: dict[str, Run]
+) -> list[Row]:
+    """Kicked runs of plans, the same kicks for every law and engine.
+
+    Args:
+        plans: that are followed.
+        kicks: of each size for every plan.
+        sizes: of the kicks [rad/s].
+        engines: name -> how a law is run.
+    """
+    laws = [(plan.feedback(window=0), plan.feedback()) for plan in plans]
+    rows = []
+    for (engine, run), size in itertools.product(engines.items(), sizes):
+        random, found = np.random.default_rng(1), []
+        for by_time, by_event in laws:
+            for _ in range(kicks):
+                x0 = kicked(by_time.plan.problem, size, random)
+                ways = (by_time, False), (by_time, True), (by_event, True)
+                found.append([run(law, x0, closed) for law, closed in ways])
+        columns = np.transpose(found)
+        for name, column in zip(LAWS, columns, strict=True):
+            tolerance = plans[0].tolerance
+            rows.append(Row(f"{name}, {engine}", size, column, columns[1], tolerance))
+    return rows
+
+
+def slack_plans(n: int, seconds: float = 0.5) -> list[PlanResult]:
+    """Plans on which the string goes slack, of the first seeds that have some."""
+    problem, found = slackened(fan.load_problem("arm3d_boxes")), []
+    for seed in itertools.count():
+        plan = solve(problem, seed=seed, improve=seconds, objective="time")
+        if plan and not np.all(plan.feedback(window=0).pulling):
+            found.append(plan)
+        if len(found) == n:
+            return found
+
+
+def slackened(problem: Problem) -> Problem:
+    """The same, with strings that may go slack."""
+    motions = problem.motions
+    names = problem.marionette.coordinates.v_K
+    return Problem(
+        problem.marionette,
+        problem.start,
+        problem.goal,
+        motions.clearance.obstacles,
+        tolerance=problem.tolerance,
+        speed=dict(zip(names, motions.bounds.speed, strict=True)),
+        acceleration=dict(zip(names, motions.bounds.acceleration, strict=True)),
+        margin=motions.margin,
+        slack=True,
+    )
+
+
+def bell(kicks: int) -> tuple[list[Row], float]:
+    """The full marionette's bell, kicked, in fantoccini; and how long its law takes to make [s]."""
+    plan = fan.solve(fan.load_problem("marionette_bell"), seed=0, time_limit=60.0)
+    began = time.perf_counter()
+    plan.feedback()
+    taken = time.perf_counter() - began
+    return compared([plan], kicks, BELL_SIZES, {"fantoccini": in_fantoccini}), taken
+
+
+def main() -> None:
+    """Measures and prints."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--plans", type=int, default=14)
+    parser.add_argument("--kicks", type=int, default=12, help="of each size for a plan")
+    parser.add_argument("--marionette", type=int, default=6, help="kicks of each size; 0: none")
+    asked = parser.parse_args()
+    if asked.plans:
+        engines = {"fantoccini": in_fantoccini, "MuJoCo": in_mujoco}
+        rows = compared(slack_plans(asked.plans), asked.kicks, SIZES, engines)
+        print(Table(HEAD, [row.cells() for row in rows]).markdown())
+    if asked.marionette:
+        rows, taken = bell(asked.marionette)
+        print(Table(HEAD, [row.cells() for row in rows]).markdown())
+        print(f"The marionette's law takes {taken:.1f} s to make.")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,74 @@
+"""What stays when a puppet changes: configurations by name, brought onto strings and limits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fantoccini.errors import StateError
+from fantoccini.marionette import Marionette
+from fantoccini.motion import State
+
+
+def hanging(marionette: Marionette) -> State:
+    """The puppet at rest; where it has no equilibrium, its file's pose, repaired."""
+    try:
+        return marionette.rest()
+    except StateError:
+        return marionette.project(marionette.state())
+
+
+def carried(
+    before: Marionette, x: State, after: Marionette, start: State
+) -> tuple[State, tuple[str, ...]]:
+    """The state of a changed puppet in which everything that kept its name is where it was.
+
+    The hands are at rest.
+
+    Args:
+        before: the puppet.
+        x: its state.
+        after: the changed puppet.
+        start: a state of it; what is new is as there.
+
+    Returns:
+        The state, which strings and limits may forbid, and what could not be kept, in words.
+    """
+    old, new = before.coordinates, after.coordinates
+    q = dict(zip(old.q_D + old.q_K, np.concatenate([x.q_D, x.q_K]), strict=True))
+    v = dict(zip(old.v_D + old.v_K, np.concatenate([x.v_D, x.v_K]), strict=True))
+    slip = {s.name: float(y) for s, y in zip(before.tree.strings, x.slip, strict=True)}
+    made = State(
+        x.t,
+        [q.get(name, value) for name, value in zip(new.q_D, start.q_D, strict=True)],
+        [v.get(name, 0.0) for name in new.v_D],
+        [q.get(name, value) for name, value in zip(new.q_K, start.q_K, strict=True)],
+        np.zeros(new.n_vK),
+        start.taut,
+        [slip.get(s.name, 0.0) for s in after.tree.strings],
+    )
+    names = set(new.q_D + new.q_K)
+    lost = tuple(f"{name} is gone" for name in q if name not in names)
+    come = tuple(f"{name} is new" for name in new.q_D + new.q_K if name not in q)
+    return made, lost + come
+
+
+def permitted(marionette: Marionette, x: State) -> State:
+    """A state near ``x`` that strings and limits permit; ``x`` where there is none.
+
+    Where the puppet cannot come within its strings, their winches have slipped.
+
+    Args:
+        marionette: on winches that slip.
+        x: the state.
+    """
+    try:
+        return marionette.project(x)
+    except StateError:
+        n = len(marionette.tree.strings)
+        over = np.maximum(marionette.constraint(x)[:n], 0.0)
+        slips = np.isfinite(marionette.winches[:, 0])
+    x = x.replace(slip=x.slip + np.where(slips, over, 0.0))
+    try:
+        return marionette.project(x)
+    except StateError:
+        return x

@@ -1,0 +1,142 @@
+"""Grip: no string pulls harder than a hand can hold, and a hand that slips does not go farther.
+
+Every one-sided string gets a winch that slips at a largest tension, so that a motion exists
+whatever the hands do. Where one has slipped by more than ``SLIPPED`` while it pulls, the hands that
+pull against it are slowed down. With the rate u at which hands lengthen the way of a string,
+
+  u = A_K v_K <= RETURN (HELD - s),   s: the largest slip,
+
+takes them back to where it has slipped by ``HELD``; a wire cannot slip, and s is what it is
+overstepped by beyond that. What a hand does across the string, or towards
+the puppet, stays as it was.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fantoccini.arrays import Array, VecK
+from fantoccini.marionette import Marionette
+from fantoccini.motion import State
+from fantoccini.perform.hands import Hands
+
+GRIP = 20.0
+"""Largest tension of a string, in weights of the puppet."""
+REWIND = 1.0
+"""Speed at which a winch takes back what slipped, where the puppet does not say [m/s]."""
+SLIPPED = 0.005
+"""Slip from which on hands are slowed down [m]."""
+HELD = 0.010
+"""Slip to which hands are taken back [m]."""
+RETURN = 20.0
+"""Rate at which they are [1/s]."""
+_PULLS = 0.5
+"""Part of its largest tension from which on a string counts as pulling."""
+_ROUNDS = 3
+"""Times a string is looked at, as a hand may hold several."""
+_ENOUGH = 1e-6
+"""Rate beyond what is allowed that is let be [m/s]."""
+_SHARE = 0.05
+"""Part of a string's rate from which on a hand is said to be held back."""
+
+
+def gripped(marionette: Marionette, grip: float) -> Marionette:
+    """The puppet on winches that slip at ``grip`` [N] at the latest; wires do not."""
+    winches = marionette.winches.copy()
+    for row, string in zip(winches, marionette.tree.strings, strict=True):
+        if string.wire or row[0] <= grip:
+            continue
+        row[0] = grip
+        if string.rewind_speed is None:
+            row[1] = REWIND
+    return marionette.with_winches(winches)
+
+
+class Holding:
+    """Which hands are held back, tick by tick.
+
+    Attributes:
+        held: (n_groups,) bool, the groups that the last tick held back.
+
+    Args:
+        marionette: on its winches.
+        hands: of the puppet.
+        grip: [N].
+    """
+
+    def __init__(self, marionette: Marionette, hands: Hands, grip: float):
+        self.marionette, self.hands = marionette, hands
+        n = len(marionette.tree.strings)
+        own = marionette.winches[:, 0]
+        self._wire = marionette.two_sided[:n]
+        # A winch that the puppet lets slip earlier slips as it is meant to.
+        self._firm = self._wire | (own >= grip)
+        self._pulls = np.where(self._firm, _PULLS * grip, np.inf)
+        self._grip = grip
+        self._n_groups = len(hands.names)
+        self._free = np.zeros(self._n_groups, dtype=bool)
+        self.held = self._free
+
+    def hold(self, x: State, tension: Array, wanted: VecK) -> VecK:
+        """Velocities without what the strings do not let hands do.
+
+        Args:
+            x: where the puppet is.
+            tension: (n_rows,) forces of strings and limits [N or N m].
+            wanted: (n_vK,) velocities [m/s or rad/s].
+        """
+        self.held = self._free
+        n = len(self._pulls)
+        pull = np.where(self._wire, np.abs(tension[:n]), tension[:n])
+        pulling, slipped = pull > self._pulls, self._firm & (x.slip > SLIPPED)
+        if not (slipped.any() or (self._wire & pulling).any()):
+            return wanted
+        slip = float(np.max(x.slip[pulling & slipped], initial=0.0))
+        strained = self._wire & (pull > self._grip)
+        if strained.any():
+            slip = max(slip, HELD)
+        most = np.full(n, np.inf)
+        most[slipped] = 0.0  # it is slack, and being wound back
+        if slip > SLIPPED:
+            most[pulling] = RETURN * (HELD - slip)
+        if strained.any():
+            # A wire cannot slip: what it is overstepped by is taken back.
+            (h,) = self.marionette.library.evaluate("rows", [x.q_D, x.q_K, self.marionette.p])
+            most[strained] = -RETURN * np.abs(h[:n][strained])
+        if not np.isfinite(most).any():
+            return wanted
+        self.held = self._free.copy()
+        # A wire that is pushed hinders its hand the other way.
+        rows = np.flatnonzero(np.isfinite(most))
+        rates = self.rates(x)[rows] * np.where(tension[rows] < 0, -1.0, 1.0)[:, None]
+        slower, most = wanted.copy(), most[rows]
+        for _ in range(_ROUNDS * len(rows)):
+            excess = rates @ slower - most
+            worst = int(np.argmax(excess))
+            if excess[worst] <= _ENOUGH or not self._slow_down(rates[worst], slower, excess[worst]):
+                break
+        return self.hands.bounded(slower)
+
+    def rates(self, x: State) -> Array:
+        """A_K of the strings, (n_strings, n_vK): hdot_K of a unit velocity at a time."""
+        n_K, n_D = len(x.v_K), len(x.v_D)
+        still, unit = np.zeros(n_D), np.eye(n_K)
+        state = [x.q_D, still, x.q_K, unit, np.zeros(n_K), still, self.marionette.p]
+        return self.marionette.library.evaluate("dynamics", state)[8].T
+
+    def _slow_down(self, row: Array, wanted: VecK, excess: float) -> bool:
+        """Takes the groups back that lengthen a string's way, each in proportion.
+
+        Returns:
+            Whether there are any.
+        """
+        group, n = self.hands.group, self._n_groups
+        outward = np.maximum(np.bincount(group, row * wanted, n), 0.0)
+        whole = outward.sum()
+        if whole <= 0.0:
+            return False
+        size = np.bincount(group, row * row, n)
+        back = excess * outward / (whole * np.where(size > 0.0, size, 1.0))
+        wanted -= back[group] * row
+        self.held |= outward > _SHARE * whole
+        return True

@@ -1,0 +1,196 @@
+"""Handles: what a hand can hold, and how a place in the world becomes driven coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from fantoccini.arrays import Array, ConfigK, Quaternion, Vec3
+from fantoccini.errors import StateError
+from fantoccini.marionette import Marionette
+from fantoccini.motion import rotation
+from fantoccini.tree import WORLD, Link, Role
+
+Place = tuple[Vec3, Quaternion]
+"""Position (3,) [m] and orientation (4,) as w, x, y, z in the world."""
+
+FARTHEST = 1e6
+"""Farthest that a handle is wanted from the origin of its joint, by coordinate [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Handle:
+    """Something that a hand can hold.
+
+    Attributes:
+        name: of the string whose end it is, or of the body.
+        kind: ``end``, a string's end that is driven in place; ``body``, a body on a driven joint.
+        joint: fixed, revolute, prismatic, translation, ball or free.
+        axes: (k, 3) directions in the world along which it can be moved, k from 0 to 3; of a joint
+            whose parent moves, those at the start.
+        turns: (k, 3) directions about which it can be turned, likewise.
+        coordinates: names of its driven coordinates, as in q_K.
+        link: index of its link.
+        q, v: places of its coordinates in q_K and v_K.
+    """
+
+    name: str
+    kind: Literal["end", "body"]
+    joint: str
+    axes: Array
+    turns: Array
+    coordinates: tuple[str, ...]
+    link: int
+    q: slice
+    v: slice
+
+    @property
+    def moves(self) -> slice:
+        """Places in v_K of the coordinates that move it along its axes."""
+        return slice(self.v.start, self.v.start + len(self.axes))
+
+    @property
+    def rotates(self) -> slice:
+        """Places in v_K of the coordinates that turn it."""
+        return slice(self.v.stop - len(self.turns), self.v.stop)
+
+
+def handles_of(marionette: Marionette, poses: Array) -> tuple[Handle, ...]:
+    """The handles of a puppet, in the order of its links.
+
+    Args:
+        marionette: the puppet.
+        poses: (n_links, 3, 4) of its links.
+    """
+    found = []
+    for i, link in enumerate(marionette.tree.links):
+        if link.role is not Role.DRIVEN:
+            continue
+        R, _ = frame(marionette, link, poses)
+        own, none, free = (R @ link.axes).T, np.zeros((0, 3)), np.eye(3)
+        axes, turns = {
+            "revolute": (none, own),
+            "prismatic": (own, none),
+            "translation": (own, none),
+            "ball": (none, free),
+            "free": (free, free),
+        }[link.kind]
+        # The end of a string that is driven in place: no body has a dot in its name.
+        end = link.name.endswith(".end")
+        found.append(
+            Handle(
+                name=link.joint if end else link.name,
+                kind="end" if end else "body",
+                joint=link.kind,
+                axes=axes,
+                turns=turns,
+                coordinates=marionette.coordinates.q_K[link.q],
+                link=i,
+                q=link.q,
+                v=link.v,
+            )
+        )
+    return tuple(found)
+
+
+def frame(marionette: Marionette, link: Link, poses: Array) -> tuple[Array, Vec3]:
+    """Orientation (3, 3) and origin (3,) of a link's joint frame in the world."""
+    offset = np.array([marionette.number(n) for n in link.offset])
+    if link.parent == WORLD:
+        return link.rotation, offset
+    R, r = poses[link.parent, :, :3], poses[link.parent, :, 3]
+    return R @ link.rotation, r + R @ offset
+
+
+def place_of(marionette: Marionette, handle: Handle, q_K: ConfigK, poses: Array) -> Place:
+    """Where a handle is when its coordinates are those of ``q_K``.
+
+    Args:
+        marionette: the puppet.
+        handle: one of its handles.
+        q_K: (n_qK,) driven configuration.
+        poses: (n_links, 3, 4) of the links; only a parent that is a link is looked at.
+    """
+    link = marionette.tree.links[handle.link]
+    R, r = frame(marionette, link, poses)
+    q, turn = q_K[handle.q], None
+    match link.kind:
+        case "revolute":
+            turn = rotation.exp(link.axes[:, 0] * q[0])
+        case "prismatic" | "translation":
+            r = r + R @ (link.axes @ q)
+        case "ball":
+            turn = q
+        case "free":
+            r, turn = r + R @ q[:3], q[3:]
+    wxyz = quaternion(R)
+    return r, wxyz if turn is None else rotation.normalised(rotation.multiply(wxyz, turn))
+
+
+def wanted(
+    marionette: Marionette,
+    handle: Handle,
+    q: Array,
+    poses: Array,
+    position: Vec3 | None,
+    wxyz: Quaternion | None,
+) -> Array:
+    """Coordinates that bring a handle as near to a place as its joint lets it come.
+
+    Args:
+        marionette: the puppet.
+        handle: one of its handles.
+        q: (n,) coordinates that are wanted now; what is not given stays.
+        poses: (n_links, 3, 4) of the links.
+        position: (3,) [m]; it stays when not given.
+        wxyz: (4,) orientation; likewise.
+
+    Raises:
+        StateError: what is given is no place.
+    """
+    link = marionette.tree.links[handle.link]
+    R, r = frame(marionette, link, poses)
+    q = np.array(q)
+    if position is not None and len(handle.axes):
+        local = R.T @ (_three(handle, position) - r)
+        straight = local if link.kind == "free" else link.axes.T @ local
+        q[: len(handle.axes)] = np.clip(straight, -FARTHEST, FARTHEST)
+    if wxyz is not None and len(handle.turns):
+        turn = rotation.multiply(rotation.conjugate(quaternion(R)), _turn(handle, wxyz))
+        if link.kind == "revolute":
+            angle = 2.0 * np.arctan2(turn[1:] @ link.axes[:, 0], turn[0])
+            q[0] += np.remainder(angle - q[0] + np.pi, 2.0 * np.pi) - np.pi
+        else:
+            q[-4:] = turn
+    return q
+
+
+def quaternion(R: Array) -> Quaternion:
+    """(4,) w, x, y, z of a rotation matrix (3, 3), from the largest of 4 w^2, 4 x^2, ..."""
+    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
+    rows = (
+        (1.0 + a + e + i, h - f, c - g, d - b),
+        (h - f, 1.0 + a - e - i, b + d, c + g),
+        (c - g, b + d, 1.0 - a + e - i, f + h),
+        (d - b, c + g, f + h, 1.0 - a - e + i),
+    )
+    best = max(range(4), key=lambda k: rows[k][k])
+    return rotation.normalised(np.array(rows[best]))
+
+
+def _three(handle: Handle, position) -> Vec3:
+    found = np.asarray(position, dtype=float)
+    if found.shape != (3,) or not np.all(np.isfinite(found)):
+        raise StateError(f"{handle.name}: found {position}; a position is three finite numbers")
+    return np.clip(found, -FARTHEST, FARTHEST)
+
+
+def _turn(handle: Handle, wxyz) -> Quaternion:
+    found = np.asarray(wxyz, dtype=float)
+    if found.shape != (4,) or not np.all(np.isfinite(found)) or not np.any(found):
+        raise StateError(
+            f"{handle.name}: found {wxyz}; an orientation is a quaternion (w, x, y, z), not zero"
+        )
+    return rotation.normalised(found)

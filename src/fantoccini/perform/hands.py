@@ -1,0 +1,115 @@
+"""Hands: the driven coordinates of a puppet, which of them move together, where they are wanted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.arrays import Array, ConfigK, VecK
+from fantoccini.marionette import Marionette
+from fantoccini.motion import State, rotation
+from fantoccini.perform import reach
+from fantoccini.perform.handle import Handle, handles_of
+
+ARM = 0.4
+"""Distance from a handle at which the bounds of its turning are those of its moving [m]."""
+SHORTEST = 0.01
+"""Shortest length that a string is wound to [m]."""
+_SHORT, _LONG = 0.1, 2.0
+"""Range of a driven length, relative to the one at the start."""
+
+
+@dataclass(frozen=True, eq=False)
+class Hands:
+    """The groups of driven coordinates that move together, and their bounds.
+
+    Attributes:
+        marionette: the puppet.
+        handles: what can be held.
+        lengths: string with a driven length -> shortest and longest [m].
+        winch: string with a driven length -> (q, v), its places in q_K and v_K.
+        names: (n_groups,) name of the handle or string of each group.
+        group: (n_vK,) the group of each driven velocity.
+        speed, acceleration: (n_groups,) bounds [m/s, m/s^2 or rad/s, rad/s^2].
+    """
+
+    marionette: Marionette
+    handles: tuple[Handle, ...]
+    lengths: dict[str, tuple[float, float]]
+    winch: dict[str, tuple[int, int]]
+    names: tuple[str, ...]
+    group: Array
+    speed: Array
+    acceleration: Array
+
+    @classmethod
+    def of(
+        cls,
+        marionette: Marionette,
+        x: State,
+        speed: float,
+        acceleration: float,
+        lengths: dict[str, tuple[float, float]] | None = None,
+    ) -> Hands:
+        """The hands of a puppet.
+
+        Args:
+            marionette: the puppet.
+            x: the state.
+            speed: bound on the velocity of handles and winches [m/s].
+            acceleration: bound on their acceleration [m/s^2].
+            lengths: string -> its range [m], at least the driven ones; about those of the state
+                when not given.
+        """
+        handles = handles_of(marionette, marionette.poses(x.q_D, x.q_K))
+        strings = [s for s in marionette.tree.strings if s.length_index is not None]
+        winch = {s.name: s.length_index for s in strings}
+        known = cls.ranges_of(marionette, x) if lengths is None else lengths
+        ranges = {name: known[name] for name in winch}
+        groups = [(h.name, h.moves, 1.0) for h in handles if len(h.axes)]
+        groups += [(h.name, h.rotates, 1.0 / ARM) for h in handles if len(h.turns)]
+        groups += [(name, slice(v, v + 1), 1.0) for name, (_, v) in winch.items()]
+        group = np.zeros(len(x.v_K), dtype=np.intp)
+        for i, (_, place, _) in enumerate(groups):
+            group[place] = i
+        scale = np.array([by for _, _, by in groups])
+        names = tuple(name for name, _, _ in groups)
+        return cls(
+            marionette, handles, ranges, winch, names, group, speed * scale, acceleration * scale
+        )
+
+    @staticmethod
+    def ranges_of(marionette: Marionette, x: State) -> dict[str, tuple[float, float]]:
+        """String with a driven length -> the range about its length at a state [m]."""
+        strings = [s for s in marionette.tree.strings if s.length_index is not None]
+        return {s.name: _range(float(x.q_K[s.length_index[0]])) for s in strings}
+
+    def away(self, q_K: ConfigK, wanted: ConfigK) -> VecK:
+        """(n_vK,) tangent vector from one driven configuration to another."""
+        table, away = self.marionette.coordinates, np.zeros(len(self.group))
+        q, v = table.places_K
+        away[v] = wanted[q] - q_K[q]
+        for at, w in table.quaternions_K:
+            turned = slice(at, at + 4)
+            away[w : w + 3] = rotation.between(q_K[turned], wanted[turned])
+        return away
+
+    def wanted_velocity(self, x: State, wanted: ConfigK, tick: float) -> VecK:
+        """(n_vK,) velocities with which to leave the next tick; see ``reach``."""
+        return reach.wanted_velocity(
+            self.away(x.q_K, wanted), x.v_K, tick, self.group, self.speed, self.acceleration
+        )
+
+    def bounded(self, v_K: VecK) -> VecK:
+        """(n_vK,) velocities within the bound on speed."""
+        size = reach.lengths(v_K, self.group, len(self.speed))
+        return v_K * np.minimum(1.0, self.speed / np.maximum(size, self.speed))[self.group]
+
+    def bounded_acceleration(self, wanted: VecK, v_K: VecK, tick: float) -> VecK:
+        """(n_vK,) accelerations towards wanted velocities; see ``reach``."""
+        return reach.bounded_acceleration(wanted, v_K, tick, self.group, self.acceleration)
+
+
+def _range(length: float) -> tuple[float, float]:
+    return max(SHORTEST, _SHORT * length), max(2.0 * SHORTEST, _LONG * length)

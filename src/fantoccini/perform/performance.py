@@ -1,0 +1,407 @@
+"""Performance: a puppet that is alive, and the hands that hold it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from threading import RLock
+
+import numpy as np
+
+from fantoccini.arrays import Array, ConfigK, Quaternion, Vec3
+from fantoccini.errors import StateError, Status, UnknownNameError
+from fantoccini.marionette import Marionette, Stepper
+from fantoccini.motion import State
+from fantoccini.perform import change
+from fantoccini.perform.grip import GRIP, SLIPPED, Holding, gripped
+from fantoccini.perform.handle import Handle, Place, place_of, wanted
+from fantoccini.perform.hands import Hands
+from fantoccini.perform.recording import Recorder, Recording
+from fantoccini.tree import WORLD
+
+SPEED = 1.5
+"""Bound on the speed of handles and winches [m/s]."""
+ACCELERATION = 10.0
+"""Bound on their acceleration [m/s^2]."""
+STEP = 0.0005
+"""Longest step of the time-stepper [s]; with twice as long ones a limb that is thrown about until
+it whirls at 100 rad/s gains energy from nowhere."""
+_SHOWN = 1.0
+"""How long a hand that was stopped is told of [s]."""
+
+
+class Performance:
+    """A puppet in somebody's hands: targets go in, the state comes out, tick by tick.
+
+    The hands follow their targets in the least time that bounded speed and acceleration allow
+    (``perform/reach.py``); the driven velocities are continuous. No string pulls harder than
+    ``grip``: a hand that pulls where the puppet cannot follow slips and is held back
+    (``perform/grip.py``). Nothing that is asked for makes it raise, explode or start anew. Targets
+    may be set in other threads while it advances.
+
+    Attributes:
+        marionette: the puppet as it was given; ``performed`` has the winches in force.
+        handles: what can be held.
+        lengths: string with a driven length -> shortest and longest [m].
+        tick: the hands' accelerations are constant over it [s].
+        dt: step of the time-stepper, a whole part of a tick [s].
+        grip: largest tension of a string [N].
+
+    Args:
+        marionette: the puppet.
+        x0: where it starts; hanging at rest when not given.
+        dt: longest step of the time-stepper [s].
+        tick: [s].
+        speed: bound on the speed of handles and winches [m/s]; what turns, turns as fast as it
+            moves 0.4 m off its axis.
+        acceleration: bound on their acceleration [m/s^2], likewise.
+        grip: [N]; 20 times the puppet's weight when not given.
+
+    Raises:
+        StateError: ``x0`` breaks a string or limit.
+    """
+
+    def __init__(
+        self,
+        marionette: Marionette,
+        x0: State | None = None,
+        *,
+        dt: float = STEP,
+        tick: float = 1 / 120,
+        speed: float = SPEED,
+        acceleration: float = ACCELERATION,
+        grip: float | None = None,
+    ):
+        for name, value in {
+            "dt": dt, "tick": tick, "speed": speed, "acceleration": acceleration, "grip": grip,
+        }.items():  # fmt: skip
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise ValueError(f"{name} is {value}; it must be positive")
+        self._lock = RLock()
+        self._speed, self._acceleration, self._asked_grip = speed, acceleration, grip
+        self.tick = float(tick)
+        self._steps = max(1, int(np.ceil(tick / dt - 1e-9)))
+        self.dt = self.tick / self._steps
+        self._recorder: Recorder | None = None
+        self._ended: tuple[Recording | None, str] | None = None
+        self._stopped: tuple[float, str] | None = None
+        self._owed = 0.0
+        if x0 is None:
+            x0 = change.hanging(marionette)
+        marionette.check_start(x0)
+        self._take(marionette, x0)
+        self._x0: State | None = x0
+
+    def __repr__(self) -> str:
+        return f"<Performance of {self.marionette.name} at {self.t:.3f} s>"
+
+    # -- what there is -----------------------------------------------------------------------
+
+    @property
+    def handles(self) -> tuple[Handle, ...]:
+        """What can be held."""
+        return self._hands.handles
+
+    @property
+    def lengths(self) -> dict[str, tuple[float, float]]:
+        """String with a driven length -> shortest and longest [m]."""
+        return dict(self._hands.lengths)
+
+    @property
+    def state(self) -> State:
+        """Where the puppet is."""
+        with self._lock:
+            return self._stepper.state.replace(t=self.t)
+
+    @property
+    def t(self) -> float:
+        """Time of the performance [s]."""
+        with self._lock:
+            return self._since + self._stepper.state.t
+
+    @property
+    def tension(self) -> Array:
+        """(n_strings,) [N]."""
+        with self._lock:
+            return self._stepper.tension[: len(self.marionette.tree.strings)].copy()
+
+    @property
+    def slip(self) -> Array:
+        """(n_strings,) by how much winches have let out [m]."""
+        with self._lock:
+            return np.array(self._stepper.state.slip)
+
+    @property
+    def performed(self) -> Marionette:
+        """The puppet with the winches in force."""
+        return self._stepper.marionette
+
+    @property
+    def lagging(self) -> dict[str, str]:
+        """Names of handles and strings that cannot do what is asked of them, and why."""
+        with self._lock:
+            found: dict[str, list[str]] = {}
+            for name, held in zip(self._hands.names, self._holding.held, strict=True):
+                text = "hand pulls against its limit"
+                if held and text not in found.setdefault(name, []):
+                    found[name].append(text)
+            for string, slip in zip(self.marionette.tree.strings, self.slip, strict=True):
+                if slip > SLIPPED:
+                    text = f"winch slips by {1000 * slip:.0f} mm"
+                    found.setdefault(string.name, []).append(text)
+            if self._stopped and self.t - self._stopped[0] < _SHOWN:
+                for name in dict.fromkeys(self._hands.names):
+                    found.setdefault(name, []).append(f"hand was stopped: {self._stopped[1]}")
+            return {name: "; ".join(texts) for name, texts in found.items() if texts}
+
+    # -- hands -------------------------------------------------------------------------------
+
+    def place(self, name: str) -> Place:
+        """Where a handle is: position (3,) [m] and orientation (w, x, y, z) in the world."""
+        with self._lock:
+            return self._place(self._handle(name), self._x.q_K)
+
+    def target(self, name: str) -> Place:
+        """Where a handle is wanted, as :meth:`place`."""
+        with self._lock:
+            return self._place(self._handle(name), self._wanted)
+
+    def move(self, name: str, position: Vec3 | None = None, wxyz: Quaternion | None = None) -> None:
+        """Wants a handle somewhere else. What its joint cannot reach is projected away.
+
+        A handle on a body that moves goes on wanting the same place on its body.
+
+        Args:
+            name: of the handle.
+            position: (3,) in the world [m]; as it is when not given.
+            wxyz: (4,) orientation in the world; likewise.
+
+        Raises:
+            UnknownNameError: no handle is called that.
+            StateError: what is given is no place.
+        """
+        with self._lock:
+            handle = self._handle(name)
+            about = self._wanted[handle.q], self._poses(handle), position, wxyz
+            self._wanted[handle.q] = wanted(self.marionette, handle, *about)
+
+    def wind(self, string: str, length: float) -> None:
+        """Wants a driven string at a length [m], at the nearest one in its range.
+
+        Raises:
+            UnknownNameError: no string with a driven length is called that.
+            StateError: the length is not a finite number.
+        """
+        with self._lock:
+            self._winch(string)
+            if not np.isfinite(length):
+                raise StateError(f"{string}: found {length}; a length is a finite number")
+            self._wanted[self._hands.winch[string][0]] = np.clip(
+                length, *self._hands.lengths[string]
+            )
+
+    def length(self, string: str) -> float:
+        """The length that a driven string has now [m]."""
+        with self._lock:
+            return float(self._x.q_K[self._winch(string)])
+
+    def wanted_length(self, string: str) -> float:
+        """The length that a driven string is wanted at [m]."""
+        with self._lock:
+            return float(self._wanted[self._winch(string)])
+
+    def hold(self) -> None:
+        """Wants every hand where it is: whatever moves stops."""
+        with self._lock:
+            self._wanted = np.array(self._x.q_K)
+
+    # -- time --------------------------------------------------------------------------------
+
+    def advance(self, duration: float) -> State:
+        """Goes on by the whole ticks in ``duration`` [s]; what is left counts the next time."""
+        if not (np.isfinite(duration) and duration >= 0):
+            raise ValueError(f"duration is {duration}; it must be 0 or more")
+        self._owed += duration / self.tick
+        n = int(np.floor(self._owed + 1e-6))
+        self._owed -= n
+        for _ in range(n):
+            self._tick()
+        return self.state
+
+    def step(self) -> State:
+        """Goes on by one tick."""
+        self._tick()
+        return self.state
+
+    def reset(self) -> None:
+        """Back to the start, with the hands there and at rest."""
+        with self._lock:
+            self._end_recording("the puppet was set back to its start")
+            self._stopped, self._owed = None, 0.0
+            if self._x0 is None:
+                self._x0 = change.hanging(self.marionette)
+            self._take(self.marionette, self._x0)
+
+    # -- another puppet ----------------------------------------------------------------------
+
+    def set_parameters(self, values: Mapping[str, float]) -> tuple[str, ...]:
+        """Goes on from here with other values of the puppet's parameters.
+
+        Returns:
+            What could not be kept, in words.
+
+        Raises:
+            UnknownNameError, StateError, PuppetError: a value that the puppet cannot have; nothing
+                has changed then.
+        """
+        marionette = self.marionette.with_parameters(values)
+        with self._lock:
+            lost = self._replace(marionette, self.state, "parameters were changed")
+            self._x0 = None  # found when it is asked for
+        return lost
+
+    def replace(self, marionette: Marionette) -> tuple[str, ...]:
+        """Goes on from here with a changed puppet; what has kept its name stays where it is.
+
+        Args:
+            marionette: the puppet from now on.
+
+        Returns:
+            What could not be kept, in words.
+
+        Raises:
+            BuildError, PuppetError: it cannot be compiled; nothing has changed then.
+        """
+        marionette.compile()
+        start = change.hanging(marionette)
+        with self._lock:
+            return self._replace(marionette, start, "the puppet was changed")
+
+    def _replace(self, marionette: Marionette, start: State, why: str) -> tuple[str, ...]:
+        self._end_recording(why)
+        before, lengths, wanted_before = self.marionette, self._hands.lengths, self._wanted
+        x, lost = change.carried(before, self.state, marionette, start)
+        x = change.permitted(gripped(marionette, self._grip_of(marionette)), x)
+        self._take(marionette, x, Hands.ranges_of(marionette, start) | lengths)
+        places = {name: i for i, name in enumerate(before.coordinates.q_K)}
+        for i, name in enumerate(marionette.coordinates.q_K):
+            if name in places:
+                self._wanted[i] = wanted_before[places[name]]
+        self._x0 = start
+        return lost
+
+    # -- recording ---------------------------------------------------------------------------
+
+    @property
+    def recording(self) -> bool:
+        """Whether what happens is recorded."""
+        return self._recorder is not None
+
+    def record(self) -> None:
+        """Records from now on; what was recorded before and not asked for is dropped."""
+        with self._lock:
+            x = change.permitted(self.performed, self._x.replace(t=0.0))
+            self._restart(x)
+            self._recorder = Recorder(self._stepper, self.tick)
+            self._ended = None
+
+    def stop(self) -> Recording:
+        """Ends the recording; one that has ended by itself is given all the same.
+
+        Raises:
+            StateError: there is none.
+        """
+        with self._lock:
+            if self._recorder is not None and not len(self._recorder):
+                self._tick()
+            self._end_recording("")
+            made, why = self._ended or (None, "")
+            self._ended = None
+        if made is None:
+            raise StateError(f"nothing was recorded{': ' + why if why else ''}")
+        return made
+
+    # -- inside ------------------------------------------------------------------------------
+
+    @property
+    def _x(self) -> State:
+        return self._stepper.state
+
+    def _place(self, handle: Handle, q_K: ConfigK) -> Place:
+        return place_of(self.marionette, handle, q_K, self._poses(handle))
+
+    def _poses(self, handle: Handle) -> Array:
+        """(n_links, 3, 4) of the links; nothing where the handle's joint is fixed in the world."""
+        if self.marionette.tree.links[handle.link].parent == WORLD:
+            return np.zeros((0, 3, 4))
+        return self.marionette.poses(self._x.q_D, self._x.q_K)
+
+    def _handle(self, name: str) -> Handle:
+        for handle in self._hands.handles:
+            if handle.name == name:
+                return handle
+        raise UnknownNameError("handle", name, [h.name for h in self._hands.handles])
+
+    def _winch(self, string: str) -> int:
+        if string not in self._hands.winch:
+            raise UnknownNameError("string with a driven length", string, self._hands.winch)
+        return self._hands.winch[string][0]
+
+    def _grip_of(self, marionette: Marionette) -> float:
+        return self._asked_grip or GRIP * (marionette.weight or 1.0)
+
+    def _take(self, marionette: Marionette, x: State, lengths: dict | None = None) -> None:
+        """Goes on from a state of a puppet, with the hands wanted where they are.
+
+        Args:
+            marionette: the puppet.
+            x: the state.
+            lengths: string -> its range [m]; about those of the state when not given.
+        """
+        self.marionette = marionette
+        self.grip = self._grip_of(marionette)
+        self._performed = gripped(marionette, self.grip)
+        self._hands = Hands.of(marionette, x, self._speed, self._acceleration, lengths)
+        self._holding = Holding(self._performed, self._hands, self.grip)
+        self._wanted = np.array(x.q_K)
+        self._since = x.t
+        self._restart(x.replace(t=0.0), keep=False)
+
+    def _restart(self, x: State, keep: bool = True) -> None:
+        """A new stepper from a state whose time is 0 [s]; time goes on."""
+        if keep:
+            self._since = self.t
+        options = self._performed.run_options(dt=self.dt, save_every=self._steps)
+        self._stepper = Stepper(self._performed, x, "timestepping", options)
+
+    def _tick(self) -> None:
+        """One tick; where the stepper cannot go on, the hands stop and it starts anew."""
+        with self._lock:
+            x, stepper = self._x, self._stepper
+            velocity = self._hands.wanted_velocity(x, self._wanted, self.tick)
+            velocity = self._holding.hold(x, stepper.tension, velocity)
+            acc_K = self._hands.bounded_acceleration(velocity, x.v_K, self.tick)
+            stepper.advance(self.tick, acc_K, throw=False)
+            if stepper.status is Status.DONE:
+                if self._recorder is not None:
+                    self._recorder.add(acc_K, stepper)
+                return
+            self._stop_hands(stepper.status)
+
+    def _stop_hands(self, status: Status) -> None:
+        """Goes on from the last accepted state with the hands at rest."""
+        self._stopped = (self.t, status.message)
+        self._end_recording(f"the hands were stopped: {status.message}")
+        still = self._x.replace(v_K=np.zeros_like(self._x.v_K))
+        for x in (change.permitted(self._performed, still), still.replace(v_D=0.0 * still.v_D)):
+            self._restart(x.replace(t=0.0))
+            self._stepper.advance(self.tick, throw=False)
+            if self._stepper.status is Status.DONE:
+                return
+        # Not even that: it stays as it is.
+        self._restart(still.replace(t=0.0, v_D=0.0 * still.v_D))
+        self._since += self.tick
+
+    def _end_recording(self, why: str) -> None:
+        if self._recorder is not None:
+            self._ended = (self._recorder.finished(self._steps, why), why)
+            self._recorder = None

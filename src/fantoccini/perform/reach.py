@@ -1,0 +1,67 @@
+"""How a hand goes where it is wanted: in the least time that bounded speed and acceleration allow.
+
+Time goes in ticks of T seconds, and the acceleration is constant over each. From a hand that is d
+away and has the velocity v, what is left after the next tick is d - (v + v') T/2, with v' the
+velocity then. From there it can just brake, and comes to rest exactly at its target, when v' lies
+on the polygon through
+
+  d_k = k^2 a T^2/2,   v_k = k a T,   k = 0, 1, 2, ...
+
+which full braking maps onto itself, corner k onto corner k - 1. Both together give, with
+c = d - v T/2 and k the whole part of (sqrt(1 + 8 c/(a T^2)) - 1)/2,
+
+  v' = k a T/2 + c/((k + 1) T).
+
+v' is then bounded by the speed, and its change by a T. Several coordinates that move together (the
+axes of a handle, a rotation vector) do so along c: a straight drag is a straight move.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fantoccini.arrays import Array, VecK
+
+_NONE = 1e-300
+"""Length of a vector that has no direction; keeps a quotient finite."""
+
+
+def wanted_velocity(
+    away: VecK, v: VecK, tick: float, group: Array, speed: Array, acceleration: Array
+) -> VecK:
+    """v', the velocities with which hands should leave the next tick; their change is not bounded.
+
+    Args:
+        away: (n,) from where the hands are to where they are wanted [m or rad].
+        v: (n,) present velocities [m/s or rad/s].
+        tick: T [s].
+        group: (n,) which coordinates move together: the number of their group.
+        speed, acceleration: (n_groups,) bounds [m/s, m/s^2 or rad/s, rad/s^2].
+
+    Returns:
+        (n,) [m/s or rad/s].
+    """
+    c = away - (0.5 * tick) * v
+    size = lengths(c, group, len(speed))
+    k = np.floor(0.5 * (np.sqrt(1.0 + (8.0 / (tick * tick)) * size / acceleration) - 1.0))
+    fast = (0.5 * tick) * k * acceleration + size / ((k + 1.0) * tick)
+    return c * (np.minimum(fast, speed) / np.maximum(size, _NONE))[group]
+
+
+def bounded_acceleration(
+    wanted: VecK, v: VecK, tick: float, group: Array, acceleration: Array
+) -> VecK:
+    """(n,) the accelerations over a tick that lead to wanted velocities, or towards them.
+
+    Args:
+        wanted: (n,) velocities [m/s or rad/s].
+        v, tick, group, acceleration: as of :func:`wanted_velocity`.
+    """
+    change = (wanted - v) / tick
+    size = lengths(change, group, len(acceleration))
+    return change * np.minimum(1.0, acceleration / np.maximum(size, _NONE))[group]
+
+
+def lengths(x: Array, group: Array, n: int) -> Array:
+    """(n,) Euclidean length of each group of coordinates."""
+    return np.sqrt(np.bincount(group, x * x, n))

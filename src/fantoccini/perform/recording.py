@@ -1,0 +1,216 @@
+"""Recordings: what the hands did, tick by tick, and what became of it."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from fantoccini.arrays import Array, Times, frozen
+from fantoccini.errors import Status
+from fantoccini.marionette import Marionette, Stepper
+from fantoccini.motion import Input, State, Trajectory
+from fantoccini.simulate import trajectory_of_rows
+
+METHOD = "timestepping"
+
+
+@dataclass(frozen=True, eq=False)
+class Written:
+    """What a run wrote, as it did.
+
+    Attributes:
+        rows: (m, width) laid out as ``marionette.row_layout`` says, one a tick.
+        events: (n, 5) time, kind, row, impulse, speed.
+        status: how it ended.
+    """
+
+    rows: Array
+    events: Array
+    status: Status = Status.DONE
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A performance that can be had again, to the last bit.
+
+    The hands' accelerations over n ticks of ``tick`` seconds from a start state. ``trajectory`` is
+    what was recorded; of an edited recording, what its inputs give.
+
+    Attributes:
+        marionette: the puppet on the winches of the performance.
+        start: where it began, at t = 0.
+        acc_K: (n, n_vK) accelerations of the driven coordinates, constant over each tick
+            [m/s^2 or rad/s^2]; of a rotation those of its rotation vector.
+        tick: [s].
+        steps: of the time-stepper in a tick.
+        ended: why it ended by itself; empty where somebody stopped it.
+        written: what was recorded; None where it must be simulated.
+    """
+
+    marionette: Marionette
+    start: State
+    acc_K: Array
+    tick: float
+    steps: int
+    ended: str = ""
+    written: Written | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "acc_K", frozen(self.acc_K))
+        shape = (len(self.acc_K), self.marionette.coordinates.n_vK)
+        if self.acc_K.shape != shape or not len(self.acc_K):
+            raise ValueError(f"acc_K has the shape {self.acc_K.shape}; it must be (n, {shape[1]})")
+        if not np.isfinite(self.acc_K).all():
+            raise ValueError("acc_K holds what is no finite number")
+        if not (np.isfinite(self.tick) and self.tick > 0 and self.steps >= 1):
+            raise ValueError(f"found {self.steps} steps in ticks of {self.tick} s")
+
+    def __repr__(self) -> str:
+        return f"<Recording {self.marionette.name}: {self.duration:g} s, {len(self)} ticks>"
+
+    def __len__(self) -> int:
+        """Number of ticks."""
+        return len(self.acc_K)
+
+    @property
+    def duration(self) -> float:
+        """[s]."""
+        return len(self) * self.tick
+
+    @property
+    def dt(self) -> float:
+        """Step of the time-stepper [s]."""
+        return self.tick / self.steps
+
+    @property
+    def times(self) -> Times:
+        """(n + 1,) of the ticks [s]."""
+        return self.start.t + self.tick * np.arange(len(self) + 1)
+
+    @cached_property
+    def inputs(self) -> Input:
+        """What the hands did, for ``simulate(recording.marionette, recording.start, ...)``."""
+        x = self.start
+        return Input.segments(self.marionette, self.times, x.q_K, x.v_K, self.acc_K)
+
+    @cached_property
+    def trajectory(self) -> Trajectory:
+        """What was recorded, a row a tick; of an edited recording, what :meth:`replay` gives."""
+        return self.replay() if self.written is None else self._of(self.written)
+
+    def replay(self) -> Trajectory:
+        """Simulates it again, as it was performed: the same bits on the same machine.
+
+        The status of the trajectory tells where an edited one ends early.
+        """
+        return self._of(self._performed())
+
+    def trimmed(self, a: float, b: float) -> Recording:
+        """The part from ``a`` to ``b`` seconds after the start; it begins with the state at ``a``.
+
+        Raises:
+            ValueError: they are not in order, or not inside.
+        """
+        from fantoccini.perform.edits import trimmed
+
+        return trimmed(self, a, b)
+
+    def smoothed(self, seconds: float) -> Recording:
+        """With the hands' paths averaged over about ``seconds``; it starts and ends as before.
+
+        The puppet follows the smoother hands, so it is simulated anew.
+        """
+        from fantoccini.perform.edits import smoothed
+
+        return smoothed(self, seconds)
+
+    def stretched(self, factor: float) -> Recording:
+        """``factor`` times as long: the same paths of the hands, their velocities divided by it."""
+        from fantoccini.perform.edits import stretched
+
+        return stretched(self, factor)
+
+    def edited(self, **changes) -> Recording:
+        """With other contents, to be simulated anew."""
+        return dataclasses.replace(self, written=None, ended="", **changes)
+
+    def save(self, path: str | Path) -> None:
+        """Writes an npz file that holds everything, the puppet included. The file appears whole."""
+        from fantoccini.perform.archive import save
+
+        save(self, path)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Recording:
+        """Reads what :meth:`save` wrote, to the same bits.
+
+        Raises:
+            FileError: the file is no recording, or damaged.
+        """
+        from fantoccini.perform.archive import load
+
+        return load(path)
+
+    # -- inside ------------------------------------------------------------------------------
+
+    def kept(self) -> Recording:
+        """Itself with what was recorded, or would be."""
+        if self.written is not None:
+            return self
+        return dataclasses.replace(self, written=self._performed())
+
+    def _performed(self) -> Written:
+        options = self.marionette.run_options(dt=self.dt, save_every=self.steps)
+        stepper = Stepper(self.marionette, self.start, METHOD, options)
+        recorder = Recorder(stepper, self.tick)
+        for acc_K in self.acc_K:
+            stepper.advance(self.tick, acc_K, throw=False)
+            if stepper.status is not Status.DONE:
+                break
+            recorder.add(acc_K, stepper)
+        return recorder.written(stepper.status)
+
+    def _of(self, written: Written) -> Trajectory:
+        return trajectory_of_rows(
+            self.marionette, written.rows, written.events, written.status, METHOD,
+            with_effort=True, blame=np.zeros(self.marionette.tree.n_rows),
+        )  # fmt: skip
+
+
+class Recorder:
+    """Keeps what a stepper does, from a start on.
+
+    Args:
+        stepper: it has not been advanced yet.
+        tick: [s].
+    """
+
+    def __init__(self, stepper: Stepper, tick: float):
+        self._marionette, self._start, self._tick = stepper.marionette, stepper.state, tick
+        self._rows, self._events = [stepper.rows[-1:]], [np.zeros((0, 5))]
+        self._acc_K: list[Array] = []
+
+    def __len__(self) -> int:
+        return len(self._acc_K)
+
+    def add(self, acc_K: Array, stepper: Stepper) -> None:
+        """A tick that the stepper has made."""
+        self._acc_K.append(acc_K)
+        self._rows.append(stepper.rows[-1:])
+        self._events.append(stepper.events)
+
+    def written(self, status: Status = Status.DONE) -> Written:
+        """What was kept."""
+        return Written(np.concatenate(self._rows), np.concatenate(self._events), status)
+
+    def finished(self, steps: int, ended: str) -> Recording | None:
+        """The recording; None where not a tick was made."""
+        if not self._acc_K:
+            return None
+        acc_K = np.array(self._acc_K)
+        about = self._marionette, self._start, acc_K, self._tick, steps, ended
+        return Recording(*about, self.written())

@@ -1,0 +1,72 @@
+"""Where everything is at one time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fantoccini.view.scene import Scene, spring_ends
+
+if TYPE_CHECKING:
+    from fantoccini.marionette import Marionette
+    from fantoccini.motion import State
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """Poses and strings at one time.
+
+    Attributes:
+        t: [s].
+        poses: (n_links, 3, 4) link poses.
+        points: of each string, (n_points, 3) [m].
+        lengths: (n_strings,) with what winches have let out [m].
+        taut: (n_strings,) modes.
+        tension: (n_strings,) [N], or None when unknown.
+        springs: of each spring, (1, 2, 3) ends [m].
+    """
+
+    t: float
+    poses: np.ndarray
+    points: list[np.ndarray]
+    lengths: np.ndarray
+    taut: np.ndarray
+    tension: np.ndarray | None
+    springs: list[np.ndarray]
+
+
+def moment_of(scene: Scene, k: int) -> Moment:
+    """The moment ``t[k]`` of a scene."""
+    return Moment(
+        t=float(scene.t[k]),
+        poses=scene.poses[k],
+        points=[p[k] for p in scene.points],
+        lengths=scene.lengths[k],
+        taut=scene.taut[k],
+        tension=None if scene.tension is None else scene.tension[k],
+        springs=[s[k : k + 1] for s in scene.springs],
+    )
+
+
+def moment_at(marionette: Marionette, state: State, tension: np.ndarray | None) -> Moment:
+    """The moment of a state.
+
+    Args:
+        marionette: the puppet's handle.
+        state: configuration and string modes.
+        tension: (n_strings,) [N], or None when unknown.
+    """
+    tree, n = marionette.tree, len(marionette.tree.strings)
+    poses = np.asarray(marionette.poses(state.q_D, state.q_K))
+    lengths = np.asarray(marionette.string_lengths(state.q_K))
+    return Moment(
+        t=state.t,
+        poses=poses,
+        points=[np.asarray(p) for p in marionette.string_points(state.q_D, state.q_K)],
+        lengths=lengths + state.slip if len(state.slip) else lengths,
+        taut=state.taut[:n],
+        tension=None if tension is None else np.asarray(tension)[:n],
+        springs=[e[None] for e in spring_ends(tree, poses)],
+    )

@@ -1,0 +1,166 @@
+"""fantoccini show: pages, files, and what it refuses."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from http.client import HTTPConnection
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.cli.command import fantoccini, mistake
+from tests.show.viewer import Viewer
+
+import fantoccini as fan
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A run's file."""
+    path = tmp_path_factory.mktemp("run") / "run.npz"
+    marionette = fan.puppets.string_pendulum()
+    fan.simulate(marionette, marionette.rest(), t_end=0.5).save(path)
+    return path
+
+
+class Shown:
+    """``fantoccini show`` in a process of its own, and what it says."""
+
+    def __init__(self, *arguments: object, folder: Path):
+        path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", "from fantoccini.cli import main; main()", "show",
+             *map(str, arguments), "--no-browser"],
+            env={**os.environ, "PYTHONPATH": path}, stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE, text=True, cwd=folder,
+        )  # fmt: skip
+        self.watch = threading.Timer(90.0, self.process.kill)
+        self.watch.start()
+        self.url = self.process.stdout.readline().strip()
+        self.said = ""  # up to the last word before it waits
+        while "Ctrl-C ends" not in self.said and (line := self.process.stderr.readline()):
+            self.said += line
+
+    def end(self, by: int = signal.SIGINT) -> tuple[int, str]:
+        """Ctrl-C, or another signal: the exit code, and what was said on stderr."""
+        self.process.send_signal(by)
+        _, said = self.process.communicate()
+        self.watch.cancel()
+        return self.process.returncode, self.said + said
+
+
+def fetched(url: str) -> tuple[int, str]:
+    host, port = re.fullmatch(r"http://([\d.]+):(\d+)", url).groups()
+    connection = HTTPConnection(host, int(port), timeout=20)
+    connection.request("GET", "/")
+    got = connection.getresponse()
+    return got.status, got.read().decode()
+
+
+@pytest.mark.parametrize("what", ["puppet", "run"])
+def test_a_page_is_served_until_ctrl_c(what, run, tmp_path):
+    shown = Shown("string_pendulum" if what == "puppet" else run, "--port", 0, folder=tmp_path)
+    try:
+        status, body = fetched(shown.url)
+    finally:
+        code, said = shown.end()
+    assert status == 200 and "<title>string_pendulum</title>" in body
+    assert code == 0
+    assert "Traceback" not in said and "Ctrl-C ends" in said
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("by", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_a_recording_is_whole_however_the_program_ends(by, tmp_path):
+    if not hasattr(signal, by):
+        pytest.skip(f"there is no {by} here")
+    shown = Shown("string_pendulum", "--port", 0, folder=tmp_path)
+    try:
+        with Viewer(shown.url) as viewer:
+            viewer.press("Record")
+            viewer.until_said("recording 0.5 s")
+    finally:
+        number = getattr(signal, by)
+        code, said = shown.end(number)
+    (path,) = tmp_path.iterdir()  # nothing half-written beside it
+    assert code == (0 if by == "SIGINT" else 128 + number), said
+    assert "Traceback" not in said and f"wrote {path}" in said
+    recording = fan.Recording.load(path)
+    assert recording.duration >= 0.45
+    assert np.array_equal(recording.replay().q_D, recording.trajectory.q_D)
+
+
+def test_a_port_in_use_is_said_and_the_next_free_one_taken(tmp_path):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen(1)
+        port = taken.getsockname()[1]
+        shown = Shown("string_pendulum", "--port", port, folder=tmp_path)
+        try:
+            assert fetched(shown.url)[0] == 200
+        finally:
+            code, said = shown.end()
+    assert code == 0
+    assert f"port {port} is in use; the page is on port {shown.url.rpartition(':')[2]}" in said
+
+
+def test_another_host_says_what_it_exposes(tmp_path):
+    shown = Shown("string_pendulum", "--port", 0, "--host", "0.0.0.0", folder=tmp_path)
+    _, said = shown.end()
+    assert "everybody who can reach this machine" in said and "no password" in said
+
+
+def test_a_run_is_written_as_one_file(run, tmp_path):
+    path = tmp_path / "run.html"
+    result = fantoccini("show", run, "--html", path, "--theme", "dark", "--quiet")
+    assert result.exit_code == 0, result.stderr
+    text = path.read_text(encoding="utf-8")
+    assert "__VISER_EMBED_DATA__" in text and "<title>string_pendulum</title>" in text
+    assert 0.7e6 < path.stat().st_size < 1.3e6
+    assert [p.name for p in tmp_path.iterdir()] == ["run.html"]
+
+
+def test_a_plan_is_written_with_its_tree(tmp_path):
+    plan, page = tmp_path / "plan.npz", tmp_path / "plan.html"
+    assert fantoccini("plan", "arm3d_boxes", "--save", plan, "--quiet").exit_code == 0
+    assert fantoccini("show", plan, "--html", page, "--quiet").exit_code == 0
+    assert page.stat().st_size > 0.8e6
+
+
+def test_mistakes_are_told_with_their_places(run, tmp_path):
+    wrong = tmp_path / "wrong.yaml"
+    wrong.write_text("puppet: wrong\nbodies: []\nstrings: 3\n", encoding="utf-8")
+    assert "wrong.yaml:" in mistake("show", wrong)
+    assert "no bundled puppet has this name" in mistake("show", "marionete")
+    assert "there is no such file" in mistake("show", tmp_path / "none.npz")
+    other = tmp_path / "other.npz"
+    np.savez(other, x=np.zeros(3))
+    assert "is not a trajectory" in mistake("show", other)
+    other.write_bytes(run.read_bytes()[:500])
+    assert "is not a trajectory" in mistake("show", other)
+    assert "a run (.npz) can" in mistake("show", "arm2d", "--html", tmp_path / "x.html")
+    assert "allowed: .html" in mistake("show", run, "--html", tmp_path / "x.png")
+    assert "--port" in mistake("show", run, "--port", "70000")
+    assert "there is no folder" in mistake("show", "arm2d", "--record-to", tmp_path / "none")
+
+
+def test_an_address_that_nobody_can_listen_on_ends_the_command():
+    result = fantoccini("show", "string_pendulum", "--host", "192.0.2.1", "--no-browser")
+    assert result.exit_code == 1
+    assert "no page can be served at 192.0.2.1, port 8080" in result.stderr
+
+
+def test_a_problem_file_goes_with_a_plan_only(tmp_path):
+    pendulum = fan.puppets.string_pendulum()
+    fan.simulate(pendulum, pendulum.rest(), t_end=0.02).save(tmp_path / "run.npz")
+    for file in (tmp_path / "run.npz", "arm2d"):
+        said = mistake("show", file, "--problem", "arm3d_boxes", "--no-browser")
+        assert "is no plan" in said and "arm3d_boxes" in said

@@ -1,0 +1,293 @@
+"""Hands that are moved gently: what is asked for happens, exactly and without steps."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.motion import rotation
+from fantoccini.perform import reach
+from fantoccini.perform.handle import quaternion
+
+CRANES = """
+puppet: bridge
+bodies:
+  - {name: bridge, joint: {type: prismatic, axis: [0, 1, 0], at: [0, 0, 3], driven: true}}
+  - name: trolley
+    parent: bridge
+    joint: {type: prismatic, axis: [1, 0, 0], driven: true}
+  - {name: arm, joint: {type: revolute, axis: [0, 0, 1], at: [2, 0, 3], driven: true}}
+  - {name: head, joint: {type: ball, at: [0, 2, 3], driven: true}}
+  - name: load
+    joint: {type: translation, axes: [x, y, z], damping: 0.4}
+    shapes: [{type: sphere, radius: 0.05, mass: {parameter: m, value: 1.0}}]
+strings:
+  - {name: hoist, path: [{body: load}, {body: trolley}], length: driven}
+pose: {load.z: 2.0, hoist.length: 1.0}
+"""
+
+
+def turn_between(p, q) -> float:
+    """Angle between two orientations [rad]."""
+    return float(np.linalg.norm(rotation.between(p, q)))
+
+
+@pytest.fixture(scope="module")
+def marionette():
+    return fan.puppets.marionette()
+
+
+@pytest.fixture(scope="module")
+def bar():
+    return fan.puppets.marionette_bar()
+
+
+@pytest.fixture(scope="module")
+def crane():
+    return fan.loads(CRANES)
+
+
+def test_quaternions_of_matrices():
+    rng = np.random.default_rng(0)
+    turns = np.concatenate([rng.normal(size=(50, 4)), np.eye(4), 1e-9 + np.eye(4)])
+    for q in rotation.normalised(turns):
+        found = quaternion(rotation.matrix(q))
+        assert min(np.max(np.abs(found - q)), np.max(np.abs(found + q))) < 1e-14
+
+
+def test_it_hangs_at_rest_and_stays(marionette):
+    live = fan.Performance(marionette)
+    before = live.state
+    live.advance(1.0)
+    assert live.t == pytest.approx(1.0)
+    assert np.max(np.abs(live.state.v_D)) < 1e-3
+    assert np.max(np.abs(live.state.q_D - before.q_D)) < 1e-3
+    assert np.sum(live.tension) == pytest.approx(marionette.weight, rel=0.05)
+    assert live.lagging == {} and np.all(live.slip == 0)
+
+
+def test_a_dragged_string_end_arrives_exactly_and_stays(marionette):
+    live = fan.Performance(marionette)
+    assert [h.kind for h in live.handles] == ["end"] * 7
+    there, level = live.place("hand_left")
+    live.move("hand_left", there + np.array([0.08, 0.03, 0.2]))  # up is not one of its axes
+    assert np.allclose(live.target("hand_left")[0], there + np.array([0.08, 0.03, 0.0]), atol=1e-15)
+    live.advance(1.5)
+    assert np.allclose(live.place("hand_left")[0], there + np.array([0.08, 0.03, 0.0]), atol=1e-14)
+    assert np.array_equal(live.place("hand_left")[1], level)
+    assert np.all(live.state.v_K == 0) or np.max(np.abs(live.state.v_K)) < 1e-13
+    live.wind("hand_left", live.length("hand_left") - 0.05)
+    live.advance(1.5)
+    assert live.length("hand_left") == pytest.approx(live.wanted_length("hand_left"), abs=1e-14)
+    assert live.lagging == {}
+
+
+def test_a_control_bar_is_moved_and_turned_at_once(bar):
+    live = fan.Performance(bar)
+    (handle,) = live.handles
+    assert (handle.name, handle.kind, handle.joint) == ("bar", "body", "free")
+    assert handle.axes.shape == handle.turns.shape == (3, 3)
+    there, level = live.place("bar")
+    turned = rotation.multiply(level, rotation.exp(np.array([0.2, -0.3, 0.4])))
+    live.move("bar", there + np.array([0.1, -0.1, 0.05]), -3.0 * turned)
+    live.advance(2.0)
+    position, wxyz = live.place("bar")
+    assert np.allclose(position, there + np.array([0.1, -0.1, 0.05]), atol=1e-14)
+    assert turn_between(wxyz, turned) < 1e-13
+    assert np.max(np.abs(live.state.v_K)) < 1e-12
+
+
+def test_handles_of_every_joint_go_where_their_joint_lets_them(crane):
+    live = fan.Performance(crane)
+    kinds = {h.name: (h.joint, len(h.axes), len(h.turns)) for h in live.handles}
+    assert kinds == {
+        "bridge": ("prismatic", 1, 0),
+        "trolley": ("prismatic", 1, 0),
+        "arm": ("revolute", 0, 1),
+        "head": ("ball", 0, 3),
+    }
+    half = rotation.exp(np.array([0.0, 0.0, 2.5]))
+    tilted = rotation.exp(np.array([0.5, 1.0, -2.0]))
+    live.move("bridge", [7.0, 0.4, -2.0])
+    live.move("trolley", [0.3, 9.0, 9.0])
+    live.move("arm", [5.0, 5.0, 5.0], rotation.multiply(half, rotation.exp(np.array([1e-3, 0, 0]))))
+    live.move("head", None, tilted)
+    live.advance(4.0)
+    assert np.allclose(live.place("bridge")[0], [0.0, 0.4, 3.0], atol=1e-13)
+    # It rides on the bridge.
+    assert np.allclose(live.place("trolley")[0], [0.3, 0.4, 3.0], atol=1e-13)
+    assert turn_between(live.place("arm")[1], half) < 2e-3
+    assert np.allclose(live.place("arm")[0], [2.0, 0.0, 3.0], atol=1e-15)
+    assert turn_between(live.place("head")[1], tilted) < 1e-12
+    for name in ("bridge", "trolley", "arm", "head"):
+        (p, q), (at, turn) = live.place(name), live.target(name)
+        assert np.allclose(p, at, atol=1e-12) and turn_between(q, turn) < 1e-7
+
+
+def test_driven_velocity_is_continuous_and_bounded(bar):
+    live = fan.Performance(bar)
+    live.record()
+    rng = np.random.default_rng(3)
+    there, _ = live.place("bar")
+    for _ in range(12):
+        live.move("bar", there + 0.2 * rng.normal(size=3), rng.normal(size=4))
+        live.advance(rng.uniform(0.05, 0.4))
+    recording = live.stop()
+    assert recording.ended == ""
+    inputs, hands = recording.inputs, live._hands
+    inside = recording.times[1:-1]
+    q_0, v_0, _ = inputs.evaluate(np.nextafter(inside, 0.0))
+    q_1, v_1, _ = inputs.evaluate(np.nextafter(inside, 10.0))
+    assert np.max(np.abs(v_1 - v_0)) < 1e-11
+    assert np.max(np.abs(q_1 - q_0)) < 1e-11
+    run = recording.trajectory
+    # What was simulated is that input.
+    assert np.max(np.abs(run.v_K[1:-1] - v_1)) < 1e-11
+    for v, acc in zip(run.v_K, recording.acc_K, strict=False):
+        assert np.all(reach.lengths(v, hands.group, 2) <= hands.speed * (1 + 1e-12))
+        assert np.all(reach.lengths(acc, hands.group, 2) <= hands.acceleration * (1 + 1e-12))
+
+
+def test_targets_may_be_set_from_other_threads(marionette):
+    live = fan.Performance(marionette)
+    homes = {h.name: live.place(h.name)[0] for h in live.handles}
+    stop, failures = threading.Event(), []
+
+    def drag(names, seed):
+        rng = np.random.default_rng(seed)
+        try:
+            while not stop.is_set():
+                for name in names:
+                    live.move(name, homes[name] + 0.1 * rng.normal(size=3))
+                    live.place(name), live.target(name), live.lagging, live.state
+        except Exception as error:
+            failures.append(error)
+
+    names = list(homes)
+    threads = [
+        threading.Thread(target=drag, args=(some, i))
+        for i, some in enumerate((names[:4], names[3:]))
+    ]
+    for thread in threads:
+        thread.start()
+    live.advance(2.0)
+    stop.set()
+    for thread in threads:
+        thread.join()
+    assert failures == []
+    assert live.t == pytest.approx(2.0)
+    assert np.all(np.isfinite(live.state.q_D))
+
+
+def test_whole_ticks_are_simulated_and_what_is_left_counts_later(marionette):
+    live = fan.Performance(marionette, tick=0.01)
+    live.advance(0.025)
+    assert live.t == pytest.approx(0.02)
+    live.advance(0.005)
+    assert live.t == pytest.approx(0.03)
+    live.step()
+    assert live.t == pytest.approx(0.04)
+
+
+def test_it_is_set_back_to_its_start(bar):
+    live = fan.Performance(bar)
+    before = live.state
+    live.move("bar", [1.0, 0.0, 1.0])
+    live.advance(0.5)
+    live.reset()
+    for name in ("q_D", "v_D", "q_K", "v_K", "slip"):
+        assert np.array_equal(getattr(live.state, name), getattr(before, name)), name
+    live.advance(0.5)
+    assert np.array_equal(live.state.q_K, before.q_K)
+
+
+def test_parameters_change_while_it_goes_on(crane):
+    live = fan.Performance(crane)
+    live.move("trolley", [0.5, 0, 3])
+    live.advance(0.2)
+    before, pull = live.state, live.tension[0]
+    assert live.set_parameters({"m": 2.0}) == ()
+    after = live.state
+    assert np.allclose(after.q_D, before.q_D, atol=1e-5) and after.t == before.t
+    assert np.allclose(live.target("trolley")[0], [0.5, 0, 3])
+    live.advance(6.0)
+    assert live.tension[0] == pytest.approx(2 * 9.81, rel=0.05)
+    assert live.tension[0] > 1.5 * pull
+    with pytest.raises(fan.UnknownNameError):
+        live.set_parameters({"mass": 1.0})
+    live.reset()
+    live.advance(0.1)
+    assert live.tension[0] == pytest.approx(2 * 9.81, rel=0.01)
+
+
+def test_a_changed_puppet_goes_on_where_names_were_kept(crane):
+    live = fan.Performance(crane)
+    live.move("bridge", [0, 0.3, 0])
+    live.move("head", None, rotation.exp(np.array([0.3, 0.0, 0.0])))
+    live.advance(0.3)
+    before = live.state
+    shorter = CRANES.replace("{name: head, joint", "{name: skull, joint").replace(
+        "z: 2.0, hoist.length: 1.0", "z: 2.2, hoist.length: 0.8"
+    )
+    lost = live.replace(fan.loads(shorter))
+    assert "head.qw is gone" in lost and "skull.qw is new" in lost
+    names = live.marionette.coordinates.q_K
+    kept = [names.index(n) for n in ("bridge", "trolley", "hoist.length")]
+    theirs = [crane.coordinates.q_K.index(names[i]) for i in kept]
+    assert np.array_equal(live.state.q_K[kept], before.q_K[theirs])
+    assert np.allclose(live.target("bridge")[0], [0, 0.3, 3.0])
+    live.advance(3.0)
+    assert np.allclose(live.place("bridge")[0], [0, 0.3, 3.0], atol=1e-13)
+    with pytest.raises(fan.UnknownNameError, match="skull"):
+        live.place("head")
+
+
+def test_a_puppet_whose_strings_became_too_short_is_wound_up(crane):
+    live = fan.Performance(crane)
+    fixed = CRANES.replace("length: driven", "length: 0.5").replace(
+        "{load.z: 2.0, hoist.length: 1.0}", "{load.z: 2.5}"
+    )
+    live.replace(fan.loads(fixed))
+    for _ in range(240):
+        assert np.all(np.isfinite(live.step().q_D))
+    live.advance(3.0)
+    assert live.state.q_D[2] == pytest.approx(2.5, abs=5e-3)
+    assert live.slip[0] < 1e-6
+
+
+def test_mistakes_are_told_and_change_nothing(crane):
+    live = fan.Performance(crane)
+    with pytest.raises(fan.UnknownNameError, match="trolley"):
+        live.move("troley", [0, 0, 0])
+    with pytest.raises(fan.StateError, match="three finite numbers"):
+        live.move("trolley", [0, np.nan, 0])
+    with pytest.raises(fan.StateError, match="quaternion"):
+        live.move("head", None, [0, 0, 0, 0])
+    with pytest.raises(fan.StateError, match="finite"):
+        live.wind("hoist", np.inf)
+    with pytest.raises(fan.UnknownNameError, match="hoist"):
+        live.wind("hoists", 1.0)
+    with pytest.raises(ValueError, match="speed"):
+        fan.Performance(crane, speed=0.0)
+    with pytest.raises(fan.StateError, match="recorded"):
+        live.stop()
+    before = live.state
+    live.advance(0.2)
+    assert np.array_equal(live.state.q_K, before.q_K)
+
+
+def test_a_puppet_whose_every_joint_is_driven_is_alive_too():
+    live = fan.Performance(
+        fan.loads("""
+puppet: turntable
+bodies:
+  - {name: table, joint: {type: revolute, axis: [0, 0, 1], driven: true}, mass: 1.0,
+     inertia: [0.1, 0.1, 0.2]}
+""")
+    )
+    live.move("table", None, [np.cos(0.3), 0.0, 0.0, np.sin(0.3)])
+    live.advance(2.0)
+    assert live.state.q_K[0] == pytest.approx(0.6, abs=1e-12)

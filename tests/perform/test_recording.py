@@ -1,0 +1,233 @@
+"""Recordings: the same bits again, on disk and off it; what fan.simulate makes of them; edits."""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+
+import numpy as np
+import pytest
+import trimesh
+
+import fantoccini as fan
+from fantoccini.motion import rotation
+
+PARTS = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
+TABLES = ("tension", "limit_force", "taut", "ledger", "effort", "violation", "slip")
+
+
+def same(one: fan.Trajectory, other: fan.Trajectory) -> None:
+    """To the last bit, events included."""
+    for name in PARTS:
+        assert np.array_equal(getattr(one, name), getattr(other, name)), name
+    for name in TABLES:
+        assert np.array_equal(getattr(one, name).values, getattr(other, name).values), name
+    assert one.events == other.events and one.status == other.status
+
+
+@pytest.fixture(scope="module")
+def gentle():
+    """The control bar moved and tilted gently for 2 s, after something else."""
+    live = fan.Performance(fan.puppets.marionette_bar(), speed=0.3, acceleration=1.5)
+    there, level = live.place("bar")
+    live.move("bar", there + np.array([0.0, 0.05, 0.0]))
+    live.advance(0.7)
+    live.record()
+    assert live.recording
+    live.move("bar", there + np.array([0.1, 0.0, 0.05]), rotation.exp(np.array([0.1, 0.2, 0.3])))
+    live.advance(1.0)
+    live.move("bar", there, level)
+    live.advance(1.0)
+    recording = live.stop()
+    assert not live.recording
+    assert np.allclose(recording.trajectory.q_D[-1], live.state.q_D, atol=0, rtol=0)
+    return recording
+
+
+@pytest.fixture(scope="module")
+def rough():
+    """The marionette pulled beyond what it can follow."""
+    live = fan.Performance(fan.puppets.marionette())
+    home, _ = live.place("hand_left")
+    live.record()
+    live.move("hand_left", home + np.array([10.0, 0.0, 0.0]))
+    live.wind("head", 0.3)
+    live.advance(1.5)
+    live.move("hand_left", home)
+    live.advance(0.5)
+    return live.stop()
+
+
+def test_a_replay_is_the_recording_to_the_last_bit(gentle, rough):
+    for recording in (gentle, rough):
+        assert recording.trajectory.t[0] == 0.0
+        assert len(recording.trajectory) == len(recording) + 1 == 240 + 1
+        same(recording.trajectory, recording.replay())
+    assert np.max(rough.trajectory.slip["hand_left"]) > 0.01
+
+
+def test_a_file_gives_the_same_recording_back(rough, tmp_path):
+    rough.save(tmp_path / "rough.npz")
+    assert [p.name for p in tmp_path.iterdir()] == ["rough.npz"]
+    read = fan.Recording.load(tmp_path / "rough.npz")
+    same(read.trajectory, rough.trajectory)
+    same(read.replay(), rough.trajectory)
+    assert (read.tick, read.steps, read.ended) == (rough.tick, rough.steps, rough.ended)
+    assert np.array_equal(read.marionette.winches, rough.marionette.winches)
+    # Its trajectory is a trajectory like any other.
+    rough.trajectory.save(tmp_path / "run.npz")
+    same(fan.Trajectory.load(tmp_path / "run.npz"), rough.trajectory)
+
+
+def test_parameters_and_worlds_of_several_are_kept(tmp_path):
+    one, two = fan.puppets.arm2d().puppet, fan.puppets.string_pendulum().puppet
+    world = fan.Marionette(fan.World.of(one, two)).with_parameters({"arm2d/m1": 0.3})
+    live = fan.Performance(world)
+    live.record()
+    live.move("arm2d/hand", [0.7, 0.0, 0.0])
+    live.advance(0.5)
+    recording = live.stop()
+    recording.save(tmp_path / "two.npz")
+    read = fan.Recording.load(tmp_path / "two.npz")
+    assert np.array_equal(read.marionette.p, world.p)
+    same(read.replay(), recording.trajectory)
+
+
+def test_meshes_travel_with_a_recording(tmp_path):
+    folder = tmp_path / "there"
+    (folder / "meshes").mkdir(parents=True)
+    trimesh.creation.box((0.1, 0.2, 0.3)).export(folder / "meshes" / "box.stl")
+    (folder / "stone.yaml").write_text(
+        "puppet: stone\nbodies:\n  - name: stone\n    joint: {type: free}\n"
+        "    shapes: [{type: mesh, file: meshes/box.stl, density: 1000}]\n"
+        "strings:\n  - {name: line, path: [{body: stone, at: [0, 0, 0.15]}, "
+        "{driven: [x, y], at: [0, 0, 1]}], length: driven}\n"
+    )
+    live = fan.Performance(fan.load(folder / "stone.yaml"))
+    live.record()
+    live.move("line", [0.2, 0.0, 1.0])
+    live.advance(0.4)
+    made = live.stop()
+    made.save(tmp_path / "stone.npz")
+    shutil.rmtree(folder)
+    same(fan.Recording.load(tmp_path / "stone.npz").replay(), made.trajectory)
+
+
+def test_damaged_and_foreign_files_are_named(gentle, tmp_path):
+    whole = tmp_path / "whole.npz"
+    gentle.save(whole)
+    content = whole.read_bytes()
+    foreign = tmp_path / "run.npz"
+    gentle.trajectory.save(foreign)
+    cut = {f"cut{n}.npz": content[:n] for n in (0, 10, len(content) // 2, len(content) - 5)}
+    cut["text.npz"] = b"puppet: none"
+    for name, part in cut.items():
+        (tmp_path / name).write_bytes(part)
+    with np.load(whole) as file:
+        arrays = dict(file)
+    for name in arrays:
+        np.savez(tmp_path / "less.npz", **{n: x for n, x in arrays.items() if n != name})
+        with pytest.raises(fan.FantocciniError, match=r"less\.npz"):
+            fan.Recording.load(tmp_path / "less.npz")
+    wrongs = {"rows": arrays["rows"][:, 1:], "start_q_D": np.zeros(3)}
+    wrongs["acc_K"] = np.where(np.arange(len(arrays["acc_K"])) == 7, np.nan, arrays["acc_K"].T).T
+    for name, wrong in wrongs.items():
+        np.savez(tmp_path / "wrong.npz", **{**arrays, name: wrong})
+        with pytest.raises(fan.FantocciniError, match=r"wrong\.npz"):
+            fan.Recording.load(tmp_path / "wrong.npz")
+    for path in (foreign, tmp_path / "none.npz", *(tmp_path / name for name in cut)):
+        with pytest.raises(fan.FantocciniError, match=path.name):
+            fan.Recording.load(path)
+
+
+def test_what_the_hands_did_is_an_input(gentle):
+    """The time-stepper at the same dt agrees to rounding, event-driven to the stepper's error."""
+    recorded = gentle.trajectory
+    asked = gentle.marionette, gentle.start, gentle.inputs, gentle.duration
+    stepped = fan.simulate(*asked, method="timestepping", dt=gentle.dt, save_every=gentle.steps)
+    assert np.max(np.abs(stepped.q_D[-1] - recorded.q_D[-1])) < 1e-9
+    assert np.max(np.abs(stepped.v_D[-1] - recorded.v_D[-1])) < 1e-7
+    event = fan.simulate(*asked)
+    assert np.max(np.abs(event.q_K[-1] - recorded.q_K[-1])) < 1e-11
+    apart = event.resample(recorded.t).q_D - recorded.q_D
+    assert np.max(np.abs(apart)) < 0.02
+    # The error is the stepper's: it shrinks with its step.
+    finer = dataclasses.replace(gentle, steps=8 * gentle.steps, written=None).trajectory
+    less = event.resample(finer.t).q_D - finer.q_D
+    assert np.max(np.abs(less)) < 0.4 * np.max(np.abs(apart))
+
+
+def test_a_recording_ends_when_something_else_than_the_hands_changes(gentle):
+    arm = fan.puppets.arm2d()
+    for change, why in (
+        (lambda live: live.set_parameters({"m1": 0.2}), "parameters"),
+        (lambda live: live.replace(fan.puppets.arm2d()), "puppet"),
+        (lambda live: live.reset(), "start"),
+    ):
+        live = fan.Performance(arm)
+        live.record()
+        live.move("hand", [0.6, 0.0, 0.0])
+        live.advance(0.3)
+        change(live)
+        assert not live.recording
+        live.advance(0.3)
+        made = live.stop()
+        assert why in made.ended and len(made) == 36
+        same(made.replay(), made.trajectory)
+        with pytest.raises(fan.StateError, match="recorded"):
+            live.stop()
+
+
+def test_a_trimmed_recording_starts_with_the_state_there(gentle):
+    part = gentle.trimmed(0.5, 1.5)
+    assert part.duration == pytest.approx(1.0)
+    run, whole = part.trajectory, gentle.trajectory
+    assert run.status is fan.Status.DONE
+    assert np.max(np.abs(run.q_D[0] - whole.q_D[60])) < 1e-4
+    assert np.max(np.abs(run.q_K - whole.q_K[60:181])) < 1e-12
+    assert np.max(np.abs(run.q_D[-1] - whole.q_D[180])) < 0.02
+    fan.simulate(part.marionette, part.start, part.inputs)
+    from_start = gentle.trimmed(0.0, 0.5)
+    same_rows = from_start.trajectory
+    assert np.array_equal(same_rows.q_D, whole.q_D[:61])
+    for a, b in ((-1.0, 1.0), (1.0, 0.5), (0.0, 3.0), (0.5, 0.5001)):
+        with pytest.raises(ValueError, match="s"):
+            gentle.trimmed(a, b)
+
+
+def test_a_stretched_recording_goes_the_same_way_slower(gentle):
+    for factor in (2.0, 0.8):
+        slow = gentle.stretched(factor)
+        assert slow.duration == pytest.approx(factor * gentle.duration)
+        assert slow.dt <= gentle.dt * (1 + 1e-12)
+        s = np.linspace(0.0, gentle.duration, 77)[:-1]
+        q, v, _ = gentle.inputs.evaluate(s)
+        q_slow, v_slow, _ = slow.inputs.evaluate(factor * s)
+        assert np.max(np.abs(q_slow - q)) < 1e-11
+        assert np.max(np.abs(v_slow * factor - v)) < 1e-11
+        assert slow.trajectory.status is fan.Status.DONE
+    with pytest.raises(ValueError, match="factor"):
+        gentle.stretched(0.0)
+
+
+def test_a_smoothed_recording_has_gentler_hands_and_the_same_ends(gentle):
+    smooth = gentle.smoothed(0.2)
+    q, v, _ = gentle.inputs.evaluate(gentle.times)
+    q_s, v_s, _ = smooth.inputs.evaluate(smooth.times)
+    assert np.max(np.abs(q_s[0] - q[0])) == 0.0
+    assert np.max(np.abs(v_s[0] - v[0])) == 0.0
+    assert np.max(np.abs(q_s[-1] - q[-1])) < 1e-3
+    assert np.max(np.abs(q_s - q)) < 0.02
+    # The steps of the acceleration are gone.
+    jerk = [np.max(np.abs(np.diff(r.acc_K, axis=0)[12:-12])) for r in (gentle, smooth)]
+    assert jerk[1] < 0.2 * jerk[0]
+    assert smooth.trajectory.status is fan.Status.DONE
+    fan.simulate(smooth.marionette, smooth.start, smooth.inputs, method="timestepping")
+    with pytest.raises(ValueError, match="seconds"):
+        gentle.smoothed(-1.0)
+
+
+def test_an_edited_recording_is_kept_with_what_it_gives(gentle, tmp_path):
+    edited = gentle.smoothed(0.1).stretched(1.5).trimmed(0.2, 2.0)
+    edited.save(tmp_path / "edited.npz")
+    same(fan.Recording.load(tmp_path / "edited.npz").trajectory, edited.replay())

@@ -1,0 +1,125 @@
+"""Feedback about catches: modes beyond their events, slopes through catches, gains by event."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.motion import State
+from fantoccini.plan import PlanResult, Problem, Rows, solve
+from fantoccini.plan.feedback import Feedback
+from fantoccini.plan.modes import led
+from fantoccini.plan.planners import Grown
+from fantoccini.plan.saltation import caught_slopes
+
+
+def dropped(lift: float, segments: int) -> PlanResult:
+    """The 2D arm is let go above where it hangs, with its string's end at rest: one catch."""
+    arm = fan.puppets.arm2d()
+    rest = arm.rest({"hand.length": 0.8})
+    start = rest.replace(
+        q_D=rest.q_D + np.array([lift, -0.3 * lift]), taut=np.zeros_like(rest.taut)
+    )
+    duration = 0.1 * segments
+    end = fan.simulate(arm, start, t_end=duration, method="timestepping", dt=0.004).q_D[-1]
+    goal = fan.Goal.pose(arm, dict(zip(arm.coordinates.q_D, end, strict=True)), speed_weight=0.0)
+    problem = Problem(arm, start, goal, tolerance=1e-3, speed=5.0, acceleration=10.0)
+
+    def still(tree, motions, rng):
+        first = np.zeros(1, dtype=int)
+        made = motions.sweep(tree.rows, first, np.zeros((1, segments, arm.coordinates.n_vK)))
+        return Grown(1, tree.add_segments(made, first, motions.interval))
+
+    found = solve(problem, planner=still, iterations=1)
+    assert found and abs(found.duration - duration) < 1e-9
+    return found
+
+
+def catches(plan: PlanResult, start: State) -> list[float]:
+    run = fan.simulate(plan.problem.marionette, start, t_end=plan.duration, method="event")
+    return [event.t for event in run.events if event.kind.value == "catch"]
+
+
+@pytest.mark.parametrize(
+    ("lift", "kicks"), [(0.17, np.linspace(0.3, 0.7, 5)), (0.24, -np.linspace(0.7, 1.2, 6))]
+)
+def test_a_puppet_caught_late_or_early_is_led_by_the_gains_of_its_mode(lift, kicks):
+    """At the second node it is on the other side of the catch than the plan."""
+    plan, late = dropped(lift, 4), kicks[0] > 0.0
+    by_event, by_time = Feedback.along(plan), Feedback.along(plan, window=0)
+    assert by_event.pulling[1, 0] == late and not len(by_time.beyond.late)
+    off = []
+    for kick in kicks:
+        start = plan.start.replace(v_D=plan.start.v_D + np.array([kick, 0.0]))
+        assert (catches(plan, start)[0] > 0.1) == late
+        off.append([law.run(start).distance for law in (by_time, by_event)])
+    time, event = np.median(off, axis=0)
+    assert event < time / 3.0, (time, event)
+
+
+def test_the_mode_is_the_puppets():
+    plan = dropped(0.17, 4)
+    law, arm = Feedback.along(plan), plan.problem.marionette
+    assert law.pulling[:, 0].tolist() == [False, True, True, True, True]
+    x = arm.stepper(plan.start).advance(0.2)
+    assert law.mode(x) == [True]
+    assert law.mode(arm.project(x).replace(taut=np.zeros_like(x.taut))) == [True], "not filled in"
+    slack = x.replace(q_K=x.q_K + np.array([0.0, 0.01]), taut=np.zeros_like(x.taut))
+    assert law.mode(slack) == [False]
+    # At its own time a mode is the plan's; at others what is nearest to it.
+    node, gains = law.reference(1, x)
+    assert gains is not None and np.array_equal(node.q_D, law.nodes.q_D[1])
+    late, _ = law.reference(1, slack)
+    assert arm.instant(x.replace(q_D=late.q_D, v_D=late.v_D)).h[0] > 0.0, "led beyond the catch"
+    early, _ = law.reference(0, x)
+    assert abs(arm.instant(x.replace(q_D=early.q_D, v_D=early.v_D)).h[0]) < 1e-4
+    # Nothing of the plan is slack so late: gains go by time.
+    assert np.array_equal(law.reference(3, slack)[0].q_D, law.nodes.q_D[3])
+
+
+def test_modes_go_on_as_the_event_driven_method_does():
+    """Forwards, and back to where they came from; with and without the string."""
+    arm = fan.puppets.arm3d()
+    hangs = arm.rest({"hand.x": 0.3, "hand.length": 1.2})
+    for x in (
+        arm.project(hangs.replace(v_D=[0.0, 0.4, 0.0, -0.5])),
+        hangs.replace(q_K=hangs.q_K + np.array([0.0, 0.0, 0.1]), taut=np.zeros_like(hangs.taut)),
+    ):
+        acc_K = np.array([0.3, -0.2, 0.1])
+        stepper = arm.stepper(x, "event")
+        y = stepper.advance(0.1, acc_K)
+        mode = x.taut[None, :1]
+        assert np.array_equal(y.taut, x.taut)
+        end = led(arm, Rows.of(x.replace(slip=np.zeros(1))), mode, acc_K[None], np.array([0.1]))
+        for name in ("q_D", "v_D", "q_K", "v_K"):
+            np.testing.assert_allclose(getattr(end, name)[0], getattr(y, name), atol=2e-4)
+        back = led(arm, end, mode, acc_K[None], np.array([-0.1]))
+        np.testing.assert_allclose(back.q_D[0], x.q_D, atol=1e-6)
+
+
+def test_slopes_through_a_catch_are_those_of_neighbours():
+    """Differences of event-driven runs, of changes that keep the order of events."""
+    plan = dropped(0.83, 5)
+    arm, start = plan.problem.marionette, plan.start
+    law = Feedback.along(plan)
+    A, B = caught_slopes(arm, law.nodes[1], np.zeros(2), 0.15)
+    node = law.nodes[1]
+    x = State(0.0, node.q_D, node.v_D, node.q_K, node.v_K, start.taut, node.slip)
+
+    def end(change: np.ndarray) -> np.ndarray:
+        dq, dv, dq_K, dv_K, acc_K = np.split(change, 5)
+        moved = x.replace(q_D=x.q_D + dq, v_D=x.v_D + dv, q_K=x.q_K + dq_K, v_K=x.v_K + dv_K)
+        y = arm.stepper(moved, "event").advance(0.15, acc_K)
+        return np.concatenate([y.q_D, y.v_D, y.q_K, y.v_K])
+
+    eps = 1e-6
+    found = [(end(eps * e) - end(-eps * e)) / (2.0 * eps) for e in np.eye(10)]
+    told = np.concatenate([A, B], axis=1)
+    assert np.max(np.abs(told)) > 10.0
+    np.testing.assert_allclose(told, np.transpose(found), atol=1e-3 * np.max(np.abs(told)))
+
+
+def test_a_negative_window_is_refused():
+    with pytest.raises(ValueError, match="window is -1"):
+        Feedback.along(dropped(0.17, 4), window=-1)

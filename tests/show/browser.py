@@ -1,0 +1,130 @@
+"""A headless Chromium that looks at pages, takes hold of things on them and takes pictures."""
+
+from __future__ import annotations
+
+import io
+import os
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import pytest
+
+FLAGS = (
+    "--headless=new --no-sandbox --disable-gpu --use-angle=swiftshader "
+    "--enable-unsafe-swiftshader --disable-quic --no-first-run --disable-background-networking "
+    "--disable-component-update --disable-sync --disable-dev-shm-usage --window-size=960,720"
+)
+
+_PATIENCE = 40.0
+"""Software rendering on a busy machine is slow [s]."""
+
+
+def missing() -> str:
+    """What keeps a browser from running here; empty where nothing does."""
+    try:
+        import selenium  # noqa: F401
+    except ImportError:
+        return "selenium is not installed"
+    if chromium() is None:
+        return "no chromium is installed (apt-get install chromium chromium-driver)"
+    if driver() is None:
+        return "no chromedriver is installed (apt-get install chromium-driver)"
+    return ""
+
+
+def chromium() -> str | None:
+    """Where the browser is."""
+    names = ("chromium", "chromium-browser", "google-chrome")
+    return next((path for name in names if (path := shutil.which(name))), None)
+
+
+def driver() -> str | None:
+    """Where its driver is."""
+    return shutil.which("chromedriver")
+
+
+@contextmanager
+def chrome() -> Iterator[Any]:
+    """A browser with an empty profile; the test is skipped where there is none."""
+    if why := missing():
+        pytest.skip(why)
+    from selenium import webdriver
+    from selenium.webdriver.chrome.service import Service
+
+    with TemporaryDirectory(prefix="fantoccini-chrome-", ignore_cleanup_errors=True) as profile:
+        options = webdriver.ChromeOptions()
+        options.binary_location = chromium()
+        for flag in (*FLAGS.split(), f"--user-data-dir={profile}"):
+            options.add_argument(flag)
+        options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+        browser = webdriver.Chrome(options, Service(driver()))
+        try:
+            yield browser
+        finally:
+            browser.quit()
+
+
+def until(true: Callable[[], Any], what: str, patience: float = _PATIENCE) -> Any:
+    """Waits until something holds."""
+    end = time.monotonic() + patience
+    while time.monotonic() < end:
+        if found := true():
+            return found
+        time.sleep(0.05)
+    raise AssertionError(f"waited {patience:g} s in vain: {what}")
+
+
+def picture(browser: Any, name: str = "") -> np.ndarray:
+    """(height, width, 3) of what the browser shows.
+
+    With the environment variable FANTOCCINI_SCREENSHOTS the picture is also written there.
+    """
+    from PIL import Image
+
+    png = browser.get_screenshot_as_png()
+    if name and (folder := os.environ.get("FANTOCCINI_SCREENSHOTS")):
+        Path(folder, f"{name}.png").write_bytes(png)
+    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))
+
+
+def colours(pixels: np.ndarray) -> int:
+    """Number of different colours, in steps of 8."""
+    return len(np.unique((pixels // 8).reshape(-1, 3), axis=0))
+
+
+def like(pixels: np.ndarray, hue: tuple[int, int, int], off: int = 45) -> int:
+    """Number of pixels about the colour of something under a light: same hue, any brightness."""
+    flat = pixels.reshape(-1, 3).astype(float)
+    bright = flat.max(axis=1)
+    wanted = np.array(hue) / max(hue)
+    near = np.abs(flat / np.maximum(bright, 1.0)[:, None] - wanted).max(axis=1) < off / 255.0
+    return int(np.sum(near & (bright > 50)))
+
+
+def pixel(client: Any, point: np.ndarray, canvas: dict) -> tuple[float, float]:
+    """Where in the window a place in the world is seen.
+
+    Args:
+        client: of viser, that looks at it.
+        point: (3,) [m].
+        canvas: the canvas element's rectangle.
+    """
+    camera = client.camera
+    ahead = camera.look_at - camera.position
+    ahead = ahead / np.linalg.norm(ahead)
+    right = np.cross(ahead, camera.up_direction)
+    right /= np.linalg.norm(right)
+    up = np.cross(right, ahead)
+    away = np.asarray(point) - camera.position
+    depth = away @ ahead
+    scale = 0.5 * canvas["height"] / np.tan(0.5 * camera.fov) / depth
+    return (
+        canvas["x"] + 0.5 * canvas["width"] + scale * float(away @ right),
+        canvas["y"] + 0.5 * canvas["height"] - scale * float(away @ up),
+    )

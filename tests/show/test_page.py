@@ -1,0 +1,446 @@
+"""Pages in a real browser: what is dragged and pressed reaches the puppet, and is seen.
+
+Where Chromium cannot be found the tests are skipped. Pictures go to the folder that the environment
+variable FANTOCCINI_SCREENSHOTS names, if any.
+"""
+
+from __future__ import annotations
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from tests.show.browser import chrome, colours, like, picture, pixel, until
+from tests.show.toys import BAR, GREEN, TOY, WRONG, toy
+
+import fantoccini as fan
+from fantoccini.show.replay import Film
+from fantoccini.show.server import Server
+from fantoccini.show.stage import Stage
+from fantoccini.view.theme import LIGHT
+
+RED, GREENISH = (192, 32, 32), (32, 160, 32)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chrome() as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def scene(browser, tmp_path_factory):
+    """A live page that the browser looks at."""
+    folder = tmp_path_factory.mktemp("page")
+    file = toy(folder)
+    page = fan.show(file, port=0, browser=False, wait=False, record_to=folder)
+    page.show.board._views._shadows.value = False  # software draws them slowly
+    browser.get(page.url)
+    clients = page.server.viser.get_clients
+    until(clients, "the page connects")
+    found = SimpleNamespace(
+        browser=browser, page=page, live=page.show, performance=page.show.performance,
+        folder=folder, file=file, client=next(iter(clients().values())),
+    )  # fmt: skip
+    until(lambda: like(picture(browser), RED) > 200, "the puppet is seen")
+    yield found
+    page.close()
+
+
+@pytest.fixture(autouse=True)
+def free_strings(request):
+    """Every test begins with strings that nobody holds, and time that goes on."""
+    if "scene" in request.fixturenames:
+        live = request.getfixturevalue("scene").live
+        live.holder.leave(live.holder.viewer)
+        if live.paused:
+            live.pause()
+
+
+PAD = """
+window.stick = {axes: [0, 0, 0, 0], down: [], gone: false};
+navigator.getGamepads = () => window.stick.gone ? [] : [{
+  axes: window.stick.axes,
+  buttons: [...Array(16).keys()].map((n) => ({pressed: window.stick.down.includes(n)})),
+}];
+"""
+"""A gamepad that a test holds."""
+
+SCRUB = """
+const field = document.querySelector("input");
+Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(field, arguments[0]);
+field.dispatchEvent(new Event("input", {bubbles: true}));
+"""
+"""Types a time into the player of an exported page, at a stroke."""
+
+
+def canvas(browser) -> dict:
+    """The rectangle of the picture in the window."""
+    rects = [element.rect for element in browser.find_elements("css selector", "canvas")]
+    return max(rects, key=lambda rect: rect["width"] * rect["height"])
+
+
+def press(browser, label: str) -> None:
+    """Presses the button of this name."""
+    browser.execute_script(
+        "[...document.querySelectorAll('button, [role=button]')]"
+        ".find((b) => b.textContent.trim() === arguments[0]).click()",
+        label,
+    )
+
+
+def words(browser) -> str:
+    """What the page says."""
+    return browser.execute_script("return document.body.innerText")
+
+
+def still(scene) -> bool:
+    """Whether nothing moves."""
+    x = scene.performance.state
+    return np.abs(x.v_D).max() < 0.05 and not x.v_K.any()
+
+
+def test_the_puppet_is_seen_with_its_numbers(scene):
+    pixels = picture(scene.browser, "live")
+    assert colours(pixels) > 150
+    assert like(pixels, RED) > 200
+    text = until(lambda: (t := words(scene.browser)) and "N" in t and "line" in t and t, "numbers")
+    assert scene.browser.title == "toy"
+    weight = 0.3 * 9.81
+    assert abs(scene.performance.tension[0] - weight) < 0.02 * weight
+    assert f"{scene.performance.tension[0]:.1f}" in text
+
+
+def test_a_bead_is_dragged_and_the_puppet_follows(scene, monkeypatch):
+    from selenium.webdriver.common.actions.action_builder import ActionBuilder
+
+    monkeypatch.setattr(scene.live.holder, "_idle", 60.0)  # a slow machine lets go later
+    until(lambda: still(scene), "the puppet hangs still")
+    before = scene.performance.place("line")[0]
+    bob = scene.performance.state.q_D[:3].copy()
+    x, y = pixel(scene.client, before, canvas(scene.browser))
+    mouse = ActionBuilder(scene.browser, duration=50)
+    mouse.pointer_action.move_to_location(round(x), round(y)).pause(1.0).pointer_down().pause(0.5)
+    for k in range(1, 9):
+        mouse.pointer_action.move_to_location(round(x + 10 * k), round(y)).pause(0.1)
+    mouse.perform()
+    until(
+        lambda: np.linalg.norm(scene.performance.place("line")[0] - before) > 0.1, "the end moves"
+    )
+    # What was 80 pixels to the right still lies under the mouse.
+    until(
+        lambda: abs(
+            pixel(scene.client, scene.performance.target("line")[0], canvas(scene.browser))[0]
+            - (x + 80.0)
+        ) < 8.0,
+        "the end is wanted under the mouse",
+    )  # fmt: skip
+    assert scene.live.holder.viewer == scene.client.client_id
+    picture(scene.browser, "dragged")
+    mouse = ActionBuilder(scene.browser)
+    mouse.pointer_action.pointer_up()
+    mouse.perform()
+    until(lambda: np.linalg.norm(scene.performance.state.q_D[:2] - bob[:2]) > 0.05, "the bob")
+    assert scene.performance.place("line")[0][2] == before[2]
+
+
+def test_a_slider_winds_the_string(scene):
+    from selenium.webdriver.common.keys import Keys
+
+    before = scene.performance.length("line")
+    slider = scene.browser.find_elements("css selector", "[role=slider]")[0]
+    slider.send_keys(Keys.ARROW_LEFT * 25)
+    until(lambda: scene.performance.length("line") < before - 0.015, "the string is wound in")
+
+
+def test_time_stands_still_and_goes_step_by_step(scene):
+    press(scene.browser, "Pause")
+    until(lambda: scene.live.paused, "a pause")
+    t = scene.performance.t
+    until(lambda: "Go on" in words(scene.browser), "the button says so")
+    assert scene.performance.t == t
+    press(scene.browser, "Step")
+    until(lambda: scene.performance.t > t, "a step")
+    assert scene.performance.t == pytest.approx(t + 1 / 60, abs=1e-9)
+    press(scene.browser, "Go on")
+    until(lambda: scene.performance.t > t + 0.2, "time")
+
+
+def test_keys_move_the_handle_that_is_selected(scene):
+    from selenium.webdriver import ActionChains
+
+    scene.browser.execute_script("document.activeElement.blur()")
+    before = scene.performance.target("line")[0]
+    ActionChains(scene.browser).send_keys("dd").perform()
+    until(lambda: np.linalg.norm(scene.performance.target("line")[0] - before) > 0.01, "a push")
+    ActionChains(scene.browser).send_keys("r").perform()
+    until(lambda: np.allclose(scene.performance.target("line")[0], [0, 0, 1]), "a reset")
+
+
+def test_a_parameter_changes_under_way(scene):
+    from selenium.webdriver.common.keys import Keys
+
+    until(lambda: still(scene), "the puppet hangs still")
+    slider = scene.browser.find_elements("css selector", "[role=slider]")[-1]
+    t = scene.performance.t
+    slider.send_keys(Keys.ARROW_RIGHT * 40)
+    until(lambda: scene.performance.marionette.p[0] > 0.4, "the ball is heavier")
+    mass = float(scene.performance.marionette.p[0])
+    until(lambda: scene.performance.t > t + 0.3, "the puppet lives on")
+    until(lambda: scene.performance.marionette.p[0] == pytest.approx(
+        float(slider.get_attribute("aria-valuenow"))), "the slider says what it is")  # fmt: skip
+    mass = float(scene.performance.marionette.p[0])
+    until(lambda: abs(scene.performance.tension[0] - 9.81 * mass) < 0.03 * 9.81 * mass, "weight")
+    assert np.isfinite(scene.performance.state.q_D).all()
+
+
+def test_a_recording_is_whole_on_disk_and_replays(scene):
+    press(scene.browser, "Record")
+    until(lambda: scene.live.recording, "recording")
+    began = scene.performance.t
+    scene.performance.move("line", [0.1, 0.05, 1.0])
+    until(lambda: scene.performance.t > began + 0.6, "time")
+    press(scene.browser, "Stop recording")
+    path = until(lambda: next(iter(scene.folder.glob("toy-*.npz")), None), "a file")
+    until(lambda: path.name in words(scene.browser), "the page says where")
+    recording = fan.Recording.load(path)
+    assert recording.duration > 0.4
+    again = recording.replay()
+    assert np.array_equal(again.q_D, recording.trajectory.q_D)
+    assert np.ptp(again.q_K[:, 0]) > 0.05
+
+
+def test_saving_the_file_reloads_the_puppet(scene):
+    scene.performance.move("line", [0.1, 0.0, 1.0])
+    until(lambda: abs(scene.performance.place("line")[0][0] - 0.1) < 1e-3, "the end is there")
+    scene.file.write_text(WRONG, encoding="utf-8")
+    until(lambda: "The file holds mistakes" in words(scene.browser), "mistakes are told")
+    said = words(scene.browser)
+    assert "toy.yaml:8" in said and "<img src=x" in said  # as text
+    assert scene.browser.execute_script("return document.querySelector('img[src=x]')") is None
+    assert like(picture(scene.browser, "mistakes"), RED) > 200
+    scene.file.write_text(GREEN, encoding="utf-8")
+    until(lambda: like(picture(scene.browser), GREENISH) > 200, "the new puppet is seen")
+    picture(scene.browser, "reloaded")
+    assert "The file holds mistakes" not in words(scene.browser)
+    assert scene.performance.place("line")[0][0] == pytest.approx(0.1, abs=1e-3)
+    assert np.isfinite(scene.performance.state.q_D).all()
+
+
+def test_one_viewer_holds_the_strings(scene):
+    assert scene.live.act("somebody else", lambda: None)
+    t = scene.performance.t
+    press(scene.browser, "Pause")
+    until(lambda: "Somebody else holds the strings" in words(scene.browser), "a notice")
+    assert not scene.live.paused
+    until(lambda: scene.live.holder.viewer is None, "hands are off")
+    press(scene.browser, "Pause")
+    until(lambda: scene.live.paused, "the strings are free")
+    assert scene.performance.t >= t
+
+
+def test_a_tab_that_is_closed_and_opened_again_sees_the_same_puppet(scene):
+    before = scene.performance.t
+    scene.browser.refresh()
+    until(lambda: like(picture(scene.browser), GREENISH) > 200, "the puppet is seen again")
+    clients = scene.page.server.viser.get_clients
+    until(lambda: len(clients()) == 1, "the old tab is gone")
+    assert scene.performance.t > before
+
+
+def test_a_gamepad_moves_winds_pauses_and_records(scene):
+    browser, performance, live = scene.browser, scene.performance, scene.live
+    script = browser.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": PAD})
+
+    def hold(**how) -> None:
+        browser.execute_script("Object.assign(window.stick, arguments[0])", how)
+
+    try:
+        browser.refresh()
+        until(lambda: browser.execute_script("return window.stick !== undefined"), "a gamepad")
+        start = performance.target("line")[0]
+        hold(axes=[1, 0, 0, 0])
+        until(lambda: np.linalg.norm(performance.target("line")[0] - start) > 0.05, "it moves")
+        hold(axes=[0.05, 0, 0, 0])  # no stick is ever quite at rest
+        until(lambda: not live._pads.sticks.moved, "the stick is let go")
+        rest = performance.target("line")[0]
+        length = performance.wanted_length("line")
+        hold(axes=[0, 0, 0, -1])
+        until(lambda: performance.wanted_length("line") < length - 0.03, "the string is wound in")
+        hold(gone=True)  # as where the gamepad loses its radio
+        until(lambda: not live._pads.sticks.moved, "nobody tells of it")
+        length = performance.wanted_length("line")
+        assert np.array_equal(performance.target("line")[0], rest)
+        hold(gone=False, axes=[0, 0, 0, 0])
+        for button, holds in (
+            (9, lambda: live.paused), (9, lambda: not live.paused),
+            (3, lambda: live.recording), (3, lambda: not live.recording),
+        ):  # fmt: skip
+            hold(down=[button])
+            until(holds, f"button {button}")
+            hold(down=[])
+            until(lambda: not live._pads.sticks.buttons, "the button is up")
+        assert performance.wanted_length("line") == length
+    finally:
+        browser.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", script)
+
+
+def test_two_tabs_fight_over_the_strings(scene, monkeypatch):
+    from selenium.webdriver.common.keys import Keys
+
+    monkeypatch.setattr(scene.live.holder, "_idle", 60.0)
+    browser, performance = scene.browser, scene.performance
+    clients = scene.page.server.viser.get_clients
+    first = browser.current_window_handle
+
+    def slide(keys: str):
+        slider = browser.find_elements("css selector", "[role=slider]")[0]
+        slider.send_keys(keys)
+        return slider
+
+    browser.switch_to.new_window("tab")
+    second = browser.current_window_handle
+    browser.get(scene.page.url)
+    until(lambda: len(clients()) == 2, "a second tab")
+    until(lambda: browser.find_elements("css selector", "[role=slider]"), "its panel")
+    before = performance.wanted_length("line")
+    slide(Keys.ARROW_LEFT * 5)
+    until(lambda: performance.wanted_length("line") == pytest.approx(before - 0.005), "it winds")
+    held = performance.wanted_length("line")
+    browser.switch_to.window(first)
+    slider = slide(Keys.ARROW_RIGHT * 9)
+    until(lambda: "Somebody else holds the strings" in words(browser), "the other is told")
+    until(lambda: float(slider.get_attribute("aria-valuenow")) == pytest.approx(held), "snaps back")
+    assert performance.wanted_length("line") == held
+    browser.switch_to.window(second)
+    browser.close()
+    browser.switch_to.window(first)
+    until(lambda: len(clients()) == 1 and scene.live.holder.viewer is None, "the holder is gone")
+    slide(Keys.ARROW_RIGHT * 5)
+    until(lambda: performance.wanted_length("line") > held, "the other takes over")
+
+
+def test_rings_turn_a_bar(browser, tmp_path):
+    from selenium.webdriver.common.actions.action_builder import ActionBuilder
+
+    page = fan.show(fan.loads(BAR), port=0, browser=False, wait=False, record_to=tmp_path)
+    page.show.stage.show_shadows(False)
+    with page:
+        browser.get(page.url)
+        performance, clients = page.show.performance, page.server.viser.get_clients
+        until(lambda: clients() and like(picture(browser), RED) > 200, "the puppet is seen")
+        client = next(iter(clients().values()))
+        home, _ = performance.place("bar")
+        radius = 0.65 * page.show.controls._rings["bar"].scale
+
+        def seen(angle: float) -> tuple[int, int]:
+            """A place on the ring about x: a quarter of a circle from y to z."""
+            point = home + radius * np.array([0.0, np.cos(angle), np.sin(angle)])
+            x, y = pixel(client, point, canvas(browser))
+            return round(x), round(y)
+
+        mouse = ActionBuilder(browser, duration=50)
+        mouse.pointer_action.move_to_location(*seen(0.5)).pause(1.0).pointer_down().pause(0.5)
+        for angle in np.linspace(0.5, 1.0, 6):
+            mouse.pointer_action.move_to_location(*seen(angle)).pause(0.1)
+        mouse.perform()
+        until(lambda: performance.place("bar")[1][1] > 0.1, "the bar rolls")
+        picture(browser, "rings")
+        assert page.show.holder.viewer == client.client_id
+        mouse = ActionBuilder(browser)
+        mouse.pointer_action.pointer_up()
+        mouse.perform()
+        until(lambda: page.show.holder.viewer is None, "the strings are free")
+        # Half an angle of 0.5, about x alone.
+        assert performance.target("bar")[1] == pytest.approx(
+            [np.cos(0.25), np.sin(0.25), 0.0, 0.0], abs=0.05
+        )
+        assert np.allclose(performance.target("bar")[0], home, atol=1e-6)
+
+
+@pytest.fixture(scope="module")
+def swing(tmp_path_factory):
+    """A run of the toy."""
+    marionette = fan.loads(TOY)
+    x0 = marionette.rest({"line.x": 0.0})
+    moves = fan.Input.waypoints(marionette, {"line.x": [(0.0, 0.0), (0.6, 0.25), (1.2, -0.25)]})
+    return fan.simulate(marionette, x0, moves, t_end=2.0)
+
+
+def test_a_replay_goes_through_the_motion(browser, swing):
+    with fan.show(swing, port=0, browser=False, wait=False) as page:
+        page.show.stage.show_shadows(False)
+        browser.get(page.url)
+        until(lambda: like(picture(browser), RED) > 200, "the puppet is seen")
+        first = page.show.t
+        until(lambda: page.show.t != first, "it plays")
+        press(browser, "Pause")
+        until(lambda: not page.show.playing, "a pause")
+        page.show.seek(0.0)
+        until(lambda: "0.000" in browser.page_source, "the slider follows")
+        early = picture(browser, "replay")
+        page.show.seek(0.9)
+        until(lambda: np.abs(picture(browser).astype(int) - early).max() > 60, "another time")
+        assert "kinetic" in words(browser)
+
+
+def test_a_file_plays_from_disk_without_a_network(browser, swing, tmp_path):
+    path = fan.show(swing, html=tmp_path / "swing.html")
+    assert path.stat().st_size < 1.4e6
+    browser.get_log("performance")
+    browser.get(path.as_uri())
+    until(lambda: like(picture(browser), RED) > 200, "the puppet is seen")
+    early = picture(browser, "html")
+    assert colours(early) > 100
+    until(lambda: np.abs(picture(browser).astype(int) - early).max() > 60, "it moves")
+    until(lambda: " N" in browser.execute_script(
+        "return document.getElementById('readings').innerText"), "tensions")  # fmt: skip
+    asked = [
+        message["params"]["request"]["url"]
+        for entry in browser.get_log("performance")
+        if (message := json.loads(entry["message"])["message"])["method"]
+        == "Network.requestWillBeSent"
+    ]
+    assert path.as_uri() in asked
+    assert [url for url in asked if not url.startswith(("file:", "data:", "blob:"))] == []
+
+    in_step(browser, swing)
+
+
+def in_step(browser, swing):
+    """Bodies, strings, name of the time and numbers of an exported page are those of one time."""
+    film = Film.of(fan.loads(TOY), swing, rate=60.0)
+    server = Server("toy", LIGHT, port=0)
+    view = Stage(server.viser, film.scene, LIGHT).view("three-quarter")
+    server.stop()
+    camera = SimpleNamespace(
+        position=view.eye, look_at=view.target, up_direction=np.array([0.0, 0.0, 1.0]),
+        fov=np.radians(30.0),
+    )  # fmt: skip
+    seen = {}
+    for t in (0.6, 1.3, 0.6):  # on, and back
+        browser.execute_script(SCRUB, str(t))
+        says = "return document.getElementById('clock').textContent"
+        until(lambda: browser.execute_script(says) == f"{t:.1f} s", "the time")  # noqa: B023
+        k = film.frame(t)
+        tension = browser.execute_script("return document.getElementById('readings').innerText")
+        assert f"{film.scene.tension[k, 0]:.2f} N" in tension
+        ball, (*_, end) = swing.resample([t]).q_D[0, :3], film.scene.points[0][k]
+
+        def drawn() -> bool:
+            pixels, rect = picture(browser, f"html-{t}"), canvas(browser)  # noqa: B023
+
+            def about(point: np.ndarray) -> np.ndarray:
+                x, y = pixel(SimpleNamespace(camera=camera), point, rect)
+                return pixels[round(y) - 3 : round(y) + 4, round(x) - 3 : round(x) + 4]
+
+            middle = 0.5 * (ball + end)  # noqa: B023
+            string = about(middle).astype(int)
+            reddish = (string[..., 0] - string[..., 1]).max() > 60
+            return like(about(ball), RED) > 40 and reddish  # noqa: B023
+
+        until(drawn, f"ball and string of {t} s")
+        seen.setdefault(t, picture(browser))
+        again = np.abs(picture(browser).astype(int) - seen[t]).max(axis=2) > 30
+        assert again.sum() < 20

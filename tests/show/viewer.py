@@ -1,0 +1,157 @@
+"""A viewer without a browser: it speaks the language of viser's page and does what a page does."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import msgspec.msgpack
+import numpy as np
+import viser
+import zstandard
+from viser import _messages
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+
+
+class Viewer:
+    """A connection to a page, which takes in everything that the page is sent.
+
+    Attributes:
+        bundles: how many bundles of messages have come.
+        controls: kind and properties of everything in the panel, by its identifier.
+        poses: where nodes are, by name.
+        notices: titles of what popped up.
+
+    Args:
+        url: of the page.
+        heard: told every message, if given.
+    """
+
+    def __init__(self, url: str, heard: Callable[[dict], None] | None = None):
+        self.bundles, self._heard = 0, heard
+        self.controls: dict[str, dict] = {}
+        self.poses: dict[str, tuple] = {}
+        self.notices: list[str] = []
+        self._socket = connect(
+            url.replace("http", "ws", 1), origin=url, max_size=None,
+            subprotocols=[f"viser-v{viser.__version__}"],
+        )  # fmt: skip
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+        # Nobody is a viewer before it has said where it looks from.
+        self.send(
+            _messages.ViewerCameraMessage(
+                wxyz=(1.0, 0.0, 0.0, 0.0), position=(3.0, 0.0, 1.0), fov=0.5, near=0.01, far=100.0,
+                image_height=600, image_width=800, look_at=(0.0, 0.0, 1.0),
+                up_direction=(0.0, 0.0, 1.0),
+            )
+        )  # fmt: skip
+
+    def __enter__(self) -> Viewer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Closes the tab."""
+        self._socket.close()
+        self._reader.join()
+
+    def send(self, message: Any) -> None:
+        """Sends a message of viser's page."""
+        self._socket.send(msgspec.msgpack.encode(message.as_serializable_dict()))
+
+    def press(self, label: str) -> None:
+        """Presses a button."""
+        self.send(_messages.GuiUpdateMessage(self._named("GuiButtonMessage", label), {"value": 1}))
+
+    def slide(self, label: str, value: float) -> None:
+        """Moves a slider; ``low`` and ``high`` of :meth:`ends` are how far it goes."""
+        uuid = self._named("GuiSliderMessage", label)
+        self.send(_messages.GuiUpdateMessage(uuid, {"value": float(value)}))
+
+    def ends(self, label: str) -> tuple[float, float]:
+        """Lowest and highest value of a slider."""
+        props = self.controls[self._named("GuiSliderMessage", label)]
+        return props["min"], props["max"]
+
+    def value(self, label: str) -> float:
+        """Where a slider stands."""
+        return self.controls[self._named("GuiSliderMessage", label)]["value"]
+
+    def drag(self, phase: str, node: str, start: np.ndarray, end: np.ndarray) -> None:
+        """Drags a node from where it was taken to somewhere else [m]."""
+        self.send(
+            _messages.SceneNodeDragMessage(
+                phase, node, None, tuple(map(float, start)), (0.5, 0.5), tuple(map(float, end)),
+                (0.5, 0.5), "left", None,
+            )
+        )  # fmt: skip
+
+    def turn(self, phase: str, node: str, position: np.ndarray, wxyz: np.ndarray) -> None:
+        """Turns rings as a mouse on them does."""
+        if phase == "start":
+            self.send(_messages.TransformControlsDragStartMessage(node))
+        self.send(
+            _messages.TransformControlsUpdateMessage(
+                node, tuple(map(float, wxyz)), tuple(map(float, position))
+            )
+        )
+        if phase == "end":
+            self.send(_messages.TransformControlsDragEndMessage(node))
+
+    def until_said(self, words: str, patience: float = 20.0) -> None:
+        """Waits until the page says something."""
+        end = time.monotonic() + patience
+        while words not in self.said:
+            assert time.monotonic() < end, f"waited {patience:g} s for {words!r}: {self.said}"
+            time.sleep(0.01)
+
+    @property
+    def said(self) -> str:
+        """What the page says, as HTML, and in notices."""
+        panels = (str(props.get("content", "")) for props in list(self.controls.values()))
+        return "\n".join((*panels, *self.notices))
+
+    # -- what comes ----------------------------------------------------------------------------
+
+    def _named(self, kind: str, label: str, patience: float = 20.0) -> str:
+        end = time.monotonic() + patience
+        while time.monotonic() < end:
+            for uuid, props in list(self.controls.items()):
+                if props["type"] == kind and props["label"] == label:
+                    return uuid
+            time.sleep(0.01)
+        raise AssertionError(f"the page has no {kind} {label!r}")
+
+    def _read(self) -> None:
+        try:
+            for bundle in self._socket:
+                size = int.from_bytes(bundle[8:16], "little")
+                inner = zstandard.ZstdDecompressor().decompress(bundle[16 : 16 + size])
+                for message in msgspec.msgpack.decode(inner)["messages"]:
+                    self._take(message)
+                self.bundles += 1
+        except ConnectionClosed:
+            pass
+
+    def _take(self, message: dict) -> None:
+        kind = message["type"]
+        if kind == "NotificationShowMessage":
+            self.notices.append(message["props"]["title"])
+        elif "uuid" in message and "props" in message:
+            self.controls[message["uuid"]] = {
+                **message["props"], "value": message.get("value"), "type": kind,
+            }  # fmt: skip
+        elif kind == "GuiUpdateMessage" and message["uuid"] in self.controls:
+            self.controls[message["uuid"]].update(message["updates"])
+        elif kind == "GuiRemoveMessage":
+            self.controls.pop(message["uuid"], None)
+        elif kind == "SetPositionMessage":
+            self.poses[message["name"]] = tuple(message["position"])
+        if self._heard is not None:
+            self._heard(message)
