@@ -7,7 +7,8 @@ OLDER := .venv-mujoco317
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo show test gallery bench bench-plan soak strings-report growth-report lint wheel clean
+.PHONY: demo show test gallery bench bench-plan soak strings-report growth-report long-runs-report
+.PHONY: lint wheel clean
 .NOTPARALLEL:
 
 demo: $(VENV)/stamp-demo
@@ -36,6 +37,9 @@ strings-report: $(VENV)/stamp-test
 
 growth-report: $(VENV)/stamp-bench
 	$(BIN)/python -m benchmarks.growth
+
+long-runs-report: $(VENV)/stamp-bench
+	$(BIN)/python -m benchmarks.long_runs
 
 lint: $(VENV)/stamp-test
 	$(BIN)/ruff check .

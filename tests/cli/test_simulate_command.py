@@ -54,6 +54,17 @@ def test_the_summary_goes_to_stdout_and_progress_to_stderr(lift) -> None:
     assert (quiet.exit_code, quiet.stdout, quiet.stderr) == (0, "", "")
 
 
+def test_the_variational_method_takes_its_step(tmp_path) -> None:
+    out = tmp_path / "run.npz"
+    words = ("--method", "variational", "--dt", "0.01", "--duration", "0.5", "--out", out)
+    result = fantoccini("simulate", "string_pendulum", *words, "--quiet")
+    assert result.exit_code == 0, result.stderr
+    run = fan.Trajectory.load(out)
+    assert (run.method, len(run)) == ("variational", 51)
+    wrong = fantoccini("simulate", "string_pendulum", "--method", "variational", "--rtol", "1e-6")
+    assert wrong.exit_code == 2 and "variational has --dt" in wrong.stderr
+
+
 def test_it_starts_where_the_inputs_begin(tmp_path) -> None:
     table = tmp_path / "x.csv"
     t = np.linspace(2.0, 3.0, 21)

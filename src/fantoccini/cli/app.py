@@ -71,6 +71,7 @@ class Method(enum.StrEnum):
 
     EVENT = "event"
     TIMESTEPPING = "timestepping"
+    VARIATIONAL = "variational"
 
 
 def main() -> None:
@@ -213,7 +214,9 @@ def simulate(
     method: Annotated[Method, typer.Option(help="How to integrate.")] = Method.EVENT,
     dt: Annotated[
         float | None,
-        typer.Option(metavar="S", callback=_positive, help="Step of timestepping [0.002]."),
+        typer.Option(
+            metavar="S", callback=_positive, help="Step of timestepping and variational [0.002]."
+        ),
     ] = None,
     rtol: Annotated[
         float | None,

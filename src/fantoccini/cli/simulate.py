@@ -125,15 +125,17 @@ def _check_options(request: Request) -> None:
     """An option of the other method is a mistake."""
     if request.method == "event":
         if request.dt is not None:
-            fail("it goes with --method timestepping; event chooses its steps", "--dt")
+            fail(
+                "it goes with --method timestepping or variational; event chooses its steps", "--dt"
+            )
         if request.rtol is not None and not 1e-13 <= request.rtol <= 0.1:
             fail(f"{request.rtol:g} is not between 1e-13 and 0.1", "--rtol")
         if request.integrator is not None and request.integrator not in INTEGRATORS:
             fail(f"{request.integrator} is none of {', '.join(INTEGRATORS)}", "--integrator")
     elif request.rtol is not None:
-        fail("it goes with --method event; timestepping has --dt", "--rtol")
+        fail(f"it goes with --method event; {request.method} has --dt", "--rtol")
     elif request.integrator is not None:
-        fail("it goes with --method event; timestepping has its own", "--integrator")
+        fail(f"it goes with --method event; {request.method} has its own", "--integrator")
 
 
 def _duration(request: Request, inputs: Input | None) -> float:

@@ -13,6 +13,7 @@ from fantoccini.codegen.model import (
     operations,
     tables_text,
 )
+from fantoccini.codegen.variational import generate_variational
 
 __all__ = [
     "DERIVATIVE_SIZES",
@@ -25,6 +26,7 @@ __all__ = [
     "generate_derivatives",
     "generate_lanes",
     "generate_motions",
+    "generate_variational",
     "model_text",
     "operations",
     "tables_text",

@@ -9,6 +9,7 @@ from fantoccini.equations.functions import (
     Equations,
     derive,
 )
+from fantoccini.equations.variational import Variational
 
 __all__ = [
     "ANALYSIS_INPUTS",
@@ -17,5 +18,6 @@ __all__ = [
     "MODEL_INPUTS",
     "Derivatives",
     "Equations",
+    "Variational",
     "derive",
 ]

@@ -43,7 +43,7 @@ def mass_matrix(
             composite[i].momentum(joints[i].S_w[:, k], joints[i].S_v[:, k]) for k in range(n_i)
         ]
         for j in tree.ancestors(i):
-            projected = [_project(joints[j], *momentum) for momentum in momenta]
+            projected = [project(joints[j], *momentum) for momentum in momenta]
             block = np.array(projected, dtype=object).T
             if j == i:
                 if tree.links[i].kind == "free":
@@ -83,19 +83,25 @@ def joint_forces(
     Returns:
         (k,) forces for the joint of each link.
     """
+    sums = summed(tree, joints, wrenches)
+    return [project(joint, *total) for joint, total in zip(joints, sums, strict=True)]
+
+
+def summed(
+    tree: Tree, joints: list[JointMotion], wrenches: list[tuple[np.ndarray, np.ndarray]]
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Wrenches, or momenta, of every link and all that hangs from it, about its own origin."""
     torque, force = ([wrench[k] for wrench in wrenches] for k in range(2))
-    out: list[np.ndarray] = [zeros(0)] * len(wrenches)
     for i in reversed(range(len(wrenches))):
         joint, parent = joints[i], tree.links[i].parent
-        out[i] = _project(joint, torque[i], force[i])
         if parent != WORLD:
             moved = joint.R.dot(force[i])
             force[parent] = force[parent] + moved
             torque[parent] = torque[parent] + (joint.R.dot(torque[i]) + cross(joint.r, moved))
-    return out
+    return list(zip(torque, force, strict=True))
 
 
-def _project(joint: JointMotion, angular: np.ndarray, linear: np.ndarray) -> np.ndarray:
+def project(joint: JointMotion, angular: np.ndarray, linear: np.ndarray) -> np.ndarray:
     """S^T (angular, linear), (k,)."""
     if joint.S_w.shape[1] == 6:
         return np.concatenate([joint.R_joint.dot(linear), angular])

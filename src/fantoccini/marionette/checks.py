@@ -14,7 +14,7 @@ from fantoccini.motion import Input, Inputs, State, States
 if TYPE_CHECKING:
     from fantoccini.marionette.handle import Marionette
 
-METHODS = ("event", "timestepping")
+METHODS = ("event", "timestepping", "variational")
 
 CLOSED = 1e-9
 """|h| below which a row counts as closed, relative to 1 m or the string's length."""
@@ -30,7 +30,7 @@ _MOST_SHOWN = 20
 def check_method(method: str) -> None:
     """Raises ValueError unless ``method`` is one that runs know."""
     if method not in METHODS:
-        raise ValueError(f"method is {method!r}; it must be {' or '.join(map(repr, METHODS))}")
+        raise ValueError(f"method is {method!r}; it must be one of {', '.join(METHODS)}")
 
 
 def check_start(marionette: Marionette, x: State) -> None:

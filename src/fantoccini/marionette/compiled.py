@@ -68,6 +68,22 @@ class Compiled:
         """
         return self._compiled("motions", codegen.generate_motions, MotionLibrary)
 
+    @cached_property
+    def variational(self) -> Library:
+        """The compiled variational integrator, for runs alone; made when first needed.
+
+        Raises:
+            BuildError: no compiler, or it failed.
+            PuppetError: the mass matrix is singular.
+        """
+        return self._compiled(
+            "variational", codegen.generate_variational, lambda file: Library(file, self.tree)
+        )
+
+    def library_of(self, method: str) -> Library:
+        """The library that makes runs of a method."""
+        return self.variational if method == "variational" else self.library
+
     def compile(self) -> None:
         """Loads the compiled model, or makes it, before anything needs it."""
         _ = self.library
@@ -76,7 +92,7 @@ class Compiled:
         """A library of this puppet, from the cache or made now; ``what`` tells them apart."""
         # Values of parameters are arguments of every function: nothing that is compiled has them.
         canonical = "\n".join(p.canonical(values=False) for p in self.world.puppets)
-        shaped_by = generator.fingerprint(derivatives=what == "derivatives")
+        shaped_by = generator.fingerprint(what)
         key = build.fingerprint(canonical, shaped_by, flags=(what,))
 
         def source() -> build.Source:

@@ -11,20 +11,20 @@ _NOT_GENERATING = (
     "printing.py", "notation.py", "forms.py", "c99.py", "contract.py"
 )  # fmt: skip
 """Modules beside the derivation that shape nothing that is compiled."""
-_DERIVATIVES = "derivatives.py"
-"""Modules that shape the derivatives' library alone."""
+_ALONE = ("derivatives", "variational")
+"""Libraries whose names are those of modules that shape nothing else."""
 
 
-def fingerprint(derivatives: bool = False) -> str:
+def fingerprint(what: str = "model") -> str:
     """The generator's version: that of the text, and a hash of all code that shapes it.
 
     Args:
-        derivatives: of the derivatives' library, not of the model's.
+        what: which of a puppet's libraries.
     """
     digest = hashlib.sha256()
     folders = [Path(module.__file__).parent for module in (equations, tree, codegen)]
     for file in sorted(f for folder in folders for f in folder.glob("*.py")):
         left_out = file.name in _NOT_GENERATING or file.name == "__init__.py"
-        if not left_out and (derivatives or file.name != _DERIVATIVES):
+        if not left_out and (file.stem == what or file.stem not in _ALONE):
             digest.update(file.read_bytes())
     return f"{codegen.VERSION}-{digest.hexdigest()}"

@@ -338,7 +338,7 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
     def stepper(
         self,
         x0: State,
-        method: Literal["timestepping", "event"] = "timestepping",
+        method: Literal["timestepping", "variational", "event"] = "timestepping",
         *,
         dt: float = 0.002,
         rtol: float = 1e-11,
@@ -348,8 +348,8 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
 
         Args:
             x0: where it starts.
-            method: ``timestepping`` or ``event``.
-            dt: step of the time-stepper [s].
+            method: ``timestepping``, ``variational`` or ``event``.
+            dt: step of the first two [s].
             rtol, atol: tolerances of the event-driven integrator.
         """
         checks.check_method(method)

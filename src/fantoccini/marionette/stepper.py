@@ -35,7 +35,7 @@ class Stepper:
     Args:
         marionette: the puppet.
         x0: where it starts.
-        method: ``timestepping`` or ``event``.
+        method: ``timestepping``, ``variational`` or ``event``.
         options: numbers that steer the run.
     """
 
@@ -43,7 +43,7 @@ class Stepper:
         self,
         marionette: Marionette,
         x0: State,
-        method: Literal["timestepping", "event"],
+        method: Literal["timestepping", "variational", "event"],
         options: RunOptions,
     ):
         self.marionette = marionette
@@ -51,8 +51,9 @@ class Stepper:
         self.state = x0
         hold = Input.hold(marionette).bound(x0.q_K).shifted(x0.t)
         self._run = Run(
-            marionette.library, method, options, x0, marionette.p, marionette.winches, hold
-        )
+            marionette.library_of(method), method, options, x0, marionette.p, marionette.winches,
+            hold,
+        )  # fmt: skip
         rows, self.events = self._run.present()
         self.rows = rows[-1:]
         self.tension = marionette.row_layout.split(self.rows)["tension"][0]

@@ -34,11 +34,11 @@ class Trajectories:
         t: (T,) times [s].
         status: (n,) :class:`Status` numbers: how each ended.
         reached: (n,) how far each got [s]; NaN where Ctrl-C came before a run was begun.
-        violation: (n,) by how much rows were overstepped at worst (time-stepping; 0 for event)
+        violation: (n,) by how much rows were overstepped at worst (of fixed steps; 0 for event)
             [m, rad or 1].
         catches, releases: (n,) of strings and limits.
         blame: (n, n_rows) what stopped each, by string and limit, 0 to 1 (event).
-        method: event or timestepping.
+        method: event, timestepping or variational.
         coordinates: names and places of the coordinates.
         puppet: what moved.
         q_D, v_D, acc_D, q_K, v_K, acc_K: (n, T, ...) as of :class:`Trajectory`.

@@ -103,9 +103,10 @@ class Batch:
         options: numbers that steer the runs.
         times: (T,) of the rows; the event-driven ones take them, the fixed steps make them [s].
         parts: name of a part -> (n, T, width), written where a trajectory gets that far.
-        status, reached, violation: (n,) how each ended, when [s], worst violation (time-stepping).
+        status, reached, violation: (n,) how each ended, when [s], worst violation (of
+            fixed steps).
         events: (n, 2) catches and releases.
-        blame: (n, n_rows) rows that stopped it, 0 to 1 (event-driven).
+        blame: (n, n_rows) rows that stopped it, 0 to 1 (not time-stepping).
     """
 
     n: int

@@ -123,7 +123,7 @@ class Run:
 
     Args:
         library: the compiled puppet.
-        method: ``event`` or ``timestepping``.
+        method: ``event``, or another one of those that the library makes runs of.
         options: numbers that steer it.
         x0: where it starts.
         p: (n_p,) parameters.
@@ -218,7 +218,7 @@ class Run:
 
     @property
     def progress(self) -> tuple[int, float, float]:
-        """Steps taken, time reached [s], worst violation so far (time-stepping) [m]."""
+        """Steps taken, time reached [s], worst violation so far (of fixed steps) [m]."""
         out = np.zeros(3)
         self.library.handle.fan_progress(self._run, pointer(out))
         return int(out[0]), float(out[1]), float(out[2])

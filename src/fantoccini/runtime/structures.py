@@ -63,10 +63,10 @@ class RunOptions:
         tension_cap: [N]; also of impulses [N s].
         energy_scale: size of the energies the integrals are compared with [J].
         recovery_speed: time-stepping's cap on taking back a violation [m/s].
-        dt: time-stepping's step [s].
+        dt: step of the methods with a fixed one [s].
         max_steps, max_events: bounds.
         save_steps: write every accepted step of the event-driven integrator.
-        save_every: write every so many steps of the time-stepper.
+        save_every: write every so many of these steps.
     """
 
     rtol: float

@@ -63,8 +63,8 @@ def simulate_many(
         violation=np.zeros(n), events=np.zeros((n, 2), dtype=np.int64),
         blame=np.zeros((n, marionette.tree.n_rows)),
     )  # fmt: skip
-    event = method == "event"
-    library = BatchLibrary(marionette.library) if event else marionette.lanes
+    in_lanes = method == "timestepping"
+    library = marionette.lanes if in_lanes else BatchLibrary(marionette.library_of(method))
     threads = min(threads or default_threads(), -(-n // library.width))
     # Ctrl-C keeps what was reached; what was not has the status it began with.
     with Bar(f"{n} runs", progress, t, t_end) as bar, contextlib.suppress(KeyboardInterrupt):

@@ -48,7 +48,7 @@ def simulate(
     inputs: Input | Inputs | Sequence[Input] | None = None,
     t_end: float | None = None,
     *,
-    method: Literal["event", "timestepping"] = "event",
+    method: Literal["event", "timestepping", "variational"] = "event",
     integrator: str | type[OdeSolver] | None = None,
     rtol: float = 1e-11,
     atol: float = 1e-11,
@@ -81,16 +81,17 @@ def simulate(
             must be as many as states, or a single one of either.
         t_end: end of the run [s]; the end of the inputs when not given.
         method: ``event``: adaptive order 8 with located events. ``timestepping``: fixed step, for
-            interaction, planning and batches.
+            interaction, planning and batches. ``variational``: fixed step of second order whose
+            energy does not drift, with lengths exact at every step; for large steps and long runs.
         integrator: of ``event``: a method of SciPy's ``solve_ivp`` (``RK23``, ``RK45``,
             ``DOP853``, ``Radau``, ``BDF``, ``LSODA``) or a subclass of its ``OdeSolver``; the
             compiled one, which is of order 8 and many times faster, when not given.
         rtol, atol: tolerances of the event-driven integrator.
         max_step: its largest step [s].
-        dt: step of the time-stepper [s].
+        dt: step of ``timestepping`` and ``variational`` [s].
         save_at: (n,) times to write, next to the start, the end and those of events
             (event-driven only) [s]; every step when not given.
-        save_every: write every so many steps (time-stepping only).
+        save_every: write every so many steps (not event-driven).
         effort: compute the force on every driven coordinate.
         progress: called with the time reached, for a progress bar [s].
         throw: raise when the run stops before its end; otherwise the status tells.
@@ -112,7 +113,7 @@ def simulate(
     check_method(method)
     if integrator is not None:
         if method != "event":
-            raise ValueError("integrator goes with method='event'; time-stepping has its own")
+            raise ValueError(f"integrator goes with method='event'; {method} has its own")
         from fantoccini.simulate.scipy_run import ScipyRun, solver_class
 
         solver_class(integrator)
@@ -148,7 +149,7 @@ def simulate(
     save_at = _save_times(save_at, method, x0.t, t_end)
     about = options, x0, marionette.p, marionette.winches, bound, save_at
     if integrator is None:
-        run = Run(marionette.library, method, *about)
+        run = Run(marionette.library_of(method), method, *about)
     else:
         run = ScipyRun(integrator, marionette.library, *about)
     rows, events = [], []
@@ -179,7 +180,7 @@ def _save_times(save_at: Array | None, method: str, t: float, t_end: float) -> A
     if save_at is None:
         return None
     if method != "event":
-        raise ValueError("save_at goes with method='event'; time-stepping takes save_every")
+        raise ValueError(f"save_at goes with method='event'; {method} takes save_every")
     times = np.asarray(save_at, dtype=float)
     if times.ndim != 1 or not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):
         raise ValueError("save_at must be a list of finite times that increase")

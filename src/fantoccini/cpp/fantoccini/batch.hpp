@@ -35,15 +35,15 @@ struct BatchArrays {
   const double* p;        // of all
   const double* winches;  // of all
   Options options;
-  int save_every;         // time-stepping: steps from row to row
+  int save_every;         // fixed steps: from row to row
   const double* save_at;  // event-driven: (n_rows,) times, the first t and the last t_end
   long long n_rows;
   void* parts[N_PARTS];
   int* status;        // (n,) Status
   double* reached;    // (n,) s
-  double* violation;  // (n,) worst, time-stepping
+  double* violation;  // (n,) worst, of fixed steps
   long long* events;  // (n, 2) catches and releases
-  double* blame;      // (n, rows) event-driven
+  double* blame;      // (n, rows) all but time-stepping
 
   // Shorter inputs are filled up with pieces that last no time at their end.
   InputArrays input(long long i) const {
@@ -74,6 +74,16 @@ constexpr int part_width(int part) {
   const int widths[N_PARTS] = {Model::n_qD, N, N,  Model::n_qK, Model::n_vK,
                                Model::n_vK, M, M,  6,           Model::n_strings};
   return widths[part];
+}
+
+// Writes a Record's row, from `from` on behind its time, as row `row` of trajectory `who`.
+template <class Model>
+void put_row(const BatchArrays& in, long long who, long long row, const double* from) {
+  for (int part = 0; part < N_PARTS; ++part) {
+    const int width = part_width<Model>(part);
+    if (in.parts[part]) put_part(in, part, width, who, row, [&](int k) { return from[k]; });
+    from += width;
+  }
 }
 
 // The pool of a batch: workers take `grain` trajectories at a time until none are left.

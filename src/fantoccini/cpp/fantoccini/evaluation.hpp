@@ -132,6 +132,16 @@ struct RowSystem {
     }
   }
 
+  // W^T w over the rows.
+  FAN_FN void along(const Real* w, Real* out) const {
+    for (int a = 0; a < n; ++a) {
+      const Entries of = entries(row[a]);
+      Real sum = Real(0.0);
+      for (int j = 0; j < of.n; ++j) sum += column[a][of[j]] * w[of[j]];
+      out[a] = sum;
+    }
+  }
+
  private:
   // The entries of a row's column that differ from zero.
   struct Entries {

@@ -68,13 +68,7 @@ class EventBatch {
       const double* row = out.rows + i * Row::row_width;
       while (row_ + 1 < in.n_rows && in.save_at[row_ + 1] <= row[0]) ++row_;
       if (in.save_at[row_] != row[0]) continue;
-      const double* from = row + 1;
-      for (int part = 0; part < N_PARTS; ++part) {
-        const int width = part_width<Model>(part);
-        if (in.parts[part])
-          put_part(in, part, width, who, row_, [&](int k) { return from[k]; });
-        from += width;
-      }
+      put_row<Model>(in, who, row_, row + 1);
     }
     for (long long i = 0; i < out.n_events; ++i) {
       const int kind = int(out.events[i * Row::event_width + 1]);

@@ -99,6 +99,29 @@ FAN_FN void retract(const Real* q, const Real* d, Real* moved) {
   }
 }
 
+// The configuration half-way from q to q_next and the tangent vector xi between them, with
+// q_next = q c(xi/4) c(xi/4): scalars move by xi, quaternions turn by c(s) = (1, s) / sqrt(1 + s.s).
+template <class Space, class Real>
+FAN_FN void half_way(const Real* q, const Real* q_next, Real* middle, Real* xi) {
+  for (int i = 0; i < Space::n_scalars; ++i) {
+    const int at = Space::scalar_q[i];
+    xi[Space::scalar_v[i]] = q_next[at] - q[at];
+    middle[at] = 0.5 * (q_next[at] + q[at]);
+  }
+  for (int i = 0; i < Space::n_quaternions; ++i) {
+    const Real* a = q + Space::quaternion_q[i];
+    const Real inverse[4] = {a[0], -a[1], -a[2], -a[3]};
+    Real turn[4];
+    quaternion_product(inverse, q_next + Space::quaternion_q[i], turn);
+    const Real sign = select(turn[0] < Real(0.0), Real(-1.0), Real(1.0));
+    const Real scale = sign / (1.0 + sign * turn[0]);
+    Real half[4] = {Real(1.0), scale * turn[1], scale * turn[2], scale * turn[3]};
+    for (int k = 0; k < 3; ++k) xi[Space::quaternion_v[i] + k] = 4.0 * half[1 + k];
+    normalise(half);
+    quaternion_product(a, half, middle + Space::quaternion_q[i]);
+  }
+}
+
 // qdot = N(q) v.
 template <class Space, class Real>
 FAN_FN void configuration_rate(const Real* q, const Real* v, Real* rate) {

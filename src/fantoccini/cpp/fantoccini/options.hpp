@@ -9,7 +9,7 @@ struct Options {
   double tension_cap;   // N; also N s for impulses
   double energy_scale;  // J: size of the work and loss integrals for the error norm
   double recovery_speed;  // m/s: time-stepping's cap on how fast a violation is taken back
-  double dt;              // s: time-stepping's step
+  double dt;              // s: step of the methods with a fixed one
   long long max_steps, max_events;
   int save_steps;  // write every accepted step
 };

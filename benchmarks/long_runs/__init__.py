@@ -1,0 +1,1 @@
+"""Measures the variational integrator beside the other methods: energy, order, momenta, cost."""

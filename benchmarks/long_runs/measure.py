@@ -1,0 +1,188 @@
+"""What is measured, as tables."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from benchmarks.growth.puppets import marionette as grown
+from benchmarks.long_runs import subject
+from benchmarks.strings.report import Table, number
+
+import fantoccini as fan
+from fantoccini import puppets
+from fantoccini.equations import Variational
+from fantoccini.motion import EventKind, State
+from fantoccini.runtime import Run
+
+TREP = (150.0, 850.0)
+"""Cost of trep's step on a puppet of 25 degrees of freedom [us]."""
+TREP_DRIFT = 2.4e-4
+"""Drift of its energy over 10 s in steps of 10 ms [J]."""
+GENTLE, VIGOROUS = 0.02, 0.5
+"""Amplitudes of swings [rad/s, m/s]."""
+FIXED = ("variational", "timestepping")
+METHODS = {
+    "variational, 10 ms": {"method": "variational", "dt": 0.01},
+    "variational, 1/30 s": {"method": "variational", "dt": 1.0 / 30.0},
+    "timestepping, 2 ms": {"method": "timestepping", "dt": 0.002},
+    "timestepping, 10 ms": {"method": "timestepping", "dt": 0.01},
+    "event, rtol 1e-11": {"method": "event"},
+}
+
+
+def energy(amplitude: float, seconds: float) -> Table:
+    """A swing by all methods: what becomes of its energy."""
+    rows, x = [], subject.swing(amplitude)
+    for name, options in METHODS.items():
+        saved = (
+            {"save_at": np.arange(0.0, seconds, 0.1)[1:]}
+            if options["method"] == "event"
+            else {"save_every": round(0.1 / options["dt"])}
+        )
+        began = time.process_time()
+        run = fan.simulate(
+            subject.undamped(), x, t_end=seconds, effort=False, throw=False, **options, **saved
+        )
+        took = time.process_time() - began
+        T, E = run.ledger["kinetic"], run.ledger["kinetic"] + run.ledger["potential"]
+        slope, error = trend(run.t, E)
+        catches = sum(e.kind in (EventKind.CATCH, EventKind.LIMIT_ON) for e in run.events)
+        rows.append([
+            name, number(np.ptp(E)), number(np.max(np.abs(E[run.t <= 10.0] - E[0]))),
+            f"{slope / T.mean():.1e} +- {error / T.mean():.0e}",
+            number(np.max(np.abs(run.ledger["residual"]))), str(catches),
+            number(np.max(run.violation.values)), f"{took:.1f}",
+        ])  # fmt: skip
+    return Table(
+        ["method", "range of E [J]", "within 10 s [J]", "slope of E / mean T [1/s]",
+         "ledger lacks [J]", "catches", "overstepped [m]", "processor [s]"],
+        rows,
+    )  # fmt: skip
+
+
+def longer(amplitude: float, seconds: float) -> str:
+    """The slope of the variational integrator's energy, and its standard error, as text."""
+    run = fan.simulate(
+        subject.undamped(), subject.swing(amplitude), t_end=seconds, effort=False,
+        method="variational", dt=0.01, save_every=20,
+    )  # fmt: skip
+    T = run.ledger["kinetic"]
+    slope, error = trend(run.t, T + run.ledger["potential"])
+    return f"{slope / T.mean():.0e} +- {error / T.mean():.0e}"
+
+
+def trend(t: np.ndarray, E: np.ndarray) -> tuple[float, float]:
+    """Slope of a straight line through the means of 40 stretches, and its standard error."""
+    blocks = np.array_split(np.arange(len(t)), 40)
+    means = [[t[b].mean(), E[b].mean()] for b in blocks]
+    (slope, _), covariance = np.polyfit(*np.transpose(means), 1, cov=True)
+    return float(slope), float(covariance[0, 0] ** 0.5)
+
+
+def orders() -> Table:
+    """Errors against the event-driven motion, and their order."""
+    still = subject.swing(0.1)
+    bob = puppets.string_pendulum()
+    flight = bob.rest().replace(v_D=np.array([5.2, 0.0]))
+    cases = {
+        "marionette, undamped": (subject.undamped(), still, None, 0.4),
+        "damped": (subject.damped(), still, None, 0.4),
+        "damped, moving inputs": (subject.damped(), still, subject.sway(still), 0.4),
+        "bob through a flight and a catch": (bob, flight, None, 2.0),
+    }
+    steps, rows = (0.02, 0.01, 0.005, 0.0025, 0.00125), []
+    for name, (puppet, x, inputs, t_end) in cases.items():
+        exact = fan.simulate(puppet, x, inputs, t_end, rtol=1e-12, atol=1e-12)
+        off = []
+        for dt in steps:
+            run = fan.simulate(puppet, x, inputs, t_end, method="variational", dt=dt)
+            off.append(np.max(np.abs(run.q_D[-1] - exact.q_D[-1])))
+        order = np.log2(off[0] / off[-1]) / (len(off) - 1)
+        rows.append([name, *(f"{e:.1e}" for e in off), f"{order:.2f}"])
+    return Table(["case", *(f"{1e3 * dt:g} ms" for dt in steps), "order"], rows)
+
+
+def momenta() -> Table:
+    """How far momenta stray that symmetry keeps, over 100 s."""
+    flyer = fan.loads(subject.FLYER)
+    v_D = 2.0 * np.random.default_rng(0).normal(size=flyer.coordinates.n_vD)
+    loose = flyer.with_parameters({"g": 0.0})
+    starts = {
+        "free in no gravity, all six": (
+            loose, loose.state({"line.length": 1e6}).replace(v_D=v_D), slice(0, 6)
+        ),
+        "on a string, about the vertical": (
+            flyer, subject.swinging(flyer, flyer.rest(), v_D), slice(5, 6)
+        ),
+    }  # fmt: skip
+    rows = []
+    for name, (puppet, x, kept) in starts.items():
+        for dt in (0.01, 1.0 / 30.0):
+            run = fan.simulate(puppet, x, t_end=100.0, method="variational", dt=dt, save_every=10)
+            J = momentum_map(puppet, run)[:, kept]
+            strays = number(np.ptp(J, axis=0).max())
+            rows.append([name, f"{1e3 * dt:.3g}", number(np.abs(J[0]).max()), strays])
+    return Table(["body with a leg", "step [ms]", "largest momentum", "strays by"], rows)
+
+
+def momentum_map(puppet: fan.Marionette, run: fan.Trajectory) -> np.ndarray:
+    """(T, 6) linear momentum and angular momentum about the origin of a puppet on a free joint."""
+    found = []
+    for q, v in zip(run.q_D, run.v_D, strict=True):
+        p = puppet.mass_matrix(puppet.state().replace(q_D=q, v_D=v)) @ v
+        w, u = q[3], q[4:7]
+        turn = p[3:6] + 2.0 * np.cross(u, w * p[3:6] + np.cross(u, p[3:6]))
+        found.append([*p[:3], *(np.cross(q[:3], p[:3]) + turn)])
+    return np.array(found)
+
+
+def cost() -> tuple[Table, float]:
+    """Microseconds of a step of the marionette, and the slowest at 10 ms."""
+    rows, slowest = [], 0.0
+    for amplitude in (GENTLE, 0.1, VIGOROUS):
+        x = subject.swing(amplitude)
+        for dt in (0.002, 0.01, 1.0 / 30.0):
+            own, other = (step_time(subject.damped(), x, method, dt) for method in FIXED)
+            slowest = max(slowest, own) if dt == 0.01 else slowest
+            figures = (f"{own:.1f}", f"{other:.1f}", f"{own / other:.1f}")
+            rows.append([f"{amplitude:g}", f"{1e3 * dt:.3g}", *figures])
+    head = ["swing [rad/s]", "step [ms]", "variational [us]", "timestepping [us]", "ratio"]
+    return Table(head, rows), slowest
+
+
+def step_time(puppet: fan.Marionette, x: State, method: str, dt: float, n: int = 1000) -> float:
+    """Microseconds of processor time a step, the least of five runs."""
+    options = puppet.run_options(dt=dt, save_every=10**9, save_steps=False)
+    hold, took = fan.Input.hold(puppet).bound(x.q_K), []
+    for _ in range(5):
+        run = Run(puppet.library_of(method), method, options, x, puppet.p, puppet.winches, hold)
+        began = time.process_time()
+        for _ in run.advance(n * dt):
+            pass
+        took.append((time.process_time() - began) / run.progress[0])
+    return 1e6 * min(took)
+
+
+def growth() -> Table:
+    """Cost of a step over the degrees of freedom: chains of hinges on three strings."""
+    rows = []
+    for dof in (5, 10, 25, 50, 100):
+        puppet = grown("chain", dof)
+        x = puppet.state()
+        v_D = 0.3 * np.random.default_rng(0).normal(size=dof)
+        moving = puppet.project(x.replace(v_D=v_D))
+        rule = Variational(puppet.equations).functions()["midpoint_rule"]
+        solves = sum(puppet.equations[name].n_instructions() for name in ("forth", "back"))
+        once = puppet.equations["step_dynamics"].n_instructions()
+        took = [
+            f"{step_time(puppet, moving, method, dt, 300):.1f}"
+            for dt in (0.002, 0.01)
+            for method in FIXED
+        ]
+        rows.append([str(dof), str(once), str(rule.n_instructions() + solves), *took])
+    return Table(
+        ["DOF", "operations a step", "and a correction", "variational, 2 ms [us]",
+         "timestepping, 2 ms [us]", "variational, 10 ms [us]", "timestepping, 10 ms [us]"],
+        rows,
+    )  # fmt: skip

@@ -1,0 +1,81 @@
+"""The puppets that are measured, and where they start."""
+
+from __future__ import annotations
+
+import functools
+import re
+from pathlib import Path
+
+import numpy as np
+
+import fantoccini as fan
+from fantoccini import puppets
+from fantoccini.motion import State
+
+FLYER = """
+puppet: flyer
+gravity: [0, 0, {parameter: g, value: -9.81}]
+bodies:
+  - name: body
+    joint: {type: free}
+    mass: 0.5
+    com: [0.01, 0.02, -0.1]
+    inertia: [4e-3, 5e-3, 2e-3]
+  - name: leg
+    parent: body
+    joint: {type: ball, at: [0, 0.05, -0.2]}
+    mass: 0.2
+    com: [0, 0, -0.1]
+    inertia: [1e-3, 1e-3, 2e-4]
+strings:
+  - {name: line, path: [{body: body, at: [0.05, 0, 0.1]}, {world: [0, 0, 0]}], length: driven}
+pose: {body.z: -1.0, line.length: 0.95}
+"""
+"""A free body with a leg on a ball joint, on a string from the origin or on none."""
+
+
+@functools.cache
+def undamped() -> fan.Marionette:
+    """The bundled marionette without damping and drag."""
+    text = (Path(puppets.__file__).parent / "marionette.yaml").read_text(encoding="utf-8")
+    return fan.loads(re.sub(r"\n\s+(damping|drag):.*", "", text))
+
+
+@functools.cache
+def damped() -> fan.Marionette:
+    """The bundled marionette."""
+    return puppets.marionette()
+
+
+@functools.cache
+def all_taut() -> State:
+    """The marionette at rest with its knees lifted until all strings pull."""
+    rest = damped().rest()
+    lengths = dict(zip(damped().coordinates.q_K, rest.q_K, strict=True))
+    gap = dict(zip(damped().tree.row_names, damped().instant(rest).h, strict=False))
+    for side in ("left", "right"):
+        lengths[f"knee_{side}.length"] += gap[f"knee_{side}"] - 0.004
+    return damped().rest(lengths)
+
+
+def swinging(puppet: fan.Marionette, rest: State, v_D: np.ndarray) -> State:
+    """A state at rest that moves by v_D, less what its taut strings hold."""
+    x = rest.replace(v_D=v_D)
+    at = puppet.instant(x)
+    taut = np.flatnonzero(np.abs(at.h) < 1e-9)
+    W = at.W[:, taut]
+    return x.replace(v_D=v_D - at.back(W @ np.linalg.solve(W.T @ W, at.hdot[taut])))
+
+
+def swing(amplitude: float) -> State:
+    """The marionette, all strings taut, in a random swing of that size [rad/s, m/s]."""
+    return swinging(damped(), all_taut(), amplitude * np.random.default_rng(1).normal(size=25))
+
+
+def sway(x: State) -> fan.Input:
+    """A shoulder is shifted and a hand lifted, smoothly."""
+    start = dict(zip(damped().coordinates.q_K, x.q_K, strict=True))
+    moves = {"shoulder_left.x": 0.01, "hand_right.length": -0.01}
+    return fan.Input.waypoints(
+        damped(), {n: [(0.0, start[n]), (0.4, start[n] + by)] for n, by in moves.items()}
+    )

@@ -1,0 +1,92 @@
+// The C interface of a puppet's library of the variational integrator, as fantoccini.runtime loads
+// it: that of abi.hpp for runs. The translation unit that includes this defines `fan::Model` first.
+#pragma once
+
+#include <new>
+
+#include "export.hpp"
+#include "variational_batch.hpp"
+
+// Sizes the caller must agree with, as in abi.hpp.
+FAN_EXPORT void fan_sizes(int* out) {
+  using fan::Model;
+  const int sizes[] = {
+      Model::n_qD,      Model::n_vD,     Model::n_qK, Model::n_vK,
+      Model::n_strings, Model::n_limits, Model::n_p,  fan::Record<Model>::row_width,
+      fan::Record<Model>::event_width,
+      int(sizeof(fan::InputArrays)), int(sizeof(fan::Options)), int(sizeof(fan::Record<Model>)),
+      Model::n_packed};
+  for (int i = 0; i < 13; ++i) out[i] = sizes[i];
+}
+
+namespace fan {
+
+inline VariationalRun<Model>& run_of(void* handle) {
+  return *static_cast<VariationalRun<Model>*>(handle);
+}
+
+}  // namespace fan
+
+FAN_EXPORT void* fan_new(int) { return new (std::nothrow) fan::VariationalRun<fan::Model>(); }
+
+FAN_EXPORT void fan_free(void* handle) { delete &fan::run_of(handle); }
+
+FAN_EXPORT int fan_start(
+    void* handle, double t, const double* q_D, const double* v_D, const double* slip,
+    const double* p, const double* winches, const fan::InputArrays* input,
+    const fan::Options* options, const double*, long long, int save_every,
+    fan::Record<fan::Model>* out) {
+  auto& run = fan::run_of(handle);
+  run.opt = *options;
+  run.save_every = save_every;
+  run.drive.set(*input);
+  run.set(t, q_D, v_D, slip, p, winches);
+  run.start(*out);
+  return fan::RUNNING;
+}
+
+FAN_EXPORT int fan_run(
+    void* handle, double t_end, long long budget, fan::Record<fan::Model>* out) {
+  return fan::run_of(handle).run(t_end, budget, *out);
+}
+
+// Writes the present state as a row.
+FAN_EXPORT void fan_emit(void* handle, fan::Record<fan::Model>* out) {
+  if (out->room_for(1, 0)) fan::run_of(handle).emit(*out);
+}
+
+// Replaces the inputs from the present time on.
+FAN_EXPORT void fan_set_input(void* handle, const fan::InputArrays* input) {
+  auto& run = fan::run_of(handle);
+  run.drive.set(*input);
+  run.restart();
+}
+
+// Counters: steps, time reached, worst violation [m or rad].
+FAN_EXPORT void fan_progress(void* handle, double* out) {
+  const auto& run = fan::run_of(handle);
+  out[0] = double(run.n_steps);
+  out[1] = run.t;
+  out[2] = run.worst_violation;
+}
+
+// By row, how much it is to blame for the status that stopped the run, 0 to 1.
+FAN_EXPORT void fan_blame(void* handle, double* out) {
+  const auto& run = fan::run_of(handle);
+  for (int r = 0; r < fan::Model::n_rows; ++r) out[r] = run.blame[r];
+}
+
+// --- many runs (batch.hpp, variational_batch.hpp) -------------------------------------------------
+
+FAN_POOL
+
+// Bytes of BatchArrays, and trajectories that are advanced together.
+FAN_EXPORT void fan_batch_sizes(int* out) {
+  out[0] = int(sizeof(fan::BatchArrays));
+  out[1] = 1;
+}
+
+// Works on a pool until nothing is left; 0, or 1 where there was no memory.
+FAN_EXPORT int fan_batch_work(void* pool) {
+  return fan::work_on<fan::VariationalBatch<fan::Model>>(pool);
+}

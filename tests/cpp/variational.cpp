@@ -1,0 +1,179 @@
+// The variational step on bundles of doubles beside the scalar one; inputs hold still.
+//
+// stdin: n_steps, dt; then for each lane q_D, v_D, q_K; then the parameters.
+// stdout, one number a line with its name: what the Python side asserts.
+#define FAN_LANES 8
+
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <memory>
+#include <vector>
+
+#include "fantoccini/elementary.hpp"
+#include "fantoccini/lanes.hpp"
+#include "model.hpp"
+
+namespace fan {
+namespace scalar {
+#define casadi_real double
+#include "model.c"
+#undef casadi_real
+}  // namespace scalar
+namespace wide {
+#define casadi_real fan::Lanes<FAN_LANES>
+#include "model.c"
+#undef casadi_real
+}  // namespace wide
+
+struct Model : ModelTables {
+  using Wide = Lanes<FAN_LANES>;
+#define FAN_FUNCTION(NAME)                                    \
+  static int NAME(const double** arg, double** res) {         \
+    return scalar::fan_##NAME(arg, res, nullptr, nullptr, 0); \
+  }                                                           \
+  static int NAME(const Wide** arg, Wide** res) {             \
+    return wide::fan_##NAME(arg, res, nullptr, nullptr, 0);   \
+  }
+  FAN_FUNCTION(step_dynamics_varying)
+  FAN_FUNCTION(limit_rates)
+  FAN_FUNCTION(energy)
+  FAN_FUNCTION(forth)
+  FAN_FUNCTION(back)
+  FAN_FUNCTION(midpoint_rule)
+  FAN_FUNCTION(momentum)
+  static void step_dynamics_constants(double** res) { scalar::fan_step_dynamics_constants(res); }
+  static void step_dynamics_constants(Wide** res) { wide::fan_step_dynamics_constants(res); }
+  static void column(int which, const double** arg, double** res) {
+    scalar::fan_column(which, arg, res);
+  }
+  static void column(int which, const Wide** arg, Wide** res) { wide::fan_column(which, arg, res); }
+};
+}  // namespace fan
+
+#include "fantoccini/variational.hpp"
+
+namespace {
+
+using fan::Model;
+using fan::room;
+using Wide = fan::Lanes<FAN_LANES>;
+constexpr int W = FAN_LANES, NQ = Model::n_qD, N = Model::n_vD, M = Model::n_rows;
+constexpr int S = Model::n_strings, NQK = Model::n_qK, NK = Model::n_vK;
+
+struct Lane {
+  double q_D[room(NQ)], v_D[room(N)], q_K[room(NQK)];
+};
+
+double numbers_left_out = 0;
+
+void take(double* out, int n) {
+  for (int i = 0; i < n; ++i)
+    if (std::scanf("%lf", out + i) != 1) numbers_left_out += 1;
+}
+
+double& at(double& x, int) { return x; }
+double& at(Wide& x, int lane) { return x[lane]; }
+bool get(bool x, int) { return x; }
+bool get(const fan::Traits<Wide>::Mask& x, int lane) { return x[lane]; }
+
+// A step of some lanes; place k holds who[k].
+template <class Real>
+struct Bundle {
+  static constexpr int width = fan::Traits<Real>::width;
+  using Step = fan::VariationalStep<Model, Real>;
+  Step step;
+  typename Step::Inputs now;
+  typename Step::Lead lead;
+  int who[width], unsolved = 0;
+
+  Bundle(const std::vector<Lane>& lanes, const double* p, const int* places) {
+    step.cap = 1e7;
+    for (int i = 0; i < S; ++i) {
+      step.winches.max_tension[i] = fan::kUnlimited;
+      step.winches.rewind_speed[i] = step.winches.restitution[i] = 0.0;
+      step.slip[i] = Real(0.0);
+    }
+    for (int i = 0; i < Model::n_p; ++i) step.p[i] = Real(p[i]);
+    for (int k = 0; k < N; ++k) now.u_D[k] = lead.u_D[k] = Real(0.0);
+    for (int j = 0; j < NK; ++j) now.v_K[j] = now.acc_K[j] = lead.v_mid[j] = Real(0.0);
+    for (int l = 0; l < width; ++l) {
+      const Lane& lane = lanes[who[l] = places[l]];
+      for (int i = 0; i < NQ; ++i) at(step.q_D[i], l) = lane.q_D[i];
+      for (int k = 0; k < N; ++k) at(step.v_D[k], l) = lane.v_D[k];
+      for (int j = 0; j < NQK; ++j)
+        at(now.q_K[j], l) = at(lead.q_mid[j], l) = at(lead.q_next[j], l) = lane.q_K[j];
+    }
+    step.begin(now);
+  }
+
+  void advance(double dt) {
+    const auto solved = step.solve(now, lead, dt);
+    for (int l = 0; l < width; ++l) unsolved += !get(solved, l);
+    step.accept(lead, now, dt);
+  }
+
+  std::vector<double> all(int l) {
+    std::vector<double> out;
+    for (int i = 0; i < NQ; ++i) out.push_back(at(step.q_D[i], l));
+    for (int k = 0; k < N; ++k) out.push_back(at(step.v_D[k], l));
+    for (int r = 0; r < M; ++r) out.push_back(at(step.impulse[r], l));
+    for (int r = 0; r < M; ++r) out.push_back(get(step.taut[r], l) ? 1.0 : 0.0);
+    out.push_back(at(step.work, l));
+    out.push_back(at(step.loss, l));
+    out.push_back(at(step.impact, l));
+    return out;
+  }
+};
+
+}  // namespace
+
+int main() {
+  double head[2];
+  take(head, 2);
+  const int n_steps = int(head[0]);
+  const double dt = head[1];
+  std::vector<Lane> lanes(W);
+  for (Lane& lane : lanes) {
+    take(lane.q_D, NQ);
+    take(lane.v_D, N);
+    take(lane.q_K, NQK);
+  }
+  double p[room(Model::n_p)];
+  take(p, Model::n_p);
+  int in_order[W], turned[W];
+  for (int l = 0; l < W; ++l) {
+    in_order[l] = l;
+    turned[l] = (3 * l + 5) % W;
+  }
+  const auto first = std::make_unique<Bundle<Wide>>(lanes, p, in_order);
+  const auto second = std::make_unique<Bundle<Wide>>(lanes, p, turned);
+  std::vector<std::unique_ptr<Bundle<double>>> single;
+  for (int l = 0; l < W; ++l)
+    single.push_back(std::make_unique<Bundle<double>>(lanes, p, &in_order[l]));
+  double apart = 0.0;
+  long long bits_apart = 0, modes_apart = 0, changes = 0;
+  for (int n = 0; n < n_steps; ++n) {
+    std::vector<std::vector<double>> was;
+    for (int l = 0; l < W; ++l) was.push_back(first->all(l));
+    first->advance(dt);
+    second->advance(dt);
+    for (int l = 0; l < W; ++l) {
+      single[l]->advance(dt);
+      const std::vector<double> mine = first->all(l), own = single[l]->all(0);
+      for (int i = 0; i < NQ + N; ++i) apart = fmax(apart, fabs(mine[i] - own[i]));
+      for (int r = NQ + N + M; r < NQ + N + 2 * M; ++r) {
+        modes_apart += mine[r] != own[r];
+        changes += mine[r] != was[l][r];
+      }
+      for (int k = 0; k < W; ++k)
+        if (second->who[k] == l)
+          bits_apart += std::memcmp(
+                            second->all(k).data(), mine.data(), sizeof(double) * mine.size()) != 0;
+    }
+  }
+  std::printf("numbers_left_out %g\napart %.3e\n", numbers_left_out, apart);
+  std::printf("bits_apart %lld\nmodes_apart %lld\nchanges %lld\n", bits_apart, modes_apart, changes);
+  std::printf("unsolved %d\n", first->unsolved + second->unsolved);
+  return 0;
+}
