@@ -7,6 +7,7 @@ variable FANTOCCINI_SCREENSHOTS names, if any.
 from __future__ import annotations
 
 import json
+import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -305,11 +306,14 @@ def test_two_tabs_fight_over_the_strings(scene, monkeypatch):
     until(lambda: len(clients()) == 2, "a second tab")
     until(lambda: browser.find_elements("css selector", "[role=slider]"), "its panel")
     before = performance.wanted_length("line")
-    slide(Keys.ARROW_LEFT * 5)
-    until(lambda: performance.wanted_length("line") == pytest.approx(before - 0.005), "it winds")
+    for _ in range(5):
+        slide(Keys.ARROW_LEFT)
+    until(lambda: performance.wanted_length("line") < before - 0.003, "it winds")
+    time.sleep(0.5)  # for what is on its way
     held = performance.wanted_length("line")
     browser.switch_to.window(first)
-    slider = slide(Keys.ARROW_RIGHT * 9)
+    for _ in range(9):
+        slider = slide(Keys.ARROW_RIGHT)
     until(lambda: "Somebody else holds the strings" in words(browser), "the other is told")
     until(lambda: float(slider.get_attribute("aria-valuenow")) == pytest.approx(held), "snaps back")
     assert performance.wanted_length("line") == held
@@ -317,7 +321,8 @@ def test_two_tabs_fight_over_the_strings(scene, monkeypatch):
     browser.close()
     browser.switch_to.window(first)
     until(lambda: len(clients()) == 1 and scene.live.holder.viewer is None, "the holder is gone")
-    slide(Keys.ARROW_RIGHT * 5)
+    for _ in range(5):
+        slide(Keys.ARROW_RIGHT)
     until(lambda: performance.wanted_length("line") > held, "the other takes over")
 
 
@@ -408,6 +413,16 @@ def test_a_file_plays_from_disk_without_a_network(browser, swing, tmp_path):
     in_step(browser, swing)
 
 
+def settled(browser) -> np.ndarray:
+    """The picture over the player's bar, in which a caret blinks, after a few more frames."""
+    browser.execute_async_script(
+        "const done = arguments[0];"
+        "const frames = (n) => n ? requestAnimationFrame(() => frames(n - 1)) : done();"
+        "frames(10);"
+    )
+    return picture(browser)[:-70].astype(int)
+
+
 def in_step(browser, swing):
     """Bodies, strings, name of the time and numbers of an exported page are those of one time."""
     film = Film.of(fan.loads(TOY), swing, rate=60.0)
@@ -441,6 +456,10 @@ def in_step(browser, swing):
             return like(about(ball), RED) > 40 and reddish  # noqa: B023
 
         until(drawn, f"ball and string of {t} s")
-        seen.setdefault(t, picture(browser))
-        again = np.abs(picture(browser).astype(int) - seen[t]).max(axis=2) > 30
-        assert again.sum() < 20
+        # viser's player may stand a frame beside the time that was typed: outlines differ then, by
+        # some hundred pixels. A ball that is elsewhere differs by its area, some three thousand.
+        shot = settled(browser)
+        off = np.abs(shot - seen.setdefault(t, shot)).max(axis=2) > 30
+        assert off.sum() < 400
+    elsewhere = np.abs(seen[0.6] - seen[1.3]).max(axis=2) > 30
+    assert elsewhere.sum() > 2000
