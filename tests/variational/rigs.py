@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import copy
 import functools
-import re
-from pathlib import Path
 
 import numpy as np
+from benchmarks.long_runs import subject
 
 import fantoccini as fan
-from fantoccini import puppets
 from fantoccini.motion import State
+
+# The marionette and its starts are those of the report of long runs.
+marionette, all_taut = subject.damped, subject.all_taut
+swinging, gentle = subject.swinging, subject.swing
 
 DOLL = """
 puppet: doll
@@ -55,46 +58,12 @@ def flyer() -> tuple[fan.Marionette, State]:
 
 
 @functools.cache
-def marionette() -> fan.Marionette:
-    """The bundled marionette."""
-    return puppets.marionette()
-
-
-@functools.cache
 def undamped() -> fan.Marionette:
     """The bundled marionette without damping and drag."""
-    text = (Path(puppets.__file__).parent / "marionette.yaml").read_text(encoding="utf-8")
-    made = fan.loads(re.sub(r"\n\s+(damping|drag):.*", "", text))
+    made = copy.copy(subject.undamped())
     # Rows, energies and rest are those of the damped one, whose library others have made already.
     made.__dict__["library"] = marionette().library
     return made
-
-
-@functools.cache
-def all_taut() -> State:
-    """The marionette at rest with its knees lifted until all strings pull."""
-    puppet = marionette()
-    rest = puppet.rest()
-    lengths = dict(zip(puppet.coordinates.q_K, rest.q_K, strict=True))
-    gap = dict(zip(puppet.tree.row_names, puppet.instant(rest).h, strict=False))
-    for side in ("left", "right"):
-        lengths[f"knee_{side}.length"] += gap[f"knee_{side}"] - 0.004
-    return puppet.rest(lengths)
-
-
-def swinging(puppet: fan.Marionette, rest: State, v_D: np.ndarray) -> State:
-    """A state at rest that moves by v_D, less what its taut strings hold."""
-    x = rest.replace(v_D=v_D)
-    at = puppet.instant(x)
-    taut = np.flatnonzero(np.abs(at.h) < 1e-9)
-    W = at.W[:, taut]
-    return x.replace(v_D=v_D - at.back(W @ np.linalg.solve(W.T @ W, at.hdot[taut])))
-
-
-def gentle(amplitude: float) -> State:
-    """The marionette, all strings taut, in a random swing of that size [rad/s, m/s]."""
-    v_D = amplitude * np.random.default_rng(1).normal(size=25)
-    return swinging(marionette(), all_taut(), v_D)
 
 
 def energy(run: fan.Trajectory) -> np.ndarray:
