@@ -128,3 +128,23 @@ def pixel(client: Any, point: np.ndarray, canvas: dict) -> tuple[float, float]:
         canvas["x"] + 0.5 * canvas["width"] + scale * float(away @ right),
         canvas["y"] + 0.5 * canvas["height"] - scale * float(away @ up),
     )
+
+
+def canvas(browser: Any) -> dict:
+    """The rectangle of the picture in the window."""
+    rects = [element.rect for element in browser.find_elements("css selector", "canvas")]
+    return max(rects, key=lambda rect: rect["width"] * rect["height"])
+
+
+def press(browser: Any, label: str) -> None:
+    """Presses the button of this name."""
+    browser.execute_script(
+        "[...document.querySelectorAll('button, [role=button]')]"
+        ".find((b) => b.textContent.trim() === arguments[0]).click()",
+        label,
+    )
+
+
+def words(browser: Any) -> str:
+    """What the page says."""
+    return browser.execute_script("return document.body.innerText")
