@@ -33,6 +33,7 @@ ORDER = (
     "marionette",
     "puppets",  # the bundled puppets: beside the modules, for users of `marionette`
     "simulate",
+    "reduction",
     "sweep",
     "demo",  # the bundled performance: inputs for a bundled puppet
     "perform",

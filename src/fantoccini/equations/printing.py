@@ -41,7 +41,7 @@ _DIGITS = 6
 """Digits of a number on a page."""
 
 _OBJECTS = {
-    "mass_matrix": ("M", "M_DK"),
+    "mass_matrix": ("M", "M_DK", "M_KK"),
     "coriolis": ("C",),
     "gravity": ("g",),
     "damping": ("f",),
@@ -77,8 +77,8 @@ class Printable:
 
     Attributes:
         notation: which symbol stands for what.
-        objects: M, M_DK (n_vD, n_vK), C over (v_D, v_K), g, f (damping), h, A_D, A_K as matrices,
-            T and V as expressions.
+        objects: M, M_DK (n_vD, n_vK), M_KK, C over (v_D, v_K), g, f (damping), h, A_D, A_K as
+            matrices, T and V as expressions; those that were asked for.
         lengths: symbols of roots, distances between the points of strings above all, and what
             they stand for; a later one may contain earlier ones.
     """
@@ -93,27 +93,30 @@ class Printable:
         return self.objects["T"] - self.objects["V"]
 
 
-def operation_counts(equations: Equations) -> dict[str, int]:
+def operation_counts(
+    equations: Equations, functions: tuple[str, ...] = tuple(_OBJECTS)
+) -> dict[str, int]:
     """Operations of the functions that hold a puppet's equations, by the paper's symbol."""
-    return {", ".join(names): equations[f].n_instructions() for f, names in _OBJECTS.items()}
+    return {", ".join(_OBJECTS[f]): equations[f].n_instructions() for f in functions}
 
 
-def printable(equations: Equations) -> Printable:
+def printable(equations: Equations, functions: tuple[str, ...] = tuple(_OBJECTS)) -> Printable:
     """The equations of a small puppet as SymPy expressions.
 
     Args:
         equations: the derived equations.
+        functions: those of the analysis that are wanted; all that are printed when not given.
 
     Raises:
         TooLargeError: they would fill pages.
     """
-    total = sum(operation_counts(equations).values())
+    total = sum(operation_counts(equations, functions).values())
     if total > MOST_OPERATIONS:
         raise TooLargeError(f"{total} operations; up to {MOST_OPERATIONS} are printed")
     symbols = {name: getattr(equations.system.symbols, name) for name in _ARGUMENTS}
     outputs, shapes = [], {}
-    for function, names in _OBJECTS.items():
-        made = equations[function]
+    for function in functions:
+        made, names = equations[function], _OBJECTS[function]
         results = made.call([symbols[name] for name in made.name_in()])
         for name, result in zip(names, results, strict=False):
             outputs.append(ca.densify(result))

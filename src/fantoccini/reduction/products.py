@@ -1,0 +1,106 @@
+"""The condition of Sec. VI: <Y_i, Y_j> in span{Y_k}, with and without taut strings.
+
+With the kinetic energy's metric M over v = (v_D, v_K), a force on driven coordinate i accelerates
+along Y_i = M^-1 e_i; with taut rows A = [A_D A_K] along X_i = P Y_i, P the M-orthogonal projection
+on A v = 0. The symmetric product is <X, Y> = nabla_X Y + nabla_Y X, and with the constrained
+connection P (nabla_X Y + nabla_Y X). With C(q, v) of Eq. 8 (dM/dt - 2 C skew) and multipliers mu,
+
+    X_i = M^-1 (e_i + A^T mu_i),   A X_i = 0
+    <X_i, X_j> = -P M^-1 (C(X_j)^T X_i + C(X_i)^T X_j - dA(X_j)^T mu_i - dA(X_i)^T mu_j)
+
+which needs no difference quotient and, since C is Poincare's where joints rotate, no coordinates of
+rotations. Without strings it is the gradient of the (i, j) entry of the driven block of M^-1, so
+that the condition says: that block, the inverse of M_KK - M_KD M_DD^-1 M_DK, does not change with
+q_D. In words: where the puppet's momentum is zero it stays so, however the mechanism moves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.marionette import Marionette
+from fantoccini.motion import State
+from fantoccini.reduction.kinetic import blocks
+
+_RANK = 1e-9
+"""Singular value that counts as none, over the largest."""
+INSIDE = 1e-9
+"""Share outside of the span that counts as rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class Products:
+    """The symmetric products of a mechanism's input fields at one configuration.
+
+    Attributes:
+        fields: (n, n_vK) the fields X_i as columns, over (v_D, v_K).
+        products: (n, n_vK, n_vK) <X_i, X_j> over (v_D, v_K).
+        outside: (n_vK, n_vK) size of the part of <X_i, X_j> outside of span{X_k}, in the metric of
+            the kinetic energy, over the sizes of the terms it is the sum of, 0 to 1.
+    """
+
+    fields: Array
+    products: Array
+    outside: Array
+
+    @property
+    def worst(self) -> float:
+        """The largest share outside of the span."""
+        return float(np.max(self.outside, initial=0.0))
+
+
+def symmetric_products(
+    marionette: Marionette, x: State, inertia: Array, rows: Array | tuple[int, ...] = ()
+) -> Products:
+    """<X_i, X_j> of all pairs of driven coordinates, and what of them is not in span{X_k}.
+
+    Args:
+        marionette: the puppet.
+        x: the configuration; velocities do not matter.
+        inertia: (n_vK,) reflected inertia of the drives, added to M_KK [kg or kg m^2]; one value
+            for the three axes of a rotation.
+        rows: taut strings; without them the strings are slack.
+    """
+    table, rows = marionette.coordinates, np.asarray(rows, dtype=int)
+    n, k = table.n_vD + table.n_vK, table.n_vK
+    M_DD, M_DK, M_KK = blocks(marionette, x)
+    M = np.block([[M_DD, M_DK], [M_DK.T, M_KK + np.diag(inertia)]])
+    A = np.hstack([marionette.A_D(x), marionette.A_K(x)])[rows]
+    E = np.eye(n)[:, table.n_vD :]
+    L = np.linalg.cholesky(M)
+    free = np.linalg.solve(L, E)
+    W = np.linalg.solve(L, A.T)
+    mu = -np.linalg.pinv(W, rcond=_RANK) @ free
+    fields = np.linalg.solve(L.T, free + W @ mu)
+    C, Adot = np.zeros((k, n, n)), np.zeros((k, len(rows), n))
+    for i in range(k):
+        moving = x.replace(v_D=fields[: table.n_vD, i], v_K=fields[table.n_vD :, i])
+        C[i] = marionette.coriolis_full(moving)
+        if len(rows):
+            Adot[i] = np.hstack(marionette.A_rate(moving))[rows]
+    across, along = _basis(W), _basis(free + W @ mu)
+    found, outside = np.zeros((n, k, k)), np.zeros((k, k))
+    for i in range(k):
+        for j in range(i + 1):
+            terms = np.stack([
+                -C[j].T @ fields[:, i], -C[i].T @ fields[:, j],
+                Adot[j].T @ mu[:, i], Adot[i].T @ mu[:, j],
+            ], axis=1)  # fmt: skip
+            made = np.linalg.solve(L, terms)
+            made = made - across @ (across.T @ made)
+            whole = made.sum(axis=1)
+            rest = whole - along @ (along.T @ whole)
+            size = float(np.sum(np.linalg.norm(made, axis=0)))
+            found[:, i, j] = found[:, j, i] = np.linalg.solve(L.T, whole)
+            if size > 0.0:
+                outside[i, j] = outside[j, i] = np.linalg.norm(rest) / size
+    return Products(fields, found, outside)
+
+
+def _basis(columns: Array) -> Array:
+    """(n, rank) orthonormal basis of the columns' span."""
+    U, s, _ = np.linalg.svd(columns, full_matrices=False)
+    return U[:, s > _RANK * np.max(s, initial=0.0)] if len(s) else columns[:, :0]

@@ -1,0 +1,170 @@
+"""Section VI on puppets whose kinetic energy, symmetric products and ties are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy as sp
+
+import fantoccini as fan
+from fantoccini import puppets
+from fantoccini.reduction import configurations
+from fantoccini.reduction.claims import Verdict, claims, meaning
+from fantoccini.reduction.kinetic import blocks, kinetic_energy
+from fantoccini.reduction.products import symmetric_products
+from fantoccini.reduction.structure import structure
+from fantoccini.reduction.symbolic import symbolic
+from fantoccini.reduction.tracking import tracking
+from reduction.toys import CART, HELD, RADIAL, TURNED, WINCH
+
+HOLDS, FAILS, NONE = Verdict.HOLDS, Verdict.FAILS, Verdict.NONE
+
+
+def states(puppet, n=4, seed=1):
+    return configurations.anywhere(puppet, n, np.random.default_rng(seed))
+
+
+def products_by_hand(metric, q, n_forces):
+    """<grad q_i, grad q_j> by Christoffel's symbols, for the last coordinates, as a function."""
+    n, G, m = len(q), sp.simplify(metric.inv()), metric
+    lower = [
+        [[(m[k, i].diff(q[j]) + m[k, j].diff(q[i]) - m[i, j].diff(q[k])) / 2 for k in range(n)]
+         for j in range(n)] for i in range(n)
+    ]  # fmt: skip
+
+    def nabla(X, Y):
+        turning = sp.zeros(n, 1)
+        for i in range(n):
+            for j in range(n):
+                turning += X[i] * Y[j] * G * sp.Matrix(lower[i][j])
+        return Y.jacobian(sp.Matrix(q)) * X + turning
+
+    fields = [G[:, k] for k in range(n - n_forces, n)]
+    return sp.lambdify([q], [[nabla(X, Y) + nabla(Y, X) for Y in fields] for X in fields])
+
+
+def test_the_rod_on_a_trolley_has_the_products_of_christoffels_symbols():
+    cart = fan.loads(CART)
+    theta, _ = q = sp.symbols("theta s", real=True)
+    c = sp.cos(theta)
+    drive = 0.7
+    metric = sp.Matrix([[sp.Rational(7, 20), c / 2], [c / 2, 3 + sp.Float(drive)]])
+    by_hand = products_by_hand(metric, q, 1)
+    for x in states(cart):
+        found = symmetric_products(cart, x, np.array([drive]))
+        wanted = np.array(by_hand([x.q_D[0], x.q_K[0]]), dtype=float)[0, 0, :, 0]
+        assert found.products[:, 0, 0] == pytest.approx(wanted, abs=1e-13)
+        assert found.worst > 0.1
+    page = symbolic(cart)
+    assert page.of_q_D == ((0, 0),)
+    assert sp.simplify(page.felt[0] - (3 - c**2 / 4 / sp.Rational(7, 20))) == 0
+
+
+def test_a_bob_on_a_winch_has_the_products_of_its_constraint_surface():
+    """On h = 0 the coordinates are theta, x and L: xb = x + L sin(theta), zb = -L cos(theta)."""
+    winch, drives = fan.loads(WINCH), np.array([0.6, 0.9])
+    theta, x, length = q = sp.symbols("theta x L")
+    place = sp.Matrix([x + length * sp.sin(theta), -length * sp.cos(theta)])
+    J = place.jacobian(q)
+    metric = J.T * J / 2 + sp.diag(0, *drives.tolist())
+    by_hand = products_by_hand(metric.applyfunc(sp.nsimplify), q, 2)
+    lift = sp.lambdify([q], sp.Matrix.vstack(J, sp.Matrix([[0, 1, 0], [0, 0, 1]])))
+    rng = np.random.default_rng(2)
+    for state, rows in configurations.on_strings(winch, 4, rng):
+        assert list(rows) == [0]
+        angle = np.arctan2(state.q_D[0] - state.q_K[0], -state.q_D[1])
+        at = [angle, *state.q_K]
+        found = symmetric_products(winch, state, drives, rows)
+        wanted = np.array(by_hand(at), dtype=float)[..., 0]
+        assert found.products == pytest.approx(
+            np.einsum("lm,ijm->lij", lift(at), wanted), abs=1e-12
+        )
+        # The winch alone has <X, X> = 0: G_LL = 1 / (m + J). The carriage has not.
+        alone = symmetric_products(winch, state, np.array([1e12, 0.9]), rows)
+        assert np.linalg.norm(alone.products[:, 1, 1]) < 1e-10
+        assert found.worst > 0.05
+
+
+def test_the_products_of_turning_joints_are_the_gradient_of_the_driven_block():
+    """What is outside of the span is d(M^-1)_KK/dq_D, in the metric of M_DD, by differences."""
+    turned = fan.loads(TURNED)
+    n, inertia, h = turned.coordinates.n_vD, np.array([0.5] * 3 + [0.02] * 3), 1e-5
+    for x in states(turned, 2):
+        found = symmetric_products(turned, x, inertia)
+        M = whole(turned, x, inertia)
+        slope = []
+        for move in h * np.eye(n + 6)[:n]:
+            ends = [configurations.turned(turned, x, sign * move) for sign in (1, -1)]
+            up, down = (np.linalg.inv(whole(turned, y, inertia))[n:, n:] for y in ends)
+            slope.append((up - down) / (2 * h))
+        # The part of a covector on the puppet that forces on the drives cannot give.
+        covector = np.einsum("ab,bij->aij", M, found.products)[:n]
+        assert covector == pytest.approx(np.array(slope), abs=2e-8)
+        assert found.worst > 0.01
+
+
+def whole(puppet, x, inertia):
+    M_DD, M_DK, M_KK = blocks(puppet, x)
+    return np.block([[M_DD, M_DK], [M_DK.T, M_KK + np.diag(inertia)]])
+
+
+def test_a_driven_bar_has_a_metric_of_its_own_and_products_inside():
+    """M_KK of the bar on its free joint turns with it: the products are not 0, and inside."""
+    bar = puppets.marionette_bar()
+    x = states(bar, 1)[0]
+    found = symmetric_products(bar, x, np.full(6, 0.1))
+    assert np.max(np.abs(found.products)) > 1e-3
+    assert found.worst < 1e-13
+
+
+def test_a_slider_on_a_turning_arm_is_block_diagonal_and_yet_not_separate():
+    found = kinetic_energy(radial := fan.loads(RADIAL), states(radial))
+    assert found.identically and found.D_of_K and not found.K_of_D and not found.separate
+    assert found.D_varies > 0.1
+
+
+def test_winches_that_pull_on_one_bob_from_both_sides_are_tied():
+    held = fan.loads(HELD)
+    x = configurations.fitted(held, configurations.start(held))
+    both = tracking(held, x, np.ones(2), np.array([0, 1]))
+    assert both.tied == ("above", "below") and both.pulls_apart
+    assert both.least == pytest.approx(0.0, abs=1e-14)
+    alone = tracking(held, x, np.ones(2), np.array([0]))
+    # Mass 0.5 on a winch of 1: it accelerates 1 / 1.5 of what it would.
+    assert alone.tied == () and alone.least == pytest.approx(1 / 1.5, abs=1e-14)
+
+
+def test_a_drive_keeps_the_part_of_its_acceleration_that_the_bob_leaves():
+    winch = fan.loads(WINCH)
+    for x, rows in configurations.on_strings(winch, 3, np.random.default_rng(0)):
+        found = tracking(winch, x, np.array([2.0, 2.0]), rows)
+        d = np.array([x.q_D[0] - x.q_K[0], x.q_D[1]]) / x.q_K[1]
+        # The bob is moved along the string alone, by (-d_x, -1) of the drives' accelerations.
+        a = np.array([d[0], 1.0])
+        G = np.linalg.inv(2.0 * np.eye(2) + 0.5 * np.outer(a, a))
+        assert found.least == pytest.approx(2.0 * np.linalg.eigvalsh(G)[0], abs=1e-13)
+
+
+@pytest.mark.parametrize("name", ["arm2d", "arm3d", "crane", "marionette_bar", "stand6"])
+def test_bundled_puppets_are_separate_and_their_drives_track(name):
+    puppet = getattr(puppets, name)()
+    found = structure(puppet, np.ones(puppet.coordinates.n_vK), n=2)
+    assert [c.verdict for c in claims(found)] == [HOLDS, HOLDS, HOLDS, HOLDS, FAILS]
+    assert "acc_K" in meaning(found)[0]
+
+
+CLAIMS = {
+    "cart": (CART, [FAILS, HOLDS, FAILS, NONE, NONE], "M_DK acc_K"),
+    "radial": (RADIAL, [HOLDS, FAILS, HOLDS, NONE, NONE], "Coriolis"),
+    "winch": (WINCH, [HOLDS, HOLDS, HOLDS, HOLDS, FAILS], "A_K acc_K"),
+    "held": (HELD, [HOLDS, HOLDS, HOLDS, FAILS, HOLDS], "tie drives"),
+    "turned": (TURNED, [FAILS, FAILS, FAILS, NONE, NONE], "M_DK acc_K"),
+}
+
+
+@pytest.mark.parametrize(("text", "verdicts", "said"), CLAIMS.values(), ids=CLAIMS)
+def test_the_claims_say_what_fails(text, verdicts, said):
+    puppet = fan.loads(text)
+    found = structure(puppet, np.ones(puppet.coordinates.n_vK), n=3)
+    assert [c.verdict for c in claims(found)] == verdicts
+    assert said in " ".join(meaning(found))
