@@ -54,6 +54,8 @@ LATE_VIEWS = {
     ("motion", "show"),
     ("motion", "_repr_html_"),
     ("marionette", "plot"),
+    ("reduction", "draw"),
+    ("reduction", "_bandwidth"),
     ("plan", "plot"),
     ("plan", "animate"),
     ("marionette", "show"),

@@ -58,6 +58,7 @@ from fantoccini.plan import (
     solve,
 )
 from fantoccini.puppet import Puppet
+from fantoccini.reduction import ReductionReport, validate_reduction
 from fantoccini.show import show
 from fantoccini.simulate import Passage, Sensitivity, sensitivity, simulate
 from fantoccini.sweep import Case, SweepResult, Trial, sweep
@@ -95,6 +96,7 @@ __all__ = [
     "Puppet",
     "PuppetError",
     "Recording",
+    "ReductionReport",
     "Sensitivity",
     "SimulationError",
     "State",
@@ -121,4 +123,5 @@ __all__ = [
     "simulate",
     "solve",
     "sweep",
+    "validate_reduction",
 ]

@@ -374,6 +374,25 @@ def show_(
     )
 
 
+@app.command("validate-reduction")
+def validate_reduction(
+    file: File,
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="Where the report goes; made when it is not there.")
+    ] = Path("out"),
+    quiet: Quiet = False,
+) -> None:
+    """Check the paper's Section VI on a puppet.
+
+    Is the mixed model, with the driven coordinates as inputs, what the puppet does on drives? Looks
+    at the structure the paper claims, compares both models with exact and with real tracking, and
+    with a string that has mass. Leaves reduction.md and its plots in DIR.
+    """
+    from fantoccini.cli.reduction import validate_file
+
+    validate_file(file, out, quiet)
+
+
 @app.command()
 def demo(
     out: Annotated[Path, typer.Option(metavar="DIR", help="Where the files go.")] = Path("out"),

@@ -33,7 +33,8 @@ def put(
         ) from None
     if not np.all(np.isfinite(number)):
         raise StateError(f"{name}: found {value}; it must be finite")
-    if name.endswith(".length") and number.ndim == 0 and number <= 0:
+    length = name.endswith(".length") and not name.startswith("v:")
+    if length and number.ndim == 0 and number <= 0:
         raise StateError(f"{name}: found {value}; a length must be positive")
     scalar = name.startswith("v:") or name in table.q_D or name in table.q_K
     if scalar and number.ndim:

@@ -1,0 +1,142 @@
+"""Part (c), the other half: a string with mass. No bandwidth brings the mixed model back.
+
+One string becomes a chain of point masses between stiff springs, the rest stays as it is. Its
+masses are coordinates that the mixed model does not have, so that the motions stay apart by an
+amount that goes with the string's mass, however well the drives track.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.errors import FantocciniError
+from fantoccini.motion import State, tangent
+from fantoccini.puppet import Chain, Parameter, Puppet, String
+from fantoccini.reduction.bandwidth import Tracked, beside
+from fantoccini.reduction.mechanism import Mechanism
+from fantoccini.reduction.motions import Motion
+from fantoccini.simulate import simulate
+
+STRING_MASS = "reduction_string_mass"
+MASSES = (0.003, 0.01, 0.03, 0.1)
+"""Masses of the string, over that of the puppet."""
+BANDWIDTHS = tuple(20.0 * 4.0**k for k in range(4))
+"""Of the drives, over sqrt(g/l)."""
+_PIECES = 4
+_STIFFNESS = 2000.0
+"""EA of the string, over the puppet's weight."""
+_DAMPING = 0.02
+"""Of a piece's stretch, as a part of what would damp it critically for the lightest string."""
+_SETTLED = 1e4
+"""Bandwidth at which the chain's rest is looked for, over sqrt(g/l)."""
+_RTOL = 1e-8
+
+
+@dataclass(frozen=True, eq=False)
+class Massive:
+    """A string of some mass, with drives of several bandwidths.
+
+    Attributes:
+        string: the one that is a chain.
+        mass: of it [kg].
+        coupling: largest |M_DK| / sqrt(M_DD M_KK) that a straight string of that mass makes, with
+            drives as heavy as the puppet.
+        tracked: the full model beside the massless mixed one, both counted from their rest.
+    """
+
+    string: str
+    mass: float
+    coupling: float
+    tracked: tuple[Tracked, ...]
+
+
+class NoStringError(FantocciniError):
+    """No string of the puppet can be a chain."""
+
+
+def heaviest(motion: Motion, puppet: Puppet) -> str:
+    """The string that pulls most at the start, of those that can be chains.
+
+    Raises:
+        NoStringError: there is none that pulls.
+    """
+    pulls = {
+        s.name: float(motion.run.tension[s.name][0]) for s in puppet.strings if _can_be_chain(s)
+    }
+    name = max(pulls, key=lambda n: pulls[n], default="")
+    if not name or pulls[name] <= 0.0:
+        raise NoStringError("no string that pulls at rest can be a chain of masses")
+    return name
+
+
+def massive(mechanism: Mechanism, motion: Motion, masses=MASSES) -> list[Massive]:
+    """The motion with one string heavier and heavier, on drives of several bandwidths.
+
+    Raises:
+        NoStringError: no string can be a chain.
+    """
+    puppet = mechanism.mixed.puppet.expanded()
+    name = heaviest(motion, puppet)
+    full = mechanism.chained(name, _chain(mechanism))
+    found = []
+    for share in masses:
+        heavy = full.with_parameters({STRING_MASS: share * mechanism.mixed.mass})
+        settled = mechanism.tuned(heavy, 1.0, _SETTLED / mechanism.pace)
+        start = settled.rest(mechanism.state(settled, motion.x0))
+        coupling = straight_coupling(mechanism, motion.x0, name, share * mechanism.mixed.mass)
+        runs = []
+        for w in BANDWIDTHS:
+            w = w / mechanism.pace
+            tuned = mechanism.tuned(heavy, 1.0, w)
+            run = simulate(
+                tuned, start, mechanism.commanded(tuned, motion.inputs), motion.inputs.end,
+                rtol=_RTOL, atol=_RTOL, effort=False, throw=False,
+            )  # fmt: skip
+            runs.append(beside(mechanism, tuned, motion.run, run, w, from_rest=True))
+        found.append(Massive(name, share * mechanism.mixed.mass, coupling, tuple(runs)))
+    return found
+
+
+def straight_coupling(mechanism: Mechanism, x: State, name: str, mass: float) -> float:
+    """|M_DK| / sqrt(M_DD M_KK) of a uniform string that stays straight between its ends.
+
+    T = m/6 (v_A.v_A + v_A.v_S + v_S.v_S) of ends A on the puppet and S on the mechanism, so that
+    M_DK = m/6 J_A^T J_S.
+    """
+    mixed = mechanism.mixed
+    table, step = mixed.coordinates, 1e-6
+    index = [s.name for s in mixed.tree.strings].index(name)
+
+    def ends(move: Array) -> Array:
+        q_D = tangent.moved(table.scalars_D, table.quaternions_D, x.q_D, move[: table.n_vD])
+        q_K = tangent.moved(table.scalars_K, table.quaternions_K, x.q_K, move[table.n_vD :])
+        return mixed.string_points(q_D, q_K)[index][[0, -1]].ravel()
+
+    n = table.n_vD + table.n_vK
+    J = np.array([(ends(step * e) - ends(-step * e)) / (2 * step) for e in np.eye(n)]).T
+    weights = np.kron(np.array([[2.0, 1.0], [1.0, 2.0]]) * mass / 6.0, np.eye(3))
+    T = J.T @ weights @ J
+    M_DD = mixed.mass_matrix(x) + T[: table.n_vD, : table.n_vD]
+    M_KK = np.diag(mixed.mass_matrix_KK(x)) + mechanism.inertia(1.0) + np.diag(T)[table.n_vD :]
+    scale = np.sqrt(np.outer(np.diag(M_DD), M_KK))
+    return float(np.max(np.abs(T[: table.n_vD, table.n_vD :]) / scale))
+
+
+def _can_be_chain(string: String) -> bool:
+    bounces = not isinstance(string.restitution, float) or string.restitution > 0
+    slips = string.max_tension is not None or string.wire or bounces
+    return not slips and len(string.path) == 2 and string.chain is None
+
+
+def _chain(mechanism: Mechanism) -> Chain:
+    mass = MASSES[0] * mechanism.mixed.mass
+    stiffness = _STIFFNESS * mechanism.mixed.weight
+    piece = mechanism.size / _PIECES
+    critical = 2.0 * np.sqrt(stiffness / piece * mass / (_PIECES - 1)) * piece
+    return Chain(
+        pieces=_PIECES, mass=Parameter(parameter=STRING_MASS, value=mass), stiffness=stiffness,
+        damping=_DAMPING * float(critical),
+    )  # fmt: skip

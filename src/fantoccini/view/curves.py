@@ -1,0 +1,136 @@
+"""Measured figures over a quantity that was varied: curves on logarithmic axes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fantoccini.view.draw import DPI, plain
+from fantoccini.view.pictures import checked, save
+from fantoccini.view.theme import Theme, theme_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Measured points.
+
+    Attributes:
+        label: in the legend.
+        x, y: (n,) the points; what is not positive is left out on a logarithmic axis.
+        marked: each point has a dot; otherwise it is a line through many.
+        faint: a line of comparison: dashed and grey.
+    """
+
+    label: str
+    x: np.ndarray
+    y: np.ndarray
+    marked: bool = True
+    faint: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """One pair of axes.
+
+    Attributes:
+        title: above them.
+        x, y: labels of the axes, with units.
+        curves: what they show.
+        log_x: whether x is logarithmic; y always is.
+        at: values of x with a vertical line, and what stands there.
+    """
+
+    title: str
+    x: str
+    y: str
+    curves: Sequence[Curve]
+    log_x: bool = True
+    at: Sequence[tuple[float, str]] = ()
+
+
+def slope(label: str, x: np.ndarray, y: np.ndarray, order: float) -> Curve:
+    """A line y ~ x^order through the last positive point of measured ones."""
+    x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+    last = np.flatnonzero(y > 0.0)[-1] if np.any(y > 0.0) else len(y) - 1
+    return Curve(label, x, y[last] * (x / x[last]) ** order, marked=False, faint=True)
+
+
+def curves(
+    panels: Sequence[Panel],
+    path: str | os.PathLike,
+    theme: str | Theme = "light",
+    size: tuple[int, int] = (640, 470),
+    scale: float = 2.0,
+) -> Path:
+    """Writes panels side by side.
+
+    Args:
+        panels: from left to right.
+        path: ends in ``.png``, ``.svg`` or ``.pdf``.
+        theme: ``light``, ``dark``, or a Theme.
+        size: width and height of a panel [px].
+        scale: pixels of the file for a pixel of ``size``.
+
+    Returns:
+        The path of the picture.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    path, theme = checked(path), theme_of(theme)
+    shape = (len(panels) * size[0] / DPI, size[1] / DPI)
+    figure = Figure(figsize=shape, dpi=DPI, facecolor=theme.top, layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.get_layout_engine().set(w_pad=0.15, h_pad=0.1)
+    for axes, panel in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
+        _panel(axes, panel, theme)
+    return save(figure, path, scale)
+
+
+def _panel(axes: Axes, panel: Panel, theme: Theme) -> None:
+    shown = 0
+    for curve in panel.curves:
+        x, y = np.asarray(curve.x, dtype=float), np.asarray(curve.y, dtype=float)
+        seen = np.isfinite(y) & (y > 0.0)
+        if curve.faint:
+            look = {"color": theme.faint, "linestyle": "--", "linewidth": 0.9, "zorder": 1.5}
+        else:
+            look = {"color": theme.cycle[shown % len(theme.cycle)], "linewidth": 1.2}
+            shown += 1
+        if curve.marked:
+            look |= {"marker": "o", "markersize": 4.0, "markeredgecolor": theme.top}
+        axes.plot(x[seen], y[seen], label=plain(curve.label, 40), **look)
+    for x, text in panel.at:
+        axes.axvline(x, color=theme.faint, linewidth=0.8)
+        axes.text(
+            x, 0.98, " " + plain(text, 40), transform=axes.get_xaxis_transform(), va="top",
+            color=theme.faint, fontsize=8, parse_math=False,
+        )  # fmt: skip
+    axes.set_yscale("log")
+    if panel.log_x:
+        axes.set_xscale("log")
+    axes.set_title(
+        plain(panel.title, 80), color=theme.ink, fontsize=10, loc="left", parse_math=False
+    )
+    axes.set_xlabel(panel.x, color=theme.ink, fontsize=9)
+    axes.set_ylabel(panel.y, color=theme.ink, fontsize=9)
+    axes.set_facecolor("none")
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    for side in ("left", "bottom"):
+        axes.spines[side].set_color(theme.faint)
+    axes.tick_params(which="both", colors=theme.faint, labelcolor=theme.ink, labelsize=8)
+    axes.grid(True, which="major", color=theme.grid, linewidth=0.5, alpha=0.7)
+    axes.set_axisbelow(True)
+    if any(curve.label for curve in panel.curves):
+        legend = axes.legend(frameon=False, fontsize=8, labelcolor=theme.ink, handlelength=1.6)
+        for text in legend.get_texts():
+            text.set_parse_math(False)
