@@ -41,7 +41,7 @@ from fantoccini.equations.algebra import (
     zeros,
 )
 from fantoccini.puppet import PD, ComputedTorque, DirectCurrent, Number, Stepper
-from fantoccini.tree import DriveRow, Role
+from fantoccini.tree import DriveRow
 
 if TYPE_CHECKING:
     from fantoccini.equations.system import System

@@ -56,8 +56,8 @@ ARGUMENTS: dict[str, tuple[str, ...]] = {
     ),
     "momentum": ("q_D", "v_D", "q_K", "v_K", "p"),
 }
-"""Arguments of the functions. Of ``midpoint_rule`` q_D is q_k, q_mid, v_mid and acc_mid are those of
-the driven coordinates half-way, q_K is theirs at the end."""
+"""Arguments of the functions. Of ``midpoint_rule`` q_D is q_k; q_mid, v_mid and acc_mid are those
+of the driven coordinates half-way, q_K is theirs at the end."""
 
 RESULTS: dict[str, tuple[str, ...]] = {
     "midpoint_rule": ("before", "after", "q_next", "h"),
