@@ -96,7 +96,7 @@ struct Bundle {
     }
     for (int i = 0; i < Model::n_p; ++i) step.p[i] = Real(p[i]);
     for (int k = 0; k < N; ++k) now.u_D[k] = lead.u_D[k] = Real(0.0);
-    for (int j = 0; j < NK; ++j) now.v_K[j] = now.acc_K[j] = lead.v_mid[j] = Real(0.0);
+    for (int j = 0; j < NK; ++j) now.v_K[j] = now.acc_K[j] = lead.v_mid[j] = lead.acc_mid[j] = Real(0.0);
     for (int l = 0; l < width; ++l) {
       const Lane& lane = lanes[who[l] = places[l]];
       for (int i = 0; i < NQ; ++i) at(step.q_D[i], l) = lane.q_D[i];

@@ -126,7 +126,8 @@ def _with_velocity(puppet: fan.Marionette, x: fan.State, v_K: np.ndarray) -> fan
     for driven in (v_K, np.zeros_like(v_K)):
         at = x.replace(v_K=driven)
         instant = puppet.instant(at)
-        rows = np.flatnonzero((instant.h >= -1e-9 * puppet.row_scales(at.q_K)) | puppet.two_sided)
+        scale = puppet.row_scales(at.q_D, at.q_K)
+        rows = np.flatnonzero((instant.h >= -1e-9 * scale) | puppet.two_sided)
         found = instant.complementarity(rows, instant.hdot[rows], puppet.two_sided)
         if found.solved:
             return at.replace(v_D=at.v_D - instant.back(instant.W[:, rows] @ found.x))

@@ -130,7 +130,8 @@ def test_the_json_schema_knows_every_key_and_describes_it() -> None:
     schema = json_schema()
     json.dumps(schema)
     assert set(schema["properties"]) == {
-        "puppet", "gravity", "bodies", "strings", "springs", "mirror", "pose", "obstacles", "floor"
+        "puppet", "gravity", "bodies", "strings", "springs", "drives", "mirror", "pose",
+        "obstacles", "floor",
     }  # fmt: skip
     assert set(schema["required"]) == {"puppet", "bodies"}
     kinds = schema["$defs"]["Joint"]["properties"]["type"]["enum"]

@@ -93,7 +93,7 @@ def test_the_marionette_is_torn_apart(ask):
     """Event-driven runs stop with names; time-stepping goes on, as far off as it has to be."""
     puppet = fan.puppets.marionette()
     x0 = puppet.rest()
-    lengths = max(puppet.string_lengths(x0.q_K))
+    lengths = max(puppet.string_lengths(x0.q_D, x0.q_K))
     moves = {"apart": {"x": (1.0, 1.0)}, "short": {}, "both": {"x": (1.0, 1.0)}}[ask]
     inputs = shaken(puppet, x0, **moves)
     if ask != "apart":

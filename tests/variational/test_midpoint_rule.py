@@ -86,9 +86,8 @@ def test_the_momenta_are_the_discrete_lagrangians_slopes(seed):
     K_mid, xi_K = between(ca.DM(q_K), ca.DM(q_K_next), t.quaternions_K, t.scalars_K, t.n_vK)
     rule = Variational(equations).functions()["midpoint_rule"]
     still = np.zeros(t.n_vD)
-    before, after, q_next, h = numbers(
-        rule, q_D, ca.evalf(xi), ca.evalf(K_mid), ca.evalf(xi_K) / dt, q_K_next, still, dt, p
-    )
+    lead = ca.evalf(K_mid), ca.evalf(xi_K) / dt, np.zeros(t.n_vK), q_K_next
+    before, after, q_next, h = numbers(rule, q_D, ca.evalf(xi), *lead, still, dt, p)
     scale = np.max(np.abs(expected))
     assert np.max(np.abs(before - expected[0])) < 1e-12 * scale
     assert np.max(np.abs(after - expected[1])) < 1e-12 * scale

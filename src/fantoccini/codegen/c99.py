@@ -105,9 +105,9 @@ def _example(tree: Tree) -> str:
         "p": list(tree.parameters.values()),
     }
     unset = [
-        (s.length_index[0], i)
+        (s.driven_length[0], i)
         for i, s in enumerate(tree.strings)
-        if s.length_index and math.isnan(table.start_K[s.length_index[0]])
+        if s.driven_length and math.isnan(table.start_K[s.driven_length[0]])
     ]
     reach = "".join(f"  q_K[{q}] += h[{i}];\n" for q, i in unset)
     return _EXAMPLE.format(

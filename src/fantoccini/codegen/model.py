@@ -17,7 +17,7 @@ from fantoccini.equations import Equations
 from fantoccini.puppet import Parameter
 from fantoccini.tree import LimitRow, Role, StringRow, Tree
 
-VERSION = "4"
+VERSION = "5"
 """Version of the generated text; part of every cache key."""
 
 STEM = "model"
@@ -189,13 +189,16 @@ def tables_text(equations: Equations) -> str:
     places = [_limit_place(tree, limit) for limit in tree.limits]
     units = {row.name: row.unit for row in table.rows}
     turns = [int(units.get(name, "rad") != "m") for name in table.v_D]
-    length_q = [s.length_index[0] if s.length_index else -1 for s in tree.strings]
+    length_q = [s.driven_length[0] if s.driven_length else -1 for s in tree.strings]
+    wound_q = [s.wound_length[0] if s.wound_length else -1 for s in tree.strings]
     lines = ["#pragma once", "", "namespace fan {", "", "struct ModelTables {"]
     lines += [f"  static constexpr int {name} = {value};" for name, value in constants.items()]
     lines += [
         f"  static constexpr bool coupled = {int(_coupled(tree))};",
         _array("bool", "wire", [int(s.wire) for s in tree.strings]),
+        # Where a length is in q_K, and where in q_D when a drive winds it; -1 where it is not.
         _array("int", "length_q", length_q),
+        _array("int", "wound_q", wound_q),
         _array("double", "nominal_length", [_nominal(s) for s in tree.strings]),
         _array("int", "string_points", [len(s.points) for s in tree.strings]),
         # Where the entries of a string's column of W are in v_D.
@@ -256,6 +259,8 @@ def _pulled(tree: Tree, string: StringRow) -> list[int]:
     """Places in v_D of the links on the way from a string's points to the world, in order."""
     ways = (tree.ancestors(point.link) for point in string.points)
     links = {i for way in ways for i in way if tree.links[i].role is Role.DYNAMIC}
+    if string.wound_length:
+        links |= {d.link for d in tree.drives if d.v.start == string.wound_length[1]}
     return [k for i in sorted(links) for k in range(tree.links[i].v.start, tree.links[i].v.stop)]
 
 

@@ -39,6 +39,7 @@ _CALLS = {
     ca.OP_POW: "pow",
     ca.OP_CONSTPOW: "pow",
     ca.OP_FABS: "fabs",
+    ca.OP_FLOOR: "floor",
     ca.OP_FMIN: "fmin",
     ca.OP_FMAX: "fmax",
 }

@@ -16,7 +16,7 @@ frame. The linear velocities of a free joint are eliminated along the link's own
 not triangular, which nobody asks of it.
 
 Without armature a joint hands on nothing about its own axis, so that rows of N vanish: a ball joint
-hands on a force. The armature is the damping of a step; an exact evaluation has none.
+hands on a force. The armature is a drive's inertia and, over a step, damping.
 """
 
 from __future__ import annotations
@@ -215,13 +215,13 @@ def factorise(
     tree: Tree,
     joints: list[JointMotion],
     inertias: list[BodyInertia],
-    armature: Callable[[Link], ca.SX],
+    armature: Callable[[Link], np.ndarray],
 ) -> Factor:
     """The factor of M_DD + armature.
 
     Args:
         tree, joints, inertias: as elsewhere.
-        armature: what a link's joint adds to the diagonal.
+        armature: (k,) what a link's joint adds to the diagonal.
     """
     n = len(tree.links)
     N = [_spatial(inertia) for inertia in inertias]
@@ -250,7 +250,7 @@ def _below_dynamic(tree: Tree) -> list[bool]:
 
 
 def _eliminated(
-    N: np.ndarray, link: Link, joint: JointMotion, armature: ca.SX
+    N: np.ndarray, link: Link, joint: JointMotion, armature: np.ndarray
 ) -> tuple[Column, ...]:
     """The columns of a joint, the last eliminated first; N becomes what its parent feels."""
     S = np.vstack([joint.S_w, joint.S_v])
@@ -260,10 +260,10 @@ def _eliminated(
     for k in reversed(range(S.shape[1])):
         s = S[:, k]
         U = N.dot(s)
-        root = ca.sqrt(dot(s, U) + armature)
+        root = ca.sqrt(dot(s, U) + armature[k])
         d = 1 / root
         U = scaled(d, U)
-        place = _single(s) if armature.is_zero() else None
+        place = _single(s) if armature[k].is_zero() else None
         for i in range(6):
             for j in range(i + 1):
                 N[i, j] = N[j, i] = N[i, j] - U[i] * U[j]

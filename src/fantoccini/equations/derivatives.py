@@ -30,7 +30,6 @@ from fantoccini.equations.algebra import (
     zeros,
 )
 from fantoccini.equations.kinematics import configuration_rate
-from fantoccini.equations.rows import string_row
 from fantoccini.equations.system import System
 from fantoccini.tree import WORLD, Role, Tree
 
@@ -110,11 +109,14 @@ class Derivatives:
             for (torque, force), pulled in zip(loads.wrenches, pulls, strict=True)
         ]
         f_D, _ = system.generalised(dataclasses.replace(loads, wrenches=wrenches))
-        acc_D = elements(s.acc_D)
+        acc_D, motors = elements(s.acc_D), system.motors(s.dt)
+        f_D = f_D + (system.armature + motors.armature) * acc_D - motors.f_D
         for link in tree.links:
             if link.role is Role.DYNAMIC:
                 late = scaled(s.dt * system.value(link.damping), acc_D[link.v])
                 f_D[link.v] = f_D[link.v] + late
+        for i, row in enumerate(system.string_rows):
+            f_D = f_D + scaled(tau[i], row.winding)
         for i, limit in enumerate(tree.limits):
             place = tree.links[limit.link].v
             _, J, _ = system.limit_rows[i]
@@ -151,10 +153,8 @@ class Derivatives:
         """A_D, A_K and the derivatives of h, hdot and hddot of strings and limits."""
         system, s, tree = self.system, self.system.symbols, self.tree
         n, n_K = tree.coordinates.n_vD, tree.coordinates.n_vK
-        around = system.around(system.full_motions)
-        q_K, v_K, acc_K = elements(s.q_K), elements(s.v_K), elements(s.acc_K)
         v_D, acc_D = elements(s.v_D), elements(s.acc_D)
-        rows = [string_row(around, string, q_K, v_K, acc_K) for string in tree.strings]
+        rows = system.full_string_rows
         h, hdot, hddot = ([getattr(r, k) for r in rows] for k in ("length", "rate", "bias"))
         A_D, A_K = [r.A_D for r in rows], [r.A_K for r in rows]
         for limit, (height, J, gamma) in zip(tree.limits, system.limit_rows, strict=True):

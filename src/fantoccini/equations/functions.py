@@ -98,33 +98,38 @@ class Equations:
     @cached_property
     def factor(self) -> articulated.Factor:
         """F of M_DD = F^T F, with the joints' damping over a step dt; L are its numbers."""
-        s, value = self.system.symbols, self.system.value
-        return self._factor(lambda link: s.dt * value(link.damping))
+        return self._factor(self.system.symbols.dt)
 
-    def _factor(self, armature: Callable[[Link], ca.SX]) -> articulated.Factor:
+    def _factor(self, dt: ca.SX) -> articulated.Factor:
         system = self.system
+        own = system.armature + system.motors(dt).armature
+
+        def armature(link: Link) -> np.ndarray:
+            return own[link.v] + dt * system.value(link.damping)
+
         return articulated.factorise(self.tree, system.joints, system.regrouped, armature)
 
     def _dynamics(self) -> dict[str, ca.SX]:
         """What the runtime needs to solve Eqs. 10 and 11 for any set of taut rows."""
-        return self._with_factor(self._factor(lambda link: ca.SX(0)))
+        return self._with_factor(self._factor(ca.SX(0)), ca.SX(0))
 
     def _step_dynamics(self) -> dict[str, ca.SX]:
         """What a step needs: the damping of joints over it, and no accelerations of rows."""
-        made = self._with_factor(self.factor)
+        made = self._with_factor(self.factor, self.system.symbols.dt)
         return {name: x for name, x in made.items() if name not in ("gamma", "gamma_limit")}
 
-    def _with_factor(self, factor: articulated.Factor) -> dict[str, ca.SX]:
+    def _with_factor(self, factor: articulated.Factor, dt: ca.SX) -> dict[str, ca.SX]:
         system, s, tree = self.system, self.system.symbols, self.tree
         n, m = tree.coordinates.n_vD, len(tree.strings)
         loads, v_K = system.free_loads, elements(s.v_K)
         _, f_K = system.generalised(loads)
         needed = {i: (-torque, -force) for i, (torque, force) in enumerate(loads.wrenches)}
-        w0 = factor.forth(elements(s.u_D) - loads.f_D, needed)
+        motors = system.motors(dt).f_D
+        w0 = factor.forth(elements(s.u_D) - loads.f_D + motors, needed)
         rows = system.string_rows
         W = zeros(n, m)
         for i, row in enumerate(rows):
-            W[:, i] = factor.forth(zeros(n), row.wrenches)
+            W[:, i] = factor.forth(row.winding, row.wrenches)
         G = zeros(m, m)
         for i in range(m):
             for j in range(i + 1):
@@ -146,7 +151,7 @@ class Equations:
             "h_limit": column([h for h, _, _ in limits]),
             "J_limit": matrix(J),
             "gamma_limit": column([gamma for _, _, gamma in limits]),
-            "power0": dot(v_K, f_K),
+            "power0": dot(v_K, f_K) + dot(elements(s.v_D), motors),
             "M_DK_v_K": column(system.inertial(None, v_K)),
             "loss": loads.loss,
         }
@@ -211,11 +216,19 @@ class Equations:
         return {"T": self.system.kinetic, "V": self.system.potential}
 
     def _effort(self) -> dict[str, ca.SX]:
-        """Force on every driven coordinate: M_KD acc_D + M_KK acc_K + c_K - A_K^T lambda."""
+        """Force on every driven coordinate: M_KD acc_D + M_KK acc_K + c_K - A_K^T lambda.
+
+        That of a command is the force of the motor that follows it.
+        """
         _, f_K = self.system.generalised(self.system.loads(self.system.full_motions))
         lam = elements(self.system.symbols.lam)
         for i, row in enumerate(self.system.string_rows):
             f_K = f_K - scaled(lam[i], row.A_K)
+        motors = self.system.motors(ca.SX(0)).f_D
+        for row in self.tree.drives:
+            if row.command is not None:
+                place = row.command[1]
+                f_K[place : place + row.v.stop - row.v.start] = motors[row.v]
         return {"f_K": column(f_K)}
 
     def _wrench_forces(self) -> dict[str, ca.SX]:

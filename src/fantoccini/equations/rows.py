@@ -106,7 +106,7 @@ class PathRow:
         length: sum of the segments, less the string's length [m].
         rate: d length / dt.
         bias: d^2 length / dt^2 for the accelerations the motions were computed with.
-        own: place in v_K of the rate that is taken off; None where there is none.
+        own: the string whose length is taken off; None where there is none.
     """
 
     around: Surroundings
@@ -115,19 +115,19 @@ class PathRow:
     length: ca.SX
     rate: ca.SX
     bias: ca.SX
-    own: int | None = None
+    own: StringRow | None = None
 
     @cached_property
     def A_D(self) -> np.ndarray:
         """(n_vD,) derivative of the rate by v_D."""
-        return self._pulled(Role.DYNAMIC, self.around.tree.coordinates.n_vD)
+        return self._pulled(Role.DYNAMIC, self.around.tree.coordinates.n_vD) + self.winding
 
     @cached_property
     def A_K(self) -> np.ndarray:
         """(n_vK,) derivative of the rate by v_K."""
         row = self._pulled(Role.DRIVEN, self.around.tree.coordinates.n_vK)
-        if self.own is not None:
-            row[self.own] = row[self.own] - 1
+        if self.own is not None and self.own.driven_length:
+            row[self.own.driven_length[1]] -= 1
         return row
 
     @cached_property
@@ -142,6 +142,14 @@ class PathRow:
             before = found.get(point.link, (zeros(3), zeros(3)))
             found[point.link] = (before[0] + torque, before[1] + force)
         return found
+
+    @property
+    def winding(self) -> np.ndarray:
+        """(n_vD,) what a unit multiplier gives the drive of the length, in its own joint."""
+        row = zeros(self.around.tree.coordinates.n_vD)
+        if self.own is not None and self.own.wound_length:
+            row[self.own.wound_length[1]] -= 1
+        return row
 
     def _pulled(self, role: Role, n: int) -> np.ndarray:
         row = zeros(n)
@@ -179,19 +187,22 @@ def path_row(around: Surroundings, points: tuple[Point, ...]) -> PathRow:
 
 
 def string_row(
-    around: Surroundings, string: StringRow, q_K: np.ndarray, v_K: np.ndarray, acc_K: np.ndarray
+    around: Surroundings, string: StringRow, length: ca.SX, rate: ca.SX, curve: ca.SX
 ) -> PathRow:
-    """h, hdot, gamma, A_D and A_K of a string: its path's row less its length."""
+    """h, hdot, gamma, A_D and A_K of a string: its path's row less its length.
+
+    Args:
+        around: what it is computed from.
+        string: the string.
+        length, rate, curve: L and its derivatives by time.
+    """
     row = path_row(around, string.points)
-    if string.length_index is None:
-        return replace(row, length=row.length - around.value(string.length))
-    i_q, i_v = string.length_index
     return replace(
         row,
-        length=row.length - q_K[i_q],
-        rate=row.rate - v_K[i_v],
-        bias=row.bias - acc_K[i_v],
-        own=i_v,
+        length=row.length - length,
+        rate=row.rate - rate,
+        bias=row.bias - curve,
+        own=string,
     )
 
 

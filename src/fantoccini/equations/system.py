@@ -12,7 +12,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from fantoccini.equations import dynamics
+from fantoccini.equations import drives, dynamics
 from fantoccini.equations.algebra import cross, dot, elements, scaled, symbolic, zeros
 from fantoccini.equations.inertia import BodyInertia, link_inertia, regrouped
 from fantoccini.equations.kinematics import (
@@ -24,7 +24,7 @@ from fantoccini.equations.kinematics import (
 )
 from fantoccini.equations.rows import PathRow, Surroundings, limit_row, path_row, string_row
 from fantoccini.puppet import Number, Parameter
-from fantoccini.tree import Role, Tree
+from fantoccini.tree import Role, StringRow, Tree
 
 _STILL = 1e-300
 """Added to the square of a speed, so that the derivative of |v| v at rest is 0 [m^2/s^2]."""
@@ -182,6 +182,18 @@ class System:
         return Surroundings(self.tree, self.joints, motions, self.gravity, self.value)
 
     @cached_property
+    def armature(self) -> np.ndarray:
+        """(n_vD,) inertia of the drives, on the diagonal of M_DD."""
+        found = zeros(self.tree.coordinates.n_vD)
+        for row in self.tree.drives:
+            found[row.v] = drives.inertia(row, self.value)
+        return found
+
+    def motors(self, dt: ca.SX) -> drives.DriveForces:
+        """Forces of the drives' motors over a step dt; 0 for the exact ones."""
+        return drives.forces(self, dt)
+
+    @cached_property
     def mass_blocks(self) -> dict[tuple[int, int], np.ndarray]:
         """Blocks of the full mass matrix by links."""
         return dynamics.mass_matrix(self.tree, self.joints, self.regrouped)
@@ -197,6 +209,8 @@ class System:
                 M[links[j].v, links[i].v] = block
             if (links[i].role, links[j].role) == (rows, columns):
                 M[links[i].v, links[j].v] = block.T
+        if rows is columns is Role.DYNAMIC:
+            M[np.diag_indices(table.n_vD)] += self.armature
         return M
 
     @cached_property
@@ -224,7 +238,7 @@ class System:
             f_K += scaled(pull, row.A_K)
 
     def dissipation(self) -> tuple[np.ndarray, np.ndarray, list, ca.SX]:
-        """Joint and spring damping forces (f_D, f_K), drag wrenches on the links, power loss."""
+        """Damping of joints, drives and springs (f_D, f_K), drag on the links, power loss."""
         table = self.tree.coordinates
         f_D, f_K, loss = zeros(table.n_vD), zeros(table.n_vK), ca.SX(0)
         v = self.by_link(elements(self.symbols.v_D), elements(self.symbols.v_K), "v")
@@ -237,6 +251,11 @@ class System:
             torque, force, lost = self.drag(i)
             wrenches.append((torque, force))
             loss = loss + lost
+        v_D = elements(self.symbols.v_D)
+        for row in self.tree.drives:
+            friction = scaled(drives.resistance(row, v_D[row.v], self.value), v_D[row.v])
+            f_D[row.v] = f_D[row.v] + friction
+            loss = loss + dot(friction, v_D[row.v])
         for spring, row in zip(self.tree.springs, self.spring_rows, strict=True):
             damping = self.value(spring.damping)
             f_D += scaled(damping * row.rate, row.A_D)
@@ -277,13 +296,20 @@ class System:
 
     def generalised(self, loads: Loads) -> tuple[np.ndarray, np.ndarray]:
         """(n_vD,) and (n_vK,) generalised forces of loads."""
-        f_D, f_K = loads.f_D.copy(), loads.f_K.copy()
-        forces = dynamics.joint_forces(self.tree, self.joints, loads.wrenches)
+        own_D, own_K = self.by_velocity(
+            dynamics.joint_forces(self.tree, self.joints, loads.wrenches)
+        )
+        return loads.f_D + own_D, loads.f_K + own_K
+
+    def by_velocity(self, forces: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """Every link's own part as a dynamic (n_vD,) and a driven (n_vK,) vector."""
+        table = self.tree.coordinates
+        f_D, f_K = zeros(table.n_vD), zeros(table.n_vK)
         for link, force in zip(self.tree.links, forces, strict=True):
             if link.role is Role.DYNAMIC:
-                f_D[link.v] = f_D[link.v] + force
+                f_D[link.v] = force
             elif link.role is Role.DRIVEN:
-                f_K[link.v] = f_K[link.v] + force
+                f_K[link.v] = force
         return f_D, f_K
 
     @cached_property
@@ -297,7 +323,8 @@ class System:
         motions = self.motions(acc_D=acc_D, acc_K=acc_K, gravity=zeros(3))
         wrenches = dynamics.link_wrenches(self.regrouped, motions)
         loads = Loads(zeros(table.n_vD), zeros(table.n_vK), wrenches, ca.SX(0))
-        return self.generalised(loads)[0]
+        found = self.generalised(loads)[0]
+        return found if acc_D is None else found + self.armature * acc_D
 
     @cached_property
     def bias_D(self) -> np.ndarray:
@@ -328,10 +355,31 @@ class System:
     @cached_property
     def string_rows(self) -> list[PathRow]:
         """h, hdot, gamma, A_D, A_K of every string."""
-        s = self.symbols
         around = self.around(self.free_motions)
-        q_K, v_K, acc_K = elements(s.q_K), elements(s.v_K), elements(s.acc_K)
-        return [string_row(around, string, q_K, v_K, acc_K) for string in self.tree.strings]
+        return [string_row(around, s, *self.own_length(s)) for s in self.tree.strings]
+
+    @cached_property
+    def full_string_rows(self) -> list[PathRow]:
+        """The same with all accelerations in the bias, which by that is hddot."""
+        around = self.around(self.full_motions)
+        found = []
+        for string in self.tree.strings:
+            length, rate, curve = self.own_length(string)
+            if string.wound_length:
+                curve = self.symbols.acc_D[string.wound_length[1]]
+            found.append(string_row(around, string, length, rate, curve))
+        return found
+
+    def own_length(self, string: StringRow) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """L, its rate, and its acceleration where acc_D = 0."""
+        s, none = self.symbols, ca.SX(0)
+        if string.driven_length:
+            q, v = string.driven_length
+            return s.q_K[q], s.v_K[v], s.acc_K[v]
+        if string.wound_length:
+            q, v = string.wound_length
+            return s.q_D[q], s.v_D[v], none
+        return self.value(string.length), none, none
 
     @cached_property
     def limit_rows(self) -> list[tuple[ca.SX, np.ndarray, ca.SX]]:
@@ -353,7 +401,8 @@ class System:
             v, turned = motion.v, cross(motion.w, inertia.h)
             turning = dot(motion.w, inertia.I.dot(motion.w)) + inertia.m * dot(v, v)
             total = total + (0.5 * turning + dot(v, turned))
-        return total
+        v_D = elements(self.symbols.v_D)
+        return total + 0.5 * dot(self.armature * v_D, v_D)
 
     @cached_property
     def potential(self) -> ca.SX:

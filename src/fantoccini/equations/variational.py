@@ -51,11 +51,13 @@ from fantoccini.equations.kinematics import JointMotion
 from fantoccini.tree import WORLD, Link, Role
 
 ARGUMENTS: dict[str, tuple[str, ...]] = {
-    "midpoint_rule": ("q_D", "xi", "q_mid", "v_mid", "q_K", "u_D", "dt", "p"),
+    "midpoint_rule": (
+        "q_D", "xi", "q_mid", "v_mid", "acc_mid", "q_K", "u_D", "dt", "p",
+    ),
     "momentum": ("q_D", "v_D", "q_K", "v_K", "p"),
 }
-"""Arguments of the functions. Of ``midpoint_rule`` q_D is q_k, q_mid and v_mid are those of the
-driven coordinates half-way, q_K is theirs at the end."""
+"""Arguments of the functions. Of ``midpoint_rule`` q_D is q_k; q_mid, v_mid and acc_mid are those
+of the driven coordinates half-way, q_K is theirs at the end."""
 
 RESULTS: dict[str, tuple[str, ...]] = {
     "midpoint_rule": ("before", "after", "q_next", "h"),
@@ -82,20 +84,20 @@ class Variational:
         system = self.equations.system
         s, table = system.symbols, system.tree.coordinates
         xi, q_mid_K = ca.SX.sym("xi", table.n_vD), ca.SX.sym("q_mid", table.n_qK)
-        v_mid_K = ca.SX.sym("v_mid", table.n_vK)
+        v_mid_K, acc_mid_K = (ca.SX.sym(n, table.n_vK) for n in ("v_mid", "acc_mid"))
         q_mid, q_next = self._moved(xi, 1), self._moved(xi, 2)
-        P, force = self._at(q_mid, xi / s.dt, q_mid_K, v_mid_K, s.u_D, s.p)
+        P, force = self._at(q_mid, xi / s.dt, q_mid_K, v_mid_K, acc_mid_K, s.u_D, s.p)
         before, after = self._ends(elements(P), elements(force), elements(xi))
         h = self.equations["rows"](q_next, s.q_K, s.p)
         places = {
-            "q_D": s.q_D, "xi": xi, "q_mid": q_mid_K, "v_mid": v_mid_K, "q_K": s.q_K,
-            "u_D": s.u_D, "dt": s.dt, "p": s.p,
+            "q_D": s.q_D, "xi": xi, "q_mid": q_mid_K, "v_mid": v_mid_K, "acc_mid": acc_mid_K,
+            "q_K": s.q_K, "u_D": s.u_D, "dt": s.dt, "p": s.p,
         }  # fmt: skip
         return _function("midpoint_rule", places, [before, after, q_next, h])
 
     def _momentum(self) -> ca.Function:
         s = self.equations.system.symbols
-        P, _ = self._at(s.q_D, s.v_D, s.q_K, s.v_K, s.u_D, s.p)
+        P, _ = self._at(s.q_D, s.v_D, s.q_K, s.v_K, s.acc_K, s.u_D, s.p)
         return _function("momentum", {n: getattr(s, n) for n in ARGUMENTS["momentum"]}, [P])
 
     def _moved(self, xi: ca.SX, times: int) -> ca.SX:
@@ -136,12 +138,16 @@ class Variational:
 
     @cached_property
     def _at(self) -> ca.Function:
-        """(q_D, v_D, q_K, v_K, u_D, p) -> P (n_vD,), dL/dq + u_D - damping - drag (n_vD,)."""
+        """(q_D, v_D, q_K, v_K, acc_K, u_D, p) -> P (n_vD,), dL/dq + u_D - damping - drag (n_vD,).
+
+        The motors' forces are among u_D.
+        """
         system = self.equations.system
         s, tree = system.symbols, system.tree
         loads = system.loads(system.resting_motions)
         static, _ = system.generalised(loads)
-        P, slope = zeros(tree.coordinates.n_vD), elements(s.u_D) - static
+        P = system.armature * elements(s.v_D)
+        slope = elements(s.u_D) + system.motors(ca.SX(0)).f_D - static
         carried, twists = self._twists()
         momenta = [
             inertia.momentum(*twist)
@@ -152,9 +158,9 @@ class Variational:
             tree.links, system.joints, sums, carried, twists, strict=True
         ):
             if link.role is Role.DYNAMIC:
-                P[link.v] = dynamics.project(joint, *H)
+                P[link.v] = P[link.v] + dynamics.project(joint, *H)
                 slope[link.v] = slope[link.v] + _slope(link, joint, H, w_c, twist[1])
-        arguments = [s.q_D, s.v_D, s.q_K, s.v_K, s.u_D, s.p]
+        arguments = [s.q_D, s.v_D, s.q_K, s.v_K, s.acc_K, s.u_D, s.p]
         return ca.Function("at", arguments, [column(P), column(slope)])
 
     def _twists(self) -> tuple[list, list]:

@@ -63,7 +63,7 @@ def joints_of(link: Link) -> list[Joint]:
 
 def winch_of(string: StringRow) -> Joint:
     """The slide that stands for a driven length."""
-    q, v = string.length_index
+    q, v = string.driven_length
     places = slice(q, q + 1), slice(v, v + 1)
     return Joint(f"{string.name}.length", "slide", Role.DRIVEN, *places, np.array([-1.0, 0.0, 0.0]))
 
@@ -71,7 +71,7 @@ def winch_of(string: StringRow) -> Joint:
 def all_joints(tree: Tree) -> list[Joint]:
     """Every coordinate of a puppet, winches included."""
     found = [joint for link in tree.links for joint in joints_of(link)]
-    return found + [winch_of(s) for s in tree.strings if s.length_index is not None]
+    return found + [winch_of(s) for s in tree.strings if s.driven_length is not None]
 
 
 def pose_in_parent(

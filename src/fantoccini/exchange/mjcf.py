@@ -224,11 +224,11 @@ class _Text:
 
     def _string(self, string: StringRow) -> None:
         more, length = "", string.length
-        if string.length_index is not None:
+        if string.driven_length is not None:
             if self.still is None:
                 more, length = self._winch(string), SPOOL
             else:
-                length = self.still[string.length_index[0]]
+                length = self.still[string.driven_length[0]]
         limited = f'limited="true" range={self._text((0.0, length))}'
         if string.wire:
             name = quoteattr(string.name)

@@ -156,16 +156,9 @@ class Analysis:
         split = np.split(flat, 3 * np.cumsum(counts)[:-1], axis=-1) if counts else []
         return [part.reshape(*part.shape[:-1], -1, 3) for part in split]
 
-    def string_lengths(self, q_K: Array) -> Array:
-        """Lengths of the strings, (..., n_strings) [m]."""
-        q_K = np.asarray(q_K, dtype=float)
-        out = np.zeros((*q_K.shape[:-1], len(self.tree.strings)))
-        for i, string in enumerate(self.tree.strings):
-            if string.length_index is None:
-                out[..., i] = self.number(string.length)
-            else:
-                out[..., i] = q_K[..., string.length_index[0]]
-        return out
+    def string_lengths(self, q_D: Array, q_K: Array) -> Array:
+        """Lengths of the strings at configurations (..., n_qD), (..., n_qK): (..., n) [m]."""
+        return self.tree.string_lengths(q_D, q_K, self.number)
 
     def energies(self, x: State) -> tuple[float, float]:
         """(T, V) through the compiled model [J]."""

@@ -47,7 +47,7 @@ def check_starts(marionette: Marionette, states: States) -> None:
     for first in range(0, len(states), _AT_ONCE):
         some = states.some(slice(first, first + _AT_ONCE))
         h, hdot = _rows_of(marionette, some)
-        scale = marionette.row_scales(some.q_K)
+        scale = marionette.row_scales(some.q_D, some.q_K)
         speed = 1e-7 * np.max(np.abs(some.v_D), axis=1, initial=1.0)[:, None]
         too_long = h > CLOSED * scale
         # A string on a winch that slips gives way.

@@ -204,13 +204,13 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
         wires = [s.wire for s in self.tree.strings] + [False] * len(self.tree.limits)
         return np.array(wires, dtype=bool)
 
-    def row_scales(self, q_K: Array) -> Array:
+    def row_scales(self, q_D: Array, q_K: Array) -> Array:
         """(..., n_rows) what each row's h is measured against: string lengths [m], 1 for limits.
 
         Args:
-            q_K: (..., n_qK) driven configuration [m, rad or 1].
+            q_D, q_K: (..., n_qD), (..., n_qK) configurations [m, rad or 1].
         """
-        lengths = np.maximum(self.string_lengths(q_K), 1e-3)
+        lengths = np.maximum(self.string_lengths(q_D, q_K), 1e-3)
         limits = np.ones((*lengths.shape[:-1], len(self.tree.limits)))
         return np.concatenate([lengths, limits], axis=-1)
 
@@ -219,7 +219,8 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
     def state(self, values: Mapping[str, float | Iterable[float]] | None = None) -> State:
         """A state at rest: the file's pose with some values changed.
 
-        Driven lengths that neither the pose nor ``values`` name are those that just reach.
+        Driven lengths that neither the pose nor ``values`` name are those that just reach, and
+        commands of drives are where their coordinates are.
 
         Args:
             values: coordinate name -> value; ``joint.rotation`` takes a quaternion (w, x, y, z)
@@ -234,12 +235,13 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
         v_D, v_K = np.zeros(table.n_vD), np.zeros(table.n_vK)
         for name, value in (values or {}).items():
             values_by_name.put(table, name, value, q_D, v_D, q_K, v_K)
-        if np.any(np.isnan(q_K)):
-            reach = np.where(np.isnan(q_K), 0.0, q_K)
-            (h,) = self.library.evaluate("rows", [q_D, reach, self.p])
+        if np.any(np.isnan(q_K)) or np.any(np.isnan(q_D)):
+            (h,) = self.library.evaluate("rows", [np.nan_to_num(q_D), np.nan_to_num(q_K), self.p])
             for i, string in enumerate(self.tree.strings):
-                if string.length_index and np.isnan(q_K[string.length_index[0]]):
-                    q_K[string.length_index[0]] = h[i]
+                for place, q in ((string.driven_length, q_K), (string.wound_length, q_D)):
+                    if place and np.isnan(q[place[0]]):
+                        q[place[0]] = h[i]
+        values_by_name.put_commands(self.tree.drives, values or {}, q_D, v_D, q_K, v_K)
         taut, slip = np.zeros(self.tree.n_rows, dtype=bool), np.zeros(len(self.tree.strings))
         return State(0.0, q_D, v_D, q_K, v_K, taut, slip)
 
@@ -302,7 +304,7 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
             StateError: no acceleration keeps the rows, as when two inputs pull a string apart.
         """
         instant = self.instant(x, acc_K, u_D)
-        scale = self.row_scales(x.q_K)
+        scale = self.row_scales(x.q_D, x.q_K)
         speed = 1e-7 * max(1.0, float(np.max(np.abs(x.v_D), initial=0.0)))
         closed = (np.abs(instant.h) <= checks.CLOSED * scale) & (np.abs(instant.hdot) <= speed)
         slipping = (instant.h >= -checks.CLOSED * scale) & (instant.hdot > speed)

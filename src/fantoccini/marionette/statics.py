@@ -63,7 +63,7 @@ def project(marionette: Marionette, x: State) -> State:
     Positions first (q_K stays), then velocities: min |dq|_M with h + A dq <= 0, repeated; then
     hdot <= 0 on the rows that are closed.
     """
-    scale = marionette.row_scales(x.q_K)
+    scale = marionette.row_scales(x.q_D, x.q_K)
     wires = marionette.two_sided
     held = wires.copy()
     for _ in range(100):
@@ -226,7 +226,7 @@ def _relaxed(marionette: Marionette, x: State):
 def _newton(marionette: Marionette, x: State) -> _Equilibrium | None:
     """The equilibrium near a configuration, or None when Newton's method does not settle on it."""
     n = marionette.coordinates.n_vD
-    scale = marionette.row_scales(x.q_K)
+    scale = marionette.row_scales(x.q_D, x.q_K)
     size = marionette.weight / np.sqrt(marionette.mass)
     rows = None
     for _ in range(_NEWTON_ROUNDS):

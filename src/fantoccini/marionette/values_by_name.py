@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Container, Iterable
+
 import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.motion.rotation import exp
-from fantoccini.tree import CoordinateTable
+from fantoccini.tree import CoordinateTable, DriveRow
 
 
 def put(
@@ -55,6 +57,28 @@ def put(
         raise UnknownNameError("velocity", name[2:], (*table.v_D, *table.v_K))
     rotations = [n[:-2] + "rotation" for n in (*table.q_D, *table.q_K) if n.endswith(".qw")]
     raise UnknownNameError("coordinate", name, (*table.q_D, *table.q_K, *rotations))
+
+
+def put_commands(
+    drives: Iterable[DriveRow], named: Container[str], q_D: Array, v_D: Array, q_K: Array,
+    v_K: Array,
+) -> None:  # fmt: skip
+    """Sets the commands of drives to where their coordinates are, but for those that are named.
+
+    Args:
+        drives: rows of the drives.
+        named: names that have their value already.
+        q_D, v_D: (n_qD,), (n_vD,).
+        q_K, v_K: (n_qK,), (n_vK,) changed in place.
+    """
+    for row in drives:
+        if row.command is None:
+            continue
+        q, v = row.command
+        if row.command_name not in named:
+            q_K[q : q + row.q.stop - row.q.start] = q_D[row.q]
+        if f"v:{row.command_name}" not in named:
+            v_K[v : v + row.v.stop - row.v.start] = v_D[row.v]
 
 
 def _quaternion(name: str, value: Array) -> Array:

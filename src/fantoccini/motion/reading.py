@@ -49,7 +49,7 @@ def unknown_coordinate(table: CoordinateTable, name: str) -> str:
 def waypoints(
     table: CoordinateTable, given: Mapping, findings: Findings, at: Path = ()
 ) -> dict[str, Points]:
-    """Reads ``{name: [(t, value), ...]}`` for driven coordinates.
+    """Reads ``{name: [(t, value), ...]}`` for driven coordinates and those with a drive.
 
     Args:
         table: names of the coordinates.
@@ -62,8 +62,8 @@ def waypoints(
     """
     known, read = channel_names(table), {}
     units = {row.name: row.unit for row in table.rows}
-    for name, points in given.items():
-        path = (*at, str(name))
+    for written, points in given.items():
+        path, name = (*at, str(written)), table.commands.get(written, written)
         if name not in known:
             findings.add(path, unknown_coordinate(table, name))
             continue
@@ -218,7 +218,8 @@ def samples(table: CoordinateTable, t, columns: Mapping, findings: Findings) -> 
         numbers = [_column(p, pending.pop(p), len(times), (), findings) for p in parts]
         if not missing and all(x is not None for x in numbers):
             pending[name] = np.stack(numbers, axis=-1)
-    for name, values in pending.items():
+    for written, values in pending.items():
+        name = table.commands.get(written, written)
         if name not in known:
             findings.add((str(name),), unknown_coordinate(table, name))
             continue

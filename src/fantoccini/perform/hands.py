@@ -63,8 +63,8 @@ class Hands:
                 when not given.
         """
         handles = handles_of(marionette, marionette.poses(x.q_D, x.q_K))
-        strings = [s for s in marionette.tree.strings if s.length_index is not None]
-        winch = {s.name: s.length_index for s in strings}
+        strings = [s for s in marionette.tree.strings if s.driven_length is not None]
+        winch = {s.name: s.driven_length for s in strings}
         known = cls.ranges_of(marionette, x) if lengths is None else lengths
         ranges = {name: known[name] for name in winch}
         groups = [(h.name, h.moves, 1.0) for h in handles if len(h.axes)]
@@ -82,8 +82,8 @@ class Hands:
     @staticmethod
     def ranges_of(marionette: Marionette, x: State) -> dict[str, tuple[float, float]]:
         """String with a driven length -> the range about its length at a state [m]."""
-        strings = [s for s in marionette.tree.strings if s.length_index is not None]
-        return {s.name: _range(float(x.q_K[s.length_index[0]])) for s in strings}
+        strings = [s for s in marionette.tree.strings if s.driven_length is not None]
+        return {s.name: _range(float(x.q_K[s.driven_length[0]])) for s in strings}
 
     def away(self, q_K: ConfigK, wanted: ConfigK) -> VecK:
         """(n_vK,) tangent vector from one driven configuration to another."""

@@ -63,9 +63,9 @@ def balanced(
     """
     tree, p, table = marionette.tree, marionette.p, marionette.coordinates
     lengths = [
-        (i, s.length_index[0])
+        (i, s.driven_length[0])
         for i, s in enumerate(tree.strings)
-        if s.length_index and moves[s.length_index[1]]
+        if s.driven_length and moves[s.driven_length[1]]
     ]
     reeled = {k for _, k in lengths}
     ends = [q for q, v in table.scalars_K if moves[v] and q not in reeled]

@@ -227,7 +227,7 @@ class Feedback:
         """
         marionette, strings = self.plan.problem.marionette, self.pulling.shape[1]
         instant = marionette.instant(x)
-        reach = instant.h >= -_CLOSED * marionette.row_scales(x.q_K)
+        reach = instant.h >= -_CLOSED * marionette.row_scales(x.q_D, x.q_K)
         taut = x.taut | (reach & (instant.hdot >= -_SLOW)) | marionette.two_sided
         return taut[:strings]
 

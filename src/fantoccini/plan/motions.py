@@ -75,8 +75,8 @@ class Bounds:
             raise StateError("no driven coordinate may move: speed or acceleration is 0 for all")
         low, high = np.full(table.n_qK, -np.inf), np.full(table.n_qK, np.inf)
         for string in marionette.tree.strings:
-            if string.length_index:
-                low[string.length_index[0]] = 1e-3
+            if string.driven_length:
+                low[string.driven_length[0]] = 1e-3
         for name, (least, most) in ranges.items():
             if name not in table.q_K:
                 raise UnknownNameError("driven coordinate", name, list(table.q_K))

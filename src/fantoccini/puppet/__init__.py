@@ -1,5 +1,16 @@
 """Puppets: the one schema, read from files or built in Python."""
 
+from fantoccini.puppet.drive import (
+    PD,
+    ComputedTorque,
+    Control,
+    DirectCurrent,
+    Drive,
+    Friction,
+    Motor,
+    Servo,
+    Stepper,
+)
 from fantoccini.puppet.files import json_schema, load, loads
 from fantoccini.puppet.joint import Cone, Joint, JointSpring, Limits, Twist
 from fantoccini.puppet.schema import Attachment, Body, Drag, Mirror, Puppet, Spring, String
@@ -15,26 +26,35 @@ from fantoccini.puppet.shapes import (
 from fantoccini.puppet.values import Number, Orientation, Parameter, value_of
 
 __all__ = [
+    "PD",
     "Attachment",
     "Body",
     "Box",
     "Capsule",
+    "ComputedTorque",
     "Cone",
+    "Control",
+    "DirectCurrent",
     "Drag",
+    "Drive",
     "Ellipsoid",
+    "Friction",
     "Joint",
     "JointSpring",
     "Limits",
     "Mesh",
     "Mirror",
+    "Motor",
     "Number",
     "Obstacle",
     "Orientation",
     "Parameter",
     "Puppet",
+    "Servo",
     "Shape",
     "Sphere",
     "Spring",
+    "Stepper",
     "String",
     "Twist",
     "json_schema",

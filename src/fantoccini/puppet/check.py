@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from fantoccini.errors import nearest
+from fantoccini.puppet.drive import drive_misfits
 from fantoccini.puppet.located import Finding, Located, key_path, shown
 from fantoccini.puppet.mirror import twin_name
 from fantoccini.puppet.shapes import has_mass
@@ -44,6 +45,7 @@ def findings(data: Any) -> list[Finding]:
     checker.parents()
     checker.lines()
     checker.pose()
+    checker.drives()
     checker.parameters()
     return checker.found
 
@@ -343,6 +345,46 @@ class _Checker:
             self.say(path, f"found {shown(value)}; needed: a number of metres, without a unit")
         elif kind == "string" and _is_number(value) and value <= 0:
             self.say(path, f"found {shown(value)}; needed: a positive length")
+
+    def driven(self) -> dict[str, str]:
+        """Driven coordinates -> ``m``, ``rad`` or ``rotation``."""
+        kinds, _ = self.coordinates()
+        units = {"length": "m", "string": "m", "revolute": "rad", "rotation": "rotation"}
+        found: dict[str, str] = {}
+        for _, body in _items(self.data, "bodies"):
+            joint = body.get("joint")
+            if isinstance(joint, dict) and joint.get("driven") is True:
+                name = _text(joint, "name") or _text(body, "name")
+                own = {k: units[v] for k, v in kinds.items() if k.partition(".")[0] == name}
+                found |= own | {self.twin(name) + k[len(name) :]: v for k, v in own.items()}
+        for _, string in _items(self.data, "strings"):
+            name, path = _text(string, "name"), string.get("path")
+            if name is None:
+                continue
+            ends = path if isinstance(path, list) else []
+            axes = [e.get("driven") for e in ends if isinstance(e, dict)]
+            suffixes = [f".{a}" for some in axes if isinstance(some, list) for a in some]
+            suffixes += [".length"] if string.get("length") == "driven" else []
+            found |= {n + s: "m" for n in (name, self.twin(name)) for s in suffixes}
+        return found
+
+    def drives(self) -> None:
+        units, taken = self.driven(), {}
+        for i, drive in _items(self.data, "drives"):
+            names = drive.get("on")
+            for k, name in enumerate([names] if isinstance(names, str) else names or ()):
+                path = ("drives", i, "on", k) if isinstance(names, list) else ("drives", i, "on")
+                if not isinstance(name, str):
+                    continue
+                if name not in units:
+                    hint = self.near(name, set(units))
+                    self.say(path, f"no driven coordinate is called {shown(name)}{hint}")
+                elif name in taken:
+                    self.say(path, f"{name} has a drive already, drives[{taken[name]}]")
+                else:
+                    taken[name] = i
+                    misfits = drive_misfits(drive, name, units[name])
+                    self.found += [(("drives", i, *at), text) for at, text in misfits]
 
     def parameters(self) -> None:
         first: dict[str, tuple[Path, float]] = {}

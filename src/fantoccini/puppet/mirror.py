@@ -20,6 +20,11 @@ def twin_name(name: str, token: str, to: str) -> str:
     return name.replace(token, to)
 
 
+def _owner(coordinate: str) -> str:
+    """The joint or string that a coordinate belongs to."""
+    return coordinate.partition(".")[0]
+
+
 def reflected(data: dict) -> tuple[dict, list[Finding]]:
     """A puppet's data with its mirror applied.
 
@@ -44,6 +49,8 @@ def reflected(data: dict) -> tuple[dict, list[Finding]]:
                 if rule["from"] in item["name"]
             ]
             out[key] = [*data[key], *twins]
+    if "drives" in data:
+        out["drives"] = [image.drive(drive) for drive in data["drives"]]
     if "pose" in data:
         out["pose"] = image.pose(data["pose"]) | data["pose"]
     return out, image.findings
@@ -129,6 +136,11 @@ class Reflection:
         ends = [self.point(a, (*path, "between", k)) for k, a in enumerate(spring["between"])]
         return spring | {"name": self.name(spring["name"]), "between": ends}
 
+    def drive(self, drive: dict) -> dict:
+        """A drive with the twins of its coordinates beside them."""
+        twins = [self.name(o) + n[len(o) :] for n in drive["on"] if self.token in (o := _owner(n))]
+        return drive | {"on": [*drive["on"], *(n for n in twins if n not in drive["on"])]}
+
     def point(self, attachment: dict, path: Path = ()) -> dict:
         out = dict(attachment)
         if "body" in attachment:
@@ -142,7 +154,8 @@ class Reflection:
         """Start values of the twins; x, y, z are read in the (mirrored) joint frame."""
         out = {}
         for key, value in pose.items():
-            owner, _, suffix = key.partition(".")
+            owner = _owner(key)
+            suffix = key[len(owner) + 1 :]
             if self.token not in owner:
                 continue
             if suffix == "rotation":

@@ -19,6 +19,7 @@ from pydantic import (
 
 from fantoccini.errors import PuppetError
 from fantoccini.puppet import check, dump, mirror
+from fantoccini.puppet.drive import Drive
 from fantoccini.puppet.joint import Joint
 from fantoccini.puppet.located import Located, Origin, findings, shown
 from fantoccini.puppet.shapes import AnyObstacle, AnyShape, Colour, Mesh
@@ -224,6 +225,8 @@ class Puppet(Model):
     """Strings the puppet hangs on."""
     springs: tuple[Spring, ...] = ()
     """Springs between points."""
+    drives: tuple[Drive, ...] = ()
+    """Motors that move driven coordinates, which by that become dynamic."""
     mirror: Mirror | None = None
     """Reflects one half of the puppet into the other."""
     pose: dict[str, PoseValue] = Field(default_factory=dict)

@@ -74,7 +74,7 @@ class Catch:
         self._instant = instant = marionette.instant(before)
         wires, n_rows = marionette.two_sided, marionette.tree.n_rows
         was, stays = (np.isin(np.arange(n_rows), rows) for rows in held)
-        closed = np.abs(instant.h) <= _CLOSED * marionette.row_scales(before.q_K)
+        closed = np.abs(instant.h) <= _CLOSED * marionette.row_scales(before.q_D, before.q_K)
         rows = np.flatnonzero(was | closed | wires)
         self._back = np.zeros(n_rows)
         self._back[: len(marionette.tree.strings)] = marionette.winches[:, 2]

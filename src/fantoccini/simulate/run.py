@@ -170,7 +170,7 @@ def _where(marionette: Marionette, made: Trajectory) -> str:
     last = made.tension.values[-1]
     if np.max(last, initial=0.0) > 10.0 * marionette.weight:
         text += f"; the largest tension was {np.max(last):.3g} N"
-    lengths = marionette.string_lengths(made.q_K[-1])
+    lengths = marionette.string_lengths(made.q_D[-1], made.q_K[-1])
     gone = [n for n, x in zip(made.tension.names, lengths, strict=True) if x < 1e-3]
     return text + "".join(f"; {n}.length is nearly 0" for n in gone)
 

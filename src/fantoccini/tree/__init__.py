@@ -2,9 +2,11 @@
 
 from fantoccini.tree.grow import grow
 from fantoccini.tree.structure import (
+    COMMAND,
     WORLD,
     Coordinate,
     CoordinateTable,
+    DriveRow,
     LimitRow,
     Link,
     Lump,
@@ -16,9 +18,11 @@ from fantoccini.tree.structure import (
 )
 
 __all__ = [
+    "COMMAND",
     "WORLD",
     "Coordinate",
     "CoordinateTable",
+    "DriveRow",
     "LimitRow",
     "Link",
     "Lump",

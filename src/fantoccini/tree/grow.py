@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
+from pydantic import BaseModel
 
 from fantoccini.puppet import Attachment, Body, Number, Parameter, Puppet, String
 from fantoccini.puppet.shapes import shape_inertia
+from fantoccini.tree.joints import AXES, Joints, carriage, suffixes
 from fantoccini.tree.structure import (
     WORLD,
     Coordinate,
-    CoordinateTable,
     LimitRow,
-    Link,
     Lump,
     Point,
     Role,
@@ -24,83 +24,12 @@ from fantoccini.tree.structure import (
 )
 from fantoccini.world import World
 
-_CONFIGURATION = {
-    "fixed": (),
-    "revolute": ("",),
-    "prismatic": ("",),
-    "ball": (".qw", ".qx", ".qy", ".qz"),
-    "free": (".x", ".y", ".z", ".qw", ".qx", ".qy", ".qz"),
-}
-_VELOCITY = {
-    "fixed": (),
-    "revolute": ("",),
-    "prismatic": ("",),
-    "ball": (".wx", ".wy", ".wz"),
-    "free": (".x", ".y", ".z", ".wx", ".wy", ".wz"),
-}
-_UNITS = {"revolute": "rad", ".x": "m", ".y": "m", ".z": "m", "prismatic": "m"}
-_COLUMN = {"x": 0, "y": 1, "z": 2}
-
-
-class _Table:
-    """Hands out places in q_D, v_D, q_K, v_K while the tree grows."""
-
-    def __init__(self) -> None:
-        self.rows: list[Coordinate] = []
-        self.names: dict[tuple[Role, str], list[str]] = {
-            (role, what): [] for role in (Role.DYNAMIC, Role.DRIVEN) for what in "qv"
-        }
-        self.start: dict[Role, list[float]] = {Role.DYNAMIC: [], Role.DRIVEN: []}
-        self.quaternions: dict[Role, list[tuple[int, int]]] = {Role.DYNAMIC: [], Role.DRIVEN: []}
-        self.scalars: dict[Role, list[tuple[int, int]]] = {Role.DYNAMIC: [], Role.DRIVEN: []}
-        self.rotations: dict[str, tuple[int, int]] = {}
-
-    def add(
-        self, owner: str, kind: str, role: Role, q: tuple[str, ...], v: tuple[str, ...], start: list
-    ) -> tuple[slice, slice]:
-        if role is Role.FIXED or not q:
-            return slice(0, 0), slice(0, 0)
-        q_names, v_names = self.names[role, "q"], self.names[role, "v"]
-        q0, v0 = len(q_names), len(v_names)
-        for k, suffix in enumerate(q):
-            unit = _UNITS.get(suffix) or _UNITS.get(kind) or ("m" if suffix == ".length" else "1")
-            self.rows.append(Coordinate(owner + suffix, role, owner, unit, q0 + k))
-        q_names.extend(owner + s for s in q)
-        v_names.extend(owner + s for s in v)
-        self.start[role].extend(start)
-        n_scalar = q.index(".qw") if ".qw" in q else len(q)
-        self.scalars[role].extend((q0 + k, v0 + k) for k in range(n_scalar))
-        if n_scalar < len(q):
-            place = (q0 + n_scalar, v0 + n_scalar)
-            self.quaternions[role].append(place)
-            if role is Role.DRIVEN:
-                self.rotations[owner + ".rotation"] = place
-        return slice(q0, q0 + len(q)), slice(v0, v0 + len(v))
-
-    def finish(self) -> CoordinateTable:
-        dynamic, driven = Role.DYNAMIC, Role.DRIVEN
-        return CoordinateTable(
-            rows=tuple(self.rows),
-            q_D=tuple(self.names[dynamic, "q"]),
-            v_D=tuple(self.names[dynamic, "v"]),
-            q_K=tuple(self.names[driven, "q"]),
-            v_K=tuple(self.names[driven, "v"]),
-            quaternions_D=tuple(self.quaternions[dynamic]),
-            quaternions_K=tuple(self.quaternions[driven]),
-            scalars_D=tuple(self.scalars[dynamic]),
-            scalars_K=tuple(self.scalars[driven]),
-            rotations=dict(self.rotations),
-            start_D=np.array(self.start[dynamic], dtype=float),
-            start_K=np.array(self.start[driven], dtype=float),
-        )
-
 
 class _Grower:
     """Collects links, rows and coordinates of one puppet after the other."""
 
     def __init__(self) -> None:
-        self.table = _Table()
-        self.links: list[Link] = []
+        self.joints = Joints()
         self.strings: list[StringRow] = []
         self.springs: list[SpringRow] = []
         self.limits: list[LimitRow] = []
@@ -109,6 +38,8 @@ class _Grower:
     def puppet(self, puppet: Puppet, prefix: str) -> None:
         place = {"world": WORLD}
         marks = [len(part) for part in self.parts]
+        drives = puppet.drives
+        self.joints.motors = {prefix + name: drive for drive in drives for name in drive.on}
         for body in _parents_first(puppet.bodies):
             place[body.name] = self.body(body, place[body.parent], puppet.pose, prefix)
         for string in puppet.strings:
@@ -127,50 +58,28 @@ class _Grower:
     @property
     def parts(self) -> tuple[list, ...]:
         """The lists whose rows may hold parameters."""
-        return self.links, self.strings, self.springs
+        return self.joints.links, self.strings, self.springs, self.joints.drives
 
     def body(self, body: Body, parent: int, pose: dict, prefix: str) -> int:
         joint = body.joint
         joint_name = joint.name or body.name
         name = prefix + joint_name
-        if joint.type == "translation":
-            q = v = tuple(f".{a}" for a in joint.axes)
-            axes = np.eye(3)[:, [_COLUMN[a] for a in joint.axes]]
-        else:
-            q, v = _CONFIGURATION[joint.type], _VELOCITY[joint.type]
-            axes = np.zeros((3, 0)) if joint.axis is None else np.array(joint.axis)[:, None]
-        role = Role.DRIVEN if joint.driven else Role.DYNAMIC
-        if joint.type == "fixed":
-            role = Role.FIXED
-        q_slice, v_slice = self.table.add(
-            name, joint.type, role, q, v, _start(joint_name, q, pose)
+        link = replace(
+            carriage(prefix + body.name, name),
+            parent=parent,
+            damping=joint.damping,
+            stiffness=joint.spring.stiffness if joint.spring else 0.0,
+            rest=joint.spring.rest if joint.spring else 0.0,
+            lumps=_lumps(body),
+            mass=body.mass,
+            com=None if body.com is None else tuple(body.com),
+            inertia=None if body.inertia is None else _six(body.inertia),
+            drag=(body.drag.linear, body.drag.quadratic, body.drag.angular)
+            if body.drag
+            else (0.0, 0.0, 0.0),
+            shapes=tuple(body.shapes),
         )
-        index = len(self.links)
-        self.links.append(
-            Link(
-                name=prefix + body.name,
-                parent=parent,
-                joint=name,
-                kind=joint.type,
-                axes=axes,
-                rotation=np.eye(3) if joint.orientation is None else joint.orientation.matrix,
-                offset=tuple(joint.at),
-                role=role,
-                q=q_slice,
-                v=v_slice,
-                damping=joint.damping,
-                stiffness=joint.spring.stiffness if joint.spring else 0.0,
-                rest=joint.spring.rest if joint.spring else 0.0,
-                lumps=_lumps(body),
-                mass=body.mass,
-                com=None if body.com is None else tuple(body.com),
-                inertia=None if body.inertia is None else _six(body.inertia),
-                drag=(body.drag.linear, body.drag.quadratic, body.drag.angular)
-                if body.drag
-                else (0.0, 0.0, 0.0),
-                shapes=tuple(body.shapes),
-            )
-        )
+        index = self.joints.body(link, joint, _start(joint_name, pose))
         self.joint_limits(joint, name, index)
         return index
 
@@ -198,19 +107,15 @@ class _Grower:
             self.driven_end(string.name, a, prefix) if a.driven else _point(a, place)
             for a in string.path
         )
-        length, length_index = string.length, None
+        length, length_index, role = string.length, None, Role.FIXED
         if length == "driven":
-            start = [pose.get(f"{string.name}.length", np.nan)]
-            q, v = self.table.add(
-                prefix + string.name, "length", Role.DRIVEN, (".length",), (".length",), start
-            )
-            length, length_index = None, (q.start, v.start)
+            start = float(pose.get(f"{string.name}.length", np.nan))
+            role, length_index = self.joints.length(prefix + string.name, start)
+            length = None
         else:
-            self.table.rows.append(
-                Coordinate(
-                    f"{prefix}{string.name}.length", Role.FIXED, prefix + string.name, "m", None
-                )
-            )
+            owner = prefix + string.name
+            row = Coordinate(f"{owner}.length", role, owner, "m", None)
+            self.joints.table.rows.append(row)
         self.strings.append(
             StringRow(
                 name=prefix + string.name,
@@ -222,37 +127,15 @@ class _Grower:
                 restitution=string.restitution,
                 max_tension=string.max_tension,
                 rewind_speed=string.rewind_speed,
+                length_role=role,
             )
         )
 
     def driven_end(self, string: str, end: Attachment, prefix: str) -> Point:
         """A massless body on driven world axes: `driven: [x, y]` gives hand.x and hand.y."""
-        suffixes = tuple(f".{a}" for a in end.driven)
-        columns = [_COLUMN[a] for a in end.driven]
-        q, v = self.table.add(
-            prefix + string,
-            "translation",
-            Role.DRIVEN,
-            suffixes,
-            suffixes,
-            [_value(end.at[c]) for c in columns],
-        )
-        fixed = tuple(0.0 if c in columns else end.at[c] for c in range(3))
-        self.links.append(
-            Link(
-                name=f"{prefix}{string}.end",
-                parent=WORLD,
-                joint=prefix + string,
-                kind="translation",
-                axes=np.eye(3)[:, columns],
-                rotation=np.eye(3),
-                offset=fixed,
-                role=Role.DRIVEN,
-                q=q,
-                v=v,
-            )
-        )
-        return Point(len(self.links) - 1, (0.0, 0.0, 0.0))
+        at = tuple(_value(x) if a in end.driven else x for a, x in zip(AXES, end.at, strict=True))
+        return Point(self.joints.end(prefix + string, end.driven, at), (0.0, 0.0, 0.0))
+
 
 
 def grow(world: World) -> Tree:
@@ -273,12 +156,13 @@ def grow(world: World) -> Tree:
     return Tree(
         name=world.name,
         gravity=_prefixed(tuple(world.gravity), first) if first else tuple(world.gravity),
-        links=tuple(grower.links),
+        links=tuple(grower.joints.links),
         strings=tuple(grower.strings),
         springs=tuple(grower.springs),
         limits=tuple(grower.limits),
-        coordinates=grower.table.finish(),
+        coordinates=grower.joints.table.finish(),
         parameters=grower.parameters,
+        drives=tuple(grower.joints.drives),
     )
 
 
@@ -288,8 +172,11 @@ def _prefixed(part, prefix: str):
         return Parameter.model_construct(parameter=prefix + part.parameter, value=part.value)
     if isinstance(part, tuple):
         return tuple(_prefixed(x, prefix) for x in part)
+    if isinstance(part, BaseModel):
+        names = type(part).model_fields
+        return part.model_copy(update={n: _prefixed(getattr(part, n), prefix) for n in names})
     if dataclasses.is_dataclass(part):
-        return dataclasses.replace(
+        return replace(
             part, **{f.name: _prefixed(getattr(part, f.name), prefix) for f in fields(part)}
         )
     return part
@@ -308,13 +195,14 @@ def _parents_first(bodies) -> list[Body]:
     return order
 
 
-def _start(joint: str, q: tuple[str, ...], pose: dict) -> list[float]:
-    start = [float(pose.get(joint + s, 1.0 if s == ".qw" else 0.0)) for s in q]
-    rotation = pose.get(joint + ".rotation")
-    if rotation is not None and ".qw" in q:
-        k = q.index(".qw")
-        start[k : k + 4] = rotation
-    return start
+def _start(joint: str, pose: dict) -> dict[str, float]:
+    """Suffix of a joint's configuration number -> its value in the pose, where it has one."""
+    own = [key for key in pose if key == joint or key.startswith(f"{joint}.")]
+    found = {key[len(joint) :]: pose[key] for key in own}
+    rotation = found.pop(".rotation", None)
+    if rotation is not None:
+        found |= dict(zip(suffixes("ball")[0], rotation, strict=True))
+    return {suffix: float(value) for suffix, value in found.items()}
 
 
 def _point(attachment: Attachment, place: dict[str, int]) -> Point:

@@ -15,16 +15,20 @@ the body's frame).
 from __future__ import annotations
 
 import enum
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
-from fantoccini.puppet import Number, Shape
+from fantoccini.puppet import Drive, Number, Shape
 from fantoccini.puppet.shapes import UnitInertia
 
 WORLD = -1
 """Index of the world where a link's parent or a point's carrier is asked for."""
+
+COMMAND = ".command"
+"""What stands behind the owner's name in the name of a command: ``hand.command.length``."""
 
 
 class Role(enum.StrEnum):
@@ -118,12 +122,14 @@ class StringRow:
         name: the string's name.
         points: two or more points the string runs through.
         length: L [m], or None when the length is driven.
-        length_index: place of the length in q_K and v_K as (q, v); None when it is a number.
+        length_index: place of the length in (q_K, v_K), or in (q_D, v_D) where a drive moves it;
+            None when it is a number.
         wire: True for a two-sided constraint (Sec. III-B).
         colour: "#rrggbb" or None.
         restitution: part of the speed that a catch gives back.
         max_tension: tension at which its winch slips [N]; None for a winch that does not.
         rewind_speed: speed at which the winch takes back what slipped [m/s]; None for never.
+        length_role: of the length, where it has a place.
     """
 
     name: str
@@ -135,6 +141,17 @@ class StringRow:
     restitution: Number = 0.0
     max_tension: Number | None = None
     rewind_speed: Number | None = None
+    length_role: Role = Role.DRIVEN
+
+    @property
+    def driven_length(self) -> tuple[int, int] | None:
+        """Place of the length in (q_K, v_K), where it is there."""
+        return self.length_index if self.length_role is Role.DRIVEN else None
+
+    @property
+    def wound_length(self) -> tuple[int, int] | None:
+        """Place of the length in (q_D, v_D), where a drive moves it."""
+        return self.length_index if self.length_role is Role.DYNAMIC else None
 
 
 @dataclass(frozen=True)
@@ -146,6 +163,33 @@ class SpringRow:
     stiffness: Number
     rest: Number
     damping: Number
+
+
+@dataclass(frozen=True)
+class DriveRow:
+    """A coordinate that a drive moves: one number, or the orientation of a ball joint.
+
+    Attributes:
+        name: of the coordinate: ``hand.length``, ``bar.rotation``.
+        link: index of the link whose joint it belongs to.
+        q, v: its places in q_D and v_D.
+        command_name: of its command, ``hand.command.length``; empty where it follows none.
+        command: place of the command in (q_K, v_K); None where it follows none.
+        drive: as the puppet's file describes it.
+    """
+
+    name: str
+    link: int
+    q: slice
+    v: slice
+    command_name: str
+    command: tuple[int, int] | None
+    drive: Drive
+
+    @property
+    def turns(self) -> bool:
+        """Whether it is an orientation."""
+        return self.v.stop - self.v.start == 3
 
 
 @dataclass(frozen=True)
@@ -202,6 +246,7 @@ class CoordinateTable:
         scalars_D, scalars_K: (q, v) places of all other coordinates.
         rotations: name of the rotation channel (``bar.rotation``) -> (q, v), driven ones only.
         start_D, start_K: configuration in the file's pose; nan for driven lengths without one.
+        commands: coordinate with a drive -> the name of its command.
     """
 
     rows: tuple[Coordinate, ...]
@@ -216,6 +261,7 @@ class CoordinateTable:
     rotations: dict[str, tuple[int, int]]
     start_D: np.ndarray
     start_K: np.ndarray
+    commands: dict[str, str] = field(default_factory=dict)
 
     @cached_property
     def places_K(self) -> tuple[np.ndarray, np.ndarray]:
@@ -258,6 +304,7 @@ class Tree:
         gravity: [m/s^2].
         links: parents before children.
         strings, springs, limits: one-sided rows are strings first, then limits.
+        drives: coordinates that motors move.
         coordinates: the coordinate table.
         parameters: names and values of the argument p.
     """
@@ -270,6 +317,7 @@ class Tree:
     limits: tuple[LimitRow, ...]
     coordinates: CoordinateTable
     parameters: dict[str, float] = field(default_factory=dict)
+    drives: tuple[DriveRow, ...] = ()
 
     @property
     def n_rows(self) -> int:
@@ -280,6 +328,25 @@ class Tree:
     def row_names(self) -> tuple[str, ...]:
         """Names of the one-sided rows: strings, then limits."""
         return tuple(r.name for r in self.strings) + tuple(r.name for r in self.limits)
+
+    def string_lengths(
+        self, q_D: np.ndarray, q_K: np.ndarray, number: Callable[[Number], float]
+    ) -> np.ndarray:
+        """(..., n_strings) lengths of the strings [m].
+
+        Args:
+            q_D, q_K: (..., n_qD), (..., n_qK) configurations.
+            number: value of a number of the puppet.
+        """
+        q_D, q_K = np.asarray(q_D, dtype=float), np.asarray(q_K, dtype=float)
+        out = np.zeros((*q_K.shape[:-1], len(self.strings)))
+        for i, string in enumerate(self.strings):
+            if string.length_index is None:
+                out[..., i] = number(string.length)
+            else:
+                q = q_K if string.driven_length else q_D
+                out[..., i] = q[..., string.length_index[0]]
+        return out
 
     def ancestors(self, link: int) -> list[int]:
         """Indices of ``link`` and all links between it and the world, nearest first."""

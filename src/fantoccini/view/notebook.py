@@ -93,7 +93,7 @@ def _still_of(run: Trajectory) -> Still | None:
         np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
         for points in still.string_points(run.q_D[:1], run.q_K[:1])
     ]
-    over = np.array(spans).reshape(-1) - still.string_lengths(run.q_K[:1])[0]
+    over = np.array(spans).reshape(-1) - still.string_lengths(run.q_D[:1], run.q_K[:1])[0]
     slip = 0.0 if run.slip is None else run.slip.values[0]
     return still if np.all(over - slip <= 1e-3 * np.abs(over).max(initial=1.0)) else None
 

@@ -186,7 +186,7 @@ def _scene(marionette: Marionette, t, q_D, q_K, taut, tension, slip) -> Scene:
         poses=poses,
         names=tuple(s.name for s in tree.strings),
         points=points,
-        lengths=np.asarray(marionette.string_lengths(q_K)) + slip,
+        lengths=np.asarray(marionette.string_lengths(q_D, q_K)) + slip,
         taut=np.asarray(taut, dtype=bool),
         tension=None if tension is None else np.asarray(tension, dtype=float),
         colours=tuple(None if s.colour is None else rgb(s.colour) for s in tree.strings),

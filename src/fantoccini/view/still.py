@@ -43,14 +43,15 @@ class Still:
         spans = np.array(
             [
                 np.linalg.norm(np.diff(points[0], axis=0), axis=1).sum()
-                for points in self.string_points(q_D, np.nan_to_num(q_K))
+                for points in self.string_points(np.nan_to_num(q_D), np.nan_to_num(q_K))
             ]
         )
         for span, string in zip(spans, strings, strict=True):
-            if string.length_index is not None and np.isnan(q_K[string.length_index[0]]):
-                q_K[string.length_index[0]] = span
+            for place, q in ((string.driven_length, q_K), (string.wound_length, q_D)):
+                if place is not None and np.isnan(q[place[0]]):
+                    q[place[0]] = span
         taut = np.zeros(self.tree.n_rows, dtype=bool)
-        lengths = self.string_lengths(q_K)[0]
+        lengths = self.string_lengths(q_D, q_K)[0]
         taut[: len(strings)] = spans >= lengths * (1.0 - 1e-3)
         return State(0.0, q_D, np.zeros(table.n_vD), q_K, np.zeros(table.n_vK), taut)
 
@@ -79,16 +80,9 @@ class Still:
             for string in self.tree.strings
         ]
 
-    def string_lengths(self, q_K: Array) -> Array:
-        """(T, n_strings) lengths [m]."""
-        q_K = np.atleast_2d(q_K)
-        lengths = np.zeros((len(q_K), len(self.tree.strings)))
-        for k, string in enumerate(self.tree.strings):
-            if string.length_index is None:
-                lengths[:, k] = self.number(string.length)
-            else:
-                lengths[:, k] = q_K[:, string.length_index[0]]
-        return lengths
+    def string_lengths(self, q_D: Array, q_K: Array) -> Array:
+        """(T, n_strings) lengths [m], for (T, n_qD) and (T, n_qK) or one of each."""
+        return self.tree.string_lengths(np.atleast_2d(q_D), np.atleast_2d(q_K), self.number)
 
     def _carried(self, poses: Array, point: Point) -> Array:
         at = self._numbers(point.at)

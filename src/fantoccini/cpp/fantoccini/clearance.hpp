@@ -5,6 +5,7 @@
 #include "distance.hpp"
 #include "hanging.hpp"
 #include "lane_of.hpp"
+#include "string_length.hpp"
 
 namespace fan {
 
@@ -97,8 +98,7 @@ class Clearance {
         span[k] = apart(points_ + 3 * (at + k), points_ + 3 * (at + k + 1));
         whole += span[k];
       }
-      const int q = Model::length_q[i];
-      const Real length = q >= 0 ? q_K[q] : Real(Model::nominal_length[i]);
+      const Real length = string_length<Model, Real>(i, q_D, q_K);
       for (int k = 0; k < pieces; ++k) {
         Placed<Real> segment;
         segment.kind = SEGMENT;

@@ -27,7 +27,7 @@ struct Detector {
     for (int r = 0; r < M; ++r)
       if (!(fabs(f.tension[r]) <= f.opt.tension_cap)) return capped(f);
     for (int i = 0; i < S; ++i)
-      if (Model::length_q[i] >= 0 && f.q_K[Model::length_q[i]] <= kNoLength) {
+      if (string_length<Model, double>(i, f.y, f.q_K) <= kNoLength) {
         accuse_only(i);
         return LENGTH_NOT_POSITIVE;
       }

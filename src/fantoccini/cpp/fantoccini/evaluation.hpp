@@ -10,6 +10,7 @@
 
 #include "complementarity.hpp"
 #include "manifold.hpp"
+#include "string_length.hpp"
 
 namespace fan {
 

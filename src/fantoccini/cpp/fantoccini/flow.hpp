@@ -307,8 +307,7 @@ struct Flow {
   // The size a row's h is measured against: the string's length, 1 rad for a limit.
   double row_scale(int r) const {
     if (r >= S) return 1.0;
-    const int i = Model::length_q[r];
-    const double length = i >= 0 ? q_K[i] : Model::nominal_length[r];
+    const double length = string_length<Model, double>(r, y, q_K);
     return length > 1e-3 ? length : 1e-3;
   }
 

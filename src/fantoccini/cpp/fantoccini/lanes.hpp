@@ -132,6 +132,7 @@ struct Lanes {
   }
   FAN_LANE_CALL(sin)
   FAN_LANE_CALL(cos)
+  FAN_LANE_CALL(floor)
 #undef FAN_LANE_CALL
   FAN_LANE_OP Lanes fmin(const Lanes& a, const Lanes& b) { return of(b.v < a.v ? b.v : a.v); }
   FAN_LANE_OP Lanes fmax(const Lanes& a, const Lanes& b) { return of(b.v > a.v ? b.v : a.v); }

@@ -45,7 +45,7 @@ struct VariationalStep {
   };
   // Over a step.
   struct Lead {
-    Real q_mid[room(NQK)], v_mid[room(NK)], q_next[room(NQK)], u_D[room(N)];
+    Real q_mid[room(NQK)], v_mid[room(NK)], acc_mid[room(NK)], q_next[room(NQK)], u_D[room(N)];
   };
 
   double cap;  // N: largest tension of a string without a winch of its own
@@ -298,7 +298,8 @@ struct VariationalStep {
 
   FAN_FN void evaluate(const Lead& lead, double dt) {
     const Real step = Real(dt);
-    const Real* arg[] = {q_D, found_.xi, lead.q_mid, lead.v_mid, lead.q_next, lead.u_D, &step, p};
+    const Real* arg[] = {q_D,         found_.xi, lead.q_mid, lead.v_mid, lead.acc_mid,
+                         lead.q_next, lead.u_D,  &step,      p};
     Real* res[] = {before_, found_.after, found_.q_next, found_.h};
     Model::midpoint_rule(arg, res);
     for (int i = 0; i < S; ++i) found_.h[i] -= found_.slip_next[i];

@@ -169,7 +169,10 @@ struct VariationalRun {
     look(end, coming_);
     for (int i = 0; i < Model::n_qK; ++i) lead_.q_next[i] = coming_.q_K[i];
     half_way<typename Model::Driven>(now_.q_K, coming_.q_K, lead_.q_mid, lead_.v_mid);
-    for (int j = 0; j < Model::n_vK; ++j) lead_.v_mid[j] *= 1.0 / dt;
+    for (int j = 0; j < Model::n_vK; ++j) {
+      lead_.v_mid[j] *= 1.0 / dt;
+      lead_.acc_mid[j] = (coming_.v_K[j] - now_.v_K[j]) / dt;
+    }
     return at.solve(now_, lead_, dt);
   }
 
@@ -189,9 +192,9 @@ struct VariationalRun {
     return TENSION_CAP;
   }
 
-  static bool is_empty(const Inputs& in) {
+  bool is_empty(const Inputs& in) const {
     for (int i = 0; i < S; ++i)
-      if (Model::length_q[i] >= 0 && !(in.q_K[Model::length_q[i]] > 0.0)) return true;
+      if (!(string_length<Model, double>(i, at.q_D, in.q_K) > 0.0)) return true;
     return false;
   }
 

@@ -1,0 +1,181 @@
+"""Drives: what moves a driven coordinate where it is not simply moved.
+
+A drive has a rotor (or a slider) with inertia, friction, a motor with bounds, and a controller that
+follows a command. With the gear ratio g and the drum's radius r the rotor turns by n = g / r for a
+metre of the coordinate, by n = g for a radian. Numbers of the rotor and the motor are the motor's
+own: they become the coordinate's with n, and n^2 for the inertia.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+
+from fantoccini.puppet.located import shown
+from fantoccini.puppet.values import Model, NotNegative, PositiveNumber, mistake
+
+
+class Friction(Model):
+    """Torque at the rotor against its turning: -viscous w - coulomb w / sqrt(w^2 + speed^2)."""
+
+    viscous: NotNegative = 0.0
+    """[N m s], or [N s/m] without a drum."""
+    coulomb: NotNegative = 0.0
+    """[N m], or [N] without a drum."""
+    speed: PositiveNumber = 0.05
+    """Speed at which Coulomb's friction has 0.7 of its size [rad/s], or [m/s] without a drum."""
+
+
+class Servo(Model):
+    """A motor that gives what its controller wants, within a bound."""
+
+    type: Literal["servo"]
+    """Kind of motor."""
+    torque: PositiveNumber
+    """Largest torque [N m], or force without a drum [N]."""
+
+
+class DirectCurrent(Model):
+    """A motor with back-EMF: torque k i, |i| <= current, |R i + k w| <= voltage."""
+
+    type: Literal["dc"]
+    """Kind of motor."""
+    constant: PositiveNumber
+    """k: torque for a current, voltage for a speed [N m/A = V s]."""
+    current: PositiveNumber
+    """Largest current [A]."""
+    resistance: PositiveNumber
+    """R of the winding [ohm]."""
+    voltage: PositiveNumber
+    """Of the supply [V]."""
+
+
+def _count(value: Any) -> int:
+    if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= 100_000:
+        raise mistake(f"found {shown(value)}; needed: a whole number from 1 to 100000")
+    return value
+
+
+Count = Annotated[int, BeforeValidator(_count)]
+
+
+class Stepper(Model):
+    """A stepper motor: torque T sin((steps/4) (command - angle)), the command in whole microsteps.
+
+    T is the holding torque up to the corner speed, and falls in proportion to 1 / speed beyond: a
+    load above it pulls the motor out of step.
+    """
+
+    type: Literal["stepper"]
+    """Kind of motor."""
+    torque: PositiveNumber
+    """Holding torque [N m], or force without a drum [N]."""
+    steps: Count = 200
+    """Full steps a turn, or a metre without a drum."""
+    microsteps: Count = 16
+    """Parts of a full step that the command is rounded to."""
+    corner_speed: PositiveNumber | None = None
+    """Commanded speed from which on the torque falls [rad/s], or [m/s] without a drum."""
+
+
+class PD(Model):
+    """The wanted force is stiffness (command - q) + damping (d command/dt - v)."""
+
+    type: Literal["pd"]
+    """Kind of controller."""
+    stiffness: PositiveNumber
+    """At the coordinate [N/m or N m/rad]."""
+    damping: NotNegative
+    """At the coordinate [N s/m or N m s/rad]."""
+
+
+class ComputedTorque(Model):
+    """The force that makes q follow its command as e'' + 2 zeta w e' + w^2 e = 0, without strings.
+
+    The mechanism's own inverse dynamics: its inertia, what it carries, gravity and friction. The
+    strings' pull is not known to it.
+    """
+
+    type: Literal["computed_torque"]
+    """Kind of controller."""
+    bandwidth: PositiveNumber
+    """w [rad/s]."""
+    damping_ratio: NotNegative = 1.0
+    """zeta."""
+
+
+Motor = Annotated[Servo | DirectCurrent | Stepper, Field(discriminator="type")]
+Control = Annotated[PD | ComputedTorque, Field(discriminator="type")]
+
+
+def _listed(value: Any) -> Any:
+    return [value] if isinstance(value, str) else value
+
+
+def _some(names: tuple[str, ...]) -> tuple[str, ...]:
+    if not names:
+        raise mistake("found an empty list; needed: one or more driven coordinates")
+    return names
+
+
+class Drive(Model):
+    """Turns driven coordinates into dynamic ones that a motor moves."""
+
+    on: Annotated[tuple[str, ...], BeforeValidator(_listed), AfterValidator(_some)]
+    """Driven coordinates, each with such a drive: `hand.length`, `bar.x`, `bar.rotation`."""
+    mass: PositiveNumber | None = None
+    """Moved along with a coordinate in metres, without weight: a carriage [kg]."""
+    inertia: PositiveNumber | None = None
+    """Of the rotor [kg m^2]."""
+    gear: PositiveNumber = 1.0
+    """Turns of the rotor for one of the drum or the joint."""
+    drum: PositiveNumber | None = None
+    """Radius of the drum or pinion that moves a coordinate in metres [m]."""
+    friction: Friction | None = None
+    """In the rotor's bearings and the gear."""
+    motor: Motor | None = None
+    """What bounds the torque; without one the controller gets what it wants."""
+    control: Control | None = None
+    """What follows the command; without one only user forces move the rotor."""
+
+    @model_validator(mode="after")
+    def _moves(self) -> Drive:
+        if self.mass is None and self.inertia is None:
+            raise mistake("needed: mass, inertia or both; a drive without inertia is an input")
+        steps = isinstance(self.motor, Stepper)
+        if steps and self.control is not None:
+            raise mistake("found control and a stepper; a stepper follows its command by itself")
+        if self.motor is not None and not steps and self.control is None:
+            raise mistake("found a motor without control; needed: what it should follow")
+        return self
+
+    @property
+    def follows(self) -> bool:
+        """Whether it has a command."""
+        return self.control is not None or isinstance(self.motor, Stepper)
+
+
+
+def drive_misfits(drive: dict, name: str, unit: str) -> Iterator[tuple[tuple[str, ...], str]]:
+    """What in a drive's plain data does not suit its coordinate: where, and a sentence.
+
+    Args:
+        drive: plain data, of any form.
+        name: of the coordinate.
+        unit: of the coordinate: ``m``, ``rad``, or ``rotation`` for an orientation.
+    """
+    rotor, drum = drive.get("inertia") is not None, drive.get("drum") is not None
+    if unit != "m":
+        for key in ("mass", "drum"):
+            if drive.get(key) is not None:
+                yield (key,), f"{name} turns: it takes inertia and gear, no {key}"
+    elif rotor and not drum:
+        yield ("inertia",), f"{name} is a length; needed: the drum by which a rotor moves it"
+    elif drum and not rotor:
+        yield ("drum",), "found a drum without a rotor; needed: its inertia"
+    motor = drive.get("motor")
+    kind = motor.get("type") if isinstance(motor, dict) else None
+    if unit == "rotation" and kind in ("dc", "stepper"):
+        yield ("motor", "type"), f"{name} turns about three axes; needed: a servo, or no motor"

@@ -1,0 +1,297 @@
+"""Drives against closed forms, and against Lagrange's equations in polar coordinates."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy as sp
+from scipy.integrate import solve_ivp
+
+import fantoccini as fan
+
+MACHINES = """
+puppet: machines
+bodies:
+  - name: lift
+    joint: {type: prismatic, axis: [0, 0, 1], driven: true}
+    mass: 0.5
+    inertia: [1.0e-3, 1.0e-3, 1.0e-3]
+  - name: crank
+    joint: {type: revolute, axis: [0, -1, 0], driven: true, at: [2, 0, 0]}
+    mass: 0.3
+    com: [0, 0, -0.2]
+    inertia: [1.0e-3, 1.0e-3, 1.0e-3]
+  - name: wheel
+    joint: {type: revolute, axis: [0, 0, 1], driven: true, at: [4, 0, 0]}
+    mass: 0.1
+    inertia: [1.0e-4, 1.0e-4, 2.0e-4]
+  - name: head
+    joint: {type: ball, driven: true, at: [6, 0, 0]}
+    mass: 0.2
+    inertia: [4.0e-4, 4.0e-4, 4.0e-4]
+drives:
+  - on: lift
+    mass: 0.2
+    inertia: 3.0e-5
+    gear: 4
+    drum: 0.03
+    friction: {viscous: 1.0e-4, coulomb: 2.0e-3}
+    control: {type: computed_torque, bandwidth: {parameter: w, value: 12}, damping_ratio: 0.3}
+  - on: crank
+    inertia: 2.0e-5
+    gear: 20
+    friction: {viscous: 2.0e-5, coulomb: 1.0e-3, speed: 2.0}
+    motor: {type: dc, constant: 0.05, current: 1.5, resistance: 4.0, voltage: 12.0}
+    control: {type: pd, stiffness: 40, damping: 1.0}
+  - on: wheel
+    inertia: 1.0e-5
+    gear: 2
+    friction: {viscous: 4.0e-4}
+    motor: {type: stepper, torque: 0.2, steps: 200, microsteps: 8, corner_speed: 30}
+  - on: head.rotation
+    inertia: 1.0e-5
+    gear: 10
+    motor: {type: servo, torque: 0.02}
+    control: {type: pd, stiffness: 0.3, damping: 5.0e-3}
+"""
+
+BOB = """
+puppet: bob
+bodies:
+  - {name: bob, joint: {type: translation, axes: [x, z]}, mass: 0.4}
+strings:
+  - name: line
+    path: [{body: bob}, {driven: [x], at: [0, 0, 1]}]
+    length: driven
+drives:
+  - on: line.x
+    mass: {parameter: trolley, value: 0.7}
+    control: {type: pd, stiffness: 90, damping: 6}
+  - on: line.length
+    inertia: {parameter: rotor, value: 4.0e-5}
+    gear: 3
+    drum: 0.02
+    friction: {viscous: 2.0e-5, coulomb: 1.0e-3, speed: 5.0}
+    control: {type: pd, stiffness: {parameter: k, value: 800}, damping: {parameter: d, value: 9}}
+pose: {bob.z: 0.2, line.length: 0.8}
+"""
+
+FREE = BOB[: BOB.index("drives:")] + """
+drives:
+  - {on: line.length, mass: {parameter: rotor, value: 0.6}}
+pose: {bob.z: 0.2, line.length: 0.9}
+"""
+
+
+@pytest.fixture(scope="module")
+def machines():
+    return fan.loads(MACHINES)
+
+
+@pytest.fixture(scope="module")
+def bob():
+    return fan.loads(BOB)
+
+
+def solved(rates, y0, times):
+    found = solve_ivp(
+        rates, (times[0], times[-1]), y0, "DOP853", t_eval=times, rtol=1e-13, atol=1e-13
+    )
+    assert found.success
+    return found.y
+
+
+def column(run, name):
+    return run.q_D[:, run.coordinates.q_D.index(name)]
+
+
+def test_roles_flip(machines):
+    table = machines.coordinates
+    assert table.q_D[:3] == ("lift", "crank", "wheel")
+    assert table.commands["head.rotation"] == "head.command.rotation"
+    assert "lift.command" in table.q_K and "lift" not in table.q_K
+    roles = {row.name: str(row.role) for row in table.rows}
+    assert (roles["crank"], roles["crank.command"]) == ("dynamic", "driven")
+
+
+def test_reflected_inertia(machines):
+    """M = mass + m + J (g / r)^2, J g^2 for angles."""
+    M = machines.mass_matrix(machines.state())
+    expected = [0.5 + 0.2 + 3e-5 * (4 / 0.03) ** 2, 0.3 * 0.2**2 + 1e-3 + 2e-5 * 400, 2e-4 + 4e-5]
+    np.testing.assert_allclose(np.diag(M)[:3], expected, rtol=1e-13)
+    np.testing.assert_allclose(np.diag(M)[3:], 4e-4 + 1e-3, rtol=1e-13)
+
+
+def test_computed_torque_makes_the_error_linear(machines):
+    """e'' + 2 zeta w e' + w^2 e = 0, through gravity and friction, while the command moves."""
+    x0 = machines.state({"lift": 0.1, "lift.command": 0.0})
+    move = fan.Input.waypoints(machines, {"lift": [(0, 0.0), (0.4, 0.3), (0.8, 0.1)]})
+    run = fan.simulate(machines, x0, move, t_end=0.8)
+    w, zeta = 12.0, 0.3
+    fast = w * np.sqrt(1 - zeta**2)
+    decay = np.exp(-zeta * w * run.t)
+    expected = -0.1 * decay * (np.cos(fast * run.t) + zeta * w / fast * np.sin(fast * run.t))
+    command = run.q_K[:, run.coordinates.q_K.index("lift.command")]
+    np.testing.assert_allclose(command - column(run, "lift"), expected, atol=1e-9)
+
+
+def test_direct_current_motor(machines):
+    """A command far away: the current's bound, then the voltage's, and at last neither."""
+    n, k, current, R, U = 20, 0.05, 1.5, 4.0, 12.0
+    heavy, weight = 0.3 * 0.2**2 + 1e-3 + 2e-5 * n**2, 0.3 * 9.81 * 0.2
+
+    def rates(t, y):
+        q, v = y
+        rotor = n * v
+        high, low = min(current, (U - k * rotor) / R), max(-current, (-U - k * rotor) / R)
+        torque = np.clip(40 * (2.5 - q) - 1.0 * v, n * k * low, n * k * high)
+        friction = n * (2e-5 * rotor + 1e-3 * rotor / np.hypot(rotor, 2.0))
+        return [v, (torque - friction - weight * np.sin(q)) / heavy]
+
+    x0 = machines.state({"crank": 0.0, "crank.command": 2.5})
+    times = np.linspace(0, 0.6, 61)
+    run = fan.simulate(machines, x0, t_end=0.6, rtol=1e-12, atol=1e-12, save_at=times)
+    expected = solved(rates, [0.0, 0.0], times)
+    found = column(run, "crank")[np.searchsorted(run.t, times)]
+    np.testing.assert_allclose(found, expected[0], atol=1e-8)
+    speeds = expected[1] * n * k
+    assert np.any(U - speeds < R * current) and speeds[1] < U - R * current
+
+
+def test_a_stepper_holds_what_its_torque_holds(machines):
+    """n T sin(50 (angle - n q)) = load; a load above n T pulls it out of step."""
+    def held(load, t_end=3.0):
+        given = fan.Input.hold(machines, t_end).with_forces({"wheel": [(0, 0.0), (0.5, load),
+                                                                       (t_end, load)]})
+        return column(fan.simulate(machines, machines.state(), given, t_end=t_end), "wheel")[-1]
+
+    assert held(0.3) == pytest.approx(np.arcsin(0.3 / 0.4) / 50 / 2, abs=1e-6)
+    assert held(0.41) > 2 * np.pi / 50 / 2  # more than a pole pair
+
+
+def test_a_stepper_goes_in_microsteps(machines):
+    micro = 2 * np.pi / 1600 / 2
+    rest = [machines.rest({"wheel": r, "wheel.command": r}) for r in np.array([0.4, 0.6]) * micro]
+    at = machines.coordinates.q_D.index("wheel")
+    assert [x.q_D[at] for x in rest] == pytest.approx([0.0, micro], abs=1e-10)
+
+
+def test_a_stepper_is_pulled_out_beyond_its_corner(machines):
+    """At 5 times the corner speed a fifth of the torque is left: less than friction takes."""
+    def lag(speed):
+        end = 20.0 / speed + 0.3
+        move = {"wheel": [(0, 0.0), (end, 20.0)]}
+        run = fan.simulate(
+            machines, machines.state(), fan.Input.waypoints(machines, move), t_end=end + 1.0,
+            method="timestepping", dt=5e-4,
+        )
+        return abs(column(run, "wheel")[-1] - 20.0)
+
+    assert lag(8.0) < 0.01
+    assert lag(80.0) > 1.0
+
+
+def test_an_orientation_follows_its_command(machines):
+    """About one axis: I phi'' = k sin(r - phi) - d phi', at most 10 times 0.02 N m."""
+    heavy = 4e-4 + 1e-3
+
+    def rates(t, y):
+        torque = np.clip(0.3 * np.sin(1.2 - y[0]) - 5e-3 * y[1], -0.2, 0.2)
+        return [y[1], torque / heavy]
+
+    axis = np.array([2.0, -1.0, 2.0]) / 3
+    x0 = machines.state({"head.command.rotation": 1.2 * axis})
+    times = np.linspace(0, 0.5, 26)
+    run = fan.simulate(machines, x0, t_end=0.5, rtol=1e-12, atol=1e-12, save_at=times)
+    at = run.coordinates.q_D.index("head.qw")
+    turned = run.q_D[np.searchsorted(run.t, times), at : at + 4]
+    phi = solved(rates, [0.0, 0.0], times)[0]
+    np.testing.assert_allclose(turned[:, 0], np.cos(phi / 2), atol=1e-8)
+    np.testing.assert_allclose(turned[:, 1:], np.sin(phi / 2)[:, None] * axis, atol=1e-8)
+
+
+def lagrange():
+    """Accelerations of (X, L, theta) of a bob on a winch that a trolley carries, from T and V."""
+    X, L, a, *rates = sp.symbols("X L a dX dL da")
+    dX, dL, da = rates
+    q, v = sp.Matrix([X, L, a]), sp.Matrix(rates)
+    place = sp.Matrix([X + L * sp.sin(a), 1 - L * sp.cos(a)])
+    speed = place.jacobian(q) * v
+    n = 3 / 0.02
+    T = 0.4 * speed.dot(speed) / 2 + 0.7 * dX**2 / 2 + 4e-5 * n**2 * dL**2 / 2
+    V = 0.4 * 9.81 * place[1]
+    M = sp.hessian(T, list(v))
+    slope = sp.Matrix([T - V]).jacobian(q).T - sp.Matrix([T]).jacobian(v).jacobian(q) * v
+    return sp.lambdify([X, L, a, dX, dL, da], [M, slope])
+
+
+def test_a_bob_on_a_winch_and_a_trolley(bob):
+    """Event-driven to 1e-9 of Lagrange's equations; orders 1 and 2 of the other two."""
+    equations, n = lagrange(), 3 / 0.02
+    move = fan.Input.waypoints(bob, {"line.length": [(0, 0.8), (0.6, 0.6)],
+                                     "line.x": [(0, 0.0), (0.5, 0.15)]})
+
+    def rates(t, y):
+        M, force = equations(*y)
+        r, dr, _ = move.evaluate(t)
+        friction = n * (2e-5 * n * y[4] + 1e-3 * n * y[4] / np.hypot(n * y[4], 5.0))
+        force[0] += 90 * (r[0] - y[0]) + 6 * (dr[0] - y[3])
+        force[1] += 800 * (r[1] - y[1]) + 9 * (dr[1] - y[4]) - friction
+        return [*y[3:], *np.linalg.solve(M, np.ravel(force))]
+
+    x0 = bob.rest({"line.length": 0.8})
+    table = bob.coordinates
+    sag = x0.q_D[table.q_D.index("line.length")] - 0.8
+    assert sag == pytest.approx(0.4 * 9.81 / 800, rel=1e-9)
+    times = np.linspace(0, 1.0, 11)
+    y = solved(rates, [0.0, 0.8 + sag, 0.0, 0.0, 0.0, 0.0], times)
+    expected = np.array([y[0] + y[1] * np.sin(y[2]), 1 - y[1] * np.cos(y[2]), y[0], y[1]]).T
+
+    def error(**how):
+        run = fan.simulate(bob, x0, move, t_end=1.0, **how)
+        if how["method"] == "event":
+            assert abs(run.ledger["residual"]).max() < 1e-11
+            force = run.effort["line.command.length"][0]
+            assert force == pytest.approx(-0.4 * 9.81, rel=1e-9)
+        return np.abs(run.q_D[np.searchsorted(run.t, times - 1e-9)] - expected).max()
+
+    assert table.q_D == ("bob.x", "bob.z", "line.x", "line.length")
+    assert error(method="event", rtol=1e-12, atol=1e-12, save_at=times) < 1e-9
+    slow = [error(method="timestepping", dt=dt) for dt in (4e-3, 2e-3)]
+    fine = [error(method="variational", dt=dt) for dt in (4e-3, 2e-3)]
+    assert slow[0] / slow[1] == pytest.approx(2, rel=0.15) and slow[1] < 1e-3
+    assert fine[0] / fine[1] == pytest.approx(4, rel=0.15) and fine[1] < 1e-4
+
+
+@pytest.mark.parametrize("rotor", [0.6, 60.0])
+def test_a_catch_shares_its_impulse_with_the_rotor(rotor):
+    """The string pulls the bob and the drum together: v = m v- / (m + M), Lambda = M v."""
+    puppet = fan.loads(FREE).with_parameters({"rotor": rotor})
+    run = fan.simulate(puppet, puppet.state(), t_end=0.2)
+    (catch,) = [e for e in run.events if e.kind == "catch"]
+    speed = np.sqrt(2 * 9.81 * 0.1)
+    after = 0.4 * speed / (0.4 + rotor)
+    assert catch.speed == pytest.approx(speed, rel=1e-9)
+    assert catch.impulse == pytest.approx(rotor * after, rel=1e-9)
+    end = 0.2 - speed / 9.81
+    drop = after * end + 0.4 * 9.81 / (0.4 + rotor) * end**2 / 2
+    assert column(run, "line.length")[-1] == pytest.approx(0.9 + drop, abs=1e-9)
+    assert run.ledger["residual"][-1] == pytest.approx(0, abs=1e-12)
+
+
+def test_stiff_drives_do_not_shake_the_time_stepper(bob):
+    """A drive of 1,000 rad/s at steps of 4 ms stays at the motion of the mere inputs."""
+    stiff = bob.with_parameters({"k": 9e5, "d": 1.8e3})
+    move = fan.Input.waypoints(stiff, {"line.length": [(0, 0.8), (0.6, 0.6)]})
+    x0 = stiff.rest({"line.length": 0.8})
+    run = fan.simulate(stiff, x0, move, t_end=1.0, method="timestepping", dt=4e-3)
+    lag = column(run, "line.length") - run.q_K[:, 1]
+    assert np.abs(lag).max() < 5e-4
+
+
+def test_lanes_are_the_scalar_run(bob):
+    x0 = bob.rest({"line.length": 0.8})
+    inputs = fan.Input.random(bob, n=9, seed=1).bound(x0.q_K)
+    many = fan.simulate(bob, x0, inputs, t_end=0.1, method="timestepping")
+    one = fan.simulate(bob, x0, inputs[4], t_end=0.1, method="timestepping")
+    np.testing.assert_allclose(many.q_D[4, -1], one.q_D[-1], rtol=1e-11, atol=1e-13)
