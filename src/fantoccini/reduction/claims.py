@@ -81,7 +81,7 @@ def _slack(found: Structure) -> Claim:
         because = f"M_KK - M_KD M_DD^-1 M_DK {how} on q_D, as an expression"
     else:
         because = "in numbers"
-    because += f"; outside of it at most {found.slack:.2g} of a product, {found.n_slack} places"
+    because += f"; largest part outside {found.slack:.2g} ({found.n_slack} configurations)"
     return Claim(says, _verdict(found.slack < INSIDE), because)
 
 
@@ -96,7 +96,7 @@ def _tracking(found: Structure) -> Claim:
     )
     if found.tied:
         times = ", ".join(f"{' + '.join(names)} ({n})" for names, n in found.tied.items())
-        because = f"strings tie drives to one another: {times} of {len(found.tracking)} places"
+        because = f"strings tie drives to one another: {times} of {len(found.tracking)} configurations"
     return Claim(says, _verdict(not found.tied), because)
 
 
@@ -106,8 +106,8 @@ def _taut(found: Structure) -> Claim:
         return Claim(says, Verdict.NONE, "no configuration with taut strings")
     outside = sum(share > INSIDE for share in found.taut)
     because = (
-        f"outside in {outside} of {len(found.taut)} places, by up to {max(found.taut):.2g} of a "
-        "product"
+        f"outside in {outside} of {len(found.taut)} configurations; largest part outside "
+        f"{max(found.taut):.2g}"
     )
     return Claim(says, _verdict(outside == 0), because)
 

@@ -77,8 +77,10 @@ def markdown(report: ReductionReport, pictures: Sequence[str]) -> str:
         name = plots.PICTURES.get(table.title)
         if name in pictures:
             sections.append(f"![{table.title}]({name})")
-        if table.title == CLAIMS and report.structure.symbolic is not None:
-            sections.append("```\n" + expressions(report.structure.symbolic) + "\n```")
+        if table.title == CLAIMS:
+            sections += map(wrapped, report.meaning)
+            if report.structure.symbolic is not None:
+                sections.append("```\n" + expressions(report.structure.symbolic) + "\n```")
     return "\n\n".join([head, *sections]) + "\n"
 
 
@@ -123,7 +125,7 @@ def tables(report: ReductionReport) -> list[Table]:
 
 def _claims(report: ReductionReport) -> Table:
     rows = tuple((c.says, str(c.verdict), c.because) for c in report.claims)
-    return Table(CLAIMS, report.meaning, ("claim", "", "found"), rows)
+    return Table(CLAIMS, (), ("claim", "", "found"), rows)
 
 
 def _exact(report: ReductionReport) -> Table:

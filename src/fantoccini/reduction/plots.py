@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 if TYPE_CHECKING:
     from fantoccini.reduction.report import ReductionReport
 
@@ -15,7 +17,7 @@ PICTURES = {
     "A string with mass": "string_mass.png",
 }
 """Title of a section -> file of its picture."""
-_APART = "largest difference of the puppet [m or rad]"
+_APART = "largest difference [m or rad]"
 
 
 def draw(report: ReductionReport, folder: Path, prefix: str = "") -> list[Path]:
@@ -35,16 +37,20 @@ def draw(report: ReductionReport, folder: Path, prefix: str = "") -> list[Path]:
     event = [c for c in report.compared if c.method == "event"]
     fixed = [c for c in report.compared if c.method != "event"]
     if event:
-        times = [Curve(f"rtol {c.step:g}", c.t, c.puppet, marked=False) for c in event]
-        panels = [Panel("Exact tracking, event-driven", "time [s]", _APART, times, log_x=False)]
+        times = [
+            Curve(f"rtol {c.step:g}", c.t, np.maximum.accumulate(c.puppet), marked=False)
+            for c in event
+        ]
+        panels = [Panel("Exact tracking, event-driven", "up to [s]", _APART, times, log_x=False)]
         steps = []
         for method in dict.fromkeys(c.method for c in fixed):
-            x, y = zip(*((c.step, c.worst[0]) for c in fixed if c.method == method), strict=True)
+            points = [(1e3 * c.step, c.worst[0]) for c in fixed if c.method == method]
+            x, y = zip(*points, strict=True)
             steps += [Curve(method, x, y)]
             steps += [slope("", x, y, 1.0 if method == "timestepping" else 2.0)]
         if steps:
             panels.append(
-                Panel("Fixed steps; dashed: orders 1 and 2", "step [s]", _APART, steps)
+                Panel("Fixed steps; dashed: orders 1 and 2", "step [ms]", _APART, steps)
             )
         made["Exact tracking"] = panels
     if report.caught:
