@@ -10,7 +10,7 @@ from fantoccini.codegen import operations
 from fantoccini.errors import BuildError
 from fantoccini.marionette import Marionette
 from fantoccini.puppet import Number, Parameter
-from fantoccini.tree import WORLD, LimitRow, StringRow
+from fantoccini.tree import WORLD, DriveRow, LimitRow, StringRow
 
 _WINCH = ("restitution", "max_tension", "rewind_speed")
 """What only some puppets' strings have."""
@@ -96,6 +96,11 @@ def describe_puppet(file: str) -> None:
         [(s.name, *map(_value, (s.stiffness, s.rest, s.damping))) for s in tree.springs],
     )
     table(
+        "Drives",
+        ("of", "follows", "turns", "inertia>", "motor", "control"),
+        [_drive_row(made, row) for row in tree.drives],
+    )
+    table(
         "Limits",
         ("name", "bound>"),
         [(limit.name, _bound(made, limit)) for limit in tree.limits],
@@ -148,6 +153,17 @@ def _string_row(made: Marionette, string: StringRow) -> tuple:
     ]
     kind = "wire" if string.wire else "string"
     return string.name, _value(string.length), kind, *ends, len(string.points)
+
+
+def _drive_row(made: Marionette, row: DriveRow) -> tuple:
+    """What a drive moves, n, m + n^2 J, and what it is made of."""
+    drive, unit = row.drive, "kg m^2" if row.drive.drum is None and row.drive.mass is None else "kg"
+    drum = 1.0 if drive.drum is None else made.number(drive.drum)
+    n = made.number(drive.gear) / drum
+    rotor = 0.0 if drive.inertia is None else made.number(drive.inertia) * n * n
+    heavy = rotor + (0.0 if drive.mass is None else made.number(drive.mass))
+    parts = [getattr(part, "type", "") for part in (drive.motor, drive.control)]
+    return row.name, row.command_name, number(n), f"{number(heavy)} {unit}", *parts
 
 
 def _bound(made: Marionette, limit: LimitRow) -> str:

@@ -305,6 +305,8 @@ class _Text:
                 found.append((link.name, "quadratic drag: MuJoCo has it for whole models only"))
             if link.role is Role.DRIVEN and self.still is None and link.kind in ("ball", "free"):
                 found.append((link.joint, "a driven rotation: MuJoCo gets slides and hinges only"))
+        for row in self.tree.drives:
+            found.append((row.name, "a drive: MuJoCo gets driven coordinates without one"))
         return [_located(self.marionette, name, f"has {what}") for name, what in found]
 
     def _text(self, values) -> str:

@@ -11,7 +11,7 @@ from fantoccini.arrays import Array, ConfigK, Quaternion, Vec3
 from fantoccini.errors import StateError
 from fantoccini.marionette import Marionette
 from fantoccini.motion import rotation
-from fantoccini.tree import WORLD, Link, Role
+from fantoccini.tree import WORLD, Link
 
 Place = tuple[Vec3, Quaternion]
 """Position (3,) [m] and orientation (4,) as w, x, y, z in the world."""
@@ -66,7 +66,8 @@ def handles_of(marionette: Marionette, poses: Array) -> tuple[Handle, ...]:
     """
     found = []
     for i, link in enumerate(marionette.tree.links):
-        if link.role is not Role.DRIVEN:
+        lead = marionette.tree.lead(i)
+        if lead is None:
             continue
         R, _ = frame(marionette, link, poses)
         own, none, free = (R @ link.axes).T, np.zeros((0, 3)), np.eye(3)
@@ -86,10 +87,10 @@ def handles_of(marionette: Marionette, poses: Array) -> tuple[Handle, ...]:
                 joint=link.kind,
                 axes=axes,
                 turns=turns,
-                coordinates=marionette.coordinates.q_K[link.q],
+                coordinates=marionette.coordinates.q_K[lead[0]],
                 link=i,
-                q=link.q,
-                v=link.v,
+                q=lead[0],
+                v=lead[1],
             )
         )
     return tuple(found)

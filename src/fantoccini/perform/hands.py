@@ -63,8 +63,7 @@ class Hands:
                 when not given.
         """
         handles = handles_of(marionette, marionette.poses(x.q_D, x.q_K))
-        strings = [s for s in marionette.tree.strings if s.driven_length is not None]
-        winch = {s.name: s.driven_length for s in strings}
+        winch = _winches(marionette)
         known = cls.ranges_of(marionette, x) if lengths is None else lengths
         ranges = {name: known[name] for name in winch}
         groups = [(h.name, h.moves, 1.0) for h in handles if len(h.axes)]
@@ -82,8 +81,7 @@ class Hands:
     @staticmethod
     def ranges_of(marionette: Marionette, x: State) -> dict[str, tuple[float, float]]:
         """String with a driven length -> the range about its length at a state [m]."""
-        strings = [s for s in marionette.tree.strings if s.driven_length is not None]
-        return {s.name: _range(float(x.q_K[s.driven_length[0]])) for s in strings}
+        return {name: _range(float(x.q_K[q])) for name, (q, _) in _winches(marionette).items()}
 
     def away(self, q_K: ConfigK, wanted: ConfigK) -> VecK:
         """(n_vK,) tangent vector from one driven configuration to another."""
@@ -109,6 +107,13 @@ class Hands:
     def bounded_acceleration(self, wanted: VecK, v_K: VecK, tick: float) -> VecK:
         """(n_vK,) accelerations towards wanted velocities; see ``reach``."""
         return reach.bounded_acceleration(wanted, v_K, tick, self.group, self.acceleration)
+
+
+def _winches(marionette: Marionette) -> dict[str, tuple[int, int]]:
+    """String -> place in (q_K, v_K) of its length, or of its drive's command."""
+    tree = marionette.tree
+    places = {s.name: tree.length_lead(s) for s in tree.strings}
+    return {name: place for name, place in places.items() if place is not None}
 
 
 def _range(length: float) -> tuple[float, float]:

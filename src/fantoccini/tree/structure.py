@@ -329,6 +329,30 @@ class Tree:
         """Names of the one-sided rows: strings, then limits."""
         return tuple(r.name for r in self.strings) + tuple(r.name for r in self.limits)
 
+    def lead(self, link: int) -> tuple[slice, slice] | None:
+        """Places in (q_K, v_K) of what moves a link's joint: itself, or the commands of its drives.
+
+        None for a joint that moves by itself, wholly or in part, and for a winch.
+        """
+        joint = self.links[link]
+        if joint.role is Role.DRIVEN:
+            return joint.q, joint.v
+        rows = [row for row in self.drives if row.link == link and row.command]
+        if sum(row.v.stop - row.v.start for row in rows) != joint.v.stop - joint.v.start:
+            return None
+        if not rows or rows[0].name.endswith(".length"):
+            return None
+        (q, v), last = rows[0].command, rows[-1]
+        width_q, width_v = last.q.stop - rows[0].q.start, last.v.stop - rows[0].v.start
+        return slice(q, q + width_q), slice(v, v + width_v)
+
+    def length_lead(self, string: StringRow) -> tuple[int, int] | None:
+        """Place in (q_K, v_K) of a driven length, or of the command of the drive that winds it."""
+        if string.wound_length is None:
+            return string.driven_length
+        rows = [row for row in self.drives if row.name == f"{string.name}.length"]
+        return rows[0].command
+
     def string_lengths(
         self, q_D: np.ndarray, q_K: np.ndarray, number: Callable[[Number], float]
     ) -> np.ndarray:

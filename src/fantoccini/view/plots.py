@@ -147,10 +147,18 @@ def _driven(axes: Axes, run: Trajectory, colours: dict[str, str], theme: Theme) 
         turning = {q + i for q, _ in run.coordinates.quaternions_K for i in range(4)}
         chosen = [k for k in range(len(names)) if k not in turning]
         label = "driven [m or rad]"
+    moved = {command: name for name, command in run.coordinates.commands.items()}
     for n, k in enumerate(chosen[:_MOST_LINES]):
-        owner = names[k].removesuffix(".length")
+        name = moved.get(names[k], names[k])
+        owner = name.removesuffix(".length")
         colour = colours.get(owner, theme.cycle[n % len(theme.cycle)])
-        axes.plot(run.t, run.q_K[:, k], color=colour, linewidth=1.2, label=owner)
+        if name == names[k]:
+            axes.plot(run.t, run.q_K[:, k], color=colour, linewidth=1.2, label=owner)
+            continue
+        actual = run.q_D[:, run.coordinates.q_D.index(name)]
+        axes.plot(run.t, actual, color=colour, linewidth=1.2, label=owner)
+        dashed = {"linewidth": 1.0, "linestyle": (0, (3, 2)), "label": f"{owner}, command"}
+        axes.plot(run.t, run.q_K[:, k], color=colour, **dashed)
     axes.set_ylabel(label, color=theme.ink)
     _short_numbers(axes, theme)
     _legend(axes, theme)

@@ -1,0 +1,112 @@
+"""Drives in puppet files: what is found wrong, what a mirror and several puppets make of them."""
+
+from __future__ import annotations
+
+import pytest
+
+import fantoccini as fan
+from fantoccini.errors import ExchangeError, PuppetError
+from fantoccini.exchange import mjcf
+from fantoccini.puppet import loads
+from fantoccini.tree import grow
+from fantoccini.world import World
+
+RIG = """\
+puppet: rig
+mirror: {plane: xz, from: left, to: right}
+bodies:
+  - {name: weight, joint: {type: free}, mass: 0.3, inertia: [0.001, 0.001, 0.001]}
+  - name: bar
+    joint: {type: free, driven: true, at: [0, 0, 1]}
+    mass: 0.1
+    inertia: [0.001, 0.001, 0.001]
+  - {name: crank, joint: {type: revolute, axis: [1, 0, 0], driven: true}}
+strings:
+  - {name: wire_left, path: [{body: weight}, {driven: [x, y], at: [0, 0.2, 1]}], length: driven}
+  - {name: stay, path: [{body: weight}, {body: bar}], length: 1}
+pose: {bar.rotation: [0, 0, 0.3], wire_left.length: 0.9}
+"""
+PD = "control: {type: pd, stiffness: 10, damping: 1}"
+
+
+def rig(*drives: str) -> str:
+    return RIG + "drives:\n" + "".join(f"  - {{{d}}}\n" for d in drives)
+
+
+@pytest.mark.parametrize(
+    "drive, key, message",
+    [
+        (f"on: wire_lft.length, mass: 1, {PD}", "on", "did you mean 'wire_left.length'"),
+        (f"on: weight.x, mass: 1, {PD}", "on", "no driven coordinate is called 'weight.x'"),
+        (f"on: stay.length, mass: 1, {PD}", "on", "no driven coordinate"),
+        (f"on: [bar.x, bar.x], mass: 1, {PD}", "on[1]", "has a drive already, drives[0]"),
+        (f"on: [], mass: 1, {PD}", "on", "needed: one or more driven coordinates"),
+        (f"on: bar.x, {PD}", "", "needed: mass, inertia or both"),
+        (f"on: bar.x, inertia: 1e-5, {PD}", "inertia", "needed: the drum"),
+        (f"on: bar.x, mass: 1, drum: 0.1, {PD}", "drum", "a drum without a rotor"),
+        (f"on: crank, mass: 1, {PD}", "mass", "crank turns: it takes inertia and gear, no mass"),
+        (f"on: crank, inertia: 1, drum: 0.1, {PD}", "drum", "crank turns"),
+        ("on: crank, inertia: 1, motor: {type: servo, torque: 1}", "", "a motor without control"),
+        (f"on: crank, inertia: 1, motor: {{type: stepper, torque: 1}}, {PD}", "",
+         "a stepper follows its command by itself"),
+        ("on: bar.rotation, inertia: 1, motor: {type: stepper, torque: 1}", "motor.type",
+         "turns about three axes"),
+        (f"on: crank, inertia: 1, motor: {{type: turbine}}, {PD}", "motor.type",
+         "allowed: servo, dc, stepper"),
+        ("on: crank, inertia: 1, control: {type: pid}", "control.type", "allowed: pd, computed"),
+        (f"on: crank, inertia: -1, {PD}", "inertia", "needed: a positive number"),
+        ("on: crank, inertia: 1, motor: {type: stepper, torque: 1, steps: 1.5}", "motor.steps",
+         "needed: a whole number"),
+    ],
+)  # fmt: skip
+def test_mistakes(drive, key, message):
+    with pytest.raises(PuppetError) as found:
+        loads(rig(drive))
+    (problem,) = found.value.problems
+    assert message in problem.message
+    assert problem.key == "drives[0]" + (f".{key}" if key else "")
+    assert problem.line == RIG.count("\n") + 2
+
+
+def test_a_file_reads_back():
+    puppet = loads(rig(f"on: bar.rotation, inertia: 1e-3, {PD}", f"on: wire_left.x, mass: 1, {PD}"))
+    assert loads(puppet.to_yaml()) == puppet
+
+
+def test_twins_have_their_drives():
+    puppet = loads(rig(f"on: [wire_left.length, wire_left.y], mass: 1, {PD}"))
+    table = grow(World.of(puppet)).coordinates
+    assert set(table.commands) == {
+        f"wire_{side}.{what}" for side in ("left", "right") for what in ("length", "y")
+    }
+    # An end of which a drive moves one axis alone: x by hand, y by motor.
+    assert {"wire_right.x", "wire_right.command.y"} <= set(table.q_K)
+    assert "wire_right.y" in table.q_D
+    places = dict(zip(table.q_K, table.start_K, strict=True))
+    assert places["wire_right.command.y"] == -0.2
+    assert places["wire_left.command.length"] == 0.9
+
+
+def test_a_free_joint_is_taken_apart():
+    """bar.z by motor: x and y by hand carry z, and that carries the driven rotation."""
+    puppet = loads(rig(f"on: bar.z, mass: 1, {PD}"))
+    tree = grow(World.of(puppet))
+    links = {link.name: link for link in tree.links}
+    assert [links[n].role for n in ("bar.carriage1", "bar.carriage2", "bar")] == [
+        "driven", "dynamic", "driven",
+    ]  # fmt: skip
+    assert "bar.rotation" in tree.coordinates.rotations
+
+
+def test_several_puppets_keep_their_drives_apart():
+    drive = "on: wire_left.length, mass: {parameter: load, value: 1}, " + PD
+    one = loads(rig(drive))
+    other = loads(rig(drive).replace("puppet: rig", "puppet: other"))
+    tree = grow(World.of(one, other))
+    assert "other/wire_right.length" in tree.coordinates.commands
+    assert tree.drives[-1].drive.mass.parameter == "other/load"
+
+
+def test_what_cannot_be_exported_says_so():
+    with pytest.raises(ExchangeError, match="crank: has a drive"):
+        mjcf(fan.loads(rig(f"on: crank, inertia: 1, {PD}")))
