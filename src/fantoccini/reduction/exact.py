@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fantoccini.arrays import Array
+from fantoccini.errors import SimulationError
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, Trajectory
 from fantoccini.reduction.mechanism import Mechanism
@@ -119,17 +120,22 @@ def forces(mechanism: Mechanism, full: Marionette, motion: Motion, ratio: float)
     )  # fmt: skip
 
 
-def compared(mechanism: Mechanism, full: Marionette, motion: Motion) -> list[Compared]:
+def compared(
+    mechanism: Mechanism, full: Marionette, motion: Motion
+) -> tuple[list[Compared], list[str]]:
     """Both models up to the first catch, by all methods and at several tolerances and steps.
 
     Args:
         mechanism: the puppet.
         full: it on drives without control, as heavy as the puppet.
         motion: of the mixed model.
+
+    Returns:
+        The comparisons, and what could not be run, in words.
     """
     inputs = forces(mechanism, full, motion, 1.0)
     x_full = mechanism.state(full, motion.x0)
-    found = []
+    found, stopped = [], []
     settings = [("event", {"rtol": r, "atol": r}, r) for r in RTOL]
     half, end = 0.5 * motion.inputs.duration, motion.ends
     steps = [half / np.ceil(half / dt) for dt in STEPS]
@@ -139,10 +145,18 @@ def compared(mechanism: Mechanism, full: Marionette, motion: Motion) -> list[Com
             options = options | {"save_at": np.linspace(motion.x0.t, end, 200)[1:-1]}
         elif end - motion.x0.t < 4 * step:
             continue
-        mixed = simulate(mechanism.mixed, motion.x0, motion.inputs, end, method=method, **options)
-        other = simulate(full, x_full, inputs, end, method=method, **options)
+        try:
+            mixed, other = (
+                simulate(puppet, x, moves, end, method=method, **options)
+                for puppet, x, moves in (
+                    (mechanism.mixed, motion.x0, motion.inputs), (full, x_full, inputs)
+                )
+            )  # fmt: skip
+        except SimulationError as error:
+            stopped.append(f"{method} at {step:.3g}: {error}")
+            continue
         found.append(Compared(method, step, *_apart(mechanism, full, mixed, other)))
-    return found
+    return found, stopped
 
 
 def caught(mechanism: Mechanism, full: Marionette, motion: Motion) -> list[Caught]:

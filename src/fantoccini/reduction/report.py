@@ -111,9 +111,10 @@ def validate_reduction(
     if motion is not None:
         full = mechanism.full()
         say("comparing with exact tracking")
-        parts["compared"] = _attempt(
-            missing, "exact tracking", lambda: compared(mechanism, full, motion)
-        )
+        both = _attempt(missing, "exact tracking", lambda: compared(mechanism, full, motion))
+        if both is not None:
+            parts["compared"] = both[0]
+            missing += [f"exact tracking, {line}" for line in both[1]]
         thrown = tossed(mechanism, motion.x0, motion.inputs)
         if thrown is None:
             missing.append("catches: nothing catches when the puppet is tossed")

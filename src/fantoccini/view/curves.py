@@ -107,6 +107,8 @@ def _panel(axes: Axes, panel: Panel, theme: Theme) -> None:
             shown += 1
         if curve.marked:
             look |= {"marker": "o", "markersize": 4.0, "markeredgecolor": theme.top}
+        if not np.any(seen):
+            seen = np.isfinite(y)
         axes.plot(x[seen], y[seen], label=plain(curve.label, 40), **look)
     for x, text in panel.at:
         axes.axvline(x, color=theme.faint, linewidth=0.8)
@@ -114,7 +116,8 @@ def _panel(axes: Axes, panel: Panel, theme: Theme) -> None:
             x, 0.98, " " + plain(text, 40), transform=axes.get_xaxis_transform(), va="top",
             color=theme.faint, fontsize=8, parse_math=False,
         )  # fmt: skip
-    axes.set_yscale("log")
+    if any(np.any(np.asarray(curve.y) > 0.0) for curve in panel.curves):
+        axes.set_yscale("log")
     if panel.log_x:
         axes.set_xscale("log")
     axes.set_title(
