@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
 .PHONY: demo show test gallery bench bench-plan soak strings-report growth-report long-runs-report
-.PHONY: lint wheel clean
+.PHONY: reduction-report reports lint wheel clean
 .NOTPARALLEL:
 
 demo: $(VENV)/stamp-demo
@@ -40,6 +40,11 @@ growth-report: $(VENV)/stamp-bench
 
 long-runs-report: $(VENV)/stamp-bench
 	$(BIN)/python -m benchmarks.long_runs
+
+reduction-report: $(VENV)/stamp-bench
+	$(BIN)/python -m benchmarks.reduction
+
+reports: long-runs-report reduction-report
 
 lint: $(VENV)/stamp-test
 	$(BIN)/ruff check .

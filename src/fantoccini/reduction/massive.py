@@ -72,8 +72,19 @@ def heaviest(motion: Motion, puppet: Puppet) -> str:
     return name
 
 
-def massive(mechanism: Mechanism, motion: Motion, masses=MASSES) -> list[Massive]:
+def massive(
+    mechanism: Mechanism,
+    motion: Motion,
+    masses: tuple[float, ...] = MASSES,
+    bandwidths: tuple[float, ...] = BANDWIDTHS,
+) -> list[Massive]:
     """The motion with one string heavier and heavier, on drives of several bandwidths.
+
+    Args:
+        mechanism: the puppet.
+        motion: of the mixed model.
+        masses: of the string, over that of the puppet.
+        bandwidths: over sqrt(g/l).
 
     Raises:
         NoStringError: no string can be a chain.
@@ -88,7 +99,7 @@ def massive(mechanism: Mechanism, motion: Motion, masses=MASSES) -> list[Massive
         start = settled.rest(mechanism.state(settled, motion.x0))
         coupling = straight_coupling(mechanism, motion.x0, name, share * mechanism.mixed.mass)
         runs = []
-        for w in BANDWIDTHS:
+        for w in bandwidths:
             w = w / mechanism.pace
             tuned = mechanism.tuned(heavy, 1.0, w)
             run = simulate(

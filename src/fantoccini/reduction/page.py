@@ -99,8 +99,11 @@ def verdict(report: ReductionReport) -> list[str]:
             f"{report.catch_order:.2f}"
         )
     if report.tracked:
+        power = report.bandwidth_order
         said.append(
-            f"(c) with real tracking, as the bandwidth to the power {report.bandwidth_order:.2f}"
+            f"(c) with real tracking they differ as the bandwidth to the power {power:.2f}"
+            if np.isfinite(power)
+            else "(c) the puppet does not feel how well the drives track"
         )
     if report.massive:
         heavy = report.massive[-1]
