@@ -19,9 +19,15 @@ from fantoccini.errors import BuildError
 ROOT = Path(__file__).resolve().parents[2]
 
 
+COMMANDS = (
+    "check", "schema", "info", "equations", "export", "simulate", "validate-reduction", "demo",
+    "doctor",
+)  # fmt: skip
+
+
 def test_help_names_every_command_and_the_exit_codes() -> None:
     text = fantoccini("--help").stdout
-    for command in ("check", "schema", "info", "equations", "export", "simulate", "demo", "doctor"):
+    for command in COMMANDS:
         assert f"\n  {command} " in text
     for code in ("0 done", "1 the run", "2 mistakes", "130 stopped"):
         assert code in " ".join(text.split())
@@ -29,7 +35,7 @@ def test_help_names_every_command_and_the_exit_codes() -> None:
 
 def test_the_documentation_names_every_option() -> None:
     text = (ROOT / "docs" / "cli.md").read_text(encoding="utf-8")
-    for command in ("check", "schema", "info", "equations", "export", "simulate", "demo", "doctor"):
+    for command in COMMANDS:
         assert f"fantoccini {command}" in text
         for word in fantoccini(command, "--help").stdout.split():
             if word.startswith("--") and word.strip(",") != "--help":

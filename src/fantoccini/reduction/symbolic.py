@@ -1,13 +1,17 @@
-"""The kinetic energy's blocks of a small puppet as expressions, and the condition on them."""
+"""The kinetic energy's blocks of a small puppet as expressions, and the condition on them.
+
+SymPy is loaded when it is first needed: it takes long, and most of fantoccini does without.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import sympy as sp
-
-from fantoccini.equations.printing import TooLargeError, printable
 from fantoccini.marionette import Marionette
+
+if TYPE_CHECKING:
+    import sympy as sp
 
 _MOST = 3
 """Dynamic velocities up to which M_DD is inverted symbolically."""
@@ -37,6 +41,10 @@ class Symbolic:
 
 def symbolic(marionette: Marionette) -> Symbolic | None:
     """The blocks as SymPy expressions; None where they would fill pages."""
+    import sympy as sp
+
+    from fantoccini.equations.printing import TooLargeError, printable
+
     if marionette.equations["mass_matrix"].n_instructions() > _MOST_OPERATIONS:
         return None
     try:
