@@ -15,6 +15,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 
 EQUATIONS = {*(f"Eq. {n}" for n in range(1, 16)), "delta_1", "delta_2"} | {
+    "Sec. I",
     "Sec. III-C",
     "Sec. VI",
 }

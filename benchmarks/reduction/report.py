@@ -59,7 +59,8 @@ def details(report: ReductionReport) -> str:
     """A puppet's tables and plots."""
     parts = [f"## {report.name}"]
     for table in tables(report):
-        parts += [f"### {table.title} of {report.name}", *table.text, table.markdown().split("\n\n")[-1]]
+        rows = table.markdown().split("\n\n")[-1]
+        parts += [f"### {table.title} of {report.name}", *table.text, rows]
         if table.title == CLAIMS:
             parts += report.meaning
         else:
@@ -78,45 +79,48 @@ ALT = {
 TEXT = """\
 # The mixed model, checked
 
-The paper takes driven coordinates as inputs and leaves out the mechanism that moves them. Its Section
-VI ("Validity of mixed kinematic-dynamic modeling") argues why. `fantoccini validate-reduction FILE`
-makes an experiment of that argument for any puppet; this page holds its figures for some.
-`make reports` measures everything and writes the page.
+The paper takes driven coordinates as inputs and leaves out the mechanism that moves them. Its
+Section VI ("Validity of mixed kinematic-dynamic modeling") argues why. `fantoccini
+validate-reduction FILE` makes an experiment of that argument for any puppet; this page holds its
+figures for some. `make reports` measures everything and writes the page.
 
 ## What came out
 
-Every driven coordinate gets a drive as heavy as the puppet, so that q = [q_D, q_M] of the full model.
+Every driven coordinate gets a drive as heavy as the puppet, so that q = [q_D, q_M] of the full
+model.
 
 {structure}
 
 {figures}
 
-The mixed model is exact where the paper needs it: with drives that follow their inputs exactly, the
-full model's puppet moves as the mixed one's up to the integrator's error. At a catch a drive takes a
-part of the blow, in proportion to 1 / inertia. Drives of finite bandwidth w lag by pull / (J w^2), and
-the puppet with them. A string with mass leaves a difference that no bandwidth takes away. Two steps
-of the argument itself do not hold as they are printed:
+The mixed model is exact where the paper needs it: with drives that follow their inputs exactly,
+the full model's puppet moves as the mixed one's up to the integrator's error. At a catch a drive
+takes a part of the blow, in proportion to 1 / inertia. Drives of finite bandwidth w lag by pull /
+(J w^2), and the puppet with them. A string with mass leaves a difference that no bandwidth takes
+away. Two steps of the argument itself do not hold as they are printed:
 
-- *"because the strings are massless, the inertia tensor is block diagonal"*: massless strings are not
-  enough. A joint that is driven and moves mass couples the blocks; and a block diagonal tensor still
-  needs M_DD to depend on q_D alone.
+- *"because the strings are massless, the inertia tensor is block diagonal"*: massless strings are
+  not enough. A joint that is driven and moves mass couples the blocks; and a block diagonal
+  tensor still needs M_DD to depend on q_D alone.
 - *"this allows us to address the constraints independently"*: with a taut string whose end moves,
-  the symmetric products of the constrained connection leave the span although the string has no mass.
+  the symmetric products of the constrained connection leave the span although the string has no
+  mass.
 
 ## The structure, (a)
 
-A force on driven coordinate i accelerates along Y_i = M^-1 e_i. The paper asks <Y_i, Y_j> = nabla_Yi
-Y_j + nabla_Yj Y_i to lie in span{{Y_k}}. Forces on coordinates are gradients, Y_i = grad q_i, so
+A force on driven coordinate i accelerates along Y_i = M^-1 e_i. The paper asks <Y_i, Y_j> =
+nabla_Yi Y_j + nabla_Yj Y_i to lie in span{{Y_k}}. Forces on coordinates are gradients, Y_i = grad
+q_i, so
 
     <Y_i, Y_j> = grad (M^-1)_ij
 
-and the condition says: the driven block of M^-1, the inverse of M_KK - M_KD M_DD^-1 M_DK, does not
-change with q_D. In words: a puppet whose momentum is zero keeps it so, however the mechanism moves.
-M_DK = 0 with M_KK(q_K) has it.
+and the condition says: the driven block of M^-1, the inverse of M_KK - M_KD M_DD^-1 M_DK, does
+not change with q_D. In words: a puppet whose momentum is zero keeps it so, however the mechanism
+moves. M_DK = 0 with M_KK(q_K) has it.
 
-With taut strings A = [A_D A_K] the same holds of X_i = P Y_i, P the projection on A v = 0, within the
-surface h = 0. For a bob of mass m on a string of length L at the angle theta, with drives of inertia
-J, the winch alone has
+With taut strings A = [A_D A_K] the same holds of X_i = P Y_i, P the projection on A v = 0, within
+the surface h = 0. For a bob of mass m on a string of length L at the angle theta, with drives of
+inertia J, the winch alone has
 
     T = (m L^2 thetadot^2 + (m + J) Ldot^2) / 2,    <X_L, X_L> = grad 1 / (m + J) = 0
 
@@ -124,13 +128,13 @@ and a string's end that moves along x has
 
     <X_x, X_x> = grad 1 / (J + m sin^2 theta)
 
-which is not in span{{X_x}} = span{{grad x}}: the end's acceleration moves the bob, by A_K acc_K in Eq. 11,
-as M_DK acc_K would. The paper's own model has that term; it takes accelerations (Eq. 12) and asks for
-continuous velocities. What it needs is less than the condition: that the drives can give any acc_K.
-With the multipliers eliminated acc_K = G u_K + ..., and G is regular if and only if no y has A_D^T y = 0
-and A_K^T y != 0: no tensions that the puppet does not feel and the drives do. That is "any acc_K"
-above. It fails where strings tie drives to one another, as two winches that pull on one bob from
-both sides of its rail.
+which is not in span{{X_x}} = span{{grad x}}: the end's acceleration moves the bob, by A_K acc_K
+in Eq. 11, as M_DK acc_K would. The paper's own model has that term; it takes accelerations (Eq.
+12) and asks for continuous velocities. What it needs is less than the condition: that the drives
+can give any acc_K. With the multipliers eliminated acc_K = G u_K + ..., and G is regular if and
+only if no y has A_D^T y = 0 and A_K^T y != 0: no tensions that the puppet does not feel and the
+drives do. That is "any acc_K" above. It fails where strings tie drives to one another, as two
+winches that pull on one bob from both sides of its rail.
 
 The boom's carriage carries mass by a joint (|M_DK| up to {coupling} of sqrt(M_DD M_KK)). {boom}
 
@@ -138,7 +142,8 @@ The boom's carriage carries mass by a joint (|M_DK| up to {coupling} of sqrt(M_D
 
 ## Strings as chains
 
-What it costs to simulate strings as chains of masses and springs, where the constraint is not wanted:
+What it costs to simulate strings as chains of masses and springs, where the constraint is not
+wanted:
 
 {chains}
 

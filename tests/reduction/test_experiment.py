@@ -6,7 +6,6 @@ import functools
 
 import numpy as np
 import pytest
-from reduction.toys import HELD, WINCH
 
 import fantoccini as fan
 from fantoccini import puppets
@@ -17,6 +16,7 @@ from fantoccini.reduction.exact import caught, compared
 from fantoccini.reduction.massive import massive
 from fantoccini.reduction.mechanism import Mechanism
 from fantoccini.reduction.motions import swayed, tossed
+from reduction.toys import HELD, WINCH
 
 MASS = 0.5
 

@@ -194,13 +194,14 @@ class _Wanted:
         micro = 2 * np.pi / (motor.steps * motor.microsteps)
         if row.drive.drum is None and self.system.tree.links[row.link].kind != "revolute":
             pairs, micro = 2 * np.pi * pairs, 1.0 / (motor.steps * motor.microsteps)
-        angle = micro * ca.floor(n * self.q_K[q] / micro + 0.5)
+        coming, own = self.q_K[q] + self.dt * self.v_K[v], row.q.start
+        angle = micro * ca.floor(n * coming / micro + 0.5)
         torque = value(motor.torque)
         if motor.corner_speed is not None:
             corner = value(motor.corner_speed)
             speed = ca.sqrt((n * self.v_K[v]) ** 2 + _STILL)
             torque = torque * ca.fmin(1, corner / ca.fmax(speed, corner))
-        lag = pairs * (angle - n * (self.q_D[row.q.start] + self.dt * self.v_D[row.v.start]))
+        lag = pairs * (angle - n * (self.q_D[own] + self.dt * self.v_D[row.v.start]))
         stiffness = n * n * torque * pairs * ca.fmax(ca.cos(lag), 0)
         return symbolic([n * torque * ca.sin(lag)]), stiffness, ca.SX(0)
 

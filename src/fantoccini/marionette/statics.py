@@ -12,6 +12,7 @@ from fantoccini.errors import StateError, Status
 from fantoccini.marionette.checks import CLOSED
 from fantoccini.marionette.instant import Instant
 from fantoccini.motion import Input, State, tangent
+from fantoccini.puppet import Stepper as StepperMotor
 from fantoccini.runtime import Run
 
 if TYPE_CHECKING:
@@ -130,7 +131,7 @@ def rest(marionette: Marionette, x: State) -> State:
             push = _instability(marionette, found)
             if push is None:
                 _check_winches(marionette, found)
-                return marionette.with_mode(found.x)
+                return marionette.with_mode(_in_step(marionette, found).x)
             if np.max(np.abs(found.x.q_D - q_D)) < _STANDS:
                 pushed = found.x.replace(q_D=retract(marionette, found.x.q_D, push))
                 break
@@ -221,6 +222,21 @@ def _relaxed(marionette: Marionette, x: State):
             try_at = 2 * try_at + 1
             yield q_D
     yield q_D
+
+
+def _in_step(marionette: Marionette, found: _Equilibrium) -> _Equilibrium:
+    """The equilibrium with stepper motors in step, which letting go may have pulled out of it."""
+    q_D = found.x.q_D.copy()
+    for row in marionette.tree.drives:
+        motor, drive = row.drive.motor, row.drive
+        if isinstance(motor, StepperMotor):
+            drum = 1.0 if drive.drum is None else marionette.number(drive.drum)
+            turn = 1.0 if drive.drum is None and drive.mass is not None else 2.0 * np.pi
+            poles = 4.0 / motor.steps * turn * drum / marionette.number(drive.gear)
+            q_D[row.q] -= poles * np.round((q_D[row.q] - found.x.q_K[row.command[0]]) / poles)
+    if np.array_equal(q_D, found.x.q_D):
+        return found
+    return _newton(marionette, found.x.replace(q_D=q_D)) or found
 
 
 def _newton(marionette: Marionette, x: State) -> _Equilibrium | None:

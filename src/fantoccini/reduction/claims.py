@@ -96,7 +96,8 @@ def _tracking(found: Structure) -> Claim:
     )
     if found.tied:
         times = ", ".join(f"{' + '.join(names)} ({n})" for names, n in found.tied.items())
-        because = f"strings tie drives to one another: {times} of {len(found.tracking)} configurations"
+        of = f"of {len(found.tracking)} configurations"
+        because = f"strings tie drives to one another: {times} {of}"
     return Claim(says, _verdict(not found.tied), because)
 
 

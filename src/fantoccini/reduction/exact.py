@@ -10,6 +10,7 @@ of the blow, which goes with 1/J.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -97,7 +98,7 @@ def forces(mechanism: Mechanism, full: Marionette, motion: Motion, ratio: float)
     edges = edges[np.append(True, np.diff(edges) > 1e-9)]
     cuts = [
         np.linspace(a, b, int(np.ceil((b - a) / _PIECE)) + 1)[:-1]
-        for a, b in zip(edges[:-1], edges[1:], strict=True)
+        for a, b in pairwise(edges)
     ]
     breaks = np.append(np.concatenate(cuts), end)
     width = np.diff(breaks)

@@ -12,7 +12,7 @@ from fantoccini.reduction.mechanism import Mechanism
 from fantoccini.simulate import simulate
 
 _MOVE, _TURN = 0.03, 0.1
-"""Largest moves: of a length or place over the mean length of the strings, and of an angle [rad]."""
+"""Largest moves: of a length or place, over the mean length of the strings; of an angle [rad]."""
 _LASTS = 3.0
 """Duration, over sqrt(l/g)."""
 _FLIGHT = 0.25

@@ -1,0 +1,43 @@
+"""The paper's arm on a winch with a stepper motor: strong enough, and pulled out of step.
+
+The kinematic model moves the string as it is told. Here a rotor with a gear and a drum winds it:
+the holding torque decides whether the arm follows. A weak motor lifts it and drops it, pole by
+pole. Writes out/motors.png.
+"""
+
+from pathlib import Path
+
+import fantoccini as fan
+
+out = Path("out")
+out.mkdir(exist_ok=True)
+
+WINCH = """
+drives:
+  - on: hand.length
+    inertia: 5.0e-6
+    gear: 2
+    drum: 0.015
+    friction: {viscous: 2.0e-5}
+    motor: {type: stepper, torque: {parameter: torque, value: 0.05}, microsteps: 8}
+"""
+mixed = fan.puppets.arm2d()
+stand = fan.loads(mixed.puppet.to_yaml() + WINCH)
+
+LIFT = {"hand.length": [(0, 0.8), (0.6, 0.55), (1.0, 0.55), (1.6, 0.8)]}
+ideal = fan.simulate(mixed, mixed.rest({"hand.length": 0.8}), fan.Input.waypoints(mixed, LIFT))
+wanted = ideal.q_K[:, ideal.coordinates.q_K.index("hand.length")]
+print(f"told: the string from {wanted[0]:.2f} m to {wanted.min():.2f} m and back")
+for torque in (0.05, 0.018):
+    arm = stand.with_parameters({"torque": torque})
+    x0 = arm.rest({"hand.length": 0.8})
+    lift = fan.Input.waypoints(arm, LIFT)
+    run = fan.simulate(arm, x0, lift, t_end=2.5, method="timestepping", dt=1e-4)
+    length = run.q_D[:, run.coordinates.q_D.index("hand.length")]
+    force = max(abs(run.effort["hand.command.length"]))
+    print(
+        f"{1e3 * torque:4.0f} mN m: pulls up to {force:.2f} N, reaches {length.min():.3f} m, "
+        f"{length[-1] - 0.8:+.3f} m off at the end"
+    )
+run.plot(out / "motors.png")
+print("wrote", out / "motors.png")
