@@ -17,7 +17,7 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.errors import SimulationError
 from fantoccini.marionette import Marionette
-from fantoccini.motion import Input, Trajectory
+from fantoccini.motion import Event, EventKind, Input, Trajectory
 from fantoccini.reduction.mechanism import Mechanism
 from fantoccini.reduction.motions import IMPACTS, Motion
 from fantoccini.simulate import simulate
@@ -163,14 +163,15 @@ def compared(
 
 
 def caught(mechanism: Mechanism, full: Marionette, motion: Motion) -> list[Caught]:
-    """The first catch of a motion, with drives of more and more inertia.
+    """The first catch of a string that reaches a drive, with drives of more and more inertia.
 
     Args:
         mechanism: the puppet.
         full: it on drives without control.
         motion: of the mixed model, with a catch.
     """
-    end = min(motion.inputs.end, motion.ends + _AFTER * mechanism.pace)
+    first = _first(mechanism, motion)
+    end = min(motion.inputs.end, first.t + _AFTER * mechanism.pace)
     options = {"rtol": 1e-11, "atol": 1e-11}
     mixed = simulate(mechanism.mixed, motion.x0, motion.inputs, end, **options)
     found = []
@@ -179,15 +180,31 @@ def caught(mechanism: Mechanism, full: Marionette, motion: Motion) -> list[Caugh
         inputs = forces(mechanism, heavy, replace(motion, run=mixed), ratio)
         x = mechanism.state(heavy, motion.x0)
         other = simulate(heavy, x, inputs, end, **options)
-        found.append(_catch(mechanism, heavy, ratio, mixed, other))
+        found.append(_catch(mechanism, heavy, ratio, first.name, mixed, other))
     return found
 
 
+def _first(mechanism: Mechanism, motion: Motion) -> Event:
+    """The first catch of a string whose length or end moves; else the first impact there is."""
+    impacts = [e for e in motion.run.events if e.kind in IMPACTS]
+    reaches = np.any(mechanism.mixed.A_K(motion.x0) != 0.0, axis=1)
+    names = {n for n, r in zip(mechanism.mixed.tree.row_names, reaches, strict=True) if r}
+    catches = [e for e in impacts if e.kind is EventKind.CATCH and e.name in names]
+    return (catches or impacts)[0]
+
+
 def _catch(
-    mechanism: Mechanism, full: Marionette, ratio: float, mixed: Trajectory, other: Trajectory
+    mechanism: Mechanism,
+    full: Marionette,
+    ratio: float,
+    name: str,
+    mixed: Trajectory,
+    other: Trajectory,
 ) -> Caught:
-    first = next(e for e in mixed.events if e.kind in IMPACTS)
-    same = next((e for e in other.events if e.kind in IMPACTS and e.name == first.name), None)
+    first, same = (
+        next((e for e in run.events if e.kind in IMPACTS and e.name == name), None)
+        for run in (mixed, other)
+    )
     if same is None:
         return Caught(ratio, first.name, 0.0, first.impulse, np.nan, np.nan)
     names = [full.coordinates.v_D.index(n) for n in mechanism.mixed.coordinates.v_D]
