@@ -30,7 +30,7 @@ def report() -> fan.ReductionReport:
          Compared("variational", 0.004, t, 1e-5 * t, 1e-6 * t)),
         tuple(Caught(r, "hand", 1.0 - 0.1 / r, 1.0, 0.1 / r, 0.01 / r) for r in (1.0, 10.0, 100.0)),
         tuple(runs),
-        (Massive("hand", 0.01, 0.02, tuple(runs[1:])),),
+        (Massive("hand", 0.01, 0.02, runs[-1], tuple(runs[1:])),),
         ("a | line with [red]markup[/red]",),
     )  # fmt: skip
 

@@ -35,7 +35,7 @@ def validate_file(file: str, folder: Path, quiet: bool) -> None:
     if quiet:
         return
     for made in tables(report):
-        table(made.title, [h.replace("\\", "") for h in made.header], made.rows)
+        table(made.title, made.header, made.rows)
     for paragraph in report.meaning:
         write(paragraph + "\n")
     for line in verdict(report):

@@ -54,46 +54,42 @@ def tracked(
 
     Args:
         mechanism: the puppet.
-        full: it on drives with control, any of its strings a chain or none.
+        full: it on drives with control.
         motion: of the mixed model.
         bandwidth: [rad/s].
         ratio: mass of a drive over that of the puppet.
     """
     tuned = mechanism.tuned(full, ratio, bandwidth)
-    start = mechanism.state(tuned, motion.x0)
     run = simulate(
-        tuned, start, mechanism.commanded(tuned, motion.inputs), motion.inputs.end,
-        rtol=_RTOL, atol=_RTOL, effort=False, throw=False,
+        tuned, mechanism.state(tuned, motion.x0), mechanism.commanded(tuned, motion.inputs),
+        motion.inputs.end, rtol=_RTOL, atol=_RTOL, effort=False, throw=False,
     )  # fmt: skip
-    return beside(mechanism, tuned, motion.run, run, bandwidth)
+    return beside(mechanism, motion.run, run, bandwidth)
 
 
 def beside(
     mechanism: Mechanism,
-    full: Marionette,
     mixed: Trajectory,
     run: Trajectory,
     bandwidth: float,
     from_rest: bool = False,
 ) -> Tracked:
-    """How far a run of the full model is from the mixed model's.
+    """How far a run is from the mixed model's.
 
     Args:
         mechanism: the puppet.
-        full: it on drives.
         mixed: the mixed model's motion.
-        run: the full model's.
+        run: the other one.
         bandwidth: of the drives [rad/s].
         from_rest: less how far they are apart at the start.
     """
     times = np.linspace(mixed.t[0], min(mixed.t[-1], run.t[-1]), 300)
-    own = mixed.resample(times)
-    away = mechanism.away(full, run.resample(times).q_D, np.hstack([own.q_D, own.q_K]))
-    away = [part - from_rest * part[0] for part in away]
-    status = "" if run.t[-1] >= mixed.t[-1] - 1e-9 else run.status.message
-    return Tracked(
-        bandwidth, times, *(np.max(np.abs(part), axis=1, initial=0.0) for part in away), status
+    away = mechanism.away(mixed.resample(times), run.resample(times))
+    puppet, drives = (
+        np.max(np.abs(part - from_rest * part[0]), axis=1, initial=0.0) for part in away
     )
+    status = "" if run.t[-1] >= mixed.t[-1] - 1e-9 else run.status.message
+    return Tracked(bandwidth, times, puppet, drives, status)
 
 
 def bandwidths(mechanism: Mechanism, full: Marionette, motion: Motion) -> list[Tracked]:

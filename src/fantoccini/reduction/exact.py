@@ -158,7 +158,7 @@ def compared(
         except SimulationError as error:
             stopped.append(f"{method} at {step:.3g}: {error}")
             continue
-        found.append(Compared(method, step, *_apart(mechanism, full, mixed, other)))
+        found.append(Compared(method, step, *_apart(mechanism, mixed, other)))
     return found, stopped
 
 
@@ -214,7 +214,7 @@ def _catch(
         jumps.append((run.v_D[rows[-1]] - run.v_D[rows[0]])[own])
     M = mechanism.mixed.mass_matrix(mixed.at(first.t))
     size = np.sqrt([j @ M @ j for j in (jumps[1] - jumps[0], jumps[0])])
-    after = _apart(mechanism, full, mixed, other)[1]
+    after = _apart(mechanism, mixed, other)[1]
     return Caught(
         ratio, first.name, same.impulse, first.impulse, float(size[0] / size[1]),
         float(np.max(after)),
@@ -222,10 +222,9 @@ def _catch(
 
 
 def _apart(
-    mechanism: Mechanism, full: Marionette, mixed: Trajectory, other: Trajectory
+    mechanism: Mechanism, mixed: Trajectory, other: Trajectory
 ) -> tuple[Array, Array, Array]:
     """Times, and how far the two motions are apart: puppet and mechanism."""
     times = np.linspace(mixed.t[0], min(mixed.t[-1], other.t[-1]), 200)
-    own = mixed.resample(times)
-    away = mechanism.away(full, other.resample(times).q_D, np.hstack([own.q_D, own.q_K]))
+    away = mechanism.away(mixed.resample(times), other.resample(times))
     return times, *(np.max(np.abs(part), axis=1, initial=0.0) for part in away)

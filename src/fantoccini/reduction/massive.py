@@ -30,8 +30,6 @@ _STIFFNESS = 2000.0
 """EA of the string, over the puppet's weight."""
 _DAMPING = 0.02
 """Of a piece's stretch, as a part of what would damp it critically for the lightest string."""
-_SETTLED = 1e4
-"""Bandwidth at which the chain's rest is looked for, over sqrt(g/l)."""
 _RTOL = 1e-8
 
 
@@ -44,12 +42,14 @@ class Massive:
         mass: of it [kg].
         coupling: largest |M_DK| / sqrt(M_DD M_KK) that a straight string of that mass makes, with
             drives as heavy as the puppet.
-        tracked: the full model beside the massless mixed one, both counted from their rest.
+        exact: the mixed model with that string beside the massless one, both counted from rest.
+        tracked: the full model with it, in the same way.
     """
 
     string: str
     mass: float
     coupling: float
+    exact: Tracked
     tracked: tuple[Tracked, ...]
 
 
@@ -89,25 +89,25 @@ def massive(
     Raises:
         NoStringError: no string can be a chain.
     """
-    puppet = mechanism.mixed.puppet.expanded()
-    name = heaviest(motion, puppet)
-    full = mechanism.chained(name, _chain(mechanism))
-    found = []
+    name = heaviest(motion, mechanism.mixed.puppet.expanded())
+    own = mechanism.chained(name, _chain(mechanism))
+    full, found = own.full(bandwidth=1.0), []
+    options = {"rtol": _RTOL, "atol": _RTOL, "effort": False, "throw": False}
     for share in masses:
-        heavy = full.with_parameters({STRING_MASS: share * mechanism.mixed.mass})
-        settled = mechanism.tuned(heavy, 1.0, _SETTLED / mechanism.pace)
-        start = settled.rest(mechanism.state(settled, motion.x0))
-        coupling = straight_coupling(mechanism, motion.x0, name, share * mechanism.mixed.mass)
-        runs = []
-        for w in bandwidths:
-            w = w / mechanism.pace
-            tuned = mechanism.tuned(heavy, 1.0, w)
-            run = simulate(
-                tuned, start, mechanism.commanded(tuned, motion.inputs), motion.inputs.end,
-                rtol=_RTOL, atol=_RTOL, effort=False, throw=False,
-            )  # fmt: skip
-            runs.append(beside(mechanism, tuned, motion.run, run, w, from_rest=True))
-        found.append(Massive(name, share * mechanism.mixed.mass, coupling, tuple(runs)))
+        given = {STRING_MASS: share * mechanism.mixed.mass}
+        heavy = own.mixed.with_parameters(given)
+        start = heavy.rest(heavy.state(mechanism.values(motion.x0)))
+        commands = own.commanded(full, motion.inputs)
+        end = motion.inputs.end
+        run = simulate(heavy, start, own.commanded(heavy, motion.inputs), end, **options)
+        runs = [beside(mechanism, motion.run, run, np.inf, from_rest=True)]
+        for w in (w / mechanism.pace for w in bandwidths):
+            tuned = mechanism.tuned(full.with_parameters(given), 1.0, w)
+            run = simulate(tuned, own.state(tuned, start), commands, end, **options)
+            runs.append(beside(mechanism, motion.run, run, w, from_rest=True))
+        mass = share * mechanism.mixed.mass
+        coupling = straight_coupling(mechanism, motion.x0, name, mass)
+        found.append(Massive(name, mass, coupling, runs[0], tuple(runs[1:])))
     return found
 
 

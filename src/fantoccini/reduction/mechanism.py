@@ -14,7 +14,7 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.errors import Problem, PuppetError
 from fantoccini.marionette import Marionette
-from fantoccini.motion import Input, State
+from fantoccini.motion import Input, State, Trajectory
 from fantoccini.motion.pieces import channel_names
 from fantoccini.motion.tangent import between
 from fantoccini.puppet import Chain, ComputedTorque, Drive, Parameter, Puppet
@@ -115,45 +115,44 @@ class Mechanism:
             values.update(zip((f"v:{name}" for name in names), v.tolist(), strict=True))
         return values
 
-    def chained(self, name: str, chain: Chain) -> Marionette:
-        """The puppet on drives under control, one of its strings a chain."""
+    def chained(self, name: str, chain: Chain) -> Mechanism:
+        """The same with one string a chain; its drives need :meth:`tuned` of this one."""
         puppet = self.mixed.puppet.expanded()
         strings = tuple(
             s.model_copy(update={"chain": chain}) if s.name == name else s for s in puppet.strings
         )
         heavy = puppet.model_copy(update={"strings": strings})
-        return Marionette(self._on_drives(heavy, 1.0), self.mixed._progress)
+        return Mechanism(Marionette(heavy, self.mixed._progress))
 
     def commanded(self, full: Marionette, inputs: Input) -> Input:
-        """The mixed model's inputs as commands of the full model's drives."""
-        own, table = self.mixed.coordinates, full.coordinates
+        """A mixed model's inputs as commands of drives, or as inputs of another mixed model."""
+        table = full.coordinates
         coef = np.zeros((len(inputs.coef), table.n_vK, inputs.coef.shape[2]))
         base = np.zeros((len(inputs.base), table.n_qK))
         theirs = channel_names(table)
-        for name, (q, v) in channel_names(own).items():
-            at_q, at_v = theirs[table.commands[name]]
+        for name, (q, v) in channel_names(inputs.coordinates).items():
+            at_q, at_v = theirs[table.commands.get(name, name)]
             coef[:, at_v], base[:, at_q] = inputs.coef[:, v], inputs.base[:, q]
         return Input(table, inputs.breaks, coef, base, np.ones(table.n_vK, dtype=bool))
 
-    def away(self, full: Marionette, q: Array, x: Array) -> tuple[Array, Array]:
-        """How far full configurations are from mixed ones, as tangent vectors.
+    def away(self, mixed: Trajectory, run: Trajectory) -> tuple[Array, Array]:
+        """How far a run's configurations are from the mixed model's, as tangent vectors.
 
         Args:
-            full: the puppet on drives.
-            q: (T, n) its q_D.
-            x: (T, n_qD + n_qK) the mixed model's q_D and q_K, side by side.
+            mixed: a run of the mixed model.
+            run: at the same times, of the puppet on drives or with a chain, dynamic or driven.
 
         Returns:
             (T, n_vD) of the puppet, (T, n_vK) of the mechanism.
         """
-        own, names = self.mixed.coordinates, list(full.coordinates.q_D)
+        own, theirs = self.mixed.coordinates, run.coordinates
+        names, q = [*theirs.q_D, *theirs.q_K], np.hstack([run.q_D, run.q_K])
         found = []
-        for of, scalars, quaternions, start, n in (
-            (own.q_D, own.scalars_D, own.quaternions_D, 0, own.n_vD),
-            (own.q_K, own.scalars_K, own.quaternions_K, own.n_qD, own.n_vK),
+        for of, mine, scalars, quaternions, n in (
+            (own.q_D, mixed.q_D, own.scalars_D, own.quaternions_D, own.n_vD),
+            (own.q_K, mixed.q_K, own.scalars_K, own.quaternions_K, own.n_vK),
         ):
             places = [names.index(name) for name in of]
-            mine = x[:, start : start + len(of)]
             found.append(between(scalars, quaternions, mine, q[:, places], n))
         return found[0], found[1]
 

@@ -190,14 +190,14 @@ def _massive(report: ReductionReport) -> Table:
     text = (
         f"{report.massive[0].string} is a chain of point masses between stiff springs. How far the "
         "puppet is from the massless mixed model's, both counted from their own rest (m, rad). "
-        "|M_DK| is what a straight string of that mass makes, over sqrt(M_DD M_KK).",
+        "M_DK is what a straight string of that mass makes, over sqrt(M_DD M_KK).",
     )
     speeds = [f"at {t.bandwidth:.4g} rad/s>" for t in report.massive[0].tracked]
     rows = tuple(
-        (number(m.mass), number(m.coupling), *(number(t.worst[0]) for t in m.tracked))
+        (number(m.mass), number(m.coupling), *(number(t.worst[0]) for t in (*m.tracked, m.exact)))
         for m in report.massive
     )
-    return Table(MASSIVE, text, ("string [kg]>", "\\|M_DK\\|>", *speeds), rows)
+    return Table(MASSIVE, text, ("string [kg]>", "M_DK>", *speeds, "exact tracking>"), rows)
 
 
 def expressions(page: Symbolic) -> str:

@@ -91,7 +91,7 @@ def validate_reduction(
     (a) looks at the structure that the paper claims; (b) moves the puppet on drives by the forces
     of exact tracking and compares with the mixed model; (c) lets the drives follow with a finite
     bandwidth, and gives a string mass. Drives of the puppet's file are replaced: every driven
-    coordinate gets one, as heavy as the puppet. Compiles up to six models when it is first asked.
+    coordinate gets one, as heavy as the puppet. Compiles up to seven models when it is first asked.
 
     Args:
         marionette: the puppet.
