@@ -21,12 +21,12 @@ from fantoccini.reduction.motions import Motion
 from fantoccini.simulate import simulate
 
 STRING_MASS = "reduction_string_mass"
-MASSES = (0.003, 0.01, 0.03, 0.1)
+MASSES = (0.01, 0.03, 0.1)
 """Masses of the string, over that of the puppet."""
 BANDWIDTHS = tuple(20.0 * 4.0**k for k in range(4))
 """Of the drives, over sqrt(g/l)."""
 _PIECES = 4
-_STIFFNESS = 2000.0
+_STIFFNESS = 20_000.0
 """EA of the string, over the puppet's weight."""
 _DAMPING = 0.02
 """Of a piece's stretch, as a part of what would damp it critically for the lightest string."""
