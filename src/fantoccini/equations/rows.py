@@ -107,6 +107,7 @@ class PathRow:
         rate: d length / dt.
         bias: d^2 length / dt^2 for the accelerations the motions were computed with.
         own: place in v_K of the rate that is taken off; None where there is none.
+        share: how much of that rate.
     """
 
     around: Surroundings
@@ -116,6 +117,7 @@ class PathRow:
     rate: ca.SX
     bias: ca.SX
     own: int | None = None
+    share: float = 1.0
 
     @cached_property
     def A_D(self) -> np.ndarray:
@@ -127,7 +129,7 @@ class PathRow:
         """(n_vK,) derivative of the rate by v_K."""
         row = self._pulled(Role.DRIVEN, self.around.tree.coordinates.n_vK)
         if self.own is not None:
-            row[self.own] = row[self.own] - 1
+            row[self.own] = row[self.own] - self.share
         return row
 
     @cached_property

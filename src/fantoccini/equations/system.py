@@ -14,6 +14,7 @@ import numpy as np
 
 from fantoccini.equations import dynamics
 from fantoccini.equations.algebra import cross, dot, elements, scaled, symbolic, zeros
+from fantoccini.equations.elastic import Elastic, elastics
 from fantoccini.equations.inertia import BodyInertia, link_inertia, regrouped
 from fantoccini.equations.kinematics import (
     JointMotion,
@@ -22,7 +23,7 @@ from fantoccini.equations.kinematics import (
     joint_motion,
     link_motions,
 )
-from fantoccini.equations.rows import PathRow, Surroundings, limit_row, path_row, string_row
+from fantoccini.equations.rows import PathRow, Surroundings, limit_row, string_row
 from fantoccini.puppet import Number, Parameter
 from fantoccini.tree import Role, Tree
 
@@ -200,10 +201,11 @@ class System:
         return M
 
     @cached_property
-    def spring_rows(self) -> list[PathRow]:
-        """Path rows of the point-to-point springs."""
-        around = self.around(self.free_motions)
-        return [path_row(around, spring.points) for spring in self.tree.springs]
+    def elastics(self) -> list[Elastic]:
+        """Point-to-point springs, and the pieces of chains."""
+        return elastics(
+            self.around(self.free_motions), elements(self.symbols.q_K), elements(self.symbols.v_K)
+        )
 
     def spring_forces(self, f_D: np.ndarray, f_K: np.ndarray) -> None:
         """Adds the gradient of the springs' energy to f_D and f_K."""
@@ -218,10 +220,8 @@ class System:
                 else scaled(k, q[i] - symbolic([self.value(link.rest)]))
             )
             f_D[link.v] = f_D[link.v] + gradient
-        for spring, row in zip(self.tree.springs, self.spring_rows, strict=True):
-            pull = self.value(spring.stiffness) * (row.length - self.value(spring.rest))
-            f_D += scaled(pull, row.A_D)
-            f_K += scaled(pull, row.A_K)
+        for elastic in self.elastics:
+            elastic.add_gradient(f_D, f_K)
 
     def dissipation(self) -> tuple[np.ndarray, np.ndarray, list, ca.SX]:
         """Joint and spring damping forces (f_D, f_K), drag wrenches on the links, power loss."""
@@ -237,11 +237,8 @@ class System:
             torque, force, lost = self.drag(i)
             wrenches.append((torque, force))
             loss = loss + lost
-        for spring, row in zip(self.tree.springs, self.spring_rows, strict=True):
-            damping = self.value(spring.damping)
-            f_D += scaled(damping * row.rate, row.A_D)
-            f_K += scaled(damping * row.rate, row.A_K)
-            loss = loss + damping * row.rate * row.rate
+        for elastic in self.elastics:
+            loss = loss + elastic.add_damping(f_D, f_K)
         return f_D, f_K, wrenches, loss
 
     def drag(self, i: int) -> tuple[np.ndarray, np.ndarray, ca.SX]:
@@ -372,10 +369,9 @@ class System:
                 total = total + 2 * k * (1 - q[i][0] ** 2)
             else:
                 total = total + 0.5 * k * (q[i][0] - self.value(link.rest)) ** 2
-        around = self.around(self.resting_motions)
-        for spring in self.tree.springs:
-            stretch = path_row(around, spring.points).length - self.value(spring.rest)
-            total = total + 0.5 * self.value(spring.stiffness) * stretch**2
+        v_K, around = zeros(self.tree.coordinates.n_vK), self.around(self.resting_motions)
+        for elastic in elastics(around, elements(self.symbols.q_K), v_K):
+            total = total + elastic.energy
         return total
 
     @property

@@ -8,8 +8,9 @@ from fantoccini.marionette.checks import (
     many_of,
 )
 from fantoccini.marionette.flow import Flow
-from fantoccini.marionette.handle import Marionette, load, loads
+from fantoccini.marionette.handle import Marionette
 from fantoccini.marionette.linearisation import Linearisation, Partials
+from fantoccini.marionette.loading import load, loads
 from fantoccini.marionette.modes import Mode, Modes
 from fantoccini.marionette.portable import Parcel
 from fantoccini.marionette.step_linearisation import StepLinearisation

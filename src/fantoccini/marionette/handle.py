@@ -6,12 +6,11 @@ import copy
 import dataclasses
 from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from fantoccini import puppet, tree
+from fantoccini import tree
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.marionette import checks, statics, values_by_name
@@ -234,6 +233,8 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
         v_D, v_K = np.zeros(table.n_vD), np.zeros(table.n_vK)
         for name, value in (values or {}).items():
             values_by_name.put(table, name, value, q_D, v_D, q_K, v_K)
+        # The masses of chains lie between the ends of this state, not of the file's pose.
+        q_D, q_K = tree.placed(self.tree, q_D, q_K, self.number, frozenset(values or ()))
         if np.any(np.isnan(q_K)):
             reach = np.where(np.isnan(q_K), 0.0, q_K)
             (h,) = self.library.evaluate("rows", [q_D, reach, self.p])
@@ -386,29 +387,3 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
         """The state with its taut rows found."""
         _, tension = self.accelerations(x)
         return x.replace(taut=tension > 0.0)
-
-
-def load(path: str | Path, progress: Callable[[str], None] | None = None) -> Marionette:
-    """The marionette of a puppet file.
-
-    Args:
-        path: a YAML file.
-        progress: told what takes long while it happens.
-
-    Raises:
-        PuppetError: with every mistake in the file.
-    """
-    return Marionette(puppet.load(path), progress)
-
-
-def loads(text: str, progress: Callable[[str], None] | None = None) -> Marionette:
-    """The marionette of a puppet written in a string.
-
-    Args:
-        text: YAML, as in a puppet file.
-        progress: told what takes long while it happens.
-
-    Raises:
-        PuppetError: with every mistake in the text.
-    """
-    return Marionette(puppet.loads(text), progress)

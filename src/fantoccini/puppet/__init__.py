@@ -1,5 +1,6 @@
 """Puppets: the one schema, read from files or built in Python."""
 
+from fantoccini.puppet.chain import Chain
 from fantoccini.puppet.files import json_schema, load, loads
 from fantoccini.puppet.joint import Cone, Joint, JointSpring, Limits, Twist
 from fantoccini.puppet.schema import Attachment, Body, Drag, Mirror, Puppet, Spring, String
@@ -19,6 +20,7 @@ __all__ = [
     "Body",
     "Box",
     "Capsule",
+    "Chain",
     "Cone",
     "Drag",
     "Ellipsoid",

@@ -1,8 +1,11 @@
 """The tree: links in topological order, one-sided rows, and the table of coordinates."""
 
+from fantoccini.tree.chains import placed
 from fantoccini.tree.grow import grow
+from fantoccini.tree.place import link_poses, place
 from fantoccini.tree.structure import (
     WORLD,
+    ChainRow,
     Coordinate,
     CoordinateTable,
     LimitRow,
@@ -17,6 +20,7 @@ from fantoccini.tree.structure import (
 
 __all__ = [
     "WORLD",
+    "ChainRow",
     "Coordinate",
     "CoordinateTable",
     "LimitRow",
@@ -28,4 +32,7 @@ __all__ = [
     "StringRow",
     "Tree",
     "grow",
+    "link_poses",
+    "place",
+    "placed",
 ]

@@ -9,8 +9,10 @@ import numpy as np
 
 from fantoccini.puppet import Attachment, Body, Number, Parameter, Puppet, String
 from fantoccini.puppet.shapes import shape_inertia
+from fantoccini.tree.chains import AXES, mass_link, placed
 from fantoccini.tree.structure import (
     WORLD,
+    ChainRow,
     Coordinate,
     CoordinateTable,
     LimitRow,
@@ -104,6 +106,7 @@ class _Grower:
         self.strings: list[StringRow] = []
         self.springs: list[SpringRow] = []
         self.limits: list[LimitRow] = []
+        self.chains: list[ChainRow] = []
         self.parameters: dict[str, float] = {}
 
     def puppet(self, puppet: Puppet, prefix: str) -> None:
@@ -127,7 +130,7 @@ class _Grower:
     @property
     def parts(self) -> tuple[list, ...]:
         """The lists whose rows may hold parameters."""
-        return self.links, self.strings, self.springs
+        return self.links, self.strings, self.springs, self.chains
 
     def body(self, body: Body, parent: int, pose: dict, prefix: str) -> int:
         joint = body.joint
@@ -211,6 +214,9 @@ class _Grower:
                     f"{prefix}{string.name}.length", Role.FIXED, prefix + string.name, "m", None
                 )
             )
+        if string.chain is not None:
+            self.chain(string, points, length, length_index, prefix)
+            return
         self.strings.append(
             StringRow(
                 name=prefix + string.name,
@@ -222,6 +228,29 @@ class _Grower:
                 restitution=string.restitution,
                 max_tension=string.max_tension,
                 rewind_speed=string.rewind_speed,
+            )
+        )
+
+    def chain(
+        self, string: String, ends: tuple, length: Number | None, length_index, prefix: str
+    ) -> None:
+        """A string as masses, hand.1 to hand.7, and springs; they are placed when all is there."""
+        chain, masses = string.chain, []
+        for k in range(1, chain.pieces):
+            name = f"{prefix}{string.name}.{k}"
+            start = [np.nan] * len(AXES)
+            q, v = self.table.add(name, "translation", Role.DYNAMIC, AXES, AXES, start)
+            masses.append(Point(len(self.links), (0.0, 0.0, 0.0)))
+            self.links.append(mass_link(name, chain.mass, chain.pieces - 1, q, v))
+        self.chains.append(
+            ChainRow(
+                name=prefix + string.name,
+                points=(ends[0], *masses, ends[1]),
+                stiffness=chain.stiffness,
+                damping=chain.damping,
+                length=length,
+                length_index=length_index,
+                colour=string.colour,
             )
         )
 
@@ -270,7 +299,7 @@ def grow(world: World) -> Tree:
         prefix = f"{puppet.name}/" if len(world.puppets) > 1 else ""
         grower.puppet(puppet.expanded(), prefix)
     first = f"{world.puppets[0].name}/" if len(world.puppets) > 1 else ""
-    return Tree(
+    tree = Tree(
         name=world.name,
         gravity=_prefixed(tuple(world.gravity), first) if first else tuple(world.gravity),
         links=tuple(grower.links),
@@ -279,7 +308,12 @@ def grow(world: World) -> Tree:
         limits=tuple(grower.limits),
         coordinates=grower.table.finish(),
         parameters=grower.parameters,
+        chains=tuple(grower.chains),
     )
+    table = tree.coordinates
+    # A driven length without a start stays nan: the state that is asked for gives it one.
+    start_D, _ = placed(tree, table.start_D, table.start_K, _value)
+    return dataclasses.replace(tree, coordinates=dataclasses.replace(table, start_D=start_D))
 
 
 def _prefixed(part, prefix: str):

@@ -149,6 +149,34 @@ class SpringRow:
 
 
 @dataclass(frozen=True)
+class ChainRow:
+    """A string of point masses joined by springs: V = sum_k EA/(2 l) (d_k - l)^2, l = L / pieces.
+
+    Attributes:
+        name: the string's name.
+        points: its ends, and between them the masses.
+        stiffness: EA [N].
+        damping: force per unit of strain rate [N s].
+        length: L, relaxed [m], or None when it is driven.
+        length_index: place of the length in q_K and v_K as (q, v); None when it is a number.
+        colour: "#rrggbb" or None.
+    """
+
+    name: str
+    points: tuple[Point, ...]
+    stiffness: Number
+    damping: Number
+    length: Number | None
+    length_index: tuple[int, int] | None
+    colour: str | None = None
+
+    @property
+    def pieces(self) -> int:
+        """Number of springs."""
+        return len(self.points) - 1
+
+
+@dataclass(frozen=True)
 class LimitRow:
     """A one-sided limit of a joint, h <= 0.
 
@@ -260,6 +288,7 @@ class Tree:
         strings, springs, limits: one-sided rows are strings first, then limits.
         coordinates: the coordinate table.
         parameters: names and values of the argument p.
+        chains: strings that are masses and springs, and no rows.
     """
 
     name: str
@@ -270,6 +299,7 @@ class Tree:
     limits: tuple[LimitRow, ...]
     coordinates: CoordinateTable
     parameters: dict[str, float] = field(default_factory=dict)
+    chains: tuple[ChainRow, ...] = ()
 
     @property
     def n_rows(self) -> int:
