@@ -10,8 +10,8 @@ PIECES = 8
 """Springs of a string that does not say how many."""
 MOST_PIECES = 200
 CORD_MASS, CORD_STIFFNESS, CORD_DAMPING = 5e-4, 5000.0, 0.05
-"""A metre of polyester cord of 0.5 g/m, 0.7 mm thick, whose yarn has a specific modulus of 10 N/tex:
-EA = 10 N/tex x 500 tex. Damping that is a loss factor of 0.05 at 800 Hz."""
+"""A metre of polyester cord of 0.5 g/m, 0.7 mm thick. Its yarn has a specific modulus of 10 N/tex,
+so EA = 10 N/tex x 500 tex. The damping is a loss factor of 0.05 at 800 Hz."""
 
 
 class Chain(Model):
@@ -37,8 +37,8 @@ def check_chain(string) -> None:
     found = [what for what, is_given in given.items() if is_given]
     if found:
         raise mistake(
-            f"found chain and {found[0]}; a chain is made of springs, which neither bounce nor slip "
-            "nor are rigid"
+            f"found chain and {found[0]}; a chain is made of springs, which are not rigid and "
+            "neither bounce nor slip"
         )
     if len(string.path) > 2:
         raise mistake(
