@@ -4,7 +4,7 @@ With the stretch s = d - l of points at the distance d:
 
     V = k s^2 / 2,    pull = k s + c sdot.
 
-A piece of a chain has l = L / n, k = EA / l, c = (damping) / l. Where L is driven, l and k move with
+A piece of a chain has l = L / n, k = EA / l, c = damping / l. Where L is driven, l and k move with
 it: winding in takes relaxed string away, and by virtual work
 
     -dV/dl = k s + k s^2 / (2 l) = EA e (1 + e / 2),    e = s / l.

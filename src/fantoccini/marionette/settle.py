@@ -1,7 +1,8 @@
 """Rest of puppets on chains: V is descended by steps that know its curvature.
 
-Letting such a puppet go and stopping it where its kinetic energy peaks, as :mod:`.statics` does, takes the steps of its stiffest spring and the time of its slowest sway. Here, in the
-coordinates y in which M_DD is one, each step solves
+Letting such a puppet go and stopping it where its kinetic energy peaks, as :mod:`.statics` does,
+takes the steps of its stiffest spring and the time of its slowest sway. Here, in the coordinates y
+in which M_DD is one, each step solves
 
     min  -w0 . y + 1/2 y . (|H| + mu) y    subject to  h + W^T y <= 0
 
@@ -75,7 +76,8 @@ def _settled(marionette: Marionette, x: State) -> Equilibrium:
             y = softened @ (force - W @ found.x)
             move = at.back(y)
             size = float(np.max(np.abs(move), initial=0.0))
-            other = x.replace(q_D=retract(marionette, x.q_D, move * min(1.0, _LONGEST / (size or 1.0))))
+            move = move * min(1.0, _LONGEST / (size or 1.0))
+            other = x.replace(q_D=retract(marionette, x.q_D, move))
             if marionette.tree.n_rows:
                 other = project(marionette, other)
             V_other = marionette.energies(other)[1]
@@ -96,8 +98,8 @@ def _settled(marionette: Marionette, x: State) -> Equilibrium:
             V_other = marionette.energies(other)[1]
         x, V, mu = other, V_other, (mu * _SHRINKS if mu > _MU[1] and not flat else 0.0)
     raise StateError(
-        f"no equilibrium was found in {_ROUNDS} steps: the potential energy keeps falling. Is every "
-        "free body held by a string, a limit or a joint to the world?"
+        f"no equilibrium was found in {_ROUNDS} steps: the potential energy keeps falling. Is "
+        "every free body held by a string, a limit or a joint to the world?"
     )
 
 
