@@ -40,6 +40,8 @@ _LEVEL = 1e-15
 """Fall of V below which it is flat, over the puppet's weight [m]."""
 _UNSTABLE = 1e-9
 """Growth rate squared that counts as unstable, relative to the fastest oscillation's."""
+_STEP = 1e-6
+"""Step of the finite differences that give the Hessian [rad or m]."""
 _PUSH = 0.01
 """Largest part of a push off an unstable equilibrium [rad or m]."""
 
@@ -67,7 +69,7 @@ def _settled(marionette: Marionette, x: State) -> Equilibrium:
     for _ in range(_ROUNDS):
         at = marionette.instant(x)
         near = np.flatnonzero((at.h > -_NEAR * scale) | wires)
-        curvature, modes = _curvature(at, slopes(marionette, Equilibrium(x, rows, tension))[0])
+        curvature, modes = _curvature(at, _slope(marionette, Equilibrium(x, rows, tension)))
         while True:
             softened = modes / np.sqrt(np.abs(curvature) + mu)
             W = softened.T @ at.W[:, near]
@@ -101,6 +103,17 @@ def _settled(marionette: Marionette, x: State) -> Equilibrium:
         f"no equilibrium was found in {_ROUNDS} steps: the potential energy keeps falling. Is "
         "every free body held by a string, a limit or a joint to the world?"
     )
+
+
+def _slope(marionette: Marionette, at: Equilibrium) -> Array:
+    """Derivative (n_vD, n_vD) of w0 - W tau by a small move."""
+    if len(at.rows):
+        return slopes(marionette, at)[0]
+    x, n = at.x, len(at.x.v_D)
+    moved = retract(marionette, x.q_D, np.concatenate([np.eye(n), -np.eye(n)]) * _STEP)
+    rest = [x.v_D, x.q_K, x.v_K, np.zeros_like(x.v_K), np.zeros(n), marionette.p]
+    w0 = marionette.library.evaluate("dynamics", [moved, *rest])[1]
+    return (w0[:n] - w0[n:]).T / (2 * _STEP)
 
 
 def _curvature(at: Instant, slope: Array) -> tuple[Array, Array]:
