@@ -9,6 +9,7 @@ import numpy as np
 from benchmarks.string_model.subject import Subject
 
 import fantoccini as fan
+from fantoccini.errors import StateError
 from fantoccini.marionette import Marionette
 from fantoccini.marionette.statics import retract
 from fantoccini.motion import State
@@ -122,7 +123,10 @@ def largest_step(
     """
 
     def stands(dt: float) -> bool:
-        run = stepped(puppet, x, inputs, subject.t_end, dt)
+        try:
+            run = stepped(puppet, x, inputs, subject.t_end, dt)
+        except StateError:
+            return False
         if run.t[-1] < subject.t_end - 1e-9 or not np.all(np.isfinite(run.q_D)):
             return False
         right = np.array([np.interp(run.t, hand[0], x) for x in hand[1].T]).T

@@ -186,3 +186,60 @@ def test_mujoco_cannot_wind_a_chain():
 
     with pytest.raises(fan.ExchangeError, match="a chain that is wound"):
         mjcf(rope())
+
+
+def test_a_step_too_long_for_the_springs_is_refused_before_it_blows_up():
+    """2 / omega, omega = 2 sqrt(k / m) cos(pi / 2n): just below it a run keeps its energy."""
+    puppet = span().with_parameters({"L": 0.8, "g": 0.0})
+    x = puppet.rest()
+    longest = 1 / (np.sqrt(200 * N / 0.8 * (N - 1) / 0.03) * np.cos(np.pi / (2 * N)))
+    shape = 1e-4 * np.random.default_rng(0).normal(size=15)
+    moved = x.replace(q_D=x.q_D + shape)
+    fast = {"method": "timestepping", "t_end": 2.0}
+    run = fan.simulate(puppet, moved, None, dt=0.95 * longest, **fast)
+    assert np.max(np.abs(run.q_D - x.q_D)) < 2e-3
+    for start in (moved, [moved, moved]):
+        with pytest.raises(fan.StateError, match=r"dt = .* is too long for the chain line: .*above"):
+            fan.simulate(puppet, start, None, dt=1.01 * longest, **fast)
+    with pytest.raises(fan.StateError, match="too long for the chain line"):
+        puppet.stepper(moved, dt=1.01 * longest)
+    with pytest.raises(fan.StateError, match="too long for the chain line"):
+        fan.Performance(puppet, moved, dt=1.01 * longest, tick=1.01 * longest)
+
+
+RESTING = """
+puppet: resting
+bodies:
+  - name: bob
+    joint: {type: prismatic, axis: [0, 0, 1], limits: {lower: 0.3}}
+    mass: 0.2
+  - {name: other, joint: {type: translation, axes: [x, y, z]}, mass: 0.1}
+strings:
+  - name: slack
+    path: [{body: bob}, {world: [0, 0, 1]}]
+    length: 0.9
+    chain: {pieces: 4, mass: 0.03, stiffness: 500}
+  - {name: rod, path: [{body: other}, {world: [1, 0, 0.5]}], length: 0.4, wire: true}
+pose: {bob: 0.35, other.x: 1.1, other.z: 0.8}
+"""
+
+
+def test_rest_beside_limits_and_wires():
+    """The bob lies on its stop under half a slack rope; the other falls under its rod."""
+    puppet = fan.loads(RESTING)
+    x = puppet.rest()
+    q = dict(zip(puppet.coordinates.q_D, x.q_D, strict=True))
+    assert q["bob"] == pytest.approx(0.3, abs=1e-12)
+    assert [q[f"other.{a}"] for a in "xyz"] == pytest.approx([1.0, 0.0, 0.1], abs=1e-8)
+    acc, force = puppet.accelerations(x)
+    assert np.max(np.abs(acc)) < 1e-5
+    forces = dict(zip(puppet.tree.row_names, force, strict=True))
+    assert forces["rod"] == pytest.approx(0.1 * G, rel=1e-9)
+    assert 0.2 * G < forces["bob.lower"] < (0.2 + 0.03) * G
+
+
+def test_rest_does_not_stay_where_a_push_would_leave_it():
+    """The other bob begins right above its rod's end, a saddle of V."""
+    puppet = fan.loads(RESTING.replace("other.x: 1.1, other.z: 0.8", "other.x: 1, other.z: 0.9"))
+    q = dict(zip(puppet.coordinates.q_D, puppet.rest().q_D, strict=True))
+    assert q["other.z"] == pytest.approx(0.1, abs=1e-8)

@@ -5,6 +5,7 @@ from fantoccini.marionette.checks import (
     check_method,
     check_speeds,
     check_starts,
+    check_step,
     many_of,
 )
 from fantoccini.marionette.flow import Flow
@@ -30,6 +31,7 @@ __all__ = [
     "check_method",
     "check_speeds",
     "check_starts",
+    "check_step",
     "load",
     "loads",
     "many_of",

@@ -355,6 +355,7 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
         """
         checks.check_method(method)
         self.check_start(x0)
+        checks.check_step(self, method, x0.q_K, dt)
         return Stepper(self, x0, method, self.run_options(dt=dt, rtol=rtol, atol=atol))
 
     def flow(self, x0: State, inputs: Input | None = None) -> Flow:
