@@ -199,7 +199,7 @@ def test_a_step_too_long_for_the_springs_is_refused_before_it_blows_up():
     run = fan.simulate(puppet, moved, None, dt=0.95 * longest, **fast)
     assert np.max(np.abs(run.q_D - x.q_D)) < 2e-3
     for start in (moved, [moved, moved]):
-        with pytest.raises(fan.StateError, match=r"dt = .* is too long for the chain line: .*above"):
+        with pytest.raises(fan.StateError, match="is too long for the chain line: with"):
             fan.simulate(puppet, start, None, dt=1.01 * longest, **fast)
     with pytest.raises(fan.StateError, match="too long for the chain line"):
         puppet.stepper(moved, dt=1.01 * longest)
