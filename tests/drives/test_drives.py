@@ -295,3 +295,18 @@ def test_lanes_are_the_scalar_run(bob):
     many = fan.simulate(bob, x0, inputs, t_end=0.1, method="timestepping")
     one = fan.simulate(bob, x0, inputs[4], t_end=0.1, method="timestepping")
     np.testing.assert_allclose(many.q_D[4, -1], one.q_D[-1], rtol=1e-11, atol=1e-13)
+
+
+def test_a_drive_winds_a_chain():
+    """At rest the winch gives way by the pull over its stiffness; the books close in a lift."""
+    rope = "length: driven\n    chain: {pieces: 3, mass: 0.01, stiffness: 500, damping: 0.5}"
+    puppet = fan.loads(BOB.replace("length: driven", rope))
+    x0, names = puppet.rest({"line.length": 0.8}), puppet.coordinates.q_D
+    lift = fan.Input.waypoints(puppet, {"line.length": [(0, 0.8), (0.3, 0.7)]})
+    run = fan.simulate(puppet, x0, lift, t_end=0.5)
+    assert np.abs(run.ledger["residual"]).max() < 1e-10
+    assert np.abs(run.v_D[0]).max() < 1e-9 and np.abs(run.acc_D[0]).max() < 1e-6
+    # By virtual work a drum feels T (1 + T / 2 EA), T being what each third carries.
+    T = 9.81 * (0.4 + np.array([0.0, 0.005, 0.01]))
+    sag = np.mean(T * (1 + T / 1000)) / 800
+    assert x0.q_D[names.index("line.length")] - 0.8 == pytest.approx(sag, rel=1e-8)

@@ -74,6 +74,13 @@ class Method(enum.StrEnum):
     VARIATIONAL = "variational"
 
 
+class StringModels(enum.StrEnum):
+    """What strings are."""
+
+    CONSTRAINT = "constraint"
+    CHAIN = "chain"
+
+
 def main() -> None:
     """The entry point of the command ``fantoccini``."""
     for stream in (sys.stdout, sys.stderr):
@@ -212,6 +219,9 @@ def simulate(
         ),
     ] = None,
     method: Annotated[Method, typer.Option(help="How to integrate.")] = Method.EVENT,
+    string_model: Annotated[
+        StringModels, typer.Option(help="Massless constraints, or masses joined by springs.")
+    ] = StringModels.CONSTRAINT,
     dt: Annotated[
         float | None,
         typer.Option(
@@ -257,7 +267,7 @@ def simulate(
 
     simulate_file(
         Request(
-            file, inputs, duration, method.value, dt, rtol, integrator,
+            file, inputs, duration, method.value, string_model.value, dt, rtol, integrator,
             tuple(start or ()), tuple(out or ()), plot, quiet,
         )
     )  # fmt: skip

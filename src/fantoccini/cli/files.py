@@ -40,9 +40,11 @@ def puppet_path(name: str) -> Path:
     return path
 
 
-def marionette(name: str, progress: Callable[[str], None] | None = None) -> Marionette:
+def marionette(
+    name: str, progress: Callable[[str], None] | None = None, string_model: str = "constraint"
+) -> Marionette:
     """The marionette of a FILE argument."""
-    return load(puppet_path(name), progress)
+    return load(puppet_path(name), progress, string_model=string_model)
 
 
 def check_output(path: Path, endings: Iterable[str], option: str) -> None:

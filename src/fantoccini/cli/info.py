@@ -101,6 +101,17 @@ def describe_puppet(file: str) -> None:
         [_drive_row(made, row) for row in tree.drives],
     )
     table(
+        "Chains",
+        ("name", "pieces>", "length", "stiffness", "damping"),
+        [
+            (
+                c.name, c.pieces, "driven" if c.length is None else _value(c.length),
+                *map(_value, (c.stiffness, c.damping)),
+            )
+            for c in tree.chains
+        ],
+    )  # fmt: skip
+    table(
         "Limits",
         ("name", "bound>"),
         [(limit.name, _bound(made, limit)) for limit in tree.limits],

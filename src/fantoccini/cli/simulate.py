@@ -39,6 +39,7 @@ class Request:
     inputs: Path | None
     duration: float | None
     method: str
+    string_model: str
     dt: float | None
     rtol: float | None
     integrator: str | None
@@ -57,7 +58,7 @@ def simulate_file(request: Request) -> None:
     check_outputs(request.out, request.plot)
     given = read_values(request.start)
     with Steps(request.quiet) as steps:
-        made = marionette(request.file, steps.step)
+        made = marionette(request.file, steps.step, request.string_model)
         inputs = None if request.inputs is None else Input.load(made, request.inputs)
         duration = _duration(request, inputs)
         options = _options(request, duration)

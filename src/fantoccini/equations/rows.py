@@ -25,7 +25,7 @@ from fantoccini.equations.algebra import (
 )
 from fantoccini.equations.inertia import Value
 from fantoccini.equations.kinematics import JointMotion, LinkMotion
-from fantoccini.tree import WORLD, LimitRow, Point, Role, StringRow, Tree
+from fantoccini.tree import WORLD, ChainRow, LimitRow, Point, Role, StringRow, Tree
 
 EPS = 1e-9
 """Rounding of a segment's length at coincident points [m]."""
@@ -106,7 +106,8 @@ class PathRow:
         length: sum of the segments, less the string's length [m].
         rate: d length / dt.
         bias: d^2 length / dt^2 for the accelerations the motions were computed with.
-        own: the string whose length is taken off; None where there is none.
+        own: the string or chain whose length is taken off; None where there is none.
+        share: how much of that length.
     """
 
     around: Surroundings
@@ -115,7 +116,8 @@ class PathRow:
     length: ca.SX
     rate: ca.SX
     bias: ca.SX
-    own: StringRow | None = None
+    own: StringRow | ChainRow | None = None
+    share: float = 1.0
 
     @cached_property
     def A_D(self) -> np.ndarray:
@@ -127,7 +129,7 @@ class PathRow:
         """(n_vK,) derivative of the rate by v_K."""
         row = self._pulled(Role.DRIVEN, self.around.tree.coordinates.n_vK)
         if self.own is not None and self.own.driven_length:
-            row[self.own.driven_length[1]] -= 1
+            row[self.own.driven_length[1]] -= self.share
         return row
 
     @cached_property
@@ -148,7 +150,7 @@ class PathRow:
         """(n_vD,) what a unit multiplier gives the drive of the length, in its own joint."""
         row = zeros(self.around.tree.coordinates.n_vD)
         if self.own is not None and self.own.wound_length:
-            row[self.own.wound_length[1]] -= 1
+            row[self.own.wound_length[1]] -= self.share
         return row
 
     def _pulled(self, role: Role, n: int) -> np.ndarray:

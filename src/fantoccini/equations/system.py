@@ -13,7 +13,8 @@ import casadi as ca
 import numpy as np
 
 from fantoccini.equations import drives, dynamics
-from fantoccini.equations.algebra import cross, dot, elements, scaled, symbolic, zeros
+from fantoccini.equations.algebra import Expression, cross, dot, elements, scaled, symbolic, zeros
+from fantoccini.equations.elastic import Elastic, elastics
 from fantoccini.equations.inertia import BodyInertia, link_inertia, regrouped
 from fantoccini.equations.kinematics import (
     JointMotion,
@@ -22,58 +23,13 @@ from fantoccini.equations.kinematics import (
     joint_motion,
     link_motions,
 )
-from fantoccini.equations.rows import PathRow, Surroundings, limit_row, path_row, string_row
+from fantoccini.equations.rows import PathRow, Surroundings, limit_row, string_row
+from fantoccini.equations.symbols import Symbols
 from fantoccini.puppet import Number, Parameter
-from fantoccini.tree import Role, StringRow, Tree
+from fantoccini.tree import ChainRow, Role, StringRow, Tree
 
 _STILL = 1e-300
 """Added to the square of a speed, so that the derivative of |v| v at rest is 0 [m^2/s^2]."""
-
-
-@dataclass(frozen=True)
-class Symbols:
-    """The arguments of every expression.
-
-    Attributes:
-        q_D, v_D, acc_D: (n_qD,), (n_vD,), (n_vD,) dynamic configuration, velocity, acceleration.
-        q_K, v_K, acc_K: the same of the driven coordinates.
-        u_D: (n_vD,) user forces [N or N m].
-        lam: (n_strings,) multipliers of the strings, minus their tensions [N].
-        wrench: (6, n_links) force [N] on each link's centre of mass and torque [N m], world axes.
-        dt: step over which joint damping acts implicitly, 0 for the exact equations [s].
-        p: (n_p,) parameters.
-    """
-
-    q_D: ca.SX
-    v_D: ca.SX
-    acc_D: ca.SX
-    q_K: ca.SX
-    v_K: ca.SX
-    acc_K: ca.SX
-    u_D: ca.SX
-    lam: ca.SX
-    wrench: ca.SX
-    dt: ca.SX
-    p: ca.SX
-
-    @classmethod
-    def of(cls, tree: Tree) -> Symbols:
-        """Fresh symbols with the sizes of a tree."""
-        t = tree.coordinates
-        sizes = {
-            "q_D": t.n_qD,
-            "v_D": t.n_vD,
-            "acc_D": t.n_vD,
-            "q_K": t.n_qK,
-            "v_K": t.n_vK,
-            "acc_K": t.n_vK,
-            "u_D": t.n_vD,
-            "lam": len(tree.strings),
-            "dt": 1,
-            "p": len(tree.parameters),
-        }
-        made = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
-        return cls(wrench=ca.SX.sym("wrench", 6, len(tree.links)), **made)
 
 
 @dataclass(frozen=True)
@@ -214,10 +170,9 @@ class System:
         return M
 
     @cached_property
-    def spring_rows(self) -> list[PathRow]:
-        """Path rows of the point-to-point springs."""
-        around = self.around(self.free_motions)
-        return [path_row(around, spring.points) for spring in self.tree.springs]
+    def elastics(self) -> list[Elastic]:
+        """Point-to-point springs, and the pieces of chains."""
+        return elastics(self.around(self.free_motions), self.own_length)
 
     def spring_forces(self, f_D: np.ndarray, f_K: np.ndarray) -> None:
         """Adds the gradient of the springs' energy to f_D and f_K."""
@@ -232,10 +187,8 @@ class System:
                 else scaled(k, q[i] - symbolic([self.value(link.rest)]))
             )
             f_D[link.v] = f_D[link.v] + gradient
-        for spring, row in zip(self.tree.springs, self.spring_rows, strict=True):
-            pull = self.value(spring.stiffness) * (row.length - self.value(spring.rest))
-            f_D += scaled(pull, row.A_D)
-            f_K += scaled(pull, row.A_K)
+        for elastic in self.elastics:
+            elastic.add_gradient(f_D, f_K)
 
     def dissipation(self) -> tuple[np.ndarray, np.ndarray, list, ca.SX]:
         """Damping of joints, drives and springs (f_D, f_K), drag on the links, power loss."""
@@ -256,11 +209,8 @@ class System:
             friction = scaled(drives.resistance(row, v_D[row.v], self.value), v_D[row.v])
             f_D[row.v] = f_D[row.v] + friction
             loss = loss + dot(friction, v_D[row.v])
-        for spring, row in zip(self.tree.springs, self.spring_rows, strict=True):
-            damping = self.value(spring.damping)
-            f_D += scaled(damping * row.rate, row.A_D)
-            f_K += scaled(damping * row.rate, row.A_K)
-            loss = loss + damping * row.rate * row.rate
+        for elastic in self.elastics:
+            loss = loss + elastic.add_damping(f_D, f_K)
         return f_D, f_K, wrenches, loss
 
     def drag(self, i: int) -> tuple[np.ndarray, np.ndarray, ca.SX]:
@@ -370,15 +320,15 @@ class System:
             found.append(string_row(around, string, length, rate, curve))
         return found
 
-    def own_length(self, string: StringRow) -> tuple[ca.SX, ca.SX, ca.SX]:
+    def own_length(self, string: StringRow | ChainRow) -> tuple[ca.SX, ca.SX, ca.SX]:
         """L, its rate, and its acceleration where acc_D = 0."""
         s, none = self.symbols, ca.SX(0)
         if string.driven_length:
             q, v = string.driven_length
-            return s.q_K[q], s.v_K[v], s.acc_K[v]
+            return Expression(s.q_K[q]), Expression(s.v_K[v]), Expression(s.acc_K[v])
         if string.wound_length:
             q, v = string.wound_length
-            return s.q_D[q], s.v_D[v], none
+            return Expression(s.q_D[q]), Expression(s.v_D[v]), none
         return self.value(string.length), none, none
 
     @cached_property
@@ -421,10 +371,8 @@ class System:
                 total = total + 2 * k * (1 - q[i][0] ** 2)
             else:
                 total = total + 0.5 * k * (q[i][0] - self.value(link.rest)) ** 2
-        around = self.around(self.resting_motions)
-        for spring in self.tree.springs:
-            stretch = path_row(around, spring.points).length - self.value(spring.rest)
-            total = total + 0.5 * self.value(spring.stiffness) * stretch**2
+        for elastic in elastics(self.around(self.resting_motions), self.own_length):
+            total = total + elastic.energy
         return total
 
     @property

@@ -7,6 +7,7 @@ for, but can be said exactly:
 - a driven length is a slide behind a pulley of its tendon: so MuJoCo knows how fast it is wound,
 - a cone is a tendon between the tips of its axes:   |a - R b|^2 = 2 - 2 a.R b,
 - a twist is one that whoever runs the model leads anew at every step: :mod:`.twists`,
+- a chain's pieces are springs between its masses,
 - a ball joint's spring is one between every axis before and after it turns:
       k/4 sum_i |e_i - R e_i|^2 = 2 k (1 - q_w^2),
 - drag is an actuator on the velocity of the centre of mass.
@@ -19,6 +20,7 @@ is an error.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import pairwise
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -29,7 +31,7 @@ from fantoccini.errors import ExchangeError, Problem
 from fantoccini.exchange.joints import Joint, joints_of, pose_in_parent, winch_of
 from fantoccini.exchange.twists import cord
 from fantoccini.marionette import Marionette
-from fantoccini.tree import WORLD, LimitRow, Link, Point, Role, StringRow
+from fantoccini.tree import WORLD, ChainRow, LimitRow, Link, Point, Role, StringRow
 
 SPOOL = 1000.0
 """Length of a driven string and of what is wound in [m]; the longest that a string can be."""
@@ -89,6 +91,8 @@ class _Text:
                 f"damping={self._text((spring.damping,))}"
             )
             self._tendon(f"{spring.name}.spring", spring.points, springy)
+        for chain in self.tree.chains:
+            self._chain(chain)
         for limit in self.tree.limits:
             if limit.b is not None:
                 self._ball_limit(limit)
@@ -222,6 +226,19 @@ class _Text:
         sites = (self._site(f"{name}.{k}", point) for k, point in enumerate(points))
         self.tendons += f"<spatial name={quoteattr(name)} {how}>{''.join(sites)}{more}</spatial>"
 
+    def _chain(self, chain: ChainRow) -> None:
+        """The pieces of a chain as springs of MuJoCo."""
+        index = chain.driven_length
+        length = self.number(chain.length) if index is None else self.still[index[0]]
+        piece = length / chain.pieces
+        stiffness, damping = self.number(chain.stiffness), self.number(chain.damping)
+        springy = (
+            f"springlength={_numbers((piece,))} stiffness={_numbers((stiffness / piece,))} "
+            f"damping={_numbers((damping / piece,))}"
+        )
+        for k, ends in enumerate(pairwise(chain.points)):
+            self._tendon(f"{chain.name}.spring.{k}", ends, springy)
+
     def _string(self, string: StringRow) -> None:
         more, length = "", string.length
         if string.driven_length is not None:
@@ -300,6 +317,9 @@ class _Text:
                 found.append((string.name, "max_tension: MuJoCo has no winch that slips"))
             if self.number(string.restitution):
                 found.append((string.name, "restitution: MuJoCo's strings are caught softly"))
+        for chain in self.tree.chains:
+            if chain.length_index is not None and self.still is None:
+                found.append((chain.name, "a chain that is wound: MuJoCo's springs stay as long"))
         for link in self.tree.links:
             if self.number(link.drag[1]):
                 found.append((link.name, "quadratic drag: MuJoCo has it for whole models only"))

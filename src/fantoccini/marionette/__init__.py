@@ -5,11 +5,13 @@ from fantoccini.marionette.checks import (
     check_method,
     check_speeds,
     check_starts,
+    check_step,
     many_of,
 )
 from fantoccini.marionette.flow import Flow
-from fantoccini.marionette.handle import Marionette, load, loads
+from fantoccini.marionette.handle import Marionette
 from fantoccini.marionette.linearisation import Linearisation, Partials
+from fantoccini.marionette.loading import load, loads
 from fantoccini.marionette.modes import Mode, Modes
 from fantoccini.marionette.portable import Parcel
 from fantoccini.marionette.step_linearisation import StepLinearisation
@@ -29,6 +31,7 @@ __all__ = [
     "check_method",
     "check_speeds",
     "check_starts",
+    "check_step",
     "load",
     "loads",
     "many_of",

@@ -33,6 +33,35 @@ def check_method(method: str) -> None:
         raise ValueError(f"method is {method!r}; it must be one of {', '.join(METHODS)}")
 
 
+def check_step(marionette: Marionette, method: str, q_D: Array, q_K: Array, dt: float) -> None:
+    """Raises where the time-stepper would blow up on a chain: dt > 2 / omega.
+
+    omega = 2 sqrt(k / m) cos(pi / 2n) is the fastest vibration of a chain whose ends are held, n
+    being its pieces, k their stiffness and m each of its masses.
+
+    Args:
+        marionette: the puppet.
+        method: only ``timestepping`` takes the springs' forces from the beginning of the step.
+        q_D, q_K: (..., n_qD), (..., n_qK) configurations at the start.
+        dt: the step [s].
+
+    Raises:
+        StateError: naming the chain and the longest step.
+    """
+    for chain in marionette.tree.chains if method == "timestepping" else ():
+        n, length = chain.pieces, np.min(chain.own_length(q_D, q_K, marionette.number))
+        lump = marionette.tree.links[chain.points[1].link].lumps[0]
+        k = marionette.number(chain.stiffness) * n / length
+        m = marionette.number(lump.amount) * lump.volume
+        longest = 1.0 / (np.sqrt(k / m) * np.cos(np.pi / (2 * n)))
+        if dt > longest:
+            raise StateError(
+                f"dt = {dt:g} s is too long for the chain {chain.name}: with method="
+                f"'timestepping' its vibrations grow without bound in steps above {longest:.2g} s. "
+                "Take a shorter dt, method='event', or fewer, softer or heavier pieces"
+            )
+
+
 def check_start(marionette: Marionette, x: State) -> None:
     """Raises when a string is longer than its length, or is about to be.
 

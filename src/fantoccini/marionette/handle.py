@@ -6,15 +6,14 @@ import copy
 import dataclasses
 from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from fantoccini import puppet, tree
+from fantoccini import tree
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError, UnknownNameError
-from fantoccini.marionette import checks, statics, values_by_name
+from fantoccini.marionette import checks, settle, statics, values_by_name
 from fantoccini.marionette.analysis import Analysis
 from fantoccini.marionette.compiled import Compiled
 from fantoccini.marionette.differentiable import Differentiable
@@ -235,6 +234,8 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
         v_D, v_K = np.zeros(table.n_vD), np.zeros(table.n_vK)
         for name, value in (values or {}).items():
             values_by_name.put(table, name, value, q_D, v_D, q_K, v_K)
+        # The masses of chains lie between the ends of this state, not of the file's pose.
+        q_D, q_K = tree.placed(self.tree, q_D, q_K, self.number, frozenset(values or ()))
         if np.any(np.isnan(q_K)) or np.any(np.isnan(q_D)):
             (h,) = self.library.evaluate("rows", [np.nan_to_num(q_D), np.nan_to_num(q_K), self.p])
             for i, string in enumerate(self.tree.strings):
@@ -256,7 +257,7 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
             StateError: there is none, or it was not found.
         """
         x = values if isinstance(values, State) else self.state(values)
-        return statics.rest(self, x)
+        return settle.rest(self, x) if self.tree.chains else statics.rest(self, x)
 
     def project(self, x: State) -> State:
         """The nearest state that no string or limit forbids; see :func:`statics.project`."""
@@ -356,6 +357,7 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
         """
         checks.check_method(method)
         self.check_start(x0)
+        checks.check_step(self, method, x0.q_D, x0.q_K, dt)
         return Stepper(self, x0, method, self.run_options(dt=dt, rtol=rtol, atol=atol))
 
     def flow(self, x0: State, inputs: Input | None = None) -> Flow:
@@ -388,29 +390,3 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
         """The state with its taut rows found."""
         _, tension = self.accelerations(x)
         return x.replace(taut=tension > 0.0)
-
-
-def load(path: str | Path, progress: Callable[[str], None] | None = None) -> Marionette:
-    """The marionette of a puppet file.
-
-    Args:
-        path: a YAML file.
-        progress: told what takes long while it happens.
-
-    Raises:
-        PuppetError: with every mistake in the file.
-    """
-    return Marionette(puppet.load(path), progress)
-
-
-def loads(text: str, progress: Callable[[str], None] | None = None) -> Marionette:
-    """The marionette of a puppet written in a string.
-
-    Args:
-        text: YAML, as in a puppet file.
-        progress: told what takes long while it happens.
-
-    Raises:
-        PuppetError: with every mistake in the text.
-    """
-    return Marionette(puppet.loads(text), progress)

@@ -130,7 +130,7 @@ def rest(marionette: Marionette, x: State) -> State:
                 continue
             push = _instability(marionette, found)
             if push is None:
-                _check_winches(marionette, found)
+                check_winches(marionette, found)
                 return marionette.with_mode(_in_step(marionette, found).x)
             if np.max(np.abs(found.x.q_D - q_D)) < _STANDS:
                 pushed = found.x.replace(q_D=retract(marionette, found.x.q_D, push))
@@ -145,7 +145,7 @@ def rest(marionette: Marionette, x: State) -> State:
 
 
 @dataclass(frozen=True, eq=False)
-class _Equilibrium:
+class Equilibrium:
     """An equilibrium: forces w0 - W tau = 0 on the pulling rows, in the metric of M_DD.
 
     Attributes:
@@ -159,7 +159,7 @@ class _Equilibrium:
     tension: Array
 
 
-def _check_winches(marionette: Marionette, found: _Equilibrium) -> None:
+def check_winches(marionette: Marionette, found: Equilibrium) -> None:
     """Raises StateError where the strings cannot hold the puppet without slipping."""
     upper = marionette.upper
     if not np.any(np.isfinite(upper)):
@@ -175,14 +175,14 @@ def _check_winches(marionette: Marionette, found: _Equilibrium) -> None:
         )
 
 
-def _instability(marionette: Marionette, found: _Equilibrium) -> Array | None:
+def _instability(marionette: Marionette, found: Equilibrium) -> Array | None:
     """A push (n_vD,) along which V falls while the strings hold; None at a minimum.
 
     On the rows' null space the accelerations that answer a small move are -M^-1 H move, with H the
     Hessian of V + tau . h: self-adjoint in the metric of M_DD, so its eigenvalues are real.
     """
     instant = marionette.instant(found.x)
-    K, A = _slopes(marionette, found)
+    K, A = slopes(marionette, found)
     n = len(found.x.v_D)
     answer = instant.back(K.T).T if n else K
     pull = instant.back(instant.W[:, found.rows].T).T if len(found.rows) else np.zeros((n, 0))
@@ -224,7 +224,7 @@ def _relaxed(marionette: Marionette, x: State):
     yield q_D
 
 
-def _in_step(marionette: Marionette, found: _Equilibrium) -> _Equilibrium:
+def _in_step(marionette: Marionette, found: Equilibrium) -> Equilibrium:
     """The equilibrium with stepper motors in step, which letting go may have pulled out of it."""
     q_D = found.x.q_D.copy()
     for row in marionette.tree.drives:
@@ -239,7 +239,7 @@ def _in_step(marionette: Marionette, found: _Equilibrium) -> _Equilibrium:
     return _newton(marionette, found.x.replace(q_D=q_D)) or found
 
 
-def _newton(marionette: Marionette, x: State) -> _Equilibrium | None:
+def _newton(marionette: Marionette, x: State) -> Equilibrium | None:
     """The equilibrium near a configuration, or None when Newton's method does not settle on it."""
     n = marionette.coordinates.n_vD
     scale = marionette.row_scales(x.q_D, x.q_K)
@@ -263,10 +263,10 @@ def _newton(marionette: Marionette, x: State) -> _Equilibrium | None:
         if np.linalg.norm(force) < 1e-13 * size and shift < 1e-14:
             changed = _changed(marionette, instant, rows, tension, scale)
             if changed is None:
-                return _Equilibrium(x, rows, tension)
+                return Equilibrium(x, rows, tension)
             rows = changed
             continue
-        K, A = _slopes(marionette, _Equilibrium(x, rows, tension))
+        K, A = slopes(marionette, Equilibrium(x, rows, tension))
         system = np.block([[K, -W], [A, np.zeros((len(rows), len(rows)))]])
         step = np.linalg.lstsq(system, -np.concatenate([force, instant.h[rows]]), rcond=1e-9)[0]
         move = step[:n]
@@ -276,12 +276,12 @@ def _newton(marionette: Marionette, x: State) -> _Equilibrium | None:
         x = x.replace(q_D=retract(marionette, x.q_D, move * min(1.0, _LONGEST / (largest or 1.0))))
         settled = largest < 1e-15
         if settled and _changed(marionette, instant, rows, tension, scale) is None:
-            return _Equilibrium(x, rows, tension)
+            return Equilibrium(x, rows, tension)
     instant = marionette.instant(x)
     force = instant.w0 - instant.W[:, rows] @ tension
     balanced = np.linalg.norm(force) < 1e-11 * size
     if balanced and _changed(marionette, instant, rows, tension, scale) is None:
-        return _Equilibrium(x, rows, tension)
+        return Equilibrium(x, rows, tension)
     return None
 
 
@@ -299,7 +299,7 @@ def _changed(
     return np.union1d(rows[~pushing], np.flatnonzero(beyond))
 
 
-def _slopes(marionette: Marionette, at: _Equilibrium) -> tuple[Array, Array]:
+def slopes(marionette: Marionette, at: Equilibrium) -> tuple[Array, Array]:
     """Derivatives of w0 - W tau (n_vD, n_vD) and of h (len(rows), n_vD) by a small move."""
     n = len(at.x.v_D)
     moves = np.concatenate([np.eye(n), -np.eye(n)]) * _STEP

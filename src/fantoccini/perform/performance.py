@@ -9,7 +9,7 @@ import numpy as np
 
 from fantoccini.arrays import Array, ConfigK, Quaternion, Vec3
 from fantoccini.errors import StateError, Status, UnknownNameError
-from fantoccini.marionette import Marionette, Stepper
+from fantoccini.marionette import Marionette, Stepper, check_step
 from fantoccini.motion import State
 from fantoccini.perform import change
 from fantoccini.perform.grip import GRIP, SLIPPED, Holding, gripped
@@ -88,6 +88,7 @@ class Performance:
         if x0 is None:
             x0 = change.hanging(marionette)
         marionette.check_start(x0)
+        check_step(marionette, "timestepping", x0.q_D, x0.q_K, self.dt)
         self._take(marionette, x0)
         self._x0: State | None = x0
 

@@ -1,5 +1,6 @@
 """Puppets: the one schema, read from files or built in Python."""
 
+from fantoccini.puppet.chain import Chain
 from fantoccini.puppet.drive import (
     PD,
     ComputedTorque,
@@ -31,6 +32,7 @@ __all__ = [
     "Body",
     "Box",
     "Capsule",
+    "Chain",
     "ComputedTorque",
     "Cone",
     "Control",

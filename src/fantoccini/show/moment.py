@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fantoccini.view.scene import Scene, spring_ends
+from fantoccini.view.scene import Scene, chain_points, spring_ends
 
 if TYPE_CHECKING:
     from fantoccini.marionette import Marionette
@@ -26,6 +26,7 @@ class Moment:
         taut: (n_strings,) modes.
         tension: (n_strings,) [N], or None when unknown.
         springs: of each spring, (1, 2, 3) ends [m].
+        chains: of each chain, (n_points, 3) [m].
     """
 
     t: float
@@ -35,6 +36,7 @@ class Moment:
     taut: np.ndarray
     tension: np.ndarray | None
     springs: list[np.ndarray]
+    chains: list[np.ndarray]
 
 
 def moment_of(scene: Scene, k: int) -> Moment:
@@ -47,6 +49,7 @@ def moment_of(scene: Scene, k: int) -> Moment:
         taut=scene.taut[k],
         tension=None if scene.tension is None else scene.tension[k],
         springs=[s[k : k + 1] for s in scene.springs],
+        chains=[c[k] for c in scene.chains],
     )
 
 
@@ -69,4 +72,5 @@ def moment_at(marionette: Marionette, state: State, tension: np.ndarray | None) 
         taut=state.taut[:n],
         tension=None if tension is None else np.asarray(tension)[:n],
         springs=[e[None] for e in spring_ends(tree, poses)],
+        chains=list(chain_points(tree, poses)),
     )

@@ -44,6 +44,7 @@ class Colours:
         self.top = top
         self._ramp = _bytes(theme.tension_colours(_STEPS))
         self.slack = _bytes(theme.slack)
+        self._chains = [None if c is None else _bytes(c) for c in scene.chain_colours]
         self._own = [None if c is None else _bytes(c) for c in scene.colours]
 
     def of(self, string: int, tension: float | None) -> np.ndarray:
@@ -52,6 +53,11 @@ class Colours:
             own = self._own[string]
             return self._ramp[0] if own is None else own
         return self._ramp[self._step(tension)]
+
+    def of_chain(self, chain: int) -> np.ndarray:
+        """(3,) colour of a string of masses and springs, in 0 to 255."""
+        own = self._chains[chain]
+        return self._ramp[0] if own is None else own
 
     def hexadecimal(self, tension: float) -> str:
         """Colour of a tension as ``#rrggbb``."""
@@ -119,6 +125,14 @@ class Strings:
                 thickness=4.0, thickness_units="screen",
             )  # fmt: skip
             self.nodes.append(self._springs)
+        self._chains = [
+            add(
+                f"/chains/{n}", np.zeros((c.shape[1] - 1, 2, 3)),
+                tuple(map(int, colours.of_chain(n))), thickness=3.0, thickness_units="screen",
+            )
+            for n, c in enumerate(scene.chains)
+        ]  # fmt: skip
+        self.nodes.extend(self._chains)
 
     def show(self, moment: Moment) -> None:
         """Draws the strings of a moment."""
@@ -130,6 +144,10 @@ class Strings:
             ends = np.concatenate(moment.springs)
             if np.isfinite(ends).all():
                 self._springs.points = self._rounded(ends).astype(np.float32)
+        for node, points in zip(self._chains, moment.chains, strict=True):
+            if np.isfinite(points).all():
+                ends = np.stack([points[:-1], points[1:]], axis=1)
+                node.points = self._rounded(ends).astype(np.float32)
 
     def _show_spans(self, moment: Moment, holds: np.ndarray) -> None:
         starts = np.concatenate([p[:-1] for p in moment.points])

@@ -9,7 +9,14 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import Status
-from fantoccini.marionette import Marionette, check_inputs, check_speeds, check_starts, many_of
+from fantoccini.marionette import (
+    Marionette,
+    check_inputs,
+    check_speeds,
+    check_starts,
+    check_step,
+    many_of,
+)
 from fantoccini.motion import SAVED, Columns, Input, Inputs, State, States, Trajectories
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Batch, BatchLibrary, RunOptions, default_threads
@@ -51,6 +58,7 @@ def simulate_many(
     bound = given.bound(x0.q_K, t)
     check_speeds(marionette, t, x0.v_K, bound)
     check_starts(marionette, x0)
+    check_step(marionette, method, x0.q_D, x0.q_K, options.dt)
     times = _times(method, options, t, t_end, save_at)
     names = _saved(save)
     parts = _parts(marionette, names, n, len(times), out or {})

@@ -14,6 +14,7 @@ from fantoccini.marionette import (
     check_inputs,
     check_method,
     check_speeds,
+    check_step,
     many_of,
 )
 from fantoccini.motion import (
@@ -146,6 +147,7 @@ def simulate(
     bound = inputs.bound(x0.q_K, x0.t)
     check_speeds(marionette, x0.t, x0.v_K[None], many_of(bound))
     marionette.check_start(x0)
+    check_step(marionette, method, x0.q_D, x0.q_K, dt)
     save_at = _save_times(save_at, method, x0.t, t_end)
     about = options, x0, marionette.p, marionette.winches, bound, save_at
     if integrator is None:

@@ -1,17 +1,17 @@
 """The tree: links in topological order, one-sided rows, and the table of coordinates."""
 
+from fantoccini.tree.chains import placed
+from fantoccini.tree.coordinates import COMMAND, Coordinate, CoordinateTable, Role
 from fantoccini.tree.grow import grow
+from fantoccini.tree.place import link_poses, place
 from fantoccini.tree.structure import (
-    COMMAND,
     WORLD,
-    Coordinate,
-    CoordinateTable,
+    ChainRow,
     DriveRow,
     LimitRow,
     Link,
     Lump,
     Point,
-    Role,
     SpringRow,
     StringRow,
     Tree,
@@ -20,6 +20,7 @@ from fantoccini.tree.structure import (
 __all__ = [
     "COMMAND",
     "WORLD",
+    "ChainRow",
     "Coordinate",
     "CoordinateTable",
     "DriveRow",
@@ -32,4 +33,7 @@ __all__ = [
     "StringRow",
     "Tree",
     "grow",
+    "link_poses",
+    "place",
+    "placed",
 ]

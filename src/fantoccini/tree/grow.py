@@ -10,14 +10,15 @@ from pydantic import BaseModel
 
 from fantoccini.puppet import Attachment, Body, Number, Parameter, Puppet, String
 from fantoccini.puppet.shapes import shape_inertia
+from fantoccini.tree.chains import mass_link, placed
+from fantoccini.tree.coordinates import Coordinate, Role
 from fantoccini.tree.joints import AXES, Joints, carriage, suffixes
 from fantoccini.tree.structure import (
     WORLD,
-    Coordinate,
+    ChainRow,
     LimitRow,
     Lump,
     Point,
-    Role,
     SpringRow,
     StringRow,
     Tree,
@@ -33,6 +34,7 @@ class _Grower:
         self.strings: list[StringRow] = []
         self.springs: list[SpringRow] = []
         self.limits: list[LimitRow] = []
+        self.chains: list[ChainRow] = []
         self.parameters: dict[str, float] = {}
 
     def puppet(self, puppet: Puppet, prefix: str) -> None:
@@ -58,7 +60,7 @@ class _Grower:
     @property
     def parts(self) -> tuple[list, ...]:
         """The lists whose rows may hold parameters."""
-        return self.joints.links, self.strings, self.springs, self.joints.drives
+        return self.joints.links, self.strings, self.springs, self.chains, self.joints.drives
 
     def body(self, body: Body, parent: int, pose: dict, prefix: str) -> int:
         joint = body.joint
@@ -116,6 +118,9 @@ class _Grower:
             owner = prefix + string.name
             row = Coordinate(f"{owner}.length", role, owner, "m", None)
             self.joints.table.rows.append(row)
+        if string.chain is not None:
+            self.chain(string, points, length, length_index, role, prefix)
+            return
         self.strings.append(
             StringRow(
                 name=prefix + string.name,
@@ -131,11 +136,34 @@ class _Grower:
             )
         )
 
+    def chain(
+        self, string: String, ends: tuple, length: Number | None, length_index, role: Role,
+        prefix: str,
+    ) -> None:  # fmt: skip
+        """A string as masses, hand.1 to hand.7, and springs; they are placed when all is there."""
+        chain, masses = string.chain, []
+        for k in range(1, chain.pieces):
+            name = f"{prefix}{string.name}.{k}"
+            start = {f".{a}": np.nan for a in AXES}
+            link = mass_link(name, chain.mass, chain.pieces - 1)
+            masses.append(Point(self.joints.add(link, "translation", AXES, start), (0.0,) * 3))
+        self.chains.append(
+            ChainRow(
+                name=prefix + string.name,
+                points=(ends[0], *masses, ends[1]),
+                stiffness=chain.stiffness,
+                damping=chain.damping,
+                length=length,
+                length_index=length_index,
+                colour=string.colour,
+                length_role=role,
+            )
+        )
+
     def driven_end(self, string: str, end: Attachment, prefix: str) -> Point:
         """A massless body on driven world axes: `driven: [x, y]` gives hand.x and hand.y."""
         at = tuple(_value(x) if a in end.driven else x for a, x in zip(AXES, end.at, strict=True))
         return Point(self.joints.end(prefix + string, end.driven, at), (0.0, 0.0, 0.0))
-
 
 
 def grow(world: World) -> Tree:
@@ -153,7 +181,7 @@ def grow(world: World) -> Tree:
         prefix = f"{puppet.name}/" if len(world.puppets) > 1 else ""
         grower.puppet(puppet.expanded(), prefix)
     first = f"{world.puppets[0].name}/" if len(world.puppets) > 1 else ""
-    return Tree(
+    tree = Tree(
         name=world.name,
         gravity=_prefixed(tuple(world.gravity), first) if first else tuple(world.gravity),
         links=tuple(grower.joints.links),
@@ -163,7 +191,12 @@ def grow(world: World) -> Tree:
         coordinates=grower.joints.table.finish(),
         parameters=grower.parameters,
         drives=tuple(grower.joints.drives),
+        chains=tuple(grower.chains),
     )
+    table = tree.coordinates
+    # A driven length without a start stays nan: the state that is asked for gives it one.
+    start_D, _ = placed(tree, table.start_D, table.start_K, _value)
+    return replace(tree, coordinates=replace(table, start_D=start_D))
 
 
 def _prefixed(part, prefix: str):

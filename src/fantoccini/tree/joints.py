@@ -12,15 +12,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fantoccini.puppet import Drive, Joint
-from fantoccini.tree.structure import (
-    COMMAND,
-    WORLD,
-    Coordinate,
-    CoordinateTable,
-    DriveRow,
-    Link,
-    Role,
-)
+from fantoccini.tree.coordinates import COMMAND, Coordinate, CoordinateTable, Role
+from fantoccini.tree.structure import WORLD, DriveRow, Link
 
 AXES = ("x", "y", "z")
 

@@ -1,42 +1,23 @@
-"""The tree: links in topological order and the table of coordinates.
+"""The tree: links in topological order, and the rows of strings, springs, limits and drives.
 
 A :class:`Tree` is what the derivation reads. Every link carries one joint to its parent; every
-joint coordinate and every string length is one row of the :class:`CoordinateTable`, with a role:
-
-* ``dynamic``  moves by the equations of motion (q_D, v_D),
-* ``driven``   is a kinematic input (q_K, v_K),
-* ``fixed``    is a number.
-
-Configuration and velocity differ in size where a joint rotates freely: a ball joint has four
-configuration numbers (a unit quaternion w, x, y, z) and three velocities (the angular velocity in
-the body's frame).
+joint coordinate and every string length is one row of its
+:class:`~fantoccini.tree.coordinates.CoordinateTable`.
 """
 
 from __future__ import annotations
 
-import enum
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 
 from fantoccini.puppet import Drive, Number, Shape
 from fantoccini.puppet.shapes import UnitInertia
+from fantoccini.tree.coordinates import CoordinateTable, Role
 
 WORLD = -1
 """Index of the world where a link's parent or a point's carrier is asked for."""
-
-COMMAND = ".command"
-"""What stands behind the owner's name in the name of a command: ``hand.command.length``."""
-
-
-class Role(enum.StrEnum):
-    """What decides a coordinate's motion."""
-
-    DYNAMIC = "dynamic"
-    DRIVEN = "driven"
-    FIXED = "fixed"
 
 
 @dataclass(frozen=True)
@@ -114,8 +95,34 @@ class Point:
     at: tuple[Number, Number, Number]
 
 
+class Lengthed:
+    """What has a length L: a number, or a coordinate."""
+
+    length: Number | None
+    length_index: tuple[int, int] | None
+    length_role: Role
+
+    @property
+    def driven_length(self) -> tuple[int, int] | None:
+        """Place of the length in (q_K, v_K), where it is there."""
+        return self.length_index if self.length_role is Role.DRIVEN else None
+
+    @property
+    def wound_length(self) -> tuple[int, int] | None:
+        """Place of the length in (q_D, v_D), where a drive moves it."""
+        return self.length_index if self.length_role is Role.DYNAMIC else None
+
+    def own_length(
+        self, q_D: np.ndarray, q_K: np.ndarray, number: Callable[[Number], float]
+    ) -> np.ndarray:
+        """L [m] at configurations (..., n_qD), (..., n_qK); any shape that goes with these."""
+        if self.length_index is None:
+            return np.float64(number(self.length))
+        return (q_K if self.driven_length else q_D)[..., self.length_index[0]]
+
+
 @dataclass(frozen=True)
-class StringRow:
+class StringRow(Lengthed):
     """A string: h = (path length) - L <= 0.
 
     Attributes:
@@ -142,16 +149,6 @@ class StringRow:
     max_tension: Number | None = None
     rewind_speed: Number | None = None
     length_role: Role = Role.DRIVEN
-
-    @property
-    def driven_length(self) -> tuple[int, int] | None:
-        """Place of the length in (q_K, v_K), where it is there."""
-        return self.length_index if self.length_role is Role.DRIVEN else None
-
-    @property
-    def wound_length(self) -> tuple[int, int] | None:
-        """Place of the length in (q_D, v_D), where a drive moves it."""
-        return self.length_index if self.length_role is Role.DYNAMIC else None
 
 
 @dataclass(frozen=True)
@@ -193,6 +190,36 @@ class DriveRow:
 
 
 @dataclass(frozen=True)
+class ChainRow(Lengthed):
+    """A string of point masses joined by springs: V = sum_k EA/(2 l) (d_k - l)^2, l = L / pieces.
+
+    Attributes:
+        name: the string's name.
+        points: its ends, and between them the masses.
+        stiffness: EA [N].
+        damping: force per unit of strain rate [N s].
+        length: L, relaxed [m], or None when it is driven.
+        length_index: place of the length, as of :class:`StringRow`.
+        colour: "#rrggbb" or None.
+        length_role: of the length, where it has a place.
+    """
+
+    name: str
+    points: tuple[Point, ...]
+    stiffness: Number
+    damping: Number
+    length: Number | None
+    length_index: tuple[int, int] | None
+    colour: str | None = None
+    length_role: Role = Role.DRIVEN
+
+    @property
+    def pieces(self) -> int:
+        """Number of springs."""
+        return len(self.points) - 1
+
+
+@dataclass(frozen=True)
 class LimitRow:
     """A one-sided limit of a joint, h <= 0.
 
@@ -216,86 +243,6 @@ class LimitRow:
 
 
 @dataclass(frozen=True)
-class Coordinate:
-    """One row of the coordinate table.
-
-    Attributes:
-        name: for example ``elbow``, ``torso.qw``, ``hand.length``.
-        role: dynamic, driven or fixed.
-        owner: the joint or string it belongs to.
-        unit: unit of the configuration number.
-        index: place in q_D or q_K; None when fixed.
-    """
-
-    name: str
-    role: Role
-    owner: str
-    unit: str
-    index: int | None
-
-
-@dataclass(frozen=True)
-class CoordinateTable:
-    """Names and places of all coordinates.
-
-    Attributes:
-        rows: every configuration number, in order.
-        q_D, v_D, q_K, v_K: names of the entries of each vector.
-        quaternions_D, quaternions_K: (q, v) places where a quaternion and its angular velocity
-            begin.
-        scalars_D, scalars_K: (q, v) places of all other coordinates.
-        rotations: name of the rotation channel (``bar.rotation``) -> (q, v), driven ones only.
-        start_D, start_K: configuration in the file's pose; nan for driven lengths without one.
-        commands: coordinate with a drive -> the name of its command.
-    """
-
-    rows: tuple[Coordinate, ...]
-    q_D: tuple[str, ...]
-    v_D: tuple[str, ...]
-    q_K: tuple[str, ...]
-    v_K: tuple[str, ...]
-    quaternions_D: tuple[tuple[int, int], ...]
-    quaternions_K: tuple[tuple[int, int], ...]
-    scalars_D: tuple[tuple[int, int], ...]
-    scalars_K: tuple[tuple[int, int], ...]
-    rotations: dict[str, tuple[int, int]]
-    start_D: np.ndarray
-    start_K: np.ndarray
-    commands: dict[str, str] = field(default_factory=dict)
-
-    @cached_property
-    def places_K(self) -> tuple[np.ndarray, np.ndarray]:
-        """``scalars_K`` as two arrays: places in q_K and in v_K."""
-        places = np.array(self.scalars_K, dtype=np.intp).reshape(-1, 2)
-        return places[:, 0], places[:, 1]
-
-    @cached_property
-    def lengths_K(self) -> np.ndarray:
-        """Places of the driven lengths in v_K."""
-        return np.array([v for q, v in self.scalars_K if self.q_K[q].endswith(".length")], np.intp)
-
-    @property
-    def n_qD(self) -> int:
-        """Number of dynamic configuration numbers."""
-        return len(self.q_D)
-
-    @property
-    def n_vD(self) -> int:
-        """Number of dynamic velocities: the puppet's degrees of freedom."""
-        return len(self.v_D)
-
-    @property
-    def n_qK(self) -> int:
-        """Number of driven configuration numbers."""
-        return len(self.q_K)
-
-    @property
-    def n_vK(self) -> int:
-        """Number of driven velocities."""
-        return len(self.v_K)
-
-
-@dataclass(frozen=True)
 class Tree:
     """Links, strings, springs, limits and coordinates of a world, in the order of the equations.
 
@@ -307,6 +254,7 @@ class Tree:
         drives: coordinates that motors move.
         coordinates: the coordinate table.
         parameters: names and values of the argument p.
+        chains: strings that are masses and springs, and no rows.
     """
 
     name: str
@@ -318,6 +266,7 @@ class Tree:
     coordinates: CoordinateTable
     parameters: dict[str, float] = field(default_factory=dict)
     drives: tuple[DriveRow, ...] = ()
+    chains: tuple[ChainRow, ...] = ()
 
     @property
     def n_rows(self) -> int:
@@ -365,11 +314,7 @@ class Tree:
         q_D, q_K = np.asarray(q_D, dtype=float), np.asarray(q_K, dtype=float)
         out = np.zeros((*q_K.shape[:-1], len(self.strings)))
         for i, string in enumerate(self.strings):
-            if string.length_index is None:
-                out[..., i] = number(string.length)
-            else:
-                q = q_K if string.driven_length else q_D
-                out[..., i] = q[..., string.length_index[0]]
+            out[..., i] = string.own_length(q_D, q_K, number)
         return out
 
     def ancestors(self, link: int) -> list[int]:

@@ -213,13 +213,14 @@ def tension_bar(
         right, y: right end and height of the bar [px].
         unit: size of the letters [px].
     """
-    if scene.tension is None or not scene.names:
+    if scene.tension is None or not (scene.names or scene.chains):
         return
     theme = stage.theme
     length, thick = 15.0 * unit, 0.62 * unit
     left = right - length
     image(axes, stage.colours[None, :, :], (left, right, y, y + thick), 4.0)
-    over = float(np.nanmax(np.abs(scene.tension), initial=0.0)) > 1.001 * stage.top
+    largest = max(float(np.nanmax(np.abs(x), initial=0.0)) for x in (scene.tension, scene.pulls))
+    over = largest > 1.001 * stage.top
     sign = "\N{GREATER-THAN OR EQUAL TO} " if over else ""
     write(axes, left, y - 0.35 * unit, "0", 0.85 * unit, theme.faint, ha="left", va="top")
     write(

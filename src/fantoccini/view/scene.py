@@ -64,6 +64,9 @@ class Scene:
         colours: of the strings that have one of their own, else None.
         wires: True for two-sided strings.
         springs: for each spring (T, 2, 3) ends [m].
+        chains: for each chain (T, n_points, 3) its ends and masses [m].
+        pulls: (T, n_chains) mean pull of the springs of each chain [N].
+        chain_colours: as ``colours``.
         floor: height of the plane that shadows fall on [m].
         ground: True where that plane is a floor of the world, which strings cannot hang through.
         plane: mirror plane of the puppet, or None.
@@ -83,6 +86,9 @@ class Scene:
     colours: tuple[np.ndarray | None, ...]
     wires: tuple[bool, ...]
     springs: tuple[np.ndarray, ...]
+    chains: tuple[np.ndarray, ...]
+    pulls: np.ndarray
+    chain_colours: tuple[np.ndarray | None, ...]
     floor: float
     ground: bool
     plane: str | None
@@ -100,6 +106,10 @@ class Scene:
                     line = np.maximum(line, [-np.inf, -np.inf, self.floor])
             tension = None if self.tension is None else float(self.tension[k, s])
             out.append(Thread(line, taut, tension, self.colours[s], self.wires[s]))
+        for s, points in enumerate(self.chains):
+            pull = float(self.pulls[k, s])
+            tension = None if self.tension is None else max(pull, 0.0)
+            out.append(Thread(points[k], pull > 0.0, tension, self.chain_colours[s], False))
         return out
 
     def balls(self, strings: bool = True, most: int = 240) -> tuple[np.ndarray, np.ndarray]:
@@ -116,7 +126,8 @@ class Scene:
             for end in solid.axis:
                 centres.append(poses[..., :3] @ end + poses[..., 3])
                 radii.append(np.full(len(rows), _reach(solid)))
-        for points in (*self.points, *self.springs) if strings or not self.solids else ():
+        lines = (*self.points, *self.chains, *self.springs)
+        for points in lines if strings or not self.solids else ():
             flat = points[rows].reshape(-1, 3)
             centres.append(flat)
             radii.append(np.zeros(len(flat)))
@@ -128,9 +139,10 @@ class Scene:
 
     def tension_top(self) -> float:
         """Upper end of the tension scale [N]: a round number most of the motion stays under."""
-        if self.tension is None or not self.tension.size:
+        if self.tension is None:
             return 1.0
-        pulls = np.abs(self.tension[np.isfinite(self.tension)])
+        pulls = np.concatenate([self.tension.ravel(), self.pulls.ravel()])
+        pulls = np.abs(pulls[np.isfinite(pulls)])
         pulls = pulls[pulls > 0.0]
         if not pulls.size:
             return 1.0
@@ -173,8 +185,9 @@ def _scene(marionette: Marionette, t, q_D, q_K, taut, tension, slip) -> Scene:
     poses = np.asarray(marionette.poses(q_D, q_K))
     points = tuple(np.asarray(p) for p in marionette.string_points(q_D, q_K))
     springs = spring_ends(tree, poses)
+    chains, pulls = chain_points(tree, poses), chain_pulls(marionette, tree, poses, q_D, q_K)
     solids = _shapes(tree)
-    size = _size(solids, poses, points)
+    size = _size(solids, poses, (*points, *chains))
     solids += _stand_ins(tree, size)
     low = _lowest(solids, poses) if solids else 0.0
     floor = low - 0.04 * size if world.floor is None else float(world.floor)
@@ -192,6 +205,9 @@ def _scene(marionette: Marionette, t, q_D, q_K, taut, tension, slip) -> Scene:
         colours=tuple(None if s.colour is None else rgb(s.colour) for s in tree.strings),
         wires=tuple(s.wire for s in tree.strings),
         springs=springs,
+        chains=chains,
+        pulls=pulls,
+        chain_colours=tuple(None if c.colour is None else rgb(c.colour) for c in tree.chains),
         floor=floor,
         ground=world.floor is not None,
         plane=mirrors[0] if mirrors else None,
@@ -209,7 +225,7 @@ def handles(tree: Tree, theme: Theme, size: float) -> list[Solid]:
         size: of the motion [m].
     """
     out, seen = [], set()
-    for string in tree.strings:
+    for string in (*tree.strings, *tree.chains):
         for point in string.points:
             key = (point.link, point.at)
             if key in seen or not _held(tree, point.link):
@@ -240,7 +256,7 @@ def _stand_ins(tree: Tree, size: float) -> list[Solid]:
     children: dict[int, list[np.ndarray]] = {}
     for link in tree.links:
         children.setdefault(link.parent, []).append(np.array(link.offset))
-    for row in tree.strings:
+    for row in (*tree.strings, *tree.chains):
         for point in row.points:
             children.setdefault(point.link, []).append(np.array(point.at))
     for k, link in enumerate(tree.links):
@@ -272,6 +288,25 @@ def spring_ends(tree: Tree, poses: np.ndarray) -> tuple[np.ndarray, ...]:
     )
 
 
+def chain_points(tree: Tree, poses: np.ndarray) -> tuple[np.ndarray, ...]:
+    """For each chain (..., n_points, 3) its ends and masses [m]; arguments as for springs."""
+    return tuple(
+        np.stack([_carry(poses, end) for end in row.points], axis=-2) for row in tree.chains
+    )
+
+
+def chain_pulls(
+    marionette: Marionette, tree: Tree, poses: np.ndarray, q_D: np.ndarray, q_K: np.ndarray
+) -> np.ndarray:
+    """(..., n_chains) mean pull EA (d / l - 1) of the springs of each chain [N]."""
+    pulls = []
+    for row, points in zip(tree.chains, chain_points(tree, poses), strict=True):
+        path = np.linalg.norm(np.diff(points, axis=-2), axis=-1).sum(axis=-1)
+        length = row.own_length(q_D, q_K, marionette.number)
+        pulls.append(marionette.number(row.stiffness) * (path / length - 1.0))
+    return np.stack(pulls, axis=-1) if pulls else np.zeros((*poses.shape[:-3], 0))
+
+
 def _held(tree: Tree, link: int) -> bool:
     return link == WORLD or all(tree.links[k].role in _HELD for k in tree.ancestors(link))
 
@@ -295,7 +330,7 @@ def _settled(tree: Tree, number: Callable[[Number], float]) -> Tree:
     )  # fmt: skip
     return replace(
         tree, links=tuple(links), strings=tuple(map(points, tree.strings)),
-        springs=tuple(map(points, tree.springs)),
+        springs=tuple(map(points, tree.springs)), chains=tuple(map(points, tree.chains)),
     )  # fmt: skip
 
 

@@ -1,0 +1,1 @@
+"""Measures strings as chains of masses and springs beside the massless constraint."""

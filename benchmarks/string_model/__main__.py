@@ -1,0 +1,10 @@
+"""``python -m benchmarks.string_model``: prints what chains of masses and springs cost."""
+
+from __future__ import annotations
+
+from benchmarks.string_model.report import chain_table
+from benchmarks.strings.report import machine
+
+if __name__ == "__main__":
+    print(chain_table())
+    print(machine().markdown())

@@ -1,0 +1,190 @@
+"""What is measured of one model of the strings."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from benchmarks.string_model.subject import Subject
+
+import fantoccini as fan
+from fantoccini.errors import StateError
+from fantoccini.marionette import Marionette
+from fantoccini.marionette.statics import retract
+from fantoccini.motion import State
+from fantoccini.view.scene import chain_points
+
+TOLERANCE = 1e-8
+"""rtol and atol of the event-driven runs."""
+_LONGEST = 0.2
+"""Longest step of the time-stepper that is tried [s]."""
+_FINE = 1.05
+"""Ratio to which the largest stable one is found."""
+_ASTRAY = 0.005
+"""Distance from the event-driven motion at which a run counts as wrong [m]."""
+_BLOWN = 0.1
+"""Energy that appears or vanishes at which a run counts as wrong [J]."""
+_MOVE = 1e-6
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Figures of one model on one motion.
+
+    Attributes:
+        dof: degrees of freedom.
+        fastest, slowest: absolute values of the linearised motion's eigenvalues, at rest [1/s].
+        largest_step: of the time-stepper [s].
+        stepping: processor time a simulated second at half that step.
+        steps: of the event-driven method, a simulated second.
+        event: its processor time a simulated second.
+        stretch: largest part by which a string got longer than its length [m].
+        error: of the hand's place against the massless model, at the worst time [m].
+    """
+
+    dof: int
+    fastest: float
+    slowest: float
+    largest_step: float
+    stepping: float
+    steps: float
+    event: float
+    stretch: float
+    error: float
+
+
+def measure(
+    subject: Subject, puppet: Marionette, hand: np.ndarray | None
+) -> tuple[Measured, np.ndarray]:
+    """The figures of a model, and where the hand goes.
+
+    Args:
+        subject: the motion.
+        puppet: on constraints or chains.
+        hand: (T, 3) where the hand goes on massless strings [m]; None for these themselves.
+    """
+    puppet.compile()
+    x = puppet.rest()
+    inputs, t_end = subject.inputs(puppet, x), subject.t_end
+    options = {"rtol": TOLERANCE, "atol": TOLERANCE, "effort": False}
+    seconds, run = _least(lambda: fan.simulate(puppet, x, inputs, t_end, **options))
+    grid = np.linspace(0, t_end, 301)
+    on_grid = fan.simulate(puppet, x, inputs, t_end, save_at=grid[1:-1], **options)
+    here = subject.hand(puppet, on_grid)[np.searchsorted(on_grid.t, grid - 1e-9)]
+    fast, slow = eigenvalues(puppet, x)
+    step = largest_step(subject, puppet, x, inputs, (grid, here), min(0.3 / fast, 2e-4))
+    stepping, _ = _least(lambda: stepped(puppet, x, inputs, t_end, 0.5 * step))
+    found = Measured(
+        dof=puppet.coordinates.n_vD,
+        fastest=fast,
+        slowest=slow,
+        largest_step=step,
+        stepping=stepping / t_end,
+        steps=(len(run.t) - 1) / t_end,
+        event=seconds / t_end,
+        stretch=stretch(puppet, on_grid),
+        error=0.0 if hand is None else float(np.max(np.linalg.norm(here - hand, axis=1))),
+    )
+    return found, here
+
+
+def _least(work: Callable[[], fan.Trajectory]) -> tuple[float, fan.Trajectory]:
+    """Processor time of the fastest of three tries or more [s], and what the last one gave."""
+    took: list[float] = []
+    while sum(took) < 20.0 and (len(took) < 3 or sum(took) < 0.5):
+        began = time.process_time()
+        result = work()
+        took.append(time.process_time() - began)
+    return min(took), result
+
+
+def stepped(puppet, x: State, inputs, t_end: float, dt: float) -> fan.Trajectory:
+    """A run of the time-stepper that keeps little."""
+    return fan.simulate(
+        puppet, x, inputs, t_end, method="timestepping", dt=dt, effort=False, throw=False,
+        save_every=max(1, int(t_end / dt / 100)),
+    )  # fmt: skip
+
+
+def largest_step(
+    subject: Subject,
+    puppet: Marionette,
+    x: State,
+    inputs: fan.Input,
+    hand: tuple[np.ndarray, np.ndarray],
+    first: float,
+) -> float:
+    """The largest step up to which the time-stepper keeps to the right motion [s].
+
+    Args:
+        subject: the motion.
+        puppet, x, inputs: what runs.
+        hand: times (T,) [s], and (T, 3) where the hand is to be [m].
+        first: a step that is small enough [s].
+    """
+
+    def stands(dt: float) -> bool:
+        try:
+            run = stepped(puppet, x, inputs, subject.t_end, dt)
+        except StateError:
+            return False
+        if run.t[-1] < subject.t_end - 1e-9 or not np.all(np.isfinite(run.q_D)):
+            return False
+        right = np.array([np.interp(run.t, hand[0], x) for x in hand[1].T]).T
+        off = np.max(np.linalg.norm(subject.hand(puppet, run) - right, axis=1))
+        return bool(off < _ASTRAY and np.max(np.abs(run.ledger["residual"])) < _BLOWN)
+
+    low = first
+    if not stands(low):
+        raise ValueError(f"a step of {low:g} s is too long already")
+    while stands(2 * low) and low < _LONGEST:
+        low *= 2
+    high = 2 * low
+    while high / low > _FINE:
+        middle = np.sqrt(low * high)
+        low, high = (middle, high) if stands(middle) else (low, middle)
+    return float(low)
+
+
+def eigenvalues(puppet: Marionette, x: State) -> tuple[float, float]:
+    """Largest and smallest absolute value of those of the motion near rest [1/s].
+
+    In the coordinates where M_DD is one, and on taut strings across them; 0 is left out.
+    """
+    at = puppet.instant(x)
+    n = len(x.v_D)
+    _, tension = puppet.accelerations(x)
+    rows = np.flatnonzero(tension > 0)
+    W, tau = at.W[:, rows], tension[rows]
+    moves = at.back(np.eye(n))
+    stiff, damped = np.zeros((n, n)), np.zeros((n, n))
+    for k, move in enumerate(moves):
+        for sign in (1, -1):
+            size = sign * _MOVE / max(1.0, float(np.max(np.abs(move))))
+            q_D = retract(puppet, x.q_D, size * move)
+            there = puppet.instant(x.replace(q_D=q_D))
+            stiff[:, k] += 0.5 * (there.w0 - there.W[:, rows] @ tau) / size
+            moving = puppet.instant(x.replace(v_D=size * move))
+            damped[:, k] += 0.5 * moving.w0 / size
+    free = np.linalg.svd(W.T)[2][len(rows) :].T if len(rows) else np.eye(n)
+    m = free.shape[1]
+    system = np.zeros((2 * m, 2 * m))
+    system[:m, m:] = np.eye(m)
+    system[m:, :m], system[m:, m:] = free.T @ stiff @ free, free.T @ damped @ free
+    sizes = np.abs(np.linalg.eigvals(system))
+    return float(sizes.max()), float(sizes[sizes > 0.1].min())
+
+
+def stretch(puppet: Marionette, run: fan.Trajectory) -> float:
+    """The largest part by which a string is longer than its length [m]."""
+    if not puppet.tree.chains:
+        n = len(puppet.tree.strings)
+        return float(np.max(run.violation.values[:, :n]))
+    poses, longest = puppet.poses(run.q_D, run.q_K), 0.0
+    for row, points in zip(puppet.tree.chains, chain_points(puppet.tree, poses), strict=True):
+        path = np.linalg.norm(np.diff(points, axis=-2), axis=-1).sum(axis=-1)
+        length = run.q_K[:, row.length_index[0]]
+        longest = max(longest, float(np.max(path - length)))
+    return longest

@@ -1,0 +1,148 @@
+"""Rest of puppets on chains: V is descended by steps that know its curvature.
+
+Letting such a puppet go and stopping it where its kinetic energy peaks, as :mod:`.statics` does,
+takes the steps of its stiffest spring and the time of its slowest sway. Here, in the coordinates y
+in which M_DD is one, each step solves
+
+    min  -w0 . y + 1/2 y . (|H| + mu) y    subject to  h + W^T y <= 0
+
+with H the Hessian of V and |H| the same with the absolute values of its eigenvalues, so that a step
+goes down at a saddle as well; mu grows where V did not fall and shrinks where it did.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.errors import StateError
+from fantoccini.marionette.instant import Instant
+from fantoccini.marionette.statics import Equilibrium, check_winches, project, retract, slopes
+from fantoccini.motion import State
+
+if TYPE_CHECKING:
+    from fantoccini.marionette.handle import Marionette
+
+_ROUNDS = 3000
+_MU = (1e2, 1e-3, 1e14)
+"""mu at first, below which it is dropped, and at most [1/s^2]."""
+_GROWS, _SHRINKS = 3.0, 0.2
+"""How mu changes after a step that did not go down, and after one that did."""
+_LONGEST = 0.1
+"""Longest move of one round [rad or m]."""
+_NEAR = 0.05
+"""Rows that a step may reach, by h over their scale."""
+_STILL = 1e-12
+"""Moves below which a puppet rests [rad or m]."""
+_LEVEL = 1e-15
+"""Fall of V below which it is flat, over the puppet's weight [m]."""
+_UNSTABLE = 1e-9
+"""Growth rate squared that counts as unstable, relative to the fastest oscillation's."""
+_STEP = 1e-6
+"""Step of the finite differences that give the Hessian [rad or m]."""
+_PUSH = 0.01
+"""Largest part of a push off an unstable equilibrium [rad or m]."""
+
+
+def rest(marionette: Marionette, x: State) -> State:
+    """A hanging equilibrium of a puppet on chains; as :func:`statics.rest`.
+
+    Raises:
+        StateError: there is no equilibrium below, or it was not found, or a winch would slip in it.
+    """
+    rewinds = marionette.winches[: len(x.slip), 1] > 0
+    still = x.replace(
+        v_D=np.zeros_like(x.v_D), v_K=np.zeros_like(x.v_K), slip=np.where(rewinds, 0.0, x.slip)
+    )
+    found = _settled(marionette, project(marionette, still))
+    check_winches(marionette, found)
+    return marionette.with_mode(found.x)
+
+
+def _settled(marionette: Marionette, x: State) -> Equilibrium:
+    """A local minimum of V subject to the rows, from a state that they do not forbid."""
+    wires, scale = marionette.two_sided, marionette.row_scales(x.q_D, x.q_K)
+    mu, V = _MU[0], marionette.energies(x)[1]
+    rows, tension, left = np.zeros(0, dtype=int), np.zeros(0), np.inf
+    for _ in range(_ROUNDS):
+        at = marionette.instant(x)
+        near = np.flatnonzero((at.h > -_NEAR * scale) | wires)
+        curvature, modes = _curvature(at, _slope(marionette, Equilibrium(x, rows, tension)))
+        while True:
+            softened = modes / np.sqrt(np.abs(curvature) + mu)
+            W = softened.T @ at.W[:, near]
+            force = softened.T @ at.w0
+            found = marionette.library.complementarity(W, at.h[near] + W.T @ force, wires[near])
+            y = softened @ (force - W @ found.x)
+            move = at.back(y)
+            size = float(np.max(np.abs(move), initial=0.0))
+            move = move * min(1.0, _LONGEST / (size or 1.0))
+            other = x.replace(q_D=retract(marionette, x.q_D, move))
+            if marionette.tree.n_rows:
+                other = project(marionette, other)
+            V_other = marionette.energies(other)[1]
+            fell = V - V_other + _motors_work(marionette, x, other)
+            flat = abs(fell) <= _LEVEL * marionette.weight
+            if fell > 0.0 or flat or mu > _MU[2]:
+                break
+            mu = max(_GROWS * mu, 1e-3)
+        pulls = found.x != 0.0
+        rows, tension = near[pulls], found.x[pulls]
+        left, before = float(np.linalg.norm(at.w0 - at.W[:, rows] @ tension)), left
+        # Where V is flat to rounding the forces still tell how far it is.
+        if size < _STILL or (flat and left > 0.5 * before) or mu > _MU[2]:
+            push = _unstable(at, rows, curvature, modes)
+            if push is None:
+                return Equilibrium(x, rows, tension)
+            other = x.replace(q_D=retract(marionette, x.q_D, push))
+            V_other = marionette.energies(other)[1]
+        x, V, mu = other, V_other, (mu * _SHRINKS if mu > _MU[1] and not flat else 0.0)
+    raise StateError(
+        f"no equilibrium was found in {_ROUNDS} steps: the potential energy keeps falling. Is "
+        "every free body held by a string, a limit or a joint to the world?"
+    )
+
+
+def _motors_work(marionette: Marionette, x: State, other: State) -> float:
+    """What the drives' motors do between two states [J], by Simpson's rule: they are not in V."""
+    rows = [row for row in marionette.tree.drives if row.command is not None and not row.turns]
+    if not rows:
+        return 0.0
+    own, command = [row.q.start for row in rows], [row.command[1] for row in rows]
+    q_D = np.tile(x.q_D, (3, 1))
+    q_D[:, own] += np.array([[0.0], [0.5], [1.0]]) * (other.q_D - x.q_D)[own]
+    n, k, strings = len(x.v_D), len(x.v_K), len(marionette.tree.strings)
+    still = np.zeros((3, n)), np.tile(x.q_K, (3, 1)), np.zeros((3, k))
+    force = marionette.effort(q_D, *still, still[0], still[2], np.zeros((3, strings)))[:, command]
+    mean = (force[0] + 4.0 * force[1] + force[2]) / 6.0
+    return float(mean @ (other.q_D - x.q_D)[own])
+
+
+def _slope(marionette: Marionette, at: Equilibrium) -> Array:
+    """Derivative (n_vD, n_vD) of w0 - W tau by a small move."""
+    if len(at.rows):
+        return slopes(marionette, at)[0]
+    x, n = at.x, len(at.x.v_D)
+    moved = retract(marionette, x.q_D, np.concatenate([np.eye(n), -np.eye(n)]) * _STEP)
+    rest = [x.v_D, x.q_K, x.v_K, np.zeros_like(x.v_K), np.zeros(n), marionette.p]
+    w0 = marionette.library.evaluate("dynamics", [moved, *rest])[1]
+    return (w0[:n] - w0[n:]).T / (2 * _STEP)
+
+
+def _curvature(at: Instant, slope: Array) -> tuple[Array, Array]:
+    """Eigenvalues [1/s^2] and vectors of V's Hessian where M_DD is one."""
+    H = -slope @ at.back(np.eye(len(slope))).T
+    return np.linalg.eigh(0.5 * (H + H.T))
+
+
+def _unstable(at: Instant, rows: Array, curvature: Array, modes: Array) -> Array | None:
+    """A push (n_vD,) along which V falls while the rows hold; None at a minimum."""
+    W = at.W[:, rows]
+    free = np.eye(len(modes)) - W @ np.linalg.pinv(W) if len(rows) else np.eye(len(modes))
+    values, vectors = np.linalg.eigh(free @ (modes * curvature) @ modes.T @ free)
+    if values[0] > -_UNSTABLE * max(1.0, float(np.max(np.abs(values)))):
+        return None
+    push = at.back(free @ vectors[:, 0])
+    return _PUSH * push / np.max(np.abs(push))

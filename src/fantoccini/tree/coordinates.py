@@ -1,0 +1,111 @@
+"""The table of coordinates: their names, roles and places.
+
+A coordinate's role tells what moves it:
+
+* ``dynamic``  the equations of motion (q_D, v_D),
+* ``driven``   a kinematic input (q_K, v_K),
+* ``fixed``    nothing: it is a number.
+
+Configuration and velocity differ in size where a joint rotates freely: a ball joint has four
+configuration numbers (a unit quaternion w, x, y, z) and three velocities (the angular velocity in
+the body's frame).
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+COMMAND = ".command"
+"""What stands behind the owner's name in the name of a command: ``hand.command.length``."""
+
+
+class Role(enum.StrEnum):
+    """What decides a coordinate's motion."""
+
+    DYNAMIC = "dynamic"
+    DRIVEN = "driven"
+    FIXED = "fixed"
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One row of the coordinate table.
+
+    Attributes:
+        name: for example ``elbow``, ``torso.qw``, ``hand.length``.
+        role: dynamic, driven or fixed.
+        owner: the joint or string it belongs to.
+        unit: unit of the configuration number.
+        index: place in q_D or q_K; None when fixed.
+    """
+
+    name: str
+    role: Role
+    owner: str
+    unit: str
+    index: int | None
+
+
+@dataclass(frozen=True)
+class CoordinateTable:
+    """Names and places of all coordinates.
+
+    Attributes:
+        rows: every configuration number, in order.
+        q_D, v_D, q_K, v_K: names of the entries of each vector.
+        quaternions_D, quaternions_K: (q, v) places where a quaternion and its angular velocity
+            begin.
+        scalars_D, scalars_K: (q, v) places of all other coordinates.
+        rotations: name of the rotation channel (``bar.rotation``) -> (q, v), driven ones only.
+        start_D, start_K: configuration in the file's pose; nan for driven lengths without one.
+        commands: coordinate with a drive -> the name of its command.
+    """
+
+    rows: tuple[Coordinate, ...]
+    q_D: tuple[str, ...]
+    v_D: tuple[str, ...]
+    q_K: tuple[str, ...]
+    v_K: tuple[str, ...]
+    quaternions_D: tuple[tuple[int, int], ...]
+    quaternions_K: tuple[tuple[int, int], ...]
+    scalars_D: tuple[tuple[int, int], ...]
+    scalars_K: tuple[tuple[int, int], ...]
+    rotations: dict[str, tuple[int, int]]
+    start_D: np.ndarray
+    start_K: np.ndarray
+    commands: dict[str, str] = field(default_factory=dict)
+
+    @cached_property
+    def places_K(self) -> tuple[np.ndarray, np.ndarray]:
+        """``scalars_K`` as two arrays: places in q_K and in v_K."""
+        places = np.array(self.scalars_K, dtype=np.intp).reshape(-1, 2)
+        return places[:, 0], places[:, 1]
+
+    @cached_property
+    def lengths_K(self) -> np.ndarray:
+        """Places of the driven lengths in v_K."""
+        return np.array([v for q, v in self.scalars_K if self.q_K[q].endswith(".length")], np.intp)
+
+    @property
+    def n_qD(self) -> int:
+        """Number of dynamic configuration numbers."""
+        return len(self.q_D)
+
+    @property
+    def n_vD(self) -> int:
+        """Number of dynamic velocities: the puppet's degrees of freedom."""
+        return len(self.v_D)
+
+    @property
+    def n_qK(self) -> int:
+        """Number of driven configuration numbers."""
+        return len(self.q_K)
+
+    @property
+    def n_vK(self) -> int:
+        """Number of driven velocities."""
+        return len(self.v_K)
