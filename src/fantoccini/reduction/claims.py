@@ -92,7 +92,7 @@ def _tracking(found: Structure) -> Claim:
     least, spread = (min(getattr(t, n) for t in found.tracking) for n in ("least", "spread"))
     because = (
         f"a drive keeps {least:.2g} or more of its acceleration; smallest singular value of the "
-        f"scaled A_D {spread:.2g}, {len(found.tracking)} places"
+        f"scaled A_D {spread:.2g} ({len(found.tracking)} configurations)"
     )
     if found.tied:
         times = ", ".join(f"{' + '.join(names)} ({n})" for names, n in found.tied.items())

@@ -197,7 +197,7 @@ def _massive(report: ReductionReport) -> Table:
         (number(m.mass), number(m.coupling), *(number(t.worst[0]) for t in (*m.tracked, m.exact)))
         for m in report.massive
     )
-    return Table(MASSIVE, text, ("string [kg]>", "M_DK>", *speeds, "exact tracking>"), rows)
+    return Table(MASSIVE, text, ("string [kg]>", "M_DK, relative>", *speeds, "exact tracking>"), rows)
 
 
 def expressions(page: Symbolic) -> str:
@@ -206,7 +206,7 @@ def expressions(page: Symbolic) -> str:
     for label, block in (("M_DD", page.M_DD), ("M_DK", page.M_DK), ("M_KK", page.M_KK)):
         lines += _entries(label, block)
     if page.felt is not None and not page.M_DK.is_zero_matrix:
-        lines += _entries("M_KK - M_KD M_DD^-1 M_DK", page.felt)
+        lines += _entries("(M_KK - M_KD M_DD^-1 M_DK)", page.felt)
     return "\n".join(lines)
 
 

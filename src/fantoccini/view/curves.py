@@ -17,6 +17,11 @@ from fantoccini.view.theme import Theme, theme_of
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+_ABOVE = 1.4
+"""How far above measured points a line of comparison runs, as a factor."""
+_FEW = 10.0
+"""Range of x below which each measured x is named on a logarithmic axis."""
+
 
 @dataclass(frozen=True, eq=False)
 class Curve:
@@ -44,8 +49,7 @@ class Panel:
         title: above them.
         x, y: labels of the axes, with units.
         curves: what they show.
-        log_x: whether x is logarithmic; y always is.
-        at: values of x with a vertical line, and what stands there.
+        log_x: whether x is logarithmic; y always is, where it is not 0 throughout.
     """
 
     title: str
@@ -53,14 +57,14 @@ class Panel:
     y: str
     curves: Sequence[Curve]
     log_x: bool = True
-    at: Sequence[tuple[float, str]] = ()
 
 
 def slope(label: str, x: np.ndarray, y: np.ndarray, order: float) -> Curve:
-    """A line y ~ x^order through the last positive point of measured ones."""
+    """A line y ~ x^order just above the last positive point of measured ones."""
     x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     last = np.flatnonzero(y > 0.0)[-1] if np.any(y > 0.0) else len(y) - 1
-    return Curve(label, x, y[last] * (x / x[last]) ** order, marked=False, faint=True)
+    line = _ABOVE * y[last] * (x / x[last]) ** order
+    return Curve(label, x, line, marked=False, faint=True)
 
 
 def curves(
@@ -110,16 +114,14 @@ def _panel(axes: Axes, panel: Panel, theme: Theme) -> None:
         if not np.any(seen):
             seen = np.isfinite(y)
         axes.plot(x[seen], y[seen], label=plain(curve.label, 40), **look)
-    for x, text in panel.at:
-        axes.axvline(x, color=theme.faint, linewidth=0.8)
-        axes.text(
-            x, 0.98, " " + plain(text, 40), transform=axes.get_xaxis_transform(), va="top",
-            color=theme.faint, fontsize=8, parse_math=False,
-        )  # fmt: skip
     if any(np.any(np.asarray(curve.y) > 0.0) for curve in panel.curves):
         axes.set_yscale("log")
     if panel.log_x:
         axes.set_xscale("log")
+        given = np.unique([f"{x:.2g}" for c in panel.curves if c.marked for x in c.x]).astype(float)
+        if len(given) and given.max() < _FEW * given.min():
+            axes.set_xticks(given, [f"{x:g}" for x in given])
+            axes.minorticks_off()
     axes.set_title(
         plain(panel.title, 80), color=theme.ink, fontsize=10, loc="left", parse_math=False
     )
