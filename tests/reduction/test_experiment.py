@@ -77,6 +77,12 @@ def test_a_string_with_mass_stays_away():
     assert light.coupling == pytest.approx(0.01 / 6 / (0.5 + 0.01 / 3), rel=1e-6)
 
 
+def test_a_length_on_a_drive_may_begin_by_getting_shorter():
+    _, _, full = winch()
+    x = full.state({"v:line.length": -0.1})
+    assert x.v_D[full.coordinates.v_D.index("line.length")] == -0.1
+
+
 def test_what_has_no_mechanism_is_a_mistake():
     with pytest.raises(PuppetError, match="no coordinate is driven"):
         fan.validate_reduction(puppets.string_pendulum())

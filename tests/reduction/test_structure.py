@@ -11,6 +11,7 @@ from fantoccini import puppets
 from fantoccini.reduction import configurations
 from fantoccini.reduction.claims import Verdict, claims, meaning
 from fantoccini.reduction.kinetic import blocks, kinetic_energy
+from fantoccini.reduction.mechanism import Mechanism
 from fantoccini.reduction.products import symmetric_products
 from fantoccini.reduction.structure import structure
 from fantoccini.reduction.symbolic import symbolic
@@ -132,6 +133,13 @@ def test_winches_that_pull_on_one_bob_from_both_sides_are_tied():
     alone = tracking(held, x, np.ones(2), np.array([0]))
     # Mass 0.5 on a winch of 1: it accelerates 1 / 1.5 of what it would.
     assert alone.tied == () and alone.least == pytest.approx(1 / 1.5, abs=1e-14)
+
+
+def test_drives_of_the_file_are_replaced():
+    drives = "drives:\n  - {on: line.length, mass: 2.0}\n"
+    mechanism = Mechanism.of(fan.loads(WINCH + drives))
+    assert mechanism.mixed.coordinates.v_K == ("line.x", "line.length")
+    assert mechanism.full().coordinates.n_vD == 4
 
 
 def test_a_drive_keeps_the_part_of_its_acceleration_that_the_bob_leaves():

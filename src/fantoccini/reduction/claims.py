@@ -67,7 +67,12 @@ def _own(found: Structure) -> Claim:
         wrong.append(f"M_DD changes with q_K, by up to {kinetic.D_varies:.2g} of itself")
     if kinetic.K_of_D and kinetic.K_varies > INSIDE:
         wrong.append(f"M_KK changes with q_D, by up to {kinetic.K_varies:.2g} of itself")
-    because = "; ".join(wrong) or "M_DD holds no q_K, M_KK no q_D"
+    none = (
+        f"in numbers, over {kinetic.n} configurations"
+        if kinetic.D_of_K or kinetic.K_of_D
+        else "M_DD holds no q_K, M_KK no q_D"
+    )
+    because = "; ".join(wrong) or none
     return Claim("each block depends on its own coordinates alone", _verdict(not wrong), because)
 
 

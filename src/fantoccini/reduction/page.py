@@ -197,7 +197,8 @@ def _massive(report: ReductionReport) -> Table:
         (number(m.mass), number(m.coupling), *(number(t.worst[0]) for t in (*m.tracked, m.exact)))
         for m in report.massive
     )
-    return Table(MASSIVE, text, ("string [kg]>", "M_DK, relative>", *speeds, "exact tracking>"), rows)
+    header = ("string [kg]>", "M_DK, relative>", *speeds, "exact tracking>")
+    return Table(MASSIVE, text, header, rows)
 
 
 def expressions(page: Symbolic) -> str:
