@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from benchmarks.strings.report import Table, number
 
 from fantoccini.reduction import ReductionReport, Verdict
-from fantoccini.reduction.page import BANDWIDTH, CATCH, CLAIMS, EXACT, MASSIVE, tables
-from fantoccini.reduction.plots import PICTURES
 
 SHORT = (
     "block diagonal", "each block its own", "products, slack", "any acc_K", "products, taut",
@@ -19,62 +17,101 @@ SHORT = (
 def page(reports: Sequence[ReductionReport], chains: str, machine: str) -> str:
     """The whole page as Markdown; paragraphs are not wrapped yet."""
     boom = next(r for r in reports if not r.structure.kinetic.identically)
+    missing = [f"Not measured: {r.name}, {line}." for r in reports for line in r.missing]
     return TEXT.format(
-        structure=structure(reports).markdown(), figures=figures(reports).markdown(),
-        boom=boom.meaning[0], coupling=number(boom.structure.kinetic.coupling),
-        jump=number(100.0 * boom.structure.kinetic.jump),
-        details="\n\n".join(details(report) for report in reports),
-        chains=chains.strip(), machine=machine,
+        verdicts=verdicts(reports).markdown(), figures=figures(reports).markdown(),
+        structure=structure(reports).markdown(), boom=boom.meaning[0],
+        exact=exact(reports).markdown(), catches=catches(reports).markdown(),
+        bandwidth=bandwidth(reports).markdown(), massive=massive(reports).markdown(),
+        missing="\n\n".join(missing), chains=chains.strip(), machine=machine,
     )  # fmt: skip
 
 
-def structure(reports: Sequence[ReductionReport]) -> Table:
+def verdicts(reports: Sequence[ReductionReport]) -> Table:
     """Which claims hold."""
-    rows = [[r.name, *(said(c.verdict) for c in r.claims)] for r in reports]
-    return Table(["puppet", *SHORT], rows)
-
-
-def said(verdict: Verdict) -> str:
-    return {Verdict.HOLDS: "holds", Verdict.FAILS: "**fails**", Verdict.NONE: "-"}[verdict]
+    said = {Verdict.HOLDS: "holds", Verdict.FAILS: "**fails**", Verdict.NONE: "-"}
+    return Table(
+        ["puppet", *SHORT], [[r.name, *(said[c.verdict] for c in r.claims)] for r in reports]
+    )
 
 
 def figures(reports: Sequence[ReductionReport]) -> Table:
     """The figures that matter, a row for each puppet."""
     rows = []
     for r in reports:
-        massive = r.massive[-1] if r.massive else None
+        heavy = r.massive[-1]
         rows.append([
-            r.name, str(len(r.driven)), number(r.exact.worst[0]),
-            f"{r.catch_order:.2f}", f"{r.bandwidth_order:.2f}", number(r.tracked[-1].worst[0]),
-            number(massive.tracked[-1].worst[0]) if massive else "-",
+            r.name, str(len(r.driven)), number(r.exact.worst[0]), f"{r.catch_order:.2f}",
+            f"{r.bandwidth_order:.2f}", number(r.tracked[-1].worst[0]),
+            number(heavy.tracked[-1].worst[0]),
         ])  # fmt: skip
     return Table(
-        ["puppet", "drives", "exact tracking (m, rad)", "catch: power of the inertia",
-         "power of the bandwidth", "at the highest bandwidth", "with the heaviest string"],
+        ["puppet", "drives", "exact tracking", "catch: power of the inertia",
+         "power of the bandwidth", "at the highest bandwidth", "and with a heavy string"],
         rows,
     )  # fmt: skip
 
 
-def details(report: ReductionReport) -> str:
-    """A puppet's tables and plots."""
-    parts = [f"## {report.name}"]
-    for table in tables(report):
-        rows = table.markdown().split("\n\n")[-1]
-        parts += [f"### {table.title} of {report.name}", *table.text, rows]
-        if table.title == CLAIMS:
-            parts += report.meaning
-        else:
-            name = f"reduction_{report.name}_{PICTURES[table.title]}"
-            parts.append(f"![{ALT[table.title]} of {report.name}](pictures/{name})")
-    return "\n\n".join([*parts, *(f"Not measured: {line}." for line in report.missing)])
+def structure(reports: Sequence[ReductionReport]) -> Table:
+    """The figures of part (a)."""
+    rows = []
+    for r in reports:
+        found = r.structure
+        rows.append([
+            r.name, number(found.kinetic.coupling), number(found.slack),
+            number(min(t.least for t in found.tracking)),
+            number(min(t.spread for t in found.tracking)), number(max(found.taut)),
+        ])  # fmt: skip
+    return Table(
+        ["puppet", "M_DK / sqrt(M_DD M_KK)", "products outside, slack", "a drive keeps",
+         "singular value of A_D", "products outside, taut"],
+        rows,
+    )  # fmt: skip
 
 
-ALT = {
-    EXACT: "Differences with exact tracking",
-    CATCH: "Differences at a catch over the drives' inertia",
-    BANDWIDTH: "Differences over the bandwidth",
-    MASSIVE: "Differences over the bandwidth for strings with mass",
-}
+def exact(reports: Sequence[ReductionReport]) -> Table:
+    """Differences with exact tracking."""
+    rows = [[r.name, *(number(c.worst[0]) for c in r.compared)] for r in reports]
+    head = [
+        f"rtol {c.step:g}" if c.method == "event" else f"{c.method}, {1e3 * c.step:.0f} ms"
+        for c in reports[0].compared
+    ]
+    return Table(["puppet", *head], rows)
+
+
+def catches(reports: Sequence[ReductionReport]) -> Table:
+    """Differences of the jump at a catch."""
+    rows = [[r.name, r.caught[0].string, *(number(c.jump) for c in r.caught)] for r in reports]
+    return Table(["puppet", "catches", *(f"{c.ratio:g}" for c in reports[0].caught)], rows)
+
+
+def bandwidth(reports: Sequence[ReductionReport]) -> Table:
+    """Differences over the bandwidth."""
+    rows = [
+        [r.name, f"{r.tracked[0].bandwidth:.3g}", *(number(t.worst[0]) for t in r.tracked)]
+        for r in reports
+    ]
+    first = reports[0].tracked[0].bandwidth
+    times = [f"{t.bandwidth / first:.0f} w_1" for t in reports[0].tracked]
+    return Table(["puppet", "w_1 [rad/s]", *times], rows)
+
+
+def massive(reports: Sequence[ReductionReport]) -> Table:
+    """Differences with a string that has mass."""
+    rows = [
+        [
+            r.name, m.string, number(m.mass), number(m.coupling),
+            *(number(t.worst[0]) for t in (*m.tracked, m.exact)),
+        ]
+        for r in reports
+        for m in r.massive
+    ]  # fmt: skip
+    head, first = reports[0].massive[0], reports[0].tracked[0].bandwidth
+    times = [f"{t.bandwidth / first:.0f} w_1" for t in head.tracked]
+    return Table(
+        ["puppet", "string", "its mass [kg]", "M_DK", *times, "exact tracking"], rows
+    )  # fmt: skip
+
 
 TEXT = """\
 # The mixed model, checked
@@ -87,9 +124,10 @@ figures for some. `make reports` measures everything and writes the page.
 ## What came out
 
 Every driven coordinate gets a drive as heavy as the puppet, so that q = [q_D, q_M] of the full
-model.
+model. `boom` is a two-link arm on a driven carriage, its tip on a winch; the others are bundled.
+Differences are the largest of any coordinate, in m or rad.
 
-{structure}
+{verdicts}
 
 {figures}
 
@@ -136,9 +174,55 @@ only if no y has A_D^T y = 0 and A_K^T y != 0: no tensions that the puppet does 
 drives do. That is "any acc_K" above. It fails where strings tie drives to one another, as two
 winches that pull on one bob from both sides of its rail.
 
-The boom's carriage carries mass by a joint (|M_DK| up to {coupling} of sqrt(M_DD M_KK)). {boom}
+Over 12 random configurations each: how large M_DK is, how much of a product lies outside of the
+span, which part of its acceleration a drive keeps, and the smallest singular value of A_D with
+rows of length 1 in the metric of M_DD.
 
-{details}
+{structure}
+
+What the boom shows: {boom}
+
+## Exact tracking, (b)
+
+The full model's drives are moved by the forces that the mixed model's inputs need, its `effort`
+and J acc_K, as functions of time and without control, while every driven coordinate makes small
+smooth moves. Each method is compared with itself.
+
+{exact}
+
+![Differences of the marionette with exact tracking](pictures/reduction_exact_tracking.png)
+
+## Catches, (b)
+
+The puppet is tossed and falls into its strings. In the mixed model v_K is continuous at a catch,
+Eq. 15; a drive takes its part of the blow. The jump of v_D: its difference from the mixed
+model's, relative to it, in the metric of M_DD, for drives of 1 to 10,000 times the puppet's mass.
+
+{catches}
+
+![Differences of the marionette after a catch](pictures/reduction_catches.png)
+
+## Bandwidth, (c)
+
+Drives with computed-torque control, which knows the drive and not the strings, follow the same
+inputs. A pull of the strings leaves a lag of pull / (J w^2).
+
+{bandwidth}
+
+## A string with mass, (c)
+
+"However, we should emphasize that this is only true when the strings are assumed to be massless."
+The string that pulls most becomes a chain of three point masses between springs whose EA is
+20,000 times the puppet's weight. Its masses are coordinates that the mixed model does not have.
+Differences from the massless mixed model, both counted from their own rest; M_DK is what a
+straight string of that mass makes, over sqrt(M_DD M_KK). Beyond some bandwidth nothing is gained:
+what is left is there with exact tracking too, and goes with the string's mass.
+
+{massive}
+
+![Differences of the marionette with a heavy string](pictures/reduction_string_mass.png)
+
+{missing}
 
 ## Strings as chains
 

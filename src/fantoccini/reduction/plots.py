@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,13 +21,19 @@ PICTURES = {
 _APART = "largest difference [m or rad]"
 
 
-def draw(report: ReductionReport, folder: Path, prefix: str = "") -> list[Path]:
+def draw(
+    report: ReductionReport,
+    folder: Path,
+    prefix: str = "",
+    chosen: Container[str] = frozenset(PICTURES),
+) -> list[Path]:
     """Writes the plots of what was measured into a folder.
 
     Args:
         report: the figures.
         folder: that exists.
         prefix: of the files' names.
+        chosen: titles of sections, keys of ``PICTURES``.
 
     Returns:
         The files.
@@ -67,7 +74,11 @@ def draw(report: ReductionReport, folder: Path, prefix: str = "") -> list[Path]:
         made["Bandwidth"] = [_bandwidth(report, False)]
     if report.massive:
         made["A string with mass"] = [_bandwidth(report, True)]
-    return [curves(panels, folder / (prefix + PICTURES[t])) for t, panels in made.items()]
+    return [
+        curves(panels, folder / (prefix + PICTURES[title]))
+        for title, panels in made.items()
+        if title in chosen
+    ]
 
 
 def _bandwidth(report: ReductionReport, massive: bool):
