@@ -36,7 +36,7 @@ def main() -> None:
     drawn = next(r for r in reports if r.name == PICTURED)
     plots.draw(drawn, pictures, "reduction_", ("Exact tracking", "Catches", "A string with mass"))
     text = page(reports, chain_table(), machine().markdown())
-    parts = (p if p[:1] in "|#!`- " else wrapped(p) for p in text.strip().split("\n\n"))
+    parts = (p if p[:1] in "|#!`- " else wrapped(p) for p in text.split("\n\n") if p.strip())
     (ROOT / "docs" / "reduction.md").write_text("\n\n".join(parts) + "\n", encoding="utf-8")
 
 
