@@ -13,6 +13,7 @@ from fantoccini.reduction.bandwidth import Tracked
 from fantoccini.reduction.claims import claims, meaning
 from fantoccini.reduction.exact import Caught, Compared
 from fantoccini.reduction.massive import Massive
+from fantoccini.reduction.own import Own
 from fantoccini.reduction.structure import structure
 
 
@@ -32,6 +33,7 @@ def report() -> fan.ReductionReport:
         tuple(runs),
         (Massive("hand", 0.01, 0.02, runs[-1], tuple(runs[1:])),),
         ("a | line with [red]markup[/red]",),
+        Own(("hand.length",), t, 0.01 * t, 0.002 * t[:, None], np.array([3.0])),
     )  # fmt: skip
 
 
@@ -48,6 +50,7 @@ def test_prints_a_verdict_and_tables_and_leaves_the_report(quick, tmp_path):
     for part in (
         "block diagonal in [q_D, q_K]", "(a) fails: <X_i, X_j>", "at rtol 1e-12",
         "to the power -1.00", "to the power -2.00", "with hand of 0.01 kg",
+        "on the file's own drives it is 0.01 (m, rad) away", "hand.length",
         "not measured: a | line with [red]markup[/red]",
     ):  # fmt: skip
         assert part in text

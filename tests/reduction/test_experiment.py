@@ -15,7 +15,8 @@ from fantoccini.reduction.bandwidth import order, tracked
 from fantoccini.reduction.exact import caught, compared
 from fantoccini.reduction.massive import massive
 from fantoccini.reduction.mechanism import Mechanism
-from fantoccini.reduction.motions import swayed, tossed
+from fantoccini.reduction.motions import performed, swayed, tossed
+from fantoccini.reduction.own import own
 from reduction.toys import HELD, WINCH
 
 MASS = 0.5
@@ -92,3 +93,27 @@ def test_a_puppet_that_cannot_move_keeps_the_rest_of_its_report():
     report = fan.validate_reduction(fan.loads(HELD))
     assert report.compared == () and report.claims[3].verdict == "fails"
     assert "above" in report.missing[0]
+
+
+def test_drives_of_the_file_are_measured_as_they_are():
+    """A winch of stiffness k sags by weight / k, and lags by what accelerates its drum."""
+    drives = """
+drives:
+  - {on: line.x, mass: 2.0, control: {type: computed_torque, bandwidth: 400}}
+  - {on: line.length, mass: 1.5, control: {type: pd, stiffness: 2.0e4, damping: 350}}
+"""
+    stand = fan.loads(WINCH + drives)
+    lift = fan.Input.waypoints(stand, {"line.length": [(0, 1.05), (0.5, 0.9)]})
+    mechanism = Mechanism.of(stand)
+    given = mechanism.commanded(mechanism.mixed, lift)
+    x0 = mechanism.mixed.rest(given.first_values())
+    motion = performed(mechanism, x0, given.bound(x0.q_K))
+    found = own(mechanism, stand, motion)
+    assert found.drives == ("line.x", "line.length") and not found.status
+    assert found.lag[0] == pytest.approx([0.0, 0.5 * 9.81 / 2e4], abs=1e-9)
+    command = motion.inputs.evaluate(found.t)
+    most = np.max(2.0 * np.abs(command[2][:, 1])) / 2e4  # (m + J) acc / k, taken quasi-statically
+    lag = np.max(np.abs(found.lag[:, 1] - found.lag[0, 1]))
+    assert 0.5 * most < lag < 1.5 * most
+    assert found.worst == pytest.approx(lag, rel=0.1)
+    assert found.force[1] == pytest.approx(0.5 * 9.81 + 2.0 * np.max(command[2][:, 1]), rel=0.1)

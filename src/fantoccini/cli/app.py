@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import enum
-import math
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -12,6 +10,18 @@ from typing import Annotated
 import typer
 
 from fantoccini.cli.guard import GuardedGroup
+from fantoccini.cli.options import (
+    File,
+    Inputs,
+    Method,
+    Objectives,
+    Planners,
+    Quiet,
+    SchemaOf,
+    StringModels,
+    Themes,
+    positive,
+)
 from fantoccini.cli.terminal import version
 
 _ABOUT = """\
@@ -36,51 +46,6 @@ app = typer.Typer(
 )
 
 
-class SchemaOf(enum.StrEnum):
-    """Kinds of files that have a schema."""
-
-    PUPPET = "puppet"
-    INPUTS = "inputs"
-    PROBLEM = "problem"
-
-
-class Planners(enum.StrEnum):
-    """Planners by name."""
-
-    EXPLORE = "explore"
-    EST2007 = "est-2007"
-
-
-class Objectives(enum.StrEnum):
-    """What plans may cost, by name."""
-
-    GENTLE = "gentle"
-    TIME = "time"
-    EFFORT = "effort"
-
-
-class Themes(enum.StrEnum):
-    """Looks of a page by name."""
-
-    LIGHT = "light"
-    DARK = "dark"
-
-
-class Method(enum.StrEnum):
-    """Ways to integrate."""
-
-    EVENT = "event"
-    TIMESTEPPING = "timestepping"
-    VARIATIONAL = "variational"
-
-
-class StringModels(enum.StrEnum):
-    """What strings are."""
-
-    CONSTRAINT = "constraint"
-    CHAIN = "chain"
-
-
 def main() -> None:
     """The entry point of the command ``fantoccini``."""
     for stream in (sys.stdout, sys.stderr):
@@ -90,24 +55,10 @@ def main() -> None:
     app(prog_name="fantoccini")
 
 
-def _positive(value: float | None) -> float | None:
-    if value is not None and not (math.isfinite(value) and value > 0):
-        raise typer.BadParameter(f"{value} is not a positive number")
-    return value
-
-
 def _version(asked: bool) -> None:
     if asked:
         typer.echo(version())
         raise typer.Exit
-
-
-File = Annotated[
-    str, typer.Argument(metavar="FILE", help="Puppet file, or name of a bundled puppet.")
-]
-Quiet = Annotated[
-    bool, typer.Option("--quiet", "-q", help="Nothing but errors and what was asked for.")
-]
 
 
 @app.callback()
@@ -206,15 +157,12 @@ def export(
 @app.command()
 def simulate(
     file: File,
-    inputs: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="What the driven coordinates do: .yaml, .csv or .npz."),
-    ] = None,
+    inputs: Inputs = None,
     duration: Annotated[
         float | None,
         typer.Option(
             metavar="S",
-            callback=_positive,
+            callback=positive,
             help="Seconds; by default as long as the inputs, or 5 without inputs.",
         ),
     ] = None,
@@ -225,12 +173,12 @@ def simulate(
     dt: Annotated[
         float | None,
         typer.Option(
-            metavar="S", callback=_positive, help="Step of timestepping and variational [0.002]."
+            metavar="S", callback=positive, help="Step of timestepping and variational [0.002]."
         ),
     ] = None,
     rtol: Annotated[
         float | None,
-        typer.Option(callback=_positive, help="Relative tolerance of event [1e-11]."),
+        typer.Option(callback=positive, help="Relative tolerance of event [1e-11]."),
     ] = None,
     integrator: Annotated[
         str | None,
@@ -285,10 +233,10 @@ def plan(
     planner: Annotated[Planners, typer.Option(help="Which planner.")] = Planners.EXPLORE,
     tolerance: Annotated[
         float | None,
-        typer.Option(callback=_positive, help="Of the goal's distance, in place of the file's."),
+        typer.Option(callback=positive, help="Of the goal's distance, in place of the file's."),
     ] = None,
     time_limit: Annotated[
-        float, typer.Option(metavar="S", callback=_positive, help="For a first plan.")
+        float, typer.Option(metavar="S", callback=positive, help="For a first plan.")
     ] = 10.0,
     improve: Annotated[
         float, typer.Option(metavar="S", min=0.0, help="Time to make the plan shorter and better.")
@@ -387,6 +335,7 @@ def show_(
 @app.command("validate-reduction")
 def validate_reduction(
     file: File,
+    inputs: Inputs = None,
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="Where the report goes; made when it is not there.")
     ] = Path("out"),
@@ -396,11 +345,12 @@ def validate_reduction(
 
     Is the mixed model, with the driven coordinates as inputs, what the puppet does on drives? Looks
     at the structure the paper claims, compares both models with exact and with real tracking, and
-    with a string that has mass. Leaves reduction.md and its plots in DIR.
+    with a string that has mass; on the drives that FILE has, too. The motion is that of the
+    inputs, or small moves of every driven coordinate. Leaves reduction.md and its plots in DIR.
     """
     from fantoccini.cli.reduction import validate_file
 
-    validate_file(file, out, quiet)
+    validate_file(file, inputs, out, quiet)
 
 
 @app.command()

@@ -7,6 +7,7 @@ from pathlib import Path
 from fantoccini.cli.files import check_folder, fail, marionette
 from fantoccini.cli.terminal import Steps, table, write
 from fantoccini.errors import FantocciniError
+from fantoccini.motion import Input
 from fantoccini.reduction import validate_reduction
 from fantoccini.reduction.page import tables, verdict
 
@@ -15,17 +16,20 @@ class ReportError(FantocciniError):
     """The report could not be written."""
 
 
-def validate_file(file: str, folder: Path, quiet: bool) -> None:
+def validate_file(file: str, inputs: Path | None, folder: Path, quiet: bool) -> None:
     """Measures, prints a verdict and tables, and writes the report.
 
     Args:
         file: FILE argument.
+        inputs: a file with the motion to compare, or None.
         folder: where the report goes; made when it is not there.
         quiet: neither progress nor tables.
     """
     _check(folder)
     with Steps(quiet) as steps:
-        report = validate_reduction(marionette(file, steps.step), steps.step)
+        made = marionette(file, steps.step)
+        given = None if inputs is None else Input.load(made, inputs)
+        report = validate_reduction(made, given, steps.step)
         steps.step(f"writing {folder}")
         try:
             folder.mkdir(parents=True, exist_ok=True)

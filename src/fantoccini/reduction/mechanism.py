@@ -37,7 +37,7 @@ class Mechanism:
 
     @classmethod
     def of(cls, marionette: Marionette) -> Mechanism:
-        """Of a puppet; drives that its file has are left out.
+        """Of a puppet, without the drives that its file has.
 
         Raises:
             PuppetError: it has no driven coordinates, or is a world of several puppets.
@@ -125,15 +125,18 @@ class Mechanism:
         return Mechanism(Marionette(heavy, self.mixed._progress))
 
     def commanded(self, full: Marionette, inputs: Input) -> Input:
-        """A mixed model's inputs as commands of drives, or as inputs of another mixed model."""
-        table = full.coordinates
+        """Inputs of one of these puppets as those of another: of coordinates, or of drives."""
+        table, named = full.coordinates, np.zeros(full.coordinates.n_vK, dtype=bool)
+        plain = {command: name for name, command in inputs.coordinates.commands.items()}
         coef = np.zeros((len(inputs.coef), table.n_vK, inputs.coef.shape[2]))
         base = np.zeros((len(inputs.base), table.n_qK))
         theirs = channel_names(table)
         for name, (q, v) in channel_names(inputs.coordinates).items():
-            at_q, at_v = theirs[table.commands.get(name, name)]
+            own = plain.get(name, name)
+            at_q, at_v = theirs[table.commands.get(own, own)]
             coef[:, at_v], base[:, at_q] = inputs.coef[:, v], inputs.base[:, q]
-        return Input(table, inputs.breaks, coef, base, np.ones(table.n_vK, dtype=bool))
+            named[at_v] = inputs.named[v]
+        return Input(table, inputs.breaks, coef, base, named)
 
     def away(self, mixed: Trajectory, run: Trajectory) -> tuple[Array, Array]:
         """How far a run's configurations are from the mixed model's, as tangent vectors.

@@ -112,17 +112,21 @@ def verdict(report: ReductionReport) -> list[str]:
             f"(c) with {heavy.string} of {number(heavy.mass)} kg they stay {number(last.worst[0])} "
             f"(m, rad) apart at {last.bandwidth:.3g} rad/s"
         )
+    if report.own is not None:
+        said.append(f"(c) on the file's own drives it is {number(report.own.worst)} (m, rad) away")
     return said + [f"not measured: {line}" for line in report.missing]
 
 
-CLAIMS, EXACT, CATCH, BANDWIDTH, MASSIVE = (
+CLAIMS, EXACT, CATCH, BANDWIDTH, MASSIVE, OWN = (
     "Structure", "Exact tracking", "Catches", "Bandwidth", "A string with mass",
+    "The file's own drives",
 )  # fmt: skip
 
 
 def tables(report: ReductionReport) -> list[Table]:
     """The report's tables in order; those that were not measured are left out."""
     made = [_claims(report), _exact(report), _catches(report), _bandwidth(report), _massive(report)]
+    made.append(_own(report))
     return [table for table in made if table.rows]
 
 
@@ -199,6 +203,23 @@ def _massive(report: ReductionReport) -> Table:
     )
     header = ("string [kg]>", "M_DK, relative>", *speeds, "exact tracking>")
     return Table(MASSIVE, text, header, rows)
+
+
+def _own(report: ReductionReport) -> Table:
+    if report.own is None:
+        return Table(OWN, (), (), ())
+    found = report.own
+    text = (
+        "The same motion as commands of the drives that the file describes, from their own rest. "
+        f"The puppet is up to {number(found.worst)} (m, rad) from the mixed model's, both counted "
+        "from their rest." + (f" The run stopped: {found.status}." if found.status else ""),
+    )
+    rows = tuple(
+        (name, number(found.lag[0, k]), number(np.max(found.lag[:, k])), number(found.force[k]))
+        for k, name in enumerate(found.drives)
+    )
+    header = ("drive", "off at rest (m, rad)>", "off at most>", "largest force [N, N m]>")
+    return Table(OWN, text, header, rows)
 
 
 def expressions(page: Symbolic) -> str:

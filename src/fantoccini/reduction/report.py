@@ -8,14 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
-from fantoccini.errors import FantocciniError
+from fantoccini.errors import FantocciniError, StateError
 from fantoccini.marionette import Marionette
+from fantoccini.motion import Input
 from fantoccini.reduction.bandwidth import Tracked, bandwidths, order
 from fantoccini.reduction.claims import Claim, claims, meaning
 from fantoccini.reduction.exact import Caught, Compared, caught, compared
 from fantoccini.reduction.massive import Massive, massive
 from fantoccini.reduction.mechanism import Mechanism
-from fantoccini.reduction.motions import Motion, swayed, tossed
+from fantoccini.reduction.motions import Motion, performed, swayed, tossed
+from fantoccini.reduction.own import Own, own
 from fantoccini.reduction.structure import Structure, structure
 
 
@@ -35,6 +37,7 @@ class ReductionReport:
         caught: (b) the first catch of a toss with heavier and heavier drives.
         tracked: (c) drives of larger and larger bandwidth.
         massive: (c) a string with mass, on such drives.
+        own: (c) the drives of the puppet's file, as they are; None where it has none.
         missing: what could not be measured, and why.
     """
 
@@ -51,6 +54,7 @@ class ReductionReport:
     tracked: tuple[Tracked, ...]
     massive: tuple[Massive, ...]
     missing: tuple[str, ...]
+    own: Own | None = None
 
     @property
     def exact(self) -> Compared | None:
@@ -84,30 +88,38 @@ class ReductionReport:
 
 
 def validate_reduction(
-    marionette: Marionette, progress: Callable[[str], None] | None = None
+    marionette: Marionette,
+    inputs: Input | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> ReductionReport:
     """Sec. VI, checked: is the mixed model what a puppet on driven mechanisms does?
 
     (a) looks at the structure that the paper claims; (b) moves the puppet on drives by the forces
     of exact tracking and compares with the mixed model; (c) lets the drives follow with a finite
-    bandwidth, and gives a string mass. Drives of the puppet's file are replaced: every driven
-    coordinate gets one, as heavy as the puppet. Compiles up to seven models when it is first asked.
+    bandwidth, and gives a string mass. For that every driven coordinate gets a drive as heavy as
+    the puppet; drives that the file has are compared as they are, beside it. Compiles up to eight
+    models when it is first asked.
 
     Args:
         marionette: the puppet.
+        inputs: the motion to compare, from rest where it begins; small moves of every driven
+            coordinate when not given.
         progress: told what begins.
 
     Raises:
         PuppetError: it has no driven coordinates, or it is a world of several puppets.
-        StateError: it does not hang at rest.
+        StateError: it does not hang at rest, or the inputs have forces.
     """
     say = progress or (lambda _: None)
     mechanism = Mechanism.of(marionette)
     say("looking at the kinetic energy and at taut strings")
     found = structure(mechanism.mixed, mechanism.inertia(1.0))
     missing: list[str] = []
-    motion = _attempt(missing, "the motion", lambda: _motion(mechanism, say))
+    if inputs is not None and inputs.force is not None:
+        raise StateError("found inputs with forces; needed: motions of driven coordinates alone")
+    motion = _attempt(missing, "the motion", lambda: _motion(mechanism, inputs, say))
     parts: dict[str, tuple] = dict.fromkeys(("compared", "caught", "tracked", "massive"), ())
+    as_it_is = None
     if motion is not None:
         full = mechanism.full()
         say("comparing with exact tracking")
@@ -130,6 +142,11 @@ def validate_reduction(
         parts["massive"] = _attempt(
             missing, "a string with mass", lambda: massive(mechanism, motion)
         )
+        if marionette.tree.drives:
+            say("moving the file's own drives")
+            as_it_is = _attempt(
+                missing, "the file's drives", lambda: own(mechanism, marionette, motion)
+            )
     return ReductionReport(
         mechanism.mixed.name,
         mechanism.mixed.coordinates.v_K,
@@ -141,12 +158,17 @@ def validate_reduction(
         motion.ends if motion else np.nan,
         **{name: tuple(part or ()) for name, part in parts.items()},
         missing=tuple(missing),
+        own=as_it_is,
     )
 
 
-def _motion(mechanism: Mechanism, say: Callable[[str], None]) -> Motion:
+def _motion(mechanism: Mechanism, inputs: Input | None, say: Callable[[str], None]) -> Motion:
     say("finding a motion to compare")
-    return swayed(mechanism, mechanism.mixed.rest())
+    if inputs is None:
+        return swayed(mechanism, mechanism.mixed.rest())
+    given = mechanism.commanded(mechanism.mixed, inputs)
+    x0 = mechanism.mixed.rest(given.first_values())
+    return performed(mechanism, x0, given.bound(x0.q_K))
 
 
 def _attempt(missing: list[str], what: str, measure: Callable):
