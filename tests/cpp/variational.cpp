@@ -35,15 +35,15 @@ struct Model : ModelTables {
   static int NAME(const Wide** arg, Wide** res) {             \
     return wide::fan_##NAME(arg, res, nullptr, nullptr, 0);   \
   }
-  FAN_FUNCTION(step_dynamics_varying)
+  FAN_FUNCTION(node_varying)
   FAN_FUNCTION(limit_rates)
   FAN_FUNCTION(energy)
   FAN_FUNCTION(forth)
   FAN_FUNCTION(back)
   FAN_FUNCTION(midpoint_rule)
   FAN_FUNCTION(momentum)
-  static void step_dynamics_constants(double** res) { scalar::fan_step_dynamics_constants(res); }
-  static void step_dynamics_constants(Wide** res) { wide::fan_step_dynamics_constants(res); }
+  static void node_constants(double** res) { scalar::fan_node_constants(res); }
+  static void node_constants(Wide** res) { wide::fan_node_constants(res); }
   static void column(int which, const double** arg, double** res) {
     scalar::fan_column(which, arg, res);
   }
@@ -83,42 +83,43 @@ struct Bundle {
   static constexpr int width = fan::Traits<Real>::width;
   using Step = fan::VariationalStep<Model, Real>;
   Step step;
-  typename Step::Inputs now;
-  typename Step::Lead lead;
   int who[width], unsolved = 0;
 
-  Bundle(const std::vector<Lane>& lanes, const double* p, const int* places) {
-    step.cap = 1e7;
+  Bundle(const std::vector<Lane>& lanes, const double* p, const int* places, double dt) {
+    auto& here = step.here;
+    here.cap = 1e7;
     for (int i = 0; i < S; ++i) {
-      step.winches.max_tension[i] = fan::kUnlimited;
-      step.winches.rewind_speed[i] = step.winches.restitution[i] = 0.0;
-      step.slip[i] = Real(0.0);
+      here.winches.max_tension[i] = fan::kUnlimited;
+      here.winches.rewind_speed[i] = here.winches.restitution[i] = 0.0;
+      here.slip[i] = Real(0.0);
     }
-    for (int i = 0; i < Model::n_p; ++i) step.p[i] = Real(p[i]);
-    for (int k = 0; k < N; ++k) now.u_D[k] = lead.u_D[k] = Real(0.0);
-    for (int j = 0; j < NK; ++j) now.v_K[j] = now.acc_K[j] = lead.v_mid[j] = Real(0.0);
+    for (int i = 0; i < Model::n_p; ++i) here.p[i] = Real(p[i]);
+    for (int k = 0; k < N; ++k) here.now.u_D[k] = step.lead.u_D[k] = Real(0.0);
+    for (int j = 0; j < NK; ++j)
+      here.now.v_K[j] = here.now.acc_K[j] = step.lead.v_mid[j] = Real(0.0);
     for (int l = 0; l < width; ++l) {
       const Lane& lane = lanes[who[l] = places[l]];
-      for (int i = 0; i < NQ; ++i) at(step.q_D[i], l) = lane.q_D[i];
-      for (int k = 0; k < N; ++k) at(step.v_D[k], l) = lane.v_D[k];
-      for (int j = 0; j < NQK; ++j)
-        at(now.q_K[j], l) = at(lead.q_mid[j], l) = at(lead.q_next[j], l) = lane.q_K[j];
+      for (int i = 0; i < NQ; ++i) at(here.q_D[i], l) = lane.q_D[i];
+      for (int k = 0; k < N; ++k) at(here.v_D[k], l) = lane.v_D[k];
+      for (int j = 0; j < NQK; ++j) at(here.now.q_K[j], l) = at(step.lead.q_mid[j], l) = lane.q_K[j];
     }
-    step.begin(now);
+    step.coming = here.now;
+    step.begin(Real(dt));
   }
 
   void advance(double dt) {
-    const auto solved = step.solve(now, lead, dt);
+    const auto everywhere = Real(0.0) < Real(1.0);
+    const auto solved = step.solve(Real(dt), everywhere);
     for (int l = 0; l < width; ++l) unsolved += !get(solved, l);
-    step.accept(lead, now, dt);
+    step.accept(Real(dt), everywhere);
   }
 
   std::vector<double> all(int l) {
     std::vector<double> out;
-    for (int i = 0; i < NQ; ++i) out.push_back(at(step.q_D[i], l));
-    for (int k = 0; k < N; ++k) out.push_back(at(step.v_D[k], l));
+    for (int i = 0; i < NQ; ++i) out.push_back(at(step.here.q_D[i], l));
+    for (int k = 0; k < N; ++k) out.push_back(at(step.here.v_D[k], l));
     for (int r = 0; r < M; ++r) out.push_back(at(step.impulse[r], l));
-    for (int r = 0; r < M; ++r) out.push_back(get(step.taut[r], l) ? 1.0 : 0.0);
+    for (int r = 0; r < M; ++r) out.push_back(get(step.here.taut[r], l) ? 1.0 : 0.0);
     out.push_back(at(step.work, l));
     out.push_back(at(step.loss, l));
     out.push_back(at(step.impact, l));
@@ -146,11 +147,11 @@ int main() {
     in_order[l] = l;
     turned[l] = (3 * l + 5) % W;
   }
-  const auto first = std::make_unique<Bundle<Wide>>(lanes, p, in_order);
-  const auto second = std::make_unique<Bundle<Wide>>(lanes, p, turned);
+  const auto first = std::make_unique<Bundle<Wide>>(lanes, p, in_order, dt);
+  const auto second = std::make_unique<Bundle<Wide>>(lanes, p, turned, dt);
   std::vector<std::unique_ptr<Bundle<double>>> single;
   for (int l = 0; l < W; ++l)
-    single.push_back(std::make_unique<Bundle<double>>(lanes, p, &in_order[l]));
+    single.push_back(std::make_unique<Bundle<double>>(lanes, p, &in_order[l], dt));
   double apart = 0.0;
   long long bits_apart = 0, modes_apart = 0, changes = 0;
   for (int n = 0; n < n_steps; ++n) {

@@ -6,7 +6,7 @@ from fantoccini.codegen.model import STEM, Generated, assembled, programs, table
 from fantoccini.codegen.straight import program
 from fantoccini.equations import Equations, Variational
 
-_SHARED = ("step_dynamics", "limit_rates", "energy", "forth", "back")
+_SHARED = ("limit_rates", "energy", "forth", "back")
 """Functions that the model's library has as well."""
 
 
@@ -18,7 +18,8 @@ def generate_variational(equations: Equations) -> Generated:
     """
     own = Variational(equations).functions()
     made = programs(equations, _SHARED) | {name: program(own[name]) for name in own}
-    names = ("step_dynamics_varying", *_SHARED[1:], *own)
+    names = [*_SHARED, *own]
+    names[names.index("node")] = "node_varying"
     members = "".join(f"  FAN_FUNCTION({name})\n" for name in names)
     files = {f"{STEM}.hpp": tables_text(equations), "main.cpp": _MAIN.format(members=members)}
     return assembled(made, files)
@@ -44,8 +45,8 @@ struct Model : ModelTables {{
     return scalar::fan_##NAME(arg, res, nullptr, nullptr, 0); \\
   }}
 {members}\
-  static void step_dynamics_constants(double** res) {{
-    scalar::fan_step_dynamics_constants(res);
+  static void node_constants(double** res) {{
+    scalar::fan_node_constants(res);
   }}
   static void column(int which, const double** arg, double** res) {{
     scalar::fan_column(which, arg, res);

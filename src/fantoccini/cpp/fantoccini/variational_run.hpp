@@ -34,21 +34,20 @@ struct VariationalRun {
       const double* winches) {
     t = start;
     n_steps = 0;
-    at.cap = opt.tension_cap;
-    at.winches.set(winches);
-    for (int i = 0; i < Model::n_p; ++i) at.p[i] = p[i];
-    for (int i = 0; i < Model::n_qD; ++i) at.q_D[i] = q_D[i];
-    for (int k = 0; k < N; ++k) at.v_D[k] = v_D[k];
-    for (int i = 0; i < S; ++i) at.slip[i] = slip[i];
+    auto& here = at.here;
+    here.cap = opt.tension_cap;
+    here.winches.set(winches);
+    for (int i = 0; i < Model::n_p; ++i) here.p[i] = p[i];
+    for (int i = 0; i < Model::n_qD; ++i) here.q_D[i] = q_D[i];
+    for (int k = 0; k < N; ++k) here.v_D[k] = v_D[k];
+    for (int i = 0; i < S; ++i) here.slip[i] = slip[i];
   }
 
   void start(Record<Model>& out) {
-    drive.start_at(t);
-    look(t, now_);
-    at.begin(now_);
+    restart();
+    at.begin(opt.dt);
     work = damping = impact = slip_loss = worst_violation = 0.0;
     for (int r = 0; r < M; ++r) tension_[r] = blame[r] = 0.0;
-    restart();
     try_out();
     emit(out);
   }
@@ -69,22 +68,22 @@ struct VariationalRun {
 
   // Writes the present state.
   void emit(Record<Model>& out) {
+    const auto& here = at.here;
     out.row(
-        t, at.q_D, at.v_D, at.acc, now_.q_K, now_.v_K, now_.acc_K, tension_, at.taut, at.p, work,
-        damping, impact, slip_loss, at.slip);
+        t, here.q_D, here.v_D, at.acc, here.now.q_K, here.now.v_K, here.now.acc_K, tension_,
+        here.taut, here.p, work, damping, impact, slip_loss, here.slip);
   }
 
   // New inputs, or a new step grid, from here on; the velocities of the driven coordinates go on.
   void restart() {
     drive.start_at(t);
-    look(t, now_);
+    look(t, at.here.now);
     origin = t;
     n_here = 0;
   }
 
  private:
   using Inputs = typename Step::Inputs;
-  using Lead = typename Step::Lead;
 
   void look(double when, Inputs& in) {
     drive.evaluate(when, in.q_K, in.v_K, in.acc_K, in.u_D);
@@ -97,7 +96,7 @@ struct VariationalRun {
     bool was[room(M)], slipped[room(S)], gives[room(S)];
     double impulse[room(M)], caught[room(M)];
     for (int r = 0; r < M; ++r) {
-      was[r] = at.taut[r];
+      was[r] = at.here.taut[r];
       impulse[r] = caught[r] = 0.0;
     }
     for (int i = 0; i < S; ++i) {
@@ -124,7 +123,7 @@ struct VariationalRun {
     for (int r = 0; r < M; ++r) {
       tension_[r] = impulse[r] / (t - start);
       if (caught[r] > 0.0) out.event(t, CATCH, r, caught[r], 0.0);
-      if (!at.taut[r] && (was[r] || caught[r] > 0.0)) out.event(t, RELEASE, r, 0.0, 0.0);
+      if (!at.here.taut[r] && (was[r] || caught[r] > 0.0)) out.event(t, RELEASE, r, 0.0, 0.0);
     }
     for (int i = 0; i < S; ++i) {
       at.slips[i] = gives[i];
@@ -138,9 +137,11 @@ struct VariationalRun {
   void try_out() {
     if (!solve_to(t + opt.dt)) return;
     for (int r = 0; r < M; ++r) {
+      if (!at.here.closed(r)) continue;
+      at.here.lambda[r] = at.found_impulse(r);
       tension_[r] = at.found_impulse(r) * (2.0 / opt.dt);
-      at.taut[r] = at.taut[r] || (at.found_impulse(r) != 0.0 && at.closed(r));
     }
+    at.here.settle();
     restart();
   }
 
@@ -148,8 +149,7 @@ struct VariationalRun {
   bool try_to(double end) {
     if (!solve_to(end)) return false;
     const double dt = end - t;
-    at.accept(lead_, coming_, dt);
-    now_ = coming_;
+    at.accept(dt, true);
     t = end;
     work += at.work;
     damping += at.loss;
@@ -164,27 +164,27 @@ struct VariationalRun {
     const double dt = part_ = end - t, middle = t + 0.5 * dt;
     double unused_q[room(Model::n_qK)], unused_v[room(Model::n_vK)], unused_a[room(Model::n_vK)];
     drive.look_at(middle);
-    drive.evaluate(middle, unused_q, unused_v, unused_a, lead_.u_D);
+    drive.evaluate(middle, unused_q, unused_v, unused_a, at.lead.u_D);
     drive.look_at(end);
-    look(end, coming_);
-    for (int i = 0; i < Model::n_qK; ++i) lead_.q_next[i] = coming_.q_K[i];
-    half_way<typename Model::Driven>(now_.q_K, coming_.q_K, lead_.q_mid, lead_.v_mid);
-    for (int j = 0; j < Model::n_vK; ++j) lead_.v_mid[j] *= 1.0 / dt;
-    return at.solve(now_, lead_, dt);
+    look(end, at.coming);
+    half_way<typename Model::Driven>(
+        at.here.now.q_K, at.coming.q_K, at.lead.q_mid, at.lead.v_mid);
+    for (int j = 0; j < Model::n_vK; ++j) at.lead.v_mid[j] *= 1.0 / dt;
+    return at.solve(dt, true);
   }
 
   // After a part of a step, of length dt. A pull counts over a whole step: in a short part, what rows
   // that are taut get of a blow just before looks like one.
   Status judged(double dt) {
-    const double size = squares<Model::n_qD>(at.q_D) + squares<N>(at.v_D);
+    const double size = squares<Model::n_qD>(at.here.q_D) + squares<N>(at.here.v_D);
     if (!(size < kTooWild * kTooWild)) return NOT_FINITE;
-    if (is_empty(now_)) return LENGTH_NOT_POSITIVE;
+    if (is_empty(at.here.now)) return LENGTH_NOT_POSITIVE;
     double most = 0.0, span = fmax(dt, opt.dt);
     for (int r = 0; r < M; ++r) {
       if (at.caught[r]) span = 1.0;  // s: rows that pull pass a blow on
       else most = fmax(most, fabs(at.impulse[r]));
     }
-    if (most <= at.cap * span) return RUNNING;
+    if (most <= at.here.cap * span) return RUNNING;
     for (int r = 0; r < M; ++r) blame[r] = at.caught[r] ? 0.0 : fabs(at.impulse[r]) / most;
     return TENSION_CAP;
   }
@@ -197,15 +197,15 @@ struct VariationalRun {
 
   // Why even the shortest part of a step was not solved; a row's share in it is its blame.
   Status reason() {
-    if (is_empty(coming_)) return LENGTH_NOT_POSITIVE;
+    if (is_empty(at.coming)) return LENGTH_NOT_POSITIVE;
     ActiveSet<M, N> set;
-    const auto& rows = at.node.rows;
-    at.demand(lead_, part_, set.b);
+    const auto& rows = at.here.firm.rows;
+    at.demand(part_, set.b);
     set.n = rows.n;
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
       set.column[a] = rows.column[a];
-      set.upper[a] = at.winches.slips(r) ? at.winches.max_tension[r] * part_ : kForever;
+      set.upper[a] = at.here.winches.slips(r) ? at.here.winches.max_tension[r] * part_ : kForever;
       set.two_sided[a] = rows.two_sided[a];
       set.place[a] = ActiveSet<M, N>::LOW;
     }
@@ -214,16 +214,14 @@ struct VariationalRun {
     const double* share = solved == Solved::INFEASIBLE ? set.ray : set.x;
     double most = 0.0, span = part_;
     for (int a = 0; a < rows.n; ++a) {
-      if (share[a] != 0.0 && !at.taut[rows.row[a]]) span = 1.0;  // s: a blow, not a pull
+      if (share[a] != 0.0 && !at.here.taut[rows.row[a]]) span = 1.0;  // s: a blow, not a pull
       most = fmax(most, fabs(share[a]));
     }
-    if (solved == Solved::YES && most <= at.cap * span) return NOT_SETTLED;
+    if (solved == Solved::YES && most <= at.here.cap * span) return NOT_SETTLED;
     for (int a = 0; a < rows.n; ++a) blame[rows.row[a]] = fabs(share[a]) / most;
     return solved == Solved::YES ? TENSION_CAP : IMPOSSIBLE_INPUT;
   }
 
-  Inputs now_, coming_;
-  Lead lead_;
   double tension_[room(M)];
   double part_ = 0.0;  // s: length of the step last looked for
 };
