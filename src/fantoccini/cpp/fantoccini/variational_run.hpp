@@ -44,7 +44,7 @@ struct VariationalRun {
   }
 
   void start(Record<Model>& out) {
-    restart();
+    begin_grid();
     at.begin(opt.dt);
     work = damping = impact = slip_loss = worst_violation = 0.0;
     for (int r = 0; r < M; ++r) tension_[r] = blame[r] = 0.0;
@@ -76,14 +76,19 @@ struct VariationalRun {
 
   // New inputs, or a new step grid, from here on; the velocities of the driven coordinates go on.
   void restart() {
+    begin_grid();
+    at.here.settle();
+  }
+
+ private:
+  using Inputs = typename Step::Inputs;
+
+  void begin_grid() {
     drive.start_at(t);
     look(t, at.here.now);
     origin = t;
     n_here = 0;
   }
-
- private:
-  using Inputs = typename Step::Inputs;
 
   void look(double when, Inputs& in) {
     drive.evaluate(when, in.q_K, in.v_K, in.acc_K, in.u_D);
@@ -117,11 +122,15 @@ struct VariationalRun {
       status = judged(t - before);
       if (!last) part *= 2.0;
     }
-    if (t == start) return status;
+    if (t == start) {
+      if (n_here % save_every != 0) emit(out);
+      return status;
+    }
     ++n_steps;
     ++n_here;
     for (int r = 0; r < M; ++r) {
-      tension_[r] = impulse[r] / (t - start);
+      // What pulled in a part of the step and has let go bears nothing any more.
+      tension_[r] = at.here.taut[r] ? impulse[r] / (t - start) : 0.0;
       if (caught[r] > 0.0) out.event(t, CATCH, r, caught[r], 0.0);
       if (!at.here.taut[r] && (was[r] || caught[r] > 0.0)) out.event(t, RELEASE, r, 0.0, 0.0);
     }
@@ -141,7 +150,6 @@ struct VariationalRun {
       at.here.lambda[r] = at.found_impulse(r);
       tension_[r] = at.found_impulse(r) * (2.0 / opt.dt);
     }
-    at.here.settle();
     restart();
   }
 
@@ -156,15 +164,14 @@ struct VariationalRun {
     impact += at.impact;
     slip_loss += at.slip_loss;
     for (int r = 0; r < M; ++r)
-      worst_violation = fmax(worst_violation, at.overstep(r));
+      if (at.overstep(r) > worst_violation) worst_violation = at.overstep(r);
     return true;
   }
 
   bool solve_to(double end) {
     const double dt = part_ = end - t, middle = t + 0.5 * dt;
-    double unused_q[room(Model::n_qK)], unused_v[room(Model::n_vK)], unused_a[room(Model::n_vK)];
     drive.look_at(middle);
-    drive.evaluate(middle, unused_q, unused_v, unused_a, at.lead.u_D);
+    drive.evaluate_force(middle, at.lead.u_D);
     drive.look_at(end);
     look(end, at.coming);
     half_way<typename Model::Driven>(
@@ -179,10 +186,11 @@ struct VariationalRun {
     const double size = squares<Model::n_qD>(at.here.q_D) + squares<N>(at.here.v_D);
     if (!(size < kTooWild * kTooWild)) return NOT_FINITE;
     if (is_empty(at.here.now)) return LENGTH_NOT_POSITIVE;
-    double most = 0.0, span = fmax(dt, opt.dt);
+    double most = 0.0, span = dt > opt.dt ? dt : opt.dt;
     for (int r = 0; r < M; ++r) {
+      const double pull = fabs(at.impulse[r]);
       if (at.caught[r]) span = 1.0;  // s: rows that pull pass a blow on
-      else most = fmax(most, fabs(at.impulse[r]));
+      else if (pull > most) most = pull;
     }
     if (most <= at.here.cap * span) return RUNNING;
     for (int r = 0; r < M; ++r) blame[r] = at.caught[r] ? 0.0 : fabs(at.impulse[r]) / most;
