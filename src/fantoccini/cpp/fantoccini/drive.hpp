@@ -54,7 +54,7 @@ class Drive {
     forces(s, u);
   }
 
-  // u_D alone.
+  // u_D alone, by these polynomials.
   void evaluate_force(double t, double* u) const { forces(t - breaks_[segment_], u); }
 
  private:

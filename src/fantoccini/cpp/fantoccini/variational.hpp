@@ -147,16 +147,21 @@ struct VariationalStep {
     return solved && !lost;
   }
 
-  // By row of `firm`, the speed that the row's impulse has to take from a step of length dt.
+  // By row of `firm`, the speed that the row's impulse has to take from a step of length dt; what was
+  // found stays.
   FAN_FN void demand(const Real& dt, Real* b) {
+    const Found<Model, Real> found = found_;
     auto& rows = here.firm.rows;
-    Real z[room(N)];
+    Real z[room(N)], lacked[room(N)];
+    for (int k = 0; k < N; ++k) lacked[k] = lacked_[k];
     first_guess(dt);
     evaluate(dt);
     here.firm.forth(before_, z);
     for (int k = 0; k < N; ++k) z[k] = here.firm.y[k] - z[k];
     rows.along(z, b);
     for (int a = 0; a < rows.n; ++a) b[a] += found_.h[rows.row[a]] / dt;
+    found_ = found;
+    for (int k = 0; k < N; ++k) lacked_[k] = lacked[k];
   }
 
   // Takes the step of length dt that was found, in some lanes.
