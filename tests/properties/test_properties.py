@@ -41,7 +41,7 @@ def test_properties():
     [
         "beads 31 event", "beads 278 event", "beads 5098 event", "beads 8609 event",
         "beads 8633 event", "beads 13057 event", "beads 14626 event", "arm 571 event",
-        "bouncers 10393 event", "limb 15086 timestepping",
+        "bouncers 10393 event", "limb 15086 timestepping", "tray 100463 variational",
     ],
 )  # fmt: skip
 def test_a_case_that_has_broken_before(case):

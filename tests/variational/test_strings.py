@@ -185,4 +185,4 @@ def test_a_trajectory_of_a_batch_does_not_mind_its_neighbours(bench):
         assert alone.t[-1] == pytest.approx(there.reached[k], abs=1e-6)
         n = int(np.sum(np.isfinite(there.q_D[k, :, 0])))
         assert there.q_D[k, :n] == pytest.approx(alone.q_D[:n], abs=1e-7)
-    assert Status.DONE in there.status and Status.DONE != there.status[1]
+    assert Status.DONE in there.status and there.status[1] != Status.DONE

@@ -67,8 +67,8 @@ RESULTS: dict[str, tuple[str, ...]] = {
     "momentum": ("p_D",),
 }
 """Results: those of ``dynamics`` but for the rows' accelerations, and L, W and G of the factor with
-the damping of joints over dt in it; p_k(xi), p_k+1, q_k+1 and the rows' h there; M_DD v_D + M_DK v_K.
-"""
+the damping of joints over dt in it; p_k(xi), p_k+1, q_k+1 and the rows' h there; M_DD v_D +
+M_DK v_K."""
 
 
 class Variational:
@@ -93,9 +93,10 @@ class Variational:
         exact, firm = self.equations["dynamics"], self.equations["step_dynamics"]
         symbols = self.equations.system.symbols
         places = {name: getattr(symbols, name) for name in ARGUMENTS["node"]}
-        at = {name: [places[a] for a in f.name_in()] for name, f in (("exact", exact), ("firm", firm))}
-        made = dict(zip(exact.name_out(), exact.call(at["exact"]), strict=True))
-        with_damping = dict(zip(firm.name_out(), firm.call(at["firm"]), strict=True))
+        made, with_damping = (
+            dict(zip(f.name_out(), f.call([places[a] for a in f.name_in()]), strict=True))
+            for f in (exact, firm)
+        )
         made |= {f"{name}_firm": with_damping[name] for name in ("L", "W", "G")}
         return _function("node", places, [made[name] for name in RESULTS["node"]])
 

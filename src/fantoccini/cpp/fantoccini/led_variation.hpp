@@ -12,6 +12,7 @@
 namespace fan {
 
 constexpr double kFinest = 1.0 / 4096.0;  // of a step: how far it is halved
+constexpr double kCoarse = 1.0 / 512.0;   // likewise for the sake of accuracy alone
 constexpr double kTooWild = 1e9;          // m, rad, per second: a state of this size means nothing
 
 template <class Model_, class Real_>
@@ -118,7 +119,9 @@ struct LedVariation {
       const Mask last = !(next - t > part * (1.0 + 1e-9));
       const Real end = select(last, Real(next), Real(t + part));
       const Real dt = select(goes, Real(end - t), Real(opt.dt));
-      const Mask made = look(drive, dt, goes), not_made = goes && !made;
+      const Mask found = look(drive, dt, goes);
+      const Mask made = found && (at.resolves(dt) || dt < Real(kCoarse * whole));
+      const Mask not_made = goes && !made;
       part = select(not_made, 0.5 * dt, select(last, part, Real(2.0 * part)));
       const Mask stuck = not_made && part < Real(kFinest * whole);
       for (int l = 0; any(stuck) && l < width; ++l)

@@ -26,6 +26,7 @@ constexpr double kExact = 1e-12;        // of the momenta's size: what a solved 
 constexpr double kNearlyExact = 1e-10;  // likewise, where it does not get any better
 constexpr double kHeld = 1e-11;         // m or rad by which a solved step may overstep a row
 constexpr double kFarthestTurn = 2.0;   // rad in one step
+constexpr double kWidest = 0.5;         // rad by which strings may turn in one step
 constexpr int kCorrections = 30;        // of a step
 
 template <class Model, class Real>
@@ -145,6 +146,22 @@ struct VariationalStep {
       if (Model::turns[k]) solved = solved && abs(found_.xi[k]) < Real(kFarthestTurn);
     balance();
     return solved && !lost;
+  }
+
+  // Whether the step that was found resolves how its strings swing: what a string pulls its ends by
+  // over the step, dt Lambda G, is as a part of its length the square of the angle by which it turns.
+  // Steps over wider angles gain energy.
+  FAN_FN Mask resolves(const Real& dt) const {
+    using std::abs;
+    const auto& rows = here.firm.rows;
+    Mask all = Real(0.0) < Real(1.0);
+    for (int a = 0; a < rows.n && rows.row[a] < S; ++a) {
+      const int r = rows.row[a], driven = Model::length_q[r];
+      const Real length = driven < 0 ? Real(Model::nominal_length[r]) : coming.q_K[driven];
+      const Real own = rows.problem.G[a * Node::Problem::N + a];
+      all = all && !(dt * abs(found_.lambda[r]) * own > kWidest * kWidest * (length + here.slip[r]));
+    }
+    return all;
   }
 
   // By row of `firm`, the speed that the row's impulse has to take from a step of length dt; what was
