@@ -131,6 +131,12 @@ def test_stiff_springs_and_heavy_damping_do_not_stop_it(bench):
     assert off[1] < 0.01 and off[1] < 0.5 * off[0]
 
 
+def test_steps_of_a_microsecond_are_solved_too():
+    """Rounding of the lengths is a speed there, and large beside what the momenta change by."""
+    run = variational(rigs.marionette(), rigs.gentle(0.5), t_end=3e-5, dt=1e-6)
+    assert np.max(run.violation.values) < 1e-14 and not run.events
+
+
 def test_a_winch_slips_at_its_largest_tension(bench):
     x = bench.rest({"line.length": 0.8})
     jerk = fan.Input.waypoints(bench, {"line.length": [(0, 0.8), (0.3, 0.55)]})

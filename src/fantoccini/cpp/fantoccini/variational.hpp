@@ -24,6 +24,8 @@ namespace fan {
 
 constexpr double kExact = 1e-12;        // of the momenta's size: what a solved step may lack
 constexpr double kNearlyExact = 1e-10;  // likewise, where it does not get any better
+constexpr double kRounded = 1e-14;      // m or rad: what rounding may leave of a row's height
+constexpr double kMoves = 1e-6;         // of the largest diagonal entry of G: a row that counts
 constexpr double kHeld = 1e-11;         // m or rad by which a solved step may overstep a row
 constexpr double kFarthestTurn = 2.0;   // rad in one step
 constexpr double kWidest = 0.5;         // rad by which strings may turn in one step
@@ -97,6 +99,7 @@ struct VariationalStep {
     first_guess(dt);
     Real size = squares<N>(here.firm.y) + dt * dt * squares<N>(here.exact.eval.w0);
     size = select(size > Real(1e-280), size, Real(1e-280));
+    const Real near = kNearlyExact * kNearlyExact * size + rounding(dt);
     Mask solved = no, lost = !wanted;
     Real last = Real(kAway);
     for (int r = 0; r < M; ++r) found_.lambda[r] = Real(0.0);
@@ -126,7 +129,7 @@ struct VariationalStep {
       for (int k = 0; k < N; ++k) left_[k] = select(solved, left_[k], z[k]);
       const Real wrong = squares<N>(z);
       const Mask exact = wrong < (kExact * kExact) * size;
-      const Mask stuck = wrong < (kNearlyExact * kNearlyExact) * size && !(wrong < 0.1 * last);
+      const Mask stuck = wrong < near && !(wrong < 0.1 * last);
       solved = solved || ((exact || stuck) && !lost && held());
       lost = lost || !(wrong < Real(kAway));
       if (!any(!solved && !lost)) break;
@@ -247,6 +250,23 @@ struct VariationalStep {
     Real* res[] = {lacks};
     Model::momentum(arg, res);
     for (int k = 0; k < N; ++k) found_.after[k] += lacks[k];
+  }
+
+  // What rounding of the rows' heights may leave of z, squared: in a short step it is a speed.
+  FAN_FN Real rounding(const Real& dt) const {
+    const auto& rows = here.firm.rows;
+    const Real speed = kRounded / dt;
+    Real largest = Real(0.0), most = Real(0.0);
+    for (int pass = 0; pass < 2; ++pass)
+      for (int a = 0; a < rows.n; ++a) {
+        Real own = rows.problem.G[a * Node::Problem::N + a];
+        own = select(here.near[rows.row[a]], own, Real(0.0));
+        largest = select(own > largest, own, largest);
+        // Rows that hardly move anything do not count.
+        const Real heavy = select(own > kMoves * largest, 1.0 / own, Real(0.0));
+        most = select(heavy > most && Node::in_all(pass > 0), heavy, most);
+      }
+    return speed * speed * most;
   }
 
   // What the forces at the node make of the velocities half-way, with mu for Lambda, and what such
