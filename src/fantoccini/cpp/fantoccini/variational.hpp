@@ -27,7 +27,7 @@ constexpr double kNearlyExact = 1e-10;  // likewise, where it does not get any b
 constexpr double kRounded = 1e-14;      // m or rad: what rounding may leave of a row's height
 constexpr double kMoves = 1e-6;         // of the largest diagonal entry of G: a row that counts
 constexpr double kHeld = 1e-11;         // m or rad by which a solved step may overstep a row
-constexpr double kFarthestTurn = 2.0;   // rad in one step
+constexpr double kFarthestTurn = 1.0;   // rad in one step
 constexpr double kWidest = 0.5;         // rad by which strings may turn in one step
 constexpr int kCorrections = 30;        // of a step
 
