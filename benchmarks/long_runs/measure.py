@@ -214,15 +214,16 @@ def growth() -> Table:
         x = puppet.state()
         v_D = 0.3 * np.random.default_rng(0).normal(size=dof)
         moving = puppet.project(x.replace(v_D=v_D))
-        rule = Variational(puppet.equations).functions()["midpoint_rule"]
+        own = Variational(puppet.equations).functions()
         solves = sum(puppet.equations[name].n_instructions() for name in ("forth", "back"))
-        once = puppet.equations["step_dynamics"].n_instructions()
+        once = own["node"].n_instructions()
         took = [
             f"{step_time(puppet, moving, method, dt, 300):.1f}"
             for dt in (0.002, 0.01)
             for method in FIXED
         ]
-        rows.append([str(dof), str(once), str(rule.n_instructions() + solves), *took])
+        again = own["midpoint_rule"].n_instructions() + solves
+        rows.append([str(dof), str(once), str(again), *took])
     return Table(
         ["DOF", "operations a step", "and a correction", "variational, 2 ms [us]",
          "timestepping, 2 ms [us]", "variational, 10 ms [us]", "timestepping, 10 ms [us]"],

@@ -14,6 +14,12 @@ class Foresight {
   using Mask = typename Traits<Real>::Mask;
 
  public:
+  FAN_FN void begin() {
+    n_ = best_ = dt_ = Real(0.0);
+    for (int j = 0; j < kKept; ++j)
+      for (int k = 0; k < n; ++k) past_[j][k] = Real(0.0);
+  }
+
   // Nothing before this counts in these lanes.
   FAN_FN void forget(const Mask& lanes) {
     n_ = select(lanes, Real(0.0), n_);
@@ -68,11 +74,12 @@ class Foresight {
  private:
   static constexpr int kKept = 3;
   static constexpr double kSame = 1e-6;  // relative: steps that differ by less are of one length
-  static constexpr double kWeights[kKept][kKept] = {{1.0, 0.0, 0.0}, {2.0, -1.0, 0.0}, {3.0, -3.0, 1.0}};
-  Real past_[kKept][room(n)] = {};  // the latest first
-  Real n_ = Real(0.0);              // how many there are
-  Real best_ = Real(0.0);           // how many are to be used
-  Real dt_ = Real(0.0);             // s
+  static constexpr double kWeights[kKept][kKept] = {
+      {1.0, 0.0, 0.0}, {2.0, -1.0, 0.0}, {3.0, -3.0, 1.0}};
+  Real past_[kKept][room(n)];  // the latest first
+  Real n_;                     // how many there are
+  Real best_;                  // how many are to be used
+  Real dt_;                    // s
 };
 
 }  // namespace fan

@@ -1,6 +1,6 @@
-// The variational step led by inputs: whole steps in as many parts as they take, the books, and what
-// stops a trajectory. Written for any Real: every lane halves its own step, and waits for the others
-// at the end of the whole one.
+// The variational step led by inputs: whole steps in as many parts as they take, the books, and
+// what stops a trajectory. Written for any Real: every lane halves its own step, and waits for the
+// others at the end of the whole one.
 #pragma once
 
 #include "active_set.hpp"
@@ -65,8 +65,8 @@ struct LedVariation {
     out[3] = slip_loss;
   }
 
-  // Begins at node() and the inputs at t. What pulls then, and how much, is what does so in the first
-  // step, which is tried and not made.
+  // Begins at node() and the inputs at t. What pulls then, and how much, is what does so in the
+  // first step, which is tried and not made.
   template <class Drive>
   void begin(Drive& drive) {
     const Mask all = Real(0.0) < Real(1.0);
@@ -178,8 +178,8 @@ struct LedVariation {
     judge(dt, lanes);
   }
 
-  // After a part of a step. A pull counts over a whole step: in a short part, what rows that are taut
-  // get of a blow just before looks like one.
+  // After a part of a step. A pull counts over a whole step: in a short part, what rows that are
+  // taut get of a blow just before looks like one.
   void judge(const Real& dt, const Mask& lanes) {
     using std::abs;
     const Real far = squares<NQ>(node().q_D) + squares<N>(node().v_D);
@@ -240,7 +240,8 @@ struct LedVariation {
     const double* share = solved == Solved::INFEASIBLE ? set.ray : set.x;
     double most = 0.0, span = dt;
     for (int a = 0; a < set.n; ++a) {
-      if (share[a] != 0.0 && !lane_of(node().taut[row[a]], lane)) span = 1.0;  // s: a blow, not a pull
+      // A blow is not a pull.
+      if (share[a] != 0.0 && !lane_of(node().taut[row[a]], lane)) span = 1.0;  // s
       most = fmax(most, fabs(share[a]));
     }
     if (solved == Solved::YES && most <= node().cap * span) return NOT_SETTLED;

@@ -2,8 +2,8 @@
 //
 //   p_k - A_D(q_k)^T Lambda = p_k(xi),   h(q_k+1) <= 0 complementary to Lambda >= 0
 //
-// with p_k(xi), p_k+1, q_k+1 and h by the generated midpoint_rule (equations/variational.py). It makes
-// lengths hold at every node; the velocities there are those of variational_node.hpp.
+// with p_k(xi), p_k+1, q_k+1 and h by the generated midpoint_rule (equations/variational.py). It
+// makes lengths hold at every node; the velocities there are those of variational_node.hpp.
 //
 // The step is solved for y = F^-T p at q_k, where F^T F = M_DD + dt/2 damping of the joints. The
 // derivative of p_k(xi) is F^T F / dt but for terms of relative size dt times a velocity, so that
@@ -28,7 +28,7 @@ constexpr double kRounded = 1e-14;      // m or rad: what rounding may leave of 
 constexpr double kMoves = 1e-6;         // of the largest diagonal entry of G: a row that counts
 constexpr double kHeld = 1e-11;         // m or rad by which a solved step may overstep a row
 constexpr double kFarthestTurn = 1.0;   // rad in one step
-constexpr double kWidest = 0.5;         // rad by which strings may turn in one step
+constexpr double kWidest = 0.7;         // rad by which strings may turn in one step
 constexpr int kCorrections = 30;        // of a step
 
 template <class Model, class Real>
@@ -74,7 +74,7 @@ struct VariationalStep {
     const Real* arg[] = {here.q_D, here.v_D, here.now.q_K, here.now.v_K, here.p};
     Real* res[] = {here.momentum};
     Model::momentum(arg, res);
-    foresight_.forget(!no);
+    foresight_.begin();
     here.since = Real(0.0);
     here.ahead = dt;
     here.settle();
@@ -151,9 +151,9 @@ struct VariationalStep {
     return solved && !lost;
   }
 
-  // Whether the step that was found resolves how its strings swing: what a string pulls its ends by
-  // over the step, dt Lambda G, is as a part of its length the square of the angle by which it turns.
-  // Steps over wider angles gain energy.
+  // Whether the step that was found resolves how its strings swing. A string of length L under
+  // tension turns by the angle dt sqrt(tension G / L), and Lambda is half of what pulls over the
+  // step. Steps over wider angles gain energy.
   FAN_FN Mask resolves(const Real& dt) const {
     using std::abs;
     const auto& rows = here.firm.rows;
@@ -162,13 +162,14 @@ struct VariationalStep {
       const int r = rows.row[a], driven = Model::length_q[r];
       const Real length = driven < 0 ? Real(Model::nominal_length[r]) : coming.q_K[driven];
       const Real own = rows.problem.G[a * Node::Problem::N + a];
-      all = all && !(dt * abs(found_.lambda[r]) * own > kWidest * kWidest * (length + here.slip[r]));
+      const Real square = 2.0 * dt * abs(found_.lambda[r]) * own;
+      all = all && !(square > kWidest * kWidest * (length + here.slip[r]));
     }
     return all;
   }
 
-  // By row of `firm`, the speed that the row's impulse has to take from a step of length dt; what was
-  // found stays.
+  // By row of `firm`, the speed that the row's impulse has to take from a step of length dt; what
+  // was found stays.
   FAN_FN void demand(const Real& dt, Real* b) {
     const Found<Model, Real> found = found_;
     auto& rows = here.firm.rows;
@@ -299,7 +300,7 @@ struct VariationalStep {
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
       const Real beyond = rows.two_sided[a] ? Real(abs(found_.h[r])) : found_.h[r];
-      const Mask gives = rows.problem.high[a] && Node::in_all(here.winches.slips(r));
+      const Mask gives = rows.problem.high[a] && Node::in_all(here.gives(r));
       all = all && (!here.near[r] || gives || beyond < Real(kHeld));
     }
     return all;
@@ -345,7 +346,7 @@ struct VariationalStep {
     for (int i = 0; i < S; ++i) found_.slips[i] = Real(0.0) > Real(1.0);
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
-      if (!here.winches.slips(r)) continue;
+      if (!here.gives(r)) continue;
       found_.slips[r] = rows.problem.high[a] && found_.h[r] > Real(0.0);
       Real& next = found_.slip_next[r];
       next += select(found_.slips[r], found_.h[r], Real(0.0));

@@ -96,14 +96,17 @@ struct VariationalNode {
   // Whether a row is at its bound.
   FAN_FN Mask closed(int r) const { return height(r) > Real(-kTouching); }
 
+  // Whether a row is a string whose winch gives way.
+  FAN_FN bool gives(int r) const { return winches.slips(r) && winches.max_tension[r] < cap; }
+
   // Bounds of the rows' impulses over half a step: the other half is that of its other end.
   FAN_FN void bound(Footing<Model, Real>& on, const Real& dt) const {
     auto& problem = on.rows.problem;
     for (int a = 0; a < on.rows.n; ++a) {
       const int r = on.rows.row[a];
-      const bool winch = winches.slips(r) && winches.max_tension[r] < cap;
-      problem.upper[a] = winch ? Real((0.5 * winches.max_tension[r]) * dt) : Real(kMostImpulse * cap);
-      problem.lower[a] = on.rows.two_sided[a] ? Real(-kMostImpulse * cap) : Real(0.0);
+      const Real most = Real(kMostImpulse * cap);
+      problem.upper[a] = gives(r) ? Real((0.5 * winches.max_tension[r]) * dt) : most;
+      problem.lower[a] = on.rows.two_sided[a] ? Real(-most) : Real(0.0);
     }
   }
 
@@ -143,8 +146,8 @@ struct VariationalNode {
     return -select(goes, select(most < speed, most, speed), Real(0.0));
   }
 
-  // What impulses x by row do here, of which `made` tells whether they have acted on the velocities:
-  // work of the driven ends is added, and by row the energy that they take.
+  // What impulses x by row do here, of which `made` tells whether they have acted on the
+  // velocities: work of the driven ends is added, and by row the energy that they take.
   FAN_FN void account(const Real* x, bool made, Real& work, Real* lost) const {
     const auto& rows = exact.rows;
     Real rate[room(M)];
