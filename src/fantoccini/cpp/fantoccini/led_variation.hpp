@@ -189,14 +189,14 @@ struct LedVariation {
       span = select(at.caught[r], Real(1.0), span);  // s: rows that pull pass a blow on
       most = select(!at.caught[r] && size > most, size, most);
     }
+    stop(lanes && !(far < Real(kTooWild * kTooWild)), NOT_FINITE);
+    stop(lanes && is_empty(node().now), LENGTH_NOT_POSITIVE);
     const Mask capped = lanes && most > node().cap * span && runs();
     for (int l = 0; any(capped) && l < width; ++l)
       for (int r = 0; lane_of(capped, l) && r < M; ++r) {
         const double share = fabs(lane_of(at.impulse[r], l)) / lane_of(most, l);
         blame[l][r] = lane_of(at.caught[r], l) ? 0.0 : share;
       }
-    stop(lanes && !(far < Real(kTooWild * kTooWild)), NOT_FINITE);
-    stop(lanes && is_empty(node().now), LENGTH_NOT_POSITIVE);
     stop(capped, TENSION_CAP);
   }
 
@@ -244,9 +244,9 @@ struct LedVariation {
       if (share[a] != 0.0 && !lane_of(node().taut[row[a]], lane)) span = 1.0;  // s
       most = fmax(most, fabs(share[a]));
     }
-    if (solved == Solved::YES && most <= node().cap * span) return NOT_SETTLED;
-    for (int a = 0; a < set.n; ++a) blame[lane][row[a]] = fabs(share[a]) / most;
-    return solved == Solved::YES ? TENSION_CAP : IMPOSSIBLE_INPUT;
+    for (int a = 0; a < set.n && most > 0.0; ++a) blame[lane][row[a]] = fabs(share[a]) / most;
+    if (solved == Solved::INFEASIBLE) return IMPOSSIBLE_INPUT;
+    return most > node().cap * span ? TENSION_CAP : NOT_SETTLED;
   }
 };
 
