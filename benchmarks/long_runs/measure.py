@@ -103,6 +103,26 @@ def orders() -> Table:
     return Table(["case", *(f"{1e3 * dt:g} ms" for dt in steps), "order"], rows)
 
 
+def catches() -> Table:
+    """Errors through many catches that nearly coincide: the marionette dropped onto its strings."""
+    steps, t_end, rows = [1e-2 / 4**k for k in range(6)], 0.06, []
+    for name, swing in (("at rest", 0.0), ("swinging a little", 0.03)):
+        x = subject.lifted(0.01, swing)
+        exact = fan.simulate(subject.damped(), x, t_end=t_end, rtol=1e-12, atol=1e-12)
+        caught = [e.t for e in exact.events if e.kind is EventKind.CATCH]
+        off, loss = [], []
+        for dt in steps:
+            run = fan.simulate(
+                subject.damped(), x, t_end=t_end, method="variational", dt=dt, effort=False
+            )
+            off.append(np.max(np.abs(run.q_D[-1] - exact.q_D[-1])))
+            loss.append(abs(run.ledger["impact"][-1] / exact.ledger["impact"][-1] - 1.0))
+        span = f"{len(caught)} catches within {1e3 * (caught[-1] - caught[0]):.0f} ms"
+        rows.append([f"{name}, {span}: configuration", *(f"{e:.1e}" for e in off)])
+        rows.append([f"{name}: energy lost in catches, relative", *(f"{e:.1e}" for e in loss)])
+    return Table(["dropped", *(f"{1e3 * dt:.2g} ms" for dt in steps)], rows)
+
+
 def momenta() -> Table:
     """How far momenta stray that symmetry keeps, over 100 s."""
     flyer = fan.loads(subject.FLYER)
@@ -164,6 +184,28 @@ def step_time(puppet: fan.Marionette, x: State, method: str, dt: float, n: int =
     return 1e6 * min(took)
 
 
+def lanes(n: int = 64, dt: float = 0.01) -> str:
+    """What a trajectory of a batch costs a step beside one by itself, on one thread, as text."""
+    rng, puppet = np.random.default_rng(0), subject.damped()
+    starts = [
+        subject.swinging(puppet, subject.all_taut(), VIGOROUS * rng.normal(size=25))
+        for _ in range(n)
+    ]
+    took = []
+    for _ in range(5):
+        began = time.process_time()
+        fan.simulate(
+            puppet, starts, t_end=2.0, method="variational", dt=dt, save_every=10**6, threads=1
+        )
+        took.append(time.process_time() - began)
+    own = 1e6 * min(took) * dt / (2.0 * n)
+    one = np.mean([step_time(puppet, x, "variational", dt, round(2.0 / dt)) for x in starts[:8]])
+    return (
+        f"In a batch of {n}, in lanes on one thread, a step at {1e3 * dt:g} ms takes {own:.1f} us "
+        f"a trajectory, beside {one:.1f} us of those by themselves: {one / own:.1f} times as fast."
+    )
+
+
 def growth() -> Table:
     """Cost of a step over the degrees of freedom: chains of hinges on three strings."""
     rows = []
@@ -172,15 +214,16 @@ def growth() -> Table:
         x = puppet.state()
         v_D = 0.3 * np.random.default_rng(0).normal(size=dof)
         moving = puppet.project(x.replace(v_D=v_D))
-        rule = Variational(puppet.equations).functions()["midpoint_rule"]
+        own = Variational(puppet.equations).functions()
         solves = sum(puppet.equations[name].n_instructions() for name in ("forth", "back"))
-        once = puppet.equations["step_dynamics"].n_instructions()
+        once = own["node"].n_instructions()
         took = [
             f"{step_time(puppet, moving, method, dt, 300):.1f}"
             for dt in (0.002, 0.01)
             for method in FIXED
         ]
-        rows.append([str(dof), str(once), str(rule.n_instructions() + solves), *took])
+        again = own["midpoint_rule"].n_instructions() + solves
+        rows.append([str(dof), str(once), str(again), *took])
     return Table(
         ["DOF", "operations a step", "and a correction", "variational, 2 ms [us]",
          "timestepping, 2 ms [us]", "variational, 10 ms [us]", "timestepping, 10 ms [us]"],

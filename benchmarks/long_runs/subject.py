@@ -72,6 +72,15 @@ def swing(amplitude: float) -> State:
     return swinging(damped(), all_taut(), amplitude * np.random.default_rng(1).normal(size=25))
 
 
+def lifted(by: float, amplitude: float) -> State:
+    """The marionette lifted off its strings [m], in a random swing [rad/s, m/s]."""
+    x, names = all_taut(), damped().coordinates.q_D
+    height = next(i for i, name in enumerate(names) if name.endswith(".z"))
+    q_D = x.q_D.copy()
+    q_D[height] += by
+    return x.replace(q_D=q_D, v_D=amplitude * np.random.default_rng(3).normal(size=25))
+
+
 def sway(x: State) -> fan.Input:
     """A shoulder is shifted and a hand lifted, smoothly."""
     start = dict(zip(damped().coordinates.q_K, x.q_K, strict=True))

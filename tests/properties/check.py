@@ -14,9 +14,9 @@ import fantoccini as fan
 from fantoccini import Status
 from properties.performances import Performance, performance
 
-METHODS = ("event", "timestepping")
-DT = 0.002
-"""Step of the time-stepper [s]."""
+METHODS = ("event", "timestepping", "variational")
+DT = {"event": 0.002, "timestepping": 0.002, "variational": 0.01}
+"""Steps of the methods with a fixed one [s]."""
 
 EXPECTED = {
     "event": {
@@ -24,8 +24,13 @@ EXPECTED = {
         Status.LENGTH_NOT_POSITIVE,
     },
     "timestepping": {Status.DONE, Status.COLLAPSED, Status.LENGTH_NOT_POSITIVE},
+    "variational": {
+        Status.DONE, Status.IMPOSSIBLE_INPUT, Status.TENSION_CAP, Status.LENGTH_NOT_POSITIVE,
+        Status.NOT_SETTLED,
+    },
 }  # fmt: skip
-"""How a run may end. Time-stepping goes on under inputs that nothing can follow."""
+"""How a run may end. Time-stepping goes on under inputs that nothing can follow; the variational
+integrator may stop there without finding out why."""
 
 LENGTH = 1e-12
 """Bound on violations and on gaps of rows that pull, relative to a string's length, or to 1 rad
@@ -49,6 +54,10 @@ STRAYS = 2.0
 (2 length)) with the largest speed of the run and the shortest string (time-stepping)."""
 FOLLOWED = 1e-4
 """Violation below which inputs count as followed, relative (time-stepping)."""
+HELD = 1e-11
+"""Bound on violations [m or rad] (variational)."""
+TOUCHES = 1e-9
+"""Bound on gaps of rows that pull [m or rad] (variational)."""
 HARD = 100.0
 """Tension that counts as a hard pull [weights]."""
 MOST_PIECES = 250
@@ -65,8 +74,9 @@ class Result:
         asks: what the inputs asked for.
         status: name of how it ended.
         catches, events: their numbers.
-        violation: worst, relative to the string's length (event-driven) or as in ``STRAYS``.
-        gap: of a row that pulls, worst, relative to the length or as in ``STEPS``.
+        violation: worst, relative to the string's length (event-driven), as in ``STRAYS``, or as it
+            is (variational).
+        gap: of a row that pulls, worst, likewise, or as in ``STEPS``.
         residual: of the ledger, relative to the energies.
         broken: the properties it lacks, in words; empty when all is well.
     """
@@ -99,8 +109,8 @@ def simulated(given: Performance, method: str) -> fan.Trajectory:
             raise KeyboardInterrupt
 
     return fan.simulate(
-        given.marionette, given.x0, given.inputs, given.t_end, method=method, dt=DT, effort=False,
-        progress=count, throw=False,
+        given.marionette, given.x0, given.inputs, given.t_end, method=method, dt=DT[method],
+        effort=False, progress=count, throw=False,
     )  # fmt: skip
 
 
@@ -116,13 +126,13 @@ def checked(
     Args:
         puppet: name in ``puppets.ALL``.
         seed: of the performance.
-        method: event or timestepping.
+        method: event, timestepping or variational.
         given: the performance, if it is made already.
-        event: how the event-driven run of it ends, which tells the time-stepping one whether the
-            inputs can be followed; found out when not given.
+        event: how the event-driven run of it ends, which tells the others whether the inputs can be
+            followed; found out when not given.
     """
     given = performance(puppet, seed) if given is None else given
-    if method == "timestepping" and event is None:
+    if method != "event" and event is None:
         event = simulated(given, "event").status
     run = simulated(given, method)
     broken, measures = _always(given, run, method), (0.0, 0.0, 0.0)
@@ -130,8 +140,10 @@ def checked(
         rows = _Rows(given, run)
         if method == "event":
             measures, more = _event_driven(given, run, rows)
-        else:
+        elif method == "timestepping":
             measures, more = _time_stepping(given, run, rows, event)
+        else:
+            measures, more = _variational(given, run, rows, event)
         broken += more
     return Result(
         puppet, seed, method, given.asks, run.status.name,
@@ -221,7 +233,7 @@ class _Rates:
 
 
 def _always(given: Performance, run: fan.Trajectory, method: str) -> list[str]:
-    """What holds for either method, whatever the inputs."""
+    """What holds for all methods, whatever the inputs."""
     broken = []
     tables = ("tension", "limit_force", "ledger", "violation")
     arrays = {name: getattr(run, name) for name in ("t", "q_D", "v_D", "acc_D", "q_K", "v_K")}
@@ -314,7 +326,7 @@ def _time_stepping(given: Performance, run: fan.Trajectory, rows: _Rows, event: 
     """
     broken = []
     speed = max(float(np.max(np.abs(v), initial=1.0)) for v in (run.v_D, run.v_K))
-    closes = DT * speed
+    closes = DT["timestepping"] * speed
     # A step goes straight on where the row curves: it leaves by up to closes^2 / (2 length).
     strays = closes * (1.0 + 0.5 * run.duration * speed / np.min(rows.scale, initial=1.0))
     violation = float(np.max(run.violation.values, initial=0.0)) / strays
@@ -330,6 +342,20 @@ def _time_stepping(given: Performance, run: fan.Trajectory, rows: _Rows, event: 
         broken.append("tension across a gap")
     residual = np.max(np.abs(run.ledger["residual"]) / _energy(given, run))
     return (violation if event is Status.DONE else 0.0, gap, residual), broken
+
+
+def _variational(given: Performance, run: fan.Trajectory, rows: _Rows, event: Status):
+    """Exact lengths, no tension on open rows, and no end where the inputs can be followed."""
+    broken = []
+    violation, gap = np.max(run.violation.values, initial=0.0), np.max(rows.gap, initial=0.0)
+    if violation > HELD:
+        broken.append("a row is violated")
+    if gap > TOUCHES:
+        broken.append("tension across a gap")
+    if event is Status.DONE and run.status is not Status.DONE:
+        broken.append(f"ends with {run.status.name} though the inputs can be followed")
+    residual = np.max(np.abs(run.ledger["residual"]) / _energy(given, run))
+    return (violation, gap, residual), broken
 
 
 def main() -> None:

@@ -1,6 +1,6 @@
 """Runs very many cases and writes down what is broken: ``make soak``.
 
-A performance is run by both methods. ``--runs`` counts runs, so a million are half a million
+A performance is run by all methods. ``--runs`` counts runs, so a million are a third of a million
 performances, spread evenly over the puppets. Ctrl-C keeps what was done.
 """
 
@@ -129,26 +129,28 @@ class Tally:
         self.worst[method][name] = max(self.worst[method][name], value)
 
 
-def performed(puppet: str, first: int, n: int) -> Tally:
-    """Runs n performances of a puppet by both methods.
+def performed(puppet: str, first: int, n: int, methods: tuple[str, ...] = METHODS) -> Tally:
+    """Runs n performances of a puppet.
 
     Args:
         puppet: name in ``puppets.ALL``.
         first: seed of the first performance.
         n: how many.
+        methods: by which; the event-driven one, which tells what can be followed, always first.
     """
     tally = Tally()
     for seed in range(first, first + n):
         given = performances.performance(puppet, seed)
         event = checked(puppet, seed, "event", given)
         tally.add(event)
-        tally.add(checked(puppet, seed, "timestepping", given, fan.Status[event.status]))
+        for method in methods[1:]:
+            tally.add(checked(puppet, seed, method, given, fan.Status[event.status]))
     return tally
 
 
-def pieces(names: list[str], runs: int, seed: int):
-    """(puppet, first seed, number) of pieces with ``runs`` runs in all, puppets in turn."""
-    left, first = -(-runs // len(METHODS)), seed
+def pieces(names: list[str], performances: int, seed: int):
+    """(puppet, first seed, number) of pieces with so many performances in all, puppets in turn."""
+    left, first = performances, seed
     while left > 0:
         for k, name in enumerate(names):
             n = min(PIECE, -(-left // (len(names) - k)))
@@ -158,19 +160,29 @@ def pieces(names: list[str], runs: int, seed: int):
         first += PIECE
 
 
-def soak(names: list[str], runs: int, seed: int, workers: int, progress=None) -> Tally:
+def soak(
+    names: list[str],
+    runs: int,
+    seed: int,
+    workers: int,
+    progress=None,
+    methods: tuple[str, ...] = METHODS,
+) -> Tally:
     """Runs cases in several processes; Ctrl-C gives the tally of what was done.
 
     Args:
         names: of puppets.
-        runs: how many runs, over both methods.
+        runs: how many runs, over all methods.
         seed: of the first performance of each puppet.
         workers: processes.
-        progress: called with the number of runs done and the tally.
+        progress: called with the tally.
+        methods: as of ``performed``.
     """
-    for name in names:
-        puppets.load(name).compile()  # once, not by every worker
-    tally, todo = Tally(), pieces(names, runs, seed)
+    for name in names:  # once, not by every worker
+        puppets.load(name).compile()
+        for method in methods:
+            puppets.load(name).library_of(method)
+    tally, todo = Tally(), pieces(names, -(-runs // len(methods)), seed)
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, mp_context=context, initializer=_deaf) as pool:
         waiting: dict[Future, tuple] = {}
@@ -178,7 +190,7 @@ def soak(names: list[str], runs: int, seed: int, workers: int, progress=None) ->
             while True:
                 # No more than the workers need is queued, so that Ctrl-C ends soon.
                 while len(waiting) < 2 * workers and (piece := next(todo, None)):
-                    waiting[pool.submit(performed, *piece)] = piece
+                    waiting[pool.submit(performed, *piece, methods)] = piece
                 if not waiting:
                     break
                 done, _ = wait(waiting, timeout=PATIENCE, return_when=FIRST_COMPLETED)

@@ -13,7 +13,7 @@ from fantoccini.codegen.model import (
     operations,
     tables_text,
 )
-from fantoccini.codegen.variational import generate_variational
+from fantoccini.codegen.variational import generate_variational, generate_variational_lanes
 
 __all__ = [
     "DERIVATIVE_SIZES",
@@ -27,6 +27,7 @@ __all__ = [
     "generate_lanes",
     "generate_motions",
     "generate_variational",
+    "generate_variational_lanes",
     "model_text",
     "operations",
     "tables_text",

@@ -7,7 +7,8 @@ from fantoccini.codegen.model import STEM, Generated, Real, assembled, programs,
 from fantoccini.codegen.straight import Program
 from fantoccini.equations import Equations
 
-_WIDE = Real("fan::Wide", "wide", "fantoccini/wide.hpp")
+WIDE = Real("fan::Wide", "wide", "fantoccini/wide.hpp")
+"""Bundles of doubles, as wide as the processor allows."""
 
 
 def generate_lanes(equations: Equations) -> Generated:
@@ -58,7 +59,7 @@ def _generated(
     members = "".join(f"  FAN_FUNCTION({name})\n" for name in names) + more
     main = _MAIN.format(members=members, header=header)
     files = {f"{STEM}.hpp": tables_text(equations), "main.cpp": main}
-    return assembled(made, files, real=_WIDE)
+    return assembled(made, files, real=WIDE)
 
 
 _MAIN = """\

@@ -34,7 +34,7 @@ APART = 2000
 """Arithmetic statements from which on the files of pieces are compiled apart from the runtime."""
 
 
-_STANDING = ("W", "J_limit", "M_DK_v_K")
+_STANDING = ("W", "W_firm", "J_limit", "M_DK_v_K")
 """Results with many constants, most of them zeros, where nothing else writes: written once."""
 
 

@@ -1,12 +1,13 @@
-"""The variational integrator's source text: a library of its own, made when first asked for."""
+"""The variational integrator's source text: libraries of its own, made when first asked for."""
 
 from __future__ import annotations
 
-from fantoccini.codegen.model import STEM, Generated, assembled, programs, tables_text
+from fantoccini.codegen.lanes import WIDE
+from fantoccini.codegen.model import STEM, Generated, Real, assembled, programs, tables_text
 from fantoccini.codegen.straight import program
 from fantoccini.equations import Equations, Variational
 
-_SHARED = ("step_dynamics", "limit_rates", "energy", "forth", "back")
+_SHARED = ("limit_rates", "energy", "forth", "back")
 """Functions that the model's library has as well."""
 
 
@@ -16,42 +17,58 @@ def generate_variational(equations: Equations) -> Generated:
     Args:
         equations: the derived equations.
     """
+    return _generated(equations, Real(), "variational_abi")
+
+
+def generate_variational_lanes(equations: Equations) -> Generated:
+    """The source text of a puppet's variational integrator for many trajectories side by side.
+
+    Args:
+        equations: the derived equations.
+    """
+    return _generated(equations, WIDE, "variational_lane_abi")
+
+
+def _generated(equations: Equations, real: Real, header: str) -> Generated:
+    """The integrator over a type, under the C interface of a header, without its ending."""
     own = Variational(equations).functions()
     made = programs(equations, _SHARED) | {name: program(own[name]) for name in own}
-    names = ("step_dynamics_varying", *_SHARED[1:], *own)
+    names = [*_SHARED, *own]
+    names[names.index("node")] = "node_varying"
     members = "".join(f"  FAN_FUNCTION({name})\n" for name in names)
-    files = {f"{STEM}.hpp": tables_text(equations), "main.cpp": _MAIN.format(members=members)}
-    return assembled(made, files)
+    main = _MAIN.format(members=members, abi=header, **vars(real))
+    files = {f"{STEM}.hpp": tables_text(equations), "main.cpp": main}
+    return assembled(made, files, real=real)
 
 
 _MAIN = """\
 // A puppet's variational integrator.
 #include <cmath>
 
-#include "fantoccini/elementary.hpp"
+#include "{header}"
 #include "model.hpp"
 
 namespace fan {{
-namespace scalar {{
-#define casadi_real double
+namespace {space} {{
+#define casadi_real {type}
 #include "model.c"
 #undef casadi_real
-}}  // namespace scalar
+}}  // namespace {space}
 
 struct Model : ModelTables {{
-#define FAN_FUNCTION(NAME)                                    \\
-  static int NAME(const double** arg, double** res) {{         \\
-    return scalar::fan_##NAME(arg, res, nullptr, nullptr, 0); \\
+#define FAN_FUNCTION(NAME)                                     \\
+  static int NAME(const {type}** arg, {type}** res) {{          \\
+    return {space}::fan_##NAME(arg, res, nullptr, nullptr, 0); \\
   }}
 {members}\
-  static void step_dynamics_constants(double** res) {{
-    scalar::fan_step_dynamics_constants(res);
+  static void node_constants({type}** res) {{
+    {space}::fan_node_constants(res);
   }}
-  static void column(int which, const double** arg, double** res) {{
-    scalar::fan_column(which, arg, res);
+  static void column(int which, const {type}** arg, {type}** res) {{
+    {space}::fan_column(which, arg, res);
   }}
 }};
 }}  // namespace fan
 
-#include "fantoccini/variational_abi.hpp"
+#include "fantoccini/{abi}.hpp"
 """

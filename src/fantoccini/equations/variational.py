@@ -51,6 +51,7 @@ from fantoccini.equations.kinematics import JointMotion
 from fantoccini.tree import WORLD, Link, Role
 
 ARGUMENTS: dict[str, tuple[str, ...]] = {
+    "node": ("q_D", "v_D", "q_K", "v_K", "acc_K", "u_D", "dt", "p"),
     "midpoint_rule": (
         "q_D", "xi", "q_mid", "v_mid", "acc_mid", "q_K", "u_D", "dt", "p",
     ),
@@ -60,10 +61,16 @@ ARGUMENTS: dict[str, tuple[str, ...]] = {
 of the driven coordinates half-way, q_K is theirs at the end."""
 
 RESULTS: dict[str, tuple[str, ...]] = {
+    "node": (
+        "L", "w0", "W", "G", "h", "hdot", "a0", "hdot_K", "h_limit", "J_limit", "power0",
+        "M_DK_v_K", "loss", "L_firm", "W_firm", "G_firm",
+    ),
     "midpoint_rule": ("before", "after", "q_next", "h"),
     "momentum": ("p_D",),
 }
-"""Results: p_k(xi), p_k+1, q_k+1 and the rows' h there; M_DD v_D + M_DK v_K."""
+"""Results: those of ``dynamics`` but for the rows' accelerations, and L, W and G of the factor with
+the damping of joints over dt in it; p_k(xi), p_k+1, q_k+1 and the rows' h there; M_DD v_D +
+M_DK v_K."""
 
 
 class Variational:
@@ -78,7 +85,22 @@ class Variational:
 
     def functions(self) -> dict[str, ca.Function]:
         """The functions that are compiled, by name; all results are dense."""
-        return {"midpoint_rule": self._midpoint_rule(), "momentum": self._momentum()}
+        return {
+            "node": self._node(),
+            "midpoint_rule": self._midpoint_rule(),
+            "momentum": self._momentum(),
+        }
+
+    def _node(self) -> ca.Function:
+        exact, firm = self.equations["dynamics"], self.equations["step_dynamics"]
+        symbols = self.equations.system.symbols
+        places = {name: getattr(symbols, name) for name in ARGUMENTS["node"]}
+        made, with_damping = (
+            dict(zip(f.name_out(), f.call([places[a] for a in f.name_in()]), strict=True))
+            for f in (exact, firm)
+        )
+        made |= {f"{name}_firm": with_damping[name] for name in ("L", "W", "G")}
+        return _function("node", places, [made[name] for name in RESULTS["node"]])
 
     def _midpoint_rule(self) -> ca.Function:
         system = self.equations.system

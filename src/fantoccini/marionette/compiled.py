@@ -80,6 +80,24 @@ class Compiled:
             "variational", codegen.generate_variational, lambda file: Library(file, self.tree)
         )
 
+    @cached_property
+    def variational_lanes(self) -> BatchLibrary:
+        """The compiled variational integrator of batches; made when first needed.
+
+        Raises:
+            BuildError: no compiler, or it failed.
+            PuppetError: the mass matrix is singular.
+        """
+        return self._compiled(
+            "variational_lanes", codegen.generate_variational_lanes, BatchLibrary
+        )
+
+    def batch_library_of(self, method: str) -> BatchLibrary:
+        """The library that makes batches of runs of a method."""
+        if method == "event":
+            return BatchLibrary(self.library)
+        return self.lanes if method == "timestepping" else self.variational_lanes
+
     def library_of(self, method: str) -> Library:
         """The library that makes runs of a method."""
         return self.variational if method == "variational" else self.library

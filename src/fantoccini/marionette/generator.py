@@ -12,7 +12,7 @@ _NOT_GENERATING = (
 )  # fmt: skip
 """Modules beside the derivation that shape nothing that is compiled."""
 _ALONE = ("derivatives", "variational")
-"""Libraries whose names are those of modules that shape nothing else."""
+"""Modules that shape nothing but the libraries whose names begin with theirs."""
 
 
 def fingerprint(what: str = "model") -> str:
@@ -25,6 +25,6 @@ def fingerprint(what: str = "model") -> str:
     folders = [Path(module.__file__).parent for module in (equations, tree, codegen)]
     for file in sorted(f for folder in folders for f in folder.glob("*.py")):
         left_out = file.name in _NOT_GENERATING or file.name == "__init__.py"
-        if not left_out and (file.stem == what or file.stem not in _ALONE):
+        if not left_out and (what.startswith(file.stem) or file.stem not in _ALONE):
             digest.update(file.read_bytes())
     return f"{codegen.VERSION}-{digest.hexdigest()}"

@@ -19,7 +19,7 @@ from fantoccini.marionette import (
 )
 from fantoccini.motion import SAVED, Columns, Input, Inputs, State, States, Trajectories
 from fantoccini.motion.trajectory import LEDGER
-from fantoccini.runtime import Batch, BatchLibrary, RunOptions, default_threads
+from fantoccini.runtime import Batch, RunOptions, default_threads
 from fantoccini.simulate.bar import Bar
 
 SAVE = ("q_D", "v_D", "tension")
@@ -71,8 +71,7 @@ def simulate_many(
         violation=np.zeros(n), events=np.zeros((n, 2), dtype=np.int64),
         blame=np.zeros((n, marionette.tree.n_rows)),
     )  # fmt: skip
-    in_lanes = method == "timestepping"
-    library = marionette.lanes if in_lanes else BatchLibrary(marionette.library_of(method))
+    library = marionette.batch_library_of(method)
     threads = min(threads or default_threads(), -(-n // library.width))
     # Ctrl-C keeps what was reached; what was not has the status it began with.
     with Bar(f"{n} runs", progress, t, t_end) as bar, contextlib.suppress(KeyboardInterrupt):

@@ -70,7 +70,7 @@ def simulate(
     stops, the impulse acts (Eqs. 13-15) and the mode is chosen anew (Sec. IV).
 
     Many states, many inputs or both make a batch, which gives :class:`Trajectories`: on threads,
-    and the time-stepper in lanes. A run of a batch that stops early is told by its status and does
+    and fixed steps in lanes. A run of a batch that stops early is told by its status and does
     not raise; Ctrl-C keeps what was reached, with the others STOPPED.
 
     Args:

@@ -70,12 +70,15 @@ struct Complementarity {
   }
 
   // Solves the problem from the guess in `active` and `high`. tolerance is relative to the largest
-  // |x| and to the size of the terms of each s. Returns the lanes that were solved.
-  FAN_FN Mask solve(double eps, int max_refinements, double tolerance, int max_iterations) {
+  // |x| and to the size of the terms of each s. Returns the lanes that were solved. `again` says that
+  // n and G are those of the last time: where the guess is what it found, its factor serves anew.
+  FAN_FN Mask solve(
+      double eps, int max_refinements, double tolerance, int max_iterations, bool again = false) {
     using std::abs;
     Real fewest = Real(double(n + 1)), patience = Real(3.0);
     Mask solved = Real(0.0) > Real(1.0);
-    raised_ = solved;
+    if (!again) standing_ = false;
+    if (!standing_) raised_ = solved;
     for (int iteration = 0; iteration < max_iterations; ++iteration) {
       factorise_as_needed(eps);
       first_solution();
@@ -115,7 +118,10 @@ struct Complementarity {
   // influence, and from then on: pivoting ends for one matrix, not for two that take turns. The
   // others' solution has no more error than rounding, and needs no refinement.
   FAN_FN void factorise_as_needed(double eps) {
+    if (standing_ && stands()) return;
     choose();
+    standing_ = true;
+    for (int i = 0; i < n; ++i) factored_[i] = active[i];
     raise_ = select(raised_, eps * largest_, Real(0.0));
     factor(kFirm * eps);
     const Mask now = loose_ && !raised_;
@@ -123,6 +129,13 @@ struct Complementarity {
     raised_ = raised_ || now;
     raise_ = select(raised_, eps * largest_, Real(0.0));
     factor(0.0);
+  }
+
+  // Whether the factor is that of the active rows.
+  FAN_FN bool stands() const {
+    Mask differs = Real(0.0) > Real(1.0);
+    for (int i = 0; i < n; ++i) differs = differs || factored_[i] != active[i];
+    return !any(differs);
   }
 
   // The rows that are active in some lane, and the largest diagonal entry: against that one, a row
@@ -220,6 +233,8 @@ struct Complementarity {
 
   Real raise_, largest_, terms_[N];
   Mask loose_, raised_;
+  bool standing_ = false;  // whether there is a factor to be used again
+  Mask factored_[N];       // active rows when it was made
   int some_[N], n_some_ = 0;  // rows active in some lane, in order
   // These rows' block is L D L^T with ones on L's diagonal; the part of a row that is not active in
   // a lane is that of the unit matrix there.

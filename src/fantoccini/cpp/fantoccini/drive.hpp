@@ -51,13 +51,11 @@ class Drive {
     motion_of<Space>(coef, base_.data() + segment_ * Space::n_q, still_, s, q, v, a);
     if (phase_ != WITHIN)
       for (int j = 0; j < Space::n_v; ++j) v[j] = a[j] = 0.0;
-    for (int j = 0; j < n_vD; ++j) {
-      double unused_rate, unused_second;
-      u[j] = 0.0;
-      if (!force_.empty() && phase_ == WITHIN)
-        polynomial(&force_[(segment_ * n_vD + j) * kPowers], s, u[j], unused_rate, unused_second);
-    }
+    forces(s, u);
   }
+
+  // u_D alone, by these polynomials.
+  void evaluate_force(double t, double* u) const { forces(t - breaks_[segment_], u); }
 
  private:
   enum Phase { BEFORE, WITHIN, AFTER };
@@ -68,6 +66,16 @@ class Drive {
     const int before = int(found - breaks_.begin()) - 1;
     const int segment = before < 0 ? 0 : (before >= n_ ? n_ - 1 : before);
     if (segment != segment_) enter(segment);
+  }
+
+  // u_D at a time s after the piece begins.
+  void forces(double s, double* u) const {
+    for (int j = 0; j < n_vD; ++j) {
+      double unused_rate, unused_second;
+      u[j] = 0.0;
+      if (!force_.empty() && phase_ == WITHIN)
+        polynomial(&force_[(segment_ * n_vD + j) * kPowers], s, u[j], unused_rate, unused_second);
+    }
   }
 
   void enter(int segment) {

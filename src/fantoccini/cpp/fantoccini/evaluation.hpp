@@ -18,8 +18,8 @@ namespace fan {
 template <class Model, class Real>
 struct Evaluation {
   static constexpr int N = Model::n_vD, S = Model::n_strings, K = Model::n_limits;
-  Real L[room(Model::n_packed)], w0[room(N)], W[room(N * S)], G[room(S * S)];
-  Real h[room(S)], hdot[room(S)], gamma[room(S)] = {}, a0[room(S)], hdot_K[room(S)];
+  Real L[room(Model::n_packed)], w0[room(N)] = {}, W[room(N * S)], G[room(S * S)];
+  Real h[room(S)], hdot[room(S)] = {}, gamma[room(S)] = {}, a0[room(S)] = {}, hdot_K[room(S)] = {};
   Real h_limit[room(K)], J_limit[room(3 * K)], gamma_limit[room(K)] = {};
   Real power0, M_DK_v_K[room(N)], loss;
 
@@ -44,6 +44,20 @@ struct Evaluation {
     if (constants_ != OF_STEP) Model::step_dynamics_constants(res);
     constants_ = OF_STEP;
     Model::step_dynamics_varying(arg, res);
+  }
+
+  // At a node of a variational run; firm gets L, W and G of the factor with the damping of joints over
+  // dt in it, and J_limit.
+  FAN_FN void at_node(
+      const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
+      const Real* u_D, Real dt, const Real* p, Evaluation& firm) {
+    const Real* arg[] = {q_D, v_D, q_K, v_K, acc_K, u_D, &dt, p};
+    Real* res[] = {L,       w0,      W,       G,        h,     hdot,   a0,     hdot_K,
+                   h_limit, J_limit, &power0, M_DK_v_K, &loss, firm.L, firm.W, firm.G};
+    if (constants_ != OF_NODE) Model::node_constants(res);
+    constants_ = OF_NODE;
+    Model::node_varying(arg, res);
+    for (int i = 0; i < 3 * K; ++i) firm.J_limit[i] = J_limit[i];
   }
 
   // acc = F^-1 w.
@@ -72,7 +86,7 @@ struct Evaluation {
 
  private:
   // Entries of W, J_limit and M_DK_v_K that are always the same are written once.
-  enum { NOBODYS, OF_DYNAMICS, OF_STEP } constants_ = NOBODYS;
+  enum { NOBODYS, OF_DYNAMICS, OF_STEP, OF_NODE } constants_ = NOBODYS;
 };
 
 // The rows that take part in a complementarity problem, in increasing order.
@@ -133,13 +147,18 @@ struct RowSystem {
     }
   }
 
-  // W^T w over the rows.
+  // W^T w over the rows, two sums at a time: each addition waits for the one before.
   FAN_FN void along(const Real* w, Real* out) const {
     for (int a = 0; a < n; ++a) {
       const Entries of = entries(row[a]);
-      Real sum = Real(0.0);
-      for (int j = 0; j < of.n; ++j) sum += column[a][of[j]] * w[of[j]];
-      out[a] = sum;
+      Real even = Real(0.0), odd = Real(0.0);
+      int j = 0;
+      for (; j + 2 <= of.n; j += 2) {
+        even += column[a][of[j]] * w[of[j]];
+        odd += column[a][of[j + 1]] * w[of[j + 1]];
+      }
+      if (j < of.n) even += column[a][of[j]] * w[of[j]];
+      out[a] = even + odd;
     }
   }
 

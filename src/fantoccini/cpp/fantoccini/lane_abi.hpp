@@ -3,6 +3,7 @@
 #pragma once
 
 #include "export.hpp"
+#include "fixed_lanes.hpp"
 #include "lane_batch.hpp"
 
 FAN_POOL
@@ -15,5 +16,5 @@ FAN_EXPORT void fan_batch_sizes(int* out) {
 
 // Works on a pool until nothing is left; 0, or 1 where there was no memory.
 FAN_EXPORT int fan_batch_work(void* pool) {
-  return fan::work_on<fan::LaneBatch<fan::Model, fan::Wide>>(pool);
+  return fan::work_on<fan::LaneBatch<fan::FixedLanes<fan::Model, fan::Wide>>>(pool);
 }

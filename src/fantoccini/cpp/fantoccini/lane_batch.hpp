@@ -1,9 +1,9 @@
-// A batch by time-stepping: bundles of lanes, a trajectory a lane, all on one clock.
+// A batch in bundles of lanes, a trajectory a lane, all on one clock.
 #pragma once
 
 #include "batch.hpp"
 #include "lane_of.hpp"
-#include "led_step.hpp"
+#include "pieces.hpp"
 
 namespace fan {
 
@@ -19,14 +19,36 @@ class LaneDrive {
     forced_ = input.force != nullptr;
   }
 
-  // The inputs at t: at a break inside, those of the piece that begins there; at the start of a run
-  // also at the last break, after which all stands still.
-  void evaluate(double t, bool starts, Real* q, Real* v, Real* a, Real* u) {
-    Real s, moves;
+  // The inputs at t: at a break inside, those of the piece that begins there.
+  template <class Inputs>
+  void at(const Real& t, Inputs& in) {
+    find(t, false);
+    motion(in);
+    force(in.u_D);
+  }
+
+  // The same at the start of a run: at the last break all stands still.
+  template <class Inputs>
+  void start(const Real& t, Inputs& in) {
+    find(t, true);
+    motion(in);
+    force(in.u_D);
+  }
+
+  // u_D alone.
+  void force(const Real& t, Real* u) {
+    find(t, false);
+    force(u);
+  }
+
+ private:
+  // Which piece every lane is in, and how far.
+  void find(const Real& times, bool starts) {
     bool entered = false;
     for (int l = 0; l < width; ++l) {
       const InputArrays& in = input_[l];
       const int n = in.n_segments;
+      const double t = lane_of(times, l);
       int i = piece_[l] < 0 ? 0 : piece_[l];
       while (i > 0 && t < in.breaks[i]) --i;
       while (i < n - 1 && t >= in.breaks[i + 1]) ++i;
@@ -36,28 +58,34 @@ class LaneDrive {
       }
       const bool after = starts ? t >= in.breaks[n] : t > in.breaks[n], before = t < in.breaks[0];
       const double at = before ? in.breaks[0] : (after ? in.breaks[n] : t);
-      lane_of(s, l) = at - in.breaks[i];
-      lane_of(moves, l) = before || after ? 0.0 : 1.0;
+      lane_of(s_, l) = at - in.breaks[i];
+      lane_of(moves_, l) = before || after ? 0.0 : 1.0;
     }
     if (entered)
       for (int j = 0; j < Space::n_v; ++j) still_[j] = is_constant(coef_ + kPowers * j);
-    motion_of<Space>(coef_, base_, still_, s, q, v, a);
+  }
+
+  template <class Inputs>
+  void motion(Inputs& in) const {
+    motion_of<Space>(coef_, base_, still_, s_, in.q_K, in.v_K, in.acc_K);
     for (int j = 0; j < Space::n_v; ++j) {
-      v[j] *= moves;
-      a[j] *= moves;
+      in.v_K[j] *= moves_;
+      in.acc_K[j] *= moves_;
     }
+  }
+
+  void force(Real* u) const {
     for (int k = 0; k < n_vD; ++k) {
       Real rate, second;
       if (!forced_) {
         u[k] = Real(0.0);
         continue;
       }
-      polynomial(force_ + kPowers * k, s, u[k], rate, second);
-      u[k] *= moves;
+      polynomial(force_ + kPowers * k, s_, u[k], rate, second);
+      u[k] *= moves_;
     }
   }
 
- private:
   void load(int lane, int piece) {
     const InputArrays& in = input_[lane];
     piece_[lane] = piece;
@@ -73,11 +101,16 @@ class LaneDrive {
   InputArrays input_[width];
   int piece_[width];
   bool forced_ = false, still_[room(Space::n_v)];
+  Real s_, moves_;  // s since the piece began; 1 while it moves, 0 where all stands still
   Real coef_[room(Space::n_v * kPowers)], base_[room(Space::n_q)], force_[room(n_vD * kPowers)];
 };
 
-template <class Model, class Real>
+// Led is what advances the bundle: FixedLanes or LedVariation.
+template <class Led>
 class LaneBatch {
+  using Model = typename Led::Model;
+  using Real = typename Led::Real;
+
  public:
   static constexpr int width = Traits<Real>::width;
 
@@ -98,21 +131,17 @@ class LaneBatch {
   void begin(const BatchArrays& in, long long first, int n) {
     first_ = first;
     n_ = n;
-    led_.opt = in.options;
-    led_.winches.set(in.winches);
-    for (int i = 0; i < Model::n_p; ++i) led_.p[i] = Real(in.p[i]);
+    led_.set(in.t, in.options, in.winches, in.p);
     for (int l = 0; l < width; ++l) {
       const long long who = first + (l < n ? l : n - 1);
-      put(led_.state().q_D, NQ, l, in.q_D.of(who));
-      put(led_.state().v_D, N, l, in.v_D.of(who));
-      put(led_.at.slip, S, l, in.slip.of(who));
+      put(led_.q_D(), NQ, l, in.q_D.of(who));
+      put(led_.v_D(), N, l, in.v_D.of(who));
+      put(led_.slip(), S, l, in.slip.of(who));
       drive_.set(l, in.input(who));
       caught_[l] = released_[l] = 0;
       reached_[l] = in.t;
     }
-    look(in.t, true);
-    led_.take_inputs();
-    led_.begin();
+    led_.begin(drive_);
   }
 
   void run(Pool& pool) {
@@ -125,16 +154,14 @@ class LaneBatch {
     for (long long step = 1; t < in.t_end - 1e-9 * dt; ++step) {
       double next = in.t + double(step) * dt;
       if (next > in.t_end - 1e-6 * dt) next = in.t_end;
-      for (int r = 0; r < M; ++r) was_[r] = led_.at.taut[r];
-      look(next, false);
-      led_.advance(next - t);
+      led_.advance(drive_, t, next);
       t = next;
-      count(t);
+      count();
       if (step % in.save_every == 0 || t >= in.t_end) write(in, row++);
       if (step % kTold != 0) continue;
       pool.advance(n_ * (t - told) / (in.t_end - in.t));
       told = t;
-      if (pool.stopped() || !any(led_.status < Real(RUNNING + 0.5))) break;
+      if (pool.stopped() || !any(led_.runs())) break;
     }
     if (!pool.stopped()) pool.advance(n_ * (in.t_end - told) / (in.t_end - in.t));
     for (int l = 0; l < n_; ++l) {
@@ -145,58 +172,55 @@ class LaneBatch {
       in.violation[who] = lane_of(led_.worst_violation, l);
       in.events[2 * who] = caught_[l];
       in.events[2 * who + 1] = released_[l];
+      if constexpr (Led::blames)
+        for (int r = 0; r < M; ++r) in.blame[who * M + r] = led_.blame[l][r];
     }
   }
 
-  void look(double t, bool starts) {
-    auto& in = led_.coming();
-    drive_.evaluate(t, starts, in.q_K, in.v_K, in.acc_K, in.u_D);
-  }
-
-  // Counts what was caught and released in the step to t.
-  void count(double t) {
-    bool runs[width];
+  // Counts what was caught and released in the last step.
+  void count() {
+    bool went[width];
     for (int l = 0; l < n_; ++l) {
-      runs[l] = lane_of(led_.status, l) < RUNNING + 0.5;
-      if (runs[l]) reached_[l] = t;
+      went[l] = lane_of(led_.t, l) > reached_[l];
+      reached_[l] = lane_of(led_.t, l);
     }
     for (int r = 0; r < M; ++r) {
-      if (!any(was_[r] != led_.at.taut[r])) continue;
+      const auto caught = led_.caught(r), released = led_.released(r);
+      if (!any(caught || released)) continue;
       for (int l = 0; l < n_; ++l) {
-        const bool before = lane_of(was_[r], l), after = lane_of(led_.at.taut[r], l);
-        caught_[l] += runs[l] && after && !before;
-        released_[l] += runs[l] && before && !after;
+        caught_[l] += went[l] && lane_of(caught, l);
+        released_[l] += went[l] && lane_of(released, l);
       }
     }
   }
 
   // The row of all lanes that still run.
   void write(const BatchArrays& in, long long row) {
-    const auto& state = led_.state();
     const auto& inputs = led_.inputs();
-    put_lanes(in, Q_D, row, state.q_D);
-    put_lanes(in, V_D, row, state.v_D);
-    put_lanes(in, ACC_D, row, led_.at.acc);
+    put_lanes(in, Q_D, row, led_.q_D());
+    put_lanes(in, V_D, row, led_.v_D());
+    put_lanes(in, ACC_D, row, led_.acc());
     put_lanes(in, Q_K, row, inputs.q_K);
     put_lanes(in, V_K, row, inputs.v_K);
     put_lanes(in, ACC_K, row, inputs.acc_K);
-    put_lanes(in, FORCE, row, led_.at.tension);
-    put_lanes(in, TAUT, row, led_.at.taut);
-    put_lanes(in, SLIP_LENGTH, row, led_.at.slip);
+    put_lanes(in, FORCE, row, led_.tension());
+    put_lanes(in, TAUT, row, led_.taut());
+    put_lanes(in, SLIP_LENGTH, row, led_.slip());
     if (!in.parts[BOOKS]) return;
-    Real T, V;
-    const Real* arg[] = {state.q_D, state.v_D, inputs.q_K, inputs.v_K, led_.p};
-    Real* res[] = {&T, &V};
+    Real books[6];
+    const Real* arg[] = {led_.q_D(), led_.v_D(), inputs.q_K, inputs.v_K, led_.p()};
+    Real* res[] = {books, books + 1};
     Model::energy(arg, res);
-    const Real books[] = {T, V, led_.work, led_.damping, led_.impact, led_.slip_loss};
+    led_.books(books + 2);
     put_lanes(in, BOOKS, row, books);
   }
 
   template <class Number>
   void put_lanes(const BatchArrays& in, Part part, long long row, const Number* values) {
     if (!in.parts[part]) return;
+    const auto runs = led_.runs();
     for (int l = 0; l < n_; ++l)
-      if (lane_of(led_.status, l) < RUNNING + 0.5)
+      if (lane_of(runs, l))
         put_part(in, part, part_width<Model>(part), first_ + l, row, [&](int k) {
           return double(lane_of(values[k], l));
         });
@@ -206,9 +230,8 @@ class LaneBatch {
     for (int k = 0; k < n; ++k) lane_of(to[k], lane) = from[k];
   }
 
-  LedStep<Model, Real> led_;
+  Led led_;
   LaneDrive<typename Model::Driven, N, Real> drive_;
-  typename Traits<Real>::Mask was_[room(M)];
   long long first_ = 0, caught_[width], released_[width];
   int n_ = 0;
   double reached_[width];

@@ -5,7 +5,7 @@
 #include <new>
 
 #include "export.hpp"
-#include "variational_batch.hpp"
+#include "variational_run.hpp"
 
 // Sizes the caller must agree with, as in abi.hpp.
 FAN_EXPORT void fan_sizes(int* out) {
@@ -37,10 +37,9 @@ FAN_EXPORT int fan_start(
     const fan::Options* options, const double*, long long, int save_every,
     fan::Record<fan::Model>* out) {
   auto& run = fan::run_of(handle);
-  run.opt = *options;
   run.save_every = save_every;
   run.drive.set(*input);
-  run.set(t, q_D, v_D, slip, p, winches);
+  run.set(t, *options, q_D, v_D, slip, p, winches);
   run.start(*out);
   return fan::RUNNING;
 }
@@ -66,27 +65,12 @@ FAN_EXPORT void fan_set_input(void* handle, const fan::InputArrays* input) {
 FAN_EXPORT void fan_progress(void* handle, double* out) {
   const auto& run = fan::run_of(handle);
   out[0] = double(run.n_steps);
-  out[1] = run.t;
-  out[2] = run.worst_violation;
+  out[1] = run.led.t;
+  out[2] = run.led.worst_violation;
 }
 
 // By row, how much it is to blame for the status that stopped the run, 0 to 1.
 FAN_EXPORT void fan_blame(void* handle, double* out) {
   const auto& run = fan::run_of(handle);
-  for (int r = 0; r < fan::Model::n_rows; ++r) out[r] = run.blame[r];
-}
-
-// --- many runs (batch.hpp, variational_batch.hpp) -------------------------------------------------
-
-FAN_POOL
-
-// Bytes of BatchArrays, and trajectories that are advanced together.
-FAN_EXPORT void fan_batch_sizes(int* out) {
-  out[0] = int(sizeof(fan::BatchArrays));
-  out[1] = 1;
-}
-
-// Works on a pool until nothing is left; 0, or 1 where there was no memory.
-FAN_EXPORT int fan_batch_work(void* pool) {
-  return fan::work_on<fan::VariationalBatch<fan::Model>>(pool);
+  for (int r = 0; r < fan::Model::n_rows; ++r) out[r] = run.led.blame[0][r];
 }

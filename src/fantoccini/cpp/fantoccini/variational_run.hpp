@@ -1,234 +1,118 @@
-// The variational run of one trajectory: drives the integrator by an input, halves steps that it
-// cannot solve, and writes rows.
+// The variational run of one trajectory: drives the integrator by an input and writes rows.
 #pragma once
 
-#include "active_set.hpp"
 #include "drive.hpp"
-#include "options.hpp"
+#include "led_variation.hpp"
 #include "record.hpp"
-#include "status.hpp"
-#include "variational.hpp"
 
 namespace fan {
-
-constexpr double kFinest = 1.0 / 4096.0;  // of a step: how far it is halved
-constexpr double kTooWild = 1e9;          // m, rad, per second: a state of this size means nothing
 
 template <class Model>
 struct VariationalRun {
   static constexpr int N = Model::n_vD, S = Model::n_strings, M = Model::n_rows;
-  using Step = VariationalStep<Model, double>;
+  using Led = LedVariation<Model, double>;
 
-  Step at;
+  Led led;
   Drive<typename Model::Driven, N> drive;
-  Options opt;
-  double t = 0.0, origin = 0.0;
-  double work = 0.0, damping = 0.0, impact = 0.0, slip_loss = 0.0, worst_violation = 0.0;
-  double blame[room(M)];
+  double origin = 0.0;
   long long n_steps = 0, n_here = 0;
   int save_every = 1;
 
-  // Where the run begins; options and inputs come before.
+  // Where the run begins; inputs come before.
   void set(
-      double start, const double* q_D, const double* v_D, const double* slip, const double* p,
+      double start, const Options& options, const double* q_D, const double* v_D, const double* slip, const double* p,
       const double* winches) {
-    t = start;
     n_steps = 0;
-    at.cap = opt.tension_cap;
-    at.winches.set(winches);
-    for (int i = 0; i < Model::n_p; ++i) at.p[i] = p[i];
-    for (int i = 0; i < Model::n_qD; ++i) at.q_D[i] = q_D[i];
-    for (int k = 0; k < N; ++k) at.v_D[k] = v_D[k];
-    for (int i = 0; i < S; ++i) at.slip[i] = slip[i];
+    led.set(start, options, winches, p);
+    for (int i = 0; i < Model::n_qD; ++i) led.q_D()[i] = q_D[i];
+    for (int k = 0; k < N; ++k) led.v_D()[k] = v_D[k];
+    for (int i = 0; i < S; ++i) led.slip()[i] = slip[i];
   }
 
   void start(Record<Model>& out) {
-    drive.start_at(t);
-    look(t, now_);
-    at.begin(now_);
-    work = damping = impact = slip_loss = worst_violation = 0.0;
-    for (int r = 0; r < M; ++r) tension_[r] = blame[r] = 0.0;
-    restart();
-    try_out();
+    Look look{drive};
+    led.begin(look);
+    begin_grid();
     emit(out);
   }
 
   // Runs until t_end, for at most `budget` steps.
   Status run(double t_end, long long budget, Record<Model>& out) {
-    while (t < t_end - 1e-9 * opt.dt) {
+    const double dt = led.opt.dt;
+    while (led.t < t_end - 1e-9 * dt) {
       if (budget-- <= 0 || !out.room_for(2, 2 * (M + S) + 1)) return RUNNING;
-      if (n_steps >= opt.max_steps) return TOO_MANY_STEPS;
-      double next = origin + double(n_here + 1) * opt.dt;
-      if (next > t_end - 1e-6 * opt.dt) next = t_end;
-      const Status status = advance(next, out);
+      if (n_steps >= led.opt.max_steps) return TOO_MANY_STEPS;
+      double next = origin + double(n_here + 1) * dt;
+      if (next > t_end - 1e-6 * dt) next = t_end;
+      const bool written = n_here % save_every == 0;
+      const double before = led.t;
+      Look look{drive};
+      led.advance(look, before, next);
+      const Status status = Status(int(led.status));
+      const bool moved = led.t > before;
+      if (moved) {
+        ++n_steps;
+        ++n_here;
+        tell(out);
+      }
+      const bool due = n_here % save_every == 0 || led.t >= t_end;
+      if (status == RUNNING ? due : moved || !written) emit(out);
       if (status != RUNNING) return status;
-      if (n_here % save_every == 0 || t >= t_end) emit(out);
     }
     return DONE;
   }
 
   // Writes the present state.
   void emit(Record<Model>& out) {
+    const auto& here = led.node();
     out.row(
-        t, at.q_D, at.v_D, at.acc, now_.q_K, now_.v_K, now_.acc_K, tension_, at.taut, at.p, work,
-        damping, impact, slip_loss, at.slip);
+        led.t, here.q_D, here.v_D, led.at.acc, here.now.q_K, here.now.v_K, here.now.acc_K,
+        led.pull, here.taut, here.p, led.work, led.damping, led.impact, led.slip_loss, here.slip);
   }
 
   // New inputs, or a new step grid, from here on; the velocities of the driven coordinates go on.
   void restart() {
-    drive.start_at(t);
-    look(t, now_);
-    origin = t;
-    n_here = 0;
+    Look look{drive};
+    led.restart(look);
+    begin_grid();
   }
 
  private:
-  using Inputs = typename Step::Inputs;
-  using Lead = typename Step::Lead;
+  using Inputs = typename Led::Inputs;
 
-  void look(double when, Inputs& in) {
-    drive.evaluate(when, in.q_K, in.v_K, in.acc_K, in.u_D);
+  // The inputs as LedVariation looks at them.
+  struct Look {
+    Drive<typename Model::Driven, N>& drive;
+
+    void start(double t, Inputs& in) {
+      drive.start_at(t);
+      drive.evaluate(t, in.q_K, in.v_K, in.acc_K, in.u_D);
+    }
+    void at(double t, Inputs& in) {
+      drive.look_at(t);
+      drive.evaluate(t, in.q_K, in.v_K, in.acc_K, in.u_D);
+    }
+    void force(double t, double* u) {
+      drive.look_at(t);
+      drive.evaluate_force(t, u);
+    }
+  };
+
+  void begin_grid() {
+    origin = led.t;
+    n_here = 0;
   }
 
-  // A step, in as many parts as it takes.
-  Status advance(double next, Record<Model>& out) {
-    const double start = t, dt = next - t;
-    double part = dt;
-    bool was[room(M)], slipped[room(S)], gives[room(S)];
-    double impulse[room(M)], caught[room(M)];
+  // The events of the last step.
+  void tell(Record<Model>& out) {
     for (int r = 0; r < M; ++r) {
-      was[r] = at.taut[r];
-      impulse[r] = caught[r] = 0.0;
+      if (led.caught(r)) out.event(led.t, CATCH, r, led.blow[r], 0.0);
+      if (led.released(r)) out.event(led.t, RELEASE, r, 0.0, 0.0);
     }
-    for (int i = 0; i < S; ++i) {
-      slipped[i] = at.slips[i];
-      gives[i] = false;
-    }
-    Status status = RUNNING;
-    while (t < next && status == RUNNING) {
-      const bool last = next - t <= part * (1.0 + 1e-9);
-      const double end = last ? next : t + part, before = t;
-      if (!try_to(end)) {
-        part = 0.5 * (end - t);
-        if (part < kFinest * dt) status = reason();
-        continue;
-      }
-      for (int r = 0; r < M; ++r) (at.caught[r] ? caught : impulse)[r] += at.impulse[r];
-      for (int i = 0; i < S; ++i) gives[i] = gives[i] || at.slips[i];
-      status = judged(t - before);
-      if (!last) part *= 2.0;
-    }
-    if (t == start) return status;
-    ++n_steps;
-    ++n_here;
-    for (int r = 0; r < M; ++r) {
-      tension_[r] = impulse[r] / (t - start);
-      if (caught[r] > 0.0) out.event(t, CATCH, r, caught[r], 0.0);
-      if (!at.taut[r] && (was[r] || caught[r] > 0.0)) out.event(t, RELEASE, r, 0.0, 0.0);
-    }
-    for (int i = 0; i < S; ++i) {
-      at.slips[i] = gives[i];
-      if (slipped[i] != gives[i]) out.event(t, gives[i] ? SLIP : GRIP, i, 0.0, 0.0);
-    }
-    if (status != RUNNING) emit(out);
-    return status;
-  }
-
-  // What pulls at the start, and how much, is what does so in the first step.
-  void try_out() {
-    if (!solve_to(t + opt.dt)) return;
-    for (int r = 0; r < M; ++r) {
-      tension_[r] = at.found_impulse(r) * (2.0 / opt.dt);
-      at.taut[r] = at.taut[r] || (at.found_impulse(r) != 0.0 && at.closed(r));
-    }
-    restart();
-  }
-
-  // Goes to `end` in one part, or stays where it is.
-  bool try_to(double end) {
-    if (!solve_to(end)) return false;
-    const double dt = end - t;
-    at.accept(lead_, coming_, dt);
-    now_ = coming_;
-    t = end;
-    work += at.work;
-    damping += at.loss;
-    impact += at.impact;
-    slip_loss += at.slip_loss;
-    for (int r = 0; r < M; ++r)
-      worst_violation = fmax(worst_violation, at.overstep(r));
-    return true;
-  }
-
-  bool solve_to(double end) {
-    const double dt = part_ = end - t, middle = t + 0.5 * dt;
-    double unused_q[room(Model::n_qK)], unused_v[room(Model::n_vK)], unused_a[room(Model::n_vK)];
-    drive.look_at(middle);
-    drive.evaluate(middle, unused_q, unused_v, unused_a, lead_.u_D);
-    drive.look_at(end);
-    look(end, coming_);
-    for (int i = 0; i < Model::n_qK; ++i) lead_.q_next[i] = coming_.q_K[i];
-    half_way<typename Model::Driven>(now_.q_K, coming_.q_K, lead_.q_mid, lead_.v_mid);
-    for (int j = 0; j < Model::n_vK; ++j) {
-      lead_.v_mid[j] *= 1.0 / dt;
-      lead_.acc_mid[j] = (coming_.v_K[j] - now_.v_K[j]) / dt;
-    }
-    return at.solve(now_, lead_, dt);
-  }
-
-  // After a part of a step, of length dt. A pull counts over a whole step: in a short part, what rows
-  // that are taut get of a blow just before looks like one.
-  Status judged(double dt) {
-    const double size = squares<Model::n_qD>(at.q_D) + squares<N>(at.v_D);
-    if (!(size < kTooWild * kTooWild)) return NOT_FINITE;
-    if (is_empty(now_)) return LENGTH_NOT_POSITIVE;
-    double most = 0.0, span = fmax(dt, opt.dt);
-    for (int r = 0; r < M; ++r) {
-      if (at.caught[r]) span = 1.0;  // s: rows that pull pass a blow on
-      else most = fmax(most, fabs(at.impulse[r]));
-    }
-    if (most <= at.cap * span) return RUNNING;
-    for (int r = 0; r < M; ++r) blame[r] = at.caught[r] ? 0.0 : fabs(at.impulse[r]) / most;
-    return TENSION_CAP;
-  }
-
-  bool is_empty(const Inputs& in) const {
     for (int i = 0; i < S; ++i)
-      if (!(string_length<Model, double>(i, at.q_D, in.q_K) > 0.0)) return true;
-    return false;
+      if (led.slipped[i] != led.slips[i])
+        out.event(led.t, led.slips[i] ? SLIP : GRIP, i, 0.0, 0.0);
   }
-
-  // Why even the shortest part of a step was not solved; a row's share in it is its blame.
-  Status reason() {
-    if (is_empty(coming_)) return LENGTH_NOT_POSITIVE;
-    ActiveSet<M, N> set;
-    const auto& rows = at.node.rows;
-    at.demand(lead_, part_, set.b);
-    set.n = rows.n;
-    for (int a = 0; a < rows.n; ++a) {
-      const int r = rows.row[a];
-      set.column[a] = rows.column[a];
-      set.upper[a] = at.winches.slips(r) ? at.winches.max_tension[r] * part_ : kForever;
-      set.two_sided[a] = rows.two_sided[a];
-      set.place[a] = ActiveSet<M, N>::LOW;
-    }
-    const Solved solved = set.solve();
-    if (solved == Solved::UNSETTLED) return NOT_SETTLED;
-    const double* share = solved == Solved::INFEASIBLE ? set.ray : set.x;
-    double most = 0.0, span = part_;
-    for (int a = 0; a < rows.n; ++a) {
-      if (share[a] != 0.0 && !at.taut[rows.row[a]]) span = 1.0;  // s: a blow, not a pull
-      most = fmax(most, fabs(share[a]));
-    }
-    if (solved == Solved::YES && most <= at.cap * span) return NOT_SETTLED;
-    for (int a = 0; a < rows.n; ++a) blame[rows.row[a]] = fabs(share[a]) / most;
-    return solved == Solved::YES ? TENSION_CAP : IMPOSSIBLE_INPUT;
-  }
-
-  Inputs now_, coming_;
-  Lead lead_;
-  double tension_[room(M)];
-  double part_ = 0.0;  // s: length of the step last looked for
 };
 
 }  // namespace fan
