@@ -158,6 +158,16 @@ def test_direct_current_motor(machines):
     assert np.any(U - speeds < R * current) and speeds[1] < U - R * current
 
 
+def test_a_run_begins_with_a_speed_of_its_own(machines):
+    """Of the coordinate alone: the command is at rest, or as fast as it is named."""
+    table = machines.coordinates
+    place = table.v_K.index("crank.command")
+    x0 = machines.state({"v:crank": 1.0})
+    assert x0.v_K[place] == 0.0
+    assert fan.simulate(machines, x0, t_end=0.01).v_D[0, table.v_D.index("crank")] == 1.0
+    assert machines.state({"v:crank": 1.0, "v:crank.command": 0.5}).v_K[place] == 0.5
+
+
 def test_a_stepper_holds_what_its_torque_holds(machines):
     """n T sin(50 (angle - n q)) = load; a load above n T pulls it out of step."""
     def held(load, t_end=3.0):
