@@ -7,9 +7,10 @@ import pytest
 
 import fantoccini as fan
 from drives.test_drives import BOB, MACHINES
-from fantoccini.errors import InputError
+from fantoccini.errors import InputError, StateError, UnknownNameError
 from fantoccini.motion import Input
 from fantoccini.motion.archive import _table_from_json, _table_to_json
+from fantoccini.plan.motions import Bounds
 from fantoccini.puppet import loads
 from fantoccini.tree import grow
 from fantoccini.world import World
@@ -81,3 +82,21 @@ def test_a_puppet_hangs_at_rest_where_a_drive_is_started():
               _start(bob, None, {"line.length": 0.7})):  # fmt: skip
         np.testing.assert_array_equal(x.q_D, rest.q_D)
         assert np.abs(bob.accelerations(x)[0]).max() < 1e-10
+
+
+def test_a_plan_winds_a_winch():
+    """Its bounds go by either name, and what it finds arrives when it is simulated anew."""
+    bob = fan.loads(BOB)
+    x0, goal = bob.rest({"line.length": 0.8}), bob.rest({"line.length": 0.7})
+    asked = {"speed": {"line.length": 0.4}, "acceleration": 1.5, "tolerance": 0.05}
+    found = fan.plan(bob, x0, goal, ranges={"line.command.length": (0.5, 0.9)}, seed=1, **asked)
+    assert found and found.verify().arrives
+    length = bob.coordinates.q_K.index("line.command.length")
+    bounds = found.problem.motions.bounds
+    assert (bounds.low[length], bounds.high[length]) == (0.5, 0.9)
+    assert bounds.moves.tolist() == [i == length for i in range(2)]
+    assert Bounds.of(bob, 0.5, 2.0, {}).low[length] == 1e-3
+    with pytest.raises(StateError, match="given twice: as line.length and line.command.length"):
+        Bounds.of(bob, {"line.length": 0.4, "line.command.length": 0.4}, 2.0, {})
+    with pytest.raises(UnknownNameError, match="did you mean 'line.length'"):
+        Bounds.of(bob, {"line.lenght": 0.4}, 2.0, {})

@@ -98,6 +98,7 @@ class Point:
 class Lengthed:
     """What has a length L: a number, or a coordinate."""
 
+    name: str
     length: Number | None
     length_index: tuple[int, int] | None
     length_role: Role
@@ -295,7 +296,7 @@ class Tree:
         width_q, width_v = last.q.stop - rows[0].q.start, last.v.stop - rows[0].v.start
         return slice(q, q + width_q), slice(v, v + width_v)
 
-    def length_lead(self, string: StringRow) -> tuple[int, int] | None:
+    def length_lead(self, string: Lengthed) -> tuple[int, int] | None:
         """Place in (q_K, v_K) of a driven length, or of the command of the drive that winds it."""
         if string.wound_length is None:
             return string.driven_length
