@@ -7,6 +7,7 @@ import pytest
 
 import fantoccini as fan
 from drives.test_drives import BOB
+from fantoccini.errors import StateError
 from fantoccini.perform.hands import Hands
 
 BAR = """
@@ -47,6 +48,8 @@ def test_a_chain_is_wound():
     least = 3 * 0.002**2 * 500 * np.cos(np.pi / 6) ** 2 / 0.015
     shortest = Hands.ranges_of(puppet, live.state, 0.002)["line"][0]
     assert least <= shortest < 1.13 * least
+    with pytest.raises(StateError, match="`fantoccini show` no other dt: there change the pieces"):
+        fan.Performance(puppet, dt=0.004, tick=0.004)
     live.wind("line", 0.6)
     live.advance(3.0)
     assert live.length("line") == pytest.approx(0.6)

@@ -9,7 +9,7 @@ import numpy as np
 
 from fantoccini.arrays import Array, ConfigK, Quaternion, Vec3
 from fantoccini.errors import StateError, Status
-from fantoccini.marionette import Marionette, Stepper, check_step
+from fantoccini.marionette import Marionette, Stepper
 from fantoccini.motion import State
 from fantoccini.perform import change
 from fantoccini.perform.grip import GRIP, Holding, gripped
@@ -88,7 +88,7 @@ class Performance:
         if x0 is None:
             x0 = change.hanging(marionette)
         marionette.check_start(x0)
-        check_step(marionette, "timestepping", x0.q_D, x0.q_K, self.dt)
+        change.check_steps(marionette, x0, self.dt)
         self._take(marionette, x0)
         self._x0: State | None = x0
 
@@ -271,7 +271,8 @@ class Performance:
             What could not be kept, in words.
 
         Raises:
-            BuildError, PuppetError: it cannot be compiled; nothing has changed then.
+            BuildError, PuppetError, StateError: it cannot be compiled, or the steps are too long
+                for its chains; nothing has changed then.
         """
         marionette.compile()
         start = change.hanging(marionette)
@@ -279,6 +280,7 @@ class Performance:
             return self._replace(marionette, start, "the puppet was changed")
 
     def _replace(self, marionette: Marionette, start: State, why: str) -> tuple[str, ...]:
+        change.check_steps(marionette, start, self.dt)
         self._end_recording(why)
         before, lengths, wanted_before = self.marionette, self._hands.lengths, self._wanted
         x, lost = change.carried(before, self.state, marionette, start)
