@@ -96,7 +96,7 @@ def test_a_plan_winds_a_winch():
     assert (bounds.low[length], bounds.high[length]) == (0.5, 0.9)
     assert bounds.moves.tolist() == [i == length for i in range(2)]
     assert Bounds.of(bob, 0.5, 2.0, {}).low[length] == 1e-3
-    with pytest.raises(StateError, match="given twice: as line.length and line.command.length"):
+    with pytest.raises(StateError, match=r"given twice: as line\.length and line\.command\.length"):
         Bounds.of(bob, {"line.length": 0.4, "line.command.length": 0.4}, 2.0, {})
-    with pytest.raises(UnknownNameError, match="did you mean 'line.length'"):
+    with pytest.raises(UnknownNameError, match="did you mean"):
         Bounds.of(bob, {"line.lenght": 0.4}, 2.0, {})

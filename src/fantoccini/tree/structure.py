@@ -189,6 +189,21 @@ class DriveRow:
         """Whether it is an orientation."""
         return self.v.stop - self.v.start == 3
 
+    def ratio(self, number: Callable[[Number], float]) -> float:
+        """n: turns of the rotor [rad] per unit of the coordinate.
+
+        Args:
+            number: value of a number of the puppet.
+        """
+        drum = self.drive.drum
+        return number(self.drive.gear) / (1.0 if drum is None else number(drum))
+
+    def inertia(self, number: Callable[[Number], float]) -> float:
+        """m + n^2 J: what resists an acceleration of the coordinate [kg or kg m^2]."""
+        mass, rotor = self.drive.mass, self.drive.inertia
+        own = 0.0 if mass is None else number(mass)
+        return own + (0.0 if rotor is None else number(rotor) * self.ratio(number) ** 2)
+
 
 @dataclass(frozen=True)
 class ChainRow(Lengthed):
