@@ -238,10 +238,8 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
         q_D, q_K = tree.placed(self.tree, q_D, q_K, self.number, frozenset(values or ()))
         if np.any(np.isnan(q_K)) or np.any(np.isnan(q_D)):
             (h,) = self.library.evaluate("rows", [np.nan_to_num(q_D), np.nan_to_num(q_K), self.p])
-            for i, string in enumerate(self.tree.strings):
-                for place, q in ((string.driven_length, q_K), (string.wound_length, q_D)):
-                    if place and np.isnan(q[place[0]]):
-                        q[place[0]] = h[i]
+            for string, span in zip(self.tree.strings, h, strict=False):
+                string.just_reaches(span, q_D, q_K)
         values_by_name.put_commands(self.tree.drives, values or {}, q_D, q_K)
         taut, slip = np.zeros(self.tree.n_rows, dtype=bool), np.zeros(len(self.tree.strings))
         return State(0.0, q_D, v_D, q_K, v_K, taut, slip)

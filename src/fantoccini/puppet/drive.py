@@ -97,10 +97,10 @@ class PD(Model):
 
 
 class ComputedTorque(Model):
-    """The force that makes q follow its command as e'' + 2 zeta w e' + w^2 e = 0, without strings.
+    """The force that makes q follow its command as e'' + 2 zeta w e' + w^2 e = 0, by itself.
 
     The mechanism's own inverse dynamics: its inertia, what it carries, gravity and friction. The
-    strings' pull is not known to it.
+    strings' pull is not known to it, nor how joints accelerate that no drive moves.
     """
 
     type: Literal["computed_torque"]

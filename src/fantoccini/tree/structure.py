@@ -113,6 +113,17 @@ class Lengthed:
         """Place of the length in (q_D, v_D), where a drive moves it."""
         return self.length_index if self.length_role is Role.DYNAMIC else None
 
+    def just_reaches(self, span: float, q_D: np.ndarray, q_K: np.ndarray) -> None:
+        """Sets its length, where it is a coordinate that is nan, to ``span`` [m].
+
+        Args:
+            span: length of its path [m].
+            q_D, q_K: (n_qD,), (n_qK,) changed in place.
+        """
+        for own, q in ((self.driven_length, q_K), (self.wound_length, q_D)):
+            if own is not None and np.isnan(q[own[0]]):
+                q[own[0]] = span
+
     def own_length(
         self, q_D: np.ndarray, q_K: np.ndarray, number: Callable[[Number], float]
     ) -> np.ndarray:
