@@ -7,7 +7,7 @@ import pytest
 import fantoccini as fan
 from fantoccini.errors import ExchangeError, PuppetError
 from fantoccini.exchange import mjcf
-from fantoccini.puppet import loads
+from fantoccini.puppet import Puppet, loads
 from fantoccini.tree import grow
 from fantoccini.world import World
 
@@ -41,6 +41,9 @@ def rig(*drives: str) -> str:
         (f"on: stay.length, mass: 1, {PD}", "on", "no driven coordinate"),
         (f"on: [bar.x, bar.x], mass: 1, {PD}", "on[1]", "has a drive already, drives[0]"),
         (f"on: [], mass: 1, {PD}", "on", "needed: one or more driven coordinates"),
+        (f"on: 5, inertia: 1, {PD}", "on", "found 5; needed: a driven coordinate, or a list"),
+        (f"on: true, inertia: 1, {PD}", "on", "found true; needed: a driven coordinate"),
+        (f"on: {{a: 1}}, inertia: 1, {PD}", "on", "needed: a driven coordinate, or a list"),
         (f"on: bar.x, {PD}", "", "needed: mass, inertia or both"),
         (f"on: bar.x, inertia: 1e-5, {PD}", "inertia", "needed: the drum"),
         (f"on: bar.x, mass: 1, drum: 0.1, {PD}", "drum", "a drum without a rotor"),
@@ -66,6 +69,30 @@ def test_mistakes(drive, key, message):
     assert message in problem.message
     assert problem.key == "drives[0]" + (f".{key}" if key else "")
     assert problem.line == RIG.count("\n") + 2
+
+
+@pytest.mark.parametrize("first, second", [("left", "right"), ("right", "left")])
+def test_a_twin_has_one_drive(first, second):
+    """Of its own or of the other half; both may stand in one drive."""
+    one, other = (f"on: wire_{side}.length, mass: 1, {PD}" for side in (first, second))
+    with pytest.raises(PuppetError) as found:
+        loads(rig(one, other))
+    (problem,) = found.value.problems
+    assert "wire_right.length" in problem.message
+    assert "has a drive already, drives[0]" in problem.message
+    assert (problem.key, problem.line) == ("drives[1].on", RIG.count("\n") + 3)
+    both = loads(rig(f"on: [wire_{first}.length, wire_{second}.length], mass: 1, {PD}"))
+    assert len(both.expanded().drives[0].on) == 2
+
+
+def test_the_schema_takes_what_files_may_hold():
+    parts = Puppet.model_json_schema()["$defs"]
+    assert [kind["type"] for kind in parts["Drive"]["properties"]["on"]["anyOf"]] == [
+        "string", "array",
+    ]  # fmt: skip
+    for key in ("steps", "microsteps"):
+        bounds = parts["Stepper"]["properties"][key]
+        assert (bounds["minimum"], bounds["maximum"]) == (1, 100_000)
 
 
 def test_a_file_reads_back():

@@ -158,6 +158,16 @@ def test_direct_current_motor(machines):
     assert np.any(U - speeds < R * current) and speeds[1] < U - R * current
 
 
+def test_a_run_begins_with_a_speed_of_its_own(machines):
+    """Of the coordinate alone: the command is at rest, or as fast as it is named."""
+    table = machines.coordinates
+    place = table.v_K.index("crank.command")
+    x0 = machines.state({"v:crank": 1.0})
+    assert x0.v_K[place] == 0.0
+    assert fan.simulate(machines, x0, t_end=0.01).v_D[0, table.v_D.index("crank")] == 1.0
+    assert machines.state({"v:crank": 1.0, "v:crank.command": 0.5}).v_K[place] == 0.5
+
+
 def test_a_stepper_holds_what_its_torque_holds(machines):
     """n T sin(50 (angle - n q)) = load; a load above n T pulls it out of step."""
     def held(load, t_end=3.0):
@@ -277,6 +287,31 @@ def test_a_catch_shares_its_impulse_with_the_rotor(rotor):
     drop = after * end + 0.4 * 9.81 / (0.4 + rotor) * end**2 / 2
     assert column(run, "line.length")[-1] == pytest.approx(0.9 + drop, abs=1e-9)
     assert run.ledger["residual"][-1] == pytest.approx(0, abs=1e-12)
+
+
+def test_rest_names_the_drive_that_gives_way(bob):
+    with pytest.raises(fan.StateError, match=r"the drive of line\.length has no control"):
+        fan.loads(FREE).rest()
+    motor = "motor: {type: servo, torque: {parameter: T, value: 1.0}}\n    gear: 3"
+    puppet = fan.loads(BOB.replace("gear: 3", motor))
+    names, x = puppet.coordinates.q_D, puppet.rest({"line.length": 0.8})
+    assert x.q_D[names.index("line.length")] == pytest.approx(0.8 + 0.4 * 9.81 / 800, rel=1e-9)
+    with pytest.raises(fan.StateError, match=r"the motor of line\.length may be too weak"):
+        puppet.with_parameters({"T": 0.02}).rest({"line.length": 0.8})
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_rotor_alone_rests_and_swings():
+    """Nothing but a rotor has inertia: J phi'' = k (r - phi) - d phi'."""
+    crank = MACHINES[: MACHINES.index("  - name: lift")]
+    crank += "  - {name: crank, joint: {type: revolute, axis: [1, 0, 0], driven: true}}\n"
+    control = "control: {type: pd, stiffness: 10, damping: 0.1}"
+    crank = fan.loads(crank + "drives:\n  - {on: crank, inertia: 1.0e-3, " + control + "}\n")
+    assert crank.rest({"crank.command": 0.3}).q_D == pytest.approx([0.3], abs=1e-12)
+    run = fan.simulate(crank, crank.state({"crank": 0.1, "crank.command": 0.0}), t_end=0.05)
+    w = np.sqrt(10 / 1e-3 - 50**2)
+    expected = 0.1 * np.exp(-50 * run.t) * (np.cos(w * run.t) + 50 / w * np.sin(w * run.t))
+    np.testing.assert_allclose(run.q_D[:, 0], expected, atol=1e-10)
 
 
 def test_stiff_drives_do_not_shake_the_time_stepper(bob):

@@ -67,7 +67,7 @@ def start_state(marionette: Marionette, inputs: Input | None, given: Values, qui
     """
     values = {**({} if inputs is None else inputs.first_values()), **given}
     table = marionette.coordinates
-    driven = {*table.q_K, *table.rotations}
+    driven = {*table.q_K, *table.rotations, *table.commands}
     if all(name in driven for name in given):
         x = marionette.rest(values)
     else:

@@ -219,7 +219,7 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
         """A state at rest: the file's pose with some values changed.
 
         Driven lengths that neither the pose nor ``values`` name are those that just reach, and
-        commands of drives are where their coordinates are.
+        commands of drives are where their coordinates are, at rest.
 
         Args:
             values: coordinate name -> value; ``joint.rotation`` takes a quaternion (w, x, y, z)
@@ -238,11 +238,9 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
         q_D, q_K = tree.placed(self.tree, q_D, q_K, self.number, frozenset(values or ()))
         if np.any(np.isnan(q_K)) or np.any(np.isnan(q_D)):
             (h,) = self.library.evaluate("rows", [np.nan_to_num(q_D), np.nan_to_num(q_K), self.p])
-            for i, string in enumerate(self.tree.strings):
-                for place, q in ((string.driven_length, q_K), (string.wound_length, q_D)):
-                    if place and np.isnan(q[place[0]]):
-                        q[place[0]] = h[i]
-        values_by_name.put_commands(self.tree.drives, values or {}, q_D, v_D, q_K, v_K)
+            for string, span in zip(self.tree.strings, h, strict=False):
+                string.just_reaches(span, q_D, q_K)
+        values_by_name.put_commands(self.tree.drives, values or {}, q_D, q_K)
         taut, slip = np.zeros(self.tree.n_rows, dtype=bool), np.zeros(len(self.tree.strings))
         return State(0.0, q_D, v_D, q_K, v_K, taut, slip)
 

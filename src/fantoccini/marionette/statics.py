@@ -11,7 +11,7 @@ from fantoccini.arrays import Array
 from fantoccini.errors import StateError, Status
 from fantoccini.marionette.checks import CLOSED
 from fantoccini.marionette.instant import Instant
-from fantoccini.motion import Input, State, tangent
+from fantoccini.motion import Input, State, rotation, tangent
 from fantoccini.puppet import Stepper as StepperMotor
 from fantoccini.runtime import Run
 
@@ -36,6 +36,9 @@ _FIRM = np.array([[np.inf, 0.0, 0.0]])
 """A winch that does not slip, and catches without bouncing."""
 _STANDS = 1e-6
 """Distance from an equilibrium at which the puppet stands on it, rather than passes it by."""
+_GIVES_WAY = 0.1
+"""Move from which on a drive counts as giving way [m or rad]."""
+_HELD = ". Is every free body held by a string, a limit or a joint to the world?"
 _PUSHES = 8
 _PUSH = 0.05
 """Largest part of a push off an unstable equilibrium [rad or m]."""
@@ -76,7 +79,7 @@ def project(marionette: Marionette, x: State) -> State:
         # A row that had to be brought back ends on its bound, not beyond it.
         held |= off
         # Where rows contradict one another the bound lets each go as far as it can.
-        bound = np.full(len(held), _LONGEST_PULL * marionette.mass)
+        bound = np.full(len(held), _LONGEST_PULL * _sizes(marionette)[0])
         pull = instant.complementarity(rows, instant.h[rows], held, bound).x
         move = -instant.back(instant.W[:, rows] @ pull)
         size = float(np.max(np.abs(move), initial=0.0))
@@ -122,6 +125,7 @@ def rest(marionette: Marionette, x: State) -> State:
     still = project(marionette, still)
     if not len(still.q_D):
         return marionette.with_mode(still)
+    q_D = still.q_D
     for _ in range(_PUSHES):
         pushed = None
         for q_D in _relaxed(marionette, still):
@@ -139,8 +143,8 @@ def rest(marionette: Marionette, x: State) -> State:
             break
         still = project(marionette, pushed)
     raise StateError(
-        "no equilibrium was found: the puppet keeps moving. Is every free body held by a string, "
-        "a limit or a joint to the world?"
+        "no equilibrium was found: the puppet keeps moving"
+        + (_giving_way(marionette, still, q_D) or _HELD)
     )
 
 
@@ -209,7 +213,8 @@ def _relaxed(marionette: Marionette, x: State):
         )  # fmt: skip
         rows = np.concatenate([r for r, _ in run.advance(_RELAX_PIECE)])
         if run.status is not Status.DONE:
-            raise StateError(f"no equilibrium was found: {run.status.message}")
+            why = _giving_way(marionette, x, q_D)
+            raise StateError(f"no equilibrium was found: {run.status.message}{why}")
         parts = marionette.row_layout.split(rows)
         kinetic = parts["kinetic"]
         peaks = np.flatnonzero((kinetic[1:-1] >= kinetic[:-2]) & (kinetic[1:-1] > kinetic[2:]))
@@ -224,15 +229,40 @@ def _relaxed(marionette: Marionette, x: State):
     yield q_D
 
 
+def _sizes(marionette: Marionette) -> tuple[float, float]:
+    """Mass [kg] and weight [N] that numbers are measured against: positive, whatever has none.
+
+    Where nothing but rotors moves they are the rotors' inertia, and 1 N or N m.
+    """
+    rotors = sum(row.inertia(marionette.number) for row in marionette.tree.drives)
+    return marionette.mass or rotors or 1.0, marionette.weight or 1.0
+
+
+def _giving_way(marionette: Marionette, start: State, q_D: Array) -> str:
+    """Drives that a puppet without an equilibrium moves away from where they are held, in words."""
+    said = []
+    for row in marionette.tree.drives:
+        if row.turns:
+            moved = float(np.linalg.norm(rotation.between(start.q_D[row.q], q_D[row.q])))
+        else:
+            moved = float(np.abs(q_D[row.q] - start.q_D[row.q])[0])
+        if moved < _GIVES_WAY:
+            continue
+        if not row.drive.follows:
+            said.append(f"the drive of {row.name} has no control, so that nothing holds it")
+        elif row.drive.motor is not None:
+            said.append(f"the motor of {row.name} may be too weak to hold its load")
+    return "".join(f"; {text}" for text in said)
+
+
 def _in_step(marionette: Marionette, found: Equilibrium) -> Equilibrium:
     """The equilibrium with stepper motors in step, which letting go may have pulled out of it."""
     q_D = found.x.q_D.copy()
     for row in marionette.tree.drives:
         motor, drive = row.drive.motor, row.drive
         if isinstance(motor, StepperMotor):
-            drum = 1.0 if drive.drum is None else marionette.number(drive.drum)
             turn = 1.0 if drive.drum is None and drive.mass is not None else 2.0 * np.pi
-            poles = 4.0 / motor.steps * turn * drum / marionette.number(drive.gear)
+            poles = 4.0 / motor.steps * turn / row.ratio(marionette.number)
             q_D[row.q] -= poles * np.round((q_D[row.q] - found.x.q_K[row.command[0]]) / poles)
     if np.array_equal(q_D, found.x.q_D):
         return found
@@ -243,7 +273,8 @@ def _newton(marionette: Marionette, x: State) -> Equilibrium | None:
     """The equilibrium near a configuration, or None when Newton's method does not settle on it."""
     n = marionette.coordinates.n_vD
     scale = marionette.row_scales(x.q_D, x.q_K)
-    size = marionette.weight / np.sqrt(marionette.mass)
+    mass, weight = _sizes(marionette)
+    size = weight / np.sqrt(mass)
     rows = None
     for _ in range(_NEWTON_ROUNDS):
         instant = marionette.instant(x)
@@ -252,7 +283,7 @@ def _newton(marionette: Marionette, x: State) -> Equilibrium | None:
             hddot = instant.gamma[near] + instant.W[:, near].T @ instant.w0
             bound = np.full(len(scale), marionette.tension_cap)
             tension = instant.complementarity(near, hddot, marionette.two_sided, bound).x
-            rows = near[(tension > 1e-9 * marionette.weight) | marionette.two_sided[near]]
+            rows = near[(tension > 1e-9 * weight) | marionette.two_sided[near]]
             left = np.linalg.norm(instant.w0 - instant.W[:, near] @ tension)
             if left > _CLOSE * size:
                 return None
@@ -292,7 +323,7 @@ def _changed(
 
     None when the rows are right.
     """
-    pushing = (tension < -1e-9 * marionette.weight) & ~marionette.two_sided[rows]
+    pushing = (tension < -1e-9 * _sizes(marionette)[1]) & ~marionette.two_sided[rows]
     beyond = (instant.h > CLOSED * scale) & ~marionette.two_sided
     if not np.any(pushing) and not np.any(beyond):
         return None

@@ -60,25 +60,23 @@ def put(
 
 
 def put_commands(
-    drives: Iterable[DriveRow], named: Container[str], q_D: Array, v_D: Array, q_K: Array,
-    v_K: Array,
-) -> None:  # fmt: skip
+    drives: Iterable[DriveRow], named: Container[str], q_D: Array, q_K: Array
+) -> None:
     """Sets the commands of drives to where their coordinates are, but for those that are named.
+
+    Their velocities stay as they are: inputs begin at rest wherever the coordinates rush to.
 
     Args:
         drives: rows of the drives.
         named: names that have their value already.
-        q_D, v_D: (n_qD,), (n_vD,).
-        q_K, v_K: (n_qK,), (n_vK,) changed in place.
+        q_D: (n_qD,).
+        q_K: (n_qK,) changed in place.
     """
     for row in drives:
-        if row.command is None:
+        if row.command is None or row.command_name in named:
             continue
-        q, v = row.command
-        if row.command_name not in named:
-            q_K[q : q + row.q.stop - row.q.start] = q_D[row.q]
-        if f"v:{row.command_name}" not in named:
-            v_K[v : v + row.v.stop - row.v.start] = v_D[row.v]
+        q, _ = row.command
+        q_K[q : q + row.q.stop - row.q.start] = q_D[row.q]
 
 
 def _quaternion(name: str, value: Array) -> Array:

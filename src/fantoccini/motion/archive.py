@@ -200,6 +200,7 @@ def _table_from_json(data: dict, arrays: dict[str, np.ndarray]) -> CoordinateTab
         **names,
         **places,
         rotations={name: tuple(place) for name, place in data["rotations"].items()},
+        commands=data.get("commands", {}),
         start_D=arrays["start_D"],
         start_K=arrays["start_K"],
     )

@@ -28,6 +28,9 @@ HALF_TURN = np.pi - 1e-6
 
 _ANGLE = TypeAdapter(Angle)
 
+_QUATERNION = ("qw", "qx", "qy", "qz")
+"""What the four columns of a rotation are called."""
+
 _ROTATION = "a quaternion [w, x, y, z] or a rotation vector of 3 numbers"
 
 
@@ -38,12 +41,29 @@ def table_of(thing) -> CoordinateTable:
 
 def unknown_coordinate(table: CoordinateTable, name: str) -> str:
     """The sentence for a name that is no driven coordinate."""
-    for channel, (q, v) in table.rotations.items():
-        if name in table.q_K[q : q + 4] or name in table.v_K[v : v + 3]:
+    for channel, (_, v) in table.rotations.items():
+        numbers = [n for columns in _quaternions(table, channel).values() for n in columns]
+        if name in (*numbers, *table.v_K[v : v + 3]):
             return f"is one number of a rotation; drive {channel!r} as a whole"
     if name in table.q_D or name in table.v_D:
         return "moves by itself: it is dynamic, and inputs drive the driven coordinates only"
     return f"is not a driven coordinate{nearest(str(name), channel_names(table))}"
+
+
+def _quaternions(table: CoordinateTable, channel: str) -> dict[str, list[str]]:
+    """Names of a rotation channel, its own and that of the coordinate it commands -> columns."""
+    names = [channel, *(name for name, command in table.commands.items() if command == channel)]
+    return {name: [name.removesuffix("rotation") + x for x in _QUATERNION] for name in names}
+
+
+def _given_once(
+    name: str, written: str, spelt: dict[str, str], path: Path, findings: Findings
+) -> bool:
+    """Whether a channel has not been given yet; it may go by its coordinate's name as well."""
+    first = spelt.setdefault(name, written)
+    if first != written:
+        findings.add(path, f"is given twice: as {first} and as {written}; leave one out")
+    return first == written
 
 
 def waypoints(
@@ -60,12 +80,14 @@ def waypoints(
     Returns:
         Times and values of every name that is free of mistakes.
     """
-    known, read = channel_names(table), {}
+    known, read, spelt = channel_names(table), {}, {}
     units = {row.name: row.unit for row in table.rows}
     for written, points in given.items():
         path, name = (*at, str(written)), table.commands.get(written, written)
         if name not in known:
             findings.add(path, unknown_coordinate(table, name))
+            continue
+        if not _given_once(name, written, spelt, path, findings):
             continue
         if name in table.rotations:
             found = _series(points, findings, path, _quaternion)
@@ -207,14 +229,17 @@ def samples(table: CoordinateTable, t, columns: Mapping, findings: Findings) -> 
         return {}
     for i in np.nonzero(~(np.diff(times) > SAME_TIME))[0]:
         findings.add(("t", int(i) + 1), _order(times[i + 1], times[i]))
-    pending, read = dict(columns), {}
-    for name, (q, _) in table.rotations.items():
-        parts = [part for part in table.q_K[q : q + 4] if part in pending]
+    pending, read, spelt = dict(columns), {}, {}
+    whole = {n: four for c in table.rotations for n, four in _quaternions(table, c).items()}
+    for name, four in whole.items():
+        parts = [part for part in four if part in pending]
         if not parts:
             continue
-        missing = [part for part in table.q_K[q : q + 4] if part not in pending]
+        missing = [part for part in four if part not in pending]
         if missing:
             findings.add((parts[0],), f"needs the columns {', '.join(missing)} beside it")
+        if name in pending:
+            findings.add((name,), f"is given twice: as a whole and as {', '.join(parts)}")
         numbers = [_column(p, pending.pop(p), len(times), (), findings) for p in parts]
         if not missing and all(x is not None for x in numbers):
             pending[name] = np.stack(numbers, axis=-1)
@@ -222,6 +247,8 @@ def samples(table: CoordinateTable, t, columns: Mapping, findings: Findings) -> 
         name = table.commands.get(written, written)
         if name not in known:
             findings.add((str(name),), unknown_coordinate(table, name))
+            continue
+        if not _given_once(name, written, spelt, (str(written),), findings):
             continue
         shape = (4,) if name in table.rotations else ()
         numbers = _column(name, values, len(times), shape, findings)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fantoccini.errors import StateError
-from fantoccini.marionette import Marionette
+from fantoccini.marionette import Marionette, check_step
 from fantoccini.motion import State
 
 
@@ -15,6 +15,17 @@ def hanging(marionette: Marionette) -> State:
         return marionette.rest()
     except StateError:
         return marionette.project(marionette.state())
+
+
+def check_steps(marionette: Marionette, x: State, dt: float) -> None:
+    """Raises StateError where a performance's steps of ``dt`` [s] are too long for a chain."""
+    try:
+        check_step(marionette, "timestepping", x.q_D, x.q_K, dt)
+    except StateError as error:
+        raise StateError(
+            f"{error}. A performance takes no other method, and `fantoccini show` no other dt: "
+            "there change the pieces, or leave out the string's `chain`"
+        ) from None
 
 
 def carried(

@@ -117,6 +117,20 @@ class Holding:
                 break
         return self.hands.bounded(slower)
 
+    def said(self, slip: Array) -> dict[str, list[str]]:
+        """Names of handles and strings -> what holds them back, in words.
+
+        Args:
+            slip: (n_strings,) [m].
+        """
+        found: dict[str, list[str]] = {}
+        for name in dict.fromkeys(np.array(self.hands.names)[self.held].tolist()):
+            found[name] = ["hand pulls against its limit"]
+        for string, by in zip(self.marionette.tree.strings, slip, strict=True):
+            if by > SLIPPED:
+                found.setdefault(string.name, []).append(f"winch slips by {1000 * by:.0f} mm")
+        return found
+
     def rates(self, x: State) -> Array:
         """A_K of the strings, (n_strings, n_vK): hdot_K of a unit velocity at a time."""
         n_K, n_D = len(x.v_K), len(x.v_D)

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.arrays import Array, ConfigK, VecK
-from fantoccini.marionette import Marionette
+from fantoccini.errors import StateError, UnknownNameError
+from fantoccini.marionette import Marionette, check_step
 from fantoccini.motion import State, rotation
 from fantoccini.perform import reach
 from fantoccini.perform.handle import Handle, handles_of
+from fantoccini.tree import ChainRow
 
 ARM = 0.4
 """Distance from a handle at which the bounds of its turning are those of its moving [m]."""
@@ -18,6 +20,8 @@ SHORTEST = 0.01
 """Shortest length that a string is wound to [m]."""
 _SHORT, _LONG = 0.1, 2.0
 """Range of a driven length, relative to the one at the start."""
+_TRIED = 20
+"""Lengths that a chain's range may begin at."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +54,7 @@ class Hands:
         x: State,
         speed: float,
         acceleration: float,
-        lengths: dict[str, tuple[float, float]] | None = None,
+        lengths: dict[str, tuple[float, float]],
     ) -> Hands:
         """The hands of a puppet.
 
@@ -59,13 +63,11 @@ class Hands:
             x: the state.
             speed: bound on the velocity of handles and winches [m/s].
             acceleration: bound on their acceleration [m/s^2].
-            lengths: string -> its range [m], at least the driven ones; about those of the state
-                when not given.
+            lengths: string -> its range [m], at least the driven ones.
         """
         handles = handles_of(marionette, marionette.poses(x.q_D, x.q_K))
         winch = _winches(marionette)
-        known = cls.ranges_of(marionette, x) if lengths is None else lengths
-        ranges = {name: known[name] for name in winch}
+        ranges = {name: lengths[name] for name in winch}
         groups = [(h.name, h.moves, 1.0) for h in handles if len(h.axes)]
         groups += [(h.name, h.rotates, 1.0 / ARM) for h in handles if len(h.turns)]
         groups += [(name, slice(v, v + 1), 1.0) for name, (_, v) in winch.items()]
@@ -79,9 +81,45 @@ class Hands:
         )
 
     @staticmethod
-    def ranges_of(marionette: Marionette, x: State) -> dict[str, tuple[float, float]]:
-        """String with a driven length -> the range about its length at a state [m]."""
-        return {name: _range(float(x.q_K[q])) for name, (q, _) in _winches(marionette).items()}
+    def ranges_of(
+        marionette: Marionette, x: State, dt: float
+    ) -> dict[str, tuple[float, float]]:
+        """String with a driven length -> the range about its length at a state [m].
+
+        A chain is not wound so short that steps of ``dt`` [s] are too long for it.
+        """
+        ranges = {name: _range(float(x.q_K[q])) for name, (q, _) in _winches(marionette).items()}
+        for chain in marionette.tree.chains:
+            if chain.name in ranges:
+                low, high = ranges[chain.name]
+                ranges[chain.name] = _shortest(marionette, chain, x, low, dt), high
+        return ranges
+
+    def handle(self, name: str) -> Handle:
+        """A handle by its name."""
+        for handle in self.handles:
+            if handle.name == name:
+                return handle
+        raise UnknownNameError("handle", name, [h.name for h in self.handles])
+
+    def carriers(self, handle: Handle) -> tuple[Handle, ...]:
+        """The parts of a handle's joint that carry its link, where drives move some of its axes.
+
+        The joint is taken apart then, and every part is a handle as well: ``bar.carriage1``. None
+        carry a part.
+        """
+        links = self.marionette.tree.links
+        if ".carriage" in handle.name:
+            return ()
+        joint = links[handle.link].joint
+        own = [h for h in self.handles if links[h.link].joint == joint]
+        return tuple(h for h in own if h.link < handle.link)
+
+    def length_place(self, string: str) -> int:
+        """Place in q_K of a driven length, or of its drive's command."""
+        if string not in self.winch:
+            raise UnknownNameError("string with a driven length", string, self.winch)
+        return self.winch[string][0]
 
     def away(self, q_K: ConfigK, wanted: ConfigK) -> VecK:
         """(n_vK,) tangent vector from one driven configuration to another."""
@@ -110,10 +148,27 @@ class Hands:
 
 
 def _winches(marionette: Marionette) -> dict[str, tuple[int, int]]:
-    """String -> place in (q_K, v_K) of its length, or of its drive's command."""
+    """String or chain -> place in (q_K, v_K) of its length, or of its drive's command."""
     tree = marionette.tree
-    places = {s.name: tree.length_lead(s) for s in tree.strings}
+    places = {s.name: tree.length_lead(s) for s in (*tree.strings, *tree.chains)}
     return {name: place for name, place in places.items() if place is not None}
+
+
+def _shortest(
+    marionette: Marionette, chain: ChainRow, x: State, low: float, dt: float
+) -> float:
+    """The shortest of a few lengths from ``low`` [m] on at which a chain takes steps of dt [s]."""
+    q, own = (x.q_K, x.q_D)[chain.driven_length is None].copy(), chain.length_index[0]
+    now = float(q[own])
+    for length in np.geomspace(min(low, now), now, _TRIED)[:-1]:
+        q[own] = length
+        where = (x.q_D, q) if chain.driven_length else (q, x.q_K)
+        try:
+            check_step(marionette, "timestepping", *where, dt)
+        except StateError:
+            continue
+        return float(length)
+    return now
 
 
 def _range(length: float) -> tuple[float, float]:

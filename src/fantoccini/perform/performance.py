@@ -8,11 +8,11 @@ from threading import RLock
 import numpy as np
 
 from fantoccini.arrays import Array, ConfigK, Quaternion, Vec3
-from fantoccini.errors import StateError, Status, UnknownNameError
-from fantoccini.marionette import Marionette, Stepper, check_step
+from fantoccini.errors import StateError, Status
+from fantoccini.marionette import Marionette, Stepper
 from fantoccini.motion import State
 from fantoccini.perform import change
-from fantoccini.perform.grip import GRIP, SLIPPED, Holding, gripped
+from fantoccini.perform.grip import GRIP, Holding, gripped
 from fantoccini.perform.handle import Handle, Place, place_of, wanted
 from fantoccini.perform.hands import Hands
 from fantoccini.perform.recording import Recorder, Recording
@@ -88,7 +88,7 @@ class Performance:
         if x0 is None:
             x0 = change.hanging(marionette)
         marionette.check_start(x0)
-        check_step(marionette, "timestepping", x0.q_D, x0.q_K, self.dt)
+        change.check_steps(marionette, x0, self.dt)
         self._take(marionette, x0)
         self._x0: State | None = x0
 
@@ -140,36 +140,36 @@ class Performance:
     def lagging(self) -> dict[str, str]:
         """Names of handles and strings that cannot do what is asked of them, and why."""
         with self._lock:
-            found: dict[str, list[str]] = {}
-            for name, held in zip(self._hands.names, self._holding.held, strict=True):
-                text = "hand pulls against its limit"
-                if held and text not in found.setdefault(name, []):
-                    found[name].append(text)
-            for string, slip in zip(self.marionette.tree.strings, self.slip, strict=True):
-                if slip > SLIPPED:
-                    text = f"winch slips by {1000 * slip:.0f} mm"
-                    found.setdefault(string.name, []).append(text)
+            found = self._holding.said(self.slip)
             if self._stopped and self.t - self._stopped[0] < _SHOWN:
                 for name in dict.fromkeys(self._hands.names):
                     found.setdefault(name, []).append(f"hand was stopped: {self._stopped[1]}")
-            return {name: "; ".join(texts) for name, texts in found.items() if texts}
+            return {name: "; ".join(texts) for name, texts in found.items()}
 
     # -- hands -------------------------------------------------------------------------------
 
     def place(self, name: str) -> Place:
         """Where a handle is: position (3,) [m] and orientation (w, x, y, z) in the world."""
         with self._lock:
-            return self._place(self._handle(name), self._x.q_K)
+            return self._place(self._hands.handle(name), self._x.q_K)
 
     def target(self, name: str) -> Place:
         """Where a handle is wanted, as :meth:`place`."""
         with self._lock:
-            return self._place(self._handle(name), self._wanted)
+            handle = self._hands.handle(name)
+            r, wxyz = self._place(handle, self._wanted)
+            if parts := self._hands.carriers(handle):
+                poses = self.marionette.poses(self._x.q_D, self._x.q_K)
+                ways = [self._place(h, self._wanted)[0] - poses[h.link, :, 3] for h in parts]
+                r = r + np.sum(ways, axis=0)
+            return r, wxyz
 
     def move(self, name: str, position: Vec3 | None = None, wxyz: Quaternion | None = None) -> None:
         """Wants a handle somewhere else. What its joint cannot reach is projected away.
 
-        A handle on a body that moves goes on wanting the same place on its body.
+        A joint of which drives move only some axes moves as a whole, by the handle of its body or
+        its string's end; ``bar.carriage1`` and so on are handles of its parts. A handle on a body
+        that moves goes on wanting the same place on its body.
 
         Args:
             name: of the handle.
@@ -181,9 +181,12 @@ class Performance:
             StateError: what is given is no place.
         """
         with self._lock:
-            handle = self._handle(name)
-            about = self._wanted[handle.q], self._poses(handle), position, wxyz
-            self._wanted[handle.q] = wanted(self.marionette, handle, *about)
+            handle, found = self._hands.handle(name), []
+            for h in (*self._hands.carriers(handle), handle):
+                about = self._wanted[h.q], self._poses(h), position, wxyz
+                found.append((h.q, wanted(self.marionette, h, *about)))
+            for q, there in found:
+                self._wanted[q] = there
 
     def wind(self, string: str, length: float) -> None:
         """Wants a driven string at a length [m], at the nearest one in its range.
@@ -193,22 +196,20 @@ class Performance:
             StateError: the length is not a finite number.
         """
         with self._lock:
-            self._winch(string)
+            place = self._hands.length_place(string)
             if not np.isfinite(length):
                 raise StateError(f"{string}: found {length}; a length is a finite number")
-            self._wanted[self._hands.winch[string][0]] = np.clip(
-                length, *self._hands.lengths[string]
-            )
+            self._wanted[place] = np.clip(length, *self._hands.lengths[string])
 
     def length(self, string: str) -> float:
         """The length that a driven string has now [m]."""
         with self._lock:
-            return float(self._x.q_K[self._winch(string)])
+            return float(self._x.q_K[self._hands.length_place(string)])
 
     def wanted_length(self, string: str) -> float:
         """The length that a driven string is wanted at [m]."""
         with self._lock:
-            return float(self._wanted[self._winch(string)])
+            return float(self._wanted[self._hands.length_place(string)])
 
     def hold(self) -> None:
         """Wants every hand where it is: whatever moves stops."""
@@ -270,7 +271,8 @@ class Performance:
             What could not be kept, in words.
 
         Raises:
-            BuildError, PuppetError: it cannot be compiled; nothing has changed then.
+            BuildError, PuppetError, StateError: it cannot be compiled, or the steps are too long
+                for its chains; nothing has changed then.
         """
         marionette.compile()
         start = change.hanging(marionette)
@@ -278,11 +280,12 @@ class Performance:
             return self._replace(marionette, start, "the puppet was changed")
 
     def _replace(self, marionette: Marionette, start: State, why: str) -> tuple[str, ...]:
+        change.check_steps(marionette, start, self.dt)
         self._end_recording(why)
         before, lengths, wanted_before = self.marionette, self._hands.lengths, self._wanted
         x, lost = change.carried(before, self.state, marionette, start)
         x = change.permitted(gripped(marionette, self._grip_of(marionette)), x)
-        self._take(marionette, x, Hands.ranges_of(marionette, start) | lengths)
+        self._take(marionette, x, Hands.ranges_of(marionette, start, self.dt) | lengths)
         places = {name: i for i, name in enumerate(before.coordinates.q_K)}
         for i, name in enumerate(marionette.coordinates.q_K):
             if name in places:
@@ -336,17 +339,6 @@ class Performance:
             return np.zeros((0, 3, 4))
         return self.marionette.poses(self._x.q_D, self._x.q_K)
 
-    def _handle(self, name: str) -> Handle:
-        for handle in self._hands.handles:
-            if handle.name == name:
-                return handle
-        raise UnknownNameError("handle", name, [h.name for h in self._hands.handles])
-
-    def _winch(self, string: str) -> int:
-        if string not in self._hands.winch:
-            raise UnknownNameError("string with a driven length", string, self._hands.winch)
-        return self._hands.winch[string][0]
-
     def _grip_of(self, marionette: Marionette) -> float:
         return self._asked_grip or GRIP * (marionette.weight or 1.0)
 
@@ -361,6 +353,8 @@ class Performance:
         self.marionette = marionette
         self.grip = self._grip_of(marionette)
         self._performed = gripped(marionette, self.grip)
+        if lengths is None:
+            lengths = Hands.ranges_of(marionette, x, self.dt)
         self._hands = Hands.of(marionette, x, self._speed, self._acceleration, lengths)
         self._holding = Holding(self._performed, self._hands, self.grip)
         self._wanted = np.array(x.q_K)

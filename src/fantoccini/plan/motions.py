@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from fantoccini.marionette import Marionette
 from fantoccini.plan.clearance import Clearance
 from fantoccini.plan.goals import Goal, Rows
 from fantoccini.runtime import Funnel, Segments, Sweeper, Terms
+from fantoccini.tree import CoordinateTable
 
 _INNER = 0.8
 """Part of the tolerance that a search goes for: its plans arrive in other simulations too."""
@@ -56,47 +58,57 @@ class Bounds:
         Args:
             marionette: the puppet.
             speed, acceleration: of all driven coordinates, or name -> value; coordinates that are
-                not named hold still.
+                not named hold still. One with a drive goes by its own name or its command's.
             ranges: name -> (low, high); the others are free, but that lengths stay positive.
 
         Raises:
             UnknownNameError: a name that is no driven coordinate.
-            StateError: a bound that is negative or not finite, no coordinate that may move, or a
-                puppet with driven rotations.
+            StateError: a bound that is negative or not finite, a coordinate that is named twice,
+                none that may move, or a puppet with driven rotations.
         """
         table = marionette.coordinates
         if table.quaternions_K:
             raise StateError("plans move points and lengths; this puppet has a driven rotation")
         sizes = {
-            "speed": _bounds(table.q_K, speed, "speed"),
-            "acceleration": _bounds(table.q_K, acceleration, "acceleration"),
+            "speed": _bounds(table, speed, "speed"),
+            "acceleration": _bounds(table, acceleration, "acceleration"),
         }
         if not np.any((sizes["speed"] > 0.0) & (sizes["acceleration"] > 0.0)):
             raise StateError("no driven coordinate may move: speed or acceleration is 0 for all")
         low, high = np.full(table.n_qK, -np.inf), np.full(table.n_qK, np.inf)
-        for string in marionette.tree.strings:
-            if string.driven_length:
-                low[string.driven_length[0]] = 1e-3
-        for name, (least, most) in ranges.items():
-            if name not in table.q_K:
-                raise UnknownNameError("driven coordinate", name, list(table.q_K))
+        for string in (*marionette.tree.strings, *marionette.tree.chains):
+            lead = marionette.tree.length_lead(string)
+            if lead is not None:
+                low[lead[0]] = 1e-3
+        for k, (name, (least, most)) in _placed(table, ranges, "range").items():
             if not least < most:
                 raise StateError(f"the range of {name} is {least} to {most}; it must not be empty")
-            k = table.q_K.index(name)
             low[k], high[k] = max(low[k], least), most
         return cls(**sizes, low=low, high=high)
 
 
-def _bounds(names: tuple[str, ...], given: float | Mapping[str, float], what: str) -> Array:
-    if not isinstance(given, Mapping):
-        given = dict.fromkeys(names, given)
-    found = np.zeros(len(names))
+def _placed(table: CoordinateTable, given: Mapping[str, Any], what: str) -> dict[int, tuple]:
+    """Place in q_K -> name and value, for names of driven coordinates or of those with a drive."""
+    found: dict[int, tuple] = {}
     for name, value in given.items():
-        if name not in names:
-            raise UnknownNameError("driven coordinate", name, list(names))
+        driven = table.commands.get(name, name)
+        if driven not in table.q_K:
+            raise UnknownNameError("driven coordinate", name, [*table.commands, *table.q_K])
+        k = table.q_K.index(driven)
+        if k in found:
+            raise StateError(f"the {what} of {driven} is given twice: as {found[k][0]} and {name}")
+        found[k] = name, value
+    return found
+
+
+def _bounds(table: CoordinateTable, given: float | Mapping[str, float], what: str) -> Array:
+    if not isinstance(given, Mapping):
+        given = dict.fromkeys(table.q_K, given)
+    found = np.zeros(table.n_qK)
+    for k, (name, value) in _placed(table, given, what).items():
         if not 0.0 <= value < np.inf:
             raise StateError(f"the {what} of {name} is {value}; it must be finite and at least 0")
-        found[names.index(name)] = value
+        found[k] = value
     return found
 
 

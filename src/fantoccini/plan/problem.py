@@ -188,7 +188,9 @@ def _hanging_at(goal: Goal, start: State, motions: Motions) -> tuple[list[Funnel
     q_D, q_K, left = balanced(marionette, goal, start, bounds.moves)
     if goal.q_K is not None:
         q_K = np.where(bounds.moves, goal.q_K, start.q_K)
-    if left > _BALANCED * marionette.weight or goal.q_K is not None:
+    # Of a length that a drive winds it is not known yet whether the string just reaches.
+    wound = any(string.wound_length for string in marionette.tree.strings)
+    if wound or left > _BALANCED * marionette.weight or goal.q_K is not None:
         try:
             at = marionette.rest(start.replace(q_D=q_D, q_K=q_K))
         except StateError:

@@ -372,7 +372,9 @@ class _Checker:
         units, taken = self.driven(), {}
         for i, drive in _items(self.data, "drives"):
             names = drive.get("on")
-            for k, name in enumerate([names] if isinstance(names, str) else names or ()):
+            listed = names if isinstance(names, list) else [names]
+            own: list[tuple[str, Path]] = []
+            for k, name in enumerate(listed):
                 path = ("drives", i, "on", k) if isinstance(names, list) else ("drives", i, "on")
                 if not isinstance(name, str):
                     continue
@@ -380,11 +382,21 @@ class _Checker:
                     hint = self.near(name, set(units))
                     self.say(path, f"no driven coordinate is called {shown(name)}{hint}")
                 elif name in taken:
-                    self.say(path, f"{name} has a drive already, drives[{taken[name]}]")
+                    self.say(path, f"{name} has a drive already, {taken[name]}")
                 else:
-                    taken[name] = i
+                    taken[name] = f"drives[{i}]"
+                    own.append((name, path))
                     misfits = drive_misfits(drive, name, units[name])
                     self.found += [(("drives", i, *at), text) for at, text in misfits]
+            for name, path in own:
+                owner = name.partition(".")[0]
+                twin = self.twin(owner) + name[len(owner) :]
+                if twin in listed:
+                    continue
+                if twin in taken:
+                    text = f"{twin}, the twin of {name}, has a drive already, {taken[twin]}"
+                    self.say(path, text)
+                taken[twin] = f"drives[{i}] of its twin {name}"
 
     def parameters(self) -> None:
         first: dict[str, tuple[Path, float]] = {}

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
 
 from fantoccini.puppet.located import shown
 from fantoccini.puppet.values import Model, NotNegative, PositiveNumber, mistake
@@ -53,12 +53,17 @@ class DirectCurrent(Model):
 
 
 def _count(value: Any) -> int:
-    if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= 100_000:
-        raise mistake(f"found {shown(value)}; needed: a whole number from 1 to 100000")
+    if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= _MOST:
+        raise mistake(f"found {shown(value)}; needed: a whole number from 1 to {_MOST}")
     return value
 
 
-Count = Annotated[int, BeforeValidator(_count)]
+_MOST = 100_000
+Count = Annotated[
+    int,
+    BeforeValidator(_count),
+    WithJsonSchema({"type": "integer", "minimum": 1, "maximum": _MOST}),
+]
 
 
 class Stepper(Model):
@@ -92,10 +97,10 @@ class PD(Model):
 
 
 class ComputedTorque(Model):
-    """The force that makes q follow its command as e'' + 2 zeta w e' + w^2 e = 0, without strings.
+    """The force that makes q follow its command as e'' + 2 zeta w e' + w^2 e = 0, by itself.
 
     The mechanism's own inverse dynamics: its inertia, what it carries, gravity and friction. The
-    strings' pull is not known to it.
+    strings' pull is not known to it, nor how joints accelerate that no drive moves.
     """
 
     type: Literal["computed_torque"]
@@ -111,6 +116,8 @@ Control = Annotated[PD | ComputedTorque, Field(discriminator="type")]
 
 
 def _listed(value: Any) -> Any:
+    if not isinstance(value, str | list | tuple):
+        raise mistake(f"found {shown(value)}; needed: a driven coordinate, or a list of them")
     return [value] if isinstance(value, str) else value
 
 
@@ -120,10 +127,25 @@ def _some(names: tuple[str, ...]) -> tuple[str, ...]:
     return names
 
 
+_Names = Annotated[
+    tuple[str, ...],
+    BeforeValidator(_listed),
+    AfterValidator(_some),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": "string"},
+                {"type": "array", "items": {"type": "string"}, "minItems": 1},
+            ]
+        }
+    ),
+]
+
+
 class Drive(Model):
     """Turns driven coordinates into dynamic ones that a motor moves."""
 
-    on: Annotated[tuple[str, ...], BeforeValidator(_listed), AfterValidator(_some)]
+    on: _Names
     """Driven coordinates, each with such a drive: `hand.length`, `bar.x`, `bar.rotation`."""
     mass: PositiveNumber | None = None
     """Moved along with a coordinate in metres, without weight: a carriage [kg]."""
@@ -155,7 +177,6 @@ class Drive(Model):
     def follows(self) -> bool:
         """Whether it has a command."""
         return self.control is not None or isinstance(self.motor, Stepper)
-
 
 
 def drive_misfits(drive: dict, name: str, unit: str) -> Iterator[tuple[tuple[str, ...], str]]:

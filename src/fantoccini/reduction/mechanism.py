@@ -103,8 +103,14 @@ class Mechanism:
         return full.with_parameters({n: v for n, v in values.items() if n in there})
 
     def state(self, full: Marionette, x: State) -> State:
-        """A mixed model's state as one of the full model, commands where the drives are."""
-        return full.state(self.values(x)).replace(t=x.t)
+        """A mixed model's state as one of the full model, commands where and as fast as drives."""
+        found = full.state(self.values(x))
+        v_K = np.array(found.v_K)
+        for row in full.tree.drives:
+            if row.command is not None:
+                _, v = row.command
+                v_K[v : v + row.v.stop - row.v.start] = found.v_D[row.v]
+        return found.replace(t=x.t, v_K=v_K)
 
     def values(self, x: State) -> dict[str, float]:
         """A mixed model's state by name, as :meth:`Marionette.state` takes it."""

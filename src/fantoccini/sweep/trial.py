@@ -150,7 +150,8 @@ class Trial:
 def _start(marionette: Marionette, inputs: Input | None, given: Mapping[str, Any]) -> State:
     """Hanging at rest where the inputs begin, or moving where that is asked for."""
     values = {**({} if inputs is None else inputs.first_values()), **given}
-    driven = {*marionette.coordinates.q_K, *marionette.coordinates.rotations}
+    table = marionette.coordinates
+    driven = {*table.q_K, *table.rotations, *table.commands}
     if all(name in driven for name in given):
         x = marionette.rest(values)
     else:

@@ -59,9 +59,7 @@ def placed(
     poses = link_poses(tree.links, np.nan_to_num(q_D)[None], np.nan_to_num(q_K)[None], number)
     for chain in tree.chains:
         start, end = (place(poses, chain.points[k], number)[0] for k in (0, -1))
-        for own, q in ((chain.driven_length, q_K), (chain.wound_length, q_D)):
-            if own is not None and np.isnan(q[own[0]]):
-                q[own[0]] = np.linalg.norm(end - start)
+        chain.just_reaches(float(np.linalg.norm(end - start)), q_D, q_K)
         line = _line(start, end, float(chain.own_length(q_D, q_K, number)), chain.pieces)
         for point, at in zip(chain.points[1:-1], line, strict=True):
             place_in = tree.links[point.link].q

@@ -98,6 +98,7 @@ class Point:
 class Lengthed:
     """What has a length L: a number, or a coordinate."""
 
+    name: str
     length: Number | None
     length_index: tuple[int, int] | None
     length_role: Role
@@ -111,6 +112,17 @@ class Lengthed:
     def wound_length(self) -> tuple[int, int] | None:
         """Place of the length in (q_D, v_D), where a drive moves it."""
         return self.length_index if self.length_role is Role.DYNAMIC else None
+
+    def just_reaches(self, span: float, q_D: np.ndarray, q_K: np.ndarray) -> None:
+        """Sets its length, where it is a coordinate that is nan, to ``span`` [m].
+
+        Args:
+            span: length of its path [m].
+            q_D, q_K: (n_qD,), (n_qK,) changed in place.
+        """
+        for own, q in ((self.driven_length, q_K), (self.wound_length, q_D)):
+            if own is not None and np.isnan(q[own[0]]):
+                q[own[0]] = span
 
     def own_length(
         self, q_D: np.ndarray, q_K: np.ndarray, number: Callable[[Number], float]
@@ -187,6 +199,21 @@ class DriveRow:
     def turns(self) -> bool:
         """Whether it is an orientation."""
         return self.v.stop - self.v.start == 3
+
+    def ratio(self, number: Callable[[Number], float]) -> float:
+        """n: turns of the rotor [rad] per unit of the coordinate.
+
+        Args:
+            number: value of a number of the puppet.
+        """
+        drum = self.drive.drum
+        return number(self.drive.gear) / (1.0 if drum is None else number(drum))
+
+    def inertia(self, number: Callable[[Number], float]) -> float:
+        """m + n^2 J: what resists an acceleration of the coordinate [kg or kg m^2]."""
+        mass, rotor = self.drive.mass, self.drive.inertia
+        own = 0.0 if mass is None else number(mass)
+        return own + (0.0 if rotor is None else number(rotor) * self.ratio(number) ** 2)
 
 
 @dataclass(frozen=True)
@@ -300,7 +327,7 @@ class Tree:
         width_q, width_v = last.q.stop - rows[0].q.start, last.v.stop - rows[0].v.start
         return slice(q, q + width_q), slice(v, v + width_v)
 
-    def length_lead(self, string: StringRow) -> tuple[int, int] | None:
+    def length_lead(self, string: Lengthed) -> tuple[int, int] | None:
         """Place in (q_K, v_K) of a driven length, or of the command of the drive that winds it."""
         if string.wound_length is None:
             return string.driven_length

@@ -47,9 +47,7 @@ class Still:
             ]
         )
         for span, string in zip(spans, strings, strict=True):
-            for own, q in ((string.driven_length, q_K), (string.wound_length, q_D)):
-                if own is not None and np.isnan(q[own[0]]):
-                    q[own[0]] = span
+            string.just_reaches(span, q_D, q_K)
         taut = np.zeros(self.tree.n_rows, dtype=bool)
         lengths = self.string_lengths(q_D, q_K)[0]
         taut[: len(strings)] = spans >= lengths * (1.0 - 1e-3)

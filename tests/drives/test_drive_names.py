@@ -1,0 +1,102 @@
+"""A coordinate with a drive may go by its own name or by its command's: in inputs and in runs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from drives.test_drives import BOB, MACHINES
+from fantoccini.errors import InputError, StateError, UnknownNameError
+from fantoccini.motion import Input
+from fantoccini.motion.archive import _table_from_json, _table_to_json
+from fantoccini.plan.motions import Bounds
+from fantoccini.puppet import loads
+from fantoccini.tree import grow
+from fantoccini.world import World
+
+
+def table(text: str):
+    return grow(World.of(loads(text))).coordinates
+
+
+def said(make, *given) -> list[tuple[str, str]]:
+    with pytest.raises(InputError) as found:
+        make(*given)
+    return [(problem.key, problem.message) for problem in found.value.problems]
+
+
+def test_two_names_for_one_input_are_told():
+    bob, way = table(BOB), [(0, 0.8), (1, 0.7)]
+    both = {"line.length": way, "line.command.length": way}
+    ((key, message),) = said(Input.waypoints, bob, both)
+    assert key == "['line.command.length']"
+    assert message == "is given twice: as line.length and as line.command.length; leave one out"
+    columns = dict.fromkeys(both, np.array([0.8, 0.7]))
+    assert said(Input.samples, bob, [0, 1], columns) == [(key, message)]
+
+
+def test_a_rotation_comes_in_four_columns_of_either_name(tmp_path):
+    machines, t = table(MACHINES), [0.0, 0.5, 1.0]
+    angle = np.array([0.0, 0.2, 0.3])
+    q = np.stack([np.cos(angle), np.sin(angle), 0 * angle, 0 * angle], axis=-1)
+    made = [Input.samples(machines, t, {"head.rotation": q})]
+    for owner in ("head.", "head.command."):
+        names = [owner + x for x in ("qw", "qx", "qy", "qz")]
+        made.append(Input.samples(machines, t, dict(zip(names, q.T, strict=True))))
+        path = tmp_path / "head.csv"
+        rows = [",".join(map(repr, [s, *p.tolist()])) for s, p in zip(t, q, strict=True)]
+        path.write_text("\n".join([",".join(["t", *names]), *rows]))
+        made.append(Input.load(machines, path))
+    for one in made[1:]:
+        np.testing.assert_array_equal(one.coef, made[0].coef)
+        np.testing.assert_array_equal(one.base, made[0].base)
+    columns = dict(zip(("head.qw", "head.qx", "head.qy", "head.qz"), q.T, strict=True))
+    for also in ("head.rotation", "head.command.rotation"):
+        ((_, message),) = said(Input.samples, machines, t, columns | {also: q})
+        assert message.startswith("is given twice")
+    del columns["head.qz"]
+    assert said(Input.samples, machines, t, columns) == [
+        ("head.qw", "needs the columns head.qz beside it")
+    ]
+    ((_, message),) = said(Input.waypoints, machines, {"head.qw": [(0, 1.0)]})
+    assert message.startswith("is one number of a rotation")
+
+
+def test_a_table_reads_back_with_its_commands():
+    whole = table(MACHINES)
+    data, starts = _table_to_json(whole), {"start_D": whole.start_D, "start_K": whole.start_K}
+    assert _table_from_json(data, starts).commands == whole.commands
+    del data["commands"]  # of runs from before there were drives
+    assert _table_from_json(data, starts).commands == {}
+
+
+def test_a_puppet_hangs_at_rest_where_a_drive_is_started():
+    """simulate --start line.length=0.7, and a Trial's start, are those of a mere input."""
+    from fantoccini.cli.start import start_state
+    from fantoccini.sweep.trial import _start
+
+    bob = fan.loads(BOB)
+    rest = bob.rest({"line.length": 0.7})
+    for x in (start_state(bob, None, {"line.length": 0.7}, True),
+              _start(bob, None, {"line.length": 0.7})):  # fmt: skip
+        np.testing.assert_array_equal(x.q_D, rest.q_D)
+        assert np.abs(bob.accelerations(x)[0]).max() < 1e-10
+
+
+def test_a_plan_winds_a_winch():
+    """Its bounds go by either name, and what it finds arrives when it is simulated anew."""
+    bob = fan.loads(BOB)
+    x0, goal = bob.rest({"line.length": 0.8}), bob.rest({"line.length": 0.7})
+    asked = {"speed": {"line.length": 0.4}, "acceleration": 1.5, "tolerance": 0.05}
+    found = fan.plan(bob, x0, goal, ranges={"line.command.length": (0.5, 0.9)}, seed=1, **asked)
+    assert found and found.verify().arrives
+    length = bob.coordinates.q_K.index("line.command.length")
+    bounds = found.problem.motions.bounds
+    assert (bounds.low[length], bounds.high[length]) == (0.5, 0.9)
+    assert bounds.moves.tolist() == [i == length for i in range(2)]
+    assert Bounds.of(bob, 0.5, 2.0, {}).low[length] == 1e-3
+    with pytest.raises(StateError, match=r"given twice: as line\.length and line\.command\.length"):
+        Bounds.of(bob, {"line.length": 0.4, "line.command.length": 0.4}, 2.0, {})
+    with pytest.raises(UnknownNameError, match="did you mean"):
+        Bounds.of(bob, {"line.lenght": 0.4}, 2.0, {})
