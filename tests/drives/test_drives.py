@@ -310,3 +310,52 @@ def test_a_drive_winds_a_chain():
     T = 9.81 * (0.4 + np.array([0.0, 0.005, 0.01]))
     sag = np.mean(T * (1 + T / 1000)) / 800
     assert x0.q_D[names.index("line.length")] - 0.8 == pytest.approx(sag, rel=1e-8)
+
+
+def test_a_turned_bar_rests_on_its_motor():
+    """Motors of orientations are no part of V; all forces balance, wherever the search begins."""
+    puppet = fan.loads("""
+puppet: hung
+bodies:
+  - name: bar
+    joint: {type: ball, driven: true}
+    mass: 0.2
+    com: [0.1, 0.02, 0]
+    inertia: [4.0e-4, 4.0e-4, 4.0e-4]
+  - {name: bob, joint: {type: translation, axes: [x, y, z]}, mass: 0.05}
+strings:
+  - name: line
+    path: [{body: bar, at: [0.2, 0, 0]}, {body: bob}]
+    length: 0.2
+    chain: {pieces: 2, mass: 0.01, stiffness: 300}
+drives:
+  - {on: bar.rotation, inertia: 1.0e-5, control: {type: pd, stiffness: 1, damping: 0.05}}
+pose: {bob.x: 0.2, bob.z: -0.2}
+""")
+    for turn in [[0, -1.2, 0], [0, -0.5, 0.3], [1.3, 0.9, -0.7]]:
+        x = puppet.rest({"bar.rotation": turn})
+        assert np.abs(puppet.accelerations(x)[0]).max() < 1e-7
+
+
+def test_a_stepper_rests_in_step_with_a_chain():
+    """n T sin(s/4 n x) = load (1 + load / 2 EA), x being what it gives way from its command."""
+    puppet = fan.loads("""
+puppet: hoist
+bodies:
+  - {name: bob, joint: {type: translation, axes: [z]}, mass: 3}
+strings:
+  - name: line
+    path: [{body: bob}, {world: [0, 0, 1]}]
+    length: driven
+    chain: {pieces: 2, mass: 0.01, stiffness: 3000}
+drives:
+  - {on: line.length, inertia: 1.0e-5, drum: 0.01, motor: {type: stepper, torque: 0.4}}
+""")
+    pull = 9.81 * np.array([3.0, 3.01])
+    held = np.mean(pull * (1 + pull / 6000)) * 0.01 / 0.4
+    step = 2 * np.pi / 3200 * 0.01
+    for start, command in ((0.5, 0.5), (0.5, 0.3), (0.4, 0.52)):
+        x = puppet.rest({"line.length": start, "line.command.length": command})
+        length = x.q_D[puppet.coordinates.q_D.index("line.length")]
+        way = length - step * np.floor(command / step + 0.5)
+        assert way == pytest.approx(np.arcsin(held) / 50 * 0.01, rel=1e-6)
