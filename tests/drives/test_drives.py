@@ -287,6 +287,68 @@ def test_stiff_drives_do_not_shake_the_time_stepper(bob):
     run = fan.simulate(stiff, x0, move, t_end=1.0, method="timestepping", dt=4e-3)
     lag = column(run, "line.length") - run.q_K[:, 1]
     assert np.abs(lag).max() < 5e-4
+    exact = fan.simulate(stiff, x0, move, t_end=1.0).effort["line.command.length"]
+    force = run.effort["line.command.length"]
+    assert [force.min(), force.max()] == pytest.approx([exact.min(), exact.max()], abs=0.05)
+    assert np.abs(run.ledger["residual"]).max() < 0.01
+
+
+ARM = """
+puppet: arm
+gravity: [0, 0, 0]
+bodies:
+  - {name: a, joint: {type: revolute, axis: [0, -1, 0], driven: true}, mass: 0.2,
+     com: [0.15, 0, 0], inertia: [1.0e-5, 1.5e-3, 1.5e-3]}
+  - {name: b, parent: a, joint: {type: revolute, axis: [0, -1, 0], driven: true, at: [0.3, 0, 0]},
+     mass: 0.2, com: [0.15, 0, 0], inertia: [1.0e-5, 1.5e-3, 1.5e-3]}
+  - {name: head, parent: b, joint: {type: ball, driven: true, at: [0.3, 0, 0]}, mass: 0.05,
+     inertia: [1.0e-5, 1.9e-3, 1.9e-3]}
+  - {name: wheel, joint: {type: revolute, axis: [0, 0, 1], driven: true}, mass: 0.1,
+     inertia: [1.0e-6, 1.0e-6, 1.0e-6]}
+drives:
+  - on: [a, b, head.rotation]
+    inertia: 1.0e-6
+    control: {type: computed_torque, bandwidth: {parameter: w, value: 1000}}
+  - on: wheel
+    inertia: 1.0e-7
+    gear: 10
+    motor: {type: dc, constant: 0.02, current: 1000, resistance: 1, voltage: 6}
+    control: {type: pd, stiffness: 10, damping: 0.01}
+"""
+
+
+def test_stiff_coupled_drives_and_windings_are_stable():
+    """Computed torque over joints that carry one another, and a motor on its voltage's bound."""
+    arm = fan.loads(ARM)
+    start = {"a.command": 0.01, "head.command.rotation": [0.3, -0.4, 0.5], "wheel.command": 100.0}
+    run = fan.simulate(arm, arm.state(start), t_end=0.6, method="timestepping", dt=2e-3)
+    names = run.coordinates.v_D
+    speed = np.abs(np.delete(run.v_D, names.index("wheel"), axis=1))
+    assert speed[: len(speed) // 3].max() < 300 and speed[-20:].max() < 0.05
+    assert run.q_D[-1, :2] == pytest.approx([0.01, 0.0], abs=1e-3)
+    # The voltage without load: U / (k n).
+    assert run.v_D[-1, names.index("wheel")] == pytest.approx(30.0, abs=1e-6)
+
+
+def test_derivatives_are_those_of_differences(machines):
+    """Of accelerations by velocities and places, motors at and within their bounds."""
+    x = machines.state({"crank": 0.2, "crank.command": 0.5, "lift": 0.1, "v:lift": 0.3})
+    found, h = machines.linearise(x), 1e-6
+    for k, name in enumerate(machines.coordinates.v_D):
+        for what, slope in (("v:", found.acc.v_D), ("", found.acc.q_D)):
+            if name.startswith("head") and not what:
+                continue
+            place = machines.coordinates.q_D.index(name) if not what else k
+            q, v = np.zeros(len(x.q_D)), np.zeros(len(x.v_D))
+            (v if what else q)[place] = h
+            ends = [
+                machines.accelerations(x.replace(q_D=x.q_D + s * q, v_D=x.v_D + s * v))[0]
+                for s in (1, -1)
+            ]
+            expected = (ends[0] - ends[1]) / (2 * h)
+            np.testing.assert_allclose(slope[:, k], expected, rtol=1e-5, atol=1e-5)
+    step = machines.linearise_step(x)
+    assert np.all(np.isfinite(step.A))
 
 
 def test_lanes_are_the_scalar_run(bob):

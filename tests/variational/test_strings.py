@@ -53,6 +53,13 @@ def test_a_taut_string_bears_the_weight_and_a_slack_one_nothing(pendulum):
     assert falls.q_D[-1, 1] == pytest.approx(-0.5 - 0.5 * 9.81 * 0.09, abs=1e-12)
 
 
+def test_a_string_that_is_caught_in_the_first_step_bears_nothing_before(pendulum):
+    x = pendulum.rest().replace(q_D=np.array([0.0, -0.99]), v_D=np.array([0.0, -2.0]))
+    run = variational(pendulum, x, t_end=0.05)
+    assert run.tension["line"][0] == 0.0 and not run.taut["line"][0]
+    assert run.events[0].kind is EventKind.CATCH and run.events[0].t == 0.01
+
+
 def test_catches_are_plastic(pendulum):
     """After a catch nothing moves along the string, at the very step."""
     x = pendulum.rest().replace(q_D=np.array([0.3, -0.4]), v_D=np.array([1.0, -3.0]))
@@ -116,6 +123,8 @@ def test_strings_pulled_apart_end_with_their_names(bench):
     exact = fan.simulate(bench, x, pull, 1.0, throw=False)
     assert run.t[-1] == pytest.approx(exact.t[-1], abs=2e-3)
     assert np.all(np.isfinite(run.q_D)) and np.max(run.violation.values) < HELD
+    seldom = variational(bench, x, pull, 1.0, save_every=50, throw=False)
+    assert seldom.t[-1] == run.t[-1], "the last state is written whatever is saved"
 
 
 def test_stiff_springs_and_heavy_damping_do_not_stop_it(bench):

@@ -183,6 +183,7 @@ def tables_text(equations: Equations) -> str:
         "n_packed": equations.n_packed,
         "n_links": len(tree.links),
         "n_points": sum(len(s.points) for s in tree.strings),
+        "n_motors": len(tree.motor_places),
     }
     columns = equations.columns
     numbered = {link: k for k, link in enumerate(columns)}
@@ -204,6 +205,7 @@ def tables_text(equations: Equations) -> str:
         # Where the entries of a string's column of W are in v_D.
         *_lists("string", [_pulled(tree, s) for s in tree.strings]),
         _array("bool", "turns", turns),
+        _array("int", "motor_v", tree.motor_places),
         _array("int", "limit_v", [first for first, _ in places]),
         _array("int", "limit_n", [n for _, n in places]),
         # Which column of Equations.columns a limit has, and where its entries are in v_D.

@@ -34,8 +34,8 @@ from fantoccini.equations.system import System
 from fantoccini.tree import WORLD, Role, Tree
 
 ARGUMENTS: dict[str, tuple[str, ...]] = {
-    "force_by_q": ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K", "tension", "p"),
-    "force_by_v": ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K", "tension", "p"),
+    "force_by_q": ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K", "tension", "dt", "p"),
+    "force_by_v": ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K", "tension", "dt", "p"),
     "force_by_K": ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K", "tension", "dt", "p"),
     "rows_by": ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K", "p"),
 }

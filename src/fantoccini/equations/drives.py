@@ -19,12 +19,15 @@ e + dt edot, and what the step's own acceleration changes of it is put on the di
 
     armature = m + n^2 J + dt (d + friction / v) + dt^2 k
 
-which leaves nothing to be unstable however stiff a drive is. dt = 0 gives the exact equations.
+which leaves nothing to be unstable however stiff a drive is. Where computed torque couples several
+coordinates the rows' sums of |M| stand for M: a diagonal that is large enough for all their
+motions. A winding at its voltage gives way by (n k)^2 / R. dt = 0 gives the exact equations.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -41,7 +44,7 @@ from fantoccini.equations.algebra import (
     zeros,
 )
 from fantoccini.puppet import PD, ComputedTorque, DirectCurrent, Number, Stepper
-from fantoccini.tree import DriveRow
+from fantoccini.tree import DriveRow, Role
 
 if TYPE_CHECKING:
     from fantoccini.equations.system import System
@@ -55,11 +58,13 @@ class DriveForces:
     """What all drives do over a step.
 
     Attributes:
-        f_D: (n_vD,) forces of the motors [N or N m].
+        f_D: (n_vD,) forces of the motors, where the step leaves the velocities alone [N or N m].
+        yields: (n_vD,) what they give way by a change of their coordinate's velocity in the step.
         armature: (n_vD,) what the step puts on the diagonal of M_DD, over the drives' inertia.
     """
 
     f_D: np.ndarray
+    yields: np.ndarray
     armature: np.ndarray
 
 
@@ -96,16 +101,17 @@ def resistance(row: DriveRow, v: np.ndarray, value) -> ca.SX:
 def forces(system: System, dt: ca.SX) -> DriveForces:
     """Forces of the motors at the system's symbols, over a step dt."""
     n = system.tree.coordinates.n_vD
-    f_D, armature = zeros(n), zeros(n)
+    f_D, yields, friction = zeros(n), zeros(n), zeros(n)
     wanted = _Wanted(system, dt)
     v_D = elements(system.symbols.v_D)
     for row in system.tree.drives:
         force, stiffness, damping = wanted.of(row)
-        force, share = _bounded(row, force, v_D[row.v], system.value)
+        force, share, braked = _bounded(row, force, v_D[row.v], system.value)
         f_D[row.v] = force
-        slope = share * (damping + dt * stiffness) + resistance(row, v_D[row.v], system.value)
-        armature[row.v] = scaled(slope * dt, symbolic(np.ones(len(force))))
-    return DriveForces(f_D, armature)
+        n = len(force)
+        yields[row.v] = scaled(share, damping + scaled(dt, stiffness)) + _each(braked, n)
+        friction[row.v] = _each(resistance(row, v_D[row.v], system.value), n)
+    return DriveForces(f_D, yields, scaled(dt, yields + friction))
 
 
 class _Wanted:
@@ -123,34 +129,40 @@ class _Wanted:
         self.q_K, self.v_K, self.acc_K = (elements(x) for x in (s.q_K, s.v_K, s.acc_K))
         self.needed = self._inverse_dynamics()
 
-    def of(self, row: DriveRow) -> tuple[np.ndarray, ca.SX, ca.SX]:
+    def of(self, row: DriveRow) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Force, and its slopes by the error and the error's rate, at the coordinate."""
-        none, value, drive = ca.SX(0), self.system.value, row.drive
+        value, drive, none = self.system.value, row.drive, zeros(row.v.stop - row.v.start)
         if row.command is None:
-            return zeros(row.v.stop - row.v.start), none, none
-        error, rate, _ = self._error(row)
-        late = error + scaled(self.dt, rate)
+            return none, none, none
         if isinstance(drive.motor, Stepper):
             return self._stepper(row)
         if isinstance(drive.control, PD):
+            late, rate, _ = self._error(row)
             k, d = value(drive.control.stiffness), value(drive.control.damping)
-            return scaled(k, late) + scaled(d, rate), k, d
+            return scaled(k, late) + scaled(d, rate), _each(k, len(none)), _each(d, len(none))
         w, zeta = value(drive.control.bandwidth), value(drive.control.damping_ratio)
-        own = self._own_inertia(row)
-        return self.needed[row.v], own * w * w, 2 * own * zeta * w
+        own = self.inertia[row.v]
+        return self.needed[row.v], scaled(w * w, own), scaled(2 * zeta * w, own)
 
     def _error(self, row: DriveRow) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """e, edot and rddot of a drive; of an orientation in the body's frame."""
+        """e and edot at the end of the step, and rddot; of an orientation in the body's frame.
+
+        Over a step v_K is the command's mean velocity and acc_K its mean acceleration.
+        """
         q, v = row.command
         own, w = self.q_D[row.q], self.v_D[row.v]
+        n = row.v.stop - row.v.start
+        mean, curve = self.v_K[v : v + n], self.acc_K[v : v + n]
+        last = mean + scaled(0.5 * self.dt, curve)
         if not row.turns:
-            at, rate = self.q_K[q : q + 1], self.v_K[v : v + 1]
-            return at - own, rate - w, self.acc_K[v : v + 1]
-        there, w_there = self.q_K[q : q + 4], self.v_K[v : v + 3]
+            late = self.q_K[q : q + 1] - own + scaled(self.dt, mean - w)
+            return late, last - w, curve
+        there = self.q_K[q : q + 4]
         scalar = dot(own, there)
         vector = scaled(own[0], there[1:]) - scaled(there[0], own[1:]) - cross(own[1:], there[1:])
         R = quaternion_rotation(np.concatenate([[scalar], vector]))
-        return scaled(2 * scalar, vector), R.dot(w_there) - w, R.dot(self.acc_K[v : v + 3])
+        late = scaled(2 * scalar, vector) + scaled(self.dt, R.dot(mean) - w)
+        return late, R.dot(last) - w, R.dot(curve)
 
     def _inverse_dynamics(self) -> np.ndarray:
         """(n_vD,) forces that computed torque asks of its drives, at the error to come."""
@@ -162,8 +174,7 @@ class _Wanted:
                 continue
             some = True
             w, zeta = system.value(control.bandwidth), system.value(control.damping_ratio)
-            error, rate, curve = self._error(row)
-            late = error + scaled(self.dt, rate)
+            late, rate, curve = self._error(row)
             acc[row.v] = curve + scaled(2 * zeta * w, rate) + scaled(w * w, late)
         if not some:
             return acc
@@ -177,16 +188,25 @@ class _Wanted:
             )
         return needed
 
-    def _own_inertia(self, row: DriveRow) -> ca.SX:
-        """The diagonal of M at the drive: its own inertia and that of what it carries."""
-        M = self.system.mass_blocks.get((row.link, row.link))
-        own = self.system.armature[row.v.start]
-        if M is None:
-            return own
-        k = row.v.start - self.system.tree.links[row.link].v.start
-        return own + M[k, k]
+    @cached_property
+    def inertia(self) -> np.ndarray:
+        """(n_vD,) sums of |M| over the coordinates that computed torque moves, row by row."""
+        found, links = self.system.armature.copy(), self.system.tree.links
+        moved = [d for d in self.system.tree.drives if isinstance(d.drive.control, ComputedTorque)]
+        places = {k for row in moved for k in range(row.v.start, row.v.stop)}
+        for (i, j), block in self.system.mass_blocks.items():
+            for a, b in np.ndindex(block.shape):
+                k, m = links[j].v.start + a, links[i].v.start + b
+                dynamic = links[i].role is links[j].role is Role.DYNAMIC
+                if not dynamic or not {k, m} <= places or block[a, b].is_zero():
+                    continue
+                size = block[a, b] if k == m else ca.sqrt(block[a, b] ** 2 + _STILL)
+                found[k] = found[k] + size
+                if i != j:
+                    found[m] = found[m] + size
+        return found
 
-    def _stepper(self, row: DriveRow) -> tuple[np.ndarray, ca.SX, ca.SX]:
+    def _stepper(self, row: DriveRow) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """n T sin(s/4 (angle(r) - n q)) with angle(r) in whole microsteps."""
         motor, value = row.drive.motor, self.system.value
         q, v = row.command
@@ -203,32 +223,45 @@ class _Wanted:
             torque = torque * ca.fmin(1, corner / ca.fmax(speed, corner))
         lag = pairs * (angle - n * (self.q_D[own] + self.dt * self.v_D[row.v.start]))
         stiffness = n * n * torque * pairs * ca.fmax(ca.cos(lag), 0)
-        return symbolic([n * torque * ca.sin(lag)]), stiffness, ca.SX(0)
+        return symbolic([n * torque * ca.sin(lag)]), symbolic([stiffness]), zeros(1)
 
 
 def _bounded(
     row: DriveRow, force: np.ndarray, v: np.ndarray, value
-) -> tuple[np.ndarray, ca.SX]:
-    """A force within the motor's bounds, and 1 where it is, 0 where the bounds decide."""
-    motor = row.drive.motor
+) -> tuple[np.ndarray, ca.SX, ca.SX]:
+    """A force within the motor's bounds; 1 where it is, 0 where they decide; slope by -v there."""
+    motor, none = row.drive.motor, ca.SX(0)
     if motor is None or isinstance(motor, Stepper):
-        return force, ca.SX(1)
+        return force, ca.SX(1), none
     n = ratio(row, value)
     if row.turns:
         most = n * value(motor.torque)
         size = ca.sqrt(dot(force, force) + _STILL)
         share = most / ca.fmax(size, most)
-        return scaled(share, force), share
-    if isinstance(motor, DirectCurrent):
-        k, least_current = value(motor.constant), -value(motor.current)
-        R, U, back = value(motor.resistance), value(motor.voltage), k * n * v[0]
-        high = ca.fmin(-least_current, (U - back) / R)
-        low = ca.fmax(least_current, (-U - back) / R)
-        # Beyond the speed without load the winding brakes, at most with the largest current.
-        high = ca.fmax(high, least_current) * n * k
-        low = ca.fmin(low, -least_current) * n * k
-    else:
-        high = n * value(motor.torque)
-        low = -high
-    held = ca.fmax(low, ca.fmin(high, force[0]))
-    return symbolic([held]), ca.fmax(0, 1 - ca.fabs(force[0] - held) / (1e-12 * (high - low)))
+        return scaled(share, force), share, none
+    if not isinstance(motor, DirectCurrent):
+        most = n * value(motor.torque)
+        held = _clipped(force[0], -most, most)
+        return symbolic([held]), _same(force[0], held, most), none
+    gain = n * value(motor.constant)
+    most, R = gain * value(motor.current), value(motor.resistance)
+    top, back = gain * value(motor.voltage) / R, gain * gain / R * v[0]
+    held = _clipped(force[0], -most, most)
+    within = _clipped(held, -top - back, top - back)
+    # Beyond the speed without load the winding brakes, at most with the largest current.
+    made = _clipped(within, -most, most)
+    by_voltage = (1 - _same(held, within, most)) * _same(within, made, most)
+    return symbolic([made]), _same(force[0], made, most), by_voltage * gain * gain / R
+
+
+def _each(x: ca.SX, n: int) -> np.ndarray:
+    return symbolic([x] * n)
+
+
+def _clipped(x: ca.SX, low: ca.SX, high: ca.SX) -> ca.SX:
+    return ca.fmax(low, ca.fmin(high, x))
+
+
+def _same(a: ca.SX, b: ca.SX, size: ca.SX) -> ca.SX:
+    """1 where a is b, 0 where they differ."""
+    return ca.fmax(0, 1 - ((a - b) / (1e-12 * size)) ** 2)

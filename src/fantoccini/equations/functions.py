@@ -111,12 +111,20 @@ class Equations:
 
     def _dynamics(self) -> dict[str, ca.SX]:
         """What the runtime needs to solve Eqs. 10 and 11 for any set of taut rows."""
-        return self._with_factor(self._factor(ca.SX(0)), ca.SX(0))
+        made = self._with_factor(self._factor(ca.SX(0)), ca.SX(0))
+        motors = self.system.motors(ca.SX(0)).f_D
+        made["power0"] = made["power0"] + dot(elements(self.system.symbols.v_D), motors)
+        return made
 
     def _step_dynamics(self) -> dict[str, ca.SX]:
-        """What a step needs: the damping of joints over it, and no accelerations of rows."""
+        """What a step needs: the damping of joints over it, and no accelerations of rows.
+
+        The power of the motors is not in ``power0``: over the step they give f_M - y_M dv.
+        """
         made = self._with_factor(self.factor, self.system.symbols.dt)
-        return {name: x for name, x in made.items() if name not in ("gamma", "gamma_limit")}
+        made = {name: x for name, x in made.items() if name not in ("gamma", "gamma_limit")}
+        motors, places = self.system.motors(self.system.symbols.dt), self.tree.motor_places
+        return made | {"f_M": column(motors.f_D[places]), "y_M": column(motors.yields[places])}
 
     def _with_factor(self, factor: articulated.Factor, dt: ca.SX) -> dict[str, ca.SX]:
         system, s, tree = self.system, self.system.symbols, self.tree
@@ -151,7 +159,7 @@ class Equations:
             "h_limit": column([h for h, _, _ in limits]),
             "J_limit": matrix(J),
             "gamma_limit": column([gamma for _, _, gamma in limits]),
-            "power0": dot(v_K, f_K) + dot(elements(s.v_D), motors),
+            "power0": dot(v_K, f_K),
             "M_DK_v_K": column(system.inertial(None, v_K)),
             "loss": loads.loss,
         }

@@ -65,12 +65,12 @@ RESULTS: dict[str, tuple[str, ...]] = {
         "L", "w0", "W", "G", "h", "hdot", "a0", "hdot_K", "h_limit", "J_limit", "power0",
         "M_DK_v_K", "loss", "L_firm", "W_firm", "G_firm",
     ),
-    "midpoint_rule": ("before", "after", "q_next", "h"),
+    "midpoint_rule": ("before", "after", "q_next", "h", "work_M"),
     "momentum": ("p_D",),
 }
-"""Results: those of ``dynamics`` but for the rows' accelerations, and L, W and G of the factor with
-the damping of joints over dt in it; p_k(xi), p_k+1, q_k+1 and the rows' h there; M_DD v_D +
-M_DK v_K."""
+"""Results: those of ``dynamics`` but for the rows' accelerations and the motors' power, and L, W
+and G of the factor with the damping of joints over dt in it; p_k(xi), p_k+1, q_k+1, the rows' h
+there and the motors' work; M_DD v_D + M_DK v_K."""
 
 
 class Variational:
@@ -100,6 +100,7 @@ class Variational:
             for f in (exact, firm)
         )
         made |= {f"{name}_firm": with_damping[name] for name in ("L", "W", "G")}
+        made["power0"] = with_damping["power0"]  # without the motors': theirs is the midpoint's
         return _function("node", places, [made[name] for name in RESULTS["node"]])
 
     def _midpoint_rule(self) -> ca.Function:
@@ -108,18 +109,19 @@ class Variational:
         xi, q_mid_K = ca.SX.sym("xi", table.n_vD), ca.SX.sym("q_mid", table.n_qK)
         v_mid_K, acc_mid_K = (ca.SX.sym(n, table.n_vK) for n in ("v_mid", "acc_mid"))
         q_mid, q_next = self._moved(xi, 1), self._moved(xi, 2)
-        P, force = self._at(q_mid, xi / s.dt, q_mid_K, v_mid_K, acc_mid_K, s.u_D, s.p)
+        P, force, motors = self._at(q_mid, xi / s.dt, q_mid_K, v_mid_K, acc_mid_K, s.u_D, s.p)
         before, after = self._ends(elements(P), elements(force), elements(xi))
         h = self.equations["rows"](q_next, s.q_K, s.p)
         places = {
             "q_D": s.q_D, "xi": xi, "q_mid": q_mid_K, "v_mid": v_mid_K, "acc_mid": acc_mid_K,
             "q_K": s.q_K, "u_D": s.u_D, "dt": s.dt, "p": s.p,
         }  # fmt: skip
-        return _function("midpoint_rule", places, [before, after, q_next, h])
+        work = dot(elements(motors), elements(xi))
+        return _function("midpoint_rule", places, [before, after, q_next, h, work])
 
     def _momentum(self) -> ca.Function:
         s = self.equations.system.symbols
-        P, _ = self._at(s.q_D, s.v_D, s.q_K, s.v_K, s.acc_K, s.u_D, s.p)
+        P, _, _ = self._at(s.q_D, s.v_D, s.q_K, s.v_K, s.acc_K, s.u_D, s.p)
         return _function("momentum", {n: getattr(s, n) for n in ARGUMENTS["momentum"]}, [P])
 
     def _moved(self, xi: ca.SX, times: int) -> ca.SX:
@@ -162,14 +164,15 @@ class Variational:
     def _at(self) -> ca.Function:
         """(q_D, v_D, q_K, v_K, acc_K, u_D, p) -> P (n_vD,), dL/dq + u_D - damping - drag (n_vD,).
 
-        The motors' forces are among u_D.
+        The motors' forces (n_vD,) are among u_D, and given by themselves.
         """
         system = self.equations.system
         s, tree = system.symbols, system.tree
         loads = system.loads(system.resting_motions)
         static, _ = system.generalised(loads)
         P = system.armature * elements(s.v_D)
-        slope = elements(s.u_D) + system.motors(ca.SX(0)).f_D - static
+        motors = system.motors(ca.SX(0)).f_D
+        slope = elements(s.u_D) + motors - static
         carried, twists = self._twists()
         momenta = [
             inertia.momentum(*twist)
@@ -183,7 +186,7 @@ class Variational:
                 P[link.v] = P[link.v] + dynamics.project(joint, *H)
                 slope[link.v] = slope[link.v] + _slope(link, joint, H, w_c, twist[1])
         arguments = [s.q_D, s.v_D, s.q_K, s.v_K, s.acc_K, s.u_D, s.p]
-        return ca.Function("at", arguments, [column(P), column(slope)])
+        return ca.Function("at", arguments, [column(P), column(slope), column(motors)])
 
     def _twists(self) -> tuple[list, list]:
         """w_c and (w, v) of every link, in its frame."""

@@ -278,6 +278,11 @@ class Tree:
         """Names of the one-sided rows: strings, then limits."""
         return tuple(r.name for r in self.strings) + tuple(r.name for r in self.limits)
 
+    @property
+    def motor_places(self) -> list[int]:
+        """Places in v_D of what drives move, in order."""
+        return [k for row in self.drives for k in range(row.v.start, row.v.stop)]
+
     def lead(self, link: int) -> tuple[slice, slice] | None:
         """Places in (q_K, v_K) of what moves a link's joint: itself, or the commands of its drives.
 

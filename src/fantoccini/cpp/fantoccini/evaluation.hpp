@@ -22,6 +22,7 @@ struct Evaluation {
   Real h[room(S)], hdot[room(S)] = {}, gamma[room(S)] = {}, a0[room(S)] = {}, hdot_K[room(S)] = {};
   Real h_limit[room(K)], J_limit[room(3 * K)], gamma_limit[room(K)] = {};
   Real power0, M_DK_v_K[room(N)], loss;
+  Real f_M[room(Model::n_motors)], y_M[room(Model::n_motors)];  // of a step's motors: f_M - y_M dv
 
   FAN_FN void at(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
@@ -40,7 +41,7 @@ struct Evaluation {
       const Real* u_D, Real dt, const Real* p) {
     const Real* arg[] = {q_D, v_D, q_K, v_K, acc_K, u_D, &dt, p};
     Real* res[] = {L,  w0,     W,       G,       h,       hdot,     a0,
-                   hdot_K, h_limit, J_limit, &power0, M_DK_v_K, &loss};
+                   hdot_K, h_limit, J_limit, &power0, M_DK_v_K, &loss, f_M, y_M};
     if (constants_ != OF_STEP) Model::step_dynamics_constants(res);
     constants_ = OF_STEP;
     Model::step_dynamics_varying(arg, res);

@@ -31,6 +31,7 @@ struct Found {
   Real after[room(N)];      // p_k+1
   Real q_next[room(NQ)];    // q_k+1
   Real h[room(M)];          // there
+  Real work_M;              // of the motors
   Real lambda[room(M)];     // impulses
   Real slip_next[room(S)];  // of winches, there
   Mask slips[room(S)];      // winches that have given way

@@ -250,6 +250,10 @@ struct TimeStep {
       for (int k = 0; k < N; ++k) work += eval.M_DK_v_K[k] * acc[k];
     Real power = Real(0.0);
     for (int k = 0; k < N; ++k) power += u_D[k] * (v_D[k] + 0.5 * acc[k]);
+    for (int m = 0; m < Model::n_motors; ++m) {
+      const int k = Model::motor_v[m];
+      power += (eval.f_M[m] - eval.y_M[m] * acc[k]) * (v_D[k] + 0.5 * acc[k]);
+    }
     work += dt * power;
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];

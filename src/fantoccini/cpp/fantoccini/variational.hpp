@@ -160,8 +160,8 @@ struct VariationalStep {
     const auto& rows = here.firm.rows;
     Mask all = Real(0.0) < Real(1.0);
     for (int a = 0; a < rows.n && rows.row[a] < S; ++a) {
-      const int r = rows.row[a], driven = Model::length_q[r];
-      const Real length = driven < 0 ? Real(Model::nominal_length[r]) : coming.q_K[driven];
+      const int r = rows.row[a];
+      const Real length = string_length<Model, Real>(r, here.q_D, coming.q_K);
       const Real own = rows.problem.G[a * Node::Problem::N + a];
       const Real square = 2.0 * dt * abs(found_.lambda[r]) * own;
       all = all && !(square > kWidest * kWidest * (length + here.slip[r]));
@@ -192,7 +192,7 @@ struct VariationalStep {
     Mask was_taut[room(M)];
     const Real rate = 1.0 / dt;
     if (here.joined) look_again();
-    work = 0.5 * dt * here.exact.eval.power0;
+    work = 0.5 * dt * here.exact.eval.power0 + found_.work_M;
     loss = 0.5 * dt * here.exact.eval.loss;
     for (int r = 0; r < M; ++r) {
       was_taut[r] = here.taut[r];
@@ -287,7 +287,7 @@ struct VariationalStep {
   FAN_FN void evaluate(const Real& dt) {
     const Real* arg[] = {here.q_D,   found_.xi, lead.q_mid, lead.v_mid, lead.acc_mid,
                          coming.q_K, lead.u_D,  &dt,        here.p};
-    Real* res[] = {before_, found_.after, found_.q_next, found_.h};
+    Real* res[] = {before_, found_.after, found_.q_next, found_.h, &found_.work_M};
     Model::midpoint_rule(arg, res);
     for (int i = 0; i < S; ++i) found_.h[i] -= found_.slip_next[i];
   }
