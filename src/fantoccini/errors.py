@@ -130,7 +130,7 @@ class Status(enum.IntEnum):
     PROJECTION_FAILED = 10, "the strings could not be brought back to their lengths"
     STOPPED = 11, "the run was stopped from outside"
     SINGULAR_MASS = 12, "the mass matrix is singular: a joint moves no mass"
-    NOT_SETTLED = 13, "the forces of the strings and limits could not be found"
+    NOT_SETTLED = 13, "the equations of a step could not be solved"
 
 
 class SimulationError(FantocciniError):

@@ -201,3 +201,41 @@ def test_the_latex_compiles(tmp_path) -> None:
     source = "\\documentclass{article}\\usepackage{amsmath}\\begin{document}\n"
     (tmp_path / "a.tex").write_text(source + body + "\\end{document}\n")
     subprocess.run(["pdflatex", "-interaction=batchmode", "a.tex"], cwd=tmp_path, check=True)
+
+
+MOTORS = """\
+puppet: motors
+bodies:
+  - {name: bob, joint: {type: translation, axes: [x, z]}, mass: 0.4}
+  - name: crank
+    joint: {type: revolute, axis: [0, -1, 0], driven: true}
+    mass: 0.1
+    com: [0, 0, -0.2]
+strings:
+  - {name: line, path: [{body: bob}, {driven: [x], at: [0, 0, 1]}], length: driven}
+drives:
+  - {on: line.x, mass: 0.7, control: {type: computed_torque, bandwidth: {parameter: w, value: 9}}}
+  - {on: line.length, inertia: 4.0e-5, drum: 0.02, motor: {type: stepper, torque: 0.4}}
+  - on: crank
+    inertia: 2.0e-5
+    gear: 20
+    motor: {type: dc, constant: 0.05, current: 1.5, resistance: 4, voltage: 12}
+    control: {type: pd, stiffness: 40, damping: 1}
+"""
+
+
+def test_motors_have_their_laws_on_the_page(tmp_path) -> None:
+    file = tmp_path / "motors.yaml"
+    file.write_text(MOTORS)
+    page = fantoccini("equations", str(file)).stdout
+    lines = [" ".join(line.split()) for line in page.splitlines()]
+    assert "r₂ line.command.x driven" in lines
+    assert "r₃ line.command.length driven" in lines
+    assert any(line.endswith("= u + f_M + A_D^T lambda, tension = -lambda >= 0") for line in lines)
+    page = " ".join(lines)
+    for law in (
+        "line.x M a + c + friction by inverse dynamics, a = rddot + 2 zeta w edot + w^2 e, w = w",
+        "L line.length n 0.4 sin(50 n e), command in steps of 2 pi / (3200 n); n = 1 / 0.02",
+        "θ crank 40 e + 1 edot = n 0.05 i where |i| <= 1.5 and |4 i + 0.05 n v| <= 12; n = 20",
+    ):
+        assert law in page

@@ -30,7 +30,7 @@ std::vector<double> take(int n) {
 fan::Options options() {
   fan::Options o;
   for (double* x : {&o.rtol, &o.atol, &o.first_step, &o.max_step, &o.tension_cap, &o.energy_scale,
-                    &o.recovery_speed, &o.dt})
+                    &o.force_scale, &o.recovery_speed, &o.dt})
     *x = take();
   o.max_steps = static_cast<long long>(take());
   o.max_events = static_cast<long long>(take());

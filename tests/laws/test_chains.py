@@ -33,7 +33,7 @@ strings:
   - name: line
     path: [{world: [0, 0, 0]}, {body: post, at: [1, 0, 0.2]}]
     length: {parameter: L, value: 1.3}
-    chain: {pieces: 6, mass: 0.03, stiffness: 200}
+    chain: {pieces: 6, mass: 0.03, stiffness: 200, damping: {parameter: c, value: 0}}
 """
 
 
@@ -205,6 +205,20 @@ def test_a_step_too_long_for_the_springs_is_refused_before_it_blows_up():
         puppet.stepper(moved, dt=1.01 * longest)
     with pytest.raises(fan.StateError, match="too long for the chain line"):
         fan.Performance(puppet, moved, dt=1.01 * longest, tick=1.01 * longest)
+
+
+@pytest.mark.parametrize("c", [0.02, 1.0])
+def test_damping_shortens_the_longest_step(c):
+    """2 (sqrt(1 + zeta^2) - zeta) / omega, zeta = omega c / 2 EA: the step's map has -1 there."""
+    puppet = span().with_parameters({"L": 0.8, "g": 0.0, "c": c})
+    x = puppet.rest()
+    omega = 2 * np.sqrt(200 * N / 0.8 * (N - 1) / 0.03) * np.cos(np.pi / (2 * N))
+    zeta = omega * c / 400
+    longest = 2 * (np.sqrt(1 + zeta**2) - zeta) / omega
+    own = np.linalg.eigvals(puppet.linearise_step(x, dt=(1 - 1e-9) * longest).A[:30, :30])
+    assert np.min(own.real) == pytest.approx(-1.0, abs=1e-6)
+    with pytest.raises(fan.StateError, match="too long for the chain line"):
+        fan.simulate(puppet, x, t_end=0.1, method="timestepping", dt=1.001 * longest)
 
 
 RESTING = """

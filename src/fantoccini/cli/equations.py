@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import sympy as sp
 from sympy.printing.pretty.pretty import PrettyPrinter
@@ -16,14 +16,20 @@ from fantoccini.cli.terminal import number, say, table, width, write
 from fantoccini.equations import printing
 from fantoccini.equations.printing import Printable, TooLargeError, decimal
 from fantoccini.marionette import Marionette
+from fantoccini.puppet import PD, ComputedTorque, DirectCurrent, Drive, Number, Parameter, Servo
 
 Equation = tuple[str, sp.Expr | sp.Matrix]
+
+_MEANING = (
+    "e = command - coordinate, of orientations 2 e_w (e_x, e_y, e_z) of what turns one into the "
+    "other; n turns of the rotor [rad] for a unit of the coordinate, v its speed"
+)
 
 _UNICODE = "\N{GREEK SMALL LETTER THETA}\N{COMBINING DOT ABOVE}\N{SUBSCRIPT ONE}"
 
 
 def print_equations(file: str, latex: bool) -> None:
-    """Prints Lagrangian, M, C, g, h, A_D and A_K.
+    """Prints Lagrangian, M, C, g, h, A_D and A_K, and the laws of motors.
 
     Args:
         file: FILE argument.
@@ -51,6 +57,8 @@ def _print_latex(made: Marionette, page: Printable) -> None:
     write("% " + made.name)
     for symbol, name in page.notation.names.items():
         write(f"% ${sp.latex(symbol)}$: {name}")
+    for symbol, name, law in _motors(made, page, sp.latex):
+        write(f"% motor of ${symbol}$, {name}: {law}")
     lines = [
         f"  {sp.latex(sp.Symbol(left))} &= {sp.latex(decimal(right))}"
         for left, right in [*energies(page), *matrices(made, page), *page_lengths(page)]
@@ -69,9 +77,14 @@ def _print_text(made: Marionette, page: Printable) -> None:
     moving_v = " + C_DK v_K" if "C_DK" in names else ""
     damped = " + f" if "f" in names else ""
     pull = " + A_D^T lambda, tension = -lambda >= 0" if "A_D" in names else ""
-    write(f"Motion (Eqs. 8-10): M acc_D{moving} + C v_D{moving_v} + g{damped} = u{pull}\n")
+    motors = list(_motors(made, page, layout.text))
+    driving = " + f_M" if motors else ""
+    write(f"Motion (Eqs. 8-10): M acc_D{moving} + C v_D{moving_v} + g{damped} = u{driving}{pull}\n")
     for left, right in matrices(made, page):
         write(layout.matrix(left, right) + "\n")
+    if motors:
+        table("f_M: forces of motors", ("of", "name", "law"), motors)
+        write(textwrap.fill(_MEANING, layout.columns) + "\n")
     for left, right in page_lengths(page):
         write("with\n" + layout.root(left, right) + "\n")
     write("Numbers have six digits; h <= 0, and rows are strings, then limits.")
@@ -84,6 +97,50 @@ def _symbols(made: Marionette, page: Printable, layout: Layout) -> Iterator[tupl
         role = roles.get(name, "parameter")
         value = number(float(values[name])) if role == "parameter" else ""
         yield layout.text(symbol), name, role, value
+
+
+def _motors(
+    made: Marionette, page: Printable, text: Callable[[sp.Symbol], str]
+) -> Iterator[tuple[str, str, str]]:
+    """Symbol, name and law of every motor's coordinate."""
+    symbols = page.notation.symbols["q_D"]
+    for row in made.tree.drives:
+        if row.command is not None:
+            of = ", ".join(text(symbol) for symbol in symbols[row.q])
+            yield of, row.name, _law(row.drive)
+
+
+def _law(drive: Drive) -> str:
+    """What a motor does; a parameter by its name."""
+
+    def shown(value: Number) -> str:
+        return value.parameter if isinstance(value, Parameter) else number(float(value))
+
+    motor, control = drive.motor, drive.control
+    if isinstance(control, PD):
+        law = f"{shown(control.stiffness)} e + {shown(control.damping)} edot"
+    elif isinstance(control, ComputedTorque):
+        w, zeta = shown(control.bandwidth), shown(control.damping_ratio)
+        own = f"a = rddot + 2 zeta w edot + w^2 e, w = {w}, zeta = {zeta}"
+        law = f"M a + c + friction by inverse dynamics, {own}"
+    if motor is None:
+        return law
+    drum = "" if drive.drum is None else f" / {shown(drive.drum)}"
+    ratio = f"n = {shown(drive.gear)}{drum}"
+    if isinstance(motor, DirectCurrent):
+        k, R = shown(motor.constant), shown(motor.resistance)
+        current, voltage = shown(motor.current), shown(motor.voltage)
+        bounds = f"|i| <= {current} and |{R} i + {k} n v| <= {voltage}"
+        return f"{law} = n {k} i where {bounds}; {ratio}"
+    T = shown(motor.torque)
+    if isinstance(motor, Servo):
+        return f"{law} where |f_M| <= n {T}; {ratio}"
+    if motor.corner_speed is not None:
+        T += f" min(1, {shown(motor.corner_speed)} / |n rdot|)"
+    step, pairs = f"/ ({motor.steps * motor.microsteps} n)", f"{motor.steps / 4:g} n e"
+    linear = drive.drum is None and drive.mass is not None
+    step, pairs = (f"1 {step}", f"2 pi {pairs}") if linear else (f"2 pi {step}", pairs)
+    return f"n {T} sin({pairs}), command in steps of {step}; {ratio}"
 
 
 def energies(page: Printable) -> list[Equation]:

@@ -1,8 +1,8 @@
 """The textbook's symbols for a puppet's coordinates.
 
-An angle is theta, a slide s, a position x, y, z, a string's length L, a unit quaternion e_0 ... e_3
-with the angular velocity omega_1 ... omega_3; each has a number where there are several of its
-kind. Velocities carry a dot. A parameter keeps its name.
+An angle is theta, a slide s, a position x, y, z, a string's length L, a drive's command r, a unit
+quaternion e_0 ... e_3 with the angular velocity omega_1 ... omega_3; each has a number where there
+are several of its kind. Velocities carry a dot. A parameter keeps its name.
 """
 
 from __future__ import annotations
@@ -47,10 +47,12 @@ def notation(tree: Tree) -> Notation:
     lengths = {f"{string.name}.length" for string in tree.strings}
     table = tree.coordinates
     letters = {
-        row.name: "L" if row.name in lengths else _letter(row.name, row.owner in hinges)
+        row.name: _letter(row.name, row.owner in hinges)
         for row in table.rows
         if row.role is not Role.FIXED
     }
+    letters |= dict.fromkeys(lengths & letters.keys(), "L")
+    letters |= dict.fromkeys(letters.keys() & set(table.commands.values()), "r")
     count: dict[str, list[str]] = {}
     for name, letter in letters.items():
         count.setdefault(letter, []).append(name)

@@ -34,10 +34,14 @@ def check_method(method: str) -> None:
 
 
 def check_step(marionette: Marionette, method: str, q_D: Array, q_K: Array, dt: float) -> None:
-    """Raises where the time-stepper would blow up on a chain: dt > 2 / omega.
+    """Raises where the time-stepper would blow up on a chain.
 
-    omega = 2 sqrt(k / m) cos(pi / 2n) is the fastest vibration of a chain whose ends are held, n
-    being its pieces, k their stiffness and m each of its masses.
+    dt <= 2 (sqrt(1 + zeta^2) - zeta) / omega,   omega = 2 sqrt(k / m) cos(pi / 2n)
+
+    omega is the fastest vibration of a chain whose ends are held, n being its pieces, k their
+    stiffness and m each of its masses; zeta = omega c / 2k is its damping ratio, c being a piece's
+    damping. Both forces are those at the step's beginning, v+ = v - dt (omega^2 q + 2 zeta omega v)
+    and q+ = q + dt v+, with an eigenvalue -1 at (omega dt)^2 + 4 zeta omega dt = 4.
 
     Args:
         marionette: the puppet.
@@ -53,12 +57,14 @@ def check_step(marionette: Marionette, method: str, q_D: Array, q_K: Array, dt: 
         lump = marionette.tree.links[chain.points[1].link].lumps[0]
         k = marionette.number(chain.stiffness) * n / length
         m = marionette.number(lump.amount) * lump.volume
-        longest = 1.0 / (np.sqrt(k / m) * np.cos(np.pi / (2 * n)))
+        omega = 2.0 * np.sqrt(k / m) * np.cos(np.pi / (2 * n))
+        zeta = 0.5 * omega * marionette.number(chain.damping) / marionette.number(chain.stiffness)
+        longest = 2.0 / (omega * (np.hypot(1.0, zeta) + zeta))
         if dt > longest:
             raise StateError(
                 f"dt = {dt:g} s is too long for the chain {chain.name}: with method="
                 f"'timestepping' its vibrations grow without bound in steps above {longest:.2g} s. "
-                "Take a shorter dt, method='event', or fewer, softer or heavier pieces"
+                "Take a shorter dt, method='event', or fewer, softer, heavier or less damped pieces"
             )
 
 

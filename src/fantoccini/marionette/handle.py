@@ -376,6 +376,7 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
             max_step=0.1,
             tension_cap=self.tension_cap,
             energy_scale=max(self.weight, 1e-9),
+            force_scale=self.weight / (self.mass or 1.0) ** 0.5,
             recovery_speed=1.0,
             dt=0.002,
             max_steps=50_000_000,

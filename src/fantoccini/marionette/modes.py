@@ -8,7 +8,8 @@ N^T M N = 1 and Y the move that follows the hands:
     D = N^T r_v N,   K = N^T r_q N,   Y = -M^-1 A_D^T (A_D M^-1 A_D^T)^-1 A_K
 
 r_q is the derivative of gravity, springs and A_D^T tension: what the tensions stiffen is in it. A
-mode is eta = phi exp(s t) with (s^2 + s D + K) phi = 0.
+mode is eta = phi exp(s t) with (s^2 + s D + K) phi = 0. What drives make of computed torques is no
+potential's: K and D are not symmetric then, and forces act through psi, psi^T (s^2 + s D + K) = 0.
 """
 
 from __future__ import annotations
@@ -32,6 +33,8 @@ _RESTS = 1e-6
 """Largest speed and acceleration of a puppet at rest [rad or m per s or s^2]."""
 _NONE = 1e-6
 """|s| below which a mode stands still, relative to the fastest: the root of rounding."""
+_LOPSIDED = 1e-7
+"""Asymmetry of K and D that counts as what is left of forces at rest, and rounding."""
 _SAME = 1e-6
 """Relative difference of s of modes that count as one."""
 _DEAF = 1e-8
@@ -152,14 +155,19 @@ def modes(marionette: Marionette, x: State) -> Modes:
     N = instant.back(u[:, rank:].T).T
     still = np.zeros((len(acc_D), len(x.v_K)))
     Y, _ = Answer(instant, held).to(still, found["A_K"][held])
-    K, D = (0.5 * (m + m.T) for m in (N.T @ found[name] @ N for name in ("r_q", "r_v")))
+    K, D = (N.T @ found[name] @ N for name in ("r_q", "r_v"))
     forcing = tuple(
         -N.T @ part
         for part in (
             found["r_q"] @ Y + found["r_qK"], found["r_v"] @ Y + found["r_vK"], found["M_DK"]
         )
     )  # fmt: skip
-    reduced = _Reduced(K, D, forcing)
+    symmetric = all(
+        np.linalg.norm(m - m.T) <= _LOPSIDED * np.linalg.norm(m) for m in (K, D)
+    )
+    if symmetric:
+        K, D = 0.5 * (K + K.T), 0.5 * (D + D.T)
+    reduced = _Reduced(K, D, forcing, symmetric)
     groups = reduced.groups()
     all_gains = [reduced.gains(s, phi, N) for s, phi in groups]
     swinging = (gains for (s, _), gains in zip(groups, all_gains, strict=True) if s)
@@ -194,13 +202,15 @@ class _Reduced:
     """etaddot + D etadot + K eta = F_q dq_K + F_v dv_K + F_a dacc_K.
 
     Attributes:
-        K, D: (m, m) symmetric.
+        K, D: (m, m).
         forcing: F_q, F_v and F_a, (m, n_vK) each.
+        symmetric: whether K and D are.
     """
 
     K: Array
     D: Array
     forcing: tuple[Array, Array, Array]
+    symmetric: bool
 
     def groups(self) -> list[tuple[complex, Array]]:
         """(s, phi (m, k)) of modes with one s, those that swing first, from slow to fast.
@@ -244,15 +254,22 @@ class _Reduced:
     def _input(self, s: complex, phi: Array) -> Array:
         """(k, n_vK) b of zdot = s z + b dq_K for eta = phi z; of s = 0 the force on z.
 
-        K and D are symmetric, so the left eigenvectors are made of the right ones:
-        phi^T (2 s + D) phi b = phi^T (F_q + s F_v + s^2 F_a).
+        psi^T (2 s + D) phi b = psi^T (F_q + s F_v + s^2 F_a)
         """
         F_q, F_v, F_a = self.forcing
-        force = phi.T @ (F_q + s * F_v + s * s * F_a)
+        psi = self._left(s, phi)
+        force = psi.T @ (F_q + s * F_v + s * s * F_a)
         if s == 0.0:
-            return force
-        inertia = phi.T @ (2.0 * s * phi + self.D @ phi)
+            return force if self.symmetric else np.linalg.pinv(psi.T @ phi) @ force
+        inertia = psi.T @ (2.0 * s * phi + self.D @ phi)
         return np.linalg.pinv(inertia) @ force
+
+    def _left(self, s: complex, phi: Array) -> Array:
+        """psi (m, k) of one s; where K and D are symmetric it is phi."""
+        if self.symmetric:
+            return phi
+        _, _, rows = np.linalg.svd((s * s * np.eye(len(phi)) + s * self.D + self.K).T)
+        return rows[len(rows) - phi.shape[1] :].conj().T
 
     def gains(self, s: complex, phi: Array, N: Array) -> Array:
         """(k, n_vK) growth of each mode's largest coordinate; see :class:`Mode`."""

@@ -19,8 +19,16 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError
 from fantoccini.marionette.instant import Instant
-from fantoccini.marionette.statics import Equilibrium, check_winches, project, retract, slopes
-from fantoccini.motion import State
+from fantoccini.marionette.statics import (
+    Equilibrium,
+    check_winches,
+    in_step,
+    poles,
+    project,
+    retract,
+    slopes,
+)
+from fantoccini.motion import State, tangent
 
 if TYPE_CHECKING:
     from fantoccini.marionette.handle import Marionette
@@ -32,6 +40,8 @@ _GROWS, _SHRINKS = 3.0, 0.2
 """How mu changes after a step that did not go down, and after one that did."""
 _LONGEST = 0.1
 """Longest move of one round [rad or m]."""
+_WITHIN = 0.25
+"""Longest move of a stepper motor in one round, over the distance of its poles."""
 _NEAR = 0.05
 """Rows that a step may reach, by h over their scale."""
 _STILL = 1e-12
@@ -42,6 +52,8 @@ _UNSTABLE = 1e-9
 """Growth rate squared that counts as unstable, relative to the fastest oscillation's."""
 _STEP = 1e-6
 """Step of the finite differences that give the Hessian [rad or m]."""
+_BALANCED = 1e-6
+"""Largest part of the forces that may be left at rest, over the puppet's weight."""
 _PUSH = 0.01
 """Largest part of a push off an unstable equilibrium [rad or m]."""
 
@@ -57,6 +69,9 @@ def rest(marionette: Marionette, x: State) -> State:
         v_D=np.zeros_like(x.v_D), v_K=np.zeros_like(x.v_K), slip=np.where(rewinds, 0.0, x.slip)
     )
     found = _settled(marionette, project(marionette, still))
+    moved = in_step(marionette, found.x)
+    if moved is not found.x:
+        found = _settled(marionette, project(marionette, moved))
     check_winches(marionette, found)
     return marionette.with_mode(found.x)
 
@@ -64,7 +79,11 @@ def rest(marionette: Marionette, x: State) -> State:
 def _settled(marionette: Marionette, x: State) -> Equilibrium:
     """A local minimum of V subject to the rows, from a state that they do not forbid."""
     wires, scale = marionette.two_sided, marionette.row_scales(x.q_D, x.q_K)
+    size_of_forces = marionette.weight / np.sqrt(marionette.mass)
     mu, V = _MU[0], marionette.energies(x)[1]
+    longest = np.full(len(x.v_D), _LONGEST)
+    for row, pole in poles(marionette):
+        longest[row.v] = np.minimum(longest[row.v], _WITHIN * pole)
     rows, tension, left = np.zeros(0, dtype=int), np.zeros(0), np.inf
     for _ in range(_ROUNDS):
         at = marionette.instant(x)
@@ -78,7 +97,7 @@ def _settled(marionette: Marionette, x: State) -> Equilibrium:
             y = softened @ (force - W @ found.x)
             move = at.back(y)
             size = float(np.max(np.abs(move), initial=0.0))
-            move = move * min(1.0, _LONGEST / (size or 1.0))
+            move = move / max(1.0, float(np.max(np.abs(move) / longest, initial=0.0)))
             other = x.replace(q_D=retract(marionette, x.q_D, move))
             if marionette.tree.n_rows:
                 other = project(marionette, other)
@@ -94,8 +113,14 @@ def _settled(marionette: Marionette, x: State) -> Equilibrium:
         # Where V is flat to rounding the forces still tell how far it is.
         if size < _STILL or (flat and left > 0.5 * before) or mu > _MU[2]:
             push = _unstable(at, rows, curvature, modes)
+            if push is None and left > _BALANCED * size_of_forces:
+                raise StateError(
+                    "no equilibrium was found: the search came to a stand with forces of "
+                    f"{left / size_of_forces:.2g} of the puppet's weight left over; let it begin "
+                    "nearer to where the puppet hangs, or simulate with damping until it rests"
+                )
             if push is None:
-                return Equilibrium(x, rows, tension)
+                return Equilibrium(other if size < _STILL else x, rows, tension)
             other = x.replace(q_D=retract(marionette, x.q_D, push))
             V_other = marionette.energies(other)[1]
         x, V, mu = other, V_other, (mu * _SHRINKS if mu > _MU[1] and not flat else 0.0)
@@ -107,17 +132,22 @@ def _settled(marionette: Marionette, x: State) -> Equilibrium:
 
 def _motors_work(marionette: Marionette, x: State, other: State) -> float:
     """What the drives' motors do between two states [J], by Simpson's rule: they are not in V."""
-    rows = [row for row in marionette.tree.drives if row.command is not None and not row.turns]
+    rows = [row for row in marionette.tree.drives if row.command is not None]
     if not rows:
         return 0.0
-    own, command = [row.q.start for row in rows], [row.command[1] for row in rows]
-    q_D = np.tile(x.q_D, (3, 1))
-    q_D[:, own] += np.array([[0.0], [0.5], [1.0]]) * (other.q_D - x.q_D)[own]
-    n, k, strings = len(x.v_D), len(x.v_K), len(marionette.tree.strings)
+    table, n = marionette.coordinates, len(x.v_D)
+    places = table.scalars_D, table.quaternions_D
+    move = tangent.between(*places, x.q_D, other.q_D, n)
+    q_D = tangent.moved(*places, x.q_D, np.array([[0.0], [0.5], [1.0]]) * move)
+    k, strings = len(x.v_K), len(marionette.tree.strings)
     still = np.zeros((3, n)), np.tile(x.q_K, (3, 1)), np.zeros((3, k))
-    force = marionette.effort(q_D, *still, still[0], still[2], np.zeros((3, strings)))[:, command]
+    force = marionette.effort(q_D, *still, still[0], still[2], np.zeros((3, strings)))
     mean = (force[0] + 4.0 * force[1] + force[2]) / 6.0
-    return float(mean @ (other.q_D - x.q_D)[own])
+    work = 0.0
+    for row in rows:
+        own = move[row.v]
+        work += float(mean[row.command[1] :][: len(own)] @ own)
+    return work
 
 
 def _slope(marionette: Marionette, at: Equilibrium) -> Array:

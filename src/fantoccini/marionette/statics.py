@@ -14,6 +14,7 @@ from fantoccini.marionette.instant import Instant
 from fantoccini.motion import Input, State, rotation, tangent
 from fantoccini.puppet import Stepper as StepperMotor
 from fantoccini.runtime import Run
+from fantoccini.tree import DriveRow
 
 if TYPE_CHECKING:
     from fantoccini.marionette.handle import Marionette
@@ -255,18 +256,29 @@ def _giving_way(marionette: Marionette, start: State, q_D: Array) -> str:
     return "".join(f"; {text}" for text in said)
 
 
-def _in_step(marionette: Marionette, found: Equilibrium) -> Equilibrium:
-    """The equilibrium with stepper motors in step, which letting go may have pulled out of it."""
-    q_D = found.x.q_D.copy()
+def poles(marionette: Marionette) -> list[tuple[DriveRow, float]]:
+    """The drives that step, and how far apart the places are where they hold alike [rad or m]."""
+    found = []
     for row in marionette.tree.drives:
         motor, drive = row.drive.motor, row.drive
         if isinstance(motor, StepperMotor):
             turn = 1.0 if drive.drum is None and drive.mass is not None else 2.0 * np.pi
-            poles = 4.0 / motor.steps * turn / row.ratio(marionette.number)
-            q_D[row.q] -= poles * np.round((q_D[row.q] - found.x.q_K[row.command[0]]) / poles)
-    if np.array_equal(q_D, found.x.q_D):
-        return found
-    return _newton(marionette, found.x.replace(q_D=q_D)) or found
+            found.append((row, 4.0 / motor.steps * turn / row.ratio(marionette.number)))
+    return found
+
+
+def in_step(marionette: Marionette, x: State) -> State:
+    """The state with stepper motors moved by whole poles to where they are in step."""
+    q_D = x.q_D.copy()
+    for row, pole in poles(marionette):
+        q_D[row.q] -= pole * np.round((q_D[row.q] - x.q_K[row.command[0]]) / pole)
+    return x if np.array_equal(q_D, x.q_D) else x.replace(q_D=q_D)
+
+
+def _in_step(marionette: Marionette, found: Equilibrium) -> Equilibrium:
+    """The equilibrium with stepper motors in step, which letting go may have pulled out of it."""
+    x = in_step(marionette, found.x)
+    return found if x is found.x else _newton(marionette, x) or found
 
 
 def _newton(marionette: Marionette, x: State) -> Equilibrium | None:

@@ -34,6 +34,7 @@ class Options(ctypes.Structure):
         ("max_step", ctypes.c_double),
         ("tension_cap", ctypes.c_double),
         ("energy_scale", ctypes.c_double),
+        ("force_scale", ctypes.c_double),
         ("recovery_speed", ctypes.c_double),
         ("dt", ctypes.c_double),
         ("max_steps", ctypes.c_longlong),
@@ -62,6 +63,7 @@ class RunOptions:
         first_step, max_step: its step sizes [s].
         tension_cap: [N]; also of impulses [N s].
         energy_scale: size of the energies the integrals are compared with [J].
+        force_scale: size of the forces that balance at rest, where M_DD is one [kg^1/2 m/s^2].
         recovery_speed: time-stepping's cap on taking back a violation [m/s].
         dt: step of the methods with a fixed one [s].
         max_steps, max_events: bounds.
@@ -75,6 +77,7 @@ class RunOptions:
     max_step: float
     tension_cap: float
     energy_scale: float
+    force_scale: float
     recovery_speed: float
     dt: float
     max_steps: int

@@ -43,6 +43,8 @@ struct LedVariation {
     t = Real(start);
     opt = options;
     node().cap = options.tension_cap;
+    const double least = options.force_scale * options.dt;
+    at.least = fmax(least * least, 1e-280);
     node().winches.set(winches);
     for (int i = 0; i < Model::n_p; ++i) node().p[i] = Real(numbers[i]);
   }

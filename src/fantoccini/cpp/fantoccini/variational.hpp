@@ -45,6 +45,7 @@ struct VariationalStep {
   };
 
   Node here;
+  double least = 1e-280;  // kg m^2/s^2: kExact is of momenta squared that are at least this
   Lead lead;
   Inputs coming;  // at the end of the step
   // Of the last step, in the lanes that made it.
@@ -98,7 +99,7 @@ struct VariationalStep {
     }
     first_guess(dt);
     Real size = squares<N>(here.firm.y) + dt * dt * squares<N>(here.exact.eval.w0);
-    size = select(size > Real(1e-280), size, Real(1e-280));
+    size = select(size > Real(least), size, Real(least));
     const Real near = kNearlyExact * kNearlyExact * size + rounding(dt);
     Mask solved = no, lost = !wanted;
     Real last = Real(kAway);
