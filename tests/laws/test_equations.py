@@ -320,8 +320,8 @@ def test_the_dynamics_are_those_of_a_step_of_no_length(seed):
     state, rng = model.random(seed), np.random.default_rng(seed)
     u_D = rng.normal(size=model.table.n_vD)
     step, exact = (model.call(f, state, u_D=u_D) for f in ("step_dynamics", "dynamics"))
-    for name in step:
-        if name != "L":
+    for name in exact:
+        if name in step and name != "L":
             close(exact[name], step[name], 1e-12)
     for product in ("forth", "back"):
         of_step, of_exact = (model.equations[product](x["L"], u_D) for x in (step, exact))
