@@ -43,7 +43,7 @@ from fantoccini.equations.algebra import (
     symbolic,
     zeros,
 )
-from fantoccini.puppet import PD, ComputedTorque, DirectCurrent, Number, Stepper
+from fantoccini.puppet import PD, ComputedTorque, DirectCurrent, Stepper
 from fantoccini.tree import DriveRow, Role
 
 if TYPE_CHECKING:
@@ -68,28 +68,12 @@ class DriveForces:
     armature: np.ndarray
 
 
-def ratio(row: DriveRow, value) -> ca.SX:
-    """n: turns of the rotor [rad] per unit of the coordinate."""
-    gear = value(row.drive.gear)
-    return gear if row.drive.drum is None else gear / value(row.drive.drum)
-
-
-def inertia(row: DriveRow, value) -> ca.SX:
-    """m + n^2 J: what resists an acceleration of the coordinate [kg or kg m^2]."""
-
-    def own(number: Number | None) -> ca.SX:
-        return ca.SX(0) if number is None else value(number)
-
-    n = ratio(row, value)
-    return own(row.drive.mass) + own(row.drive.inertia) * n * n
-
-
 def resistance(row: DriveRow, v: np.ndarray, value) -> ca.SX:
     """Friction over speed, at the coordinate: -resistance v is its force [N s/m or N m s]."""
     friction = row.drive.friction
     if friction is None:
         return ca.SX(0)
-    n = ratio(row, value)
+    n = row.ratio(value)
     found = n * n * value(friction.viscous)
     coulomb = value(friction.coulomb)
     if coulomb.is_zero():
@@ -210,7 +194,7 @@ class _Wanted:
         """n T sin(s/4 (angle(r) - n q)) with angle(r) in whole microsteps."""
         motor, value = row.drive.motor, self.system.value
         q, v = row.command
-        n, pairs = ratio(row, value), motor.steps / 4
+        n, pairs = row.ratio(value), motor.steps / 4
         micro = 2 * np.pi / (motor.steps * motor.microsteps)
         if row.drive.drum is None and self.system.tree.links[row.link].kind != "revolute":
             pairs, micro = 2 * np.pi * pairs, 1.0 / (motor.steps * motor.microsteps)
@@ -233,7 +217,7 @@ def _bounded(
     motor, none = row.drive.motor, ca.SX(0)
     if motor is None or isinstance(motor, Stepper):
         return force, ca.SX(1), none
-    n = ratio(row, value)
+    n = row.ratio(value)
     if row.turns:
         most = n * value(motor.torque)
         size = ca.sqrt(dot(force, force) + _STILL)

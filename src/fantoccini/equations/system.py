@@ -142,7 +142,7 @@ class System:
         """(n_vD,) inertia of the drives, on the diagonal of M_DD."""
         found = zeros(self.tree.coordinates.n_vD)
         for row in self.tree.drives:
-            found[row.v] = drives.inertia(row, self.value)
+            found[row.v] = row.inertia(self.value)
         return found
 
     def motors(self, dt: ca.SX) -> drives.DriveForces:

@@ -48,6 +48,10 @@ _STILL = 1e-12
 """Moves below which a puppet rests [rad or m]."""
 _LEVEL = 1e-15
 """Fall of V below which it is flat, over the puppet's weight [m]."""
+_STALLS = 3
+"""Moves on flat V that may leave the forces as large as they were."""
+_ROUNDED = 1e-14
+"""Rounding of V, a sum over all links and springs, relative to it."""
 _UNSTABLE = 1e-9
 """Growth rate squared that counts as unstable, relative to the fastest oscillation's."""
 _STEP = 1e-6
@@ -84,7 +88,7 @@ def _settled(marionette: Marionette, x: State) -> Equilibrium:
     longest = np.full(len(x.v_D), _LONGEST)
     for row, pole in poles(marionette):
         longest[row.v] = np.minimum(longest[row.v], _WITHIN * pole)
-    rows, tension, left = np.zeros(0, dtype=int), np.zeros(0), np.inf
+    rows, tension, left, stalled = np.zeros(0, dtype=int), np.zeros(0), np.inf, 0
     for _ in range(_ROUNDS):
         at = marionette.instant(x)
         near = np.flatnonzero((at.h > -_NEAR * scale) | wires)
@@ -103,15 +107,17 @@ def _settled(marionette: Marionette, x: State) -> Equilibrium:
                 other = project(marionette, other)
             V_other = marionette.energies(other)[1]
             fell = V - V_other + _motors_work(marionette, x, other)
-            flat = abs(fell) <= _LEVEL * marionette.weight
+            flat = abs(fell) <= _LEVEL * marionette.weight + _ROUNDED * abs(V)
             if fell > 0.0 or flat or mu > _MU[2]:
                 break
             mu = max(_GROWS * mu, 1e-3)
         pulls = found.x != 0.0
         rows, tension = near[pulls], found.x[pulls]
         left, before = float(np.linalg.norm(at.w0 - at.W[:, rows] @ tension)), left
-        # Where V is flat to rounding the forces still tell how far it is.
-        if size < _STILL or (flat and left > 0.5 * before) or mu > _MU[2]:
+        # Where V is flat to rounding the forces still tell how far it is; a move along a valley may
+        # leave those across it as large as they were, once.
+        stalled = stalled + 1 if flat and left > 0.5 * before else 0
+        if size < _STILL or stalled > _STALLS or mu > _MU[2]:
             push = _unstable(at, rows, curvature, modes)
             if push is None and left > _BALANCED * size_of_forces:
                 raise StateError(

@@ -204,7 +204,7 @@ class DriveRow:
         """n: turns of the rotor [rad] per unit of the coordinate.
 
         Args:
-            number: value of a number of the puppet.
+            number: value of a number of the puppet, or its symbol.
         """
         drum = self.drive.drum
         return number(self.drive.gear) / (1.0 if drum is None else number(drum))
