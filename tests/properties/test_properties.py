@@ -12,7 +12,7 @@ from properties.check import METHODS, checked, simulated
 from properties.performances import performance
 from properties.soak import soak
 
-RUNS = 5_000
+RUNS = 2_500
 WORKERS = 2
 FEW = ("rod", "tray", "winches")
 """Puppets whose variational integrator is compiled here; ``make soak`` has all of them."""
