@@ -8,7 +8,6 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 LONG = (
     "properties/test_properties.py",
-    "show/test_page.py",
     "cross/test_mujoco.py",
     "laws/test_linearisation.py",
     "laws/test_complementarity.py",

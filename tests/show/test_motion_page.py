@@ -124,8 +124,11 @@ def stands_at(browser, t: float, film: Film, swing: fan.Trajectory, camera: Simp
 
     def told() -> bool:
         clock, readings = browser.execute_script(says)
-        # A motion that still plays comes by at the time, too: its tension is not that of the frame.
-        return clock == f"{t:.1f} s" and f"{film.scene.tension[k, 0]:.2f} N" in readings
+        if clock == f"{t:.1f} s" and f"{film.scene.tension[k, 0]:.2f} N" in readings:
+            return True
+        # A page that is busy may lose what is typed, and plays on.
+        browser.execute_script(SCRUB, str(t))
+        return False
 
     until(told, f"time and tension of {t} s")
     ball, (*_, end) = swing.resample([t]).q_D[0, :3], film.scene.points[0][k]
