@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.puppet.toys import TEXT
 
 import fantoccini as fan
 from fantoccini.errors import PuppetError
@@ -14,18 +15,6 @@ from fantoccini.view.scene import scene_at
 from fantoccini.view.still import Still
 from fantoccini.world import World
 
-TEXT = """\
-puppet: p
-mirror: {plane: xz, from: left, to: right}
-bodies:
-  - name: bob_left
-    joint: {type: translation, axes: [z], at: [0, 1, 0]}
-    mass: 1
-strings:
-  - name: s_left
-    path: [{body: bob_left}, {world: [0, 1, 1]}]
-    length: 1
-"""
 CHAIN = "chain: {pieces: 4, mass: 0.01, stiffness: 500}"
 
 MISTAKES = [

@@ -6,23 +6,11 @@ import json
 
 import numpy as np
 import pytest
+from tests.puppet.toys import TEXT
 
 import fantoccini as fan
 from fantoccini.errors import PuppetError
 from fantoccini.puppet import json_schema, loads
-
-TEXT = """\
-puppet: p
-mirror: {plane: xz, from: left, to: right}
-bodies:
-  - name: bob_left
-    joint: {type: translation, axes: [z], at: [0, 1, 0]}
-    mass: 1
-strings:
-  - name: s_left
-    path: [{body: bob_left}, {world: [0, 1, 1]}]
-    length: 1
-"""
 
 MISTAKES = [
     ("restitution: 1.1", 11, "restitution", "found 1.1; needed: a number from 0 to 1"),

@@ -32,13 +32,13 @@ class Elastic:
         row: its stretch s and how it changes.
         k: [N/m].
         c: [N s/m].
-        l: relaxed length [m], where it is a share of one that moves; else None.
+        relaxed: length l [m], where it is a share of one that moves; else None.
     """
 
     row: PathRow
     k: ca.SX
     c: ca.SX
-    l: ca.SX | None = None  # noqa: E741 - the symbol of the equations above
+    relaxed: ca.SX | None = None
 
     @property
     def energy(self) -> ca.SX:
@@ -48,11 +48,11 @@ class Elastic:
     def add_gradient(self, f_D: np.ndarray, f_K: np.ndarray) -> None:
         """Adds dV/dq_D (n_vD,) and dV/dq_K (n_vK,)."""
         self._pull(self.k * self.row.length, f_D, f_K)
-        if self.l is None:
+        if self.relaxed is None:
             return
         for f, place in ((f_D, self.row.own.wound_length), (f_K, self.row.own.driven_length)):
             if place is not None:
-                f[place[1]] -= self.row.share * self.energy / self.l
+                f[place[1]] -= self.row.share * self.energy / self.relaxed
 
     def add_damping(self, f_D: np.ndarray, f_K: np.ndarray) -> ca.SX:
         """Adds the damping forces, on the side of the bias; the power they take [W]."""
@@ -88,14 +88,18 @@ def _pieces(
     around: Surroundings, chain: ChainRow, length: ca.SX, rate: ca.SX
 ) -> Iterator[Elastic]:
     share = 1.0 / chain.pieces
-    l = share * length  # noqa: E741
-    k, c = around.value(chain.stiffness) / l, around.value(chain.damping) / l
+    relaxed = share * length
+    k, c = around.value(chain.stiffness) / relaxed, around.value(chain.damping) / relaxed
     for ends in pairwise(chain.points):
         row = path_row(around, ends)
         if chain.length_index is None:
-            yield Elastic(replace(row, length=row.length - l), k, c)
+            yield Elastic(replace(row, length=row.length - relaxed), k, c)
             continue
         moving = replace(
-            row, length=row.length - l, rate=row.rate - share * rate, own=chain, share=share
+            row,
+            length=row.length - relaxed,
+            rate=row.rate - share * rate,
+            own=chain,
+            share=share,
         )
-        yield Elastic(moving, k, c, l)
+        yield Elastic(moving, k, c, relaxed)
