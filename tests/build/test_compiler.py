@@ -164,3 +164,16 @@ def test_no_flag_lets_the_compiler_break_arithmetic(kind, machine, monkeypatch):
     assert "-ffp-contract=fast" in flags
     assert not {"-ffast-math", "-Ofast", "-funsafe-math-optimizations"} & set(flags)
     assert sum(flag.endswith("=native") for flag in flags) == 1
+
+
+def test_the_users_flags_come_last(monkeypatch):
+    """17.E: code for another processor than this one, with its own place in the cache."""
+    compiler = build.Compiler(("g++",), "gcc", "g++ 12")
+    monkeypatch.delenv("FANTOCCINI_CXXFLAGS", raising=False)
+    plain, key = build.compile_flags(compiler), build.fingerprint("puppet", "1")
+    monkeypatch.setenv("FANTOCCINI_CXXFLAGS", "-march=x86-64 -ffp-contract=off")
+    assert build.compile_flags(compiler) == (*plain, "-march=x86-64", "-ffp-contract=off")
+    assert build.fingerprint("puppet", "1") != key
+    monkeypatch.setenv("FANTOCCINI_CXXFLAGS", "'-march=x86-64")
+    with pytest.raises(BuildError, match="FANTOCCINI_CXXFLAGS"):
+        build.compile_flags(compiler)

@@ -153,17 +153,31 @@ def install_command() -> str:
 
 
 def compile_flags(compiler: Compiler) -> tuple[str, ...]:
-    """The flags that depend on the compiler and the processor.
+    """The flags that depend on the compiler, the processor and the user.
 
     -O2 at every size: the code comes in pieces, so that it compiles in a time proportional to its
-    length (docs/growth.md has what -O1 would save and cost).
+    length (docs/growth.md has what -O1 would save and cost). What the environment variable
+    FANTOCCINI_CXXFLAGS holds comes last and wins: "-march=x86-64-v3 -ffp-contract=off", say, to
+    see what depends on the processor.
+
+    Raises:
+        BuildError: FANTOCCINI_CXXFLAGS cannot be split into flags.
     """
     # On ARM only -mcpu is understood by every compiler; elsewhere -march.
     arm = platform.machine().lower() in ("arm64", "aarch64")
     native = "-mcpu=native" if arm or compiler.kind == "zig" else "-march=native"
     # zig instruments for undefined behaviour unless told not to.
     extra = ("-fno-sanitize=undefined",) if compiler.kind == "zig" else ()
-    return ("-O2", native, *extra)
+    return ("-O2", native, *extra, *_flags_of_the_user())
+
+
+def _flags_of_the_user() -> list[str]:
+    """What FANTOCCINI_CXXFLAGS holds, split as a shell would."""
+    value = os.environ.get("FANTOCCINI_CXXFLAGS", "")
+    try:
+        return shlex.split(value)
+    except ValueError as error:
+        raise BuildError(f"FANTOCCINI_CXXFLAGS={value!r} are not flags: {error}") from None
 
 
 def default_flags(source: Source) -> tuple[str, ...]:
