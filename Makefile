@@ -7,7 +7,7 @@ OLDER := .venv-mujoco317
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo show test gallery bench bench-plan soak strings-report growth-report long-runs-report
+.PHONY: demo show test test-portable gallery bench bench-plan soak strings-report growth-report long-runs-report
 .PHONY: reduction-report reports lint wheel clean
 .NOTPARALLEL:
 
@@ -19,6 +19,10 @@ show: $(VENV)/stamp-demo
 
 test: $(VENV)/stamp-test
 	$(BIN)/python -m pytest
+
+# The tests with code for other processors, one after the other: an hour and more.
+test-portable: $(VENV)/stamp-test
+	sh .ci/portable $(BIN)/python all
 
 gallery: $(VENV)/stamp-demo
 	$(BIN)/python -m docs.gallery
@@ -66,7 +70,7 @@ $(VENV)/stamp-demo: pyproject.toml $(VENV)/stamp-venv
 
 $(VENV)/stamp-test: pyproject.toml $(VENV)/stamp-venv
 	$(PIP) --editable '.[test]'
-	sh .ci/browser
+	sh .ci/test-packages
 	touch $@
 
 $(VENV)/stamp-bench: pyproject.toml $(VENV)/stamp-venv
