@@ -10,13 +10,13 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.motion import Input
-from fantoccini.runtime.functions import pointer
+from fantoccini.runtime.functions import Numbers, pointer, whole
 
 UNLIMITED = 1e300
 """A bound that is none, as the runtime has it."""
 
 
-class InputArrays(ctypes.Structure):
+class InputArrays(Numbers):
     _fields_ = [
         ("n_segments", ctypes.c_int),
         ("breaks", ctypes.c_void_p),
@@ -26,7 +26,7 @@ class InputArrays(ctypes.Structure):
     ]
 
 
-class Options(ctypes.Structure):
+class Options(Numbers):
     _fields_ = [
         ("rtol", ctypes.c_double),
         ("atol", ctypes.c_double),
@@ -43,7 +43,7 @@ class Options(ctypes.Structure):
     ]
 
 
-class Record(ctypes.Structure):
+class Record(Numbers):
     _fields_ = [
         ("rows", ctypes.c_void_p),
         ("row_capacity", ctypes.c_longlong),
@@ -69,6 +69,9 @@ class RunOptions:
         max_steps, max_events: bounds.
         save_steps: write every accepted step of the event-driven integrator.
         save_every: write every so many of these steps.
+
+    Raises:
+        ValueError: a number of steps or events is none, or more than the runtime can count.
     """
 
     rtol: float
@@ -84,6 +87,14 @@ class RunOptions:
     max_events: int
     save_steps: bool
     save_every: int = 1
+
+    def __post_init__(self) -> None:
+        for name, kind in (
+            ("save_every", ctypes.c_int),
+            ("max_steps", ctypes.c_longlong),
+            ("max_events", ctypes.c_longlong),
+        ):
+            object.__setattr__(self, name, whole(name, getattr(self, name), kind, least=1))
 
     def structure(self) -> Options:
         """As the library takes them."""

@@ -121,8 +121,6 @@ def simulate(
     for name, value in (("rtol", rtol), ("atol", atol), ("max_step", max_step), ("dt", dt)):
         if not (np.isfinite(value) and value > 0):
             raise ValueError(f"{name} is {value}; it must be positive")
-    if save_every < 1:
-        raise ValueError(f"save_every is {save_every}; it must be 1 or more")
     many = not isinstance(x0, State) or not isinstance(inputs, Input | None)
     options = marionette.run_options(
         rtol=rtol, atol=atol, max_step=max_step, dt=dt, save_steps=save_at is None and not many,
