@@ -19,7 +19,7 @@ X0 = ARM.rest()
 @pytest.mark.parametrize("every", [0, -1, 2.5, np.nan, 2**31, 2**32, 2**33 + 5, 2**70])
 def test_rows_are_saved_as_often_as_can_be_counted(method, x0, every):
     """23: an interval that does not fit its integer is refused; 2^32 was 0 and killed Python."""
-    with pytest.raises(ValueError, match="save_every is .* a whole number from 1 to 2147483647"):
+    with pytest.raises(ValueError, match=r"save_every is .* a whole number from 1 to 2147483647"):
         fan.simulate(ARM, x0, t_end=0.01, method=method, save_every=every)
     run = fan.simulate(ARM, x0, t_end=0.01, method=method, save_every=np.int64(2**31 - 1))
     assert run.t[-1] == 0.01 and (method == "event" or len(run.t) == 2)
@@ -28,7 +28,7 @@ def test_rows_are_saved_as_often_as_can_be_counted(method, x0, every):
 def test_integers_that_cross_to_compiled_code_are_checked():
     """23: arguments and fields of every structure; ctypes by itself wraps them round."""
 
-    class Pair(Numbers):
+    class Pair(Numbers, ctypes.Structure):
         _fields_ = [("short", ctypes.c_int), ("long", ctypes.c_longlong)]
 
     pair = Pair(2**31 - 1, -(2**63))

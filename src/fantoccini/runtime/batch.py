@@ -28,11 +28,11 @@ _LOOK_SECONDS = 0.05
 """How often the batch is looked at for progress and Ctrl-C."""
 
 
-class _Shared(Numbers):
+class _Shared(Numbers, ctypes.Structure):
     _fields_ = [("first", ctypes.c_void_p), ("stride", ctypes.c_longlong)]
 
 
-class _BatchArrays(Numbers):
+class _BatchArrays(Numbers, ctypes.Structure):
     _fields_ = [
         ("n", ctypes.c_longlong),
         ("t", ctypes.c_double),

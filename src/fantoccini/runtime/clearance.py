@@ -61,7 +61,7 @@ class Solids:
         return cls(solids, solids, np.zeros((0, 2), dtype=np.int32), np.full(n_strings, -1.0))
 
 
-class ClearanceArrays(Numbers):
+class ClearanceArrays(Numbers, ctypes.Structure):
     _fields_ = [
         ("n_moving", ctypes.c_longlong),
         ("n_standing", ctypes.c_longlong),

@@ -127,8 +127,8 @@ def whole(name: str, value: int, kind: type = ctypes.c_int, least: int | None = 
     return number
 
 
-class Numbers(ctypes.Structure):
-    """A C structure whose integers are checked against their widths."""
+class Numbers:
+    """Of a C structure, first among its bases: its integers are checked against their widths."""
 
     def __setattr__(self, name: str, value: object) -> None:
         kind = next((kind for field, kind in self._fields_ if field == name), None)

@@ -25,7 +25,7 @@ STATE = ("q_D", "v_D", "slip", "q_K", "v_K")
 """Parts of a state, in the order of ``SweepArrays`` and ``SegmentArrays``."""
 
 
-class _GoalArrays(Numbers):
+class _GoalArrays(Numbers, ctypes.Structure):
     _fields_ = [
         ("kind", ctypes.c_int),
         ("link", ctypes.c_int),
@@ -41,22 +41,22 @@ class _GoalArrays(Numbers):
     ]
 
 
-class _FunnelArrays(Numbers):
+class _FunnelArrays(Numbers, ctypes.Structure):
     _fields_ = [(name, ctypes.c_void_p) for name in ("q_D", "q_K", "gains")]
 
 
-class _BoundArrays(Numbers):
+class _BoundArrays(Numbers, ctypes.Structure):
     _fields_ = [(name, ctypes.c_void_p) for name in ("speed", "acceleration", "low", "high")]
 
 
 _OUT = (*STATE, "distance", "looks", "catches")
 
 
-class _SegmentArrays(Numbers):
+class _SegmentArrays(Numbers, ctypes.Structure):
     _fields_ = [(name, ctypes.c_void_p) for name in _OUT]
 
 
-class _SweepArrays(Numbers):
+class _SweepArrays(Numbers, ctypes.Structure):
     _fields_ = [
         ("n", ctypes.c_longlong),
         ("segments", ctypes.c_int),
@@ -82,7 +82,7 @@ class _SweepArrays(Numbers):
     ]
 
 
-class _SweepProgress(Numbers):
+class _SweepProgress(Numbers, ctypes.Structure):
     _fields_ = [("next", ctypes.c_longlong), ("reached", ctypes.c_longlong)]
 
 

@@ -16,7 +16,7 @@ UNLIMITED = 1e300
 """A bound that is none, as the runtime has it."""
 
 
-class InputArrays(Numbers):
+class InputArrays(Numbers, ctypes.Structure):
     _fields_ = [
         ("n_segments", ctypes.c_int),
         ("breaks", ctypes.c_void_p),
@@ -26,7 +26,7 @@ class InputArrays(Numbers):
     ]
 
 
-class Options(Numbers):
+class Options(Numbers, ctypes.Structure):
     _fields_ = [
         ("rtol", ctypes.c_double),
         ("atol", ctypes.c_double),
@@ -43,7 +43,7 @@ class Options(Numbers):
     ]
 
 
-class Record(Numbers):
+class Record(Numbers, ctypes.Structure):
     _fields_ = [
         ("rows", ctypes.c_void_p),
         ("row_capacity", ctypes.c_longlong),
