@@ -11,7 +11,6 @@ constexpr double kNearlySingular = 1e-8;  // of a pivot of A_D M^-1 A_D^T, relat
 constexpr double kGrown = 2.0;            // growth of the tension meanwhile that tells
 constexpr double kHeavy = 1e3;            // and the tension, in weights
 constexpr double kCollapsed = 1e-6;       // m: length of a taut string's segment that is none
-constexpr double kNoLength = 1e-9;        // m: likewise of a whole string
 
 template <class Model>
 struct Detector {

@@ -45,11 +45,19 @@ class Drive {
     return found == breaks_.end() ? none : *found;
   }
 
+  // The piece whose polynomials were last chosen: its number, when it begins and ends, and they.
+  int segment() const { return segment_; }
+  double segment_start() const { return breaks_[segment_]; }
+  double segment_end() const { return breaks_[segment_ + 1]; }
+  const double* segment_coef() const {
+    return coef_.data() + std::size_t(segment_) * Space::n_v * kPowers;
+  }
+
   // q_K, v_K, acc_K and u_D at t, by the polynomials last chosen.
   void evaluate(double t, double* q, double* v, double* a, double* u) const {
     const double at = phase_ == BEFORE ? breaks_[0] : (phase_ == AFTER ? breaks_[n_] : t);
     const double s = at - breaks_[segment_];
-    const double* coef = coef_.data() + std::size_t(segment_) * Space::n_v * kPowers;
+    const double* coef = segment_coef();
     const double* base = base_.data() + std::size_t(segment_) * Space::n_q;
     motion_of<Space>(coef, base, still_, s, q, v, a);
     if (phase_ != WITHIN)
@@ -84,7 +92,7 @@ class Drive {
 
   void enter(int segment) {
     segment_ = segment;
-    const double* coef = coef_.data() + std::size_t(segment) * Space::n_v * kPowers;
+    const double* coef = segment_coef();
     for (int j = 0; j < Space::n_v; ++j) still_[j] = is_constant(coef + kPowers * j);
   }
 
