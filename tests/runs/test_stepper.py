@@ -54,3 +54,15 @@ def test_an_unknown_driven_name_is_an_error(arm):
     stepper = arm.stepper(arm.rest({"hand.length": 0.8}))
     with pytest.raises(fan.UnknownNameError, match=r"hand\.length"):
         stepper.advance(0.1, {"hand.lenght": 1.0})
+
+
+@pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+def test_a_law_that_gives_no_number_is_a_status(arm, method, number):
+    """17.8: `event` went on without the string whose height was no number, and said DONE."""
+    x0 = arm.rest({"hand.length": 0.8})
+    for asked in ({"acc_K": {"hand.x": number}}, {"u_D": [number, 0.0]}):
+        stepper = arm.stepper(x0, method)
+        x = stepper.advance(0.1, **asked, throw=False)
+        assert stepper.status in (fan.Status.NOT_FINITE, fan.Status.NOT_SETTLED)
+        assert np.all(np.isfinite(x.q_D)) and x.t < 0.1

@@ -23,6 +23,11 @@ struct Detector {
   Status look(const F& f) {
     for (int j = 0; j < F::N; ++j)
       if (!(fabs(f.acc[j]) < 1e300)) return broken(f);
+    // A row whose height is no number is not taut, and the motion without it is finite.
+    for (int j = 0; j < Model::n_qK; ++j)
+      if (!(fabs(f.q_K[j]) < 1e300)) return broken(f);
+    for (int j = 0; j < Model::n_vK; ++j)
+      if (!(fabs(f.v_K[j]) < 1e300 && fabs(f.acc_K[j]) < 1e300)) return broken(f);
     for (int r = 0; r < M; ++r)
       if (!(fabs(f.tension[r]) <= f.opt.tension_cap)) return capped(f);
     for (int i = 0; i < S; ++i)

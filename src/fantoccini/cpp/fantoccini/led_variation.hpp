@@ -231,6 +231,8 @@ struct LedVariation {
 
   // Why even the shortest part was not found in a lane; a row's share in it is its blame.
   Status reason(int lane, const Real& parts) {
+    for (int j = 0; j < NK; ++j)
+      if (!(fabs(lane_of(at.coming.v_K[j], lane)) < kTooWild)) return NOT_FINITE;
     if (lane_of(is_empty(at.coming), lane)) {
       accuse_empty(lane, at.coming);
       return LENGTH_NOT_POSITIVE;
