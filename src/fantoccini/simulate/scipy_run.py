@@ -167,6 +167,8 @@ class ScipyRun(OutsideRun):
 
     def _reached(self, t: float, y: Array, t_end: float) -> Array | None:
         """The state at ``t_end`` that the integrator reaches from (t, y); None when it fails."""
+        if not t_end > t:
+            return y  # nothing to integrate: SciPy takes no step of no length
         # SciPy's LSODA bears no second solver beside the first.
         self._solver = None
         solver = self._new_solver(t, y, t_end, t_end - t)
