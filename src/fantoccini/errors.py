@@ -131,6 +131,7 @@ class Status(enum.IntEnum):
     STOPPED = 11, "the run was stopped from outside"
     SINGULAR_MASS = 12, "the mass matrix is singular: a joint moves no mass"
     NOT_SETTLED = 13, "the equations of a step could not be solved"
+    TOO_MANY_ROWS = 14, "the rows of the run reached the bound on memory"
 
 
 class SimulationError(FantocciniError):

@@ -54,3 +54,69 @@ def test_an_unknown_driven_name_is_an_error(arm):
     stepper = arm.stepper(arm.rest({"hand.length": 0.8}))
     with pytest.raises(fan.UnknownNameError, match=r"hand\.length"):
         stepper.advance(0.1, {"hand.lenght": 1.0})
+
+
+@pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+def test_a_law_that_gives_no_number_is_a_status(arm, method, number):
+    """17.8: `event` went on without the string whose height was no number, and said DONE."""
+    x0 = arm.rest({"hand.length": 0.8})
+    for asked in ({"acc_K": {"hand.x": number}}, {"u_D": [number, 0.0]}):
+        stepper = arm.stepper(x0, method)
+        x = stepper.advance(0.1, **asked, throw=False)
+        assert stepper.status in (fan.Status.NOT_FINITE, fan.Status.NOT_SETTLED)
+        assert np.all(np.isfinite(x.q_D)) and x.t < 0.1
+
+
+def test_an_endless_piece_is_refused(arm):
+    """17.31: advance(inf) never ended; nor did one of rows that no memory holds."""
+    stepper = arm.stepper(arm.rest({"hand.length": 0.8}))
+    for duration in (np.inf, np.nan, 0.0, -1.0):
+        with pytest.raises(ValueError, match="it must be positive and finite"):
+            stepper.advance(duration)
+    with pytest.raises(ValueError, match=r"5e\+14 rows from 0 s to 1e\+12 s"):
+        stepper.advance(1e12)
+    assert stepper.advance(0.1).t == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
+def test_an_interrupted_stepper_is_where_it_got_to(arm, method):
+    """17.31: it kept the state before, and jumped from there to where it had been later."""
+    x0 = arm.rest({"hand.length": 0.8})
+    stepper, whole = arm.stepper(x0, method), arm.stepper(x0, method)
+    pieces = stepper._run.advance
+
+    def interrupted(t_end):
+        for i, piece in enumerate(pieces(t_end)):
+            if i == 2:
+                raise KeyboardInterrupt
+            yield piece
+
+    stepper._run.advance = interrupted
+    with pytest.raises(KeyboardInterrupt):
+        stepper.advance(50.0, {"hand.length": -0.001})
+    x = stepper.state
+    assert 0.0 < x.t < 50.0
+    assert x.q_K[1] == pytest.approx(0.8 - 0.0005 * x.t**2)
+    stepper._run.advance = pieces
+    y = stepper.advance(0.5)
+    z = whole.advance(x.t, {"hand.length": -0.001})
+    assert z.q_D == pytest.approx(x.q_D, abs=1e-8)
+    z = whole.advance(0.5)
+    assert y.t == pytest.approx(x.t + 0.5) and y.q_K == pytest.approx(z.q_K, abs=1e-12)
+    assert y.q_D == pytest.approx(z.q_D, abs=1e-6)
+
+
+def test_little_gravity_leaves_room_for_inputs():
+    """17.31: the cap on tensions was 1e5 weights, and made every input impossible without one."""
+    text = fan.puppets.path("arm2d").read_text(encoding="utf-8")
+    assert "gravity" not in text
+    given = "\ngravity: [0, 0, {parameter: fall, value: -9.81}]\n"
+    for gravity in (0.0, 1e-9, 1e-3, 9.81):
+        arm = fan.loads(text + given).with_parameters({"fall": -gravity})
+        x0 = arm.project(arm.state())
+        length = x0.q_K[1]
+        inputs = fan.Input.waypoints(arm, {"hand.length": [(0, length), (1, length - 0.1)]})
+        for method in ("event", "timestepping"):
+            assert fan.simulate(arm, x0, inputs, method=method).status is fan.Status.DONE
+        assert arm.tension_cap == pytest.approx(1e5 * arm.mass * max(1.0, gravity))

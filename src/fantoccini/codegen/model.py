@@ -191,14 +191,16 @@ def tables_text(equations: Equations) -> str:
     units = {row.name: row.unit for row in table.rows}
     turns = [int(units.get(name, "rad") != "m") for name in table.v_D]
     length_q = [s.driven_length[0] if s.driven_length else -1 for s in tree.strings]
+    length_v = [s.driven_length[1] if s.driven_length else -1 for s in tree.strings]
     wound_q = [s.wound_length[0] if s.wound_length else -1 for s in tree.strings]
     lines = ["#pragma once", "", "namespace fan {", "", "struct ModelTables {"]
     lines += [f"  static constexpr int {name} = {value};" for name, value in constants.items()]
     lines += [
         f"  static constexpr bool coupled = {int(_coupled(tree))};",
         _array("bool", "wire", [int(s.wire) for s in tree.strings]),
-        # Where a length is in q_K, and where in q_D when a drive winds it; -1 where it is not.
+        # Where a length is in q_K and v_K, and in q_D when a drive winds it; -1 where it is not.
         _array("int", "length_q", length_q),
+        _array("int", "length_v", length_v),
         _array("int", "wound_q", wound_q),
         _array("double", "nominal_length", [_nominal(s) for s in tree.strings]),
         _array("int", "string_points", [len(s.points) for s in tree.strings]),

@@ -2,11 +2,14 @@
 
 from fantoccini.marionette.checks import (
     check_inputs,
+    check_memory,
     check_method,
+    check_rows,
     check_speeds,
     check_starts,
     check_step,
     many_of,
+    rows_of_steps,
 )
 from fantoccini.marionette.flow import Flow
 from fantoccini.marionette.handle import Marionette
@@ -28,11 +31,14 @@ __all__ = [
     "StepLinearisation",
     "Stepper",
     "check_inputs",
+    "check_memory",
     "check_method",
+    "check_rows",
     "check_speeds",
     "check_starts",
     "check_step",
     "load",
     "loads",
     "many_of",
+    "rows_of_steps",
 ]

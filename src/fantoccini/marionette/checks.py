@@ -10,6 +10,7 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.errors import InputError, Problem, StateError
 from fantoccini.motion import Input, Inputs, State, States
+from fantoccini.runtime import RunOptions, memory
 
 if TYPE_CHECKING:
     from fantoccini.marionette.handle import Marionette
@@ -66,6 +67,71 @@ def check_step(marionette: Marionette, method: str, q_D: Array, q_K: Array, dt: 
                 f"'timestepping' its vibrations grow without bound in steps above {longest:.2g} s. "
                 "Take a shorter dt, method='event', or fewer, softer, heavier or less damped pieces"
             )
+
+
+def check_rows(
+    marionette: Marionette,
+    method: str,
+    options: RunOptions,
+    t: float,
+    t_end: float,
+    save_at: Array | None = None,
+) -> None:
+    """Raises where the rows of a run, as far as they are known before it, do not fit in memory.
+
+    An event-driven run that writes its own steps is stopped when its rows reach the bound.
+
+    Args:
+        marionette: the puppet.
+        method: of the run.
+        options: with the bound on memory, and how far rows of fixed steps are apart.
+        t, t_end: the run [s].
+        save_at: times at which an event-driven run writes rows; None for its own steps.
+
+    Raises:
+        ValueError: with the number of rows, what they need and what they may.
+    """
+    if method != "event":
+        n = rows_of_steps(options, t, t_end)
+    elif save_at is not None:
+        n = len(save_at)
+    else:
+        return
+    width = sum(marionette.row_layout.widths.values())
+    check_memory(method, options, t, t_end, n, memory.bytes_of(n, width))
+
+
+def rows_of_steps(options: RunOptions, t: float, t_end: float) -> float:
+    """How many rows fixed steps write from a time to another [s].
+
+    Raises:
+        ValueError: a step is shorter than what the clock resolves.
+    """
+    finest = 4.0 * np.spacing(max(1.0, abs(t), abs(t_end)))
+    if options.dt < min(finest, 0.5 * (t_end - t)):
+        raise ValueError(
+            f"dt is {options.dt:g} s; the clock of a run from {t:g} s to {t_end:g} s resolves "
+            f"{finest:.2g} s. Take longer steps, or count time from a start near 0"
+        )
+    return np.ceil((t_end - t) / options.dt / options.save_every) + 1.0
+
+
+def check_memory(
+    method: str, options: RunOptions, t: float, t_end: float, n: float, need: float
+) -> None:
+    """Raises ValueError unless ``need`` bytes for n rows from t to t_end [s] may be taken."""
+    if need <= options.max_memory:
+        return
+    asked = f"{n:.3g} rows from {t:g} s to {t_end:g} s"
+    fewer = "give fewer times in save_at"
+    if method != "event":
+        every = np.ceil(1.1 * options.save_every * need / options.max_memory)
+        asked += f", one every {options.save_every * options.dt:g} s,"
+        fewer = f"write fewer with save_every={every:.0f}"
+    raise ValueError(
+        f"{asked} need {need / 1e9:.3g} GB of memory; {options.max_memory / 1e9:.3g} GB may be "
+        f"taken. End sooner, {fewer}, or allow more with max_memory"
+    )
 
 
 def check_start(marionette: Marionette, x: State) -> None:

@@ -30,6 +30,8 @@ from fantoccini.world import World
 
 TENSION_CAP = 1e5
 """Largest tension a string may pull, in weights of the puppet."""
+LEAST_GRAVITY = 1.0
+"""Gravity that sizes of forces and energies are measured with where there is less [m/s^2]."""
 BRAKE = 1.0
 """Deceleration of a winch that rewinds, before it stops [m/s^2]; ``kBrake`` of ``winch.hpp``."""
 
@@ -105,7 +107,7 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
             if not np.isfinite(value):
                 raise StateError(f"parameter {name}: found {value}; it must be a finite number")
             other.p[names.index(name)] = value
-        for kept in ("described", "mass", "weight", "tension_cap", "winches"):
+        for kept in ("described", "mass", "weight", "_force", "tension_cap", "winches"):
             other.__dict__.pop(kept, None)
         for member in self.world.puppets:
             prefix = f"{member.name}/" if len(self.world.puppets) > 1 else ""
@@ -159,8 +161,14 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
 
     @cached_property
     def tension_cap(self) -> float:
-        """Largest tension a string may pull [N]."""
-        return TENSION_CAP * (self.weight or 1.0)
+        """Largest tension a string may pull [N]: 1e5 times the mass times gravity or 1 m/s^2,
+        whichever is more."""
+        return TENSION_CAP * (self._force or 1.0)
+
+    @cached_property
+    def _force(self) -> float:
+        """Size of the puppet's forces [N], which does not vanish with gravity."""
+        return max(self.weight, self.mass * LEAST_GRAVITY)
 
     @cached_property
     def winches(self) -> Array:
@@ -369,21 +377,21 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
 
     def run_options(self, **changes) -> RunOptions:
         """Run options scaled to this puppet, with some changed."""
-        defaults = RunOptions(
+        options = dict(
             rtol=1e-11,
             atol=1e-11,
             first_step=1e-4,
             max_step=0.1,
             tension_cap=self.tension_cap,
-            energy_scale=max(self.weight, 1e-9),
-            force_scale=self.weight / (self.mass or 1.0) ** 0.5,
+            energy_scale=max(self._force, 1e-9),
+            force_scale=self._force / (self.mass or 1.0) ** 0.5,
             recovery_speed=1.0,
             dt=0.002,
             max_steps=50_000_000,
             max_events=1_000_000,
             save_steps=True,
         )
-        return dataclasses.replace(defaults, **changes)
+        return RunOptions(**(options | changes))
 
     def with_mode(self, x: State) -> State:
         """The state with its taut rows found."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Literal
 
@@ -9,8 +10,9 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import SimulationError, Status
-from fantoccini.marionette.checks import check_inputs, check_speed
+from fantoccini.marionette.checks import check_inputs, check_rows, check_speed
 from fantoccini.motion import Input, State
+from fantoccini.motion.polynomial import N_COEF
 from fantoccini.runtime import Run, RunOptions
 
 if TYPE_CHECKING:
@@ -36,7 +38,7 @@ class Stepper:
         marionette: the puppet.
         x0: where it starts.
         method: ``timestepping``, ``variational`` or ``event``.
-        options: numbers that steer the run.
+        options: numbers that steer the run; its bound on memory is that of one advance.
     """
 
     def __init__(
@@ -49,6 +51,7 @@ class Stepper:
         self.marionette = marionette
         self.method = method
         self.state = x0
+        self._options = options
         hold = Input.hold(marionette).bound(x0.q_K).shifted(x0.t)
         self._run = Run(
             marionette.library_of(method), method, options, x0, marionette.p, marionette.winches,
@@ -75,36 +78,40 @@ class Stepper:
         """Advances by ``duration`` [s].
 
         Args:
-            duration: > 0.
+            duration: > 0 and finite.
             acc_K: (n_vK,) accelerations of the driven coordinates, or by name (the others 0);
                 constant over the piece. The driven velocities go on from where they are.
             inputs: instead: inputs in absolute time that start where the puppet is.
             u_D: (n_vD,) user forces, constant over the piece (not together with ``inputs``).
             throw: raise :class:`SimulationError` when the run cannot go on.
 
+        Ctrl-C leaves the stepper in the state reached, from which it can be advanced again.
+
         Returns:
             The state reached.
         """
-        if not duration > 0:
-            raise ValueError(f"duration is {duration}; it must be positive")
+        if not 0 < duration < np.inf:
+            raise ValueError(f"duration is {duration}; it must be positive and finite")
+        end = self.state.t + duration
+        check_rows(self.marionette, self.method, self._options, self.state.t, end)
         if inputs is not None and (acc_K is not None or u_D is not None):
             raise ValueError("inputs carry their own motion and forces: give them or acc_K and u_D")
         if inputs is None:
             chosen = self._piece(duration, acc_K, u_D)
         else:
             t = self.state.t
-            check_inputs(self.marionette, inputs, t, t + duration)
+            check_inputs(self.marionette, inputs, t, end)
             chosen = inputs.bound(self.state.q_K, t)
             check_speed(self.marionette, self.state, chosen)
         self._run.set_input(chosen)
-        written = list(self._run.advance(self.state.t + duration))
-        self.rows = np.concatenate([rows for rows, _ in written])
-        self.events = np.concatenate([events for _, events in written])
-        if len(self.rows):
-            split = self.marionette.row_layout.split(self.rows[-1:])
-            motion = {name: split[name][0] for name in ("q_D", "v_D", "q_K", "v_K", "slip")}
-            self.state = State(float(split["t"][0]), taut=split["taut"][0] > 0, **motion)
-            self.tension = split["tension"][0]
+        written = []
+        try:
+            written.extend(self._run.advance(end))
+        except BaseException:
+            written.append(self._run.present())
+            raise
+        finally:
+            self._take(written)
         if self.status is not Status.DONE and throw:
             raise SimulationError(self.status, f"at t = {self.state.t:.6g} s")
         return self.state
@@ -128,6 +135,17 @@ class Stepper:
             states.append(self.state)
         return states
 
+    def _take(self, written: list[tuple[Array, Array]]) -> None:
+        """Makes pieces (rows, events) the last advance's, and their last row the state."""
+        self.rows = np.concatenate([rows for rows, _ in written])
+        self.events = np.concatenate([events for _, events in written])
+        if not len(self.rows):
+            return
+        split = self.marionette.row_layout.split(self.rows[-1:])
+        motion = {name: split[name][0] for name in ("q_D", "v_D", "q_K", "v_K", "slip")}
+        self.state = State(float(split["t"][0]), taut=split["taut"][0] > 0, **motion)
+        self.tension = split["tension"][0]
+
     def _piece(self, duration: float, acc_K, u_D: Array | None) -> Input:
         table = self.marionette.coordinates
         acc = np.zeros(table.n_vK)
@@ -142,10 +160,11 @@ class Stepper:
         # A trace longer than the piece, so that its last instant still lies within the input.
         times = x.t + np.array([0.0, (1.0 + 1e-6) * duration])
         made = Input.segments(table, times, x.q_K, x.v_K, acc[None])
-        if u_D is not None:
-            forces = {
-                name: [(times[0], force), (times[1], force)]
-                for name, force in zip(table.v_D, u_D, strict=True)
-            }
-            made = made.with_forces(forces)
-        return made
+        if u_D is None:
+            return made
+        u_D = np.asarray(u_D, dtype=float)
+        if u_D.shape != (table.n_vD,):
+            raise ValueError(f"u_D has the shape {u_D.shape}; it must be {(table.n_vD,)}")
+        force = np.zeros((1, table.n_vD, N_COEF))
+        force[0, :, 0] = u_D
+        return dataclasses.replace(made, force=force)

@@ -46,8 +46,7 @@ def bound(
         coef (n, n_seg, n_vK, 6), base (n, n_seg, n_qK).
 
     Raises:
-        InputError: a named coordinate does not start where its state is, or a length does not
-            stay positive.
+        InputError: a named coordinate does not start where its state is.
     """
     findings, coef, base = Findings(), np.array(coef), np.array(base)
     for name, (q, v) in pieces.channel_names(table).items():
@@ -71,8 +70,6 @@ def bound(
                 f"start from a state with {name} = {here}, or let the inputs begin at {there}",
             )
     findings.raise_any()
-    note_lengths(table, breaks, coef, findings)
-    findings.raise_any()
     return coef, base
 
 
@@ -94,12 +91,6 @@ def note_lengths(table: CoordinateTable, breaks: Array, coef: Array, findings: F
                 f"is {value[n, i, k]:.6g} m at t = {t:g} s; the length of a string must stay "
                 "above 0",
             )
-
-
-def keeps_lengths(table: CoordinateTable, coef: Array, h: float) -> bool:
-    """Whether a quadratic piece (n_vK, 6) of h seconds surely keeps all lengths positive."""
-    length, rate, curve = coef[table.lengths_K, :3].T
-    return bool(np.all(length > h * np.abs(rate) + h * h * np.abs(curve)))
 
 
 def which(i: int, n: int) -> tuple[int, ...]:

@@ -12,7 +12,6 @@ import numpy as np
 from fantoccini.arrays import Array, frozen
 from fantoccini.errors import UnknownNameError
 from fantoccini.motion import binding, pieces, polynomial, reading, rotation
-from fantoccini.motion.findings import Findings
 from fantoccini.motion.input import Input
 
 if TYPE_CHECKING:
@@ -207,8 +206,7 @@ class Inputs:
             t: time of the start [s]; the latest first break when not given.
 
         Raises:
-            InputError: a named coordinate does not start where its state is, or a length does not
-                stay positive.
+            InputError: a named coordinate does not start where its state is.
         """
         q_K = np.atleast_2d(np.asarray(q_K, dtype=float))
         if len(q_K) > 1 and np.all(q_K == q_K[0]):
@@ -229,7 +227,7 @@ class Inputs:
 
     def _from(self, q_K: Array, n: int) -> Inputs:
         """The motions from given configurations (n or 1, n_qK)."""
-        table, findings = self.coordinates, Findings()
+        table = self.coordinates
         coef = np.array(np.broadcast_to(self.coef, (n, *self.coef.shape[1:])))
         base = np.array(np.broadcast_to(self.base, (n, *self.base.shape[1:])))
         for q, v in table.scalars_K:
@@ -238,6 +236,4 @@ class Inputs:
         for q, _ in table.quaternions_K:
             spot = slice(q, q + 4)
             base[:, :, spot] = rotation.multiply(q_K[:, None, spot], base[:, :, spot])
-        binding.note_lengths(table, self.breaks, coef, findings)
-        findings.raise_any()
         return dataclasses.replace(self, coef=coef, base=base, relative=False)

@@ -1,5 +1,6 @@
 """The compiled puppet: the one package that speaks to the shared library, through ctypes."""
 
+from fantoccini.runtime import memory
 from fantoccini.runtime.batch import PARTS, Batch, BatchLibrary, default_threads
 from fantoccini.runtime.clearance import (
     BOX,
@@ -10,6 +11,7 @@ from fantoccini.runtime.clearance import (
     Solids,
 )
 from fantoccini.runtime.compiled import Complementarity, Library, Run
+from fantoccini.runtime.functions import whole
 from fantoccini.runtime.motions import (
     POINT,
     POSE,
@@ -53,4 +55,6 @@ __all__ = [
     "Sweeper",
     "Terms",
     "default_threads",
+    "memory",
+    "whole",
 ]

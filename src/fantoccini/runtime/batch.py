@@ -18,7 +18,7 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.errors import BuildError
 from fantoccini.runtime.compiled import Library
-from fantoccini.runtime.functions import opened, pointer
+from fantoccini.runtime.functions import Numbers, opened, pointer
 from fantoccini.runtime.structures import UNLIMITED, Options, RunOptions
 
 PARTS = ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K", "force", "taut", "books", "slip")
@@ -28,11 +28,11 @@ _LOOK_SECONDS = 0.05
 """How often the batch is looked at for progress and Ctrl-C."""
 
 
-class _Shared(ctypes.Structure):
+class _Shared(Numbers, ctypes.Structure):
     _fields_ = [("first", ctypes.c_void_p), ("stride", ctypes.c_longlong)]
 
 
-class _BatchArrays(ctypes.Structure):
+class _BatchArrays(Numbers, ctypes.Structure):
     _fields_ = [
         ("n", ctypes.c_longlong),
         ("t", ctypes.c_double),

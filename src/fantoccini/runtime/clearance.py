@@ -16,7 +16,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import BuildError
-from fantoccini.runtime.functions import opened, pointer
+from fantoccini.runtime.functions import Numbers, opened, pointer
 
 SEGMENT, BOX, HALF_SPACE = range(3)
 """Kinds of solids, as in ``clearance.hpp``."""
@@ -61,7 +61,7 @@ class Solids:
         return cls(solids, solids, np.zeros((0, 2), dtype=np.int32), np.full(n_strings, -1.0))
 
 
-class ClearanceArrays(ctypes.Structure):
+class ClearanceArrays(Numbers, ctypes.Structure):
     _fields_ = [
         ("n_moving", ctypes.c_longlong),
         ("n_standing", ctypes.c_longlong),

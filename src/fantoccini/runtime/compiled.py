@@ -17,6 +17,7 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.errors import BuildError, Status
 from fantoccini.motion import Input, State
+from fantoccini.runtime import memory
 from fantoccini.runtime.functions import Functions, Signatures, pointer
 from fantoccini.runtime.structures import (
     UNLIMITED,
@@ -159,7 +160,7 @@ class Run:
         self._rows = np.zeros((n_row, library.sizes["row_width"]))
         self._events = np.zeros((n_event, library.sizes["event_width"]))
         self._record = Record(pointer(self._rows), n_row, 0, pointer(self._events), n_event, 0)
-        chosen = options.structure()
+        chosen, self._max_memory, self._taken_bytes = options.structure(), options.max_memory, 0.0
         arrays, held = input_arrays(inputs)
         slip = x0.slip if len(x0.slip) else np.zeros(library.sizes["n_strings"])
         start = [
@@ -189,10 +190,15 @@ class Run:
     def advance(self, t_end: float) -> Iterator[tuple[Array, Array]]:
         """Runs until ``t_end`` or until something stops it; yields (rows, events) pieces.
 
-        The status afterwards says how it ended.
+        The status afterwards says how it ended; the pieces of one call are kept within the bound
+        on memory.
         """
+        self._taken_bytes = 0.0
         yield self._taken()
         while self.status in (Status.RUNNING, Status.DONE):
+            if self._is_full:
+                self.status = Status.TOO_MANY_ROWS
+                return
             self.status = Status(
                 self.library.handle.fan_run(
                     self._run,
@@ -234,7 +240,13 @@ class Run:
         rows = self._rows[: self._record.n_rows].copy()
         events = self._events[: self._record.n_events].copy()
         self._record.n_rows = self._record.n_events = 0
+        self._taken_bytes += memory.bytes_of(*rows.shape) + memory.EVENT_BYTES * len(events)
         return rows, events
+
+    @property
+    def _is_full(self) -> bool:
+        """Whether what was handed out since :meth:`advance` began is all that may be kept."""
+        return self._taken_bytes > self._max_memory
 
 
 def _signatures(tree: Tree, packed: int) -> Signatures:

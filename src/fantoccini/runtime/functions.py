@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+import operator
 from itertools import accumulate
 from pathlib import Path
 
@@ -101,6 +102,39 @@ def opened(path: Path, what: str) -> ctypes.CDLL:
 def pointer(array: np.ndarray) -> ctypes.c_void_p:
     """Where an array's numbers lie. ``ctypes.data_as`` does the same at ten times the cost."""
     return ctypes.c_void_p(_address(array))
+
+
+def whole(name: str, value: int, kind: type = ctypes.c_int, least: int | None = None) -> int:
+    """A whole number that fits the C integer it becomes; ctypes would wrap it round in silence.
+
+    Args:
+        name: of the number, for messages.
+        value: the number.
+        kind: the C integer, signed.
+        least: the smallest value allowed; the integer's own when not given.
+
+    Raises:
+        ValueError: it is not a whole number, or it does not fit.
+    """
+    most = 2 ** (8 * ctypes.sizeof(kind) - 1) - 1
+    least = -most - 1 if least is None else least
+    try:
+        number = operator.index(value)
+    except TypeError:
+        number = None
+    if number is None or not least <= number <= most:
+        raise ValueError(f"{name} is {value!r}; it must be a whole number from {least} to {most}")
+    return number
+
+
+class Numbers:
+    """Of a C structure, first among its bases: its integers are checked against their widths."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        kind = next((kind for field, kind in self._fields_ if field == name), None)
+        if kind in (ctypes.c_int, ctypes.c_longlong):
+            value = whole(name, value, kind)
+        super().__setattr__(name, value)
 
 
 def _address(array: np.ndarray) -> int:

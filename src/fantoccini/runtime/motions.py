@@ -15,7 +15,7 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.errors import BuildError
 from fantoccini.runtime.clearance import ClearanceArrays, Exact, Solids
-from fantoccini.runtime.functions import opened, pointer
+from fantoccini.runtime.functions import Numbers, opened, pointer
 from fantoccini.runtime.structures import UNLIMITED, Options, RunOptions
 
 UNKNOWN, POSE, POINT = range(3)
@@ -25,7 +25,7 @@ STATE = ("q_D", "v_D", "slip", "q_K", "v_K")
 """Parts of a state, in the order of ``SweepArrays`` and ``SegmentArrays``."""
 
 
-class _GoalArrays(ctypes.Structure):
+class _GoalArrays(Numbers, ctypes.Structure):
     _fields_ = [
         ("kind", ctypes.c_int),
         ("link", ctypes.c_int),
@@ -41,22 +41,22 @@ class _GoalArrays(ctypes.Structure):
     ]
 
 
-class _FunnelArrays(ctypes.Structure):
+class _FunnelArrays(Numbers, ctypes.Structure):
     _fields_ = [(name, ctypes.c_void_p) for name in ("q_D", "q_K", "gains")]
 
 
-class _BoundArrays(ctypes.Structure):
+class _BoundArrays(Numbers, ctypes.Structure):
     _fields_ = [(name, ctypes.c_void_p) for name in ("speed", "acceleration", "low", "high")]
 
 
 _OUT = (*STATE, "distance", "looks", "catches")
 
 
-class _SegmentArrays(ctypes.Structure):
+class _SegmentArrays(Numbers, ctypes.Structure):
     _fields_ = [(name, ctypes.c_void_p) for name in _OUT]
 
 
-class _SweepArrays(ctypes.Structure):
+class _SweepArrays(Numbers, ctypes.Structure):
     _fields_ = [
         ("n", ctypes.c_longlong),
         ("segments", ctypes.c_int),
@@ -82,7 +82,7 @@ class _SweepArrays(ctypes.Structure):
     ]
 
 
-class _SweepProgress(ctypes.Structure):
+class _SweepProgress(Numbers, ctypes.Structure):
     _fields_ = [("next", ctypes.c_longlong), ("reached", ctypes.c_longlong)]
 
 

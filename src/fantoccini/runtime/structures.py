@@ -4,19 +4,20 @@
 from __future__ import annotations
 
 import ctypes
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.motion import Input
-from fantoccini.runtime.functions import pointer
+from fantoccini.runtime import memory
+from fantoccini.runtime.functions import Numbers, pointer, whole
 
 UNLIMITED = 1e300
 """A bound that is none, as the runtime has it."""
 
 
-class InputArrays(ctypes.Structure):
+class InputArrays(Numbers, ctypes.Structure):
     _fields_ = [
         ("n_segments", ctypes.c_int),
         ("breaks", ctypes.c_void_p),
@@ -26,7 +27,7 @@ class InputArrays(ctypes.Structure):
     ]
 
 
-class Options(ctypes.Structure):
+class Options(Numbers, ctypes.Structure):
     _fields_ = [
         ("rtol", ctypes.c_double),
         ("atol", ctypes.c_double),
@@ -43,7 +44,7 @@ class Options(ctypes.Structure):
     ]
 
 
-class Record(ctypes.Structure):
+class Record(Numbers, ctypes.Structure):
     _fields_ = [
         ("rows", ctypes.c_void_p),
         ("row_capacity", ctypes.c_longlong),
@@ -69,6 +70,11 @@ class RunOptions:
         max_steps, max_events: bounds.
         save_steps: write every accepted step of the event-driven integrator.
         save_every: write every so many of these steps.
+        max_memory: for the rows and events of one run [bytes]; half of what is free when not given.
+
+    Raises:
+        ValueError: a tolerance, a step or a bound is not positive and finite, or a number of steps
+            or events is more than the runtime can count.
     """
 
     rtol: float
@@ -84,6 +90,21 @@ class RunOptions:
     max_events: int
     save_steps: bool
     save_every: int = 1
+    max_memory: float = field(default_factory=memory.allowed)
+
+    def __post_init__(self) -> None:
+        for name in ("rtol", "atol", "first_step", "max_step", "dt"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise ValueError(f"{name} is {value}; it must be positive")
+        for name, kind in (
+            ("save_every", ctypes.c_int),
+            ("max_steps", ctypes.c_longlong),
+            ("max_events", ctypes.c_longlong),
+        ):
+            object.__setattr__(self, name, whole(name, getattr(self, name), kind, least=1))
+        if not self.max_memory > 0:
+            raise ValueError(f"max_memory is {self.max_memory}; it must be positive [bytes]")
 
     def structure(self) -> Options:
         """As the library takes them."""

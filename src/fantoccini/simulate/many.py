@@ -12,14 +12,16 @@ from fantoccini.errors import Status
 from fantoccini.marionette import (
     Marionette,
     check_inputs,
+    check_memory,
     check_speeds,
     check_starts,
     check_step,
     many_of,
+    rows_of_steps,
 )
 from fantoccini.motion import SAVED, Columns, Input, Inputs, State, States, Trajectories
 from fantoccini.motion.trajectory import LEDGER
-from fantoccini.runtime import Batch, RunOptions, default_threads
+from fantoccini.runtime import Batch, RunOptions, default_threads, whole
 from fantoccini.simulate.bar import Bar
 
 SAVE = ("q_D", "v_D", "tension")
@@ -27,6 +29,13 @@ SAVE = ("q_D", "v_D", "tension")
 
 _PART = {"tension": "force", "limit_force": "force", "ledger": "books"}
 """What is saved -> the runtime's part that it is read from, where the names differ."""
+
+_NUMBER = 8
+"""Bytes."""
+_LEDGER_NUMBERS = 16
+"""That a row's ledger takes while it is made."""
+_TIMES = 4
+"""Numbers for every row's time while the times are made."""
 
 
 def simulate_many(
@@ -59,8 +68,11 @@ def simulate_many(
     check_speeds(marionette, t, x0.v_K, bound)
     check_starts(marionette, x0)
     check_step(marionette, method, x0.q_D, x0.q_K, options.dt)
-    times = _times(method, options, t, t_end, save_at)
+    if threads is not None:
+        threads = whole("threads", threads, least=1)
     names = _saved(save)
+    _check_memory(marionette, method, options, names, n, t, t_end, save_at, out or {})
+    times = _times(method, options, t, t_end, save_at)
     parts = _parts(marionette, names, n, len(times), out or {})
     batch = Batch(
         n=n, t=t, t_end=t_end,
@@ -72,7 +84,7 @@ def simulate_many(
         blame=np.zeros((n, marionette.tree.n_rows)),
     )  # fmt: skip
     library = marionette.batch_library_of(method)
-    threads = min(threads or default_threads(), -(-n // library.width))
+    threads = min(default_threads() if threads is None else threads, -(-n // library.width))
     # Ctrl-C keeps what was reached; what was not has the status it began with.
     with Bar(f"{n} runs", progress, t, t_end) as bar, contextlib.suppress(KeyboardInterrupt):
         batch.run(library, threads, bar.look)
@@ -124,6 +136,38 @@ def _saved(save: Sequence[str] | str | None) -> tuple[str, ...]:
     return names
 
 
+def _check_memory(
+    marionette: Marionette,
+    method: str,
+    options: RunOptions,
+    names: tuple[str, ...],
+    n: int,
+    t: float,
+    t_end: float,
+    save_at: Array | None,
+    out: Mapping[str, Array],
+) -> None:
+    """Raises ValueError where the arrays that a batch would make do not fit in memory."""
+    if method == "event":
+        n_rows = 2.0 + (0 if save_at is None else len(save_at))
+    else:
+        n_rows = rows_of_steps(options, t, t_end)
+    widths, made = _widths(marionette), {_PART.get(name, name) for name in names} - set(out)
+    row = sum(widths[name] * (1 if name == "taut" else _NUMBER) for name in made)
+    row += _LEDGER_NUMBERS * _NUMBER if "ledger" in names else 0
+    check_memory(method, options, t, t_end, n_rows, n_rows * (n * row + _TIMES * _NUMBER))
+
+
+def _widths(marionette: Marionette) -> dict[str, int]:
+    """Numbers in a row, by the runtime's part."""
+    table, rows = marionette.coordinates, marionette.tree.n_rows
+    return {
+        "q_D": table.n_qD, "v_D": table.n_vD, "acc_D": table.n_vD, "q_K": table.n_qK,
+        "v_K": table.n_vK, "acc_K": table.n_vK, "force": rows, "taut": rows, "books": 6,
+        "slip": len(marionette.tree.strings),
+    }  # fmt: skip
+
+
 def _parts(
     marionette: Marionette,
     names: tuple[str, ...],
@@ -132,12 +176,7 @@ def _parts(
     out: Mapping[str, Array],
 ) -> dict[str, Array]:
     """The runtime's arrays: those of ``out`` where given, and new ones. All begin as NaN."""
-    table, rows = marionette.coordinates, marionette.tree.n_rows
-    widths = {
-        "q_D": table.n_qD, "v_D": table.n_vD, "acc_D": table.n_vD, "q_K": table.n_qK,
-        "v_K": table.n_vK, "acc_K": table.n_vK, "force": rows, "taut": rows, "books": 6,
-        "slip": len(marionette.tree.strings),
-    }  # fmt: skip
+    widths = _widths(marionette)
     wanted = {_PART.get(name, name) for name in names}
     for name in out:
         if name not in wanted:
@@ -146,6 +185,13 @@ def _parts(
                 f"{', '.join(sorted(wanted))} ('force' is tension and limit_force side by side, "
                 "'books' what the ledger is made of)"
             )
+    given = list(out.items())
+    for i, (name, part) in enumerate(given):
+        for other, same in given[:i]:
+            if np.may_share_memory(part, same):
+                raise ValueError(
+                    f"out[{name!r}] and out[{other!r}] share their memory; each takes its own array"
+                )
     parts = {}
     for name in sorted(wanted):
         kind = np.bool_ if name == "taut" else np.float64

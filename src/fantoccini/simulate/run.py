@@ -13,6 +13,7 @@ from fantoccini.marionette import (
     Marionette,
     check_inputs,
     check_method,
+    check_rows,
     check_speeds,
     check_step,
     many_of,
@@ -63,6 +64,7 @@ def simulate(
     save: Sequence[str] | str | None = None,
     out: Mapping[str, Array] | None = None,
     threads: int | None = None,
+    max_memory: float | None = None,
 ) -> Trajectory | Trajectories:
     """M_DD acc_D + M_DK acc_K + c = u_D + A_D^T lambda, with strings that only pull.
 
@@ -102,6 +104,9 @@ def simulate(
             C-contiguous (n, T, width); new ones where not given. ``force`` holds tension and
             limit_force side by side, ``books`` what the ledger is made of.
         threads: of a batch; all processors when not given.
+        max_memory: for the rows and events of a run, or the arrays of a batch [bytes]; half of the
+            memory that is free when not given. Rows that are known not to fit are refused; an
+            event-driven run ends with ``TOO_MANY_ROWS`` where they no longer do.
 
     Returns:
         The trajectory, or those of a batch.
@@ -109,6 +114,7 @@ def simulate(
     Raises:
         StateError: ``x0`` breaks a string or limit; ``marionette.project(x0)`` repairs it.
         InputError: the inputs do not start where ``x0`` is.
+        ValueError: an argument that makes no sense, or rows that do not fit in memory.
         SimulationError: the run stopped; the error carries the trajectory so far.
     """
     check_method(method)
@@ -118,15 +124,10 @@ def simulate(
         from fantoccini.simulate.scipy_run import ScipyRun, solver_class
 
         solver_class(integrator)
-    for name, value in (("rtol", rtol), ("atol", atol), ("max_step", max_step), ("dt", dt)):
-        if not (np.isfinite(value) and value > 0):
-            raise ValueError(f"{name} is {value}; it must be positive")
-    if save_every < 1:
-        raise ValueError(f"save_every is {save_every}; it must be 1 or more")
     many = not isinstance(x0, State) or not isinstance(inputs, Input | None)
     options = marionette.run_options(
         rtol=rtol, atol=atol, max_step=max_step, dt=dt, save_steps=save_at is None and not many,
-        save_every=save_every,
+        save_every=save_every, **({} if max_memory is None else {"max_memory": max_memory}),
     )  # fmt: skip
     if many:
         if integrator is not None:
@@ -149,6 +150,7 @@ def simulate(
     marionette.check_start(x0)
     check_step(marionette, method, x0.q_D, x0.q_K, dt)
     save_at = _save_times(save_at, method, x0.t, t_end)
+    check_rows(marionette, method, options, x0.t, t_end, save_at)
     about = options, x0, marionette.p, marionette.winches, bound, save_at
     if integrator is None:
         run = Run(marionette.library_of(method), method, *about)
@@ -167,6 +169,8 @@ def simulate(
 def _where(marionette: Marionette, made: Trajectory) -> str:
     """When a run stopped, the strings that made it, and what they pulled."""
     text = f"at t = {made.t[-1]:.6g} s"
+    if made.status is Status.TOO_MANY_ROWS:
+        return f"{text} after {len(made)} rows; write fewer with save_at, or allow max_memory"
     if made.blamed:
         text += f", because of {', '.join(made.blamed)}"
     last = made.tension.values[-1]

@@ -97,11 +97,15 @@ class ScipyRun(OutsideRun):
 
     def advance(self, t_end: float) -> Iterator[tuple[Array, Array]]:
         """As :meth:`Run.advance`."""
+        self._taken_bytes = 0.0
         yield self._taken()
         if self.status is Status.DONE:
             self.status = Status.RUNNING
         n_steps = 0
         while self.status is Status.RUNNING and self.t < t_end:
+            if self._is_full:
+                self.status = Status.TOO_MANY_ROWS
+                break
             self._advance_once(t_end)
             n_steps += 1
             if n_steps % self.steps_at_once == 0:
@@ -163,6 +167,8 @@ class ScipyRun(OutsideRun):
 
     def _reached(self, t: float, y: Array, t_end: float) -> Array | None:
         """The state at ``t_end`` that the integrator reaches from (t, y); None when it fails."""
+        if not t_end > t:
+            return y  # nothing to integrate: SciPy takes no step of no length
         # SciPy's LSODA bears no second solver beside the first.
         self._solver = None
         solver = self._new_solver(t, y, t_end, t_end - t)

@@ -85,11 +85,6 @@ class CoordinateTable:
         places = np.array(self.scalars_K, dtype=np.intp).reshape(-1, 2)
         return places[:, 0], places[:, 1]
 
-    @cached_property
-    def lengths_K(self) -> np.ndarray:
-        """Places of the driven lengths in v_K."""
-        return np.array([v for q, v in self.scalars_K if self.q_K[q].endswith(".length")], np.intp)
-
     @property
     def n_qD(self) -> int:
         """Number of dynamic configuration numbers."""

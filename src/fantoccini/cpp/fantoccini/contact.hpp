@@ -305,6 +305,8 @@ struct Contact {
 
   // Solves; where the inputs ask for too much, `blame` tells which rows cannot hold together.
   Status settle(const F& f) {
+    for (int i = 0; i < set_.n; ++i)
+      if (!(fabs(set_.b[i]) < 1e300)) return NOT_FINITE;
     const Solved solved = set_.solve();
     double most = 0.0;
     for (int i = 0; i < set_.n; ++i)

@@ -11,7 +11,6 @@ constexpr double kNearlySingular = 1e-8;  // of a pivot of A_D M^-1 A_D^T, relat
 constexpr double kGrown = 2.0;            // growth of the tension meanwhile that tells
 constexpr double kHeavy = 1e3;            // and the tension, in weights
 constexpr double kCollapsed = 1e-6;       // m: length of a taut string's segment that is none
-constexpr double kNoLength = 1e-9;        // m: likewise of a whole string
 
 template <class Model>
 struct Detector {
@@ -24,6 +23,11 @@ struct Detector {
   Status look(const F& f) {
     for (int j = 0; j < F::N; ++j)
       if (!(fabs(f.acc[j]) < 1e300)) return broken(f);
+    // A row whose height is no number is not taut, and the motion without it is finite.
+    for (int j = 0; j < Model::n_qK; ++j)
+      if (!(fabs(f.q_K[j]) < 1e300)) return broken(f);
+    for (int j = 0; j < Model::n_vK; ++j)
+      if (!(fabs(f.v_K[j]) < 1e300 && fabs(f.acc_K[j]) < 1e300)) return broken(f);
     for (int r = 0; r < M; ++r)
       if (!(fabs(f.tension[r]) <= f.opt.tension_cap)) return capped(f);
     for (int i = 0; i < S; ++i)

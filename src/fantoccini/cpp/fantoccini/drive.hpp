@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cstddef>
 #include <vector>
 
 #include "pieces.hpp"
@@ -24,10 +25,11 @@ class Drive {
   void set(const InputArrays& in) {
     n_ = in.n_segments;
     breaks_.assign(in.breaks, in.breaks + n_ + 1);
-    coef_.assign(in.coef, in.coef + n_ * Space::n_v * kPowers);
-    base_.assign(in.base, in.base + n_ * Space::n_q);
+    const std::size_t n = n_;
+    coef_.assign(in.coef, in.coef + n * Space::n_v * kPowers);
+    base_.assign(in.base, in.base + n * Space::n_q);
     force_.clear();
-    if (in.force) force_.assign(in.force, in.force + n_ * n_vD * kPowers);
+    if (in.force) force_.assign(in.force, in.force + n * n_vD * kPowers);
     enter(0);
   }
 
@@ -43,12 +45,21 @@ class Drive {
     return found == breaks_.end() ? none : *found;
   }
 
+  // The piece whose polynomials were last chosen: its number, when it begins and ends, and they.
+  int segment() const { return segment_; }
+  double segment_start() const { return breaks_[segment_]; }
+  double segment_end() const { return breaks_[segment_ + 1]; }
+  const double* segment_coef() const {
+    return coef_.data() + std::size_t(segment_) * Space::n_v * kPowers;
+  }
+
   // q_K, v_K, acc_K and u_D at t, by the polynomials last chosen.
   void evaluate(double t, double* q, double* v, double* a, double* u) const {
     const double at = phase_ == BEFORE ? breaks_[0] : (phase_ == AFTER ? breaks_[n_] : t);
     const double s = at - breaks_[segment_];
-    const double* coef = coef_.data() + segment_ * Space::n_v * kPowers;
-    motion_of<Space>(coef, base_.data() + segment_ * Space::n_q, still_, s, q, v, a);
+    const double* coef = segment_coef();
+    const double* base = base_.data() + std::size_t(segment_) * Space::n_q;
+    motion_of<Space>(coef, base, still_, s, q, v, a);
     if (phase_ != WITHIN)
       for (int j = 0; j < Space::n_v; ++j) v[j] = a[j] = 0.0;
     forces(s, u);
@@ -73,14 +84,15 @@ class Drive {
     for (int j = 0; j < n_vD; ++j) {
       double unused_rate, unused_second;
       u[j] = 0.0;
-      if (!force_.empty() && phase_ == WITHIN)
-        polynomial(&force_[(segment_ * n_vD + j) * kPowers], s, u[j], unused_rate, unused_second);
+      if (force_.empty() || phase_ != WITHIN) continue;
+      const double* coef = force_.data() + (std::size_t(segment_) * n_vD + j) * kPowers;
+      polynomial(coef, s, u[j], unused_rate, unused_second);
     }
   }
 
   void enter(int segment) {
     segment_ = segment;
-    const double* coef = coef_.data() + segment * Space::n_v * kPowers;
+    const double* coef = segment_coef();
     for (int j = 0; j < Space::n_v; ++j) still_[j] = is_constant(coef + kPowers * j);
   }
 

@@ -13,6 +13,7 @@ namespace fan {
 constexpr double kStart = 1e-9;  // |h| below which a row counts as closed at the start, relative
 constexpr double kAtOnce = 1e-10;  // s between events that count as one instant
 constexpr int kSavesPerStep = 64;
+constexpr double kNever = 1e300;  // s
 
 template <class Model>
 struct EventRun {
@@ -70,7 +71,10 @@ struct EventRun {
   }
 
   // Takes up new inputs at the present time.
-  void resume() { at_break_ = true; }
+  void resume() {
+    at_break_ = true;
+    looked_at_ = -1;
+  }
 
   // Runs until t_end, for at most `budget` steps.
   Status run(double t_end, long long budget, Record<Model>& out) {
@@ -109,7 +113,23 @@ struct EventRun {
     const double rewound = flow.rewound(t_end);
     *end = brk < t_end ? brk : t_end;
     if (rewound < *end) *end = rewound > flow.t ? rewound : flow.t;
+    const double emptied = runs_out();
+    if (emptied <= flow.t) {
+      for (int r = 0; r < M; ++r) blame[r] = r == emptying_ ? 1.0 : 0.0;
+      return LENGTH_NOT_POSITIVE;
+    }
+    if (emptied < *end) *end = emptied;
     return RUNNING;
+  }
+
+  // When a driven length runs out in the inputs' present piece; looked at once for each.
+  double runs_out() {
+    if (looked_at_ != flow.drive.segment() || flow.t < looked_from_) {
+      looked_at_ = flow.drive.segment();
+      looked_from_ = flow.t;
+      empty_at_ = flow.emptied(kNever, &emptying_);
+    }
+    return empty_at_;
   }
 
   // The evaluation, k[0] and accelerations at (t, y).
@@ -398,6 +418,9 @@ struct EventRun {
   }
 
   bool at_break_ = false;
+  // The inputs' piece whose lengths were looked at, from when on; when and whose length runs out.
+  int looked_at_ = -1, emptying_ = -1;
+  double looked_from_ = 0.0, empty_at_ = kNever;
   double loosened_[room(M)];  // when each row last lost its tension
 };
 

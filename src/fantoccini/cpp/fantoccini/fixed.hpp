@@ -26,7 +26,8 @@ struct FixedRun {
   // Runs until t_end, for at most `budget` steps.
   Status run(double t_end, long long budget, Record<Model>& out) {
     next_end_ = t_end;
-    while (t < t_end - 1e-9 * led.opt.dt) {
+    const double least = 1e-9 * fmin(led.opt.dt, t_end - origin);
+    while (t < t_end - least) {
       if (budget-- <= 0 || !out.room_for(2, M + S + 1)) return RUNNING;
       if (n_steps >= led.opt.max_steps) return TOO_MANY_STEPS;
       double next = origin + double(n_here + 1) * led.opt.dt;

@@ -153,6 +153,25 @@ struct Flow {
     return first;
   }
 
+  // When the first driven length runs out in the inputs' present piece, and whose it is; `none` when
+  // none does before the piece ends.
+  double emptied(double none, int* row) const {
+    double first = none;
+    const double start = drive.segment_start(), end = drive.segment_end();
+    if (!(t >= start && t < end)) return none;
+    for (int i = 0; i < S; ++i) {
+      if (Model::length_v[i] < 0) continue;
+      double points[kPowers];
+      control_points(
+          drive.segment_coef() + kPowers * Model::length_v[i], t - start, end - t, points);
+      const double at = falls_to(points, kNoLength, t, end - t, none);
+      if (!(at < first)) continue;
+      first = at;
+      *row = i;
+    }
+    return first;
+  }
+
   // --- the step -------------------------------------------------------------------------------
 
   double k[dop853::all_stages][NY];

@@ -150,8 +150,12 @@ class LaneBatch {
     double t = in.t;
     double told = t;
     long long row = 0;
+    bool too_many = false;
+    const double least = 1e-9 * fmin(dt, in.t_end - in.t);
     write(in, row++);
-    for (long long step = 1; t < in.t_end - 1e-9 * dt; ++step) {
+    for (long long step = 1; t < in.t_end - least; ++step) {
+      too_many = step > in.options.max_steps;
+      if (too_many) break;
       double next = in.t + double(step) * dt;
       if (next > in.t_end - 1e-6 * dt) next = in.t_end;
       led_.advance(drive_, t, next);
@@ -167,7 +171,8 @@ class LaneBatch {
     for (int l = 0; l < n_; ++l) {
       const int status = int(lane_of(led_.status, l));
       const long long who = first_ + l;
-      in.status[who] = status != RUNNING ? status : (t >= in.t_end ? DONE : STOPPED);
+      const Status ended = t >= in.t_end ? DONE : (too_many ? TOO_MANY_STEPS : STOPPED);
+      in.status[who] = status != RUNNING ? status : ended;
       in.reached[who] = reached_[l];
       in.violation[who] = lane_of(led_.worst_violation, l);
       in.events[2 * who] = caught_[l];

@@ -107,7 +107,7 @@ struct LedStep {
     Mask empty = Real(0.0) > Real(1.0);
     for (int i = 0; i < S; ++i)
       if (Model::length_q[i] >= 0 || Model::wound_q[i] >= 0)
-        empty = empty || !(string_length<Model, Real>(i, made.q_D, coming().q_K) > Real(0.0));
+        empty = empty || !(string_length<Model, Real>(i, made.q_D, coming().q_K) > Real(kNoLength));
     const auto stop = [&](const Mask& mask, Status why) {
       status = select(mask && status < Real(RUNNING + 0.5), Real(why), status);
     };

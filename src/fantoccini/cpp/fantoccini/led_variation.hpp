@@ -195,7 +195,10 @@ struct LedVariation {
       most = select(!at.caught[r] && size > most, size, most);
     }
     stop(lanes && !(far < Real(kTooWild * kTooWild)), NOT_FINITE);
-    stop(lanes && is_empty(node().now), LENGTH_NOT_POSITIVE);
+    const Mask empty = lanes && is_empty(node().now) && runs();
+    for (int l = 0; any(empty) && l < width; ++l)
+      if (lane_of(empty, l)) accuse_empty(l, node().now);
+    stop(empty, LENGTH_NOT_POSITIVE);
     const Mask capped = lanes && most > node().cap * span && runs();
     for (int l = 0; any(capped) && l < width; ++l)
       for (int r = 0; lane_of(capped, l) && r < M; ++r) {
@@ -211,15 +214,29 @@ struct LedVariation {
 
   Mask is_empty(const Inputs& in) const {
     Mask empty = Real(0.0) > Real(1.0);
-    for (int i = 0; i < S; ++i)
-      if (Model::length_q[i] >= 0 || Model::wound_q[i] >= 0)
-        empty = empty || !(string_length<Model, Real>(i, at.here.q_D, in.q_K) > Real(0.0));
+    for (int i = 0; i < S; ++i) empty = empty || is_empty(i, in);
     return empty;
+  }
+
+  // Whether a length that is no number has run out.
+  Mask is_empty(int i, const Inputs& in) const {
+    const bool varies = Model::length_q[i] >= 0 || Model::wound_q[i] >= 0;
+    const Real length = string_length<Model, Real>(i, at.here.q_D, in.q_K);
+    return !(length > Real(varies ? kNoLength : -1.0));
+  }
+
+  void accuse_empty(int lane, const Inputs& in) {
+    for (int i = 0; i < S; ++i) blame[lane][i] = lane_of(is_empty(i, in), lane) ? 1.0 : 0.0;
   }
 
   // Why even the shortest part was not found in a lane; a row's share in it is its blame.
   Status reason(int lane, const Real& parts) {
-    if (lane_of(is_empty(at.coming), lane)) return LENGTH_NOT_POSITIVE;
+    for (int j = 0; j < NK; ++j)
+      if (!(fabs(lane_of(at.coming.v_K[j], lane)) < kTooWild)) return NOT_FINITE;
+    if (lane_of(is_empty(at.coming), lane)) {
+      accuse_empty(lane, at.coming);
+      return LENGTH_NOT_POSITIVE;
+    }
     const auto& rows = node().firm.rows;
     const auto& winches = node().winches;
     const double dt = lane_of(parts, lane);

@@ -18,6 +18,7 @@ enum Status : int {
   STOPPED = 11,
   SINGULAR_MASS = 12,
   NOT_SETTLED = 13,
+  TOO_MANY_ROWS = 14,  // of Python alone, which keeps the rows
 };
 
 // What happened to a row; the numbers are those of fantoccini.motion.EventKind.

@@ -1,15 +1,56 @@
-// A string's own length L: driven, wound by a drive, or a number.
+// A string's own length L: driven, wound by a drive, or a number; and when a driven one runs out.
 #pragma once
 
-#include "real.hpp"
+#include "pieces.hpp"
 
 namespace fan {
+
+constexpr double kNoLength = 1e-6;  // m: a length that is none
+constexpr int kHalvings = 40;       // of a piece, in which its lengths are looked at
 
 template <class Model, class Real>
 FAN_FN Real string_length(int i, const Real* q_D, const Real* q_K) {
   const int driven = Model::length_q[i], wound = Model::wound_q[i];
   if (driven >= 0) return q_K[driven];
   return wound >= 0 ? q_D[wound] : Real(Model::nominal_length[i]);
+}
+
+// Where a polynomial first falls to `least`, given by its control points (Bernstein's form) between
+// `from` and `from + width`; `none` where it does not. It lies between its least and its largest
+// control point; de Casteljau's construction gives those of both halves.
+inline double falls_to(
+    const double* points, double least, double from, double width, double none,
+    int halvings = kHalvings) {
+  if (points[0] <= least) return from;
+  double lowest = points[0];
+  for (int k = 1; k < kPowers; ++k) lowest = points[k] < lowest ? points[k] : lowest;
+  if (lowest > least) return none;
+  if (halvings == 0) return from;
+  double left[kPowers], right[kPowers];
+  for (int k = 0; k < kPowers; ++k) right[k] = points[k];
+  for (int k = 0; k < kPowers; ++k) {
+    left[k] = right[0];
+    for (int i = 0; i + 1 < kPowers - k; ++i) right[i] = 0.5 * (right[i] + right[i + 1]);
+  }
+  const double half = 0.5 * width;
+  const double found = falls_to(left, least, from, half, none, halvings - 1);
+  return found < none ? found : falls_to(right, least, from + half, half, none, halvings - 1);
+}
+
+// The control points of sum_k c_k s^k for s from `from` to `from + width`.
+inline void control_points(const double* c, double from, double width, double* points) {
+  double shifted[kPowers];
+  for (int k = 0; k < kPowers; ++k) shifted[k] = c[k];
+  for (int k = 0; k < kPowers; ++k)
+    for (int i = kPowers - 2; i >= k; --i) shifted[i] += from * shifted[i + 1];
+  double power = 1.0, choose = 1.0;  // C(5, k)
+  for (int k = 0; k < kPowers; ++k) {
+    points[k] = shifted[k] * power / choose;
+    power *= width;
+    choose *= double(kPowers - 1 - k) / (k + 1);
+  }
+  for (int k = 1; k < kPowers; ++k)
+    for (int i = kPowers - 1; i >= k; --i) points[i] += points[i - 1];
 }
 
 }  // namespace fan

@@ -131,7 +131,7 @@ class Sweep {
       for (int s = 1; s <= in.steps; ++s) {
         Mask was[room(M)];
         for (int r = 0; r < M; ++r) was[r] = led_.at.taut[r];
-        put_inputs(dt * (look * in.steps + s));
+        put_inputs(dt * (double(look) * in.steps + s));
         led_.advance(dt);
         count(was);
       }
@@ -152,8 +152,8 @@ class Sweep {
       double* acc_K = in.acc_K + (i * in.segments + segment_[l]) * NK;
       if (segment_[l] >= in.given[i])
         lead<Model>(
-            in.funnels[in.which[i]], in.bounds, in.reach[i], in.looks * in.steps * in.options.dt,
-            q_D, v_D, q_K, v_K, acc_K);
+            in.funnels[in.which[i]], in.bounds, in.reach[i],
+            double(in.looks) * in.steps * in.options.dt, q_D, v_D, q_K, v_K, acc_K);
       for (int k = 0; k < NK; ++k) acc[k] = acc_K[k];
     }
     using Space = typename Model::Driven;

@@ -39,7 +39,8 @@ struct VariationalRun {
   // Runs until t_end, for at most `budget` steps.
   Status run(double t_end, long long budget, Record<Model>& out) {
     const double dt = led.opt.dt;
-    while (led.t < t_end - 1e-9 * dt) {
+    const double least = 1e-9 * fmin(dt, t_end - origin);
+    while (led.t < t_end - least) {
       if (budget-- <= 0 || !out.room_for(2, 2 * (M + S) + 1)) return RUNNING;
       if (n_steps >= led.opt.max_steps) return TOO_MANY_STEPS;
       double next = origin + double(n_here + 1) * dt;

@@ -1,0 +1,154 @@
+"""Numbers that a run is given are bounded: by the integers of the compiled code, by memory."""
+
+from __future__ import annotations
+
+import ctypes
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini import Status
+from fantoccini.runtime import memory
+from fantoccini.runtime.functions import Numbers, whole
+
+ARM = fan.puppets.arm2d()
+X0 = ARM.rest()
+
+
+@pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
+@pytest.mark.parametrize("x0", [X0, [X0, X0]], ids=["one", "many"])
+@pytest.mark.parametrize("every", [0, -1, 2.5, np.nan, 2**31, 2**32, 2**33 + 5, 2**70])
+def test_rows_are_saved_as_often_as_can_be_counted(method, x0, every):
+    """23: an interval that does not fit its integer is refused; 2^32 was 0 and killed Python."""
+    with pytest.raises(ValueError, match=r"save_every is .* a whole number from 1 to 2147483647"):
+        fan.simulate(ARM, x0, t_end=0.01, method=method, save_every=every)
+    run = fan.simulate(ARM, x0, t_end=0.01, method=method, save_every=np.int64(2**31 - 1))
+    assert run.t[-1] == 0.01 and (method == "event" or len(run.t) == 2)
+
+
+def test_integers_that_cross_to_compiled_code_are_checked():
+    """23: arguments and fields of every structure; ctypes by itself wraps them round."""
+
+    class Pair(Numbers, ctypes.Structure):
+        _fields_ = [("short", ctypes.c_int), ("long", ctypes.c_longlong)]
+
+    pair = Pair(2**31 - 1, -(2**63))
+    assert (pair.short, pair.long) == (2**31 - 1, -(2**63))
+    for wrong in ({"short": 2**31}, {"short": -(2**31) - 1}, {"long": 2**63}, {"short": 0.5}):
+        with pytest.raises(ValueError, match=f"{next(iter(wrong))} is "):
+            Pair(**wrong)
+    assert whole("n", 7, least=1) == 7
+    for steps in (0, -1, 2**63, 1e6):
+        with pytest.raises(ValueError, match="max_steps is "):
+            ARM.run_options(max_steps=steps)
+
+
+def test_every_structure_of_the_runtime_is_checked():
+    """23: none of them takes an integer unseen."""
+    import fantoccini.runtime as runtime
+
+    def below(kind):
+        return {kind, *(s for child in kind.__subclasses__() for s in below(child))}
+
+    own = [s for s in below(ctypes.Structure) if s.__module__.startswith(runtime.__name__)]
+    assert len(own) >= 10
+    assert [s.__name__ for s in own if not issubclass(s, Numbers)] == []
+
+
+@pytest.mark.parametrize("method", ["timestepping", "variational"])
+@pytest.mark.parametrize("x0", [X0, [X0] * 8], ids=["one", "many"])
+def test_rows_that_do_not_fit_are_refused_before_anything_is_made(method, x0):
+    """6, 26: 5e11 rows of fixed steps; a batch had made 37 GiB of times first."""
+    with pytest.raises(ValueError, match=r"5e\+11 rows from 0 s .* GB may be taken.*save_every="):
+        fan.simulate(ARM, x0, t_end=1e9, method=method)
+    with pytest.raises(ValueError, match=r"need 0.0.* GB .*max_memory"):
+        fan.simulate(ARM, x0, t_end=1.0, method=method, max_memory=5e3)
+    run = fan.simulate(ARM, x0, t_end=1.0, method=method, max_memory=5e3, save_every=250)
+    assert len(run.t) == 3
+    with pytest.raises(ValueError, match="max_memory is"):
+        fan.simulate(ARM, x0, t_end=1.0, method=method, max_memory=0)
+
+
+@pytest.mark.parametrize("x0", [X0, [X0] * 2000], ids=["one", "many"])
+def test_times_to_save_that_do_not_fit_are_refused(x0):
+    """6: the rows of an event-driven run are known where its times are given."""
+    times = np.linspace(0.0, 1e3, 10**5)
+    with pytest.raises(ValueError, match=r"1e\+05 rows .* fewer times in save_at"):
+        fan.simulate(ARM, x0, t_end=1e3, save_at=times, max_memory=1e7)
+
+
+@pytest.mark.parametrize("integrator", [None, "RK45"])
+def test_a_run_that_writes_too_much_ends_and_keeps_what_it_has(integrator):
+    """6: steps that nobody can count beforehand end with a status, before memory is gone."""
+    x0 = ARM.project(X0.replace(v_D=[3.0, -3.0]))
+    how = {"t_end": 20.0, "integrator": integrator, "rtol": 1e-9, "atol": 1e-9}
+    whole_run = fan.simulate(ARM, x0, max_memory=1e9, **how)
+    run = fan.simulate(ARM, x0, max_memory=3e5, throw=False, **how)
+    assert run.status is Status.TOO_MANY_ROWS
+    assert 100 < len(run) < len(whole_run) // 2
+    assert np.array_equal(run.q_D, whole_run.q_D[: len(run)])
+    with pytest.raises(fan.SimulationError, match=r"after \d+ rows; write fewer with save_at"):
+        fan.simulate(ARM, x0, max_memory=3e5, **how)
+
+
+def test_steps_of_a_batch_are_bounded():
+    """26: max_steps stops fixed steps in lanes too."""
+    from fantoccini.simulate.many import simulate_many
+
+    options = ARM.run_options(max_steps=10, save_steps=False)
+    many = simulate_many(
+        ARM, [X0] * 3, None, 1.0, "timestepping", options, save_at=None, save=None, out=None,
+        threads=1, progress=None,
+    )  # fmt: skip
+    assert many.status.tolist() == [Status.TOO_MANY_STEPS] * 3
+    assert many.reached == pytest.approx([0.02] * 3)
+
+
+def test_memory_is_what_the_machine_the_group_and_the_process_leave(tmp_path):
+    """6: a container's limit counts, less what it uses and cannot give back."""
+    assert 1e6 < memory.allowed() < 1e15
+    group = tmp_path / "memory.max", tmp_path / "memory.current", tmp_path / "memory.stat"
+    for file, text in zip(group, ("1000\n", "700\n", "anon 400\ninactive_file 300\n"), strict=True):
+        file.write_text(text)
+    assert memory._of_group(tmp_path) == 600
+    group[0].write_text("max\n")
+    assert memory._of_group(tmp_path) is None
+
+
+def test_a_run_needs_no_more_memory_than_was_reckoned():
+    """6: the copies that are counted are those that are made."""
+    import tracemalloc
+
+    fan.simulate(ARM, X0, t_end=0.1, method="timestepping")
+    tracemalloc.start()
+    run = fan.simulate(ARM, X0, t_end=20.0, method="timestepping")
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < memory.bytes_of(len(run), ARM.library.sizes["row_width"])
+
+
+@pytest.mark.parametrize("method", ["timestepping", "variational"])
+@pytest.mark.parametrize("x0", [X0, [X0] * 3], ids=["one", "many"])
+def test_a_step_longer_than_the_run_is_one_step(method, x0):
+    """31: dt = 1e300 had been DONE at the start; one below the clock's resolution never went on."""
+    for dt in (0.01, 1.0, 1e300):
+        run = fan.simulate(ARM, x0, t_end=0.01, method=method, dt=dt)
+        assert run.t.tolist() == [0.0, 0.01]
+        assert np.all(run.status == Status.DONE)
+    stepper = ARM.stepper(X0, method, dt=1e300)
+    assert stepper.advance(0.01).t == 0.01
+    with pytest.raises(ValueError, match="the clock of a run from 0 s to 1 s resolves"):
+        fan.simulate(ARM, x0, t_end=1.0, method=method, dt=1e-17)
+    with pytest.raises(ValueError, match="dt is nan; it must be positive"):
+        fan.simulate(ARM, x0, t_end=1.0, method=method, dt=np.nan)
+
+
+def test_threads_and_arrays_of_a_batch_are_checked():
+    """31: threads=-1 was a lack of memory; one array for two results held either."""
+    for threads in (-1, 0, 1.5):
+        with pytest.raises(ValueError, match=r"threads is .* a whole number from 1"):
+            fan.simulate(ARM, [X0] * 2, t_end=0.1, threads=threads)
+    room = np.zeros((2, 2, ARM.coordinates.n_qD))
+    with pytest.raises(ValueError, match=r"out\['v_D'\] and out\['q_D'\] share their memory"):
+        fan.simulate(ARM, [X0] * 2, t_end=0.1, out={"q_D": room, "v_D": room[:]})

@@ -1,0 +1,111 @@
+"""A winch that runs out of string stops its run, and only that run, with a status."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini import Status
+
+METHODS = ("event", "timestepping", "variational")
+
+WINCHES = """
+puppet: winches
+bodies:
+  - {name: bob, joint: {type: translation, axes: [x, y, z]}, mass: 1}
+  - {name: other, joint: {type: translation, axes: [x, y, z], at: [3, 0, 0]}, mass: 1}
+strings:
+  - {name: line, path: [{body: bob}, {world: [0, 0, 1]}], length: driven}
+  - {name: far, path: [{body: other}, {world: [3, 0, 1]}], length: driven}
+pose: {line.length: 0.5, far.length: 0.6}
+"""
+ENDS = np.sqrt(2 * 0.5 / 1.2)
+"""When a length of 0.5 m that shrinks at 1.2 m/s^2 runs out [s]."""
+
+
+@pytest.fixture(scope="module")
+def winches():
+    return fan.loads(WINCHES)
+
+
+def wound_in(marionette, x0, acceleration, parts=2):
+    """Inputs that wind `line` in at a constant acceleration for 2 s, in some pieces."""
+    acc = np.tile([acceleration, 0.0], (parts, 1))
+    return fan.Input.segments(marionette, np.linspace(0, 2, parts + 1), x0.q_K, x0.v_K, acc)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("parts", [1, 2, 16])
+def test_a_winch_that_runs_out_is_a_status(winches, method, parts):
+    """17.8: nothing raises; all rows up to then are there; the string is named."""
+    x0 = winches.rest()
+    inputs = wound_in(winches, x0, -1.2, parts)
+    run = fan.simulate(winches, x0, inputs, method=method, throw=False)
+    assert run.status is Status.LENGTH_NOT_POSITIVE
+    within = {"event": 1e-5, "timestepping": 0.0021, "variational": 1e-5}[method]
+    assert ENDS - within < run.t[-1] < ENDS + 1e-9
+    assert run.q_D[-1][2] == pytest.approx(1.0, abs=0.01)
+    assert np.all(np.isfinite(run.v_D)) and np.max(run.violation.values) < 1e-6
+    if method != "timestepping":
+        assert run.blamed == ("line",)
+    with pytest.raises(fan.SimulationError, match="driven to zero"):
+        fan.simulate(winches, x0, inputs, method=method)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_one_lane_that_runs_out_stops_no_other(winches, method):
+    """17.8: each run of a batch has its own end, also where many inputs begin at the state."""
+    x0 = winches.rest()
+    given = [wound_in(winches, x0, a) for a in (0.0, -1.2, 0.1, -4.8)]
+    many = fan.simulate(winches, x0, given, 1.5, method=method)
+    gone = Status.LENGTH_NOT_POSITIVE
+    assert many.status.tolist() == [Status.DONE, gone, Status.DONE, gone]
+    assert many.reached == pytest.approx([1.5, ENDS, 1.5, ENDS / 2], abs=0.0021)
+    wide = fan.Input.random(winches, n=8, seed=0, t_end=1.5, every=0.5, reach=0.9)
+    ended = fan.simulate(winches, x0, wide, 1.5, method=method).counts()
+    assert ended[gone] >= 1 and ended[Status.DONE] >= 1 and sum(ended.values()) == 8
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_stepper_runs_out(winches, method):
+    """17.8: a feedback loop that winds in for too long gets a status from `advance`."""
+    stepper = winches.stepper(winches.rest(), method)
+    for _ in range(40):
+        x = stepper.advance(0.05, {"line.length": -1.2}, throw=False)
+        if stepper.status is not Status.DONE:
+            break
+    assert stepper.status is Status.LENGTH_NOT_POSITIVE
+    assert x.t == pytest.approx(ENDS, abs=0.0021)
+    with pytest.raises(fan.SimulationError, match="driven to zero"):
+        stepper.advance(0.05)
+
+
+def test_a_length_that_only_dips_runs_out(winches):
+    """17.8: also where it is positive again long before the next step would have looked."""
+    x0 = winches.rest()
+    dip = 0.5 + 1e-4
+    times = np.array([0.0, 1.0, 2.0])
+    acc = np.array([[-2 * dip, 0.0], [6 * dip, 0.0]])
+    inputs = fan.Input.segments(winches, times, x0.q_K, x0.v_K, acc)
+    run = fan.simulate(winches, x0, inputs, throw=False, rtol=1e-3, atol=1e-3)
+    assert run.status is Status.LENGTH_NOT_POSITIVE and run.blamed == ("line",)
+    assert run.t[-1] == pytest.approx(np.sqrt(0.5 / dip), abs=1e-5)
+
+
+@pytest.mark.parametrize("integrator", ["DOP853", "Radau"])
+def test_an_integrator_from_outside_runs_out(winches, integrator):
+    """17.8: SciPy's steps end there too."""
+    x0 = winches.rest()
+    run = fan.simulate(
+        winches, x0, wound_in(winches, x0, -1.2), integrator=integrator, throw=False,
+        rtol=1e-8, atol=1e-8,
+    )  # fmt: skip
+    assert run.status is Status.LENGTH_NOT_POSITIVE
+    assert run.t[-1] == pytest.approx(ENDS, abs=1e-5)
+
+
+def test_a_mistake_in_waypoints_is_still_one(winches):
+    """17.8: a length that somebody writes down is refused where it is written."""
+    with pytest.raises(fan.InputError, match=r"line\.length: .* must stay above 0"):
+        fan.Input.waypoints(winches, {"line.length": [(0, 0.5), (1, 0.0)]})
