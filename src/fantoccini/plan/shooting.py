@@ -266,7 +266,7 @@ class Shooting:
         return bool(np.linalg.norm(self._leaving(way.nodes[:, -1])) <= _STAYS)
 
     def _lacking(self, rows: Rows) -> Array:
-        """(n, n_r) what states lack of the goal and its speeds, and what keeps them from staying."""
+        """(n, n_r) what states lack of the goal and its speeds, and of staying there."""
         goal, numbers = self.problem.goal, self.problem.goal.numbers
         speeds = (
             numbers.speed_weight * (rows.v_D - numbers.v_D),
