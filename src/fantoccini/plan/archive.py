@@ -41,7 +41,7 @@ def save(plan: PlanResult, path: str | Path) -> None:
         "random": search.random_state,
         "late": search.late,
         "refused": search.refused,
-        "polished": search.polished and search.polished.plain,
+        "polished": None if search.polished is None else search.polished.plain,
         "fingerprint": plan.problem.fingerprint,
     }
     arrays = {**plan.tree.arrays, "path": np.array(plan.path), "curve": np.array(plan.curve)}

@@ -50,7 +50,7 @@ class PolishStatus(enum.Enum):
 
 @dataclass(frozen=True)
 class Polish:
-    """What came of polishing a plan. True where the plan ends as near as was asked.
+    """What came of polishing a plan.
 
     Attributes:
         status: whether it helped, and why not.
@@ -78,12 +78,14 @@ class Polish:
         """As plain data."""
         return [self.status.name, self.asked, self.nearest, list(self.broken)]
 
-    def __bool__(self) -> bool:
+    @property
+    def reached(self) -> bool:
+        """Whether the plan ends as near to the goal as was asked."""
         return self.status in (PolishStatus.POLISHED, PolishStatus.NO_BETTER)
 
     def __str__(self) -> str:
         text = f"{self.status.message} (asked: {self.asked:.3g}"
-        if not self and not math.isnan(self.nearest):
+        if not self.reached and not math.isnan(self.nearest):
             text += f"; nearest: {self.nearest:.3g}"
             text += f", at the cost of {' and '.join(self.broken)}" if self.broken else ""
         return text + ")"

@@ -57,7 +57,7 @@ class PlanResult:
         curve: (seconds, motions, time of the plan) of every plan that was the best so far.
         refused: plans that were found and arrive by the time-stepper, but do not hold.
         polished: what came of polishing the plan, and why it did not help; None where it was not
-            asked. True where the plan ends as near to the goal as was asked.
+            asked.
     """
 
     status: PlanStatus

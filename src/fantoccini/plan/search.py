@@ -178,7 +178,7 @@ class Search:
             if self.tree.distance[self.best] <= distance:
                 status = PolishStatus.NO_BETTER
             self.polished = Polish(status, distance, float(self.tree.distance[self.best]))
-            return bool(self.polished)
+            return self.polished.reached
         steps = self.tree.acceleration[path[1:]], self.tree.looks[path[1:]]
         polisher, status = Polisher(self.problem), PolishStatus.INTERRUPTED
         try:
@@ -194,7 +194,7 @@ class Search:
             if found:
                 status = PolishStatus.NOT_HELD if held is None else held
             self.polished = polisher.outcome(status, distance)
-        return bool(self.polished)
+        return self.polished.reached
 
     def _kept(self, found: Segments, distance: float) -> PolishStatus | None:
         """Makes a polished plan the best, if that is not as good; None where it does not hold."""
