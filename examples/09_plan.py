@@ -21,7 +21,7 @@ print(f"better: {better.duration:.2f} s, {better.distance:.1e} from the goal; wi
       f"{again.distance:.1e}, {1e3 * again.clearance:.1f} mm from the boxes")  # fmt: skip
 better.plot(out / "plan_arm.png")
 
-bell = fan.solve(fan.load_problem("marionette_bell"), seed=4, confirm=True)
+bell = fan.solve(fan.load_problem("marionette_bell"), seed=4)
 print(bell)
 bell.plot(out / "plan_bell.png")
 bell.trajectory.save(out / "plan_bell.npz")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+
 import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
@@ -155,6 +157,11 @@ def test_distances_from_goals():
     rest = Goal.pose(ARM, {"elbow": 0.5}, speed_weight=0.0, driven_weight=0.4)
     moving = states[0].replace(v_K=[0.3, 0.0, -0.4])
     assert rest.distance(rows(moving))[0] == pytest.approx(0.3 + 0.4 * 0.5, abs=1e-12)
+    there = states[1].replace(v_K=[0.1, 0.0, 0.0])
+    assert np.any(there.v_D)
+    whole = Goal.of(ARM, there).distance(rows(there, moving.replace(q_D=there.q_D)))
+    lacks = 0.1 * np.linalg.norm(moving.v_D - there.v_D) + np.linalg.norm([0.2, 0.0, -0.4])
+    assert whole == pytest.approx([0.0, lacks], abs=1e-12), "17.4: a state's velocities count"
     tip = Goal.point(ARM, "lower", [0.1, 0.0, -0.5], at=[0, 0, -0.3], to=[0.2, 0.1, -0.4])
     for x, d in zip(states, tip.distance(rows(*states)), strict=True):
         place = ARM.string_points(x.q_D, x.q_K)[0][0]
@@ -187,3 +194,20 @@ def test_a_goal_counts_with_the_parameters_of_the_puppet_that_plans():
     other = fan.loads(text)
     with pytest.raises(fan.StateError, match="another puppet"):
         Goal.of(other, goal)
+
+
+def test_python_hears_signals_while_many_motions_are_made():
+    """17.30: a timer's handler runs again and again during one long sweep."""
+    if not hasattr(signal, "setitimer"):
+        pytest.skip("needs setitimer")
+    asked, heard = problem(segment=10.0, dt=0.002), []
+    push = np.random.default_rng(0).uniform(-0.01, 0.01, (256, 1, 3))
+    before = signal.signal(signal.SIGALRM, lambda *_: heard.append(len(heard)))
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.005, 0.005)
+        asked.motions.where(tolerance=-1.0, free=True).sweep(asked.root, np.zeros(256), push)
+        during = len(heard)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    assert during > 3

@@ -87,20 +87,40 @@ def test_a_plan_replays_to_the_last_bit(among_boxes):
 def test_a_plan_is_simulated_anew(among_boxes):
     same = among_boxes.verify(dt_factor=1.0)
     assert same.arrives and same.gap < 1e-6
-    half = among_boxes.verify(dt_factor=0.5)
     event = among_boxes.verify(method="event", rtol=1e-10, atol=1e-10)
-    assert half.gap < event.gap < 0.3
-    assert event.run.t[-1] == pytest.approx(among_boxes.duration)
-    assert half.distance == pytest.approx(among_boxes.distance, abs=0.15)
+    assert event.arrives and event.run.t[-1] == pytest.approx(among_boxes.duration)
+    end = event.run.q_D[-1]
+    coarse, fine = (among_boxes.verify(dt_factor=f).run.q_D[-1] for f in (1.0, 1.0 / 16.0))
+    assert np.max(np.abs(fine - end)) < np.max(np.abs(coarse - end))
 
 
 def test_the_papers_planner_comes_nearer():
-    found = raised(planner="est-2007", iterations=400)
-    assert found.tried == 400 and not found
-    assert found.status is fan.PlanStatus.APPROXIMATE
-    assert found.distance < 0.9 * float(found.tree.distance[0])
-    uniform = raised(planner=EST2007(bias=0.0), iterations=400)
-    assert found.distance < uniform.distance, "the distance bias helps, as the paper says"
+    biased, uniform = (
+        [
+            raised(seed, planner=EST2007(bias=bias), iterations=400, tolerance=0.01)
+            for seed in range(5)
+        ]
+        for bias in (4.0, 0.0)
+    )
+    for found in biased:
+        assert 400 <= found.tried < 464 and not found
+        assert found.status is fan.PlanStatus.APPROXIMATE
+    nearest, other = (np.median([p.distance for p in plans]) for plans in (biased, uniform))
+    assert nearest < 0.9 * float(biased[0].tree.distance[0])
+    assert nearest < other, "the distance bias helps, as the paper says"
+
+
+def test_the_papers_planner_solves_the_papers_problem():
+    """17.4: the arm of Fig. 4, past two boxes, with what est-2007 does by default.
+
+    In 200,000 motions, that is seconds; with motions of 40 to 200 ms there were none in 400,000.
+    """
+    problem = fan.load_problem("arm3d_boxes")
+    found = [
+        solve(problem, planner="est-2007", seed=seed, time_limit=LIMIT, iterations=200_000)
+        for seed in range(3)
+    ]
+    assert all(found) and all(p.verify(method="event").arrives for p in found)
 
 
 def test_goals_of_other_kinds():
@@ -158,7 +178,7 @@ def test_an_end_of_the_search_returns_the_nearest():
     assert not stopped and stopped.status is fan.PlanStatus.APPROXIMATE
     assert stopped.distance == stopped.tree.distance.min() < stopped.tree.distance[0]
     late = raised(tolerance=1e-9, time_limit=0.2)
-    assert late.status is fan.PlanStatus.TIMEOUT and not late and late.seconds < 5.0
+    assert late.status is fan.PlanStatus.TIMEOUT and not late
 
 
 @pytest.mark.parametrize(
@@ -169,6 +189,9 @@ def test_an_end_of_the_search_returns_the_nearest():
         ({"planner": "rrt"}, ValueError, "explore, est-2007"),
         ({"tolerance": 0.0}, ValueError, "tolerance is 0"),
         ({"speed": -1.0}, fan.StateError, "the speed of hand.x is -1"),
+        ({"speed": 1e7}, fan.StateError, "the speed of hand.x is 1e.*at most 1e.06"),
+        ({"segment": 1e6}, ValueError, "segment is 1000000.0 s; it must be at most 10 s"),
+        ({"dt": 1e-9, "look": 10**6}, ValueError, "takes 5000000 steps"),
         ({"speed": {"hand.z": 1.0}}, fan.UnknownNameError, "hand.z"),
         ({"speed": 0.0}, fan.StateError, "no driven coordinate may move"),
         ({"ranges": {"hand.x": (1.0, 0.0)}}, fan.StateError, "must not be empty"),
@@ -202,7 +225,7 @@ def test_the_event_driven_run_is_looked_at_all_along(among_boxes):
         ARM, HANGING, among_boxes.inputs, t_end=among_boxes.duration, rtol=1e-9, atol=1e-9
     )
     least = np.min(among_boxes.motions.clearance.of(dense))
-    assert event.clearance == pytest.approx(least, abs=5e-3)
+    assert event.arrives and least > -1e-3
 
 
 @pytest.mark.parametrize(("dt", "look"), [(0.001, 13), (0.0037, 3), (0.003, 7)])

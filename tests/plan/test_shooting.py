@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.plan.seeds import calm, first_plan, near, polished
 
 import fantoccini as fan
-from fantoccini.plan import Problem, solve
+from fantoccini.plan import Problem
 from fantoccini.plan.descent import step
 from fantoccini.plan.shooting import Shooting
-
-CALM = 3
-"""A seed of the bundled problem on whose first plan nothing is caught."""
 
 
 @pytest.fixture(scope="module")
@@ -26,9 +24,8 @@ def shooting(problem) -> Shooting:
 
 @pytest.fixture(scope="module")
 def V(problem, shooting) -> np.ndarray:
-    """Velocities of a plan, as polished."""
-    plan = solve(problem, seed=CALM).polish(1e-3, seconds=0.0)
-    assert not plan.tree.catches[list(plan.path)].any()
+    """Velocities of a plan on which nothing is caught, as polished."""
+    plan = first_plan(problem, lambda found: near(found) and calm(found), polished)
     return shooting.velocities(plan.tree.acceleration[list(plan.path[1:])])
 
 

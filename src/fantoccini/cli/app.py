@@ -242,8 +242,11 @@ def plan(
         float, typer.Option(metavar="S", min=0.0, help="Time to make the plan shorter and better.")
     ] = 0.0,
     confirm: Annotated[
-        bool, typer.Option("--confirm", help="Only a plan that arrives by method event counts.")
-    ] = False,
+        bool,
+        typer.Option(
+            "--confirm/--no-confirm", help="Whether only a plan that holds by method event counts."
+        ),
+    ] = True,
     objective: Annotated[
         Objectives | None,
         typer.Option(help="What better plans have less of, in place of the file's."),

@@ -70,7 +70,7 @@ def plan_file(request: Request) -> None:
     if not request.quiet:
         _report(found, checks)
     if not found:
-        say(f"fantoccini: {found.reason or found.status.message}")
+        say(f"fantoccini: {found.message}")
         if request.show and not found.reason:
             show_plan(found, request.quiet)
         raise typer.Exit(FAILED)
@@ -101,8 +101,11 @@ def _report(found: PlanResult, checks: dict[str, Check]) -> None:
             ("motions tried", found.tried),
             ("nodes", len(found.tree)),
             ("search [s]", f"{found.seconds:.3g}"),
+            ("found, but not holding event-driven", found.refused),
         ],
     )
+    if found.polished is not None:
+        write(f"polish: {found.polished}")
     if checks:
         table(
             "Simulated anew",

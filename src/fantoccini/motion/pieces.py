@@ -108,17 +108,22 @@ def constant_acceleration(
     Returns:
         coef (n, n_vK, 6) and base (n, n_qK).
     """
-    n = len(t) - 1
+    n, h = len(t) - 1, np.diff(t)[:, None]
     coef, base = np.zeros((n, table.n_vK, polynomial.N_COEF)), np.zeros((n, table.n_qK))
     base[:], coef[..., 1], coef[..., 2] = q_K, v_K, 0.5 * acc_K
-    follow = np.ndim(q_K) == 1 and np.ndim(v_K) == 1
-    for i in range(n):
-        if i and follow:
+    q_places, v_places = table.places_K
+    if n > 1 and np.ndim(q_K) == 1 and np.ndim(v_K) == 1:
+        gained = np.cumsum((acc_K * h)[:-1], axis=0)
+        coef[1:, v_places, 1] = (v_K + gained)[:, v_places]
+        moved = h * (coef[..., 1] + h * coef[..., 2])
+        base[1:, q_places] = q_K[q_places] + np.cumsum(moved[:-1, v_places], axis=0)
+        # The body velocity at which a rotation ends follows from all of its piece.
+        for i in range(1, n if table.quaternions_K else 0):
             here = slice(i - 1, i)
-            q, v, _ = evaluate(table, coef[here], base[here], t[i : i + 1] - t[i - 1])
-            base[i], coef[i, :, 1] = q[0], v[0]
-        q_places, v_places = table.places_K
-        coef[i, v_places, 0] = base[i, q_places]
+            turned, rate, _ = evaluate(table, coef[here], base[here], h[here, 0])
+            for q, v in table.quaternions_K:
+                base[i, q : q + 4], coef[i, v : v + 3, 1] = turned[0, q : q + 4], rate[0, v : v + 3]
+    coef[:, v_places, 0] = base[:, q_places]
     return coef, base
 
 

@@ -8,6 +8,7 @@ from fantoccini.plan.objective import OBJECTIVES, Objective
 from fantoccini.plan.obstacles import HalfSpace
 from fantoccini.plan.plan import plan, solve
 from fantoccini.plan.planners import EST2007, Explore
+from fantoccini.plan.polish import Polish, PolishStatus
 from fantoccini.plan.problem import Problem
 from fantoccini.plan.problem_file import load_problem, problem_names, problem_schema
 from fantoccini.plan.result import PlanResult, PlanStatus
@@ -28,6 +29,8 @@ __all__ = [
     "Objective",
     "PlanResult",
     "PlanStatus",
+    "Polish",
+    "PolishStatus",
     "Problem",
     "Rows",
     "Search",

@@ -14,6 +14,7 @@ from fantoccini.errors import Problem as Mistake
 from fantoccini.motion.archive import UNREADABLE, replacing
 from fantoccini.plan.objective import Objective
 from fantoccini.plan.planners import Planner
+from fantoccini.plan.polish import Polish
 from fantoccini.plan.problem import Problem
 from fantoccini.plan.search import Search
 from fantoccini.plan.search_tree import SearchTree
@@ -21,7 +22,7 @@ from fantoccini.plan.search_tree import SearchTree
 if TYPE_CHECKING:
     from fantoccini.plan.result import PlanResult
 
-FORMAT = "fantoccini.plan.3"
+FORMAT = "fantoccini.plan.4"
 
 
 def save(plan: PlanResult, path: str | Path) -> None:
@@ -39,6 +40,8 @@ def save(plan: PlanResult, path: str | Path) -> None:
         "seconds": plan.seconds,
         "random": search.random_state,
         "late": search.late,
+        "refused": search.refused,
+        "polished": None if search.polished is None else search.polished.plain,
         "fingerprint": plan.problem.fingerprint,
     }
     arrays = {**plan.tree.arrays, "path": np.array(plan.path), "curve": np.array(plan.curve)}
@@ -84,7 +87,7 @@ def load(path: str | Path, problem: Problem, planner: Planner | None = None) -> 
             raise ValueError("its path is none of its tree")
         search.restore(
             tree, end, int(about["tried"]), float(about["seconds"]), curve, about["random"],
-            bool(about["late"]),
+            bool(about["late"]), int(about["refused"]), Polish.of(about["polished"]),
         )  # fmt: skip
     except FileNotFoundError:
         raise wrong("there is no such file") from None

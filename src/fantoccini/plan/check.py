@@ -7,14 +7,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fantoccini.arrays import Array
 from fantoccini.motion import Input, Trajectory
 from fantoccini.plan.goals import Rows
+from fantoccini.plan.motions import Motions
 from fantoccini.plan.problem import Problem
 from fantoccini.plan.search_tree import SearchTree
 from fantoccini.simulate import simulate
 
 BACKENDS = {"fantoccini": 0.5, "mujoco": 0.25}
 """What plans can be made again in, and the step there by default, as part of the planner's."""
+
+
+_CONFIRMED = 1e-8
+"""Tolerance of the event-driven runs by which plans are confirmed."""
 
 
 @dataclass(frozen=True)
@@ -107,13 +113,45 @@ def checked(
         options["dt"] = motions.dt * dt_factor
     run = run_along(problem, tree, path, backend, **options)
     distance = float(problem.goal.distance(Rows.of(run.state(-1)))[0])
-    clearance = float(np.min(motions.clearance.of(run)))
+    clearance = _least_clearance(motions, run)
     times = problem.start.t + tree.time[path]
-    near = np.array([int(np.argmin(np.abs(run.t - t))) for t in times])
+    near = _nearest(run.t, times)
     gap = float(np.max(np.abs(run.q_D[near] - tree.q_D[path])))
     reached = run.t[-1] >= times[-1] - 1e-9
     arrives = reached and distance <= problem.tolerance and clearance >= 0.0
     return Check(bool(arrives), distance, clearance, gap, run)
+
+
+def holds(problem: Problem, tree: SearchTree, path: Sequence[int]) -> bool:
+    """Whether a plan arrives when its events are located; see :class:`Check`."""
+    options = {"rtol": _CONFIRMED, "atol": _CONFIRMED, "effort": False}
+    return checked(problem, tree, path, method="event", **options).arrives
+
+
+def _least_clearance(motions: Motions, run: Trajectory) -> float:
+    """The least on the way [m]: at every row, and at steps between where it may be below 0.
+
+    That is where the mean of two rows is less than half of what clearance changes from row to row
+    there and in the next ones before and after.
+    """
+    seen = motions.clearance.of(run)
+    least = float(np.min(seen))
+    if motions.clearance.measures_nothing or run.method != "event" or not least >= 0.0:
+        return least
+    change = np.abs(np.diff(seen))
+    around = np.max([change, np.append(change[1:], 0.0), np.append(0.0, change[:-1])], axis=0)
+    near = np.flatnonzero(seen[:-1] + seen[1:] < around)
+    parts = np.arange(1, motions.look) / motions.look
+    times = run.t[near, None] + np.diff(run.t)[near, None] * parts
+    if not times.size:
+        return least
+    return min(least, float(np.min(motions.clearance.of(run.resample(times.ravel())))))
+
+
+def _nearest(t: Array, times: Array) -> Array:
+    """(n,) rows of increasing times t whose time is nearest."""
+    after = np.clip(np.searchsorted(t, times), 1, len(t) - 1)
+    return np.maximum(after - (times - t[after - 1] <= t[after] - times), 0)
 
 
 def _check_mujoco(dt_factor: float, method: str, options: dict) -> None:

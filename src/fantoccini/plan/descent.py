@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -53,10 +54,25 @@ _SLOW = 0.8
 """Part of the merit that may be left three iterations later, before a way is given up."""
 
 
+@dataclass(frozen=True, eq=False)
+class Approach:
+    """What :func:`brought` made of a way.
+
+    Attributes:
+        way: the last one; None where the first could not be made.
+        arrives: whether it is where it is to be.
+        late: whether the time ended before that.
+    """
+
+    way: Ways | None
+    arrives: bool = False
+    late: bool = False
+
+
 def brought(
     shooting: Shooting, V: Array, there: Callable[[Ways], bool], until: float, late: bool
-) -> Ways | None:
-    """A way that is where it is to be; None where none was found near this one.
+) -> Approach:
+    """The way near this one that is where it is to be, or that comes nearest.
 
     Args:
         shooting: makes ways.
@@ -67,18 +83,19 @@ def brought(
             changes bend too much on their way, or are answered by leaps.
     """
     if time.perf_counter() > until:
-        return None
+        return Approach(None, late=True)
     way = shooting.ways(shooting.within(V)[None])
     if not np.isfinite(way.merit[0]):
-        return None
+        return Approach(None)
     trust, merits = _TRUST, []
     for _ in range(_ITERATIONS):
         if there(way):
-            return way
+            return Approach(way, arrives=True)
         merits.append(way.merit[0])
-        slow = len(merits) > 3 and merits[-1] > _SLOW * merits[-4]
-        if slow or time.perf_counter() > until:
+        if len(merits) > 3 and merits[-1] > _SLOW * merits[-4]:
             break
+        if time.perf_counter() > until:
+            return Approach(way, late=True)
         first = max(int(way.calm[0]), len(way) - round(_LATE / shooting.segment)) if late else 0
         slopes = shooting.slopes(way, min(first, len(way) - 1))
         x = step(shooting, way, slopes, trust)
@@ -88,7 +105,7 @@ def brought(
             break
         size = float(np.max(np.abs(better.V - way.V)))
         trust, way = min(_MOST, max(2.0 * size, 0.1 * trust)), better
-    return None
+    return Approach(way)
 
 
 def step(shooting: Shooting, way: Ways, slopes: Slopes, trust: float) -> Array:

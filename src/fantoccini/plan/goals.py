@@ -58,6 +58,9 @@ def all_rows(a: Array) -> Array:
     return a.reshape(math.prod(a.shape[:-1]), a.shape[-1])
 
 
+_DRIVEN = 1.0
+"""Weight of the driven velocities of a goal that is a state [s]."""
+
 Distance = Callable[[Rows], Array]
 """Rows (...) -> distances (...); 0 at the goal."""
 
@@ -69,10 +72,11 @@ Wanted = float | Sequence[float]
 class Goal:
     """A distance that a plan takes below a tolerance.
 
-        d(x) = sum_i w_i |q_i - goal_i| + w_v |v_D| + w_K |v_K|,  or |point - place| + ...
+        d(x) = sum_i w_i |q_i - goal_i| + w_v |v_D - goal| + w_K |v_K - goal|,
+        or |point - place| + ...
 
-    where values and places that may lie in an interval or a box count from its nearest point. Made
-    by :meth:`pose`, :meth:`point` or :meth:`of`.
+    where values and places that may lie in an interval or a box count from its nearest point. The
+    velocities are 0 but where a state was given. Made by :meth:`pose`, :meth:`point` or :meth:`of`.
 
     Attributes:
         marionette: the puppet.
@@ -148,8 +152,10 @@ class Goal:
 
         Args:
             marionette: the puppet.
-            goal: a Goal; a state, whose dynamic configuration is to be reached; names and values
-                (see :meth:`pose`); or a function of :class:`Rows`.
+            goal: a Goal; a state, whose dynamic configuration and velocities are to be reached,
+                those of the driven coordinates too, which weigh 1 s: a state at rest ends with
+                driven velocities of at most the tolerance; names and values (see :meth:`pose`); or
+                a function of :class:`Rows`.
             speed_weight: see :meth:`pose`.
 
         Raises:
@@ -157,6 +163,7 @@ class Goal:
             StateError: a goal that is none of these, or not finite.
         """
         table = marionette.coordinates
+        still = np.zeros(table.n_vD), np.zeros(table.n_vK)
         if isinstance(goal, Goal):
             if goal.marionette.tree is not marionette.tree:
                 raise StateError("the goal is of another puppet")
@@ -164,17 +171,20 @@ class Goal:
         if isinstance(goal, State):
             if (len(goal.q_D), len(goal.q_K)) != (table.n_qD, table.n_qK):
                 raise StateError("the goal is a state of another puppet")
-            if not np.all(np.isfinite(goal.q_D)):
+            if not all(np.all(np.isfinite(a)) for a in (goal.q_D, goal.v_D, goal.q_K, goal.v_K)):
                 raise StateError("the goal is not finite")
             weight = _weights(marionette, dict.fromkeys(_names(table), 1.0))
-            numbers = GoalNumbers(POSE, goal.q_D, goal.q_D, weight, speed_weight=speed_weight)
+            numbers = GoalNumbers(
+                POSE, goal.q_D, goal.q_D, weight, goal.v_D, goal.v_K,
+                speed_weight=speed_weight, driven_weight=_DRIVEN,
+            )  # fmt: skip
             return cls(marionette, ", ".join(_names(table)), numbers, q_K=goal.q_K)
         if isinstance(goal, Mapping):
             return cls.pose(marionette, goal, speed_weight=speed_weight)
         if callable(goal):
             none = np.zeros(table.n_qD), np.zeros(table.n_qD), np.zeros(table.n_vD)
             text = getattr(goal, "__name__", "a function")
-            return cls(marionette, text, GoalNumbers(UNKNOWN, *none), goal)
+            return cls(marionette, text, GoalNumbers(UNKNOWN, *none, *still), goal)
         raise StateError(
             f"the goal is {goal!r}; it must be a state, names and values, a Goal or a function"
         )
@@ -225,6 +235,8 @@ class Goal:
             low,
             high,
             _weights(marionette, weight),
+            np.zeros(marionette.coordinates.n_vD),
+            np.zeros(marionette.coordinates.n_vK),
             speed_weight=_positive(speed_weight),
             driven_weight=_positive(driven_weight),
         )
@@ -266,8 +278,8 @@ class Goal:
             )
         numbers = GoalNumbers(
             POINT, np.zeros(table.n_qD), np.zeros(table.n_qD), np.zeros(table.n_vD),
-            marionette.link(body), offset, target, high, _positive(speed_weight),
-            _positive(driven_weight),
+            np.zeros(table.n_vD), np.zeros(table.n_vK), marionette.link(body), offset, target,
+            high, _positive(speed_weight), _positive(driven_weight),
         )  # fmt: skip
         return cls(marionette, f"{body} at {target.tolist()}", numbers)
 

@@ -21,6 +21,9 @@ _INNER = 0.8
 """Part of the tolerance that a search goes for: its plans arrive in other simulations too."""
 
 
+_FASTEST = 1e6
+"""Largest bound on a speed or an acceleration [m/s or m/s^2; rad/s or rad/s^2]."""
+
 _FASTER = 1.01
 """Part of the speed bounds that free motions keep."""
 
@@ -106,8 +109,10 @@ def _bounds(table: CoordinateTable, given: float | Mapping[str, float], what: st
         given = dict.fromkeys(table.q_K, given)
     found = np.zeros(table.n_qK)
     for k, (name, value) in _placed(table, given, what).items():
-        if not 0.0 <= value < np.inf:
-            raise StateError(f"the {what} of {name} is {value}; it must be finite and at least 0")
+        if not 0.0 <= value <= _FASTEST:
+            raise StateError(
+                f"the {what} of {name} is {value}; it must be at least 0 and at most {_FASTEST:g}"
+            )
         found[k] = value
     return found
 

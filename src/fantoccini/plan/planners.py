@@ -1,7 +1,7 @@
 """What a planner does: which nodes to go on from, with which inputs, and what to keep.
 
-``est-2007`` is the paper's expansive-space tree (Sec. VII): one node at a time, chosen with a
-probability that falls with its distance from the goal, a random input, and the end is kept.
+``est-2007`` is the paper's expansive-space tree (Sec. VII): nodes chosen with a probability that
+falls with their distance from the goal, a random input for each, and the ends are kept.
 
 ``explore`` goes on from many nodes at a time, in lanes on all threads, those where little was tried
 first. A motion goes astray for a while, with random velocities of the driven coordinates, and is
@@ -48,22 +48,25 @@ class EST2007:
     Args:
         bias: power with which the probability of a node falls with its distance from the goal; 0
             chooses uniformly.
-        lasts: how long a motion lasts, in segments of the problem: at least and at most.
+        lasts: how long a motion lasts, in segments of the problem: at least and at most. Motions
+            of less than a segment diffuse: their random inputs cancel one another.
+        batch: nodes that are chosen at once and gone on from side by side, in lanes; 1 is the
+            paper's own order.
     """
 
-    def __init__(self, bias: float = 4.0, lasts: tuple[float, float] = (0.4, 2.0)):
-        self.bias, self.lasts = bias, lasts
+    def __init__(self, bias: float = 4.0, lasts: tuple[float, float] = (1.0, 5.0), batch: int = 64):
+        self.bias, self.lasts, self.batch = bias, lasts, batch
 
     def __call__(self, tree: SearchTree, motions: Motions, rng: np.random.Generator) -> Grown:
         weight = np.maximum(tree.distance, 1e-9) ** -self.bias
-        chosen = _drawn(weight, 1, rng)
+        chosen = _drawn(weight, self.batch, rng)
+        np.add.at(tree.tried, chosen, 1)
         least, most = (max(1, round(part * motions.looks)) for part in self.lasts)
         looks = int(rng.integers(least, most + 1))
-        wanted = motions.bounds.speed * rng.uniform(-1.0, 1.0, (1, tree.v_K.shape[1]))
+        wanted = rng.uniform(-1.0, 1.0, (self.batch, tree.v_K.shape[1])) * motions.bounds.speed
         acceleration = towards(wanted, tree.v_K[chosen], 1, looks * motions.interval, motions)
         made = motions.sweep(tree.rows, chosen, acceleration, looks=looks)
-        tree.tried[chosen] += 1
-        return Grown(1, tree.add_segments(made, chosen, motions.interval))
+        return Grown(made.n_made, tree.add_segments(made, chosen, motions.interval))
 
 
 class Explore:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import enum
 import itertools
 import math
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,8 +30,73 @@ _FEWER = 0.15
 """Part of its segments by which it is shortened then at once, at most."""
 
 
+class PolishStatus(enum.Enum):
+    """What came of polishing a plan."""
+
+    POLISHED = "it ends as near to the goal as was asked"
+    NO_BETTER = "the plan is as it was: nothing that ends so near costs less"
+    NOT_NEAR = "the plan is as it was: no way near it ends so near to the goal within all bounds"
+    TIMEOUT = "the plan is as it was: the time ended before it was brought so near to the goal"
+    NOT_HELD = "the plan is as it was: what was made of it does not hold event-driven"
+    INTERRUPTED = "the plan is as it was: it was interrupted before anything was found"
+    NO_MOTION = "the plan is as it was: it has no motion"
+    UNKNOWN_GOAL = "the plan is as it was: its goal is a function, of which nothing is known"
+
+    @property
+    def message(self) -> str:
+        """In words."""
+        return self.value
+
+
+@dataclass(frozen=True)
+class Polish:
+    """What came of polishing a plan.
+
+    Attributes:
+        status: whether it helped, and why not.
+        asked: the distance from the goal that was near enough.
+        nearest: that of the way that came nearest to it; nan where none could be made.
+        broken: what that one breaks: ``clearance``, ``limits``, ``tension``; ``equilibrium`` where
+            the puppet would not stay.
+    """
+
+    status: PolishStatus
+    asked: float
+    nearest: float = math.nan
+    broken: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, plain: list | None) -> Polish | None:
+        """From what ``plain`` gave."""
+        if plain is None:
+            return None
+        status, asked, nearest, broken = plain
+        return cls(PolishStatus[status], float(asked), float(nearest), tuple(map(str, broken)))
+
+    @property
+    def plain(self) -> list:
+        """As plain data."""
+        return [self.status.name, self.asked, self.nearest, list(self.broken)]
+
+    @property
+    def reached(self) -> bool:
+        """Whether the plan ends as near to the goal as was asked."""
+        return self.status in (PolishStatus.POLISHED, PolishStatus.NO_BETTER)
+
+    def __str__(self) -> str:
+        text = f"{self.status.message} (asked: {self.asked:.3g}"
+        if not self.reached and not math.isnan(self.nearest):
+            text += f"; nearest: {self.nearest:.3g}"
+            text += f", at the cost of {' and '.join(self.broken)}" if self.broken else ""
+        return text + ")"
+
+
 class Polisher:
     """Makes plans of a problem shorter, and ends them at the goal.
+
+    Attributes:
+        nearest: the way with the least merit that does not end at the goal; None without any.
+        late: whether the time ended before a plan was brought to the goal.
 
     Args:
         problem: what was planned.
@@ -43,6 +110,8 @@ class Polisher:
             raise ValueError("a plan to a goal that is a function cannot be polished")
         self._problem, self._shooting = problem, Shooting(problem)
         self._strict = problem.motions.where(tolerance=-1.0)
+        self.nearest: Ways | None = None
+        self.late = False
 
     def __call__(
         self,
@@ -73,11 +142,13 @@ class Polisher:
             ((self._shooting.led(V, round(s / self._shooting.segment)), True) for s in _LONGER),
         )
         early = itertools.takewhile(lambda _: time.perf_counter() < end, tries)
+        self.nearest, self.late = None, True
         found = (
             self._brought(one, distance, end if late else self._soon(limit), late)
             for one, late in early
         )
         best = next((way for way in found if way is not None), None)
+        self.late = time.perf_counter() >= end
         if best is None:
             return
         yield self._made(best)
@@ -100,7 +171,23 @@ class Polisher:
         self, V: Array, distance: float, until: float, late: bool = False
     ) -> Ways | None:
         """A way near velocities (m, n_vK) that ends at the goal with nothing in its way."""
-        return brought(self._shooting, V, lambda way: self._there(way, distance), until, late)
+        made = brought(self._shooting, V, lambda way: self._there(way, distance), until, late)
+        if made.arrives:
+            return made.way
+        if made.way is not None and not (
+            self.nearest is not None and self.nearest.merit[0] <= made.way.merit[0]
+        ):
+            self.nearest = made.way
+        return None
+
+    def outcome(self, status: PolishStatus, asked: float) -> Polish:
+        """What came of it, with how near the last plan's ways came."""
+        if self.nearest is None:
+            return Polish(status, asked)
+        broken = self._shooting.broken(self.nearest)
+        if not self._shooting.stays(self.nearest):
+            broken += ("equilibrium",)
+        return Polish(status, asked, float(self.nearest.distance[0]), broken)
 
     def _there(self, way: Ways, distance: float) -> bool:
         """Whether a way ends at the goal, within all bounds."""

@@ -32,6 +32,12 @@ LOOK = 5
 _SEGMENT = 5
 """Looks of a segment, by default."""
 
+_LONGEST = 10.0
+"""Duration of a segment, at most [s]."""
+
+_STEPS = 10_000
+"""Steps of a segment, at most."""
+
 _TRIAL = 20
 """Segments after which laws are compared."""
 
@@ -76,8 +82,8 @@ class Problem:
         threads: that share the work; all processors by default.
         dt: step of the time-stepper [s].
         look: steps from one look for collisions and the goal to the next.
-        segment: for which accelerations hold [s], a whole number of looks; five of them, 0.1 s, by
-            default. Motions of ``"est-2007"`` last 0.4 to 2 times as long.
+        segment: for which accelerations hold [s], a whole number of looks and at most 10 s; five
+            looks, 0.1 s, by default. Motions of ``"est-2007"`` last 1 to 5 times as long.
         objective: what better plans have less of: ``"time"``; ``"gentle"``, strings and limits that
             are caught, and time; ``"effort"``, accelerations of the driven coordinates, and time;
             or an :class:`Objective`.
@@ -120,6 +126,11 @@ class Problem:
             if number < 1:
                 raise ValueError(f"{what} is {number}; it must be at least 1")
         looks = _SEGMENT if segment is None else whole_looks(segment, dt * look)
+        if looks * look > _STEPS:
+            raise ValueError(
+                f"a segment of {looks * look * dt:g} s takes {looks * look} steps of {dt:g} s; it "
+                f"must be at most {_STEPS}"
+            )
         self.objective = Objective.of(objective)
         marionette.check_start(start)
         if not len(start.slip):
@@ -159,9 +170,9 @@ class Problem:
         solids, digest = motions.clearance.solids, hashlib.sha256()
         for a in (
             *self.root.parts.values(), self.marionette.p, self.marionette.winches,
-            numbers.low, numbers.high, numbers.weight, numbers.at, numbers.place,
-            numbers.place_high, bounds.speed, bounds.acceleration, bounds.low, bounds.high,
-            solids.moving, solids.standing, solids.pairs, solids.string_radius,
+            numbers.low, numbers.high, numbers.weight, numbers.v_D, numbers.v_K, numbers.at,
+            numbers.place, numbers.place_high, bounds.speed, bounds.acceleration, bounds.low,
+            bounds.high, solids.moving, solids.standing, solids.pairs, solids.string_radius,
         ):  # fmt: skip
             digest.update(np.ascontiguousarray(a).tobytes())
         plain = (
@@ -222,8 +233,10 @@ def whole_looks(segment: float, interval: float = DT * LOOK) -> int:
     """The looks of a segment, both in seconds.
 
     Raises:
-        ValueError: it is none, or not a whole number of them.
+        ValueError: it is none, longer than 10 s, or not a whole number of them.
     """
+    if _LONGEST < segment < np.inf:
+        raise ValueError(f"segment is {segment} s; it must be at most {_LONGEST:g} s")
     looks = round(segment / interval) if 0.0 < segment < np.inf else 0
     if looks < 1 or abs(segment - looks * interval) > 1e-9 * segment:
         raise ValueError(

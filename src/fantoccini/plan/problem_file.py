@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, WithJsonSchema
+from pydantic import AfterValidator, Field, WithJsonSchema
 
 from fantoccini import puppets
 from fantoccini.errors import FantocciniError, FileError, nearest
@@ -18,12 +18,30 @@ from fantoccini.plan.motions import Bounds
 from fantoccini.plan.obstacles import Standing
 from fantoccini.plan.problem import Problem, whole_looks
 from fantoccini.puppet.located import Located, read_file, shown, validate
-from fantoccini.puppet.values import Angle, Model, Name, Positive, Real, Vector
+from fantoccini.puppet.values import Angle, Model, Name, Positive, Real, Vector, mistake
 
 _FOLDER = Path(__file__).parent / "problems"
 
+_LARGEST = 1e6
+"""Size of a number of a problem: metres, radians, seconds and their like."""
+
+
+def _sized(given: Any) -> Any:
+    """Refuses numbers, alone or several, that no puppet's problem has."""
+    numbers = given if isinstance(given, tuple) else (given,)
+    for number in numbers:
+        if isinstance(number, float) and abs(number) > _LARGEST:
+            raise mistake(f"found {number:g}; needed: a size of at most {_LARGEST:g}")
+    return given
+
+
+Sized = Annotated[Real, AfterValidator(_sized)]
+Size = Annotated[Positive, AfterValidator(_sized)]
+Place = Annotated[Vector, AfterValidator(_sized)]
 Value = Annotated[
-    Angle | tuple[Angle, ...], WithJsonSchema({"type": ["number", "string", "array"]})
+    Angle | tuple[Angle, ...],
+    AfterValidator(_sized),
+    WithJsonSchema({"type": ["number", "string", "array"]}),
 ]
 """A number, an angle, an interval, a rotation."""
 
@@ -33,11 +51,11 @@ class PointGoal(Model):
 
     body: str
     """The body's name."""
-    at: Vector = (0.0, 0.0, 0.0)
+    at: Place = (0.0, 0.0, 0.0)
     """The point in the body's frame [m]."""
-    place: Vector
+    place: Place
     """Where it is to be [m]; with `to`, the lowest corner of a box."""
-    to: Vector | None = None
+    to: Place | None = None
     """The highest corner [m]."""
 
 
@@ -46,13 +64,13 @@ class GoalFile(Model):
 
     pose: dict[str, Value] | None = None
     """Dynamic coordinate -> value, or [low, high]; a rotation as a vector or a quaternion."""
-    weights: dict[str, Positive] = Field(default_factory=dict)
+    weights: dict[str, Size] = Field(default_factory=dict)
     """Coordinate of the pose -> weight; 1 by default."""
     point: PointGoal | None = None
     """A point of a body."""
-    speed_weight: Real | None = None
+    speed_weight: Sized | None = None
     """Weight of the size of all dynamic velocities [s]; 0.1 for a pose, 0 for a point."""
-    driven_weight: Real = 0.0
+    driven_weight: Sized = 0.0
     """Weight of the size of all driven velocities [s]: greater than 0 where they end at rest."""
 
 
@@ -67,19 +85,19 @@ class ProblemFile(Model):
     """Coordinate -> value: the puppet hangs at rest with the driven ones there."""
     goal: GoalFile
     """Where it is to be."""
-    tolerance: Positive = 0.1
+    tolerance: Size = 0.1
     """Of the goal's distance."""
     speed: Real | dict[str, Real] = 0.5
     """Largest of the driven coordinates, of all or by name; others hold still [m/s or rad/s]."""
     acceleration: Real | dict[str, Real] = 2.0
     """Largest of the driven coordinates, of all or by name [m/s^2 or rad/s^2]."""
     segment: Positive | None = None
-    """For which accelerations hold; a multiple of 0.02 s, 0.1 s by default [s]."""
+    """For which accelerations hold; a multiple of 0.02 s up to 10 s, 0.1 s by default [s]."""
     objective: Literal["gentle", "time", "effort"] = "gentle"
     """What better plans have less of: catches and time, time, or accelerations and time."""
-    ranges: dict[str, tuple[Real, Real]] = Field(default_factory=dict)
+    ranges: dict[str, tuple[Sized, Sized]] = Field(default_factory=dict)
     """Driven coordinate -> [low, high]."""
-    margin: Real = 0.0
+    margin: Sized = 0.0
     """Least clearance [m]."""
     slack: bool = True
     """Whether strings that pull may go slack on the way."""

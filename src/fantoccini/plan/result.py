@@ -14,11 +14,12 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.motion import Input, State, Trajectory
 from fantoccini.plan import archive
-from fantoccini.plan.check import Check, checked, inputs_along, run_along
+from fantoccini.plan.check import Check, checked, holds, inputs_along, run_along
 from fantoccini.plan.feedback import Feedback
 from fantoccini.plan.goals import Goal
 from fantoccini.plan.motions import Motions
 from fantoccini.plan.planners import Planner
+from fantoccini.plan.polish import Polish
 from fantoccini.plan.problem import Problem
 from fantoccini.plan.search import Search
 from fantoccini.plan.search_tree import SearchTree
@@ -28,7 +29,8 @@ from fantoccini.runtime import POINT
 class PlanStatus(enum.Enum):
     """How a search ended."""
 
-    EXACT = "the plan ends within the tolerance"
+    EXACT = "the plan ends within the tolerance and touches nothing, event-driven too"
+    UNCONFIRMED = "the plan ends within the tolerance by time-stepping; it was not confirmed"
     APPROXIMATE = "the search ended before it came within the tolerance; this is the nearest"
     TIMEOUT = "the time ended before the search came within the tolerance; this is the nearest"
     INFEASIBLE_START = "the start is in collision or outside of the bounds"
@@ -42,7 +44,7 @@ class PlanStatus(enum.Enum):
 
 @dataclass(frozen=True, eq=False)
 class PlanResult:
-    """A plan, and the tree it was found in. True where the plan is exact.
+    """A plan, and the tree it was found in. True where the plan :attr:`holds`.
 
     Attributes:
         status: how the search ended.
@@ -53,6 +55,9 @@ class PlanResult:
         tried: motions that were tried.
         seconds: that the search took [s].
         curve: (seconds, motions, time of the plan) of every plan that was the best so far.
+        refused: plans that were found and arrive by the time-stepper, but do not hold.
+        polished: what came of polishing the plan, and why it did not help; None where it was not
+            asked.
     """
 
     status: PlanStatus
@@ -63,6 +68,8 @@ class PlanResult:
     tried: int
     seconds: float
     curve: tuple[tuple[float, int, float], ...]
+    refused: int
+    polished: Polish | None
 
     @classmethod
     def of(cls, search: Search) -> PlanResult:
@@ -74,10 +81,15 @@ class PlanResult:
         elif problem.out_of_reach:
             status = PlanStatus.INFEASIBLE_GOAL
         elif tree.distance[search.best] <= problem.tolerance:
-            status = PlanStatus.EXACT
+            # The start alone has nothing to confirm.
+            sure = search.confirm or search.best == 0
+            status = PlanStatus.EXACT if sure else PlanStatus.UNCONFIRMED
         path = tuple(tree.path(search.best))
         curve = tuple(search.curve)
-        return cls(status, problem, path, tree, search, search.tried, search.seconds, curve)
+        return cls(
+            status, problem, path, tree, search, search.tried, search.seconds, curve,
+            search.refused, search.polished,
+        )  # fmt: skip
 
     def save(self, path: str | Path) -> None:
         """Writes the plan with its tree as npz; the file appears whole or not at all."""
@@ -116,15 +128,38 @@ class PlanResult:
             go_on(seconds, iterations)
         return PlanResult.of(self.search)
 
-    def __bool__(self) -> bool:
+    @cached_property
+    def holds(self) -> bool:
+        """Whether it ends within the tolerance and touches nothing when its events are located.
+
+        A search that confirms its plans knows; of others the first question makes the plan again.
+        """
+        if self.status is PlanStatus.UNCONFIRMED:
+            return holds(self.problem, self.tree, self.path)
         return self.status is PlanStatus.EXACT
+
+    def __bool__(self) -> bool:
+        return self.holds
 
     def __repr__(self) -> str:
         found = (
             f"{self.duration:.2f} s in {len(self.path) - 1} motions, {self.distance:.3g} from the "
-            f"goal; {self.tried} tried, {len(self.tree)} nodes, {self.seconds:.3g} s"
+            f"goal; {self.tried} tried, {len(self.tree)} nodes, {self.seconds:.3g} s{self._notes}"
         )
         return f"<PlanResult {self.status.name}: {self.reason or found}>"
+
+    @property
+    def message(self) -> str:
+        """How the search ended, how many plans did not hold, and what came of polishing."""
+        text = self.reason or self.status.message
+        if self.status is PlanStatus.UNCONFIRMED and not self:
+            text += ", and does not hold event-driven"
+        return text + self._notes
+
+    @property
+    def _notes(self) -> str:
+        text = f"; {self.refused} refused that do not hold event-driven" if self.refused else ""
+        return text + (f"; polish: {self.polished}" if self.polished is not None else "")
 
     def polish(self, distance: float = 1e-3, seconds: float = 0.5) -> PlanResult:
         """The plan, ended nearer to the goal, and made shorter where it can be.
@@ -136,14 +171,14 @@ class PlanResult:
             seconds: how long to make it shorter, once it is there.
 
         Returns:
-            The plan as it is where none comes so near.
+            The plan as it is where none comes so near; ``polished`` says why.
 
         Raises:
             ValueError: there is no plan, its goal is a function, or a number out of range.
         """
         _check(seconds)
         if not self:
-            raise ValueError(f"there is no plan to polish: {self.status.message}")
+            raise ValueError(f"there is no plan to polish: {self.message}")
         with contextlib.suppress(KeyboardInterrupt):
             self.search.polish(distance, seconds)
         return PlanResult.of(self.search)

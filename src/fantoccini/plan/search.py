@@ -8,19 +8,16 @@ from collections.abc import Callable
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.plan.check import checked
+from fantoccini.plan.check import holds
 from fantoccini.plan.objective import Objective
 from fantoccini.plan.planners import EST2007, Explore, Planner
-from fantoccini.plan.polish import Polisher
+from fantoccini.plan.polish import Polish, Polisher, PolishStatus
 from fantoccini.plan.problem import Problem
 from fantoccini.plan.search_tree import SearchTree
 from fantoccini.runtime import Segments
 
 PLANNERS: dict[str, type] = {"explore": Explore, "est-2007": EST2007}
 """Planners by name."""
-
-_CONFIRMED = 1e-8
-"""Tolerance of the event-driven runs by which plans are confirmed."""
 
 _LARGEST = 20_000
 """Nodes of a tree that looks for a better plan, before another takes its place."""
@@ -42,6 +39,8 @@ class Search:
         problem: what is planned.
         planner_name: empty where the planner has none.
         confirm, objective: see below.
+        refused: plans that arrive by the time-stepper, but do not hold event-driven.
+        polished: what came of polishing the best plan; None where that was not asked.
         tree: the one that holds the best plan; the only one as long as there is none.
         best: the node where that ends: the nearest to the goal as long as none is there.
         tried: motions that were tried.
@@ -54,7 +53,8 @@ class Search:
         problem: what is planned.
         planner: a name of ``PLANNERS``, or one round of a planner.
         seed: of all random choices.
-        confirm: whether a plan counts only if it arrives by the event-driven method too.
+        confirm: whether a plan counts only if it arrives by the event-driven method too; the search
+            goes on where it does not.
         objective: what plans are to have little of; the problem's by default.
 
     Raises:
@@ -66,7 +66,7 @@ class Search:
         problem: Problem,
         planner: str | Planner = "explore",
         seed: int = 0,
-        confirm: bool = False,
+        confirm: bool = True,
         objective: str | Objective | None = None,
     ):
         self.planner_name = planner if isinstance(planner, str) else ""
@@ -78,7 +78,8 @@ class Search:
         self.problem, self.planner, self.confirm = problem, planner, confirm
         self.objective = problem.objective if objective is None else Objective.of(objective)
         self.tree, self.best, self.tried, self.seconds = self._fresh(np.inf), 0, 0, 0.0
-        self.late = False
+        self.late, self.refused = False, 0
+        self.polished: Polish | None = None
         self.curve: list[tuple[float, int, float]] = []
         self._rng = np.random.default_rng(seed)
         self._growing = self.tree
@@ -104,10 +105,13 @@ class Search:
         curve: Array,
         random_state: dict,
         late: bool,
+        refused: int,
+        polished: Polish | None,
     ) -> None:
         """Takes up a search where it was left, but for a tree in which no plan was found yet."""
         self.tree, self._growing, self.best, self.late = tree, tree, best, late
-        self.tried, self.seconds = tried, seconds
+        self.tried, self.seconds, self.refused = tried, seconds, refused
+        self.polished = polished
         self.curve = [(float(s), int(n), float(t)) for s, n, t in curve.reshape(-1, 3)]
         self._rng.bit_generator.state = random_state
 
@@ -128,19 +132,26 @@ class Search:
         """
         until = time.perf_counter() + seconds
         self.better(_GROWN * seconds)
-        if self.problem.goal.function is not None or self.best == 0:
+        if self.problem.goal.function is not None:
+            self.polished = Polish(PolishStatus.UNKNOWN_GOAL, distance)
+            return
+        if self.best == 0:
+            self.polish(distance, 0.0)
             return
         polished = tried = None
+        self.polished = Polish(PolishStatus.TIMEOUT, distance)
         try:
             while (left := until - time.perf_counter()) > 0.0:
                 if (self.tree, self.best) != tried and self.polish(distance, left, left):
-                    polished = self.tree, self.best
+                    polished = self.tree, self.best, self.polished
                 tried = self.tree, self.best
                 # Another plan that costs less may be brought to the goal too.
                 self.better(min(until - time.perf_counter(), _AGAIN * seconds))
         finally:
-            if polished is not None and (self.tree, self.best) != polished:
-                self._adopt(*polished)
+            if polished is not None and (self.tree, self.best) != polished[:2]:
+                self._adopt(*polished[:2])
+            if polished is not None:
+                self.polished = polished[2]
 
     def polish(self, distance: float, seconds: float, limit: float = np.inf) -> bool:
         """Brings the end of the best plan nearer to the goal, and makes it shorter.
@@ -161,32 +172,40 @@ class Search:
         if not distance > 0.0:
             raise ValueError(f"distance is {distance}; it must be greater than 0")
         began, distance = time.perf_counter(), min(distance, self.problem.motions.inner)
-        path, found = self.tree.path(self.best), None
+        path, found = self.tree.path(self.best), []
         if len(path) == 1:
-            return bool(self.tree.distance[self.best] <= distance)
+            status = PolishStatus.NO_MOTION
+            if self.tree.distance[self.best] <= distance:
+                status = PolishStatus.NO_BETTER
+            self.polished = Polish(status, distance, float(self.tree.distance[self.best]))
+            return self.polished.reached
         steps = self.tree.acceleration[path[1:]], self.tree.looks[path[1:]]
-        shorter, there = not self.objective.effort, False
+        polisher, status = Polisher(self.problem), PolishStatus.INTERRUPTED
         try:
-            ways = Polisher(self.problem)(*steps, distance, seconds, limit, shorter=shorter)
-            for shortest in ways:
-                found = shortest
+            shorter = not self.objective.effort
+            for shortest in polisher(*steps, distance, seconds, limit, shorter=shorter):
+                found.append(shortest)
+            status = PolishStatus.TIMEOUT if polisher.late else PolishStatus.NOT_NEAR
         finally:
-            # What was found when Ctrl-C came is kept.
+            # What was found when Ctrl-C came is kept: the shortest plan that holds.
             self.seconds += time.perf_counter() - began
-            if found is not None:
-                there = self._keep(found, distance)
-        return there
+            kept = (self._kept(one, distance) for one in reversed(found))
+            held = next((one for one in kept if one is not None), None)
+            if found:
+                status = PolishStatus.NOT_HELD if held is None else held
+            self.polished = polisher.outcome(status, distance)
+        return self.polished.reached
 
-    def _keep(self, found: Segments, distance: float) -> bool:
-        """Whether a polished plan holds; it is the best then, unless that is as good already."""
+    def _kept(self, found: Segments, distance: float) -> PolishStatus | None:
+        """Makes a polished plan the best, if that is not as good; None where it does not hold."""
         tree, interval = self.tree, self.problem.motions.interval
         made = tree.add_segments(found, np.zeros(1, dtype=int), interval)[-1]
-        if self.confirm and not self._arrives(tree, made):
-            tree.distance[made] = np.inf
-            return False
+        if not self._confirmed(tree, made):
+            return None
         if tree.distance[self.best] > distance or tree.cost[made] < tree.cost[self.best]:
             self._adopt(tree, made)
-        return True
+            return PolishStatus.POLISHED
+        return PolishStatus.NO_BETTER
 
     def _adopt(self, tree: SearchTree, node: int) -> None:
         """Makes a node the end of the best plan."""
@@ -219,22 +238,26 @@ class Search:
         if not len(grown.nodes):
             return
         found = _best(tree, grown.nodes, motions.inner)
+        there = tree.distance[found] <= motions.inner and tree.cost[found] <= tree.bound
+        nearer = not self.arrived and tree.distance[found] < self.tree.distance[self.best]
+        if not (there or nearer):
+            return
         # A plan at the edge of the tolerance is one too, where the search ends with it.
-        near = tree.distance[found] <= self.problem.tolerance
-        if near and self.confirm and not self._arrives(tree, found):
-            tree.distance[found] = np.inf  # it counts as one that is nowhere
-        if tree.distance[found] <= motions.inner and tree.cost[found] <= tree.bound:
-            self.seconds = time.perf_counter() - before
+        if tree.distance[found] <= self.problem.tolerance and not self._confirmed(tree, found):
+            return
+        if there:
+            self.seconds, self.polished = time.perf_counter() - before, None
             self._adopt(tree, found)
-        elif not self.arrived and tree.distance[found] < self.tree.distance[self.best]:
+        else:
             self.best = found
 
-    def _arrives(self, tree: SearchTree, node: int) -> bool:
-        """Whether the plan to a node arrives when its events are located."""
-        path = tree.path(node)
-        return checked(
-            self.problem, tree, path, method="event", rtol=_CONFIRMED, atol=_CONFIRMED
-        ).arrives
+    def _confirmed(self, tree: SearchTree, node: int) -> bool:
+        """Whether the plan to a node counts; one that does not is nowhere."""
+        if not self.confirm or holds(self.problem, tree, tree.path(node)):
+            return True
+        tree.distance[node] = np.inf
+        self.refused += 1
+        return False
 
     def _fresh(self, bound: float) -> SearchTree:
         problem = self.problem

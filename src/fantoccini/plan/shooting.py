@@ -38,6 +38,9 @@ _TENSION = 0.3
 _NEAR = 0.05
 """Constraints that have more to spare are left out."""
 
+_BROKEN = 1e-6
+"""By which a constraint is missed that is told as broken [m, rad or part of the weight]."""
+
 _STAYS = 0.005
 """How far inputs may be from where the puppet hangs at the goal [m]."""
 
@@ -134,10 +137,11 @@ class Shooting:
             tension = self._forces(root, still)[1][0]
             wires = [s.wire for s in problem.marionette.tree.strings]
             self._pulls = np.flatnonzero((tension > _SOME) & ~np.array(wires, dtype=bool))
-        wished = self._all(motions.margin + _CLEAR, _LIMIT, _TENSION * _PULL)
+        wished = self._kinds(motions.margin + _CLEAR, _LIMIT, _TENSION * _PULL)
+        self._allowed = self._kinds(motions.margin, 0.0, 0.0)
         # What the start itself lacks cannot be wished for, only what must be.
         lacking = self._measured(root, still)[0] < wished
-        self._wished = np.where(lacking, self._all(motions.margin, 0.0, 0.0), wished)
+        self._wished = np.where(lacking, self._allowed, wished)
 
     @property
     def segment(self) -> float:
@@ -251,14 +255,23 @@ class Shooting:
         made[first:] = np.stack([np.interp(ends, at, one) for one in np.eye(n_b)], axis=1)
         return made
 
+    def broken(self, way: Ways) -> tuple[str, ...]:
+        """What a way breaks, of ``clearance``, ``limits`` and ``tension``."""
+        kinds = self._kinds("clearance", "limits", "tension")
+        worst = np.min(way.spare[0] + self._wished - self._allowed, axis=0)
+        return tuple(dict.fromkeys(kinds[worst < -_BROKEN].tolist()))
+
     def stays(self, way: Ways) -> bool:
         """Whether the puppet stays at the end of a way, where inputs are to end at rest."""
         return bool(np.linalg.norm(self._leaving(way.nodes[:, -1])) <= _STAYS)
 
     def _lacking(self, rows: Rows) -> Array:
-        """(n, n_r) what states lack of the goal, their speeds, and what keeps them from staying."""
+        """(n, n_r) what states lack of the goal and its speeds, and of staying there."""
         goal, numbers = self.problem.goal, self.problem.goal.numbers
-        speeds = numbers.speed_weight * rows.v_D, numbers.driven_weight * rows.v_K
+        speeds = (
+            numbers.speed_weight * (rows.v_D - numbers.v_D),
+            numbers.driven_weight * (rows.v_K - numbers.v_K),
+        )
         return np.concatenate([goal.residuals(rows), *speeds, self._leaving(rows)], axis=1)
 
     def _leaving(self, rows: Rows) -> Array:
@@ -278,8 +291,8 @@ class Shooting:
             parts.insert(0, clear[:, None])
         return np.concatenate(parts, axis=1)
 
-    def _all(self, clear: float, limit: float, tension: float) -> Array:
-        """(n_c,) a number for every constraint."""
+    def _kinds(self, clear: object, limit: object, tension: object) -> Array:
+        """(n_c,) a number or name for every constraint, by its kind."""
         nothing = self.problem.motions.clearance.measures_nothing
         n_limits = len(self.problem.marionette.tree.limits)
         counts = [0 if nothing else 1, n_limits, len(self._pulls)]

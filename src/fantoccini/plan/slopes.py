@@ -116,7 +116,10 @@ def _free(marionette: Marionette, options: RunOptions, looks: int) -> Terms:
     """Motions that nothing ends."""
     table = marionette.coordinates
     fast, far = np.full(table.n_vK, np.inf), np.full(table.n_qK, np.inf)
-    nowhere = GoalNumbers(POSE, np.zeros(table.n_qD), np.zeros(table.n_qD), np.zeros(table.n_vD))
+    none_D, none_K = np.zeros(table.n_vD), np.zeros(table.n_vK)
+    nowhere = GoalNumbers(
+        POSE, np.zeros(table.n_qD), np.zeros(table.n_qD), none_D, none_D, none_K
+    )
     return Terms(
         options=options,
         looks=looks,

@@ -32,6 +32,8 @@ class _GoalArrays(Numbers, ctypes.Structure):
         ("low", ctypes.c_void_p),
         ("high", ctypes.c_void_p),
         ("weight", ctypes.c_void_p),
+        ("v_D", ctypes.c_void_p),
+        ("v_K", ctypes.c_void_p),
         ("at", ctypes.c_double * 3),
         ("place", ctypes.c_double * 3),
         ("place_high", ctypes.c_double * 3),
@@ -94,16 +96,19 @@ class GoalNumbers:
         kind: ``UNKNOWN``, ``POSE`` or ``POINT``.
         low, high: (n_qD,) of a pose.
         weight: (n_vD,) of its coordinates.
+        v_D, v_K: (n_vD,), (n_vK,) wanted velocities.
         link: of a point.
         at: (3,) in the link's frame [m].
         place, place_high: (3,) corners of the box it is to be in [m].
-        speed_weight, driven_weight: of |v_D| and of |v_K| [s].
+        speed_weight, driven_weight: of what v_D and v_K lack of them [s].
     """
 
     kind: int
     low: Array
     high: Array
     weight: Array
+    v_D: Array
+    v_K: Array
     link: int = 0
     at: Array = field(default_factory=lambda: np.zeros(3))
     place: Array = field(default_factory=lambda: np.zeros(3))
@@ -114,7 +119,8 @@ class GoalNumbers:
     def structure(self, tolerance: float, kept: list[Array]) -> _GoalArrays:
         """As the library takes it; ``kept`` must live as long as that."""
         return _GoalArrays(
-            self.kind, self.link, *(_held(a, kept) for a in (self.low, self.high, self.weight)),
+            self.kind, self.link,
+            *(_held(a, kept) for a in (self.low, self.high, self.weight, self.v_D, self.v_K)),
             *((ctypes.c_double * 3)(*a) for a in (self.at, self.place, self.place_high)),
             self.speed_weight, self.driven_weight, tolerance,
         )  # fmt: skip
@@ -359,10 +365,14 @@ class Sweeper:
 
         others: list[Future[int]] = []
         needed = -(-arrays.n // _BUNDLE) - 1
+        # Python hears signals only where it is not in the library itself.
+        steps = arrays.n * arrays.segments * arrays.looks * arrays.steps
+        away = steps > _DEAF
         try:
-            for _ in range(min(self._others, needed)):
-                others.append(_helpers(self._others).submit(work))
-            failed = [work(), *(other.result() for other in others)]
+            for _ in range(min(self._others, needed) + away):
+                others.append(_helpers(self._others + 1).submit(work))
+            failed = [] if away else [work()]
+            failed += [other.result() for other in others]
         except BaseException:
             # What they write to must live until they have stopped, however often Ctrl-C comes.
             progress.reached = -1
@@ -374,6 +384,9 @@ class Sweeper:
             raise MemoryError("no memory for motions")
         return progress.reached
 
+
+_DEAF = 500_000
+"""Steps of motions for which this thread may be deaf to signals: some tenths of a second."""
 
 _BUNDLE = 8
 """Motions that one thread makes side by side where lanes are widest; fewer need no other thread."""

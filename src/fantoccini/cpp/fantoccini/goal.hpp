@@ -16,13 +16,14 @@ struct GoalArrays {
   int kind, link;
   const double *low, *high;  // (n_qD,)
   const double* weight;      // (n_vD,)
+  const double *v_D, *v_K;   // (n_vD,), (n_vK,) wanted velocities
   double at[3], place[3], place_high[3];
-  double speed_weight, driven_weight;  // of |v_D| and |v_K|, s
+  double speed_weight, driven_weight;  // of what v_D and v_K lack, s
   double tolerance;
 };
 
-// d = sum_i w_i |q_i - goal_i| + w_v |v_D| + w_K |v_K|, or |point - place| and the same; pose: the
-// link's, R by columns and r.
+// d = sum_i w_i |q_i - goal_i| + w_v |v_D - goal| + w_K |v_K - goal|, or |point - place| and the
+// same; pose: the link's, R by columns and r.
 template <class Model>
 double goal_distance(
     const GoalArrays& goal, const double* q_D, const double* v_D, const double* v_K,
@@ -56,8 +57,13 @@ double goal_distance(
       total += w * std::sqrt(squares<3>(phi));
     }
   }
-  if (goal.speed_weight > 0.0) total += goal.speed_weight * std::sqrt(squares<Model::n_vD>(v_D));
-  if (goal.driven_weight > 0.0) total += goal.driven_weight * std::sqrt(squares<Model::n_vK>(v_K));
+  const auto away = [](const double* v, const double* wanted, int n) {
+    double sum = 0.0;
+    for (int k = 0; k < n; ++k) sum += (v[k] - wanted[k]) * (v[k] - wanted[k]);
+    return std::sqrt(sum);
+  };
+  if (goal.speed_weight > 0.0) total += goal.speed_weight * away(v_D, goal.v_D, Model::n_vD);
+  if (goal.driven_weight > 0.0) total += goal.driven_weight * away(v_K, goal.v_K, Model::n_vK);
   return total;
 }
 

@@ -49,6 +49,8 @@ struct SweepProgress {
 
   long long take() { return __atomic_fetch_add(&next, 1, __ATOMIC_RELAXED); }
   bool wants(long long i) const { return i <= __atomic_load_n(&reached, __ATOMIC_RELAXED); }
+  // Whether all motions are given up, those that are under way too: the caller sets reached to -1.
+  bool stopped() const { return __atomic_load_n(&reached, __ATOMIC_RELAXED) < 0; }
   void reach(long long i) {
     long long known = __atomic_load_n(&reached, __ATOMIC_RELAXED);
     while (i < known && !__atomic_compare_exchange_n(
@@ -129,6 +131,7 @@ class Sweep {
     bool some = true;
     while (some && look < in.looks) {
       for (int s = 1; s <= in.steps; ++s) {
+        if (progress.stopped()) return;
         Mask was[room(M)];
         for (int r = 0; r < M; ++r) was[r] = led_.at.taut[r];
         put_inputs(dt * (double(look) * in.steps + s));

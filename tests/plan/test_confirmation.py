@@ -1,0 +1,140 @@
+"""Plans hold event-driven, and what did not help them is told."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from tests.plan.seeds import first_plan, near, polished
+
+import fantoccini as fan
+from fantoccini.plan import PlanResult, PolishStatus, Problem, Rows, check, result, search, solve
+
+DAMPED = fan.loads(
+    fan.puppets.path("arm3d").read_text(encoding="utf-8").replace("2.0e-4", "0.2")
+)
+START = {"hand.x": 0.3, "hand.length": 1.32, "shoulder.rotation": [0, 0, 0], "elbow": 0.1}
+RAISED = {"shoulder.rotation": [0, -np.radians(80), 0], "elbow": np.radians(80)}
+BOXES = [
+    {"name": "low", "type": "box", "size": [0.14, 0.4, 0.12], "at": [0.25, 0.0, -0.42]},
+    {"name": "high", "type": "box", "size": [0.1, 0.16, 0.2], "at": [0.32, -0.12, -0.1]},
+]
+
+
+@pytest.fixture(scope="module")
+def damped() -> Problem:
+    """Little time near the boxes, a string that goes slack: the time-stepper is off at catches."""
+    start = DAMPED.rest(START)
+    return Problem(DAMPED, start, RAISED, BOXES, tolerance=0.1, acceleration=5.0)
+
+
+@pytest.fixture(scope="module")
+def boxes() -> Problem:
+    return fan.load_problem("arm3d_boxes")
+
+
+def test_plans_hold_event_driven_by_default(damped):
+    """17.19: they end at the goal and touch nothing, looked at every millisecond."""
+    for seed in range(16):
+        plan = solve(damped, seed=seed, time_limit=60.0)
+        assert plan and plan.status is fan.PlanStatus.EXACT
+        run = fan.simulate(DAMPED, damped.start, plan.inputs, t_end=plan.duration)
+        every = run.resample(np.arange(0.0, run.t[-1], 1e-3))
+        assert damped.motions.clearance.of(every).min() >= -1e-3
+        assert damped.goal.distance(Rows.of(run.state(-1))) <= damped.tolerance + 1e-6
+
+
+def test_the_search_goes_on_where_a_plan_does_not_hold(boxes, monkeypatch, tmp_path):
+    """17.19: the next one is taken, and how many were refused is told."""
+    asked = []
+
+    def not_the_first_two(*arguments) -> bool:
+        asked.append(arguments)
+        return len(asked) > 2 and check.holds(*arguments)
+
+    monkeypatch.setattr(search, "holds", not_the_first_two)
+    plan = solve(boxes, seed=0, time_limit=60.0)
+    assert plan and plan.verify(method="event").arrives
+    assert plan.refused >= 2 and len(asked) == plan.refused + 1
+    assert f"{plan.refused} refused that do not hold event-driven" in repr(plan)
+    plan.save(tmp_path / "plan.npz")
+    assert PlanResult.load(tmp_path / "plan.npz", boxes).refused == plan.refused
+    monkeypatch.setattr(search, "holds", lambda *_: False)
+    none = solve(boxes, seed=0, iterations=2000, time_limit=60.0)
+    assert not none and none.status is fan.PlanStatus.APPROXIMATE and none.refused > 0
+    assert "do not hold event-driven" in none.message and none.distance > boxes.tolerance
+
+
+def test_true_means_that_a_plan_holds_whether_or_not_that_was_asked(boxes, monkeypatch):
+    """17.19: bool(plan) of a search that confirms nothing makes the plan again."""
+    plan = first_plan(boxes, made=lambda p: solve(boxes, seed=0, confirm=False))
+    assert plan.status is fan.PlanStatus.UNCONFIRMED and plan.holds
+    monkeypatch.setattr(result, "holds", lambda *_: False)
+    again = PlanResult.of(plan.search)
+    assert not again and "does not hold event-driven" in again.message
+    assert again.distance <= boxes.tolerance
+    with pytest.raises(ValueError, match="no plan to polish"):
+        again.polish()
+
+
+def test_what_is_hidden_between_looks_is_found(boxes):
+    """17.19: a bead that the string passes between two looks, and touches at neither."""
+    plan = solve(boxes, seed=0)
+    run = plan.verify(method="event").run
+    arm, first = boxes.marionette, np.arange(0.0, run.t[-1], boxes.motions.interval)
+    fast = float(first[np.argmax(np.abs(run.resample(first).v_K[:, 0]))])
+    between = run.at(fast + 0.5 * boxes.motions.interval)
+    bead = {"name": "bead", "type": "sphere", "radius": 1.2e-3}
+    middle = np.mean(arm.string_points(between.q_D, between.q_K)[0], axis=0)
+    asked = Problem(
+        arm, boxes.start, boxes.goal, [bead | {"at": middle.tolist()}], tolerance=0.25
+    )
+    seen = asked.motions.clearance.of(run.resample(first))
+    assert seen.min() > 0.0
+    made = check.checked(asked, plan.tree, plan.path, method="event")
+    assert made.clearance < 0.0 and not made.arrives
+
+
+def test_polish_says_what_came_of_it(boxes, monkeypatch, tmp_path):
+    """17.4: a plan that is left as it was says why."""
+    made = first_plan(boxes, near, polished)
+    assert made.polished.status is PolishStatus.POLISHED and "as was asked" in repr(made)
+    assert made.polish(1e-3, seconds=0.0).polished.status is PolishStatus.NO_BETTER
+    tried = made.polish(1e-15, seconds=0.0)
+    assert tried.path == made.path and tried.polished.status is PolishStatus.NOT_NEAR
+    assert 1e-15 < tried.polished.nearest < 1e-3 and "nearest:" in tried.message
+    tried.save(tmp_path / "plan.npz")
+    assert PlanResult.load(tmp_path / "plan.npz", boxes).polished == tried.polished
+    monkeypatch.setattr(search, "holds", lambda *_: False)
+    plan = solve(boxes, confirm=False)
+    plan.search.confirm = True
+    left = plan.polish(0.2, seconds=0.0)
+    assert left.path == plan.path and left.polished.status is PolishStatus.NOT_HELD
+
+
+def test_improving_says_why_nothing_was_polished():
+    """17.4: a goal that is a function, a plan without a motion, and no time."""
+    arm = fan.puppets.arm3d()
+    hangs = arm.rest(START)
+    function = Problem(arm, hangs, lambda rows: np.maximum(0.3 - rows.q_K[..., 1], 0.0))
+    assert solve(function, improve=0.01).polished.status is PolishStatus.UNKNOWN_GOAL
+    met = solve(Problem(arm, hangs, {"elbow": hangs.q_D[4] + 0.02}), improve=0.01)
+    assert met and met.polished.status is PolishStatus.NO_MOTION
+    late = solve(Problem(arm, hangs, {"elbow": 1.0}), improve=1e-9)
+    assert late and late.polished.status is PolishStatus.TIMEOUT
+    assert math.isnan(late.polished.nearest) and "the time ended" in late.message
+
+
+def test_a_goal_state_at_rest_ends_at_rest():
+    """17.4: driven velocities included; the crane's trolley and its winch."""
+    crane = fan.puppets.crane()
+    start, goal = (crane.rest({"trolley": x}) for x in (-1.5, 1.5))
+    problem = Problem(crane, start, goal, speed=2.0, acceleration=2.0)
+    assert problem.equilibrium
+    for seed in range(4):
+        plan = solve(problem, seed=seed)
+        assert plan and np.linalg.norm(plan.trajectory.v_K[-1]) <= problem.tolerance
+    made = first_plan(problem, near, polished)
+    assert np.linalg.norm(made.trajectory.v_K[-1]) <= 2e-3
+    assert made.trajectory.q_K[-1] == pytest.approx(goal.q_K, abs=0.02)
