@@ -25,6 +25,7 @@ from websockets.http11 import Request, Response
 
 from fantoccini.errors import FantocciniError
 from fantoccini.show.gate import guard
+from fantoccini.show.script import SCRIPT
 from fantoccini.view.theme import Theme
 
 HOST = "127.0.0.1"
@@ -74,7 +75,7 @@ class Server:
     ):
         self.host = host
         self.port = free_port(host, port)
-        self._index = _index(title, script)
+        self._index = _index(title, SCRIPT + script)
         self._visitors = visitors or {}
         with _serving, self._own_serve(), contextlib.redirect_stdout(io.StringIO()):
             self.viser = viser.ViserServer(host, self.port, label=title, verbose=False)
@@ -210,10 +211,9 @@ def with_title(page: str, title: str) -> str:
 
 def _index(title: str, script: str) -> bytes:
     page = with_title(client_page(), title)
-    if script:
-        head = page.index("</head>")
-        page = f"{page[:head]}<script>{script}</script>{page[head:]}"
-    return page.encode()
+    # Before the client's own script, whose listeners come after ours.
+    head = page.index("<head>") + len("<head>")
+    return f"{page[:head]}<script>{script}</script>{page[head:]}".encode()
 
 
 def free_port(host: str, first: int) -> int:
