@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import socket
 from http.client import HTTPConnection
+from urllib.parse import urlsplit
 
 import pytest
 from websockets.exceptions import InvalidStatus
@@ -26,9 +28,11 @@ def server():
     found.stop()
 
 
-def answer(server: Server, **headers: str) -> tuple[int, str, dict[str, str]]:
-    connection = HTTPConnection("127.0.0.1", server.port, timeout=10)
-    connection.request("GET", "/", headers=headers)
+def answer(
+    server: Server, path: str = "/", at: str = "127.0.0.1", **headers: str
+) -> tuple[int, str, dict[str, str]]:
+    connection = HTTPConnection(at, server.port, timeout=10)
+    connection.request("GET", path, headers=headers)
     got = connection.getresponse()
     return got.status, got.read().decode(), dict(got.getheaders())
 
@@ -103,3 +107,79 @@ def test_an_address_that_is_not_ours_is_a_clear_mistake():
         Server("toy", DARK, host="192.0.2.1")
     with pytest.raises(ServerError, match=r"no page can be served at no\.such\.host"):
         Server("toy", DARK, host="no.such.host.invalid")
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["//", "/./", "/index.html", "/index%2ehtml", "/./index.html?x=1", "/%2e/", "/x", "/../"],
+)
+def test_every_answer_has_the_security_headers(server, path):
+    """17.32: other spellings of the page's address gave the page without a policy."""
+    status, body, headers = answer(server, path)
+    assert (status == 200) == ("window.ours = 1;" in body) == (path not in ("/x", "/../"))
+    assert "default-src 'none'" in headers["Content-Security-Policy"]
+    assert headers["X-Frame-Options"] == "SAMEORIGIN"
+    refused = answer(server, path, Host="evil.example")
+    assert refused[0] == 403
+    assert "Content-Security-Policy" in refused[2]
+
+
+def test_the_address_that_is_told_answers():
+    """17.32: with --host :: the page was said to be at 127.0.0.1, where nobody listened."""
+    try:
+        socket.create_server(("::1", 0), family=socket.AF_INET6).close()
+    except OSError:
+        pytest.skip("this machine has no IPv6")
+    for host in ("::", "0:0:0:0:0:0:0:0", "::1"):
+        server = Server("toy", DARK, host=host, port=0)
+        try:
+            there = urlsplit(server.url)
+            assert answer(server, at=there.hostname)[0] == 200
+            assert server.exposed == (host != "::1")
+        finally:
+            server.stop()
+
+
+def test_only_values_that_a_control_can_have_are_set(server):
+    """17.32: a viewer could set a control's callbacks, and leave it dead for all."""
+    from viser import _messages
+
+    gui = server.viser.gui
+    slider = gui.add_slider("length", 0.0, 1.0, 0.1, 0.5)
+    group = gui.add_button_group("time", ("step", "reset"))
+    box = gui.add_checkbox("floor", True)
+    heard = []
+    slider.on_update(lambda event: heard.append(event))
+    (update,) = server.viser._websock_server._incoming_handlers[_messages.GuiUpdateMessage]
+
+    def set_(control, **updates) -> None:
+        asyncio.run(update(0, _messages.GuiUpdateMessage(control._impl.uuid, updates)))
+
+    callbacks = list(slider._impl.update_cb)
+    for updates in (
+        {"update_cb": []}, {"removed": True}, {"value": 0.2, "removed": True}, {"no_such": 1},
+        {"is_button": True}, {"value": float("nan")}, {"value": 7.0}, {"value": "x"},
+        {"value": None}, {},
+    ):  # fmt: skip
+        set_(slider, **updates)
+        assert slider.value == 0.5
+        assert slider._impl.update_cb == callbacks
+        assert not slider._impl.removed
+    set_(group, value="away")
+    set_(box, value="no")
+    assert group.value == "step"
+    assert box.value is True
+    set_(slider, value=0.2)
+    set_(group, value="reset")
+    set_(box, value=False)
+    assert (slider.value, group.value, box.value) == (0.2, "reset", False)
+    asyncio.run(update(0, _messages.GuiUpdateMessage("nothing", {"value": 1})))
+
+
+def test_no_file_can_be_sent(server):
+    """17.32: a file that was sent to a control became its value, and was kept in memory."""
+    from viser import _messages
+
+    handled = server.viser._websock_server._incoming_handlers
+    assert _messages.FileTransferStartUpload not in handled
+    assert _messages.FileTransferPart not in handled

@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from fantoccini.cli.guard import GuardedGroup
+from fantoccini.cli.look import Focusing, Fps, Look, Size, Theming, View
 from fantoccini.cli.options import (
     File,
     Inputs,
@@ -208,6 +209,20 @@ def simulate(
         Path | None,
         typer.Option(metavar="PATH", help="Plots against time: .png, .svg or .pdf."),
     ] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            metavar="N",
+            callback=positive,
+            help="Rows a second that are kept; by default every step. Event keeps those at the "
+            "start, the end and events, too.",
+        ),
+    ] = None,
+    view: View = None,
+    focus: Focusing = None,
+    theme: Theming = None,
+    size: Size = None,
+    fps: Fps = None,
     quiet: Quiet = False,
 ) -> None:
     """Move a puppet: numbers, pictures, film."""
@@ -216,7 +231,8 @@ def simulate(
     simulate_file(
         Request(
             file, inputs, duration, method.value, string_model.value, dt, rtol, integrator,
-            tuple(start or ()), tuple(out or ()), plot, quiet,
+            tuple(start or ()), tuple(out or ()), plot, quiet, rate,
+            Look.of(view, focus, theme, size, fps),
         )
     )  # fmt: skip
 
@@ -273,6 +289,11 @@ def plan(
     show: Annotated[
         bool, typer.Option("--show", help="Then show the plan in the browser, until Ctrl-C.")
     ] = False,
+    view: View = None,
+    focus: Focusing = None,
+    theme: Theming = None,
+    size: Size = None,
+    fps: Fps = None,
     quiet: Quiet = False,
 ) -> None:
     """Plan a puppet's way to a goal, clear of obstacles."""
@@ -282,7 +303,7 @@ def plan(
         Request(
             file, planner.value, tolerance, time_limit, improve, confirm,
             None if objective is None else objective.value, seed, threads, tuple(out or ()),
-            picture, save, show, quiet,
+            picture, save, show, quiet, Look.of(view, focus, theme, size, fps),
         )
     )  # fmt: skip
 

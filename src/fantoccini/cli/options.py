@@ -34,10 +34,17 @@ class Objectives(enum.StrEnum):
 
 
 class Themes(enum.StrEnum):
-    """Looks of a page by name."""
+    """Looks of pages and pictures by name."""
 
     LIGHT = "light"
     DARK = "dark"
+
+
+class Focus(enum.StrEnum):
+    """What a picture frames, by name."""
+
+    ALL = "all"
+    BODIES = "bodies"
 
 
 class Method(enum.StrEnum):
@@ -70,5 +77,8 @@ Quiet = Annotated[
 ]
 Inputs = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", help="What the driven coordinates do: .yaml, .csv or .npz."),
+    typer.Option(
+        metavar="FILE",
+        help="What the driven coordinates do: .yaml, .csv, .npz, or a recording (.npz).",
+    ),
 ]

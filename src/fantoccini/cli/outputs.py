@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fantoccini.cli.files import FILMS, NUMBERS, PICTURES, check_output, fail
+from fantoccini.cli.look import Look
 from fantoccini.cli.terminal import Steps
 from fantoccini.errors import FantocciniError
 from fantoccini.marionette import Marionette
@@ -40,6 +41,7 @@ def write_outputs(
     plot: Path | None,
     steps: Steps,
     poses: str | Sequence[float] = "poses",
+    look: Look | None = None,
 ) -> None:
     """Writes every file.
 
@@ -50,17 +52,19 @@ def write_outputs(
         plot: plots against time.
         steps: shows how far it is.
         poses: times of a strip's poses; see :func:`fantoccini.view.strip`.
+        look: of pictures and films.
     """
+    look = look or Look()
     for path in out:
         try:
-            _write(marionette, run, path, steps, poses)
+            _write(marionette, run, path, steps, poses, look)
         except OSError as error:
             raise OutputError(f"{path} cannot be written: {error.strerror or error}") from None
     if plot is not None:
         from fantoccini import view
 
         steps.step(f"drawing {plot}")
-        view.plot(run, plot)
+        view.plot(run, plot, **look.given("theme"))
 
 
 def _write(
@@ -69,6 +73,7 @@ def _write(
     path: Path,
     steps: Steps,
     poses: str | Sequence[float],
+    look: Look,
 ) -> None:
     ending = path.suffix.lower()
     if ending == ".npz":
@@ -79,9 +84,13 @@ def _write(
         from fantoccini import view
 
         steps.step(f"drawing {path}")
-        view.strip(marionette, run, path, times=poses)
+        seen = look.given("view", "focus", "theme", "size")
+        view.strip(marionette, run, path, times=poses, **seen)
     else:
         from fantoccini import view
 
         done = steps.bar(f"filming {path}", 1.0)
-        view.film(marionette, run, path, progress=lambda frame, frames: done(frame / frames))
+        view.film(
+            marionette, run, path, progress=lambda frame, frames: done(frame / frames),
+            **look.given("view", "focus", "theme", "size", "fps"),
+        )  # fmt: skip

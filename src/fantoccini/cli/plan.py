@@ -9,6 +9,7 @@ import typer
 
 from fantoccini.cli.files import PICTURES, check_output, fail
 from fantoccini.cli.guard import FAILED
+from fantoccini.cli.look import Look
 from fantoccini.cli.outputs import check_outputs, write_outputs
 from fantoccini.cli.show import show_plan
 from fantoccini.cli.terminal import Steps, say, table, write
@@ -33,6 +34,7 @@ class Request:
     save: Path | None
     show: bool
     quiet: bool
+    look: Look
 
 
 def plan_file(request: Request) -> None:
@@ -42,6 +44,7 @@ def plan_file(request: Request) -> None:
             write(name)
         return
     check_outputs(request.out, None)
+    request.look.check(request.out, request.picture)
     if request.picture is not None:
         check_output(request.picture, PICTURES, "--picture")
     if request.save is not None:
@@ -83,9 +86,9 @@ def _write(request: Request, found: PlanResult, steps: Steps) -> None:
         found.save(request.save)
     if request.picture is not None:
         steps.step(f"drawing {request.picture}")
-        found.plot(request.picture)
+        found.plot(request.picture, **request.look.given("theme"))
     stage = found.problem.stage
-    write_outputs(stage, found.trajectory, request.out, None, steps)
+    write_outputs(stage, found.trajectory, request.out, None, steps, look=request.look)
 
 
 def _report(found: PlanResult, checks: dict[str, Check]) -> None:

@@ -6,14 +6,18 @@ import math
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import typer
 
 from fantoccini.cli.files import fail, marionette
 from fantoccini.cli.guard import FAILED, INTERRUPTED
+from fantoccini.cli.look import Look
 from fantoccini.cli.outputs import check_outputs, write_outputs
 from fantoccini.cli.report import report
 from fantoccini.cli.start import read_values, start_state
+from fantoccini.cli.take import on_winches, start_of, take_of
 from fantoccini.cli.terminal import Steps, say
 from fantoccini.errors import SimulationError, Status
 from fantoccini.marionette import Marionette
@@ -47,6 +51,8 @@ class Request:
     out: tuple[Path, ...]
     plot: Path | None
     quiet: bool
+    rate: float | None
+    look: Look
 
 
 def simulate_file(request: Request) -> None:
@@ -56,17 +62,24 @@ def simulate_file(request: Request) -> None:
     """
     _check_options(request)
     check_outputs(request.out, request.plot)
+    request.look.check(request.out, request.plot)
     given = read_values(request.start)
     with Steps(request.quiet) as steps:
         made = marionette(request.file, steps.step, request.string_model)
         inputs = None if request.inputs is None else Input.load(made, request.inputs)
+        take = take_of(request.inputs)
+        if take is not None:
+            made = on_winches(made, take, request.quiet)
         duration = _duration(request, inputs)
-        options = _options(request, duration)
-        x0 = start_state(made, inputs, given, request.quiet)
+        x0 = None if take is None or given else start_of(made, take)
+        if x0 is None:
+            x0 = start_state(made, inputs, given, request.quiet)
+        options = _options(request, x0.t, duration)
         run, seconds, trouble = timed(steps, made, x0, inputs, duration, request.method, **options)
-        write_outputs(made, run, request.out, request.plot, steps)
+        write_outputs(made, run, request.out, request.plot, steps, look=request.look)
     if not request.quiet:
         report(run, seconds)
+        _hint(request, run, seconds)
     end_with(run, trouble)
 
 
@@ -77,7 +90,7 @@ def timed(
     inputs: Input | None,
     duration: float,
     method: str = "event",
-    **options: float | str | None,
+    **options: Any,
 ) -> tuple[Trajectory, float, str]:
     """Runs with a progress bar; a run that stops before its end gives what it has.
 
@@ -110,16 +123,36 @@ def end_with(run: Trajectory, trouble: str) -> None:
         raise typer.Exit(INTERRUPTED if run.status is Status.STOPPED else FAILED)
 
 
-def _options(request: Request, duration: float) -> dict[str, float | str | None]:
+def _hint(request: Request, run: Trajectory, seconds: float) -> None:
+    """Says what makes a run faster that was slower than the motion it made."""
+    if run.method == "event" and seconds > run.duration > 0.0:
+        fewer = "" if request.rate else "; --rate 60 writes fewer rows"
+        say(
+            f"slower than real time: {seconds / run.duration:.3g} s for a second of motion; "
+            f"--method timestepping is faster, at the accuracy of its step{fewer}"
+        )
+
+
+def _options(request: Request, start: float, duration: float) -> dict[str, Any]:
     """Options of the method; of a very long run with a fixed step some steps are not written."""
+    rate = request.rate
+    if rate is not None and rate * duration > _MOST_ROWS:
+        fail(f"{rate * duration:.3g} rows are more than {_MOST_ROWS:g}; make it smaller", "--rate")
     if request.method == "event":
         tolerances = {} if request.rtol is None else {"rtol": request.rtol, "atol": request.rtol}
+        times = None if rate is None else start + np.arange(1, int(rate * duration) + 1) / rate
+        if times is not None:
+            tolerances["save_at"] = times[times <= start + duration]
         return {"integrator": request.integrator, **tolerances}
     dt = request.dt or _DT
     n = duration / dt
     if n > MOST_STEPS:
         fail(f"{n:.3g} steps are more than {MOST_STEPS:g}; make it larger", "--dt")
-    return {"dt": dt, "save_every": max(1, math.ceil(n / _MOST_ROWS))}
+    if rate is not None and rate * dt > 1.0 + 1e-9:
+        fail(f"steps of {dt:g} s give {1.0 / dt:g} rows a second at most", "--rate")
+    # Between two numbers of steps the smaller one: as many rows as were asked for, or more.
+    every = 1 if rate is None else int(1.0 / (rate * dt) + 1e-9)
+    return {"dt": dt, "save_every": max(every, math.ceil(n / _MOST_ROWS))}
 
 
 def _check_options(request: Request) -> None:

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from fantoccini.motion.trajectory import Trajectory
 
 FORMAT = "fantoccini.trajectory.1"
+RECORDING = "fantoccini.recording.1"
+"""Format of a recorded performance, which is written by ``fantoccini.perform``."""
 _ARRAYS = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
 _TABLES = ("tension", "limit_force", "taut", "ledger", "effort", "violation", "slip")
 _NUMBERS = ("t", "impulse", "speed")

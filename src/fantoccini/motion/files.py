@@ -1,9 +1,10 @@
-"""Inputs files: YAML waypoints, or CSV or npz samples. Every mistake is given with its place."""
+"""Inputs files: YAML waypoints, CSV or npz samples, recordings; every mistake with its place."""
 
 from __future__ import annotations
 
 import csv
 import io
+import json
 import zipfile
 from array import array
 from collections.abc import Mapping
@@ -16,7 +17,7 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 from fantoccini.arrays import Array
 from fantoccini.errors import InputError, Problem
 from fantoccini.motion import pieces, reading
-from fantoccini.motion.archive import UNREADABLE
+from fantoccini.motion.archive import RECORDING, UNREADABLE
 from fantoccini.motion.findings import Findings
 from fantoccini.motion.input import Input
 from fantoccini.puppet.located import Located, read_file, shown, validate
@@ -199,7 +200,49 @@ def _npz(table, path: Path) -> Input:
         findings.raise_any(located)
     except (*UNREADABLE, KeyError) as error:
         raise _file_error(path, f"is not an npz file of plain arrays: {error}") from None
+    if "about" in columns:
+        return _recording(table, columns, path)
     return _samples(table, columns, located)
+
+
+def _recording(table, arrays: dict[str, Array], path: Path) -> Input:
+    """What the hands did in a recorded performance."""
+    try:
+        about = json.loads(arrays["about"].tobytes())
+        form = str(about["format"])
+    except (ValueError, LookupError, TypeError) as error:
+        raise _file_error(path, f"its `about` cannot be read: {error}") from None
+    if form != RECORDING:
+        message = f"has the format {form!r}; needed: samples, or a recording ({RECORDING})"
+        raise _file_error(path, message)
+    try:
+        q_K, v_K, acc_K = (arrays[name] for name in ("start_q_K", "start_v_K", "acc_K"))
+        names = tuple(about["coordinates"])[-len(q_K) :] if len(q_K) else ()
+        start, tick = float(arrays["t"]), float(arrays["tick"])
+    except (LookupError, TypeError, ValueError) as error:
+        raise _file_error(path, f"is a damaged recording: {error}") from None
+    if names != table.q_K:
+        raise _file_error(path, f"was recorded with another puppet: {_differ(names, table.q_K)}")
+    shapes = q_K.shape, v_K.shape, acc_K.shape
+    needed = (table.n_qK,), (table.n_vK,), (len(acc_K), table.n_vK)
+    sound = all(np.isfinite(x).all() for x in (q_K, v_K, acc_K, start, tick)) and tick > 0.0
+    if shapes != needed or not len(acc_K) or not sound:
+        raise _file_error(path, "is a damaged recording: its numbers are not those of hands")
+    times = start + tick * np.arange(len(acc_K) + 1)
+    return Input.segments(table, times, q_K, v_K, acc_K)
+
+
+def _differ(found: tuple[str, ...], needed: tuple[str, ...]) -> str:
+    """How the driven coordinates of a recording differ from those of a puppet."""
+    parts = [
+        f"{where}: {', '.join(only[:6])}{', ...' if len(only) > 6 else ''}"
+        for only, where in (
+            ([n for n in found if n not in needed], "driven in the recording only"),
+            ([n for n in needed if n not in found], "driven in the puppet only"),
+        )
+        if only
+    ]
+    return "; ".join(parts) or "its driven coordinates come in another order"
 
 
 def _file_error(path: Path, message: str, line: int | None = None) -> InputError:

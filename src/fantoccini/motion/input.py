@@ -190,7 +190,10 @@ class Input:
 
     @classmethod
     def load(cls, table, path: str | Path) -> Input:
-        """Reads an inputs file: YAML waypoints, or CSV or npz samples.
+        """Reads an inputs file: YAML waypoints, CSV or npz samples, or a recording.
+
+        Of a recording (:class:`fantoccini.Recording`) it is what the hands did; the winches and
+        the start of the performance are those of ``Recording.load(path)``.
 
         Args:
             table: a coordinate table, or anything with ``.coordinates``.

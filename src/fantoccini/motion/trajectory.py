@@ -57,6 +57,7 @@ class Trajectory:
         violation: by string and limit, how far it is overstepped, >= 0 [m, rad or 1]; None when not
             computed.
         slip: by string, how much its slipping winch has let out, >= 0 [m]; None when not computed.
+        seconds: how long computing it took [s]; None when not known, as of one that was loaded.
     """
 
     t: Times
@@ -79,6 +80,7 @@ class Trajectory:
     violation: Columns | None = None
     slip: Columns | None = None
     blamed: tuple[str, ...] = ()
+    seconds: float | None = None
 
     def __repr__(self) -> str:
         return (
@@ -241,7 +243,10 @@ class Trajectory:
         return load(path)
 
     def summary(self) -> dict[str, Any]:
-        """Key numbers, without text: duration [s], rows, events by kind, tensions, ledger [J].
+        """Key numbers: duration [s], seconds, rows, events by kind, tensions, ledger [J].
+
+        ``seconds`` is how long computing it took: a run of which it is longer than ``duration``
+        was slower than real time; method ``timestepping`` is faster.
 
         ``summary()["tension"]["hand"]`` has min and max [N], slack [s], catches and the largest
         impulse [N s].
@@ -259,6 +264,7 @@ class Trajectory:
             }
         return {
             "duration": self.duration,
+            "seconds": self.seconds,
             "rows": len(self.t),
             "status": self.status,
             "events": dict(Counter(event.kind for event in self.events)),

@@ -10,11 +10,11 @@ import numpy as np
 from fantoccini.errors import FantocciniError, FileError, Problem, Status
 from fantoccini.marionette import Marionette, Parcel
 from fantoccini.motion import State
+from fantoccini.motion.archive import RECORDING as FORMAT
 from fantoccini.motion.archive import UNREADABLE, contents, replacing
 from fantoccini.perform.recording import Recording, Written
 from fantoccini.world import World
 
-FORMAT = "fantoccini.recording.1"
 _STATE = ("q_D", "v_D", "q_K", "v_K", "taut", "slip")
 _MESH = "mesh:"
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fantoccini.show.audience import Audience
 from fantoccini.show.moment import Moment
 from fantoccini.show.panel import Plot, Views, bars, note, text
 from fantoccini.show.stage import VIEWS, Stage
@@ -14,15 +15,17 @@ from fantoccini.view.theme import Theme
 if TYPE_CHECKING:
     import viser
 
+    from fantoccini.show.controls import Controls
     from fantoccini.show.live import Live
 
 SPEEDS = {"1": 1.0, "1/2": 0.5, "1/4": 0.25, "1/8": 0.125, "1/16": 0.0625}
 _PUSH = 0.012
 """A key moves a handle so far, of the puppet's size."""
+_HINT = "Drag a bead to move it."
+_HINT_WINDS = "Drag a bead to move it; Shift and drag up or down winds its string."
 _KEYS = (
-    "Drag a bead to move a handle; Shift and drag winds its string. Keys: F and G choose a handle, "
-    "A D W S move it, Q E wind its string, P pauses, N steps, R resets, T records, 1 to 4 turn the "
-    "camera. A gamepad works too."
+    "F and G choose a handle, A D W S move it, Q E wind its string, P pauses, N steps, R resets, "
+    "T records, 1 to 4 and the arrow keys turn the camera. A gamepad works too."
 )
 _RED = "#d64545"
 
@@ -44,13 +47,19 @@ class Board:
         self._said = ""
         self._made: list[Any] = []
         gui = server.gui
-        self._status = gui.add_html("")
-        self._mistakes = gui.add_html("", visible=False)
+        # What each viewer is told for itself stands second.
+        self._status = gui.add_html("", order=-4.0)
+        self._audience = Audience(server, order=-3.0)
+        self._mistakes = gui.add_html("", order=-2.0, visible=False)
+        self._hint = gui.add_html("", order=-1.0)
         self._pause = gui.add_button("Pause", icon="player-pause")
         steps = gui.add_button_group("Time", ("Step", "Reset"))
         self._record = gui.add_button("Record", icon="player-record", color="red")
-        self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1")
-        self._views = Views(gui, lambda: live.stage)
+        with gui.add_folder("Speed and view", expand_by_default=False):
+            self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1")
+            self._views = Views(gui, lambda: live.stage)
+            self._names = gui.add_checkbox("Names", True, hint="Of the handles")
+            self._names.on_update(lambda _: live.controls.show_names(self._names.value))
         self._pause.on_click(lambda e: live.later(e.client_id, live.pause))
         self._record.on_click(lambda e: live.later(e.client_id, live.record))
         steps.on_click(
@@ -65,6 +74,18 @@ class Board:
         self._stage = stage
         self._views.apply()
         names = stage.scene.names
+        winds = bool(live.performance.lengths)
+        self._hint.content = note(_HINT_WINDS if winds else _HINT)
+        handles = tuple(handle.name for handle in live.performance.handles)
+        self._handle = self._winds = None
+        if handles:
+            self._handle = self._keep(gui.add_dropdown("Handle", handles, hint="F and G choose"))
+            self._handle.on_update(self._choose)
+        if winds:
+            self._winds = self._keep(
+                gui.add_checkbox("Drag winds", False, hint="Dragging winds strings without Shift")
+            )
+        self.lengths = self._keep(gui.add_folder("String lengths [m]", visible=winds))
         if names:
             tension = self._keep(gui.add_folder("Tension"))
             with tension:
@@ -72,9 +93,6 @@ class Board:
                 self._plot = Plot(
                     gui, names, self._theme, "N", (-10.0, 0.0), (0.0, 1.05 * stage.colours.top)
                 )
-        self.lengths = self._keep(
-            gui.add_folder("String lengths [m]", visible=bool(live.performance.lengths))
-        )
         values = live.performance.marionette.tree.parameters
         if values:
             with self._keep(gui.add_folder("Parameters")):
@@ -83,6 +101,15 @@ class Board:
                     self._add_parameter(name, float(value))
         with self._keep(gui.add_folder("Keys", expand_by_default=False)):
             gui.add_html(note(_KEYS))
+
+    @property
+    def drag_winds(self) -> bool:
+        """Whether a bead that is dragged winds its string, without Shift."""
+        return self._winds is not None and self._winds.value
+
+    def set_up(self, controls: Controls) -> None:
+        """Brings new beads and rings to what the boxes say."""
+        controls.show_names(self._names.value)
 
     def clear(self) -> None:
         """Takes out what depends on the puppet."""
@@ -120,6 +147,10 @@ class Board:
             history: times before now [s] and tensions [N].
         """
         self._status.content = self._about(moment, lagging)
+        self._audience.tell(self._live.holder.viewer)
+        selected = self._live.controls.selected
+        if self._handle is not None and self._handle.value != selected:
+            self._handle.value = selected
         running = self._live.recording
         self._record.label = "Stop recording" if running else "Record"
         if self._stage.scene.names:
@@ -140,7 +171,7 @@ class Board:
             clock += (
                 f' &ensp;<span style="color:{_RED}">&#9679; recording {live.take_time:.1f} s</span>'
             )
-        lines = [f'<div>{clock} &ensp;<span style="opacity:0.7">{text(live.held_by)}</span></div>']
+        lines = [f"<div>{clock}</div>"]
         lines += [
             f'<div style="color:{_RED}">{text(name)}: {text(why)}</div>'
             for name, why in lagging.items()
@@ -153,6 +184,11 @@ class Board:
         return (
             f'<div style="padding:0 0.5em;font-size:0.85em;line-height:1.45">{"".join(lines)}</div>'
         )
+
+    def _choose(self, event: Any) -> None:
+        if event.client_id is not None:
+            name = self._handle.value
+            self._live.later(None, lambda: self._live.controls.select(name))
 
     def _set_speed(self, event: Any) -> None:
         if event.client_id is None:

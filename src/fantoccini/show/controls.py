@@ -11,7 +11,9 @@ import numpy as np
 from fantoccini.perform import Handle, Performance
 from fantoccini.show.drag import follow
 from fantoccini.show.holder import Viewer
+from fantoccini.show.labels import heights
 from fantoccini.show.poses import place
+from fantoccini.show.stage import View
 from fantoccini.view.theme import Theme, mix, rgb
 
 if TYPE_CHECKING:
@@ -51,7 +53,9 @@ class Controls:
         performance: what is moved.
         theme: the look.
         size: of the puppet [m].
+        view: where the puppet is looked at from at first.
         act: asks whether a viewer may, and does it.
+        winds: whether a bead that is dragged winds its string, without Shift.
         let_go: told that a viewer's hand is off what it dragged.
         folder: where the sliders go.
     """
@@ -62,24 +66,30 @@ class Controls:
         performance: Performance,
         theme: Theme,
         size: float,
+        view: View,
         act: Act,
+        winds: Callable[[], bool],
         let_go: Callable[[Viewer], None],
         folder: Any,
     ):
         self._server, self._performance, self._theme = server, performance, theme
-        self._size, self._act, self._let_go = size, act, let_go
+        self._size, self._act, self._winds, self._let_go = size, act, winds, let_go
         self._handles = {handle.name: handle for handle in performance.handles}
         self._beads: dict[str, Any] = {}
+        self._labels: dict[str, Any] = {}
         self._rings: dict[str, Any] = {}
         self._turned: dict[str, Viewer] = {}
         self._sliders: dict[str, Any] = {}
         self._grabs: dict[tuple[Viewer, str], _Grab] = {}
         self._last = np.full((len(self._handles), 3), np.nan)
         self.selected = next(iter(self._handles), None)
+        places = np.array([performance.place(name)[0] for name in self._handles])
+        self._above = heights(tuple(self._handles), places, view, size)
         with server.atomic():
             for n, handle in enumerate(performance.handles):
                 self._add_handle(n, handle)
             self._add_marks()
+            self._show_selected()
             with folder:
                 for name, (low, high) in performance.lengths.items():
                     self._add_slider(name, low, high)
@@ -87,21 +97,22 @@ class Controls:
     def remove(self) -> None:
         """Takes everything out of the page."""
         for node in (
-            *self._beads.values(), *self._rings.values(), *self._sliders.values(), self._ghosts,
-            self._leads, self._label,
+            *self._beads.values(), *self._labels.values(), *self._rings.values(),
+            *self._sliders.values(), self._ghosts, self._leads,
         ):  # fmt: skip
             node.remove()
 
     def select(self, name: str | None) -> None:
-        """Chooses the handle that keys and gamepad move."""
+        """Chooses the handle that keys and gamepad move, and whose rings are shown."""
         if name in self._handles:
             self.selected = name
+            self._show_selected()
 
     def select_next(self, by: int) -> None:
         """Chooses another handle."""
         names = list(self._handles)
         if names:
-            self.selected = names[(names.index(self.selected) + by) % len(names)]
+            self.select(names[(names.index(self.selected) + by) % len(names)])
 
     @property
     def handle(self) -> Handle | None:
@@ -113,6 +124,11 @@ class Controls:
         if name in self._performance.lengths:
             self._performance.wind(name, self._performance.wanted_length(name) + by)
 
+    def show_names(self, visible: bool) -> None:
+        """Shows or hides the names of the handles."""
+        for label in self._labels.values():
+            label.visible = visible
+
     # -- every frame ---------------------------------------------------------------------------
 
     def update(self, poses: np.ndarray) -> None:
@@ -123,12 +139,10 @@ class Controls:
         """
         places = poses[[handle.link for handle in self._handles.values()], :, 3]
         changed = ~(np.abs(places - self._last).max(axis=1, initial=0.0) < 1e-6)
-        for n, (name, handle) in enumerate(self._handles.items()):
-            if changed[n] and len(handle.axes):
+        for n, name in enumerate(self._handles):
+            if changed[n]:
                 place(self._beads[name], places[n])
-            if name == self.selected and (changed[n] or self._label.text != name):
-                place(self._label, places[n] + [0.0, 0.0, 0.035 * self._size])
-                self._label.text = name
+                place(self._labels[name], places[n] + [0.0, 0.0, self._above[n]])
         self._last = places
 
     def mark(self, lagging: dict[str, str]) -> None:
@@ -140,11 +154,10 @@ class Controls:
         behind, leads = [], []
         for (name, handle), here in zip(self._handles.items(), self._last, strict=True):
             wanted, wxyz = self._performance.target(name)
-            if len(handle.axes):
-                self._beads[name].color = self._colour(name, name in lagging)
-                if float(np.linalg.norm(wanted - here)) > _LAG * self._size:
-                    behind.append(wanted)
-                    leads.append((here, wanted))
+            self._beads[name].color = self._colour(name, name in lagging)
+            if len(handle.axes) and np.linalg.norm(wanted - here) > _LAG * self._size:
+                behind.append(wanted)
+                leads.append((here, wanted))
             ring = self._rings.get(name)
             if ring is not None and name not in self._turned:
                 ring.position, ring.wxyz = wanted, wxyz
@@ -161,15 +174,19 @@ class Controls:
 
     def _add_handle(self, n: int, handle: Handle) -> None:
         position, wxyz = self._performance.place(handle.name)
+        bead = self._server.scene.add_icosphere(
+            f"/handles/{n}", radius=0.017 * self._size, subdivisions=3, position=position,
+            color=self._colour(handle.name, False), cast_shadow=False,
+        )  # fmt: skip
+        bead.on_click(lambda event, name=handle.name: self.select(name))
         if len(handle.axes):
-            bead = self._server.scene.add_icosphere(
-                f"/handles/{n}", radius=0.017 * self._size, subdivisions=3, position=position,
-                color=self._colour(handle.name, False), cast_shadow=False,
-            )  # fmt: skip
-            bead.on_click(lambda event, name=handle.name: self.select(name))
             for modifier in (None, "shift"):
                 bead.on_drag("left", modifier=modifier)(self._dragged(handle))
-            self._beads[handle.name] = bead
+        self._beads[handle.name] = bead
+        self._labels[handle.name] = self._server.scene.add_label(
+            f"/names/{n}", handle.name, anchor="bottom-center",
+            position=position + np.array([0.0, 0.0, self._above[n]]),
+        )  # fmt: skip
         if len(handle.turns):
             ring = self._server.scene.add_transform_controls(
                 f"/rings/{n}", scale=0.16 * self._size, line_width=2.0,
@@ -206,9 +223,13 @@ class Controls:
             "/lag/wanted", np.zeros((1, 3), dtype=np.float32), colour,
             point_size=0.02 * self._size, point_shape="circle", visible=False,
         )  # fmt: skip
-        self._label = scene.add_label(
-            "/handles/name", "", anchor="bottom-center", visible=self.selected is not None
-        )
+
+    def _show_selected(self) -> None:
+        """Rings about one handle at a time, so that they do not lie in one another."""
+        for name, ring in self._rings.items():
+            ring.visible = name == self.selected
+        for name, label in self._labels.items():
+            label.font_screen_scale = 1.0 if name == self.selected else 0.85
 
     def _show_marks(self, behind: list, leads: list) -> None:
         for node in (self._ghosts, self._leads):
@@ -245,14 +266,16 @@ class Controls:
                     np.array(event.start_position), self._performance.target(name)[0],
                     self._performance.wanted_length(name) if winds else None,
                 )  # fmt: skip
-            ahead = sight(event.client.camera)
-            moved = np.array(event.end_position) - grab.anchor
-            if event.modifier == "shift" and grab.length is not None:
-                length = grab.length - float(moved[2])
+            camera, mouse = event.client.camera, np.array(event.end_position, dtype=float)
+            eye = np.array(camera.position, dtype=float)
+            if not np.isfinite([mouse, eye, grab.anchor]).all():
+                return
+            if grab.length is not None and (event.modifier == "shift" or self._winds()):
+                length = grab.length - float((mouse - grab.anchor) @ upwards(camera))
                 self._act(event.client_id, lambda: self._performance.wind(name, length))
                 return
-            wanted = grab.position + follow(handle.axes, ahead, moved)
-            self._act(event.client_id, lambda: self._performance.move(name, wanted))
+            by = follow(handle.axes, eye, grab.position, grab.anchor, mouse)
+            self._act(event.client_id, lambda: self._performance.move(name, grab.position + by))
 
         return dragged
 
@@ -279,3 +302,12 @@ def sight(camera: Any) -> np.ndarray:
     ahead = np.asarray(camera.look_at, dtype=float) - np.asarray(camera.position, dtype=float)
     size = float(np.linalg.norm(ahead))
     return ahead / size if size > 1e-9 else np.array([-1.0, 0.0, 0.0])
+
+
+def upwards(camera: Any) -> np.ndarray:
+    """(3,) unit vector that points up in the picture of a viewer's camera."""
+    ahead = sight(camera)
+    up = np.asarray(camera.up_direction, dtype=float)
+    up = up - (up @ ahead) * ahead
+    size = float(np.linalg.norm(up))
+    return up / size if size > 1e-9 else np.array([0.0, 0.0, 1.0])

@@ -4,36 +4,60 @@ from __future__ import annotations
 
 import numpy as np
 
-_DAMPING = 0.15
-"""Foreshortening at which a handle begins to lag behind the mouse: without it, an axis that points
+_GRAZING = 0.15
+"""Foreshortening below which a handle lags behind the mouse: without a bound, an axis that points
 into the picture would run away."""
+_STEPS = 24
+"""Pieces of the mouse's way."""
 
 
-def follow(axes: np.ndarray, ahead: np.ndarray, moved: np.ndarray) -> np.ndarray:
+def follow(
+    axes: np.ndarray, eye: np.ndarray, place: np.ndarray, start: np.ndarray, end: np.ndarray
+) -> np.ndarray:
     """Where a handle goes that is to stay under the mouse.
 
-    The displacement w along the handle's axes that looks most like the mouse's,
+    A handle at p moves along its axes so that it is seen to move as the mouse m does. With the
+    rays u = (p - e) / |p - e| through the handle and r = (m - e) / |m - e| through the mouse,
 
-      min |P w - moved|^2 + eps^2 |w|^2,   P = 1 - a a^T,
+      dp = |p - e| A g(P A) dr,   P = 1 - u u^T,
 
-    with a the line of sight. Along an axis across it that is the mouse's own displacement; along
-    one into the picture it stays bounded.
+    along the mouse's way. g inverts the singular values s of P A, the foreshortening of the axes:
+    1 / s, and below ``_GRAZING`` s / _GRAZING^2. So a handle stays under the mouse wherever its
+    axes are seen well, and never goes against it: a plane above the eye is seen from below, where
+    down in the picture is away. A handle that moves along three axes goes with the mouse, in the
+    plane of the picture.
 
     Args:
         axes: (k, 3) unit vectors along which the handle can move.
-        ahead: (3,) unit vector, the line of sight.
-        moved: (3,) the mouse's displacement in the plane of the picture at the handle [m].
+        eye: (3,) e, the camera's place [m].
+        place: (3,) the handle's when it was taken [m].
+        start, end: (3,) the mouse when it took the handle, and now, in a plane across the camera's
+            axis [m].
 
     Returns:
         (3,) displacement [m].
     """
-    if not len(axes):
-        return np.zeros(3)
-    seen = axes - np.outer(axes @ ahead, ahead)
-    matrix = seen @ seen.T + _DAMPING**2 * np.eye(len(axes))
-    share = np.linalg.solve(matrix, seen @ moved)
-    # Straight across nothing is lost to the damping.
-    return (1.0 + _DAMPING**2) * share @ axes
+    if len(axes) == 3:
+        return end - start
+    p, m, step = place, start, (end - start) / _STEPS
+    for _ in range(_STEPS if len(axes) else 0):
+        half = p + 0.5 * _drawn(axes, eye, p, m, step)
+        p = p + _drawn(axes, eye, half, m + 0.5 * step, step)
+        m = m + step
+    return p - place
+
+
+def _drawn(
+    axes: np.ndarray, eye: np.ndarray, p: np.ndarray, m: np.ndarray, step: np.ndarray
+) -> np.ndarray:
+    """How a handle at ``p`` moves where the mouse moves by a small step from ``m``."""
+    away, ray = p - eye, m - eye
+    far, near = max(np.linalg.norm(away), 1e-9), max(np.linalg.norm(ray), 1e-9)
+    u, r = away / far, ray / near
+    turned = (step - (r @ step) * r) / near
+    left, seen, right = np.linalg.svd(axes.T - np.outer(u, axes @ u), full_matrices=False)
+    share = np.where(seen > _GRAZING, 1.0 / np.maximum(seen, _GRAZING), seen / _GRAZING**2)
+    return far * axes.T @ (right.T @ (share * (left.T @ turned)))
 
 
 def nudge(axes: np.ndarray, ahead: np.ndarray, right: float, up: float) -> np.ndarray:

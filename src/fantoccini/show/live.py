@@ -16,6 +16,7 @@ import numpy as np
 from fantoccini.errors import FantocciniError
 from fantoccini.perform import Performance
 from fantoccini.show import pad
+from fantoccini.show.audience import holds
 from fantoccini.show.board import Board
 from fantoccini.show.controls import Controls, sight
 from fantoccini.show.drag import nudge
@@ -96,6 +97,7 @@ class Live:
         self.board = Board(self, server.viser, self.theme)
         self._build()
         self.stage.look(server.viser.initial_camera, "three-quarter")
+        server.viser.on_client_connect(self._fit)
         server.viser.on_client_disconnect(lambda client: self.holder.leave(client.client_id))
 
     def start(self) -> None:
@@ -124,12 +126,6 @@ class Live:
     def take_said(self) -> str:
         """What became of the last recording."""
         return self._take.said
-
-    @property
-    def held_by(self) -> str:
-        """Who holds the strings, in words."""
-        viewer = self.holder.viewer
-        return "" if viewer is None else f"{_who(viewer)} holds the strings"
 
     # -- what viewers do -----------------------------------------------------------------------
 
@@ -302,9 +298,11 @@ class Live:
         self.stage = Stage(self.server.viser, scene, self.theme, 1.5 * scene.tension_top())
         self.board.build(self.stage)
         self.controls = Controls(
-            self.server.viser, self.performance, self.theme, scene.size, self.act,
-            self.holder.leave, self.board.lengths,
+            self.server.viser, self.performance, self.theme, scene.size,
+            self.stage.view("three-quarter"), self.act,
+            lambda: self.board.drag_winds, self.holder.leave, self.board.lengths,
         )  # fmt: skip
+        self.board.set_up(self.controls)
         self.stage.show(self._moment())
 
     def _clear(self) -> None:
@@ -339,9 +337,14 @@ class Live:
         client = self.server.viser.get_clients().get(viewer)
         if client is not None:
             client.add_notification(
-                "Somebody else holds the strings", f"{_who(self.holder.viewer)} holds them now.",
+                "Somebody else holds the strings", f"{holds(self.holder.viewer, viewer)}.",
                 auto_close_seconds=3.0, color="yellow",
             )  # fmt: skip
+
+    def _fit(self, client: Any) -> None:
+        """A narrow window, as of a phone, looks from farther away."""
+        if client.camera.aspect < 1.0:
+            self.stage.look(client.camera, "three-quarter")
 
     def _sight(self, camera: Any) -> np.ndarray:
         if camera is not None:
@@ -350,7 +353,3 @@ class Live:
             view = self.stage.view("three-quarter")
             self._eye = (view.target - view.eye) / np.linalg.norm(view.target - view.eye)
         return self._eye
-
-
-def _who(viewer: Viewer | None) -> str:
-    return f"Viewer {viewer + 1}" if isinstance(viewer, int) else str(viewer or "Nobody")

@@ -16,15 +16,16 @@ from collections.abc import Awaitable, Callable, Iterator
 from html import escape
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import unquote, urlsplit
 
 import viser
 import websockets.asyncio.server
-from viser import _messages
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from fantoccini.errors import FantocciniError
+from fantoccini.show.gate import guard
+from fantoccini.show.script import SCRIPT
 from fantoccini.view.theme import Theme
 
 HOST = "127.0.0.1"
@@ -74,15 +75,13 @@ class Server:
     ):
         self.host = host
         self.port = free_port(host, port)
-        self._index = _index(title, script)
+        self._index = _index(title, SCRIPT + script)
         self._visitors = visitors or {}
         with _serving, self._own_serve(), contextlib.redirect_stdout(io.StringIO()):
             self.viser = viser.ViserServer(host, self.port, label=title, verbose=False)
         self.port = self.viser.get_port()
         self.moved = port not in (0, self.port)
-        # viser could open a tunnel through a server of its makers: not from here.
-        for message in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
-            self.viser._websock_server.unregister_handler(message)
+        guard(self.viser)
         accent = tuple(int(theme.cycle[0][k : k + 2], 16) for k in (1, 3, 5))
         self.viser.gui.configure_theme(
             dark_mode=theme.name == "dark", show_logo=False, show_share_button=False,
@@ -92,7 +91,7 @@ class Server:
     @property
     def url(self) -> str:
         """Address of the page."""
-        host = HOST if self.host in ("", "0.0.0.0", "::") else self.host
+        host = _reached_at(self.host)
         return f"http://{f'[{host}]' if ':' in host else host}:{self.port}"
 
     @property
@@ -141,11 +140,15 @@ class Server:
     def _filter(self, theirs: Callable) -> Callable:
         def answer(connection: Any, request: Request) -> Response | None:
             if not self._welcome(request):
-                return connection.respond(403, "this page is served to its own address only\n")
-            upgrade = request.headers.get("Upgrade", "").lower() == "websocket"
-            if not upgrade and request.path.partition("?")[0] in ("/", "/index.html"):
+                return self._plain(403, "Forbidden", "this page is served to its own address only")
+            if request.headers.get("Upgrade", "").lower() == "websocket":
+                theirs(connection, request)  # it keeps the log of connections quiet
+                return None
+            # As viser reads a path: every spelling of the page's address is the page.
+            path = unquote(request.path.partition("?")[0]).replace("\\", "/")
+            if [part for part in path.split("/") if part not in ("", ".")] in ([], ["index.html"]):
                 return self._page(request)
-            return theirs(connection, request)
+            return self._plain(404, "Not Found", "there is nothing here but the page at /")
 
         return answer
 
@@ -164,11 +167,21 @@ class Server:
             content = gzip.compress(content, 6)
             headers["Content-Encoding"] = "gzip"
         headers["Content-Type"] = "text/html; charset=utf-8"
-        headers["Content-Length"] = str(len(content))
-        headers["Cache-Control"] = "no-store"
-        headers["X-Frame-Options"] = "SAMEORIGIN"
-        headers["Content-Security-Policy"] = policy(f"'self' ws://{host} wss://{host}")
-        return Response(200, "OK", headers, content)
+        return _safe(200, "OK", headers, content, policy(f"'self' ws://{host} wss://{host}"))
+
+    def _plain(self, code: int, reason: str, words: str) -> Response:
+        headers = Headers({"Content-Type": "text/plain; charset=utf-8"})
+        return _safe(code, reason, headers, f"{words}\n".encode(), policy())
+
+
+def _safe(code: int, reason: str, headers: Headers, content: bytes, rules: str) -> Response:
+    """An answer with the headers that every one of ours has."""
+    headers["Content-Length"] = str(len(content))
+    headers["Cache-Control"] = "no-store"
+    headers["X-Frame-Options"] = "SAMEORIGIN"
+    headers["X-Content-Type-Options"] = "nosniff"
+    headers["Content-Security-Policy"] = rules
+    return Response(code, reason, headers, content)
 
 
 def policy(connect: str = "") -> str:
@@ -198,10 +211,9 @@ def with_title(page: str, title: str) -> str:
 
 def _index(title: str, script: str) -> bytes:
     page = with_title(client_page(), title)
-    if script:
-        head = page.index("</head>")
-        page = f"{page[:head]}<script>{script}</script>{page[head:]}"
-    return page.encode()
+    # Before the client's own script, whose listeners come after ours.
+    head = page.index("<head>") + len("<head>")
+    return f"{page[:head]}<script>{script}</script>{page[head:]}".encode()
 
 
 def free_port(host: str, first: int) -> int:
@@ -238,6 +250,23 @@ def _listen_once(host: str, port: int) -> None:
 
 def _taken(error: OSError) -> bool:
     return error.errno in (errno.EADDRINUSE, errno.EACCES)
+
+
+def _reached_at(host: str) -> str:
+    """Where a browser on this machine reaches what listens at an address.
+
+    A server that listens at no address in particular is there at the loopback of its family: with
+    IPv6 alone nobody answers at 127.0.0.1.
+    """
+    if not host:
+        return HOST
+    try:
+        address = ipaddress.ip_address(host)
+    except ValueError:
+        return host
+    if not address.is_unspecified:
+        return host
+    return HOST if address.version == 4 else "::1"
 
 
 def _is_loopback(host: str) -> bool:

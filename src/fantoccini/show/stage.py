@@ -26,7 +26,9 @@ VIEWS = ("front", "side", "three-quarter", "top")
 
 _OPENING = np.radians(30.0)
 _ASPECT = 1.25
-"""Width over height of the window that a whole puppet is to fit into."""
+"""Width over height that a whole puppet is to fit into; in wider windows there is the panel."""
+_ELEVATIONS = {"three-quarter": 22.0, "top": 78.0}
+"""Elevations of views from which hands are seen that move in a level plane [deg]."""
 
 
 @dataclass(frozen=True)
@@ -104,22 +106,27 @@ class Stage:
             for node in reversed(self._nodes):
                 node.remove()
 
-    def view(self, name: str) -> View:
-        """The point of view of this name that has the whole motion in the window."""
+    def view(self, name: str, aspect: float = _ASPECT) -> View:
+        """The point of view of this name that has the whole motion in the window.
+
+        Args:
+            name: one of :data:`VIEWS`.
+            aspect: width over height of the window.
+        """
         scene = self.scene
         centres, radii = scene.balls()
         centres = np.concatenate([centres, self._feet(centres)])
         radii = np.concatenate([radii, np.zeros(len(centres) - len(radii))])
         preset = "front" if name == "top" else name
         azimuth, elevation = point_of_view(preset, centres, scene.plane)
-        if name == "top":
-            elevation = np.radians(78.0)
-        camera = fit(centres, radii, azimuth, elevation, _ASPECT, _OPENING, margin=0.09)
+        elevation = np.radians(_ELEVATIONS[name]) if name in _ELEVATIONS else elevation
+        camera = fit(centres, radii, azimuth, elevation, aspect, _OPENING, margin=0.09)
         return View(camera.eye, _target(camera, 0.5 * (centres.min(axis=0) + centres.max(axis=0))))
 
     def look(self, camera: Any, name: str) -> None:
         """Points a camera of viser (a client's, or the initial one) from a preset."""
-        view = self.view(name)
+        aspect = getattr(camera, "aspect", _ASPECT)
+        view = self.view(name, min(aspect, _ASPECT) if aspect > 0.0 else _ASPECT)
         camera.position, camera.look_at = view.eye, view.target
         camera.fov = float(_OPENING)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Literal
 
@@ -157,10 +158,13 @@ def simulate(
     else:
         run = ScipyRun(integrator, marionette.library, *about)
     rows, events = [], []
+    began = time.perf_counter()
     status = _collect(run, t_end, progress, rows, events)
+    seconds = time.perf_counter() - began
     made = trajectory_of_rows(
-        marionette, np.concatenate(rows), np.concatenate(events), status, method, effort, run.blame
-    )
+        marionette, np.concatenate(rows), np.concatenate(events), status, method, effort,
+        run.blame, seconds,
+    )  # fmt: skip
     if status is not Status.DONE and throw:
         raise SimulationError(status, _where(marionette, made), made)
     return made
@@ -219,6 +223,7 @@ def trajectory_of_rows(
     method: str,
     with_effort: bool,
     blame: Array,
+    seconds: float | None = None,
 ) -> Trajectory:
     """The trajectory of what a run wrote.
 
@@ -230,6 +235,7 @@ def trajectory_of_rows(
         method: of the run.
         with_effort: compute the force on every driven coordinate.
         blame: (n_rows,) each row's share of the blame for the status, 0 to 1.
+        seconds: how long the run took [s].
     """
     tree = marionette.tree
     part = marionette.row_layout.split(rows)
@@ -258,6 +264,7 @@ def trajectory_of_rows(
         violation=_violation(marionette, part),
         slip=Columns(strings, part["slip"], "string"),
         blamed=tuple(tree.row_names[i] for i in np.flatnonzero(blame > _TO_BLAME)),
+        seconds=seconds,
     )
 
 

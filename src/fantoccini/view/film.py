@@ -49,7 +49,7 @@ def film(
     size: tuple[int, int] = (960, 720),
     view: str | tuple[float, float] = "auto",
     focus: str = "all",
-    theme: str | Theme = "dark",
+    theme: str | Theme = "light",
     speed: float = 1.0,
     progress: Callable[[int, int], None] | None = None,
     renderer: str = "matplotlib",
@@ -66,7 +66,7 @@ def film(
         size: width and height [px], rounded up to even numbers.
         view: preset, or (azimuth, elevation) in degrees.
         focus: ``all`` frames bodies and strings, ``bodies`` lets strings leave the picture.
-        theme: ``dark``, ``light``, or a Theme.
+        theme: ``light``, ``dark``, or a Theme.
         speed: seconds of motion for a second of film.
         progress: called with (frames done, frames in all) after each frame.
         renderer: ``matplotlib``, or ``pyvista`` for shaded solids where that is installed; it takes

@@ -176,6 +176,10 @@ def _run_tables(run: Trajectory) -> list[str]:
         ("events", events),
         ("rows", len(run)),
     ]
+    if run.seconds is not None:
+        slow = run.method == "event" and run.seconds > run.duration
+        hint = ", slower than real time; method='timestepping' is faster" if slow else ""
+        facts.append(("computed in", f"{run.seconds:.3g} s{hint}"))
     if run.blamed:
         facts.insert(3, ("because of", ", ".join(run.blamed)))
     strings = [

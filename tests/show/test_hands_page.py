@@ -1,0 +1,182 @@
+"""A page in the hand, in a real browser: keys, drags, and what small windows show."""
+
+from __future__ import annotations
+
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from tests.show.browser import canvas, chrome, like, picture, pixel, until, words
+from tests.show.toys import toy
+
+import fantoccini as fan
+
+RED = (192, 32, 32)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chrome() as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def scene(browser, tmp_path_factory):
+    """A live page that the browser looks at."""
+    folder = tmp_path_factory.mktemp("page")
+    page = fan.show(toy(folder), port=0, browser=False, wait=False, record_to=folder)
+    page.show.board._views._shadows.value = False  # software draws them slowly
+    browser.get(page.url)
+    clients = page.server.viser.get_clients
+    until(lambda: clients() and like(picture(browser), RED) > 200, "the puppet is seen")
+    page.show.pause()  # hands are wanted elsewhere all the same, and nothing has to be drawn
+    yield SimpleNamespace(
+        browser=browser, page=page, live=page.show, performance=page.show.performance,
+        client=next(iter(clients().values())),
+    )  # fmt: skip
+    page.close()
+
+
+def drag(scene, monkeypatch, down: int) -> np.ndarray:
+    """Drags the bead down by pixels; by how many it is seen to have moved, right and down."""
+    from selenium.webdriver.common.actions.action_builder import ActionBuilder
+
+    monkeypatch.setattr(scene.live.holder, "_idle", 60.0)
+    live, performance = scene.live, scene.performance
+    performance.reset()
+    rectangle = canvas(scene.browser)
+    x, y = (round(c) for c in pixel(scene.client, performance.place("line")[0], rectangle))
+    mouse = ActionBuilder(scene.browser, duration=50)
+    mouse.pointer_action.move_to_location(x, y).pause(1.0).pointer_down().pause(0.5)
+    for k in range(1, 9):
+        mouse.pointer_action.move_to_location(x, y + round(down * k / 8)).pause(0.1)
+    mouse.perform()
+    until(lambda: (live.holder.viewer, live._jobs.empty()) == (scene.client.client_id, True), "it")
+    since = [time.monotonic(), np.zeros(3)]
+
+    def settled() -> bool:
+        """Whether what was on its way has arrived."""
+        now = performance.target("line")[0]
+        if np.array_equal(now, [0, 0, 1]) or not np.array_equal(now, since[1]):
+            since[:] = time.monotonic(), now
+        return time.monotonic() > since[0] + 2.0
+
+    until(settled, "the end is wanted elsewhere")
+    after = pixel(scene.client, performance.target("line")[0], rectangle)
+    mouse = ActionBuilder(scene.browser)
+    mouse.pointer_action.pointer_up()
+    mouse.perform()
+    until(lambda: live.holder.viewer is None, "the strings are free")
+    return np.array(after) - (x, y)
+
+
+def test_a_bead_stays_under_a_mouse_that_goes_down(scene, monkeypatch):
+    """17.12: 120 px down moved the bead 33 px up in the view that a page opens with."""
+    right, down = drag(scene, monkeypatch, 120)
+    assert abs(right) < 8.0
+    assert down == pytest.approx(120.0, abs=10.0)
+
+
+def test_a_bead_never_goes_against_the_mouse(scene, monkeypatch):
+    """17.12: also where the hand's plane lies above the eye and is seen from below."""
+    press_view(scene, "front")
+    right, down = drag(scene, monkeypatch, 80)
+    assert abs(right) < 8.0
+    assert 20.0 < down < 90.0
+    press_view(scene, "three-quarter")
+
+
+def press_view(scene, name: str) -> None:
+    before = np.array(scene.client.camera.position)
+    scene.live.stage.look(scene.client.camera, name)
+    until(lambda: np.linalg.norm(scene.client.camera.position - before) > 0.1, "another view")
+
+
+def test_keys_move_the_handle_and_not_the_camera(scene):
+    """17.12: W, A, S, D, E, Q flew viser's camera, too; ten taps lost the puppet."""
+    from selenium.webdriver import ActionChains
+    from selenium.webdriver.common.keys import Keys
+
+    scene.browser.execute_script("document.activeElement.blur()")
+    camera = np.array(scene.client.camera.position)
+    looks = np.array(scene.client.camera.look_at)
+    home, length = scene.performance.target("line")[0], scene.performance.wanted_length("line")
+    for key in "dwe":
+        keys = ActionChains(scene.browser)
+        for _ in range(10):
+            keys.key_down(key).pause(0.05).key_up(key)
+        keys.perform()
+    until(lambda: np.linalg.norm(scene.performance.target("line")[0] - home) > 0.1, "it moves")
+    until(lambda: scene.performance.wanted_length("line") < length - 0.05, "it winds")
+    keys = ActionChains(scene.browser)
+    for key in "asq":
+        keys.key_down(key).pause(0.3).key_up(key)
+    keys.perform()
+    assert np.allclose(scene.client.camera.position, camera)
+    assert np.allclose(scene.client.camera.look_at, looks)
+    # An arrow key, which is no command, does turn the camera: what was sent before has arrived.
+    keys = ActionChains(scene.browser)
+    keys.key_down(Keys.ARROW_LEFT).pause(0.5).key_up(Keys.ARROW_LEFT).perform()
+    until(lambda: not np.allclose(scene.client.camera.position, camera), "the camera turns")
+    scene.performance.reset()
+
+
+def test_strings_are_wound_without_scrolling(browser, tmp_path):
+    """17.14: in a window of 1280 x 720 the strings' sliders lay below the fold."""
+    with (
+        fan.show(
+            fan.puppets.marionette(), port=0, browser=False, wait=False, record_to=tmp_path
+        ) as page,
+        window(browser, 1280, 720),
+    ):
+        page.show.stage.show_shadows(False)
+        page.show.pause()
+        browser.get(page.url)
+        n = len(page.show.performance.lengths)
+        sliders = until(
+            lambda: len(found := browser.find_elements("css selector", "[role=slider]")) >= n
+            and found, "the sliders",
+        )  # fmt: skip
+        assert all(s.rect["y"] + s.rect["height"] < 700 for s in sliders[:n])
+        until(lambda: "Shift and drag" in words(browser), "how strings are wound is told")
+
+
+def test_a_phone_shows_the_puppet_and_not_the_panel(browser, tmp_path):
+    """17.14: on a phone the panel hid the puppet."""
+    with (
+        fan.show(toy(tmp_path), port=0, browser=False, wait=False, record_to=tmp_path) as page,
+        window(browser, 390, 844, mobile=True),
+    ):
+        page.show.stage.show_shadows(False)
+        page.show.pause()
+        browser.get(page.url)
+        bar = 'div[style*="fixed"][style*="max-height: 60%"]'
+        found = until(lambda: browser.find_elements("css selector", bar), "the panel")
+        until(lambda: found[0].rect["height"] < 70, "it folds")
+        until(lambda: like(picture(browser, "phone"), RED) > 100, "the puppet is seen")
+        clients = page.server.viser.get_clients
+        client = until(lambda: next(iter(clients().values()), None), "it is connected")
+        rectangle = canvas(browser)
+        for place in (page.show.performance.place("line")[0], [0.0, 0.0, 0.33]):
+            x, y = pixel(client, np.array(place), rectangle)
+            assert 0 < x < 390 and 0 < y < found[0].rect["y"]
+        browser.find_element("css selector", f'{bar} div[style*="cursor: pointer"]').click()
+        until(lambda: found[0].rect["height"] > 200, "it unfolds")
+        until(lambda: "Drag winds" in words(browser), "strings are wound without Shift")
+
+
+class window:
+    """A window of a size, while it lasts."""
+
+    def __init__(self, browser, width: int, height: int, mobile: bool = False):
+        self._browser = browser
+        self._size = {
+            "width": width, "height": height, "deviceScaleFactor": 1, "mobile": mobile,
+        }  # fmt: skip
+
+    def __enter__(self) -> None:
+        self._browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", self._size)
+
+    def __exit__(self, *_: object) -> None:
+        self._browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
