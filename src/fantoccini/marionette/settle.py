@@ -1,7 +1,7 @@
-"""Rest of puppets on chains: V is descended by steps that know its curvature.
+"""Equilibria by descent: V is gone down by steps that know its curvature.
 
-Letting such a puppet go and stopping it where its kinetic energy peaks, as :mod:`.statics` does,
-takes the steps of its stiffest spring and the time of its slowest sway. Here, in the coordinates y
+Letting a puppet go and stopping it where its kinetic energy peaks, as :mod:`.statics` does, takes
+the steps of its stiffest spring, and the time of its slowest sway or creep. Here, in the coordinates y
 in which M_DD is one, each step solves
 
     min  -w0 . y + 1/2 y . (|H| + mu) y    subject to  h + W^T y <= 0
@@ -18,14 +18,16 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError
+from fantoccini.marionette.checks import CLOSED
 from fantoccini.marionette.instant import Instant
+from fantoccini.marionette.projection import onto_rows, positioned, retract
 from fantoccini.marionette.statics import (
+    HELD,
     Equilibrium,
-    check_winches,
     in_step,
+    newton,
     poles,
-    project,
-    retract,
+    pushed,
     slopes,
 )
 from fantoccini.motion import State, tangent
@@ -58,26 +60,24 @@ _STEP = 1e-6
 """Step of the finite differences that give the Hessian [rad or m]."""
 _BALANCED = 1e-6
 """Largest part of the forces that may be left at rest, over the puppet's weight."""
-_PUSH = 0.01
-"""Largest part of a push off an unstable equilibrium [rad or m]."""
+_REFINED = 1e-3
+"""Largest move by which Newton's method refines an equilibrium, not finds another [rad or m]."""
 
 
-def rest(marionette: Marionette, x: State) -> State:
-    """A hanging equilibrium of a puppet on chains; as :func:`statics.rest`.
+def descended(marionette: Marionette, x: State) -> Equilibrium:
+    """A local minimum of V subject to the rows, from a state that they do not forbid.
 
     Raises:
-        StateError: there is no equilibrium below, or it was not found, or a winch would slip in it.
+        StateError: V keeps falling, or the search came to a stand where forces do not balance.
     """
-    rewinds = marionette.winches[: len(x.slip), 1] > 0
-    still = x.replace(
-        v_D=np.zeros_like(x.v_D), v_K=np.zeros_like(x.v_K), slip=np.where(rewinds, 0.0, x.slip)
-    )
-    found = _settled(marionette, project(marionette, still))
+    found = _settled(marionette, x)
     moved = in_step(marionette, found.x)
     if moved is not found.x:
-        found = _settled(marionette, project(marionette, moved))
-    check_winches(marionette, found)
-    return marionette.with_mode(found.x)
+        found = _settled(marionette, positioned(marionette, moved)[0])
+    finer = newton(marionette, found.x)
+    if finer is None or np.max(np.abs(finer.x.q_D - found.x.q_D)) > _REFINED:
+        return found
+    return finer
 
 
 def _settled(marionette: Marionette, x: State) -> Equilibrium:
@@ -102,13 +102,11 @@ def _settled(marionette: Marionette, x: State) -> Equilibrium:
             move = at.back(y)
             size = float(np.max(np.abs(move), initial=0.0))
             move = move / max(1.0, float(np.max(np.abs(move) / longest, initial=0.0)))
-            other = x.replace(q_D=retract(marionette, x.q_D, move))
-            if marionette.tree.n_rows:
-                other = project(marionette, other)
+            other, worst = onto_rows(marionette, x.replace(q_D=retract(marionette, x.q_D, move)))
             V_other = marionette.energies(other)[1]
             fell = V - V_other + _motors_work(marionette, x, other)
             flat = abs(fell) <= _LEVEL * marionette.weight + _ROUNDED * abs(V)
-            if fell > 0.0 or flat or mu > _MU[2]:
+            if (worst <= CLOSED and (fell > 0.0 or flat)) or mu > _MU[2]:
                 break
             mu = max(_GROWS * mu, 1e-3)
         pulls = found.x != 0.0
@@ -119,20 +117,20 @@ def _settled(marionette: Marionette, x: State) -> Equilibrium:
         stalled = stalled + 1 if flat and left > 0.5 * before else 0
         if size < _STILL or stalled > _STALLS or mu > _MU[2]:
             push = _unstable(at, rows, curvature, modes)
-            if push is None and left > _BALANCED * size_of_forces:
+            lower = None if push is None else pushed(marionette, x, push)
+            if lower is None and left > _BALANCED * size_of_forces:
                 raise StateError(
-                    "no equilibrium was found: the search came to a stand with forces of "
+                    "going down, the search came to a stand with forces of "
                     f"{left / size_of_forces:.2g} of the puppet's weight left over; let it begin "
                     "nearer to where the puppet hangs, or simulate with damping until it rests"
                 )
-            if push is None:
+            if lower is None:
                 return Equilibrium(other if size < _STILL else x, rows, tension)
-            other = x.replace(q_D=retract(marionette, x.q_D, push))
+            other = lower
             V_other = marionette.energies(other)[1]
         x, V, mu = other, V_other, (mu * _SHRINKS if mu > _MU[1] and not flat else 0.0)
     raise StateError(
-        f"no equilibrium was found in {_ROUNDS} steps: the potential energy keeps falling. Is "
-        "every free body held by a string, a limit or a joint to the world?"
+        f"going down, the potential energy keeps falling after {_ROUNDS} steps{HELD}"
     )
 
 
@@ -181,4 +179,4 @@ def _unstable(at: Instant, rows: Array, curvature: Array, modes: Array) -> Array
     if values[0] > -_UNSTABLE * max(1.0, float(np.max(np.abs(values)))):
         return None
     push = at.back(free @ vectors[:, 0])
-    return _PUSH * push / np.max(np.abs(push))
+    return push / np.max(np.abs(push))
