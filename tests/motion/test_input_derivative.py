@@ -12,11 +12,14 @@ LOOKED_AT = np.linspace(-0.2, 3.0, 161)
 
 
 def motion(table, points: dict) -> np.ndarray:
-    """(3, T, n_vK): q_K, v_K and acc_K of the scalar coordinates, 0 for rotations."""
-    q, v, acc = Input.waypoints(table, points).evaluate(LOOKED_AT)
+    """(3, T, n_vK): q_K, v_K and acc_K of what is named, 0 of the rest and of rotations."""
+    inputs = Input.waypoints(table, points)
+    q, v, acc = inputs.evaluate(LOOKED_AT)
     found = np.zeros((3, *v.shape))
-    found[0][:, table.places_K[1]] = q[:, table.places_K[0]]
     found[1:] = v, acc
+    for at, row in table.scalars_K:
+        if inputs.named[row]:
+            found[0][:, row] = q[:, at]
     return found
 
 
@@ -27,7 +30,7 @@ def moved(points: dict, name: str, k: int, d: float) -> dict:
     return changed
 
 
-def central(table, points: dict, name: str, k: int, d: float = 2e-4) -> np.ndarray:
+def central(table, points: dict, name: str, k: int, d: float = 2e-6) -> np.ndarray:
     """Richardson's extrapolation of central differences."""
     half, whole = (
         (motion(table, moved(points, name, k, h)) - motion(table, moved(points, name, k, -h)))

@@ -26,9 +26,9 @@ _ABOVE = 1e-9
 def rest(marionette: Marionette, x: State) -> State:
     """A hanging equilibrium near a state: a local minimum of V subject to h <= 0.
 
-    The puppet is brought onto its strings, let go and stopped (:mod:`.statics`); where that does not
-    end, V is descended (:mod:`.settle`), with which puppets on chains begin. What is found counts
-    where forces balance, no row is overstepped and V is not above the start's.
+    The puppet is brought onto its strings, let go and stopped (:mod:`.statics`); where that does
+    not end, V is descended (:mod:`.settle`), with which puppets on chains begin. What is found
+    counts where forces balance, no row is overstepped and V is not above the start's.
 
     Args:
         marionette: the puppet.
@@ -71,9 +71,9 @@ def _begun(marionette: Marionette, x: State) -> State:
             break
     if left:
         raise StateError(
-            f"no state of the puppet fits these string ends and lengths: {left}. Tried: moves onto "
-            "the strings and limits, from many places nearby, and time-stepping with the strings "
-            "hauled in"
+            f"no state of the puppet was found that fits these string ends and lengths: {left}. "
+            "Tried: moves onto the strings and limits, from many places nearby, and time-stepping "
+            "with the strings hauled in"
         )
     return start
 

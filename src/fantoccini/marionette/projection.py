@@ -7,7 +7,8 @@ every row one-sided anew in every round: a row that had to be brought back is fr
    squares of what is left of them is smallest.
 2. Where that comes to a stand, from seeded pushes of growing size off the given configuration: a
    straight limb that is pulled along itself has no slope by which to give way.
-3. Towards the given configuration q_0: min |q + dq - q_0|_M with h + A dq <= 0.
+3. Along the rows towards the given configuration q_0: min |q + dq - q_0|_M with h + A dq <= 0,
+   ended by Newton's method on M (q - q_0) + A^T y = 0 and h = 0 of the rows with y > 0.
 """
 
 from __future__ import annotations
@@ -37,6 +38,19 @@ _STILL = 1e-15
 _FIRM = 1e8
 """How dear what is left of rows is beside moves, where rows contradict one another [1/m^2]."""
 _HALVINGS = 6
+_FALLS = 0.999
+"""What a move leaves of the rows' excess at most; they are met in few rounds, or not at all."""
+_ARRIVED = 1e-12
+"""Moves below which a state is the nearest [rad or m]."""
+_ALMOST = 1e-4
+"""Moves below which rows that push are let go [rad or m]."""
+_FARTHER = 0.01
+"""Relative growth of a distance that its metric, M_DD at the end of the way, may make."""
+_APPROACHES = 15
+"""Rounds towards the nearest state before Newton's method takes over."""
+_NEWTON_ROUNDS = 20
+_STEP = 1e-6
+"""Step of the finite differences that give Newton's matrix [rad or m]."""
 _PUSHES = (0.03, 0.1, 0.1, 0.3, 0.3, 1.0, 1.0)
 """Largest parts of pushes off a configuration that gives no way [rad or m]."""
 _SEED = 17
@@ -69,8 +83,9 @@ def project(marionette: Marionette, x: State) -> State:
     found, left = positioned(marionette, x)
     if left:
         raise StateError(
-            f"no state of the puppet fits these string ends and lengths: {left}. Tried: moves onto "
-            f"the strings and limits, from there and from {len(_PUSHES)} places nearby"
+            f"no state of the puppet was found that fits these string ends and lengths: {left}. "
+            f"Tried: moves onto the strings and limits, from there and from {len(_PUSHES)} places "
+            "nearby"
         )
     instant = marionette.instant(found)
     scale = marionette.row_scales(found.q_D, found.q_K)
@@ -150,7 +165,7 @@ def onto_rows(marionette: Marionette, x: State) -> tuple[State, float]:
             other = x.replace(q_D=retract(marionette, x.q_D, part * move))
             there = marionette.instant(other)
             over = _excess(marionette, there.h) / scale
-            if np.linalg.norm(over) < np.linalg.norm(excess):
+            if np.linalg.norm(over) < _FALLS * np.linalg.norm(excess):
                 break
             part *= 0.5
         else:
@@ -165,7 +180,7 @@ def _shortest(marionette: Marionette, instant: Instant, rows: Array) -> Array:
     found = instant.complementarity(rows, h, marionette.two_sided)
     if found.solved:
         return -W @ found.x
-    # min |y|^2 + k |s|^2 with h + W^T y <= s is the same problem, with 1/k on the diagonal of W^T W.
+    # min |y|^2 + k |s|^2 with h + W^T y <= s: the same with 1/k on the diagonal of W^T W.
     from scipy.optimize import lsq_linear  # slow to import, and only contradictions need it
 
     tall = np.vstack([W, np.eye(len(rows)) * np.sqrt(np.trace(W.T @ W) / (_FIRM * len(rows)))])
@@ -176,28 +191,77 @@ def _shortest(marionette: Marionette, instant: Instant, rows: Array) -> Array:
 
 
 def _nearest(marionette: Marionette, x: State, origin: State) -> State:
-    """The state moved along the rows until it is nearest to another one; itself where that fails."""
-    table, scale, wires = marionette.coordinates, marionette.row_scales(x.q_D, x.q_K), marionette.two_sided
-    places = table.scalars_D, table.quaternions_D
-    best, least = x, np.inf
-    for _ in range(_ROUNDS):
+    """The state moved along the rows until it is nearest to another one.
+
+    With mu > 0 moves are held back, min |q + dq - q_0|_M^2 + mu |dq|_M^2: bent rows make those of
+    mu = 0 overshoot where the way is long. Newton's method then ends what goes on slowly.
+    """
+    wires, scale, mu = marionette.two_sided, marionette.row_scales(x.q_D, x.q_K), 0.0
+    held = np.zeros(0, dtype=int), np.zeros(0)
+    for _ in range(_APPROACHES):
         instant = marionette.instant(x)
-        away = tangent.between(*places, x.q_D, origin.q_D, table.n_vD)
-        F_inverse = instant.back(np.eye(table.n_vD)).T
-        wanted = np.linalg.solve(F_inverse, away)
+        away = _away(marionette, instant, x, origin)
         rows = np.flatnonzero((instant.h > -_NEAR * scale) | wires)
-        W = instant.W[:, rows]
+        W, wanted = instant.W[:, rows], away / (1.0 + mu)
         found = instant.complementarity(rows, instant.h[rows] + W.T @ wanted, wires)
-        distance = float(np.linalg.norm(wanted))
-        feasible = np.max(_excess(marionette, instant.h) / scale, initial=0.0) <= CLOSED
-        if feasible and distance < least:
-            best, least = x, distance
-        if not found.solved:
-            break
-        move = F_inverse @ (wanted - W @ found.x)
+        move = instant.back(wanted - W @ found.x)
         size = float(np.max(np.abs(move), initial=0.0))
-        if not 1e-13 < size < np.inf:
+        if not found.solved or not _ARRIVED < size < np.inf:
+            return x
+        move *= min(1.0, _LONGEST / size)
+        other, worst = onto_rows(marionette, x.replace(q_D=retract(marionette, x.q_D, move)))
+        there = _away(marionette, marionette.instant(other), other, origin)
+        if worst > CLOSED or np.linalg.norm(there) > (1.0 + _FARTHER) * np.linalg.norm(away):
+            mu = max(4.0 * mu, 1.0)
+            continue
+        pulls = (found.x != 0.0) | wires[rows]
+        held = rows[pulls], (1.0 + mu) * found.x[pulls]
+        x, mu = other, (0.5 * mu if mu > 0.1 else 0.0)
+    return _stationary(marionette, x, origin, *held) or x
+
+
+def _stationary(
+    marionette: Marionette, x: State, origin: State, rows: Array, pull: Array
+) -> State | None:
+    """The state near another with F away = W pull and h = 0 on some rows, by Newton's method.
+
+    Rows that push are let go. None where it does not settle on a state that keeps all rows and is
+    as near.
+    """
+    n, instant = marionette.coordinates.n_vD, marionette.instant(x)
+    farthest = (1.0 + _FARTHER) * np.linalg.norm(_away(marionette, instant, x, origin))
+
+    def left(x: State) -> Array:
+        """(n + len(rows),) what the two equations lack."""
+        at = marionette.instant(x)
+        return np.append(_away(marionette, at, x, origin) - at.W[:, rows] @ pull, at.h[rows])
+
+    for _ in range(_NEWTON_ROUNDS):
+        moves = np.concatenate([np.eye(n), -np.eye(n)]) * _STEP
+        around = [left(x.replace(q_D=q)) for q in retract(marionette, x.q_D, moves)]
+        slope = (np.array(around[:n]) - np.array(around[n:])).T / (2 * _STEP)
+        W = np.vstack([-marionette.instant(x).W[:, rows], np.zeros((len(rows), len(rows)))])
+        step = np.linalg.lstsq(np.hstack([slope, W]), -left(x), rcond=1e-12)[0]
+        size = float(np.max(np.abs(step[:n]), initial=0.0))
+        if not size < _LONGEST:
+            return None
+        x = x.replace(q_D=retract(marionette, x.q_D, step[:n]))
+        pull = pull + step[n:]
+        pulls = (pull >= 0.0) | marionette.two_sided[rows]
+        if size < _ARRIVED and np.all(pulls):
             break
-        x = x.replace(q_D=retract(marionette, x.q_D, move * min(1.0, _LONGEST / size)))
-    found, worst = onto_rows(marionette, best)
-    return found if worst <= CLOSED else best
+        if size < _ALMOST:
+            rows, pull = rows[pulls], pull[pulls]
+    else:
+        return None
+    x, worst = onto_rows(marionette, x)
+    distance = np.linalg.norm(_away(marionette, marionette.instant(x), x, origin))
+    return None if worst > CLOSED or distance > farthest else x
+
+
+def _away(marionette: Marionette, instant: Instant, x: State, origin: State) -> Array:
+    """The move from a configuration to another one, in the coordinates in which M_DD is one."""
+    table = marionette.coordinates
+    places = table.scalars_D, table.quaternions_D
+    F_inverse = instant.back(np.eye(table.n_vD)).T
+    return np.linalg.solve(F_inverse, tangent.between(*places, x.q_D, origin.q_D, table.n_vD))

@@ -1,8 +1,8 @@
 """Equilibria by descent: V is gone down by steps that know its curvature.
 
 Letting a puppet go and stopping it where its kinetic energy peaks, as :mod:`.statics` does, takes
-the steps of its stiffest spring, and the time of its slowest sway or creep. Here, in the coordinates y
-in which M_DD is one, each step solves
+the steps of its stiffest spring, and the time of its slowest sway or creep. Here, in the
+coordinates y in which M_DD is one, each step solves
 
     min  -w0 . y + 1/2 y . (|H| + mu) y    subject to  h + W^T y <= 0
 
@@ -38,6 +38,10 @@ if TYPE_CHECKING:
 _ROUNDS = 3000
 _MU = (1e2, 1e-3, 1e14)
 """mu at first, below which it is dropped, and at most [1/s^2]."""
+_SOFTEST = 1e-3
+"""Least curvature that steps are taken by [1/s^2]: gravity alone has none."""
+_AFAR = 100.0
+"""Move from which on a puppet has no equilibrium [rad or m]."""
 _GROWS, _SHRINKS = 3.0, 0.2
 """How mu changes after a step that did not go down, and after one that did."""
 _LONGEST = 0.1
@@ -84,7 +88,7 @@ def _settled(marionette: Marionette, x: State) -> Equilibrium:
     """A local minimum of V subject to the rows, from a state that they do not forbid."""
     wires, scale = marionette.two_sided, marionette.row_scales(x.q_D, x.q_K)
     size_of_forces = marionette.weight / np.sqrt(marionette.mass)
-    mu, V = _MU[0], marionette.energies(x)[1]
+    mu, V, start = _MU[0], marionette.energies(x)[1], x.q_D
     longest = np.full(len(x.v_D), _LONGEST)
     for row, pole in poles(marionette):
         longest[row.v] = np.minimum(longest[row.v], _WITHIN * pole)
@@ -94,7 +98,7 @@ def _settled(marionette: Marionette, x: State) -> Equilibrium:
         near = np.flatnonzero((at.h > -_NEAR * scale) | wires)
         curvature, modes = _curvature(at, _slope(marionette, Equilibrium(x, rows, tension)))
         while True:
-            softened = modes / np.sqrt(np.abs(curvature) + mu)
+            softened = modes / np.sqrt(np.maximum(np.abs(curvature) + mu, _SOFTEST))
             W = softened.T @ at.W[:, near]
             force = softened.T @ at.w0
             found = marionette.library.complementarity(W, at.h[near] + W.T @ force, wires[near])
@@ -128,10 +132,10 @@ def _settled(marionette: Marionette, x: State) -> Equilibrium:
                 return Equilibrium(other if size < _STILL else x, rows, tension)
             other = lower
             V_other = marionette.energies(other)[1]
+        if np.max(np.abs(other.q_D - start), initial=0.0) > _AFAR:
+            break
         x, V, mu = other, V_other, (mu * _SHRINKS if mu > _MU[1] and not flat else 0.0)
-    raise StateError(
-        f"going down, the potential energy keeps falling after {_ROUNDS} steps{HELD}"
-    )
+    raise StateError(f"going down, the potential energy keeps falling{HELD}")
 
 
 def _motors_work(marionette: Marionette, x: State, other: State) -> float:

@@ -1,4 +1,4 @@
-"""Equilibria of a hanging puppet: let go and stopped, refined by Newton's method, pushed off saddles.
+"""Equilibria by letting go: stopped again and again, refined by Newton, pushed off saddles.
 
 The puppet is let go and stopped whenever its kinetic energy peaks, until it hardly moves; Newton's
 method on the equilibrium's equations then takes it to rounding. An equilibrium that a small push
@@ -129,7 +129,7 @@ def pushed(marionette: Marionette, x: State, push: Array) -> State | None:
 
 
 def dropped(marionette: Marionette, x: State) -> Equilibrium:
-    """The equilibrium into which a puppet falls that is let go at a state and stopped again and again.
+    """The equilibrium into which a puppet falls that is let go and stopped again and again.
 
     Raises:
         StateError: it went on moving, or no run can begin or go on there.
@@ -152,7 +152,8 @@ def dropped(marionette: Marionette, x: State) -> Equilibrium:
         if lower is None:
             break
         x = lower
-    raise StateError("let go and stopped, the puppet keeps moving" + _giving_way(marionette, x, q_D))
+    why = _giving_way(marionette, x, q_D) or HELD
+    raise StateError(f"let go and stopped, the puppet keeps moving{why}")
 
 
 def hauled(marionette: Marionette, x: State) -> State:
@@ -164,7 +165,7 @@ def hauled(marionette: Marionette, x: State) -> State:
         Input.hold(marionette.coordinates).bound(x.q_K),
     )  # fmt: skip
     rows = np.concatenate([r for r, _ in run.advance(_RELAX_PIECE)])
-    return x.replace(q_D=marionette.row_layout.split(rows)["q_D"][-1])
+    return x.replace(q_D=marionette.row_layout.split(rows)["q_D"][-1]) if len(rows) else x
 
 
 def _relaxed(marionette: Marionette, x: State):

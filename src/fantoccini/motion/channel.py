@@ -108,14 +108,14 @@ def scalar_waypoints_along(t: Times, values: Array, change: Array) -> tuple[Chan
         values, change: (n,) [m or rad].
 
     Returns:
-        The channel, and whether from below it is the same.
+        The channel, and whether it is linear in the change.
     """
-    slopes, kinks = polynomial.monotone_slopes_along(t, values, change)
+    slopes, smooth = polynomial.monotone_slopes_along(t, values, change)
     zero = np.zeros(len(t) - 1)
     coef = polynomial.hermite(
         np.diff(t), (change[:-1], slopes[:-1], zero), (change[1:], slopes[1:], zero)
     )
-    return scalar(t, coef, change[0], change[-1]), not np.any(kinks)
+    return scalar(t, coef, change[0], change[-1]), smooth
 
 
 def rotation_waypoints(t: Times, q: Quaternion) -> Channel:

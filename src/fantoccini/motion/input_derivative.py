@@ -32,7 +32,8 @@ class InputDerivative:
         coef: (n_seg, n_vK, 6) ascending powers of the time since the piece began; rows of
             rotations are 0.
         name: of s, such as ``hand.length[1]``: the value of the second waypoint.
-        smooth: whether s growing and s falling have the same derivative.
+        smooth: whether the inputs are differentiable there; otherwise it is that of one side, and
+            derivatives by several values do not add up.
     """
 
     coordinates: CoordinateTable

@@ -142,11 +142,11 @@ def mean_speed(h: Array, speed: Array) -> Array:
     return np.where(moving, np.minimum(mean, 2 * np.minimum(before, after)), 0.0)
 
 
-def monotone_slopes_along(t: Array, values: Array, change: Array) -> tuple[Array, Array]:
+def monotone_slopes_along(t: Array, values: Array, change: Array) -> tuple[Array, bool]:
     """The one-sided derivative of :func:`monotone_slopes`: by s > 0 at values + s change.
 
-    The slope between two secants is of first degree in them and smooth but where its bound takes
-    over and where a secant is 0; there the derivative depends on the side.
+    The slope between two secants is of first degree in them, and smooth but where its bound takes
+    over and where a secant is 0; there the derivative depends on the direction.
 
     Args:
         t: (n,) times [s], increasing.
@@ -154,41 +154,38 @@ def monotone_slopes_along(t: Array, values: Array, change: Array) -> tuple[Array
         change: (n,) of the values.
 
     Returns:
-        (n,) derivatives of the slopes, and (n,) bool, where the other side's derivative differs.
+        (n,) derivatives of the slopes, and whether all slopes that change are smooth there.
     """
     h = np.diff(t)
     secant, rate = np.diff(values) / h, np.diff(change) / h
-    slopes, other = np.zeros(len(t)), np.zeros(len(t))
+    slopes, smooth = np.zeros(len(t)), True
     for j in range(1, len(t) - 1):
         part = slice(j - 1, j + 1)
-        slopes[j] = _slope_along(h[part], secant[part], rate[part])
-        other[j] = -_slope_along(h[part], secant[part], -rate[part])
-    return slopes, slopes != other
+        if np.any(rate[part] != 0.0):
+            slopes[j], own = _slope_along(h[part], secant[part], rate[part])
+            smooth &= own
+    return slopes, bool(smooth)
 
 
-def _slope_along(h: Array, secant: Array, rate: Array) -> float:
-    """The one-sided derivative of the slope between two secants (2,) as they change."""
+def _slope_along(h: Array, secant: Array, rate: Array) -> tuple[float, bool]:
+    """The one-sided derivative of the slope between two secants (2,), and whether it is smooth."""
     still = np.abs(secant) <= _STILL
     if np.all(still):  # of first degree: what the rates alone give
-        secant, rate, still = rate, np.zeros(2), np.abs(rate) <= _STILL
-        if np.any(still) or secant[0] * secant[1] <= 0:
-            return 0.0
-        return float(np.sign(secant[0]) * mean_speed(h, np.abs(secant))[0])
+        turns = rate[0] * rate[1] <= 0
+        return 0.0 if turns else float(np.sign(rate[0]) * mean_speed(h, np.abs(rate))[0]), False
     weight = np.array([2 * h[1] + h[0], h[1] + 2 * h[0]])
     part = weight / weight.sum()
     if np.any(still):
         i = int(np.argmax(still))
         # Near 0 the mean is the small secant over its part of the weight.
         grows = rate[i] * secant[1 - i] > 0
-        return float(min(1.0 / part[i], 2.0) * rate[i]) if grows else 0.0
+        return float(min(1.0 / part[i], 2.0) * rate[i]) if grows else 0.0, False
     if np.sign(secant[0]) != np.sign(secant[1]):
-        return 0.0
+        return 0.0, True
     sign, speed = np.sign(secant[0]), np.abs(secant)
-    mean = 1.0 / np.sum(part / speed)
-    least, faster = 2 * np.min(speed), sign * rate
-    of_mean = mean**2 * np.sum(part * faster / speed**2)
-    # Of equal secants the one that falls behind is the smaller one.
-    of_least = 2 * np.min(faster[speed == np.min(speed)])
+    mean, least = 1.0 / np.sum(part / speed), 2 * np.min(speed)
+    of_mean = mean**2 * np.sum(part * sign * rate / speed**2)
+    of_least = 2 * sign * rate[np.argmin(speed)]
     if mean == least:
-        return float(sign * min(of_mean, of_least))
-    return float(sign * (of_mean if mean < least else of_least))
+        return float(sign * min(of_mean, of_least)), False
+    return float(sign * (of_mean if mean < least else of_least)), True
