@@ -118,7 +118,7 @@ COMPILED = {
     "an unknown coordinate": ("elbo=1", "did you mean 'elbow'?"),
     "not a number": ("elbow=nan", "must be finite"),
     "a velocity of a driven coordinate": ("v:hand.x=1", "would jump at"),
-    "a string that cannot reach": ("hand.length=0.1", "no state of the puppet fits"),
+    "a string that cannot reach": ("hand.length=0.1", "no state of the puppet was found"),
 }
 
 

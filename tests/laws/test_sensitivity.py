@@ -114,6 +114,31 @@ def test_a_run_through_catches_and_releases(swing):
     assert worst(found.toward[-1], difference(by_inputs, 1, 1e-4)) < 1e-8
 
 
+def test_a_run_by_the_values_of_its_waypoints(swing):
+    """17.5: exact by the value of every waypoint, through catches and releases."""
+    arm, x0, _ = swing
+    # The second point's slope is a mean, not linear in the values.
+    lengths = [(0, 0.95), (0.2, 0.9), (0.5, 0.70), (0.75, 0.95)]
+    points = {"hand.length": lengths, "hand.x": [(0, 0.45), (0.3, 0.5), (0.75, 0.6)]}
+    by = fan.InputDerivative.of_waypoints(arm, points)
+    inputs = fan.Input.waypoints(arm, points)
+    found = fan.sensitivity(arm, x0, inputs, 0.6, along=by, save_at=[0.3])
+    assert found.sharp and len(found.passages) >= 2
+    assert found.toward.shape[-1] == 0 and found.along.shape[1:] == (4, len(by))
+
+    def by_values(d: np.ndarray) -> np.ndarray:
+        step = iter(d)
+        changed = {n: [(t, q + next(step)) for t, q in some] for n, some in points.items()}
+        given = fan.Input.waypoints(arm, changed)
+        start = given.evaluate(0.0)[0]
+        q_K = np.array(x0.q_K)
+        for q, v in arm.coordinates.scalars_K:
+            q_K[q] = start[q] if given.named[v] else q_K[q]
+        return end(arm, x0.replace(q_K=q_K), given, 0.6)
+
+    assert worst(found.along[-1], difference(by_values, len(by), 1e-4)) < 1e-7
+
+
 def on_breaks(inputs: fan.Input, x0: fan.State, breaks: np.ndarray) -> fan.Input:
     """The same input on more breaks: its polynomials, shifted to where the new pieces begin."""
     i = np.searchsorted(inputs.breaks, breaks[:-1], side="right") - 1

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import fantoccini as fan
-from fantoccini.marionette.statics import retract
+from fantoccini.marionette.projection import retract
 from properties import puppets
 
 STOCK = 24

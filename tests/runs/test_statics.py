@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import nnls
 
 import fantoccini as fan
+from fantoccini.motion import tangent
 
 
 @pytest.mark.parametrize("name", fan.puppets.names())
@@ -97,3 +99,111 @@ def test_rest_is_found_from_afar(name, seed):
     assert np.min(tension) >= 0.0
     run = fan.simulate(puppet, x, t_end=2.0)
     assert np.max(np.abs(run.q_D - x.q_D)) < 1e-6
+
+
+DACHSHUND = """
+puppet: min_rest
+mirror: {plane: xz, from: left, to: right}
+bodies:
+  - name: trunk
+    joint: {type: free}
+    shapes: [{type: capsule, from: [-0.1, 0, 0], to: [0.1, 0, 0], radius: 0.038, density: 480}]
+  - name: thigh_left
+    parent: trunk
+    joint:
+      type: revolute
+      axis: [0, -1, 0]
+      at: [-0.095, 0.034, -0.015]
+      limits: {lower: -60 deg, upper: 80 deg}
+    shapes: [{type: capsule, from: [0, 0, 0], to: [0, 0, -0.05], radius: 0.017, density: 480}]
+  - name: shank_left
+    parent: thigh_left
+    joint: {type: revolute, axis: [0, 1, 0], at: [0, 0, -0.055], limits: {lower: 0, upper: 100 deg}}
+    shapes: [{type: capsule, from: [0, 0, 0], to: [0, 0, -0.055], radius: 0.011, density: 480}]
+strings:
+  - name: shoulder
+    path: [{body: trunk, at: [0.085, 0, 0.042]}, {world: [0.085, 0, 0.65]}]
+    length: 0.60
+  - name: rump
+    path: [{body: trunk, at: [-0.095, 0, 0.036]}, {world: [-0.095, 0, 0.65]}]
+    length: 0.60
+  - name: knee_left
+    path: [{body: shank_left, at: [0.01, 0, -0.005]}, {world: [-0.10, 0.065, 0.65]}]
+    length: 0.72
+"""
+
+
+@pytest.fixture(scope="module")
+def dachshund() -> fan.Marionette:
+    return fan.loads(DACHSHUND)
+
+
+@pytest.mark.parametrize("z", [-0.03, 0.0, 0.02, 0.1])
+def test_rest_from_below_and_above(dachshund, z):
+    """17.9: three strings 6 to 14 mm too short and knees at their limits; the rest is one."""
+    x = dachshund.rest({"trunk.z": z})
+    acc, tension = dachshund.accelerations(x)
+    assert np.max(np.abs(acc)) < 1e-7
+    assert np.min(tension) >= 0.0
+    assert np.max(dachshund.constraint(x)) < 1e-9
+    assert np.max(np.abs(x.q_D - dachshund.rest({"trunk.z": 0.02}).q_D)) < 1e-8
+
+
+@pytest.mark.parametrize("z", [-0.2, -0.02, 0.0, 0.004])
+def test_project_gives_the_nearest_state(dachshund, z):
+    """17.9: M (q - q_0) = -A^T y with y >= 0 on the rows that are met: no row is held for good."""
+    given = dachshund.state({"trunk.z": z, "thigh_left": 0.4, "shank_left": -0.05})
+    x, table = dachshund.project(given), dachshund.coordinates
+    h = dachshund.constraint(x)
+    assert np.max(h) < 1e-12
+    met = h > -1e-9
+    places = table.scalars_D, table.quaternions_D
+    moved = tangent.between(*places, given.q_D, x.q_D, table.n_vD)
+    force = dachshund.mass_matrix(x) @ moved
+    _, left = nnls(dachshund.A_D(x)[met].T, -force)
+    assert left < 1e-7 * np.linalg.norm(force)
+    assert np.array_equal(dachshund.project(x).q_D, x.q_D)
+
+
+def test_a_straight_limb_gives_way():
+    """17.9: pulled along itself it has no slope by which to give way; states to both sides fit."""
+    rod = fan.loads("""
+puppet: straight
+bodies:
+  - {name: rod, joint: {type: revolute, axis: [0, -1, 0]}, mass: 1, com: [0, 0, -0.2],
+     inertia: [0.02, 0.02, 0.001]}
+strings:
+  - {name: pull, path: [{body: rod, at: [0, 0, -0.5]}, {world: [0, 0, 1]}], length: 1.2}
+""")
+    for x in (rod.project(rod.state()), rod.rest()):
+        assert abs(rod.constraint(x)[0]) < 1e-9
+        tip = rod.pose(x, "rod") @ [0.0, 0.0, -0.5, 1.0]
+        assert np.hypot(tip[0], tip[2] - 1.0) == pytest.approx(1.2, abs=1e-9)
+
+
+def test_a_heavily_damped_puppet_rests_too():
+    """17.9: what only creeps is not let go until it stands still: V is descended."""
+    bob = fan.loads("""
+puppet: creeping
+bodies:
+  - {name: bob, joint: {type: translation, axes: [x, z], damping: 300}, mass: 0.1}
+strings:
+  - {name: line, path: [{body: bob}, {world: [0, 0, 1]}], length: 1.0}
+pose: {bob.x: 0.4, bob.z: 0.5}
+""")
+    assert bob.rest().q_D == pytest.approx([0.0, 0.0], abs=1e-9)
+
+
+def test_what_does_not_fit_says_by_how_much():
+    """17.9: two ends 1.2 m apart and strings of 0.5 m each miss one another by 200 mm."""
+    bob = fan.loads("""
+puppet: apart
+bodies:
+  - {name: bob, joint: {type: translation, axes: [x, y, z]}, mass: 0.1}
+strings:
+  - {name: left, path: [{body: bob}, {world: [-0.6, 0, 0]}], length: 0.5}
+  - {name: right, path: [{body: bob}, {world: [0.6, 0, 0]}], length: 0.5}
+""")
+    for search in (bob.rest, lambda: bob.project(bob.state())):
+        with pytest.raises(fan.StateError, match=r"left is too short by 100 mm.*Tried"):
+            search()

@@ -13,7 +13,7 @@ import numpy as np
 from fantoccini import tree
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError, UnknownNameError
-from fantoccini.marionette import checks, settle, statics, values_by_name
+from fantoccini.marionette import checks, hanging, projection, values_by_name
 from fantoccini.marionette.analysis import Analysis
 from fantoccini.marionette.compiled import Compiled
 from fantoccini.marionette.differentiable import Differentiable
@@ -263,11 +263,11 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
             StateError: there is none, or it was not found.
         """
         x = values if isinstance(values, State) else self.state(values)
-        return settle.rest(self, x) if self.tree.chains else statics.rest(self, x)
+        return hanging.rest(self, x)
 
     def project(self, x: State) -> State:
-        """The nearest state that no string or limit forbids; see :func:`statics.project`."""
-        return statics.project(self, x)
+        """The nearest state that no string or limit forbids; see :func:`projection.project`."""
+        return projection.project(self, x)
 
     def check_start(self, x: State) -> None:
         """Raises :class:`StateError` when a run cannot begin at ``x``."""

@@ -1,8 +1,8 @@
-"""Rest of puppets on chains: V is descended by steps that know its curvature.
+"""Equilibria by descent: V is gone down by steps that know its curvature.
 
-Letting such a puppet go and stopping it where its kinetic energy peaks, as :mod:`.statics` does,
-takes the steps of its stiffest spring and the time of its slowest sway. Here, in the coordinates y
-in which M_DD is one, each step solves
+Letting a puppet go and stopping it where its kinetic energy peaks, as :mod:`.statics` does, takes
+the steps of its stiffest spring, and the time of its slowest sway or creep. Here, in the
+coordinates y in which M_DD is one, each step solves
 
     min  -w0 . y + 1/2 y . (|H| + mu) y    subject to  h + W^T y <= 0
 
@@ -18,14 +18,16 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError
+from fantoccini.marionette.checks import CLOSED
 from fantoccini.marionette.instant import Instant
+from fantoccini.marionette.projection import onto_rows, positioned, retract
 from fantoccini.marionette.statics import (
+    HELD,
     Equilibrium,
-    check_winches,
     in_step,
+    newton,
     poles,
-    project,
-    retract,
+    pushed,
     slopes,
 )
 from fantoccini.motion import State, tangent
@@ -36,6 +38,10 @@ if TYPE_CHECKING:
 _ROUNDS = 3000
 _MU = (1e2, 1e-3, 1e14)
 """mu at first, below which it is dropped, and at most [1/s^2]."""
+_SOFTEST = 1e-3
+"""Least curvature that steps are taken by [1/s^2]: gravity alone has none."""
+_AFAR = 100.0
+"""Move from which on a puppet has no equilibrium [rad or m]."""
 _GROWS, _SHRINKS = 3.0, 0.2
 """How mu changes after a step that did not go down, and after one that did."""
 _LONGEST = 0.1
@@ -58,33 +64,31 @@ _STEP = 1e-6
 """Step of the finite differences that give the Hessian [rad or m]."""
 _BALANCED = 1e-6
 """Largest part of the forces that may be left at rest, over the puppet's weight."""
-_PUSH = 0.01
-"""Largest part of a push off an unstable equilibrium [rad or m]."""
+_REFINED = 1e-3
+"""Largest move by which Newton's method refines an equilibrium, not finds another [rad or m]."""
 
 
-def rest(marionette: Marionette, x: State) -> State:
-    """A hanging equilibrium of a puppet on chains; as :func:`statics.rest`.
+def descended(marionette: Marionette, x: State) -> Equilibrium:
+    """A local minimum of V subject to the rows, from a state that they do not forbid.
 
     Raises:
-        StateError: there is no equilibrium below, or it was not found, or a winch would slip in it.
+        StateError: V keeps falling, or the search came to a stand where forces do not balance.
     """
-    rewinds = marionette.winches[: len(x.slip), 1] > 0
-    still = x.replace(
-        v_D=np.zeros_like(x.v_D), v_K=np.zeros_like(x.v_K), slip=np.where(rewinds, 0.0, x.slip)
-    )
-    found = _settled(marionette, project(marionette, still))
+    found = _settled(marionette, x)
     moved = in_step(marionette, found.x)
     if moved is not found.x:
-        found = _settled(marionette, project(marionette, moved))
-    check_winches(marionette, found)
-    return marionette.with_mode(found.x)
+        found = _settled(marionette, positioned(marionette, moved)[0])
+    finer = newton(marionette, found.x)
+    if finer is None or np.max(np.abs(finer.x.q_D - found.x.q_D)) > _REFINED:
+        return found
+    return finer
 
 
 def _settled(marionette: Marionette, x: State) -> Equilibrium:
     """A local minimum of V subject to the rows, from a state that they do not forbid."""
     wires, scale = marionette.two_sided, marionette.row_scales(x.q_D, x.q_K)
     size_of_forces = marionette.weight / np.sqrt(marionette.mass)
-    mu, V = _MU[0], marionette.energies(x)[1]
+    mu, V, start = _MU[0], marionette.energies(x)[1], x.q_D
     longest = np.full(len(x.v_D), _LONGEST)
     for row, pole in poles(marionette):
         longest[row.v] = np.minimum(longest[row.v], _WITHIN * pole)
@@ -94,7 +98,7 @@ def _settled(marionette: Marionette, x: State) -> Equilibrium:
         near = np.flatnonzero((at.h > -_NEAR * scale) | wires)
         curvature, modes = _curvature(at, _slope(marionette, Equilibrium(x, rows, tension)))
         while True:
-            softened = modes / np.sqrt(np.abs(curvature) + mu)
+            softened = modes / np.sqrt(np.maximum(np.abs(curvature) + mu, _SOFTEST))
             W = softened.T @ at.W[:, near]
             force = softened.T @ at.w0
             found = marionette.library.complementarity(W, at.h[near] + W.T @ force, wires[near])
@@ -102,13 +106,11 @@ def _settled(marionette: Marionette, x: State) -> Equilibrium:
             move = at.back(y)
             size = float(np.max(np.abs(move), initial=0.0))
             move = move / max(1.0, float(np.max(np.abs(move) / longest, initial=0.0)))
-            other = x.replace(q_D=retract(marionette, x.q_D, move))
-            if marionette.tree.n_rows:
-                other = project(marionette, other)
+            other, worst = onto_rows(marionette, x.replace(q_D=retract(marionette, x.q_D, move)))
             V_other = marionette.energies(other)[1]
             fell = V - V_other + _motors_work(marionette, x, other)
             flat = abs(fell) <= _LEVEL * marionette.weight + _ROUNDED * abs(V)
-            if fell > 0.0 or flat or mu > _MU[2]:
+            if (worst <= CLOSED and (fell > 0.0 or flat)) or mu > _MU[2]:
                 break
             mu = max(_GROWS * mu, 1e-3)
         pulls = found.x != 0.0
@@ -119,21 +121,21 @@ def _settled(marionette: Marionette, x: State) -> Equilibrium:
         stalled = stalled + 1 if flat and left > 0.5 * before else 0
         if size < _STILL or stalled > _STALLS or mu > _MU[2]:
             push = _unstable(at, rows, curvature, modes)
-            if push is None and left > _BALANCED * size_of_forces:
+            lower = None if push is None else pushed(marionette, x, push)
+            if lower is None and left > _BALANCED * size_of_forces:
                 raise StateError(
-                    "no equilibrium was found: the search came to a stand with forces of "
+                    "going down, the search came to a stand with forces of "
                     f"{left / size_of_forces:.2g} of the puppet's weight left over; let it begin "
                     "nearer to where the puppet hangs, or simulate with damping until it rests"
                 )
-            if push is None:
+            if lower is None:
                 return Equilibrium(other if size < _STILL else x, rows, tension)
-            other = x.replace(q_D=retract(marionette, x.q_D, push))
+            other = lower
             V_other = marionette.energies(other)[1]
+        if np.max(np.abs(other.q_D - start), initial=0.0) > _AFAR:
+            break
         x, V, mu = other, V_other, (mu * _SHRINKS if mu > _MU[1] and not flat else 0.0)
-    raise StateError(
-        f"no equilibrium was found in {_ROUNDS} steps: the potential energy keeps falling. Is "
-        "every free body held by a string, a limit or a joint to the world?"
-    )
+    raise StateError(f"going down, the potential energy keeps falling{HELD}")
 
 
 def _motors_work(marionette: Marionette, x: State, other: State) -> float:
@@ -181,4 +183,4 @@ def _unstable(at: Instant, rows: Array, curvature: Array, modes: Array) -> Array
     if values[0] > -_UNSTABLE * max(1.0, float(np.max(np.abs(values)))):
         return None
     push = at.back(free @ vectors[:, 0])
-    return _PUSH * push / np.max(np.abs(push))
+    return push / np.max(np.abs(push))

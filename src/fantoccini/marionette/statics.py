@@ -1,4 +1,9 @@
-"""Rest and repair: equilibria of a hanging puppet, and states brought onto their strings."""
+"""Equilibria by letting go: stopped again and again, refined by Newton, pushed off saddles.
+
+The puppet is let go and stopped whenever its kinetic energy peaks, until it hardly moves; Newton's
+method on the equilibrium's equations then takes it to rounding. An equilibrium that a small push
+would leave is pushed, and the search goes on from there.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +16,8 @@ from fantoccini.arrays import Array
 from fantoccini.errors import StateError, Status
 from fantoccini.marionette.checks import CLOSED
 from fantoccini.marionette.instant import Instant
-from fantoccini.motion import Input, State, rotation, tangent
+from fantoccini.marionette.projection import onto_rows, retract
+from fantoccini.motion import Input, State, rotation
 from fantoccini.puppet import Stepper as StepperMotor
 from fantoccini.runtime import Run
 from fantoccini.tree import DriveRow
@@ -31,122 +37,20 @@ _CLOSE = 0.01
 go to another equilibrium, not to the one the puppet falls into."""
 _LONGEST = 0.3
 """Longest move of one round of Newton's method [rad or m]."""
-_LONGEST_PULL = 1e3
-"""Bound on what moves a configuration back onto its strings, over the puppet's mass [m]."""
 _FIRM = np.array([[np.inf, 0.0, 0.0]])
 """A winch that does not slip, and catches without bouncing."""
 _STANDS = 1e-6
 """Distance from an equilibrium at which the puppet stands on it, rather than passes it by."""
 _GIVES_WAY = 0.1
 """Move from which on a drive counts as giving way [m or rad]."""
-_HELD = ". Is every free body held by a string, a limit or a joint to the world?"
+HELD = ". Is every free body held by a string, a limit or a joint to the world?"
 _PUSHES = 8
-_PUSH = 0.05
-"""Largest part of a push off an unstable equilibrium [rad or m]."""
+_PUSH_SIZES = (0.05, 0.01, 0.002)
+"""Largest parts of the pushes that are tried off an unstable equilibrium [rad or m]."""
+_FALLS = 1e-12
+"""Fall of V that is none but rounding, over the puppet's weight [m]."""
 _UNSTABLE = 1e-6
 """Growth rate squared that counts as unstable, relative to the fastest oscillation's."""
-
-
-def retract(marionette: Marionette, q_D: Array, move: Array) -> Array:
-    """q_D moved by tangent vectors: scalars add, quaternions turn.
-
-    Args:
-        marionette: whose coordinates they are.
-        q_D: (n_qD,).
-        move: (..., n_vD).
-
-    Returns:
-        (..., n_qD).
-    """
-    table = marionette.coordinates
-    return tangent.moved(table.scalars_D, table.quaternions_D, q_D, move)
-
-
-def project(marionette: Marionette, x: State) -> State:
-    """The nearest state, in the metric of M_DD, that no string or limit forbids.
-
-    Positions first (q_K stays), then velocities: min |dq|_M with h + A dq <= 0, repeated; then
-    hdot <= 0 on the rows that are closed.
-    """
-    scale = marionette.row_scales(x.q_D, x.q_K)
-    wires = marionette.two_sided
-    held = wires.copy()
-    for _ in range(100):
-        instant = marionette.instant(x)
-        rows = np.flatnonzero((instant.h > -0.05 * scale) | held)
-        off = np.where(held, np.abs(instant.h), instant.h) > 1e-14 * scale
-        if not np.any(off):
-            break
-        # A row that had to be brought back ends on its bound, not beyond it.
-        held |= off
-        # Where rows contradict one another the bound lets each go as far as it can.
-        bound = np.full(len(held), _LONGEST_PULL * _sizes(marionette)[0])
-        pull = instant.complementarity(rows, instant.h[rows], held, bound).x
-        move = -instant.back(instant.W[:, rows] @ pull)
-        size = float(np.max(np.abs(move), initial=0.0))
-        if size < 1e-16:
-            break
-        x = x.replace(q_D=retract(marionette, x.q_D, move * min(1.0, 0.3 / size)))
-    instant = marionette.instant(x)
-    worst = np.max(np.where(wires, np.abs(instant.h), instant.h) / scale, initial=0.0)
-    if worst > CLOSED:
-        names = ", ".join(
-            marionette.tree.row_names[i] for i in np.flatnonzero(instant.h > CLOSED * scale)
-        )
-        raise StateError(f"no state of the puppet fits these string ends and lengths: {names}")
-    # Strings on winches that slip give way instead.
-    firm = (np.abs(instant.h) <= CLOSED * scale) & ~np.isfinite(marionette.upper)
-    rows = np.flatnonzero(firm | wires)
-    found = instant.complementarity(rows, instant.hdot[rows], wires)
-    if not found.solved:
-        names = ", ".join(marionette.rows_of(rows, found.ray))
-        raise StateError(f"no velocity of the puppet fits these driven velocities: {names}")
-    v_D = x.v_D - instant.back(instant.W[:, rows] @ found.x)
-    return marionette.with_mode(x.replace(v_D=v_D))
-
-
-def rest(marionette: Marionette, x: State) -> State:
-    """A hanging equilibrium near a state: a local minimum of V subject to h <= 0.
-
-    The puppet is let go and stopped whenever its kinetic energy peaks, until it hardly moves;
-    Newton's method on the equilibrium's equations then takes it to rounding. An equilibrium that a
-    small push would leave is pushed, and the search goes on from there.
-
-    Args:
-        marionette: the puppet.
-        x: where to begin; its inputs are held still.
-
-    Raises:
-        StateError: there is no equilibrium below, or it was not found, or a winch would slip in it.
-    """
-    rewinds = marionette.winches[: len(x.slip), 1] > 0
-    still = x.replace(
-        v_D=np.zeros_like(x.v_D), v_K=np.zeros_like(x.v_K), slip=np.where(rewinds, 0.0, x.slip)
-    )
-    still = project(marionette, still)
-    if not len(still.q_D):
-        return marionette.with_mode(still)
-    q_D = still.q_D
-    for _ in range(_PUSHES):
-        pushed = None
-        for q_D in _relaxed(marionette, still):
-            found = _newton(marionette, still.replace(q_D=q_D))
-            if found is None:
-                continue
-            push = _instability(marionette, found)
-            if push is None:
-                check_winches(marionette, found)
-                return marionette.with_mode(_in_step(marionette, found).x)
-            if np.max(np.abs(found.x.q_D - q_D)) < _STANDS:
-                pushed = found.x.replace(q_D=retract(marionette, found.x.q_D, push))
-                break
-        if pushed is None:
-            break
-        still = project(marionette, pushed)
-    raise StateError(
-        "no equilibrium was found: the puppet keeps moving"
-        + (_giving_way(marionette, still, q_D) or _HELD)
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,7 +101,71 @@ def _instability(marionette: Marionette, found: Equilibrium) -> Array | None:
     if values[worst].real < _UNSTABLE * max(1.0, float(np.max(np.abs(values)))):
         return None
     push = free @ vectors[:, worst].real
-    return _PUSH * push / np.max(np.abs(push))
+    return push / np.max(np.abs(push))
+
+
+def pushed(marionette: Marionette, x: State, push: Array) -> State | None:
+    """A state lower than an equilibrium, to either side of it along a push; None where none is.
+
+    Rows that are closed and do not pull are in no equilibrium's equations: they may hold a puppet
+    on what would be a saddle without them.
+
+    Args:
+        marionette: the puppet.
+        x: the equilibrium.
+        push: (n_vD,) with 1 as its largest part.
+    """
+    V, least = marionette.energies(x)[1], _FALLS * sizes(marionette)[1]
+    for size in _PUSH_SIZES:
+        for sign in (1.0, -1.0):
+            moved = x.replace(q_D=retract(marionette, x.q_D, sign * size * push))
+            other, worst = onto_rows(marionette, moved)
+            # Motors' work is not in V: what a push off their equilibrium does is seen later.
+            if worst <= CLOSED and (
+                marionette.tree.drives or marionette.energies(other)[1] < V - least
+            ):
+                return other
+    return None
+
+
+def dropped(marionette: Marionette, x: State) -> Equilibrium:
+    """The equilibrium into which a puppet falls that is let go and stopped again and again.
+
+    Raises:
+        StateError: it went on moving, or no run can begin or go on there.
+    """
+    q_D = x.q_D
+    for _ in range(_PUSHES):
+        lower = None
+        for q_D in _relaxed(marionette, x):
+            found = newton(marionette, x.replace(q_D=q_D))
+            if found is None:
+                continue
+            push = _instability(marionette, found)
+            stands = np.max(np.abs(found.x.q_D - q_D)) < _STANDS
+            if push is not None and stands:
+                lower = pushed(marionette, found.x, push)
+            if push is None or (stands and lower is None):
+                return _in_step(marionette, found)
+            if lower is not None:
+                break
+        if lower is None:
+            break
+        x = lower
+    why = _giving_way(marionette, x, q_D) or HELD
+    raise StateError(f"let go and stopped, the puppet keeps moving{why}")
+
+
+def hauled(marionette: Marionette, x: State) -> State:
+    """A state that breaks rows, moved towards them by time-stepping, which hauls strings in."""
+    options = marionette.run_options(dt=_RELAX_DT)
+    run = Run(
+        marionette.library, "timestepping", options, x.replace(t=0.0), marionette.p,
+        np.tile(_FIRM, (len(marionette.tree.strings), 1)),
+        Input.hold(marionette.coordinates).bound(x.q_K),
+    )  # fmt: skip
+    rows = np.concatenate([r for r, _ in run.advance(_RELAX_PIECE)])
+    return x.replace(q_D=marionette.row_layout.split(rows)["q_D"][-1]) if len(rows) else x
 
 
 def _relaxed(marionette: Marionette, x: State):
@@ -215,7 +183,7 @@ def _relaxed(marionette: Marionette, x: State):
         rows = np.concatenate([r for r, _ in run.advance(_RELAX_PIECE)])
         if run.status is not Status.DONE:
             why = _giving_way(marionette, x, q_D)
-            raise StateError(f"no equilibrium was found: {run.status.message}{why}")
+            raise StateError(f"let go, {run.status.message}{why}")
         parts = marionette.row_layout.split(rows)
         kinetic = parts["kinetic"]
         peaks = np.flatnonzero((kinetic[1:-1] >= kinetic[:-2]) & (kinetic[1:-1] > kinetic[2:]))
@@ -230,7 +198,7 @@ def _relaxed(marionette: Marionette, x: State):
     yield q_D
 
 
-def _sizes(marionette: Marionette) -> tuple[float, float]:
+def sizes(marionette: Marionette) -> tuple[float, float]:
     """Mass [kg] and weight [N] that numbers are measured against: positive, whatever has none.
 
     Where nothing but rotors moves they are the rotors' inertia, and 1 N or N m.
@@ -278,14 +246,14 @@ def in_step(marionette: Marionette, x: State) -> State:
 def _in_step(marionette: Marionette, found: Equilibrium) -> Equilibrium:
     """The equilibrium with stepper motors in step, which letting go may have pulled out of it."""
     x = in_step(marionette, found.x)
-    return found if x is found.x else _newton(marionette, x) or found
+    return found if x is found.x else newton(marionette, x) or found
 
 
-def _newton(marionette: Marionette, x: State) -> Equilibrium | None:
+def newton(marionette: Marionette, x: State) -> Equilibrium | None:
     """The equilibrium near a configuration, or None when Newton's method does not settle on it."""
     n = marionette.coordinates.n_vD
     scale = marionette.row_scales(x.q_D, x.q_K)
-    mass, weight = _sizes(marionette)
+    mass, weight = sizes(marionette)
     size = weight / np.sqrt(mass)
     rows = None
     for _ in range(_NEWTON_ROUNDS):
@@ -335,7 +303,7 @@ def _changed(
 
     None when the rows are right.
     """
-    pushing = (tension < -1e-9 * _sizes(marionette)[1]) & ~marionette.two_sided[rows]
+    pushing = (tension < -1e-9 * sizes(marionette)[1]) & ~marionette.two_sided[rows]
     beyond = (instant.h > CLOSED * scale) & ~marionette.two_sided
     if not np.any(pushing) and not np.any(beyond):
         return None

@@ -3,6 +3,7 @@
 from fantoccini.motion.columns import Columns
 from fantoccini.motion.files import inputs_schema
 from fantoccini.motion.input import Input
+from fantoccini.motion.input_derivative import InputDerivative
 from fantoccini.motion.inputs import Inputs
 from fantoccini.motion.state import Event, EventKind, State, States
 from fantoccini.motion.trajectories import SAVED, Trajectories
@@ -14,6 +15,7 @@ __all__ = [
     "Event",
     "EventKind",
     "Input",
+    "InputDerivative",
     "Inputs",
     "State",
     "States",

@@ -100,6 +100,24 @@ def scalar_waypoints(t: Times, values: Array) -> Channel:
     return scalar(t, coef, values[0], values[-1])
 
 
+def scalar_waypoints_along(t: Times, values: Array, change: Array) -> tuple[Channel, bool]:
+    """d/ds of :func:`scalar_waypoints` at values + s change, s -> 0 from above.
+
+    Args:
+        t: (n,) times [s].
+        values, change: (n,) [m or rad].
+
+    Returns:
+        The channel, and whether it is linear in the change.
+    """
+    slopes, smooth = polynomial.monotone_slopes_along(t, values, change)
+    zero = np.zeros(len(t) - 1)
+    coef = polynomial.hermite(
+        np.diff(t), (change[:-1], slopes[:-1], zero), (change[1:], slopes[1:], zero)
+    )
+    return scalar(t, coef, change[0], change[-1]), smooth
+
+
 def rotation_waypoints(t: Times, q: Quaternion) -> Channel:
     """The same on SO(3): C^1 angular velocity, at rest at both ends.
 

@@ -140,3 +140,52 @@ def mean_speed(h: Array, speed: Array) -> Array:
     safe_before, safe_after = np.where(moving, before, 1.0), np.where(moving, after, 1.0)
     mean = (w_before + w_after) / (w_before / safe_before + w_after / safe_after)
     return np.where(moving, np.minimum(mean, 2 * np.minimum(before, after)), 0.0)
+
+
+def monotone_slopes_along(t: Array, values: Array, change: Array) -> tuple[Array, bool]:
+    """The one-sided derivative of :func:`monotone_slopes`: by s > 0 at values + s change.
+
+    The slope between two secants is of first degree in them, and smooth but where its bound takes
+    over and where a secant is 0; there the derivative depends on the direction.
+
+    Args:
+        t: (n,) times [s], increasing.
+        values: (n,) values.
+        change: (n,) of the values.
+
+    Returns:
+        (n,) derivatives of the slopes, and whether all slopes that change are smooth there.
+    """
+    h = np.diff(t)
+    secant, rate = np.diff(values) / h, np.diff(change) / h
+    slopes, smooth = np.zeros(len(t)), True
+    for j in range(1, len(t) - 1):
+        part = slice(j - 1, j + 1)
+        if np.any(rate[part] != 0.0):
+            slopes[j], own = _slope_along(h[part], secant[part], rate[part])
+            smooth &= own
+    return slopes, bool(smooth)
+
+
+def _slope_along(h: Array, secant: Array, rate: Array) -> tuple[float, bool]:
+    """The one-sided derivative of the slope between two secants (2,), and whether it is smooth."""
+    still = np.abs(secant) <= _STILL
+    if np.all(still):  # of first degree: what the rates alone give
+        turns = rate[0] * rate[1] <= 0
+        return 0.0 if turns else float(np.sign(rate[0]) * mean_speed(h, np.abs(rate))[0]), False
+    weight = np.array([2 * h[1] + h[0], h[1] + 2 * h[0]])
+    part = weight / weight.sum()
+    if np.any(still):
+        i = int(np.argmax(still))
+        # Near 0 the mean is the small secant over its part of the weight.
+        grows = rate[i] * secant[1 - i] > 0
+        return float(min(1.0 / part[i], 2.0) * rate[i]) if grows else 0.0, False
+    if np.sign(secant[0]) != np.sign(secant[1]):
+        return 0.0, True
+    sign, speed = np.sign(secant[0]), np.abs(secant)
+    mean, least = 1.0 / np.sum(part / speed), 2 * np.min(speed)
+    of_mean = mean**2 * np.sum(part * sign * rate / speed**2)
+    of_least = 2 * sign * rate[np.argmin(speed)]
+    if mean == least:
+        return float(sign * min(of_mean, of_least)), False
+    return float(sign * (of_mean if mean < least else of_least)), True

@@ -9,7 +9,7 @@ from scipy.optimize import nnls
 
 from fantoccini.arrays import Array, ConfigD, ConfigK, MaskRows
 from fantoccini.marionette import Marionette
-from fantoccini.marionette.statics import retract
+from fantoccini.marionette.projection import retract
 from fantoccini.motion import State
 from fantoccini.plan.goals import Goal, Rows
 

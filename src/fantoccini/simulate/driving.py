@@ -1,4 +1,4 @@
-"""The inputs over one smooth stretch, and the changes that go from them towards others."""
+"""The inputs over one smooth stretch, and what they are differentiated by."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.marionette import Marionette
-from fantoccini.motion import Input
+from fantoccini.motion import Input, InputDerivative
 from fantoccini.motion.polynomial import N_COEF
 
 _SAMPLED = 0.5 - 0.5 * np.cos(np.pi * (np.arange(N_COEF) + 0.5) / N_COEF)
@@ -52,6 +52,7 @@ class Driving:
         marionette: the puppet.
         inputs: bound inputs.
         toward: bound inputs; a change goes from ``inputs`` towards each.
+        along: derivatives of the inputs, each a change by itself.
         start, end: of the stretch, within which no input has a break [s].
     """
 
@@ -60,6 +61,7 @@ class Driving:
         marionette: Marionette,
         inputs: Input,
         toward: Sequence[Input],
+        along: Sequence[InputDerivative],
         start: float,
         end: float,
     ):
@@ -67,10 +69,11 @@ class Driving:
         self._places = marionette.coordinates.scalars_K
         self._own = _piece(inputs, start, end)
         first = 2 * marionette.coordinates.n_vD + len(marionette.p)
-        self._outside = Outside.none(marionette, first + len(toward))
+        self._outside = Outside.none(marionette, first + len(toward) + len(along))
         self._outside.p[:, first - len(marionette.p) : first] = np.eye(len(marionette.p))
         self._first, self._others = first, [_piece(other, start, end) for other in toward]
-        self._sampled = self._samples() if toward else ()
+        self._along = along
+        self._sampled = self._samples() if toward or along else ()
 
     def at(self, t: float) -> tuple[Array, Array, Array, Array]:
         """q_K, v_K, acc_K and u_D at a time of the stretch [s]."""
@@ -80,7 +83,7 @@ class Driving:
         """The changes at a time of the stretch [s], good until the next call.
 
         Columns: by the state at the start, where nothing outside changes, by the parameters,
-        towards the other inputs.
+        towards the other inputs, along the derivatives.
         """
         out = self._outside
         if self._sampled:
@@ -93,7 +96,7 @@ class Driving:
         return out
 
     def _samples(self) -> tuple[Array, ...]:
-        """Changes of q_K, v_K, acc_K, u_D at some times, (6, n, others): they are polynomials of
+        """Changes of q_K, v_K, acc_K, u_D at some times, (6, n, changes): they are polynomials of
         the fifth degree, so that these say all."""
         times = self.start + _SAMPLED * (self.end - self.start)
         own = self._own(times)
@@ -101,11 +104,13 @@ class Driving:
             [a - mine for a, mine in zip(other(times), own, strict=True)]
             for other in self._others
         ]
-        q, v_K, acc_K, u_D = (np.stack(columns, axis=-1) for columns in zip(*apart, strict=True))
-        q_K = np.zeros_like(v_K)
-        for at, v in self._places:
-            q_K[:, v] = q[:, at]
-        return q_K, v_K, acc_K, u_D
+        for change in apart:
+            q_K = np.zeros_like(change[1])
+            for at, v in self._places:
+                q_K[:, v] = change[0][:, at]
+            change[0] = q_K
+        apart += [[*one.evaluate(times), np.zeros_like(own[3])] for one in self._along]
+        return tuple(np.stack(columns, axis=-1) for columns in zip(*apart, strict=True))
 
 
 def _piece(

@@ -11,7 +11,7 @@ import numpy as np
 from fantoccini.arrays import Array, Times
 from fantoccini.errors import InputError, Problem, StateError
 from fantoccini.marionette import Marionette
-from fantoccini.motion import Input, State, Trajectory
+from fantoccini.motion import Input, InputDerivative, State, Trajectory
 from fantoccini.simulate.catch import Catch, Passage
 from fantoccini.simulate.driving import Driving, Outside
 from fantoccini.simulate.run import simulate
@@ -37,6 +37,7 @@ class Sensitivity:
             what is taut there stands for the nearest one that does not, in the metric of M_DD.
         p: (T, 2 n_vD, n_p) by the parameters; the start moves by what its taut strings ask for.
         toward: (T, 2 n_vD, m) by s, with inputs + s (other - inputs), for each of the other inputs.
+        along: (T, 2 n_vD, m) by s, with inputs + s dq_K/ds, for each of the derivatives of inputs.
         passages: the catches on the way.
     """
 
@@ -45,6 +46,7 @@ class Sensitivity:
     x0: Array
     p: Array
     toward: Array
+    along: Array
     passages: tuple[Passage, ...]
 
     @property
@@ -60,6 +62,7 @@ def sensitivity(
     t_end: float | None = None,
     *,
     toward: Sequence[Input] = (),
+    along: Sequence[InputDerivative] = (),
     save_at: Times | None = None,
     rtol: float = 1e-10,
     atol: float = 1e-10,
@@ -74,7 +77,10 @@ def sensitivity(
         x0: where the run starts.
         inputs: what the driven coordinates do; they hold still when not given.
         t_end: end of the run [s]; the end of the inputs when not given.
-        toward: other inputs; they may begin elsewhere. Rotations must be the same in all.
+        toward: other inputs; they may begin elsewhere. Rotations must be the same in all. Waypoints
+            changed a little are no such direction, for moves through them are not linear in them.
+        along: derivatives of the inputs, as ``InputDerivative.of_waypoints`` gives them by the
+            values of waypoints.
         save_at: (n,) times to write, next to the start, the end and both sides of every event [s].
         rtol, atol: of the integration of state and derivatives.
 
@@ -92,22 +98,25 @@ def sensitivity(
         )
     bound = inputs.bound(x0.q_K, x0.t)
     others = [_bound(marionette, other, bound, x0) for other in toward]
+    _check_along(marionette, along)
     asked = np.zeros(0) if save_at is None else np.unique(np.asarray(save_at, dtype=float))
     outside = asked[(asked < run.t[0]) | (asked > run.t[-1])]
     if len(outside):
         raise ValueError(
             f"save_at has {outside[0]:g} s; it must lie between {run.t[0]:g} s and {run.t[-1]:g} s"
         )
-    course = _Course(marionette, run, bound, others, Variation(marionette, rtol, atol))
+    course = _Course(marionette, run, bound, others, along, Variation(marionette, rtol, atol))
     rows = list(course.rows(asked))
     n, n_p = marionette.coordinates.n_vD, len(marionette.p)
     Z = np.array([Z for _, Z in rows])
+    last = 2 * n + n_p + len(others)
     return Sensitivity(
         run=run,
         t=np.array([t for t, _ in rows]),
         x0=Z[:, :, : 2 * n],
         p=Z[:, :, 2 * n : 2 * n + n_p],
-        toward=Z[:, :, 2 * n + n_p :],
+        toward=Z[:, :, 2 * n + n_p : last],
+        along=Z[:, :, last:],
         passages=tuple(course.passages),
     )
 
@@ -130,6 +139,19 @@ def _bound(marionette: Marionette, other: Input, inputs: Input, x0: State) -> In
     return other
 
 
+def _check_along(marionette: Marionette, along: Sequence[InputDerivative]) -> None:
+    """Raises InputError unless derivatives of inputs are this puppet's."""
+    own = marionette.coordinates
+    for i, one in enumerate(along):
+        if one.coordinates.v_K != own.v_K:
+            text = (
+                "was made for a puppet with the driven velocities "
+                f"{', '.join(one.coordinates.v_K) or 'none'}; {marionette.name} has "
+                f"{', '.join(own.v_K) or 'none'}"
+            )
+            raise InputError([Problem("along", None, f"[{i}]", text)])
+
+
 class _Course:
     """A run cut into smooth stretches and what lies between them."""
 
@@ -138,17 +160,19 @@ class _Course:
         marionette: Marionette,
         run: Trajectory,
         inputs: Input,
-        toward: list[Input],
+        toward: Sequence[Input],
+        along: Sequence[InputDerivative],
         variation: Variation,
     ):
         self.marionette, self.run = marionette, run
-        self._inputs, self._toward, self._variation = inputs, toward, variation
+        self._inputs, self._variation = inputs, variation
+        self._toward, self._along = toward, along
         self.passages: list[Passage] = []
 
     def rows(self, asked: Times) -> Iterator[tuple[float, Array]]:
         """(time, changes) at the start, at the times asked for, around every event, at the end."""
         run, n = self.run, self.marionette.coordinates.n_vD
-        columns = 2 * n + len(self.marionette.p) + len(self._toward)
+        columns = 2 * n + len(self.marionette.p) + len(self._toward) + len(self._along)
         Z, outside = np.eye(2 * n, columns), Outside.none(self.marionette, columns)
         edges = np.flatnonzero(np.diff(run.t) == 0.0)
         firsts = np.concatenate([[0], edges + 1])
@@ -198,11 +222,11 @@ class _Course:
 
     def _driving(self, start: float, end: float) -> list[Driving]:
         """The smooth pieces of the inputs from one time to another."""
-        breaks = [inputs.breaks for inputs in (self._inputs, *self._toward)]
+        breaks = [inputs.breaks for inputs in (self._inputs, *self._toward, *self._along)]
         inner = np.unique(np.concatenate(breaks))
         inner = inner[(inner > start + _BREAK) & (inner < end - _BREAK)]
         times = np.concatenate([[start], inner, [end]])
         return [
-            Driving(self.marionette, self._inputs, self._toward, a, b)
+            Driving(self.marionette, self._inputs, self._toward, self._along, a, b)
             for a, b in pairwise(times)
         ]

@@ -1,0 +1,119 @@
+"""Derivatives of inputs by the values of their waypoints, dq_K(t)/ds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from fantoccini.arrays import Array, Times, VecK, frozen
+from fantoccini.errors import UnknownNameError
+from fantoccini.motion import channel, pieces, polynomial, reading
+from fantoccini.motion.findings import Findings
+from fantoccini.motion.input import Input
+
+if TYPE_CHECKING:
+    from fantoccini.tree import CoordinateTable
+
+_SIDES = {"above": 1.0, "below": -1.0}
+
+
+@dataclass(frozen=True, eq=False)
+class InputDerivative:
+    """dq_K(t)/ds, the derivative of inputs by one number s: piecewise quintic, C^1.
+
+    Before the first and after the last break dq_K is what it is there.
+
+    Attributes:
+        coordinates: names and places of the coordinates.
+        breaks: (n_seg + 1,) increasing [s].
+        coef: (n_seg, n_vK, 6) ascending powers of the time since the piece began; rows of
+            rotations are 0.
+        name: of s, such as ``hand.length[1]``: the value of the second waypoint.
+        smooth: whether the inputs are differentiable there; otherwise it is that of one side, and
+            derivatives by several values do not add up.
+    """
+
+    coordinates: CoordinateTable
+    breaks: Times
+    coef: Array
+    name: str
+    smooth: bool
+
+    def __post_init__(self) -> None:
+        for field in ("breaks", "coef"):
+            object.__setattr__(self, field, frozen(getattr(self, field)))
+
+    def evaluate(self, t: float | Times) -> tuple[VecK, VecK, VecK]:
+        """dq_K/ds, dv_K/ds and dacc_K/ds, each (..., n_vK), at times (...) [s]."""
+        t = np.asarray(t, dtype=float)
+        flat, breaks = t.ravel(), self.breaks
+        i = np.clip(np.searchsorted(breaks, flat, side="right") - 1, 0, len(self.coef) - 1)
+        s = np.clip(flat, breaks[0], breaks[-1]) - breaks[i]
+        q, v, acc = polynomial.evaluate(self.coef[i], s[:, None])
+        held = (flat < breaks[0]) | (flat > breaks[-1])
+        v[held], acc[held] = 0.0, 0.0
+        return tuple(x.reshape(*t.shape, x.shape[-1]) for x in (q, v, acc))
+
+    @classmethod
+    def of_waypoints(
+        cls,
+        table,
+        points: Mapping[str, Sequence],
+        *,
+        only: Sequence[str] | None = None,
+        side: Literal["above", "below"] = "above",
+    ) -> tuple[InputDerivative, ...]:
+        """The derivatives of ``Input.waypoints(table, points)`` by every value in ``points``.
+
+        Moves through waypoints are no linear function of the values: the slope at a point between
+        two others is a harmonic mean, is bounded so that nothing overshoots, and is 0 where the
+        direction turns. These derivatives are exact. Where a bound just begins to act, or two
+        neighbouring values are the same, that of a growing value differs from that of a falling
+        one: ``side`` chooses, and ``smooth`` is False.
+
+        Args:
+            table: a coordinate table, or anything with ``.coordinates``.
+            points: as in :meth:`Input.waypoints`.
+            only: names of the coordinates by whose values; all when not given.
+            side: ``above``, the derivative as a value grows, or ``below``, as it falls.
+
+        Returns:
+            One a value, in the order of ``points``.
+
+        Raises:
+            InputError: a mistake in ``points``, or a rotation among those asked for, by whose
+                values there is no derivative here.
+            UnknownNameError: ``only`` names what ``points`` does not.
+            ValueError: ``side`` is none of the two.
+        """
+        if side not in _SIDES:
+            raise ValueError(f"side is {side!r}; it must be 'above' or 'below'")
+        table, findings, sign = reading.table_of(table), Findings(), _SIDES[side]
+        inputs = Input.waypoints(table, points)
+        # As the coordinates of drives are called in the table.
+        called = {name: table.commands.get(name, name) for name in points}
+        for name in only if only is not None else ():
+            if name not in called:
+                raise UnknownNameError("coordinate of these waypoints", name, list(called))
+        asked = [name for name in called if only is None or name in only]
+        for name in asked:
+            if called[name] in table.rotations:
+                findings.add(
+                    (name,),
+                    "is a rotation, by whose waypoints there is no derivative here; leave it out: "
+                    "only=[...] names the coordinates by whose values it shall be",
+                )
+        findings.raise_any()
+        read, found = reading.waypoints(table, points, findings), []
+        for name in asked:
+            t, values = read[called[name]]
+            t, (_, v) = pieces.snap(t, inputs.breaks), pieces.channel_names(table)[called[name]]
+            for k, one in enumerate(np.eye(len(t))):
+                along, smooth = channel.scalar_waypoints_along(t, values, sign * one)
+                coef = np.zeros((len(inputs.coef), table.n_vK, polynomial.N_COEF))
+                coef[:, v] = sign * along.on(inputs.breaks)[0]
+                found.append(cls(table, inputs.breaks, coef, f"{name}[{k}]", smooth))
+        return tuple(found)

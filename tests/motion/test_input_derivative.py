@@ -1,0 +1,103 @@
+"""17.5: derivatives of inputs by the values of their waypoints, against differences of inputs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.motion import Input, InputDerivative
+
+LOOKED_AT = np.linspace(-0.2, 3.0, 161)
+
+
+def motion(table, points: dict) -> np.ndarray:
+    """(3, T, n_vK): q_K, v_K and acc_K of what is named, 0 of the rest and of rotations."""
+    inputs = Input.waypoints(table, points)
+    q, v, acc = inputs.evaluate(LOOKED_AT)
+    found = np.zeros((3, *v.shape))
+    found[1:] = v, acc
+    for at, row in table.scalars_K:
+        if inputs.named[row]:
+            found[0][:, row] = q[:, at]
+    return found
+
+
+def moved(points: dict, name: str, k: int, d: float) -> dict:
+    changed = {n: list(series) for n, series in points.items()}
+    t, value = changed[name][k]
+    changed[name][k] = (t, value + d)
+    return changed
+
+
+def central(table, points: dict, name: str, k: int, d: float = 2e-6) -> np.ndarray:
+    """Richardson's extrapolation of central differences."""
+    half, whole = (
+        (motion(table, moved(points, name, k, h)) - motion(table, moved(points, name, k, -h)))
+        / (2 * h)
+        for h in (0.5 * d, d)
+    )
+    return (4 * half - whole) / 3
+
+
+def sided(table, points: dict, name: str, k: int, d: float) -> np.ndarray:
+    """Richardson's extrapolation of one-sided differences."""
+    here = motion(table, points)
+    half, whole = (
+        (motion(table, moved(points, name, k, h)) - here) / h for h in (0.5 * d, d)
+    )
+    return 2 * half - whole
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_derivatives_by_random_waypoints(table, seed):
+    """17.5: turning points, bounded slopes, mean slopes, several coordinates on one clock."""
+    rng = np.random.default_rng(seed)
+    points = {}
+    for name, at in (("hand.length", 0.8), ("knee.length", 0.7), ("crank", 0.1)):
+        t = np.sort(rng.uniform(0.0, 2.5, 6))
+        if np.min(np.diff(t)) < 0.05:
+            t = np.linspace(0.0, 2.0, 6)
+        steps = rng.choice([-1.0, 1.0, 1.0], 6) * rng.choice([0.01, 0.03, 0.08], 6)
+        points[name] = list(zip(t, at + np.cumsum(steps * rng.uniform(0.8, 1.2, 6)), strict=True))
+    found = InputDerivative.of_waypoints(table, points)
+    assert [one.name for one in found] == [f"{n}[{k}]" for n in points for k in range(6)]
+    for one in found:
+        name, k = one.name[:-3], int(one.name[-2])
+        assert one.smooth
+        wanted, got = central(table, points, name, k), np.array(one.evaluate(LOOKED_AT))
+        for w, g in zip(wanted, got, strict=True):
+            assert np.max(np.abs(g - w)) < 1e-6 * max(1.0, np.max(np.abs(w)))
+
+
+KINKS = {
+    "two equal values": [(0, 0.8), (1, 0.8), (2, 0.7)],
+    "three equal values": [(0, 0.8), (0.8, 0.8), (2, 0.8)],
+    # Gaps 1 and 4 with secants of which the mean is just twice the smaller one.
+    "the bound begins to act": [(0, 0.0), (1, 6.0), (5, 10.0)],
+}
+
+
+@pytest.mark.parametrize("what", KINKS)
+@pytest.mark.parametrize("side", ["above", "below"])
+def test_where_the_sides_differ(table, what, side):
+    """17.5: at a kink each side has its own derivative, and says so."""
+    points = {"crank": KINKS[what]}
+    found = InputDerivative.of_waypoints(table, points, side=side)
+    sign = 1.0 if side == "above" else -1.0
+    for k, one in enumerate(found):
+        wanted = sided(table, points, "crank", k, sign * 1e-6)
+        assert np.max(np.abs(np.array(one.evaluate(LOOKED_AT)) - wanted)) < 1e-4
+    assert not all(one.smooth for one in found)
+
+
+def test_mistakes_are_told(table):
+    """17.5: rotations, unknown names and sides are refused."""
+    points = {"bar.rotation": [(0, [0, 0, 0]), (1, [0, 0, 1])], "crank": [(0, 0.0), (1, 1.0)]}
+    assert len(InputDerivative.of_waypoints(table, points, only=["crank"])) == 2
+    with pytest.raises(fan.InputError, match="rotation"):
+        InputDerivative.of_waypoints(table, points)
+    with pytest.raises(fan.UnknownNameError, match="crank"):
+        InputDerivative.of_waypoints(table, points, only=["crnk"])
+    with pytest.raises(ValueError, match="above"):
+        InputDerivative.of_waypoints(table, points, side="left")

@@ -1,0 +1,280 @@
+"""Random puppets that have a rest by construction: ``rest`` finds one for each.
+
+Every root is a joint to the world or a body that hangs from strings of which at least one goes up
+to the world, every joint is damped, and the lengths of the strings are drawn at a pose that
+keeps all limits: let go there, a puppet falls into its strings and comes to rest. ``rest`` is then
+asked to begin there, at the file's pose, at a pose pulled out of its strings, at limits or beyond.
+
+    PYTHONPATH=tests .venv/bin/python -m properties.rests --puppets 50 --cases 20
+"""
+
+from __future__ import annotations
+
+import argparse
+import collections
+import functools
+import json
+import sys
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+import fantoccini as fan
+from fantoccini.marionette.projection import onto_rows, retract
+from fantoccini.motion import tangent
+
+STARTS = ("drawn", "file", "pulled", "at limits", "beyond limits")
+"""Where ``rest`` begins: the pose at which the lengths were drawn, and poses that break rows."""
+
+LONGEST = (8.0, 40.0, 160.0)
+"""Times after which a puppet that is let go is looked at [s]."""
+
+_STILL = 1e-9
+"""Kinetic energy of a puppet that has settled, over its weight [m]."""
+_BALANCED = 1e-7
+"""Largest acceleration at rest [m/s^2 or rad/s^2]."""
+_ABOVE = 1e-9
+"""Energy of a rest above that of its start that is rounding, over the puppet's weight [m]."""
+_MOVES = 10
+"""Small random moves that must not lower the energy."""
+
+
+def description(seed: int) -> dict:
+    """A random puppet with the keys of a puppet file, 2 to 16 degrees of freedom."""
+    rng = np.random.default_rng([seed, 17])
+    bodies, roots = [], int(rng.choice([1, 1, 1, 2]))
+    for root in range(roots):
+        spot = [0.3 * root, 0.0, 0.0]
+        kind = str(rng.choice(["free", "free", "free", "translation", "ball", "revolute"]))
+        first = f"r{root}"
+        bodies.append(_body(rng, first, None, _joint(rng, kind, spot, limited=kind != "free")))
+        names = [first]
+        for limb in range(int(rng.integers(0, 4))):
+            parent, name = str(rng.choice(names)), f"{first}_{limb}"
+            kind = str(rng.choice(["revolute", "ball", "prismatic"], p=[0.7, 0.2, 0.1]))
+            at = _floats(rng.uniform([-0.1, -0.06, -0.08], [0.1, 0.06, 0.02]))
+            bodies.append(_body(rng, name, parent, _joint(rng, kind, at, limited=True)))
+            names.append(name)
+    strings = []
+    for body in bodies:
+        hung = not body.get("parent") and body["joint"]["type"] in ("free", "translation")
+        least = 1 if hung else 0
+        for k in range(max(least, int(rng.choice([0, 1, 2, 3], p=[0.3, 0.4, 0.2, 0.1])))):
+            strings.append(_string(rng, f"s_{body['name']}_{k}", body["name"], bodies))
+    springs = []
+    if len(bodies) > 1 and rng.random() < 0.25:
+        some = (bodies[0]["name"], bodies[-1]["name"])
+        ends = [{"body": name, "at": _floats(rng.uniform(-0.05, 0.05, 3))} for name in some]
+        springs.append({
+            "name": "spring", "between": ends, "stiffness": float(rng.uniform(1.0, 40.0)),
+            "rest": float(rng.uniform(0.0, 0.2)), "damping": 0.1,
+        })  # fmt: skip
+    bar = [{"name": "bar", "joint": {"type": "free", "at": [0.0, 0.0, 0.7], "driven": True}}]
+    used = any(point.get("body") == "bar" for s in strings for point in s["path"])
+    return {
+        "puppet": f"rest{seed}", "bodies": (bar if used else []) + bodies, "strings": strings,
+        "springs": springs,
+    }  # fmt: skip
+
+
+def _floats(values) -> list[float]:
+    return [round(float(x), 4) for x in np.asarray(values).ravel()]
+
+
+def _body(rng, name: str, parent: str | None, joint: dict) -> dict:
+    length, radius = float(rng.uniform(0.04, 0.2)), float(rng.uniform(0.008, 0.04))
+    shape = {"type": "capsule", "from": [0, 0, 0], "to": [0, 0, -length], "radius": radius}
+    if rng.random() < 0.4:
+        shape = {"type": "box", "size": _floats(rng.uniform(0.04, 0.2, 3))}
+    drag = {"linear": float(rng.uniform(0.1, 0.5)), "angular": float(rng.uniform(3e-4, 1e-3))}
+    body = {"name": name, "joint": joint, "shapes": [shape | {"density": 480}], "drag": drag}
+    return body | ({"parent": parent} if parent else {})
+
+
+def _joint(rng, kind: str, at: list[float], limited: bool) -> dict:
+    joint: dict = {"type": kind, "at": at, "damping": float(rng.choice([3e-4, 1e-3, 3e-3]))}
+    if kind in ("free", "translation"):
+        joint["damping"] = float(rng.choice([1e-3, 1e-2]))
+    if kind == "translation":
+        joint["axes"] = [["x", "z"], ["x", "y", "z"]][int(rng.integers(2))]
+    if kind in ("revolute", "prismatic"):
+        flat = rng.random() < 0.5
+        joint["axis"] = [0, -1, 0] if flat else _floats(rng.normal(size=3))
+        scale = 1.0 if kind == "revolute" else 0.05
+        if limited or kind == "prismatic":
+            low, high = rng.uniform(0.2, 2.0, 2) * scale
+            # Many joints begin at their limit: a straight knee.
+            low = 0.0 if rng.random() < 0.4 else low
+            joint["limits"] = {"lower": -float(low), "upper": float(high)}
+    if kind == "ball" and limited and rng.random() < 0.7:
+        joint["cone"] = {"max": float(rng.uniform(0.3, 1.4)), "axis": [0, 0, -1]}
+        joint["twist"] = {"lower": -float(rng.uniform(0.2, 1.0)), "upper": 0.7}
+    return joint
+
+
+def _string(rng, name: str, body: str, bodies: list[dict]) -> dict:
+    path = [{"body": body, "at": _floats(rng.uniform([-0.1, -0.06, -0.06], [0.1, 0.06, 0.05]))}]
+    if rng.random() < 0.2:
+        path.append({"world": _floats(rng.uniform([-0.3, -0.2, 0.4], [0.5, 0.2, 0.6]))})
+    elif rng.random() < 0.1 and len(bodies) > 1:
+        other = str(rng.choice([b["name"] for b in bodies if b["name"] != body]))
+        path.append({"body": other, "at": _floats(rng.uniform(-0.06, 0.06, 3))})
+    if rng.random() < 0.3:
+        path.append({"body": "bar", "at": _floats(rng.uniform([-0.2, -0.1, 0], [0.2, 0.1, 0]))})
+    else:
+        path.append({"world": _floats(rng.uniform([-0.3, -0.2, 0.5], [0.6, 0.2, 0.9]))})
+    return {"name": name, "path": path, "length": "driven"}
+
+
+@functools.cache
+def load(seed: int) -> fan.Marionette:
+    """The marionette of a seed."""
+    return fan.loads(json.dumps(description(seed)))
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """What ``rest`` is given.
+
+    Attributes:
+        marionette: the puppet.
+        feasible: a state that no row forbids, at rest.
+        start: where the search begins, with the same driven coordinates.
+        how: one of ``STARTS``.
+    """
+
+    marionette: fan.Marionette
+    feasible: fan.State
+    start: fan.State
+    how: str
+
+
+def case(puppet: int, number: int) -> Case:
+    """The case of a number."""
+    marionette, rng = load(puppet), np.random.default_rng([puppet, number, 99])
+    how, x = STARTS[number % len(STARTS)], marionette.state()
+    drawn = _moved(marionette, x, rng.normal(size=len(x.v_D)) * rng.choice([0.0, 0.1, 0.4]))
+    drawn = _within(marionette, drawn)
+    lengths = marionette.string_lengths(drawn.q_D, drawn.q_K)
+    spans = lengths + marionette.instant(drawn).h[: len(lengths)]
+    slack = np.where(rng.random(len(spans)) < 0.5, rng.uniform(0.0, 0.05, len(spans)), 0.0)
+    values = {
+        f"{s.name}.length": float(a + b)
+        for s, a, b in zip(marionette.tree.strings, spans, slack, strict=True)
+    }
+    file = marionette.state(values)
+    feasible = file.replace(q_D=drawn.q_D)
+    start = {"drawn": feasible, "file": file}.get(how)
+    if how == "pulled":
+        pull = rng.uniform(-1, 1, len(x.v_D)) * rng.choice([0.02, 0.1])
+        start = _moved(marionette, feasible, pull)
+    elif how == "at limits":
+        start = _limited(marionette, feasible, rng, 0.0)
+    elif how == "beyond limits":
+        start = _limited(marionette, feasible, rng, 0.1)
+    return Case(marionette, feasible, start, how)
+
+
+def _moved(marionette: fan.Marionette, x: fan.State, move: np.ndarray) -> fan.State:
+    return x.replace(q_D=retract(marionette, x.q_D, move))
+
+
+def _within(marionette: fan.Marionette, x: fan.State) -> fan.State:
+    """The state between the file's pose, which keeps all limits, and this that does so too."""
+    table, start = marionette.coordinates, marionette.state()
+    places = table.scalars_D, table.quaternions_D
+    move, n = tangent.between(*places, start.q_D, x.q_D, table.n_vD), len(marionette.tree.strings)
+    for part in 0.8 ** np.arange(60):
+        here = _moved(marionette, start, part * move)
+        if np.all(marionette.instant(here).h[n:] <= 0.0):
+            return here
+    return start
+
+
+def _limited(marionette: fan.Marionette, x: fan.State, rng, beyond: float) -> fan.State:
+    """The state with half of the scalar joints at one of their limits, or beyond."""
+    tree, q_D = marionette.tree, x.q_D.copy()
+    for limit, name in zip(tree.limits, tree.row_names[len(tree.strings) :], strict=True):
+        link, which = tree.links[limit.link], name.rsplit(".", 1)[1]
+        if link.v.stop - link.v.start > 1 or rng.random() < 0.5:
+            continue
+        h = marionette.instant(x.replace(q_D=q_D)).h[tree.row_names.index(name)]
+        q_D[link.q] += (1.0 if which == "upper" else -1.0) * (beyond * rng.random() - h)
+    return x.replace(q_D=q_D)
+
+
+def settles(found: Case) -> bool:
+    """Whether the puppet, let go at the feasible state, comes to rest by itself."""
+    marionette, x = found.marionette, found.feasible
+    for t_end in LONGEST:
+        run = fan.simulate(
+            marionette, x, t_end=t_end, method="timestepping", throw=False, save_every=50
+        )
+        if run.status is not fan.Status.DONE:
+            return False
+        kinetic = run.ledger["kinetic"]
+        if np.max(kinetic[-len(kinetic) // 4 :]) < _STILL * marionette.weight:
+            return True
+    return False
+
+
+def broken(found: Case) -> str:
+    """What ``rest`` lacks in a case; nothing where it holds."""
+    marionette, energy = found.marionette, lambda x: marionette.energies(x)[1]
+    try:
+        x = marionette.rest(found.start)
+    except fan.StateError as error:
+        return f"not found: {error}"
+    acc, tension = marionette.accelerations(x)
+    weight, h = marionette.weight, marionette.instant(x).h
+    if np.max(h, initial=-1.0) > 1e-9:
+        return "a row is broken"
+    if np.min(tension, initial=0.0) < 0.0:
+        return "a row pushes"
+    if np.max(np.abs(acc), initial=0.0) > _BALANCED:
+        return "the forces do not balance"
+    if found.start is found.feasible and energy(x) > energy(found.feasible) + _ABOVE * weight:
+        return "the energy is above the start's"
+    rng = np.random.default_rng(0)
+    for _ in range(_MOVES):
+        move = 1e-3 * rng.normal(size=len(x.v_D))
+        other, worst = onto_rows(marionette, _moved(marionette, x, move))
+        if worst <= 1e-9 and energy(other) < energy(x) - 1e-9 * weight:
+            return "a small move lowers the energy"
+    return ""
+
+
+def tried(puppet: int, cases: int) -> tuple[collections.Counter, list[str]]:
+    """How the cases of a puppet ended, and what is broken in those that settle by themselves."""
+    counts, failures = collections.Counter(), []
+    for number in range(cases):
+        found = case(puppet, number)
+        what, settled = broken(found), settles(found)
+        own = "settles" if settled else "does not settle"
+        counts[f"{own}: {what.split(':')[0] or 'found'}"] += 1
+        if what:
+            failures.append(f"puppet {puppet}, case {number} ({found.how}, {own}): {what}")
+    return counts, failures
+
+
+def main() -> int:
+    """Tries them, prints the failures; 1 when there are some."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--puppets", type=int, default=50, help="(default 50)")
+    parser.add_argument("--cases", type=int, default=20, help="of each puppet (default 20)")
+    parser.add_argument("--first", type=int, default=0, help="seed of the first puppet")
+    options = parser.parse_args()
+    total, failed, begun = collections.Counter(), 0, time.perf_counter()
+    for puppet in range(options.first, options.first + options.puppets):
+        counts, failures = tried(puppet, options.cases)
+        total, failed = total + counts, failed + len(failures)
+        print(f"puppet {puppet}: {dict(counts)}", *failures, sep="\n  ", flush=True)
+    print(f"{total.total()} cases, {time.perf_counter() - begun:.0f} s")
+    for what, n in total.most_common():
+        print(f"{n:>6}  {what}")
+    return int(failed > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,18 @@
+"""17.9: puppets that have a rest by construction: ``rest`` finds one from wherever it begins.
+
+``python -m properties.rests`` tries a thousand.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from properties import rests
+
+
+@pytest.mark.parametrize("puppet", [1, 2, 6])
+def test_a_puppet_with_a_rest_is_found_one(puppet):
+    """17.9: from poses that keep the rows, break them by centimetres, or pass limits."""
+    counts, failures = rests.tried(puppet, cases=10)
+    assert not failures, "\n".join(failures)
+    assert counts["settles: found"] >= 8
