@@ -3,6 +3,7 @@
 from fantoccini.tree.chains import placed
 from fantoccini.tree.coordinates import COMMAND, Coordinate, CoordinateTable, Role
 from fantoccini.tree.grow import grow
+from fantoccini.tree.inertia import joint_inertias, link_inertia
 from fantoccini.tree.place import link_poses, place
 from fantoccini.tree.structure import (
     WORLD,
@@ -33,6 +34,8 @@ __all__ = [
     "StringRow",
     "Tree",
     "grow",
+    "joint_inertias",
+    "link_inertia",
     "link_poses",
     "place",
     "placed",
