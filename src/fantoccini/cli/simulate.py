@@ -15,6 +15,7 @@ from fantoccini.cli.outputs import check_outputs, write_outputs
 from fantoccini.cli.report import report
 from fantoccini.cli.start import read_values, start_state
 from fantoccini.cli.terminal import Steps, say
+from fantoccini.cli.warn import warn
 from fantoccini.errors import SimulationError, Status
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State, Trajectory
@@ -60,6 +61,8 @@ def simulate_file(request: Request) -> None:
     with Steps(request.quiet) as steps:
         made = marionette(request.file, steps.step, request.string_model)
         inputs = None if request.inputs is None else Input.load(made, request.inputs)
+        if not request.quiet:
+            warn(made, request.file, inputs, request.inputs)
         duration = _duration(request, inputs)
         options = _options(request, duration)
         x0 = start_state(made, inputs, given, request.quiet)

@@ -5,6 +5,7 @@ from fantoccini.tree.coordinates import COMMAND, Coordinate, CoordinateTable, Ro
 from fantoccini.tree.grow import grow
 from fantoccini.tree.inertia import joint_inertias, link_inertia
 from fantoccini.tree.place import link_poses, place
+from fantoccini.tree.size import Size, measure, path_length
 from fantoccini.tree.structure import (
     WORLD,
     ChainRow,
@@ -30,6 +31,7 @@ __all__ = [
     "Lump",
     "Point",
     "Role",
+    "Size",
     "SpringRow",
     "StringRow",
     "Tree",
@@ -37,6 +39,8 @@ __all__ = [
     "joint_inertias",
     "link_inertia",
     "link_poses",
+    "measure",
+    "path_length",
     "place",
     "placed",
 ]
