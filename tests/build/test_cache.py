@@ -289,6 +289,73 @@ def test_a_folder_of_another_user_is_refused(cache, key, source, monkeypatch):
     assert "another user" in folders.distrust(cache)
 
 
+@pytest.mark.parametrize("mode", [0o777, 0o770, 0o1777])
+def test_a_group_that_others_can_write_is_refused(cache, key, source, mode):
+    """17.33: also where its entries are there already and nothing would be written."""
+    build.obtain(key, source)
+    (cache / key[:2]).chmod(mode)
+    with pytest.warns(RuntimeWarning, match="written by other users"):
+        entry = build.obtain(key, source)
+    assert cache not in entry.parents
+
+
+@pytest.mark.parametrize("what", ["", build.LIBRARY, build.INFO, "complete.json"])
+@pytest.mark.parametrize("trouble", ["writable", "foreign", "link"])
+def test_an_entry_that_is_not_ours_alone_is_compiled_again(
+    tmp_path, cache, key, source, what, trouble
+):
+    """17.33: an entry, or a file of it that is read, that somebody else may have written."""
+    path = build.obtain(key, lambda: source(1)) / what
+    match trouble:
+        case "writable":
+            path.chmod(path.stat().st_mode | 0o022)
+            said = "written by other users"
+        case "foreign":
+            if os.geteuid() != 0:
+                pytest.skip("only the superuser can give a file away")
+            os.chown(path, 12345, -1)
+            said = "belongs to another user"
+        case "link":
+            path.rename(tmp_path / "elsewhere")
+            path.symlink_to(tmp_path / "elsewhere")
+            said = "is not a f"
+    with pytest.warns(RuntimeWarning, match=said):
+        entry = build.obtain(key, lambda: source(2))
+    assert entry == cache / key[:2] / key
+    assert not entry.is_symlink()
+    assert "return 2" in (entry / "model.cpp").read_text()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert build.obtain(key, never) == entry
+
+
+def test_what_an_entry_holds_is_private_whatever_the_umask(key, source):
+    """17.33: a umask of 002 makes files that a group can write."""
+    old = os.umask(0)
+    try:
+        entry = build.obtain(key, source)
+    finally:
+        os.umask(old)
+    for name in (build.LIBRARY, build.INFO, "complete.json"):
+        assert (entry / name).stat().st_mode & 0o077 == 0
+    assert build.obtain(key, never) == entry
+
+
+@pytest.mark.parametrize("what", ["link", "pipe"])
+def test_a_lock_is_a_file_and_no_link(tmp_path, cache, key, source, what):
+    """17.33: what a link leads to is not emptied; a pipe is not waited for."""
+    lock = cache / key[:2] / f"{key}.lock"
+    cache.mkdir(mode=0o700)
+    lock.parent.mkdir(mode=0o700)
+    precious = tmp_path / "precious"
+    precious.write_text("kept")
+    lock.symlink_to(precious) if what == "link" else os.mkfifo(lock)
+    with pytest.warns(RuntimeWarning, match="is a link" if what == "link" else "is not a file"):
+        entry = build.obtain(key, source)
+    assert cache not in entry.parents
+    assert precious.read_text() == "kept"
+
+
 @pytest.mark.parametrize("squatter", ["open folder", "link", "file"])
 def test_a_stand_in_that_somebody_prepared_is_refused(tmp_path, squatter):
     """Anybody may make a folder under the known name; then a fresh one is made."""

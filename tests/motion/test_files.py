@@ -54,6 +54,43 @@ def test_yaml_is_what_python_says(table, tmp_path):
     assert read.end == 4.0 and read.name == "greeting"
 
 
+@pytest.mark.parametrize(("first", "start"), [(1.0, 0.0), (0.0, 0.0), (-0.5, -0.5)])
+def test_waypoints_in_a_file_begin_at_0_and_hold_still_until_the_first(table, tmp_path, first, start):
+    """17.16: runs began at the first waypoint's time."""
+    path = tmp_path / "late.yaml"
+    path.write_text(f"""\
+coordinates:
+  hand.length: [[{first}, 0.8], [2.5, 0.5]]
+  bar.rotation: [[{first}, [0, 0, 0.3]], [2, [0, 0, 0.5]]]
+forces:
+  elbow: [[1.5, 0], [1.75, 2]]
+""")
+    read = Input.load(table, path)
+    assert (read.start, read.end) == (start, 2.5)
+    before = np.linspace(start, first, 5)
+    q_K, v_K, acc_K = read.evaluate(before)
+    assert np.allclose(q_K, read.evaluate(first)[0], atol=1e-15)
+    assert not np.any(v_K) and not np.any(acc_K[:-1])
+    assert not np.any(read.evaluate_force(before))
+    assert np.allclose(read.evaluate_force(1.625).max(), 1.0)
+    # Recorded samples begin where the recorder's clock did.
+    (tmp_path / "late.csv").write_text("t,hand.length\n1,0.8\n2,0.7\n")
+    assert Input.load(table, tmp_path / "late.csv").start == 1.0
+
+
+def test_a_length_that_ends_below_zero_is_told_with_all_other_mistakes(table, tmp_path):
+    """17.11: all mistakes are reported at once, even when one value is out of range."""
+    path = tmp_path / "bad.yaml"
+    path.write_text("""\
+coordinates:
+  hand.length: [[0, 0.8], [1, -0.5]]
+  crank: [[0, ten]]
+""")
+    with pytest.raises(InputError) as caught:
+        Input.load(table, path)
+    assert [p.line for p in caught.value.problems] == [2, 3]
+
+
 def test_samples_from_csv_and_npz_are_those_from_python(table, tmp_path):
     t = np.linspace(0, 2, 30)
     q = rotation.exp(np.outer(np.sin(t), [0.3, 0.2, 0.1]))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import os
 import re
 import shutil
 import tempfile
@@ -26,8 +27,15 @@ from fantoccini.build.compiler import (
     run_compiler,
     run_compilers,
 )
-from fantoccini.build.entry import Source, is_whole, seal, write_source
-from fantoccini.build.folders import UnusableError, cache_folder, distrust, private_folder
+from fantoccini.build.entry import READ, Source, is_whole, seal, write_source
+from fantoccini.build.folders import (
+    UnusableError,
+    cache_folder,
+    distrust,
+    distrust_entry,
+    open_lock,
+    private_folder,
+)
 from fantoccini.build.key import runtime_folder
 from fantoccini.errors import BuildError
 
@@ -148,10 +156,13 @@ def _obtain_in(
     afresh: bool,
 ) -> Path:
     """:func:`obtain` in one cache folder; UnusableError where that folder is no good."""
-    if trouble := distrust(root):
-        raise UnusableError(trouble)
     group = root / key[:2]
     entry = group / key
+    if trouble := distrust(root) or distrust(group):
+        raise UnusableError(trouble)
+    if trouble := distrust_entry(entry, READ):
+        warnings.warn(f"{trouble}; the puppet is compiled again", RuntimeWarning, stacklevel=2)
+        afresh = True
     if not afresh and is_whole(entry):
         return entry
     with _writing(root):
@@ -162,7 +173,7 @@ def _obtain_in(
         raise UnusableError(trouble)
     with _lock(group / f"{key}.lock", root, tell) as waited:
         # Another process may have made it in the meantime.
-        if (waited or not afresh) and is_whole(entry):
+        if (waited or not afresh) and not distrust_entry(entry, READ) and is_whole(entry):
             return entry
         for folder in _leftovers(root, age=1.0):
             shutil.rmtree(folder, ignore_errors=True)
@@ -229,7 +240,7 @@ def _settle(folder: Path, entry: Path, replace: bool) -> None:
         except OSError:
             if not entry.exists():
                 raise
-        if is_whole(entry) and not replace:
+        if not replace and not distrust_entry(entry, READ) and is_whole(entry):
             shutil.rmtree(folder, ignore_errors=True)
             return
         # An entry to replace: move it aside, since a folder cannot be renamed onto a full one.
@@ -262,7 +273,8 @@ def _lock(file: Path, root: Path, tell: Progress) -> Iterator[bool]:
         return
     with contextlib.ExitStack() as stack:
         with _writing(root):
-            handle = stack.enter_context(open(file, "w"))  # closing it gives the lock back
+            handle = open_lock(file)
+        stack.callback(os.close, handle)  # which gives the lock back
         waited = False
         deadline = time.monotonic() + LOCK_SECONDS
         while time.monotonic() < deadline:

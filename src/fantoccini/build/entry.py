@@ -22,6 +22,8 @@ from typing import Any
 LIBRARY = "model.so"
 INFO = "info.json"
 COMPLETE = "complete.json"
+READ = (LIBRARY, INFO, COMPLETE)
+"""The files of an entry that are read again; the others are for people."""
 
 _FILE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}")
 
@@ -44,7 +46,7 @@ class Source:
 
     def __post_init__(self) -> None:
         for name in self.files:
-            if not _FILE_NAME.fullmatch(name) or name in (LIBRARY, INFO, COMPLETE):
+            if not _FILE_NAME.fullmatch(name) or name in READ:
                 raise ValueError(f"{name!r} cannot be the name of a source file")
         if self.main not in self.files:
             raise ValueError(f"the main file {self.main!r} is not among the files")
@@ -78,6 +80,9 @@ def seal(folder: Path, commands: list[list[str]]) -> None:
         json.dump(complete, out, indent=1)
         out.flush()
         os.fsync(out.fileno())
+    for name in READ:
+        # Whatever the umask lets others write here.
+        (folder / name).chmod(0o700 if name == LIBRARY else 0o600)
 
 
 def is_whole(folder: Path) -> bool:

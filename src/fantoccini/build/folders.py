@@ -1,6 +1,7 @@
 """Where libraries are kept, and whether that place can be trusted.
 
-Loading a library runs its code, so a folder that somebody else can write to is not used.
+Loading a library runs its code, so nothing is used that somebody else can write to: not the cache
+folder, nor a folder or file in it.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import os
 import shutil
 import stat
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 
 import platformdirs
@@ -30,19 +32,69 @@ def cache_folder() -> Path:
 
 
 def distrust(folder: Path) -> str:
-    """Why a folder cannot be trusted; empty where it can be, or does not exist yet."""
-    if not hasattr(os, "geteuid"):
-        return ""
+    """Why a folder cannot be trusted; empty where it can be, or does not exist yet.
+
+    A link is followed: a user may keep the cache on another disk.
+    """
     try:
         facts = folder.stat()
     except OSError:
         return ""
     if not stat.S_ISDIR(facts.st_mode):
         return f"{folder} is not a folder"
+    return _strangers(folder, facts)
+
+
+def distrust_entry(entry: Path, files: Iterable[str]) -> str:
+    """Why an entry of the cache cannot be trusted; empty where it can be, or is not there.
+
+    Nothing in an entry is a link: what a link leads to may lie where others can write.
+
+    Args:
+        entry: its folder.
+        files: names of the files in it that are read.
+    """
+    for path, is_kind, kind in (
+        (entry, stat.S_ISDIR, "folder"),
+        *((entry / name, stat.S_ISREG, "file") for name in files),
+    ):
+        try:
+            facts = path.lstat()
+        except OSError:
+            continue
+        if not is_kind(facts.st_mode):
+            return f"{path} is not a {kind}"
+        if trouble := _strangers(path, facts):
+            return trouble
+    return ""
+
+
+def open_lock(path: Path) -> int:
+    """A descriptor of a lock file, made where there is none; what lies there is not changed.
+
+    Raises:
+        OSError: the file cannot be opened, or is a link, a pipe or another user's.
+    """
+    if path.is_symlink():
+        raise OSError(f"{path} is a link")
+    # A pipe is not waited for, nor is a link followed that was put there just now.
+    safely = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0) | safely, 0o600)
+    facts = os.fstat(descriptor)
+    if not stat.S_ISREG(facts.st_mode) or facts.st_uid not in (0, os.geteuid()):
+        os.close(descriptor)
+        raise OSError(f"{path} is not a file of this user")
+    return descriptor
+
+
+def _strangers(path: Path, facts: os.stat_result) -> str:
+    """Whom else a file or folder belongs to or lets write; empty where there is nobody."""
+    if not hasattr(os, "geteuid"):
+        return ""
     if facts.st_uid not in (0, os.geteuid()):
-        return f"{folder} belongs to another user"
+        return f"{path} belongs to another user"
     if facts.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
-        return f"{folder} can be written by other users (chmod go-w makes it usable)"
+        return f"{path} can be written by other users (chmod go-w makes it usable)"
     return ""
 
 

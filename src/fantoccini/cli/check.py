@@ -1,7 +1,8 @@
-"""``fantoccini check``: every mistake in every file."""
+"""``fantoccini check``: every mistake in every file, and what is hardly meant."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import typer
@@ -9,9 +10,11 @@ import typer
 from fantoccini.cli.files import marionette
 from fantoccini.cli.guard import MISTAKE
 from fantoccini.cli.terminal import say, write
-from fantoccini.errors import FileError
+from fantoccini.cli.warn import inputs_warnings, puppet_warnings
+from fantoccini.errors import FileError, Problem
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input
+from fantoccini.tree import measure
 
 
 def check_files(files: list[str], inputs: list[Path], quiet: bool) -> None:
@@ -28,12 +31,15 @@ def check_files(files: list[str], inputs: list[Path], quiet: bool) -> None:
         clean &= made is not None
         if made is None:
             continue
+        found = puppet_warnings(made, file)
+        _list(found)
         if not quiet:
             table = made.coordinates
             write(
-                f"{file}: no mistakes; {table.n_vD} DOF, {len(made.tree.strings)} strings, "
-                f"{table.n_vK} driven"
+                f"{file}: no mistakes{_count(found)}; {table.n_vD} DOF, "
+                f"{len(made.tree.strings)} strings, {table.n_vK} driven"
             )
+            write(f"{file}: {_size(made)}")
         for path in inputs:
             clean &= _inputs(made, path, quiet)
     if not clean:
@@ -45,7 +51,7 @@ def _puppet(file: str) -> Marionette | None:
         made = marionette(file)
         made.check_mass_matrix()
     except FileError as error:
-        _list(error)
+        _list(error.problems)
         return None
     return made
 
@@ -54,13 +60,29 @@ def _inputs(made: Marionette, path: Path, quiet: bool) -> bool:
     try:
         read = Input.load(made, path)
     except FileError as error:
-        _list(error)
+        _list(error.problems)
         return False
+    found = inputs_warnings(made, read, path)
+    _list(found)
     if not quiet:
-        write(f"{path}: no mistakes; drives {made.name} for {read.duration:g} s")
+        write(f"{path}: no mistakes{_count(found)}; drives {made.name} for {read.duration:g} s")
     return True
 
 
-def _list(error: FileError) -> None:
-    for problem in error.problems:
+def _list(problems: Iterable[Problem]) -> None:
+    for problem in problems:
         say(str(problem))
+
+
+def _count(found: list[Problem]) -> str:
+    if not found:
+        return ""
+    return ", 1 warning" if len(found) == 1 else f", {len(found)} warnings"
+
+
+def _size(made: Marionette) -> str:
+    """Mass, lengths and hanging height of a puppet in its start pose."""
+    size = measure(made.tree, made.number)
+    lengths = " x ".join(f"{x:.3g}" for x in size.lengths)
+    hangs = "" if size.hangs is None else f", hangs {size.hangs:.3g} m high"
+    return f"{size.mass:.4g} kg, {lengths} m (x, y, z){hangs}"

@@ -6,6 +6,7 @@ from fantoccini import puppets
 from fantoccini.build import describe
 from fantoccini.cli.files import marionette
 from fantoccini.cli.terminal import number, table, write
+from fantoccini.cli.warn import warn
 from fantoccini.codegen import operations
 from fantoccini.errors import BuildError
 from fantoccini.marionette import Marionette
@@ -46,6 +47,7 @@ def describe_puppet(file: str) -> None:
     """
     made = marionette(file)
     made.check_mass_matrix()
+    warn(made, file)
     tree, coordinates = made.tree, made.coordinates
     write(
         f"{made.name}: {coordinates.n_vD} degrees of freedom ({coordinates.n_qD} configuration "

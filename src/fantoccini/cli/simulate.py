@@ -19,6 +19,7 @@ from fantoccini.cli.report import report
 from fantoccini.cli.start import read_values, start_state
 from fantoccini.cli.take import on_winches, start_of, take_of
 from fantoccini.cli.terminal import Steps, say
+from fantoccini.cli.warn import warn
 from fantoccini.errors import SimulationError, Status
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State, Trajectory
@@ -70,6 +71,8 @@ def simulate_file(request: Request) -> None:
         take = take_of(request.inputs)
         if take is not None:
             made = on_winches(made, take, request.quiet)
+        if not request.quiet:
+            warn(made, request.file, inputs, request.inputs)
         duration = _duration(request, inputs)
         x0 = None if take is None or given else start_of(made, take)
         if x0 is None:

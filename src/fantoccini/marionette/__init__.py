@@ -16,12 +16,15 @@ from fantoccini.marionette.handle import Marionette
 from fantoccini.marionette.linearisation import Linearisation, Partials
 from fantoccini.marionette.loading import load, loads
 from fantoccini.marionette.modes import Mode, Modes
+from fantoccini.marionette.plausible import warnings
+from fantoccini.marionette.plausible_inputs import InputWarning, input_warnings
 from fantoccini.marionette.portable import Parcel
 from fantoccini.marionette.step_linearisation import StepLinearisation
 from fantoccini.marionette.stepper import Stepper
 
 __all__ = [
     "Flow",
+    "InputWarning",
     "Linearisation",
     "Marionette",
     "Mode",
@@ -37,8 +40,10 @@ __all__ = [
     "check_speeds",
     "check_starts",
     "check_step",
+    "input_warnings",
     "load",
     "loads",
     "many_of",
     "rows_of_steps",
+    "warnings",
 ]

@@ -11,7 +11,7 @@ from fantoccini.arrays import Array
 from fantoccini.equations import ANALYSIS_INPUTS
 from fantoccini.errors import Problem, PuppetError, UnknownNameError
 from fantoccini.motion import State
-from fantoccini.tree import Tree
+from fantoccini.tree import Tree, joint_inertias
 
 if TYPE_CHECKING:
     from fantoccini.equations import Equations
@@ -201,28 +201,32 @@ class Analysis:
         Raises:
             PuppetError: naming the coordinates that M does not resist.
         """
-        table = self.tree.coordinates
-        if table.n_vD == 0:
-            return
+        table, wrong = self.tree.coordinates, ([], "")
         rng = np.random.default_rng(0)
         for trial in range(3):
-            q_D, q_K = table.start_D.copy(), np.nan_to_num(table.start_K, nan=1.0)
+            q_D, q_K = (np.nan_to_num(q, nan=1.0) for q in (table.start_D, table.start_K))
             if trial:
                 q_D = q_D + rng.normal(size=table.n_qD)
                 for q, _ in table.quaternions_D:
                     q_D[q : q + 4] /= np.linalg.norm(q_D[q : q + 4])
-            times = self.equations["mass_times"]
-            units = np.eye(table.n_vD)
-            M = np.column_stack([np.array(times(q_D, q_K, e, self.p))[:, 0] for e in units])
-            if not np.all(np.isfinite(M)):
-                raise PuppetError([self._massless(list(table.v_D), "is not finite")])
-            scale = 1.0 / np.sqrt(np.maximum(np.diag(M), 1e-300))
-            values, vectors = np.linalg.eigh(M * np.outer(scale, scale))
-            if values[0] > _SINGULAR and np.all(np.diag(M) > 1e-300):
+            wrong = self._unresisted(q_D, q_K)
+            if not wrong[0]:
                 return
-            still = np.where(np.diag(M) <= 1e-300, 1.0, np.abs(vectors[:, 0] * scale))
-        names = [table.v_D[i] for i in np.flatnonzero(still > 1e-3 * np.max(still))]
-        raise PuppetError([self._massless(names, "is singular")])
+        raise PuppetError([self._massless(*wrong)])
+
+    def _unresisted(self, q_D: Array, q_K: Array) -> tuple[list[str], str]:
+        """Velocities of the joint nearest the leaves that M does not resist, and what M is."""
+        for i, held, D in joint_inertias(self.tree, q_D, q_K, self.number):
+            names = np.array(self.tree.coordinates.v_D)[self.tree.links[i].v]
+            if not np.all(np.isfinite(D)):
+                return list(names), "is not finite"
+            size = np.diag(held)
+            scale = 1.0 / np.sqrt(np.maximum(size, 1e-300))
+            values, vectors = np.linalg.eigh(D * np.outer(scale, scale))
+            if values[0] <= _SINGULAR or np.any(size <= 1e-300):
+                still = np.where(size <= 1e-300, 1.0, np.abs(vectors[:, 0]))
+                return list(names[still > 1e-3 * np.max(still)]), "is singular"
+        return [], ""
 
     def _massless(self, names: list[str], what: str) -> Problem:
         owner = names[0].split(".")[0]

@@ -101,14 +101,14 @@ def _yaml(table, path: Path) -> Input:
         findings.add(
             ("duration",), f"found {file.duration:g} s, before the last waypoint at {last:g} s"
         )
-    findings.raise_any(located)
     lengths = Findings()
     made = Input.of_channels(table, pieces.through_waypoints(table, points), lengths)
-    findings.found = [(("coordinates", *place), message) for place, message in lengths.found]
+    findings.found += [(("coordinates", *place), message) for place, message in lengths.found]
     findings.raise_any(located)
     if forces:
         made = made.with_force_points(forces)
-    return made.extended(file.duration or 0.0).called(file.name)
+    # The file's clock runs from 0, and the hand holds still until the first waypoint.
+    return made.begun(0.0).extended(file.duration or 0.0).called(file.name)
 
 
 def _samples(table, columns: dict[str, Array], located: Located) -> Input:

@@ -239,6 +239,12 @@ class Input:
         """The same under a name."""
         return dataclasses.replace(self, name=name)
 
+    def begun(self, start: float) -> Input:
+        """The same with everything held from ``start`` [s] until it begins."""
+        if start >= self.start - SAME_TIME:
+            return self
+        return self._on(np.concatenate([[start], self.breaks]))
+
     def extended(self, end: float) -> Input:
         """The same with everything held until ``end`` [s]."""
         return self if end <= self.end + SAME_TIME else self._on(np.append(self.breaks, end))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from fantoccini.puppet.values import Model, NotNegative, PositiveNumber, mistake, value_of
+from fantoccini.puppet.quantities import Damping, PositiveMass, PositiveStiffness
+from fantoccini.puppet.values import Model, mistake, value_of
 
 PIECES = 8
 """Springs of a string that does not say how many."""
@@ -19,11 +20,11 @@ class Chain(Model):
 
     pieces: int = Field(default=PIECES, ge=2, le=MOST_PIECES, strict=True)
     """Number of springs; one mass less."""
-    mass: PositiveNumber
+    mass: PositiveMass
     """Of the whole string [kg], shared equally among its masses."""
-    stiffness: PositiveNumber
+    stiffness: PositiveStiffness
     """EA: force per unit of strain [N]; a piece has EA over its relaxed length."""
-    damping: NotNegative = 0.0
+    damping: Damping = 0.0
     """Force per unit of strain rate [N s]; a piece has it over its relaxed length."""
 
 

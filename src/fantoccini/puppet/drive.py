@@ -14,17 +14,30 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
 
 from fantoccini.puppet.located import shown
-from fantoccini.puppet.values import Model, NotNegative, PositiveNumber, mistake
+from fantoccini.puppet.quantities import (
+    Damping,
+    Electric,
+    Force,
+    LengthNumber,
+    NotNegativeRatio,
+    PositiveForce,
+    PositiveMass,
+    PositiveStiffness,
+    Ratio,
+    RotorInertia,
+    Speed,
+)
+from fantoccini.puppet.values import Model, mistake
 
 
 class Friction(Model):
     """Torque at the rotor against its turning: -viscous w - coulomb w / sqrt(w^2 + speed^2)."""
 
-    viscous: NotNegative = 0.0
+    viscous: Damping = 0.0
     """[N m s], or [N s/m] without a drum."""
-    coulomb: NotNegative = 0.0
+    coulomb: Force = 0.0
     """[N m], or [N] without a drum."""
-    speed: PositiveNumber = 0.05
+    speed: Speed = 0.05
     """Speed at which Coulomb's friction has 0.7 of its size [rad/s], or [m/s] without a drum."""
 
 
@@ -33,7 +46,7 @@ class Servo(Model):
 
     type: Literal["servo"]
     """Kind of motor."""
-    torque: PositiveNumber
+    torque: PositiveForce
     """Largest torque [N m], or force without a drum [N]."""
 
 
@@ -42,13 +55,13 @@ class DirectCurrent(Model):
 
     type: Literal["dc"]
     """Kind of motor."""
-    constant: PositiveNumber
+    constant: Electric
     """k: torque for a current, voltage for a speed [N m/A = V s]."""
-    current: PositiveNumber
+    current: Electric
     """Largest current [A]."""
-    resistance: PositiveNumber
+    resistance: Electric
     """R of the winding [ohm]."""
-    voltage: PositiveNumber
+    voltage: Electric
     """Of the supply [V]."""
 
 
@@ -75,13 +88,13 @@ class Stepper(Model):
 
     type: Literal["stepper"]
     """Kind of motor."""
-    torque: PositiveNumber
+    torque: PositiveForce
     """Holding torque [N m], or force without a drum [N]."""
     steps: Count = 200
     """Full steps a turn, or a metre without a drum."""
     microsteps: Count = 16
     """Parts of a full step that the command is rounded to."""
-    corner_speed: PositiveNumber | None = None
+    corner_speed: Speed | None = None
     """Commanded speed from which on the torque falls [rad/s], or [m/s] without a drum."""
 
 
@@ -90,9 +103,9 @@ class PD(Model):
 
     type: Literal["pd"]
     """Kind of controller."""
-    stiffness: PositiveNumber
+    stiffness: PositiveStiffness
     """At the coordinate [N/m or N m/rad]."""
-    damping: NotNegative
+    damping: Damping
     """At the coordinate [N s/m or N m s/rad]."""
 
 
@@ -105,9 +118,9 @@ class ComputedTorque(Model):
 
     type: Literal["computed_torque"]
     """Kind of controller."""
-    bandwidth: PositiveNumber
+    bandwidth: Ratio
     """w [rad/s]."""
-    damping_ratio: NotNegative = 1.0
+    damping_ratio: NotNegativeRatio = 1.0
     """zeta."""
 
 
@@ -147,13 +160,13 @@ class Drive(Model):
 
     on: _Names
     """Driven coordinates, each with such a drive: `hand.length`, `bar.x`, `bar.rotation`."""
-    mass: PositiveNumber | None = None
+    mass: PositiveMass | None = None
     """Moved along with a coordinate in metres, without weight: a carriage [kg]."""
-    inertia: PositiveNumber | None = None
+    inertia: RotorInertia | None = None
     """Of the rotor [kg m^2]."""
-    gear: PositiveNumber = 1.0
+    gear: Ratio = 1.0
     """Turns of the rotor for one of the drum or the joint."""
-    drum: PositiveNumber | None = None
+    drum: LengthNumber | None = None
     """Radius of the drum or pinion that moves a coordinate in metres [m]."""
     friction: Friction | None = None
     """In the rotor's bearings and the gear."""

@@ -7,18 +7,15 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from fantoccini.puppet.values import (
+from fantoccini.puppet.quantities import (
     Angle,
-    Axes,
-    Direction,
-    Model,
-    Name,
-    NotNegative,
-    NumberAngle,
-    Orientation,
+    AngleOrPlace,
+    Damping,
+    NumberAngleOrPlace,
     Point,
-    mistake,
+    Stiffness,
 )
+from fantoccini.puppet.values import Axes, Direction, Model, Name, Orientation, mistake
 
 _ALLOWED_IN = {
     "axis": ("revolute", "prismatic"),
@@ -35,18 +32,18 @@ _ALLOWED_IN = {
 class JointSpring(Model):
     """V = k/2 (q - rest)^2; in a ball joint V = 2 k (1 - q_w^2), k/2 phi^2 for small angles."""
 
-    stiffness: NotNegative
+    stiffness: Stiffness
     """k [N m/rad or N/m]."""
-    rest: NumberAngle = 0.0
+    rest: NumberAngleOrPlace = 0.0
     """Where the spring is relaxed [rad or m]; not for ball joints."""
 
 
 class Limits(Model):
     """Lower and upper end of a joint's travel; at least one of them."""
 
-    lower: Angle | None = None
+    lower: AngleOrPlace | None = None
     """[rad or m]."""
-    upper: Angle | None = None
+    upper: AngleOrPlace | None = None
     """[rad or m]."""
 
     @model_validator(mode="after")
@@ -115,7 +112,7 @@ class Joint(Model):
     """Origin of the joint frame in the parent's body frame [m]."""
     orientation: Orientation | None = None
     """Orientation of the joint frame in the parent's body frame."""
-    damping: NotNegative = 0.0
+    damping: Damping = 0.0
     """On every velocity of the joint [N m s/rad or N s/m]."""
     spring: JointSpring | None = None
     """Pulls the joint to a rest position."""

@@ -6,6 +6,7 @@ and all mistakes of a file are collected before an error is raised.
 
 from __future__ import annotations
 
+import copy
 import math
 import os
 import re
@@ -18,6 +19,7 @@ from typing import Any, TypeVar, get_args
 from pydantic import BaseModel, ValidationError
 
 from fantoccini.errors import FileError, Problem, nearest
+from fantoccini.puppet.words import OWN_WORDS
 from fantoccini.puppet.yaml_text import Path, Unreadable, read_text
 
 MAX_BYTES = 2_000_000
@@ -169,12 +171,39 @@ def findings(model: type[BaseModel], data: Any, error: ValidationError) -> list[
         error: what pydantic raised.
     """
     found = []
-    for item in error.errors(include_url=False):
+    for k, item in enumerate(error.errors(include_url=False)):
         path, leaf = _path(data, item["loc"], item["type"])
         if item["type"] in ("union_tag_invalid", "union_tag_not_found"):
             path = (*path, item["ctx"]["discriminator"].strip("'"))
-        found.append((path, _sentence(model, item, leaf)))
+        # Looking for a name takes long, and no more mistakes than these are shown.
+        found.append((path, _sentence(model, item, leaf, hints=k < MAX_PROBLEMS)))
     return found
+
+
+def mended(data: Any, error: ValidationError) -> Any | None:
+    """A copy of plain data with numbers in range in place of those that are not.
+
+    Args:
+        data: plain data it was validated from.
+        error: what pydantic raised.
+
+    Returns:
+        None where no mistake comes with a number that could stand in its place.
+    """
+    out = None
+    for item in error.errors(include_url=False):
+        instead = item.get("ctx", {}).get("instead")
+        path, _ = _path(data, item["loc"], item["type"])
+        if instead is None or not path:
+            continue
+        out = copy.deepcopy(data) if out is None else out
+        holder = out
+        for part in path[:-1]:
+            holder = holder[part]
+        if isinstance(holder[path[-1]], dict):
+            holder, path = holder[path[-1]], ("value",)
+        holder[path[-1]] = instead
+    return out
 
 
 def key_path(path: Path) -> str:
@@ -238,26 +267,32 @@ _NEEDED = {
 }
 
 
-def _sentence(model: type[BaseModel], item: Any, leaf: str) -> str:
+def _sentence(model: type[BaseModel], item: Any, leaf: str, hints: bool) -> str:
     kind, found, facts = item["type"], shown(item["input"]), item.get("ctx", {})
     if kind == "fantoccini":
         return item["msg"]
     if kind == "extra_forbidden":
-        return f"this key is not known{nearest(leaf[:64], allowed_keys(model, item['loc'][:-1]))}"
+        keys = allowed_keys(model, item["loc"][:-1]) if hints else ()
+        return f"this key is not known{nearest(leaf[:64], keys) if hints else ''}"
     if kind in ("missing", "union_tag_not_found"):
         return "this key is missing"
     if kind == "literal_error" or kind == "union_tag_invalid":
         text = facts.get("expected") or facts["expected_tags"]
         names = re.findall(r"'([^']*)'", text)
         wrong = item["input"] if kind == "literal_error" else facts["tag"]
-        return f"found {shown(wrong)}; allowed: {', '.join(names)}{_closest(wrong, names)}"
+        hint = _closest(wrong, names) if hints else ""
+        return f"found {shown(wrong)}; allowed: {', '.join(names)}{hint}"
     if kind in _NEEDED or kind.endswith("_type"):
         return f"found {found}; needed: {_NEEDED.get(kind, item['msg'])}"
     return f"found {found}: {item['msg']}"
 
 
 def _closest(found: Any, names: list[str]) -> str:
-    hint = nearest(found[:64], names) if isinstance(found, str) else ""
+    if not isinstance(found, str):
+        return ""
+    if (own := OWN_WORDS.get(found.lower().replace("_", "-"))) in names:
+        return f"; did you mean {own!r}?"
+    hint = nearest(found[:64], names)
     return hint if "did you mean" in hint else ""
 
 

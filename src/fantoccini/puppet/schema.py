@@ -18,7 +18,7 @@ from pydantic import (
 )
 
 from fantoccini.errors import PuppetError
-from fantoccini.puppet import check, dump, mirror
+from fantoccini.puppet import check, dump, mirror, written
 from fantoccini.puppet.chain import (
     CORD_DAMPING,
     CORD_MASS,
@@ -30,24 +30,34 @@ from fantoccini.puppet.chain import (
 )
 from fantoccini.puppet.drive import Drive
 from fantoccini.puppet.joint import Joint
-from fantoccini.puppet.located import Located, Origin, findings, shown
+from fantoccini.puppet.located import Located, Origin, findings, mended, shown
+from fantoccini.puppet.quantities import (
+    AngleOrPlace,
+    Damping,
+    Gravity,
+    Inertia,
+    Mass,
+    Place,
+    Point,
+    PositiveForce,
+    RestLength,
+    RotationPart,
+    Size,
+    Speed,
+    Stiffness,
+    bounded,
+)
 from fantoccini.puppet.shapes import AnyObstacle, AnyShape, Colour, Mesh
 from fantoccini.puppet.values import (
-    Angle,
     Axes,
     Model,
     Name,
-    NotNegative,
     Number,
     Parameter,
-    Point,
-    PositiveNumber,
-    Real,
     Share,
     entries,
     mistake,
     number_kind,
-    positive,
     rotation_vector_quaternion,
     sized,
     unit,
@@ -58,11 +68,11 @@ from fantoccini.puppet.values import (
 class Drag(Model):
     """Air drag: -(linear + quadratic |v|) v on the centre of mass, torque -angular w."""
 
-    linear: NotNegative = 0.0
+    linear: Damping = 0.0
     """[N s/m]."""
-    quadratic: NotNegative = 0.0
+    quadratic: Damping = 0.0
     """[N s^2/m^2]."""
-    angular: NotNegative = 0.0
+    angular: Damping = 0.0
     """[N m s]."""
 
 
@@ -91,11 +101,11 @@ class Body(Model):
     """How it moves on its parent."""
     shapes: tuple[AnyShape, ...] = ()
     """Solids fixed on the body; those with mass or density give its inertia."""
-    mass: NotNegative | None = None
+    mass: Mass | None = None
     """Mass [kg], instead of the shapes' sum."""
     com: Point | None = None
     """Centre of mass in the body frame [m], instead of the shapes'."""
-    inertia: Annotated[tuple[Number, ...], sized(3, 6), AfterValidator(_possible)] | None = None
+    inertia: Annotated[tuple[Inertia, ...], sized(3, 6), AfterValidator(_possible)] | None = None
     """ixx, iyy, izz and perhaps ixy, ixz, iyz about the centre of mass [kg m^2]."""
     drag: Drag | None = None
     """Air drag."""
@@ -136,10 +146,10 @@ def _driven(word: Any) -> Any:
 
 Length = Annotated[
     Annotated[Literal["driven"], BeforeValidator(_driven), Tag("<driven>")]
-    | Annotated[Real, Tag("<number>")]
+    | Annotated[Size, Tag("<number>")]
     | Annotated[Parameter, Tag("<parameter>")],
     Discriminator(_length_kind),
-    AfterValidator(positive),
+    bounded("length", "positive"),
 ]
 
 
@@ -156,9 +166,9 @@ class String(Model):
     """True for a rod that also pushes (a two-sided constraint)."""
     restitution: Share = 0.0
     """Part of the speed that a catch gives back: 0 (none) to 1."""
-    max_tension: PositiveNumber | None = None
+    max_tension: PositiveForce | None = None
     """Tension at which its winch slips and lets string out [N]."""
-    rewind_speed: PositiveNumber | None = None
+    rewind_speed: Speed | None = None
     """Speed at which the winch takes back what slipped [m/s]."""
     chain: Chain | None = None
     """Masses and springs that it is made of, instead of a constraint."""
@@ -190,11 +200,11 @@ class Spring(Model):
     """The spring's name."""
     between: Annotated[tuple[Attachment, ...], entries(2, 2)]
     """Its two ends."""
-    stiffness: NotNegative
+    stiffness: Stiffness
     """k [N/m]."""
-    rest: NotNegative
+    rest: RestLength
     """Distance d at which it is relaxed [m]."""
-    damping: NotNegative = 0.0
+    damping: Damping = 0.0
     """On the rate of d [N s/m]."""
 
 
@@ -218,9 +228,9 @@ def _rotation(value: tuple[float, ...]) -> tuple[float, ...]:
     return rotation_vector_quaternion(value) if len(value) == 3 else unit(value)
 
 
-Rotation = Annotated[tuple[Real, ...], sized(3, 4), AfterValidator(_rotation)]
+Rotation = Annotated[tuple[RotationPart, ...], sized(3, 4), AfterValidator(_rotation)]
 PoseValue = Annotated[
-    Annotated[Angle, Tag("<number>")] | Annotated[Rotation, Tag("<rotation>")],
+    Annotated[AngleOrPlace, Tag("<number>")] | Annotated[Rotation, Tag("<rotation>")],
     Discriminator(_pose_kind),
 ]
 
@@ -230,7 +240,7 @@ class Puppet(Model):
 
     puppet: Name
     """The puppet's name."""
-    gravity: Point = (0.0, 0.0, -9.81)
+    gravity: Gravity = (0.0, 0.0, -9.81)
     """Acceleration of gravity in the world [m/s^2]."""
     bodies: Annotated[tuple[Body, ...], entries(1)]
     """Bodies, in any order; each names its parent."""
@@ -246,7 +256,7 @@ class Puppet(Model):
     """Start values: coordinate -> number; `joint.rotation` -> quaternion or rotation vector."""
     obstacles: tuple[AnyObstacle, ...] = ()
     """Shapes that stand in the world."""
-    floor: Real | None = None
+    floor: Place | None = None
     """Height of the floor [m]."""
 
     _origin: Origin = PrivateAttr(default_factory=Origin)
@@ -257,18 +267,22 @@ class Puppet(Model):
         if isinstance(data, Puppet):
             return data
         located = info.context if isinstance(info.context, Located) else Located()
-        plain = dump.plain(data)
-        try:
-            puppet, found = handler(data), []
-        except ValidationError as error:
-            puppet, found = None, findings(cls, plain, error)
+        plain, found, known = dump.plain(data), [], None
+        while data is not None:
+            try:
+                puppet, data = handler(data), None
+            except ValidationError as error:
+                # What is out of range hides nothing: all is looked through with a number in range.
+                data = mended(plain if known is None else known, error)
+                puppet, known = None, data
+                found += findings(cls, plain, error)
         found += check.findings(plain)
-        if puppet is not None and not found:
+        if puppet is not None and (known is None) == (not found):
             found += check.massless_joints(puppet.bodies, puppet.mirror)
-            found += mirror.reflected(dump.plain(puppet))[1]
+            found += check.twins(dump.plain(puppet))
         if found or located.problems:
             raise located.error(found, PuppetError)
-        puppet._origin = Origin(located.file, located.folder, check.name_lines(plain, located))
+        puppet._origin = Origin(located.file, located.folder, written.name_lines(plain, located))
         return puppet
 
     def __hash__(self) -> int:
@@ -293,7 +307,7 @@ class Puppet(Model):
 
     def parameters(self) -> dict[str, float]:
         """Names and values of all parameters, in order of first appearance."""
-        return {p["parameter"]: p["value"] for _, p in check.parameters(dump.plain(self))}
+        return {p["parameter"]: p["value"] for _, p in written.parameters(dump.plain(self))}
 
     def with_values(self, values: dict[str, float]) -> Puppet:
         """The same puppet with other values of its parameters.
@@ -305,7 +319,7 @@ class Puppet(Model):
             PuppetError: a value that its place does not allow.
         """
         plain = dump.plain(self)
-        for _, parameter in check.parameters(plain):
+        for _, parameter in written.parameters(plain):
             parameter["value"] = values.get(parameter["parameter"], parameter["value"])
         # Its meshes lie where they did.
         return Puppet.model_validate(plain, context=Located(folder=self._origin.folder))
@@ -370,6 +384,6 @@ class Puppet(Model):
         meshes = {s.file: s.digest() for s in solids if isinstance(s, Mesh)}
         plain = dump.plain(puppet)
         if not values:
-            for _, parameter in check.parameters(plain):
+            for _, parameter in written.parameters(plain):
                 parameter["value"] = 0.0
         return dump.canonical(plain, meshes)

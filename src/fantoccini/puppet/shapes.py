@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import io
 import math
+import os
 import re
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -25,18 +26,8 @@ from pydantic import (
 )
 
 from fantoccini.puppet.located import Located, Origin, shown
-from fantoccini.puppet.values import (
-    Model,
-    Name,
-    NotNegative,
-    Orientation,
-    Positive,
-    Real,
-    Vector,
-    mistake,
-    sized,
-    value_of,
-)
+from fantoccini.puppet.quantities import QUANTITIES, Density, Mass, Scale, Size, Sizes, Vector
+from fantoccini.puppet.values import Model, Name, Orientation, mistake, sized, value_of
 
 MAX_MESH_BYTES = 50_000_000
 """Size of the largest mesh file that is read [bytes]."""
@@ -50,15 +41,14 @@ def _colour(text: str) -> str:
 
 
 Colour = Annotated[str, AfterValidator(_colour)]
-Sizes = Annotated[tuple[Positive, Positive, Positive], sized(3)]
 
 
 class Shape(Model):
     """A solid of uniform density, fixed on a body."""
 
-    mass: NotNegative | None = None
+    mass: Mass | None = None
     """Mass [kg]; leave out mass and density for a shape that is only seen."""
-    density: NotNegative | None = None
+    density: Density | None = None
     """Density [kg/m^3], instead of a mass."""
     colour: Colour | None = None
     """Colour as `"#rrggbb"`."""
@@ -79,7 +69,7 @@ class Capsule(Shape):
     """Centre of the first half-sphere [m]."""
     to: Vector
     """Centre of the second half-sphere [m]."""
-    radius: Positive
+    radius: Size
     """[m]."""
 
 
@@ -99,7 +89,7 @@ class Sphere(Shape):
     """A ball, centred at `at`."""
 
     type: Literal["sphere"] = "sphere"
-    radius: Positive
+    radius: Size
     """[m]."""
     at: Vector = (0.0, 0.0, 0.0)
     """Centre [m]."""
@@ -123,7 +113,7 @@ class Mesh(Shape):
     type: Literal["mesh"] = "mesh"
     file: str
     """Path relative to the puppet file, with forward slashes."""
-    scale: Annotated[tuple[Real, Real, Real], sized(3)] = (1.0, 1.0, 1.0)
+    scale: Annotated[tuple[Scale, Scale, Scale], sized(3)] = (1.0, 1.0, 1.0)
     """Factors along x, y, z (file units to metres); a negative factor mirrors."""
     at: Vector = (0.0, 0.0, 0.0)
     """Where the mesh's origin lies [m]."""
@@ -155,8 +145,8 @@ class Mesh(Shape):
         if path.suffix.lower() not in MESH_FORMATS:
             raise mistake(f"found {shown(file)}; allowed: {', '.join(MESH_FORMATS)} files")
         try:
-            place = (folder / path).resolve()
-            if not place.is_relative_to(folder.resolve()):
+            place = Path(os.path.realpath(folder / path))
+            if not place.is_relative_to(os.path.realpath(folder)):
                 raise mistake(f"found {shown(file)}; it leads out of the puppet file's folder")
             if not place.is_file():
                 raise mistake(f"found no file {shown(file)} in {folder}")
@@ -324,6 +314,10 @@ def load_mesh(shape: Mesh) -> Any:
     placed[:3, :3] = placed[:3, :3] @ np.diag(shape.scale)
     placed[:3, 3] = shape.at
     mesh.apply_transform(placed)
+    length, extent = QUANTITIES["length"], float(np.max(mesh.extents))
+    if not length.least <= extent <= length.most:
+        text = f"{shape.file} measures {extent:g} m with its scale"
+        raise ValueError(f"{text}; allowed: {length.least:g} to {length.most:g} m")
     if has_mass(shape) and (not mesh.is_watertight or abs(mesh.volume) < 1e-15):
         raise ValueError(f"{shape.file} is not closed, so its mass has no place")
     if mesh.volume < 0:

@@ -42,9 +42,14 @@ class Model(BaseModel):
     )
 
 
-def mistake(message: str) -> PydanticCustomError:
-    """A validation error whose sentence is finished."""
-    return PydanticCustomError("fantoccini", "{text}", {"text": message})
+def mistake(message: str, instead: float | None = None) -> PydanticCustomError:
+    """A validation error whose sentence is finished.
+
+    Args:
+        message: the sentence.
+        instead: a number that could stand there: with it the rest is looked through as well.
+    """
+    return PydanticCustomError("fantoccini", "{text}", {"text": message, "instead": instead})
 
 
 def _name(text: str) -> str:
@@ -56,34 +61,39 @@ def _name(text: str) -> str:
     return text
 
 
-def _real(value: Any) -> float:
+def read_real(value: Any) -> float:
+    """A finite number."""
     if isinstance(value, (dict, Parameter)):
         raise mistake(f"found {shown(value)}; needed: a number (a parameter cannot stand here)")
     if not isinstance(value, AnyReal) or isinstance(value, (bool, np.bool_)):
         raise mistake(f"found {shown(value)}; needed: a number")
-    number = float(value)
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
     if not math.isfinite(number):
         raise mistake(f"found {shown(number)}; needed: a finite number")
     return number + 0.0  # -0.0 becomes 0.0, so that equal puppets read the same
 
 
-def _angle(value: Any) -> float:
+def read_angle(value: Any) -> float:
+    """A number, or an angle with its unit, in radians."""
     if not isinstance(value, str):
-        return _real(value)
+        return read_real(value)
     match = _ANGLE.fullmatch(value.strip())
     if not match:
         raise mistake(f"found {shown(value)}; needed: an angle: 0.5 (radians), 30 deg or 0.5 rad")
-    number = _real(float(match[1]))
+    number = read_real(float(match[1]))
     return math.radians(number) if match[2] == "deg" else number
 
 
 Name = Annotated[
     str, AfterValidator(_name), WithJsonSchema({"type": "string", "pattern": f"^{NAME}$"})
 ]
-Real = Annotated[float, BeforeValidator(_real), WithJsonSchema({"type": "number"})]
+Real = Annotated[float, BeforeValidator(read_real), WithJsonSchema({"type": "number"})]
 Angle = Annotated[
     float,
-    BeforeValidator(_angle),
+    BeforeValidator(read_angle),
     WithJsonSchema(
         {"anyOf": [{"type": "number"}, {"type": "string", "pattern": "^[-+.0-9eE]+ *(deg|rad)$"}]}
     ),
@@ -109,16 +119,9 @@ def number_kind(value: Any) -> str:
     return "<parameter>" if isinstance(value, (dict, Parameter)) else "<number>"
 
 
-def _not_negative(number: float | Parameter) -> float | Parameter:
-    if value_of(number) < 0:
-        raise mistake(f"found {value_of(number):g}; needed: zero or a positive number")
-    return number
-
-
-def positive(number: Any) -> Any:
-    """Refuses numbers that are zero or negative; lets words through."""
-    if not isinstance(number, str) and value_of(number) <= 0:
-        raise mistake(f"found {value_of(number):g}; needed: a positive number")
+def _positive(number: float) -> float:
+    if number <= 0:
+        raise mistake(f"found {number:g}; needed: a positive number")
     return number
 
 
@@ -126,13 +129,7 @@ Number = Annotated[
     Annotated[Real, Tag("<number>")] | Annotated[Parameter, Tag("<parameter>")],
     Discriminator(number_kind),
 ]
-NumberAngle = Annotated[
-    Annotated[Angle, Tag("<number>")] | Annotated[Parameter, Tag("<parameter>")],
-    Discriminator(number_kind),
-]
-NotNegative = Annotated[Number, AfterValidator(_not_negative)]
-Positive = Annotated[Real, AfterValidator(positive)]
-PositiveNumber = Annotated[Number, AfterValidator(positive)]
+Positive = Annotated[Real, AfterValidator(_positive)]
 
 
 def _share(number: float | Parameter) -> float | Parameter:
@@ -174,15 +171,18 @@ def entries(least: int, most: int | None = None) -> BeforeValidator:
 
 def unit(vector: tuple[float, ...]) -> tuple[float, ...]:
     """The vector divided by its length; a vector that already has length 1 keeps its digits."""
-    size = math.hypot(*vector)
-    if size == 0 or not math.isfinite(size):
+    largest = max(map(abs, vector))
+    if largest == 0:
         raise mistake("found a vector of zero length; its direction is needed")
+    size = math.hypot(*vector)
     if abs(size - 1) < 1e-15:
         return vector
-    return tuple(x / size for x in vector)
+    # Neither a huge nor a tiny vector's length is a number with all its digits.
+    scaled = tuple(x / largest for x in vector)
+    size = math.hypot(*scaled)
+    return tuple(x / size for x in scaled)
 
 
-Point = Annotated[tuple[Number, Number, Number], sized(3)]
 Vector = Annotated[tuple[Real, Real, Real], sized(3)]
 Direction = Annotated[Vector, AfterValidator(unit)]
 Quaternion = Annotated[tuple[Real, Real, Real, Real], sized(4), AfterValidator(unit)]

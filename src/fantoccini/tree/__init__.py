@@ -3,7 +3,9 @@
 from fantoccini.tree.chains import placed
 from fantoccini.tree.coordinates import COMMAND, Coordinate, CoordinateTable, Role
 from fantoccini.tree.grow import grow
+from fantoccini.tree.inertia import joint_inertias, link_inertia
 from fantoccini.tree.place import link_poses, place
+from fantoccini.tree.size import Size, measure, path_length
 from fantoccini.tree.structure import (
     WORLD,
     ChainRow,
@@ -29,11 +31,16 @@ __all__ = [
     "Lump",
     "Point",
     "Role",
+    "Size",
     "SpringRow",
     "StringRow",
     "Tree",
     "grow",
+    "joint_inertias",
+    "link_inertia",
     "link_poses",
+    "measure",
+    "path_length",
     "place",
     "placed",
 ]

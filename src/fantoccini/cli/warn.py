@@ -1,0 +1,75 @@
+"""Warnings of what is no mistake in a file, and still is hardly meant."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from fantoccini.cli.files import puppet_path
+from fantoccini.cli.terminal import say
+from fantoccini.errors import Problem
+from fantoccini.marionette import Marionette, input_warnings, warnings
+from fantoccini.motion import Input
+from fantoccini.puppet.located import Located, read_file
+
+
+def puppet_warnings(made: Marionette, file: str) -> list[Problem]:
+    """Warnings of a puppet, in file order.
+
+    Args:
+        made: the marionette of the file, which has no mistakes.
+        file: FILE argument.
+    """
+    located = read_file(puppet_path(file))
+    return _in_order([located.problem(*found) for found in warnings(made, located.data)], file)
+
+
+def inputs_warnings(made: Marionette, inputs: Input, path: Path) -> list[Problem]:
+    """Warnings of inputs for a puppet, in file order.
+
+    Args:
+        made: the marionette.
+        inputs: of the file, which has no mistakes.
+        path: of the inputs file.
+    """
+    written = path.suffix.lower() in (".yaml", ".yml")
+    located = read_file(path) if written else Located(file=str(path), folder=path.parent)
+    found = []
+    for warning in input_warnings(made, inputs):
+        place = _waypoint(made, located.data, warning.name, warning.t)
+        found.append(located.problem(place, f"at t = {warning.t:g} s it {warning.message}"))
+    return _in_order(found, str(path))
+
+
+def warn(
+    made: Marionette, file: str, inputs: Input | None = None, path: Path | None = None
+) -> None:
+    """Says in one line how many warnings there are, and what lists them.
+
+    Args:
+        made: the marionette of the file.
+        file: FILE argument.
+        inputs: that drive it, or None.
+        path: of their file.
+    """
+    found, command = len(warnings(made)), f"fantoccini check {file}"
+    if inputs is not None:
+        found, command = found + len(input_warnings(made, inputs)), f"{command} --inputs {path}"
+    if found:
+        say(f"{found} warning{'s' * (found > 1)}: {command}")
+
+
+def _waypoint(made: Marionette, data: Any, name: str, t: float) -> tuple:
+    """Where a coordinate's waypoint at a time, or the first one after it, stands in the file."""
+    given = data.get("coordinates", {}) if isinstance(data, dict) else {}
+    names = [name, *(n for n, command in made.coordinates.commands.items() if command == name)]
+    for own in names:
+        if own in given:
+            later = [k for k, (at, _) in enumerate(given[own]) if at >= t - 1e-9]
+            return "coordinates", own, *later[:1]
+    return (name,)
+
+
+def _in_order(found: list[Problem], file: str) -> list[Problem]:
+    marked = [Problem(file, p.line, p.key, f"warning: {p.message}") for p in found]
+    return sorted(marked, key=lambda p: p.line or 0)

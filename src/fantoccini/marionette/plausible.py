@@ -1,0 +1,204 @@
+"""What is no mistake in a puppet's file, and still is hardly meant: warnings, with their places.
+
+The usual ranges are wide: from a finger puppet to a crane. They catch units that were mixed up
+(millimetres, g/cm^3, degrees without their name), which are wrong by factors from 57 to a billion.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fantoccini.puppet import Body, Parameter, String
+from fantoccini.puppet.located import Finding
+from fantoccini.puppet.shapes import has_mass, shape_inertia
+from fantoccini.tree import Size, link_inertia, measure, path_length
+
+if TYPE_CHECKING:
+    from fantoccini.marionette.handle import Marionette
+
+DENSITY = (5.0, 25_000.0)
+"""Of solids [kg/m^3]: between foam and osmium (22,600)."""
+BODY_DENSITY = (0.5, 25_000.0)
+"""Mass over volume where a mass is given [kg/m^3]: hollow things may be lighter than air."""
+BODY_LENGTH = (1e-4, 20.0)
+"""Of one body [m]: between a bead and a crane's jib."""
+PUPPET_LENGTH = (2e-3, 100.0)
+"""Of a puppet [m]."""
+MASS = (1e-6, 20_000.0)
+"""Of a puppet [kg]: between a paper snippet and a container under a crane."""
+GRAVITY = 30.0
+"""Largest acceleration of gravity [m/s^2]: that of Jupiter is 25."""
+TURN = 2.0 * math.pi + 1e-9
+"""Farthest limit, rest or start of a joint [rad]."""
+TOO_LONG, TOO_SHORT = 10.0, 0.05
+"""A string's length against its path in the start pose; too long also beside the puppet."""
+
+
+def warnings(marionette: Marionette, data: Any = None) -> list[Finding]:
+    """Places in the puppet's file and sentences: what was found, what is usual, what to do.
+
+    Args:
+        marionette: the puppet.
+        data: the file's plain data, which tells angles with a unit from those without.
+    """
+    size = measure(marionette.tree, marionette.number)
+    look = _Look(marionette, size, data)
+    return [*look.whole(), *look.bodies(), *look.joints(), *look.strings()]
+
+
+class _Look:
+    """Looks through one puppet; originals stand for their twins."""
+
+    def __init__(self, marionette: Marionette, size: Size, data: Any):
+        self.made, self.size, self.data = marionette, size, data
+        self.puppet, self.number = marionette.puppet, marionette.number
+        self.index = {link.name: i for i, link in enumerate(marionette.tree.links)}
+
+    def whole(self) -> Iterator[Finding]:
+        g = [self.number(x) for x in self.puppet.gravity]
+        if np.linalg.norm(g) > GRAVITY:
+            text = f"found {np.linalg.norm(g):.4g} m/s^2; on earth it is 9.81"
+            yield ("gravity",), f"{text}: is it in other units?"
+        elif g[2] > 0:
+            yield ("gravity",), "found a positive z; z points up, gravity usually down: -9.81"
+        mass, longest = self.size.mass, float(self.size.lengths.max())
+        if mass and not MASS[0] <= mass <= MASS[1]:
+            text = f"found {_mass(mass)} in all; usual: {_mass(MASS[0])} to {_mass(MASS[1])}"
+            yield ("bodies",), f"{text}; lengths are in m, densities in kg/m^3, masses in kg"
+        if longest and not PUPPET_LENGTH[0] <= longest <= PUPPET_LENGTH[1]:
+            text = f"found a puppet that measures {longest:.3g} m; usual: "
+            yield ("bodies",), f"{text}{_between(PUPPET_LENGTH)} m; are lengths in other units?"
+
+    def bodies(self) -> Iterator[Finding]:
+        for i, body in enumerate(self.puppet.bodies):
+            link = self.index[body.name]
+            lengths = self.size.bodies[link]
+            if len(body.shapes) and not BODY_LENGTH[0] <= lengths.max() <= BODY_LENGTH[1]:
+                text = f"found a body that measures {lengths.max():.3g} m; usual: "
+                text += f"{_between(BODY_LENGTH)} m; "
+                mesh = any(s.type == "mesh" and s.scale == (1.0, 1.0, 1.0) for s in body.shapes)
+                text += "is the mesh in mm? then write scale: 0.001" if mesh else "is it in mm?"
+                yield ("bodies", i, "shapes"), text
+            yield from self._densities(i, body, link)
+
+    def _densities(self, i: int, body: Body, link: int) -> Iterator[Finding]:
+        volume = 0.0
+        for k, shape in enumerate(body.shapes):
+            if shape.type != "mesh" or has_mass(shape):
+                volume += shape_inertia(shape)[0]
+            if shape.density is not None and (density := self.number(shape.density)) > 0:
+                if not DENSITY[0] <= density <= DENSITY[1]:
+                    grams = 0.05 <= density < DENSITY[0]
+                    hint = f"; in g/cm^3? then write {1000 * density:g}" if grams else ""
+                    text = f"found {density:g} kg/m^3; usual: {_between(DENSITY)}"
+                    yield ("bodies", i, "shapes", k, "density"), f"{text}, wood 400 to 800{hint}"
+            elif shape.mass is not None and body.mass is None:
+                mass, own = self.number(shape.mass), shape_inertia(shape)[0]
+                if mass > 0 and not BODY_DENSITY[0] <= mass / own <= BODY_DENSITY[1]:
+                    yield ("bodies", i, "shapes", k, "mass"), _dense(mass, own)
+        if body.mass is None or not (mass := self.number(body.mass)) > 0:
+            return
+        if volume > 0 and not BODY_DENSITY[0] <= mass / volume <= BODY_DENSITY[1]:
+            yield ("bodies", i, "mass"), _dense(mass, volume)
+        if body.inertia is not None:
+            _, _, inertia = link_inertia(self.made.tree.links[link], self.number)
+            radius = math.sqrt(float(np.linalg.eigvalsh(inertia)[-1]) / mass)
+            if radius > BODY_LENGTH[1]:
+                text = f"found a radius of gyration of {radius:.3g} m; usual: "
+                text += f"up to {BODY_LENGTH[1]:g} m; are both in kg and m?"
+                yield ("bodies", i, "inertia"), text
+
+    def joints(self) -> Iterator[Finding]:
+        pose = self.puppet.pose
+        for i, body in enumerate(self.puppet.bodies):
+            joint, name = body.joint, body.joint.name or body.name
+            turns = joint.type == "revolute"
+            low, high = (
+                (joint.limits.lower, joint.limits.upper) if joint.limits else (None, None)
+            )
+            for key, bound in (("lower", low), ("upper", high)):
+                if turns and bound is not None and abs(bound) > TURN:
+                    path = ("bodies", i, "joint", "limits", key)
+                    yield path, self._turns(path, bound, "a limit within a full turn")
+            if turns and joint.spring and abs(rest := self.number(joint.spring.rest)) > TURN:
+                path = ("bodies", i, "joint", "spring", "rest")
+                yield path, self._turns(path, rest, "a rest within a full turn")
+            start, path = pose.get(name), ("pose", name)
+            if isinstance(start, float):
+                off = (low is not None and start < low) or (high is not None and start > high)
+                if turns and abs(start) > TURN:
+                    yield path, self._turns(path, start, "a start within a full turn")
+                elif off:
+                    unit = "rad" if turns else "m"
+                    bounds = " to ".join("none" if b is None else f"{b:.4g}" for b in (low, high))
+                    text = f"found {start:.4g} {unit}, beyond the joint's limits, {bounds} {unit}"
+                    yield path, f"{text}; a run does not start there: choose a pose within them"
+            if joint.cone is not None and len(q := pose.get(f"{name}.rotation", ())) == 4:
+                yield from self._swing(name, joint.cone, np.array(q))
+
+    def _swing(self, name: str, cone: Any, q: np.ndarray) -> Iterator[Finding]:
+        a = np.array(cone.axis)
+        b = a if cone.of is None else np.array(cone.of)
+        w, u = q[0], q[1:]
+        turned = b + 2.0 * np.cross(u, np.cross(u, b) + w * b)
+        swing = math.acos(min(1.0, max(-1.0, float(a @ turned))))
+        if swing > cone.max + 1e-9:
+            text = f"found a swing of {math.degrees(swing):.3g} deg, beyond the joint's cone of "
+            text += f"{math.degrees(cone.max):.3g} deg; a run does not start there: choose a pose "
+            yield ("pose", f"{name}.rotation"), text + "within it"
+
+    def _turns(self, path: tuple, angle: float, usual: str) -> str:
+        text = f"found {angle:g} rad, {abs(angle) / (2 * math.pi):.3g} turns; usual: {usual}"
+        return text if isinstance(_at(self.data, path), str) else f"{text}; is it {angle:g} deg?"
+
+    def strings(self) -> Iterator[Finding]:
+        largest = float(np.linalg.norm(self.size.lengths))
+        for i, string in enumerate(self.puppet.strings):
+            path = path_length(self.made.tree, string.name, self.size.poses, self.number)
+            place, length = self._length(i, string)
+            if length is None:
+                continue
+            if length > TOO_LONG * (path + largest):
+                text = f"found {length:.4g} m; in the start pose its path measures {path:.3g} m, "
+                yield place, text + f"and the puppet {largest:.3g} m: is it in other units?"
+            elif length < TOO_SHORT * path:
+                text = f"found {length:.4g} m; in the start pose its path measures {path:.3g} m"
+                yield place, f"{text}: is it in other units, or is a point misplaced?"
+
+    def _length(self, i: int, string: String) -> tuple[tuple, float | None]:
+        """The length in the start pose and its place; None for one that just reaches."""
+        if isinstance(string.length, float | Parameter):
+            return ("strings", i, "length"), self.number(string.length)
+        key = f"{string.name}.length"
+        return ("pose", key), self.puppet.pose.get(key)
+
+
+def _dense(mass: float, volume: float) -> str:
+    text = f"found {_mass(mass)} in {volume:.3g} m^3, {mass / volume:.3g} kg/m^3; usual: "
+    return f"{text}{_between(BODY_DENSITY)}; are lengths in m and the mass in kg?"
+
+
+def _between(usual: tuple[float, float]) -> str:
+    return f"{usual[0]:g} to {usual[1]:g}"
+
+
+def _mass(mass: float) -> str:
+    if mass >= 1e6:
+        return f"{mass / 1000:,.0f} t"
+    if mass >= 1e3:
+        return f"{mass / 1000:.4g} t"
+    return f"{mass:.4g} kg" if mass >= 0.1 or mass == 0 else f"{1000 * mass:.4g} g"
+
+
+def _at(data: Any, path: tuple) -> Any:
+    """What stands at a path of plain data; None where there is nothing."""
+    for part in path:
+        try:
+            data = data[part]
+        except (KeyError, IndexError, TypeError):
+            return None
+    return data

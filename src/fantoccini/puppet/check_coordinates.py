@@ -1,0 +1,159 @@
+"""Mistakes in what is said of coordinates: start values and drives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from fantoccini.puppet.drive import drive_misfits
+from fantoccini.puppet.located import shown
+from fantoccini.puppet.written import Written, is_number, items, word
+from fantoccini.puppet.yaml_text import Path
+
+_SUFFIXES = {
+    "revolute": {"": "revolute"},
+    "prismatic": {"": "length"},
+    "ball": {".rotation": "rotation"},
+    "free": {".x": "length", ".y": "length", ".z": "length", ".rotation": "rotation"},
+    "fixed": {},
+}
+"""What follows a joint's name in the names of its coordinates, and their kinds."""
+_UNITS = {"length": "m", "string": "m", "revolute": "rad", "rotation": "rotation"}
+_QUATERNION = ("qw", "qx", "qy", "qz")
+
+
+def check_pose(written: Written) -> None:
+    """Start values: of coordinates that there are, numbers of the right kind."""
+    pose = written.data.get("pose")
+    if not isinstance(pose, dict):
+        return
+    kinds, unclear = _coordinates(written)
+    strings = {word(s, "name") for _, s in items(written.data, "strings")}
+    strings |= {written.twin(s) for s in strings if s}
+    names = set(kinds)
+    for key, value in pose.items():
+        owner, _, suffix = key.partition(".")
+        path = ("pose", key)
+        if key in kinds:
+            _pose_value(written, path, kinds[key], value)
+        elif owner in unclear:
+            continue
+        elif suffix in _QUATERNION and f"{owner}.rotation" in kinds:
+            written.say(path, f"write {owner}.rotation: [w, x, y, z] instead")
+        elif owner in strings and suffix in ("x", "y", "z"):
+            written.say(path, "a driven end starts where its `at` says")
+        elif owner in strings and suffix == "length":
+            written.say(path, "this string's length is a number; only driven lengths have a start")
+        else:
+            written.say(path, f"no coordinate is called {shown(key)}{_hint(written, key, names)}")
+
+
+def check_drives(written: Written) -> None:
+    """Drives: on driven coordinates that they suit, one each."""
+    units, taken = _driven(written), {}
+    known = set(units)
+    for i, drive in items(written.data, "drives"):
+        names = drive.get("on")
+        listed = names if isinstance(names, list) else [names]
+        given = {name for name in listed if isinstance(name, str)}
+        own: list[tuple[str, Path]] = []
+        for k, name in enumerate(listed):
+            path = ("drives", i, "on", k) if isinstance(names, list) else ("drives", i, "on")
+            if not isinstance(name, str):
+                continue
+            if name not in units:
+                hint = _hint(written, name, known)
+                written.say(path, f"no driven coordinate is called {shown(name)}{hint}")
+            elif name in taken:
+                written.say(path, f"{name} has a drive already, {taken[name]}")
+            else:
+                taken[name] = f"drives[{i}]"
+                own.append((name, path))
+                misfits = drive_misfits(drive, name, units[name])
+                written.found += [(("drives", i, *at), text) for at, text in misfits]
+        for name, path in own:
+            owner = name.partition(".")[0]
+            twin = written.twin(owner) + name[len(owner) :]
+            if twin in given:
+                continue
+            if twin in taken:
+                text = f"{twin}, the twin of {name}, has a drive already, {taken[twin]}"
+                written.say(path, text)
+            taken[twin] = f"drives[{i}] of its twin {name}"
+
+
+def _hint(written: Written, key: str, names: set[str]) -> str:
+    """The coordinate that was meant: of the body's joint, or else the one with the nearest name."""
+    owner, dot, suffix = key.partition(".")
+    joint = written.joint_of.get(owner, owner)
+    meant = [
+        name
+        for name in (joint + dot + suffix, *(owner + s for s in (".length", ".rotation")))
+        if name in names and name != key
+    ]
+    if meant:
+        of_body = f"; the joint of {owner} is called {joint}" if joint != owner else ""
+        return f"{of_body}; did you mean {meant[0]!r}?"
+    if joint != owner:
+        return f"; the joint of {owner} is called {joint}"
+    return written.near(key, names)
+
+
+def _joints(written: Written) -> Iterator[tuple[str, dict, dict[str, str] | None]]:
+    """Name, plain data and coordinates of every joint; None where its kind is unclear."""
+    for _, body in items(written.data, "bodies"):
+        joint = body.get("joint")
+        name = word(joint, "name") or word(body, "name")
+        if not isinstance(joint, dict) or name is None:
+            continue
+        kind, axes = word(joint, "type"), joint.get("axes")
+        if kind == "translation" and isinstance(axes, list):
+            yield name, joint, {f".{axis}": "length" for axis in axes[:3]}
+        else:
+            yield name, joint, _SUFFIXES.get(kind)
+
+
+def _coordinates(written: Written) -> tuple[dict[str, str], set[str]]:
+    """Coordinates -> kind, and joints whose kind is unclear."""
+    kinds: dict[str, str] = {}
+    unclear: set[str] = set()
+    for name, _, suffixes in _joints(written):
+        if suffixes is None:
+            unclear |= {name, written.twin(name)}
+        for suffix, kind in (suffixes or {}).items():
+            kinds[name + suffix] = kinds[written.twin(name) + suffix] = kind
+    for _, string in items(written.data, "strings"):
+        name = word(string, "name")
+        if name is not None and string.get("length") == "driven":
+            kinds[f"{name}.length"] = kinds[f"{written.twin(name)}.length"] = "string"
+    return kinds, unclear
+
+
+def _pose_value(written: Written, path: Path, kind: str, value: Any) -> None:
+    turns = isinstance(value, list)
+    if turns != (kind == "rotation"):
+        needed = "a rotation vector or a quaternion w, x, y, z" if not turns else "a number"
+        written.say(path, f"found {shown(value)}; needed: {needed}")
+    elif isinstance(value, str) and kind != "revolute":
+        written.say(path, f"found {shown(value)}; needed: a number of metres, without a unit")
+    elif kind == "string" and is_number(value) and value <= 0:
+        written.say(path, f"found {shown(value)}; needed: a positive length")
+
+
+def _driven(written: Written) -> dict[str, str]:
+    """Driven coordinates -> ``m``, ``rad`` or ``rotation``."""
+    found: dict[str, str] = {}
+    for name, joint, suffixes in _joints(written):
+        if joint.get("driven") is True:
+            for suffix, kind in (suffixes or {}).items():
+                found[name + suffix] = found[written.twin(name) + suffix] = _UNITS[kind]
+    for _, string in items(written.data, "strings"):
+        name, path = word(string, "name"), string.get("path")
+        if name is None:
+            continue
+        ends = path if isinstance(path, list) else []
+        axes = [e.get("driven") for e in ends if isinstance(e, dict)]
+        suffixes = [f".{a}" for some in axes if isinstance(some, list) for a in some]
+        suffixes += [".length"] if string.get("length") == "driven" else []
+        found |= {n + s: "m" for n in (name, written.twin(name)) for s in suffixes}
+    return found

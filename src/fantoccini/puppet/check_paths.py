@@ -1,0 +1,69 @@
+"""Mistakes in the paths of strings and the ends of springs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fantoccini.puppet.located import shown
+from fantoccini.puppet.written import Written, is_number, items, word
+from fantoccini.puppet.yaml_text import Path
+
+
+def _place(point: Any) -> tuple[float, ...] | None:
+    """The numbers of a point, parameters by their values."""
+    if not isinstance(point, list):
+        return None
+    numbers = [n.get("value") if isinstance(n, dict) else n for n in point]
+    return tuple(numbers) if len(numbers) == 3 and all(map(is_number, numbers)) else None
+
+
+def check_paths(written: Written) -> None:
+    """Points of strings and springs: they exist, and the distance between them can change."""
+    for key, points in (("strings", "path"), ("springs", "between")):
+        for i, item in items(written.data, key):
+            if isinstance(item.get(points), list):
+                _path(written, (key, i, points), item[points])
+
+
+def _path(written: Written, path: Path, points: list) -> None:
+    carriers = [_carrier(written, p, (*path, k)) for k, p in enumerate(points)]
+    driven = [k for k, c in enumerate(carriers) if c and c[0] == "driven"]
+    for k in driven:
+        if path[0] == "springs":
+            written.say((*path, k, "driven"), "a spring's end cannot be driven in place")
+        elif k not in (0, len(points) - 1):
+            written.say((*path, k, "driven"), "only a string's two ends can be driven")
+    if len(driven) > 1 and path[0] == "strings":
+        text = "both ends are driven; let one be a body with a driven joint"
+        written.say((*path, driven[1], "driven"), text)
+    if len(carriers) < 2 or None in carriers:
+        return
+    if len({c[:2] for c in carriers}) == 1:
+        where = "in the world" if carriers[0][0] == "world" else f"on {shown(carriers[0][1])}"
+        places = {c[2] for c in carriers}
+        what = "its length is zero" if len(places) == 1 else "its length can never change"
+        written.say(path, f"all points lie {where}: {what}")
+        return
+    for k in range(1, len(carriers)):
+        if carriers[k] == carriers[k - 1] and carriers[k][2] is not None:
+            written.say((*path, k), "this is the same point as the one before it")
+
+
+def _carrier(written: Written, point: Any, path: Path) -> tuple[str, Any, Any] | None:
+    """Kind, name and place of what a point is fixed on; None where that is unclear."""
+    if not isinstance(point, dict):
+        return None
+    at = _place(point.get("at", [0.0, 0.0, 0.0]))
+    if point.get("driven") is not None:
+        return ("driven", path, at)
+    if point.get("world") is not None:
+        return ("world", None, _place(point["world"]))
+    name = word(point, "body")
+    if name == "world":
+        written.say((*path, "body"), "found 'world'; write {world: [x, y, z]} instead")
+    elif name is not None and name not in written.known:
+        hint = written.near(name, written.known)
+        written.say((*path, "body"), f"no body is called {shown(name)}{hint}")
+    elif name is not None:
+        return ("body", name, at)
+    return None

@@ -1,0 +1,15 @@
+"""What other programs call what a puppet file calls otherwise."""
+
+OWN_WORDS = {
+    **dict.fromkeys(("hinge", "pin", "rotary", "rotational", "rotation", "continuous"), "revolute"),
+    **dict.fromkeys(("slider", "slide", "sliding", "linear"), "prismatic"),
+    **dict.fromkeys(("translational", "planar", "cartesian"), "translation"),
+    **dict.fromkeys(("spherical", "socket", "ball-and-socket", "ball-socket", "point"), "ball"),
+    **dict.fromkeys(("floating", "6dof", "freejoint", "root"), "free"),
+    **dict.fromkeys(("weld", "rigid", "static"), "fixed"),
+    **dict.fromkeys(("cube", "cuboid", "brick"), "box"),
+    **dict.fromkeys(("cylinder", "rod", "pill"), "capsule"),
+    **dict.fromkeys(("ball", "circle"), "sphere"),
+    **dict.fromkeys(("stl", "obj", "ply"), "mesh"),
+}
+"""Word of others -> own word, of joints and shapes. `ball` is a joint here, elsewhere a sphere."""

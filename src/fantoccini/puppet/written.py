@@ -1,0 +1,107 @@
+"""A puppet's plain data as it was written, of any form: its names, and what is found wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from fantoccini.errors import nearest
+from fantoccini.puppet.located import Located
+from fantoccini.puppet.mirror import twin_name
+from fantoccini.puppet.yaml_text import Path
+
+_SECTIONS = ("bodies", "strings", "springs", "obstacles")
+_MANY_NAMES = 400
+_MOST_HINTS = 50
+
+
+def parameters(data: Any) -> Iterator[tuple[Path, dict]]:
+    """Every ``{parameter: ..., value: ...}`` with its place, in file order."""
+    stack: list[tuple[Path, Any]] = [((), data)]
+    while stack:
+        path, value = stack.pop()
+        if isinstance(value, dict):
+            if isinstance(value.get("parameter"), str) and is_number(value.get("value")):
+                yield path, value
+            stack.extend(((*path, k), v) for k, v in reversed(value.items()))
+        elif isinstance(value, list):
+            stack.extend(((*path, k), v) for k, v in reversed(list(enumerate(value))))
+
+
+def name_lines(data: dict, located: Located) -> dict[str, int]:
+    """Line of every name, for messages that come later."""
+    places = [(name, located.line(path)) for name, path in named(data)]
+    return {name: line for name, line in places if line is not None}
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value is a number; true and false are none."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def items(data: Any, key: str) -> list[tuple[int, dict]]:
+    """The mappings in a list under a key, with their places."""
+    section = data.get(key) if isinstance(data, dict) else None
+    if not isinstance(section, list):
+        return []
+    return [(i, item) for i, item in enumerate(section) if isinstance(item, dict)]
+
+
+def word(item: Any, key: str) -> str | None:
+    """The text under a key; None where there is none."""
+    value = item.get(key) if isinstance(item, dict) else None
+    return value if isinstance(value, str) else None
+
+
+def named(data: dict) -> Iterator[tuple[str, Path]]:
+    """Names of bodies, joints that have their own, strings, springs, obstacles; and where."""
+    for key in _SECTIONS:
+        for i, item in items(data, key):
+            name = word(item, "name")
+            if name is not None:
+                yield name, (key, i, "name")
+            joint = word(item.get("joint"), "name")
+            if key == "bodies" and joint is not None and joint != name:
+                yield joint, (key, i, "joint", "name")
+
+
+class Written:
+    """A puppet's plain data, its names with those of twins, and what is found wrong in it.
+
+    Attributes:
+        data: the plain data.
+        found: where, and what.
+        owner: name -> where it is given; filled while names are checked.
+        rule: the mirror's two words, or None.
+        bodies: name of a body in the file -> its index.
+        known: names of all bodies, twins included.
+        joint_of: body -> the name of its joint.
+    """
+
+    def __init__(self, data: dict):
+        self.data, self.found, self._hints = data, [], 0
+        self.owner: dict[str, Path] = {}
+        rule = data.get("mirror")
+        token = word(rule, "from") or word(rule, "from_")
+        self.rule = (token, word(rule, "to")) if token and word(rule, "to") else None
+        self.bodies = {n: i for i, b in items(data, "bodies") if (n := word(b, "name"))}
+        self.known = set(self.bodies) | {self.twin(n) for n in self.bodies}
+        self.joint_of = {}
+        for _, body in items(data, "bodies"):
+            name, joint = word(body, "name"), word(body.get("joint"), "name")
+            if name is not None and joint is not None:
+                self.joint_of |= {self.twin(name): self.twin(joint), name: joint}
+
+    def say(self, path: Path, message: str) -> None:
+        """Notes a mistake."""
+        self.found.append((path, message))
+
+    def twin(self, name: str) -> str:
+        """The name of the mirror image; the name itself where it has none."""
+        return twin_name(name, *self.rule) if self.rule else name
+
+    def near(self, name: str, allowed: set[str]) -> str:
+        """The nearest name; only for the first few, as looking for it takes long."""
+        self._hints += 1
+        few = self._hints < _MOST_HINTS and len(allowed) < _MANY_NAMES
+        return nearest(name[:64], allowed) if few else ""
