@@ -8,6 +8,7 @@ from fantoccini.marionette.checks import (
     check_step,
     many_of,
 )
+from fantoccini.marionette.closed import closed_rows
 from fantoccini.marionette.flow import Flow
 from fantoccini.marionette.handle import Marionette
 from fantoccini.marionette.linearisation import Linearisation, Partials
@@ -32,6 +33,7 @@ __all__ = [
     "check_speeds",
     "check_starts",
     "check_step",
+    "closed_rows",
     "load",
     "loads",
     "many_of",

@@ -9,15 +9,13 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import InputError, Problem, StateError
+from fantoccini.marionette.closed import CLOSED, STEPPED, STILL, check_mode
 from fantoccini.motion import Input, Inputs, State, States
 
 if TYPE_CHECKING:
     from fantoccini.marionette.handle import Marionette
 
 METHODS = ("event", "timestepping", "variational")
-
-CLOSED = 1e-9
-"""|h| below which a row counts as closed, relative to 1 m or the string's length."""
 
 _SAME_SPEED = 1e-9
 """Relative difference of velocities that counts as none."""
@@ -68,28 +66,38 @@ def check_step(marionette: Marionette, method: str, q_D: Array, q_K: Array, dt: 
             )
 
 
-def check_start(marionette: Marionette, x: State) -> None:
-    """Raises when a string is longer than its length, or is about to be.
+def check_start(marionette: Marionette, x: State, method: str = "event") -> None:
+    """Raises when a run of a method cannot begin at a state.
+
+    With lengths that are exact it begins where no string is longer than its length or about to be,
+    and those that are taut in the state's mode are neither shorter. Time-stepping goes on from what
+    its own steps leave: it takes back what rows are overstepped by, and catches what is about to be.
 
     Raises:
         StateError: naming the rows, by how much, and the repair.
     """
-    check_starts(marionette, States.of([x], len(marionette.tree.strings)))
+    check_starts(marionette, marionette.states([x]), method)
 
 
-def check_starts(marionette: Marionette, states: States) -> None:
+def check_starts(marionette: Marionette, states: States, method: str = "event") -> None:
     """:func:`check_start` of many states; the first wrong one is reported."""
+    stepped = method == "timestepping"
     for first in range(0, len(states), _AT_ONCE):
         some = states.some(slice(first, first + _AT_ONCE))
         h, hdot = _rows_of(marionette, some)
         scale = marionette.row_scales(some.q_D, some.q_K)
-        speed = 1e-7 * np.max(np.abs(some.v_D), axis=1, initial=1.0)[:, None]
-        too_long = h > CLOSED * scale
+        check_mode(marionette, some.taut, h, scale)
+        wires, firm = marionette.two_sided, ~np.isfinite(marionette.upper)
+        near = (STEPPED if stepped else CLOSED) * scale
+        # Where time-stepping has gone on under inputs that nothing can follow, it may go on.
+        known = some.taut if stepped else np.zeros_like(some.taut)
+        off = ~(np.where(wires, np.abs(h), h) <= near) & ~known
+        speed = STILL * np.max(np.abs(some.v_D), axis=1, initial=1.0)[:, None]
         # A string on a winch that slips gives way.
-        opening = (np.abs(h) <= CLOSED * scale) & (hdot > speed) & ~np.isfinite(marionette.upper)
-        off = np.abs(h) > CLOSED * scale
-        wires = marionette.two_sided & (off | (np.abs(hdot) > speed))
-        wrong = too_long | opening | wires
+        passing = ~(np.where(wires, np.abs(hdot), hdot) <= speed) & (wires | firm)
+        passing &= ~off & (np.abs(h) <= near) & (not stepped)
+        slack = some.taut & ~(h >= -near) & ~off & (not stepped)
+        wrong = off | passing | slack
         if not np.any(wrong):
             continue
         i = int(np.argmax(np.any(wrong, axis=1)))
@@ -97,8 +105,10 @@ def check_starts(marionette: Marionette, states: States) -> None:
         rows, findings = np.flatnonzero(wrong[i]), []
         for r in rows:
             name = marionette.tree.row_names[r]
-            if too_long[i, r] or (wires[i, r] and off[i, r]):
+            if off[i, r]:
                 findings.append(f"{name} is violated by {h[i, r]:.3g}")
+            elif slack[i, r]:
+                findings.append(f"{name} is taut in its mode and slack by {-h[i, r]:.3g}")
             else:
                 findings.append(f"{name} is at its bound and moves past it at {hdot[i, r]:.3g}/s")
         raise StateError(
@@ -106,6 +116,45 @@ def check_starts(marionette: Marionette, states: States) -> None:
             + "; ".join(findings)
             + ". marionette.project(x) gives the nearest state that does not."
         )
+
+
+def check_positive(**values: float) -> None:
+    """Raises ValueError unless all are finite numbers greater than 0."""
+    for name, value in values.items():
+        if not (np.isfinite(value) and value > 0):
+            raise ValueError(f"{name} is {value}; it must be positive")
+
+
+def vector(name: str, values: Array | None, n: int) -> Array:
+    """(n,) finite numbers; zeros when None.
+
+    Raises:
+        StateError: they are not.
+    """
+    if values is None:
+        return np.zeros(n)
+    made = vectors(name, values, n)
+    if made.ndim != 1:
+        raise StateError(f"{name} has the shape {made.shape}; it must be {(n,)}")
+    return made
+
+
+def vectors(name: str, values: Array, n: int) -> Array:
+    """(..., n) finite numbers.
+
+    Raises:
+        StateError: they are not.
+    """
+    try:
+        made = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise StateError(f"{name}: found {values!r}; it takes {n} numbers") from None
+    if not made.ndim or made.shape[-1] != n:
+        raise StateError(f"{name} has the shape {made.shape}; it must be (..., {n})")
+    if not np.all(np.isfinite(made)):
+        at = tuple(int(i) for i in np.argwhere(~np.isfinite(made))[0])
+        raise StateError(f"{name}[{', '.join(map(str, at))}] is {made[at]}; it must be finite")
+    return made
 
 
 def _rows_of(marionette: Marionette, x: States) -> tuple[Array, Array]:

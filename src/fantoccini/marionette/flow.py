@@ -62,7 +62,7 @@ class Flow:
         if self._run.status is not Status.RUNNING:
             raise SimulationError(self._run.status, f"at t = {x0.t:.6g} s")
         table = marionette.coordinates
-        self._n_qD, self._n_vD = table.n_qD, table.n_vD
+        self._table, self._n_qD, self._n_vD = table, table.n_qD, table.n_vD
         end = self._run.stretch(np.inf)
         self.t_end = np.inf if inputs is None and end >= given.end else end
         self.t0, self.y0 = self._run.t, self._run.y
@@ -85,4 +85,5 @@ class Flow:
         """The state at a time [s] and y (n_y,)."""
         q_K, v_K, _ = self._inputs.evaluate(t)
         q_D, v_D = y[: self._n_qD], y[self._n_qD : self._n_qD + self._n_vD]
-        return State(t, q_D, v_D, q_K, v_K, self.taut, self._run.slip(t, y))
+        slip = self._run.slip(t, y)
+        return State(t, q_D, v_D, q_K, v_K, self.taut, slip, self._table)

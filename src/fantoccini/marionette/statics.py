@@ -9,7 +9,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError, Status
-from fantoccini.marionette.checks import CLOSED
+from fantoccini.marionette.closed import CLOSED, check_mode, known_mode
 from fantoccini.marionette.instant import Instant
 from fantoccini.motion import Input, State, rotation, tangent
 from fantoccini.puppet import Stepper as StepperMotor
@@ -66,11 +66,14 @@ def project(marionette: Marionette, x: State) -> State:
     """The nearest state, in the metric of M_DD, that no string or limit forbids.
 
     Positions first (q_K stays), then velocities: min |dq|_M with h + A dq <= 0, repeated; then
-    hdot <= 0 on the rows that are closed.
+    hdot <= 0 on the rows that are closed. Rows that are taut in the state's mode are brought to
+    h = 0 and hdot = 0, as far as they do not contradict one another.
     """
-    scale = marionette.row_scales(x.q_D, x.q_K)
-    wires = marionette.two_sided
-    held = wires.copy()
+    given, scale = x, marionette.row_scales(x.q_D, x.q_K)
+    wires, taut = marionette.two_sided, known_mode(marionette, x)
+    if np.any(taut):
+        check_mode(marionette, taut[None], marionette.instant(x).h[None], scale[None])
+    held = wires | taut
     for _ in range(100):
         instant = marionette.instant(x)
         rows = np.flatnonzero((instant.h > -0.05 * scale) | held)
@@ -88,21 +91,24 @@ def project(marionette: Marionette, x: State) -> State:
             break
         x = x.replace(q_D=retract(marionette, x.q_D, move * min(1.0, 0.3 / size)))
     instant = marionette.instant(x)
-    worst = np.max(np.where(wires, np.abs(instant.h), instant.h) / scale, initial=0.0)
-    if worst > CLOSED:
-        names = ", ".join(
-            marionette.tree.row_names[i] for i in np.flatnonzero(instant.h > CLOSED * scale)
-        )
+    met = np.abs(instant.h) <= CLOSED * scale
+    if np.any(taut & ~met & ~wires):
+        return project(marionette, given.replace(taut=taut & met))
+    beyond = ~(np.where(wires, np.abs(instant.h), instant.h) <= CLOSED * scale)
+    if np.any(beyond):
+        names = ", ".join(marionette.tree.row_names[i] for i in np.flatnonzero(beyond))
         raise StateError(f"no state of the puppet fits these string ends and lengths: {names}")
     # Strings on winches that slip give way instead.
-    firm = (np.abs(instant.h) <= CLOSED * scale) & ~np.isfinite(marionette.upper)
+    firm = met & ~np.isfinite(marionette.upper)
     rows = np.flatnonzero(firm | wires)
-    found = instant.complementarity(rows, instant.hdot[rows], wires)
+    found = instant.complementarity(rows, instant.hdot[rows], wires | taut)
+    if not found.solved and np.any(taut):
+        found = instant.complementarity(rows, instant.hdot[rows], wires)
     if not found.solved:
         names = ", ".join(marionette.rows_of(rows, found.ray))
         raise StateError(f"no velocity of the puppet fits these driven velocities: {names}")
     v_D = x.v_D - instant.back(instant.W[:, rows] @ found.x)
-    return marionette.with_mode(x.replace(v_D=v_D))
+    return marionette.with_mode(x.replace(v_D=v_D, taut=taut))
 
 
 def rest(marionette: Marionette, x: State) -> State:

@@ -103,7 +103,10 @@ class Stepper:
         if len(self.rows):
             split = self.marionette.row_layout.split(self.rows[-1:])
             motion = {name: split[name][0] for name in ("q_D", "v_D", "q_K", "v_K", "slip")}
-            self.state = State(float(split["t"][0]), taut=split["taut"][0] > 0, **motion)
+            self.state = State(
+                float(split["t"][0]), taut=split["taut"][0] > 0, **motion,
+                coordinates=self.marionette.coordinates,
+            )  # fmt: skip
             self.tension = split["tension"][0]
         if self.status is not Status.DONE and throw:
             raise SimulationError(self.status, f"at t = {self.state.t:.6g} s")

@@ -4,7 +4,7 @@ from fantoccini.motion.columns import Columns
 from fantoccini.motion.files import inputs_schema
 from fantoccini.motion.input import Input
 from fantoccini.motion.inputs import Inputs
-from fantoccini.motion.state import Event, EventKind, State, States
+from fantoccini.motion.state import Event, EventKind, State, States, check_size
 from fantoccini.motion.trajectories import SAVED, Trajectories
 from fantoccini.motion.trajectory import Trajectory
 
@@ -19,5 +19,6 @@ __all__ = [
     "States",
     "Trajectories",
     "Trajectory",
+    "check_size",
     "inputs_schema",
 ]

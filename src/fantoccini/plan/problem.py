@@ -121,7 +121,7 @@ class Problem:
                 raise ValueError(f"{what} is {number}; it must be at least 1")
         looks = _SEGMENT if segment is None else whole_looks(segment, dt * look)
         self.objective = Objective.of(objective)
-        marionette.check_start(start)
+        marionette.check_start(start, "timestepping")
         if not len(start.slip):
             start = start.replace(slip=np.zeros(len(marionette.tree.strings)))
         self.marionette, self.start, self.tolerance = marionette, start, tolerance

@@ -17,7 +17,7 @@ from fantoccini.marionette import (
     check_step,
     many_of,
 )
-from fantoccini.motion import SAVED, Columns, Input, Inputs, State, States, Trajectories
+from fantoccini.motion import SAVED, Columns, Input, Inputs, State, Trajectories
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Batch, RunOptions, default_threads
 from fantoccini.simulate.bar import Bar
@@ -47,7 +47,7 @@ def simulate_many(
     states = _listed(states, State, "x0", "marionette.rest()")
     if inputs is not None and not isinstance(inputs, Inputs):
         inputs = _listed(inputs, Input, "inputs", "Input.waypoints()")
-    x0 = States.of(states, len(marionette.tree.strings))
+    x0 = marionette.states(states)
     t = x0.t
     given = many_of(Input.hold(marionette).shifted(t) if inputs is None else inputs)
     n = _n_runs(len(x0), len(given))
@@ -57,7 +57,7 @@ def simulate_many(
     check_inputs(marionette, given, t, t_end)
     bound = given.bound(x0.q_K, t)
     check_speeds(marionette, t, x0.v_K, bound)
-    check_starts(marionette, x0)
+    check_starts(marionette, x0, method)
     check_step(marionette, method, x0.q_D, x0.q_K, options.dt)
     times = _times(method, options, t, t_end, save_at)
     names = _saved(save)

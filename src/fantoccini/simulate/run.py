@@ -146,7 +146,7 @@ def simulate(
     check_inputs(marionette, inputs, x0.t, t_end)
     bound = inputs.bound(x0.q_K, x0.t)
     check_speeds(marionette, x0.t, x0.v_K[None], many_of(bound))
-    marionette.check_start(x0)
+    marionette.check_start(x0, method)
     check_step(marionette, method, x0.q_D, x0.q_K, dt)
     save_at = _save_times(save_at, method, x0.t, t_end)
     about = options, x0, marionette.p, marionette.winches, bound, save_at
