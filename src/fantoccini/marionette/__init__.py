@@ -1,12 +1,13 @@
 """Marionette: the user's handle."""
 
 from fantoccini.marionette.checks import (
-    check_inputs,
     check_method,
-    check_speeds,
+    check_positive,
     check_starts,
     check_step,
     many_of,
+    ready,
+    ready_many,
 )
 from fantoccini.marionette.closed import closed_rows
 from fantoccini.marionette.flow import Flow
@@ -28,13 +29,14 @@ __all__ = [
     "Partials",
     "StepLinearisation",
     "Stepper",
-    "check_inputs",
     "check_method",
-    "check_speeds",
+    "check_positive",
     "check_starts",
     "check_step",
     "closed_rows",
     "load",
     "loads",
     "many_of",
+    "ready",
+    "ready_many",
 ]

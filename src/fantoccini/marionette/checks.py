@@ -10,15 +10,13 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.errors import InputError, Problem, StateError
 from fantoccini.marionette.closed import CLOSED, STEPPED, STILL, check_mode
-from fantoccini.motion import Input, Inputs, State, States
+from fantoccini.motion import Input, Inputs, State, States, joints
 
 if TYPE_CHECKING:
     from fantoccini.marionette.handle import Marionette
 
 METHODS = ("event", "timestepping", "variational")
 
-_SAME_SPEED = 1e-9
-"""Relative difference of velocities that counts as none."""
 _AT_ONCE = 4096
 """States that are evaluated together."""
 _MOST_SHOWN = 20
@@ -69,9 +67,9 @@ def check_step(marionette: Marionette, method: str, q_D: Array, q_K: Array, dt: 
 def check_start(marionette: Marionette, x: State, method: str = "event") -> None:
     """Raises when a run of a method cannot begin at a state.
 
-    With lengths that are exact it begins where no string is longer than its length or about to be,
-    and those that are taut in the state's mode are neither shorter. Time-stepping goes on from what
-    its own steps leave: it takes back what rows are overstepped by, and catches what is about to be.
+    With exact lengths it begins where no string is longer than its length or about to be, and those
+    that are taut in the state's mode are no shorter. Time-stepping goes on from what its own steps
+    leave: it takes back what rows are overstepped by, and catches what is about to be.
 
     Raises:
         StateError: naming the rows, by how much, and the repair.
@@ -133,10 +131,9 @@ def vector(name: str, values: Array | None, n: int) -> Array:
     """
     if values is None:
         return np.zeros(n)
-    made = vectors(name, values, n)
-    if made.ndim != 1:
-        raise StateError(f"{name} has the shape {made.shape}; it must be {(n,)}")
-    return made
+    if np.shape(values) != (n,):
+        raise StateError(f"{name} has the shape {np.shape(values)}; it must be {(n,)}")
+    return vectors(name, values, n)
 
 
 def vectors(name: str, values: Array, n: int) -> Array:
@@ -173,6 +170,42 @@ def _rows_of(marionette: Marionette, x: States) -> tuple[Array, Array]:
     return np.hstack([h - x.slip, h_limit]), np.hstack([hdot, hdot_limit])
 
 
+def ready(
+    marionette: Marionette, inputs: Input, q_K: Array, v_K: Array, t: float, t_end: float
+) -> Input:
+    """Inputs bound to the driven configuration and velocity of a start state, for a run.
+
+    Args:
+        marionette: the puppet.
+        inputs: not bound yet.
+        q_K, v_K: (n_qK,), (n_vK,) of the start state.
+        t, t_end: the run [s].
+
+    Raises:
+        InputError: they are not this puppet's, begin elsewhere, or stop or start dead.
+        StateError: a driven velocity would jump.
+    """
+    check_inputs(marionette, inputs, t, t_end)
+    if t < inputs.start or inputs.end < t_end:
+        inputs = inputs.at_rest()
+    bound = inputs.bound(q_K, t, v_K)
+    check_speeds(marionette, t, v_K[None], many_of(bound))
+    return bound
+
+
+def ready_many(
+    marionette: Marionette, inputs: Inputs, q_K: Array, v_K: Array, t: float, t_end: float
+) -> Inputs:
+    """:func:`ready` of many inputs, or for many states: (n or 1, ...)."""
+    check_inputs(marionette, inputs, t, t_end)
+    within = np.any(t < inputs.breaks[:, 0]) or np.any(inputs.breaks[:, -1] < t_end)
+    if within and not inputs.relative:
+        inputs = inputs.at_rest()
+    bound = inputs.bound(q_K, t, v_K)
+    check_speeds(marionette, t, v_K, bound)
+    return bound
+
+
 def check_inputs(
     marionette: Marionette, inputs: Input | Inputs, t: float, t_end: float
 ) -> None:
@@ -202,7 +235,9 @@ def check_inputs(
         ("end", last, last < t_end, inputs.evaluate(last)[1]),
     )
     for what, when, inside, speed in ends:
-        wrong = (np.abs(speed) > _SAME_SPEED) & inside[:, None]
+        wrong = ~(np.abs(speed) <= joints.SAME_SPEED) & inside[:, None]
+        if np.any(wrong):
+            wrong &= ~(np.abs(speed) <= joints.tolerances(own, inputs.breaks, inputs.coef)[1])
         for n, i in np.argwhere(wrong)[:_MOST_SHOWN]:
             at = when[n if len(when) > 1 else 0]
             which = f"inputs[{n}].{own.v_K[i]}" if len(inputs) > 1 else own.v_K[i]
@@ -220,15 +255,17 @@ def check_inputs(
         raise InputError(problems)
 
 
-def check_speed(marionette: Marionette, x: State, bound: Input) -> None:
-    """Raises StateError when the driven velocities would jump from a state to its inputs."""
-    check_speeds(marionette, x.t, x.v_K[None], many_of(bound))
-
-
 def check_speeds(marionette: Marionette, t: float, v_K: Array, bound: Inputs) -> None:
-    """:func:`check_speed` of many states, (n or 1, n_vK) at a time [s], or many inputs, or both."""
+    """Raises StateError when the driven velocities would jump from states to their inputs.
+
+    Args:
+        marionette: the puppet.
+        t: of the states [s].
+        v_K: (n or 1, n_vK) of the states [m/s or rad/s].
+        bound: the inputs, bound.
+    """
     found = bound.evaluate(t)[1]
-    wrong = np.abs(found - v_K) > _SAME_SPEED * np.maximum(1.0, np.abs(v_K))
+    wrong = ~(np.abs(found - v_K) <= joints.SAME_SPEED)
     if not np.any(wrong):
         return
     i = int(np.argmax(np.any(wrong, axis=1)))

@@ -8,7 +8,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import SimulationError, Status
-from fantoccini.marionette.checks import check_inputs, check_speed
+from fantoccini.marionette.checks import ready
 from fantoccini.motion import Input, State
 from fantoccini.runtime import OutsideRun
 
@@ -52,9 +52,7 @@ class Flow:
     def __init__(self, marionette: Marionette, x0: State, inputs: Input | None = None):
         marionette.check_start(x0)
         given = Input.hold(marionette, _LONG).shifted(x0.t) if inputs is None else inputs
-        check_inputs(marionette, given, x0.t, x0.t)
-        self._inputs = given.bound(x0.q_K, x0.t)
-        check_speed(marionette, x0, self._inputs)
+        self._inputs = ready(marionette, given, x0.q_K, x0.v_K, x0.t, x0.t)
         self._run = OutsideRun(
             marionette.library, marionette.run_options(), x0, marionette.p, marionette.winches,
             self._inputs,

@@ -11,11 +11,10 @@ from fantoccini.arrays import Array
 from fantoccini.errors import Status
 from fantoccini.marionette import (
     Marionette,
-    check_inputs,
-    check_speeds,
     check_starts,
     check_step,
     many_of,
+    ready_many,
 )
 from fantoccini.motion import SAVED, Columns, Input, Inputs, State, Trajectories
 from fantoccini.motion.trajectory import LEDGER
@@ -54,9 +53,7 @@ def simulate_many(
     t_end = given.end if t_end is None else float(t_end)
     if not np.isfinite(t_end) or not t_end > t:
         raise ValueError(f"t_end is {t_end}; it must be later than the start at {t}")
-    check_inputs(marionette, given, t, t_end)
-    bound = given.bound(x0.q_K, t)
-    check_speeds(marionette, t, x0.v_K, bound)
+    bound = ready_many(marionette, given, x0.q_K, x0.v_K, t, t_end)
     check_starts(marionette, x0, method)
     check_step(marionette, method, x0.q_D, x0.q_K, options.dt)
     times = _times(method, options, t, t_end, save_at)
