@@ -56,7 +56,7 @@ def check_step(marionette: Marionette, method: str, q_D: Array, q_K: Array, dt: 
         omega = 2.0 * np.sqrt(k / m) * np.cos(np.pi / (2 * n))
         zeta = 0.5 * omega * marionette.number(chain.damping) / marionette.number(chain.stiffness)
         longest = 2.0 / (omega * (np.hypot(1.0, zeta) + zeta))
-        if dt > longest:
+        if not dt <= longest:
             raise StateError(
                 f"dt = {dt:g} s is too long for the chain {chain.name}: with method="
                 f"'timestepping' its vibrations grow without bound in steps above {longest:.2g} s. "

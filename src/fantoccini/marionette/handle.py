@@ -183,8 +183,11 @@ class Marionette(Compiled, Portable, Analysis, Differentiable, Configurations):
         Args:
             winches: (n_strings, 3) as in :attr:`winches`.
         """
+        table = np.array(winches, dtype=float).reshape(self.winches.shape)
+        if not np.all(table >= 0.0):
+            raise StateError(f"winches: found {table.tolist()}; all must be numbers of at least 0")
         other = copy.copy(self)
-        other.__dict__["winches"] = np.array(winches, dtype=float).reshape(self.winches.shape)
+        other.__dict__["winches"] = table
         return other
 
     def winding(self, slip: Array) -> Array:
@@ -225,7 +228,7 @@ class Marionette(Compiled, Portable, Analysis, Differentiable, Configurations):
 
         Args:
             values: coordinate name -> value; ``joint.rotation`` takes a quaternion (w, x, y, z)
-                or a rotation vector; ``v:NAME`` sets a velocity.
+                or a rotation vector; ``v:NAME`` sets a velocity. Angles may be ``30 deg``.
         """
         if values is not None and not isinstance(values, Mapping):
             raise StateError(

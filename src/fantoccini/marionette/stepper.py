@@ -9,7 +9,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import SimulationError, Status
-from fantoccini.marionette.checks import ready, vector
+from fantoccini.marionette.checks import check_positive, ready, vector
 from fantoccini.motion import Input, State
 from fantoccini.motion.pieces import constant_acceleration
 from fantoccini.runtime import Run, RunOptions
@@ -148,6 +148,9 @@ class Stepper:
         Returns:
             The states at which the law was asked, and the last one.
         """
+        check_positive(rate=rate)
+        if not t_end > self.state.t:
+            raise ValueError(f"t_end is {t_end}; it must be later than now, {self.state.t:g} s")
         states = [self.state]
         n = max(1, round((t_end - self.state.t) * rate))
         times = np.linspace(self.state.t, t_end, n + 1)

@@ -77,6 +77,8 @@ def bound(
     place[differs], speed[differs] = joints.tolerances(table, own, coef[differs])
     for name, (q, v) in names.items():
         mine, theirs, mask = q_here[:, q], q_K[:, q], named[:, v.start]
+        for i in np.flatnonzero(~np.all(np.isfinite(theirs), axis=1))[:1]:
+            findings.add((*which(i, len(coef)), name), f"is {_text(theirs[i])} in the start state")
         if name in table.rotations:
             away = np.linalg.norm(rotation.between(theirs, mine), axis=-1)
             same = np.full(len(coef), joints.SAME_PLACE)

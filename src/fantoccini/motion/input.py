@@ -85,9 +85,10 @@ class Input:
         ]
         told = ", ".join(names[:_MOST_SHOWN]) + (", ..." if len(names) > _MOST_SHOWN else "")
         called = f" {self.name!r}" if self.name else ""
+        forced = "" if self.force is None else ", with forces"
         return (
-            f"<Input{called}: {self.start:g} to {self.end:g} s, {told or 'everything holds still'}, "
-            f"{len(self.coef)} pieces{'' if self.force is None else ', with forces'}>"
+            f"<Input{called}: {self.start:g} to {self.end:g} s, {told or 'all hold still'}, "
+            f"{len(self.coef)} piece{'s' * (len(self.coef) != 1)}{forced}>"
         )
 
     @property
@@ -116,6 +117,8 @@ class Input:
             duration: [s] > 0; afterwards everything is held too.
         """
         table = reading.table_of(table)
+        if not (np.isfinite(duration) and duration > 0):
+            _fail("duration", f"is {duration}; it must be a positive number of seconds")
         return cls(table, *pieces.assembled(table, {}, (0.0, duration)))
 
     @classmethod

@@ -1,10 +1,10 @@
 """Joints: where inputs meet, begin at a state or end at rest, and what counts as a jump there.
 
-One rule for all of them. A velocity may differ by 1e-4 of the largest speed that the coordinate has
-in the inputs, or by 1e-7 m/s or rad/s if that is more; a position by 1e-6 of how far the coordinate
-goes, or by 1e-9 relative to 1 or to its value. The difference is taken up by the piece beside the
-joint, so that the motion is C^1; what differs by more is refused. Rotations may differ in angular
-velocity only.
+One rule for all of them. A velocity may differ by 1e-4 of the largest speed in the inputs, or by
+1e-7 m/s or rad/s if that is more; a position by 1e-6 of the farthest move, or by 1e-9 relative to 1
+or to its value. Lengths are compared with lengths, angles with angles. The difference is taken up
+by the piece beside the joint, so that the motion is C^1; what differs by more is refused. Rotations
+may differ in angular velocity only.
 """
 
 from __future__ import annotations
@@ -53,6 +53,13 @@ def tolerances(table: CoordinateTable, breaks: Array, coef: Array) -> tuple[Arra
         turn = slice(at, at + 3)
         speed[:, turn] = np.max(np.linalg.norm(v[:, :, turn], axis=2), axis=(1, 2))[:, None]
         reach[:, turn], size[:, turn] = 0.0, 1.0
+    units = {row.name: row.unit for row in table.rows}
+    metres = np.zeros(table.n_vK, dtype=bool)
+    for q, at in table.scalars_K:
+        metres[at] = units[table.q_K[q]] == "m"
+    for alike in (metres, ~metres):
+        for scale in (speed, reach):
+            scale[:, alike] = np.max(scale[:, alike], axis=1, initial=0.0)[:, None]
     place = np.maximum(_OF_REACH * reach, SAME_PLACE * size)
     return place, np.maximum(_OF_SPEED * speed, SAME_SPEED)
 

@@ -105,7 +105,7 @@ class Trajectory:
         for name, columns in self._tables().items():
             if len(columns.values) != n:
                 raise ValueError(f"{name} has {len(columns.values)} rows; it must have {n}")
-        if n == 0 or np.any(np.diff(self.t) < 0):
+        if n == 0 or not (np.all(np.isfinite(self.t)) and np.all(np.diff(self.t) >= 0)):
             raise ValueError("t must hold one time or more, none before the one it follows")
         object.__setattr__(self, "events", tuple(self.events))
         object.__setattr__(self, "status", Status(self.status))

@@ -150,7 +150,7 @@ class Feedback:
         for name, value in (("effort", effort), ("arrive", arrive)):
             if not 0.0 < value < np.inf:
                 raise ValueError(f"{name} is {value}; it must be finite and greater than 0")
-        if window < 0:
+        if not window >= 0:
             raise ValueError(f"window is {window}; it must be at least 0")
         nodes, looks, planned = tree.rows[path], tree.looks[path[1:]], tree.acceleration[path[1:]]
         marionette = plan.problem.marionette

@@ -324,7 +324,7 @@ def load_mesh(shape: Mesh) -> Any:
     placed[:3, :3] = placed[:3, :3] @ np.diag(shape.scale)
     placed[:3, 3] = shape.at
     mesh.apply_transform(placed)
-    if has_mass(shape) and (not mesh.is_watertight or abs(mesh.volume) < 1e-15):
+    if has_mass(shape) and (not mesh.is_watertight or not abs(mesh.volume) >= 1e-15):
         raise ValueError(f"{shape.file} is not closed, so its mass has no place")
     if mesh.volume < 0:
         mesh.invert()

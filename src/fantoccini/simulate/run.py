@@ -119,7 +119,7 @@ def simulate(
     for name, value in (("rtol", rtol), ("atol", atol), ("max_step", max_step), ("dt", dt)):
         if not (np.isfinite(value) and value > 0):
             raise ValueError(f"{name} is {value}; it must be positive")
-    if save_every < 1:
+    if not save_every >= 1:
         raise ValueError(f"save_every is {save_every}; it must be 1 or more")
     if not isinstance(marionette, Marionette):
         raise TypeError(
@@ -142,6 +142,7 @@ def simulate(
     for name, value in (("save", save), ("out", out), ("threads", threads)):
         if value is not None:
             raise ValueError(f"{name} goes with many states or inputs")
+    marionette.check_state(x0)
     inputs = Input.hold(marionette).shifted(x0.t) if inputs is None else inputs
     t_end = inputs.end if t_end is None else float(t_end)
     if not np.isfinite(t_end) or not t_end > x0.t:

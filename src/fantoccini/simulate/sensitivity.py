@@ -83,6 +83,7 @@ def sensitivity(
         SimulationError: the run stopped.
     """
     check_positive(rtol=rtol, atol=atol)
+    marionette.check_state(x0)
     inputs = Input.hold(marionette).shifted(x0.t) if inputs is None else inputs
     run = simulate(marionette, x0, inputs, t_end, effort=False)
     if run.slip is not None and np.any(run.slip.values > 0.0):
