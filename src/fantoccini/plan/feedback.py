@@ -26,6 +26,7 @@ from fantoccini.arrays import Array, MaskRows
 from fantoccini.errors import StateError, Status
 from fantoccini.marionette import Marionette, closed_rows
 from fantoccini.motion import State, tangent
+from fantoccini.plan.check import beginning
 from fantoccini.plan.funnels import regulators
 from fantoccini.plan.goals import Rows
 from fantoccini.plan.modes import Beyond, Course, away, mode_slopes
@@ -281,7 +282,7 @@ class Feedback:
         names = [(m.coordinates.v_D, m.coordinates.v_K) for m in (led, problem.marionette)]
         if names[0] != names[1]:
             raise StateError("the puppet that is led has other coordinates than the plan's")
-        x = self.plan.start if x0 is None else x0
+        x = beginning(problem, method) if x0 is None else x0
         stepper = led.stepper(x, method, **({"dt": self.plan.motions.dt} | options))
         m, whole = len(self.looks), self.plan.motions.looks
         more = int(np.ceil(hold / (whole * interval) - 1e-9))
