@@ -116,8 +116,9 @@ def test_a_mode_that_is_wrong_is_refused(arm):
     x = x.replace(q_K=[0.45, 1.5], taut=[True])
     with pytest.raises(fan.StateError, match=r"so: hand by"):
         arm.accelerations(x)
-    with pytest.raises(fan.StateError, match="taut in the state's mode"):
-        arm.check_start(x, "timestepping")
+    with pytest.raises(fan.StateError, match="hand is taut in its mode and slack by"):
+        arm.check_start(x)
+    assert not arm.project(x).taut[0]
     free = x.replace(taut=[False])
     assert arm.accelerations(free)[1].tolist() == [0.0]
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import InputError, Problem, StateError
-from fantoccini.marionette.closed import CLOSED, STEPPED, STILL, check_mode
+from fantoccini.marionette.closed import CLOSED, STEPPED, STILL
 from fantoccini.motion import Input, Inputs, State, States, joints
 
 if TYPE_CHECKING:
@@ -84,7 +84,6 @@ def check_starts(marionette: Marionette, states: States, method: str = "event") 
         some = states.some(slice(first, first + _AT_ONCE))
         h, hdot = _rows_of(marionette, some)
         scale = marionette.row_scales(some.q_D, some.q_K)
-        check_mode(marionette, some.taut, h, scale)
         wires, firm = marionette.two_sided, ~np.isfinite(marionette.upper)
         near = (STEPPED if stepped else CLOSED) * scale
         # Where time-stepping has gone on under inputs that nothing can follow, it may go on.

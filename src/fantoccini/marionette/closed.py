@@ -29,7 +29,7 @@ runtime."""
 STEPPED = 1e-3
 """What a fixed step may leave of h, relative to 1 or the string's length."""
 MODE = 1e-2
-"""-h up to which a row that is said to be taut is believed to be, likewise; and the speed, relative
+"""-h up to which a row that is said to be taut counts as closed, likewise; and the speed, relative
 to 1 or the largest velocity, from which on the winch of one that is not at h = 0 slips."""
 
 
@@ -53,13 +53,9 @@ def closed_rows(marionette: Marionette, x: State, instant: Instant) -> Closed:
         marionette: the puppet.
         x: the state.
         instant: the model there.
-
-    Raises:
-        StateError: a row is taut in the state's mode and far from it in its configuration.
     """
     scale = marionette.row_scales(x.q_D, x.q_K)
-    taut = known_mode(marionette, x)
-    check_mode(marionette, taut[None], instant.h[None], scale[None])
+    taut = known_mode(marionette, x) & ~_far(marionette, instant.h, scale)
     top = max(1.0, float(np.max(np.abs(x.v_D), initial=0.0)))
     reaches = instant.h >= -TOUCH * scale
     gives = np.isfinite(marionette.upper) & (taut | reaches)
@@ -75,19 +71,24 @@ def known_mode(marionette: Marionette, x: State) -> MaskRows:
     return x.taut if len(x.taut) else np.zeros(marionette.tree.n_rows, dtype=bool)
 
 
-def check_mode(marionette: Marionette, taut: MaskRows, h: Array, scale: Array) -> None:
-    """Raises where rows are said to be taut that are not; arguments (n, n_rows).
+def check_mode(marionette: Marionette, x: State, instant: Instant) -> None:
+    """Raises where rows are taut in a state's mode and far from it in its configuration.
 
     Raises:
         StateError: naming them and how far they are off.
     """
-    wrong = taut & ~(h >= -MODE * scale) & ~marionette.two_sided
-    if not np.any(wrong):
+    scale = marionette.row_scales(x.q_D, x.q_K)
+    wrong = np.flatnonzero(known_mode(marionette, x) & _far(marionette, instant.h, scale))
+    if not len(wrong):
         return
-    i = int(np.argmax(np.any(wrong, axis=1)))
     names = marionette.tree.row_names
-    said = "; ".join(f"{names[r]} by {-h[i, r]:.3g}" for r in np.flatnonzero(wrong[i]))
+    said = "; ".join(f"{names[r]} by {-instant.h[r]:.3g}" for r in wrong)
     raise StateError(
         f"these strings and limits are taut in the state's mode, but lack more than {MODE:g} of "
-        f"their length or range of being so: {said}. x.replace(taut=...) corrects the mode"
+        f"their length or range of being so: {said}. x.replace(taut=...) corrects the mode, "
+        "marionette.project(x) finds it"
     )
+
+
+def _far(marionette: Marionette, h: Array, scale: Array) -> MaskRows:
+    return ~(h >= -MODE * scale) & ~marionette.two_sided

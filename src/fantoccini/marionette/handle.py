@@ -15,7 +15,7 @@ from fantoccini.arrays import Array
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.marionette import checks, settle, statics, values_by_name
 from fantoccini.marionette.analysis import Analysis
-from fantoccini.marionette.closed import closed_rows
+from fantoccini.marionette.closed import check_mode, closed_rows
 from fantoccini.marionette.compiled import Compiled
 from fantoccini.marionette.configurations import Configurations
 from fantoccini.marionette.differentiable import Differentiable
@@ -313,6 +313,7 @@ class Marionette(Compiled, Portable, Analysis, Differentiable, Configurations):
                 the mode says of slack rows that they are taut.
         """
         instant = self.instant(x, acc_K, u_D)
+        check_mode(self, x, instant)
         closed = closed_rows(self, x, instant)
         tension = np.where(closed.slipping, self.upper, 0.0)
         w0 = instant.w0 - instant.W[:, closed.slipping] @ tension[closed.slipping]

@@ -9,7 +9,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError, Status
-from fantoccini.marionette.closed import CLOSED, check_mode, known_mode
+from fantoccini.marionette.closed import CLOSED, closed_rows, known_mode
 from fantoccini.marionette.instant import Instant
 from fantoccini.motion import Input, State, rotation, tangent
 from fantoccini.puppet import Stepper as StepperMotor
@@ -72,7 +72,7 @@ def project(marionette: Marionette, x: State) -> State:
     given, scale = x, marionette.row_scales(x.q_D, x.q_K)
     wires, taut = marionette.two_sided, known_mode(marionette, x)
     if np.any(taut):
-        check_mode(marionette, taut[None], marionette.instant(x).h[None], scale[None])
+        taut = taut & closed_rows(marionette, x, marionette.instant(x)).held
     held = wires | taut
     for _ in range(100):
         instant = marionette.instant(x)

@@ -1,6 +1,6 @@
 """Joints: where inputs meet, begin at a state or end at rest, and what counts as a jump there.
 
-One rule for all of them. A velocity may differ by 1e-4 of the largest speed in the inputs, or by
+One rule for all of them. A velocity may differ by 1e-3 of the largest speed in the inputs, or by
 1e-7 m/s or rad/s if that is more; a position by 1e-6 of the farthest move, or by 1e-9 relative to 1
 or to its value. Lengths are compared with lengths, angles with angles. The difference is taken up
 by the piece beside the joint, so that the motion is C^1; what differs by more is refused. Rotations
@@ -23,7 +23,7 @@ SAME_SPEED = 1e-7
 """Difference of velocities that counts as none in any motion [m/s or rad/s]."""
 SAME_PLACE = 1e-9
 """The same of positions, relative to 1 or to the value if that is larger."""
-_OF_SPEED = 1e-4
+_OF_SPEED = 1e-3
 _OF_REACH = 1e-6
 ROUNDED_PLACE, ROUNDED_SPEED = 1e-12, 1e-9
 """Differences that are left as they are: rounding."""
@@ -45,10 +45,11 @@ def tolerances(table: CoordinateTable, breaks: Array, coef: Array) -> tuple[Arra
         place and speed (n, n_vK). A place's is that of its value at the start.
     """
     s = np.diff(breaks)[..., None, None] * _LOOKS
-    q, v, _ = polynomial.evaluate(coef[..., None, :], s)
+    # Lengths that nobody has named yet have no value.
+    q, v, _ = polynomial.evaluate(np.nan_to_num(coef)[..., None, :], s)
     speed = np.max(np.abs(v), axis=(1, 3), initial=0.0)
     reach = np.max(q, axis=(1, 3)) - np.min(q, axis=(1, 3))
-    size = np.maximum(1.0, np.abs(coef[:, 0, :, 0]))
+    size = np.maximum(1.0, np.abs(q[:, 0, :, 0]))
     for _, at in table.quaternions_K:
         turn = slice(at, at + 3)
         speed[:, turn] = np.max(np.linalg.norm(v[:, :, turn], axis=2), axis=(1, 2))[:, None]
