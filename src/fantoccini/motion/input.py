@@ -360,7 +360,7 @@ class Input:
             InputError: naming the coordinates and times where it jumps.
         """
         findings = Findings()
-        arrays = self.breaks, self.coef, self.base
+        arrays = self.breaks, self.coef, self.base, self.named
         coef = pieces.joined(self.coordinates, *arrays, findings)
         binding.note_lengths(self.coordinates, self.breaks[None], coef[None], findings)
         findings.raise_any()

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fantoccini.arrays import Array, ConfigK, Times
+from fantoccini.arrays import Array, ConfigK, MaskRows, Times
 from fantoccini.motion import channel, joints, polynomial, rotation
 from fantoccini.motion.channel import SAME_TIME, Channel, Points
 from fantoccini.motion.findings import Findings
@@ -164,9 +164,16 @@ def snap(t: Times, breaks: Times) -> Times:
 
 
 def joined(
-    table: CoordinateTable, breaks: Times, coef: Array, base: Array, findings: Findings
+    table: CoordinateTable,
+    breaks: Times,
+    coef: Array,
+    base: Array,
+    named: MaskRows,
+    findings: Findings,
 ) -> Array:
     """The coefficients (n, n_vK, 6) of pieces that meet, C^1, in position and velocity.
+
+    What is not named holds still, wherever that will be.
 
     Notes every coordinate and time at which one of them jumps by more than the tolerances of
     :mod:`fantoccini.motion.joints`. Where nothing does, they are as they were.
@@ -177,6 +184,8 @@ def joined(
     place, speed = (x[0] for x in joints.tolerances(table, breaks[None], coef[None]))
     move = np.zeros_like(v_0)
     for name, (q, v) in channel_names(table).items():
+        if not named[v.start]:
+            continue
         if name in table.rotations:
             step = np.linalg.norm(rotation.between(q_0[:, q], q_1[:, q]), axis=-1)
             same = np.full_like(step, joints.SAME_PLACE)
@@ -188,7 +197,7 @@ def joined(
         for what, by, bound in (("position", step, same), ("velocity", jump, speed[v.start])):
             for i in np.nonzero(~(by <= bound))[0]:
                 findings.add((name,), f"jumps in {what} by {by[i]:.3g} at t = {breaks[i + 1]:g} s")
-    apart = np.abs(v_1 - v_0) > joints.ROUNDED_SPEED
+    apart = (np.abs(v_1 - v_0) > joints.ROUNDED_SPEED)[:, named]
     if not np.any(apart) and not np.any(np.abs(move) > joints.ROUNDED_PLACE):
         return coef
     made = np.array(coef)
