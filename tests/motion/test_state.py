@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.motion import Event, EventKind, State
 
 
@@ -29,3 +30,42 @@ def test_events_have_kinds():
     assert Event(0, "catch", "hand", 1).kind is EventKind.CATCH
     with pytest.raises(ValueError, match="snap"):
         Event(0, "snap")
+
+
+def test_states_are_equal_by_their_values():
+    """17.18: x == y where all numbers and flags are the same."""
+    x = State(0.0, [1.0], [2.0], [3.0], [4.0], [True], [0.0])
+    y = State(0.0, [1.0], [2.0], [3.0], [4.0], [True])
+    assert x == y and hash(x) == hash(y) and x in {y}
+    assert x == x.replace(v_D=[2.0])
+    for change in ({"t": 1.0}, {"q_D": [0.0]}, {"v_K": [0.0]}, {"taut": [False]}, {"slip": [0.1]}):
+        assert x != x.replace(**change)
+    assert x != "a state" and x.replace(v_K=[0.0]) == x.replace(v_K=[-0.0])
+
+
+def test_a_coordinate_has_its_name(table):
+    """17.18: x["crank"], x["v:crank"], x["bar.rotation"]."""
+    q_K = np.arange(1.0, table.n_qK + 1)
+    x = State(
+        0.0, np.zeros(table.n_qD), np.zeros(table.n_vD), q_K, -np.arange(table.n_vK), [], (), table
+    )
+    for at, v in table.scalars_K:
+        assert x[table.q_K[at]] == q_K[at] and x[f"v:{table.v_K[v]}"] == -v
+    for name, (at, _) in table.rotations.items():
+        assert x[name].tolist() == q_K[at : at + 4].tolist()
+    assert x.replace(t=1.0)[table.q_K[0]] == q_K[0]
+    with pytest.raises(UnknownNameError, match="did you mean 'crank'"):
+        x["crnk"]
+    with pytest.raises(StateError, match=r"replace\(coordinates="):
+        State(0.0, [1.0], [2.0], [], [], [])["crank"]
+    with pytest.raises(TypeError, match="not iterable"):
+        list(x)
+
+
+def test_the_mode_goes_with_the_motion():
+    """17.1: what moves a state drops its mode, unless it is given as well."""
+    x = State(0.0, [1.0], [2.0], [3.0], [4.0], [True])
+    assert x.replace(t=1.0).taut[0] and x.replace(q_D=[1.0]).taut[0]
+    for name in ("q_D", "v_D", "q_K", "v_K"):
+        assert not x.replace(**{name: [9.0]}).taut[0]
+        assert x.replace(**{name: [9.0]}, taut=[True]).taut[0]

@@ -207,3 +207,33 @@ def changed(plan: PlanResult, row: Rows, z: np.ndarray) -> Rows:
         tangent.moved(table.scalars_K, table.quaternions_K, row.q_K, q_K),
         row.v_K + v_K,
     )
+
+
+def test_a_plan_is_followed_by_standing_still(plan):
+    """17.7: what little speed a polished plan ends with is taken up."""
+    arm, inputs = plan.problem.marionette, plan.inputs
+    left = np.max(np.abs(inputs.evaluate(inputs.end)[1]))
+    assert 0.0 < left < 5e-4
+    held = inputs.then(fan.Input.hold(arm, 0.5))
+    assert held.evaluate(inputs.end)[1].tolist() == [0.0, 0.0, 0.0]
+    one = fan.simulate(arm, plan.start, held, method="timestepping")
+    two = fan.simulate(
+        arm, plan.start, inputs, t_end=inputs.end + 0.5, method="timestepping"
+    )
+    np.testing.assert_allclose(one.q_D[-1], two.q_D[-1], atol=1e-9)
+
+
+def test_plans_begin_at_time_stepped_states(plan):
+    """17.1: such a plan is checked event-driven, from the nearest state with exact lengths."""
+    problem, arm = plan.problem, plan.problem.marionette
+    hold = fan.Input.hold(arm, 0.1)
+    x = arm.project(plan.start.replace(v_D=plan.start.v_D + 0.3))
+    run = fan.simulate(arm, x, hold, method="timestepping")
+    x = next(run.state(i) for i in range(1, len(run)) if abs(arm.instant(run.state(i)).h[0]) > 1e-9)
+    again = Problem(
+        arm, x.replace(t=0.0), problem.goal, problem.motions.clearance.obstacles, tolerance=0.25,
+        margin=0.005, slack=False, speed=0.5,
+    )  # fmt: skip
+    found = solve(again, seed=3)
+    assert found and found.verify(method="event").arrives
+    assert Feedback.along(found).run(method="event").arrives

@@ -1,5 +1,8 @@
 """The stepper: what happens on line is what simulate gives."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 
@@ -58,14 +61,15 @@ def test_an_unknown_driven_name_is_an_error(arm):
 
 @pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
 @pytest.mark.parametrize("number", [np.nan, np.inf])
-def test_a_law_that_gives_no_number_is_a_status(arm, method, number):
+def test_a_law_that_gives_no_number_is_refused(arm, method, number):
     """17.8: `event` went on without the string whose height was no number, and said DONE."""
     x0 = arm.rest({"hand.length": 0.8})
     for asked in ({"acc_K": {"hand.x": number}}, {"u_D": [number, 0.0]}):
         stepper = arm.stepper(x0, method)
-        x = stepper.advance(0.1, **asked, throw=False)
-        assert stepper.status in (fan.Status.NOT_FINITE, fan.Status.NOT_SETTLED)
-        assert np.all(np.isfinite(x.q_D)) and x.t < 0.1
+        with pytest.raises(fan.StateError, match=rf"(acc_K|u_D)\[0\] is {number}"):
+            stepper.advance(0.1, **asked, throw=False)
+        assert stepper.state == x0
+        assert stepper.advance(0.1).t == pytest.approx(0.1)
 
 
 def test_an_endless_piece_is_refused(arm):
@@ -120,3 +124,35 @@ def test_little_gravity_leaves_room_for_inputs():
         for method in ("event", "timestepping"):
             assert fan.simulate(arm, x0, inputs, method=method).status is fan.Status.DONE
         assert arm.tension_cap == pytest.approx(1e5 * arm.mass * max(1.0, gravity))
+
+
+@pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
+def test_steppers_are_copied_and_pickled(arm, method):
+    """17.18: copies go on by themselves, as the stepper does."""
+    stepper = arm.stepper(arm.rest({"hand.length": 0.8}), method)
+    stepper.advance(0.4, {"hand.length": -0.2, "hand.x": 0.1})
+    copies = [copy.copy(stepper), copy.deepcopy(stepper), pickle.loads(pickle.dumps(stepper))]
+    assert all(one.state == stepper.state for one in copies)
+    assert all(np.array_equal(one.tension, stepper.tension) for one in copies)
+    copies[0].advance(0.1, {"hand.length": 0.5})
+    x = stepper.advance(0.4, {"hand.length": -0.1})
+    for one in copies[1:]:
+        y = one.advance(0.4, {"hand.length": -0.1})
+        np.testing.assert_allclose(y.q_D, x.q_D, atol=1e-7)
+        np.testing.assert_allclose(y.v_D, x.v_D, atol=1e-6)
+    assert copies[0].state.t == pytest.approx(0.5) and copies[0].status.name == "DONE"
+
+
+@pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
+def test_a_stepper_begins_with_the_velocities_of_its_state(arm, method):
+    """17.1: the tensions at its start are those of driven coordinates that move."""
+    lift = fan.Input.waypoints(arm, {"hand.length": [(0, 0.8), (1.5, 0.5)]})
+    run = fan.simulate(arm, arm.rest({"hand.length": 0.8}), lift, method=method)
+    row = int(np.argmin(np.abs(run.t - 0.7)))
+    x = run.state(row)
+    stepper = arm.stepper(x, method)
+    _, tension = arm.accelerations(x)
+    assert np.abs(x.v_K[1]) > 0.1
+    assert np.allclose(stepper.tension, tension, atol=0.05 * arm.weight)
+    split = arm.row_layout.split(stepper.rows)
+    assert np.array_equal(split["v_K"][0], x.v_K) and split["taut"][0, 0] == 1.0

@@ -7,7 +7,7 @@ are dense; matrices are column-major, as CasADi has them.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cached_property
 
 import casadi as ca
@@ -17,6 +17,7 @@ from fantoccini.equations import articulated, dynamics
 from fantoccini.equations.algebra import column, cross, dot, elements, matrix, scaled, zeros
 from fantoccini.equations.coriolis import coriolis_matrix
 from fantoccini.equations.system import System
+from fantoccini.errors import UnknownNameError
 from fantoccini.tree import Link, Role, Tree
 
 STATE = ("q_D", "v_D", "q_K", "v_K")
@@ -72,8 +73,24 @@ class Equations:
         self.system = System(tree)
         self._made: dict[str, ca.Function] = {}
 
+    def __iter__(self) -> Iterator[str]:
+        """The names of the functions."""
+        return iter((*MODEL_INPUTS, *ANALYSIS_INPUTS, "forth", "back", "limit_rates"))
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def __contains__(self, name: object) -> bool:
+        return name in tuple(self)
+
     def __getitem__(self, name: str) -> ca.Function:
-        """The function of a name in ``MODEL_INPUTS``, ``ANALYSIS_INPUTS`` or ``model``."""
+        """The function of a name in ``MODEL_INPUTS``, ``ANALYSIS_INPUTS`` or ``model``.
+
+        Raises:
+            UnknownNameError: there is none.
+        """
+        if name not in self:
+            raise UnknownNameError("function", str(name), self)
         if name not in self._made:
             maker: Callable[[], ca.Function] | None = {
                 "forth": self._forth,

@@ -1,16 +1,18 @@
 """Marionette: the user's handle."""
 
 from fantoccini.marionette.checks import (
-    check_inputs,
     check_memory,
     check_method,
+    check_positive,
     check_rows,
-    check_speeds,
     check_starts,
     check_step,
     many_of,
+    ready,
+    ready_many,
     rows_of_steps,
 )
+from fantoccini.marionette.closed import closed_rows
 from fantoccini.marionette.flow import Flow
 from fantoccini.marionette.handle import Marionette
 from fantoccini.marionette.linearisation import Linearisation, Partials
@@ -33,17 +35,19 @@ __all__ = [
     "Partials",
     "StepLinearisation",
     "Stepper",
-    "check_inputs",
     "check_memory",
     "check_method",
+    "check_positive",
     "check_rows",
-    "check_speeds",
     "check_starts",
     "check_step",
+    "closed_rows",
     "input_warnings",
     "load",
     "loads",
     "many_of",
+    "ready",
+    "ready_many",
     "rows_of_steps",
     "warnings",
 ]

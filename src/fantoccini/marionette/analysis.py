@@ -9,7 +9,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.equations import ANALYSIS_INPUTS
-from fantoccini.errors import Problem, PuppetError, UnknownNameError
+from fantoccini.errors import Problem, PuppetError, StateError, UnknownNameError
 from fantoccini.motion import State
 from fantoccini.tree import Tree, joint_inertias
 
@@ -33,8 +33,10 @@ class Analysis:
     equations: Equations
     library: Library
     number: Callable[[Number], float]
+    check_state: Callable[[State], None]
 
     def _interpreted(self, name: str, x: State) -> list[Array]:
+        self.check_state(x)
         inputs = {**vars(x), "p": self.p}
         values = self.equations[name](*(inputs[i] for i in ANALYSIS_INPUTS[name]))
         many = values if isinstance(values, (tuple, list)) else [values]
@@ -123,6 +125,7 @@ class Analysis:
 
     def pose(self, x: State, body: str) -> Array:
         """g (Eqs. 2, 3): (4, 4) homogeneous pose of a body in the world."""
+        self.check_state(x)
         out = np.eye(4)
         out[:3] = self.poses(x.q_D, x.q_K)[self.link(body)]
         return out
@@ -162,6 +165,7 @@ class Analysis:
 
     def energies(self, x: State) -> tuple[float, float]:
         """(T, V) through the compiled model [J]."""
+        self.check_state(x)
         T, V = self.library.evaluate("energy", [x.q_D, x.v_D, x.q_K, x.v_K, self.p])
         return float(T[0]), float(V[0])
 
@@ -189,9 +193,12 @@ class Analysis:
         Returns:
             (n_vD,) [N or N m].
         """
+        self.check_state(x)
         w = np.zeros((len(self.tree.links), 6))
         for body, wrench in wrenches.items():
             w[self.link(body)] += np.asarray(wrench, dtype=float)
+        if not np.all(np.isfinite(w)):
+            raise StateError(f"wrenches: found {wrenches}; forces and torques must be finite")
         (u,) = self.library.evaluate("wrench_forces", [x.q_D, x.q_K, w.ravel(), self.p])
         return u
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import InputError, Problem, StateError
-from fantoccini.motion import Input, Inputs, State, States
+from fantoccini.marionette.closed import CLOSED, STEPPED, STILL
+from fantoccini.motion import Input, Inputs, State, States, joints
 from fantoccini.runtime import RunOptions, memory
 
 if TYPE_CHECKING:
@@ -17,11 +18,6 @@ if TYPE_CHECKING:
 
 METHODS = ("event", "timestepping", "variational")
 
-CLOSED = 1e-9
-"""|h| below which a row counts as closed, relative to 1 m or the string's length."""
-
-_SAME_SPEED = 1e-9
-"""Relative difference of velocities that counts as none."""
 _AT_ONCE = 4096
 """States that are evaluated together."""
 _MOST_SHOWN = 20
@@ -61,7 +57,7 @@ def check_step(marionette: Marionette, method: str, q_D: Array, q_K: Array, dt: 
         omega = 2.0 * np.sqrt(k / m) * np.cos(np.pi / (2 * n))
         zeta = 0.5 * omega * marionette.number(chain.damping) / marionette.number(chain.stiffness)
         longest = 2.0 / (omega * (np.hypot(1.0, zeta) + zeta))
-        if dt > longest:
+        if not dt <= longest:
             raise StateError(
                 f"dt = {dt:g} s is too long for the chain {chain.name}: with method="
                 f"'timestepping' its vibrations grow without bound in steps above {longest:.2g} s. "
@@ -134,28 +130,37 @@ def check_memory(
     )
 
 
-def check_start(marionette: Marionette, x: State) -> None:
-    """Raises when a string is longer than its length, or is about to be.
+def check_start(marionette: Marionette, x: State, method: str = "event") -> None:
+    """Raises when a run of a method cannot begin at a state.
+
+    With exact lengths it begins where no string is longer than its length or about to be, and those
+    that are taut in the state's mode are no shorter. Time-stepping goes on from what its own steps
+    leave: it takes back what rows are overstepped by, and catches what is about to be.
 
     Raises:
         StateError: naming the rows, by how much, and the repair.
     """
-    check_starts(marionette, States.of([x], len(marionette.tree.strings)))
+    check_starts(marionette, marionette.states([x]), method)
 
 
-def check_starts(marionette: Marionette, states: States) -> None:
+def check_starts(marionette: Marionette, states: States, method: str = "event") -> None:
     """:func:`check_start` of many states; the first wrong one is reported."""
+    stepped = method == "timestepping"
     for first in range(0, len(states), _AT_ONCE):
         some = states.some(slice(first, first + _AT_ONCE))
         h, hdot = _rows_of(marionette, some)
         scale = marionette.row_scales(some.q_D, some.q_K)
-        speed = 1e-7 * np.max(np.abs(some.v_D), axis=1, initial=1.0)[:, None]
-        too_long = h > CLOSED * scale
+        wires, firm = marionette.two_sided, ~np.isfinite(marionette.upper)
+        near = (STEPPED if stepped else CLOSED) * scale
+        # Where time-stepping has gone on under inputs that nothing can follow, it may go on.
+        known = some.taut if stepped else np.zeros_like(some.taut)
+        off = ~(np.where(wires, np.abs(h), h) <= near) & ~known
+        speed = STILL * np.max(np.abs(some.v_D), axis=1, initial=1.0)[:, None]
         # A string on a winch that slips gives way.
-        opening = (np.abs(h) <= CLOSED * scale) & (hdot > speed) & ~np.isfinite(marionette.upper)
-        off = np.abs(h) > CLOSED * scale
-        wires = marionette.two_sided & (off | (np.abs(hdot) > speed))
-        wrong = too_long | opening | wires
+        passing = ~(np.where(wires, np.abs(hdot), hdot) <= speed) & (wires | firm)
+        passing &= ~off & (np.abs(h) <= near) & (not stepped)
+        slack = some.taut & ~(h >= -near) & ~off & (not stepped)
+        wrong = off | passing | slack
         if not np.any(wrong):
             continue
         i = int(np.argmax(np.any(wrong, axis=1)))
@@ -163,8 +168,10 @@ def check_starts(marionette: Marionette, states: States) -> None:
         rows, findings = np.flatnonzero(wrong[i]), []
         for r in rows:
             name = marionette.tree.row_names[r]
-            if too_long[i, r] or (wires[i, r] and off[i, r]):
+            if off[i, r]:
                 findings.append(f"{name} is violated by {h[i, r]:.3g}")
+            elif slack[i, r]:
+                findings.append(f"{name} is taut in its mode and slack by {-h[i, r]:.3g}")
             else:
                 findings.append(f"{name} is at its bound and moves past it at {hdot[i, r]:.3g}/s")
         raise StateError(
@@ -172,6 +179,44 @@ def check_starts(marionette: Marionette, states: States) -> None:
             + "; ".join(findings)
             + ". marionette.project(x) gives the nearest state that does not."
         )
+
+
+def check_positive(**values: float) -> None:
+    """Raises ValueError unless all are finite numbers greater than 0."""
+    for name, value in values.items():
+        if not (np.isfinite(value) and value > 0):
+            raise ValueError(f"{name} is {value}; it must be positive")
+
+
+def vector(name: str, values: Array | None, n: int) -> Array:
+    """(n,) finite numbers; zeros when None.
+
+    Raises:
+        StateError: they are not.
+    """
+    if values is None:
+        return np.zeros(n)
+    if np.shape(values) != (n,):
+        raise StateError(f"{name} has the shape {np.shape(values)}; it must be {(n,)}")
+    return vectors(name, values, n)
+
+
+def vectors(name: str, values: Array, n: int) -> Array:
+    """(..., n) finite numbers.
+
+    Raises:
+        StateError: they are not.
+    """
+    try:
+        made = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise StateError(f"{name}: found {values!r}; it takes {n} numbers") from None
+    if not made.ndim or made.shape[-1] != n:
+        raise StateError(f"{name} has the shape {made.shape}; it must be (..., {n})")
+    if not np.all(np.isfinite(made)):
+        at = tuple(int(i) for i in np.argwhere(~np.isfinite(made))[0])
+        raise StateError(f"{name}[{', '.join(map(str, at))}] is {made[at]}; it must be finite")
+    return made
 
 
 def _rows_of(marionette: Marionette, x: States) -> tuple[Array, Array]:
@@ -188,6 +233,42 @@ def _rows_of(marionette: Marionette, x: States) -> tuple[Array, Array]:
         hdot_limit[:, i] = (J * x.v_D[:, place]).sum(axis=1)
     hdot = hdot - marionette.winding(x.slip)
     return np.hstack([h - x.slip, h_limit]), np.hstack([hdot, hdot_limit])
+
+
+def ready(
+    marionette: Marionette, inputs: Input, q_K: Array, v_K: Array, t: float, t_end: float
+) -> Input:
+    """Inputs bound to the driven configuration and velocity of a start state, for a run.
+
+    Args:
+        marionette: the puppet.
+        inputs: not bound yet.
+        q_K, v_K: (n_qK,), (n_vK,) of the start state.
+        t, t_end: the run [s].
+
+    Raises:
+        InputError: they are not this puppet's, begin elsewhere, or stop or start dead.
+        StateError: a driven velocity would jump.
+    """
+    check_inputs(marionette, inputs, t, t_end)
+    if t < inputs.start or inputs.end < t_end:
+        inputs = inputs.at_rest()
+    bound = inputs.bound(q_K, t, v_K)
+    check_speeds(marionette, t, v_K[None], many_of(bound))
+    return bound
+
+
+def ready_many(
+    marionette: Marionette, inputs: Inputs, q_K: Array, v_K: Array, t: float, t_end: float
+) -> Inputs:
+    """:func:`ready` of many inputs, or for many states: (n or 1, ...)."""
+    check_inputs(marionette, inputs, t, t_end)
+    within = np.any(t < inputs.breaks[:, 0]) or np.any(inputs.breaks[:, -1] < t_end)
+    if within and not inputs.relative:
+        inputs = inputs.at_rest()
+    bound = inputs.bound(q_K, t, v_K)
+    check_speeds(marionette, t, v_K, bound)
+    return bound
 
 
 def check_inputs(
@@ -219,7 +300,9 @@ def check_inputs(
         ("end", last, last < t_end, inputs.evaluate(last)[1]),
     )
     for what, when, inside, speed in ends:
-        wrong = (np.abs(speed) > _SAME_SPEED) & inside[:, None]
+        wrong = ~(np.abs(speed) <= joints.SAME_SPEED) & inside[:, None]
+        if np.any(wrong):
+            wrong &= ~(np.abs(speed) <= joints.tolerances(own, inputs.breaks, inputs.coef)[1])
         for n, i in np.argwhere(wrong)[:_MOST_SHOWN]:
             at = when[n if len(when) > 1 else 0]
             which = f"inputs[{n}].{own.v_K[i]}" if len(inputs) > 1 else own.v_K[i]
@@ -237,15 +320,17 @@ def check_inputs(
         raise InputError(problems)
 
 
-def check_speed(marionette: Marionette, x: State, bound: Input) -> None:
-    """Raises StateError when the driven velocities would jump from a state to its inputs."""
-    check_speeds(marionette, x.t, x.v_K[None], many_of(bound))
-
-
 def check_speeds(marionette: Marionette, t: float, v_K: Array, bound: Inputs) -> None:
-    """:func:`check_speed` of many states, (n or 1, n_vK) at a time [s], or many inputs, or both."""
+    """Raises StateError when the driven velocities would jump from states to their inputs.
+
+    Args:
+        marionette: the puppet.
+        t: of the states [s].
+        v_K: (n or 1, n_vK) of the states [m/s or rad/s].
+        bound: the inputs, bound.
+    """
     found = bound.evaluate(t)[1]
-    wrong = np.abs(found - v_K) > _SAME_SPEED * np.maximum(1.0, np.abs(v_K))
+    wrong = ~(np.abs(found - v_K) <= joints.SAME_SPEED)
     if not np.any(wrong):
         return
     i = int(np.argmax(np.any(wrong, axis=1)))

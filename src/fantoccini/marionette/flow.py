@@ -8,7 +8,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import SimulationError, Status
-from fantoccini.marionette.checks import check_inputs, check_speed
+from fantoccini.marionette.checks import ready
 from fantoccini.motion import Input, State
 from fantoccini.runtime import OutsideRun
 
@@ -52,9 +52,7 @@ class Flow:
     def __init__(self, marionette: Marionette, x0: State, inputs: Input | None = None):
         marionette.check_start(x0)
         given = Input.hold(marionette, _LONG).shifted(x0.t) if inputs is None else inputs
-        check_inputs(marionette, given, x0.t, x0.t)
-        self._inputs = given.bound(x0.q_K, x0.t)
-        check_speed(marionette, x0, self._inputs)
+        self._inputs = ready(marionette, given, x0.q_K, x0.v_K, x0.t, x0.t)
         self._run = OutsideRun(
             marionette.library, marionette.run_options(), x0, marionette.p, marionette.winches,
             self._inputs,
@@ -62,7 +60,7 @@ class Flow:
         if self._run.status is not Status.RUNNING:
             raise SimulationError(self._run.status, f"at t = {x0.t:.6g} s")
         table = marionette.coordinates
-        self._n_qD, self._n_vD = table.n_qD, table.n_vD
+        self._table, self._n_qD, self._n_vD = table, table.n_qD, table.n_vD
         end = self._run.stretch(np.inf)
         self.t_end = np.inf if inputs is None and end >= given.end else end
         self.t0, self.y0 = self._run.t, self._run.y
@@ -85,4 +83,5 @@ class Flow:
         """The state at a time [s] and y (n_y,)."""
         q_K, v_K, _ = self._inputs.evaluate(t)
         q_D, v_D = y[: self._n_qD], y[self._n_qD : self._n_qD + self._n_vD]
-        return State(t, q_D, v_D, q_K, v_K, self.taut, self._run.slip(t, y))
+        slip = self._run.slip(t, y)
+        return State(t, q_D, v_D, q_K, v_K, self.taut, slip, self._table)

@@ -15,14 +15,16 @@ from fantoccini.arrays import Array
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.marionette import checks, hanging, projection, values_by_name
 from fantoccini.marionette.analysis import Analysis
+from fantoccini.marionette.closed import check_mode, closed_rows
 from fantoccini.marionette.compiled import Compiled
+from fantoccini.marionette.configurations import Configurations
 from fantoccini.marionette.differentiable import Differentiable
 from fantoccini.marionette.flow import Flow
 from fantoccini.marionette.instant import Instant
 from fantoccini.marionette.portable import Portable
 from fantoccini.marionette.rows import RowLayout
 from fantoccini.marionette.stepper import Stepper
-from fantoccini.motion import Input, State, States
+from fantoccini.motion import Input, State
 from fantoccini.puppet import Number, Obstacle, Parameter, Puppet
 from fantoccini.runtime import RunOptions
 from fantoccini.tree import CoordinateTable, Tree
@@ -36,7 +38,7 @@ BRAKE = 1.0
 """Deceleration of a winch that rewinds, before it stops [m/s^2]; ``kBrake`` of ``winch.hpp``."""
 
 
-class Marionette(Compiled, Portable, Analysis, Differentiable):
+class Marionette(Compiled, Portable, Analysis, Differentiable, Configurations):
     """A puppet on strings: its coordinates, equations, compiled model, states.
 
     Nothing is derived or compiled before it is needed; a puppet that was compiled before loads
@@ -189,8 +191,11 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
         Args:
             winches: (n_strings, 3) as in :attr:`winches`.
         """
+        table = np.array(winches, dtype=float).reshape(self.winches.shape)
+        if not np.all(table >= 0.0):
+            raise StateError(f"winches: found {table.tolist()}; all must be numbers of at least 0")
         other = copy.copy(self)
-        other.__dict__["winches"] = np.array(winches, dtype=float).reshape(self.winches.shape)
+        other.__dict__["winches"] = table
         return other
 
     def winding(self, slip: Array) -> Array:
@@ -231,7 +236,7 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
 
         Args:
             values: coordinate name -> value; ``joint.rotation`` takes a quaternion (w, x, y, z)
-                or a rotation vector; ``v:NAME`` sets a velocity.
+                or a rotation vector; ``v:NAME`` sets a velocity. Angles may be ``30 deg``.
         """
         if values is not None and not isinstance(values, Mapping):
             raise StateError(
@@ -250,7 +255,7 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
                 string.just_reaches(span, q_D, q_K)
         values_by_name.put_commands(self.tree.drives, values or {}, q_D, q_K)
         taut, slip = np.zeros(self.tree.n_rows, dtype=bool), np.zeros(len(self.tree.strings))
-        return State(0.0, q_D, v_D, q_K, v_K, taut, slip)
+        return State(0.0, q_D, v_D, q_K, v_K, taut, slip, table)
 
     def rest(self, values: Mapping[str, float | Iterable[float]] | State | None = None) -> State:
         """A hanging equilibrium: a local minimum of V subject to the strings and limits.
@@ -269,9 +274,11 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
         """The nearest state that no string or limit forbids; see :func:`projection.project`."""
         return projection.project(self, x)
 
-    def check_start(self, x: State) -> None:
-        """Raises :class:`StateError` when a run cannot begin at ``x``."""
-        checks.check_start(self, x)
+    def check_start(
+        self, x: State, method: Literal["event", "timestepping", "variational"] = "event"
+    ) -> None:
+        """Raises :class:`StateError` when a run of a method cannot begin at ``x``."""
+        checks.check_start(self, x, method)
 
     def instant(self, x: State, acc_K: Array | None = None, u_D: Array | None = None) -> Instant:
         """The compiled model's quantities at a state.
@@ -282,9 +289,9 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
             u_D: (n_vD,) user forces; 0 when not given.
         """
         table = self.coordinates
-        acc_K = np.zeros(table.n_vK) if acc_K is None else acc_K
-        u_D = np.zeros(table.n_vD) if u_D is None else u_D
-        States.of([x], len(self.tree.strings))  # a slip that is none is refused
+        acc_K = checks.vector("acc_K", acc_K, table.n_vK)
+        u_D = checks.vector("u_D", u_D, table.n_vD)
+        self.states([x])
         made = Instant.of(self.library, self.tree, x, self.p, acc_K, u_D)
         if len(x.slip):
             speed, braked = self.winches[:, 1], np.sqrt(2.0 * BRAKE * x.slip)
@@ -297,10 +304,12 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
     ) -> tuple[Array, Array]:
         """acc_D and the forces of the rows, from Eqs. 10 and 11 and the rules of Sec. IV.
 
-        Over the rows with h = 0 and hdot = 0: tau >= 0, hddot <= 0, tau . hddot = 0.
+        Over the rows that are taut in the state's mode, and those with h = 0 and hdot = 0:
+        tau >= 0, hddot <= 0, tau . hddot = 0.
 
         Args:
-            x: a state that no row forbids.
+            x: the state. Gaps and speeds that a fixed step has left of its taut rows stay as they
+                are.
             acc_K, u_D: as in :meth:`instant`.
 
         Returns:
@@ -308,17 +317,15 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
             where several give the same motion.
 
         Raises:
-            StateError: no acceleration keeps the rows, as when two inputs pull a string apart.
+            StateError: no acceleration keeps the rows, as when two inputs pull a string apart; or
+                the mode says of slack rows that they are taut.
         """
         instant = self.instant(x, acc_K, u_D)
-        scale = self.row_scales(x.q_D, x.q_K)
-        speed = 1e-7 * max(1.0, float(np.max(np.abs(x.v_D), initial=0.0)))
-        closed = (np.abs(instant.h) <= checks.CLOSED * scale) & (np.abs(instant.hdot) <= speed)
-        slipping = (instant.h >= -checks.CLOSED * scale) & (instant.hdot > speed)
-        slipping &= np.isfinite(self.upper)
-        tension = np.where(slipping, self.upper, 0.0)
-        w0 = instant.w0 - instant.W[:, slipping] @ tension[slipping]
-        rows = np.flatnonzero(closed | self.two_sided)
+        check_mode(self, x, instant)
+        closed = closed_rows(self, x, instant)
+        tension = np.where(closed.slipping, self.upper, 0.0)
+        w0 = instant.w0 - instant.W[:, closed.slipping] @ tension[closed.slipping]
+        rows = np.flatnonzero(closed.held)
         hddot = instant.gamma[rows] + instant.W[:, rows].T @ w0
         found = instant.complementarity(rows, hddot, self.two_sided, self.upper)
         if not found.solved:
@@ -362,7 +369,8 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
             rtol, atol: tolerances of the event-driven integrator.
         """
         checks.check_method(method)
-        self.check_start(x0)
+        checks.check_positive(dt=dt, rtol=rtol, atol=atol)
+        self.check_start(x0, method)
         checks.check_step(self, method, x0.q_D, x0.q_K, dt)
         return Stepper(self, x0, method, self.run_options(dt=dt, rtol=rtol, atol=atol))
 
@@ -396,4 +404,4 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
     def with_mode(self, x: State) -> State:
         """The state with its taut rows found."""
         _, tension = self.accelerations(x)
-        return x.replace(taut=tension > 0.0)
+        return x.replace(taut=(tension > 0.0) | self.two_sided, coordinates=self.coordinates)

@@ -8,7 +8,7 @@ import numpy as np
 
 from fantoccini.errors import StateError
 from fantoccini.marionette import settle, statics
-from fantoccini.marionette.checks import CLOSED
+from fantoccini.marionette.closed import CLOSED
 from fantoccini.marionette.projection import onto_rows, overstepped, positioned
 from fantoccini.motion import State
 

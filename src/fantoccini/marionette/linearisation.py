@@ -21,6 +21,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import UnknownNameError
+from fantoccini.marionette.checks import vector
 from fantoccini.marionette.instant import Instant
 from fantoccini.motion import State
 from fantoccini.puppet import Parameter
@@ -161,8 +162,7 @@ def linearise(
         UnknownNameError: a row that the puppet does not have.
     """
     table = marionette.coordinates
-    acc_K = np.zeros(table.n_vK) if acc_K is None else np.asarray(acc_K, dtype=float)
-    u_D = np.zeros(table.n_vD) if u_D is None else np.asarray(u_D, dtype=float)
+    acc_K, u_D = vector("acc_K", acc_K, table.n_vK), vector("u_D", u_D, table.n_vD)
     instant = marionette.instant(x, acc_K, u_D)
     if rows is None:
         acc_D, tension = marionette.accelerations(x, acc_K, u_D)

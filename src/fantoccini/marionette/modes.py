@@ -142,7 +142,7 @@ def modes(marionette: Marionette, x: State) -> Modes:
     """
     acc_D, tension = marionette.accelerations(x)
     largest = np.max(np.abs(np.concatenate([acc_D, x.v_D, x.v_K])), initial=0.0)
-    if largest > _RESTS:
+    if not largest <= _RESTS:
         raise StateError(
             f"the puppet does not rest there: a velocity or acceleration is {largest:.3g}; modes "
             "are those of a state that marionette.rest(...) gives"

@@ -18,7 +18,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError
-from fantoccini.marionette.checks import CLOSED
+from fantoccini.marionette.closed import CLOSED
 from fantoccini.marionette.instant import Instant
 from fantoccini.marionette.projection import onto_rows, positioned, retract
 from fantoccini.marionette.statics import (

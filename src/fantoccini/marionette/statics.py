@@ -14,7 +14,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError, Status
-from fantoccini.marionette.checks import CLOSED
+from fantoccini.marionette.closed import CLOSED
 from fantoccini.marionette.instant import Instant
 from fantoccini.marionette.projection import onto_rows, retract
 from fantoccini.motion import Input, State, rotation

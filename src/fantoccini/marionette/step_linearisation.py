@@ -19,6 +19,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError
+from fantoccini.marionette.checks import check_positive, vector
 from fantoccini.marionette.instant import Instant
 from fantoccini.marionette.linearisation import (
     Answer,
@@ -98,8 +99,9 @@ def linearise_step(
     """
     t = marionette.coordinates
     n, k, n_p = t.n_vD, t.n_vK, len(marionette.p)
-    acc_K = np.zeros(k) if acc_K is None else np.asarray(acc_K, dtype=float)
-    u_D = np.zeros(n) if u_D is None else np.asarray(u_D, dtype=float)
+    acc_K, u_D = vector("acc_K", acc_K, k), vector("u_D", u_D, n)
+    check_positive(dt=dt)
+    marionette.check_state(x)
     stepper = Stepper(marionette, x, "timestepping", marionette.run_options(dt=dt))
     x_next = stepper.advance(dt, acc_K, u_D=u_D)
     tension, upper = stepper.tension, np.minimum(marionette.upper, marionette.tension_cap)

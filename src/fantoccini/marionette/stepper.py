@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import SimulationError, Status
-from fantoccini.marionette.checks import check_inputs, check_rows, check_speed
+from fantoccini.marionette.checks import check_positive, check_rows, ready, vector
 from fantoccini.motion import Input, State
+from fantoccini.motion.pieces import constant_acceleration
 from fantoccini.motion.polynomial import N_COEF
 from fantoccini.runtime import Run, RunOptions
 
@@ -26,6 +27,9 @@ class Stepper:
 
     The input of the paper's Eq. 12 is the acceleration of the driven coordinates, u_L: held
     constant over a piece, it keeps their velocity continuous whatever is asked for.
+
+    ``copy.copy``, ``copy.deepcopy`` and ``pickle`` give a stepper that goes on from the same state
+    by itself, as far as the bookkeeping of energies goes from 0.
 
     Attributes:
         state: where the puppet is now.
@@ -50,16 +54,36 @@ class Stepper:
     ):
         self.marionette = marionette
         self.method = method
-        self.state = x0
-        self._options = options
-        hold = Input.hold(marionette).bound(x0.q_K).shifted(x0.t)
-        self._run = Run(
-            marionette.library_of(method), method, options, x0, marionette.p, marionette.winches,
-            hold,
-        )  # fmt: skip
+        self.state = x0.replace(coordinates=marionette.coordinates)
+        self._options, self._run = options, self._begun(options)
         rows, self.events = self._run.present()
         self.rows = rows[-1:]
         self.tension = marionette.row_layout.split(self.rows)["tension"][0]
+
+    def _begun(self, options: RunOptions) -> Run:
+        """A run from the present state, with the driven velocities that it has."""
+        m, x = self.marionette, self.state
+        times = np.array([x.t, x.t + options.dt])
+        still = np.zeros((1, len(x.v_K)))
+        coasts = Input(
+            m.coordinates, times, *constant_acceleration(m.coordinates, times, x.q_K, x.v_K, still),
+            np.ones(len(x.v_K), dtype=bool),
+        )  # fmt: skip
+        return Run(m.library_of(self.method), self.method, options, x, m.p, m.winches, coasts)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # What is underway lives in the library; the state is where it goes on from.
+        return {name: x for name, x in vars(self).items() if name != "_run"} | {
+            "_status": int(self.status)
+        }
+
+    def __setstate__(self, kept: dict[str, Any]) -> None:
+        status = Status(kept.pop("_status"))
+        self.__dict__.update(kept)
+        self._run = self._begun(self._options)
+        self._run.present()
+        if status not in (Status.DONE, Status.RUNNING):
+            self._run.status = status
 
     @property
     def status(self) -> Status:
@@ -100,9 +124,7 @@ class Stepper:
             chosen = self._piece(duration, acc_K, u_D)
         else:
             t = self.state.t
-            check_inputs(self.marionette, inputs, t, end)
-            chosen = inputs.bound(self.state.q_K, t)
-            check_speed(self.marionette, self.state, chosen)
+            chosen = ready(self.marionette, inputs, self.state.q_K, self.state.v_K, t, end)
         self._run.set_input(chosen)
         written = []
         try:
@@ -127,6 +149,9 @@ class Stepper:
         Returns:
             The states at which the law was asked, and the last one.
         """
+        check_positive(rate=rate)
+        if not t_end > self.state.t:
+            raise ValueError(f"t_end is {t_end}; it must be later than now, {self.state.t:g} s")
         states = [self.state]
         n = max(1, round((t_end - self.state.t) * rate))
         times = np.linspace(self.state.t, t_end, n + 1)
@@ -143,28 +168,24 @@ class Stepper:
             return
         split = self.marionette.row_layout.split(self.rows[-1:])
         motion = {name: split[name][0] for name in ("q_D", "v_D", "q_K", "v_K", "slip")}
-        self.state = State(float(split["t"][0]), taut=split["taut"][0] > 0, **motion)
+        self.state = State(
+            float(split["t"][0]), taut=split["taut"][0] > 0, **motion,
+            coordinates=self.marionette.coordinates,
+        )  # fmt: skip
         self.tension = split["tension"][0]
 
     def _piece(self, duration: float, acc_K, u_D: Array | None) -> Input:
         table = self.marionette.coordinates
-        acc = np.zeros(table.n_vK)
         if isinstance(acc_K, Mapping):
-            for name, value in acc_K.items():
-                acc[self.marionette.driven_velocity(name)] = value
-        elif acc_K is not None:
-            if np.shape(acc_K) != acc.shape:
-                raise ValueError(f"acc_K has the shape {np.shape(acc_K)}; it must be {acc.shape}")
-            acc[:] = acc_K
-        x = self.state
+            named, acc_K = acc_K, np.zeros(table.n_vK)
+            for name, value in named.items():
+                acc_K[self.marionette.driven_velocity(name)] = value
+        acc, x = vector("acc_K", acc_K, table.n_vK), self.state
         # A trace longer than the piece, so that its last instant still lies within the input.
         times = x.t + np.array([0.0, (1.0 + 1e-6) * duration])
         made = Input.segments(table, times, x.q_K, x.v_K, acc[None])
         if u_D is None:
             return made
-        u_D = np.asarray(u_D, dtype=float)
-        if u_D.shape != (table.n_vD,):
-            raise ValueError(f"u_D has the shape {u_D.shape}; it must be {(table.n_vD,)}")
         force = np.zeros((1, table.n_vD, N_COEF))
-        force[0, :, 0] = u_D
+        force[0, :, 0] = vector("u_D", u_D, table.n_vD)
         return dataclasses.replace(made, force=force)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable
+from collections.abc import Container, Iterable, Sequence
 
 import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError, UnknownNameError
+from fantoccini.motion import reading
 from fantoccini.motion.rotation import exp
 from fantoccini.tree import CoordinateTable, DriveRow
 
@@ -20,19 +21,15 @@ def put(
     Args:
         table: names and places of all coordinates.
         name: of a coordinate; ``joint.rotation`` for a rotation; ``v:NAME`` for a velocity.
-        value: a number, or a quaternion (w, x, y, z) or rotation vector.
+        value: a number, an angle such as ``30 deg``, or a quaternion (w, x, y, z) or rotation
+            vector.
         q_D, v_D, q_K, v_K: changed in place.
 
     Raises:
         StateError: the value is not what the name takes.
         UnknownNameError: the puppet has no such coordinate.
     """
-    try:
-        number = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        raise StateError(
-            f"{name}: found {value!r}; it takes a number (radians or metres) or a rotation"
-        ) from None
+    number = _numbers(table, name, value)
     if not np.all(np.isfinite(number)):
         raise StateError(f"{name}: found {value}; it must be finite")
     length = name.endswith(".length") and not name.startswith("v:")
@@ -77,6 +74,27 @@ def put_commands(
             continue
         q, _ = row.command
         q_K[q : q + row.q.stop - row.q.start] = q_D[row.q]
+
+
+def _numbers(table: CoordinateTable, name: str, value) -> Array:
+    """A number or numbers; angles may be text such as ``30 deg``.
+
+    Raises:
+        StateError: they are neither.
+    """
+    angles = any(row.name == name and row.unit == "rad" for row in table.rows)
+    try:
+        if isinstance(value, str):
+            return np.array(reading.number(value, angles))
+        if isinstance(value, Sequence) and any(isinstance(x, str) for x in value):
+            turns = name.endswith(".rotation") and len(value) == 3
+            return np.array([reading.number(x, turns) for x in value])
+        return np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise StateError(
+            f"{name}: found {value!r}; it takes a number of metres or radians, an angle such as "
+            "'30 deg' where it is one, or a rotation"
+        ) from None
 
 
 def _quaternion(name: str, value: Array) -> Array:

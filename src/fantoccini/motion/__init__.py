@@ -5,7 +5,7 @@ from fantoccini.motion.files import inputs_schema
 from fantoccini.motion.input import Input
 from fantoccini.motion.input_derivative import InputDerivative
 from fantoccini.motion.inputs import Inputs
-from fantoccini.motion.state import Event, EventKind, State, States
+from fantoccini.motion.state import Event, EventKind, State, States, check_size
 from fantoccini.motion.trajectories import SAVED, Trajectories
 from fantoccini.motion.trajectory import Trajectory
 
@@ -21,5 +21,6 @@ __all__ = [
     "States",
     "Trajectories",
     "Trajectory",
+    "check_size",
     "inputs_schema",
 ]

@@ -10,14 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.motion import pieces, polynomial, rotation
+from fantoccini.motion import joints, pieces, polynomial, rotation
 from fantoccini.motion.findings import Findings
 
 if TYPE_CHECKING:
     from fantoccini.tree import CoordinateTable
-
-_SAME_POSITION = 1e-9
-"""A start state that differs by less, relative to 1 or the value if larger, is the same."""
 
 
 def bound(
@@ -29,8 +26,13 @@ def bound(
     q_here: Array,
     q_K: Array,
     t: float,
+    v_here: Array | None = None,
+    v_K: Array | None = None,
 ) -> tuple[Array, Array]:
     """Coefficients and bases that begin where start states are.
+
+    Small differences, by the rule of :mod:`fantoccini.motion.joints`, are taken up by the piece in
+    which the run begins.
 
     Args:
         table: names and places of the coordinates.
@@ -41,6 +43,8 @@ def bound(
         q_here: (n, n_qK) of the inputs at ``t``.
         q_K: (n, n_qK) of the start states.
         t: the start [s].
+        v_here: (n, n_vK) of the inputs at ``t``.
+        v_K: (n, n_vK) of the start states; velocities are left alone when not given.
 
     Returns:
         coef (n, n_seg, n_vK, 6), base (n, n_seg, n_qK).
@@ -49,20 +53,40 @@ def bound(
         InputError: a named coordinate does not start where its state is.
     """
     findings, coef, base = Findings(), np.array(coef), np.array(base)
-    for name, (q, v) in pieces.channel_names(table).items():
-        mine, theirs = q_here[:, q], q_K[:, q]
+    move, differs = np.zeros(named.shape), np.zeros(len(coef), dtype=bool)
+    if v_K is not None:
+        v_here = np.where(named, v_here, 0.0)
+        differs = np.any(np.abs(v_K - v_here) > joints.ROUNDED_SPEED, axis=1)
+    names = pieces.channel_names(table)
+    for name, (q, v) in names.items():
         mask = named[:, v.start]
         free = np.flatnonzero(~mask)
         coef[free[:, None], :, np.arange(v.start, v.stop)] = 0.0
-        base[free, :, q] = theirs[free, None]
+        base[free, :, q] = q_K[free, None, q]
         if name in table.rotations:
-            away = np.linalg.norm(rotation.between(theirs, mine), axis=-1)
-            turned = mask & ((mine * theirs).sum(axis=-1) < 0)
+            turned = mask & ((q_here[:, q] * q_K[:, q]).sum(axis=-1) < 0)
             base[:, :, q] *= np.where(turned, -1.0, 1.0)[:, None, None]
         else:
-            coef[free, :, v.start, 0] = theirs[free]
-            away = np.abs(mine - theirs)[:, 0] / np.maximum(1.0, np.abs(mine[:, 0]))
-        for i in np.flatnonzero(mask & ~(away <= _SAME_POSITION))[:1]:
+            coef[free, :, v.start, 0] = q_K[free, q]
+            move[:, v.start] = np.where(mask, (q_K - q_here)[:, q.start], 0.0)
+    differs |= ~np.all(np.abs(move) <= joints.ROUNDED_PLACE, axis=1)
+    # Only where there is a difference it is asked how large it may be: batches are large.
+    place, speed = np.zeros(named.shape), np.zeros(named.shape)
+    own = breaks[differs] if len(breaks) > 1 else breaks
+    place[differs], speed[differs] = joints.tolerances(table, own, coef[differs])
+    for name, (q, v) in names.items():
+        mine, theirs, mask = q_here[:, q], q_K[:, q], named[:, v.start]
+        for i in np.flatnonzero(~np.all(np.isfinite(theirs), axis=1))[:1]:
+            findings.add((*which(i, len(coef)), name), f"is {_text(theirs[i])} in the start state")
+        if name in table.rotations:
+            away = np.linalg.norm(rotation.between(theirs, mine), axis=-1)
+            same = np.full(len(coef), joints.SAME_PLACE)
+        else:
+            away = np.abs(mine - theirs)[:, 0]
+            same = np.maximum(
+                place[:, v.start], joints.SAME_PLACE * np.maximum(1.0, np.abs(mine[:, 0]))
+            )
+        for i in np.flatnonzero(mask & ~(away <= same))[:1]:
             here, there = _text(mine[i]), _text(theirs[i])
             findings.add(
                 (*which(i, len(coef)), name),
@@ -70,7 +94,31 @@ def bound(
                 f"start from a state with {name} = {here}, or let the inputs begin at {there}",
             )
     findings.raise_any()
+    if v_K is not None and np.any(differs):
+        v_K = np.where(np.abs(v_K - v_here) <= speed, v_K, v_here)
+        _begin(table, breaks, coef, base, t, np.flatnonzero(differs), move, v_K)
     return coef, base
+
+
+def _begin(
+    table: CoordinateTable,
+    breaks: Array,
+    coef: Array,
+    base: Array,
+    t: float,
+    some: Array,
+    move: Array,
+    v: Array,
+) -> None:
+    """Lets the pieces at time t begin elsewhere by ``move`` and with the velocity v, in place."""
+    breaks = np.broadcast_to(breaks, (len(coef), coef.shape[1] + 1))
+    some = some[(breaks[some, 0] <= t) & (t < breaks[some, -1])]
+    i = (breaks[some] <= t).sum(axis=1) - 1
+    s, h = t - breaks[some, i], breaks[some, i + 1] - breaks[some, i]
+    made = joints.begun(table, coef[some, i], s, h, move[some], v[some])
+    coef[some, i] = made
+    q, rows = table.places_K
+    base[some[:, None], i[:, None], q] = made[:, rows, 0]
 
 
 def note_lengths(table: CoordinateTable, breaks: Array, coef: Array, findings: Findings) -> None:

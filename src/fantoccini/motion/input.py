@@ -12,7 +12,7 @@ import numpy as np
 
 from fantoccini.arrays import Array, ConfigK, MaskRows, Times, VecD, VecK, frozen
 from fantoccini.errors import InputError, Problem
-from fantoccini.motion import binding, channel, pieces, polynomial, reading
+from fantoccini.motion import binding, channel, joints, pieces, polynomial, reading
 from fantoccini.motion.channel import SAME_TIME, Channel
 from fantoccini.motion.findings import Findings
 
@@ -21,7 +21,11 @@ if TYPE_CHECKING:
     from fantoccini.tree import CoordinateTable
 
 
-@dataclass(frozen=True, eq=False)
+_MOST_SHOWN = 4
+"""Names that ``repr`` tells."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Input:
     """Piecewise quintic motion of the driven coordinates, C^1 at the breaks.
 
@@ -67,8 +71,25 @@ class Input:
             if value.shape != shape:
                 _fail(field, f"has the shape {value.shape}; it must be {shape}")
             object.__setattr__(self, field, value)
+        for field, known in (("coef", self.coef[:, self.named]), ("force", self.force)):
+            if known is not None and not np.all(np.isfinite(known)):
+                _fail(field, "has a number that is not finite")
         if n < 1 or not np.all(np.diff(self.breaks) > 0):
             _fail("breaks", "must be two or more times that increase")
+
+    def __repr__(self) -> str:
+        names = [
+            name
+            for name, (_, v) in pieces.channel_names(self.coordinates).items()
+            if self.named[v.start]
+        ]
+        told = ", ".join(names[:_MOST_SHOWN]) + (", ..." if len(names) > _MOST_SHOWN else "")
+        called = f" {self.name!r}" if self.name else ""
+        forced = "" if self.force is None else ", with forces"
+        return (
+            f"<Input{called}: {self.start:g} to {self.end:g} s, {told or 'all hold still'}, "
+            f"{len(self.coef)} piece{'s' * (len(self.coef) != 1)}{forced}>"
+        )
 
     @property
     def start(self) -> float:
@@ -96,6 +117,8 @@ class Input:
             duration: [s] > 0; afterwards everything is held too.
         """
         table = reading.table_of(table)
+        if not (np.isfinite(duration) and duration > 0):
+            _fail("duration", f"is {duration}; it must be a positive number of seconds")
         return cls(table, *pieces.assembled(table, {}, (0.0, duration)))
 
     @classmethod
@@ -281,22 +304,27 @@ class Input:
             )
         return joined.checked()
 
-    def bound(self, q_K: ConfigK, t: float | None = None) -> Input:
+    def bound(
+        self, q_K: ConfigK, t: float | None = None, v_K: VecK | None = None
+    ) -> Input:
         """Ready for a run from a start state: what was not named holds the state's values.
 
         Args:
             q_K: (n_qK,) driven configuration of the start state [m, rad or 1].
             t: time of the start state [s]; the first break when not given.
+            v_K: (n_vK,) its driven velocity [m/s or rad/s]: small differences are taken up by the
+                piece in which the run begins, see :mod:`fantoccini.motion.joints`.
 
         Raises:
             InputError: a named coordinate does not start where the state is.
         """
         t = self.start if t is None else float(t)
-        q_here, q_K = self.evaluate(t)[0], np.asarray(q_K, dtype=float)
-        one = [a[None] for a in (self.breaks, self.coef, self.base)]
+        q_here, v_here, _ = self.evaluate(t)
+        one = [a[None] for a in (self.breaks, self.coef, self.base, self.named, q_here)]
         coef, base = binding.bound(
-            self.coordinates, *one, self.named[None], q_here[None], q_K[None], t
-        )
+            self.coordinates, *one, np.asarray(q_K, dtype=float)[None], t, v_here[None],
+            None if v_K is None else np.asarray(v_K, dtype=float)[None],
+        )  # fmt: skip
         return dataclasses.replace(self, coef=coef[0], base=base[0])
 
     # -- reading one -------------------------------------------------------------------------
@@ -338,15 +366,33 @@ class Input:
     def checked(self) -> Input:
         """Itself, if it is C^1 and keeps every named length positive.
 
+        What small jumps it has, by the rule of :mod:`fantoccini.motion.joints`, is taken up by the
+        pieces before them.
+
         Raises:
             InputError: naming the coordinates and times where it jumps.
         """
         findings = Findings()
-        pieces.note_steps(self.coordinates, self.breaks, self.coef, self.base, findings)
-        one = self.breaks[None], self.coef[None]
-        binding.note_lengths(self.coordinates, *one, findings)
+        arrays = self.breaks, self.coef, self.base, self.named
+        coef = pieces.joined(self.coordinates, *arrays, findings)
+        binding.note_lengths(self.coordinates, self.breaks[None], coef[None], findings)
         findings.raise_any()
-        return self
+        return self if coef is self.coef else dataclasses.replace(self, coef=coef)
+
+    def at_rest(self) -> Input:
+        """The same, with velocities at both ends brought to 0 that are small by the same rule."""
+        ends = np.array([self.start, self.end])
+        v = self.evaluate(ends)[1]
+        _, most = joints.tolerances(self.coordinates, self.breaks[None], self.coef[None])
+        small = np.where((np.abs(v) <= most) & (v != 0.0), 0.0, v)
+        if np.array_equal(small, v):
+            return self
+        coef, none = np.array(self.coef), np.zeros((1, len(v[0])))
+        h = np.diff(self.breaks)
+        first = joints.begun(self.coordinates, coef[:1], np.zeros(1), h[:1], none, small[:1])
+        coef[:1] = first
+        coef[-1:] = joints.ended(self.coordinates, coef[-1:], h[-1:], none, small[1:])
+        return dataclasses.replace(self, coef=coef)
 
     # -- inside ------------------------------------------------------------------------------
 

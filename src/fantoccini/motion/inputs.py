@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fantoccini.arrays import Array, frozen
-from fantoccini.errors import UnknownNameError
+from fantoccini.errors import InputError, Problem, UnknownNameError
 from fantoccini.motion import binding, pieces, polynomial, reading, rotation
 from fantoccini.motion.input import Input
 
@@ -47,6 +47,11 @@ class Inputs:
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, frozen(getattr(self, name)))
         object.__setattr__(self, "named", frozen(self.named, bool))
+        known = np.where(self.named[:, None, :, None], self.coef, 0.0)
+        for field, numbers in (("breaks", self.breaks), ("coef", known), ("force", self.force)):
+            if numbers is not None and not np.all(np.isfinite(numbers)):
+                text = "has a number that is not finite"
+                raise InputError([Problem("inputs", None, field, text)])
 
     def __len__(self) -> int:
         return len(self.coef)
@@ -133,8 +138,11 @@ class Inputs:
         """
         table = reading.table_of(table)
         for name, value in (("n", n), ("t_end", t_end), ("every", every)):
-            if not value > 0:
+            if not (np.isfinite(value) and value > 0):
                 raise ValueError(f"{name} is {value}; it must be positive")
+        for name, value in (("reach", reach), ("turn", turn)):
+            if not (np.isfinite(value) and value >= 0):
+                raise ValueError(f"{name} is {value}; it must be 0 or more")
         places = pieces.channel_names(table)
         for name in only or ():
             if name not in places:
@@ -182,6 +190,13 @@ class Inputs:
         """The same, ``dt`` seconds later."""
         return dataclasses.replace(self, breaks=self.breaks + dt)
 
+    def at_rest(self) -> Inputs:
+        """The same, with small velocities at their ends brought to 0; see :meth:`Input.at_rest`."""
+        ends = self.breaks[:, 0], self.breaks[:, -1]
+        if not any(np.any(self.evaluate(t)[1]) for t in ends):
+            return self
+        return Inputs.of([self[i].at_rest() for i in range(len(self))])
+
     def evaluate(self, t: float | Array) -> tuple[Array, Array, Array]:
         """q_K (n, n_qK), v_K (n, n_vK) and acc_K (n, n_vK) of all at a time (or (n,) times) [s]."""
         n, n_seg = self.coef.shape[:2]
@@ -198,30 +213,36 @@ class Inputs:
         v[held], acc[held] = 0.0, 0.0
         return q, v, acc
 
-    def bound(self, q_K: Array, t: float | None = None) -> Inputs:
+    def bound(self, q_K: Array, t: float | None = None, v_K: Array | None = None) -> Inputs:
         """Ready for runs from start states: what was not named holds the states' values.
 
         Args:
             q_K: (n or 1, n_qK) driven configurations of the start states [m, rad or 1].
             t: time of the start [s]; the latest first break when not given.
+            v_K: (n or 1, n_vK) their driven velocities; see :meth:`Input.bound`.
 
         Raises:
             InputError: a named coordinate does not start where its state is.
         """
         q_K = np.atleast_2d(np.asarray(q_K, dtype=float))
-        if len(q_K) > 1 and np.all(q_K == q_K[0]):
-            q_K = q_K[:1]
+        n_v = self.coordinates.n_vK
+        v_K = None if v_K is None else np.atleast_2d(np.asarray(v_K, dtype=float))
+        if len(q_K) > 1 and np.all(q_K == q_K[0]) and (v_K is None or np.all(v_K == v_K[0])):
+            q_K, v_K = q_K[:1], None if v_K is None else v_K[:1]
         n = max(len(q_K), len(self))
         if self.relative:
             return self._from(q_K, n)
         coef = np.broadcast_to(self.coef, (n, *self.coef.shape[1:]))
         base = np.broadcast_to(self.base, (n, *self.base.shape[1:]))
         t = self.start if t is None else float(t)
-        q_here = np.broadcast_to(self.evaluate(t)[0], (n, self.coordinates.n_qK))
+        q_here, v_here, _ = self.evaluate(t)
+        q_here = np.broadcast_to(q_here, (n, self.coordinates.n_qK))
+        v_here = np.broadcast_to(v_here, (n, n_v))
         q_K = np.broadcast_to(q_K, (n, self.coordinates.n_qK))
-        named = np.broadcast_to(self.named, (n, self.coordinates.n_vK))
+        named = np.broadcast_to(self.named, (n, n_v))
+        speeds = None if v_K is None else np.broadcast_to(v_K, (n, n_v))
         coef, base = binding.bound(
-            self.coordinates, self.breaks, coef, base, named, q_here, q_K, t
+            self.coordinates, self.breaks, coef, base, named, q_here, q_K, t, v_here, speeds
         )
         return dataclasses.replace(self, coef=coef, base=base)
 

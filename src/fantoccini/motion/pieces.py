@@ -11,17 +11,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fantoccini.arrays import Array, ConfigK, Times
-from fantoccini.motion import channel, polynomial, rotation
+from fantoccini.arrays import Array, ConfigK, MaskRows, Times
+from fantoccini.motion import channel, joints, polynomial, rotation
 from fantoccini.motion.channel import SAME_TIME, Channel, Points
 from fantoccini.motion.findings import Findings
 
 if TYPE_CHECKING:
     from fantoccini.tree import CoordinateTable
-
-_SAME_POSITION = 1e-9
-_SAME_VELOCITY = 1e-7
-"""Steps below these, relative to 1 or the value if larger, are rounding."""
 
 LOOKS = 17
 """Times a piece is looked at for a length that is not positive."""
@@ -172,25 +168,43 @@ def snap(t: Times, breaks: Times) -> Times:
     return np.where(np.abs(t - lower) <= np.abs(upper - t), lower, upper)
 
 
-def note_steps(
-    table: CoordinateTable, breaks: Times, coef: Array, base: Array, findings: Findings
-) -> None:
-    """Notes every coordinate and time at which position or velocity jumps."""
+def joined(
+    table: CoordinateTable,
+    breaks: Times,
+    coef: Array,
+    base: Array,
+    named: MaskRows,
+    findings: Findings,
+) -> Array:
+    """The coefficients (n, n_vK, 6) of pieces that meet, C^1, in position and velocity.
+
+    What is not named holds still, wherever that will be.
+
+    Notes every coordinate and time at which one of them jumps by more than the tolerances of
+    :mod:`fantoccini.motion.joints`. Where nothing does, they are as they were.
+    """
     h = np.diff(breaks)
     q_0, v_0, _ = evaluate(table, coef[:-1], base[:-1], h[:-1])
     q_1, v_1, _ = evaluate(table, coef[1:], base[1:], np.zeros(len(h) - 1))
+    place, speed = (x[0] for x in joints.tolerances(table, breaks[None], coef[None]))
+    move = np.zeros_like(v_0)
     for name, (q, v) in channel_names(table).items():
+        if not named[v.start]:
+            continue
         if name in table.rotations:
             step = np.linalg.norm(rotation.between(q_0[:, q], q_1[:, q]), axis=-1)
-            size = np.ones_like(step)
+            same = np.full_like(step, joints.SAME_PLACE)
         else:
-            step = np.abs(q_1 - q_0)[:, q.start]
-            size = np.maximum(1.0, np.abs(q_0[:, q.start]))
+            move[:, v] = (q_1 - q_0)[:, q]
+            step = np.abs(move[:, v.start])
+            same = np.maximum(place[v.start], joints.SAME_PLACE * np.abs(q_0[:, q.start]))
         jump = np.linalg.norm(v_1[:, v] - v_0[:, v], axis=-1)
-        speed = np.maximum(1.0, np.linalg.norm(v_0[:, v], axis=-1))
-        for what, by, bound in (
-            ("position", step, _SAME_POSITION * size),
-            ("velocity", jump, _SAME_VELOCITY * speed),
-        ):
-            for i in np.nonzero(by > bound)[0]:
+        for what, by, bound in (("position", step, same), ("velocity", jump, speed[v.start])):
+            for i in np.nonzero(~(by <= bound))[0]:
                 findings.add((name,), f"jumps in {what} by {by[i]:.3g} at t = {breaks[i + 1]:g} s")
+    apart = (np.abs(v_1 - v_0) > joints.ROUNDED_SPEED)[:, named]
+    if not np.any(apart) and not np.any(np.abs(move) > joints.ROUNDED_PLACE):
+        return coef
+    made = np.array(coef)
+    made[:-1] = joints.ended(table, coef[:-1], h[:-1], move, v_1)
+    return made

@@ -31,7 +31,7 @@ _ANGLE = TypeAdapter(Angle)
 _QUATERNION = ("qw", "qx", "qy", "qz")
 """What the four columns of a rotation are called."""
 
-_ROTATION = "a quaternion [w, x, y, z] or a rotation vector of 3 numbers"
+_ROTATION = "a quaternion [w, x, y, z] or a rotation vector of 3 angles"
 
 
 def table_of(thing) -> CoordinateTable:
@@ -141,7 +141,7 @@ def _quaternion(value) -> Array:
     """A quaternion from four numbers w, x, y, z or from a rotation vector of three [rad]."""
     if isinstance(value, str) or not isinstance(value, Sequence | np.ndarray):
         raise ValueError(f"found {shown(value)}; needed: {_ROTATION}")
-    parts = np.array([number(x) for x in value])
+    parts = np.array([number(x, angle=len(value) == 3) for x in value])
     if len(parts) == 3:
         return rotation.exp(parts)
     if len(parts) != 4:
@@ -197,7 +197,8 @@ def _turns(points, q: Array, findings: Findings, path: Path) -> bool:
     turn = np.linalg.norm(rotation.between(q[:-1], q[1:]), axis=-1)
     for i in range(len(q) - 1):
         if len(points[i][1]) == len(points[i + 1][1]) == 3:
-            apart = np.subtract(points[i + 1][1], points[i][1], dtype=float)
+            before, after = ([number(x, angle=True) for x in points[k][1]] for k in (i, i + 1))
+            apart = np.subtract(after, before)
             turn[i] = max(turn[i], np.linalg.norm(apart))
     far = np.nonzero(turn >= HALF_TURN)[0]
     for i in far:

@@ -5,17 +5,28 @@ from __future__ import annotations
 import dataclasses
 import enum
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fantoccini.arrays import Array, ConfigD, ConfigK, MaskRows, VecD, VecK, frozen
-from fantoccini.errors import StateError
+from fantoccini.errors import StateError, UnknownNameError
+
+if TYPE_CHECKING:
+    from fantoccini.tree import CoordinateTable
+
+_MOTION = ("q_D", "v_D", "q_K", "v_K")
+_MOST_SHOWN = 8
+"""Names that a message lists."""
 
 
 @dataclass(frozen=True, eq=False)
 class State:
     """Time, configuration, velocity and mode of a world. The arrays are read-only copies.
+
+    ``x["elbow"]`` is a coordinate, ``x["v:elbow"]`` its velocity, ``x["bar.rotation"]`` a
+    quaternion (w, x, y, z). States are equal where all their numbers and flags are.
 
     Attributes:
         t: time [s].
@@ -23,9 +34,14 @@ class State:
         v_D: (n_vD,) dynamic velocity [rad/s or m/s].
         q_K: (n_qK,) driven configuration [rad, m or 1].
         v_K: (n_vK,) driven velocity [rad/s or m/s].
-        taut: (n_rows,) bool, rows that hold: strings, then limits.
+        taut: (n_rows,) bool, the mode: rows that hold, strings, then limits. All False where it is
+            not known.
         slip: (n_strings,) by how much slipping winches have let each string out, >= 0 [m]; empty
             for none.
+        coordinates: names and places of the coordinates; None where a state was made without.
+
+    Raises:
+        StateError: a number that is not finite.
     """
 
     t: float
@@ -35,16 +51,79 @@ class State:
     v_K: VecK
     taut: MaskRows
     slip: Array = ()
+    coordinates: CoordinateTable | None = field(default=None, repr=False)
+
+    # Rows of a state are its coordinates' names: nothing to go through by number.
+    __iter__ = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "t", float(self.t))
-        for name in ("q_D", "v_D", "q_K", "v_K", "slip"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
+        if not np.isfinite(self.t):
+            raise StateError(f"t is {self.t}; a state holds finite numbers")
+        for name in (*_MOTION, "slip"):
+            value = frozen(getattr(self, name))
+            if not np.isfinite(value).all():
+                raise self._not_finite(name, value)
+            object.__setattr__(self, name, value)
         object.__setattr__(self, "taut", frozen(self.taut, bool))
 
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, State):
+            return NotImplemented
+        return self._values() == other._values()
+
+    def __hash__(self) -> int:
+        return hash(self._values())
+
+    def __getitem__(self, name: str) -> float | Array:
+        table = self.coordinates
+        if table is None:
+            raise StateError(
+                f"no coordinate of this state has a name: it was made without its puppet's "
+                f"coordinates; x.replace(coordinates=marionette.coordinates)[{name!r}] has one"
+            )
+        for names, values in ((table.q_D, self.q_D), (table.q_K, self.q_K)):
+            if name in names:
+                return float(values[names.index(name)])
+            first = f"{str(name).removesuffix('rotation')}qw"
+            if str(name).endswith(".rotation") and first in names:
+                at = names.index(first)
+                return values[at : at + 4]
+        for names, values in ((table.v_D, self.v_D), (table.v_K, self.v_K)):
+            if str(name).startswith("v:") and name[2:] in names:
+                return float(values[names.index(name[2:])])
+        raise UnknownNameError(
+            "coordinate", str(name),
+            (*table.q_D, *table.q_K, *(f"v:{n}" for n in (*table.v_D, *table.v_K))),
+        )  # fmt: skip
+
     def replace(self, **changes) -> State:
-        """A copy with some fields changed: ``x.replace(t=0.0, v_D=v)``."""
+        """A copy with some fields changed: ``x.replace(t=0.0, v_D=v)``.
+
+        The mode is that of one motion: where a configuration, velocity or slip is given that
+        differs, the copy's is not known, unless ``taut`` is given as well.
+        """
+        moved = any(
+            name in changes and not np.array_equal(changes[name], getattr(self, name))
+            for name in (*_MOTION, "slip")
+        )
+        if moved:
+            changes.setdefault("taut", np.zeros_like(self.taut))
         return dataclasses.replace(self, **changes)
+
+    def _values(self) -> tuple:
+        """What two states are compared by; no slip and a slip of 0 are the same."""
+        slip = self.slip.tolist() if np.any(self.slip) else ()
+        motion = (tuple(getattr(self, name).tolist()) for name in _MOTION)
+        return self.t, *motion, tuple(self.taut.tolist()), tuple(slip)
+
+    def _not_finite(self, name: str, value: Array) -> StateError:
+        at = tuple(int(i) for i in np.argwhere(~np.isfinite(value))[0])
+        place = f"{name}[{', '.join(map(str, at))}]"
+        names = None if self.coordinates is None else getattr(self.coordinates, name, None)
+        if names is not None and len(names) == value.size:
+            place += f" ({names[at[0]]})"
+        return StateError(f"{place} is {value[at]}; a state holds finite numbers")
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +133,7 @@ class States:
     Attributes:
         t: time [s].
         q_D, v_D, q_K, v_K: (n, ...) as of :class:`State`.
+        taut: (n, n_rows) bool.
         slip: (n, n_strings) [m].
     """
 
@@ -62,16 +142,27 @@ class States:
     v_D: Array
     q_K: Array
     v_K: Array
+    taut: MaskRows
     slip: Array
 
     @classmethod
-    def of(cls, states: Sequence[State], n_strings: int) -> States:
-        """States with what winches have let out, for every string.
+    def of(
+        cls, states: Sequence[State], table: CoordinateTable, n_strings: int, n_rows: int
+    ) -> States:
+        """States of one puppet, with a mode and with what winches have let out for every string.
+
+        Args:
+            states: one or more.
+            table: the puppet's coordinates.
+            n_strings, n_rows: its strings; its strings and limits.
 
         Raises:
             ValueError: they are not of one time.
-            StateError: a slip that is not a length >= 0 for each of the strings.
+            StateError: a state of another puppet, or a slip that is not a length >= 0 for each of
+                the strings.
         """
+        for x in states:
+            check_size(x, table, n_rows)
         if any(x.t != states[0].t for x in states):
             raise ValueError("the states of a batch must be of one time: x.replace(t=...)")
         still, slips = np.zeros(n_strings), [x.slip for x in states]
@@ -83,16 +174,47 @@ class States:
                 f"slip: found {bad.tolist()}; it takes a length >= 0 for each of the {n_strings} "
                 "strings, or nothing"
             )
-        parts = (np.array([getattr(x, n) for x in states]) for n in ("q_D", "v_D", "q_K", "v_K"))
-        return cls(states[0].t, *parts, slip.reshape(len(states), n_strings))
+        parts = (np.array([getattr(x, n) for x in states]) for n in _MOTION)
+        unknown = np.zeros(n_rows, dtype=bool)
+        taut = np.array([x.taut if len(x.taut) else unknown for x in states])
+        return cls(states[0].t, *parts, taut, slip.reshape(len(states), n_strings))
 
     def __len__(self) -> int:
         return len(self.q_D)
 
     def some(self, rows: slice) -> States:
         """Some of them."""
-        parts = (getattr(self, name)[rows] for name in ("q_D", "v_D", "q_K", "v_K", "slip"))
+        parts = (getattr(self, name)[rows] for name in (*_MOTION, "taut", "slip"))
         return States(self.t, *parts)
+
+
+def check_size(x: State, table: CoordinateTable, n_rows: int) -> None:
+    """Raises StateError unless a state is one of a puppet with these coordinates and rows."""
+    if not isinstance(x, State):
+        raise StateError(f"found {x!r}; it takes a state, as marionette.rest() gives it")
+    if x.coordinates is not None and x.coordinates is not table:
+        theirs, own = ((t.q_D, t.q_K) for t in (x.coordinates, table))
+        if theirs != own:
+            raise StateError(
+                "the state is one of another puppet: its coordinates are "
+                f"{_listed((*theirs[0], *theirs[1]))}, this puppet's {_listed((*own[0], *own[1]))}"
+            )
+    found = tuple(len(getattr(x, name)) for name in _MOTION)
+    takes = table.n_qD, table.n_vD, table.n_qK, table.n_vK
+    for name, has, needed in zip(_MOTION, found, takes, strict=True):
+        if has != needed:
+            raise StateError(
+                f"the state is one of another puppet: its {name} has {has} numbers, this puppet's "
+                f"{needed}"
+            )
+    if len(x.taut) not in (0, n_rows):
+        raise StateError(
+            f"the state's taut has {len(x.taut)} flags; this puppet has {n_rows} strings and limits"
+        )
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:_MOST_SHOWN]) + (", ..." if len(names) > _MOST_SHOWN else "")
 
 
 class EventKind(enum.StrEnum):

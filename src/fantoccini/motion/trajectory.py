@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from fantoccini.arrays import Array, Times, frozen
-from fantoccini.errors import StateError, Status
+from fantoccini.errors import StateError, Status, UnknownNameError
 from fantoccini.motion import interpolate
 from fantoccini.motion.columns import Columns
 from fantoccini.motion.state import Event, State
@@ -107,14 +107,28 @@ class Trajectory:
         for name, columns in self._tables().items():
             if len(columns.values) != n:
                 raise ValueError(f"{name} has {len(columns.values)} rows; it must have {n}")
-        if n == 0 or np.any(np.diff(self.t) < 0):
+        if n == 0 or not (np.all(np.isfinite(self.t)) and np.all(np.diff(self.t) >= 0)):
             raise ValueError("t must hold one time or more, none before the one it follows")
         object.__setattr__(self, "events", tuple(self.events))
         object.__setattr__(self, "status", Status(self.status))
         object.__setattr__(self, "blamed", tuple(self.blamed))
 
+    # Its columns have names, its rows are states: nothing to go through by number.
+    __iter__ = None
+
     def __len__(self) -> int:
         return len(self.t)
+
+    def __getitem__(self, name: str) -> Array:
+        """A column (T,) by its name in :meth:`columns`: ``elbow``, ``v:elbow``, ``tension:hand``.
+
+        Raises:
+            UnknownNameError: there is no such column.
+        """
+        columns = self.columns()
+        if name not in columns:
+            raise UnknownNameError("column", str(name), columns)
+        return columns[name]
 
     @property
     def duration(self) -> float:
@@ -172,7 +186,7 @@ class Trajectory:
         holds = np.concatenate([self.taut.values[row], self.limit_force.values[row] > 0])
         slip = () if self.slip is None else self.slip.values[row]
         motion = (x[row] for x in (self.t, self.q_D, self.v_D, self.q_K, self.v_K))
-        return State(*motion, holds, slip)
+        return State(*motion, holds, slip, self.coordinates)
 
     # -- giving it away ----------------------------------------------------------------------
 

@@ -63,7 +63,7 @@ def load(path: str | Path) -> Recording:
         _check(marionette, state, written)
         return Recording(
             marionette,
-            State(float(arrays["t"]), **state),
+            State(float(arrays["t"]), **state, coordinates=marionette.coordinates),
             arrays["acc_K"],
             float(arrays["tick"]),
             int(about["steps"]),

@@ -54,8 +54,9 @@ def carried(
         [v.get(name, 0.0) for name in new.v_D],
         [q.get(name, value) for name, value in zip(new.q_K, start.q_K, strict=True)],
         np.zeros(new.n_vK),
-        start.taut,
+        np.zeros(after.tree.n_rows, dtype=bool),
         [slip.get(s.name, 0.0) for s in after.tree.strings],
+        new,
     )
     names = set(new.q_D + new.q_K)
     lost = tuple(f"{name} is gone" for name in q if name not in names)

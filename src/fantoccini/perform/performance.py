@@ -87,7 +87,7 @@ class Performance:
         self._owed = 0.0
         if x0 is None:
             x0 = change.hanging(marionette)
-        marionette.check_start(x0)
+        marionette.check_start(x0, "timestepping")
         change.check_steps(marionette, x0, self.dt)
         self._take(marionette, x0)
         self._x0: State | None = x0

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.motion import Input, Trajectory
+from fantoccini.errors import StateError
+from fantoccini.motion import Input, State, Trajectory
 from fantoccini.plan.goals import Rows
 from fantoccini.plan.motions import Motions
 from fantoccini.plan.problem import Problem
@@ -74,7 +75,8 @@ def run_along(
         backend: one of ``BACKENDS``.
         options: of :func:`fantoccini.simulate`, with ``method``; of MuJoCo, ``dt``.
     """
-    start, motions = problem.start, problem.motions
+    motions = problem.motions
+    start = beginning(problem, options.get("method", "timestepping"))
     nodes = start.t + tree.time[list(path)]
     # A plan of one node has nothing to run; it stands for one step.
     end = max(float(nodes[-1]), start.t + motions.dt)
@@ -89,6 +91,15 @@ def run_along(
         options["save_at"] = np.unique(np.minimum(np.append(nodes, looks), end))
     inputs = inputs_along(problem, tree, path)
     return simulate(problem.marionette, start, inputs, t_end=end, throw=False, **options)
+
+
+def beginning(problem: Problem, method: str) -> State:
+    """The problem's start; with exact lengths for methods that need these."""
+    try:
+        problem.marionette.check_start(problem.start, method)
+    except StateError:
+        return problem.marionette.project(problem.start)
+    return problem.start
 
 
 def checked(

@@ -24,8 +24,9 @@ import numpy as np
 
 from fantoccini.arrays import Array, MaskRows
 from fantoccini.errors import StateError, Status
-from fantoccini.marionette import Marionette
+from fantoccini.marionette import Marionette, closed_rows
 from fantoccini.motion import State, tangent
+from fantoccini.plan.check import beginning
 from fantoccini.plan.funnels import regulators
 from fantoccini.plan.goals import Rows
 from fantoccini.plan.modes import Beyond, Course, away, mode_slopes
@@ -47,9 +48,6 @@ _ARRIVE = 100.0
 
 _WINDOW = 3
 """How far modes are led beyond their events, in segments."""
-
-_CLOSED, _SLOW = 1e-7, 1e-6
-"""h beside a string's length, and hdot [m/s], from which on it counts as taut."""
 
 _STEP = 1e-6
 """Of differences of what the goal lacks [rad or m]."""
@@ -153,7 +151,7 @@ class Feedback:
         for name, value in (("effort", effort), ("arrive", arrive)):
             if not 0.0 < value < np.inf:
                 raise ValueError(f"{name} is {value}; it must be finite and greater than 0")
-        if window < 0:
+        if not window >= 0:
             raise ValueError(f"window is {window}; it must be at least 0")
         nodes, looks, planned = tree.rows[path], tree.looks[path[1:]], tree.acceleration[path[1:]]
         marionette = plan.problem.marionette
@@ -163,7 +161,9 @@ class Feedback:
         A, B = mode_slopes(marionette, nodes[:-1], pulling[:-1], planned, durations, onto)
         events = np.any(pulling[1:] != pulling[:-1], axis=1) | (tree.catches[path[1:]] > 0)
         for k in np.flatnonzero(events):
-            exact = caught_slopes(marionette, nodes[k], planned[k], durations[k])
+            exact = caught_slopes(
+                marionette, nodes[k], planned[k], durations[k], pulling[k]
+            )
             if exact is not None:
                 A[k], B[k] = exact
         size = A.shape[1]
@@ -222,14 +222,11 @@ class Feedback:
     def mode(self, x: State) -> MaskRows:
         """(n_strings,) bool, the strings that pull.
 
-        They are those that are taut in the state, and those that just reach and are not about to
-        go slack: the modes of a state that somebody made are not filled in.
+        They are those that are closed: taut in the state's mode, or at their length and at rest.
         """
         marionette, strings = self.plan.problem.marionette, self.pulling.shape[1]
-        instant = marionette.instant(x)
-        reach = instant.h >= -_CLOSED * marionette.row_scales(x.q_D, x.q_K)
-        taut = x.taut | (reach & (instant.hdot >= -_SLOW)) | marionette.two_sided
-        return taut[:strings]
+        closed = closed_rows(marionette, x, marionette.instant(x))
+        return (closed.held | closed.slipping)[:strings]
 
     def _kept_within(self, x: State, T: float) -> tuple[Array, Array]:
         """(n_vK,) velocities, least and greatest, from which driven coordinates stop in time.
@@ -285,7 +282,7 @@ class Feedback:
         names = [(m.coordinates.v_D, m.coordinates.v_K) for m in (led, problem.marionette)]
         if names[0] != names[1]:
             raise StateError("the puppet that is led has other coordinates than the plan's")
-        x = self.plan.start if x0 is None else x0
+        x = beginning(problem, method) if x0 is None else x0
         stepper = led.stepper(x, method, **({"dt": self.plan.motions.dt} | options))
         m, whole = len(self.looks), self.plan.motions.looks
         more = int(np.ceil(hold / (whole * interval) - 1e-9))

@@ -105,7 +105,7 @@ def solve(
         raise ValueError(f"time_limit is {time_limit}; it must be finite and greater than 0")
     if not 0.0 <= improve < np.inf:
         raise ValueError(f"improve is {improve}; it must be a finite number of at least 0 [s]")
-    if iterations is not None and iterations < 1:
+    if iterations is not None and not iterations >= 1:
         raise ValueError(f"iterations is {iterations}; it must be at least 1")
     search = Search(problem, planner, seed, confirm, objective)
     try:

@@ -123,7 +123,7 @@ class Problem:
         if not 0.0 <= margin < np.inf:
             raise ValueError(f"margin is {margin}; it must be a number of at least 0 [m]")
         for what, number in (("look", look), ("threads", threads)):
-            if number < 1:
+            if not number >= 1:
                 raise ValueError(f"{what} is {number}; it must be at least 1")
         looks = _SEGMENT if segment is None else whole_looks(segment, dt * look)
         if looks * look > _STEPS:
@@ -132,7 +132,7 @@ class Problem:
                 f"must be at most {_STEPS}"
             )
         self.objective = Objective.of(objective)
-        marionette.check_start(start)
+        marionette.check_start(start, "timestepping")
         if not len(start.slip):
             start = start.replace(slip=np.zeros(len(marionette.tree.strings)))
         self.marionette, self.start, self.tolerance = marionette, start, tolerance
@@ -207,7 +207,7 @@ def _hanging_at(goal: Goal, start: State, motions: Motions) -> tuple[list[Funnel
         except StateError:
             return [], False
         q_D, q_K = at.q_D, at.q_K
-    if np.any(q_K < bounds.low) or np.any(q_K > bounds.high):
+    if not np.all((q_K >= bounds.low) & (q_K <= bounds.high)):
         return [], False
     motions.funnels = funnels(
         marionette, q_D, q_K, bounds.moves, motions.options, motions.looks, motions.threads

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, MaskRows
 from fantoccini.errors import FantocciniError
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State
@@ -21,7 +21,11 @@ _TOLERANCE = 1e-6
 
 
 def caught_slopes(
-    marionette: Marionette, start: Rows, acceleration: Array, duration: float
+    marionette: Marionette,
+    start: Rows,
+    acceleration: Array,
+    duration: float,
+    pulling: MaskRows | None = None,
 ) -> tuple[Array, Array] | None:
     """A and B of a segment, as of :func:`fantoccini.plan.slopes.segment_slopes`.
 
@@ -30,6 +34,7 @@ def caught_slopes(
         start: one state.
         acceleration: (n_vK,) of the driven coordinates.
         duration: [s].
+        pulling: (n_strings,) bool, the strings that pull there, where that is known.
 
     Returns:
         (n_z, n_z) and (n_z, n_vK), over changes that leave taut strings taut; None where the run
@@ -37,7 +42,9 @@ def caught_slopes(
     """
     table, T = marionette.coordinates, duration
     n, k = table.n_vD, table.n_vK
-    none = np.zeros(marionette.tree.n_rows, dtype=bool)
+    taut = np.zeros(marionette.tree.n_rows, dtype=bool)
+    if pulling is not None:
+        taut[: len(pulling)] = pulling
 
     def inputs(q_K: Array, v_K: Array, acc_K: Array) -> Input:
         times = np.array([0.0, T])
@@ -47,7 +54,7 @@ def caught_slopes(
 
     changes = np.split(np.eye(3 * k), 3, axis=1)
     try:
-        given = State(0.0, start.q_D, start.v_D, start.q_K, start.v_K, none, start.slip)
+        given = State(0.0, start.q_D, start.v_D, start.q_K, start.v_K, taut, start.slip)
         x = marionette.project(given)
         found = sensitivity(
             marionette,

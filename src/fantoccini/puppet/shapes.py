@@ -318,7 +318,7 @@ def load_mesh(shape: Mesh) -> Any:
     if not length.least <= extent <= length.most:
         text = f"{shape.file} measures {extent:g} m with its scale"
         raise ValueError(f"{text}; allowed: {length.least:g} to {length.most:g} m")
-    if has_mass(shape) and (not mesh.is_watertight or abs(mesh.volume) < 1e-15):
+    if has_mass(shape) and (not mesh.is_watertight or not abs(mesh.volume) >= 1e-15):
         raise ValueError(f"{shape.file} is not closed, so its mass has no place")
     if mesh.volume < 0:
         mesh.invert()

@@ -106,5 +106,5 @@ def _at_rest(marionette: Marionette, q_D: Array, q_K: Array) -> State:
     table, tree = marionette.coordinates, marionette.tree
     return State(
         0.0, q_D, np.zeros(table.n_vD), q_K, np.zeros(table.n_vK),
-        np.zeros(tree.n_rows, dtype=bool), np.zeros(len(tree.strings)),
+        np.zeros(tree.n_rows, dtype=bool), np.zeros(len(tree.strings)), table,
     )  # fmt: skip

@@ -20,15 +20,12 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.errors import SimulationError, Status
 from fantoccini.marionette import Marionette
+from fantoccini.marionette.closed import CLOSED, STILL
 from fantoccini.marionette.linearisation import Answer
 from fantoccini.motion import State
 from fantoccini.puppet import Parameter
 from fantoccini.simulate.driving import Outside
 
-_CLOSED = 1e-9
-"""Gap below which a row counts as closed, relative to its length."""
-_STILL = 1e-5
-"""|hdot| below which a closed row counts as at rest [m/s or rad/s]; ``kStill`` of the runtime."""
 _SAME = 1e-4
 """Difference from the run's velocities after a catch, relative to 1 or to them."""
 _NONE = 1e-9
@@ -74,7 +71,7 @@ class Catch:
         self._instant = instant = marionette.instant(before)
         wires, n_rows = marionette.two_sided, marionette.tree.n_rows
         was, stays = (np.isin(np.arange(n_rows), rows) for rows in held)
-        closed = np.abs(instant.h) <= _CLOSED * marionette.row_scales(before.q_D, before.q_K)
+        closed = np.abs(instant.h) <= CLOSED * marionette.row_scales(before.q_D, before.q_K)
         rows = np.flatnonzero(was | closed | wires)
         self._back = np.zeros(n_rows)
         self._back[: len(marionette.tree.strings)] = marionette.winches[:, 2]
@@ -104,7 +101,7 @@ class Catch:
         speeds = instant.hdot[self.caught]
         self.speed = float(np.max(speeds, initial=0.0))
         self._guard = self.caught[np.argmax(speeds)] if len(speeds) else None
-        touching = closed & ~was & (instant.hdot > -_STILL)
+        touching = closed & ~was & (instant.hdot > -STILL)
         self.sharp = bool(
             len(self.caught) == 1 and np.sum(touching) == 1 and not np.any(stays & ~was & ~strikes)
         )

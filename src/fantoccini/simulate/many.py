@@ -11,15 +11,14 @@ from fantoccini.arrays import Array
 from fantoccini.errors import Status
 from fantoccini.marionette import (
     Marionette,
-    check_inputs,
     check_memory,
-    check_speeds,
     check_starts,
     check_step,
     many_of,
+    ready_many,
     rows_of_steps,
 )
-from fantoccini.motion import SAVED, Columns, Input, Inputs, State, States, Trajectories
+from fantoccini.motion import SAVED, Columns, Input, Inputs, State, Trajectories
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Batch, RunOptions, default_threads, whole
 from fantoccini.simulate.bar import Bar
@@ -56,17 +55,15 @@ def simulate_many(
     states = _listed(states, State, "x0", "marionette.rest()")
     if inputs is not None and not isinstance(inputs, Inputs):
         inputs = _listed(inputs, Input, "inputs", "Input.waypoints()")
-    x0 = States.of(states, len(marionette.tree.strings))
+    x0 = marionette.states(states)
     t = x0.t
     given = many_of(Input.hold(marionette).shifted(t) if inputs is None else inputs)
     n = _n_runs(len(x0), len(given))
     t_end = given.end if t_end is None else float(t_end)
     if not np.isfinite(t_end) or not t_end > t:
         raise ValueError(f"t_end is {t_end}; it must be later than the start at {t}")
-    check_inputs(marionette, given, t, t_end)
-    bound = given.bound(x0.q_K, t)
-    check_speeds(marionette, t, x0.v_K, bound)
-    check_starts(marionette, x0)
+    bound = ready_many(marionette, given, x0.q_K, x0.v_K, t, t_end)
+    check_starts(marionette, x0, method)
     check_step(marionette, method, x0.q_D, x0.q_K, options.dt)
     if threads is not None:
         threads = whole("threads", threads, least=1)

@@ -12,12 +12,10 @@ from fantoccini.arrays import Array
 from fantoccini.errors import SimulationError, Status
 from fantoccini.marionette import (
     Marionette,
-    check_inputs,
     check_method,
     check_rows,
-    check_speeds,
     check_step,
-    many_of,
+    ready,
 )
 from fantoccini.motion import (
     Columns,
@@ -125,6 +123,11 @@ def simulate(
         from fantoccini.simulate.scipy_run import ScipyRun, solver_class
 
         solver_class(integrator)
+    if not isinstance(marionette, Marionette):
+        raise TypeError(
+            f"marionette is a {type(marionette).__name__}; it must be one Marionette, as fan.load "
+            "gives it. Simulate several one by one, or with fan.sweep"
+        )
     many = not isinstance(x0, State) or not isinstance(inputs, Input | None)
     options = marionette.run_options(
         rtol=rtol, atol=atol, max_step=max_step, dt=dt, save_steps=save_at is None and not many,
@@ -141,14 +144,13 @@ def simulate(
     for name, value in (("save", save), ("out", out), ("threads", threads)):
         if value is not None:
             raise ValueError(f"{name} goes with many states or inputs")
+    marionette.check_state(x0)
     inputs = Input.hold(marionette).shifted(x0.t) if inputs is None else inputs
     t_end = inputs.end if t_end is None else float(t_end)
     if not np.isfinite(t_end) or not t_end > x0.t:
         raise ValueError(f"t_end is {t_end}; it must be later than the start at {x0.t}")
-    check_inputs(marionette, inputs, x0.t, t_end)
-    bound = inputs.bound(x0.q_K, x0.t)
-    check_speeds(marionette, x0.t, x0.v_K[None], many_of(bound))
-    marionette.check_start(x0)
+    bound = ready(marionette, inputs, x0.q_K, x0.v_K, x0.t, t_end)
+    marionette.check_start(x0, method)
     check_step(marionette, method, x0.q_D, x0.q_K, dt)
     save_at = _save_times(save_at, method, x0.t, t_end)
     check_rows(marionette, method, options, x0.t, t_end, save_at)

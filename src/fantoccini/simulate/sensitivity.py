@@ -10,7 +10,7 @@ import numpy as np
 
 from fantoccini.arrays import Array, Times
 from fantoccini.errors import InputError, Problem, StateError
-from fantoccini.marionette import Marionette
+from fantoccini.marionette import Marionette, check_positive, ready
 from fantoccini.motion import Input, InputDerivative, State, Trajectory
 from fantoccini.simulate.catch import Catch, Passage
 from fantoccini.simulate.driving import Driving, Outside
@@ -88,6 +88,8 @@ def sensitivity(
         StateError: a slipping winch let a string out, which has no derivative here.
         SimulationError: the run stopped.
     """
+    check_positive(rtol=rtol, atol=atol)
+    marionette.check_state(x0)
     inputs = Input.hold(marionette).shifted(x0.t) if inputs is None else inputs
     run = simulate(marionette, x0, inputs, t_end, effort=False)
     if run.slip is not None and np.any(run.slip.values > 0.0):
@@ -96,11 +98,12 @@ def sensitivity(
             f"the winch of {', '.join(names)} slips in this run; sensitivities go through releases "
             "and catches only: raise max_tension, or let the run end earlier"
         )
-    bound = inputs.bound(x0.q_K, x0.t)
+    t_end = inputs.end if t_end is None else float(t_end)
+    bound = ready(marionette, inputs, x0.q_K, x0.v_K, x0.t, t_end)
     others = [_bound(marionette, other, bound, x0) for other in toward]
     _check_along(marionette, along)
     asked = np.zeros(0) if save_at is None else np.unique(np.asarray(save_at, dtype=float))
-    outside = asked[(asked < run.t[0]) | (asked > run.t[-1])]
+    outside = asked[~((asked >= run.t[0]) & (asked <= run.t[-1]))]
     if len(outside):
         raise ValueError(
             f"save_at has {outside[0]:g} s; it must lie between {run.t[0]:g} s and {run.t[-1]:g} s"

@@ -1,0 +1,285 @@
+"""States of runs: every function takes them in their mode, and runs go on from them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.marionette import closed_rows
+from fantoccini.motion import State
+from fantoccini.puppet import loads
+
+FIXED = ("timestepping", "variational")
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return fan.puppets.arm2d()
+
+
+@pytest.fixture(scope="module")
+def lift(arm):
+    return fan.Input.waypoints(arm, {"hand.length": [(0, 0.8), (1.5, 0.5)]})
+
+
+@pytest.fixture(scope="module")
+def marionette():
+    return fan.puppets.marionette()
+
+
+@pytest.fixture(scope="module")
+def wandering(marionette):
+    """A second of the marionette with its strings in wandering hands, by method."""
+    x0 = marionette.rest()
+    inputs = fan.Input.random(marionette, 1, seed=1, t_end=1.0).bound(x0.q_K)[0]
+    return inputs, {m: fan.simulate(marionette, x0, inputs, method=m) for m in FIXED}
+
+
+def forces(run: fan.Trajectory, row: int) -> np.ndarray:
+    return np.concatenate([run.tension.values[row], run.limit_force.values[row]])
+
+
+@pytest.mark.parametrize("method", FIXED)
+def test_states_of_fixed_steps_pull_as_their_run_says(marionette, wandering, method):
+    """17.1: accelerations use the mode of the state, whatever gaps a step has left."""
+    run = wandering[1][method]
+    events = np.array([e.t for e in run.events])
+    apart = []
+    for i, t in enumerate(run.t):
+        x = run.state(i)
+        _, tension = marionette.accelerations(x, run.acc_K[i])
+        assert np.all(tension[~x.taut] == 0.0) or method == "variational"
+        if np.any(x.taut):
+            assert np.any(tension[x.taut] > 0.0), f"row {i}"
+        if np.min(np.abs(events - t), initial=np.inf) > 0.0045:
+            apart.append(np.max(np.abs(tension - forces(run, i))) / marionette.weight)
+    assert len(apart) > 100
+    assert np.median(apart) < 0.05 and np.quantile(apart, 0.9) < 0.3
+
+
+def test_tensions_of_stepped_states_are_of_the_steps_order(arm, lift):
+    """17.1: what is left between accelerations and the run's tensions shrinks with the step."""
+    x0, worst = arm.rest({"hand.length": 0.8}), []
+    for dt in (0.004, 0.002):
+        run = fan.simulate(arm, x0, lift, t_end=1.4, method="timestepping", dt=dt)
+        apart = [
+            np.max(np.abs(arm.accelerations(run.state(i), run.acc_K[i])[1] - forces(run, i)))
+            for i in range(1, len(run))
+        ]
+        worst.append(max(apart))
+    assert 0.3 < worst[1] / worst[0] < 0.7 and worst[1] < 0.1 * arm.weight
+
+
+def test_stepped_states_are_linearised_in_their_mode(arm, lift):
+    """17.1: the rows of a linearisation are those that pull in the run."""
+    x0 = arm.rest({"hand.length": 0.8})
+    run = fan.simulate(arm, x0, lift, t_end=1.4, method="timestepping")
+    for i in range(0, len(run), 25):
+        lin = arm.linearise(run.state(i), run.acc_K[i])
+        assert lin.rows == ("hand",)
+        np.testing.assert_allclose(
+            lin.acc_D, arm.accelerations(run.state(i), run.acc_K[i])[0], rtol=1e-9, atol=1e-9
+        )
+
+
+def test_project_keeps_what_is_taut(arm, lift):
+    """17.1: a string slack by some nanometres that is taut in the mode is brought to its length."""
+    x0 = arm.rest({"hand.length": 0.8})
+    run = fan.simulate(arm, x0, lift, t_end=1.4, method="timestepping")
+    gaps = [(arm.instant(run.state(i)).h[0], i) for i in range(len(run))]
+    for h, i in (min(gaps), max(gaps)):
+        x = run.state(i)
+        made = arm.project(x)
+        at = arm.instant(made)
+        assert abs(at.h[0]) < 1e-13 and abs(at.hdot[0]) < 1e-12 and made.taut[0]
+        assert np.max(np.abs(made.q_D - x.q_D)) < 10.0 * abs(h)
+        arm.check_start(made)
+    assert min(gaps)[0] < -1e-9
+
+
+def test_projected_states_of_the_marionette_start_event_driven_runs(marionette, wandering):
+    """17.1, 17.7: the mode is kept by project, and an event-driven run begins in it."""
+    inputs, runs = wandering
+    for method in FIXED:
+        for i in range(0, 480, 60):
+            x = runs[method].state(i)
+            made = marionette.project(x)
+            assert np.all(np.abs(marionette.instant(made).h[x.taut]) < 1e-9)
+            run = fan.simulate(marionette, made, inputs, t_end=x.t + 0.002, effort=False)
+            assert run.status.name == "DONE"
+
+
+def test_a_mode_that_is_wrong_is_refused(arm):
+    """17.1: what is said to be taut and hangs slack is no state."""
+    x = arm.state({"hand.length": 0.8, "shoulder": 0.9, "elbow": 0.3})
+    x = x.replace(q_K=[0.45, 1.5], taut=[True])
+    with pytest.raises(fan.StateError, match=r"so: hand by"):
+        arm.accelerations(x)
+    with pytest.raises(fan.StateError, match="hand is taut in its mode and slack by"):
+        arm.check_start(x)
+    assert not arm.project(x).taut[0]
+    free = x.replace(taut=[False])
+    assert arm.accelerations(free)[1].tolist() == [0.0]
+
+
+def test_another_motion_has_another_mode(arm):
+    """17.1: the mode goes with the motion; a string that is left upwards does not pull."""
+    x = arm.rest({"hand.length": 0.8})
+    assert x.taut[0] and x.replace(t=2.0, v_D=x.v_D).taut[0]
+    up = x.replace(v_D=-10.0 * arm.A_D(x)[0])
+    assert not up.taut[0] and arm.accelerations(up)[1][0] == 0.0
+    assert x.replace(v_D=[0.1, 0.0], taut=x.taut).taut[0]
+
+
+def test_a_string_overstepped_at_rest_is_closed(arm):
+    """17.1: no row is taken as slack because it is longer than its length."""
+    x = arm.rest({"hand.length": 0.8})
+    short = x.replace(q_K=[x.q_K[0], 0.8 - 1e-4])
+    assert closed_rows(arm, short, arm.instant(short)).held[0]
+    assert arm.accelerations(short)[1][0] == pytest.approx(arm.accelerations(x)[1][0], rel=0.01)
+
+
+# -- runs that go on -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", FIXED)
+def test_a_run_goes_on_from_any_of_its_rows(marionette, wandering, method):
+    """17.7: a fixed-step run begins at any row of its own kind, and goes on as that did."""
+    inputs, runs = wandering
+    whole = runs[method]
+    for i in range(0, len(whole) - 5, 7):
+        x = whole.state(i)
+        part = fan.simulate(
+            marionette, x, inputs, t_end=whole.t[i + 5], method=method, effort=False
+        )
+        np.testing.assert_allclose(part.q_D[-1], whole.q_D[i + 5], atol=1e-9)
+        np.testing.assert_allclose(part.v_D[-1], whole.v_D[i + 5], atol=1e-7)
+    last = fan.simulate(marionette, whole.state(len(whole) - 1), t_end=1.1, method=method)
+    assert last.status.name == "DONE"
+
+
+@pytest.mark.parametrize("method", FIXED)
+def test_a_run_goes_on_a_hundred_times(arm, lift, method):
+    """17.7: piece by piece, each from the end of the last, is the run at one go."""
+    x = arm.project(arm.rest({"hand.length": 0.8}).replace(v_D=[1.0, -2.0]))
+    whole = fan.simulate(arm, x, lift, t_end=1.0, method=method)
+    for k in range(100):
+        x = fan.simulate(arm, x, lift, t_end=(k + 1) * 0.01, method=method).state(-1)
+    np.testing.assert_allclose(x.q_D, whole.q_D[-1], atol=1e-8)
+    np.testing.assert_allclose(x.v_D, whole.v_D[-1], atol=1e-6)
+
+
+def test_an_event_driven_run_goes_on_from_its_rows(arm, lift):
+    """17.7: to the tolerance of the integrator."""
+    x0 = arm.project(arm.rest({"hand.length": 0.8}).replace(v_D=[1.0, -2.0]))
+    whole = fan.simulate(arm, x0, lift, t_end=0.5)
+    for i in range(0, len(whole), max(1, len(whole) // 10)):
+        x = whole.state(i)
+        if x.t < 0.5 and not np.any(whole.t[i + 1 : i + 2] == x.t):
+            part = fan.simulate(arm, x, lift, t_end=0.5)
+            np.testing.assert_allclose(part.q_D[-1], whole.q_D[-1], atol=1e-7)
+
+
+def test_exact_lengths_are_asked_for_with_the_remedy(arm, lift):
+    """17.7: where a method cannot begin at a state, the message says how to make it one."""
+    run = fan.simulate(arm, arm.rest({"hand.length": 0.8}), lift, method="timestepping")
+    gaps = [arm.instant(run.state(i)).h[0] for i in range(len(run))]
+    for i, says in ((int(np.argmin(gaps)), "slack by"), (int(np.argmax(gaps)), "violated by")):
+        with pytest.raises(fan.StateError, match=rf"hand .*{says}.*marionette.project"):
+            fan.simulate(arm, run.state(i), lift)
+
+
+def test_far_too_short_is_refused_by_time_stepping_too(arm):
+    """17.7: what no step leaves is a mistake."""
+    x = arm.rest({"hand.length": 0.8})
+    short = x.replace(q_K=[x.q_K[0], 0.79])
+    with pytest.raises(fan.StateError, match=r"hand is violated by 0.01"):
+        fan.simulate(arm, short, t_end=0.1, method="timestepping")
+
+
+# -- what is no state ------------------------------------------------------------------------------
+
+
+def test_a_state_of_another_puppet_is_named(arm, marionette):
+    """17.17: the message is about states, not about the widths of a generated function."""
+    x = marionette.rest()
+    nameless = State(0.0, x.q_D, x.v_D, x.q_K, x.v_K, x.taut)
+    for given in (x, nameless):
+        for ask in (
+            arm.accelerations, arm.mass_matrix, arm.instant, arm.linearise, arm.linearise_step,
+            arm.project, arm.modes, arm.stepper, arm.flow, arm.energies, arm.rest,
+            lambda x: fan.simulate(arm, x, t_end=0.1),
+            lambda x: fan.simulate(arm, [x, x], t_end=0.1),
+            lambda x: fan.sensitivity(arm, x, t_end=0.1),
+        ):  # fmt: skip
+            with pytest.raises(fan.StateError, match="another puppet"):
+                ask(given)
+
+
+def test_a_run_is_of_one_puppet(arm):
+    """17.17: two puppets are no puppet."""
+    with pytest.raises(TypeError, match="one Marionette"):
+        fan.simulate([arm, arm], arm.rest(), t_end=0.1)
+
+
+def test_a_wire_that_is_slack_is_named(arm):
+    """17.17: a state that no configuration fits names a row, also where that is too short."""
+    text = """
+puppet: too_short
+bodies:
+  - {name: bob, joint: {type: prismatic, axis: [1, 0, 0]}, shapes: [{type: sphere, radius: 0.02, mass: 0.1}]}
+strings:
+  - {name: rod, path: [{body: bob}, {world: [0, 0, 1]}], length: 0.5, wire: true}
+"""  # noqa: E501
+    puppet = fan.Marionette(loads(text))
+    with pytest.raises(fan.StateError, match=r"lengths: rod$"):
+        puppet.project(puppet.state())
+
+
+@pytest.mark.parametrize("part", ["t", "q_D", "v_D", "q_K", "v_K", "slip"])
+def test_nan_is_in_no_state(arm, part):
+    """17.25: a state with a part that is no number is none."""
+    x = arm.rest({"hand.length": 0.8})
+    value = np.array(getattr(x, part), dtype=float)
+    for number in (np.nan, np.inf):
+        wrong = number if part == "t" else np.where(np.arange(value.size) == 0, number, value)
+        with pytest.raises(fan.StateError, match=rf"{part}.* is {number}"):
+            x.replace(**{part: wrong})
+
+
+def test_nan_is_in_no_argument(arm):
+    """17.25: accelerations, forces, steps, times, tolerances, parameters, inputs."""
+    x, nan = arm.rest({"hand.length": 0.8}), np.nan
+    stepper, hold = arm.stepper(x), fan.Input.hold(arm)
+    for ask in (
+        lambda: arm.accelerations(x, [nan, 0.0]),
+        lambda: arm.accelerations(x, None, [nan, 0.0]),
+        lambda: arm.linearise(x, [nan, 0.0]),
+        lambda: arm.linearise_step(x, [0.0, nan]),
+        lambda: arm.linearise_step(x, dt=nan),
+        lambda: arm.stepper(x, dt=nan),
+        lambda: arm.stepper(x, "event", rtol=nan),
+        lambda: stepper.advance(nan),
+        lambda: stepper.advance(0.1, {"hand.length": nan}),
+        lambda: stepper.advance(0.1, u_D=[nan, 0.0]),
+        lambda: stepper.run(nan, lambda x: None, 10.0),
+        lambda: stepper.run(1.0, lambda x: None, nan),
+        lambda: arm.wrench_forces(x, {"lower": [nan] * 6}),
+        lambda: arm.with_parameters({"m2": nan}),
+        lambda: arm.with_winches([[nan, 0.0, 0.0]]),
+        lambda: arm.difference([nan, 0.0], [0.0, 0.0]),
+        lambda: fan.sensitivity(arm, x, t_end=0.1, rtol=nan),
+        lambda: fan.sensitivity(arm, x, t_end=0.1, save_at=[nan]),
+        lambda: fan.simulate(arm, x, t_end=0.1, dt=nan),
+        lambda: fan.simulate(arm, x, t_end=0.1, method="timestepping", save_every=nan),
+        lambda: fan.Input.hold(arm, nan),
+        lambda: hold.bound([0.45, nan]),
+        lambda: hold.extended(nan),
+        lambda: hold.with_forces({"elbow": [(0.0, nan)]}),
+        lambda: fan.Input.segments(arm, [0.0, 1.0], [0.45, 0.8], [0.0, 0.0], [[nan, 0.0]]),
+        lambda: fan.Input.random(arm, 2, reach=nan),
+        lambda: arm.state({"elbow": nan}),
+    ):  # fmt: skip
+        with pytest.raises((ValueError, fan.FantocciniError), match=r"nan|finite|increase"):
+            ask()
