@@ -144,6 +144,12 @@ class Status(enum.IntEnum):
     STOPPED = 11, "the run was stopped from outside"
     SINGULAR_MASS = 12, "the mass matrix is singular: a joint moves no mass"
     NOT_SETTLED = 13, "the equations of a step could not be solved"
+    LOST_STEPS = 14, "the run reached its end, but a stepper lost steps on the way"
+    RUNAWAY = 15, "a load dragged a drive away although its motor gave all it can"
+
+
+ARRIVED = (Status.DONE, Status.LOST_STEPS, Status.RUNAWAY)
+"""Statuses of runs that may have got as far as they should; of ``DONE`` alone all is well."""
 
 
 class SimulationError(FantocciniError):

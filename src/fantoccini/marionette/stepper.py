@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import SimulationError, Status
+from fantoccini.errors import ARRIVED, SimulationError, Status
 from fantoccini.marionette.checks import check_inputs, check_speed
 from fantoccini.motion import Input, State
 from fantoccini.runtime import Run, RunOptions
@@ -48,7 +48,7 @@ class Stepper:
     ):
         self.marionette = marionette
         self.method = method
-        self.state = x0
+        self.state, self._end = x0, x0.t
         hold = Input.hold(marionette).bound(x0.q_K).shifted(x0.t)
         self._run = Run(
             marionette.library_of(method), method, options, x0, marionette.p, marionette.winches,
@@ -60,8 +60,14 @@ class Stepper:
 
     @property
     def status(self) -> Status:
-        """How the last advance ended."""
+        """How the last advance ended; ``LOST_STEPS`` or ``RUNAWAY`` once a drive was too weak."""
         return self._run.status
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the last advance got as far as it should, be it with lost steps."""
+        status = self._run.status
+        return status is Status.DONE or (status in ARRIVED and self.state.t >= self._end)
 
     def advance(
         self,
@@ -80,7 +86,8 @@ class Stepper:
                 constant over the piece. The driven velocities go on from where they are.
             inputs: instead: inputs in absolute time that start where the puppet is.
             u_D: (n_vD,) user forces, constant over the piece (not together with ``inputs``).
-            throw: raise :class:`SimulationError` when the run cannot go on.
+            throw: raise :class:`SimulationError` when the run cannot go on. Steps that steppers
+                lose do not end it: ``status`` and ``events`` tell of them.
 
         Returns:
             The state reached.
@@ -97,7 +104,8 @@ class Stepper:
             chosen = inputs.bound(self.state.q_K, t)
             check_speed(self.marionette, self.state, chosen)
         self._run.set_input(chosen)
-        written = list(self._run.advance(self.state.t + duration))
+        self._end = self.state.t + duration
+        written = list(self._run.advance(self._end))
         self.rows = np.concatenate([rows for rows, _ in written])
         self.events = np.concatenate([events for _, events in written])
         if len(self.rows):
@@ -105,7 +113,7 @@ class Stepper:
             motion = {name: split[name][0] for name in ("q_D", "v_D", "q_K", "v_K", "slip")}
             self.state = State(float(split["t"][0]), taut=split["taut"][0] > 0, **motion)
             self.tension = split["tension"][0]
-        if self.status is not Status.DONE and throw:
+        if not self.arrived and throw:
             raise SimulationError(self.status, f"at t = {self.state.t:.6g} s")
         return self.state
 

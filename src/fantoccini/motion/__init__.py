@@ -4,6 +4,7 @@ from fantoccini.motion.columns import Columns
 from fantoccini.motion.files import inputs_schema
 from fantoccini.motion.input import Input
 from fantoccini.motion.inputs import Inputs
+from fantoccini.motion.overload import Overload, overloads
 from fantoccini.motion.state import Event, EventKind, State, States
 from fantoccini.motion.trajectories import SAVED, Trajectories
 from fantoccini.motion.trajectory import Trajectory
@@ -15,9 +16,11 @@ __all__ = [
     "EventKind",
     "Input",
     "Inputs",
+    "Overload",
     "State",
     "States",
     "Trajectories",
     "Trajectory",
     "inputs_schema",
+    "overloads",
 ]

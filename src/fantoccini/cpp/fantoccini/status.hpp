@@ -18,6 +18,8 @@ enum Status : int {
   STOPPED = 11,
   SINGULAR_MASS = 12,
   NOT_SETTLED = 13,
+  LOST_STEPS = 14,
+  RUNAWAY = 15,
 };
 
 // What happened to a row; the numbers are those of fantoccini.motion.EventKind.
@@ -28,6 +30,8 @@ enum EventKind : int {
   BREAKPOINT = 3,
   SLIP = 4,
   GRIP = 5,
+  LOST_STEP = 6,
+  RAN_AWAY = 7,
 };
 
 }  // namespace fan
