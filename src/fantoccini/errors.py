@@ -15,7 +15,20 @@ from typing import Any
 
 
 class FantocciniError(Exception):
-    """Base of every error that fantoccini raises on purpose."""
+    """Base of every error that fantoccini raises on purpose. Copies and pickles keep all of it."""
+
+    def __reduce__(self) -> tuple:
+        # Exception's own calls the class with `args`, the sentence, where subclasses take facts.
+        return _restored, (type(self), self.args, dict(self.__dict__))
+
+
+def _restored(cls: type[FantocciniError], args: tuple, facts: dict[str, Any]) -> FantocciniError:
+    """The error that :meth:`FantocciniError.__reduce__` took apart."""
+    error = cls.__new__(cls, *args)
+    built_in = next(base for base in cls.__mro__ if base.__module__ == "builtins")
+    built_in.__init__(error, *args)
+    error.__dict__.update(facts)
+    return error
 
 
 @dataclass(frozen=True)
@@ -132,6 +145,12 @@ class Status(enum.IntEnum):
     SINGULAR_MASS = 12, "the mass matrix is singular: a joint moves no mass"
     NOT_SETTLED = 13, "the equations of a step could not be solved"
     TOO_MANY_ROWS = 14, "the rows of the run reached the bound on memory"
+    LOST_STEPS = 15, "the run reached its end, but a stepper lost steps on the way"
+    RUNAWAY = 16, "a load dragged a drive away although its motor gave all it can"
+
+
+ARRIVED = (Status.DONE, Status.LOST_STEPS, Status.RUNAWAY)
+"""Statuses of runs that may have got as far as they should; of ``DONE`` alone all is well."""
 
 
 class SimulationError(FantocciniError):

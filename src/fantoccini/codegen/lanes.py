@@ -3,7 +3,15 @@ clearances, and a planner's motions, which are both."""
 
 from __future__ import annotations
 
-from fantoccini.codegen.model import STEM, Generated, Real, assembled, programs, tables_text
+from fantoccini.codegen.model import (
+    STEM,
+    Generated,
+    Real,
+    assembled,
+    members,
+    programs,
+    tables_text,
+)
 from fantoccini.codegen.straight import Program
 from fantoccini.equations import Equations
 
@@ -17,7 +25,7 @@ def generate_lanes(equations: Equations) -> Generated:
     Args:
         equations: the derived equations.
     """
-    names = ("step_dynamics", "limit_rates", "energy", "forth", "back")
+    names = ("step_dynamics", "limit_rates", "energy", "forth", "back", *equations.watch)
     functions = ("step_dynamics_varying", *names[1:])
     return _generated(equations, programs(equations, names), functions, _STEPPER, "lane_abi")
 
@@ -39,7 +47,9 @@ def generate_motions(equations: Equations) -> Generated:
     Args:
         equations: the derived equations.
     """
-    names = ("step_dynamics", "limit_rates", "forth", "back", "poses", "points")
+    names = (
+        "step_dynamics", "limit_rates", "forth", "back", "poses", "points", *equations.watch,
+    )  # fmt: skip
     functions = ("step_dynamics_varying", *names[1:])
     return _generated(equations, programs(equations, names), functions, _STEPPER, "motions_abi")
 
@@ -56,8 +66,7 @@ def _generated(
         more: other members.
         header: the interface, without its ending.
     """
-    members = "".join(f"  FAN_FUNCTION({name})\n" for name in names) + more
-    main = _MAIN.format(members=members, header=header)
+    main = _MAIN.format(members=members(names) + more, header=header)
     files = {f"{STEM}.hpp": tables_text(equations), "main.cpp": main}
     return assembled(made, files, real=WIDE)
 

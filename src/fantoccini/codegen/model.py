@@ -17,7 +17,7 @@ from fantoccini.equations import Equations
 from fantoccini.puppet import Parameter
 from fantoccini.tree import LimitRow, Role, StringRow, Tree
 
-VERSION = "5"
+VERSION = "6"
 """Version of the generated text; part of every cache key."""
 
 STEM = "model"
@@ -62,8 +62,14 @@ def generate(equations: Equations) -> Generated:
     Args:
         equations: the derived equations.
     """
-    files = {f"{STEM}.hpp": tables_text(equations), "main.cpp": _MAIN}
+    watch = members(equations.watch)
+    files = {f"{STEM}.hpp": tables_text(equations), "main.cpp": _MAIN % {"watch": watch}}
     return assembled(programs(equations), files)
+
+
+def members(names: Iterable[str]) -> str:
+    """Functions as members of the runtime's model."""
+    return "".join(f"  FAN_FUNCTION({name})\n" for name in names)
 
 
 @dataclass(frozen=True)
@@ -184,6 +190,7 @@ def tables_text(equations: Equations) -> str:
         "n_links": len(tree.links),
         "n_points": sum(len(s.points) for s in tree.strings),
         "n_motors": len(tree.motor_places),
+        "n_watched": len(tree.watched),
     }
     columns = equations.columns
     numbered = {link: k for k, link in enumerate(columns)}
@@ -208,6 +215,8 @@ def tables_text(equations: Equations) -> str:
         *_lists("string", [_pulled(tree, s) for s in tree.strings]),
         _array("bool", "turns", turns),
         _array("int", "motor_v", tree.motor_places),
+        _array("bool", "watched_steps", [int(row.steps) for row in tree.watched]),
+        _array("bool", "watched_turns", [turns[row.v.start] for row in tree.watched]),
         _array("int", "limit_v", [first for first, _ in places]),
         _array("int", "limit_n", [n for _, n in places]),
         # Which column of Equations.columns a limit has, and where its entries are in v_D.
@@ -348,6 +357,7 @@ struct Model : ModelTables {
   FAN_FUNCTION(points)
   FAN_FUNCTION(forth)
   FAN_FUNCTION(back)
+%(watch)s\
   static void dynamics_constants(double** res) { scalar::fan_dynamics_constants(res); }
   static void step_dynamics_constants(double** res) {
     scalar::fan_step_dynamics_constants(res);

@@ -3,7 +3,15 @@
 from __future__ import annotations
 
 from fantoccini.codegen.lanes import WIDE
-from fantoccini.codegen.model import STEM, Generated, Real, assembled, programs, tables_text
+from fantoccini.codegen.model import (
+    STEM,
+    Generated,
+    Real,
+    assembled,
+    members,
+    programs,
+    tables_text,
+)
 from fantoccini.codegen.straight import program
 from fantoccini.equations import Equations, Variational
 
@@ -32,11 +40,11 @@ def generate_variational_lanes(equations: Equations) -> Generated:
 def _generated(equations: Equations, real: Real, header: str) -> Generated:
     """The integrator over a type, under the C interface of a header, without its ending."""
     own = Variational(equations).functions()
-    made = programs(equations, _SHARED) | {name: program(own[name]) for name in own}
-    names = [*_SHARED, *own]
+    shared = (*_SHARED, *equations.watch)
+    made = programs(equations, shared) | {name: program(own[name]) for name in own}
+    names = [*shared, *own]
     names[names.index("node")] = "node_varying"
-    members = "".join(f"  FAN_FUNCTION({name})\n" for name in names)
-    main = _MAIN.format(members=members, abi=header, **vars(real))
+    main = _MAIN.format(members=members(names), abi=header, **vars(real))
     files = {f"{STEM}.hpp": tables_text(equations), "main.cpp": main}
     return assembled(made, files, real=real)
 

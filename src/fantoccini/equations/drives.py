@@ -98,6 +98,52 @@ def forces(system: System, dt: ca.SX) -> DriveForces:
     return DriveForces(f_D, yields, scaled(dt, yields + friction))
 
 
+def lags(system: System) -> dict[str, np.ndarray]:
+    """How the drives that are watched follow their commands, by what ``motor_lags`` gives.
+
+    Where each is and where it is told to be, an orientation by its angle from its command and 0
+    [m or rad]; and by how many of its motor's periods of four full steps a stepper lags, in which
+    half a period is the most that it holds.
+    """
+    s, found = system.symbols, {"at": [], "told": [], "lag": []}
+    for row in system.tree.watched:
+        (q, _), own, lag = row.command, elements(s.q_D)[row.q], ca.SX(0)
+        if row.turns:
+            there = elements(s.q_K)[q : q + 4]
+            vector = _between(own, there)
+            sine = ca.sqrt(dot(vector, vector) + _STILL)
+            cosine = ca.sqrt(dot(own, there) ** 2 + _STILL)
+            at, told = 2 * ca.atan(sine / cosine), ca.SX(0)
+        else:
+            at, told = own[0], s.q_K[q]
+        if isinstance(row.drive.motor, Stepper):
+            n, pairs = row.ratio(system.value), _pairs(system, row)
+            lag = pairs / (2 * np.pi) * n * (told - at)
+        for name, value in zip(found, (at, told, lag), strict=True):
+            found[name].append(value)
+    return {name: symbolic(values) for name, values in found.items()}
+
+
+def shares(system: System) -> np.ndarray:
+    """By drive that is watched: 1 where its motor gives what is wanted, less where it cannot."""
+    wanted, v_D, found = _Wanted(system, ca.SX(0)), elements(system.symbols.v_D), []
+    for row in system.tree.watched:
+        force, _, _ = wanted.of(row)
+        found.append(_bounded(row, force, v_D[row.v], system.value)[1])
+    return symbolic(found)
+
+
+def _pairs(system: System, row: DriveRow) -> float:
+    """Pole pairs of a stepper: periods of its torque, a radian of its rotor or 1/2 pi metres."""
+    pairs = row.drive.motor.steps / 4
+    return 2 * np.pi * pairs if _is_linear(system, row) else pairs
+
+
+def _is_linear(system: System, row: DriveRow) -> bool:
+    """Whether a motor moves along: a coordinate in metres without a drum."""
+    return row.drive.drum is None and system.tree.links[row.link].kind != "revolute"
+
+
 class _Wanted:
     """What controllers want, before the motors' bounds.
 
@@ -143,7 +189,7 @@ class _Wanted:
             return late, last - w, curve
         there = self.q_K[q : q + 4]
         scalar = dot(own, there)
-        vector = scaled(own[0], there[1:]) - scaled(there[0], own[1:]) - cross(own[1:], there[1:])
+        vector = _between(own, there)
         R = quaternion_rotation(np.concatenate([[scalar], vector]))
         late = scaled(2 * scalar, vector) + scaled(self.dt, R.dot(mean) - w)
         return late, R.dot(last) - w, R.dot(curve)
@@ -194,10 +240,9 @@ class _Wanted:
         """n T sin(s/4 (angle(r) - n q)) with angle(r) in whole microsteps."""
         motor, value = row.drive.motor, self.system.value
         q, v = row.command
-        n, pairs = row.ratio(value), motor.steps / 4
-        micro = 2 * np.pi / (motor.steps * motor.microsteps)
-        if row.drive.drum is None and self.system.tree.links[row.link].kind != "revolute":
-            pairs, micro = 2 * np.pi * pairs, 1.0 / (motor.steps * motor.microsteps)
+        n, pairs = row.ratio(value), _pairs(self.system, row)
+        turn = 1.0 if _is_linear(self.system, row) else 2 * np.pi
+        micro = turn / (motor.steps * motor.microsteps)
         coming, own = self.q_K[q] + self.dt * self.v_K[v], row.q.start
         angle = micro * ca.floor(n * coming / micro + 0.5)
         torque = value(motor.torque)
@@ -236,6 +281,11 @@ def _bounded(
     made = _clipped(within, -most, most)
     by_voltage = (1 - _same(held, within, most)) * _same(within, made, most)
     return symbolic([made]), _same(force[0], made, most), by_voltage * gain * gain / R
+
+
+def _between(own: np.ndarray, there: np.ndarray) -> np.ndarray:
+    """(3,) vector part of the quaternion from one orientation to another."""
+    return scaled(own[0], there[1:]) - scaled(there[0], own[1:]) - cross(own[1:], there[1:])
 
 
 def _each(x: ca.SX, n: int) -> np.ndarray:

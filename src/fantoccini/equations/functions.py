@@ -13,7 +13,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from fantoccini.equations import articulated, dynamics
+from fantoccini.equations import articulated, drives, dynamics
 from fantoccini.equations.algebra import column, cross, dot, elements, matrix, scaled, zeros
 from fantoccini.equations.coriolis import coriolis_matrix
 from fantoccini.equations.system import System
@@ -35,6 +35,12 @@ MODEL_INPUTS: dict[str, tuple[str, ...]] = {
 }
 """Arguments of the compiled functions; ``forth`` and ``back`` take (L, x), ``limit_rates``
 (J_limit, v_D)."""
+
+WATCH_INPUTS: dict[str, tuple[str, ...]] = {
+    "motor_lags": (*CONFIGURATION, "p"),
+    "motor_shares": (*STATE, "acc_K", "p"),
+}
+"""Arguments of the compiled functions of puppets whose drives may be too weak."""
 
 ANALYSIS_INPUTS: dict[str, tuple[str, ...]] = {
     "mass_matrix": (*CONFIGURATION, "p"),
@@ -75,7 +81,7 @@ class Equations:
 
     def __iter__(self) -> Iterator[str]:
         """The names of the functions."""
-        return iter((*MODEL_INPUTS, *ANALYSIS_INPUTS, "forth", "back", "limit_rates"))
+        return iter((*MODEL_INPUTS, *ANALYSIS_INPUTS, "forth", "back", "limit_rates", *self.watch))
 
     def __len__(self) -> int:
         return sum(1 for _ in self)
@@ -84,7 +90,7 @@ class Equations:
         return name in tuple(self)
 
     def __getitem__(self, name: str) -> ca.Function:
-        """The function of a name in ``MODEL_INPUTS``, ``ANALYSIS_INPUTS`` or ``model``.
+        """The function of a name in ``model`` or ``ANALYSIS_INPUTS``.
 
         Raises:
             UnknownNameError: there is none.
@@ -103,10 +109,16 @@ class Equations:
     @cached_property
     def model(self) -> dict[str, ca.Function]:
         """The functions that are compiled, by name."""
-        return {name: self[name] for name in (*MODEL_INPUTS, "forth", "back", "limit_rates")}
+        names = (*MODEL_INPUTS, "forth", "back", "limit_rates", *self.watch)
+        return {name: self[name] for name in names}
+
+    @property
+    def watch(self) -> tuple[str, ...]:
+        """Names of the functions that tell of drives whose motor may be too weak; often none."""
+        return tuple(WATCH_INPUTS) if self.tree.watched else ()
 
     def _function(self, name: str) -> ca.Function:
-        inputs = (MODEL_INPUTS | ANALYSIS_INPUTS)[name]
+        inputs = (MODEL_INPUTS | WATCH_INPUTS | ANALYSIS_INPUTS)[name]
         outputs = getattr(self, f"_{name}")()
         arguments = [getattr(self.system.symbols, i) for i in inputs]
         expressions = ca.cse([ca.densify(x) for x in outputs.values()])
@@ -255,6 +267,12 @@ class Equations:
                 place = row.command[1]
                 f_K[place : place + row.v.stop - row.v.start] = motors[row.v]
         return {"f_K": column(f_K)}
+
+    def _motor_lags(self) -> dict[str, ca.SX]:
+        return {name: column(x) for name, x in drives.lags(self.system).items()}
+
+    def _motor_shares(self) -> dict[str, ca.SX]:
+        return {"share": column(drives.shares(self.system))}
 
     def _wrench_forces(self) -> dict[str, ca.SX]:
         """u_D = sum_i J_i^T w_i of wrenches on the links' centres of mass, in world axes."""

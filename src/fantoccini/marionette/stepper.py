@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import SimulationError, Status
+from fantoccini.errors import ARRIVED, SimulationError, Status
 from fantoccini.marionette.checks import check_positive, check_rows, ready, vector
 from fantoccini.motion import Input, State
 from fantoccini.motion.pieces import constant_acceleration
@@ -54,7 +54,7 @@ class Stepper:
     ):
         self.marionette = marionette
         self.method = method
-        self.state = x0.replace(coordinates=marionette.coordinates)
+        self.state, self._end = x0.replace(coordinates=marionette.coordinates), x0.t
         self._options, self._run = options, self._begun(options)
         rows, self.events = self._run.present()
         self.rows = rows[-1:]
@@ -87,8 +87,14 @@ class Stepper:
 
     @property
     def status(self) -> Status:
-        """How the last advance ended."""
+        """How the last advance ended; ``LOST_STEPS`` or ``RUNAWAY`` once a drive was too weak."""
         return self._run.status
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the last advance got as far as it should, be it with lost steps."""
+        status = self._run.status
+        return status is Status.DONE or (status in ARRIVED and self.state.t >= self._end)
 
     def advance(
         self,
@@ -107,7 +113,8 @@ class Stepper:
                 constant over the piece. The driven velocities go on from where they are.
             inputs: instead: inputs in absolute time that start where the puppet is.
             u_D: (n_vD,) user forces, constant over the piece (not together with ``inputs``).
-            throw: raise :class:`SimulationError` when the run cannot go on.
+            throw: raise :class:`SimulationError` when the run cannot go on. Steps that steppers
+                lose do not end it: ``status`` and ``events`` tell of them.
 
         Ctrl-C leaves the stepper in the state reached, from which it can be advanced again.
 
@@ -126,7 +133,7 @@ class Stepper:
             t = self.state.t
             chosen = ready(self.marionette, inputs, self.state.q_K, self.state.v_K, t, end)
         self._run.set_input(chosen)
-        written = []
+        written, self._end = [], end
         try:
             written.extend(self._run.advance(end))
         except BaseException:
@@ -134,7 +141,7 @@ class Stepper:
             raise
         finally:
             self._take(written)
-        if self.status is not Status.DONE and throw:
+        if not self.arrived and throw:
             raise SimulationError(self.status, f"at t = {self.state.t:.6g} s")
         return self.state
 

@@ -5,6 +5,7 @@ from fantoccini.motion.files import inputs_schema
 from fantoccini.motion.input import Input
 from fantoccini.motion.input_derivative import InputDerivative
 from fantoccini.motion.inputs import Inputs
+from fantoccini.motion.overload import Overload, overloads
 from fantoccini.motion.state import Event, EventKind, State, States, check_size
 from fantoccini.motion.trajectories import SAVED, Trajectories
 from fantoccini.motion.trajectory import Trajectory
@@ -17,10 +18,12 @@ __all__ = [
     "Input",
     "InputDerivative",
     "Inputs",
+    "Overload",
     "State",
     "States",
     "Trajectories",
     "Trajectory",
     "check_size",
     "inputs_schema",
+    "overloads",
 ]

@@ -228,6 +228,8 @@ class EventKind(enum.StrEnum):
     BREAKPOINT = "breakpoint"
     SLIP = "slip"
     GRIP = "grip"
+    LOST_STEP = "lost_step"
+    RUNAWAY = "runaway"
 
 
 @dataclass(frozen=True)
@@ -236,8 +238,10 @@ class Event:
 
     Attributes:
         t: time [s].
-        kind: what happened. A winch that reaches its largest tension slips, and grips again.
-        name: the string or limit; empty for a breakpoint or an accumulation.
+        kind: what happened. A winch that reaches its largest tension slips, and grips again. A
+            stepper loses a step, a drive runs away.
+        name: the string, limit or coordinate with a drive; empty for a breakpoint or an
+            accumulation.
         impulse: of the catch, >= 0 [N s, or N m s for a limit of an angle].
         speed: hdot just before the catch, or with which a winch begins to slip [m/s or rad/s].
     """

@@ -37,7 +37,8 @@ class Trajectories:
         violation: (n,) by how much rows were overstepped at worst (of fixed steps; 0 for event)
             [m, rad or 1].
         catches, releases: (n,) of strings and limits.
-        blame: (n, n_rows) what stopped each, by string and limit, 0 to 1 (event).
+        blame: (n,) by string and limit what stopped each (not of timestepping), by coordinate with
+            a drive what lost steps or ran away, 0 to 1.
         method: event, timestepping or variational.
         coordinates: names and places of the coordinates.
         puppet: what moved.
@@ -82,7 +83,7 @@ class Trajectories:
 
     @property
     def done(self) -> Array:
-        """(n,) bool, the runs that reached their end."""
+        """(n,) bool, the runs that reached their end and held."""
         return self.status == Status.DONE
 
     def counts(self) -> dict[Status, int]:
@@ -90,7 +91,7 @@ class Trajectories:
         return {Status(s): n for s, n in Counter(self.status.tolist()).most_common()}
 
     def blamed(self, i: int, least: float = 0.1) -> tuple[str, ...]:
-        """Strings and limits to blame for how run i ended; ``least`` of the blame names one."""
+        """What is to blame for how run i ended; ``least`` of the blame names one."""
         return tuple(n for n in self.blame.names if self.blame[n][i] > least)
 
     def trajectory(self, i: int) -> Trajectory:

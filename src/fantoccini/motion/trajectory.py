@@ -15,6 +15,7 @@ from fantoccini.arrays import Array, Times, frozen
 from fantoccini.errors import StateError, Status, UnknownNameError
 from fantoccini.motion import interpolate
 from fantoccini.motion.columns import Columns
+from fantoccini.motion.overload import overloads
 from fantoccini.motion.state import Event, State
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ class Trajectory:
         events: in order of time.
         status: how the run ended.
         blamed: strings and limits that no motion satisfies together, or that pull beyond the cap,
-            where the status says so.
+            and coordinates whose drive was too weak, where the status says so.
         method: event, timestepping or variational; mujoco where that made it.
         coordinates: names and places of the coordinates.
         puppet: what moved (None when unknown).
@@ -263,7 +264,8 @@ class Trajectory:
         was slower than real time; method ``timestepping`` is faster.
 
         ``summary()["tension"]["hand"]`` has min and max [N], slack [s], catches and the largest
-        impulse [N s].
+        impulse [N s]; ``summary()["drives"]`` what drives whose motor was too weak did:
+        ``since`` [s], ``lost_steps``, ``ran_away``, ``error`` at the end [m or rad].
         """
         h = np.diff(self.t, append=self.t[-1])
         strings = {}
@@ -283,6 +285,7 @@ class Trajectory:
             "status": self.status,
             "events": dict(Counter(event.kind for event in self.events)),
             "tension": strings,
+            "drives": {name: vars(found) for name, found in overloads(self).items()},
             "ledger": {name: float(values[-1]) for name, values in self.ledger.items()},
         }
 

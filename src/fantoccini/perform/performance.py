@@ -85,6 +85,7 @@ class Performance:
         self._ended: tuple[Recording | None, str] | None = None
         self._stopped: tuple[float, str] | None = None
         self._owed = 0.0
+        self._weak: dict[str, float] = {}  # what too weak a motor moves -> when it gave way [s]
         if x0 is None:
             x0 = change.hanging(marionette)
         marionette.check_start(x0, "timestepping")
@@ -144,6 +145,9 @@ class Performance:
             if self._stopped and self.t - self._stopped[0] < _SHOWN:
                 for name in dict.fromkeys(self._hands.names):
                     found.setdefault(name, []).append(f"hand was stopped: {self._stopped[1]}")
+            for name, t in self._weak.items():
+                if self.t - t < _SHOWN:
+                    found.setdefault(name, []).append("its motor is too weak for this")
             return {name: "; ".join(texts) for name, texts in found.items()}
 
     # -- hands -------------------------------------------------------------------------------
@@ -351,6 +355,7 @@ class Performance:
             lengths: string -> its range [m]; about those of the state when not given.
         """
         self.marionette = marionette
+        self._weak.clear()
         self.grip = self._grip_of(marionette)
         self._performed = gripped(marionette, self.grip)
         if lengths is None:
@@ -376,11 +381,19 @@ class Performance:
             velocity = self._holding.hold(x, stepper.tension, velocity)
             acc_K = self._hands.bounded_acceleration(velocity, x.v_K, self.tick)
             stepper.advance(self.tick, acc_K, throw=False)
-            if stepper.status is Status.DONE:
+            if stepper.arrived:
                 if self._recorder is not None:
                     self._recorder.add(acc_K, stepper)
+                self._note_weak_motors()
                 return
             self._stop_hands(stepper.status)
+
+    def _note_weak_motors(self) -> None:
+        """Keeps in mind which drives the last tick was too much for."""
+        tree = self.marionette.tree
+        for index in self._stepper.events[:, 2].astype(int) - tree.n_rows:
+            if index >= 0:
+                self._weak[tree.watched[index].name.rsplit(".", 1)[0]] = self.t
 
     def _stop_hands(self, status: Status) -> None:
         """Goes on from the last accepted state with the hands at rest."""
@@ -390,7 +403,7 @@ class Performance:
         for x in (change.permitted(self._performed, still), still.replace(v_D=0.0 * still.v_D)):
             self._restart(x.replace(t=0.0))
             self._stepper.advance(self.tick, throw=False)
-            if self._stepper.status is Status.DONE:
+            if self._stepper.arrived:
                 return
         # Not even that: it stays as it is.
         self._restart(still.replace(t=0.0, v_D=0.0 * still.v_D))

@@ -169,7 +169,7 @@ class Recording:
         recorder = Recorder(stepper, self.tick)
         for acc_K in self.acc_K:
             stepper.advance(self.tick, acc_K, throw=False)
-            if stepper.status is not Status.DONE:
+            if not stepper.arrived:
                 break
             recorder.add(acc_K, stepper)
         return recorder.written(stepper.status)
@@ -177,7 +177,7 @@ class Recording:
     def _of(self, written: Written) -> Trajectory:
         return trajectory_of_rows(
             self.marionette, written.rows, written.events, written.status, METHOD,
-            with_effort=True, blame=np.zeros(self.marionette.tree.n_rows),
+            with_effort=True, blame=np.zeros(len(self.marionette.tree.blamable)),
         )  # fmt: skip
 
 
@@ -193,6 +193,7 @@ class Recorder:
         self._marionette, self._start, self._tick = stepper.marionette, stepper.state, tick
         self._rows, self._events = [stepper.rows[-1:]], [np.zeros((0, 5))]
         self._acc_K: list[Array] = []
+        self._status = Status.DONE
 
     def __len__(self) -> int:
         return len(self._acc_K)
@@ -202,9 +203,11 @@ class Recorder:
         self._acc_K.append(acc_K)
         self._rows.append(stepper.rows[-1:])
         self._events.append(stepper.events)
+        self._status = stepper.status
 
-    def written(self, status: Status = Status.DONE) -> Written:
-        """What was kept."""
+    def written(self, status: Status | None = None) -> Written:
+        """What was kept, and how it ended: as the last tick did when not given."""
+        status = self._status if status is None else status
         return Written(np.concatenate(self._rows), np.concatenate(self._events), status)
 
     def finished(self, steps: int, ended: str) -> Recording | None:

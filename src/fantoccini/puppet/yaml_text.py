@@ -36,7 +36,10 @@ class Unreadable(Exception):
 
     def __init__(self, line: int | None, path: Path, message: str):
         self.line, self.path, self.message = line, path, message
-        super().__init__(message)
+        super().__init__(line, path, message)
+
+    def __str__(self) -> str:
+        return self.message
 
 
 @dataclass

@@ -106,7 +106,8 @@ class Batch:
         status, reached, violation: (n,) how each ended, when [s], worst violation (of
             fixed steps).
         events: (n, 2) catches and releases.
-        blame: (n, n_rows) rows that stopped it, 0 to 1 (not time-stepping).
+        blame: (n, n_rows + n_watched) rows (not of time-stepping) and drives that are to blame for
+            the status, 0 to 1.
     """
 
     n: int

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import BuildError, Status
+from fantoccini.errors import ARRIVED, BuildError, Status
 from fantoccini.motion import Input, State
 from fantoccini.runtime import memory
 from fantoccini.runtime.functions import Functions, Signatures, pointer
@@ -63,6 +63,7 @@ class Library(Functions):
                 f"{tuple(sizes)}; delete the file to have it made again"
             )
         self.signatures = _signatures(tree, self.sizes["n_packed"])
+        self.n_blamable = len(tree.blamable)
         self.handle.fan_new.restype = ctypes.c_void_p
         self.handle.fan_free.argtypes = [ctypes.c_void_p]
 
@@ -155,8 +156,7 @@ class Run:
             raise MemoryError("no memory for a run")
         self._keep = np.ascontiguousarray(save_at if save_at is not None else [], dtype=float)
         n_row = self.rows_at_once
-        n_rows = library.sizes["n_strings"] + library.sizes["n_limits"]
-        n_event = max(self.events_at_once, 16 * n_rows + 64)
+        n_event = max(self.events_at_once, 16 * library.n_blamable + 64)
         self._rows = np.zeros((n_row, library.sizes["row_width"]))
         self._events = np.zeros((n_event, library.sizes["event_width"]))
         self._record = Record(pointer(self._rows), n_row, 0, pointer(self._events), n_event, 0)
@@ -195,7 +195,7 @@ class Run:
         """
         self._taken_bytes = 0.0
         yield self._taken()
-        while self.status in (Status.RUNNING, Status.DONE):
+        while self.status in (Status.RUNNING, *ARRIVED):
             if self._is_full:
                 self.status = Status.TOO_MANY_ROWS
                 return
@@ -231,9 +231,9 @@ class Run:
 
     @property
     def blame(self) -> Array:
-        """(n_rows,) how much each row is to blame for the status, 0 to 1."""
-        out = np.zeros(self.library.sizes["n_strings"] + self.library.sizes["n_limits"])
-        self.library.handle.fan_blame(self._run, pointer(out))
+        """(n_rows + n_watched,) how much each row and drive is to blame for the status, 0 to 1."""
+        out = np.zeros(self.library.n_blamable)
+        self.library.handle.fan_blame(self._run, int(self.status), pointer(out))
         return out
 
     def _taken(self) -> tuple[Array, Array]:

@@ -56,6 +56,7 @@ class OutsideRun(Run):
         self._out = ctypes.addressof(self._record)
         self._n_slip = sizes["n_strings"]
         self._n_rows = sizes["n_strings"] + sizes["n_limits"]
+        self._n_guards = library.n_blamable
         self._end = ctypes.c_double()
         self._n_y = sizes["n_qD"] + sizes["n_vD"] + 3
         self._refresh()
@@ -71,11 +72,12 @@ class OutsideRun(Run):
         """The guards at (t, y), and how far beyond its root each may be at its event.
 
         Returns:
-            guard (n_rows,), positive where the present mode no longer holds: of a slack row
-            h over its length, of a taut one its lacking tension over the weight; met (n_rows,).
+            guard (n_rows + n_watched,), positive where the present mode no longer holds: of a slack
+            row h over its length, of a taut one its lacking tension over the weight, of a stepper
+            what it lags by beyond what it holds; met, likewise.
         """
         y = self._checked(y)
-        guard, met = np.empty(self._n_rows), np.empty(self._n_rows)
+        guard, met = np.empty(self._n_guards), np.empty(self._n_guards)
         look = self.library.handle.fan_look
         look(self._run, t, y.ctypes.data, None, guard.ctypes.data, met.ctypes.data, None)
         return guard, met
@@ -113,6 +115,11 @@ class OutsideRun(Run):
     def react(self) -> None:
         """Deals with the guards that are positive at the present state: catches, a new mode."""
         self._refresh(self.library.handle.fan_react(self._run, self._out))
+
+    def verdict(self, t_end: float) -> Status:
+        """How a run has ended that has reached its end."""
+        about = ctypes.c_double(t_end), ctypes.c_longlong(0), ctypes.byref(self._record)
+        return Status(self.library.handle.fan_run(self._run, *about))
 
     def save(self, t: float, y: Array) -> None:
         """Writes the row of the next time to save, at which y (n_y,) is the step's dense output."""

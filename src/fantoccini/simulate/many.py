@@ -78,7 +78,7 @@ def simulate_many(
         p=marionette.p, winches=marionette.winches, options=options, times=times, parts=parts,
         status=np.full(n, Status.STOPPED, dtype=np.int32), reached=np.full(n, np.nan),
         violation=np.zeros(n), events=np.zeros((n, 2), dtype=np.int64),
-        blame=np.zeros((n, marionette.tree.n_rows)),
+        blame=np.zeros((n, len(marionette.tree.blamable))),
     )  # fmt: skip
     library = marionette.batch_library_of(method)
     threads = min(default_threads() if threads is None else threads, -(-n // library.width))
@@ -237,7 +237,7 @@ def _trajectories(
         violation=_read_only(batch.violation),
         catches=_read_only(batch.events[:, 0]),
         releases=_read_only(batch.events[:, 1]),
-        blame=Columns(tree.row_names, batch.blame, "string or limit"),
+        blame=Columns(tree.blamable, batch.blame, "string, limit or drive"),
         method=method,
         coordinates=marionette.coordinates,
         puppet=marionette.described,

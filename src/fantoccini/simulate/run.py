@@ -30,13 +30,14 @@ from fantoccini.motion import (
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Run
 from fantoccini.simulate.many import simulate_many
+from fantoccini.simulate.weak_motors import too_weak
 
 if TYPE_CHECKING:
     from scipy.integrate import OdeSolver
 
 _KINDS = (
     EventKind.CATCH, EventKind.RELEASE, EventKind.ACCUMULATION, EventKind.BREAKPOINT,
-    EventKind.SLIP, EventKind.GRIP,
+    EventKind.SLIP, EventKind.GRIP, EventKind.LOST_STEP, EventKind.RUNAWAY,
 )  # fmt: skip
 _TO_BLAME = 0.1
 """Share of the blame for a status, 0 to 1, from which a string or limit is named."""
@@ -179,6 +180,7 @@ def _where(marionette: Marionette, made: Trajectory) -> str:
         return f"{text} after {len(made)} rows; write fewer with save_at, or allow max_memory"
     if made.blamed:
         text += f", because of {', '.join(made.blamed)}"
+    text += too_weak(marionette, made)
     last = made.tension.values[-1]
     if np.max(last, initial=0.0) > 10.0 * marionette.weight:
         text += f"; the largest tension was {np.max(last):.3g} N"
@@ -236,7 +238,8 @@ def trajectory_of_rows(
         status: how the run ended.
         method: of the run.
         with_effort: compute the force on every driven coordinate.
-        blame: (n_rows,) each row's share of the blame for the status, 0 to 1.
+        blame: (n_rows + n_watched,) the share of each row and drive in the blame for the status, 0
+            to 1.
         seconds: how long the run took [s].
     """
     tree = marionette.tree
@@ -265,7 +268,7 @@ def trajectory_of_rows(
         effort=effort,
         violation=_violation(marionette, part),
         slip=Columns(strings, part["slip"], "string"),
-        blamed=tuple(tree.row_names[i] for i in np.flatnonzero(blame > _TO_BLAME)),
+        blamed=tuple(tree.blamable[i] for i in np.flatnonzero(blame > _TO_BLAME)),
         seconds=seconds,
     )
 
@@ -292,5 +295,5 @@ def _event(tree, row: Array, n_strings: int) -> Event:
     kind, index = _KINDS[int(kind)], int(index)
     if index >= n_strings:
         kind = _LIMIT_KINDS.get(kind, kind)
-    name = tree.row_names[index] if index >= 0 else ""
+    name = tree.blamable[index] if index >= 0 else ""
     return Event(float(t), kind, name, float(impulse), float(speed))

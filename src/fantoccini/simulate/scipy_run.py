@@ -14,7 +14,7 @@ import numpy as np
 from scipy import integrate
 
 from fantoccini.arrays import Array
-from fantoccini.errors import Status
+from fantoccini.errors import ARRIVED, Status
 from fantoccini.runtime import OutsideRun
 from fantoccini.simulate.integrators import INTEGRATORS
 from fantoccini.simulate.step import Step
@@ -99,7 +99,7 @@ class ScipyRun(OutsideRun):
         """As :meth:`Run.advance`."""
         self._taken_bytes = 0.0
         yield self._taken()
-        if self.status is Status.DONE:
+        if self.status in ARRIVED:
             self.status = Status.RUNNING
         n_steps = 0
         while self.status is Status.RUNNING and self.t < t_end:
@@ -113,7 +113,7 @@ class ScipyRun(OutsideRun):
             while self._pieces:
                 yield self._pieces.pop(0)
         if self.status is Status.RUNNING:
-            self.status = Status.DONE
+            self.status = self.verdict(t_end)
         yield self._taken()
 
     def present(self) -> tuple[Array, Array]:

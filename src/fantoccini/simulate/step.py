@@ -27,7 +27,7 @@ class Step:
         y0, y1: (n_y,) at its ends, with the taut rows at h = 0 and hdot = 0.
         dense: time [s] -> y (n_y,) between them, to the integrator's tolerance.
         times: (n,) where guards have been looked at, both ends among them [s].
-        guards: (n, n_rows) by row, positive where its mode no longer holds.
+        guards: (n, n_guards) by row and drive, positive where its mode no longer holds.
     """
 
     run: OutsideRun

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fantoccini.puppet import Drive, Number, Shape
+from fantoccini.puppet import Drive, Number, Shape, Stepper
 from fantoccini.puppet.shapes import UnitInertia
 from fantoccini.tree.coordinates import CoordinateTable, Role
 
@@ -196,6 +196,11 @@ class DriveRow:
     drive: Drive
 
     @property
+    def steps(self) -> bool:
+        """Whether a stepper moves it."""
+        return isinstance(self.drive.motor, Stepper)
+
+    @property
     def turns(self) -> bool:
         """Whether it is an orientation."""
         return self.v.stop - self.v.start == 3
@@ -309,6 +314,16 @@ class Tree:
     def motor_places(self) -> list[int]:
         """Places in v_D of what drives move, in order."""
         return [k for row in self.drives for k in range(row.v.start, row.v.stop)]
+
+    @property
+    def watched(self) -> tuple[DriveRow, ...]:
+        """Drives whose motor may be too weak for what its command asks."""
+        return tuple(d for d in self.drives if d.command and d.drive.motor is not None)
+
+    @property
+    def blamable(self) -> tuple[str, ...]:
+        """Names of what may be to blame for how a run ends: rows, then drives that are watched."""
+        return (*self.row_names, *(row.name for row in self.watched))
 
     def lead(self, link: int) -> tuple[slice, slice] | None:
         """Places in (q_K, v_K) of what moves a link's joint: itself, or the commands of its drives.

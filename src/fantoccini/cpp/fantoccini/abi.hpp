@@ -118,9 +118,11 @@ FAN_EXPORT void fan_progress(void* handle, double* out) {
   out[2] = run.event_driven ? 0.0 : run.fixed.led.worst_violation;
 }
 
-// By row, how much it is to blame for the status that stopped the run, 0 to 1.
-FAN_EXPORT void fan_blame(void* handle, double* out) {
+// By row and drive that is watched, how much it is to blame for how the run ended, 0 to 1.
+FAN_EXPORT void fan_blame(void* handle, int status, double* out) {
   const fan::Run& run = *static_cast<fan::Run*>(handle);
+  const auto& motors = run.event_driven ? run.event.flow.motors : run.fixed.led.motors;
+  motors.blame(fan::Status(status), 0, out + fan::Model::n_rows);
   for (int r = 0; r < fan::Model::n_rows; ++r) out[r] = run.event_driven ? run.event.blame[r] : 0.0;
 }
 
@@ -142,8 +144,8 @@ FAN_EXPORT int fan_stretch(
   return static_cast<fan::Run*>(handle)->event.stretch(t_end, end, *out);
 }
 
-// The flow at (t, y): rate (n_y,), guards and how well they are met (n_rows,), slip (n_strings,);
-// each may be null.
+// The flow at (t, y): rate (n_y,), guards and how well they are met (n_rows + n_watched,), slip
+// (n_strings,); each may be null.
 FAN_EXPORT void fan_look(
     void* handle, double t, const double* y, double* rate, double* guard, double* met,
     double* slip) {

@@ -20,7 +20,7 @@ struct EventRun {
   using F = Flow<Model>;
   static constexpr int N = F::N, NQ = F::NQ, S = F::S, M = F::M, NY = F::NY;
   static constexpr int rows_per_step = kSavesPerStep + 4;
-  static constexpr int events_per_step = 6 * M + 8;
+  static constexpr int events_per_step = 6 * M + 2 * F::D + 8;
 
   F flow;
   Contact<Model> contact;
@@ -61,6 +61,7 @@ struct EventRun {
     }
     step_size = flow.opt.first_step;
     refresh();
+    flow.motors.begin(flow.y, flow.q_K, flow.p);
     if (status == RUNNING) status = watch();
     else accuse(contact.blame);
     for (int r = 0; r < S; ++r)
@@ -94,7 +95,7 @@ struct EventRun {
       // The break itself is dealt with when the run goes on beyond it.
       at_break_ = flow.t >= smooth;
     }
-    return DONE;
+    return flow.motors.verdict(0);
   }
 
   // Writes the present state.
@@ -224,6 +225,10 @@ struct EventRun {
       if (h < -(kOpen + guards.noise) * flow.row_scale(r)) guards.armed[r] = true;
       if (h > 0.0) guards.armed[r] = false;
     }
+    flow.motors.look(flow.y, flow.y + NQ, flow.q_K, flow.v_K, flow.acc_K, flow.p, true);
+    const long long told = out.n_events;
+    flow.motors.tell(flow.t, out);
+    n_events += out.n_events - told;
     const bool event = guards.worst() > 0.0;
     Status seen = flow.frail() && !event ? another_basis(out) : RUNNING;
     if (seen == RUNNING) seen = watch();
@@ -234,7 +239,7 @@ struct EventRun {
       if (!flow.opt.save_steps) emit(out);
       ++next_save;
     }
-    return RUNNING;
+    return flow.motors.gone ? RUNAWAY : RUNNING;
   }
 
   void save_inside(double s, double new_t, Record<Model>& out) {

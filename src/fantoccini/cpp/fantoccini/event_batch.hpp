@@ -18,6 +18,7 @@ class EventBatch {
 
  private:
   using Row = Record<Model>;
+  using F = Flow<Model>;
   static constexpr int N = Model::n_vD, S = Model::n_strings, M = Model::n_rows;
   static constexpr int kRows = 256;
   static constexpr int kEvents = 1024 > 4 * EventRun<Model>::events_per_step
@@ -58,7 +59,9 @@ class EventBatch {
     in.violation[who] = 0.0;
     in.events[2 * who] = caught_;
     in.events[2 * who + 1] = released_;
-    for (int r = 0; r < M; ++r) in.blame[who * M + r] = run.blame[r];
+    double* blame = in.blame + who * F::ALL;
+    for (int r = 0; r < M; ++r) blame[r] = run.blame[r];
+    flow.motors.blame(status, 0, blame + M);
   }
 
   // Rows at the times asked for go to their places: of several at one time the last, which is that

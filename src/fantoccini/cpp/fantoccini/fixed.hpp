@@ -28,14 +28,14 @@ struct FixedRun {
     next_end_ = t_end;
     const double least = 1e-9 * fmin(led.opt.dt, t_end - origin);
     while (t < t_end - least) {
-      if (budget-- <= 0 || !out.room_for(2, M + S + 1)) return RUNNING;
+      if (budget-- <= 0 || !out.room_for(2, M + S + 2 * Model::n_watched + 1)) return RUNNING;
       if (n_steps >= led.opt.max_steps) return TOO_MANY_STEPS;
       double next = origin + double(n_here + 1) * led.opt.dt;
       if (next > t_end - 1e-6 * led.opt.dt) next = t_end;
       const Status status = advance(next, out);
       if (status != RUNNING) return status;
     }
-    return DONE;
+    return led.motors.verdict(0);
   }
 
   // Writes the present state.
@@ -81,6 +81,7 @@ struct FixedRun {
         out.event(t, at.taut[r] ? CATCH : RELEASE, r, at.taut[r] ? at.tension[r] * dt : 0.0, 0.0);
     for (int i = 0; i < S; ++i)
       if (slipped[i] != at.slips[i]) out.event(t, at.slips[i] ? SLIP : GRIP, i, 0.0, 0.0);
+    led.motors.tell(t, out);
     if (n_here % save_every == 0 || t >= next_end_) emit(out);
     return RUNNING;
   }

@@ -31,6 +31,7 @@ struct FixedLanes {
   const Real* tension() const { return led.at.tension; }
   const Mask* taut() const { return led.at.taut; }
   auto& inputs() { return led.inputs(); }
+  const auto& motors() const { return led.motors; }
   Mask runs() const { return led.status < Real(RUNNING + 0.5); }
   Mask caught(int r) const { return led.at.taut[r] && !was_[r]; }
   Mask released(int r) const { return was_[r] && !led.at.taut[r]; }

@@ -11,6 +11,7 @@
 #include "drive.hpp"
 #include "evaluation.hpp"
 #include "modes.hpp"
+#include "motor_watch.hpp"
 #include "options.hpp"
 #include "status.hpp"
 #include "tableau.hpp"
@@ -26,6 +27,7 @@ constexpr double kTouch = 5e-13;
 template <class Model>
 struct Flow {
   static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings, M = Model::n_rows;
+  static constexpr int D = Model::n_watched, ALL = M + D;  // all that has a guard
   static constexpr int NY = NQ + N + 3, WORK = NQ + N, LOSS = NQ + N + 1, SLIP_LOSS = NQ + N + 2;
   using Eval = Evaluation<Model, double>;
   using System = RowSystem<Model, double>;
@@ -41,6 +43,8 @@ struct Flow {
   double slip[room(S)];  // m, at slip_time
   double slip_time = 0.0;
 
+  MotorWatch<Model, double> motors;
+
   // The latest evaluation: where, and what came out.
   double q_K[room(Model::n_qK)], v_K[room(Model::n_vK)], acc_K[room(Model::n_vK)], u_D[room(N)];
   Eval eval;
@@ -55,6 +59,7 @@ struct Flow {
   void evaluate(double at, const double* state, double* rate) {
     drive.evaluate(at, q_K, v_K, acc_K, u_D);
     eval.at(state, state + NQ, q_K, v_K, acc_K, u_D, p);
+    motors.measure(state, q_K, p);
     let_out(at);
     int list[room(M)], n = 0;
     for (int r = 0; r < M; ++r) {
@@ -176,7 +181,7 @@ struct Flow {
 
   double k[dop853::all_stages][NY];
   double end[NY], end_rate[NY];    // state at the end of the trial step, and its rate
-  double stage_lack[dop853::stages][room(M)];  // for slack rows the height
+  double stage_lack[dop853::stages][room(ALL)];  // for slack rows the height
 
   // Trial step of length s from (t, y) with k[0] known. Leaves the end state in `end`.
   void stages(double s) {
@@ -187,6 +192,7 @@ struct Flow {
       for (int r = 0; r < M; ++r) {
         stage_lack[i][r] = taut(r) ? lack(r) : eval.height(r);
       }
+      for (int d = 0; d < D; ++d) stage_lack[i][M + d] = motors.excess(d);
     }
     combine(dop853::B, dop853::stages, s, end);
     normalise_all<typename Model::Dynamic>(end);

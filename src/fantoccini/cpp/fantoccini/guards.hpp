@@ -1,7 +1,8 @@
 // Guards: what a step must not pass. A slack row's guard is its height h, a held row's its lacking
 // tension (or what it has beyond its winch's largest), a redundant row's how far it strays from the
 // held ones, a slipping row's its lacking speed; a guard is positive when the row's mode no longer
-// holds.
+// holds. After the rows come the drives that are watched, whose guard is positive where they lose a
+// step or run away.
 //
 // An event's time is the root of the worst guard evaluated by integrating to it, not read off an
 // interpolant. After a release the row's guard re-arms once it has opened by more than rounding, or
@@ -20,16 +21,18 @@ constexpr double kCreep = 1e-9;         // m/s or rad/s below which such a row d
 constexpr double kNoTension = 1e-12;    // tension that counts as none, relative to the weight
 constexpr double kHeightRoot = 1e-15;   // how well a catch is met, relative to the row's scale
 constexpr double kTensionRoot = 1e-13;  // how well a release is met, relative to the weight
+constexpr double kWeakRoot = 1e-12;     // how well a drive's event is met, in periods, m or rad
 constexpr int kRootIterations = 100;
 
 template <class Model>
 struct Guards {
   using F = Flow<Model>;
-  static constexpr int NQ = F::NQ, S = F::S, M = F::M;
+  static constexpr int NQ = F::NQ, S = F::S, M = F::M, ALL = F::ALL;
 
   F& flow;
   bool armed[room(M)];
-  double height0[room(M)], rate0[room(M)], guard0[room(M)];  // at the start of the step
+  // At the start of the step.
+  double height0[room(M)], rate0[room(M)], guard0[room(ALL)];
   // The integrator's errors in a released row's h, relative to its scale, where they are not small
   // against its first opening: the row is armed, and caught unarmed, beyond them.
   double noise = 0.0;
@@ -59,13 +62,14 @@ struct Guards {
     for (int r = 0; r < M; ++r) {
       height0[r] = flow.eval.height(r);
       rate0[r] = flow.rate_of(r, flow.y + NQ);
-      guard0[r] = guard(r);
     }
+    for (int r = 0; r < ALL; ++r) guard0[r] = guard(r);
   }
 
   // A row's guard from the latest evaluation: positive when its mode no longer holds. In units
   // that make rows comparable: lengths over the row's scale, tensions over the weight.
   double guard(int r) const {
+    if (r >= M) return flow.motors.excess(r - M);
     if (r < S && Model::wire[r]) return -1.0;
     if (flow.mode[r] == SLIPPING) {
       const double wound_in = -flow.slip_now[r] / flow.row_scale(r) - kOver;
@@ -90,12 +94,15 @@ struct Guards {
   }
 
   // How far beyond its root a row's guard may be where the row's event is.
-  double met(int r) const { return flow.taut(r) ? kTensionRoot : kHeightRoot; }
+  double met(int r) const {
+    if (r >= M) return kWeakRoot;
+    return flow.taut(r) ? kTensionRoot : kHeightRoot;
+  }
 
   // The largest guard at the latest evaluation.
   double worst() const {
     double out = -1.0;
-    for (int r = 0; r < M; ++r) {
+    for (int r = 0; r < ALL; ++r) {
       const double g = guard(r);
       if (g > out || g != g) out = g != g ? 1.0 : g;
     }
@@ -116,9 +123,9 @@ struct Guards {
   // Crossings that return within the step: heights by the cubic through the ends, tensions at the
   // stages, each confirmed by integrating there, the earliest first.
   double inside(double s) {
-    double candidate[room(M)];
+    double candidate[room(ALL)];
     int n = 0;
-    for (int r = 0; r < M; ++r) {
+    for (int r = 0; r < ALL; ++r) {
       const double at = suspect(r, s);
       if (at > 0.0) candidate[n++] = at;
     }
@@ -137,7 +144,10 @@ struct Guards {
   // Where within the step just evaluated row r may have crossed and returned; 0 if nowhere.
   double suspect(int r, double s) const {
     if (r < S && Model::wire[r]) return 0.0;
-    double worst = flow.taut(r) ? kNoTension + kCreep : already(r) + kOver * flow.row_scale(r);
+    const bool slack = r < M && !flow.taut(r);
+    double worst = kWeakRoot;
+    if (slack) worst = already(r) + kOver * flow.row_scale(r);
+    else if (r < M) worst = kNoTension + kCreep;
     double at = 0.0;
     for (int i = 1; i < dop853::stages; ++i) {
       const double over = flow.stage_lack[i][r];
@@ -146,7 +156,7 @@ struct Guards {
         at = dop853::C[i] * s;
       }
     }
-    if (at > 0.0 || flow.taut(r)) return at;
+    if (at > 0.0 || !slack) return at;
     return peak_time(
         height0[r], rate0[r], flow.eval.height(r), flow.rate_of(r, flow.end + NQ), s,
         kOver * flow.row_scale(r));
@@ -182,9 +192,9 @@ struct Guards {
   // The first time below `hi`, where guards are positive, at which one still is, by no more than
   // rounding: row by row, until none has its root earlier. The flow is left there.
   double root(double hi) {
-    for (int round = 0; round <= M; ++round) {
+    for (int round = 0; round <= ALL; ++round) {
       const double before = hi;
-      for (int r = 0; r < M; ++r) {
+      for (int r = 0; r < ALL; ++r) {
         if (guard(r) <= met(r)) continue;
         hi = root_of(r, hi);
       }
@@ -197,7 +207,7 @@ struct Guards {
   // whose rates are known, Illinois' for tensions, inside a bracket that bisection shrinks where
   // they do not.
   double root_of(int r, double hi) {
-    const bool height = !flow.taut(r);
+    const bool height = r < M && !flow.taut(r);
     double lo = 0.0, g_lo = guard0[r] < 0.0 ? guard0[r] : -1e-18, g_hi = guard(r);
     double width = hi;
     int side = 1;

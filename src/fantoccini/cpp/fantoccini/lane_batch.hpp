@@ -124,7 +124,7 @@ class LaneBatch {
 
  private:
   static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings;
-  static constexpr int M = Model::n_rows;
+  static constexpr int M = Model::n_rows, D = Model::n_watched;
   static constexpr int kTold = 64;  // steps between two looks at the pool
 
   // Places beyond the last trajectory repeat it and are not written.
@@ -169,16 +169,18 @@ class LaneBatch {
     }
     if (!pool.stopped()) pool.advance(n_ * (in.t_end - told) / (in.t_end - in.t));
     for (int l = 0; l < n_; ++l) {
-      const int status = int(lane_of(led_.status, l));
+      Status status = Status(int(lane_of(led_.status, l)));
       const long long who = first_ + l;
-      const Status ended = t >= in.t_end ? DONE : (too_many ? TOO_MANY_STEPS : STOPPED);
-      in.status[who] = status != RUNNING ? status : ended;
+      if (status == RUNNING && t >= in.t_end) status = led_.motors().verdict(l);
+      if (status == RUNNING) status = too_many ? TOO_MANY_STEPS : STOPPED;
+      in.status[who] = status;
       in.reached[who] = reached_[l];
       in.violation[who] = lane_of(led_.worst_violation, l);
       in.events[2 * who] = caught_[l];
       in.events[2 * who + 1] = released_[l];
       if constexpr (Led::blames)
-        for (int r = 0; r < M; ++r) in.blame[who * M + r] = led_.blame[l][r];
+        for (int r = 0; r < M; ++r) in.blame[who * (M + D) + r] = led_.blame[l][r];
+      led_.motors().blame(status, l, in.blame + who * (M + D) + M);
     }
   }
 

@@ -2,6 +2,7 @@
 // stops a trajectory. Written for any Real.
 #pragma once
 
+#include "motor_watch.hpp"
 #include "options.hpp"
 #include "pieces.hpp"
 #include "status.hpp"
@@ -28,6 +29,7 @@ struct LedStep {
   Real p[room(Model::n_p)];
   TimeStep<Model, Real> at;
   Winches<S> winches;
+  MotorWatch<Model, Real> motors;
   Options opt;
   Real work, damping, impact, slip_loss, worst_violation;
   Real status;  // a Status: RUNNING, or what has stopped the trajectory
@@ -58,6 +60,7 @@ struct LedStep {
     for (int i = 0; i < S; ++i) at.slip[i] = slip[i];
     at.stirred = no;
     for (int r = 0; r < M; ++r) at.held[r] = at.taut[r];
+    motors.begin(state().q_D, inputs().q_K, p);
   }
 
   // A step of length dt to the coming inputs. A trajectory that cannot make it is stopped and
@@ -88,6 +91,8 @@ struct LedStep {
         select(goes && at.violation > worst_violation, at.violation, worst_violation);
     at.idle = !goes;
     take_inputs();
+    const auto& in = inputs();
+    motors.look(state().q_D, state().v_D, in.q_K, in.v_K, in.acc_K, p, goes);
   }
 
  private:
@@ -111,6 +116,7 @@ struct LedStep {
     const auto stop = [&](const Mask& mask, Status why) {
       status = select(mask && status < Real(RUNNING + 0.5), Real(why), status);
     };
+    stop(motors.gone, RUNAWAY);
     stop(!at.settled, NOT_SETTLED);
     stop(wild, NOT_FINITE);
     stop(empty, LENGTH_NOT_POSITIVE);

@@ -5,6 +5,7 @@
 
 #include "active_set.hpp"
 #include "lane_of.hpp"
+#include "motor_watch.hpp"
 #include "options.hpp"
 #include "status.hpp"
 #include "variational.hpp"
@@ -27,6 +28,7 @@ struct LedVariation {
   static constexpr int S = Model::n_strings, M = Model::n_rows, NK = Model::n_vK;
 
   Step at;
+  MotorWatch<Model, Real> watch;
   Options opt;
   Real t;  // s
   Real work, damping, impact, slip_loss, worst_violation;
@@ -58,6 +60,7 @@ struct LedVariation {
   const Mask* taut() const { return at.here.taut; }
   const Real* tension() const { return pull; }
   Inputs& inputs() { return node().now; }
+  const auto& motors() const { return watch; }
 
   // Work, damping, impact and slip loss.
   void books(Real* out) const {
@@ -90,6 +93,7 @@ struct LedVariation {
       pull[r] = select(pulls, Real(at.found_impulse(r) * (2.0 / opt.dt)), pull[r]);
     }
     restart(drive);
+    watch.begin(q_D(), inputs().q_K, p());
   }
 
   // New inputs from here on; the velocities of the driven coordinates go on.
@@ -139,6 +143,9 @@ struct LedVariation {
       pull[r] = select(ends, mean, pull[r]);
     }
     for (int i = 0; i < S; ++i) slips[i] = (ends && slips[i]) || (!ends && slipped[i]);
+    const Inputs& in = inputs();
+    watch.look(q_D(), v_D(), in.q_K, in.v_K, in.acc_K, p(), ends);
+    stop(ends && watch.gone, RUNAWAY);
   }
 
   Mask runs() const { return status < Real(RUNNING + 0.5); }

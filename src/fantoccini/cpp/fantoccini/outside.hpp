@@ -16,16 +16,16 @@ struct OutsideRun : EventRun<Model> {
   // What the flow is at (t, y) in the frozen mode; each of the results may be null.
   struct Look {
     double* rate;   // (NY,)
-    double* guard;  // by row, positive where the mode no longer holds (guards.hpp)
-    double* met;    // by row, how far beyond its root a guard may be at its event
+    double* guard;  // by row and drive, positive where the mode no longer holds (guards.hpp)
+    double* met;    // likewise, how far beyond its root a guard may be at its event
     double* slip;   // (S,) m
   };
 
   void look(double t, const double* y, const Look& out) {
     double rate[F::NY];
     flow.evaluate(t, y, out.rate ? out.rate : rate);
-    for (int r = 0; out.guard && r < F::M; ++r) out.guard[r] = guards.guard(r);
-    for (int r = 0; out.met && r < F::M; ++r) out.met[r] = guards.met(r);
+    for (int r = 0; out.guard && r < F::ALL; ++r) out.guard[r] = guards.guard(r);
+    for (int r = 0; out.met && r < F::ALL; ++r) out.met[r] = guards.met(r);
     for (int i = 0; out.slip && i < F::S; ++i) out.slip[i] = flow.slip_now[i];
   }
 

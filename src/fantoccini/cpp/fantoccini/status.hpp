@@ -19,6 +19,8 @@ enum Status : int {
   SINGULAR_MASS = 12,
   NOT_SETTLED = 13,
   TOO_MANY_ROWS = 14,  // of Python alone, which keeps the rows
+  LOST_STEPS = 15,
+  RUNAWAY = 16,
 };
 
 // What happened to a row; the numbers are those of fantoccini.motion.EventKind.
@@ -29,6 +31,8 @@ enum EventKind : int {
   BREAKPOINT = 3,
   SLIP = 4,
   GRIP = 5,
+  LOST_STEP = 6,
+  RAN_AWAY = 7,
 };
 
 }  // namespace fan

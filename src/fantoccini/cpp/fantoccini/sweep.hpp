@@ -205,7 +205,8 @@ class Sweep {
       get(inputs.v_K, NK, l, v_K);
       const double clear = lane_of(clearance_.least, l);
       const bool slack = slackened_[l] && !in.may_slacken;
-      if (lane_of(led_.status, l) > RUNNING + 0.5 || slack || !(clear >= in.margin) ||
+      const bool weak = led_.motors.verdict(l) != DONE;
+      if (lane_of(led_.status, l) > RUNNING + 0.5 || slack || weak || !(clear >= in.margin) ||
           !within(in, l)) {
         leave(l);
         continue;

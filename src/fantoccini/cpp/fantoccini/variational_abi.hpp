@@ -69,8 +69,9 @@ FAN_EXPORT void fan_progress(void* handle, double* out) {
   out[2] = run.led.worst_violation;
 }
 
-// By row, how much it is to blame for the status that stopped the run, 0 to 1.
-FAN_EXPORT void fan_blame(void* handle, double* out) {
+// By row and drive that is watched, how much it is to blame for how the run ended, 0 to 1.
+FAN_EXPORT void fan_blame(void* handle, int status, double* out) {
   const auto& run = fan::run_of(handle);
+  run.led.motors().blame(fan::Status(status), 0, out + fan::Model::n_rows);
   for (int r = 0; r < fan::Model::n_rows; ++r) out[r] = run.led.blame[0][r];
 }

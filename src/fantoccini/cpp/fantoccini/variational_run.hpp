@@ -41,7 +41,7 @@ struct VariationalRun {
     const double dt = led.opt.dt;
     const double least = 1e-9 * fmin(dt, t_end - origin);
     while (led.t < t_end - least) {
-      if (budget-- <= 0 || !out.room_for(2, 2 * (M + S) + 1)) return RUNNING;
+      if (budget-- <= 0 || !out.room_for(2, 2 * (M + S + Model::n_watched) + 1)) return RUNNING;
       if (n_steps >= led.opt.max_steps) return TOO_MANY_STEPS;
       double next = origin + double(n_here + 1) * dt;
       if (next > t_end - 1e-6 * dt) next = t_end;
@@ -60,7 +60,7 @@ struct VariationalRun {
       if (status == RUNNING ? due : moved || !written) emit(out);
       if (status != RUNNING) return status;
     }
-    return DONE;
+    return led.motors().verdict(0);
   }
 
   // Writes the present state.
@@ -113,6 +113,7 @@ struct VariationalRun {
     for (int i = 0; i < S; ++i)
       if (led.slipped[i] != led.slips[i])
         out.event(led.t, led.slips[i] ? SLIP : GRIP, i, 0.0, 0.0);
+    led.motors().tell(led.t, out);
   }
 };
 

@@ -1,0 +1,145 @@
+// Drives whose motor may be too weak for what it is told. Looked at after every step:
+//
+//   a stepper loses a step where it lags by more than half a period of its torque from the tooth
+//   that it holds on to: beyond, the torque turns it on to the next one;
+//   a drive runs away where it is farther than kAstray outside of all that it was told since the
+//   run began, its motor out of step or at its bound; it is gone beyond kGone.
+//
+// Written for any Real.
+#pragma once
+
+#include "elementary.hpp"
+#include "lane_of.hpp"
+#include "status.hpp"
+
+namespace fan {
+
+constexpr double kAstray[2] = {0.1, 1.5707963267948966};  // m, rad
+constexpr double kGone[2] = {1.0, 6.283185307179586};     // m, rad
+constexpr double kTooWeak = 1.0 - 1e-9;  // share of what is wanted below which a motor is at its bound
+
+template <class Model, class Real>
+struct MotorWatch {
+  static constexpr int D = Model::n_watched;
+  using Mask = typename Traits<Real>::Mask;
+
+  // Of the last step: drives that lost steps in it, and that began to run away.
+  Mask loses[room(D)], strays[room(D)];
+
+  // Begins where the run does.
+  FAN_FN void begin(const Real* q_D, const Real* q_K, const Real* p) {
+    const Mask no = Real(0.0) > Real(1.0);
+    measure(q_D, q_K, p);
+    gone = no;
+    for (int d = 0; d < D; ++d) {
+      loses[d] = strays[d] = lost_[d] = astray_[d] = passed_[d] = no;
+      tooth_[d] = whole(lag_[d]);
+      low_[d] = select(at_[d] < told_[d], at_[d], told_[d]);
+      high_[d] = select(at_[d] < told_[d], told_[d], at_[d]);
+    }
+  }
+
+  // Where the drives are and how far they lag.
+  FAN_FN void measure(const Real* q_D, const Real* q_K, const Real* p) {
+    if constexpr (D > 0) {
+      const Real* arg[] = {q_D, q_K, p};
+      Real* res[] = {at_, told_, lag_};
+      Model::motor_lags(arg, res);
+    }
+  }
+
+  // What is not to pass 0 by the last measurement: of a stepper its lag beyond half a period, of
+  // others how far they are outside, beyond kAstray, until they are.
+  FAN_FN Real excess(int d) const {
+    if (Model::watched_steps[d]) return lag_beyond(d);
+    return select(passed_[d], Real(-1.0), Real(outside(d) - Real(astray_from(d))));
+  }
+
+  // After a step to here, which some lanes have made.
+  FAN_FN void look(
+      const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
+      const Real* p, const Mask& lanes) {
+    if (D == 0) return;
+    Real beyond[room(D)], share[room(D)];
+    Mask out = Real(0.0) > Real(1.0);
+    measure(q_D, q_K, p);
+    for (int d = 0; d < D; ++d) {
+      if (Model::watched_steps[d]) loses[d] = lanes && lag_beyond(d) > Real(0.0);
+      tooth_[d] = select(loses[d], whole(lag_[d]), tooth_[d]);
+      lost_[d] = lost_[d] || loses[d];
+      low_[d] = select(lanes && told_[d] < low_[d], told_[d], low_[d]);
+      high_[d] = select(lanes && told_[d] > high_[d], told_[d], high_[d]);
+      beyond[d] = outside(d);
+      strays[d] = lanes && beyond[d] > Real(astray_from(d));
+      passed_[d] = strays[d] || (!lanes && passed_[d]);
+      out = out || strays[d];
+    }
+    if (!any(out)) return;
+    if constexpr (D > 0) {
+      const Real* arg[] = {q_D, v_D, q_K, v_K, acc_K, p};
+      Real* res[] = {share};
+      Model::motor_shares(arg, res);
+    }
+    for (int d = 0; d < D; ++d) {
+      const Mask weak = Model::watched_steps[d] ? lost_[d] : share[d] < Real(kTooWeak);
+      const Mask away = strays[d] && weak;
+      gone = gone || (away && beyond[d] > Real(kGone[Model::watched_turns[d]]));
+      strays[d] = away && !astray_[d];
+      astray_[d] = astray_[d] || away;
+    }
+  }
+
+  Mask gone = Real(0.0) > Real(1.0);  // lanes in which a drive is so far away that the run ends
+
+  // How a run that reaches its end has ended, in a lane.
+  Status verdict(int lane) const {
+    Status status = DONE;
+    for (int d = 0; d < D; ++d) {
+      if (lane_of(astray_[d], lane)) return RUNAWAY;
+      if (lane_of(lost_[d], lane)) status = LOST_STEPS;
+    }
+    return status;
+  }
+
+  // By drive, 1 where it is to blame for a status in a lane, else 0.
+  void blame(Status status, int lane, double* out) const {
+    for (int d = 0; d < D; ++d) {
+      const bool its = status == RUNAWAY      ? lane_of(astray_[d], lane)
+                       : status == LOST_STEPS ? lane_of(lost_[d], lane)
+                                              : false;
+      out[d] = its ? 1.0 : 0.0;
+    }
+  }
+
+  // Writes the events of the last step of a single run.
+  template <class Record>
+  void tell(double t, Record& out) const {
+    for (int d = 0; d < D; ++d) {
+      if (loses[d]) out.event(t, LOST_STEP, Model::n_rows + d, 0.0, 0.0);
+      if (strays[d]) out.event(t, RAN_AWAY, Model::n_rows + d, 0.0, 0.0);
+    }
+  }
+
+ private:
+  static constexpr double astray_from(int d) { return kAstray[Model::watched_turns[d]]; }
+
+  // By how much of a period a stepper lags beyond what it holds.
+  FAN_FN Real lag_beyond(int d) const {
+    using std::abs;
+    return abs(lag_[d] - tooth_[d]) - Real(0.5);
+  }
+
+  // How far a drive is outside of all that it was told.
+  FAN_FN Real outside(int d) const {
+    const Real above = at_[d] - high_[d], below = low_[d] - at_[d];
+    return select(above > below, above, below);
+  }
+
+  Real at_[room(D)], told_[room(D)], lag_[room(D)];  // measured last
+  Real low_[room(D)], high_[room(D)];  // within which all lies that it was told, and its start
+  Real tooth_[room(D)];                // period of the torque that a stepper is in
+  Mask lost_[room(D)], astray_[room(D)];  // since the run began
+  Mask passed_[room(D)];                  // outside by more than kAstray when looked at last
+};
+
+}  // namespace fan

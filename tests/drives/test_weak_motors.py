@@ -1,0 +1,176 @@
+"""17.3: motors too weak for their load are events, stand in the summary, and decide the status."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.integrate
+
+import fantoccini as fan
+from fantoccini.cli.report import report
+from fantoccini.errors import SimulationError, Status
+
+HOIST = """
+puppet: hoist
+bodies:
+  - {name: bob, joint: {type: translation, axes: [z]}, mass: 0.3}
+strings:
+  - {name: line, path: [{body: bob}, {world: [0, 0, 1]}], length: driven}
+drives:
+  - on: line.length
+    inertia: 1.0e-5
+    drum: 0.01
+    friction: {viscous: 1.0e-6}
+"""
+STEPPER = "    motor: {type: stepper, torque: {parameter: T, value: 0.05}}\n"
+SERVO = """\
+    motor: {type: servo, torque: {parameter: T, value: 0.05}}
+    control: {type: computed_torque, bandwidth: 30}
+"""
+LOAD = 0.3 * 9.81 * 0.01
+"""What the bob asks of the motor at rest [N m]."""
+TOLD = 0.01 * 2 * np.pi / 3200 * 25465
+"""A length that is a whole number of microsteps, near 0.5 m."""
+METHODS = {
+    "event": {}, "timestepping": {"dt": 1e-4}, "variational": {"dt": 1e-4},
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def stepped():
+    return fan.loads(HOIST + STEPPER)
+
+
+@pytest.fixture(scope="module")
+def servoed():
+    return fan.loads(HOIST + SERVO)
+
+
+def lost(run) -> list[float]:
+    return [e.t for e in run.events if e.kind == "lost_step"]
+
+
+def time_of_first_lost_step(torque: float) -> float:
+    """When a rotor under the load passes the 2nd full step from where it is told to be."""
+    mass = 0.3 * 0.01**2 + 1e-5
+
+    def rates(t, y):
+        return [y[1], (LOAD - torque * np.sin(50 * y[0]) - 1e-6 * y[1]) / mass]
+
+    start = [np.arcsin(LOAD / 0.05) / 50, 0.0]
+    how = {"rtol": 1e-11, "atol": 1e-12, "max_step": 1e-3}
+    (times,) = scipy.integrate.solve_ivp(
+        rates, (0, 0.03), start, events=lambda t, y: 50 * y[0] - np.pi, **how
+    ).t_events
+    return float(times[0])
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_stepper_that_is_too_weak_does_not_end_well(stepped, method):
+    """17.3: steps are lost when the rotor's equation has it so, and the run is not DONE."""
+    x0, weak = stepped.rest({"line.length": TOLD}), stepped.with_parameters({"T": 0.02})
+    run = fan.simulate(weak, x0, t_end=0.04, method=method, throw=False, **METHODS[method])
+    first = time_of_first_lost_step(0.02)
+    assert lost(run)[0] == pytest.approx(first, abs=1e-8 if method == "event" else 3e-4)
+    assert run.status is Status.LOST_STEPS and run.t[-1] == 0.04
+    assert run.blamed == ("line.length",)
+    told = run.summary()["drives"]["line.length"]
+    assert told["lost_steps"] == 3 and not told["ran_away"] and told["error"] < 0
+    strong = fan.simulate(stepped, x0, t_end=0.04, method=method, **METHODS[method])
+    assert not lost(strong) and not strong.summary()["drives"]
+
+
+def test_scipys_integrators_locate_lost_steps(stepped):
+    x0, weak = stepped.rest({"line.length": TOLD}), stepped.with_parameters({"T": 0.02})
+    how = {"integrator": "RK45", "rtol": 1e-9, "atol": 1e-9}
+    run = fan.simulate(weak, x0, t_end=0.03, throw=False, **how)
+    assert lost(run)[0] == pytest.approx(time_of_first_lost_step(0.02), abs=1e-6)
+    assert run.status is Status.LOST_STEPS
+
+
+@pytest.mark.parametrize("method", ["timestepping", "variational"])
+def test_a_winch_that_runs_away_ends_the_run(stepped, method, capsys):
+    """17.3: it is not left to fall for ever; the message has the torque that holds, and it does."""
+    x0, weak = stepped.rest({"line.length": TOLD}), stepped.with_parameters({"T": 0.02})
+    with pytest.raises(SimulationError, match=r"line\.length ran away from t = 0\.01") as found:
+        fan.simulate(weak, x0, t_end=5.0, method=method, **METHODS[method])
+    run = found.value.trajectory
+    assert run.status is Status.RUNAWAY and found.value.status is run.status
+    out = run.q_D[-1, run.coordinates.q_D.index("line.length")] - 0.5
+    assert 1.0 < out < 1.01
+    assert f"takes {LOAD:.3g} N m" in str(found.value) and "has 0.02" in str(found.value)
+    report(run, 1.0)
+    assert "line.length ran away" in capsys.readouterr().out
+    held = stepped.with_parameters({"T": 1.02 * LOAD})
+    run = fan.simulate(held, held.rest({"line.length": TOLD}), t_end=0.2, method=method, dt=1e-4)
+    assert run.status is Status.DONE
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_servo_that_is_too_weak_runs_away(servoed, method):
+    """17.3: 0.1 m below all that it was told, with its motor at its bound: s = a t^2 / 2."""
+    x0, torque = servoed.state({"line.length": TOLD}), 0.02
+    x0 = servoed.project(x0)
+    weak = servoed.with_parameters({"T": torque})
+    run = fan.simulate(
+        weak, x0, t_end=0.4, method=method, throw=False, **METHODS[method] | {"save_every": 1}
+        if method != "event" else {}
+    )  # fmt: skip
+    (event,) = [e for e in run.events if e.kind == "runaway"]
+    fall = 0.01 * (LOAD - torque) / (0.3 * 0.01**2 + 1e-5)
+    assert event.name == "line.length"
+    assert event.t == pytest.approx(np.sqrt(0.2 / fall), rel=0.03)
+    assert run.status is Status.RUNAWAY and run.t[-1] == 0.4
+    strong = fan.simulate(servoed, x0, t_end=0.4, method=method, **METHODS[method])
+    assert strong.status is Status.DONE
+
+
+def test_a_motor_that_lags_does_not_run_away(servoed):
+    """One that is at its bound on the way to where it is told to be, and gets there."""
+    move = fan.Input.waypoints(servoed, {"line.length": [(0, 0.9), (0.05, 0.3)]})
+    x0 = servoed.rest({"line.length": 0.9})
+    tight = servoed.with_parameters({"T": 0.04})
+    run = fan.simulate(tight, x0, move, t_end=1.5, method="timestepping", throw=False)
+    lag = run.q_D[:, run.coordinates.q_D.index("line.length")] - run.q_K[:, 0]
+    assert lag.max() > 0.3 and abs(lag[-1]) < 0.04
+    assert run.status is Status.DONE
+
+
+def test_batches_tell_lane_by_lane(stepped):
+    """17.3: strong and weak moments side by side; a lane that runs away ends alone."""
+    x0 = stepped.rest({"line.length": TOLD})
+    gentle = fan.Input.hold(stepped).bound(x0.q_K)
+    rough = fan.Input.waypoints(stepped, {"line.length": [(0, TOLD), (0.03, 0.35)]})
+    inputs = [gentle, rough.extended(0.2).bound(x0.q_K), gentle]
+    for method in ("timestepping", "variational"):
+        many = fan.simulate(stepped, x0, inputs, t_end=0.8, method=method, dt=1e-4)
+        assert many.status.tolist() == [Status.DONE, Status.RUNAWAY, Status.DONE]
+        assert many.blamed(1) == ("line.length",) and not many.blamed(0)
+        assert many.reached[1] < 0.8 == many.reached[0]
+        one = fan.simulate(stepped, x0, inputs[1], t_end=0.8, method=method, dt=1e-4, throw=False)
+        assert (one.status, one.t[-1]) == (Status.RUNAWAY, pytest.approx(many.reached[1]))
+
+
+def test_a_stepper_goes_on_and_says_so(stepped):
+    """17.3: on line lost steps do not raise: the status keeps them, the events are those anew."""
+    x0 = stepped.rest({"line.length": TOLD})
+    stepper = stepped.with_parameters({"T": 0.02}).stepper(x0, "timestepping", dt=1e-4)
+    stepper.advance(0.01)
+    assert stepper.status is Status.DONE and not len(stepper.events)
+    stepper.advance(0.01)
+    assert stepper.status is Status.LOST_STEPS and stepper.arrived
+    assert stepper.state.t == pytest.approx(0.02)
+    with pytest.raises(SimulationError, match="dragged"):
+        stepper.advance(2.0)
+
+
+def test_a_performance_tells_the_hand(stepped):
+    """17.3: it goes on, names what its motors cannot do, and what it recorded is not DONE."""
+    x0 = stepped.rest({"line.length": TOLD})
+    live = fan.Performance(stepped.with_parameters({"T": 0.02}), x0)
+    live.record()
+    live.advance(0.1)
+    assert "motor is too weak" in live.lagging["line"]
+    take = live.stop()
+    assert take.trajectory.status is take.replay().status is Status.LOST_STEPS
+    assert take.duration == pytest.approx(0.1, abs=0.01)

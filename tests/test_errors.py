@@ -1,0 +1,76 @@
+"""Exceptions travel: to another process, and into copies."""
+
+from __future__ import annotations
+
+import copy
+import importlib
+import inspect
+import multiprocessing
+import pickle
+import pkgutil
+
+import pytest
+
+import fantoccini as fan
+from fantoccini import errors
+from fantoccini.errors import FileError, Problem, Status
+from fantoccini.puppet.yaml_text import Unreadable
+
+PROBLEMS = [Problem("a.yaml", 3, "bodies[0].mass", "found -1"), Problem("a.yaml", None, "", "no")]
+FACTS = {
+    errors.MissingLibraryError: ("a film", "pyvista", "pyvista"),
+    errors.UnknownNameError: ("string", "hnd", ["hand", "foot"]),
+    errors.SimulationError: (Status.TENSION_CAP, "at t = 1 s", {"rows": 3}),
+    errors.SweepStopped: ("stopped at 3 of 5", [1, 2, 3]),
+    Unreadable: (4, ("bodies", 0), "a tab"),
+}
+"""What exceptions are made from that take more than a sentence."""
+
+
+def exceptions() -> list[type[Exception]]:
+    """Every exception class of the package."""
+    names = [m.name for m in pkgutil.walk_packages(fan.__path__, "fantoccini.")]
+    modules = [importlib.import_module(n) for n in names if not n.endswith("__main__")]
+    found = {
+        x
+        for module in modules
+        for x in vars(module).values()
+        if inspect.isclass(x) and issubclass(x, Exception) and x.__module__ == module.__name__
+    }
+    return sorted(found, key=lambda x: x.__qualname__)
+
+
+def example(kind: type[Exception]) -> Exception:
+    if issubclass(kind, FileError):
+        return kind(PROBLEMS)
+    return kind(*FACTS.get(kind, ("it went wrong",)))
+
+
+def test_all_are_found():
+    assert {*FACTS, errors.StoreError, FileError} <= set(exceptions())
+
+
+@pytest.mark.parametrize("kind", exceptions(), ids=lambda kind: kind.__qualname__)
+def test_a_copy_and_a_pickle_are_the_exception(kind):
+    """17.24: class, sentence, arguments and facts come back."""
+    error = example(kind)
+    error.add_note("while the puppet hung")
+    for again in (pickle.loads(pickle.dumps(error)), copy.copy(error), copy.deepcopy(error)):
+        assert type(again) is kind
+        assert (str(again), again.args, vars(again)) == (str(error), error.args, vars(error))
+        assert getattr(again, "msg", None) == getattr(error, "msg", None)
+
+
+
+def _stops(string: str) -> None:
+    raise errors.UnknownNameError("string", string, ["hand", "foot"])
+
+
+def test_a_worker_hands_over_its_exception():
+    """17.24: a pool does not wait for ever for what a worker raised."""
+    with (
+        multiprocessing.get_context("spawn").Pool(1) as pool,
+        pytest.raises(errors.UnknownNameError, match="did you mean 'hand'") as found,
+    ):
+        pool.map_async(_stops, ["hnd"]).get(timeout=60)
+    assert found.value.allowed == ("hand", "foot")
