@@ -51,13 +51,14 @@ struct LedStep {
     }
     for (int i = 0; i < S; ++i) at.slips[i] = no;
     at.stirred = at.idle = no;
-    for (int k = 0; k < N; ++k) at.acc[k] = at.trend[k] = Real(0.0);
+    for (int k = 0; k < N; ++k) at.acc[k] = Real(0.0);
+    at.forget(!no);
     Real slip[room(S)];
     for (int i = 0; i < S; ++i) slip[i] = at.slip[i];
     step(inputs().v_K, inputs().acc_K, opt.dt);
     for (int i = 0; i < S; ++i) at.slip[i] = slip[i];
     at.stirred = no;
-    for (int k = 0; k < N; ++k) at.trend[k] = Real(0.0);
+    at.forget(!no);
     for (int r = 0; r < M; ++r) at.held[r] = at.taut[r];
     lost_ = last_loss_ = Real(0.0);
     last_dt_ = 0.0;

@@ -5,9 +5,13 @@
 //
 // with dq_K the exact increment of the inputs, damping and drag D implicit, the recovery of a violated
 // row limited to a speed, and Lambda capped, so that every step has a solution. c takes its velocity
-// products half a step on, at v_ahead = v + dt/2 (v - v-) / dt-, from the step before (Adams and
-// Bashforth's second-order method): at v they would add energy to whatever spins, by exp((w dt)^2 t/dt).
-// At the start, and after a catch or a brake, which do not go on, v_ahead = v. Where the cap is
+// products half a step on, extrapolated from the accelerations a of the two steps before,
+//
+//   v_ahead = v + dt (a/2 + (a - a-)/4)
+//
+// At v they would add energy to whatever spins, by exp((w dt)^2 t/dt); with a/2 alone by
+// exp((w dt)^4 t/2dt), which the quarter takes away. At the start, and after a catch or a brake,
+// which do not go on, a = 0. Where the cap is
 // the largest tension of a string's winch, the winch gives way by what is left. Once a row was
 // overstepped by kStirred, all velocities are scaled down where a step would turn a coordinate by
 // more than kWidestTurn or move one by more than kLongestStride; before, by kWild times as much. Written for any Real: lanes step
@@ -38,6 +42,8 @@ struct TimeStep {
   RowSystem<Model, Real> rows;
   Real acc[room(N)];      // (v+ - v) / dt
   Real trend[room(N)] = {};  // the same where the step to come is expected to go on so, else 0
+  Real lead[room(N)] = {};   // (v_ahead - v) / dt of the step to come
+  Mask steady = Real(0.0) > Real(1.0);  // whether trend is no 0 for want of something to go on
   Real tension[room(M)];  // Lambda / dt
   Mask taut[room(M)];    // after the last step
   Mask held[room(M)];    // after the one before it
@@ -56,7 +62,7 @@ struct TimeStep {
       const Real* u_D, double dt, double recovery_speed, double cap, const Winches<S>& winches,
       const Real* p, Real* q_next, Real* v_next) {
     Real v_ahead[room(N)];
-    for (int k = 0; k < N; ++k) v_ahead[k] = v_D[k] + 0.5 * dt * trend[k];
+    for (int k = 0; k < N; ++k) v_ahead[k] = v_D[k] + dt * lead[k];
     eval.at(q_D, v_D, q_K, v_K, acc_K, u_D, v_ahead, Real(dt), p);
     wind(winches, dt);
     violation = Real(0.0);
@@ -77,12 +83,24 @@ struct TimeStep {
       move[k] = dt * v_next[k];
       part[k] = move[k] * (1.0 / (Model::turns[k] ? kWidestTurn : kLongestStride));
       acc[k] *= 1.0 / dt;
-      trend[k] = select(caught, Real(0.0), acc[k]);
+      lead[k] = acc[k] * 0.5 + select(steady, Real(0.25 * (acc[k] - trend[k])), Real(0.0));
+      trend[k] = acc[k];
     }
+    steady = !caught;
     stirred = stirred || violation > Real(kStirred);
     const Real most = select(stirred, Real(1.0), Real(kWild));
     if (any(!(squares<N>(part) < most * most))) slow_down(part, most, v_next, move);
+    if (any(!steady)) forget(!steady);
     retract<typename Model::Dynamic>(q_D, move, q_next);
+  }
+
+  // Lanes in which the step to come does not go on like the last one.
+  FAN_FN void forget(const Mask& where) {
+    for (int k = 0; k < N; ++k) {
+      lead[k] = select(where, Real(0.0), lead[k]);
+      trend[k] = select(where, Real(0.0), trend[k]);
+    }
+    steady = steady && !where;
   }
 
  private:
@@ -96,8 +114,8 @@ struct TimeStep {
     for (int k = 0; k < N; ++k) {
       v[k] *= brake;
       move[k] *= brake;
-      trend[k] = select(brake < Real(1.0), Real(0.0), trend[k]);
     }
+    steady = steady && !(brake < Real(1.0));
   }
 
   // Solves for the impulses; where the rows are too near to one another, with a firmer raise.
