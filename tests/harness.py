@@ -51,7 +51,8 @@ class Model:
     def call(self, name: str, state: State, **more) -> dict[str, np.ndarray]:
         """All outputs of a function, without needless axes."""
         function = self.equations[name]
-        more = {"u_D": np.zeros(self.table.n_vD), "dt": 0.0, "p": self.p} | more
+        zero = {"u_D": np.zeros(self.table.n_vD), "dt": 0.0}
+        more = zero | {"v_ahead": state.v_D, "p": self.p} | more
         inputs = {n: more[n] if n in more else getattr(state, n) for n in function.name_in()}
         outputs = {}
         for key, value in function(**inputs).items():

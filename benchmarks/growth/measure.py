@@ -128,7 +128,9 @@ def evaluation(puppet: fan.Marionette, library: Library, function: str) -> float
     table, rng = puppet.coordinates, np.random.default_rng(0)
     widths = (table.n_qD, table.n_vD, table.n_qK, table.n_vK, table.n_vK, table.n_vD)
     arguments = [np.tile(0.3 * rng.normal(size=n), (CALLS, 1)) for n in widths]
-    arguments += [np.zeros((CALLS, 1))] * (function == "step_dynamics") + [puppet.p]
+    if function == "step_dynamics":
+        arguments += [arguments[1], np.zeros((CALLS, 1))]
+    arguments.append(puppet.p)
     took = []
     for _ in range(REPEATS):
         start = time.perf_counter()

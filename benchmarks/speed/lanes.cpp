@@ -46,7 +46,7 @@ void step_dynamics(int n) {
   for (int i = 0; i < n; ++i)
     led.at.eval.at(
         led.state().q_D, led.state().v_D, led.inputs().q_K, led.inputs().v_K, led.inputs().acc_K,
-        led.inputs().u_D, Wide(number[0]), led.p);
+        led.inputs().u_D, led.state().v_D, Wide(number[0]), led.p);
 }
 
 }  // namespace

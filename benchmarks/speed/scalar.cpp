@@ -80,7 +80,8 @@ void dynamics(int n) {
 void step_dynamics(int n) {
   const double dt = number[0];
   for (int i = 0; i < n; ++i)
-    flow.eval.at(flow.y, flow.y + NQ, flow.q_K, flow.v_K, flow.acc_K, flow.u_D, dt, flow.p);
+    flow.eval.at(
+        flow.y, flow.y + NQ, flow.q_K, flow.v_K, flow.acc_K, flow.u_D, flow.y + NQ, dt, flow.p);
 }
 
 double row[fan::Record<Model>::row_width * 4], event[fan::Record<Model>::event_width * 4 * (M + S + 1)];

@@ -91,7 +91,7 @@ class Derivatives:
         return made
 
     def residual(self, tension: ca.SX) -> ca.SX:
-        """r (n_vD,) of Eq. 10 without u_D; joint damping acts on v_D + dt acc_D.
+        """r (n_vD,) of Eq. 10 without u_D; damping and drag act on v_D + dt acc_D.
 
         The strings' pulls enter as forces on the links, so that one pass towards the root projects
         them together with inertia and gravity.
@@ -104,9 +104,10 @@ class Derivatives:
         tau, pulls = elements(tension), [(zeros(3), zeros(3)) for _ in tree.links]
         for i, string in enumerate(tree.strings):
             self._pull(string.points, tau[i], pulls)
+        late_drag = self._late_drag()
         wrenches = [
-            (torque - pulled[0], force - pulled[1])
-            for (torque, force), pulled in zip(loads.wrenches, pulls, strict=True)
+            (torque - pulled[0] + late[0], force - pulled[1] + late[1])
+            for (torque, force), pulled, late in zip(loads.wrenches, pulls, late_drag, strict=True)
         ]
         f_D, _ = system.generalised(dataclasses.replace(loads, wrenches=wrenches))
         acc_D, motors = elements(s.acc_D), system.motors(s.dt)
@@ -122,6 +123,15 @@ class Derivatives:
             _, J, _ = system.limit_rows[i]
             f_D[place] = f_D[place] + scaled(tau[len(tree.strings) + i], J)
         return column(f_D)
+
+    def _late_drag(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """(torque, force) on every link that its drag changes by over a step at acc_D."""
+        system, s = self.system, self.system.symbols
+        moved = system.motions(elements(s.acc_D))
+        return [
+            system.drag_inertia(i, s.dt).momentum(motion.w, motion.v)
+            for i, motion in enumerate(moved)
+        ]
 
     def _pull(self, points: tuple, tension: ca.SX, external: list) -> None:
         """Adds a string's pull to the (torque, force) on its links, about their origins."""

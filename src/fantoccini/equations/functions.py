@@ -16,7 +16,7 @@ import numpy as np
 from fantoccini.equations import articulated, drives, dynamics
 from fantoccini.equations.algebra import column, cross, dot, elements, matrix, scaled, zeros
 from fantoccini.equations.coriolis import coriolis_matrix
-from fantoccini.equations.system import System
+from fantoccini.equations.system import Loads, System
 from fantoccini.errors import UnknownNameError
 from fantoccini.tree import Link, Role, Tree
 
@@ -25,7 +25,7 @@ CONFIGURATION = ("q_D", "q_K")
 
 MODEL_INPUTS: dict[str, tuple[str, ...]] = {
     "dynamics": (*STATE, "acc_K", "u_D", "p"),
-    "step_dynamics": (*STATE, "acc_K", "u_D", "dt", "p"),
+    "step_dynamics": (*STATE, "acc_K", "u_D", "v_ahead", "dt", "p"),
     "rows": (*CONFIGURATION, "p"),
     "energy": (*STATE, "p"),
     "effort": (*STATE, "acc_D", "acc_K", "lam", "p"),
@@ -126,7 +126,7 @@ class Equations:
 
     @cached_property
     def factor(self) -> articulated.Factor:
-        """F of M_DD = F^T F, with the joints' damping over a step dt; L are its numbers."""
+        """F of M_DD = F^T F, with damping and drag over a step dt; L are its numbers."""
         return self._factor(self.system.symbols.dt)
 
     def _factor(self, dt: ca.SX) -> articulated.Factor:
@@ -136,29 +136,34 @@ class Equations:
         def armature(link: Link) -> np.ndarray:
             return own[link.v] + dt * system.value(link.damping)
 
-        return articulated.factorise(self.tree, system.joints, system.regrouped, armature)
+        inertias = [
+            inertia + system.drag_inertia(i, dt) for i, inertia in enumerate(system.regrouped)
+        ]
+        return articulated.factorise(self.tree, system.joints, inertias, armature)
 
     def _dynamics(self) -> dict[str, ca.SX]:
         """What the runtime needs to solve Eqs. 10 and 11 for any set of taut rows."""
-        made = self._with_factor(self._factor(ca.SX(0)), ca.SX(0))
+        made = self._with_factor(self._factor(ca.SX(0)), ca.SX(0), self.system.free_loads)
         motors = self.system.motors(ca.SX(0)).f_D
         made["power0"] = made["power0"] + dot(elements(self.system.symbols.v_D), motors)
         return made
 
     def _step_dynamics(self) -> dict[str, ca.SX]:
-        """What a step needs: the damping of joints over it, and no accelerations of rows.
+        """What a step needs: damping and drag over it, and no accelerations of rows.
 
         The power of the motors is not in ``power0``: over the step they give f_M - y_M dv.
         """
-        made = self._with_factor(self.factor, self.system.symbols.dt)
+        made = self._with_factor(self.factor, self.system.symbols.dt, self.system.step_loads)
         made = {name: x for name, x in made.items() if name not in ("gamma", "gamma_limit")}
         motors, places = self.system.motors(self.system.symbols.dt), self.tree.motor_places
         return made | {"f_M": column(motors.f_D[places]), "y_M": column(motors.yields[places])}
 
-    def _with_factor(self, factor: articulated.Factor, dt: ca.SX) -> dict[str, ca.SX]:
+    def _with_factor(
+        self, factor: articulated.Factor, dt: ca.SX, loads: Loads
+    ) -> dict[str, ca.SX]:
         system, s, tree = self.system, self.system.symbols, self.tree
         n, m = tree.coordinates.n_vD, len(tree.strings)
-        loads, v_K = system.free_loads, elements(s.v_K)
+        v_K = elements(s.v_K)
         _, f_K = system.generalised(loads)
         needed = {i: (-torque, -force) for i, (torque, force) in enumerate(loads.wrenches)}
         motors = system.motors(dt).f_D

@@ -17,6 +17,7 @@ class Symbols:
         q_D, v_D, acc_D: (n_qD,), (n_vD,), (n_vD,) dynamic configuration, velocity, acceleration.
         q_K, v_K, acc_K: the same of the driven coordinates.
         u_D: (n_vD,) user forces [N or N m].
+        v_ahead: (n_vD,) dynamic velocity half a step on, at which a step takes velocity products.
         lam: (n_strings,) multipliers of the strings, minus their tensions [N].
         wrench: (6, n_links) force [N] on each link's centre of mass and torque [N m], world axes.
         dt: step over which joint damping acts implicitly, 0 for the exact equations [s].
@@ -30,6 +31,7 @@ class Symbols:
     v_K: ca.SX
     acc_K: ca.SX
     u_D: ca.SX
+    v_ahead: ca.SX
     lam: ca.SX
     wrench: ca.SX
     dt: ca.SX
@@ -47,6 +49,7 @@ class Symbols:
             "v_K": t.n_vK,
             "acc_K": t.n_vK,
             "u_D": t.n_vD,
+            "v_ahead": t.n_vD,
             "lam": len(tree.strings),
             "dt": 1,
             "p": len(tree.parameters),

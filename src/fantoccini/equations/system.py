@@ -133,6 +133,14 @@ class System:
         """Link motions at zero velocity and acceleration: gravity alone."""
         return self.motions()
 
+    @cached_property
+    def ahead_motions(self) -> list[LinkMotion]:
+        """The same with velocity products of v_ahead, as a step takes them."""
+        s = self.symbols
+        return self.motions(
+            elements(s.v_ahead), elements(s.v_K), acc_K=elements(s.acc_K)
+        )
+
     def around(self, motions: list[LinkMotion]) -> Surroundings:
         """What rows are computed from, with the given motions."""
         return Surroundings(self.tree, self.joints, motions, self.gravity, self.value)
@@ -215,18 +223,37 @@ class System:
 
     def drag(self, i: int) -> tuple[np.ndarray, np.ndarray, ca.SX]:
         """Air drag on link i: torque about its origin, force, in its frame; and power lost."""
-        linear, quadratic, angular = (self.value(x) for x in self.tree.links[i].drag)
-        if all(x.is_zero() for x in (linear, quadratic, angular)):
+        rate, angular = self.drag_rates[i]
+        if rate.is_zero() and angular.is_zero():
             return zeros(3), zeros(3), ca.SX(0)
         motion = self.free_motions[i]
         com = self.centre(i)
         v = motion.v + cross(motion.w, com)
-        rate = linear
-        if not quadratic.is_zero():
-            rate = linear + quadratic * ca.sqrt(dot(v, v) + _STILL)
         force = scaled(-rate, v)
         torque = cross(com, force) - scaled(angular, motion.w)
         return torque, force, rate * dot(v, v) + angular * dot(motion.w, motion.w)
+
+    @cached_property
+    def drag_rates(self) -> list[tuple[ca.SX, ca.SX]]:
+        """Of every link, force over speed of its centre [N s/m], torque over turning [N m s]."""
+        found = []
+        for i, link in enumerate(self.tree.links):
+            rate, quadratic, angular = (self.value(x) for x in link.drag)
+            if not quadratic.is_zero():
+                v = self.free_motions[i].v + cross(self.free_motions[i].w, self.centre(i))
+                rate = rate + quadratic * ca.sqrt(dot(v, v) + _STILL)
+            found.append((rate, angular))
+        return found
+
+    def drag_inertia(self, i: int, dt: ca.SX) -> BodyInertia:
+        """What drag over a step dt adds to the inertia of link i: dt times its rates."""
+        rate, angular = (dt * x for x in self.drag_rates[i])
+        if rate.is_zero() and angular.is_zero():
+            return BodyInertia.nothing()
+        com = self.centre(i)
+        J = scaled(0.5 * angular, symbolic(np.eye(3)))
+        J = J + np.array([[rate * x * y for y in com] for x in com], dtype=object)
+        return BodyInertia(rate, scaled(rate, com), J)
 
     def centre(self, i: int) -> np.ndarray:
         """Centre of mass of link i in its frame (3,); its origin when massless."""
@@ -266,6 +293,11 @@ class System:
     def free_loads(self) -> Loads:
         """Loads with acc_D = 0: c + M_DK acc_K, with dissipation."""
         return self.loads(self.free_motions)
+
+    @cached_property
+    def step_loads(self) -> Loads:
+        """The same as a step takes them: velocity products at v_ahead."""
+        return self.loads(self.ahead_motions)
 
     def inertial(self, acc_D: np.ndarray | None, acc_K: np.ndarray | None) -> np.ndarray:
         """(n_vD,) M_DD acc_D + M_DK acc_K, by the forces of these accelerations alone."""

@@ -69,7 +69,7 @@ RESULTS: dict[str, tuple[str, ...]] = {
     "momentum": ("p_D",),
 }
 """Results: those of ``dynamics`` but for the rows' accelerations and the motors' power, and L, W
-and G of the factor with the damping of joints over dt in it; p_k(xi), p_k+1, q_k+1, the rows' h
+and G of the factor with damping and drag over dt in it; p_k(xi), p_k+1, q_k+1, the rows' h
 there and the motors' work; M_DD v_D + M_DK v_K."""
 
 
@@ -95,8 +95,9 @@ class Variational:
         exact, firm = self.equations["dynamics"], self.equations["step_dynamics"]
         symbols = self.equations.system.symbols
         places = {name: getattr(symbols, name) for name in ARGUMENTS["node"]}
+        given = places | {"v_ahead": symbols.v_D}
         made, with_damping = (
-            dict(zip(f.name_out(), f.call([places[a] for a in f.name_in()]), strict=True))
+            dict(zip(f.name_out(), f.call([given[a] for a in f.name_in()]), strict=True))
             for f in (exact, firm)
         )
         made |= {f"{name}_firm": with_damping[name] for name in ("L", "W", "G")}

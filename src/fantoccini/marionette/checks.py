@@ -10,6 +10,7 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.errors import InputError, Problem, StateError
 from fantoccini.marionette.closed import CLOSED, STEPPED, STILL
+from fantoccini.marionette.spring_steps import longest_step
 from fantoccini.motion import Input, Inputs, State, States, joints
 from fantoccini.runtime import RunOptions, memory
 
@@ -31,7 +32,7 @@ def check_method(method: str) -> None:
 
 
 def check_step(marionette: Marionette, method: str, q_D: Array, q_K: Array, dt: float) -> None:
-    """Raises where the time-stepper would blow up on a chain.
+    """Raises where a fixed step would blow up on a chain, or on a spring.
 
     dt <= 2 (sqrt(1 + zeta^2) - zeta) / omega,   omega = 2 sqrt(k / m) cos(pi / 2n)
 
@@ -40,15 +41,20 @@ def check_step(marionette: Marionette, method: str, q_D: Array, q_K: Array, dt: 
     damping. Both forces are those at the step's beginning, v+ = v - dt (omega^2 q + 2 zeta omega v)
     and q+ = q + dt v+, with an eigenvalue -1 at (omega dt)^2 + 4 zeta omega dt = 4.
 
+    Springs are looked at by :mod:`fantoccini.marionette.spring_steps`.
+
     Args:
         marionette: the puppet.
-        method: only ``timestepping`` takes the springs' forces from the beginning of the step.
+        method: of the run. ``timestepping`` takes the forces of chains and springs from the
+            beginning of the step; ``variational`` solves for them by such steps.
         q_D, q_K: (..., n_qD), (..., n_qK) configurations at the start.
         dt: the step [s].
 
     Raises:
-        StateError: naming the chain and the longest step.
+        StateError: naming the chain or spring and the longest step.
     """
+    if method != "event":
+        _check_springs(marionette, method, q_D, q_K, dt)
     for chain in marionette.tree.chains if method == "timestepping" else ():
         n, length = chain.pieces, np.min(chain.own_length(q_D, q_K, marionette.number))
         lump = marionette.tree.links[chain.points[1].link].lumps[0]
@@ -63,6 +69,20 @@ def check_step(marionette: Marionette, method: str, q_D: Array, q_K: Array, dt: 
                 f"'timestepping' its vibrations grow without bound in steps above {longest:.2g} s. "
                 "Take a shorter dt, method='event', or fewer, softer, heavier or less damped pieces"
             )
+
+
+def _check_springs(
+    marionette: Marionette, method: str, q_D: Array, q_K: Array, dt: float
+) -> None:
+    found = longest_step(marionette, q_D, q_K, dt)
+    if found is None:
+        return
+    longest, name = found
+    raise StateError(
+        f"dt = {dt:g} s is too long for the spring {name}: with method={method!r} its vibrations "
+        f"grow without bound in steps above {longest:.2g} s (2 / omega without damping). Take a "
+        "shorter dt, method='event', or a softer or less damped spring"
+    )
 
 
 def check_rows(

@@ -57,7 +57,7 @@ class Instant:
             p: (n_p,) parameters.
             acc_K: (n_vK,) accelerations of the inputs.
             u_D: (n_vD,) user forces.
-            dt: step over which joint damping acts implicitly, as in time-stepping [s].
+            dt: step over which damping and drag act implicitly, as in a first time step [s].
         """
         n, n_s, n_l = len(x.v_D), len(tree.strings), len(tree.limits)
         at = [x.q_D, x.v_D, x.q_K, x.v_K, acc_K, u_D]
@@ -65,7 +65,7 @@ class Instant:
             "dynamics", [*at, p]
         )
         if dt:
-            L, w0, W, *_ = library.evaluate("step_dynamics", [*at, np.array([dt]), p])
+            L, w0, W, *_ = library.evaluate("step_dynamics", [*at, x.v_D, np.array([dt]), p])
         J = np.zeros((n_l, n))
         for i, limit in enumerate(tree.limits):
             place = tree.links[limit.link].v

@@ -261,7 +261,7 @@ def _signatures(tree: Tree, packed: int) -> Signatures:
             (*state, t.n_vK, n, n_p), (*factor, *[n_s] * 5, n_l, 3 * n_l, n_l, 1, n, 1)
         ),
         "step_dynamics": (
-            (*state, t.n_vK, n, 1, n_p),
+            (*state, t.n_vK, n, n, 1, n_p),
             (*factor, *[n_s] * 4, n_l, 3 * n_l, 1, n, 1, *[len(tree.motor_places)] * 2),
         ),
         "rows": ((*q, n_p), (n_s + n_l,)),

@@ -213,7 +213,7 @@ FAN_EXPORT int fan_batch_work(void* pool) {
   }
 
 FAN_MAP(dynamics, 7, 15)
-FAN_MAP(step_dynamics, 8, 15)
+FAN_MAP(step_dynamics, 9, 15)
 FAN_MAP(rows, 3, 1)
 FAN_MAP(energy, 5, 2)
 FAN_MAP(effort, 8, 1)

@@ -35,11 +35,12 @@ struct Evaluation {
     Model::dynamics_varying(arg, res);
   }
 
-  // For a step dt, with the damping of joints over it in F; gamma is left alone.
+  // For a step dt, with damping and drag over it in F and the velocity products of v_ahead; gamma
+  // is left alone.
   FAN_FN void at(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
-      const Real* u_D, Real dt, const Real* p) {
-    const Real* arg[] = {q_D, v_D, q_K, v_K, acc_K, u_D, &dt, p};
+      const Real* u_D, const Real* v_ahead, Real dt, const Real* p) {
+    const Real* arg[] = {q_D, v_D, q_K, v_K, acc_K, u_D, v_ahead, &dt, p};
     Real* res[] = {L,  w0,     W,       G,       h,       hdot,     a0,
                    hdot_K, h_limit, J_limit, &power0, M_DK_v_K, &loss, f_M, y_M};
     if (constants_ != OF_STEP) Model::step_dynamics_constants(res);
@@ -47,8 +48,8 @@ struct Evaluation {
     Model::step_dynamics_varying(arg, res);
   }
 
-  // At a node of a variational run; firm gets L, W and G of the factor with the damping of joints over
-  // dt in it, and J_limit.
+  // At a node of a variational run; firm gets L, W and G of the factor with damping and drag over dt
+  // in it, and J_limit.
   FAN_FN void at_node(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
       const Real* u_D, Real dt, const Real* p, Evaluation& firm) {

@@ -54,13 +54,17 @@ struct LedStep {
     for (int i = 0; i < S; ++i) at.slips[i] = no;
     at.stirred = at.idle = no;
     for (int k = 0; k < N; ++k) at.acc[k] = Real(0.0);
+    at.forget(!no);
     Real slip[room(S)];
     for (int i = 0; i < S; ++i) slip[i] = at.slip[i];
     step(inputs().v_K, inputs().acc_K, opt.dt);
     for (int i = 0; i < S; ++i) at.slip[i] = slip[i];
     at.stirred = no;
+    at.forget(!no);
     for (int r = 0; r < M; ++r) at.held[r] = at.taut[r];
     motors.begin(state().q_D, inputs().q_K, p);
+    lost_ = last_loss_ = Real(0.0);
+    last_dt_ = 0.0;
   }
 
   // A step of length dt to the coming inputs. A trajectory that cannot make it is stopped and
@@ -71,6 +75,7 @@ struct LedStep {
     for (int j = 0; j < NK; ++j) mean[j] = (coming().v_K[j] - inputs().v_K[j]) * (1.0 / dt);
     for (int i = 0; i < S; ++i) slip[i] = at.slip[i];
     step(rate, mean, dt);
+    take_loss(dt);
     judge();
     const Mask goes = status < Real(RUNNING + 0.5);
     State &old = state(), &made = stepped();
@@ -84,7 +89,7 @@ struct LedStep {
       sum += select(goes, part, Real(0.0));
     };
     book(work, at.work);
-    book(damping, at.loss);
+    damping = select(goes, Real(lost_ + coming_loss()), damping);
     book(impact, at.impact);
     book(slip_loss, at.slip_loss);
     worst_violation =
@@ -105,6 +110,29 @@ struct LedStep {
         opt.tension_cap, winches, p, to.q_D, to.v_D);
   }
 
+  // Damping and drag act at v+, so that what they take of a step is
+  //
+  //   dt v+ . D (v + v+) / 2,   which is   dt/2 sqrt(P+) (sqrt(P) + sqrt(P+))
+  //
+  // with the powers P = v . D v at its ends where D v keeps its direction. P+ is known at the next
+  // step: then the one before is booked.
+  FAN_FN void take_loss(double dt) {
+    using std::sqrt;
+    const Real power = at.eval.loss, root = sqrt(select(power > Real(0.0), power, Real(0.0)));
+    if (last_dt_ > 0.0) {
+      last_loss_ = 0.5 * last_dt_ * root * (root + last_root_);
+      lost_ += last_loss_;
+    }
+    last_root_ = root;
+    last_dt_ = dt;
+  }
+
+  // What the last step has lost, as long as only its beginning is known: what the step before did.
+  FAN_FN Real coming_loss() const {
+    const Real most = last_dt_ * last_root_ * last_root_;
+    return select(last_loss_ < most, last_loss_, most);
+  }
+
   FAN_FN void judge() {
     const State& made = stepped();
     const Real size = squares<NQ>(made.q_D) + squares<N>(made.v_D);
@@ -122,6 +150,8 @@ struct LedStep {
     stop(empty, LENGTH_NOT_POSITIVE);
   }
 
+  Real lost_, last_loss_, last_root_;  // until the last step; by the one before; root of its power
+  double last_dt_ = 0.0;
   State states_[2];
   Inputs inputs_[2];
   int state_ = 0, inputs_at_ = 0;

@@ -1,10 +1,17 @@
 // Time-stepping: a fixed step with complementarity on velocities and the position term,
 //
-//   v+ = v + dt (M + dt D)^-1 (u - c - D v - drag) - M^-1 A_D^T Lambda,   Lambda >= 0
-//   h/dt + A_D v+ + A_K dq_K/dt <= 0, complementary to Lambda;            q+ = q moved by dt v+
+//   (M + dt D) (v+ - v) = dt (u - c(q, v_ahead) - D v) - A_D^T Lambda,   Lambda >= 0
+//   h/dt + A_D v+ + A_K dq_K/dt <= 0, complementary to Lambda;          q+ = q moved by dt v+
 //
-// with dq_K the exact increment of the inputs, joint damping D implicit, the recovery of a violated
-// row limited to a speed, and Lambda capped, so that every step has a solution. Where the cap is
+// with dq_K the exact increment of the inputs, damping and drag D implicit, the recovery of a violated
+// row limited to a speed, and Lambda capped, so that every step has a solution. c takes its velocity
+// products half a step on, extrapolated from the accelerations a of the two steps before,
+//
+//   v_ahead = v + dt (a/2 + (a - a-)/4)
+//
+// At v they would add energy to whatever spins, by exp((w dt)^2 t/dt); with a/2 alone by
+// exp((w dt)^4 t/2dt), which the quarter takes away. At the start, and after a catch or a brake,
+// which do not go on, a = 0. Where the cap is
 // the largest tension of a string's winch, the winch gives way by what is left. Once a row was
 // overstepped by kStirred, all velocities are scaled down where a step would turn a coordinate by
 // more than kWidestTurn or move one by more than kLongestStride; before, by kWild times as much. Written for any Real: lanes step
@@ -34,12 +41,15 @@ struct TimeStep {
   Evaluation<Model, Real> eval;
   RowSystem<Model, Real> rows;
   Real acc[room(N)];      // (v+ - v) / dt
+  Real trend[room(N)] = {};  // the same where the step to come is expected to go on so, else 0
+  Real lead[room(N)] = {};   // (v_ahead - v) / dt of the step to come
+  Mask steady = Real(0.0) > Real(1.0);  // whether trend is no 0 for want of something to go on
   Real tension[room(M)];  // Lambda / dt
   Mask taut[room(M)];    // after the last step
   Mask held[room(M)];    // after the one before it
   Real slip[room(S)];    // m, by which winches have given way
   Mask slips[room(S)];   // in the last step
-  Real work, loss, impact, slip_loss, violation;
+  Real work, impact, slip_loss, violation;
   Mask settled;  // whether the last step's complementarity was solved
   Mask idle = Real(0.0) > Real(1.0);  // lanes in which nothing is asked any more
   // Whether a row was ever overstepped by more than kStirred: from then on turns are limited.
@@ -51,7 +61,9 @@ struct TimeStep {
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
       const Real* u_D, double dt, double recovery_speed, double cap, const Winches<S>& winches,
       const Real* p, Real* q_next, Real* v_next) {
-    eval.at(q_D, v_D, q_K, v_K, acc_K, u_D, Real(dt), p);
+    Real v_ahead[room(N)];
+    for (int k = 0; k < N; ++k) v_ahead[k] = v_D[k] + dt * lead[k];
+    eval.at(q_D, v_D, q_K, v_K, acc_K, u_D, v_ahead, Real(dt), p);
     wind(winches, dt);
     violation = Real(0.0);
     for (int r = 0; r < M; ++r)
@@ -63,7 +75,7 @@ struct TimeStep {
       gather_more(v_D);
       pull(dt, recovery_speed, cap, winches);
     }
-    account(v_D, u_D, dt);
+    const Mask caught = account(v_D, u_D, dt);
     give_way(winches, cap, dt);
     Real move[room(N)], part[room(N)];
     for (int k = 0; k < N; ++k) {
@@ -71,17 +83,30 @@ struct TimeStep {
       move[k] = dt * v_next[k];
       part[k] = move[k] * (1.0 / (Model::turns[k] ? kWidestTurn : kLongestStride));
       acc[k] *= 1.0 / dt;
+      lead[k] = acc[k] * 0.5 + select(steady, Real(0.25 * (acc[k] - trend[k])), Real(0.0));
+      trend[k] = acc[k];
     }
+    steady = !caught;
     stirred = stirred || violation > Real(kStirred);
     const Real most = select(stirred, Real(1.0), Real(kWild));
     if (any(!(squares<N>(part) < most * most))) slow_down(part, most, v_next, move);
+    if (any(!steady)) forget(!steady);
     retract<typename Model::Dynamic>(q_D, move, q_next);
+  }
+
+  // Lanes in which the step to come does not go on like the last one.
+  FAN_FN void forget(const Mask& where) {
+    for (int k = 0; k < N; ++k) {
+      lead[k] = select(where, Real(0.0), lead[k]);
+      trend[k] = select(where, Real(0.0), trend[k]);
+    }
+    steady = steady && !where;
   }
 
  private:
   // Nothing moves farther in a step than the step can follow: what inputs that nothing can follow
   // stir up stays bounded.
-  FAN_FN static void slow_down(const Real* part, const Real& most, Real* v, Real* move) {
+  FAN_FN void slow_down(const Real* part, const Real& most, Real* v, Real* move) {
     using std::abs;
     Real farthest = Real(0.0);
     for (int k = 0; k < N; ++k) farthest = select(abs(part[k]) > farthest, abs(part[k]), farthest);
@@ -90,6 +115,7 @@ struct TimeStep {
       v[k] *= brake;
       move[k] *= brake;
     }
+    steady = steady && !(brake < Real(1.0));
   }
 
   // Solves for the impulses; where the rows are too near to one another, with a firmer raise.
@@ -234,9 +260,10 @@ struct TimeStep {
     eval.back(w, acc);
   }
 
-  // Tensions, modes and the step's part of the ledger. acc is v+ - v here.
-  FAN_FN void account(const Real* v_D, const Real* u_D, double dt) {
-    Mask held_before[room(M)];
+  // Tensions, modes and the step's part of the ledger. acc is v+ - v here. Returns the lanes in which
+  // a row was caught.
+  FAN_FN Mask account(const Real* v_D, const Real* u_D, double dt) {
+    Mask held_before[room(M)], some_caught = Real(0.0) > Real(1.0);
     for (int r = 0; r < M; ++r) {
       held_before[r] = held[r];
       held[r] = taut[r];
@@ -245,7 +272,6 @@ struct TimeStep {
     }
     work = dt * eval.power0;
     impact = Real(0.0);
-    loss = dt * eval.loss;
     if (Model::coupled)
       for (int k = 0; k < N; ++k) work += eval.M_DK_v_K[k] * acc[k];
     Real power = Real(0.0);
@@ -264,11 +290,13 @@ struct TimeStep {
       // A catch takes two steps: the first ends where the row closes, the second stops it.
       const Mask caught = taut[r] && !(held[r] && held_before[r]);
       if (!any(caught)) continue;
+      some_caught = some_caught || caught;
       Real after = before_[a];
       constexpr int stride = Complementarity<Real, M>::N;
       for (int b = 0; b < rows.n; ++b) after += rows.problem.G[a * stride + b] * pull_[b];
       impact += select(caught, Real(x * 0.5 * (before_[a] + after)), Real(0.0));
     }
+    return some_caught;
   }
 
   Real winding_[room(S)], slip_rate_[room(S)];

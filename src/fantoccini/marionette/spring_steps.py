@@ -1,0 +1,127 @@
+"""The longest step at which a puppet's springs stay bounded.
+
+A fixed step takes springs and their dampers from its beginning (``timestepping``), or solves for
+them by repeated steps of that kind (``variational``):
+
+    M (v+ - v) = -dt (K q + C v),   q+ = q + dt v+
+
+which has an eigenvalue -1 where dt^2 K + 2 dt C reaches 4 M, and grows without bound beyond: at
+dt = 2 / omega without damping. With the motions b of the springs' points relative to each other,
+K = b^T k b and C = b^T c b, so that the largest eigenvalue of B^T M^-1 B has to stay below 4, with
+B = b^T sqrt(dt^2 k + 2 dt c). A spring counts in all three directions, since it turns in a run.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.equations.algebra import column
+from fantoccini.equations.system import System
+from fantoccini.tree import WORLD, Role
+
+if TYPE_CHECKING:
+    from fantoccini.marionette.handle import Marionette
+
+_HALVINGS = 60
+_AT_ONCE = 1024
+"""States that are looked at together."""
+
+
+def longest_step(
+    marionette: Marionette, q_D: Array, q_K: Array, dt: float
+) -> tuple[float, str] | None:
+    """The longest sound step and the spring that decides it; None where ``dt`` is sound.
+
+    Args:
+        marionette: the puppet.
+        q_D, q_K: (..., n_qD), (..., n_qK) configurations.
+        dt: the step [s].
+    """
+    names, k, c = _numbers(marionette)
+    if not names:
+        return None
+    lead = np.broadcast_shapes(q_D.shape[:-1], q_K.shape[:-1])
+    q_D, q_K = (
+        np.broadcast_to(q, (*lead, q.shape[-1])).reshape(-1, q.shape[-1]) for q in (q_D, q_K)
+    )
+    found = None
+    for first in range(0, len(q_D), _AT_ONCE):
+        W = _columns(marionette, q_D[first : first + _AT_ONCE], q_K[first : first + _AT_ONCE])
+        inside = np.einsum("nik,njk->nij", W, W)
+
+        def largest(step: float, inside: Array = inside) -> tuple[float, int]:
+            root = np.sqrt(step * step * k + 2.0 * step * c)
+            sizes, ways = np.linalg.eigh(root[:, None] * inside * root)
+            worst = int(np.argmax(sizes[:, -1]))
+            return float(sizes[worst, -1]), int(np.argmax(np.abs(ways[worst, :, -1])))
+
+        if not largest(dt)[0] > 4.0:
+            continue
+        low, high = 0.0, dt
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            low, high = (low, middle) if largest(middle)[0] > 4.0 else (middle, high)
+        dt, found = low, (low, names[largest(high)[1]])
+    return found
+
+
+def _numbers(marionette: Marionette) -> tuple[list[str], Array, Array]:
+    """Name, stiffness and damping of every column: of joints' springs, then of springs."""
+    names, k, c = [], [], []
+    for link in marionette.tree.links:
+        stiffness = marionette.number(link.stiffness)
+        if link.role is Role.DYNAMIC and stiffness > 0.0:
+            n = link.v.stop - link.v.start
+            names += n * [link.joint]
+            k += n * [stiffness]
+            c += n * [0.0]
+    for spring in marionette.tree.springs:
+        names += 3 * [spring.name]
+        k += 3 * [marionette.number(spring.stiffness)]
+        c += 3 * [marionette.number(spring.damping)]
+    return names, np.array(k), np.array(c)
+
+
+def _columns(marionette: Marionette, q_D: Array, q_K: Array) -> Array:
+    """(n, columns, n_vD) F^-T b^T of every column at n states, M = F^T F."""
+    tree, table, n = marionette.tree, marionette.coordinates, len(q_D)
+    forces = []
+    for link in tree.links:
+        if link.role is Role.DYNAMIC and marionette.number(link.stiffness) > 0.0:
+            forces += [np.tile(row, (n, 1)) for row in np.eye(table.n_vD)[link.v]]
+    if tree.springs:
+        forces += list(_pulls(marionette, q_D, q_K))
+    still = [np.zeros((n, size)) for size in (table.n_vD, table.n_vK, table.n_vK, table.n_vD)]
+    state = [q_D, still[0], q_K, *still[1:], marionette.p]
+    L = marionette.library.evaluate("dynamics", state)[0]
+    return marionette.library.evaluate("forth", [L[:, None], np.stack(forces, axis=1)])[0]
+
+
+def _pulls(marionette: Marionette, q_D: Array, q_K: Array):
+    """(n, n_vD) forces in the joints of unit pulls between the springs' points along x, y and z."""
+    tree, n = marionette.tree, len(q_D)
+    poses, centres = marionette.poses(q_D, q_K), _centres(marionette)
+    for spring in tree.springs:
+        for axis in np.eye(3):
+            wrench = np.zeros((n, len(tree.links), 6))
+            for point, sign in zip(spring.points, (1.0, -1.0), strict=True):
+                if point.link == WORLD:
+                    continue
+                at = np.array([marionette.number(x) for x in point.at]) - centres[point.link]
+                arm = poses[:, point.link, :, :3] @ at
+                wrench[:, point.link, :3] += sign * axis
+                wrench[:, point.link, 3:] += np.cross(arm, sign * axis)
+            given = [q_D, q_K, wrench.reshape(n, -1), marionette.p]
+            yield marionette.library.evaluate("wrench_forces", given)[0]
+
+
+def _centres(marionette: Marionette) -> Array:
+    """(n_links, 3) centres of mass in the links' frames [m]."""
+    system = System(marionette.tree)
+    centres = [column(system.centre(i)) for i in range(len(marionette.tree.links))]
+    found = ca.Function("centres", [system.symbols.p], [ca.horzcat(*centres)])
+    return np.array(found(marionette.p)).T
