@@ -1,6 +1,6 @@
 """17.9: puppets that have a rest by construction: ``rest`` finds one from wherever it begins.
 
-``python -m properties.rests`` tries a thousand.
+``make soak-rests`` tries a thousand.
 """
 
 from __future__ import annotations

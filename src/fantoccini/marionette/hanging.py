@@ -51,10 +51,9 @@ def rest(marionette: Marionette, x: State) -> State:
         try:
             found = way(marionette, start)
             statics.check_winches(marionette, found)
+            wrong = _wrong(marionette, start, found)
         except StateError as error:
-            failed.append(str(error))
-            continue
-        wrong = _wrong(marionette, start, found)
+            wrong = str(error)
         if not wrong:
             return marionette.with_mode(found.x)
         failed.append(wrong)

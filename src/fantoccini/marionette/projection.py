@@ -74,7 +74,8 @@ def retract(marionette: Marionette, q_D: Array, move: Array) -> Array:
 def project(marionette: Marionette, x: State) -> State:
     """The nearest state, in the metric of M_DD, that no string or limit forbids.
 
-    Positions first (q_K stays): a local minimum of |q - q_0|_M subject to h <= 0; then velocities:
+    Positions first (q_K stays): M (q - q_0) + A_D^T y = 0 with h <= 0, y >= 0 and y . h = 0, or,
+    where the search for that does not settle, a state near by with h <= 0. Then velocities:
     hdot <= 0 on the rows that are closed.
 
     Raises:
