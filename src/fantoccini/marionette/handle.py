@@ -30,6 +30,8 @@ from fantoccini.world import World
 
 TENSION_CAP = 1e5
 """Largest tension a string may pull, in weights of the puppet."""
+ROUNDED = 1e-14
+"""hddot below which it is rounding, relative to its largest terms or gravity."""
 BRAKE = 1.0
 """Deceleration of a winch that rewinds, before it stops [m/s^2]; ``kBrake`` of ``winch.hpp``."""
 
@@ -312,6 +314,10 @@ class Marionette(Compiled, Portable, Analysis, Differentiable):
         w0 = instant.w0 - instant.W[:, slipping] @ tension[slipping]
         rows = np.flatnonzero(closed | self.two_sided)
         hddot = instant.gamma[rows] + instant.W[:, rows].T @ w0
+        # Rounding alone must not set rows that oppose one another at odds.
+        terms = np.abs(instant.gamma[rows]) + np.abs(instant.W[:, rows]).T @ np.abs(w0)
+        top = max(float(np.max(terms, initial=0.0)), self.weight / (self.mass or 1.0))
+        hddot[np.abs(hddot) <= ROUNDED * top] = 0.0
         found = instant.complementarity(rows, hddot, self.two_sided, self.upper)
         if not found.solved:
             raise StateError(
