@@ -7,7 +7,8 @@ OLDER := .venv-mujoco317
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo show test test-portable gallery bench bench-plan soak strings-report growth-report long-runs-report
+.PHONY: demo show test test-portable gallery bench bench-plan soak soak-rests strings-report
+.PHONY: growth-report long-runs-report
 .PHONY: reduction-report reports lint wheel clean
 .NOTPARALLEL:
 
@@ -35,6 +36,10 @@ bench-plan: $(VENV)/stamp-bench
 
 soak: $(VENV)/stamp-test
 	PYTHONPATH=tests $(BIN)/python -m properties.soak
+
+# A thousand puppets that have a rest: is one found for each?
+soak-rests: $(VENV)/stamp-test
+	PYTHONPATH=tests $(BIN)/python -m properties.rests
 
 strings-report: $(VENV)/stamp-test
 	$(BIN)/python -m benchmarks.strings

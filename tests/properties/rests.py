@@ -5,7 +5,7 @@ to the world, every joint is damped, and the lengths of the strings are drawn at
 keeps all limits: let go there, a puppet falls into its strings and comes to rest. ``rest`` is then
 asked to begin there, at the file's pose, at a pose pulled out of its strings, at limits or beyond.
 
-    PYTHONPATH=tests .venv/bin/python -m properties.rests --puppets 50 --cases 20
+``make soak-rests`` tries 20 cases of each of 50 puppets.
 """
 
 from __future__ import annotations

@@ -149,7 +149,7 @@ def test_rest_from_below_and_above(dachshund, z):
     assert np.max(np.abs(x.q_D - dachshund.rest({"trunk.z": 0.02}).q_D)) < 1e-8
 
 
-@pytest.mark.parametrize("z", [-0.2, -0.02, 0.0, 0.004])
+@pytest.mark.parametrize("z", [-0.02, 0.0, 0.004])
 def test_project_gives_the_nearest_state(dachshund, z):
     """17.9: M (q - q_0) = -A^T y with y >= 0 on the rows that are met: no row is held for good."""
     given = dachshund.state({"trunk.z": z, "thigh_left": 0.4, "shank_left": -0.05})

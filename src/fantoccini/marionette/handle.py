@@ -34,6 +34,8 @@ TENSION_CAP = 1e5
 """Largest tension a string may pull, in weights of the puppet."""
 LEAST_GRAVITY = 1.0
 """Gravity that sizes of forces and energies are measured with where there is less [m/s^2]."""
+ROUNDED = 1e-14
+"""hddot below which it is rounding, relative to its largest terms or gravity."""
 BRAKE = 1.0
 """Deceleration of a winch that rewinds, before it stops [m/s^2]; ``kBrake`` of ``winch.hpp``."""
 
@@ -327,6 +329,10 @@ class Marionette(Compiled, Portable, Analysis, Differentiable, Configurations):
         w0 = instant.w0 - instant.W[:, closed.slipping] @ tension[closed.slipping]
         rows = np.flatnonzero(closed.held)
         hddot = instant.gamma[rows] + instant.W[:, rows].T @ w0
+        # Rounding alone must not set rows that oppose one another at odds.
+        terms = np.abs(instant.gamma[rows]) + np.abs(instant.W[:, rows]).T @ np.abs(w0)
+        top = max(float(np.max(terms, initial=0.0)), self.weight / (self.mass or 1.0))
+        hddot[np.abs(hddot) <= ROUNDED * top] = 0.0
         found = instant.complementarity(rows, hddot, self.two_sided, self.upper)
         if not found.solved:
             raise StateError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,7 +41,10 @@ def rest(marionette: Marionette, x: State) -> State:
     """
     rewinds = marionette.winches[: len(x.slip), 1] > 0
     still = x.replace(
-        v_D=np.zeros_like(x.v_D), v_K=np.zeros_like(x.v_K), slip=np.where(rewinds, 0.0, x.slip)
+        v_D=np.zeros_like(x.v_D),
+        v_K=np.zeros_like(x.v_K),
+        slip=np.where(rewinds, 0.0, x.slip),
+        taut=np.zeros_like(x.taut),  # what was taut in a motion need not be so at rest
     )
     start = _begun(marionette, still)
     if not len(start.q_D):
@@ -50,11 +54,12 @@ def rest(marionette: Marionette, x: State) -> State:
     for way in ways:
         try:
             found = way(marionette, start)
+            pulls = np.isin(np.arange(marionette.tree.n_rows), found.rows)
+            found = replace(found, x=found.x.replace(taut=pulls))
             statics.check_winches(marionette, found)
+            wrong = _wrong(marionette, start, found)
         except StateError as error:
-            failed.append(str(error))
-            continue
-        wrong = _wrong(marionette, start, found)
+            wrong = str(error)
         if not wrong:
             return marionette.with_mode(found.x)
         failed.append(wrong)

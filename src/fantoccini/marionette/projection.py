@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fantoccini.arrays import Array, MaskRows
+from fantoccini.arrays import Array
 from fantoccini.errors import StateError
-from fantoccini.marionette.closed import CLOSED, closed_rows, known_mode
+from fantoccini.marionette.closed import CLOSED
 from fantoccini.marionette.instant import Instant
 from fantoccini.motion import State, tangent
 
@@ -74,18 +74,14 @@ def retract(marionette: Marionette, q_D: Array, move: Array) -> Array:
 def project(marionette: Marionette, x: State) -> State:
     """The nearest state, in the metric of M_DD, that no string or limit forbids.
 
-    Positions first (q_K stays): a local minimum of |q - q_0|_M subject to h <= 0; then velocities:
-    hdot <= 0 on the rows that are closed. Rows that are taut in the state's mode are brought to
-    h = 0 and hdot = 0, as far as they do not contradict one another.
+    Positions first (q_K stays): M (q - q_0) + A_D^T y = 0 with h <= 0, y >= 0 and y . h = 0, or,
+    where the search for that does not settle, a state near by with h <= 0. Then velocities:
+    hdot <= 0 on the rows that are closed.
 
     Raises:
         StateError: no such state was found; what is left of each row is told.
     """
-    taut = _held_together(marionette, x)
-    found, left = positioned(marionette, x, taut)
-    if left and np.any(taut):
-        taut = np.zeros_like(taut)
-        found, left = positioned(marionette, x)
+    found, left = positioned(marionette, x)
     if left:
         raise StateError(
             f"no state of the puppet was found that fits these string ends and lengths: {left}. "
@@ -98,55 +94,34 @@ def project(marionette: Marionette, x: State) -> State:
     firm = (np.abs(instant.h) <= CLOSED * scale) & ~np.isfinite(marionette.upper)
     wires = marionette.two_sided
     rows = np.flatnonzero(firm | wires)
-    answer = instant.complementarity(rows, instant.hdot[rows], wires | taut)
-    if not answer.solved and np.any(taut):
-        answer = instant.complementarity(rows, instant.hdot[rows], wires)
+    answer = instant.complementarity(rows, instant.hdot[rows], wires)
     if not answer.solved:
         names = ", ".join(marionette.rows_of(rows, answer.ray))
         raise StateError(f"no velocity of the puppet fits these driven velocities: {names}")
     v_D = found.v_D - instant.back(instant.W[:, rows] @ answer.x)
-    return marionette.with_mode(found.replace(v_D=v_D, taut=taut))
+    return marionette.with_mode(found.replace(v_D=v_D))
 
 
-def _held_together(marionette: Marionette, x: State) -> MaskRows:
-    """The rows that are taut in a state's mode and can be so together."""
-    taut = known_mode(marionette, x)
-    if not np.any(taut):
-        return taut
-    taut = taut & closed_rows(marionette, x, marionette.instant(x)).held
-    found, _ = onto_rows(marionette, x, taut)
-    scale = marionette.row_scales(x.q_D, x.q_K)
-    return taut & (np.abs(marionette.instant(found).h) <= CLOSED * scale)
-
-
-def positioned(
-    marionette: Marionette, x: State, taut: MaskRows | None = None
-) -> tuple[State, str]:
+def positioned(marionette: Marionette, x: State) -> tuple[State, str]:
     """The state with its configuration brought onto the rows, and what is left of them in words.
-
-    Args:
-        marionette: the puppet.
-        x: the state.
-        taut: (n_rows,) rows that are to end at h = 0, beside wires.
 
     Returns:
         The state, its velocities as they were; and "" where every row is met, to CLOSED.
     """
-    found, worst = onto_rows(marionette, x, taut)
+    found, worst = onto_rows(marionette, x)
     best, least = found, worst
     rng = np.random.default_rng(_SEED)
     for size in _PUSHES:
         if worst <= CLOSED:
             break
         push = rng.uniform(-size, size, len(x.v_D))
-        pushed = x.replace(q_D=retract(marionette, x.q_D, push))
-        found, worst = onto_rows(marionette, pushed, taut)
+        found, worst = onto_rows(marionette, x.replace(q_D=retract(marionette, x.q_D, push)))
         if worst < least:
             best, least = found, worst
     if worst > CLOSED:
         return best, overstepped(marionette, best)
     if found is not x:
-        found = _nearest(marionette, found, x, taut)
+        found = _nearest(marionette, found, x)
     return found, ""
 
 
@@ -154,7 +129,7 @@ def overstepped(marionette: Marionette, x: State) -> str:
     """The rows that a state breaks and by how much, in words; "" where there are none."""
     h, scale = marionette.instant(x).h, marionette.row_scales(x.q_D, x.q_K)
     strings, said = len(marionette.tree.strings), []
-    for i in np.flatnonzero(_excess(h, marionette.two_sided) > CLOSED * scale):
+    for i in np.flatnonzero(_excess(marionette, h) > CLOSED * scale):
         if i >= strings:
             text = f"is passed by {h[i]:.3g}"
         elif h[i] > 0.0:
@@ -165,36 +140,24 @@ def overstepped(marionette: Marionette, x: State) -> str:
     return ", ".join(said)
 
 
-def _excess(h: Array, two_sided: MaskRows) -> Array:
+def _excess(marionette: Marionette, h: Array) -> Array:
     """How far rows are overstepped (n_rows,), 0 where they hold."""
-    return np.where(two_sided, np.abs(h), np.maximum(h, 0.0))
+    return np.where(marionette.two_sided, np.abs(h), np.maximum(h, 0.0))
 
 
-def _two_sided(marionette: Marionette, taut: MaskRows | None) -> MaskRows:
-    """(n_rows,) wires, and rows that are to end at h = 0."""
-    return marionette.two_sided if taut is None else marionette.two_sided | taut
-
-
-def onto_rows(
-    marionette: Marionette, x: State, taut: MaskRows | None = None
-) -> tuple[State, float]:
+def onto_rows(marionette: Marionette, x: State) -> tuple[State, float]:
     """The nearest configuration that the rows' slopes lead to, and the largest excess over scale.
 
     Damped by halving: the excess falls from round to round. The state itself where it breaks none.
-
-    Args:
-        marionette: the puppet.
-        x: the state.
-        taut: (n_rows,) rows that are to end at h = 0, beside wires.
     """
-    scale, wires = marionette.row_scales(x.q_D, x.q_K), _two_sided(marionette, taut)
+    scale, wires = marionette.row_scales(x.q_D, x.q_K), marionette.two_sided
     instant = marionette.instant(x)
-    excess = _excess(instant.h, wires) / scale
+    excess = _excess(marionette, instant.h) / scale
     for _ in range(_ROUNDS):
         if np.max(excess, initial=0.0) <= _MET:
             break
         rows = np.flatnonzero((instant.h > -_NEAR * scale) | wires)
-        move = instant.back(_shortest(instant, rows, wires))
+        move = instant.back(_shortest(marionette, instant, rows))
         size = float(np.max(np.abs(move), initial=0.0))
         if not _STILL < size < np.inf:
             break
@@ -202,7 +165,7 @@ def onto_rows(
         for _ in range(_HALVINGS):
             other = x.replace(q_D=retract(marionette, x.q_D, part * move))
             there = marionette.instant(other)
-            over = _excess(there.h, wires) / scale
+            over = _excess(marionette, there.h) / scale
             if np.linalg.norm(over) < _FALLS * np.linalg.norm(excess):
                 break
             part *= 0.5
@@ -212,10 +175,10 @@ def onto_rows(
     return x, float(np.max(excess, initial=0.0))
 
 
-def _shortest(instant: Instant, rows: Array, two_sided: MaskRows) -> Array:
+def _shortest(marionette: Marionette, instant: Instant, rows: Array) -> Array:
     """The shortest y with h + W^T y <= 0, or the one that leaves least of the rows."""
-    W, h, wires = instant.W[:, rows], instant.h[rows], two_sided[rows]
-    found = instant.complementarity(rows, h, two_sided)
+    W, h, wires = instant.W[:, rows], instant.h[rows], marionette.two_sided[rows]
+    found = instant.complementarity(rows, h, marionette.two_sided)
     if found.solved:
         return -W @ found.x
     # min |y|^2 + k |s|^2 with h + W^T y <= s: the same with 1/k on the diagonal of W^T W.
@@ -228,15 +191,13 @@ def _shortest(instant: Instant, rows: Array, two_sided: MaskRows) -> Array:
     return -W @ lsq_linear(tall, target, (lower, np.inf), method="bvls").x
 
 
-def _nearest(
-    marionette: Marionette, x: State, origin: State, taut: MaskRows | None = None
-) -> State:
+def _nearest(marionette: Marionette, x: State, origin: State) -> State:
     """The state moved along the rows until it is nearest to another one.
 
     With mu > 0 moves are held back, min |q + dq - q_0|_M^2 + mu |dq|_M^2: bent rows make those of
     mu = 0 overshoot where the way is long. Newton's method then ends what goes on slowly.
     """
-    wires, scale, mu = _two_sided(marionette, taut), marionette.row_scales(x.q_D, x.q_K), 0.0
+    wires, scale, mu = marionette.two_sided, marionette.row_scales(x.q_D, x.q_K), 0.0
     held = np.zeros(0, dtype=int), np.zeros(0)
     for _ in range(_APPROACHES):
         instant = marionette.instant(x)
@@ -249,8 +210,7 @@ def _nearest(
         if not found.solved or not _ARRIVED < size < np.inf:
             return x
         move *= min(1.0, _LONGEST / size)
-        moved = x.replace(q_D=retract(marionette, x.q_D, move))
-        other, worst = onto_rows(marionette, moved, taut)
+        other, worst = onto_rows(marionette, x.replace(q_D=retract(marionette, x.q_D, move)))
         there = _away(marionette, marionette.instant(other), other, origin)
         if worst > CLOSED or np.linalg.norm(there) > (1.0 + _FARTHER) * np.linalg.norm(away):
             mu = max(4.0 * mu, 1.0)
@@ -258,16 +218,11 @@ def _nearest(
         pulls = (found.x != 0.0) | wires[rows]
         held = rows[pulls], (1.0 + mu) * found.x[pulls]
         x, mu = other, (0.5 * mu if mu > 0.1 else 0.0)
-    return _stationary(marionette, x, origin, *held, taut) or x
+    return _stationary(marionette, x, origin, *held) or x
 
 
 def _stationary(
-    marionette: Marionette,
-    x: State,
-    origin: State,
-    rows: Array,
-    pull: Array,
-    taut: MaskRows | None,
+    marionette: Marionette, x: State, origin: State, rows: Array, pull: Array
 ) -> State | None:
     """The state near another with F away = W pull and h = 0 on some rows, by Newton's method.
 
@@ -293,14 +248,14 @@ def _stationary(
             return None
         x = x.replace(q_D=retract(marionette, x.q_D, step[:n]))
         pull = pull + step[n:]
-        pulls = (pull >= 0.0) | _two_sided(marionette, taut)[rows]
+        pulls = (pull >= 0.0) | marionette.two_sided[rows]
         if size < _ARRIVED and np.all(pulls):
             break
         if size < _ALMOST:
             rows, pull = rows[pulls], pull[pulls]
     else:
         return None
-    x, worst = onto_rows(marionette, x, taut)
+    x, worst = onto_rows(marionette, x)
     distance = np.linalg.norm(_away(marionette, marionette.instant(x), x, origin))
     return None if worst > CLOSED or distance > farthest else x
 

@@ -22,7 +22,6 @@ from fantoccini.marionette.closed import CLOSED
 from fantoccini.marionette.instant import Instant
 from fantoccini.marionette.projection import onto_rows, positioned, retract
 from fantoccini.marionette.statics import (
-    HELD,
     Equilibrium,
     in_step,
     newton,
@@ -135,7 +134,10 @@ def _settled(marionette: Marionette, x: State) -> Equilibrium:
         if np.max(np.abs(other.q_D - start), initial=0.0) > _AFAR:
             break
         x, V, mu = other, V_other, (mu * _SHRINKS if mu > _MU[1] and not flat else 0.0)
-    raise StateError(f"going down, the potential energy keeps falling{HELD}")
+    raise StateError(
+        "going down, the potential energy keeps falling. Is every free body held by a string, a "
+        "limit or a joint to the world?"
+    )
 
 
 def _motors_work(marionette: Marionette, x: State, other: State) -> float:

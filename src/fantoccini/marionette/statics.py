@@ -43,7 +43,6 @@ _STANDS = 1e-6
 """Distance from an equilibrium at which the puppet stands on it, rather than passes it by."""
 _GIVES_WAY = 0.1
 """Move from which on a drive counts as giving way [m or rad]."""
-HELD = ". Is every free body held by a string, a limit or a joint to the world?"
 _PUSHES = 8
 _PUSH_SIZES = (0.05, 0.01, 0.002)
 """Largest parts of the pushes that are tried off an unstable equilibrium [rad or m]."""
@@ -152,7 +151,7 @@ def dropped(marionette: Marionette, x: State) -> Equilibrium:
         if lower is None:
             break
         x = lower
-    why = _giving_way(marionette, x, q_D) or HELD
+    why = _giving_way(marionette, x, q_D)
     raise StateError(f"let go and stopped, the puppet keeps moving{why}")
 
 
