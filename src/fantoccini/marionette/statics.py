@@ -11,6 +11,7 @@ from fantoccini.arrays import Array
 from fantoccini.errors import StateError, Status
 from fantoccini.marionette.closed import CLOSED, closed_rows, known_mode
 from fantoccini.marionette.instant import Instant
+from fantoccini.marionette.tighten import tightened
 from fantoccini.motion import Input, State, rotation, tangent
 from fantoccini.puppet import Stepper as StepperMotor
 from fantoccini.runtime import Run
@@ -69,11 +70,10 @@ def project(marionette: Marionette, x: State) -> State:
     hdot <= 0 on the rows that are closed. Rows that are taut in the state's mode are brought to
     h = 0 and hdot = 0, as far as they do not contradict one another.
     """
-    given, scale = x, marionette.row_scales(x.q_D, x.q_K)
-    wires, taut = marionette.two_sided, known_mode(marionette, x)
-    if np.any(taut):
-        taut = taut & closed_rows(marionette, x, marionette.instant(x)).held
-    held = wires | taut
+    taut = closed_rows(marionette, x, marionette.instant(x)).held & known_mode(marionette, x)
+    scale = marionette.row_scales(x.q_D, x.q_K)
+    wires = marionette.two_sided
+    held = wires.copy()
     for _ in range(100):
         instant = marionette.instant(x)
         rows = np.flatnonzero((instant.h > -0.05 * scale) | held)
@@ -91,24 +91,23 @@ def project(marionette: Marionette, x: State) -> State:
             break
         x = x.replace(q_D=retract(marionette, x.q_D, move * min(1.0, 0.3 / size)))
     instant = marionette.instant(x)
-    met = np.abs(instant.h) <= CLOSED * scale
-    if np.any(taut & ~met & ~wires):
-        return project(marionette, given.replace(taut=taut & met))
     beyond = ~(np.where(wires, np.abs(instant.h), instant.h) <= CLOSED * scale)
     if np.any(beyond):
         names = ", ".join(marionette.tree.row_names[i] for i in np.flatnonzero(beyond))
         raise StateError(f"no state of the puppet fits these string ends and lengths: {names}")
+    x = tightened(marionette, x, taut)
+    instant = marionette.instant(x)
     # Strings on winches that slip give way instead.
-    firm = met & ~np.isfinite(marionette.upper)
+    firm = (np.abs(instant.h) <= CLOSED * scale) & ~np.isfinite(marionette.upper)
     rows = np.flatnonzero(firm | wires)
-    found = instant.complementarity(rows, instant.hdot[rows], wires | taut)
-    if not found.solved and np.any(taut):
+    found = instant.complementarity(rows, instant.hdot[rows], wires | x.taut)
+    if not found.solved:
         found = instant.complementarity(rows, instant.hdot[rows], wires)
     if not found.solved:
         names = ", ".join(marionette.rows_of(rows, found.ray))
         raise StateError(f"no velocity of the puppet fits these driven velocities: {names}")
     v_D = x.v_D - instant.back(instant.W[:, rows] @ found.x)
-    return marionette.with_mode(x.replace(v_D=v_D, taut=taut))
+    return marionette.with_mode(x.replace(v_D=v_D, taut=x.taut))
 
 
 def rest(marionette: Marionette, x: State) -> State:
