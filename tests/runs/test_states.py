@@ -198,6 +198,36 @@ def test_far_too_short_is_refused_by_time_stepping_too(arm):
         fan.simulate(arm, short, t_end=0.1, method="timestepping")
 
 
+SLIPPING = """
+puppet: between
+bodies:
+  - {name: bob, joint: {type: translation, axes: [x, z]}, mass: 1}
+strings:
+  - {name: left, path: [{body: bob}, {driven: [x], at: [-1, 0, 0.5]}], length: 1.2,
+     max_tension: 30, rewind_speed: 0.3}
+  - {name: right, path: [{body: bob}, {driven: [x], at: [1, 0, 0.5]}], length: 1.2}
+"""
+
+
+def test_runs_with_a_slipping_winch_go_on():
+    """17.1, 17.7: the winch's tension is that of the run, and resumed runs slip as the whole."""
+    between = fan.loads(SLIPPING)
+    inputs = fan.Input.waypoints(between, {"left.x": [(0, -1.0), (2, -2.0), (4, -1.0)]})
+    whole = fan.simulate(between, between.rest(), inputs, t_end=4.0, method="timestepping")
+    apart = []
+    for i in range(10, len(whole), 10):
+        x = whole.state(i)
+        tension = between.accelerations(x, whole.acc_K[i])[1]
+        apart.append(np.max(np.abs(tension - forces(whole, i))))
+    assert np.median(apart) < 0.05 * 30.0
+    for i in range(0, len(whole) - 60, 250):
+        part = fan.simulate(
+            between, whole.state(i), inputs, t_end=whole.t[i + 50], method="timestepping"
+        )
+        np.testing.assert_allclose(part.q_D[-1], whole.q_D[i + 50], atol=1e-9)
+        np.testing.assert_allclose(part.slip.values[-1], whole.slip.values[i + 50], atol=1e-9)
+
+
 # -- what is no state ------------------------------------------------------------------------------
 
 

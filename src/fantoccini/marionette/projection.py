@@ -19,8 +19,9 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError
-from fantoccini.marionette.closed import CLOSED
+from fantoccini.marionette.closed import CLOSED, closed_rows, known_mode
 from fantoccini.marionette.instant import Instant
+from fantoccini.marionette.tighten import tightened
 from fantoccini.motion import State, tangent
 
 if TYPE_CHECKING:
@@ -76,11 +77,13 @@ def project(marionette: Marionette, x: State) -> State:
 
     Positions first (q_K stays): M (q - q_0) + A_D^T y = 0 with h <= 0, y >= 0 and y . h = 0, or,
     where the search for that does not settle, a state near by with h <= 0. Then velocities:
-    hdot <= 0 on the rows that are closed.
+    hdot <= 0 on the rows that are closed. Rows that are taut in the state's mode are brought to
+    h = 0 and hdot = 0, as far as they do not contradict one another.
 
     Raises:
         StateError: no such state was found; what is left of each row is told.
     """
+    taut = closed_rows(marionette, x, marionette.instant(x)).held & known_mode(marionette, x)
     found, left = positioned(marionette, x)
     if left:
         raise StateError(
@@ -88,18 +91,21 @@ def project(marionette: Marionette, x: State) -> State:
             f"Tried: moves onto the strings and limits, from there and from {len(_PUSHES)} places "
             "nearby"
         )
+    found = tightened(marionette, found, taut)
     instant = marionette.instant(found)
     scale = marionette.row_scales(found.q_D, found.q_K)
     # Strings on winches that slip give way instead.
     firm = (np.abs(instant.h) <= CLOSED * scale) & ~np.isfinite(marionette.upper)
     wires = marionette.two_sided
     rows = np.flatnonzero(firm | wires)
-    answer = instant.complementarity(rows, instant.hdot[rows], wires)
+    answer = instant.complementarity(rows, instant.hdot[rows], wires | found.taut)
+    if not answer.solved:
+        answer = instant.complementarity(rows, instant.hdot[rows], wires)
     if not answer.solved:
         names = ", ".join(marionette.rows_of(rows, answer.ray))
         raise StateError(f"no velocity of the puppet fits these driven velocities: {names}")
     v_D = found.v_D - instant.back(instant.W[:, rows] @ answer.x)
-    return marionette.with_mode(found.replace(v_D=v_D))
+    return marionette.with_mode(found.replace(v_D=v_D, taut=found.taut))
 
 
 def positioned(marionette: Marionette, x: State) -> tuple[State, str]:

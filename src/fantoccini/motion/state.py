@@ -51,7 +51,7 @@ class State:
     v_K: VecK
     taut: MaskRows
     slip: Array = ()
-    coordinates: CoordinateTable | None = field(default=None, repr=False)
+    coordinates: CoordinateTable | None = field(default=None, repr=False, compare=False)
 
     # Rows of a state are its coordinates' names: nothing to go through by number.
     __iter__ = None

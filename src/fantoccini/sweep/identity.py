@@ -113,7 +113,8 @@ def _plain(value: Any) -> Any:
         case Sequence():
             return [_plain(v) for v in value]
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        fields = {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+        kept = [f.name for f in dataclasses.fields(value) if f.compare]
+        fields = {name: _plain(getattr(value, name)) for name in kept}
         return {f"{type(value).__module__}.{type(value).__qualname__}": fields}
     raise TypeError(
         f"found {value!r:.80}, a {type(value).__name__}; a sweep takes numbers, texts, arrays, "
