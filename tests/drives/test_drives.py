@@ -173,10 +173,12 @@ def test_a_stepper_holds_what_its_torque_holds(machines):
     def held(load, t_end=3.0):
         given = fan.Input.hold(machines, t_end).with_forces({"wheel": [(0, 0.0), (0.5, load),
                                                                        (t_end, load)]})
-        return column(fan.simulate(machines, machines.state(), given, t_end=t_end), "wheel")[-1]
+        run = fan.simulate(machines, machines.state(), given, t_end=t_end, throw=False)
+        return column(run, "wheel")[-1], run.status.name
 
-    assert held(0.3) == pytest.approx(np.arcsin(0.3 / 0.4) / 50 / 2, abs=1e-6)
-    assert held(0.41) > 2 * np.pi / 50 / 2  # more than a pole pair
+    assert held(0.3) == (pytest.approx(np.arcsin(0.3 / 0.4) / 50 / 2, abs=1e-6), "DONE")
+    off, status = held(0.41)
+    assert off > 2 * np.pi / 50 / 2 and status == "RUNAWAY"  # more than a pole pair
 
 
 def test_a_stepper_goes_in_microsteps(machines):

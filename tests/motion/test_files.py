@@ -241,7 +241,7 @@ def test_npz_with_objects_or_wrong_shapes(table, tmp_path):
     path = tmp_path / "bad.npz"
     np.savez(path, t=np.arange(3.0), crank=np.array([1, None, 2], dtype=object))
     (problem,) = problems(table, path)
-    assert problem.key == "crank" and "allow_pickle=False" in problem.message
+    assert problem.key == "crank" and "holds object" in problem.message
     np.savez(path, t=np.arange(3.0), crank=np.zeros((3, 2)), nose=np.zeros(3))
     assert {p.key for p in problems(table, path)} == {"crank", "nose"}
     np.savez(path, t=np.arange(3.0), crank=np.array(["a", "b", "c"]))

@@ -249,7 +249,7 @@ def test_a_damaged_file_is_refused_or_read_but_never_a_crash(run, tmp_path):
 def test_objects_are_refused(tmp_path):
     path = tmp_path / "a.npz"
     np.savez(path, about=np.array([{"a": 1}], dtype=object))
-    with pytest.raises(FileError, match="is not a trajectory"):
+    with pytest.raises(FileError, match=r"a\.npz: about: is not a plain array: holds object"):
         Trajectory.load(path)
 
 

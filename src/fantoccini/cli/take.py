@@ -10,7 +10,8 @@ import numpy as np
 from fantoccini.cli.terminal import number, say
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State
-from fantoccini.motion.archive import RECORDING, UNREADABLE
+from fantoccini.motion.archive import RECORDING
+from fantoccini.motion.npz import UNREADABLE
 from fantoccini.perform import Recording
 
 
@@ -21,7 +22,7 @@ def take_of(path: Path | None) -> Recording | None:
     try:
         with np.load(path, allow_pickle=False) as file:
             form = json.loads(file["about"].tobytes())["format"]
-    except (*UNREADABLE, LookupError, TypeError, AttributeError):
+    except UNREADABLE:
         return None
     return Recording.load(path) if form == RECORDING else None
 

@@ -192,10 +192,18 @@ class Marionette(Compiled, Portable, Analysis, Differentiable, Configurations):
 
         Args:
             winches: (n_strings, 3) as in :attr:`winches`.
+
+        Raises:
+            StateError: numbers that no winch has.
         """
         table = np.array(winches, dtype=float).reshape(self.winches.shape)
-        if not np.all(table >= 0.0):
-            raise StateError(f"winches: found {table.tolist()}; all must be numbers of at least 0")
+        for string, (most, rewind, bounces) in zip(self.tree.strings, table, strict=True):
+            if not (most > 0.0 and 0.0 <= rewind < np.inf and 0.0 <= bounces <= 1.0):
+                raise StateError(
+                    f"winch of {string.name}: found a largest tension of {most:g} N, rewinding at "
+                    f"{rewind:g} m/s and a restitution of {bounces:g}; they must be above 0, at "
+                    "least 0 and finite, and 0 to 1"
+                )
         other = copy.copy(self)
         other.__dict__["winches"] = table
         return other

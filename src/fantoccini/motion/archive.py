@@ -6,19 +6,17 @@ import dataclasses
 import json
 import os
 import secrets
-import struct
-import zipfile
-import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fantoccini.errors import FileError, Problem, Status
+from fantoccini.errors import Status
 from fantoccini.motion.columns import Columns
+from fantoccini.motion.npz import checked, contents, finite, texts, understanding
 from fantoccini.motion.state import Event
 from fantoccini.puppet import Mesh, Puppet, loads
 from fantoccini.tree import Coordinate, CoordinateTable, Role
@@ -33,19 +31,6 @@ _ARRAYS = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
 _TABLES = ("tension", "limit_force", "taut", "ledger", "effort", "violation", "slip")
 _NUMBERS = ("t", "impulse", "speed")
 _MESH = "mesh:"
-UNREADABLE = (
-    EOFError,
-    MemoryError,
-    NotImplementedError,
-    OSError,
-    OverflowError,
-    RuntimeError,
-    ValueError,
-    struct.error,
-    zipfile.BadZipFile,
-    zlib.error,
-)
-"""What NumPy and zipfile raise where an npz file is not one, or is damaged."""
 _folders: list[TemporaryDirectory] = []
 
 
@@ -93,49 +78,39 @@ def load(path: str | Path) -> Trajectory:
     """Reads what :func:`save` wrote."""
     from fantoccini.motion.trajectory import Trajectory
 
-    try:
-        arrays, about = contents(path, FORMAT)
-        tables = {
-            name: Columns(names[1:], arrays[name], names[0])
-            for name, names in about["columns"].items()
+    what = "a trajectory"
+    arrays, about = contents(path, FORMAT, what)
+    with understanding(path, what):
+        table = _table_from_json(about["coordinates"], arrays)
+        n = len(checked(arrays, "t", (None,)))
+        widths = (table.n_qD, table.n_vD, table.n_vD, table.n_qK, table.n_vK, table.n_vK)
+        motion = {"t": finite(arrays, "t", (n,))}
+        motion |= {
+            name: checked(arrays, name, (n, width))
+            for name, width in zip(_ARRAYS[1:], widths, strict=True)
         }
+        if unknown := set(about["columns"]) - set(_TABLES):
+            raise ValueError(f"columns has {', '.join(map(repr, unknown))}")
+        tables = {}
+        for name, named in about["columns"].items():
+            kind, *names = texts(named, f"columns.{name}")
+            values = checked(arrays, name, (n, len(names)), "b" if name == "taut" else "f")
+            tables[name] = Columns(names, values, kind)
+        numbers = checked(arrays, "events", (len(about["events"]), len(_NUMBERS)))
         events = [
-            Event(kind=kind, name=name, **dict(zip(_NUMBERS, numbers, strict=True)))
-            for (kind, name), numbers in zip(about["events"], arrays["events"], strict=True)
+            Event(kind=kind, name=name, **dict(zip(_NUMBERS, row, strict=True)))
+            for (kind, name), row in zip(map(_pair, about["events"]), numbers, strict=True)
         ]
         return Trajectory(
-            **{name: arrays[name] for name in _ARRAYS},
+            **motion,
             **tables,
             events=tuple(events),
             status=Status[about["status"]],
-            blamed=about.get("blamed", ()),
-            method=about["method"],
-            coordinates=_table_from_json(about["coordinates"], arrays),
+            blamed=texts(about.get("blamed", []), "blamed"),
+            method=_text(about["method"], "method"),
+            coordinates=table,
             puppet=_puppet(about["puppet"], str(path), arrays),
         )
-    except FileNotFoundError:
-        raise FileError([Problem(str(path), None, "", "there is no such file")]) from None
-    except (*UNREADABLE, AttributeError, LookupError, TypeError) as error:
-        message = f"is not a trajectory that this version can read ({error})"
-        raise FileError([Problem(str(path), None, "", message)]) from error
-
-
-def contents(path: str | Path, form: str) -> tuple[dict[str, np.ndarray], dict]:
-    """The arrays of an npz file, and what its ``about`` says.
-
-    Args:
-        path: the file.
-        form: the ``format`` that ``about`` must have.
-
-    Raises:
-        ValueError: it has another; and all of ``UNREADABLE``, LookupError and TypeError.
-    """
-    with Path(path).open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-        arrays = {name: file[name] for name in file.files}
-    about = json.loads(arrays["about"].tobytes())
-    if about["format"] != form:
-        raise ValueError(f"has the format {about['format']!r}; this version reads {form!r}")
-    return arrays, about
 
 
 def mesh_files(puppet: Puppet) -> dict[str, bytes]:
@@ -173,6 +148,7 @@ def restored(text: str, source: str, meshes: Mapping[str, bytes]) -> Puppet:
 def _puppet(text: str | None, source: str, arrays: dict[str, np.ndarray]) -> Puppet | None:
     if text is None:
         return None
+    _text(text, "puppet")
     held = {n[len(_MESH) :]: x.tobytes() for n, x in arrays.items() if n.startswith(_MESH)}
     return restored(text, source, held)
 
@@ -189,20 +165,49 @@ def _table_to_json(table: CoordinateTable) -> dict:
 
 def _table_from_json(data: dict, arrays: dict[str, np.ndarray]) -> CoordinateTable:
     rows = tuple(
-        Coordinate(name, Role(role), owner, unit, index)
+        Coordinate(_text(name, "a coordinate"), Role(role), owner, unit, index)
         for name, role, owner, unit, index in data["rows"]
     )
-    names = {key: tuple(data[key]) for key in ("q_D", "v_D", "q_K", "v_K")}
+    names = {key: texts(data[key], f"coordinates.{key}") for key in ("q_D", "v_D", "q_K", "v_K")}
     places = {
-        key: tuple(tuple(pair) for pair in data[key])
-        for key in ("quaternions_D", "quaternions_K", "scalars_D", "scalars_K")
+        f"{what}_{kind}": _places(data[f"{what}_{kind}"], names, kind, widths)
+        for what, widths in (("quaternions", (4, 3)), ("scalars", (1, 1)))
+        for kind in ("D", "K")
     }
+    rotations = data["rotations"]
+    turns = _places(list(rotations.values()), names, "K", (4, 3))
+    commands = data.get("commands", {})
+    texts(list(commands.values()), "coordinates.commands")
     return CoordinateTable(
         rows=rows,
         **names,
         **places,
-        rotations={name: tuple(place) for name, place in data["rotations"].items()},
-        commands=data.get("commands", {}),
-        start_D=arrays["start_D"],
-        start_K=arrays["start_K"],
+        rotations=dict(zip(rotations, turns, strict=True)),
+        commands=commands,
+        start_D=checked(arrays, "start_D", (len(names["q_D"]),)),
+        start_K=checked(arrays, "start_K", (len(names["q_K"]),)),
     )
+
+
+def _places(
+    pairs: list, names: dict[str, tuple[str, ...]], kind: str, widths: tuple[int, int]
+) -> tuple[tuple[int, int], ...]:
+    """(q, v) places where coordinates of some width begin, inside the vectors they are in."""
+    found = tuple(tuple(pair) for pair in pairs)
+    ends = [len(names[f"{part}_{kind}"]) - n for part, n in zip("qv", widths, strict=True)]
+    for q, v in found:
+        for place, end in ((q, ends[0]), (v, ends[1])):
+            if type(place) is not int or not 0 <= place <= end:
+                raise ValueError(f"coordinates has the place {place!r}; it must be 0 to {end}")
+    return found
+
+
+def _pair(event: list) -> list[str]:
+    kind, name = texts(event, "an event")
+    return [kind, name]
+
+
+def _text(value: Any, name: str) -> str:
+    if not isinstance(value, str):
+        raise ValueError(f"{name} is {value!r:.60}; it must be a text")
+    return value

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import zipfile
 from array import array
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,8 +15,8 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from fantoccini.arrays import Array
 from fantoccini.errors import InputError, Problem
-from fantoccini.motion import pieces, reading
-from fantoccini.motion.archive import RECORDING, UNREADABLE
+from fantoccini.motion import npz, pieces, reading
+from fantoccini.motion.archive import RECORDING
 from fantoccini.motion.findings import Findings
 from fantoccini.motion.input import Input
 from fantoccini.puppet.located import Located, read_file, shown, validate
@@ -183,26 +182,10 @@ def _numbers(header: list[str], cells: list[str], row: int, findings: Findings) 
 
 
 def _npz(table, path: Path) -> Input:
-    columns: dict[str, Array] = {}
-    located = Located(file=str(path), folder=path.parent)
-    try:
-        with zipfile.ZipFile(path) as archive:
-            size = sum(item.file_size for item in archive.infolist())
-        if size > MAX_BYTES:
-            raise _file_error(path, f"its arrays need more than {MAX_BYTES / 1e6:g} MB")
-        findings = Findings()
-        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-            for name in file.files:
-                try:
-                    columns[name] = file[name]
-                except ValueError as error:
-                    findings.add((name,), f"is not an array of numbers: {error}")
-        findings.raise_any(located)
-    except (*UNREADABLE, KeyError) as error:
-        raise _file_error(path, f"is not an npz file of plain arrays: {error}") from None
+    columns = npz.read(path, most=MAX_BYTES, error=InputError)
     if "about" in columns:
         return _recording(table, columns, path)
-    return _samples(table, columns, located)
+    return _samples(table, columns, Located(file=str(path), folder=path.parent))
 
 
 def _recording(table, arrays: dict[str, Array], path: Path) -> Input:

@@ -7,16 +7,20 @@ from pathlib import Path
 
 import numpy as np
 
-from fantoccini.errors import FantocciniError, FileError, Problem, Status
+from fantoccini.arrays import Array
+from fantoccini.errors import Status
 from fantoccini.marionette import Marionette, Parcel
-from fantoccini.motion import State
+from fantoccini.motion import EventKind, State
 from fantoccini.motion.archive import RECORDING as FORMAT
-from fantoccini.motion.archive import UNREADABLE, contents, replacing
+from fantoccini.motion.archive import replacing
+from fantoccini.motion.npz import checked, contents, finite, texts, understanding
 from fantoccini.perform.recording import Recording, Written
 from fantoccini.world import World
 
 _STATE = ("q_D", "v_D", "q_K", "v_K", "taut", "slip")
 _MESH = "mesh:"
+_MOST_STEPS = 1_000_000
+"""Of the time-stepper in a tick."""
 
 
 def save(recording: Recording, path: str | Path) -> None:
@@ -55,53 +59,60 @@ def save(recording: Recording, path: str | Path) -> None:
 
 def load(path: str | Path) -> Recording:
     """Reads what :func:`save` wrote."""
-    try:
-        arrays, about = contents(path, FORMAT)
+    what = "a recording"
+    arrays, about = contents(path, FORMAT, what)
+    with understanding(path, what):
         marionette = _marionette(about, arrays)
-        state = {name: arrays[f"start_{name}"] for name in _STATE}
-        written = Written(arrays["rows"], arrays["events"], Status[about["status"]])
-        _check(marionette, state, written)
+        table, tree = marionette.coordinates, marionette.tree
+        sizes = (table.n_qD, table.n_vD, table.n_qK, table.n_vK, tree.n_rows, len(tree.strings))
+        state = {
+            name: _of_state(arrays, f"start_{name}", size)
+            for name, size in zip(_STATE, sizes, strict=True)
+        }
+        t, tick = (float(finite(arrays, name, ())) for name in ("t", "tick"))
+        rows = finite(arrays, "rows", (None, sum(marionette.row_layout.widths.values())))
+        if not len(rows) or np.any(np.diff(rows[:, 0]) < 0):
+            raise ValueError("rows must be one or more, none before the one it follows")
+        events = _events(marionette, finite(arrays, "events", (None, 5)))
+        steps = about["steps"]
+        if type(steps) is not int or not 1 <= steps <= _MOST_STEPS:
+            raise ValueError(f"found {steps!r} steps in a tick; allowed: 1 to {_MOST_STEPS}")
         return Recording(
             marionette,
-            State(float(arrays["t"]), **state, coordinates=marionette.coordinates),
-            arrays["acc_K"],
-            float(arrays["tick"]),
-            int(about["steps"]),
+            State(t, **state, coordinates=marionette.coordinates),
+            finite(arrays, "acc_K", (None, table.n_vK)),
+            tick,
+            steps,
             str(about["ended"]),
-            written,
+            Written(rows, events, Status[about["status"]]),
         )
-    except FileNotFoundError:
-        raise FileError([Problem(str(path), None, "", "there is no such file")]) from None
-    except (*UNREADABLE, AttributeError, LookupError, TypeError, FantocciniError) as error:
-        message = f"is not a recording that this version can read ({error})"
-        raise FileError([Problem(str(path), None, "", message)]) from error
 
 
-def _marionette(about: dict, arrays: dict[str, np.ndarray]) -> Marionette:
-    meshes = []
-    for i, _ in enumerate(about["puppets"]):
+def _of_state(arrays: dict[str, Array], name: str, size: int) -> Array:
+    if name == "start_taut":
+        return checked(arrays, name, (size,), "b")
+    return finite(arrays, name, (size,))
+
+
+def _events(marionette: Marionette, events: Array) -> Array:
+    """Events of kinds and rows that there are."""
+    n = len(marionette.tree.blamable)
+    for _, kind, row, *_ in events:
+        if kind not in range(len(EventKind)) or row not in range(-1, n):
+            raise ValueError(f"found an event of the kind {kind:g} at the row {row:g}")
+    return events
+
+
+def _marionette(about: dict, arrays: dict[str, Array]) -> Marionette:
+    puppets, meshes = texts(about["puppets"], "puppets"), []
+    for i, _ in enumerate(puppets):
         mark = f"{_MESH}{i}:"
         mine = [name for name in arrays if name.startswith(mark)]
         meshes.append({name[len(mark) :]: arrays[name].tobytes() for name in mine})
-    marionette = Marionette(Parcel(about["world"], about["puppets"], tuple(meshes)).world())
-    table = marionette.coordinates
+    marionette = Marionette(Parcel(str(about["world"]), puppets, tuple(meshes)).world())
+    table, parameters = marionette.coordinates, texts(about["parameters"], "parameters")
     if list(table.q_D + table.q_K) != about["coordinates"]:
         raise ValueError("its puppet has other coordinates than were recorded")
-    values = dict(zip(about["parameters"], arrays["p"].tolist(), strict=True))
-    return marionette.with_parameters(values).with_winches(arrays["winches"])
-
-
-def _check(marionette: Marionette, state: dict[str, np.ndarray], written: Written) -> None:
-    """Raises ValueError unless what was recorded has the puppet's sizes."""
-    table, n = marionette.coordinates, len(marionette.tree.strings)
-    sizes = (table.n_qD, table.n_vD, table.n_qK, table.n_vK, marionette.tree.n_rows, n)
-    wanted = {f"start_{name}": (size,) for name, size in zip(_STATE, sizes, strict=True)}
-    wanted |= {"rows": (len(written.rows), sum(marionette.row_layout.widths.values()))}
-    wanted |= {"events": (len(written.events), 5)}
-    found = {f"start_{name}": x.shape for name, x in state.items()}
-    found |= {"rows": written.rows.shape, "events": written.events.shape}
-    for name, shape in wanted.items():
-        if found[name] != shape:
-            raise ValueError(f"{name} has the shape {found[name]}; it must be {shape}")
-    if not len(written.rows):
-        raise ValueError("it has no rows")
+    values = dict(zip(parameters, finite(arrays, "p", (len(parameters),)).tolist(), strict=True))
+    winches = checked(arrays, "winches", marionette.winches.shape)
+    return marionette.with_parameters(values).with_winches(winches)

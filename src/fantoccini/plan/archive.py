@@ -5,13 +5,15 @@ from __future__ import annotations
 import dataclasses
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fantoccini.arrays import Array
 from fantoccini.errors import FileError
 from fantoccini.errors import Problem as Mistake
-from fantoccini.motion.archive import UNREADABLE, replacing
+from fantoccini.motion.archive import replacing
+from fantoccini.motion.npz import checked, contents, finite, understanding
 from fantoccini.plan.objective import Objective
 from fantoccini.plan.planners import Planner
 from fantoccini.plan.polish import Polish
@@ -62,21 +64,17 @@ def load(path: str | Path, problem: Problem, planner: Planner | None = None) -> 
         FileError: the file is none of these, damaged, or of another problem.
     """
 
-    def wrong(text: str) -> FileError:
-        return FileError([Mistake(str(path), None, "", text)])
-
-    try:
-        with Path(path).open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-        about: dict[str, Any] = json.loads(arrays.pop("about").tobytes())
-        if about["format"] != FORMAT:
-            raise ValueError(f"has the format {about['format']!r}; this version reads {FORMAT!r}")
+    what = "a plan"
+    arrays, about = contents(path, FORMAT, what)
+    with understanding(path, what):
         if about["fingerprint"] != problem.fingerprint:
-            raise wrong(
+            text = (
                 f"is a plan of {about['puppet']} for another problem: start, goal, obstacles, "
                 "bounds or parameters differ"
             )
-        nodes, curve = arrays.pop("path"), arrays.pop("curve")
+            raise FileError([Mistake(str(path), None, "", text)])
+        nodes = checked(arrays, "path", (None,), "i")
+        curve = _curve(arrays)
         asked = planner or about["planner"] or "explore"
         search = Search(
             problem, asked, confirm=bool(about["confirm"]),
@@ -89,10 +87,10 @@ def load(path: str | Path, problem: Problem, planner: Planner | None = None) -> 
             tree, end, int(about["tried"]), float(about["seconds"]), curve, about["random"],
             bool(about["late"]), int(about["refused"]), Polish.of(about["polished"]),
         )  # fmt: skip
-    except FileNotFoundError:
-        raise wrong("there is no such file") from None
-    except (*UNREADABLE, AttributeError, LookupError, TypeError) as error:
-        if isinstance(error, FileError):
-            raise
-        raise wrong(f"is no plan, or damaged: {error}") from None
     return search
+
+
+def _curve(arrays: dict[str, Array]) -> Array:
+    """(n, 3) of the plans that were the best so far; of none the file has (0,)."""
+    empty = arrays["curve"].size == 0
+    return finite(arrays, "curve", (0,) if empty else (None, 3))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import atexit
 import contextlib
-import json
 import os
 import signal
 import sys
@@ -15,13 +14,11 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-import numpy as np
-
 from fantoccini import puppets
 from fantoccini.errors import FileError, Problem
 from fantoccini.marionette import Marionette, load
 from fantoccini.motion import Trajectory
-from fantoccini.motion.archive import UNREADABLE
+from fantoccini.motion.npz import ABOUT, UNREADABLE, about_of, read
 from fantoccini.perform import Performance, Recording
 from fantoccini.plan import PlanResult, load_problem, problem_names
 from fantoccini.puppet import Puppet
@@ -205,10 +202,9 @@ def _check_no_problem(path: Path, problem: str | Path | None) -> None:
 def _form(path: Path) -> tuple[str, dict]:
     """What kind of npz file this is, and what it says of itself; empty where it says nothing."""
     try:
-        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-            about = json.loads(file["about"].tobytes())
-            return str(about["format"]), about
-    except (*UNREADABLE, LookupError, TypeError, AttributeError):
+        about = about_of(read(path, only=ABOUT))
+        return str(about["format"]), about
+    except UNREADABLE:
         return "", {}
 
 

@@ -18,12 +18,12 @@ from typing import Any
 import numpy as np
 
 from fantoccini.errors import StoreError
-from fantoccini.motion.archive import UNREADABLE, replacing
+from fantoccini.motion.archive import replacing
+from fantoccini.motion.npz import ABOUT, UNREADABLE, about_of, read
 from fantoccini.sweep.outcome import Failure, Outcome
 
 FORMAT = "fantoccini.sweep.1"
 MANIFEST = "sweep.json"
-_ABOUT = "about"
 _FIGURE = "figure:"
 
 
@@ -51,14 +51,14 @@ class Store:
     def read(self, key: str) -> Outcome | None:
         """What is stored of a case; None where that is nothing, or damaged."""
         try:
-            with self._place(key).open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-                about = json.loads(file[_ABOUT].tobytes())
-                figures = {n: file[f"{_FIGURE}{k}"] for k, n in enumerate(about["figures"])}
+            arrays = read(self._place(key))
+            about = about_of(arrays)
+            figures = {n: arrays[f"{_FIGURE}{k}"] for k, n in enumerate(about["figures"])}
             if about["key"] != key:
                 return None
             failure = None if about["failure"] is None else Failure(**about["failure"])
             return Outcome(figures, float(about["seconds"]), failure)
-        except (*UNREADABLE, AttributeError, LookupError, TypeError):
+        except UNREADABLE:
             return None
 
     def write(self, key: str, outcome: Outcome, told: dict[str, Any]) -> None:
@@ -80,7 +80,7 @@ class Store:
             "failure": outcome.failure and dataclasses.asdict(outcome.failure),
         }
         arrays = {f"{_FIGURE}{k}": x for k, x in enumerate(outcome.figures.values())}
-        arrays[_ABOUT] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
+        arrays[ABOUT] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
         place = self._place(key)
         try:
             place.parent.mkdir(parents=True, exist_ok=True)

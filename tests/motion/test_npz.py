@@ -1,0 +1,164 @@
+"""17.28 and 17.26: npz files that are damaged, foreign or far too large when expanded."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from damage import entries, fuzz, packed, stored
+from fantoccini.errors import FileError
+from fantoccini.motion import Input, Trajectory, npz
+from fantoccini.perform import Recording
+from fantoccini.show.page import _form
+from fantoccini.sweep.outcome import Outcome
+from fantoccini.sweep.store import Store
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return fan.puppets.arm2d()
+
+
+@pytest.fixture(scope="module")
+def files(arm, tmp_path_factory):
+    """A file of every kind that is read, and what reads it."""
+    folder = tmp_path_factory.mktemp("npz")
+    x0 = arm.rest({"hand.length": 0.8})
+    fan.simulate(arm, x0, t_end=0.05, method="timestepping").save(folder / "run.npz")
+    live = fan.Performance(arm, x0)
+    live.record()
+    live.advance(0.05)
+    live.stop().save(folder / "take.npz")
+    t = np.linspace(0, 1, 40)
+    np.savez(folder / "inputs.npz", **{"t": t, "hand.length": 0.8 + 0.01 * np.sin(t)})
+    readers = {
+        "run": Trajectory.load, "take": Recording.load, "inputs": lambda p: Input.load(arm, p),
+    }  # fmt: skip
+    return {name: (folder / f"{name}.npz", load) for name, load in readers.items()}
+
+
+@pytest.mark.parametrize("kind", ["run", "take", "inputs"])
+def test_damage_is_a_located_error(files, kind):
+    """17.28: byte flips, cut ends, swapped and changed entries and headers."""
+    whole, load = files[kind]
+    load(whole)
+    assert fuzz(load, whole, 80, seed=7) > 40
+
+
+@pytest.mark.parametrize("kind", ["run", "take", "inputs"])
+def test_a_file_that_expands_without_bound_is_refused(files, kind, tmp_path):
+    """17.26: 0.3 MB that would be 300 MB; nothing is expanded to find that out."""
+    whole, load = files[kind]
+    place = tmp_path / "bomb.npz"
+    with zipfile.ZipFile(place, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for name, data in entries(whole.read_bytes()).items():
+            archive.writestr(name, data)
+        with archive.open("more.npy", "w") as file:
+            np.lib.format.write_array_header_1_0(
+                file, {"descr": "<f8", "fortran_order": False, "shape": (37_500_000,)}
+            )
+            for _ in range(300):
+                file.write(bytes(1_000_000))
+    assert place.stat().st_size < 2_000_000
+    with pytest.raises(FileError, match=r"bomb\.npz: its arrays need 300 MB; the most .* 256 MB"):
+        load(place)
+    assert _form(place) == ("", {})
+
+
+def changed(files, kind: str, tmp_path, change):
+    """The file with its entries changed, read."""
+    whole, load = files[kind]
+    content = entries(whole.read_bytes())
+    about = json.loads(npz.read(whole, only="about")["about"].tobytes())
+    change(content, about)
+    content["about.npy"] = stored(np.frombuffer(json.dumps(about).encode(), dtype=np.uint8))
+    place = tmp_path / "a.npz"
+    place.write_bytes(packed(content))
+    return load(place)
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        (lambda c, a: c.update({"winches.npy": stored(np.array([[5.0, -1.0, 0.0]]))}),
+         r"winch of hand: found a largest tension of 5 N, rewinding at -1 m/s"),
+        (lambda c, a: c.update({"winches.npy": stored(np.array([[np.nan, 0.0, 0.0]]))}),
+         "winch of hand"),
+        (lambda c, a: a.update(puppets=[3]), "puppets is .*; it must be a list of texts"),
+        (lambda c, a: a.update(steps=10**12), "found 1000000000000 steps in a tick"),
+        (lambda c, a: c.update({"events.npy": stored(np.array([[0.0, 77, 0, 0, 0]]))}),
+         "an event of the kind 77"),
+        (lambda c, a: c.update({"rows.npy": stored(np.zeros((2, 3)))}), "rows is float64 of the"),
+    ],
+)  # fmt: skip
+def test_recordings_are_checked(files, tmp_path, change, message):
+    """17.28: winches, puppets, steps, events and rows as no recording has them."""
+    with pytest.raises(FileError, match=rf"a\.npz: is not a recording .*{message}"):
+        changed(files, "take", tmp_path, change)
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        (lambda c, a: c.update({"q_D.npy": stored(np.zeros((26, 2), dtype=complex))}),
+         "q_D is complex128"),
+        (lambda c, a: c.update({"t.npy": stored(np.full(26, np.nan))}), "t holds what is no"),
+        (lambda c, a: c.update({"v_K.npy": stored(np.zeros((26, 9)))}), "v_K is float64 of the"),
+        (lambda c, a: c.pop("taut.npy"), "taut is missing"),
+        (lambda c, a: a["coordinates"].update(scalars_D=[[0, 99], [1, 1]]), "the place 99"),
+        (lambda c, a: a.update(puppet=7), "puppet is 7; it must be a text"),
+        (lambda c, a: a.update(status="FINE"), "FINE"),
+    ],
+)  # fmt: skip
+def test_trajectories_are_checked(files, tmp_path, change, message):
+    """17.28: shapes and kinds of arrays, places, texts."""
+    with pytest.raises(FileError, match=rf"a\.npz: is not a trajectory .*{message}"):
+        changed(files, "run", tmp_path, change)
+
+
+def test_what_decoders_raise_is_caught(files, tmp_path):
+    """17.28: LZMAError and tokenize.TokenError were let through."""
+    place = tmp_path / "a.npz"
+    whole = entries(files["run"][0].read_bytes())
+    raw = bytearray(packed(whole, zipfile.ZIP_LZMA))
+    start = raw.index(b"t.npy") + len(b"t.npy")
+    raw[start : start + 60] = bytes([255]) * 60
+    for data in (bytes(raw), packed(whole | {"t.npy": whole["t.npy"].replace(b"(26,)", b"(26( ")})):
+        place.write_bytes(data)
+        with pytest.raises(FileError, match=r"a\.npz"):
+            Trajectory.load(place)
+
+
+def test_headers_must_agree_with_what_there_is(tmp_path):
+    """17.26: a header that claims more than its entry has takes no memory."""
+    place, entry = tmp_path / "a.npz", stored(np.zeros(4))
+    place.write_bytes(packed({"q.npy": entry.replace(b"(4,), }      ", b"(4000000000,)}")}))
+    with pytest.raises(FileError, match=r"a\.npz: q: is not a plain array: its header says"):
+        npz.read(place)
+    for array in (np.zeros(0), np.array(3.0), np.asfortranarray(np.eye(3)[:2])):
+        np.savez(place, t=array)
+        found = npz.read(place)["t"]
+        assert np.array_equal(found, array) and found.shape == array.shape
+
+
+def test_damaged_cases_of_a_sweep_count_as_none(tmp_path):
+    """17.28: a store makes them again."""
+    store = Store(tmp_path / "store", {"study": "s"})
+    store.write("ab12", Outcome({"height": np.array(1.5)}, 0.1, None), {})
+    (place,) = (tmp_path / "store").rglob("ab12.npz")
+    whole = place.read_bytes()
+    assert store.read("ab12").figures["height"] == 1.5
+    found = []
+
+    def load(path):
+        place.write_bytes(path.read_bytes())
+        found.append(store.read("ab12"))
+
+    copy = tmp_path / "whole.npz"
+    copy.write_bytes(whole)
+    fuzz(load, copy, 60, seed=3)
+    assert sum(x is None for x in found) > 30
