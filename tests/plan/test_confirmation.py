@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -64,6 +65,15 @@ def test_the_search_goes_on_where_a_plan_does_not_hold(boxes, monkeypatch, tmp_p
     none = solve(boxes, seed=0, iterations=2000, time_limit=60.0)
     assert not none and none.status is fan.PlanStatus.APPROXIMATE and none.refused > 0
     assert "do not hold event-driven" in none.message and none.distance > boxes.tolerance
+
+
+def test_ctrl_c_while_a_plan_is_confirmed_ends_the_search(boxes, monkeypatch):
+    """17.19: a run that Ctrl-C stops says nothing about the plan, and is not refused."""
+    whole = fan.simulate(boxes.marionette, boxes.start, t_end=0.1)
+    stopped = dataclasses.replace(whole, status=fan.Status.STOPPED)
+    monkeypatch.setattr(check, "simulate", lambda *_, **__: stopped)
+    plan = solve(boxes, seed=0, time_limit=60.0)
+    assert not plan and plan.refused == 0 and plan.status is fan.PlanStatus.APPROXIMATE
 
 
 def test_true_means_that_a_plan_holds_whether_or_not_that_was_asked(boxes, monkeypatch):

@@ -7,7 +7,7 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.motion import State
-from fantoccini.plan import PlanResult, Problem, Rows, solve
+from fantoccini.plan import PlanResult, PlanStatus, Problem, Rows, solve
 from fantoccini.plan.feedback import Feedback
 from fantoccini.plan.modes import led
 from fantoccini.plan.planners import Grown
@@ -31,8 +31,9 @@ def dropped(lift: float, segments: int) -> PlanResult:
         made = motions.sweep(tree.rows, first, np.zeros((1, segments, arm.coordinates.n_vK)))
         return Grown(1, tree.add_segments(made, first, motions.interval))
 
-    found = solve(problem, planner=still, iterations=1)
-    assert found and abs(found.duration - duration) < 1e-9
+    # Located, the catch moves its end by more than the tolerance; the laws are those of its nodes.
+    found = solve(problem, planner=still, iterations=1, confirm=False)
+    assert found.status is PlanStatus.UNCONFIRMED and abs(found.duration - duration) < 1e-9
     return found
 
 

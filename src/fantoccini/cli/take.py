@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-
-import numpy as np
 
 from fantoccini.cli.terminal import number, say
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.motion.archive import RECORDING
-from fantoccini.motion.npz import UNREADABLE
+from fantoccini.motion.npz import UNREADABLE, about_of, read
 from fantoccini.perform import Recording
 
 
@@ -20,8 +17,7 @@ def take_of(path: Path | None) -> Recording | None:
     if path is None or path.suffix.lower() != ".npz":
         return None
     try:
-        with np.load(path, allow_pickle=False) as file:
-            form = json.loads(file["about"].tobytes())["format"]
+        form = about_of(read(path))["format"]
     except UNREADABLE:
         return None
     return Recording.load(path) if form == RECORDING else None

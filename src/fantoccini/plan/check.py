@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import StateError
+from fantoccini.errors import StateError, Status
 from fantoccini.motion import Input, State, Trajectory
 from fantoccini.plan.goals import Rows
 from fantoccini.plan.motions import Motions
@@ -134,9 +134,16 @@ def checked(
 
 
 def holds(problem: Problem, tree: SearchTree, path: Sequence[int]) -> bool:
-    """Whether a plan arrives when its events are located; see :class:`Check`."""
+    """Whether a plan arrives when its events are located; see :class:`Check`.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C ended the run, which says nothing about the plan then.
+    """
     options = {"rtol": _CONFIRMED, "atol": _CONFIRMED, "effort": False}
-    return checked(problem, tree, path, method="event", **options).arrives
+    made = checked(problem, tree, path, method="event", **options)
+    if made.run.status is Status.STOPPED:
+        raise KeyboardInterrupt
+    return made.arrives
 
 
 def _least_clearance(motions: Motions, run: Trajectory) -> float:
