@@ -132,6 +132,7 @@ class Status(enum.IntEnum):
     SINGULAR_MASS = 12, "the mass matrix is singular: a joint moves no mass"
     NOT_SETTLED = 13, "the equations of a step could not be solved"
     TOO_MANY_ROWS = 14, "the rows of the run reached the bound on memory"
+    REDUNDANT_STRINGS = 15, "redundant strings contradict one another"
 
 
 class SimulationError(FantocciniError):

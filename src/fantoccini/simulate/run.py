@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Literal
 
@@ -31,6 +32,7 @@ from fantoccini.motion import (
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Run
 from fantoccini.simulate.many import simulate_many
+from fantoccini.simulate.redundant import STOPPED_BY, Contradiction, contradiction, overpulled
 
 if TYPE_CHECKING:
     from scipy.integrate import OdeSolver
@@ -158,17 +160,37 @@ def simulate(
         run = ScipyRun(integrator, marionette.library, *about)
     rows, events = [], []
     status = _collect(run, t_end, progress, rows, events)
-    made = trajectory_of_rows(
-        marionette, np.concatenate(rows), np.concatenate(events), status, method, effort, run.blame
-    )
+    rows, events = np.concatenate(rows), np.concatenate(events)
+
+    def trajectory(rows: Array, events: Array) -> Trajectory:
+        return trajectory_of_rows(marionette, rows, events, status, method, effort, run.blame)
+
+    made, contradicted = trajectory(rows, events), None
+    if method != "event" and status is Status.DONE:
+        # Fixed steps bound the tensions of strings that contradict one another, or average them.
+        last = overpulled(marionette, made)
+        if last is not None:
+            contradicted = contradiction(marionette, made, last)
+        if contradicted:
+            made = trajectory(rows[: last + 1], events[events[:, 0] <= made.t[last]])
+    elif status in STOPPED_BY:
+        contradicted = contradiction(marionette, made, len(made) - 1)
+    if contradicted:
+        status = Status.REDUNDANT_STRINGS
+        made = dataclasses.replace(made, status=status, blamed=contradicted.names)
     if status is not Status.DONE and throw:
-        raise SimulationError(status, _where(marionette, made), made)
+        raise SimulationError(status, _where(marionette, made, contradicted), made)
     return made
 
 
-def _where(marionette: Marionette, made: Trajectory) -> str:
+def _where(
+    marionette: Marionette, made: Trajectory, contradicted: Contradiction | None = None
+) -> str:
     """When a run stopped, the strings that made it, and what they pulled."""
     text = f"at t = {made.t[-1]:.6g} s"
+    if contradicted:
+        most = np.max(made.tension.values)
+        return f"{text}: {contradicted}. The largest tension was {most:.3g} N"
     if made.status is Status.TOO_MANY_ROWS:
         return f"{text} after {len(made)} rows; write fewer with save_at, or allow max_memory"
     if made.blamed:

@@ -18,7 +18,9 @@ enum Status : int {
   STOPPED = 11,
   SINGULAR_MASS = 12,
   NOT_SETTLED = 13,
-  TOO_MANY_ROWS = 14,  // of Python alone, which keeps the rows
+  // Of Python alone, which keeps the rows and looks at what strings contradict one another.
+  TOO_MANY_ROWS = 14,
+  REDUNDANT_STRINGS = 15,
 };
 
 // What happened to a row; the numbers are those of fantoccini.motion.EventKind.
