@@ -114,9 +114,10 @@ def simulate(
         The trajectory, or those of a batch.
 
     Raises:
-        StateError: ``x0`` breaks a string or limit; ``marionette.project(x0)`` repairs it.
+        StateError: ``x0`` breaks a string or limit; ``marionette.project(x0)`` repairs it. Or the
+            rows of the run do not fit in memory.
         InputError: the inputs do not start where ``x0`` is.
-        ValueError: an argument that makes no sense, or rows that do not fit in memory.
+        ValueError: an argument that makes no sense.
         SimulationError: the run stopped; the error carries the trajectory so far.
     """
     check_method(method)
@@ -129,7 +130,7 @@ def simulate(
     many = not isinstance(x0, State) or not isinstance(inputs, Input | None)
     options = marionette.run_options(
         rtol=rtol, atol=atol, max_step=max_step, dt=dt, save_steps=save_at is None and not many,
-        save_every=save_every, **({} if max_memory is None else {"max_memory": max_memory}),
+        save_every=save_every, max_memory=max_memory,
     )  # fmt: skip
     if many:
         if integrator is not None:
