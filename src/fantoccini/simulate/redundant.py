@@ -94,8 +94,8 @@ def contradiction(marionette: Marionette, run: Trajectory, row: int) -> Contradi
     (y, speed), (y_rate, acceleration) = found
     y = y if speed > _NOISE else y_rate
     group, freedoms = _group(marionette, holds, holds[y > _PULLS * np.max(y)])
-    if len(group) <= freedoms:
-        return None
+    if not freedoms or len(group) <= freedoms:
+        return None  # a string that moves nothing contradicts its own ends
     names = tuple(marionette.tree.strings[i].name for i in group)
     return Contradiction(names, freedoms, speed, acceleration)
 
