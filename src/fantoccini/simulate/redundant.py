@@ -40,8 +40,8 @@ _DEPENDS = 1e-9
 """Singular values below this part of the largest are none."""
 _EXCESS = 10.0
 """Tensions above so many times those of least norm and the weight come of a contradiction."""
-_LASTS = 3
-"""Rows in a row at which they are."""
+_RECURS = 3
+"""Rows at which they have to be found."""
 _MOST_LOOKS = 32
 """Rows of a run whose tensions are looked at."""
 _NOISE = 1e-10
@@ -101,18 +101,16 @@ def contradiction(marionette: Marionette, run: Trajectory, row: int) -> Contradi
 
 
 def overpulled(marionette: Marionette, run: Trajectory) -> int | None:
-    """A row of a run from which on tensions are far beyond what its motion needs, or None.
+    """The first row of a run at which tensions are far beyond what its motion needs, or None.
 
     Of all tensions x >= 0 with the same A_D^T x the least are compared: what exceeds them are
-    tensions that pull against one another. A catch is over within a row or two.
+    tensions that pull against one another. Once or twice, as at a catch, is no contradiction.
     """
     pulls = np.max(run.tension.values, axis=1, initial=0.0)
-    high = pulls > _EXCESS * marionette.reference_force
-    rows = np.flatnonzero(np.convolve(high, np.ones(_LASTS), mode="valid") > _LASTS - 0.5)
-    for row in rows[:: max(1, len(rows) // _MOST_LOOKS)]:
-        if all(_exceeds(marionette, run, k) for k in range(row, row + _LASTS)):
-            return int(row)
-    return None
+    rows = np.flatnonzero(pulls > _EXCESS * marionette.reference_force)
+    looks = rows[:: max(1, len(rows) // _MOST_LOOKS)]
+    beyond = [int(row) for row in looks if _exceeds(marionette, run, row)]
+    return beyond[0] if len(beyond) >= _RECURS else None
 
 
 def _exceeds(marionette: Marionette, run: Trajectory, row: int) -> bool:
