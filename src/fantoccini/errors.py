@@ -144,9 +144,10 @@ class Status(enum.IntEnum):
     STOPPED = 11, "the run was stopped from outside"
     SINGULAR_MASS = 12, "the mass matrix is singular: a joint moves no mass"
     NOT_SETTLED = 13, "the equations of a step could not be solved"
-    TOO_MANY_ROWS = 14, "the rows of the run reached the bound on memory"
-    LOST_STEPS = 15, "the run reached its end, but a stepper lost steps on the way"
-    RUNAWAY = 16, "a load dragged a drive away although its motor gave all it can"
+    LOST_STEPS = 14, "the run reached its end, but a stepper lost steps on the way"
+    RUNAWAY = 15, "a load dragged a drive away although its motor gave all it can"
+    TOO_MANY_ROWS = 16, "the rows of the run reached the bound on memory"
+    REDUNDANT_STRINGS = 17, "redundant strings contradict one another"
 
 
 ARRIVED = (Status.DONE, Status.LOST_STEPS, Status.RUNAWAY)

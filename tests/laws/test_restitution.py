@@ -188,3 +188,29 @@ def test_a_stone_that_bounces_among_strings_never_gains_energy():
         assert np.max(run.violation.values) <= 1e-9
         catches += sum(event.kind == "catch" for event in run.events)
     assert catches >= 200, f"{catches} catches"
+
+
+def test_bounces_too_short_to_tell_end():
+    """17.22: a stiff winch and a restitution of 1 bounced every 0.7 us, 740,000 times in 0.3 s."""
+    winch = fan.loads("""
+puppet: winch
+bodies:
+  - {name: bob, joint: {type: translation, axes: [x, z]}, mass: 1}
+strings:
+  - {name: line, path: [{body: bob}, {world: [0, 0, 1]}], length: driven, restitution: 1}
+drives:
+  - {on: line.length, inertia: 1.0e-5, drum: 0.02,
+     control: {type: pd, stiffness: 3000, damping: 10}}
+pose: {bob.z: 0, line.length: 1.0}
+""")
+    x0 = winch.state({"bob.z": 0.0, "line.length": 1.0, "line.command.length": 1.0 + 1e-5})
+    run = fan.simulate(winch, x0, t_end=0.3, throw=False, max_memory=1e8)
+    assert run.status is fan.Status.DONE
+    assert len(run.events) < 100
+    scale = 0.5 * 3000 * 1e-5**2
+    assert np.max(np.abs(run.ledger["residual"])) < 1e-3 * scale
+    assert -1e-3 * scale < run.ledger["impact"][-1] < 2 * scale
+    wide = x0.replace(q_K=x0.q_K + 1e-3 - 1e-5)
+    bounces = fan.simulate(winch, wide, t_end=0.02)
+    assert len(bounces.events) > 5
+    assert bounces.ledger["impact"][-1] == pytest.approx(0.0, abs=1e-9)

@@ -21,12 +21,14 @@ DT = {"event": 0.002, "timestepping": 0.002, "variational": 0.01}
 EXPECTED = {
     "event": {
         Status.DONE, Status.IMPOSSIBLE_INPUT, Status.TENSION_CAP, Status.COLLAPSED,
-        Status.LENGTH_NOT_POSITIVE,
+        Status.LENGTH_NOT_POSITIVE, Status.REDUNDANT_STRINGS,
     },
-    "timestepping": {Status.DONE, Status.COLLAPSED, Status.LENGTH_NOT_POSITIVE},
+    "timestepping": {
+        Status.DONE, Status.COLLAPSED, Status.LENGTH_NOT_POSITIVE, Status.REDUNDANT_STRINGS,
+    },
     "variational": {
         Status.DONE, Status.IMPOSSIBLE_INPUT, Status.TENSION_CAP, Status.LENGTH_NOT_POSITIVE,
-        Status.NOT_SETTLED,
+        Status.NOT_SETTLED, Status.REDUNDANT_STRINGS,
     },
 }  # fmt: skip
 """How a run may end. Time-stepping goes on under inputs that nothing can follow; the variational

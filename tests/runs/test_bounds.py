@@ -108,6 +108,8 @@ def test_steps_of_a_batch_are_bounded():
 def test_memory_is_what_the_machine_the_group_and_the_process_leave(tmp_path):
     """6: a container's limit counts, less what it uses and cannot give back."""
     assert 1e6 < memory.allowed() < 1e15
+    assert memory.bound(1e3, None) == np.inf and memory.bound(1e9, None) < 1e15
+    assert memory.bound(1e9, 5.0) == 5.0
     group = tmp_path / "memory.max", tmp_path / "memory.current", tmp_path / "memory.stat"
     for file, text in zip(group, ("1000\n", "700\n", "anon 400\ninactive_file 300\n"), strict=True):
         file.write_text(text)

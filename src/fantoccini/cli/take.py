@@ -17,7 +17,7 @@ def take_of(path: Path | None) -> Recording | None:
     if path is None or path.suffix.lower() != ".npz":
         return None
     try:
-        form = about_of(read(path))["format"]
+        form = about_of(read(path, only="about"))["format"]
     except UNREADABLE:
         return None
     return Recording.load(path) if form == RECORDING else None

@@ -105,7 +105,7 @@ def check_rows(
         save_at: times at which an event-driven run writes rows; None for its own steps.
 
     Raises:
-        ValueError: with the number of rows, what they need and what they may.
+        StateError: with the number of rows, what they need and what they may.
     """
     if method != "event":
         n = rows_of_steps(options, t, t_end)
@@ -121,11 +121,11 @@ def rows_of_steps(options: RunOptions, t: float, t_end: float) -> float:
     """How many rows fixed steps write from a time to another [s].
 
     Raises:
-        ValueError: a step is shorter than what the clock resolves.
+        StateError: a step is shorter than what the clock resolves.
     """
     finest = 4.0 * np.spacing(max(1.0, abs(t), abs(t_end)))
     if options.dt < min(finest, 0.5 * (t_end - t)):
-        raise ValueError(
+        raise StateError(
             f"dt is {options.dt:g} s; the clock of a run from {t:g} s to {t_end:g} s resolves "
             f"{finest:.2g} s. Take longer steps, or count time from a start near 0"
         )
@@ -135,17 +135,18 @@ def rows_of_steps(options: RunOptions, t: float, t_end: float) -> float:
 def check_memory(
     method: str, options: RunOptions, t: float, t_end: float, n: float, need: float
 ) -> None:
-    """Raises ValueError unless ``need`` bytes for n rows from t to t_end [s] may be taken."""
-    if need <= options.max_memory:
+    """Raises StateError unless ``need`` bytes for n rows from t to t_end [s] may be taken."""
+    most = memory.bound(need, options.max_memory)
+    if need <= most:
         return
     asked = f"{n:.3g} rows from {t:g} s to {t_end:g} s"
     fewer = "give fewer times in save_at"
     if method != "event":
-        every = np.ceil(1.1 * options.save_every * need / options.max_memory)
+        every = np.ceil(1.1 * options.save_every * need / most)
         asked += f", one every {options.save_every * options.dt:g} s,"
         fewer = f"write fewer with save_every={every:.0f}"
-    raise ValueError(
-        f"{asked} need {need / 1e9:.3g} GB of memory; {options.max_memory / 1e9:.3g} GB may be "
+    raise StateError(
+        f"{asked} need {need / 1e9:.3g} GB of memory; {most / 1e9:.3g} GB may be "
         f"taken. End sooner, {fewer}, or allow more with max_memory"
     )
 

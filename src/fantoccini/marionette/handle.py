@@ -111,7 +111,7 @@ class Marionette(Compiled, Portable, Analysis, Differentiable, Configurations):
             if not np.isfinite(value):
                 raise StateError(f"parameter {name}: found {value}; it must be a finite number")
             other.p[names.index(name)] = value
-        for kept in ("described", "mass", "weight", "_force", "tension_cap", "winches"):
+        for kept in ("described", "mass", "weight", "reference_force", "tension_cap", "winches"):
             other.__dict__.pop(kept, None)
         for member in self.world.puppets:
             prefix = f"{member.name}/" if len(self.world.puppets) > 1 else ""
@@ -167,10 +167,10 @@ class Marionette(Compiled, Portable, Analysis, Differentiable, Configurations):
     def tension_cap(self) -> float:
         """Largest tension a string may pull [N]: 1e5 times the mass times gravity or 1 m/s^2,
         whichever is more."""
-        return TENSION_CAP * (self._force or 1.0)
+        return TENSION_CAP * (self.reference_force or 1.0)
 
     @cached_property
-    def _force(self) -> float:
+    def reference_force(self) -> float:
         """Size of the puppet's forces [N], which does not vanish with gravity."""
         return max(self.weight, self.mass * LEAST_GRAVITY)
 
@@ -405,8 +405,8 @@ class Marionette(Compiled, Portable, Analysis, Differentiable, Configurations):
             first_step=1e-4,
             max_step=0.1,
             tension_cap=self.tension_cap,
-            energy_scale=max(self._force, 1e-9),
-            force_scale=self._force / (self.mass or 1.0) ** 0.5,
+            energy_scale=max(self.reference_force, 1e-9),
+            force_scale=self.reference_force / (self.mass or 1.0) ** 0.5,
             recovery_speed=1.0,
             dt=0.002,
             max_steps=50_000_000,

@@ -160,7 +160,8 @@ class Run:
         self._rows = np.zeros((n_row, library.sizes["row_width"]))
         self._events = np.zeros((n_event, library.sizes["event_width"]))
         self._record = Record(pointer(self._rows), n_row, 0, pointer(self._events), n_event, 0)
-        chosen, self._max_memory, self._taken_bytes = options.structure(), options.max_memory, 0.0
+        chosen = options.structure()
+        self._taken_bytes, self._bound = 0.0, memory.bound(0.0, options.max_memory)
         arrays, held = input_arrays(inputs)
         slip = x0.slip if len(x0.slip) else np.zeros(library.sizes["n_strings"])
         start = [
@@ -246,7 +247,9 @@ class Run:
     @property
     def _is_full(self) -> bool:
         """Whether what was handed out since :meth:`advance` began is all that may be kept."""
-        return self._taken_bytes > self._max_memory
+        if not np.isfinite(self._bound):
+            self._bound = memory.bound(self._taken_bytes, None)
+        return self._taken_bytes > self._bound
 
 
 def _signatures(tree: Tree, packed: int) -> Signatures:

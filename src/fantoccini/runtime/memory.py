@@ -5,8 +5,12 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import numpy as np
+
 _UNKNOWN = 4e9
 """Bytes that are taken to be free where the system does not say."""
+_FEW = 5e7
+"""Bytes that are there."""
 _NUMBER = 8
 """Bytes."""
 ROW_COPIES = 4
@@ -20,6 +24,18 @@ _GROUPS = (
     ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes", "total_inactive_file"),
 )
 """Limit, use, and the part of it that can be had back, of both kinds of control groups."""
+
+
+def bound(need: float, given: float | None) -> float:
+    """What may be taken [bytes]: what was given, or half of what is free.
+
+    Args:
+        need: bytes that are asked for; what is free is not looked up for the sake of few.
+        given: None where nothing was.
+    """
+    if given is not None:
+        return given
+    return np.inf if need < _FEW else allowed()
 
 
 def allowed() -> float:

@@ -4,13 +4,12 @@
 from __future__ import annotations
 
 import ctypes
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.motion import Input
-from fantoccini.runtime import memory
 from fantoccini.runtime.functions import Numbers, pointer, whole
 
 UNLIMITED = 1e300
@@ -90,7 +89,7 @@ class RunOptions:
     max_events: int
     save_steps: bool
     save_every: int = 1
-    max_memory: float = field(default_factory=memory.allowed)
+    max_memory: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("rtol", "atol", "first_step", "max_step", "dt"):
@@ -103,7 +102,7 @@ class RunOptions:
             ("max_events", ctypes.c_longlong),
         ):
             object.__setattr__(self, name, whole(name, getattr(self, name), kind, least=1))
-        if not self.max_memory > 0:
+        if self.max_memory is not None and not self.max_memory > 0:
             raise ValueError(f"max_memory is {self.max_memory}; it must be positive [bytes]")
 
     def structure(self) -> Options:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Literal
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import SimulationError, Status
+from fantoccini.errors import ARRIVED, SimulationError, Status
 from fantoccini.marionette import (
     Marionette,
     check_method,
@@ -30,6 +31,7 @@ from fantoccini.motion import (
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Run
 from fantoccini.simulate.many import simulate_many
+from fantoccini.simulate.redundant import STOPPED_BY, Contradiction, contradiction, overpulled
 from fantoccini.simulate.weak_motors import too_weak
 
 if TYPE_CHECKING:
@@ -112,9 +114,10 @@ def simulate(
         The trajectory, or those of a batch.
 
     Raises:
-        StateError: ``x0`` breaks a string or limit; ``marionette.project(x0)`` repairs it.
+        StateError: ``x0`` breaks a string or limit; ``marionette.project(x0)`` repairs it. Or the
+            rows of the run do not fit in memory.
         InputError: the inputs do not start where ``x0`` is.
-        ValueError: an argument that makes no sense, or rows that do not fit in memory.
+        ValueError: an argument that makes no sense.
         SimulationError: the run stopped; the error carries the trajectory so far.
     """
     check_method(method)
@@ -132,7 +135,7 @@ def simulate(
     many = not isinstance(x0, State) or not isinstance(inputs, Input | None)
     options = marionette.run_options(
         rtol=rtol, atol=atol, max_step=max_step, dt=dt, save_steps=save_at is None and not many,
-        save_every=save_every, **({} if max_memory is None else {"max_memory": max_memory}),
+        save_every=save_every, max_memory=max_memory,
     )  # fmt: skip
     if many:
         if integrator is not None:
@@ -164,18 +167,39 @@ def simulate(
     began = time.perf_counter()
     status = _collect(run, t_end, progress, rows, events)
     seconds = time.perf_counter() - began
-    made = trajectory_of_rows(
-        marionette, np.concatenate(rows), np.concatenate(events), status, method, effort,
-        run.blame, seconds,
-    )  # fmt: skip
+    rows, events = np.concatenate(rows), np.concatenate(events)
+
+    def trajectory(rows: Array, events: Array) -> Trajectory:
+        return trajectory_of_rows(
+            marionette, rows, events, status, method, effort, run.blame, seconds
+        )
+
+    made, contradicted = trajectory(rows, events), None
+    if method != "event" and status in ARRIVED:
+        # Fixed steps bound the tensions of strings that contradict one another, or average them.
+        last = overpulled(marionette, made)
+        if last is not None:
+            contradicted = contradiction(marionette, made, last)
+        if contradicted:
+            made = trajectory(rows[: last + 1], events[events[:, 0] <= made.t[last]])
+    elif status in STOPPED_BY:
+        contradicted = contradiction(marionette, made, len(made) - 1)
+    if contradicted:
+        status = Status.REDUNDANT_STRINGS
+        made = dataclasses.replace(made, status=status, blamed=contradicted.names)
     if status is not Status.DONE and throw:
-        raise SimulationError(status, _where(marionette, made), made)
+        raise SimulationError(status, _where(marionette, made, contradicted), made)
     return made
 
 
-def _where(marionette: Marionette, made: Trajectory) -> str:
+def _where(
+    marionette: Marionette, made: Trajectory, contradicted: Contradiction | None = None
+) -> str:
     """When a run stopped, the strings that made it, and what they pulled."""
     text = f"at t = {made.t[-1]:.6g} s"
+    if contradicted:
+        most = np.max(made.tension.values)
+        return f"{text}: {contradicted}. The largest tension was {most:.3g} N"
     if made.status is Status.TOO_MANY_ROWS:
         return f"{text} after {len(made)} rows; write fewer with save_at, or allow max_memory"
     if made.blamed:

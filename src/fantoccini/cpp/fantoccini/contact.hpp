@@ -17,6 +17,9 @@ namespace fan {
 // and that pulls again at once would be slack for some 2 |hdot| / hddot = 2 us; holding it instead
 // changes the state by the product of both, some 1e-11, and spares a cascade of catches.
 constexpr double kStill = 1e-5;
+// s: a row that springs back and would be closed again so soon is at rest too, whatever it weighs: a
+// stiff drive and a restitution of 1 would have it bounce for ever.
+constexpr double kHop = 2e-6;
 constexpr double kHardlyStill = 1e-9;  // likewise, where redundant rows cannot be held together
 constexpr double kNear = 1e-4;  // gap below which a row is minded when others are corrected, relative
 // How far a held row may be off its bound, relative. Others may be so by kTouch (flow.hpp).
@@ -123,7 +126,7 @@ struct Contact {
     f.settle_slip(f.t);
     for (int r = 0; r < M; ++r) f.mode[r] = next[r] = SLACK;
     f.evaluate(f.t, f.y, rate);
-    const double still = stillness * speed_scale(f);
+    const double still = stillness * speed_scale(f), hop_time = kHop * (stillness / kStill);
     int all[room(M)] = {}, list[room(M)] = {}, n_all = 0, n = 0;
     for (int r = 0; r < M; ++r)
       if (f.eval.height(r) >= -closeness * f.row_scale(r) || (r < S && Model::wire[r]))
@@ -132,7 +135,8 @@ struct Contact {
     for (int a = 0; a < n_all; ++a) {
       const int r = all[a];
       const double hdot = f.rows.hdot[a];
-      const bool hops = hdot < 0.0 && hdot * hdot <= 2.0 * hop * f.row_scale(r) * f.rows.hddot[a];
+      const bool low = hdot * hdot <= 2.0 * hop * f.row_scale(r) * f.rows.hddot[a];
+      const bool hops = hdot < 0.0 && (low || -2.0 * hdot <= hop_time * f.rows.hddot[a]);
       const bool rests = fabs(hdot) <= still || hops || f.rows.two_sided[a];
       if (!rests && f.winches.slips(r) && f.rows.hdot[a] > 0.0) next[r] = SLIPPING;
       if (rests || next[r] == SLIPPING) list[n++] = r;
@@ -176,8 +180,9 @@ struct Contact {
     f.evaluate(f.t, f.y, rate);
     int list[room(M)] = {}, n = 0;
     for (int r = 0; r < M; ++r) {
-      // A row that closes faster than that is about to be caught.
-      const bool closed = f.eval.height(r) >= -kTouch * f.row_scale(r) && !f.winches.slips(r) &&
+      // A row that closes faster than that is about to be caught, or to slip; a winch that slips for
+      // less would stop at once and leave its string to close again.
+      const bool closed = f.eval.height(r) >= -kTouch * f.row_scale(r) && f.mode[r] != SLIPPING &&
                           f.rate_of(r, f.y + NQ) <= kStill * speed_scale(f);
       const bool slow = f.mode[r] == SLIPPING && f.lack(r) > 0.0;
       if (f.mode[r] == HELD || closed || slow) list[n++] = r;

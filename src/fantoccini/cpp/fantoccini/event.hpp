@@ -6,6 +6,7 @@
 #include "contact.hpp"
 #include "detector.hpp"
 #include "guards.hpp"
+#include "pace.hpp"
 #include "record.hpp"
 
 namespace fan {
@@ -26,6 +27,7 @@ struct EventRun {
   Contact<Model> contact;
   Detector<Model> detector;
   Accumulation accumulation;
+  Pace<M> pace;
   double impact = 0.0;  // energy lost in catches so far
   double blame[room(M)] = {};  // by row, how much it is to blame for the status, 0 to 1
   Guards<Model> guards{flow};
@@ -105,7 +107,10 @@ struct EventRun {
   // Deals with a break of the inputs at the present time; from there the flow is smooth until `end`.
   Status begin_stretch(double t_end, double* end, Record<Model>& out) {
     if (n_steps >= flow.opt.max_steps) return TOO_MANY_STEPS;
-    if (n_events >= flow.opt.max_events || stuck > 200) return TOO_MANY_EVENTS;
+    if (n_events >= flow.opt.max_events || stuck > kStandstill || pace.crowded()) {
+      pace.shares(blame);
+      return TOO_MANY_EVENTS;
+    }
     if (at_break_) {
       const Status changed = breakpoint(out);
       if (changed != RUNNING) return changed;
@@ -358,6 +363,7 @@ struct EventRun {
 
   void note(Record<Model>& out, EventKind kind, int row, double impulse, double speed) {
     out.event(flow.t, kind, row, impulse, speed);
+    pace.note(flow.t, row);
     ++n_events;
   }
 

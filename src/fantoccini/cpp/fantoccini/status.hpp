@@ -18,9 +18,11 @@ enum Status : int {
   STOPPED = 11,
   SINGULAR_MASS = 12,
   NOT_SETTLED = 13,
-  TOO_MANY_ROWS = 14,  // of Python alone, which keeps the rows
-  LOST_STEPS = 15,
-  RUNAWAY = 16,
+  LOST_STEPS = 14,
+  RUNAWAY = 15,
+  // Of Python alone, which keeps the rows and looks at what strings contradict one another.
+  TOO_MANY_ROWS = 16,
+  REDUNDANT_STRINGS = 17,
 };
 
 // What happened to a row; the numbers are those of fantoccini.motion.EventKind.

@@ -1,0 +1,124 @@
+"""Redundant strings: a box on eight winches, moved by its exact inverse kinematics."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini import Status
+from fantoccini.simulate.redundant import contradiction, overpulled
+
+METHODS = ("event", "timestepping", "variational")
+CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+FRAME = CORNERS * [2.0, 2.0, 1.5] + [0.0, 0.0, 1.5]
+BOX = CORNERS * [0.2, 0.2, -0.2]
+"""Lower corners hang from above, upper ones are held from below."""
+MIDDLE = np.array([0.0, 0.0, 1.5])
+NAMES = tuple(f"c{i}" for i in range(8))
+
+
+def robot(extra: dict[int, str] | None = None) -> fan.Marionette:
+    """A free box on eight driven lengths; ``extra`` keys by string."""
+    lines = [
+        "puppet: robot", "bodies:",
+        "  - {name: box, joint: {type: free, at: [0, 0, 1.5]}, shapes: [{type: box, "
+        "size: [0.4, 0.4, 0.4], mass: 10}]}", "strings:",
+    ]  # fmt: skip
+    for i, (at, end) in enumerate(zip(BOX.tolist(), FRAME.tolist(), strict=True)):
+        more = (extra or {}).get(i, "")
+        path = f"[{{body: box, at: {at}}}, {{world: {end}}}]"
+        lines.append(f"  - {{name: c{i}, path: {path}, length: driven{more}}}")
+    return fan.loads("\n".join(lines))
+
+
+def lengths(moved: np.ndarray) -> np.ndarray:
+    """(8,) of a box that has moved by (3,) without turning."""
+    return np.linalg.norm(MIDDLE + moved + BOX - FRAME, axis=1)
+
+
+def moved(marionette: fan.Marionette) -> tuple[fan.State, fan.Input]:
+    """0.3 m in a second, from 101 samples of the inverse kinematics."""
+    t = np.linspace(0.0, 1.0, 101)
+    way = t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
+    sampled = np.array([lengths(np.array([0.3 * s, 0.0, 0.0])) for s in way])
+    columns = {f"{n}.length": sampled[:, i] for i, n in enumerate(NAMES)}
+    x0 = marionette.state({name: column[0] for name, column in columns.items()})
+    return x0, fan.Input.samples(marionette, t, columns)
+
+
+@pytest.fixture(scope="module")
+def eight():
+    return robot()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_lengths_that_contradict_one_another_are_named(eight, method):
+    """17.10: rounding between samples is enough; no method goes on, or gives up without a word."""
+    x0, inputs = moved(eight)
+    with pytest.raises(fan.SimulationError) as caught:
+        fan.simulate(eight, x0, inputs, method=method)
+    run, text = caught.value.trajectory, str(caught.value)
+    assert run.status is Status.REDUNDANT_STRINGS and run.blamed == NAMES
+    assert "are 8 strings on 6 degrees of freedom, and their lengths contradict" in text
+    assert "m/s^2" in text and "max_tension" in text
+    assert 0.0 < run.t[-1] < 1.0 and np.max(run.violation.values) < 1e-6
+    assert all(event.t <= run.t[-1] for event in run.events)
+    by = contradiction(eight, run, len(run) - 1)
+    assert max(by.speed, by.acceleration) > 0.0
+
+
+@pytest.fixture(scope="module")
+def giving():
+    return robot({i: ", max_tension: 60, rewind_speed: 0.5" for i in (0, 2, 4, 6)})
+
+
+def test_winches_that_give_way_move_it(giving):
+    """17.10: the advice is good: four winches with a largest tension let the others lead."""
+    x0, inputs = moved(giving)
+    run = fan.simulate(giving, x0, inputs, 1.5, method="timestepping")
+    assert run.status is Status.DONE
+    assert run.q_D[-1][:3] == pytest.approx([0.3, 0.0, 0.0], abs=1e-3)
+    assert np.max(run.tension.values) < 10 * giving.weight
+
+
+def test_slipping_strings_beside_taut_ones_do_not_stop_time(giving):
+    """17.22: a closed string that slips and was nearly still was caught and let go for ever; where
+    events do stop time from passing, the status names the strings."""
+    x0, inputs = moved(giving)
+    run = fan.simulate(giving, x0, inputs, 0.8, throw=False)
+    assert run.status is Status.DONE or (
+        run.status is Status.TOO_MANY_EVENTS and set(run.blamed) & {"c0", "c2", "c4", "c6"}
+    )
+    times = np.array([event.t for event in run.events])
+    assert np.max(np.unique(times, return_counts=True)[1]) < 100
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_redundant_strings_that_agree_hold(eight, method):
+    """17.10: at rest eight strings share the weight, and nothing is said."""
+    x0, _ = moved(eight)
+    run = fan.simulate(eight, x0, t_end=0.2, method=method)
+    assert run.status is Status.DONE
+    assert overpulled(eight, run) is None
+    assert np.max(run.tension.values) < 3 * eight.weight
+    assert contradiction(eight, run, 5).speed == pytest.approx(0.0, abs=1e-12)
+
+
+def test_two_hands_that_pull_apart_are_not_redundant():
+    """17.10: no string too many, but a pull too far: the status is the one it was."""
+    between = fan.loads("""
+puppet: between
+bodies:
+  - {name: bob, joint: {type: translation, axes: [x, y, z]}, mass: 1}
+strings:
+  - {name: left, path: [{body: bob}, {driven: [x], at: [-1, 0, 0.5]}], length: 1.2}
+  - {name: right, path: [{body: bob}, {driven: [x], at: [1, 0, 0.5]}], length: 1.2}
+""")
+    inputs = fan.Input.waypoints(between, {"left.x": [(0, -1), (1, -2)]})
+    for method in ("event", "variational"):
+        run = fan.simulate(between, between.rest(), inputs, method=method, throw=False)
+        assert run.status in (Status.IMPOSSIBLE_INPUT, Status.TENSION_CAP)
+        assert set(run.blamed) == {"left", "right"}
