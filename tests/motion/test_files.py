@@ -55,7 +55,7 @@ def test_yaml_is_what_python_says(table, tmp_path):
 
 
 @pytest.mark.parametrize(("first", "start"), [(1.0, 0.0), (0.0, 0.0), (-0.5, -0.5)])
-def test_waypoints_in_a_file_begin_at_0_and_hold_still_until_the_first(table, tmp_path, first, start):
+def test_waypoints_in_a_file_begin_at_0_and_hold_until_the_first(table, tmp_path, first, start):
     """17.16: runs began at the first waypoint's time."""
     path = tmp_path / "late.yaml"
     path.write_text(f"""\

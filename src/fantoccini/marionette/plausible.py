@@ -44,7 +44,12 @@ def warnings(marionette: Marionette, data: Any = None) -> list[Finding]:
     Args:
         marionette: the puppet.
         data: the file's plain data, which tells angles with a unit from those without.
+
+    Raises:
+        ValueError: the world has several puppets.
     """
+    if len(marionette.world.puppets) > 1:
+        raise ValueError("warnings are of one puppet; this world has several")
     size = measure(marionette.tree, marionette.number)
     look = _Look(marionette, size, data)
     return [*look.whole(), *look.bodies(), *look.joints(), *look.strings()]
