@@ -227,15 +227,22 @@ def test_other_programs_words_are_known(found, meant):
 
 
 MANY = [
-    ("bodies:\n" + "  - {name: a, mass: 1}\n" * 1001, "bodies", "found 1001 bodies and masses"),
+    ("bodies:\n" + "  - {name: a, mass: 1}\n" * 1001, "bodies", "found 1001 bodies, strings"),
     (
         "bodies: [{name: a, mass: 1}]\nstrings:\n"
         + "  - {name: s, path: [{body: a}, {world: [0, 0, 1]}], length: 1, chain: {pieces: 200, "
         "mass: 1, stiffness: 1}}\n" * 6,
         "strings",
-        "found 1195 bodies and masses of chains; allowed: 1000",
+        "found 1201 bodies, strings, springs and masses of chains; allowed: 1000",
     ),
 ]
+
+
+def test_a_number_out_of_range_beside_an_unknown_name():
+    """17.11: both are told."""
+    bad = EVERY.replace("parent: trunk", "parent: nobody").replace("0.37", "-1")
+    keys = [key for _, key, _ in mistakes(bad)]
+    assert keys == ["bodies[1].parent", "bodies[1].shapes[0].radius"]
 
 
 @pytest.mark.parametrize(("text", "key", "message"), MANY, ids=["bodies", "chains"])

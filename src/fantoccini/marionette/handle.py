@@ -155,7 +155,12 @@ class Marionette(Compiled, Portable, Analysis, Differentiable, Configurations):
         """A number of the puppet, with the present value where it is a parameter."""
         if not isinstance(value, Parameter):
             return float(value)
-        return float(self.p[list(self.tree.parameters).index(value.parameter)])
+        return float(self.p[self._places[value.parameter]])
+
+    @cached_property
+    def _places(self) -> dict[str, int]:
+        """Places of the parameters in ``p``."""
+        return {name: i for i, name in enumerate(self.tree.parameters)}
 
     @cached_property
     def weight(self) -> float:

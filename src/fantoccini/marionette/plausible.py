@@ -15,7 +15,7 @@ import numpy as np
 from fantoccini.puppet import Body, Parameter, String
 from fantoccini.puppet.located import Finding
 from fantoccini.puppet.shapes import has_mass, shape_inertia
-from fantoccini.tree import Size, link_inertia, measure, path_length
+from fantoccini.tree import Size, link_inertia, measure, path_lengths
 
 if TYPE_CHECKING:
     from fantoccini.marionette.handle import Marionette
@@ -44,7 +44,12 @@ def warnings(marionette: Marionette, data: Any = None) -> list[Finding]:
     Args:
         marionette: the puppet.
         data: the file's plain data, which tells angles with a unit from those without.
+
+    Raises:
+        ValueError: the world has several puppets.
     """
+    if len(marionette.world.puppets) > 1:
+        raise ValueError("warnings are of one puppet; this world has several")
     size = measure(marionette.tree, marionette.number)
     look = _Look(marionette, size, data)
     return [*look.whole(), *look.bodies(), *look.joints(), *look.strings()]
@@ -157,8 +162,9 @@ class _Look:
 
     def strings(self) -> Iterator[Finding]:
         largest = float(np.linalg.norm(self.size.lengths))
+        paths = path_lengths(self.made.tree, self.size.poses, self.number)
         for i, string in enumerate(self.puppet.strings):
-            path = path_length(self.made.tree, string.name, self.size.poses, self.number)
+            path = paths[string.name]
             place, length = self._length(i, string)
             if length is None:
                 continue

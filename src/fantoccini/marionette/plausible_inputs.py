@@ -9,7 +9,7 @@ import numpy as np
 
 from fantoccini.marionette.values_by_name import put_commands
 from fantoccini.motion import Input
-from fantoccini.tree import measure, path_length
+from fantoccini.tree import measure, path_lengths
 
 if TYPE_CHECKING:
     from fantoccini.marionette.handle import Marionette
@@ -95,9 +95,8 @@ def _scale(marionette: Marionette) -> float:
     """Size of the puppet and length of its longest string, together [m]."""
     tree, number = marionette.tree, marionette.number
     size = measure(tree, number)
-    strings = (*tree.strings, *tree.chains)
-    lengths = [path_length(tree, s.name, size.poses, number) for s in strings]
-    lengths += [number(s.length) for s in strings if s.length is not None]
+    lengths = [*path_lengths(tree, size.poses, number).values()]
+    lengths += [number(s.length) for s in (*tree.strings, *tree.chains) if s.length is not None]
     return float(np.linalg.norm(size.lengths)) + max(lengths, default=0.0)
 
 
@@ -105,8 +104,8 @@ def _starts(marionette: Marionette) -> np.ndarray:
     """(n_qK,) the start pose; driven lengths that it does not give are those that just reach."""
     tree, table = marionette.tree, marionette.coordinates
     q_D, q_K = table.start_D.copy(), table.start_K.copy()
-    poses = measure(tree, marionette.number).poses
+    paths = path_lengths(tree, measure(tree, marionette.number).poses, marionette.number)
     for string in (*tree.strings, *tree.chains):
-        string.just_reaches(path_length(tree, string.name, poses, marionette.number), q_D, q_K)
+        string.just_reaches(paths[string.name], q_D, q_K)
     put_commands(tree.drives, (), q_D, q_K)
     return np.nan_to_num(q_K)

@@ -21,8 +21,8 @@ from fantoccini.puppet.yaml_text import Path
 
 _MIRRORED = ("bodies", "strings", "springs")
 
-MOST_LINKS = 1000
-"""Bodies of a puppet, with their twins and the masses of chains."""
+MOST_PARTS = 1000
+"""Bodies, strings, springs, all their twins and the masses of chains, in all."""
 
 
 def findings(data: Any) -> list[Finding]:
@@ -37,7 +37,7 @@ def findings(data: Any) -> list[Finding]:
     _names(written)
     _mirror(written)
     _parents(written)
-    _links(written)
+    _parts(written)
     check_paths(written)
     check_pose(written)
     check_drives(written)
@@ -169,23 +169,23 @@ def _parents(written: Written) -> None:
         done.update(walk)
 
 
-def _links(written: Written) -> None:
-    """Bodies and masses of chains: not more than can be made a puppet of."""
-    masses = dict.fromkeys(("bodies", "strings"), 0)
-    for key in masses:
+def _parts(written: Written) -> None:
+    """Parts: not more than can be made a puppet of."""
+    parts = dict.fromkeys(_MIRRORED, 0)
+    for key in parts:
         for _, item in items(written.data, key):
-            name, chain, count = word(item, "name"), item.get("chain"), int(key == "bodies")
+            name, chain, count = word(item, "name"), item.get("chain"), 1
             if isinstance(chain, dict):
                 pieces = chain.get("pieces", PIECES)
-                count = min(pieces, MOST_PIECES) - 1 if isinstance(pieces, int) else 0
+                count = min(pieces, MOST_PIECES) if isinstance(pieces, int) else 1
             twice = name is not None and written.twin(name) != name
-            masses[key] += 2 * count if twice else count
-    total = sum(masses.values())
-    if total > MOST_LINKS:
-        path = max(masses, key=masses.get)
+            parts[key] += 2 * count if twice else count
+    total = sum(parts.values())
+    if total > MOST_PARTS:
+        path = max(parts, key=parts.get)
         more = ", twins included" if written.rule else ""
-        text = f"found {total} bodies and masses of chains{more}; allowed: {MOST_LINKS}"
-        written.say((path,), text)
+        text = f"found {total} bodies, strings, springs and masses of chains{more}"
+        written.say((path,), f"{text}; allowed: {MOST_PARTS}")
 
 
 def _parameters(written: Written) -> None:

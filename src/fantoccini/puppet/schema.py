@@ -267,19 +267,20 @@ class Puppet(Model):
         if isinstance(data, Puppet):
             return data
         located = info.context if isinstance(info.context, Located) else Located()
-        plain, found, known = dump.plain(data), [], None
-        while data is not None:
+        plain, puppet, found = dump.plain(data), None, []
+        tried = plain
+        while puppet is None and tried is not None:
             try:
-                puppet, data = handler(data), None
+                puppet = handler(data if tried is plain else tried)
             except ValidationError as error:
+                found += findings(cls, tried, error)
                 # What is out of range hides nothing: all is looked through with a number in range.
-                data = mended(plain if known is None else known, error)
-                puppet, known = None, data
-                found += findings(cls, plain, error)
-        found += check.findings(plain)
-        if puppet is not None and (known is None) == (not found):
+                tried = mended(tried, error)
+        wide = check.findings(plain)
+        if puppet is not None and not wide:
             found += check.massless_joints(puppet.bodies, puppet.mirror)
             found += check.twins(dump.plain(puppet))
+        found += wide
         if found or located.problems:
             raise located.error(found, PuppetError)
         puppet._origin = Origin(located.file, located.folder, written.name_lines(plain, located))

@@ -5,7 +5,7 @@ from fantoccini.tree.coordinates import COMMAND, Coordinate, CoordinateTable, Ro
 from fantoccini.tree.grow import grow
 from fantoccini.tree.inertia import joint_inertias, link_inertia
 from fantoccini.tree.place import link_poses, place
-from fantoccini.tree.size import Size, measure, path_length
+from fantoccini.tree.size import Size, measure, path_lengths
 from fantoccini.tree.structure import (
     WORLD,
     ChainRow,
@@ -40,7 +40,7 @@ __all__ = [
     "link_inertia",
     "link_poses",
     "measure",
-    "path_length",
+    "path_lengths",
     "place",
     "placed",
 ]

@@ -11,7 +11,7 @@ from fantoccini.puppet.shapes import load_mesh
 from fantoccini.tree.coordinates import Role
 from fantoccini.tree.inertia import link_inertia
 from fantoccini.tree.place import Value, link_poses, place
-from fantoccini.tree.structure import WORLD, Tree
+from fantoccini.tree.structure import WORLD, StringRow, Tree
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,16 +78,21 @@ def measure(tree: Tree, number: Value) -> Size:
     return Size(low, high, total, hangs, bodies, masses, poses[0])
 
 
-def path_length(tree: Tree, name: str, poses: np.ndarray, number: Value) -> float:
-    """Length of a string's path from end to end [m], with the links at ``poses`` (n_links, 3, 4).
+def path_lengths(tree: Tree, poses: np.ndarray, number: Value) -> dict[str, float]:
+    """Lengths of the strings' paths from end to end [m]; a chain's is the distance of its ends.
 
-    A chain's is the distance of its ends.
+    Args:
+        tree: with the strings.
+        poses: (n_links, 3, 4) of the links.
+        number: value of a number of the puppet.
     """
-    (string,) = (s for s in (*tree.strings, *tree.chains) if s.name == name)
-    chain = string in tree.chains
-    points = (string.points[0], string.points[-1]) if chain else string.points
-    at = np.array([place(poses[None], p, number)[0] for p in points])
-    return float(np.linalg.norm(np.diff(at, axis=0), axis=1).sum())
+    found = {}
+    for string in (*tree.strings, *tree.chains):
+        ends = (string.points[0], string.points[-1])
+        points = string.points if isinstance(string, StringRow) else ends
+        at = np.array([place(poses[None], point, number)[0] for point in points])
+        found[string.name] = float(np.linalg.norm(np.diff(at, axis=0), axis=1).sum())
+    return found
 
 
 def shape_box(shape: Shape, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
