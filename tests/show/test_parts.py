@@ -73,7 +73,7 @@ def test_text_of_a_puppet_is_never_markup(name):
     assert "<" not in shown and ">" not in shown and '"' not in shown and "\u202e" not in shown
     stage = SimpleNamespace(
         colours=SimpleNamespace(top=1.0, hexadecimal=lambda _: "#000000"),
-        theme=SimpleNamespace(cycle=("#111111",)), scene=SimpleNamespace(wires=(False,)),
+        theme=SimpleNamespace(colour=lambda _: "#111111"), scene=SimpleNamespace(wires=(False,)),
     )  # fmt: skip
     moment = SimpleNamespace(tension=np.array([0.5]), taut=np.array([True]))
     for html in (panel.bars([name], moment, stage), panel.note(name)):
