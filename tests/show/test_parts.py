@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 from tests.show.toys import toy
 
 import fantoccini as fan
-from fantoccini.show import drag, pad, page, panel, replay, source, take
+from fantoccini.show import drag, labels, pad, page, panel, replay, source, take
+from fantoccini.show.audience import holds
 from fantoccini.show.holder import Holder
 from fantoccini.show.poses import turned_to
 
@@ -24,24 +25,66 @@ HOSTILE = (
 
 
 def test_across_the_line_of_sight_a_handle_stays_under_the_mouse():
-    moved = np.array([0.2, 0.0, -0.1])
-    assert drag.follow(np.eye(3), AHEAD, moved) == pytest.approx(moved, rel=1e-12)
-    assert drag.follow(np.eye(3)[:1], AHEAD, moved) == pytest.approx([0.2, 0.0, 0.0])
-    assert drag.follow(np.zeros((0, 3)), AHEAD, moved) == pytest.approx(np.zeros(3))
+    eye, moved = np.array([0.0, -3.0, 0.0]), np.array([0.2, 0.0, -0.1])
+    home = np.zeros(3)
+    assert drag.follow(np.eye(3), eye, home, home, moved) == pytest.approx(moved, rel=1e-12)
+    assert drag.follow(np.eye(3)[:1], eye, home, home, moved) == pytest.approx(
+        [0.2, 0.0, 0.0], rel=1e-2
+    )
+    assert drag.follow(np.zeros((0, 3)), eye, home, home, moved) == pytest.approx(home)
 
 
-@given(st.floats(-np.pi, np.pi), st.floats(-1.5, 1.5), st.tuples(*[st.floats(-1, 1)] * 3))
-def test_no_mouse_lets_a_handle_run_away(azimuth, elevation, moved):
+def ray(eye, point):
+    """(3,) unit vector from the eye to a point."""
+    away = np.asarray(point) - eye
+    return away / np.linalg.norm(away)
+
+
+@given(st.floats(-np.pi, np.pi), st.floats(0.3, 1.4), st.floats(-0.3, 0.3), st.floats(-0.3, 0.3))
+def test_in_a_plane_that_is_seen_well_a_handle_stays_under_the_mouse(azimuth, elevation, right, up):
+    """17.12: by the ray through the handle, wherever in the picture it is taken."""
     ahead = -np.array(
         [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth),
          np.sin(elevation)]
     )  # fmt: skip
-    moved = np.array(moved) - ahead * (ahead @ np.array(moved))
-    for axes in (np.eye(3)[:1], np.eye(3)[:2], np.eye(3)):
-        went = drag.follow(axes, ahead, moved)
-        # s / (s^2 + eps^2) is at most 1 / (2 eps).
-        assert np.linalg.norm(went) <= (1 + 0.15**2) / (2 * 0.15) * np.linalg.norm(moved) + 1e-12
-        assert went @ moved >= -1e-12
+    across = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    upwards = np.cross(across, ahead)
+    place = np.array([0.3, -0.2, 1.0])
+    # The camera's axis does not go through the handle.
+    eye = place - 3.0 * ahead + 0.3 * across - 0.2 * upwards
+    mouse = place + right * across + up * upwards
+    for axes in (np.eye(3)[:2], np.array([[0.8, 0.6, 0.0], [0.0, 1.0, 0.0]])):
+        went = drag.follow(axes, eye, place, place, mouse)
+        assert went[2] == pytest.approx(0.0, abs=1e-12)
+        if ray(eye, mouse)[2] < -0.2:  # the plane is seen well there as well
+            assert ray(eye, place + went) == pytest.approx(ray(eye, mouse), abs=4e-3)
+
+
+@given(st.floats(-0.4, 0.4), st.floats(-0.4, 0.4), st.floats(-0.4, 0.4))
+def test_no_mouse_lets_a_handle_run_away_or_go_against_it(height, right, up):
+    """17.12: a plane above the eye is seen from below, where down in the picture is away."""
+    eye, place = np.array([3.0, 0.0, 1.0]), np.array([0.0, 0.0, 1.0 + height])
+    mouse = place + np.array([0.0, right, up])
+    for axes in (np.eye(3)[:1], np.eye(3)[:2], np.eye(3)[1:], np.eye(3)):
+        went = drag.follow(axes, eye, place, place, mouse)
+        # Twice the angle of the mouse at most, at a distance that grows by e to the gain.
+        turn = np.hypot(right, up) / 2.5
+        assert np.linalg.norm(went) <= 5.0 * np.expm1(turn / 0.15) + 1e-9
+        seen = ray(eye, place + went) - ray(eye, place)
+        assert seen @ (ray(eye, mouse) - ray(eye, place)) >= -1e-3 * turn
+
+
+def test_names_of_handles_do_not_cover_each_other():
+    """17.14: only the chosen bead had a name; names of close beads stand apart."""
+    names = ["head", "shoulder_left", "shoulder_right", "far"]
+    places = np.array([[0.0, 0.0, 1.0], [0.0, 0.01, 1.0], [0.0, 0.02, 1.0], [0.0, 0.9, 1.0]])
+    view = SimpleNamespace(eye=np.array([3.0, 0.0, 1.0]), target=np.array([0.0, 0.0, 1.0]))
+    above = labels.heights(names, places, view, 1.0)
+    near = np.sort(above[:3])
+    assert np.all(np.diff(near) > 0.02)
+    assert above[3] == near[0] > 0.0
+    assert np.all(labels.heights(names, places, view, 2.0) >= 2.0 * near[0])
+    assert labels.heights([], np.zeros((0, 3)), view, 1.0).shape == (0,)
 
 
 def test_a_push_up_is_a_push_away_for_a_handle_in_a_plane():
@@ -67,13 +110,21 @@ def test_one_viewer_holds_the_strings_until_hands_are_off():
     assert holder.claim(0)
 
 
+def test_who_holds_the_strings_is_said_to_each():
+    """17.14: "Viewer 5 holds the strings" was said to viewer 5."""
+    assert holds(None, 4) == "The strings are free"
+    assert holds(4, 4) == "You hold the strings"
+    assert holds(4, 3) == holds(4) == "Viewer 5 holds the strings"
+    assert holds("gamepad 1", 3) == "Gamepad 1 holds the strings"
+
+
 @pytest.mark.parametrize("name", HOSTILE)
 def test_text_of_a_puppet_is_never_markup(name):
     shown = panel.text(name)
     assert "<" not in shown and ">" not in shown and '"' not in shown and "\u202e" not in shown
     stage = SimpleNamespace(
         colours=SimpleNamespace(top=1.0, hexadecimal=lambda _: "#000000"),
-        theme=SimpleNamespace(cycle=("#111111",)), scene=SimpleNamespace(wires=(False,)),
+        theme=SimpleNamespace(colour=lambda _: "#111111"), scene=SimpleNamespace(wires=(False,)),
     )  # fmt: skip
     moment = SimpleNamespace(tension=np.array([0.5]), taut=np.array([True]))
     for html in (panel.bars([name], moment, stage), panel.note(name)):

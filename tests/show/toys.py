@@ -41,6 +41,18 @@ strings:
     length: 0.4
 """
 
+ROCKER = BAR.replace(
+    """  - name: bob
+""",
+    """  - name: rocker
+    parent: bar
+    joint: {type: revolute, axis: [1, 0, 0], driven: true}
+    shapes: [{type: box, size: [0.02, 0.3, 0.01], density: 500}]
+  - name: bob
+""",
+)
+"""The bar with a rocker on it."""
+
 GREEN = TOY.replace("#c02020", "#20a020")
 WRONG = TOY.replace("radius: 0.07", "radius: <img src=x onerror=alert(1)>")
 

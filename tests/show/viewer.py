@@ -74,6 +74,16 @@ class Viewer:
         uuid = self._named("GuiSliderMessage", label)
         self.send(_messages.GuiUpdateMessage(uuid, {"value": float(value)}))
 
+    def tick(self, label: str, on: bool) -> None:
+        """Ticks a box, or clears it."""
+        uuid = self._named("GuiCheckboxMessage", label)
+        self.send(_messages.GuiUpdateMessage(uuid, {"value": on}))
+
+    def choose(self, label: str, option: str) -> None:
+        """Chooses in a list."""
+        uuid = self._named("GuiDropdownMessage", label)
+        self.send(_messages.GuiUpdateMessage(uuid, {"value": option}))
+
     def ends(self, label: str) -> tuple[float, float]:
         """Lowest and highest value of a slider."""
         props = self.controls[self._named("GuiSliderMessage", label)]

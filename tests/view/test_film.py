@@ -1,11 +1,13 @@
 """Films have the right frames and duration, and appear whole or not at all."""
 
 import importlib
+from dataclasses import replace
 
 import imageio_ffmpeg
 import numpy as np
 import pytest
 
+import fantoccini as fan
 from fantoccini import view
 from fantoccini.view.film import Frames
 from fantoccini.view.scene import scene_of
@@ -77,3 +79,57 @@ def test_what_cannot_be_filmed_is_said(tmp_path, puppet):
         view.film(*puppet, tmp_path / "a.mp4", fps=0)
     with pytest.raises(view.FilmError, match="no folder"):
         view.film(*puppet, tmp_path / "none" / "a.mp4")
+
+
+def walking(m, far: float):
+    """An invented motion of the marionette on its bar, which is carried forwards [m]."""
+    run = swinging(m, 3.0)
+    by = far * (1.0 - np.cos(np.pi * run.t / 3.0)) / 2.0
+    moved = {}
+    for name in ("q_D", "q_K"):
+        q = np.array(getattr(run, name))
+        free = [k for k, n in enumerate(getattr(run.coordinates, name)) if n.endswith(".x")]
+        q[:, free] += by[:, None]
+        moved[name] = q
+    return replace(run, **moved)
+
+
+def test_the_camera_goes_along_with_a_puppet_that_walks():
+    """17.16: a puppet that walked was small in the picture, or left it."""
+    m = bundled("marionette_bar")
+    run = walking(m, 4.0)
+    scene = scene_of(m, run)
+    frames = Frames(scene, (320, 240), DARK)
+    assert frames.pan[-1] - frames.pan[0] == pytest.approx([4.0, 0.0, 0.0], abs=0.1)
+    still = Frames(scene, (320, 240), DARK, follow=False)
+    assert still.pan is None
+    for k in (0, 20, 40):
+        camera = frames.stage.camera
+        camera = replace(camera, eye=camera.eye + frames.pan[k])
+        places = scene.poses[k, :, :, 3]
+        seen = camera.project(places, frames.stage.viewport)
+        assert np.all((seen[:, 0] > 0) & (seen[:, 0] < 320) & (seen[:, 1] > 0))
+        assert np.all(seen[:, 1] < 240)
+        # As large in every frame, and larger than a still camera has it on the whole.
+        assert np.ptp(seen[:, 1]) > 120
+    first, last = np.array(frames.draw(0)), np.array(frames.draw(40))
+    assert np.array_equal(first, np.array(frames.draw(0)))
+    assert not np.array_equal(first, last)
+
+
+def test_the_camera_stands_still_where_nobody_walks(puppet):
+    m, run = puppet
+    assert Frames(scene_of(m, run), (160, 120), DARK, focus="bodies").pan is None
+    m = bundled("marionette_bar")
+    run = walking(m, 0.2)
+    assert Frames(scene_of(m, run), (160, 120), DARK).pan is None
+
+
+def test_pictures_and_films_have_one_default_theme():
+    """17.16: strips were light and films dark."""
+    from inspect import signature
+
+    themes = {signature(f).parameters["theme"].default for f in (
+        view.film, view.strip, view.draw, view.plot, fan.show
+    )}  # fmt: skip
+    assert themes == {"light"}

@@ -7,7 +7,7 @@ import numpy as np
 _GRAZING = 0.15
 """Foreshortening below which a handle lags behind the mouse: without a bound, an axis that points
 into the picture would run away."""
-_STEPS = 24
+_STEPS = 8
 """Pieces of the mouse's way."""
 
 

@@ -48,7 +48,7 @@ def bars(names: Sequence[str], moment: Moment, stage: Stage) -> str:
         moment: now.
         stage: whose colours are used.
     """
-    rows, cycle = [], stage.theme.cycle
+    rows = []
     for s, name in enumerate(names):
         pull = None if moment.tension is None else float(moment.tension[s])
         holds = bool(moment.taut[s]) or stage.scene.wires[s]
@@ -60,7 +60,7 @@ def bars(names: Sequence[str], moment: Moment, stage: Stage) -> str:
         else:
             share, colour, number = 0.0, "transparent", "slack"
         rows.append(
-            f'<div><span style="color:{cycle[s % len(cycle)]}">&#9679;</span> {text(name)}</div>'
+            f'<div><span style="color:{stage.theme.colour(s)}">&#9679;</span> {text(name)}</div>'
             '<div style="background:rgba(128,128,128,0.16);border-radius:3px;height:0.62em">'
             f'<div style="width:{100.0 * share:.1f}%;height:100%;border-radius:3px;'
             f'background:{colour}"></div></div>'
@@ -131,13 +131,18 @@ class Plot:
         height: int = 170,
     ):
         self._mark = mark
-        colours = [theme.cycle[k % len(theme.cycle)] for k in range(len(names))]
         ink = _css(theme.ink)
         grid = {"stroke": "rgba(128,128,128,0.18)", "width": 1}
         series: list[dict] = [{"label": "t [s]"}]
         series += [
-            {"label": name, "stroke": colour, "width": 1.6, "points": {"show": False}}
-            for name, colour in zip(names, colours, strict=True)
+            {
+                "label": name,
+                "stroke": theme.colour(k),
+                "width": 1.6,
+                "points": {"show": False},
+                "dash": [3.0 * dash for dash in theme.dashes(k)],
+            }
+            for k, name in enumerate(names)
         ]
         if mark:
             series.append({"label": "now", "stroke": ink, "width": 1.4, "points": {"show": False}})

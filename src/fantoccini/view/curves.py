@@ -107,7 +107,7 @@ def _panel(axes: Axes, panel: Panel, theme: Theme) -> None:
         if curve.faint:
             look = {"color": theme.faint, "linestyle": "--", "linewidth": 0.9, "zorder": 1.5}
         else:
-            look = {"color": theme.cycle[shown % len(theme.cycle)], "linewidth": 1.2}
+            look = {"color": theme.colour(shown), "linewidth": 1.2}
             shown += 1
         if curve.marked:
             look |= {"marker": "o", "markersize": 4.0, "markeredgecolor": theme.top}

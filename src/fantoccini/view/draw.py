@@ -17,8 +17,9 @@ from fantoccini.view.silhouettes import Polygon
 from fantoccini.view.theme import Theme, mix
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
-    from matplotlib.collections import PolyCollection
+    from matplotlib.collections import LineCollection, PolyCollection
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
     from matplotlib.text import Text
@@ -76,6 +77,7 @@ def stage_of(
     view: str | tuple[float, float] = "auto",
     focus: str = "all",
     top: float | None = None,
+    pan: np.ndarray | None = None,
 ) -> Stage:
     """A stage whose camera has the whole motion inside the viewport.
 
@@ -86,10 +88,11 @@ def stage_of(
         view: preset, or (azimuth, elevation) in degrees.
         focus: ``all`` frames bodies and strings, ``bodies`` lets strings leave the picture.
         top: upper end of the tension scale [N]; by default from the motion.
+        pan: (T, 3) how far the camera goes along [m]; this is where it begins.
     """
     if focus not in ("all", "bodies"):
         raise ValueError(f"focus can be all or bodies, not {focus!r}")
-    centres, radii = scene.balls(strings=focus == "all")
+    centres, radii = scene.balls(strings=focus == "all", pan=pan)
     azimuth, elevation = point_of_view(view, centres, scene.plane)
     # Shadows belong to the picture, unless the floor is far below.
     low = centres[:, 2] - scene.floor
@@ -107,14 +110,32 @@ def stage_of(
     )  # fmt: skip
 
 
-def floor(axes: Axes, scene: Scene, stage: Stage, grid: bool = True) -> None:
-    """A spot of light on the floor and, with ``grid``, the floor's lines, fading outwards."""
+def floor(
+    axes: Axes,
+    scene: Scene,
+    stage: Stage,
+    grid: bool = True,
+    gone: np.ndarray | None = None,
+    animated: bool = False,
+) -> list[Artist]:
+    """A spot of light on the floor and, with ``grid``, the floor's lines, fading outwards.
+
+    Args:
+        axes: of a sheet.
+        scene: whose floor it is.
+        stage: how.
+        grid: draw the lines.
+        gone: (3,) how far the camera has gone along; the light is about the puppet there [m].
+        animated: for matplotlib: drawn when it is asked for.
+
+    Returns:
+        What was added.
+    """
+    made: list[Artist] = []
     theme, camera = stage.theme, stage.camera
-    centres, _ = scene.balls()
-    low, high = np.percentile(centres[:, :2], [2.0, 98.0], axis=0)
-    middle, reach = 0.5 * (low + high), 0.6 * float((high - low).max()) + 0.3 * scene.size
     if camera.eye[2] <= scene.floor + 0.02 * scene.size:
-        return
+        return made
+    middle, reach = spot(scene) if gone is None else (gone[:2], 0.9 * scene.size)
     width, height = axes.figure.bbox.width, axes.figure.bbox.height
     x = np.linspace(0.0, width, 1 + int(width) // 4)
     y = np.linspace(0.0, height, 1 + int(height) // 4)
@@ -133,12 +154,23 @@ def floor(axes: Axes, scene: Scene, stage: Stage, grid: bool = True) -> None:
         pixels[..., :3], pixels[..., 3] = theme.floor[:3], theme.floor[3] * lit
         across, up = width / light.shape[1], height / light.shape[0]
         extent = (columns.start * across, columns.stop * across, rows.start * up, rows.stop * up)
-        image(axes, pixels, extent, 1.0)
+        made.append(image(axes, pixels, extent, 1.0, animated))
     if grid:
-        _grid(axes, scene, stage, middle, reach)
+        made.append(_grid(axes, scene, stage, middle, reach))
+        made[-1].set_animated(animated)
+    return made
 
 
-def _grid(axes: Axes, scene: Scene, stage: Stage, middle: np.ndarray, reach: float) -> None:
+def spot(scene: Scene) -> tuple[np.ndarray, float]:
+    """Middle (2,) and reach [m] of the light on the floor that a whole motion has."""
+    centres, _ = scene.balls()
+    low, high = np.percentile(centres[:, :2], [2.0, 98.0], axis=0)
+    return 0.5 * (low + high), 0.6 * float((high - low).max()) + 0.3 * scene.size
+
+
+def _grid(
+    axes: Axes, scene: Scene, stage: Stage, middle: np.ndarray, reach: float
+) -> LineCollection:
     from matplotlib.collections import LineCollection
 
     theme, camera = stage.theme, stage.camera
@@ -156,13 +188,12 @@ def _grid(axes: Axes, scene: Scene, stage: Stage, middle: np.ndarray, reach: flo
     fade = np.clip(1.0 - away / (1.35 * reach), 0.0, 1.0) ** 1.4
     good = (fade > 0.0) & np.all(lines[..., 2] > 0.05 * scene.size, axis=1)
     colours = np.column_stack([np.tile(theme.grid, (good.sum(), 1)), fade[good]])
-    axes.add_collection(
-        LineCollection(
-            lines[good][..., :2], colors=colours, linewidths=0.55 * stage.pen * _POINTS,
-            zorder=1.5, capstyle="butt",
-        ),
-        autolim=False,
+    drawn = LineCollection(
+        lines[good][..., :2], colors=colours, linewidths=0.55 * stage.pen * _POINTS, zorder=1.5,
+        capstyle="butt",
     )  # fmt: skip
+    axes.add_collection(drawn, autolim=False)
+    return drawn
 
 
 def collection(axes: Axes, zorder: float = 2.0, animated: bool = False) -> PolyCollection:

@@ -7,15 +7,17 @@ import secrets
 import subprocess
 import tempfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fantoccini.errors import FantocciniError
 from fantoccini.view.camera import Viewport
-from fantoccini.view.compose import compose, shadows
+from fantoccini.view.compose import Stage, compose, shadows
 from fantoccini.view.draw import collection, floor, image, sheet, show, stage_of, tension_bar, write
+from fantoccini.view.pan import pan, walks
 from fantoccini.view.scene import Scene, scene_of
 from fantoccini.view.studio import Studio, checked_renderer
 from fantoccini.view.theme import Theme, theme_of
@@ -53,10 +55,12 @@ def film(
     speed: float = 1.0,
     progress: Callable[[int, int], None] | None = None,
     renderer: str = "matplotlib",
+    follow: bool | None = None,
 ) -> Path:
     """Writes a film of a run.
 
-    The file appears under its name only when it is whole.
+    The file appears under its name only when it is whole. The camera stands still and frames all
+    of the motion; where the puppet walks so far that it would be small, the camera goes along.
 
     Args:
         marionette: the puppet's handle.
@@ -71,6 +75,7 @@ def film(
         progress: called with (frames done, frames in all) after each frame.
         renderer: ``matplotlib``, or ``pyvista`` for shaded solids where that is installed; it takes
             several times as long.
+        follow: whether the camera goes along; by default where the puppet walks.
 
     Returns:
         The path of the film.
@@ -94,7 +99,7 @@ def film(
     n = max(1, round((stop - start) / speed * fps))
     times = np.minimum(start + np.arange(n) * (speed / fps), stop)
     scene = scene_of(marionette, run.resample(times))
-    frames = Frames(scene, (width, height), theme_of(theme), view, focus, renderer)
+    frames = Frames(scene, (width, height), theme_of(theme), view, focus, renderer, follow)
     part = path.with_name(f".film-{secrets.token_hex(6)}{path.suffix.lower()}")
     try:
         _encode(frames, n, part, fps, progress)
@@ -115,6 +120,7 @@ class Frames:
         view: preset, or (azimuth, elevation) in degrees.
         focus: ``all`` or ``bodies``.
         renderer: of solids and strings.
+        follow: whether the camera goes along; None where the puppet walks.
     """
 
     def __init__(
@@ -125,15 +131,20 @@ class Frames:
         view: str | tuple[float, float] = "auto",
         focus: str = "all",
         renderer: str = "matplotlib",
+        follow: bool | None = None,
     ):
         width, height = size
         unit = max(height / 50.0, min(10.0, width / 24.0))  # small films have letters to be read
         self.scene, self.size = scene, size
         self.figure, self.axes = sheet(size, theme)
         inner = Viewport(unit, 3.2 * unit, width - 2.0 * unit, height - 6.0 * unit)
-        self.stage = stage_of(scene, inner, theme, view, focus)
-        floor(self.axes, scene, self.stage)
+        self.stage, self.pan = _staged(scene, inner, theme, view, focus, follow)
+        self._floor = [] if self.pan is not None else floor(self.axes, scene, self.stage)
+        before = set(self.axes.get_children())
         tension_bar(self.axes, scene, self.stage, width - 1.6 * unit, 2.2 * unit, unit)
+        self._scale = [x for x in self.axes.get_children() if x not in before]
+        for artist in self._scale if self.pan is not None else ():
+            artist.set_animated(True)  # a floor that moves is drawn before it
         # Strings may run up behind the title.
         self.title = write(
             self.axes, 1.6 * unit, height - 1.6 * unit, scene.title, 1.35 * unit, theme.ink,
@@ -143,6 +154,7 @@ class Frames:
             self.axes, width - 1.6 * unit, height - 1.6 * unit, "", 1.15 * unit, theme.faint,
             ha="right", va="top", animated=True,
         )  # fmt: skip
+        self.middle = np.append(scene.balls(pan=self.pan)[0][:, :2].mean(axis=0), 0.0)
         self.polygons = collection(self.axes, animated=True)
         self.studio = None
         if renderer == "pyvista":
@@ -156,9 +168,10 @@ class Frames:
         """The pixels of frame k: rows from the top, red, green, blue, opacity, a byte each."""
         canvas = self.figure.canvas
         canvas.restore_region(self.backdrop)
+        stage = self.stage if self.pan is None else self._go_along(k)
         self.clock.set_text(f"{self.scene.t[k]:.2f} s")
         painted = compose if self.studio is None else shadows
-        show(self.polygons, painted(self.scene, k, self.stage))
+        show(self.polygons, painted(self.scene, k, stage))
         self.axes.draw_artist(self.polygons)
         if self.studio is not None:
             self.photograph.set_data(self.studio.photograph(k)[::-1])
@@ -167,10 +180,44 @@ class Frames:
         self.axes.draw_artist(self.clock)
         return canvas.buffer_rgba()
 
+    def _go_along(self, k: int) -> Stage:
+        """The stage of frame k, with its floor, of a camera that goes along."""
+        gone, camera = self.pan[k], self.stage.camera
+        stage = replace(self.stage, camera=replace(camera, eye=camera.eye + gone))
+        for artist in self._floor:
+            artist.remove()
+        self._floor = floor(self.axes, self.scene, stage, gone=gone + self.middle, animated=True)
+        for artist in (*self._floor, *self._scale):
+            self.axes.draw_artist(artist)
+        if self.studio is not None:
+            self.studio.aim(stage, self.size)
+        return stage
+
     def close(self) -> None:
         """Gives back what drawing held."""
         if self.studio is not None:
             self.studio.close()
+
+
+def _staged(
+    scene: Scene, viewport: Viewport, theme: Theme, view: Any, focus: str, follow: bool | None
+) -> tuple[Stage, np.ndarray | None]:
+    """The stage of the first frame and how far its camera goes along, or None."""
+    still = stage_of(scene, viewport, theme, view, focus)
+    if follow is False:
+        return still, None
+    gone = pan(scene)
+    along = stage_of(scene, viewport, theme, view, focus, pan=gone)
+    if follow is None:
+        # Whether it walks is seen with its strings: what swings on a fixed one does not.
+        whole = [stage_of(scene, viewport, theme, view, "all", pan=path) for path in (None, gone)]
+        centres = [scene.balls(pan=path)[0].mean(axis=0) for path in (None, gone)]
+        distances = [
+            float((centre - stage.camera.eye) @ -stage.camera.axes[2])
+            for centre, stage in zip(centres, whole, strict=True)
+        ]
+        follow = walks(*distances)
+    return (along, gone) if follow else (still, None)
 
 
 def _encode(

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fantoccini.motion import rotation
 from fantoccini.view.draw import DPI, plain
 from fantoccini.view.pictures import checked, save
 from fantoccini.view.theme import Theme, theme_of
@@ -32,7 +33,8 @@ def plot(
 
     From the top: the tension of each string; when each string was taut, with a mark where it
     caught; the energy ledger, potential energy counted from its start; the driven lengths, or the
-    other driven coordinates where no length is driven. What a puppet does not have is left out.
+    other driven coordinates where no length is driven; driven orientations, as rotation vectors.
+    What a puppet does not have is left out.
 
     Args:
         run: the motion.
@@ -53,14 +55,16 @@ def plot(
     figure = Figure(figsize=(size[0] / DPI, size[1] / DPI), dpi=DPI, facecolor=theme.top)
     FigureCanvasAgg(figure)
     left = (60.0 + 6.3 * max((len(plain(n, 24)) for n in strings), default=4)) / size[0]
-    colours = {name: theme.cycle[k % len(theme.cycle)] for k, name in enumerate(strings)}
+    looks = {name: _look(theme, k) for k, name in enumerate(strings)}
     panels = [(2.4, lambda axes: _energy(axes, run, theme))]
     if strings:
         modes = min(3.4, 0.7 + 0.2 * len(strings))
-        panels.insert(0, (modes, lambda axes: _modes(axes, run, colours, theme)))
-        panels.insert(0, (3.0, lambda axes: _tension(axes, run, colours, theme)))
-    if len(run.coordinates.q_K):
-        panels.append((2.4, lambda axes: _driven(axes, run, colours, theme)))
+        panels.insert(0, (modes, lambda axes: _modes(axes, run, looks, theme)))
+        panels.insert(0, (3.0, lambda axes: _tension(axes, run, looks, theme)))
+    if len(run.coordinates.q_K) > 4 * len(run.coordinates.quaternions_K):
+        panels.append((2.4, lambda axes: _driven(axes, run, looks, theme)))
+    if run.coordinates.quaternions_K:
+        panels.append((2.0, lambda axes: _rotations(axes, run, theme)))
     ratios = [share for share, _ in panels]
     rows = figure.subplots(
         len(panels), 1, sharex=True, squeeze=False,
@@ -85,10 +89,16 @@ def plot(
     return figure
 
 
-def _tension(axes: Axes, run: Trajectory, colours: dict[str, str], theme: Theme) -> None:
+def _look(theme: Theme, k: int) -> dict[str, Any]:
+    """How line k of a plot is drawn."""
+    dashes = theme.dashes(k)
+    return {"color": theme.colour(k), "linestyle": (0, dashes) if dashes else "-"}
+
+
+def _tension(axes: Axes, run: Trajectory, looks: dict[str, dict], theme: Theme) -> None:
     values = run.tension.values
     for k, name in enumerate(run.tension.names):
-        axes.plot(run.t, values[:, k], color=colours[name], linewidth=1.2, label=name)
+        axes.plot(run.t, values[:, k], **looks[name], linewidth=1.2, label=name)
     axes.set_ylabel("tension [N]", color=theme.ink)
     _short_numbers(axes, theme)
     finite = np.abs(values[np.isfinite(values)])
@@ -100,11 +110,12 @@ def _tension(axes: Axes, run: Trajectory, colours: dict[str, str], theme: Theme)
     _legend(axes, theme)
 
 
-def _modes(axes: Axes, run: Trajectory, colours: dict[str, str], theme: Theme) -> None:
+def _modes(axes: Axes, run: Trajectory, looks: dict[str, dict], theme: Theme) -> None:
     names = run.taut.names
     for k, name in enumerate(names):
         axes.broken_barh(
-            _spans(run.t, run.taut.values[:, k]), (k - 0.32, 0.64), facecolor=colours[name],
+            _spans(run.t, run.taut.values[:, k]), (k - 0.32, 0.64),
+            facecolor=looks[name]["color"],
             linewidth=0.0, alpha=0.85,
         )  # fmt: skip
         caught = [e.t for e in run.events if e.kind in ("catch", "accumulation") and e.name == name]
@@ -130,7 +141,7 @@ def _energy(axes: Axes, run: Trajectory, theme: Theme) -> None:
         if np.any(np.abs(values) > 0.0):
             axes.plot(
                 run.t, values, linewidth=1.2, label=label,
-                color=theme.cycle[shown % len(theme.cycle)],
+                **_look(theme, shown),
             )  # fmt: skip
             shown += 1
     axes.axhline(0.0, color=theme.faint, linewidth=0.6)
@@ -139,11 +150,12 @@ def _energy(axes: Axes, run: Trajectory, theme: Theme) -> None:
     _legend(axes, theme)
 
 
-def _driven(axes: Axes, run: Trajectory, colours: dict[str, str], theme: Theme) -> None:
+def _driven(axes: Axes, run: Trajectory, looks: dict[str, dict], theme: Theme) -> None:
     names = list(run.coordinates.q_K)
     chosen = [k for k, name in enumerate(names) if name.endswith(".length")]
     label = "driven length [m]"
     if not chosen:
+        # Orientations have axes of their own.
         turning = {q + i for q, _ in run.coordinates.quaternions_K for i in range(4)}
         chosen = [k for k in range(len(names)) if k not in turning]
         label = "driven [m or rad]"
@@ -151,15 +163,30 @@ def _driven(axes: Axes, run: Trajectory, colours: dict[str, str], theme: Theme) 
     for n, k in enumerate(chosen[:_MOST_LINES]):
         name = moved.get(names[k], names[k])
         owner = name.removesuffix(".length")
-        colour = colours.get(owner, theme.cycle[n % len(theme.cycle)])
+        look = looks.get(owner, _look(theme, n))
         if name == names[k]:
-            axes.plot(run.t, run.q_K[:, k], color=colour, linewidth=1.2, label=owner)
+            axes.plot(run.t, run.q_K[:, k], **look, linewidth=1.2, label=owner)
             continue
         actual = run.q_D[:, run.coordinates.q_D.index(name)]
-        axes.plot(run.t, actual, color=colour, linewidth=1.2, label=owner)
+        axes.plot(run.t, actual, **look, linewidth=1.2, label=owner)
         dashed = {"linewidth": 1.0, "linestyle": (0, (3, 2)), "label": f"{owner}, command"}
-        axes.plot(run.t, run.q_K[:, k], color=colour, **dashed)
+        axes.plot(run.t, run.q_K[:, k], color=look["color"], **dashed)
     axes.set_ylabel(label, color=theme.ink)
+    _short_numbers(axes, theme)
+    _legend(axes, theme)
+
+
+def _rotations(axes: Axes, run: Trajectory, theme: Theme) -> None:
+    names = run.coordinates.q_K
+    for n, (q, _) in enumerate(run.coordinates.quaternions_K[: _MOST_LINES // 3]):
+        turned = rotation.continuous(run.q_K[:, q : q + 4])
+        sine = np.linalg.norm(turned[:, 1:], axis=1)
+        angle = 2.0 * np.arctan2(sine, turned[:, 0])
+        vector = turned[:, 1:] * (angle / np.where(sine > 1e-12, sine, 1.0))[:, None]
+        for i, axis in enumerate("xyz"):
+            label = f"{names[q].rsplit('.', 1)[0]}.rotation {axis}"
+            axes.plot(run.t, vector[:, i], **_look(theme, 3 * n + i), linewidth=1.2, label=label)
+    axes.set_ylabel("driven rotation [rad]", color=theme.ink)
     _short_numbers(axes, theme)
     _legend(axes, theme)
 

@@ -112,23 +112,30 @@ class Scene:
             out.append(Thread(points[k], pull > 0.0, tension, self.chain_colours[s], False))
         return out
 
-    def balls(self, strings: bool = True, most: int = 240) -> tuple[np.ndarray, np.ndarray]:
+    def balls(
+        self, strings: bool = True, most: int = 240, pan: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Centres (n, 3) and radii (n,) [m] that cover the motion, for framing it.
 
         Args:
             strings: cover strings and springs as well as solids.
             most: times to look at.
+            pan: (T, 3) how far a camera has gone along; places are then those that it sees [m],
+                without what stands in the world.
         """
         rows = np.unique(np.linspace(0, len(self.t) - 1, most).astype(int))
         centres, radii = [np.zeros((0, 3))], [np.zeros(0)]
+        gone = np.zeros((len(rows), 3)) if pan is None else pan[rows]
         for solid in self.solids:
+            if pan is not None and solid.link == WORLD:
+                continue
             poses = _on(self.poses[rows], solid.link)
             for end in solid.axis:
-                centres.append(poses[..., :3] @ end + poses[..., 3])
+                centres.append(poses[..., :3] @ end + poses[..., 3] - gone)
                 radii.append(np.full(len(rows), _reach(solid)))
         lines = (*self.points, *self.chains, *self.springs)
         for points in lines if strings or not self.solids else ():
-            flat = points[rows].reshape(-1, 3)
+            flat = (points[rows] - gone[:, None]).reshape(-1, 3)
             centres.append(flat)
             radii.append(np.zeros(len(flat)))
         centres, radii = np.concatenate(centres), np.concatenate(radii)

@@ -64,7 +64,7 @@ class Studio:
             self._plotter.add_light(light)
         solids = [*scene.solids, *stage.handles]
         self._actors = [(solid, self._actor(solid)) for solid in solids]
-        self._aim(size)
+        self.aim(stage, size)
 
     def photograph(self, k: int) -> np.ndarray:
         """The scene at ``t[k]``: (height, width, 4) in [0, 1] with opacity, rows from the top."""
@@ -120,8 +120,9 @@ class Studio:
                 reset_camera=False,
             )  # fmt: skip
 
-    def _aim(self, size: tuple[int, int]) -> None:
-        """The stage's camera, widened from its viewport to the whole sheet."""
+    def aim(self, stage: Stage, size: tuple[int, int]) -> None:
+        """Takes a stage's camera, widened from its viewport to the whole sheet."""
+        self.stage = stage
         seen, viewport, (width, height) = self.stage.camera, self.stage.viewport, size
         camera = self._plotter.camera
         camera.position = seen.eye

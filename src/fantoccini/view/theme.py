@@ -14,6 +14,9 @@ from fantoccini.errors import UnknownNameError
 WOOD = ("#c8553d", "#e0b07c", "#3f6c8f", "#d9a066", "#8f5a3c", "#6c8f5a")
 """Colours of shapes that have none: by distance from the puppet's root."""
 
+_DASHES = ((), (4.0, 2.0), (1.0, 1.5), (6.0, 2.0, 1.0, 2.0))
+"""Of lines in plots; an empty one is solid."""
+
 STONE = "#b4aea0"
 """Colour of obstacles."""
 
@@ -44,7 +47,8 @@ class Theme:
         handle: colour of a driven string end.
         outline: how dark outlines are, 0 black to 1 the shape's own colour.
         ramp: (name, from, to): matplotlib's colour map for tension and the part of it in use.
-        cycle: colours of lines in plots.
+        cycle: colours of lines in plots, which people tell apart who see red and green, or blue and
+            yellow, alike.
     """
 
     name: str
@@ -61,6 +65,14 @@ class Theme:
     outline: float
     ramp: tuple[str, float, float]
     cycle: tuple[str, ...]
+
+    def colour(self, k: int) -> str:
+        """Colour of line k of a plot, as ``#rrggbb``."""
+        return self.cycle[k % len(self.cycle)]
+
+    def dashes(self, k: int) -> tuple[float, ...]:
+        """Dashes and gaps of line k, in widths; lines of one colour have different ones."""
+        return _DASHES[k // len(self.cycle) % len(_DASHES)]
 
     def tension_colours(self, n: int = 256) -> np.ndarray:
         """(n, 3) colours from no tension to the largest."""
@@ -85,7 +97,8 @@ LIGHT = Theme(
     outline=0.40,
     ramp=("plasma", 0.0, 0.86),
     cycle=(
-        "#1b6ca8", "#d1495b", "#3d8361", "#c98a1b", "#7a5195", "#17878c", "#8c564b", "#5c6b7a",
+        "#1b6ca8", "#ff7800", "#a54bff", "#87001e", "#b4a569", "#a55a69", "#4b00a5", "#3cb4c3",
+        "#a596ff", "#c31e00", "#78005a", "#2d00ff",
     ),
 )
 
@@ -104,7 +117,8 @@ DARK = Theme(
     outline=0.26,
     ramp=("plasma", 0.30, 1.0),
     cycle=(
-        "#6cb4ee", "#f28482", "#7bd3a5", "#f6bd60", "#c39bd3", "#5fd0d6", "#d7a58c", "#aab4c2",
+        "#6cb4ee", "#964b00", "#780fff", "#ffe187", "#87a569", "#874b87", "#96ff00", "#3c694b",
+        "#d2f0c3", "#7878ff", "#4bffff", "#b4a51e",
     ),
 )
 

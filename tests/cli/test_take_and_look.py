@@ -1,0 +1,159 @@
+"""Recordings as inputs, rows a second, and how pictures look, on the command line."""
+
+import imageio_ffmpeg
+import numpy as np
+import pytest
+from tests.cli.command import fantoccini
+
+import fantoccini as fan
+from fantoccini.cli.look import Look
+from fantoccini.cli.simulate import Request, _hint
+
+
+@pytest.fixture(scope="module")
+def take(tmp_path_factory):
+    """A recorded performance of the arm on a weak grip, moving already when it begins."""
+    live = fan.Performance(fan.puppets.arm2d(), grip=12.0)
+    home, _ = live.place("hand")
+    live.move("hand", home + np.array([0.05, 0.0, 0.0]))
+    live.advance(0.05)
+    live.record()
+    live.wind("hand", 0.95 * live.wanted_length("hand"))
+    live.advance(0.6)
+    path = tmp_path_factory.mktemp("take") / "take.npz"
+    live.stop().save(path)
+    return path
+
+
+def test_a_recording_is_inputs(take):
+    """17.13: `t: found the shape ()`."""
+    recording = fan.Recording.load(take)
+    made = fan.Input.load(fan.puppets.arm2d(), take)
+    t = np.linspace(made.start, made.end, 50)
+    for mine, theirs in zip(made.evaluate(t), recording.inputs.evaluate(t), strict=True):
+        assert np.array_equal(mine, theirs)
+
+
+def test_a_recording_moves_the_puppet_from_its_start_on_its_winches(take, tmp_path):
+    """17.13: hands, winches and start of the performance."""
+    out = tmp_path / "run.npz"
+    result = fantoccini("simulate", "arm2d", "--inputs", take, "--out", out)
+    assert result.exit_code == 0, result.stderr
+    assert "another puppet" not in result.stderr
+    recording, run = fan.Recording.load(take), fan.Trajectory.load(out)
+    assert recording.start.v_K.any()  # nothing that hangs at rest starts so
+    assert np.array_equal(run.q_D[0], recording.start.q_D)
+    assert np.array_equal(run.v_K[0], recording.start.v_K)
+    alike = fan.simulate(recording.marionette, recording.start, recording.inputs)
+    assert np.array_equal(run.q_D[-1], alike.q_D[-1])
+    assert np.array_equal(run.slip.values[-1], alike.slip.values[-1])
+
+
+def test_a_recording_of_another_puppet_is_a_clear_mistake(take, tmp_path):
+    """17.13: which driven coordinates differ is said."""
+    result = fantoccini("simulate", "string_pendulum", "--inputs", take)
+    assert result.exit_code == 2
+    assert "was recorded with another puppet: driven in the recording only: hand.x" in result.stderr
+    text = fan.puppets.path("arm2d").read_text().replace("puppet: arm2d", "puppet: heavier")
+    other = tmp_path / "other.yaml"
+    other.write_text(text)
+    result = fantoccini("simulate", other, "--inputs", take, "--duration", "0.1")
+    assert result.exit_code == 0, result.stderr
+    assert "its hands move FILE's puppet" in result.stderr
+
+
+def test_a_file_that_is_neither_says_what_it_is(tmp_path):
+    """17.13: a run is no input, and a damaged recording is told."""
+    m = fan.puppets.string_pendulum()
+    fan.simulate(m, m.rest(), t_end=0.1).save(tmp_path / "run.npz")
+    with pytest.raises(fan.InputError, match=r"has the format 'fantoccini\.trajectory\.1'; needed"):
+        fan.Input.load(m, tmp_path / "run.npz")
+    about = np.frombuffer(b'{"format": "fantoccini.recording.1"}', dtype=np.uint8)
+    for parts in ({}, {"about": about}, {"about": about, "acc_K": np.zeros(3)}):
+        np.savez(tmp_path / "bad.npz", **(parts or {"about": np.zeros(3)}))
+        with pytest.raises(fan.InputError, match=r"cannot be read|damaged recording"):
+            fan.Input.load(m, tmp_path / "bad.npz")
+
+
+@pytest.mark.parametrize(
+    "words, rows",
+    [((), 31), (("--method", "timestepping"), 31), (("--method", "variational"), 31)],
+)
+def test_rows_a_second(words, rows, tmp_path):
+    """17.15: --rate keeps so many rows a second."""
+    out = tmp_path / "run.npz"
+    result = fantoccini(
+        "simulate", "string_pendulum", "--duration", "0.6", "--rate", "50", *words, "--out", out
+    )
+    assert result.exit_code == 0, result.stderr
+    run = fan.Trajectory.load(out)
+    assert np.diff(run.t) == pytest.approx(0.02)
+    assert len(run) == rows
+
+
+def test_rates_that_cannot_be_kept_are_mistakes():
+    """17.15: a step has one row; nothing fills the memory."""
+    words = ("simulate", "string_pendulum", "--method", "timestepping", "--dt", "0.01")
+    result = fantoccini(*words, "--rate", "200")
+    assert result.exit_code == 2 and "100 rows a second at most" in result.stderr
+    result = fantoccini("simulate", "string_pendulum", "--rate", "1e9")
+    assert result.exit_code == 2 and "rows are more than" in result.stderr
+    assert fantoccini("simulate", "string_pendulum", "--rate", "-1").exit_code == 2
+
+
+def test_a_run_that_is_slower_than_real_time_says_so(capsys):
+    """17.15: and what is faster; a faster one says nothing."""
+    m = fan.puppets.string_pendulum()
+    run = fan.simulate(m, m.rest(), t_end=0.5)
+    assert run.seconds > 0.0 and run.summary()["seconds"] == run.seconds
+    request = Request(
+        "x", None, None, "event", "constraint", None, None, None, (), (), None, False, None, Look()
+    )  # fmt: skip
+    _hint(request, run, 0.8)
+    said = capsys.readouterr().err
+    assert "slower than real time: 1.6 s for a second of motion" in said
+    assert "--method timestepping" in said and "--rate" in said
+    _hint(request, run, 0.4)
+    assert capsys.readouterr().err == ""
+
+
+def test_pictures_and_films_look_as_asked_for(tmp_path):
+    """17.16: the command line lacked what Python has."""
+    film, strip = tmp_path / "a.mp4", tmp_path / "a.png"
+    result = fantoccini(
+        "simulate", "string_pendulum", "--start", "bob.x=0.5", "--start", "bob.z=0.6",
+        "--duration", "1", "--out", film, "--out", strip, "--view", "40,15", "--focus", "bodies",
+        "--theme", "dark", "--size", "320x240", "--fps", "10",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.stderr
+    about = next(imageio_ffmpeg.read_frames(str(film)))
+    assert about["source_size"] == (320, 240) and about["fps"] == pytest.approx(10.0)
+    from PIL import Image
+
+    picture = np.asarray(Image.open(strip).convert("L"))
+    assert picture.shape == (480, 640) and np.median(picture) < 80
+
+
+@pytest.mark.parametrize(
+    "words, says",
+    [
+        (("--view", "behind", "--out", "a.png"), "three-quarter"),
+        (("--view", "10,95", "--out", "a.png"), "AZIMUTH,ELEVATION"),
+        (("--size", "0x9", "--out", "a.png"), "WIDTHxHEIGHT"),
+        (("--size", "99999x9", "--out", "a.png"), "WIDTHxHEIGHT"),
+        (("--fps", "0", "--out", "a.mp4"), "--fps"),
+        (("--fps", "nan", "--out", "a.mp4"), "--fps"),
+        (("--fps", "10", "--out", "a.png"), "it goes with a film"),
+        (("--theme", "dark"), "none is to be written"),
+        (("--theme", "green", "--out", "a.png"), "dark"),
+        (("--focus", "strings", "--out", "a.png"), "bodies"),
+    ],
+)
+def test_looks_that_there_are_not_are_mistakes(words, says, tmp_path, monkeypatch):
+    """17.16: each with what is allowed."""
+    monkeypatch.chdir(tmp_path)
+    for command in ("simulate", "plan"):
+        result = fantoccini(command, "string_pendulum", *words)
+        assert result.exit_code == 2
+        assert says in result.stderr
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,75 @@
+"""Lines of plots are told apart, by everybody; plots leave out nothing that is driven."""
+
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from fantoccini import view
+from fantoccini.view.theme import DARK, LIGHT, rgb
+from view.still_life import bundled, swinging
+
+# Machado, Oliveira and Fernandes (2009): what people without one kind of cone see, in linear RGB.
+SEEN = {
+    "all cones": np.eye(3),
+    "protanopia": [
+        [0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216],
+        [-0.003882, -0.048116, 1.051998],
+    ],
+    "deuteranopia": [
+        [0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413],
+        [-0.011820, 0.042940, 0.968881],
+    ],
+    "tritanopia": [
+        [1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602],
+        [0.004733, 0.691367, 0.303900],
+    ],
+}  # fmt: skip
+XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+
+
+def linear(colour: np.ndarray) -> np.ndarray:
+    return np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)
+
+
+def lab(colour: np.ndarray, eye) -> np.ndarray:
+    """CIE L*a*b* of a colour (3,) as an eye sees it."""
+    xyz = XYZ @ np.clip(np.array(eye) @ linear(colour), 0, 1) / [0.95047, 1.0, 1.08883]
+    f = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16 / 116)
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+@pytest.mark.parametrize("theme", [LIGHT, DARK], ids=lambda theme: theme.name)
+@pytest.mark.parametrize("eye", SEEN)
+def test_twelve_lines_have_colours_that_everybody_tells_apart(theme, eye):
+    """17.16: two of nine strings had one colour. A difference of 10 is seen at a glance."""
+    assert len(theme.cycle) >= 12
+    seen = [lab(rgb(colour), SEEN[eye]) for colour in theme.cycle[:12]]
+    assert min(np.linalg.norm(a - b) for a, b in combinations(seen, 2)) > 15.0
+    light = [XYZ[1] @ linear(rgb(colour)) for colour in theme.cycle]
+    behind = XYZ[1] @ linear(theme.top)
+    for y in light:
+        assert (max(y, behind) + 0.05) / (min(y, behind) + 0.05) > 2.0
+
+
+def test_more_lines_have_dashes():
+    """17.16: beyond the colours there are, lines of one colour have different dashes."""
+    looks = {(LIGHT.colour(k), LIGHT.dashes(k)) for k in range(48)}
+    assert len(looks) == 48
+    assert all(LIGHT.dashes(k) == () for k in range(12))
+
+
+def test_a_bar_that_turns_is_in_the_plot():
+    """17.16: plots left out bar.rotation."""
+    m = bundled("marionette_bar")
+    run = swinging(m)
+    q_K = np.array(run.q_K)
+    (q, _), angle = run.coordinates.quaternions_K[0], 0.5 * run.t
+    q_K[:, q : q + 4] = np.column_stack([np.cos(angle), 0 * angle, np.sin(angle), 0 * angle])
+    run = replace(run, q_K=q_K)
+    figure = view.plot(run)
+    lines = {line.get_label(): line for axes in figure.axes for line in axes.get_lines()}
+    assert lines["bar.rotation y"].get_ydata()[[0, -1]] == pytest.approx([0.0, 1.0])
+    assert np.abs(lines["bar.rotation x"].get_ydata()).max() < 1e-9
+    assert {"bar.x", "bar.y", "bar.z"} <= set(lines)
