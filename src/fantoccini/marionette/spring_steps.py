@@ -45,8 +45,9 @@ def longest_step(
     if not names:
         return None
     lead = np.broadcast_shapes(q_D.shape[:-1], q_K.shape[:-1])
+    n = int(np.prod(lead))
     q_D, q_K = (
-        np.broadcast_to(q, (*lead, q.shape[-1])).reshape(-1, q.shape[-1]) for q in (q_D, q_K)
+        np.broadcast_to(q, (*lead, q.shape[-1])).reshape(n, q.shape[-1]) for q in (q_D, q_K)
     )
     found = None
     for first in range(0, len(q_D), _AT_ONCE):
