@@ -131,6 +131,8 @@ class Status(enum.IntEnum):
     STOPPED = 11, "the run was stopped from outside"
     SINGULAR_MASS = 12, "the mass matrix is singular: a joint moves no mass"
     NOT_SETTLED = 13, "the equations of a step could not be solved"
+    OVERSTEPPED = 14, "the end was reached, but strings or limits were overstepped"
+    GAINED_ENERGY = 15, "the end was reached, but the fixed step made energy out of nothing"
 
 
 class SimulationError(FantocciniError):

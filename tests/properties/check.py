@@ -23,7 +23,10 @@ EXPECTED = {
         Status.DONE, Status.IMPOSSIBLE_INPUT, Status.TENSION_CAP, Status.COLLAPSED,
         Status.LENGTH_NOT_POSITIVE,
     },
-    "timestepping": {Status.DONE, Status.COLLAPSED, Status.LENGTH_NOT_POSITIVE},
+    "timestepping": {
+        Status.DONE, Status.COLLAPSED, Status.LENGTH_NOT_POSITIVE, Status.OVERSTEPPED,
+        Status.GAINED_ENERGY,
+    },
     "variational": {
         Status.DONE, Status.IMPOSSIBLE_INPUT, Status.TENSION_CAP, Status.LENGTH_NOT_POSITIVE,
         Status.NOT_SETTLED,

@@ -14,6 +14,7 @@ from fantoccini.marionette.linearisation import Linearisation, Partials
 from fantoccini.marionette.loading import load, loads
 from fantoccini.marionette.modes import Mode, Modes
 from fantoccini.marionette.portable import Parcel
+from fantoccini.marionette.spring_steps import tension_step
 from fantoccini.marionette.step_linearisation import StepLinearisation
 from fantoccini.marionette.stepper import Stepper
 
@@ -35,4 +36,5 @@ __all__ = [
     "load",
     "loads",
     "many_of",
+    "tension_step",
 ]

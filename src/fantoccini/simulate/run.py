@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -30,6 +31,7 @@ from fantoccini.motion import (
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Run
 from fantoccini.simulate.many import simulate_many
+from fantoccini.simulate.soundness import judged
 
 if TYPE_CHECKING:
     from scipy.integrate import OdeSolver
@@ -159,8 +161,12 @@ def simulate(
     made = trajectory_of_rows(
         marionette, np.concatenate(rows), np.concatenate(events), status, method, effort, run.blame
     )
+    why = _where(marionette, made)
+    if status is Status.DONE and method != "event":
+        status, why = judged(marionette, made, dt)
+        made = replace(made, status=status)
     if status is not Status.DONE and throw:
-        raise SimulationError(status, _where(marionette, made), made)
+        raise SimulationError(status, why, made)
     return made
 
 

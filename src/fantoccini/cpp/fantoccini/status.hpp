@@ -18,6 +18,8 @@ enum Status : int {
   STOPPED = 11,
   SINGULAR_MASS = 12,
   NOT_SETTLED = 13,
+  OVERSTEPPED = 14,    // this and the next: found when a run is judged at its end, in Python
+  GAINED_ENERGY = 15,
 };
 
 // What happened to a row; the numbers are those of fantoccini.motion.EventKind.
