@@ -15,7 +15,7 @@ from fantoccini.motion import Trajectory
 MOST_VIOLATION = 0.02
 """Violation of a string or limit beyond which a run counts as overstepped [m or rad]."""
 
-MOST_GAIN = 0.5
+MOST_GAIN = 1.0
 """Energy out of nothing, relative to all that there was to take, beyond which a run has gained."""
 
 _FALL = 1e-3
