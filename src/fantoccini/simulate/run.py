@@ -109,9 +109,11 @@ def simulate(
         The trajectory, or those of a batch.
 
     Raises:
-        StateError: ``x0`` breaks a string or limit; ``marionette.project(x0)`` repairs it.
+        StateError: ``x0`` breaks a string or limit; ``marionette.project(x0)`` repairs it. Or
+            ``dt`` is too long for a chain or a spring.
         InputError: the inputs do not start where ``x0`` is.
-        SimulationError: the run stopped; the error carries the trajectory so far.
+        SimulationError: the run stopped, or with a fixed step overstepped rows or gained energy;
+            the error carries the trajectory so far.
     """
     check_method(method)
     if integrator is not None:
