@@ -24,7 +24,7 @@ def check_steps(marionette: Marionette, x: State, dt: float) -> None:
     except StateError as error:
         raise StateError(
             f"{error}. A performance takes no other method, and `fantoccini show` no other dt: "
-            "there change the pieces, or leave out the string's `chain`, or soften the spring"
+            "there change the pieces, leave out the string's `chain`, or soften the spring"
         ) from None
 
 
