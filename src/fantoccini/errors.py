@@ -148,6 +148,8 @@ class Status(enum.IntEnum):
     RUNAWAY = 15, "a load dragged a drive away although its motor gave all it can"
     TOO_MANY_ROWS = 16, "the rows of the run reached the bound on memory"
     REDUNDANT_STRINGS = 17, "redundant strings contradict one another"
+    OVERSTEPPED = 18, "the end was reached, but strings or limits were overstepped"
+    GAINED_ENERGY = 19, "the end was reached, but the fixed step made energy out of nothing"
 
 
 ARRIVED = (Status.DONE, Status.LOST_STEPS, Status.RUNAWAY)

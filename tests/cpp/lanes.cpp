@@ -97,7 +97,7 @@ struct Bundle {
     for (int r = 0; r < M; ++r) out.push_back(get(step.tension[r], l));
     for (int r = 0; r < M; ++r) out.push_back(get(step.taut[r], l) ? 1.0 : 0.0);
     out.push_back(get(step.work, l));
-    out.push_back(get(step.loss, l));
+    out.push_back(get(step.eval.loss, l));
     out.push_back(get(step.impact, l));
     out.push_back(get(step.slip_loss, l));
     out.push_back(get(step.violation, l));

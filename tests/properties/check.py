@@ -25,6 +25,7 @@ EXPECTED = {
     },
     "timestepping": {
         Status.DONE, Status.COLLAPSED, Status.LENGTH_NOT_POSITIVE, Status.REDUNDANT_STRINGS,
+        Status.OVERSTEPPED, Status.GAINED_ENERGY,
     },
     "variational": {
         Status.DONE, Status.IMPOSSIBLE_INPUT, Status.TENSION_CAP, Status.LENGTH_NOT_POSITIVE,

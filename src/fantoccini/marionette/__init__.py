@@ -21,6 +21,7 @@ from fantoccini.marionette.modes import Mode, Modes
 from fantoccini.marionette.plausible import warnings
 from fantoccini.marionette.plausible_inputs import InputWarning, input_warnings
 from fantoccini.marionette.portable import Parcel
+from fantoccini.marionette.spring_steps import tension_step
 from fantoccini.marionette.step_linearisation import StepLinearisation
 from fantoccini.marionette.stepper import Stepper
 
@@ -49,5 +50,6 @@ __all__ = [
     "ready",
     "ready_many",
     "rows_of_steps",
+    "tension_step",
     "warnings",
 ]

@@ -9,10 +9,14 @@ which has an eigenvalue -1 where dt^2 K + 2 dt C reaches 4 M, and grows without 
 dt = 2 / omega without damping. With the motions b of the springs' points relative to each other,
 K = b^T k b and C = b^T c b, so that the largest eigenvalue of B^T M^-1 B has to stay below 4, with
 B = b^T sqrt(dt^2 k + 2 dt c). A spring counts in all three directions, since it turns in a run.
+
+A taut string is such a spring across its segments, with k = tension / length: what it carries
+vibrates the faster, the lighter it is beside its load.
 """
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -21,12 +25,14 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.equations.algebra import column
 from fantoccini.equations.system import System
-from fantoccini.tree import WORLD, Role
+from fantoccini.tree import WORLD, Point, Role
 
 if TYPE_CHECKING:
     from fantoccini.marionette.handle import Marionette
 
 _HALVINGS = 60
+_SHORTEST = 1e-6
+"""Segment that has collapsed [m]."""
 _AT_ONCE = 1024
 """States that are looked at together."""
 
@@ -45,8 +51,9 @@ def longest_step(
     if not names:
         return None
     lead = np.broadcast_shapes(q_D.shape[:-1], q_K.shape[:-1])
+    n = int(np.prod(lead))
     q_D, q_K = (
-        np.broadcast_to(q, (*lead, q.shape[-1])).reshape(-1, q.shape[-1]) for q in (q_D, q_K)
+        np.broadcast_to(q, (*lead, q.shape[-1])).reshape(n, q.shape[-1]) for q in (q_D, q_K)
     )
     found = None
     for first in range(0, len(q_D), _AT_ONCE):
@@ -89,34 +96,72 @@ def _numbers(marionette: Marionette) -> tuple[list[str], Array, Array]:
 def _columns(marionette: Marionette, q_D: Array, q_K: Array) -> Array:
     """(n, columns, n_vD) F^-T b^T of every column at n states, M = F^T F."""
     tree, table, n = marionette.tree, marionette.coordinates, len(q_D)
-    forces = []
+    forces: list[Array] = []
     for link in tree.links:
         if link.role is Role.DYNAMIC and marionette.number(link.stiffness) > 0.0:
             forces += [np.tile(row, (n, 1)) for row in np.eye(table.n_vD)[link.v]]
-    if tree.springs:
-        forces += list(_pulls(marionette, q_D, q_K))
+    for spring in tree.springs:
+        forces += [_pull(marionette, q_D, q_K, spring.points, axis) for axis in np.eye(3)]
+    return _forth(marionette, q_D, q_K, forces)
+
+
+def tension_step(marionette: Marionette, q_D: Array, q_K: Array, tension: Array) -> float:
+    """2 / omega of the fastest vibration that the strings' tensions make; infinity without any [s].
+
+    Args:
+        marionette: the puppet.
+        q_D, q_K: (n_qD,), (n_qK,) configuration.
+        tension: (n_strings,) [N].
+    """
+    poses, (q_D, q_K) = marionette.poses(q_D, q_K), (q_D[None], q_K[None])
+    forces, k = [], []
+    for string, pull in zip(marionette.tree.strings, tension, strict=True):
+        for ends in pairwise(string.points) if pull > 0.0 else ():
+            d = _place(marionette, poses, ends[1]) - _place(marionette, poses, ends[0])
+            length = float(np.linalg.norm(d))
+            if ends[0].link == ends[1].link or length < _SHORTEST:
+                continue
+            for across in np.linalg.svd(d[None])[2][1:]:
+                forces.append(_pull(marionette, q_D, q_K, ends, across))
+                k.append(pull / length)
+    if not forces:
+        return np.inf
+    root = np.sqrt(k)[:, None] * _forth(marionette, q_D, q_K, forces)[0]
+    fastest = float(np.linalg.norm(root, 2))
+    return 2.0 / fastest if fastest > 0.0 else np.inf
+
+
+def _forth(marionette: Marionette, q_D: Array, q_K: Array, forces: list[Array]) -> Array:
+    """(n, len(forces), n_vD) F^-T of forces (n, n_vD)."""
+    table, n = marionette.coordinates, len(q_D)
     still = [np.zeros((n, size)) for size in (table.n_vD, table.n_vK, table.n_vK, table.n_vD)]
     state = [q_D, still[0], q_K, *still[1:], marionette.p]
     L = marionette.library.evaluate("dynamics", state)[0]
     return marionette.library.evaluate("forth", [L[:, None], np.stack(forces, axis=1)])[0]
 
 
-def _pulls(marionette: Marionette, q_D: Array, q_K: Array):
-    """(n, n_vD) forces in the joints of unit pulls between the springs' points along x, y and z."""
-    tree, n = marionette.tree, len(q_D)
+def _pull(
+    marionette: Marionette, q_D: Array, q_K: Array, ends: tuple[Point, Point], axis: Array
+) -> Array:
+    """(n, n_vD) forces in the joints of a unit force on one point, its opposite on the other."""
+    n, n_links = len(q_D), len(marionette.tree.links)
     poses, centres = marionette.poses(q_D, q_K), _centres(marionette)
-    for spring in tree.springs:
-        for axis in np.eye(3):
-            wrench = np.zeros((n, len(tree.links), 6))
-            for point, sign in zip(spring.points, (1.0, -1.0), strict=True):
-                if point.link == WORLD:
-                    continue
-                at = np.array([marionette.number(x) for x in point.at]) - centres[point.link]
-                arm = poses[:, point.link, :, :3] @ at
-                wrench[:, point.link, :3] += sign * axis
-                wrench[:, point.link, 3:] += np.cross(arm, sign * axis)
-            given = [q_D, q_K, wrench.reshape(n, -1), marionette.p]
-            yield marionette.library.evaluate("wrench_forces", given)[0]
+    wrench = np.zeros((n, n_links, 6))
+    for point, sign in zip(ends, (1.0, -1.0), strict=True):
+        if point.link == WORLD:
+            continue
+        at = np.array([marionette.number(x) for x in point.at]) - centres[point.link]
+        arm = poses[:, point.link, :, :3] @ at
+        wrench[:, point.link, :3] += sign * axis
+        wrench[:, point.link, 3:] += np.cross(arm, sign * axis)
+    given = [q_D, q_K, wrench.reshape(n, -1), marionette.p]
+    return marionette.library.evaluate("wrench_forces", given)[0]
+
+
+def _place(marionette: Marionette, poses: Array, point: Point) -> Array:
+    """(3,) of a point in the world [m]."""
+    at = np.array([marionette.number(x) for x in point.at])
+    return at if point.link == WORLD else poses[point.link, :, :3] @ at + poses[point.link, :, 3]
 
 
 def _centres(marionette: Marionette) -> Array:

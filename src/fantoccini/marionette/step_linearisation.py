@@ -1,12 +1,14 @@
 """Linearisation of one step of the time-stepper, in the mode that the step chooses.
 
-With rate = dq_K/dt and mean = dv_K/dt over the step, joint damping F implicit, and the rows in
+With rate = dq_K/dt and mean = dv_K/dt over the step, damping and drag F implicit, and the rows in
 Lambda > 0 (``cpp/fantoccini/timestepping.hpp``):
 
     (M + dt F) (v+ - v) + dt (c(q, v, q_K, rate) + M_DK mean - u_D) + A_D^T Lambda = 0
     A_D v+ + A_K rate + min(h/dt, recovery speed) = 0,      q+ = q moved by dt v+
 
-are differentiated as they stand, M, A and c at the step's start.
+are differentiated as they stand, M, A and c at the step's start. It is the step of a stepper that
+begins at the state: along a run c takes its velocity products half a step on, extrapolated from the
+steps before, which are no part of a state. That changes dv+ by dt^2/2 times the products' slopes.
 """
 
 from __future__ import annotations
@@ -84,8 +86,8 @@ def linearise_step(
 ) -> StepLinearisation:
     """One step of the time-stepper with its derivatives.
 
-    What slipping winches have let out is held; a string at its winch's largest tension goes on
-    pulling with that.
+    It is the first step of a stepper at ``x``. What slipping winches have let out is held; a string
+    at its winch's largest tension goes on pulling with that.
 
     Args:
         marionette: the puppet.

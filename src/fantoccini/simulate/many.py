@@ -22,6 +22,7 @@ from fantoccini.motion import SAVED, Columns, Input, Inputs, State, Trajectories
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Batch, RunOptions, default_threads, whole
 from fantoccini.simulate.bar import Bar
+from fantoccini.simulate.soundness import gains, verdict
 
 SAVE = ("q_D", "v_D", "tension")
 """What a batch saves unless told otherwise."""
@@ -85,7 +86,23 @@ def simulate_many(
     # Ctrl-C keeps what was reached; what was not has the status it began with.
     with Bar(f"{n} runs", progress, t, t_end) as bar, contextlib.suppress(KeyboardInterrupt):
         batch.run(library, threads, bar.look)
+    if method != "event":
+        _judge(marionette, batch)
     return _trajectories(marionette, batch, method, names)
+
+
+def _judge(marionette: Marionette, batch: Batch) -> None:
+    """Names the runs that reached their end and are not sound; of energy, where books are kept."""
+    done = batch.status == Status.DONE
+    gain = np.zeros(batch.n)
+    if "books" in batch.parts and np.any(done):
+        columns = np.moveaxis(_ledger(batch.parts["books"][done]), -1, 0)
+        kinetic, potential, work, residual = (
+            columns[LEDGER.index(name)] for name in ("kinetic", "potential", "work", "residual")
+        )
+        gain[done] = gains(marionette, kinetic, potential, work, residual)
+    for i in np.flatnonzero(done):
+        batch.status[i] = verdict(float(batch.violation[i]), float(gain[i]))
 
 
 def _listed(given, kind: type, name: str, maker: str) -> list:

@@ -32,6 +32,7 @@ from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Run
 from fantoccini.simulate.many import simulate_many
 from fantoccini.simulate.redundant import STOPPED_BY, Contradiction, contradiction, overpulled
+from fantoccini.simulate.soundness import judged
 from fantoccini.simulate.weak_motors import too_weak
 
 if TYPE_CHECKING:
@@ -114,11 +115,12 @@ def simulate(
         The trajectory, or those of a batch.
 
     Raises:
-        StateError: ``x0`` breaks a string or limit; ``marionette.project(x0)`` repairs it. Or the
-            rows of the run do not fit in memory.
+        StateError: ``x0`` breaks a string or limit; ``marionette.project(x0)`` repairs it. Or
+            ``dt`` is too long for a chain or a spring, or the rows do not fit in memory.
         InputError: the inputs do not start where ``x0`` is.
         ValueError: an argument that makes no sense.
-        SimulationError: the run stopped; the error carries the trajectory so far.
+        SimulationError: the run stopped, or with a fixed step overstepped rows or gained energy;
+            the error carries the trajectory so far.
     """
     check_method(method)
     if integrator is not None:
@@ -187,8 +189,12 @@ def simulate(
     if contradicted:
         status = Status.REDUNDANT_STRINGS
         made = dataclasses.replace(made, status=status, blamed=contradicted.names)
+    unsound = ""
+    if status is Status.DONE and method != "event":
+        status, unsound = judged(marionette, made, dt)
+        made = dataclasses.replace(made, status=status)
     if status is not Status.DONE and throw:
-        raise SimulationError(status, _where(marionette, made, contradicted), made)
+        raise SimulationError(status, unsound or _where(marionette, made, contradicted), made)
     return made
 
 

@@ -20,9 +20,12 @@ enum Status : int {
   NOT_SETTLED = 13,
   LOST_STEPS = 14,
   RUNAWAY = 15,
-  // Of Python alone, which keeps the rows and looks at what strings contradict one another.
+  // Of Python alone, which keeps the rows, judges runs at their end, and finds strings that
+  // contradict one another.
   TOO_MANY_ROWS = 16,
   REDUNDANT_STRINGS = 17,
+  OVERSTEPPED = 18,
+  GAINED_ENERGY = 19,
 };
 
 // What happened to a row; the numbers are those of fantoccini.motion.EventKind.

@@ -1,0 +1,172 @@
+"""Fixed steps: what spins keeps its energy, any drag damps, and what is wrong is said."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.marionette import Stepper
+
+CAPSULE = """
+puppet: free
+gravity: [0, 0, 0]
+bodies:
+  - name: D
+    joint: {type: free}
+    shapes: [{type: capsule, from: [0, 0, 0], to: [0, 0, -0.2], radius: 0.015, mass: 0.1}]
+"""
+
+CHAIN = """
+puppet: spun_chain
+gravity: [0, 0, 0]
+bodies:
+  - name: first
+    joint: {type: free}
+    shapes: [{type: capsule, from: [0, 0, 0], to: [0, 0, -0.2], radius: 0.015, mass: 0.1}]
+  - name: second
+    parent: first
+    joint: {type: ball, at: [0, 0, -0.2]}
+    shapes: [{type: capsule, from: [0, 0, 0], to: [0, 0, -0.15], radius: 0.012, mass: 0.06}]
+  - name: third
+    parent: second
+    joint: {type: revolute, axis: [0, 1, 0], at: [0, 0, -0.15]}
+    shapes: [{type: capsule, from: [0, 0, 0], to: [0, 0, -0.1], radius: 0.012, mass: 0.04}]
+"""
+
+DRAGGED = """
+puppet: dragged
+gravity: [0, 0, 0]
+bodies:
+  - name: bead
+    joint: {type: free}
+    drag: {linear: 150, quadratic: 3, angular: 2.0e-3}
+    shapes: [{type: sphere, radius: 0.006, mass: 0.009}]
+"""
+
+SPRUNG = """
+puppet: sprung
+bodies:
+  - {name: bob, joint: {type: translation, axes: [x, y, z]}, mass: 0.1}
+springs:
+  - name: coil
+    between: [{body: bob}, {world: [0, 0, 1]}]
+    stiffness: {parameter: k, value: 25}
+    rest: 0.9
+    damping: {parameter: c, value: 0}
+"""
+
+UNEQUAL = """
+puppet: unequal
+bodies:
+  - {name: small, joint: {type: translation, axes: [x, z], at: [0, 0, -1]}, mass: 0.001}
+  - name: big
+    joint: {type: translation, axes: [x, z], at: [0, 0, -2]}
+    mass: {parameter: M, value: 1000}
+strings:
+  - {name: top, path: [{world: [0, 0, 0]}, {body: small}], length: 1}
+  - {name: below, path: [{body: small}, {body: big}], length: 1}
+"""
+
+
+def energy(run: fan.Trajectory) -> np.ndarray:
+    return run.ledger["kinetic"] + run.ledger["potential"]
+
+
+def spun(puppet: fan.Marionette, v_D: np.ndarray) -> fan.State:
+    return puppet.state().replace(v_D=np.asarray(v_D, dtype=float))
+
+
+@pytest.mark.parametrize("w, bound", [(10.0, 0.03), (20.0, 0.05), (40.0, 0.1)])
+def test_a_free_body_that_spins_keeps_its_energy(w, bound):
+    """17.20: with its velocity products at v it gained a factor of 2.5 to 4,000 in 5 s."""
+    puppet = fan.loads(CAPSULE)
+    run = fan.simulate(
+        puppet, spun(puppet, [0, 0, 0, w, 0.1 * w, w]), t_end=5.0, method="timestepping"
+    )
+    assert np.max(np.abs(energy(run) / energy(run)[0] - 1.0)) < bound
+
+
+def test_a_chain_of_bodies_that_spins_keeps_its_energy_in_lanes_too():
+    """17.20: ball and scalar joints; a batch makes the steps of single runs."""
+    puppet = fan.loads(CHAIN)
+    rng = np.random.default_rng(0)
+    starts = [spun(puppet, 10.0 * rng.uniform(-1, 1, puppet.coordinates.n_vD)) for _ in range(3)]
+    many = fan.simulate(puppet, starts, t_end=2.0, method="timestepping", save="all")
+    for x, run in zip(starts, many, strict=True):
+        alone = fan.simulate(puppet, x, t_end=2.0, method="timestepping")
+        assert np.max(energy(alone) / energy(alone)[0]) < 1.05
+        assert run.status is alone.status is fan.Status.DONE
+        np.testing.assert_allclose(run.v_D[-1], alone.v_D[-1], atol=1e-6)
+        np.testing.assert_allclose(run.ledger["damping"], alone.ledger["damping"], atol=1e-9)
+
+
+def test_energy_made_out_of_nothing_ends_with_a_status():
+    """17.20: a spin that the step cannot follow is told, with the trajectory to its end."""
+    puppet = fan.loads(CAPSULE)
+    x = spun(puppet, [0, 0, 0, 300, 30, 300])
+    with pytest.raises(fan.SimulationError, match=r"shorter than 0\.002 s") as caught:
+        fan.simulate(puppet, x, t_end=5.0, method="timestepping")
+    run = caught.value.trajectory
+    assert run.status is fan.Status.GAINED_ENERGY
+    assert run.t[-1] == 5.0
+    many = fan.simulate(puppet, [x], t_end=5.0, method="timestepping", save="all")
+    assert many.status[0] == fan.Status.GAINED_ENERGY
+
+
+def test_drag_is_implicit():
+    """17.21: however strong, it slows down, and the ledger has what it took."""
+    puppet = fan.loads(DRAGGED)
+    x = spun(puppet, [1.0, 0.2, -0.3, 1.0, 0.5, -0.2])
+    run = fan.simulate(puppet, x, t_end=0.1, method="timestepping")
+    speed = np.linalg.norm(run.v_D[:, :3], axis=1), np.linalg.norm(run.v_D[:, 3:], axis=1)
+    for part in speed:
+        assert np.all(np.diff(part) <= 0) and part[-1] < 1e-3 * part[0]
+    assert run.ledger["damping"][-1] == pytest.approx(run.ledger["kinetic"][0], rel=0.02)
+
+
+def test_the_derivatives_of_a_step_have_its_drag():
+    """17.21: A is that of the implicit step."""
+    puppet = fan.loads(DRAGGED)
+    x, dt, n = spun(puppet, [1.0, 0.2, -0.3, 1.0, 0.5, -0.2]), 0.002, 6
+    A = puppet.linearise_step(x, dt=dt).A[n:, n:]
+
+    def end(v):
+        start = x.replace(v_D=v)
+        return Stepper(puppet, start, "timestepping", puppet.run_options(dt=dt)).advance(dt).v_D
+
+    for k in range(n):
+        d = 1e-6 * np.eye(n)[k]
+        found = (end(x.v_D + d) - end(x.v_D - d)) / 2e-6
+        np.testing.assert_allclose(A[:, k], found, atol=1e-7)
+
+
+@pytest.mark.parametrize("method", ["timestepping", "variational"])
+@pytest.mark.parametrize("k, c, longest", [(1e6, 0.0, "0.00063"), (10.0, 150.0, "0.0013")])
+def test_springs_too_stiff_for_the_step_are_refused(method, k, c, longest):
+    """17.21: 2 / omega, or 2 m / c; a run at a third of it is sound."""
+    puppet = fan.loads(SPRUNG).with_parameters({"k": k, "c": c})
+    x = puppet.state().replace(q_D=np.array([0.0, 0.0, 0.11]))
+    with pytest.raises(fan.StateError, match=f"for the spring coil.*above {longest} s"):
+        fan.simulate(puppet, x, t_end=1.0, method=method)
+    run = fan.simulate(puppet, x, t_end=0.5, method=method, dt=0.33 * float(longest))
+    assert np.max(np.abs(run.q_D[:, 2] - 0.1)) < 0.1
+
+
+def test_strings_that_vibrate_faster_than_the_step_are_told():
+    """17.2: 1 g between two strings above 1,000 kg; the longest step is 2 / omega."""
+    puppet = fan.loads(UNEQUAL)
+    x = spun(puppet, [0, 0, 0.3, 0])
+    omega = np.sqrt(2 * 1000 * 9.81 / 0.001)
+    with pytest.raises(fan.SimulationError, match="overstepped") as caught:
+        fan.simulate(puppet, x, t_end=1.0, method="timestepping")
+    run = caught.value.trajectory
+    assert run.status is fan.Status.OVERSTEPPED and run.t[-1] == 1.0
+    assert f"above {2 / omega:.2g} s" in str(caught.value)
+    assert "top by" in str(caught.value) or "below by" in str(caught.value)
+    many = fan.simulate(puppet, [x], t_end=1.0, method="timestepping")
+    assert many.status[0] == fan.Status.OVERSTEPPED
+    fine = fan.simulate(puppet, x, t_end=1.0, method="timestepping", dt=1.0 / omega)
+    assert np.max(fine.violation.values) < 1e-6
+    few = puppet.with_parameters({"M": 10.0})
+    assert fan.simulate(few, x, t_end=1.0, method="timestepping").status is fan.Status.DONE
