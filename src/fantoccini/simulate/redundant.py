@@ -40,7 +40,7 @@ _DEPENDS = 1e-9
 """Singular values below this part of the largest are none."""
 _EXCESS = 10.0
 """Tensions above so many times those of least norm and the weight come of a contradiction."""
-_RECURS = 3
+_RECURS = 2
 """Rows at which they have to be found."""
 _MOST_LOOKS = 32
 """Rows of a run whose tensions are looked at."""
@@ -104,7 +104,7 @@ def overpulled(marionette: Marionette, run: Trajectory) -> int | None:
     """The first row of a run at which tensions are far beyond what its motion needs, or None.
 
     Of all tensions x >= 0 with the same A_D^T x the least are compared: what exceeds them are
-    tensions that pull against one another. Once or twice, as at a catch, is no contradiction.
+    tensions that pull against one another. Once, as at a catch, is no contradiction.
     """
     pulls = np.max(run.tension.values, axis=1, initial=0.0)
     rows = np.flatnonzero(pulls > _EXCESS * marionette.reference_force)
