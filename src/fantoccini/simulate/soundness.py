@@ -15,8 +15,10 @@ from fantoccini.motion import Trajectory
 MOST_VIOLATION = 0.02
 """Violation of a string or limit beyond which a run counts as overstepped [m or rad]."""
 
-MOST_GAIN = 1.0
-"""Energy out of nothing, relative to all that there was to take, beyond which a run has gained."""
+MOST_GAIN = 5.0
+"""Energy out of nothing, relative to all that there was to take, beyond which a run has gained.
+
+Near the longest step for a spring the energy swings to several times its own, and does not grow."""
 
 _FALL = 1e-3
 """Fall of the puppet whose energy is always there to take [m]."""
