@@ -140,7 +140,9 @@ def test_malformed_inputs_are_a_located_mistake(name, text, line, message, tmp_p
 def test_an_archive_of_objects_is_not_read(tmp_path) -> None:
     path = tmp_path / "x.npz"
     np.savez(path, t=np.array([0, {}], dtype=object))
-    assert "is not an array of numbers" in mistake("check", "-q", "arm2d", "--inputs", path)
+    assert "t: is not a plain array: holds object" in mistake(
+        "check", "-q", "arm2d", "--inputs", path
+    )
 
 
 def test_files_that_are_not_files(tmp_path) -> None:

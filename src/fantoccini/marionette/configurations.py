@@ -33,7 +33,7 @@ class Configurations:
         Returns:
             (..., n_vD), or (..., n_vK) [rad or m].
         """
-        scalars, quaternions, n_v = self._places(driven)
+        scalars, quaternions, n_v = self._vectors_of(driven)
         q0, q1 = (self._configuration(q, driven) for q in (q0, q1))
         return tangent.between(scalars, quaternions, q0, q1, n_v)
 
@@ -48,7 +48,7 @@ class Configurations:
         Returns:
             (..., n_qD), or (..., n_qK).
         """
-        scalars, quaternions, n_v = self._places(driven)
+        scalars, quaternions, n_v = self._vectors_of(driven)
         q, dq = self._configuration(q, driven), checks.vectors("dq", dq, n_v)
         return tangent.moved(scalars, quaternions, q, dq)
 
@@ -65,7 +65,7 @@ class Configurations:
         t = self.coordinates
         return checks.vectors("q", q, t.n_qK if driven else t.n_qD)
 
-    def _places(self, driven: bool) -> tuple[tangent.Places, tangent.Places, int]:
+    def _vectors_of(self, driven: bool) -> tuple[tangent.Places, tangent.Places, int]:
         t = self.coordinates
         if driven:
             return t.scalars_K, t.quaternions_K, t.n_vK

@@ -204,12 +204,8 @@ class Input:
         t, q, v, acc = (np.asarray(x, dtype=float) for x in (t, q_K, v_K, acc_K))
         coef, base = pieces.constant_acceleration(table, t, q, v, acc)
         made = cls(table, t, coef, base, np.ones(table.n_vK, dtype=bool))
-        findings = Findings()
         # One piece cannot jump: a stepper asks for it a hundred times a second.
-        if len(acc) > 1:
-            pieces.note_steps(table, made.breaks, coef, base, findings)
-        findings.raise_any()
-        return made
+        return made if len(acc) == 1 else made._joined(Findings())
 
     @classmethod
     def load(cls, table, path: str | Path) -> Input:
@@ -373,9 +369,13 @@ class Input:
             InputError: naming the coordinates and times where it jumps.
         """
         findings = Findings()
+        binding.note_lengths(self.coordinates, self.breaks[None], self.coef[None], findings)
+        return self._joined(findings)
+
+    def _joined(self, findings: Findings) -> Input:
+        """The same without small jumps; raises what was found before, and larger jumps."""
         arrays = self.breaks, self.coef, self.base, self.named
         coef = pieces.joined(self.coordinates, *arrays, findings)
-        binding.note_lengths(self.coordinates, self.breaks[None], coef[None], findings)
         findings.raise_any()
         return self if coef is self.coef else dataclasses.replace(self, coef=coef)
 
