@@ -145,7 +145,7 @@ def test_mistakes_are_told_with_their_places(run, tmp_path):
     np.savez(other, x=np.zeros(3))
     assert "is not a trajectory" in mistake("show", other)
     other.write_bytes(run.read_bytes()[:500])
-    assert "is not a trajectory" in mistake("show", other)
+    assert "is not an npz file of plain arrays" in mistake("show", other)
     assert "a run (.npz) can" in mistake("show", "arm2d", "--html", tmp_path / "x.html")
     assert "allowed: .html" in mistake("show", run, "--html", tmp_path / "x.png")
     assert "--port" in mistake("show", run, "--port", "70000")

@@ -75,6 +75,7 @@ def test_a_function_in_pieces_gives_the_same_bits(name, which, longest, tmp_path
     built = compile_program(str(tmp_path / "both.cpp"), tmp_path, "-O1", "-ffp-contract=off")
     state = Model.of(load(puppets.path(name))).random(0)
     values = vars(state) | {"u_D": state.v_D, "dt": np.array([2e-3]), "p": np.zeros(0)}
+    values["v_ahead"] = 1.01 * state.v_D
     given = [values[argument] for argument in function.name_in()]
     words = [function.n_in(), function.n_out()]
     for x in given:
