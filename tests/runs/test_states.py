@@ -33,7 +33,13 @@ def wandering(marionette):
     """A second of the marionette with its strings in wandering hands, by method."""
     x0 = marionette.rest()
     inputs = fan.Input.random(marionette, 1, seed=1, t_end=1.0).bound(x0.q_K)[0]
-    return inputs, {m: fan.simulate(marionette, x0, inputs, method=m) for m in FIXED}
+    runs = {m: fan.simulate(marionette, x0, inputs, method=m, **alone(m)) for m in FIXED}
+    return inputs, runs
+
+
+def alone(method):
+    """Options under which a step depends on its state alone."""
+    return {"extrapolate": False} if method == "timestepping" else {}
 
 
 def forces(run: fan.Trajectory, row: int) -> np.ndarray:
@@ -151,8 +157,9 @@ def test_a_run_goes_on_from_any_of_its_rows(marionette, wandering, method):
     for i in range(0, len(whole) - 5, 7):
         x = whole.state(i)
         part = fan.simulate(
-            marionette, x, inputs, t_end=whole.t[i + 5], method=method, effort=False
-        )
+            marionette, x, inputs, t_end=whole.t[i + 5], method=method, effort=False,
+            **alone(method),
+        )  # fmt: skip
         np.testing.assert_allclose(part.q_D[-1], whole.q_D[i + 5], atol=1e-9)
         np.testing.assert_allclose(part.v_D[-1], whole.v_D[i + 5], atol=1e-7)
     last = fan.simulate(marionette, whole.state(len(whole) - 1), t_end=1.1, method=method)
@@ -163,11 +170,24 @@ def test_a_run_goes_on_from_any_of_its_rows(marionette, wandering, method):
 def test_a_run_goes_on_a_hundred_times(arm, lift, method):
     """17.7: piece by piece, each from the end of the last, is the run at one go."""
     x = arm.project(arm.rest({"hand.length": 0.8}).replace(v_D=[1.0, -2.0]))
-    whole = fan.simulate(arm, x, lift, t_end=1.0, method=method)
+    whole = fan.simulate(arm, x, lift, t_end=1.0, method=method, **alone(method))
     for k in range(100):
-        x = fan.simulate(arm, x, lift, t_end=(k + 1) * 0.01, method=method).state(-1)
+        end = (k + 1) * 0.01
+        x = fan.simulate(arm, x, lift, t_end=end, method=method, **alone(method)).state(-1)
     np.testing.assert_allclose(x.q_D, whole.q_D[-1], atol=1e-8)
     np.testing.assert_allclose(x.v_D, whole.v_D[-1], atol=1e-6)
+
+
+def test_extrapolating_steps_go_on_within_their_error(arm, lift):
+    """17.7, 17.20: a run that goes on lacks the accelerations before: an error of one step each."""
+    x0 = arm.project(arm.rest({"hand.length": 0.8}).replace(v_D=[1.0, -2.0]))
+    runs = {dt: fan.simulate(arm, x0, lift, t_end=1.0, method="timestepping", dt=dt)
+            for dt in (0.002, 0.001)}  # fmt: skip
+    error = np.abs(runs[0.002].q_D[-1] - runs[0.001].q_D[-1]).max()
+    x = x0
+    for k in range(100):
+        x = fan.simulate(arm, x, lift, t_end=(k + 1) * 0.01, method="timestepping").state(-1)
+    assert 0.0 < np.abs(x.q_D - runs[0.002].q_D[-1]).max() < error
 
 
 def test_an_event_driven_run_goes_on_from_its_rows(arm, lift):

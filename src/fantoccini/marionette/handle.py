@@ -378,6 +378,7 @@ class Marionette(Compiled, Portable, Analysis, Differentiable, Configurations):
         dt: float = 0.002,
         rtol: float = 1e-11,
         atol: float = 1e-11,
+        extrapolate: bool = True,
     ) -> Stepper:
         """A run that is advanced piece by piece; see :class:`Stepper`.
 
@@ -386,12 +387,15 @@ class Marionette(Compiled, Portable, Analysis, Differentiable, Configurations):
             method: ``timestepping``, ``variational`` or ``event``.
             dt: step of the first two [s].
             rtol, atol: tolerances of the event-driven integrator.
+            extrapolate: time-stepping takes velocity products half a step on, from the steps before;
+                False makes each step depend on its state alone, as :meth:`linearise_step` has it.
         """
         checks.check_method(method)
         checks.check_positive(dt=dt, rtol=rtol, atol=atol)
         self.check_start(x0, method)
         checks.check_step(self, method, x0.q_D, x0.q_K, dt)
-        return Stepper(self, x0, method, self.run_options(dt=dt, rtol=rtol, atol=atol))
+        options = self.run_options(dt=dt, rtol=rtol, atol=atol, extrapolate=extrapolate)
+        return Stepper(self, x0, method, options)
 
     def flow(self, x0: State, inputs: Input | None = None) -> Flow:
         """The motion from a state while no string catches or releases; see :class:`Flow`.

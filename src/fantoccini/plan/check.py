@@ -119,7 +119,7 @@ def checked(
     if backend == "mujoco":
         _check_mujoco(dt_factor, method, options)
     else:
-        options["method"] = method
+        options |= {"method": method, "extrapolate": method != "timestepping"}
     if method == "timestepping":
         options["dt"] = motions.dt * dt_factor
     run = run_along(problem, tree, path, backend, **options)

@@ -165,7 +165,8 @@ class Motions:
         self.slack = slack
         self.looks, self.threads = looks, threads
         self.funnels: list[Funnel] = []
-        self.options = marionette.run_options(dt=dt, save_every=look)
+        # Motions begin anew at every node: a step that depends on its state alone does not notice.
+        self.options = marionette.run_options(dt=dt, save_every=look, extrapolate=False)
         limits = bounds.speed, bounds.acceleration, bounds.low, bounds.high
         terms = Terms(
             self.options, looks, marionette.p, marionette.winches, limits, margin, slack,

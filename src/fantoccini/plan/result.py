@@ -235,8 +235,9 @@ class PlanResult:
     def trajectory(self) -> Trajectory:
         """The plan by the time-stepper, with the planner's step."""
         return run_along(
-            self.problem, self.tree, self.path, method="timestepping", dt=self.motions.dt
-        )
+            self.problem, self.tree, self.path, method="timestepping", dt=self.motions.dt,
+            extrapolate=False,
+        )  # fmt: skip
 
     @property
     def clearance(self) -> Array:

@@ -40,6 +40,7 @@ class Options(Numbers, ctypes.Structure):
         ("max_steps", ctypes.c_longlong),
         ("max_events", ctypes.c_longlong),
         ("save_steps", ctypes.c_int),
+        ("extrapolate", ctypes.c_int),
     ]
 
 
@@ -70,6 +71,7 @@ class RunOptions:
         save_steps: write every accepted step of the event-driven integrator.
         save_every: write every so many of these steps.
         max_memory: for the rows and events of one run [bytes]; half of what is free when not given.
+        extrapolate: time-stepping takes velocity products half a step on.
 
     Raises:
         ValueError: a tolerance, a step or a bound is not positive and finite, or a number of steps
@@ -90,6 +92,7 @@ class RunOptions:
     save_steps: bool
     save_every: int = 1
     max_memory: float | None = None
+    extrapolate: bool = True
 
     def __post_init__(self) -> None:
         for name in ("rtol", "atol", "first_step", "max_step", "dt"):

@@ -59,6 +59,7 @@ def simulate(
     atol: float = 1e-11,
     max_step: float = 0.1,
     dt: float = 0.002,
+    extrapolate: bool = True,
     save_at: Array | None = None,
     save_every: int = 1,
     effort: bool = True,
@@ -95,6 +96,9 @@ def simulate(
         rtol, atol: tolerances of the event-driven integrator.
         max_step: its largest step [s].
         dt: step of ``timestepping`` and ``variational`` [s].
+        extrapolate: time-stepping takes velocity products half a step on, from the accelerations of
+            the steps before, which keeps energy where something spins; False makes each step depend
+            on its state alone, so that a run goes on from any row to the same bits.
         save_at: (n,) times to write, next to the start, the end and those of events
             (event-driven only) [s]; every step when not given.
         save_every: write every so many steps (not event-driven).
@@ -134,10 +138,12 @@ def simulate(
             f"marionette is a {type(marionette).__name__}; it must be one Marionette, as fan.load "
             "gives it. Simulate several one by one, or with fan.sweep"
         )
+    if not extrapolate and method != "timestepping":
+        raise ValueError(f"extrapolate=False goes with method='timestepping', not {method!r}")
     many = not isinstance(x0, State) or not isinstance(inputs, Input | None)
     options = marionette.run_options(
         rtol=rtol, atol=atol, max_step=max_step, dt=dt, save_steps=save_at is None and not many,
-        save_every=save_every, max_memory=max_memory,
+        save_every=save_every, max_memory=max_memory, extrapolate=extrapolate,
     )  # fmt: skip
     if many:
         if integrator is not None:

@@ -53,6 +53,7 @@ struct LedStep {
     }
     for (int i = 0; i < S; ++i) at.slips[i] = no;
     at.stirred = at.idle = no;
+    at.extrapolates = opt.extrapolate != 0;
     for (int k = 0; k < N; ++k) at.acc[k] = Real(0.0);
     at.forget(!no);
     Real slip[room(S)];

@@ -12,7 +12,8 @@ struct Options {
   double recovery_speed;  // m/s: time-stepping's cap on how fast a violation is taken back
   double dt;              // s: step of the methods with a fixed one
   long long max_steps, max_events;
-  int save_steps;  // write every accepted step
+  int save_steps;   // write every accepted step
+  int extrapolate;  // time-stepping: velocity products half a step on, from the steps before
 };
 
 }  // namespace fan

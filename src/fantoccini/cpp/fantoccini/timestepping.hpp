@@ -10,12 +10,14 @@
 //   v_ahead = v + dt (a/2 + (a - a-)/4)
 //
 // At v they would add energy to whatever spins, by exp((w dt)^2 t/dt); with a/2 alone by
-// exp((w dt)^4 t/2dt), which the quarter takes away. At the start, and after a catch or a brake,
-// which do not go on, a = 0. Where the cap is
-// the largest tension of a string's winch, the winch gives way by what is left. Once a row was
-// overstepped by kStirred, all velocities are scaled down where a step would turn a coordinate by
-// more than kWidestTurn or move one by more than kLongestStride; before, by kWild times as much. Written for any Real: lanes step
-// together, each with its own rows.
+// exp((w dt)^4 t/2dt), which the quarter takes away. At the start, after a catch and after a brake
+// there is nothing to extrapolate: a = 0. Without `extrapolates`, v_ahead is v, and a step depends on
+// its state alone.
+//
+// Where the cap is the largest tension of a string's winch, the winch gives way by what is left. Once
+// a row was overstepped by kStirred, all velocities are scaled down where a step would turn a
+// coordinate by more than kWidestTurn or move one by more than kLongestStride; before, by kWild times
+// as much. Written for any Real: lanes step together, each with its own rows.
 #pragma once
 
 #include "evaluation.hpp"
@@ -43,6 +45,7 @@ struct TimeStep {
   Real acc[room(N)];      // (v+ - v) / dt
   Real trend[room(N)] = {};  // the same where the step to come is expected to go on so, else 0
   Real lead[room(N)] = {};   // (v_ahead - v) / dt of the step to come
+  bool extrapolates = true;  // otherwise v_ahead is v: a step depends on its state alone
   Mask steady = Real(0.0) > Real(1.0);  // whether trend is no 0 for want of something to go on
   Real tension[room(M)];  // Lambda / dt
   Mask taut[room(M)];    // after the last step
@@ -90,6 +93,7 @@ struct TimeStep {
     stirred = stirred || violation > Real(kStirred);
     const Real most = select(stirred, Real(1.0), Real(kWild));
     if (any(!(squares<N>(part) < most * most))) slow_down(part, most, v_next, move);
+    if (!extrapolates) steady = Real(0.0) > Real(1.0);
     if (any(!steady)) forget(!steady);
     retract<typename Model::Dynamic>(q_D, move, q_next);
   }
