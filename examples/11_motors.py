@@ -32,12 +32,12 @@ for torque in (0.05, 0.018):
     arm = stand.with_parameters({"torque": torque})
     x0 = arm.rest({"hand.length": 0.8})
     lift = fan.Input.waypoints(arm, LIFT)
-    run = fan.simulate(arm, x0, lift, t_end=2.5, method="timestepping", dt=1e-4)
+    run = fan.simulate(arm, x0, lift, t_end=2.5, method="timestepping", dt=1e-4, throw=False)
     length = run.q_D[:, run.coordinates.q_D.index("hand.length")]
     force = max(abs(run.effort["hand.command.length"]))
     print(
         f"{1e3 * torque:4.0f} mN m: pulls up to {force:.2f} N, reaches {length.min():.3f} m, "
-        f"{length[-1] - 0.8:+.3f} m off at the end"
+        f"{length[-1] - 0.8:+.3f} m off at the end: {run.status.message}"
     )
 run.plot(out / "motors.png")
 print("wrote", out / "motors.png")

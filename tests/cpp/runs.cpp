@@ -35,6 +35,7 @@ fan::Options options() {
   o.max_steps = static_cast<long long>(take());
   o.max_events = static_cast<long long>(take());
   o.save_steps = int(take());
+  o.extrapolate = int(take());
   return o;
 }
 
@@ -98,9 +99,9 @@ int main() {
     fan_set_input(run, &input);
   }
   if (status == fan::RUNNING || status == fan::DONE) status = run_to(run, t_end, sheets);
-  double progress[3], blame[fan::room(Model::n_rows)], most = 0.0;
+  double progress[3], blame[fan::room(Model::n_rows + Model::n_watched)], most = 0.0;
   fan_progress(run, progress);
-  fan_blame(run, blame);
+  fan_blame(run, status, blame);
   fan_free(run);
   for (int r = 0; r < Model::n_rows; ++r) most = blame[r] > most ? blame[r] : most;
 

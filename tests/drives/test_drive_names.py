@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
@@ -65,7 +67,8 @@ def test_a_rotation_comes_in_four_columns_of_either_name(tmp_path):
 
 def test_a_table_reads_back_with_its_commands():
     whole = table(MACHINES)
-    data, starts = _table_to_json(whole), {"start_D": whole.start_D, "start_K": whole.start_K}
+    data = json.loads(json.dumps(_table_to_json(whole)))
+    starts = {"start_D": whole.start_D, "start_K": whole.start_K}
     assert _table_from_json(data, starts).commands == whole.commands
     del data["commands"]  # of runs from before there were drives
     assert _table_from_json(data, starts).commands == {}

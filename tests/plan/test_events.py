@@ -22,7 +22,10 @@ def dropped(lift: float, segments: int) -> PlanResult:
         q_D=rest.q_D + np.array([lift, -0.3 * lift]), taut=np.zeros_like(rest.taut)
     )
     duration = 0.1 * segments
-    end = fan.simulate(arm, start, t_end=duration, method="timestepping", dt=0.004).q_D[-1]
+    made = fan.simulate(
+        arm, start, t_end=duration, method="timestepping", dt=0.004, extrapolate=False
+    )
+    end = made.q_D[-1]
     goal = fan.Goal.pose(arm, dict(zip(arm.coordinates.q_D, end, strict=True)), speed_weight=0.0)
     problem = Problem(arm, start, goal, tolerance=1e-3, speed=5.0, acceleration=10.0)
 

@@ -9,6 +9,8 @@ import fantoccini as fan
 from fantoccini.errors import FileError
 from fantoccini.plan import Explore
 
+NO_PLAN = r"is not a plan that this version can read|is not an npz file"
+
 
 @pytest.fixture(scope="module")
 def problem() -> fan.Problem:
@@ -41,7 +43,7 @@ def test_what_is_no_plan_is_told(problem, tmp_path):
     with pytest.raises(FileError, match="no such file"):
         fan.PlanResult.load(path, problem)
     path.write_bytes(b"not a plan")
-    with pytest.raises(FileError, match="is no plan"):
+    with pytest.raises(FileError, match=NO_PLAN):
         fan.PlanResult.load(path, problem)
     fan.simulate(problem.marionette, problem.start, t_end=0.1).save(path)
     with pytest.raises(FileError, match="has the format"):
@@ -55,7 +57,7 @@ def test_what_is_no_plan_is_told(problem, tmp_path):
         fan.PlanResult.load(path, fan.load_problem("arm3d_boxes", tolerance=0.2))
     raw = path.read_bytes()
     path.write_bytes(raw[: len(raw) // 2])
-    with pytest.raises(FileError, match="is no plan"):
+    with pytest.raises(FileError, match=NO_PLAN):
         fan.PlanResult.load(path, problem)
 
 
@@ -89,5 +91,5 @@ def test_damaged_arrays_are_told(problem, tmp_path, name, change):
         arrays = {key: file[key] for key in file.files}
     arrays[name] = change(arrays[name])
     np.savez(path, **arrays)
-    with pytest.raises(FileError, match="is no plan"):
+    with pytest.raises(FileError, match=NO_PLAN):
         fan.PlanResult.load(path, problem)

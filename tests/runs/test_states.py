@@ -283,7 +283,7 @@ strings:
   - {name: rod, path: [{body: bob}, {world: [0, 0, 1]}], length: 0.5, wire: true}
 """  # noqa: E501
     puppet = fan.Marionette(loads(text))
-    with pytest.raises(fan.StateError, match=r"lengths: rod$"):
+    with pytest.raises(fan.StateError, match=r"lengths: rod is too short by 500 mm"):
         puppet.project(puppet.state())
 
 

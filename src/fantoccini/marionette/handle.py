@@ -387,8 +387,9 @@ class Marionette(Compiled, Portable, Analysis, Differentiable, Configurations):
             method: ``timestepping``, ``variational`` or ``event``.
             dt: step of the first two [s].
             rtol, atol: tolerances of the event-driven integrator.
-            extrapolate: time-stepping takes velocity products half a step on, from the steps before;
-                False makes each step depend on its state alone, as :meth:`linearise_step` has it.
+            extrapolate: time-stepping takes velocity products half a step on, from the steps
+                before; False makes each step depend on its state alone, as
+                :meth:`linearise_step` has it.
         """
         checks.check_method(method)
         checks.check_positive(dt=dt, rtol=rtol, atol=atol)

@@ -283,7 +283,8 @@ class Feedback:
         if names[0] != names[1]:
             raise StateError("the puppet that is led has other coordinates than the plan's")
         x = beginning(problem, method) if x0 is None else x0
-        stepper = led.stepper(x, method, **({"dt": self.plan.motions.dt, "extrapolate": False} | options))
+        steps = {"dt": self.plan.motions.dt, "extrapolate": False} | options
+        stepper = led.stepper(x, method, **steps)
         m, whole = len(self.looks), self.plan.motions.looks
         more = int(np.ceil(hold / (whole * interval) - 1e-9))
         states, asked = [x], []
