@@ -158,8 +158,8 @@ class Status(enum.IntEnum):
 ARRIVED = (Status.DONE, Status.LOST_STEPS, Status.RUNAWAY)
 """Statuses with which compiled runs may have got as far as they should.
 
-Of ``DONE`` alone all is well; ``RUNAWAY`` may end early. ``OVERSTEPPED`` and ``GAINED_ENERGY``, which
-are given afterwards to runs that reached their end, are not among them.
+Of ``DONE`` alone all is well; ``RUNAWAY`` may end early. ``OVERSTEPPED`` and ``GAINED_ENERGY`` are
+not among them: they are given afterwards to runs that reached their end.
 """
 
 
