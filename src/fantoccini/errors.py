@@ -145,7 +145,10 @@ class Status(enum.IntEnum):
     SINGULAR_MASS = 12, "the mass matrix is singular: a joint moves no mass"
     NOT_SETTLED = 13, "the equations of a step could not be solved"
     LOST_STEPS = 14, "the run reached its end, but a stepper lost steps on the way"
-    RUNAWAY = 15, "a load dragged a drive away although its motor gave all it can"
+    RUNAWAY = 15, (
+        "a load dragged a drive away although its motor gave all it can; the run ends early where "
+        "it is gone too far"
+    )
     TOO_MANY_ROWS = 16, "the rows of the run reached the bound on memory"
     REDUNDANT_STRINGS = 17, "redundant strings contradict one another"
     OVERSTEPPED = 18, "the end was reached, but strings or limits were overstepped"
@@ -153,7 +156,11 @@ class Status(enum.IntEnum):
 
 
 ARRIVED = (Status.DONE, Status.LOST_STEPS, Status.RUNAWAY)
-"""Statuses of runs that may have got as far as they should; of ``DONE`` alone all is well."""
+"""Statuses with which compiled runs may have got as far as they should.
+
+Of ``DONE`` alone all is well; ``RUNAWAY`` may end early. ``OVERSTEPPED`` and ``GAINED_ENERGY`` are
+not among them: they are given afterwards to runs that reached their end.
+"""
 
 
 class SimulationError(FantocciniError):

@@ -80,6 +80,20 @@ def test_a_stepper_that_is_too_weak_does_not_end_well(stepped, method):
     assert not lost(strong) and not strong.summary()["drives"]
 
 
+def test_a_row_that_is_overstepped_goes_before_lost_steps():
+    """In single runs and in batches; the drive is not to blame for it."""
+    link = "{name: link, path: [{world: [2, 0, 0]}, {driven: [x], at: [2.5, 0, 0]}], length: 0.55}"
+    puppet = fan.loads((HOIST + STEPPER).replace("drives:", f"  - {link}\ndrives:"))
+    x0, weak = puppet.rest({"line.length": TOLD}), puppet.with_parameters({"T": 0.02})
+    inputs = [fan.Input.waypoints(weak, {"link.x": [(0, 2.5), (0.04, x)]}) for x in (2.5, 2.6)]
+    how = {"t_end": 0.04, "method": "timestepping", "dt": 1e-4, "throw": False}
+    runs = [fan.simulate(weak, x0, given, **how) for given in inputs]
+    many = fan.simulate(weak, x0, inputs, **how)
+    for found in ([run.status for run in runs], many.status.tolist()):
+        assert found == [Status.LOST_STEPS, Status.OVERSTEPPED]
+    assert lost(runs[1]) and not runs[1].blamed and not many.blamed(1)
+
+
 def test_scipys_integrators_locate_lost_steps(stepped):
     x0, weak = stepped.rest({"line.length": TOLD}), stepped.with_parameters({"T": 0.02})
     how = {"integrator": "RK45", "rtol": 1e-9, "atol": 1e-9}

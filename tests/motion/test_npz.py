@@ -10,7 +10,7 @@ import pytest
 
 import fantoccini as fan
 from damage import entries, fuzz, packed, stored
-from fantoccini.errors import FileError
+from fantoccini.errors import FileError, Problem
 from fantoccini.motion import Input, Trajectory, npz
 from fantoccini.perform import Recording
 from fantoccini.show.page import _form
@@ -131,6 +131,26 @@ def test_what_decoders_raise_is_caught(files, tmp_path):
         place.write_bytes(data)
         with pytest.raises(FileError, match=r"a\.npz"):
             Trajectory.load(place)
+
+
+def test_entries_that_are_there_twice_are_refused():
+    """And many entries are looked through at once, not each beside all others."""
+    def refuse(name: str, text: str) -> FileError:
+        return FileError([Problem("run.npz", None, name, text)])
+
+    class Name(str):
+        compared = 0
+        __hash__ = str.__hash__
+
+        def __eq__(self, other: object) -> bool:
+            Name.compared += 1
+            return str.__eq__(self, other)
+
+    names = [Name(f"{i}.npy") for i in range(1000)]
+    npz._check_names(names, refuse)
+    assert Name.compared < 10 * len(names)
+    with pytest.raises(FileError, match="7: is there twice"):
+        npz._check_names([*names, "7.npy"], refuse)
 
 
 def test_headers_must_agree_with_what_there_is(tmp_path):

@@ -67,6 +67,19 @@ def test_the_search_goes_on_where_a_plan_does_not_hold(boxes, monkeypatch, tmp_p
     assert "do not hold event-driven" in none.message and none.distance > boxes.tolerance
 
 
+@pytest.mark.parametrize("status", [fan.Status.LOST_STEPS, fan.Status.RUNAWAY])
+def test_a_plan_whose_drives_are_too_weak_does_not_hold(boxes, monkeypatch, status):
+    """Though its run comes to its end within the tolerance."""
+    plan = solve(boxes, seed=0, time_limit=60.0)
+    assert plan.verify(method="event").arrives
+    made = check.run_along
+    monkeypatch.setattr(
+        check, "run_along", lambda *a, **o: dataclasses.replace(made(*a, **o), status=status)
+    )
+    assert not plan.verify(method="event").arrives
+    assert not check.holds(plan.problem, plan.tree, plan.path)
+
+
 def test_ctrl_c_while_a_plan_is_confirmed_ends_the_search(boxes, monkeypatch):
     """17.19: a run that Ctrl-C stops says nothing about the plan, and is not refused."""
     whole = fan.simulate(boxes.marionette, boxes.start, t_end=0.1)

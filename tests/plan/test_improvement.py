@@ -193,7 +193,10 @@ def test_a_plan_is_improved_and_polished_at_once(problem):
     """On a slow machine the time may end before it is polished: then the plan says so."""
     found = solve(problem, seed=0, improve=2.0)
     assert found and found.replay() and found.polished is not None
-    assert found.distance <= 1e-3 or not found.polished.reached
+    if found.polished.status is PolishStatus.POLISHED:
+        assert found.distance <= 1e-3 and found.polished.reached
+    else:
+        assert found.distance <= problem.tolerance and found.polished.status.name in found.message
 
 
 def test_a_search_is_taken_up_again(problem):

@@ -89,7 +89,7 @@ def test_steps_keep_bounds_and_bring_ways_nearer(problem, shooting, V):
         assert np.all(np.abs(shooting.accelerations(to)) <= bounds.acceleration + 1e-5)
         tried = [shooting.changed(aside, slopes.basis, part * x) for part in 0.5 ** np.arange(8)]
         better = shooting.ways(shooting.within(np.stack(tried))).best
-        assert better.merit[0] < way.merit[0]
+        assert better.merit[0] < 0.95 * way.merit[0]
 
 
 def test_velocities_are_followed_as_bounds_allow(problem, shooting):

@@ -37,6 +37,16 @@ strings:
   - {name: line, path: [{body: bob}, {world: [0, 0, 1]}], length: 1.0}
 """
 
+USELESS = """
+puppet: useless
+bodies:
+  - name: rod
+    joint: {type: revolute, axis: [0, 1, 0]}
+    shapes: [{type: capsule, from: [0, 0, 0], to: [0, 0, -0.3], radius: 0.01, mass: 0.1}]
+strings:
+  - {name: link, path: [{world: [0, 0, 1]}, {driven: [x], at: [0.5, 0, 1]}], length: 0.55}
+"""
+
 
 def shaken(marionette, x0, **moves):
     """Waypoints from where the coordinates are: suffix -> (time, change with sign by turns)."""
@@ -77,6 +87,18 @@ def test_rows_that_contradict_one_another_at_once_are_named():
     assert run.status is fan.Status.IMPOSSIBLE_INPUT
     assert run.blamed == ("link",)
     assert run.t[-1] < 0.1
+
+
+@pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
+def test_a_string_that_moves_nothing_is_no_group_of_redundant_ones(method):
+    """All strings lie between a driven end and the world: W is 0."""
+    useless = fan.loads(USELESS)
+    inputs = fan.Input.waypoints(useless, {"link.x": [(0, 0.5), (1, 0.8)]})
+    run = fan.simulate(useless, useless.rest(), inputs, method=method, throw=False)
+    if method == "timestepping":
+        assert run.status is fan.Status.OVERSTEPPED
+    else:
+        assert run.status in GIVES_UP and run.blamed == ("link",)
 
 
 def test_a_hook_pulled_into_its_pulley_collapses():

@@ -53,6 +53,14 @@ def test_a_winch_that_runs_out_is_a_status(winches, method, parts):
         fan.simulate(winches, x0, inputs, method=method)
 
 
+def test_inputs_that_begin_after_the_run_run_out_too(winches):
+    """Their first piece is looked at once it begins, not as it stands before that."""
+    x0 = winches.rest()
+    run = fan.simulate(winches, x0, wound_in(winches, x0, -1.2, 1).shifted(1.0), throw=False)
+    assert run.status is Status.LENGTH_NOT_POSITIVE and run.blamed == ("line",)
+    assert 1.0 + ENDS - 1e-5 < run.t[-1] < 1.0 + ENDS + 1e-9
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_one_lane_that_runs_out_stops_no_other(winches, method):
     """17.8: each run of a batch has its own end, also where many inputs begin at the state."""

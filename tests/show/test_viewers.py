@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import viser
 from scipy.spatial.transform import Rotation
 from tests.show.browser import until
 from tests.show.toys import BAR, ROCKER, TOY
@@ -15,6 +16,7 @@ from tests.show.viewer import Viewer
 from viser import ClientHandle
 
 import fantoccini as fan
+from fantoccini.show.gate import fits
 
 BEAD, RINGS = "/handles/0", "/rings/0"
 
@@ -227,3 +229,13 @@ def test_abuse_leaves_a_puppet_a_page_and_a_whole_recording(tmp_path):
     for name in ("t", "q_D", "v_D", "q_K", "v_K"):
         assert np.array_equal(getattr(again, name), getattr(first, name)), name
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("value", [10**400, -(10**400), float("inf"), float("nan"), 2, "0.5"])
+def test_a_slider_takes_what_is_in_its_range(value):
+    server = viser.ViserServer(port=0, verbose=False)
+    try:
+        slider = server.gui.add_slider("T", min=0.0, max=1.0, step=0.01, initial_value=0.5)
+        assert fits(slider, 0.7) and not fits(slider, value)
+    finally:
+        server.stop()

@@ -218,11 +218,13 @@ def _said(trouble: BaseException) -> str:
 
 
 def _check_names(names: list[str], wrong: Callable[[str, str], FileError]) -> None:
+    seen = set()
     for name in names:
         if not name.endswith(_ENDING):
             raise wrong(name, f"is no array; arrays are called NAME{_ENDING}")
-        if names.count(name) > 1:
+        if name in seen:
             raise wrong(name.removesuffix(_ENDING), "is there twice")
+        seen.add(name)
 
 
 def _array(file: IO[bytes], size: int) -> Array:

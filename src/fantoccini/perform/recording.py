@@ -112,6 +112,8 @@ class Recording:
     def trimmed(self, a: float, b: float) -> Recording:
         """The part from ``a`` to ``b`` seconds after the start; it begins with the state at ``a``.
 
+        It begins without what the time-stepper knew of the steps before.
+
         Raises:
             ValueError: they are not in order, or not inside.
         """

@@ -29,7 +29,8 @@ class Check:
     """A plan made again.
 
     Attributes:
-        arrives: whether it ends within the tolerance and touches nothing; the margin was for this.
+        arrives: whether it is DONE, ends within the tolerance and touches nothing; the margin was
+            for this.
         distance: from the goal at the end.
         clearance: the least on the way [m].
         gap: largest difference of a dynamic coordinate from the plan's own run, at its nodes.
@@ -128,7 +129,7 @@ def checked(
     times = problem.start.t + tree.time[path]
     near = _nearest(run.t, times)
     gap = float(np.max(np.abs(run.q_D[near] - tree.q_D[path])))
-    reached = run.t[-1] >= times[-1] - 1e-9
+    reached = run.status is Status.DONE and run.t[-1] >= times[-1] - 1e-9
     arrives = reached and distance <= problem.tolerance and clearance >= 0.0
     return Check(bool(arrives), distance, clearance, gap, run)
 

@@ -295,7 +295,7 @@ class Feedback:
             u_D = None if push is None else push(x.t)
             x = stepper.advance(interval, asked[-1], u_D=u_D, throw=False)
             states.append(x)
-            if stepper.status is not Status.DONE:
+            if not stepper.arrived:
                 break
         return Followed.of(problem, states, np.array(asked), stepper.status)
 

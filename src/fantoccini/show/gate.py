@@ -7,7 +7,6 @@ can have, or nothing.
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import viser
@@ -46,6 +45,7 @@ def fits(control: Any, value: Any) -> bool:
         case viser.GuiCheckboxHandle():
             return isinstance(value, bool)
         case viser.GuiSliderHandle():
-            number = isinstance(value, int | float) and math.isfinite(value)
+            # Nothing beyond the range fits: no NaN, no infinity, no int too large for a float.
+            number = isinstance(value, int | float)
             return number and control.min - control.step <= value <= control.max + control.step
     return False

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import Status
+from fantoccini.errors import ARRIVED, Status
 from fantoccini.marionette import (
     Marionette,
     check_memory,
@@ -93,7 +93,7 @@ def simulate_many(
 
 def _judge(marionette: Marionette, batch: Batch) -> None:
     """Names the runs that reached their end and are not sound; of energy, where books are kept."""
-    done = batch.status == Status.DONE
+    done = np.isin(batch.status, ARRIVED) & (batch.reached >= batch.t_end)
     gain = np.zeros(batch.n)
     if "books" in batch.parts and np.any(done):
         columns = np.moveaxis(_ledger(batch.parts["books"][done]), -1, 0)
@@ -102,7 +102,9 @@ def _judge(marionette: Marionette, batch: Batch) -> None:
         )
         gain[done] = gains(marionette, kinetic, potential, work, residual)
     for i in np.flatnonzero(done):
-        batch.status[i] = verdict(float(batch.violation[i]), float(gain[i]))
+        found = verdict(float(batch.violation[i]), float(gain[i]))
+        if found is not Status.DONE:
+            batch.status[i], batch.blame[i] = found, 0.0
 
 
 def _listed(given, kind: type, name: str, maker: str) -> list:

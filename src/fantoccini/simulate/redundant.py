@@ -117,6 +117,8 @@ def _exceeds(marionette: Marionette, run: Trajectory, row: int) -> bool:
     tension = run.tension.values[row]
     some = np.flatnonzero(tension > 0.0)
     W = marionette.instant(run.state(row).replace(slip=()), run.acc_K[row]).W[:, some]
+    if np.max(np.abs(W), initial=0.0) == 0.0:
+        return False  # strings that move nothing pull against no other
     least = _least(W, tension[some])
     return bool(np.max(tension) > _EXCESS * (np.max(least) + marionette.reference_force))
 
@@ -125,7 +127,9 @@ def _self_stress(W: Array, asked: Array) -> Array | None:
     """y >= 0 with W y = 0 and sum y = 1 of largest asked . y; None where there is no such y."""
     from scipy.optimize import linprog
 
-    size = np.max(np.abs(W))
+    size = np.max(np.abs(W), initial=0.0)
+    if size == 0.0:
+        return None  # strings that move nothing: each contradicts its own ends
     equal = np.vstack([W / size, np.ones(len(asked))])
     right = np.append(np.zeros(len(W)), 1.0)
     largest = np.max(np.abs(asked), initial=0.0) or 1.0

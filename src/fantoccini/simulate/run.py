@@ -196,9 +196,11 @@ def simulate(
         status = Status.REDUNDANT_STRINGS
         made = dataclasses.replace(made, status=status, blamed=contradicted.names)
     unsound = ""
-    if status is Status.DONE and method != "event":
-        status, unsound = judged(marionette, made, dt)
-        made = dataclasses.replace(made, status=status)
+    if method != "event" and status in ARRIVED and made.t[-1] >= t_end:
+        verdict, unsound = judged(marionette, made, dt)
+        if verdict is not Status.DONE:
+            status = verdict
+            made = dataclasses.replace(made, status=status, blamed=())
     if status is not Status.DONE and throw:
         raise SimulationError(status, unsound or _where(marionette, made, contradicted), made)
     return made

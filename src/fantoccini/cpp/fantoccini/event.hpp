@@ -130,6 +130,7 @@ struct EventRun {
 
   // When a driven length runs out in the inputs' present piece; looked at once for each.
   double runs_out() {
+    if (flow.t < flow.drive.segment_start()) return kNever;  // the inputs have yet to begin
     if (looked_at_ != flow.drive.segment() || flow.t < looked_from_) {
       looked_at_ = flow.drive.segment();
       looked_from_ = flow.t;
