@@ -170,3 +170,14 @@ def test_strings_that_vibrate_faster_than_the_step_are_told():
     assert np.max(fine.violation.values) < 1e-6
     few = puppet.with_parameters({"M": 10.0})
     assert fan.simulate(few, x, t_end=1.0, method="timestepping").status is fan.Status.DONE
+
+
+def test_a_violation_between_the_rows_counts():
+    """17.2: every step is looked at, whatever is written."""
+    puppet = fan.loads(UNEQUAL)
+    x = spun(puppet, [0, 0, 0.3, 0])
+    for every in (500, 10**6):
+        run = fan.simulate(
+            puppet, x, t_end=1.0, method="timestepping", save_every=every, throw=False
+        )
+        assert run.status is fan.Status.OVERSTEPPED

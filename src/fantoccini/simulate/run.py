@@ -197,7 +197,7 @@ def simulate(
         made = dataclasses.replace(made, status=status, blamed=contradicted.names)
     unsound = ""
     if method != "event" and status in ARRIVED and made.t[-1] >= t_end:
-        verdict, unsound = judged(marionette, made, dt)
+        verdict, unsound = judged(marionette, made, dt, run.progress[2])
         if verdict is not Status.DONE:
             status = verdict
             made = dataclasses.replace(made, status=status, blamed=())

@@ -52,27 +52,32 @@ def gains(
     return np.max(residual, axis=-1) / there
 
 
-def judged(marionette: Marionette, made: Trajectory, dt: float) -> tuple[Status, str]:
+def judged(
+    marionette: Marionette, made: Trajectory, dt: float, worst: float
+) -> tuple[Status, str]:
     """How a run with a fixed step that reached its end is to be called, and why, in words.
 
     Args:
         marionette: the puppet.
         made: the run.
         dt: its step [s].
+        worst: the largest violation of all its steps [m or rad]; those of a row may be smaller.
     """
     ledger = made.ledger
     energies = (ledger[name] for name in ("kinetic", "potential", "work", "residual"))
     gain = float(gains(marionette, *energies))
     beyond = made.violation.values
-    status = verdict(float(np.max(beyond, initial=0.0)), gain)
+    status = verdict(float(np.max(beyond, initial=worst)), gain)
     if status is Status.OVERSTEPPED:
-        worst = np.max(beyond, axis=0)
-        rows = [r for r in np.argsort(-worst)[:_MOST_NAMED] if not worst[r] <= MOST_VIOLATION]
-        names = ", ".join(f"{made.violation.names[r]} by {worst[r]:.3g}" for r in rows)
+        by_row = np.max(beyond, axis=0)
+        rows = [r for r in np.argsort(-by_row)[:_MOST_NAMED] if not by_row[r] <= MOST_VIOLATION]
+        names = ", ".join(f"{made.violation.names[r]} by {by_row[r]:.3g}" for r in rows)
         first = int(np.argmax(~(np.max(beyond, axis=1) <= MOST_VIOLATION)))
+        where = f"{names} m or rad, by more than {MOST_VIOLATION:g} from t = {made.t[first]:.6g} s on"
+        if not rows:
+            where = f"by {worst:.3g} m or rad in a step between the rows that were written"
         text = (
-            f"{names} m or rad, by more than {MOST_VIOLATION:g} from t = {made.t[first]:.6g} s "
-            f"on. {_advice(marionette, made, dt)}; or the inputs ask for what the puppet cannot "
+            f"{where}. {_advice(marionette, made, dt)}; or the inputs ask for what the puppet cannot "
             "follow, which method='event' finds out"
         )
         return status, text
