@@ -73,12 +73,12 @@ def judged(
         rows = [r for r in np.argsort(-by_row)[:_MOST_NAMED] if not by_row[r] <= MOST_VIOLATION]
         names = ", ".join(f"{made.violation.names[r]} by {by_row[r]:.3g}" for r in rows)
         first = int(np.argmax(~(np.max(beyond, axis=1) <= MOST_VIOLATION)))
-        where = f"{names} m or rad, by more than {MOST_VIOLATION:g} from t = {made.t[first]:.6g} s on"
+        where = f"{names} m or rad, more than {MOST_VIOLATION:g} from t = {made.t[first]:.6g} s on"
         if not rows:
             where = f"by {worst:.3g} m or rad in a step between the rows that were written"
         text = (
-            f"{where}. {_advice(marionette, made, dt)}; or the inputs ask for what the puppet cannot "
-            "follow, which method='event' finds out"
+            f"{where}. {_advice(marionette, made, dt)}; or the inputs ask for what the puppet "
+            "cannot follow, which method='event' finds out"
         )
         return status, text
     if status is Status.GAINED_ENERGY:
