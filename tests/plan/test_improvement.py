@@ -193,10 +193,24 @@ def test_a_plan_is_improved_and_polished_at_once(problem):
     """On a slow machine the time may end before it is polished: then the plan says so."""
     found = solve(problem, seed=0, improve=2.0)
     assert found and found.replay() and found.polished is not None
-    if found.polished.status is PolishStatus.POLISHED:
-        assert found.distance <= 1e-3 and found.polished.reached
+    if found.polished.reached:
+        assert found.distance <= 1e-3
     else:
-        assert found.distance <= problem.tolerance and found.polished.status.name in found.message
+        assert 1e-3 < found.distance <= problem.tolerance
+        assert str(found.polished) in found.message
+
+
+def test_a_plan_that_is_found_when_the_time_ends_says_that_it_is_not_polished(problem, monkeypatch):
+    search = Search(problem, seed=3)
+    search.first(60.0)
+
+    def better(seconds):
+        search.polished = None
+
+    monkeypatch.setattr(search, "better", better)
+    monkeypatch.setattr(search, "polish", lambda *_: False)
+    search.improve(0.01, 1e-3)
+    assert search.polished.status is PolishStatus.TIMEOUT and search.polished.asked == 1e-3
 
 
 def test_a_search_is_taken_up_again(problem):

@@ -54,11 +54,13 @@ def test_a_winch_that_runs_out_is_a_status(winches, method, parts):
 
 
 def test_inputs_that_begin_after_the_run_run_out_too(winches):
-    """Their first piece is looked at once it begins, not as it stands before that."""
+    """Where it happens is located as in a run that begins with its inputs, not stepped past."""
     x0 = winches.rest()
-    run = fan.simulate(winches, x0, wound_in(winches, x0, -1.2, 1).shifted(1.0), throw=False)
-    assert run.status is Status.LENGTH_NOT_POSITIVE and run.blamed == ("line",)
-    assert 1.0 + ENDS - 1e-5 < run.t[-1] < 1.0 + ENDS + 1e-9
+    inputs = wound_in(winches, x0, -1.2, 1)
+    for later in (0.0, 1.0):
+        run = fan.simulate(winches, x0, inputs.shifted(later), throw=False)
+        assert run.status is Status.LENGTH_NOT_POSITIVE and run.blamed == ("line",)
+        assert run.q_K[-1][0] == pytest.approx(1e-6, abs=1e-9)
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -152,6 +152,8 @@ class Search:
                 self._adopt(*polished[:2])
             if polished is not None:
                 self.polished = polished[2]
+            elif self.polished is None:  # a plan that was found last has not been tried
+                self.polished = Polish(PolishStatus.TIMEOUT, distance)
 
     def polish(self, distance: float, seconds: float, limit: float = np.inf) -> bool:
         """Brings the end of the best plan nearer to the goal, and makes it shorter.
