@@ -134,9 +134,11 @@ def test_stiff_springs_and_heavy_damping_do_not_stop_it(bench):
     exact = fan.simulate(bench, x, t_end=0.5)
     off = []
     for dt in (0.01, 0.0025):
-        run = variational(bench, x, t_end=0.5, dt=dt)
+        # The longer step is 3.6 / omega of the spring: its books may say that it gains energy.
+        run = variational(bench, x, t_end=0.5, dt=dt, throw=False)
         off.append(np.max(np.abs(run.q_D[-1, 2:] - exact.q_D[-1, 2:])))
     print(f"off by {off}")
+    assert run.status is fan.Status.DONE
     assert off[1] < 0.01 and off[1] < 0.5 * off[0]
 
 

@@ -53,7 +53,7 @@ def check_step(marionette: Marionette, method: str, q_D: Array, q_K: Array, dt: 
     Raises:
         StateError: naming the chain or spring and the longest step.
     """
-    if method != "event":
+    if method == "timestepping":
         _check_springs(marionette, method, q_D, q_K, dt)
     for chain in marionette.tree.chains if method == "timestepping" else ():
         n, length = chain.pieces, np.min(chain.own_length(q_D, q_K, marionette.number))
