@@ -20,7 +20,7 @@ X0 = ARM.rest()
 @pytest.mark.parametrize("x0", [X0, [X0, X0]], ids=["one", "many"])
 @pytest.mark.parametrize("every", [0, -1, 2.5, np.nan, 2**31, 2**32, 2**33 + 5, 2**70])
 def test_rows_are_saved_as_often_as_can_be_counted(method, x0, every):
-    """23: an interval that does not fit its integer is refused; 2^32 was 0 and killed Python."""
+    """17.23: an interval that does not fit its integer is refused; 2^32 was 0 and killed Python."""
     with pytest.raises(ValueError, match=r"save_every is .* a whole number from 1 to 2147483647"):
         fan.simulate(ARM, x0, t_end=0.01, method=method, save_every=every)
     run = fan.simulate(ARM, x0, t_end=0.01, method=method, save_every=np.int64(2**31 - 1))
@@ -28,7 +28,7 @@ def test_rows_are_saved_as_often_as_can_be_counted(method, x0, every):
 
 
 def test_integers_that_cross_to_compiled_code_are_checked():
-    """23: arguments and fields of every structure; ctypes by itself wraps them round."""
+    """17.23: arguments and fields of every structure; ctypes by itself wraps them round."""
 
     class Pair(Numbers, ctypes.Structure):
         _fields_ = [("short", ctypes.c_int), ("long", ctypes.c_longlong)]
@@ -45,7 +45,7 @@ def test_integers_that_cross_to_compiled_code_are_checked():
 
 
 def test_every_structure_of_the_runtime_is_checked():
-    """23: none of them takes an integer unseen."""
+    """17.23: none of them takes an integer unseen."""
     import fantoccini.runtime as runtime
 
     def below(kind):
@@ -59,7 +59,7 @@ def test_every_structure_of_the_runtime_is_checked():
 @pytest.mark.parametrize("method", ["timestepping", "variational"])
 @pytest.mark.parametrize("x0", [X0, [X0] * 8], ids=["one", "many"])
 def test_rows_that_do_not_fit_are_refused_before_anything_is_made(method, x0):
-    """6, 26: 5e11 rows of fixed steps; a batch had made 37 GiB of times first."""
+    """17.6, 26: 5e11 rows of fixed steps; a batch had made 37 GiB of times first."""
     with pytest.raises(ValueError, match=r"5e\+11 rows from 0 s .* GB may be taken.*save_every="):
         fan.simulate(ARM, x0, t_end=1e9, method=method)
     with pytest.raises(ValueError, match=r"need 0.0.* GB .*max_memory"):
@@ -72,7 +72,7 @@ def test_rows_that_do_not_fit_are_refused_before_anything_is_made(method, x0):
 
 @pytest.mark.parametrize("x0", [X0, [X0] * 2000], ids=["one", "many"])
 def test_times_to_save_that_do_not_fit_are_refused(x0):
-    """6: the rows of an event-driven run are known where its times are given."""
+    """17.6: the rows of an event-driven run are known where its times are given."""
     times = np.linspace(0.0, 1e3, 10**5)
     with pytest.raises(ValueError, match=r"1e\+05 rows .* fewer times in save_at"):
         fan.simulate(ARM, x0, t_end=1e3, save_at=times, max_memory=1e7)
@@ -80,7 +80,7 @@ def test_times_to_save_that_do_not_fit_are_refused(x0):
 
 @pytest.mark.parametrize("integrator", [None, "RK45"])
 def test_a_run_that_writes_too_much_ends_and_keeps_what_it_has(integrator):
-    """6: steps that nobody can count beforehand end with a status, before memory is gone."""
+    """17.6: steps that nobody can count beforehand end with a status, before memory is gone."""
     x0 = ARM.project(X0.replace(v_D=[3.0, -3.0]))
     how = {"t_end": 20.0, "integrator": integrator, "rtol": 1e-9, "atol": 1e-9}
     whole_run = fan.simulate(ARM, x0, max_memory=1e9, **how)
@@ -93,7 +93,7 @@ def test_a_run_that_writes_too_much_ends_and_keeps_what_it_has(integrator):
 
 
 def test_steps_of_a_batch_are_bounded():
-    """26: max_steps stops fixed steps in lanes too."""
+    """17.26: max_steps stops fixed steps in lanes too."""
     from fantoccini.simulate.many import simulate_many
 
     options = ARM.run_options(max_steps=10, save_steps=False)
@@ -106,7 +106,7 @@ def test_steps_of_a_batch_are_bounded():
 
 
 def test_memory_is_what_the_machine_the_group_and_the_process_leave(tmp_path):
-    """6: a container's limit counts, less what it uses and cannot give back."""
+    """17.6: a container's limit counts, less what it uses and cannot give back."""
     assert 1e6 < memory.allowed() < 1e15
     assert memory.bound(1e3, None) == np.inf and memory.bound(1e9, None) < 1e15
     assert memory.bound(1e9, 5.0) == 5.0
@@ -119,7 +119,7 @@ def test_memory_is_what_the_machine_the_group_and_the_process_leave(tmp_path):
 
 
 def test_a_run_needs_no_more_memory_than_was_reckoned():
-    """6: the copies that are counted are those that are made."""
+    """17.6: the copies that are counted are those that are made."""
     import tracemalloc
 
     fan.simulate(ARM, X0, t_end=0.1, method="timestepping")
@@ -133,7 +133,7 @@ def test_a_run_needs_no_more_memory_than_was_reckoned():
 @pytest.mark.parametrize("method", ["timestepping", "variational"])
 @pytest.mark.parametrize("x0", [X0, [X0] * 3], ids=["one", "many"])
 def test_a_step_longer_than_the_run_is_one_step(method, x0):
-    """31: dt = 1e300 had been DONE at the start; one below the clock's resolution never went on."""
+    """17.31: dt = 1e300 had been DONE at the start; one below the clock's resolution never went on."""
     for dt in (0.01, 1.0, 1e300):
         run = fan.simulate(ARM, x0, t_end=0.01, method=method, dt=dt)
         assert run.t.tolist() == [0.0, 0.01]
@@ -147,7 +147,7 @@ def test_a_step_longer_than_the_run_is_one_step(method, x0):
 
 
 def test_threads_and_arrays_of_a_batch_are_checked():
-    """31: threads=-1 was a lack of memory; one array for two results held either."""
+    """17.31: threads=-1 was a lack of memory; one array for two results held either."""
     for threads in (-1, 0, 1.5):
         with pytest.raises(ValueError, match=r"threads is .* a whole number from 1"):
             fan.simulate(ARM, [X0] * 2, t_end=0.1, threads=threads)
