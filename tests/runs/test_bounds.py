@@ -133,7 +133,7 @@ def test_a_run_needs_no_more_memory_than_was_reckoned():
 @pytest.mark.parametrize("method", ["timestepping", "variational"])
 @pytest.mark.parametrize("x0", [X0, [X0] * 3], ids=["one", "many"])
 def test_a_step_longer_than_the_run_is_one_step(method, x0):
-    """17.31: dt = 1e300 had been DONE at the start; one below the clock's resolution never went on."""
+    """17.31: dt = 1e300 was DONE at the start; one below the clock's resolution never ended."""
     for dt in (0.01, 1.0, 1e300):
         run = fan.simulate(ARM, x0, t_end=0.01, method=method, dt=dt)
         assert run.t.tolist() == [0.0, 0.01]
