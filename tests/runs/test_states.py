@@ -278,10 +278,12 @@ def test_a_wire_that_is_slack_is_named(arm):
     text = """
 puppet: too_short
 bodies:
-  - {name: bob, joint: {type: prismatic, axis: [1, 0, 0]}, shapes: [{type: sphere, radius: 0.02, mass: 0.1}]}
+  - name: bob
+    joint: {type: prismatic, axis: [1, 0, 0]}
+    shapes: [{type: sphere, radius: 0.02, mass: 0.1}]
 strings:
   - {name: rod, path: [{body: bob}, {world: [0, 0, 1]}], length: 0.5, wire: true}
-"""  # noqa: E501
+"""
     puppet = fan.Marionette(loads(text))
     with pytest.raises(fan.StateError, match=r"lengths: rod is too short by 500 mm"):
         puppet.project(puppet.state())
