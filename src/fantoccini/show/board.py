@@ -77,9 +77,10 @@ class Board:
         winds = bool(live.performance.lengths)
         self._hint.content = note(_HINT_WINDS if winds else _HINT)
         handles = tuple(handle.name for handle in live.performance.handles)
-        self._handle = self._winds = None
+        self._handle = self._winds = self._shown = None
         if handles:
             self._handle = self._keep(gui.add_dropdown("Handle", handles, hint="F and G choose"))
+            self._shown = self._handle.value
             self._handle.on_update(self._choose)
         if winds:
             self._winds = self._keep(
@@ -149,8 +150,9 @@ class Board:
         self._status.content = self._about(moment, lagging)
         self._audience.tell(self._live.holder.viewer)
         selected = self._live.controls.selected
-        if self._handle is not None and self._handle.value != selected:
-            self._handle.value = selected
+        # Only news goes to the list: a viewer may just have chosen, and is not overruled.
+        if self._handle is not None and self._shown != selected:
+            self._handle.value = self._shown = selected
         running = self._live.recording
         self._record.label = "Stop recording" if running else "Record"
         if self._stage.scene.names:

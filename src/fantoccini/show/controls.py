@@ -80,6 +80,7 @@ class Controls:
         self._rings: dict[str, Any] = {}
         self._turned: dict[str, Viewer] = {}
         self._sliders: dict[str, Any] = {}
+        self._shown: dict[str, float] = {}
         self._grabs: dict[tuple[Viewer, str], _Grab] = {}
         self._last = np.full((len(self._handles), 3), np.nan)
         self.selected = next(iter(self._handles), None)
@@ -164,11 +165,14 @@ class Controls:
         self._show_marks(behind, leads)
 
     def update_sliders(self) -> None:
-        """Sets the sliders to the lengths that are wanted."""
+        """Sets the sliders to the lengths that are wanted, where these are news.
+
+        A viewer may just have moved a slider, and is not overruled by what was wanted before.
+        """
         for name, slider in self._sliders.items():
             wanted = round(self._performance.wanted_length(name), 4)
-            if abs(slider.value - wanted) > 6e-4:
-                slider.value = wanted
+            if abs(self._shown[name] - wanted) > 6e-4:
+                slider.value = self._shown[name] = wanted
 
     # -- inside --------------------------------------------------------------------------------
 
@@ -201,6 +205,7 @@ class Controls:
         slider = self._server.gui.add_slider(
             name, round(low, 3), round(high, 3), 0.001, round(wanted, 3), hint="Length [m]"
         )
+        self._shown[name] = slider.value
 
         @slider.on_update
         async def _(event: Any) -> None:
