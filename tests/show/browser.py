@@ -130,10 +130,17 @@ def pixel(client: Any, point: np.ndarray, canvas: dict) -> tuple[float, float]:
     )
 
 
+def rectangles(browser: Any, selector: str) -> list[dict]:
+    """Where elements are in the window [px], asked at once: a page that draws answers slowly."""
+    return browser.execute_script(
+        "return [...document.querySelectorAll(arguments[0])].map((e) => e.getBoundingClientRect())",
+        selector,
+    )
+
+
 def canvas(browser: Any) -> dict:
     """The rectangle of the picture in the window."""
-    rects = [element.rect for element in browser.find_elements("css selector", "canvas")]
-    return max(rects, key=lambda rect: rect["width"] * rect["height"])
+    return max(rectangles(browser, "canvas"), key=lambda rect: rect["width"] * rect["height"])
 
 
 def press(browser: Any, label: str) -> None:

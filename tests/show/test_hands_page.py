@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.show.browser import canvas, chrome, like, picture, pixel, until, words
+from tests.show.browser import canvas, chrome, like, picture, pixel, rectangles, until, words
 from tests.show.toys import toy
 
 import fantoccini as fan
@@ -135,10 +135,9 @@ def test_strings_are_wound_without_scrolling(browser, tmp_path):
         browser.get(page.url)
         n = len(page.show.performance.lengths)
         sliders = until(
-            lambda: len(found := browser.find_elements("css selector", "[role=slider]")) >= n
-            and found, "the sliders",
-        )  # fmt: skip
-        assert all(s.rect["y"] + s.rect["height"] < 700 for s in sliders[:n])
+            lambda: len(found := rectangles(browser, "[role=slider]")) >= n and found, "the sliders"
+        )
+        assert all(slider["bottom"] < 700 for slider in sliders[:n])
         until(lambda: "Shift and drag" in words(browser), "how strings are wound is told")
 
 
@@ -152,17 +151,17 @@ def test_a_phone_shows_the_puppet_and_not_the_panel(browser, tmp_path):
         page.show.pause()
         browser.get(page.url)
         bar = 'div[style*="fixed"][style*="max-height: 60%"]'
-        found = until(lambda: browser.find_elements("css selector", bar), "the panel")
-        until(lambda: found[0].rect["height"] < 70, "it folds")
+        until(lambda: rectangles(browser, bar), "the panel")
+        until(lambda: rectangles(browser, bar)[0]["height"] < 70, "it folds")
         until(lambda: like(picture(browser, "phone"), RED) > 100, "the puppet is seen")
         clients = page.server.viser.get_clients
         client = until(lambda: next(iter(clients().values()), None), "it is connected")
         rectangle = canvas(browser)
         for place in (page.show.performance.place("line")[0], [0.0, 0.0, 0.33]):
             x, y = pixel(client, np.array(place), rectangle)
-            assert 0 < x < 390 and 0 < y < found[0].rect["y"]
+            assert 0 < x < 390 and 0 < y < rectangles(browser, bar)[0]["y"]
         browser.find_element("css selector", f'{bar} div[style*="cursor: pointer"]').click()
-        until(lambda: found[0].rect["height"] > 200, "it unfolds")
+        until(lambda: rectangles(browser, bar)[0]["height"] > 200, "it unfolds")
         until(lambda: "Drag winds" in words(browser), "strings are wound without Shift")
 
 
