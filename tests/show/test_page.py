@@ -73,6 +73,7 @@ navigator.getGamepads = () => window.stick.gone ? [] : [{
 """
 """A gamepad that a test holds."""
 
+
 def still(scene) -> bool:
     """Whether nothing moves."""
     x = scene.performance.state
@@ -283,14 +284,12 @@ def test_two_tabs_fight_over_the_strings(scene, monkeypatch):
     until(lambda: len(clients()) == 2, "a second tab")
     until(lambda: browser.find_elements("css selector", "[role=slider]"), "its panel")
     before = performance.wanted_length("line")
-    for _ in range(5):
-        slide(Keys.ARROW_LEFT)
+    slide(Keys.ARROW_LEFT * 5)
     until(lambda: performance.wanted_length("line") < before - 0.003, "it winds")
     time.sleep(0.5)  # for what is on its way
     held = performance.wanted_length("line")
     browser.switch_to.window(first)
-    for _ in range(9):
-        slider = slide(Keys.ARROW_RIGHT)
+    slider = slide(Keys.ARROW_RIGHT * 9)
     until(lambda: "Somebody else holds the strings" in words(browser), "the other is told")
     until(lambda: float(slider.get_attribute("aria-valuenow")) == pytest.approx(held), "snaps back")
     assert performance.wanted_length("line") == held
@@ -298,8 +297,7 @@ def test_two_tabs_fight_over_the_strings(scene, monkeypatch):
     browser.close()
     browser.switch_to.window(first)
     until(lambda: len(clients()) == 1 and scene.live.holder.viewer is None, "the holder is gone")
-    for _ in range(5):
-        slide(Keys.ARROW_RIGHT)
+    slide(Keys.ARROW_RIGHT * 5)
     until(lambda: performance.wanted_length("line") > held, "the other takes over")
 
 
@@ -314,12 +312,12 @@ def test_rings_turn_a_bar(browser, tmp_path):
         until(lambda: clients() and like(picture(browser), RED) > 200, "the puppet is seen")
         client = next(iter(clients().values()))
         home, _ = performance.place("bar")
-        radius = 0.65 * page.show.controls._rings["bar"].scale
+        radius, rectangle = 0.65 * page.show.controls._rings["bar"].scale, canvas(browser)
 
         def seen(angle: float) -> tuple[int, int]:
             """A place on the ring about x: a quarter of a circle from y to z."""
             point = home + radius * np.array([0.0, np.cos(angle), np.sin(angle)])
-            x, y = pixel(client, point, canvas(browser))
+            x, y = pixel(client, point, rectangle)
             return round(x), round(y)
 
         mouse = ActionBuilder(browser, duration=50)
