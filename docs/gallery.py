@@ -15,7 +15,7 @@ from fantoccini.motion import Trajectory
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "gallery.md"
 PICTURES = ROOT / "docs" / "pictures" / "gallery"
-PROBLEM = "src/fantoccini/plan/problems/arm3d_boxes.yaml"
+PROBLEM = "src/fantoccini/planning/problems/arm3d_boxes.yaml"
 PERFORMANCES = "src/fantoccini/puppets/performances"
 
 FPS = 12.0

@@ -10,9 +10,12 @@ from __future__ import annotations
 import ast
 import importlib
 import re
+import subprocess
+import sys
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -32,18 +35,15 @@ ORDER = (
     "runtime",
     "marionette",
     "puppets",  # the bundled puppets: beside the modules, for users of `marionette`
-    "simulate",
+    "simulation",
     "reduction",
-    "sweep",
+    "sweeps",
     "demo",  # the bundled performance: inputs for a bundled puppet
     "perform",
-    "optimise",
     "exchange",  # plans are verified in what it makes of a puppet
-    "plan",
-    "choreograph",
-    "stand",
+    "planning",
     "view",
-    "show",
+    "web",
     "cli",
 )
 
@@ -56,8 +56,8 @@ LATE_VIEWS = {
     ("marionette", "plot"),
     ("reduction", "draw"),
     ("reduction", "_bandwidth"),
-    ("plan", "plot"),
-    ("plan", "animate"),
+    ("planning", "plot"),
+    ("planning", "animate"),
     ("marionette", "show"),
     ("marionette", "_repr_html_"),
 }
@@ -67,11 +67,11 @@ ONLY_IN = {
     "subprocess": {"build", "view"},  # the compiler; the film encoder
     "ctypes": {"runtime"},
     "cffi": {"runtime"},
-    "ray": {"sweep"},
+    "ray": {"sweeps"},
     "mujoco": {"exchange"},
-    "coal": {"plan"},
+    "coal": {"planning"},
     "pyvista": {"view"},
-    "viser": {"show"},
+    "viser": {"web"},
 }
 """Libraries and the modules that may use them."""
 
@@ -183,6 +183,27 @@ def test_every_name_a_package_exports_exists(file):
     package = importlib.import_module(".".join(parts))
     exported = getattr(package, "__all__", ())
     assert [name for name in exported if not hasattr(package, name)] == []
+
+
+@pytest.mark.parametrize("file", [f for f in modules() if f.name == "__init__.py"], ids=owner_of)
+def test_no_exported_name_hides_a_module(file):
+    """18.3: ``fantoccini.plan`` was a package until it was imported from, and then a function."""
+    package = importlib.import_module(".".join(file.relative_to(PACKAGE.parent).parent.parts))
+    beside = {path.stem for path in file.parent.iterdir() if path.suffix in ("", ".py")}
+    hidden = [
+        name
+        for name in beside & set(getattr(package, "__all__", ()))
+        if not isinstance(getattr(package, name), ModuleType)
+    ]
+    assert hidden == []
+
+
+def test_importing_fantoccini_imports_no_library():
+    """18.9: what takes long is imported when it is first needed."""
+    code = "import sys, fantoccini; print(*{name.split('.')[0] for name in sys.modules})"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout
+    heavy = {"numpy", "scipy", "casadi", "matplotlib", "pydantic", "coal", "viser", "sympy", "rich"}
+    assert "fantoccini" in loaded.split() and not heavy & set(loaded.split())
 
 
 def test_the_version_is_written_the_same_everywhere():

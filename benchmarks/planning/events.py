@@ -20,8 +20,8 @@ from scipy.stats import binomtest, bootstrap
 import fantoccini as fan
 from fantoccini.arrays import Array
 from fantoccini.motion import State
-from fantoccini.plan import PlanResult, Problem, solve
-from fantoccini.plan.feedback import Feedback
+from fantoccini.planning import PlanResult, Problem, solve
+from fantoccini.planning.feedback import Feedback
 
 from ..strings.report import Table
 from .feedback import follow, kicked

@@ -19,8 +19,8 @@ from fantoccini.arrays import Array
 from fantoccini.errors import Status
 from fantoccini.exchange import MuJoCoPuppet
 from fantoccini.motion import State
-from fantoccini.plan import Problem, solve
-from fantoccini.plan.feedback import Feedback, Followed
+from fantoccini.planning import Problem, solve
+from fantoccini.planning.feedback import Feedback, Followed
 
 KICKS = (0.25, 0.5, 1.0, 2.0, 4.0)
 """Sizes of changes of all joint velocities at the start, together [rad/s]."""

@@ -22,7 +22,7 @@ import numpy as np
 
 import fantoccini as fan
 from fantoccini.arrays import Array
-from fantoccini.plan import Problem
+from fantoccini.planning import Problem
 
 from .propagators import PROPAGATORS, Layout
 

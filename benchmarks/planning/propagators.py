@@ -12,7 +12,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.exchange import MuJoCoPuppet
-from fantoccini.plan import Problem, Rows
+from fantoccini.planning import Problem, Rows
 from fantoccini.runtime import Sweeper, Terms
 from fantoccini.runtime.clearance import ClearanceArrays, Exact
 from fantoccini.runtime.functions import pointer

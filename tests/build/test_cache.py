@@ -15,8 +15,7 @@ from pathlib import Path
 import pytest
 
 from fantoccini import build
-from fantoccini.build import cache as cache_module
-from fantoccini.build import folders
+from fantoccini.build import cache as cache_module, folders
 from fantoccini.errors import BuildError
 
 

@@ -151,7 +151,7 @@ def test_impossible_inputs_leave_what_was_reached_and_end_with_1(tmp_path) -> No
 BEGUN = """
 import sys
 from fantoccini.cli import main
-from fantoccini.simulate import run
+from fantoccini.simulation import run
 
 advance = run.Run.advance
 

@@ -12,7 +12,7 @@ from drives.test_drives import BOB, MACHINES
 from fantoccini.errors import InputError, StateError, UnknownNameError
 from fantoccini.motion import Input
 from fantoccini.motion.archive import _table_from_json, _table_to_json
-from fantoccini.plan.motions import Bounds
+from fantoccini.planning.motions import Bounds
 from fantoccini.puppet import loads
 from fantoccini.tree import grow
 from fantoccini.world import World
@@ -77,7 +77,7 @@ def test_a_table_reads_back_with_its_commands():
 def test_a_puppet_hangs_at_rest_where_a_drive_is_started():
     """simulate --start line.length=0.7, and a Trial's start, are those of a mere input."""
     from fantoccini.cli.start import start_state
-    from fantoccini.sweep.trial import _start
+    from fantoccini.sweeps.trial import _start
 
     bob = fan.loads(BOB)
     rest = bob.rest({"line.length": 0.7})

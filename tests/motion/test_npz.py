@@ -13,9 +13,9 @@ from damage import entries, fuzz, packed, stored
 from fantoccini.errors import FileError, Problem
 from fantoccini.motion import Input, Trajectory, npz
 from fantoccini.perform import Recording
-from fantoccini.show.page import _form
-from fantoccini.sweep.outcome import Outcome
-from fantoccini.sweep.store import Store
+from fantoccini.sweeps.outcome import Outcome
+from fantoccini.sweeps.store import Store
+from fantoccini.web.page import _form
 
 
 @pytest.fixture(scope="module")

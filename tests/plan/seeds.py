@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from fantoccini.plan import PlanResult, Problem, solve
+from fantoccini.planning import PlanResult, Problem, solve
 
 SEEDS = 20
 

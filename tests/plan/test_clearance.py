@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 import fantoccini as fan
 from fantoccini.errors import FileError
-from fantoccini.plan import Clearance, HalfSpace
+from fantoccini.planning import Clearance, HalfSpace
 from fantoccini.runtime import ClearanceLibrary
 
 KINDS = ("sphere", "capsule", "box")

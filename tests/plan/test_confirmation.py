@@ -10,7 +10,16 @@ import pytest
 from tests.plan.seeds import first_plan, near, polished
 
 import fantoccini as fan
-from fantoccini.plan import PlanResult, PolishStatus, Problem, Rows, check, result, search, solve
+from fantoccini.planning import (
+    PlanResult,
+    PolishStatus,
+    Problem,
+    Rows,
+    check,
+    result,
+    search,
+    solve,
+)
 
 DAMPED = fan.loads(
     fan.puppets.path("arm3d").read_text(encoding="utf-8").replace("2.0e-4", "0.2")

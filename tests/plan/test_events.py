@@ -7,11 +7,11 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.motion import State
-from fantoccini.plan import PlanResult, PlanStatus, Problem, Rows, solve
-from fantoccini.plan.feedback import Feedback
-from fantoccini.plan.modes import led
-from fantoccini.plan.planners import Grown
-from fantoccini.plan.saltation import caught_slopes
+from fantoccini.planning import PlanResult, PlanStatus, Problem, Rows, solve
+from fantoccini.planning.feedback import Feedback
+from fantoccini.planning.modes import led
+from fantoccini.planning.planners import Grown
+from fantoccini.planning.saltation import caught_slopes
 
 
 def dropped(lift: float, segments: int) -> PlanResult:

@@ -13,10 +13,10 @@ import fantoccini as fan
 from fantoccini.errors import StateError
 from fantoccini.marionette import Stepper
 from fantoccini.motion import State, tangent
-from fantoccini.plan import PlanResult, Problem, Rows, solve
-from fantoccini.plan.feedback import Feedback
-from fantoccini.plan.funnels import regulators
-from fantoccini.plan.slopes import segment_slopes, taut
+from fantoccini.planning import PlanResult, Problem, Rows, solve
+from fantoccini.planning.feedback import Feedback
+from fantoccini.planning.funnels import regulators
+from fantoccini.planning.slopes import segment_slopes, taut
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import pytest
 from tests.plan.seeds import first_plan, near, polished
 
 import fantoccini as fan
-from fantoccini.plan import EST2007, OBJECTIVES, Objective, PolishStatus, Problem, Search, solve
+from fantoccini.planning import EST2007, OBJECTIVES, Objective, PolishStatus, Problem, Search, solve
 
 ARM = fan.puppets.arm3d()
 START = ARM.rest({"hand.x": 0.3, "hand.length": 1.32, "shoulder.rotation": [0, 0, 0], "elbow": 0.1})
@@ -115,7 +115,7 @@ def test_a_search_goes_on_from_what_was_polished(problem):
 
 
 def test_ctrl_c_keeps_what_was_polished(problem, monkeypatch):
-    from fantoccini.plan import polish
+    from fantoccini.planning import polish
 
     brought, calls = polish.brought, []
 

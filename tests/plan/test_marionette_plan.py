@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import fantoccini as fan
-from fantoccini.plan.balance import balanced
+from fantoccini.planning.balance import balanced
 
 
 def test_the_marionette_touches_the_bell_past_the_lamp():

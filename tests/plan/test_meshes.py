@@ -16,7 +16,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 import fantoccini as fan
-from fantoccini.plan import Clearance
+from fantoccini.planning import Clearance
 from fantoccini.runtime import ClearanceLibrary
 
 THICK = 0.1

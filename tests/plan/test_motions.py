@@ -9,9 +9,9 @@ import pytest
 from scipy.linalg import solve_discrete_are
 
 import fantoccini as fan
-from fantoccini.plan import Goal, Problem, Rows
-from fantoccini.plan.funnels import regulator
-from fantoccini.plan.slopes import segment_slopes
+from fantoccini.planning import Goal, Problem, Rows
+from fantoccini.planning.funnels import regulator
+from fantoccini.planning.slopes import segment_slopes
 
 ARM = fan.puppets.arm3d()
 START = ARM.rest({"hand.x": 0.3, "hand.length": 1.32, "shoulder.rotation": [0, 0, 0], "elbow": 0.1})

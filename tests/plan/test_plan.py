@@ -11,7 +11,7 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.errors import FileError
-from fantoccini.plan import EST2007, Explore, Rows, solve
+from fantoccini.planning import EST2007, Explore, Rows, solve
 
 ARM = fan.puppets.arm3d()
 HANGING = ARM.rest(

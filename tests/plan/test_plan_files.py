@@ -7,7 +7,7 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.errors import FileError
-from fantoccini.plan import Explore
+from fantoccini.planning import Explore
 
 NO_PLAN = r"is not a plan that this version can read|is not an npz file"
 

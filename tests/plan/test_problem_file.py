@@ -10,7 +10,7 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.errors import FileError
-from fantoccini.plan import problem_names, problem_schema
+from fantoccini.planning import problem_names, problem_schema
 from fantoccini.puppet.located import read_file
 
 GOOD = """\

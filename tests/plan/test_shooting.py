@@ -7,9 +7,9 @@ import pytest
 from tests.plan.seeds import calm, first_plan, near, polished
 
 import fantoccini as fan
-from fantoccini.plan import Problem
-from fantoccini.plan.descent import step
-from fantoccini.plan.shooting import Shooting
+from fantoccini.planning import Problem
+from fantoccini.planning.descent import step
+from fantoccini.planning.shooting import Shooting
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,8 @@ import pytest
 from tests.plan.seeds import calm, first_plan, near, polished
 
 import fantoccini as fan
-from fantoccini.plan import PlanResult
-from fantoccini.plan.search_tree import SearchTree
+from fantoccini.planning import PlanResult
+from fantoccini.planning.search_tree import SearchTree
 
 
 @pytest.fixture(scope="module")

@@ -94,7 +94,7 @@ def test_a_run_that_writes_too_much_ends_and_keeps_what_it_has(integrator):
 
 def test_steps_of_a_batch_are_bounded():
     """17.26: max_steps stops fixed steps in lanes too."""
-    from fantoccini.simulate.many import simulate_many
+    from fantoccini.simulation.many import simulate_many
 
     options = ARM.run_options(max_steps=10, save_steps=False)
     many = simulate_many(

@@ -9,7 +9,7 @@ import pytest
 
 import fantoccini as fan
 from fantoccini import Status
-from fantoccini.simulate.redundant import contradiction, overpulled
+from fantoccini.simulation.redundant import contradiction, overpulled
 
 METHODS = ("event", "timestepping", "variational")
 CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))

@@ -8,7 +8,7 @@ from scipy import integrate
 from scipy.interpolate import CubicHermiteSpline
 
 import fantoccini as fan
-from fantoccini.simulate.scipy_run import ScipyRun
+from fantoccini.simulation.scipy_run import ScipyRun
 from harness import bulge
 
 METHODS = {

@@ -14,10 +14,10 @@ from tests.show.browser import canvas, chrome, colours, like, picture, pixel, pr
 from tests.show.toys import TOY
 
 import fantoccini as fan
-from fantoccini.show.replay import Film
-from fantoccini.show.server import Server
-from fantoccini.show.stage import Stage
 from fantoccini.view.theme import LIGHT
+from fantoccini.web.replay import Film
+from fantoccini.web.server import Server
+from fantoccini.web.stage import Stage
 
 RED = (192, 32, 32)
 

@@ -7,16 +7,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from scipy.spatial.transform import Rotation
 from tests.show.toys import toy
 
 import fantoccini as fan
-from fantoccini.show import drag, labels, pad, page, panel, replay, source, take
-from fantoccini.show.audience import holds
-from fantoccini.show.holder import Holder
-from fantoccini.show.poses import turned_to
+from fantoccini.web import drag, labels, pad, page, panel, replay, source, take
+from fantoccini.web.audience import holds
+from fantoccini.web.holder import Holder
+from fantoccini.web.poses import turned_to
 
 AHEAD = np.array([0.0, 1.0, 0.0])
 HOSTILE = (

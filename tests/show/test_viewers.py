@@ -16,7 +16,7 @@ from tests.show.viewer import Viewer
 from viser import ClientHandle
 
 import fantoccini as fan
-from fantoccini.show.gate import fits
+from fantoccini.web.gate import fits
 
 BEAD, RINGS = "/handles/0", "/rings/0"
 

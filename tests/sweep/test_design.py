@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 import fantoccini as fan
-from fantoccini.sweep.design import designed
+from fantoccini.sweeps.design import designed
 
 
 def design(over=None, draw=None, seeds=None, seed=0, puppet=None):

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.sweep import on_ray
+from fantoccini.sweeps import on_ray
 
 ray = pytest.importorskip("ray")
 

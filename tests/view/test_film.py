@@ -9,7 +9,7 @@ import pytest
 
 import fantoccini as fan
 from fantoccini import view
-from fantoccini.view.film import Frames
+from fantoccini.view.films import Frames
 from fantoccini.view.scene import scene_of
 from fantoccini.view.theme import DARK
 from view.still_life import bundled, swinging

@@ -14,8 +14,8 @@ from fantoccini import view
 from fantoccini.puppet import loads
 from fantoccini.view.camera import Viewport
 from fantoccini.view.compose import compose
-from fantoccini.view.draw import plain, stage_of
-from fantoccini.view.film import Frames
+from fantoccini.view.drawing import plain, stage_of
+from fantoccini.view.films import Frames
 from fantoccini.view.scene import scene_at, scene_of
 from fantoccini.view.theme import DARK, LIGHT
 from view.still_life import StillLife, bundled, swinging

@@ -12,7 +12,7 @@ from matplotlib.image import imread
 
 from fantoccini import MissingLibraryError, view
 from fantoccini.view.camera import Viewport
-from fantoccini.view.draw import stage_of
+from fantoccini.view.drawing import stage_of
 from fantoccini.view.scene import scene_of
 from fantoccini.view.studio import Studio
 from fantoccini.view.theme import LIGHT

@@ -12,7 +12,7 @@ from fantoccini.build.compiler import (
     default_flags,
     find_compiler,
 )
-from fantoccini.build.describe import describe
+from fantoccini.build.description import describe
 from fantoccini.build.entry import INFO, LIBRARY, Source
 from fantoccini.build.folders import cache_folder
 from fantoccini.build.key import fingerprint, runtime_folder

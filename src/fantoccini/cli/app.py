@@ -96,7 +96,7 @@ def schema(
     import json
 
     from fantoccini.motion import inputs_schema
-    from fantoccini.plan import problem_schema
+    from fantoccini.planning import problem_schema
     from fantoccini.puppet import json_schema
 
     schemas = {

@@ -13,7 +13,7 @@ from fantoccini.cli.look import Look
 from fantoccini.cli.outputs import check_outputs, write_outputs
 from fantoccini.cli.show import show_plan
 from fantoccini.cli.terminal import Steps, say, table, write
-from fantoccini.plan import Check, PlanResult, load_problem, problem_names, solve
+from fantoccini.planning import Check, PlanResult, load_problem, problem_names, solve
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 from fantoccini.cli.files import check_folder, check_output, fail, puppet_path
 from fantoccini.cli.terminal import Steps, say, write
-from fantoccini.plan import PlanResult
+from fantoccini.planning import PlanResult
 
 if TYPE_CHECKING:
-    from fantoccini.show.page import Page
+    from fantoccini.web.page import Page
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,7 @@ def show_file(request: Request) -> None:
         name = str(puppet_path(name))
         if request.html is not None:
             fail("a puppet that is alive cannot be written as a file; a run (.npz) can", "--html")
-    from fantoccini.show.page import open_page, subject_of
-    from fantoccini.show.page import write as write_motion
+    from fantoccini.web.page import open_page, subject_of, write as write_motion
 
     with Steps(request.quiet) as steps:
         subject = subject_of(name, request.problem, steps.step)
@@ -62,7 +61,7 @@ def show_plan(found: PlanResult, quiet: bool) -> None:
         found: the plan.
         quiet: say nothing but the address.
     """
-    from fantoccini.show.page import open_page, subject_of
+    from fantoccini.web.page import open_page, subject_of
 
     request = Request(file=found.problem.name, quiet=quiet)
     subject = subject_of(found)

@@ -23,7 +23,7 @@ from fantoccini.cli.warn import warn
 from fantoccini.errors import SimulationError, Status
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State, Trajectory
-from fantoccini.simulate import INTEGRATORS, simulate
+from fantoccini.simulation import INTEGRATORS, simulate
 
 LONGEST = 3600.0
 """Longest run on the command line [s]."""

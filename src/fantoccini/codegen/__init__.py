@@ -1,8 +1,7 @@
 """Equations -> source text: the model that is compiled here, and C99 to take elsewhere."""
 
 from fantoccini.codegen.c99 import c99_files
-from fantoccini.codegen.derivatives import SIZES as DERIVATIVE_SIZES
-from fantoccini.codegen.derivatives import generate_derivatives
+from fantoccini.codegen.derivatives import SIZES as DERIVATIVE_SIZES, generate_derivatives
 from fantoccini.codegen.lanes import generate_clearance, generate_lanes, generate_motions
 from fantoccini.codegen.model import (
     STEM,

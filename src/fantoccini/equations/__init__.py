@@ -1,8 +1,10 @@
 """Derivation: Tree -> Equations (Eqs. 1-11), symbolically with CasADi."""
 
-from fantoccini.equations.derivatives import ARGUMENTS as DERIVATIVE_ARGUMENTS
-from fantoccini.equations.derivatives import RESULTS as DERIVATIVE_RESULTS
-from fantoccini.equations.derivatives import Derivatives
+from fantoccini.equations.derivatives import (
+    ARGUMENTS as DERIVATIVE_ARGUMENTS,
+    RESULTS as DERIVATIVE_RESULTS,
+    Derivatives,
+)
 from fantoccini.equations.functions import (
     ANALYSIS_INPUTS,
     MODEL_INPUTS,

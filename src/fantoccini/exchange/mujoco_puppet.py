@@ -11,7 +11,7 @@ import numpy as np
 from fantoccini.arrays import Array, ConfigD, ConfigK, VecD, VecK
 from fantoccini.errors import MissingLibraryError
 from fantoccini.exchange.joints import all_joints
-from fantoccini.exchange.mjcf import SPOOL, mjcf
+from fantoccini.exchange.mjcf_model import SPOOL, mjcf
 from fantoccini.exchange.twists import Twists
 from fantoccini.marionette import Marionette
 from fantoccini.tree import Role, Tree

@@ -16,7 +16,7 @@ from fantoccini.marionette.closed import closed_rows
 from fantoccini.marionette.flow import Flow
 from fantoccini.marionette.handle import Marionette
 from fantoccini.marionette.linearisation import Linearisation, Partials
-from fantoccini.marionette.loading import load, loads
+from fantoccini.marionette.loading import StringModel, load, loads
 from fantoccini.marionette.modes import Mode, Modes
 from fantoccini.marionette.plausible import warnings
 from fantoccini.marionette.plausible_inputs import InputWarning, input_warnings
@@ -36,6 +36,7 @@ __all__ = [
     "Partials",
     "StepLinearisation",
     "Stepper",
+    "StringModel",
     "check_memory",
     "check_method",
     "check_positive",

@@ -11,8 +11,7 @@ from fantoccini.arrays import Array
 from fantoccini.errors import Status
 from fantoccini.marionette import Marionette, Parcel
 from fantoccini.motion import EventKind, State
-from fantoccini.motion.archive import RECORDING as FORMAT
-from fantoccini.motion.archive import replacing
+from fantoccini.motion.archive import RECORDING as FORMAT, replacing
 from fantoccini.motion.npz import checked, contents, finite, texts, understanding
 from fantoccini.perform.recording import Recording, Written
 from fantoccini.world import World

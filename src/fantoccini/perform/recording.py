@@ -13,7 +13,7 @@ from fantoccini.arrays import Array, Times, frozen
 from fantoccini.errors import Status
 from fantoccini.marionette import Marionette, Stepper
 from fantoccini.motion import Input, State, Trajectory
-from fantoccini.simulate import trajectory_of_rows
+from fantoccini.simulation import trajectory_of_rows
 
 METHOD = "timestepping"
 

@@ -1,16 +1,18 @@
-"""The puppets that come with fantoccini: ``fan.puppets.arm2d()`` is a marionette."""
+"""The puppets that come with fantoccini: ``fan.puppets.arm2d()`` is a marionette.
+
+Every function takes what :func:`fantoccini.load` takes beside the file.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
 from fantoccini.errors import UnknownNameError
-from fantoccini.marionette import Marionette
-from fantoccini.marionette import load as _load
+from fantoccini.marionette import Marionette, StringModel, load
 
 _FOLDER = Path(__file__).parent
+Progress = Callable[[str], None]
 
 
 def names() -> tuple[str, ...]:
@@ -29,11 +31,50 @@ def path(name: str) -> Path:
     return _FOLDER / f"{name}.yaml"
 
 
-def __getattr__(name: str) -> Callable[..., Marionette]:
-    if name.startswith("_") or name not in names():
-        raise AttributeError(f"module {__name__!r} has no puppet {name!r}; there are {names()}")
-    return partial(_load, path(name))
+def arm2d(
+    progress: Progress | None = None, *, string_model: StringModel = "constraint"
+) -> Marionette:
+    """The planar arm of the paper's Fig. 2: two links whose tip hangs on one string."""
+    return load(path("arm2d"), progress, string_model=string_model)
 
 
-def __dir__() -> list[str]:
-    return [*names(), "names", "path"]
+def arm3d(
+    progress: Progress | None = None, *, string_model: StringModel = "constraint"
+) -> Marionette:
+    """The arm of the paper's Fig. 4: ball joint, hinge and one string to the hand."""
+    return load(path("arm3d"), progress, string_model=string_model)
+
+
+def crane(
+    progress: Progress | None = None, *, string_model: StringModel = "constraint"
+) -> Marionette:
+    """A gantry crane: a driven trolley, a winch on it and the load."""
+    return load(path("crane"), progress, string_model=string_model)
+
+
+def marionette(
+    progress: Progress | None = None, *, string_model: StringModel = "constraint"
+) -> Marionette:
+    """The full marionette of the paper's Fig. 3: 25 DOF on seven strings."""
+    return load(path("marionette"), progress, string_model=string_model)
+
+
+def marionette_bar(
+    progress: Progress | None = None, *, string_model: StringModel = "constraint"
+) -> Marionette:
+    """The full marionette on a control bar, which is its only input."""
+    return load(path("marionette_bar"), progress, string_model=string_model)
+
+
+def stand6(
+    progress: Progress | None = None, *, string_model: StringModel = "constraint"
+) -> Marionette:
+    """The paper's prototype stand of Fig. 1: six winches at fixed places."""
+    return load(path("stand6"), progress, string_model=string_model)
+
+
+def string_pendulum(
+    progress: Progress | None = None, *, string_model: StringModel = "constraint"
+) -> Marionette:
+    """A point mass on a string, which flies when the string is slack."""
+    return load(path("string_pendulum"), progress, string_model=string_model)

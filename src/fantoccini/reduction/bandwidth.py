@@ -16,7 +16,7 @@ from fantoccini.marionette import Marionette
 from fantoccini.motion import Trajectory
 from fantoccini.reduction.mechanism import Mechanism
 from fantoccini.reduction.motions import Motion
-from fantoccini.simulate import simulate
+from fantoccini.simulation import simulate
 
 BANDWIDTHS = tuple(10.0 * 2.0**k for k in range(8))
 """Bandwidths over the frequency sqrt(g/l) of a pendulum as long as the strings."""

@@ -20,7 +20,7 @@ from fantoccini.marionette import Marionette
 from fantoccini.motion import Event, EventKind, Input, Trajectory
 from fantoccini.reduction.mechanism import Mechanism
 from fantoccini.reduction.motions import IMPACTS, Motion
-from fantoccini.simulate import simulate
+from fantoccini.simulation import simulate
 
 METHODS = ("event", "timestepping", "variational")
 RTOL = (1e-6, 1e-8, 1e-10, 1e-12)

@@ -18,7 +18,7 @@ from fantoccini.puppet import Chain, Parameter, Puppet, String
 from fantoccini.reduction.bandwidth import Tracked, beside
 from fantoccini.reduction.mechanism import Mechanism
 from fantoccini.reduction.motions import Motion
-from fantoccini.simulate import simulate
+from fantoccini.simulation import simulate
 
 STRING_MASS = "reduction_string_mass"
 MASSES = (0.01, 0.03, 0.1)

@@ -9,7 +9,7 @@ import numpy as np
 from fantoccini.errors import SimulationError
 from fantoccini.motion import EventKind, Input, State, Trajectory, rotation
 from fantoccini.reduction.mechanism import Mechanism
-from fantoccini.simulate import simulate
+from fantoccini.simulation import simulate
 
 _MOVE, _TURN = 0.03, 0.1
 """Largest moves: of a length or place, over the mean length of the strings; of an angle [rad]."""

@@ -15,7 +15,7 @@ from fantoccini.errors import StateError
 from fantoccini.marionette import Marionette
 from fantoccini.reduction.mechanism import Mechanism
 from fantoccini.reduction.motions import Motion
-from fantoccini.simulate import simulate
+from fantoccini.simulation import simulate
 
 _RTOL = 1e-8
 

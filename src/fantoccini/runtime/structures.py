@@ -57,7 +57,7 @@ class Record(Numbers, ctypes.Structure):
 
 @dataclass(frozen=True)
 class RunOptions:
-    """Numbers that steer a run; see :func:`fantoccini.simulate.simulate` for their meaning.
+    """Numbers that steer a run; see :func:`fantoccini.simulation.simulate` for their meaning.
 
     Attributes:
         rtol, atol: tolerances of the event-driven integrator.

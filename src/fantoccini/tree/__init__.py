@@ -1,10 +1,10 @@
 """The tree: links in topological order, one-sided rows, and the table of coordinates."""
 
 from fantoccini.tree.chains import placed
+from fantoccini.tree.construction import grow
 from fantoccini.tree.coordinates import COMMAND, Coordinate, CoordinateTable, Role
-from fantoccini.tree.grow import grow
 from fantoccini.tree.inertia import joint_inertias, link_inertia
-from fantoccini.tree.place import link_poses, place
+from fantoccini.tree.placement import link_poses, place
 from fantoccini.tree.size import Size, measure, path_lengths
 from fantoccini.tree.structure import (
     WORLD,

@@ -7,7 +7,7 @@ import numpy as np
 from fantoccini.puppet import Number
 from fantoccini.puppet.shapes import UnitInertia
 from fantoccini.tree.coordinates import Role
-from fantoccini.tree.place import Value, link_poses, place
+from fantoccini.tree.placement import Value, link_poses, place
 from fantoccini.tree.structure import WORLD, Link, Lump, Tree
 
 

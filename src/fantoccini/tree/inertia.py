@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from fantoccini.tree.coordinates import Role
-from fantoccini.tree.place import Value, link_poses
+from fantoccini.tree.placement import Value, link_poses
 from fantoccini.tree.structure import WORLD, Link, Tree
 
 

@@ -10,7 +10,7 @@ from fantoccini.puppet import Box, Capsule, Ellipsoid, Mesh, Shape, Sphere
 from fantoccini.puppet.shapes import load_mesh
 from fantoccini.tree.coordinates import Role
 from fantoccini.tree.inertia import link_inertia
-from fantoccini.tree.place import Value, link_poses, place
+from fantoccini.tree.placement import Value, link_poses, place
 from fantoccini.tree.structure import WORLD, StringRow, Tree
 
 

@@ -5,7 +5,7 @@ or a gif. matplotlib and ffmpeg are loaded by the first call, not by importing t
 only where ``renderer="pyvista"`` asks for it.
 """
 
-from fantoccini.view.film import FilmError, film
+from fantoccini.view.films import FilmError, film
 from fantoccini.view.pictures import PictureError, draw, pose_times, strip
 from fantoccini.view.plans import plan_picture
 from fantoccini.view.plots import plot

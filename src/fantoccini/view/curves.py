@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fantoccini.view.draw import DPI, plain
+from fantoccini.view.drawing import DPI, plain
 from fantoccini.view.pictures import checked, save
 from fantoccini.view.theme import Theme, theme_of
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from fantoccini.puppet import Parameter
 from fantoccini.tree import WORLD, StringRow, grow
-from fantoccini.view.draw import DPI, plain
+from fantoccini.view.drawing import DPI, plain
 from fantoccini.view.pictures import figure_of, strip_figure
 from fantoccini.view.plots import plot
 from fantoccini.view.scene import scene_at

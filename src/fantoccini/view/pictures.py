@@ -13,7 +13,7 @@ import numpy as np
 from fantoccini.errors import FantocciniError
 from fantoccini.view.camera import Viewport
 from fantoccini.view.compose import compose, shadows
-from fantoccini.view.draw import (
+from fantoccini.view.drawing import (
     DPI,
     collection,
     floor,

@@ -11,7 +11,7 @@ import numpy as np
 
 from fantoccini.view.camera import Viewport
 from fantoccini.view.compose import compose
-from fantoccini.view.draw import collection, floor, sheet, show, stage_of, tension_bar, write
+from fantoccini.view.drawing import collection, floor, sheet, show, stage_of, tension_bar, write
 from fantoccini.view.pictures import checked, pose_times, save
 from fantoccini.view.scene import scene_of
 from fantoccini.view.theme import Theme, theme_of

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fantoccini.motion import rotation
-from fantoccini.view.draw import DPI, plain
+from fantoccini.view.drawing import DPI, plain
 from fantoccini.view.pictures import checked, save
 from fantoccini.view.theme import Theme, theme_of
 

@@ -1,0 +1,83 @@
+"""The public names of fantoccini, and where each is defined."""
+
+from . import puppets as puppets
+from .errors import (
+    BuildError as BuildError,
+    ExchangeError as ExchangeError,
+    FantocciniError as FantocciniError,
+    InputError as InputError,
+    MissingLibraryError as MissingLibraryError,
+    PuppetError as PuppetError,
+    SimulationError as SimulationError,
+    StateError as StateError,
+    Status as Status,
+    StoreError as StoreError,
+    SweepStopped as SweepStopped,
+    UnknownNameError as UnknownNameError,
+)
+from .marionette import (
+    Flow as Flow,
+    Linearisation as Linearisation,
+    Marionette as Marionette,
+    Mode as Mode,
+    Modes as Modes,
+    Partials as Partials,
+    StepLinearisation as StepLinearisation,
+    Stepper as Stepper,
+    load as load,
+    loads as loads,
+)
+from .motion import (
+    Columns as Columns,
+    Event as Event,
+    EventKind as EventKind,
+    Input as Input,
+    InputDerivative as InputDerivative,
+    Inputs as Inputs,
+    State as State,
+    Trajectories as Trajectories,
+    Trajectory as Trajectory,
+)
+from .perform import (
+    Handle as Handle,
+    Performance as Performance,
+    Recording as Recording,
+)
+from .planning import (
+    Clearance as Clearance,
+    Goal as Goal,
+    HalfSpace as HalfSpace,
+    PlanResult as PlanResult,
+    PlanStatus as PlanStatus,
+    Problem as Problem,
+    load_problem as load_problem,
+    plan as plan,
+    solve as solve,
+)
+from .puppet import (
+    Puppet as Puppet,
+)
+from .reduction import (
+    ReductionReport as ReductionReport,
+    validate_reduction as validate_reduction,
+)
+from .simulation import (
+    Passage as Passage,
+    Sensitivity as Sensitivity,
+    sensitivity as sensitivity,
+    simulate as simulate,
+)
+from .sweeps import (
+    Case as Case,
+    SweepResult as SweepResult,
+    Trial as Trial,
+    sweep as sweep,
+)
+from .web import (
+    show as show,
+)
+from .world import (
+    World as World,
+)
+
+__version__: str

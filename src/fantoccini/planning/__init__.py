@@ -1,0 +1,42 @@
+"""Planning: from here to there among obstacles."""
+
+from fantoccini.planning.api import plan, solve
+from fantoccini.planning.check import Check
+from fantoccini.planning.clearance import Clearance, Nearest
+from fantoccini.planning.feedback import Feedback, Followed
+from fantoccini.planning.goals import Goal, Rows
+from fantoccini.planning.objective import OBJECTIVES, Objective
+from fantoccini.planning.obstacles import HalfSpace
+from fantoccini.planning.planners import EST2007, Explore
+from fantoccini.planning.polish import Polish, PolishStatus
+from fantoccini.planning.problem import Problem
+from fantoccini.planning.problem_file import load_problem, problem_names, problem_schema
+from fantoccini.planning.result import PlanResult, PlanStatus
+from fantoccini.planning.search import PLANNERS, Search
+
+__all__ = [
+    "EST2007",
+    "OBJECTIVES",
+    "PLANNERS",
+    "Check",
+    "Clearance",
+    "Explore",
+    "Feedback",
+    "Followed",
+    "Goal",
+    "HalfSpace",
+    "Nearest",
+    "Objective",
+    "PlanResult",
+    "PlanStatus",
+    "Polish",
+    "PolishStatus",
+    "Problem",
+    "Rows",
+    "Search",
+    "load_problem",
+    "plan",
+    "problem_names",
+    "problem_schema",
+    "solve",
+]

@@ -1,0 +1,174 @@
+"""How far a puppet keeps from what stands about it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.marionette import Marionette
+from fantoccini.motion import State, Trajectory
+from fantoccini.planning import solids
+from fantoccini.planning.meshes import Meshes
+from fantoccini.planning.obstacles import HalfSpace, standing
+from fantoccini.puppet import Obstacle
+from fantoccini.runtime import Solids, default_threads
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """The two things that are nearest to one another.
+
+    Attributes:
+        what, other: their names; a body, an obstacle, a string.
+        distance: between them [m]; negative where they overlap.
+    """
+
+    what: str
+    other: str
+    distance: float
+
+    def __str__(self) -> str:
+        if -1e-6 < self.distance < 0.0:  # of thin things, which have no depth
+            return f"{self.what} meets {self.other}"
+        if self.distance < 0.0:
+            return f"{self.what} is {-self.distance:.3g} m inside {self.other}"
+        return f"{self.what} is {self.distance:.3g} m from {self.other}"
+
+
+class Clearance:
+    """Distances of a puppet's bodies and strings from obstacles, for many configurations at once.
+
+        d = min over pairs of (distance of their cores - radii)
+
+    Cores are points, segments, boxes and meshes; distances between them are exact, but an ellipsoid
+    counts as the capsule around it (see :mod:`fantoccini.planning.solids`). Where things overlap
+    d is negative, and no measure of how far. Closed meshes are solid, open ones surfaces (see
+    :class:`fantoccini.planning.meshes.Meshes`).
+
+    Attributes:
+        marionette: the puppet.
+        obstacles: all that stand, the world's own and its floor included.
+        solids: all that is measured, for the compiled library.
+        meshes: those among the solids.
+
+    Args:
+        marionette: the puppet.
+        obstacles: more than its world has; a mapping has the keys of a puppet file.
+        strings: whether strings are kept clear of obstacles: straight from point to point, slack
+            ones along the curve in which a thread of their length hangs; on half-spaces they may
+            lie.
+        string_radius: half their thickness [m].
+        self_collision: whether bodies that no joint connects are kept clear of one another.
+
+    Raises:
+        FileError: an obstacle that is none.
+        ValueError: a radius that is not a finite number of at least 0.
+    """
+
+    def __init__(
+        self,
+        marionette: Marionette,
+        obstacles: Iterable[Obstacle | HalfSpace | Mapping[str, Any]] = (),
+        *,
+        strings: bool = True,
+        string_radius: float = 0.0,
+        self_collision: bool = False,
+    ):
+        if not 0.0 <= string_radius < np.inf:
+            raise ValueError(f"string_radius is {string_radius}; it must be a number >= 0 [m]")
+        self.marionette = marionette
+        self.obstacles = standing(marionette.world, obstacles)
+        tree = marionette.tree
+        self.meshes = Meshes()
+        moving, self._links = solids.moving(tree, self.meshes)
+        still = solids.standing(self.obstacles, self.meshes)
+        pairs = solids.apart(tree, self._links) if self_collision else np.zeros((0, 2), np.int32)
+        radius = string_radius if strings and len(still) else -1.0
+        exact = self.meshes.distance if len(self.meshes) else None
+        self.solids = Solids(moving, still, pairs, np.full(len(tree.strings), radius), exact)
+
+    @property
+    def measures_nothing(self) -> bool:
+        """Whether there is nothing to keep clear of."""
+        strings = int(np.sum(self.solids.string_radius >= 0.0))
+        of_obstacles = len(self.solids.standing) * (len(self._links) + strings)
+        return not of_obstacles and not len(self.solids.pairs)
+
+    def at(self, q_D: Array, q_K: Array, threads: int = 1) -> Array:
+        """Clearances of configurations.
+
+        Args:
+            q_D, q_K: (..., n_qD), (..., n_qK).
+            threads: that share the work where there is much of it.
+
+        Returns:
+            (...) [m]; infinite where nothing is measured, nan where a configuration is.
+
+        Raises:
+            ValueError: arrays of other widths than the puppet's configurations.
+        """
+        return self._measured(q_D, q_K, threads)[0]
+
+    def of(self, motion: State | Trajectory | Sequence[State]) -> Array:
+        """Clearances of a state, of the rows of a trajectory, or of states.
+
+        Returns:
+            () or (T,) [m].
+        """
+        return self.at(*_configurations(motion), threads=default_threads())
+
+    def nearest(self, motion: State | Trajectory | Sequence[State]) -> Nearest | None:
+        """What comes nearest to what, at the worst of all configurations; None without any."""
+        distance, pair = (np.ravel(a) for a in self._measured(*_configurations(motion), 1))
+        if not np.any(pair >= 0):
+            return None
+        worst = int(np.nanargmin(distance))
+        what, other = self._named(int(pair[worst]))
+        return Nearest(what, other, float(distance[worst]))
+
+    def _measured(self, q_D: Array, q_K: Array, threads: int) -> tuple[Array, np.ndarray]:
+        q_D, q_K = np.asarray(q_D, dtype=float), np.asarray(q_K, dtype=float)
+        table = self.marionette.coordinates
+        if (q_D.shape[-1:], q_K.shape[-1:]) != ((table.n_qD,), (table.n_qK,)):
+            raise ValueError(
+                f"q_D and q_K have the shapes {q_D.shape} and {q_K.shape}; they must end in "
+                f"{table.n_qD} and {table.n_qK}"
+            )
+        lead = np.broadcast_shapes(q_D.shape[:-1], q_K.shape[:-1])
+        if self.measures_nothing or 0 in lead:
+            return np.full(lead, np.inf), np.full(lead, -1)
+        n = int(np.prod(lead))
+        rows = [
+            np.broadcast_to(a, (*lead, a.shape[-1])).reshape(n, a.shape[-1]) for a in (q_D, q_K)
+        ]
+        distance, pair = self.marionette.clearances.measure(
+            self.solids, *rows, self.marionette.p, threads
+        )
+        finite = np.isfinite(rows[0]).all(axis=1) & np.isfinite(rows[1]).all(axis=1)
+        return np.where(finite, distance, np.nan).reshape(lead), pair.reshape(lead)
+
+    def _named(self, pair: int) -> tuple[str, str]:
+        """The names of a pair, by its number."""
+        tree, still = self.marionette.tree, [o.name for o in self.obstacles]
+        moving = [tree.links[i].name for i in self._links]
+        if pair < len(moving) * len(still):
+            return moving[pair // len(still)], still[pair % len(still)]
+        pair -= len(moving) * len(still)
+        if pair < len(self.solids.pairs):
+            a, b = self.solids.pairs[pair]
+            return moving[a], moving[b]
+        pair -= len(self.solids.pairs)
+        segments = [f"string {s.name}" for s in tree.strings for _ in s.points[1:]]
+        return segments[pair // len(still)], still[pair % len(still)]
+
+
+def _configurations(motion: State | Trajectory | Sequence[State]) -> tuple[Array, Array]:
+    if isinstance(motion, (State, Trajectory)):
+        return motion.q_D, motion.q_K
+    if not len(motion):
+        raise ValueError("no states; give at least one")
+    return np.array([x.q_D for x in motion]), np.array([x.q_K for x in motion])

@@ -1,0 +1,15 @@
+"""simulate: a marionette, a start state and inputs -> Trajectory; sensitivity: its derivatives."""
+
+from fantoccini.simulation.catch import Passage
+from fantoccini.simulation.integrators import INTEGRATORS
+from fantoccini.simulation.run import simulate, trajectory_of_rows
+from fantoccini.simulation.sensitivities import Sensitivity, sensitivity
+
+__all__ = [
+    "INTEGRATORS",
+    "Passage",
+    "Sensitivity",
+    "sensitivity",
+    "simulate",
+    "trajectory_of_rows",
+]

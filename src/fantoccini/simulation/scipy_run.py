@@ -1,0 +1,257 @@
+"""The event-driven run with any of SciPy's integrators.
+
+Between events the taut strings are frozen and the motion is a smooth ordinary differential equation
+(Sec. III-C: any numeric integrator will do). SciPy's solver makes the steps; what happens at an
+instant, and everything that is written, is the runtime's.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator
+
+import numpy as np
+from scipy import integrate
+
+from fantoccini.arrays import Array
+from fantoccini.errors import ARRIVED, Status
+from fantoccini.runtime import OutsideRun
+from fantoccini.simulation.integrators import INTEGRATORS
+from fantoccini.simulation.step import Step
+
+_EXPLICIT = (integrate.RK23, integrate.RK45, integrate.DOP853)
+_ONE_STEP = (*_EXPLICIT, integrate.Radau)
+"""Methods whose steps depend on nothing before them: they go on with the step they had in mind."""
+_DRIFT = 1e-3
+"""Drift of a solver from the strings, over its tolerance, at which it starts anew.
+
+Explicit one-step methods lose nothing by that.
+"""
+_DRIFT_WITH_MEMORY = 100.0
+"""The same of the others, which lose their order or their Jacobian.
+
+Their global error is no less over the steps in which they drift by so much. With 1 instead of 100,
+BDF and LSODA never leave their first order: 21,000 starts instead of 16 on a second of ``arm2d``.
+"""
+_ROUNDS = 60
+"""Bound on the states tried in order to meet a guard."""
+
+
+def solver_class(integrator: str | type[integrate.OdeSolver]) -> type[integrate.OdeSolver]:
+    """The class of a SciPy method.
+
+    Raises:
+        ValueError: there is no such method.
+    """
+    if isinstance(integrator, type) and issubclass(integrator, integrate.OdeSolver):
+        return integrator
+    if integrator not in INTEGRATORS:
+        names = ", ".join(map(repr, INTEGRATORS))
+        raise ValueError(
+            f"integrator is {integrator!r}; it must be {names}, a subclass of "
+            "scipy.integrate.OdeSolver, or None for the compiled one"
+        )
+    return getattr(integrate, integrator)
+
+
+def _options_of(solver: type[integrate.OdeSolver]) -> set[str]:
+    """Names of the options that a class takes, or passes on to the one it derives from."""
+    names = set()
+    for cls in solver.__mro__:
+        if "__init__" in vars(cls):
+            found = inspect.signature(cls.__init__).parameters
+            names |= set(found)
+            if not any(p.kind is p.VAR_KEYWORD for p in found.values()):
+                break
+    return names
+
+
+class ScipyRun(OutsideRun):
+    """One event-driven simulation in progress, with SciPy's steps.
+
+    Args:
+        integrator: a name of :data:`INTEGRATORS`, or a subclass of SciPy's ``OdeSolver``. Of rtol,
+            atol, max_step and first_step it is given those that it takes by name.
+        library, options, x0, p, winches, inputs, save_at: as of :class:`OutsideRun`.
+    """
+
+    def __init__(self, integrator, library, options, x0, p, winches, inputs, save_at=None):
+        self._class = solver_class(integrator)
+        one_step = issubclass(self._class, _ONE_STEP)
+        # After a release h leaves 0 with the third power of time. A method that starts with tiny
+        # steps of low order makes errors there that exceed it.
+        noise = 0.0 if one_step else options.rtol
+        afield = _DRIFT_WITH_MEMORY * options.rtol
+        super().__init__(library, options, x0, p, winches, inputs, save_at, noise, afield)
+        self._rtol, self._atol = options.rtol, np.full(len(self.y), options.atol)
+        self._atol[-3:] *= options.energy_scale
+        given = {"rtol": self._rtol, "atol": self._atol, "max_step": options.max_step}
+        self._takes = _options_of(self._class)
+        self._given = {name: value for name, value in given.items() if name in self._takes}
+        self._drift = _DRIFT if issubclass(self._class, _EXPLICIT) else _DRIFT_WITH_MEMORY
+        self._step = options.first_step if one_step else None
+        self._save_at = np.zeros(0) if save_at is None else np.asarray(save_at, dtype=float)
+        self._next_save = int(np.searchsorted(self._save_at, self.t, side="right"))
+        self._solver: integrate.OdeSolver | None = None
+        self._pieces: list[tuple[Array, Array]] = []
+
+    def advance(self, t_end: float) -> Iterator[tuple[Array, Array]]:
+        """As :meth:`Run.advance`."""
+        self._taken_bytes = 0.0
+        yield self._taken()
+        if self.status in ARRIVED:
+            self.status = Status.RUNNING
+        n_steps = 0
+        while self.status is Status.RUNNING and self.t < t_end:
+            if self._is_full:
+                self.status = Status.TOO_MANY_ROWS
+                break
+            self._advance_once(t_end)
+            n_steps += 1
+            if n_steps % self.steps_at_once == 0:
+                self._pieces.append(self._taken())
+            while self._pieces:
+                yield self._pieces.pop(0)
+        if self.status is Status.RUNNING:
+            self.status = self.verdict(t_end)
+        yield self._taken()
+
+    def present(self) -> tuple[Array, Array]:
+        """As :meth:`Run.present`, with what has not been handed out yet."""
+        pieces, self._pieces = [*self._pieces, super().present()], []
+        rows, events = zip(*pieces, strict=True)
+        return np.concatenate(rows), np.concatenate(events)
+
+    def _advance_once(self, t_end: float) -> None:
+        """One step, up to the first event within it, and the event."""
+        end = self.stretch(t_end)
+        if self.status is not Status.RUNNING or self.t >= end:
+            return
+        if self._solver is None or self._solver.t_bound != end:
+            self._solver = self._new_solver(self.t, self.y, end, self._step)
+        solver, mode = self._solver, self.mode
+        solver.step()
+        if solver.status == "failed":
+            self.status = Status.STEP_TOO_SMALL
+            return
+        self._plan_next(solver)
+        y = self.settled(solver.t, solver.y)
+        # Where the strings cannot be met any more an event may still lie before.
+        step = Step.of(self, solver, solver.y if y is None else y)
+        event = self._first_event(step)
+        t, y = (step.times[-1], step.y1) if event is None else event
+        self._save_before(t, step)
+        self.accept(t, y)
+        if event is not None and self.status is Status.RUNNING:
+            self.react()
+        while self._next_save < len(self._save_at) and self._save_at[self._next_save] <= self.t:
+            self._next_save += 1
+        self._make_room()
+        drift = np.max(np.abs(self.y - solver.y) / (self._atol + self._rtol * np.abs(self.y)))
+        if event is not None or np.any(self.mode != mode) or drift > self._drift:
+            self._solver = None
+
+    def _new_solver(
+        self, t: float, y: Array, t_bound: float, first_step: float | None
+    ) -> integrate.OdeSolver:
+        given = dict(self._given)
+        if first_step is not None and "first_step" in self._takes:
+            given["first_step"] = min(first_step, t_bound - t)
+        return self._class(self.rate, t, y, t_bound, **given)
+
+    def _plan_next(self, solver: integrate.OdeSolver) -> None:
+        """The step that a one-step method has in mind; one cut short by a break says nothing."""
+        if self._step is not None:
+            cut = solver.t == solver.t_bound
+            self._step = max(self._step, solver.h_abs) if cut else solver.h_abs
+
+    def _reached(self, t: float, y: Array, t_end: float) -> Array | None:
+        """The state at ``t_end`` that the integrator reaches from (t, y); None when it fails."""
+        if not t_end > t:
+            return y  # nothing to integrate: SciPy takes no step of no length
+        # SciPy's LSODA bears no second solver beside the first.
+        self._solver = None
+        solver = self._new_solver(t, y, t_end, t_end - t)
+        while solver.status == "running":
+            solver.step()
+        return None if solver.status == "failed" else self.settled(t_end, solver.y)
+
+    def _save_before(self, t: float, step: Step) -> None:
+        """Writes the rows of the times to save within the step, before ``t``."""
+        while self._next_save < len(self._save_at) and self._save_at[self._next_save] < t:
+            at = self._save_at[self._next_save]
+            self.save(at, step.dense(at))
+            self._next_save += 1
+            self._make_room()
+
+    def _make_room(self) -> None:
+        if self.nearly_full:
+            self._pieces.append(self._taken())
+
+    # -- events ------------------------------------------------------------------------------
+
+    def _first_event(self, step: Step) -> tuple[float, Array] | None:
+        """Time and state at which a guard first turns positive within a step."""
+        for t in step.suspects():
+            y = step.y1 if t == step.times[-1] else self._reached(step.times[0], step.y0, t)
+            if y is not None and np.any(self.guards(t, y)[0] > 0.0):
+                return self._earliest(step, t, y)
+        return None
+
+    def _earliest(self, step: Step, t: float, y: Array) -> tuple[float, Array]:
+        """The earliest root among the guards that are positive at (t, y), and the state there."""
+        for _ in range(step.guards.shape[1] + 1):
+            guard, met = self.guards(t, y)
+            beyond = np.flatnonzero(guard > met)
+            if not len(beyond):
+                break
+            before = t
+            roots = [step.root(row, t) for row in beyond]
+            first = int(np.argmin(roots))
+            row = int(beyond[first])
+            t, y = self._meet(step, row, roots[first], (t, y, guard[row]))
+            if t == before:
+                break
+        return t, y
+
+    def _meet(
+        self, step: Step, row: int, t: float, found: tuple[float, Array, float]
+    ) -> tuple[float, Array]:
+        """Time and state at which the guard of ``row`` has just turned positive, near ``t``.
+
+        Two steps of other lengths differ by the integrator's tolerance, the guard is to be met to
+        rounding: so the last piece is done in small steps from a state shortly before the event.
+
+        Args:
+            step: the step in which it does.
+            row: whose.
+            t: about when, from the dense output [s].
+            found: time, state and guard somewhere beyond.
+        """
+        start = step.times[0], step.y0, min(step.guards[0, row], 0.0)
+        lo, hi, slope = start, found, step.slope(row, t)
+        for i in range(_ROUNDS):
+            y = self._reached(lo[0], lo[1], t)
+            if y is None:
+                break
+            guard, met = (part[row] for part in self.guards(t, y))
+            if guard > 0.0:
+                hi = t, y, guard
+            else:
+                lo = t, y, guard
+            resolved = hi[0] - lo[0] <= 4.0 * np.spacing(max(1.0, abs(t)))
+            if 0.0 < guard <= met or resolved:
+                break
+            if guard > 0.0 and lo is not start:
+                slope = (hi[2] - lo[2]) / (hi[0] - lo[0])
+            middle = 0.5 * (lo[0] + hi[0])
+            if not slope > 0.0 or i % 6 == 5:
+                t = middle
+            elif lo is start:
+                t -= 2.0 * guard / slope
+            else:
+                t = lo[0] + max((0.5 * met - lo[2]) / slope, np.spacing(max(1.0, abs(t))))
+            if not lo[0] < t:
+                t = middle
+            t = min(t, found[0])
+        return hi[:2]

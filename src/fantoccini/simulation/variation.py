@@ -1,0 +1,106 @@
+"""How a small change travels along an event-driven run.
+
+Between events (q_D, v_D) and the columns Z of changes are integrated together, with the taut rows
+frozen:
+
+    Zdot = [-[w]x, 1; dacc_D/dq_D, dacc_D/dv_D] Z + (acc_D's derivatives by inputs and parameters)
+
+At a release nothing jumps: Z goes on. At a catch it does: :mod:`fantoccini.simulation.catch`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.errors import SimulationError, Status
+from fantoccini.marionette import Marionette
+from fantoccini.marionette.linearisation import Answer, linearise, turning
+from fantoccini.motion import State
+from fantoccini.motion.rotation import multiply
+from fantoccini.simulation.catch import rate_change, rows_by
+from fantoccini.simulation.driving import Driving, Outside
+
+_STAYS = 1e-6
+"""How far the integration may end from the run, relative to 1 or to the state."""
+
+
+class Variation:
+    """Changes of the state along a run of one puppet.
+
+    Args:
+        marionette: the puppet.
+        rtol, atol: of the integration.
+    """
+
+    def __init__(self, marionette: Marionette, rtol: float, atol: float):
+        self.marionette = marionette
+        self._rtol, self._atol = rtol, atol
+        self._table = marionette.coordinates
+
+    def projected(self, x: State, rows: Array, Z: Array, outside: Outside) -> Array:
+        """The changes nearest to Z, in the metric of M_DD, that keep h = 0 and hdot = 0 of rows."""
+        n, found = len(x.v_D), rows_by(self.marionette, x)
+        answer = Answer(self.marionette.instant(x), rows)
+        still = np.zeros((n, Z.shape[1]))
+        Z_q, Z_v = Z[:n], Z[n:]
+        gap = found["A_D"] @ Z_q + found["A_K"] @ outside.q_K + found["h_p"] @ outside.p
+        Z_q = Z_q + answer.to(still, gap[rows])[0]
+        rate = rate_change(found, Z_q, outside.q_K, outside.v_K, outside.p) + found["A_D"] @ Z_v
+        Z_v = Z_v + answer.to(still, rate[rows])[0]
+        return np.concatenate([Z_q, Z_v])
+
+    def along(
+        self, x: State, rows: Array, Z: Array, driving: Driving, times: Array
+    ) -> tuple[Array, Array]:
+        """The state and the changes at some times of a stretch on which ``rows`` are taut.
+
+        Returns:
+            (len(times), n_qD + n_vD) and (len(times), 2 n_vD, m).
+        """
+        n_q, n, m = self._table.n_qD, self._table.n_vD, Z.shape[1]
+        names = [self.marionette.tree.row_names[i] for i in rows]
+
+        def rate(t: float, y: Array) -> Array:
+            q_D, v_D, Z = y[:n_q], y[n_q : n_q + n], y[n_q + n :].reshape(2 * n, m)
+            q_K, v_K, acc_K, u_D = driving.at(t)
+            here = x.replace(t=t, q_D=q_D, v_D=v_D, q_K=q_K, v_K=v_K)
+            lin, out = linearise(self.marionette, here, acc_K, u_D, names), driving.outside(t)
+            Z_q = turning(self._table.quaternions_D, v_D) @ Z[:n] + Z[n:]
+            acc = lin.acc
+            Z_v = (
+                acc.q_D @ Z[:n] + acc.v_D @ Z[n:] + acc.q_K @ out.q_K + acc.v_K @ out.v_K
+                + acc.acc_K @ out.acc_K + acc.u_D @ out.u_D + acc.p @ out.p
+            )  # fmt: skip
+            moved = self._configuration_rate(q_D, v_D), lin.acc_D, Z_q.ravel(), Z_v.ravel()
+            return np.concatenate(moved)
+
+        start = np.concatenate([x.q_D, x.v_D, Z.ravel()])
+        from scipy.integrate import solve_ivp  # as long to import as all the rest
+
+        found = solve_ivp(
+            rate, (x.t, times[-1]), start, "DOP853", times, rtol=self._rtol, atol=self._atol
+        )
+        if not found.success:
+            raise SimulationError(Status.STEP_TOO_SMALL, f"at t = {found.t[-1]:.6g} s")
+        y = found.y.T
+        return y[:, : n_q + n], y[:, n_q + n :].reshape(-1, 2 * n, m)
+
+    def check(self, reached: Array, x: State) -> None:
+        """Raises unless the integration has ended where the run is."""
+        run = np.concatenate([x.q_D, x.v_D])
+        apart = np.max(np.abs(reached - run) / (1.0 + np.abs(run)))
+        if not apart < _STAYS:
+            raise SimulationError(
+                Status.NOT_SETTLED,
+                f"the run and its linearisation are {apart:.2g} apart at t = {x.t:.6g} s",
+            )
+
+    def _configuration_rate(self, q_D: Array, v_D: Array) -> Array:
+        rate = np.empty_like(q_D)
+        for q, v in self._table.scalars_D:
+            rate[q] = v_D[v]
+        for q, v in self._table.quaternions_D:
+            turn = np.concatenate([[0.0], 0.5 * v_D[v : v + 3]])
+            rate[q : q + 4] = multiply(q_D[q : q + 4], turn)
+        return rate

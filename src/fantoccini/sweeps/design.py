@@ -1,0 +1,257 @@
+"""All cases of a sweep: a grid or a list of points, each repeated, with what is drawn for each."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from numbers import Integral
+from typing import Any
+
+import numpy as np
+
+from fantoccini.errors import UnknownNameError
+from fantoccini.marionette import Marionette
+from fantoccini.motion import Input
+from fantoccini.puppet import Puppet
+from fantoccini.sweeps.case import PARAMETER, PUPPET, Case
+from fantoccini.sweeps.identity import digest
+from fantoccini.world import World
+
+REPEAT = "repeat"
+"""The name of the axis of repetitions."""
+CASE = "case"
+"""The name of the axis of a list of cases."""
+
+Draw = tuple[float, float] | Callable[[np.random.Generator], Any]
+
+
+@dataclass(frozen=True)
+class Axis:
+    """What is varied along one axis of the results.
+
+    Attributes:
+        name: of the value; ``case`` for a list of cases, ``repeat`` for repetitions.
+        labels: what stands for each value in tables: itself where it is a number or a text.
+    """
+
+    name: str
+    labels: tuple[Any, ...]
+
+
+@dataclass(frozen=True)
+class Design:
+    """All cases of a sweep.
+
+    Attributes:
+        axes: the slowest first.
+        names: of all values, in the order of tables.
+        cases: in order, without their marionettes.
+        labels: of each case, name -> what stands for the value in tables.
+        keys: of each case, a digest of all that it depends on but the study and the seed.
+        puppets: label -> marionette.
+    """
+
+    axes: tuple[Axis, ...]
+    names: tuple[str, ...]
+    cases: tuple[Case, ...]
+    labels: tuple[dict[str, Any], ...]
+    keys: tuple[str, ...]
+    puppets: dict[str, Marionette]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Lengths of the axes."""
+        return tuple(len(axis.labels) for axis in self.axes)
+
+
+@dataclass(frozen=True, eq=False)
+class _Item:
+    """A value, what stands for it in tables, what its random numbers and its results go by."""
+
+    value: Any
+    label: Any
+    stream: Any
+    key: str
+
+
+def designed(
+    over: Mapping[str, Any] | Sequence[Mapping[str, Any]] | None,
+    draw: Mapping[str, Draw] | None,
+    seeds: int | None,
+    seed: int,
+    puppet: Marionette | Puppet | World | None,
+) -> Design:
+    """The cases that :func:`fantoccini.sweeps.sweep` is asked for; its arguments."""
+    seed = check_whole("seed", seed, 0)
+    seeds = None if seeds is None else check_whole("seeds", seeds, 1)
+    draw = dict(draw or {})
+    shared = None if puppet is None else _items(PUPPET, [puppet])[0]
+    axes, points = _points(over)
+    names = (*points[0], *draw)
+    _check_names(names, points[0], draw, shared)
+    items = {item.label: item for p in points for n, item in p.items() if n == PUPPET}
+    items |= {} if shared is None else {shared.label: shared}
+    puppets = {label: item.value for label, item in items.items()}
+    _check_parameters(names, puppets)
+    streams = {name: int(digest(name), 16) for name in draw}
+    cases, labels, keys = [], [], []
+    for point in points:
+        stream = int(digest({n: item.stream for n, item in point.items()}), 16)
+        own = {n: item.key for n, item in (point | ({PUPPET: shared} if shared else {})).items()}
+        for repeat in range(seeds or 1):
+            entropy = (seed, stream, repeat)
+            drawn = {n: _drawn(n, how, (*entropy, streams[n])) for n, how in draw.items()}
+            told = {n: item.label for n, item in point.items()} | drawn
+            values = {n: told[n] if n == PUPPET else i.value for n, i in point.items()} | drawn
+            if shared is not None:
+                values = {PUPPET: shared.label} | values
+            cases.append(Case(len(cases), values, repeat, entropy))
+            labels.append(told)
+            keys.append(digest([own, drawn, stream, repeat]))
+    _check_twice(keys, labels)
+    if seeds is not None:
+        axes = (*axes, Axis(REPEAT, tuple(range(seeds))))
+    return Design(axes, names, tuple(cases), tuple(labels), tuple(keys), puppets)
+
+
+def _points(over: Any) -> tuple[tuple[Axis, ...], list[dict[str, _Item]]]:
+    """The axes, and every point: the product of a mapping's values, or a list of mappings."""
+    if over is None or isinstance(over, Mapping):
+        columns = {name: _column(name, given) for name, given in (over or {}).items()}
+        axes = tuple(Axis(n, tuple(item.label for item in c)) for n, c in columns.items())
+        every = itertools.product(*columns.values())
+        return axes, [dict(zip(columns, point, strict=True)) for point in every]
+    points = list(over) if isinstance(over, Iterable) and not isinstance(over, str) else []
+    if not points or not all(isinstance(p, Mapping) for p in points):
+        raise TypeError(
+            f"over is {over!r:.80}; it must be a dict of lists, {{'hand.length': [0.7, 0.8]}}, for "
+            "all combinations, or a list of dicts, one for each case"
+        )
+    names = list(points[0])
+    for k, point in enumerate(points):
+        if set(point) != set(names):
+            apart = ", ".join(sorted(set(point) ^ set(names)))
+            raise ValueError(f"cases 0 and {k} of over differ in {apart}; all need the same names")
+    columns = {name: _items(name, [p[name] for p in points]) for name in names}
+    rows = zip(*columns.values(), strict=True) if names else [()] * len(points)
+    axis = Axis(CASE, tuple(range(len(points))))
+    return (axis,), [dict(zip(names, row, strict=True)) for row in rows]
+
+
+def _column(name: str, given: Any) -> list[_Item]:
+    """The values of an axis: a list, or a mapping label -> value."""
+    if isinstance(given, str | Marionette) or not isinstance(given, Iterable):
+        raise TypeError(f"{name} is {given!r:.80}; it must be a list of values, also for one value")
+    labels = [str(label) for label in given] if isinstance(given, Mapping) else None
+    found = _items(name, list(given.values() if isinstance(given, Mapping) else given), labels)
+    if not found:
+        raise ValueError(f"{name} has no values; it needs one or more")
+    met: set[str] = set()
+    for item in found:
+        if repr(item.stream) in met:
+            raise ValueError(f"{name} has {item.label!r} twice; seeds=N repeats every case N times")
+        met.add(repr(item.stream))
+    return found
+
+
+def _items(name: str, values: list[Any], labels: list[str] | None = None) -> list[_Item]:
+    """Values with their labels; equal things get equal labels, others are numbered."""
+    made: list[_Item] = []
+    by_key: dict[str, str] = {}
+    for k, value in enumerate(values):
+        if name == PUPPET:
+            value = _marionette(value)
+        elif isinstance(value, np.generic):
+            value = value.item()
+        key = digest(value)
+        if labels is not None:
+            label = stream = labels[k]
+        elif isinstance(value, bool | int | float | str) and name != PUPPET:
+            label = stream = value
+        elif isinstance(value, np.ndarray):
+            label, stream = value, key
+        else:
+            named = value.name if isinstance(value, Marionette | Input) else ""
+            label = by_key.setdefault(key, _unused(named or name, by_key, bare=bool(named)))
+            stream = label if named else key
+        made.append(_Item(value, label, stream, key))
+    return made
+
+
+def _unused(base: str, by_key: dict[str, str], bare: bool) -> str:
+    """``base`` if that is free and ``bare``, otherwise with the first free number."""
+    taken = set(by_key.values())
+    numbered = (f"{base} {k}" for k in itertools.count(2 if bare else 0))
+    return next(x for x in itertools.chain([base] if bare else [], numbered) if x not in taken)
+
+
+def _marionette(given: Any) -> Marionette:
+    if isinstance(given, Puppet | World):
+        return Marionette(given)
+    if not isinstance(given, Marionette):
+        raise TypeError(
+            f"found the puppet {given!r:.80}; it must be a Marionette, as fan.load('arm.yaml') and "
+            "fan.puppets.arm2d() give it, a Puppet or a World"
+        )
+    return given
+
+
+def _drawn(name: str, how: Any, entropy: tuple[int, ...]) -> Any:
+    """A value for one case: from a range, a function of a generator or a SciPy distribution.
+
+    Every name has an entropy of its own, so that a name more or less changes no other.
+    """
+    rng = np.random.default_rng(np.random.SeedSequence(entropy))
+    if hasattr(how, "rvs"):
+        value = how.rvs(random_state=rng)
+    elif callable(how):
+        value = how(rng)
+    else:
+        try:
+            low, high = (float(x) for x in how)
+        except (TypeError, ValueError):
+            raise TypeError(
+                f"{name} is to be drawn from {how!r:.80}; it must be a range (low, high), a "
+                "distribution of scipy.stats, or a function of a numpy Generator"
+            ) from None
+        if not (np.isfinite([low, high]).all() and low <= high):
+            raise ValueError(f"{name} is to be drawn from {how!r}; low must not exceed high")
+        value = rng.uniform(low, high)
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def check_whole(name: str, value: Any, least: int) -> int:
+    """The whole number that a value is; ValueError where it is none, or below the least."""
+    if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
+        raise ValueError(f"{name} is {value!r}; it must be a whole number, {least} or more")
+    return int(value)
+
+
+def _check_names(names: tuple[str, ...], over: Any, draw: Any, shared: _Item | None) -> None:
+    for name in names:
+        if not isinstance(name, str) or not name:
+            raise TypeError(f"found the name {name!r} in over or draw; names are texts")
+        if name in over and name in draw:
+            raise ValueError(f"{name} is in over and in draw; it is varied or drawn, not both")
+        if name in (REPEAT, CASE):
+            raise ValueError(f"a value cannot be called {name!r}; that is an axis of the results")
+    if PUPPET in draw or (PUPPET in names and shared is not None):
+        raise ValueError("puppets go into over, or as puppet= if all cases have the same one")
+
+
+def _check_parameters(names: tuple[str, ...], puppets: dict[str, Marionette]) -> None:
+    """A parameter that none of the puppets has is a slip of the pen."""
+    known = [name for m in puppets.values() for name in m.tree.parameters]
+    for name in names:
+        if name.startswith(PARAMETER) and name[len(PARAMETER) :] not in known:
+            raise UnknownNameError("parameter", name[len(PARAMETER) :], known)
+
+
+def _check_twice(keys: list[str], labels: list[dict[str, Any]]) -> None:
+    first: dict[str, int] = {}
+    for k, key in enumerate(keys):
+        if first.setdefault(key, k) != k:
+            raise ValueError(
+                f"cases {first[key]} and {k} are the same, {labels[k]}; seeds=N repeats every case"
+            )

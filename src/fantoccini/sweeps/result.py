@@ -1,0 +1,180 @@
+"""What a sweep gave: figures shaped like the grid, a table, and what failed."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.errors import UnknownNameError
+from fantoccini.motion.archive import replacing
+from fantoccini.sweeps.case import PUPPET, Case
+from fantoccini.sweeps.design import Design
+from fantoccini.sweeps.outcome import Failure, Outcome
+
+
+@dataclass(frozen=True)
+class FailedCase:
+    """A case that has no figures.
+
+    Attributes:
+        index: place among all cases.
+        values: name -> value as tables have it.
+        repeat: which repetition.
+        failure: the exception: ``error``, ``message`` and ``trace``.
+    """
+
+    index: int
+    values: dict[str, Any]
+    repeat: int
+    failure: Failure
+
+    def __str__(self) -> str:
+        values = ", ".join(f"{name}={value}" for name, value in self.values.items())
+        return f"case {self.index} ({values or 'no values'}; repeat {self.repeat}): {self.failure}"
+
+
+class SweepResult:
+    """The cases of a sweep and what they gave.
+
+    ``result["peak"]`` is a figure, or a value, as an array shaped like the sweep. Where a case
+    failed or was not run, numbers are NaN, texts empty and flags NaN among numbers.
+
+    Attributes:
+        design: the cases.
+        outcomes: of each case; None where it was not run.
+
+    Args:
+        design: the cases.
+        outcomes: one a case.
+    """
+
+    def __init__(self, design: Design, outcomes: list[Outcome | None]):
+        self.design = design
+        self.outcomes = tuple(outcomes)
+
+    def __repr__(self) -> str:
+        shape = " x ".join(f"{len(a.labels)} {a.name}" for a in self.design.axes) or "1"
+        undone = len(self) - int(self.done.sum()) - len(self.failures)
+        counts = f"{len(self.failures)} failed" + (f", {undone} not run" if undone else "")
+        return f"<SweepResult {shape}: {len(self)} cases, {counts}; {', '.join(self.names)}>"
+
+    def __len__(self) -> int:
+        return len(self.outcomes)
+
+    def __getitem__(self, name: str) -> Array:
+        column = self._column(name)
+        return column.reshape((*self.shape, *column.shape[1:]))
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Lengths of the axes: those of ``over`` in order, then the repetitions."""
+        return self.design.shape
+
+    @property
+    def axes(self) -> dict[str, Array]:
+        """Axis name -> (n,) its values, or labels of them."""
+        return {axis.name: np.array(axis.labels) for axis in self.design.axes}
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the figures, in the order in which they were first met."""
+        return tuple(dict.fromkeys(name for o in self.outcomes if o for name in o.figures))
+
+    @cached_property
+    def done(self) -> Array:
+        """(n_cases,) bool: has figures."""
+        return np.array([o is not None and o.failure is None for o in self.outcomes], dtype=bool)
+
+    @property
+    def seconds(self) -> Array:
+        """(n_cases,) how long each case took [s]; NaN where it was not run."""
+        return np.array([np.nan if o is None else o.seconds for o in self.outcomes])
+
+    @cached_property
+    def failures(self) -> tuple[FailedCase, ...]:
+        """The cases that failed, in order."""
+        return tuple(
+            FailedCase(k, self.design.labels[k], self.design.cases[k].repeat, o.failure)
+            for k, o in enumerate(self.outcomes)
+            if o is not None and o.failure is not None
+        )
+
+    def case(self, *place: int) -> Case:
+        """A case as its study got it, for a closer look: ``study(result.case(3, 0))``.
+
+        Args:
+            place: along every axis, or the number of the case.
+        """
+        if len(place) != 1:
+            place = (int(np.ravel_multi_index(place, self.shape)),)
+        case = self.design.cases[place[0]]
+        label = case.values.get(PUPPET)
+        return case.on(None if label is None else self.design.puppets[label])
+
+    def columns(self) -> dict[str, Array]:
+        """The whole table: name -> (n_cases, ...), of values, repetitions and figures.
+
+        ``pandas.DataFrame(result.columns())`` works where every figure is one number or text;
+        ``error`` says what failed.
+        """
+        columns = {name: self._column(name) for name in self.design.names}
+        if any(axis.name == "repeat" for axis in self.design.axes):
+            columns["repeat"] = np.array([case.repeat for case in self.design.cases])
+        columns |= {name: self._column(name) for name in self.names}
+        errors = {f.index: str(f.failure) for f in self.failures}
+        columns["error"] = np.array([errors.get(k, "") for k in range(len(self))])
+        return columns
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """The table case by case: name -> value."""
+        columns = self.columns()
+        for k in range(len(self)):
+            yield {name: column[k] for name, column in columns.items()}
+
+    def to_csv(self, path: str | Path) -> None:
+        """Writes :meth:`columns`; an array of a case is spread over columns ``name[0]``, ...
+
+        Raises:
+            ValueError: a figure has arrays of several shapes.
+        """
+        flat: dict[str, list] = {}
+        for name, column in self.columns().items():
+            if column.dtype == object:
+                raise ValueError(f"the arrays of {name} differ in shape; they cannot be columns")
+            for place in np.ndindex(column.shape[1:]):
+                index = f"[{','.join(map(str, place))}]" if place else ""
+                flat[name + index] = column[(slice(None), *place)].tolist()
+        with replacing(path) as temporary, temporary.open("w", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(flat)
+            writer.writerows(zip(*flat.values(), strict=True))
+
+    def _column(self, name: str) -> Array:
+        """(n_cases, ...) a value or a figure."""
+        if name in self.design.names:
+            return _stacked([np.array(told[name]) for told in self.design.labels])
+        if name not in self.names:
+            raise UnknownNameError("value or figure", name, (*self.design.names, *self.names))
+        return _stacked([o and o.figures.get(name) for o in self.outcomes])
+
+
+def _stacked(found: list[np.ndarray | None]) -> Array:
+    """Arrays one above the other, with gaps where there is none."""
+    there = [x for x in found if x is not None]
+    shapes, kinds = {x.shape for x in there}, {x.dtype.kind for x in there}
+    if len(shapes) > 1 or ("U" in kinds and len(kinds) > 1):
+        ragged = np.empty(len(found), dtype=object)
+        for k, x in enumerate(found):
+            ragged[k] = x
+        return ragged
+    if len(there) < len(found):
+        gap = np.full(there[0].shape, "" if "U" in kinds else np.nan)
+        found = [gap if x is None else x for x in found]
+    return np.stack(found)

@@ -1,0 +1,280 @@
+"""What can be shown, and the page that shows it."""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from fantoccini import puppets
+from fantoccini.errors import FileError, Problem
+from fantoccini.marionette import Marionette, load
+from fantoccini.motion import Trajectory
+from fantoccini.motion.npz import ABOUT, UNREADABLE, about_of, read
+from fantoccini.perform import Performance, Recording
+from fantoccini.planning import PlanResult, load_problem, problem_names
+from fantoccini.puppet import Puppet
+from fantoccini.view.theme import theme_of
+from fantoccini.web.export import write_html
+from fantoccini.web.live import Live
+from fantoccini.web.replay import Film, Replay
+from fantoccini.web.server import Server
+from fantoccini.web.tree import Growth
+from fantoccini.world import World
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """What is to be shown.
+
+    Attributes:
+        marionette: the puppet, among all that stands about it.
+        run: its motion, or None for one to play with.
+        growth: tree of the plan that the motion comes from, or None.
+        file: the puppet's file, which is read again when it is saved; or None.
+    """
+
+    marionette: Marionette
+    run: Trajectory | None = None
+    growth: Growth | None = None
+    file: Path | None = None
+
+
+class Page:
+    """An open page.
+
+    Attributes:
+        server: serves it.
+        show: the :class:`Live` or :class:`Replay` that it shows.
+    """
+
+    def __init__(self, server: Server, show: Live | Replay):
+        self.server, self.show = server, show
+        self._closed = threading.Event()
+        atexit.register(self.close)
+
+    def __repr__(self) -> str:
+        return f"<Page {self.url}>"
+
+    def __enter__(self) -> Page:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def url(self) -> str:
+        """Address of the page."""
+        return self.server.url
+
+    @property
+    def said(self) -> str:
+        """What became of the last recording; empty where there was none."""
+        return self.show.take_said if isinstance(self.show, Live) else ""
+
+    def wait(self) -> None:
+        """Stays until Ctrl-C, then closes the page.
+
+        A terminal that is closed and a polite kill (SIGHUP, SIGTERM) close it as well, and end
+        Python.
+        """
+        with _killed_politely():
+            try:
+                while not self._closed.wait(0.5):
+                    pass
+            except KeyboardInterrupt:
+                pass
+            finally:
+                self.close()
+
+    def close(self) -> None:
+        """Ends the page; a recording that goes on is written first."""
+        if not self._closed.is_set():
+            self._closed.set()
+            atexit.unregister(self.close)
+            self.show.stop()
+
+
+@contextlib.contextmanager
+def _killed_politely() -> Iterator[None]:
+    """SIGTERM and SIGHUP raise SystemExit; those that are ignored or handled elsewhere do not."""
+
+    def end(number: int, frame: FrameType | None) -> None:
+        raise SystemExit(128 + number)
+
+    here = threading.current_thread() is threading.main_thread()
+    signals = [getattr(signal, name, None) for name in ("SIGTERM", "SIGHUP")]
+    taken = [s for s in signals if here and s and signal.getsignal(s) is signal.SIG_DFL]
+    for number in taken:
+        signal.signal(number, end)
+    try:
+        yield
+    finally:
+        for number in taken:
+            signal.signal(number, signal.SIG_DFL)
+
+
+def subject_of(
+    what: Any, problem: str | Path | None = None, progress: Callable[[str], None] | None = None
+) -> Subject:
+    """What an argument of :func:`fantoccini.web` is.
+
+    Args:
+        what: puppet, motion, plan, or the file of one.
+        problem: of a plan's file, where it is no bundled one.
+        progress: told what takes long while it happens.
+
+    Raises:
+        FileError: a file is none that can be shown.
+        ValueError: what is given cannot be shown.
+    """
+    if isinstance(what, str | os.PathLike):
+        return _of_file(os.fspath(what), problem, progress)
+    if isinstance(what, Puppet | World):
+        return Subject(Marionette(what, progress))
+    if isinstance(what, Marionette):
+        return Subject(what)
+    if isinstance(what, Recording):
+        return Subject(what.marionette, what.trajectory)
+    if isinstance(what, Trajectory):
+        return Subject(_performer(what, progress), what)
+    if isinstance(what, PlanResult):
+        if what.reason:
+            raise ValueError(f"there is no plan to show: {what.reason}")
+        return Subject(what.problem.stage, what.trajectory, Growth.of(what))
+    raise ValueError(
+        f"found {type(what).__name__}; what can be shown is a puppet, a trajectory, a recording, "
+        "a plan, or the file of one"
+    )
+
+
+def _performer(run: Trajectory, progress: Callable[[str], None] | None) -> Marionette:
+    """The puppet of a trajectory."""
+    if run.puppet is None:
+        raise ValueError("the trajectory does not know its puppet, and cannot be shown")
+    marionette = Marionette(run.puppet, progress)
+    if marionette.coordinates.q_D + marionette.coordinates.q_K != (
+        run.coordinates.q_D + run.coordinates.q_K
+    ):
+        raise ValueError(
+            f"the trajectory is of a world of several puppets and knows only {run.puppet.name}; "
+            "a recording (fan.Recording) of it can be shown"
+        )
+    return marionette
+
+
+def _of_file(
+    name: str, problem: str | Path | None, progress: Callable[[str], None] | None
+) -> Subject:
+    path = Path(name)
+    if path.suffix.lower() == ".npz":
+        form, about = _form(path)
+        if form.startswith("fantoccini.plan."):
+            return subject_of(_plan(path, about, problem, progress), progress=progress)
+        _check_no_problem(path, problem)
+        if form.startswith("fantoccini.recording."):
+            return subject_of(Recording.load(path), progress=progress)
+        try:
+            return subject_of(Trajectory.load(path), progress=progress)
+        except ValueError as error:
+            raise FileError([Problem(str(path), None, "", str(error))]) from None
+    _check_no_problem(path, problem)
+    if not path.exists() and name in puppets.names():
+        path = puppets.path(name)
+    return Subject(load(path, progress), file=path)
+
+
+def _check_no_problem(path: Path, problem: str | Path | None) -> None:
+    """Raises FileError where a problem file is given for what is no plan."""
+    if problem is not None:
+        message = f"is no plan; a problem file ({problem}) goes with one"
+        raise FileError([Problem(str(path), None, "", message)])
+
+
+def _form(path: Path) -> tuple[str, dict]:
+    """What kind of npz file this is, and what it says of itself; empty where it says nothing."""
+    try:
+        about = about_of(read(path, only=ABOUT))
+        return str(about["format"]), about
+    except UNREADABLE:
+        return "", {}
+
+
+def _plan(
+    path: Path, about: dict, problem: str | Path | None, progress: Callable[[str], None] | None
+) -> PlanResult:
+    if problem is None:
+        problem = str(about.get("problem", ""))
+        if problem not in problem_names():
+            message = (
+                f"is a plan of {problem!r}, which is no bundled problem; its problem file is "
+                "needed as well (--problem FILE)"
+            )
+            raise FileError([Problem(str(path), None, "", message)])
+    return PlanResult.load(path, load_problem(problem, progress=progress))
+
+
+def write(
+    subject: Subject,
+    path: str | os.PathLike,
+    theme: str,
+    progress: Callable[[float], None] | None = None,
+) -> Path:
+    """Writes a motion as one file.
+
+    Raises:
+        ValueError: there is no motion to write.
+    """
+    if subject.run is None:
+        raise ValueError("a puppet that is alive cannot be written as a file; a motion can")
+    return write_html(
+        subject.marionette, subject.run, path, theme_of(theme), subject.growth, progress=progress
+    )
+
+
+def open_page(
+    subject: Subject, theme: str, host: str, port: int, record_to: Path = Path(".")
+) -> Page:
+    """Serves a page.
+
+    Args:
+        subject: what it shows.
+        theme: ``light`` or ``dark``.
+        host: address to listen on.
+        port: first port to try.
+        record_to: folder for recordings.
+
+    Raises:
+        FileError: there is no such folder for recordings.
+        ServerError: nothing can be served there.
+    """
+    look = theme_of(theme)
+    if not record_to.is_dir():
+        message = "there is no such folder; recordings go to one"
+        raise FileError([Problem(str(record_to), None, "", message)])
+    title = subject.marionette.name
+    if subject.run is not None:
+        film = Film.of(subject.marionette, subject.run)
+        server = Server(title, look, host, port)
+        shown: Live | Replay = Replay(server, film, look, subject.growth)
+    else:
+        performance = Performance(subject.marionette)
+        live = Live(performance, look, record_to.absolute(), subject.file)
+        server = Server(title, look, host, port, live.script, live.visitors)
+        live.open(server)
+        shown = live
+    shown.start()
+    return Page(server, shown)
+
+
+def waits() -> bool:
+    """Whether a page would vanish at once if nobody waited: in a script, not at a prompt."""
+    return not (hasattr(sys, "ps1") or sys.flags.interactive or "ipykernel" in sys.modules)
