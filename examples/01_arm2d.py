@@ -25,7 +25,7 @@ print("c =", c.round(5), " A_D =", A_D.round(5), " A_K =", A_K.round(5))
 # Eqs. 10 and 11 are one linear system for acc_D and lambda; the tension is minus lambda.
 system = np.block([[M, -A_D.T], [A_D, np.zeros((1, 1))]])
 solution = np.linalg.solve(system, np.concatenate([-c, -arm.Adot_v(x0)]))
-acc_D, tension = arm.accelerations(x0)
+acc_D, tension = arm.forward_dynamics(x0)
 print(f"tension at rest: {-solution[2]:.6f} N by hand, {tension[0]:.6f} N by fantoccini")
 
 # The lift: the string is shortened by 30 cm in 1.5 s.

@@ -16,7 +16,7 @@ out.mkdir(exist_ok=True)
 
 crane = fan.puppets.crane()
 x0 = crane.rest({"trolley": -1.5})
-hook = crane.accelerations(x0)[1][0]
+hook = crane.forward_dynamics(x0)[1][0]
 print(f"{crane}; the cable carries {hook:.1f} N at rest, the load weighs {crane.weight:.1f} N")
 
 

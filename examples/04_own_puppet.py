@@ -27,7 +27,7 @@ bird = fan.load(file)  # the first time it is derived and compiled, later it com
 print(bird)
 print("driven:", ", ".join(bird.coordinates.q_K))
 x0 = bird.rest()
-tensions = bird.accelerations(x0)[1]
+tensions = bird.forward_dynamics(x0)[1]
 for string, tension in zip(bird.tree.strings, tensions, strict=False):
     print(f"{string.name} carries {tension:.3f} N of {bird.weight:.3f} N")
 

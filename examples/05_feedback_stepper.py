@@ -41,7 +41,7 @@ def hold(x: fan.State) -> dict[str, float]:
 
 
 for name, law in (("winch still", wander), ("feedback", hold)):
-    stepper = arm.stepper(x0, dt=0.001)
+    stepper = arm.stepper(x0, method=fan.TimeStepping(dt=0.001))
     states = stepper.run(t_end=4.0, law=law, rate=100)
     errors = [abs(hand(x)[0] - HEIGHT) for x in states]
     print(f"{name}: the hand stays within {1000 * max(errors):.2f} mm of its height")

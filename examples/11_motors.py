@@ -32,7 +32,7 @@ for torque in (0.05, 0.018):
     arm = stand.with_parameters({"torque": torque})
     x0 = arm.rest({"hand.length": 0.8})
     lift = fan.Input.waypoints(arm, LIFT)
-    run = fan.simulate(arm, x0, lift, t_end=2.5, method="timestepping", dt=1e-4, throw=False)
+    run = fan.simulate(arm, x0, lift, t_end=2.5, method=fan.TimeStepping(dt=1e-4), throw=False)
     length = run.q_D[:, run.coordinates.q_D.index("hand.length")]
     force = max(abs(run.effort["hand.command.length"]))
     print(

@@ -10,6 +10,7 @@ import numpy as np
 import fantoccini as fan
 from fantoccini import motion
 from fantoccini.equations import derive
+from fantoccini.marionette.methods import METHODS
 from fantoccini.motion import Input
 from fantoccini.puppet import Puppet, loads
 from fantoccini.tree import grow
@@ -188,3 +189,9 @@ pose: {line.length: 1.0}
     coef[1, 0, 2] += 4.905
     breaks, base, named = np.array([0, 1, 1.1]), np.ones((2, 1)), np.array([True])
     return bob, Input(bob.coordinates, breaks, coef, base, named)
+
+
+def method_of(name: str, **options) -> fan.Method:
+    """A method by its name, with those of the options that it has."""
+    known = METHODS[name].__dataclass_fields__
+    return METHODS[name](**{key: value for key, value in options.items() if key in known})

@@ -65,7 +65,7 @@ def longer(amplitude: float, seconds: float) -> str:
     """The slope of the variational integrator's energy, and its standard error, as text."""
     run = fan.simulate(
         subject.undamped(), subject.swing(amplitude), t_end=seconds, effort=False,
-        method="variational", dt=0.01, save_every=20,
+        method=fan.Variational(dt=0.01), save_every=20,
     )  # fmt: skip
     T = run.ledger["kinetic"]
     slope, error = trend(run.t, T + run.ledger["potential"])
@@ -93,10 +93,10 @@ def orders() -> Table:
     }
     steps, rows = (0.02, 0.01, 0.005, 0.0025, 0.00125), []
     for name, (puppet, x, inputs, t_end) in cases.items():
-        exact = fan.simulate(puppet, x, inputs, t_end, rtol=1e-12, atol=1e-12)
+        exact = fan.simulate(puppet, x, inputs, t_end, method=fan.Event(rtol=1e-12, atol=1e-12))
         off = []
         for dt in steps:
-            run = fan.simulate(puppet, x, inputs, t_end, method="variational", dt=dt)
+            run = fan.simulate(puppet, x, inputs, t_end, method=fan.Variational(dt=dt))
             off.append(np.max(np.abs(run.q_D[-1] - exact.q_D[-1])))
         order = np.log2(off[0] / off[-1]) / (len(off) - 1)
         rows.append([name, *(f"{e:.1e}" for e in off), f"{order:.2f}"])
@@ -108,12 +108,14 @@ def catches() -> Table:
     steps, t_end, rows = [1e-2 / 4**k for k in range(6)], 0.06, []
     for name, swing in (("at rest", 0.0), ("swinging a little", 0.03)):
         x = subject.lifted(0.01, swing)
-        exact = fan.simulate(subject.damped(), x, t_end=t_end, rtol=1e-12, atol=1e-12)
+        exact = fan.simulate(
+            subject.damped(), x, t_end=t_end, method=fan.Event(rtol=1e-12, atol=1e-12)
+        )
         caught = [e.t for e in exact.events if e.kind is EventKind.CATCH]
         off, loss = [], []
         for dt in steps:
             run = fan.simulate(
-                subject.damped(), x, t_end=t_end, method="variational", dt=dt, effort=False
+                subject.damped(), x, t_end=t_end, method=fan.Variational(dt=dt), effort=False
             )
             off.append(np.max(np.abs(run.q_D[-1] - exact.q_D[-1])))
             loss.append(abs(run.ledger["impact"][-1] / exact.ledger["impact"][-1] - 1.0))
@@ -139,7 +141,7 @@ def momenta() -> Table:
     rows = []
     for name, (puppet, x, kept) in starts.items():
         for dt in (0.01, 1.0 / 30.0):
-            run = fan.simulate(puppet, x, t_end=100.0, method="variational", dt=dt, save_every=10)
+            run = fan.simulate(puppet, x, t_end=100.0, method=fan.Variational(dt=dt), save_every=10)
             J = momentum_map(puppet, run)[:, kept]
             strays = number(np.ptp(J, axis=0).max())
             rows.append([name, f"{1e3 * dt:.3g}", number(np.abs(J[0]).max()), strays])
@@ -173,10 +175,18 @@ def cost() -> tuple[Table, float]:
 
 def step_time(puppet: fan.Marionette, x: State, method: str, dt: float, n: int = 1000) -> float:
     """Microseconds of processor time a step, the least of five runs."""
-    options = puppet.run_options(dt=dt, save_every=10**9, save_steps=False)
+    options = puppet.model.run_options(dt=dt, save_every=10**9, save_steps=False)
     hold, took = fan.Input.hold(puppet).bound(x.q_K), []
     for _ in range(5):
-        run = Run(puppet.library_of(method), method, options, x, puppet.p, puppet.winches, hold)
+        run = Run(
+            puppet.model.compiled.library_of(method),
+            method,
+            options,
+            x,
+            puppet.p,
+            puppet.winches,
+            hold,
+        )
         began = time.process_time()
         for _ in run.advance(n * dt):
             pass
@@ -194,8 +204,8 @@ def lanes(n: int = 64, dt: float = 0.01) -> str:
     took = []
     for _ in range(5):
         began = time.process_time()
-        fan.simulate(
-            puppet, starts, t_end=2.0, method="variational", dt=dt, save_every=10**6, threads=1
+        fan.simulate_batch(
+            puppet, starts, t_end=2.0, method=fan.Variational(dt=dt), save_every=10**6, threads=1
         )
         took.append(time.process_time() - began)
     own = 1e6 * min(took) * dt / (2.0 * n)

@@ -63,7 +63,7 @@ def first_plans(seeds: int) -> tuple[Section, list[Mark]]:
             [f"{tolerance:g}", "search", *spread(alone, 1e3), ""],
             [f"{tolerance:g}", "search, not confirmed", *spread(unsure, 1e3), ""],
         ]
-        events = [p.verify(method="event", rtol=RTOL, atol=RTOL) for p in plans]
+        events = [p.verify(method=fan.Event(rtol=RTOL, atol=RTOL)) for p in plans]
         halved = [p.verify() for p in plans]
         replayed = [bool(p) and p.replay() for p in plans]
         held.append(
@@ -126,7 +126,7 @@ def better_plans(seeds: int) -> tuple[Section, list[Mark]]:
     held = [not _slackens(p) for p in plans]
     rough = [_roughness(p) for p in plans]
     peers = [p.verify(backend="mujoco").arrives for p in plans]
-    events = [p.verify(method="event", rtol=RTOL, atol=RTOL) for p in plans]
+    events = [p.verify(method=fan.Event(rtol=RTOL, atol=RTOL)) for p in plans]
     curve = []
     for seconds in CURVE:
         best = [
@@ -187,7 +187,7 @@ def full_marionette(seeds: int) -> tuple[Section, list[Mark]]:
     for seed in range(seeds):
         prepared, problem = timed(lambda: fan.load_problem("marionette_bell"))
         searched, plan = timed(lambda p=problem, s=seed: fan.solve(p, seed=s))
-        check = plan.verify(method="event", rtol=1e-9, atol=1e-9)
+        check = plan.verify(method=fan.Event(rtol=1e-9, atol=1e-9))
         whole.append(prepared + searched)
         verified.append(bool(plan) and check.arrives)
         rows.append(

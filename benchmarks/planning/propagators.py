@@ -57,7 +57,7 @@ class Own(Sweeper):
             m.options, 1, marionette.p, marionette.winches, limits, m.margin, m.slack,
             m.clearance.solids, problem.goal.numbers, -1.0,
         )  # fmt: skip
-        super().__init__(marionette.motions, terms, 1)
+        super().__init__(marionette.model.compiled.motions, terms, 1)
         self._before, self._there = np.empty(layout.n), np.empty(layout.n)
         self._acc_K, self._distance = np.empty(len(bounds.speed)), np.empty(1)
         self._zero, self._one = np.zeros(1, np.int64), np.ones(1, np.int32)
@@ -149,7 +149,7 @@ class _OneClearance:
         solids = ClearanceArrays.of(measured, self._exact, self._solids)
         self._given = q.q_D.copy(), q.q_K.copy(), np.array(marionette.p, dtype=float)
         self._found, self._pair = np.empty(1), np.empty(1, np.int64)
-        self._call = marionette.clearances.handle.fan_clearance
+        self._call = marionette.model.compiled.clearances.handle.fan_clearance
         self._arguments = (
             ctypes.c_longlong(1), *map(pointer, self._given), ctypes.byref(solids),
             pointer(self._found), pointer(self._pair),

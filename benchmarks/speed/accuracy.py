@@ -119,7 +119,7 @@ class Problem:
         """Seconds of the processor and the error of an event-driven run."""
         began = time.thread_time()
         run = fan.simulate(
-            arm(), self.x0, None, t_end=SECONDS, rtol=tolerance, atol=tolerance,
+            arm(), self.x0, None, t_end=SECONDS, method=fan.Event(rtol=tolerance, atol=tolerance),
             effort=False, save_at=[SECONDS],
         )  # fmt: skip
         return time.thread_time() - began, self.error(run.q_D[-1], run.v_D[-1])

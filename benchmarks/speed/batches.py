@@ -21,13 +21,12 @@ RATE_MARK, LANES_MARK = 30.0, 4000.0
 def batch_rate(states: list, steps: int, threads: int) -> float:
     """Trajectories a second of time-stepping from some states, their inputs holding still."""
     start = time.perf_counter()
-    fan.simulate(
+    fan.simulate_batch(
         marionette(),
         states,
         Input.hold(marionette(), duration=steps * DT),
         t_end=steps * DT,
-        method="timestepping",
-        dt=DT,
+        method=fan.TimeStepping(dt=DT),
         threads=threads,
         save_every=steps,
     )

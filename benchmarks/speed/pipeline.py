@@ -9,6 +9,8 @@ import tempfile
 import time
 from collections.abc import Callable
 
+from tests.harness import method_of
+
 import fantoccini as fan
 from fantoccini import build, codegen, demo, equations, tree
 from fantoccini.world import World
@@ -79,7 +81,10 @@ def performance(method: str, runs: int) -> Samples:
     """The demo's performance, from inputs to trajectory."""
     x0, inputs, duration = demo.performance(marionette())
     return timed(
-        lambda: fan.simulate(marionette(), x0, inputs, t_end=duration, method=method, dt=DT), runs
+        lambda: fan.simulate(
+            marionette(), x0, inputs, t_end=duration, method=method_of(method, dt=DT)
+        ),
+        runs,
     )
 
 

@@ -80,7 +80,7 @@ def words(states: Sequence[State]) -> list:
     """What a program reads: the starts, then what they have in common, inputs that hold still."""
     puppet = marionette()
     bound = Input.hold(puppet).bound(hanging().q_K, 0.0)
-    options = puppet.run_options()
+    options = puppet.model.run_options()
     parts: list = [part for x in states for part in (x.q_D, x.v_D)]
     parts += [puppet.p, puppet.winches, [DT, options.recovery_speed, options.tension_cap]]
     return [*parts, [len(bound.coef)], bound.breaks, bound.coef, bound.base]
@@ -94,4 +94,4 @@ def lane_source() -> build.Source:
 
 def source() -> build.Source:
     """The bundled marionette as text to be compiled, just as the library is made of it."""
-    return marionette().source()
+    return marionette().model.compiled.source()

@@ -36,7 +36,11 @@ def chapter(turns: int) -> Chapter:
 
     def run(tolerance: float) -> Trajectory:
         return fan.simulate(
-            marionette(), hanging(), inputs, t_end=SECONDS, rtol=tolerance, atol=tolerance
+            marionette(),
+            hanging(),
+            inputs,
+            t_end=SECONDS,
+            method=fan.Event(rtol=tolerance, atol=tolerance),
         )
 
     def timed() -> float:

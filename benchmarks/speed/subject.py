@@ -40,7 +40,7 @@ def hanging() -> State:
 
 def tensions(x: State) -> dict[str, float]:
     """Tension of every string at a state [N]."""
-    _, found = marionette().accelerations(x)
+    _, found = marionette().forward_dynamics(x)
     names = [s.name for s in marionette().tree.strings]
     return dict(zip(names, map(float, found), strict=False))
 

@@ -11,7 +11,7 @@ from benchmarks.string_model.subject import Subject
 
 import fantoccini as fan
 from fantoccini.errors import StateError
-from fantoccini.marionette import Marionette
+from fantoccini.marionette import Marionette, instant_at
 from fantoccini.marionette.statics import retract
 from fantoccini.motion import State
 from fantoccini.view.scene import chain_points
@@ -103,7 +103,7 @@ def _least(work: Callable[[], fan.Trajectory]) -> tuple[float, fan.Trajectory]:
 def stepped(puppet, x: State, inputs, t_end: float, dt: float) -> fan.Trajectory:
     """A run of the time-stepper that keeps little."""
     return fan.simulate(
-        puppet, x, inputs, t_end, method="timestepping", dt=dt, effort=False, throw=False,
+        puppet, x, inputs, t_end, method=fan.TimeStepping(dt=dt), effort=False, throw=False,
         save_every=max(1, int(t_end / dt / 100)),
     )  # fmt: skip
 
@@ -153,9 +153,9 @@ def eigenvalues(puppet: Marionette, x: State) -> tuple[float, float]:
 
     In the coordinates where M_DD is one, and on taut strings across them; 0 is left out.
     """
-    at = puppet.instant(x)
+    at = instant_at(puppet.model, x)
     n = len(x.v_D)
-    _, tension = puppet.accelerations(x)
+    _, tension = puppet.forward_dynamics(x)
     rows = np.flatnonzero(tension > 0)
     W, tau = at.W[:, rows], tension[rows]
     moves = at.back(np.eye(n))
@@ -163,10 +163,10 @@ def eigenvalues(puppet: Marionette, x: State) -> tuple[float, float]:
     for k, move in enumerate(moves):
         for sign in (1, -1):
             size = sign * _MOVE / max(1.0, float(np.max(np.abs(move))))
-            q_D = retract(puppet, x.q_D, size * move)
-            there = puppet.instant(x.replace(q_D=q_D))
+            q_D = retract(puppet.model, x.q_D, size * move)
+            there = instant_at(puppet.model, x.replace(q_D=q_D))
             stiff[:, k] += 0.5 * (there.w0 - there.W[:, rows] @ tau) / size
-            moving = puppet.instant(x.replace(v_D=size * move))
+            moving = instant_at(puppet.model, x.replace(v_D=size * move))
             damped[:, k] += 0.5 * moving.w0 / size
     free = np.linalg.svd(W.T)[2][len(rows) :].T if len(rows) else np.eye(n)
     m = free.shape[1]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import fantoccini as fan
-from fantoccini.motion import Event
+from fantoccini.motion import EventRecord
 from oracles.string_pendulum import flight
 
 from . import scenarios
@@ -115,10 +115,12 @@ def reeling() -> Section:
 
 
 def _tight(x0: fan.State, t_end: float) -> fan.Trajectory:
-    return fan.simulate(scenarios.pendulum(), x0, t_end=t_end, rtol=TIGHT, atol=TIGHT)
+    return fan.simulate(
+        scenarios.pendulum(), x0, t_end=t_end, method=fan.EventRecord(rtol=TIGHT, atol=TIGHT)
+    )
 
 
-def _first(run: fan.Trajectory, kind: str) -> Event:
+def _first(run: fan.Trajectory, kind: str) -> EventRecord:
     return next(event for event in run.events if event.kind == kind)
 
 

@@ -138,7 +138,7 @@ def section() -> Section:
 def _depth(swing: Swing) -> float:
     """Energy of the start above the hanging rest [J]."""
     m = swing.marionette
-    return float(m.potential(swing.x0) - m.potential(m.rest(swing.x0)))
+    return float(m.potential_energy(swing.x0) - m.potential_energy(m.rest(swing.x0)))
 
 
 def _draw(curves: dict[tuple[str, str], tuple[Array, Array]]) -> None:

@@ -98,7 +98,11 @@ class Scenario:
             q, v = self.x0.q_D + sign * size, self.x0.v_D + sign * size
             x = self.marionette.project(self.x0.replace(q_D=q, v_D=v))
             run = fan.simulate(
-                self.marionette, x, self.inputs, t_end=SECONDS, rtol=1e-13, atol=1e-13
+                self.marionette,
+                x,
+                self.inputs,
+                t_end=SECONDS,
+                method=fan.Event(rtol=1e-13, atol=1e-13),
             )
             starts.append(np.concatenate([x.q_D, x.v_D]))
             ends.append(np.concatenate([run.q_D[-1], run.v_D[-1]]))

@@ -105,7 +105,11 @@ def _many() -> list[str | Table]:
 
 def _dropped(x0: fan.State, tolerance: float) -> fan.Trajectory:
     return fan.simulate(
-        scenarios.arm(), x0, t_end=SECONDS, rtol=tolerance, atol=tolerance, effort=False
+        scenarios.arm(),
+        x0,
+        t_end=SECONDS,
+        method=fan.Event(rtol=tolerance, atol=tolerance),
+        effort=False,
     )
 
 

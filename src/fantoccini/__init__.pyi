@@ -16,21 +16,26 @@ from .errors import (
     UnknownNameError as UnknownNameError,
 )
 from .marionette import (
+    Event as Event,
     Flow as Flow,
+    ForwardDynamics as ForwardDynamics,
     Linearisation as Linearisation,
     Marionette as Marionette,
+    Method as Method,
     Mode as Mode,
     Modes as Modes,
     Partials as Partials,
     StepLinearisation as StepLinearisation,
     Stepper as Stepper,
+    TimeStepping as TimeStepping,
+    Variational as Variational,
     load as load,
     loads as loads,
 )
 from .motion import (
     Columns as Columns,
-    Event as Event,
     EventKind as EventKind,
+    EventRecord as EventRecord,
     Input as Input,
     InputDerivative as InputDerivative,
     Inputs as Inputs,
@@ -66,6 +71,7 @@ from .simulation import (
     Sensitivity as Sensitivity,
     sensitivity as sensitivity,
     simulate as simulate,
+    simulate_batch as simulate_batch,
 )
 from .sweeps import (
     Case as Case,

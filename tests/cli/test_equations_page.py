@@ -15,6 +15,7 @@ from tests.cli.command import fantoccini
 
 import fantoccini as fan
 from fantoccini.equations.printing import MOST_OPERATIONS, Printable, decimal, printable
+from fantoccini.marionette import coriolis_full
 from fantoccini.puppet import loads
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -109,14 +110,14 @@ def test_the_printed_equations_are_the_puppets(name) -> None:
         wanted = {
             "M": marionette.mass_matrix(x),
             "M_DK": marionette.mass_matrix_DK(x),
-            "C": marionette.coriolis_full(x),
+            "C": coriolis_full(marionette.model, x),
             "g": marionette.gravity(x)[:, None],
             "f": marionette.damping(x)[:, None],
             "h": marionette.constraint(x)[:, None],
             "A_D": marionette.A_D(x),
             "A_K": marionette.A_K(x),
-            "T": marionette.kinetic(x),
-            "V": marionette.potential(x),
+            "T": marionette.kinetic_energy(x),
+            "V": marionette.potential_energy(x),
         }
         for key, value in wanted.items():
             scale = max(1.0, float(np.max(np.abs(value), initial=0.0)))

@@ -196,7 +196,7 @@ def test_what_comes_with_fantoccini_gives_no_warning(name):
     """17.11"""
     bundled = name in fan.puppets.names()
     made = fan.load(fan.puppets.path(name) if bundled else ROOT / "examples" / "bird.yaml")
-    assert warnings(made) == []
+    assert warnings(made.model) == []
 
 
 @pytest.mark.parametrize("name", PERFORMANCES)
@@ -205,4 +205,4 @@ def test_the_bundled_performances_give_no_warning(name):
     folder = Path(fan.puppets.__file__).parent / "performances"
     assert sorted(PERFORMANCES) == sorted(file.stem for file in folder.glob("*.yaml"))
     made = fan.load(fan.puppets.path(PERFORMANCES[name]))
-    assert input_warnings(made, fan.Input.load(made, folder / f"{name}.yaml")) == []
+    assert input_warnings(made.model, fan.Input.load(made, folder / f"{name}.yaml")) == []

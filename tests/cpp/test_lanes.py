@@ -34,7 +34,7 @@ def motions(name: str, seed: int, winches: str) -> str:
     marionette = getattr(puppets, name)()
     rest, tree = marionette.rest(), equations(name).tree
     rng, table = np.random.default_rng(seed), tree.coordinates
-    words = [STEPS, DT, 1.0, marionette.tension_cap]
+    words = [STEPS, DT, 1.0, marionette.model.tension_cap]
     lengths = np.array([n.endswith(".length") for n in table.v_K])
     for lane in range(WIDTH):
         swing = 0.3 * lane / WIDTH
@@ -47,7 +47,7 @@ def motions(name: str, seed: int, winches: str) -> str:
     words += list(tree.parameters.values())
     table = np.array([[1e300, 0.0, 0.0]] * len(tree.strings))
     if winches == "slipping":
-        _, hanging = marionette.accelerations(rest)
+        _, hanging = marionette.forward_dynamics(rest)
         table[::2, 0] = 1.5 * hanging[: len(table)][::2] + 0.02 * marionette.weight
         table[::4, 1] = 0.2
     words += list(table.ravel())

@@ -34,7 +34,7 @@ def puppet(request, tmp_path_factory):
 def words(
     marionette, x0, inputs, *, event: bool, t_end: float, twice: bool, save_at=(), winches=None
 ) -> str:
-    options = marionette.run_options(save_steps=not len(save_at))
+    options = marionette.model.run_options(save_steps=not len(save_at))
     bound = inputs.bound(x0.q_K, x0.t)
     chosen = [float(getattr(options, name)) for name, _ in Options._fields_]
     winches = np.minimum(marionette.winches if winches is None else winches, 1e300)
@@ -82,7 +82,7 @@ def test_a_run_with_winches_that_slip_and_strings_that_bounce(puppet, event):
     """Every second string is on a slipping winch that rewinds; another one gives speed back."""
     marionette, x0, inputs, program = puppet
     winches = marionette.winches.copy()
-    hanging = marionette.accelerations(x0)[1][: len(winches)]
+    hanging = marionette.forward_dynamics(x0)[1][: len(winches)]
     winches[::2, 0] = 1.3 * hanging[::2] + 0.02 * marionette.weight
     winches[::2, 1] = 0.1
     winches[1::2, 2] = 0.4

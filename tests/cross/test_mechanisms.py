@@ -30,7 +30,7 @@ def test_car_axis(tmp_path):
     pieces = mechanisms.hermite(breaks, *mechanisms.road(breaks))
     x0 = start(car, {"road": 0.0}, mechanisms.CAR_AXIS_START)
     drive = polynomial_input(car, breaks, {"road": pieces}, x0.q_K)
-    run = fan.simulate(car, x0, drive, t_end=3.0, rtol=1e-11, atol=1e-12)
+    run = fan.simulate(car, x0, drive, t_end=3.0, method=fan.Event(rtol=1e-11, atol=1e-12))
     q = dict(zip(car.coordinates.q_D, run.q_D[-1], strict=True))
     angle = run.q_K[-1, 0]
     end = mechanisms.car_axis_points(angle, q["left"], q["right.x"], q["right.z"])
@@ -42,6 +42,6 @@ def test_two_windows_of_rods(tmp_path):
     windows = load(mechanisms.a02(), tmp_path)
     x0 = start(windows, {}, mechanisms.A02_START)
     still = fan.Input.hold(windows)
-    run = fan.simulate(windows, x0, still, t_end=10.0, rtol=1e-12, atol=1e-12)
+    run = fan.simulate(windows, x0, still, t_end=10.0, method=fan.Event(rtol=1e-12, atol=1e-12))
     angle = run.q_D[-1, windows.coordinates.q_D.index("crank0")]
     np.testing.assert_allclose([np.cos(angle), np.sin(angle)], mechanisms.A02_END, atol=1e-8)

@@ -48,7 +48,12 @@ def test_motion_and_tension(pendulum, tolerance, error):
     times = drive.breaks[::10]
     states, tensions = oracle.solve(drive, times)
     run = fan.simulate(
-        pendulum, x0, given, t_end=SECONDS, rtol=tolerance, atol=tolerance, save_at=times
+        pendulum,
+        x0,
+        given,
+        t_end=SECONDS,
+        method=fan.Event(rtol=tolerance, atol=tolerance),
+        save_at=times,
     )
     assert not run.events and tensions.min() > 0.5
     rows = np.searchsorted(run.t, times)

@@ -60,7 +60,7 @@ def test_slack_flight_and_catch(pendulum, k):
     x0 = start(pendulum, {}, {"bob.x": np.sqrt(k * GRAVITY * LENGTH)})
     end = f.t_catch + 0.02
     still = fan.Input.hold(pendulum)
-    run = fan.simulate(pendulum, x0, still, t_end=end, rtol=1e-13, atol=1e-13)
+    run = fan.simulate(pendulum, x0, still, t_end=end, method=fan.Event(rtol=1e-13, atol=1e-13))
     release, catch = [e for e in run.events if e.kind in ("release", "catch")][:2]
     assert (release.kind, catch.kind) == ("release", "catch")
     assert release.t == pytest.approx(f.t_release, abs=1e-10)
@@ -85,7 +85,9 @@ def test_swing_between_taut_and_taut(pendulum):
     quarter = time_on_circle(k, alpha, LENGTH, GRAVITY)
     x0 = start(pendulum, {}, {"bob.x": np.sqrt(k * GRAVITY * LENGTH)})
     still = fan.Input.hold(pendulum)
-    run = fan.simulate(pendulum, x0, still, t_end=4 * quarter, rtol=1e-13, atol=1e-13)
+    run = fan.simulate(
+        pendulum, x0, still, t_end=4 * quarter, method=fan.Event(rtol=1e-13, atol=1e-13)
+    )
     assert not [e for e in run.events if e.kind in ("release", "catch")]
     np.testing.assert_allclose(run.q_D[-1], x0.q_D, atol=1e-10)
     np.testing.assert_allclose(run.v_D[-1], x0.v_D, atol=1e-10)

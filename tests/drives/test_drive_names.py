@@ -84,7 +84,7 @@ def test_a_puppet_hangs_at_rest_where_a_drive_is_started():
     for x in (start_state(bob, None, {"line.length": 0.7}, True),
               _start(bob, None, {"line.length": 0.7})):  # fmt: skip
         np.testing.assert_array_equal(x.q_D, rest.q_D)
-        assert np.abs(bob.accelerations(x)[0]).max() < 1e-10
+        assert np.abs(bob.forward_dynamics(x)[0]).max() < 1e-10
 
 
 def test_a_plan_winds_a_winch():

@@ -150,7 +150,9 @@ def test_direct_current_motor(machines):
 
     x0 = machines.state({"crank": 0.0, "crank.command": 2.5})
     times = np.linspace(0, 0.6, 61)
-    run = fan.simulate(machines, x0, t_end=0.6, rtol=1e-12, atol=1e-12, save_at=times)
+    run = fan.simulate(
+        machines, x0, t_end=0.6, method=fan.Event(rtol=1e-12, atol=1e-12), save_at=times
+    )
     expected = solved(rates, [0.0, 0.0], times)
     found = column(run, "crank")[np.searchsorted(run.t, times)]
     np.testing.assert_allclose(found, expected[0], atol=1e-8)
@@ -195,7 +197,7 @@ def test_a_stepper_is_pulled_out_beyond_its_corner(machines):
         move = {"wheel": [(0, 0.0), (end, 20.0)]}
         run = fan.simulate(
             machines, machines.state(), fan.Input.waypoints(machines, move), t_end=end + 1.0,
-            method="timestepping", dt=5e-4, throw=False,
+            method=fan.TimeStepping(dt=5e-4), throw=False,
         )
         return abs(column(run, "wheel")[-1] - 20.0), run.status.name
 
@@ -215,7 +217,9 @@ def test_an_orientation_follows_its_command(machines):
     axis = np.array([2.0, -1.0, 2.0]) / 3
     x0 = machines.state({"head.command.rotation": 1.2 * axis})
     times = np.linspace(0, 0.5, 26)
-    run = fan.simulate(machines, x0, t_end=0.5, rtol=1e-12, atol=1e-12, save_at=times)
+    run = fan.simulate(
+        machines, x0, t_end=0.5, method=fan.Event(rtol=1e-12, atol=1e-12), save_at=times
+    )
     at = run.coordinates.q_D.index("head.qw")
     turned = run.q_D[np.searchsorted(run.t, times), at : at + 4]
     phi = solved(rates, [0.0, 0.0], times)[0]
@@ -322,7 +326,7 @@ def test_stiff_drives_do_not_shake_the_time_stepper(bob):
     stiff = bob.with_parameters({"k": 9e5, "d": 1.8e3})
     move = fan.Input.waypoints(stiff, {"line.length": [(0, 0.8), (0.6, 0.6)]})
     x0 = stiff.rest({"line.length": 0.8})
-    run = fan.simulate(stiff, x0, move, t_end=1.0, method="timestepping", dt=4e-3)
+    run = fan.simulate(stiff, x0, move, t_end=1.0, method=fan.TimeStepping(dt=4e-3))
     lag = column(run, "line.length") - run.q_K[:, 1]
     assert np.abs(lag).max() < 5e-4
     exact = fan.simulate(stiff, x0, move, t_end=1.0).effort["line.command.length"]
@@ -359,7 +363,7 @@ def test_stiff_coupled_drives_and_windings_are_stable():
     """Computed torque over joints that carry one another, and a motor on its voltage's bound."""
     arm = fan.loads(ARM)
     start = {"a.command": 0.01, "head.command.rotation": [0.3, -0.4, 0.5], "wheel.command": 100.0}
-    run = fan.simulate(arm, arm.state(start), t_end=0.6, method="timestepping", dt=2e-3)
+    run = fan.simulate(arm, arm.state(start), t_end=0.6, method=fan.TimeStepping(dt=2e-3))
     names = run.coordinates.v_D
     speed = np.abs(np.delete(run.v_D, names.index("wheel"), axis=1))
     assert speed[: len(speed) // 3].max() < 300 and speed[-20:].max() < 0.05
@@ -380,7 +384,7 @@ def test_derivatives_are_those_of_differences(machines):
             q, v = np.zeros(len(x.q_D)), np.zeros(len(x.v_D))
             (v if what else q)[place] = h
             ends = [
-                machines.accelerations(x.replace(q_D=x.q_D + s * q, v_D=x.v_D + s * v))[0]
+                machines.forward_dynamics(x.replace(q_D=x.q_D + s * q, v_D=x.v_D + s * v))[0]
                 for s in (1, -1)
             ]
             expected = (ends[0] - ends[1]) / (2 * h)

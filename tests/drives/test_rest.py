@@ -31,7 +31,7 @@ pose: {bob.x: 0.2, bob.z: -0.2}
 """)
     for turn in [[0, -1.2, 0], [0, -0.5, 0.3], [1.3, 0.9, -0.7]]:
         x = puppet.rest({"bar.rotation": turn})
-        assert np.abs(puppet.accelerations(x)[0]).max() < 1e-7
+        assert np.abs(puppet.forward_dynamics(x)[0]).max() < 1e-7
 
 
 def test_a_stepper_rests_in_step_with_a_chain():

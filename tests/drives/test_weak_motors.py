@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy.integrate
+from tests.harness import method_of
 
 import fantoccini as fan
 from fantoccini.cli.report import report
@@ -116,7 +117,9 @@ def test_a_winch_that_runs_away_ends_the_run(stepped, method, capsys):
     report(run, 1.0)
     assert "line.length ran away" in capsys.readouterr().out
     held = stepped.with_parameters({"T": 1.02 * LOAD})
-    run = fan.simulate(held, held.rest({"line.length": TOLD}), t_end=0.2, method=method, dt=1e-4)
+    run = fan.simulate(
+        held, held.rest({"line.length": TOLD}), t_end=0.2, method=method_of(method, dt=1e-4)
+    )
     assert run.status is Status.DONE
 
 
@@ -157,18 +160,20 @@ def test_batches_tell_lane_by_lane(stepped):
     rough = fan.Input.waypoints(stepped, {"line.length": [(0, TOLD), (0.03, 0.35)]})
     inputs = [gentle, rough.extended(0.2).bound(x0.q_K), gentle]
     for method in ("timestepping", "variational"):
-        many = fan.simulate(stepped, x0, inputs, t_end=0.8, method=method, dt=1e-4)
+        many = fan.simulate(stepped, x0, inputs, t_end=0.8, method=method_of(method, dt=1e-4))
         assert many.status.tolist() == [Status.DONE, Status.RUNAWAY, Status.DONE]
         assert many.blamed(1) == ("line.length",) and not many.blamed(0)
         assert many.reached[1] < 0.8 == many.reached[0]
-        one = fan.simulate(stepped, x0, inputs[1], t_end=0.8, method=method, dt=1e-4, throw=False)
+        one = fan.simulate(
+            stepped, x0, inputs[1], t_end=0.8, method=method_of(method, dt=1e-4), throw=False
+        )
         assert (one.status, one.t[-1]) == (Status.RUNAWAY, pytest.approx(many.reached[1]))
 
 
 def test_a_stepper_goes_on_and_says_so(stepped):
     """17.3: on line lost steps do not raise: the status keeps them, the events are those anew."""
     x0 = stepped.rest({"line.length": TOLD})
-    stepper = stepped.with_parameters({"T": 0.02}).stepper(x0, "timestepping", dt=1e-4)
+    stepper = stepped.with_parameters({"T": 0.02}).stepper(x0, fan.TimeStepping(dt=1e-4))
     stepper.advance(0.01)
     assert stepper.status is Status.DONE and not len(stepper.events)
     stepper.advance(0.01)

@@ -88,7 +88,7 @@ def test_a_free_flight_is_ours_to_six_digits():
 def test_driven_joints_wires_cones_twists_and_slots_move_together(mixed, start):
     moves = {"trolley": [(0, 0.0), (0.4, 0.2)], "line.z": [(0, 1.0), (0.4, 1.1)]}
     inputs = fan.Input.waypoints(mixed, moves)
-    ours = fan.simulate(mixed, start, inputs, t_end=3.0, rtol=1e-8, atol=1e-8)
+    ours = fan.simulate(mixed, start, inputs, t_end=3.0, method=fan.Event(rtol=1e-8, atol=1e-8))
     theirs = mujoco_run(mixed, start, inputs, 3.0, 1e-3)
     assert theirs.method == "mujoco" and theirs.status is fan.Status.DONE
     assert np.abs(theirs.at(0.4).q_D - ours.at(0.4).q_D).max() < 5e-3

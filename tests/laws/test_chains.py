@@ -158,7 +158,9 @@ def test_a_light_stiff_chain_moves_as_the_massless_string():
     off = []
     for much in (1, 10, 100):
         puppet = rope().with_parameters({"EA": 200 * much, "mass": 0.002 / much, "c": 0.05})
-        run = fan.simulate(puppet, puppet.rest(), lift(puppet), 0.3, rtol=1e-9, atol=1e-9)
+        run = fan.simulate(
+            puppet, puppet.rest(), lift(puppet), 0.3, method=fan.Event(rtol=1e-9, atol=1e-9)
+        )
         off.append(np.linalg.norm(run.q_D[-1, :3] - exact))
     assert off[1] < 0.15 * off[0]
     assert off[2] < 0.15 * off[1]
@@ -178,7 +180,7 @@ def test_mujoco_agrees_on_the_pull_of_the_springs():
     order = [model.joint(name).qposadr[0] for name in puppet.coordinates.q_D]
     data.qpos[order], data.qvel[order] = x.q_D, x.v_D
     mujoco.mj_forward(model, data)
-    assert np.allclose(data.qacc[order], puppet.accelerations(x)[0], rtol=1e-9, atol=1e-7)
+    assert np.allclose(data.qacc[order], puppet.forward_dynamics(x)[0], rtol=1e-9, atol=1e-7)
 
 
 def test_mujoco_cannot_wind_a_chain():
@@ -196,13 +198,13 @@ def test_a_step_too_long_for_the_springs_is_refused_before_it_blows_up():
     shape = 1e-4 * np.random.default_rng(0).normal(size=15)
     moved = x.replace(q_D=x.q_D + shape)
     fast = {"method": "timestepping", "t_end": 2.0}
-    run = fan.simulate(puppet, moved, None, dt=0.95 * longest, **fast)
+    run = fan.simulate(puppet, moved, None, method=fan.Event(dt=0.95 * longest), **fast)
     assert np.max(np.abs(run.q_D - x.q_D)) < 2e-3
     for start in (moved, [moved, moved]):
         with pytest.raises(fan.StateError, match="is too long for the chain line: with"):
-            fan.simulate(puppet, start, None, dt=1.01 * longest, **fast)
+            fan.simulate(puppet, start, None, method=fan.Event(dt=1.01 * longest), **fast)
     with pytest.raises(fan.StateError, match="too long for the chain line"):
-        puppet.stepper(moved, dt=1.01 * longest)
+        puppet.stepper(moved, method=fan.TimeStepping(dt=1.01 * longest))
     with pytest.raises(fan.StateError, match="too long for the chain line"):
         fan.Performance(puppet, moved, dt=1.01 * longest, tick=1.01 * longest)
 
@@ -218,7 +220,7 @@ def test_damping_shortens_the_longest_step(c):
     own = np.linalg.eigvals(puppet.linearise_step(x, dt=(1 - 1e-9) * longest).A[:30, :30])
     assert np.min(own.real) == pytest.approx(-1.0, abs=1e-6)
     with pytest.raises(fan.StateError, match="too long for the chain line"):
-        fan.simulate(puppet, x, t_end=0.1, method="timestepping", dt=1.001 * longest)
+        fan.simulate(puppet, x, t_end=0.1, method=fan.TimeStepping(dt=1.001 * longest))
 
 
 RESTING = """
@@ -245,7 +247,7 @@ def test_rest_beside_limits_and_wires():
     q = dict(zip(puppet.coordinates.q_D, x.q_D, strict=True))
     assert q["bob"] == pytest.approx(0.3, abs=1e-12)
     assert [q[f"other.{a}"] for a in "xyz"] == pytest.approx([1.0, 0.0, 0.1], abs=1e-8)
-    acc, force = puppet.accelerations(x)
+    acc, force = puppet.forward_dynamics(x)
     assert np.max(np.abs(acc)) < 1e-5
     forces = dict(zip(puppet.tree.row_names, force, strict=True))
     assert forces["rod"] == pytest.approx(0.1 * G, rel=1e-9)

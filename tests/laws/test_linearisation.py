@@ -10,6 +10,7 @@ import fantoccini as fan
 from fantoccini.codegen import generate_derivatives
 from fantoccini.codegen.straight import program
 from fantoccini.equations import Derivatives
+from fantoccini.marionette import instant_at
 from fantoccini.marionette.linearisation import named_rows
 from fantoccini.marionette.stepper import Stepper
 from oracles.differences import apart, difference, moved, worst
@@ -94,8 +95,8 @@ def somewhere(puppet: fan.Marionette, seed: int) -> tuple[fan.State, np.ndarray,
 
 def accelerations(puppet: fan.Marionette, rows, x, acc_K, u_D) -> np.ndarray:
     """acc_D and the tensions with rows held as equalities, from the compiled model."""
-    held = named_rows(puppet, rows)
-    instant = puppet.instant(x, acc_K, u_D)
+    held = named_rows(puppet.model, rows)
+    instant = instant_at(puppet.model, x, acc_K, u_D)
     W = instant.W[:, held]
     tension = np.linalg.solve(W.T @ W, W.T @ instant.w0 + instant.gamma[held])
     return np.concatenate([instant.back(instant.w0 - W @ tension), tension])
@@ -105,7 +106,7 @@ def check_partials(puppet: fan.Marionette, rows, seed: int, bound: float) -> Non
     t = puppet.coordinates
     x, acc_K, u_D = somewhere(puppet, seed)
     lin = puppet.linearise(x, acc_K, u_D, rows)
-    held = named_rows(puppet, rows)
+    held = named_rows(puppet.model, rows)
     here = accelerations(puppet, rows, x, acc_K, u_D)
     assert worst(np.concatenate([lin.acc_D, lin.tension[held]]), here) < 1e-11
 
@@ -154,7 +155,7 @@ def test_partials_of_the_marionette(marionette):
 def test_the_mode_is_that_of_the_accelerations(arm):
     x = arm.rest({"hand.length": 0.8})
     lin = arm.linearise(x)
-    acc_D, tension = arm.accelerations(x)
+    acc_D, tension = arm.forward_dynamics(x)
     assert lin.rows == ("hand",)
     assert np.max(np.abs(lin.acc_D - acc_D)) < 1e-12
     assert np.max(np.abs(lin.tension - tension)) < 1e-12
@@ -168,7 +169,10 @@ def test_derivatives_are_made_when_they_are_asked_for():
     assert "derivatives" not in vars(arm)
     arm.linearise(arm.rest())
     assert "derivatives" in vars(arm)
-    assert arm.with_parameters({"m2": 0.2}).derivatives is arm.derivatives
+    assert (
+        arm.with_parameters({"m2": 0.2}).model.compiled.derivatives
+        is arm.model.compiled.derivatives
+    )
 
 
 def test_derivatives_of_quadratic_drag_exist_at_rest(rig):
@@ -280,7 +284,7 @@ def check_step(puppet: fan.Marionette, x: fan.State, acc_K, u_D, dt: float, boun
             q_K=moved(x.q_K, parts[2], t.scalars_K, t.quaternions_K),
             v_K=x.v_K + parts[3],
         )
-        stepper = Stepper(one, start, "timestepping", one.run_options(dt=dt))
+        stepper = Stepper(one, start, "timestepping", one.model.run_options(dt=dt))
         y, to = stepper.advance(dt, acc_K + acc, u_D=u_D + u), lin.x_next
         return np.concatenate(
             [
@@ -336,7 +340,9 @@ def test_steps_follow_one_another(arm):
         start = x0.replace(
             q_D=x0.q_D + q_D, v_D=x0.v_D + v_D, q_K=x0.q_K + q_K, v_K=x0.v_K + v_K
         )
-        y = arm.stepper(start, dt=dt, extrapolate=False).advance(10 * dt, acc_K)
+        y = arm.stepper(start, method=fan.TimeStepping(dt=dt, extrapolate=False)).advance(
+            10 * dt, acc_K
+        )
         return np.concatenate([y.q_D, y.v_D, y.q_K, y.v_K])
 
     assert t.n_vD == t.n_vK == 2

@@ -16,6 +16,7 @@ import pytest
 
 import fantoccini as fan
 from fantoccini import Marionette, State, Trajectory
+from fantoccini.marionette import instant_at
 from fantoccini.motion.rotation import exp, multiply
 
 G = 9.81
@@ -103,9 +104,9 @@ def thrown(rng: np.random.Generator, flight: float) -> State | None:
     ends = np.setdiff1d(np.arange(table.n_qK), lengths)
     q_K[ends] = rng.uniform((-0.8, -0.8, 0.7), (0.8, 0.8, 2.3), (STRINGS, 3)).ravel()
     q_K[lengths] = 0.0
-    (paths,) = puppet.library.evaluate("rows", [at_catch.q_D, q_K, puppet.p])
+    (paths,) = puppet.model.library.evaluate("rows", [at_catch.q_D, q_K, puppet.p])
     q_K[lengths] = paths
-    closing = puppet.instant(at_catch.replace(v_D=v_D, q_K=q_K)).hdot > 0.05
+    closing = instant_at(puppet.model, at_catch.replace(v_D=v_D, q_K=q_K)).hdot > 0.05
     q_K[lengths] += ~closing
     q_D = at_catch.q_D.copy()
     gravity = np.array([0.0, 0.0, -G])
@@ -113,7 +114,7 @@ def thrown(rng: np.random.Generator, flight: float) -> State | None:
     q_D[3:] = multiply(q_D[3:], exp(-v_D[3:] * flight))
     v_D[:3] -= gravity * flight
     x0 = at_catch.replace(q_D=q_D, v_D=v_D, q_K=q_K)
-    return x0 if np.max(puppet.instant(x0).h) < 0 else None
+    return x0 if np.max(instant_at(puppet.model, x0).h) < 0 else None
 
 
 def around(run: Trajectory, t: float) -> tuple[State, State]:
@@ -157,7 +158,10 @@ def test_strings_of_unequal_restitution_caught_together():
         together += len(first) >= 2
         shared += np.count_nonzero(impulse) >= 2
         before, after = around(run, first[0].t)
-        before, after = puppet.instant(before).hdot[index], puppet.instant(after).hdot[index]
+        before, after = (
+            instant_at(puppet.model, before).hdot[index],
+            instant_at(puppet.model, after).hdot[index],
+        )
         assert np.max(np.abs(before - [event.speed for event in first])) <= 1e-12
         assert np.min(impulse) >= 0.0
         faster = after + e[index] * before

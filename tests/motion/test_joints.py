@@ -55,7 +55,7 @@ def test_a_run_goes_beyond_inputs_that_nearly_stop(arm, x0, method):
     np.testing.assert_allclose(run.q_D[-1], exact.q_D[-1], atol=1e-4)
     if method == "event":
         assert np.max(np.abs(run.ledger["residual"])) < 1e-9
-    many = fan.simulate(arm, x0, [plan, plan], t_end=1.0, method=method, save="all")
+    many = fan.simulate_batch(arm, x0, [plan, plan], t_end=1.0, method=method, save="all")
     np.testing.assert_allclose(many.trajectory(1).q_D[-1], run.q_D[-1], atol=1e-9)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fantoccini.errors import StateError, UnknownNameError
-from fantoccini.motion import Event, EventKind, State
+from fantoccini.motion import EventKind, EventRecord, State
 
 
 def test_a_state_keeps_its_own_copies():
@@ -27,9 +27,9 @@ def test_replace_changes_a_copy():
 
 
 def test_events_have_kinds():
-    assert Event(0, "catch", "hand", 1).kind is EventKind.CATCH
+    assert EventRecord(0, "catch", "hand", 1).kind is EventKind.CATCH
     with pytest.raises(ValueError, match="snap"):
-        Event(0, "snap")
+        EventRecord(0, "snap")
 
 
 def test_states_are_equal_by_their_values():

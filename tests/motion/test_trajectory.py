@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fantoccini.errors import FileError, StateError, Status, UnknownNameError
-from fantoccini.motion import Columns, Event, EventKind, Trajectory, rotation
+from fantoccini.motion import Columns, EventKind, EventRecord, Trajectory, rotation
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.puppet import loads
 
@@ -48,7 +48,9 @@ def run_of(table, t, **changes) -> Trajectory:
         "limit_force": Columns(("elbow.upper",), np.zeros((len(t), 1)), "limit"),
         "taut": Columns(("hand", "knee"), np.stack([t < 1, t >= 0], axis=-1), "string"),
         "ledger": Columns(LEDGER, np.outer(t, np.arange(len(LEDGER))), "entry"),
-        "events": (Event(1.0, EventKind.CATCH, "hand", 0.25, 0.5), Event(1.5, "breakpoint")),
+        "events": (
+            EventRecord(1.0, EventKind.CATCH, "hand", 0.25, 0.5), EventRecord(1.5, "breakpoint"),
+        ),  # fmt: skip
         "status": Status.DONE,
         "method": "event",
         "coordinates": table,
@@ -155,7 +157,7 @@ def test_npz_comes_back_to_the_same_bits(run, tmp_path):
 
 def test_slip_and_blame_come_back(table, run, tmp_path):
     slip = Columns(("hand", "knee"), np.stack([0.1 * run.t, 0 * run.t], axis=-1), "string")
-    events = (Event(0.5, "slip", "hand", 0.0, 0.1), Event(1.5, "grip", "hand"))
+    events = (EventRecord(0.5, "slip", "hand", 0.0, 0.1), EventRecord(1.5, "grip", "hand"))
     stopped = run_of(
         table, run.t, slip=slip, blamed=("hand", "elbow.upper"), events=events,
         status=Status.IMPOSSIBLE_INPUT,

@@ -144,7 +144,7 @@ def test_what_the_hands_did_is_an_input(gentle):
     """The time-stepper at the same dt agrees to rounding, event-driven to the stepper's error."""
     recorded = gentle.trajectory
     asked = gentle.marionette, gentle.start, gentle.inputs, gentle.duration
-    stepped = fan.simulate(*asked, method="timestepping", dt=gentle.dt, save_every=gentle.steps)
+    stepped = fan.simulate(*asked, method=fan.TimeStepping(dt=gentle.dt), save_every=gentle.steps)
     assert np.max(np.abs(stepped.q_D[-1] - recorded.q_D[-1])) < 1e-9
     assert np.max(np.abs(stepped.v_D[-1] - recorded.v_D[-1])) < 1e-7
     event = fan.simulate(*asked)

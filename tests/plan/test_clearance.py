@@ -92,7 +92,7 @@ BODY = {"name": "body", "joint": {"type": "free"}, "mass": 1.0, "inertia": [1, 1
 
 @cache
 def clearances() -> ClearanceLibrary:
-    return fan.loads(str({"puppet": "flying", "bodies": [BODY]})).clearances
+    return fan.loads(str({"puppet": "flying", "bodies": [BODY]})).model.compiled.clearances
 
 
 def placed(puppet: fan.Marionette, rng: np.random.Generator) -> tuple[fan.State, np.ndarray]:
@@ -290,7 +290,7 @@ def test_a_puppet_may_be_kept_clear_of_itself():
 
 def test_floor_and_many_rows_and_threads():
     arm = fan.puppets.arm3d()
-    run = fan.simulate(arm, arm.rest(), t_end=0.5, method="timestepping", dt=1e-3)
+    run = fan.simulate(arm, arm.rest(), t_end=0.5, method=fan.TimeStepping(dt=1e-3))
     clear = Clearance(arm, [HalfSpace(name="ground", at=(0, 0, -0.9))])
     found = clear.of(run)
     assert found.shape == run.t.shape

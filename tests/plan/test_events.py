@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
+from fantoccini.marionette import instant_at
 from fantoccini.motion import State
 from fantoccini.planning import PlanResult, PlanStatus, Problem, Rows, solve
 from fantoccini.planning.feedback import Feedback
@@ -23,7 +24,7 @@ def dropped(lift: float, segments: int) -> PlanResult:
     )
     duration = 0.1 * segments
     made = fan.simulate(
-        arm, start, t_end=duration, method="timestepping", dt=0.004, extrapolate=False
+        arm, start, t_end=duration, method=fan.TimeStepping(dt=0.004, extrapolate=False)
     )
     end = made.q_D[-1]
     goal = fan.Goal.pose(arm, dict(zip(arm.coordinates.q_D, end, strict=True)), speed_weight=0.0)
@@ -75,9 +76,11 @@ def test_the_mode_is_the_puppets():
     node, gains = law.reference(1, x)
     assert gains is not None and np.array_equal(node.q_D, law.nodes.q_D[1])
     late, _ = law.reference(1, slack)
-    assert arm.instant(x.replace(q_D=late.q_D, v_D=late.v_D)).h[0] > 0.0, "led beyond the catch"
+    assert instant_at(arm.model, x.replace(q_D=late.q_D, v_D=late.v_D)).h[0] > 0.0, (
+        "led beyond the catch"
+    )
     early, _ = law.reference(0, x)
-    assert abs(arm.instant(x.replace(q_D=early.q_D, v_D=early.v_D)).h[0]) < 1e-4
+    assert abs(instant_at(arm.model, x.replace(q_D=early.q_D, v_D=early.v_D)).h[0]) < 1e-4
     # Nothing of the plan is slack so late: gains go by time.
     assert np.array_equal(law.reference(3, slack)[0].q_D, law.nodes.q_D[3])
 

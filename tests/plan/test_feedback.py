@@ -11,7 +11,7 @@ from tests.plan.seeds import first_plan, near, polished
 
 import fantoccini as fan
 from fantoccini.errors import StateError
-from fantoccini.marionette import Stepper
+from fantoccini.marionette import Stepper, instant_at
 from fantoccini.motion import State, tangent
 from fantoccini.planning import PlanResult, Problem, Rows, solve
 from fantoccini.planning.feedback import Feedback
@@ -74,8 +74,8 @@ def test_projected_changes_leave_taut_strings_taut(plan, law):
     rng, size = np.random.default_rng(1), 1e-4
     for k in range(0, len(onto), 5):
         z = onto[k] @ rng.normal(size=onto.shape[1]) * size
-        before = marionette.instant(at(plan, nodes[k]))
-        after = marionette.instant(at(plan, changed(plan, nodes[k], z)))
+        before = instant_at(marionette.model, at(plan, nodes[k]))
+        after = instant_at(marionette.model, at(plan, changed(plan, nodes[k], z)))
         squared = float(z @ z)
         assert abs(after.h[0] - before.h[0]) < 5.0 * squared
         assert abs(after.hdot[0] - before.hdot[0]) < 50.0 * squared
@@ -255,7 +255,11 @@ def test_plans_begin_at_time_stepped_states(plan):
     hold = fan.Input.hold(arm, 0.1)
     x = arm.project(plan.start.replace(v_D=plan.start.v_D + 0.3))
     run = fan.simulate(arm, x, hold, method="timestepping")
-    x = next(run.state(i) for i in range(1, len(run)) if abs(arm.instant(run.state(i)).h[0]) > 1e-9)
+    x = next(
+        run.state(i)
+        for i in range(1, len(run))
+        if abs(instant_at(arm.model, run.state(i)).h[0]) > 1e-9
+    )
     again = Problem(
         arm, x.replace(t=0.0), problem.goal, problem.motions.clearance.obstacles, tolerance=0.25,
         margin=0.005, slack=False, speed=0.5,

@@ -173,7 +173,7 @@ def test_a_polished_plan_ends_at_the_goal(problem):
     assert made.trajectory.tension["hand"].min() >= 0.0
     _, v_K, acc_K = made.inputs.evaluate(np.linspace(0, made.duration, 2001))
     assert np.max(np.abs(v_K)) <= 0.5 * (1 + 1e-9) and np.max(np.abs(acc_K)) <= 2.0 * (1 + 1e-9)
-    assert made.verify(method="event", rtol=1e-10, atol=1e-10).arrives
+    assert made.verify(method=fan.Event(rtol=1e-10, atol=1e-10)).arrives
     assert made.polish(1e-3, seconds=0.0).distance <= 1e-3, "it may be polished again"
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import fantoccini as fan
+from fantoccini.marionette import link_index
 from fantoccini.planning.balance import balanced
 
 
@@ -12,10 +13,10 @@ def test_the_marionette_touches_the_bell_past_the_lamp():
     problem = fan.load_problem("marionette_bell")
     found = fan.solve(problem, seed=0, time_limit=60.0)
     assert found and found.replay()
-    again = found.verify(method="event", rtol=1e-9, atol=1e-9)
+    again = found.verify(method=fan.Event(rtol=1e-9, atol=1e-9))
     assert again.arrives and again.clearance > 0.0
     run = found.trajectory
-    tip = problem.marionette.link("forearm_right")
+    tip = link_index(problem.marionette.model, "forearm_right")
     pose = problem.marionette.poses(run.q_D[-1:], run.q_K[-1:])[0, tip]
     hand = pose[:, 3] + pose[:, :3] @ [0.0, 0.0, -0.09]
     assert np.linalg.norm(hand - [0.14, -0.14, 0.55]) < 0.02

@@ -41,8 +41,8 @@ def test_motions_are_those_of_the_simulator():
         times = segment * np.arange(7)
         inputs = fan.Input.segments(ARM, times, START.q_K, START.v_K, acceleration[i])
         run = fan.simulate(
-            ARM, START, inputs, t_end=times[-1], method="timestepping", dt=motions.dt,
-            extrapolate=False,
+            ARM, START, inputs, t_end=times[-1],
+            method=fan.TimeStepping(dt=motions.dt, extrapolate=False),
         )  # fmt: skip
         steps = motions.look * motions.looks * np.arange(1, 7)
         assert np.allclose(made.states["q_D"][i], run.q_D[steps], atol=1e-9)

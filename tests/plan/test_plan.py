@@ -87,7 +87,7 @@ def test_a_plan_replays_to_the_last_bit(among_boxes):
 def test_a_plan_is_simulated_anew(among_boxes):
     same = among_boxes.verify(dt_factor=1.0)
     assert same.arrives and same.gap < 1e-6
-    event = among_boxes.verify(method="event", rtol=1e-10, atol=1e-10)
+    event = among_boxes.verify(method=fan.Event(rtol=1e-10, atol=1e-10))
     assert event.arrives and event.run.t[-1] == pytest.approx(among_boxes.duration)
     end = event.run.q_D[-1]
     coarse, fine = (among_boxes.verify(dt_factor=f).run.q_D[-1] for f in (1.0, 1.0 / 16.0))
@@ -220,10 +220,14 @@ def test_a_coordinate_that_holds_still_does_not_mislead():
 
 
 def test_the_event_driven_run_is_looked_at_all_along(among_boxes):
-    event = among_boxes.verify(method="event", rtol=1e-9, atol=1e-9)
+    event = among_boxes.verify(method=fan.Event(rtol=1e-9, atol=1e-9))
     assert np.max(np.diff(event.run.t)) <= among_boxes.motions.interval * (1 + 1e-9)
     dense = fan.simulate(
-        ARM, HANGING, among_boxes.inputs, t_end=among_boxes.duration, rtol=1e-9, atol=1e-9
+        ARM,
+        HANGING,
+        among_boxes.inputs,
+        t_end=among_boxes.duration,
+        method=fan.Event(rtol=1e-9, atol=1e-9),
     )
     least = np.min(among_boxes.motions.clearance.of(dense))
     assert event.arrives and least > -1e-3

@@ -37,7 +37,7 @@ def test_ways_are_the_plans_own_motions(problem, shooting, V):
     )  # fmt: skip
     run = fan.simulate(
         problem.marionette, problem.start, inputs, t_end=shooting.segment * len(V),
-        method="timestepping", dt=problem.motions.dt, extrapolate=False,
+        method=fan.TimeStepping(dt=problem.motions.dt, extrapolate=False),
     )  # fmt: skip
     every = problem.motions.look
     np.testing.assert_allclose(way.nodes.q_D[0], run.q_D[::every], atol=1e-10)

@@ -36,7 +36,7 @@ def test_a_plan_arrives_in_mujoco_too(plan):
 
 
 def test_finer_steps_come_nearer_to_the_event_driven_run(plan):
-    event = plan.verify(method="event", rtol=1e-9, atol=1e-9)
+    event = plan.verify(method=fan.Event(rtol=1e-9, atol=1e-9))
     apart = [
         np.abs(plan.verify(f, backend="mujoco").run.q_D[-1] - event.run.q_D[-1]).max()
         for f in (1.0, 0.25)

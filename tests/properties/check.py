@@ -9,6 +9,7 @@ import sys
 from dataclasses import dataclass, replace
 
 import numpy as np
+from tests.harness import method_of
 
 import fantoccini as fan
 from fantoccini import Status
@@ -112,8 +113,8 @@ def simulated(given: Performance, method: str, dt: float | None = None) -> fan.T
             raise KeyboardInterrupt
 
     return fan.simulate(
-        given.marionette, given.x0, given.inputs, given.t_end, method=method, dt=dt or DT[method],
-        effort=False, progress=count, throw=False,
+        given.marionette, given.x0, given.inputs, given.t_end,
+        method=method_of(method, dt=dt or DT[method]), effort=False, progress=count, throw=False,
     )  # fmt: skip
 
 
@@ -168,7 +169,7 @@ class _Rows:
 
     def __init__(self, given: Performance, run: fan.Trajectory):
         puppet = given.marionette
-        (h,) = puppet.library.evaluate("rows", [run.q_D, run.q_K, puppet.p])
+        (h,) = puppet.model.library.evaluate("rows", [run.q_D, run.q_K, puppet.p])
         slip = getattr(run, "slip", None)
         if slip is not None:
             # A string is longer by what its winch has let slip.
@@ -176,10 +177,10 @@ class _Rows:
         self.h, self.scale = h, np.ones_like(h)
         for r, string in enumerate(puppet.tree.strings):
             driven = string.length_index
-            length = puppet.number(string.length) if driven is None else run.q_K[:, driven[0]]
+            length = puppet.model.number(string.length) if driven is None else run.q_K[:, driven[0]]
             self.scale[:, r] = np.maximum(length, 1e-3)
         self.force = np.concatenate([run.tension.values, run.limit_force.values], axis=1)
-        self.pulls = (self.force != 0) & ~puppet.two_sided
+        self.pulls = (self.force != 0) & ~puppet.model.two_sided
         self.gap = np.where(self.pulls, np.maximum(-h, 0.0), 0.0)
 
 
@@ -196,7 +197,7 @@ class _Rates:
         self._puppet, self._n, self._n_s = puppet, run.v_D.shape[1], len(tree.strings)
         state = [run.q_D, run.v_D, run.q_K, run.v_K, run.acc_K, given.inputs.evaluate_force(run.t)]
         self._L, self._w0, W, _, _, hdot, gamma, _, _, _, J_l, gamma_l, *_ = (
-            puppet.library.evaluate("dynamics", [*state, puppet.p])
+            puppet.model.library.evaluate("dynamics", [*state, puppet.p])
         )
         self._J = np.zeros((len(run), len(tree.limits), self._n))
         for i, limit in enumerate(tree.limits):
@@ -207,7 +208,7 @@ class _Rates:
         self._gamma = np.concatenate([gamma, gamma_l], axis=1)
         self.W = W.reshape(len(run), self._n_s, self._n)
         if self._J.shape[1]:
-            (W_l,) = puppet.library.evaluate("forth", [self._L[:, None], self._J])
+            (W_l,) = puppet.model.library.evaluate("forth", [self._L[:, None], self._J])
             self.W = np.concatenate([self.W, W_l], axis=1)
 
     def hardly_differs(self, t: int, r: int, closed: np.ndarray) -> bool:
@@ -226,7 +227,7 @@ class _Rates:
         """
         W = self.W
         pull = (force[..., None] * W).sum(axis=1)
-        (acc,) = self._puppet.library.evaluate("back", [self._L, np.stack([self._w0, pull])])
+        (acc,) = self._puppet.model.library.evaluate("back", [self._L, np.stack([self._w0, pull])])
         terms = np.abs(acc).max(axis=2, initial=0.0).sum(axis=0) + 1.0
         lack = np.abs(acc[0] - acc[1] - run.acc_D).max(axis=1, initial=0.0) / terms
         hddot = self._gamma + (W * (self._w0 - pull)[:, None]).sum(axis=-1)
@@ -256,7 +257,7 @@ def _always(given: Performance, run: fan.Trajectory, method: str) -> list[str]:
     when = [run.t[0], *(e.t for e in run.events), *run.t[-1:][: run.status is Status.DONE]]
     if np.any(np.diff(when) < 0):
         broken.append("events are not in order")
-    one_sided = ~given.marionette.two_sided
+    one_sided = ~given.marionette.model.two_sided
     n_s = run.tension.values.shape[1]
     if np.min(run.tension.values[:, one_sided[:n_s]], initial=0.0) < 0:
         broken.append("a string pushes")
@@ -290,7 +291,7 @@ def _event_driven(given: Performance, run: fan.Trajectory, rows: _Rows):
     after = np.append(np.diff(run.t) > 0, run.status is Status.DONE)
     after[-1] &= all(e.t < run.t[-1] for e in run.events)
     # Strings on winches that slip give way, so that only Eq. 10 is asked of them.
-    firm = ~np.isfinite(given.marionette.upper)
+    firm = ~np.isfinite(given.marionette.model.upper)
     speed = SPEED * np.maximum(1.0, np.max(np.abs(run.v_D), axis=1, initial=0.0))[:, None]
     closed = (np.abs(rows.h) <= 1e-14 * rows.scale) & firm
     pulls = rows.pulls & firm

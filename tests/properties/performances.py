@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import fantoccini as fan
+from fantoccini.marionette import instant_at
 from fantoccini.marionette.projection import retract
 from properties import puppets
 
@@ -101,7 +102,7 @@ def _moved(rng: np.random.Generator, puppet: fan.Marionette, x: fan.State) -> fa
     for q, _ in puppet.coordinates.scalars_K:
         if not puppet.coordinates.q_K[q].endswith(".length"):
             q_K[q] += 0.05 * rng.normal()
-    moved = x.replace(q_D=retract(puppet, x.q_D, move), q_K=q_K)
+    moved = x.replace(q_D=retract(puppet.model, x.q_D, move), q_K=q_K)
     h = puppet.constraint(moved)
     slack = rng.choice([0.0, 0.003, 0.03, 0.1])
     for row, string in enumerate(puppet.tree.strings):
@@ -125,10 +126,10 @@ def _with_velocity(puppet: fan.Marionette, x: fan.State, v_K: np.ndarray) -> fan
         return x
     for driven in (v_K, np.zeros_like(v_K)):
         at = x.replace(v_K=driven)
-        instant = puppet.instant(at)
-        scale = puppet.row_scales(at.q_D, at.q_K)
-        rows = np.flatnonzero((instant.h >= -1e-9 * scale) | puppet.two_sided)
-        found = instant.complementarity(rows, instant.hdot[rows], puppet.two_sided)
+        instant = instant_at(puppet.model, at)
+        scale = puppet.model.row_scales(at.q_D, at.q_K)
+        rows = np.flatnonzero((instant.h >= -1e-9 * scale) | puppet.model.two_sided)
+        found = instant.complementarity(rows, instant.hdot[rows], puppet.model.two_sided)
         if found.solved:
             return at.replace(v_D=at.v_D - instant.back(instant.W[:, rows] @ found.x))
     return x.replace(v_D=np.zeros_like(x.v_D), v_K=np.zeros_like(v_K))

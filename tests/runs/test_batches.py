@@ -40,7 +40,10 @@ def test_a_lane_is_the_run_by_itself(puppet):
     x0 = marionette.rest()
     inputs = fan.Input.random(marionette, n=11, seed=3, t_end=0.5, reach=0.12, turn=0.2)
     how = {"t_end": 0.4, "method": "timestepping"}
-    many, bound = fan.simulate(marionette, x0, inputs, save="all", **how), inputs.bound(x0.q_K)
+    many, bound = (
+        fan.simulate_batch(marionette, x0, inputs, save="all", **how),
+        inputs.bound(x0.q_K),
+    )
     assert np.sum(many.catches) + np.sum(many.releases) > 0
     for i in range(len(many)):
         one = fan.simulate(marionette, x0, bound[i], effort=False, **how)
@@ -61,7 +64,7 @@ def test_a_lane_is_the_run_by_itself(puppet):
 def test_an_event_driven_run_of_a_batch_has_the_bits_of_the_run_by_itself():
     times = np.linspace(0.0, END, 9)
     inputs = wandering(6)
-    many = fan.simulate(ARM, X0, inputs, t_end=END, save_at=times, save="all")
+    many = fan.simulate_batch(ARM, X0, inputs, t_end=END, save_at=times, save="all")
     assert many.method == "event"
     assert np.sum(many.catches) > 0
     for i, one in enumerate(inputs.bound(X0.q_K)):
@@ -170,7 +173,7 @@ def test_ctrl_c_keeps_what_was_reached(method):
     inputs = fan.Input.random(ARM, n=64, seed=0, t_end=30.0, reach=0.1)
     # Far longer than the first look at the batch takes to come: some seconds of work.
     t_end = 3000.0
-    many = fan.simulate(
+    many = fan.simulate_batch(
         ARM, X0, inputs, t_end=t_end, method=method, threads=1, progress=interrupt,
         save_every=10_000,
     )  # fmt: skip
@@ -201,7 +204,7 @@ def test_mistakes_name_the_run():
     with pytest.raises(ValueError, match="must be of one time"):
         stepped(None, [X0, X0.replace(t=1.0)])
     with pytest.raises(ValueError, match="threads goes with many"):
-        fan.simulate(ARM, X0, t_end=END, threads=2)
+        fan.simulate_batch(ARM, X0, t_end=END, threads=2)
 
 
 def test_random_inputs_wander_within_reach_and_are_the_same_again():

@@ -6,6 +6,7 @@ import ctypes
 
 import numpy as np
 import pytest
+from tests.harness import method_of
 
 import fantoccini as fan
 from fantoccini import Status
@@ -41,7 +42,7 @@ def test_integers_that_cross_to_compiled_code_are_checked():
     assert whole("n", 7, least=1) == 7
     for steps in (0, -1, 2**63, 1e6):
         with pytest.raises(ValueError, match="max_steps is "):
-            ARM.run_options(max_steps=steps)
+            ARM.model.run_options(max_steps=steps)
 
 
 def test_every_structure_of_the_runtime_is_checked():
@@ -96,7 +97,7 @@ def test_steps_of_a_batch_are_bounded():
     """17.26: max_steps stops fixed steps in lanes too."""
     from fantoccini.simulation.many import simulate_many
 
-    options = ARM.run_options(max_steps=10, save_steps=False)
+    options = ARM.model.run_options(max_steps=10, save_steps=False)
     many = simulate_many(
         ARM, [X0] * 3, None, 1.0, "timestepping", options, save_at=None, save=None, out=None,
         threads=1, progress=None,
@@ -127,7 +128,7 @@ def test_a_run_needs_no_more_memory_than_was_reckoned():
     run = fan.simulate(ARM, X0, t_end=20.0, method="timestepping")
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert peak < memory.bytes_of(len(run), ARM.library.sizes["row_width"])
+    assert peak < memory.bytes_of(len(run), ARM.model.library.sizes["row_width"])
 
 
 @pytest.mark.parametrize("method", ["timestepping", "variational"])
@@ -135,22 +136,22 @@ def test_a_run_needs_no_more_memory_than_was_reckoned():
 def test_a_step_longer_than_the_run_is_one_step(method, x0):
     """17.31: dt = 1e300 was DONE at the start; one below the clock's resolution never ended."""
     for dt in (0.01, 1.0, 1e300):
-        run = fan.simulate(ARM, x0, t_end=0.01, method=method, dt=dt)
+        run = fan.simulate(ARM, x0, t_end=0.01, method=method_of(method, dt=dt))
         assert run.t.tolist() == [0.0, 0.01]
         assert np.all(run.status == Status.DONE)
-    stepper = ARM.stepper(X0, method, dt=1e300)
+    stepper = ARM.stepper(X0, method_of(method, dt=1e300))
     assert stepper.advance(0.01).t == 0.01
     with pytest.raises(ValueError, match="the clock of a run from 0 s to 1 s resolves"):
-        fan.simulate(ARM, x0, t_end=1.0, method=method, dt=1e-17)
+        fan.simulate(ARM, x0, t_end=1.0, method=method_of(method, dt=1e-17))
     with pytest.raises(ValueError, match="dt is nan; it must be positive"):
-        fan.simulate(ARM, x0, t_end=1.0, method=method, dt=np.nan)
+        fan.simulate(ARM, x0, t_end=1.0, method=method_of(method, dt=np.nan))
 
 
 def test_threads_and_arrays_of_a_batch_are_checked():
     """17.31: threads=-1 was a lack of memory; one array for two results held either."""
     for threads in (-1, 0, 1.5):
         with pytest.raises(ValueError, match=r"threads is .* a whole number from 1"):
-            fan.simulate(ARM, [X0] * 2, t_end=0.1, threads=threads)
+            fan.simulate_batch(ARM, [X0] * 2, t_end=0.1, threads=threads)
     room = np.zeros((2, 2, ARM.coordinates.n_qD))
     with pytest.raises(ValueError, match=r"out\['v_D'\] and out\['q_D'\] share their memory"):
-        fan.simulate(ARM, [X0] * 2, t_end=0.1, out={"q_D": room, "v_D": room[:]})
+        fan.simulate_batch(ARM, [X0] * 2, t_end=0.1, out={"q_D": room, "v_D": room[:]})

@@ -33,7 +33,7 @@ pose: {left.length: 0.9, right.length: 0.9}
 
 def relative(marionette, run) -> float:
     """The largest violation of a string, relative to its length."""
-    lengths = marionette.string_lengths(run.q_D, run.q_K)
+    lengths = marionette.model.string_lengths(run.q_D, run.q_K)
     return float(np.max(run.violation.values[:, : lengths.shape[1]] / lengths))
 
 
@@ -84,7 +84,9 @@ def test_the_ledger_closes_with_the_tolerance(name):
     inputs = fan.Input.waypoints(puppet, {coordinate: points})
     residuals = []
     for tolerance in (1e-5, 1e-8, 1e-11):
-        run = fan.simulate(puppet, x0, inputs, 1.5, rtol=tolerance, atol=tolerance)
+        run = fan.simulate(
+            puppet, x0, inputs, 1.5, method=fan.Event(rtol=tolerance, atol=tolerance)
+        )
         assert any(e.kind == "catch" for e in run.events)
         residuals.append(float(np.max(np.abs(run.ledger["residual"]))))
     scale = puppet.weight * 1.0

@@ -81,7 +81,9 @@ def test_a_tangential_release_and_its_catch(pendulum, k):
     """Released where the gap opens as t^3, caught at -3 psi; also where that is almost at once."""
     f = flight(k, LENGTH, MASS, GRAVITY)
     x0 = start(pendulum, {}, {"bob.x": np.sqrt(k * GRAVITY * LENGTH)})
-    run = fan.simulate(pendulum, x0, t_end=f.t_catch + 0.01, rtol=1e-13, atol=1e-13)
+    run = fan.simulate(
+        pendulum, x0, t_end=f.t_catch + 0.01, method=fan.Event(rtol=1e-13, atol=1e-13)
+    )
     assert kinds(run)[:2] == [("release", "string"), ("catch", "string")]
     released, caught = run.events[:2]
     at = [np.searchsorted(run.t, e.t) for e in (released, caught)]
@@ -137,7 +139,9 @@ def test_events_do_not_depend_on_the_steps(pendulum):
     f = flight(4.9, LENGTH, MASS, GRAVITY)
     x0 = start(pendulum, {}, {"bob.x": np.sqrt(4.9 * GRAVITY * LENGTH)})
     runs = [
-        fan.simulate(pendulum, x0, t_end=f.t_catch + 0.5, rtol=1e-6, atol=1e-6, max_step=h)
+        fan.simulate(
+            pendulum, x0, t_end=f.t_catch + 0.5, method=fan.Event(rtol=1e-6, atol=1e-6, max_step=h)
+        )
         for h in (10.0, 0.001)
     ]
     assert kinds(runs[0]) == kinds(runs[1])
@@ -211,6 +215,7 @@ bodies:
   - {name: wheel, joint: {type: revolute, axis: [0, 1, 0]}, mass: 1, com: [0, 0, 0],
      inertia: [0.01, 0.01, 0.01]}
 """)
-    run = fan.simulate(wheel, wheel.state({"v:wheel": 60.0}), t_end=1.0, method="timestepping",
-                       dt=0.01)  # fmt: skip
+    run = fan.simulate(
+        wheel, wheel.state({"v:wheel": 60.0}), t_end=1.0, method=fan.TimeStepping(dt=0.01)
+    )
     assert run.v_D[-1] == pytest.approx([60.0], rel=1e-12)

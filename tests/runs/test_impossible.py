@@ -116,7 +116,7 @@ def test_the_marionette_is_torn_apart(ask):
     and says so at its end."""
     puppet = fan.puppets.marionette()
     x0 = puppet.rest()
-    lengths = max(puppet.string_lengths(x0.q_D, x0.q_K))
+    lengths = max(puppet.model.string_lengths(x0.q_D, x0.q_K))
     moves = {"apart": {"x": (1.0, 1.0)}, "short": {}, "both": {"x": (1.0, 1.0)}}[ask]
     inputs = shaken(puppet, x0, **moves)
     if ask != "apart":
@@ -133,7 +133,7 @@ def test_the_marionette_is_torn_apart(ask):
     assert 0.3 < run.t[-1] < 1.0
     assert np.max(run.violation.values) < 1e-10
     for dt in (0.002, 0.01):
-        run = fan.simulate(puppet, x0, inputs, 3.0, method="timestepping", dt=dt, throw=False)
+        run = fan.simulate(puppet, x0, inputs, 3.0, method=fan.TimeStepping(dt=dt), throw=False)
         assert run.status is fan.Status.OVERSTEPPED and run.t[-1] == 3.0
         assert np.all(np.isfinite(run.tension.values))
         # Ends move by up to 1 m and strings shorten by up to their length.

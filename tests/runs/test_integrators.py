@@ -133,7 +133,7 @@ def reference():
     found = {}
     for name, (case, least) in CASES.items():
         given = case()
-        run = fan.simulate(*given, rtol=1e-12, atol=1e-12)
+        run = fan.simulate(*given, method=fan.Event(rtol=1e-12, atol=1e-12))
         assert len(run.events) >= least
         found[name] = given, run
     return found
@@ -163,7 +163,7 @@ def agree(run, ours, t, impulse, state):
 def test_scipys_methods_give_the_compiled_ones_run(reference, name, case):
     given, ours = reference[case]
     tolerance, t, impulse, state = METHODS[name]
-    run = fan.simulate(*given, integrator=name, rtol=tolerance, atol=tolerance)
+    run = fan.simulate(*given, method=fan.Event(integrator=name, rtol=tolerance, atol=tolerance))
     agree(run, ours, t, impulse, state)
 
 
@@ -172,14 +172,14 @@ def test_scipys_methods_give_the_compiled_ones_run(reference, name, case):
 )
 def test_a_solver_of_ones_own(arm, solver, t, state):
     given, ours = arm
-    run = fan.simulate(*given, integrator=solver, rtol=1e-11, atol=1e-11)
+    run = fan.simulate(*given, method=fan.Event(integrator=solver, rtol=1e-11, atol=1e-11))
     agree(run, ours, t, t, state)
 
 
 def test_strings_are_kept_to_rounding_and_the_books_close(arm):
     given, _ = arm
     for name, residual in (("RK45", 1e-6), ("DOP853", 1e-7), ("Radau", 1e-7)):
-        run = fan.simulate(*given, integrator=name, rtol=1e-7, atol=1e-7)
+        run = fan.simulate(*given, method=fan.Event(integrator=name, rtol=1e-7, atol=1e-7))
         assert np.max(run.violation.values) < 1e-14
         assert np.max(np.abs(run.ledger["residual"])) < residual
 
@@ -207,7 +207,7 @@ pose: {hand.length: 0.9}
     given = arm, arm.project(arm.state()), None, 0.3
     ours = fan.simulate(*given)
     for name in ("Radau", "BDF", "LSODA"):
-        run = fan.simulate(*given, integrator=name, rtol=1e-7, atol=1e-7)
+        run = fan.simulate(*given, method=fan.Event(integrator=name, rtol=1e-7, atol=1e-7))
         agree(run, ours, 1e-6, 1e-5, 1e-4)
         assert 20 * len(run.t) < len(ours.t)
 
@@ -216,14 +216,14 @@ pose: {hand.length: 0.9}
 def test_an_unknown_integrator_is_refused(arm, integrator):
     given, _ = arm
     with pytest.raises(ValueError, match=r"must be 'RK23', .*'LSODA', a subclass of") as caught:
-        fan.simulate(*given, integrator=integrator)
+        fan.simulate(*given, method=fan.Event(integrator=integrator))
     assert repr(integrator) in str(caught.value)
 
 
 def test_time_stepping_takes_none(arm):
     given, _ = arm
     with pytest.raises(ValueError, match="integrator goes with method='event'"):
-        fan.simulate(*given, method="timestepping", integrator="RK45")
+        fan.simulate(*given, method=fan.TimeStepping(integrator="RK45"))
 
 
 @pytest.mark.parametrize("n", [7, 2001])
@@ -231,7 +231,7 @@ def test_saved_times_are_on_the_motion(arm, n):
     given, ours = arm
     times = np.linspace(0.0, given[-1], n)
     options = {"rtol": 1e-11, "atol": 1e-11, "save_at": times}
-    run = fan.simulate(*given, integrator="DOP853", **options)
+    run = fan.simulate(*given, method=fan.Event(integrator="DOP853"), **options)
     compiled = fan.simulate(*given, **options)
     assert run.t == pytest.approx(compiled.t, abs=1e-12)
     assert np.all(np.isin(times, run.t))
@@ -246,7 +246,7 @@ def test_a_jump_of_the_inputs_acceleration_is_two_rows(arm):
     inputs = fan.Input.segments(
         marionette, [0.0, 0.5, 1.0], x0.q_K, [0.0, 0.0], [[0.2, 0.0], [-0.2, 0.0]]
     )
-    run = fan.simulate(marionette, x0, inputs, integrator="DOP853")
+    run = fan.simulate(marionette, x0, inputs, method=fan.Event(integrator="DOP853"))
     assert run.acc_K[run.t == 0.5, 0].tolist() == [0.2, -0.2]
     assert [e.kind.value for e in run.events] == ["breakpoint"]
     assert run.t[-1] == 1.0
@@ -259,7 +259,7 @@ def test_a_bulge_within_one_step_is_found():
     ours = fan.simulate(bob, x0, inputs, 1.0999)
     assert [e.kind.value for e in ours.events] == ["breakpoint", "release", "catch", "release"]
     for name in ("RK45", "DOP853", "Radau"):
-        run = fan.simulate(bob, x0, inputs, 1.0999, integrator=name)
+        run = fan.simulate(bob, x0, inputs, 1.0999, method=fan.Event(integrator=name))
         agree(run, ours, 1e-8, 1e-7, 1e-7)
 
 
@@ -269,7 +269,9 @@ def test_a_pull_that_nothing_can_follow_ends_alike(arm, name):
     inputs = fan.Input.waypoints(marionette, {"hand.x": [(0, x0.q_K[0]), (2, 3.0)]})
     ours = fan.simulate(marionette, x0, inputs, throw=False)
     with pytest.raises(fan.SimulationError, match="because of hand") as caught:
-        fan.simulate(marionette, x0, inputs, integrator=name, rtol=1e-6, atol=1e-6)
+        fan.simulate(
+            marionette, x0, inputs, method=fan.Event(integrator=name, rtol=1e-6, atol=1e-6)
+        )
     run = caught.value.trajectory
     assert run.status is caught.value.status is ours.status
     assert run.blamed == ours.blamed
@@ -279,7 +281,7 @@ def test_a_pull_that_nothing_can_follow_ends_alike(arm, name):
 
 def test_a_solver_that_fails_ends_the_run_with_what_was_reached(arm):
     given, _ = arm
-    run = fan.simulate(*given, integrator=GivesUp, throw=False)
+    run = fan.simulate(*given, method=fan.Event(integrator=GivesUp), throw=False)
     assert run.status is fan.Status.STEP_TOO_SMALL
     assert 0.05 < run.t[-1] < 0.1
 
@@ -291,8 +293,8 @@ def test_a_solver_that_fails_ends_the_run_with_what_was_reached(arm):
 def test_bounds_hold(arm, bound, status):
     (marionette, x0, inputs, t_end), _ = arm
     run = ScipyRun(
-        "RK45", marionette.library, marionette.run_options(**{bound: 1}), x0, marionette.p,
-        marionette.winches, inputs.bound(x0.q_K, x0.t),
+        "RK45", marionette.model.library, marionette.model.run_options(**{bound: 1}), x0,
+        marionette.p, marionette.winches, inputs.bound(x0.q_K, x0.t),
     )  # fmt: skip
     for _ in run.advance(t_end):
         pass
@@ -307,18 +309,24 @@ def test_ctrl_c_keeps_what_was_reached(arm):
             raise KeyboardInterrupt
 
     run = fan.simulate(
-        marionette, x0, inputs, t_end, integrator="RK23", rtol=1e-7, progress=stop, throw=False
+        marionette,
+        x0,
+        inputs,
+        t_end,
+        method=fan.Event(integrator="RK23", rtol=1e-7),
+        progress=stop,
+        throw=False,
     )
     assert run.status is fan.Status.STOPPED
     assert 0.1 < run.t[-1] < t_end
-    acc_D, _ = marionette.accelerations(run.state(-1), run.acc_K[-1])
+    acc_D, _ = marionette.forward_dynamics(run.state(-1), run.acc_K[-1])
     assert run.acc_D[-1] == pytest.approx(acc_D, rel=1e-9, abs=1e-9)
 
 
 def test_the_same_run_gives_the_same_bits(arm):
     given, _ = arm
     one, two = (
-        fan.simulate(*given, integrator="RK45", progress=progress)
+        fan.simulate(*given, method=fan.Event(integrator="RK45"), progress=progress)
         for progress in (None, lambda t: None)
     )
     assert np.array_equal(one.t, two.t) and np.array_equal(one.q_D, two.q_D)
@@ -331,7 +339,7 @@ def test_rate_is_the_motion(arm):
     """ydot = (N v, acc_D, power, dissipation): Eqs. 10 and 11 at the start."""
     (marionette, x0, inputs, _), _ = arm
     flow = marionette.flow(x0, inputs)
-    acc_D, tension = marionette.accelerations(x0, inputs.evaluate(0.0)[2])
+    acc_D, tension = marionette.forward_dynamics(x0, inputs.evaluate(0.0)[2])
     rate = flow.rate(flow.t0, flow.y0)
     assert rate[:2] == pytest.approx(x0.v_D, abs=1e-12)
     assert rate[2:4] == pytest.approx(acc_D, rel=1e-9)
@@ -397,7 +405,9 @@ def test_a_redundant_string_stops_no_integrator(integrator):
     for text in (TWINS, TWINS.replace("  - {name: other, path", "  # - {name: other, path")):
         puppet = fan.loads(text)
         x0 = puppet.project(puppet.state({"bob.x": 0.3, "bob.z": 0.1}))
-        run = fan.simulate(puppet, x0, None, 1.0, integrator=integrator, rtol=1e-7, atol=1e-7)
+        run = fan.simulate(
+            puppet, x0, None, 1.0, method=fan.Event(integrator=integrator, rtol=1e-7, atol=1e-7)
+        )
         rows.append(len(run))
     assert rows[0] <= 1.2 * rows[1] + 10, rows
 
@@ -417,8 +427,10 @@ def test_a_string_that_springs_back_comes_to_rest(integrator):
     """Bounces that an integrator cannot tell from its errors are none: it does not hop for ever."""
     puppet = fan.loads(SPRINGY)
     x0 = puppet.project(puppet.state({"bob.x": 0.3, "bob.z": 0.4}))
-    right = fan.simulate(puppet, x0, None, 1.0, rtol=1e-6, atol=1e-6)
-    run = fan.simulate(puppet, x0, None, 1.0, integrator=integrator, rtol=1e-6, atol=1e-6)
+    right = fan.simulate(puppet, x0, None, 1.0, method=fan.Event(rtol=1e-6, atol=1e-6))
+    run = fan.simulate(
+        puppet, x0, None, 1.0, method=fan.Event(integrator=integrator, rtol=1e-6, atol=1e-6)
+    )
     assert 10 <= len(run.events) <= len(right.events) + 2
     assert run.events[-1].kind == "accumulation"
     assert np.max(np.abs(run.q_D[-1] - right.q_D[-1])) < 1e-4

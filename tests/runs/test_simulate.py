@@ -120,8 +120,10 @@ def test_time_stepping_goes_on_with_a_bounded_state(arm, hanging):
 
 def test_saved_times_are_on_the_motion(arm, hanging):
     times = np.linspace(0.0, 1.0, 101)
-    every = fan.simulate(arm, hanging, jerk(arm), 1.0, rtol=1e-11, atol=1e-11)
-    some = fan.simulate(arm, hanging, jerk(arm), 1.0, rtol=1e-11, atol=1e-11, save_at=times)
+    every = fan.simulate(arm, hanging, jerk(arm), 1.0, method=fan.Event(rtol=1e-11, atol=1e-11))
+    some = fan.simulate(
+        arm, hanging, jerk(arm), 1.0, method=fan.Event(rtol=1e-11, atol=1e-11), save_at=times
+    )
     assert np.all(np.isin(times[1:], some.t))
     at = np.searchsorted(some.t, times[1:], side="right") - 1
     there = every.resample(times[1:])
@@ -149,7 +151,7 @@ def test_user_forces_act(arm, hanging):
     inputs = fan.Input.hold(arm).with_forces({"shoulder": [(0.0, 0.5), (1.0, 0.5)]})
     run = fan.simulate(arm, hanging, inputs, t_end=0.5)
     x = run.state(0)
-    acc, tension = arm.accelerations(x, u_D=np.array([0.5, 0.0]))
+    acc, tension = arm.forward_dynamics(x, u_D=np.array([0.5, 0.0]))
     assert np.allclose(run.acc_D[0], acc, rtol=1e-10, atol=1e-12)
     M, c = arm.mass_matrix(x), arm.bias(x) + arm.damping(x)
     pull = arm.A_D(x).T @ -tension
@@ -162,7 +164,7 @@ def test_ctrl_c_keeps_what_was_reached(arm, hanging):
             raise KeyboardInterrupt
 
     run = fan.simulate(
-        arm, hanging, t_end=2.0, method="timestepping", dt=1e-4, progress=stop, throw=False
+        arm, hanging, t_end=2.0, method=fan.TimeStepping(dt=1e-4), progress=stop, throw=False
     )
     assert run.status is fan.Status.STOPPED
     assert 0.3 < run.t[-1] < 0.5
@@ -199,7 +201,7 @@ def test_a_jump_of_the_inputs_acceleration_is_two_rows(arm, hanging):
     inputs = fan.Input.segments(
         arm, [0.0, 0.5, 1.0], hanging.q_K, [0.0, 0.0], [[0.2, 0.0], [-0.2, 0.0]]
     )
-    run = fan.simulate(arm, hanging, inputs, rtol=1e-11, atol=1e-11)
+    run = fan.simulate(arm, hanging, inputs, method=fan.Event(rtol=1e-11, atol=1e-11))
     rows = np.flatnonzero(run.t == 0.5)
     assert run.acc_K[rows, 0].tolist() == [0.2, -0.2]
     times = np.linspace(0.05, 0.95, 77)
@@ -210,7 +212,9 @@ def test_a_bulge_past_a_loosened_string_is_a_catch():
     """Released at 1 s, the string closes and opens again within one long step."""
     bob, inputs = bulge()
     for max_step in (0.1, 0.005):
-        run = fan.simulate(bob, bob.project(bob.state()), inputs, 1.0999, max_step=max_step)
+        run = fan.simulate(
+            bob, bob.project(bob.state()), inputs, 1.0999, method=fan.Event(max_step=max_step)
+        )
         kinds = [e.kind.value for e in run.events]
         assert kinds == ["breakpoint", "release", "catch", "release"]
         assert run.events[2].t == pytest.approx(1.03, abs=1e-9)

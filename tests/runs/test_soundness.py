@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.harness import method_of
 
 import fantoccini as fan
 from fantoccini.marionette import Stepper
@@ -92,7 +93,7 @@ def test_a_chain_of_bodies_that_spins_keeps_its_energy_in_lanes_too():
     puppet = fan.loads(CHAIN)
     rng = np.random.default_rng(0)
     starts = [spun(puppet, 10.0 * rng.uniform(-1, 1, puppet.coordinates.n_vD)) for _ in range(3)]
-    many = fan.simulate(puppet, starts, t_end=2.0, method="timestepping", save="all")
+    many = fan.simulate_batch(puppet, starts, t_end=2.0, method="timestepping", save="all")
     for x, run in zip(starts, many, strict=True):
         alone = fan.simulate(puppet, x, t_end=2.0, method="timestepping")
         assert np.max(energy(alone) / energy(alone)[0]) < 1.05
@@ -110,7 +111,7 @@ def test_energy_made_out_of_nothing_ends_with_a_status():
     run = caught.value.trajectory
     assert run.status is fan.Status.GAINED_ENERGY
     assert run.t[-1] == 5.0
-    many = fan.simulate(puppet, [x], t_end=5.0, method="timestepping", save="all")
+    many = fan.simulate_batch(puppet, [x], t_end=5.0, method="timestepping", save="all")
     assert many.status[0] == fan.Status.GAINED_ENERGY
 
 
@@ -133,7 +134,9 @@ def test_the_derivatives_of_a_step_have_its_drag():
 
     def end(v):
         start = x.replace(v_D=v)
-        return Stepper(puppet, start, "timestepping", puppet.run_options(dt=dt)).advance(dt).v_D
+        return (
+            Stepper(puppet, start, "timestepping", puppet.model.run_options(dt=dt)).advance(dt).v_D
+        )
 
     for k in range(n):
         d = 1e-6 * np.eye(n)[k]
@@ -149,7 +152,7 @@ def test_springs_too_stiff_for_the_step_are_refused(k, c, longest):
     x = puppet.state().replace(q_D=np.array([0.0, 0.0, 0.11]))
     with pytest.raises(fan.StateError, match=f"for the spring coil.*above {longest} s"):
         fan.simulate(puppet, x, t_end=1.0, method=method)
-    run = fan.simulate(puppet, x, t_end=0.5, method=method, dt=0.33 * float(longest))
+    run = fan.simulate(puppet, x, t_end=0.5, method=method_of(method, dt=0.33 * float(longest)))
     assert np.max(np.abs(run.q_D[:, 2] - 0.1)) < 0.1
 
 
@@ -158,7 +161,7 @@ def test_springs_too_stiff_for_a_variational_step_are_told(k, c, ends):
     """17.21: it stands longer steps than 2 / omega; where it does not, its books say so."""
     puppet = fan.loads(SPRUNG).with_parameters({"k": k, "c": c})
     x = puppet.state().replace(q_D=np.array([0.0, 0.0, 0.11]))
-    run = fan.simulate(puppet, x, t_end=1.0, method="variational", dt=0.01, throw=False)
+    run = fan.simulate(puppet, x, t_end=1.0, method=fan.Variational(dt=0.01), throw=False)
     assert run.status.name == ends
 
 
@@ -175,7 +178,7 @@ def test_strings_that_vibrate_faster_than_the_step_are_told():
     assert "top by" in str(caught.value) or "below by" in str(caught.value)
     many = fan.simulate(puppet, [x], t_end=1.0, method="timestepping")
     assert many.status[0] == fan.Status.OVERSTEPPED
-    fine = fan.simulate(puppet, x, t_end=1.0, method="timestepping", dt=1.0 / omega)
+    fine = fan.simulate(puppet, x, t_end=1.0, method=fan.TimeStepping(dt=1.0 / omega))
     assert np.max(fine.violation.values) < 1e-6
     few = puppet.with_parameters({"M": 10.0})
     assert fan.simulate(few, x, t_end=1.0, method="timestepping").status is fan.Status.DONE

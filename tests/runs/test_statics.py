@@ -12,7 +12,7 @@ from fantoccini.motion import tangent
 def test_every_bundled_puppet_hangs_still(name):
     puppet = getattr(fan.puppets, name)()
     x = puppet.rest()
-    acc, tension = puppet.accelerations(x)
+    acc, tension = puppet.forward_dynamics(x)
     assert np.max(np.abs(acc)) < 1e-9
     assert np.min(tension) >= 0.0
     assert np.max(puppet.constraint(x)) < 1e-9
@@ -22,7 +22,7 @@ def test_every_bundled_puppet_hangs_still(name):
 def test_vertical_string_forces_carry_the_weight(name):
     puppet = getattr(fan.puppets, name)()
     x = puppet.rest()
-    _, tension = puppet.accelerations(x)
+    _, tension = puppet.forward_dynamics(x)
     lift = 0.0
     for force, points, string in zip(
         tension, puppet.string_points(x.q_D, x.q_K), puppet.tree.strings, strict=False
@@ -44,7 +44,7 @@ def test_a_head_without_its_string_falls():
     x = puppet.rest({"head.length": 0.75})
     head = puppet.pose(x, "skull")[:3, 2]
     assert head[2] < 0.8
-    assert puppet.accelerations(x)[1][0] == 0.0
+    assert puppet.forward_dynamics(x)[1][0] == 0.0
 
 
 def test_an_inverted_pendulum_is_pushed_off_its_top():
@@ -94,7 +94,7 @@ def test_rest_is_found_from_afar(name, seed):
         else:
             values[coordinate] = start + rng.uniform(-0.1, 0.1)
     x = puppet.rest(values)
-    acc, tension = puppet.accelerations(x)
+    acc, tension = puppet.forward_dynamics(x)
     assert np.max(np.abs(acc)) < 1e-7
     assert np.min(tension) >= 0.0
     run = fan.simulate(puppet, x, t_end=2.0)
@@ -142,7 +142,7 @@ def dachshund() -> fan.Marionette:
 def test_rest_from_below_and_above(dachshund, z):
     """17.9: three strings 6 to 14 mm too short and knees at their limits; the rest is one."""
     x = dachshund.rest({"trunk.z": z})
-    acc, tension = dachshund.accelerations(x)
+    acc, tension = dachshund.forward_dynamics(x)
     assert np.max(np.abs(acc)) < 1e-7
     assert np.min(tension) >= 0.0
     assert np.max(dachshund.constraint(x)) < 1e-9

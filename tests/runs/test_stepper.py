@@ -123,7 +123,7 @@ def test_little_gravity_leaves_room_for_inputs():
         inputs = fan.Input.waypoints(arm, {"hand.length": [(0, length), (1, length - 0.1)]})
         for method in ("event", "timestepping"):
             assert fan.simulate(arm, x0, inputs, method=method).status is fan.Status.DONE
-        assert arm.tension_cap == pytest.approx(1e5 * arm.mass * max(1.0, gravity))
+        assert arm.model.tension_cap == pytest.approx(1e5 * arm.mass * max(1.0, gravity))
 
 
 @pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
@@ -151,8 +151,8 @@ def test_a_stepper_begins_with_the_velocities_of_its_state(arm, method):
     row = int(np.argmin(np.abs(run.t - 0.7)))
     x = run.state(row)
     stepper = arm.stepper(x, method)
-    _, tension = arm.accelerations(x)
+    _, tension = arm.forward_dynamics(x)
     assert np.abs(x.v_K[1]) > 0.1
     assert np.allclose(stepper.tension, tension, atol=0.05 * arm.weight)
-    split = arm.row_layout.split(stepper.rows)
+    split = arm.model.row_layout.split(stepper.rows)
     assert np.array_equal(split["v_K"][0], x.v_K) and split["taut"][0, 0] == 1.0

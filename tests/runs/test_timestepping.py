@@ -23,7 +23,7 @@ def pendulum():
 
 def swing(pendulum, dt, t_end=10.0):
     x0 = pendulum.state({"bob.x": 1.0, "bob.z": 0.0})
-    return fan.simulate(pendulum, x0, t_end=t_end, method="timestepping", dt=dt)
+    return fan.simulate(pendulum, x0, t_end=t_end, method=fan.TimeStepping(dt=dt))
 
 
 def height(run):
@@ -45,7 +45,7 @@ def test_violation_shrinks_with_the_step(pendulum):
 
 def test_the_motion_converges_at_first_order(pendulum):
     x0 = pendulum.state({"bob.x": 1.0, "bob.z": 0.0})
-    exact = fan.simulate(pendulum, x0, t_end=1.0, rtol=1e-12, atol=1e-12)
+    exact = fan.simulate(pendulum, x0, t_end=1.0, method=fan.Event(rtol=1e-12, atol=1e-12))
     steps = (4e-3, 2e-3, 1e-3)
     ends = [swing(pendulum, dt, 1.0).q_D[-1] for dt in steps]
     errors = [np.max(np.abs(end - exact.q_D[-1])) for end in ends]
@@ -61,7 +61,7 @@ def test_the_impact_of_a_fall_converges(pendulum):
     lost = exact.ledger["impact"][-1]
     errors = []
     for dt in (2e-3, 5e-4):
-        run = fan.simulate(pendulum, x0, t_end=0.8, method="timestepping", dt=dt)
+        run = fan.simulate(pendulum, x0, t_end=0.8, method=fan.TimeStepping(dt=dt))
         errors.append(abs(run.ledger["impact"][-1] - lost))
     assert lost > 1.0
     assert errors[1] < errors[0] < 0.1 * lost

@@ -98,7 +98,7 @@ def test_a_length_that_only_dips_runs_out(winches):
     times = np.array([0.0, 1.0, 2.0])
     acc = np.array([[-2 * dip, 0.0], [6 * dip, 0.0]])
     inputs = fan.Input.segments(winches, times, x0.q_K, x0.v_K, acc)
-    run = fan.simulate(winches, x0, inputs, throw=False, rtol=1e-3, atol=1e-3)
+    run = fan.simulate(winches, x0, inputs, throw=False, method=fan.Event(rtol=1e-3, atol=1e-3))
     assert run.status is Status.LENGTH_NOT_POSITIVE and run.blamed == ("line",)
     assert run.t[-1] == pytest.approx(np.sqrt(0.5 / dip), abs=1e-5)
 
@@ -108,8 +108,8 @@ def test_an_integrator_from_outside_runs_out(winches, integrator):
     """17.8: SciPy's steps end there too."""
     x0 = winches.rest()
     run = fan.simulate(
-        winches, x0, wound_in(winches, x0, -1.2), integrator=integrator, throw=False,
-        rtol=1e-8, atol=1e-8,
+        winches, x0, wound_in(winches, x0, -1.2), throw=False,
+        method=fan.Event(integrator=integrator, rtol=1e-8, atol=1e-8),
     )  # fmt: skip
     assert run.status is Status.LENGTH_NOT_POSITIVE
     assert run.t[-1] == pytest.approx(ENDS, abs=1e-5)

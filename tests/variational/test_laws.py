@@ -36,11 +36,11 @@ def test_it_is_of_second_order_between_catches(damped, moving):
     v_D = np.random.default_rng(0).normal(size=puppet.coordinates.n_vD)
     x = rigs.gentle(0.1) if damped else rigs.swinging(puppet, puppet.rest(), v_D)
     inputs = sway(puppet, x) if moving else None
-    exact = fan.simulate(puppet, x, inputs, 0.4, rtol=1e-12, atol=1e-12)
+    exact = fan.simulate(puppet, x, inputs, 0.4, method=fan.Event(rtol=1e-12, atol=1e-12))
     assert not [e for e in exact.events if e.kind is fan.EventKind.CATCH]
     off = []
     for dt in STEPS:
-        run = fan.simulate(puppet, x, inputs, 0.4, method="variational", dt=dt)
+        run = fan.simulate(puppet, x, inputs, 0.4, method=fan.Variational(dt=dt))
         ends = [(getattr(run, n)[-1], getattr(exact, n)[-1]) for n in ("q_D", "v_D")]
         off.append([np.max(np.abs(a - b)) for a, b in ends])
         assert run.events == ()
@@ -52,7 +52,7 @@ def test_it_is_of_second_order_between_catches(damped, moving):
 def test_the_energy_of_a_gentle_swing_does_not_drift():
     """The undamped marionette, all strings taut, 100 s in steps of 10 ms."""
     run = fan.simulate(
-        rigs.undamped(), rigs.gentle(0.02), t_end=100.0, method="variational", dt=0.01,
+        rigs.undamped(), rigs.gentle(0.02), t_end=100.0, method=fan.Variational(dt=0.01),
         save_every=5, effort=False,
     )  # fmt: skip
     E, T = rigs.energy(run), run.ledger["kinetic"]
@@ -84,12 +84,12 @@ def momenta(puppet: fan.Marionette, run: fan.Trajectory) -> np.ndarray:
 def test_momenta_that_symmetry_keeps_are_kept_to_rounding(dt):
     flyer, free = rigs.flyer()
     v_D = 2.0 * np.random.default_rng(0).normal(size=flyer.coordinates.n_vD)
-    run = fan.simulate(flyer, free.replace(v_D=v_D), t_end=10.0, method="variational", dt=dt)
+    run = fan.simulate(flyer, free.replace(v_D=v_D), t_end=10.0, method=fan.Variational(dt=dt))
     assert np.ptp(run.q_D[:, 7]) > 0.3, "the leg swings"
     assert np.max(np.ptp(momenta(flyer, run), axis=0)) < 2e-12
     hung = rigs.doll()
     swing = rigs.swinging(hung, hung.rest(), v_D)
-    run = fan.simulate(hung, swing, t_end=10.0, method="variational", dt=dt)
+    run = fan.simulate(hung, swing, t_end=10.0, method=fan.Variational(dt=dt))
     about = momenta(hung, run)
     assert np.ptp(about[:, 5]) < 1e-13, "about the vertical axis"
     assert np.ptp(about[:, 3]) > 0.01, "the others change"
@@ -100,7 +100,7 @@ def test_orientations_stay_unit_quaternions_through_full_turns():
     """No angle is singular: the doll turns over many times."""
     flyer, x = rigs.flyer()
     v_D = np.array([0, 0, 0, 8.0, -5.0, 3.0, 6.0, 4.0, -7.0, 2.0])
-    run = fan.simulate(flyer, x.replace(v_D=v_D), t_end=10.0, method="variational", dt=0.005)
+    run = fan.simulate(flyer, x.replace(v_D=v_D), t_end=10.0, method=fan.Variational(dt=0.005))
     for first in (3, 7):
         lengths = np.linalg.norm(run.q_D[:, first : first + 4], axis=1)
         assert np.max(np.abs(lengths - 1.0)) < 1e-12
@@ -122,7 +122,7 @@ def test_large_steps_stay_stable():
     inputs = fan.Input.waypoints(
         puppet, {n: [(t, start[n] + by) for t, by in moves] for n, moves in lift.items()}
     )
-    run = fan.simulate(puppet, x, inputs, 6.0, method="variational", dt=1.0 / 30.0)
+    run = fan.simulate(puppet, x, inputs, 6.0, method=fan.Variational(dt=1.0 / 30.0))
     assert len(run.events) > 5
     assert np.max(run.violation.values) < 1e-11
     assert np.min(run.tension.values) >= 0.0
@@ -163,10 +163,10 @@ def test_a_bar_that_turns_and_moves_mass_is_of_second_order():
         "bar.x": [(0.0, 0.0), (0.5, 0.1)],
     }
     inputs = fan.Input.waypoints(puppet, turn)
-    exact = fan.simulate(puppet, x, inputs, 0.5, rtol=1e-12, atol=1e-12)
+    exact = fan.simulate(puppet, x, inputs, 0.5, method=fan.Event(rtol=1e-12, atol=1e-12))
     off = []
     for dt in STEPS:
-        run = fan.simulate(puppet, x, inputs, 0.5, method="variational", dt=dt)
+        run = fan.simulate(puppet, x, inputs, 0.5, method=fan.Variational(dt=dt))
         work = run.ledger["work"][-1] - exact.ledger["work"][-1]
         lost = run.ledger["damping"][-1] - exact.ledger["damping"][-1]
         moved = np.max(np.abs(run.q_D[-1] - exact.q_D[-1]))

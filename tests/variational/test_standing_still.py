@@ -33,7 +33,7 @@ def test_it_stands_still():
     puppet = fan.loads(STILL)
     x = puppet.rest({"crank": 0.3})
     run = fan.simulate(puppet, x, t_end=5.0, method="variational")
-    many = fan.simulate(puppet, [x] * 3, t_end=5.0, method="variational", save="all")
+    many = fan.simulate_batch(puppet, [x] * 3, t_end=5.0, method="variational", save="all")
     assert [run.status, *many.status] == [fan.Status.DONE] * 4
     for q_D in (run.q_D, *many.q_D):
         np.testing.assert_allclose(q_D, np.tile(x.q_D, (len(run), 1)), atol=1e-12)
@@ -46,7 +46,7 @@ def test_it_sets_out_from_rest():
     inputs = fan.Input.waypoints(cart, {"trolley": [(0.0, 0.0), (0.5, 0.03)]})
     exact = fan.simulate(cart, x, inputs, 1.0).q_D[-1]
     runs = [
-        fan.simulate(cart, x, inputs, 1.0, method="variational", dt=dt) for dt in (4e-3, 2e-3)
+        fan.simulate(cart, x, inputs, 1.0, method=fan.Variational(dt=dt)) for dt in (4e-3, 2e-3)
     ]
     coarse, fine = (np.abs(run.q_D[-1] - exact)[0] for run in runs)
     assert coarse / fine == pytest.approx(4.0, rel=0.02)

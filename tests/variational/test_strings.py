@@ -16,7 +16,7 @@ HELD = 1e-11
 
 
 def variational(puppet, x, inputs=None, t_end=None, dt=0.01, **more):
-    return fan.simulate(puppet, x, inputs, t_end, method="variational", dt=dt, **more)
+    return fan.simulate(puppet, x, inputs, t_end, method=fan.Variational(dt=dt), **more)
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,7 @@ def pendulum():
 def test_a_flight_and_its_catch_converge(pendulum):
     """The bob leaves its circle, flies and is caught; at least of first order through both."""
     x = pendulum.rest().replace(v_D=np.array([5.2, 0.0]))
-    exact = fan.simulate(pendulum, x, t_end=2.0, rtol=1e-12, atol=1e-12)
+    exact = fan.simulate(pendulum, x, t_end=2.0, method=fan.Event(rtol=1e-12, atol=1e-12))
     catch = next(e for e in exact.events if e.kind is EventKind.CATCH)
     off = []
     for dt in (0.01, 0.005, 0.0025, 0.00125):
@@ -151,7 +151,7 @@ def test_steps_of_a_microsecond_are_solved_too():
 def test_a_winch_slips_at_its_largest_tension(bench):
     x = bench.rest({"line.length": 0.8})
     jerk = fan.Input.waypoints(bench, {"line.length": [(0, 0.8), (0.3, 0.55)]})
-    exact = fan.simulate(bench, x, jerk, 0.6, rtol=1e-12, atol=1e-12)
+    exact = fan.simulate(bench, x, jerk, 0.6, method=fan.Event(rtol=1e-12, atol=1e-12))
     assert np.max(exact.slip["line"]) > 0.005
     run = variational(bench, x, jerk, 0.6, dt=0.001)
     assert np.max(run.tension["line"]) <= 15.0 * (1 + 1e-12)
@@ -171,7 +171,7 @@ def test_steppers_and_batches_make_the_same_motion(pendulum):
     assert many.tension["line"][0] == pytest.approx(run.tension["line"], abs=1e-7)
     assert np.array_equal(many.taut["line"][0], run.taut["line"])
     assert list(many.catches) == [1, 0]
-    stepper = pendulum.stepper(x, "variational", dt=0.01)
+    stepper = pendulum.stepper(x, fan.Variational(dt=0.01))
     for k in range(1, 31):
         stepper.advance(0.05)
         assert stepper.state.q_D == pytest.approx(run.q_D[5 * k], abs=1e-10)

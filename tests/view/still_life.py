@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from fantoccini import puppets
 from fantoccini.errors import Status
-from fantoccini.motion import Event, Trajectory
+from fantoccini.motion import EventRecord, Trajectory
 from fantoccini.motion.columns import Columns
 from fantoccini.puppet import Puppet, load
 from fantoccini.tree import grow
@@ -57,6 +57,6 @@ def swinging(marionette: StillLife, duration: float = 1.0, rows: int = 41) -> Tr
         limit_force=Columns(limits, np.zeros((rows, len(limits))), "limit"),
         taut=Columns(names, taut, "string"),
         ledger=Columns(entries, energy, "entry"),
-        events=tuple(Event(0.8 * duration, "catch", name, 0.1, 0.2) for name in names[-1:]),
+        events=tuple(EventRecord(0.8 * duration, "catch", name, 0.1, 0.2) for name in names[-1:]),
         status=Status.DONE, method="event", coordinates=table, puppet=marionette.world.puppets[0],
     )  # fmt: skip

@@ -13,6 +13,7 @@ from fantoccini.cli.look import Look
 from fantoccini.cli.outputs import check_outputs, write_outputs
 from fantoccini.cli.show import show_plan
 from fantoccini.cli.terminal import Steps, say, table, write
+from fantoccini.marionette import Event
 from fantoccini.planning import Check, PlanResult, load_problem, problem_names, solve
 
 
@@ -66,7 +67,7 @@ def plan_file(request: Request) -> None:
             steps.step("verifying")
             checks = {
                 "step halved": found.verify(),
-                "events located": found.verify(method="event", rtol=1e-9, atol=1e-9),
+                "events located": found.verify(method=Event(rtol=1e-9, atol=1e-9)),
             }
         if not found.reason:
             _write(request, found, steps)

@@ -21,7 +21,7 @@ from fantoccini.cli.take import on_winches, start_of, take_of
 from fantoccini.cli.terminal import Steps, say
 from fantoccini.cli.warn import warn
 from fantoccini.errors import SimulationError, Status
-from fantoccini.marionette import Marionette
+from fantoccini.marionette import Event, Marionette, Method, MethodName, as_method
 from fantoccini.motion import Input, State, Trajectory
 from fantoccini.simulation import INTEGRATORS, simulate
 
@@ -77,8 +77,8 @@ def simulate_file(request: Request) -> None:
         x0 = None if take is None or given else start_of(made, take)
         if x0 is None:
             x0 = start_state(made, inputs, given, request.quiet)
-        options = _options(request, x0.t, duration)
-        run, seconds, trouble = timed(steps, made, x0, inputs, duration, request.method, **options)
+        method, saved = _method(request, x0.t, duration)
+        run, seconds, trouble = timed(steps, made, x0, inputs, duration, method, **saved)
         write_outputs(made, run, request.out, request.plot, steps, look=request.look)
     if not request.quiet:
         report(run, seconds)
@@ -92,8 +92,8 @@ def timed(
     x0: State,
     inputs: Input | None,
     duration: float,
-    method: str = "event",
-    **options: Any,
+    method: Method | MethodName = "event",
+    **saved: Any,
 ) -> tuple[Trajectory, float, str]:
     """Runs with a progress bar; a run that stops before its end gives what it has.
 
@@ -110,7 +110,7 @@ def timed(
             x0.t + duration,
             method=method,
             progress=lambda t: done(t - x0.t),
-            **options,
+            **saved,
         )
     except SimulationError as error:
         if error.trajectory is None:
@@ -136,17 +136,18 @@ def _hint(request: Request, run: Trajectory, seconds: float) -> None:
         )
 
 
-def _options(request: Request, start: float, duration: float) -> dict[str, Any]:
-    """Options of the method; of a very long run with a fixed step some steps are not written."""
+def _method(request: Request, start: float, duration: float) -> tuple[Method, dict[str, Any]]:
+    """The method, and which rows are written: of a very long run with a fixed step, some."""
     rate = request.rate
     if rate is not None and rate * duration > _MOST_ROWS:
         fail(f"{rate * duration:.3g} rows are more than {_MOST_ROWS:g}; make it smaller", "--rate")
     if request.method == "event":
         tolerances = {} if request.rtol is None else {"rtol": request.rtol, "atol": request.rtol}
-        times = None if rate is None else start + np.arange(1, int(rate * duration) + 1) / rate
-        if times is not None:
-            tolerances["save_at"] = times[times <= start + duration]
-        return {"integrator": request.integrator, **tolerances}
+        method = Event(integrator=request.integrator, **tolerances)
+        if rate is None:
+            return method, {}
+        times = start + np.arange(1, int(rate * duration) + 1) / rate
+        return method, {"save_at": times[times <= start + duration]}
     dt = request.dt or _DT
     n = duration / dt
     if n > MOST_STEPS:
@@ -155,7 +156,8 @@ def _options(request: Request, start: float, duration: float) -> dict[str, Any]:
         fail(f"steps of {dt:g} s give {1.0 / dt:g} rows a second at most", "--rate")
     # Between two numbers of steps the smaller one: as many rows as were asked for, or more.
     every = 1 if rate is None else int(1.0 / (rate * dt) + 1e-9)
-    return {"dt": dt, "save_every": max(every, math.ceil(n / _MOST_ROWS))}
+    every = max(every, math.ceil(n / _MOST_ROWS))
+    return as_method(request.method, dt=dt), {"save_every": every}
 
 
 def _check_options(request: Request) -> None:

@@ -21,7 +21,9 @@ def puppet_warnings(made: Marionette, file: str) -> list[Problem]:
         file: FILE argument.
     """
     located = read_file(puppet_path(file))
-    return _in_order([located.problem(*found) for found in warnings(made, located.data)], file)
+    return _in_order(
+        [located.problem(*found) for found in warnings(made.model, located.data)], file
+    )
 
 
 def inputs_warnings(made: Marionette, inputs: Input, path: Path) -> list[Problem]:
@@ -35,7 +37,7 @@ def inputs_warnings(made: Marionette, inputs: Input, path: Path) -> list[Problem
     written = path.suffix.lower() in (".yaml", ".yml")
     located = read_file(path) if written else Located(file=str(path), folder=path.parent)
     found = []
-    for warning in input_warnings(made, inputs):
+    for warning in input_warnings(made.model, inputs):
         place = _waypoint(made, located.data, warning.name, warning.t)
         found.append(located.problem(place, f"at t = {warning.t:g} s it {warning.message}"))
     return _in_order(found, str(path))
@@ -52,9 +54,12 @@ def warn(
         inputs: that drive it, or None.
         path: of their file.
     """
-    found, command = len(warnings(made)), f"fantoccini check {file}"
+    found, command = len(warnings(made.model)), f"fantoccini check {file}"
     if inputs is not None:
-        found, command = found + len(input_warnings(made, inputs)), f"{command} --inputs {path}"
+        found, command = (
+            found + len(input_warnings(made.model, inputs)),
+            f"{command} --inputs {path}",
+        )
     if found:
         say(f"{found} warning{'s' * (found > 1)}: {command}")
 

@@ -71,7 +71,11 @@ class _Text:
     """
 
     def __init__(self, marionette: Marionette, still: ConfigK | None):
-        self.marionette, self.tree, self.number = marionette, marionette.tree, marionette.number
+        self.marionette, self.tree, self.number = (
+            marionette,
+            marionette.tree,
+            marionette.model.number,
+        )
         self.still = still
         problems = self._impossible()
         if problems:

@@ -73,7 +73,7 @@ class MuJoCoPuppet:
         self.strings = np.array([m.tendon(s.name).id for s in tree.strings], dtype=int)
         for k, tendon in enumerate(m.eq_obj1id):
             wire = tree.strings[list(self.strings).index(tendon)]
-            length = SPOOL if wire.length is None else marionette.number(wire.length)
+            length = SPOOL if wire.length is None else marionette.model.number(wire.length)
             # A wire's length is given as a change from that in MuJoCo's zero pose.
             m.eq_data[k, 0] = length - m.tendon_length0[tendon]
         kinds = self.mujoco.mjtConstraint

@@ -45,7 +45,7 @@ def mujoco_run(
     puppet = MuJoCoPuppet(marionette, dt)
     data = puppet.data
     t = _steps(x0.t, t_end, inputs.breaks, dt)
-    bound = ready(marionette, inputs, x0.q_K, x0.v_K, x0.t, t_end)
+    bound = ready(marionette.model, inputs, x0.q_K, x0.v_K, x0.t, t_end)
     q_K, v_K, acc_K = bound.evaluate(t)
     h = np.diff(t)
     u_D = inputs.evaluate_force(np.append(t[:-1] + 0.5 * h, t[-1]))
@@ -92,7 +92,7 @@ def _trajectory(
     tree, n = marionette.tree, len(part["t"])
     strings = tuple(s.name for s in tree.strings)
     beyond = _violation(marionette, part)
-    energies = marionette.library.evaluate(
+    energies = marionette.model.library.evaluate(
         "energy", [part[name] for name in ("q_D", "v_D", "q_K", "v_K")] + [marionette.p]
     )
     ledger = np.full((n, len(LEDGER)), np.nan)
@@ -108,7 +108,7 @@ def _trajectory(
         status=status,
         method="mujoco",
         coordinates=marionette.coordinates,
-        puppet=marionette.described,
+        puppet=marionette.model.described,
         violation=Columns(tree.row_names, beyond, "string or limit"),
         slip=Columns(strings, np.zeros((n, len(strings))), "string"),
     )
@@ -116,5 +116,5 @@ def _trajectory(
 
 def _violation(marionette: Marionette, part: dict[str, Array]) -> Array:
     """max(h, 0) of every row, |h| of wires (T, n_rows)."""
-    (h,) = marionette.library.evaluate("rows", [part["q_D"], part["q_K"], marionette.p])
-    return np.where(marionette.two_sided, np.abs(h), np.maximum(h, 0.0))
+    (h,) = marionette.model.library.evaluate("rows", [part["q_D"], part["q_K"], marionette.p])
+    return np.where(marionette.model.two_sided, np.abs(h), np.maximum(h, 0.0))

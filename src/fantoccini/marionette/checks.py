@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import InputError, Problem, StateError
 from fantoccini.marionette.closed import CLOSED, STEPPED, STILL
+from fantoccini.marionette.model import Model
 from fantoccini.marionette.spring_steps import longest_step
 from fantoccini.motion import Input, Inputs, State, States, joints
 from fantoccini.runtime import RunOptions, memory
-
-if TYPE_CHECKING:
-    from fantoccini.marionette.handle import Marionette
 
 METHODS = ("event", "timestepping", "variational")
 
@@ -31,7 +28,7 @@ def check_method(method: str) -> None:
         raise ValueError(f"method is {method!r}; it must be one of {', '.join(METHODS)}")
 
 
-def check_step(marionette: Marionette, method: str, q_D: Array, q_K: Array, dt: float) -> None:
+def check_step(model: Model, method: str, q_D: Array, q_K: Array, dt: float) -> None:
     """Raises where a fixed step would blow up on a chain, or on a spring.
 
     dt <= 2 (sqrt(1 + zeta^2) - zeta) / omega,   omega = 2 sqrt(k / m) cos(pi / 2n)
@@ -44,7 +41,7 @@ def check_step(marionette: Marionette, method: str, q_D: Array, q_K: Array, dt: 
     Springs are looked at by :mod:`fantoccini.marionette.spring_steps`.
 
     Args:
-        marionette: the puppet.
+        model: the puppet.
         method: of the run. ``timestepping`` takes the forces of chains and springs from the
             beginning of the step; ``variational`` solves for them by such steps.
         q_D, q_K: (..., n_qD), (..., n_qK) configurations at the start.
@@ -54,14 +51,14 @@ def check_step(marionette: Marionette, method: str, q_D: Array, q_K: Array, dt: 
         StateError: naming the chain or spring and the longest step.
     """
     if method == "timestepping":
-        _check_springs(marionette, method, q_D, q_K, dt)
-    for chain in marionette.tree.chains if method == "timestepping" else ():
-        n, length = chain.pieces, np.min(chain.own_length(q_D, q_K, marionette.number))
-        lump = marionette.tree.links[chain.points[1].link].lumps[0]
-        k = marionette.number(chain.stiffness) * n / length
-        m = marionette.number(lump.amount) * lump.volume
+        _check_springs(model, method, q_D, q_K, dt)
+    for chain in model.tree.chains if method == "timestepping" else ():
+        n, length = chain.pieces, np.min(chain.own_length(q_D, q_K, model.number))
+        lump = model.tree.links[chain.points[1].link].lumps[0]
+        k = model.number(chain.stiffness) * n / length
+        m = model.number(lump.amount) * lump.volume
         omega = 2.0 * np.sqrt(k / m) * np.cos(np.pi / (2 * n))
-        zeta = 0.5 * omega * marionette.number(chain.damping) / marionette.number(chain.stiffness)
+        zeta = 0.5 * omega * model.number(chain.damping) / model.number(chain.stiffness)
         longest = 2.0 / (omega * (np.hypot(1.0, zeta) + zeta))
         if not dt <= longest:
             raise StateError(
@@ -72,9 +69,9 @@ def check_step(marionette: Marionette, method: str, q_D: Array, q_K: Array, dt: 
 
 
 def _check_springs(
-    marionette: Marionette, method: str, q_D: Array, q_K: Array, dt: float
+    model: Model, method: str, q_D: Array, q_K: Array, dt: float
 ) -> None:
-    found = longest_step(marionette, q_D, q_K, dt)
+    found = longest_step(model, q_D, q_K, dt)
     if found is None:
         return
     longest, name = found
@@ -86,7 +83,7 @@ def _check_springs(
 
 
 def check_rows(
-    marionette: Marionette,
+    model: Model,
     method: str,
     options: RunOptions,
     t: float,
@@ -98,7 +95,7 @@ def check_rows(
     An event-driven run that writes its own steps is stopped when its rows reach the bound.
 
     Args:
-        marionette: the puppet.
+        model: the puppet.
         method: of the run.
         options: with the bound on memory, and how far rows of fixed steps are apart.
         t, t_end: the run [s].
@@ -113,7 +110,7 @@ def check_rows(
         n = len(save_at)
     else:
         return
-    width = sum(marionette.row_layout.widths.values())
+    width = sum(model.row_layout.widths.values())
     check_memory(method, options, t, t_end, n, memory.bytes_of(n, width))
 
 
@@ -151,7 +148,7 @@ def check_memory(
     )
 
 
-def check_start(marionette: Marionette, x: State, method: str = "event") -> None:
+def check_start(model: Model, x: State, method: str = "event") -> None:
     """Raises when a run of a method cannot begin at a state.
 
     With exact lengths it begins where no string is longer than its length or about to be, and those
@@ -161,17 +158,17 @@ def check_start(marionette: Marionette, x: State, method: str = "event") -> None
     Raises:
         StateError: naming the rows, by how much, and the repair.
     """
-    check_starts(marionette, marionette.states([x]), method)
+    check_starts(model, model.states([x]), method)
 
 
-def check_starts(marionette: Marionette, states: States, method: str = "event") -> None:
+def check_starts(model: Model, states: States, method: str = "event") -> None:
     """:func:`check_start` of many states; the first wrong one is reported."""
     stepped = method == "timestepping"
     for first in range(0, len(states), _AT_ONCE):
         some = states.some(slice(first, first + _AT_ONCE))
-        h, hdot = _rows_of(marionette, some)
-        scale = marionette.row_scales(some.q_D, some.q_K)
-        wires, firm = marionette.two_sided, ~np.isfinite(marionette.upper)
+        h, hdot = _rows_of(model, some)
+        scale = model.row_scales(some.q_D, some.q_K)
+        wires, firm = model.two_sided, ~np.isfinite(model.upper)
         near = (STEPPED if stepped else CLOSED) * scale
         # Where time-stepping has gone on under inputs that nothing can follow, it may go on.
         known = some.taut if stepped else np.zeros_like(some.taut)
@@ -188,7 +185,7 @@ def check_starts(marionette: Marionette, states: States, method: str = "event") 
         which = f"states[{first + i}]" if len(states) > 1 else "the start state"
         rows, findings = np.flatnonzero(wrong[i]), []
         for r in rows:
-            name = marionette.tree.row_names[r]
+            name = model.tree.row_names[r]
             if off[i, r]:
                 findings.append(f"{name} is violated by {h[i, r]:.3g}")
             elif slack[i, r]:
@@ -202,67 +199,29 @@ def check_starts(marionette: Marionette, states: States, method: str = "event") 
         )
 
 
-def check_positive(**values: float) -> None:
-    """Raises ValueError unless all are finite numbers greater than 0."""
-    for name, value in values.items():
-        if not (np.isfinite(value) and value > 0):
-            raise ValueError(f"{name} is {value}; it must be positive")
-
-
-def vector(name: str, values: Array | None, n: int) -> Array:
-    """(n,) finite numbers; zeros when None.
-
-    Raises:
-        StateError: they are not.
-    """
-    if values is None:
-        return np.zeros(n)
-    if np.shape(values) != (n,):
-        raise StateError(f"{name} has the shape {np.shape(values)}; it must be {(n,)}")
-    return vectors(name, values, n)
-
-
-def vectors(name: str, values: Array, n: int) -> Array:
-    """(..., n) finite numbers.
-
-    Raises:
-        StateError: they are not.
-    """
-    try:
-        made = np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
-        raise StateError(f"{name}: found {values!r}; it takes {n} numbers") from None
-    if not made.ndim or made.shape[-1] != n:
-        raise StateError(f"{name} has the shape {made.shape}; it must be (..., {n})")
-    if not np.all(np.isfinite(made)):
-        at = tuple(int(i) for i in np.argwhere(~np.isfinite(made))[0])
-        raise StateError(f"{name}[{', '.join(map(str, at))}] is {made[at]}; it must be finite")
-    return made
-
-
-def _rows_of(marionette: Marionette, x: States) -> tuple[Array, Array]:
+def _rows_of(model: Model, x: States) -> tuple[Array, Array]:
     """h and hdot (n, n_rows) of states."""
-    tree, table = marionette.tree, marionette.coordinates
+    tree, table = model.tree, model.coordinates
     still = np.zeros(table.n_vK), np.zeros(table.n_vD)
-    state = [x.q_D, x.v_D, x.q_K, x.v_K, *still, marionette.p]
-    outputs = marionette.library.evaluate("dynamics", state)
+    state = [x.q_D, x.v_D, x.q_K, x.v_K, *still, model.p]
+    outputs = model.library.evaluate("dynamics", state)
     h, hdot, h_limit, J_limit = (outputs[i] for i in (4, 5, 9, 10))
     hdot_limit = np.zeros_like(h_limit)
     for i, limit in enumerate(tree.limits):
         place = tree.links[limit.link].v
         J = J_limit[:, 3 * i : 3 * i + place.stop - place.start]
         hdot_limit[:, i] = (J * x.v_D[:, place]).sum(axis=1)
-    hdot = hdot - marionette.winding(x.slip)
+    hdot = hdot - model.winding(x.slip)
     return np.hstack([h - x.slip, h_limit]), np.hstack([hdot, hdot_limit])
 
 
 def ready(
-    marionette: Marionette, inputs: Input, q_K: Array, v_K: Array, t: float, t_end: float
+    model: Model, inputs: Input, q_K: Array, v_K: Array, t: float, t_end: float
 ) -> Input:
     """Inputs bound to the driven configuration and velocity of a start state, for a run.
 
     Args:
-        marionette: the puppet.
+        model: the puppet.
         inputs: not bound yet.
         q_K, v_K: (n_qK,), (n_vK,) of the start state.
         t, t_end: the run [s].
@@ -271,34 +230,34 @@ def ready(
         InputError: they are not this puppet's, begin elsewhere, or stop or start dead.
         StateError: a driven velocity would jump.
     """
-    check_inputs(marionette, inputs, t, t_end)
+    check_inputs(model, inputs, t, t_end)
     if t < inputs.start or inputs.end < t_end:
         inputs = inputs.at_rest()
     bound = inputs.bound(q_K, t, v_K)
-    check_speeds(marionette, t, v_K[None], many_of(bound))
+    check_speeds(model, t, v_K[None], many_of(bound))
     return bound
 
 
 def ready_many(
-    marionette: Marionette, inputs: Inputs, q_K: Array, v_K: Array, t: float, t_end: float
+    model: Model, inputs: Inputs, q_K: Array, v_K: Array, t: float, t_end: float
 ) -> Inputs:
     """:func:`ready` of many inputs, or for many states: (n or 1, ...)."""
-    check_inputs(marionette, inputs, t, t_end)
+    check_inputs(model, inputs, t, t_end)
     within = np.any(t < inputs.breaks[:, 0]) or np.any(inputs.breaks[:, -1] < t_end)
     if within and not inputs.relative:
         inputs = inputs.at_rest()
     bound = inputs.bound(q_K, t, v_K)
-    check_speeds(marionette, t, v_K, bound)
+    check_speeds(model, t, v_K, bound)
     return bound
 
 
 def check_inputs(
-    marionette: Marionette, inputs: Input | Inputs, t: float, t_end: float
+    model: Model, inputs: Input | Inputs, t: float, t_end: float
 ) -> None:
     """Raises unless inputs are this puppet's and do not stop or start dead within a run.
 
     Args:
-        marionette: the puppet.
+        model: the puppet.
         inputs: not bound yet.
         t, t_end: the run [s].
 
@@ -306,11 +265,11 @@ def check_inputs(
         InputError: naming the coordinates and times.
     """
     inputs = many_of(inputs)
-    own, theirs = marionette.coordinates, inputs.coordinates
+    own, theirs = model.coordinates, inputs.coordinates
     if (own.q_K, own.v_D) != (theirs.q_K, theirs.v_D):
         text = (
             "were made for a puppet with the driven coordinates "
-            f"{', '.join(theirs.q_K) or 'none'}; {marionette.name} has "
+            f"{', '.join(theirs.q_K) or 'none'}; {model.name} has "
             f"{', '.join(own.q_K) or 'none'}"
         )
         raise InputError([Problem("inputs", None, "", text)])
@@ -341,11 +300,11 @@ def check_inputs(
         raise InputError(problems)
 
 
-def check_speeds(marionette: Marionette, t: float, v_K: Array, bound: Inputs) -> None:
+def check_speeds(model: Model, t: float, v_K: Array, bound: Inputs) -> None:
     """Raises StateError when the driven velocities would jump from states to their inputs.
 
     Args:
-        marionette: the puppet.
+        model: the puppet.
         t: of the states [s].
         v_K: (n or 1, n_vK) of the states [m/s or rad/s].
         bound: the inputs, bound.
@@ -356,7 +315,7 @@ def check_speeds(marionette: Marionette, t: float, v_K: Array, bound: Inputs) ->
         return
     i = int(np.argmax(np.any(wrong, axis=1)))
     rows = np.flatnonzero(wrong[i])
-    names = [marionette.coordinates.v_K[r] for r in rows]
+    names = [model.coordinates.v_K[r] for r in rows]
     has, begins = np.broadcast_to(v_K, wrong.shape)[i], np.broadcast_to(found, wrong.shape)[i]
     which = f" of run {i}" if len(wrong) > 1 else ""
     raise StateError(

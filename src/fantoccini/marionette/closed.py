@@ -7,17 +7,14 @@ rounding. What a closed row pulls, if it does, follows from tau >= 0, hddot <= 0
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fantoccini.arrays import Array, MaskRows
 from fantoccini.errors import StateError
+from fantoccini.marionette.instant import Instant
+from fantoccini.marionette.model import Model
 from fantoccini.motion import State
-
-if TYPE_CHECKING:
-    from fantoccini.marionette.handle import Marionette
-    from fantoccini.marionette.instant import Instant
 
 TOUCH = 1e-12
 """-h below which a row counts as closed, relative to 1 or the string's length."""
@@ -46,42 +43,42 @@ class Closed:
     slipping: MaskRows
 
 
-def closed_rows(marionette: Marionette, x: State, instant: Instant) -> Closed:
+def closed_rows(model: Model, x: State, instant: Instant) -> Closed:
     """The rows that are closed in a state.
 
     Args:
-        marionette: the puppet.
+        model: the puppet.
         x: the state.
         instant: the model there.
     """
-    scale = marionette.row_scales(x.q_D, x.q_K)
-    taut = known_mode(marionette, x) & ~_far(marionette, instant.h, scale)
+    scale = model.row_scales(x.q_D, x.q_K)
+    taut = known_mode(model, x) & ~_far(model, instant.h, scale)
     top = max(1.0, float(np.max(np.abs(x.v_D), initial=0.0)))
     reaches = instant.h >= -TOUCH * scale
-    gives = np.isfinite(marionette.upper) & (taut | reaches)
+    gives = np.isfinite(model.upper) & (taut | reaches)
     # What a fixed step leaves of hdot is no slipping.
     at_bound = np.abs(instant.h) <= CLOSED * scale
     slipping = gives & (instant.hdot > np.where(taut & ~at_bound, MODE, STILL) * top)
     held = taut | (reaches & (np.abs(instant.hdot) <= STILL * top))
-    return Closed((held | marionette.two_sided) & ~slipping, slipping)
+    return Closed((held | model.two_sided) & ~slipping, slipping)
 
 
-def known_mode(marionette: Marionette, x: State) -> MaskRows:
+def known_mode(model: Model, x: State) -> MaskRows:
     """(n_rows,) bool, the rows that are taut in the state's mode."""
-    return x.taut if len(x.taut) else np.zeros(marionette.tree.n_rows, dtype=bool)
+    return x.taut if len(x.taut) else np.zeros(model.tree.n_rows, dtype=bool)
 
 
-def check_mode(marionette: Marionette, x: State, instant: Instant) -> None:
+def check_mode(model: Model, x: State, instant: Instant) -> None:
     """Raises where rows are taut in a state's mode and far from it in its configuration.
 
     Raises:
         StateError: naming them and how far they are off.
     """
-    scale = marionette.row_scales(x.q_D, x.q_K)
-    wrong = np.flatnonzero(known_mode(marionette, x) & _far(marionette, instant.h, scale))
+    scale = model.row_scales(x.q_D, x.q_K)
+    wrong = np.flatnonzero(known_mode(model, x) & _far(model, instant.h, scale))
     if not len(wrong):
         return
-    names = marionette.tree.row_names
+    names = model.tree.row_names
     said = "; ".join(f"{names[r]} by {-instant.h[r]:.3g}" for r in wrong)
     raise StateError(
         f"these strings and limits are taut in the state's mode, but lack more than {MODE:g} of "
@@ -90,5 +87,5 @@ def check_mode(marionette: Marionette, x: State, instant: Instant) -> None:
     )
 
 
-def _far(marionette: Marionette, h: Array, scale: Array) -> MaskRows:
-    return ~(h >= -MODE * scale) & ~marionette.two_sided
+def _far(model: Model, h: Array, scale: Array) -> MaskRows:
+    return ~(h >= -MODE * scale) & ~model.two_sided

@@ -3,25 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 from fantoccini import build, codegen, equations
 from fantoccini.errors import BuildError
 from fantoccini.marionette import generator
-from fantoccini.runtime import BatchLibrary, ClearanceLibrary, Library, MotionLibrary
+from fantoccini.marionette.mass_check import check_mass_matrix
+from fantoccini.runtime import BatchLibrary, ClearanceLibrary, Library, MotionLibrary, Slopes
 from fantoccini.tree import Tree
 from fantoccini.world import World
 
+L = TypeVar("L")
 
+
+@dataclass(frozen=True, eq=False)
 class Compiled:
-    """The part of a marionette that is compiled."""
+    """Equations and libraries of a world; all its models share them, whatever their parameters.
+
+    Each property is derived and compiled, or read from the cache, when it is first asked for.
+
+    Attributes:
+        world: the puppets.
+        tree: their links, strings, limits and coordinates.
+        progress: told what takes long while it happens ("deriving", "compiling").
+
+    Raises:
+        BuildError: by each property: no compiler, or it failed.
+        PuppetError: by each property: the mass matrix is singular.
+    """
 
     world: World
     tree: Tree
-    check_mass_matrix: Callable[[], None]
-    _progress: Callable[[str], None] | None
+    progress: Callable[[str], None] | None = None
 
     @cached_property
     def equations(self) -> equations.Equations:
@@ -30,66 +46,44 @@ class Compiled:
 
     @cached_property
     def library(self) -> Library:
-        """The compiled model, from the cache or made now.
-
-        Raises:
-            BuildError: no compiler, or it failed.
-            PuppetError: the mass matrix is singular.
-        """
-        return self._compiled("model", codegen.generate, lambda file: Library(file, self.tree))
+        """The model and its event-driven and time-stepping runs."""
+        return self._library("model", codegen.generate, lambda file: Library(file, self.tree))
 
     @cached_property
     def lanes(self) -> BatchLibrary:
-        """The compiled time-stepper for many trajectories side by side; made when first needed.
-
-        Raises:
-            BuildError: no compiler, or it failed.
-            PuppetError: the mass matrix is singular.
-        """
-        return self._compiled("lanes", codegen.generate_lanes, BatchLibrary)
+        """The time-stepper for many trajectories in lanes."""
+        return self._library("lanes", codegen.generate_lanes, BatchLibrary)
 
     @cached_property
     def clearances(self) -> ClearanceLibrary:
-        """The compiled distances from obstacles; made when first needed.
-
-        Raises:
-            BuildError: no compiler, or it failed.
-            PuppetError: the mass matrix is singular.
-        """
-        return self._compiled("clearance", codegen.generate_clearance, ClearanceLibrary)
+        """Distances from obstacles."""
+        return self._library("clearance", codegen.generate_clearance, ClearanceLibrary)
 
     @cached_property
     def motions(self) -> MotionLibrary:
-        """The compiled motions of planners; made when first needed.
-
-        Raises:
-            BuildError: no compiler, or it failed.
-            PuppetError: the mass matrix is singular.
-        """
-        return self._compiled("motions", codegen.generate_motions, MotionLibrary)
+        """The motions of planners."""
+        return self._library("motions", codegen.generate_motions, MotionLibrary)
 
     @cached_property
     def variational(self) -> Library:
-        """The compiled variational integrator, for runs alone; made when first needed.
-
-        Raises:
-            BuildError: no compiler, or it failed.
-            PuppetError: the mass matrix is singular.
-        """
-        return self._compiled(
+        """The variational integrator, for single runs."""
+        return self._library(
             "variational", codegen.generate_variational, lambda file: Library(file, self.tree)
         )
 
     @cached_property
     def variational_lanes(self) -> BatchLibrary:
-        """The compiled variational integrator of batches; made when first needed.
+        """The variational integrator of batches."""
+        return self._library("variational_lanes", codegen.generate_variational_lanes, BatchLibrary)
 
-        Raises:
-            BuildError: no compiler, or it failed.
-            PuppetError: the mass matrix is singular.
-        """
-        return self._compiled(
-            "variational_lanes", codegen.generate_variational_lanes, BatchLibrary
+    @cached_property
+    def derivatives(self) -> Slopes:
+        """The derivatives of the model."""
+        tree = self.tree
+        return self._library(
+            "derivatives",
+            lambda _: codegen.generate_derivatives(equations.Derivatives(tree)),
+            lambda file: Slopes(file, tree),
         )
 
     def batch_library_of(self, method: str) -> BatchLibrary:
@@ -102,11 +96,13 @@ class Compiled:
         """The library that makes runs of a method."""
         return self.variational if method == "variational" else self.library
 
-    def compile(self) -> None:
-        """Loads the compiled model, or makes it, before anything needs it."""
-        _ = self.library
+    def source(self, generate: Callable = codegen.generate) -> build.Source:
+        """The text that a library of this puppet is compiled from."""
+        check_mass_matrix(self.world, self.tree)
+        made = generate(self.equations)
+        return build.Source(made.files, made.main, {"operations": made.operations}, made.units)
 
-    def _compiled(self, what: str, generate: Callable, load: Callable[[Path], Any]) -> Any:
+    def _library(self, what: str, generate: Callable, load: Callable[[Path], L]) -> L:
         """A library of this puppet, from the cache or made now; ``what`` tells them apart."""
         # Values of parameters are arguments of every function: nothing that is compiled has them.
         canonical = "\n".join(p.canonical(values=False) for p in self.world.puppets)
@@ -116,19 +112,9 @@ class Compiled:
         def source() -> build.Source:
             return self.source(generate)
 
-        folder = build.obtain(key, source, progress=self._progress)
+        folder = build.obtain(key, source, progress=self.progress)
         try:
             return load(folder / build.LIBRARY)
         except BuildError:
-            folder = build.obtain(key, source, progress=self._progress, afresh=True)
+            folder = build.obtain(key, source, progress=self.progress, afresh=True)
             return load(folder / build.LIBRARY)
-
-    def source(self, generate: Callable = codegen.generate) -> build.Source:
-        """The text that a library of this puppet is compiled from.
-
-        Raises:
-            PuppetError: the mass matrix is singular.
-        """
-        self.check_mass_matrix()
-        made = generate(self.equations)
-        return build.Source(made.files, made.main, {"operations": made.operations}, made.units)

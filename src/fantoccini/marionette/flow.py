@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import SimulationError, Status
-from fantoccini.marionette.checks import ready
+from fantoccini.marionette.checks import check_start, ready
+from fantoccini.marionette.model import Model
 from fantoccini.motion import Input, State
 from fantoccini.runtime import OutsideRun
-
-if TYPE_CHECKING:
-    from fantoccini.marionette.handle import Marionette
-
 
 _LONG = 1e9
 """For how long inputs are held that nobody gave [s]."""
@@ -44,27 +39,27 @@ class Flow:
         taut: (n_rows,) bool, those that are held.
 
     Args:
-        marionette: the puppet.
+        model: the puppet.
         x0: where it starts; no string may be longer than its length.
         inputs: what the driven coordinates do; they hold still when not given.
     """
 
-    def __init__(self, marionette: Marionette, x0: State, inputs: Input | None = None):
-        marionette.check_start(x0)
-        given = Input.hold(marionette, _LONG).shifted(x0.t) if inputs is None else inputs
-        self._inputs = ready(marionette, given, x0.q_K, x0.v_K, x0.t, x0.t)
+    def __init__(self, model: Model, x0: State, inputs: Input | None = None):
+        check_start(model, x0)
+        given = Input.hold(model, _LONG).shifted(x0.t) if inputs is None else inputs
+        self._inputs = ready(model, given, x0.q_K, x0.v_K, x0.t, x0.t)
         self._run = OutsideRun(
-            marionette.library, marionette.run_options(), x0, marionette.p, marionette.winches,
+            model.library, model.run_options(), x0, model.p, model.winches,
             self._inputs,
         )  # fmt: skip
         if self._run.status is not Status.RUNNING:
             raise SimulationError(self._run.status, f"at t = {x0.t:.6g} s")
-        table = marionette.coordinates
+        table = model.coordinates
         self._table, self._n_qD, self._n_vD = table, table.n_qD, table.n_vD
         end = self._run.stretch(np.inf)
         self.t_end = np.inf if inputs is None and end >= given.end else end
         self.t0, self.y0 = self._run.t, self._run.y
-        self.rows = marionette.tree.row_names
+        self.rows = model.tree.row_names
         self.taut = self._run.mode != 0
 
     def rate(self, t: float, y: Array) -> Array:

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fantoccini.errors import StateError
 from fantoccini.marionette import settle, statics
+from fantoccini.marionette.analysis import energies
 from fantoccini.marionette.closed import CLOSED
+from fantoccini.marionette.dynamics import forward_dynamics, with_mode
+from fantoccini.marionette.instant import instant_at
+from fantoccini.marionette.model import Model
 from fantoccini.marionette.projection import onto_rows, overstepped, positioned
 from fantoccini.motion import State
-
-if TYPE_CHECKING:
-    from fantoccini.marionette.handle import Marionette
 
 _HAULS = 20
 """Pieces of time-stepping that may haul in what the slopes of strings alone do not."""
@@ -24,7 +24,7 @@ _ABOVE = 1e-9
 """Rise of V over its start's that is rounding, over the puppet's weight [m]."""
 
 
-def rest(marionette: Marionette, x: State) -> State:
+def rest(model: Model, x: State) -> State:
     """A hanging equilibrium near a state: a local minimum of V subject to h <= 0.
 
     The puppet is brought onto its strings, let go and stopped (:mod:`.statics`); where that does
@@ -32,47 +32,47 @@ def rest(marionette: Marionette, x: State) -> State:
     counts where forces balance, no row is overstepped and V is not above the start's.
 
     Args:
-        marionette: the puppet.
+        model: the puppet.
         x: where to begin; its inputs are held still.
 
     Raises:
         StateError: there is no equilibrium below, or it was not found, or a winch would slip in it;
             what was tried and what is in the way is told.
     """
-    rewinds = marionette.winches[: len(x.slip), 1] > 0
+    rewinds = model.winches[: len(x.slip), 1] > 0
     still = x.replace(
         v_D=np.zeros_like(x.v_D),
         v_K=np.zeros_like(x.v_K),
         slip=np.where(rewinds, 0.0, x.slip),
         taut=np.zeros_like(x.taut),  # what was taut in a motion need not be so at rest
     )
-    start = _begun(marionette, still)
+    start = _begun(model, still)
     if not len(start.q_D):
-        return marionette.with_mode(start)
-    ways = [settle.descended] if marionette.tree.chains else [statics.dropped, settle.descended]
+        return with_mode(model, start)
+    ways = [settle.descended] if model.tree.chains else [statics.dropped, settle.descended]
     failed = []
     for way in ways:
         try:
-            found = way(marionette, start)
-            pulls = np.isin(np.arange(marionette.tree.n_rows), found.rows)
+            found = way(model, start)
+            pulls = np.isin(np.arange(model.tree.n_rows), found.rows)
             found = replace(found, x=found.x.replace(taut=pulls))
-            statics.check_winches(marionette, found)
-            wrong = _wrong(marionette, start, found)
+            statics.check_winches(model, found)
+            wrong = _wrong(model, start, found)
         except StateError as error:
             wrong = str(error)
         if not wrong:
-            return marionette.with_mode(found.x)
+            return with_mode(model, found.x)
         failed.append(wrong)
     raise StateError("no equilibrium was found: " + "; ".join(failed))
 
 
-def _begun(marionette: Marionette, x: State) -> State:
+def _begun(model: Model, x: State) -> State:
     """The state brought onto its rows, by time-stepping where their slopes do not lead there."""
-    start, left = positioned(marionette, x)
+    start, left = positioned(model, x)
     for _ in range(_HAULS if left else 0):
-        x = statics.hauled(marionette, x)
-        if onto_rows(marionette, x)[1] <= CLOSED:
-            start, left = positioned(marionette, x)
+        x = statics.hauled(model, x)
+        if onto_rows(model, x)[1] <= CLOSED:
+            start, left = positioned(model, x)
             break
     if left:
         raise StateError(
@@ -83,19 +83,19 @@ def _begun(marionette: Marionette, x: State) -> State:
     return start
 
 
-def _wrong(marionette: Marionette, start: State, found: statics.Equilibrium) -> str:
+def _wrong(model: Model, start: State, found: statics.Equilibrium) -> str:
     """What an equilibrium lacks, in words; "" where it holds."""
-    mass, weight = statics.sizes(marionette)
-    left = overstepped(marionette, found.x)
+    mass, weight = statics.sizes(model)
+    left = overstepped(model, found.x)
     if left:
         return f"where forces balance, {left}"
-    instant = marionette.instant(found.x)
-    _, tension = marionette.accelerations(found.x)
+    instant = instant_at(model, found.x)
+    _, tension = forward_dynamics(model, found.x)
     force = np.linalg.norm(instant.w0 - instant.W @ tension) * np.sqrt(mass) / weight
-    if force > (_BALANCED_ON_CHAINS if marionette.tree.chains else _BALANCED):
+    if force > (_BALANCED_ON_CHAINS if model.tree.chains else _BALANCED):
         return f"forces of {force:.2g} of the puppet's weight are left over"
-    above = marionette.energies(found.x)[1] - marionette.energies(start)[1]
+    above = energies(model, found.x)[1] - energies(model, start)[1]
     # What drives do is in no potential.
-    if above > _ABOVE * weight and not marionette.tree.drives:
+    if above > _ABOVE * weight and not model.tree.drives:
         return f"what was found lies {above:.2g} J above the start"
     return ""

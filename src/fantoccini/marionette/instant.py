@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.arrays import Array
+from fantoccini.marionette.model import BRAKE, Model
+from fantoccini.marionette.vectors import vector
 from fantoccini.motion import State
 from fantoccini.runtime import Complementarity, Library
 from fantoccini.tree import Tree
@@ -105,3 +107,26 @@ class Instant:
         """
         bounds = None if upper is None else upper[rows]
         return self.library.complementarity(self.W[:, rows], b, two_sided[rows], bounds)
+
+
+def instant_at(
+    model: Model, x: State, acc_K: Array | None = None, u_D: Array | None = None
+) -> Instant:
+    """The compiled model's quantities at a state.
+
+    Args:
+        model: the puppet.
+        x: the state.
+        acc_K: (n_vK,) accelerations of the inputs; 0 when not given.
+        u_D: (n_vD,) user forces; 0 when not given.
+    """
+    table = model.coordinates
+    acc_K = vector("acc_K", acc_K, table.n_vK)
+    u_D = vector("u_D", u_D, table.n_vD)
+    model.states([x])
+    made = Instant.of(model.library, model.tree, x, model.p, acc_K, u_D)
+    if len(x.slip):
+        speed, braked = model.winches[:, 1], np.sqrt(2.0 * BRAKE * x.slip)
+        made.hdot[: len(x.slip)] -= model.winding(x.slip)
+        made.gamma[: len(x.slip)] -= np.where((braked > 0) & (braked < speed), BRAKE, 0.0)
+    return made

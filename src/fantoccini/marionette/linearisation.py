@@ -15,20 +15,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import UnknownNameError
-from fantoccini.marionette.checks import vector
-from fantoccini.marionette.instant import Instant
+from fantoccini.marionette.dynamics import forward_dynamics
+from fantoccini.marionette.instant import Instant, instant_at
+from fantoccini.marionette.model import Model
+from fantoccini.marionette.vectors import vector
 from fantoccini.motion import State
 from fantoccini.puppet import Parameter
 from fantoccini.tree import CoordinateTable
-
-if TYPE_CHECKING:
-    from fantoccini.marionette.handle import Marionette
 
 _DEPENDENT = 1e-9
 """Singular value of W, relative to the largest, below which rows count as depending on others."""
@@ -138,7 +136,7 @@ class Linearisation:
 
 
 def linearise(
-    marionette: Marionette,
+    model: Model,
     x: State,
     acc_K: Array | None = None,
     u_D: Array | None = None,
@@ -150,7 +148,7 @@ def linearise(
     pulling with that.
 
     Args:
-        marionette: the puppet.
+        model: the puppet.
         x: the state.
         acc_K: (n_vK,) accelerations of the inputs; 0 when not given.
         u_D: (n_vD,) user forces; 0 when not given.
@@ -161,33 +159,33 @@ def linearise(
         StateError: no acceleration keeps the rows at ``x``.
         UnknownNameError: a row that the puppet does not have.
     """
-    table = marionette.coordinates
+    table = model.coordinates
     acc_K, u_D = vector("acc_K", acc_K, table.n_vK), vector("u_D", u_D, table.n_vD)
-    instant = marionette.instant(x, acc_K, u_D)
+    instant = instant_at(model, x, acc_K, u_D)
     if rows is None:
-        acc_D, tension = marionette.accelerations(x, acc_K, u_D)
+        acc_D, tension = forward_dynamics(model, x, acc_K, u_D)
         held = np.flatnonzero(
-            marionette.two_sided | ((tension > 0.0) & (tension < marionette.upper))
+            model.two_sided | ((tension > 0.0) & (tension < model.upper))
         )
     else:
-        held = named_rows(marionette, rows)
+        held = named_rows(model, rows)
         none = np.zeros((len(x.v_D), 1))
         hddot = instant.gamma[held, None] + instant.W[:, held].T @ instant.w0[:, None]
         dacc, dtension = Answer(instant, held).to(none, hddot)
-        tension = np.zeros(marionette.tree.n_rows)
+        tension = np.zeros(model.tree.n_rows)
         tension[held] = dtension[:, 0]
         acc_D = instant.back(instant.w0) + dacc[:, 0]
-    found = slopes_at(marionette, x, acc_D, acc_K, tension)
-    by = force_columns(marionette, found, tension)
+    found = slopes_at(model, x, acc_D, acc_K, tension)
+    by = force_columns(model, found, tension)
     held_by = row_columns(found)[held]
     dacc, dtension = Answer(instant, held).to(by, held_by)
-    dpull = np.zeros((marionette.tree.n_rows, by.shape[1]))
-    dpull[:, by.shape[1] - len(marionette.p) :] = winch_slopes(marionette, tension)
+    dpull = np.zeros((model.tree.n_rows, by.shape[1]))
+    dpull[:, by.shape[1] - len(model.p) :] = winch_slopes(model, tension)
     dpull[held] = dtension
-    widths = [table.n_vD] * 2 + [table.n_vK] * 3 + [table.n_vD, len(marionette.p)]
+    widths = [table.n_vD] * 2 + [table.n_vK] * 3 + [table.n_vD, len(model.p)]
     return Linearisation(
         x=x,
-        rows=tuple(marionette.tree.row_names[i] for i in held),
+        rows=tuple(model.tree.row_names[i] for i in held),
         acc_D=acc_D,
         tension=tension,
         acc=Partials.of(dacc, widths),
@@ -227,9 +225,9 @@ class Answer:
         return self._instant.back((w - self._W @ y).T).T, y
 
 
-def named_rows(marionette: Marionette, names: Iterable[str]) -> Array:
+def named_rows(model: Model, names: Iterable[str]) -> Array:
     """Indices of strings and limits, in order."""
-    known = marionette.tree.row_names
+    known = model.tree.row_names
     for name in (names := tuple(names)):
         if name not in known:
             raise UnknownNameError("string or limit", name, known)
@@ -237,7 +235,7 @@ def named_rows(marionette: Marionette, names: Iterable[str]) -> Array:
 
 
 def slopes_at(
-    marionette: Marionette,
+    model: Model,
     x: State,
     acc_D: Array,
     acc_K: Array,
@@ -247,18 +245,18 @@ def slopes_at(
     """All compiled derivatives at one state, by their names (``equations.derivatives``)."""
     values = {
         "q_D": x.q_D, "v_D": x.v_D, "acc_D": acc_D, "q_K": x.q_K, "v_K": x.v_K, "acc_K": acc_K,
-        "tension": tension, "dt": np.array([dt]), "p": marionette.p,
+        "tension": tension, "dt": np.array([dt]), "p": model.p,
     }  # fmt: skip
     found = {}
     for name in ("force_by_q", "force_by_v", "force_by_K", "rows_by"):
-        found |= marionette.derivatives.at(name, values)
+        found |= model.compiled.derivatives.at(name, values)
     return found
 
 
-def force_columns(marionette: Marionette, found: dict[str, Array], tension: Array) -> Array:
+def force_columns(model: Model, found: dict[str, Array], tension: Array) -> Array:
     """Derivatives of r by q_D, v_D, q_K, v_K, acc_K, u_D and p, side by side."""
     n = len(found["r_q"])
-    by_p = found["r_p"] + found["A_D"].T @ winch_slopes(marionette, tension)
+    by_p = found["r_p"] + found["A_D"].T @ winch_slopes(model, tension)
     columns = (found["r_q"], found["r_v"], found["r_qK"], found["r_vK"], found["M_DK"])
     return np.concatenate([*columns, -np.eye(n), by_p], axis=1)
 
@@ -270,12 +268,12 @@ def row_columns(found: dict[str, Array]) -> Array:
     return np.concatenate([*(found[name] for name in names), none, found["hddot_p"]], axis=1)
 
 
-def winch_slopes(marionette: Marionette, tension: Array) -> Array:
+def winch_slopes(model: Model, tension: Array) -> Array:
     """(n_rows, n_p) derivatives of the tensions of strings that slip, by the parameters."""
-    out = np.zeros((len(tension), len(marionette.p)))
-    names = list(marionette.tree.parameters)
-    for i, string in enumerate(marionette.tree.strings):
-        if isinstance(string.max_tension, Parameter) and tension[i] >= marionette.upper[i]:
+    out = np.zeros((len(tension), len(model.p)))
+    names = list(model.tree.parameters)
+    for i, string in enumerate(model.tree.strings):
+        if isinstance(string.max_tension, Parameter) and tension[i] >= model.upper[i]:
             out[i, names.index(string.max_tension.parameter)] = 1.0
     return out
 

@@ -15,17 +15,17 @@ potential's: K and D are not symmetric then, and forces act through psi, psi^T (
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError
+from fantoccini.marionette.analysis import mass_matrix
+from fantoccini.marionette.dynamics import forward_dynamics
+from fantoccini.marionette.instant import instant_at
 from fantoccini.marionette.linearisation import Answer, slopes_at
+from fantoccini.marionette.model import Model
 from fantoccini.motion import State
-
-if TYPE_CHECKING:
-    from fantoccini.marionette.handle import Marionette
 
 _PULLS = 1e-9
 """Tension of a row that holds, over the puppet's weight."""
@@ -130,26 +130,26 @@ def _listed(values: dict[str, float], shown: str) -> str:
     return ", ".join(f"{n} {shown.format(x)}" for n, x in first if x > 0.02 * first[0][1])
 
 
-def modes(marionette: Marionette, x: State) -> Modes:
+def modes(model: Model, x: State) -> Modes:
     """The modes of a puppet at rest.
 
     Args:
-        marionette: the puppet.
+        model: the puppet.
         x: a state of rest, as :meth:`Marionette.rest` gives it.
 
     Raises:
         StateError: the puppet does not rest there.
     """
-    acc_D, tension = marionette.accelerations(x)
+    acc_D, tension = forward_dynamics(model, x)
     largest = np.max(np.abs(np.concatenate([acc_D, x.v_D, x.v_K])), initial=0.0)
     if not largest <= _RESTS:
         raise StateError(
             f"the puppet does not rest there: a velocity or acceleration is {largest:.3g}; modes "
             "are those of a state that marionette.rest(...) gives"
         )
-    held = np.flatnonzero(marionette.two_sided | (tension > _PULLS * marionette.weight))
-    instant = marionette.instant(x)
-    found = slopes_at(marionette, x, np.zeros_like(acc_D), np.zeros_like(x.v_K), tension)
+    held = np.flatnonzero(model.two_sided | (tension > _PULLS * model.weight))
+    instant = instant_at(model, x)
+    found = slopes_at(model, x, np.zeros_like(acc_D), np.zeros_like(x.v_K), tension)
     u, size, _ = np.linalg.svd(instant.W[:, held], full_matrices=True)
     rank = int(np.sum(size > 1e-9 * np.max(size, initial=0.0)))
     N = instant.back(u[:, rank:].T).T
@@ -172,20 +172,20 @@ def modes(marionette: Marionette, x: State) -> Modes:
     all_gains = [reduced.gains(s, phi, N) for s, phi in groups]
     swinging = (gains for (s, _), gains in zip(groups, all_gains, strict=True) if s)
     loudest = max((np.max(gains, initial=0.0) for gains in swinging), default=0.0)
-    M = marionette.mass_matrix(x)
+    M = mass_matrix(model, x)
     made = [
-        _mode(marionette, s, shape, M, gain, loudest)
+        _mode(model, s, shape, M, gain, loudest)
         for (s, phi), gains in zip(groups, all_gains, strict=True)
         for shape, gain in zip((N @ phi).T, gains, strict=True)
     ]
-    names = tuple(marionette.tree.row_names[i] for i in held)
+    names = tuple(model.tree.row_names[i] for i in held)
     return Modes(x, names, tuple(made))
 
 
 def _mode(
-    marionette: Marionette, s: complex, shape: Array, M: Array, gain: Array, loudest: float
+    model: Model, s: complex, shape: Array, M: Array, gain: Array, loudest: float
 ) -> Mode:
-    table = marionette.coordinates
+    table = model.coordinates
     energy = np.real(np.conj(shape) * (M @ shape))
     relative = shape / shape[np.argmax(np.abs(shape))]
     return Mode(

@@ -8,17 +8,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from fantoccini.marionette.model import Model
 from fantoccini.puppet import Body, Parameter, String
 from fantoccini.puppet.located import Finding
 from fantoccini.puppet.shapes import has_mass, shape_inertia
 from fantoccini.tree import Size, link_inertia, measure, path_lengths
-
-if TYPE_CHECKING:
-    from fantoccini.marionette.handle import Marionette
 
 DENSITY = (5.0, 25_000.0)
 """Of solids [kg/m^3]: between foam and osmium (22,600)."""
@@ -38,30 +36,30 @@ TOO_LONG, TOO_SHORT = 10.0, 0.05
 """A string's length against its path in the start pose; too long also beside the puppet."""
 
 
-def warnings(marionette: Marionette, data: Any = None) -> list[Finding]:
+def warnings(model: Model, data: Any = None) -> list[Finding]:
     """Places in the puppet's file and sentences: what was found, what is usual, what to do.
 
     Args:
-        marionette: the puppet.
+        model: the puppet.
         data: the file's plain data, which tells angles with a unit from those without.
 
     Raises:
         ValueError: the world has several puppets.
     """
-    if len(marionette.world.puppets) > 1:
+    if len(model.world.puppets) > 1:
         raise ValueError("warnings are of one puppet; this world has several")
-    size = measure(marionette.tree, marionette.number)
-    look = _Look(marionette, size, data)
+    size = measure(model.tree, model.number)
+    look = _Look(model, size, data)
     return [*look.whole(), *look.bodies(), *look.joints(), *look.strings()]
 
 
 class _Look:
     """Looks through one puppet; originals stand for their twins."""
 
-    def __init__(self, marionette: Marionette, size: Size, data: Any):
-        self.made, self.size, self.data = marionette, size, data
-        self.puppet, self.number = marionette.puppet, marionette.number
-        self.index = {link.name: i for i, link in enumerate(marionette.tree.links)}
+    def __init__(self, model: Model, size: Size, data: Any):
+        self.made, self.size, self.data = model, size, data
+        self.puppet, self.number = model.puppet, model.number
+        self.index = {link.name: i for i, link in enumerate(model.tree.links)}
 
     def whole(self) -> Iterator[Finding]:
         g = [self.number(x) for x in self.puppet.gravity]

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fantoccini.marionette.model import Model
 from fantoccini.marionette.values_by_name import put_commands
 from fantoccini.motion import Input
 from fantoccini.tree import measure, path_lengths
-
-if TYPE_CHECKING:
-    from fantoccini.marionette.handle import Marionette
 
 REACH = 5.0
 """Farthest that something driven goes from its start, in the size of the puppet on its strings."""
@@ -41,20 +38,20 @@ class InputWarning:
     message: str
 
 
-def input_warnings(marionette: Marionette, inputs: Input) -> list[InputWarning]:
+def input_warnings(model: Model, inputs: Input) -> list[InputWarning]:
     """What in inputs is out of all proportion to the puppet: one warning a coordinate and kind.
 
     Args:
-        marionette: the puppet.
+        model: the puppet.
         inputs: what drives it.
     """
-    table, found = marionette.coordinates, []
+    table, found = model.coordinates, []
     ends = inputs.breaks[1:]
     share = np.linspace(0.0, 1.0, _LOOKS)
     t = inputs.breaks[:-1, None] + share * np.diff(inputs.breaks)[:, None]
     # Within each piece: at a break it is the next one's acceleration that would be given.
     q_K, v_K, _ = inputs.evaluate(np.nextafter(t, t.mean(axis=1, keepdims=True)))
-    scale, starts = _scale(marionette), _starts(marionette)
+    scale, starts = _scale(model), _starts(model)
     units = {row.name: row.unit for row in table.rows}
     for q, v in table.scalars_K:
         name = table.q_K[q]
@@ -91,20 +88,20 @@ def _speed(
     return [InputWarning(name, float(ends[k]), text + "give it more time, or look at its units")]
 
 
-def _scale(marionette: Marionette) -> float:
+def _scale(model: Model) -> float:
     """Size of the puppet and length of its longest string, together [m]."""
-    tree, number = marionette.tree, marionette.number
+    tree, number = model.tree, model.number
     size = measure(tree, number)
     lengths = [*path_lengths(tree, size.poses, number).values()]
     lengths += [number(s.length) for s in (*tree.strings, *tree.chains) if s.length is not None]
     return float(np.linalg.norm(size.lengths)) + max(lengths, default=0.0)
 
 
-def _starts(marionette: Marionette) -> np.ndarray:
+def _starts(model: Model) -> np.ndarray:
     """(n_qK,) the start pose; driven lengths that it does not give are those that just reach."""
-    tree, table = marionette.tree, marionette.coordinates
+    tree, table = model.tree, model.coordinates
     q_D, q_K = table.start_D.copy(), table.start_K.copy()
-    paths = path_lengths(tree, measure(tree, marionette.number).poses, marionette.number)
+    paths = path_lengths(tree, measure(tree, model.number).poses, model.number)
     for string in (*tree.strings, *tree.chains):
         string.just_reaches(paths[string.name], q_D, q_K)
     put_commands(tree.drives, (), q_D, q_K)

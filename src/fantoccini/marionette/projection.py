@@ -13,19 +13,16 @@ every row one-sided anew in every round: a row that had to be brought back is fr
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError
 from fantoccini.marionette.closed import CLOSED, closed_rows, known_mode
-from fantoccini.marionette.instant import Instant
+from fantoccini.marionette.dynamics import with_mode
+from fantoccini.marionette.instant import Instant, instant_at
+from fantoccini.marionette.model import Model
 from fantoccini.marionette.tighten import tightened
 from fantoccini.motion import State, tangent
-
-if TYPE_CHECKING:
-    from fantoccini.marionette.handle import Marionette
 
 _ROUNDS = 100
 _LONGEST = 0.3
@@ -57,22 +54,22 @@ _PUSHES = (0.03, 0.1, 0.1, 0.3, 0.3, 1.0, 1.0)
 _SEED = 17
 
 
-def retract(marionette: Marionette, q_D: Array, move: Array) -> Array:
+def retract(model: Model, q_D: Array, move: Array) -> Array:
     """q_D moved by tangent vectors: scalars add, quaternions turn.
 
     Args:
-        marionette: whose coordinates they are.
+        model: whose coordinates they are.
         q_D: (n_qD,).
         move: (..., n_vD).
 
     Returns:
         (..., n_qD).
     """
-    table = marionette.coordinates
+    table = model.coordinates
     return tangent.moved(table.scalars_D, table.quaternions_D, q_D, move)
 
 
-def project(marionette: Marionette, x: State) -> State:
+def project(model: Model, x: State) -> State:
     """The nearest state, in the metric of M_DD, that no string or limit forbids.
 
     Positions first (q_K stays): M (q - q_0) + A_D^T y = 0 with h <= 0, y >= 0 and y . h = 0, or,
@@ -83,95 +80,95 @@ def project(marionette: Marionette, x: State) -> State:
     Raises:
         StateError: no such state was found; what is left of each row is told.
     """
-    taut = closed_rows(marionette, x, marionette.instant(x)).held & known_mode(marionette, x)
-    found, left = positioned(marionette, x)
+    taut = closed_rows(model, x, instant_at(model, x)).held & known_mode(model, x)
+    found, left = positioned(model, x)
     if left:
         raise StateError(
             f"no state of the puppet was found that fits these string ends and lengths: {left}. "
             f"Tried: moves onto the strings and limits, from there and from {len(_PUSHES)} places "
             "nearby"
         )
-    found = tightened(marionette, found, taut)
-    instant = marionette.instant(found)
-    scale = marionette.row_scales(found.q_D, found.q_K)
+    found = tightened(model, found, taut)
+    instant = instant_at(model, found)
+    scale = model.row_scales(found.q_D, found.q_K)
     # Strings on winches that slip give way instead.
-    firm = (np.abs(instant.h) <= CLOSED * scale) & ~np.isfinite(marionette.upper)
-    wires = marionette.two_sided
+    firm = (np.abs(instant.h) <= CLOSED * scale) & ~np.isfinite(model.upper)
+    wires = model.two_sided
     rows = np.flatnonzero(firm | wires)
     answer = instant.complementarity(rows, instant.hdot[rows], wires | found.taut)
     if not answer.solved:
         answer = instant.complementarity(rows, instant.hdot[rows], wires)
     if not answer.solved:
-        names = ", ".join(marionette.rows_of(rows, answer.ray))
+        names = ", ".join(model.rows_of(rows, answer.ray))
         raise StateError(f"no velocity of the puppet fits these driven velocities: {names}")
     v_D = found.v_D - instant.back(instant.W[:, rows] @ answer.x)
-    return marionette.with_mode(found.replace(v_D=v_D, taut=found.taut))
+    return with_mode(model, found.replace(v_D=v_D, taut=found.taut))
 
 
-def positioned(marionette: Marionette, x: State) -> tuple[State, str]:
+def positioned(model: Model, x: State) -> tuple[State, str]:
     """The state with its configuration brought onto the rows, and what is left of them in words.
 
     Returns:
         The state, its velocities as they were; and "" where every row is met, to CLOSED.
     """
-    found, worst = onto_rows(marionette, x)
+    found, worst = onto_rows(model, x)
     best, least = found, worst
     rng = np.random.default_rng(_SEED)
     for size in _PUSHES:
         if worst <= CLOSED:
             break
         push = rng.uniform(-size, size, len(x.v_D))
-        found, worst = onto_rows(marionette, x.replace(q_D=retract(marionette, x.q_D, push)))
+        found, worst = onto_rows(model, x.replace(q_D=retract(model, x.q_D, push)))
         if worst < least:
             best, least = found, worst
     if worst > CLOSED:
-        return best, overstepped(marionette, best)
+        return best, overstepped(model, best)
     if found is not x:
-        found = _nearest(marionette, found, x)
+        found = _nearest(model, found, x)
     return found, ""
 
 
-def overstepped(marionette: Marionette, x: State) -> str:
+def overstepped(model: Model, x: State) -> str:
     """The rows that a state breaks and by how much, in words; "" where there are none."""
-    h, scale = marionette.instant(x).h, marionette.row_scales(x.q_D, x.q_K)
-    strings, said = len(marionette.tree.strings), []
-    for i in np.flatnonzero(_excess(marionette, h) > CLOSED * scale):
+    h, scale = instant_at(model, x).h, model.row_scales(x.q_D, x.q_K)
+    strings, said = len(model.tree.strings), []
+    for i in np.flatnonzero(_excess(model, h) > CLOSED * scale):
         if i >= strings:
             text = f"is passed by {h[i]:.3g}"
         elif h[i] > 0.0:
             text = f"is too short by {1e3 * h[i]:.3g} mm"
         else:
             text = f"is too long by {-1e3 * h[i]:.3g} mm, and a wire"
-        said.append(f"{marionette.tree.row_names[i]} {text}")
+        said.append(f"{model.tree.row_names[i]} {text}")
     return ", ".join(said)
 
 
-def _excess(marionette: Marionette, h: Array) -> Array:
+def _excess(model: Model, h: Array) -> Array:
     """How far rows are overstepped (n_rows,), 0 where they hold."""
-    return np.where(marionette.two_sided, np.abs(h), np.maximum(h, 0.0))
+    return np.where(model.two_sided, np.abs(h), np.maximum(h, 0.0))
 
 
-def onto_rows(marionette: Marionette, x: State) -> tuple[State, float]:
+def onto_rows(model: Model, x: State) -> tuple[State, float]:
     """The nearest configuration that the rows' slopes lead to, and the largest excess over scale.
 
     Damped by halving: the excess falls from round to round. The state itself where it breaks none.
     """
-    scale, wires = marionette.row_scales(x.q_D, x.q_K), marionette.two_sided
-    instant = marionette.instant(x)
-    excess = _excess(marionette, instant.h) / scale
+    scale, wires = model.row_scales(x.q_D, x.q_K), model.two_sided
+    instant = instant_at(model, x)
+    excess = _excess(model, instant.h) / scale
     for _ in range(_ROUNDS):
         if np.max(excess, initial=0.0) <= _MET:
             break
         rows = np.flatnonzero((instant.h > -_NEAR * scale) | wires)
-        move = instant.back(_shortest(marionette, instant, rows))
+        move = instant.back(_shortest(model, instant, rows))
         size = float(np.max(np.abs(move), initial=0.0))
         if not _STILL < size < np.inf:
             break
         part = min(1.0, _LONGEST / size)
         for _ in range(_HALVINGS):
-            other = x.replace(q_D=retract(marionette, x.q_D, part * move))
-            there = marionette.instant(other)
-            over = _excess(marionette, there.h) / scale
+            other = x.replace(q_D=retract(model, x.q_D, part * move))
+            there = instant_at(model, other)
+            over = _excess(model, there.h) / scale
             if np.linalg.norm(over) < _FALLS * np.linalg.norm(excess):
                 break
             part *= 0.5
@@ -181,10 +178,10 @@ def onto_rows(marionette: Marionette, x: State) -> tuple[State, float]:
     return x, float(np.max(excess, initial=0.0))
 
 
-def _shortest(marionette: Marionette, instant: Instant, rows: Array) -> Array:
+def _shortest(model: Model, instant: Instant, rows: Array) -> Array:
     """The shortest y with h + W^T y <= 0, or the one that leaves least of the rows."""
-    W, h, wires = instant.W[:, rows], instant.h[rows], marionette.two_sided[rows]
-    found = instant.complementarity(rows, h, marionette.two_sided)
+    W, h, wires = instant.W[:, rows], instant.h[rows], model.two_sided[rows]
+    found = instant.complementarity(rows, h, model.two_sided)
     if found.solved:
         return -W @ found.x
     # min |y|^2 + k |s|^2 with h + W^T y <= s: the same with 1/k on the diagonal of W^T W.
@@ -197,17 +194,17 @@ def _shortest(marionette: Marionette, instant: Instant, rows: Array) -> Array:
     return -W @ lsq_linear(tall, target, (lower, np.inf), method="bvls").x
 
 
-def _nearest(marionette: Marionette, x: State, origin: State) -> State:
+def _nearest(model: Model, x: State, origin: State) -> State:
     """The state moved along the rows until it is nearest to another one.
 
     With mu > 0 moves are held back, min |q + dq - q_0|_M^2 + mu |dq|_M^2: bent rows make those of
     mu = 0 overshoot where the way is long. Newton's method then ends what goes on slowly.
     """
-    wires, scale, mu = marionette.two_sided, marionette.row_scales(x.q_D, x.q_K), 0.0
+    wires, scale, mu = model.two_sided, model.row_scales(x.q_D, x.q_K), 0.0
     held = np.zeros(0, dtype=int), np.zeros(0)
     for _ in range(_APPROACHES):
-        instant = marionette.instant(x)
-        away = _away(marionette, instant, x, origin)
+        instant = instant_at(model, x)
+        away = _away(model, instant, x, origin)
         rows = np.flatnonzero((instant.h > -_NEAR * scale) | wires)
         W, wanted = instant.W[:, rows], away / (1.0 + mu)
         found = instant.complementarity(rows, instant.h[rows] + W.T @ wanted, wires)
@@ -216,59 +213,59 @@ def _nearest(marionette: Marionette, x: State, origin: State) -> State:
         if not found.solved or not _ARRIVED < size < np.inf:
             return x
         move *= min(1.0, _LONGEST / size)
-        other, worst = onto_rows(marionette, x.replace(q_D=retract(marionette, x.q_D, move)))
-        there = _away(marionette, marionette.instant(other), other, origin)
+        other, worst = onto_rows(model, x.replace(q_D=retract(model, x.q_D, move)))
+        there = _away(model, instant_at(model, other), other, origin)
         if worst > CLOSED or np.linalg.norm(there) > (1.0 + _FARTHER) * np.linalg.norm(away):
             mu = max(4.0 * mu, 1.0)
             continue
         pulls = (found.x != 0.0) | wires[rows]
         held = rows[pulls], (1.0 + mu) * found.x[pulls]
         x, mu = other, (0.5 * mu if mu > 0.1 else 0.0)
-    return _stationary(marionette, x, origin, *held) or x
+    return _stationary(model, x, origin, *held) or x
 
 
 def _stationary(
-    marionette: Marionette, x: State, origin: State, rows: Array, pull: Array
+    model: Model, x: State, origin: State, rows: Array, pull: Array
 ) -> State | None:
     """The state near another with F away = W pull and h = 0 on some rows, by Newton's method.
 
     Rows that push are let go. None where it does not settle on a state that keeps all rows and is
     as near.
     """
-    n, instant = marionette.coordinates.n_vD, marionette.instant(x)
-    farthest = (1.0 + _FARTHER) * np.linalg.norm(_away(marionette, instant, x, origin))
+    n, instant = model.coordinates.n_vD, instant_at(model, x)
+    farthest = (1.0 + _FARTHER) * np.linalg.norm(_away(model, instant, x, origin))
 
     def left(x: State) -> Array:
         """(n + len(rows),) what the two equations lack."""
-        at = marionette.instant(x)
-        return np.append(_away(marionette, at, x, origin) - at.W[:, rows] @ pull, at.h[rows])
+        at = instant_at(model, x)
+        return np.append(_away(model, at, x, origin) - at.W[:, rows] @ pull, at.h[rows])
 
     for _ in range(_NEWTON_ROUNDS):
         moves = np.concatenate([np.eye(n), -np.eye(n)]) * _STEP
-        around = [left(x.replace(q_D=q)) for q in retract(marionette, x.q_D, moves)]
+        around = [left(x.replace(q_D=q)) for q in retract(model, x.q_D, moves)]
         slope = (np.array(around[:n]) - np.array(around[n:])).T / (2 * _STEP)
-        W = np.vstack([-marionette.instant(x).W[:, rows], np.zeros((len(rows), len(rows)))])
+        W = np.vstack([-instant_at(model, x).W[:, rows], np.zeros((len(rows), len(rows)))])
         step = np.linalg.lstsq(np.hstack([slope, W]), -left(x), rcond=1e-12)[0]
         size = float(np.max(np.abs(step[:n]), initial=0.0))
         if not size < _LONGEST:
             return None
-        x = x.replace(q_D=retract(marionette, x.q_D, step[:n]))
+        x = x.replace(q_D=retract(model, x.q_D, step[:n]))
         pull = pull + step[n:]
-        pulls = (pull >= 0.0) | marionette.two_sided[rows]
+        pulls = (pull >= 0.0) | model.two_sided[rows]
         if size < _ARRIVED and np.all(pulls):
             break
         if size < _ALMOST:
             rows, pull = rows[pulls], pull[pulls]
     else:
         return None
-    x, worst = onto_rows(marionette, x)
-    distance = np.linalg.norm(_away(marionette, marionette.instant(x), x, origin))
+    x, worst = onto_rows(model, x)
+    distance = np.linalg.norm(_away(model, instant_at(model, x), x, origin))
     return None if worst > CLOSED or distance > farthest else x
 
 
-def _away(marionette: Marionette, instant: Instant, x: State, origin: State) -> Array:
+def _away(model: Model, instant: Instant, x: State, origin: State) -> Array:
     """The move from a configuration to another one, in the coordinates in which M_DD is one."""
-    table = marionette.coordinates
+    table = model.coordinates
     places = table.scalars_D, table.quaternions_D
     F_inverse = instant.back(np.eye(table.n_vD)).T
     return np.linalg.solve(F_inverse, tangent.between(*places, x.q_D, origin.q_D, table.n_vD))

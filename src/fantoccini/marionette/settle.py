@@ -12,14 +12,14 @@ goes down at a saddle as well; mu grows where V did not fall and shrinks where i
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError
+from fantoccini.marionette.analysis import effort, energies
 from fantoccini.marionette.closed import CLOSED
-from fantoccini.marionette.instant import Instant
+from fantoccini.marionette.instant import Instant, instant_at
+from fantoccini.marionette.model import Model
 from fantoccini.marionette.projection import onto_rows, positioned, retract
 from fantoccini.marionette.statics import (
     Equilibrium,
@@ -30,9 +30,6 @@ from fantoccini.marionette.statics import (
     slopes,
 )
 from fantoccini.motion import State, tangent
-
-if TYPE_CHECKING:
-    from fantoccini.marionette.handle import Marionette
 
 _ROUNDS = 3000
 _MU = (1e2, 1e-3, 1e14)
@@ -67,48 +64,48 @@ _REFINED = 1e-3
 """Largest move by which Newton's method refines an equilibrium, not finds another [rad or m]."""
 
 
-def descended(marionette: Marionette, x: State) -> Equilibrium:
+def descended(model: Model, x: State) -> Equilibrium:
     """A local minimum of V subject to the rows, from a state that they do not forbid.
 
     Raises:
         StateError: V keeps falling, or the search came to a stand where forces do not balance.
     """
-    found = _settled(marionette, x)
-    moved = in_step(marionette, found.x)
+    found = _settled(model, x)
+    moved = in_step(model, found.x)
     if moved is not found.x:
-        found = _settled(marionette, positioned(marionette, moved)[0])
-    finer = newton(marionette, found.x)
+        found = _settled(model, positioned(model, moved)[0])
+    finer = newton(model, found.x)
     if finer is None or np.max(np.abs(finer.x.q_D - found.x.q_D)) > _REFINED:
         return found
     return finer
 
 
-def _settled(marionette: Marionette, x: State) -> Equilibrium:
+def _settled(model: Model, x: State) -> Equilibrium:
     """A local minimum of V subject to the rows, from a state that they do not forbid."""
-    wires, scale = marionette.two_sided, marionette.row_scales(x.q_D, x.q_K)
-    size_of_forces = marionette.weight / np.sqrt(marionette.mass)
-    mu, V, start = _MU[0], marionette.energies(x)[1], x.q_D
+    wires, scale = model.two_sided, model.row_scales(x.q_D, x.q_K)
+    size_of_forces = model.weight / np.sqrt(model.mass)
+    mu, V, start = _MU[0], energies(model, x)[1], x.q_D
     longest = np.full(len(x.v_D), _LONGEST)
-    for row, pole in poles(marionette):
+    for row, pole in poles(model):
         longest[row.v] = np.minimum(longest[row.v], _WITHIN * pole)
     rows, tension, left, stalled = np.zeros(0, dtype=int), np.zeros(0), np.inf, 0
     for _ in range(_ROUNDS):
-        at = marionette.instant(x)
+        at = instant_at(model, x)
         near = np.flatnonzero((at.h > -_NEAR * scale) | wires)
-        curvature, modes = _curvature(at, _slope(marionette, Equilibrium(x, rows, tension)))
+        curvature, modes = _curvature(at, _slope(model, Equilibrium(x, rows, tension)))
         while True:
             softened = modes / np.sqrt(np.maximum(np.abs(curvature) + mu, _SOFTEST))
             W = softened.T @ at.W[:, near]
             force = softened.T @ at.w0
-            found = marionette.library.complementarity(W, at.h[near] + W.T @ force, wires[near])
+            found = model.library.complementarity(W, at.h[near] + W.T @ force, wires[near])
             y = softened @ (force - W @ found.x)
             move = at.back(y)
             size = float(np.max(np.abs(move), initial=0.0))
             move = move / max(1.0, float(np.max(np.abs(move) / longest, initial=0.0)))
-            other, worst = onto_rows(marionette, x.replace(q_D=retract(marionette, x.q_D, move)))
-            V_other = marionette.energies(other)[1]
-            fell = V - V_other + _motors_work(marionette, x, other)
-            flat = abs(fell) <= _LEVEL * marionette.weight + _ROUNDED * abs(V)
+            other, worst = onto_rows(model, x.replace(q_D=retract(model, x.q_D, move)))
+            V_other = energies(model, other)[1]
+            fell = V - V_other + _motors_work(model, x, other)
+            flat = abs(fell) <= _LEVEL * model.weight + _ROUNDED * abs(V)
             if (worst <= CLOSED and (fell > 0.0 or flat)) or mu > _MU[2]:
                 break
             mu = max(_GROWS * mu, 1e-3)
@@ -120,7 +117,7 @@ def _settled(marionette: Marionette, x: State) -> Equilibrium:
         stalled = stalled + 1 if flat and left > 0.5 * before else 0
         if size < _STILL or stalled > _STALLS or mu > _MU[2]:
             push = _unstable(at, rows, curvature, modes)
-            lower = None if push is None else pushed(marionette, x, push)
+            lower = None if push is None else pushed(model, x, push)
             if lower is None and left > _BALANCED * size_of_forces:
                 raise StateError(
                     "going down, the search came to a stand with forces of "
@@ -130,7 +127,7 @@ def _settled(marionette: Marionette, x: State) -> Equilibrium:
             if lower is None:
                 return Equilibrium(other if size < _STILL else x, rows, tension)
             other = lower
-            V_other = marionette.energies(other)[1]
+            V_other = energies(model, other)[1]
         if np.max(np.abs(other.q_D - start), initial=0.0) > _AFAR:
             break
         x, V, mu = other, V_other, (mu * _SHRINKS if mu > _MU[1] and not flat else 0.0)
@@ -140,18 +137,18 @@ def _settled(marionette: Marionette, x: State) -> Equilibrium:
     )
 
 
-def _motors_work(marionette: Marionette, x: State, other: State) -> float:
+def _motors_work(model: Model, x: State, other: State) -> float:
     """What the drives' motors do between two states [J], by Simpson's rule: they are not in V."""
-    rows = [row for row in marionette.tree.drives if row.command is not None]
+    rows = [row for row in model.tree.drives if row.command is not None]
     if not rows:
         return 0.0
-    table, n = marionette.coordinates, len(x.v_D)
+    table, n = model.coordinates, len(x.v_D)
     places = table.scalars_D, table.quaternions_D
     move = tangent.between(*places, x.q_D, other.q_D, n)
     q_D = tangent.moved(*places, x.q_D, np.array([[0.0], [0.5], [1.0]]) * move)
-    k, strings = len(x.v_K), len(marionette.tree.strings)
+    k, strings = len(x.v_K), len(model.tree.strings)
     still = np.zeros((3, n)), np.tile(x.q_K, (3, 1)), np.zeros((3, k))
-    force = marionette.effort(q_D, *still, still[0], still[2], np.zeros((3, strings)))
+    force = effort(model, q_D, *still, still[0], still[2], np.zeros((3, strings)))
     mean = (force[0] + 4.0 * force[1] + force[2]) / 6.0
     work = 0.0
     for row in rows:
@@ -160,14 +157,14 @@ def _motors_work(marionette: Marionette, x: State, other: State) -> float:
     return work
 
 
-def _slope(marionette: Marionette, at: Equilibrium) -> Array:
+def _slope(model: Model, at: Equilibrium) -> Array:
     """Derivative (n_vD, n_vD) of w0 - W tau by a small move."""
     if len(at.rows):
-        return slopes(marionette, at)[0]
+        return slopes(model, at)[0]
     x, n = at.x, len(at.x.v_D)
-    moved = retract(marionette, x.q_D, np.concatenate([np.eye(n), -np.eye(n)]) * _STEP)
-    rest = [x.v_D, x.q_K, x.v_K, np.zeros_like(x.v_K), np.zeros(n), marionette.p]
-    w0 = marionette.library.evaluate("dynamics", [moved, *rest])[1]
+    moved = retract(model, x.q_D, np.concatenate([np.eye(n), -np.eye(n)]) * _STEP)
+    rest = [x.v_D, x.q_K, x.v_K, np.zeros_like(x.v_K), np.zeros(n), model.p]
+    w0 = model.library.evaluate("dynamics", [moved, *rest])[1]
     return (w0[:n] - w0[n:]).T / (2 * _STEP)
 
 

@@ -17,7 +17,6 @@ vibrates the faster, the lighter it is beside its load.
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -25,10 +24,9 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.equations.algebra import column
 from fantoccini.equations.system import System
+from fantoccini.marionette import analysis
+from fantoccini.marionette.model import Model
 from fantoccini.tree import WORLD, Point, Role
-
-if TYPE_CHECKING:
-    from fantoccini.marionette.handle import Marionette
 
 _HALVINGS = 60
 _SHORTEST = 1e-6
@@ -38,16 +36,16 @@ _AT_ONCE = 1024
 
 
 def longest_step(
-    marionette: Marionette, q_D: Array, q_K: Array, dt: float
+    model: Model, q_D: Array, q_K: Array, dt: float
 ) -> tuple[float, str] | None:
     """The longest sound step and the spring that decides it; None where ``dt`` is sound.
 
     Args:
-        marionette: the puppet.
+        model: the puppet.
         q_D, q_K: (..., n_qD), (..., n_qK) configurations.
         dt: the step [s].
     """
-    names, k, c = _numbers(marionette)
+    names, k, c = _numbers(model)
     if not names:
         return None
     lead = np.broadcast_shapes(q_D.shape[:-1], q_K.shape[:-1])
@@ -57,7 +55,7 @@ def longest_step(
     )
     found = None
     for first in range(0, len(q_D), _AT_ONCE):
-        W = _columns(marionette, q_D[first : first + _AT_ONCE], q_K[first : first + _AT_ONCE])
+        W = _columns(model, q_D[first : first + _AT_ONCE], q_K[first : first + _AT_ONCE])
         inside = np.einsum("nik,njk->nij", W, W)
 
         def largest(step: float, inside: Array = inside) -> tuple[float, int]:
@@ -76,97 +74,97 @@ def longest_step(
     return found
 
 
-def _numbers(marionette: Marionette) -> tuple[list[str], Array, Array]:
+def _numbers(model: Model) -> tuple[list[str], Array, Array]:
     """Name, stiffness and damping of every column: of joints' springs, then of springs."""
     names, k, c = [], [], []
-    for link in marionette.tree.links:
-        stiffness = marionette.number(link.stiffness)
+    for link in model.tree.links:
+        stiffness = model.number(link.stiffness)
         if link.role is Role.DYNAMIC and stiffness > 0.0:
             n = link.v.stop - link.v.start
             names += n * [link.joint]
             k += n * [stiffness]
             c += n * [0.0]
-    for spring in marionette.tree.springs:
+    for spring in model.tree.springs:
         names += 3 * [spring.name]
-        k += 3 * [marionette.number(spring.stiffness)]
-        c += 3 * [marionette.number(spring.damping)]
+        k += 3 * [model.number(spring.stiffness)]
+        c += 3 * [model.number(spring.damping)]
     return names, np.array(k), np.array(c)
 
 
-def _columns(marionette: Marionette, q_D: Array, q_K: Array) -> Array:
+def _columns(model: Model, q_D: Array, q_K: Array) -> Array:
     """(n, columns, n_vD) F^-T b^T of every column at n states, M = F^T F."""
-    tree, table, n = marionette.tree, marionette.coordinates, len(q_D)
+    tree, table, n = model.tree, model.coordinates, len(q_D)
     forces: list[Array] = []
     for link in tree.links:
-        if link.role is Role.DYNAMIC and marionette.number(link.stiffness) > 0.0:
+        if link.role is Role.DYNAMIC and model.number(link.stiffness) > 0.0:
             forces += [np.tile(row, (n, 1)) for row in np.eye(table.n_vD)[link.v]]
     for spring in tree.springs:
-        forces += [_pull(marionette, q_D, q_K, spring.points, axis) for axis in np.eye(3)]
-    return _forth(marionette, q_D, q_K, forces)
+        forces += [_pull(model, q_D, q_K, spring.points, axis) for axis in np.eye(3)]
+    return _forth(model, q_D, q_K, forces)
 
 
-def tension_step(marionette: Marionette, q_D: Array, q_K: Array, tension: Array) -> float:
+def tension_step(model: Model, q_D: Array, q_K: Array, tension: Array) -> float:
     """2 / omega of the fastest vibration that the strings' tensions make; infinity without any [s].
 
     Args:
-        marionette: the puppet.
+        model: the puppet.
         q_D, q_K: (n_qD,), (n_qK,) configuration.
         tension: (n_strings,) [N].
     """
-    poses, (q_D, q_K) = marionette.poses(q_D, q_K), (q_D[None], q_K[None])
+    poses, (q_D, q_K) = analysis.poses(model, q_D, q_K), (q_D[None], q_K[None])
     forces, k = [], []
-    for string, pull in zip(marionette.tree.strings, tension, strict=True):
+    for string, pull in zip(model.tree.strings, tension, strict=True):
         for ends in pairwise(string.points) if pull > 0.0 else ():
-            d = _place(marionette, poses, ends[1]) - _place(marionette, poses, ends[0])
+            d = _place(model, poses, ends[1]) - _place(model, poses, ends[0])
             length = float(np.linalg.norm(d))
             if ends[0].link == ends[1].link or length < _SHORTEST:
                 continue
             for across in np.linalg.svd(d[None])[2][1:]:
-                forces.append(_pull(marionette, q_D, q_K, ends, across))
+                forces.append(_pull(model, q_D, q_K, ends, across))
                 k.append(pull / length)
     if not forces:
         return np.inf
-    root = np.sqrt(k)[:, None] * _forth(marionette, q_D, q_K, forces)[0]
+    root = np.sqrt(k)[:, None] * _forth(model, q_D, q_K, forces)[0]
     fastest = float(np.linalg.norm(root, 2))
     return 2.0 / fastest if fastest > 0.0 else np.inf
 
 
-def _forth(marionette: Marionette, q_D: Array, q_K: Array, forces: list[Array]) -> Array:
+def _forth(model: Model, q_D: Array, q_K: Array, forces: list[Array]) -> Array:
     """(n, len(forces), n_vD) F^-T of forces (n, n_vD)."""
-    table, n = marionette.coordinates, len(q_D)
+    table, n = model.coordinates, len(q_D)
     still = [np.zeros((n, size)) for size in (table.n_vD, table.n_vK, table.n_vK, table.n_vD)]
-    state = [q_D, still[0], q_K, *still[1:], marionette.p]
-    L = marionette.library.evaluate("dynamics", state)[0]
-    return marionette.library.evaluate("forth", [L[:, None], np.stack(forces, axis=1)])[0]
+    state = [q_D, still[0], q_K, *still[1:], model.p]
+    L = model.library.evaluate("dynamics", state)[0]
+    return model.library.evaluate("forth", [L[:, None], np.stack(forces, axis=1)])[0]
 
 
 def _pull(
-    marionette: Marionette, q_D: Array, q_K: Array, ends: tuple[Point, Point], axis: Array
+    model: Model, q_D: Array, q_K: Array, ends: tuple[Point, Point], axis: Array
 ) -> Array:
     """(n, n_vD) forces in the joints of a unit force on one point, its opposite on the other."""
-    n, n_links = len(q_D), len(marionette.tree.links)
-    poses, centres = marionette.poses(q_D, q_K), _centres(marionette)
+    n, n_links = len(q_D), len(model.tree.links)
+    poses, centres = analysis.poses(model, q_D, q_K), _centres(model)
     wrench = np.zeros((n, n_links, 6))
     for point, sign in zip(ends, (1.0, -1.0), strict=True):
         if point.link == WORLD:
             continue
-        at = np.array([marionette.number(x) for x in point.at]) - centres[point.link]
+        at = np.array([model.number(x) for x in point.at]) - centres[point.link]
         arm = poses[:, point.link, :, :3] @ at
         wrench[:, point.link, :3] += sign * axis
         wrench[:, point.link, 3:] += np.cross(arm, sign * axis)
-    given = [q_D, q_K, wrench.reshape(n, -1), marionette.p]
-    return marionette.library.evaluate("wrench_forces", given)[0]
+    given = [q_D, q_K, wrench.reshape(n, -1), model.p]
+    return model.library.evaluate("wrench_forces", given)[0]
 
 
-def _place(marionette: Marionette, poses: Array, point: Point) -> Array:
+def _place(model: Model, poses: Array, point: Point) -> Array:
     """(3,) of a point in the world [m]."""
-    at = np.array([marionette.number(x) for x in point.at])
+    at = np.array([model.number(x) for x in point.at])
     return at if point.link == WORLD else poses[point.link, :, :3] @ at + poses[point.link, :, 3]
 
 
-def _centres(marionette: Marionette) -> Array:
+def _centres(model: Model) -> Array:
     """(n_links, 3) centres of mass in the links' frames [m]."""
-    system = System(marionette.tree)
-    centres = [column(system.centre(i)) for i in range(len(marionette.tree.links))]
+    system = System(model.tree)
+    centres = [column(system.centre(i)) for i in range(len(model.tree.links))]
     found = ca.Function("centres", [system.symbols.p], [ca.horzcat(*centres)])
-    return np.array(found(marionette.p)).T
+    return np.array(found(model.p)).T

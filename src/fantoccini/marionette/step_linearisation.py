@@ -15,13 +15,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError
-from fantoccini.marionette.checks import check_positive, vector
 from fantoccini.marionette.instant import Instant
 from fantoccini.marionette.linearisation import (
     Answer,
@@ -30,12 +28,11 @@ from fantoccini.marionette.linearisation import (
     slopes_at,
     winch_slopes,
 )
+from fantoccini.marionette.model import Model
 from fantoccini.marionette.stepper import Stepper
+from fantoccini.marionette.vectors import check_positive, vector
 from fantoccini.motion import State, rotation
 from fantoccini.tree import CoordinateTable
-
-if TYPE_CHECKING:
-    from fantoccini.marionette.handle import Marionette
 
 _BRAKED = 1e-9
 """Relative difference between the step's velocity and its equations' at which it was braked."""
@@ -78,7 +75,7 @@ class StepLinearisation:
 
 
 def linearise_step(
-    marionette: Marionette,
+    model: Model,
     x: State,
     acc_K: Array | None = None,
     u_D: Array | None = None,
@@ -90,7 +87,7 @@ def linearise_step(
     at its winch's largest tension goes on pulling with that.
 
     Args:
-        marionette: the puppet.
+        model: the puppet.
         x: where the step starts; strings may be overstepped, as time-stepping does.
         acc_K: (n_vK,) accelerations of the inputs over the step; 0 when not given.
         u_D: (n_vD,) user forces over the step; 0 when not given.
@@ -99,22 +96,22 @@ def linearise_step(
     Raises:
         StateError: the step was braked: the strings are so far overstepped that it means nothing.
     """
-    t = marionette.coordinates
-    n, k, n_p = t.n_vD, t.n_vK, len(marionette.p)
+    t = model.coordinates
+    n, k, n_p = t.n_vD, t.n_vK, len(model.p)
     acc_K, u_D = vector("acc_K", acc_K, k), vector("u_D", u_D, n)
     check_positive(dt=dt)
-    marionette.check_state(x)
-    stepper = Stepper(marionette, x, "timestepping", marionette.run_options(dt=dt))
+    model.check_state(x)
+    stepper = Stepper(model, x, "timestepping", model.run_options(dt=dt))
     x_next = stepper.advance(dt, acc_K, u_D=u_D)
-    tension, upper = stepper.tension, np.minimum(marionette.upper, marionette.tension_cap)
+    tension, upper = stepper.tension, np.minimum(model.upper, model.tension_cap)
     held = np.flatnonzero(
-        marionette.two_sided | ((tension > 0.0) & (tension < (1.0 - 1e-9) * upper))
+        model.two_sided | ((tension > 0.0) & (tension < (1.0 - 1e-9) * upper))
     )
     path = _DrivenStep(t.quaternions_K, x.v_K, acc_K, dt)
     # The model as the step sees it: the mean velocity and acceleration of the inputs, M + dt F.
     start = x.replace(v_K=path.rate)
     instant = Instant.of(
-        marionette.library, marionette.tree, start, marionette.p, path.mean, u_D, dt
+        model.library, model.tree, start, model.p, path.mean, u_D, dt
     )
     acc_D = instant.back(instant.w0 - instant.W @ tension)
     if np.max(np.abs(x.v_D + dt * acc_D - x_next.v_D), initial=0.0) > _BRAKED * (
@@ -124,12 +121,12 @@ def linearise_step(
             "the step was braked: strings are overstepped so far, or so fast, that the "
             "time-stepper scaled the velocities down"
         )
-    found = slopes_at(marionette, start, acc_D, path.mean, tension, dt)
-    by = force_columns(marionette, found, tension)
-    rate = _row_rates(marionette, start.replace(v_D=x.v_D + dt * acc_D), instant, dt)
+    found = slopes_at(model, start, acc_D, path.mean, tension, dt)
+    by = force_columns(model, found, tension)
+    rate = _row_rates(model, start.replace(v_D=x.v_D + dt * acc_D), instant, dt)
     dacc, dtension = Answer(instant, held).to(by, rate[held])
-    dpull = np.zeros((marionette.tree.n_rows, by.shape[1]))
-    dpull[:, by.shape[1] - n_p :] = winch_slopes(marionette, tension)
+    dpull = np.zeros((model.tree.n_rows, by.shape[1]))
+    dpull[:, by.shape[1] - n_p :] = winch_slopes(model, tension)
     dpull[held] = dtension
     # From (q_D, v_D, q_K, rate, mean, u_D, p) to (q_D, v_D, q_K, v_K, acc_K, u_D, p).
     turn = path.chain(n, n_p)
@@ -144,7 +141,7 @@ def linearise_step(
         x=x,
         x_next=x_next,
         dt=dt,
-        rows=tuple(marionette.tree.row_names[i] for i in held),
+        rows=tuple(model.tree.row_names[i] for i in held),
         tension=tension,
         A=np.concatenate([columns.q_D, columns.v_D, columns.q_K, columns.v_K], axis=1),
         B=columns.acc_K,
@@ -155,20 +152,20 @@ def linearise_step(
     )
 
 
-def _row_rates(marionette: Marionette, at: State, instant: Instant, dt: float) -> Array:
+def _row_rates(model: Model, at: State, instant: Instant, dt: float) -> Array:
     """Derivatives of (A_D v+ + A_K rate + min(h/dt, recovery speed)) / dt at fixed acc_D.
 
     By q_D, v_D, q_K, rate, mean, u_D and p, side by side; ``at`` has v+ and the rate.
     """
-    t = marionette.coordinates
-    found = marionette.derivatives.at(
+    t = model.coordinates
+    found = model.compiled.derivatives.at(
         "rows_by",
         {
             "q_D": at.q_D, "v_D": at.v_D, "acc_D": np.zeros(t.n_vD), "q_K": at.q_K, "v_K": at.v_K,
-            "acc_K": np.zeros(t.n_vK), "p": marionette.p,
+            "acc_K": np.zeros(t.n_vK), "p": model.p,
         },
     )  # fmt: skip
-    taken_back = instant.h / dt < marionette.run_options().recovery_speed
+    taken_back = instant.h / dt < model.run_options().recovery_speed
     gap = np.where(taken_back, 1.0 / dt, 0.0)[:, None]
     none = np.zeros_like(found["A_K"]), np.zeros_like(found["A_D"])
     columns = (

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import ARRIVED, SimulationError, Status
-from fantoccini.marionette.checks import check_positive, check_rows, ready, vector
+from fantoccini.errors import ARRIVED, SimulationError, Status, UnknownNameError
+from fantoccini.marionette.checks import check_rows, ready
+from fantoccini.marionette.model import Model
+from fantoccini.marionette.vectors import check_positive, vector
 from fantoccini.motion import Input, State
 from fantoccini.motion.pieces import constant_acceleration
 from fantoccini.motion.polynomial import N_COEF
 from fantoccini.runtime import Run, RunOptions
-
-if TYPE_CHECKING:
-    from fantoccini.marionette.handle import Marionette
+from fantoccini.tree import CoordinateTable
 
 Law = Callable[[State], "Array | Mapping[str, float]"]
 
@@ -34,12 +34,12 @@ class Stepper:
     Attributes:
         state: where the puppet is now.
         tension: (n_rows,) forces of strings and limits at ``state`` [N or N m].
-        rows: (n, width) what the last advance wrote, laid out as ``marionette.row_layout`` says;
+        rows: (n, width) what the last advance wrote, laid out as ``model.row_layout`` says;
             before the first one, the start.
         events: (n, 5) that it met: time, kind, row, impulse, speed.
 
     Args:
-        marionette: the puppet.
+        model: the puppet.
         x0: where it starts.
         method: ``timestepping``, ``variational`` or ``event``.
         options: numbers that steer the run; its bound on memory is that of one advance.
@@ -47,29 +47,31 @@ class Stepper:
 
     def __init__(
         self,
-        marionette: Marionette,
+        model: Model,
         x0: State,
         method: Literal["timestepping", "variational", "event"],
         options: RunOptions,
     ):
-        self.marionette = marionette
+        self.model = model
         self.method = method
-        self.state, self._end = x0.replace(coordinates=marionette.coordinates), x0.t
+        self.state, self._end = x0.replace(coordinates=model.coordinates), x0.t
         self._options, self._run = options, self._begun(options)
         rows, self.events = self._run.present()
         self.rows = rows[-1:]
-        self.tension = marionette.row_layout.split(self.rows)["tension"][0]
+        self.tension = model.row_layout.split(self.rows)["tension"][0]
 
     def _begun(self, options: RunOptions) -> Run:
         """A run from the present state, with the driven velocities that it has."""
-        m, x = self.marionette, self.state
+        m, x = self.model, self.state
         times = np.array([x.t, x.t + options.dt])
         still = np.zeros((1, len(x.v_K)))
         coasts = Input(
             m.coordinates, times, *constant_acceleration(m.coordinates, times, x.q_K, x.v_K, still),
             np.ones(len(x.v_K), dtype=bool),
         )  # fmt: skip
-        return Run(m.library_of(self.method), self.method, options, x, m.p, m.winches, coasts)
+        return Run(
+            m.compiled.library_of(self.method), self.method, options, x, m.p, m.winches, coasts
+        )
 
     def __getstate__(self) -> dict[str, Any]:
         # What is underway lives in the library; the state is where it goes on from.
@@ -124,14 +126,14 @@ class Stepper:
         if not 0 < duration < np.inf:
             raise ValueError(f"duration is {duration}; it must be positive and finite")
         end = self.state.t + duration
-        check_rows(self.marionette, self.method, self._options, self.state.t, end)
+        check_rows(self.model, self.method, self._options, self.state.t, end)
         if inputs is not None and (acc_K is not None or u_D is not None):
             raise ValueError("inputs carry their own motion and forces: give them or acc_K and u_D")
         if inputs is None:
             chosen = self._piece(duration, acc_K, u_D)
         else:
             t = self.state.t
-            chosen = ready(self.marionette, inputs, self.state.q_K, self.state.v_K, t, end)
+            chosen = ready(self.model, inputs, self.state.q_K, self.state.v_K, t, end)
         self._run.set_input(chosen)
         written, self._end = [], end
         try:
@@ -173,20 +175,20 @@ class Stepper:
         self.events = np.concatenate([events for _, events in written])
         if not len(self.rows):
             return
-        split = self.marionette.row_layout.split(self.rows[-1:])
+        split = self.model.row_layout.split(self.rows[-1:])
         motion = {name: split[name][0] for name in ("q_D", "v_D", "q_K", "v_K", "slip")}
         self.state = State(
             float(split["t"][0]), taut=split["taut"][0] > 0, **motion,
-            coordinates=self.marionette.coordinates,
+            coordinates=self.model.coordinates,
         )  # fmt: skip
         self.tension = split["tension"][0]
 
     def _piece(self, duration: float, acc_K, u_D: Array | None) -> Input:
-        table = self.marionette.coordinates
+        table = self.model.coordinates
         if isinstance(acc_K, Mapping):
             named, acc_K = acc_K, np.zeros(table.n_vK)
             for name, value in named.items():
-                acc_K[self.marionette.driven_velocity(name)] = value
+                acc_K[_driven_velocity(table, name)] = value
         acc, x = vector("acc_K", acc_K, table.n_vK), self.state
         # A trace longer than the piece, so that its last instant still lies within the input.
         times = x.t + np.array([0.0, (1.0 + 1e-6) * duration])
@@ -196,3 +198,10 @@ class Stepper:
         force = np.zeros((1, table.n_vD, N_COEF))
         force[0, :, 0] = vector("u_D", u_D, table.n_vD)
         return dataclasses.replace(made, force=force)
+
+
+def _driven_velocity(table: CoordinateTable, name: str) -> int:
+    """Place of a driven velocity in v_K."""
+    if name not in table.v_K:
+        raise UnknownNameError("driven velocity", name, table.v_K)
+    return table.v_K.index(name)

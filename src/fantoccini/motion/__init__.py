@@ -6,15 +6,15 @@ from fantoccini.motion.input import Input
 from fantoccini.motion.input_derivative import InputDerivative
 from fantoccini.motion.inputs import Inputs
 from fantoccini.motion.overload import Overload, overloads
-from fantoccini.motion.state import Event, EventKind, State, States, check_size
+from fantoccini.motion.state import EventKind, EventRecord, State, States, check_size
 from fantoccini.motion.trajectories import SAVED, Trajectories
 from fantoccini.motion.trajectory import Trajectory
 
 __all__ = [
     "SAVED",
     "Columns",
-    "Event",
     "EventKind",
+    "EventRecord",
     "Input",
     "InputDerivative",
     "Inputs",

@@ -17,7 +17,7 @@ import numpy as np
 from fantoccini.errors import Status
 from fantoccini.motion.columns import Columns
 from fantoccini.motion.npz import checked, contents, finite, texts, understanding
-from fantoccini.motion.state import Event
+from fantoccini.motion.state import EventRecord
 from fantoccini.puppet import Mesh, Puppet, loads
 from fantoccini.tree import Coordinate, CoordinateTable, Role
 
@@ -98,7 +98,7 @@ def load(path: str | Path) -> Trajectory:
             tables[name] = Columns(names, values, kind)
         numbers = checked(arrays, "events", (len(about["events"]), len(_NUMBERS)))
         events = [
-            Event(kind=kind, name=name, **dict(zip(_NUMBERS, row, strict=True)))
+            EventRecord(kind=kind, name=name, **dict(zip(_NUMBERS, row, strict=True)))
             for (kind, name), row in zip(map(_pair, about["events"]), numbers, strict=True)
         ]
         return Trajectory(

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from fantoccini.motion.state import Event, EventKind
+from fantoccini.motion.state import EventKind, EventRecord
 
 if TYPE_CHECKING:
     from fantoccini.motion.trajectory import Trajectory
@@ -45,6 +45,6 @@ def overloads(run: Trajectory) -> dict[str, Overload]:
     return made
 
 
-def weak(events: Iterable[Event]) -> list[Event]:
+def weak(events: Iterable[EventRecord]) -> list[EventRecord]:
     """The events that tell of drives whose motor was too weak."""
     return [e for e in events if e.kind in (EventKind.LOST_STEP, EventKind.RUNAWAY)]

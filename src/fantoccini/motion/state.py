@@ -233,7 +233,7 @@ class EventKind(enum.StrEnum):
 
 
 @dataclass(frozen=True)
-class Event:
+class EventRecord:
     """A change of mode, or a point where the inputs may jump in acceleration.
 
     Attributes:

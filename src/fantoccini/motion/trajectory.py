@@ -16,7 +16,7 @@ from fantoccini.errors import StateError, Status, UnknownNameError
 from fantoccini.motion import interpolate
 from fantoccini.motion.columns import Columns
 from fantoccini.motion.overload import overloads
-from fantoccini.motion.state import Event, State
+from fantoccini.motion.state import EventRecord, State
 
 if TYPE_CHECKING:
     from fantoccini.puppet import Puppet
@@ -72,7 +72,7 @@ class Trajectory:
     limit_force: Columns
     taut: Columns
     ledger: Columns
-    events: tuple[Event, ...]
+    events: tuple[EventRecord, ...]
     status: Status
     method: str
     coordinates: CoordinateTable

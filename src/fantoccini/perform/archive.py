@@ -69,7 +69,7 @@ def load(path: str | Path) -> Recording:
             for name, size in zip(_STATE, sizes, strict=True)
         }
         t, tick = (float(finite(arrays, name, ())) for name in ("t", "tick"))
-        rows = finite(arrays, "rows", (None, sum(marionette.row_layout.widths.values())))
+        rows = finite(arrays, "rows", (None, sum(marionette.model.row_layout.widths.values())))
         if not len(rows) or np.any(np.diff(rows[:, 0]) < 0):
             raise ValueError("rows must be one or more, none before the one it follows")
         events = _events(marionette, finite(arrays, "events", (None, 5)))

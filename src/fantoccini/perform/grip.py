@@ -68,7 +68,7 @@ class Holding:
         self.marionette, self.hands = marionette, hands
         n = len(marionette.tree.strings)
         own = marionette.winches[:, 0]
-        self._wire = marionette.two_sided[:n]
+        self._wire = marionette.model.two_sided[:n]
         # A winch that the puppet lets slip earlier slips as it is meant to.
         self._firm = self._wire | (own >= grip)
         self._pulls = np.where(self._firm, _PULLS * grip, np.inf)
@@ -101,7 +101,7 @@ class Holding:
             most[pulling] = RETURN * (HELD - slip)
         if strained.any():
             # A wire cannot slip: what it is overstepped by is taken back.
-            (h,) = self.marionette.library.evaluate("rows", [x.q_D, x.q_K, self.marionette.p])
+            (h,) = self.marionette.model.library.evaluate("rows", [x.q_D, x.q_K, self.marionette.p])
             most[strained] = -RETURN * np.abs(h[:n][strained])
         if not np.isfinite(most).any():
             return wanted
@@ -136,7 +136,7 @@ class Holding:
         n_K, n_D = len(x.v_K), len(x.v_D)
         still, unit = np.zeros(n_D), np.eye(n_K)
         state = [x.q_D, still, x.q_K, unit, np.zeros(n_K), still, self.marionette.p]
-        return self.marionette.library.evaluate("dynamics", state)[8].T
+        return self.marionette.model.library.evaluate("dynamics", state)[8].T
 
     def _slow_down(self, row: Array, wanted: VecK, excess: float) -> bool:
         """Takes the groups back that lengthen a string's way, each in proportion.

@@ -164,7 +164,7 @@ def _shortest(
         q[own] = length
         where = (x.q_D, q) if chain.driven_length else (q, x.q_K)
         try:
-            check_step(marionette, "timestepping", *where, dt)
+            check_step(marionette.model, "timestepping", *where, dt)
         except StateError:
             continue
         return float(length)

@@ -370,7 +370,7 @@ class Performance:
         """A new stepper from a state whose time is 0 [s]; time goes on."""
         if keep:
             self._since = self.t
-        options = self._performed.run_options(dt=self.dt, save_every=self._steps)
+        options = self._performed.model.run_options(dt=self.dt, save_every=self._steps)
         self._stepper = Stepper(self._performed, x, "timestepping", options)
 
     def _tick(self) -> None:

@@ -166,7 +166,7 @@ class Recording:
         return dataclasses.replace(self, written=self._performed())
 
     def _performed(self) -> Written:
-        options = self.marionette.run_options(dt=self.dt, save_every=self.steps)
+        options = self.marionette.model.run_options(dt=self.dt, save_every=self.steps)
         stepper = Stepper(self.marionette, self.start, METHOD, options)
         recorder = Recorder(stepper, self.tick)
         for acc_K in self.acc_K:

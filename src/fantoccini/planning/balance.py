@@ -76,7 +76,7 @@ def balanced(
 
     def configurations(x: Array) -> tuple[Array, Array]:
         """(n, n_qD), (n, n_qK) of rows (n, n_D + ends)."""
-        q_D = retract(marionette, origin, x[:, :n_D]) if n_D else np.tile(origin, (len(x), 1))
+        q_D = retract(marionette.model, origin, x[:, :n_D]) if n_D else np.tile(origin, (len(x), 1))
         q_K = np.tile(start.q_K, (len(x), 1))
         q_K[:, ends] = x[:, n_D:]
         return q_D, q_K
@@ -101,7 +101,7 @@ def balanced(
         """q_K with the lengths at which the strings just reach."""
         if lengths:
             q_K[:, [k for _, k in lengths]] = 0.0
-            (h,) = marionette.library.evaluate("rows", [q_D, q_K, p])
+            (h,) = marionette.model.library.evaluate("rows", [q_D, q_K, p])
             for i, k in lengths:
                 q_K[:, k] = h[:, i]
         return q_K
@@ -122,7 +122,7 @@ def balanced(
     q_D, q_K = configurations(x[None])
     left, tension, _ = pulled(marionette, q_D, q_K)
     q_K = reached(q_D, q_K)[0]
-    (h,) = marionette.library.evaluate("rows", [start.q_D, start.q_K, p])
+    (h,) = marionette.model.library.evaluate("rows", [start.q_D, start.q_K, p])
     for i, k in lengths:
         if not tension[0, i] > _PULLS * marionette.weight:
             q_K[k] += max(_SLACK, -h[i])
@@ -144,7 +144,7 @@ def pulled(marionette: Marionette, q_D: Array, q_K: Array) -> tuple[Array, Array
     tree, table, n = marionette.tree, marionette.coordinates, len(q_D)
     wires = [i for i, s in enumerate(tree.strings) if s.wire]
     none_D, none_K = np.zeros((n, table.n_vD)), np.zeros((n, table.n_vK))
-    _, w0, W, _, _, _, _, _, _, h_limit, *_ = marionette.library.evaluate(
+    _, w0, W, _, _, _, _, _, _, h_limit, *_ = marionette.model.library.evaluate(
         "dynamics", [q_D, none_D, q_K, none_K, none_K, none_D, marionette.p]
     )
     W = W.reshape(n, -1, table.n_vD).swapaxes(1, 2)[:, :, : len(tree.strings)]

@@ -9,6 +9,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError, Status
+from fantoccini.marionette import Event, Method, MethodName, TimeStepping, as_method
 from fantoccini.motion import Input, State, Trajectory
 from fantoccini.planning.goals import Rows
 from fantoccini.planning.motions import Motions
@@ -66,32 +67,37 @@ def run_along(
     problem: Problem,
     tree: SearchTree,
     path: Sequence[int],
+    method: Method,
     backend: str = "fantoccini",
-    **options,
+    effort: bool = True,
 ) -> Trajectory:
     """What a plan does.
 
     Args:
         problem, tree, path: see :func:`inputs_along`.
+        method: of the simulation; MuJoCo takes its ``dt``.
         backend: one of ``BACKENDS``.
-        options: of :func:`fantoccini.simulate`, with ``method``; of MuJoCo, ``dt``.
+        effort: compute the force on every driven coordinate.
     """
     motions = problem.motions
-    start = beginning(problem, options.get("method", "timestepping"))
+    start = beginning(problem, method.name)
     nodes = start.t + tree.time[list(path)]
     # A plan of one node has nothing to run; it stands for one step.
     end = max(float(nodes[-1]), start.t + motions.dt)
+    inputs = inputs_along(problem, tree, path)
     if backend == "mujoco":
         from fantoccini.exchange import mujoco_run
 
-        inputs = inputs_along(problem, tree, path)
-        return mujoco_run(problem.marionette, start, inputs, end, **options)
-    if options["method"] == "event":
+        return mujoco_run(problem.marionette, start, inputs, end, method.dt)
+    save_at = None
+    if method.name == "event":
         # The nodes, and looks from start to end.
         looks = np.arange(start.t, end, motions.interval)
-        options["save_at"] = np.unique(np.minimum(np.append(nodes, looks), end))
-    inputs = inputs_along(problem, tree, path)
-    return simulate(problem.marionette, start, inputs, t_end=end, throw=False, **options)
+        save_at = np.unique(np.minimum(np.append(nodes, looks), end))
+    return simulate(
+        problem.marionette, start, inputs, end, method=method, save_at=save_at, effort=effort,
+        throw=False,
+    )  # fmt: skip
 
 
 def beginning(problem: Problem, method: str) -> State:
@@ -108,9 +114,9 @@ def checked(
     tree: SearchTree,
     path: Sequence[int],
     dt_factor: float | None = None,
-    method: str = "timestepping",
+    method: Method | MethodName = "timestepping",
     backend: str = "fantoccini",
-    **options,
+    effort: bool = True,
 ) -> Check:
     """Simulates a plan anew; see :meth:`PlanResult.verify`."""
     motions, path = problem.motions, list(path)
@@ -118,12 +124,10 @@ def checked(
         raise ValueError(f"backend is {backend!r}; it must be {' or '.join(map(repr, BACKENDS))}")
     dt_factor = BACKENDS[backend] if dt_factor is None else dt_factor
     if backend == "mujoco":
-        _check_mujoco(dt_factor, method, options)
-    else:
-        options |= {"method": method, "extrapolate": method != "timestepping"}
+        _check_mujoco(dt_factor, method)
     if method == "timestepping":
-        options["dt"] = motions.dt * dt_factor
-    run = run_along(problem, tree, path, backend, **options)
+        method = TimeStepping(dt=motions.dt * dt_factor, extrapolate=False)
+    run = run_along(problem, tree, path, as_method(method), backend, effort)
     distance = float(problem.goal.distance(Rows.of(run.state(-1)))[0])
     clearance = _least_clearance(motions, run)
     times = problem.start.t + tree.time[path]
@@ -140,8 +144,8 @@ def holds(problem: Problem, tree: SearchTree, path: Sequence[int]) -> bool:
     Raises:
         KeyboardInterrupt: Ctrl-C ended the run, which says nothing about the plan then.
     """
-    options = {"rtol": _CONFIRMED, "atol": _CONFIRMED, "effort": False}
-    made = checked(problem, tree, path, method="event", **options)
+    method = Event(rtol=_CONFIRMED, atol=_CONFIRMED)
+    made = checked(problem, tree, path, method=method, effort=False)
     if made.run.status is Status.STOPPED:
         raise KeyboardInterrupt
     return made.arrives
@@ -173,14 +177,11 @@ def _nearest(t: Array, times: Array) -> Array:
     return np.maximum(after - (times - t[after - 1] <= t[after] - times), 0)
 
 
-def _check_mujoco(dt_factor: float, method: str, options: dict) -> None:
+def _check_mujoco(dt_factor: float, method: Method | MethodName) -> None:
     """Raises ValueError for what does not go with MuJoCo."""
     if method != "timestepping":
         raise ValueError(
             f"backend='mujoco' steps through time: method must be 'timestepping', not {method!r}"
         )
-    if options:
-        given = ", ".join(options)
-        raise ValueError(f"backend='mujoco' takes dt_factor and nothing else; found {given}")
     if not 0.0 < dt_factor < np.inf:
         raise ValueError(f"dt_factor is {dt_factor}; it must be finite and greater than 0")

@@ -145,7 +145,7 @@ class Clearance:
         rows = [
             np.broadcast_to(a, (*lead, a.shape[-1])).reshape(n, a.shape[-1]) for a in (q_D, q_K)
         ]
-        distance, pair = self.marionette.clearances.measure(
+        distance, pair = self.marionette.model.compiled.clearances.measure(
             self.solids, *rows, self.marionette.p, threads
         )
         finite = np.isfinite(rows[0]).all(axis=1) & np.isfinite(rows[1]).all(axis=1)

@@ -55,7 +55,7 @@ def _too_far(goal: Goal, tolerance: float) -> str:
         link = links[at]
         if link.kind in _STRETCHES:
             return ""
-        offset = np.array([marionette.number(x) for x in link.offset])
+        offset = np.array([marionette.model.number(x) for x in link.offset])
         if link.parent == WORLD:
             break
         reach += float(np.linalg.norm(offset))

@@ -19,13 +19,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fantoccini.arrays import Array, MaskRows
 from fantoccini.errors import StateError, Status
-from fantoccini.marionette import Marionette, closed_rows
+from fantoccini.marionette import (
+    Marionette,
+    Method,
+    MethodName,
+    TimeStepping,
+    as_method,
+    closed_rows,
+    instant_at,
+)
 from fantoccini.motion import State, tangent
 from fantoccini.planning.check import beginning
 from fantoccini.planning.funnels import regulators
@@ -226,7 +234,7 @@ class Feedback:
         They are those that are closed: taut in the state's mode, or at their length and at rest.
         """
         marionette, strings = self.plan.problem.marionette, self.pulling.shape[1]
-        closed = closed_rows(marionette, x, marionette.instant(x))
+        closed = closed_rows(marionette.model, x, instant_at(marionette.model, x))
         return (closed.held | closed.slipping)[:strings]
 
     def _kept_within(self, x: State, T: float) -> tuple[Array, Array]:
@@ -257,23 +265,21 @@ class Feedback:
         self,
         x0: State | None = None,
         marionette: Marionette | None = None,
-        method: Literal["timestepping", "event"] = "timestepping",
+        method: Method | MethodName = "timestepping",
         *,
         push: Push | None = None,
         hold: float = 0.0,
         closed: bool = True,
-        **options,
     ) -> Followed:
         """Follows the plan.
 
         Args:
             x0: where the puppet is; at the plan's start by default.
             marionette: what is led, where that is not the puppet that was planned for.
-            method: of the simulation.
+            method: of the simulation; ``timestepping`` has the planner's step.
             push: forces beside those of the plan, held from look to look.
             hold: how long to stay at the goal afterwards [s].
             closed: whether the law is asked; otherwise the plan's accelerations are made.
-            options: of :meth:`fantoccini.Marionette.stepper`; ``dt`` is the planner's by default.
 
         Raises:
             StateError: another puppet has other coordinates, or a run cannot begin at ``x0``.
@@ -283,9 +289,11 @@ class Feedback:
         names = [(m.coordinates.v_D, m.coordinates.v_K) for m in (led, problem.marionette)]
         if names[0] != names[1]:
             raise StateError("the puppet that is led has other coordinates than the plan's")
-        x = beginning(problem, method) if x0 is None else x0
-        steps = {"dt": self.plan.motions.dt, "extrapolate": False} | options
-        stepper = led.stepper(x, method, **steps)
+        if method == "timestepping":
+            method = TimeStepping(dt=self.plan.motions.dt, extrapolate=False)
+        chosen = as_method(method)
+        x = beginning(problem, chosen.name) if x0 is None else x0
+        stepper = led.stepper(x, chosen)
         m, whole = len(self.looks), self.plan.motions.looks
         more = int(np.ceil(hold / (whole * interval) - 1e-9))
         states, asked = [x], []
@@ -307,7 +315,7 @@ def _pulling(plan: PlanResult) -> MaskRows:
     # Tensions of a time step stand at its end.
     after = np.searchsorted(run.t, times + 0.5 * plan.motions.dt)
     pulls = run.tension.values[np.minimum(after, len(run.t) - 1)] != 0.0
-    return pulls | plan.problem.marionette.two_sided[: pulls.shape[1]]
+    return pulls | plan.problem.marionette.model.two_sided[: pulls.shape[1]]
 
 
 def _wanted(plan: PlanResult, end: Rows) -> Array:

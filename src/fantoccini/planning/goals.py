@@ -10,7 +10,7 @@ import numpy as np
 
 from fantoccini.arrays import Array, ConfigD, ConfigK
 from fantoccini.errors import StateError, UnknownNameError
-from fantoccini.marionette import Marionette
+from fantoccini.marionette import Marionette, link_index
 from fantoccini.motion import State, rotation
 from fantoccini.runtime import POINT, POSE, STATE, UNKNOWN, GoalNumbers
 
@@ -99,7 +99,7 @@ class Goal:
             # What is no distance is nowhere near.
             return np.where(np.isnan(found), np.inf, found)
         flat = (a.reshape(-1, a.shape[-1]) for a in (rows.q_D, rows.v_D, rows.q_K, rows.v_K))
-        library = self.marionette.motions
+        library = self.marionette.model.compiled.motions
         return library.distances(self.numbers, *flat, self.marionette.p).reshape(rows.shape)
 
     @property
@@ -278,8 +278,8 @@ class Goal:
             )
         numbers = GoalNumbers(
             POINT, np.zeros(table.n_qD), np.zeros(table.n_qD), np.zeros(table.n_vD),
-            np.zeros(table.n_vD), np.zeros(table.n_vK), marionette.link(body), offset, target,
-            high, _positive(speed_weight), _positive(driven_weight),
+            np.zeros(table.n_vD), np.zeros(table.n_vK), link_index(marionette.model, body), offset,
+            target, high, _positive(speed_weight), _positive(driven_weight),
         )  # fmt: skip
         return cls(marionette, f"{body} at {target.tolist()}", numbers)
 

@@ -261,7 +261,7 @@ def led(
 
 def _acceleration(marionette: Marionette, at: Rows, acc_K: Array, pulling: MaskRows) -> Array:
     """(n, n_vD) acc_D with some strings held: G tau = hddot without tension."""
-    L, w0, W, G, _, _, gamma, a0, *_ = marionette.library.evaluate(
+    L, w0, W, G, _, _, gamma, a0, *_ = marionette.model.library.evaluate(
         "dynamics", [at.q_D, at.v_D, at.q_K, at.v_K, acc_K, np.zeros_like(at.v_D), marionette.p]
     )
     n, strings = pulling.shape
@@ -270,4 +270,4 @@ def _acceleration(marionette: Marionette, at: Rows, acc_K: Array, pulling: MaskR
     G = G + _SOFT * np.trace(G, axis1=1, axis2=2)[:, None, None] * unit
     tension = np.linalg.solve(G, (pulling * (gamma + a0))[..., None])
     w = w0 - (tension.swapaxes(1, 2) @ W.reshape(n, strings, w0.shape[1]))[:, 0]
-    return marionette.library.evaluate("back", [L, w])[0]
+    return marionette.model.library.evaluate("back", [L, w])[0]

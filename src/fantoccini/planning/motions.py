@@ -166,13 +166,13 @@ class Motions:
         self.looks, self.threads = looks, threads
         self.funnels: list[Funnel] = []
         # Motions begin anew at every node: a step that depends on its state alone does not notice.
-        self.options = marionette.run_options(dt=dt, save_every=look, extrapolate=False)
+        self.options = marionette.model.run_options(dt=dt, save_every=look, extrapolate=False)
         limits = bounds.speed, bounds.acceleration, bounds.low, bounds.high
         terms = Terms(
             self.options, looks, marionette.p, marionette.winches, limits, margin, slack,
             clearance.solids, goal.numbers, self.inner,
         )  # fmt: skip
-        self._sweeper = Sweeper(marionette.motions, terms, threads)
+        self._sweeper = Sweeper(marionette.model.compiled.motions, terms, threads)
 
     def where(self, *, tolerance: float, free: bool = False) -> Motions:
         """The same motions with another tolerance; ``free``: that nothing but it ends, and a

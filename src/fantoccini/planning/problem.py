@@ -161,7 +161,7 @@ class Problem:
     def stage(self) -> Marionette:
         """The puppet in a world with all the obstacles, to be drawn; half-spaces are left out."""
         solid = tuple(o for o in self.motions.clearance.obstacles if not isinstance(o, HalfSpace))
-        return self.marionette.among(solid)
+        return self.marionette.with_obstacles(solid)
 
     @property
     def fingerprint(self) -> str:

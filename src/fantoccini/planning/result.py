@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 
 from fantoccini.arrays import Array
+from fantoccini.marionette import Method, MethodName, TimeStepping
 from fantoccini.motion import Input, State, Trajectory
 from fantoccini.planning import archive
 from fantoccini.planning.check import Check, checked, holds, inputs_along, run_along
@@ -235,9 +236,8 @@ class PlanResult:
     def trajectory(self) -> Trajectory:
         """The plan by the time-stepper, with the planner's step."""
         return run_along(
-            self.problem, self.tree, self.path, method="timestepping", dt=self.motions.dt,
-            extrapolate=False,
-        )  # fmt: skip
+            self.problem, self.tree, self.path, TimeStepping(dt=self.motions.dt, extrapolate=False)
+        )
 
     @property
     def clearance(self) -> Array:
@@ -308,19 +308,17 @@ class PlanResult:
     def verify(
         self,
         dt_factor: float | None = None,
-        method: Literal["timestepping", "event"] = "timestepping",
+        method: Method | MethodName = "timestepping",
         backend: Literal["fantoccini", "mujoco"] = "fantoccini",
-        **options,
     ) -> Check:
         """Simulates the plan anew, from its start and inputs alone.
 
         Args:
             dt_factor: step, as part of the planner's: half of it by default, and in MuJoCo a
                 quarter, since its strings give the more the longer it is. None of ``event``.
-            method: ``"timestepping"`` or ``"event"``.
+            method: of the simulation; with its options the step is theirs.
             backend: ``"fantoccini"``, or ``"mujoco"`` (extra ``mujoco``): another program's
                 equations and strings.
-            options: more of :func:`fantoccini.simulate`, as ``rtol``; of fantoccini only.
 
         Raises:
             ExchangeError: MuJoCo cannot do what the puppet has: slipping winches, restitution,
@@ -328,7 +326,7 @@ class PlanResult:
             MissingLibraryError: MuJoCo is not installed.
             ValueError: an unknown backend, or what does not go with it.
         """
-        return checked(self.problem, self.tree, self.path, dt_factor, method, backend, **options)
+        return checked(self.problem, self.tree, self.path, dt_factor, method, backend)
 
 
 def _check(seconds: float) -> None:

@@ -305,7 +305,7 @@ class Shooting:
         """
         marionette, n = self.problem.marionette, len(acc_K)
         strings = len(marionette.tree.strings)
-        _, _, _, G, _, _, gamma, a0, _, h_limit, *_ = marionette.library.evaluate(
+        _, _, _, G, _, _, gamma, a0, _, h_limit, *_ = marionette.model.library.evaluate(
             "dynamics",
             [rows.q_D, rows.v_D, rows.q_K, rows.v_K, acc_K, np.zeros_like(rows.v_D), marionette.p],
         )

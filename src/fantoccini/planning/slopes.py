@@ -52,7 +52,7 @@ def segment_slopes(
     Returns:
         A (m, n_z, n_z) and B (m, n_z, n_vK).
     """
-    sweeper = Sweeper(marionette.motions, _free(marionette, options, looks), threads)
+    sweeper = Sweeper(marionette.model.compiled.motions, _free(marionette, options, looks), threads)
 
     def made(near: Rows, acc_K: Array) -> Rows:
         every = np.arange(len(acc_K))
@@ -159,8 +159,8 @@ def taut(marionette: Marionette, at: Rows, held: MaskRows) -> Array:
     q_D = tangent.moved(*places_D, at.q_D[:, None], steps[:, :n]).reshape(m * (ways + 1), -1)
     q_K = tangent.moved(*places_K, at.q_K[:, None], steps[:, n:]).reshape(m * (ways + 1), -1)
     v_D, v_K = (np.repeat(v, ways + 1, axis=0) for v in (at.v_D, at.v_K))
-    (h,) = marionette.library.evaluate("rows", [q_D, q_K, marionette.p])
-    _, _, _, _, _, hdot, *_ = marionette.library.evaluate(
+    (h,) = marionette.model.library.evaluate("rows", [q_D, q_K, marionette.p])
+    _, _, _, _, _, hdot, *_ = marionette.model.library.evaluate(
         "dynamics", [q_D, v_D, q_K, v_K, np.zeros_like(v_K), np.zeros_like(v_D), marionette.p]
     )
     strings = held.shape[1]

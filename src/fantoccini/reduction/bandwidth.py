@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.marionette import Marionette
+from fantoccini.marionette import Event, Marionette
 from fantoccini.motion import Trajectory
 from fantoccini.reduction.mechanism import Mechanism
 from fantoccini.reduction.motions import Motion
@@ -62,7 +62,7 @@ def tracked(
     tuned = mechanism.tuned(full, ratio, bandwidth)
     run = simulate(
         tuned, mechanism.state(tuned, motion.x0), mechanism.commanded(tuned, motion.inputs),
-        motion.inputs.end, rtol=_RTOL, atol=_RTOL, effort=False, throw=False,
+        motion.inputs.end, method=Event(rtol=_RTOL, atol=_RTOL), effort=False, throw=False,
     )  # fmt: skip
     return beside(mechanism, motion.run, run, bandwidth)
 

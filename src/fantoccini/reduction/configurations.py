@@ -51,7 +51,7 @@ def on_strings(
     n_s, table = len(tree.strings), marionette.coordinates
     if n_s == 0:
         return []
-    size = float(np.mean(marionette.string_lengths(x.q_D, x.q_K))) or 1.0
+    size = float(np.mean(marionette.model.string_lengths(x.q_D, x.q_K))) or 1.0
     units = {row.name: row.unit for row in table.rows}
     spread = np.full(table.n_vD + table.n_vK, _NEAR)
     for first, names, places in (
@@ -81,7 +81,7 @@ def fitted(marionette: Marionette, x: State) -> State | None:
     firm = [i for i, s in enumerate(strings) if s.length_index is None]
     for _ in range(_ROUNDS):
         h = marionette.constraint(x)
-        if np.all(np.abs(h[firm]) <= _ON * marionette.row_scales(x.q_D, x.q_K)[firm]):
+        if np.all(np.abs(h[firm]) <= _ON * marionette.model.row_scales(x.q_D, x.q_K)[firm]):
             break
         A = np.hstack([marionette.A_D(x), marionette.A_K(x)])[firm]
         x = turned(marionette, x, -np.linalg.pinv(A) @ h[firm])

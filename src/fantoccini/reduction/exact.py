@@ -16,8 +16,8 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import SimulationError
-from fantoccini.marionette import Marionette
-from fantoccini.motion import Event, EventKind, Input, Trajectory
+from fantoccini.marionette import Event, Marionette, as_method
+from fantoccini.motion import EventKind, EventRecord, Input, Trajectory
 from fantoccini.reduction.mechanism import Mechanism
 from fantoccini.reduction.motions import IMPACTS, Motion
 from fantoccini.simulation import simulate
@@ -104,7 +104,12 @@ def forces(mechanism: Mechanism, full: Marionette, motion: Motion, ratio: float)
     width = np.diff(breaks)
     times = (breaks[:-1, None] + width[:, None] * _NODES).ravel()
     run = simulate(
-        mechanism.mixed, motion.x0, motion.inputs, end, rtol=1e-12, atol=1e-12, save_at=times
+        mechanism.mixed,
+        motion.x0,
+        motion.inputs,
+        end,
+        method=Event(rtol=1e-12, atol=1e-12),
+        save_at=times,
     )
     at = np.searchsorted(run.t, times - 1e-12)
     needed = run.effort.values[at] + mechanism.inertia(ratio) * run.acc_K[at]
@@ -144,13 +149,13 @@ def compared(
     steps = [half / np.ceil(half / dt) for dt in STEPS]
     settings += [(m, {"dt": dt}, dt) for m in methods if m != "event" for dt in steps]
     for method, options, step in settings:
-        if method == "event":
-            options = options | {"save_at": np.linspace(motion.x0.t, end, 200)[1:-1]}
-        elif end - motion.x0.t < 4 * step:
+        save_at = np.linspace(motion.x0.t, end, 200)[1:-1] if method == "event" else None
+        if method != "event" and end - motion.x0.t < 4 * step:
             continue
+        chosen = as_method(method, **options)
         try:
             mixed, other = (
-                simulate(puppet, x, moves, end, method=method, **options)
+                simulate(puppet, x, moves, end, method=chosen, save_at=save_at)
                 for puppet, x, moves in (
                     (mechanism.mixed, motion.x0, motion.inputs), (full, x_full, inputs)
                 )
@@ -172,7 +177,7 @@ def caught(mechanism: Mechanism, full: Marionette, motion: Motion) -> list[Caugh
     """
     first = _first(mechanism, motion)
     end = min(motion.inputs.end, first.t + _AFTER * mechanism.pace)
-    options = {"rtol": 1e-11, "atol": 1e-11}
+    options = {"method": Event(rtol=1e-11, atol=1e-11)}
     mixed = simulate(mechanism.mixed, motion.x0, motion.inputs, end, **options)
     found = []
     for ratio in RATIOS:
@@ -184,7 +189,7 @@ def caught(mechanism: Mechanism, full: Marionette, motion: Motion) -> list[Caugh
     return found
 
 
-def _first(mechanism: Mechanism, motion: Motion) -> Event:
+def _first(mechanism: Mechanism, motion: Motion) -> EventRecord:
     """The first catch of a string whose length or end moves; else the first impact there is."""
     impacts = [e for e in motion.run.events if e.kind in IMPACTS]
     reaches = np.any(mechanism.mixed.A_K(motion.x0) != 0.0, axis=1)

@@ -13,6 +13,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import FantocciniError
+from fantoccini.marionette import Event
 from fantoccini.motion import State, tangent
 from fantoccini.puppet import Chain, Parameter, Puppet, String
 from fantoccini.reduction.bandwidth import Tracked, beside
@@ -92,7 +93,7 @@ def massive(
     name = heaviest(motion, mechanism.mixed.puppet.expanded())
     own = mechanism.chained(name, _chain(mechanism))
     full, found = own.full(bandwidth=1.0), []
-    options = {"rtol": _RTOL, "atol": _RTOL, "effort": False, "throw": False}
+    options = {"method": Event(rtol=_RTOL, atol=_RTOL), "effort": False, "throw": False}
     for share in masses:
         given = {STRING_MASS: share * mechanism.mixed.mass}
         heavy = own.mixed.with_parameters(given)

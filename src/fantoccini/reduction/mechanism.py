@@ -42,7 +42,7 @@ class Mechanism:
         Raises:
             PuppetError: it has no driven coordinates, or is a world of several puppets.
         """
-        puppet = marionette.described
+        puppet = marionette.model.described
         if len(marionette.world.puppets) > 1:
             raise PuppetError([Problem(
                 marionette.name, None, "", f"found a world of {len(marionette.world.puppets)} "
@@ -71,7 +71,7 @@ class Mechanism:
     def size(self) -> float:
         """Mean length of the strings in the file's pose [m]; 1 without strings."""
         x = self.mixed.state()
-        lengths = self.mixed.string_lengths(x.q_D, x.q_K)
+        lengths = self.mixed.model.string_lengths(x.q_D, x.q_K)
         return float(np.mean(lengths)) if len(lengths) else 1.0
 
     @property

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.errors import SimulationError
+from fantoccini.marionette import Event, instant_at
 from fantoccini.motion import EventKind, Input, State, Trajectory, rotation
 from fantoccini.reduction.mechanism import Mechanism
 from fantoccini.simulation import simulate
@@ -75,7 +76,7 @@ def tossed(mechanism: Mechanism, x0: State, inputs: Input) -> Motion | None:
     None where nothing catches, as without gravity or strings.
     """
     mixed = mechanism.mixed
-    at = mixed.instant(x0)
+    at = instant_at(mixed.model, x0)
     thrown = x0.replace(v_D=-_FLIGHT * mechanism.pace * at.back(at.w0))
     try:
         found = performed(mechanism, mixed.project(thrown), inputs)
@@ -112,6 +113,8 @@ def performed(
     mechanism: Mechanism, x0: State, inputs: Input, rtol: float = 1e-12, **options
 ) -> Motion:
     """The mixed model's motion, and when it first catches."""
-    run = simulate(mechanism.mixed, x0, inputs, inputs.end, rtol=rtol, atol=rtol, **options)
+    run = simulate(
+        mechanism.mixed, x0, inputs, inputs.end, method=Event(rtol=rtol, atol=rtol), **options
+    )
     caught = [e.t for e in run.events if e.kind in IMPACTS]
     return Motion(x0, inputs, run, min(caught, default=inputs.end))

@@ -12,7 +12,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError
-from fantoccini.marionette import Marionette
+from fantoccini.marionette import Event, Marionette
 from fantoccini.reduction.mechanism import Mechanism
 from fantoccini.reduction.motions import Motion
 from fantoccini.simulation import simulate
@@ -66,7 +66,12 @@ def own(mechanism: Mechanism, marionette: Marionette, motion: Motion) -> Own:
     start = marionette.rest(mechanism.values(motion.x0))
     commands = mechanism.commanded(marionette, motion.inputs)
     run = simulate(
-        marionette, start, commands, motion.inputs.end, rtol=_RTOL, atol=_RTOL, throw=False
+        marionette,
+        start,
+        commands,
+        motion.inputs.end,
+        method=Event(rtol=_RTOL, atol=_RTOL),
+        throw=False,
     )
     times = np.linspace(run.t[0], min(run.t[-1], motion.run.t[-1]), 300)
     puppet, drives = mechanism.away(motion.run.resample(times), run.resample(times))

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.marionette import Marionette
+from fantoccini.marionette import A_rate, Marionette, coriolis_full
 from fantoccini.motion import State
 from fantoccini.reduction.kinetic import blocks
 
@@ -78,9 +78,9 @@ def symmetric_products(
     C, Adot = np.zeros((k, n, n)), np.zeros((k, len(rows), n))
     for i in range(k):
         moving = x.replace(v_D=fields[: table.n_vD, i], v_K=fields[table.n_vD :, i])
-        C[i] = marionette.coriolis_full(moving)
+        C[i] = coriolis_full(marionette.model, moving)
         if len(rows):
-            Adot[i] = np.hstack(marionette.A_rate(moving))[rows]
+            Adot[i] = np.hstack(A_rate(marionette.model, moving))[rows]
     across, along = _basis(W), _basis(free + W @ mu)
     found, outside = np.zeros((n, k, k)), np.zeros((k, k))
     for i in range(k):

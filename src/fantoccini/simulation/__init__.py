@@ -1,5 +1,6 @@
 """simulate: a marionette, a start state and inputs -> Trajectory; sensitivity: its derivatives."""
 
+from fantoccini.simulation.batch import simulate_batch
 from fantoccini.simulation.catch import Passage
 from fantoccini.simulation.integrators import INTEGRATORS
 from fantoccini.simulation.run import simulate, trajectory_of_rows
@@ -11,5 +12,6 @@ __all__ = [
     "Sensitivity",
     "sensitivity",
     "simulate",
+    "simulate_batch",
     "trajectory_of_rows",
 ]

@@ -19,7 +19,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import SimulationError, Status
-from fantoccini.marionette import Marionette
+from fantoccini.marionette import Marionette, instant_at
 from fantoccini.marionette.closed import CLOSED, STILL
 from fantoccini.marionette.linearisation import Answer
 from fantoccini.motion import State
@@ -68,10 +68,10 @@ class Catch:
         self, marionette: Marionette, before: State, after: State, held: tuple[Array, Array]
     ):
         self._marionette, self._before = marionette, before
-        self._instant = instant = marionette.instant(before)
-        wires, n_rows = marionette.two_sided, marionette.tree.n_rows
+        self._instant = instant = instant_at(marionette.model, before)
+        wires, n_rows = marionette.model.two_sided, marionette.tree.n_rows
         was, stays = (np.isin(np.arange(n_rows), rows) for rows in held)
-        closed = np.abs(instant.h) <= CLOSED * marionette.row_scales(before.q_D, before.q_K)
+        closed = np.abs(instant.h) <= CLOSED * marionette.model.row_scales(before.q_D, before.q_K)
         rows = np.flatnonzero(was | closed | wires)
         self._back = np.zeros(n_rows)
         self._back[: len(marionette.tree.strings)] = marionette.winches[:, 2]
@@ -155,7 +155,7 @@ class Catch:
             "tension": np.stack([self._impulse, np.zeros_like(self._impulse)]),
             "dt": np.zeros(1), "p": self._marionette.p,
         }  # fmt: skip
-        slopes = self._marionette.derivatives
+        slopes = self._marionette.model.compiled.derivatives
         found = slopes.at("force_by_q", values) | slopes.at("force_by_K", values)
         kick = {name: part[0] - part[1] for name, part in found.items()}
         return kick["r_q"] @ q_D + kick["r_qK"] @ q_K + kick["r_p"] @ p
@@ -178,7 +178,7 @@ def rows_by(marionette: Marionette, x: State) -> dict[str, Array]:
         "q_D": x.q_D, "v_D": x.v_D, "acc_D": np.zeros(t.n_vD), "q_K": x.q_K, "v_K": x.v_K,
         "acc_K": np.zeros(t.n_vK), "p": marionette.p,
     }  # fmt: skip
-    return marionette.derivatives.at("rows_by", values)
+    return marionette.model.compiled.derivatives.at("rows_by", values)
 
 
 def rate_change(found: dict[str, Array], q_D: Array, q_K: Array, v_K: Array, p: Array) -> Array:

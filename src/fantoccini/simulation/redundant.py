@@ -18,7 +18,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import Status
-from fantoccini.marionette import Marionette
+from fantoccini.marionette import Marionette, instant_at
 from fantoccini.motion import Trajectory
 from fantoccini.tree import Role, StringRow
 
@@ -77,10 +77,12 @@ def contradiction(marionette: Marionette, run: Trajectory, row: int) -> Contradi
     """What redundant strings contradict one another in at a row of a run; None where none do."""
     x = run.state(row)
     x = x.replace(slip=np.maximum(x.slip, 0.0))  # that of a winch which slips may be rounding
-    instant = marionette.instant(x, run.acc_K[row])
+    instant = instant_at(marionette.model, x, run.acc_K[row])
     n = len(marionette.tree.strings)
-    scale = marionette.row_scales(x.q_D, x.q_K)[:n]
-    holds = np.flatnonzero((instant.h[:n] >= -_NEAR * scale) & ~np.isfinite(marionette.upper[:n]))
+    scale = marionette.model.row_scales(x.q_D, x.q_K)[:n]
+    holds = np.flatnonzero(
+        (instant.h[:n] >= -_NEAR * scale) & ~np.isfinite(marionette.model.upper[:n])
+    )
     W = instant.W[:, holds]
     if not len(holds) or np.linalg.matrix_rank(W, _DEPENDS * np.linalg.norm(W, 2)) == len(holds):
         return None
@@ -107,7 +109,7 @@ def overpulled(marionette: Marionette, run: Trajectory) -> int | None:
     tensions that pull against one another. Once, as at a catch, is no contradiction.
     """
     pulls = np.max(run.tension.values, axis=1, initial=0.0)
-    rows = np.flatnonzero(pulls > _EXCESS * marionette.reference_force)
+    rows = np.flatnonzero(pulls > _EXCESS * marionette.model.reference_force)
     looks = rows[:: max(1, len(rows) // _MOST_LOOKS)]
     beyond = [int(row) for row in looks if _exceeds(marionette, run, row)]
     return beyond[0] if len(beyond) >= _RECURS else None
@@ -116,11 +118,11 @@ def overpulled(marionette: Marionette, run: Trajectory) -> int | None:
 def _exceeds(marionette: Marionette, run: Trajectory, row: int) -> bool:
     tension = run.tension.values[row]
     some = np.flatnonzero(tension > 0.0)
-    W = marionette.instant(run.state(row).replace(slip=()), run.acc_K[row]).W[:, some]
+    W = instant_at(marionette.model, run.state(row).replace(slip=()), run.acc_K[row]).W[:, some]
     if np.max(np.abs(W), initial=0.0) == 0.0:
         return False  # strings that move nothing pull against no other
     least = _least(W, tension[some])
-    return bool(np.max(tension) > _EXCESS * (np.max(least) + marionette.reference_force))
+    return bool(np.max(tension) > _EXCESS * (np.max(least) + marionette.model.reference_force))
 
 
 def _self_stress(W: Array, asked: Array) -> Array | None:

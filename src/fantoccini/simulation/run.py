@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Callable
 
 import numpy as np
 
@@ -13,30 +12,27 @@ from fantoccini.arrays import Array
 from fantoccini.errors import ARRIVED, SimulationError, Status
 from fantoccini.marionette import (
     Marionette,
-    check_method,
+    Method,
+    MethodName,
+    as_method,
     check_rows,
     check_step,
     ready,
 )
 from fantoccini.motion import (
     Columns,
-    Event,
     EventKind,
+    EventRecord,
     Input,
-    Inputs,
     State,
-    Trajectories,
     Trajectory,
 )
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Run
-from fantoccini.simulation.many import simulate_many
+from fantoccini.simulation.checks import check_marionette, save_times
 from fantoccini.simulation.redundant import STOPPED_BY, Contradiction, contradiction, overpulled
 from fantoccini.simulation.soundness import judged
 from fantoccini.simulation.weak_motors import too_weak
-
-if TYPE_CHECKING:
-    from scipy.integrate import OdeSolver
 
 _KINDS = (
     EventKind.CATCH, EventKind.RELEASE, EventKind.ACCUMULATION, EventKind.BREAKPOINT,
@@ -49,128 +45,82 @@ _LIMIT_KINDS = {EventKind.CATCH: EventKind.LIMIT_ON, EventKind.RELEASE: EventKin
 
 def simulate(
     marionette: Marionette,
-    x0: State | Sequence[State],
-    inputs: Input | Inputs | Sequence[Input] | None = None,
+    x0: State,
+    inputs: Input | None = None,
     t_end: float | None = None,
     *,
-    method: Literal["event", "timestepping", "variational"] = "event",
-    integrator: str | type[OdeSolver] | None = None,
-    rtol: float = 1e-11,
-    atol: float = 1e-11,
-    max_step: float = 0.1,
-    dt: float = 0.002,
-    extrapolate: bool = True,
+    method: Method | MethodName = "event",
     save_at: Array | None = None,
     save_every: int = 1,
     effort: bool = True,
     progress: Callable[[float], None] | None = None,
     throw: bool = True,
-    save: Sequence[str] | str | None = None,
-    out: Mapping[str, Array] | None = None,
-    threads: int | None = None,
     max_memory: float | None = None,
-) -> Trajectory | Trajectories:
+) -> Trajectory:
     """M_DD acc_D + M_DK acc_K + c = u_D + A_D^T lambda, with strings that only pull.
 
     Between events the taut strings hold (Eqs. 10-12); where one releases or snaps taut the run
-    stops, the impulse acts (Eqs. 13-15) and the mode is chosen anew (Sec. IV).
-
-    Many states, many inputs or both make a batch, which gives :class:`Trajectories`: on threads,
-    and fixed steps in lanes. A run of a batch that stops early is told by its status and does
-    not raise; Ctrl-C keeps what was reached, with the others STOPPED.
+    stops, the impulse acts (Eqs. 13-15) and the mode is chosen anew (Sec. IV). Many runs at once
+    are :func:`simulate_batch`'s.
 
     Args:
         marionette: the puppet.
-        x0: where it starts; no string may be longer than its length. A list of states of one time
-            makes a batch.
+        x0: where it starts; no string may be longer than its length.
         inputs: what the driven coordinates do; they hold still when not given. Times are absolute:
-            the run starts at ``x0.t``. A list of them, or :class:`Inputs`, makes a batch; there
-            must be as many as states, or a single one of either.
+            the run starts at ``x0.t``.
         t_end: end of the run [s]; the end of the inputs when not given.
         method: ``event``: adaptive order 8 with located events. ``timestepping``: fixed step, for
             interaction, planning and batches. ``variational``: fixed step of second order whose
             energy does not drift, with lengths exact at every step; for large steps and long runs.
-        integrator: of ``event``: a method of SciPy's ``solve_ivp`` (``RK23``, ``RK45``,
-            ``DOP853``, ``Radau``, ``BDF``, ``LSODA``) or a subclass of its ``OdeSolver``; the
-            compiled one, which is of order 8 and many times faster, when not given.
-        rtol, atol: tolerances of the event-driven integrator.
-        max_step: its largest step [s].
-        dt: step of ``timestepping`` and ``variational`` [s].
-        extrapolate: time-stepping takes velocity products half a step on, from the accelerations of
-            the steps before, which keeps energy where something spins; False makes each step depend
-            on its state alone, so that a run goes on from any row to the same bits.
+            With options: :class:`Event`, :class:`TimeStepping`, :class:`Variational`.
         save_at: (n,) times to write, next to the start, the end and those of events
             (event-driven only) [s]; every step when not given.
         save_every: write every so many steps (not event-driven).
         effort: compute the force on every driven coordinate.
         progress: called with the time reached, for a progress bar [s].
         throw: raise when the run stops before its end; otherwise the status tells.
-        save: of a batch, what to save: ``all``, or names of its arrays; q_D, v_D and tension when
-            not given.
-        out: of a batch, arrays to write into, by name, with the shapes that the batch gives:
-            C-contiguous (n, T, width); new ones where not given. ``force`` holds tension and
-            limit_force side by side, ``books`` what the ledger is made of.
-        threads: of a batch; all processors when not given.
-        max_memory: for the rows and events of a run, or the arrays of a batch [bytes]; half of the
-            memory that is free when not given. Rows that are known not to fit are refused; an
-            event-driven run ends with ``TOO_MANY_ROWS`` where they no longer do.
-
-    Returns:
-        The trajectory, or those of a batch.
+        max_memory: for the rows and events [bytes]; half of the memory that is free when not given.
+            Rows that are known not to fit are refused; an event-driven run ends with
+            ``TOO_MANY_ROWS`` where they no longer do.
 
     Raises:
         StateError: ``x0`` breaks a string or limit; ``marionette.project(x0)`` repairs it. Or
-            ``dt`` is too long for a chain or a spring, or the rows do not fit in memory.
+            the step is too long for a chain or a spring, or the rows do not fit in memory.
         InputError: the inputs do not start where ``x0`` is.
+        TypeError: several states or inputs, which :func:`simulate_batch` takes.
         ValueError: an argument that makes no sense.
         SimulationError: the run stopped, or with a fixed step overstepped rows or gained energy;
             the error carries the trajectory so far.
     """
-    check_method(method)
+    chosen = as_method(method)
+    method, integrator = chosen.name, getattr(chosen, "integrator", None)
     if integrator is not None:
-        if method != "event":
-            raise ValueError(f"integrator goes with method='event'; {method} has its own")
         from fantoccini.simulation.scipy_run import ScipyRun, solver_class
 
         solver_class(integrator)
-    if not isinstance(marionette, Marionette):
+    check_marionette(marionette)
+    if not isinstance(x0, State) or not isinstance(inputs, Input | None):
         raise TypeError(
-            f"marionette is a {type(marionette).__name__}; it must be one Marionette, as fan.load "
-            "gives it. Simulate several one by one, or with fan.sweep"
+            "simulate takes one state and one input; several of either go to fan.simulate_batch"
         )
-    if not extrapolate and method != "timestepping":
-        raise ValueError(f"extrapolate=False goes with method='timestepping', not {method!r}")
-    many = not isinstance(x0, State) or not isinstance(inputs, Input | None)
-    options = marionette.run_options(
-        rtol=rtol, atol=atol, max_step=max_step, dt=dt, save_steps=save_at is None and not many,
-        save_every=save_every, max_memory=max_memory, extrapolate=extrapolate,
-    )  # fmt: skip
-    if many:
-        if integrator is not None:
-            raise ValueError("integrator goes with a single run; batches have the compiled one")
-        times = _save_times(save_at, method, -np.inf, np.inf)
-        return simulate_many(
-            marionette, x0, inputs, t_end, method, options, save_at=times, save=save, out=out,
-            threads=threads, progress=progress,
-        )  # fmt: skip
-    for name, value in (("save", save), ("out", out), ("threads", threads)):
-        if value is not None:
-            raise ValueError(f"{name} goes with many states or inputs")
-    marionette.check_state(x0)
+    options = marionette.model.run_options(
+        **chosen.options, save_steps=save_at is None, save_every=save_every, max_memory=max_memory
+    )
+    marionette.model.check_state(x0)
     inputs = Input.hold(marionette).shifted(x0.t) if inputs is None else inputs
     t_end = inputs.end if t_end is None else float(t_end)
     if not np.isfinite(t_end) or not t_end > x0.t:
         raise ValueError(f"t_end is {t_end}; it must be later than the start at {x0.t}")
-    bound = ready(marionette, inputs, x0.q_K, x0.v_K, x0.t, t_end)
+    bound = ready(marionette.model, inputs, x0.q_K, x0.v_K, x0.t, t_end)
     marionette.check_start(x0, method)
-    check_step(marionette, method, x0.q_D, x0.q_K, dt)
-    save_at = _save_times(save_at, method, x0.t, t_end)
-    check_rows(marionette, method, options, x0.t, t_end, save_at)
+    check_step(marionette.model, method, x0.q_D, x0.q_K, options.dt)
+    save_at = save_times(save_at, method, x0.t, t_end)
+    check_rows(marionette.model, method, options, x0.t, t_end, save_at)
     about = options, x0, marionette.p, marionette.winches, bound, save_at
     if integrator is None:
-        run = Run(marionette.library_of(method), method, *about)
+        run = Run(marionette.model.compiled.library_of(method), method, *about)
     else:
-        run = ScipyRun(integrator, marionette.library, *about)
+        run = ScipyRun(integrator, marionette.model.library, *about)
     rows, events = [], []
     began = time.perf_counter()
     status = _collect(run, t_end, progress, rows, events)
@@ -199,7 +149,7 @@ def simulate(
     if method != "event" and status in ARRIVED and made.t[-1] >= t_end:
         # What a variational step counts has no slip in it; it holds all rows, or is not made.
         worst = run.progress[2] if method == "timestepping" else 0.0
-        verdict, unsound = judged(marionette, made, dt, worst)
+        verdict, unsound = judged(marionette, made, options.dt, worst)
         if verdict is not Status.DONE:
             status = verdict
             made = dataclasses.replace(made, status=status, blamed=())
@@ -224,23 +174,9 @@ def _where(
     last = made.tension.values[-1]
     if np.max(last, initial=0.0) > 10.0 * marionette.weight:
         text += f"; the largest tension was {np.max(last):.3g} N"
-    lengths = marionette.string_lengths(made.q_D[-1], made.q_K[-1])
+    lengths = marionette.model.string_lengths(made.q_D[-1], made.q_K[-1])
     gone = [n for n, x in zip(made.tension.names, lengths, strict=True) if x < 1e-3]
     return text + "".join(f"; {n}.length is nearly 0" for n in gone)
-
-
-def _save_times(save_at: Array | None, method: str, t: float, t_end: float) -> Array | None:
-    """The times to write, the end among them."""
-    if save_at is None:
-        return None
-    if method != "event":
-        raise ValueError(f"save_at goes with method='event'; {method} takes save_every")
-    times = np.asarray(save_at, dtype=float)
-    if times.ndim != 1 or not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):
-        raise ValueError("save_at must be a list of finite times that increase")
-    if len(times) and (times[0] < t or times[-1] > t_end):
-        raise ValueError(f"save_at must lie between the start {t:g} s and the end {t_end:g} s")
-    return np.union1d(times, [t_end] if np.isfinite(t_end) else [])
 
 
 def _collect(run: Run, t_end: float, progress, rows: list, events: list) -> Status:
@@ -283,7 +219,7 @@ def trajectory_of_rows(
         seconds: how long the run took [s].
     """
     tree = marionette.tree
-    part = marionette.row_layout.split(rows)
+    part = marionette.model.row_layout.split(rows)
     n_strings = len(tree.strings)
     strings = tuple(s.name for s in tree.strings)
     limits = tuple(limit.name for limit in tree.limits)
@@ -304,7 +240,7 @@ def trajectory_of_rows(
         status=status,
         method=method,
         coordinates=marionette.coordinates,
-        puppet=marionette.described,
+        puppet=marionette.model.described,
         effort=effort,
         violation=_violation(marionette, part),
         slip=Columns(strings, part["slip"], "string"),
@@ -315,9 +251,9 @@ def trajectory_of_rows(
 
 def _violation(marionette: Marionette, part: dict[str, Array]) -> Columns:
     """max(h, 0) of every row, |h| of wires: how far strings and limits were overstepped."""
-    (h,) = marionette.library.evaluate("rows", [part["q_D"], part["q_K"], marionette.p])
+    (h,) = marionette.model.library.evaluate("rows", [part["q_D"], part["q_K"], marionette.p])
     h[:, : part["slip"].shape[1]] -= part["slip"]
-    beyond = np.where(marionette.two_sided, np.abs(h), np.maximum(h, 0.0))
+    beyond = np.where(marionette.model.two_sided, np.abs(h), np.maximum(h, 0.0))
     return Columns(marionette.tree.row_names, beyond, "string or limit")
 
 
@@ -330,10 +266,10 @@ def _ledger(part: dict[str, Array]) -> Columns:
     return Columns(LEDGER, np.stack([entries[name] for name in LEDGER], axis=1), "entry")
 
 
-def _event(tree, row: Array, n_strings: int) -> Event:
+def _event(tree, row: Array, n_strings: int) -> EventRecord:
     t, kind, index, impulse, speed = row
     kind, index = _KINDS[int(kind)], int(index)
     if index >= n_strings:
         kind = _LIMIT_KINDS.get(kind, kind)
     name = tree.blamable[index] if index >= 0 else ""
-    return Event(float(t), kind, name, float(impulse), float(speed))
+    return EventRecord(float(t), kind, name, float(impulse), float(speed))

@@ -89,7 +89,7 @@ def sensitivity(
         SimulationError: the run stopped.
     """
     check_positive(rtol=rtol, atol=atol)
-    marionette.check_state(x0)
+    marionette.model.check_state(x0)
     inputs = Input.hold(marionette).shifted(x0.t) if inputs is None else inputs
     run = simulate(marionette, x0, inputs, t_end, effort=False)
     if run.slip is not None and np.any(run.slip.values > 0.0):
@@ -99,7 +99,7 @@ def sensitivity(
             "and catches only: raise max_tension, or let the run end earlier"
         )
     t_end = inputs.end if t_end is None else float(t_end)
-    bound = ready(marionette, inputs, x0.q_K, x0.v_K, x0.t, t_end)
+    bound = ready(marionette.model, inputs, x0.q_K, x0.v_K, x0.t, t_end)
     others = [_bound(marionette, other, bound, x0) for other in toward]
     _check_along(marionette, along)
     asked = np.zeros(0) if save_at is None else np.unique(np.asarray(save_at, dtype=float))
@@ -221,7 +221,7 @@ class _Course:
         """Indices of the rows that are taut from a row of the run on."""
         run = self.run
         holds = np.concatenate([run.taut.values[row], run.limit_force.values[row] > 0.0])
-        return np.flatnonzero(holds | self.marionette.two_sided)
+        return np.flatnonzero(holds | self.marionette.model.two_sided)
 
     def _driving(self, start: float, end: float) -> list[Driving]:
         """The smooth pieces of the inputs from one time to another."""

@@ -91,7 +91,7 @@ def judged(
 
 
 def _advice(marionette: Marionette, made: Trajectory, dt: float) -> str:
-    longest = tension_step(marionette, made.q_D[0], made.q_K[0], made.tension.values[0])
+    longest = tension_step(marionette.model, made.q_D[0], made.q_K[0], made.tension.values[0])
     if dt <= longest:
         return f"Take a dt shorter than {dt:g} s"
     return (

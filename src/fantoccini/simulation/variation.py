@@ -14,7 +14,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import SimulationError, Status
-from fantoccini.marionette import Marionette
+from fantoccini.marionette import Marionette, instant_at
 from fantoccini.marionette.linearisation import Answer, linearise, turning
 from fantoccini.motion import State
 from fantoccini.motion.rotation import multiply
@@ -41,7 +41,7 @@ class Variation:
     def projected(self, x: State, rows: Array, Z: Array, outside: Outside) -> Array:
         """The changes nearest to Z, in the metric of M_DD, that keep h = 0 and hdot = 0 of rows."""
         n, found = len(x.v_D), rows_by(self.marionette, x)
-        answer = Answer(self.marionette.instant(x), rows)
+        answer = Answer(instant_at(self.marionette.model, x), rows)
         still = np.zeros((n, Z.shape[1]))
         Z_q, Z_v = Z[:n], Z[n:]
         gap = found["A_D"] @ Z_q + found["A_K"] @ outside.q_K + found["h_p"] @ outside.p
@@ -65,7 +65,7 @@ class Variation:
             q_D, v_D, Z = y[:n_q], y[n_q : n_q + n], y[n_q + n :].reshape(2 * n, m)
             q_K, v_K, acc_K, u_D = driving.at(t)
             here = x.replace(t=t, q_D=q_D, v_D=v_D, q_K=q_K, v_K=v_K)
-            lin, out = linearise(self.marionette, here, acc_K, u_D, names), driving.outside(t)
+            lin, out = linearise(self.marionette.model, here, acc_K, u_D, names), driving.outside(t)
             Z_q = turning(self._table.quaternions_D, v_D) @ Z[:n] + Z[n:]
             acc = lin.acc
             Z_v = (

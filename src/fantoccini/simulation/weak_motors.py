@@ -51,7 +51,7 @@ def _moves(row: DriveRow) -> bool:
 
 def _most(marionette: Marionette, row: DriveRow) -> float:
     """The largest torque or force of a motor at rest [N m or N]."""
-    motor, number = row.drive.motor, marionette.number
+    motor, number = row.drive.motor, marionette.model.number
     if not isinstance(motor, DirectCurrent):
         return number(motor.torque)
     most = min(number(motor.current), number(motor.voltage) / number(motor.resistance))
@@ -72,7 +72,7 @@ def _loads(marionette: Marionette, run: Trajectory, before: float) -> dict[str, 
     for row in led:
         width = row.v.stop - row.v.start
         size = float(np.linalg.norm(most[at : at + width]))
-        found[row.name] = size / row.ratio(marionette.number)
+        found[row.name] = size / row.ratio(marionette.model.number)
         at += width
     return found
 

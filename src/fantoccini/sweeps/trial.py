@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import UnknownNameError
-from fantoccini.marionette import Marionette
+from fantoccini.marionette import Marionette, Method, MethodName, as_method
 from fantoccini.motion import Input, State, Trajectory
 from fantoccini.simulation import simulate
 from fantoccini.sweeps.case import PARAMETER, PUPPET, Case
 
 INPUTS = "inputs"
 """The name under which inputs are varied."""
-OPTIONS = (
-    "t_end", "method", "integrator", "rtol", "atol", "max_step", "dt", "save_every",
-)  # fmt: skip
-"""Arguments of ``simulate`` that can be varied, as in a study of convergence."""
+METHOD = "method"
+"""The name under which methods are varied."""
+METHOD_OPTIONS = ("integrator", "rtol", "atol", "max_step", "dt", "extrapolate")
+"""Options of methods that can be varied, as in a study of convergence."""
+OPTIONS = ("t_end", "save_every")
+"""Arguments of ``simulate`` that can be varied."""
 
 
 def _integral(t: Array, x: Array) -> float:
@@ -62,8 +64,8 @@ class Trial:
             None.
         start: values of the start, as :meth:`Marionette.state` takes them.
         t_end: end of the runs [s]; that of the inputs when None.
-        method: ``event`` or ``timestepping``.
-        options: further arguments of ``simulate``, such as ``{"dt": 0.001}``.
+        method: of the runs, with its options: ``TimeStepping(dt=0.001)``, or a name.
+        options: further arguments of ``simulate``, such as ``{"save_every": 10}``.
         keep: columns of :meth:`Trajectory.columns` to keep: ``"max tension:hand"``,
             ``"last elbow"``, ``"rms effort:hand.length"``, with one of first, last, min, max, mean,
             rms and integral; or ``"elbow"`` for its course at ``times``, NaN after the run's end.
@@ -75,7 +77,7 @@ class Trial:
     inputs: Input | Mapping[str, Sequence] | None = None
     start: Mapping[str, Any] = field(default_factory=dict)
     t_end: float | None = None
-    method: str = "event"
+    method: Method | MethodName = "event"
     options: Mapping[str, Any] = field(default_factory=dict)
     keep: Sequence[str] = ()
     times: Sequence[float] = ()
@@ -109,26 +111,35 @@ class Trial:
     def run(self, case: Case) -> Trajectory:
         """The whole run of a case, as for a look at one that stands out."""
         marionette, table = case.marionette, case.marionette.coordinates
-        start, options = dict(self.start), {"method": self.method, **self.options}
-        options["t_end"] = self.t_end
+        start, method, varied = dict(self.start), self.method, {}
+        options = {**self.options, "t_end": self.t_end}
         inputs = self.inputs
         places = {*table.q_D, *table.q_K, *(f"v:{name}" for name in (*table.v_D, *table.v_K))}
         places |= {n[:-2] + "rotation" for n in places if n.endswith(".qw")}
         for name, value in case.values.items():
             if name == INPUTS:
                 inputs = value
+            elif name == METHOD:
+                method = value
+            elif name in METHOD_OPTIONS:
+                varied[name] = value
             elif name in OPTIONS:
                 options[name] = value
             elif name in places:
                 start[name] = value
             elif name != PUPPET and not name.startswith(PARAMETER):
-                raise UnknownNameError("value of a Trial", name, {*places, *OPTIONS, INPUTS})
+                known = {*places, *OPTIONS, *METHOD_OPTIONS, METHOD, INPUTS}
+                raise UnknownNameError("value of a Trial", name, known)
         if inputs is not None and not isinstance(inputs, Input):
             inputs = Input.waypoints(marionette, inputs)
         x0 = _start(marionette, inputs, start)
         if inputs is None and options["t_end"] is None:
             raise ValueError("a Trial without inputs needs t_end, the end of its runs [s]")
-        return simulate(marionette, x0, inputs, throw=False, **options)
+        if isinstance(method, str):
+            chosen = as_method(method, **varied)
+        else:
+            chosen = replace(method, **varied)
+        return simulate(marionette, x0, inputs, method=chosen, throw=False, **options)
 
     def _kept(self, run: Trajectory) -> dict[str, Any]:
         columns, kept = run.columns(), {}

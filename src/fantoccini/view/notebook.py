@@ -50,7 +50,7 @@ def puppet_html(marionette: Marionette) -> str | None:
         marionette: the puppet's handle.
     """
     try:
-        still = Still(marionette.world, marionette.tree, marionette.number)
+        still = Still(marionette.world, marionette.tree, marionette.model.number)
         picture = _picture(
             lambda: figure_of(scene_at(still, still.start()), size=(420, 520)), "the start pose"
         )
@@ -163,7 +163,7 @@ def _length(m: Marionette, string: StringRow) -> str:
     if string.length is None:
         return "driven"
     name = f"{string.length.parameter} = " if isinstance(string.length, Parameter) else ""
-    return f"{name}{m.number(string.length):.4g} m"
+    return f"{name}{m.model.number(string.length):.4g} m"
 
 
 def _run_tables(run: Trajectory) -> list[str]:

@@ -320,7 +320,7 @@ class Live:
         tension = np.asarray(p.tension, dtype=float)
         if tension.any():
             return tension
-        _, forces = p.marionette.accelerations(p.state)
+        _, forces = p.marionette.forward_dynamics(p.state)
         return np.asarray(forces)[: len(p.marionette.tree.strings)]
 
     # -- telling -------------------------------------------------------------------------------

@@ -20,7 +20,7 @@ from fantoccini.web.tree import Growth
 
 if TYPE_CHECKING:
     from fantoccini.marionette import Marionette
-    from fantoccini.motion import Event, Trajectory
+    from fantoccini.motion import EventRecord, Trajectory
 
 RATE = 60.0
 """Frames that are sent each second."""
@@ -54,7 +54,7 @@ class Film:
 
     run: Trajectory
     scene: Scene
-    events: tuple[Event, ...]
+    events: tuple[EventRecord, ...]
 
     @classmethod
     def of(cls, marionette: Marionette, run: Trajectory, rate: float | None = None) -> Film:
@@ -106,7 +106,7 @@ class Replay:
         self._shown = -1
         self._due = {"plot": 0.0, "numbers": 0.0}
         self._lock = threading.Lock()
-        self._end = threading.Event()
+        self._end = threading.EventRecord()
         self._set_up_panel()
         self._thread = threading.Thread(target=self._run, name="replay", daemon=True)
 
@@ -266,7 +266,7 @@ def _marks(film: Film) -> tuple[float, ...] | None:
     return tuple(round(t, 3) for t in caught) if 0 < len(caught) <= _MOST_MARKS else None
 
 
-def _listed(events: Sequence[Event], t: float) -> str:
+def _listed(events: Sequence[EventRecord], t: float) -> str:
     """The last events before a time, and the next, as HTML."""
     past = sum(e.t <= t + 1e-9 for e in events)
     first = max(0, min(past - _LISTED + 2, len(events) - _LISTED))

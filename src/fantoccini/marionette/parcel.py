@@ -1,4 +1,4 @@
-"""How a marionette travels to another process or machine: as the text of its puppets.
+"""How a model travels to another process or machine: as the text of its puppets.
 
 What was derived or compiled stays behind; the cache has it there, or it is made there.
 """
@@ -6,11 +6,7 @@ What was derived or compiled stays behind; the cache has it there, or it is made
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
-import numpy as np
-
-from fantoccini.arrays import Array
 from fantoccini.errors import StateError
 from fantoccini.motion.archive import mesh_files, restored
 from fantoccini.puppet import Puppet
@@ -57,27 +53,3 @@ class Parcel:
             for text, meshes in zip(self.puppets, self.meshes, strict=True)
         ]
         return World.of(*made, name=self.name)
-
-
-class Portable:
-    """What has a ``world`` and parameters ``p``, and can be built anew from them."""
-
-    world: World
-    p: Array
-
-    def __copy__(self):
-        other = object.__new__(type(self))
-        other.__dict__.update(self.__dict__)
-        return other
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # The winches travel as they are: they need not be those of the file.
-        return _unpacked, (type(self), Parcel.of(self.world), self.p, vars(self).get("winches"))
-
-
-def _unpacked(cls: type, parcel: Parcel, p: Array, winches: Array | None):
-    made = cls(parcel.world())
-    made.p = np.array(p, dtype=float)
-    if winches is not None:
-        made.__dict__["winches"] = winches
-    return made

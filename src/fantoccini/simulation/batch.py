@@ -11,6 +11,9 @@ from fantoccini.arrays import Array
 from fantoccini.errors import ARRIVED, Status
 from fantoccini.marionette import (
     Marionette,
+    Method,
+    MethodName,
+    as_method,
     check_memory,
     check_starts,
     check_step,
@@ -22,6 +25,7 @@ from fantoccini.motion import SAVED, Columns, Input, Inputs, State, Trajectories
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Batch, RunOptions, default_threads, whole
 from fantoccini.simulation.bar import Bar
+from fantoccini.simulation.checks import check_marionette, save_times
 from fantoccini.simulation.soundness import gains, verdict
 
 SAVE = ("q_D", "v_D", "tension")
@@ -38,34 +42,71 @@ _TIMES = 4
 """Numbers for every row's time while the times are made."""
 
 
-def simulate_many(
+def simulate_batch(
     marionette: Marionette,
-    states: State | Sequence[State],
-    inputs: Inputs | Input | Sequence[Input] | None,
-    t_end: float | None,
-    method: str,
-    options: RunOptions,
+    x0: State | Sequence[State],
+    inputs: Inputs | Input | Sequence[Input] | None = None,
+    t_end: float | None = None,
     *,
-    save_at: Array | None,
-    save: Sequence[str] | str | None,
-    out: Mapping[str, Array] | None,
-    threads: int | None,
-    progress: Callable[[float], None] | None,
+    method: Method | MethodName = "event",
+    save_at: Array | None = None,
+    save_every: int = 1,
+    save: Sequence[str] | str | None = None,
+    out: Mapping[str, Array] | None = None,
+    threads: int | None = None,
+    progress: Callable[[float], None] | None = None,
+    max_memory: float | None = None,
 ) -> Trajectories:
-    """The batch behind :func:`fantoccini.simulation.simulate`, which has the arguments' meaning."""
-    states = _listed(states, State, "x0", "marionette.rest()")
+    """Many runs of :func:`simulate` at once, on threads, and fixed steps in lanes.
+
+    A run that stops early is told by its status and does not raise; Ctrl-C keeps what was reached,
+    with the others STOPPED.
+
+    Args:
+        marionette: the puppet.
+        x0: states of one time where the runs start, or one for all.
+        inputs: as many as states, or one for all; they hold still when not given.
+        t_end: end of the runs [s]; the end of the inputs when not given.
+        method: as in :func:`simulate`; the event-driven method has its compiled integrator.
+        save_at: (n,) times to write (event-driven only) [s]; start and end when not given.
+        save_every: write every so many steps (not event-driven).
+        save: ``all``, or names of the arrays to save; q_D, v_D and tension when not given.
+        out: arrays to write into, by name, with the shapes that the batch gives: C-contiguous
+            (n, T, width); new ones where not given. ``force`` holds tension and limit_force side by
+            side, ``books`` what the ledger is made of.
+        threads: all processors when not given.
+        progress: called with the time reached, for a progress bar [s].
+        max_memory: for the arrays [bytes]; half of the memory that is free when not given.
+
+    Raises:
+        StateError: a state breaks a string or limit, the step is too long for a chain or a spring,
+            or the arrays do not fit in memory.
+        InputError: inputs do not start where their states are.
+        TypeError: what is given are no states or inputs.
+        ValueError: an argument that makes no sense.
+    """
+    chosen = as_method(method)
+    method = chosen.name
+    if getattr(chosen, "integrator", None) is not None:
+        raise ValueError("integrator goes with a single run; batches have the compiled one")
+    check_marionette(marionette)
+    options = marionette.model.run_options(
+        **chosen.options, save_steps=False, save_every=save_every, max_memory=max_memory
+    )
+    save_at = save_times(save_at, method, -np.inf, np.inf)
+    states = _listed(x0, State, "x0", "marionette.rest()")
     if inputs is not None and not isinstance(inputs, Inputs):
         inputs = _listed(inputs, Input, "inputs", "Input.waypoints()")
-    x0 = marionette.states(states)
+    x0 = marionette.model.states(states)
     t = x0.t
     given = many_of(Input.hold(marionette).shifted(t) if inputs is None else inputs)
     n = _n_runs(len(x0), len(given))
     t_end = given.end if t_end is None else float(t_end)
     if not np.isfinite(t_end) or not t_end > t:
         raise ValueError(f"t_end is {t_end}; it must be later than the start at {t}")
-    bound = ready_many(marionette, given, x0.q_K, x0.v_K, t, t_end)
-    check_starts(marionette, x0, method)
-    check_step(marionette, method, x0.q_D, x0.q_K, options.dt)
+    bound = ready_many(marionette.model, given, x0.q_K, x0.v_K, t, t_end)
+    check_starts(marionette.model, x0, method)
+    check_step(marionette.model, method, x0.q_D, x0.q_K, options.dt)
     if threads is not None:
         threads = whole("threads", threads, least=1)
     names = _saved(save)
@@ -81,7 +122,7 @@ def simulate_many(
         violation=np.zeros(n), events=np.zeros((n, 2), dtype=np.int64),
         blame=np.zeros((n, len(marionette.tree.blamable))),
     )  # fmt: skip
-    library = marionette.batch_library_of(method)
+    library = marionette.model.compiled.batch_library_of(method)
     threads = min(default_threads() if threads is None else threads, -(-n // library.width))
     # Ctrl-C keeps what was reached; what was not has the status it began with.
     with Bar(f"{n} runs", progress, t, t_end) as bar, contextlib.suppress(KeyboardInterrupt):
@@ -261,7 +302,7 @@ def _trajectories(
         blame=Columns(tree.blamable, batch.blame, "string, limit or drive"),
         method=method,
         coordinates=marionette.coordinates,
-        puppet=marionette.described,
+        puppet=marionette.model.described,
         **made,
     )
 

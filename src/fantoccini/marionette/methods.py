@@ -1,0 +1,123 @@
+"""The three ways to make a run, each with its own options."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+from fantoccini.marionette.vectors import check_positive
+
+if TYPE_CHECKING:
+    from scipy.integrate import OdeSolver
+
+
+@dataclass(frozen=True)
+class Event:
+    """Event-driven: adaptive order 8 between events, which are located, with exact impulses.
+
+    Attributes:
+        rtol, atol: tolerances of the integrator.
+        max_step: its largest step [s].
+        integrator: a method of SciPy's ``solve_ivp`` (``RK23``, ``RK45``, ``DOP853``, ``Radau``,
+            ``BDF``, ``LSODA``) or a subclass of its ``OdeSolver``, for single runs; None for the
+            compiled one, which is of order 8 and many times faster.
+
+    Raises:
+        ValueError: a number is not positive and finite.
+    """
+
+    rtol: float = 1e-11
+    atol: float = 1e-11
+    max_step: float = 0.1
+    integrator: str | type[OdeSolver] | None = None
+
+    name: ClassVar[str] = "event"
+
+    def __post_init__(self) -> None:
+        check_positive(rtol=self.rtol, atol=self.atol, max_step=self.max_step)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """What of the run options it sets."""
+        return {"rtol": self.rtol, "atol": self.atol, "max_step": self.max_step}
+
+
+@dataclass(frozen=True)
+class TimeStepping:
+    """Fixed steps that catch and release within themselves: interaction, planning, batches.
+
+    Attributes:
+        dt: step [s].
+        extrapolate: velocity products are taken half a step on, from the accelerations of the
+            steps before, which keeps the energy of what spins; False makes each step depend on its
+            state alone, so that a run goes on from any row to the same bits.
+
+    Raises:
+        ValueError: the step is not positive and finite.
+    """
+
+    dt: float = 0.002
+    extrapolate: bool = True
+
+    name: ClassVar[str] = "timestepping"
+
+    def __post_init__(self) -> None:
+        check_positive(dt=self.dt)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """What of the run options it sets."""
+        return {"dt": self.dt, "extrapolate": self.extrapolate}
+
+
+@dataclass(frozen=True)
+class Variational:
+    """Fixed steps of second order whose energy does not drift, with exact lengths at every step.
+
+    Attributes:
+        dt: step [s].
+
+    Raises:
+        ValueError: the step is not positive and finite.
+    """
+
+    dt: float = 0.002
+
+    name: ClassVar[str] = "variational"
+
+    def __post_init__(self) -> None:
+        check_positive(dt=self.dt)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """What of the run options it sets."""
+        return {"dt": self.dt}
+
+
+Method = Event | TimeStepping | Variational
+MethodName = Literal["event", "timestepping", "variational"]
+
+METHODS: dict[str, type[Method]] = {kind.name: kind for kind in (Event, TimeStepping, Variational)}
+
+
+def as_method(method: Method | MethodName, **options: Any) -> Method:
+    """A method by its name, with the options given; or a method as it is.
+
+    Raises:
+        ValueError: no method is called that, or it does not take an option.
+    """
+    if isinstance(method, Method) and not options:
+        return method
+    if not isinstance(method, str) or method not in METHODS:
+        raise ValueError(
+            f"method is {method!r}; it must be one of {', '.join(map(repr, METHODS))}, or "
+            "fan.Event(...), fan.TimeStepping(...) or fan.Variational(...)"
+        )
+    kind = METHODS[method]
+    known = kind.__dataclass_fields__
+    for name in options:
+        if name not in known:
+            raise ValueError(
+                f"{name} does not go with method={method!r}, which takes {', '.join(known)}"
+            )
+    return kind(**options)

@@ -1,0 +1,46 @@
+"""Numbers that a caller gives: whether they are finite, positive and as many as they must be."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.errors import StateError
+
+
+def check_positive(**values: float) -> None:
+    """Raises ValueError unless all are finite numbers greater than 0."""
+    for name, value in values.items():
+        if not (np.isfinite(value) and value > 0):
+            raise ValueError(f"{name} is {value}; it must be positive")
+
+
+def vector(name: str, values: Array | None, n: int) -> Array:
+    """(n,) finite numbers; zeros when None.
+
+    Raises:
+        StateError: they are not.
+    """
+    if values is None:
+        return np.zeros(n)
+    if np.shape(values) != (n,):
+        raise StateError(f"{name} has the shape {np.shape(values)}; it must be {(n,)}")
+    return vectors(name, values, n)
+
+
+def vectors(name: str, values: Array, n: int) -> Array:
+    """(..., n) finite numbers.
+
+    Raises:
+        StateError: they are not.
+    """
+    try:
+        made = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise StateError(f"{name}: found {values!r}; it takes {n} numbers") from None
+    if not made.ndim or made.shape[-1] != n:
+        raise StateError(f"{name} has the shape {made.shape}; it must be (..., {n})")
+    if not np.all(np.isfinite(made)):
+        at = tuple(int(i) for i in np.argwhere(~np.isfinite(made))[0])
+        raise StateError(f"{name}[{', '.join(map(str, at))}] is {made[at]}; it must be finite")
+    return made

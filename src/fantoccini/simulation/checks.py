@@ -1,0 +1,33 @@
+"""What single runs and batches ask of their arguments alike."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.marionette import Marionette
+
+
+def check_marionette(given: Any) -> None:
+    """Raises TypeError unless it is one marionette."""
+    if not isinstance(given, Marionette):
+        raise TypeError(
+            f"marionette is a {type(given).__name__}; it must be one Marionette, as fan.load "
+            "gives it. Simulate several one by one, or with fan.sweep"
+        )
+
+
+def save_times(save_at: Array | None, method: str, t: float, t_end: float) -> Array | None:
+    """The times to write, the end among them."""
+    if save_at is None:
+        return None
+    if method != "event":
+        raise ValueError(f"save_at goes with method='event'; {method} takes save_every")
+    times = np.asarray(save_at, dtype=float)
+    if times.ndim != 1 or not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):
+        raise ValueError("save_at must be a list of finite times that increase")
+    if len(times) and (times[0] < t or times[-1] > t_end):
+        raise ValueError(f"save_at must lie between the start {t:g} s and the end {t_end:g} s")
+    return np.union1d(times, [t_end] if np.isfinite(t_end) else [])
