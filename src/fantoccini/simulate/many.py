@@ -101,10 +101,8 @@ def _judge(marionette: Marionette, batch: Batch, method: str) -> None:
             columns[LEDGER.index(name)] for name in ("kinetic", "potential", "work", "residual")
         )
         gain[done] = gains(marionette, kinetic, potential, work, residual)
-    # A variational step that does not hold all rows is not made; what it counts has no slip in it.
-    violation = batch.violation if method == "timestepping" else np.zeros(batch.n)
     for i in np.flatnonzero(done):
-        found = verdict(float(violation[i]), float(gain[i]))
+        found = verdict(float(batch.violation[i]), float(gain[i]))
         if found is not Status.DONE:
             batch.status[i], batch.blame[i] = found, 0.0
 

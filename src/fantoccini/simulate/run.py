@@ -197,9 +197,7 @@ def simulate(
         made = dataclasses.replace(made, status=status, blamed=contradicted.names)
     unsound = ""
     if method != "event" and status in ARRIVED and made.t[-1] >= t_end:
-        # What a variational step counts has no slip in it; it holds all rows, or is not made.
-        worst = run.progress[2] if method == "timestepping" else 0.0
-        verdict, unsound = judged(marionette, made, dt, worst)
+        verdict, unsound = judged(marionette, made, dt, run.progress[2])
         if verdict is not Status.DONE:
             status = verdict
             made = dataclasses.replace(made, status=status, blamed=())

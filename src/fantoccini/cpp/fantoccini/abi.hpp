@@ -123,7 +123,8 @@ FAN_EXPORT void fan_blame(void* handle, int status, double* out) {
   const fan::Run& run = *static_cast<fan::Run*>(handle);
   const auto& motors = run.event_driven ? run.event.flow.motors : run.fixed.led.motors;
   motors.blame(fan::Status(status), 0, out + fan::Model::n_rows);
-  for (int r = 0; r < fan::Model::n_rows; ++r) out[r] = run.event_driven ? run.event.blame[r] : 0.0;
+  const double* rows = run.event_driven ? run.event.blame : run.fixed.led.blame[0];
+  for (int r = 0; r < fan::Model::n_rows; ++r) out[r] = rows[r];
 }
 
 // --- an event-driven run whose steps are made outside (outside.hpp) -----------------------------

@@ -178,8 +178,7 @@ class LaneBatch {
       in.violation[who] = lane_of(led_.worst_violation, l);
       in.events[2 * who] = caught_[l];
       in.events[2 * who + 1] = released_[l];
-      if constexpr (Led::blames)
-        for (int r = 0; r < M; ++r) in.blame[who * (M + D) + r] = led_.blame[l][r];
+      for (int r = 0; r < M; ++r) in.blame[who * (M + D) + r] = led_.blame_of(l)[r];
       led_.motors().blame(status, l, in.blame + who * (M + D) + M);
     }
   }
