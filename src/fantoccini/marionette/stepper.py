@@ -11,6 +11,7 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.errors import ARRIVED, SimulationError, Status
 from fantoccini.marionette.checks import check_positive, check_rows, ready, vector
+from fantoccini.marionette.redundant import STOPPED_BY, Contradiction, contradiction
 from fantoccini.motion import Input, State
 from fantoccini.motion.pieces import constant_acceleration
 from fantoccini.motion.polynomial import N_COEF
@@ -37,6 +38,8 @@ class Stepper:
         rows: (n, width) what the last advance wrote, laid out as ``marionette.row_layout`` says;
             before the first one, the start.
         events: (n, 5) that it met: time, kind, row, impulse, speed.
+        contradiction: what redundant strings asked for where the status is ``REDUNDANT_STRINGS``,
+            else None.
 
     Args:
         marionette: the puppet.
@@ -59,6 +62,7 @@ class Stepper:
         rows, self.events = self._run.present()
         self.rows = rows[-1:]
         self.tension = marionette.row_layout.split(self.rows)["tension"][0]
+        self.contradiction: Contradiction | None = None
 
     def _begun(self, options: RunOptions) -> Run:
         """A run from the present state, with the driven velocities that it has."""
@@ -141,8 +145,12 @@ class Stepper:
             raise
         finally:
             self._take(written)
+        self._diagnose()
         if not self.arrived and throw:
-            raise SimulationError(self.status, f"at t = {self.state.t:.6g} s")
+            where = f"at t = {self.state.t:.6g} s"
+            if self.contradiction:
+                where += f": {self.contradiction}"
+            raise SimulationError(self.status, where)
         return self.state
 
     def run(self, t_end: float, law: Law, rate: float) -> list[State]:
@@ -180,6 +188,15 @@ class Stepper:
             coordinates=self.marionette.coordinates,
         )  # fmt: skip
         self.tension = split["tension"][0]
+
+    def _diagnose(self) -> None:
+        """Says so where redundant strings stopped the run."""
+        if self.status not in STOPPED_BY or not len(self.rows):
+            return
+        acc_K = self.marionette.row_layout.split(self.rows[-1:])["acc_K"][0]
+        self.contradiction = contradiction(self.marionette, self.state, acc_K)
+        if self.contradiction:
+            self._run.status = Status.REDUNDANT_STRINGS
 
     def _piece(self, duration: float, acc_K, u_D: Array | None) -> Input:
         table = self.marionette.coordinates
