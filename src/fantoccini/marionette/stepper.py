@@ -29,8 +29,9 @@ class Stepper:
     The input of the paper's Eq. 12 is the acceleration of the driven coordinates, u_L: held
     constant over a piece, it keeps their velocity continuous whatever is asked for.
 
-    ``copy.copy``, ``copy.deepcopy`` and ``pickle`` give a stepper that goes on from the same state
-    by itself, as far as the bookkeeping of energies goes from 0.
+    ``copy.copy``, ``copy.deepcopy`` and ``pickle`` give a stepper that goes on by itself, to the same
+    bits as this one. Where a pickle is loaded beside another compiled library of the puppet, it
+    goes on from the state alone: books, lost steps and velocity products begin anew.
 
     Attributes:
         state: where the puppet is now.
@@ -76,16 +77,20 @@ class Stepper:
         return Run(m.library_of(self.method), self.method, options, x, m.p, m.winches, coasts)
 
     def __getstate__(self) -> dict[str, Any]:
-        # What is underway lives in the library; the state is where it goes on from.
+        # What is underway lives in the library, which gives it as bytes.
         return {name: x for name, x in vars(self).items() if name != "_run"} | {
-            "_status": int(self.status)
+            "_status": int(self.status),
+            "_memory": (self._run.library.key, self._run.memory()),
         }
 
     def __setstate__(self, kept: dict[str, Any]) -> None:
-        status = Status(kept.pop("_status"))
+        kept = dict(kept)
+        status, (library, memory) = Status(kept.pop("_status")), kept.pop("_memory")
         self.__dict__.update(kept)
         self._run = self._begun(self._options)
         self._run.present()
+        if self._run.library.key == library:
+            self._run.recall(memory)
         if status not in (Status.DONE, Status.RUNNING):
             self._run.status = status
 
