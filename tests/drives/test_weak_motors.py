@@ -169,7 +169,7 @@ def test_batches_tell_lane_by_lane(stepped):
 
 @pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
 def test_a_copied_stepper_has_lost_the_same_steps(stepped, method):
-    """17.18: a copy's motors began anew: they held the tooth where they were, and ran from there."""
+    """17.18: a copy's motors began anew, at the tooth where they were."""
     x0 = stepped.rest({"line.length": TOLD})
     how = {} if method == "event" else {"dt": 1e-4}
     stepper = stepped.with_parameters({"T": 0.02}).stepper(x0, method, **how)

@@ -29,8 +29,8 @@ class Stepper:
     The input of the paper's Eq. 12 is the acceleration of the driven coordinates, u_L: held
     constant over a piece, it keeps their velocity continuous whatever is asked for.
 
-    ``copy.copy``, ``copy.deepcopy`` and ``pickle`` give a stepper that goes on by itself, to the same
-    bits as this one. Where a pickle is loaded beside another compiled library of the puppet, it
+    ``copy.copy``, ``copy.deepcopy`` and ``pickle`` give a stepper that goes on by itself, to the
+    same bits as this one. A pickle that is loaded beside another compiled library of the puppet
     goes on from the state alone: books, lost steps and velocity products begin anew.
 
     Attributes:
