@@ -21,11 +21,20 @@ from fantoccini.marionette.modes import Mode, Modes
 from fantoccini.marionette.plausible import warnings
 from fantoccini.marionette.plausible_inputs import InputWarning, input_warnings
 from fantoccini.marionette.portable import Parcel
+from fantoccini.marionette.redundant import (
+    STOPPED_BY,
+    Contradiction,
+    contradiction,
+    may_contradict,
+    overpulled,
+)
 from fantoccini.marionette.spring_steps import tension_step
 from fantoccini.marionette.step_linearisation import StepLinearisation
 from fantoccini.marionette.stepper import Stepper
 
 __all__ = [
+    "STOPPED_BY",
+    "Contradiction",
     "Flow",
     "InputWarning",
     "Linearisation",
@@ -44,10 +53,13 @@ __all__ = [
     "check_starts",
     "check_step",
     "closed_rows",
+    "contradiction",
     "input_warnings",
     "load",
     "loads",
     "many_of",
+    "may_contradict",
+    "overpulled",
     "ready",
     "ready_many",
     "rows_of_steps",

@@ -168,7 +168,8 @@ def _row_rates(marionette: Marionette, at: State, instant: Instant, dt: float) -
             "acc_K": np.zeros(t.n_vK), "p": marionette.p,
         },
     )  # fmt: skip
-    taken_back = instant.h / dt < marionette.run_options().recovery_speed
+    rate = np.where(marionette.two_sided, np.abs(instant.h), instant.h) / dt
+    taken_back = rate < marionette.run_options().recovery_speed
     gap = np.where(taken_back, 1.0 / dt, 0.0)[:, None]
     none = np.zeros_like(found["A_K"]), np.zeros_like(found["A_D"])
     columns = (

@@ -12,15 +12,22 @@ bounds.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import Status
-from fantoccini.marionette import Marionette
-from fantoccini.motion import Trajectory
+from fantoccini.motion import State
 from fantoccini.tree import Role, StringRow
+
+if TYPE_CHECKING:
+    from fantoccini.marionette.handle import Marionette
+
+Motion = tuple[State, Array]
+"""A state and (n_vK,) the accelerations of the driven coordinates there."""
 
 STOPPED_BY = (
     Status.IMPOSSIBLE_INPUT,
@@ -73,11 +80,40 @@ class Contradiction:
         )
 
 
-def contradiction(marionette: Marionette, run: Trajectory, row: int) -> Contradiction | None:
-    """What redundant strings contradict one another in at a row of a run; None where none do."""
-    x = run.state(row)
+def may_contradict(marionette: Marionette) -> bool:
+    """Whether some rigid strings of the puppet are more than the degrees of freedom they move.
+
+    By Hall's theorem there are none where every string can be given a degree of freedom of its own.
+    """
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import maximum_bipartite_matching
+
+    strings = marionette.tree.strings
+    moved = [
+        _moved(marionette, s)
+        for s, most in zip(strings, marionette.upper[: len(strings)], strict=True)
+        if not np.isfinite(most)
+    ]
+    moved = [places for places in moved if places]
+    if not moved:
+        return False
+    reaches = np.zeros((len(moved), marionette.coordinates.n_vD), dtype=np.int8)
+    for row, places in zip(reaches, moved, strict=True):
+        row[list(places)] = 1
+    own = maximum_bipartite_matching(csr_array(reaches), perm_type="column")
+    return bool(np.any(own < 0))
+
+
+def contradiction(marionette: Marionette, x: State, acc_K: Array) -> Contradiction | None:
+    """What redundant strings contradict one another in at a state; None where none do.
+
+    Args:
+        marionette: the puppet.
+        x: the state.
+        acc_K: (n_vK,) accelerations of the driven coordinates.
+    """
     x = x.replace(slip=np.maximum(x.slip, 0.0))  # that of a winch which slips may be rounding
-    instant = marionette.instant(x, run.acc_K[row])
+    instant = marionette.instant(x, acc_K)
     n = len(marionette.tree.strings)
     scale = marionette.row_scales(x.q_D, x.q_K)[:n]
     holds = np.flatnonzero((instant.h[:n] >= -_NEAR * scale) & ~np.isfinite(marionette.upper[:n]))
@@ -100,23 +136,29 @@ def contradiction(marionette: Marionette, run: Trajectory, row: int) -> Contradi
     return Contradiction(names, freedoms, speed, acceleration)
 
 
-def overpulled(marionette: Marionette, run: Trajectory) -> int | None:
+def overpulled(
+    marionette: Marionette, tension: Array, motion: Callable[[int], Motion]
+) -> int | None:
     """The first row of a run at which tensions are far beyond what its motion needs, or None.
 
     Of all tensions x >= 0 with the same A_D^T x the least are compared: what exceeds them are
     tensions that pull against one another. Once, as at a catch, is no contradiction.
+
+    Args:
+        marionette: the puppet.
+        tension: (T, n_strings) [N].
+        motion: row -> the state there and the driven accelerations.
     """
-    pulls = np.max(run.tension.values, axis=1, initial=0.0)
+    pulls = np.max(tension, axis=1, initial=0.0)
     rows = np.flatnonzero(pulls > _EXCESS * marionette.reference_force)
     looks = rows[:: max(1, len(rows) // _MOST_LOOKS)]
-    beyond = [int(row) for row in looks if _exceeds(marionette, run, row)]
+    beyond = [int(row) for row in looks if _exceeds(marionette, tension[row], *motion(int(row)))]
     return beyond[0] if len(beyond) >= _RECURS else None
 
 
-def _exceeds(marionette: Marionette, run: Trajectory, row: int) -> bool:
-    tension = run.tension.values[row]
+def _exceeds(marionette: Marionette, tension: Array, x: State, acc_K: Array) -> bool:
     some = np.flatnonzero(tension > 0.0)
-    W = marionette.instant(run.state(row).replace(slip=()), run.acc_K[row]).W[:, some]
+    W = marionette.instant(x.replace(slip=()), acc_K).W[:, some]
     if np.max(np.abs(W), initial=0.0) == 0.0:
         return False  # strings that move nothing pull against no other
     least = _least(W, tension[some])
