@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 import scipy.integrate
@@ -168,6 +170,23 @@ def test_batches_tell_lane_by_lane(stepped):
             stepped, x0, inputs[1], t_end=0.8, method=method_of(method, dt=1e-4), throw=False
         )
         assert (one.status, one.t[-1]) == (Status.RUNAWAY, pytest.approx(many.reached[1]))
+
+
+@pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
+def test_a_copied_stepper_has_lost_the_same_steps(stepped, method):
+    """17.18: a copy's motors began anew, at the tooth where they were."""
+    x0 = stepped.rest({"line.length": TOLD})
+    how = {} if method == "event" else {"dt": 1e-4}
+    stepper = stepped.with_parameters({"T": 0.02}).stepper(x0, method, **how)
+    stepper.advance(0.02)
+    assert stepper.status is Status.LOST_STEPS
+    copied = pickle.loads(pickle.dumps(stepper))
+    for _ in range(10):
+        stepper.advance(0.003)
+        copied.advance(0.003)
+        assert copied.status is stepper.status and copied.state == stepper.state
+        assert np.array_equal(copied.events, stepper.events)
+        assert np.array_equal(copied.rows, stepper.rows)
 
 
 def test_a_stepper_goes_on_and_says_so(stepped):

@@ -50,7 +50,7 @@ def run_of(table, t, **changes) -> Trajectory:
         "ledger": Columns(LEDGER, np.outer(t, np.arange(len(LEDGER))), "entry"),
         "events": (
             EventRecord(1.0, EventKind.CATCH, "hand", 0.25, 0.5), EventRecord(1.5, "breakpoint"),
-        ),  # fmt: skip
+        ),
         "status": Status.DONE,
         "method": "event",
         "coordinates": table,

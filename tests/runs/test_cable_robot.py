@@ -9,7 +9,7 @@ import pytest
 
 import fantoccini as fan
 from fantoccini import Status
-from fantoccini.simulation.redundant import contradiction, overpulled
+from fantoccini.marionette import contradiction, may_contradict, overpulled
 
 METHODS = ("event", "timestepping", "variational")
 CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
@@ -66,7 +66,7 @@ def test_lengths_that_contradict_one_another_are_named(eight, method):
     assert "m/s^2" in text and "max_tension" in text
     assert 0.0 < run.t[-1] < 1.0 and np.max(run.violation.values) < 1e-6
     assert all(event.t <= run.t[-1] for event in run.events)
-    by = contradiction(eight, run, len(run) - 1)
+    by = contradiction(eight.model, run.state(len(run) - 1), run.acc_K[-1])
     assert max(by.speed, by.acceleration) > 0.0
 
 
@@ -102,9 +102,52 @@ def test_redundant_strings_that_agree_hold(eight, method):
     x0, _ = moved(eight)
     run = fan.simulate(eight, x0, t_end=0.2, method=method)
     assert run.status is Status.DONE
-    assert overpulled(eight, run) is None
+    motion = [(run.state(i), run.acc_K[i]) for i in range(len(run))]
+    assert overpulled(eight.model, run.tension.values, motion.__getitem__) is None
     assert np.max(run.tension.values) < 3 * eight.weight
-    assert contradiction(eight, run, 5).speed == pytest.approx(0.0, abs=1e-12)
+    assert contradiction(eight.model, *motion[5]).speed == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_redundant_strings_stop_runs_of_a_batch(eight, method):
+    """17.10: they ended with what the method met first, or DONE; runs that hold are left alone."""
+    x0, inputs = moved(eight)
+    still = fan.Input.hold(eight, 1.0).bound(x0.q_K)
+    many = fan.simulate(eight, x0, [still, inputs, still], 0.5, method=method)
+    single = fan.simulate(eight, x0, inputs, 0.5, method=method, throw=False)
+    assert single.status is Status.REDUNDANT_STRINGS
+    assert many.status.tolist() == [Status.DONE, Status.REDUNDANT_STRINGS, Status.DONE]
+    assert many.blamed(1) == NAMES and not many.blamed(0) and not many.blamed(2)
+
+
+@pytest.mark.parametrize("method", ["event", "variational"])
+def test_redundant_strings_stop_a_stepper(eight, method):
+    """17.10: a stepper says what a single run says."""
+    x0, inputs = moved(eight)
+    stepper = eight.stepper(x0, method)
+    with pytest.raises(fan.SimulationError, match="are 8 strings on 6 degrees of freedom"):
+        stepper.advance(0.5, inputs=inputs)
+    assert stepper.status is Status.REDUNDANT_STRINGS
+    assert stepper.contradiction.names == NAMES
+    with pytest.raises(fan.SimulationError, match="contradict one another"):
+        stepper.advance(0.1)
+
+
+def test_only_more_strings_than_freedoms_are_looked_at(eight, giving):
+    """17.10: batches of other puppets cost nothing more."""
+    assert may_contradict(eight.model) and not may_contradict(giving)
+    assert not may_contradict(fan.puppets.arm2d().model)
+    text = """
+puppet: hung
+bodies:
+  - {name: bob, joint: {type: translation, axes: [x, y, z]}, mass: 1}
+  - {name: far, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mass: 1}]}
+strings:
+"""
+    line = "  - {{name: s{0}, path: [{{body: bob}}, {{world: [{0}, 0, 1]}}], length: 2}}\n"
+    hung = [line.format(i) for i in range(4)]
+    assert may_contradict(fan.loads(text + "".join(hung)).model)
+    assert not may_contradict(fan.loads(text + "".join(hung[:3])).model)
 
 
 def test_two_hands_that_pull_apart_are_not_redundant():

@@ -144,6 +144,22 @@ def test_steppers_are_copied_and_pickled(arm, method):
 
 
 @pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
+def test_copies_go_on_to_the_same_bits(arm, method):
+    """17.18: copies forgot the accelerations of the steps before, the mode and the books."""
+    stepper = arm.stepper(arm.rest({"hand.length": 0.8}), method)
+    stepper.advance(0.3, {"hand.length": 2.0})
+    stepper.advance(0.0731, {"hand.length": -9.0, "hand.x": 3.0})
+    copies = [copy.copy(stepper), copy.deepcopy(stepper), pickle.loads(pickle.dumps(stepper))]
+    for k in range(10):
+        acc_K = {"hand.length": 2.0 * np.sin(k), "hand.x": np.cos(k)}
+        x = stepper.advance(0.002, acc_K)
+        for one in copies:
+            assert one.advance(0.002, acc_K) == x and one.status is stepper.status
+            assert np.array_equal(one.rows, stepper.rows)
+            assert np.array_equal(one.events, stepper.events)
+
+
+@pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
 def test_a_stepper_begins_with_the_velocities_of_its_state(arm, method):
     """17.1: the tensions at its start are those of driven coordinates that move."""
     lift = fan.Input.waypoints(arm, {"hand.length": [(0, 0.8), (1.5, 0.5)]})

@@ -47,8 +47,7 @@ def test_a_winch_that_runs_out_is_a_status(winches, method, parts):
     assert ENDS - within < run.t[-1] < ENDS + 1e-9
     assert run.q_D[-1][2] == pytest.approx(1.0, abs=0.01)
     assert np.all(np.isfinite(run.v_D)) and np.max(run.violation.values) < 1e-6
-    if method != "timestepping":
-        assert run.blamed == ("line",)
+    assert run.blamed == ("line",)
     with pytest.raises(fan.SimulationError, match="driven to zero"):
         fan.simulate(winches, x0, inputs, method=method)
 
@@ -72,6 +71,8 @@ def test_one_lane_that_runs_out_stops_no_other(winches, method):
     gone = Status.LENGTH_NOT_POSITIVE
     assert many.status.tolist() == [Status.DONE, gone, Status.DONE, gone]
     assert many.reached == pytest.approx([1.5, ENDS, 1.5, ENDS / 2], abs=0.0021)
+    blame = many.blame.values
+    assert blame[[1, 3]].tolist() == [[1.0, 0.0], [1.0, 0.0]] and not np.any(blame[[0, 2]])
     wide = fan.Input.random(winches, n=8, seed=0, t_end=1.5, every=0.5, reach=0.9)
     ended = fan.simulate(winches, x0, wide, 1.5, method=method).counts()
     assert ended[gone] >= 1 and ended[Status.DONE] >= 1 and sum(ended.values()) == 8

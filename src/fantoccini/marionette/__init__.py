@@ -32,13 +32,22 @@ from fantoccini.marionette.modes import Mode, Modes
 from fantoccini.marionette.parcel import Parcel
 from fantoccini.marionette.plausible import warnings
 from fantoccini.marionette.plausible_inputs import InputWarning, input_warnings
+from fantoccini.marionette.redundant import (
+    STOPPED_BY,
+    Contradiction,
+    contradiction,
+    may_contradict,
+    overpulled,
+)
 from fantoccini.marionette.spring_steps import tension_step
 from fantoccini.marionette.step_linearisation import StepLinearisation
 from fantoccini.marionette.stepper import Stepper
 from fantoccini.marionette.vectors import check_positive
 
 __all__ = [
+    "STOPPED_BY",
     "A_rate",
+    "Contradiction",
     "Event",
     "Flow",
     "ForwardDynamics",
@@ -65,6 +74,7 @@ __all__ = [
     "check_starts",
     "check_step",
     "closed_rows",
+    "contradiction",
     "coriolis_full",
     "energies",
     "input_warnings",
@@ -73,6 +83,8 @@ __all__ = [
     "load",
     "loads",
     "many_of",
+    "may_contradict",
+    "overpulled",
     "ready",
     "ready_many",
     "rows_of_steps",

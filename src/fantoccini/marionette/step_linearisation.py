@@ -165,7 +165,8 @@ def _row_rates(model: Model, at: State, instant: Instant, dt: float) -> Array:
             "acc_K": np.zeros(t.n_vK), "p": model.p,
         },
     )  # fmt: skip
-    taken_back = instant.h / dt < model.run_options().recovery_speed
+    rate = np.where(model.two_sided, np.abs(instant.h), instant.h) / dt
+    taken_back = rate < model.run_options().recovery_speed
     gap = np.where(taken_back, 1.0 / dt, 0.0)[:, None]
     none = np.zeros_like(found["A_K"]), np.zeros_like(found["A_D"])
     columns = (

@@ -12,6 +12,7 @@ from fantoccini.arrays import Array
 from fantoccini.errors import ARRIVED, SimulationError, Status, UnknownNameError
 from fantoccini.marionette.checks import check_rows, ready
 from fantoccini.marionette.model import Model
+from fantoccini.marionette.redundant import STOPPED_BY, Contradiction, contradiction
 from fantoccini.marionette.vectors import check_positive, vector
 from fantoccini.motion import Input, State
 from fantoccini.motion.pieces import constant_acceleration
@@ -28,8 +29,9 @@ class Stepper:
     The input of the paper's Eq. 12 is the acceleration of the driven coordinates, u_L: held
     constant over a piece, it keeps their velocity continuous whatever is asked for.
 
-    ``copy.copy``, ``copy.deepcopy`` and ``pickle`` give a stepper that goes on from the same state
-    by itself, as far as the bookkeeping of energies goes from 0.
+    ``copy.copy``, ``copy.deepcopy`` and ``pickle`` give a stepper that goes on by itself, to the
+    same bits as this one. A pickle that is loaded beside another compiled library of the puppet
+    goes on from the state alone: books, lost steps and velocity products begin anew.
 
     Attributes:
         state: where the puppet is now.
@@ -37,6 +39,8 @@ class Stepper:
         rows: (n, width) what the last advance wrote, laid out as ``model.row_layout`` says;
             before the first one, the start.
         events: (n, 5) that it met: time, kind, row, impulse, speed.
+        contradiction: what redundant strings asked for where the status is ``REDUNDANT_STRINGS``,
+            else None.
 
     Args:
         model: the puppet.
@@ -59,6 +63,7 @@ class Stepper:
         rows, self.events = self._run.present()
         self.rows = rows[-1:]
         self.tension = model.row_layout.split(self.rows)["tension"][0]
+        self.contradiction: Contradiction | None = None
 
     def _begun(self, options: RunOptions) -> Run:
         """A run from the present state, with the driven velocities that it has."""
@@ -74,16 +79,20 @@ class Stepper:
         )
 
     def __getstate__(self) -> dict[str, Any]:
-        # What is underway lives in the library; the state is where it goes on from.
+        # What is underway lives in the library, which gives it as bytes.
         return {name: x for name, x in vars(self).items() if name != "_run"} | {
-            "_status": int(self.status)
+            "_status": int(self.status),
+            "_memory": (self._run.library.key, self._run.memory()),
         }
 
     def __setstate__(self, kept: dict[str, Any]) -> None:
-        status = Status(kept.pop("_status"))
+        kept = dict(kept)
+        status, (library, memory) = Status(kept.pop("_status")), kept.pop("_memory")
         self.__dict__.update(kept)
         self._run = self._begun(self._options)
         self._run.present()
+        if self._run.library.key == library:
+            self._run.recall(memory)
         if status not in (Status.DONE, Status.RUNNING):
             self._run.status = status
 
@@ -143,8 +152,12 @@ class Stepper:
             raise
         finally:
             self._take(written)
+        self._diagnose()
         if not self.arrived and throw:
-            raise SimulationError(self.status, f"at t = {self.state.t:.6g} s")
+            where = f"at t = {self.state.t:.6g} s"
+            if self.contradiction:
+                where += f": {self.contradiction}"
+            raise SimulationError(self.status, where)
         return self.state
 
     def run(self, t_end: float, law: Law, rate: float) -> list[State]:
@@ -182,6 +195,15 @@ class Stepper:
             coordinates=self.model.coordinates,
         )  # fmt: skip
         self.tension = split["tension"][0]
+
+    def _diagnose(self) -> None:
+        """Says so where redundant strings stopped the run."""
+        if self.status not in STOPPED_BY or not len(self.rows):
+            return
+        acc_K = self.model.row_layout.split(self.rows[-1:])["acc_K"][0]
+        self.contradiction = contradiction(self.model, self.state, acc_K)
+        if self.contradiction:
+            self._run.status = Status.REDUNDANT_STRINGS
 
     def _piece(self, duration: float, acc_K, u_D: Array | None) -> Input:
         table = self.model.coordinates

@@ -37,8 +37,8 @@ class Trajectories:
         violation: (n,) by how much rows were overstepped at worst (of fixed steps; 0 for event)
             [m, rad or 1].
         catches, releases: (n,) of strings and limits.
-        blame: (n,) by string and limit what stopped each (not of timestepping), by coordinate with
-            a drive what lost steps or ran away, 0 to 1.
+        blame: (n,) by string and limit what stopped each, by coordinate with a drive
+            what lost steps or ran away, 0 to 1.
         method: event, timestepping or variational.
         coordinates: names and places of the coordinates.
         puppet: what moved.

@@ -57,6 +57,8 @@ class _BatchArrays(Numbers, ctypes.Structure):
         ("violation", ctypes.c_void_p),
         ("events", ctypes.c_void_p),
         ("blame", ctypes.c_void_p),
+        ("end_q_D", ctypes.c_void_p),
+        ("end_v_D", ctypes.c_void_p),
     ]
 
 
@@ -106,8 +108,8 @@ class Batch:
         status, reached, violation: (n,) how each ended, when [s], worst violation (of
             fixed steps).
         events: (n, 2) catches and releases.
-        blame: (n, n_rows + n_watched) rows (not of time-stepping) and drives that are to blame for
-            the status, 0 to 1.
+        blame: (n, n_rows + n_watched) rows and drives that are to blame for the status, 0 to 1.
+        end_q_D, end_v_D: (n, ...) the configuration and velocities reached.
     """
 
     n: int
@@ -130,6 +132,8 @@ class Batch:
     violation: Array
     events: Array
     blame: Array
+    end_q_D: Array
+    end_v_D: Array
 
     def run(
         self, library: BatchLibrary, threads: int, look: Callable[[float], None] | None = None
@@ -198,6 +202,7 @@ class Batch:
             status=pointer(self.status), reached=pointer(self.reached),
             violation=pointer(self.violation), events=pointer(self.events),
             blame=pointer(self.blame),
+            end_q_D=pointer(self.end_q_D), end_v_D=pointer(self.end_v_D),
         )  # fmt: skip
         for i, name in enumerate(PARTS):
             if name in self.parts:

@@ -38,6 +38,9 @@ _SIZES = (
 class Library(Functions):
     """A puppet's compiled functions.
 
+    Attributes:
+        key: of its folder in the cache, which no other puppet, compiler or version has.
+
     Args:
         path: the shared library.
         tree: the tree it was generated from.
@@ -48,6 +51,7 @@ class Library(Functions):
 
     def __init__(self, path: Path, tree: Tree):
         super().__init__(path)
+        self.key = path.parent.name
         sizes = (ctypes.c_int * len(_SIZES))()
         self.handle.fan_sizes(sizes)
         self.sizes = dict(zip(_SIZES, sizes, strict=True))
@@ -222,6 +226,28 @@ class Run:
         arrays, held = input_arrays(inputs)
         self.library.handle.fan_set_input(self._run, ctypes.byref(arrays))
         del held
+
+    def memory(self) -> bytes:
+        """What the run knows beside its inputs, for :meth:`recall`."""
+        call = self.library.handle.fan_memory
+        call.restype = ctypes.c_longlong
+        kept = ctypes.create_string_buffer(call(self._run, None, None))
+        call(self._run, kept, None)
+        return kept.raw
+
+    def recall(self, memory: bytes) -> None:
+        """Goes on as the run did that ``memory`` is of, from :meth:`set_input` on.
+
+        Args:
+            memory: of a run of the same library and method.
+
+        Raises:
+            ValueError: it is of another library or method.
+        """
+        if len(memory) != len(self.memory()):
+            raise ValueError("this memory is of a run of another library or method")
+        self.library.handle.fan_memory(self._run, None, memory)
+        self.present()
 
     @property
     def progress(self) -> tuple[int, float, float]:

@@ -10,6 +10,7 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.errors import ARRIVED, Status
 from fantoccini.marionette import (
+    STOPPED_BY,
     Marionette,
     Method,
     MethodName,
@@ -17,7 +18,10 @@ from fantoccini.marionette import (
     check_memory,
     check_starts,
     check_step,
+    contradiction,
     many_of,
+    may_contradict,
+    overpulled,
     ready_many,
     rows_of_steps,
 )
@@ -121,18 +125,54 @@ def simulate_batch(
         status=np.full(n, Status.STOPPED, dtype=np.int32), reached=np.full(n, np.nan),
         violation=np.zeros(n), events=np.zeros((n, 2), dtype=np.int64),
         blame=np.zeros((n, len(marionette.tree.blamable))),
+        end_q_D=np.full((n, x0.q_D.shape[1]), np.nan),
+        end_v_D=np.full((n, x0.v_D.shape[1]), np.nan),
     )  # fmt: skip
     library = marionette.model.compiled.batch_library_of(method)
     threads = min(default_threads() if threads is None else threads, -(-n // library.width))
     # Ctrl-C keeps what was reached; what was not has the status it began with.
     with Bar(f"{n} runs", progress, t, t_end) as bar, contextlib.suppress(KeyboardInterrupt):
         batch.run(library, threads, bar.look)
+    if may_contradict(marionette.model):
+        _find_contradictions(marionette, batch, bound, method)
     if method != "event":
-        _judge(marionette, batch, method)
+        _judge(marionette, batch)
     return _trajectories(marionette, batch, method, names)
 
 
-def _judge(marionette: Marionette, batch: Batch, method: str) -> None:
+def _find_contradictions(
+    marionette: Marionette, batch: Batch, inputs: Inputs, method: str
+) -> None:
+    """Names the runs that redundant strings stopped; of those that fixed steps brought through,
+    where the tensions are saved with the motion."""
+    n_s, strings = len(marionette.tree.strings), [s.name for s in marionette.tree.strings]
+    table, none = marionette.coordinates, np.zeros(marionette.tree.n_rows, dtype=bool)
+    parts, looks = batch.parts, method != "event" and {"q_D", "v_D", "force"} <= set(batch.parts)
+    for i in np.flatnonzero(np.isfinite(batch.reached)):
+        given = inputs[i if len(inputs) > 1 else 0]
+
+        def motion(t: float, q_D: Array, v_D: Array, given: Input = given) -> tuple[State, Array]:
+            q_K, v_K, acc_K = given.evaluate(t)
+            # Winches that slip are no rigid strings: how far they have says nothing here.
+            return State(float(t), q_D, v_D, q_K, v_K, none, coordinates=table), acc_K
+
+        def saved(row: int, i: int = i, motion=motion) -> tuple[State, Array]:
+            return motion(batch.times[row], parts["q_D"][i, row], parts["v_D"][i, row])
+
+        found = None
+        if batch.status[i] in STOPPED_BY:
+            found = contradiction(
+                marionette.model, *motion(batch.reached[i], batch.end_q_D[i], batch.end_v_D[i])
+            )
+        elif looks and batch.status[i] in ARRIVED:
+            row = overpulled(marionette.model, parts["force"][i, :, :n_s], saved)
+            found = None if row is None else contradiction(marionette.model, *saved(row))
+        if found:
+            batch.status[i], batch.blame[i] = Status.REDUNDANT_STRINGS, 0.0
+            batch.blame[i, [strings.index(name) for name in found.names]] = 1.0
+
+
+def _judge(marionette: Marionette, batch: Batch) -> None:
     """Names the runs that reached their end and are not sound; of energy, where books are kept."""
     done = np.isin(batch.status, ARRIVED) & (batch.reached >= batch.t_end)
     gain = np.zeros(batch.n)
@@ -142,10 +182,8 @@ def _judge(marionette: Marionette, batch: Batch, method: str) -> None:
             columns[LEDGER.index(name)] for name in ("kinetic", "potential", "work", "residual")
         )
         gain[done] = gains(marionette, kinetic, potential, work, residual)
-    # A variational step that does not hold all rows is not made; what it counts has no slip in it.
-    violation = batch.violation if method == "timestepping" else np.zeros(batch.n)
     for i in np.flatnonzero(done):
-        found = verdict(float(violation[i]), float(gain[i]))
+        found = verdict(float(batch.violation[i]), float(gain[i]))
         if found is not Status.DONE:
             batch.status[i], batch.blame[i] = found, 0.0
 

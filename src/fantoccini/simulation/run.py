@@ -11,12 +11,16 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.errors import ARRIVED, SimulationError, Status
 from fantoccini.marionette import (
+    STOPPED_BY,
+    Contradiction,
     Marionette,
     Method,
     MethodName,
     as_method,
     check_rows,
     check_step,
+    contradiction,
+    overpulled,
     ready,
 )
 from fantoccini.motion import (
@@ -30,7 +34,6 @@ from fantoccini.motion import (
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Run
 from fantoccini.simulation.checks import check_marionette, save_times
-from fantoccini.simulation.redundant import STOPPED_BY, Contradiction, contradiction, overpulled
 from fantoccini.simulation.soundness import judged
 from fantoccini.simulation.weak_motors import too_weak
 
@@ -135,27 +138,31 @@ def simulate(
     made, contradicted = trajectory(rows, events), None
     if method != "event" and status in ARRIVED:
         # Fixed steps bound the tensions of strings that contradict one another, or average them.
-        last = overpulled(marionette, made)
+        motion = _motion_of(made)
+        last = overpulled(marionette.model, made.tension.values, motion)
         if last is not None:
-            contradicted = contradiction(marionette, made, last)
+            contradicted = contradiction(marionette.model, *motion(last))
         if contradicted:
             made = trajectory(rows[: last + 1], events[events[:, 0] <= made.t[last]])
     elif status in STOPPED_BY:
-        contradicted = contradiction(marionette, made, len(made) - 1)
+        contradicted = contradiction(marionette.model, *_motion_of(made)(len(made) - 1))
     if contradicted:
         status = Status.REDUNDANT_STRINGS
         made = dataclasses.replace(made, status=status, blamed=contradicted.names)
     unsound = ""
     if method != "event" and status in ARRIVED and made.t[-1] >= t_end:
-        # What a variational step counts has no slip in it; it holds all rows, or is not made.
-        worst = run.progress[2] if method == "timestepping" else 0.0
-        verdict, unsound = judged(marionette, made, options.dt, worst)
+        verdict, unsound = judged(marionette, made, options.dt, run.progress[2])
         if verdict is not Status.DONE:
             status = verdict
             made = dataclasses.replace(made, status=status, blamed=())
     if status is not Status.DONE and throw:
         raise SimulationError(status, unsound or _where(marionette, made, contradicted), made)
     return made
+
+
+def _motion_of(run: Trajectory) -> Callable[[int], tuple[State, Array]]:
+    """Row -> the state there and the driven accelerations."""
+    return lambda row: (run.state(row), run.acc_K[row])
 
 
 def _where(

@@ -110,6 +110,15 @@ FAN_EXPORT void fan_set_input(void* handle, const fan::InputArrays* input) {
   }
 }
 
+// Writes what the run knows beside its inputs to `out`, unless it is null, or reads it from `from`:
+// of a run of the same library. Inputs are to be set before it goes on. Returns the bytes it takes.
+FAN_EXPORT long long fan_memory(void* handle, unsigned char* out, const unsigned char* from) {
+  fan::Run& run = *static_cast<fan::Run*>(handle);
+  fan::Memory memory(out, from);
+  run.event_driven ? run.event.remember(memory) : run.fixed.remember(memory);
+  return memory.size();
+}
+
 // Counters: steps, time reached, worst violation (time-stepping) [m].
 FAN_EXPORT void fan_progress(void* handle, double* out) {
   const fan::Run& run = *static_cast<fan::Run*>(handle);
@@ -123,7 +132,8 @@ FAN_EXPORT void fan_blame(void* handle, int status, double* out) {
   const fan::Run& run = *static_cast<fan::Run*>(handle);
   const auto& motors = run.event_driven ? run.event.flow.motors : run.fixed.led.motors;
   motors.blame(fan::Status(status), 0, out + fan::Model::n_rows);
-  for (int r = 0; r < fan::Model::n_rows; ++r) out[r] = run.event_driven ? run.event.blame[r] : 0.0;
+  const double* rows = run.event_driven ? run.event.blame : run.fixed.led.blame[0];
+  for (int r = 0; r < fan::Model::n_rows; ++r) out[r] = rows[r];
 }
 
 // --- an event-driven run whose steps are made outside (outside.hpp) -----------------------------

@@ -43,7 +43,9 @@ struct BatchArrays {
   double* reached;    // (n,) s
   double* violation;  // (n,) worst, of fixed steps
   long long* events;  // (n, 2) catches and releases
-  double* blame;      // (n, rows and drives that are watched); of rows all but time-stepping
+  double* blame;      // (n, rows and drives that are watched)
+  double* end_q_D;    // (n, n_qD) the configuration reached
+  double* end_v_D;    // (n, n_vD) the velocities there
 
   // Shorter inputs are filled up with pieces that last no time at their end.
   InputArrays input(long long i) const {

@@ -100,6 +100,13 @@ struct EventRun {
     return flow.motors.verdict(0);
   }
 
+  void remember(Memory& memory) {
+    memory.keep(flow.t, flow.y, flow.mode, flow.slip, flow.slip_time, flow.motors);
+    memory.keep(contact, detector, accumulation, pace, impact, blame, step_size);
+    memory.keep(n_steps, n_events, stuck, at_break_, loosened_);
+    guards.remember(memory);
+  }
+
   // Writes the present state.
   void emit(Record<Model>& out) { write(flow.t, flow.y, out); }
 

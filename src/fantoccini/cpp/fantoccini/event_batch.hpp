@@ -57,6 +57,8 @@ class EventBatch {
     in.status[who] = status;
     in.reached[who] = flow.t;
     in.violation[who] = 0.0;
+    for (int i = 0; i < Model::n_qD; ++i) in.end_q_D[who * Model::n_qD + i] = flow.y[i];
+    for (int k = 0; k < N; ++k) in.end_v_D[who * N + k] = flow.y[Model::n_qD + k];
     in.events[2 * who] = caught_;
     in.events[2 * who + 1] = released_;
     double* blame = in.blame + who * F::ALL;

@@ -3,6 +3,7 @@
 
 #include "drive.hpp"
 #include "led_step.hpp"
+#include "memory.hpp"
 #include "record.hpp"
 
 namespace fan {
@@ -55,6 +56,8 @@ struct FixedRun {
     origin = t;
     n_here = 0;
   }
+
+  void remember(Memory& memory) { memory.keep(led, t, origin, n_steps, n_here); }
 
  private:
   void look(double when) {

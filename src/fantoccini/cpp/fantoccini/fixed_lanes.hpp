@@ -11,7 +11,6 @@ struct FixedLanes {
   using Real = Real_;
   using Mask = typename Traits<Real>::Mask;
   static constexpr int M = Model::n_rows;
-  static constexpr bool blames = false;  // time-stepping does not stop because of a row
 
   LedStep<Model, Real> led;
   Real t, status, worst_violation;
@@ -32,6 +31,7 @@ struct FixedLanes {
   const Mask* taut() const { return led.at.taut; }
   auto& inputs() { return led.inputs(); }
   const auto& motors() const { return led.motors; }
+  const double* blame_of(int lane) const { return led.blame[lane]; }
   Mask runs() const { return led.status < Real(RUNNING + 0.5); }
   Mask caught(int r) const { return led.at.taut[r] && !was_[r]; }
   Mask released(int r) const { return was_[r] && !led.at.taut[r]; }

@@ -11,6 +11,7 @@
 #pragma once
 
 #include "flow.hpp"
+#include "memory.hpp"
 
 namespace fan {
 
@@ -42,6 +43,10 @@ struct Guards {
 
   explicit Guards(F& f) : flow(f) {
     for (int r = 0; r < M; ++r) armed[r] = true;
+  }
+
+  void remember(Memory& memory) {
+    memory.keep(armed, height0, rate0, guard0, noise, afield);
   }
 
   // The shortest time the clock resolves.

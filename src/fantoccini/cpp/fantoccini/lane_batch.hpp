@@ -175,11 +175,12 @@ class LaneBatch {
       if (status == RUNNING) status = too_many ? TOO_MANY_STEPS : STOPPED;
       in.status[who] = status;
       in.reached[who] = reached_[l];
+      for (int i = 0; i < NQ; ++i) in.end_q_D[who * NQ + i] = lane_of(led_.q_D()[i], l);
+      for (int k = 0; k < N; ++k) in.end_v_D[who * N + k] = lane_of(led_.v_D()[k], l);
       in.violation[who] = lane_of(led_.worst_violation, l);
       in.events[2 * who] = caught_[l];
       in.events[2 * who + 1] = released_[l];
-      if constexpr (Led::blames)
-        for (int r = 0; r < M; ++r) in.blame[who * (M + D) + r] = led_.blame[l][r];
+      for (int r = 0; r < M; ++r) in.blame[who * (M + D) + r] = led_.blame_of(l)[r];
       led_.motors().blame(status, l, in.blame + who * (M + D) + M);
     }
   }

@@ -17,7 +17,7 @@ struct LedStep {
   using Space = typename Model::Driven;
   using Mask = typename Traits<Real>::Mask;
   static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings;
-  static constexpr int M = Model::n_rows, NK = Model::n_vK;
+  static constexpr int M = Model::n_rows, NK = Model::n_vK, width = Traits<Real>::width;
 
   struct State {
     Real q_D[room(NQ)], v_D[room(N)];
@@ -33,6 +33,7 @@ struct LedStep {
   Options opt;
   Real work, damping, impact, slip_loss, worst_violation;
   Real status;  // a Status: RUNNING, or what has stopped the trajectory
+  double blame[width][room(M)];  // of the rows for the status, 0 to 1
 
   FAN_FN State& state() { return states_[state_]; }
   FAN_FN Inputs& inputs() { return inputs_[inputs_at_]; }     // at present
@@ -54,6 +55,9 @@ struct LedStep {
     for (int i = 0; i < S; ++i) at.slips[i] = no;
     at.stirred = at.idle = no;
     at.extrapolates = opt.extrapolate != 0;
+    at.whole = opt.dt;
+    for (int l = 0; l < width; ++l)
+      for (int r = 0; r < M; ++r) blame[l][r] = 0.0;
     for (int k = 0; k < N; ++k) at.acc[k] = Real(0.0);
     at.forget(!no);
     Real slip[room(S)];
@@ -139,16 +143,29 @@ struct LedStep {
     const Real size = squares<NQ>(made.q_D) + squares<N>(made.v_D);
     const Mask wild = !(size < Real(kRunaway * kRunaway));
     Mask empty = Real(0.0) > Real(1.0);
-    for (int i = 0; i < S; ++i)
-      if (Model::length_q[i] >= 0 || Model::wound_q[i] >= 0)
-        empty = empty || !(string_length<Model, Real>(i, made.q_D, coming().q_K) > Real(kNoLength));
+    for (int i = 0; i < S; ++i) empty = empty || is_empty(i);
     const auto stop = [&](const Mask& mask, Status why) {
       status = select(mask && status < Real(RUNNING + 0.5), Real(why), status);
     };
     stop(motors.gone, RUNAWAY);
     stop(!at.settled, NOT_SETTLED);
     stop(wild, NOT_FINITE);
-    stop(empty, LENGTH_NOT_POSITIVE);
+    const Mask runs_out = empty && status < Real(RUNNING + 0.5);
+    if (any(runs_out)) accuse_empty(runs_out);
+    stop(runs_out, LENGTH_NOT_POSITIVE);
+  }
+
+  // Whether the length of a string that is driven or wound has run out.
+  FAN_FN Mask is_empty(int i) {
+    if (Model::length_q[i] < 0 && Model::wound_q[i] < 0) return Real(0.0) > Real(1.0);
+    return !(string_length<Model, Real>(i, stepped().q_D, coming().q_K) > Real(kNoLength));
+  }
+
+  void accuse_empty(const Mask& lanes) {
+    for (int i = 0; i < S; ++i) {
+      const Mask empty = lanes && is_empty(i);
+      for (int l = 0; l < width; ++l) blame[l][i] = lane_of(empty, l) ? 1.0 : blame[l][i];
+    }
   }
 
   Real lost_, last_loss_, last_root_;  // until the last step; by the one before; root of its power

@@ -23,7 +23,6 @@ struct LedVariation {
   using Step = VariationalStep<Model, Real>;
   using Inputs = typename Step::Inputs;
   using Mask = typename Traits<Real>::Mask;
-  static constexpr bool blames = true;
   static constexpr int width = Traits<Real>::width, NQ = Model::n_qD, N = Model::n_vD;
   static constexpr int S = Model::n_strings, M = Model::n_rows, NK = Model::n_vK;
 
@@ -61,6 +60,7 @@ struct LedVariation {
   const Real* tension() const { return pull; }
   Inputs& inputs() { return node().now; }
   const auto& motors() const { return watch; }
+  const double* blame_of(int lane) const { return blame[lane]; }
 
   // Work, damping, impact and slip loss.
   void books(Real* out) const {

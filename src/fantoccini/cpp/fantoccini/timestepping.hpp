@@ -3,9 +3,10 @@
 //   (M + dt D) (v+ - v) = dt (u - c(q, v_ahead) - D v) - A_D^T Lambda,   Lambda >= 0
 //   h/dt + A_D v+ + A_K dq_K/dt <= 0, complementary to Lambda;          q+ = q moved by dt v+
 //
-// with dq_K the exact increment of the inputs, damping and drag D implicit, the recovery of a violated
-// row limited to a speed, and Lambda capped, so that every step has a solution. c takes its velocity
-// products half a step on, extrapolated from the accelerations a of the two steps before,
+// with dq_K the exact increment of the inputs, damping and drag D implicit, and Lambda capped, so that
+// every step has a solution. The recovery of a violated row is limited to a speed, and takes no less
+// than a whole step: a short last one would make its h/dt a blow. c takes its velocity products half
+// a step on, extrapolated from the accelerations a of the two steps before,
 //
 //   v_ahead = v + dt (a/2 + (a - a-)/4)
 //
@@ -45,6 +46,7 @@ struct TimeStep {
   Real acc[room(N)];      // (v+ - v) / dt
   Real trend[room(N)] = {};  // the same where the step to come is expected to go on so, else 0
   Real lead[room(N)] = {};   // (v_ahead - v) / dt of the step to come
+  double whole = 0.0;        // s: a step of the run; the one to come may be shorter
   bool extrapolates = true;  // otherwise v_ahead is v: a step depends on its state alone
   Mask steady = Real(0.0) > Real(1.0);  // whether trend is no 0 for want of something to go on
   Real tension[room(M)];  // Lambda / dt
@@ -69,8 +71,10 @@ struct TimeStep {
     eval.at(q_D, v_D, q_K, v_K, acc_K, u_D, v_ahead, Real(dt), p);
     wind(winches, dt);
     violation = Real(0.0);
-    for (int r = 0; r < M; ++r)
-      violation = select(eval.height(r) > violation, eval.height(r), violation);
+    for (int r = 0; r < M; ++r) {
+      const Real beyond = overstep(r);
+      violation = select(beyond > violation, beyond, violation);
+    }
     watch_first(v_D, dt);
     gather(v_D);
     pull(dt, recovery_speed, cap, winches);
@@ -229,11 +233,23 @@ struct TimeStep {
     rows.gather_more(eval, v_D, list, watched(list));
   }
 
-  // h / dt; what is overstepped is taken back at the recovery's speed.
-  FAN_FN Real position_term(int r, double dt, double recovery_speed) const {
-    const Real rate = eval.height(r) * (1.0 / dt), limit = Real(recovery_speed);
-    return select(rate > limit, limit, rate);
+  // By how much a row is overstepped, where > 0. A wire is by being too short, too.
+  FAN_FN Real overstep(int r) const {
+    using std::abs;
+    return is_wire(r) ? Real(abs(eval.height(r))) : eval.height(r);
   }
+
+  // h / dt; what is overstepped is taken back over a whole step at least, and at the recovery's
+  // speed at most. What is open may close within this step.
+  FAN_FN Real position_term(int r, double dt, double recovery_speed) const {
+    const Real h = eval.height(r), limit = Real(recovery_speed);
+    const Real back = h * (1.0 / (dt > whole ? dt : whole));
+    const Real most = select(back > limit, limit, back);
+    if (is_wire(r)) return select(most < -limit, Real(-limit), most);
+    return select(h > Real(0.0), most, Real(h * (1.0 / dt)));
+  }
+
+  FAN_FN static bool is_wire(int r) { return r < S && Model::wire[r]; }
 
   // The impulses over the rows that take part, and acc = v+ - v with them.
   FAN_FN void pull(double dt, double recovery_speed, double cap, const Winches<S>& winches) {

@@ -56,7 +56,10 @@ struct VariationalStep {
   long long n_corrections = 0;
 
   // How far a row is beyond its bound at the end of the step that was found, and its impulse.
-  FAN_FN Real overstep(int r) const { return found_.h[r]; }
+  FAN_FN Real overstep(int r) const {
+    using std::abs;
+    return r < S && Model::wire[r] ? Real(abs(found_.h[r])) : found_.h[r];
+  }
   FAN_FN Real found_impulse(int r) const { return found_.lambda[r]; }
 
   // Begins at q_D, v_D, slip and the inputs of `here`, with steps of length dt to come.
@@ -350,8 +353,10 @@ struct VariationalStep {
       if (!here.gives(r)) continue;
       found_.slips[r] = rows.problem.high[a] && found_.h[r] > Real(0.0);
       Real& next = found_.slip_next[r];
+      const Real before = next;
       next += select(found_.slips[r], found_.h[r], Real(0.0));
       next = select(next > Real(kNoSlip), next, Real(0.0));
+      found_.h[r] -= next - before;
     }
   }
 

@@ -61,6 +61,13 @@ FAN_EXPORT void fan_set_input(void* handle, const fan::InputArrays* input) {
   run.restart();
 }
 
+// As in abi.hpp.
+FAN_EXPORT long long fan_memory(void* handle, unsigned char* out, const unsigned char* from) {
+  fan::Memory memory(out, from);
+  fan::run_of(handle).remember(memory);
+  return memory.size();
+}
+
 // Counters: steps, time reached, worst violation [m or rad].
 FAN_EXPORT void fan_progress(void* handle, double* out) {
   const auto& run = fan::run_of(handle);

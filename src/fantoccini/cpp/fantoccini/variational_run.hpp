@@ -3,6 +3,7 @@
 
 #include "drive.hpp"
 #include "led_variation.hpp"
+#include "memory.hpp"
 #include "record.hpp"
 
 namespace fan {
@@ -77,6 +78,8 @@ struct VariationalRun {
     led.restart(look);
     begin_grid();
   }
+
+  void remember(Memory& memory) { memory.keep(led, origin, n_steps, n_here); }
 
  private:
   using Inputs = typename Led::Inputs;

@@ -12,15 +12,20 @@ bounds.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import Status
-from fantoccini.marionette import Marionette, instant_at
-from fantoccini.motion import Trajectory
+from fantoccini.marionette.instant import instant_at
+from fantoccini.marionette.model import Model
+from fantoccini.motion import State
 from fantoccini.tree import Role, StringRow
+
+Motion = tuple[State, Array]
+"""A state and (n_vK,) the accelerations of the driven coordinates there."""
 
 STOPPED_BY = (
     Status.IMPOSSIBLE_INPUT,
@@ -73,16 +78,43 @@ class Contradiction:
         )
 
 
-def contradiction(marionette: Marionette, run: Trajectory, row: int) -> Contradiction | None:
-    """What redundant strings contradict one another in at a row of a run; None where none do."""
-    x = run.state(row)
+def may_contradict(model: Model) -> bool:
+    """Whether some rigid strings of the puppet are more than the degrees of freedom they move.
+
+    By Hall's theorem there are none where every string can be given a degree of freedom of its own.
+    """
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import maximum_bipartite_matching
+
+    strings = model.tree.strings
+    moved = [
+        _moved(model, s)
+        for s, most in zip(strings, model.upper[: len(strings)], strict=True)
+        if not np.isfinite(most)
+    ]
+    moved = [places for places in moved if places]
+    if not moved:
+        return False
+    reaches = np.zeros((len(moved), model.coordinates.n_vD), dtype=np.int8)
+    for row, places in zip(reaches, moved, strict=True):
+        row[list(places)] = 1
+    own = maximum_bipartite_matching(csr_array(reaches), perm_type="column")
+    return bool(np.any(own < 0))
+
+
+def contradiction(model: Model, x: State, acc_K: Array) -> Contradiction | None:
+    """What redundant strings contradict one another in at a state; None where none do.
+
+    Args:
+        model: the puppet.
+        x: the state.
+        acc_K: (n_vK,) accelerations of the driven coordinates.
+    """
     x = x.replace(slip=np.maximum(x.slip, 0.0))  # that of a winch which slips may be rounding
-    instant = instant_at(marionette.model, x, run.acc_K[row])
-    n = len(marionette.tree.strings)
-    scale = marionette.model.row_scales(x.q_D, x.q_K)[:n]
-    holds = np.flatnonzero(
-        (instant.h[:n] >= -_NEAR * scale) & ~np.isfinite(marionette.model.upper[:n])
-    )
+    instant = instant_at(model, x, acc_K)
+    n = len(model.tree.strings)
+    scale = model.row_scales(x.q_D, x.q_K)[:n]
+    holds = np.flatnonzero((instant.h[:n] >= -_NEAR * scale) & ~np.isfinite(model.upper[:n]))
     W = instant.W[:, holds]
     if not len(holds) or np.linalg.matrix_rank(W, _DEPENDS * np.linalg.norm(W, 2)) == len(holds):
         return None
@@ -95,34 +127,40 @@ def contradiction(marionette: Marionette, run: Trajectory, row: int) -> Contradi
         found.append((y, float(asked @ y)))
     (y, speed), (y_rate, acceleration) = found
     y = y if speed > _NOISE else y_rate
-    group, freedoms = _group(marionette, holds, holds[y > _PULLS * np.max(y)])
+    group, freedoms = _group(model, holds, holds[y > _PULLS * np.max(y)])
     if not freedoms or len(group) <= freedoms:
         return None  # a string that moves nothing contradicts its own ends
-    names = tuple(marionette.tree.strings[i].name for i in group)
+    names = tuple(model.tree.strings[i].name for i in group)
     return Contradiction(names, freedoms, speed, acceleration)
 
 
-def overpulled(marionette: Marionette, run: Trajectory) -> int | None:
+def overpulled(
+    model: Model, tension: Array, motion: Callable[[int], Motion]
+) -> int | None:
     """The first row of a run at which tensions are far beyond what its motion needs, or None.
 
     Of all tensions x >= 0 with the same A_D^T x the least are compared: what exceeds them are
     tensions that pull against one another. Once, as at a catch, is no contradiction.
+
+    Args:
+        model: the puppet.
+        tension: (T, n_strings) [N].
+        motion: row -> the state there and the driven accelerations.
     """
-    pulls = np.max(run.tension.values, axis=1, initial=0.0)
-    rows = np.flatnonzero(pulls > _EXCESS * marionette.model.reference_force)
+    pulls = np.max(tension, axis=1, initial=0.0)
+    rows = np.flatnonzero(pulls > _EXCESS * model.reference_force)
     looks = rows[:: max(1, len(rows) // _MOST_LOOKS)]
-    beyond = [int(row) for row in looks if _exceeds(marionette, run, row)]
+    beyond = [int(row) for row in looks if _exceeds(model, tension[row], *motion(int(row)))]
     return beyond[0] if len(beyond) >= _RECURS else None
 
 
-def _exceeds(marionette: Marionette, run: Trajectory, row: int) -> bool:
-    tension = run.tension.values[row]
+def _exceeds(model: Model, tension: Array, x: State, acc_K: Array) -> bool:
     some = np.flatnonzero(tension > 0.0)
-    W = instant_at(marionette.model, run.state(row).replace(slip=()), run.acc_K[row]).W[:, some]
+    W = instant_at(model, x.replace(slip=()), acc_K).W[:, some]
     if np.max(np.abs(W), initial=0.0) == 0.0:
         return False  # strings that move nothing pull against no other
     least = _least(W, tension[some])
-    return bool(np.max(tension) > _EXCESS * (np.max(least) + marionette.model.reference_force))
+    return bool(np.max(tension) > _EXCESS * (np.max(least) + model.reference_force))
 
 
 def _self_stress(W: Array, asked: Array) -> Array | None:
@@ -147,17 +185,17 @@ def _least(W: Array, x: Array) -> Array:
     return nnls(np.vstack([heavy * W, np.eye(len(x))]), np.append(heavy * (W @ x), 0.0 * x))[0]
 
 
-def _group(marionette: Marionette, holds: Array, stressed: Array) -> tuple[list[int], int]:
+def _group(model: Model, holds: Array, stressed: Array) -> tuple[list[int], int]:
     """The strings that hold and move nothing but what stressed ones do, and how much that is."""
-    strings = marionette.tree.strings
-    moved = set().union(*(_moved(marionette, strings[i]) for i in stressed))
-    group = [int(i) for i in holds if _moved(marionette, strings[i]) <= moved]
+    strings = model.tree.strings
+    moved = set().union(*(_moved(model, strings[i]) for i in stressed))
+    group = [int(i) for i in holds if _moved(model, strings[i]) <= moved]
     return group, len(moved)
 
 
-def _moved(marionette: Marionette, string: StringRow) -> set[int]:
+def _moved(model: Model, string: StringRow) -> set[int]:
     """Places in v_D that a string can pull at."""
-    tree = marionette.tree
+    tree = model.tree
     ways = {i for point in string.points for i in tree.ancestors(point.link)}
     links = [tree.links[i] for i in ways if tree.links[i].role is Role.DYNAMIC]
     places = {k for link in links for k in range(link.v.start, link.v.stop)}

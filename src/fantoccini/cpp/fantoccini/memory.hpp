@@ -1,0 +1,37 @@
+// What a run knows beside its inputs, as bytes: a copy that recalls them goes on to the same bits.
+#pragma once
+
+#include <cstring>
+#include <type_traits>
+
+namespace fan {
+
+// Writes members one behind the other to `out`, or reads them from `from`; counts their bytes.
+// Pointers in them are made anew when inputs are set, which comes before the next step.
+class Memory {
+ public:
+  Memory(unsigned char* out, const unsigned char* from) : out_(out), from_(from) {}
+
+  template <class... Members>
+  void keep(Members&... members) {
+    (one(members), ...);
+  }
+
+  long long size() const { return size_; }
+
+ private:
+  template <class Member>
+  void one(Member& member) {
+    static_assert(std::is_trivially_copyable_v<Member>, "kept as bytes");
+    void* place = &member;
+    if (out_) std::memcpy(out_ + size_, place, sizeof(Member));
+    if (from_) std::memcpy(place, from_ + size_, sizeof(Member));
+    size_ += static_cast<long long>(sizeof(Member));
+  }
+
+  unsigned char* out_;
+  const unsigned char* from_;
+  long long size_ = 0;
+};
+
+}  // namespace fan
