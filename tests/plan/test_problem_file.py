@@ -37,8 +37,8 @@ def test_bundled_problems_are_as_they_say():
     assert set(problem_names()) >= {"arm3d_boxes", "marionette_bell"}
     arm = fan.load_problem("arm3d_boxes")
     assert arm.name == "arm3d_boxes" and not arm.reason and arm.tolerance == 0.25
-    assert np.array_equal(arm.model.compiled.motions.bounds.speed, [0.5] * 3)
-    assert [o.name for o in arm.model.compiled.motions.clearance.obstacles] == ["low", "high"]
+    assert np.array_equal(arm.motions.bounds.speed, [0.5] * 3)
+    assert [o.name for o in arm.motions.clearance.obstacles] == ["low", "high"]
     assert fan.load_problem("arm3d_boxes", tolerance=0.1).tolerance == 0.1
 
 

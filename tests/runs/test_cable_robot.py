@@ -135,7 +135,7 @@ def test_redundant_strings_stop_a_stepper(eight, method):
 
 def test_only_more_strings_than_freedoms_are_looked_at(eight, giving):
     """17.10: batches of other puppets cost nothing more."""
-    assert may_contradict(eight.model) and not may_contradict(giving)
+    assert may_contradict(eight.model) and not may_contradict(giving.model)
     assert not may_contradict(fan.puppets.arm2d().model)
     text = """
 puppet: hung

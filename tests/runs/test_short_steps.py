@@ -40,7 +40,7 @@ def energies(run):
 def test_a_short_last_step_gains_no_energy(swing, remainder):
     """17.20: it took a violation back within itself, at up to 1 m/s, and kept that speed."""
     x0 = swinging(swing)
-    run = fan.simulate(swing, x0, t_end=WHOLE + remainder, method="timestepping", dt=DT)
+    run = fan.simulate(swing, x0, t_end=WHOLE + remainder, method=fan.TimeStepping(dt=DT))
     assert run.t[-1] - run.t[-2] == pytest.approx(remainder, rel=1e-6)
     assert np.max(run.violation.values[-2]) > 1e-6
     change = np.linalg.norm(run.v_D[-1] - run.v_D[-2])
@@ -58,10 +58,10 @@ def test_short_last_steps_are_the_same_in_lanes(swing):
     states = [x0.replace(v_D=x0.v_D * k) for k in (1.0, 0.5, -1.0, 0.2, 0.7)]
     for remainder in REMAINDERS[::5]:
         t_end = WHOLE + remainder
-        many = fan.simulate(swing, states, t_end=t_end, method="timestepping", dt=DT)
+        many = fan.simulate(swing, states, t_end=t_end, method=fan.TimeStepping(dt=DT))
         assert many.done.all()
         for i, x in enumerate(states):
-            one = fan.simulate(swing, x, t_end=t_end, method="timestepping", dt=DT)
+            one = fan.simulate(swing, x, t_end=t_end, method=fan.TimeStepping(dt=DT))
             assert many.v_D[i, -1] == pytest.approx(one.v_D[-1], abs=1e-9)
 
 
@@ -73,7 +73,7 @@ def test_a_catch_within_a_short_step_is_exact(swing, remainder):
     speed = 2.0
     start[2] += 0.5 * remainder * speed  # half a short step away from its length
     x = x0.replace(q_D=start, v_D=np.array([0.0, 0.0, -speed, 0.0, 0.0, 0.0]), taut=())
-    run = fan.simulate(swing, x, t_end=remainder, method="timestepping", dt=DT)
+    run = fan.simulate(swing, x, t_end=remainder, method=fan.TimeStepping(dt=DT))
     assert len(run) == 2
     assert abs(swing.constraint(run.state(1))[0]) < 1e-9
 
@@ -81,8 +81,8 @@ def test_a_catch_within_a_short_step_is_exact(swing, remainder):
 def test_many_short_pieces_keep_the_energy(swing):
     """17.20: a stepper whose every piece is shorter than its step swings on."""
     x0 = swinging(swing)
-    stepper = swing.stepper(x0, "timestepping", dt=DT)
-    whole = fan.simulate(swing, x0, t_end=0.1, method="timestepping", dt=DT)
+    stepper = swing.stepper(x0, fan.TimeStepping(dt=DT))
+    whole = fan.simulate(swing, x0, t_end=0.1, method=fan.TimeStepping(dt=DT))
     rng = np.random.default_rng(3)
     while stepper.state.t < 0.1:
         stepper.advance(float(10.0 ** rng.uniform(-6, -3)))

@@ -173,8 +173,8 @@ def test_what_a_winch_gives_way_by_is_no_violation():
     """17.2: in variational batches it counted as one, and had to be left out of the verdict."""
     weight = fan.loads(WEIGHT)
     x0 = weight.state()
-    many = fan.simulate(
-        weight, [x0, x0], t_end=1.0, method="variational", dt=0.002, save=("slip", "q_D")
+    many = fan.simulate_batch(
+        weight, [x0, x0], t_end=1.0, method=fan.Variational(dt=0.002), save=("slip", "q_D")
     )
     assert many.done.all() and np.max(many.slip["line"]) > 0.1
     assert np.max(many.violation) < 1e-11

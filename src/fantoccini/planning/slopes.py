@@ -52,7 +52,9 @@ def segment_slopes(
     Returns:
         A (m, n_z, n_z) and B (m, n_z, n_vK).
     """
-    sweeper = Sweeper(marionette.model.compiled.motions, _free(marionette, options, looks), threads)
+    sweeper = Sweeper(
+        marionette.model.compiled.motions, _free(marionette, options, looks), threads
+    )
 
     def made(near: Rows, acc_K: Array) -> Rows:
         every = np.arange(len(acc_K))
