@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+from tests.harness import method_of
 
 import fantoccini as fan
 
@@ -117,8 +118,7 @@ def test_standing_waves_of_a_taut_chain(along, j):
 @pytest.mark.parametrize("method", ["event", "timestepping"])
 def test_the_ledger_closes_while_the_rope_is_wound_in(method):
     puppet = rope()
-    options = {"dt": 2e-5} if method == "timestepping" else {}
-    run = fan.simulate(puppet, puppet.rest(), lift(puppet), 0.8, method=method, **options)
+    run = fan.simulate(puppet, puppet.rest(), lift(puppet), 0.8, method=method_of(method, dt=2e-5))
     ledger = run.ledger
     assert ledger["work"][-1] > 0.3
     assert ledger["damping"][-1] > 0
@@ -197,12 +197,11 @@ def test_a_step_too_long_for_the_springs_is_refused_before_it_blows_up():
     longest = 1 / (np.sqrt(200 * N / 0.8 * (N - 1) / 0.03) * np.cos(np.pi / (2 * N)))
     shape = 1e-4 * np.random.default_rng(0).normal(size=15)
     moved = x.replace(q_D=x.q_D + shape)
-    fast = {"method": "timestepping", "t_end": 2.0}
-    run = fan.simulate(puppet, moved, None, method=fan.Event(dt=0.95 * longest), **fast)
+    run = fan.simulate(puppet, moved, t_end=2.0, method=fan.TimeStepping(dt=0.95 * longest))
     assert np.max(np.abs(run.q_D - x.q_D)) < 2e-3
-    for start in (moved, [moved, moved]):
+    for run, start in ((fan.simulate, moved), (fan.simulate_batch, [moved, moved])):
         with pytest.raises(fan.StateError, match="is too long for the chain line: with"):
-            fan.simulate(puppet, start, None, method=fan.Event(dt=1.01 * longest), **fast)
+            run(puppet, start, t_end=2.0, method=fan.TimeStepping(dt=1.01 * longest))
     with pytest.raises(fan.StateError, match="too long for the chain line"):
         puppet.stepper(moved, method=fan.TimeStepping(dt=1.01 * longest))
     with pytest.raises(fan.StateError, match="too long for the chain line"):

@@ -11,7 +11,7 @@ from scipy.integrate import DOP853
 import fantoccini as fan
 from harness import Model, State, polynomial_input, start
 
-TIGHT = {"rtol": 1e-12, "atol": 1e-12}
+TIGHT = {"method": fan.Event(rtol=1e-12, atol=1e-12)}
 
 TUMBLER = {
     "puppet": "tumbler",

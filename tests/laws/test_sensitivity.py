@@ -23,7 +23,7 @@ strings:
 pose: {bob: -0.6}
 """
 
-FINE = {"rtol": 1e-13, "atol": 1e-13, "effort": False}
+FINE = {"method": fan.Event(rtol=1e-13, atol=1e-13), "effort": False}
 
 
 def fallen(z, v, length, e, t_end: float, g: float = 9.81):

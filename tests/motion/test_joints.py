@@ -92,7 +92,7 @@ def test_what_is_more_is_refused(arm, x0):
     with pytest.raises(StateError, match=r"hand\.length would jump"):
         fan.simulate(arm, x0, fast, t_end=0.5)
     with pytest.raises(StateError, match=r"hand\.length of run 1 would jump"):
-        fan.simulate(arm, x0, [nearly_stopped(arm, 0.0), fast], t_end=0.5)
+        fan.simulate_batch(arm, x0, [nearly_stopped(arm, 0.0), fast], t_end=0.5)
 
 
 def test_rotations_take_up_angular_velocity():

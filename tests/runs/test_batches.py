@@ -21,7 +21,7 @@ def wandering(n: int, seed: int = 1, **how) -> fan.Inputs:
 
 def stepped(inputs, x0=X0, **how) -> fan.Trajectories:
     how = {"method": "timestepping", "save": "all"} | how
-    return fan.simulate(ARM, x0, inputs, t_end=END, **how)
+    return fan.simulate_batch(ARM, x0, inputs, t_end=END, **how)
 
 
 def same(a: fan.Trajectories, b: fan.Trajectories, rows=slice(None)) -> bool:
@@ -135,14 +135,15 @@ def test_an_impossible_input_is_told_by_its_status_and_its_strings():
     hold = fan.Input.hold(arm)
     lengths = [n for n in arm.coordinates.q_K if n.endswith(".length")]
     pull = {n: [(0, x0.q_K[arm.coordinates.q_K.index(n)]), (0.3, 0.05)] for n in lengths}
-    many = fan.simulate(arm, x0, [hold, fan.Input.waypoints(arm, pull)], t_end=0.3)
+    many = fan.simulate_batch(arm, x0, [hold, fan.Input.waypoints(arm, pull)], t_end=0.3)
     assert many.status[0] == Status.DONE
     assert many.status[1] in (Status.IMPOSSIBLE_INPUT, Status.TENSION_CAP)
     assert many.blamed(1) and set(many.blamed(1)) <= set(arm.tree.row_names)
 
 
 def test_only_what_is_asked_for_is_saved():
-    many = fan.simulate(ARM, X0, wandering(3), t_end=END, method="timestepping", save_every=50)
+    inputs = wandering(3)
+    many = fan.simulate_batch(ARM, X0, inputs, t_end=END, method="timestepping", save_every=50)
     assert many.t.tolist() == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
     assert many.q_D.shape == (3, 5, ARM.coordinates.n_qD)
     assert many.tension["hand"].shape == (3, 5)
@@ -203,8 +204,8 @@ def test_mistakes_name_the_run():
         stepped([1, 2])
     with pytest.raises(ValueError, match="must be of one time"):
         stepped(None, [X0, X0.replace(t=1.0)])
-    with pytest.raises(ValueError, match="threads goes with many"):
-        fan.simulate_batch(ARM, X0, t_end=END, threads=2)
+    with pytest.raises(ValueError, match="integrator goes with a single run"):
+        fan.simulate_batch(ARM, X0, t_end=END, method=fan.Event(integrator="RK45"))
 
 
 def test_random_inputs_wander_within_reach_and_are_the_same_again():

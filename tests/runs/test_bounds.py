@@ -10,11 +10,17 @@ from tests.harness import method_of
 
 import fantoccini as fan
 from fantoccini import Status
+from fantoccini.marionette import Model
 from fantoccini.runtime import memory
 from fantoccini.runtime.functions import Numbers, whole
 
 ARM = fan.puppets.arm2d()
 X0 = ARM.rest()
+
+
+def simulated(x0, **how):
+    """A run from a state, or a batch from several."""
+    return (fan.simulate if isinstance(x0, fan.State) else fan.simulate_batch)(ARM, x0, **how)
 
 
 @pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
@@ -23,8 +29,8 @@ X0 = ARM.rest()
 def test_rows_are_saved_as_often_as_can_be_counted(method, x0, every):
     """17.23: an interval that does not fit its integer is refused; 2^32 was 0 and killed Python."""
     with pytest.raises(ValueError, match=r"save_every is .* a whole number from 1 to 2147483647"):
-        fan.simulate(ARM, x0, t_end=0.01, method=method, save_every=every)
-    run = fan.simulate(ARM, x0, t_end=0.01, method=method, save_every=np.int64(2**31 - 1))
+        simulated(x0, t_end=0.01, method=method, save_every=every)
+    run = simulated(x0, t_end=0.01, method=method, save_every=np.int64(2**31 - 1))
     assert run.t[-1] == 0.01 and (method == "event" or len(run.t) == 2)
 
 
@@ -62,13 +68,13 @@ def test_every_structure_of_the_runtime_is_checked():
 def test_rows_that_do_not_fit_are_refused_before_anything_is_made(method, x0):
     """17.6, 26: 5e11 rows of fixed steps; a batch had made 37 GiB of times first."""
     with pytest.raises(ValueError, match=r"5e\+11 rows from 0 s .* GB may be taken.*save_every="):
-        fan.simulate(ARM, x0, t_end=1e9, method=method)
+        simulated(x0, t_end=1e9, method=method)
     with pytest.raises(ValueError, match=r"need 0.0.* GB .*max_memory"):
-        fan.simulate(ARM, x0, t_end=1.0, method=method, max_memory=5e3)
-    run = fan.simulate(ARM, x0, t_end=1.0, method=method, max_memory=5e3, save_every=250)
+        simulated(x0, t_end=1.0, method=method, max_memory=5e3)
+    run = simulated(x0, t_end=1.0, method=method, max_memory=5e3, save_every=250)
     assert len(run.t) == 3
     with pytest.raises(ValueError, match="max_memory is"):
-        fan.simulate(ARM, x0, t_end=1.0, method=method, max_memory=0)
+        simulated(x0, t_end=1.0, method=method, max_memory=0)
 
 
 @pytest.mark.parametrize("x0", [X0, [X0] * 2000], ids=["one", "many"])
@@ -76,32 +82,28 @@ def test_times_to_save_that_do_not_fit_are_refused(x0):
     """17.6: the rows of an event-driven run are known where its times are given."""
     times = np.linspace(0.0, 1e3, 10**5)
     with pytest.raises(ValueError, match=r"1e\+05 rows .* fewer times in save_at"):
-        fan.simulate(ARM, x0, t_end=1e3, save_at=times, max_memory=1e7)
+        simulated(x0, t_end=1e3, save_at=times, max_memory=1e7)
 
 
 @pytest.mark.parametrize("integrator", [None, "RK45"])
 def test_a_run_that_writes_too_much_ends_and_keeps_what_it_has(integrator):
     """17.6: steps that nobody can count beforehand end with a status, before memory is gone."""
     x0 = ARM.project(X0.replace(v_D=[3.0, -3.0]))
-    how = {"t_end": 20.0, "integrator": integrator, "rtol": 1e-9, "atol": 1e-9}
-    whole_run = fan.simulate(ARM, x0, max_memory=1e9, **how)
-    run = fan.simulate(ARM, x0, max_memory=3e5, throw=False, **how)
+    how = {"t_end": 20.0, "method": fan.Event(rtol=1e-9, atol=1e-9, integrator=integrator)}
+    whole_run = simulated(x0, max_memory=1e9, **how)
+    run = simulated(x0, max_memory=3e5, throw=False, **how)
     assert run.status is Status.TOO_MANY_ROWS
     assert 100 < len(run) < len(whole_run) // 2
     assert np.array_equal(run.q_D, whole_run.q_D[: len(run)])
     with pytest.raises(fan.SimulationError, match=r"after \d+ rows; write fewer with save_at"):
-        fan.simulate(ARM, x0, max_memory=3e5, **how)
+        simulated(x0, max_memory=3e5, **how)
 
 
-def test_steps_of_a_batch_are_bounded():
+def test_steps_of_a_batch_are_bounded(monkeypatch):
     """17.26: max_steps stops fixed steps in lanes too."""
-    from fantoccini.simulation.many import simulate_many
-
-    options = ARM.model.run_options(max_steps=10, save_steps=False)
-    many = simulate_many(
-        ARM, [X0] * 3, None, 1.0, "timestepping", options, save_at=None, save=None, out=None,
-        threads=1, progress=None,
-    )  # fmt: skip
+    options = Model.run_options
+    monkeypatch.setattr(Model, "run_options", lambda *a, **how: options(*a, max_steps=10, **how))
+    many = fan.simulate_batch(ARM, [X0] * 3, t_end=1.0, method="timestepping", threads=1)
     assert many.status.tolist() == [Status.TOO_MANY_STEPS] * 3
     assert many.reached == pytest.approx([0.02] * 3)
 
@@ -136,15 +138,15 @@ def test_a_run_needs_no_more_memory_than_was_reckoned():
 def test_a_step_longer_than_the_run_is_one_step(method, x0):
     """17.31: dt = 1e300 was DONE at the start; one below the clock's resolution never ended."""
     for dt in (0.01, 1.0, 1e300):
-        run = fan.simulate(ARM, x0, t_end=0.01, method=method_of(method, dt=dt))
+        run = simulated(x0, t_end=0.01, method=method_of(method, dt=dt))
         assert run.t.tolist() == [0.0, 0.01]
         assert np.all(run.status == Status.DONE)
     stepper = ARM.stepper(X0, method_of(method, dt=1e300))
     assert stepper.advance(0.01).t == 0.01
     with pytest.raises(ValueError, match="the clock of a run from 0 s to 1 s resolves"):
-        fan.simulate(ARM, x0, t_end=1.0, method=method_of(method, dt=1e-17))
+        simulated(x0, t_end=1.0, method=method_of(method, dt=1e-17))
     with pytest.raises(ValueError, match="dt is nan; it must be positive"):
-        fan.simulate(ARM, x0, t_end=1.0, method=method_of(method, dt=np.nan))
+        simulated(x0, t_end=1.0, method=method_of(method, dt=np.nan))
 
 
 def test_threads_and_arrays_of_a_batch_are_checked():

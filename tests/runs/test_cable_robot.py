@@ -113,7 +113,7 @@ def test_redundant_strings_stop_runs_of_a_batch(eight, method):
     """17.10: they ended with what the method met first, or DONE; runs that hold are left alone."""
     x0, inputs = moved(eight)
     still = fan.Input.hold(eight, 1.0).bound(x0.q_K)
-    many = fan.simulate(eight, x0, [still, inputs, still], 0.5, method=method)
+    many = fan.simulate_batch(eight, x0, [still, inputs, still], 0.5, method=method)
     single = fan.simulate(eight, x0, inputs, 0.5, method=method, throw=False)
     assert single.status is Status.REDUNDANT_STRINGS
     assert many.status.tolist() == [Status.DONE, Status.REDUNDANT_STRINGS, Status.DONE]

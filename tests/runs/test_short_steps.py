@@ -58,7 +58,7 @@ def test_short_last_steps_are_the_same_in_lanes(swing):
     states = [x0.replace(v_D=x0.v_D * k) for k in (1.0, 0.5, -1.0, 0.2, 0.7)]
     for remainder in REMAINDERS[::5]:
         t_end = WHOLE + remainder
-        many = fan.simulate(swing, states, t_end=t_end, method=fan.TimeStepping(dt=DT))
+        many = fan.simulate_batch(swing, states, t_end=t_end, method=fan.TimeStepping(dt=DT))
         assert many.done.all()
         for i, x in enumerate(states):
             one = fan.simulate(swing, x, t_end=t_end, method=fan.TimeStepping(dt=DT))

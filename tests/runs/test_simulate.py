@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
+from fantoccini.marionette import as_method
 from harness import bulge
 
 
@@ -54,10 +55,41 @@ def test_an_end_before_the_start_is_refused(arm, hanging, t_end):
         fan.simulate(arm, hanging, t_end=t_end)
 
 
-@pytest.mark.parametrize("name", ["rtol", "atol", "max_step", "dt"])
-def test_steps_and_tolerances_are_positive(arm, hanging, name):
-    with pytest.raises(ValueError, match=name):
-        fan.simulate(arm, hanging, t_end=1.0, **{name: 0.0})
+@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [
+        (fan.Event, "rtol"), (fan.Event, "atol"), (fan.Event, "max_step"),
+        (fan.TimeStepping, "dt"), (fan.Variational, "dt"),
+    ],
+)  # fmt: skip
+def test_steps_and_tolerances_are_positive(kind, name, value):
+    with pytest.raises(ValueError, match=f"{name} is {value}; it must be positive"):
+        kind(**{name: value})
+
+
+def test_methods_are_named_or_given_with_their_options(arm, hanging):
+    """18.2: plain names are short forms; an option of another method is refused."""
+    assert as_method("timestepping") == fan.TimeStepping()
+    assert as_method("variational", dt=0.01) == fan.Variational(dt=0.01)
+    with pytest.raises(ValueError, match="rtol does not go with method='timestepping'"):
+        as_method("timestepping", rtol=1e-9)
+    for wrong in ("euler", None, 3, fan.Event):
+        with pytest.raises(ValueError, match="one of 'event', 'timestepping', 'variational'"):
+            fan.simulate(arm, hanging, t_end=1.0, method=wrong)
+    with pytest.raises(TypeError, match=r"fan\.simulate_batch"):
+        fan.simulate(arm, [hanging, hanging], t_end=1.0)
+
+
+def test_a_marionette_does_not_change(arm):
+    """18.2: what differs is another marionette, which shares what is compiled."""
+    heavy = arm.with_parameters({"m2": 0.2})
+    assert heavy.model.compiled is arm.model.compiled
+    for change in (lambda: setattr(arm, "model", heavy.model), lambda: setattr(arm, "p", heavy.p)):
+        with pytest.raises(AttributeError):
+            change()
+    with pytest.raises(ValueError, match="read-only"):
+        arm.p[0] = 1.0
 
 
 def test_an_unknown_method_is_refused(arm, hanging):
@@ -171,9 +203,9 @@ def test_ctrl_c_keeps_what_was_reached(arm, hanging):
 
 
 def test_a_progress_function_changes_nothing(arm, hanging):
-    for options in ({}, {"method": "timestepping", "dt": 0.003}):
-        one = fan.simulate(arm, hanging, jerk(arm), 1.0, **options)
-        two = fan.simulate(arm, hanging, jerk(arm), 1.0, progress=lambda t: None, **options)
+    for how in ("event", fan.TimeStepping(dt=0.003)):
+        one = fan.simulate(arm, hanging, jerk(arm), 1.0, method=how)
+        two = fan.simulate(arm, hanging, jerk(arm), 1.0, method=how, progress=lambda t: None)
         assert np.array_equal(one.t, two.t) and np.array_equal(one.q_D, two.q_D)
 
 
@@ -271,4 +303,4 @@ def test_a_run_knows_the_values_of_its_parameters(tmp_path):
     assert np.array_equal(again.mass_matrix(run.state(0)), arm.mass_matrix(run.state(0)))
     assert not told
     file = fan.puppets.arm2d()
-    assert file.described is file.puppet
+    assert file.model.described is file.puppet

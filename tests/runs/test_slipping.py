@@ -9,7 +9,7 @@ import pytest
 
 import fantoccini as fan
 from fantoccini import build
-from fantoccini.marionette import handle
+from fantoccini.marionette import model
 
 MASS, GRAVITY, MOST = 1.0, 9.81, 20.0
 DROP = 0.5  # m that the weight falls before its string is taut
@@ -166,7 +166,7 @@ def test_rest_winds_back_what_can_be_wound_back():
 
 def test_python_and_the_runtime_brake_alike():
     text = (build.runtime_folder() / "fantoccini" / "winch.hpp").read_text()
-    assert float(re.search(r"kBrake = ([0-9.]+);", text)[1]) == handle.BRAKE
+    assert float(re.search(r"kBrake = ([0-9.]+);", text)[1]) == model.BRAKE
 
 
 def test_what_a_winch_gives_way_by_is_no_violation():

@@ -135,7 +135,9 @@ def test_the_derivatives_of_a_step_have_its_drag():
     def end(v):
         start = x.replace(v_D=v)
         return (
-            Stepper(puppet, start, "timestepping", puppet.model.run_options(dt=dt)).advance(dt).v_D
+            Stepper(puppet.model, start, "timestepping", puppet.model.run_options(dt=dt))
+            .advance(dt)
+            .v_D
         )
 
     for k in range(n):
@@ -176,7 +178,7 @@ def test_strings_that_vibrate_faster_than_the_step_are_told():
     assert run.status is fan.Status.OVERSTEPPED and run.t[-1] == 1.0
     assert f"above {2 / omega:.2g} s" in str(caught.value)
     assert "top by" in str(caught.value) or "below by" in str(caught.value)
-    many = fan.simulate(puppet, [x], t_end=1.0, method="timestepping")
+    many = fan.simulate_batch(puppet, [x], t_end=1.0, method="timestepping")
     assert many.status[0] == fan.Status.OVERSTEPPED
     fine = fan.simulate(puppet, x, t_end=1.0, method=fan.TimeStepping(dt=1.0 / omega))
     assert np.max(fine.violation.values) < 1e-6

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.marionette import closed_rows, instant_at
+from fantoccini.marionette import closed_rows, energies, instant_at
 from fantoccini.motion import State
 from fantoccini.puppet import loads
 
@@ -33,13 +33,13 @@ def wandering(marionette):
     """A second of the marionette with its strings in wandering hands, by method."""
     x0 = marionette.rest()
     inputs = fan.Input.random(marionette, 1, seed=1, t_end=1.0).bound(x0.q_K)[0]
-    runs = {m: fan.simulate(marionette, x0, inputs, method=m, **alone(m)) for m in FIXED}
+    runs = {m: fan.simulate(marionette, x0, inputs, method=alone(m)) for m in FIXED}
     return inputs, runs
 
 
 def alone(method):
-    """Options under which a step depends on its state alone."""
-    return {"extrapolate": False} if method == "timestepping" else {}
+    """The method, with steps that depend on their state alone."""
+    return fan.TimeStepping(extrapolate=False) if method == "timestepping" else method
 
 
 def forces(run: fan.Trajectory, row: int) -> np.ndarray:
@@ -159,8 +159,7 @@ def test_a_run_goes_on_from_any_of_its_rows(marionette, wandering, method):
     for i in range(0, len(whole) - 5, 7):
         x = whole.state(i)
         part = fan.simulate(
-            marionette, x, inputs, t_end=whole.t[i + 5], method=method, effort=False,
-            **alone(method),
+            marionette, x, inputs, t_end=whole.t[i + 5], method=alone(method), effort=False,
         )  # fmt: skip
         np.testing.assert_allclose(part.q_D[-1], whole.q_D[i + 5], atol=1e-9)
         np.testing.assert_allclose(part.v_D[-1], whole.v_D[i + 5], atol=1e-7)
@@ -172,10 +171,10 @@ def test_a_run_goes_on_from_any_of_its_rows(marionette, wandering, method):
 def test_a_run_goes_on_a_hundred_times(arm, lift, method):
     """17.7: piece by piece, each from the end of the last, is the run at one go."""
     x = arm.project(arm.rest({"hand.length": 0.8}).replace(v_D=[1.0, -2.0]))
-    whole = fan.simulate(arm, x, lift, t_end=1.0, method=method, **alone(method))
+    whole = fan.simulate(arm, x, lift, t_end=1.0, method=alone(method))
     for k in range(100):
         end = (k + 1) * 0.01
-        x = fan.simulate(arm, x, lift, t_end=end, method=method, **alone(method)).state(-1)
+        x = fan.simulate(arm, x, lift, t_end=end, method=alone(method)).state(-1)
     np.testing.assert_allclose(x.q_D, whole.q_D[-1], atol=1e-8)
     np.testing.assert_allclose(x.v_D, whole.v_D[-1], atol=1e-6)
 
@@ -259,10 +258,11 @@ def test_a_state_of_another_puppet_is_named(arm, marionette):
     nameless = State(0.0, x.q_D, x.v_D, x.q_K, x.v_K, x.taut)
     for given in (x, nameless):
         for ask in (
-            arm.forward_dynamics, arm.mass_matrix, arm.instant, arm.linearise, arm.linearise_step,
-            arm.project, arm.modes, arm.stepper, arm.flow, arm.energies, arm.rest,
+            arm.forward_dynamics, arm.mass_matrix, arm.linearise, arm.linearise_step, arm.project,
+            arm.modes, arm.stepper, arm.flow, arm.kinetic_energy, arm.rest,
+            lambda x: energies(arm.model, x), lambda x: instant_at(arm.model, x),
             lambda x: fan.simulate(arm, x, t_end=0.1),
-            lambda x: fan.simulate(arm, [x, x], t_end=0.1),
+            lambda x: fan.simulate_batch(arm, [x, x], t_end=0.1),
             lambda x: fan.sensitivity(arm, x, t_end=0.1),
         ):  # fmt: skip
             with pytest.raises(fan.StateError, match="another puppet"):
@@ -325,7 +325,7 @@ def test_nan_is_in_no_argument(arm):
         lambda: arm.difference([nan, 0.0], [0.0, 0.0]),
         lambda: fan.sensitivity(arm, x, t_end=0.1, rtol=nan),
         lambda: fan.sensitivity(arm, x, t_end=0.1, save_at=[nan]),
-        lambda: fan.simulate(arm, x, t_end=0.1, method=fan.Event(dt=nan)),
+        lambda: fan.simulate(arm, x, t_end=0.1, method=fan.Event(rtol=nan)),
         lambda: fan.simulate(arm, x, t_end=0.1, method="timestepping", save_every=nan),
         lambda: fan.Input.hold(arm, nan),
         lambda: hold.bound([0.45, nan]),

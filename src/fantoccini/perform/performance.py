@@ -135,7 +135,7 @@ class Performance:
     @property
     def performed(self) -> Marionette:
         """The puppet with the winches in force."""
-        return self._stepper.marionette
+        return Marionette(self._stepper.model)
 
     @property
     def lagging(self) -> dict[str, str]:
@@ -371,7 +371,7 @@ class Performance:
         if keep:
             self._since = self.t
         options = self._performed.model.run_options(dt=self.dt, save_every=self._steps)
-        self._stepper = Stepper(self._performed, x, "timestepping", options)
+        self._stepper = Stepper(self._performed.model, x, "timestepping", options)
 
     def _tick(self) -> None:
         """One tick; where the stepper cannot go on, the hands stop and it starts anew."""

@@ -167,7 +167,7 @@ class Recording:
 
     def _performed(self) -> Written:
         options = self.marionette.model.run_options(dt=self.dt, save_every=self.steps)
-        stepper = Stepper(self.marionette, self.start, METHOD, options)
+        stepper = Stepper(self.marionette.model, self.start, METHOD, options)
         recorder = Recorder(stepper, self.tick)
         for acc_K in self.acc_K:
             stepper.advance(self.tick, acc_K, throw=False)
@@ -192,7 +192,8 @@ class Recorder:
     """
 
     def __init__(self, stepper: Stepper, tick: float):
-        self._marionette, self._start, self._tick = stepper.marionette, stepper.state, tick
+        self._marionette = Marionette(stepper.model)
+        self._start, self._tick = stepper.state, tick
         self._rows, self._events = [stepper.rows[-1:]], [np.zeros((0, 5))]
         self._acc_K: list[Array] = []
         self._status = Status.DONE
