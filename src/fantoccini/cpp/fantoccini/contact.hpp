@@ -55,7 +55,7 @@ struct Contact {
       if (f.mode[r] == HELD || f.eval.height(r) > -kNear * f.row_scale(r)) list[n++] = r;
     f.rows.gather(f.eval, f.y + NQ, list, n);
     double h[room(M)];
-    for (int r = 0; r < M; ++r) h[r] = f.eval.height(r);
+    for (int r = 0; r < M; ++r) h[r] = f.mode[r] == SLIPPING ? -f.slip_now[r] : f.eval.height(r);
     const auto left = [&] {
       double worst = 0.0;
       for (int a = 0; a < n; ++a) {
@@ -71,14 +71,15 @@ struct Contact {
       for (int a = 0; a < n; ++a) {
         const bool held = f.mode[list[a]] == HELD;
         f.rows.two_sided[a] = f.rows.two_sided[a] || held;
-        add_row(f, a, h[list[a]], kUnlimited, held ? Set::BASIC : Set::LOW);
+        if (f.mode[list[a]] == SLIPPING) add_floor(f, a, h[list[a]]);
+        else add_row(f, a, h[list[a]], kUnlimited, held ? Set::BASIC : Set::LOW);
       }
       const Status status = settle(f);
       if (status != RUNNING) return status;
       double move[room(N)];
       push(f, move);
       retract<typename Model::Dynamic>(f.y, move, f.y);
-      f.heights(f.y, h);
+      f.heights(f.y, h, true);
       return RUNNING;
     });
   }
@@ -119,9 +120,11 @@ struct Contact {
   // Chooses the rows' modes at (t, y) among those that are closed and at rest. Rows in `loose`
   // have just lost their tension: they stay only if they pull; strings in `strained` have just
   // reached their winch's largest: they stay only if they pull with less.
+  // With `ahead` the modes are those of one implicit step of kHop: of the heights at its end,
+  // h + kHop hdot + kHop^2 hddot / 2 <= 0, complementary to the tensions in it.
   Status choose(
       F& f, const bool* loose, const bool* strained, Hold* next, double closeness = kTouch,
-      double stillness = kStill) {
+      double stillness = kStill, bool ahead = false) {
     double rate[F::NY];
     f.settle_slip(f.t);
     for (int r = 0; r < M; ++r) f.mode[r] = next[r] = SLACK;
@@ -137,14 +140,17 @@ struct Contact {
       const double hdot = f.rows.hdot[a];
       const bool low = hdot * hdot <= 2.0 * hop * f.row_scale(r) * f.rows.hddot[a];
       const bool hops = hdot < 0.0 && (low || -2.0 * hdot <= hop_time * f.rows.hddot[a]);
-      const bool rests = fabs(hdot) <= still || hops || f.rows.two_sided[a];
+      const bool rests = ahead || fabs(hdot) <= still || hops || f.rows.two_sided[a];
       if (!rests && f.winches.slips(r) && f.rows.hdot[a] > 0.0) next[r] = SLIPPING;
       if (rests || next[r] == SLIPPING) list[n++] = r;
     }
     f.rows.gather(f.eval, f.y + NQ, list, n);
     begin(kContradiction * f.hddot_scale());
     for (int a = 0; a < n; ++a)
-      if (next[list[a]] != SLIPPING) add_pull(f, next, a, Set::BASIC);
+      if (next[list[a]] != SLIPPING) {
+        add_pull(f, next, a, Set::BASIC);
+        if (ahead) set_.b[set_.n - 1] += 2.0 / kHop * (f.rows.hdot[a] + f.eval.height(list[a]) / kHop);
+      }
     const Status status = settle(f);
     if (status != RUNNING) return status;
     bool stays[room(M)];
@@ -184,17 +190,15 @@ struct Contact {
       // less would stop at once and leave its string to close again.
       const bool closed = f.eval.height(r) >= -kTouch * f.row_scale(r) && f.mode[r] != SLIPPING &&
                           f.rate_of(r, f.y + NQ) <= kStill * speed_scale(f);
-      const bool slow = f.mode[r] == SLIPPING && f.lack(r) > 0.0;
-      if (f.mode[r] == HELD || closed || slow) list[n++] = r;
+      if (f.mode[r] == HELD || f.mode[r] == SLIPPING || closed) list[n++] = r;
     }
     f.rows.gather(f.eval, f.y + NQ, list, n);
     begin(kHardlyStill * speed_scale(f));
     for (int a = 0; a < n; ++a) {
-      const bool slow = f.mode[list[a]] == SLIPPING;
-      const bool held = f.mode[list[a]] == HELD || slow;
+      const bool held = f.mode[list[a]] == HELD;
       f.rows.two_sided[a] = f.rows.two_sided[a] || held;
-      const double rate = slow ? -f.lack(list[a]) : f.rows.hdot[a];
-      add_row(f, a, rate, kUnlimited, held ? Set::BASIC : Set::LOW);
+      if (f.mode[list[a]] == SLIPPING) add_floor(f, a, f.lack(list[a]));
+      else add_row(f, a, f.rows.hdot[a], kUnlimited, held ? Set::BASIC : Set::LOW);
     }
     const Status settled = settle(f);
     if (settled != RUNNING) return settled;
@@ -246,8 +250,19 @@ struct Contact {
     set_.column[i] = f.rows.column[a];
     set_.b[i] = b;
     set_.upper[i] = most;
+    sign_[i] = 1.0;
     set_.two_sided[i] = f.rows.two_sided[a];
     set_.place[i] = guess;
+  }
+
+  // Gathered row a, that of a string that slips, the other way round: kept from falling below b.
+  void add_floor(const F& f, int a, double b) {
+    const int i = set_.n;
+    add_row(f, a, b, kUnlimited, Set::LOW);
+    for (int j = 0; j < N; ++j) turned_[a][j] = -f.rows.column[a][j];
+    set_.column[i] = turned_[a];
+    set_.two_sided[i] = false;
+    sign_[i] = -1.0;
   }
 
   // Gathered row a among the rows whose tension is sought, beside those that slip.
@@ -338,8 +353,9 @@ struct Contact {
     push(f, change);
     for (int a = 0; a < f.rows.n; ++a) {
       const int r = f.rows.row[a];
-      f.y[F::WORK] += set_.x[a] * f.rows.hdot_K[a];
-      if (f.winches.slips(r)) f.y[F::SLIP_LOSS] += set_.x[a] * f.slip_rate[r];
+      const double x = sign_[a] * set_.x[a];
+      f.y[F::WORK] += x * f.rows.hdot_K[a];
+      if (f.winches.slips(r)) f.y[F::SLIP_LOSS] += x * f.slip_rate[r];
     }
     for (int j = 0; j < N; ++j) {
       f.y[F::WORK] += f.eval.M_DK_v_K[j] * change[j];
@@ -351,13 +367,14 @@ struct Contact {
   void push(const F& f, double* change) const {
     double w[room(N)], pull[room(M)] = {};
     for (int j = 0; j < N; ++j) w[j] = 0.0;
-    for (int a = 0; a < f.rows.n; ++a) pull[a] = -set_.x[a];
+    for (int a = 0; a < f.rows.n; ++a) pull[a] = -sign_[a] * set_.x[a];
     f.rows.add(pull, w);
     f.eval.back(w, change);
   }
 
   Set set_;
   int row_[room(M)];  // of each of the set's columns
+  double sign_[room(M)], turned_[room(M)][room(N)];  // -1 and the column of rows turned round
   LeastNorm<Set> least_;
 };
 

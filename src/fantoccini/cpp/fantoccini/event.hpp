@@ -380,19 +380,21 @@ struct EventRun {
     const double energy = flow.total_energy() - given();
     double stopped = 0.0;
     Status held = RUNNING;
-    for (const double stillness : {kStill, kHardlyStill}) {
+    for (int attempt = 0; attempt < 3; ++attempt) {
+      const double stillness = attempt == 2 ? kHardlyStill : kStill;
       // A row that holding the others brings to rest takes part in the choice.
       for (int round = 0; round <= M; ++round) {
-        const Status chosen = contact.choose(flow, s.loose, s.strained, next, kTouch, stillness);
-        if (chosen != RUNNING) return fail(chosen);
+        held = contact.choose(flow, s.loose, s.strained, next, kTouch, stillness, attempt == 1);
+        if (held != RUNNING) break;
         set_mode(next);
         refresh();
         // What is hardly still is held at any price.
-        held = contact.hold(flow, stillness == kStill ? kGain * flow.weight() : kForever);
+        held = contact.hold(flow, attempt == 0 ? kGain * flow.weight() : kForever);
         if (contact.stopped > stopped) stopped = contact.stopped;
         if (held != RUNNING || !contact.brought) break;
       }
-      if (held == RUNNING) break;
+      if (held == RUNNING) refresh();
+      if (held == RUNNING && !(attempt == 0 && guards.late())) break;
     }
     if (held != RUNNING) return fail(held);
     refresh();

@@ -289,12 +289,16 @@ struct Flow {
         });
   }
 
-  // h of all rows at the configuration of `state` and the inputs of the latest evaluation.
-  void heights(const double* state, double* h) const {
+  // h of all rows at the configuration of `state` and the inputs of the latest evaluation; of strings
+  // that slip 0, or minus what has slipped.
+  void heights(const double* state, double* h, bool slipped = false) const {
     const double* arg[] = {state, q_K, p};
     double* res[] = {h};
     Model::rows(arg, res);
-    for (int i = 0; i < S; ++i) h[i] -= mode[i] == SLIPPING ? h[i] : slip_now[i];
+    for (int i = 0; i < S; ++i) {
+      if (mode[i] == SLIPPING) h[i] = slipped ? -h[i] : 0.0;
+      else h[i] -= slip_now[i];
+    }
   }
 
   // -M^-1 A^T (A M^-1 A^T)^-1 h over the held rows.

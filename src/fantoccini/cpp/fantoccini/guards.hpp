@@ -99,6 +99,13 @@ struct Guards {
     return flow.taut(r) ? kTensionRoot : kHeightRoot;
   }
 
+  // Whether a string slips at the latest evaluation that is slower than its winch winds back.
+  bool late() const {
+    for (int r = 0; r < S; ++r)
+      if (flow.mode[r] == SLIPPING && flow.lack(r) > kCreep) return true;
+    return false;
+  }
+
   // The largest guard at the latest evaluation.
   double worst() const {
     double out = -1.0;
