@@ -149,7 +149,7 @@ struct Contact {
     for (int a = 0; a < n; ++a)
       if (next[list[a]] != SLIPPING) {
         add_pull(f, next, a, Set::BASIC);
-        if (ahead) set_.b[set_.n - 1] += 2.0 / kHop * (f.rows.hdot[a] + f.eval.height(list[a]) / kHop);
+        if (ahead) set_.b[set_.n - 1] += f.rows.hdot[a] / kHop + f.braking(list[a]);
       }
     const Status status = settle(f);
     if (status != RUNNING) return status;

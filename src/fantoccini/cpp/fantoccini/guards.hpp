@@ -60,7 +60,8 @@ struct Guards {
   // What the next step's guards compare with.
   void remember() {
     for (int r = 0; r < M; ++r) {
-      height0[r] = flow.eval.height(r);
+      const bool slips = flow.mode[r] == SLIPPING;
+      height0[r] = slips ? -flow.slip_now[r] : flow.eval.height(r);
       rate0[r] = flow.rate_of(r, flow.y + NQ);
     }
     for (int r = 0; r < ALL; ++r) guard0[r] = guard(r);
@@ -72,7 +73,7 @@ struct Guards {
     if (r >= M) return flow.motors.excess(r - M);
     if (r < S && Model::wire[r]) return -1.0;
     if (flow.mode[r] == SLIPPING) {
-      const double wound_in = -flow.slip_now[r] / flow.row_scale(r) - kOver;
+      const double wound_in = (-flow.slip_now[r] - already(r)) / flow.row_scale(r) - kOver;
       const double slow = flow.lack(r) - (armed[r] ? 0.0 : kCreep);
       return slow > wound_in ? slow : wound_in;
     }
@@ -99,10 +100,14 @@ struct Guards {
     return flow.taut(r) ? kTensionRoot : kHeightRoot;
   }
 
-  // Whether a string slips at the latest evaluation that is slower than its winch winds back.
+  // Whether a string slips at the latest evaluation that is slower than its winch winds back, or has
+  // slipped by less than nothing and still goes on.
   bool late() const {
-    for (int r = 0; r < S; ++r)
-      if (flow.mode[r] == SLIPPING && flow.lack(r) > kCreep) return true;
+    for (int r = 0; r < S; ++r) {
+      if (flow.mode[r] != SLIPPING) continue;
+      const bool short_of = flow.slip_now[r] < -kOver * flow.row_scale(r);
+      if (flow.lack(r) > (short_of ? 0.0 : kCreep)) return true;
+    }
     return false;
   }
 

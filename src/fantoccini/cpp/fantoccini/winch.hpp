@@ -16,6 +16,9 @@ namespace fan {
 constexpr double kUnlimited = 1e300;  // a largest tension that is none
 constexpr double kBrake = 1.0;        // m/s^2
 constexpr double kNoSlip = 1e-20;     // m
+// m: a slip that is not wound back, being taken back in 2 us. Rounding of a slip, s, would have a
+// winch at rest wind at sqrt(2 kBrake s), and let its string go for as long.
+constexpr double kTrace = 2e-12;
 
 // Slip while it is wound back [m, m/s, m/s^2].
 struct Wound {
@@ -41,7 +44,7 @@ struct Winches {
 
   // The rate at which a slip is wound back.
   double winding(int i, double slip) const {
-    if (!(slip > 0.0)) return 0.0;
+    if (!(slip > kTrace)) return 0.0;
     const double braked = sqrt(2.0 * kBrake * slip);
     return braked < rewind_speed[i] ? -braked : -rewind_speed[i];
   }
@@ -49,7 +52,7 @@ struct Winches {
   // The slip `time` after it was `slip`, within the stretch that `stretch` gives.
   Wound wound(int i, double slip, double time) const {
     const double speed = rewind_speed[i];
-    if (!(slip > 0.0 && speed > 0.0)) return {slip > 0.0 ? slip : 0.0, 0.0, 0.0};
+    if (!(slip > kTrace && speed > 0.0)) return {slip > 0.0 ? slip : 0.0, 0.0, 0.0};
     if (slip > braking(i)) return {slip - speed * time, -speed, 0.0};
     const double left = sqrt(2.0 * slip / kBrake) - time;
     return {0.5 * kBrake * left * left, -kBrake * left, kBrake};
@@ -58,7 +61,7 @@ struct Winches {
   // How long the winch goes on as it does: until it brakes, or until it stops; 0 where it rests.
   double stretch(int i, double slip) const {
     const double speed = rewind_speed[i];
-    if (!(slip > 0.0 && speed > 0.0)) return 0.0;
+    if (!(slip > kTrace && speed > 0.0)) return 0.0;
     return slip > braking(i) ? (slip - 0.5 * speed * speed / kBrake) / speed
                              : sqrt(2.0 * slip / kBrake);
   }
