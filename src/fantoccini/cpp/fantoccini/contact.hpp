@@ -55,7 +55,7 @@ struct Contact {
       if (f.mode[r] == HELD || f.eval.height(r) > -kNear * f.row_scale(r)) list[n++] = r;
     f.rows.gather(f.eval, f.y + NQ, list, n);
     double h[room(M)];
-    for (int r = 0; r < M; ++r) h[r] = f.mode[r] == SLIPPING ? -f.slip_now[r] : f.eval.height(r);
+    for (int r = 0; r < M; ++r) h[r] = f.mode[r] == SLIPPING ? -kGive - f.slip_now[r] : f.eval.height(r);
     const auto left = [&] {
       double worst = 0.0;
       for (int a = 0; a < n; ++a) {
@@ -130,6 +130,14 @@ struct Contact {
     for (int r = 0; r < M; ++r) f.mode[r] = next[r] = SLACK;
     f.evaluate(f.t, f.y, rate);
     const double still = stillness * speed_scale(f), hop_time = kHop * (stillness / kStill);
+    double own[room(S)];
+    for (int i = 0; i < S; ++i) own[i] = f.slip[i];
+    if (ahead) {
+      for (int i = 0; i < S; ++i)
+        if (f.winches.slips(i) && fabs(f.eval.h[i]) <= kGive && fabs(f.eval.hdot[i]) <= still)
+          f.slip[i] += f.eval.h[i];
+      f.evaluate(f.t, f.y, rate);
+    }
     int all[room(M)] = {}, list[room(M)] = {}, n_all = 0, n = 0;
     for (int r = 0; r < M; ++r)
       if (f.eval.height(r) >= -closeness * f.row_scale(r) || (r < S && Model::wire[r]))
@@ -151,7 +159,11 @@ struct Contact {
         add_pull(f, next, a, Set::BASIC);
         if (ahead) set_.b[set_.n - 1] += f.rows.hdot[a] / kHop + f.braking(list[a]);
       }
-    const Status status = settle(f);
+    Status status = settle(f);
+    if (ahead && status == IMPOSSIBLE_INPUT) {
+      set_.noise += kHardlyStill * speed_scale(f) / kHop;
+      status = settle(f);
+    }
     if (status != RUNNING) return status;
     bool stays[room(M)];
     for (int i = 0; i < set_.n; ++i) stays[i] = !loose[row_[i]];
@@ -166,6 +178,11 @@ struct Contact {
       // What has just met its bound and stands there but for rounding goes on past it.
       if (loose[r] && set_.x[i] <= kAtBound * most + rounding(f, i)) next[r] = SLACK;
       if (strained[r] && set_.x[i] >= set_.upper[i] - kAtBound * most) next[r] = SLIPPING;
+    }
+    // A loose string's slip is what it was, and not below nothing.
+    for (int i = 0; i < S; ++i) {
+      if (next[i] == SLACK && f.slip[i] < own[i]) f.slip[i] = own[i];
+      if (next[i] == SLACK && f.slip[i] < 0.0) f.slip[i] = 0.0;
     }
     return RUNNING;
   }

@@ -318,7 +318,6 @@ struct EventRun {
   // At a break of the inputs the tensions may jump: choose the mode again, and write a second row
   // where the inputs' accelerations or the forces jump.
   Status breakpoint(Record<Model>& out) {
-    const Situation s = present();
     double acc_K[room(Model::n_vK)], u_D[room(N)];
     for (int j = 0; j < Model::n_vK; ++j) acc_K[j] = flow.acc_K[j];
     for (int k = 0; k < N; ++k) u_D[k] = flow.u_D[k];
@@ -330,7 +329,10 @@ struct EventRun {
     for (int k = 0; k < N; ++k) jumps = jumps || differ(u_D[k], flow.u_D[k]);
     if (jumps) note(out, BREAKPOINT, -1, 0.0, 0.0);
     const long long rows = out.n_rows;
-    const Status status = settle_mode(s, out);
+    bool touched = false;
+    for (int r = 0; r < M; ++r)
+      touched = touched || (flow.mode[r] == SLACK && guards.touches(r, kTouch));
+    const Status status = touched ? instant(out) : settle_mode(present(), out);
     if (jumps && out.n_rows == rows) emit(out);
     return status;
   }
@@ -381,6 +383,7 @@ struct EventRun {
     double stopped = 0.0;
     Status held = RUNNING;
     for (int attempt = 0; attempt < 3; ++attempt) {
+      if (attempt == 1 && !flow.winches.any_slips()) continue;
       const double stillness = attempt == 2 ? kHardlyStill : kStill;
       // A row that holding the others brings to rest takes part in the choice.
       for (int round = 0; round <= M; ++round) {
@@ -394,7 +397,7 @@ struct EventRun {
         if (held != RUNNING || !contact.brought) break;
       }
       if (held == RUNNING) refresh();
-      if (held == RUNNING && !(attempt == 0 && guards.late())) break;
+      if (held == RUNNING && !(attempt < 2 && flow.winches.any_slips() && guards.late())) break;
     }
     if (held != RUNNING) return fail(held);
     refresh();

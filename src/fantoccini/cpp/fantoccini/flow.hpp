@@ -299,7 +299,7 @@ struct Flow {
     double* res[] = {h};
     Model::rows(arg, res);
     for (int i = 0; i < S; ++i) {
-      if (mode[i] == SLIPPING) h[i] = slipped ? -h[i] : 0.0;
+      if (mode[i] == SLIPPING) h[i] = slipped ? -kGive - h[i] : 0.0;
       else h[i] -= slip_now[i];
     }
   }

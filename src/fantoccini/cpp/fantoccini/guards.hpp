@@ -60,8 +60,7 @@ struct Guards {
   // What the next step's guards compare with.
   void remember() {
     for (int r = 0; r < M; ++r) {
-      const bool slips = flow.mode[r] == SLIPPING;
-      height0[r] = slips ? -flow.slip_now[r] : flow.eval.height(r);
+      height0[r] = flow.eval.height(r);
       rate0[r] = flow.rate_of(r, flow.y + NQ);
     }
     for (int r = 0; r < ALL; ++r) guard0[r] = guard(r);
@@ -73,7 +72,7 @@ struct Guards {
     if (r >= M) return flow.motors.excess(r - M);
     if (r < S && Model::wire[r]) return -1.0;
     if (flow.mode[r] == SLIPPING) {
-      const double wound_in = (-flow.slip_now[r] - already(r)) / flow.row_scale(r) - kOver;
+      const double wound_in = (-flow.slip_now[r] - kGive) / flow.row_scale(r) - kOver;
       const double slow = flow.lack(r) - (armed[r] ? 0.0 : kCreep);
       return slow > wound_in ? slow : wound_in;
     }
@@ -103,9 +102,10 @@ struct Guards {
   // Whether a string slips at the latest evaluation that is slower than its winch winds back, or has
   // slipped by less than nothing and still goes on.
   bool late() const {
-    for (int r = 0; r < S; ++r) {
+    for (int r = 0; r < M; ++r) {
+      if (flow.mode[r] == HELD && fabs(flow.eval.height(r)) > kOver * flow.row_scale(r)) return true;
       if (flow.mode[r] != SLIPPING) continue;
-      const bool short_of = flow.slip_now[r] < -kOver * flow.row_scale(r);
+      const bool short_of = flow.slip_now[r] < -kGive;
       if (flow.lack(r) > (short_of ? 0.0 : kCreep)) return true;
     }
     return false;

@@ -19,6 +19,7 @@ constexpr double kNoSlip = 1e-20;     // m
 // m: a slip that is not wound back, being taken back in 2 us. Rounding of a slip, s, would have a
 // winch at rest wind at sqrt(2 kBrake s), and let its string go for as long.
 constexpr double kTrace = 2e-12;
+constexpr double kGive = 1e-10;
 
 // Slip while it is wound back [m, m/s, m/s^2].
 struct Wound {
@@ -42,9 +43,15 @@ struct Winches {
 
   bool slips(int row) const { return row < S && max_tension[row] < kUnlimited; }
 
+  bool any_slips() const {
+    for (int i = 0; i < S; ++i)
+      if (slips(i)) return true;
+    return false;
+  }
+
   // The rate at which a slip is wound back.
   double winding(int i, double slip) const {
-    if (!(slip > kTrace)) return 0.0;
+    if (!(slip > 0.0)) return 0.0;
     const double braked = sqrt(2.0 * kBrake * slip);
     return braked < rewind_speed[i] ? -braked : -rewind_speed[i];
   }
@@ -52,7 +59,7 @@ struct Winches {
   // The slip `time` after it was `slip`, within the stretch that `stretch` gives.
   Wound wound(int i, double slip, double time) const {
     const double speed = rewind_speed[i];
-    if (!(slip > kTrace && speed > 0.0)) return {slip > 0.0 ? slip : 0.0, 0.0, 0.0};
+    if (!(slip > kTrace && speed > 0.0)) return {slip, 0.0, 0.0};
     if (slip > braking(i)) return {slip - speed * time, -speed, 0.0};
     const double left = sqrt(2.0 * slip / kBrake) - time;
     return {0.5 * kBrake * left * left, -kBrake * left, kBrake};
@@ -68,7 +75,7 @@ struct Winches {
 
   // A slip without what the clock at `time` does not resolve of its stretch.
   double resolved(int i, double slip, double time) const {
-    if (!(slip > kNoSlip)) return 0.0;
+    if (!(slip > kNoSlip)) return slip < 0.0 && slip >= -kGive ? slip : 0.0;
     const double left = stretch(i, slip), finest = 1e-15 * (fabs(time) > 1.0 ? fabs(time) : 1.0);
     if (left == 0.0 || left > finest) return slip;
     return slip > braking(i) ? 0.5 * rewind_speed[i] * rewind_speed[i] / kBrake : 0.0;
