@@ -157,7 +157,9 @@ struct Contact {
     for (int a = 0; a < n; ++a)
       if (next[list[a]] != SLIPPING) {
         add_pull(f, next, a, Set::BASIC);
-        if (ahead) set_.b[set_.n - 1] += f.rows.hdot[a] / kHop + f.braking(list[a]);
+        if (!ahead) continue;
+        const double hdot = f.rows.hdot[a];
+        set_.b[set_.n - 1] += hdot / kHop + (hdot > 0.0 ? f.braking(list[a]) : 0.0);
       }
     Status status = settle(f);
     if (ahead && status == IMPOSSIBLE_INPUT) {
@@ -191,7 +193,7 @@ struct Contact {
   // motion past their bounds: hdot = 0 on the held rows, hdot <= 0 on the rest, and a string that
   // begins to slip is not wound back faster than its winch does. Books the work. Rows that hardly
   // differ may take much energy to be brought to rest: not where that adds more than `most_gain`.
-  Status hold(F& f, double most_gain) {
+  Status hold(F& f, double most_gain, double noise = kHardlyStill) {
     double rate[F::NY];
     stopped = 0.0;
     brought = false;
@@ -210,7 +212,7 @@ struct Contact {
       if (f.mode[r] == HELD || f.mode[r] == SLIPPING || closed) list[n++] = r;
     }
     f.rows.gather(f.eval, f.y + NQ, list, n);
-    begin(kHardlyStill * speed_scale(f));
+    begin(noise * speed_scale(f));
     for (int a = 0; a < n; ++a) {
       const bool held = f.mode[list[a]] == HELD;
       f.rows.two_sided[a] = f.rows.two_sided[a] || held;

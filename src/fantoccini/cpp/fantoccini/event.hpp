@@ -392,7 +392,8 @@ struct EventRun {
         set_mode(next);
         refresh();
         // What is hardly still is held at any price.
-        held = contact.hold(flow, attempt == 0 ? kGain * flow.weight() : kForever);
+        const double noise = attempt > 0 && flow.winches.any_slips() ? 1e-8 : kHardlyStill;
+        held = contact.hold(flow, attempt == 0 ? kGain * flow.weight() : kForever, noise);
         if (contact.stopped > stopped) stopped = contact.stopped;
         if (held != RUNNING || !contact.brought) break;
       }
