@@ -223,6 +223,7 @@ struct Contact {
     if (settled != RUNNING) return settled;
     double gain = 0.0;
     for (int a = 0; a < n; ++a) gain -= 0.5 * set_.x[a] * (set_.b[a] - set_.s[a]);
+    if (f.winches.any_slips()) gain = fabs(gain);
     if (gain > most_gain) return NOT_SETTLED;
     for (int a = 0; a < n; ++a)
       brought = brought || (f.mode[list[a]] == SLACK && set_.place[a] == Set::BASIC);

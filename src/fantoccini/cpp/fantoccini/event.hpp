@@ -393,7 +393,7 @@ struct EventRun {
         refresh();
         // What is hardly still is held at any price.
         const double noise = attempt > 0 && flow.winches.any_slips() ? 1e-8 : kHardlyStill;
-        held = contact.hold(flow, attempt == 0 ? kGain * flow.weight() : kForever, noise);
+        held = contact.hold(flow, attempt < 2 ? kGain * flow.weight() : kForever, noise);
         if (contact.stopped > stopped) stopped = contact.stopped;
         if (held != RUNNING || !contact.brought) break;
       }
