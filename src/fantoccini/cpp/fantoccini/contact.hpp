@@ -124,7 +124,7 @@ struct Contact {
   // h + kHop hdot + kHop^2 hddot / 2 <= 0, complementary to the tensions in it.
   Status choose(
       F& f, const bool* loose, const bool* strained, Hold* next, double closeness = kTouch,
-      double stillness = kStill, bool ahead = false) {
+      double stillness = kStill, double ahead = 0.0) {
     double rate[F::NY];
     f.settle_slip(f.t);
     for (int r = 0; r < M; ++r) f.mode[r] = next[r] = SLACK;
@@ -132,7 +132,7 @@ struct Contact {
     const double still = stillness * speed_scale(f), hop_time = kHop * (stillness / kStill);
     double own[room(S)];
     for (int i = 0; i < S; ++i) own[i] = f.slip[i];
-    if (ahead) {
+    if (ahead > 0.0) {
       for (int i = 0; i < S; ++i)
         if (f.winches.slips(i) && fabs(f.eval.h[i]) <= kGive && fabs(f.eval.hdot[i]) <= still)
           f.slip[i] += f.eval.h[i];
@@ -148,7 +148,7 @@ struct Contact {
       const double hdot = f.rows.hdot[a];
       const bool low = hdot * hdot <= 2.0 * hop * f.row_scale(r) * f.rows.hddot[a];
       const bool hops = hdot < 0.0 && (low || -2.0 * hdot <= hop_time * f.rows.hddot[a]);
-      const bool rests = ahead || fabs(hdot) <= still || hops || f.rows.two_sided[a];
+      const bool rests = ahead > 0.0 || fabs(hdot) <= still || hops || f.rows.two_sided[a];
       if (!rests && f.winches.slips(r) && f.rows.hdot[a] > 0.0) next[r] = SLIPPING;
       if (rests || next[r] == SLIPPING) list[n++] = r;
     }
@@ -157,13 +157,13 @@ struct Contact {
     for (int a = 0; a < n; ++a)
       if (next[list[a]] != SLIPPING) {
         add_pull(f, next, a, Set::BASIC);
-        if (!ahead) continue;
+        if (!(ahead > 0.0)) continue;
         const double hdot = f.rows.hdot[a];
-        set_.b[set_.n - 1] += hdot / kHop + (hdot > 0.0 ? f.braking(list[a]) : 0.0);
+        set_.b[set_.n - 1] += hdot / ahead + (hdot > 0.0 ? f.braking(list[a]) : 0.0);
       }
     Status status = settle(f);
-    if (ahead && status == IMPOSSIBLE_INPUT) {
-      set_.noise += kHardlyStill * speed_scale(f) / kHop;
+    if (ahead > 0.0 && status == IMPOSSIBLE_INPUT) {
+      set_.noise += kHardlyStill * speed_scale(f) / ahead;
       status = settle(f);
     }
     if (status != RUNNING) return status;

@@ -382,23 +382,25 @@ struct EventRun {
     const double energy = flow.total_energy() - given();
     double stopped = 0.0;
     Status held = RUNNING;
-    for (int attempt = 0; attempt < 3; ++attempt) {
-      if (attempt == 1 && !flow.winches.any_slips()) continue;
-      const double stillness = attempt == 2 ? kHardlyStill : kStill;
+    constexpr double lengths[] = {0.0, kHop, 0.1 * kHop, 0.01 * kHop, kHop, 0.0};
+    for (int attempt = 0; attempt < 6; ++attempt) {
+      const double ahead = lengths[attempt];
+      if (ahead > 0.0 && !flow.winches.any_slips()) continue;
+      const double stillness = attempt == 5 ? kHardlyStill : kStill;
       // A row that holding the others brings to rest takes part in the choice.
       for (int round = 0; round <= M; ++round) {
-        held = contact.choose(flow, s.loose, s.strained, next, kTouch, stillness, attempt == 1);
+        held = contact.choose(flow, s.loose, s.strained, next, kTouch, stillness, ahead);
         if (held != RUNNING) break;
         set_mode(next);
         refresh();
         // What is hardly still is held at any price.
-        const double noise = attempt > 0 && flow.winches.any_slips() ? 1e-8 : kHardlyStill;
-        held = contact.hold(flow, attempt < 2 ? kGain * flow.weight() : kForever, noise);
+        const double noise = attempt > 3 && flow.winches.any_slips() ? 1e-8 : kHardlyStill;
+        held = contact.hold(flow, attempt < 5 ? kGain * flow.weight() : kForever, noise);
         if (contact.stopped > stopped) stopped = contact.stopped;
         if (held != RUNNING || !contact.brought) break;
       }
       if (held == RUNNING) refresh();
-      if (held == RUNNING && !(attempt < 2 && flow.winches.any_slips() && guards.late())) break;
+      if (held == RUNNING && !(attempt < 5 && flow.winches.any_slips() && guards.late())) break;
     }
     if (held != RUNNING) return fail(held);
     refresh();

@@ -54,7 +54,8 @@ struct Guards {
 
   // Whether a slack row closes at (t, y), the flow's latest evaluation.
   bool touches(int r, double closeness) const {
-    return closed(r, closeness) && flow.rate_of(r, flow.y + NQ) > (armed[r] ? 0.0 : kCreep);
+    const bool beyond = flow.winches.any_slips() && flow.eval.height(r) > kTouch * flow.row_scale(r);
+    return closed(r, closeness) && flow.rate_of(r, flow.y + NQ) > (armed[r] || beyond ? 0.0 : kCreep);
   }
 
   // What the next step's guards compare with.
@@ -89,7 +90,7 @@ struct Guards {
 
   // How far a row stood beyond its bound when the step began.
   double already(int r) const {
-    const double most = kTouch * flow.row_scale(r);
+    const double most = (flow.winches.any_slips() ? 4.0 : 1.0) * kTouch * flow.row_scale(r);
     return height0[r] > most ? most : (height0[r] > 0.0 ? height0[r] : 0.0);
   }
 
