@@ -8,26 +8,17 @@
 // its tension would pass the winch's largest it slips with that.
 #pragma once
 
+#include "choices.hpp"
 #include "flow.hpp"
 #include "least_norm.hpp"
 
 namespace fan {
 
-// |hdot| below which a closed row counts as at rest. A row that a catch elsewhere loosens by less
-// and that pulls again at once would be slack for some 2 |hdot| / hddot = 2 us; holding it instead
-// changes the state by the product of both, some 1e-11, and spares a cascade of catches.
-constexpr double kStill = 1e-5;
-// s: a row that springs back and would be closed again so soon is at rest too, whatever it weighs: a
-// stiff drive and a restitution of 1 would have it bounce for ever.
-constexpr double kHop = 2e-6;
-constexpr double kHardlyStill = 1e-9;  // likewise, where redundant rows cannot be held together
 constexpr double kNear = 1e-4;  // gap below which a row is minded when others are corrected, relative
 // How far a held row may be off its bound, relative. Others may be so by kTouch (flow.hpp).
 constexpr double kMet = 1e-13;
 constexpr double kAtBound = 1e-9;  // of tensions, relative to the largest
 constexpr double kRounded = 1e-14;  // of accelerations, relative to the largest of their terms
-// J, relative to the weight times 1 m: what bringing rows that are nearly still to rest may add.
-constexpr double kGain = 1e-10;
 // Of heights (m, rad), speeds and accelerations: what redundant rows may contradict one another by.
 constexpr double kContradiction = 1e-10;
 
@@ -120,16 +111,18 @@ struct Contact {
   // Chooses the rows' modes at (t, y) among those that are closed and at rest. Rows in `loose`
   // have just lost their tension: they stay only if they pull; strings in `strained` have just
   // reached their winch's largest: they stay only if they pull with less.
-  // With `ahead` the modes are those of one implicit step of kHop: of the heights at its end,
-  // h + kHop hdot + kHop^2 hddot / 2 <= 0, complementary to the tensions in it.
+  // Modes of an implicit step (choices.hpp) take closed strings on winches as exactly closed: their
+  // slips take up to kGive of either sign.
   Status choose(
       F& f, const bool* loose, const bool* strained, Hold* next, double closeness = kTouch,
-      double stillness = kStill, double ahead = 0.0) {
+      const Choice& how = kChoices[0]) {
+    const double ahead = how.ahead;
     double rate[F::NY];
     f.settle_slip(f.t);
     for (int r = 0; r < M; ++r) f.mode[r] = next[r] = SLACK;
     f.evaluate(f.t, f.y, rate);
-    const double still = stillness * speed_scale(f), hop_time = kHop * (stillness / kStill);
+    const double still = how.stillness * speed_scale(f);
+    const double hop_time = kHop * (how.stillness / kStill);
     double own[room(S)];
     for (int i = 0; i < S; ++i) own[i] = f.slip[i];
     if (ahead > 0.0) {
@@ -158,11 +151,13 @@ struct Contact {
       if (next[list[a]] != SLIPPING) {
         add_pull(f, next, a, Set::BASIC);
         if (!(ahead > 0.0)) continue;
+        // Rates bound a row at both ends of the step: its winch has yet to brake at the first.
         const double hdot = f.rows.hdot[a];
         set_.b[set_.n - 1] += hdot / ahead + (hdot > 0.0 ? f.braking(list[a]) : 0.0);
       }
     Status status = settle(f);
     if (ahead > 0.0 && status == IMPOSSIBLE_INPUT) {
+      // Strings without such winches contradict one another, by less than counts.
       set_.noise += kHardlyStill * speed_scale(f) / ahead;
       status = settle(f);
     }
@@ -181,7 +176,7 @@ struct Contact {
       if (loose[r] && set_.x[i] <= kAtBound * most + rounding(f, i)) next[r] = SLACK;
       if (strained[r] && set_.x[i] >= set_.upper[i] - kAtBound * most) next[r] = SLIPPING;
     }
-    // A loose string's slip is what it was, and not below nothing.
+    // A slack string takes up nothing.
     for (int i = 0; i < S; ++i) {
       if (next[i] == SLACK && f.slip[i] < own[i]) f.slip[i] = own[i];
       if (next[i] == SLACK && f.slip[i] < 0.0) f.slip[i] = 0.0;
@@ -192,8 +187,8 @@ struct Contact {
   // Brings the held rows to h = 0 and hdot = 0 at (t, y), without setting other closed rows in
   // motion past their bounds: hdot = 0 on the held rows, hdot <= 0 on the rest, and a string that
   // begins to slip is not wound back faster than its winch does. Books the work. Rows that hardly
-  // differ may take much energy to be brought to rest: not where that adds more than `most_gain`.
-  Status hold(F& f, double most_gain, double noise = kHardlyStill) {
+  // differ may take much energy to be brought to rest: not where that adds more than how.gain.
+  Status hold(F& f, const Choice& how) {
     double rate[F::NY];
     stopped = 0.0;
     brought = false;
@@ -212,7 +207,7 @@ struct Contact {
       if (f.mode[r] == HELD || f.mode[r] == SLIPPING || closed) list[n++] = r;
     }
     f.rows.gather(f.eval, f.y + NQ, list, n);
-    begin(noise * speed_scale(f));
+    begin(how.disagreement * speed_scale(f));
     for (int a = 0; a < n; ++a) {
       const bool held = f.mode[list[a]] == HELD;
       f.rows.two_sided[a] = f.rows.two_sided[a] || held;
@@ -223,8 +218,8 @@ struct Contact {
     if (settled != RUNNING) return settled;
     double gain = 0.0;
     for (int a = 0; a < n; ++a) gain -= 0.5 * set_.x[a] * (set_.b[a] - set_.s[a]);
-    if (f.winches.any_slips()) gain = fabs(gain);
-    if (gain > most_gain) return NOT_SETTLED;
+    if (f.winches.any_slip()) gain = fabs(gain);
+    if (gain > how.gain * f.weight()) return NOT_SETTLED;
     for (int a = 0; a < n; ++a)
       brought = brought || (f.mode[list[a]] == SLACK && set_.place[a] == Set::BASIC);
     apply(f);
@@ -275,7 +270,8 @@ struct Contact {
     set_.place[i] = guess;
   }
 
-  // Gathered row a, that of a string that slips, the other way round: kept from falling below b.
+  // Gathered row a, that of a string that slips, turned round: what slips must not fall below a
+  // bound, b being what it lacks.
   void add_floor(const F& f, int a, double b) {
     const int i = set_.n;
     add_row(f, a, b, kUnlimited, Set::LOW);

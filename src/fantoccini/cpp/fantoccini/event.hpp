@@ -58,7 +58,7 @@ struct EventRun {
       double kept[NY];
       for (int j = 0; j < NY; ++j) kept[j] = flow.y[j];
       refresh();
-      const bool held = contact.hold(flow, kGain * flow.weight()) == RUNNING;
+      const bool held = contact.hold(flow, kChoices[0]) == RUNNING;
       for (int j = held ? F::WORK : 0; j < NY; ++j) flow.y[j] = kept[j];
     }
     step_size = flow.opt.first_step;
@@ -382,25 +382,20 @@ struct EventRun {
     const double energy = flow.total_energy() - given();
     double stopped = 0.0;
     Status held = RUNNING;
-    constexpr double lengths[] = {0.0, kHop, 0.1 * kHop, 0.01 * kHop, kHop, 0.0};
-    for (int attempt = 0; attempt < 6; ++attempt) {
-      const double ahead = lengths[attempt];
-      if (ahead > 0.0 && !flow.winches.any_slips()) continue;
-      const double stillness = attempt == 5 ? kHardlyStill : kStill;
+    for (const Choice& how : kChoices) {
+      if (how.ahead > 0.0 && !flow.winches.any_slip()) continue;
       // A row that holding the others brings to rest takes part in the choice.
       for (int round = 0; round <= M; ++round) {
-        held = contact.choose(flow, s.loose, s.strained, next, kTouch, stillness, ahead);
+        held = contact.choose(flow, s.loose, s.strained, next, kTouch, how);
         if (held != RUNNING) break;
         set_mode(next);
         refresh();
-        // What is hardly still is held at any price.
-        const double noise = attempt > 3 && flow.winches.any_slips() ? 1e-8 : kHardlyStill;
-        held = contact.hold(flow, attempt < 5 ? kGain * flow.weight() : kForever, noise);
+        held = contact.hold(flow, how);
         if (contact.stopped > stopped) stopped = contact.stopped;
         if (held != RUNNING || !contact.brought) break;
       }
       if (held == RUNNING) refresh();
-      if (held == RUNNING && !(attempt < 5 && flow.winches.any_slips() && guards.late())) break;
+      if (held == RUNNING && !guards.contradicted()) break;
     }
     if (held != RUNNING) return fail(held);
     refresh();

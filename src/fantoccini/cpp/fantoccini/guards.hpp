@@ -54,8 +54,9 @@ struct Guards {
 
   // Whether a slack row closes at (t, y), the flow's latest evaluation.
   bool touches(int r, double closeness) const {
-    const bool beyond = flow.winches.any_slips() && flow.eval.height(r) > kTouch * flow.row_scale(r);
-    return closed(r, closeness) && flow.rate_of(r, flow.y + NQ) > (armed[r] || beyond ? 0.0 : kCreep);
+    const double over = flow.eval.height(r) / flow.row_scale(r);
+    const bool at_once = armed[r] || (flow.winches.any_slip() && over > kTouch);
+    return over >= -closeness && flow.rate_of(r, flow.y + NQ) > (at_once ? 0.0 : kCreep);
   }
 
   // What the next step's guards compare with.
@@ -88,9 +89,10 @@ struct Guards {
     return over - (armed[r] ? 0.0 : kOver + noise);
   }
 
-  // How far a row stood beyond its bound when the step began.
+  // How far a row stood beyond its bound when the step began. Rows that redundant strings on
+  // winches keep from being put right may stand farther.
   double already(int r) const {
-    const double most = (flow.winches.any_slips() ? 4.0 : 1.0) * kTouch * flow.row_scale(r);
+    const double most = (flow.winches.any_slip() ? 4.0 : 1.0) * kTouch * flow.row_scale(r);
     return height0[r] > most ? most : (height0[r] > 0.0 ? height0[r] : 0.0);
   }
 
@@ -100,14 +102,14 @@ struct Guards {
     return flow.taut(r) ? kTensionRoot : kHeightRoot;
   }
 
-  // Whether a string slips at the latest evaluation that is slower than its winch winds back, or has
-  // slipped by less than nothing and still goes on.
-  bool late() const {
+  // Whether modes just chosen contradict the state at the latest evaluation, where winches may give
+  // way instead: a held row is off its bound, or a string that slips does so too slowly.
+  bool contradicted() const {
+    if (!flow.winches.any_slip()) return false;
     for (int r = 0; r < M; ++r) {
       if (flow.mode[r] == HELD && fabs(flow.eval.height(r)) > kOver * flow.row_scale(r)) return true;
       if (flow.mode[r] != SLIPPING) continue;
-      const bool short_of = flow.slip_now[r] < -kGive;
-      if (flow.lack(r) > (short_of ? 0.0 : kCreep)) return true;
+      if (flow.lack(r) > (flow.slip_now[r] < -kGive ? 0.0 : kCreep)) return true;
     }
     return false;
   }

@@ -16,9 +16,11 @@ namespace fan {
 constexpr double kUnlimited = 1e300;  // a largest tension that is none
 constexpr double kBrake = 1.0;        // m/s^2
 constexpr double kNoSlip = 1e-20;     // m
-// m: a slip that is not wound back, being taken back in 2 us. Rounding of a slip, s, would have a
-// winch at rest wind at sqrt(2 kBrake s), and let its string go for as long.
+// m: what a winch could wind back in 2 us it does not. With the rounding s of a slip it would wind
+// at sqrt(2 kBrake s).
 constexpr double kTrace = 2e-12;
+// m: by how much a winch may have slipped the wrong way, or be off its string's length, where
+// redundant strings contradict one another.
 constexpr double kGive = 1e-10;
 
 // Slip while it is wound back [m, m/s, m/s^2].
@@ -43,7 +45,7 @@ struct Winches {
 
   bool slips(int row) const { return row < S && max_tension[row] < kUnlimited; }
 
-  bool any_slips() const {
+  bool any_slip() const {
     for (int i = 0; i < S; ++i)
       if (slips(i)) return true;
     return false;
