@@ -218,7 +218,7 @@ struct Contact {
     if (settled != RUNNING) return settled;
     double gain = 0.0;
     for (int a = 0; a < n; ++a) gain -= 0.5 * set_.x[a] * (set_.b[a] - set_.s[a]);
-    if (f.winches.any_slip()) gain = fabs(gain);
+    if (f.winches.some_slip) gain = fabs(gain);
     if (gain > how.gain * f.weight()) return NOT_SETTLED;
     for (int a = 0; a < n; ++a)
       brought = brought || (f.mode[list[a]] == SLACK && set_.place[a] == Set::BASIC);

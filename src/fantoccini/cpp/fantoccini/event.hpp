@@ -383,7 +383,7 @@ struct EventRun {
     double stopped = 0.0;
     Status held = RUNNING;
     for (const Choice& how : kChoices) {
-      if (how.ahead > 0.0 && !flow.winches.any_slip()) continue;
+      if (how.ahead > 0.0 && !flow.winches.some_slip) continue;
       // A row that holding the others brings to rest takes part in the choice.
       for (int round = 0; round <= M; ++round) {
         held = contact.choose(flow, s.loose, s.strained, next, kTouch, how);

@@ -55,7 +55,7 @@ struct Guards {
   // Whether a slack row closes at (t, y), the flow's latest evaluation.
   bool touches(int r, double closeness) const {
     const double over = flow.eval.height(r) / flow.row_scale(r);
-    const bool at_once = armed[r] || (flow.winches.any_slip() && over > kTouch);
+    const bool at_once = armed[r] || (flow.winches.some_slip && over > kTouch);
     return over >= -closeness && flow.rate_of(r, flow.y + NQ) > (at_once ? 0.0 : kCreep);
   }
 
@@ -92,7 +92,7 @@ struct Guards {
   // How far a row stood beyond its bound when the step began. Rows that redundant strings on
   // winches keep from being put right may stand farther.
   double already(int r) const {
-    const double most = (flow.winches.any_slip() ? 4.0 : 1.0) * kTouch * flow.row_scale(r);
+    const double most = (flow.winches.some_slip ? 4.0 : 1.0) * kTouch * flow.row_scale(r);
     return height0[r] > most ? most : (height0[r] > 0.0 ? height0[r] : 0.0);
   }
 
@@ -105,7 +105,7 @@ struct Guards {
   // Whether modes just chosen contradict the state at the latest evaluation, where winches may give
   // way instead: a held row is off its bound, or a string that slips does so too slowly.
   bool contradicted() const {
-    if (!flow.winches.any_slip()) return false;
+    if (!flow.winches.some_slip) return false;
     for (int r = 0; r < M; ++r) {
       if (flow.mode[r] == HELD && fabs(flow.eval.height(r)) > kOver * flow.row_scale(r)) return true;
       if (flow.mode[r] != SLIPPING) continue;

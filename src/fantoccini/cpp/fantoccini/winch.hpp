@@ -34,22 +34,19 @@ struct Winches {
   double max_tension[room(S)];   // N; kUnlimited for none
   double rewind_speed[room(S)];  // m/s; 0 for none
   double restitution[room(S)];   // of catches, 0 to 1
+  bool some_slip = false;        // whether any has a largest tension
 
   void set(const double* table) {
+    some_slip = false;
     for (int i = 0; i < S; ++i) {
       max_tension[i] = table[3 * i];
       rewind_speed[i] = table[3 * i + 1];
       restitution[i] = table[3 * i + 2];
+      some_slip = some_slip || slips(i);
     }
   }
 
   bool slips(int row) const { return row < S && max_tension[row] < kUnlimited; }
-
-  bool any_slip() const {
-    for (int i = 0; i < S; ++i)
-      if (slips(i)) return true;
-    return false;
-  }
 
   // The rate at which a slip is wound back.
   double winding(int i, double slip) const {
