@@ -115,7 +115,7 @@ def test_slipping_strings_beside_taut_ones_do_not_stop_time(limited, seed):
     assert np.max(run.violation.values) < 1e-11
     for i, largest in zip(LIMITED, most, strict=True):
         assert np.max(run.tension[f"c{i}"]) <= largest * (1 + 1e-9)
-        assert np.min(run.slip[f"c{i}"]) > -2e-10
+        assert np.min(run.slip[f"c{i}"]) >= 0.0
         slipped = np.diff(run.slip[f"c{i}"]) > 1e-9
         assert run.tension[f"c{i}"][1:][slipped] == pytest.approx(largest)
     stepped = fan.simulate(giving, x0, inputs, end + 0.2, method="timestepping", dt=5e-4)

@@ -264,7 +264,9 @@ struct EventRun {
 
   void write(double t, const double* y, Record<Model>& out) {
     double tension[room(M)];
+    double slip[room(S)];  // without what a winch may be off its string's length, kGive
     bool taut[room(M)];
+    for (int i = 0; i < S; ++i) slip[i] = flow.slip_now[i] > 0.0 ? flow.slip_now[i] : 0.0;
     contact.tensions(flow, tension);
     for (int r = 0; r < M; ++r) {
       // At a release the tension is zero up to rounding, of either sign.
@@ -274,7 +276,7 @@ struct EventRun {
     }
     out.row(
         t, y, y + NQ, flow.acc, flow.q_K, flow.v_K, flow.acc_K, tension, taut, flow.p, y[F::WORK],
-        y[F::LOSS], impact, y[F::SLIP_LOSS], flow.slip_now);
+        y[F::LOSS], impact, y[F::SLIP_LOSS], slip);
   }
 
   void skip_saved() {
