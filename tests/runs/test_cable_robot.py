@@ -39,12 +39,15 @@ def lengths(moved: np.ndarray) -> np.ndarray:
     return np.linalg.norm(MIDDLE + moved + BOX - FRAME, axis=1)
 
 
-def moved(marionette: fan.Marionette) -> tuple[fan.State, fan.Input]:
-    """0.3 m in a second, from 101 samples of the inverse kinematics."""
-    t = np.linspace(0.0, 1.0, 101)
-    way = t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
-    sampled = np.array([lengths(np.array([0.3 * s, 0.0, 0.0])) for s in way])
-    columns = {f"{n}.length": sampled[:, i] for i, n in enumerate(NAMES)}
+def moved(
+    marionette: fan.Marionette, far=(0.3, 0.0, 0.0), n: int = 101, end: float = 1.0
+) -> tuple[fan.State, fan.Input]:
+    """By ``far`` until ``end``, from ``n`` samples of the inverse kinematics."""
+    t = np.linspace(0.0, end, n)
+    s = t / end
+    way = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    sampled = np.array([lengths(np.asarray(far) * part) for part in way])
+    columns = {f"{name}.length": sampled[:, i] for i, name in enumerate(NAMES)}
     x0 = marionette.state({name: column[0] for name, column in columns.items()})
     return x0, fan.Input.samples(marionette, t, columns)
 
@@ -84,16 +87,66 @@ def test_winches_that_give_way_move_it(giving):
     assert np.max(run.tension.values) < 10 * giving.weight
 
 
-def test_slipping_strings_beside_taut_ones_do_not_stop_time(giving):
-    """17.22: a closed string that slips and was nearly still was caught and let go for ever; where
-    events do stop time from passing, the status names the strings."""
-    x0, inputs = moved(giving)
-    run = fan.simulate(giving, x0, inputs, 0.8, throw=False)
-    assert run.status is Status.DONE or (
-        run.status is Status.TOO_MANY_EVENTS and set(run.blamed) & {"c0", "c2", "c4", "c6"}
-    )
-    times = np.array([event.t for event in run.events])
-    assert np.max(np.unique(times, return_counts=True)[1]) < 100
+LIMITED = {i: f", max_tension: {{parameter: most{i}, value: 60}}" for i in (0, 2, 4, 6)}
+REWOUND = {i: more + ", rewind_speed: 0.5" for i, more in LIMITED.items()}
+
+
+@pytest.fixture(scope="module", params=[LIMITED, REWOUND], ids=["kept", "rewound"])
+def limited(request):
+    return robot(request.param)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_slipping_strings_beside_taut_ones_do_not_stop_time(limited, seed):
+    """17.22: strings that slip by what the samples contradict one another were caught and let go
+    for ever. Decided together they end the run where fixed steps do, books close, and no catch adds
+    energy; a string that slips pulls with its largest tension, and none with more."""
+    random = np.random.default_rng(seed)
+    far = random.uniform(-0.3, 0.3, 3) if seed else np.array([0.3, 0.0, 0.0])
+    most = random.uniform(20.0, 150.0, 4) if seed else np.full(4, 60.0)
+    n, end = (int(random.integers(11, 151)), random.uniform(0.4, 2.0)) if seed else (101, 1.0)
+    giving = limited.with_parameters({f"most{i}": m for i, m in zip(LIMITED, most, strict=True)})
+    x0, inputs = moved(giving, far, n, end)
+    run = fan.simulate(giving, x0, inputs, end + 0.2)
+    assert run.status is Status.DONE
+    assert len(run.events) < 1000
+    assert np.max(np.abs(run.ledger["residual"])) < 1e-8
+    assert np.min(np.diff(run.ledger["impact"], prepend=0.0)) > -1e-9
+    assert np.max(run.violation.values) < 1e-11
+    for i, largest in zip(LIMITED, most, strict=True):
+        assert np.max(run.tension[f"c{i}"]) <= largest * (1 + 1e-9)
+        assert np.min(run.slip[f"c{i}"]) >= 0.0
+        slipped = np.diff(run.slip[f"c{i}"]) > 1e-9
+        assert run.tension[f"c{i}"][1:][slipped] == pytest.approx(largest)
+    stepped = fan.simulate(giving, x0, inputs, end + 0.2, method="timestepping", dt=5e-4)
+    assert np.max(np.abs(run.q_D[-1] - stepped.q_D[-1])) < 1e-5
+    for i in LIMITED:
+        assert run.slip[f"c{i}"][-1] == pytest.approx(stepped.slip[f"c{i}"][-1], abs=1e-5)
+
+
+TWO = """
+puppet: two
+bodies:
+  - {name: bob, joint: {type: translation, axes: [x, z]}, mass: 1}
+strings:
+  - {name: slips, path: [{body: bob}, {world: [-0.5, 0, 1]}], length: driven,
+     max_tension: {parameter: most, value: 20}, rewind_speed: 0.3}
+  - {name: holds, path: [{body: bob}, {world: [0.5, 0, 1]}], length: 1.2}
+"""
+
+
+@pytest.mark.parametrize("most", [8.0, 20.0, 60.0])
+@pytest.mark.parametrize("length", [0.7, 1.3])
+def test_a_driven_winch_that_slips_beside_a_taut_string(most, length):
+    """17.22: it made 298,581 catches and releases of impulse 0 in 0.4 ms."""
+    two = fan.loads(TWO).with_parameters({"most": most})
+    x0 = two.project(two.state({"slips.length": 1.2}))
+    inputs = fan.Input.waypoints(two, {"slips.length": [(0, 1.2), (0.5, length), (1.0, 1.2)]})
+    run = fan.simulate(two, x0, inputs, 1.5)
+    assert len(run.events) < 200
+    assert np.max(np.abs(run.ledger["residual"])) < 1e-9
+    stepped = fan.simulate(two, x0, inputs, 1.5, method="timestepping", dt=5e-4)
+    assert run.slip["slips"][-1] == pytest.approx(stepped.slip["slips"][-1], abs=5e-3)
 
 
 @pytest.mark.parametrize("method", METHODS)

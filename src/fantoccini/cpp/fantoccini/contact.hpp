@@ -8,26 +8,17 @@
 // its tension would pass the winch's largest it slips with that.
 #pragma once
 
+#include "choices.hpp"
 #include "flow.hpp"
 #include "least_norm.hpp"
 
 namespace fan {
 
-// |hdot| below which a closed row counts as at rest. A row that a catch elsewhere loosens by less
-// and that pulls again at once would be slack for some 2 |hdot| / hddot = 2 us; holding it instead
-// changes the state by the product of both, some 1e-11, and spares a cascade of catches.
-constexpr double kStill = 1e-5;
-// s: a row that springs back and would be closed again so soon is at rest too, whatever it weighs: a
-// stiff drive and a restitution of 1 would have it bounce for ever.
-constexpr double kHop = 2e-6;
-constexpr double kHardlyStill = 1e-9;  // likewise, where redundant rows cannot be held together
 constexpr double kNear = 1e-4;  // gap below which a row is minded when others are corrected, relative
 // How far a held row may be off its bound, relative. Others may be so by kTouch (flow.hpp).
 constexpr double kMet = 1e-13;
 constexpr double kAtBound = 1e-9;  // of tensions, relative to the largest
 constexpr double kRounded = 1e-14;  // of accelerations, relative to the largest of their terms
-// J, relative to the weight times 1 m: what bringing rows that are nearly still to rest may add.
-constexpr double kGain = 1e-10;
 // Of heights (m, rad), speeds and accelerations: what redundant rows may contradict one another by.
 constexpr double kContradiction = 1e-10;
 
@@ -55,7 +46,7 @@ struct Contact {
       if (f.mode[r] == HELD || f.eval.height(r) > -kNear * f.row_scale(r)) list[n++] = r;
     f.rows.gather(f.eval, f.y + NQ, list, n);
     double h[room(M)];
-    for (int r = 0; r < M; ++r) h[r] = f.eval.height(r);
+    for (int r = 0; r < M; ++r) h[r] = f.mode[r] == SLIPPING ? -kGive - f.slip_now[r] : f.eval.height(r);
     const auto left = [&] {
       double worst = 0.0;
       for (int a = 0; a < n; ++a) {
@@ -71,14 +62,15 @@ struct Contact {
       for (int a = 0; a < n; ++a) {
         const bool held = f.mode[list[a]] == HELD;
         f.rows.two_sided[a] = f.rows.two_sided[a] || held;
-        add_row(f, a, h[list[a]], kUnlimited, held ? Set::BASIC : Set::LOW);
+        if (f.mode[list[a]] == SLIPPING) add_floor(f, a, h[list[a]]);
+        else add_row(f, a, h[list[a]], kUnlimited, held ? Set::BASIC : Set::LOW);
       }
       const Status status = settle(f);
       if (status != RUNNING) return status;
       double move[room(N)];
       push(f, move);
       retract<typename Model::Dynamic>(f.y, move, f.y);
-      f.heights(f.y, h);
+      f.heights(f.y, h, true);
       return RUNNING;
     });
   }
@@ -119,14 +111,26 @@ struct Contact {
   // Chooses the rows' modes at (t, y) among those that are closed and at rest. Rows in `loose`
   // have just lost their tension: they stay only if they pull; strings in `strained` have just
   // reached their winch's largest: they stay only if they pull with less.
+  // Modes of an implicit step (choices.hpp) take closed strings on winches as exactly closed: their
+  // slips take up to kGive of either sign.
   Status choose(
       F& f, const bool* loose, const bool* strained, Hold* next, double closeness = kTouch,
-      double stillness = kStill) {
+      const Choice& how = kChoices[0]) {
+    const double ahead = how.ahead;
     double rate[F::NY];
     f.settle_slip(f.t);
     for (int r = 0; r < M; ++r) f.mode[r] = next[r] = SLACK;
     f.evaluate(f.t, f.y, rate);
-    const double still = stillness * speed_scale(f), hop_time = kHop * (stillness / kStill);
+    const double still = how.stillness * speed_scale(f);
+    const double hop_time = kHop * (how.stillness / kStill);
+    double own[room(S)];
+    for (int i = 0; i < S; ++i) own[i] = f.slip[i];
+    if (ahead > 0.0) {
+      for (int i = 0; i < S; ++i)
+        if (f.winches.slips(i) && fabs(f.eval.h[i]) <= kGive && fabs(f.eval.hdot[i]) <= still)
+          f.slip[i] += f.eval.h[i];
+      f.evaluate(f.t, f.y, rate);
+    }
     int all[room(M)] = {}, list[room(M)] = {}, n_all = 0, n = 0;
     for (int r = 0; r < M; ++r)
       if (f.eval.height(r) >= -closeness * f.row_scale(r) || (r < S && Model::wire[r]))
@@ -137,15 +141,26 @@ struct Contact {
       const double hdot = f.rows.hdot[a];
       const bool low = hdot * hdot <= 2.0 * hop * f.row_scale(r) * f.rows.hddot[a];
       const bool hops = hdot < 0.0 && (low || -2.0 * hdot <= hop_time * f.rows.hddot[a]);
-      const bool rests = fabs(hdot) <= still || hops || f.rows.two_sided[a];
+      const bool rests = ahead > 0.0 || fabs(hdot) <= still || hops || f.rows.two_sided[a];
       if (!rests && f.winches.slips(r) && f.rows.hdot[a] > 0.0) next[r] = SLIPPING;
       if (rests || next[r] == SLIPPING) list[n++] = r;
     }
     f.rows.gather(f.eval, f.y + NQ, list, n);
     begin(kContradiction * f.hddot_scale());
     for (int a = 0; a < n; ++a)
-      if (next[list[a]] != SLIPPING) add_pull(f, next, a, Set::BASIC);
-    const Status status = settle(f);
+      if (next[list[a]] != SLIPPING) {
+        add_pull(f, next, a, Set::BASIC);
+        if (!(ahead > 0.0)) continue;
+        // Rates bound a row at both ends of the step: its winch has yet to brake at the first.
+        const double hdot = f.rows.hdot[a];
+        set_.b[set_.n - 1] += hdot / ahead + (hdot > 0.0 ? f.braking(list[a]) : 0.0);
+      }
+    Status status = settle(f);
+    if (ahead > 0.0 && status == IMPOSSIBLE_INPUT) {
+      // Strings without such winches contradict one another, by less than counts.
+      set_.noise += kHardlyStill * speed_scale(f) / ahead;
+      status = settle(f);
+    }
     if (status != RUNNING) return status;
     bool stays[room(M)];
     for (int i = 0; i < set_.n; ++i) stays[i] = !loose[row_[i]];
@@ -161,14 +176,19 @@ struct Contact {
       if (loose[r] && set_.x[i] <= kAtBound * most + rounding(f, i)) next[r] = SLACK;
       if (strained[r] && set_.x[i] >= set_.upper[i] - kAtBound * most) next[r] = SLIPPING;
     }
+    // A slack string takes up nothing.
+    for (int i = 0; i < S; ++i) {
+      if (next[i] == SLACK && f.slip[i] < own[i]) f.slip[i] = own[i];
+      if (next[i] == SLACK && f.slip[i] < 0.0) f.slip[i] = 0.0;
+    }
     return RUNNING;
   }
 
   // Brings the held rows to h = 0 and hdot = 0 at (t, y), without setting other closed rows in
   // motion past their bounds: hdot = 0 on the held rows, hdot <= 0 on the rest, and a string that
   // begins to slip is not wound back faster than its winch does. Books the work. Rows that hardly
-  // differ may take much energy to be brought to rest: not where that adds more than `most_gain`.
-  Status hold(F& f, double most_gain) {
+  // differ may take much energy to be brought to rest: not where that adds more than how.gain.
+  Status hold(F& f, const Choice& how) {
     double rate[F::NY];
     stopped = 0.0;
     brought = false;
@@ -184,23 +204,22 @@ struct Contact {
       // less would stop at once and leave its string to close again.
       const bool closed = f.eval.height(r) >= -kTouch * f.row_scale(r) && f.mode[r] != SLIPPING &&
                           f.rate_of(r, f.y + NQ) <= kStill * speed_scale(f);
-      const bool slow = f.mode[r] == SLIPPING && f.lack(r) > 0.0;
-      if (f.mode[r] == HELD || closed || slow) list[n++] = r;
+      if (f.mode[r] == HELD || f.mode[r] == SLIPPING || closed) list[n++] = r;
     }
     f.rows.gather(f.eval, f.y + NQ, list, n);
-    begin(kHardlyStill * speed_scale(f));
+    begin(how.disagreement * speed_scale(f));
     for (int a = 0; a < n; ++a) {
-      const bool slow = f.mode[list[a]] == SLIPPING;
-      const bool held = f.mode[list[a]] == HELD || slow;
+      const bool held = f.mode[list[a]] == HELD;
       f.rows.two_sided[a] = f.rows.two_sided[a] || held;
-      const double rate = slow ? -f.lack(list[a]) : f.rows.hdot[a];
-      add_row(f, a, rate, kUnlimited, held ? Set::BASIC : Set::LOW);
+      if (f.mode[list[a]] == SLIPPING) add_floor(f, a, f.lack(list[a]));
+      else add_row(f, a, f.rows.hdot[a], kUnlimited, held ? Set::BASIC : Set::LOW);
     }
     const Status settled = settle(f);
     if (settled != RUNNING) return settled;
     double gain = 0.0;
     for (int a = 0; a < n; ++a) gain -= 0.5 * set_.x[a] * (set_.b[a] - set_.s[a]);
-    if (gain > most_gain) return NOT_SETTLED;
+    if (f.winches.some_slip) gain = fabs(gain);
+    if (gain > how.gain * f.weight()) return NOT_SETTLED;
     for (int a = 0; a < n; ++a)
       brought = brought || (f.mode[list[a]] == SLACK && set_.place[a] == Set::BASIC);
     apply(f);
@@ -246,8 +265,20 @@ struct Contact {
     set_.column[i] = f.rows.column[a];
     set_.b[i] = b;
     set_.upper[i] = most;
+    sign_[i] = 1.0;
     set_.two_sided[i] = f.rows.two_sided[a];
     set_.place[i] = guess;
+  }
+
+  // Gathered row a, that of a string that slips, turned round: what slips must not fall below a
+  // bound, b being what it lacks.
+  void add_floor(const F& f, int a, double b) {
+    const int i = set_.n;
+    add_row(f, a, b, kUnlimited, Set::LOW);
+    for (int j = 0; j < N; ++j) turned_[a][j] = -f.rows.column[a][j];
+    set_.column[i] = turned_[a];
+    set_.two_sided[i] = false;
+    sign_[i] = -1.0;
   }
 
   // Gathered row a among the rows whose tension is sought, beside those that slip.
@@ -338,8 +369,9 @@ struct Contact {
     push(f, change);
     for (int a = 0; a < f.rows.n; ++a) {
       const int r = f.rows.row[a];
-      f.y[F::WORK] += set_.x[a] * f.rows.hdot_K[a];
-      if (f.winches.slips(r)) f.y[F::SLIP_LOSS] += set_.x[a] * f.slip_rate[r];
+      const double x = sign_[a] * set_.x[a];
+      f.y[F::WORK] += x * f.rows.hdot_K[a];
+      if (f.winches.slips(r)) f.y[F::SLIP_LOSS] += x * f.slip_rate[r];
     }
     for (int j = 0; j < N; ++j) {
       f.y[F::WORK] += f.eval.M_DK_v_K[j] * change[j];
@@ -351,13 +383,14 @@ struct Contact {
   void push(const F& f, double* change) const {
     double w[room(N)], pull[room(M)] = {};
     for (int j = 0; j < N; ++j) w[j] = 0.0;
-    for (int a = 0; a < f.rows.n; ++a) pull[a] = -set_.x[a];
+    for (int a = 0; a < f.rows.n; ++a) pull[a] = -sign_[a] * set_.x[a];
     f.rows.add(pull, w);
     f.eval.back(w, change);
   }
 
   Set set_;
   int row_[room(M)];  // of each of the set's columns
+  double sign_[room(M)], turned_[room(M)][room(N)];  // -1 and the column of rows turned round
   LeastNorm<Set> least_;
 };
 

@@ -58,7 +58,7 @@ struct EventRun {
       double kept[NY];
       for (int j = 0; j < NY; ++j) kept[j] = flow.y[j];
       refresh();
-      const bool held = contact.hold(flow, kGain * flow.weight()) == RUNNING;
+      const bool held = contact.hold(flow, kChoices[0]) == RUNNING;
       for (int j = held ? F::WORK : 0; j < NY; ++j) flow.y[j] = kept[j];
     }
     step_size = flow.opt.first_step;
@@ -271,7 +271,9 @@ struct EventRun {
 
   void write(double t, const double* y, Record<Model>& out) {
     double tension[room(M)];
+    double slip[room(S)];  // without what a winch may be off its string's length, kGive
     bool taut[room(M)];
+    for (int i = 0; i < S; ++i) slip[i] = flow.slip_now[i] > 0.0 ? flow.slip_now[i] : 0.0;
     contact.tensions(flow, tension);
     for (int r = 0; r < M; ++r) {
       // At a release the tension is zero up to rounding, of either sign.
@@ -281,7 +283,7 @@ struct EventRun {
     }
     out.row(
         t, y, y + NQ, flow.acc, flow.q_K, flow.v_K, flow.acc_K, tension, taut, flow.p, y[F::WORK],
-        y[F::LOSS], impact, y[F::SLIP_LOSS], flow.slip_now);
+        y[F::LOSS], impact, y[F::SLIP_LOSS], slip);
   }
 
   void skip_saved() {
@@ -325,7 +327,6 @@ struct EventRun {
   // At a break of the inputs the tensions may jump: choose the mode again, and write a second row
   // where the inputs' accelerations or the forces jump.
   Status breakpoint(Record<Model>& out) {
-    const Situation s = present();
     double acc_K[room(Model::n_vK)], u_D[room(N)];
     for (int j = 0; j < Model::n_vK; ++j) acc_K[j] = flow.acc_K[j];
     for (int k = 0; k < N; ++k) u_D[k] = flow.u_D[k];
@@ -337,7 +338,10 @@ struct EventRun {
     for (int k = 0; k < N; ++k) jumps = jumps || differ(u_D[k], flow.u_D[k]);
     if (jumps) note(out, BREAKPOINT, -1, 0.0, 0.0);
     const long long rows = out.n_rows;
-    const Status status = settle_mode(s, out);
+    bool touched = false;
+    for (int r = 0; r < M; ++r)
+      touched = touched || (flow.mode[r] == SLACK && guards.touches(r, kTouch));
+    const Status status = touched ? instant(out) : settle_mode(present(), out);
     if (jumps && out.n_rows == rows) emit(out);
     return status;
   }
@@ -387,19 +391,20 @@ struct EventRun {
     const double energy = flow.total_energy() - given();
     double stopped = 0.0;
     Status held = RUNNING;
-    for (const double stillness : {kStill, kHardlyStill}) {
+    for (const Choice& how : kChoices) {
+      if (how.ahead > 0.0 && !flow.winches.some_slip) continue;
       // A row that holding the others brings to rest takes part in the choice.
       for (int round = 0; round <= M; ++round) {
-        const Status chosen = contact.choose(flow, s.loose, s.strained, next, kTouch, stillness);
-        if (chosen != RUNNING) return fail(chosen);
+        held = contact.choose(flow, s.loose, s.strained, next, kTouch, how);
+        if (held != RUNNING) break;
         set_mode(next);
         refresh();
-        // What is hardly still is held at any price.
-        held = contact.hold(flow, stillness == kStill ? kGain * flow.weight() : kForever);
+        held = contact.hold(flow, how);
         if (contact.stopped > stopped) stopped = contact.stopped;
         if (held != RUNNING || !contact.brought) break;
       }
-      if (held == RUNNING) break;
+      if (held == RUNNING) refresh();
+      if (held == RUNNING && !guards.contradicted()) break;
     }
     if (held != RUNNING) return fail(held);
     refresh();

@@ -141,6 +141,9 @@ struct Flow {
     return redundant && least < kFrail * top;
   }
 
+  // The acceleration at which row r's winch brakes what it winds back, at the latest evaluation.
+  double braking(int r) const { return r < S ? slip_acc_[r] : 0.0; }
+
   // Ends the slipping of all strings in the books: from here on `mode` alone says which slip.
   void settle_slip(double at) {
     for (int i = 0; i < S; ++i) slip[i] = winches.resolved(i, slip_now[i], at);
@@ -289,12 +292,16 @@ struct Flow {
         });
   }
 
-  // h of all rows at the configuration of `state` and the inputs of the latest evaluation.
-  void heights(const double* state, double* h) const {
+  // h of all rows at the configuration of `state` and the inputs of the latest evaluation; of strings
+  // that slip 0, or minus what has slipped.
+  void heights(const double* state, double* h, bool slipped = false) const {
     const double* arg[] = {state, q_K, p};
     double* res[] = {h};
     Model::rows(arg, res);
-    for (int i = 0; i < S; ++i) h[i] -= mode[i] == SLIPPING ? h[i] : slip_now[i];
+    for (int i = 0; i < S; ++i) {
+      if (mode[i] == SLIPPING) h[i] = slipped ? -kGive - h[i] : 0.0;
+      else h[i] -= slip_now[i];
+    }
   }
 
   // -M^-1 A^T (A M^-1 A^T)^-1 h over the held rows.
@@ -343,12 +350,14 @@ struct Flow {
       if (mode[i] == SLIPPING) {
         slip_now[i] = eval.h[i];
         slip_rate[i] = eval.hdot[i];
+        slip_acc_[i] = 0.0;
         eval.h[i] = eval.hdot[i] = 0.0;
         continue;
       }
       const Wound wound = winches.wound(i, slip[i], at - slip_time);
       slip_now[i] = wound.slip;
       slip_rate[i] = wound.rate;
+      slip_acc_[i] = wound.acc;
       eval.h[i] -= wound.slip;
       eval.hdot[i] -= wound.rate;
       eval.gamma[i] -= wound.acc;
@@ -374,6 +383,7 @@ struct Flow {
   }
 
   double dense_[7][NY];
+  double slip_acc_[room(S)];
 };
 
 }  // namespace fan

@@ -59,7 +59,9 @@ struct Guards {
 
   // Whether a slack row closes at (t, y), the flow's latest evaluation.
   bool touches(int r, double closeness) const {
-    return closed(r, closeness) && flow.rate_of(r, flow.y + NQ) > (armed[r] ? 0.0 : kCreep);
+    const double over = flow.eval.height(r) / flow.row_scale(r);
+    const bool at_once = armed[r] || (flow.winches.some_slip && over > kTouch);
+    return over >= -closeness && flow.rate_of(r, flow.y + NQ) > (at_once ? 0.0 : kCreep);
   }
 
   // What the next step's guards compare with.
@@ -77,7 +79,7 @@ struct Guards {
     if (r >= M) return flow.motors.excess(r - M);
     if (r < S && Model::wire[r]) return -1.0;
     if (flow.mode[r] == SLIPPING) {
-      const double wound_in = -flow.slip_now[r] / flow.row_scale(r) - kOver;
+      const double wound_in = (-flow.slip_now[r] - kGive) / flow.row_scale(r) - kOver;
       const double slow = flow.lack(r) - (armed[r] ? 0.0 : kCreep);
       return slow > wound_in ? slow : wound_in;
     }
@@ -92,9 +94,10 @@ struct Guards {
     return over - (armed[r] ? 0.0 : kOver + noise);
   }
 
-  // How far a row stood beyond its bound when the step began.
+  // How far a row stood beyond its bound when the step began. Rows that redundant strings on
+  // winches keep from being put right may stand farther.
   double already(int r) const {
-    const double most = kTouch * flow.row_scale(r);
+    const double most = (flow.winches.some_slip ? 4.0 : 1.0) * kTouch * flow.row_scale(r);
     return height0[r] > most ? most : (height0[r] > 0.0 ? height0[r] : 0.0);
   }
 
@@ -102,6 +105,18 @@ struct Guards {
   double met(int r) const {
     if (r >= M) return kWeakRoot;
     return flow.taut(r) ? kTensionRoot : kHeightRoot;
+  }
+
+  // Whether modes just chosen contradict the state at the latest evaluation, where winches may give
+  // way instead: a held row is off its bound, or a string that slips does so too slowly.
+  bool contradicted() const {
+    if (!flow.winches.some_slip) return false;
+    for (int r = 0; r < M; ++r) {
+      if (flow.mode[r] == HELD && fabs(flow.eval.height(r)) > kOver * flow.row_scale(r)) return true;
+      if (flow.mode[r] != SLIPPING) continue;
+      if (flow.lack(r) > (flow.slip_now[r] < -kGive ? 0.0 : kCreep)) return true;
+    }
+    return false;
   }
 
   // The largest guard at the latest evaluation.
