@@ -91,7 +91,7 @@ def test_a_row_that_is_overstepped_goes_before_lost_steps():
     inputs = [fan.Input.waypoints(weak, {"link.x": [(0, 2.5), (0.04, x)]}) for x in (2.5, 2.6)]
     how = {"t_end": 0.04, "method": "timestepping", "dt": 1e-4, "throw": False}
     runs = [fan.simulate(weak, x0, given, **how) for given in inputs]
-    many = fan.simulate(weak, x0, inputs, **how)
+    many = fan.simulate_batch(weak, x0, inputs, **how)
     for found in ([run.status for run in runs], many.status.tolist()):
         assert found == [Status.LOST_STEPS, Status.OVERSTEPPED]
     assert lost(runs[1]) and not runs[1].blamed and not many.blamed(1)
@@ -162,7 +162,7 @@ def test_batches_tell_lane_by_lane(stepped):
     rough = fan.Input.waypoints(stepped, {"line.length": [(0, TOLD), (0.03, 0.35)]})
     inputs = [gentle, rough.extended(0.2).bound(x0.q_K), gentle]
     for method in ("timestepping", "variational"):
-        many = fan.simulate(stepped, x0, inputs, t_end=0.8, method=method_of(method, dt=1e-4))
+        many = fan.simulate_batch(stepped, x0, inputs, t_end=0.8, method=method_of(method, dt=1e-4))
         assert many.status.tolist() == [Status.DONE, Status.RUNAWAY, Status.DONE]
         assert many.blamed(1) == ("line.length",) and not many.blamed(0)
         assert many.reached[1] < 0.8 == many.reached[0]

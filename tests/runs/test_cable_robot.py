@@ -118,7 +118,7 @@ def test_slipping_strings_beside_taut_ones_do_not_stop_time(limited, seed):
         assert np.min(run.slip[f"c{i}"]) >= 0.0
         slipped = np.diff(run.slip[f"c{i}"]) > 1e-9
         assert run.tension[f"c{i}"][1:][slipped] == pytest.approx(largest)
-    stepped = fan.simulate(giving, x0, inputs, end + 0.2, method="timestepping", dt=5e-4)
+    stepped = fan.simulate(giving, x0, inputs, end + 0.2, method=fan.TimeStepping(dt=5e-4))
     assert np.max(np.abs(run.q_D[-1] - stepped.q_D[-1])) < 1e-5
     for i in LIMITED:
         assert run.slip[f"c{i}"][-1] == pytest.approx(stepped.slip[f"c{i}"][-1], abs=1e-5)
@@ -145,7 +145,7 @@ def test_a_driven_winch_that_slips_beside_a_taut_string(most, length):
     run = fan.simulate(two, x0, inputs, 1.5)
     assert len(run.events) < 200
     assert np.max(np.abs(run.ledger["residual"])) < 1e-9
-    stepped = fan.simulate(two, x0, inputs, 1.5, method="timestepping", dt=5e-4)
+    stepped = fan.simulate(two, x0, inputs, 1.5, method=fan.TimeStepping(dt=5e-4))
     assert run.slip["slips"][-1] == pytest.approx(stepped.slip["slips"][-1], abs=5e-3)
 
 

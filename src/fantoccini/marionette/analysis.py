@@ -108,15 +108,7 @@ def lagrangian(model: Model, x: State) -> float:
 
 
 def body_velocity(model: Model, x: State, body: str | None = None) -> Array:
-    """V^b (Eq. 4): (v, w) of bodies in their own frames.
-
-    Args:
-        x: the state.
-        body: its name; all bodies when not given.
-
-    Returns:
-        (6,) of one body or (n_links, 6): linear, then angular [m/s, rad/s].
-    """
+    """(v, w) of bodies in their own frames (Eq. 4); see :meth:`Marionette.body_velocity`."""
     V = _interpreted(model, "body_velocity", x)[0].T
     return V if body is None else V[link_index(model, body)]
 
@@ -138,15 +130,7 @@ def link_index(model: Model, body: str) -> int:
 
 
 def poses(model: Model, q_D: Array, q_K: Array) -> Array:
-    """World poses (R | r) of all links.
-
-    Args:
-        q_D: (..., n_qD).
-        q_K: (..., n_qK).
-
-    Returns:
-        (..., n_links, 3, 4).
-    """
+    """(..., n_links, 3, 4) world poses (R | r); see :meth:`Marionette.poses`."""
     n = len(model.tree.links)
     (flat,) = model.library.evaluate("poses", [q_D, q_K, model.p])
     by_column = flat.reshape(*flat.shape[:-1], n, 4, 3)
@@ -172,27 +156,13 @@ def effort(
     model: Model, q_D: Array, v_D: Array, q_K: Array, v_K: Array, acc_D: Array, acc_K: Array,
     tension: Array,
 ) -> Array:  # fmt: skip
-    """Force on every driven coordinate: M_KD acc_D + M_KK acc_K + c_K - A_K^T lambda.
-
-    How heavy the control is in the hand. Arguments (..., n) each; ``tension`` (..., n_strings).
-
-    Returns:
-        (..., n_vK) [N or N m].
-    """
+    """M_KD acc_D + M_KK acc_K + c_K - A_K^T lambda; see :meth:`Marionette.effort`."""
     arguments = [q_D, v_D, q_K, v_K, acc_D, acc_K, -np.asarray(tension), model.p]
     return model.library.evaluate("effort", arguments)[0]
 
 
 def wrench_forces(model: Model, x: State, wrenches: dict[str, Array]) -> Array:
-    """u_D of wrenches on bodies, to pass as user forces.
-
-    Args:
-        x: the state.
-        wrenches: body -> (6,) force on its centre of mass [N] and torque [N m], world axes.
-
-    Returns:
-        (n_vD,) [N or N m].
-    """
+    """sum_i J_i^T w_i, (n_vD,); see :meth:`Marionette.wrench_forces`."""
     model.check_state(x)
     w = np.zeros((len(model.tree.links), 6))
     for body, wrench in wrenches.items():

@@ -9,34 +9,14 @@ from fantoccini.motion import tangent
 
 
 def difference(model: Model, q0: Array, q1: Array, driven: bool = False) -> Array:
-    """The tangent vectors dq that move q0 to q1: ``integrate(q0, dq)`` is q1.
-
-    A scalar's is q1 - q0, an orientation's the shortest rotation vector in the body's frame:
-    as in :meth:`linearise`, ordered and sized as the velocities.
-
-    Args:
-        q0, q1: (..., n_qD) dynamic configurations [rad, m or 1]; leading axes broadcast.
-        driven: they are driven ones, (..., n_qK).
-
-    Returns:
-        (..., n_vD), or (..., n_vK) [rad or m].
-    """
+    """dq with ``integrate(model, q0, dq)`` = q1; see :meth:`Marionette.difference`."""
     scalars, quaternions, n_v = _vectors_of(model, driven)
     q0, q1 = (_configuration(model, q, driven) for q in (q0, q1))
     return tangent.between(scalars, quaternions, q0, q1, n_v)
 
 
 def integrate(model: Model, q: Array, dq: Array, driven: bool = False) -> Array:
-    """q moved by tangent vectors: scalars add, orientations turn; see :meth:`difference`.
-
-    Args:
-        q: (..., n_qD) dynamic configurations [rad, m or 1].
-        dq: (..., n_vD) tangent vectors [rad or m]; leading axes broadcast.
-        driven: they are driven ones, (..., n_qK) and (..., n_vK).
-
-    Returns:
-        (..., n_qD), or (..., n_qK).
-    """
+    """q moved by dq; see :meth:`Marionette.integrate`."""
     scalars, quaternions, n_v = _vectors_of(model, driven)
     q, dq = _configuration(model, q, driven), vectors("dq", dq, n_v)
     return tangent.moved(scalars, quaternions, q, dq)
