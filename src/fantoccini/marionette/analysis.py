@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.equations import ANALYSIS_INPUTS
+from fantoccini.contract import FUNCTIONS
 from fantoccini.errors import Problem, PuppetError, StateError, UnknownNameError
 from fantoccini.motion import State
 from fantoccini.tree import Tree, joint_inertias
@@ -35,24 +36,25 @@ class Analysis:
     number: Callable[[Number], float]
     check_state: Callable[[State], None]
 
-    def _interpreted(self, name: str, x: State) -> list[Array]:
+    def _interpreted(self, name: str, x: State) -> SimpleNamespace:
+        """The results of an interpreted function by name: matrices and columns."""
         self.check_state(x)
         inputs = {**vars(x), "p": self.p}
-        values = self.equations[name](*(inputs[i] for i in ANALYSIS_INPUTS[name]))
-        many = values if isinstance(values, (tuple, list)) else [values]
-        return [np.array(value) for value in many]
+        wanted = {a.name: inputs[a.name] for a in FUNCTIONS[name].arguments}
+        found = self.equations[name](**wanted)
+        return SimpleNamespace(**{result: np.array(value) for result, value in found.items()})
 
     def mass_matrix(self, x: State) -> Array:
         """M(q_D) of Eq. 8, (n_vD, n_vD) [kg, kg m, kg m^2]."""
-        return self._interpreted("mass_matrix", x)[0]
+        return self._interpreted("mass_matrix", x).M
 
     def mass_matrix_DK(self, x: State) -> Array:
         """M_DK, (n_vD, n_vK): non-zero where a driven joint moves mass."""
-        return self._interpreted("mass_matrix", x)[1]
+        return self._interpreted("mass_matrix", x).M_DK
 
     def mass_matrix_KK(self, x: State) -> Array:
         """M_KK, (n_vK, n_vK)."""
-        return self._interpreted("mass_matrix", x)[2]
+        return self._interpreted("mass_matrix", x).M_KK
 
     def coriolis(self, x: State) -> Array:
         """C(q, v) of Eq. 8 over the dynamic velocities, (n_vD, n_vD); see ``coriolis_full``."""
@@ -61,54 +63,54 @@ class Analysis:
 
     def coriolis_full(self, x: State) -> Array:
         """C over (v_D, v_K): dM/dt - 2 C is skew, and C v is the velocity part of the bias."""
-        return self._interpreted("coriolis", x)[0]
+        return self._interpreted("coriolis", x).C
 
     def gravity(self, x: State) -> Array:
         """g(q) of Eq. 8, (n_vD,): gradient of the potential energy [N or N m]."""
-        return self._interpreted("gravity", x)[0].ravel()
+        return self._interpreted("gravity", x).g_D.ravel()
 
     def bias(self, x: State) -> Array:
         """c(q, v) = C v + g, (n_vD,) [N or N m]: Eq. 8 is M acc + c = u."""
-        return self._interpreted("bias", x)[0].ravel()
+        return self._interpreted("bias", x).c.ravel()
 
     def damping(self, x: State) -> Array:
         """(n_vD,) force of damping and drag, on the side of c: u = -damping [N or N m]."""
-        return self._interpreted("damping", x)[0].ravel()
+        return self._interpreted("damping", x).f.ravel()
 
     def constraint(self, x: State) -> Array:
         """h(q), (n_rows,): path length less string length and slip [m]; limits [m, rad or 1]."""
-        h = self._interpreted("constraint", x)[0].ravel()
+        h = self._interpreted("constraint", x).h.ravel()
         h[: len(x.slip)] -= x.slip
         return h
 
     def A_D(self, x: State) -> Array:
         """A_D = dh/dq_D of Eq. 9, acting on velocities, (n_rows, n_vD)."""
-        return self._interpreted("A_D", x)[0]
+        return self._interpreted("A_D", x).A_D
 
     def A_K(self, x: State) -> Array:
         """A_K = dh/dq_K of Eq. 9, acting on velocities, (n_rows, n_vK)."""
-        return self._interpreted("A_K", x)[0]
+        return self._interpreted("A_K", x).A_K
 
     def A_rate(self, x: State) -> tuple[Array, Array]:
         """(dA_D/dt, dA_K/dt) of Eq. 11 along the velocity."""
-        first, second = self._interpreted("A_rate", x)
-        return first, second
+        found = self._interpreted("A_rate", x)
+        return found.Adot_D, found.Adot_K
 
     def Adot_v(self, x: State) -> Array:
         """dA/dt v = dA_D/dt v_D + dA_K/dt v_K of Eq. 11, (n_rows,)."""
-        return self._interpreted("Adot_v", x)[0].ravel()
+        return self._interpreted("Adot_v", x).Adot_v.ravel()
 
     def kinetic(self, x: State) -> float:
         """T = sum_i 1/2 V_i^T I_i V_i (Eq. 5) [J]."""
-        return float(self._interpreted("kinetic", x)[0].item())
+        return float(self._interpreted("kinetic", x).T.item())
 
     def potential(self, x: State) -> float:
         """V (Eq. 6, with gravity's acceleration), plus the energy of springs [J]."""
-        return float(self._interpreted("potential", x)[0].item())
+        return float(self._interpreted("potential", x).V.item())
 
     def lagrangian(self, x: State) -> float:
         """L = T - V (Eq. 7) [J]."""
-        return float(self._interpreted("lagrangian", x)[0].item())
+        return float(self._interpreted("lagrangian", x).lagrangian.item())
 
     def body_velocity(self, x: State, body: str | None = None) -> Array:
         """V^b (Eq. 4): (v, w) of bodies in their own frames.
@@ -120,7 +122,7 @@ class Analysis:
         Returns:
             (6,) of one body or (n_links, 6): linear, then angular [m/s, rad/s].
         """
-        V = self._interpreted("body_velocity", x)[0].T
+        V = self._interpreted("body_velocity", x).V.T
         return V if body is None else V[self.link(body)]
 
     def pose(self, x: State, body: str) -> Array:
@@ -147,17 +149,15 @@ class Analysis:
         Returns:
             (..., n_links, 3, 4).
         """
-        n = len(self.tree.links)
-        (flat,) = self.library.evaluate("poses", [q_D, q_K, self.p])
-        by_column = flat.reshape(*flat.shape[:-1], n, 4, 3)
+        flat = self.library.evaluate("poses", q_D=q_D, q_K=q_K, p=self.p).poses.swapaxes(-1, -2)
+        by_column = flat.reshape(*flat.shape[:-1], 4, 3)
         return np.swapaxes(by_column, -1, -2)
 
     def string_points(self, q_D: Array, q_K: Array) -> list[Array]:
         """World positions of every string's points: per string (..., n_points, 3) [m]."""
         counts = [len(s.points) for s in self.tree.strings]
-        (flat,) = self.library.evaluate("points", [q_D, q_K, self.p])
-        split = np.split(flat, 3 * np.cumsum(counts)[:-1], axis=-1) if counts else []
-        return [part.reshape(*part.shape[:-1], -1, 3) for part in split]
+        points = self.library.evaluate("points", q_D=q_D, q_K=q_K, p=self.p).points
+        return np.split(points.swapaxes(-1, -2), np.cumsum(counts)[:-1], axis=-2) if counts else []
 
     def string_lengths(self, q_D: Array, q_K: Array) -> Array:
         """Lengths of the strings at configurations (..., n_qD), (..., n_qK): (..., n) [m]."""
@@ -166,8 +166,10 @@ class Analysis:
     def energies(self, x: State) -> tuple[float, float]:
         """(T, V) through the compiled model [J]."""
         self.check_state(x)
-        T, V = self.library.evaluate("energy", [x.q_D, x.v_D, x.q_K, x.v_K, self.p])
-        return float(T[0]), float(V[0])
+        found = self.library.evaluate(
+            "energy", q_D=x.q_D, v_D=x.v_D, q_K=x.q_K, v_K=x.v_K, p=self.p
+        )
+        return float(found.T), float(found.V)
 
     def effort(
         self, q_D: Array, v_D: Array, q_K: Array, v_K: Array, acc_D: Array, acc_K: Array,
@@ -180,8 +182,10 @@ class Analysis:
         Returns:
             (..., n_vK) [N or N m].
         """
-        arguments = [q_D, v_D, q_K, v_K, acc_D, acc_K, -np.asarray(tension), self.p]
-        return self.library.evaluate("effort", arguments)[0]
+        return self.library.evaluate(
+            "effort", q_D=q_D, v_D=v_D, q_K=q_K, v_K=v_K, acc_D=acc_D, acc_K=acc_K,
+            lam=-np.asarray(tension), p=self.p,
+        ).f_K  # fmt: skip
 
     def wrench_forces(self, x: State, wrenches: dict[str, Array]) -> Array:
         """u_D of wrenches on bodies, to pass as user forces.
@@ -199,8 +203,8 @@ class Analysis:
             w[self.link(body)] += np.asarray(wrench, dtype=float)
         if not np.all(np.isfinite(w)):
             raise StateError(f"wrenches: found {wrenches}; forces and torques must be finite")
-        (u,) = self.library.evaluate("wrench_forces", [x.q_D, x.q_K, w.ravel(), self.p])
-        return u
+        places = {"q_D": x.q_D, "q_K": x.q_K, "p": self.p}
+        return self.library.evaluate("wrench_forces", **places, wrench=w.T).u_D
 
     def check_mass_matrix(self) -> None:
         """Raises when a joint moves no mass, in the file's pose or in random ones.

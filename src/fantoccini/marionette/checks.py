@@ -243,17 +243,17 @@ def vectors(name: str, values: Array, n: int) -> Array:
 def _rows_of(marionette: Marionette, x: States) -> tuple[Array, Array]:
     """h and hdot (n, n_rows) of states."""
     tree, table = marionette.tree, marionette.coordinates
-    still = np.zeros(table.n_vK), np.zeros(table.n_vD)
-    state = [x.q_D, x.v_D, x.q_K, x.v_K, *still, marionette.p]
-    outputs = marionette.library.evaluate("dynamics", state)
-    h, hdot, h_limit, J_limit = (outputs[i] for i in (4, 5, 9, 10))
-    hdot_limit = np.zeros_like(h_limit)
+    on = marionette.library.evaluate(
+        "dynamics", q_D=x.q_D, v_D=x.v_D, q_K=x.q_K, v_K=x.v_K, acc_K=np.zeros(table.n_vK),
+        u_D=np.zeros(table.n_vD), p=marionette.p,
+    )  # fmt: skip
+    hdot_limit = np.zeros_like(on.h_limit)
     for i, limit in enumerate(tree.limits):
         place = tree.links[limit.link].v
-        J = J_limit[:, 3 * i : 3 * i + place.stop - place.start]
+        J = on.J_limit[:, : place.stop - place.start, i]
         hdot_limit[:, i] = (J * x.v_D[:, place]).sum(axis=1)
-    hdot = hdot - marionette.winding(x.slip)
-    return np.hstack([h - x.slip, h_limit]), np.hstack([hdot, hdot_limit])
+    hdot = on.hdot - marionette.winding(x.slip)
+    return np.hstack([on.h - x.slip, on.h_limit]), np.hstack([hdot, hdot_limit])
 
 
 def ready(

@@ -10,7 +10,7 @@ from typing import Any
 from fantoccini import build, codegen, equations
 from fantoccini.errors import BuildError
 from fantoccini.marionette import generator
-from fantoccini.runtime import BatchLibrary, ClearanceLibrary, Library, MotionLibrary
+from fantoccini.runtime import BatchLibrary, ClearanceLibrary, Library, Loaded, MotionLibrary
 from fantoccini.tree import Tree
 from fantoccini.world import World
 
@@ -36,7 +36,7 @@ class Compiled:
             BuildError: no compiler, or it failed.
             PuppetError: the mass matrix is singular.
         """
-        return self._compiled("model", codegen.generate, lambda file: Library(file, self.tree))
+        return self._compiled("model", lambda file: Library(file, self.tree))
 
     @cached_property
     def lanes(self) -> BatchLibrary:
@@ -46,7 +46,7 @@ class Compiled:
             BuildError: no compiler, or it failed.
             PuppetError: the mass matrix is singular.
         """
-        return self._compiled("lanes", codegen.generate_lanes, BatchLibrary)
+        return self._compiled("lanes", self._lanes)
 
     @cached_property
     def clearances(self) -> ClearanceLibrary:
@@ -56,7 +56,9 @@ class Compiled:
             BuildError: no compiler, or it failed.
             PuppetError: the mass matrix is singular.
         """
-        return self._compiled("clearance", codegen.generate_clearance, ClearanceLibrary)
+        return self._compiled(
+            "clearance", lambda file: ClearanceLibrary(file, self.tree.sizes)
+        )
 
     @cached_property
     def motions(self) -> MotionLibrary:
@@ -66,7 +68,7 @@ class Compiled:
             BuildError: no compiler, or it failed.
             PuppetError: the mass matrix is singular.
         """
-        return self._compiled("motions", codegen.generate_motions, MotionLibrary)
+        return self._compiled("motions", lambda file: MotionLibrary(file, self.tree.sizes))
 
     @cached_property
     def variational(self) -> Library:
@@ -76,9 +78,7 @@ class Compiled:
             BuildError: no compiler, or it failed.
             PuppetError: the mass matrix is singular.
         """
-        return self._compiled(
-            "variational", codegen.generate_variational, lambda file: Library(file, self.tree)
-        )
+        return self._compiled("variational", lambda file: Library(file, self.tree))
 
     @cached_property
     def variational_lanes(self) -> BatchLibrary:
@@ -88,9 +88,7 @@ class Compiled:
             BuildError: no compiler, or it failed.
             PuppetError: the mass matrix is singular.
         """
-        return self._compiled(
-            "variational_lanes", codegen.generate_variational_lanes, BatchLibrary
-        )
+        return self._compiled("variational_lanes", self._lanes)
 
     def batch_library_of(self, method: str) -> BatchLibrary:
         """The library that makes batches of runs of a method."""
@@ -106,15 +104,18 @@ class Compiled:
         """Loads the compiled model, or makes it, before anything needs it."""
         _ = self.library
 
-    def _compiled(self, what: str, generate: Callable, load: Callable[[Path], Any]) -> Any:
-        """A library of this puppet, from the cache or made now; ``what`` tells them apart."""
+    def _lanes(self, file: Path) -> BatchLibrary:
+        return BatchLibrary(Loaded(file, self.tree.sizes))
+
+    def _compiled(self, what: str, load: Callable[[Path], Any]) -> Any:
+        """A library of this puppet, from the cache or made now: one of ``contract.LIBRARIES``."""
         # Values of parameters are arguments of every function: nothing that is compiled has them.
         canonical = "\n".join(p.canonical(values=False) for p in self.world.puppets)
         shaped_by = generator.fingerprint(what)
         key = build.fingerprint(canonical, shaped_by, flags=(what,))
 
         def source() -> build.Source:
-            return self.source(generate)
+            return self.source(what)
 
         folder = build.obtain(key, source, progress=self._progress)
         try:
@@ -123,12 +124,12 @@ class Compiled:
             folder = build.obtain(key, source, progress=self._progress, afresh=True)
             return load(folder / build.LIBRARY)
 
-    def source(self, generate: Callable = codegen.generate) -> build.Source:
+    def source(self, what: str = "model") -> build.Source:
         """The text that a library of this puppet is compiled from.
 
         Raises:
             PuppetError: the mass matrix is singular.
         """
         self.check_mass_matrix()
-        made = generate(self.equations)
+        made = codegen.generate(self.equations, what)
         return build.Source(made.files, made.main, {"operations": made.operations}, made.units)

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from fantoccini import codegen, equations
 from fantoccini.arrays import Array
 from fantoccini.marionette.linearisation import Linearisation, linearise
 from fantoccini.marionette.modes import Modes, modes
@@ -23,7 +22,7 @@ class Differentiable:
     """The part of a marionette that knows derivatives."""
 
     tree: Tree
-    _compiled: Callable[[str, Callable, Callable], Any]
+    _compiled: Callable[[str, Callable], Any]
 
     @cached_property
     def derivatives(self) -> Slopes:
@@ -32,12 +31,7 @@ class Differentiable:
         Raises:
             BuildError: no compiler, or it failed.
         """
-        tree = self.tree
-        return self._compiled(
-            "derivatives",
-            lambda _: codegen.generate_derivatives(equations.Derivatives(tree)),
-            lambda file: Slopes(file, tree),
-        )
+        return self._compiled("derivatives", lambda file: Slopes(file, self.tree.sizes))
 
     def linearise(
         self: Marionette,

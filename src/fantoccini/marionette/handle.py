@@ -265,7 +265,8 @@ class Marionette(Compiled, Portable, Analysis, Differentiable, Configurations):
         # The masses of chains lie between the ends of this state, not of the file's pose.
         q_D, q_K = tree.placed(self.tree, q_D, q_K, self.number, frozenset(values or ()))
         if np.any(np.isnan(q_K)) or np.any(np.isnan(q_D)):
-            (h,) = self.library.evaluate("rows", [np.nan_to_num(q_D), np.nan_to_num(q_K), self.p])
+            places = {"q_D": np.nan_to_num(q_D), "q_K": np.nan_to_num(q_K)}
+            h = self.library.evaluate("rows", **places, p=self.p).h
             for string, span in zip(self.tree.strings, h, strict=False):
                 string.just_reaches(span, q_D, q_K)
         values_by_name.put_commands(self.tree.drives, values or {}, q_D, q_K)

@@ -166,8 +166,10 @@ def _slope(marionette: Marionette, at: Equilibrium) -> Array:
         return slopes(marionette, at)[0]
     x, n = at.x, len(at.x.v_D)
     moved = retract(marionette, x.q_D, np.concatenate([np.eye(n), -np.eye(n)]) * _STEP)
-    rest = [x.v_D, x.q_K, x.v_K, np.zeros_like(x.v_K), np.zeros(n), marionette.p]
-    w0 = marionette.library.evaluate("dynamics", [moved, *rest])[1]
+    w0 = marionette.library.evaluate(
+        "dynamics", q_D=moved, v_D=x.v_D, q_K=x.q_K, v_K=x.v_K, acc_K=np.zeros_like(x.v_K),
+        u_D=np.zeros(n), p=marionette.p,
+    ).w0  # fmt: skip
     return (w0[:n] - w0[n:]).T / (2 * _STEP)
 
 

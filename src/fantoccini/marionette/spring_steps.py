@@ -134,10 +134,12 @@ def tension_step(marionette: Marionette, q_D: Array, q_K: Array, tension: Array)
 def _forth(marionette: Marionette, q_D: Array, q_K: Array, forces: list[Array]) -> Array:
     """(n, len(forces), n_vD) F^-T of forces (n, n_vD)."""
     table, n = marionette.coordinates, len(q_D)
-    still = [np.zeros((n, size)) for size in (table.n_vD, table.n_vK, table.n_vK, table.n_vD)]
-    state = [q_D, still[0], q_K, *still[1:], marionette.p]
-    L = marionette.library.evaluate("dynamics", state)[0]
-    return marionette.library.evaluate("forth", [L[:, None], np.stack(forces, axis=1)])[0]
+    still_D, still_K = np.zeros((n, table.n_vD)), np.zeros((n, table.n_vK))
+    L = marionette.library.evaluate(
+        "dynamics", q_D=q_D, v_D=still_D, q_K=q_K, v_K=still_K, acc_K=still_K, u_D=still_D,
+        p=marionette.p,
+    ).L  # fmt: skip
+    return marionette.library.evaluate("forth", L=L[:, None], x=np.stack(forces, axis=1)).y
 
 
 def _pull(
@@ -154,8 +156,9 @@ def _pull(
         arm = poses[:, point.link, :, :3] @ at
         wrench[:, point.link, :3] += sign * axis
         wrench[:, point.link, 3:] += np.cross(arm, sign * axis)
-    given = [q_D, q_K, wrench.reshape(n, -1), marionette.p]
-    return marionette.library.evaluate("wrench_forces", given)[0]
+    return marionette.library.evaluate(
+        "wrench_forces", q_D=q_D, q_K=q_K, wrench=wrench.swapaxes(1, 2), p=marionette.p
+    ).u_D
 
 
 def _place(marionette: Marionette, poses: Array, point: Point) -> Array:

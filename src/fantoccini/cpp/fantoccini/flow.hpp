@@ -291,9 +291,7 @@ struct Flow {
 
   // h of all rows at the configuration of `state` and the inputs of the latest evaluation.
   void heights(const double* state, double* h) const {
-    const double* arg[] = {state, q_K, p};
-    double* res[] = {h};
-    Model::rows(arg, res);
+    Call<Model, double>::rows(state, q_K, p, h);
     for (int i = 0; i < S; ++i) h[i] -= mode[i] == SLIPPING ? h[i] : slip_now[i];
   }
 
@@ -322,11 +320,11 @@ struct Flow {
 
   // T + V at (t, y); the evaluation must be that of (t, y).
   double total_energy() const {
-    double T, V;
-    const double* arg[] = {y, y + NQ, q_K, v_K, p};
-    double* res[] = {&T, &V};
-    Model::energy(arg, res);
-    return T + V;
+    struct {
+      double T, V;
+    } energy;
+    Call<Model, double>::energy(y, y + NQ, q_K, v_K, p, energy);
+    return energy.T + energy.V;
   }
 
   // The size a row's h is measured against: the string's length, 1 rad for a limit.
