@@ -28,6 +28,7 @@ ORDER = (
     "puppet",
     "world",
     "tree",
+    "contract",
     "equations",
     "codegen",
     "build",

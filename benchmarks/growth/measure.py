@@ -126,15 +126,17 @@ def _most_memory(process: str) -> float:
 def evaluation(puppet: fan.Marionette, library: Library, function: str) -> float:
     """Microseconds of one evaluation at a random state, the shortest of many."""
     table, rng = puppet.coordinates, np.random.default_rng(0)
-    widths = (table.n_qD, table.n_vD, table.n_qK, table.n_vK, table.n_vK, table.n_vD)
-    arguments = [np.tile(0.3 * rng.normal(size=n), (CALLS, 1)) for n in widths]
+    widths = {
+        "q_D": table.n_qD, "v_D": table.n_vD, "q_K": table.n_qK, "v_K": table.n_vK,
+        "acc_K": table.n_vK, "u_D": table.n_vD,
+    }  # fmt: skip
+    given = {name: np.tile(0.3 * rng.normal(size=n), (CALLS, 1)) for name, n in widths.items()}
     if function == "step_dynamics":
-        arguments += [arguments[1], np.zeros((CALLS, 1))]
-    arguments.append(puppet.p)
+        given |= {"v_ahead": given["v_D"], "dt": np.zeros(CALLS)}
     took = []
     for _ in range(REPEATS):
         start = time.perf_counter()
-        library.evaluate(function, arguments)
+        library.evaluate(function, **given, p=puppet.p)
         took.append(time.perf_counter() - start)
     return 1e6 * min(took) / CALLS
 

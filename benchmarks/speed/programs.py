@@ -11,7 +11,7 @@ import numpy as np
 
 from fantoccini import build
 from fantoccini.build.compiler import BASE_FLAGS
-from fantoccini.codegen import generate_lanes
+from fantoccini.codegen import generate
 from fantoccini.motion import Input, State
 
 from .subject import DT, hanging, marionette
@@ -88,7 +88,7 @@ def words(states: Sequence[State]) -> list:
 
 def lane_source() -> build.Source:
     """Likewise as the library of its lanes is made of it."""
-    generated = generate_lanes(marionette().equations)
+    generated = generate(marionette().equations, "lanes")
     return build.Source(generated.files, generated.main, units=generated.units)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from cpp.toolchain import SANITIZE, compile_program, equations, numbers, run_program
 from fantoccini import puppets
-from fantoccini.codegen import generate_variational
+from fantoccini.codegen import generate
 
 WIDTH, STEPS, DT = 8, 40, 0.1
 QUIET = ("-Wno-maybe-uninitialized", "-Wno-uninitialized")
@@ -17,7 +17,7 @@ def test_a_lane_is_a_scalar_run_whatever_its_neighbours(tmp_path):
     """Bobs that swing, fly and are caught, each in a lane of its own, the fast ones in halved
     steps; under the sanitizers."""
     name = "string_pendulum"
-    files = generate_variational(equations(name)).files
+    files = generate(equations(name), "variational").files
     for file, text in files.items():
         (tmp_path / file).write_text(text, encoding="utf-8")
     flags = ("-O1", "-march=native", *QUIET, *SANITIZE)

@@ -115,7 +115,7 @@ def random_state(marionette: Marionette, rng: np.random.Generator, still: bool) 
     v_K[:] = rng.normal(size=table.n_vK)
     lengths = np.array([string.length_index for string in tree.strings])
     q_K[lengths[:, 0]] = 0.0
-    (paths,) = marionette.model.library.evaluate("rows", [q_D, q_K, marionette.p])
+    paths = marionette.model.library.evaluate("rows", q_D=q_D, q_K=q_K, p=marionette.p).h
     loose = rng.random(len(lengths)) > rng.choice([0.3, 0.6, 1.0])
     q_K[lengths[:, 0]] = paths[: len(lengths)] + loose * rng.uniform(0.01, 0.3, len(lengths))
     x = x.replace(q_D=q_D, q_K=q_K, v_D=v_D, v_K=v_K)

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.codegen import generate_derivatives
+from fantoccini.codegen import generate
 from fantoccini.codegen.straight import program
-from fantoccini.equations import Derivatives
 from fantoccini.marionette import instant_at
 from fantoccini.marionette.linearisation import named_rows
 from fantoccini.marionette.stepper import Stepper
@@ -257,7 +256,7 @@ def test_derivatives_of_the_solved_form_agree(arm):
 
 def test_operations_of_the_marionettes_derivatives(marionette):
     """About 30,000; six times as many where the solved form of all strings is differentiated."""
-    counts = generate_derivatives(Derivatives(marionette.tree)).operations
+    counts = generate(marionette.equations, "derivatives").operations
     solved = program(derivatives_of_the_solved_form(marionette)).operations
     print(counts, "together", sum(counts.values()), "of the solved form", solved)
     assert sum(counts.values()) < 31_000

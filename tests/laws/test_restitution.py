@@ -104,7 +104,7 @@ def thrown(rng: np.random.Generator, flight: float) -> State | None:
     ends = np.setdiff1d(np.arange(table.n_qK), lengths)
     q_K[ends] = rng.uniform((-0.8, -0.8, 0.7), (0.8, 0.8, 2.3), (STRINGS, 3)).ravel()
     q_K[lengths] = 0.0
-    (paths,) = puppet.model.library.evaluate("rows", [at_catch.q_D, q_K, puppet.p])
+    paths = puppet.model.library.evaluate("rows", q_D=at_catch.q_D, q_K=q_K, p=puppet.p).h
     q_K[lengths] = paths
     closing = instant_at(puppet.model, at_catch.replace(v_D=v_D, q_K=q_K)).hdot > 0.05
     q_K[lengths] += ~closing

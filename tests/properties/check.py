@@ -169,7 +169,7 @@ class _Rows:
 
     def __init__(self, given: Performance, run: fan.Trajectory):
         puppet = given.marionette
-        (h,) = puppet.model.library.evaluate("rows", [run.q_D, run.q_K, puppet.p])
+        h = puppet.model.library.evaluate("rows", q_D=run.q_D, q_K=run.q_K, p=puppet.p).h
         slip = getattr(run, "slip", None)
         if slip is not None:
             # A string is longer by what its winch has let slip.
@@ -195,20 +195,21 @@ class _Rates:
     def __init__(self, given: Performance, run: fan.Trajectory):
         puppet, tree = given.marionette, given.marionette.tree
         self._puppet, self._n, self._n_s = puppet, run.v_D.shape[1], len(tree.strings)
-        state = [run.q_D, run.v_D, run.q_K, run.v_K, run.acc_K, given.inputs.evaluate_force(run.t)]
-        self._L, self._w0, W, _, _, hdot, gamma, _, _, _, J_l, gamma_l, *_ = (
-            puppet.model.library.evaluate("dynamics", [*state, puppet.p])
-        )
+        on = puppet.model.library.evaluate(
+            "dynamics", q_D=run.q_D, v_D=run.v_D, q_K=run.q_K, v_K=run.v_K, acc_K=run.acc_K,
+            u_D=given.inputs.evaluate_force(run.t), p=puppet.p,
+        )  # fmt: skip
+        self._L, self._w0 = on.L, on.w0
         self._J = np.zeros((len(run), len(tree.limits), self._n))
         for i, limit in enumerate(tree.limits):
             place = tree.links[limit.link].v
-            self._J[:, i, place] = J_l[:, 3 * i : 3 * i + place.stop - place.start]
+            self._J[:, i, place] = on.J_limit[:, : place.stop - place.start, i]
         hdot_l = (self._J * run.v_D[:, None]).sum(axis=-1)
-        self.hdot = np.concatenate([hdot, hdot_l], axis=1)
-        self._gamma = np.concatenate([gamma, gamma_l], axis=1)
-        self.W = W.reshape(len(run), self._n_s, self._n)
+        self.hdot = np.concatenate([on.hdot, hdot_l], axis=1)
+        self._gamma = np.concatenate([on.gamma, on.gamma_limit], axis=1)
+        self.W = on.W.swapaxes(-1, -2)
         if self._J.shape[1]:
-            (W_l,) = puppet.model.library.evaluate("forth", [self._L[:, None], self._J])
+            W_l = puppet.model.library.evaluate("forth", L=self._L[:, None], x=self._J).y
             self.W = np.concatenate([self.W, W_l], axis=1)
 
     def hardly_differs(self, t: int, r: int, closed: np.ndarray) -> bool:
@@ -227,7 +228,7 @@ class _Rates:
         """
         W = self.W
         pull = (force[..., None] * W).sum(axis=1)
-        (acc,) = self._puppet.model.library.evaluate("back", [self._L, np.stack([self._w0, pull])])
+        acc = self._puppet.model.library.evaluate("back", L=self._L, x=np.stack([self._w0, pull])).y
         terms = np.abs(acc).max(axis=2, initial=0.0).sum(axis=0) + 1.0
         lack = np.abs(acc[0] - acc[1] - run.acc_D).max(axis=1, initial=0.0) / terms
         hddot = self._gamma + (W * (self._w0 - pull)[:, None]).sum(axis=-1)

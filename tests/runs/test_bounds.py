@@ -130,7 +130,7 @@ def test_a_run_needs_no_more_memory_than_was_reckoned():
     run = fan.simulate(ARM, X0, t_end=20.0, method="timestepping")
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert peak < memory.bytes_of(len(run), ARM.model.library.sizes["row_width"])
+    assert peak < memory.bytes_of(len(run), sum(ARM.model.row_layout.widths.values()))
 
 
 @pytest.mark.parametrize("method", ["timestepping", "variational"])

@@ -11,12 +11,11 @@ import textwrap
 
 import casadi as ca
 
-from fantoccini.codegen.contract import ARGUMENTS, FUNCTIONS, RESULTS, Order, orders, shown
+from fantoccini.codegen.orders import NAMES, Order, orders, shown
 from fantoccini.codegen.statements import definition, prototype
+from fantoccini.contract import FUNCTIONS
 from fantoccini.equations import Equations
 from fantoccini.tree import Tree
-
-_SIZES = ("q_D", "v_D", "q_K", "v_K", "strings", "limits", "rows", "links", "points", "p")
 
 
 def c99_files(equations: Equations) -> dict[str, str]:
@@ -25,11 +24,9 @@ def c99_files(equations: Equations) -> dict[str, str]:
     Args:
         equations: the derived equations.
     """
-    functions = {name: equations[name] for name in FUNCTIONS}
-    sizes = {name: len(order.entries) for name, order in orders(equations.tree).items()}
-    sizes["packed"] = equations.n_packed
+    functions = {name: equations[name] for name, f in FUNCTIONS.items() if f.exported}
     return {
-        "fan_model.h": _header(equations.tree, functions, sizes),
+        "fan_model.h": _header(equations.tree, functions, equations.sizes),
         "fan_model.c": _source(functions),
         "example.c": _example(equations.tree),
     }
@@ -42,15 +39,15 @@ def _source(functions: dict[str, ca.Function]) -> str:
 
 
 def _header(tree: Tree, functions: dict[str, ca.Function], sizes: dict[str, int]) -> str:
-    lists = orders(tree)
+    lists, named = orders(tree), NAMES | {"n_v": "v", "n_packed": "packed"}
     parts = [
         _comment([f"The equations of motion of {shown(tree.name)}.", "", *_RULES]),
         "#ifndef FAN_MODEL_H\n#define FAN_MODEL_H\n",
         "#ifdef __cplusplus\nextern \"C\" {\n#endif\n",
         "enum {\n"
-        + ",\n".join(f"  FAN_N_{n.upper()} = {sizes[n]}" for n in (*_SIZES, "packed"))
+        + ",\n".join(f"  FAN_N_{name.upper()} = {sizes[n]}" for n, name in named.items())
         + "\n};\n",
-        *(_listed(name, lists[name]) for name in _SIZES if name not in ("strings", "limits")),
+        *(_listed(name, lists[name]) for name in lists if name not in ("strings", "limits")),
     ]
     for name, function in functions.items():
         parts.append(_described(name, function, sizes) + prototype(function, f"fan_{name}") + ";\n")
@@ -82,15 +79,15 @@ def _listed(name: str, order: Order) -> str:
 
 
 def _described(name: str, function: ca.Function, sizes: dict[str, int]) -> str:
-    rows = [("in ", n, *ARGUMENTS[n]) for n in function.name_in()]
-    rows += [("out", n, *RESULTS[f"{name}.{n}"]) for n in function.name_out()]
-    lines = [f"fan_{name}: {FUNCTIONS[name]} {function.n_instructions()} operations."]
+    declared = FUNCTIONS[name]
+    rows = [("in ", q) for q in declared.arguments] + [("out", q) for q in declared.results]
+    lines = [f"fan_{name}: {declared.purpose} {function.n_instructions()} operations."]
     lines = textwrap.wrap(lines[0], 94)
-    for way, n, shape, meaning in rows:
-        size = " x ".join(str(sizes.get(s, s)) for s in shape)
-        named = [s for s in shape if s in sizes and s != "packed"]
-        order = f", by {' x '.join(named)}" if named and named != [n] else ""
-        lines.append(f"  {way} {n:<12}{size:>9}  {meaning}{order}".rstrip())
+    for way, q in rows:
+        size = " x ".join(map(str, q.dimensions(sizes))) or "1"
+        named = [NAMES[n] for n in q.shape if n in NAMES]
+        order = f", by {' x '.join(named)}" if named and named != [q.name] else ""
+        lines.append(f"  {way} {q.name:<12}{size:>9}  {q.described}{order}".rstrip())
     return "/* " + "\n * ".join(lines) + "\n */\n"
 
 

@@ -1,7 +1,7 @@
 """Equations -> source text. No disk, no names from the user's file.
 
-A compiled puppet is made of ``model.c`` and its pieces (the functions), ``model.hpp`` (sizes and
-index tables as constants) and ``main.cpp`` (puts both under the runtime's C interface); the pieces
+A compiled library is made of ``model.c`` and its pieces (the functions), ``model.hpp`` (sizes and
+index tables as constants) and ``main.cpp`` (puts both under a C interface); the pieces
 can be compiled on their own and in parallel. The text depends on the equations alone, so it can
 serve as a golden file and as part of a cache key.
 """
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from itertools import accumulate
 
 from fantoccini.codegen.straight import Program, dealt, pieces, program
+from fantoccini.contract import FUNCTIONS
 from fantoccini.equations import Equations
 from fantoccini.puppet import Parameter
 from fantoccini.tree import LimitRow, Role, StringRow, Tree
@@ -34,10 +35,6 @@ APART = 2000
 """Arithmetic statements from which on the files of pieces are compiled apart from the runtime."""
 
 
-_STANDING = ("W", "W_firm", "J_limit", "M_DK_v_K")
-"""Results with many constants, most of them zeros, where nothing else writes: written once."""
-
-
 @dataclass(frozen=True)
 class Generated:
     """Source text of a puppet.
@@ -54,22 +51,6 @@ class Generated:
     main: str
     units: tuple[str, ...]
     operations: dict[str, int]
-
-
-def generate(equations: Equations) -> Generated:
-    """The source text of a puppet's compiled model.
-
-    Args:
-        equations: the derived equations.
-    """
-    watch = members(equations.watch)
-    files = {f"{STEM}.hpp": tables_text(equations), "main.cpp": _MAIN % {"watch": watch}}
-    return assembled(programs(equations), files)
-
-
-def members(names: Iterable[str]) -> str:
-    """Functions as members of the runtime's model."""
-    return "".join(f"  FAN_FUNCTION({name})\n" for name in names)
 
 
 @dataclass(frozen=True)
@@ -110,13 +91,16 @@ def assembled(
     return Generated({**text, **units, **files}, "main.cpp", tuple(units), counts)
 
 
-def programs(equations: Equations, names: Iterable[str] | None = None) -> dict[str, Program]:
-    """The statements of compiled functions, by name; of all when no names are given.
+def programs(
+    equations: Equations, names: Iterable[str] | None = None, columns: bool = True
+) -> dict[str, Program]:
+    """The statements of compiled functions, by name; of the model's when no names are given.
 
-    ``column_0`` and so on are those of ``Equations.columns``, in their order.
+    ``column_0`` and so on are those of ``Equations.columns``, in their order, where wanted.
     """
-    made = {name: program(equations[name]) for name in names or equations.model}
-    columns = enumerate(equations.columns.values())
+    names = equations.model if names is None else names
+    made = {name: program(equations[name]) for name in names}
+    columns = enumerate(equations.columns.values() if columns else ())
     return made | {f"column_{k}": program(function) for k, (_, function) in columns}
 
 
@@ -149,7 +133,7 @@ def model_text(functions: dict[str, Program], longest: int = PIECE) -> dict[str,
         File name -> text.
     """
     made = {
-        name: pieces(whole, f"fan_{name}", longest, _STANDING)
+        name: pieces(whole, f"fan_{name}", longest, _standing(name))
         for name, whole in functions.items()
     }
     files = dealt([piece for cut in made.values() for piece in cut.pieces], UNIT)
@@ -164,6 +148,10 @@ def model_text(functions: dict[str, Program], longest: int = PIECE) -> dict[str,
     return {f"{STEM}.c": text} | dict(zip(names, files, strict=True))
 
 
+def _standing(name: str) -> tuple[str, ...]:
+    return FUNCTIONS[name].standing if name in FUNCTIONS else ()
+
+
 def _switch(functions: dict[str, Program]) -> str:
     """The function that calls a column of ``Equations.columns`` by its number."""
     calls = [
@@ -174,24 +162,24 @@ def _switch(functions: dict[str, Program]) -> str:
     return "\n".join([head, "  switch (which) {", *calls, "  }", "}"])
 
 
-def tables_text(equations: Equations) -> str:
-    """``model.hpp``: sizes and index tables of a tree as C++ constants."""
+def tables_text(equations: Equations, sizes: dict[str, int] | None = None) -> str:
+    """``model.hpp``: sizes and index tables of a tree as C++ constants.
+
+    Args:
+        equations: the derived equations.
+        sizes: the constants, for functions that need no tables; these are then left out.
+    """
+    constants = [
+        f"  static constexpr int {name} = {value};"
+        for name, value in (sizes or equations.sizes).items()
+    ]
+    tables = [] if sizes else _tables(equations)
+    lines = ["#pragma once", "", "namespace fan {", "", "struct ModelTables {", *constants, *tables]
+    return "\n".join([*lines, "};", "", "}  // namespace fan", ""])
+
+
+def _tables(equations: Equations) -> list[str]:
     tree, table = equations.tree, equations.tree.coordinates
-    constants = {
-        "n_qD": table.n_qD,
-        "n_vD": table.n_vD,
-        "n_qK": table.n_qK,
-        "n_vK": table.n_vK,
-        "n_strings": len(tree.strings),
-        "n_limits": len(tree.limits),
-        "n_rows": tree.n_rows,
-        "n_p": len(tree.parameters),
-        "n_packed": equations.n_packed,
-        "n_links": len(tree.links),
-        "n_points": sum(len(s.points) for s in tree.strings),
-        "n_motors": len(tree.motor_places),
-        "n_watched": len(tree.watched),
-    }
     columns = equations.columns
     numbered = {link: k for k, link in enumerate(columns)}
     places = [_limit_place(tree, limit) for limit in tree.limits]
@@ -200,9 +188,7 @@ def tables_text(equations: Equations) -> str:
     length_q = [s.driven_length[0] if s.driven_length else -1 for s in tree.strings]
     length_v = [s.driven_length[1] if s.driven_length else -1 for s in tree.strings]
     wound_q = [s.wound_length[0] if s.wound_length else -1 for s in tree.strings]
-    lines = ["#pragma once", "", "namespace fan {", "", "struct ModelTables {"]
-    lines += [f"  static constexpr int {name} = {value};" for name, value in constants.items()]
-    lines += [
+    return [
         f"  static constexpr bool coupled = {int(_coupled(tree))};",
         _array("bool", "wire", [int(s.wire) for s in tree.strings]),
         # Where a length is in q_K and v_K, and in q_D when a drive winds it; -1 where it is not.
@@ -225,12 +211,7 @@ def tables_text(equations: Equations) -> str:
         *_lists("column", [entries for entries, _ in columns.values()]),
         *_space("Dynamic", table.n_qD, table.n_vD, table.scalars_D, table.quaternions_D),
         *_space("Driven", table.n_qK, table.n_vK, table.scalars_K, table.quaternions_K),
-        "};",
-        "",
-        "}  // namespace fan",
-        "",
     ]
-    return "\n".join(lines)
 
 
 def _space(name: str, n_q: int, n_v: int, scalars, quaternions) -> list[str]:
@@ -323,50 +304,4 @@ namespace {space} {{
 #include "{pieces}"
 }}  // namespace {space}
 }}  // namespace fan
-"""
-
-_MAIN = """\
-// A compiled puppet: the generated model under the runtime's C interface.
-#include <cmath>
-
-#include "fantoccini/elementary.hpp"
-#include "model.hpp"
-
-namespace fan {
-namespace scalar {
-#define casadi_real double
-#include "model.c"
-#undef casadi_real
-}  // namespace scalar
-
-struct Model : ModelTables {
-#define FAN_FUNCTION(NAME)                                  \\
-  static int NAME(const double** arg, double** res) {       \\
-    return scalar::fan_##NAME(arg, res, nullptr, nullptr, 0); \\
-  }
-  FAN_FUNCTION(dynamics)
-  FAN_FUNCTION(dynamics_varying)
-  FAN_FUNCTION(step_dynamics)
-  FAN_FUNCTION(step_dynamics_varying)
-  FAN_FUNCTION(limit_rates)
-  FAN_FUNCTION(rows)
-  FAN_FUNCTION(energy)
-  FAN_FUNCTION(effort)
-  FAN_FUNCTION(wrench_forces)
-  FAN_FUNCTION(poses)
-  FAN_FUNCTION(points)
-  FAN_FUNCTION(forth)
-  FAN_FUNCTION(back)
-%(watch)s\
-  static void dynamics_constants(double** res) { scalar::fan_dynamics_constants(res); }
-  static void step_dynamics_constants(double** res) {
-    scalar::fan_step_dynamics_constants(res);
-  }
-  static void column(int which, const double** arg, double** res) {
-    scalar::fan_column(which, arg, res);
-  }
-};
-}  // namespace fan
-
-#include "fantoccini/abi.hpp"
 """

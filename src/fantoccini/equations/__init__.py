@@ -1,25 +1,7 @@
 """Derivation: Tree -> Equations (Eqs. 1-11), symbolically with CasADi."""
 
-from fantoccini.equations.derivatives import (
-    ARGUMENTS as DERIVATIVE_ARGUMENTS,
-    RESULTS as DERIVATIVE_RESULTS,
-    Derivatives,
-)
-from fantoccini.equations.functions import (
-    ANALYSIS_INPUTS,
-    MODEL_INPUTS,
-    Equations,
-    derive,
-)
+from fantoccini.equations.derivatives import Derivatives
+from fantoccini.equations.functions import Equations, derive
 from fantoccini.equations.variational import Variational
 
-__all__ = [
-    "ANALYSIS_INPUTS",
-    "DERIVATIVE_ARGUMENTS",
-    "DERIVATIVE_RESULTS",
-    "MODEL_INPUTS",
-    "Derivatives",
-    "Equations",
-    "Variational",
-    "derive",
-]
+__all__ = ["Derivatives", "Equations", "Variational", "derive"]

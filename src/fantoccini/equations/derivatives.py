@@ -19,6 +19,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
+from fantoccini.contract.functions import DERIVATIVES, compiled
 from fantoccini.equations.algebra import (
     column,
     cross,
@@ -29,32 +30,10 @@ from fantoccini.equations.algebra import (
     symbolic,
     zeros,
 )
+from fantoccini.equations.declared import declared
 from fantoccini.equations.kinematics import configuration_rate
 from fantoccini.equations.system import System
 from fantoccini.tree import WORLD, Role, Tree
-
-ARGUMENTS: dict[str, tuple[str, ...]] = {
-    "force_by_q": ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K", "tension", "dt", "p"),
-    "force_by_v": ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K", "tension", "dt", "p"),
-    "force_by_K": ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K", "tension", "dt", "p"),
-    "rows_by": ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K", "p"),
-}
-"""Arguments of the compiled functions; ``tension`` has all rows, strings and then limits."""
-
-RESULTS: dict[str, dict[str, str]] = {
-    "force_by_q": {"r_q": "v_D"},
-    "force_by_v": {"r_v": "v_D"},
-    "force_by_K": {"r_qK": "v_K", "r_vK": "v_K", "M_DK": "v_K", "r_p": "p"},
-    "rows_by": {
-        "A_D": "v_D", "A_K": "v_K", "h_p": "p",
-        "hdot_q": "v_D", "hdot_qK": "v_K", "hdot_p": "p",
-        "hddot_q": "v_D", "hddot_v": "v_D", "hddot_qK": "v_K", "hddot_vK": "v_K", "hddot_p": "p",
-    },
-}  # fmt: skip
-"""Results of the compiled functions and what they are derivatives by.
-
-Those of ``rows_by`` have a row for every string and limit, the others one for every v_D.
-"""
 
 _LENGTH = 1e-18
 """eps^2 of a segment's length, as in the rows [m^2]."""
@@ -74,21 +53,10 @@ class Derivatives:
 
     def functions(self) -> dict[str, ca.Function]:
         """The functions that are compiled, by name; all results are dense."""
-        s = self.system.symbols
-        places = {name: getattr(s, name) for name in vars(s)}
-        places["tension"] = ca.SX.sym("tension", self.tree.n_rows)
-        found = {**self._forces(places["tension"]), **self._rows()}
-        made = {}
-        for name, arguments in ARGUMENTS.items():
-            values = [ca.densify(found[result]) for result in RESULTS[name]]
-            made[name] = ca.Function(
-                f"fan_{name}",
-                [places[a] for a in arguments],
-                ca.cse(values),
-                list(arguments),
-                list(RESULTS[name]),
-            )
-        return made
+        tension = ca.SX.sym("tension", self.tree.n_rows)
+        symbols = {**vars(self.system.symbols), "tension": tension}
+        found = {**self._forces(tension), **self._rows()}
+        return {name: declared(name, symbols, found) for name in compiled(DERIVATIVES, False)}
 
     def residual(self, tension: ca.SX) -> ca.SX:
         """r (n_vD,) of Eq. 10 without u_D; damping and drag act on v_D + dt acc_D.

@@ -7,60 +7,21 @@ are dense; matrices are column-major, as CasADi has them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from functools import cached_property
+from collections.abc import Iterator
+from functools import cached_property, partial
 
 import casadi as ca
 import numpy as np
 
+from fantoccini.contract import FUNCTIONS
+from fantoccini.contract.functions import COLUMN, MODEL, compiled
 from fantoccini.equations import articulated, drives, dynamics
 from fantoccini.equations.algebra import column, cross, dot, elements, matrix, scaled, zeros
 from fantoccini.equations.coriolis import coriolis_matrix
+from fantoccini.equations.declared import declared
 from fantoccini.equations.system import Loads, System
 from fantoccini.errors import UnknownNameError
 from fantoccini.tree import Link, Role, Tree
-
-STATE = ("q_D", "v_D", "q_K", "v_K")
-CONFIGURATION = ("q_D", "q_K")
-
-MODEL_INPUTS: dict[str, tuple[str, ...]] = {
-    "dynamics": (*STATE, "acc_K", "u_D", "p"),
-    "step_dynamics": (*STATE, "acc_K", "u_D", "v_ahead", "dt", "p"),
-    "rows": (*CONFIGURATION, "p"),
-    "energy": (*STATE, "p"),
-    "effort": (*STATE, "acc_D", "acc_K", "lam", "p"),
-    "wrench_forces": (*CONFIGURATION, "wrench", "p"),
-    "poses": (*CONFIGURATION, "p"),
-    "points": (*CONFIGURATION, "p"),
-}
-"""Arguments of the compiled functions; ``forth`` and ``back`` take (L, x), ``limit_rates``
-(J_limit, v_D)."""
-
-WATCH_INPUTS: dict[str, tuple[str, ...]] = {
-    "motor_lags": (*CONFIGURATION, "p"),
-    "motor_shares": (*STATE, "acc_K", "p"),
-}
-"""Arguments of the compiled functions of puppets whose drives may be too weak."""
-
-ANALYSIS_INPUTS: dict[str, tuple[str, ...]] = {
-    "mass_matrix": (*CONFIGURATION, "p"),
-    "mass_times": (*CONFIGURATION, "acc_D", "p"),
-    "coriolis": (*STATE, "p"),
-    "bias": (*STATE, "p"),
-    "gravity": (*CONFIGURATION, "p"),
-    "damping": (*STATE, "p"),
-    "constraint": (*CONFIGURATION, "p"),
-    "A_D": (*CONFIGURATION, "p"),
-    "A_K": (*CONFIGURATION, "p"),
-    "Adot_v": (*STATE, "p"),
-    "A_rate": (*STATE, "p"),
-    "body_velocity": (*STATE, "p"),
-    "lagrangian": (*STATE, "p"),
-    "potential": (*CONFIGURATION, "p"),
-    "kinetic": (*STATE, "p"),
-}
-"""Arguments of the interpreted functions."""
-
 
 _MANY = 5
 """Times the instructions of ``forth`` that all ``columns`` may have."""
@@ -81,7 +42,8 @@ class Equations:
 
     def __iter__(self) -> Iterator[str]:
         """The names of the functions."""
-        return iter((*MODEL_INPUTS, *ANALYSIS_INPUTS, "forth", "back", "limit_rates", *self.watch))
+        own = (f for f in FUNCTIONS.values() if MODEL in f.libraries or not f.libraries)
+        return (f.name for f in own if self.tree.watched or not f.watch)
 
     def __len__(self) -> int:
         return sum(1 for _ in self)
@@ -90,7 +52,7 @@ class Equations:
         return name in tuple(self)
 
     def __getitem__(self, name: str) -> ca.Function:
-        """The function of a name in ``model`` or ``ANALYSIS_INPUTS``.
+        """The function of a name of the contract, compiled in the model or interpreted.
 
         Raises:
             UnknownNameError: there is none.
@@ -98,31 +60,30 @@ class Equations:
         if name not in self:
             raise UnknownNameError("function", str(name), self)
         if name not in self._made:
-            maker: Callable[[], ca.Function] | None = {
-                "forth": self._forth,
-                "back": self._back,
-                "limit_rates": self._limit_rates,
-            }.get(name)
-            self._made[name] = maker() if maker else self._function(name)
+            self._made[name] = self._function(name)
         return self._made[name]
 
     @cached_property
     def model(self) -> dict[str, ca.Function]:
-        """The functions that are compiled, by name."""
-        names = (*MODEL_INPUTS, "forth", "back", "limit_rates", *self.watch)
-        return {name: self[name] for name in names}
+        """The functions of the compiled model, by name."""
+        return {name: self[name] for name in compiled(MODEL, bool(self.tree.watched))}
 
     @property
-    def watch(self) -> tuple[str, ...]:
-        """Names of the functions that tell of drives whose motor may be too weak; often none."""
-        return tuple(WATCH_INPUTS) if self.tree.watched else ()
+    def sizes(self) -> dict[str, int]:
+        """Those of the tree, and the length of L."""
+        return {**self.tree.sizes, "n_packed": self.n_packed}
 
     def _function(self, name: str) -> ca.Function:
-        inputs = (MODEL_INPUTS | WATCH_INPUTS | ANALYSIS_INPUTS)[name]
-        outputs = getattr(self, f"_{name}")()
-        arguments = [getattr(self.system.symbols, i) for i in inputs]
-        expressions = ca.cse([ca.densify(x) for x in outputs.values()])
-        return ca.Function(f"fan_{name}", arguments, expressions, list(inputs), list(outputs))
+        symbols = dict(vars(self.system.symbols))
+        if name in ("forth", "back"):
+            symbols["L"], factor = self._stored
+            x = symbols["x"] = ca.SX.sym("x", factor.n)
+            solve = factor.back if name == "back" else partial(factor.forth, wrenches={})
+            return declared(name, symbols, {"y": column(solve(elements(x)))})
+        if name == "limit_rates":
+            symbols["J_limit"] = ca.SX.sym("J_limit", 3, len(self.tree.limits))
+            return declared(name, symbols, self._limit_rates(symbols["J_limit"]))
+        return declared(name, symbols, getattr(self, f"_{name}")())
 
     @cached_property
     def factor(self) -> articulated.Factor:
@@ -209,14 +170,6 @@ class Equations:
         L = ca.SX.sym("L", self.n_packed)
         return L, self.factor.stored(elements(L))
 
-    def _solve(self, name: str, solve: Callable) -> ca.Function:
-        (L, factor), x = self._stored, ca.SX.sym("x", self.factor.n)
-        y = ca.cse(column(solve(factor, elements(x))))
-        return ca.Function(f"fan_{name}", [L, x], [y], ["L", "x"], ["y"])
-
-    def _forth(self) -> ca.Function:
-        return self._solve("forth", lambda factor, x: factor.forth(x, {}))
-
     @cached_property
     def columns(self) -> dict[int, tuple[list[int], ca.Function]]:
         """link -> its part of ``forth``, for links with limits: y = F^-T x for x in its joint.
@@ -227,28 +180,24 @@ class Equations:
         """
         made: dict[int, tuple[list[int], ca.Function]] = {}
         (L, factor), x = self._stored, ca.SX.sym("x", 3)
+        names = [[q.name for q in part] for part in (COLUMN.arguments, COLUMN.results)]
         for i in sorted({limit.link for limit in self.tree.limits}):
             place = self.tree.links[i].v
             found = factor.forth_from(i, elements(x)[: place.stop - place.start])
             y = ca.cse(column(list(found.values())))
-            made[i] = list(found), ca.Function(f"fan_column_{i}", [L, x], [y], ["L", "x"], ["y"])
+            made[i] = list(found), ca.Function(f"fan_column_{i}", [L, x], [y], *names)
         total = sum(function.n_instructions() for _, function in made.values())
         return made if total < _MANY * self["forth"].n_instructions() else {}
 
-    def _back(self) -> ca.Function:
-        return self._solve("back", articulated.Factor.back)
-
-    def _limit_rates(self) -> ca.Function:
+    def _limit_rates(self, J: ca.SX) -> dict[str, ca.SX]:
         """hdot of the limits at a velocity; what is constant in their Jacobians is folded in."""
-        limits = self.system.limit_rows
-        J, v = ca.SX.sym("J_limit", 3, len(limits)), self.system.symbols.v_D
-        rates = []
-        for i, (limit, (_, jacobian, _)) in enumerate(zip(self.tree.limits, limits, strict=True)):
+        v, rates = self.system.symbols.v_D, []
+        limits = zip(self.tree.limits, self.system.limit_rows, strict=True)
+        for i, (limit, (_, jacobian, _)) in enumerate(limits):
             place = self.tree.links[limit.link].v
             given = [x if ca.SX(x).is_constant() else J[k, i] for k, x in enumerate(jacobian)]
             rates.append(dot(np.array(given, dtype=object), elements(v[place])))
-        names = ["J_limit", "v_D"], ["rates"]
-        return ca.Function("fan_limit_rates", [J, v], [column(rates)], *names)
+        return {"rates": column(rates)}
 
     def _rows(self) -> dict[str, ca.SX]:
         strings = [row.length for row in self.system.string_rows]

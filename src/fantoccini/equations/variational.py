@@ -46,31 +46,10 @@ from fantoccini.equations.algebra import (
     scaled,
     zeros,
 )
+from fantoccini.equations.declared import declared
 from fantoccini.equations.functions import Equations
 from fantoccini.equations.kinematics import JointMotion
 from fantoccini.tree import WORLD, Link, Role
-
-ARGUMENTS: dict[str, tuple[str, ...]] = {
-    "node": ("q_D", "v_D", "q_K", "v_K", "acc_K", "u_D", "dt", "p"),
-    "midpoint_rule": (
-        "q_D", "xi", "q_mid", "v_mid", "acc_mid", "q_K", "u_D", "dt", "p",
-    ),
-    "momentum": ("q_D", "v_D", "q_K", "v_K", "p"),
-}
-"""Arguments of the functions. Of ``midpoint_rule`` q_D is q_k; q_mid, v_mid and acc_mid are those
-of the driven coordinates half-way, q_K is theirs at the end."""
-
-RESULTS: dict[str, tuple[str, ...]] = {
-    "node": (
-        "L", "w0", "W", "G", "h", "hdot", "a0", "hdot_K", "h_limit", "J_limit", "power0",
-        "M_DK_v_K", "loss", "L_firm", "W_firm", "G_firm",
-    ),
-    "midpoint_rule": ("before", "after", "q_next", "h", "work_M"),
-    "momentum": ("p_D",),
-}
-"""Results: those of ``dynamics`` but for the rows' accelerations and the motors' power, and L, W
-and G of the factor with damping and drag over dt in it; p_k(xi), p_k+1, q_k+1, the rows' h
-there and the motors' work; M_DD v_D + M_DK v_K."""
 
 
 class Variational:
@@ -93,16 +72,15 @@ class Variational:
 
     def _node(self) -> ca.Function:
         exact, firm = self.equations["dynamics"], self.equations["step_dynamics"]
-        symbols = self.equations.system.symbols
-        places = {name: getattr(symbols, name) for name in ARGUMENTS["node"]}
-        given = places | {"v_ahead": symbols.v_D}
+        symbols = vars(self.equations.system.symbols)
+        given = {**symbols, "v_ahead": symbols["v_D"]}
         made, with_damping = (
             dict(zip(f.name_out(), f.call([given[a] for a in f.name_in()]), strict=True))
             for f in (exact, firm)
         )
         made |= {f"{name}_firm": with_damping[name] for name in ("L", "W", "G")}
         made["power0"] = with_damping["power0"]  # without the motors': theirs is the midpoint's
-        return _function("node", places, [made[name] for name in RESULTS["node"]])
+        return declared("node", symbols, made)
 
     def _midpoint_rule(self) -> ca.Function:
         system = self.equations.system
@@ -112,18 +90,20 @@ class Variational:
         q_mid, q_next = self._moved(xi, 1), self._moved(xi, 2)
         P, force, motors = self._at(q_mid, xi / s.dt, q_mid_K, v_mid_K, acc_mid_K, s.u_D, s.p)
         before, after = self._ends(elements(P), elements(force), elements(xi))
-        h = self.equations["rows"](q_next, s.q_K, s.p)
-        places = {
-            "q_D": s.q_D, "xi": xi, "q_mid": q_mid_K, "v_mid": v_mid_K, "acc_mid": acc_mid_K,
-            "q_K": s.q_K, "u_D": s.u_D, "dt": s.dt, "p": s.p,
+        symbols = {
+            **vars(s), "xi": xi, "q_mid": q_mid_K, "v_mid": v_mid_K, "acc_mid": acc_mid_K
         }  # fmt: skip
-        work = dot(elements(motors), elements(xi))
-        return _function("midpoint_rule", places, [before, after, q_next, h, work])
+        made = {
+            "before": before, "after": after, "q_next": q_next,
+            "h": self.equations["rows"](q_next, s.q_K, s.p),
+            "work_M": dot(elements(motors), elements(xi)),
+        }  # fmt: skip
+        return declared("midpoint_rule", symbols, made)
 
     def _momentum(self) -> ca.Function:
         s = self.equations.system.symbols
         P, _, _ = self._at(s.q_D, s.v_D, s.q_K, s.v_K, s.acc_K, s.u_D, s.p)
-        return _function("momentum", {n: getattr(s, n) for n in ARGUMENTS["momentum"]}, [P])
+        return declared("momentum", vars(s), {"p_D": P})
 
     def _moved(self, xi: ca.SX, times: int) -> ca.SX:
         """q_D moved by c(xi/4) so many times, once or twice."""
@@ -220,9 +200,3 @@ def _slope(
         [dot(joint.S_w[:, k], turning) + dot(joint.S_v[:, k], sliding) for k in columns],
         dtype=object,
     )
-
-
-def _function(name: str, places: dict[str, ca.SX], results: list[ca.SX]) -> ca.Function:
-    arguments = [places[a] for a in ARGUMENTS[name]]
-    dense = ca.cse([ca.densify(x) for x in results])
-    return ca.Function(f"fan_{name}", arguments, dense, list(ARGUMENTS[name]), list(RESULTS[name]))

@@ -92,12 +92,11 @@ def _trajectory(
     tree, n = marionette.tree, len(part["t"])
     strings = tuple(s.name for s in tree.strings)
     beyond = _violation(marionette, part)
-    energies = marionette.model.library.evaluate(
-        "energy", [part[name] for name in ("q_D", "v_D", "q_K", "v_K")] + [marionette.p]
-    )
+    state = {name: part[name] for name in ("q_D", "v_D", "q_K", "v_K")}
+    energy = marionette.model.library.evaluate("energy", **state, p=marionette.p)
     ledger = np.full((n, len(LEDGER)), np.nan)
-    for name, column in zip(("kinetic", "potential"), energies, strict=True):
-        ledger[:, LEDGER.index(name)] = column[:, 0]
+    ledger[:, LEDGER.index("kinetic")] = energy.T
+    ledger[:, LEDGER.index("potential")] = energy.V
     return Trajectory(
         **part,
         tension=Columns(strings, pulls, "string"),
@@ -116,5 +115,7 @@ def _trajectory(
 
 def _violation(marionette: Marionette, part: dict[str, Array]) -> Array:
     """max(h, 0) of every row, |h| of wires (T, n_rows)."""
-    (h,) = marionette.model.library.evaluate("rows", [part["q_D"], part["q_K"], marionette.p])
+    h = marionette.model.library.evaluate(
+        "rows", q_D=part["q_D"], q_K=part["q_K"], p=marionette.p
+    ).h
     return np.where(marionette.model.two_sided, np.abs(h), np.maximum(h, 0.0))

@@ -202,17 +202,17 @@ def check_starts(model: Model, states: States, method: str = "event") -> None:
 def _rows_of(model: Model, x: States) -> tuple[Array, Array]:
     """h and hdot (n, n_rows) of states."""
     tree, table = model.tree, model.coordinates
-    still = np.zeros(table.n_vK), np.zeros(table.n_vD)
-    state = [x.q_D, x.v_D, x.q_K, x.v_K, *still, model.p]
-    outputs = model.library.evaluate("dynamics", state)
-    h, hdot, h_limit, J_limit = (outputs[i] for i in (4, 5, 9, 10))
-    hdot_limit = np.zeros_like(h_limit)
+    on = model.library.evaluate(
+        "dynamics", q_D=x.q_D, v_D=x.v_D, q_K=x.q_K, v_K=x.v_K, acc_K=np.zeros(table.n_vK),
+        u_D=np.zeros(table.n_vD), p=model.p,
+    )  # fmt: skip
+    hdot_limit = np.zeros_like(on.h_limit)
     for i, limit in enumerate(tree.limits):
         place = tree.links[limit.link].v
-        J = J_limit[:, 3 * i : 3 * i + place.stop - place.start]
+        J = on.J_limit[:, : place.stop - place.start, i]
         hdot_limit[:, i] = (J * x.v_D[:, place]).sum(axis=1)
-    hdot = hdot - model.winding(x.slip)
-    return np.hstack([h - x.slip, h_limit]), np.hstack([hdot, hdot_limit])
+    hdot = on.hdot - model.winding(x.slip)
+    return np.hstack([on.h - x.slip, on.h_limit]), np.hstack([hdot, hdot_limit])
 
 
 def ready(

@@ -12,7 +12,14 @@ from fantoccini import build, codegen, equations
 from fantoccini.errors import BuildError
 from fantoccini.marionette import generator
 from fantoccini.marionette.mass_check import check_mass_matrix
-from fantoccini.runtime import BatchLibrary, ClearanceLibrary, Library, MotionLibrary, Slopes
+from fantoccini.runtime import (
+    BatchLibrary,
+    ClearanceLibrary,
+    Library,
+    Loaded,
+    MotionLibrary,
+    Slopes,
+)
 from fantoccini.tree import Tree
 from fantoccini.world import World
 
@@ -47,44 +54,37 @@ class Compiled:
     @cached_property
     def library(self) -> Library:
         """The model and its event-driven and time-stepping runs."""
-        return self._library("model", codegen.generate, lambda file: Library(file, self.tree))
+        return self._library("model", lambda file: Library(file, self.tree))
 
     @cached_property
     def lanes(self) -> BatchLibrary:
         """The time-stepper for many trajectories in lanes."""
-        return self._library("lanes", codegen.generate_lanes, BatchLibrary)
+        return self._library("lanes", self._lanes)
 
     @cached_property
     def clearances(self) -> ClearanceLibrary:
         """Distances from obstacles."""
-        return self._library("clearance", codegen.generate_clearance, ClearanceLibrary)
+        return self._library("clearance", lambda file: ClearanceLibrary(file, self.tree.sizes))
 
     @cached_property
     def motions(self) -> MotionLibrary:
         """The motions of planners."""
-        return self._library("motions", codegen.generate_motions, MotionLibrary)
+        return self._library("motions", lambda file: MotionLibrary(file, self.tree.sizes))
 
     @cached_property
     def variational(self) -> Library:
         """The variational integrator, for single runs."""
-        return self._library(
-            "variational", codegen.generate_variational, lambda file: Library(file, self.tree)
-        )
+        return self._library("variational", lambda file: Library(file, self.tree))
 
     @cached_property
     def variational_lanes(self) -> BatchLibrary:
         """The variational integrator of batches."""
-        return self._library("variational_lanes", codegen.generate_variational_lanes, BatchLibrary)
+        return self._library("variational_lanes", self._lanes)
 
     @cached_property
     def derivatives(self) -> Slopes:
         """The derivatives of the model."""
-        tree = self.tree
-        return self._library(
-            "derivatives",
-            lambda _: codegen.generate_derivatives(equations.Derivatives(tree)),
-            lambda file: Slopes(file, tree),
-        )
+        return self._library("derivatives", lambda file: Slopes(file, self.tree.sizes))
 
     def batch_library_of(self, method: str) -> BatchLibrary:
         """The library that makes batches of runs of a method."""
@@ -96,21 +96,24 @@ class Compiled:
         """The library that makes runs of a method."""
         return self.variational if method == "variational" else self.library
 
-    def source(self, generate: Callable = codegen.generate) -> build.Source:
+    def source(self, what: str = "model") -> build.Source:
         """The text that a library of this puppet is compiled from."""
         check_mass_matrix(self.world, self.tree)
-        made = generate(self.equations)
+        made = codegen.generate(self.equations, what)
         return build.Source(made.files, made.main, {"operations": made.operations}, made.units)
 
-    def _library(self, what: str, generate: Callable, load: Callable[[Path], L]) -> L:
-        """A library of this puppet, from the cache or made now; ``what`` tells them apart."""
+    def _lanes(self, file: Path) -> BatchLibrary:
+        return BatchLibrary(Loaded(file, self.tree.sizes))
+
+    def _library(self, what: str, load: Callable[[Path], L]) -> L:
+        """A library of this puppet, from the cache or made now: one of ``contract.LIBRARIES``."""
         # Values of parameters are arguments of every function: nothing that is compiled has them.
         canonical = "\n".join(p.canonical(values=False) for p in self.world.puppets)
         shaped_by = generator.fingerprint(what)
         key = build.fingerprint(canonical, shaped_by, flags=(what,))
 
         def source() -> build.Source:
-            return self.source(generate)
+            return self.source(what)
 
         folder = build.obtain(key, source, progress=self.progress)
         try:

@@ -61,38 +61,37 @@ class Instant:
             u_D: (n_vD,) user forces.
             dt: step over which damping and drag act implicitly, as in a first time step [s].
         """
-        n, n_s, n_l = len(x.v_D), len(tree.strings), len(tree.limits)
-        at = [x.q_D, x.v_D, x.q_K, x.v_K, acc_K, u_D]
-        L, w0, W, _, h, hdot, gamma, _, hdot_K, h_l, J_l, gamma_l, *_ = library.evaluate(
-            "dynamics", [*at, p]
-        )
+        n, n_l = len(x.v_D), len(tree.limits)
+        at = {
+            "q_D": x.q_D, "v_D": x.v_D, "q_K": x.q_K, "v_K": x.v_K, "acc_K": acc_K, "u_D": u_D,
+            "p": p,
+        }  # fmt: skip
+        on = factor = library.evaluate("dynamics", **at)
         if dt:
-            L, w0, W, *_ = library.evaluate("step_dynamics", [*at, x.v_D, np.array([dt]), p])
+            factor = library.evaluate("step_dynamics", **at, v_ahead=x.v_D, dt=dt)
         J = np.zeros((n_l, n))
         for i, limit in enumerate(tree.limits):
             place = tree.links[limit.link].v
-            J[i, place] = J_l[3 * i : 3 * i + place.stop - place.start]
-        (W_l,) = library.evaluate("forth", [L, J]) if n_l else (np.zeros((0, n)),)
-        if len(x.slip):
-            h = h - x.slip
+            J[i, place] = on.J_limit[: place.stop - place.start, i]
+        W_l = library.evaluate("forth", L=factor.L, x=J).y if n_l else np.zeros((0, n))
         return cls(
             library,
-            L,
-            w0,
-            np.concatenate([W.reshape(n_s, n), W_l]).T,
-            np.concatenate([h, h_l]),
-            np.concatenate([hdot, J @ x.v_D]),
-            np.concatenate([gamma, gamma_l]),
-            np.concatenate([hdot_K, np.zeros(n_l)]),
+            factor.L,
+            factor.w0,
+            np.concatenate([factor.W.T, W_l]).T,
+            np.concatenate([on.h - x.slip if len(x.slip) else on.h, on.h_limit]),
+            np.concatenate([on.hdot, J @ x.v_D]),
+            np.concatenate([on.gamma, on.gamma_limit]),
+            np.concatenate([on.hdot_K, np.zeros(n_l)]),
         )
 
     def back(self, w: Array) -> Array:
         """F^-1 w for vectors (..., n_vD)."""
-        return self.library.evaluate("back", [self.L, w])[0]
+        return self.library.evaluate("back", L=self.L, x=w).y
 
     def forth(self, f: Array) -> Array:
         """L^-T f for vectors (..., n_vD)."""
-        return self.library.evaluate("forth", [self.L, f])[0]
+        return self.library.evaluate("forth", L=self.L, x=f).y
 
     def complementarity(
         self, rows: Array, b: Array, two_sided: Array, upper: Array | None = None

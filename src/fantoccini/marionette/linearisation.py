@@ -245,7 +245,7 @@ def slopes_at(
     """All compiled derivatives at one state, by their names (``equations.derivatives``)."""
     values = {
         "q_D": x.q_D, "v_D": x.v_D, "acc_D": acc_D, "q_K": x.q_K, "v_K": x.v_K, "acc_K": acc_K,
-        "tension": tension, "dt": np.array([dt]), "p": model.p,
+        "tension": tension, "dt": dt, "p": model.p,
     }  # fmt: skip
     found = {}
     for name in ("force_by_q", "force_by_v", "force_by_K", "rows_by"):

@@ -1,4 +1,4 @@
-"""Layout of a trajectory's rows as the runtime writes them (``cpp/fantoccini/record.hpp``)."""
+"""Layout of a trajectory's rows as the runtime writes them."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from fantoccini.arrays import Array
+from fantoccini.contract import ROW
 from fantoccini.tree import Tree
-
-_SINGLE = ("t", "kinetic", "potential", "work", "damping", "impact", "slip_loss")
 
 
 @dataclass(frozen=True)
@@ -24,25 +23,8 @@ class RowLayout:
     @property
     def widths(self) -> dict[str, int]:
         """Part name -> number of columns, in order."""
-        t, m = self.tree.coordinates, self.tree.n_rows
-        return {
-            "t": 1,
-            "q_D": t.n_qD,
-            "v_D": t.n_vD,
-            "acc_D": t.n_vD,
-            "q_K": t.n_qK,
-            "v_K": t.n_vK,
-            "acc_K": t.n_vK,
-            "tension": m,
-            "taut": m,
-            "kinetic": 1,
-            "potential": 1,
-            "work": 1,
-            "damping": 1,
-            "impact": 1,
-            "slip_loss": 1,
-            "slip": len(self.tree.strings),
-        }
+        sizes = self.tree.sizes
+        return {part.name: part.numel(sizes) for part in ROW}
 
     def split(self, rows: Array) -> dict[str, Array]:
         """Parts (T, n) of rows (T, width); single columns come as (T,)."""
@@ -50,8 +32,8 @@ class RowLayout:
 
     @cached_property
     def _places(self) -> dict[str, slice | int]:
-        places, at = {}, 0
+        places, at, shapes = {}, 0, {part.name: part.shape for part in ROW}
         for name, width in self.widths.items():
-            places[name] = at if name in _SINGLE else slice(at, at + width)
+            places[name] = slice(at, at + width) if shapes[name] else at
             at += width
         return places

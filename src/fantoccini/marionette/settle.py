@@ -163,8 +163,10 @@ def _slope(model: Model, at: Equilibrium) -> Array:
         return slopes(model, at)[0]
     x, n = at.x, len(at.x.v_D)
     moved = retract(model, x.q_D, np.concatenate([np.eye(n), -np.eye(n)]) * _STEP)
-    rest = [x.v_D, x.q_K, x.v_K, np.zeros_like(x.v_K), np.zeros(n), model.p]
-    w0 = model.library.evaluate("dynamics", [moved, *rest])[1]
+    w0 = model.library.evaluate(
+        "dynamics", q_D=moved, v_D=x.v_D, q_K=x.q_K, v_K=x.v_K, acc_K=np.zeros_like(x.v_K),
+        u_D=np.zeros(n), p=model.p,
+    ).w0  # fmt: skip
     return (w0[:n] - w0[n:]).T / (2 * _STEP)
 
 

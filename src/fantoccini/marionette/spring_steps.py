@@ -132,10 +132,12 @@ def tension_step(model: Model, q_D: Array, q_K: Array, tension: Array) -> float:
 def _forth(model: Model, q_D: Array, q_K: Array, forces: list[Array]) -> Array:
     """(n, len(forces), n_vD) F^-T of forces (n, n_vD)."""
     table, n = model.coordinates, len(q_D)
-    still = [np.zeros((n, size)) for size in (table.n_vD, table.n_vK, table.n_vK, table.n_vD)]
-    state = [q_D, still[0], q_K, *still[1:], model.p]
-    L = model.library.evaluate("dynamics", state)[0]
-    return model.library.evaluate("forth", [L[:, None], np.stack(forces, axis=1)])[0]
+    still_D, still_K = np.zeros((n, table.n_vD)), np.zeros((n, table.n_vK))
+    L = model.library.evaluate(
+        "dynamics", q_D=q_D, v_D=still_D, q_K=q_K, v_K=still_K, acc_K=still_K, u_D=still_D,
+        p=model.p,
+    ).L  # fmt: skip
+    return model.library.evaluate("forth", L=L[:, None], x=np.stack(forces, axis=1)).y
 
 
 def _pull(
@@ -152,8 +154,9 @@ def _pull(
         arm = poses[:, point.link, :, :3] @ at
         wrench[:, point.link, :3] += sign * axis
         wrench[:, point.link, 3:] += np.cross(arm, sign * axis)
-    given = [q_D, q_K, wrench.reshape(n, -1), model.p]
-    return model.library.evaluate("wrench_forces", given)[0]
+    return model.library.evaluate(
+        "wrench_forces", q_D=q_D, q_K=q_K, wrench=wrench.swapaxes(1, 2), p=model.p
+    ).u_D
 
 
 def _place(model: Model, poses: Array, point: Point) -> Array:

@@ -36,7 +36,8 @@ def state(model: Model, values: Mapping[str, float | Iterable[float]] | None = N
     # The masses of chains lie between the ends of this state, not of the file's pose.
     q_D, q_K = tree.placed(model.tree, q_D, q_K, model.number, frozenset(values or ()))
     if np.any(np.isnan(q_K)) or np.any(np.isnan(q_D)):
-        (h,) = model.library.evaluate("rows", [np.nan_to_num(q_D), np.nan_to_num(q_K), model.p])
+        places = {"q_D": np.nan_to_num(q_D), "q_K": np.nan_to_num(q_K)}
+        h = model.library.evaluate("rows", **places, p=model.p).h
         for string, span in zip(model.tree.strings, h, strict=False):
             string.just_reaches(span, q_D, q_K)
     values_by_name.put_commands(model.tree.drives, values or {}, q_D, q_K)

@@ -101,7 +101,8 @@ class Holding:
             most[pulling] = RETURN * (HELD - slip)
         if strained.any():
             # A wire cannot slip: what it is overstepped by is taken back.
-            (h,) = self.marionette.model.library.evaluate("rows", [x.q_D, x.q_K, self.marionette.p])
+            at = {"q_D": x.q_D, "q_K": x.q_K, "p": self.marionette.p}
+            h = self.marionette.model.library.evaluate("rows", **at).h
             most[strained] = -RETURN * np.abs(h[:n][strained])
         if not np.isfinite(most).any():
             return wanted
@@ -135,8 +136,11 @@ class Holding:
         """A_K of the strings, (n_strings, n_vK): hdot_K of a unit velocity at a time."""
         n_K, n_D = len(x.v_K), len(x.v_D)
         still, unit = np.zeros(n_D), np.eye(n_K)
-        state = [x.q_D, still, x.q_K, unit, np.zeros(n_K), still, self.marionette.p]
-        return self.marionette.model.library.evaluate("dynamics", state)[8].T
+        on = self.marionette.model.library.evaluate(
+            "dynamics", q_D=x.q_D, v_D=still, q_K=x.q_K, v_K=unit, acc_K=np.zeros(n_K), u_D=still,
+            p=self.marionette.p,
+        )  # fmt: skip
+        return on.hdot_K.T
 
     def _slow_down(self, row: Array, wanted: VecK, excess: float) -> bool:
         """Takes the groups back that lengthen a string's way, each in proportion.

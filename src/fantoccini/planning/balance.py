@@ -101,7 +101,7 @@ def balanced(
         """q_K with the lengths at which the strings just reach."""
         if lengths:
             q_K[:, [k for _, k in lengths]] = 0.0
-            (h,) = marionette.model.library.evaluate("rows", [q_D, q_K, p])
+            h = marionette.model.library.evaluate("rows", q_D=q_D, q_K=q_K, p=p).h
             for i, k in lengths:
                 q_K[:, k] = h[:, i]
         return q_K
@@ -122,7 +122,7 @@ def balanced(
     q_D, q_K = configurations(x[None])
     left, tension, _ = pulled(marionette, q_D, q_K)
     q_K = reached(q_D, q_K)[0]
-    (h,) = marionette.model.library.evaluate("rows", [start.q_D, start.q_K, p])
+    h = marionette.model.library.evaluate("rows", q_D=start.q_D, q_K=start.q_K, p=p).h
     for i, k in lengths:
         if not tension[0, i] > _PULLS * marionette.weight:
             q_K[k] += max(_SLACK, -h[i])
@@ -144,17 +144,18 @@ def pulled(marionette: Marionette, q_D: Array, q_K: Array) -> tuple[Array, Array
     tree, table, n = marionette.tree, marionette.coordinates, len(q_D)
     wires = [i for i, s in enumerate(tree.strings) if s.wire]
     none_D, none_K = np.zeros((n, table.n_vD)), np.zeros((n, table.n_vK))
-    _, w0, W, _, _, _, _, _, _, h_limit, *_ = marionette.model.library.evaluate(
-        "dynamics", [q_D, none_D, q_K, none_K, none_K, none_D, marionette.p]
-    )
-    W = W.reshape(n, -1, table.n_vD).swapaxes(1, 2)[:, :, : len(tree.strings)]
+    found = marionette.model.library.evaluate(
+        "dynamics", q_D=q_D, v_D=none_D, q_K=q_K, v_K=none_K, acc_K=none_K, u_D=none_D,
+        p=marionette.p,
+    )  # fmt: skip
+    w0, W, h_limit = found.w0, found.W, found.h_limit
     # Wires push too.
     both = np.concatenate([W, -W[:, :, wires]], axis=2)
     if not both.shape[2]:  # SciPy's nnls writes where it must not without columns
         return w0, np.zeros((n, 0)), h_limit
-    found = np.array([nnls(A, w)[0] for A, w in zip(both, w0, strict=True)])
-    tension = found[:, : len(tree.strings)]
-    tension[:, wires] -= found[:, len(tree.strings) :]
+    pulls = np.array([nnls(A, w)[0] for A, w in zip(both, w0, strict=True)])
+    tension = pulls[:, : len(tree.strings)]
+    tension[:, wires] -= pulls[:, len(tree.strings) :]
     return w0 - np.einsum("nij,nj->ni", W, tension), tension, h_limit
 
 

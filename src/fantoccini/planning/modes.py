@@ -261,13 +261,14 @@ def led(
 
 def _acceleration(marionette: Marionette, at: Rows, acc_K: Array, pulling: MaskRows) -> Array:
     """(n, n_vD) acc_D with some strings held: G tau = hddot without tension."""
-    L, w0, W, G, _, _, gamma, a0, *_ = marionette.model.library.evaluate(
-        "dynamics", [at.q_D, at.v_D, at.q_K, at.v_K, acc_K, np.zeros_like(at.v_D), marionette.p]
-    )
-    n, strings = pulling.shape
+    found = marionette.model.library.evaluate(
+        "dynamics", q_D=at.q_D, v_D=at.v_D, q_K=at.q_K, v_K=at.v_K, acc_K=acc_K,
+        u_D=np.zeros_like(at.v_D), p=marionette.p,
+    )  # fmt: skip
+    strings = pulling.shape[1]
     unit, both = np.eye(strings), pulling[:, :, None] & pulling[:, None]
-    G = np.where(both, G.reshape(n, strings, strings), unit * ~pulling[:, None])
+    G = np.where(both, found.G, unit * ~pulling[:, None])
     G = G + _SOFT * np.trace(G, axis1=1, axis2=2)[:, None, None] * unit
-    tension = np.linalg.solve(G, (pulling * (gamma + a0))[..., None])
-    w = w0 - (tension.swapaxes(1, 2) @ W.reshape(n, strings, w0.shape[1]))[:, 0]
-    return marionette.model.library.evaluate("back", [L, w])[0]
+    tension = np.linalg.solve(G, (pulling * (found.gamma + found.a0))[..., None])
+    w = found.w0 - (tension.swapaxes(1, 2) @ found.W.swapaxes(1, 2))[:, 0]
+    return marionette.model.library.evaluate("back", L=found.L, x=w).y

@@ -304,18 +304,17 @@ class Shooting:
         G tau = hddot without tension, over the strings that pull as if nothing else held.
         """
         marionette, n = self.problem.marionette, len(acc_K)
-        strings = len(marionette.tree.strings)
-        _, _, _, G, _, _, gamma, a0, _, h_limit, *_ = marionette.model.library.evaluate(
-            "dynamics",
-            [rows.q_D, rows.v_D, rows.q_K, rows.v_K, acc_K, np.zeros_like(rows.v_D), marionette.p],
-        )
+        found = marionette.model.library.evaluate(
+            "dynamics", q_D=rows.q_D, v_D=rows.v_D, q_K=rows.q_K, v_K=rows.v_K, acc_K=acc_K,
+            u_D=np.zeros_like(rows.v_D), p=marionette.p,
+        )  # fmt: skip
         pulls = self._pulls
         if not len(pulls):
-            return h_limit, np.zeros((n, 0))
-        G = G.reshape(n, strings, strings)[:, pulls[:, None], pulls]
+            return found.h_limit, np.zeros((n, 0))
+        G = found.G[:, pulls[:, None], pulls]
         G = G + 1e-9 * np.trace(G, axis1=1, axis2=2)[:, None, None] * np.eye(len(pulls))
-        tension = np.linalg.solve(G, (gamma + a0)[:, pulls, None])[..., 0]
-        return h_limit, tension / marionette.weight
+        tension = np.linalg.solve(G, (found.gamma + found.a0)[:, pulls, None])[..., 0]
+        return found.h_limit, tension / marionette.weight
 
 
 def _nearest(spare: Array, looks: int) -> Array:

@@ -161,10 +161,11 @@ def taut(marionette: Marionette, at: Rows, held: MaskRows) -> Array:
     q_D = tangent.moved(*places_D, at.q_D[:, None], steps[:, :n]).reshape(m * (ways + 1), -1)
     q_K = tangent.moved(*places_K, at.q_K[:, None], steps[:, n:]).reshape(m * (ways + 1), -1)
     v_D, v_K = (np.repeat(v, ways + 1, axis=0) for v in (at.v_D, at.v_K))
-    (h,) = marionette.model.library.evaluate("rows", [q_D, q_K, marionette.p])
-    _, _, _, _, _, hdot, *_ = marionette.model.library.evaluate(
-        "dynamics", [q_D, v_D, q_K, v_K, np.zeros_like(v_K), np.zeros_like(v_D), marionette.p]
-    )
+    h = marionette.model.library.evaluate("rows", q_D=q_D, q_K=q_K, p=marionette.p).h
+    hdot = marionette.model.library.evaluate(
+        "dynamics", q_D=q_D, v_D=v_D, q_K=q_K, v_K=v_K, acc_K=np.zeros_like(v_K),
+        u_D=np.zeros_like(v_D), p=marionette.p,
+    ).hdot  # fmt: skip
     strings = held.shape[1]
     h_q, hdot_q = (
         _by_places(a[:, :strings].reshape(m, ways + 1, strings), held) for a in (h, hdot)

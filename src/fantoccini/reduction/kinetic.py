@@ -107,10 +107,8 @@ def kinetic_energy(marionette: Marionette, states: list[State]) -> KineticEnergy
 
 def blocks(marionette: Marionette, x: State) -> tuple[Array, Array, Array]:
     """M_DD (n_vD, n_vD), M_DK (n_vD, n_vK), M_KK (n_vK, n_vK) at a state."""
-    found = marionette.equations["mass_matrix"](x.q_D, x.q_K, marionette.p)
-    shapes = marionette.coordinates.n_vD, marionette.coordinates.n_vK
-    sizes = [(shapes[a], shapes[b]) for a, b in ((0, 0), (0, 1), (1, 1))]
-    return tuple(np.array(M).reshape(size) for M, size in zip(found, sizes, strict=True))
+    found = marionette.equations["mass_matrix"](q_D=x.q_D, q_K=x.q_K, p=marionette.p)
+    return tuple(np.array(found[name]) for name in ("M", "M_DK", "M_KK"))
 
 
 _BLOCKS = (

@@ -11,7 +11,7 @@ from fantoccini.runtime.clearance import (
     Solids,
 )
 from fantoccini.runtime.compiled import Complementarity, Library, Run
-from fantoccini.runtime.functions import whole
+from fantoccini.runtime.functions import Loaded, whole
 from fantoccini.runtime.motions import (
     POINT,
     POSE,
@@ -45,6 +45,7 @@ __all__ = [
     "Funnel",
     "GoalNumbers",
     "Library",
+    "Loaded",
     "MotionLibrary",
     "OutsideRun",
     "Run",

@@ -11,14 +11,11 @@ import os
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import BuildError
-from fantoccini.runtime.compiled import Library
-from fantoccini.runtime.functions import Numbers, opened, pointer
+from fantoccini.runtime.functions import Loaded, Numbers, pointer
 from fantoccini.runtime.structures import UNLIMITED, Options, RunOptions
 
 PARTS = ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K", "force", "taut", "books", "slip")
@@ -69,20 +66,11 @@ class BatchLibrary:
         width: trajectories that are advanced together, in lanes.
 
     Args:
-        source: its file, or the puppet's own library, which makes event-driven batches.
-
-    Raises:
-        BuildError: it cannot be loaded, or is of another version.
+        source: what makes the runs: a library of lanes, or the puppet's own, one at a time.
     """
 
-    def __init__(self, source: Path | Library):
-        made = isinstance(source, Library)
-        self.handle = source.handle if made else opened(source, "lanes")
-        sizes = (ctypes.c_int * 2)()
-        self.handle.fan_batch_sizes(sizes)
-        if sizes[0] != ctypes.sizeof(_BatchArrays):
-            raise BuildError(f"{source} is of another version; delete it to have it made again")
-        self.width = sizes[1]
+    def __init__(self, source: Loaded):
+        self.handle, self.width = source.handle, source.width
         self.handle.fan_batch_new.restype = ctypes.c_void_p
         self.handle.fan_batch_done.restype = ctypes.c_double
         for name in ("free", "stop", "done", "work"):

@@ -8,15 +8,13 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 from types import FrameType
 from typing import Any
 
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import BuildError
-from fantoccini.runtime.functions import Numbers, opened, pointer
+from fantoccini.runtime.functions import Loaded, Numbers, pointer
 
 SEGMENT, BOX, HALF_SPACE = range(3)
 """Kinds of solids, as in ``clearance.hpp``."""
@@ -136,23 +134,8 @@ def _record(address: int) -> np.void:
     return np.frombuffer((ctypes.c_char * SOLID.itemsize).from_address(address), SOLID)[0].copy()
 
 
-class ClearanceLibrary:
-    """A library that measures clearances.
-
-    Args:
-        file: the shared library.
-
-    Raises:
-        BuildError: it cannot be loaded, or is of another version.
-    """
-
-    def __init__(self, file: Path):
-        self.handle = opened(file, "clearances")
-        sizes = (ctypes.c_int * 3)()
-        self.handle.fan_clearance_sizes(sizes)
-        if list(sizes[:2]) != [SOLID.itemsize, ctypes.sizeof(ClearanceArrays)]:
-            raise BuildError(f"{file} is of another version; delete it to have it made again")
-        self.width = sizes[2]
+class ClearanceLibrary(Loaded):
+    """A library that measures clearances."""
 
     def measure(
         self, solids: Solids, q_D: Array, q_K: Array, p: Array, threads: int

@@ -15,28 +15,22 @@ from pathlib import Path
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import ARRIVED, BuildError, Status
+from fantoccini.contract import EVENT, ROW, width
+from fantoccini.errors import ARRIVED, Status
 from fantoccini.motion import Input, State
 from fantoccini.runtime import memory
-from fantoccini.runtime.functions import Functions, Signatures, pointer
+from fantoccini.runtime.functions import Functions, pointer
 from fantoccini.runtime.structures import (
     UNLIMITED,
-    InputArrays,
-    Options,
     Record,
     RunOptions,
     input_arrays,
 )
 from fantoccini.tree import Tree
 
-_SIZES = (
-    "n_qD", "n_vD", "n_qK", "n_vK", "n_strings", "n_limits", "n_p", "row_width", "event_width",
-    "input_bytes", "options_bytes", "record_bytes", "n_packed",
-)  # fmt: skip
-
 
 class Library(Functions):
-    """A puppet's compiled functions.
+    """A puppet's compiled functions and runs.
 
     Attributes:
         key: of its folder in the cache, which no other puppet, compiler or version has.
@@ -50,23 +44,8 @@ class Library(Functions):
     """
 
     def __init__(self, path: Path, tree: Tree):
-        super().__init__(path)
+        super().__init__(path, tree.sizes)
         self.key = path.parent.name
-        sizes = (ctypes.c_int * len(_SIZES))()
-        self.handle.fan_sizes(sizes)
-        self.sizes = dict(zip(_SIZES, sizes, strict=True))
-        table = tree.coordinates
-        expected = (
-            table.n_qD, table.n_vD, table.n_qK, table.n_vK, len(tree.strings), len(tree.limits),
-            len(tree.parameters),
-        )  # fmt: skip
-        structures = tuple(ctypes.sizeof(s) for s in (InputArrays, Options, Record))
-        if tuple(sizes[:7]) + tuple(sizes[9:12]) != expected + structures:
-            raise BuildError(
-                f"the compiled puppet {path} is of another puppet or version: its sizes are "
-                f"{tuple(sizes)}; delete the file to have it made again"
-            )
-        self.signatures = _signatures(tree, self.sizes["n_packed"])
         self.n_blamable = len(tree.blamable)
         self.handle.fan_new.restype = ctypes.c_void_p
         self.handle.fan_free.argtypes = [ctypes.c_void_p]
@@ -89,7 +68,7 @@ class Library(Functions):
             guess: (n,) rows that are expected to have x > 0; all when not given.
         """
         n = len(b)
-        if n > self.sizes["n_strings"] + self.sizes["n_limits"]:
+        if n > self.sizes["n_rows"]:
             raise ValueError(f"{n} rows are more than the puppet has")
         if W.shape != (self.sizes["n_vD"], n):
             raise ValueError(f"W has the shape {W.shape}; it must be {(self.sizes['n_vD'], n)}")
@@ -161,8 +140,8 @@ class Run:
         self._keep = np.ascontiguousarray(save_at if save_at is not None else [], dtype=float)
         n_row = self.rows_at_once
         n_event = max(self.events_at_once, 16 * library.n_blamable + 64)
-        self._rows = np.zeros((n_row, library.sizes["row_width"]))
-        self._events = np.zeros((n_event, library.sizes["event_width"]))
+        self._rows = np.zeros((n_row, width(ROW, library.sizes)))
+        self._events = np.zeros((n_event, len(EVENT)))
         self._record = Record(pointer(self._rows), n_row, 0, pointer(self._events), n_event, 0)
         chosen = options.structure()
         self._taken_bytes, self._bound = 0.0, memory.bound(0.0, options.max_memory)
@@ -276,29 +255,3 @@ class Run:
         if not np.isfinite(self._bound):
             self._bound = memory.bound(self._taken_bytes, None)
         return self._taken_bytes > self._bound
-
-
-def _signatures(tree: Tree, packed: int) -> Signatures:
-    """Widths of the arguments and results of every generated function."""
-    t = tree.coordinates
-    n_s, n_l, n_p, links = len(tree.strings), len(tree.limits), len(tree.parameters), tree.links
-    n = t.n_vD
-    q, state = (t.n_qD, t.n_qK), (t.n_qD, n, t.n_qK, t.n_vK)
-    factor = (packed, n, n * n_s, n_s * n_s)
-    return {
-        "dynamics": (
-            (*state, t.n_vK, n, n_p), (*factor, *[n_s] * 5, n_l, 3 * n_l, n_l, 1, n, 1)
-        ),
-        "step_dynamics": (
-            (*state, t.n_vK, n, n, 1, n_p),
-            (*factor, *[n_s] * 4, n_l, 3 * n_l, 1, n, 1, *[len(tree.motor_places)] * 2),
-        ),
-        "rows": ((*q, n_p), (n_s + n_l,)),
-        "energy": ((*state, n_p), (1, 1)),
-        "effort": ((*state, n, t.n_vK, n_s, n_p), (t.n_vK,)),
-        "wrench_forces": ((*q, 6 * len(links), n_p), (n,)),
-        "poses": ((*q, n_p), (12 * len(links),)),
-        "points": ((*q, n_p), (3 * sum(len(s.points) for s in tree.strings),)),
-        "forth": ((packed, n), (n,)),
-        "back": ((packed, n), (n,)),
-    }

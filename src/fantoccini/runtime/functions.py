@@ -1,102 +1,177 @@
-"""Generated functions in a shared library, evaluated over whole arrays."""
+"""A puppet's libraries as they are loaded, and their functions over whole arrays."""
 
 from __future__ import annotations
 
 import ctypes
 import math
 import operator
+from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 
 from fantoccini.arrays import Array
+from fantoccini.contract import FUNCTIONS, SIZES, Quantity, digest
 from fantoccini.errors import BuildError
 
-Signatures = dict[str, tuple[tuple[int, ...], tuple[int, ...]]]
-"""Name of a function -> widths of its arguments and of its results."""
 
-
-class Functions:
-    """The generated functions of a shared library.
+class Loaded:
+    """A library of a puppet.
 
     Attributes:
         handle: the loaded library.
-        signatures: widths of the functions' arguments and results.
+        sizes: of the puppet, by the names of :mod:`fantoccini.contract`.
+        width: trajectories or configurations that are advanced together.
 
     Args:
         path: the shared library.
-        signatures: see above; a library that has to be asked for its sizes sets them later.
+        sizes: of the tree it is to be of (``Tree.sizes``).
 
     Raises:
-        BuildError: it cannot be loaded.
+        BuildError: it cannot be loaded, or is of another puppet or contract.
     """
 
-    def __init__(self, path: Path, signatures: Signatures | None = None):
-        self.handle = opened(path, "puppet")
-        self.signatures = signatures or {}
+    def __init__(self, path: Path, sizes: Mapping[str, int]):
+        try:
+            self.handle = ctypes.CDLL(str(path))
+            who = self.handle.fan_identity
+        except (OSError, AttributeError) as error:
+            raise BuildError(f"the compiled puppet {path} cannot be loaded: {error}") from error
+        found = (ctypes.c_longlong * (2 + len(SIZES)))()
+        who(found)
+        self.width = found[1]
+        self.sizes = dict(zip(SIZES, found[2:], strict=True))
+        wrong = [f"{n} = {self.sizes[n]}, not {m}" for n, m in sizes.items() if self.sizes[n] != m]
+        if found[0] != digest():
+            wrong = ["it was made by another version of fantoccini"]
+        if wrong:
+            raise BuildError(
+                f"the compiled puppet {path} is not this one's: {', '.join(wrong)}; delete the "
+                "file to have it made again"
+            )
 
-    def evaluate(self, name: str, arguments: list[Array]) -> list[Array]:
+
+class Functions(Loaded):
+    """A library whose functions Python calls over whole arrays."""
+
+    def __init__(self, path: Path, sizes: Mapping[str, int]):
+        super().__init__(path, sizes)
+        self._signatures: dict[str, _Signature] = {}
+
+    def evaluate(self, name: str, /, **arguments: Array | float) -> SimpleNamespace:
         """A generated function over arrays.
 
         Args:
             name: of the function.
-            arguments: (..., n_i) each; leading axes broadcast against one another.
+            arguments: by name, (..., *shape) each as the contract has it; leading axes broadcast
+                against one another.
 
         Returns:
-            Outputs (..., width) with the broadcast leading axes.
+            The results by name, (..., *shape) with the broadcast leading axes.
 
         Raises:
-            ValueError: an argument has another width than the function takes.
+            ValueError: an argument is missing, is not the function's, or has another shape.
         """
-        takes, widths = self.signatures[name]
-        arguments = [np.ascontiguousarray(a, dtype=float) for a in arguments]
-        found = tuple(a.shape[-1] for a in arguments)
-        if found != takes:
-            raise ValueError(f"{name} takes arguments of widths {takes}; found {found}")
-        lead = () if all(a.ndim == 1 for a in arguments) else np.broadcast_shapes(
-            *(a.shape[:-1] for a in arguments)
-        )
-        rows, strides = [], []
-        for a in arguments:
-            if a.ndim > 1 and a.shape[:-1] != lead:
-                a = np.ascontiguousarray(np.broadcast_to(a, (*lead, a.shape[-1])))
-            rows.append(a)
-            strides.append(a.shape[-1] if a.ndim > 1 else 0)
+        made = self._signatures.get(name)
+        if made is None:
+            made = self._signatures[name] = _Signature(self, name)
+        rows = made.rows(arguments)
+        lead = rows[0].shape[:-1]
+        if any(a.shape[:-1] != lead for a in rows):
+            lead = np.broadcast_shapes(*(a.shape[:-1] for a in rows))
+            rows = [
+                a
+                if a.ndim == 1 or a.shape[:-1] == lead
+                else np.ascontiguousarray(np.broadcast_to(a, (*lead, a.shape[-1])))
+                for a in rows
+            ]
         # All results lie in one block: to ask every array where it lies takes longer than a row.
         n = math.prod(lead)
-        ends = [n * end for end in accumulate(widths, initial=0)]
-        block = np.zeros(ends[-1])
+        block = np.zeros(n * made.ends[-1])
         first = _address(block)
-        status = getattr(self.handle, f"fan_map_{name}")(
-            ctypes.c_longlong(n),
-            (ctypes.c_void_p * len(rows))(*[_address(a) for a in rows]),
-            (ctypes.c_longlong * len(rows))(*strides),
-            (ctypes.c_void_p * len(widths))(*[first + block.itemsize * at for at in ends[:-1]]),
-            (ctypes.c_longlong * len(widths))(*widths),
+        status = made.call(
+            n,
+            made.pointers_in(*[_address(a) for a in rows]),
+            made.strides_in(*[a.shape[-1] if a.ndim > 1 else 0 for a in rows]),
+            made.pointers_out(*[first + block.itemsize * n * at for at in made.ends[:-1]]),
+            made.strides_out,
         )
         if status != 0:
             raise BuildError(f"the generated function {name} returned {status}")
-        return [
-            block[at:end].reshape(*lead, width)
-            for at, end, width in zip(ends, ends[1:], widths, strict=False)
-        ]
+        return made.named(block, n, lead)
 
 
-def opened(path: Path, what: str) -> ctypes.CDLL:
-    """A shared library.
+class _Signature:
+    """How a function of a library is called."""
 
-    Args:
-        path: of the file.
-        what: it holds, in words.
+    def __init__(self, library: Loaded, name: str):
+        function, sizes = FUNCTIONS[name], library.sizes
+        self.name = name
+        self.arguments = [_Shaped.of(q, sizes) for q in function.arguments]
+        self.results = [_Shaped.of(q, sizes) for q in function.results]
+        self.call = getattr(library.handle, f"fan_map_{name}")
+        self.call.argtypes = [ctypes.c_longlong, *[ctypes.c_void_p] * 4]
+        n_in, n_out = len(self.arguments), len(self.results)
+        self.pointers_in, self.strides_in = ctypes.c_void_p * n_in, ctypes.c_longlong * n_in
+        self.pointers_out = ctypes.c_void_p * n_out
+        widths = [q.width for q in self.results]
+        self.strides_out = (ctypes.c_longlong * n_out)(*widths)
+        self.ends = list(accumulate(widths, initial=0))
 
-    Raises:
-        BuildError: it cannot be loaded.
-    """
-    try:
-        return ctypes.CDLL(str(path))
-    except OSError as error:
-        raise BuildError(f"the compiled {what} {path} cannot be loaded: {error}") from error
+    def rows(self, arguments: dict[str, Array | float]) -> list[Array]:
+        """The arguments as contiguous rows (..., width), in order."""
+        try:
+            rows = [q.row(arguments[q.name]) for q in self.arguments]
+        except (KeyError, _ShapeError):
+            rows = []
+        if len(arguments) != len(rows):
+            wanted = ", ".join(f"{q.name} {q.shape}" for q in self.arguments)
+            found = ", ".join(f"{key} {np.shape(a)}" for key, a in arguments.items())
+            raise ValueError(
+                f"{self.name} takes {wanted}, each perhaps with leading axes; found {found}"
+            )
+        return rows
+
+    def named(self, block: Array, n: int, lead: tuple[int, ...]) -> SimpleNamespace:
+        """The results by name."""
+        found = SimpleNamespace()
+        for q, start, end in zip(self.results, self.ends, self.ends[1:], strict=False):
+            part = block[n * start : n * end].reshape((*lead, *q.stored))
+            setattr(found, q.name, part.swapaxes(-1, -2) if len(q.stored) == 2 else part)
+        return found
+
+
+class _ShapeError(ValueError):
+    """An argument has another shape than the function takes."""
+
+
+@dataclass(frozen=True)
+class _Shaped:
+    """An argument or a result: its shape, and how it is stored."""
+
+    name: str
+    shape: tuple[int, ...]
+    stored: tuple[int, ...]
+    width: int
+
+    @classmethod
+    def of(cls, quantity: Quantity, sizes: Mapping[str, int]) -> _Shaped:
+        shape = quantity.dimensions(sizes)
+        return cls(quantity.name, shape, shape[::-1], math.prod(shape))
+
+    def row(self, value: Array | float) -> Array:
+        """(..., width) of a value (..., *shape): matrices are stored column by column."""
+        a, n = np.asarray(value, dtype=float, order="C"), len(self.shape)
+        if a.shape[a.ndim - n :] != self.shape:
+            raise _ShapeError
+        if n == 1:
+            return a
+        if n == 2:
+            a = a.swapaxes(-1, -2)
+        return np.ascontiguousarray(a.reshape((*a.shape[: a.ndim - n], self.width)))
 
 
 def pointer(array: np.ndarray) -> ctypes.c_void_p:

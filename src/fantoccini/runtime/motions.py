@@ -8,14 +8,12 @@ import os
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import BuildError
 from fantoccini.runtime.clearance import ClearanceArrays, Exact, Solids
-from fantoccini.runtime.functions import Numbers, opened, pointer
+from fantoccini.runtime.functions import Loaded, Numbers, pointer
 from fantoccini.runtime.structures import UNLIMITED, Options, RunOptions
 
 UNKNOWN, POSE, POINT = range(3)
@@ -197,20 +195,8 @@ class Segments:
         )
 
 
-class MotionLibrary:
-    """A library that makes a planner's motions.
-
-    Args:
-        file: the shared library.
-
-    Raises:
-        BuildError: it cannot be loaded, or is of another version.
-    """
-
-    def __init__(self, file: Path):
-        self.handle = opened(file, "motions")
-        if self.handle.fan_sweep_size() != ctypes.sizeof(_SweepArrays):
-            raise BuildError(f"{file} is of another version; delete it to have it made again")
+class MotionLibrary(Loaded):
+    """A library that makes a planner's motions."""
 
     def distances(
         self, goal: GoalNumbers, q_D: Array, v_D: Array, q_K: Array, v_K: Array, p: Array

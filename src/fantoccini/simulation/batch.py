@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from fantoccini.arrays import Array
+from fantoccini.contract import BOOKS, PARTS
 from fantoccini.errors import ARRIVED, Status
 from fantoccini.marionette import (
     STOPPED_BY,
@@ -257,12 +258,8 @@ def _check_memory(
 
 def _widths(marionette: Marionette) -> dict[str, int]:
     """Numbers in a row, by the runtime's part."""
-    table, rows = marionette.coordinates, marionette.tree.n_rows
-    return {
-        "q_D": table.n_qD, "v_D": table.n_vD, "acc_D": table.n_vD, "q_K": table.n_qK,
-        "v_K": table.n_vK, "acc_K": table.n_vK, "force": rows, "taut": rows, "books": 6,
-        "slip": len(marionette.tree.strings),
-    }  # fmt: skip
+    sizes = marionette.tree.sizes
+    return {part.name: part.numel(sizes) for part in PARTS}
 
 
 def _parts(
@@ -346,11 +343,12 @@ def _trajectories(
 
 
 def _ledger(books: Array) -> Array:
-    """(n, T, 7) the ledger from (n, T, 6) kinetic, potential, work, damping, impact, slip loss."""
-    kinetic, potential, work, damping, impact, slip = np.moveaxis(books, -1, 0)
-    energy = kinetic + potential
-    residual = energy - energy[:, :1] - work + damping + impact + slip
-    return np.stack([kinetic, potential, damping, impact, slip, work, residual], axis=-1)
+    """(n, T, 7) the ledger from (n, T, 6) books."""
+    of = dict(zip(BOOKS, np.moveaxis(books, -1, 0), strict=True))
+    of["slip"] = of.pop("slip_loss")
+    energy = of["kinetic"] + of["potential"]
+    residual = energy - energy[:, :1] - of["work"] + of["damping"] + of["impact"] + of["slip"]
+    return np.stack([(of | {"residual": residual})[name] for name in LEDGER], axis=-1)
 
 
 def _read_only(array: Array) -> Array:

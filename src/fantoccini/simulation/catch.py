@@ -153,7 +153,7 @@ class Catch:
             "q_D": x.q_D, "v_D": np.zeros(t.n_vD), "q_K": x.q_K, "v_K": np.zeros(t.n_vK),
             "acc_D": np.stack([self._kick, np.zeros(t.n_vD)]), "acc_K": np.zeros(t.n_vK),
             "tension": np.stack([self._impulse, np.zeros_like(self._impulse)]),
-            "dt": np.zeros(1), "p": self._marionette.p,
+            "dt": 0.0, "p": self._marionette.p,
         }  # fmt: skip
         slopes = self._marionette.model.compiled.derivatives
         found = slopes.at("force_by_q", values) | slopes.at("force_by_K", values)

@@ -258,7 +258,9 @@ def trajectory_of_rows(
 
 def _violation(marionette: Marionette, part: dict[str, Array]) -> Columns:
     """max(h, 0) of every row, |h| of wires: how far strings and limits were overstepped."""
-    (h,) = marionette.model.library.evaluate("rows", [part["q_D"], part["q_K"], marionette.p])
+    h = marionette.model.library.evaluate(
+        "rows", q_D=part["q_D"], q_K=part["q_K"], p=marionette.p
+    ).h
     h[:, : part["slip"].shape[1]] -= part["slip"]
     beyond = np.where(marionette.model.two_sided, np.abs(h), np.maximum(h, 0.0))
     return Columns(marionette.tree.row_names, beyond, "string or limit")

@@ -306,6 +306,18 @@ class Tree:
         return len(self.strings) + len(self.limits)
 
     @property
+    def sizes(self) -> dict[str, int]:
+        """How many there are of what, by the names of :mod:`fantoccini.contract`."""
+        t = self.coordinates
+        return {
+            "n_qD": t.n_qD, "n_vD": t.n_vD, "n_qK": t.n_qK, "n_vK": t.n_vK, "n_v": t.n_vD + t.n_vK,
+            "n_strings": len(self.strings), "n_limits": len(self.limits), "n_rows": self.n_rows,
+            "n_p": len(self.parameters), "n_links": len(self.links),
+            "n_points": sum(len(s.points) for s in self.strings),
+            "n_motors": len(self.motor_places), "n_watched": len(self.watched),
+        }  # fmt: skip
+
+    @property
     def row_names(self) -> tuple[str, ...]:
         """Names of the one-sided rows: strings, then limits."""
         return tuple(r.name for r in self.strings) + tuple(r.name for r in self.limits)

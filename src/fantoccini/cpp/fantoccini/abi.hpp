@@ -7,6 +7,7 @@
 #include "event_batch.hpp"
 #include "export.hpp"
 #include "fixed.hpp"
+#include "map_abi.hpp"
 #include "outside.hpp"
 
 namespace fan {
@@ -25,19 +26,6 @@ inline void read_state(
 }
 
 }  // namespace fan
-
-// Sizes the caller must agree with: n_qD n_vD n_qK n_vK n_strings n_limits n_p row_width event_width,
-// the bytes of InputArrays, Options and Record; and n_packed.
-FAN_EXPORT void fan_sizes(int* out) {
-  using fan::Model;
-  const int sizes[] = {
-      Model::n_qD,     Model::n_vD,      Model::n_qK, Model::n_vK,
-      Model::n_strings, Model::n_limits, Model::n_p,  fan::Record<Model>::row_width,
-      fan::Record<Model>::event_width,
-      int(sizeof(fan::InputArrays)), int(sizeof(fan::Options)), int(sizeof(fan::Record<Model>)),
-      Model::n_packed};
-  for (int i = 0; i < 13; ++i) out[i] = sizes[i];
-}
 
 FAN_EXPORT void* fan_new(int event_driven) {
   fan::Run* run = new (std::nothrow) fan::Run();
@@ -195,43 +183,10 @@ FAN_EXPORT double fan_present(const void* handle, double* y, signed char* mode) 
 
 FAN_POOL
 
-// Bytes of BatchArrays, and trajectories that are advanced together.
-FAN_EXPORT void fan_batch_sizes(int* out) {
-  out[0] = int(sizeof(fan::BatchArrays));
-  out[1] = 1;
-}
-
 // Works on a pool until nothing is left; 0, or 1 where there was no memory.
 FAN_EXPORT int fan_batch_work(void* pool) {
   return fan::work_on<fan::EventBatch<fan::Model>>(pool);
 }
-
-// Calls a model function n times: argument i of call k begins at arg[i] + k * arg_stride[i]. No
-// pointer may be null but those of empty arguments and results.
-#define FAN_MAP(NAME, N_ARG, N_RES)                                                          \
-  FAN_EXPORT int fan_map_##NAME(                                                             \
-      long long n, const double* const* arg, const long long* arg_stride, double* const* res, \
-      const long long* res_stride) {                                                         \
-    const double* a[N_ARG];                                                                  \
-    double* r[N_RES];                                                                        \
-    for (long long k = 0; k < n; ++k) {                                                      \
-      for (int i = 0; i < N_ARG; ++i) a[i] = arg[i] + k * arg_stride[i];                     \
-      for (int i = 0; i < N_RES; ++i) r[i] = res[i] + k * res_stride[i];                    \
-      fan::Model::NAME(a, r);                                                                \
-    }                                                                                        \
-    return 0;                                                                                \
-  }
-
-FAN_MAP(dynamics, 7, 15)
-FAN_MAP(step_dynamics, 9, 15)
-FAN_MAP(rows, 3, 1)
-FAN_MAP(energy, 5, 2)
-FAN_MAP(effort, 8, 1)
-FAN_MAP(wrench_forces, 4, 1)
-FAN_MAP(poses, 3, 1)
-FAN_MAP(points, 3, 1)
-FAN_MAP(forth, 2, 1)
-FAN_MAP(back, 2, 1)
 
 // Complementarity of n rows by itself (active_set.hpp): W (n, n_vD) with a row's column in each row,
 // b (n,), upper (n,), two_sided (n,) -> x of least norm, s, and a Farkas ray where there is no

@@ -2,6 +2,7 @@
 // lanes, a configuration a lane.
 #pragma once
 
+#include "contract.hpp"
 #include "distance.hpp"
 #include "hanging.hpp"
 #include "lane_of.hpp"
@@ -66,9 +67,7 @@ class Clearance {
       const ClearanceArrays& in, Placed<Real>* placed, const Mask& counts, double enough = 1e30) {
     enough_ = enough + kSure;
     exact_ = in.exact;
-    const Real* arg[] = {q_D, q_K, p};
-    Real* res[] = {poses_};
-    Model::poses(arg, res);
+    Call<Model, Real>::poses(q_D, q_K, p, poses_);
     for (long long m = 0; m < in.n_moving; ++m) place(in.moving[m], placed[m]);
     least = Real(1e30);
     which = Real(-1.0);
@@ -88,8 +87,7 @@ class Clearance {
     bool strings = false;
     for (int i = 0; i < S; ++i) strings = strings || in.string_radius[i] >= 0.0;
     if (!strings) return;
-    Real* points[] = {points_};
-    Model::points(arg, points);
+    Call<Model, Real>::points(q_D, q_K, p, points_);
     int at = 0;
     for (int i = 0; i < S; at += Model::string_points[i++]) {
       const int pieces = Model::string_points[i] - 1;

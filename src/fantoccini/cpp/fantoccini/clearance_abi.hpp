@@ -8,13 +8,6 @@
 #include "clearance.hpp"
 #include "export.hpp"
 
-// Bytes of a Solid and of ClearanceArrays, and configurations a bundle.
-FAN_EXPORT void fan_clearance_sizes(int* out) {
-  out[0] = int(sizeof(fan::Solid));
-  out[1] = int(sizeof(fan::ClearanceArrays));
-  out[2] = FAN_WIDTH;
-}
-
 // The clearance of n configurations (n, n_qD), (n, n_qK) and the number of the pair that has it;
 // 0, or 1 where there was no memory.
 FAN_EXPORT int fan_clearance(

@@ -62,9 +62,7 @@ struct Detector {
     for (int i = 0; i < S; ++i) wanted = wanted || (f.taut(i) && Model::string_points[i] > 2);
     if (!wanted) return RUNNING;
     double points[room(3 * Model::n_points)];
-    const double* arg[] = {f.y, f.q_K, f.p};
-    double* res[] = {points};
-    Model::points(arg, res);
+    Call<Model, double>::points(f.y, f.q_K, f.p, points);
     int at = 0;
     for (int i = 0; i < S; ++i) {
       for (int k = 1; k < Model::string_points[i]; ++k) {

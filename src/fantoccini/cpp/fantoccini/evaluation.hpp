@@ -9,6 +9,7 @@
 #pragma once
 
 #include "complementarity.hpp"
+#include "contract.hpp"
 #include "manifold.hpp"
 #include "string_length.hpp"
 
@@ -27,12 +28,9 @@ struct Evaluation {
   FAN_FN void at(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
       const Real* u_D, const Real* p) {
-    const Real* arg[] = {q_D, v_D, q_K, v_K, acc_K, u_D, p};
-    Real* res[] = {L,       w0,      W,           G,       h,        hdot, gamma, a0, hdot_K,
-                   h_limit, J_limit, gamma_limit, &power0, M_DK_v_K, &loss};
-    if (constants_ != OF_DYNAMICS) Model::dynamics_constants(res);
+    Call<Model, Real>::dynamics(
+        q_D, v_D, q_K, v_K, acc_K, u_D, p, *this, constants_ != OF_DYNAMICS);
     constants_ = OF_DYNAMICS;
-    Model::dynamics_varying(arg, res);
   }
 
   // For a step dt, with damping and drag over it in F and the velocity products of v_ahead; gamma
@@ -40,12 +38,9 @@ struct Evaluation {
   FAN_FN void at(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
       const Real* u_D, const Real* v_ahead, Real dt, const Real* p) {
-    const Real* arg[] = {q_D, v_D, q_K, v_K, acc_K, u_D, v_ahead, &dt, p};
-    Real* res[] = {L,  w0,     W,       G,       h,       hdot,     a0,
-                   hdot_K, h_limit, J_limit, &power0, M_DK_v_K, &loss, f_M, y_M};
-    if (constants_ != OF_STEP) Model::step_dynamics_constants(res);
+    Call<Model, Real>::step_dynamics(
+        q_D, v_D, q_K, v_K, acc_K, u_D, v_ahead, dt, p, *this, constants_ != OF_STEP);
     constants_ = OF_STEP;
-    Model::step_dynamics_varying(arg, res);
   }
 
   // At a node of a variational run; firm gets L, W and G of the factor with damping and drag over dt
@@ -53,27 +48,28 @@ struct Evaluation {
   FAN_FN void at_node(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
       const Real* u_D, Real dt, const Real* p, Evaluation& firm) {
-    const Real* arg[] = {q_D, v_D, q_K, v_K, acc_K, u_D, &dt, p};
-    Real* res[] = {L,       w0,      W,       G,        h,     hdot,   a0,     hdot_K,
-                   h_limit, J_limit, &power0, M_DK_v_K, &loss, firm.L, firm.W, firm.G};
-    if (constants_ != OF_NODE) Model::node_constants(res);
+    struct {
+      Real *L, *w0, *W, *G, *h, *hdot, *a0, *hdot_K, *h_limit, *J_limit, *power0, *M_DK_v_K, *loss;
+      Real *L_firm, *W_firm, *G_firm;
+    } to;
+    to.L = L, to.w0 = w0, to.W = W, to.G = G, to.h = h, to.hdot = hdot, to.a0 = a0;
+    to.hdot_K = hdot_K, to.h_limit = h_limit, to.J_limit = J_limit, to.power0 = &power0;
+    to.M_DK_v_K = M_DK_v_K, to.loss = &loss;
+    to.L_firm = firm.L, to.W_firm = firm.W, to.G_firm = firm.G;
+    Call<Model, Real>::node(
+        q_D, v_D, q_K, v_K, acc_K, u_D, dt, p, to, constants_ != OF_NODE);
     constants_ = OF_NODE;
-    Model::node_varying(arg, res);
     for (int i = 0; i < 3 * K; ++i) firm.J_limit[i] = J_limit[i];
   }
 
   // acc = F^-1 w.
   FAN_FN void back(const Real* w, Real* acc) const {
-    const Real* arg[] = {L, w};
-    Real* res[] = {acc};
-    Model::back(arg, res);
+    Call<Model, Real>::back(L, w, acc);
   }
 
   // hdot of the limits at the velocity v_D.
   FAN_FN void limit_rates(const Real* v_D, Real* rates) const {
-    const Real* arg[] = {J_limit, v_D};
-    Real* res[] = {rates};
-    Model::limit_rates(arg, res);
+    Call<Model, Real>::limit_rates(J_limit, v_D, rates);
   }
 
   // hdot of limit i at the velocity v_D.
@@ -223,18 +219,14 @@ struct RowSystem {
   FAN_FN void make(const Eval& e, int i, const Entries& of, Real* w) {
     if (Model::n_columns > 0) {
       Real found[room(N)];
-      const Real* arg[] = {e.L, e.J_limit + 3 * i};
-      Real* res[] = {found};
-      Model::column(Model::limit_column[i], arg, res);
+      Call<Model, Real>::column(Model::limit_column[i], e.L, e.J_limit + 3 * i, found);
       for (int j = 0; j < of.n; ++j) w[of[j]] = found[j];
       return;
     }
     Real x[room(N)];
     for (int k = 0; k < N; ++k) x[k] = Real(0.0);
     for (int k = 0; k < Model::limit_n[i]; ++k) x[Model::limit_v[i] + k] = e.J_limit[3 * i + k];
-    const Real* arg[] = {e.L, x};
-    Real* res[] = {w};
-    Model::forth(arg, res);
+    Call<Model, Real>::forth(e.L, x, w);
   }
 
   bool made_[room(Model::n_limits)];  // whether the column of a limit is that of this evaluation

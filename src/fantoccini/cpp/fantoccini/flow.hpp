@@ -295,9 +295,7 @@ struct Flow {
   // h of all rows at the configuration of `state` and the inputs of the latest evaluation; of strings
   // that slip 0, or minus what has slipped.
   void heights(const double* state, double* h, bool slipped = false) const {
-    const double* arg[] = {state, q_K, p};
-    double* res[] = {h};
-    Model::rows(arg, res);
+    Call<Model, double>::rows(state, q_K, p, h);
     for (int i = 0; i < S; ++i) {
       if (mode[i] == SLIPPING) h[i] = slipped ? -kGive - h[i] : 0.0;
       else h[i] -= slip_now[i];
@@ -329,11 +327,11 @@ struct Flow {
 
   // T + V at (t, y); the evaluation must be that of (t, y).
   double total_energy() const {
-    double T, V;
-    const double* arg[] = {y, y + NQ, q_K, v_K, p};
-    double* res[] = {&T, &V};
-    Model::energy(arg, res);
-    return T + V;
+    struct {
+      double T, V;
+    } energy;
+    Call<Model, double>::energy(y, y + NQ, q_K, v_K, p, energy);
+    return energy.T + energy.V;
   }
 
   // The size a row's h is measured against: the string's length, 1 rad for a limit.

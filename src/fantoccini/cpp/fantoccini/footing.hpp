@@ -14,9 +14,7 @@ struct Footing {
 
   // F^-T x.
   FAN_FN void forth(const Real* x, Real* out) const {
-    const Real* arg[] = {eval.L, x};
-    Real* res[] = {out};
-    Model::forth(arg, res);
+    Call<Model, Real>::forth(eval.L, x, out);
   }
 };
 
@@ -28,6 +26,7 @@ struct Found {
   using Mask = typename Traits<Real>::Mask;
 
   Real xi[room(N)];         // the tangent vector
+  Real before[room(N)];     // p_k
   Real after[room(N)];      // p_k+1
   Real q_next[room(NQ)];    // q_k+1
   Real h[room(M)];          // there

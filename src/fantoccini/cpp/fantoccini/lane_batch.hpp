@@ -216,9 +216,11 @@ class LaneBatch {
     put_lanes(in, SLIP_LENGTH, row, led_.slip());
     if (!in.parts[BOOKS]) return;
     Real books[6];
-    const Real* arg[] = {led_.q_D(), led_.v_D(), inputs.q_K, inputs.v_K, led_.p()};
-    Real* res[] = {books, books + 1};
-    Model::energy(arg, res);
+    struct {
+      Real *T, *V;
+    } energy{books, books + 1};
+    Call<Model, Real>::energy(
+        led_.q_D(), led_.v_D(), inputs.q_K, inputs.v_K, led_.p(), energy);
     led_.books(books + 2);
     put_lanes(in, BOOKS, row, books);
   }

@@ -8,9 +8,6 @@
 #include "export.hpp"
 #include "sweep.hpp"
 
-// Bytes of SweepArrays.
-FAN_EXPORT int fan_sweep_size() { return int(sizeof(fan::SweepArrays)); }
-
 // Makes motions until none is left, on as many threads as call it with the same arguments; 0, or 1
 // where there was no memory.
 FAN_EXPORT int fan_sweep(const fan::SweepArrays* in, fan::SweepProgress* progress) {
@@ -42,9 +39,7 @@ FAN_EXPORT void fan_goal_distances(
         for (int i = 0; i < Model::n_qK; ++i)
           fan::lane_of(at_K[i], l) = q_K[who * Model::n_qK + i];
       }
-      const Wide* arg[] = {at_D, at_K, at_p};
-      Wide* res[] = {poses};
-      Model::poses(arg, res);
+      fan::Call<Model, Wide>::poses(at_D, at_K, at_p, poses);
     }
     for (int l = 0; l < width && first + l < n; ++l) {
       double pose[12] = {};

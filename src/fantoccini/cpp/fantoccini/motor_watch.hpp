@@ -8,6 +8,7 @@
 // Written for any Real.
 #pragma once
 
+#include "contract.hpp"
 #include "elementary.hpp"
 #include "lane_of.hpp"
 #include "status.hpp"
@@ -33,18 +34,16 @@ struct MotorWatch {
     gone = no;
     for (int d = 0; d < D; ++d) {
       loses[d] = strays[d] = lost_[d] = astray_[d] = passed_[d] = no;
-      tooth_[d] = whole(lag_[d]);
-      low_[d] = select(at_[d] < told_[d], at_[d], told_[d]);
-      high_[d] = select(at_[d] < told_[d], told_[d], at_[d]);
+      tooth_[d] = whole(drives_.lag[d]);
+      low_[d] = select(drives_.at[d] < drives_.told[d], drives_.at[d], drives_.told[d]);
+      high_[d] = select(drives_.at[d] < drives_.told[d], drives_.told[d], drives_.at[d]);
     }
   }
 
   // Where the drives are and how far they lag.
   FAN_FN void measure(const Real* q_D, const Real* q_K, const Real* p) {
     if constexpr (D > 0) {
-      const Real* arg[] = {q_D, q_K, p};
-      Real* res[] = {at_, told_, lag_};
-      Model::motor_lags(arg, res);
+      Call<Model, Real>::motor_lags(q_D, q_K, p, drives_);
     }
   }
 
@@ -65,10 +64,10 @@ struct MotorWatch {
     measure(q_D, q_K, p);
     for (int d = 0; d < D; ++d) {
       if (Model::watched_steps[d]) loses[d] = lanes && lag_beyond(d) > Real(0.0);
-      tooth_[d] = select(loses[d], whole(lag_[d]), tooth_[d]);
+      tooth_[d] = select(loses[d], whole(drives_.lag[d]), tooth_[d]);
       lost_[d] = lost_[d] || loses[d];
-      low_[d] = select(lanes && told_[d] < low_[d], told_[d], low_[d]);
-      high_[d] = select(lanes && told_[d] > high_[d], told_[d], high_[d]);
+      low_[d] = select(lanes && drives_.told[d] < low_[d], drives_.told[d], low_[d]);
+      high_[d] = select(lanes && drives_.told[d] > high_[d], drives_.told[d], high_[d]);
       beyond[d] = outside(d);
       strays[d] = lanes && beyond[d] > Real(astray_from(d));
       passed_[d] = strays[d] || (!lanes && passed_[d]);
@@ -76,9 +75,7 @@ struct MotorWatch {
     }
     if (!any(out)) return;
     if constexpr (D > 0) {
-      const Real* arg[] = {q_D, v_D, q_K, v_K, acc_K, p};
-      Real* res[] = {share};
-      Model::motor_shares(arg, res);
+      Call<Model, Real>::motor_shares(q_D, v_D, q_K, v_K, acc_K, p, share);
     }
     for (int d = 0; d < D; ++d) {
       const Mask weak = Model::watched_steps[d] ? lost_[d] : share[d] < Real(kTooWeak);
@@ -126,16 +123,18 @@ struct MotorWatch {
   // By how much of a period a stepper lags beyond what it holds.
   FAN_FN Real lag_beyond(int d) const {
     using std::abs;
-    return abs(lag_[d] - tooth_[d]) - Real(0.5);
+    return abs(drives_.lag[d] - tooth_[d]) - Real(0.5);
   }
 
   // How far a drive is outside of all that it was told.
   FAN_FN Real outside(int d) const {
-    const Real above = at_[d] - high_[d], below = low_[d] - at_[d];
+    const Real above = drives_.at[d] - high_[d], below = low_[d] - drives_.at[d];
     return select(above > below, above, below);
   }
 
-  Real at_[room(D)], told_[room(D)], lag_[room(D)];  // measured last
+  struct {
+    Real at[room(D)], told[room(D)], lag[room(D)];
+  } drives_;  // measured last
   Real low_[room(D)], high_[room(D)];  // within which all lies that it was told, and its start
   Real tooth_[room(D)];                // period of the torque that a stepper is in
   Mask lost_[room(D)], astray_[room(D)];  // since the run began

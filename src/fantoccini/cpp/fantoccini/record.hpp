@@ -49,12 +49,12 @@ struct Record {
     put(out, acc_K, Model::n_vK);
     put(out, tension, M);
     for (int r = 0; r < M; ++r) *out++ = taut[r] ? 1.0 : 0.0;
-    double T, V;
-    const double* arg[] = {q_D, v_D, q_K, v_K, p};
-    double* res[] = {&T, &V};
-    Model::energy(arg, res);
-    *out++ = T;
-    *out++ = V;
+    struct {
+      double T, V;
+    } energy;
+    Call<Model, double>::energy(q_D, v_D, q_K, v_K, p, energy);
+    *out++ = energy.T;
+    *out++ = energy.V;
     *out++ = work;
     *out++ = damping;
     *out++ = impact;

@@ -75,9 +75,8 @@ struct VariationalStep {
       here.guess[k] = here.v_D[k];
     }
     work = loss = impact = slip_loss = Real(0.0);
-    const Real* arg[] = {here.q_D, here.v_D, here.now.q_K, here.now.v_K, here.p};
-    Real* res[] = {here.momentum};
-    Model::momentum(arg, res);
+    Call<Model, Real>::momentum(
+        here.q_D, here.v_D, here.now.q_K, here.now.v_K, here.p, here.momentum);
     foresight_.begin();
     here.since = Real(0.0);
     here.ahead = dt;
@@ -112,7 +111,7 @@ struct VariationalStep {
     for (int round = 0; round < kCorrections; ++round) {
       ++n_corrections;
       evaluate(dt);
-      here.firm.forth(before_, z);
+      here.firm.forth(found_.before, z);
       for (int k = 0; k < N; ++k) z[k] = here.firm.y[k] - z[k];
       rows.along(z, along);
       Mask was[room(M)], changed = no;
@@ -181,7 +180,7 @@ struct VariationalStep {
     for (int k = 0; k < N; ++k) lacked[k] = lacked_[k];
     first_guess(dt);
     evaluate(dt);
-    here.firm.forth(before_, z);
+    here.firm.forth(found_.before, z);
     for (int k = 0; k < N; ++k) z[k] = here.firm.y[k] - z[k];
     rows.along(z, b);
     for (int a = 0; a < rows.n; ++a) b[a] += found_.h[rows.row[a]] / dt;
@@ -251,9 +250,7 @@ struct VariationalStep {
     Real v[room(N)], still[room(NK)], lacks[room(N)];
     here.firm.eval.back(left_, v);
     for (int j = 0; j < NK; ++j) still[j] = Real(0.0);
-    const Real* arg[] = {here.q_D, v, here.now.q_K, still, here.p};
-    Real* res[] = {lacks};
-    Model::momentum(arg, res);
+    Call<Model, Real>::momentum(here.q_D, v, here.now.q_K, still, here.p, lacks);
     for (int k = 0; k < N; ++k) found_.after[k] += lacks[k];
   }
 
@@ -288,10 +285,9 @@ struct VariationalStep {
   }
 
   FAN_FN void evaluate(const Real& dt) {
-    const Real* arg[] = {here.q_D,   found_.xi, lead.q_mid, lead.v_mid, lead.acc_mid,
-                         coming.q_K, lead.u_D,  &dt,        here.p};
-    Real* res[] = {before_, found_.after, found_.q_next, found_.h, &found_.work_M};
-    Model::midpoint_rule(arg, res);
+    Call<Model, Real>::midpoint_rule(
+        here.q_D, found_.xi, lead.q_mid, lead.v_mid, lead.acc_mid, coming.q_K, lead.u_D, dt, here.p,
+        found_);
     for (int i = 0; i < S; ++i) found_.h[i] -= found_.slip_next[i];
   }
 
@@ -361,7 +357,6 @@ struct VariationalStep {
   }
 
   Found<Model, Real> found_;
-  Real before_[room(N)];  // p_k(xi)
   Real left_[room(N)];    // z of the step that was found
   Real lacked_[room(N)];  // the guess of a step without foresight, then what it lacked
   Foresight<N, Real> foresight_;

@@ -7,18 +7,6 @@
 #include "export.hpp"
 #include "variational_run.hpp"
 
-// Sizes the caller must agree with, as in abi.hpp.
-FAN_EXPORT void fan_sizes(int* out) {
-  using fan::Model;
-  const int sizes[] = {
-      Model::n_qD,      Model::n_vD,     Model::n_qK, Model::n_vK,
-      Model::n_strings, Model::n_limits, Model::n_p,  fan::Record<Model>::row_width,
-      fan::Record<Model>::event_width,
-      int(sizeof(fan::InputArrays)), int(sizeof(fan::Options)), int(sizeof(fan::Record<Model>)),
-      Model::n_packed};
-  for (int i = 0; i < 13; ++i) out[i] = sizes[i];
-}
-
 namespace fan {
 
 inline VariationalRun<Model>& run_of(void* handle) {

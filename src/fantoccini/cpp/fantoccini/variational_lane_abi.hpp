@@ -8,12 +8,6 @@
 
 FAN_POOL
 
-// Bytes of BatchArrays, and trajectories a bundle.
-FAN_EXPORT void fan_batch_sizes(int* out) {
-  out[0] = int(sizeof(fan::BatchArrays));
-  out[1] = FAN_WIDTH;
-}
-
 // Works on a pool until nothing is left; 0, or 1 where there was no memory.
 FAN_EXPORT int fan_batch_work(void* pool) {
   return fan::work_on<fan::LaneBatch<fan::LedVariation<fan::Model, fan::Wide>>>(pool);

@@ -1,0 +1,134 @@
+"""The source text of a puppet's libraries: generated functions under the runtime's C interfaces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fantoccini.codegen.model import STEM, Generated, Real, assembled, programs, tables_text
+from fantoccini.codegen.straight import Program, program
+from fantoccini.contract import FUNCTIONS, compiled
+from fantoccini.equations import Derivatives, Equations, Variational
+
+WIDE = Real("fan::Wide", "wide", "fantoccini/wide.hpp")
+"""Bundles of doubles, as wide as the processor allows: one trajectory or configuration a lane."""
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """How a library is put together.
+
+    Attributes:
+        header: its C interface in the runtime, without the ending; empty for functions alone.
+        real: the type that its functions compute with.
+        mapped: whether Python calls its functions over arrays.
+        steps: whether it makes columns of limits.
+    """
+
+    header: str
+    real: Real
+    mapped: bool = False
+    steps: bool = True
+
+
+_KINDS = {
+    "model": _Kind("abi", Real(), mapped=True),
+    "lanes": _Kind("lane_abi", WIDE),
+    "clearance": _Kind("clearance_abi", WIDE, steps=False),
+    "motions": _Kind("motions_abi", WIDE),
+    "variational": _Kind("variational_abi", Real()),
+    "variational_lanes": _Kind("variational_lane_abi", WIDE),
+    "derivatives": _Kind("map_abi", Real(), mapped=True, steps=False),
+}
+
+
+def generate(equations: Equations, library: str = "model") -> Generated:
+    """The source text of one of a puppet's libraries.
+
+    Args:
+        equations: the derived equations.
+        library: one of ``fantoccini.contract.LIBRARIES``.
+    """
+    kind, names = _KINDS[library], compiled(library, bool(equations.tree.watched))
+    made = _programs(equations, library, names, kind.steps)
+    sizes = {**equations.tree.sizes, "n_packed": 0} if library == "derivatives" else None
+    main = _MAIN.format(
+        library=library.replace("_", " "),
+        members="\n".join(_member(name, kind) for name in (*names, *["column"] * kind.steps)),
+        maps="".join(_map(name) for name in names) if kind.mapped else "",
+        abi=kind.header,
+        width="1" if kind.real.type == "double" else "FAN_WIDTH",
+        **vars(kind.real),
+    )
+    files = {f"{STEM}.hpp": tables_text(equations, sizes), "main.cpp": main}
+    return assembled(made, files, real=kind.real)
+
+
+def _programs(
+    equations: Equations, library: str, names: tuple[str, ...], steps: bool
+) -> dict[str, Program]:
+    if library == "derivatives":
+        own = Derivatives(equations.tree).functions()
+    elif library.startswith("variational"):
+        own = Variational(equations).functions()
+    else:
+        own = {}
+    shared = programs(equations, [name for name in names if name not in own], columns=steps)
+    return shared | {name: program(function) for name, function in own.items()}
+
+
+def _member(name: str, kind: _Kind) -> str:
+    """A function as a member of the runtime's model."""
+    space, type_ = kind.real.space, kind.real.type
+    if name == "column":
+        return (
+            f"  static void column(int which, const {type_}** arg, {type_}** res) {{\n"
+            f"    {space}::fan_column(which, arg, res);\n  }}"
+        )
+    if not FUNCTIONS[name].standing:
+        return f"  FAN_FUNCTION({name})"
+    whole = [f"  FAN_FUNCTION({name})"] if kind.mapped else []
+    constants = f"static void {name}_constants({type_}** res)"
+    return "\n".join(
+        [
+            *whole,
+            f"  FAN_FUNCTION({name}_varying)",
+            f"  {constants} {{ {space}::fan_{name}_constants(res); }}",
+        ]
+    )
+
+
+def _map(name: str) -> str:
+    """What Python calls a function by, over whole arrays."""
+    function = FUNCTIONS[name]
+    if not function.mapped:
+        return ""
+    return f"FAN_MAP({name}, {len(function.arguments)}, {len(function.results)})\n"
+
+
+_MAIN = """\
+// A compiled puppet: its library of {library}.
+#include <cmath>
+
+#include "{header}"
+#include "model.hpp"
+
+namespace fan {{
+namespace {space} {{
+#define casadi_real {type}
+#include "model.c"
+#undef casadi_real
+}}  // namespace {space}
+
+struct Model : ModelTables {{
+#define FAN_FUNCTION(NAME)                                     \\
+  static int NAME(const {type}** arg, {type}** res) {{          \\
+    return {space}::fan_##NAME(arg, res, nullptr, nullptr, 0); \\
+  }}
+{members}
+}};
+}}  // namespace fan
+
+#include "fantoccini/{abi}.hpp"
+
+FAN_EXPORT void fan_identity(long long* out) {{ fan::identity<fan::Model>({width}, out); }}
+{maps}"""

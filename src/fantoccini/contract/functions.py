@@ -1,0 +1,361 @@
+"""Every generated function: its arguments and results, and the libraries that have it.
+
+A new quantity is one entry here and its derivation in ``equations``. Signatures of the CasADi
+functions, callers in C++, named results in Python, the C99 header and ``docs/functions.md`` come
+from it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fantoccini.contract.quantity import Quantity, Shape
+
+MODEL, LANES, CLEARANCE, MOTIONS = "model", "lanes", "clearance", "motions"
+VARIATIONAL, VARIATIONAL_LANES, DERIVATIVES = "variational", "variational_lanes", "derivatives"
+LIBRARIES = (
+    MODEL, LANES, CLEARANCE, MOTIONS, VARIATIONAL, VARIATIONAL_LANES, DERIVATIVES
+)  # fmt: skip
+"""The libraries that may be compiled of a puppet."""
+
+
+@dataclass(frozen=True)
+class Function:
+    """One generated function.
+
+    Attributes:
+        name: of the function.
+        purpose: in one sentence.
+        arguments, results: in the order in which compiled code has them.
+        libraries: that have it; those with none are evaluated by CasADi's interpreter.
+        mapped: whether Python may call it over whole arrays.
+        exported: whether the C99 export has it.
+        watch: whether only puppets have it whose drives may be too weak.
+        standing: results with many constants, which are written once.
+    """
+
+    name: str
+    purpose: str
+    arguments: tuple[Quantity, ...]
+    results: tuple[Quantity, ...]
+    libraries: tuple[str, ...] = ()
+    mapped: bool = False
+    exported: bool = False
+    watch: bool = False
+    standing: tuple[str, ...] = ()
+
+
+_FORCE, _PER_VELOCITY = "N or N m", "row's unit / s per velocity's unit"
+
+ARGUMENTS: dict[str, Quantity] = {
+    q.name: q
+    for q in (
+        Quantity("q_D", ("n_qD",), "", "dynamic configuration; quaternions of unit length"),
+        Quantity("v_D", ("n_vD",), "", "dynamic velocity"),
+        Quantity("acc_D", ("n_vD",), "", "dynamic acceleration"),
+        Quantity("q_K", ("n_qK",), "", "driven configuration; quaternions of unit length"),
+        Quantity("v_K", ("n_vK",), "", "driven velocity"),
+        Quantity("acc_K", ("n_vK",), "", "driven acceleration"),
+        Quantity("u_D", ("n_vD",), _FORCE, "user forces"),
+        Quantity("v_ahead", ("n_vD",), "", "dynamic velocity at which velocity products are taken"),
+        Quantity("dt", (), "s", "step over which damping and drag act implicitly"),
+        Quantity("lam", ("n_strings",), "N", "multipliers, minus the tensions"),
+        Quantity("tension", ("n_rows",), _FORCE, "tensions of strings, forces of limits"),
+        Quantity("wrench", (6, "n_links"), "N, N m", "force at the centre of mass, torque; world"),
+        Quantity("p", ("n_p",), "", "parameters"),
+        Quantity("L", ("n_packed",), "", "numbers of the factor M = F^T F that dynamics gives"),
+        Quantity("x", ("n_vD",), "", "any vector"),
+        Quantity("J_limit", (3, "n_limits"), "", "rows of A_D of the limits, by their joints"),
+        Quantity("x_joint", (3,), "", "the entries of a vector in the velocities of one joint"),
+        Quantity("xi", ("n_vD",), "rad or m", "tangent vector of the step"),
+        Quantity("q_mid", ("n_qK",), "", "driven configuration half-way"),
+        Quantity("v_mid", ("n_vK",), "", "driven velocity half-way"),
+        Quantity("acc_mid", ("n_vK",), "", "driven acceleration half-way"),
+    )
+}
+"""Everything that a function may take."""
+
+
+def _arguments(names: str) -> tuple[Quantity, ...]:
+    return tuple(ARGUMENTS[name] for name in names.split())
+
+
+_L = Quantity("L", ("n_packed",), "", "numbers of the factor M = F^T F, for forth and back only")
+_STRINGS: Shape = ("n_strings",)
+_FACTOR = (
+    _L,
+    Quantity("w0", ("n_vD",), "", "F^-T (u_D - c - damping - M_DK acc_K)"),
+    Quantity("W", ("n_vD", "n_strings"), "", "F^-T A_D^T"),
+    Quantity("G", ("n_strings", "n_strings"), "1/kg", "A_D M^-1 A_D^T = W^T W"),
+)
+_H = Quantity("h", _STRINGS, "m", "path length minus string length")
+_HDOT = Quantity("hdot", _STRINGS, "m/s", "its rate")
+_A0 = Quantity("a0", _STRINGS, "m/s^2", "W^T w0")
+_HDOT_K = Quantity("hdot_K", _STRINGS, "m/s", "A_K v_K, the inputs' part of hdot")
+_LIMITS = (
+    Quantity("h_limit", ("n_limits",), "", "h of the limits"),
+    Quantity("J_limit", (3, "n_limits"), "", "their rows of A_D: the entries of their own joint"),
+)
+_POWER = (
+    Quantity("power0", (), "W", "power of the inputs at acc_D = 0 without tensions"),
+    Quantity("M_DK_v_K", ("n_vD",), "", "M_DK v_K"),
+    Quantity("loss", (), "W", "power of damping and drag"),
+)
+_DYNAMICS = (
+    *_FACTOR, _H, _HDOT,
+    Quantity("gamma", _STRINGS, "m/s^2", "hddot at acc_D = 0"),
+    _A0, _HDOT_K, *_LIMITS,
+    Quantity("gamma_limit", ("n_limits",), "", "hddot of the limits at acc_D = 0"),
+    *_POWER,
+)  # fmt: skip
+_STEP = (*_FACTOR, _H, _HDOT, _A0, _HDOT_K, *_LIMITS, *_POWER)
+_STANDING = ("W", "J_limit", "M_DK_v_K")
+_ROWS = Quantity("h", ("n_rows",), "m", "path length minus string length; limits as listed")
+_Y = Quantity("y", ("n_vD",), "", "the solution")
+_STATE = _arguments("q_D v_D q_K v_K p")
+_PLACE = _arguments("q_D q_K p")
+_FULL = _arguments("q_D v_D acc_D q_K v_K acc_K tension dt p")
+_STEPPERS = (LANES, MOTIONS, VARIATIONAL, VARIATIONAL_LANES)
+
+
+def _slope(name: str, rows: str, by: str, meaning: str) -> Quantity:
+    return Quantity(name, (rows, by), "", meaning)
+
+
+_DECLARED = (
+    Function(
+        "dynamics",
+        "All that the accelerations and tensions of any set of taut strings need (Eqs. 10, 11): "
+        "acc_D = back(L, w0 + W lam), hddot = gamma + a0 + G lam, lam = -tension.",
+        _arguments("q_D v_D q_K v_K acc_K u_D p"), _DYNAMICS,
+        (MODEL,), mapped=True, exported=True, standing=_STANDING,
+    ),
+    Function(
+        "step_dynamics",
+        "The same for a step dt, with damping and drag over it in F and the velocity products of "
+        "v_ahead.",
+        _arguments("q_D v_D q_K v_K acc_K u_D v_ahead dt p"),
+        (
+            *_STEP,
+            Quantity("f_M", ("n_motors",), _FORCE, "the motors give f_M - y_M dv over the step"),
+            Quantity("y_M", ("n_motors",), "", "what they yield by a change dv of velocity"),
+        ),
+        (MODEL, LANES, MOTIONS), mapped=True, standing=_STANDING,
+    ),
+    Function(
+        "limit_rates", "hdot of the limits at a velocity.", _arguments("J_limit v_D"),
+        (Quantity("rates", ("n_limits",), "1/s", "hdot of the limits"),), (MODEL, *_STEPPERS),
+    ),
+    Function(
+        "rows", "h of strings and limits, for compiled code.", _PLACE, (_ROWS,), (MODEL,),
+        mapped=True,
+    ),
+    Function(
+        "energy", "Kinetic energy (Eq. 5) and potential energy (Eq. 6, and springs).", _STATE,
+        (
+            Quantity("T", (), "J", "kinetic energy"),
+            Quantity("V", (), "J", "potential energy"),
+        ),
+        (MODEL, LANES, VARIATIONAL, VARIATIONAL_LANES), mapped=True, exported=True,
+    ),
+    Function(
+        "effort",
+        "Force on every driven coordinate: M_KD acc_D + M_KK acc_K + c_K - A_K^T lam.",
+        _arguments("q_D v_D q_K v_K acc_D acc_K lam p"),
+        (Quantity("f_K", ("n_vK",), _FORCE, "force; of a command that of the motor it has"),),
+        (MODEL,), mapped=True, exported=True,
+    ),
+    Function(
+        "wrench_forces", "u_D of Eq. 8 from a wrench on every link.",
+        _arguments("q_D q_K wrench p"),
+        (Quantity("u_D", ("n_vD",), _FORCE, "user forces that do the same"),),
+        (MODEL,), mapped=True, exported=True,
+    ),
+    Function(
+        "poses", "World pose of every link (Eqs. 2, 3).", _PLACE,
+        (Quantity("poses", (12, "n_links"), "1, m", "R column by column, then the origin"),),
+        (MODEL, CLEARANCE, MOTIONS), mapped=True, exported=True,
+    ),
+    Function(
+        "points", "World positions of the points each string runs through.", _PLACE,
+        (Quantity("points", (3, "n_points"), "m", "x, y, z"),),
+        (MODEL, CLEARANCE, MOTIONS), mapped=True, exported=True,
+    ),
+    Function(
+        "forth", "y = F^-T x.", _arguments("L x"), (_Y,), (MODEL, *_STEPPERS), mapped=True,
+        exported=True,
+    ),
+    Function(
+        "back", "y = F^-1 x.", _arguments("L x"), (_Y,), (MODEL, *_STEPPERS), mapped=True,
+        exported=True,
+    ),
+    Function(
+        "motor_lags", "How far drives that may be too weak are from their commands.", _PLACE,
+        (
+            Quantity("at", ("n_watched",), "rad or m", "where the drive is"),
+            Quantity("told", ("n_watched",), "rad or m", "where its command wants it"),
+            Quantity("lag", ("n_watched",), "1", "lag in periods of a stepper"),
+        ),
+        (MODEL, *_STEPPERS), watch=True,
+    ),
+    Function(
+        "motor_shares", "How much of what its command asks a motor can give.",
+        _arguments("q_D v_D q_K v_K acc_K p"),
+        (Quantity("share", ("n_watched",), "1", "what it can give, relative to what is asked"),),
+        (MODEL, *_STEPPERS), watch=True,
+    ),
+    Function(
+        "node", "dynamics at a node of a variational run, and the factor with damping over dt.",
+        _arguments("q_D v_D q_K v_K acc_K u_D dt p"),
+        (
+            *_STEP,
+            Quantity("L_firm", ("n_packed",), "", "L with damping and drag over dt in it"),
+            Quantity("W_firm", ("n_vD", "n_strings"), "", "W of that factor"),
+            Quantity("G_firm", ("n_strings", "n_strings"), "1/kg", "G of that factor"),
+        ),
+        (VARIATIONAL, VARIATIONAL_LANES), standing=("W", "W_firm", "J_limit", "M_DK_v_K"),
+    ),
+    Function(
+        "midpoint_rule", "The momenta at both ends of a step by the midpoint rule.",
+        _arguments("q_D xi q_mid v_mid acc_mid q_K u_D dt p"),
+        (
+            Quantity("before", ("n_vD",), "", "momentum p_k(xi) at the step's start"),
+            Quantity("after", ("n_vD",), "", "momentum p_k+1 at its end"),
+            Quantity("q_next", ("n_qD",), "", "configuration q_k+1"),
+            Quantity("h", ("n_rows",), "m", "h of all rows there"),
+            Quantity("work_M", (), "J", "work of the motors"),
+        ),
+        (VARIATIONAL, VARIATIONAL_LANES),
+    ),
+    Function(
+        "momentum", "p_D = M_DD v_D + M_DK v_K.", _STATE,
+        (Quantity("p_D", ("n_vD",), "", "momenta of the dynamic coordinates"),),
+        (VARIATIONAL, VARIATIONAL_LANES),
+    ),
+    *(
+        Function(f"force_by_{by}", purpose, _FULL, results, (DERIVATIVES,), mapped=True)
+        for by, purpose, results in (
+            ("q", "Derivative of Eq. 10's residual r by the dynamic configuration.",
+             (_slope("r_q", "n_vD", "n_vD", "of r by tangents of q_D"),)),
+            ("v", "Derivative of r by the dynamic velocity.",
+             (_slope("r_v", "n_vD", "n_vD", "of r by v_D"),)),
+            ("K", "Derivatives of r by the driven coordinates and the parameters.",
+             (_slope("r_qK", "n_vD", "n_vK", "of r by tangents of q_K"),
+              _slope("r_vK", "n_vD", "n_vK", "of r by v_K"),
+              _slope("M_DK", "n_vD", "n_vK", "of r by acc_K"),
+              _slope("r_p", "n_vD", "n_p", "of r by the parameters"))),
+        )
+    ),
+    Function(
+        "rows_by", "A_D, A_K and the derivatives of h, hdot and hddot of strings and limits.",
+        _arguments("q_D v_D acc_D q_K v_K acc_K p"),
+        (
+            _slope("A_D", "n_rows", "n_vD", "of hdot by v_D"),
+            _slope("A_K", "n_rows", "n_vK", "of hdot by v_K"),
+            _slope("h_p", "n_rows", "n_p", "of h by the parameters"),
+            _slope("hdot_q", "n_rows", "n_vD", "of hdot by tangents of q_D"),
+            _slope("hdot_qK", "n_rows", "n_vK", "of hdot by tangents of q_K"),
+            _slope("hdot_p", "n_rows", "n_p", "of hdot by the parameters"),
+            _slope("hddot_q", "n_rows", "n_vD", "of hddot by tangents of q_D"),
+            _slope("hddot_v", "n_rows", "n_vD", "of hddot by v_D"),
+            _slope("hddot_qK", "n_rows", "n_vK", "of hddot by tangents of q_K"),
+            _slope("hddot_vK", "n_rows", "n_vK", "of hddot by v_K"),
+            _slope("hddot_p", "n_rows", "n_p", "of hddot by the parameters"),
+        ),
+        (DERIVATIVES,), mapped=True,
+    ),
+    Function(
+        "mass_matrix", "M of Eq. 8 and its blocks for the driven coordinates.", _PLACE,
+        (
+            Quantity("M", ("n_vD", "n_vD"), "", "symmetric, positive definite"),
+            Quantity("M_DK", ("n_vD", "n_vK"), "", "not zero where a driven joint moves mass"),
+            Quantity("M_KK", ("n_vK", "n_vK"), "", "symmetric"),
+        ),
+        exported=True,
+    ),
+    Function(
+        "mass_times", "M_DD acc_D.", _arguments("q_D q_K acc_D p"),
+        (Quantity("f", ("n_vD",), _FORCE, "M_DD acc_D"),),
+    ),
+    Function(
+        "coriolis",
+        "C of Eq. 8 over (v_D, v_K): C v is the velocity's part of the bias.", _STATE,
+        (Quantity("C", ("n_v", "n_v"), "", "dM/dt - 2 C is skew"),), exported=True,
+    ),
+    Function(
+        "bias", "c(q, v) of Eq. 8: Coriolis, gravity and springs, without damping and drag.",
+        _STATE, (Quantity("c", ("n_vD",), _FORCE, "bias force"),), exported=True,
+    ),
+    Function(
+        "gravity", "g(q) of Eq. 8: gradient of the potential energy.", _PLACE,
+        (Quantity("g_D", ("n_vD",), _FORCE, "gradient"),), exported=True,
+    ),
+    Function(
+        "damping", "Force of damping and drag, on the same side as the bias.", _STATE,
+        (Quantity("f", ("n_vD",), _FORCE, "force"),), exported=True,
+    ),
+    Function(
+        "constraint", "h (Eq. 9): a string is slack at h < 0 and taut at h = 0; limits likewise.",
+        _PLACE, (_ROWS,), exported=True,
+    ),
+    Function(
+        "A_D", "A_D of Eq. 10: partial derivative of hdot by v_D.", _PLACE,
+        (Quantity("A_D", ("n_rows", "n_vD"), _PER_VELOCITY, "strings, then limits"),),
+        exported=True,
+    ),
+    Function(
+        "A_K", "A_K of Eq. 10: partial derivative of hdot by v_K.", _PLACE,
+        (Quantity("A_K", ("n_rows", "n_vK"), _PER_VELOCITY, "strings, then limits"),),
+        exported=True,
+    ),
+    Function(
+        "Adot_v", "dA/dt v of Eq. 11: hddot = A_D acc_D + A_K acc_K + Adot_v.", _STATE,
+        (Quantity("Adot_v", ("n_rows",), "row's unit / s^2", "strings, then limits"),),
+        exported=True,
+    ),
+    Function(
+        "A_rate", "dA_D/dt and dA_K/dt of Eq. 11 along the velocity.", _STATE,
+        (
+            Quantity("Adot_D", ("n_rows", "n_vD"), "", "of A_D"),
+            Quantity("Adot_K", ("n_rows", "n_vK"), "", "of A_K"),
+        ),
+    ),
+    Function(
+        "body_velocity", "V^b of every link (Eq. 4).", _STATE,
+        (Quantity("V", (6, "n_links"), "m/s, rad/s", "linear, then angular, in the link's frame"),),
+        exported=True,
+    ),
+    Function(
+        "lagrangian", "L = T - V (Eq. 7).", _STATE,
+        (Quantity("lagrangian", (), "J", "T - V"),),
+    ),
+    Function(
+        "potential", "Potential energy (Eq. 6, and springs).", _PLACE,
+        (Quantity("V", (), "J", "potential energy"),),
+    ),
+    Function(
+        "kinetic", "Kinetic energy (Eq. 5).", _STATE,
+        (Quantity("T", (), "J", "kinetic energy"),),
+    ),
+)  # fmt: skip
+
+FUNCTIONS: dict[str, Function] = {f.name: f for f in _DECLARED}
+"""Every generated function, by name."""
+
+COLUMN = Function(
+    "column", "The entries of y = F^-T x that are not zero for x in one joint, by its number.",
+    _arguments("L x_joint"), (Quantity("y", ("n_vD",), "", "these entries, side by side"),),
+)  # fmt: skip
+"""One for every joint with limits: ``column(which, ...)`` in compiled code."""
+
+
+def compiled(library: str, watched: bool) -> tuple[str, ...]:
+    """Names of the functions that a library has.
+
+    Args:
+        library: one of ``LIBRARIES``.
+        watched: whether the puppet has drives whose motor may be too weak.
+    """
+    return tuple(
+        f.name for f in _DECLARED if library in f.libraries and (watched or not f.watch)
+    )

@@ -1,0 +1,22 @@
+"""A hash of the contract: what a library was compiled with must be what Python loads it with."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from functools import cache
+
+from fantoccini.contract.functions import COLUMN, FUNCTIONS
+from fantoccini.contract.quantity import SIZES
+
+
+@cache
+def digest() -> int:
+    """63 bits of names, shapes, types and codes; wording does not count."""
+    functions = [
+        [f.name, *([[q.name, q.shape] for q in part] for part in (f.arguments, f.results))]
+        for f in (*FUNCTIONS.values(), COLUMN)
+    ]
+    parts = {"sizes": list(SIZES), "functions": functions}
+    found = hashlib.sha256(json.dumps(parts, sort_keys=True).encode("ascii")).digest()
+    return int.from_bytes(found[:8], "big") >> 1

@@ -1,0 +1,59 @@
+"""The sizes of a puppet, and quantities with their shapes, units and meanings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+SIZES: dict[str, str] = {
+    "n_qD": "numbers of the dynamic configuration",
+    "n_vD": "dynamic velocities",
+    "n_qK": "numbers of the driven configuration",
+    "n_vK": "driven velocities",
+    "n_v": "velocities: dynamic, then driven",
+    "n_strings": "strings",
+    "n_limits": "limits",
+    "n_rows": "one-sided rows: strings, then limits",
+    "n_p": "parameters",
+    "n_links": "links",
+    "n_points": "points of all strings",
+    "n_motors": "velocities that motors move",
+    "n_watched": "drives whose motor may be too weak",
+    "n_packed": "numbers of the factor M = F^T F",
+}
+"""Every size of a puppet that a shape may name. ``Tree.sizes`` has all but ``n_packed``, which only
+the derived equations know."""
+
+Shape = tuple[str | int, ...]
+"""() is a number, (n,) a vector, (n, m) a matrix, stored column by column."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """An argument, a result, or a part of a row.
+
+    Attributes:
+        name: the same in Python, C++ and the docs.
+        shape: in names of ``SIZES`` and numbers.
+        unit: empty where it is plain from the coordinates.
+        meaning: in one sentence.
+    """
+
+    name: str
+    shape: Shape
+    unit: str
+    meaning: str
+
+    def dimensions(self, sizes: Mapping[str, int]) -> tuple[int, ...]:
+        """The shape in numbers."""
+        return tuple(n if isinstance(n, int) else sizes[n] for n in self.shape)
+
+    def numel(self, sizes: Mapping[str, int]) -> int:
+        """How many numbers it has."""
+        return math.prod(self.dimensions(sizes))
+
+    @property
+    def described(self) -> str:
+        """Its meaning and unit."""
+        return f"{self.meaning} [{self.unit}]" if self.unit else self.meaning

@@ -1,0 +1,48 @@
+"""What a run writes: its rows and events, and the parts of a batch's rows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from fantoccini.contract.functions import ARGUMENTS
+from fantoccini.contract.quantity import Quantity
+
+ROW: tuple[Quantity, ...] = (
+    Quantity("t", (), "s", "time"),
+    *(ARGUMENTS[name] for name in ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K", "tension")),
+    Quantity("taut", ("n_rows",), "1", "1 where the row holds, 0 elsewhere"),
+    Quantity("kinetic", (), "J", "kinetic energy"),
+    Quantity("potential", (), "J", "potential energy"),
+    Quantity("work", (), "J", "work of the inputs"),
+    Quantity("damping", (), "J", "lost to damping and drag"),
+    Quantity("impact", (), "J", "lost at catches"),
+    Quantity("slip_loss", (), "J", "lost by slipping winches"),
+    Quantity("slip", ("n_strings",), "m", "what the winches have let out"),
+)
+"""A row of a run."""
+
+EVENT: tuple[Quantity, ...] = (
+    Quantity("t", (), "s", "time"),
+    Quantity("kind", (), "1", "an EventCode"),
+    Quantity("row", (), "1", "of the row or, behind the rows, of the drive; -1 for none"),
+    Quantity("impulse", (), "N s or N m s", "of a catch"),
+    Quantity("speed", (), "m/s or rad/s", "hdot before a catch"),
+)
+"""An event of a run."""
+
+BOOKS = ("kinetic", "potential", "work", "damping", "impact", "slip_loss")
+"""Parts of a row that a batch gives as one, ``books``."""
+
+PARTS: tuple[Quantity, ...] = (
+    *ROW[1:7],
+    Quantity("force", ("n_rows",), "N or N m", "tensions of strings, forces of limits"),
+    Quantity("taut", ("n_rows",), "1", "whether the row holds"),
+    Quantity("books", (len(BOOKS),), "J", "energies, work and losses"),
+    ROW[-1],
+)
+"""Parts of a batch's rows, in the order of a row behind its time."""
+
+
+def width(parts: Iterable[Quantity], sizes: Mapping[str, int]) -> int:
+    """How many numbers some parts have together."""
+    return sum(part.numel(sizes) for part in parts)
