@@ -15,6 +15,7 @@ NEEDED = (
     "casadi",
     "coal",
     "imageio-ffmpeg",
+    "lazy-loader",
     "matplotlib",
     "numpy",
     "platformdirs",
