@@ -1,11 +1,8 @@
-"""Griffe extension: docstrings as this project writes them -> what mkdocstrings reads."""
+"""Docstrings as this project writes them -> Markdown that mkdocstrings reads."""
 
 from __future__ import annotations
 
 import re
-from typing import Any
-
-from griffe import Extension, Object
 
 ROLE = re.compile(r":(?:class|func|meth|mod|data|attr):`~?([^`]+)`")
 """A reference such as ``:func:`simulate```."""
@@ -22,15 +19,8 @@ def split(match: re.Match[str]) -> str:
 
 
 def rewritten(text: str) -> str:
-    """The docstring's text with plain code for roles and one entry for each argument."""
-    head, mark, rest = ROLE.sub(r"`\1`", text).partition("Args:")
+    """The docstring's text as Markdown, with one entry for each argument."""
+    text = ROLE.sub(r"`\1`", text).replace("::\n\n", ":\n\n")
+    head, mark, rest = text.partition("Args:")
     arguments, end, rest = rest.partition("\n\n")
     return head + mark + SHARED.sub(split, arguments) + end + rest
-
-
-class Docstrings(Extension):
-    """Rewrites every docstring before it is parsed."""
-
-    def on_object(self, *, obj: Object, **_: Any) -> None:
-        if obj.docstring:
-            obj.docstring.value = rewritten(obj.docstring.value)

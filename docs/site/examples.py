@@ -39,7 +39,13 @@ class Executed:
 
     @property
     def title(self) -> str:
-        return re.split(r"[:.](?:\s|$)", self.text)[0]
+        """The file's name in words."""
+        return re.sub(r"^\d+_", "", self.file.stem).replace("_", " ").capitalize()
+
+    @property
+    def summary(self) -> str:
+        """The docstring's first paragraph, without the list of files."""
+        return self.text.split("\n\n")[0].split("Writes out/")[0].strip()
 
     @property
     def pictures(self) -> tuple[Path, ...]:
@@ -92,9 +98,9 @@ def index(examples: list[Executed]) -> str:
     """The list of all examples, each with its first picture."""
     cards = []
     for one in examples:
-        picture = f"![]({one.pictures[0].name})" if one.pictures else ""
-        link = f"[{one.title}]({one.file.stem}.md)"
-        cards.append(f"-   {picture}\n\n    **{link}**\n")
+        picture = f"![{one.title}]({one.pictures[0].name})\n\n    " if one.pictures else ""
+        summary = " ".join(one.summary.split())
+        cards.append(f"-   {picture}**[{one.title}]({one.file.stem}.md)**\n\n    {summary}\n")
     return (
         "# Examples\n\nPick the example closest to your problem and change it. Each is one file that "
         "runs by itself; the output and the pictures were made when this site was built.\n\n"

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from docs.site import examples, reference
+from docs.site.links import PAGES, ROOT, for_site
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
-
-from docs.site import examples, reference
-from docs.site.links import PAGES, ROOT, for_site
 
 GENERATED = ("examples/", "api/")
 SOURCES = {page: file for file, page in PAGES.items()}

@@ -31,8 +31,10 @@ TITLES = {
 WHOLE = ("puppets", "planning", "view", "puppet", "exchange")
 """Packages whose exported names are all documented."""
 
+FIRST = ("Marionette", "load", "loads", "State", "Input", "Trajectory", "simulate", "Performance")
+"""Names that lead their page; the others follow as exported."""
+
 MORE = {
-    "puppets": ("names", "path"),
     "marionette": ("warnings", "input_warnings"),
     "equations": ("printing.printable",),
     "tree": ("measure", "Size"),
@@ -65,7 +67,7 @@ def paths() -> dict[str, list[str]]:
     first = top_level()
     found: dict[str, list[str]] = {}
     for package in TITLES:
-        names = first.get(package, [])
+        names = sorted(first.get(package, []), key=lambda name: name not in FIRST)
         rest = exported(package) if package in WHOLE else list(MORE.get(package, ()))
         found[package] = [f"fantoccini.{name}" for name in names]
         found[package] += [f"fantoccini.{package}.{name}" for name in rest if name not in names]
