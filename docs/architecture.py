@@ -172,8 +172,8 @@ ends](pictures/pipeline.svg)
 
 A puppet goes through the upper row once. `puppet` reads the file, `tree` orders its links and
 coordinates, `equations` derives the equations of motion symbolically, `codegen` writes them as C++,
-and `build` compiles them together with the runtime's headers in `cpp/`. The library is cached by the
-hash of everything it depends on, so a puppet that was compiled before loads without derivation.
+and `build` compiles them together with the runtime's headers in `cpp/`. The library is cached by
+the hash of everything it depends on, so a known puppet loads without derivation.
 
 `runtime` calls the library; no other package uses ctypes. A `Marionette` holds the tree, the
 equations and the libraries. It computes functions of a state; `simulation` computes runs. States,

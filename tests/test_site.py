@@ -66,9 +66,7 @@ def test_a_page_opens_with_a_title_and_a_sentence(page):
 
 
 def test_links_are_rewritten_for_the_site():
-    text = (
-        "[a](docs/live.md#replay) [b](LICENSE) [c](examples/1.py) ![d](docs/pictures/e.png)"
-    )
+    text = "[a](docs/live.md#replay) [b](LICENSE) [c](examples/1.py) ![d](docs/pictures/e.png)"
     assert for_site(text, "README.md") == (
         "[a](live.md#replay) b [c](examples/1.md) ![d](pictures/e.png)"
     )
@@ -100,7 +98,8 @@ def test_the_reference_has_the_names_that_the_guide_uses(page):
 def test_a_docstring_becomes_markdown():
     text = "As :func:`simulate`::\n\n    code\n\nArgs:\n    a, b: two.\n\nRaises:\n    A, B: no."
     assert rewritten(text) == (
-        "As `simulate`:\n\n    code\n\nArgs:\n    a: see `b`.\n    b: two.\n\nRaises:\n    A, B: no."
+        "As `simulate`:\n\n    code\n\nArgs:\n    a: see `b`.\n    b: two.\n\n"
+        "Raises:\n    A, B: no."
     )
 
 

@@ -102,7 +102,7 @@ def index(examples: list[Executed]) -> str:
         summary = " ".join(one.summary.split())
         cards.append(f"-   {picture}**[{one.title}]({one.file.stem}.md)**\n\n    {summary}\n")
     return (
-        "# Examples\n\nPick the example closest to your problem and change it. Each is one file that "
-        "runs by itself; the output and the pictures were made when this site was built.\n\n"
+        "# Examples\n\nPick the example nearest to your problem and change it. Each is one file "
+        "that runs by itself; the output and the pictures were made when this site was built.\n\n"
         '<div class="grid cards" markdown>\n\n' + "\n".join(cards) + "\n</div>\n"
     )
