@@ -54,11 +54,16 @@ class Executed:
     def page(self) -> str:
         """The example's page."""
         code = self.file.read_text(encoding="utf-8").split('"""', 2)[2].strip()
+        data = "".join(
+            f"## {path.name}\n\n```yaml\n{path.read_text(encoding='utf-8').strip()}\n```\n\n"
+            for path in sorted(FOLDER.glob("*.yaml"))
+            if f'"{path.name}"' in code
+        )
         pictures = "\n\n".join(f"![{p.stem}]({p.name})" for p in self.pictures)
         return (
             f"# {self.title}\n\n{self.text}\n\nRun it: `python examples/{self.file.name}`\n\n"
             f"## Source\n\n```python\n{code}\n```\n\n"
-            f"## Output\n\n```text\n{self.output.rstrip()}\n```\n\n{pictures}\n"
+            f"## Output\n\n```text\n{self.output.rstrip()}\n```\n\n{pictures}\n\n{data}"
         )
 
 
