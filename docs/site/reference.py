@@ -34,6 +34,9 @@ WHOLE = ("puppets", "planning", "view", "puppet", "exchange")
 FIRST = ("Marionette", "load", "loads", "State", "Input", "Trajectory", "simulate", "Performance")
 """Names that lead their page; the others follow as exported."""
 
+ENUMERATIONS = ("EventKind", "PlanStatus", "PolishStatus", "Status")
+"""Names whose members explain themselves, without a docstring each."""
+
 MORE = {
     "marionette": ("warnings", "input_warnings"),
     "equations": ("printing.printable",),
@@ -76,7 +79,13 @@ def paths() -> dict[str, list[str]]:
 
 def page(package: str, names: list[str]) -> str:
     """The reference of one package."""
-    return f"# {TITLES[package]}\n\n" + "\n".join(f"::: {name}\n" for name in names)
+    parts = [f"# {TITLES[package]}\n"]
+    for name in names:
+        parts.append(f"::: {name}")
+        if name.split(".")[-1] in ENUMERATIONS:
+            parts.append("    options: {show_if_no_docstring: true}")
+        parts.append("")
+    return "\n".join(parts)
 
 
 def index() -> str:
