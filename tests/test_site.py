@@ -111,6 +111,7 @@ def test_an_examples_key_follows_its_source(tmp_path):
 
 
 def test_the_architecture_page_is_the_one_that_is_written():
+    """`make architecture` writes both anew."""
     assert architecture.PAGE.read_text(encoding="utf-8") == architecture.page()
     assert architecture.PICTURE.read_text(encoding="utf-8") == architecture.drawing()
 
