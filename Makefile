@@ -7,8 +7,8 @@ OLDER := .venv-mujoco317
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo show test test-portable gallery bench bench-plan soak soak-rests strings-report
-.PHONY: growth-report long-runs-report
+.PHONY: demo show test test-portable gallery docs architecture bench bench-plan
+.PHONY: soak soak-rests strings-report growth-report long-runs-report
 .PHONY: reduction-report reports lint wheel clean
 .NOTPARALLEL:
 
@@ -27,6 +27,13 @@ test-portable: $(VENV)/stamp-test
 
 gallery: $(VENV)/stamp-demo
 	$(BIN)/python -m docs.gallery
+
+# The site, in build/site; the examples run when they or the package have changed.
+docs: $(VENV)/stamp-docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
+
+architecture: $(VENV)/stamp-demo
+	$(BIN)/python -m docs.architecture
 
 bench: $(VENV)/stamp-bench $(OLDER)/stamp
 	$(BIN)/python -m benchmarks.speed
@@ -76,6 +83,10 @@ $(VENV)/stamp-demo: pyproject.toml $(VENV)/stamp-venv
 $(VENV)/stamp-test: pyproject.toml $(VENV)/stamp-venv
 	$(PIP) --editable '.[test]'
 	sh .ci/test-packages
+	touch $@
+
+$(VENV)/stamp-docs: pyproject.toml $(VENV)/stamp-venv
+	$(PIP) --editable '.[docs]'
 	touch $@
 
 $(VENV)/stamp-bench: pyproject.toml $(VENV)/stamp-venv

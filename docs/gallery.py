@@ -171,16 +171,16 @@ def page() -> str:
 
 _HEAD = """# Gallery
 
-Every bundled puppet, drawn and filmed by `make gallery` without a GPU or a display. Colour on a
-string is its tension, grey is a slack string. The commands run in the repository's root; they film
-at full size. The motions lie in
-[`performances`](../src/fantoccini/puppets/performances) as files to read and change.
+See here every bundled puppet in motion, and the command that makes each film. `make gallery` draws
+the page without a GPU or a display. The colour of a string is its tension; grey is slack. Run the
+commands in the root of the repository; they film at full size. The motions are files in
+[`performances`](../src/fantoccini/puppets/performances), to read and change.
 """
 
 _PLAN = """## A plan: arm3d_boxes
 
 The paper's planning problem: from hanging, past two boxes, to rest with the hand lifted. Dots are
-the nodes of the search tree, the line is the way taken; [planning.md](planning.md) tells more.
+the nodes of the search tree, the line is the path taken; see [Planning](planning.md).
 
 ![arm3d_boxes: film](pictures/gallery/arm3d_boxes.gif)
 

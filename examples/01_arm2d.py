@@ -1,4 +1,4 @@
-"""The paper's arm (Fig. 2): its equations as numbers, a lift, and the plot of the lift.
+"""Evaluate the equations of the paper's arm (Fig. 2), lift it, and plot the lift.
 
 Writes out/arm2d.png and out/arm2d.npz.
 """

@@ -1,4 +1,4 @@
-"""The bundled marionette greets, steps and bows: 25 degrees of freedom on seven strings.
+"""Run the bundled marionette's performance: it greets, steps and bows, 25 DOF on seven strings.
 
 Writes out/greeting.png (poses), out/greeting_plot.png (tensions, modes, energy) and
 out/greeting.csv. ``fantoccini demo`` makes a film of the same run.

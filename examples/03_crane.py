@@ -1,6 +1,6 @@
-"""A crane moves a load sideways and hoists it: how much does it sway, what does the cable carry?
+"""Move and hoist a load with a crane: how much does it sway, and what does the cable carry?
 
-Two moves over the same distance, one brisk and one gentle.
+Compares a brisk and a gentle move over the same distance.
 Writes out/crane.png.
 """
 

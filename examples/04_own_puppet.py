@@ -1,4 +1,4 @@
-"""A puppet of one's own: bird.yaml, beside this file, flaps its wings and moves forward.
+"""Load your own puppet: bird.yaml, next to this file, flaps its wings and moves forward.
 
 Writes out/bird.png and out/bird.npz.
 """

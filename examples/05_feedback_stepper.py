@@ -1,7 +1,7 @@
-"""Feedback: a hand is held at its height while the string's end wanders sideways.
+"""Close a feedback loop: hold a hand at its height while the end of the string moves sideways.
 
-A law that sees the state is asked for the winch's acceleration 100 times a second. Without it the
-hand rises and falls with the string's end. Writes out/feedback.csv.
+A control law receives the state and returns the winch's acceleration, 100 times a second. Without
+it the hand rises and falls with the string's end. Writes out/feedback.csv.
 """
 
 from pathlib import Path

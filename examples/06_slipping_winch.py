@@ -1,7 +1,7 @@
-"""Two hands pull a load farther than its strings reach: without a slipping winch, and with one.
+"""Pull a load farther than its strings reach, without and with a slipping winch.
 
-Without one no motion exists, and the run stops and names the strings. With one the winch lets out
-what is missing and takes it back. With an integrator of SciPy the run ends in the same place.
+Without one no motion exists: the run stops and names the strings. With one the winch lets out the
+missing length and takes it back. An integrator of SciPy ends the run in the same place.
 Writes out/winch.png.
 """
 

@@ -1,7 +1,7 @@
-"""How the marionette swings by itself, and which hands make it swing.
+"""Find the swing modes of the marionette, and the hands that excite them.
 
-Lists its modes at rest, then moves the ends of both shoulder strings to and fro by 4 mm at the
-frequency of one of them and compares the growth with what the linear theory says.
+Lists the modes at rest, then moves the ends of both shoulder strings to and fro by 4 mm at the
+frequency of one mode, and compares the growth with linear theory.
 Writes out/swing.png.
 """
 

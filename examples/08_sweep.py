@@ -1,7 +1,7 @@
-"""How fast may a winch lift the arm? A grid of speeds and masses, and noise on the start.
+"""Sweep a grid: how fast may a winch lift the arm, over speeds, masses and a noisy start?
 
 A sweep runs a study for every case, on all cores; with on="ray" the same call runs on a cluster. It
-keeps its cases in a folder and goes on where it was stopped. Writes out/sweep.csv and
+stores its cases in a folder and resumes after an interruption. Writes out/sweep.csv and
 out/sweep.png.
 """
 

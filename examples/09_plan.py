@@ -1,7 +1,7 @@
-"""The paper's Section VII: an arm on one string is planned past two boxes.
+"""Plan a motion past obstacles: the paper's Section VII, an arm on one string and two boxes.
 
 The dots are the hand at every state of the search tree, as in the paper's Fig. 4; the line is the
-way that was found. Then a marionette's hand past a lamp to a bell. Writes out/plan_arm.png,
+path found. Then a marionette's hand moves past a lamp to a bell. Writes out/plan_arm.png,
 out/plan_bell.png and out/plan_bell.npz.
 """
 

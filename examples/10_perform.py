@@ -1,7 +1,7 @@
-"""A performance without a page: hands are moved, it is recorded, replayed and edited.
+"""Play a puppet from Python: move its hands, record, replay and edit the performance.
 
-The control bar of the marionette is moved and tilted as a hand would, then thrown farther than a
-hand can follow. Writes out/performance.npz, out/encore.npz and out/performance.png.
+The control bar of the marionette is moved and tilted as a hand would, then thrown farther than the
+puppet can follow. Writes out/performance.npz, out/encore.npz and out/performance.png.
 """
 
 from pathlib import Path

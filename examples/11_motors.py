@@ -1,7 +1,7 @@
-"""The paper's arm on a winch with a stepper motor: strong enough, and pulled out of step.
+"""Drive a winch with a stepper motor: strong enough, and too weak to keep step.
 
-The kinematic model moves the string as it is told. Here a rotor with a gear and a drum winds it:
-the holding torque decides whether the arm follows. A weak motor lifts it and drops it, pole by
+The kinematic model moves the string exactly. Here a rotor with a gear and a drum winds it, and the
+holding torque decides whether the arm follows. A weak motor lifts the arm and drops it, pole by
 pole. Writes out/motors.png.
 """
 

@@ -18,6 +18,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from docs import architecture
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "src" / "fantoccini"
@@ -139,6 +140,11 @@ INTERNAL = [i for i in ALL_IMPORTS if i.name.split(".")[0] == "fantoccini"]
 def test_every_module_has_its_place_in_the_order():
     known = {*ORDER, *EXEMPT}
     assert [f.name for f in modules() if owner_of(f) not in known] == []
+
+
+def test_the_architecture_page_describes_every_package_in_order():
+    """18.7: one sentence for each."""
+    assert tuple(architecture.PACKAGES) == ORDER
 
 
 def test_a_module_imports_only_from_those_before_it():

@@ -95,14 +95,6 @@ def test_the_readmes_commands_run(folder):
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
-def test_links_lead_somewhere(page):
-    text = page.read_text(encoding="utf-8")
-    for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", text):
-        if not target.startswith(("http://", "https://")):
-            assert (page.parent / target).exists(), target
-
-
 def test_the_readme_opens_with_the_two_commands():
     first = blocks(ROOT / "README.md", "(?:sh|console)?")[0]
     assert [line.split("#")[0].strip() for line in first.splitlines()] == ["make demo", "make test"]

@@ -23,7 +23,7 @@ def table(title: str) -> list[list[str]]:
 def test_the_page_is_whole_and_names_its_command():
     text, makefile = PAGE.read_text(encoding="utf-8"), (ROOT / "Makefile").read_text("utf-8")
     sections = [
-        "What came out", "The structure, (a)", "Exact tracking, (b)", "Catches, (b)",
+        "Results", "The structure, (a)", "Exact tracking, (b)", "Catches, (b)",
         "Bandwidth, (c)", "A string with mass, (c)", "Strings as chains", "Measured on",
     ]  # fmt: skip
     assert re.findall(r"^## (.*)$", text, re.MULTILINE) == sections
@@ -36,7 +36,7 @@ def test_the_page_is_whole_and_names_its_command():
 
 
 def test_the_claims_are_those_of_the_puppets():
-    found = {row[0]: row[1:] for row in table("## What came out")}
+    found = {row[0]: row[1:] for row in table("## Results")}
     assert tuple(found) == PUPPETS
     for name in BUNDLED:
         assert found[name] == ["holds"] * 4 + ["**fails**"]

@@ -146,10 +146,10 @@ def _strings(size: Size) -> int:
 _TITLE = {"chain": "A chain", "bushy": "A tree in which every body carries two"}
 
 _OPENING = (
-    "How derivation, compilation, evaluation and memory grow with a puppet's size. The puppets are "
-    "capsules on damped hinges with three kinds of axes, one of them oblique, hung from three "
-    "strings with driven lengths: a chain, and a bushy tree. Exponents are slopes through the "
-    f"logarithms from {FITTED} DOF on.",
+    "See here how derivation, compilation, evaluation and memory grow with a puppet's size. The "
+    "puppets are capsules on damped hinges with three kinds of axes, one of them oblique, hung "
+    "from three strings with driven lengths: a chain, and a bushy tree. Exponents are slopes in "
+    f"the logarithms from {FITTED} DOF on.",
     "`operations`: additions, products, roots and so on of one exact evaluation: the numbers from "
     "which the accelerations and all tensions follow, the powers of the ledger and the limits "
     "included. `derive`: processor time from the tree to the text. `compile`: by the clock, pieces "

@@ -49,8 +49,8 @@ def told(what: str, table: Table) -> str:
 PAGE = """\
 # Long runs and large steps, measured
 
-What the [variational integrator](variational.md) does beside the other methods.
-`make long-runs-report` measures everything and writes this page.
+See here how the [variational integrator](variational.md) compares with the other methods in energy,
+order and cost. `make long-runs-report` measures everything and writes this page.
 
 ## Energy
 

@@ -212,7 +212,8 @@ def lanes(n: int = 64, dt: float = 0.01) -> str:
     one = np.mean([step_time(puppet, x, "variational", dt, round(2.0 / dt)) for x in starts[:8]])
     return (
         f"In a batch of {n}, in lanes on one thread, a step at {1e3 * dt:g} ms takes {own:.1f} us "
-        f"a trajectory, beside {one:.1f} us of those by themselves: {one / own:.1f} times as fast."
+        f"per trajectory, compared with {one:.1f} us for single runs: {one / own:.1f} times as "
+        "fast."
     )
 
 

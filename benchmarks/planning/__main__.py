@@ -12,9 +12,9 @@ from . import absorbed, own, peers
 from .marks import Mark, marks_table
 
 OPENING = (
-    "How fast plans are found, how good they are, and whether they hold when they are simulated in "
-    "another way. `make bench-plan` measures all of it in one run and writes this page. All seeds "
-    "count, from 0 on."
+    "See here how fast plans are found, how good they are, and whether they hold in other "
+    "simulations. `make bench-plan` measures everything in one run and writes this page. All seeds "
+    "from 0 on count."
 )
 
 

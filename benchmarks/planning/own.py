@@ -136,8 +136,8 @@ def better_plans(seeds: int) -> tuple[Section, list[Mark]]:
         curve.append([f"{seconds:g} s", *(f"{x:.3f}" for x in np.quantile(best, [0.5, 0.1, 0.9]))])
     section = Section("Better plans within a second")
     section.parts += [
-        "Time of the shortest plan beside that of the first one, so long after it (new trees whose "
-        "plans must cost less, where a catch costs 3 s): median, and the middle 80 %.",
+        "Duration of the shortest plan relative to the first plan's, after a further search in new "
+        "trees whose plans must cost less (a catch costs 3 s): median, and the middle 80 %.",
         Table(["after", "median", "10 %", "90 %"], curve),
         f"Then it is polished. Over {seeds} seeds the plan at the end lasts "
         f"{np.median([p.duration for p in plans]):.2f} s (first: "
@@ -154,7 +154,7 @@ def better_plans(seeds: int) -> tuple[Section, list[Mark]]:
     seconds = [p.seconds for p in plans]
     return section, [
         Mark("improved: end within 1e-3 of the goal", share(near), 100.0, "%", True),
-        Mark("improved: median time beside the first plan's", np.median(ratios), 0.6, ""),
+        Mark("improved: median duration relative to the first plan's", np.median(ratios), 0.6, ""),
         Mark("improved: tensions at least 0", share(pulling), 100.0, "%", True),
         Mark("improved: median seconds in all", float(np.median(seconds)), 1.0, "s"),
     ]

@@ -32,21 +32,21 @@ def section(seeds: int, limit: float) -> Section:
     problem = fan.load_problem("arm3d_boxes")
     whole, easy = _rows(problem, seeds, limit, []), _rows(easier(problem), seeds, limit, ["--easy"])
     if not whole or not easy:
-        return Section("Beside OMPL", ["OMPL was not installed."])
+        return Section("Compared with OMPL", ["OMPL was not installed."])
     text = (
         f"`arm3d_boxes` at tolerance 0.25, {seeds} seeds, {limit:g} s for each. OMPL's segments "
         f"are ours: constant accelerations for {LOOKS[0]} to {LOOKS[1]} looks of 20 ms; its states "
         "are propagated by our compiled time-stepper, or by MuJoCo with steps as long, and "
-        "clearances, ranges, speeds and slack strings are looked at alike. One thread: OMPL's "
-        "control planners have no more. The last column is the median time of a search, one that "
-        "found nothing counted with the time it was given, beside that of `explore`: where fewer "
-        "than half found a plan, the ratio is larger than that."
+        "clearances, ranges, speeds and slack strings are checked in the same way. One thread, as "
+        "OMPL's control planners have no more. The last column is the ratio of the median search "
+        "time to that of `explore`. A search without a plan counts with its time limit, so if "
+        "fewer than half found one, the true ratio is larger."
     )
     more = (
         "The same arm, start and goal without the boxes, with a string that may go slack, and at "
         "twice the tolerance, where OMPL's planners find plans too:"
     )
-    return Section("Beside OMPL", [text, Table(HEADER, whole), more, Table(HEADER, easy)])
+    return Section("Compared with OMPL", [text, Table(HEADER, whole), more, Table(HEADER, easy)])
 
 
 def _rows(problem: fan.Problem, seeds: int, limit: float, changes: list[str]) -> list[list[str]]:

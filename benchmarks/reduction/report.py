@@ -116,12 +116,12 @@ def massive(reports: Sequence[ReductionReport]) -> Table:
 TEXT = """\
 # The mixed model, checked
 
-The paper takes driven coordinates as inputs and leaves out the mechanism that moves them. Its
-Section VI ("Validity of mixed kinematic-dynamic modeling") argues why. `fantoccini
-validate-reduction FILE` makes an experiment of that argument for any puppet; this page holds its
-figures for some. `make reports` measures everything and writes the page.
+See here whether the paper's mixed model is valid for several puppets. The paper treats driven
+coordinates as inputs and leaves out the mechanism that moves them; its Section VI ("Validity of
+mixed kinematic-dynamic modeling") argues why. `fantoccini validate-reduction FILE` tests that
+argument on any puppet. `make reports` measures everything and writes this page.
 
-## What came out
+## Results
 
 Every driven coordinate gets a drive as heavy as the puppet, so that q = [q_D, q_M] of the full
 model. `boom` is a two-link arm on a driven carriage, its tip on a winch; the others are bundled.

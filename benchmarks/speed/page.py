@@ -7,12 +7,11 @@ from .figures import Chapter, goals_table
 from .peers import Peers
 
 OPENING = (
-    "How fast fantoccini is, beside MuJoCo, Pinocchio and Drake on the same puppet. `make bench` "
-    "installs them beside it, measures everything in one run and writes this page; they are in "
-    "the extra `bench` and no part of an installation. Figures of one run belong together: "
-    "what is compared is timed in turns and ratios are taken turn by turn, so they say more than "
-    "the times, which are those of one machine. Every figure is the median, with the "
-    "least and the greatest."
+    "Find here the speed of fantoccini compared with MuJoCo, Pinocchio and Drake on the same "
+    "puppet. `make bench` installs them from the extra `bench`, measures everything in one run and "
+    "writes this page. Programs that are compared are timed in turns, and ratios are taken turn by "
+    "turn, so the ratios are more reliable than the times of this one machine. Every figure is the "
+    "median, with the minimum and the maximum."
 )
 
 

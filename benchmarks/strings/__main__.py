@@ -31,9 +31,9 @@ SECTIONS = {
 
 
 OPENING = (
-    "How exactly fantoccini follows strings that go slack and snap taut: against closed forms, "
-    "against independent integrations by SciPy at 1e-13, beside MuJoCo and beside two classical "
-    "methods. Errors are absolute and in SI units unless said otherwise. `event` and "
+    "See here how accurately fantoccini simulates strings that go slack and snap taut, compared "
+    "with closed forms, with independent integrations by SciPy at 1e-13, with MuJoCo and with two "
+    "classical methods. Errors are absolute and in SI units unless stated otherwise. `event` and "
     "`timestepping` are the methods of `fan.simulate`; see [what is computed](physics.md). "
     "`make strings-report` measures everything and writes this page."
 )

@@ -75,7 +75,7 @@ def section() -> Section:
     """Tables of both, and a picture."""
     resting = courses(0.0, -LENGTH, REST_SECONDS)
     falling = courses(DROP_X, 0.0, DROP_SECONDS)
-    out = Section("5. At rest, and caught: beside MuJoCo")
+    out = Section("5. At rest, and caught: compared with MuJoCo")
     rows = []
     for name, course in resting.items():
         late = course.tension[course.t > 1.0]

@@ -1,0 +1,324 @@
+"""``python -m docs.architecture``: writes docs/architecture.md and the drawing of the pipeline."""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "src" / "fantoccini"
+PAGE = ROOT / "docs" / "architecture.md"
+PICTURE = ROOT / "docs" / "pictures" / "pipeline.svg"
+
+PACKAGES = {
+    "errors": "Errors that name the place and the remedy, and the statuses a run can end with.",
+    "arrays": "Type aliases for arrays, named after their shape.",
+    "puppet": "The puppet schema: reads, checks and writes YAML files.",
+    "world": "Puppets, obstacles and floor that stand together.",
+    "tree": "Links in topological order, one-sided rows, and the coordinate table.",
+    "equations": "Derives Eqs. 1 to 11 symbolically with CasADi, from the tree.",
+    "codegen": "Writes the equations as C++ for this machine, or as C99 for export.",
+    "build": "Compiles generated code and keeps it in the cache; the only user of a compiler.",
+    "motion": "States, inputs, trajectories and events: plain data, and their files.",
+    "runtime": "Loads the compiled library and calls it through ctypes.",
+    "marionette": "The user's object: the puppet with its equations, library and analyses.",
+    "puppets": "The bundled puppets, and performances for them.",
+    "simulation": "Runs, batches and their sensitivities.",
+    "reduction": "Compares the mixed model with the puppet on drives (the paper's Section VI).",
+    "sweeps": "One study over many cases, on threads or a Ray cluster, with a store.",
+    "demo": "Inputs of the bundled performance.",
+    "perform": "The live engine: targets of hands become inputs in real time; recordings.",
+    "exchange": "Translates puppets to MuJoCo's format, and runs them there.",
+    "planning": "Searches for inputs that reach a goal, improves them, follows them with LQR.",
+    "view": "Pictures, plots and films without a display.",
+    "web": "The page in the browser: live play, replay, plans, one-file export.",
+    "cli": "The command `fantoccini`.",
+}
+"""One sentence for each package, in the order in which packages may import each other."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """An extension and the files it touches.
+
+    Attributes:
+        title: what is added.
+        steps: (what to do, files relative to ``src/fantoccini``, or to the repository where they
+            begin with a slash).
+    """
+
+    title: str
+    steps: tuple[tuple[str, tuple[str, ...]], ...]
+
+
+TASKS = (
+    Task("a quantity, evaluated for a state", (
+        ("list its arguments in `ANALYSIS_INPUTS` and return its expression from `_NAME`",
+         ("equations/functions.py",)),
+        ("derive it, if the system does not have it yet", ("equations/system.py",)),
+        ("add the method that users call", ("marionette/analysis.py",)),
+        ("describe it, if it is exported as C", ("codegen/contract.py",)),
+    )),
+    Task("a joint type", (
+        ("schema: the type, its keys, and the words of other programs for it",
+         ("puppet/joint.py", "puppet/words.py", "puppet/check_coordinates.py")),
+        ("its mirror image", ("puppet/mirror.py",)),
+        ("its coordinates, and its pose as numbers",
+         ("tree/joints.py", "tree/placement.py", "tree/inertia.py")),
+        ("motion subspace and relative motion",
+         ("equations/kinematics.py", "equations/inertia.py", "equations/coriolis.py")),
+        ("spring and limits, if it has any", ("equations/system.py", "equations/rows.py")),
+        ("how a hand moves it, what a planner may ask of it",
+         ("perform/handle.py", "planning/feasible.py")),
+        ("its counterpart in MuJoCo", ("exchange/joints.py", "exchange/mjcf_model.py")),
+    )),
+    Task("a kind of string that is a constraint (as a wire)", (
+        ("schema: its keys, and which of them exclude each other", ("puppet/schema.py",)),
+        ("its row", ("tree/structure.py", "tree/construction.py", "equations/rows.py")),
+        ("a flag of the generated model, which the solvers read",
+         ("codegen/model.py", "cpp/fantoccini/evaluation.hpp", "cpp/fantoccini/active_set.hpp")),
+        ("bounds on its tension for the functions of a state", ("marionette/handle.py",)),
+        ("show it, translate it or refuse it", ("cli/info.py", "exchange/mjcf_model.py")),
+    )),
+    Task("a kind of string that is a force (as a chain)", (
+        ("schema: its keys", ("puppet/schema.py", "puppet/chain.py")),
+        ("its row, and links if it has masses",
+         ("tree/structure.py", "tree/construction.py", "tree/chains.py")),
+        ("energy and gradient", ("equations/elastic.py",)),
+        ("the longest stable step", ("marionette/checks.py",)),
+        ("draw it, translate it or refuse it", ("view/scene.py", "exchange/mjcf_model.py")),
+    )),
+    Task("a method of integration", (
+        ("the step, and a header that exports it to Python",
+         ("cpp/fantoccini/variational.hpp", "cpp/fantoccini/variational_abi.hpp")),
+        ("a library of its own", ("codegen/variational.py", "marionette/compiled.py")),
+        ("its name, and what it requires of a start", ("marionette/checks.py",)),
+        ("its options, and how its runs are judged", ("simulation/run.py", "simulation/many.py")),
+        ("its name on the command line", ("cli/options.py",)),
+    )),
+    Task("a bundled puppet", (
+        ("the file, and a function of the same name",
+         ("puppets/arm2d.yaml", "puppets/__init__.py")),
+        ("a performance of it", ("puppets/performances/toss.yaml",)),
+        ("its picture and film (`make gallery`)", ("/docs/gallery.py",)),
+    )),
+    Task("a command", (
+        ("declare arguments and help; import the module inside the function", ("cli/app.py",)),
+        ("do the work in a module of its own", ("cli/check.py",)),
+        ("describe it; a test looks for every option", ("/docs/cli.md",)),
+        ("list it", ("/tests/cli/test_arguments.py",)),
+    )),
+    Task("something that `fantoccini show` can open", (
+        ("recognise it", ("web/page.py",)),
+        ("show it: live, or as a replay", ("web/live.py", "web/replay.py")),
+        ("write it as one file", ("web/export.py",)),
+    )),
+    Task("a page of the docs", (
+        ("write it; link it from the README where it helps", ("/docs/install.md", "/README.md")),
+        ("place it in the navigation", ("/mkdocs.yml",)),
+    )),
+    Task("a name of the public API", (
+        ("list it", ("__init__.pyi",)),
+        ("give a new package a title in the reference", ("/docs/site/reference.py",)),
+    )),
+)  # fmt: skip
+"""Where a task names one file of several alike, it is the example to copy."""
+
+
+def imports() -> dict[str, list[str]]:
+    """The packages that each package imports, anywhere in its files, in the order of PACKAGES."""
+    found: dict[str, set[str]] = {name: set() for name in PACKAGES}
+    for file in PACKAGE.rglob("*.py"):
+        owner = file.relative_to(PACKAGE).with_suffix("").parts[0]
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if owner in found and isinstance(node, ast.ImportFrom) and node.module:
+                parts = node.module.split(".")
+                if parts[0] == "fantoccini":
+                    names = parts[1:2] or [alias.name for alias in node.names]
+                    found[owner] |= {name for name in names if name in found}
+    return {owner: [n for n in PACKAGES if n in names - {owner}] for owner, names in found.items()}
+
+
+def page() -> str:
+    """The text of docs/architecture.md."""
+    rows = [
+        f"| `{name}` | {sentence} | {', '.join(f'`{n}`' for n in imports()[name]) or '-'} |"
+        for name, sentence in PACKAGES.items()
+    ]
+    tasks = []
+    for task in TASKS:
+        tasks.append(f"### {task.title[0].upper() + task.title[1:]}\n")
+        for step, files in task.steps:
+            tasks.append(f"- {step[0].upper() + step[1:]}: {', '.join(map(shown, files))}")
+        tasks.append("")
+    return _TEXT.format(packages="\n".join(rows), tasks="\n".join(tasks).rstrip())
+
+
+def shown(file: str) -> str:
+    """A file of a task as the page names it."""
+    return f"`{file[1:]}`" if file.startswith("/") else f"`{file}`"
+
+
+_TEXT = """# Architecture
+
+After this page you know how a puppet file becomes motion, which package does which part, and which
+files to touch for the common extensions.
+
+## The pipeline
+
+![From the puppet file to a compiled library, from states and inputs to trajectories, and the front
+ends](pictures/pipeline.svg)
+
+A puppet goes through the upper row once. `puppet` reads the file, `tree` orders its links and
+coordinates, `equations` derives the equations of motion symbolically, `codegen` writes them as C++,
+and `build` compiles them together with the runtime's headers in `cpp/`. The library is cached by
+the hash of everything it depends on, so a known puppet loads without derivation.
+
+`runtime` calls the library; no other package uses ctypes. A `Marionette` holds the tree, the
+equations and the libraries. It computes functions of a state; `simulation` computes runs. States,
+inputs and trajectories are plain data in `motion`, without reference to the library.
+
+The integrators, the complementarity solver and the search motions of the planner are C++ templates
+in `cpp/fantoccini`, compiled for each puppet with its sizes as constants. They advance one
+trajectory, or several in the lanes of the processor's vectors from the same source.
+
+## Packages
+
+Each package imports only from those above it in this table; `tests/test_architecture.py` enforces
+that. Methods that draw (`run.plot()`, `marionette.show()`) import `view` or `web` when they are
+called.
+
+| Package | Does | Imports |
+|---|---|---|
+{packages}
+
+`cpp/` holds the C++ headers. `tests/`, `docs/`, `examples/` and `benchmarks/` lie outside the
+package.
+
+## What to touch to add ...
+
+Paths are relative to `src/fantoccini` unless they begin with `docs`, `tests` or a file of the root.
+Every extension also needs a test, a line in `CHANGELOG.md` and the page of the guide that describes
+it. Where one of several similar files is named, copy it.
+
+{tasks}
+"""
+
+
+# -- the drawing ---------------------------------------------------------------------------------
+
+WIDTH, HEIGHT = 880, 462
+FILLS = {"data": "#fff7e6", "code": "#e8eef7", "front": "#eaf4ea"}
+LINES = {"data": "#b9822b", "code": "#44679f", "front": "#4b8a53"}
+
+
+def box(x: int, y: int, width: int, kind: str, name: str, *lines: str) -> str:
+    """A box with a name and smaller lines below it."""
+    middle, top = x + width // 2, y + (22 if lines else 33)
+    small = "".join(
+        f'<text x="{middle}" y="{top + 15 * (k + 1)}" class="s">{line}</text>'
+        for k, line in enumerate(lines)
+    )
+    look = f'fill="{FILLS[kind]}" stroke="{LINES[kind]}"'
+    return (
+        f'<rect x="{x}" y="{y}" width="{width}" height="56" rx="6" {look}/>'
+        f'<text x="{middle}" y="{top}" class="n">{name}</text>{small}'
+    )
+
+
+def arrow(*points: tuple[int, int]) -> str:
+    """A polyline with a head at its end."""
+    path = " ".join(f"{x},{y}" for x, y in points)
+    return f'<polyline points="{path}" class="a" marker-end="url(#head)"/>'
+
+
+def drawing() -> str:
+    """The pipeline as SVG."""
+    top, middle, low, last = 44, 164, 272, 382
+    upper = (
+        ("data", "puppet file", "YAML"),
+        ("code", "puppet", "schema, checks"),
+        ("code", "tree", "links, coordinates"),
+        ("code", "equations", "CasADi"),
+        ("code", "codegen", "C++, C99"),
+        ("code", "build", "compiler, cache"),
+    )
+    step, width = 144, 120
+    parts = [label(20, 30, "once for each puppet"), label(20, middle - 14, "every call")]
+    for k, (kind, name, line) in enumerate(upper):
+        parts.append(box(20 + step * k, top, width, kind, name, line))
+        if k:
+            parts.append(
+                arrow((20 + step * k - (step - width), top + 28), (18 + step * k, top + 28))
+            )
+    parts += [
+        box(740, middle, width, "code", "runtime", "ctypes"),
+        arrow((800, top + 56), (800, middle - 2)),
+        text(808, 134, "library"),
+        box(452, middle, 168, "code", "marionette", "functions of a state"),
+        arrow((740, middle + 28), (622, middle + 28)),
+        arrow((368, top + 56), (368, 128), (490, 128), (490, middle - 2)),
+        text(376, 122, "tree"),
+        arrow((540, top + 56), (540, middle - 2)),
+        text(548, 134, "interpreted functions"),
+        box(20, middle, 168, "data", "State, Input", "motion"),
+        box(452, low, 168, "code", "simulation", "runs and batches"),
+        arrow((536, middle + 56), (536, low - 2)),
+        arrow((104, middle + 56), (104, low + 28), (450, low + 28)),
+        box(692, low, 168, "data", "Trajectory", "events, tensions, ledger"),
+        arrow((620, low + 28), (690, low + 28)),
+        label(20, last - 20, "built on it"),
+    ]
+    fronts = (
+        ("sweeps", "many cases"),
+        ("perform", "live engine"),
+        ("planning", "goals, LQR"),
+        ("reduction", "Section VI"),
+        ("exchange", "MuJoCo"),
+        ("view", "pictures, film"),
+        ("web", "browser"),
+        ("cli", "commands"),
+    )
+    for k, (name, line) in enumerate(fronts):
+        parts.append(box(20 + 106 * k, last, 98, "front", name, line))
+    parts += [
+        arrow((536, low + 56), (536, last - 14)),
+        arrow((776, low + 56), (776, last - 14)),
+        '<line x1="20" y1="370" x2="860" y2="370" class="a"/>',
+    ]
+    return _SVG.format(width=WIDTH, height=HEIGHT, body="\n".join(parts))
+
+
+def label(x: int, y: int, words: str) -> str:
+    return f'<text x="{x}" y="{y}" class="l">{words}</text>'
+
+
+def text(x: int, y: int, words: str) -> str:
+    return f'<text x="{x}" y="{y}" class="t">{words}</text>'
+
+
+_SVG = """<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" role="img">
+<style>
+text {{ font-family: sans-serif; fill: #222; }}
+.n {{ font-size: 15px; font-weight: bold; text-anchor: middle; }}
+.s {{ font-size: 12px; text-anchor: middle; }}
+.t {{ font-size: 12px; }}
+.l {{ font-size: 13px; font-style: italic; fill: #666; }}
+.a {{ fill: none; stroke: #555; stroke-width: 1.5; }}
+</style>
+<defs><marker id="head" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7" markerHeight="7"
+orient="auto"><path d="M0,0 L8,4 L0,8 z" fill="#555"/></marker></defs>
+<rect width="{width}" height="{height}" fill="#ffffff"/>
+{body}
+</svg>
+"""
+
+
+def main() -> None:
+    PICTURE.write_text(drawing(), encoding="utf-8")
+    PAGE.write_text(page(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

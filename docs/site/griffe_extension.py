@@ -1,0 +1,16 @@
+"""Griffe extension: rewrites every docstring before mkdocstrings reads it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from docs.site.docstrings import rewritten
+from griffe import Extension, Object
+
+
+class Docstrings(Extension):
+    """Hands each docstring on as Markdown."""
+
+    def on_object(self, *, obj: Object, **_: Any) -> None:
+        if obj.docstring:
+            obj.docstring.value = rewritten(obj.docstring.value)
