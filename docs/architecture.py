@@ -17,12 +17,13 @@ PACKAGES = {
     "puppet": "The puppet schema: reads, checks and writes YAML files.",
     "world": "Puppets, obstacles and floor that stand together.",
     "tree": "Links in topological order, one-sided rows, and the coordinate table.",
+    "contract": "Declares what Python and the compiled code share: functions, results, structures.",
     "equations": "Derives Eqs. 1 to 11 symbolically with CasADi, from the tree.",
     "codegen": "Writes the equations as C++ for this machine, or as C99 for export.",
     "build": "Compiles generated code and keeps it in the cache; the only user of a compiler.",
     "motion": "States, inputs, trajectories and events: plain data, and their files.",
     "runtime": "Loads the compiled library and calls it through ctypes.",
-    "marionette": "The user's object: the puppet with its equations, library and analyses.",
+    "marionette": "The model (tree, parameters, winches, libraries), its algorithms, and the facade.",
     "puppets": "The bundled puppets, and performances for them.",
     "simulation": "Runs, batches and their sensitivities.",
     "reduction": "Compares the mixed model with the puppet on drives (the paper's Section VI).",
@@ -54,11 +55,10 @@ class Task:
 
 TASKS = (
     Task("a quantity, evaluated for a state", (
-        ("list its arguments in `ANALYSIS_INPUTS` and return its expression from `_NAME`",
-         ("equations/functions.py",)),
+        ("declare its arguments and results", ("contract/functions.py",)),
+        ("return its expression from `_NAME`", ("equations/functions.py",)),
         ("derive it, if the system does not have it yet", ("equations/system.py",)),
-        ("add the method that users call", ("marionette/analysis.py",)),
-        ("describe it, if it is exported as C", ("codegen/contract.py",)),
+        ("evaluate it, and forward to that", ("marionette/analysis.py", "marionette/handle.py")),
     )),
     Task("a joint type", (
         ("schema: the type, its keys, and the words of other programs for it",
@@ -78,7 +78,7 @@ TASKS = (
         ("its row", ("tree/structure.py", "tree/construction.py", "equations/rows.py")),
         ("a flag of the generated model, which the solvers read",
          ("codegen/model.py", "cpp/fantoccini/evaluation.hpp", "cpp/fantoccini/active_set.hpp")),
-        ("bounds on its tension for the functions of a state", ("marionette/handle.py",)),
+        ("bounds on its tension for the functions of a state", ("marionette/model.py",)),
         ("show it, translate it or refuse it", ("cli/info.py", "exchange/mjcf_model.py")),
     )),
     Task("a kind of string that is a force (as a chain)", (
@@ -92,9 +92,10 @@ TASKS = (
     Task("a method of integration", (
         ("the step, and a header that exports it to Python",
          ("cpp/fantoccini/variational.hpp", "cpp/fantoccini/variational_abi.hpp")),
-        ("a library of its own", ("codegen/variational.py", "marionette/compiled.py")),
-        ("its name, and what it requires of a start", ("marionette/checks.py",)),
-        ("its options, and how its runs are judged", ("simulation/run.py", "simulation/many.py")),
+        ("a library of its own", ("codegen/libraries.py", "marionette/compiled.py")),
+        ("its options", ("marionette/methods.py",)),
+        ("what it requires of a start", ("marionette/checks.py",)),
+        ("how its runs are judged", ("simulation/run.py", "simulation/batch.py")),
         ("its name on the command line", ("cli/options.py",)),
     )),
     Task("a bundled puppet", (

@@ -43,8 +43,8 @@ print(
 for event in run.events:
     print(f"  {event.t:.3f} s: {event.name} {event.kind}")
 
-radau = {"integrator": "Radau", "rtol": 1e-9, "atol": 1e-9}
-other = fan.simulate(winch, winch.rest(), pull, t_end=8.0, **radau)
+radau = fan.Event(integrator="Radau", rtol=1e-9, atol=1e-9)
+other = fan.simulate(winch, winch.rest(), pull, t_end=8.0, method=radau)
 apart = np.max(np.abs(other.q_D[-1] - run.q_D[-1]))
 print(f"SciPy's Radau ends {apart:.1e} m from there")
 run.plot(out / "winch.png")

@@ -31,7 +31,7 @@ LOAD = """
 import time
 import fantoccini
 start = time.perf_counter()
-fantoccini.puppets.marionette().library
+fantoccini.puppets.marionette().compile()
 print(time.perf_counter() - start)
 """
 

@@ -12,7 +12,7 @@ from fantoccini.cli.guard import MISTAKE
 from fantoccini.cli.terminal import say, write
 from fantoccini.cli.warn import inputs_warnings, puppet_warnings
 from fantoccini.errors import FileError, Problem
-from fantoccini.marionette import Marionette
+from fantoccini.marionette import Marionette, check_mass_matrix
 from fantoccini.motion import Input
 from fantoccini.tree import measure
 
@@ -49,7 +49,7 @@ def check_files(files: list[str], inputs: list[Path], quiet: bool) -> None:
 def _puppet(file: str) -> Marionette | None:
     try:
         made = marionette(file)
-        made.check_mass_matrix()
+        check_mass_matrix(made.world, made.tree)
     except FileError as error:
         _list(error.problems)
         return None

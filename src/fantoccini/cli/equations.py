@@ -15,7 +15,7 @@ from fantoccini.cli.files import marionette
 from fantoccini.cli.terminal import number, say, table, width, write
 from fantoccini.equations import printing
 from fantoccini.equations.printing import Printable, TooLargeError, decimal
-from fantoccini.marionette import Marionette
+from fantoccini.marionette import Marionette, check_mass_matrix
 from fantoccini.puppet import PD, ComputedTorque, DirectCurrent, Drive, Number, Parameter, Servo
 
 Equation = tuple[str, sp.Expr | sp.Matrix]
@@ -36,7 +36,7 @@ def print_equations(file: str, latex: bool) -> None:
         latex: as LaTeX instead of text.
     """
     made = marionette(file)
-    made.check_mass_matrix()
+    check_mass_matrix(made.world, made.tree)
     try:
         page = printing.printable(made.equations)
     except TooLargeError:

@@ -11,6 +11,7 @@ from fantoccini import codegen
 from fantoccini.cli.files import check_folder, fail, marionette
 from fantoccini.cli.terminal import Steps, write
 from fantoccini.errors import FantocciniError
+from fantoccini.marionette import check_mass_matrix
 
 _OPTION = "DIR"
 
@@ -32,7 +33,7 @@ def export_c99(file: str, folder: Path, force: bool, quiet: bool) -> None:
     made = marionette(file)
     with Steps(quiet) as steps:
         steps.step("deriving the equations of motion")
-        made.check_mass_matrix()
+        check_mass_matrix(made.world, made.tree)
         files = codegen.c99_files(made.equations)
     try:
         _write(files, folder)

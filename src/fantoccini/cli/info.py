@@ -9,7 +9,7 @@ from fantoccini.cli.terminal import number, table, write
 from fantoccini.cli.warn import warn
 from fantoccini.codegen import operations
 from fantoccini.errors import BuildError
-from fantoccini.marionette import Marionette
+from fantoccini.marionette import Marionette, check_mass_matrix
 from fantoccini.puppet import Number, Parameter
 from fantoccini.tree import WORLD, DriveRow, LimitRow, StringRow
 
@@ -46,7 +46,7 @@ def describe_puppet(file: str) -> None:
         file: FILE argument.
     """
     made = marionette(file)
-    made.check_mass_matrix()
+    check_mass_matrix(made.world, made.tree)
     warn(made, file)
     tree, coordinates = made.tree, made.coordinates
     write(
@@ -137,7 +137,7 @@ def _compiled(file: str) -> str:
         raise _NotThereError(text)
 
     try:
-        _ = marionette(file, told).library
+        _ = marionette(file, told).model.library
     except _NotThereError:
         return "not compiled yet"
     except BuildError:

@@ -41,8 +41,7 @@ struct EventRun {
     flow.drive.start_at(flow.t);
     const bool none[room(M)] = {};
     Hold next[room(M)];
-    for (int r = 0; r < M; ++r) flow.mode[r] = SLACK;
-    for (int r = 0; r < M; ++r) loosened_[r] = -1e300;
+    for (int r = 0; r < M; ++r) flow.mode[r] = SLACK, loosened_[r] = -kNever;
     flow.slip_time = flow.t;
     refresh();
     Status status = contact.retreat(flow);
