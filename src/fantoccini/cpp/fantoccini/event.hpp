@@ -52,8 +52,7 @@ struct EventRun {
       status = flow.project(flow.t, flow.y);
     }
     if (status == RUNNING) {
-      // A start may let closed rows open by what counts as still. That is put right where it can be
-      // (not among rows that hardly differ), before the books begin.
+      // Closed rows may open at a rate that counts as still: mended where possible, before the books.
       double kept[NY];
       for (int j = 0; j < NY; ++j) kept[j] = flow.y[j];
       refresh();
