@@ -9,10 +9,12 @@ from typing import Any
 
 from fantoccini import build, codegen, equations
 from fantoccini.errors import BuildError
-from fantoccini.marionette import generator
 from fantoccini.runtime import BatchLibrary, ClearanceLibrary, Library, Loaded, MotionLibrary
 from fantoccini.tree import Tree
 from fantoccini.world import World
+
+_SHAPING = ("fantoccini.tree.construction", "fantoccini.codegen.libraries")
+"""Modules that turn a puppet into source text."""
 
 
 class Compiled:
@@ -111,8 +113,7 @@ class Compiled:
         """A library of this puppet, from the cache or made now: one of ``contract.LIBRARIES``."""
         # Values of parameters are arguments of every function: nothing that is compiled has them.
         canonical = "\n".join(p.canonical(values=False) for p in self.world.puppets)
-        shaped_by = generator.fingerprint(what)
-        key = build.fingerprint(canonical, shaped_by, flags=(what,))
+        key = build.fingerprint(canonical, build.code_fingerprint(*_SHAPING), flags=(what,))
 
         def source() -> build.Source:
             return self.source(what)

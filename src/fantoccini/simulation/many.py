@@ -79,7 +79,8 @@ def simulate_many(
         breaks=bound.breaks, coef=bound.coef, base=bound.base, force=bound.force,
         p=marionette.p, winches=marionette.winches, options=options, times=times, parts=parts,
         status=np.full(n, Status.STOPPED, dtype=np.int32), reached=np.full(n, np.nan),
-        violation=np.zeros(n), events=np.zeros((n, 2), dtype=np.int64),
+        violation=np.zeros(n),
+        catches=np.zeros(n, dtype=np.int64), releases=np.zeros(n, dtype=np.int64),
         blame=np.zeros((n, len(marionette.tree.blamable))),
     )  # fmt: skip
     library = marionette.batch_library_of(method)
@@ -253,8 +254,8 @@ def _trajectories(
         status=_read_only(batch.status),
         reached=_read_only(batch.reached),
         violation=_read_only(batch.violation),
-        catches=_read_only(batch.events[:, 0]),
-        releases=_read_only(batch.events[:, 1]),
+        catches=_read_only(batch.catches),
+        releases=_read_only(batch.releases),
         blame=Columns(tree.blamable, batch.blame, "string, limit or drive"),
         method=method,
         coordinates=marionette.coordinates,

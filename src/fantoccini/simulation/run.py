@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from fantoccini import contract
 from fantoccini.arrays import Array
 from fantoccini.errors import ARRIVED, SimulationError, Status
 from fantoccini.marionette import (
@@ -38,10 +39,10 @@ from fantoccini.simulation.weak_motors import too_weak
 if TYPE_CHECKING:
     from scipy.integrate import OdeSolver
 
-_KINDS = (
-    EventKind.CATCH, EventKind.RELEASE, EventKind.ACCUMULATION, EventKind.BREAKPOINT,
-    EventKind.SLIP, EventKind.GRIP, EventKind.LOST_STEP, EventKind.RUNAWAY,
-)  # fmt: skip
+_KINDS = {
+    code: EventKind.RUNAWAY if code is contract.EventKind.RAN_AWAY else EventKind[code.name]
+    for code in contract.EventKind
+}
 _TO_BLAME = 0.1
 """Share of the blame for a status, 0 to 1, from which a string or limit is named."""
 _LIMIT_KINDS = {EventKind.CATCH: EventKind.LIMIT_ON, EventKind.RELEASE: EventKind.LIMIT_OFF}
@@ -198,7 +199,7 @@ def simulate(
     unsound = ""
     if method != "event" and status in ARRIVED and made.t[-1] >= t_end:
         # What a variational step counts has no slip in it; it holds all rows, or is not made.
-        worst = run.progress[2] if method == "timestepping" else 0.0
+        worst = run.progress.violation if method == "timestepping" else 0.0
         verdict, unsound = judged(marionette, made, dt, worst)
         if verdict is not Status.DONE:
             status = verdict
@@ -250,7 +251,7 @@ def _collect(run: Run, t_end: float, progress, rows: list, events: list) -> Stat
             rows.append(some_rows)
             events.append(some_events)
             if progress:
-                progress(run.progress[1])
+                progress(run.progress.t)
     except KeyboardInterrupt:
         some_rows, some_events = run.present()
         rows.append(some_rows)
@@ -331,9 +332,9 @@ def _ledger(part: dict[str, Array]) -> Columns:
 
 
 def _event(tree, row: Array, n_strings: int) -> Event:
-    t, kind, index, impulse, speed = row
-    kind, index = _KINDS[int(kind)], int(index)
+    at = {part.name: float(value) for part, value in zip(contract.EVENT, row, strict=True)}
+    kind, index = _KINDS[int(at["kind"])], int(at["row"])
     if index >= n_strings:
         kind = _LIMIT_KINDS.get(kind, kind)
     name = tree.blamable[index] if index >= 0 else ""
-    return Event(float(t), kind, name, float(impulse), float(speed))
+    return Event(at["t"], kind, name, at["impulse"], at["speed"])
