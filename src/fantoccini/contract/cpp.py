@@ -11,7 +11,7 @@ from fantoccini.contract.codes import CODES, SCOPED, Hold
 from fantoccini.contract.functions import COLUMN, DERIVATIVES, FUNCTIONS, Function
 from fantoccini.contract.identity import digest
 from fantoccini.contract.quantity import SIZES, Quantity
-from fantoccini.contract.rows import EVENT, PARTS, ROW
+from fantoccini.contract.rows import EVENT, PARTS, ROW, WINCH
 from fantoccini.contract.structures import STRUCTURES, Field, Structure
 
 HEADER = Path(__file__).resolve().parents[1] / "cpp" / "fantoccini" / "contract.hpp"
@@ -28,6 +28,7 @@ def header() -> str:
         structures="\n".join(map(_structure, STRUCTURES)),
         layout=_layout(),
         event=", ".join(q.name for q in EVENT),
+        winch=", ".join(q.name for q in WINCH),
         part=_filled("", [q.name for q in PARTS], "    "),
         widths=_filled("", [_numel(q) for q in PARTS], "      "),
     )
@@ -153,6 +154,11 @@ struct RowLayout {{
 // Where the parts of an event are.
 struct EventLayout {{
   enum : int {{ {event}, width }};
+}};
+
+// Where the numbers of a winch are.
+struct WinchLayout {{
+  enum : int {{ {winch}, width }};
 }};
 
 // What is written for every row of a batch: parts of a row, in its order.

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from fantoccini.contract.functions import ARGUMENTS, FUNCTIONS, Function
 from fantoccini.contract.quantity import SIZES, Quantity
-from fantoccini.contract.rows import EVENT, ROW
+from fantoccini.contract.rows import EVENT, ROW, WINCH
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "functions.md"
 
@@ -23,6 +23,7 @@ def page() -> str:
         results=_table("result", results),
         row=_table("part", ((q.name, q) for q in ROW)),
         event=_table("part", ((q.name, q) for q in EVENT)),
+        winch=_table("part", ((q.name, q) for q in WINCH)),
     )
 
 
@@ -94,4 +95,8 @@ Matrices are stored column by column.
 ## An event of a run
 
 {event}
+
+## A winch
+
+{winch}
 """

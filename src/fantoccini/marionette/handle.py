@@ -12,6 +12,7 @@ import numpy as np
 
 from fantoccini import tree
 from fantoccini.arrays import Array
+from fantoccini.contract import WINCH_AT
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.marionette import checks, hanging, projection, values_by_name
 from fantoccini.marionette.analysis import Analysis
@@ -182,12 +183,15 @@ class Marionette(Compiled, Portable, Analysis, Differentiable, Configurations):
     @cached_property
     def winches(self) -> Array:
         """(n_strings, 3) largest tension [N], rewinding speed [m/s], restitution, by string."""
-        table = np.zeros((len(self.tree.strings), 3))
+        table = np.zeros((len(self.tree.strings), len(WINCH_AT)))
         for row, string in zip(table, self.tree.strings, strict=True):
             slips, rewinds = string.max_tension is not None, string.rewind_speed is not None
-            row[0] = self.number(string.max_tension) if slips else np.inf
-            row[1] = self.number(string.rewind_speed) if rewinds else 0.0
-            row[2] = self.number(string.restitution)
+            own = {
+                "max_tension": self.number(string.max_tension) if slips else np.inf,
+                "rewind_speed": self.number(string.rewind_speed) if rewinds else 0.0,
+                "restitution": self.number(string.restitution),
+            }
+            row[:] = [own[name] for name in WINCH_AT]
         return table
 
     def with_winches(self, winches: Array) -> Marionette:
@@ -218,12 +222,13 @@ class Marionette(Compiled, Portable, Analysis, Differentiable, Configurations):
 
         -min(rewind_speed, sqrt(2 BRAKE slip))
         """
-        return -np.minimum(self.winches[:, 1], np.sqrt(2.0 * BRAKE * slip))
+        return -np.minimum(self.winches[:, WINCH_AT["rewind_speed"]], np.sqrt(2.0 * BRAKE * slip))
 
     @property
     def upper(self) -> Array:
         """(n_rows,) largest force of every row [N]; inf where there is none."""
-        return np.concatenate([self.winches[:, 0], np.full(len(self.tree.limits), np.inf)])
+        most = self.winches[:, WINCH_AT["max_tension"]]
+        return np.concatenate([most, np.full(len(self.tree.limits), np.inf)])
 
     @cached_property
     def two_sided(self) -> Array:
@@ -310,7 +315,7 @@ class Marionette(Compiled, Portable, Analysis, Differentiable, Configurations):
         self.states([x])
         made = Instant.of(self.library, self.tree, x, self.p, acc_K, u_D)
         if len(x.slip):
-            speed, braked = self.winches[:, 1], np.sqrt(2.0 * BRAKE * x.slip)
+            speed, braked = self.winches[:, WINCH_AT["rewind_speed"]], np.sqrt(2.0 * BRAKE * x.slip)
             made.hdot[: len(x.slip)] -= self.winding(x.slip)
             made.gamma[: len(x.slip)] -= np.where((braked > 0) & (braked < speed), BRAKE, 0.0)
         return made

@@ -190,7 +190,8 @@ def simulate(
         if last is not None:
             contradicted = contradiction(marionette, made, last)
         if contradicted:
-            made = trajectory(rows[: last + 1], events[events[:, 0] <= made.t[last]])
+            before = events[:, contract.EVENT_AT["t"]] <= made.t[last]
+            made = trajectory(rows[: last + 1], events[before])
     elif status in STOPPED_BY:
         contradicted = contradiction(marionette, made, len(made) - 1)
     if contradicted:

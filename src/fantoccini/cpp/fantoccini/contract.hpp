@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x0fdfe32d75fe1789;
+constexpr long long contract_digest = 0x23a993dcfb9f50bf;
 
 // Who a library is, as Python checks when it loads it: the contract's hash, how many trajectories
 // or configurations are advanced together, and the puppet's sizes.
@@ -20,7 +20,7 @@ void identity(int width, long long* out) {
   for (long long value : values) *out++ = value;
 }
 
-// How a run ended. The numbers are those of ``cpp/fantoccini/status.hpp``.
+// How a run ended. Compiled code has the same numbers (``contract.hpp``).
 enum Status : int {
   DONE = 0,  // the run reached its end
   RUNNING = 1,  // the run has not reached its end yet
@@ -312,6 +312,11 @@ struct RowLayout {
 // Where the parts of an event are.
 struct EventLayout {
   enum : int { t, kind, row, impulse, speed, width };
+};
+
+// Where the numbers of a winch are.
+struct WinchLayout {
+  enum : int { max_tension, rewind_speed, restitution, width };
 };
 
 // What is written for every row of a batch: parts of a row, in its order.
