@@ -17,7 +17,7 @@ PACKAGES = {
     "puppet": "The puppet schema: reads, checks and writes YAML files.",
     "world": "Puppets, obstacles and floor that stand together.",
     "tree": "Links in topological order, one-sided rows, and the coordinate table.",
-    "contract": "Declares what Python and the compiled code share: functions, results, structures.",
+    "contract": "Declares once what Python and the compiled code share: functions, structures.",
     "equations": "Derives Eqs. 1 to 11 symbolically with CasADi, from the tree.",
     "codegen": "Writes the equations as C++ for this machine, or as C99 for export.",
     "build": "Compiles generated code and keeps it in the cache; the only user of a compiler.",

@@ -79,6 +79,9 @@ ONLY_IN = {
 
 MOST_LINES = 450
 
+GENERATED = {"cpp/fantoccini/contract.hpp"}
+"""Files that nobody writes; tests check that they are fresh."""
+
 
 @dataclass(frozen=True)
 class Import:
@@ -175,7 +178,8 @@ def test_each_outside_world_has_one_door():
 def test_modules_are_short():
     files = [*modules(), *PACKAGE.rglob("*.hpp"), *PACKAGE.rglob("*.h")]
     lengths = {f: len(f.read_text(encoding="utf-8").splitlines()) for f in files}
-    assert {str(f.relative_to(ROOT)): n for f, n in lengths.items() if n >= MOST_LINES} == {}
+    long = {str(f.relative_to(PACKAGE)): n for f, n in lengths.items() if n >= MOST_LINES}
+    assert {name: n for name, n in long.items() if name not in GENERATED} == {}
 
 
 def test_every_public_name_exists():

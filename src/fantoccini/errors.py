@@ -117,7 +117,7 @@ class BuildError(FantocciniError):
 
 
 class Status(enum.IntEnum):
-    """How a run ended. The numbers are those of ``cpp/fantoccini/status.hpp``."""
+    """How a run ended. Compiled code has the same numbers (``contract.hpp``)."""
 
     def __new__(cls, value: int, message: str) -> Status:
         member = int.__new__(cls, value)

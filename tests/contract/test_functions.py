@@ -10,6 +10,7 @@ import pytest
 import fantoccini as fan
 from fantoccini import contract
 from fantoccini.contract.cpp import HEADER, header
+from fantoccini.contract.table import PAGE, page
 from fantoccini.equations import Derivatives, Equations, Variational
 from fantoccini.errors import BuildError
 from fantoccini.runtime import Library, functions
@@ -69,9 +70,10 @@ def test_wrong_arguments_are_told_by_name(changed):
         arm.model.library.evaluate("rows", **{n: a for n, a in given.items() if a is not None})
 
 
-def test_the_header_is_fresh():
-    """18.1: ``contract.hpp`` is what the contract makes of it."""
+def test_what_is_made_from_the_contract_is_fresh():
+    """18.1: ``contract.hpp`` and the page of the docs."""
     assert HEADER.read_text(encoding="utf-8") == header(), FRESH
+    assert PAGE.read_text(encoding="utf-8") == page(), FRESH
 
 
 def test_a_library_of_another_contract_or_puppet_is_refused(monkeypatch):

@@ -44,21 +44,21 @@ constexpr long long kBudget = 20;  // steps of one call: far fewer than a run ha
 // Records too small for a whole run: it has to be handed out in pieces.
 struct Sheets {
   static constexpr int kRows = 96, kEvents = 16 * Model::n_rows + 64;
-  std::vector<double> rows = std::vector<double>(kRows * fan::Record<Model>::row_width);
-  std::vector<double> events = std::vector<double>(kEvents * fan::Record<Model>::event_width);
+  std::vector<double> rows = std::vector<double>(kRows * fan::RowLayout<Model>::width);
+  std::vector<double> events = std::vector<double>(kEvents * fan::EventLayout::width);
   std::vector<double> last;
-  fan::Record<Model> record{rows.data(), kRows, 0, events.data(), kEvents, 0};
+  fan::Record<Model> record{{rows.data(), kRows, 0, events.data(), kEvents, 0}};
   long long n_rows = 0, n_events = 0, n_slips = 0;
   bool finite = true;
 
   void turn() {
-    constexpr int width = fan::Record<Model>::row_width;
+    constexpr int width = fan::RowLayout<Model>::width;
     for (long long i = 0; i < record.n_rows * width; ++i)
       finite = finite && fabs(rows[size_t(i)]) < 1e100;
     if (record.n_rows > 0)
       last.assign(rows.begin() + (record.n_rows - 1) * width, rows.begin() + record.n_rows * width);
     for (long long i = 0; i < record.n_events; ++i)
-      n_slips += events[size_t(i * fan::Record<Model>::event_width + 1)] == fan::SLIP;
+      n_slips += events[size_t(i * fan::EventLayout::width + fan::EventLayout::kind)] == fan::SLIP;
     n_rows += record.n_rows;
     n_events += record.n_events;
     record.n_rows = record.n_events = 0;
@@ -87,26 +87,28 @@ int main() {
   const auto breaks = take(n + 1), coef = take(n * Model::n_vK * 6), base = take(n * Model::n_qK);
   const auto save_at = take(int(take()));
   const fan::InputArrays input{n, breaks.data(), coef.data(), base.data(), nullptr};
+  const fan::StartArrays start{
+      t, q_D.data(), v_D.data(), slip.data(), p.data(), winches.data(), input, o, save_at.data(),
+      static_cast<long long>(save_at.size()), 1};
 
   void* run = fan_new(event_driven);
   Sheets sheets;
-  int status = fan_start(
-      run, t, q_D.data(), v_D.data(), slip.data(), p.data(), winches.data(), &input, &o,
-      save_at.data(), static_cast<long long>(save_at.size()), 1, &sheets.record);
+  int status = fan_start(run, &start, &sheets.record);
   sheets.turn();
   if (status == fan::RUNNING && twice) {
     status = run_to(run, 0.5 * (t + t_end), sheets);
     fan_set_input(run, &input);
   }
   if (status == fan::RUNNING || status == fan::DONE) status = run_to(run, t_end, sheets);
-  double progress[3], blame[fan::room(Model::n_rows + Model::n_watched)], most = 0.0;
-  fan_progress(run, progress);
+  fan::RunProgress progress;
+  double blame[fan::room(Model::n_rows + Model::n_watched)], most = 0.0;
+  fan_progress(run, &progress);
   fan_blame(run, status, blame);
   fan_free(run);
   for (int r = 0; r < Model::n_rows; ++r) most = blame[r] > most ? blame[r] : most;
 
   std::printf("status %d\nrows %lld\nevents %lld\nslips %lld\nsteps %g\nfinite %d\nblame %g\n",
-              status, sheets.n_rows, sheets.n_events, sheets.n_slips, progress[0],
+              status, sheets.n_rows, sheets.n_events, sheets.n_slips, double(progress.steps),
               int(sheets.finite), most);
   for (size_t i = 0; i < sheets.last.size(); ++i) std::printf("row%zu %.17g\n", i, sheets.last[i]);
   return 0;

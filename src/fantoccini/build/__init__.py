@@ -6,6 +6,7 @@ when it is not there yet.
 """
 
 from fantoccini.build.cache import clear, obtain
+from fantoccini.build.closure import code_fingerprint
 from fantoccini.build.compiler import (
     Compiler,
     compile_flags,
@@ -24,6 +25,7 @@ __all__ = [
     "Source",
     "cache_folder",
     "clear",
+    "code_fingerprint",
     "compile_flags",
     "default_flags",
     "describe",

@@ -18,7 +18,7 @@ def fingerprint(canonical: str, generator: str, flags: Iterable[str] = ()) -> st
 
     Args:
         canonical: the puppet in its canonical form.
-        generator: version of the code generator.
+        generator: hash of the code that makes the source text (:func:`code_fingerprint`).
         flags: compiler flags beyond the standard ones, and anything else that chooses between
             libraries of one puppet (the number of lanes, say).
 

@@ -2,11 +2,10 @@
 
 from fantoccini.codegen.c99 import c99_files
 from fantoccini.codegen.libraries import generate
-from fantoccini.codegen.model import STEM, VERSION, Generated, model_text, operations, tables_text
+from fantoccini.codegen.model import STEM, Generated, model_text, operations, tables_text
 
 __all__ = [
     "STEM",
-    "VERSION",
     "Generated",
     "c99_files",
     "generate",

@@ -18,9 +18,6 @@ from fantoccini.equations import Equations
 from fantoccini.puppet import Parameter
 from fantoccini.tree import LimitRow, Role, StringRow, Tree
 
-VERSION = "6"
-"""Version of the generated text; part of every cache key."""
-
 STEM = "model"
 """Of the files that hold the model."""
 

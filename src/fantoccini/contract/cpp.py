@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import enum
+import re
 import textwrap
 from pathlib import Path
 
+from fantoccini.contract.codes import CODES, SCOPED, Hold
 from fantoccini.contract.functions import COLUMN, DERIVATIVES, FUNCTIONS, Function
 from fantoccini.contract.identity import digest
 from fantoccini.contract.quantity import SIZES, Quantity
+from fantoccini.contract.rows import EVENT, PARTS, ROW, WINCH
+from fantoccini.contract.structures import STRUCTURES, Field, Structure
 
 HEADER = Path(__file__).resolve().parents[1] / "cpp" / "fantoccini" / "contract.hpp"
 
@@ -19,7 +24,62 @@ def header() -> str:
         digest=f"0x{digest():016x}",
         sizes=_filled("Sizes::", list(SIZES), "      "),
         calls="\n".join(_call(f) for f in (*called, COLUMN)),
+        codes="\n".join(map(_code, CODES)),
+        structures="\n".join(map(_structure, STRUCTURES)),
+        layout=_layout(),
+        event=", ".join(q.name for q in EVENT),
+        winch=", ".join(q.name for q in WINCH),
+        part=_filled("", [q.name for q in PARTS], "    "),
+        widths=_filled("", [_numel(q) for q in PARTS], "      "),
     )
+
+
+def _code(code: type[enum.IntEnum]) -> str:
+    kind = "enum class" if code in SCOPED else "enum"
+    type_ = "signed char" if code is Hold else "int"
+    members = [
+        line
+        for m in code
+        for line in _noted(f"  {m.name} = {m.value},", getattr(m, "meaning", None) or m.message)
+    ]
+    about = _comment(code.__doc__.splitlines()[0], "")
+    return "\n".join([*about, f"{kind} {code.__name__} : {type_} {{", *members, "};", ""])
+
+
+def _structure(structure: Structure) -> str:
+    fields = [line for f in structure.fields for line in _noted(f"  {_field(f)};", f.meaning)]
+    about = _comment(structure.meaning, "")
+    return "\n".join([*about, f"struct {structure.name} {{", *fields, "};", ""])
+
+
+def _noted(code: str, meaning: str) -> list[str]:
+    """A line of code with its meaning behind it, or before it where the line is too long."""
+    if not meaning:
+        return [code]
+    line = f"{code}  // {meaning}"
+    return [line] if len(line) <= 100 else [*_comment(meaning), code]
+
+
+def _field(field: Field) -> str:
+    if match := re.fullmatch(r"(.+)\[(\d+)\]", field.type):
+        return f"{match[1]} {field.name}[{match[2]}]"
+    if match := re.fullmatch(r"(.+?)(\(.*\))", field.type):
+        return f"{match[1]} (*{field.name}){match[2]}"
+    return f"{field.type} {field.name}"
+
+
+def _numel(quantity: Quantity) -> str:
+    """How many numbers it has, in C++."""
+    factors = (f"Model::{n}" if isinstance(n, str) else str(n) for n in quantity.shape)
+    return " * ".join(factors) or "1"
+
+
+def _layout() -> str:
+    lines, before = [], "0"
+    for q in ROW:
+        lines += _noted(f"  static constexpr int {q.name} = {before};", q.described)
+        before = f"{q.name} + {_numel(q)}"
+    return "\n".join([*lines, f"  static constexpr int width = {before};"])
 
 
 def _call(function: Function) -> str:
@@ -41,7 +101,7 @@ def _call(function: Function) -> str:
     if function.standing:
         body.append(f"    if (constants) Model::{own}_constants(res);")
     body.append(f"    Model::{own}{'_varying' if function.standing else ''}({which}arg, res);")
-    lines = [*_comment(function.purpose), *_listed(function)]
+    lines = _comment(function.purpose)
     lines += ["  template <class Results>"] if several else []
     lines.append(f"  FAN_FN static void {own}(\n      {_filled('', parameters, '      ')}) {{")
     return "\n".join([*lines, *body, "  }", ""])
@@ -51,21 +111,8 @@ def _parameter(quantity: Quantity, type_: str) -> str:
     return f"{type_}{'*' if quantity.shape else '&'} {quantity.name}"
 
 
-def _listed(function: Function) -> list[str]:
-    """The results, one a line."""
-    if len(function.results) == 1:
-        return _comment(f"{_shaped(function.results[0])} {function.results[0].described}.")
-    return [line for q in function.results for line in _comment(f"  {_shaped(q)} {q.described}")]
-
-
-def _shaped(quantity: Quantity) -> str:
-    shape = ", ".join(map(str, quantity.shape))
-    return f"{quantity.name} ({shape})" if shape else quantity.name
-
-
 def _comment(text: str, indent: str = "  ") -> list[str]:
-    begin = " " * (len(text) - len(text.lstrip()))
-    return [f"{indent}// {begin}{line}" for line in textwrap.wrap(text.strip(), 90 - len(begin))]
+    return [f"{indent}// {line}" for line in textwrap.wrap(text, 90)]
 
 
 def _filled(prefix: str, words: list[str], indent: str) -> str:
@@ -94,6 +141,39 @@ void identity(int width, long long* out) {{
   const long long values[] = {{
       contract_digest, width, {sizes}}};
   for (long long value : values) *out++ = value;
+}}
+
+{codes}
+{structures}
+// Where the parts of a row of a run are.
+template <class Model>
+struct RowLayout {{
+{layout}
+}};
+
+// Where the parts of an event are.
+struct EventLayout {{
+  enum : int {{ {event}, width }};
+}};
+
+// Where the numbers of a winch are.
+struct WinchLayout {{
+  enum : int {{ {winch}, width }};
+}};
+
+// What is written for every row of a batch: parts of a row, in its order.
+struct Part {{
+  enum : int {{
+    {part}, n
+  }};
+}};
+
+// How many numbers a part has.
+template <class Model>
+constexpr int part_width(int part) {{
+  const int widths[] = {{
+      {widths}}};
+  return widths[part];
 }}
 
 // The generated functions. A result goes to its argument; several go to members of their names:

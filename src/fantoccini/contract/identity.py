@@ -6,8 +6,11 @@ import hashlib
 import json
 from functools import cache
 
+from fantoccini.contract.codes import CODES
 from fantoccini.contract.functions import COLUMN, FUNCTIONS
 from fantoccini.contract.quantity import SIZES
+from fantoccini.contract.rows import EVENT, PARTS, ROW, WINCH
+from fantoccini.contract.structures import STRUCTURES
 
 
 @cache
@@ -17,6 +20,12 @@ def digest() -> int:
         [f.name, *([[q.name, q.shape] for q in part] for part in (f.arguments, f.results))]
         for f in (*FUNCTIONS.values(), COLUMN)
     ]
-    parts = {"sizes": list(SIZES), "functions": functions}
+    parts = {
+        "sizes": list(SIZES),
+        "functions": functions,
+        "rows": [[[q.name, q.shape] for q in parts] for parts in (ROW, EVENT, WINCH, PARTS)],
+        "structures": [[s.name, [[f.name, f.type] for f in s.fields]] for s in STRUCTURES],
+        "codes": [[c.__name__, [[m.name, m.value] for m in c]] for c in CODES],
+    }
     found = hashlib.sha256(json.dumps(parts, sort_keys=True).encode("ascii")).digest()
     return int.from_bytes(found[:8], "big") >> 1

@@ -30,6 +30,19 @@ EVENT: tuple[Quantity, ...] = (
 )
 """An event of a run."""
 
+EVENT_AT = {part.name: k for k, part in enumerate(EVENT)}
+"""Columns of events."""
+
+WINCH: tuple[Quantity, ...] = (
+    Quantity("max_tension", (), "N", "at which the winch slips; infinite, or 1e300, for never"),
+    Quantity("rewind_speed", (), "m/s", "at which it winds back what it has let out; 0 for never"),
+    Quantity("restitution", (), "1", "of catches, 0 to 1"),
+)
+"""What a run is told of every string's winch."""
+
+WINCH_AT = {part.name: k for k, part in enumerate(WINCH)}
+"""Columns of winches."""
+
 BOOKS = ("kinetic", "potential", "work", "damping", "impact", "slip_loss")
 """Parts of a row that a batch gives as one, ``books``."""
 

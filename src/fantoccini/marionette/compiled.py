@@ -10,7 +10,6 @@ from typing import TypeVar
 
 from fantoccini import build, codegen, equations
 from fantoccini.errors import BuildError
-from fantoccini.marionette import generator
 from fantoccini.marionette.mass_check import check_mass_matrix
 from fantoccini.runtime import (
     BatchLibrary,
@@ -24,6 +23,9 @@ from fantoccini.tree import Tree
 from fantoccini.world import World
 
 L = TypeVar("L")
+
+_SHAPING = ("fantoccini.tree.construction", "fantoccini.codegen.libraries")
+"""Modules that turn a puppet into source text."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,8 +111,7 @@ class Compiled:
         """A library of this puppet, from the cache or made now: one of ``contract.LIBRARIES``."""
         # Values of parameters are arguments of every function: nothing that is compiled has them.
         canonical = "\n".join(p.canonical(values=False) for p in self.world.puppets)
-        shaped_by = generator.fingerprint(what)
-        key = build.fingerprint(canonical, shaped_by, flags=(what,))
+        key = build.fingerprint(canonical, build.code_fingerprint(*_SHAPING), flags=(what,))
 
         def source() -> build.Source:
             return self.source(what)

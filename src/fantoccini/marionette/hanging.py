@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fantoccini.contract import WINCH_AT
 from fantoccini.errors import StateError
 from fantoccini.marionette import settle, statics
 from fantoccini.marionette.analysis import energies
@@ -39,7 +40,7 @@ def rest(model: Model, x: State) -> State:
         StateError: there is no equilibrium below, or it was not found, or a winch would slip in it;
             what was tried and what is in the way is told.
     """
-    rewinds = model.winches[: len(x.slip), 1] > 0
+    rewinds = model.winches[: len(x.slip), WINCH_AT["rewind_speed"]] > 0
     still = x.replace(
         v_D=np.zeros_like(x.v_D),
         v_K=np.zeros_like(x.v_K),

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.arrays import Array
+from fantoccini.contract import WINCH_AT
 from fantoccini.marionette.model import BRAKE, Model
 from fantoccini.marionette.vectors import vector
 from fantoccini.motion import State
@@ -125,7 +126,7 @@ def instant_at(
     model.states([x])
     made = Instant.of(model.library, model.tree, x, model.p, acc_K, u_D)
     if len(x.slip):
-        speed, braked = model.winches[:, 1], np.sqrt(2.0 * BRAKE * x.slip)
+        speed, braked = model.winches[:, WINCH_AT["rewind_speed"]], np.sqrt(2.0 * BRAKE * x.slip)
         made.hdot[: len(x.slip)] -= model.winding(x.slip)
         made.gamma[: len(x.slip)] -= np.where((braked > 0) & (braked < speed), BRAKE, 0.0)
     return made

@@ -153,7 +153,7 @@ def linearise(
         acc_K: (n_vK,) accelerations of the inputs; 0 when not given.
         u_D: (n_vD,) user forces; 0 when not given.
         rows: names of the strings and limits to hold, as equalities whatever they would pull;
-            those that pull at ``x`` (:meth:`Marionette.forward_dynamics`), and wires, when not given.
+            wires and those that pull at ``x`` (:meth:`Marionette.forward_dynamics`) when not given.
 
     Raises:
         StateError: no acceleration keeps the rows at ``x``.

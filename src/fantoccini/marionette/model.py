@@ -15,6 +15,7 @@ import numpy as np
 
 from fantoccini import tree as trees
 from fantoccini.arrays import Array
+from fantoccini.contract import WINCH_AT
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.marionette.compiled import Compiled
 from fantoccini.marionette.parcel import Parcel
@@ -225,7 +226,9 @@ class Model:
     @cached_property
     def upper(self) -> Array:
         """(n_rows,) largest force of every row [N]; inf where there is none."""
-        return np.concatenate([self.winches[:, 0], np.full(len(self.tree.limits), np.inf)])
+        return np.concatenate(
+            [self.winches[:, WINCH_AT["max_tension"]], np.full(len(self.tree.limits), np.inf)]
+        )
 
     @cached_property
     def two_sided(self) -> Array:
@@ -238,7 +241,7 @@ class Model:
 
         -min(rewind_speed, sqrt(2 BRAKE slip))
         """
-        return -np.minimum(self.winches[:, 1], np.sqrt(2.0 * BRAKE * slip))
+        return -np.minimum(self.winches[:, WINCH_AT["rewind_speed"]], np.sqrt(2.0 * BRAKE * slip))
 
     def row_scales(self, q_D: Array, q_K: Array) -> Array:
         """(..., n_rows) what each row's h is measured against: string lengths [m], 1 for limits.
@@ -285,11 +288,14 @@ def _winches(tree: Tree, p: Array) -> Array:
     def number(value: Number) -> float:
         return float(values[value.parameter] if isinstance(value, Parameter) else value)
 
-    table = np.zeros((len(tree.strings), 3))
+    table = np.zeros((len(tree.strings), len(WINCH_AT)))
     for row, string in zip(table, tree.strings, strict=True):
-        row[0] = np.inf if string.max_tension is None else number(string.max_tension)
-        row[1] = 0.0 if string.rewind_speed is None else number(string.rewind_speed)
-        row[2] = number(string.restitution)
+        own = {
+            "max_tension": np.inf if string.max_tension is None else number(string.max_tension),
+            "rewind_speed": 0.0 if string.rewind_speed is None else number(string.rewind_speed),
+            "restitution": number(string.restitution),
+        }
+        row[:] = [own[name] for name in WINCH_AT]
     return table
 
 

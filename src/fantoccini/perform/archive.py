@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from fantoccini.arrays import Array
+from fantoccini.contract import EVENT_AT, EventKind
 from fantoccini.errors import Status
 from fantoccini.marionette import Marionette, Parcel
-from fantoccini.motion import EventKind, State
+from fantoccini.motion import State
 from fantoccini.motion.archive import RECORDING as FORMAT, replacing
 from fantoccini.motion.npz import checked, contents, finite, texts, understanding
 from fantoccini.perform.recording import Recording, Written
@@ -96,8 +97,9 @@ def _of_state(arrays: dict[str, Array], name: str, size: int) -> Array:
 def _events(marionette: Marionette, events: Array) -> Array:
     """Events of kinds and rows that there are."""
     n = len(marionette.tree.blamable)
-    for _, kind, row, *_ in events:
-        if kind not in range(len(EventKind)) or row not in range(-1, n):
+    for event in events:
+        kind, row = event[EVENT_AT["kind"]], event[EVENT_AT["row"]]
+        if kind not in list(EventKind) or row not in range(-1, n):
             raise ValueError(f"found an event of the kind {kind:g} at the row {row:g}")
     return events
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from fantoccini.contract import WINCH_AT
 from fantoccini.errors import StateError
 from fantoccini.marionette import Marionette, check_step
 from fantoccini.motion import State
@@ -78,7 +79,7 @@ def permitted(marionette: Marionette, x: State) -> State:
     except StateError:
         n = len(marionette.tree.strings)
         over = np.maximum(marionette.constraint(x)[:n], 0.0)
-        slips = np.isfinite(marionette.winches[:, 0])
+        slips = np.isfinite(marionette.winches[:, WINCH_AT["max_tension"]])
     x = x.replace(slip=x.slip + np.where(slips, over, 0.0))
     try:
         return marionette.project(x)

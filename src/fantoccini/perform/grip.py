@@ -16,6 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from fantoccini.arrays import Array, VecK
+from fantoccini.contract import WINCH_AT
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.perform.hands import Hands
@@ -43,12 +44,13 @@ _SHARE = 0.05
 def gripped(marionette: Marionette, grip: float) -> Marionette:
     """The puppet on winches that slip at ``grip`` [N] at the latest; wires do not."""
     winches = marionette.winches.copy()
+    most, rewind = WINCH_AT["max_tension"], WINCH_AT["rewind_speed"]
     for row, string in zip(winches, marionette.tree.strings, strict=True):
-        if string.wire or row[0] <= grip:
+        if string.wire or row[most] <= grip:
             continue
-        row[0] = grip
+        row[most] = grip
         if string.rewind_speed is None:
-            row[1] = REWIND
+            row[rewind] = REWIND
     return marionette.with_winches(winches)
 
 
@@ -67,7 +69,7 @@ class Holding:
     def __init__(self, marionette: Marionette, hands: Hands, grip: float):
         self.marionette, self.hands = marionette, hands
         n = len(marionette.tree.strings)
-        own = marionette.winches[:, 0]
+        own = marionette.winches[:, WINCH_AT["max_tension"]]
         self._wire = marionette.model.two_sided[:n]
         # A winch that the puppet lets slip earlier slips as it is meant to.
         self._firm = self._wire | (own >= grip)

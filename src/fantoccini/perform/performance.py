@@ -8,6 +8,7 @@ from threading import RLock
 import numpy as np
 
 from fantoccini.arrays import Array, ConfigK, Quaternion, Vec3
+from fantoccini.contract import EVENT_AT
 from fantoccini.errors import StateError, Status
 from fantoccini.marionette import Marionette, Stepper
 from fantoccini.motion import State
@@ -391,7 +392,7 @@ class Performance:
     def _note_weak_motors(self) -> None:
         """Keeps in mind which drives the last tick was too much for."""
         tree = self.marionette.tree
-        for index in self._stepper.events[:, 2].astype(int) - tree.n_rows:
+        for index in self._stepper.events[:, EVENT_AT["row"]].astype(int) - tree.n_rows:
             if index >= 0:
                 self._weak[tree.watched[index].name.rsplit(".", 1)[0]] = self.t
 

@@ -167,7 +167,7 @@ class Motions:
         self.funnels: list[Funnel] = []
         # Motions begin anew at every node: a step that depends on its state alone does not notice.
         self.options = marionette.model.run_options(dt=dt, save_every=look, extrapolate=False)
-        limits = bounds.speed, bounds.acceleration, bounds.low, bounds.high
+        limits = {n: getattr(bounds, n) for n in ("speed", "acceleration", "low", "high")}
         terms = Terms(
             self.options, looks, marionette.p, marionette.winches, limits, margin, slack,
             clearance.solids, goal.numbers, self.inner,

@@ -127,7 +127,7 @@ def _free(marionette: Marionette, options: RunOptions, looks: int) -> Terms:
         looks=looks,
         p=marionette.p,
         winches=marionette.winches,
-        bounds=(fast, fast, -far, far),
+        bounds={"speed": fast, "acceleration": fast, "low": -far, "high": far},
         margin=0.0,
         slack=True,
         solids=Solids.none(len(marionette.tree.strings)),

@@ -1,7 +1,7 @@
 """The compiled puppet: the one package that speaks to the shared library, through ctypes."""
 
 from fantoccini.runtime import memory
-from fantoccini.runtime.batch import PARTS, Batch, BatchLibrary, default_threads
+from fantoccini.runtime.batch import Batch, BatchLibrary, default_threads
 from fantoccini.runtime.clearance import (
     BOX,
     HALF_SPACE,
@@ -31,7 +31,6 @@ from fantoccini.runtime.structures import RunOptions
 __all__ = [
     "BOX",
     "HALF_SPACE",
-    "PARTS",
     "POINT",
     "POSE",
     "SEGMENT",

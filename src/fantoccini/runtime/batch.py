@@ -15,48 +15,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.runtime.functions import Loaded, Numbers, pointer
-from fantoccini.runtime.structures import UNLIMITED, Options, RunOptions
-
-PARTS = ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K", "force", "taut", "books", "slip")
-"""Parts of a row, in the order of ``Part`` in ``batch.hpp``."""
+from fantoccini.contract import PARTS
+from fantoccini.runtime.functions import Loaded, pointer
+from fantoccini.runtime.structures import UNLIMITED, RunOptions, structures
 
 _LOOK_SECONDS = 0.05
 """How often the batch is looked at for progress and Ctrl-C."""
 
 
-class _Shared(Numbers, ctypes.Structure):
-    _fields_ = [("first", ctypes.c_void_p), ("stride", ctypes.c_longlong)]
-
-
-class _BatchArrays(Numbers, ctypes.Structure):
-    _fields_ = [
-        ("n", ctypes.c_longlong),
-        ("t", ctypes.c_double),
-        ("t_end", ctypes.c_double),
-        ("q_D", _Shared),
-        ("v_D", _Shared),
-        ("slip", _Shared),
-        ("n_segments", ctypes.c_int),
-        ("breaks", _Shared),
-        ("coef", _Shared),
-        ("base", _Shared),
-        ("force", _Shared),
-        ("p", ctypes.c_void_p),
-        ("winches", ctypes.c_void_p),
-        ("options", Options),
-        ("save_every", ctypes.c_int),
-        ("save_at", ctypes.c_void_p),
-        ("n_rows", ctypes.c_longlong),
-        ("parts", ctypes.c_void_p * len(PARTS)),
-        ("status", ctypes.c_void_p),
-        ("reached", ctypes.c_void_p),
-        ("violation", ctypes.c_void_p),
-        ("events", ctypes.c_void_p),
-        ("blame", ctypes.c_void_p),
-        ("end_q_D", ctypes.c_void_p),
-        ("end_v_D", ctypes.c_void_p),
-    ]
+_Shared, _BatchArrays = structures["Shared"], structures["BatchArrays"]
 
 
 class BatchLibrary:
@@ -95,7 +62,7 @@ class Batch:
         parts: name of a part -> (n, T, width), written where a trajectory gets that far.
         status, reached, violation: (n,) how each ended, when [s], worst violation (of
             fixed steps).
-        events: (n, 2) catches and releases.
+        catches, releases: (n,).
         blame: (n, n_rows + n_watched) rows and drives that are to blame for the status, 0 to 1.
         end_q_D, end_v_D: (n, ...) the configuration and velocities reached.
     """
@@ -118,7 +85,8 @@ class Batch:
     status: Array
     reached: Array
     violation: Array
-    events: Array
+    catches: Array
+    releases: Array
     blame: Array
     end_q_D: Array
     end_v_D: Array
@@ -187,14 +155,17 @@ class Batch:
             options=self.options.structure(),
             save_every=self.options.save_every,
             save_at=held(self.times), n_rows=len(self.times),
-            status=pointer(self.status), reached=pointer(self.reached),
-            violation=pointer(self.violation), events=pointer(self.events),
-            blame=pointer(self.blame),
-            end_q_D=pointer(self.end_q_D), end_v_D=pointer(self.end_v_D),
+            **{
+                name: pointer(getattr(self, name))
+                for name in (
+                    "status", "reached", "violation", "catches", "releases", "blame", "end_q_D",
+                    "end_v_D",
+                )
+            },
         )  # fmt: skip
-        for i, name in enumerate(PARTS):
-            if name in self.parts:
-                arrays.parts[i] = pointer(self.parts[name])
+        for i, part in enumerate(PARTS):
+            if part.name in self.parts:
+                arrays.parts[i] = pointer(self.parts[part.name])
         return arrays, kept
 
 

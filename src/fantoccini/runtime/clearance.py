@@ -14,21 +14,19 @@ from typing import Any
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.runtime.functions import Loaded, Numbers, pointer
+from fantoccini.contract import STRUCTURES, SolidKind
+from fantoccini.runtime.functions import Loaded, pointer
+from fantoccini.runtime.structures import dtype_of, structures
 
-SEGMENT, BOX, HALF_SPACE = range(3)
-"""Kinds of solids, as in ``clearance.hpp``."""
+SEGMENT, BOX, HALF_SPACE = SolidKind
+"""Kinds of solids."""
 
-SOLID = np.dtype(
-    [
-        ("kind", np.int32), ("link", np.int32), ("mesh", np.int64), ("a", float, 3),
-        ("b", float, 3), ("R", float, 9), ("half", float, 3), ("radius", float),
-    ]
-)  # fmt: skip
-"""A ``Solid`` of ``clearance.hpp``: a link's number, -1 for the world; a mesh's, -1 for none; R
-column by column."""
+ClearanceArrays = structures["ClearanceArrays"]
 
-_EXACT = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
+SOLID = dtype_of(next(s for s in STRUCTURES if s.name == "Solid"))
+"""A solid: a link's number, -1 for the world; a mesh's, -1 for none; R column by column."""
+
+_EXACT = dict(ClearanceArrays._fields_)["exact"]
 
 _APART = 4096
 """Configurations from which on they are dealt to threads."""
@@ -59,29 +57,18 @@ class Solids:
         return cls(solids, solids, np.zeros((0, 2), dtype=np.int32), np.full(n_strings, -1.0))
 
 
-class ClearanceArrays(Numbers, ctypes.Structure):
-    _fields_ = [
-        ("n_moving", ctypes.c_longlong),
-        ("n_standing", ctypes.c_longlong),
-        ("n_pairs", ctypes.c_longlong),
-        ("moving", ctypes.c_void_p),
-        ("standing", ctypes.c_void_p),
-        ("pairs", ctypes.c_void_p),
-        ("string_radius", ctypes.c_void_p),
-        ("exact", _EXACT),
-    ]
-
-    @classmethod
-    def of(cls, solids: Solids, exact: Exact, kept: list[np.ndarray]) -> ClearanceArrays:
-        """As the library takes them; ``exact`` and ``kept`` must live as long as that."""
-        held = [
-            np.ascontiguousarray(solids.moving, dtype=SOLID),
-            np.ascontiguousarray(solids.standing, dtype=SOLID),
-            np.ascontiguousarray(solids.pairs, dtype=np.int32),
-            np.ascontiguousarray(solids.string_radius, dtype=float),
-        ]
-        kept += held
-        return cls(len(held[0]), len(held[1]), len(held[2]), *map(pointer, held), exact.function)
+def clearance_arrays(solids: Solids, exact: Exact, kept: list[np.ndarray]) -> Any:
+    """As the library takes them; ``exact`` and ``kept`` must live as long as that."""
+    held = {
+        "moving": np.ascontiguousarray(solids.moving, dtype=SOLID),
+        "standing": np.ascontiguousarray(solids.standing, dtype=SOLID),
+        "pairs": np.ascontiguousarray(solids.pairs, dtype=np.int32),
+        "string_radius": np.ascontiguousarray(solids.string_radius, dtype=float),
+    }
+    kept += held.values()
+    counts = {f"n_{name}": len(held[name]) for name in ("moving", "standing", "pairs")}
+    places = {name: pointer(array) for name, array in held.items()}
+    return ClearanceArrays(**counts, **places, exact=exact.function)
 
 
 class Exact:
@@ -158,7 +145,7 @@ class ClearanceLibrary(Loaded):
         clearance, pair = np.empty(n), np.empty(n, dtype=np.int64)
         failed: list[int] = []
         exact = Exact(solids)
-        arrays = ClearanceArrays.of(solids, exact, kept)
+        arrays = clearance_arrays(solids, exact, kept)
 
         def work(first: int, last: int) -> None:
             part = slice(first, last)

@@ -11,20 +11,22 @@ import ctypes
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.contract import EVENT, ROW, width
+from fantoccini.contract import EVENT, ROW, Solved, width
 from fantoccini.errors import ARRIVED, Status
 from fantoccini.motion import Input, State
 from fantoccini.runtime import memory
 from fantoccini.runtime.functions import Functions, pointer
 from fantoccini.runtime.structures import (
     UNLIMITED,
-    Record,
+    RecordArrays,
     RunOptions,
     input_arrays,
+    structures,
 )
 from fantoccini.tree import Tree
 
@@ -82,7 +84,9 @@ class Library(Functions):
             n, pointer(columns), pointer(b), pointer(upper), pointer(sides),
             pointer(active), pointer(x), pointer(s), pointer(ray),
         )  # fmt: skip
-        return Complementarity(x, s, status == 0, ray if status == 1 else None)
+        return Complementarity(
+            x, s, status == Solved.YES, ray if status == Solved.INFEASIBLE else None
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,26 +146,26 @@ class Run:
         n_event = max(self.events_at_once, 16 * library.n_blamable + 64)
         self._rows = np.zeros((n_row, width(ROW, library.sizes)))
         self._events = np.zeros((n_event, len(EVENT)))
-        self._record = Record(pointer(self._rows), n_row, 0, pointer(self._events), n_event, 0)
-        chosen = options.structure()
+        self._record = RecordArrays(
+            rows=pointer(self._rows), row_capacity=n_row,
+            events=pointer(self._events), event_capacity=n_event,
+        )  # fmt: skip
         self._taken_bytes, self._bound = 0.0, memory.bound(0.0, options.max_memory)
         arrays, held = input_arrays(inputs)
         slip = x0.slip if len(x0.slip) else np.zeros(library.sizes["n_strings"])
-        start = [
-            np.ascontiguousarray(a, dtype=float)
-            for a in (x0.q_D, x0.v_D, slip, p, np.minimum(winches, UNLIMITED))
-        ]
+        given = {
+            "q_D": x0.q_D, "v_D": x0.v_D, "slip": slip, "p": p,
+            "winches": np.minimum(winches, UNLIMITED),
+        }  # fmt: skip
+        given = {name: np.ascontiguousarray(a, dtype=float) for name, a in given.items()}
+        start = structures["StartArrays"](
+            t=x0.t, **{name: pointer(a) for name, a in given.items()}, input=arrays,
+            options=options.structure(), save_at=pointer(self._keep), n_save=len(self._keep),
+            save_every=options.save_every,
+        )  # fmt: skip
         self.status = Status(
             library.handle.fan_start(
-                self._run,
-                ctypes.c_double(x0.t),
-                *(pointer(a) for a in start),
-                ctypes.byref(arrays),
-                ctypes.byref(chosen),
-                pointer(self._keep),
-                ctypes.c_longlong(len(self._keep)),
-                ctypes.c_int(options.save_every),
-                ctypes.byref(self._record),
+                self._run, ctypes.byref(start), ctypes.byref(self._record)
             )
         )
         del held
@@ -229,11 +233,11 @@ class Run:
         self.present()
 
     @property
-    def progress(self) -> tuple[int, float, float]:
-        """Steps taken, time reached [s], worst violation so far (of fixed steps) [m]."""
-        out = np.zeros(3)
-        self.library.handle.fan_progress(self._run, pointer(out))
-        return int(out[0]), float(out[1]), float(out[2])
+    def progress(self) -> Any:
+        """``steps`` taken, ``t`` reached [s], worst ``violation`` so far (of fixed steps) [m]."""
+        out = structures["RunProgress"]()
+        self.library.handle.fan_progress(self._run, ctypes.byref(out))
+        return out
 
     @property
     def blame(self) -> Array:

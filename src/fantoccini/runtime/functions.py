@@ -202,15 +202,5 @@ def whole(name: str, value: int, kind: type = ctypes.c_int, least: int | None = 
     return number
 
 
-class Numbers:
-    """Of a C structure, first among its bases: its integers are checked against their widths."""
-
-    def __setattr__(self, name: str, value: object) -> None:
-        kind = next((kind for field, kind in self._fields_ if field == name), None)
-        if kind in (ctypes.c_int, ctypes.c_longlong):
-            value = whole(name, value, kind)
-        super().__setattr__(name, value)
-
-
 def _address(array: np.ndarray) -> int:
     return array.__array_interface__["data"][0]

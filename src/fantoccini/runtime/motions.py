@@ -12,78 +12,24 @@ from functools import cache
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.runtime.clearance import ClearanceArrays, Exact, Solids
-from fantoccini.runtime.functions import Loaded, Numbers, pointer
-from fantoccini.runtime.structures import UNLIMITED, Options, RunOptions
+from fantoccini.contract import GoalKind
+from fantoccini.runtime.clearance import Exact, Solids, clearance_arrays
+from fantoccini.runtime.functions import Loaded, pointer
+from fantoccini.runtime.structures import UNLIMITED, RunOptions, structures
 
-UNKNOWN, POSE, POINT = range(3)
-"""Kinds of goals, as in ``goal.hpp``."""
+UNKNOWN, POSE, POINT = GoalKind
+"""Kinds of goals."""
 
 STATE = ("q_D", "v_D", "slip", "q_K", "v_K")
-"""Parts of a state, in the order of ``SweepArrays`` and ``SegmentArrays``."""
+"""Parts of a state."""
 
-
-class _GoalArrays(Numbers, ctypes.Structure):
-    _fields_ = [
-        ("kind", ctypes.c_int),
-        ("link", ctypes.c_int),
-        ("low", ctypes.c_void_p),
-        ("high", ctypes.c_void_p),
-        ("weight", ctypes.c_void_p),
-        ("v_D", ctypes.c_void_p),
-        ("v_K", ctypes.c_void_p),
-        ("at", ctypes.c_double * 3),
-        ("place", ctypes.c_double * 3),
-        ("place_high", ctypes.c_double * 3),
-        ("speed_weight", ctypes.c_double),
-        ("driven_weight", ctypes.c_double),
-        ("tolerance", ctypes.c_double),
-    ]
-
-
-class _FunnelArrays(Numbers, ctypes.Structure):
-    _fields_ = [(name, ctypes.c_void_p) for name in ("q_D", "q_K", "gains")]
-
-
-class _BoundArrays(Numbers, ctypes.Structure):
-    _fields_ = [(name, ctypes.c_void_p) for name in ("speed", "acceleration", "low", "high")]
-
-
-_OUT = (*STATE, "distance", "looks", "catches")
-
-
-class _SegmentArrays(Numbers, ctypes.Structure):
-    _fields_ = [(name, ctypes.c_void_p) for name in _OUT]
-
-
-class _SweepArrays(Numbers, ctypes.Structure):
-    _fields_ = [
-        ("n", ctypes.c_longlong),
-        ("segments", ctypes.c_int),
-        ("looks", ctypes.c_int),
-        ("steps", ctypes.c_int),
-        ("options", Options),
-        ("p", ctypes.c_void_p),
-        ("winches", ctypes.c_void_p),
-        ("from_", ctypes.c_void_p),
-        *((name, ctypes.c_void_p) for name in STATE),
-        ("acc_K", ctypes.c_void_p),
-        ("made", ctypes.c_void_p),
-        ("given", ctypes.c_void_p),
-        ("which", ctypes.c_void_p),
-        ("reach", ctypes.c_void_p),
-        ("funnels", ctypes.c_void_p),
-        ("bounds", _BoundArrays),
-        ("margin", ctypes.c_double),
-        ("may_slacken", ctypes.c_int),
-        ("solids", ctypes.c_void_p),
-        ("goal", _GoalArrays),
-        ("out", _SegmentArrays),
-    ]
-
-
-class _SweepProgress(Numbers, ctypes.Structure):
-    _fields_ = [("next", ctypes.c_longlong), ("reached", ctypes.c_longlong)]
+_GoalArrays, _FunnelArrays, _BoundArrays, _SegmentArrays, _SweepArrays, _SweepProgress = (
+    structures[name]
+    for name in (
+        "GoalArrays", "FunnelArrays", "BoundArrays", "SegmentArrays", "SweepArrays",
+        "SweepProgress",
+    )
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,11 +62,13 @@ class GoalNumbers:
 
     def structure(self, tolerance: float, kept: list[Array]) -> _GoalArrays:
         """As the library takes it; ``kept`` must live as long as that."""
+        arrays = ("low", "high", "weight", "v_D", "v_K")
+        corners = ("at", "place", "place_high")
         return _GoalArrays(
-            self.kind, self.link,
-            *(_held(a, kept) for a in (self.low, self.high, self.weight, self.v_D, self.v_K)),
-            *((ctypes.c_double * 3)(*a) for a in (self.at, self.place, self.place_high)),
-            self.speed_weight, self.driven_weight, tolerance,
+            kind=self.kind, link=self.link, tolerance=tolerance,
+            speed_weight=self.speed_weight, driven_weight=self.driven_weight,
+            **{name: _held(getattr(self, name), kept) for name in arrays},
+            **{name: (ctypes.c_double * 3)(*getattr(self, name)) for name in corners},
         )  # fmt: skip
 
 
@@ -146,7 +94,7 @@ class Terms:
         options: of the time-stepper.
         looks: of a segment.
         p, winches: as of :class:`fantoccini.runtime.Run`.
-        bounds: (n_vK,) speeds and accelerations, (n_qK,) least and greatest places.
+        bounds: speed and acceleration (n_vK,), low and high (n_qK,) places.
         margin: least clearance [m].
         slack: whether strings that pull may go slack.
         solids: what is kept clear of what.
@@ -158,7 +106,7 @@ class Terms:
     looks: int
     p: Array
     winches: Array
-    bounds: tuple[Array, Array, Array, Array]
+    bounds: dict[str, Array]
     margin: float
     slack: bool
     solids: Solids
@@ -231,12 +179,12 @@ class Sweeper:
             options=terms.options.structure(),
             p=_held(terms.p, kept),
             winches=_held(np.minimum(terms.winches, UNLIMITED), kept),
-            bounds=_BoundArrays(*(_held(a, kept) for a in terms.bounds)),
+            bounds=_BoundArrays(**{name: _held(a, kept) for name, a in terms.bounds.items()}),
             margin=terms.margin,
             may_slacken=int(terms.slack),
             goal=terms.goal.structure(terms.tolerance, kept),
         )
-        n_K, n_qK = (len(terms.bounds[k]) for k in (0, 2))
+        n_K, n_qK = (len(terms.bounds[name]) for name in ("speed", "low"))
         self._widths = {
             "q_D": len(terms.goal.low),
             "v_D": len(terms.goal.weight),
@@ -278,7 +226,10 @@ class Sweeper:
         which = np.zeros(n) if which is None else which
         reach = np.ones(n) if reach is None else reach
         laws = (_FunnelArrays * max(1, len(funnels)))(
-            *(_FunnelArrays(*(_held(a, kept) for a in (f.q_D, f.q_K, f.gains))) for f in funnels)
+            *(
+                _FunnelArrays(**{name: _held(a, kept) for name, a in vars(f).items()})
+                for f in funnels
+            )
         )
         made = np.full(n, segments) if made is None else np.asarray(made)
         given, which, chosen = (np.asarray(a) for a in (given, which, chosen))
@@ -290,18 +241,18 @@ class Sweeper:
         arrays = _SweepArrays.from_buffer_copy(self._arrays)
         arrays.n, arrays.segments = n, segments
         exact = Exact(self._solids)
-        solids = ClearanceArrays.of(self._solids, exact, kept)
+        solids = clearance_arrays(self._solids, exact, kept)
         arrays.solids = ctypes.addressof(solids)
         arrays.looks = looks or arrays.looks
-        arrays.from_ = _held(chosen, kept, np.int64)
+        arrays.begins = _held(chosen, kept, np.int64)
         for name in STATE:
             setattr(arrays, name, _held(starts[name], kept))
         arrays.acc_K = pointer(acc_K)
         arrays.made = _held(made, kept, np.int32)
         arrays.given, arrays.which = _held(given, kept, np.int32), _held(which, kept, np.int32)
         arrays.reach, arrays.funnels = _held(reach, kept), ctypes.addressof(laws)
-        out = (*states.values(), distance, lasted, catches)
-        arrays.out = _SegmentArrays(*(pointer(a) for a in out))
+        out = {**states, "distance": distance, "looks": lasted, "catches": catches}
+        arrays.out = _SegmentArrays(**{name: pointer(a) for name, a in out.items()})
         # Ctrl-C may leave a worker behind: what it uses lives as long as `arrays`.
         arrays.held = (self._kept, kept, acc_K, laws, out, solids, exact)
         with exact:
@@ -344,7 +295,7 @@ class Sweeper:
 
     def _work(self, arrays: _SweepArrays) -> int:
         """Makes the motions; the first that reached the goal, n where none did."""
-        progress = _SweepProgress(0, arrays.n)
+        progress = _SweepProgress(next=0, reached=arrays.n)
 
         def work() -> int:
             return self._library.handle.fan_sweep(ctypes.byref(arrays), ctypes.byref(progress))

@@ -1,58 +1,69 @@
-"""The structures that Python and the shared library share: ``options.hpp``, ``drive.hpp`` and
-``record.hpp``."""
+"""The structures that Python and the shared library share, as ctypes and NumPy have them."""
 
 from __future__ import annotations
 
 import ctypes
+import re
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from fantoccini.arrays import Array
+from fantoccini.contract import STRUCTURES, Structure
 from fantoccini.motion import Input
-from fantoccini.runtime.functions import Numbers, pointer, whole
+from fantoccini.runtime.functions import pointer, whole
 
 UNLIMITED = 1e300
 """A bound that is none, as the runtime has it."""
 
-
-class InputArrays(Numbers, ctypes.Structure):
-    _fields_ = [
-        ("n_segments", ctypes.c_int),
-        ("breaks", ctypes.c_void_p),
-        ("coef", ctypes.c_void_p),
-        ("base", ctypes.c_void_p),
-        ("force", ctypes.c_void_p),
-    ]
+_NUMBERS = {"int": ctypes.c_int, "long long": ctypes.c_longlong, "double": ctypes.c_double}
 
 
-class Options(Numbers, ctypes.Structure):
-    _fields_ = [
-        ("rtol", ctypes.c_double),
-        ("atol", ctypes.c_double),
-        ("first_step", ctypes.c_double),
-        ("max_step", ctypes.c_double),
-        ("tension_cap", ctypes.c_double),
-        ("energy_scale", ctypes.c_double),
-        ("force_scale", ctypes.c_double),
-        ("recovery_speed", ctypes.c_double),
-        ("dt", ctypes.c_double),
-        ("max_steps", ctypes.c_longlong),
-        ("max_events", ctypes.c_longlong),
-        ("save_steps", ctypes.c_int),
-        ("extrapolate", ctypes.c_int),
-    ]
+class _Numbers:
+    """Of a C structure, first among its bases: its integers are checked against their widths."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        kind = next((kind for field, kind in self._fields_ if field == name), None)
+        if kind in (ctypes.c_int, ctypes.c_longlong):
+            value = whole(name, value, kind)
+        super().__setattr__(name, value)
 
 
-class Record(Numbers, ctypes.Structure):
-    _fields_ = [
-        ("rows", ctypes.c_void_p),
-        ("row_capacity", ctypes.c_longlong),
-        ("n_rows", ctypes.c_longlong),
-        ("events", ctypes.c_void_p),
-        ("event_capacity", ctypes.c_longlong),
-        ("n_events", ctypes.c_longlong),
-    ]
+def _made() -> dict[str, Any]:
+    """The ctypes classes of all structures, by name."""
+    made: dict[str, Any] = {}
+    for structure in STRUCTURES:
+        fields = [(field.name, _type(field.type, made)) for field in structure.fields]
+        bases = _Numbers, ctypes.Structure
+        made[structure.name] = type(structure.name, bases, {"_fields_": fields})
+    return made
+
+
+def _type(text: str, made: dict[str, Any]) -> Any:
+    """A field's type of C++ as ctypes has it."""
+    if match := re.fullmatch(r"(.+)\[(\d+)\]", text):
+        return _type(match[1], made) * int(match[2])
+    if match := re.fullmatch(r"(.+?)\((.*)\)", text):
+        arguments = (_type(argument, made) for argument in match[2].split(","))
+        return ctypes.CFUNCTYPE(_type(match[1], made), *arguments)
+    if text.endswith("*"):
+        return ctypes.c_void_p
+    return _NUMBERS.get(text) or made[text]
+
+
+structures: dict[str, Any] = _made()
+"""ctypes classes by name; an integer that does not fit its field is refused."""
+
+InputArrays, Options, RecordArrays = (
+    structures[name] for name in ("InputArrays", "Options", "RecordArrays")
+)
+
+
+def dtype_of(structure: Structure) -> np.dtype:
+    """A structure of numbers and arrays of them as NumPy has it."""
+    found = ((f.name, _type(f.type, structures)) for f in structure.fields)
+    return np.dtype(list(found), align=True)
 
 
 @dataclass(frozen=True)
@@ -116,9 +127,7 @@ class RunOptions:
 
 def input_arrays(inputs: Input) -> tuple[InputArrays, list[Array]]:
     """The structure, and the arrays that must live as long as it is read."""
-    fields = (inputs.breaks, inputs.coef, inputs.base, inputs.force)
-    held = [None if a is None else np.ascontiguousarray(a, dtype=float) for a in fields]
-    return (
-        InputArrays(len(inputs.coef), *(None if a is None else pointer(a) for a in held)),
-        held,
-    )
+    given = {name: getattr(inputs, name) for name in ("breaks", "coef", "base", "force")}
+    held = {n: np.ascontiguousarray(a, dtype=float) for n, a in given.items() if a is not None}
+    places = {name: pointer(a) for name, a in held.items()}
+    return InputArrays(n_segments=len(inputs.coef), **places), list(held.values())

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.arrays import Array
+from fantoccini.contract import WINCH_AT
 from fantoccini.errors import SimulationError, Status
 from fantoccini.marionette import Marionette, instant_at
 from fantoccini.marionette.closed import CLOSED, STILL
@@ -74,7 +75,7 @@ class Catch:
         closed = np.abs(instant.h) <= CLOSED * marionette.model.row_scales(before.q_D, before.q_K)
         rows = np.flatnonzero(was | closed | wires)
         self._back = np.zeros(n_rows)
-        self._back[: len(marionette.tree.strings)] = marionette.winches[:, 2]
+        self._back[: len(marionette.tree.strings)] = marionette.winches[:, WINCH_AT["restitution"]]
         self._back[instant.hdot <= 0.0] = 0.0
         stopped = (1.0 + self._back) * instant.hdot
         found = instant.complementarity(rows, stopped[rows], wires)

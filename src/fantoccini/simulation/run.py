@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from fantoccini import contract
 from fantoccini.arrays import Array
 from fantoccini.errors import ARRIVED, SimulationError, Status
 from fantoccini.marionette import (
@@ -37,10 +38,10 @@ from fantoccini.simulation.checks import check_marionette, save_times
 from fantoccini.simulation.soundness import judged
 from fantoccini.simulation.weak_motors import too_weak
 
-_KINDS = (
-    EventKind.CATCH, EventKind.RELEASE, EventKind.ACCUMULATION, EventKind.BREAKPOINT,
-    EventKind.SLIP, EventKind.GRIP, EventKind.LOST_STEP, EventKind.RUNAWAY,
-)  # fmt: skip
+_KINDS = {
+    code: EventKind.RUNAWAY if code is contract.EventKind.RAN_AWAY else EventKind[code.name]
+    for code in contract.EventKind
+}
 _TO_BLAME = 0.1
 """Share of the blame for a status, 0 to 1, from which a string or limit is named."""
 _LIMIT_KINDS = {EventKind.CATCH: EventKind.LIMIT_ON, EventKind.RELEASE: EventKind.LIMIT_OFF}
@@ -143,7 +144,8 @@ def simulate(
         if last is not None:
             contradicted = contradiction(marionette.model, *motion(last))
         if contradicted:
-            made = trajectory(rows[: last + 1], events[events[:, 0] <= made.t[last]])
+            before = events[:, contract.EVENT_AT["t"]] <= made.t[last]
+            made = trajectory(rows[: last + 1], events[before])
     elif status in STOPPED_BY:
         contradicted = contradiction(marionette.model, *_motion_of(made)(len(made) - 1))
     if contradicted:
@@ -151,7 +153,7 @@ def simulate(
         made = dataclasses.replace(made, status=status, blamed=contradicted.names)
     unsound = ""
     if method != "event" and status in ARRIVED and made.t[-1] >= t_end:
-        verdict, unsound = judged(marionette, made, options.dt, run.progress[2])
+        verdict, unsound = judged(marionette, made, options.dt, run.progress.violation)
         if verdict is not Status.DONE:
             status = verdict
             made = dataclasses.replace(made, status=status, blamed=())
@@ -193,7 +195,7 @@ def _collect(run: Run, t_end: float, progress, rows: list, events: list) -> Stat
             rows.append(some_rows)
             events.append(some_events)
             if progress:
-                progress(run.progress[1])
+                progress(run.progress.t)
     except KeyboardInterrupt:
         some_rows, some_events = run.present()
         rows.append(some_rows)
@@ -276,9 +278,9 @@ def _ledger(part: dict[str, Array]) -> Columns:
 
 
 def _event(tree, row: Array, n_strings: int) -> EventRecord:
-    t, kind, index, impulse, speed = row
-    kind, index = _KINDS[int(kind)], int(index)
+    at = {part.name: float(value) for part, value in zip(contract.EVENT, row, strict=True)}
+    kind, index = _KINDS[int(at["kind"])], int(at["row"])
     if index >= n_strings:
         kind = _LIMIT_KINDS.get(kind, kind)
     name = tree.blamable[index] if index >= 0 else ""
-    return EventRecord(float(t), kind, name, float(impulse), float(speed))
+    return EventRecord(at["t"], kind, name, at["impulse"], at["speed"])

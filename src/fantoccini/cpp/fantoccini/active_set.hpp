@@ -16,7 +16,7 @@
 // and b.y > 0, which says that no z satisfies the rows with y_i > 0 together.
 #pragma once
 
-#include "real.hpp"
+#include "contract.hpp"
 
 namespace fan {
 
@@ -32,8 +32,6 @@ constexpr double kDependent = 1e-6;
 constexpr double kStandsAlone = 1e-3;  // likewise, above which a row without tension may join the basis
 constexpr double kNoColumn = 1e-9;     // likewise, relative to the largest column
 constexpr double kForever = 1e300;     // an upper bound that is none
-
-enum class Solved : int { YES = 0, INFEASIBLE = 1, UNSETTLED = 2 };
 
 template <int n_columns, int n_dimensions>
 struct ActiveSet {

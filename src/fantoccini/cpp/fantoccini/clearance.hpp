@@ -13,31 +13,6 @@ namespace fan {
 constexpr double kSure = 1e-9;      // m, for rounding; what meets overlaps by this, at least
 constexpr double kSlack = 1.0 + 1e-6;  // of its span: the length from which a string hangs
 
-enum SolidKind : int { SEGMENT, BOX, HALF_SPACE };
-
-// A solid in the frame of a link, or of the world. A segment a to b and a box (centre a, axes the
-// columns of R, half edges) are swollen by the radius; a half-space is below the plane through a
-// with the normal b. A segment with half[0] > 0 stands for the ellipsoid in it, with these radii along
-// the columns of R: exact against half-spaces, the swollen segment against all else. A mesh is the box
-// about it with its number, which is not negative.
-struct Solid {
-  int kind, link;
-  long long mesh;
-  double a[3], b[3], R[9], half[3], radius;
-};
-
-// What is measured: moving solids against standing ones, against one another by pairs, and strings
-// against standing ones, each swollen by its radius, where that is not negative.
-struct ClearanceArrays {
-  long long n_moving, n_standing, n_pairs;
-  const Solid *moving, *standing;
-  const int* pairs;            // (n_pairs, 2) of moving ones
-  const double* string_radius;  // (n_strings,)
-  // Distance of two solids in the world, a mesh one of them, before radii are taken off; null where
-  // there is no mesh.
-  double (*exact)(const Solid* x, const Solid* y);
-};
-
 // A solid placed in the world.
 template <class Real>
 struct Placed {

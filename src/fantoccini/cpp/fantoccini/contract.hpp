@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x282a9767d312ca21;
+constexpr long long contract_digest = 0x279bd3f22385b9b2;
 
 // Who a library is, as Python checks when it loads it: the contract's hash, how many trajectories
 // or configurations are advanced together, and the puppet's sizes.
@@ -20,6 +20,323 @@ void identity(int width, long long* out) {
   for (long long value : values) *out++ = value;
 }
 
+// How a run ended. Compiled code has the same numbers (``contract.hpp``).
+enum Status : int {
+  DONE = 0,  // the run reached its end
+  RUNNING = 1,  // the run has not reached its end yet
+  IMPOSSIBLE_INPUT = 2,  // the inputs ask for a motion that no puppet on these strings can follow
+  TENSION_CAP = 3,  // a tension passed the cap on what a string may pull
+  STEP_TOO_SMALL = 4,  // the step size fell below what the clock can resolve
+  TOO_MANY_EVENTS = 5,  // strings caught and released more often than the bound on events
+  TOO_MANY_STEPS = 6,  // the bound on the number of steps was reached
+  NOT_FINITE = 7,  // a state or a force is no longer a finite number
+  COLLAPSED = 8,  // two neighbouring points of a taut string came together
+  LENGTH_NOT_POSITIVE = 9,  // a string's length was driven to zero or below
+  PROJECTION_FAILED = 10,  // the strings could not be brought back to their lengths
+  STOPPED = 11,  // the run was stopped from outside
+  SINGULAR_MASS = 12,  // the mass matrix is singular: a joint moves no mass
+  NOT_SETTLED = 13,  // the equations of a step could not be solved
+  LOST_STEPS = 14,  // the run reached its end, but a stepper lost steps on the way
+  // a load dragged a drive away although its motor gave all it can; the run ends early where
+  // it is gone too far
+  RUNAWAY = 15,
+  TOO_MANY_ROWS = 16,  // the rows of the run reached the bound on memory
+  REDUNDANT_STRINGS = 17,  // redundant strings contradict one another
+  OVERSTEPPED = 18,  // the end was reached, but strings or limits were overstepped
+  GAINED_ENERGY = 19,  // the end was reached, but the fixed step made energy out of nothing
+};
+
+// What happened to a row or a drive.
+enum EventKind : int {
+  CATCH = 0,  // it came taut
+  RELEASE = 1,  // it fell slack
+  ACCUMULATION = 2,  // catches without end were taken as one
+  BREAKPOINT = 3,  // the inputs may jump in acceleration
+  SLIP = 4,  // its winch began to slip
+  GRIP = 5,  // its winch grips again
+  LOST_STEP = 6,  // a stepper lost a step
+  RAN_AWAY = 7,  // a drive ran away
+};
+
+// What a row does between two events.
+enum Hold : signed char {
+  SLACK = 0,  // nothing
+  HELD = 1,  // it holds
+  IDLE = 2,  // it depends on the held ones and holds with them, at no tension
+  PINNED = 3,  // likewise, at its winch's largest tension
+  SLIPPING = 4,  // it pulls with its winch's largest tension and gives way
+};
+
+// Kinds of solids.
+enum SolidKind : int {
+  SEGMENT = 0,  // from a to b, swollen by the radius; with half[0] > 0 the ellipsoid in it
+  BOX = 1,  // centre a, axes the columns of R, half edges, swollen by the radius
+  HALF_SPACE = 2,  // below the plane through a with the normal b
+};
+
+// Kinds of goals.
+enum GoalKind : int {
+  UNKNOWN = 0,  // only Python can tell
+  POSE = 1,  // every dynamic coordinate with a weight lies between low and high
+  POINT = 2,  // a point of a link lies in the box from place to place_high
+};
+
+// How a complementarity problem ended.
+enum class Solved : int {
+  YES = 0,  // solved
+  INFEASIBLE = 1,  // there is no solution
+  UNSETTLED = 2,  // the bound on rounds was met
+  NO_ROOM = 3,  // more rows than the puppet has, or no memory
+};
+
+// An input, row by row as NumPy has it.
+struct InputArrays {
+  int n_segments;  // pieces
+  const double* breaks;  // (n_segments + 1,) [s]
+  const double* coef;  // (n_segments, n_vK, 6)
+  const double* base;  // (n_segments, n_qK)
+  const double* force;  // (n_segments, n_vD, 6) or null
+};
+
+// Numbers that steer a run.
+struct Options {
+  double rtol;  // of the event-driven integrator
+  double atol;  // likewise
+  double first_step;  // [s]
+  double max_step;  // [s]
+  double tension_cap;  // [N]; also of impulses [N s]
+  double energy_scale;  // size of the work and loss integrals, for errors [J]
+  double force_scale;  // size of forces that balance, M_DD one [kg^1/2 m/s^2]
+  double recovery_speed;  // time-stepping's cap on taking back a violation [m/s]
+  double dt;  // step of the methods with a fixed one [s]
+  long long max_steps;
+  long long max_events;
+  int save_steps;  // write every accepted step
+  int extrapolate;  // time-stepping: velocity products half a step on
+};
+
+// Where a run writes: rows and events (contract/rows.py).
+struct RecordArrays {
+  double* rows;  // (row_capacity, RowLayout::width)
+  long long row_capacity;
+  long long n_rows;  // written
+  double* events;  // (event_capacity, EventLayout::width)
+  long long event_capacity;
+  long long n_events;  // written
+};
+
+// What a run starts from.
+struct StartArrays {
+  double t;  // [s]
+  const double* q_D;  // (n_qD,)
+  const double* v_D;  // (n_vD,)
+  const double* slip;  // (n_strings,) [m]
+  const double* p;  // (n_p,)
+  const double* winches;  // (n_strings, 3) largest tension [N], rewinding speed, restitution
+  InputArrays input;
+  Options options;
+  const double* save_at;  // (n_save,) times of rows, event-driven; must outlive the run [s]
+  long long n_save;
+  int save_every;  // fixed steps from row to row
+};
+
+// How far a run is.
+struct RunProgress {
+  long long steps;  // taken
+  double t;  // reached [s]
+  double violation;  // worst so far, of fixed steps [m or rad]
+};
+
+// Numbers of each trajectory.
+struct Shared {
+  const double* first;  // or null
+  long long stride;  // from one to the next; 0 shares one
+};
+
+// A batch: what it starts from and where its rows go.
+struct BatchArrays {
+  long long n;  // trajectories
+  double t;  // start of all [s]
+  double t_end;  // end of all [s]
+  Shared q_D;
+  Shared v_D;
+  Shared slip;
+  int n_segments;  // of every input
+  Shared breaks;
+  Shared coef;
+  Shared base;
+  Shared force;
+  const double* p;  // of all
+  const double* winches;  // of all
+  Options options;
+  int save_every;  // fixed steps from row to row
+  const double* save_at;  // (n_rows,) times of event-driven rows, from t to t_end [s]
+  long long n_rows;  // of a trajectory
+  void* parts[10];  // (n, n_rows, width) or null; taut in bytes
+  int* status;  // (n,) Status
+  double* reached;  // (n,) [s]
+  double* violation;  // (n,) worst, of fixed steps
+  long long* catches;  // (n,)
+  long long* releases;  // (n,)
+  double* blame;  // (n, n_rows + n_watched)
+  double* end_q_D;  // (n, n_qD) the configuration reached
+  double* end_v_D;  // (n, n_vD) the velocities there
+};
+
+// A solid in the frame of a link, or of the world.
+struct Solid {
+  int kind;  // SolidKind
+  int link;  // -1 for the world
+  long long mesh;  // the mesh that it is the box about, or negative
+  double a[3];
+  double b[3];
+  double R[9];  // column by column
+  double half[3];
+  double radius;  // [m]
+};
+
+// What is measured against what.
+struct ClearanceArrays {
+  long long n_moving;
+  long long n_standing;
+  long long n_pairs;
+  const Solid* moving;  // against standing ones
+  const Solid* standing;
+  const int* pairs;  // (n_pairs, 2) of moving ones, against one another
+  const double* string_radius;  // (n_strings,) against standing ones; negative: not at all
+  // distance of two, a mesh one of them, before radii are taken off; null without mesh
+  double (*exact)(const Solid*, const Solid*);
+};
+
+// A goal.
+struct GoalArrays {
+  int kind;  // GoalKind
+  int link;  // of a point
+  const double* low;  // (n_qD,) of a pose; a rotation, whose weight is its first, is at low
+  const double* high;  // (n_qD,)
+  const double* weight;  // (n_vD,)
+  const double* v_D;  // (n_vD,) wanted
+  const double* v_K;  // (n_vK,) wanted
+  double at[3];  // of a point in its link's frame [m]
+  double place[3];  // low corner of the box it is to be in [m]
+  double place_high[3];  // high corner [m]
+  double speed_weight;  // of what v_D lacks [s]
+  double driven_weight;  // of what v_K lacks [s]
+  double tolerance;  // of the distance; negative where motions go on
+};
+
+// An equilibrium and the gains of the law that leads there.
+struct FunnelArrays {
+  const double* q_D;  // (n_qD,)
+  const double* q_K;  // (n_qK,)
+  const double* gains;  // (n_vK, 2 n_vD + 2 n_vK) on (dq_D, v_D, dq_K, v_K)
+};
+
+// What the driven coordinates may do.
+struct BoundArrays {
+  const double* speed;  // (n_vK,)
+  const double* acceleration;  // (n_vK,)
+  const double* low;  // (n_qK,)
+  const double* high;  // (n_qK,)
+};
+
+// What is written of every segment: (n, segments, width).
+struct SegmentArrays {
+  double* q_D;  // at its end
+  double* v_D;
+  double* slip;
+  double* q_K;
+  double* v_K;
+  double* distance;  // from the goal there
+  int* looks;  // it lasted; 0 where it was not made
+  int* catches;  // strings and limits that were caught
+};
+
+// A planner's motions.
+struct SweepArrays {
+  long long n;  // motions
+  int segments;  // of a motion, at most
+  int looks;  // of a segment
+  int steps;  // of a look
+  Options options;
+  const double* p;
+  const double* winches;
+  const long long* begins;  // (n,) the row of the starts that a motion begins at
+  const double* q_D;  // starts
+  const double* v_D;
+  const double* slip;
+  const double* q_K;
+  const double* v_K;
+  double* acc_K;  // (n, segments, n_vK); those not given are led, and written
+  const int* made;  // (n,) segments, one at least
+  const int* given;  // (n,) first segments whose accelerations are given
+  const int* which;  // (n,) funnel
+  const double* reach;  // (n,) by how much it hurries [s]
+  const FunnelArrays* funnels;
+  BoundArrays bounds;
+  double margin;  // least clearance [m]
+  int may_slacken;  // whether strings that pull may go slack
+  const ClearanceArrays* solids;
+  GoalArrays goal;
+  SegmentArrays out;
+};
+
+// What the workers of a sweep share.
+struct SweepProgress {
+  long long next;  // motion to make
+  long long reached;  // first motion at the goal; n while none is; -1 gives all up
+};
+
+// Where the parts of a row of a run are.
+template <class Model>
+struct RowLayout {
+  static constexpr int t = 0;  // time [s]
+  static constexpr int q_D = t + 1;  // dynamic configuration; quaternions of unit length
+  static constexpr int v_D = q_D + Model::n_qD;  // dynamic velocity
+  static constexpr int acc_D = v_D + Model::n_vD;  // dynamic acceleration
+  // driven configuration; quaternions of unit length
+  static constexpr int q_K = acc_D + Model::n_vD;
+  static constexpr int v_K = q_K + Model::n_qK;  // driven velocity
+  static constexpr int acc_K = v_K + Model::n_vK;  // driven acceleration
+  // tensions of strings, forces of limits [N or N m]
+  static constexpr int tension = acc_K + Model::n_vK;
+  static constexpr int taut = tension + Model::n_rows;  // 1 where the row holds, 0 elsewhere [1]
+  static constexpr int kinetic = taut + Model::n_rows;  // kinetic energy [J]
+  static constexpr int potential = kinetic + 1;  // potential energy [J]
+  static constexpr int work = potential + 1;  // work of the inputs [J]
+  static constexpr int damping = work + 1;  // lost to damping and drag [J]
+  static constexpr int impact = damping + 1;  // lost at catches [J]
+  static constexpr int slip_loss = impact + 1;  // lost by slipping winches [J]
+  static constexpr int slip = slip_loss + 1;  // what the winches have let out [m]
+  static constexpr int width = slip + Model::n_strings;
+};
+
+// Where the parts of an event are.
+struct EventLayout {
+  enum : int { t, kind, row, impulse, speed, width };
+};
+
+// Where the numbers of a winch are.
+struct WinchLayout {
+  enum : int { max_tension, rewind_speed, restitution, width };
+};
+
+// What is written for every row of a batch: parts of a row, in its order.
+struct Part {
+  enum : int {
+    q_D, v_D, acc_D, q_K, v_K, acc_K, force, taut, books, slip, n
+  };
+};
+
+// How many numbers a part has.
+template <class Model>
+constexpr int part_width(int part) {
+  const int widths[] = {
+      Model::n_qD, Model::n_vD, Model::n_vD, Model::n_qK, Model::n_vK, Model::n_vK,
+      Model::n_rows, Model::n_rows, 6, Model::n_strings};
+  return widths[part];
+}
+
 // The generated functions. A result goes to its argument; several go to members of their names:
 // arrays, pointers or numbers. Where `constants` is false, entries that are always the same are
 // left as an earlier call with it has written them.
@@ -27,21 +344,6 @@ template <class Model, class Real>
 struct Call {
   // All that the accelerations and tensions of any set of taut strings need (Eqs. 10, 11):
   // acc_D = back(L, w0 + W lam), hddot = gamma + a0 + G lam, lam = -tension.
-  //   L (n_packed) numbers of the factor M = F^T F, for forth and back only
-  //   w0 (n_vD) F^-T (u_D - c - damping - M_DK acc_K)
-  //   W (n_vD, n_strings) F^-T A_D^T
-  //   G (n_strings, n_strings) A_D M^-1 A_D^T = W^T W [1/kg]
-  //   h (n_strings) path length minus string length [m]
-  //   hdot (n_strings) its rate [m/s]
-  //   gamma (n_strings) hddot at acc_D = 0 [m/s^2]
-  //   a0 (n_strings) W^T w0 [m/s^2]
-  //   hdot_K (n_strings) A_K v_K, the inputs' part of hdot [m/s]
-  //   h_limit (n_limits) h of the limits
-  //   J_limit (3, n_limits) their rows of A_D: the entries of their own joint
-  //   gamma_limit (n_limits) hddot of the limits at acc_D = 0
-  //   power0 power of the inputs at acc_D = 0 without tensions [W]
-  //   M_DK_v_K (n_vD) M_DK v_K
-  //   loss power of damping and drag [W]
   template <class Results>
   FAN_FN static void dynamics(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
@@ -56,21 +358,6 @@ struct Call {
 
   // The same for a step dt, with damping and drag over it in F and the velocity products of
   // v_ahead.
-  //   L (n_packed) numbers of the factor M = F^T F, for forth and back only
-  //   w0 (n_vD) F^-T (u_D - c - damping - M_DK acc_K)
-  //   W (n_vD, n_strings) F^-T A_D^T
-  //   G (n_strings, n_strings) A_D M^-1 A_D^T = W^T W [1/kg]
-  //   h (n_strings) path length minus string length [m]
-  //   hdot (n_strings) its rate [m/s]
-  //   a0 (n_strings) W^T w0 [m/s^2]
-  //   hdot_K (n_strings) A_K v_K, the inputs' part of hdot [m/s]
-  //   h_limit (n_limits) h of the limits
-  //   J_limit (3, n_limits) their rows of A_D: the entries of their own joint
-  //   power0 power of the inputs at acc_D = 0 without tensions [W]
-  //   M_DK_v_K (n_vD) M_DK v_K
-  //   loss power of damping and drag [W]
-  //   f_M (n_motors) the motors give f_M - y_M dv over the step [N or N m]
-  //   y_M (n_motors) what they yield by a change dv of velocity
   template <class Results>
   FAN_FN static void step_dynamics(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
@@ -85,7 +372,6 @@ struct Call {
   }
 
   // hdot of the limits at a velocity.
-  // rates (n_limits) hdot of the limits [1/s].
   FAN_FN static void limit_rates(
       const Real* J_limit, const Real* v_D, Real* rates) {
     const Real* arg[] = {J_limit, v_D};
@@ -94,7 +380,6 @@ struct Call {
   }
 
   // h of strings and limits, for compiled code.
-  // h (n_rows) path length minus string length; limits as listed [m].
   FAN_FN static void rows(
       const Real* q_D, const Real* q_K, const Real* p, Real* h) {
     const Real* arg[] = {q_D, q_K, p};
@@ -103,8 +388,6 @@ struct Call {
   }
 
   // Kinetic energy (Eq. 5) and potential energy (Eq. 6, and springs).
-  //   T kinetic energy [J]
-  //   V potential energy [J]
   template <class Results>
   FAN_FN static void energy(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
@@ -115,7 +398,6 @@ struct Call {
   }
 
   // Force on every driven coordinate: M_KD acc_D + M_KK acc_K + c_K - A_K^T lam.
-  // f_K (n_vK) force; of a command that of the motor it has [N or N m].
   FAN_FN static void effort(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
       const Real* acc_D, const Real* acc_K, const Real* lam, const Real* p,
@@ -126,7 +408,6 @@ struct Call {
   }
 
   // u_D of Eq. 8 from a wrench on every link.
-  // u_D (n_vD) user forces that do the same [N or N m].
   FAN_FN static void wrench_forces(
       const Real* q_D, const Real* q_K, const Real* wrench, const Real* p, Real* u_D) {
     const Real* arg[] = {q_D, q_K, wrench, p};
@@ -135,7 +416,6 @@ struct Call {
   }
 
   // World pose of every link (Eqs. 2, 3).
-  // poses (12, n_links) R column by column, then the origin [1, m].
   FAN_FN static void poses(
       const Real* q_D, const Real* q_K, const Real* p, Real* poses) {
     const Real* arg[] = {q_D, q_K, p};
@@ -144,7 +424,6 @@ struct Call {
   }
 
   // World positions of the points each string runs through.
-  // points (3, n_points) x, y, z [m].
   FAN_FN static void points(
       const Real* q_D, const Real* q_K, const Real* p, Real* points) {
     const Real* arg[] = {q_D, q_K, p};
@@ -153,7 +432,6 @@ struct Call {
   }
 
   // y = F^-T x.
-  // y (n_vD) the solution.
   FAN_FN static void forth(
       const Real* L, const Real* x, Real* y) {
     const Real* arg[] = {L, x};
@@ -162,7 +440,6 @@ struct Call {
   }
 
   // y = F^-1 x.
-  // y (n_vD) the solution.
   FAN_FN static void back(
       const Real* L, const Real* x, Real* y) {
     const Real* arg[] = {L, x};
@@ -171,9 +448,6 @@ struct Call {
   }
 
   // How far drives that may be too weak are from their commands.
-  //   at (n_watched) where the drive is [rad or m]
-  //   told (n_watched) where its command wants it [rad or m]
-  //   lag (n_watched) lag in periods of a stepper [1]
   template <class Results>
   FAN_FN static void motor_lags(
       const Real* q_D, const Real* q_K, const Real* p, Results& to) {
@@ -183,7 +457,6 @@ struct Call {
   }
 
   // How much of what its command asks a motor can give.
-  // share (n_watched) what it can give, relative to what is asked [1].
   FAN_FN static void motor_shares(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
       const Real* acc_K, const Real* p, Real* share) {
@@ -193,22 +466,6 @@ struct Call {
   }
 
   // dynamics at a node of a variational run, and the factor with damping over dt.
-  //   L (n_packed) numbers of the factor M = F^T F, for forth and back only
-  //   w0 (n_vD) F^-T (u_D - c - damping - M_DK acc_K)
-  //   W (n_vD, n_strings) F^-T A_D^T
-  //   G (n_strings, n_strings) A_D M^-1 A_D^T = W^T W [1/kg]
-  //   h (n_strings) path length minus string length [m]
-  //   hdot (n_strings) its rate [m/s]
-  //   a0 (n_strings) W^T w0 [m/s^2]
-  //   hdot_K (n_strings) A_K v_K, the inputs' part of hdot [m/s]
-  //   h_limit (n_limits) h of the limits
-  //   J_limit (3, n_limits) their rows of A_D: the entries of their own joint
-  //   power0 power of the inputs at acc_D = 0 without tensions [W]
-  //   M_DK_v_K (n_vD) M_DK v_K
-  //   loss power of damping and drag [W]
-  //   L_firm (n_packed) L with damping and drag over dt in it
-  //   W_firm (n_vD, n_strings) W of that factor
-  //   G_firm (n_strings, n_strings) G of that factor [1/kg]
   template <class Results>
   FAN_FN static void node(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
@@ -223,11 +480,6 @@ struct Call {
   }
 
   // The momenta at both ends of a step by the midpoint rule.
-  //   before (n_vD) momentum p_k(xi) at the step's start
-  //   after (n_vD) momentum p_k+1 at its end
-  //   q_next (n_qD) configuration q_k+1
-  //   h (n_rows) h of all rows there [m]
-  //   work_M work of the motors [J]
   template <class Results>
   FAN_FN static void midpoint_rule(
       const Real* q_D, const Real* xi, const Real* q_mid, const Real* v_mid,
@@ -239,7 +491,6 @@ struct Call {
   }
 
   // p_D = M_DD v_D + M_DK v_K.
-  // p_D (n_vD) momenta of the dynamic coordinates.
   FAN_FN static void momentum(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
       const Real* p, Real* p_D) {
@@ -249,7 +500,6 @@ struct Call {
   }
 
   // The entries of y = F^-T x that are not zero for x in one joint, by its number.
-  // y (n_vD) these entries, side by side.
   FAN_FN static void column(
       int which, const Real* L, const Real* x_joint, Real* y) {
     const Real* arg[] = {L, x_joint};

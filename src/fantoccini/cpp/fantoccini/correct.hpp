@@ -1,8 +1,8 @@
 // Corrections of a configuration, repeated until only rounding is left.
 #pragma once
 
+#include "contract.hpp"
 #include "real.hpp"
-#include "status.hpp"
 
 namespace fan {
 

@@ -6,18 +6,10 @@
 #include <cstddef>
 #include <vector>
 
+#include "contract.hpp"
 #include "pieces.hpp"
 
 namespace fan {
-
-// The arrays of an input, row by row as NumPy has them.
-struct InputArrays {
-  int n_segments;
-  const double* breaks;  // (n_segments + 1,)
-  const double* coef;    // (n_segments, n_vK, 6)
-  const double* base;    // (n_segments, n_qK)
-  const double* force;   // (n_segments, n_vD, 6) or null
-};
 
 template <class Space, int n_vD>
 class Drive {

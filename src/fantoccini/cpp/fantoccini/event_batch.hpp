@@ -18,6 +18,7 @@ class EventBatch {
 
  private:
   using Row = Record<Model>;
+  using Layout = RowLayout<Model>;
   using F = Flow<Model>;
   static constexpr int N = Model::n_vD, S = Model::n_strings, M = Model::n_rows;
   static constexpr int kRows = 256;
@@ -31,17 +32,17 @@ class EventBatch {
     EventRun<Model>& run = run_.emplace();
     auto& flow = run.flow;
     flow.opt = in.options;
-    flow.drive.set(in.input(who));
+    flow.drive.set(input_of(in, who));
     flow.t = in.t;
     for (int i = 0; i < Model::n_p; ++i) flow.p[i] = in.p[i];
     for (int j = 0; j < run.NY; ++j) flow.y[j] = 0.0;
-    for (int i = 0; i < Model::n_qD; ++i) flow.y[i] = in.q_D.of(who)[i];
-    for (int k = 0; k < N; ++k) flow.y[Model::n_qD + k] = in.v_D.of(who)[k];
-    for (int i = 0; i < S; ++i) flow.slip[i] = in.slip.of(who)[i];
+    for (int i = 0; i < Model::n_qD; ++i) flow.y[i] = of(in.q_D, who)[i];
+    for (int k = 0; k < N; ++k) flow.y[Model::n_qD + k] = of(in.v_D, who)[k];
+    for (int i = 0; i < S; ++i) flow.slip[i] = of(in.slip, who)[i];
     flow.winches.set(in.winches);
     run.save_at = in.save_at;
     run.n_save = in.n_rows;
-    Row out{rows_, kRows, 0, events_, kEvents, 0};
+    Row out{{rows_, kRows, 0, events_, kEvents, 0}};
     caught_ = released_ = 0;
     row_ = 0;
     Status status = run.start(out);
@@ -59,8 +60,8 @@ class EventBatch {
     in.violation[who] = 0.0;
     for (int i = 0; i < Model::n_qD; ++i) in.end_q_D[who * Model::n_qD + i] = flow.y[i];
     for (int k = 0; k < N; ++k) in.end_v_D[who * N + k] = flow.y[Model::n_qD + k];
-    in.events[2 * who] = caught_;
-    in.events[2 * who + 1] = released_;
+    in.catches[who] = caught_;
+    in.releases[who] = released_;
     double* blame = in.blame + who * F::ALL;
     for (int r = 0; r < M; ++r) blame[r] = run.blame[r];
     flow.motors.blame(status, 0, blame + M);
@@ -70,13 +71,14 @@ class EventBatch {
   // after the event.
   void hand_over(const BatchArrays& in, long long who, Row& out) {
     for (long long i = 0; i < out.n_rows; ++i) {
-      const double* row = out.rows + i * Row::row_width;
-      while (row_ + 1 < in.n_rows && in.save_at[row_ + 1] <= row[0]) ++row_;
-      if (in.save_at[row_] != row[0]) continue;
-      put_row<Model>(in, who, row_, row + 1);
+      const double* row = out.rows + i * Layout::width;
+      const double t = row[Layout::t];
+      while (row_ + 1 < in.n_rows && in.save_at[row_ + 1] <= t) ++row_;
+      if (in.save_at[row_] != t) continue;
+      put_row<Model>(in, who, row_, row + Layout::q_D);
     }
     for (long long i = 0; i < out.n_events; ++i) {
-      const int kind = int(out.events[i * Row::event_width + 1]);
+      const int kind = int(out.events[i * EventLayout::width + EventLayout::kind]);
       caught_ += kind == CATCH;
       released_ += kind == RELEASE;
     }
@@ -84,7 +86,7 @@ class EventBatch {
   }
 
   std::optional<EventRun<Model>> run_;
-  double rows_[kRows * Row::row_width], events_[kEvents * Row::event_width];
+  double rows_[kRows * Layout::width], events_[kEvents * EventLayout::width];
   long long caught_ = 0, released_ = 0, row_ = 0;
 };
 

@@ -7,13 +7,12 @@
 // advanced by dop853 and projected back on the taut rows (h = 0, hdot = 0) in the metric of M_DD.
 #pragma once
 
+#include "contract.hpp"
 #include "correct.hpp"
 #include "drive.hpp"
 #include "evaluation.hpp"
 #include "modes.hpp"
 #include "motor_watch.hpp"
-#include "options.hpp"
-#include "status.hpp"
 #include "tableau.hpp"
 #include "winch.hpp"
 

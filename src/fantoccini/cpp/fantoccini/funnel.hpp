@@ -1,19 +1,10 @@
 // Leading a puppet to an equilibrium: a linear law about it.
 #pragma once
 
+#include "contract.hpp"
 #include "pieces.hpp"
 
 namespace fan {
-
-// The equilibrium (q_D, q_K) and gains (n_vK, 2 n_vD + 2 n_vK) on (dq_D, v_D, dq_K, v_K).
-struct FunnelArrays {
-  const double *q_D, *q_K, *gains;
-};
-
-// What the driven coordinates may do; (n_vK,) speeds and accelerations, (n_qK,) places.
-struct BoundArrays {
-  const double *speed, *acceleration, *low, *high;
-};
 
 // acc_K = -gains z for the next T seconds, within the bounds. z is the distance from the
 // equilibrium; its configurations are scaled down so that no driven coordinate is farther than it

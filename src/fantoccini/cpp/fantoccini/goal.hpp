@@ -3,24 +3,10 @@
 
 #include <cmath>
 
+#include "contract.hpp"
 #include "manifold.hpp"
 
 namespace fan {
-
-enum GoalKind : int { UNKNOWN, POSE, POINT };
-
-// POSE: every dynamic coordinate with a weight lies between low and high; a rotation, whose weight
-// is that of its first velocity, is at `low`. POINT: a point of a link lies in the box from place to
-// place_high. UNKNOWN: only Python can tell.
-struct GoalArrays {
-  int kind, link;
-  const double *low, *high;  // (n_qD,)
-  const double* weight;      // (n_vD,)
-  const double *v_D, *v_K;   // (n_vD,), (n_vK,) wanted velocities
-  double at[3], place[3], place_high[3];
-  double speed_weight, driven_weight;  // of what v_D and v_K lack, s
-  double tolerance;
-};
 
 // d = sum_i w_i |q_i - goal_i| + w_v |v_D - goal| + w_K |v_K - goal|, or |point - place| and the
 // same; pose: the link's, R by columns and r.

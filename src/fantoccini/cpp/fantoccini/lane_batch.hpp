@@ -134,10 +134,10 @@ class LaneBatch {
     led_.set(in.t, in.options, in.winches, in.p);
     for (int l = 0; l < width; ++l) {
       const long long who = first + (l < n ? l : n - 1);
-      put(led_.q_D(), NQ, l, in.q_D.of(who));
-      put(led_.v_D(), N, l, in.v_D.of(who));
-      put(led_.slip(), S, l, in.slip.of(who));
-      drive_.set(l, in.input(who));
+      put(led_.q_D(), NQ, l, of(in.q_D, who));
+      put(led_.v_D(), N, l, of(in.v_D, who));
+      put(led_.slip(), S, l, of(in.slip, who));
+      drive_.set(l, input_of(in, who));
       caught_[l] = released_[l] = 0;
       reached_[l] = in.t;
     }
@@ -178,8 +178,8 @@ class LaneBatch {
       for (int i = 0; i < NQ; ++i) in.end_q_D[who * NQ + i] = lane_of(led_.q_D()[i], l);
       for (int k = 0; k < N; ++k) in.end_v_D[who * N + k] = lane_of(led_.v_D()[k], l);
       in.violation[who] = lane_of(led_.worst_violation, l);
-      in.events[2 * who] = caught_[l];
-      in.events[2 * who + 1] = released_[l];
+      in.catches[who] = caught_[l];
+      in.releases[who] = released_[l];
       for (int r = 0; r < M; ++r) in.blame[who * (M + D) + r] = led_.blame_of(l)[r];
       led_.motors().blame(status, l, in.blame + who * (M + D) + M);
     }
@@ -205,16 +205,16 @@ class LaneBatch {
   // The row of all lanes that still run.
   void write(const BatchArrays& in, long long row) {
     const auto& inputs = led_.inputs();
-    put_lanes(in, Q_D, row, led_.q_D());
-    put_lanes(in, V_D, row, led_.v_D());
-    put_lanes(in, ACC_D, row, led_.acc());
-    put_lanes(in, Q_K, row, inputs.q_K);
-    put_lanes(in, V_K, row, inputs.v_K);
-    put_lanes(in, ACC_K, row, inputs.acc_K);
-    put_lanes(in, FORCE, row, led_.tension());
-    put_lanes(in, TAUT, row, led_.taut());
-    put_lanes(in, SLIP_LENGTH, row, led_.slip());
-    if (!in.parts[BOOKS]) return;
+    put_lanes(in, Part::q_D, row, led_.q_D());
+    put_lanes(in, Part::v_D, row, led_.v_D());
+    put_lanes(in, Part::acc_D, row, led_.acc());
+    put_lanes(in, Part::q_K, row, inputs.q_K);
+    put_lanes(in, Part::v_K, row, inputs.v_K);
+    put_lanes(in, Part::acc_K, row, inputs.acc_K);
+    put_lanes(in, Part::force, row, led_.tension());
+    put_lanes(in, Part::taut, row, led_.taut());
+    put_lanes(in, Part::slip, row, led_.slip());
+    if (!in.parts[Part::books]) return;
     Real books[6];
     struct {
       Real *T, *V;
@@ -222,11 +222,11 @@ class LaneBatch {
     Call<Model, Real>::energy(
         led_.q_D(), led_.v_D(), inputs.q_K, inputs.v_K, led_.p(), energy);
     led_.books(books + 2);
-    put_lanes(in, BOOKS, row, books);
+    put_lanes(in, Part::books, row, books);
   }
 
   template <class Number>
-  void put_lanes(const BatchArrays& in, Part part, long long row, const Number* values) {
+  void put_lanes(const BatchArrays& in, int part, long long row, const Number* values) {
     if (!in.parts[part]) return;
     const auto runs = led_.runs();
     for (int l = 0; l < n_; ++l)

@@ -2,10 +2,9 @@
 // stops a trajectory. Written for any Real.
 #pragma once
 
+#include "contract.hpp"
 #include "motor_watch.hpp"
-#include "options.hpp"
 #include "pieces.hpp"
-#include "status.hpp"
 #include "timestepping.hpp"
 
 namespace fan {

@@ -4,10 +4,9 @@
 #pragma once
 
 #include "active_set.hpp"
+#include "contract.hpp"
 #include "lane_of.hpp"
 #include "motor_watch.hpp"
-#include "options.hpp"
-#include "status.hpp"
 #include "variational.hpp"
 
 namespace fan {

@@ -14,8 +14,4 @@ constexpr double kFrail = 1e-4;
 // Raise of G where lengths and speeds are corrected, relative to its largest diagonal.
 constexpr double kSoft = 1e-10;
 
-// What a row does between two events. IDLE and PINNED rows depend on the held ones and hold with
-// them, at no tension and at the winch's largest; SLIPPING rows pull with that and give way.
-enum Hold : signed char { SLACK, HELD, IDLE, PINNED, SLIPPING };
-
 }  // namespace fan

@@ -11,7 +11,6 @@
 #include "contract.hpp"
 #include "elementary.hpp"
 #include "lane_of.hpp"
-#include "status.hpp"
 
 namespace fan {
 

@@ -5,33 +5,21 @@
 
 namespace fan {
 
-// One row of a trajectory, in doubles:
-//   t, q_D, v_D, acc_D, q_K, v_K, acc_K, tension (strings), force (limits), taut (strings, limits),
-//   T, V, work, damping, impact, slip loss, slip (strings)
-// One event: t, kind, row (-1 for none), impulse, speed.
 template <class Model>
-struct Record {
-  static constexpr int N = Model::n_vD, M = Model::n_rows, S = Model::n_strings;
-  static constexpr int row_width =
-      1 + Model::n_qD + 2 * N + Model::n_qK + 2 * Model::n_vK + 2 * M + 6 + S;
-  static constexpr int event_width = 5;
-
-  double* rows;
-  long long row_capacity, n_rows;
-  double* events;
-  long long event_capacity, n_events;
+struct Record : RecordArrays {
+  using Layout = RowLayout<Model>;
 
   bool room_for(long long more_rows, long long more_events) const {
     return n_rows + more_rows <= row_capacity && n_events + more_events <= event_capacity;
   }
 
   void event(double t, int kind, int row, double impulse, double speed) {
-    double* out = events + event_width * n_events++;
-    out[0] = t;
-    out[1] = kind;
-    out[2] = row;
-    out[3] = impulse;
-    out[4] = speed;
+    double* out = events + EventLayout::width * n_events++;
+    out[EventLayout::t] = t;
+    out[EventLayout::kind] = kind;
+    out[EventLayout::row] = row;
+    out[EventLayout::impulse] = impulse;
+    out[EventLayout::speed] = speed;
   }
 
   void row(
@@ -39,32 +27,31 @@ struct Record {
       const double* v_K, const double* acc_K, const double* tension, const bool* taut,
       const double* p, double work, double damping, double impact, double slip_loss,
       const double* slip) {
-    double* out = rows + row_width * n_rows++;
-    *out++ = t;
-    put(out, q_D, Model::n_qD);
-    put(out, v_D, N);
-    put(out, acc_D, N);
-    put(out, q_K, Model::n_qK);
-    put(out, v_K, Model::n_vK);
-    put(out, acc_K, Model::n_vK);
-    put(out, tension, M);
-    for (int r = 0; r < M; ++r) *out++ = taut[r] ? 1.0 : 0.0;
+    double* out = rows + Layout::width * n_rows++;
+    constexpr int N = Model::n_vD, M = Model::n_rows;
+    out[Layout::t] = t;
+    put(out + Layout::q_D, q_D, Model::n_qD);
+    put(out + Layout::v_D, v_D, N);
+    put(out + Layout::acc_D, acc_D, N);
+    put(out + Layout::q_K, q_K, Model::n_qK);
+    put(out + Layout::v_K, v_K, Model::n_vK);
+    put(out + Layout::acc_K, acc_K, Model::n_vK);
+    put(out + Layout::tension, tension, M);
+    for (int r = 0; r < M; ++r) out[Layout::taut + r] = taut[r] ? 1.0 : 0.0;
     struct {
-      double T, V;
-    } energy;
+      double *T, *V;
+    } energy{out + Layout::kinetic, out + Layout::potential};
     Call<Model, double>::energy(q_D, v_D, q_K, v_K, p, energy);
-    *out++ = energy.T;
-    *out++ = energy.V;
-    *out++ = work;
-    *out++ = damping;
-    *out++ = impact;
-    *out++ = slip_loss;
-    put(out, slip, S);
+    out[Layout::work] = work;
+    out[Layout::damping] = damping;
+    out[Layout::impact] = impact;
+    out[Layout::slip_loss] = slip_loss;
+    put(out + Layout::slip, slip, Model::n_strings);
   }
 
  private:
-  static void put(double*& out, const double* from, int n) {
-    for (int i = 0; i < n; ++i) *out++ = from[i];
+  static void put(double* out, const double* from, int n) {
+    for (int i = 0; i < n; ++i) out[i] = from[i];
   }
 };
 

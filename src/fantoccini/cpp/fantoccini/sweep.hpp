@@ -12,52 +12,23 @@
 
 namespace fan {
 
-// What is written of every segment that a motion makes: (n, segments, width).
-struct SegmentArrays {
-  double *q_D, *v_D, *slip, *q_K, *v_K;  // the state at its end
-  double* distance;                      // from the goal there
-  int* looks;                            // it lasted, 0 where it was not made
-  int* catches;                          // strings and limits that were caught
-};
+// The next motion to make.
+inline long long take(SweepProgress& progress) {
+  return __atomic_fetch_add(&progress.next, 1, __ATOMIC_RELAXED);
+}
 
-struct SweepArrays {
-  long long n;
-  int segments, looks, steps;  // of a motion, of a segment, of a look; at most
-  Options options;
-  const double *p, *winches;
-  // Starts: rows `from` (n,) of a table of states.
-  const long long* from;
-  const double *q_D, *v_D, *slip, *q_K, *v_K;
-  // Accelerations (n, segments, n_vK) of `made` (n,) segments, one at least: the first `given` (n,) have them, the
-  // others are led to a funnel (n,) with a reach (n,), and write them.
-  double* acc_K;
-  const int *made, *given, *which;
-  const double* reach;
-  const FunnelArrays* funnels;
-  BoundArrays bounds;
-  double margin;  // m
-  int may_slacken;  // whether strings that pull may go slack
-  const ClearanceArrays* solids;
-  GoalArrays goal;
-  SegmentArrays out;
-};
+inline long long reached(const SweepProgress& progress) {
+  return __atomic_load_n(&progress.reached, __ATOMIC_RELAXED);
+}
 
-// What workers share: the next motion to make, and the first that has reached the goal, n while none
-// has. Those after it are given up, so that what is kept does not depend on the workers.
-struct SweepProgress {
-  long long next, reached;
-
-  long long take() { return __atomic_fetch_add(&next, 1, __ATOMIC_RELAXED); }
-  bool wants(long long i) const { return i <= __atomic_load_n(&reached, __ATOMIC_RELAXED); }
-  // Whether all motions are given up, those that are under way too: the caller sets reached to -1.
-  bool stopped() const { return __atomic_load_n(&reached, __ATOMIC_RELAXED) < 0; }
-  void reach(long long i) {
-    long long known = __atomic_load_n(&reached, __ATOMIC_RELAXED);
-    while (i < known && !__atomic_compare_exchange_n(
-                            &reached, &known, i, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {
-    }
+// A motion has reached the goal. Those after the first that has are given up, so that what is kept
+// does not depend on the workers.
+inline void reach(SweepProgress& progress, long long i) {
+  long long known = reached(progress);
+  while (i < known && !__atomic_compare_exchange_n(
+                          &progress.reached, &known, i, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {
   }
-};
+}
 
 template <class Model, class Real>
 class Sweep {
@@ -83,13 +54,13 @@ class Sweep {
   bool fill(const SweepArrays& in, SweepProgress& progress) {
     int some = -1;
     for (int l = 0; l < width; ++l) {
-      if (motion_[l] >= 0 && !progress.wants(motion_[l])) motion_[l] = -1;
+      if (motion_[l] >= 0 && motion_[l] > reached(progress)) motion_[l] = -1;
       if (motion_[l] < 0) {
-        const long long i = progress.take();
-        if (i < in.n && progress.wants(i)) {
+        const long long i = take(progress);
+        if (i < in.n && i <= reached(progress)) {
           motion_[l] = i;
           segment_[l] = 0;
-          const long long row = in.from[i];
+          const long long row = in.begins[i];
           put(led_.state().q_D, NQ, l, in.q_D + row * NQ);
           put(led_.state().v_D, N, l, in.v_D + row * N);
           put(led_.at.slip, S, l, in.slip + row * S);
@@ -131,7 +102,7 @@ class Sweep {
     bool some = true;
     while (some && look < in.looks) {
       for (int s = 1; s <= in.steps; ++s) {
-        if (progress.stopped()) return;
+        if (reached(progress) < 0) return;
         Mask was[room(M)];
         for (int r = 0; r < M; ++r) was[r] = led_.at.taut[r];
         put_inputs(dt * (double(look) * in.steps + s));
@@ -220,7 +191,7 @@ class Sweep {
       some = some || (!there && look < in.looks);
       if (!there && look < in.looks) continue;
       write(in, l, look, distance);
-      if (there) progress.reach(motion_[l]);
+      if (there) reach(progress, motion_[l]);
       if (there || ++segment_[l] == in.made[motion_[l]]) leave(l);
     }
     return some;

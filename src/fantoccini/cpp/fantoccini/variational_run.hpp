@@ -13,28 +13,27 @@ struct VariationalRun {
   static constexpr int N = Model::n_vD, S = Model::n_strings, M = Model::n_rows;
   using Led = LedVariation<Model, double>;
 
-  Led led;
-  Drive<typename Model::Driven, N> drive;
+  Led led{};
+  Drive<typename Model::Driven, N> drive{};
   double origin = 0.0;
   long long n_steps = 0, n_here = 0;
   int save_every = 1;
 
-  // Where the run begins; inputs come before.
-  void set(
-      double start, const Options& options, const double* q_D, const double* v_D, const double* slip, const double* p,
-      const double* winches) {
-    n_steps = 0;
-    led.set(start, options, winches, p);
-    for (int i = 0; i < Model::n_qD; ++i) led.q_D()[i] = q_D[i];
-    for (int k = 0; k < N; ++k) led.v_D()[k] = v_D[k];
-    for (int i = 0; i < S; ++i) led.slip()[i] = slip[i];
-  }
+  explicit VariationalRun(bool = false) {}
 
-  void start(Record<Model>& out) {
+  Status start(const StartArrays& from, Record<Model>& out) {
+    save_every = from.save_every;
+    drive.set(from.input);
+    n_steps = 0;
+    led.set(from.t, from.options, from.winches, from.p);
+    for (int i = 0; i < Model::n_qD; ++i) led.q_D()[i] = from.q_D[i];
+    for (int k = 0; k < N; ++k) led.v_D()[k] = from.v_D[k];
+    for (int i = 0; i < S; ++i) led.slip()[i] = from.slip[i];
     Look look{drive};
     led.begin(look);
     begin_grid();
     emit(out);
+    return RUNNING;
   }
 
   // Runs until t_end, for at most `budget` steps.
@@ -70,6 +69,18 @@ struct VariationalRun {
     out.row(
         led.t, here.q_D, here.v_D, led.at.acc, here.now.q_K, here.now.v_K, here.now.acc_K,
         led.pull, here.taut, here.p, led.work, led.damping, led.impact, led.slip_loss, here.slip);
+  }
+
+  void set_input(const InputArrays& input) {
+    drive.set(input);
+    restart();
+  }
+
+  RunProgress progress() const { return {n_steps, led.t, led.worst_violation}; }
+
+  void tell_blame(Status status, double* out) const {
+    led.motors().blame(status, 0, out + M);
+    for (int r = 0; r < M; ++r) out[r] = led.blame[0][r];
   }
 
   // New inputs, or a new step grid, from here on; the velocities of the driven coordinates go on.

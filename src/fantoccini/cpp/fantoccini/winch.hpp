@@ -9,7 +9,7 @@
 //   rate of slip = -min(rewind_speed, sqrt(2 kBrake slip))
 #pragma once
 
-#include "real.hpp"
+#include "contract.hpp"
 
 namespace fan {
 
@@ -39,9 +39,10 @@ struct Winches {
   void set(const double* table) {
     some_slip = false;
     for (int i = 0; i < S; ++i) {
-      max_tension[i] = table[3 * i];
-      rewind_speed[i] = table[3 * i + 1];
-      restitution[i] = table[3 * i + 2];
+      const double* own = table + WinchLayout::width * i;
+      max_tension[i] = own[WinchLayout::max_tension];
+      rewind_speed[i] = own[WinchLayout::rewind_speed];
+      restitution[i] = own[WinchLayout::restitution];
       some_slip = some_slip || slips(i);
     }
   }

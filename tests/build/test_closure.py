@@ -1,0 +1,65 @@
+"""What shapes a library is found by a rule: a module, and all that it imports."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+import fantoccini
+from fantoccini.build import closure
+from fantoccini.marionette import compiled
+
+PACKAGE = Path(fantoccini.__file__).parent
+
+
+def test_imports_are_found_wherever_they_stand():
+    """18.1: they are found as text; Python's own parser finds no others."""
+    for file in PACKAGE.rglob("*.py"):
+        wanted = set()
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and not node.level:
+                wanted |= {(node.module, alias.name) for alias in node.names}
+            elif isinstance(node, ast.Import):
+                wanted |= {(alias.name, None) for alias in node.names}
+        found = {asked for asked, _ in closure._imports(file)}
+        assert wanted <= found, file
+
+
+def test_what_shapes_numbers_counts_and_what_shows_them_does_not():
+    """18.1: inertia of shapes is folded into compiled code, but the list of before left it out."""
+    files = {f.relative_to(PACKAGE).as_posix() for f in closure.closure(compiled._SHAPING)}
+    assert {"puppet/shapes.py", "tree/chains.py", "contract/functions.py"} <= files
+    assert {"equations/variational.py", "codegen/straight.py"} <= files
+    assert not {f for f in files if f.startswith(("marionette", "view", "runtime", "build"))}
+    assert not {"equations/printing.py", "codegen/c99.py", "tree/size.py"} & files
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    root = tmp_path / "fantoccini"
+    for name, text in {
+        "one.py": "from fantoccini.two import a\n",
+        "two/__init__.py": "from fantoccini.two.a import a\nfrom fantoccini.two.b import b\n",
+        "two/a.py": "def a():\n    import fantoccini.late\n",
+        "two/b.py": "",
+        "late.py": "",
+    }.items():
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_text(text, encoding="utf-8")
+    monkeypatch.setattr(closure, "_ROOT", root)
+    for cached in (closure._file, closure._imports, closure.code_fingerprint):
+        cached.cache_clear()
+    yield root
+    for cached in (closure._file, closure._imports, closure.code_fingerprint):
+        cached.cache_clear()
+
+
+@pytest.mark.parametrize(("file", "counts"), [("late.py", True), ("two/b.py", False)])
+def test_the_hash_changes_with_what_is_imported_alone(package, file, counts):
+    """18.1: of a package, the names that are asked of it."""
+    before = closure.code_fingerprint("fantoccini.one")
+    (package / file).write_text("x = 1\n", encoding="utf-8")
+    closure.code_fingerprint.cache_clear()
+    assert (closure.code_fingerprint("fantoccini.one") != before) == counts

@@ -1,0 +1,66 @@
+"""Structures and codes: what C++ makes of the contract's header is what ctypes makes of it."""
+
+from __future__ import annotations
+
+import ctypes
+import subprocess
+
+import pytest
+
+from cpp.toolchain import gcc
+from fantoccini.build import runtime_folder
+from fantoccini.contract import BOOKS, PARTS, ROW, STRUCTURES, EventKind, identity, width
+from fantoccini.errors import Status
+from fantoccini.puppets import arm2d
+from fantoccini.runtime.clearance import SOLID
+from fantoccini.runtime.structures import structures
+
+
+def offsets(structure) -> list[int]:
+    """Where the fields are, and where the structure ends."""
+    made = structures[structure.name]
+    return [getattr(made, f.name).offset for f in structure.fields] + [ctypes.sizeof(made)]
+
+
+def test_the_fields_are_where_cpp_has_them(tmp_path):
+    """18.1: one declaration, the same layout in both languages."""
+    lines = ["#include <cstddef>", '#include "fantoccini/contract.hpp"', "using namespace fan;"]
+    for s in STRUCTURES:
+        expressions = [f"offsetof({s.name}, {f.name})" for f in s.fields] + [f"sizeof({s.name})"]
+        places = zip(expressions, offsets(s), strict=True)
+        lines += [f'static_assert({e} == {n}, "{e}");' for e, n in places]
+    lines += [f'static_assert({m.name} == {m.value}, "");' for m in (*Status, *EventKind)]
+    file = tmp_path / "layout.cpp"
+    file.write_text("\n".join(lines), encoding="ascii")
+    command = [gcc(), "-std=c++17", "-fsyntax-only", "-I", str(runtime_folder()), str(file)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[:2000]
+
+
+def test_numpy_has_solids_as_they_are():
+    solid = next(s for s in STRUCTURES if s.name == "Solid")
+    assert [SOLID.fields[f.name][1] for f in solid.fields] + [SOLID.itemsize] == offsets(solid)
+
+
+def test_an_integer_that_does_not_fit_is_refused():
+    with pytest.raises(ValueError, match="n_segments is 2147483648"):
+        structures["InputArrays"](n_segments=2**31)
+
+
+def test_the_parts_of_a_batch_are_a_row_behind_its_time():
+    """18.1: event-driven batches copy rows part by part."""
+    sizes = arm2d().tree.sizes
+    assert width(PARTS, sizes) + 1 == width(ROW, sizes)
+    assert tuple(q.name for q in ROW[9:15]) == BOOKS
+
+
+def test_wording_does_not_change_the_digest(monkeypatch):
+    """18.1: names, shapes, types and codes make the digest."""
+    before = identity.digest()
+    for change in (STRUCTURES[1:], STRUCTURES[::-1]):
+        identity.digest.cache_clear()
+        monkeypatch.setattr(identity, "STRUCTURES", change)
+        assert identity.digest() != before
+    monkeypatch.undo()
+    identity.digest.cache_clear()
+    assert identity.digest() == before
