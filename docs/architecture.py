@@ -23,7 +23,7 @@ PACKAGES = {
     "build": "Compiles generated code and keeps it in the cache; the only user of a compiler.",
     "motion": "States, inputs, trajectories and events: plain data, and their files.",
     "runtime": "Loads the compiled library and calls it through ctypes.",
-    "marionette": "The model (tree, parameters, winches, libraries), its algorithms, and the facade.",
+    "marionette": "The model (tree, parameters, winches, libraries), its algorithms, the facade.",
     "puppets": "The bundled puppets, and performances for them.",
     "simulation": "Runs, batches and their sensitivities.",
     "reduction": "Compares the mixed model with the puppet on drives (the paper's Section VI).",
