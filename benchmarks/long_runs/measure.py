@@ -23,26 +23,26 @@ GENTLE, VIGOROUS = 0.02, 0.5
 """Amplitudes of swings [rad/s, m/s]."""
 FIXED = ("variational", "timestepping")
 METHODS = {
-    "variational, 10 ms": {"method": "variational", "dt": 0.01},
-    "variational, 1/30 s": {"method": "variational", "dt": 1.0 / 30.0},
-    "timestepping, 2 ms": {"method": "timestepping", "dt": 0.002},
-    "timestepping, 10 ms": {"method": "timestepping", "dt": 0.01},
-    "event, rtol 1e-11": {"method": "event"},
+    "variational, 10 ms": fan.Variational(dt=0.01),
+    "variational, 1/30 s": fan.Variational(dt=1.0 / 30.0),
+    "timestepping, 2 ms": fan.TimeStepping(dt=0.002),
+    "timestepping, 10 ms": fan.TimeStepping(dt=0.01),
+    "event, rtol 1e-11": fan.Event(),
 }
 
 
 def energy(amplitude: float, seconds: float) -> Table:
     """A swing by all methods: what becomes of its energy."""
     rows, x = [], subject.swing(amplitude)
-    for name, options in METHODS.items():
+    for name, method in METHODS.items():
         saved = (
             {"save_at": np.arange(0.0, seconds, 0.1)[1:]}
-            if options["method"] == "event"
-            else {"save_every": round(0.1 / options["dt"])}
+            if isinstance(method, fan.Event)
+            else {"save_every": round(0.1 / method.dt)}
         )
         began = time.process_time()
         run = fan.simulate(
-            subject.undamped(), x, t_end=seconds, effort=False, throw=False, **options, **saved
+            subject.undamped(), x, t_end=seconds, method=method, effort=False, throw=False, **saved
         )
         took = time.process_time() - began
         T, E = run.ledger["kinetic"], run.ledger["kinetic"] + run.ledger["potential"]

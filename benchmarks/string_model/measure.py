@@ -68,7 +68,7 @@ def measure(
     puppet.compile()
     x = puppet.rest()
     inputs, t_end = subject.inputs(puppet, x), subject.t_end
-    options = {"rtol": TOLERANCE, "atol": TOLERANCE, "effort": False}
+    options = {"method": fan.Event(rtol=TOLERANCE, atol=TOLERANCE), "effort": False}
     seconds, run = _least(lambda: fan.simulate(puppet, x, inputs, t_end, **options))
     grid = np.linspace(0, t_end, 301)
     on_grid = fan.simulate(puppet, x, inputs, t_end, save_at=grid[1:-1], **options)

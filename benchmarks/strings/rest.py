@@ -60,8 +60,11 @@ def courses(x: float, z: float, seconds: float) -> dict[str, Course]:
     x0, found = scenarios.pendulum_start(x, z), {}
     grid = STEP * np.arange(round(seconds / STEP) + 1)
     for method in ("event", "timestepping"):
-        more = {"save_at": grid[1:]} if method == "event" else {"dt": STEP}
-        run = fan.simulate(scenarios.pendulum(), x0, t_end=seconds, method=method, **more)
+        exact = method == "event"
+        run = fan.simulate(
+            scenarios.pendulum(), x0, t_end=seconds, save_at=grid[1:] if exact else None,
+            method=fan.Event() if exact else fan.TimeStepping(dt=STEP),
+        )  # fmt: skip
         found[method] = Course(run.t, run.q_D, run.v_D, run.tension["line"])
     for setting in mujoco_peer.DAMPING:
         for integrator in ("Euler", "RK4"):

@@ -10,6 +10,7 @@ import numpy as np
 
 import fantoccini as fan
 from fantoccini.arrays import Array
+from fantoccini.marionette import MethodName, as_method
 from fantoccini.motion import Input, State, Trajectory
 from harness import polynomial_input, start
 from oracles import arm2d_events, point_mass_events
@@ -67,13 +68,20 @@ class Scenario:
     events: tuple[tuple[float, str, float], ...] = ()
     doubt: float = 0.0
 
-    def run(self, t_end: float = SECONDS, **options) -> Trajectory:
-        """Our motion; options as in ``fan.simulate``, ``tolerance`` for both of its."""
+    def run(
+        self,
+        t_end: float = SECONDS,
+        method: MethodName = "event",
+        save_at: Array | None = None,
+        **options,
+    ) -> Trajectory:
+        """Our motion; options of the method, ``tolerance`` for both of its."""
         if "tolerance" in options:
             options["rtol"] = options["atol"] = options.pop("tolerance")
         return fan.simulate(
-            self.marionette, self.x0, self.inputs, t_end=t_end, effort=False, **options
-        )
+            self.marionette, self.x0, self.inputs, t_end=t_end, effort=False,
+            method=as_method(method, **options), save_at=save_at,
+        )  # fmt: skip
 
     def errors(self, run: Trajectory) -> tuple[float, float]:
         """Largest error of a coordinate and of a velocity at the end."""

@@ -55,7 +55,7 @@ def test_results_have_their_names_and_shapes():
     assert many.W.shape == (5, 2, 1) and many.power0.shape == (5,)
     np.testing.assert_allclose(many.G[0], many.W[0].T @ many.W[0], rtol=1e-12)
     assert one.V.shape == ()
-    assert float(one.V) == pytest.approx(arm.potential(x))
+    assert float(one.V) == pytest.approx(arm.potential_energy(x))
 
 
 @pytest.mark.parametrize(

@@ -34,9 +34,12 @@ LOAD = 0.3 * 9.81 * 0.01
 """What the bob asks of the motor at rest [N m]."""
 TOLD = 0.01 * 2 * np.pi / 3200 * 25465
 """A length that is a whole number of microsteps, near 0.5 m."""
-METHODS = {
-    "event": {}, "timestepping": {"dt": 1e-4}, "variational": {"dt": 1e-4},
-}  # fmt: skip
+METHODS = ("event", "timestepping", "variational")
+
+
+def fine(method: str) -> fan.Method:
+    """A method with short steps."""
+    return method_of(method, dt=1e-4)
 
 
 @pytest.fixture(scope="module")
@@ -72,14 +75,14 @@ def time_of_first_lost_step(torque: float) -> float:
 def test_a_stepper_that_is_too_weak_does_not_end_well(stepped, method):
     """17.3: steps are lost when the rotor's equation has it so, and the run is not DONE."""
     x0, weak = stepped.rest({"line.length": TOLD}), stepped.with_parameters({"T": 0.02})
-    run = fan.simulate(weak, x0, t_end=0.04, method=method, throw=False, **METHODS[method])
+    run = fan.simulate(weak, x0, t_end=0.04, method=fine(method), throw=False)
     first = time_of_first_lost_step(0.02)
     assert lost(run)[0] == pytest.approx(first, abs=1e-8 if method == "event" else 3e-4)
     assert run.status is Status.LOST_STEPS and run.t[-1] == 0.04
     assert run.blamed == ("line.length",)
     told = run.summary()["drives"]["line.length"]
     assert told["lost_steps"] == 3 and not told["ran_away"] and told["error"] < 0
-    strong = fan.simulate(stepped, x0, t_end=0.04, method=method, **METHODS[method])
+    strong = fan.simulate(stepped, x0, t_end=0.04, method=fine(method))
     assert not lost(strong) and not strong.summary()["drives"]
 
 
@@ -89,8 +92,8 @@ def test_a_row_that_is_overstepped_goes_before_lost_steps():
     puppet = fan.loads((HOIST + STEPPER).replace("drives:", f"  - {link}\ndrives:"))
     x0, weak = puppet.rest({"line.length": TOLD}), puppet.with_parameters({"T": 0.02})
     inputs = [fan.Input.waypoints(weak, {"link.x": [(0, 2.5), (0.04, x)]}) for x in (2.5, 2.6)]
-    how = {"t_end": 0.04, "method": "timestepping", "dt": 1e-4, "throw": False}
-    runs = [fan.simulate(weak, x0, given, **how) for given in inputs]
+    how = {"t_end": 0.04, "method": fine("timestepping")}
+    runs = [fan.simulate(weak, x0, given, throw=False, **how) for given in inputs]
     many = fan.simulate_batch(weak, x0, inputs, **how)
     for found in ([run.status for run in runs], many.status.tolist()):
         assert found == [Status.LOST_STEPS, Status.OVERSTEPPED]
@@ -99,8 +102,8 @@ def test_a_row_that_is_overstepped_goes_before_lost_steps():
 
 def test_scipys_integrators_locate_lost_steps(stepped):
     x0, weak = stepped.rest({"line.length": TOLD}), stepped.with_parameters({"T": 0.02})
-    how = {"integrator": "RK45", "rtol": 1e-9, "atol": 1e-9}
-    run = fan.simulate(weak, x0, t_end=0.03, throw=False, **how)
+    method = fan.Event(integrator="RK45", rtol=1e-9, atol=1e-9)
+    run = fan.simulate(weak, x0, t_end=0.03, method=method, throw=False)
     assert lost(run)[0] == pytest.approx(time_of_first_lost_step(0.02), abs=1e-6)
     assert run.status is Status.LOST_STEPS
 
@@ -110,7 +113,7 @@ def test_a_winch_that_runs_away_ends_the_run(stepped, method, capsys):
     """17.3: it is not left to fall for ever; the message has the torque that holds, and it does."""
     x0, weak = stepped.rest({"line.length": TOLD}), stepped.with_parameters({"T": 0.02})
     with pytest.raises(SimulationError, match=r"line\.length ran away from t = 0\.01") as found:
-        fan.simulate(weak, x0, t_end=5.0, method=method, **METHODS[method])
+        fan.simulate(weak, x0, t_end=5.0, method=fine(method))
     run = found.value.trajectory
     assert run.status is Status.RUNAWAY and found.value.status is run.status
     out = run.q_D[-1, run.coordinates.q_D.index("line.length")] - 0.5
@@ -120,7 +123,7 @@ def test_a_winch_that_runs_away_ends_the_run(stepped, method, capsys):
     assert "line.length ran away" in capsys.readouterr().out
     held = stepped.with_parameters({"T": 1.02 * LOAD})
     run = fan.simulate(
-        held, held.rest({"line.length": TOLD}), t_end=0.2, method=method_of(method, dt=1e-4)
+        held, held.rest({"line.length": TOLD}), t_end=0.2, method=fine(method)
     )
     assert run.status is Status.DONE
 
@@ -140,7 +143,7 @@ def test_a_servo_that_is_too_weak_runs_away(servoed, method):
     assert event.name == "line.length"
     assert event.t == pytest.approx(np.sqrt(0.2 / fall), rel=0.03)
     assert run.status is Status.RUNAWAY and run.t[-1] == 0.4
-    strong = fan.simulate(servoed, x0, t_end=0.4, method=method, **METHODS[method])
+    strong = fan.simulate(servoed, x0, t_end=0.4, method=fine(method))
     assert strong.status is Status.DONE
 
 
@@ -162,12 +165,12 @@ def test_batches_tell_lane_by_lane(stepped):
     rough = fan.Input.waypoints(stepped, {"line.length": [(0, TOLD), (0.03, 0.35)]})
     inputs = [gentle, rough.extended(0.2).bound(x0.q_K), gentle]
     for method in ("timestepping", "variational"):
-        many = fan.simulate_batch(stepped, x0, inputs, t_end=0.8, method=method_of(method, dt=1e-4))
+        many = fan.simulate_batch(stepped, x0, inputs, t_end=0.8, method=fine(method))
         assert many.status.tolist() == [Status.DONE, Status.RUNAWAY, Status.DONE]
         assert many.blamed(1) == ("line.length",) and not many.blamed(0)
         assert many.reached[1] < 0.8 == many.reached[0]
         one = fan.simulate(
-            stepped, x0, inputs[1], t_end=0.8, method=method_of(method, dt=1e-4), throw=False
+            stepped, x0, inputs[1], t_end=0.8, method=fine(method), throw=False
         )
         assert (one.status, one.t[-1]) == (Status.RUNAWAY, pytest.approx(many.reached[1]))
 
@@ -176,8 +179,7 @@ def test_batches_tell_lane_by_lane(stepped):
 def test_a_copied_stepper_has_lost_the_same_steps(stepped, method):
     """17.18: a copy's motors began anew, at the tooth where they were."""
     x0 = stepped.rest({"line.length": TOLD})
-    how = {} if method == "event" else {"dt": 1e-4}
-    stepper = stepped.with_parameters({"T": 0.02}).stepper(x0, method, **how)
+    stepper = stepped.with_parameters({"T": 0.02}).stepper(x0, fine(method))
     stepper.advance(0.02)
     assert stepper.status is Status.LOST_STEPS
     copied = pickle.loads(pickle.dumps(stepper))
