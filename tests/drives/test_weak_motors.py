@@ -134,10 +134,7 @@ def test_a_servo_that_is_too_weak_runs_away(servoed, method):
     x0, torque = servoed.state({"line.length": TOLD}), 0.02
     x0 = servoed.project(x0)
     weak = servoed.with_parameters({"T": torque})
-    run = fan.simulate(
-        weak, x0, t_end=0.4, method=method, throw=False, **METHODS[method] | {"save_every": 1}
-        if method != "event" else {}
-    )  # fmt: skip
+    run = fan.simulate(weak, x0, t_end=0.4, method=fine(method), throw=False)
     (event,) = [e for e in run.events if e.kind == "runaway"]
     fall = 0.01 * (LOAD - torque) / (0.3 * 0.01**2 + 1e-5)
     assert event.name == "line.length"

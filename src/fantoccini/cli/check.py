@@ -82,7 +82,7 @@ def _count(found: list[Problem]) -> str:
 
 def _size(made: Marionette) -> str:
     """Mass, lengths and hanging height of a puppet in its start pose."""
-    size = measure(made.tree, made.number)
+    size = measure(made.tree, made.model.number)
     lengths = " x ".join(f"{x:.3g}" for x in size.lengths)
     hangs = "" if size.hangs is None else f", hangs {size.hangs:.3g} m high"
     return f"{size.mass:.4g} kg, {lengths} m (x, y, z){hangs}"

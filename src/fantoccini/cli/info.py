@@ -171,7 +171,7 @@ def _string_row(made: Marionette, string: StringRow) -> tuple:
 def _drive_row(made: Marionette, row: DriveRow) -> tuple:
     """What a drive moves, n, m + n^2 J, and what it is made of."""
     drive, unit = row.drive, "kg m^2" if row.drive.drum is None and row.drive.mass is None else "kg"
-    n, heavy = row.ratio(made.number), row.inertia(made.number)
+    n, heavy = row.ratio(made.model.number), row.inertia(made.number)
     parts = [getattr(part, "type", "") for part in (drive.motor, drive.control)]
     return row.name, row.command_name, number(n), f"{number(heavy)} {unit}", *parts
 

@@ -48,7 +48,9 @@ class Mechanism:
                 marionette.name, None, "", f"found a world of {len(marionette.world.puppets)} "
                 "puppets; needed: one puppet by itself",
             )])  # fmt: skip
-        mixed = Marionette(puppet.model_copy(update={"drives": ()}), marionette._progress)
+        mixed = Marionette(
+            puppet.model_copy(update={"drives": ()}), marionette.model.compiled.progress
+        )
         if mixed.coordinates.n_vK == 0:
             file, _ = puppet.locate(puppet.name)
             raise PuppetError([Problem(
@@ -92,7 +94,9 @@ class Mechanism:
             ratio: mass of each drive over that of the puppet.
             bandwidth: of a computed-torque control [rad/s]; without it forces move the drives.
         """
-        made = Marionette(self._on_drives(self.mixed.puppet, bandwidth), self.mixed._progress)
+        made = Marionette(
+            self._on_drives(self.mixed.puppet, bandwidth), self.mixed.model.compiled.progress
+        )
         return self.tuned(made, ratio, bandwidth)
 
     def tuned(self, full: Marionette, ratio: float, bandwidth: float | None = None) -> Marionette:
@@ -128,7 +132,7 @@ class Mechanism:
             s.model_copy(update={"chain": chain}) if s.name == name else s for s in puppet.strings
         )
         heavy = puppet.model_copy(update={"strings": strings})
-        return Mechanism(Marionette(heavy, self.mixed._progress))
+        return Mechanism(Marionette(heavy, self.mixed.model.compiled.progress))
 
     def commanded(self, full: Marionette, inputs: Input) -> Input:
         """Inputs of one of these puppets as those of another: of coordinates, or of drives."""

@@ -106,7 +106,7 @@ class Replay:
         self._shown = -1
         self._due = {"plot": 0.0, "numbers": 0.0}
         self._lock = threading.Lock()
-        self._end = threading.EventRecord()
+        self._end = threading.Event()
         self._set_up_panel()
         self._thread = threading.Thread(target=self._run, name="replay", daemon=True)
 
