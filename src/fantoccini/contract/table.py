@@ -61,9 +61,9 @@ print(on.G, on.hdot)                         # results by name; leading axes bro
 M = arm.equations["mass_matrix"](q_D=x.q_D, q_K=x.q_K, p=arm.p)["M"]    # interpreted
 ```
 
-Compiled functions of `model` and `derivatives` (`arm.model.compiled.derivatives.at`) are called from Python, all
-others by compiled code, as members of `fan::Call`. To add a quantity, declare it in
-`contract/functions.py` and derive it in `equations/functions.py`, as a method of its name.
+Compiled functions of `model` and `derivatives` (`arm.model.compiled.derivatives.at`) are called
+from Python, all others by compiled code, as members of `fan::Call`. To add a quantity, declare it
+in `contract/functions.py` and derive it in `equations/functions.py`, as a method of its name.
 
 Units that are left out follow from the coordinate: m or rad, velocities per s, forces N or N m.
 Matrices are stored column by column.
