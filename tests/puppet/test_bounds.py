@@ -8,7 +8,7 @@ import pytest
 from tests.puppet.toys import TEXT
 
 from fantoccini.errors import PuppetError
-from fantoccini.marionette import loads as marionette
+from fantoccini.marionette import check_mass_matrix, loads as marionette
 from fantoccini.puppet import Puppet, json_schema, load, loads
 from fantoccini.puppet.quantities import QUANTITIES
 
@@ -79,7 +79,7 @@ def test_every_number_is_bounded(number, size):
         except PuppetError as error:
             assert [p.line for p in error.problems] == [line]
         else:
-            made.check_mass_matrix()
+            check_mass_matrix(made.world, made.tree)
         return
     found = mistakes(text)
     assert (found[0][0], len({at for at, _, _ in found})) == (line, 1)

@@ -35,6 +35,11 @@ class Still:
         self.world, self.tree, self.number = world, tree, number
         self.coordinates = tree.coordinates
 
+    @property
+    def model(self) -> Still:
+        """What pictures ask of a marionette's model: it is all here."""
+        return self
+
     def start(self) -> State:
         """The file's pose, at rest. Strings just reach where it names no length."""
         table, strings = self.coordinates, self.tree.strings
