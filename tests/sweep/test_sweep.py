@@ -90,8 +90,7 @@ def test_a_puppet_that_cannot_be_built_fails_its_own_cases(arm):
     tried = []
 
     class Broken(fan.Marionette):
-        @property
-        def library(self):
+        def compile(self):
             tried.append(1)
             raise fan.BuildError("no compiler here")
 

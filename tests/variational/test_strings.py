@@ -16,7 +16,8 @@ HELD = 1e-11
 
 
 def variational(puppet, x, inputs=None, t_end=None, dt=0.01, **more):
-    return fan.simulate(puppet, x, inputs, t_end, method=fan.Variational(dt=dt), **more)
+    simulate = fan.simulate if isinstance(x, fan.State) else fan.simulate_batch
+    return simulate(puppet, x, inputs, t_end, method=fan.Variational(dt=dt), **more)
 
 
 @pytest.fixture(scope="module")

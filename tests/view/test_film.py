@@ -56,7 +56,7 @@ def test_frames_move_and_repeat_exactly(puppet):
 
 
 def test_a_failing_encoder_is_quoted_and_leaves_nothing(tmp_path, puppet, monkeypatch):
-    codecs = importlib.import_module("fantoccini.view.film").CODECS
+    codecs = importlib.import_module("fantoccini.view.films").CODECS
     monkeypatch.setitem(codecs, ".mp4", ("-c:v", "no_such_codec", "-f", "mp4"))
     with pytest.raises(view.FilmError, match="no_such_codec"):
         view.film(*puppet, tmp_path / "a.mp4", fps=10, size=(160, 120))

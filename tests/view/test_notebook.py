@@ -108,11 +108,13 @@ def test_names_cannot_inject_markup():
     links = tuple(dataclasses.replace(link, name=HOSTILE) for link in marionette.tree.links)
     strings = tuple(dataclasses.replace(s, name=HOSTILE) for s in marionette.tree.strings)
     values = {**marionette.tree.parameters, HOSTILE: 1.0}
-    marionette.tree = dataclasses.replace(
+    tree = dataclasses.replace(
         marionette.tree, name=HOSTILE, links=links, strings=strings, parameters=values
     )
-    marionette.world = dataclasses.replace(marionette.world, name=HOSTILE)
-    marionette.p = np.ones(len(values))
+    world = dataclasses.replace(marionette.world, name=HOSTILE)
+    marionette = fan.Marionette(
+        dataclasses.replace(marionette.model, tree=tree, world=world, p=np.ones(len(values)))
+    )
     run = swinging(bundled("arm2d"))
     tension, taut = (dataclasses.replace(x, names=(HOSTILE,)) for x in (run.tension, run.taut))
     run = dataclasses.replace(
