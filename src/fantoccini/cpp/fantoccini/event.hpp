@@ -394,7 +394,7 @@ struct EventRun {
       // A row that holding the others brings to rest takes part in the choice.
       for (int round = 0; round <= M; ++round) {
         held = contact.choose(flow, s.loose, s.strained, next, kTouch, how);
-        if (held != RUNNING) break;
+        if (held != RUNNING) { if (flow.winches.some_slip) break; else return fail(held); }
         set_mode(next);
         refresh();
         held = contact.hold(flow, how);
