@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import jsonschema
 import numpy as np
 import pytest
 
 import fantoccini as fan
+from fantoccini import planning
 from fantoccini.errors import FileError
 from fantoccini.planning import problem_names, problem_schema
 from fantoccini.puppet.located import read_file
@@ -90,7 +92,7 @@ def test_a_puppet_may_lie_beside_its_problem(tmp_path):
 def test_the_schema_takes_bundled_problems_and_refuses_others(tmp_path):
     schema = problem_schema()
     for name in problem_names():
-        path = fan.plan.__globals__["__file__"].replace("plan.py", f"problems/{name}.yaml")
+        path = Path(planning.__file__).parent / "problems" / f"{name}.yaml"
         jsonschema.validate(json.loads(json.dumps(read_file(path).data)), schema)
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate({"problem": "x", "puppet": "arm3d"}, schema)

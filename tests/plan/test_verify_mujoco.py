@@ -82,7 +82,10 @@ def test_the_marionettes_plan_arrives_with_its_limits():
     [
         ({"backend": "drake"}, "backend is 'drake'; it must be 'fantoccini' or 'mujoco'"),
         ({"backend": "mujoco", "method": "event"}, "must be 'timestepping', not 'event'"),
-        ({"backend": "mujoco", "rtol": 1e-9}, "takes dt_factor and nothing else; found rtol"),
+        (
+            {"backend": "mujoco", "method": fan.Event(rtol=1e-9)},
+            r"must be 'timestepping', not Event\(rtol=1e-09",
+        ),
         ({"backend": "mujoco", "dt_factor": 0.0}, "dt_factor is 0"),
     ],
 )
