@@ -143,8 +143,9 @@ def imports() -> dict[str, list[str]]:
 
 def page() -> str:
     """The text of docs/architecture.md."""
+    found = imports()
     rows = [
-        f"| `{name}` | {sentence} | {', '.join(f'`{n}`' for n in imports()[name]) or '-'} |"
+        f"| `{name}` | {sentence} | {', '.join(f'`{n}`' for n in found[name]) or '-'} |"
         for name, sentence in PACKAGES.items()
     ]
     tasks = []

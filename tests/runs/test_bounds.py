@@ -12,7 +12,8 @@ import fantoccini as fan
 from fantoccini import Status
 from fantoccini.marionette import Model
 from fantoccini.runtime import memory
-from fantoccini.runtime.functions import Numbers, whole
+from fantoccini.runtime.functions import whole
+from fantoccini.runtime.structures import Numbers
 
 ARM = fan.puppets.arm2d()
 X0 = ARM.rest()

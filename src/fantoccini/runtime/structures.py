@@ -20,7 +20,7 @@ UNLIMITED = 1e300
 _NUMBERS = {"int": ctypes.c_int, "long long": ctypes.c_longlong, "double": ctypes.c_double}
 
 
-class _Numbers:
+class Numbers:
     """Of a C structure, first among its bases: its integers are checked against their widths."""
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -35,7 +35,7 @@ def _made() -> dict[str, Any]:
     made: dict[str, Any] = {}
     for structure in STRUCTURES:
         fields = [(field.name, _type(field.type, made)) for field in structure.fields]
-        bases = _Numbers, ctypes.Structure
+        bases = Numbers, ctypes.Structure
         made[structure.name] = type(structure.name, bases, {"_fields_": fields})
     return made
 
