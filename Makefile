@@ -64,6 +64,7 @@ reports: long-runs-report reduction-report
 
 lint: $(VENV)/stamp-test
 	$(BIN)/ruff check .
+	$(BIN)/mypy
 
 wheel: $(VENV)/stamp-test
 	$(BIN)/python -m build --wheel --outdir dist
