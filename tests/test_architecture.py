@@ -26,6 +26,7 @@ PACKAGE = ROOT / "src" / "fantoccini"
 ORDER = (
     "errors",
     "arrays",
+    "files",
     "puppet",
     "world",
     "tree",

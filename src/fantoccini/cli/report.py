@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 
 from fantoccini.cli.terminal import number, table, write
-from fantoccini.motion import EventKind, Trajectory, overloads
+from fantoccini.motion import EventKind, Trajectory
 
 
 def report(run: Trajectory, seconds: float) -> None:
@@ -49,7 +49,7 @@ def report(run: Trajectory, seconds: float) -> None:
     kinds = Counter(e.kind for e in run.events)
     listed = ", ".join(f"{n} {kind}" for kind, n in kinds.items()) or "none"
     write(f"events: {listed}")
-    for name, drive in overloads(run).items():
+    for name, drive in run.overloads.items():
         did = "ran away" if drive.ran_away else f"lost steps {drive.lost_steps} times"
         off = "" if drive.error is None else f", {abs(drive.error):.3g} (m, rad) off at the end"
         write(f"{name} {did} from t = {drive.since:.6g} s on{off}")

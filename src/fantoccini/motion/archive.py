@@ -1,28 +1,24 @@
-"""Trajectories on disk: npz without pickle, and files that appear whole or not at all."""
+"""Trajectories on disk: npz files without pickle."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
-import os
-import secrets
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from fantoccini.arrays import Array
 from fantoccini.errors import Status
+from fantoccini.files import replacing
 from fantoccini.motion.columns import Columns
 from fantoccini.motion.npz import checked, contents, finite, texts, understanding
-from fantoccini.motion.state import EventRecord
+from fantoccini.motion.state import EventKind, EventRecord
 from fantoccini.puppet import Mesh, Puppet, loads
 from fantoccini.tree import Coordinate, CoordinateTable, Role
-
-if TYPE_CHECKING:
-    from fantoccini.motion.trajectory import Trajectory
 
 FORMAT = "fantoccini.trajectory.1"
 RECORDING = "fantoccini.recording.1"
@@ -31,53 +27,44 @@ _ARRAYS = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
 _TABLES = ("tension", "limit_force", "taut", "ledger", "effort", "violation", "slip")
 _NUMBERS = ("t", "impulse", "speed")
 _MESH = "mesh:"
-_folders: list[TemporaryDirectory] = []
+_folders: list[TemporaryDirectory[str]] = []
 
 
-@contextmanager
-def replacing(path: str | Path) -> Iterator[Path]:
-    """A temporary name in the same folder, renamed to ``path`` when the block ends well."""
-    path = Path(path)
-    if not path.parent.is_dir():
-        raise FileNotFoundError(f"{path} cannot be written: there is no folder {path.parent}")
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.{secrets.token_hex(4)}.part")
-    try:
-        yield temporary
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-def save(run: Trajectory, path: str | Path) -> None:
-    """Writes a trajectory: arrays as they are, names and puppet as JSON text."""
-    tables = {name: getattr(run, name) for name in _TABLES if getattr(run, name) is not None}
+def save(fields: Mapping[str, Any], path: str | Path) -> None:
+    """Writes the fields of a trajectory: arrays as they are, names and puppet as JSON text."""
+    tables: dict[str, Columns] = {n: fields[n] for n in _TABLES if fields[n] is not None}
+    table: CoordinateTable = fields["coordinates"]
+    events: Sequence[EventRecord] = fields["events"]
+    puppet: Puppet | None = fields["puppet"]
     about = {
         "format": FORMAT,
-        "method": run.method,
-        "status": run.status.name,
-        "blamed": run.blamed,
-        "columns": {name: [table.what, *table.names] for name, table in tables.items()},
-        "events": [[event.kind, event.name] for event in run.events],
-        "coordinates": _table_to_json(run.coordinates),
-        "puppet": None if run.puppet is None else run.puppet.to_yaml(),
+        "method": fields["method"],
+        "status": fields["status"].name,
+        "blamed": fields["blamed"],
+        "columns": {name: [named.what, *named.names] for name, named in tables.items()},
+        "events": [[event.kind, event.name] for event in events],
+        "coordinates": _table_to_json(table),
+        "puppet": None if puppet is None else puppet.to_yaml(),
     }
-    arrays = {name: getattr(run, name) for name in _ARRAYS}
-    arrays |= {name: table.values for name, table in tables.items()}
-    arrays["events"] = np.array([[getattr(e, x) for x in _NUMBERS] for e in run.events]).reshape(
+    arrays = {name: fields[name] for name in _ARRAYS}
+    arrays |= {name: named.values for name, named in tables.items()}
+    arrays["events"] = np.array([[getattr(e, x) for x in _NUMBERS] for e in events]).reshape(
         -1, len(_NUMBERS)
     )
-    arrays["start_D"], arrays["start_K"] = run.coordinates.start_D, run.coordinates.start_K
-    for name, content in ({} if run.puppet is None else mesh_files(run.puppet)).items():
+    arrays["start_D"], arrays["start_K"] = table.start_D, table.start_K
+    for name, content in ({} if puppet is None else mesh_files(puppet)).items():
         arrays[_MESH + name] = np.frombuffer(content, dtype=np.uint8)
     arrays["about"] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
     with replacing(path) as temporary, temporary.open("wb") as file:
         np.savez(file, **arrays)
 
 
-def load(path: str | Path) -> Trajectory:
-    """Reads what :func:`save` wrote."""
-    from fantoccini.motion.trajectory import Trajectory
+def load(path: str | Path) -> dict[str, Any]:
+    """The fields of a trajectory that :func:`save` wrote.
 
+    Raises:
+        FileError: the file is not a trajectory.
+    """
     what = "a trajectory"
     arrays, about = contents(path, FORMAT, what)
     with understanding(path, what):
@@ -95,22 +82,22 @@ def load(path: str | Path) -> Trajectory:
         for name, named in about["columns"].items():
             kind, *names = texts(named, f"columns.{name}")
             values = checked(arrays, name, (n, len(names)), "b" if name == "taut" else "f")
-            tables[name] = Columns(names, values, kind)
+            tables[name] = Columns(tuple(names), values, kind)
         numbers = checked(arrays, "events", (len(about["events"]), len(_NUMBERS)))
         events = [
-            EventRecord(kind=kind, name=name, **dict(zip(_NUMBERS, row, strict=True)))
+            EventRecord(kind=EventKind(kind), name=name, **dict(zip(_NUMBERS, row, strict=True)))
             for (kind, name), row in zip(map(_pair, about["events"]), numbers, strict=True)
         ]
-        return Trajectory(
+        return {
             **motion,
             **tables,
-            events=tuple(events),
-            status=Status[about["status"]],
-            blamed=texts(about.get("blamed", []), "blamed"),
-            method=_text(about["method"], "method"),
-            coordinates=table,
-            puppet=_puppet(about["puppet"], str(path), arrays),
-        )
+            "events": tuple(events),
+            "status": Status[about["status"]],
+            "blamed": texts(about.get("blamed", []), "blamed"),
+            "method": _text(about["method"], "method"),
+            "coordinates": table,
+            "puppet": _puppet(about["puppet"], str(path), arrays),
+        }
 
 
 def mesh_files(puppet: Puppet) -> dict[str, bytes]:
@@ -145,7 +132,7 @@ def restored(text: str, source: str, meshes: Mapping[str, bytes]) -> Puppet:
     return loads(text, source, folder)
 
 
-def _puppet(text: str | None, source: str, arrays: dict[str, np.ndarray]) -> Puppet | None:
+def _puppet(text: str | None, source: str, arrays: Mapping[str, Array]) -> Puppet | None:
     if text is None:
         return None
     _text(text, "puppet")
@@ -153,7 +140,7 @@ def _puppet(text: str | None, source: str, arrays: dict[str, np.ndarray]) -> Pup
     return restored(text, source, held)
 
 
-def _table_to_json(table: CoordinateTable) -> dict:
+def _table_to_json(table: CoordinateTable) -> dict[str, Any]:
     whole = {
         field.name: getattr(table, field.name)
         for field in dataclasses.fields(table)
@@ -163,7 +150,7 @@ def _table_to_json(table: CoordinateTable) -> dict:
     return whole
 
 
-def _table_from_json(data: dict, arrays: dict[str, np.ndarray]) -> CoordinateTable:
+def _table_from_json(data: dict[str, Any], arrays: Mapping[str, Array]) -> CoordinateTable:
     rows = tuple(
         Coordinate(_text(name, "a coordinate"), Role(role), owner, unit, index)
         for name, role, owner, unit, index in data["rows"]
@@ -190,7 +177,7 @@ def _table_from_json(data: dict, arrays: dict[str, np.ndarray]) -> CoordinateTab
 
 
 def _places(
-    pairs: list, names: dict[str, tuple[str, ...]], kind: str, widths: tuple[int, int]
+    pairs: list[Any], names: dict[str, tuple[str, ...]], kind: str, widths: tuple[int, int]
 ) -> tuple[tuple[int, int], ...]:
     """(q, v) places where coordinates of some width begin, inside the vectors they are in."""
     found = tuple(tuple(pair) for pair in pairs)
@@ -202,7 +189,7 @@ def _places(
     return found
 
 
-def _pair(event: list) -> list[str]:
+def _pair(event: Any) -> list[str]:
     kind, name = texts(event, "an event")
     return [kind, name]
 

@@ -1,15 +1,13 @@
-"""Drives whose motor was too weak, as a run's events tell of them."""
+"""Drives whose motor was too weak, from the events of a run."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+from fantoccini.arrays import ConfigD, ConfigK
 from fantoccini.motion.state import EventKind, EventRecord
-
-if TYPE_CHECKING:
-    from fantoccini.motion.trajectory import Trajectory
+from fantoccini.tree import CoordinateTable
 
 
 @dataclass(frozen=True)
@@ -29,22 +27,31 @@ class Overload:
     error: float | None
 
 
-def overloads(run: Trajectory) -> dict[str, Overload]:
-    """The drives that were too weak, by coordinate, the earliest first."""
-    table, found = run.coordinates, {}
-    for event in weak(run.events):
+def overloads(
+    events: Iterable[EventRecord], table: CoordinateTable, q_D: ConfigD, q_K: ConfigK
+) -> dict[str, Overload]:
+    """The drives that were too weak, by coordinate, the earliest first.
+
+    Args:
+        events: of the run.
+        table: names of the coordinates.
+        q_D: (n_qD,) dynamic configuration at the run's end [rad, m or 1].
+        q_K: (n_qK,) driven configuration there [rad, m or 1].
+    """
+    found: dict[str, list[EventRecord]] = {}
+    for event in weak(events):
         found.setdefault(event.name, []).append(event)
     made = {}
-    for name, events in found.items():
+    for name, own in found.items():
         error = None
         if name in table.q_D:
-            told = run.q_K[-1, table.q_K.index(table.commands[name])]
-            error = float(told - run.q_D[-1, table.q_D.index(name)])
-        lost = sum(event.kind is EventKind.LOST_STEP for event in events)
-        made[name] = Overload(events[0].t, lost, lost < len(events), error)
+            commanded = q_K[table.q_K.index(table.commands[name])]
+            error = float(commanded - q_D[table.q_D.index(name)])
+        lost = sum(event.kind is EventKind.LOST_STEP for event in own)
+        made[name] = Overload(own[0].t, lost, lost < len(own), error)
     return made
 
 
 def weak(events: Iterable[EventRecord]) -> list[EventRecord]:
-    """The events that tell of drives whose motor was too weak."""
+    """The events of drives whose motor was too weak."""
     return [e for e in events if e.kind in (EventKind.LOST_STEP, EventKind.RUNAWAY)]

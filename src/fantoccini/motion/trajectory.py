@@ -13,9 +13,11 @@ import numpy as np
 
 from fantoccini.arrays import Array, Times, frozen
 from fantoccini.errors import StateError, Status, UnknownNameError
-from fantoccini.motion import interpolate
+from fantoccini.files import replacing
+from fantoccini.motion import archive, interpolate
 from fantoccini.motion.columns import Columns
-from fantoccini.motion.overload import overloads
+from fantoccini.motion.npz import understanding
+from fantoccini.motion.overload import Overload, overloads
 from fantoccini.motion.state import EventRecord, State
 
 if TYPE_CHECKING:
@@ -147,6 +149,11 @@ class Trajectory:
                 values[max(row, 0), names.index(event.name)] += event.impulse
         return Columns(names, values, "string or limit")
 
+    @property
+    def overloads(self) -> dict[str, Overload]:
+        """The drives whose motor was too weak, by coordinate, the earliest first."""
+        return overloads(self.events, self.coordinates, self.q_D[-1], self.q_K[-1])
+
     # -- between the rows --------------------------------------------------------------------
 
     def resample(self, times: Times, side: Literal["right", "left"] = "right") -> Trajectory:
@@ -228,8 +235,6 @@ class Trajectory:
 
     def to_csv(self, path: str | Path) -> None:
         """Writes :meth:`columns` as CSV; numbers read back to the same bits, flags as 0 and 1."""
-        from fantoccini.motion.archive import replacing
-
         columns = self.columns()
         lists = [
             (values.astype(int) if values.dtype == bool else values).tolist()
@@ -242,9 +247,7 @@ class Trajectory:
 
     def save(self, path: str | Path) -> None:
         """Writes an npz file that holds everything, the puppet included. The file appears whole."""
-        from fantoccini.motion.archive import save
-
-        save(self, path)
+        archive.save({f.name: getattr(self, f.name) for f in dataclasses.fields(self)}, path)
 
     @classmethod
     def load(cls, path: str | Path) -> Trajectory:
@@ -253,9 +256,8 @@ class Trajectory:
         Raises:
             FileError: the file is not a trajectory.
         """
-        from fantoccini.motion.archive import load
-
-        return load(path)
+        with understanding(path, "a trajectory"):
+            return cls(**archive.load(path))
 
     def summary(self) -> dict[str, Any]:
         """Key numbers: duration [s], seconds, rows, events by kind, tensions, ledger [J].
@@ -285,7 +287,7 @@ class Trajectory:
             "status": self.status,
             "events": dict(Counter(event.kind for event in self.events)),
             "tension": strings,
-            "drives": {name: vars(found) for name, found in overloads(self).items()},
+            "drives": {name: vars(found) for name, found in self.overloads.items()},
             "ledger": {name: float(values[-1]) for name, values in self.ledger.items()},
         }
 

@@ -10,9 +10,10 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.contract import EVENT_AT, EventKind
 from fantoccini.errors import Status
+from fantoccini.files import replacing
 from fantoccini.marionette import Marionette, Parcel
 from fantoccini.motion import State
-from fantoccini.motion.archive import RECORDING as FORMAT, replacing
+from fantoccini.motion.archive import RECORDING as FORMAT
 from fantoccini.motion.npz import checked, contents, finite, texts, understanding
 from fantoccini.perform.recording import Recording, Written
 from fantoccini.world import World

@@ -11,7 +11,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import FileError, Problem as Mistake
-from fantoccini.motion.archive import replacing
+from fantoccini.files import replacing
 from fantoccini.motion.npz import checked, contents, finite, understanding
 from fantoccini.planning.objective import Objective
 from fantoccini.planning.planners import Planner

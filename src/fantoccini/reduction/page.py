@@ -12,7 +12,7 @@ import numpy as np
 import sympy as sp
 
 from fantoccini.equations.printing import decimal
-from fantoccini.motion.archive import replacing
+from fantoccini.files import replacing
 from fantoccini.reduction import plots
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.marionette import Marionette
-from fantoccini.motion import Trajectory, overloads
+from fantoccini.motion import Trajectory
 from fantoccini.puppet import DirectCurrent
 from fantoccini.tree import DriveRow
 
@@ -21,7 +21,7 @@ def too_weak(marionette: Marionette, run: Trajectory) -> str:
 
     Empty where none did.
     """
-    found = overloads(run)
+    found = run.overloads
     rows = {row.name: row for row in marionette.tree.watched if row.name in found}
     if not rows:
         return ""

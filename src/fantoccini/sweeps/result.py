@@ -13,7 +13,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import UnknownNameError
-from fantoccini.motion.archive import replacing
+from fantoccini.files import replacing
 from fantoccini.sweeps.case import PUPPET, Case
 from fantoccini.sweeps.design import Design
 from fantoccini.sweeps.outcome import Failure, Outcome

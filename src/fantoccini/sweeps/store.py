@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from fantoccini.errors import StoreError
-from fantoccini.motion.archive import replacing
+from fantoccini.files import replacing
 from fantoccini.motion.npz import ABOUT, UNREADABLE, about_of, read
 from fantoccini.sweeps.outcome import Failure, Outcome
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fantoccini.motion.archive import replacing
+from fantoccini.files import replacing
 from fantoccini.view.theme import Theme
 from fantoccini.web.moment import moment_of
 from fantoccini.web.panel import text
