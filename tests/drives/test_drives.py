@@ -395,7 +395,7 @@ def test_derivatives_are_those_of_differences(machines):
 
 def test_lanes_are_the_scalar_run(bob):
     x0 = bob.rest({"line.length": 0.8})
-    inputs = fan.Input.random(bob, n=9, seed=1).bound(x0.q_K)
+    inputs = fan.Inputs.random(bob, n=9, seed=1).bound(x0.q_K)
     many = fan.simulate_batch(bob, x0, inputs, t_end=0.1, method="timestepping")
     one = fan.simulate(bob, x0, inputs[4], t_end=0.1, method="timestepping")
     np.testing.assert_allclose(many.q_D[4, -1], one.q_D[-1], rtol=1e-11, atol=1e-13)

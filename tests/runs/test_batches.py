@@ -16,7 +16,7 @@ END = 0.4
 
 
 def wandering(n: int, seed: int = 1, **how) -> fan.Inputs:
-    return fan.Input.random(ARM, n=n, seed=seed, t_end=1.0, reach=0.1, **how)
+    return fan.Inputs.random(ARM, n=n, seed=seed, t_end=1.0, reach=0.1, **how)
 
 
 def stepped(inputs, x0=X0, **how) -> fan.Trajectories:
@@ -38,7 +38,7 @@ def test_a_lane_is_the_run_by_itself(puppet):
     """marionette_bar hangs from a bar that turns: rotations are driven too."""
     marionette = getattr(fan.puppets, puppet)()
     x0 = marionette.rest()
-    inputs = fan.Input.random(marionette, n=11, seed=3, t_end=0.5, reach=0.12, turn=0.2)
+    inputs = fan.Inputs.random(marionette, n=11, seed=3, t_end=0.5, reach=0.12, turn=0.2)
     how = {"t_end": 0.4, "method": "timestepping"}
     many, bound = (
         fan.simulate_batch(marionette, x0, inputs, save="all", **how),
@@ -171,7 +171,7 @@ def test_ctrl_c_keeps_what_was_reached(method):
     def interrupt(_: float) -> None:
         raise KeyboardInterrupt
 
-    inputs = fan.Input.random(ARM, n=64, seed=0, t_end=30.0, reach=0.1)
+    inputs = fan.Inputs.random(ARM, n=64, seed=0, t_end=30.0, reach=0.1)
     # Far longer than the first look at the batch takes to come: some seconds of work.
     t_end = 3000.0
     many = fan.simulate_batch(

@@ -32,7 +32,7 @@ def marionette():
 def wandering(marionette):
     """A second of the marionette with its strings in wandering hands, by method."""
     x0 = marionette.rest()
-    inputs = fan.Input.random(marionette, 1, seed=1, t_end=1.0).bound(x0.q_K)[0]
+    inputs = fan.Inputs.random(marionette, 1, seed=1, t_end=1.0).bound(x0.q_K)[0]
     runs = {m: fan.simulate(marionette, x0, inputs, method=alone(m)) for m in FIXED}
     return inputs, runs
 
@@ -332,7 +332,7 @@ def test_nan_is_in_no_argument(arm):
         lambda: hold.extended(nan),
         lambda: hold.with_forces({"elbow": [(0.0, nan)]}),
         lambda: fan.Input.segments(arm, [0.0, 1.0], [0.45, 0.8], [0.0, 0.0], [[nan, 0.0]]),
-        lambda: fan.Input.random(arm, 2, reach=nan),
+        lambda: fan.Inputs.random(arm, 2, reach=nan),
         lambda: arm.state({"elbow": nan}),
     ):  # fmt: skip
         with pytest.raises((ValueError, fan.FantocciniError), match=r"nan|finite|increase"):

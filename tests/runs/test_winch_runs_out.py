@@ -73,7 +73,7 @@ def test_one_lane_that_runs_out_stops_no_other(winches, method):
     assert many.reached == pytest.approx([1.5, ENDS, 1.5, ENDS / 2], abs=0.0021)
     blame = many.blame.values
     assert blame[[1, 3]].tolist() == [[1.0, 0.0], [1.0, 0.0]] and not np.any(blame[[0, 2]])
-    wide = fan.Input.random(winches, n=8, seed=0, t_end=1.5, every=0.5, reach=0.9)
+    wide = fan.Inputs.random(winches, n=8, seed=0, t_end=1.5, every=0.5, reach=0.9)
     ended = fan.simulate_batch(winches, x0, wide, 1.5, method=method).counts()
     assert ended[gone] >= 1 and ended[Status.DONE] >= 1 and sum(ended.values()) == 8
 

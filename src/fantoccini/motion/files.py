@@ -6,21 +6,23 @@ import csv
 import io
 import json
 from array import array
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, ConfigK, Times, VecK
 from fantoccini.errors import InputError, Problem
 from fantoccini.motion import npz, pieces, reading
 from fantoccini.motion.archive import RECORDING
+from fantoccini.motion.channel import Channel, Points
 from fantoccini.motion.findings import Findings
-from fantoccini.motion.input import Input
 from fantoccini.puppet.located import Located, read_file, shown, validate
 from fantoccini.puppet.values import Model, Positive, mistake
+from fantoccini.tree import CoordinateTable
 
 MAX_BYTES = 256_000_000
 """Size of the largest file of samples that is read, and of its arrays [bytes]."""
@@ -30,7 +32,7 @@ _ROTATION = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxIt
 _ANGLE = {"type": "string", "pattern": "^.+ *(deg|rad)$"}
 
 
-def _points_schema(*values: dict) -> dict:
+def _points_schema(*values: dict[str, Any]) -> dict[str, Any]:
     pair = {**_PAIR, "prefixItems": [{"type": "number"}, {"anyOf": [{"type": "number"}, *values]}]}
     return {"type": "array", "items": pair, "minItems": 1}
 
@@ -62,23 +64,51 @@ class InputsFile(Model):
     """Dynamic velocity -> list of [time s, force N or N m], linear between them."""
 
 
-def inputs_schema() -> dict:
+@dataclass(frozen=True)
+class Waypoints:
+    """What a file of waypoints or samples says, before its lengths are checked.
+
+    Attributes:
+        channels: motion of the coordinates that the file names.
+        findings: mistakes found so far.
+        located: knows the line of every path.
+        place: key that holds the coordinates.
+        forces: (times [s], forces [N or N m]) by dynamic velocity.
+        duration: everything is held until then [s].
+        name: of the performance.
+    """
+
+    channels: Mapping[str, Channel]
+    findings: Findings
+    located: Located
+    place: tuple[str, ...] = ()
+    forces: Mapping[str, Points] = field(default_factory=dict)
+    duration: float | None = None
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class Segments:
+    """The motion of the hands in a recording: the arguments of :meth:`Input.segments`."""
+
+    t: Times
+    q_K: ConfigK
+    v_K: VecK
+    acc_K: Array
+
+
+def inputs_schema() -> dict[str, Any]:
     """JSON Schema of a YAML inputs file, for editors."""
     schema = InputsFile.model_json_schema()
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
-def load_inputs(table, path: str | Path) -> Input:
+def read_inputs(table: CoordinateTable, path: Path) -> Waypoints | Segments:
     """Reads an inputs file; its ending says what it is (.yaml, .yml, .csv or .npz).
-
-    Args:
-        table: a coordinate table, or anything with ``.coordinates``.
-        path: the file.
 
     Raises:
         InputError: with every mistake found.
     """
-    table, path = reading.table_of(table), Path(path)
     readers = {".yaml": _yaml, ".yml": _yaml, ".csv": _csv, ".npz": _npz}
     reader = readers.get(path.suffix.lower())
     if reader is None:
@@ -89,7 +119,7 @@ def load_inputs(table, path: str | Path) -> Input:
         raise _file_error(path, f"cannot be read: {error.strerror or error}") from None
 
 
-def _yaml(table, path: Path) -> Input:
+def _yaml(table: CoordinateTable, path: Path) -> Waypoints:
     located = read_file(path, InputError)
     file = validate(InputsFile, located, InputError)
     findings = Findings()
@@ -100,38 +130,31 @@ def _yaml(table, path: Path) -> Input:
         findings.add(
             ("duration",), f"found {file.duration:g} s, before the last waypoint at {last:g} s"
         )
-    lengths = Findings()
-    made = Input.of_channels(table, pieces.through_waypoints(table, points), lengths)
-    findings.found += [(("coordinates", *place), message) for place, message in lengths.found]
-    findings.raise_any(located)
-    if forces:
-        made = made.with_force_points(forces)
-    # The file's clock runs from 0, and the hand holds still until the first waypoint.
-    return made.begun(0.0).extended(file.duration or 0.0).called(file.name)
+    channels = pieces.through_waypoints(table, points)
+    place = ("coordinates",)
+    return Waypoints(channels, findings, located, place, forces, file.duration or 0.0, file.name)
 
 
-def _samples(table, columns: dict[str, Array], located: Located) -> Input:
+def _samples(table: CoordinateTable, columns: dict[str, Array], located: Located) -> Waypoints:
     if "t" not in columns:
         raise located.error([((), "the column t (time in s) is missing")], InputError)
     findings = Findings()
     rest = {name: values for name, values in columns.items() if name != "t"}
     read = reading.samples(table, columns["t"], rest, findings)
     findings.raise_any(located)
-    made = Input.of_channels(table, pieces.through_samples(table, read), findings)
-    findings.raise_any(located)
-    return made
+    return Waypoints(pieces.through_samples(table, read), findings, located)
 
 
 class _Rows(Located):
     """A CSV file: the line of a column's sample is that of its row."""
 
-    def line(self, path) -> int | None:
+    def line(self, path: Sequence[str | int]) -> int | None:
         """The header's line for a column as a whole, otherwise the row's."""
         row = path[-1] if path and isinstance(path[-1], int) else None
         return 1 if row is None else self.data[row]
 
 
-def _csv(table, path: Path) -> Input:
+def _csv(table: CoordinateTable, path: Path) -> Waypoints:
     raw = path.read_bytes() if path.stat().st_size <= MAX_BYTES else None
     if raw is None:
         raise _file_error(path, f"is larger than {MAX_BYTES / 1e6:g} MB, the most that is read")
@@ -141,7 +164,9 @@ def _csv(table, path: Path) -> Input:
         line = raw.count(b"\n", 0, error.start) + 1
         message = f"found the byte 0x{raw[error.start]:02x}; the file must be UTF-8"
         raise _file_error(path, message, line) from None
-    header, numbers, lines, findings = [], array("d"), [], Findings()
+    header: list[str] = []
+    lines: list[int] = []
+    numbers, findings = array("d"), Findings()
     reader = csv.reader(io.StringIO(text, newline=""), strict=True)
     try:
         for cells in reader:
@@ -181,15 +206,15 @@ def _numbers(header: list[str], cells: list[str], row: int, findings: Findings) 
         return []
 
 
-def _npz(table, path: Path) -> Input:
+def _npz(table: CoordinateTable, path: Path) -> Waypoints | Segments:
     columns = npz.read(path, most=MAX_BYTES, error=InputError)
     if "about" in columns:
         return _recording(table, columns, path)
     return _samples(table, columns, Located(file=str(path), folder=path.parent))
 
 
-def _recording(table, arrays: dict[str, Array], path: Path) -> Input:
-    """What the hands did in a recorded performance."""
+def _recording(table: CoordinateTable, arrays: dict[str, Array], path: Path) -> Segments:
+    """The motion of the hands in a recorded performance."""
     try:
         about = json.loads(arrays["about"].tobytes())
         form = str(about["format"])
@@ -212,7 +237,7 @@ def _recording(table, arrays: dict[str, Array], path: Path) -> Input:
     if shapes != needed or not len(acc_K) or not sound:
         raise _file_error(path, "is a damaged recording: its numbers are not those of hands")
     times = start + tick * np.arange(len(acc_K) + 1)
-    return Input.segments(table, times, q_K, v_K, acc_K)
+    return Segments(times, q_K, v_K, acc_K)
 
 
 def _differ(found: tuple[str, ...], needed: tuple[str, ...]) -> str:

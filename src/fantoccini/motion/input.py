@@ -12,12 +12,11 @@ import numpy as np
 
 from fantoccini.arrays import Array, ConfigK, MaskRows, Times, VecD, VecK, frozen
 from fantoccini.errors import InputError, Problem
-from fantoccini.motion import binding, channel, joints, pieces, polynomial, reading
+from fantoccini.motion import binding, channel, files, joints, pieces, polynomial, reading
 from fantoccini.motion.channel import SAME_TIME, Channel
 from fantoccini.motion.findings import Findings
 
 if TYPE_CHECKING:
-    from fantoccini.motion.inputs import Inputs
     from fantoccini.tree import CoordinateTable
 
 
@@ -148,13 +147,6 @@ class Input:
         findings.raise_any()
         return made
 
-    @staticmethod
-    def random(table, n: int, seed: int = 0, **how) -> Inputs:
-        """Many inputs that wander smoothly about the start state; see :meth:`Inputs.random`."""
-        from fantoccini.motion.inputs import Inputs
-
-        return Inputs.random(table, n, seed, **how)
-
     @classmethod
     def samples(cls, table, t: Times, columns: Mapping[str, Array], rest: bool = True) -> Input:
         """Recorded motion: cubic splines through all samples.
@@ -216,14 +208,25 @@ class Input:
 
         Args:
             table: a coordinate table, or anything with ``.coordinates``.
-            path: the file; its ending says what it is.
+            path: the file; its ending (.yaml, .yml, .csv or .npz) says what it is.
 
         Raises:
             InputError: with every mistake in the file.
         """
-        from fantoccini.motion.files import load_inputs
-
-        return load_inputs(table, path)
+        table = reading.table_of(table)
+        read = files.read_inputs(table, Path(path))
+        if isinstance(read, files.Segments):
+            return cls.segments(table, read.t, read.q_K, read.v_K, read.acc_K)
+        lengths = Findings()
+        made = cls.of_channels(table, read.channels, lengths)
+        read.findings.found += [((*read.place, *at), message) for at, message in lengths.found]
+        read.findings.raise_any(read.located)
+        if read.forces:
+            made = made.with_force_points(read.forces)
+        if read.duration is None:
+            return made
+        # A file's clock runs from 0, and the hand holds still until the first waypoint.
+        return made.begun(0.0).extended(read.duration).called(read.name)
 
     # -- changing one ------------------------------------------------------------------------
 
