@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +18,6 @@ from fantoccini.marionette import Marionette, Parcel
 from fantoccini.motion import State
 from fantoccini.motion.archive import RECORDING as FORMAT
 from fantoccini.motion.npz import checked, contents, finite, texts, understanding
-from fantoccini.perform.recording import Recording, Written
 from fantoccini.world import World
 
 _STATE = ("q_D", "v_D", "q_K", "v_K", "taut", "slip")
@@ -24,10 +26,26 @@ _MOST_STEPS = 1_000_000
 """Of the time-stepper in a tick."""
 
 
-def save(recording: Recording, path: str | Path) -> None:
-    """Writes a recording; an edited one is simulated first."""
-    recording = recording.kept()
-    marionette, written = recording.marionette, recording.written
+@dataclass(frozen=True, eq=False)
+class Written:
+    """The output of a run, as the compiled code wrote it.
+
+    Attributes:
+        rows: (m, width) laid out as ``marionette.row_layout`` says, one a tick.
+        events: (n, 5) time, kind, row, impulse, speed.
+        status: how the run ended.
+    """
+
+    rows: Array
+    events: Array
+    status: Status = Status.DONE
+
+
+def save(fields: Mapping[str, Any], path: str | Path) -> None:
+    """Writes the fields of a recording, with what its run wrote."""
+    marionette: Marionette = fields["marionette"]
+    start: State = fields["start"]
+    written: Written = fields["written"]
     # Obstacles that no puppet has do not move it; they are not kept.
     parcel = Parcel.of(World.of(*marionette.world.puppets, name=marionette.name))
     about = {
@@ -36,15 +54,15 @@ def save(recording: Recording, path: str | Path) -> None:
         "puppets": parcel.puppets,
         "parameters": list(marionette.tree.parameters),
         "coordinates": list(marionette.coordinates.q_D + marionette.coordinates.q_K),
-        "steps": recording.steps,
-        "ended": recording.ended,
+        "steps": fields["steps"],
+        "ended": fields["ended"],
         "status": written.status.name,
     }
-    arrays = {f"start_{name}": getattr(recording.start, name) for name in _STATE}
+    arrays = {f"start_{name}": getattr(start, name) for name in _STATE}
     arrays |= {
-        "t": np.array(recording.start.t),
-        "tick": np.array(recording.tick),
-        "acc_K": recording.acc_K,
+        "t": np.array(start.t),
+        "tick": np.array(fields["tick"]),
+        "acc_K": fields["acc_K"],
         "p": marionette.p,
         "winches": marionette.winches,
         "rows": written.rows,
@@ -58,8 +76,12 @@ def save(recording: Recording, path: str | Path) -> None:
         np.savez(file, **arrays)
 
 
-def load(path: str | Path) -> Recording:
-    """Reads what :func:`save` wrote."""
+def load(path: str | Path) -> dict[str, Any]:
+    """The fields of a recording that :func:`save` wrote.
+
+    Raises:
+        FileError: the file is not a recording.
+    """
     what = "a recording"
     arrays, about = contents(path, FORMAT, what)
     with understanding(path, what):
@@ -78,15 +100,15 @@ def load(path: str | Path) -> Recording:
         steps = about["steps"]
         if type(steps) is not int or not 1 <= steps <= _MOST_STEPS:
             raise ValueError(f"found {steps!r} steps in a tick; allowed: 1 to {_MOST_STEPS}")
-        return Recording(
-            marionette,
-            State(t, **state, coordinates=marionette.coordinates),
-            finite(arrays, "acc_K", (None, table.n_vK)),
-            tick,
-            steps,
-            str(about["ended"]),
-            Written(rows, events, Status[about["status"]]),
-        )
+        return {
+            "marionette": marionette,
+            "start": State(t, **state, coordinates=table),
+            "acc_K": finite(arrays, "acc_K", (None, table.n_vK)),
+            "tick": tick,
+            "steps": steps,
+            "ended": str(about["ended"]),
+            "written": Written(rows, events, Status[about["status"]]),
+        }
 
 
 def _of_state(arrays: dict[str, Array], name: str, size: int) -> Array:
@@ -105,7 +127,7 @@ def _events(marionette: Marionette, events: Array) -> Array:
     return events
 
 
-def _marionette(about: dict, arrays: dict[str, Array]) -> Marionette:
+def _marionette(about: dict[str, Any], arrays: dict[str, Array]) -> Marionette:
     puppets, meshes = texts(about["puppets"], "puppets"), []
     for i, _ in enumerate(puppets):
         mark = f"{_MESH}{i}:"

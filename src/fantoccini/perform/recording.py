@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -13,24 +14,13 @@ from fantoccini.arrays import Array, Times, frozen
 from fantoccini.errors import Status
 from fantoccini.marionette import Marionette, Stepper
 from fantoccini.motion import Input, State, Trajectory
+from fantoccini.motion.npz import understanding
+from fantoccini.perform import archive, change
+from fantoccini.perform.archive import Written
+from fantoccini.perform.smoothing import smoothed
 from fantoccini.simulation import trajectory_of_rows
 
 METHOD = "timestepping"
-
-
-@dataclass(frozen=True, eq=False)
-class Written:
-    """What a run wrote, as it did.
-
-    Attributes:
-        rows: (m, width) laid out as ``marionette.row_layout`` says, one a tick.
-        events: (n, 5) time, kind, row, impulse, speed.
-        status: how it ended.
-    """
-
-    rows: Array
-    events: Array
-    status: Status = Status.DONE
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,24 +107,41 @@ class Recording:
         Raises:
             ValueError: they are not in order, or not inside.
         """
-        from fantoccini.perform.edits import trimmed
-
-        return trimmed(self, a, b)
+        if not 0.0 <= a < b <= self.duration * (1.0 + 1e-9):
+            raise ValueError(
+                f"found {a} s to {b} s; it must be a part of 0 s to {self.duration:g} s"
+            )
+        trajectory = self.trajectory
+        first, last = (round(t / self.tick) for t in (a, b))
+        last = min(last, len(trajectory) - 1)
+        if last <= first:
+            raise ValueError(f"there is no tick of {self.tick:g} s from {a} s to {b} s")
+        start = self.start
+        if first:
+            start = change.permitted(self.marionette, trajectory.state(first).replace(t=0.0))
+        return self.edited(start=start, acc_K=self.acc_K[first:last])
 
     def smoothed(self, seconds: float) -> Recording:
         """With the hands' paths averaged over about ``seconds``; it starts and ends as before.
 
         The puppet follows the smoother hands, so it is simulated anew.
         """
-        from fantoccini.perform.edits import smoothed
-
-        return smoothed(self, seconds)
+        return self.edited(acc_K=smoothed(self.inputs, len(self), self.tick, seconds))
 
     def stretched(self, factor: float) -> Recording:
-        """``factor`` times as long: the same paths of the hands, their velocities divided by it."""
-        from fantoccini.perform.edits import stretched
+        """``factor`` times as long: the same paths of the hands, at 1/factor of the velocity.
 
-        return stretched(self, factor)
+        The acceleration of q_K(t / factor) is 1/factor^2 of what it was.
+        """
+        if not (np.isfinite(factor) and factor > 0):
+            raise ValueError(f"factor is {factor}; it must be positive")
+        x = self.start
+        return self.edited(
+            start=x.replace(v_D=x.v_D / factor, v_K=x.v_K / factor),
+            acc_K=self.acc_K / factor / factor,
+            tick=self.tick * factor,
+            steps=max(1, math.ceil(self.steps * factor - 1e-9)),
+        )
 
     def edited(self, **changes) -> Recording:
         """With other contents, to be simulated anew."""
@@ -142,9 +149,8 @@ class Recording:
 
     def save(self, path: str | Path) -> None:
         """Writes an npz file that holds everything, the puppet included. The file appears whole."""
-        from fantoccini.perform.archive import save
-
-        save(self, path)
+        kept = self.kept()
+        archive.save({f.name: getattr(kept, f.name) for f in dataclasses.fields(kept)}, path)
 
     @classmethod
     def load(cls, path: str | Path) -> Recording:
@@ -153,9 +159,8 @@ class Recording:
         Raises:
             FileError: the file is no recording, or damaged.
         """
-        from fantoccini.perform.archive import load
-
-        return load(path)
+        with understanding(path, "a recording"):
+            return cls(**archive.load(path))
 
     # -- inside ------------------------------------------------------------------------------
 
