@@ -7,11 +7,19 @@ the driven coordinates, n_rows one-sided rows (strings, then limits).
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 Array = NDArray[np.float64]
 """Any shape."""
+
+Mask = NDArray[np.bool_]
+"""Any shape, flags."""
+
+Indices = NDArray[np.intp]
+"""Any shape, places in arrays."""
 
 ConfigD = NDArray[np.float64]
 """(n_qD,) dynamic configuration [rad, m or 1]."""
@@ -38,13 +46,8 @@ Quaternion = NDArray[np.float64]
 """(..., 4) unit quaternion, in the order w, x, y, z."""
 
 
-def frozen(values, dtype=np.float64) -> NDArray:
-    """A read-only, C-contiguous copy.
-
-    Args:
-        values: anything NumPy turns into an array.
-        dtype: of the copy.
-    """
+def frozen(values: ArrayLike, dtype: DTypeLike = np.float64) -> NDArray[Any]:
+    """A read-only, C-contiguous copy of the values."""
     copy = np.array(values, dtype=dtype, order="C", copy=True)
     copy.setflags(write=False)
     return copy

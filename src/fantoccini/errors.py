@@ -119,7 +119,7 @@ class BuildError(FantocciniError):
 class Status(enum.IntEnum):
     """How a run ended. Compiled code has the same numbers (``contract.hpp``)."""
 
-    def __new__(cls, value: int, message: str) -> Status:
+    def __new__(cls, value: int, message: str = "") -> Status:
         member = int.__new__(cls, value)
         member._value_ = value
         member.message = message

@@ -156,7 +156,7 @@ def _table_from_json(data: dict[str, Any], arrays: Mapping[str, Array]) -> Coord
         for name, role, owner, unit, index in data["rows"]
     )
     names = {key: texts(data[key], f"coordinates.{key}") for key in ("q_D", "v_D", "q_K", "v_K")}
-    places = {
+    places: dict[str, Any] = {
         f"{what}_{kind}": _places(data[f"{what}_{kind}"], names, kind, widths)
         for what, widths in (("quaternions", (4, 3)), ("scalars", (1, 1)))
         for kind in ("D", "K")
@@ -167,8 +167,7 @@ def _table_from_json(data: dict[str, Any], arrays: Mapping[str, Array]) -> Coord
     texts(list(commands.values()), "coordinates.commands")
     return CoordinateTable(
         rows=rows,
-        **names,
-        **places,
+        **(places | names),
         rotations=dict(zip(rotations, turns, strict=True)),
         commands=commands,
         start_D=checked(arrays, "start_D", (len(names["q_D"]),)),

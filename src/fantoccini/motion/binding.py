@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, Indices, Mask
 from fantoccini.motion import joints, pieces, polynomial, rotation
 from fantoccini.motion.findings import Findings
 
@@ -22,12 +22,11 @@ def bound(
     breaks: Array,
     coef: Array,
     base: Array,
-    named: Array,
+    named: Mask,
     q_here: Array,
     q_K: Array,
     t: float,
-    v_here: Array | None = None,
-    v_K: Array | None = None,
+    speeds: tuple[Array, Array] | None = None,
 ) -> tuple[Array, Array]:
     """Coefficients and bases that begin where start states are.
 
@@ -43,8 +42,8 @@ def bound(
         q_here: (n, n_qK) of the inputs at ``t``.
         q_K: (n, n_qK) of the start states.
         t: the start [s].
-        v_here: (n, n_vK) of the inputs at ``t``.
-        v_K: (n, n_vK) of the start states; velocities are left alone when not given.
+        speeds: (n, n_vK) velocities of the inputs at ``t`` and of the start states; velocities
+            are left alone when not given.
 
     Returns:
         coef (n, n_seg, n_vK, 6), base (n, n_seg, n_qK).
@@ -54,8 +53,8 @@ def bound(
     """
     findings, coef, base = Findings(), np.array(coef), np.array(base)
     move, differs = np.zeros(named.shape), np.zeros(len(coef), dtype=bool)
-    if v_K is not None:
-        v_here = np.where(named, v_here, 0.0)
+    if speeds is not None:
+        v_here, v_K = np.where(named, speeds[0], 0.0), speeds[1]
         differs = np.any(np.abs(v_K - v_here) > joints.ROUNDED_SPEED, axis=1)
     names = pieces.channel_names(table)
     for name, (q, v) in names.items():
@@ -94,7 +93,7 @@ def bound(
                 f"start from a state with {name} = {here}, or let the inputs begin at {there}",
             )
     findings.raise_any()
-    if v_K is not None and np.any(differs):
+    if speeds is not None and np.any(differs):
         v_K = np.where(np.abs(v_K - v_here) <= speed, v_K, v_here)
         _begin(table, breaks, coef, base, t, np.flatnonzero(differs), move, v_K)
     return coef, base
@@ -106,7 +105,7 @@ def _begin(
     coef: Array,
     base: Array,
     t: float,
-    some: Array,
+    some: Indices,
     move: Array,
     v: Array,
 ) -> None:
@@ -141,7 +140,7 @@ def note_lengths(table: CoordinateTable, breaks: Array, coef: Array, findings: F
             )
 
 
-def which(i: int, n: int) -> tuple[int, ...]:
+def which(i: int | np.intp, n: int) -> tuple[int, ...]:
     """Where in many inputs the i-th of n is, for messages; nothing for a single one."""
     return (int(i),) if n > 1 else ()
 

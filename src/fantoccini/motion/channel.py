@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from fantoccini.arrays import Array, Quaternion, Times
 from fantoccini.motion import polynomial, rotation
@@ -19,8 +20,8 @@ SAME_TIME = 1e-9
 Points = tuple[Times, Array]
 """Times (n,) [s] and values (n,) or, for a rotation, unit quaternions (n, 4)."""
 
-_SWEEPS = 20
-"""Bound on the sweeps for the angular velocities of a spline through rotations."""
+_MAX_ITERATIONS = 20
+"""For the angular velocities of a spline through rotations."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +67,7 @@ class Channel:
         return coef, base
 
 
-def constant(values: Array) -> tuple[Array, Array]:
+def constant(values: ArrayLike) -> tuple[Array, Array]:
     """The constant piece of scalar coordinates: ((rows, 6), (rows,))."""
     values = np.atleast_1d(np.asarray(values, dtype=float))
     coef = np.zeros((len(values), polynomial.N_COEF))
@@ -197,7 +198,7 @@ def _spline_velocities(h: Array, turn: Array, rest: bool) -> Array:
     """Angular velocities (n, 3) at which the angular acceleration has no step.
 
     With cubic phi on each piece, J_r phiddot + (dJ_r/dt) phidot at its end equals phiddot at the
-    start of the next. The term with dJ_r/dt is small; sweeps carry it on the right-hand side.
+    start of the next. The term with dJ_r/dt is small; it is iterated on the right-hand side.
     """
     from scipy.sparse import bsr_array  # slow to import, as above
     from scipy.sparse.linalg import spsolve
@@ -205,9 +206,11 @@ def _spline_velocities(h: Array, turn: Array, rest: bool) -> Array:
     n = len(turn) + 1
     jacobian, inverse = rotation.right_jacobian(turn), rotation.right_jacobian_inverse(turn)
     eye, wide = np.eye(3), h[:, :, None]
-    blocks, columns, begin = [], [], [0]
+    blocks: list[Array] = []
+    columns: list[int] = []
+    begin = [0]
     for i in range(n):
-        row = {}
+        row: dict[int, Array] = {}
         if rest and i in (0, n - 1):
             row[i] = eye
         else:
@@ -228,7 +231,7 @@ def _spline_velocities(h: Array, turn: Array, rest: bool) -> Array:
     right[1:] += pull
     right[:-1] += pull
     w = np.zeros((n, 3))
-    for _ in range(_SWEEPS):
+    for _ in range(_MAX_ITERATIONS):
         rate = rotation.apply(inverse, w[1:])
         bend = rotation.apply(rotation.right_jacobian_rate(turn, rate), rate)
         side = right.copy()

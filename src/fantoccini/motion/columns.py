@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array, frozen
+from fantoccini.arrays import Array, Mask, frozen
 from fantoccini.errors import UnknownNameError
 
 
@@ -42,6 +42,10 @@ class Columns:
         if name not in self.names:
             raise UnknownNameError(self.what, name, self.names)
         return self.values[..., self.names.index(name)]
+
+    def flags(self, name: str) -> Mask:
+        """A column of flags."""
+        return np.asarray(self[name], dtype=bool)
 
     def __contains__(self, name: object) -> bool:
         return name in self.names

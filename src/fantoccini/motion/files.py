@@ -236,7 +236,7 @@ def _recording(table: CoordinateTable, arrays: dict[str, Array], path: Path) -> 
     sound = all(np.isfinite(x).all() for x in (q_K, v_K, acc_K, start, tick)) and tick > 0.0
     if shapes != needed or not len(acc_K) or not sound:
         raise _file_error(path, "is a damaged recording: its numbers are not those of hands")
-    times = start + tick * np.arange(len(acc_K) + 1)
+    times: Times = start + tick * np.arange(len(acc_K) + 1, dtype=float)
     return Segments(times, q_K, v_K, acc_K)
 
 

@@ -6,15 +6,16 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from fantoccini.arrays import Array, ConfigK, MaskRows, Times, VecD, VecK, frozen
+from fantoccini.arrays import Array, ConfigK, Indices, MaskRows, Times, VecD, VecK, frozen
 from fantoccini.errors import InputError, Problem
 from fantoccini.motion import binding, channel, files, joints, pieces, polynomial, reading
 from fantoccini.motion.channel import SAME_TIME, Channel
 from fantoccini.motion.findings import Findings
+from fantoccini.motion.reading import Table
 
 if TYPE_CHECKING:
     from fantoccini.tree import CoordinateTable
@@ -108,7 +109,7 @@ class Input:
     # -- making one --------------------------------------------------------------------------
 
     @classmethod
-    def hold(cls, table, duration: float = 1.0) -> Input:
+    def hold(cls, table: Table, duration: float = 1.0) -> Input:
         """Everything holds still, at the start state's values.
 
         Args:
@@ -123,8 +124,8 @@ class Input:
     @classmethod
     def waypoints(
         cls,
-        table,
-        points: Mapping[str, Sequence],
+        table: Table,
+        points: Mapping[str, Sequence[Any]],
         smooth: Literal["minimum-jerk"] = "minimum-jerk",
     ) -> Input:
         """Smooth moves through waypoints, without overshoot, at rest at both ends.
@@ -148,7 +149,9 @@ class Input:
         return made
 
     @classmethod
-    def samples(cls, table, t: Times, columns: Mapping[str, Array], rest: bool = True) -> Input:
+    def samples(
+        cls, table: Table, t: Times, columns: Mapping[str, Array], rest: bool = True
+    ) -> Input:
         """Recorded motion: cubic splines through all samples.
 
         Args:
@@ -175,7 +178,7 @@ class Input:
         return made
 
     @classmethod
-    def segments(cls, table, t: Times, q_K: Array, v_K: Array, acc_K: Array) -> Input:
+    def segments(cls, table: Table, t: Times, q_K: Array, v_K: Array, acc_K: Array) -> Input:
         """Constant acceleration on every segment, as planners make it.
 
         On a segment q = q_0 + v_0 s + acc s^2/2; a rotation's acc is that of its rotation vector,
@@ -200,7 +203,7 @@ class Input:
         return made if len(acc) == 1 else made._joined(Findings())
 
     @classmethod
-    def load(cls, table, path: str | Path) -> Input:
+    def load(cls, table: Table, path: str | Path) -> Input:
         """Reads an inputs file: YAML waypoints, CSV or npz samples, or a recording.
 
         Of a recording (:class:`fantoccini.Recording`) it is what the hands did; the winches and
@@ -230,7 +233,7 @@ class Input:
 
     # -- changing one ------------------------------------------------------------------------
 
-    def with_forces(self, points: Mapping[str, Sequence]) -> Input:
+    def with_forces(self, points: Mapping[str, Sequence[Any]]) -> Input:
         """The same motion with generalised forces u_D(t), piecewise linear in time, 0 outside.
 
         A time given twice is a step. Forces replace those that the input had.
@@ -319,10 +322,10 @@ class Input:
         """
         t = self.start if t is None else float(t)
         q_here, v_here, _ = self.evaluate(t)
-        one = [a[None] for a in (self.breaks, self.coef, self.base, self.named, q_here)]
         coef, base = binding.bound(
-            self.coordinates, *one, np.asarray(q_K, dtype=float)[None], t, v_here[None],
-            None if v_K is None else np.asarray(v_K, dtype=float)[None],
+            self.coordinates, self.breaks[None], self.coef[None], self.base[None],
+            self.named[None], q_here[None], np.asarray(q_K, dtype=float)[None], t,
+            None if v_K is None else (v_here[None], np.asarray(v_K, dtype=float)[None]),
         )  # fmt: skip
         return dataclasses.replace(self, coef=coef[0], base=base[0])
 
@@ -342,7 +345,8 @@ class Input:
         q, v, acc = pieces.evaluate(self.coordinates, self.coef[i], self.base[i], s)
         held = (t.ravel() < self.start) | (t.ravel() > self.end)
         v[held], acc[held] = 0.0, 0.0
-        return tuple(x.reshape(*t.shape, x.shape[-1]) for x in (q, v, acc))
+        q, v, acc = (x.reshape(*t.shape, x.shape[-1]) for x in (q, v, acc))
+        return q, v, acc
 
     def evaluate_force(self, t: float | Times) -> VecD:
         """(..., n_vD) generalised forces u_D [N or N m] at given times [s]."""
@@ -399,7 +403,7 @@ class Input:
 
     # -- inside ------------------------------------------------------------------------------
 
-    def _place(self, t: Times) -> tuple[Array, Array]:
+    def _place(self, t: Times) -> tuple[Indices, Array]:
         i = np.clip(np.searchsorted(self.breaks, t, side="right") - 1, 0, len(self.coef) - 1)
         return i, np.clip(t, self.start, self.end) - self.breaks[i]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from fantoccini.errors import UnknownNameError
 from fantoccini.motion import channel, pieces, polynomial, reading
 from fantoccini.motion.findings import Findings
 from fantoccini.motion.input import Input
+from fantoccini.motion.reading import Table
 
 if TYPE_CHECKING:
     from fantoccini.tree import CoordinateTable
@@ -55,13 +56,14 @@ class InputDerivative:
         q, v, acc = polynomial.evaluate(self.coef[i], s[:, None])
         held = (flat < breaks[0]) | (flat > breaks[-1])
         v[held], acc[held] = 0.0, 0.0
-        return tuple(x.reshape(*t.shape, x.shape[-1]) for x in (q, v, acc))
+        q, v, acc = (x.reshape(*t.shape, x.shape[-1]) for x in (q, v, acc))
+        return q, v, acc
 
     @classmethod
     def of_waypoints(
         cls,
-        table,
-        points: Mapping[str, Sequence],
+        table: Table,
+        points: Mapping[str, Sequence[Any]],
         *,
         only: Sequence[str] | None = None,
         side: Literal["above", "below"] = "above",

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fantoccini.arrays import Array, frozen
+from fantoccini.arrays import Array, Mask, frozen
 from fantoccini.errors import InputError, Problem, UnknownNameError
 from fantoccini.motion import binding, pieces, polynomial, reading, rotation
 from fantoccini.motion.input import Input
+from fantoccini.motion.reading import Table
 
 if TYPE_CHECKING:
     from fantoccini.tree import CoordinateTable
@@ -38,7 +39,7 @@ class Inputs:
     breaks: Array
     coef: Array
     base: Array
-    named: Array
+    named: Mask
     force: Array | None = None
     relative: bool = False
 
@@ -95,7 +96,7 @@ class Inputs:
         breaks = np.empty((n, longest + 1))
         coef = np.empty((n, longest, table.n_vK, polynomial.N_COEF))
         base = np.empty((n, longest, table.n_qK))
-        force = np.zeros((n, longest, table.n_vD, polynomial.N_COEF)) if forced else None
+        force = np.zeros((n, longest, table.n_vD, polynomial.N_COEF))
         for i, one in enumerate(inputs):
             k = len(one.coef)
             breaks[i, : k + 1], breaks[i, k + 1 :] = one.breaks, one.end
@@ -105,12 +106,13 @@ class Inputs:
                 force[i, :k] = one.force
         if np.all(breaks == breaks[0]):
             breaks = breaks[:1]
-        return cls(table, breaks, coef, base, np.stack([one.named for one in inputs]), force)
+        named = np.stack([one.named for one in inputs])
+        return cls(table, breaks, coef, base, named, force if forced else None)
 
     @classmethod
     def random(
         cls,
-        table,
+        table: Table,
         n: int,
         seed: int = 0,
         *,
@@ -151,8 +153,8 @@ class Inputs:
         breaks = np.linspace(0.0, t_end, n_seg + 1)
         units = {row.name: row.unit for row in table.rows}
         farthest = np.full(table.n_vK, float(turn))
-        for q, v in table.scalars_K:
-            farthest[v] = reach if units[table.q_K[q]] == "m" else turn
+        for place, row in table.scalars_K:
+            farthest[row] = reach if units[table.q_K[place]] == "m" else turn
         for name, (_, v) in places.items():
             if only is not None and name not in only:
                 farthest[v] = 0.0
@@ -240,9 +242,9 @@ class Inputs:
         v_here = np.broadcast_to(v_here, (n, n_v))
         q_K = np.broadcast_to(q_K, (n, self.coordinates.n_qK))
         named = np.broadcast_to(self.named, (n, n_v))
-        speeds = None if v_K is None else np.broadcast_to(v_K, (n, n_v))
+        speeds = None if v_K is None else (v_here, np.broadcast_to(v_K, (n, n_v)))
         coef, base = binding.bound(
-            self.coordinates, self.breaks, coef, base, named, q_here, q_K, t, v_here, speeds
+            self.coordinates, self.breaks, coef, base, named, q_here, q_K, t, speeds
         )
         return dataclasses.replace(self, coef=coef, base=base)
 

@@ -6,15 +6,19 @@ phi the quintic whose ends have the two rows' angular velocities and acceleratio
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
-from fantoccini.arrays import Array, Times
+from fantoccini.arrays import Array, Indices, Times
 from fantoccini.motion import polynomial, rotation
 
 Places = tuple[tuple[int, int], ...]
 
 
-def bracket(t: Times, times: Times, side: str) -> tuple[Array, Array, Array]:
+def bracket(
+    t: Times, times: Times, side: Literal["right", "left"]
+) -> tuple[Indices, Indices, Array]:
     """The rows around given times.
 
     Args:
@@ -32,7 +36,7 @@ def bracket(t: Times, times: Times, side: str) -> tuple[Array, Array, Array]:
     return left, right, np.where(h > 0, (times - t[left]) / np.where(h > 0, h, 1.0), 0.0)
 
 
-def linear(values: Array, left: Array, right: Array, s: Array) -> Array:
+def linear(values: Array, left: Indices, right: Indices, s: Array) -> Array:
     """(m, n) values a part ``s`` of the way between rows; at s = 0 and 1 exactly the rows'."""
     s = s[:, None]
     return np.where(s < 1, values[left] + s * (values[right] - values[left]), values[right])
@@ -43,8 +47,8 @@ def motion(
     rows: tuple[Array, Array, Array],
     scalars: Places,
     quaternions: Places,
-    left: Array,
-    right: Array,
+    left: Indices,
+    right: Indices,
     s: Array,
 ) -> tuple[Array, Array, Array]:
     """Configuration, velocity and acceleration between rows.
@@ -67,15 +71,14 @@ def motion(
     time = (s[inner] * h[:, 0])[:, None]
     q_rows, v_rows, acc_rows = rows
     if scalars:
-        place, row = (np.array(x) for x in zip(*scalars, strict=True))
-        ends = [
-            tuple(x[np.ix_(k, y)] for x, y in ((q_rows, place), (v_rows, row), (acc_rows, row)))
+        q_at, v_at = np.array(scalars).T
+        start, end = (
+            (q_rows[np.ix_(k, q_at)], v_rows[np.ix_(k, v_at)], acc_rows[np.ix_(k, v_at)])
             for k in (a, b)
-        ]
-        spot = np.ix_(np.nonzero(inner)[0], place)
-        slot = np.ix_(np.nonzero(inner)[0], row)
-        q[spot], v[slot], acc[slot] = polynomial.evaluate(
-            polynomial.hermite(h, ends[0], ends[1]), time
+        )
+        places, rates = (np.ix_(np.nonzero(inner)[0], at) for at in (q_at, v_at))
+        q[places], v[rates], acc[rates] = polynomial.evaluate(
+            polynomial.hermite(h, start, end), time
         )
     for place, row in quaternions:
         spot, slot = slice(place, place + 4), slice(row, row + 3)

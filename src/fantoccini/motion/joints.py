@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, Mask
 from fantoccini.motion import polynomial, rotation
 
 if TYPE_CHECKING:
@@ -56,13 +56,13 @@ def tolerances(table: CoordinateTable, breaks: Array, coef: Array) -> tuple[Arra
         reach[:, turn], size[:, turn] = 0.0, 1.0
     units = {row.name: row.unit for row in table.rows}
     metres = np.zeros(table.n_vK, dtype=bool)
-    for q, at in table.scalars_K:
-        metres[at] = units[table.q_K[q]] == "m"
+    for place, at in table.scalars_K:
+        metres[at] = units[table.q_K[place]] == "m"
     for alike in (metres, ~metres):
         for scale in (speed, reach):
             scale[:, alike] = np.max(scale[:, alike], axis=1, initial=0.0)[:, None]
-    place = np.maximum(_OF_REACH * reach, SAME_PLACE * size)
-    return place, np.maximum(_OF_SPEED * speed, SAME_SPEED)
+    same = np.maximum(_OF_REACH * reach, SAME_PLACE * size)
+    return same, np.maximum(_OF_SPEED * speed, SAME_SPEED)
 
 
 def begun(
@@ -100,12 +100,12 @@ def ended(table: CoordinateTable, coef: Array, h: Array, move: Array, v: Array) 
     return coef + polynomial.hermite(h, (none, none, none), (move, dv, none))
 
 
-def _worth(move: Array, dv: Array) -> Array:
+def _worth(move: Array, dv: Array) -> Mask:
     return (np.abs(move) > ROUNDED_PLACE) | (np.abs(dv) > ROUNDED_SPEED)
 
 
 def _rates(table: CoordinateTable, coef: Array, s: Array, v: Array) -> Array:
-    """What the polynomials' rates lack of velocities v (n, n_vK) at times s (n,)."""
+    """Velocities v (n, n_vK) less the polynomials' rates at times s (n,)."""
     p, rate, _ = polynomial.evaluate(coef, s[:, None])
     wanted = np.array(v)
     for _, at in table.quaternions_K:

@@ -52,7 +52,7 @@ UNREADABLE = (
 """What Python, NumPy and what is made of an npz file raise where it is not one, or is damaged."""
 
 _ENDING = ".npy"
-_HEADERS: dict[tuple[int, int], Callable] = {
+_HEADERS: dict[tuple[int, int], Callable[[IO[bytes]], tuple[tuple[int, ...], bool, Any]]] = {
     (1, 0): np.lib.format.read_array_header_1_0,
     (2, 0): np.lib.format.read_array_header_2_0,
 }
@@ -61,7 +61,10 @@ _KINDS = "biufcSU"
 
 
 def read(
-    path: str | Path, only: str | None = None, most: int | None = None, error: type = FileError
+    path: str | Path,
+    only: str | None = None,
+    most: int | None = None,
+    error: type[FileError] = FileError,
 ) -> dict[str, Array]:
     """The arrays of an npz file, by name.
 

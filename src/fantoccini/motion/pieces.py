@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fantoccini.arrays import Array, ConfigK, MaskRows, Times
+from fantoccini.arrays import Array, ConfigK, Mask, MaskRows, Times
 from fantoccini.motion import channel, joints, polynomial, rotation
 from fantoccini.motion.channel import SAME_TIME, Channel, Points
 from fantoccini.motion.findings import Findings
@@ -61,7 +61,7 @@ def constants(table: CoordinateTable, q_K: ConfigK) -> tuple[Array, Array]:
 
 def assembled(
     table: CoordinateTable, channels: Mapping[str, Channel], span: Sequence[float] = ()
-) -> tuple[Times, Array, Array, Array]:
+) -> tuple[Times, Array, Array, Mask]:
     """Channels on one clock; what has no channel stays at the table's start, unnamed.
 
     Args:

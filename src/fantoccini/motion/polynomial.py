@@ -8,6 +8,7 @@ from __future__ import annotations
 from math import comb
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from fantoccini.arrays import Array
 
@@ -19,11 +20,15 @@ _TO_BEZIER = np.array(
 )
 """From the coefficients of s / h to Bezier's control points."""
 
-_STILL = 1e-200
+_LEAST_SPEED = 1e-200
 """Speeds below this are 0: their reciprocal would overflow."""
 
 
-def hermite(h: Array, start: tuple, end: tuple) -> Array:
+Ends = tuple[ArrayLike, ArrayLike, ArrayLike]
+"""Value, first and second derivative."""
+
+
+def hermite(h: Array, start: Ends, end: Ends) -> Array:
     """The quintic with given value, first and second derivative at both ends.
 
     Args:
@@ -136,7 +141,7 @@ def mean_speed(h: Array, speed: Array) -> Array:
     """
     before, after = speed[:-1], speed[1:]
     w_before, w_after = 2 * h[1:] + h[:-1], h[1:] + 2 * h[:-1]
-    moving = (before > _STILL) & (after > _STILL)
+    moving = (before > _LEAST_SPEED) & (after > _LEAST_SPEED)
     safe_before, safe_after = np.where(moving, before, 1.0), np.where(moving, after, 1.0)
     mean = (w_before + w_after) / (w_before / safe_before + w_after / safe_after)
     return np.where(moving, np.minimum(mean, 2 * np.minimum(before, after)), 0.0)
@@ -169,7 +174,7 @@ def monotone_slopes_along(t: Array, values: Array, change: Array) -> tuple[Array
 
 def _slope_along(h: Array, secant: Array, rate: Array) -> tuple[float, bool]:
     """The one-sided derivative of the slope between two secants (2,), and whether it is smooth."""
-    still = np.abs(secant) <= _STILL
+    still = np.abs(secant) <= _LEAST_SPEED
     if np.all(still):  # of first degree: what the rates alone give
         turns = rate[0] * rate[1] <= 0
         return 0.0 if turns else float(np.sign(rate[0]) * mean_speed(h, np.abs(rate))[0]), False

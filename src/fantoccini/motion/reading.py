@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import TypeAdapter, ValidationError
 
 from fantoccini.arrays import Array, Times
@@ -16,9 +18,7 @@ from fantoccini.motion.findings import Findings, Path
 from fantoccini.motion.pieces import channel_names
 from fantoccini.puppet.located import shown
 from fantoccini.puppet.values import Angle
-
-if TYPE_CHECKING:
-    from fantoccini.tree import CoordinateTable
+from fantoccini.tree import CoordinateTable
 
 LARGEST = 1e9
 """Bound on times and values, so that no polynomial overflows."""
@@ -34,9 +34,20 @@ _QUATERNION = ("qw", "qx", "qy", "qz")
 _ROTATION = "a quaternion [w, x, y, z] or a rotation vector of 3 angles"
 
 
-def table_of(thing) -> CoordinateTable:
-    """The coordinate table: ``thing`` itself, or what it carries as ``coordinates``."""
-    return getattr(thing, "coordinates", thing)
+class HasCoordinates(Protocol):
+    """Anything with a coordinate table: a marionette, a trajectory, a tree."""
+
+    @property
+    def coordinates(self) -> CoordinateTable: ...
+
+
+Table = CoordinateTable | HasCoordinates
+"""Argument that names the coordinates."""
+
+
+def table_of(owner: Table) -> CoordinateTable:
+    """The coordinate table: ``owner`` itself, or the one it has."""
+    return owner if isinstance(owner, CoordinateTable) else owner.coordinates
 
 
 def unknown_coordinate(table: CoordinateTable, name: str) -> str:
@@ -67,7 +78,7 @@ def _given_once(
 
 
 def waypoints(
-    table: CoordinateTable, given: Mapping, findings: Findings, at: Path = ()
+    table: CoordinateTable, given: Mapping[str, Any], findings: Findings, at: Path = ()
 ) -> dict[str, Points]:
     """Reads ``{name: [(t, value), ...]}`` for driven coordinates and those with a drive.
 
@@ -80,7 +91,8 @@ def waypoints(
     Returns:
         Times and values of every name that is free of mistakes.
     """
-    known, read, spelt = channel_names(table), {}, {}
+    known, read = channel_names(table), {}
+    spelt: dict[str, str] = {}
     units = {row.name: row.unit for row in table.rows}
     for written, points in given.items():
         path, name = (*at, str(written)), table.commands.get(written, written)
@@ -94,15 +106,15 @@ def waypoints(
             if found is not None and _turns(points, found[1], findings, path):
                 read[name] = found
         else:
-            angle = units.get(name) == "rad"
-            found = _series(points, findings, path, lambda x, angle=angle: number(x, angle))
+            scalar = partial(number, angle=units.get(name) == "rad")
+            found = _series(points, findings, path, scalar)
             if found is not None:
                 read[name] = found
     return read
 
 
 def forces(
-    table: CoordinateTable, given: Mapping, findings: Findings, at: Path = ()
+    table: CoordinateTable, given: Mapping[str, Any], findings: Findings, at: Path = ()
 ) -> dict[str, Points]:
     """Reads ``{name: [(t, force), ...]}`` for dynamic velocities; equal times make a step."""
     read = {}
@@ -119,7 +131,7 @@ def forces(
     return read
 
 
-def number(value, angle: bool = False) -> float:
+def number(value: Any, angle: bool = False) -> float:
     """A finite number, or an angle such as ``30 deg`` where angles are allowed.
 
     Raises:
@@ -132,12 +144,12 @@ def number(value, angle: bool = False) -> float:
             raise ValueError(error.errors()[0]["msg"]) from None
     if isinstance(value, bool | np.bool_) or not isinstance(value, int | float | np.number):
         raise ValueError(f"found {shown(value)}; needed: a number")
-    if not abs(value) <= LARGEST:
+    if not abs(float(value)) <= LARGEST:
         raise ValueError(f"found {shown(value)}; needed: a finite number up to {LARGEST:g}")
     return float(value)
 
 
-def _quaternion(value) -> Array:
+def _quaternion(value: Any) -> Array:
     """A quaternion from four numbers w, x, y, z or from a rotation vector of three [rad]."""
     if isinstance(value, str) or not isinstance(value, Sequence | np.ndarray):
         raise ValueError(f"found {shown(value)}; needed: {_ROTATION}")
@@ -151,7 +163,13 @@ def _quaternion(value) -> Array:
     return rotation.normalised(parts)
 
 
-def _series(points, findings: Findings, path: Path, read, steps: bool = False) -> Points | None:
+def _series(
+    points: Any,
+    findings: Findings,
+    path: Path,
+    read: Callable[[Any], float | Array],
+    steps: bool = False,
+) -> Points | None:
     """Times and values of one channel; None when a mistake was found."""
     before = len(findings.found)
     if isinstance(points, str | Mapping) or not isinstance(points, Sequence | np.ndarray):
@@ -160,7 +178,8 @@ def _series(points, findings: Findings, path: Path, read, steps: bool = False) -
     if len(points) == 0:
         findings.add(path, "found no waypoints; one or more needed")
         return None
-    times, values = [], []
+    times: list[float] = []
+    values: list[float | Array] = []
     for i, point in enumerate(points):
         pair = not isinstance(point, str | Mapping) and isinstance(point, Sequence | np.ndarray)
         if not pair or len(point) != 2:
@@ -192,25 +211,27 @@ def _order(t: float, before: float) -> str:
     return f"comes at t = {t:g} s, after a waypoint at {before:g} s; times must increase"
 
 
-def _turns(points, q: Array, findings: Findings, path: Path) -> bool:
+def _turns(points: Any, q: Array, findings: Findings, path: Path) -> bool:
     """Whether neighbouring rotations lie less than half a turn apart, as given and in fact."""
     turn = np.linalg.norm(rotation.between(q[:-1], q[1:]), axis=-1)
     for i in range(len(q) - 1):
         if len(points[i][1]) == len(points[i + 1][1]) == 3:
             before, after = ([number(x, angle=True) for x in points[k][1]] for k in (i, i + 1))
             apart = np.subtract(after, before)
-            turn[i] = max(turn[i], np.linalg.norm(apart))
-    far = np.nonzero(turn >= HALF_TURN)[0]
+            turn[i] = max(turn[i], float(np.linalg.norm(apart)))
+    far = np.flatnonzero(turn >= HALF_TURN).tolist()
     for i in far:
         findings.add(
-            (*path, int(i) + 1),
+            (*path, i + 1),
             f"turns by {np.degrees(turn[i]):.0f} deg from the waypoint before it, at "
             f"t = {points[i][0]:g} s; from 180 deg on the way is not clear: put waypoints between",
         )
     return not len(far)
 
 
-def samples(table: CoordinateTable, t, columns: Mapping, findings: Findings) -> dict[str, Points]:
+def samples(
+    table: CoordinateTable, t: ArrayLike, columns: Mapping[str, ArrayLike], findings: Findings
+) -> dict[str, Points]:
     """Reads samples: times and named columns; a rotation as (n, 4), or as its four columns.
 
     Args:
@@ -230,7 +251,9 @@ def samples(table: CoordinateTable, t, columns: Mapping, findings: Findings) -> 
         return {}
     for i in np.nonzero(~(np.diff(times) > SAME_TIME))[0]:
         findings.add(("t", int(i) + 1), _order(times[i + 1], times[i]))
-    pending, read, spelt = dict(columns), {}, {}
+    pending: dict[str, Any] = dict(columns)
+    read: dict[str, Points] = {}
+    spelt: dict[str, str] = {}
     whole = {n: four for c in table.rotations for n, four in _quaternions(table, c).items()}
     for name, four in whole.items():
         parts = [part for part in four if part in pending]
@@ -238,12 +261,13 @@ def samples(table: CoordinateTable, t, columns: Mapping, findings: Findings) -> 
             continue
         missing = [part for part in four if part not in pending]
         if missing:
-            findings.add((parts[0],), f"needs the columns {', '.join(missing)} beside it")
+            findings.add((parts[0],), f"needs the columns {', '.join(missing)} as well")
         if name in pending:
             findings.add((name,), f"is given twice: as a whole and as {', '.join(parts)}")
-        numbers = [_column(p, pending.pop(p), len(times), (), findings) for p in parts]
-        if not missing and all(x is not None for x in numbers):
-            pending[name] = np.stack(numbers, axis=-1)
+        four_columns = [_column(p, pending.pop(p), len(times), (), findings) for p in parts]
+        sound = [column for column in four_columns if column is not None]
+        if not missing and len(sound) == len(parts):
+            pending[name] = np.stack(sound, axis=-1)
     for written, values in pending.items():
         name = table.commands.get(written, written)
         if name not in known:
@@ -261,10 +285,10 @@ def samples(table: CoordinateTable, t, columns: Mapping, findings: Findings) -> 
 
 
 def _column(
-    name: str, values, n: int | None, shape: tuple[int, ...], findings: Findings
+    name: str, given: ArrayLike, n: int | None, shape: tuple[int, ...], findings: Findings
 ) -> Array | None:
     """One column as finite numbers (n, *shape); None when it is something else."""
-    values = np.asarray(values)
+    values = np.asarray(given)
     if values.dtype.kind not in "iuf":
         findings.add((name,), f"found {values.dtype.name} values; needed: numbers")
         return None

@@ -6,7 +6,7 @@ import dataclasses
 import enum
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -50,10 +50,10 @@ class State:
     q_K: ConfigK
     v_K: VecK
     taut: MaskRows
-    slip: Array = ()
+    slip: Array = field(default_factory=lambda: np.zeros(0))
     coordinates: CoordinateTable | None = field(default=None, repr=False, compare=False)
 
-    # Rows of a state are its coordinates' names: nothing to go through by number.
+    # Without this, Python would iterate over states by number.
     __iter__ = None
 
     def __post_init__(self) -> None:
@@ -97,7 +97,7 @@ class State:
             (*table.q_D, *table.q_K, *(f"v:{n}" for n in (*table.v_D, *table.v_K))),
         )  # fmt: skip
 
-    def replace(self, **changes) -> State:
+    def replace(self, **changes: Any) -> State:
         """A copy with some fields changed: ``x.replace(t=0.0, v_D=v)``.
 
         The mode is that of one motion: where a configuration, velocity or slip is given that
@@ -111,8 +111,8 @@ class State:
             changes.setdefault("taut", np.zeros_like(self.taut))
         return dataclasses.replace(self, **changes)
 
-    def _values(self) -> tuple:
-        """What two states are compared by; no slip and a slip of 0 are the same."""
+    def _values(self) -> tuple[object, ...]:
+        """The key of equality; no slip and a slip of 0 are the same."""
         slip = self.slip.tolist() if np.any(self.slip) else ()
         motion = (tuple(getattr(self, name).tolist()) for name in _MOTION)
         return self.t, *motion, tuple(self.taut.tolist()), tuple(slip)
@@ -174,18 +174,18 @@ class States:
                 f"slip: found {bad.tolist()}; it takes a length >= 0 for each of the {n_strings} "
                 "strings, or nothing"
             )
-        parts = (np.array([getattr(x, n) for x in states]) for n in _MOTION)
+        q_D, v_D, q_K, v_K = (np.array([getattr(x, n) for x in states]) for n in _MOTION)
         unknown = np.zeros(n_rows, dtype=bool)
         taut = np.array([x.taut if len(x.taut) else unknown for x in states])
-        return cls(states[0].t, *parts, taut, slip.reshape(len(states), n_strings))
+        return cls(states[0].t, q_D, v_D, q_K, v_K, taut, slip.reshape(len(states), n_strings))
 
     def __len__(self) -> int:
         return len(self.q_D)
 
     def some(self, rows: slice) -> States:
         """Some of them."""
-        parts = (getattr(self, name)[rows] for name in (*_MOTION, "taut", "slip"))
-        return States(self.t, *parts)
+        parts = {name: getattr(self, name)[rows] for name in (*_MOTION, "taut", "slip")}
+        return States(self.t, **parts)
 
 
 def check_size(x: State, table: CoordinateTable, n_rows: int) -> None:

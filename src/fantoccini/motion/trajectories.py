@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -108,10 +108,11 @@ class Trajectories:
         if not np.isfinite(self.reached[i]):
             raise ValueError(f"run {i} was not begun")
         rows = slice(0, max(1, int(np.searchsorted(self.t, self.reached[i], side="right"))))
+        own: dict[str, Any] = {name: getattr(self, name)[i, rows] for name in MOTION}
+        own |= {name: self._columns(name, i, rows) for name in TABLES}
         return Trajectory(
             t=self.t[rows],
-            **{name: getattr(self, name)[i, rows] for name in MOTION},
-            **{name: self._columns(name, i, rows) for name in TABLES},
+            **own,
             events=(),
             status=Status(int(self.status[i])),
             method=self.method,
@@ -121,5 +122,5 @@ class Trajectories:
         )
 
     def _columns(self, name: str, i: int, rows: slice) -> Columns:
-        table = getattr(self, name)
+        table: Columns = getattr(self, name)
         return table.like(table.values[i, rows])

@@ -21,6 +21,8 @@ from fantoccini.motion.overload import Overload, overloads
 from fantoccini.motion.state import EventRecord, State
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from fantoccini.puppet import Puppet
     from fantoccini.tree import CoordinateTable
 
@@ -116,7 +118,7 @@ class Trajectory:
         object.__setattr__(self, "status", Status(self.status))
         object.__setattr__(self, "blamed", tuple(self.blamed))
 
-    # Its columns have names, its rows are states: nothing to go through by number.
+    # Without this, Python would iterate over a trajectory by number.
     __iter__ = None
 
     def __len__(self) -> int:
@@ -145,7 +147,7 @@ class Trajectory:
         values = np.zeros((len(self.t), len(names)))
         for event in self.events:
             if event.impulse and event.name in names:
-                row = np.searchsorted(self.t, event.t, side="right") - 1
+                row = int(np.searchsorted(self.t, event.t, side="right")) - 1
                 values[max(row, 0), names.index(event.name)] += event.impulse
         return Columns(names, values, "string or limit")
 
@@ -168,15 +170,16 @@ class Trajectory:
         """
         times = self._inside(np.asarray(times, dtype=float))
         left, right, s = interpolate.bracket(self.t, times, side)
-        table, changes = self.coordinates, {}
+        table = self.coordinates
+        changes: dict[str, Any] = {}
         places = {
             "D": (table.scalars_D, table.quaternions_D),
             "K": (table.scalars_K, table.quaternions_K),
         }
         for kind, (scalars, quaternions) in places.items():
-            names = [f"{part}_{kind}" for part in ("q", "v", "acc")]
-            rows = tuple(getattr(self, name) for name in names)
-            moved = interpolate.motion(self.t, rows, scalars, quaternions, left, right, s)
+            q, v, acc = names = tuple(f"{part}_{kind}" for part in ("q", "v", "acc"))
+            samples = getattr(self, q), getattr(self, v), getattr(self, acc)
+            moved = interpolate.motion(self.t, samples, scalars, quaternions, left, right, s)
             changes.update(zip(names, moved, strict=True))
         for name, columns in self._tables().items():
             if columns.values.dtype == bool:
@@ -192,9 +195,11 @@ class Trajectory:
     def state(self, row: int) -> State:
         """The state of a row (negative rows count from the end)."""
         holds = np.concatenate([self.taut.values[row], self.limit_force.values[row] > 0])
-        slip = () if self.slip is None else self.slip.values[row]
-        motion = (x[row] for x in (self.t, self.q_D, self.v_D, self.q_K, self.v_K))
-        return State(*motion, holds, slip, self.coordinates)
+        slip = np.zeros(0) if self.slip is None else self.slip.values[row]
+        return State(
+            self.t[row], self.q_D[row], self.v_D[row], self.q_K[row], self.v_K[row],
+            holds, slip, self.coordinates,
+        )  # fmt: skip
 
     # -- giving it away ----------------------------------------------------------------------
 
@@ -229,7 +234,7 @@ class Trajectory:
                 columns.update((f"{prefix}:{name}", x) for name, x in named.items())
         return columns
 
-    def to_dict(self) -> dict[str, list]:
+    def to_dict(self) -> dict[str, list[Any]]:
         """:meth:`columns` as lists of plain numbers, for JSON."""
         return {name: values.tolist() for name, values in self.columns().items()}
 
@@ -276,7 +281,7 @@ class Trajectory:
             strings[name] = {
                 "min": float(np.min(values)),
                 "max": float(np.max(values)),
-                "slack": float(np.sum(h[~self.taut[name]])),
+                "slack": float(np.sum(h[~self.taut.flags(name)])),
                 "catches": len(caught),
                 "impulse": max(caught, default=0.0),
             }
@@ -291,7 +296,7 @@ class Trajectory:
             "ledger": {name: float(values[-1]) for name, values in self.ledger.items()},
         }
 
-    def plot(self, path: str | Path | None = None, **look):
+    def plot(self, path: str | Path | None = None, **look: Any) -> Figure:
         """Tensions, string modes, energy and driven lengths against time, as a matplotlib figure.
 
         Args:

@@ -88,7 +88,7 @@ def load(path: str | Path) -> dict[str, Any]:
         marionette = _marionette(about, arrays)
         table, tree = marionette.coordinates, marionette.tree
         sizes = (table.n_qD, table.n_vD, table.n_qK, table.n_vK, tree.n_rows, len(tree.strings))
-        state = {
+        state: dict[str, Any] = {
             name: _of_state(arrays, f"start_{name}", size)
             for name, size in zip(_STATE, sizes, strict=True)
         }

@@ -51,12 +51,12 @@ def carried(
     slip = {s.name: float(y) for s, y in zip(before.tree.strings, x.slip, strict=True)}
     made = State(
         x.t,
-        [q.get(name, value) for name, value in zip(new.q_D, start.q_D, strict=True)],
-        [v.get(name, 0.0) for name in new.v_D],
-        [q.get(name, value) for name, value in zip(new.q_K, start.q_K, strict=True)],
+        np.array([q.get(name, value) for name, value in zip(new.q_D, start.q_D, strict=True)]),
+        np.array([v.get(name, 0.0) for name in new.v_D]),
+        np.array([q.get(name, value) for name, value in zip(new.q_K, start.q_K, strict=True)]),
         np.zeros(new.n_vK),
         np.zeros(after.tree.n_rows, dtype=bool),
-        [slip.get(s.name, 0.0) for s in after.tree.strings],
+        np.array([slip.get(s.name, 0.0) for s in after.tree.strings]),
         new,
     )
     names = set(new.q_D + new.q_K)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from fantoccini.arrays import Array, ConfigK, Quaternion, Vec3
 from fantoccini.errors import StateError
@@ -181,17 +182,17 @@ def quaternion(R: Array) -> Quaternion:
     return rotation.normalised(np.array(rows[best]))
 
 
-def _three(handle: Handle, position) -> Vec3:
+def _three(handle: Handle, position: ArrayLike) -> Vec3:
     found = np.asarray(position, dtype=float)
     if found.shape != (3,) or not np.all(np.isfinite(found)):
-        raise StateError(f"{handle.name}: found {position}; a position is three finite numbers")
+        raise StateError(f"{handle.name}: found {position!r}; a position is three finite numbers")
     return np.clip(found, -FARTHEST, FARTHEST)
 
 
-def _turn(handle: Handle, wxyz) -> Quaternion:
+def _turn(handle: Handle, wxyz: ArrayLike) -> Quaternion:
     found = np.asarray(wxyz, dtype=float)
     if found.shape != (4,) or not np.all(np.isfinite(found)) or not np.any(found):
         raise StateError(
-            f"{handle.name}: found {wxyz}; an orientation is a quaternion (w, x, y, z), not zero"
+            f"{handle.name}: found {wxyz!r}; an orientation is a quaternion (w, x, y, z), not zero"
         )
     return rotation.normalised(found)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array, ConfigK, VecK
+from fantoccini.arrays import Array, ConfigK, Indices, VecK
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.marionette import Marionette, check_step
 from fantoccini.motion import State, rotation
@@ -43,7 +43,7 @@ class Hands:
     lengths: dict[str, tuple[float, float]]
     winch: dict[str, tuple[int, int]]
     names: tuple[str, ...]
-    group: Array
+    group: Indices
     speed: Array
     acceleration: Array
 

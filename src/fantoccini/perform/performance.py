@@ -347,7 +347,12 @@ class Performance:
     def _grip_of(self, marionette: Marionette) -> float:
         return self._asked_grip or GRIP * (marionette.weight or 1.0)
 
-    def _take(self, marionette: Marionette, x: State, lengths: dict | None = None) -> None:
+    def _take(
+        self,
+        marionette: Marionette,
+        x: State,
+        lengths: dict[str, tuple[float, float]] | None = None,
+    ) -> None:
         """Goes on from a state of a puppet, with the hands wanted where they are.
 
         Args:

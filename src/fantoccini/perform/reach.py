@@ -20,14 +20,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from fantoccini.arrays import Array, VecK
+from fantoccini.arrays import Array, Indices, VecK
 
 _NONE = 1e-300
 """Length of a vector that has no direction; keeps a quotient finite."""
 
 
 def wanted_velocity(
-    away: VecK, v: VecK, tick: float, group: Array, speed: Array, acceleration: Array
+    away: VecK, v: VecK, tick: float, group: Indices, speed: Array, acceleration: Array
 ) -> VecK:
     """v', the velocities with which hands should leave the next tick; their change is not bounded.
 
@@ -49,7 +49,7 @@ def wanted_velocity(
 
 
 def bounded_acceleration(
-    wanted: VecK, v: VecK, tick: float, group: Array, acceleration: Array
+    wanted: VecK, v: VecK, tick: float, group: Indices, acceleration: Array
 ) -> VecK:
     """(n,) the accelerations over a tick that lead to wanted velocities, or towards them.
 
@@ -62,6 +62,6 @@ def bounded_acceleration(
     return change * np.minimum(1.0, acceleration / np.maximum(size, _NONE))[group]
 
 
-def lengths(x: Array, group: Array, n: int) -> Array:
+def lengths(x: Array, group: Indices, n: int) -> Array:
     """(n,) Euclidean length of each group of coordinates."""
     return np.sqrt(np.bincount(group, x * x, n))

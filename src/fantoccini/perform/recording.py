@@ -7,12 +7,13 @@ import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from fantoccini.arrays import Array, Times, frozen
 from fantoccini.errors import Status
-from fantoccini.marionette import Marionette, Stepper
+from fantoccini.marionette import Marionette, MethodName, Stepper
 from fantoccini.motion import Input, State, Trajectory
 from fantoccini.motion.npz import understanding
 from fantoccini.perform import archive, change
@@ -20,7 +21,7 @@ from fantoccini.perform.archive import Written
 from fantoccini.perform.smoothing import smoothed
 from fantoccini.simulation import trajectory_of_rows
 
-METHOD = "timestepping"
+METHOD: MethodName = "timestepping"
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +80,7 @@ class Recording:
     @property
     def times(self) -> Times:
         """(n + 1,) of the ticks [s]."""
-        return self.start.t + self.tick * np.arange(len(self) + 1)
+        return self.start.t + self.tick * np.arange(len(self) + 1, dtype=float)
 
     @cached_property
     def inputs(self) -> Input:
@@ -143,7 +144,7 @@ class Recording:
             steps=max(1, math.ceil(self.steps * factor - 1e-9)),
         )
 
-    def edited(self, **changes) -> Recording:
+    def edited(self, **changes: Any) -> Recording:
         """With other contents, to be simulated anew."""
         return dataclasses.replace(self, written=None, ended="", **changes)
 

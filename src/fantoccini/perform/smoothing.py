@@ -24,7 +24,7 @@ def smoothed(inputs: Input, n: int, tick: float, seconds: float) -> Array:
     if not (np.isfinite(seconds) and seconds > 0):
         raise ValueError(f"seconds is {seconds}; it must be positive")
     table = inputs.coordinates
-    q, v, _ = inputs.evaluate(inputs.start + tick * np.arange(n + 1))
+    q, v, _ = inputs.evaluate(inputs.start + tick * np.arange(n + 1, dtype=float))
     # At the very end an input is at rest: its velocity is that just before.
     v[-1] = inputs.evaluate(np.nextafter(inputs.end, 0.0))[1]
     path = q.copy()
