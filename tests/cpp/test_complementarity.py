@@ -321,3 +321,22 @@ def test_rows_that_hardly_differ_settle(solve):
         problems.append(Problem(A, np.zeros(18), free, event=False, right=right))
     unsettled = sum(found.status != SOLVED for found in solve(problems))
     assert unsettled <= 10
+
+
+@pytest.mark.parametrize("event", [True, False])
+def test_right_sides_that_are_subnormal_settle(solve, event):
+    """17.E: a rate of 1e-320 m/s cannot be judged relative to itself; there is none."""
+    rng, problems = np.random.default_rng(12), []
+    for k in range(1_000):
+        p = random_problem(rng, 6, free=k % 3, event=event)
+        A = p.A * 10.0 ** rng.uniform(0.0, 2.5, 6)
+        tiny = rng.integers(-10_000, 10_000, 6) * 5e-324
+        right = np.where(rng.random(6) < 0.5, tiny, rng.choice([0.0, -1e-17, -4e-4], 6))
+        problems.append(Problem(A, p.c, p.free, event=event, right=right))
+    for p, found in zip(problems, solve(problems), strict=True):
+        assert found.status == SOLVED
+        x, terms = found.x, np.abs(p.b) + np.abs(p.G) @ np.abs(found.x)
+        assert np.all(np.abs(p.G @ x - p.b - found.s) <= 1e-12 * terms + 1e-280)
+        assert np.all(x[~p.free] >= 0.0) and np.all(
+            found.s[~p.free] >= -1e-12 * terms[~p.free] - 1e-280
+        )

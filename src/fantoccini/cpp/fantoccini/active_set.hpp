@@ -17,6 +17,7 @@
 #pragma once
 
 #include "contract.hpp"
+#include "real.hpp"
 
 namespace fan {
 
@@ -119,6 +120,7 @@ struct ActiveSet {
   void begin() {
     measure();
     for (int i = 0; i < n; ++i) {
+      if (fabs(b[i]) < kVanishing) b[i] = 0.0;
       implied_[i] = false;
       if (place[i] != BASIC && !(place[i] == HIGH && upper[i] < kForever)) place[i] = LOW;
     }

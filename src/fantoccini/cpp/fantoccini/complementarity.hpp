@@ -77,6 +77,7 @@ struct Complementarity {
     using std::abs;
     Real fewest = Real(double(n + 1)), patience = Real(3.0);
     Mask solved = Real(0.0) > Real(1.0);
+    for (int i = 0; i < n; ++i) b[i] = select(abs(b[i]) < kVanishing, Real(0.0), b[i]);
     if (!again) standing_ = false;
     if (!standing_) raised_ = solved;
     for (int iteration = 0; iteration < max_iterations; ++iteration) {

@@ -13,6 +13,10 @@
 
 namespace fan {
 
+// Right sides of complementarity that are smaller count as 0: residuals are judged relative to the
+// terms they are sums of, and subnormal numbers have no relative accuracy.
+constexpr double kVanishing = 1e-280;
+
 template <class Real>
 struct Traits;
 
