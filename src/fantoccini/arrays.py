@@ -28,6 +28,9 @@ VecK = NDArray[np.float64]
 MaskRows = NDArray[np.bool_]
 """(n_rows,) one flag a string or limit."""
 
+RowIndices = NDArray[np.intp]
+"""(n,) indices of rows."""
+
 Times = NDArray[np.float64]
 """(T,) times [s]."""
 

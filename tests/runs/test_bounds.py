@@ -68,7 +68,7 @@ def test_every_structure_of_the_runtime_is_checked():
 @pytest.mark.parametrize("x0", [X0, [X0] * 8], ids=["one", "many"])
 def test_rows_that_do_not_fit_are_refused_before_anything_is_made(method, x0):
     """17.6, 26: 5e11 rows of fixed steps; a batch had made 37 GiB of times first."""
-    with pytest.raises(ValueError, match=r"5e\+11 rows from 0 s .* GB may be taken.*save_every="):
+    with pytest.raises(ValueError, match=r"5e\+11 samples from 0 s .* GB may be used.*save_every="):
         simulated(x0, t_end=1e9, method=method)
     with pytest.raises(ValueError, match=r"need 0.0.* GB .*max_memory"):
         simulated(x0, t_end=1.0, method=method, max_memory=5e3)
@@ -131,7 +131,7 @@ def test_a_run_needs_no_more_memory_than_was_reckoned():
     run = fan.simulate(ARM, X0, t_end=20.0, method="timestepping")
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert peak < memory.bytes_of(len(run), sum(ARM.model.row_layout.widths.values()))
+    assert peak < memory.bytes_of(len(run), sum(ARM.model.sample_layout.widths.values()))
 
 
 @pytest.mark.parametrize("method", ["timestepping", "variational"])

@@ -1,4 +1,4 @@
-"""What is no mistake in inputs, and still is hardly meant: warnings, with their times."""
+"""Warnings about inputs that are legal but out of proportion to the puppet."""
 
 from __future__ import annotations
 
@@ -6,30 +6,38 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fantoccini.marionette.initial_state import put_commands
 from fantoccini.marionette.model import Model
-from fantoccini.marionette.values_by_name import put_commands
 from fantoccini.motion import Input
 from fantoccini.tree import measure, path_lengths
 
-REACH = 5.0
-"""Farthest that something driven goes from its start, in the size of the puppet on its strings."""
-SPEED = 10.0
-"""Fastest that a hand or a winch moves something [m/s]: a hand that throws reaches 10 to 20."""
-TURNING = 100.0
-"""Fastest that something driven turns [rad/s]: 1,000 turns a minute."""
-TURNS = 4.0
-"""Most turns from one waypoint to the next."""
-_LOOKS = 9
-"""Times that every piece is looked at."""
+
+@dataclass(frozen=True)
+class Usual:
+    """Usual motions of driven coordinates."""
+
+    max_reach: float = 5.0
+    """Distance from the start, over the size of the puppet on its strings."""
+    max_speed: float = 10.0
+    """Speed of a hand or a winch [m/s]: a hand that throws reaches 10 to 20."""
+    max_angular_speed: float = 100.0
+    """[rad/s]: 1,000 turns a minute."""
+    max_turns: float = 4.0
+    """Turns from one waypoint to the next."""
+    times: int = 9
+    """At which every piece is evaluated."""
+
+
+USUAL = Usual()
 
 
 @dataclass(frozen=True)
 class InputWarning:
-    """Something that is hardly meant.
+    """An input that is probably not intended.
 
     Attributes:
         name: of the driven coordinate, or of a rotation as a whole.
-        t: when [s]: at the end of the piece of the motion that it is about.
+        t: end of the piece of the motion in question [s].
         message: what was found, what is usual, what to do.
     """
 
@@ -39,17 +47,13 @@ class InputWarning:
 
 
 def input_warnings(model: Model, inputs: Input) -> list[InputWarning]:
-    """What in inputs is out of all proportion to the puppet: one warning a coordinate and kind.
-
-    Args:
-        model: the puppet.
-        inputs: what drives it.
-    """
-    table, found = model.coordinates, []
+    """Where inputs are out of proportion to the puppet: one warning a coordinate and kind."""
+    table = model.coordinates
+    found: list[InputWarning] = []
     ends = inputs.breaks[1:]
-    share = np.linspace(0.0, 1.0, _LOOKS)
+    share = np.linspace(0.0, 1.0, USUAL.times)
     t = inputs.breaks[:-1, None] + share * np.diff(inputs.breaks)[:, None]
-    # Within each piece: at a break it is the next one's acceleration that would be given.
+    # Within each piece: at a break the next one's acceleration would be given.
     q_K, v_K, _ = inputs.evaluate(np.nextafter(t, t.mean(axis=1, keepdims=True)))
     scale, starts = _scale(model), _starts(model)
     units = {row.name: row.unit for row in table.rows}
@@ -59,22 +63,24 @@ def input_warnings(model: Model, inputs: Input) -> list[InputWarning]:
             continue
         if units[name] == "m":
             away = np.abs(q_K[:, :, q] - starts[q]).max(axis=1)
-            if away[k := int(away.argmax())] > REACH * scale:
+            if away[k := int(away.argmax())] > USUAL.max_reach * scale:
                 text = f"goes {away[k]:.4g} m away from where it starts; the puppet on its strings "
                 text += f"measures {scale:.3g} m: is it in other units?"
                 found.append(InputWarning(name, float(ends[k]), text))
         else:
             turn = np.ptp(q_K[:, :, q], axis=1)
-            if turn[k := int(turn.argmax())] > TURNS * 2 * np.pi:
+            if turn[k := int(turn.argmax())] > USUAL.max_turns * 2 * np.pi:
                 text = f"turns by {turn[k]:.4g} rad, {turn[k] / (2 * np.pi):.3g} turns, since the "
                 text += "waypoint before; are these degrees? then write deg"
                 found.append(InputWarning(name, float(ends[k]), text))
-        bound, unit = (SPEED, "m/s") if units[name] == "m" else (TURNING, "rad/s")
+        metres = units[name] == "m"
+        bound = USUAL.max_speed if metres else USUAL.max_angular_speed
+        unit = "m/s" if metres else "rad/s"
         found += _speed(name, ends, np.abs(v_K[:, :, v]), bound, unit)
     for name, (_, v) in table.rotations.items():
         if inputs.named[v]:
             speed = np.linalg.norm(v_K[:, :, v : v + 3], axis=2)
-            found += _speed(name, ends, speed, TURNING, "rad/s")
+            found += _speed(name, ends, speed, USUAL.max_angular_speed, "rad/s")
     return found
 
 

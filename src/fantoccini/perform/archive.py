@@ -10,7 +10,7 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.contract import EVENT_AT, EventKind
 from fantoccini.errors import Status
-from fantoccini.marionette import Marionette, Parcel
+from fantoccini.marionette import Marionette, PortableWorld
 from fantoccini.motion import State
 from fantoccini.motion.archive import RECORDING as FORMAT, replacing
 from fantoccini.motion.npz import checked, contents, finite, texts, understanding
@@ -28,11 +28,11 @@ def save(recording: Recording, path: str | Path) -> None:
     recording = recording.kept()
     marionette, written = recording.marionette, recording.written
     # Obstacles that no puppet has do not move it; they are not kept.
-    parcel = Parcel.of(World.of(*marionette.world.puppets, name=marionette.name))
+    portable = PortableWorld.of(World.of(*marionette.world.puppets, name=marionette.name))
     about = {
         "format": FORMAT,
         "world": marionette.name,
-        "puppets": parcel.puppets,
+        "puppets": portable.puppets,
         "parameters": list(marionette.tree.parameters),
         "coordinates": list(marionette.coordinates.q_D + marionette.coordinates.q_K),
         "steps": recording.steps,
@@ -50,7 +50,7 @@ def save(recording: Recording, path: str | Path) -> None:
         "events": written.events,
         "about": np.frombuffer(json.dumps(about).encode(), dtype=np.uint8),
     }
-    for i, meshes in enumerate(parcel.meshes):
+    for i, meshes in enumerate(portable.meshes):
         for name, content in meshes.items():
             arrays[f"{_MESH}{i}:{name}"] = np.frombuffer(content, dtype=np.uint8)
     with replacing(path) as temporary, temporary.open("wb") as file:
@@ -70,7 +70,7 @@ def load(path: str | Path) -> Recording:
             for name, size in zip(_STATE, sizes, strict=True)
         }
         t, tick = (float(finite(arrays, name, ())) for name in ("t", "tick"))
-        rows = finite(arrays, "rows", (None, sum(marionette.model.row_layout.widths.values())))
+        rows = finite(arrays, "rows", (None, sum(marionette.model.sample_layout.widths.values())))
         if not len(rows) or np.any(np.diff(rows[:, 0]) < 0):
             raise ValueError("rows must be one or more, none before the one it follows")
         events = _events(marionette, finite(arrays, "events", (None, 5)))
@@ -110,7 +110,7 @@ def _marionette(about: dict, arrays: dict[str, Array]) -> Marionette:
         mark = f"{_MESH}{i}:"
         mine = [name for name in arrays if name.startswith(mark)]
         meshes.append({name[len(mark) :]: arrays[name].tobytes() for name in mine})
-    marionette = Marionette(Parcel(str(about["world"]), puppets, tuple(meshes)).world())
+    marionette = Marionette(PortableWorld(str(about["world"]), puppets, tuple(meshes)).world())
     table, parameters = marionette.coordinates, texts(about["parameters"], "parameters")
     if list(table.q_D + table.q_K) != about["coordinates"]:
         raise ValueError("its puppet has other coordinates than were recorded")

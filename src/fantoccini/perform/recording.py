@@ -13,7 +13,7 @@ from fantoccini.arrays import Array, Times, frozen
 from fantoccini.errors import Status
 from fantoccini.marionette import Marionette, Stepper
 from fantoccini.motion import Input, State, Trajectory
-from fantoccini.simulation import trajectory_of_rows
+from fantoccini.simulation import trajectory_of_samples
 
 METHOD = "timestepping"
 
@@ -23,7 +23,7 @@ class Written:
     """What a run wrote, as it did.
 
     Attributes:
-        rows: (m, width) laid out as ``marionette.row_layout`` says, one a tick.
+        rows: (m, width) laid out as ``marionette.sample_layout`` says, one a tick.
         events: (n, 5) time, kind, row, impulse, speed.
         status: how it ended.
     """
@@ -177,7 +177,7 @@ class Recording:
         return recorder.written(stepper.status)
 
     def _of(self, written: Written) -> Trajectory:
-        return trajectory_of_rows(
+        return trajectory_of_samples(
             self.marionette, written.rows, written.events, written.status, METHOD,
             with_effort=True, blame=np.zeros(len(self.marionette.tree.blamable)),
         )  # fmt: skip
@@ -194,7 +194,7 @@ class Recorder:
     def __init__(self, stepper: Stepper, tick: float):
         self._marionette = Marionette(stepper.model)
         self._start, self._tick = stepper.state, tick
-        self._rows, self._events = [stepper.rows[-1:]], [np.zeros((0, 5))]
+        self._rows, self._events = [stepper.samples[-1:]], [np.zeros((0, 5))]
         self._acc_K: list[Array] = []
         self._status = Status.DONE
 
@@ -204,7 +204,7 @@ class Recorder:
     def add(self, acc_K: Array, stepper: Stepper) -> None:
         """A tick that the stepper has made."""
         self._acc_K.append(acc_K)
-        self._rows.append(stepper.rows[-1:])
+        self._rows.append(stepper.samples[-1:])
         self._events.append(stepper.events)
         self._status = stepper.status
 

@@ -1,4 +1,4 @@
-"""One evaluation of the compiled model, with its rows: the Python side of ``evaluation.hpp``.
+"""One evaluation of the compiled model with its rows: the Python side of ``evaluation.hpp``.
 
     hddot = gamma + A_D acc_D,   acc_D = F^-1 (w0 + W lambda),   W = F^-T A_D^T,   M_DD = F^T F
 """
@@ -9,17 +9,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, MaskRows, RowIndices
 from fantoccini.contract import WINCH_AT
-from fantoccini.marionette.model import BRAKE, Model
+from fantoccini.marionette.model import WINCH_DECELERATION, Model
 from fantoccini.marionette.vectors import vector
 from fantoccini.motion import State
 from fantoccini.runtime import Complementarity, Library
-from fantoccini.tree import Tree
 
 
 @dataclass(frozen=True, eq=False)
-class Instant:
+class Evaluation:
     """The model's quantities at one state.
 
     Attributes:
@@ -27,7 +26,7 @@ class Instant:
         L: packed factor of M_DD.
         w0: (n_vD,) F^-T of the forces without strings.
         W: (n_vD, n_rows) F^-T A_D^T, strings then limits.
-        h, hdot, gamma: (n_rows,) [m or rad, and per s, per s^2]; of strings with what has slipped.
+        h, hdot, gamma: (n_rows,) [m or rad, and per s, per s^2]; for strings including slip.
         hdot_K: (n_rows,) A_K v_K.
     """
 
@@ -43,46 +42,52 @@ class Instant:
     @classmethod
     def of(
         cls,
-        library: Library,
-        tree: Tree,
+        model: Model,
         x: State,
-        p: Array,
-        acc_K: Array,
-        u_D: Array,
+        acc_K: Array | None = None,
+        u_D: Array | None = None,
         dt: float = 0.0,
-    ) -> Instant:
+    ) -> Evaluation:
         """Evaluates the model at a state.
 
         Args:
-            library: the compiled puppet.
-            tree: its tree.
+            model: the puppet.
             x: the state.
-            p: (n_p,) parameters.
-            acc_K: (n_vK,) accelerations of the inputs.
-            u_D: (n_vD,) user forces.
+            acc_K: (n_vK,) accelerations of the inputs; 0 when not given.
+            u_D: (n_vD,) user forces; 0 when not given.
             dt: step over which damping and drag act implicitly, as in a first time step [s].
+
+        Raises:
+            StateError: the state or a vector does not fit the puppet.
         """
-        n, n_l = len(x.v_D), len(tree.limits)
+        library, tree, table = model.library, model.tree, model.coordinates
+        acc_K, u_D = vector("acc_K", acc_K, table.n_vK), vector("u_D", u_D, table.n_vD)
+        slip = model.states([x]).slip[0]
         at = {
             "q_D": x.q_D, "v_D": x.v_D, "q_K": x.q_K, "v_K": x.v_K, "acc_K": acc_K, "u_D": u_D,
-            "p": p,
+            "p": model.p,
         }  # fmt: skip
         on = factor = library.evaluate("dynamics", **at)
         if dt:
             factor = library.evaluate("step_dynamics", **at, v_ahead=x.v_D, dt=dt)
-        J = np.zeros((n_l, n))
+        n_l = len(tree.limits)
+        J = np.zeros((n_l, table.n_vD))
         for i, limit in enumerate(tree.limits):
             place = tree.links[limit.link].v
             J[i, place] = on.J_limit[: place.stop - place.start, i]
-        W_l = library.evaluate("forth", L=factor.L, x=J).y if n_l else np.zeros((0, n))
+        W_l = library.evaluate("forth", L=factor.L, x=J).y if n_l else J
+        # A winch that rewinds slip brakes before it stops.
+        speed = model.winches[:, WINCH_AT["rewind_speed"]]
+        braked = np.sqrt(2.0 * WINCH_DECELERATION * slip)
+        braking = np.where((braked > 0) & (braked < speed), WINCH_DECELERATION, 0.0)
         return cls(
             library,
             factor.L,
             factor.w0,
             np.concatenate([factor.W.T, W_l]).T,
-            np.concatenate([on.h - x.slip if len(x.slip) else on.h, on.h_limit]),
-            np.concatenate([on.hdot, J @ x.v_D]),
-            np.concatenate([on.gamma, on.gamma_limit]),
+            np.concatenate([on.h - slip, on.h_limit]),
+            np.concatenate([on.hdot - model.rewinding(slip), J @ x.v_D]),
+            np.concatenate([on.gamma - braking, on.gamma_limit]),
             np.concatenate([on.hdot_K, np.zeros(n_l)]),
         )
 
@@ -91,13 +96,13 @@ class Instant:
         return self.library.evaluate("back", L=self.L, x=w).y
 
     def forth(self, f: Array) -> Array:
-        """L^-T f for vectors (..., n_vD)."""
+        """F^-T f for vectors (..., n_vD)."""
         return self.library.evaluate("forth", L=self.L, x=f).y
 
     def complementarity(
-        self, rows: Array, b: Array, two_sided: Array, upper: Array | None = None
+        self, rows: RowIndices, b: Array, two_sided: MaskRows, upper: Array | None = None
     ) -> Complementarity:
-        """x and s of G x - b = s over some rows; see ``active_set.hpp``.
+        """x and s of G x - b = s over some rows; see :meth:`Library.complementarity`.
 
         Args:
             rows: indices.
@@ -107,26 +112,3 @@ class Instant:
         """
         bounds = None if upper is None else upper[rows]
         return self.library.complementarity(self.W[:, rows], b, two_sided[rows], bounds)
-
-
-def instant_at(
-    model: Model, x: State, acc_K: Array | None = None, u_D: Array | None = None
-) -> Instant:
-    """The compiled model's quantities at a state.
-
-    Args:
-        model: the puppet.
-        x: the state.
-        acc_K: (n_vK,) accelerations of the inputs; 0 when not given.
-        u_D: (n_vD,) user forces; 0 when not given.
-    """
-    table = model.coordinates
-    acc_K = vector("acc_K", acc_K, table.n_vK)
-    u_D = vector("u_D", u_D, table.n_vD)
-    model.states([x])
-    made = Instant.of(model.library, model.tree, x, model.p, acc_K, u_D)
-    if len(x.slip):
-        speed, braked = model.winches[:, WINCH_AT["rewind_speed"]], np.sqrt(2.0 * BRAKE * x.slip)
-        made.hdot[: len(x.slip)] -= model.winding(x.slip)
-        made.gamma[: len(x.slip)] -= np.where((braked > 0) & (braked < speed), BRAKE, 0.0)
-    return made

@@ -1,51 +1,49 @@
-"""The longest step at which a puppet's springs stay bounded.
+"""The critical step of a puppet's springs: the longest fixed step at which they stay bounded.
 
-A fixed step takes springs and their dampers from its beginning (``timestepping``), or solves for
-them by repeated steps of that kind (``variational``):
+``timestepping`` takes springs and their dampers from the step's start, and ``variational`` solves
+for them by repeated steps of that kind:
 
     M (v+ - v) = -dt (K q + C v),   q+ = q + dt v+
 
 which has an eigenvalue -1 where dt^2 K + 2 dt C reaches 4 M, and grows without bound beyond: at
-dt = 2 / omega without damping. With the motions b of the springs' points relative to each other,
-K = b^T k b and C = b^T c b, so that the largest eigenvalue of B^T M^-1 B has to stay below 4, with
+dt = 2 / omega without damping. With b the motions of the springs' points relative to each other,
+K = b^T k b and C = b^T c b, so that the largest eigenvalue of B^T M^-1 B must stay below 4, with
 B = b^T sqrt(dt^2 k + 2 dt c). A spring counts in all three directions, since it turns in a run.
 
-A taut string is such a spring across its segments, with k = tension / length: what it carries
-vibrates the faster, the lighter it is beside its load.
+A taut string is such a spring across its segments, with k = tension / length: light things on it
+vibrate fast.
 """
 
 from __future__ import annotations
 
 from itertools import pairwise
 
-import casadi as ca
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.equations.algebra import column
-from fantoccini.equations.system import System
 from fantoccini.marionette import analysis
 from fantoccini.marionette.model import Model
 from fantoccini.tree import WORLD, Point, Role
 
 _HALVINGS = 60
-_SHORTEST = 1e-6
-"""Segment that has collapsed [m]."""
-_AT_ONCE = 1024
-"""States that are looked at together."""
+"""Bisections of the step: to rounding."""
+_MIN_SEGMENT = 1e-6
+"""Length below which a segment has collapsed and has no direction [m]."""
+_STATES_AT_ONCE = 1024
+"""States evaluated together, which bounds the memory."""
 
 
-def longest_step(
+def critical_step(
     model: Model, q_D: Array, q_K: Array, dt: float
 ) -> tuple[float, str] | None:
-    """The longest sound step and the spring that decides it; None where ``dt`` is sound.
+    """The critical step [s] and the spring that decides it; None where ``dt`` is not above it.
 
     Args:
         model: the puppet.
         q_D, q_K: (..., n_qD), (..., n_qK) configurations.
         dt: the step [s].
     """
-    names, k, c = _numbers(model)
+    names, k, c = _springs(model)
     if not names:
         return None
     lead = np.broadcast_shapes(q_D.shape[:-1], q_K.shape[:-1])
@@ -53,9 +51,10 @@ def longest_step(
     q_D, q_K = (
         np.broadcast_to(q, (*lead, q.shape[-1])).reshape(n, q.shape[-1]) for q in (q_D, q_K)
     )
-    found = None
-    for first in range(0, len(q_D), _AT_ONCE):
-        W = _columns(model, q_D[first : first + _AT_ONCE], q_K[first : first + _AT_ONCE])
+    found: tuple[float, str] | None = None
+    for first in range(0, len(q_D), _STATES_AT_ONCE):
+        some = slice(first, first + _STATES_AT_ONCE)
+        W = _columns(model, q_D[some], q_K[some])
         inside = np.einsum("nik,njk->nij", W, W)
 
         def largest(step: float, inside: Array = inside) -> tuple[float, int]:
@@ -74,9 +73,11 @@ def longest_step(
     return found
 
 
-def _numbers(model: Model) -> tuple[list[str], Array, Array]:
+def _springs(model: Model) -> tuple[list[str], Array, Array]:
     """Name, stiffness and damping of every column: of joints' springs, then of springs."""
-    names, k, c = [], [], []
+    names: list[str] = []
+    k: list[float] = []
+    c: list[float] = []
     for link in model.tree.links:
         stiffness = model.number(link.stiffness)
         if link.role is Role.DYNAMIC and stiffness > 0.0:
@@ -103,8 +104,8 @@ def _columns(model: Model, q_D: Array, q_K: Array) -> Array:
     return _forth(model, q_D, q_K, forces)
 
 
-def tension_step(model: Model, q_D: Array, q_K: Array, tension: Array) -> float:
-    """2 / omega of the fastest vibration that the strings' tensions make; infinity without any [s].
+def critical_step_of_tensions(model: Model, q_D: Array, q_K: Array, tension: Array) -> float:
+    """2 / omega of the fastest vibration from the strings' tensions [s]; infinity without one.
 
     Args:
         model: the puppet.
@@ -117,7 +118,7 @@ def tension_step(model: Model, q_D: Array, q_K: Array, tension: Array) -> float:
         for ends in pairwise(string.points) if pull > 0.0 else ():
             d = _place(model, poses, ends[1]) - _place(model, poses, ends[0])
             length = float(np.linalg.norm(d))
-            if ends[0].link == ends[1].link or length < _SHORTEST:
+            if ends[0].link == ends[1].link or length < _MIN_SEGMENT:
                 continue
             for across in np.linalg.svd(d[None])[2][1:]:
                 forces.append(_pull(model, q_D, q_K, ends, across))
@@ -167,6 +168,11 @@ def _place(model: Model, poses: Array, point: Point) -> Array:
 
 def _centres(model: Model) -> Array:
     """(n_links, 3) centres of mass in the links' frames [m]."""
+    import casadi as ca
+
+    from fantoccini.equations.algebra import column
+    from fantoccini.equations.system import System
+
     system = System(model.tree)
     centres = [column(system.centre(i)) for i in range(len(model.tree.links))]
     found = ca.Function("centres", [system.symbols.p], [ca.horzcat(*centres)])

@@ -1,4 +1,4 @@
-"""A progress bar for what may take long."""
+"""A progress bar for batches."""
 
 from __future__ import annotations
 
@@ -10,47 +10,47 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-_PATIENCE = 2.0
-"""Seconds without a bar."""
+_DELAY = 2.0
+"""Time without a bar [s]."""
 
 
-class Bar:
-    """Shows how much of a batch is done: to a function, or to a terminal after two seconds.
+class ProgressBar:
+    """Reports how much of a batch is done: to a callback, or on a terminal after two seconds.
 
     Args:
-        what: the bar's title.
-        progress: told the mean time reached [s], instead of the bar.
+        title: of the bar.
+        progress: called with the mean time reached [s], instead of the bar.
         t, t_end: the span of the runs [s].
     """
 
     def __init__(
-        self, what: str, progress: Callable[[float], None] | None, t: float, t_end: float
+        self, title: str, progress: Callable[[float], None] | None, t: float, t_end: float
     ):
-        self._what, self._progress = what, progress
+        self._title, self._progress = title, progress
         self._t, self._t_end = t, t_end
         self._bar: Progress | None = None
 
-    def __enter__(self) -> Bar:
+    def __enter__(self) -> ProgressBar:
         self._began = time.monotonic()
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._bar:
             self._bar.stop()
 
-    def look(self, share: float) -> None:
-        """Shows that a share of the work, 0 to 1, is done."""
+    def show(self, share: float) -> None:
+        """Reports that a share of the work, 0 to 1, is done."""
         if self._progress:
             self._progress(self._t + share * (self._t_end - self._t))
             return
         if self._bar is None:
-            if time.monotonic() - self._began < _PATIENCE or not sys.stderr.isatty():
+            if time.monotonic() - self._began < _DELAY or not sys.stderr.isatty():
                 return
             from rich.console import Console
             from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
             columns = TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn()
             self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
-            self._task = self._bar.add_task(self._what, total=1.0)
+            self._task = self._bar.add_task(self._title, total=1.0)
             self._bar.start()
         self._bar.update(self._task, completed=share)
