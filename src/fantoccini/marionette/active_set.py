@@ -21,16 +21,13 @@ from fantoccini.motion import State
 class ActiveSetTolerances:
     """Gaps h relative to 1 or the string's length; speeds hdot relative to 1 or the largest one."""
 
-    touching_gap: float = 1e-12
-    """Rounding: rows with -h below it are closed."""
+    touching_gap: float = 1e-12  # Rounding: rows with -h below it are closed
     start_gap: float = 1e-9
     """Rows with |h| below it are closed where a run begins, which brings them to h = 0."""
-    stepped_gap: float = 1e-3
-    """What a fixed step may leave of h."""
+    stepped_gap: float = 1e-3  # What a fixed step may leave of h
     taut_gap: float = 1e-2
     """Rows marked taut are active up to this -h: far above what a coarse fixed step leaves."""
-    rest_speed: float = 1e-5
-    """|hdot| that counts as rest, as in the runtime (``evaluation.hpp``)."""
+    rest_speed: float = 1e-5  # |hdot| that counts as rest, as in the runtime (``evaluation.hpp``)
     slip_speed: float = 1e-2
     """hdot from which the winch of a taut string slips: fixed steps leave less."""
 

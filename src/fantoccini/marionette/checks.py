@@ -20,10 +20,8 @@ from fantoccini.runtime import RunOptions, memory
 class Reporting:
     """Sizes of the checks and of their messages."""
 
-    states_at_once: int = 4096
-    """States evaluated together, which bounds the memory."""
-    max_listed: int = 20
-    """Mistakes of one kind that a message lists."""
+    states_at_once: int = 4096  # States evaluated together, which bounds the memory
+    max_listed: int = 20  # Mistakes of one kind that a message lists
 
 
 REPORTING = Reporting()

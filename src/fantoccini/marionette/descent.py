@@ -38,40 +38,26 @@ class Descent:
     """Bounds of the descent. Moves are in rad or m."""
 
     rounds: int = 3000
-    mu: float = 1e2
-    """mu at first [1/s^2]."""
-    min_mu: float = 1e-3
-    """mu below which it is dropped, and which it grows from [1/s^2]."""
-    max_mu: float = 1e14
-    """mu at which the search has stalled [1/s^2]."""
-    growth: float = 3.0
-    """Factor of mu after a step on which V did not fall."""
-    shrinkage: float = 0.2
-    """Factor of mu after one on which it did."""
+    mu: float = 1e2  # mu at first [1/s^2]
+    min_mu: float = 1e-3  # mu below which it is dropped, and which it grows from [1/s^2]
+    max_mu: float = 1e14  # mu at which the search has stalled [1/s^2]
+    growth: float = 3.0  # Factor of mu after a step on which V did not fall
+    shrinkage: float = 0.2  # Factor of mu after one on which it did
     least_curvature: float = 1e-3
     """Curvature that steps use at least [1/s^2]: without springs and gravity there is none."""
-    max_move: float = 0.1
-    """Longest move of one round."""
+    max_move: float = 0.1  # Longest move of one round
     pole_share: float = 0.25
     """Longest move of a stepper motor in one round, relative to the distance of its poles."""
-    near_gap: float = 0.05
-    """Relative -h of rows that a step may reach."""
-    min_move: float = 1e-12
-    """Moves below which a puppet rests."""
-    farthest: float = 100.0
-    """Move from which the puppet has no equilibrium."""
-    flat_fall: float = 1e-15
-    """Fall of V on flat ground, over the puppet's weight [m]."""
-    rounding: float = 1e-14
-    """Rounding of V, a sum over all links and springs, relative to it."""
-    max_stalls: int = 3
-    """Moves with flat V on which the forces may stay as large as they were."""
+    near_gap: float = 0.05  # Relative -h of rows that a step may reach
+    min_move: float = 1e-12  # Moves below which a puppet rests
+    farthest: float = 100.0  # Move from which the puppet has no equilibrium
+    flat_fall: float = 1e-15  # Fall of V on flat ground, over the puppet's weight [m]
+    rounding: float = 1e-14  # Rounding of V, a sum over all links and springs, relative to it
+    max_stalls: int = 3  # Moves with flat V on which the forces may stay as large as they were
     unstable: float = 1e-9
     """Growth rate squared of an instability, relative to the fastest oscillation's."""
-    difference: float = 1e-6
-    """Step of the finite differences that give the Hessian."""
-    balanced_force: float = 1e-6
-    """Largest unbalanced force at rest, relative to the weight."""
+    difference: float = 1e-6  # Step of the finite differences that give the Hessian
+    balanced_force: float = 1e-6  # Largest unbalanced force at rest, relative to the weight
     newton_move: float = 1e-3
     """Largest move of Newton's method that refines an equilibrium instead of finding another."""
 

@@ -22,14 +22,12 @@ from fantoccini.motion import State
 class Acceptance:
     """What counts as an equilibrium, and how long to look for a start."""
 
-    max_force: float = 1e-9
-    """Unbalanced force at rest, relative to the weight."""
+    max_force: float = 1e-9  # Unbalanced force at rest, relative to the weight
     max_force_of_chains: float = 1e-6
     """The same for puppets on chains, whose stiff springs round more."""
     max_rise: float = 1e-9
     """Rise of V above the start's that is rounding, over the puppet's weight [m]."""
-    hauls: int = 20
-    """Runs of time-stepping that may haul in strings."""
+    hauls: int = 20  # Runs of time-stepping that may haul in strings
 
 
 ACCEPTANCE = Acceptance()

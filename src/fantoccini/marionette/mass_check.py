@@ -21,12 +21,9 @@ _POSES = 3
 class Tolerances:
     """What makes a joint's inertia singular, scaled to a unit diagonal."""
 
-    eigenvalue: float = 1e-12
-    """Smallest eigenvalue: above rounding, far below any puppet's."""
-    diagonal: float = 1e-300
-    """Diagonal entry that is 0 [kg or kg m^2]."""
-    part: float = 1e-3
-    """Part of the eigenvector's largest from which a coordinate is named."""
+    eigenvalue: float = 1e-12  # Smallest eigenvalue: above rounding, far below any puppet's
+    diagonal: float = 1e-300  # Diagonal entry that is 0 [kg or kg m^2]
+    part: float = 1e-3  # Part of the eigenvector's largest from which a coordinate is named
 
 
 TOLERANCES = Tolerances()

@@ -39,10 +39,8 @@ class Limits:
     """Largest tension of a string, in weights of the puppet: beyond it the input is impossible."""
     least_gravity: float = 1.0
     """Stands in for a smaller gravity [m/s^2], so that forces have a size without one."""
-    least_length: float = 1e-3
-    """Stands in for the length of a shorter string in relative gaps [m]."""
-    least_share: float = 1e-6
-    """Part of the largest share from which a row is named as contributing."""
+    least_length: float = 1e-3  # Stands in for the length of a shorter string in relative gaps [m]
+    least_share: float = 1e-6  # Part of the largest share from which a row is named as contributing
     first_step: float = 1e-4
     """First step of the event-driven integrator [s]; it adapts within a few steps."""
     recovery_speed: float = 1.0

@@ -33,24 +33,19 @@ from fantoccini.motion import State
 class Tolerances:
     """Decisions about modes. s are eigenvalues [1/s]."""
 
-    min_tension: float = 1e-9
-    """Tension of a taut row, relative to the puppet's weight."""
+    min_tension: float = 1e-9  # Tension of a taut row, relative to the puppet's weight
     max_rest_motion: float = 1e-6
     """Largest speed and acceleration of a puppet at rest [rad or m per s or s^2]."""
     zero: float = 1e-6
     """|s| that counts as 0, relative to the largest: a double root has the root of rounding."""
-    undamped: float = 1e-12
-    """Real part of s that is rounding, relative to |s|."""
+    undamped: float = 1e-12  # Real part of s that is rounding, relative to |s|
     asymmetry: float = 1e-7
     """Asymmetry of K and D from rounding and unbalanced forces, relative to them."""
-    equal: float = 1e-6
-    """Relative difference of s of a multiple eigenvalue, as for ``zero``."""
-    real_basis: float = 1e-6
-    """Singular value of a basis that counts, relative to the largest."""
+    equal: float = 1e-6  # Relative difference of s of a multiple eigenvalue, as for ``zero``
+    real_basis: float = 1e-6  # Singular value of a basis that counts, relative to the largest
     excitable: float = 1e-8
     """Gain of a mode that inputs excite, relative to the largest of all modes."""
-    listed: float = 0.02
-    """Least entry in the printed table, relative to the mode's largest."""
+    listed: float = 0.02  # Least entry in the printed table, relative to the mode's largest
 
 
 TOLERANCES = Tolerances()

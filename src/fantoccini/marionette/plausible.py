@@ -27,24 +27,18 @@ Path = tuple[str | int, ...]
 class Usual:
     """Usual ranges."""
 
-    density: Range = (5.0, 25_000.0)
-    """Of solids [kg/m^3]: between foam and osmium (22,600)."""
+    density: Range = (5.0, 25_000.0)  # Of solids [kg/m^3]: between foam and osmium (22,600)
     body_density: Range = (0.5, 25_000.0)
     """Mass over volume where a mass is given [kg/m^3]: hollow bodies may be lighter than air."""
-    body_length: Range = (1e-4, 20.0)
-    """Of one body [m]: between a bead and a crane's jib."""
-    puppet_length: Range = (2e-3, 100.0)
-    """Of a puppet [m]."""
+    body_length: Range = (1e-4, 20.0)  # Of one body [m]: between a bead and a crane's jib
+    puppet_length: Range = (2e-3, 100.0)  # Of a puppet [m]
     mass: Range = (1e-6, 20_000.0)
     """Of a puppet [kg]: between a paper snippet and a container under a crane."""
-    max_gravity: float = 30.0
-    """Acceleration of gravity [m/s^2]: Jupiter's is 25."""
-    max_angle: float = 2.0 * math.pi + 1e-9
-    """Of a limit, rest or start of a joint [rad]: one turn."""
+    max_gravity: float = 30.0  # Acceleration of gravity [m/s^2]: Jupiter's is 25
+    max_angle: float = 2.0 * math.pi + 1e-9  # Of a limit, rest or start of a joint [rad]: one turn
     string_length: Range = (0.05, 10.0)
     """A string's length over its path in the start pose, and over the puppet's size."""
-    grams: Range = (0.05, 5.0)
-    """Densities that are usual in g/cm^3."""
+    grams: Range = (0.05, 5.0)  # Densities that are usual in g/cm^3
 
 
 USUAL = Usual()

@@ -16,16 +16,11 @@ from fantoccini.tree import measure, path_lengths
 class Usual:
     """Usual motions of driven coordinates."""
 
-    max_reach: float = 5.0
-    """Distance from the start, over the size of the puppet on its strings."""
-    max_speed: float = 10.0
-    """Speed of a hand or a winch [m/s]: a hand that throws reaches 10 to 20."""
-    max_angular_speed: float = 100.0
-    """[rad/s]: 1,000 turns a minute."""
-    max_turns: float = 4.0
-    """Turns from one waypoint to the next."""
-    times: int = 9
-    """At which every piece is evaluated."""
+    max_reach: float = 5.0  # Distance from the start, over the size of the puppet on its strings
+    max_speed: float = 10.0  # Speed of a hand or a winch [m/s]: a hand that throws reaches 10 to 20
+    max_angular_speed: float = 100.0  # [rad/s]: 1,000 turns a minute
+    max_turns: float = 4.0  # Turns from one waypoint to the next
+    times: int = 9  # At which every piece is evaluated
 
 
 USUAL = Usual()

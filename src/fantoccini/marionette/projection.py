@@ -33,22 +33,17 @@ class Search:
 
     max_move: float = 0.3
     """Longest move of one round: rows bend, so that their slopes mislead farther away."""
-    near_gap: float = 0.5
-    """Rows with -h below it may be reached by a move."""
+    near_gap: float = 0.5  # Rows with -h below it may be reached by a move
     near_taut_gap: float = 0.05
     """The same where taut rows are closed, by moves that are far shorter."""
-    met_gap: float = 1e-14
-    """|h| that is rounding."""
-    min_move: float = 1e-15
-    """Moves that are rounding: the search has ended."""
+    met_gap: float = 1e-14  # |h| that is rounding
+    min_move: float = 1e-15  # Moves that are rounding: the search has ended
     violation_cost: float = 1e8
     """Weight of violations against moves where rows contradict one another [1/m^2]."""
     least_decrease: float = 0.999
     """Factor by which a move must reduce the violation; searches that converge do far better."""
-    nearest_move: float = 1e-12
-    """Moves below which a state is the nearest."""
-    release_move: float = 1e-4
-    """Moves below which Newton's method lets go of rows that push."""
+    nearest_move: float = 1e-12  # Moves below which a state is the nearest
+    release_move: float = 1e-4  # Moves below which Newton's method lets go of rows that push
     distance_growth: float = 0.01
     """Growth of the distance to q_0 that its changing metric M_DD may cause."""
     difference: float = 1e-6
@@ -56,12 +51,10 @@ class Search:
     pushes: tuple[float, ...] = (0.03, 0.1, 0.1, 0.3, 0.3, 1.0, 1.0)
     """Largest parts of the pushes off a configuration from which the search stalled."""
     seed: int = 17
-    rounds: int = 100
-    """Rounds onto the rows; most searches take fewer than ten."""
+    rounds: int = 100  # Rounds onto the rows; most searches take fewer than ten
     taut_rounds: int = 20
     halvings: int = 6
-    approaches: int = 15
-    """Rounds towards the nearest state before Newton's method takes over."""
+    approaches: int = 15  # Rounds towards the nearest state before Newton's method takes over
     newton_rounds: int = 20
 
 

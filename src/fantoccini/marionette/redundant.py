@@ -41,22 +41,17 @@ CONTRADICTION_STATUSES = (
 class Tolerances:
     """Decisions about which strings contradict one another."""
 
-    taut_gap: float = 1e-6
-    """-h below which a string counts as taut, relative to its length."""
-    least_share: float = 1e-6
-    """Part of the largest entry of y from which a string takes part."""
+    taut_gap: float = 1e-6  # -h below which a string counts as taut, relative to its length
+    least_share: float = 1e-6  # Part of the largest entry of y from which a string takes part
     dependent: float = 1e-9
     """Singular value of W, relative to the largest, below which strings are redundant."""
     excess: float = 10.0
     """Tensions, relative to those of least norm plus the weight, that need a contradiction."""
     min_samples: int = 2
     """Samples with such tensions: a single one, as at a catch, is no contradiction."""
-    max_samples: int = 32
-    """Samples of a run whose tensions are examined, which bounds the time."""
-    speed_rounding: float = 1e-10
-    """y . hdot that is rounding [m/s]."""
-    equality_weight: float = 1e6
-    """Weight of W z = W x against |z| in least tensions, relative to W."""
+    max_samples: int = 32  # Samples of a run whose tensions are examined, which bounds the time
+    speed_rounding: float = 1e-10  # y . hdot that is rounding [m/s]
+    equality_weight: float = 1e6  # Weight of W z = W x against |z| in least tensions, relative to W
 
 
 TOLERANCES = Tolerances()

@@ -33,8 +33,7 @@ _RIGID_WINCH = np.array([[np.inf, 0.0, 0.0]])
 class Search:
     """Bounds of relaxation and of Newton's method. Moves are in rad or m."""
 
-    dt: float = 0.002
-    """Step of the runs [s]."""
+    dt: float = 0.002  # Step of the runs [s]
     piece: float = 0.1
     """Length of a run [s]: shorter than a swing, to stop near the peak of kinetic energy."""
     pieces: int = 1500
@@ -44,33 +43,22 @@ class Search:
     newton_force: float = 0.01
     """Unbalanced force, relative to the weight, below which Newton's method begins; from farther
     away it may converge to another equilibrium than the one the puppet falls into."""
-    newton_move: float = 0.3
-    """Longest move of one round of Newton's method."""
-    near_gap: float = 1e-3
-    """Relative -h below which a row may pull at the equilibrium."""
-    min_tension: float = 1e-9
-    """Tension that is rounding, relative to the weight."""
-    balanced_force: float = 1e-13
-    """Unbalanced force that is rounding, relative to the weight."""
-    balanced_last: float = 1e-11
-    """The same after the last round."""
-    met_gap: float = 1e-14
-    """Relative |h| that is rounding."""
-    min_move: float = 1e-15
-    """Moves of Newton's method that are rounding."""
+    newton_move: float = 0.3  # Longest move of one round of Newton's method
+    near_gap: float = 1e-3  # Relative -h below which a row may pull at the equilibrium
+    min_tension: float = 1e-9  # Tension that is rounding, relative to the weight
+    balanced_force: float = 1e-13  # Unbalanced force that is rounding, relative to the weight
+    balanced_last: float = 1e-11  # The same after the last round
+    met_gap: float = 1e-14  # Relative |h| that is rounding
+    min_move: float = 1e-15  # Moves of Newton's method that are rounding
     at_equilibrium: float = 1e-6
     """Distance at which the puppet is at an equilibrium instead of passing it; and the largest
     acceleration there."""
-    gives_way: float = 0.1
-    """Move from which a drive counts as giving way."""
-    farthest: float = 100.0
-    """Move from which the puppet has no equilibrium."""
-    restarts: int = 8
-    """Restarts from unstable equilibria."""
+    gives_way: float = 0.1  # Move from which a drive counts as giving way
+    farthest: float = 100.0  # Move from which the puppet has no equilibrium
+    restarts: int = 8  # Restarts from unstable equilibria
     pushes: tuple[float, ...] = (0.05, 0.01, 0.002)
     """Largest parts of the pushes that are tried off an unstable equilibrium."""
-    potential_fall: float = 1e-12
-    """Fall of V that is not rounding, over the puppet's weight [m]."""
+    potential_fall: float = 1e-12  # Fall of V that is not rounding, over the puppet's weight [m]
     unstable: float = 1e-6
     """Growth rate squared of an instability, relative to the fastest oscillation's."""
 

@@ -52,12 +52,9 @@ T = TypeVar("T", State, Input)
 class Sizes:
     """Memory that a batch takes."""
 
-    number: int = 8
-    """[bytes]"""
-    ledger: int = 16
-    """Numbers of a sample while its ledger is made."""
-    times: int = 4
-    """Numbers of a sample's time while the times are made."""
+    number: int = 8  # [bytes]
+    ledger: int = 16  # Numbers of a sample while its ledger is made
+    times: int = 4  # Numbers of a sample's time while the times are made
 
 
 SIZES = Sizes()

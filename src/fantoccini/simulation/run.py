@@ -42,7 +42,7 @@ from fantoccini.simulation.weak_motors import weak_motors
 from fantoccini.tree import Tree
 
 _KINDS = {
-    code: EventKind.RUNAWAY if code is contract.EventKind.RAN_AWAY else EventKind[code.name]
+    int(code): EventKind.RUNAWAY if code is contract.EventKind.RAN_AWAY else EventKind[code.name]
     for code in contract.EventKind
 }
 _LIMIT_KINDS = {EventKind.CATCH: EventKind.LIMIT_ON, EventKind.RELEASE: EventKind.LIMIT_OFF}
@@ -54,10 +54,8 @@ class Reporting:
 
     blame: float = 0.1
     """Share of the blame for a status, 0 to 1, from which a row or drive is named."""
-    large_tension: float = 10.0
-    """Tension that is mentioned, in weights of the puppet."""
-    short_length: float = 1e-3
-    """Length of a string that is mentioned as nearly 0 [m]."""
+    large_tension: float = 10.0  # Tension that is mentioned, in weights of the puppet
+    short_length: float = 1e-3  # Length of a string that is mentioned as nearly 0 [m]
 
 
 REPORTING = Reporting()
@@ -293,7 +291,7 @@ def ledger_of(part: Mapping[str, Array]) -> Array:
 
 def _event(tree: Tree, event: Array) -> EventRecord:
     at = {part.name: float(value) for part, value in zip(contract.EVENT, event, strict=True)}
-    kind, index = _KINDS[contract.EventKind(int(at["kind"]))], int(at["row"])
+    kind, index = _KINDS[int(at["kind"])], int(at["row"])
     if index >= len(tree.strings):
         kind = _LIMIT_KINDS.get(kind, kind)
     name = tree.blamable[index] if index >= 0 else ""

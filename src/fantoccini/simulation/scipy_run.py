@@ -37,8 +37,7 @@ class Bounds:
     """The same for the others, which lose their order or their Jacobian; their global error is no
     smaller over such a drift. With 1, BDF and LSODA never leave their first order: 21,000 restarts
     instead of 16 on a second of ``arm2d``."""
-    event_rounds: int = 60
-    """States tried to meet a guard: bisection to rounding, and more."""
+    event_rounds: int = 60  # States tried to meet a guard: bisection to rounding, and more
 
 
 BOUNDS = Bounds()

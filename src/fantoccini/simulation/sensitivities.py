@@ -24,10 +24,8 @@ class Tolerances:
 
     jump: float = 1e-9
     """Change of velocity at a catch, relative to 1 or the largest velocity: above rounding."""
-    time: float = 1e-12
-    """Distance of times that are one [s]."""
-    rotation: float = 1e-12
-    """1 - |cos(angle / 2)| of orientations that are one: rounding."""
+    time: float = 1e-12  # Distance of times that are one [s]
+    rotation: float = 1e-12  # 1 - |cos(angle / 2)| of orientations that are one: rounding
 
 
 TOLERANCES = Tolerances()
@@ -235,8 +233,8 @@ class _Pieces:
 
     def _between(self, start: float, end: float) -> list[InputPiece]:
         """The smooth pieces of the inputs from one time to another."""
-        breaks = [self._inputs.breaks, *(one.breaks for one in (*self._toward, *self._along))]
-        inner = np.unique(np.concatenate(breaks))
+        breaks = [self._inputs.breaks, *(one.breaks for one in self._toward)]
+        inner = np.unique(np.concatenate([*breaks, *(one.breaks for one in self._along)]))
         inner = inner[(inner > start + TOLERANCES.time) & (inner < end - TOLERANCES.time)]
         times = np.concatenate([[start], inner, [end]])
         return [

@@ -20,17 +20,13 @@ from fantoccini.motion import Trajectory
 class Bounds:
     """Bounds beyond which a run is not sound."""
 
-    violation: float = 0.02
-    """Of a string or limit [m or rad]."""
+    violation: float = 0.02  # Of a string or limit [m or rad]
     gain: float = 5.0
     """Energy without a source, relative to all available energy. Near the critical step of a spring
     the energy swings to several times its own, and does not grow."""
-    fall: float = 1e-3
-    """Fall of the puppet whose energy is always available [m]."""
-    energy: float = 1e-9
-    """Energy that is always available [J]."""
-    max_named: int = 5
-    """Rows that a message names."""
+    fall: float = 1e-3  # Fall of the puppet whose energy is always available [m]
+    energy: float = 1e-9  # Energy that is always available [J]
+    max_named: int = 5  # Rows that a message names
 
 
 BOUNDS = Bounds()

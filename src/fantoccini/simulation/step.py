@@ -22,10 +22,8 @@ class Detection:
 
     near: float = 0.1
     """Distance below zero, relative to its rise, of a peak between nodes that is examined."""
-    peak_time: float = 1e-6
-    """Accuracy of the time of a peak, relative to the step."""
-    root_time: float = 1e-15
-    """Accuracy of the time of a root, absolute [s] and relative: rounding."""
+    peak_time: float = 1e-6  # Accuracy of the time of a peak, relative to the step
+    root_time: float = 1e-15  # Accuracy of the time of a root, absolute [s] and relative: rounding
     difference: float = 1e-4
     """Step of the finite difference for a guard's rate, relative to the step."""
 
