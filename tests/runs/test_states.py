@@ -116,11 +116,11 @@ def test_projected_states_of_the_marionette_start_event_driven_runs(marionette, 
             assert run.status.name == "DONE"
 
 
-def test_a_mode_that_is_wrong_is_refused(arm):
+def test_an_active_set_that_is_wrong_is_refused(arm):
     """17.1: what is said to be taut and hangs slack is no state."""
     x = arm.state({"hand.length": 0.8, "shoulder": 0.9, "elbow": 0.3})
     x = x.replace(q_K=[0.45, 1.5], taut=[True])
-    with pytest.raises(fan.StateError, match=r"so: hand by"):
+    with pytest.raises(fan.StateError, match=r"range: hand by"):
         arm.forward_dynamics(x)
     with pytest.raises(fan.StateError, match="hand is marked taut and slack by"):
         check_start(arm.model, x)

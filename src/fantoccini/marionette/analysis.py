@@ -83,8 +83,7 @@ def string_points(model: Model, q_D: Array, q_K: Array) -> list[Array]:
 def energies(model: Model, x: State) -> tuple[float, float]:
     """(T, V) through the compiled model [J]."""
     model.check_state(x)
-    at = {"q_D": x.q_D, "v_D": x.v_D, "q_K": x.q_K, "v_K": x.v_K, "p": model.p}
-    found = model.library.evaluate("energy", **at)
+    found = model.library.evaluate("energy", **model.at(x))
     return float(found.T), float(found.V)
 
 

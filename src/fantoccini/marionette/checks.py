@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,16 +14,10 @@ from fantoccini.marionette.model import Model
 from fantoccini.motion import Input, Inputs, State, States, joints
 from fantoccini.runtime import RunOptions, memory
 
-
-@dataclass(frozen=True)
-class Reporting:
-    """Sizes of the checks and of their messages."""
-
-    states_at_once: int = 4096  # States evaluated together, which bounds the memory
-    max_listed: int = 20  # Mistakes of one kind that a message lists
-
-
-REPORTING = Reporting()
+_STATES_AT_ONCE = 4096
+"""States evaluated together, which bounds the memory."""
+_MAX_LISTED = 20
+"""Mistakes of one kind that a message lists."""
 
 
 def check_step(model: Model, method: str, q_D: Array, q_K: Array, dt: float) -> None:
@@ -77,16 +70,10 @@ def check_samples(
     t_end: float,
     save_at: Array | None = None,
 ) -> None:
-    """Raises StateError where the samples known before a run do not fit in memory.
+    """Raises StateError where the samples of a run from t to t_end [s] will not fit in memory.
 
-    An event-driven run that writes its own steps is stopped when its samples reach the bound.
-
-    Args:
-        model: the puppet.
-        method: of the run.
-        options: with the bound on memory, and the distance of the samples of fixed steps.
-        t, t_end: the run [s].
-        save_at: times at which an event-driven run writes samples; None for its own steps.
+    An event-driven run that writes its own steps (no ``save_at``) is stopped when its samples reach
+    the bound.
     """
     if method != "event":
         n = count_samples(options, t, t_end)
@@ -141,8 +128,8 @@ def check_start(model: Model, x: State, method: str = "event") -> None:
 def check_starts(model: Model, states: States, method: str = "event") -> None:
     """:func:`check_start` of many states; the first wrong one is reported."""
     stepped = method == "timestepping"
-    for first in range(0, len(states), REPORTING.states_at_once):
-        some = states.some(slice(first, first + REPORTING.states_at_once))
+    for first in range(0, len(states), _STATES_AT_ONCE):
+        some = states.some(slice(first, first + _STATES_AT_ONCE))
         h, hdot = _rows_of(model, some)
         scale = model.row_scales(some.q_D, some.q_K)
         wires, firm = model.two_sided, ~np.isfinite(model.upper)
@@ -180,10 +167,8 @@ def check_starts(model: Model, states: States, method: str = "event") -> None:
 def _rows_of(model: Model, x: States) -> tuple[Array, Array]:
     """h and hdot (n, n_rows) of states."""
     tree, table = model.tree, model.coordinates
-    on = model.library.evaluate(
-        "dynamics", q_D=x.q_D, v_D=x.v_D, q_K=x.q_K, v_K=x.v_K, acc_K=np.zeros(table.n_vK),
-        u_D=np.zeros(table.n_vD), p=model.p,
-    )  # fmt: skip
+    still = {"acc_K": np.zeros(table.n_vK), "u_D": np.zeros(table.n_vD)}
+    on = model.library.evaluate("dynamics", **model.at(x), **still)
     hdot_limit = np.zeros_like(on.h_limit)
     for i, limit in enumerate(tree.limits):
         place = tree.links[limit.link].v
@@ -230,13 +215,7 @@ def bind_inputs(
 
 
 def check_inputs(model: Model, inputs: Input | Inputs, t: float, t_end: float) -> None:
-    """Raises InputError unless inputs are this puppet's and begin and end at rest in a run.
-
-    Args:
-        model: the puppet.
-        inputs: not bound yet.
-        t, t_end: the run [s].
-    """
+    """Raises InputError unless inputs are this puppet's and begin and end at rest in a run."""
     inputs = as_inputs(inputs)
     own, theirs = model.coordinates, inputs.coordinates
     if (own.q_K, own.v_D) != (theirs.q_K, theirs.v_D):
@@ -256,7 +235,7 @@ def check_inputs(model: Model, inputs: Input | Inputs, t: float, t_end: float) -
         wrong = ~(np.abs(speed) <= joints.SAME_SPEED) & inside[:, None]
         if np.any(wrong):
             wrong &= ~(np.abs(speed) <= joints.tolerances(own, inputs.breaks, inputs.coef)[1])
-        for n, i in np.argwhere(wrong)[: REPORTING.max_listed]:
+        for n, i in np.argwhere(wrong)[:_MAX_LISTED]:
             at = when[n if len(when) > 1 else 0]
             which = f"inputs[{n}].{own.v_K[i]}" if len(inputs) > 1 else own.v_K[i]
             text = (

@@ -36,13 +36,7 @@ _STATES_AT_ONCE = 1024
 def critical_step(
     model: Model, q_D: Array, q_K: Array, dt: float
 ) -> tuple[float, str] | None:
-    """The critical step [s] and the spring that decides it; None where ``dt`` is not above it.
-
-    Args:
-        model: the puppet.
-        q_D, q_K: (..., n_qD), (..., n_qK) configurations.
-        dt: the step [s].
-    """
+    """The critical step [s] and its spring; None where ``dt`` is below it at all configurations."""
     names, k, c = _springs(model)
     if not names:
         return None
@@ -105,13 +99,7 @@ def _columns(model: Model, q_D: Array, q_K: Array) -> Array:
 
 
 def critical_step_of_tensions(model: Model, q_D: Array, q_K: Array, tension: Array) -> float:
-    """2 / omega of the fastest vibration from the strings' tensions [s]; infinity without one.
-
-    Args:
-        model: the puppet.
-        q_D, q_K: (n_qD,), (n_qK,) configuration.
-        tension: (n_strings,) [N].
-    """
+    """2 / omega of the fastest vibration from tensions (n_strings,) [s]; infinity without one."""
     poses, (q_D, q_K) = analysis.poses(model, q_D, q_K), (q_D[None], q_K[None])
     forces, k = [], []
     for string, pull in zip(model.tree.strings, tension, strict=True):
@@ -133,11 +121,9 @@ def critical_step_of_tensions(model: Model, q_D: Array, q_K: Array, tension: Arr
 def _forth(model: Model, q_D: Array, q_K: Array, forces: list[Array]) -> Array:
     """(n, len(forces), n_vD) F^-T of forces (n, n_vD)."""
     table, n = model.coordinates, len(q_D)
-    still_D, still_K = np.zeros((n, table.n_vD)), np.zeros((n, table.n_vK))
-    L = model.library.evaluate(
-        "dynamics", q_D=q_D, v_D=still_D, q_K=q_K, v_K=still_K, acc_K=still_K, u_D=still_D,
-        p=model.p,
-    ).L  # fmt: skip
+    D, K = np.zeros((n, table.n_vD)), np.zeros((n, table.n_vK))
+    still = {"v_D": D, "u_D": D, "v_K": K, "acc_K": K, "p": model.p}
+    L = model.library.evaluate("dynamics", q_D=q_D, q_K=q_K, **still).L
     return model.library.evaluate("forth", L=L[:, None], x=np.stack(forces, axis=1)).y
 
 

@@ -168,10 +168,8 @@ def _force_derivative(model: Model, found: Equilibrium) -> Array:
     x, n = found.x, len(found.x.v_D)
     moves = np.concatenate([np.eye(n), -np.eye(n)]) * DESCENT.difference
     moved = retract(model, x.q_D, moves)
-    w0 = model.library.evaluate(
-        "dynamics", q_D=moved, v_D=x.v_D, q_K=x.q_K, v_K=x.v_K, acc_K=np.zeros_like(x.v_K),
-        u_D=np.zeros(n), p=model.p,
-    ).w0  # fmt: skip
+    at = model.at(x) | {"q_D": moved, "acc_K": np.zeros_like(x.v_K), "u_D": np.zeros(n)}
+    w0 = model.library.evaluate("dynamics", **at).w0
     return (w0[:n] - w0[n:]).T / (2 * DESCENT.difference)
 
 

@@ -27,7 +27,6 @@ class Evaluation:
         w0: (n_vD,) F^-T of the forces without strings.
         W: (n_vD, n_rows) F^-T A_D^T, strings then limits.
         h, hdot, gamma: (n_rows,) [m or rad, and per s, per s^2]; for strings including slip.
-        hdot_K: (n_rows,) A_K v_K.
     """
 
     library: Library
@@ -37,7 +36,6 @@ class Evaluation:
     h: Array
     hdot: Array
     gamma: Array
-    hdot_K: Array
 
     @classmethod
     def of(
@@ -63,10 +61,7 @@ class Evaluation:
         library, tree, table = model.library, model.tree, model.coordinates
         acc_K, u_D = vector("acc_K", acc_K, table.n_vK), vector("u_D", u_D, table.n_vD)
         slip = model.states([x]).slip[0]
-        at = {
-            "q_D": x.q_D, "v_D": x.v_D, "q_K": x.q_K, "v_K": x.v_K, "acc_K": acc_K, "u_D": u_D,
-            "p": model.p,
-        }  # fmt: skip
+        at = model.at(x) | {"acc_K": acc_K, "u_D": u_D}
         on = factor = library.evaluate("dynamics", **at)
         if dt:
             factor = library.evaluate("step_dynamics", **at, v_ahead=x.v_D, dt=dt)
@@ -88,7 +83,6 @@ class Evaluation:
             np.concatenate([on.h - slip, on.h_limit]),
             np.concatenate([on.hdot - model.rewinding(slip), J @ x.v_D]),
             np.concatenate([on.gamma - braking, on.gamma_limit]),
-            np.concatenate([on.hdot_K, np.zeros(n_l)]),
         )
 
     def back(self, w: Array) -> Array:

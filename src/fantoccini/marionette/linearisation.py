@@ -13,7 +13,7 @@ orientation turns by a rotation vector in the body's frame.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -216,8 +216,7 @@ def derivatives_at(
 ) -> dict[str, Array]:
     """All compiled derivatives at one state, by their names (``equations.derivatives``)."""
     values: dict[str, Array | float] = {
-        "q_D": x.q_D, "v_D": x.v_D, "acc_D": acc_D, "q_K": x.q_K, "v_K": x.v_K, "acc_K": acc_K,
-        "tension": tension, "dt": dt, "p": model.p,
+        **model.at(x), "acc_D": acc_D, "acc_K": acc_K, "tension": tension, "dt": dt,
     }  # fmt: skip
     found: dict[str, Array] = {}
     for name in ("force_by_q", "force_by_v", "force_by_K", "rows_by"):
@@ -227,10 +226,7 @@ def derivatives_at(
 
 def row_derivatives_at(model: Model, x: State) -> dict[str, Array]:
     """Compiled derivatives of h and hdot at a state, by their names."""
-    values: Mapping[str, Array | float] = {
-        "q_D": x.q_D, "v_D": x.v_D, "acc_D": np.zeros_like(x.v_D), "q_K": x.q_K, "v_K": x.v_K,
-        "acc_K": np.zeros_like(x.v_K), "p": model.p,
-    }  # fmt: skip
+    values = model.at(x) | {"acc_D": np.zeros_like(x.v_D), "acc_K": np.zeros_like(x.v_K)}
     return model.compiled.derivatives.at("rows_by", values)
 
 

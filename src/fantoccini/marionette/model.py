@@ -266,6 +266,10 @@ class Model:
         """Raises :class:`StateError` unless ``x`` is a state of this puppet."""
         check_size(x, self.coordinates, self.tree.n_rows)
 
+    def at(self, x: State | States) -> dict[str, Array]:
+        """Arguments of compiled functions: q_D, v_D, q_K, v_K and p."""
+        return {"q_D": x.q_D, "v_D": x.v_D, "q_K": x.q_K, "v_K": x.v_K, "p": self.p}
+
     def states(self, states: Sequence[State]) -> States:
         """States of this puppet, stacked.
 

@@ -13,6 +13,7 @@ row one-sided anew in every round: a row that had to be brought back is free to 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,6 +66,16 @@ def retract(model: Model, q_D: Array, move: Array) -> Array:
     """q_D (..., n_qD) moved by tangent vectors (..., n_vD), without checks of what is given."""
     table = model.coordinates
     return tangent.moved(table.scalars_D, table.quaternions_D, q_D, move)
+
+
+def difference_quotient(
+    model: Model, q_D: Array, function: Callable[[Array], Array], step: float
+) -> Array:
+    """Derivative (m, n_vD) of a function (m,) of a configuration by a small move, centred."""
+    n = model.coordinates.n_vD
+    moves = np.concatenate([np.eye(n), -np.eye(n)]) * step
+    around = np.array([function(q) for q in retract(model, q_D, moves)])
+    return (around[:n] - around[n:]).T / (2 * step)
 
 
 def project(model: Model, x: State) -> State:
@@ -261,17 +272,16 @@ def _stationary(
     n, at = model.coordinates.n_vD, Evaluation.of(model, x)
     farthest = (1.0 + SEARCH.distance_growth) * np.linalg.norm(_away(model, at, x, origin))
 
-    def residual(x: State) -> Array:
+    def residual(q_D: Array) -> Array:
         """(n + len(rows),) of the two equations."""
-        at = Evaluation.of(model, x)
-        return np.append(_away(model, at, x, origin) - at.W[:, rows] @ pull, at.h[rows])
+        y = x.replace(q_D=q_D)
+        at = Evaluation.of(model, y)
+        return np.append(_away(model, at, y, origin) - at.W[:, rows] @ pull, at.h[rows])
 
     for _ in range(SEARCH.newton_rounds):
-        moves = np.concatenate([np.eye(n), -np.eye(n)]) * SEARCH.difference
-        around = [residual(x.replace(q_D=q)) for q in retract(model, x.q_D, moves)]
-        by_q = (np.array(around[:n]) - np.array(around[n:])).T / (2 * SEARCH.difference)
+        by_q = difference_quotient(model, x.q_D, residual, SEARCH.difference)
         W = np.vstack([-Evaluation.of(model, x).W[:, rows], np.zeros((len(rows), len(rows)))])
-        step = np.linalg.lstsq(np.hstack([by_q, W]), -residual(x), rcond=1e-12)[0]
+        step = np.linalg.lstsq(np.hstack([by_q, W]), -residual(x.q_D), rcond=1e-12)[0]
         size = _size(step[:n])
         if not size < SEARCH.max_move:
             return None

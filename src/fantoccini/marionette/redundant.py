@@ -107,13 +107,7 @@ def may_be_redundant(model: Model) -> bool:
 
 
 def contradiction(model: Model, x: State, acc_K: Array) -> Contradiction | None:
-    """How redundant strings contradict one another at a state; None where they do not.
-
-    Args:
-        model: the puppet.
-        x: the state.
-        acc_K: (n_vK,) accelerations of the driven coordinates.
-    """
+    """How redundant strings contradict one another at a state; None where they do not."""
     x = x.replace(slip=np.maximum(x.slip, 0.0))  # of winches that slip: may be rounding
     at = Evaluation.of(model, x, acc_K)
     n = len(model.tree.strings)

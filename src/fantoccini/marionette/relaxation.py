@@ -19,7 +19,7 @@ from fantoccini.marionette.analysis import energies
 from fantoccini.marionette.dynamics import forward_dynamics
 from fantoccini.marionette.evaluation import Evaluation
 from fantoccini.marionette.model import Model
-from fantoccini.marionette.projection import onto_rows, retract
+from fantoccini.marionette.projection import difference_quotient, onto_rows, retract
 from fantoccini.motion import Input, State, rotation
 from fantoccini.puppet import Stepper as StepperMotor
 from fantoccini.runtime import Run
@@ -122,11 +122,6 @@ def pushed(model: Model, x: State, push: Array) -> State | None:
 
     Rows that are closed and do not pull are in no equilibrium's equations: they may stabilise what
     would be a saddle without them.
-
-    Args:
-        model: the puppet.
-        x: the equilibrium.
-        push: (n_vD,) with 1 as its largest part.
     """
     V, least = energies(model, x)[1], SEARCH.potential_fall * sizes(model)[1]
     for size in SEARCH.pushes:
@@ -314,12 +309,9 @@ def _changed(
 
 def derivatives(model: Model, found: Equilibrium) -> tuple[Array, Array]:
     """Derivatives of w0 - W tau (n_vD, n_vD) and of h (len(rows), n_vD) by a small move."""
-    n = len(found.x.v_D)
-    moves = np.concatenate([np.eye(n), -np.eye(n)]) * SEARCH.difference
-    force, h = np.zeros((2 * n, n)), np.zeros((2 * n, len(found.rows)))
-    for i, q_D in enumerate(retract(model, found.x.q_D, moves)):
+    def residual(q_D: Array) -> Array:
         at = Evaluation.of(model, found.x.replace(q_D=q_D))
-        force[i] = at.w0 - at.W[:, found.rows] @ found.tension
-        h[i] = at.h[found.rows]
-    by_force, by_h = ((part[:n] - part[n:]).T / (2 * SEARCH.difference) for part in (force, h))
-    return by_force, by_h
+        return np.append(at.w0 - at.W[:, found.rows] @ found.tension, at.h[found.rows])
+
+    by_move = difference_quotient(model, found.x.q_D, residual, SEARCH.difference)
+    return by_move[: len(found.x.v_D)], by_move[len(found.x.v_D) :]

@@ -16,7 +16,6 @@ from fantoccini.marionette.model import Model
 from fantoccini.marionette.redundant import CONTRADICTION_STATUSES, Contradiction, contradiction
 from fantoccini.marionette.vectors import check_positive, vector
 from fantoccini.motion import Input, State
-from fantoccini.motion.pieces import constant_acceleration
 from fantoccini.motion.polynomial import N_COEF
 from fantoccini.runtime import Run, RunOptions
 
@@ -70,16 +69,11 @@ class Stepper:
 
     def _begun(self, options: RunOptions) -> Run:
         """A run from the present state at its driven velocities."""
-        m, x = self.model, self.state
-        times = np.array([x.t, x.t + options.dt])
-        still = np.zeros((1, len(x.v_K)))
-        coasts = Input(
-            m.coordinates, times, *constant_acceleration(m.coordinates, times, x.q_K, x.v_K, still),
-            np.ones(len(x.v_K), dtype=bool),
-        )  # fmt: skip
-        return Run(
-            m.compiled.library_of(self.method), self.method, options, x, m.p, m.winches, coasts
-        )
+        model = self.model
+        library = model.compiled.library_of(self.method)
+        coasting = self._piece(options.dt, None, None)
+        about = options, self.state, model.p, model.winches, coasting
+        return Run(library, self.method, *about)
 
     def __getstate__(self) -> dict[str, Any]:
         # The library keeps the run, and gives it as bytes.

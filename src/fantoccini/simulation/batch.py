@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import combinations
 from typing import Any, TypeVar
 
@@ -35,7 +34,7 @@ from fantoccini.motion import SAVED, Columns, Input, Inputs, State, Trajectories
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Batch, RunOptions, default_threads, whole
 from fantoccini.simulation.checks import check_end, check_marionette, save_times
-from fantoccini.simulation.progress_bar import ProgressBar
+from fantoccini.simulation.progress_bar import progress_bar
 from fantoccini.simulation.run import ledger_of
 from fantoccini.simulation.soundness import gains, verdict
 
@@ -48,16 +47,10 @@ _PART = {"tension": "force", "limit_force": "force", "ledger": "books"}
 T = TypeVar("T", State, Input)
 
 
-@dataclass(frozen=True)
-class Sizes:
-    """Memory that a batch takes."""
-
-    number: int = 8  # [bytes]
-    ledger: int = 16  # Numbers of a sample while its ledger is made
-    times: int = 4  # Numbers of a sample's time while the times are made
-
-
-SIZES = Sizes()
+_BYTES = 8
+"""Of a number."""
+_LEDGER_NUMBERS, _TIME_NUMBERS = 16, 4
+"""Numbers of a sample while its ledger, and its time, are made."""
 
 
 def simulate_batch(
@@ -120,7 +113,12 @@ def simulate_batch(
     elif not isinstance(inputs, Inputs):
         inputs = _listed(inputs, Input, "inputs", "Input.waypoints()")
     given = as_inputs(inputs)
-    n = _n_runs(len(states), len(given))
+    n = max(len(states), len(given))
+    if not {len(states), len(given)} <= {1, n}:
+        raise ValueError(
+            f"{len(states)} states and {len(given)} inputs do not go together; give equal numbers "
+            "of both, or a single one"
+        )
     t_end = given.end if t_end is None else float(t_end)
     check_end(t_end, t)
     bound = bind_inputs(model, given, states.q_K, states.v_K, t, t_end)
@@ -147,9 +145,9 @@ def simulate_batch(
     library = model.compiled.batch_library_of(name)
     threads = min(default_threads() if threads is None else threads, -(-n // library.width))
     # Ctrl-C keeps what was reached; the other runs have the status they began with.
-    bar = ProgressBar(f"{n} runs", progress, t, t_end)
-    with bar, contextlib.suppress(KeyboardInterrupt):
-        batch.run(library, threads, bar.show)
+    bar = progress_bar(f"{n} runs", progress, t, t_end)
+    with bar as show, contextlib.suppress(KeyboardInterrupt):
+        batch.run(library, threads, show)
     if may_be_redundant(model):
         _find_contradictions(model, batch, bound, name)
     if name != "event":
@@ -216,16 +214,6 @@ def _listed(given: object, kind: type[T], name: str, maker: str) -> list[T]:
     )
 
 
-def _n_runs(n_states: int, n_inputs: int) -> int:
-    """Number of runs; one state or one input goes with all."""
-    if n_states != n_inputs and 1 not in (n_states, n_inputs):
-        raise ValueError(
-            f"{n_states} states and {n_inputs} inputs do not go together; give equal numbers of "
-            "both, or a single one"
-        )
-    return max(n_states, n_inputs)
-
-
 def _times(
     method: str, options: RunOptions, t: float, t_end: float, save_at: Array | None
 ) -> Array:
@@ -265,9 +253,9 @@ def _check_memory(
     else:
         n_samples = count_samples(options, t, t_end)
     widths, made = _widths(model), {_PART.get(name, name) for name in saved} - set(out)
-    sample = sum(widths[name] * (1 if name == "taut" else SIZES.number) for name in made)
-    sample += SIZES.ledger * SIZES.number if "ledger" in saved else 0
-    need = n_samples * (n * sample + SIZES.times * SIZES.number)
+    sample = sum(widths[name] * (1 if name == "taut" else _BYTES) for name in made)
+    sample += _LEDGER_NUMBERS * _BYTES if "ledger" in saved else 0
+    need = n_samples * (n * sample + _TIME_NUMBERS * _BYTES)
     check_memory(method, options, t, t_end, n_samples, need)
 
 

@@ -158,12 +158,12 @@ class Catch:
         It is the residual of the equations of motion at rest with the kick as acc_D, less that of
         gravity and springs.
         """
-        x, t = self._before, self._marionette.coordinates
-        values: dict[str, Array | float] = {
-            "q_D": x.q_D, "v_D": np.zeros(t.n_vD), "q_K": x.q_K, "v_K": np.zeros(t.n_vK),
-            "acc_D": np.stack([self._kick, np.zeros(t.n_vD)]), "acc_K": np.zeros(t.n_vK),
-            "tension": np.stack([self._impulse, np.zeros_like(self._impulse)]),
-            "dt": 0.0, "p": self._marionette.p,
+        x = self._before.replace(
+            v_D=np.zeros_like(self._before.v_D), v_K=np.zeros_like(self._before.v_K)
+        )
+        values = self._marionette.model.at(x) | {
+            "acc_D": np.stack([self._kick, np.zeros_like(self._kick)]), "acc_K": x.v_K,
+            "tension": np.stack([self._impulse, np.zeros_like(self._impulse)]), "dt": np.array(0.0),
         }  # fmt: skip
         compiled = self._marionette.model.compiled.derivatives
         found = compiled.at("force_by_q", values) | compiled.at("force_by_K", values)

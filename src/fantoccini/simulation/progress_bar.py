@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -14,43 +15,42 @@ _DELAY = 2.0
 """Time without a bar [s]."""
 
 
-class ProgressBar:
-    """Reports how much of a batch is done: to a callback, or on a terminal after two seconds.
+@contextmanager
+def progress_bar(
+    title: str, progress: Callable[[float], None] | None, t: float, t_end: float
+) -> Iterator[Callable[[float], None]]:
+    """Reports the share of a batch that is done, 0 to 1, on a terminal after two seconds.
 
     Args:
         title: of the bar.
         progress: called with the mean time reached [s], instead of the bar.
         t, t_end: the span of the runs [s].
     """
+    began = time.monotonic()
+    bar: Progress | None = None
 
-    def __init__(
-        self, title: str, progress: Callable[[float], None] | None, t: float, t_end: float
-    ):
-        self._title, self._progress = title, progress
-        self._t, self._t_end = t, t_end
-        self._bar: Progress | None = None
+    def show(share: float) -> None:
+        nonlocal bar
+        if progress:
+            progress(t + share * (t_end - t))
+        elif bar is None and time.monotonic() - began > _DELAY and sys.stderr.isatty():
+            bar = _started(title)
+        if bar:
+            bar.update(bar.task_ids[0], completed=share)
 
-    def __enter__(self) -> ProgressBar:
-        self._began = time.monotonic()
-        return self
+    try:
+        yield show
+    finally:
+        if bar:
+            bar.stop()
 
-    def __exit__(self, *_: object) -> None:
-        if self._bar:
-            self._bar.stop()
 
-    def show(self, share: float) -> None:
-        """Reports that a share of the work, 0 to 1, is done."""
-        if self._progress:
-            self._progress(self._t + share * (self._t_end - self._t))
-            return
-        if self._bar is None:
-            if time.monotonic() - self._began < _DELAY or not sys.stderr.isatty():
-                return
-            from rich.console import Console
-            from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+def _started(title: str) -> Progress:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-            columns = TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn()
-            self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
-            self._task = self._bar.add_task(self._title, total=1.0)
-            self._bar.start()
-        self._bar.update(self._task, completed=share)
+    columns = TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn()
+    bar = Progress(*columns, console=Console(stderr=True), transient=True)
+    bar.add_task(title, total=1.0)
+    bar.start()
+    return bar
