@@ -13,6 +13,12 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 """Any shape."""
 
+Mask = NDArray[np.bool_]
+"""Any shape, flags."""
+
+Indices = NDArray[np.intp]
+"""Any shape, places in arrays."""
+
 ConfigD = NDArray[np.float64]
 """(n_qD,) dynamic configuration [rad, m or 1]."""
 
@@ -27,9 +33,6 @@ VecK = NDArray[np.float64]
 
 MaskRows = NDArray[np.bool_]
 """(n_rows,) one flag a string or limit."""
-
-RowIndices = NDArray[np.intp]
-"""(n,) indices of rows."""
 
 Times = NDArray[np.float64]
 """(T,) times [s]."""

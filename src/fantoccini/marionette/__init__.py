@@ -31,8 +31,7 @@ from fantoccini.marionette.methods import (
 )
 from fantoccini.marionette.model import Model
 from fantoccini.marionette.modes import Mode, Modes
-from fantoccini.marionette.plausible import warnings
-from fantoccini.marionette.plausible_inputs import InputWarning, input_warnings
+from fantoccini.marionette.plausible import InputWarning, input_warnings, warnings
 from fantoccini.marionette.portable import PortableWorld
 from fantoccini.marionette.redundant import (
     CONTRADICTION_STATUSES,

@@ -23,7 +23,7 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.marionette import analysis
 from fantoccini.marionette.model import Model
-from fantoccini.tree import WORLD, Point, Role
+from fantoccini.tree import WORLD, Link, Point, Role, link_inertia
 
 _HALVINGS = 60
 """Bisections of the step: to rounding."""
@@ -132,12 +132,13 @@ def _pull(
 ) -> Array:
     """(n, n_vD) forces in the joints of a unit force on one point, its opposite on the other."""
     n, n_links = len(q_D), len(model.tree.links)
-    poses, centres = analysis.poses(model, q_D, q_K), _centres(model)
+    poses = analysis.poses(model, q_D, q_K)
     wrench = np.zeros((n, n_links, 6))
     for point, sign in zip(ends, (1.0, -1.0), strict=True):
         if point.link == WORLD:
             continue
-        at = np.array([model.number(x) for x in point.at]) - centres[point.link]
+        at = np.array([model.number(x) for x in point.at])
+        at = at - _centre(model, model.tree.links[point.link])
         arm = poses[:, point.link, :, :3] @ at
         wrench[:, point.link, :3] += sign * axis
         wrench[:, point.link, 3:] += np.cross(arm, sign * axis)
@@ -152,14 +153,7 @@ def _place(model: Model, poses: Array, point: Point) -> Array:
     return at if point.link == WORLD else poses[point.link, :, :3] @ at + poses[point.link, :, 3]
 
 
-def _centres(model: Model) -> Array:
-    """(n_links, 3) centres of mass in the links' frames [m]."""
-    import casadi as ca
-
-    from fantoccini.equations.algebra import column
-    from fantoccini.equations.system import System
-
-    system = System(model.tree)
-    centres = [column(system.centre(i)) for i in range(len(model.tree.links))]
-    found = ca.Function("centres", [system.symbols.p], [ca.horzcat(*centres)])
-    return np.array(found(model.p)).T
+def _centre(model: Model, link: Link) -> Array:
+    """(3,) centre of mass in the link's frame, its origin when massless [m]."""
+    mass, centre, _ = link_inertia(link, model.number)
+    return centre if mass > 0.0 else np.zeros(3)

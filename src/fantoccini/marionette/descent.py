@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array, RowIndices
+from fantoccini.arrays import Array, Indices
 from fantoccini.errors import StateError
 from fantoccini.marionette.active_set import TOLERANCES
 from fantoccini.marionette.analysis import effort, energies
@@ -88,7 +88,7 @@ def _minimum(model: Model, x: State) -> Equilibrium:
     longest = np.full(len(x.v_D), DESCENT.max_move)
     for row, pole in poles(model):
         longest[row.v] = np.minimum(longest[row.v], DESCENT.pole_share * pole)
-    rows: RowIndices = np.zeros(0, dtype=np.intp)
+    rows: Indices = np.zeros(0, dtype=np.intp)
     tension, unbalanced, stalls = np.zeros(0), np.inf, 0
     for _ in range(DESCENT.rounds):
         at = Evaluation.of(model, x)
@@ -180,7 +180,7 @@ def _curvature(at: Evaluation, by_move: Array) -> tuple[Array, Array]:
 
 
 def _unstable(
-    at: Evaluation, rows: RowIndices, curvature: Array, modes: Array
+    at: Evaluation, rows: Indices, curvature: Array, modes: Array
 ) -> Array | None:
     """A push (n_vD,) along which V falls while the rows hold; None at a minimum."""
     W = at.W[:, rows]

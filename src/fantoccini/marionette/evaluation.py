@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array, MaskRows, RowIndices
+from fantoccini.arrays import Array, Indices, MaskRows
 from fantoccini.contract import WINCH_AT
 from fantoccini.marionette.model import WINCH_DECELERATION, Model
 from fantoccini.marionette.vectors import vector
@@ -94,7 +94,7 @@ class Evaluation:
         return self.library.evaluate("forth", L=self.L, x=f).y
 
     def complementarity(
-        self, rows: RowIndices, b: Array, two_sided: MaskRows, upper: Array | None = None
+        self, rows: Indices, b: Array, two_sided: MaskRows, upper: Array | None = None
     ) -> Complementarity:
         """x and s of G x - b = s over some rows; see :meth:`Library.complementarity`.
 

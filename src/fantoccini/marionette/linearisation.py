@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array, RowIndices
+from fantoccini.arrays import Array, Indices
 from fantoccini.errors import UnknownNameError
 from fantoccini.marionette.dynamics import forward_dynamics
 from fantoccini.marionette.evaluation import Evaluation
@@ -181,7 +181,7 @@ class KKTSystem:
         rows: indices of the held rows.
     """
 
-    def __init__(self, at: Evaluation, rows: RowIndices):
+    def __init__(self, at: Evaluation, rows: Indices):
         self._at, self._W = at, at.W[:, rows]
         u, s, vt = np.linalg.svd(self._W, full_matrices=False)
         kept = s > DEPENDENT_ROWS * np.max(s, initial=0.0)
@@ -202,7 +202,7 @@ class KKTSystem:
         return self._at.back((w - self._W @ y).T).T, y
 
 
-def named_rows(model: Model, names: Iterable[str]) -> RowIndices:
+def named_rows(model: Model, names: Iterable[str]) -> Indices:
     """Indices of strings and limits, in order."""
     known = model.tree.row_names
     for name in (names := tuple(names)):
@@ -246,7 +246,7 @@ def row_derivatives(found: dict[str, Array]) -> Array:
 
 
 def tension_derivatives(
-    model: Model, tension: Array, held: RowIndices, dtension: Array
+    model: Model, tension: Array, held: Indices, dtension: Array
 ) -> Array:
     """(n_rows, m) derivatives of all tensions, from those of the held rows."""
     out = np.zeros((model.tree.n_rows, dtension.shape[1]))

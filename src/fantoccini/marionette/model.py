@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from fantoccini import tree as trees
-from fantoccini.arrays import Array, MaskRows, RowIndices
+from fantoccini.arrays import Array, Indices, MaskRows
 from fantoccini.contract import WINCH_AT
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.marionette.compiled import Compiled
@@ -252,7 +252,7 @@ class Model:
         """Lengths of the strings at configurations (..., n_qD), (..., n_qK): (..., n) [m]."""
         return self.tree.string_lengths(q_D, q_K, self.number)
 
-    def names_of(self, rows: RowIndices, share: Array | None) -> tuple[str, ...]:
+    def names_of(self, rows: Indices, share: Array | None) -> tuple[str, ...]:
         """Names of the rows whose share is not negligible; of all when no share is given."""
         names = [self.tree.row_names[i] for i in rows]
         if share is None:

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array, MaskRows, RowIndices
+from fantoccini.arrays import Array, Indices, MaskRows
 from fantoccini.errors import StateError
 from fantoccini.marionette.active_set import TOLERANCES, ActiveSet, taut_mask
 from fantoccini.marionette.configurations import integrate
@@ -213,7 +213,7 @@ def _size(move: Array) -> float:
     return float(np.max(np.abs(move), initial=0.0))
 
 
-def _shortest(model: Model, at: Evaluation, rows: RowIndices) -> Array:
+def _shortest(model: Model, at: Evaluation, rows: Indices) -> Array:
     """The shortest y with h + W^T y <= 0, or the one with the least violation."""
     W, h, wires = at.W[:, rows], at.h[rows], model.two_sided[rows]
     found = at.complementarity(rows, h, model.two_sided)
@@ -237,7 +237,7 @@ def _nearest(model: Model, x: State, origin: State) -> State:
     overshoot. Newton's method completes searches that converge slowly.
     """
     wires, scale, mu = model.two_sided, model.row_scales(x.q_D, x.q_K), 0.0
-    held: tuple[RowIndices, Array] = np.zeros(0, dtype=np.intp), np.zeros(0)
+    held: tuple[Indices, Array] = np.zeros(0, dtype=np.intp), np.zeros(0)
     for _ in range(SEARCH.approaches):
         at = Evaluation.of(model, x)
         away = _away(model, at, x, origin)
@@ -262,7 +262,7 @@ def _nearest(model: Model, x: State, origin: State) -> State:
 
 
 def _stationary(
-    model: Model, x: State, origin: State, rows: RowIndices, pull: Array
+    model: Model, x: State, origin: State, rows: Indices, pull: Array
 ) -> State | None:
     """The state near another with F away = W pull and h = 0 on some rows, by Newton's method.
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array, RowIndices
+from fantoccini.arrays import Array, Indices
 from fantoccini.errors import Status
 from fantoccini.marionette.evaluation import Evaluation
 from fantoccini.marionette.model import Model
@@ -186,7 +186,7 @@ def _least(W: Array, x: Array) -> Array:
     return nnls(np.vstack([heavy * W, np.eye(len(x))]), np.append(heavy * (W @ x), 0.0 * x))[0]
 
 
-def _group(model: Model, holds: RowIndices, stressed: RowIndices) -> tuple[list[int], int]:
+def _group(model: Model, holds: Indices, stressed: Indices) -> tuple[list[int], int]:
     """The taut strings that move nothing but what stressed ones do, and how many freedoms."""
     strings = model.tree.strings
     moved = set().union(*(_moved(model, strings[i]) for i in stressed))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array, RowIndices
+from fantoccini.arrays import Array, Indices
 from fantoccini.errors import StateError, Status
 from fantoccini.marionette.active_set import TOLERANCES
 from fantoccini.marionette.analysis import energies
@@ -77,7 +77,7 @@ class Equilibrium:
     """
 
     x: State
-    rows: RowIndices
+    rows: Indices
     tension: Array
 
 
@@ -297,8 +297,8 @@ def newton(model: Model, x: State) -> Equilibrium | None:
 
 
 def _changed(
-    model: Model, at: Evaluation, rows: RowIndices, tension: Array, scale: Array
-) -> RowIndices | None:
+    model: Model, at: Evaluation, rows: Indices, tension: Array, scale: Array
+) -> Indices | None:
     """The rows without those that push and with those that are violated; None if unchanged."""
     pushing = (tension < -SEARCH.min_tension * sizes(model)[1]) & ~model.two_sided[rows]
     violated = (at.h > TOLERANCES.start_gap * scale) & ~model.two_sided

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array, RowIndices
+from fantoccini.arrays import Array, Indices
 from fantoccini.contract import WINCH_AT
 from fantoccini.errors import SimulationError, Status
 from fantoccini.marionette import Evaluation, Marionette
@@ -71,7 +71,7 @@ class Catch:
         marionette: Marionette,
         before: State,
         after: State,
-        held: tuple[RowIndices, RowIndices],
+        held: tuple[Indices, Indices],
     ):
         self._marionette, self._before = marionette, before
         self._at = at = Evaluation.of(marionette.model, before)

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from fantoccini.arrays import Array, RowIndices, Times
+from fantoccini.arrays import Array, Indices, Times
 from fantoccini.errors import InputError, Problem, StateError
 from fantoccini.marionette import Marionette, bind_input, check_positive
 from fantoccini.motion import Input, InputDerivative, State, Trajectory
@@ -225,7 +225,7 @@ class _Pieces:
         self.passages.append(catch.passage(acc, acc_K))
         return catch.carried(Z, by_input, acc, acc_K)
 
-    def _held(self, i: int) -> RowIndices:
+    def _held(self, i: int) -> Indices:
         """The rows that are taut from sample i on."""
         run = self.run
         holds = np.concatenate([run.taut.values[i], run.limit_force.values[i] > 0.0])

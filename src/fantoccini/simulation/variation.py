@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fantoccini.arrays import Array, RowIndices
+from fantoccini.arrays import Array, Indices
 from fantoccini.errors import SimulationError, Status
 from fantoccini.marionette import Evaluation, Marionette
 from fantoccini.marionette.linearisation import KKTSystem, linearise, row_derivatives_at, turning
@@ -39,7 +39,7 @@ class Variation:
         self._table = marionette.coordinates
 
     def projected(
-        self, x: State, rows: RowIndices, Z: Array, by_input: InputVariation
+        self, x: State, rows: Indices, Z: Array, by_input: InputVariation
     ) -> Array:
         """The changes nearest to Z, in the metric of M_DD, that keep h = 0 and hdot = 0 of rows."""
         n, found = len(x.v_D), row_derivatives_at(self.marionette.model, x)
@@ -54,7 +54,7 @@ class Variation:
         return np.concatenate([Z_q, Z_v])
 
     def along(
-        self, x: State, rows: RowIndices, Z: Array, piece: InputPiece, times: Array
+        self, x: State, rows: Indices, Z: Array, piece: InputPiece, times: Array
     ) -> tuple[Array, Array]:
         """The state and the changes at some times of a piece on which ``rows`` are taut.
 
