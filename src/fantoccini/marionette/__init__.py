@@ -14,7 +14,7 @@ from fantoccini.marionette.checks import (
     count_samples,
 )
 from fantoccini.marionette.critical_step import critical_step_of_tensions
-from fantoccini.marionette.dynamics import ForwardDynamics, with_active_set
+from fantoccini.marionette.dynamics import ForwardDynamics
 from fantoccini.marionette.evaluation import Evaluation
 from fantoccini.marionette.flow import Flow
 from fantoccini.marionette.linearisation import Linearisation, Partials
@@ -91,5 +91,4 @@ __all__ = [
     "loads",
     "may_be_redundant",
     "warnings",
-    "with_active_set",
 ]

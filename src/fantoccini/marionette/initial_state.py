@@ -43,13 +43,7 @@ def state(model: Model, values: Values | None = None) -> State:
 
 
 def _put(
-    table: CoordinateTable,
-    name: str,
-    value: Value,
-    q_D: Array,
-    v_D: Array,
-    q_K: Array,
-    v_K: Array,
+    table: CoordinateTable, name: str, value: Value, q_D: Array, v_D: Array, q_K: Array, v_K: Array
 ) -> None:
     """Sets one named value in the arrays it belongs to."""
     number = _numbers(table, name, value)

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from fantoccini.arrays import Array
-from fantoccini.marionette import (
+from fantoccini.marionette import (  # fmt: skip
     analysis,
     configurations,
     equilibrium,
     initial_state,
     projection,
-)  # fmt: skip
+)
 from fantoccini.marionette.analysis import interpreted
 from fantoccini.marionette.dynamics import ForwardDynamics, forward_dynamics
 from fantoccini.marionette.flow import Flow
@@ -256,11 +256,7 @@ class Marionette:
         return linearise(self.model, x, acc_K, u_D, rows)
 
     def linearise_step(
-        self,
-        x: State,
-        acc_K: Array | None = None,
-        u_D: Array | None = None,
-        dt: float = 0.002,
+        self, x: State, acc_K: Array | None = None, u_D: Array | None = None, dt: float = 0.002
     ) -> StepLinearisation:
         """The first step of a time-stepping run from a state, with its derivatives.
 

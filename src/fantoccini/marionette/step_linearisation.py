@@ -78,11 +78,7 @@ class StepLinearisation:
 
 
 def linearise_step(
-    model: Model,
-    x: State,
-    acc_K: Array | None = None,
-    u_D: Array | None = None,
-    dt: float = 0.002,
+    model: Model, x: State, acc_K: Array | None = None, u_D: Array | None = None, dt: float = 0.002
 ) -> StepLinearisation:
     """The first time step from a state; see :meth:`Marionette.linearise_step`."""
     t = model.coordinates

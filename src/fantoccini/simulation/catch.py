@@ -67,11 +67,7 @@ class Catch:
     """
 
     def __init__(
-        self,
-        marionette: Marionette,
-        before: State,
-        after: State,
-        held: tuple[Indices, Indices],
+        self, marionette: Marionette, before: State, after: State, held: tuple[Indices, Indices]
     ):
         self._marionette, self._before = marionette, before
         self._at = at = Evaluation.of(marionette.model, before)

@@ -26,14 +26,7 @@ from fantoccini.marionette import (
     contradiction,
     first_excess_tension,
 )
-from fantoccini.motion import (
-    Columns,
-    EventKind,
-    EventRecord,
-    Input,
-    State,
-    Trajectory,
-)
+from fantoccini.motion import Columns, EventKind, EventRecord, Input, State, Trajectory
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Run
 from fantoccini.simulation.checks import check_end, check_marionette, save_times
