@@ -44,7 +44,7 @@ class Descent:
     growth: float = 3.0  # Factor of mu after a step on which V did not fall
     shrinkage: float = 0.2  # Factor of mu after one on which it did
     least_curvature: float = 1e-3
-    """Curvature that steps use at least [1/s^2]: without springs and gravity there is none."""
+    """Curvature that steps use at least [1/s^2]: gravity alone may have none."""
     max_move: float = 0.1  # Longest move of one round
     pole_share: float = 0.25
     """Longest move of a stepper motor in one round, relative to the distance of its poles."""
