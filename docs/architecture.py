@@ -59,7 +59,7 @@ TASKS = (
         ("declare its arguments and results", ("contract/functions.py",)),
         ("return its expression from `_NAME`", ("equations/functions.py",)),
         ("derive it, if the system does not have it yet", ("equations/system.py",)),
-        ("evaluate it, and forward to that", ("marionette/analysis.py", "marionette/handle.py")),
+        ("evaluate it", ("marionette/marionette.py",)),
     )),
     Task("a joint type", (
         ("schema: the type, its keys, and the words of other programs for it",

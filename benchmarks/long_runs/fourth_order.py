@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks.strings.report import Table
 
 import fantoccini as fan
-from fantoccini.marionette import instant_at
+from fantoccini.marionette import Evaluation
 
 CHAIN = """
 puppet: chain
@@ -55,7 +55,7 @@ class Rule:
         equations, n = puppet.equations, len(x.q_D)
         self.n, self.stages = n, stages
         taut = np.flatnonzero(
-            np.abs(instant_at(puppet.model, x).h[: len(puppet.tree.strings)]) < 1e-9
+            np.abs(Evaluation.of(puppet.model, x).h[: len(puppet.tree.strings)]) < 1e-9
         )
         self.m = len(taut)
         q, q_mid, q_next, p = (ca.SX.sym(name, n) for name in ("q", "q_mid", "q_next", "p"))
@@ -116,7 +116,7 @@ def measured() -> tuple[Table, Table]:
     puppet = fan.loads(CHAIN)
     x = puppet.rest()
     push = x.replace(v_D=np.array([0.5, 2.0, -1.5]))
-    at = instant_at(puppet.model, push)
+    at = Evaluation.of(puppet.model, push)
     W = at.W[:, :1]
     v_D = push.v_D - at.back(W @ np.linalg.solve(W.T @ W, at.hdot[:1]))
     x = push.replace(v_D=v_D)

@@ -10,7 +10,7 @@ import numpy as np
 
 import fantoccini as fan
 from fantoccini import puppets
-from fantoccini.marionette import instant_at
+from fantoccini.marionette import Evaluation
 from fantoccini.motion import State
 
 FLYER = """
@@ -53,7 +53,7 @@ def all_taut() -> State:
     """The marionette at rest with its knees lifted until all strings pull."""
     rest = damped().rest()
     lengths = dict(zip(damped().coordinates.q_K, rest.q_K, strict=True))
-    gap = dict(zip(damped().tree.row_names, instant_at(damped().model, rest).h, strict=False))
+    gap = dict(zip(damped().tree.row_names, Evaluation.of(damped().model, rest).h, strict=False))
     for side in ("left", "right"):
         lengths[f"knee_{side}.length"] += gap[f"knee_{side}"] - 0.004
     return damped().rest(lengths)
@@ -62,7 +62,7 @@ def all_taut() -> State:
 def swinging(puppet: fan.Marionette, rest: State, v_D: np.ndarray) -> State:
     """A state at rest that moves by v_D, less what its taut strings hold."""
     x = rest.replace(v_D=v_D)
-    at = instant_at(puppet.model, x)
+    at = Evaluation.of(puppet.model, x)
     taut = np.flatnonzero(np.abs(at.h) < 1e-9)
     W = at.W[:, taut]
     return x.replace(v_D=v_D - at.back(W @ np.linalg.solve(W.T @ W, at.hdot[taut])))

@@ -12,7 +12,7 @@ import numpy as np
 
 import fantoccini as fan
 from fantoccini.exchange import mjcf
-from fantoccini.marionette import instant_at
+from fantoccini.marionette import Evaluation
 from fantoccini.motion import State
 
 from ..strings import ROOT
@@ -163,7 +163,7 @@ def _acceleration_apart(peer) -> float:
         for q, _ in puppet.coordinates.quaternions_D:
             q_D[q : q + 4] /= np.linalg.norm(q_D[q : q + 4])
         x = rest.replace(q_D=q_D, v_D=rng.normal(size=len(rest.v_D)))
-        instant = instant_at(puppet.model, x)
+        instant = Evaluation.of(puppet.model, x)
         ours = instant.back(instant.w0)
         worst = max(worst, float(np.abs(peer.acceleration(x.q_D, x.v_D) - ours).max())
                     / float(np.abs(ours).max()))  # fmt: skip

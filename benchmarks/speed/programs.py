@@ -94,4 +94,4 @@ def lane_source() -> build.Source:
 
 def source() -> build.Source:
     """The bundled marionette as text to be compiled, just as the library is made of it."""
-    return marionette().model.compiled.source()
+    return marionette().model.compiled.source_files()

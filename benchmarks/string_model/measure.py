@@ -11,8 +11,8 @@ from benchmarks.string_model.subject import Subject
 
 import fantoccini as fan
 from fantoccini.errors import StateError
-from fantoccini.marionette import Marionette, instant_at
-from fantoccini.marionette.statics import retract
+from fantoccini.marionette import Evaluation, Marionette
+from fantoccini.marionette.projection import retract
 from fantoccini.motion import State
 from fantoccini.view.scene import chain_points
 
@@ -153,7 +153,7 @@ def eigenvalues(puppet: Marionette, x: State) -> tuple[float, float]:
 
     In the coordinates where M_DD is one, and on taut strings across them; 0 is left out.
     """
-    at = instant_at(puppet.model, x)
+    at = Evaluation.of(puppet.model, x)
     n = len(x.v_D)
     _, tension = puppet.forward_dynamics(x)
     rows = np.flatnonzero(tension > 0)
@@ -164,9 +164,9 @@ def eigenvalues(puppet: Marionette, x: State) -> tuple[float, float]:
         for sign in (1, -1):
             size = sign * _MOVE / max(1.0, float(np.max(np.abs(move))))
             q_D = retract(puppet.model, x.q_D, size * move)
-            there = instant_at(puppet.model, x.replace(q_D=q_D))
+            there = Evaluation.of(puppet.model, x.replace(q_D=q_D))
             stiff[:, k] += 0.5 * (there.w0 - there.W[:, rows] @ tau) / size
-            moving = instant_at(puppet.model, x.replace(v_D=size * move))
+            moving = Evaluation.of(puppet.model, x.replace(v_D=size * move))
             damped[:, k] += 0.5 * moving.w0 / size
     free = np.linalg.svd(W.T)[2][len(rows) :].T if len(rows) else np.eye(n)
     m = free.shape[1]

@@ -29,7 +29,7 @@ def test_imports_are_found_wherever_they_stand():
 
 def test_what_shapes_numbers_counts_and_what_shows_them_does_not():
     """18.1: inertia of shapes is folded into compiled code, but the list of before left it out."""
-    files = {f.relative_to(PACKAGE).as_posix() for f in closure.closure(compiled._SHAPING)}
+    files = {f.relative_to(PACKAGE).as_posix() for f in closure.closure(compiled.SOURCE_MODULES)}
     assert {"puppet/shapes.py", "tree/chains.py", "contract/functions.py"} <= files
     assert {"equations/variational.py", "codegen/straight.py"} <= files
     assert not {f for f in files if f.startswith(("marionette", "view", "runtime", "build"))}

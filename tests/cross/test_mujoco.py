@@ -7,7 +7,7 @@ import pytest
 
 import fantoccini as fan
 from fantoccini import motion
-from fantoccini.marionette import instant_at
+from fantoccini.marionette import Evaluation
 from fantoccini.puppet import load
 from harness import Model, State
 from oracles import mjcf, random_trees
@@ -52,7 +52,7 @@ def test_compiled_trees_satisfy_mujocos_equations(seed):
 
     def acceleration(s: State) -> np.ndarray:
         x = motion.State(0.0, s.q_D, s.v_D, s.q_K, s.v_K, np.zeros(0, dtype=bool))
-        instant = instant_at(marionette.model, x, acc_K=s.acc_K)
+        instant = Evaluation.of(marionette.model, x, acc_K=s.acc_K)
         return instant.back(instant.w0)
 
     assert check(model, seed, acceleration) < 1e-10

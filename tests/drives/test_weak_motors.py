@@ -185,7 +185,7 @@ def test_a_copied_stepper_has_lost_the_same_steps(stepped, method):
         copied.advance(0.003)
         assert copied.status is stepper.status and copied.state == stepper.state
         assert np.array_equal(copied.events, stepper.events)
-        assert np.array_equal(copied.rows, stepper.rows)
+        assert np.array_equal(copied.samples, stepper.samples)
 
 
 def test_a_stepper_goes_on_and_says_so(stepped):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.marionette import instant_at
+from fantoccini.marionette import Evaluation
 
 
 @pytest.fixture(scope="module", params=["marionette", "marionette_bar", "arm2d"])
@@ -62,7 +62,7 @@ def test_tangent_vectors_are_those_of_linearise():
 
     def acc(s: float) -> np.ndarray:
         there = x.replace(q_D=arm.integrate(x.q_D, s * dq))
-        at = instant_at(arm.model, there)
+        at = Evaluation.of(arm.model, there)
         return at.back(at.w0)
 
     np.testing.assert_allclose(

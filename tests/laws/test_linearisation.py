@@ -9,7 +9,7 @@ import pytest
 import fantoccini as fan
 from fantoccini.codegen import generate
 from fantoccini.codegen.straight import program
-from fantoccini.marionette import instant_at
+from fantoccini.marionette import Evaluation
 from fantoccini.marionette.linearisation import named_rows
 from fantoccini.marionette.stepper import Stepper
 from oracles.differences import apart, difference, moved, worst
@@ -95,7 +95,7 @@ def somewhere(puppet: fan.Marionette, seed: int) -> tuple[fan.State, np.ndarray,
 def accelerations(puppet: fan.Marionette, rows, x, acc_K, u_D) -> np.ndarray:
     """acc_D and the tensions with rows held as equalities, from the compiled model."""
     held = named_rows(puppet.model, rows)
-    instant = instant_at(puppet.model, x, acc_K, u_D)
+    instant = Evaluation.of(puppet.model, x, acc_K, u_D)
     W = instant.W[:, held]
     tension = np.linalg.solve(W.T @ W, W.T @ instant.w0 + instant.gamma[held])
     return np.concatenate([instant.back(instant.w0 - W @ tension), tension])

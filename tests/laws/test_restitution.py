@@ -16,7 +16,7 @@ import pytest
 
 import fantoccini as fan
 from fantoccini import Marionette, State, Trajectory
-from fantoccini.marionette import instant_at
+from fantoccini.marionette import Evaluation
 from fantoccini.motion.rotation import exp, multiply
 
 G = 9.81
@@ -106,7 +106,7 @@ def thrown(rng: np.random.Generator, flight: float) -> State | None:
     q_K[lengths] = 0.0
     paths = puppet.model.library.evaluate("rows", q_D=at_catch.q_D, q_K=q_K, p=puppet.p).h
     q_K[lengths] = paths
-    closing = instant_at(puppet.model, at_catch.replace(v_D=v_D, q_K=q_K)).hdot > 0.05
+    closing = Evaluation.of(puppet.model, at_catch.replace(v_D=v_D, q_K=q_K)).hdot > 0.05
     q_K[lengths] += ~closing
     q_D = at_catch.q_D.copy()
     gravity = np.array([0.0, 0.0, -G])
@@ -114,7 +114,7 @@ def thrown(rng: np.random.Generator, flight: float) -> State | None:
     q_D[3:] = multiply(q_D[3:], exp(-v_D[3:] * flight))
     v_D[:3] -= gravity * flight
     x0 = at_catch.replace(q_D=q_D, v_D=v_D, q_K=q_K)
-    return x0 if np.max(instant_at(puppet.model, x0).h) < 0 else None
+    return x0 if np.max(Evaluation.of(puppet.model, x0).h) < 0 else None
 
 
 def around(run: Trajectory, t: float) -> tuple[State, State]:
@@ -159,8 +159,8 @@ def test_strings_of_unequal_restitution_caught_together():
         shared += np.count_nonzero(impulse) >= 2
         before, after = around(run, first[0].t)
         before, after = (
-            instant_at(puppet.model, before).hdot[index],
-            instant_at(puppet.model, after).hdot[index],
+            Evaluation.of(puppet.model, before).hdot[index],
+            Evaluation.of(puppet.model, after).hdot[index],
         )
         assert np.max(np.abs(before - [event.speed for event in first])) <= 1e-12
         assert np.min(impulse) >= 0.0

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import fantoccini as fan
-from fantoccini.marionette import instant_at
+from fantoccini.marionette import Evaluation
 from fantoccini.marionette.projection import retract
 from properties import puppets
 
@@ -126,7 +126,7 @@ def _with_velocity(puppet: fan.Marionette, x: fan.State, v_K: np.ndarray) -> fan
         return x
     for driven in (v_K, np.zeros_like(v_K)):
         at = x.replace(v_K=driven)
-        instant = instant_at(puppet.model, at)
+        instant = Evaluation.of(puppet.model, at)
         scale = puppet.model.row_scales(at.q_D, at.q_K)
         rows = np.flatnonzero((instant.h >= -1e-9 * scale) | puppet.model.two_sided)
         found = instant.complementarity(rows, instant.hdot[rows], puppet.model.two_sided)

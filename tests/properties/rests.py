@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import fantoccini as fan
-from fantoccini.marionette import energies, instant_at
+from fantoccini.marionette import Evaluation, energies
 from fantoccini.marionette.projection import onto_rows, retract
 from fantoccini.motion import tangent
 
@@ -158,7 +158,7 @@ def case(puppet: int, number: int) -> Case:
     drawn = _moved(marionette, x, rng.normal(size=len(x.v_D)) * rng.choice([0.0, 0.1, 0.4]))
     drawn = _within(marionette, drawn)
     lengths = marionette.model.string_lengths(drawn.q_D, drawn.q_K)
-    spans = lengths + instant_at(marionette.model, drawn).h[: len(lengths)]
+    spans = lengths + Evaluation.of(marionette.model, drawn).h[: len(lengths)]
     slack = np.where(rng.random(len(spans)) < 0.5, rng.uniform(0.0, 0.05, len(spans)), 0.0)
     values = {
         f"{s.name}.length": float(a + b)
@@ -188,7 +188,7 @@ def _within(marionette: fan.Marionette, x: fan.State) -> fan.State:
     move, n = tangent.between(*places, start.q_D, x.q_D, table.n_vD), len(marionette.tree.strings)
     for part in 0.8 ** np.arange(60):
         here = _moved(marionette, start, part * move)
-        if np.all(instant_at(marionette.model, here).h[n:] <= 0.0):
+        if np.all(Evaluation.of(marionette.model, here).h[n:] <= 0.0):
             return here
     return start
 
@@ -200,7 +200,7 @@ def _limited(marionette: fan.Marionette, x: fan.State, rng, beyond: float) -> fa
         link, which = tree.links[limit.link], name.rsplit(".", 1)[1]
         if link.v.stop - link.v.start > 1 or rng.random() < 0.5:
             continue
-        h = instant_at(marionette.model, x.replace(q_D=q_D)).h[tree.row_names.index(name)]
+        h = Evaluation.of(marionette.model, x.replace(q_D=q_D)).h[tree.row_names.index(name)]
         q_D[link.q] += (1.0 if which == "upper" else -1.0) * (beyond * rng.random() - h)
     return x.replace(q_D=q_D)
 
@@ -228,7 +228,7 @@ def broken(found: Case) -> str:
     except fan.StateError as error:
         return f"not found: {error}"
     acc, tension = marionette.forward_dynamics(x)
-    weight, h = marionette.weight, instant_at(marionette.model, x).h
+    weight, h = marionette.weight, Evaluation.of(marionette.model, x).h
     if np.max(h, initial=-1.0) > 1e-9:
         return "a row is broken"
     if np.min(tension, initial=0.0) < 0.0:

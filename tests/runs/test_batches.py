@@ -194,7 +194,7 @@ def test_progress_goes_to_the_end():
 
 def test_mistakes_name_the_run():
     bad = X0.replace(q_K=X0.q_K * 0.9)
-    with pytest.raises(fan.StateError, match=r"states\[2\] breaks"):
+    with pytest.raises(fan.StateError, match=r"states\[2] violates"):
         stepped(None, [X0, X0, bad])
     far = fan.Input.waypoints(ARM, {"hand.length": [(0, 0.3), (1, 0.4)]})
     near = fan.Input.waypoints(ARM, {"hand.length": [(0, X0.q_K[-1]), (1, 0.4)]})

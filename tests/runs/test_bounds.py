@@ -68,7 +68,7 @@ def test_every_structure_of_the_runtime_is_checked():
 @pytest.mark.parametrize("x0", [X0, [X0] * 8], ids=["one", "many"])
 def test_rows_that_do_not_fit_are_refused_before_anything_is_made(method, x0):
     """17.6, 26: 5e11 rows of fixed steps; a batch had made 37 GiB of times first."""
-    with pytest.raises(ValueError, match=r"5e\+11 rows from 0 s .* GB may be taken.*save_every="):
+    with pytest.raises(ValueError, match=r"5e\+11 samples from 0 s .* GB may be used.*save_every="):
         simulated(x0, t_end=1e9, method=method)
     with pytest.raises(ValueError, match=r"need 0.0.* GB .*max_memory"):
         simulated(x0, t_end=1.0, method=method, max_memory=5e3)
@@ -82,7 +82,7 @@ def test_rows_that_do_not_fit_are_refused_before_anything_is_made(method, x0):
 def test_times_to_save_that_do_not_fit_are_refused(x0):
     """17.6: the rows of an event-driven run are known where its times are given."""
     times = np.linspace(0.0, 1e3, 10**5)
-    with pytest.raises(ValueError, match=r"1e\+05 rows .* fewer times in save_at"):
+    with pytest.raises(ValueError, match=r"1e\+05 samples .* fewer times in save_at"):
         simulated(x0, t_end=1e3, save_at=times, max_memory=1e7)
 
 
@@ -96,7 +96,7 @@ def test_a_run_that_writes_too_much_ends_and_keeps_what_it_has(integrator):
     assert run.status is Status.TOO_MANY_ROWS
     assert 100 < len(run) < len(whole_run) // 2
     assert np.array_equal(run.q_D, whole_run.q_D[: len(run)])
-    with pytest.raises(fan.SimulationError, match=r"after \d+ rows; write fewer with save_at"):
+    with pytest.raises(fan.SimulationError, match=r"after \d+ samples; write fewer with save_at"):
         simulated(x0, max_memory=3e5, **how)
 
 
@@ -131,7 +131,7 @@ def test_a_run_needs_no_more_memory_than_was_reckoned():
     run = fan.simulate(ARM, X0, t_end=20.0, method="timestepping")
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert peak < memory.bytes_of(len(run), sum(ARM.model.row_layout.widths.values()))
+    assert peak < memory.bytes_of(len(run), sum(ARM.model.sample_layout.widths.values()))
 
 
 @pytest.mark.parametrize("method", ["timestepping", "variational"])

@@ -78,7 +78,7 @@ def test_an_endless_piece_is_refused(arm):
     for duration in (np.inf, np.nan, 0.0, -1.0):
         with pytest.raises(ValueError, match="it must be positive and finite"):
             stepper.advance(duration)
-    with pytest.raises(ValueError, match=r"5e\+14 rows from 0 s to 1e\+12 s"):
+    with pytest.raises(ValueError, match=r"5e\+14 samples from 0 s to 1e\+12 s"):
         stepper.advance(1e12)
     assert stepper.advance(0.1).t == pytest.approx(0.1)
 
@@ -155,7 +155,7 @@ def test_copies_go_on_to_the_same_bits(arm, method):
         x = stepper.advance(0.002, acc_K)
         for one in copies:
             assert one.advance(0.002, acc_K) == x and one.status is stepper.status
-            assert np.array_equal(one.rows, stepper.rows)
+            assert np.array_equal(one.samples, stepper.samples)
             assert np.array_equal(one.events, stepper.events)
 
 
@@ -170,5 +170,5 @@ def test_a_stepper_begins_with_the_velocities_of_its_state(arm, method):
     _, tension = arm.forward_dynamics(x)
     assert np.abs(x.v_K[1]) > 0.1
     assert np.allclose(stepper.tension, tension, atol=0.05 * arm.weight)
-    split = arm.model.row_layout.split(stepper.rows)
+    split = arm.model.sample_layout.split(stepper.samples)
     assert np.array_equal(split["v_K"][0], x.v_K) and split["taut"][0, 0] == 1.0

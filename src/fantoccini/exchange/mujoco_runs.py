@@ -9,7 +9,7 @@ import numpy as np
 from fantoccini.arrays import Array, Times
 from fantoccini.errors import Status
 from fantoccini.exchange.mujoco_puppet import MuJoCoPuppet
-from fantoccini.marionette import Marionette, ready
+from fantoccini.marionette import Marionette, bind_input, check_start
 from fantoccini.motion import Columns, Input, State, Trajectory
 from fantoccini.motion.trajectory import LEDGER
 
@@ -41,11 +41,11 @@ def mujoco_run(
         MissingLibraryError: MuJoCo is not installed.
         StateError: ``x0`` breaks a string or limit.
     """
-    marionette.check_start(x0, "timestepping")
+    check_start(marionette.model, x0, "timestepping")
     puppet = MuJoCoPuppet(marionette, dt)
     data = puppet.data
     t = _steps(x0.t, t_end, inputs.breaks, dt)
-    bound = ready(marionette.model, inputs, x0.q_K, x0.v_K, x0.t, t_end)
+    bound = bind_input(marionette.model, inputs, x0.q_K, x0.v_K, x0.t, t_end)
     q_K, v_K, acc_K = bound.evaluate(t)
     h = np.diff(t)
     u_D = inputs.evaluate_force(np.append(t[:-1] + 0.5 * h, t[-1]))

@@ -1,23 +1,25 @@
-"""Marionette: the user's handle."""
+"""Marionette: a puppet with its equations, compiled model, states and algorithms."""
 
+from fantoccini.marionette.active_set import ActiveSet
 from fantoccini.marionette.analysis import A_rate, coriolis_full, energies, link_index
 from fantoccini.marionette.checks import (
+    as_inputs,
+    bind_input,
+    bind_inputs,
     check_memory,
-    check_rows,
+    check_samples,
+    check_start,
     check_starts,
     check_step,
-    many_of,
-    ready,
-    ready_many,
-    rows_of_steps,
+    count_samples,
 )
-from fantoccini.marionette.closed import closed_rows
-from fantoccini.marionette.dynamics import ForwardDynamics, with_mode
+from fantoccini.marionette.critical_step import critical_step_of_tensions
+from fantoccini.marionette.dynamics import ForwardDynamics
+from fantoccini.marionette.evaluation import Evaluation
 from fantoccini.marionette.flow import Flow
-from fantoccini.marionette.handle import Marionette
-from fantoccini.marionette.instant import instant_at
 from fantoccini.marionette.linearisation import Linearisation, Partials
 from fantoccini.marionette.loading import StringModel, load, loads
+from fantoccini.marionette.marionette import Marionette
 from fantoccini.marionette.mass_check import check_mass_matrix
 from fantoccini.marionette.methods import (
     Event,
@@ -29,25 +31,25 @@ from fantoccini.marionette.methods import (
 )
 from fantoccini.marionette.model import Model
 from fantoccini.marionette.modes import Mode, Modes
-from fantoccini.marionette.parcel import Parcel
-from fantoccini.marionette.plausible import warnings
-from fantoccini.marionette.plausible_inputs import InputWarning, input_warnings
+from fantoccini.marionette.plausible import InputWarning, input_warnings, warnings
+from fantoccini.marionette.portable import PortableWorld
 from fantoccini.marionette.redundant import (
-    STOPPED_BY,
+    CONTRADICTION_STATUSES,
     Contradiction,
     contradiction,
-    may_contradict,
-    overpulled,
+    first_excess_tension,
+    may_be_redundant,
 )
-from fantoccini.marionette.spring_steps import tension_step
 from fantoccini.marionette.step_linearisation import StepLinearisation
 from fantoccini.marionette.stepper import Stepper
 from fantoccini.marionette.vectors import check_positive
 
 __all__ = [
-    "STOPPED_BY",
+    "CONTRADICTION_STATUSES",
     "A_rate",
+    "ActiveSet",
     "Contradiction",
+    "Evaluation",
     "Event",
     "Flow",
     "ForwardDynamics",
@@ -59,36 +61,34 @@ __all__ = [
     "Mode",
     "Model",
     "Modes",
-    "Parcel",
     "Partials",
+    "PortableWorld",
     "StepLinearisation",
     "Stepper",
     "StringModel",
     "TimeStepping",
     "Variational",
+    "as_inputs",
     "as_method",
+    "bind_input",
+    "bind_inputs",
     "check_mass_matrix",
     "check_memory",
     "check_positive",
-    "check_rows",
+    "check_samples",
+    "check_start",
     "check_starts",
     "check_step",
-    "closed_rows",
     "contradiction",
     "coriolis_full",
+    "count_samples",
+    "critical_step_of_tensions",
     "energies",
+    "first_excess_tension",
     "input_warnings",
-    "instant_at",
     "link_index",
     "load",
     "loads",
-    "many_of",
-    "may_contradict",
-    "overpulled",
-    "ready",
-    "ready_many",
-    "rows_of_steps",
-    "tension_step",
+    "may_be_redundant",
     "warnings",
-    "with_mode",
 ]

@@ -1,4 +1,4 @@
-"""What a run asks of its arguments: the method, the start state, the inputs."""
+"""Validation of a run's arguments: step, memory, start state, inputs."""
 
 from __future__ import annotations
 
@@ -8,51 +8,45 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import InputError, Problem, StateError
-from fantoccini.marionette.closed import CLOSED, STEPPED, STILL
+from fantoccini.marionette.active_set import TOLERANCES
+from fantoccini.marionette.critical_step import critical_step
 from fantoccini.marionette.model import Model
-from fantoccini.marionette.spring_steps import longest_step
 from fantoccini.motion import Input, Inputs, State, States, joints
 from fantoccini.runtime import RunOptions, memory
 
-METHODS = ("event", "timestepping", "variational")
-
-_AT_ONCE = 4096
-"""States that are evaluated together."""
-_MOST_SHOWN = 20
+_STATES_AT_ONCE = 4096
+"""States evaluated together, which bounds the memory."""
+_MAX_LISTED = 20
 """Mistakes of one kind that a message lists."""
 
 
-def check_method(method: str) -> None:
-    """Raises ValueError unless ``method`` is one that runs know."""
-    if method not in METHODS:
-        raise ValueError(f"method is {method!r}; it must be one of {', '.join(METHODS)}")
-
-
 def check_step(model: Model, method: str, q_D: Array, q_K: Array, dt: float) -> None:
-    """Raises where a fixed step would blow up on a chain, or on a spring.
+    """Raises StateError where time-stepping would be unstable on a spring or a chain.
 
     dt <= 2 (sqrt(1 + zeta^2) - zeta) / omega,   omega = 2 sqrt(k / m) cos(pi / 2n)
 
-    omega is the fastest vibration of a chain whose ends are held, n being its pieces, k their
-    stiffness and m each of its masses; zeta = omega c / 2k is its damping ratio, c being a piece's
-    damping. Both forces are those at the step's beginning, v+ = v - dt (omega^2 q + 2 zeta omega v)
-    and q+ = q + dt v+, with an eigenvalue -1 at (omega dt)^2 + 4 zeta omega dt = 4.
-
-    Springs are looked at by :mod:`fantoccini.marionette.spring_steps`.
+    omega is the fastest vibration of a chain with fixed ends, n the number of its pieces, k their
+    stiffness and m each of its masses; zeta = omega c / 2k is its damping ratio, c a piece's
+    damping. Both forces are taken at the step's start, v+ = v - dt (omega^2 q + 2 zeta omega v) and
+    q+ = q + dt v+, with an eigenvalue -1 at (omega dt)^2 + 4 zeta omega dt = 4. For springs see
+    :mod:`fantoccini.marionette.critical_step`.
 
     Args:
         model: the puppet.
-        method: of the run. ``timestepping`` takes the forces of chains and springs from the
-            beginning of the step; ``variational`` solves for them by such steps.
+        method: of the run; only ``timestepping`` takes these forces from the step's start.
         q_D, q_K: (..., n_qD), (..., n_qK) configurations at the start.
         dt: the step [s].
-
-    Raises:
-        StateError: naming the chain or spring and the longest step.
     """
-    if method == "timestepping":
-        _check_springs(model, method, q_D, q_K, dt)
-    for chain in model.tree.chains if method == "timestepping" else ():
+    if method != "timestepping":
+        return
+    if found := critical_step(model, q_D, q_K, dt):
+        longest, name = found
+        raise StateError(
+            f"dt = {dt:g} s is too long for the spring {name}: with method='timestepping' its "
+            f"vibrations grow without bound in steps above {longest:.2g} s (2 / omega without "
+            "damping). Take a shorter dt, method='event', or a softer or less damped spring"
+        )
+    for chain in model.tree.chains:
         n, length = chain.pieces, np.min(chain.own_length(q_D, q_K, model.number))
         lump = model.tree.links[chain.points[1].link].lumps[0]
         k = model.number(chain.stiffness) * n / length
@@ -68,21 +62,7 @@ def check_step(model: Model, method: str, q_D: Array, q_K: Array, dt: float) -> 
             )
 
 
-def _check_springs(
-    model: Model, method: str, q_D: Array, q_K: Array, dt: float
-) -> None:
-    found = longest_step(model, q_D, q_K, dt)
-    if found is None:
-        return
-    longest, name = found
-    raise StateError(
-        f"dt = {dt:g} s is too long for the spring {name}: with method={method!r} its vibrations "
-        f"grow without bound in steps above {longest:.2g} s (2 / omega without damping). Take a "
-        "shorter dt, method='event', or a softer or less damped spring"
-    )
-
-
-def check_rows(
+def check_samples(
     model: Model,
     method: str,
     options: RunOptions,
@@ -90,36 +70,23 @@ def check_rows(
     t_end: float,
     save_at: Array | None = None,
 ) -> None:
-    """Raises where the rows of a run, as far as they are known before it, do not fit in memory.
+    """Raises StateError where the samples of a run from t to t_end [s] will not fit in memory.
 
-    An event-driven run that writes its own steps is stopped when its rows reach the bound.
-
-    Args:
-        model: the puppet.
-        method: of the run.
-        options: with the bound on memory, and how far rows of fixed steps are apart.
-        t, t_end: the run [s].
-        save_at: times at which an event-driven run writes rows; None for its own steps.
-
-    Raises:
-        StateError: with the number of rows, what they need and what they may.
+    An event-driven run that writes its own steps (no ``save_at``) is stopped when its samples reach
+    the bound.
     """
     if method != "event":
-        n = rows_of_steps(options, t, t_end)
+        n = count_samples(options, t, t_end)
     elif save_at is not None:
         n = len(save_at)
     else:
         return
-    width = sum(model.row_layout.widths.values())
+    width = sum(model.sample_layout.widths.values())
     check_memory(method, options, t, t_end, n, memory.bytes_of(n, width))
 
 
-def rows_of_steps(options: RunOptions, t: float, t_end: float) -> float:
-    """How many rows fixed steps write from a time to another [s].
-
-    Raises:
-        StateError: a step is shorter than what the clock resolves.
-    """
+def count_samples(options: RunOptions, t: float, t_end: float) -> float:
+    """Number of samples that fixed steps write; StateError where the clock cannot resolve dt."""
     finest = 4.0 * np.spacing(max(1.0, abs(t), abs(t_end)))
     if options.dt < min(finest, 0.5 * (t_end - t)):
         raise StateError(
@@ -132,31 +99,28 @@ def rows_of_steps(options: RunOptions, t: float, t_end: float) -> float:
 def check_memory(
     method: str, options: RunOptions, t: float, t_end: float, n: float, need: float
 ) -> None:
-    """Raises StateError unless ``need`` bytes for n rows from t to t_end [s] may be taken."""
+    """Raises StateError unless ``need`` bytes for n samples from t to t_end [s] may be used."""
     most = memory.bound(need, options.max_memory)
     if need <= most:
         return
-    asked = f"{n:.3g} rows from {t:g} s to {t_end:g} s"
+    samples = f"{n:.3g} samples from {t:g} s to {t_end:g} s"
     fewer = "give fewer times in save_at"
     if method != "event":
         every = np.ceil(1.1 * options.save_every * need / most)
-        asked += f", one every {options.save_every * options.dt:g} s,"
+        samples += f", one every {options.save_every * options.dt:g} s,"
         fewer = f"write fewer with save_every={every:.0f}"
     raise StateError(
-        f"{asked} need {need / 1e9:.3g} GB of memory; {most / 1e9:.3g} GB may be "
-        f"taken. End sooner, {fewer}, or allow more with max_memory"
+        f"{samples} need {need / 1e9:.3g} GB of memory; {most / 1e9:.3g} GB may be used. End "
+        f"sooner, {fewer}, or allow more with max_memory"
     )
 
 
 def check_start(model: Model, x: State, method: str = "event") -> None:
-    """Raises when a run of a method cannot begin at a state.
+    """Raises StateError when a run of a method cannot begin at a state, naming rows and violations.
 
-    With exact lengths it begins where no string is longer than its length or about to be, and those
-    that are taut in the state's mode are no shorter. Time-stepping goes on from what its own steps
-    leave: it takes back what rows are overstepped by, and catches what is about to be.
-
-    Raises:
-        StateError: naming the rows, by how much, and the repair.
+    ``event`` and ``variational`` begin where no string is longer than its length or about to be,
+    and the ones marked taut are no shorter. ``timestepping`` continues from what its own steps
+    leave: it takes back violations and catches what is about to be violated.
     """
     check_starts(model, model.states([x]), method)
 
@@ -164,17 +128,18 @@ def check_start(model: Model, x: State, method: str = "event") -> None:
 def check_starts(model: Model, states: States, method: str = "event") -> None:
     """:func:`check_start` of many states; the first wrong one is reported."""
     stepped = method == "timestepping"
-    for first in range(0, len(states), _AT_ONCE):
-        some = states.some(slice(first, first + _AT_ONCE))
+    for first in range(0, len(states), _STATES_AT_ONCE):
+        some = states.some(slice(first, first + _STATES_AT_ONCE))
         h, hdot = _rows_of(model, some)
         scale = model.row_scales(some.q_D, some.q_K)
         wires, firm = model.two_sided, ~np.isfinite(model.upper)
-        near = (STEPPED if stepped else CLOSED) * scale
-        # Where time-stepping has gone on under inputs that nothing can follow, it may go on.
+        near = (TOLERANCES.stepped_gap if stepped else TOLERANCES.start_gap) * scale
+        # Time-stepping may continue where it went on under inputs that nothing can follow.
         known = some.taut if stepped else np.zeros_like(some.taut)
         off = ~(np.where(wires, np.abs(h), h) <= near) & ~known
-        speed = STILL * np.max(np.abs(some.v_D), axis=1, initial=1.0)[:, None]
-        # A string on a winch that slips gives way.
+        top = np.max(np.abs(some.v_D), axis=1, initial=1.0)[:, None]
+        speed = TOLERANCES.rest_speed * top
+        # A winch that slips absorbs the speed.
         passing = ~(np.where(wires, np.abs(hdot), hdot) <= speed) & (wires | firm)
         passing &= ~off & (np.abs(h) <= near) & (not stepped)
         slack = some.taut & ~(h >= -near) & ~off & (not stepped)
@@ -189,11 +154,11 @@ def check_starts(model: Model, states: States, method: str = "event") -> None:
             if off[i, r]:
                 findings.append(f"{name} is violated by {h[i, r]:.3g}")
             elif slack[i, r]:
-                findings.append(f"{name} is taut in its mode and slack by {-h[i, r]:.3g}")
+                findings.append(f"{name} is marked taut and slack by {-h[i, r]:.3g}")
             else:
                 findings.append(f"{name} is at its bound and moves past it at {hdot[i, r]:.3g}/s")
         raise StateError(
-            f"{which} breaks {len(findings)} of the strings and limits: "
+            f"{which} violates {len(findings)} of the strings and limits: "
             + "; ".join(findings)
             + ". marionette.project(x) gives the nearest state that does not."
         )
@@ -202,20 +167,18 @@ def check_starts(model: Model, states: States, method: str = "event") -> None:
 def _rows_of(model: Model, x: States) -> tuple[Array, Array]:
     """h and hdot (n, n_rows) of states."""
     tree, table = model.tree, model.coordinates
-    on = model.library.evaluate(
-        "dynamics", q_D=x.q_D, v_D=x.v_D, q_K=x.q_K, v_K=x.v_K, acc_K=np.zeros(table.n_vK),
-        u_D=np.zeros(table.n_vD), p=model.p,
-    )  # fmt: skip
+    still = {"acc_K": np.zeros(table.n_vK), "u_D": np.zeros(table.n_vD)}
+    on = model.library.evaluate("dynamics", **model.at(x), **still)
     hdot_limit = np.zeros_like(on.h_limit)
     for i, limit in enumerate(tree.limits):
         place = tree.links[limit.link].v
         J = on.J_limit[:, : place.stop - place.start, i]
         hdot_limit[:, i] = (J * x.v_D[:, place]).sum(axis=1)
-    hdot = on.hdot - model.winding(x.slip)
+    hdot = on.hdot - model.rewinding(x.slip)
     return np.hstack([on.h - x.slip, on.h_limit]), np.hstack([hdot, hdot_limit])
 
 
-def ready(
+def bind_input(
     model: Model, inputs: Input, q_K: Array, v_K: Array, t: float, t_end: float
 ) -> Input:
     """Inputs bound to the driven configuration and velocity of a start state, for a run.
@@ -227,21 +190,21 @@ def ready(
         t, t_end: the run [s].
 
     Raises:
-        InputError: they are not this puppet's, begin elsewhere, or stop or start dead.
+        InputError: they are another puppet's, begin elsewhere, or begin or end abruptly.
         StateError: a driven velocity would jump.
     """
     check_inputs(model, inputs, t, t_end)
     if t < inputs.start or inputs.end < t_end:
         inputs = inputs.at_rest()
     bound = inputs.bound(q_K, t, v_K)
-    check_speeds(model, t, v_K[None], many_of(bound))
+    check_speeds(model, t, v_K[None], as_inputs(bound))
     return bound
 
 
-def ready_many(
+def bind_inputs(
     model: Model, inputs: Inputs, q_K: Array, v_K: Array, t: float, t_end: float
 ) -> Inputs:
-    """:func:`ready` of many inputs, or for many states: (n or 1, ...)."""
+    """:func:`bind_input` of many inputs, or for many states: (n or 1, ...)."""
     check_inputs(model, inputs, t, t_end)
     within = np.any(t < inputs.breaks[:, 0]) or np.any(inputs.breaks[:, -1] < t_end)
     if within and not inputs.relative:
@@ -251,20 +214,9 @@ def ready_many(
     return bound
 
 
-def check_inputs(
-    model: Model, inputs: Input | Inputs, t: float, t_end: float
-) -> None:
-    """Raises unless inputs are this puppet's and do not stop or start dead within a run.
-
-    Args:
-        model: the puppet.
-        inputs: not bound yet.
-        t, t_end: the run [s].
-
-    Raises:
-        InputError: naming the coordinates and times.
-    """
-    inputs = many_of(inputs)
+def check_inputs(model: Model, inputs: Input | Inputs, t: float, t_end: float) -> None:
+    """Raises InputError unless inputs are this puppet's and begin and end at rest in a run."""
+    inputs = as_inputs(inputs)
     own, theirs = model.coordinates, inputs.coordinates
     if (own.q_K, own.v_D) != (theirs.q_K, theirs.v_D):
         text = (
@@ -273,7 +225,7 @@ def check_inputs(
             f"{', '.join(own.q_K) or 'none'}"
         )
         raise InputError([Problem("inputs", None, "", text)])
-    problems = []
+    mistakes = []
     last = inputs.breaks[:, -1]
     ends = (
         ("begin", inputs.breaks[:, 0], inputs.breaks[:, 0] > t, inputs.coef[:, 0, :, 1]),
@@ -283,32 +235,21 @@ def check_inputs(
         wrong = ~(np.abs(speed) <= joints.SAME_SPEED) & inside[:, None]
         if np.any(wrong):
             wrong &= ~(np.abs(speed) <= joints.tolerances(own, inputs.breaks, inputs.coef)[1])
-        for n, i in np.argwhere(wrong)[:_MOST_SHOWN]:
+        for n, i in np.argwhere(wrong)[:_MAX_LISTED]:
             at = when[n if len(when) > 1 else 0]
             which = f"inputs[{n}].{own.v_K[i]}" if len(inputs) > 1 else own.v_K[i]
-            problems.append(
-                Problem(
-                    "inputs",
-                    None,
-                    which,
-                    f"the inputs {what} at t = {at:g} s with the velocity {speed[n, i]:.6g}, and "
-                    f"the run goes from {t:g} s to {t_end:g} s; let them {what} at rest, or let "
-                    "the run not go beyond them",
-                )
+            text = (
+                f"the inputs {what} at t = {at:g} s with the velocity {speed[n, i]:.6g}, and the "
+                f"run goes from {t:g} s to {t_end:g} s; let them {what} at rest, or keep the run "
+                "within them"
             )
-    if problems:
-        raise InputError(problems)
+            mistakes.append(Problem("inputs", None, which, text))
+    if mistakes:
+        raise InputError(mistakes)
 
 
 def check_speeds(model: Model, t: float, v_K: Array, bound: Inputs) -> None:
-    """Raises StateError when the driven velocities would jump from states to their inputs.
-
-    Args:
-        model: the puppet.
-        t: of the states [s].
-        v_K: (n or 1, n_vK) of the states [m/s or rad/s].
-        bound: the inputs, bound.
-    """
+    """Raises StateError where driven velocities v_K (n or 1, n_vK) at t jump to bound inputs."""
     found = bound.evaluate(t)[1]
     wrong = ~(np.abs(found - v_K) <= joints.SAME_SPEED)
     if not np.any(wrong):
@@ -324,8 +265,8 @@ def check_speeds(model: Model, t: float, v_K: Array, bound: Inputs) -> None:
     )
 
 
-def many_of(inputs: Input | Inputs | Sequence[Input]) -> Inputs:
-    """Inputs side by side."""
+def as_inputs(inputs: Input | Inputs | Sequence[Input]) -> Inputs:
+    """One or many inputs, stacked."""
     if isinstance(inputs, Inputs):
         return inputs
     return Inputs.of([inputs] if isinstance(inputs, Input) else list(inputs))

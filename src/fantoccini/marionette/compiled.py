@@ -1,14 +1,14 @@
-"""A puppet's compiled libraries: each from the cache, or made when it is first needed."""
+"""A puppet's compiled libraries, each loaded from the cache or made when first needed."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
-from fantoccini import build, codegen, equations
+from fantoccini import build
 from fantoccini.errors import BuildError
 from fantoccini.marionette.mass_check import check_mass_matrix
 from fantoccini.runtime import (
@@ -22,26 +22,27 @@ from fantoccini.runtime import (
 from fantoccini.tree import Tree
 from fantoccini.world import World
 
+if TYPE_CHECKING:
+    from fantoccini.equations import Equations
+
 L = TypeVar("L")
 
-_SHAPING = ("fantoccini.tree.construction", "fantoccini.codegen.libraries")
+SOURCE_MODULES = ("fantoccini.tree.construction", "fantoccini.codegen.libraries")
 """Modules that turn a puppet into source text."""
 
 
 @dataclass(frozen=True, eq=False)
 class Compiled:
-    """Equations and libraries of a world; all its models share them, whatever their parameters.
-
-    Each property is derived and compiled, or read from the cache, when it is first asked for.
+    """Equations and libraries of a world, shared by its models whatever their parameters.
 
     Attributes:
         world: the puppets.
         tree: their links, strings, limits and coordinates.
-        progress: told what takes long while it happens ("deriving", "compiling").
+        progress: called with the stage that begins ("deriving", "compiling").
 
     Raises:
-        BuildError: by each property: no compiler, or it failed.
-        PuppetError: by each property: the mass matrix is singular.
+        BuildError: on access to a library: no compiler, or it failed.
+        PuppetError: on access to a library: the mass matrix is singular.
     """
 
     world: World
@@ -49,9 +50,11 @@ class Compiled:
     progress: Callable[[str], None] | None = None
 
     @cached_property
-    def equations(self) -> equations.Equations:
+    def equations(self) -> Equations:
         """The symbolic equations and the functions made from them."""
-        return equations.derive(self.tree)
+        from fantoccini.equations import derive  # cached puppets derive nothing
+
+        return derive(self.tree)
 
     @cached_property
     def library(self) -> Library:
@@ -89,36 +92,38 @@ class Compiled:
         return self._library("derivatives", lambda file: Slopes(file, self.tree.sizes))
 
     def batch_library_of(self, method: str) -> BatchLibrary:
-        """The library that makes batches of runs of a method."""
+        """The library for batches of a method."""
         if method == "event":
             return BatchLibrary(self.library)
         return self.lanes if method == "timestepping" else self.variational_lanes
 
     def library_of(self, method: str) -> Library:
-        """The library that makes runs of a method."""
+        """The library for single runs of a method."""
         return self.variational if method == "variational" else self.library
 
-    def source(self, what: str = "model") -> build.Source:
-        """The text that a library of this puppet is compiled from."""
+    def source_files(self, library: str = "model") -> build.Source:
+        """The source files of a library of this puppet."""
+        from fantoccini import codegen  # cached puppets generate nothing
+
         check_mass_matrix(self.world, self.tree)
-        made = codegen.generate(self.equations, what)
+        made = codegen.generate(self.equations, library)
         return build.Source(made.files, made.main, {"operations": made.operations}, made.units)
 
     def _lanes(self, file: Path) -> BatchLibrary:
         return BatchLibrary(Loaded(file, self.tree.sizes))
 
-    def _library(self, what: str, load: Callable[[Path], L]) -> L:
-        """A library of this puppet, from the cache or made now: one of ``contract.LIBRARIES``."""
+    def _library(self, name: str, load: Callable[[Path], L]) -> L:
+        """One of ``contract.LIBRARIES``, from the cache or made now."""
         # Values of parameters are arguments of every function: nothing that is compiled has them.
         canonical = "\n".join(p.canonical(values=False) for p in self.world.puppets)
-        key = build.fingerprint(canonical, build.code_fingerprint(*_SHAPING), flags=(what,))
+        key = build.fingerprint(canonical, build.code_fingerprint(*SOURCE_MODULES), flags=(name,))
 
-        def source() -> build.Source:
-            return self.source(what)
+        def obtained(afresh: bool = False) -> Path:
+            files = partial(self.source_files, name)
+            folder = build.obtain(key, files, progress=self.progress, afresh=afresh)
+            return folder / build.LIBRARY
 
-        folder = build.obtain(key, source, progress=self.progress)
         try:
-            return load(folder / build.LIBRARY)
+            return load(obtained())
         except BuildError:
-            folder = build.obtain(key, source, progress=self.progress, afresh=True)
-            return load(folder / build.LIBRARY)
+            return load(obtained(afresh=True))

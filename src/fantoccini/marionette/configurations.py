@@ -1,4 +1,4 @@
-"""What lies between two configurations: tangent vectors, ordered as the velocities."""
+"""Differences of configurations: tangent vectors, ordered as the velocities."""
 
 from __future__ import annotations
 
@@ -10,25 +10,19 @@ from fantoccini.motion import tangent
 
 def difference(model: Model, q0: Array, q1: Array, driven: bool = False) -> Array:
     """dq with ``integrate(model, q0, dq)`` = q1; see :meth:`Marionette.difference`."""
-    scalars, quaternions, n_v = _vectors_of(model, driven)
-    q0, q1 = (_configuration(model, q, driven) for q in (q0, q1))
+    scalars, quaternions, n_q, n_v = _layout(model, driven)
+    q0, q1 = (vectors("q", q, n_q) for q in (q0, q1))
     return tangent.between(scalars, quaternions, q0, q1, n_v)
 
 
 def integrate(model: Model, q: Array, dq: Array, driven: bool = False) -> Array:
     """q moved by dq; see :meth:`Marionette.integrate`."""
-    scalars, quaternions, n_v = _vectors_of(model, driven)
-    q, dq = _configuration(model, q, driven), vectors("dq", dq, n_v)
-    return tangent.moved(scalars, quaternions, q, dq)
+    scalars, quaternions, n_q, n_v = _layout(model, driven)
+    return tangent.moved(scalars, quaternions, vectors("q", q, n_q), vectors("dq", dq, n_v))
 
 
-def _configuration(model: Model, q: Array, driven: bool) -> Array:
-    t = model.coordinates
-    return vectors("q", q, t.n_qK if driven else t.n_qD)
-
-
-def _vectors_of(model: Model, driven: bool) -> tuple[tangent.Places, tangent.Places, int]:
+def _layout(model: Model, driven: bool) -> tuple[tangent.Places, tangent.Places, int, int]:
     t = model.coordinates
     if driven:
-        return t.scalars_K, t.quaternions_K, t.n_vK
-    return t.scalars_D, t.quaternions_D, t.n_vD
+        return t.scalars_K, t.quaternions_K, t.n_qK, t.n_vK
+    return t.scalars_D, t.quaternions_D, t.n_qD, t.n_vD

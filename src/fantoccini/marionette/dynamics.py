@@ -8,17 +8,17 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError
-from fantoccini.marionette.closed import check_mode, closed_rows
-from fantoccini.marionette.instant import instant_at
+from fantoccini.marionette.active_set import ActiveSet, check_active_set
+from fantoccini.marionette.evaluation import Evaluation
 from fantoccini.marionette.model import Model
 from fantoccini.motion import State
 
-ROUNDED = 1e-14
-"""hddot below which it is rounding, relative to its largest terms or gravity."""
+ROUNDING = 1e-14
+"""hddot that counts as rounding, relative to its largest term or gravity."""
 
 
 class ForwardDynamics(NamedTuple):
-    """What :func:`forward_dynamics` gives.
+    """Accelerations and tensions at one state.
 
     Attributes:
         acc_D: (n_vD,) dynamic accelerations [rad/s^2 or m/s^2].
@@ -33,42 +33,28 @@ class ForwardDynamics(NamedTuple):
 def forward_dynamics(
     model: Model, x: State, acc_K: Array | None = None, u_D: Array | None = None
 ) -> ForwardDynamics:
-    """M_DD acc_D = u_D - c - M_DK acc_K + A_D^T lambda, with strings that only pull.
-
-    Over the rows that are taut in the state's mode, and those with h = 0 and hdot = 0:
-    tau >= 0, hddot <= 0, tau . hddot = 0.
-
-    Args:
-        model: the puppet.
-        x: the state. Gaps and speeds that a fixed step has left of its taut rows stay as they are.
-        acc_K: (n_vK,) accelerations of the inputs; 0 when not given.
-        u_D: (n_vD,) user forces; 0 when not given.
-
-    Raises:
-        StateError: no acceleration keeps the rows, as when two inputs pull a string apart; or
-            the mode says of slack rows that they are taut.
-    """
-    instant = instant_at(model, x, acc_K, u_D)
-    check_mode(model, x, instant)
-    closed = closed_rows(model, x, instant)
-    tension = np.where(closed.slipping, model.upper, 0.0)
-    w0 = instant.w0 - instant.W[:, closed.slipping] @ tension[closed.slipping]
-    rows = np.flatnonzero(closed.held)
-    hddot = instant.gamma[rows] + instant.W[:, rows].T @ w0
-    # Rounding alone must not set rows that oppose one another at odds.
-    terms = np.abs(instant.gamma[rows]) + np.abs(instant.W[:, rows]).T @ np.abs(w0)
+    """acc_D and tension of Eqs. 10 and 11; see :meth:`Marionette.forward_dynamics`."""
+    at = Evaluation.of(model, x, acc_K, u_D)
+    check_active_set(model, x, at)
+    active = ActiveSet.of(model, x, at)
+    tension = np.where(active.slipping, model.upper, 0.0)
+    w0 = at.w0 - at.W[:, active.slipping] @ tension[active.slipping]
+    rows = np.flatnonzero(active.held)
+    hddot = at.gamma[rows] + at.W[:, rows].T @ w0
+    # Rounding alone must not set opposing rows at odds.
+    terms = np.abs(at.gamma[rows]) + np.abs(at.W[:, rows]).T @ np.abs(w0)
     top = max(float(np.max(terms, initial=0.0)), model.weight / (model.mass or 1.0))
-    hddot[np.abs(hddot) <= ROUNDED * top] = 0.0
-    found = instant.complementarity(rows, hddot, model.two_sided, model.upper)
+    hddot[np.abs(hddot) <= ROUNDING * top] = 0.0
+    found = at.complementarity(rows, hddot, model.two_sided, model.upper)
     if not found.solved:
         raise StateError(
-            "no acceleration keeps these strings and limits: "
-            + ", ".join(model.rows_of(rows, found.ray))
+            "no acceleration satisfies these strings and limits: "
+            + ", ".join(model.names_of(rows, found.ray))
         )
     tension[rows] = found.x
-    return ForwardDynamics(instant.back(w0 - instant.W[:, rows] @ found.x), tension)
+    return ForwardDynamics(at.back(w0 - at.W[:, rows] @ found.x), tension)
 
 
-def with_mode(model: Model, x: State) -> State:
+def with_active_set(model: Model, x: State) -> State:
     """The state with its taut rows found."""
     return x.replace(taut=(forward_dynamics(model, x).tension > 0.0) | model.two_sided)

@@ -1,4 +1,4 @@
-"""Flow: a puppet's motion between two events, for whoever wants to integrate it."""
+"""Flow: a puppet's motion between two events as an ordinary differential equation."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import SimulationError, Status
-from fantoccini.marionette.checks import check_start, ready
+from fantoccini.marionette.checks import bind_input, check_start
 from fantoccini.marionette.model import Model
 from fantoccini.motion import Input, State
 from fantoccini.runtime import OutsideRun
 
-_LONG = 1e9
-"""For how long inputs are held that nobody gave [s]."""
+_HOLD_TIME = 1e9
+"""How long the driven coordinates hold still without inputs [s]."""
 
 
 class Flow:
@@ -25,9 +25,8 @@ class Flow:
         found = scipy.integrate.solve_ivp(flow.rate, (flow.t0, 0.3), flow.y0, method="Radau")
         x = flow.state(found.t[-1], found.y[:, -1])
 
-    It is the puppet's motion until one of :meth:`guards` turns positive, and no longer than the
-    inputs are smooth, until :attr:`t_end`. For what follows there is ``fan.simulate``. A flow is
-    not to be used by several threads at once.
+    It is the puppet's motion until one of :meth:`guards` turns positive, at most until
+    :attr:`t_end`; ``fan.simulate`` continues across events. Not for several threads at once.
 
     Attributes:
         t0: time of the start [s].
@@ -41,17 +40,16 @@ class Flow:
     Args:
         model: the puppet.
         x0: where it starts; no string may be longer than its length.
-        inputs: what the driven coordinates do; they hold still when not given.
+        inputs: motion of the driven coordinates; they hold still when not given.
     """
 
     def __init__(self, model: Model, x0: State, inputs: Input | None = None):
         check_start(model, x0)
-        given = Input.hold(model, _LONG).shifted(x0.t) if inputs is None else inputs
-        self._inputs = ready(model, given, x0.q_K, x0.v_K, x0.t, x0.t)
+        given = Input.hold(model, _HOLD_TIME).shifted(x0.t) if inputs is None else inputs
+        self._inputs = bind_input(model, given, x0.q_K, x0.v_K, x0.t, x0.t)
         self._run = OutsideRun(
-            model.library, model.run_options(), x0, model.p, model.winches,
-            self._inputs,
-        )  # fmt: skip
+            model.library, model.run_options(), x0, model.p, model.winches, self._inputs
+        )
         if self._run.status is not Status.RUNNING:
             raise SimulationError(self._run.status, f"at t = {x0.t:.6g} s")
         table = model.coordinates
@@ -67,9 +65,9 @@ class Flow:
         return self._run.rate(t, y)
 
     def guards(self, t: float, y: Array) -> Array:
-        """(n_rows,) positive where a string or limit would snap taut or let go.
+        """(n_rows,) positive where a string or limit would snap taut or release.
 
-        Of a slack one: h over the string's length (over 1 for a limit). Of a taut one: minus its
+        For a slack one h over the string's length (over 1 for a limit); for a taut one minus its
         tension, or the tension beyond its winch's largest, over the puppet's weight.
         """
         return self._run.guards(t, y)[0]

@@ -1,11 +1,11 @@
-"""Linearisation: how accelerations and tensions answer small changes while the mode stays.
+"""Linearisation: derivatives of accelerations and tensions while the active set stays.
 
     M acc_D + M_DK acc_K + c - u_D + A_D^T tension = 0,   A_D acc_D + A_K acc_K + Adot v = 0
 
 By the implicit function theorem, with r and hddot the left sides and d a change of state, input
 or parameter:
 
-    M dacc_D + A_D^T dtension = -r_d,   A_D dacc_D = -hddot_d      over the rows that hold
+    M dacc_D + A_D^T dtension = -r_d,   A_D dacc_D = -hddot_d      over the held rows
 
 Changes of a configuration are tangent vectors, of the size of the velocities: a scalar adds, an
 orientation turns by a rotation vector in the body's frame.
@@ -18,23 +18,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, Indices
 from fantoccini.errors import UnknownNameError
 from fantoccini.marionette.dynamics import forward_dynamics
-from fantoccini.marionette.instant import Instant, instant_at
+from fantoccini.marionette.evaluation import Evaluation
 from fantoccini.marionette.model import Model
 from fantoccini.marionette.vectors import vector
 from fantoccini.motion import State
 from fantoccini.puppet import Parameter
 from fantoccini.tree import CoordinateTable
 
-_DEPENDENT = 1e-9
-"""Singular value of W, relative to the largest, below which rows count as depending on others."""
+DEPENDENT_ROWS = 1e-9
+"""Singular value of W, relative to the largest, below which rows depend on one another."""
 
 
 @dataclass(frozen=True, eq=False)
 class Partials:
-    """Derivatives of one quantity by everything that it depends on, a row an entry of it.
+    """Derivatives of one quantity, a row for each of its entries.
 
     Attributes:
         q_D: (n, n_vD) by tangent vectors of the dynamic configuration [per rad or m].
@@ -56,28 +56,28 @@ class Partials:
 
     @classmethod
     def of(cls, columns: Array, widths: Iterable[int]) -> Partials:
-        """From all columns side by side."""
+        """From all columns in one array."""
         return cls(*np.split(columns, np.cumsum(list(widths))[:-1], axis=1))
 
 
 @dataclass(frozen=True, eq=False)
 class Linearisation:
-    """A puppet's accelerations and tensions near a state, in a frozen mode.
+    """A puppet's accelerations and tensions near a state, with a fixed active set.
 
     As a linear system in z = (dq_D, dv_D, dq_K, dv_K), with tangent vectors dq, around a motion::
 
         zdot = A z + B dacc_K + B_u du_D + B_p dp
 
-    A moves on the rows that hold: only z with A_D dq_D + A_K dq_K = 0, and the same of the rates,
-    are small changes of the puppet. Every row adds two eigenvalues 0 to A for the rest.
+    Only z with A_D dq_D + A_K dq_K = 0 over the held rows, and the same for the rates, are small
+    changes of the puppet. Every held row adds two eigenvalues 0 to A.
 
     Attributes:
         x: the state.
-        rows: names of the strings and limits that hold.
+        rows: names of the held strings and limits.
         acc_D: (n_vD,) acceleration there [rad/s^2 or m/s^2].
         tension: (n_rows,) forces of strings and limits there [N or N m].
         acc: derivatives of acc_D (n_vD, ...).
-        pull: derivatives of the tensions (n_rows, ...); 0 for rows that do not hold.
+        pull: derivatives of the tensions (n_rows, ...); 0 for rows that are not held.
         coordinates: names and places of the coordinates.
     """
 
@@ -114,21 +114,22 @@ class Linearisation:
     @property
     def B(self) -> Array:
         """(2 n_vD + 2 n_vK, n_vK): zdot by the driven acceleration, the input of Eq. 12."""
-        B = self._of(self.acc.acc_K)
+        B = self._padded(self.acc.acc_K)
         B[len(B) - B.shape[1] :] = np.eye(B.shape[1])
         return B
 
     @property
     def B_u(self) -> Array:
         """(2 n_vD + 2 n_vK, n_vD): zdot by the user's forces."""
-        return self._of(self.acc.u_D)
+        return self._padded(self.acc.u_D)
 
     @property
     def B_p(self) -> Array:
         """(2 n_vD + 2 n_vK, n_p): zdot by the parameters."""
-        return self._of(self.acc.p)
+        return self._padded(self.acc.p)
 
-    def _of(self, acc: Array) -> Array:
+    def _padded(self, acc: Array) -> Array:
+        """zdot by a quantity that acc_D depends on and the rest of zdot does not."""
         n, k = self.coordinates.n_vD, self.coordinates.n_vK
         B = np.zeros((2 * (n + k), acc.shape[1]))
         B[n : 2 * n] = acc
@@ -142,90 +143,66 @@ def linearise(
     u_D: Array | None = None,
     rows: Iterable[str] | None = None,
 ) -> Linearisation:
-    """The derivatives of acc_D and of the tensions (Eqs. 10, 11) in the mode at a state.
-
-    What slipping winches have let out is held; a string at its winch's largest tension goes on
-    pulling with that.
-
-    Args:
-        model: the puppet.
-        x: the state.
-        acc_K: (n_vK,) accelerations of the inputs; 0 when not given.
-        u_D: (n_vD,) user forces; 0 when not given.
-        rows: names of the strings and limits to hold, as equalities whatever they would pull;
-            wires and those that pull at ``x`` (:meth:`Marionette.forward_dynamics`) when not given.
-
-    Raises:
-        StateError: no acceleration keeps the rows at ``x``.
-        UnknownNameError: a row that the puppet does not have.
-    """
-    table = model.coordinates
+    """Derivatives of acc_D and of the tensions; see :meth:`Marionette.linearise`."""
+    table, n_p = model.coordinates, len(model.p)
     acc_K, u_D = vector("acc_K", acc_K, table.n_vK), vector("u_D", u_D, table.n_vD)
-    instant = instant_at(model, x, acc_K, u_D)
+    at = Evaluation.of(model, x, acc_K, u_D)
     if rows is None:
         acc_D, tension = forward_dynamics(model, x, acc_K, u_D)
-        held = np.flatnonzero(
-            model.two_sided | ((tension > 0.0) & (tension < model.upper))
-        )
+        held = np.flatnonzero(model.two_sided | ((tension > 0.0) & (tension < model.upper)))
     else:
         held = named_rows(model, rows)
         none = np.zeros((len(x.v_D), 1))
-        hddot = instant.gamma[held, None] + instant.W[:, held].T @ instant.w0[:, None]
-        dacc, dtension = Answer(instant, held).to(none, hddot)
+        hddot = at.gamma[held, None] + at.W[:, held].T @ at.w0[:, None]
+        dacc, dtension = KKTSystem(at, held).solve(none, hddot)
         tension = np.zeros(model.tree.n_rows)
         tension[held] = dtension[:, 0]
-        acc_D = instant.back(instant.w0) + dacc[:, 0]
-    found = slopes_at(model, x, acc_D, acc_K, tension)
-    by = force_columns(model, found, tension)
-    held_by = row_columns(found)[held]
-    dacc, dtension = Answer(instant, held).to(by, held_by)
-    dpull = np.zeros((model.tree.n_rows, by.shape[1]))
-    dpull[:, by.shape[1] - len(model.p) :] = winch_slopes(model, tension)
-    dpull[held] = dtension
-    widths = [table.n_vD] * 2 + [table.n_vK] * 3 + [table.n_vD, len(model.p)]
+        acc_D = at.back(at.w0) + dacc[:, 0]
+    found = derivatives_at(model, x, acc_D, acc_K, tension)
+    by = force_derivatives(model, found, tension)
+    dacc, dtension = KKTSystem(at, held).solve(by, row_derivatives(found)[held])
+    widths = [table.n_vD] * 2 + [table.n_vK] * 3 + [table.n_vD, n_p]
     return Linearisation(
         x=x,
         rows=tuple(model.tree.row_names[i] for i in held),
         acc_D=acc_D,
         tension=tension,
         acc=Partials.of(dacc, widths),
-        pull=Partials.of(dpull, widths),
+        pull=Partials.of(tension_derivatives(model, tension, held, dtension), widths),
         coordinates=table,
     )
 
 
-class Answer:
-    """How accelerations and tensions answer, with some rows held at one state.
+class KKTSystem:
+    """[M, A_D^T; A_D, 0] over held rows at one state, factorised.
 
     Args:
-        instant: the model at the state.
-        rows: indices of the rows that hold.
+        at: the model at the state.
+        rows: indices of the held rows.
     """
 
-    def __init__(self, instant: Instant, rows: Array):
-        self._instant = instant
-        self._W = instant.W[:, rows]
+    def __init__(self, at: Evaluation, rows: Indices):
+        self._at, self._W = at, at.W[:, rows]
         u, s, vt = np.linalg.svd(self._W, full_matrices=False)
-        kept = s > _DEPENDENT * np.max(s, initial=0.0)
+        kept = s > DEPENDENT_ROWS * np.max(s, initial=0.0)
         self._u, self._s, self._v = u[:, kept], s[kept], vt[kept].T
 
-    def to(self, force: Array, rate: Array) -> tuple[Array, Array]:
-        """Solves M x + A_D^T y = -force, A_D x = -rate over the rows.
+    def solve(self, force: Array, rate: Array) -> tuple[Array, Array]:
+        """x (n_vD, m) and y (len(rows), m) with M x + A_D^T y = -force and A_D x = -rate.
+
+        y is the shortest where rows depend on one another.
 
         Args:
             force: (n_vD, m).
             rate: (len(rows), m).
-
-        Returns:
-            x (n_vD, m) and y (len(rows), m), the shortest where rows depend on one another.
         """
-        w = -self._instant.forth(force.T).T
+        w = -self._at.forth(force.T).T
         inner = self._u.T @ w + (self._v.T @ rate) / self._s[:, None]
         y = self._v @ (inner / self._s[:, None])
-        return self._instant.back((w - self._W @ y).T).T, y
+        return self._at.back((w - self._W @ y).T).T, y
 
 
-def named_rows(model: Model, names: Iterable[str]) -> Array:
+def named_rows(model: Model, names: Iterable[str]) -> Indices:
     """Indices of strings and limits, in order."""
     known = model.tree.row_names
     for name in (names := tuple(names)):
@@ -234,52 +211,61 @@ def named_rows(model: Model, names: Iterable[str]) -> Array:
     return np.array(sorted(known.index(name) for name in set(names)), dtype=int)
 
 
-def slopes_at(
-    model: Model,
-    x: State,
-    acc_D: Array,
-    acc_K: Array,
-    tension: Array,
-    dt: float = 0.0,
+def derivatives_at(
+    model: Model, x: State, acc_D: Array, acc_K: Array, tension: Array, dt: float = 0.0
 ) -> dict[str, Array]:
     """All compiled derivatives at one state, by their names (``equations.derivatives``)."""
-    values = {
-        "q_D": x.q_D, "v_D": x.v_D, "acc_D": acc_D, "q_K": x.q_K, "v_K": x.v_K, "acc_K": acc_K,
-        "tension": tension, "dt": dt, "p": model.p,
+    values: dict[str, Array | float] = {
+        **model.at(x), "acc_D": acc_D, "acc_K": acc_K, "tension": tension, "dt": dt,
     }  # fmt: skip
-    found = {}
+    found: dict[str, Array] = {}
     for name in ("force_by_q", "force_by_v", "force_by_K", "rows_by"):
         found |= model.compiled.derivatives.at(name, values)
     return found
 
 
-def force_columns(model: Model, found: dict[str, Array], tension: Array) -> Array:
-    """Derivatives of r by q_D, v_D, q_K, v_K, acc_K, u_D and p, side by side."""
+def row_derivatives_at(model: Model, x: State) -> dict[str, Array]:
+    """Compiled derivatives of h and hdot at a state, by their names."""
+    values = model.at(x) | {"acc_D": np.zeros_like(x.v_D), "acc_K": np.zeros_like(x.v_K)}
+    return model.compiled.derivatives.at("rows_by", values)
+
+
+def force_derivatives(model: Model, found: dict[str, Array], tension: Array) -> Array:
+    """Derivatives of r by q_D, v_D, q_K, v_K, acc_K, u_D and p, in one array."""
     n = len(found["r_q"])
-    by_p = found["r_p"] + found["A_D"].T @ winch_slopes(model, tension)
+    by_p = found["r_p"] + found["A_D"].T @ _slipping_by_p(model, tension)
     columns = (found["r_q"], found["r_v"], found["r_qK"], found["r_vK"], found["M_DK"])
     return np.concatenate([*columns, -np.eye(n), by_p], axis=1)
 
 
-def row_columns(found: dict[str, Array]) -> Array:
-    """Derivatives of hddot by q_D, v_D, q_K, v_K, acc_K, u_D and p, side by side."""
+def row_derivatives(found: dict[str, Array]) -> Array:
+    """Derivatives of hddot by q_D, v_D, q_K, v_K, acc_K, u_D and p, in one array."""
     names = ("hddot_q", "hddot_v", "hddot_qK", "hddot_vK", "A_K")
     none = np.zeros_like(found["hddot_v"])
     return np.concatenate([*(found[name] for name in names), none, found["hddot_p"]], axis=1)
 
 
-def winch_slopes(model: Model, tension: Array) -> Array:
+def tension_derivatives(
+    model: Model, tension: Array, held: Indices, dtension: Array
+) -> Array:
+    """(n_rows, m) derivatives of all tensions, from those of the held rows."""
+    out = np.zeros((model.tree.n_rows, dtension.shape[1]))
+    out[:, out.shape[1] - len(model.p) :] = _slipping_by_p(model, tension)
+    out[held] = dtension
+    return out
+
+
+def _slipping_by_p(model: Model, tension: Array) -> Array:
     """(n_rows, n_p) derivatives of the tensions of strings that slip, by the parameters."""
     out = np.zeros((len(tension), len(model.p)))
-    names = list(model.tree.parameters)
     for i, string in enumerate(model.tree.strings):
         if isinstance(string.max_tension, Parameter) and tension[i] >= model.upper[i]:
-            out[i, names.index(string.max_tension.parameter)] = 1.0
+            out[i, model.parameter_index[string.max_tension.parameter]] = 1.0
     return out
 
 
 def turning(quaternions: Iterable[tuple[int, int]], v: Array) -> Array:
-    """(n_v, n_v) -[w]x of every rotation: the rate at which a small turn turns in a turning frame.
+    """(n_v, n_v) -[w]x of every rotation: the rate of a small rotation seen in a turning frame.
 
     Args:
         quaternions: (q, v) places where rotations begin.

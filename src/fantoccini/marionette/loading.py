@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from fantoccini import puppet
-from fantoccini.marionette.handle import Marionette
+from fantoccini.marionette.marionette import Marionette
 from fantoccini.puppet import Puppet
 
 StringModel = Literal["constraint", "chain"]
@@ -23,14 +23,14 @@ def load(
 
     Args:
         path: a YAML file.
-        progress: told what takes long while it happens.
+        progress: called with the stage that begins ("deriving", "compiling").
         string_model: ``constraint`` for the massless strings of the file; ``chain`` for chains of
             point masses joined by springs, as :meth:`Puppet.with_chains` makes them.
 
     Raises:
         PuppetError: with every mistake in the file.
     """
-    return Marionette(_modelled(puppet.load(path), string_model), progress)
+    return Marionette(_with_strings(puppet.load(path), string_model), progress)
 
 
 def loads(
@@ -39,21 +39,12 @@ def loads(
     *,
     string_model: StringModel = "constraint",
 ) -> Marionette:
-    """The marionette of a puppet written in a string.
-
-    Args:
-        text: YAML, as in a puppet file.
-        progress: told what takes long while it happens.
-        string_model: as in :func:`load`.
-
-    Raises:
-        PuppetError: with every mistake in the text.
-    """
-    return Marionette(_modelled(puppet.loads(text), string_model), progress)
+    """The marionette of YAML text; arguments and errors as of :func:`load`."""
+    return Marionette(_with_strings(puppet.loads(text), string_model), progress)
 
 
-def _modelled(found: Puppet, string_model: str) -> Puppet:
-    if string_model not in get_args(StringModel):
-        allowed = ", ".join(get_args(StringModel))
-        raise ValueError(f"string_model is {string_model!r}; it must be one of {allowed}")
+def _with_strings(found: Puppet, string_model: StringModel) -> Puppet:
+    if string_model not in (allowed := get_args(StringModel)):
+        names = ", ".join(allowed)
+        raise ValueError(f"string_model is {string_model!r}; it must be one of {names}")
     return found.with_chains() if string_model == "chain" else found

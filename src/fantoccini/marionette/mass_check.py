@@ -1,8 +1,9 @@
-"""Whether M_DD resists every dynamic velocity, joint by joint."""
+"""Check that M_DD is not singular, joint by joint."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,14 +13,24 @@ from fantoccini.puppet import Number, Parameter
 from fantoccini.tree import Tree, joint_inertias
 from fantoccini.world import World
 
-_SINGULAR = 1e-12
-"""Smallest eigenvalue of a joint's scaled inertia below which it counts as singular."""
 _POSES = 3
-"""The file's pose and random ones: the first that passes will do."""
+"""The file's pose and random ones: the first one without a singular joint is enough."""
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """What makes a joint's inertia singular, scaled to a unit diagonal."""
+
+    eigenvalue: float = 1e-12  # Smallest eigenvalue: above rounding, far below any puppet's
+    diagonal: float = 1e-300  # Diagonal entry that is 0 [kg or kg m^2]
+    part: float = 1e-3  # Part of the eigenvector's largest from which a coordinate is named
+
+
+TOLERANCES = Tolerances()
 
 
 def check_mass_matrix(world: World, tree: Tree, values: Mapping[str, float] | None = None) -> None:
-    """Raises when a joint moves no mass, in the file's pose and in random ones.
+    """Raises where a joint moves no mass, in the file's pose and in random ones.
 
     Args:
         world: the puppets.
@@ -27,14 +38,15 @@ def check_mass_matrix(world: World, tree: Tree, values: Mapping[str, float] | No
         values: of parameters; those of the file when not given.
 
     Raises:
-        PuppetError: naming the coordinates that M does not resist.
+        PuppetError: naming the coordinates.
     """
     present = tree.parameters if values is None else values
 
     def number(value: Number) -> float:
         return float(present[value.parameter] if isinstance(value, Parameter) else value)
 
-    table, wrong = tree.coordinates, ([], "")
+    table = tree.coordinates
+    names: list[str] = []
     rng = np.random.default_rng(0)
     for trial in range(_POSES):
         q_D, q_K = (np.nan_to_num(q, nan=1.0) for q in (table.start_D, table.start_K))
@@ -42,35 +54,31 @@ def check_mass_matrix(world: World, tree: Tree, values: Mapping[str, float] | No
             q_D = q_D + rng.normal(size=table.n_qD)
             for q, _ in table.quaternions_D:
                 q_D[q : q + 4] /= np.linalg.norm(q_D[q : q + 4])
-        wrong = _unresisted(tree, q_D, q_K, number)
-        if not wrong[0]:
+        names, what = _singular(tree, q_D, q_K, number)
+        if not names:
             return
-    raise PuppetError([_massless(world, *wrong)])
+    owner = names[0].split(".")[0]
+    file, line = world.puppets[0].locate(owner.split("/")[-1])
+    text = (
+        f"the mass matrix {what}: look at {', '.join(names)}; give the bodies below this joint a "
+        "mass and an inertia that are positive and finite, or make the joint driven or fixed"
+    )
+    raise PuppetError([Problem(file, line, owner, text)])
 
 
-def _unresisted(tree: Tree, q_D: Array, q_K: Array, number) -> tuple[list[str], str]:
-    """Velocities of the joint nearest the leaves that M does not resist, and what M is."""
+def _singular(
+    tree: Tree, q_D: Array, q_K: Array, number: Callable[[Number], float]
+) -> tuple[list[str], str]:
+    """Velocities of the singular joint nearest the leaves, and what its inertia is."""
     for i, held, D in joint_inertias(tree, q_D, q_K, number):
         names = np.array(tree.coordinates.v_D)[tree.links[i].v]
         if not np.all(np.isfinite(D)):
             return list(names), "is not finite"
         size = np.diag(held)
-        scale = 1.0 / np.sqrt(np.maximum(size, 1e-300))
+        scale = 1.0 / np.sqrt(np.maximum(size, TOLERANCES.diagonal))
         values, vectors = np.linalg.eigh(D * np.outer(scale, scale))
-        if values[0] <= _SINGULAR or np.any(size <= 1e-300):
-            still = np.where(size <= 1e-300, 1.0, np.abs(vectors[:, 0]))
-            return list(names[still > 1e-3 * np.max(still)]), "is singular"
+        massless = size <= TOLERANCES.diagonal
+        if values[0] <= TOLERANCES.eigenvalue or np.any(massless):
+            part = np.where(massless, 1.0, np.abs(vectors[:, 0]))
+            return list(names[part > TOLERANCES.part * np.max(part)]), "is singular"
     return [], ""
-
-
-def _massless(world: World, names: list[str], what: str) -> Problem:
-    owner = names[0].split(".")[0]
-    file, line = world.puppets[0].locate(owner.split("/")[-1])
-    return Problem(
-        file,
-        line,
-        owner,
-        f"the mass matrix {what}: look at {', '.join(names)}; give the bodies below this joint "
-        "a mass and an inertia that are neither zero nor beyond all measure, or make the joint "
-        "driven or fixed",
-    )

@@ -10,10 +10,26 @@ from fantoccini.marionette.vectors import check_positive
 if TYPE_CHECKING:
     from scipy.integrate import OdeSolver
 
+MethodName = Literal["event", "timestepping", "variational"]
+
+
+class _Options:
+    """Options of a method; numbers are checked when it is made."""
+
+    name: ClassVar[MethodName]
+
+    def __post_init__(self) -> None:
+        check_positive(**{k: x for k, x in self.options.items() if k != "extrapolate"})
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The run options that it sets."""
+        return {name: x for name, x in vars(self).items() if name != "integrator"}
+
 
 @dataclass(frozen=True)
-class Event:
-    """Event-driven: adaptive order 8 between events, which are located, with exact impulses.
+class Event(_Options):
+    """Event-driven: adaptive order 8 between located events, with exact impulses.
 
     Attributes:
         rtol, atol: tolerances of the integrator.
@@ -31,26 +47,18 @@ class Event:
     max_step: float = 0.1
     integrator: str | type[OdeSolver] | None = None
 
-    name: ClassVar[str] = "event"
-
-    def __post_init__(self) -> None:
-        check_positive(rtol=self.rtol, atol=self.atol, max_step=self.max_step)
-
-    @property
-    def options(self) -> dict[str, Any]:
-        """What of the run options it sets."""
-        return {"rtol": self.rtol, "atol": self.atol, "max_step": self.max_step}
+    name: ClassVar[MethodName] = "event"
 
 
 @dataclass(frozen=True)
-class TimeStepping:
+class TimeStepping(_Options):
     """Fixed steps that catch and release within themselves: interaction, planning, batches.
 
     Attributes:
         dt: step [s].
-        extrapolate: velocity products are taken half a step on, from the accelerations of the
-            steps before, which keeps the energy of what spins; False makes each step depend on its
-            state alone, so that a run goes on from any row to the same bits.
+        extrapolate: take velocity products half a step ahead, from the accelerations of the steps
+            before, which keeps the energy of spinning bodies. False makes each step depend on its
+            state alone, so that a run continues from any sample to the same bits.
 
     Raises:
         ValueError: the step is not positive and finite.
@@ -59,19 +67,11 @@ class TimeStepping:
     dt: float = 0.002
     extrapolate: bool = True
 
-    name: ClassVar[str] = "timestepping"
-
-    def __post_init__(self) -> None:
-        check_positive(dt=self.dt)
-
-    @property
-    def options(self) -> dict[str, Any]:
-        """What of the run options it sets."""
-        return {"dt": self.dt, "extrapolate": self.extrapolate}
+    name: ClassVar[MethodName] = "timestepping"
 
 
 @dataclass(frozen=True)
-class Variational:
+class Variational(_Options):
     """Fixed steps of second order whose energy does not drift, with exact lengths at every step.
 
     Attributes:
@@ -83,19 +83,10 @@ class Variational:
 
     dt: float = 0.002
 
-    name: ClassVar[str] = "variational"
-
-    def __post_init__(self) -> None:
-        check_positive(dt=self.dt)
-
-    @property
-    def options(self) -> dict[str, Any]:
-        """What of the run options it sets."""
-        return {"dt": self.dt}
+    name: ClassVar[MethodName] = "variational"
 
 
 Method = Event | TimeStepping | Variational
-MethodName = Literal["event", "timestepping", "variational"]
 
 METHODS: dict[str, type[Method]] = {kind.name: kind for kind in (Event, TimeStepping, Variational)}
 
@@ -104,7 +95,7 @@ def as_method(method: Method | MethodName, **options: Any) -> Method:
     """A method by its name, with the options given; or a method as it is.
 
     Raises:
-        ValueError: no method is called that, or it does not take an option.
+        ValueError: no method has that name, or it does not take an option.
     """
     if isinstance(method, Method) and not options:
         return method

@@ -14,35 +14,53 @@ from typing import Any
 import numpy as np
 
 from fantoccini import tree as trees
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, Indices, MaskRows
 from fantoccini.contract import WINCH_AT
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.marionette.compiled import Compiled
-from fantoccini.marionette.parcel import Parcel
-from fantoccini.marionette.rows import RowLayout
+from fantoccini.marionette.methods import Event, TimeStepping
+from fantoccini.marionette.portable import PortableWorld
+from fantoccini.marionette.samples import SampleLayout
 from fantoccini.motion import State, States, check_size
 from fantoccini.puppet import Number, Obstacle, Parameter, Puppet
 from fantoccini.runtime import Library, RunOptions
 from fantoccini.tree import CoordinateTable, Tree
 from fantoccini.world import World
 
-TENSION_CAP = 1e5
-"""Largest tension a string may pull, in weights of the puppet."""
-LEAST_GRAVITY = 1.0
-"""Gravity that sizes of forces and energies are measured with where there is less [m/s^2]."""
-BRAKE = 1.0
-"""Deceleration of a winch that rewinds, before it stops [m/s^2]; ``kBrake`` of ``winch.hpp``."""
+WINCH_DECELERATION = 1.0
+"""Deceleration of a winch that rewinds, before it stops [m/s^2]; as in ``winch.hpp``."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Bounds of a run, and sizes that a puppet's forces and lengths are measured with."""
+
+    tension_cap: float = 1e5
+    """Largest tension of a string, in weights of the puppet: beyond it the input is impossible."""
+    least_gravity: float = 1.0
+    """Stands in for a smaller gravity [m/s^2], so that forces have a size without one."""
+    least_length: float = 1e-3  # Stands in for the length of a shorter string in relative gaps [m]
+    least_share: float = 1e-6  # Part of the largest share from which a row is named as contributing
+    first_step: float = 1e-4
+    """First step of the event-driven integrator [s]; it adapts within a few steps."""
+    recovery_speed: float = 1.0
+    """Fastest that time-stepping takes back a violation [m/s], so that no string kicks."""
+    max_steps: int = 50_000_000
+    max_events: int = 1_000_000
+
+
+LIMITS = Limits()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Model:
-    """What a marionette is; nothing is derived or compiled before it is needed.
+    """A puppet with its parameters; it is derived and compiled when first needed.
 
     Attributes:
         world: the puppets, obstacles and floor.
         tree: links, strings, limits and coordinates in the order of the equations.
         p: (n_p,) values of the parameters.
-        winches: (n_strings, 3) largest tension [N], rewinding speed [m/s], restitution, by string.
+        winches: (n_strings, 3) largest tension [N], rewinding speed [m/s], restitution.
         compiled: equations and libraries.
     """
 
@@ -62,7 +80,7 @@ class Model:
 
         Args:
             world: the puppets.
-            progress: told what takes long while it happens ("deriving", "compiling").
+            progress: called with the stage that begins ("deriving", "compiling").
         """
         tree = trees.grow(world)
         p = np.array(list(tree.parameters.values()), dtype=float)
@@ -71,23 +89,17 @@ class Model:
     def __copy__(self) -> Model:
         return self
 
-    def __deepcopy__(self, memo: dict) -> Model:
+    def __deepcopy__(self, memo: dict[int, Any]) -> Model:
         return self
 
     def __reduce__(self) -> tuple[Any, ...]:
         # What was derived or compiled stays behind: the cache has it there, or it is made there.
-        return _unpacked, (Parcel.of(self.world), self.p, self.winches)
+        return _unpacked, (PortableWorld.of(self.world), self.p, self.winches)
 
     # -- other models of the same puppet -------------------------------------------------------
 
     def with_parameters(self, values: Mapping[str, float]) -> Model:
-        """The same puppet with other values of its parameters, and the winches that follow.
-
-        Raises:
-            UnknownNameError: there is no such parameter.
-            StateError: a value is not finite.
-            PuppetError: a value that the puppet's file could not have.
-        """
+        """The same puppet with other parameters; see :meth:`Marionette.with_parameters`."""
         names, p = list(self.tree.parameters), self.p.copy()
         for name, value in values.items():
             if name not in names:
@@ -103,14 +115,7 @@ class Model:
         return dataclasses.replace(self, p=p, winches=_winches(self.tree, p))
 
     def with_winches(self, winches: Array) -> Model:
-        """The same puppet on other winches.
-
-        Args:
-            winches: (n_strings, 3).
-
-        Raises:
-            StateError: numbers that no winch has.
-        """
+        """The same puppet on other winches; see :meth:`Marionette.with_winches`."""
         table = np.array(winches, dtype=float).reshape(self.winches.shape)
         for string, (most, rewind, bounces) in zip(self.tree.strings, table, strict=True):
             if not (most > 0.0 and 0.0 <= rewind < np.inf and 0.0 <= bounces <= 1.0):
@@ -122,11 +127,11 @@ class Model:
         return dataclasses.replace(self, winches=table)
 
     def with_obstacles(self, obstacles: Iterable[Obstacle]) -> Model:
-        """The same puppet among other obstacles."""
+        """The same puppet with other obstacles in its world."""
         world = dataclasses.replace(self.world, obstacles=tuple(obstacles))
         return dataclasses.replace(self, world=world)
 
-    # -- what it is made of ------------------------------------------------------------------
+    # -- its parts ---------------------------------------------------------------------------
 
     @property
     def name(self) -> str:
@@ -150,7 +155,7 @@ class Model:
 
     @cached_property
     def described(self) -> Puppet:
-        """The puppet as a file would describe it now: its parameters have their present values."""
+        """The puppet as a file would describe it now, with the present parameters."""
         present = dict(zip(self.tree.parameters, self.p.tolist(), strict=True))
         if present == self.tree.parameters:
             return self.puppet
@@ -159,19 +164,19 @@ class Model:
         return self.puppet.with_values(own)
 
     @cached_property
-    def row_layout(self) -> RowLayout:
-        """How the runtime lays out a trajectory's rows."""
-        return RowLayout(self.tree)
+    def sample_layout(self) -> SampleLayout:
+        """How the runtime lays out the samples of a trajectory."""
+        return SampleLayout(self.tree)
 
     def number(self, value: Number) -> float:
         """A number of the puppet, with the present value where it is a parameter."""
         if not isinstance(value, Parameter):
             return float(value)
-        return float(self.p[self._places[value.parameter]])
+        return float(self.p[self.parameter_index[value.parameter]])
 
     @cached_property
-    def _places(self) -> dict[str, int]:
-        """Places of the parameters in ``p``."""
+    def parameter_index(self) -> dict[str, int]:
+        """Name of a parameter -> its place in ``p``."""
         return {name: i for i, name in enumerate(self.tree.parameters)}
 
     # -- sizes -------------------------------------------------------------------------------
@@ -194,62 +199,52 @@ class Model:
 
     @property
     def reference_force(self) -> float:
-        """Size of the puppet's forces [N], which does not vanish with gravity."""
-        return max(self.weight, self.mass * LEAST_GRAVITY)
+        """Mass times gravity or 1 m/s^2, whichever is more [N]."""
+        return max(self.weight, self.mass * LIMITS.least_gravity)
 
     @property
     def tension_cap(self) -> float:
-        """Largest tension a string may pull [N]: 1e5 times the mass times gravity or 1 m/s^2,
-        whichever is more."""
-        return TENSION_CAP * (self.reference_force or 1.0)
+        """Largest tension a string may pull [N]: 1e5 times :attr:`reference_force`."""
+        return LIMITS.tension_cap * (self.reference_force or 1.0)
 
-    def run_options(self, **changes) -> RunOptions:
+    def run_options(self, **changes: Any) -> RunOptions:
         """Run options scaled to this puppet, with some changed."""
-        options = dict(
-            rtol=1e-11,
-            atol=1e-11,
-            first_step=1e-4,
-            max_step=0.1,
-            tension_cap=self.tension_cap,
-            energy_scale=max(self.reference_force, 1e-9),
-            force_scale=self.reference_force / (self.mass or 1.0) ** 0.5,
-            recovery_speed=1.0,
-            dt=0.002,
-            max_steps=50_000_000,
-            max_events=1_000_000,
-            save_steps=True,
-        )
+        options = Event().options | TimeStepping().options
+        options |= {
+            "first_step": LIMITS.first_step,
+            "tension_cap": self.tension_cap,
+            "energy_scale": max(self.reference_force, 1e-9),
+            "force_scale": self.reference_force / (self.mass or 1.0) ** 0.5,
+            "recovery_speed": LIMITS.recovery_speed,
+            "max_steps": LIMITS.max_steps,
+            "max_events": LIMITS.max_events,
+            "save_steps": True,
+        }
         return RunOptions(**(options | changes))
 
     # -- rows --------------------------------------------------------------------------------
 
     @cached_property
     def upper(self) -> Array:
-        """(n_rows,) largest force of every row [N]; inf where there is none."""
+        """(n_rows,) largest force of every row [N]; inf where it has no winch that slips."""
         return np.concatenate(
             [self.winches[:, WINCH_AT["max_tension"]], np.full(len(self.tree.limits), np.inf)]
         )
 
     @cached_property
-    def two_sided(self) -> Array:
-        """(n_rows,) bool: rows that are wires."""
+    def two_sided(self) -> MaskRows:
+        """(n_rows,) bool, wires."""
         wires = [s.wire for s in self.tree.strings] + [False] * len(self.tree.limits)
         return np.array(wires, dtype=bool)
 
-    def winding(self, slip: Array) -> Array:
-        """The rate at which winches wind slips (..., n_strings) back [m/s], <= 0.
-
-        -min(rewind_speed, sqrt(2 BRAKE slip))
-        """
-        return -np.minimum(self.winches[:, WINCH_AT["rewind_speed"]], np.sqrt(2.0 * BRAKE * slip))
+    def rewinding(self, slip: Array) -> Array:
+        """-min(rewind_speed, sqrt(2 a slip)): the rate of slips (..., n_strings) [m/s]."""
+        braked = np.sqrt(2.0 * WINCH_DECELERATION * slip)
+        return -np.minimum(self.winches[:, WINCH_AT["rewind_speed"]], braked)
 
     def row_scales(self, q_D: Array, q_K: Array) -> Array:
-        """(..., n_rows) what each row's h is measured against: string lengths [m], 1 for limits.
-
-        Args:
-            q_D, q_K: (..., n_qD), (..., n_qK) configurations [m, rad or 1].
-        """
-        lengths = np.maximum(self.string_lengths(q_D, q_K), 1e-3)
+        """(..., n_rows) scale of each row's h: string lengths [m], 1 for limits."""
+        lengths = np.maximum(self.string_lengths(q_D, q_K), LIMITS.least_length)
         limits = np.ones((*lengths.shape[:-1], len(self.tree.limits)))
         return np.concatenate([lengths, limits], axis=-1)
 
@@ -257,25 +252,29 @@ class Model:
         """Lengths of the strings at configurations (..., n_qD), (..., n_qK): (..., n) [m]."""
         return self.tree.string_lengths(q_D, q_K, self.number)
 
-    def rows_of(self, rows: Array, share: Array | None) -> tuple[str, ...]:
-        """Names of those of some rows that have a share in something; all when none is given."""
+    def names_of(self, rows: Indices, share: Array | None) -> tuple[str, ...]:
+        """Names of the rows whose share is not negligible; of all when no share is given."""
         names = [self.tree.row_names[i] for i in rows]
         if share is None:
             return tuple(names)
-        least = 1e-6 * np.max(np.abs(share), initial=0.0)
+        least = LIMITS.least_share * np.max(np.abs(share), initial=0.0)
         return tuple(n for n, part in zip(names, share, strict=True) if part > least)
 
     # -- states ------------------------------------------------------------------------------
 
     def check_state(self, x: State) -> None:
-        """Raises :class:`StateError` when ``x`` is a state of another puppet, or none."""
+        """Raises :class:`StateError` unless ``x`` is a state of this puppet."""
         check_size(x, self.coordinates, self.tree.n_rows)
 
+    def at(self, x: State | States) -> dict[str, Array]:
+        """Arguments of compiled functions: q_D, v_D, q_K, v_K and p."""
+        return {"q_D": x.q_D, "v_D": x.v_D, "q_K": x.q_K, "v_K": x.v_K, "p": self.p}
+
     def states(self, states: Sequence[State]) -> States:
-        """States of this puppet side by side.
+        """States of this puppet, stacked.
 
         Raises:
-            StateError: one is of another puppet, or what its winches have let out is no length.
+            StateError: one is of another puppet, or its slip is not a length >= 0 for each string.
         """
         tree = self.tree
         return States.of(states, self.coordinates, len(tree.strings), tree.n_rows)
@@ -284,21 +283,18 @@ class Model:
 def _winches(tree: Tree, p: Array) -> Array:
     """(n_strings, 3) largest tension [N], rewinding speed [m/s], restitution, as the file says."""
     values = dict(zip(tree.parameters, p.tolist(), strict=True))
+    defaults = {"max_tension": np.inf, "rewind_speed": 0.0}
 
     def number(value: Number) -> float:
         return float(values[value.parameter] if isinstance(value, Parameter) else value)
 
     table = np.zeros((len(tree.strings), len(WINCH_AT)))
     for row, string in zip(table, tree.strings, strict=True):
-        own = {
-            "max_tension": np.inf if string.max_tension is None else number(string.max_tension),
-            "rewind_speed": 0.0 if string.rewind_speed is None else number(string.rewind_speed),
-            "restitution": number(string.restitution),
-        }
-        row[:] = [own[name] for name in WINCH_AT]
+        given = [(name, getattr(string, name)) for name in WINCH_AT]
+        row[:] = [defaults[name] if x is None else number(x) for name, x in given]
     return table
 
 
-def _unpacked(parcel: Parcel, p: Array, winches: Array) -> Model:
-    made = Model.of(parcel.world())
+def _unpacked(portable: PortableWorld, p: Array, winches: Array) -> Model:
+    made = Model.of(portable.world())
     return dataclasses.replace(made, p=np.array(p, dtype=float), winches=winches)

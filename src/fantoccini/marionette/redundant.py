@@ -1,13 +1,12 @@
 """Redundant strings whose lengths contradict one another.
 
-More rigid strings than degrees of freedom hold a body only while their lengths agree. With
-tensions y >= 0 that balance by themselves,
+More rigid strings than degrees of freedom hold a body only while their lengths agree. For a
+self-stress, tensions y >= 0 that balance,
 
     A_D^T y = 0,  sum y = 1,   y . hdot = y . A_K v_K,   y . hddot = y . (A_K acc_K + rates)
 
 no motion satisfies rows with y . hdot > 0, or y . hdot = 0 and y . hddot > 0. Integrators of rigid
-strings answer with tensions without bound, or with tensions that only their own regularisation
-bounds.
+strings then give unbounded tensions, or tensions that only their own regularisation bounds.
 """
 
 from __future__ import annotations
@@ -17,9 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, Indices
 from fantoccini.errors import Status
-from fantoccini.marionette.instant import instant_at
+from fantoccini.marionette.evaluation import Evaluation
 from fantoccini.marionette.model import Model
 from fantoccini.motion import State
 from fantoccini.tree import Role, StringRow
@@ -27,7 +26,7 @@ from fantoccini.tree import Role, StringRow
 Motion = tuple[State, Array]
 """A state and (n_vK,) the accelerations of the driven coordinates there."""
 
-STOPPED_BY = (
+CONTRADICTION_STATUSES = (
     Status.IMPOSSIBLE_INPUT,
     Status.TENSION_CAP,
     Status.TOO_MANY_EVENTS,
@@ -35,27 +34,32 @@ STOPPED_BY = (
     Status.PROJECTION_FAILED,
     Status.STEP_TOO_SMALL,
 )
-"""Statuses that strings which contradict one another lead to."""
+"""Statuses with which runs of contradicting strings end."""
 
-_NEAR = 1e-6
-"""Gap below which a string counts as holding, relative to its length."""
-_PULLS = 1e-6
-"""Part of the largest entry of y from which a string takes part."""
-_DEPENDS = 1e-9
-"""Singular values below this part of the largest are none."""
-_EXCESS = 10.0
-"""Tensions above so many times those of least norm and the weight come of a contradiction."""
-_RECURS = 2
-"""Rows at which they have to be found."""
-_MOST_LOOKS = 32
-"""Rows of a run whose tensions are looked at."""
-_NOISE = 1e-10
-"""m/s: a rate of contradiction that is rounding."""
+
+@dataclass(frozen=True)
+class Tolerances:
+    """Decisions about which strings contradict one another."""
+
+    taut_gap: float = 1e-6  # -h below which a string counts as taut, relative to its length
+    least_share: float = 1e-6  # Part of the largest entry of y from which a string takes part
+    dependent: float = 1e-9
+    """Singular value of W, relative to the largest, below which strings are redundant."""
+    excess: float = 10.0
+    """Tensions, relative to those of least norm plus the weight, that need a contradiction."""
+    min_samples: int = 2
+    """Samples with such tensions: a single one, as at a catch, is no contradiction."""
+    max_samples: int = 32  # Samples of a run whose tensions are examined, which bounds the time
+    speed_rounding: float = 1e-10  # y . hdot that is rounding [m/s]
+    equality_weight: float = 1e6  # Weight of W z = W x against |z| in least tensions, relative to W
+
+
+TOLERANCES = Tolerances()
 
 
 @dataclass(frozen=True)
 class Contradiction:
-    """What redundant strings ask for together.
+    """Rates at which the lengths of redundant strings contradict one another.
 
     Attributes:
         names: of the strings.
@@ -78,10 +82,10 @@ class Contradiction:
         )
 
 
-def may_contradict(model: Model) -> bool:
-    """Whether some rigid strings of the puppet are more than the degrees of freedom they move.
+def may_be_redundant(model: Model) -> bool:
+    """Whether the puppet has more rigid strings than the degrees of freedom that they move.
 
-    By Hall's theorem there are none where every string can be given a degree of freedom of its own.
+    By Hall's theorem it does not where every string can be assigned a degree of freedom of its own.
     """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import maximum_bipartite_matching
@@ -103,77 +107,74 @@ def may_contradict(model: Model) -> bool:
 
 
 def contradiction(model: Model, x: State, acc_K: Array) -> Contradiction | None:
-    """What redundant strings contradict one another in at a state; None where none do.
-
-    Args:
-        model: the puppet.
-        x: the state.
-        acc_K: (n_vK,) accelerations of the driven coordinates.
-    """
-    x = x.replace(slip=np.maximum(x.slip, 0.0))  # that of a winch which slips may be rounding
-    instant = instant_at(model, x, acc_K)
+    """How redundant strings contradict one another at a state; None where they do not."""
+    x = x.replace(slip=np.maximum(x.slip, 0.0))  # of winches that slip: may be rounding
+    at = Evaluation.of(model, x, acc_K)
     n = len(model.tree.strings)
     scale = model.row_scales(x.q_D, x.q_K)[:n]
-    holds = np.flatnonzero((instant.h[:n] >= -_NEAR * scale) & ~np.isfinite(model.upper[:n]))
-    W = instant.W[:, holds]
-    if not len(holds) or np.linalg.matrix_rank(W, _DEPENDS * np.linalg.norm(W, 2)) == len(holds):
+    rigid = ~np.isfinite(model.upper[:n])
+    holds = np.flatnonzero((at.h[:n] >= -TOLERANCES.taut_gap * scale) & rigid)
+    W = at.W[:, holds]
+    least = TOLERANCES.dependent * np.linalg.norm(W, 2) if len(holds) else 0.0
+    if not len(holds) or np.linalg.matrix_rank(W, least) == len(holds):
         return None
-    hddot = instant.gamma[holds] + W.T @ instant.w0
+    hddot = at.gamma[holds] + W.T @ at.w0
     found = []
-    for asked in (instant.hdot[holds], hddot):
-        y = _self_stress(W, asked)
+    for rate in (at.hdot[holds], hddot):
+        y = _self_stress(W, rate)
         if y is None:
             return None
-        found.append((y, float(asked @ y)))
+        found.append((y, float(rate @ y)))
     (y, speed), (y_rate, acceleration) = found
-    y = y if speed > _NOISE else y_rate
-    group, freedoms = _group(model, holds, holds[y > _PULLS * np.max(y)])
+    y = y if speed > TOLERANCES.speed_rounding else y_rate
+    stressed = holds[y > TOLERANCES.least_share * np.max(y)]
+    group, freedoms = _group(model, holds, stressed)
     if not freedoms or len(group) <= freedoms:
         return None  # a string that moves nothing contradicts its own ends
     names = tuple(model.tree.strings[i].name for i in group)
     return Contradiction(names, freedoms, speed, acceleration)
 
 
-def overpulled(
+def first_excess_tension(
     model: Model, tension: Array, motion: Callable[[int], Motion]
 ) -> int | None:
-    """The first row of a run at which tensions are far beyond what its motion needs, or None.
+    """The first sample whose tensions are far beyond what its motion needs; None without one.
 
-    Of all tensions x >= 0 with the same A_D^T x the least are compared: what exceeds them are
-    tensions that pull against one another. Once, as at a catch, is no contradiction.
+    Compared with the least tensions x >= 0 of the same A_D^T x; the excess are tensions that pull
+    against one another.
 
     Args:
         model: the puppet.
         tension: (T, n_strings) [N].
-        motion: row -> the state there and the driven accelerations.
+        motion: sample -> the state there and the driven accelerations.
     """
     pulls = np.max(tension, axis=1, initial=0.0)
-    rows = np.flatnonzero(pulls > _EXCESS * model.reference_force)
-    looks = rows[:: max(1, len(rows) // _MOST_LOOKS)]
-    beyond = [int(row) for row in looks if _exceeds(model, tension[row], *motion(int(row)))]
-    return beyond[0] if len(beyond) >= _RECURS else None
+    large = np.flatnonzero(pulls > TOLERANCES.excess * model.reference_force)
+    some = large[:: max(1, len(large) // TOLERANCES.max_samples)]
+    excess = [int(i) for i in some if _exceeds(model, tension[i], *motion(int(i)))]
+    return excess[0] if len(excess) >= TOLERANCES.min_samples else None
 
 
 def _exceeds(model: Model, tension: Array, x: State, acc_K: Array) -> bool:
     some = np.flatnonzero(tension > 0.0)
-    W = instant_at(model, x.replace(slip=()), acc_K).W[:, some]
+    W = Evaluation.of(model, x.replace(slip=()), acc_K).W[:, some]
     if np.max(np.abs(W), initial=0.0) == 0.0:
         return False  # strings that move nothing pull against no other
-    least = _least(W, tension[some])
-    return bool(np.max(tension) > _EXCESS * (np.max(least) + model.reference_force))
+    least = np.max(_least(W, tension[some]))
+    return bool(np.max(tension) > TOLERANCES.excess * (least + model.reference_force))
 
 
-def _self_stress(W: Array, asked: Array) -> Array | None:
-    """y >= 0 with W y = 0 and sum y = 1 of largest asked . y; None where there is no such y."""
+def _self_stress(W: Array, rate: Array) -> Array | None:
+    """y >= 0 with W y = 0 and sum y = 1 of largest rate . y; None where there is no such y."""
     from scipy.optimize import linprog
 
     size = np.max(np.abs(W), initial=0.0)
     if size == 0.0:
         return None  # strings that move nothing: each contradicts its own ends
-    equal = np.vstack([W / size, np.ones(len(asked))])
+    equal = np.vstack([W / size, np.ones(len(rate))])
     right = np.append(np.zeros(len(W)), 1.0)
-    largest = np.max(np.abs(asked), initial=0.0) or 1.0
-    found = linprog(-asked / largest, A_eq=equal, b_eq=right, bounds=(0.0, None))
+    largest = np.max(np.abs(rate), initial=0.0) or 1.0
+    found = linprog(-rate / largest, A_eq=equal, b_eq=right, bounds=(0.0, None))
     return found.x if found.success else None
 
 
@@ -181,12 +182,12 @@ def _least(W: Array, x: Array) -> Array:
     """The shortest z >= 0 with W z = W x."""
     from scipy.optimize import nnls
 
-    heavy = 1e6 / np.max(np.abs(W))
+    heavy = TOLERANCES.equality_weight / np.max(np.abs(W))
     return nnls(np.vstack([heavy * W, np.eye(len(x))]), np.append(heavy * (W @ x), 0.0 * x))[0]
 
 
-def _group(model: Model, holds: Array, stressed: Array) -> tuple[list[int], int]:
-    """The strings that hold and move nothing but what stressed ones do, and how much that is."""
+def _group(model: Model, holds: Indices, stressed: Indices) -> tuple[list[int], int]:
+    """The taut strings that move nothing but what stressed ones do, and how many freedoms."""
     strings = model.tree.strings
     moved = set().union(*(_moved(model, strings[i]) for i in stressed))
     group = [int(i) for i in holds if _moved(model, strings[i]) <= moved]

@@ -1,4 +1,4 @@
-"""Linearisation of one step of the time-stepper, in the mode that the step chooses.
+"""Linearisation of one step of the time-stepper, with the active set that the step finds.
 
 With rate = dq_K/dt and mean = dv_K/dt over the step, damping and drag F implicit, and the rows in
 Lambda > 0 (``cpp/fantoccini/timestepping.hpp``):
@@ -6,9 +6,9 @@ Lambda > 0 (``cpp/fantoccini/timestepping.hpp``):
     (M + dt F) (v+ - v) + dt (c(q, v, q_K, rate) + M_DK mean - u_D) + A_D^T Lambda = 0
     A_D v+ + A_K rate + min(h/dt, recovery speed) = 0,      q+ = q moved by dt v+
 
-are differentiated as they stand, M, A and c at the step's start. It is the step of a stepper that
-begins at the state: along a run c takes its velocity products half a step on, extrapolated from the
-steps before, which are no part of a state. That changes dv+ by dt^2/2 times the products' slopes.
+are differentiated with M, A and c at the step's start. It is the first step of a stepper: later in
+a run c takes its velocity products half a step ahead, extrapolated from earlier steps, which are no
+part of a state. That changes dv+ by dt^2/2 times the products' derivatives.
 """
 
 from __future__ import annotations
@@ -20,13 +20,14 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError
-from fantoccini.marionette.instant import Instant
+from fantoccini.marionette.evaluation import Evaluation
 from fantoccini.marionette.linearisation import (
-    Answer,
+    KKTSystem,
     Partials,
-    force_columns,
-    slopes_at,
-    winch_slopes,
+    derivatives_at,
+    force_derivatives,
+    row_derivatives_at,
+    tension_derivatives,
 )
 from fantoccini.marionette.model import Model
 from fantoccini.marionette.stepper import Stepper
@@ -34,13 +35,15 @@ from fantoccini.marionette.vectors import check_positive, vector
 from fantoccini.motion import State, rotation
 from fantoccini.tree import CoordinateTable
 
-_BRAKED = 1e-9
-"""Relative difference between the step's velocity and its equations' at which it was braked."""
+SHORTENED = 1e-9
+"""Relative difference between the step's velocity and its equations' at which it was cut short."""
+AT_CAP = 1.0 - 1e-9
+"""Part of its largest tension from which a string counts as pulling with it."""
 
 
 @dataclass(frozen=True, eq=False)
 class StepLinearisation:
-    """One step of the time-stepper and its derivatives, in the mode it chose.
+    """One step of the time-stepper and its derivatives, with the active set it found.
 
     As a discrete system in z = (dq_D, dv_D, dq_K, dv_K), with tangent vectors dq::
 
@@ -51,13 +54,13 @@ class StepLinearisation:
     Attributes:
         x, x_next: the states before and after it.
         dt: its length [s].
-        rows: names of the strings and limits that hold in it.
+        rows: names of the strings and limits held in it.
         tension: (n_rows,) impulses over dt [N or N m].
         A: (2 n_vD + 2 n_vK,) squared.
         B: (2 n_vD + 2 n_vK, n_vK) by the driven acceleration.
         B_u: (2 n_vD + 2 n_vK, n_vD) by the user's forces.
         B_p: (2 n_vD + 2 n_vK, n_p) by the parameters.
-        pull: derivatives of ``tension`` (n_rows, ...); 0 for rows that do not hold.
+        pull: derivatives of ``tension`` (n_rows, ...); 0 for rows that are not held.
         coordinates: names and places of the coordinates.
     """
 
@@ -75,27 +78,9 @@ class StepLinearisation:
 
 
 def linearise_step(
-    model: Model,
-    x: State,
-    acc_K: Array | None = None,
-    u_D: Array | None = None,
-    dt: float = 0.002,
+    model: Model, x: State, acc_K: Array | None = None, u_D: Array | None = None, dt: float = 0.002
 ) -> StepLinearisation:
-    """One step of the time-stepper with its derivatives.
-
-    It is the first step of a stepper at ``x``. What slipping winches have let out is held; a string
-    at its winch's largest tension goes on pulling with that.
-
-    Args:
-        model: the puppet.
-        x: where the step starts; strings may be overstepped, as time-stepping does.
-        acc_K: (n_vK,) accelerations of the inputs over the step; 0 when not given.
-        u_D: (n_vD,) user forces over the step; 0 when not given.
-        dt: its length [s].
-
-    Raises:
-        StateError: the step was braked: the strings are so far overstepped that it means nothing.
-    """
+    """The first time step from a state; see :meth:`Marionette.linearise_step`."""
     t = model.coordinates
     n, k, n_p = t.n_vD, t.n_vK, len(model.p)
     acc_K, u_D = vector("acc_K", acc_K, k), vector("u_D", u_D, n)
@@ -104,39 +89,31 @@ def linearise_step(
     stepper = Stepper(model, x, "timestepping", model.run_options(dt=dt))
     x_next = stepper.advance(dt, acc_K, u_D=u_D)
     tension, upper = stepper.tension, np.minimum(model.upper, model.tension_cap)
-    held = np.flatnonzero(
-        model.two_sided | ((tension > 0.0) & (tension < (1.0 - 1e-9) * upper))
-    )
+    held = np.flatnonzero(model.two_sided | ((tension > 0.0) & (tension < AT_CAP * upper)))
     path = _DrivenStep(t.quaternions_K, x.v_K, acc_K, dt)
     # The model as the step sees it: the mean velocity and acceleration of the inputs, M + dt F.
     start = x.replace(v_K=path.rate)
-    instant = Instant.of(
-        model.library, model.tree, start, model.p, path.mean, u_D, dt
-    )
-    acc_D = instant.back(instant.w0 - instant.W @ tension)
-    if np.max(np.abs(x.v_D + dt * acc_D - x_next.v_D), initial=0.0) > _BRAKED * (
+    at = Evaluation.of(model, start, path.mean, u_D, dt)
+    acc_D = at.back(at.w0 - at.W @ tension)
+    if np.max(np.abs(x.v_D + dt * acc_D - x_next.v_D), initial=0.0) > SHORTENED * (
         1.0 + np.max(np.abs(x_next.v_D), initial=0.0)
     ):
         raise StateError(
-            "the step was braked: strings are overstepped so far, or so fast, that the "
+            "the step was cut short: strings are violated so far, or so fast, that the "
             "time-stepper scaled the velocities down"
         )
-    found = slopes_at(model, start, acc_D, path.mean, tension, dt)
-    by = force_columns(model, found, tension)
-    rate = _row_rates(model, start.replace(v_D=x.v_D + dt * acc_D), instant, dt)
-    dacc, dtension = Answer(instant, held).to(by, rate[held])
-    dpull = np.zeros((model.tree.n_rows, by.shape[1]))
-    dpull[:, by.shape[1] - n_p :] = winch_slopes(model, tension)
-    dpull[held] = dtension
+    found = derivatives_at(model, start, acc_D, path.mean, tension, dt)
+    by = force_derivatives(model, found, tension)
+    rate = _row_rates(model, start.replace(v_D=x.v_D + dt * acc_D), at, dt)
+    dacc, dtension = KKTSystem(at, held).solve(by, rate[held])
+    dpull = tension_derivatives(model, tension, held, dtension)
     # From (q_D, v_D, q_K, rate, mean, u_D, p) to (q_D, v_D, q_K, v_K, acc_K, u_D, p).
-    turn = path.chain(n, n_p)
-    dv = dt * dacc @ turn
+    chain = path.chain(n, n_p)
+    dv = dt * dacc @ chain
     dv[:, n : 2 * n] += np.eye(n)
     dq = _carried(t.quaternions_D, dt * x_next.v_D, dt * dv, n)
-    driven = path.state(n, n_p)
-    whole = np.concatenate([dq, dv, driven])
     widths = [n, n, k, k, k, n, n_p]
-    columns = Partials.of(whole, widths)
+    columns = Partials.of(np.concatenate([dq, dv, path.state(n, n_p)]), widths)
     return StepLinearisation(
         x=x,
         x_next=x_next,
@@ -147,27 +124,20 @@ def linearise_step(
         B=columns.acc_K,
         B_u=columns.u_D,
         B_p=columns.p,
-        pull=Partials.of(dpull @ turn, widths),
+        pull=Partials.of(dpull @ chain, widths),
         coordinates=t,
     )
 
 
-def _row_rates(model: Model, at: State, instant: Instant, dt: float) -> Array:
+def _row_rates(model: Model, x: State, at: Evaluation, dt: float) -> Array:
     """Derivatives of (A_D v+ + A_K rate + min(h/dt, recovery speed)) / dt at fixed acc_D.
 
-    By q_D, v_D, q_K, rate, mean, u_D and p, side by side; ``at`` has v+ and the rate.
+    By q_D, v_D, q_K, rate, mean, u_D and p, in one array; ``x`` has v+ and the rate.
     """
-    t = model.coordinates
-    found = model.compiled.derivatives.at(
-        "rows_by",
-        {
-            "q_D": at.q_D, "v_D": at.v_D, "acc_D": np.zeros(t.n_vD), "q_K": at.q_K, "v_K": at.v_K,
-            "acc_K": np.zeros(t.n_vK), "p": model.p,
-        },
-    )  # fmt: skip
-    rate = np.where(model.two_sided, np.abs(instant.h), instant.h) / dt
-    taken_back = rate < model.run_options().recovery_speed
-    gap = np.where(taken_back, 1.0 / dt, 0.0)[:, None]
+    found = row_derivatives_at(model, x)
+    rate = np.where(model.two_sided, np.abs(at.h), at.h) / dt
+    recovers = rate < model.run_options().recovery_speed
+    gap = np.where(recovers, 1.0 / dt, 0.0)[:, None]
     none = np.zeros_like(found["A_K"]), np.zeros_like(found["A_D"])
     columns = (
         found["hdot_q"] + gap * found["A_D"],
@@ -181,7 +151,7 @@ def _row_rates(model: Model, at: State, instant: Instant, dt: float) -> Array:
 
 
 def _carried(
-    quaternions: Iterable[tuple[int, int]], move: Array, dmove: Array, at: int
+    quaternions: Iterable[tuple[int, int]], move: Array, dmove: Array, n_dq: int
 ) -> Array:
     """Change of the tangent vector at q moved by ``move``: Exp(-move) dq + J_r(move) dmove.
 
@@ -189,20 +159,20 @@ def _carried(
         quaternions: (q, v) places of rotations; scalars add.
         move: (n,) tangent vector.
         dmove: (n, m) its change.
-        at: number of columns of dq, which are the first ones.
+        n_dq: number of columns of dq, which are the first ones.
     """
     out = dmove.copy()
-    carry = np.eye(len(move), at)
+    carry = np.eye(len(move), n_dq)
     for _, v in quaternions:
         here = slice(v, v + 3)
         out[here] = rotation.right_jacobian(move[here]) @ dmove[here]
         carry[here, here] = rotation.matrix(rotation.exp(-move[here]))
-    out[:, :at] += carry
+    out[:, :n_dq] += carry
     return out
 
 
 class _DrivenStep:
-    """What the driven coordinates do over a step at constant acceleration.
+    """The driven coordinates over a step at constant acceleration.
 
     Args:
         quaternions: (q, v) places of their rotations.

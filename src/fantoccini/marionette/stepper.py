@@ -1,93 +1,90 @@
-"""Stepper: a run that is advanced piece by piece, for everything that happens on line."""
+"""Stepper: a run that is advanced piece by piece, for feedback and live control."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import ARRIVED, SimulationError, Status, UnknownNameError
-from fantoccini.marionette.checks import check_rows, ready
+from fantoccini.marionette.checks import bind_input, check_samples, check_start, check_step
+from fantoccini.marionette.methods import Method, MethodName, as_method
 from fantoccini.marionette.model import Model
-from fantoccini.marionette.redundant import STOPPED_BY, Contradiction, contradiction
+from fantoccini.marionette.redundant import CONTRADICTION_STATUSES, Contradiction, contradiction
 from fantoccini.marionette.vectors import check_positive, vector
 from fantoccini.motion import Input, State
-from fantoccini.motion.pieces import constant_acceleration
 from fantoccini.motion.polynomial import N_COEF
 from fantoccini.runtime import Run, RunOptions
-from fantoccini.tree import CoordinateTable
 
-Law = Callable[[State], "Array | Mapping[str, float]"]
+Accelerations = Array | Mapping[str, float]
+Law = Callable[[State], Accelerations]
 
 
 class Stepper:
     """Advances a puppet under inputs that are decided on the way.
 
     The input of the paper's Eq. 12 is the acceleration of the driven coordinates, u_L: held
-    constant over a piece, it keeps their velocity continuous whatever is asked for.
+    constant over a piece, it keeps their velocity continuous.
 
-    ``copy.copy``, ``copy.deepcopy`` and ``pickle`` give a stepper that goes on by itself, to the
-    same bits as this one. A pickle that is loaded beside another compiled library of the puppet
-    goes on from the state alone: books, lost steps and velocity products begin anew.
+    ``copy.copy``, ``copy.deepcopy`` and ``pickle`` give an independent stepper that continues to
+    the same bits. A pickle loaded with another compiled library of the puppet continues from the
+    state alone: ledger, lost steps and velocity products begin anew.
 
     Attributes:
-        state: where the puppet is now.
+        state: the present state.
         tension: (n_rows,) forces of strings and limits at ``state`` [N or N m].
-        rows: (n, width) what the last advance wrote, laid out as ``model.row_layout`` says;
+        samples: (n, width) written by the last advance, laid out as ``model.sample_layout`` says;
             before the first one, the start.
-        events: (n, 5) that it met: time, kind, row, impulse, speed.
-        contradiction: what redundant strings asked for where the status is ``REDUNDANT_STRINGS``,
-            else None.
+        events: (n, 5) of the last advance: time, kind, row, impulse, speed.
+        contradiction: of redundant strings, where the status is ``REDUNDANT_STRINGS``; else None.
 
     Args:
         model: the puppet.
         x0: where it starts.
-        method: ``timestepping``, ``variational`` or ``event``.
-        options: numbers that steer the run; its bound on memory is that of one advance.
+        method: its name.
+        options: of the run; the bound on memory is that of one advance.
     """
 
-    def __init__(
-        self,
-        model: Model,
-        x0: State,
-        method: Literal["timestepping", "variational", "event"],
-        options: RunOptions,
-    ):
+    def __init__(self, model: Model, x0: State, method: MethodName, options: RunOptions):
         self.model = model
         self.method = method
         self.state, self._end = x0.replace(coordinates=model.coordinates), x0.t
         self._options, self._run = options, self._begun(options)
-        rows, self.events = self._run.present()
-        self.rows = rows[-1:]
-        self.tension = model.row_layout.split(self.rows)["tension"][0]
+        samples, self.events = self._run.present()
+        self.samples = samples[-1:]
+        self.tension = model.sample_layout.split(self.samples)["tension"][0]
         self.contradiction: Contradiction | None = None
 
+    @classmethod
+    def of(cls, model: Model, x0: State, method: Method | MethodName) -> Stepper:
+        """A stepper whose start and step are checked; see :meth:`Marionette.stepper`."""
+        chosen = as_method(method)
+        check_start(model, x0, chosen.name)
+        options = model.run_options(**chosen.options)
+        check_step(model, chosen.name, x0.q_D, x0.q_K, options.dt)
+        return cls(model, x0, chosen.name, options)
+
     def _begun(self, options: RunOptions) -> Run:
-        """A run from the present state, with the driven velocities that it has."""
-        m, x = self.model, self.state
-        times = np.array([x.t, x.t + options.dt])
-        still = np.zeros((1, len(x.v_K)))
-        coasts = Input(
-            m.coordinates, times, *constant_acceleration(m.coordinates, times, x.q_K, x.v_K, still),
-            np.ones(len(x.v_K), dtype=bool),
-        )  # fmt: skip
-        return Run(
-            m.compiled.library_of(self.method), self.method, options, x, m.p, m.winches, coasts
-        )
+        """A run from the present state at its driven velocities."""
+        model = self.model
+        library = model.compiled.library_of(self.method)
+        coasting = self._piece(options.dt, None, None)
+        about = options, self.state, model.p, model.winches, coasting
+        return Run(library, self.method, *about)
 
     def __getstate__(self) -> dict[str, Any]:
-        # What is underway lives in the library, which gives it as bytes.
+        # The library keeps the run, and gives it as bytes.
         return {name: x for name, x in vars(self).items() if name != "_run"} | {
-            "_status": int(self.status),
+            "_status": self.status,
             "_memory": (self._run.library.key, self._run.memory()),
         }
 
     def __setstate__(self, kept: dict[str, Any]) -> None:
         kept = dict(kept)
-        status, (library, memory) = Status(kept.pop("_status")), kept.pop("_memory")
+        status, (library, memory) = kept.pop("_status"), kept.pop("_memory")
         self.__dict__.update(kept)
         self._run = self._begun(self._options)
         self._run.present()
@@ -103,14 +100,14 @@ class Stepper:
 
     @property
     def arrived(self) -> bool:
-        """Whether the last advance got as far as it should, be it with lost steps."""
+        """Whether the last advance reached its end, even with lost steps."""
         status = self._run.status
         return status is Status.DONE or (status in ARRIVED and self.state.t >= self._end)
 
     def advance(
         self,
         duration: float,
-        acc_K: Array | Mapping[str, float] | None = None,
+        acc_K: Accelerations | None = None,
         *,
         inputs: Input | None = None,
         u_D: Array | None = None,
@@ -121,11 +118,11 @@ class Stepper:
         Args:
             duration: > 0 and finite.
             acc_K: (n_vK,) accelerations of the driven coordinates, or by name (the others 0);
-                constant over the piece. The driven velocities go on from where they are.
+                constant over the piece. The driven velocities are continuous.
             inputs: instead: inputs in absolute time that start where the puppet is.
             u_D: (n_vD,) user forces, constant over the piece (not together with ``inputs``).
-            throw: raise :class:`SimulationError` when the run cannot go on. Steps that steppers
-                lose do not end it: ``status`` and ``events`` tell of them.
+            throw: raise :class:`SimulationError` when the run cannot continue. Lost steps of
+                stepper motors do not end it: see ``status`` and ``events``.
 
         Ctrl-C leaves the stepper in the state reached, from which it can be advanced again.
 
@@ -135,16 +132,17 @@ class Stepper:
         if not 0 < duration < np.inf:
             raise ValueError(f"duration is {duration}; it must be positive and finite")
         end = self.state.t + duration
-        check_rows(self.model, self.method, self._options, self.state.t, end)
+        check_samples(self.model, self.method, self._options, self.state.t, end)
         if inputs is not None and (acc_K is not None or u_D is not None):
             raise ValueError("inputs carry their own motion and forces: give them or acc_K and u_D")
         if inputs is None:
             chosen = self._piece(duration, acc_K, u_D)
         else:
             t = self.state.t
-            chosen = ready(self.model, inputs, self.state.q_K, self.state.v_K, t, end)
+            chosen = bind_input(self.model, inputs, self.state.q_K, self.state.v_K, t, end)
         self._run.set_input(chosen)
-        written, self._end = [], end
+        written: list[tuple[Array, Array]] = []
+        self._end = end
         try:
             written.extend(self._run.advance(end))
         except BaseException:
@@ -161,7 +159,7 @@ class Stepper:
         return self.state
 
     def run(self, t_end: float, law: Law, rate: float) -> list[State]:
-        """Advances to ``t_end``, asking a feedback law ``rate`` times a second.
+        """Advances to ``t_end`` [s] under a feedback law that is called ``rate`` times a second.
 
         Args:
             t_end: [s].
@@ -169,7 +167,7 @@ class Stepper:
             rate: [1/s].
 
         Returns:
-            The states at which the law was asked, and the last one.
+            The states at which the law was called, and the last one.
         """
         check_positive(rate=rate)
         if not t_end > self.state.t:
@@ -183,12 +181,12 @@ class Stepper:
         return states
 
     def _take(self, written: list[tuple[Array, Array]]) -> None:
-        """Makes pieces (rows, events) the last advance's, and their last row the state."""
-        self.rows = np.concatenate([rows for rows, _ in written])
+        """Keeps the (samples, events) of an advance; the last sample becomes the state."""
+        self.samples = np.concatenate([samples for samples, _ in written])
         self.events = np.concatenate([events for _, events in written])
-        if not len(self.rows):
+        if not len(self.samples):
             return
-        split = self.model.row_layout.split(self.rows[-1:])
+        split = self.model.sample_layout.split(self.samples[-1:])
         motion = {name: split[name][0] for name in ("q_D", "v_D", "q_K", "v_K", "slip")}
         self.state = State(
             float(split["t"][0]), taut=split["taut"][0] > 0, **motion,
@@ -197,20 +195,25 @@ class Stepper:
         self.tension = split["tension"][0]
 
     def _diagnose(self) -> None:
-        """Says so where redundant strings stopped the run."""
-        if self.status not in STOPPED_BY or not len(self.rows):
+        """Sets status and contradiction where redundant strings stopped the run."""
+        if self.status not in CONTRADICTION_STATUSES or not len(self.samples):
             return
-        acc_K = self.model.row_layout.split(self.rows[-1:])["acc_K"][0]
+        acc_K = self.model.sample_layout.split(self.samples[-1:])["acc_K"][0]
         self.contradiction = contradiction(self.model, self.state, acc_K)
         if self.contradiction:
             self._run.status = Status.REDUNDANT_STRINGS
 
-    def _piece(self, duration: float, acc_K, u_D: Array | None) -> Input:
+    def _piece(
+        self, duration: float, acc_K: Accelerations | None, u_D: Array | None
+    ) -> Input:
+        """Inputs with constant accelerations and forces from the present state."""
         table = self.model.coordinates
         if isinstance(acc_K, Mapping):
             named, acc_K = acc_K, np.zeros(table.n_vK)
             for name, value in named.items():
-                acc_K[_driven_velocity(table, name)] = value
+                if name not in table.v_K:
+                    raise UnknownNameError("driven velocity", name, table.v_K)
+                acc_K[table.v_K.index(name)] = value
         acc, x = vector("acc_K", acc_K, table.n_vK), self.state
         # A trace longer than the piece, so that its last instant still lies within the input.
         times = x.t + np.array([0.0, (1.0 + 1e-6) * duration])
@@ -220,10 +223,3 @@ class Stepper:
         force = np.zeros((1, table.n_vD, N_COEF))
         force[0, :, 0] = vector("u_D", u_D, table.n_vD)
         return dataclasses.replace(made, force=force)
-
-
-def _driven_velocity(table: CoordinateTable, name: str) -> int:
-    """Place of a driven velocity in v_K."""
-    if name not in table.v_K:
-        raise UnknownNameError("driven velocity", name, table.v_K)
-    return table.v_K.index(name)

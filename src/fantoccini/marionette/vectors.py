@@ -1,4 +1,4 @@
-"""Numbers that a caller gives: whether they are finite, positive and as many as they must be."""
+"""Checks of numbers given by a caller: finite, positive, of the right shape."""
 
 from __future__ import annotations
 
@@ -16,11 +16,7 @@ def check_positive(**values: float) -> None:
 
 
 def vector(name: str, values: Array | None, n: int) -> Array:
-    """(n,) finite numbers; zeros when None.
-
-    Raises:
-        StateError: they are not.
-    """
+    """(n,) finite numbers, zeros when None; anything else is a StateError."""
     if values is None:
         return np.zeros(n)
     if np.shape(values) != (n,):
@@ -29,11 +25,7 @@ def vector(name: str, values: Array | None, n: int) -> Array:
 
 
 def vectors(name: str, values: Array, n: int) -> Array:
-    """(..., n) finite numbers.
-
-    Raises:
-        StateError: they are not.
-    """
+    """(..., n) finite numbers; anything else is a StateError."""
     try:
         made = np.asarray(values, dtype=float)
     except (TypeError, ValueError):

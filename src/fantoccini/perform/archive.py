@@ -14,7 +14,7 @@ from fantoccini.arrays import Array
 from fantoccini.contract import EVENT_AT, EventKind
 from fantoccini.errors import Status
 from fantoccini.files import replacing
-from fantoccini.marionette import Marionette, Parcel
+from fantoccini.marionette import Marionette, PortableWorld
 from fantoccini.motion import State
 from fantoccini.motion.archive import RECORDING as FORMAT
 from fantoccini.motion.npz import checked, contents, finite, texts, understanding
@@ -31,7 +31,7 @@ class Written:
     """The output of a run, as the compiled code wrote it.
 
     Attributes:
-        rows: (m, width) laid out as ``marionette.row_layout`` says, one a tick.
+        rows: (m, width) laid out as ``marionette.sample_layout`` says, one a tick.
         events: (n, 5) time, kind, row, impulse, speed.
         status: how the run ended.
     """
@@ -47,11 +47,11 @@ def save(fields: Mapping[str, Any], path: str | Path) -> None:
     start: State = fields["start"]
     written: Written = fields["written"]
     # Obstacles that no puppet has do not move it; they are not kept.
-    parcel = Parcel.of(World.of(*marionette.world.puppets, name=marionette.name))
+    portable = PortableWorld.of(World.of(*marionette.world.puppets, name=marionette.name))
     about = {
         "format": FORMAT,
         "world": marionette.name,
-        "puppets": parcel.puppets,
+        "puppets": portable.puppets,
         "parameters": list(marionette.tree.parameters),
         "coordinates": list(marionette.coordinates.q_D + marionette.coordinates.q_K),
         "steps": fields["steps"],
@@ -69,7 +69,7 @@ def save(fields: Mapping[str, Any], path: str | Path) -> None:
         "events": written.events,
         "about": np.frombuffer(json.dumps(about).encode(), dtype=np.uint8),
     }
-    for i, meshes in enumerate(parcel.meshes):
+    for i, meshes in enumerate(portable.meshes):
         for name, content in meshes.items():
             arrays[f"{_MESH}{i}:{name}"] = np.frombuffer(content, dtype=np.uint8)
     with replacing(path) as temporary, temporary.open("wb") as file:
@@ -93,7 +93,7 @@ def load(path: str | Path) -> dict[str, Any]:
             for name, size in zip(_STATE, sizes, strict=True)
         }
         t, tick = (float(finite(arrays, name, ())) for name in ("t", "tick"))
-        rows = finite(arrays, "rows", (None, sum(marionette.model.row_layout.widths.values())))
+        rows = finite(arrays, "rows", (None, sum(marionette.model.sample_layout.widths.values())))
         if not len(rows) or np.any(np.diff(rows[:, 0]) < 0):
             raise ValueError("rows must be one or more, none before the one it follows")
         events = _events(marionette, finite(arrays, "events", (None, 5)))
@@ -133,7 +133,7 @@ def _marionette(about: dict[str, Any], arrays: dict[str, Array]) -> Marionette:
         mark = f"{_MESH}{i}:"
         mine = [name for name in arrays if name.startswith(mark)]
         meshes.append({name[len(mark) :]: arrays[name].tobytes() for name in mine})
-    marionette = Marionette(Parcel(str(about["world"]), puppets, tuple(meshes)).world())
+    marionette = Marionette(PortableWorld(str(about["world"]), puppets, tuple(meshes)).world())
     table, parameters = marionette.coordinates, texts(about["parameters"], "parameters")
     if list(table.q_D + table.q_K) != about["coordinates"]:
         raise ValueError("its puppet has other coordinates than were recorded")

@@ -10,7 +10,7 @@ import numpy as np
 from fantoccini.arrays import Array, ConfigK, Quaternion, Vec3
 from fantoccini.contract import EVENT_AT
 from fantoccini.errors import StateError, Status
-from fantoccini.marionette import Marionette, Stepper
+from fantoccini.marionette import Marionette, Stepper, check_start
 from fantoccini.motion import State
 from fantoccini.perform import change
 from fantoccini.perform.grip import GRIP, Holding, gripped
@@ -89,7 +89,7 @@ class Performance:
         self._weak: dict[str, float] = {}  # what too weak a motor moves -> when it gave way [s]
         if x0 is None:
             x0 = change.hanging(marionette)
-        marionette.check_start(x0, "timestepping")
+        check_start(marionette.model, x0, "timestepping")
         change.check_steps(marionette, x0, self.dt)
         self._take(marionette, x0)
         self._x0: State | None = x0

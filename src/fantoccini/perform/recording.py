@@ -19,7 +19,7 @@ from fantoccini.motion.npz import understanding
 from fantoccini.perform import archive, change
 from fantoccini.perform.archive import Written
 from fantoccini.perform.smoothing import smoothed
-from fantoccini.simulation import trajectory_of_rows
+from fantoccini.simulation import trajectory_of_samples
 
 METHOD: MethodName = "timestepping"
 
@@ -183,7 +183,7 @@ class Recording:
         return recorder.written(stepper.status)
 
     def _of(self, written: Written) -> Trajectory:
-        return trajectory_of_rows(
+        return trajectory_of_samples(
             self.marionette, written.rows, written.events, written.status, METHOD,
             with_effort=True, blame=np.zeros(len(self.marionette.tree.blamable)),
         )  # fmt: skip
@@ -200,7 +200,7 @@ class Recorder:
     def __init__(self, stepper: Stepper, tick: float):
         self._marionette = Marionette(stepper.model)
         self._start, self._tick = stepper.state, tick
-        self._rows, self._events = [stepper.rows[-1:]], [np.zeros((0, 5))]
+        self._rows, self._events = [stepper.samples[-1:]], [np.zeros((0, 5))]
         self._acc_K: list[Array] = []
         self._status = Status.DONE
 
@@ -210,7 +210,7 @@ class Recorder:
     def add(self, acc_K: Array, stepper: Stepper) -> None:
         """A tick that the stepper has made."""
         self._acc_K.append(acc_K)
-        self._rows.append(stepper.rows[-1:])
+        self._rows.append(stepper.samples[-1:])
         self._events.append(stepper.events)
         self._status = stepper.status
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError, Status
-from fantoccini.marionette import Event, Method, MethodName, TimeStepping, as_method
+from fantoccini.marionette import Event, Method, MethodName, TimeStepping, as_method, check_start
 from fantoccini.motion import Input, State, Trajectory
 from fantoccini.planning.goals import Rows
 from fantoccini.planning.motions import Motions
@@ -103,7 +103,7 @@ def run_along(
 def beginning(problem: Problem, method: str) -> State:
     """The problem's start; with exact lengths for methods that need these."""
     try:
-        problem.marionette.check_start(problem.start, method)
+        check_start(problem.marionette.model, problem.start, as_method(method).name)
     except StateError:
         return problem.marionette.project(problem.start)
     return problem.start

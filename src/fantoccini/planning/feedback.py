@@ -26,13 +26,13 @@ import numpy as np
 from fantoccini.arrays import Array, MaskRows
 from fantoccini.errors import StateError, Status
 from fantoccini.marionette import (
+    ActiveSet,
+    Evaluation,
     Marionette,
     Method,
     MethodName,
     TimeStepping,
     as_method,
-    closed_rows,
-    instant_at,
 )
 from fantoccini.motion import State, tangent
 from fantoccini.planning.check import beginning
@@ -234,7 +234,7 @@ class Feedback:
         They are those that are closed: taut in the state's mode, or at their length and at rest.
         """
         marionette, strings = self.plan.problem.marionette, self.pulling.shape[1]
-        closed = closed_rows(marionette.model, x, instant_at(marionette.model, x))
+        closed = ActiveSet.of(marionette.model, x, Evaluation.of(marionette.model, x))
         return (closed.held | closed.slipping)[:strings]
 
     def _kept_within(self, x: State, T: float) -> tuple[Array, Array]:

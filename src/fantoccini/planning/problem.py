@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fantoccini.errors import StateError
-from fantoccini.marionette import Marionette
+from fantoccini.marionette import Marionette, check_start
 from fantoccini.motion import State
 from fantoccini.planning.balance import balanced
 from fantoccini.planning.clearance import Clearance
@@ -132,7 +132,7 @@ class Problem:
                 f"must be at most {_STEPS}"
             )
         self.objective = Objective.of(objective)
-        marionette.check_start(start, "timestepping")
+        check_start(marionette.model, start, "timestepping")
         if not len(start.slip):
             start = start.replace(slip=np.zeros(len(marionette.tree.strings)))
         self.marionette, self.start, self.tolerance = marionette, start, tolerance
@@ -161,7 +161,7 @@ class Problem:
     def stage(self) -> Marionette:
         """The puppet in a world with all the obstacles, to be drawn; half-spaces are left out."""
         solid = tuple(o for o in self.motions.clearance.obstacles if not isinstance(o, HalfSpace))
-        return self.marionette.with_obstacles(solid)
+        return Marionette(self.marionette.model.with_obstacles(solid))
 
     @property
     def fingerprint(self) -> str:

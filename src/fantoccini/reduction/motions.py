@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.errors import SimulationError
-from fantoccini.marionette import Event, instant_at
+from fantoccini.marionette import Evaluation, Event
 from fantoccini.motion import EventKind, Input, State, Trajectory, rotation
 from fantoccini.reduction.mechanism import Mechanism
 from fantoccini.simulation import simulate
@@ -76,7 +76,7 @@ def tossed(mechanism: Mechanism, x0: State, inputs: Input) -> Motion | None:
     None where nothing catches, as without gravity or strings.
     """
     mixed = mechanism.mixed
-    at = instant_at(mixed.model, x0)
+    at = Evaluation.of(mixed.model, x0)
     thrown = x0.replace(v_D=-_FLIGHT * mechanism.pace * at.back(at.w0))
     try:
         found = performed(mechanism, mixed.project(thrown), inputs)

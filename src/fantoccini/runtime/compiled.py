@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, MaskRows
 from fantoccini.contract import EVENT, ROW, Solved, width
 from fantoccini.errors import ARRIVED, Status
 from fantoccini.motion import Input, State
@@ -56,9 +56,9 @@ class Library(Functions):
         self,
         W: Array,
         b: Array,
-        two_sided: Array | None = None,
+        two_sided: MaskRows | None = None,
         upper: Array | None = None,
-        guess: Array | None = None,
+        guess: MaskRows | None = None,
     ) -> Complementarity:
         """0 <= x <= upper, s = W^T W x - b: >= 0 at x = 0, <= 0 at x = upper, 0 between.
 

@@ -2,8 +2,8 @@
 
 from fantoccini.simulation.batch import simulate_batch
 from fantoccini.simulation.catch import Passage
-from fantoccini.simulation.integrators import INTEGRATORS
-from fantoccini.simulation.run import simulate, trajectory_of_rows
+from fantoccini.simulation.checks import INTEGRATORS
+from fantoccini.simulation.run import simulate, trajectory_of_samples
 from fantoccini.simulation.sensitivities import Sensitivity, sensitivity
 
 __all__ = [
@@ -13,5 +13,5 @@ __all__ = [
     "sensitivity",
     "simulate",
     "simulate_batch",
-    "trajectory_of_rows",
+    "trajectory_of_samples",
 ]

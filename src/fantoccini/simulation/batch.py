@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
+from itertools import combinations
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -11,40 +13,44 @@ from fantoccini.arrays import Array
 from fantoccini.contract import BOOKS, PARTS
 from fantoccini.errors import ARRIVED, Status
 from fantoccini.marionette import (
-    STOPPED_BY,
+    CONTRADICTION_STATUSES,
+    Event,
     Marionette,
     Method,
     MethodName,
+    Model,
+    as_inputs,
     as_method,
+    bind_inputs,
     check_memory,
     check_starts,
     check_step,
     contradiction,
-    many_of,
-    may_contradict,
-    overpulled,
-    ready_many,
-    rows_of_steps,
+    count_samples,
+    first_excess_tension,
+    may_be_redundant,
 )
 from fantoccini.motion import SAVED, Columns, Input, Inputs, State, Trajectories
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Batch, RunOptions, default_threads, whole
-from fantoccini.simulation.bar import Bar
-from fantoccini.simulation.checks import check_marionette, save_times
+from fantoccini.simulation.checks import check_end, check_marionette, save_times
+from fantoccini.simulation.progress_bar import progress_bar
+from fantoccini.simulation.run import ledger_of
 from fantoccini.simulation.soundness import gains, verdict
 
 SAVE = ("q_D", "v_D", "tension")
 """What a batch saves unless told otherwise."""
 
 _PART = {"tension": "force", "limit_force": "force", "ledger": "books"}
-"""What is saved -> the runtime's part that it is read from, where the names differ."""
+"""Saved array -> the runtime's part that it is read from, where the names differ."""
 
-_NUMBER = 8
-"""Bytes."""
-_LEDGER_NUMBERS = 16
-"""That a row's ledger takes while it is made."""
-_TIMES = 4
-"""Numbers for every row's time while the times are made."""
+T = TypeVar("T", State, Input)
+
+
+_BYTES = 8
+"""Of a number."""
+_LEDGER_NUMBERS, _TIME_NUMBERS = 16, 4
+"""Numbers of a sample while its ledger, and its time, are made."""
 
 
 def simulate_batch(
@@ -64,133 +70,140 @@ def simulate_batch(
 ) -> Trajectories:
     """Many runs of :func:`simulate` at once, on threads, and fixed steps in lanes.
 
-    A run that stops early is told by its status and does not raise; Ctrl-C keeps what was reached,
-    with the others STOPPED.
+    A run that stops early does not raise; see its status. Ctrl-C keeps what was reached, with the
+    others STOPPED.
 
     Args:
         marionette: the puppet.
         x0: states of one time where the runs start, or one for all.
         inputs: as many as states, or one for all; they hold still when not given.
         t_end: end of the runs [s]; the end of the inputs when not given.
-        method: as in :func:`simulate`; the event-driven method has its compiled integrator.
+        method: as in :func:`simulate`; the event-driven method uses its compiled integrator.
         save_at: (n,) times to write (event-driven only) [s]; start and end when not given.
         save_every: write every so many steps (not event-driven).
         save: ``all``, or names of the arrays to save; q_D, v_D and tension when not given.
-        out: arrays to write into, by name, with the shapes that the batch gives: C-contiguous
-            (n, T, width); new ones where not given. ``force`` holds tension and limit_force side by
-            side, ``books`` what the ledger is made of.
+        out: arrays to write into, by name, with the shapes of the batch's: C-contiguous
+            (n, T, width); new ones where not given. ``force`` holds tension and limit_force,
+            ``books`` the entries of the ledger.
         threads: all processors when not given.
-        progress: called with the time reached, for a progress bar [s].
-        max_memory: for the arrays [bytes]; half of the memory that is free when not given.
+        progress: called with the mean time reached, for a progress bar [s].
+        max_memory: for the arrays [bytes]; half of the free memory when not given.
 
     Raises:
-        StateError: a state breaks a string or limit, the step is too long for a chain or a spring,
-            or the arrays do not fit in memory.
+        StateError: a state violates a row, the step is too long for a chain or a spring, or
+            the arrays do not fit in memory.
         InputError: inputs do not start where their states are.
-        TypeError: what is given are no states or inputs.
-        ValueError: an argument that makes no sense.
+        TypeError: ``x0`` or ``inputs`` are no states or inputs.
+        ValueError: an invalid argument.
     """
     chosen = as_method(method)
-    method = chosen.name
-    if getattr(chosen, "integrator", None) is not None:
+    name = chosen.name
+    if isinstance(chosen, Event) and chosen.integrator is not None:
         raise ValueError("integrator goes with a single run; batches have the compiled one")
     check_marionette(marionette)
-    options = marionette.model.run_options(
+    model = marionette.model
+    options = model.run_options(
         **chosen.options, save_steps=False, save_every=save_every, max_memory=max_memory
     )
-    save_at = save_times(save_at, method, -np.inf, np.inf)
-    states = _listed(x0, State, "x0", "marionette.rest()")
-    if inputs is not None and not isinstance(inputs, Inputs):
+    save_at = save_times(save_at, name, -np.inf, np.inf)
+    states = model.states(_listed(x0, State, "x0", "marionette.rest()"))
+    t = states.t
+    if inputs is None:
+        inputs = Input.hold(marionette).shifted(t)
+    elif not isinstance(inputs, Inputs):
         inputs = _listed(inputs, Input, "inputs", "Input.waypoints()")
-    x0 = marionette.model.states(states)
-    t = x0.t
-    given = many_of(Input.hold(marionette).shifted(t) if inputs is None else inputs)
-    n = _n_runs(len(x0), len(given))
+    given = as_inputs(inputs)
+    n = max(len(states), len(given))
+    if not {len(states), len(given)} <= {1, n}:
+        raise ValueError(
+            f"{len(states)} states and {len(given)} inputs do not go together; give equal numbers "
+            "of both, or a single one"
+        )
     t_end = given.end if t_end is None else float(t_end)
-    if not np.isfinite(t_end) or not t_end > t:
-        raise ValueError(f"t_end is {t_end}; it must be later than the start at {t}")
-    bound = ready_many(marionette.model, given, x0.q_K, x0.v_K, t, t_end)
-    check_starts(marionette.model, x0, method)
-    check_step(marionette.model, method, x0.q_D, x0.q_K, options.dt)
+    check_end(t_end, t)
+    bound = bind_inputs(model, given, states.q_K, states.v_K, t, t_end)
+    check_starts(model, states, name)
+    check_step(model, name, states.q_D, states.q_K, options.dt)
     if threads is not None:
         threads = whole("threads", threads, least=1)
-    names = _saved(save)
-    _check_memory(marionette, method, options, names, n, t, t_end, save_at, out or {})
-    times = _times(method, options, t, t_end, save_at)
-    parts = _parts(marionette, names, n, len(times), out or {})
+    saved = _saved(save)
+    _check_memory(model, name, options, saved, n, t, t_end, save_at, out or {})
+    times = _times(name, options, t, t_end, save_at)
     batch = Batch(
         n=n, t=t, t_end=t_end,
-        q_D=x0.q_D, v_D=x0.v_D, slip=x0.slip,
+        q_D=states.q_D, v_D=states.v_D, slip=states.slip,
         breaks=bound.breaks, coef=bound.coef, base=bound.base, force=bound.force,
-        p=marionette.p, winches=marionette.winches, options=options, times=times, parts=parts,
+        p=model.p, winches=model.winches, options=options, times=times,
+        parts=_parts(model, saved, n, len(times), out or {}),
         status=np.full(n, Status.STOPPED, dtype=np.int32), reached=np.full(n, np.nan),
         violation=np.zeros(n),
         catches=np.zeros(n, dtype=np.int64), releases=np.zeros(n, dtype=np.int64),
-        blame=np.zeros((n, len(marionette.tree.blamable))),
-        end_q_D=np.full((n, x0.q_D.shape[1]), np.nan),
-        end_v_D=np.full((n, x0.v_D.shape[1]), np.nan),
+        blame=np.zeros((n, len(model.tree.blamable))),
+        end_q_D=np.full((n, states.q_D.shape[1]), np.nan),
+        end_v_D=np.full((n, states.v_D.shape[1]), np.nan),
     )  # fmt: skip
-    library = marionette.model.compiled.batch_library_of(method)
+    library = model.compiled.batch_library_of(name)
     threads = min(default_threads() if threads is None else threads, -(-n // library.width))
-    # Ctrl-C keeps what was reached; what was not has the status it began with.
-    with Bar(f"{n} runs", progress, t, t_end) as bar, contextlib.suppress(KeyboardInterrupt):
-        batch.run(library, threads, bar.look)
-    if may_contradict(marionette.model):
-        _find_contradictions(marionette, batch, bound, method)
-    if method != "event":
+    # Ctrl-C keeps what was reached; the other runs have the status they began with.
+    bar = progress_bar(f"{n} runs", progress, t, t_end)
+    with bar as show, contextlib.suppress(KeyboardInterrupt):
+        batch.run(library, threads, show)
+    if may_be_redundant(model):
+        _find_contradictions(model, batch, bound, name)
+    if name != "event":
         _judge(marionette, batch)
-    return _trajectories(marionette, batch, method, names)
+    return _trajectories(marionette, batch, name, saved)
 
 
-def _find_contradictions(
-    marionette: Marionette, batch: Batch, inputs: Inputs, method: str
-) -> None:
-    """Names the runs that redundant strings stopped; of those that fixed steps brought through,
-    where the tensions are saved with the motion."""
-    n_s, strings = len(marionette.tree.strings), [s.name for s in marionette.tree.strings]
-    table, none = marionette.coordinates, np.zeros(marionette.tree.n_rows, dtype=bool)
-    parts, looks = batch.parts, method != "event" and {"q_D", "v_D", "force"} <= set(batch.parts)
-    for i in np.flatnonzero(np.isfinite(batch.reached)):
+def _find_contradictions(model: Model, batch: Batch, inputs: Inputs, method: str) -> None:
+    """Names the runs that redundant strings stopped.
+
+    Those that fixed steps completed are examined where tensions are saved with the motion.
+    """
+    tree, table, parts = model.tree, model.coordinates, batch.parts
+    n_s, strings = len(tree.strings), [s.name for s in tree.strings]
+    none = np.zeros(tree.n_rows, dtype=bool)
+    examined = method != "event" and {"q_D", "v_D", "force"} <= set(parts)
+    for i in map(int, np.flatnonzero(np.isfinite(batch.reached))):
         given = inputs[i if len(inputs) > 1 else 0]
 
         def motion(t: float, q_D: Array, v_D: Array, given: Input = given) -> tuple[State, Array]:
             q_K, v_K, acc_K = given.evaluate(t)
-            # Winches that slip are no rigid strings: how far they have says nothing here.
+            # Winches that slip are no rigid strings, so their slip does not matter here.
             return State(float(t), q_D, v_D, q_K, v_K, none, coordinates=table), acc_K
 
-        def saved(row: int, i: int = i, motion=motion) -> tuple[State, Array]:
-            return motion(batch.times[row], parts["q_D"][i, row], parts["v_D"][i, row])
+        def saved(
+            k: int, i: int = i, motion: Callable[..., tuple[State, Array]] = motion
+        ) -> tuple[State, Array]:
+            return motion(batch.times[k], parts["q_D"][i, k], parts["v_D"][i, k])
 
         found = None
-        if batch.status[i] in STOPPED_BY:
-            found = contradiction(
-                marionette.model, *motion(batch.reached[i], batch.end_q_D[i], batch.end_v_D[i])
-            )
-        elif looks and batch.status[i] in ARRIVED:
-            row = overpulled(marionette.model, parts["force"][i, :, :n_s], saved)
-            found = None if row is None else contradiction(marionette.model, *saved(row))
+        if batch.status[i] in CONTRADICTION_STATUSES:
+            end = motion(batch.reached[i], batch.end_q_D[i], batch.end_v_D[i])
+            found = contradiction(model, *end)
+        elif examined and batch.status[i] in ARRIVED:
+            first = first_excess_tension(model, parts["force"][i, :, :n_s], saved)
+            found = None if first is None else contradiction(model, *saved(first))
         if found:
             batch.status[i], batch.blame[i] = Status.REDUNDANT_STRINGS, 0.0
             batch.blame[i, [strings.index(name) for name in found.names]] = 1.0
 
 
 def _judge(marionette: Marionette, batch: Batch) -> None:
-    """Names the runs that reached their end and are not sound; of energy, where books are kept."""
+    """Names the runs that reached their end and are not sound; energy only with a saved ledger."""
     done = np.isin(batch.status, ARRIVED) & (batch.reached >= batch.t_end)
     gain = np.zeros(batch.n)
     if "books" in batch.parts and np.any(done):
         columns = np.moveaxis(_ledger(batch.parts["books"][done]), -1, 0)
-        kinetic, potential, work, residual = (
-            columns[LEDGER.index(name)] for name in ("kinetic", "potential", "work", "residual")
-        )
-        gain[done] = gains(marionette, kinetic, potential, work, residual)
+        names = ("kinetic", "potential", "work", "residual")
+        gain[done] = gains(marionette, *(columns[LEDGER.index(name)] for name in names))
     for i in np.flatnonzero(done):
         found = verdict(float(batch.violation[i]), float(gain[i]))
         if found is not Status.DONE:
             batch.status[i], batch.blame[i] = found, 0.0
 
 
-def _listed(given, kind: type, name: str, maker: str) -> list:
+def _listed(given: object, kind: type[T], name: str, maker: str) -> list[T]:
     """One or many of a kind, as a list."""
     many = [given] if isinstance(given, kind) else given
     if isinstance(many, Sequence) and many and all(isinstance(one, kind) for one in many):
@@ -201,20 +214,10 @@ def _listed(given, kind: type, name: str, maker: str) -> list:
     )
 
 
-def _n_runs(n_states: int, n_inputs: int) -> int:
-    """How many runs; one state or one input goes with all."""
-    if n_states != n_inputs and 1 not in (n_states, n_inputs):
-        raise ValueError(
-            f"{n_states} states and {n_inputs} inputs do not go together; give as many of one as "
-            "of the other, or a single one"
-        )
-    return max(n_states, n_inputs)
-
-
 def _times(
     method: str, options: RunOptions, t: float, t_end: float, save_at: Array | None
 ) -> Array:
-    """The times of the rows."""
+    """The times of the samples."""
     if method == "event":
         return np.union1d([] if save_at is None else save_at, [t, t_end])
     dt, every = options.dt, options.save_every
@@ -224,10 +227,8 @@ def _times(
 
 
 def _saved(save: Sequence[str] | str | None) -> tuple[str, ...]:
-    if save is None:
-        return SAVE
-    if save == "all":
-        return SAVED
+    if save is None or save == "all":
+        return SAVED if save else SAVE
     names = (save,) if isinstance(save, str) else tuple(save)
     for name in names:
         if name not in SAVED:
@@ -236,105 +237,89 @@ def _saved(save: Sequence[str] | str | None) -> tuple[str, ...]:
 
 
 def _check_memory(
-    marionette: Marionette,
+    model: Model,
     method: str,
     options: RunOptions,
-    names: tuple[str, ...],
+    saved: tuple[str, ...],
     n: int,
     t: float,
     t_end: float,
     save_at: Array | None,
     out: Mapping[str, Array],
 ) -> None:
-    """Raises ValueError where the arrays that a batch would make do not fit in memory."""
+    """Raises StateError where the arrays that a batch would make do not fit in memory."""
     if method == "event":
-        n_rows = 2.0 + (0 if save_at is None else len(save_at))
+        n_samples = 2.0 + (0 if save_at is None else len(save_at))
     else:
-        n_rows = rows_of_steps(options, t, t_end)
-    widths, made = _widths(marionette), {_PART.get(name, name) for name in names} - set(out)
-    row = sum(widths[name] * (1 if name == "taut" else _NUMBER) for name in made)
-    row += _LEDGER_NUMBERS * _NUMBER if "ledger" in names else 0
-    check_memory(method, options, t, t_end, n_rows, n_rows * (n * row + _TIMES * _NUMBER))
+        n_samples = count_samples(options, t, t_end)
+    widths, made = _widths(model), {_PART.get(name, name) for name in saved} - set(out)
+    sample = sum(widths[name] * (1 if name == "taut" else _BYTES) for name in made)
+    sample += _LEDGER_NUMBERS * _BYTES if "ledger" in saved else 0
+    need = n_samples * (n * sample + _TIME_NUMBERS * _BYTES)
+    check_memory(method, options, t, t_end, n_samples, need)
 
 
-def _widths(marionette: Marionette) -> dict[str, int]:
-    """Numbers in a row, by the runtime's part."""
-    sizes = marionette.tree.sizes
-    return {part.name: part.numel(sizes) for part in PARTS}
+def _widths(model: Model) -> dict[str, int]:
+    """Numbers in a sample, by the runtime's part."""
+    return {part.name: part.numel(model.tree.sizes) for part in PARTS}
 
 
 def _parts(
-    marionette: Marionette,
-    names: tuple[str, ...],
-    n: int,
-    n_times: int,
-    out: Mapping[str, Array],
+    model: Model, saved: tuple[str, ...], n: int, n_times: int, out: Mapping[str, Array]
 ) -> dict[str, Array]:
     """The runtime's arrays: those of ``out`` where given, and new ones. All begin as NaN."""
-    widths = _widths(marionette)
-    wanted = {_PART.get(name, name) for name in names}
+    widths = _widths(model)
+    wanted = {_PART.get(name, name) for name in saved}
     for name in out:
         if name not in wanted:
             raise ValueError(
                 f"out has an array {name!r}, which this batch does not write; it writes "
-                f"{', '.join(sorted(wanted))} ('force' is tension and limit_force side by side, "
-                "'books' what the ledger is made of)"
+                f"{', '.join(sorted(wanted))} ('force' is tension and limit_force in one array, "
+                "'books' the entries of the ledger)"
             )
-    given = list(out.items())
-    for i, (name, part) in enumerate(given):
-        for other, same in given[:i]:
-            if np.may_share_memory(part, same):
-                raise ValueError(
-                    f"out[{name!r}] and out[{other!r}] share their memory; each takes its own array"
-                )
+    for (name, part), (other, same) in combinations(out.items(), 2):
+        if np.may_share_memory(part, same):
+            raise ValueError(
+                f"out[{other!r}] and out[{name!r}] share their memory; each takes its own array"
+            )
     parts = {}
     for name in sorted(wanted):
-        kind = np.bool_ if name == "taut" else np.float64
+        kind = np.dtype(np.bool_ if name == "taut" else np.float64)
         shape = (n, n_times, widths[name])
-        part = out.get(name)
-        if part is None:
-            part = np.empty(shape, dtype=kind)
-        elif part.shape != shape or part.dtype != kind or not part.flags.c_contiguous:
+        part = out[name] if name in out else np.empty(shape, dtype=kind)
+        if part.shape != shape or part.dtype != kind or not part.flags.c_contiguous:
             raise ValueError(
                 f"out[{name!r}] is {part.dtype} of shape {part.shape}; it must be a C-contiguous "
-                f"{np.dtype(kind)} array of shape {shape}"
+                f"{kind} array of shape {shape}"
             )
-        elif not part.flags.writeable:
+        if not part.flags.writeable:
             raise ValueError(f"out[{name!r}] is read-only")
-        part.fill(np.nan if kind is np.float64 else False)
+        part.fill(False if name == "taut" else np.nan)
         parts[name] = part
     return parts
 
 
 def _trajectories(
-    marionette: Marionette, batch: Batch, method: str, names: tuple[str, ...]
+    marionette: Marionette, batch: Batch, method: str, saved: tuple[str, ...]
 ) -> Trajectories:
     tree, n_s = marionette.tree, len(marionette.tree.strings)
     strings = tuple(s.name for s in tree.strings)
     limits = tuple(limit.name for limit in tree.limits)
-    views = {name: _read_only(part) for name, part in batch.parts.items()}
-    made: dict[str, Array | Columns] = {}
-    for name in names:
-        view = views[_PART.get(name, name)]
-        if name == "tension":
+    made: dict[str, Any] = {}
+    for name in saved:
+        view = _read_only(batch.parts[_PART.get(name, name)])
+        if name in ("tension", "taut", "slip"):
             made[name] = Columns(strings, view[..., :n_s], "string")
         elif name == "limit_force":
             made[name] = Columns(limits, view[..., n_s:], "limit")
-        elif name == "taut":
-            made[name] = Columns(strings, view[..., :n_s], "string")
-        elif name == "slip":
-            made[name] = Columns(strings, view, "string")
         elif name == "ledger":
             made[name] = Columns(LEDGER, _read_only(_ledger(view)), "entry")
         else:
             made[name] = view
+    ends = ("status", "reached", "violation", "catches", "releases")
+    made |= {name: _read_only(getattr(batch, name)) for name in ends}
     return Trajectories(
         t=_read_only(batch.times),
-        status=_read_only(batch.status),
-        reached=_read_only(batch.reached),
-        violation=_read_only(batch.violation),
-        catches=_read_only(batch.catches),
-        releases=_read_only(batch.releases),
         blame=Columns(tree.blamable, batch.blame, "string, limit or drive"),
         method=method,
         coordinates=marionette.coordinates,
@@ -345,11 +330,7 @@ def _trajectories(
 
 def _ledger(books: Array) -> Array:
     """(n, T, 7) the ledger from (n, T, 6) books."""
-    of = dict(zip(BOOKS, np.moveaxis(books, -1, 0), strict=True))
-    of["slip"] = of.pop("slip_loss")
-    energy = of["kinetic"] + of["potential"]
-    residual = energy - energy[:, :1] - of["work"] + of["damping"] + of["impact"] + of["slip"]
-    return np.stack([(of | {"residual": residual})[name] for name in LEDGER], axis=-1)
+    return ledger_of(dict(zip(BOOKS, np.moveaxis(books, -1, 0), strict=True)))
 
 
 def _read_only(array: Array) -> Array:

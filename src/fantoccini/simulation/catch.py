@@ -1,4 +1,4 @@
-"""How a small change passes a catch: the saltation matrix.
+"""Small changes of the state across a catch: the saltation matrix.
 
 A change dz of the state moves the time of the catch, h = 0, by dt = -dh / hdot-. With the impulse
 v+ = R(q, v-) of Eqs. 13-15 and f = (v_D, acc_D),
@@ -17,25 +17,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, Indices
 from fantoccini.contract import WINCH_AT
 from fantoccini.errors import SimulationError, Status
-from fantoccini.marionette import Marionette, instant_at
-from fantoccini.marionette.closed import CLOSED, STILL
-from fantoccini.marionette.linearisation import Answer
+from fantoccini.marionette import Evaluation, Marionette
+from fantoccini.marionette.active_set import TOLERANCES
+from fantoccini.marionette.linearisation import KKTSystem, row_derivatives_at
 from fantoccini.motion import State
 from fantoccini.puppet import Parameter
-from fantoccini.simulation.driving import Outside
+from fantoccini.simulation.input_piece import InputVariation
 
-_SAME = 1e-4
-"""Difference from the run's velocities after a catch, relative to 1 or to them."""
-_NONE = 1e-9
-"""Impulses and speeds that count as none, relative to the largest."""
+VELOCITY_ERROR = 1e-4
+"""Difference from the run's velocities after a catch, relative to 1 or to them: beyond it the
+equations are not the run's."""
+NEGLIGIBLE = 1e-9
+"""Impulses and speeds that are rounding, relative to the largest."""
 
 
 @dataclass(frozen=True, eq=False)
 class Passage:
-    """A catch on the way, and what it does to changes of the state.
+    """A catch of a run, and its saltation matrix.
 
     Attributes:
         t: time [s].
@@ -43,7 +44,7 @@ class Passage:
         speed: hdot of the row whose gap decides the time [m/s or rad/s].
         jump: (2 n_vD, 2 n_vD) saltation matrix: changes of (q_D, v_D) from before to after.
         sharp: whether the derivative exists there: one row is caught, and no other is at its bound
-            by chance. Where it does not, ``jump`` holds for changes that keep what happened.
+            by chance. Otherwise ``jump`` holds for changes that keep the sequence of events.
     """
 
     t: float
@@ -59,76 +60,80 @@ class Catch:
     Args:
         marionette: the puppet.
         before, after: the states on its two sides.
-        held: rows that are taut before and after.
+        held: rows taut before, and after.
 
     Raises:
         SimulationError: the run's velocities are not those of the impulse's equations.
     """
 
     def __init__(
-        self, marionette: Marionette, before: State, after: State, held: tuple[Array, Array]
+        self, marionette: Marionette, before: State, after: State, held: tuple[Indices, Indices]
     ):
         self._marionette, self._before = marionette, before
-        self._instant = instant = instant_at(marionette.model, before)
+        self._at = at = Evaluation.of(marionette.model, before)
         wires, n_rows = marionette.model.two_sided, marionette.tree.n_rows
         was, stays = (np.isin(np.arange(n_rows), rows) for rows in held)
-        closed = np.abs(instant.h) <= CLOSED * marionette.model.row_scales(before.q_D, before.q_K)
+        scale = marionette.model.row_scales(before.q_D, before.q_K)
+        closed = np.abs(at.h) <= TOLERANCES.start_gap * scale
         rows = np.flatnonzero(was | closed | wires)
-        self._back = np.zeros(n_rows)
-        self._back[: len(marionette.tree.strings)] = marionette.winches[:, WINCH_AT["restitution"]]
-        self._back[instant.hdot <= 0.0] = 0.0
-        stopped = (1.0 + self._back) * instant.hdot
-        found = instant.complementarity(rows, stopped[rows], wires)
+        self._restitution = np.zeros(n_rows)
+        e = marionette.winches[:, WINCH_AT["restitution"]]
+        self._restitution[: len(marionette.tree.strings)] = e
+        self._restitution[at.hdot <= 0.0] = 0.0
+        stopped = (1.0 + self._restitution) * at.hdot
+        found = at.complementarity(rows, stopped[rows], wires)
         strikes = np.zeros(n_rows, dtype=bool)
-        strikes[rows] = np.abs(found.x) > _NONE * np.max(np.abs(found.x), initial=0.0)
-        # What the run holds afterwards it has stopped, if only from speeds that count as rest.
+        strikes[rows] = np.abs(found.x) > NEGLIGIBLE * np.max(np.abs(found.x), initial=0.0)
+        # The run has stopped the rows that it holds afterwards, if only from speeds close to rest.
         self._rows = np.flatnonzero(strikes | wires | stays)
-        self._answer = Answer(instant, self._rows)
+        self._system = KKTSystem(at, self._rows)
         still = np.zeros((len(before.v_D), 1))
-        kick, impulse = self._answer.to(still, stopped[self._rows, None])
+        kick, impulse = self._system.solve(still, stopped[self._rows, None])
         self._kick, self._impulse = kick[:, 0], np.zeros(n_rows)
         self._impulse[self._rows] = impulse[:, 0]
         self._after = after.replace(v_D=before.v_D + self._kick)
         off = np.abs(self._after.v_D - after.v_D) / (1.0 + np.abs(after.v_D))
-        if not found.solved or np.max(off, initial=0.0) > _SAME:
+        if not found.solved or np.max(off, initial=0.0) > VELOCITY_ERROR:
             raise SimulationError(
                 Status.NOT_SETTLED,
                 f"the catch at t = {before.t:.6g} s cannot be differentiated: its velocities are "
                 "not those of the impulse on the strings that it strikes and holds, as when "
                 "unequal restitutions are scaled down",
             )
-        fast = np.max(np.abs(instant.hdot[rows]), initial=0.0)
-        self.caught = np.flatnonzero(closed & ~was & ~wires & (instant.hdot > _NONE * fast))
-        speeds = instant.hdot[self.caught]
+        fast = np.max(np.abs(at.hdot[rows]), initial=0.0)
+        self.caught = np.flatnonzero(closed & ~was & ~wires & (at.hdot > NEGLIGIBLE * fast))
+        speeds = at.hdot[self.caught]
         self.speed = float(np.max(speeds, initial=0.0))
         self._guard = self.caught[np.argmax(speeds)] if len(speeds) else None
-        touching = closed & ~was & (instant.hdot > -STILL)
+        touching = closed & ~was & (at.hdot > -TOLERANCES.rest_speed)
         self.sharp = bool(
             len(self.caught) == 1 and np.sum(touching) == 1 and not np.any(stays & ~was & ~strikes)
         )
 
     def passage(self, acc: tuple[Array, Array], acc_K: Array) -> Passage:
-        """What it does to changes of the state; arguments as of :meth:`carried`."""
+        """The catch with its saltation matrix; arguments as of :meth:`carried`."""
         m = 2 * len(self._before.v_D)
-        none = Outside.none(self._marionette, m)
+        none = InputVariation.none(self._marionette, m)
         jump = self.carried(np.eye(m), none, acc, acc_K)
         names = tuple(self._marionette.tree.row_names[i] for i in self.caught)
         return Passage(self._before.t, names, self.speed, jump, self.sharp)
 
     def carried(
-        self, Z: Array, outside: Outside, acc: tuple[Array, Array], acc_K: Array
+        self, Z: Array, by_input: InputVariation, acc: tuple[Array, Array], acc_K: Array
     ) -> Array:
         """Changes after the catch, at a fixed time.
 
         Args:
             Z: (2 n_vD, m) the changes before it.
-            outside: the other changes.
+            by_input: changes of inputs and parameters.
             acc: acc_D before and after.
             acc_K: (n_vK,) driven acceleration before it.
         """
-        x, n, p = self._before, len(self._before.v_D), outside.p
-        before, after = rows_by(self._marionette, x), rows_by(self._marionette, self._after)
-        q_D, v_D, q_K, v_K = Z[:n], Z[n:], outside.q_K, outside.v_K
+        x, n, p = self._before, len(self._before.v_D), by_input.p
+        before, after = (
+            row_derivatives_at(self._marionette.model, side) for side in (x, self._after)
+        )
+        q_D, v_D, q_K, v_K = Z[:n], Z[n:], by_input.q_K, by_input.v_K
         late = np.zeros((1, Z.shape[1]))
         if self._guard is not None:
             r = self._guard
@@ -138,52 +143,42 @@ class Catch:
         q_K, v_K = q_K + x.v_K[:, None] * late, v_K + acc_K[:, None] * late
         speed = rate_change(before, q_D, q_K, v_K, p) + before["A_D"] @ v_D
         rate = rate_change(after, q_D, q_K, v_K, p) + after["A_D"] @ v_D
-        rate += self._back[:, None] * speed + self._restitution_change() @ p
-        v_D = v_D + self._answer.to(self._force_change(q_D, q_K, p), rate[self._rows])[0]
+        rate += self._restitution[:, None] * speed + self._restitution_change() @ p
+        v_D = v_D + self._system.solve(self._force_change(q_D, q_K, p), rate[self._rows])[0]
         q_D = q_D - self._after.v_D[:, None] * late
         return np.concatenate([q_D, v_D - acc[1][:, None] * late])
 
     def _force_change(self, q_D: Array, q_K: Array, p: Array) -> Array:
         """Change of M (v+ - v-) + A_D^T Lambda at fixed v+ - v- and Lambda.
 
-        It is the residual of the equations of motion at rest, with the kick in acc_D's place, less
-        what gravity and springs put there.
+        It is the residual of the equations of motion at rest with the kick as acc_D, less that of
+        gravity and springs.
         """
-        x, t = self._before, self._marionette.coordinates
-        values = {
-            "q_D": x.q_D, "v_D": np.zeros(t.n_vD), "q_K": x.q_K, "v_K": np.zeros(t.n_vK),
-            "acc_D": np.stack([self._kick, np.zeros(t.n_vD)]), "acc_K": np.zeros(t.n_vK),
-            "tension": np.stack([self._impulse, np.zeros_like(self._impulse)]),
-            "dt": 0.0, "p": self._marionette.p,
+        x = self._before.replace(
+            v_D=np.zeros_like(self._before.v_D), v_K=np.zeros_like(self._before.v_K)
+        )
+        values = self._marionette.model.at(x) | {
+            "acc_D": np.stack([self._kick, np.zeros_like(self._kick)]), "acc_K": x.v_K,
+            "tension": np.stack([self._impulse, np.zeros_like(self._impulse)]), "dt": np.array(0.0),
         }  # fmt: skip
-        slopes = self._marionette.model.compiled.derivatives
-        found = slopes.at("force_by_q", values) | slopes.at("force_by_K", values)
+        compiled = self._marionette.model.compiled.derivatives
+        found = compiled.at("force_by_q", values) | compiled.at("force_by_K", values)
         kick = {name: part[0] - part[1] for name, part in found.items()}
         return kick["r_q"] @ q_D + kick["r_qK"] @ q_K + kick["r_p"] @ p
 
     def _restitution_change(self) -> Array:
         """(n_rows, n_p) derivative of e max(hdot-, 0) by the parameters."""
-        tree = self._marionette.tree
-        out = np.zeros((tree.n_rows, len(self._marionette.p)))
-        for i, string in enumerate(tree.strings):
+        model = self._marionette.model
+        out = np.zeros((model.tree.n_rows, len(model.p)))
+        for i, string in enumerate(model.tree.strings):
             if isinstance(string.restitution, Parameter):
-                at = list(tree.parameters).index(string.restitution.parameter)
-                out[i, at] = max(self._instant.hdot[i], 0.0)
+                at = model.parameter_index[string.restitution.parameter]
+                out[i, at] = max(self._at.hdot[i], 0.0)
         return out
 
 
-def rows_by(marionette: Marionette, x: State) -> dict[str, Array]:
-    """Derivatives of h and hdot at a state, by their names (``equations.derivatives``)."""
-    t = marionette.coordinates
-    values = {
-        "q_D": x.q_D, "v_D": x.v_D, "acc_D": np.zeros(t.n_vD), "q_K": x.q_K, "v_K": x.v_K,
-        "acc_K": np.zeros(t.n_vK), "p": marionette.p,
-    }  # fmt: skip
-    return marionette.model.compiled.derivatives.at("rows_by", values)
-
-
 def rate_change(found: dict[str, Array], q_D: Array, q_K: Array, v_K: Array, p: Array) -> Array:
-    """(n_rows, m) changes of hdot at fixed v_D; ``found`` as from :func:`rows_by`."""
+    """(n_rows, m) changes of hdot at fixed v_D; ``found`` from :func:`row_derivatives_at`."""
     return (
         found["hdot_q"] @ q_D + found["hdot_qK"] @ q_K + found["A_K"] @ v_K + found["hdot_p"] @ p
     )

@@ -1,16 +1,17 @@
-"""What single runs and batches ask of their arguments alike."""
+"""Validation of arguments that single runs and batches share."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.marionette import Marionette
 
+INTEGRATORS = ("RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA")
+"""SciPy's integrators for event-driven runs; SciPy itself is imported only to use one."""
 
-def check_marionette(given: Any) -> None:
+
+def check_marionette(given: object) -> None:
     """Raises TypeError unless it is one marionette."""
     if not isinstance(given, Marionette):
         raise TypeError(
@@ -19,8 +20,14 @@ def check_marionette(given: Any) -> None:
         )
 
 
+def check_end(t_end: float, t: float) -> None:
+    """Raises ValueError unless a run ends after its start t [s]."""
+    if not np.isfinite(t_end) or not t_end > t:
+        raise ValueError(f"t_end is {t_end}; it must be later than the start at {t}")
+
+
 def save_times(save_at: Array | None, method: str, t: float, t_end: float) -> Array | None:
-    """The times to write, the end among them."""
+    """The times to write, including the end."""
     if save_at is None:
         return None
     if method != "event":

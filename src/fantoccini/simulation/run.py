@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -12,39 +12,46 @@ from fantoccini import contract
 from fantoccini.arrays import Array
 from fantoccini.errors import ARRIVED, SimulationError, Status
 from fantoccini.marionette import (
-    STOPPED_BY,
+    CONTRADICTION_STATUSES,
     Contradiction,
+    Event,
     Marionette,
     Method,
     MethodName,
     as_method,
-    check_rows,
+    bind_input,
+    check_samples,
+    check_start,
     check_step,
     contradiction,
-    overpulled,
-    ready,
+    first_excess_tension,
 )
-from fantoccini.motion import (
-    Columns,
-    EventKind,
-    EventRecord,
-    Input,
-    State,
-    Trajectory,
-)
+from fantoccini.motion import Columns, EventKind, EventRecord, Input, State, Trajectory
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Run
-from fantoccini.simulation.checks import check_marionette, save_times
+from fantoccini.simulation.checks import check_end, check_marionette, save_times
 from fantoccini.simulation.soundness import judged
-from fantoccini.simulation.weak_motors import too_weak
+from fantoccini.simulation.weak_motors import weak_motors
+from fantoccini.tree import Tree
 
 _KINDS = {
-    code: EventKind.RUNAWAY if code is contract.EventKind.RAN_AWAY else EventKind[code.name]
+    int(code): EventKind.RUNAWAY if code is contract.EventKind.RAN_AWAY else EventKind[code.name]
     for code in contract.EventKind
 }
-_TO_BLAME = 0.1
-"""Share of the blame for a status, 0 to 1, from which a string or limit is named."""
 _LIMIT_KINDS = {EventKind.CATCH: EventKind.LIMIT_ON, EventKind.RELEASE: EventKind.LIMIT_OFF}
+
+
+@dataclasses.dataclass(frozen=True)
+class Reporting:
+    """Thresholds of messages about runs that stopped."""
+
+    blame: float = 0.1
+    """Share of the blame for a status, 0 to 1, from which a row or drive is named."""
+    large_tension: float = 10.0  # Tension that is mentioned, in weights of the puppet
+    short_length: float = 1e-3  # Length of a string that is mentioned as nearly 0 [m]
+
+
+REPORTING = Reporting()
 
 
 def simulate(
@@ -64,40 +71,40 @@ def simulate(
     """M_DD acc_D + M_DK acc_K + c = u_D + A_D^T lambda, with strings that only pull.
 
     Between events the taut strings hold (Eqs. 10-12); where one releases or snaps taut the run
-    stops, the impulse acts (Eqs. 13-15) and the mode is chosen anew (Sec. IV). Many runs at once
-    are :func:`simulate_batch`'s.
+    stops, the impulse acts (Eqs. 13-15) and the active set is found anew (Sec. IV). For many runs
+    at once see :func:`simulate_batch`.
 
     Args:
         marionette: the puppet.
         x0: where it starts; no string may be longer than its length.
-        inputs: what the driven coordinates do; they hold still when not given. Times are absolute:
-            the run starts at ``x0.t``.
+        inputs: motion of the driven coordinates; they hold still when not given. Times are
+            absolute: the run starts at ``x0.t``.
         t_end: end of the run [s]; the end of the inputs when not given.
         method: ``event``: adaptive order 8 with located events. ``timestepping``: fixed step, for
             interaction, planning and batches. ``variational``: fixed step of second order whose
             energy does not drift, with lengths exact at every step; for large steps and long runs.
             With options: :class:`Event`, :class:`TimeStepping`, :class:`Variational`.
-        save_at: (n,) times to write, next to the start, the end and those of events
+        save_at: (n,) times to write besides the start, the end and those of events
             (event-driven only) [s]; every step when not given.
         save_every: write every so many steps (not event-driven).
         effort: compute the force on every driven coordinate.
         progress: called with the time reached, for a progress bar [s].
-        throw: raise when the run stops before its end; otherwise the status tells.
-        max_memory: for the rows and events [bytes]; half of the memory that is free when not given.
-            Rows that are known not to fit are refused; an event-driven run ends with
-            ``TOO_MANY_ROWS`` where they no longer do.
+        throw: raise when the run stops before its end; otherwise see its status.
+        max_memory: for samples and events [bytes]; half of the free memory when not given. Runs
+            known not to fit are refused; an event-driven run ends with ``TOO_MANY_ROWS`` where its
+            samples no longer fit.
 
     Raises:
-        StateError: ``x0`` breaks a string or limit; ``marionette.project(x0)`` repairs it. Or
-            the step is too long for a chain or a spring, or the rows do not fit in memory.
+        StateError: ``x0`` violates a string or limit; ``marionette.project(x0)`` repairs it. Or
+            the step is too long for a chain or a spring, or the samples do not fit in memory.
         InputError: the inputs do not start where ``x0`` is.
         TypeError: several states or inputs, which :func:`simulate_batch` takes.
-        ValueError: an argument that makes no sense.
-        SimulationError: the run stopped, or with a fixed step overstepped rows or gained energy;
+        ValueError: an invalid argument.
+        SimulationError: the run stopped, or with a fixed step violated rows or gained energy;
             the error carries the trajectory so far.
     """
     chosen = as_method(method)
-    method, integrator = chosen.name, getattr(chosen, "integrator", None)
+    name, integrator = chosen.name, chosen.integrator if isinstance(chosen, Event) else None
     if integrator is not None:
         from fantoccini.simulation.scipy_run import ScipyRun, solver_class
 
@@ -107,52 +114,50 @@ def simulate(
         raise TypeError(
             "simulate takes one state and one input; several of either go to fan.simulate_batch"
         )
-    options = marionette.model.run_options(
+    model = marionette.model
+    options = model.run_options(
         **chosen.options, save_steps=save_at is None, save_every=save_every, max_memory=max_memory
     )
-    marionette.model.check_state(x0)
+    model.check_state(x0)
     inputs = Input.hold(marionette).shifted(x0.t) if inputs is None else inputs
     t_end = inputs.end if t_end is None else float(t_end)
-    if not np.isfinite(t_end) or not t_end > x0.t:
-        raise ValueError(f"t_end is {t_end}; it must be later than the start at {x0.t}")
-    bound = ready(marionette.model, inputs, x0.q_K, x0.v_K, x0.t, t_end)
-    marionette.check_start(x0, method)
-    check_step(marionette.model, method, x0.q_D, x0.q_K, options.dt)
-    save_at = save_times(save_at, method, x0.t, t_end)
-    check_rows(marionette.model, method, options, x0.t, t_end, save_at)
-    about = options, x0, marionette.p, marionette.winches, bound, save_at
+    check_end(t_end, x0.t)
+    bound = bind_input(model, inputs, x0.q_K, x0.v_K, x0.t, t_end)
+    check_start(model, x0, name)
+    check_step(model, name, x0.q_D, x0.q_K, options.dt)
+    save_at = save_times(save_at, name, x0.t, t_end)
+    check_samples(model, name, options, x0.t, t_end, save_at)
+    about = options, x0, model.p, model.winches, bound, save_at
     if integrator is None:
-        run = Run(marionette.model.compiled.library_of(method), method, *about)
+        run = Run(model.compiled.library_of(name), name, *about)
     else:
-        run = ScipyRun(integrator, marionette.model.library, *about)
-    rows, events = [], []
+        run = ScipyRun(integrator, model.library, *about)
     began = time.perf_counter()
-    status = _collect(run, t_end, progress, rows, events)
+    samples, events, status = _collect(run, t_end, progress)
     seconds = time.perf_counter() - began
-    rows, events = np.concatenate(rows), np.concatenate(events)
 
-    def trajectory(rows: Array, events: Array) -> Trajectory:
-        return trajectory_of_rows(
-            marionette, rows, events, status, method, effort, run.blame, seconds
+    def trajectory(samples: Array, events: Array) -> Trajectory:
+        return trajectory_of_samples(
+            marionette, samples, events, status, name, effort, run.blame, seconds
         )
 
-    made, contradicted = trajectory(rows, events), None
-    if method != "event" and status in ARRIVED:
-        # Fixed steps bound the tensions of strings that contradict one another, or average them.
+    made = trajectory(samples, events)
+    contradicted = None
+    if name != "event" and status in ARRIVED:
+        # Fixed steps bound the tensions of contradicting strings, or average them.
         motion = _motion_of(made)
-        last = overpulled(marionette.model, made.tension.values, motion)
-        if last is not None:
-            contradicted = contradiction(marionette.model, *motion(last))
-        if contradicted:
+        last = first_excess_tension(model, made.tension.values, motion)
+        contradicted = None if last is None else contradiction(model, *motion(last))
+        if last is not None and contradicted:
             before = events[:, contract.EVENT_AT["t"]] <= made.t[last]
-            made = trajectory(rows[: last + 1], events[before])
-    elif status in STOPPED_BY:
-        contradicted = contradiction(marionette.model, *_motion_of(made)(len(made) - 1))
+            made = trajectory(samples[: last + 1], events[before])
+    elif status in CONTRADICTION_STATUSES:
+        contradicted = contradiction(model, *_motion_of(made)(len(made) - 1))
     if contradicted:
         status = Status.REDUNDANT_STRINGS
         made = dataclasses.replace(made, status=status, blamed=contradicted.names)
     unsound = ""
-    if method != "event" and status in ARRIVED and made.t[-1] >= t_end:
+    if name != "event" and status in ARRIVED and made.t[-1] >= t_end:
         verdict, unsound = judged(marionette, made, options.dt, run.progress.violation)
         if verdict is not Status.DONE:
             status = verdict
@@ -163,50 +168,53 @@ def simulate(
 
 
 def _motion_of(run: Trajectory) -> Callable[[int], tuple[State, Array]]:
-    """Row -> the state there and the driven accelerations."""
-    return lambda row: (run.state(row), run.acc_K[row])
+    """Sample -> the state there and the driven accelerations."""
+    return lambda i: (run.state(i), run.acc_K[i])
 
 
 def _where(
     marionette: Marionette, made: Trajectory, contradicted: Contradiction | None = None
 ) -> str:
-    """When a run stopped, the strings that made it, and what they pulled."""
+    """When and why a run stopped."""
     text = f"at t = {made.t[-1]:.6g} s"
     if contradicted:
         most = np.max(made.tension.values)
         return f"{text}: {contradicted}. The largest tension was {most:.3g} N"
     if made.status is Status.TOO_MANY_ROWS:
-        return f"{text} after {len(made)} rows; write fewer with save_at, or allow max_memory"
+        return f"{text} after {len(made)} samples; write fewer with save_at, or allow max_memory"
     if made.blamed:
         text += f", because of {', '.join(made.blamed)}"
-    text += too_weak(marionette, made)
+    text += weak_motors(marionette, made)
     last = made.tension.values[-1]
-    if np.max(last, initial=0.0) > 10.0 * marionette.weight:
+    if np.max(last, initial=0.0) > REPORTING.large_tension * marionette.weight:
         text += f"; the largest tension was {np.max(last):.3g} N"
     lengths = marionette.model.string_lengths(made.q_D[-1], made.q_K[-1])
-    gone = [n for n, x in zip(made.tension.names, lengths, strict=True) if x < 1e-3]
+    short = lengths < REPORTING.short_length
+    gone = [n for n, is_short in zip(made.tension.names, short, strict=True) if is_short]
     return text + "".join(f"; {n}.length is nearly 0" for n in gone)
 
 
-def _collect(run: Run, t_end: float, progress, rows: list, events: list) -> Status:
-    """Runs to the end piece by piece; Ctrl-C keeps what was reached."""
+def _collect(
+    run: Run, t_end: float, progress: Callable[[float], None] | None
+) -> tuple[Array, Array, Status]:
+    """Samples and events to the end and the status; Ctrl-C keeps what was reached."""
+    pieces: list[tuple[Array, Array]] = []
     try:
-        for some_rows, some_events in run.advance(t_end):
-            rows.append(some_rows)
-            events.append(some_events)
+        for piece in run.advance(t_end):
+            pieces.append(piece)
             if progress:
                 progress(run.progress.t)
+        status = run.status
     except KeyboardInterrupt:
-        some_rows, some_events = run.present()
-        rows.append(some_rows)
-        events.append(some_events)
-        return Status.STOPPED
-    return run.status
+        pieces.append(run.present())
+        status = Status.STOPPED
+    samples, events = zip(*pieces, strict=True)
+    return np.concatenate(samples), np.concatenate(events), status
 
 
-def trajectory_of_rows(
+def trajectory_of_samples(
     marionette: Marionette,
-    rows: Array,
+    samples: Array,
     events: Array,
     status: Status,
     method: str,
@@ -214,11 +222,11 @@ def trajectory_of_rows(
     blame: Array,
     seconds: float | None = None,
 ) -> Trajectory:
-    """The trajectory of what a run wrote.
+    """The trajectory of the samples that a run wrote.
 
     Args:
         marionette: the puppet.
-        rows: (T, width), laid out as ``marionette.row_layout`` says.
+        samples: (T, width), laid out as ``model.sample_layout`` says.
         events: (n, 5) time, kind, row, impulse, speed.
         status: how the run ended.
         method: of the run.
@@ -228,59 +236,56 @@ def trajectory_of_rows(
         seconds: how long the run took [s].
     """
     tree = marionette.tree
-    part = marionette.model.row_layout.split(rows)
+    part = marionette.model.sample_layout.split(samples)
     n_strings = len(tree.strings)
     strings = tuple(s.name for s in tree.strings)
     limits = tuple(limit.name for limit in tree.limits)
     tension = part["tension"][:, :n_strings]
     effort = None
     if with_effort:
-        moved = (part[name] for name in ("q_D", "v_D", "q_K", "v_K", "acc_D", "acc_K"))
-        effort = Columns(
-            marionette.coordinates.v_K, marionette.effort(*moved, tension), "driven velocity"
-        )
+        moved = {name: part[name] for name in ("q_D", "v_D", "q_K", "v_K", "acc_D", "acc_K")}
+        force = marionette.effort(**moved, tension=tension)
+        effort = Columns(marionette.coordinates.v_K, force, "driven velocity")
+    h = marionette.model.library.evaluate(
+        "rows", q_D=part["q_D"], q_K=part["q_K"], p=marionette.p
+    ).h
+    h[:, :n_strings] -= part["slip"]
+    violation = np.where(marionette.model.two_sided, np.abs(h), np.maximum(h, 0.0))
     return Trajectory(
         **{name: part[name] for name in ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")},
         tension=Columns(strings, tension, "string"),
         limit_force=Columns(limits, part["tension"][:, n_strings:], "limit"),
         taut=Columns(strings, part["taut"][:, :n_strings] > 0, "string"),
-        ledger=_ledger(part),
-        events=tuple(_event(tree, row, n_strings) for row in events),
+        ledger=Columns(LEDGER, ledger_of(part), "entry"),
+        events=tuple(_event(tree, event) for event in events),
         status=status,
         method=method,
         coordinates=marionette.coordinates,
         puppet=marionette.model.described,
         effort=effort,
-        violation=_violation(marionette, part),
+        violation=Columns(tree.row_names, violation, "string or limit"),
         slip=Columns(strings, part["slip"], "string"),
-        blamed=tuple(tree.blamable[i] for i in np.flatnonzero(blame > _TO_BLAME)),
+        blamed=tuple(tree.blamable[i] for i in np.flatnonzero(blame > REPORTING.blame)),
         seconds=seconds,
     )
 
 
-def _violation(marionette: Marionette, part: dict[str, Array]) -> Columns:
-    """max(h, 0) of every row, |h| of wires: how far strings and limits were overstepped."""
-    h = marionette.model.library.evaluate(
-        "rows", q_D=part["q_D"], q_K=part["q_K"], p=marionette.p
-    ).h
-    h[:, : part["slip"].shape[1]] -= part["slip"]
-    beyond = np.where(marionette.model.two_sided, np.abs(h), np.maximum(h, 0.0))
-    return Columns(marionette.tree.row_names, beyond, "string or limit")
+def ledger_of(part: Mapping[str, Array]) -> Array:
+    """(..., T, 7) ledger of energies, work and losses (..., T).
 
-
-def _ledger(part: dict[str, Array]) -> Columns:
-    """residual = (T + V) - (T + V)_0 - work + damping + impact + slip: what the books miss."""
+    residual = (T + V) - (T + V)_0 - work + damping + impact + slip
+    """
     slip = part["slip_loss"]
     energy = part["kinetic"] + part["potential"]
-    residual = energy - energy[0] - part["work"] + part["damping"] + part["impact"] + slip
+    residual = energy - energy[..., :1] - part["work"] + part["damping"] + part["impact"] + slip
     entries = {**part, "slip": slip, "residual": residual}
-    return Columns(LEDGER, np.stack([entries[name] for name in LEDGER], axis=1), "entry")
+    return np.stack([entries[name] for name in LEDGER], axis=-1)
 
 
-def _event(tree, row: Array, n_strings: int) -> EventRecord:
-    at = {part.name: float(value) for part, value in zip(contract.EVENT, row, strict=True)}
+def _event(tree: Tree, event: Array) -> EventRecord:
+    at = {part.name: float(value) for part, value in zip(contract.EVENT, event, strict=True)}
     kind, index = _KINDS[int(at["kind"])], int(at["row"])
-    if index >= n_strings:
+    if index >= len(tree.strings):
         kind = _LIMIT_KINDS.get(kind, kind)
     name = tree.blamable[index] if index >= 0 else ""
     return EventRecord(at["t"], kind, name, at["impulse"], at["speed"])

@@ -1,40 +1,46 @@
 """The event-driven run with any of SciPy's integrators.
 
-Between events the taut strings are frozen and the motion is a smooth ordinary differential equation
-(Sec. III-C: any numeric integrator will do). SciPy's solver makes the steps; what happens at an
-instant, and everything that is written, is the runtime's.
+Between events the active set is fixed and the motion is a smooth ordinary differential equation
+(Sec. III-C: any numeric integrator will do). SciPy's solver makes the steps; events, samples and
+projections are the runtime's.
 """
 
 from __future__ import annotations
 
 import inspect
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import integrate
 
 from fantoccini.arrays import Array
 from fantoccini.errors import ARRIVED, Status
-from fantoccini.runtime import OutsideRun
-from fantoccini.simulation.integrators import INTEGRATORS
+from fantoccini.motion import Input, State
+from fantoccini.runtime import Library, OutsideRun, RunOptions
+from fantoccini.simulation.checks import INTEGRATORS
 from fantoccini.simulation.step import Step
 
 _EXPLICIT = (integrate.RK23, integrate.RK45, integrate.DOP853)
 _ONE_STEP = (*_EXPLICIT, integrate.Radau)
-"""Methods whose steps depend on nothing before them: they go on with the step they had in mind."""
-_DRIFT = 1e-3
-"""Drift of a solver from the strings, over its tolerance, at which it starts anew.
+"""Methods without memory: after a restart they continue with the step size they planned."""
 
-Explicit one-step methods lose nothing by that.
-"""
-_DRIFT_WITH_MEMORY = 100.0
-"""The same of the others, which lose their order or their Jacobian.
 
-Their global error is no less over the steps in which they drift by so much. With 1 instead of 100,
-BDF and LSODA never leave their first order: 21,000 starts instead of 16 on a second of ``arm2d``.
-"""
-_ROUNDS = 60
-"""Bound on the states tried in order to meet a guard."""
+@dataclass(frozen=True)
+class Bounds:
+    """When a solver is restarted, and how long an event is searched."""
+
+    drift: float = 1e-3
+    """Drift from the strings, over the tolerance, at which an explicit one-step method restarts;
+    it loses nothing by that."""
+    drift_with_memory: float = 100.0
+    """The same for the others, which lose their order or their Jacobian; their global error is no
+    smaller over such a drift. With 1, BDF and LSODA never leave their first order: 21,000 restarts
+    instead of 16 on a second of ``arm2d``."""
+    event_rounds: int = 60  # States tried to meet a guard: bisection to rounding, and more
+
+
+BOUNDS = Bounds()
 
 
 def solver_class(integrator: str | type[integrate.OdeSolver]) -> type[integrate.OdeSolver]:
@@ -55,11 +61,11 @@ def solver_class(integrator: str | type[integrate.OdeSolver]) -> type[integrate.
 
 
 def _options_of(solver: type[integrate.OdeSolver]) -> set[str]:
-    """Names of the options that a class takes, or passes on to the one it derives from."""
-    names = set()
+    """Names of the options that a class takes, or passes on to its base."""
+    names: set[str] = set()
     for cls in solver.__mro__:
         if "__init__" in vars(cls):
-            found = inspect.signature(cls.__init__).parameters
+            found = inspect.signature(vars(cls)["__init__"]).parameters
             names |= set(found)
             if not any(p.kind is p.VAR_KEYWORD for p in found.values()):
                 break
@@ -71,24 +77,35 @@ class ScipyRun(OutsideRun):
 
     Args:
         integrator: a name of :data:`INTEGRATORS`, or a subclass of SciPy's ``OdeSolver``. Of rtol,
-            atol, max_step and first_step it is given those that it takes by name.
+            atol, max_step and first_step it gets those that it takes by name.
         library, options, x0, p, winches, inputs, save_at: as of :class:`OutsideRun`.
     """
 
-    def __init__(self, integrator, library, options, x0, p, winches, inputs, save_at=None):
+    def __init__(
+        self,
+        integrator: str | type[integrate.OdeSolver],
+        library: Library,
+        options: RunOptions,
+        x0: State,
+        p: Array,
+        winches: Array,
+        inputs: Input,
+        save_at: Array | None = None,
+    ):
         self._class = solver_class(integrator)
         one_step = issubclass(self._class, _ONE_STEP)
-        # After a release h leaves 0 with the third power of time. A method that starts with tiny
-        # steps of low order makes errors there that exceed it.
+        # After a release h grows as the third power of time; methods that start with tiny steps of
+        # low order make larger errors.
         noise = 0.0 if one_step else options.rtol
-        afield = _DRIFT_WITH_MEMORY * options.rtol
+        afield = BOUNDS.drift_with_memory * options.rtol
         super().__init__(library, options, x0, p, winches, inputs, save_at, noise, afield)
         self._rtol, self._atol = options.rtol, np.full(len(self.y), options.atol)
         self._atol[-3:] *= options.energy_scale
         given = {"rtol": self._rtol, "atol": self._atol, "max_step": options.max_step}
         self._takes = _options_of(self._class)
         self._given = {name: value for name, value in given.items() if name in self._takes}
-        self._drift = _DRIFT if issubclass(self._class, _EXPLICIT) else _DRIFT_WITH_MEMORY
+        explicit = issubclass(self._class, _EXPLICIT)
+        self._drift = BOUNDS.drift if explicit else BOUNDS.drift_with_memory
         self._step = options.first_step if one_step else None
         self._save_at = np.zeros(0) if save_at is None else np.asarray(save_at, dtype=float)
         self._next_save = int(np.searchsorted(self._save_at, self.t, side="right"))
@@ -117,7 +134,7 @@ class ScipyRun(OutsideRun):
         yield self._taken()
 
     def present(self) -> tuple[Array, Array]:
-        """As :meth:`Run.present`, with what has not been handed out yet."""
+        """As :meth:`Run.present`, with the pieces not yet yielded."""
         pieces, self._pieces = [*self._pieces, super().present()], []
         rows, events = zip(*pieces, strict=True)
         return np.concatenate(rows), np.concatenate(events)
@@ -129,14 +146,14 @@ class ScipyRun(OutsideRun):
             return
         if self._solver is None or self._solver.t_bound != end:
             self._solver = self._new_solver(self.t, self.y, end, self._step)
-        solver, mode = self._solver, self.mode
+        solver, before = self._solver, self.mode
         solver.step()
         if solver.status == "failed":
             self.status = Status.STEP_TOO_SMALL
             return
         self._plan_next(solver)
         y = self.settled(solver.t, solver.y)
-        # Where the strings cannot be met any more an event may still lie before.
+        # Where the strings can no longer be met, an event may still lie before.
         step = Step.of(self, solver, solver.y if y is None else y)
         event = self._first_event(step)
         t, y = (step.times[-1], step.y1) if event is None else event
@@ -148,7 +165,7 @@ class ScipyRun(OutsideRun):
             self._next_save += 1
         self._make_room()
         drift = np.max(np.abs(self.y - solver.y) / (self._atol + self._rtol * np.abs(self.y)))
-        if event is not None or np.any(self.mode != mode) or drift > self._drift:
+        if event is not None or np.any(self.mode != before) or drift > self._drift:
             self._solver = None
 
     def _new_solver(
@@ -160,7 +177,7 @@ class ScipyRun(OutsideRun):
         return self._class(self.rate, t, y, t_bound, **given)
 
     def _plan_next(self, solver: integrate.OdeSolver) -> None:
-        """The step that a one-step method has in mind; one cut short by a break says nothing."""
+        """Keeps the step size that a one-step method planned, unless a break cut the step short."""
         if self._step is not None:
             cut = solver.t == solver.t_bound
             self._step = max(self._step, solver.h_abs) if cut else solver.h_abs
@@ -168,8 +185,8 @@ class ScipyRun(OutsideRun):
     def _reached(self, t: float, y: Array, t_end: float) -> Array | None:
         """The state at ``t_end`` that the integrator reaches from (t, y); None when it fails."""
         if not t_end > t:
-            return y  # nothing to integrate: SciPy takes no step of no length
-        # SciPy's LSODA bears no second solver beside the first.
+            return y  # SciPy takes no step of length 0
+        # SciPy's LSODA allows one solver at a time.
         self._solver = None
         solver = self._new_solver(t, y, t_end, t_end - t)
         while solver.status == "running":
@@ -177,7 +194,7 @@ class ScipyRun(OutsideRun):
         return None if solver.status == "failed" else self.settled(t_end, solver.y)
 
     def _save_before(self, t: float, step: Step) -> None:
-        """Writes the rows of the times to save within the step, before ``t``."""
+        """Writes the samples to save within the step, before ``t``."""
         while self._next_save < len(self._save_at) and self._save_at[self._next_save] < t:
             at = self._save_at[self._next_save]
             self.save(at, step.dense(at))
@@ -206,7 +223,7 @@ class ScipyRun(OutsideRun):
             if not len(beyond):
                 break
             before = t
-            roots = [step.root(row, t) for row in beyond]
+            roots = [step.root(int(row), t) for row in beyond]
             first = int(np.argmin(roots))
             row = int(beyond[first])
             t, y = self._meet(step, row, roots[first], (t, y, guard[row]))
@@ -219,18 +236,18 @@ class ScipyRun(OutsideRun):
     ) -> tuple[float, Array]:
         """Time and state at which the guard of ``row`` has just turned positive, near ``t``.
 
-        Two steps of other lengths differ by the integrator's tolerance, the guard is to be met to
-        rounding: so the last piece is done in small steps from a state shortly before the event.
+        Steps of different lengths differ by the integrator's tolerance, but the guard must be met
+        to rounding: so the last piece is integrated from a state shortly before the event.
 
         Args:
             step: the step in which it does.
-            row: whose.
-            t: about when, from the dense output [s].
+            row: of the guard.
+            t: estimate from the dense output [s].
             found: time, state and guard somewhere beyond.
         """
         start = step.times[0], step.y0, min(step.guards[0, row], 0.0)
         lo, hi, slope = start, found, step.slope(row, t)
-        for i in range(_ROUNDS):
+        for i in range(BOUNDS.event_rounds):
             y = self._reached(lo[0], lo[1], t)
             if y is None:
                 break

@@ -1,4 +1,4 @@
-"""sensitivity: how a whole run answers small changes of its start, its parameters, its inputs."""
+"""sensitivity: derivatives of a whole run by its start, its parameters and its inputs."""
 
 from __future__ import annotations
 
@@ -8,37 +8,45 @@ from itertools import pairwise
 
 import numpy as np
 
-from fantoccini.arrays import Array, Times
+from fantoccini.arrays import Array, Indices, Times
 from fantoccini.errors import InputError, Problem, StateError
-from fantoccini.marionette import Marionette, check_positive, ready
+from fantoccini.marionette import Marionette, bind_input, check_positive
 from fantoccini.motion import Input, InputDerivative, State, Trajectory
 from fantoccini.simulation.catch import Catch, Passage
-from fantoccini.simulation.driving import Driving, Outside
+from fantoccini.simulation.input_piece import InputPiece, InputVariation
 from fantoccini.simulation.run import simulate
 from fantoccini.simulation.variation import Variation
 
-_JUMP = 1e-9
-"""Change of velocity that counts as a catch, relative to 1 or the largest velocity."""
-_BREAK = 1e-12
-"""Times [s] nearer than that are one."""
+
+@dataclass(frozen=True)
+class Tolerances:
+    """Decisions about the pieces of a run."""
+
+    jump: float = 1e-9
+    """Change of velocity at a catch, relative to 1 or the largest velocity: above rounding."""
+    time: float = 1e-12  # Distance of times that are one [s]
+    rotation: float = 1e-12  # 1 - |cos(angle / 2)| of orientations that are one: rounding
+
+
+TOLERANCES = Tolerances()
 
 
 @dataclass(frozen=True, eq=False)
 class Sensitivity:
     """Derivatives of the state of an event-driven run, at some of its times.
 
-    A row holds d(dq_D, dv_D) at ``t``, with tangent vectors dq_D: a scalar adds, an orientation
-    turns in the body's frame. Between two rows at one time lies an event.
+    A record is d(dq_D, dv_D) at ``t``, with tangent vectors dq_D: a scalar adds, an orientation
+    turns in the body's frame. Between two records at one time lies an event.
 
     Attributes:
         run: the run itself.
         t: (T,) times [s].
         x0: (T, 2 n_vD, 2 n_vD) by (dq_D, dv_D) at the start. A change that would stretch or slacken
-            what is taut there stands for the nearest one that does not, in the metric of M_DD.
-        p: (T, 2 n_vD, n_p) by the parameters; the start moves by what its taut strings ask for.
+            taut rows there stands for the nearest one that does not, in the metric of M_DD.
+        p: (T, 2 n_vD, n_p) by the parameters; the start moves to keep its taut strings.
         toward: (T, 2 n_vD, m) by s, with inputs + s (other - inputs), for each of the other inputs.
         along: (T, 2 n_vD, m) by s, with inputs + s dq_K/ds, for each of the derivatives of inputs.
-        passages: the catches on the way.
+        passages: the catches of the run.
     """
 
     run: Trajectory
@@ -69,23 +77,23 @@ def sensitivity(
 ) -> Sensitivity:
     """dx(t)/dx0, dx(t)/dp and along changes of the inputs, through releases and catches.
 
-    The run is that of ``fan.simulate`` with its default tolerances. The order of its events is
-    kept: the derivative is that of all neighbours with the same one.
+    The run is that of ``fan.simulate`` with its default tolerances. The derivative holds for
+    neighbours with the same sequence of events.
 
     Args:
         marionette: the puppet.
         x0: where the run starts.
-        inputs: what the driven coordinates do; they hold still when not given.
+        inputs: motion of the driven coordinates; they hold still when not given.
         t_end: end of the run [s]; the end of the inputs when not given.
-        toward: other inputs; they may begin elsewhere. Rotations must be the same in all. Waypoints
-            changed a little are no such direction, for moves through them are not linear in them.
+        toward: other inputs; they may begin elsewhere. Rotations must be the same in all. For
+            derivatives by waypoints use ``along``: moves through them are not linear in them.
         along: derivatives of the inputs, as ``InputDerivative.of_waypoints`` gives them by the
             values of waypoints.
-        save_at: (n,) times to write, next to the start, the end and both sides of every event [s].
+        save_at: (n,) times to write besides the start, the end and both sides of every event [s].
         rtol, atol: of the integration of state and derivatives.
 
     Raises:
-        StateError: a slipping winch let a string out, which has no derivative here.
+        StateError: a winch slips, which has no derivative here.
         SimulationError: the run stopped.
     """
     check_positive(rtol=rtol, atol=atol)
@@ -99,33 +107,33 @@ def sensitivity(
             "and catches only: raise max_tension, or let the run end earlier"
         )
     t_end = inputs.end if t_end is None else float(t_end)
-    bound = ready(marionette.model, inputs, x0.q_K, x0.v_K, x0.t, t_end)
+    bound = bind_input(marionette.model, inputs, x0.q_K, x0.v_K, x0.t, t_end)
     others = [_bound(marionette, other, bound, x0) for other in toward]
     _check_along(marionette, along)
-    asked = np.zeros(0) if save_at is None else np.unique(np.asarray(save_at, dtype=float))
-    outside = asked[~((asked >= run.t[0]) & (asked <= run.t[-1]))]
+    saved = np.zeros(0) if save_at is None else np.unique(np.asarray(save_at, dtype=float))
+    outside = saved[~((saved >= run.t[0]) & (saved <= run.t[-1]))]
     if len(outside):
         raise ValueError(
             f"save_at has {outside[0]:g} s; it must lie between {run.t[0]:g} s and {run.t[-1]:g} s"
         )
-    course = _Course(marionette, run, bound, others, along, Variation(marionette, rtol, atol))
-    rows = list(course.rows(asked))
+    pieces = _Pieces(marionette, run, bound, others, along, Variation(marionette, rtol, atol))
+    records = list(pieces.records(saved))
     n, n_p = marionette.coordinates.n_vD, len(marionette.p)
-    Z = np.array([Z for _, Z in rows])
+    Z = np.array([Z for _, Z in records])
     last = 2 * n + n_p + len(others)
     return Sensitivity(
         run=run,
-        t=np.array([t for t, _ in rows]),
+        t=np.array([t for t, _ in records]),
         x0=Z[:, :, : 2 * n],
         p=Z[:, :, 2 * n : 2 * n + n_p],
         toward=Z[:, :, 2 * n + n_p : last],
         along=Z[:, :, last:],
-        passages=tuple(course.passages),
+        passages=tuple(pieces.passages),
     )
 
 
 def _bound(marionette: Marionette, other: Input, inputs: Input, x0: State) -> Input:
-    """Other inputs with what they do not name held at the start; they may start elsewhere."""
+    """Other inputs, bound at their own start; coordinates that they do not name are held."""
     table, q_K = marionette.coordinates, np.array(x0.q_K)
     start = other.evaluate(x0.t)[0]
     for q, v in table.scalars_K:
@@ -136,7 +144,7 @@ def _bound(marionette: Marionette, other: Input, inputs: Input, x0: State) -> In
     times = np.union1d(times, 0.5 * (times[1:] + times[:-1]))
     for name, (q, _) in table.rotations.items():
         ours, theirs = (x.evaluate(times)[0][:, q : q + 4] for x in (inputs, other))
-        if np.max(np.abs(np.abs(np.sum(ours * theirs, axis=1)) - 1.0)) > 1e-12:
+        if np.max(np.abs(np.abs(np.sum(ours * theirs, axis=1)) - 1.0)) > TOLERANCES.rotation:
             text = "differs from that of the run; only scalar coordinates may differ in `toward`"
             raise InputError([Problem("toward", None, name, text)])
     return other
@@ -155,8 +163,8 @@ def _check_along(marionette: Marionette, along: Sequence[InputDerivative]) -> No
             raise InputError([Problem("along", None, f"[{i}]", text)])
 
 
-class _Course:
-    """A run cut into smooth stretches and what lies between them."""
+class _Pieces:
+    """The smooth pieces of a run, and the events between them."""
 
     def __init__(
         self,
@@ -168,30 +176,30 @@ class _Course:
         variation: Variation,
     ):
         self.marionette, self.run = marionette, run
-        self._inputs, self._variation = inputs, variation
-        self._toward, self._along = toward, along
+        self._inputs, self._toward, self._along = inputs, toward, along
+        self._variation = variation
         self.passages: list[Passage] = []
 
-    def rows(self, asked: Times) -> Iterator[tuple[float, Array]]:
-        """(time, changes) at the start, at the times asked for, around every event, at the end."""
+    def records(self, saved: Times) -> Iterator[tuple[float, Array]]:
+        """(time, changes) at the start, at the times to save, around every event, at the end."""
         run, n = self.run, self.marionette.coordinates.n_vD
         columns = 2 * n + len(self.marionette.p) + len(self._toward) + len(self._along)
-        Z, outside = np.eye(2 * n, columns), Outside.none(self.marionette, columns)
+        Z, by_input = np.eye(2 * n, columns), InputVariation.none(self.marionette, columns)
         edges = np.flatnonzero(np.diff(run.t) == 0.0)
         firsts = np.concatenate([[0], edges + 1])
         lasts = np.concatenate([edges, [len(run.t) - 1]])
         for first, last in zip(firsts, lasts, strict=True):
             if first > 0:
-                Z = self._across(first - 1, Z, outside)
+                Z = self._across(first - 1, Z, by_input)
             if first == last:
                 yield run.t[first], Z
                 continue
             x, held = run.state(first), self._held(first)
-            driving = self._driving(run.t[first], run.t[last])
-            Z = self._variation.projected(x, held, Z, driving[0].outside(x.t))
+            pieces = self._between(run.t[first], run.t[last])
+            Z = self._variation.projected(x, held, Z, pieces[0].variation(x.t))
             yield x.t, Z
-            for piece in driving:
-                inside = asked[(asked > piece.start) & (asked < piece.end)]
+            for piece in pieces:
+                inside = saved[(saved > piece.start) & (saved < piece.end)]
                 times = np.append(inside, piece.end)
                 states, changes = self._variation.along(x, held, Z, piece, times)
                 yield from zip(inside, changes[:-1], strict=True)
@@ -199,37 +207,37 @@ class _Course:
                 q_D, v_D = np.split(states[-1], [len(x.q_D)])
                 q_K, v_K, *_ = piece.at(piece.end)
                 x = x.replace(t=piece.end, q_D=q_D, v_D=v_D, q_K=q_K, v_K=v_K)
-                if piece is not driving[-1] and piece.end in asked:
+                if piece is not pieces[-1] and piece.end in saved:
                     yield piece.end, Z
             self._variation.check(states[-1], run.state(last))
-            outside = driving[-1].outside(x.t)
+            by_input = pieces[-1].variation(x.t)
             yield run.t[last], Z
 
-    def _across(self, row: int, Z: Array, outside: Outside) -> Array:
-        """The changes after the event between a row and the next."""
+    def _across(self, i: int, Z: Array, by_input: InputVariation) -> Array:
+        """The changes after the event between sample i and the next."""
         run = self.run
-        before, after = run.state(row), run.state(row + 1)
+        before, after = run.state(i), run.state(i + 1)
         size = max(1.0, np.max(np.abs(before.v_D), initial=0.0))
-        if np.max(np.abs(after.v_D - before.v_D), initial=0.0) <= _JUMP * size:
+        if np.max(np.abs(after.v_D - before.v_D), initial=0.0) <= TOLERANCES.jump * size:
             return Z
-        catch = Catch(self.marionette, before, after, (self._held(row), self._held(row + 1)))
-        acc, acc_K = (run.acc_D[row], run.acc_D[row + 1]), run.acc_K[row]
+        catch = Catch(self.marionette, before, after, (self._held(i), self._held(i + 1)))
+        acc, acc_K = (run.acc_D[i], run.acc_D[i + 1]), run.acc_K[i]
         self.passages.append(catch.passage(acc, acc_K))
-        return catch.carried(Z, outside, acc, acc_K)
+        return catch.carried(Z, by_input, acc, acc_K)
 
-    def _held(self, row: int) -> Array:
-        """Indices of the rows that are taut from a row of the run on."""
+    def _held(self, i: int) -> Indices:
+        """The rows that are taut from sample i on."""
         run = self.run
-        holds = np.concatenate([run.taut.values[row], run.limit_force.values[row] > 0.0])
+        holds = np.concatenate([run.taut.values[i], run.limit_force.values[i] > 0.0])
         return np.flatnonzero(holds | self.marionette.model.two_sided)
 
-    def _driving(self, start: float, end: float) -> list[Driving]:
+    def _between(self, start: float, end: float) -> list[InputPiece]:
         """The smooth pieces of the inputs from one time to another."""
-        breaks = [inputs.breaks for inputs in (self._inputs, *self._toward, *self._along)]
-        inner = np.unique(np.concatenate(breaks))
-        inner = inner[(inner > start + _BREAK) & (inner < end - _BREAK)]
+        breaks = [self._inputs.breaks, *(one.breaks for one in self._toward)]
+        inner = np.unique(np.concatenate([*breaks, *(one.breaks for one in self._along)]))
+        inner = inner[(inner > start + TOLERANCES.time) & (inner < end - TOLERANCES.time)]
         times = np.concatenate([[start], inner, [end]])
         return [
-            Driving(self.marionette, self._inputs, self._toward, self._along, a, b)
+            InputPiece(self.marionette, self._inputs, self._toward, self._along, a, b)
             for a, b in pairwise(times)
         ]

@@ -1,97 +1,102 @@
-"""Whether what a fixed step has made may be believed: violation and energy, judged at the end.
+"""Verdict on a run of fixed steps that reached its end: violations and energy.
 
-Time-stepping goes on whatever happens. A run that reached its end so is DONE only where its rows
+Time-stepping continues whatever happens. A run that reached its end is DONE only where its rows
 held and its energy has a source.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
+from fantoccini.arrays import Array
 from fantoccini.errors import Status
-from fantoccini.marionette import Marionette, tension_step
+from fantoccini.marionette import Marionette, critical_step_of_tensions
 from fantoccini.motion import Trajectory
 
-MOST_VIOLATION = 0.02
-"""Violation of a string or limit beyond which a run counts as overstepped [m or rad]."""
 
-MOST_GAIN = 5.0
-"""Energy out of nothing, relative to all that there was to take, beyond which a run has gained.
+@dataclass(frozen=True)
+class Bounds:
+    """Bounds beyond which a run is not sound."""
 
-Near the longest step for a spring the energy swings to several times its own, and does not grow."""
+    violation: float = 0.02  # Of a string or limit [m or rad]
+    gain: float = 5.0
+    """Energy without a source, relative to all available energy. Near the critical step of a spring
+    the energy swings to several times its own, and does not grow."""
+    fall: float = 1e-3  # Fall of the puppet whose energy is always available [m]
+    energy: float = 1e-9  # Energy that is always available [J]
+    max_named: int = 5  # Rows that a message names
 
-_FALL = 1e-3
-"""Fall of the puppet whose energy is always there to take [m]."""
-_LEAST = 1e-9
-"""Energy that is always there to take [J]."""
-_MOST_NAMED = 5
+
+BOUNDS = Bounds()
 
 
 def verdict(violation: float, gain: float) -> Status:
     """DONE, OVERSTEPPED or GAINED_ENERGY; numbers that are not finite count as too large."""
-    if not violation <= MOST_VIOLATION:
+    if not violation <= BOUNDS.violation:
         return Status.OVERSTEPPED
-    return Status.DONE if gain <= MOST_GAIN else Status.GAINED_ENERGY
+    return Status.DONE if gain <= BOUNDS.gain else Status.GAINED_ENERGY
 
 
 def gains(
-    marionette: Marionette, kinetic: np.ndarray, potential: np.ndarray, work: np.ndarray,
-    residual: np.ndarray,
-) -> np.ndarray:
-    """(...,) the ledger's largest residual, relative to all the energy that there was to take.
+    marionette: Marionette, kinetic: Array, potential: Array, work: Array, residual: Array
+) -> Array:
+    """(...,) largest residual of ledgers, relative to the available energy.
 
-    That is T at the start, the most that V has fallen, and all work, taken as positive.
-
-    Args:
-        marionette: the puppet.
-        kinetic, potential, work, residual: (..., T) columns of the ledger [J].
-    """  # fmt: skip
+    That is T at the start, the largest fall of V, and all work, taken as positive. The columns of
+    the ledger are (..., T) [J].
+    """
     fallen = np.max(potential[..., :1] - potential, axis=-1)
     worked = np.sum(np.abs(np.diff(work, axis=-1)), axis=-1)
-    there = kinetic[..., 0] + fallen + worked + _FALL * marionette.weight + _LEAST
-    return np.max(residual, axis=-1) / there
+    available = kinetic[..., 0] + fallen + worked + BOUNDS.fall * marionette.weight + BOUNDS.energy
+    return np.max(residual, axis=-1) / available
 
 
 def judged(
     marionette: Marionette, made: Trajectory, dt: float, worst: float
 ) -> tuple[Status, str]:
-    """How a run with a fixed step that reached its end is to be called, and why, in words.
+    """Status of a run with a fixed step that reached its end, and the reason in words.
 
     Args:
         marionette: the puppet.
         made: the run.
         dt: its step [s].
-        worst: the largest violation of all its steps [m or rad]; those of a row may be smaller.
+        worst: the largest violation of all its steps [m or rad]; samples may have smaller ones.
     """
     ledger = made.ledger
     energies = (ledger[name] for name in ("kinetic", "potential", "work", "residual"))
     gain = float(gains(marionette, *energies))
-    beyond = made.violation.values
-    status = verdict(float(np.max(beyond, initial=worst)), gain)
+    table = made.violation
+    if table is None:
+        return Status.DONE, ""
+    status = verdict(float(np.max(table.values, initial=worst)), gain)
     if status is Status.OVERSTEPPED:
-        by_row = np.max(beyond, axis=0)
-        rows = [r for r in np.argsort(-by_row)[:_MOST_NAMED] if not by_row[r] <= MOST_VIOLATION]
-        names = ", ".join(f"{made.violation.names[r]} by {by_row[r]:.3g}" for r in rows)
-        first = int(np.argmax(~(np.max(beyond, axis=1) <= MOST_VIOLATION)))
-        where = f"{names} m or rad, more than {MOST_VIOLATION:g} from t = {made.t[first]:.6g} s on"
+        most = np.max(table.values, axis=0)
+        rows = [r for r in np.argsort(-most)[: BOUNDS.max_named] if not most[r] <= BOUNDS.violation]
+        names = ", ".join(f"{table.names[r]} by {most[r]:.3g}" for r in rows)
+        first = int(np.argmax(~(np.max(table.values, axis=1) <= BOUNDS.violation)))
+        when = f"from t = {made.t[first]:.6g} s on"
+        where = f"{names} m or rad, more than {BOUNDS.violation:g} {when}"
         if not rows:
-            where = f"by {worst:.3g} m or rad in a step between the rows that were written"
+            where = f"by {worst:.3g} m or rad in a step between the samples that were written"
         text = (
-            f"{where}. {_advice(marionette, made, dt)}; or the inputs ask for what the puppet "
-            "cannot follow, which method='event' finds out"
+            f"{where}. {_advice(marionette, made, dt)}; or the puppet cannot follow the inputs, "
+            "which method='event' finds out"
         )
         return status, text
     if status is Status.GAINED_ENERGY:
         text = (
             f"the ledger's residual reached {np.max(ledger['residual']):.3g} J, {gain:.2g} times "
-            f"all that there was to take. {_advice(marionette, made, dt)}"
+            f"all available energy. {_advice(marionette, made, dt)}"
         )
         return status, text
     return status, ""
 
 
 def _advice(marionette: Marionette, made: Trajectory, dt: float) -> str:
-    longest = tension_step(marionette.model, made.q_D[0], made.q_K[0], made.tension.values[0])
+    start = made.q_D[0], made.q_K[0], made.tension.values[0]
+    longest = critical_step_of_tensions(marionette.model, *start)
     if dt <= longest:
         return f"Take a dt shorter than {dt:g} s"
     return (

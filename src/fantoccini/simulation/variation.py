@@ -1,28 +1,28 @@
-"""How a small change travels along an event-driven run.
+"""Variational equations of an event-driven run.
 
-Between events (q_D, v_D) and the columns Z of changes are integrated together, with the taut rows
-frozen:
+Between events (q_D, v_D) and the columns Z of small changes are integrated together, with the
+active set fixed:
 
     Zdot = [-[w]x, 1; dacc_D/dq_D, dacc_D/dv_D] Z + (acc_D's derivatives by inputs and parameters)
 
-At a release nothing jumps: Z goes on. At a catch it does: :mod:`fantoccini.simulation.catch`.
+At a release Z is continuous; at a catch it jumps: :mod:`fantoccini.simulation.catch`.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, Indices
 from fantoccini.errors import SimulationError, Status
-from fantoccini.marionette import Marionette, instant_at
-from fantoccini.marionette.linearisation import Answer, linearise, turning
+from fantoccini.marionette import Evaluation, Marionette
+from fantoccini.marionette.linearisation import KKTSystem, linearise, row_derivatives_at, turning
 from fantoccini.motion import State
 from fantoccini.motion.rotation import multiply
-from fantoccini.simulation.catch import rate_change, rows_by
-from fantoccini.simulation.driving import Driving, Outside
+from fantoccini.simulation.catch import rate_change
+from fantoccini.simulation.input_piece import InputPiece, InputVariation
 
-_STAYS = 1e-6
-"""How far the integration may end from the run, relative to 1 or to the state."""
+MAX_ERROR = 1e-6
+"""Largest distance of the integration from the run, relative to 1 or to the state."""
 
 
 class Variation:
@@ -38,22 +38,25 @@ class Variation:
         self._rtol, self._atol = rtol, atol
         self._table = marionette.coordinates
 
-    def projected(self, x: State, rows: Array, Z: Array, outside: Outside) -> Array:
+    def projected(
+        self, x: State, rows: Indices, Z: Array, by_input: InputVariation
+    ) -> Array:
         """The changes nearest to Z, in the metric of M_DD, that keep h = 0 and hdot = 0 of rows."""
-        n, found = len(x.v_D), rows_by(self.marionette, x)
-        answer = Answer(instant_at(self.marionette.model, x), rows)
+        n, found = len(x.v_D), row_derivatives_at(self.marionette.model, x)
+        system = KKTSystem(Evaluation.of(self.marionette.model, x), rows)
         still = np.zeros((n, Z.shape[1]))
         Z_q, Z_v = Z[:n], Z[n:]
-        gap = found["A_D"] @ Z_q + found["A_K"] @ outside.q_K + found["h_p"] @ outside.p
-        Z_q = Z_q + answer.to(still, gap[rows])[0]
-        rate = rate_change(found, Z_q, outside.q_K, outside.v_K, outside.p) + found["A_D"] @ Z_v
-        Z_v = Z_v + answer.to(still, rate[rows])[0]
+        gap = found["A_D"] @ Z_q + found["A_K"] @ by_input.q_K + found["h_p"] @ by_input.p
+        Z_q = Z_q + system.solve(still, gap[rows])[0]
+        rate = rate_change(found, Z_q, by_input.q_K, by_input.v_K, by_input.p)
+        rate = rate + found["A_D"] @ Z_v
+        Z_v = Z_v + system.solve(still, rate[rows])[0]
         return np.concatenate([Z_q, Z_v])
 
     def along(
-        self, x: State, rows: Array, Z: Array, driving: Driving, times: Array
+        self, x: State, rows: Indices, Z: Array, piece: InputPiece, times: Array
     ) -> tuple[Array, Array]:
-        """The state and the changes at some times of a stretch on which ``rows`` are taut.
+        """The state and the changes at some times of a piece on which ``rows`` are taut.
 
         Returns:
             (len(times), n_qD + n_vD) and (len(times), 2 n_vD, m).
@@ -63,11 +66,11 @@ class Variation:
 
         def rate(t: float, y: Array) -> Array:
             q_D, v_D, Z = y[:n_q], y[n_q : n_q + n], y[n_q + n :].reshape(2 * n, m)
-            q_K, v_K, acc_K, u_D = driving.at(t)
+            q_K, v_K, acc_K, u_D = piece.at(t)
             here = x.replace(t=t, q_D=q_D, v_D=v_D, q_K=q_K, v_K=v_K)
-            lin, out = linearise(self.marionette.model, here, acc_K, u_D, names), driving.outside(t)
+            lin = linearise(self.marionette.model, here, acc_K, u_D, names)
+            out, acc = piece.variation(t), lin.acc
             Z_q = turning(self._table.quaternions_D, v_D) @ Z[:n] + Z[n:]
-            acc = lin.acc
             Z_v = (
                 acc.q_D @ Z[:n] + acc.v_D @ Z[n:] + acc.q_K @ out.q_K + acc.v_K @ out.v_K
                 + acc.acc_K @ out.acc_K + acc.u_D @ out.u_D + acc.p @ out.p
@@ -76,7 +79,7 @@ class Variation:
             return np.concatenate(moved)
 
         start = np.concatenate([x.q_D, x.v_D, Z.ravel()])
-        from scipy.integrate import solve_ivp  # as long to import as all the rest
+        from scipy.integrate import solve_ivp  # slow to import
 
         found = solve_ivp(
             rate, (x.t, times[-1]), start, "DOP853", times, rtol=self._rtol, atol=self._atol
@@ -87,10 +90,10 @@ class Variation:
         return y[:, : n_q + n], y[:, n_q + n :].reshape(-1, 2 * n, m)
 
     def check(self, reached: Array, x: State) -> None:
-        """Raises unless the integration has ended where the run is."""
+        """Raises SimulationError unless the integration ended at the run's state."""
         run = np.concatenate([x.q_D, x.v_D])
         apart = np.max(np.abs(reached - run) / (1.0 + np.abs(run)))
-        if not apart < _STAYS:
+        if not apart < MAX_ERROR:
             raise SimulationError(
                 Status.NOT_SETTLED,
                 f"the run and its linearisation are {apart:.2g} apart at t = {x.t:.6g} s",

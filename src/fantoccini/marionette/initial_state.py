@@ -1,34 +1,51 @@
-"""States by name: one value put into the arrays of a state."""
+"""States at rest, written by name."""
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 
 import numpy as np
 
+from fantoccini import tree
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError, UnknownNameError
-from fantoccini.motion import reading
+from fantoccini.marionette.model import Model
+from fantoccini.motion import State, reading
 from fantoccini.motion.rotation import exp
 from fantoccini.tree import CoordinateTable, DriveRow
 
+Value = float | str | Iterable[float | str]
+"""A number, an angle such as ``30 deg``, a quaternion (w, x, y, z) or a rotation vector."""
+Values = Mapping[str, Value]
 
-def put(
-    table: CoordinateTable, name: str, value, q_D: Array, v_D: Array, q_K: Array, v_K: Array
+
+def state(model: Model, values: Values | None = None) -> State:
+    """A state at rest from values by name; see :meth:`Marionette.state`."""
+    if values is not None and not isinstance(values, Mapping):
+        raise StateError(
+            f"found {values!r}; a state is given as names and values: {{'hand.length': 0.8}}"
+        )
+    table = model.coordinates
+    q_D, q_K = table.start_D.copy(), table.start_K.copy()
+    v_D, v_K = np.zeros(table.n_vD), np.zeros(table.n_vK)
+    for name, value in (values or {}).items():
+        _put(table, name, value, q_D, v_D, q_K, v_K)
+    # The masses of chains lie between the ends of this state, not of the file's pose.
+    q_D, q_K = tree.placed(model.tree, q_D, q_K, model.number, frozenset(values or ()))
+    if np.any(np.isnan(q_K)) or np.any(np.isnan(q_D)):
+        at = {"q_D": np.nan_to_num(q_D), "q_K": np.nan_to_num(q_K)}
+        h = model.library.evaluate("rows", **at, p=model.p).h
+        for string, span in zip(model.tree.strings, h, strict=False):
+            string.just_reaches(span, q_D, q_K)
+    put_commands(model.tree.drives, values or {}, q_D, q_K)
+    taut, slip = np.zeros(model.tree.n_rows, dtype=bool), np.zeros(len(model.tree.strings))
+    return State(0.0, q_D, v_D, q_K, v_K, taut, slip, table)
+
+
+def _put(
+    table: CoordinateTable, name: str, value: Value, q_D: Array, v_D: Array, q_K: Array, v_K: Array
 ) -> None:
-    """Sets one named value in the arrays it belongs to.
-
-    Args:
-        table: names and places of all coordinates.
-        name: of a coordinate; ``joint.rotation`` for a rotation; ``v:NAME`` for a velocity.
-        value: a number, an angle such as ``30 deg``, or a quaternion (w, x, y, z) or rotation
-            vector.
-        q_D, v_D, q_K, v_K: changed in place.
-
-    Raises:
-        StateError: the value is not what the name takes.
-        UnknownNameError: the puppet has no such coordinate.
-    """
+    """Sets one named value in the arrays it belongs to."""
     number = _numbers(table, name, value)
     if not np.all(np.isfinite(number)):
         raise StateError(f"{name}: found {value}; it must be finite")
@@ -59,15 +76,9 @@ def put(
 def put_commands(
     drives: Iterable[DriveRow], named: Container[str], q_D: Array, q_K: Array
 ) -> None:
-    """Sets the commands of drives to where their coordinates are, but for those that are named.
+    """Sets drives' commands in q_K to where their coordinates are in q_D, except those named.
 
-    Their velocities stay as they are: inputs begin at rest wherever the coordinates rush to.
-
-    Args:
-        drives: rows of the drives.
-        named: names that have their value already.
-        q_D: (n_qD,).
-        q_K: (n_qK,) changed in place.
+    Their velocities stay as they are: inputs begin at rest however fast the coordinates move.
     """
     for row in drives:
         if row.command is None or row.command_name in named:
@@ -76,12 +87,7 @@ def put_commands(
         q_K[q : q + row.q.stop - row.q.start] = q_D[row.q]
 
 
-def _numbers(table: CoordinateTable, name: str, value) -> Array:
-    """A number or numbers; angles may be text such as ``30 deg``.
-
-    Raises:
-        StateError: they are neither.
-    """
+def _numbers(table: CoordinateTable, name: str, value: Value) -> Array:
     angles = any(row.name == name and row.unit == "rad" for row in table.rows)
     try:
         if isinstance(value, str):

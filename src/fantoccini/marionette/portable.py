@@ -1,6 +1,6 @@
 """How a model travels to another process or machine: as the text of its puppets.
 
-What was derived or compiled stays behind; the cache has it there, or it is made there.
+The compiled libraries stay behind; the other machine has them in its cache, or makes them.
 """
 
 from __future__ import annotations
@@ -9,13 +9,12 @@ from dataclasses import dataclass
 
 from fantoccini.errors import StateError
 from fantoccini.motion.archive import mesh_files, restored
-from fantoccini.puppet import Puppet
 from fantoccini.world import World
 
 
 @dataclass(frozen=True)
-class Parcel:
-    """The puppets of a world, ready to travel.
+class PortableWorld:
+    """The puppets of a world as plain data.
 
     Attributes:
         name: of the world.
@@ -28,28 +27,23 @@ class Parcel:
     meshes: tuple[dict[str, bytes], ...]
 
     @classmethod
-    def of(cls, world: World) -> Parcel:
-        """The parcel of a world.
+    def of(cls, world: World) -> PortableWorld:
+        """A world as plain data.
 
         Raises:
-            StateError: the world holds what none of its puppets does.
+            StateError: the world has an obstacle, floor or gravity that none of its puppets has.
         """
-        if World.of(*world.puppets, name=world.name) != world:
+        puppets = world.puppets
+        if World.of(*puppets, name=world.name) != world:
             raise StateError(
                 f"the world {world.name} has obstacles, a floor or a gravity that its puppets do "
                 "not have, and would lose them on the way; give them to a puppet"
             )
-        puppets = world.puppets
-        return cls(
-            world.name,
-            tuple(p.to_yaml() for p in puppets),
-            tuple(mesh_files(p) for p in puppets),
-        )
+        texts = tuple(p.to_yaml() for p in puppets)
+        return cls(world.name, texts, tuple(mesh_files(p) for p in puppets))
 
     def world(self) -> World:
         """The world again."""
-        made: list[Puppet] = [
-            restored(text, f"<{self.name}>", meshes)
-            for text, meshes in zip(self.puppets, self.meshes, strict=True)
-        ]
+        parts = zip(self.puppets, self.meshes, strict=True)
+        made = [restored(text, f"<{self.name}>", meshes) for text, meshes in parts]
         return World.of(*made, name=self.name)

@@ -1,51 +1,43 @@
-"""The longest step at which a puppet's springs stay bounded.
+"""The critical step of a puppet's springs: the longest fixed step at which they stay bounded.
 
-A fixed step takes springs and their dampers from its beginning (``timestepping``), or solves for
-them by repeated steps of that kind (``variational``):
+``timestepping`` takes springs and their dampers from the step's start, and ``variational`` solves
+for them by repeated steps of that kind:
 
     M (v+ - v) = -dt (K q + C v),   q+ = q + dt v+
 
 which has an eigenvalue -1 where dt^2 K + 2 dt C reaches 4 M, and grows without bound beyond: at
-dt = 2 / omega without damping. With the motions b of the springs' points relative to each other,
-K = b^T k b and C = b^T c b, so that the largest eigenvalue of B^T M^-1 B has to stay below 4, with
+dt = 2 / omega without damping. With b the motions of the springs' points relative to each other,
+K = b^T k b and C = b^T c b, so that the largest eigenvalue of B^T M^-1 B must stay below 4, with
 B = b^T sqrt(dt^2 k + 2 dt c). A spring counts in all three directions, since it turns in a run.
 
-A taut string is such a spring across its segments, with k = tension / length: what it carries
-vibrates the faster, the lighter it is beside its load.
+A taut string is such a spring across its segments, with k = tension / length: light things on it
+vibrate fast.
 """
 
 from __future__ import annotations
 
 from itertools import pairwise
 
-import casadi as ca
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.equations.algebra import column
-from fantoccini.equations.system import System
 from fantoccini.marionette import analysis
 from fantoccini.marionette.model import Model
-from fantoccini.tree import WORLD, Point, Role
+from fantoccini.tree import WORLD, Link, Point, Role, link_inertia
 
 _HALVINGS = 60
-_SHORTEST = 1e-6
-"""Segment that has collapsed [m]."""
-_AT_ONCE = 1024
-"""States that are looked at together."""
+"""Bisections of the step: to rounding."""
+_MIN_SEGMENT = 1e-6
+"""Length below which a segment has collapsed and has no direction [m]."""
+_STATES_AT_ONCE = 1024
+"""States evaluated together, which bounds the memory."""
 
 
-def longest_step(
+def critical_step(
     model: Model, q_D: Array, q_K: Array, dt: float
 ) -> tuple[float, str] | None:
-    """The longest sound step and the spring that decides it; None where ``dt`` is sound.
-
-    Args:
-        model: the puppet.
-        q_D, q_K: (..., n_qD), (..., n_qK) configurations.
-        dt: the step [s].
-    """
-    names, k, c = _numbers(model)
+    """The critical step [s] and its spring; None where ``dt`` is below it at all configurations."""
+    names, k, c = _springs(model)
     if not names:
         return None
     lead = np.broadcast_shapes(q_D.shape[:-1], q_K.shape[:-1])
@@ -53,9 +45,10 @@ def longest_step(
     q_D, q_K = (
         np.broadcast_to(q, (*lead, q.shape[-1])).reshape(n, q.shape[-1]) for q in (q_D, q_K)
     )
-    found = None
-    for first in range(0, len(q_D), _AT_ONCE):
-        W = _columns(model, q_D[first : first + _AT_ONCE], q_K[first : first + _AT_ONCE])
+    found: tuple[float, str] | None = None
+    for first in range(0, len(q_D), _STATES_AT_ONCE):
+        some = slice(first, first + _STATES_AT_ONCE)
+        W = _columns(model, q_D[some], q_K[some])
         inside = np.einsum("nik,njk->nij", W, W)
 
         def largest(step: float, inside: Array = inside) -> tuple[float, int]:
@@ -74,9 +67,11 @@ def longest_step(
     return found
 
 
-def _numbers(model: Model) -> tuple[list[str], Array, Array]:
+def _springs(model: Model) -> tuple[list[str], Array, Array]:
     """Name, stiffness and damping of every column: of joints' springs, then of springs."""
-    names, k, c = [], [], []
+    names: list[str] = []
+    k: list[float] = []
+    c: list[float] = []
     for link in model.tree.links:
         stiffness = model.number(link.stiffness)
         if link.role is Role.DYNAMIC and stiffness > 0.0:
@@ -103,21 +98,15 @@ def _columns(model: Model, q_D: Array, q_K: Array) -> Array:
     return _forth(model, q_D, q_K, forces)
 
 
-def tension_step(model: Model, q_D: Array, q_K: Array, tension: Array) -> float:
-    """2 / omega of the fastest vibration that the strings' tensions make; infinity without any [s].
-
-    Args:
-        model: the puppet.
-        q_D, q_K: (n_qD,), (n_qK,) configuration.
-        tension: (n_strings,) [N].
-    """
+def critical_step_of_tensions(model: Model, q_D: Array, q_K: Array, tension: Array) -> float:
+    """2 / omega of the fastest vibration from tensions (n_strings,) [s]; infinity without one."""
     poses, (q_D, q_K) = analysis.poses(model, q_D, q_K), (q_D[None], q_K[None])
     forces, k = [], []
     for string, pull in zip(model.tree.strings, tension, strict=True):
         for ends in pairwise(string.points) if pull > 0.0 else ():
             d = _place(model, poses, ends[1]) - _place(model, poses, ends[0])
             length = float(np.linalg.norm(d))
-            if ends[0].link == ends[1].link or length < _SHORTEST:
+            if ends[0].link == ends[1].link or length < _MIN_SEGMENT:
                 continue
             for across in np.linalg.svd(d[None])[2][1:]:
                 forces.append(_pull(model, q_D, q_K, ends, across))
@@ -132,11 +121,9 @@ def tension_step(model: Model, q_D: Array, q_K: Array, tension: Array) -> float:
 def _forth(model: Model, q_D: Array, q_K: Array, forces: list[Array]) -> Array:
     """(n, len(forces), n_vD) F^-T of forces (n, n_vD)."""
     table, n = model.coordinates, len(q_D)
-    still_D, still_K = np.zeros((n, table.n_vD)), np.zeros((n, table.n_vK))
-    L = model.library.evaluate(
-        "dynamics", q_D=q_D, v_D=still_D, q_K=q_K, v_K=still_K, acc_K=still_K, u_D=still_D,
-        p=model.p,
-    ).L  # fmt: skip
+    D, K = np.zeros((n, table.n_vD)), np.zeros((n, table.n_vK))
+    still = {"v_D": D, "u_D": D, "v_K": K, "acc_K": K, "p": model.p}
+    L = model.library.evaluate("dynamics", q_D=q_D, q_K=q_K, **still).L
     return model.library.evaluate("forth", L=L[:, None], x=np.stack(forces, axis=1)).y
 
 
@@ -145,12 +132,13 @@ def _pull(
 ) -> Array:
     """(n, n_vD) forces in the joints of a unit force on one point, its opposite on the other."""
     n, n_links = len(q_D), len(model.tree.links)
-    poses, centres = analysis.poses(model, q_D, q_K), _centres(model)
+    poses = analysis.poses(model, q_D, q_K)
     wrench = np.zeros((n, n_links, 6))
     for point, sign in zip(ends, (1.0, -1.0), strict=True):
         if point.link == WORLD:
             continue
-        at = np.array([model.number(x) for x in point.at]) - centres[point.link]
+        at = np.array([model.number(x) for x in point.at])
+        at = at - _centre(model, model.tree.links[point.link])
         arm = poses[:, point.link, :, :3] @ at
         wrench[:, point.link, :3] += sign * axis
         wrench[:, point.link, 3:] += np.cross(arm, sign * axis)
@@ -165,9 +153,7 @@ def _place(model: Model, poses: Array, point: Point) -> Array:
     return at if point.link == WORLD else poses[point.link, :, :3] @ at + poses[point.link, :, 3]
 
 
-def _centres(model: Model) -> Array:
-    """(n_links, 3) centres of mass in the links' frames [m]."""
-    system = System(model.tree)
-    centres = [column(system.centre(i)) for i in range(len(model.tree.links))]
-    found = ca.Function("centres", [system.symbols.p], [ca.horzcat(*centres)])
-    return np.array(found(model.p)).T
+def _centre(model: Model, link: Link) -> Array:
+    """(3,) centre of mass in the link's frame, its origin when massless [m]."""
+    mass, centre, _ = link_inertia(link, model.number)
+    return centre if mass > 0.0 else np.zeros(3)

@@ -1,4 +1,4 @@
-"""The inputs over one smooth stretch, and what they are differentiated by."""
+"""The inputs over one smooth piece of a run, and their variations."""
 
 from __future__ import annotations
 
@@ -14,15 +14,18 @@ from fantoccini.motion import Input, InputDerivative
 from fantoccini.motion.polynomial import N_COEF
 
 _SAMPLED = 0.5 - 0.5 * np.cos(np.pi * (np.arange(N_COEF) + 0.5) / N_COEF)
-"""Parts of a stretch, at which changes are sampled: Chebyshev's."""
-
+"""Chebyshev nodes of a piece, at which variations are sampled."""
 _LAGRANGE = [(np.delete(_SAMPLED, i), s - np.delete(_SAMPLED, i)) for i, s in enumerate(_SAMPLED)]
-"""The other samples, and how far each is from them: Lagrange's polynomials."""
+"""The other nodes, and the node's distances from them: Lagrange's polynomials."""
+
+
+Inputs = tuple[Array, Array, Array, Array]
+"""q_K, v_K, acc_K and u_D."""
 
 
 @dataclass(frozen=True, eq=False)
-class Outside:
-    """What is changed beside the state, at one time: a column for each change.
+class InputVariation:
+    """Changes of inputs and parameters at one time, a column for each.
 
     Attributes:
         q_K: (n_vK, m) tangent vectors of the driven configuration.
@@ -38,22 +41,22 @@ class Outside:
     p: Array
 
     @classmethod
-    def none(cls, marionette: Marionette, m: int) -> Outside:
+    def none(cls, marionette: Marionette, m: int) -> InputVariation:
         """No change, for m columns."""
         t = marionette.coordinates
         sizes = (t.n_vK, t.n_vK, t.n_vK, t.n_vD, len(marionette.p))
         return cls(*(np.zeros((size, m)) for size in sizes))
 
 
-class Driving:
-    """The inputs over one smooth stretch and the changes towards other inputs.
+class InputPiece:
+    """The inputs over one smooth piece, and the changes towards other inputs.
 
     Args:
         marionette: the puppet.
         inputs: bound inputs.
         toward: bound inputs; a change goes from ``inputs`` towards each.
         along: derivatives of the inputs, each a change by itself.
-        start, end: of the stretch, within which no input has a break [s].
+        start, end: of the piece, within which no input has a break [s].
     """
 
     def __init__(
@@ -67,25 +70,25 @@ class Driving:
     ):
         self.start, self.end = start, end
         self._places = marionette.coordinates.scalars_K
-        self._own = _piece(inputs, start, end)
+        self._own = _evaluator(inputs, start, end)
         first = 2 * marionette.coordinates.n_vD + len(marionette.p)
-        self._outside = Outside.none(marionette, first + len(toward) + len(along))
-        self._outside.p[:, first - len(marionette.p) : first] = np.eye(len(marionette.p))
-        self._first, self._others = first, [_piece(other, start, end) for other in toward]
+        self._variation = InputVariation.none(marionette, first + len(toward) + len(along))
+        self._variation.p[:, first - len(marionette.p) : first] = np.eye(len(marionette.p))
+        self._first, self._others = first, [_evaluator(other, start, end) for other in toward]
         self._along = along
-        self._sampled = self._samples() if toward or along else ()
+        self._sampled: tuple[Array, ...] = self._samples() if toward or along else ()
 
-    def at(self, t: float) -> tuple[Array, Array, Array, Array]:
-        """q_K, v_K, acc_K and u_D at a time of the stretch [s]."""
+    def at(self, t: float) -> Inputs:
+        """q_K, v_K, acc_K and u_D at a time of the piece [s]."""
         return self._own(min(max(t, self.start), self.end))
 
-    def outside(self, t: float) -> Outside:
-        """The changes at a time of the stretch [s], good until the next call.
+    def variation(self, t: float) -> InputVariation:
+        """The changes at a time of the piece [s], valid until the next call.
 
-        Columns: by the state at the start, where nothing outside changes, by the parameters,
-        towards the other inputs, along the derivatives.
+        Columns: by the state at the start (all 0), by the parameters, towards the other inputs,
+        along the derivatives.
         """
-        out = self._outside
+        out = self._variation
         if self._sampled:
             s = (min(max(t, self.start), self.end) - self.start) / (self.end - self.start)
             weights = np.array([np.prod((s - rest) / scale) for rest, scale in _LAGRANGE])
@@ -96,8 +99,10 @@ class Driving:
         return out
 
     def _samples(self) -> tuple[Array, ...]:
-        """Changes of q_K, v_K, acc_K, u_D at some times, (6, n, changes): they are polynomials of
-        the fifth degree, so that these say all."""
+        """Changes of q_K, v_K, acc_K, u_D at the nodes, (6, n, changes), which determine them.
+
+        They are polynomials of the fifth degree.
+        """
         times = self.start + _SAMPLED * (self.end - self.start)
         own = self._own(times)
         apart = [
@@ -113,15 +118,23 @@ class Driving:
         return tuple(np.stack(columns, axis=-1) for columns in zip(*apart, strict=True))
 
 
-def _piece(
+def _evaluator(
     inputs: Input, start: float, end: float
-) -> Callable[[float | Array], tuple[Array, ...]]:
-    """times (...) -> (q_K, v_K, acc_K, u_D) on the polynomials that hold between two times."""
+) -> Callable[[float | Array], Inputs]:
+    """times (...) -> (q_K, v_K, acc_K, u_D) by the polynomials between two times."""
     middle = 0.5 * (start + end)
     if not inputs.start <= middle <= inputs.end:
         q_K, v_K, acc_K = inputs.evaluate(min(max(middle, inputs.start), inputs.end))
-        still = q_K, 0.0 * v_K, 0.0 * acc_K, np.zeros(inputs.coordinates.n_vD)
-        return lambda t: tuple(np.broadcast_to(a, (*np.shape(t), len(a))) for a in still)
+        u_D = np.zeros(inputs.coordinates.n_vD)
+
+        def held(t: float | Array) -> Inputs:
+            q, v, acc, u = (
+                np.broadcast_to(a, (*np.shape(t), len(a)))
+                for a in (q_K, 0.0 * v_K, 0.0 * acc_K, u_D)
+            )
+            return q, v, acc, u
+
+        return held
     i = min(int(np.searchsorted(inputs.breaks, middle, "right")) - 1, len(inputs.coef) - 1)
     force = None if inputs.force is None else inputs.force[i : i + 1]
     piece = dataclasses.replace(
@@ -132,7 +145,7 @@ def _piece(
         force=force,
     )
 
-    def at(t: float | Array) -> tuple[Array, ...]:
+    def at(t: float | Array) -> Inputs:
         t = np.clip(t, piece.start, piece.end)
         return *piece.evaluate(t), piece.evaluate_force(t)
 

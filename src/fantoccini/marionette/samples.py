@@ -1,0 +1,36 @@
+"""Layout of a trajectory's samples as the runtime writes them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from fantoccini.arrays import Array
+from fantoccini.contract import ROW
+from fantoccini.tree import Tree
+
+
+@dataclass(frozen=True)
+class SampleLayout:
+    """Splits samples of a tree's motion into named parts."""
+
+    tree: Tree
+
+    @property
+    def widths(self) -> dict[str, int]:
+        """Part name -> number of columns, in order."""
+        return {part.name: part.numel(self.tree.sizes) for part in ROW}
+
+    def split(self, samples: Array) -> dict[str, Array]:
+        """Parts (T, n) of samples (T, width); single columns come as (T,)."""
+        return {name: samples[:, place] for name, place in self._places.items()}
+
+    @cached_property
+    def _places(self) -> dict[str, slice | int]:
+        places: dict[str, slice | int] = {}
+        at = 0
+        for part in ROW:
+            width = part.numel(self.tree.sizes)
+            places[part.name] = slice(at, at + width) if part.shape else at
+            at += width
+        return places

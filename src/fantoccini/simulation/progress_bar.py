@@ -1,0 +1,56 @@
+"""A progress bar for batches."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+_DELAY = 2.0
+"""Time without a bar [s]."""
+
+
+@contextmanager
+def progress_bar(
+    title: str, progress: Callable[[float], None] | None, t: float, t_end: float
+) -> Iterator[Callable[[float], None]]:
+    """Reports the share of a batch that is done, 0 to 1, on a terminal after two seconds.
+
+    Args:
+        title: of the bar.
+        progress: called with the mean time reached [s], instead of the bar.
+        t, t_end: the span of the runs [s].
+    """
+    began = time.monotonic()
+    bar: Progress | None = None
+
+    def show(share: float) -> None:
+        nonlocal bar
+        if progress:
+            progress(t + share * (t_end - t))
+        elif bar is None and time.monotonic() - began > _DELAY and sys.stderr.isatty():
+            bar = _started(title)
+        if bar:
+            bar.update(bar.task_ids[0], completed=share)
+
+    try:
+        yield show
+    finally:
+        if bar:
+            bar.stop()
+
+
+def _started(title: str) -> Progress:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn()
+    bar = Progress(*columns, console=Console(stderr=True), transient=True)
+    bar.add_task(title, total=1.0)
+    bar.start()
+    return bar

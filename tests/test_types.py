@@ -1,0 +1,90 @@
+"""What an editor knows about a user's script: results of the public functions have their types."""
+
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+
+SCRIPT = '''
+from typing import assert_type
+
+import numpy as np
+from numpy.typing import NDArray
+
+import fantoccini as fan
+
+Array = NDArray[np.float64]
+
+arm = fan.load("arm2d.yaml", string_model="chain")
+assert_type(arm, fan.Marionette)
+assert_type(fan.loads("name: arm"), fan.Marionette)
+x0 = arm.rest({"hand.length": 0.8, "shoulder": "30 deg", "bar.rotation": (1.0, 0.0, 0.0, 0.0)})
+assert_type(x0, fan.State)
+assert_type(arm.project(arm.state()), fan.State)
+lift = fan.Input.waypoints(arm, {"hand.length": [(0, 0.8), (1.5, 0.5)]})
+assert_type(lift, fan.Input)
+
+run = fan.simulate(arm, x0, lift, method=fan.Event(rtol=1e-9), save_at=np.linspace(0, 1, 5))
+assert_type(run, fan.Trajectory)
+assert_type(run.tension["hand"], Array)
+assert_type(run.events[0].kind, fan.EventKind)
+assert_type(run.status, fan.Status)
+assert_type(run.state(0), fan.State)
+many = fan.simulate_batch(arm, [x0, x0], lift, method="timestepping", save="all")
+assert_type(many, fan.Trajectories)
+assert_type(many.trajectory(0), fan.Trajectory)
+found = fan.sensitivity(arm, x0, lift, t_end=1.0)
+assert_type(found, fan.Sensitivity)
+assert_type(found.passages[0].jump, Array)
+
+acc_D, tension = arm.forward_dynamics(x0)
+assert_type(acc_D, Array)
+assert_type(tension, Array)
+lin = arm.linearise(x0, rows=["hand"])
+assert_type(lin, fan.Linearisation)
+assert_type(lin.A, Array)
+assert_type(lin.pull.q_D, Array)
+assert_type(arm.linearise_step(x0, dt=0.01), fan.StepLinearisation)
+assert_type(arm.modes(x0)[0], fan.Mode)
+assert_type(arm.mass_matrix(x0), Array)
+assert_type(arm.kinetic_energy(x0), float)
+assert_type(arm.with_parameters({"mass": 1.0}), fan.Marionette)
+
+stepper = arm.stepper(x0, fan.TimeStepping(dt=0.001))
+assert_type(stepper, fan.Stepper)
+assert_type(stepper.advance(0.1, {"hand.length": -0.1}), fan.State)
+assert_type(stepper.run(1.0, lambda x: {"hand.length": -x.t}, rate=100.0), list[fan.State])
+assert_type(arm.flow(x0, lift), fan.Flow)
+'''
+
+WRONG = '''
+import fantoccini as fan
+
+arm = fan.load("arm2d.yaml")
+fan.simulate(arm, arm.rest(), method="euler")
+fan.simulate(arm, [arm.rest()])
+arm.stepper(arm.rest(), 0.002)
+fan.TimeStepping(rtol=1e-9)
+'''
+
+
+def check(script: str, folder: Path) -> list[str]:
+    """mypy's strict errors in a script that uses the package as it is."""
+    api = pytest.importorskip("mypy.api")
+    file = folder / "script.py"
+    file.write_text(script, encoding="utf-8")
+    config = str(ROOT / "pyproject.toml")
+    options = ["--strict", "--config-file", config, "--cache-dir", str(folder / "cache")]
+    said, trouble, _ = api.run([*options, str(file)])
+    assert not trouble
+    return [line for line in said.splitlines() if line.startswith(str(file))]
+
+
+@pytest.mark.slow
+def test_an_editor_knows_what_the_public_functions_return(tmp_path, monkeypatch):
+    """18.6: results of simulate and the like are typed, and a strict checker finds mistakes."""
+    monkeypatch.chdir(ROOT)
+    assert check(SCRIPT, tmp_path) == []
+    lines = [int(line.split(":")[1]) for line in check(WRONG, tmp_path)]
+    assert sorted(set(lines)) == [5, 6, 7, 8]
