@@ -12,8 +12,8 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.exchange import MuJoCoPuppet
-from fantoccini.planning import Problem, Rows
-from fantoccini.runtime import Sweeper, Terms
+from fantoccini.planning import Problem, States
+from fantoccini.runtime import RolloutPool, RolloutSettings
 from fantoccini.runtime.clearance import ClearanceArrays, Exact
 from fantoccini.runtime.functions import pointer
 
@@ -22,7 +22,7 @@ SLACK = 1e-3
 
 
 class Layout:
-    """Rows (n,) that hold q_D, v_D, q_K, v_K one after the other.
+    """States (n,) that hold q_D, v_D, q_K, v_K one after the other.
 
     Attributes:
         parts: where each of them is.
@@ -37,27 +37,27 @@ class Layout:
         self.n = ends[-1]
         self.slip = problem.start.slip[None]
 
-    def row(self, rows: Rows) -> Array:
+    def row(self, rows: States) -> Array:
         """(n,) of one state, rows (1,)."""
         return np.concatenate([rows.q_D[0], rows.v_D[0], rows.q_K[0], rows.v_K[0]])
 
-    def rows(self, row: Array) -> Rows:
+    def rows(self, row: Array) -> States:
         """(1,) states of a row (n,)."""
         q_D, v_D, q_K, v_K = (row[None, part] for part in self.parts)
-        return Rows(q_D, v_D, self.slip, q_K, v_K)
+        return States(q_D, v_D, self.slip, q_K, v_K)
 
 
-class Own(Sweeper):
+class Own(RolloutPool):
     """Our time-stepper. It looks at clearance, bounds and strings in the same call."""
 
     def __init__(self, problem: Problem, layout: Layout):
-        m, marionette, bounds = problem.motions, problem.marionette, problem.motions.bounds
+        m, marionette, bounds = problem.rollouts, problem.marionette, problem.rollouts.bounds
         limits = bounds.speed, bounds.acceleration, bounds.low, bounds.high
-        terms = Terms(
+        terms = RolloutSettings(
             m.options, 1, marionette.p, marionette.winches, limits, m.margin, m.slack,
             m.clearance.solids, problem.goal.numbers, -1.0,
         )  # fmt: skip
-        super().__init__(marionette.model.compiled.motions, terms, 1)
+        super().__init__(marionette.model.compiled.rollouts, terms, 1)
         self._before, self._there = np.empty(layout.n), np.empty(layout.n)
         self._acc_K, self._distance = np.empty(len(bounds.speed)), np.empty(1)
         self._zero, self._one = np.zeros(1, np.int64), np.ones(1, np.int32)
@@ -98,8 +98,8 @@ class MuJoCo:
     """
 
     def __init__(self, problem: Problem, layout: Layout):
-        self.motions, self.parts = problem.motions, layout.parts
-        self.puppet = puppet = MuJoCoPuppet(problem.marionette, self.motions.dt)
+        self.rollouts, self.parts = problem.rollouts, layout.parts
+        self.puppet = puppet = MuJoCoPuppet(problem.marionette, self.rollouts.options.dt)
         if puppet.twists:
             raise ValueError("limits of twists must be led anew at every step; here is no time")
         mujoco, option = puppet.mujoco, puppet.model.opt
@@ -115,26 +115,26 @@ class MuJoCo:
     def after(self, row: Array, acc_K: Array) -> Array:
         """(n,) one look later, nan where a string went slack that must not; acc_K (n_vK,)
         [m/s^2]."""
-        puppet, motions, t = self.puppet, self.motions, self.motions.interval
+        puppet, rollouts, t = self.puppet, self.rollouts, self.rollouts.options.interval
         q_D, v_D, q_K, v_K = (row[part] for part in self.parts)
         puppet.put(q_D, v_D)
         # An Euler step takes its last velocity for the whole of it: that in its middle is exact.
-        puppet.drive(q_K, v_K - 0.5 * motions.dt * acc_K, acc_K)
+        puppet.drive(q_K, v_K - 0.5 * rollouts.options.dt * acc_K, acc_K)
         self._warm[:] = 0.0
-        self._step(puppet.model, puppet.data, motions.look)
-        if not motions.slack and (self._lengths[puppet.strings] < self._slack).any():
+        self._step(puppet.model, puppet.data, rollouts.options.look)
+        if not rollouts.options.slack and (self._lengths[puppet.strings] < self._slack).any():
             return np.full(len(row), np.nan)
         there = self._qpos[puppet.q_D], self._qvel[puppet.v_D]
         return np.concatenate([*there, q_K + t * (v_K + 0.5 * t * acc_K), v_K + t * acc_K])
 
     def clear(self, row: Array) -> bool:
         """Whether a state may be: its speeds, its ranges, its clearance."""
-        bounds, (q_D, _, q_K, v_K) = self.motions.bounds, (row[part] for part in self.parts)
+        bounds, (q_D, _, q_K, v_K) = self.rollouts.bounds, (row[part] for part in self.parts)
         return bool(
             np.isfinite(row).all()
             and (np.abs(v_K) <= bounds.speed * (1.0 + 1e-12)).all()
             and ((q_K >= bounds.low) & (q_K <= bounds.high)).all()
-            and self._clearance(q_D, q_K) >= self.motions.margin
+            and self._clearance(q_D, q_K) >= self.rollouts.options.margin
         )
 
 
@@ -144,7 +144,7 @@ class _OneClearance:
     def __init__(self, problem: Problem):
         marionette, q = problem.marionette, problem.start
         self._solids: list[np.ndarray] = []
-        measured = problem.motions.clearance.solids
+        measured = problem.rollouts.clearance.solids
         self._exact = Exact(measured)
         solids = ClearanceArrays.of(measured, self._exact, self._solids)
         self._given = q.q_D.copy(), q.q_K.copy(), np.array(marionette.p, dtype=float)

@@ -7,11 +7,16 @@ the driven coordinates, n_rows one-sided rows (strings, then limits).
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 """Any shape."""
+
+Indices = NDArray[np.integer[Any]]
+"""Any shape: indices or counts."""
 
 ConfigD = NDArray[np.float64]
 """(n_qD,) dynamic configuration [rad, m or 1]."""

@@ -14,7 +14,7 @@ from fantoccini.planning import (
     PlanResult,
     PolishStatus,
     Problem,
-    Rows,
+    States,
     check,
     result,
     search,
@@ -51,8 +51,8 @@ def test_plans_hold_event_driven_by_default(damped):
         assert plan and plan.status is fan.PlanStatus.EXACT
         run = fan.simulate(DAMPED, damped.start, plan.inputs, t_end=plan.duration)
         every = run.resample(np.arange(0.0, run.t[-1], 1e-3))
-        assert damped.motions.clearance.of(every).min() >= -1e-3
-        assert damped.goal.distance(Rows.of(run.state(-1))) <= damped.tolerance + 1e-6
+        assert damped.rollouts.clearance.of(every).min() >= -1e-3
+        assert damped.goal.distance(States.of(run.state(-1))) <= damped.tolerance + 1e-6
 
 
 def test_the_search_goes_on_where_a_plan_does_not_hold(boxes, monkeypatch, tmp_path):
@@ -114,15 +114,15 @@ def test_what_is_hidden_between_looks_is_found(boxes):
     """17.19: a bead that the string passes between two looks, and touches at neither."""
     plan = solve(boxes, seed=0)
     run = plan.verify(method="event").run
-    arm, first = boxes.marionette, np.arange(0.0, run.t[-1], boxes.motions.interval)
+    arm, first = boxes.marionette, np.arange(0.0, run.t[-1], boxes.rollouts.options.interval)
     fast = float(first[np.argmax(np.abs(run.resample(first).v_K[:, 0]))])
-    between = run.at(fast + 0.5 * boxes.motions.interval)
+    between = run.at(fast + 0.5 * boxes.rollouts.options.interval)
     bead = {"name": "bead", "type": "sphere", "radius": 1.2e-3}
     middle = np.mean(arm.string_points(between.q_D, between.q_K)[0], axis=0)
     asked = Problem(
         arm, boxes.start, boxes.goal, [bead | {"at": middle.tolist()}], tolerance=0.25
     )
-    seen = asked.motions.clearance.of(run.resample(first))
+    seen = asked.rollouts.clearance.of(run.resample(first))
     assert seen.min() > 0.0
     made = check.checked(asked, plan.tree, plan.path, method="event")
     assert made.clearance < 0.0 and not made.arrives

@@ -37,7 +37,7 @@ def test_what_a_plan_costs(problem):
     """Sums along the paths of a tree, whatever its arrays were filled with at once."""
     search = Search(problem, seed=3, objective="effort")
     search.first(60.0)
-    tree, interval = search.tree, problem.motions.interval
+    tree, interval = search.tree, problem.rollouts.options.interval
     for node in range(0, len(tree), 97):
         path = tree.path(node)[1:]
         lasts = interval * tree.looks[path]
@@ -76,7 +76,7 @@ def test_an_objective_of_ones_own(problem, tmp_path):
     own = Objective(catch=0.5, effort=0.25)
     found = solve(problem, seed=3, objective=own).grow(60.0, iterations=1000)
     path = list(found.path[1:])
-    effort = problem.motions.interval * _effort(found.tree, found.path[-1])
+    effort = problem.rollouts.options.interval * _effort(found.tree, found.path[-1])
     catches = found.tree.catches[path].sum()
     assert found.cost == pytest.approx(found.duration + 0.5 * catches + 0.25 * effort)
     found.save(tmp_path / "plan.npz")

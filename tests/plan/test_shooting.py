@@ -1,4 +1,4 @@
-"""Ways as a whole: what they lack, how they answer changes, the steps that are made of it."""
+"""Candidates as a whole: what they lack, how they answer changes, the steps that are made of it."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ def test_ways_are_the_plans_own_motions(problem, shooting, V):
     )  # fmt: skip
     run = fan.simulate(
         problem.marionette, problem.start, inputs, t_end=shooting.segment * len(V),
-        method=fan.TimeStepping(dt=problem.motions.dt, extrapolate=False),
+        method=fan.TimeStepping(dt=problem.rollouts.options.dt, extrapolate=False),
     )  # fmt: skip
-    every = problem.motions.look
+    every = problem.rollouts.options.look
     np.testing.assert_allclose(way.nodes.q_D[0], run.q_D[::every], atol=1e-10)
     # Tension, of which constraints know 0.3 of its part of the weight, 2 % of that wished for.
     spare = way.spare[0, :, -1] / 0.3 + 0.02
@@ -49,7 +49,7 @@ def test_ways_are_the_plans_own_motions(problem, shooting, V):
     around = np.maximum(np.append(change, 0.0), np.append(0.0, change))
     assert np.all(np.abs(spare - after) < 0.01 + around)
     clear = way.spare[0, :, 0] + 0.007
-    np.testing.assert_allclose(clear, problem.motions.clearance.of(run)[every::every], atol=1e-10)
+    np.testing.assert_allclose(clear, problem.rollouts.clearance.of(run)[every::every], atol=1e-10)
     assert way.distance[0] <= 1e-3 and way.calm[0] == 0
 
 
@@ -77,7 +77,7 @@ def test_what_comes_first_is_left_alone_where_that_is_asked(shooting, V):
 
 def test_steps_keep_bounds_and_bring_ways_nearer(problem, shooting, V):
     """From ways that were turned aside."""
-    random, bounds = np.random.default_rng(1), problem.motions.bounds
+    random, bounds = np.random.default_rng(1), problem.rollouts.bounds
     for _ in range(3):
         aside = shooting.within(V + 0.02 * random.normal(size=V.shape))
         way = shooting.ways(aside[None])
@@ -93,7 +93,7 @@ def test_steps_keep_bounds_and_bring_ways_nearer(problem, shooting, V):
 
 
 def test_velocities_are_followed_as_bounds_allow(problem, shooting):
-    bounds = problem.motions.bounds
+    bounds = problem.rollouts.bounds
     wild = 3.0 * np.random.default_rng(2).normal(size=(4, 30, 3))
     kept = shooting.within(wild)
     assert np.all(np.abs(kept) <= bounds.speed)

@@ -11,7 +11,7 @@ from fantoccini.arrays import Array, ConfigD, ConfigK, MaskRows
 from fantoccini.marionette import Marionette
 from fantoccini.marionette.projection import retract
 from fantoccini.motion import State
-from fantoccini.planning.goals import Goal, Rows
+from fantoccini.planning.goals import Goal, States
 
 _SOFT = 1e-3
 """Weight of how far driven coordinates move, so that those that matter to nothing stay."""
@@ -93,7 +93,7 @@ def balanced(
             parts += [_SOFT * soft * away[:, list(reeled)], _SOFTER * soft * x[:, :n_D]]
             none_D, none_K = np.zeros((len(x), table.n_vD)), np.zeros((len(x), table.n_vK))
             slip = np.zeros((len(x), len(tree.strings)))
-            off = goal.residuals(Rows(q_D, none_D, slip, q_K, none_K))
+            off = goal.residuals(States(q_D, none_D, slip, q_K, none_K))
             parts.append(off if begun is None else off - left_over * begun)
         return np.concatenate(parts, axis=1)
 
@@ -110,7 +110,7 @@ def balanced(
     if len(first) and tree.strings:
         if pinned is None:
             # To the goal by stages, so that what hangs stays what hangs.
-            begun = goal.residuals(Rows.of(start))[0]
+            begun = goal.residuals(States.of(start))[0]
             for stage in range(1, _STAGES):
                 left_over = 1.0 - stage / _STAGES
                 x = _least(lacking, x)

@@ -1,4 +1,4 @@
-"""Ways brought to their goal by sequential quadratic programming.
+"""Candidates brought to their goal by sequential quadratic programming.
 
 A step x of velocities dV = basis x is the solution of::
 
@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.planning.shooting import Shooting, Slopes, Ways
+from fantoccini.planning.shooting import Candidates, Derivatives, Shooting
 
 _PARTS = 0.65 ** np.arange(8)
 """Of a step, that are tried."""
@@ -64,13 +64,13 @@ class Approach:
         late: whether the time ended before that.
     """
 
-    way: Ways | None
+    way: Candidates | None
     arrives: bool = False
     late: bool = False
 
 
 def brought(
-    shooting: Shooting, V: Array, there: Callable[[Ways], bool], until: float, late: bool
+    shooting: Shooting, V: Array, there: Callable[[Candidates], bool], until: float, late: bool
 ) -> Approach:
     """The way near this one that is where it is to be, or that comes nearest.
 
@@ -108,9 +108,9 @@ def brought(
     return Approach(way)
 
 
-def step(shooting: Shooting, way: Ways, slopes: Slopes, trust: float) -> Array:
+def step(shooting: Shooting, way: Candidates, slopes: Derivatives, trust: float) -> Array:
     """(n_x,) the step of the quadratic program."""
-    bounds, V = shooting.problem.motions.bounds, way.V[0][:, shooting.moves]
+    bounds, V = shooting.problem.rollouts.bounds, way.V[0][:, shooting.moves]
     m, n_m = V.shape
     n_x, n_s = slopes.lacks.shape[1], way.spare.shape[2]
     every = np.eye(n_m)

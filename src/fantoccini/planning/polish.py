@@ -14,7 +14,7 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.planning.descent import brought
 from fantoccini.planning.problem import Problem
-from fantoccini.planning.shooting import Shooting, Ways
+from fantoccini.planning.shooting import Candidates, Shooting
 from fantoccini.runtime import UNKNOWN, Segments
 
 _TIMES = (0.85, 1.0)
@@ -109,8 +109,8 @@ class Polisher:
         if problem.goal.numbers.kind == UNKNOWN:
             raise ValueError("a plan to a goal that is a function cannot be polished")
         self._problem, self._shooting = problem, Shooting(problem)
-        self._strict = problem.motions.where(tolerance=-1.0)
-        self.nearest: Ways | None = None
+        self._strict = problem.rollouts.where(tolerance=-1.0)
+        self.nearest: Candidates | None = None
         self.late = False
 
     def __call__(
@@ -169,7 +169,7 @@ class Polisher:
 
     def _brought(
         self, V: Array, distance: float, until: float, late: bool = False
-    ) -> Ways | None:
+    ) -> Candidates | None:
         """A way near velocities (m, n_vK) that ends at the goal with nothing in its way."""
         made = brought(self._shooting, V, lambda way: self._there(way, distance), until, late)
         if made.arrives:
@@ -189,19 +189,19 @@ class Polisher:
             broken += ("equilibrium",)
         return Polish(status, asked, float(self.nearest.distance[0]), broken)
 
-    def _there(self, way: Ways, distance: float) -> bool:
+    def _there(self, way: Candidates, distance: float) -> bool:
         """Whether a way ends at the goal, within all bounds."""
         there = way.distance[0] <= distance and self._shooting.stays(way)
         return bool(there and self._made(way).distance[0, -1] <= distance)
 
-    def _made(self, way: Ways) -> Segments:
+    def _made(self, way: Candidates) -> Segments:
         """A way, ended by what is in its way."""
         acceleration = self._shooting.accelerations(way.V)
-        return self._strict.sweep(self._problem.root, np.zeros(1), acceleration)
+        return self._strict.simulate(self._problem.root, np.zeros(1, int), acceleration)
 
     def _whole(self, acceleration: Array, looks: Array) -> Array:
         """The same ways in segments of the usual duration; the last one may last longer."""
-        lasts = looks * self._problem.motions.interval
+        lasts = looks * self._problem.rollouts.options.interval
         times = np.concatenate([[0.0], np.cumsum(lasts)])
         first = self._problem.root.v_K
         V = np.concatenate([first, first + np.cumsum(acceleration * lasts[:, None], axis=0)])

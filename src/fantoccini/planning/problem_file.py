@@ -14,9 +14,9 @@ from fantoccini.errors import FantocciniError, FileError, nearest
 from fantoccini.marionette import Marionette, load
 from fantoccini.motion import State
 from fantoccini.planning.goals import Goal
-from fantoccini.planning.motions import Bounds
 from fantoccini.planning.obstacles import Standing
-from fantoccini.planning.problem import Problem, whole_looks
+from fantoccini.planning.problem import Problem
+from fantoccini.planning.rollouts import Bounds, RolloutOptions, whole_looks
 from fantoccini.puppet.located import Located, read_file, shown, validate
 from fantoccini.puppet.values import Angle, Model, Name, Positive, Real, Vector, mistake
 
@@ -158,7 +158,7 @@ def load_problem(
         given = {"speed": 1.0, "acceleration": 1.0, what: getattr(file, what)}
         tried((what,), lambda given=given: Bounds.of(marionette, **given, ranges={}))
     if file.segment is not None:
-        tried(("segment",), lambda: whole_looks(file.segment))
+        tried(("segment",), lambda: whole_looks(file.segment, RolloutOptions.dt * RolloutOptions.look))
     for key, span in file.ranges.items():
         asked = {key: span}
         tried(("ranges", key), lambda asked=asked: Bounds.of(marionette, 1.0, 1.0, asked))

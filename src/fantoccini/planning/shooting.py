@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.planning.goals import Rows, all_rows
+from fantoccini.planning.goals import States, flattened
 from fantoccini.planning.problem import Problem
 
 _CHANGE = 1e-5
@@ -55,8 +55,8 @@ _FEWEST = 6
 
 
 @dataclass(frozen=True, eq=False)
-class Ways:
-    """Motions of the same duration, side by side.
+class Candidates:
+    """Rollouts of the same duration, side by side.
 
     Attributes:
         V: (n, m, n_vK) velocities at the ends of segments.
@@ -69,7 +69,7 @@ class Ways:
     """
 
     V: Array
-    nodes: Rows
+    nodes: States
     lacks: Array
     spare: Array
     distance: Array
@@ -81,21 +81,21 @@ class Ways:
         return self.V.shape[1]
 
     @property
-    def best(self) -> Ways:
+    def best(self) -> Candidates:
         """The one with the least merit."""
         return self[int(np.argmin(self.merit))]
 
-    def __getitem__(self, i: int) -> Ways:
+    def __getitem__(self, i: int) -> Candidates:
         """One of them."""
         one = slice(i, i + 1)
-        return Ways(
+        return Candidates(
             self.V[one], self.nodes[one], self.lacks[one], self.spare[one], self.distance[one],
             self.calm[one], self.merit[one],
         )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
-class Slopes:
+class Derivatives:
     """How a way answers changes x of its velocities, dV = basis x.
 
     Attributes:
@@ -124,21 +124,21 @@ class Shooting:
     """
 
     def __init__(self, problem: Problem):
-        motions, self.looks = problem.motions, problem.motions.looks
-        self.problem, self.moves = problem, np.flatnonzero(motions.bounds.moves)
-        self._free = motions.where(tolerance=-1.0, free=True)
+        rollouts, self.looks = problem.rollouts, problem.rollouts.options.looks
+        self.problem, self.moves = problem, np.flatnonzero(rollouts.bounds.moves)
+        self._free = rollouts.where(tolerance=-1.0, free=True)
         table = problem.marionette.coordinates
         self._reached = [q for q, v in table.scalars_K if v in self.moves]
         self._pulls = np.zeros(0, dtype=int)
         root = problem.root
         still = np.zeros((1, root.v_K.shape[1]))
-        if not motions.slack:
+        if not rollouts.options.slack:
             self._pulls = np.arange(len(problem.marionette.tree.strings))
             tension = self._forces(root, still)[1][0]
             wires = [s.wire for s in problem.marionette.tree.strings]
             self._pulls = np.flatnonzero((tension > _SOME) & ~np.array(wires, dtype=bool))
-        wished = self._kinds(motions.margin + _CLEAR, _LIMIT, _TENSION * _PULL)
-        self._allowed = self._kinds(motions.margin, 0.0, 0.0)
+        wished = self._kinds(rollouts.options.margin + _CLEAR, _LIMIT, _TENSION * _PULL)
+        self._allowed = self._kinds(rollouts.options.margin, 0.0, 0.0)
         # What the start itself lacks cannot be wished for, only what must be.
         lacking = self._measured(root, still)[0] < wished
         self._wished = np.where(lacking, self._allowed, wished)
@@ -146,7 +146,7 @@ class Shooting:
     @property
     def segment(self) -> float:
         """Duration of a segment [s]."""
-        return self.looks * self.problem.motions.interval
+        return self.looks * self.problem.rollouts.options.interval
 
     def accelerations(self, V: Array) -> Array:
         """(..., m, n_vK) of velocities (..., m, n_vK) at the ends of segments."""
@@ -159,7 +159,7 @@ class Shooting:
 
     def within(self, V: Array) -> Array:
         """Velocities (..., m, n_vK), followed as the bounds allow."""
-        bounds, made = self.problem.motions.bounds, np.empty_like(V)
+        bounds, made = self.problem.rollouts.bounds, np.empty_like(V)
         most = self.segment * bounds.acceleration
         v = np.broadcast_to(self.problem.root.v_K[0], V[..., 0, :].shape)
         wanted = np.clip(V, -bounds.speed, bounds.speed)
@@ -167,12 +167,12 @@ class Shooting:
             v = made[..., k, :] = v + np.clip(wanted[..., k, :] - v, -most, most)
         return made
 
-    def ways(self, V: Array) -> Ways:
+    def ways(self, V: Array) -> Candidates:
         """What comes of velocities (n, m, n_vK), of which bounds and obstacles end none."""
         n, looks = len(V), self.looks
         acc_K = np.repeat(self.accelerations(V), looks, axis=1)
-        made = self._free.sweep(self.problem.root, np.zeros(n), acc_K, looks=1)
-        nodes = Rows(
+        made = self._free.simulate(self.problem.root, np.zeros(n, int), acc_K, looks=1)
+        nodes = States(
             *(
                 np.concatenate([np.repeat(first[None], n, axis=0), a], axis=1)
                 for first, a in zip(
@@ -181,7 +181,7 @@ class Shooting:
             )
         )
         lacks = self._lacking(nodes[:, -1])
-        spare = (self._measured(nodes[:, 1:].flat, all_rows(acc_K)) - self._wished).reshape(
+        spare = (self._measured(nodes[:, 1:].flat, flattened(acc_K)) - self._wished).reshape(
             n, acc_K.shape[1], -1
         )
         worst = np.max(np.maximum(-spare, 0.0), axis=1)
@@ -189,9 +189,9 @@ class Shooting:
         merit = np.where((made.looks[:, -1] > 0) & np.isfinite(merit), merit, np.inf)
         caught = (made.catches > 0) * np.arange(1, acc_K.shape[1] + 1)
         calm = -(-np.max(caught, axis=1) // looks)
-        return Ways(V, nodes, lacks, spare, made.distance[:, -1], calm, merit)
+        return Candidates(V, nodes, lacks, spare, made.distance[:, -1], calm, merit)
 
-    def slopes(self, way: Ways, first: int = 0) -> Slopes:
+    def slopes(self, way: Candidates, first: int = 0) -> Derivatives:
         """By differences, of the one way: every unknown is changed by itself.
 
         Args:
@@ -214,8 +214,8 @@ class Shooting:
         ahead = np.minimum(begin[:, None] + np.arange(last + 1), last)
         each = np.arange(len(begin))
         acc_K = acc_K[each[:, None], ahead]
-        again = self._free.sweep(nodes, begin, acc_K, made=last + 1 - begin, looks=1)
-        there = Rows(*again.states.values())
+        again = self._free.simulate(nodes, begin, acc_K, n_segments=last + 1 - begin, looks=1)
+        there = States(*again.states.values())
         lacks = (self._lacking(there[each, last - begin]) - way.lacks).T / _CHANGE
         # What could not be made again says nothing.
         lacks[:, ~np.isfinite(lacks).all(axis=0)] = 0.0
@@ -229,7 +229,7 @@ class Shooting:
             change[which, when] = (spare - way.spare[0, at[when]]) / _CHANGE
         change[~np.isfinite(change)] = 0.0
         slopes = change[:, np.searchsorted(at, near[:, 0]), near[:, 1]].T
-        return Slopes(basis, lacks, near, slopes)
+        return Derivatives(basis, lacks, near, slopes)
 
     def led(self, V: Array, more: int) -> Array:
         """V (m, n_vK), and then led to the goal for some segments; standing still without a law."""
@@ -238,7 +238,7 @@ class Shooting:
         whole[0, :m] = self.accelerations(V)
         if not self._free.funnels:
             return self.within(np.concatenate([V, np.zeros((more, n_K))]))
-        made = self._free.sweep(self.problem.root, np.zeros(1), whole, given=np.array([m]))
+        made = self._free.simulate(self.problem.root, np.zeros(1, int), whole, n_given=np.array([m]))
         return self.velocities(made.acc_K[0])
 
     def changed(self, V: Array, basis: Array, x: Array) -> Array:
@@ -255,17 +255,17 @@ class Shooting:
         made[first:] = np.stack([np.interp(ends, at, one) for one in np.eye(n_b)], axis=1)
         return made
 
-    def broken(self, way: Ways) -> tuple[str, ...]:
+    def broken(self, way: Candidates) -> tuple[str, ...]:
         """What a way breaks, of ``clearance``, ``limits`` and ``tension``."""
         kinds = self._kinds("clearance", "limits", "tension")
         worst = np.min(way.spare[0] + self._wished - self._allowed, axis=0)
         return tuple(dict.fromkeys(kinds[worst < -_BROKEN].tolist()))
 
-    def stays(self, way: Ways) -> bool:
+    def stays(self, way: Candidates) -> bool:
         """Whether the puppet stays at the end of a way, where inputs are to end at rest."""
         return bool(np.linalg.norm(self._leaving(way.nodes[:, -1])) <= _STAYS)
 
-    def _lacking(self, rows: Rows) -> Array:
+    def _lacking(self, rows: States) -> Array:
         """(n, n_r) what states lack of the goal and its speeds, and of staying there."""
         goal, numbers = self.problem.goal, self.problem.goal.numbers
         speeds = (
@@ -274,31 +274,31 @@ class Shooting:
         )
         return np.concatenate([goal.residuals(rows), *speeds, self._leaving(rows)], axis=1)
 
-    def _leaving(self, rows: Rows) -> Array:
+    def _leaving(self, rows: States) -> Array:
         """(n, n_l) how far inputs that are to end at rest are from where the puppet hangs."""
         problem = self.problem
         if not (problem.equilibrium and problem.goal.numbers.driven_weight):
             return np.zeros((len(rows.q_K), 0))
-        return _AWAY * (rows.q_K - problem.motions.funnels[0].q_K)[:, self._reached]
+        return _AWAY * (rows.q_K - problem.rollouts.funnels[0].q_K)[:, self._reached]
 
-    def _measured(self, rows: Rows, acc_K: Array) -> Array:
+    def _measured(self, rows: States, acc_K: Array) -> Array:
         """(n, n_c) clearances, distances from limits, and tensions."""
-        motions = self.problem.motions
+        rollouts = self.problem.rollouts
         limits, tension = self._forces(rows, acc_K)
         parts = [-limits, _TENSION * tension]
-        if not motions.clearance.measures_nothing:
-            clear = motions.clearance.at(rows.q_D, rows.q_K, threads=motions.threads)
+        if not rollouts.clearance.measures_nothing:
+            clear = rollouts.clearance.at(rows.q_D, rows.q_K, threads=rollouts.options.threads)
             parts.insert(0, clear[:, None])
         return np.concatenate(parts, axis=1)
 
     def _kinds(self, clear: object, limit: object, tension: object) -> Array:
         """(n_c,) a number or name for every constraint, by its kind."""
-        nothing = self.problem.motions.clearance.measures_nothing
+        nothing = self.problem.rollouts.clearance.measures_nothing
         n_limits = len(self.problem.marionette.tree.limits)
         counts = [0 if nothing else 1, n_limits, len(self._pulls)]
         return np.repeat([clear, limit, tension], counts)
 
-    def _forces(self, rows: Rows, acc_K: Array) -> tuple[Array, Array]:
+    def _forces(self, rows: States, acc_K: Array) -> tuple[Array, Array]:
         """h of limits (n, n_limits), and tensions of strings that pull beside the weight.
 
         G tau = hddot without tension, over the strings that pull as if nothing else held.
