@@ -1,4 +1,4 @@
-"""Feedback along plans: its gains, its slopes, what it makes of disturbances."""
+"""Feedback along plans: its gains, its derivatives, its response to disturbances."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_projected_changes_leave_taut_strings_taut(plan, law):
         assert abs(after.hdot[0] - before.hdot[0]) < 50.0 * squared
 
 
-def test_slopes_predict_where_neighbours_end(plan, law):
+def test_derivatives_predict_where_neighbours_end(plan, law):
     """Segments without events, from neighbours whose string is as taut as the plan's."""
     marionette, rng = plan.problem.marionette, np.random.default_rng(2)
     free = plan.rollouts.where(tolerance=-1.0, free=True)
@@ -98,7 +98,7 @@ def test_slopes_predict_where_neighbours_end(plan, law):
 
 
 @pytest.mark.parametrize("slack", [0.005, 0.01])
-def test_slopes_hold_what_a_catch_does_to_neighbours(plan, slack):
+def test_derivatives_hold_what_a_catch_does_to_neighbours(plan, slack):
     """Beside the exact derivative through the catch of an arm that falls onto its string."""
     arm, funnel = plan.problem.marionette, plan.rollouts.funnels[0]
     x = at(plan, States(funnel.q_D, np.zeros(4), np.zeros(1), funnel.q_K, np.zeros(3)))

@@ -107,8 +107,8 @@ def test_a_regulator_for_many_steps_is_that_for_endlessly_many():
     assert np.allclose(regulator(A, B, Q, R), wanted, atol=1e-9)
 
 
-def test_slopes_of_segments_are_those_of_the_simulators_steps():
-    """The product of the exact slopes of the steps, over a segment of a swinging arm."""
+def test_derivatives_of_segments_are_those_of_the_simulators_steps():
+    """The product of the exact derivatives of the steps, over a segment of a swinging arm."""
     rollouts = problem().rollouts
     acc = np.array([0.3, -0.2, -0.1])
     x, A = START, np.eye(14)

@@ -238,7 +238,8 @@ class Feedback:
             a = max(float(bounds.acceleration[v]), _TOLERANCES.min_acceleration)
 
             def most(d: float, toward: float, a: float = a) -> float:
-                return float(a * (np.sqrt(max(mean**2 + 2.0 / a * (d - 0.5 * toward * T), 0.0)) - mean))
+                left = d - 0.5 * toward * T
+                return float(a * (np.sqrt(max(mean**2 + 2.0 / a * left, 0.0)) - mean))
 
             fastest[v] = min(fastest[v], most(bounds.high[q] - x.q_K[q], x.v_K[v]))
             slowest[v] = max(slowest[v], -most(x.q_K[q] - bounds.low[q], -x.v_K[v]))

@@ -8,7 +8,7 @@ import numpy as np
 
 from fantoccini.arrays import Array, ConfigD, ConfigK, MaskRows
 from fantoccini.marionette import Marionette
-from fantoccini.planning.balance import pulled
+from fantoccini.planning.balance import best_support
 from fantoccini.planning.derivatives import segment_derivatives, taut_projection
 from fantoccini.planning.goals import States
 from fantoccini.planning.rollouts import RolloutOptions
@@ -56,7 +56,7 @@ def funnels(
     n, k = marionette.coordinates.n_vD, marionette.coordinates.n_vK
     strings = np.zeros((1, len(marionette.tree.strings)))
     at = States(q_D[None], np.zeros((1, n)), strings, q_K[None], np.zeros((1, k)))
-    _, tension, _ = pulled(marionette, q_D[None], q_K[None])
+    _, tension, _ = best_support(marionette, q_D[None], q_K[None])
     onto = taut_projection(marionette, at, tension != 0.0)
     A, B = (
         a[0]

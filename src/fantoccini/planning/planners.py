@@ -68,16 +68,19 @@ class EST2007:
     def __init__(self, bias: float = 4.0, lasts: tuple[float, float] = (1.0, 5.0), batch: int = 64):
         self.bias, self.lasts, self.batch = bias, lasts, batch
 
-    def __call__(self, tree: SearchTree, rollouts: Rollouts, rng: np.random.Generator) -> PlannerRound:
+    def __call__(
+        self, tree: SearchTree, rollouts: Rollouts, rng: np.random.Generator
+    ) -> PlannerRound:
         weight = np.maximum(tree.distance, _SAMPLING.min_distance) ** -self.bias
         chosen = _drawn(weight, self.batch, rng)
         np.add.at(tree.tried, chosen, 1)
         least, most = (max(1, round(part * rollouts.options.looks)) for part in self.lasts)
         looks = int(rng.integers(least, most + 1))
         wanted = rng.uniform(-1.0, 1.0, (self.batch, tree.v_K.shape[1])) * rollouts.bounds.speed
-        acceleration = towards(wanted, tree.v_K[chosen], 1, looks * rollouts.options.interval, rollouts)
+        interval = rollouts.options.interval
+        acceleration = towards(wanted, tree.v_K[chosen], 1, looks * interval, rollouts)
         made = rollouts.simulate(tree.states, chosen, acceleration, looks=looks)
-        return PlannerRound(made.n_made, tree.add_segments(made, chosen, rollouts.options.interval))
+        return PlannerRound(made.n_made, tree.add_segments(made, chosen, interval))
 
 
 class Explore:
@@ -106,7 +109,9 @@ class Explore:
         self.batch, self.exploration, self.guided = batch, exploration, guided
         self.direct, self.lead_time, self.cell, self.haste = direct, lead_time, cell, haste
 
-    def __call__(self, tree: SearchTree, rollouts: Rollouts, rng: np.random.Generator) -> PlannerRound:
+    def __call__(
+        self, tree: SearchTree, rollouts: Rollouts, rng: np.random.Generator
+    ) -> PlannerRound:
         n = self.batch
         chosen = self._sparse_nodes(tree, rollouts, n, rng)
         np.add.at(tree.tried, chosen, 1)
