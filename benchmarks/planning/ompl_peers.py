@@ -109,7 +109,7 @@ def solve(problem: Problem, planner: str, propagator: str, seed: int, time_limit
         state[0:n] = (row * scale).tolist()
 
     def distance(state: base.State) -> float:
-        return float(problem.goal.distance(layout.rows(read(state)))[0])
+        return float(problem.goal.distance(layout.states(read(state)))[0])
 
     class Near(base.GoalRegion):
         def distanceGoal(self, state: base.State) -> float:

@@ -14,7 +14,7 @@ from fantoccini.arrays import Array
 from fantoccini.exchange import MuJoCoPuppet
 from fantoccini.planning import Problem, States
 from fantoccini.runtime import RolloutPool, RolloutSettings
-from fantoccini.runtime.clearance import ClearanceArrays, Exact
+from fantoccini.runtime.clearance import Exact, clearance_arrays
 from fantoccini.runtime.functions import pointer
 
 SLACK = 1e-3
@@ -37,11 +37,12 @@ class Layout:
         self.n = ends[-1]
         self.slip = problem.start.slip[None]
 
-    def row(self, rows: States) -> Array:
-        """(n,) of one state, rows (1,)."""
-        return np.concatenate([rows.q_D[0], rows.v_D[0], rows.q_K[0], rows.v_K[0]])
+    def row(self, states: States) -> Array:
+        """(n,) of one state (1,)."""
+        parts = (states.q_D, states.v_D, states.q_K, states.v_K)
+        return np.concatenate([part[0] for part in parts])
 
-    def rows(self, row: Array) -> States:
+    def states(self, row: Array) -> States:
         """(1,) states of a row (n,)."""
         q_D, v_D, q_K, v_K = (row[None, part] for part in self.parts)
         return States(q_D, v_D, self.slip, q_K, v_K)
@@ -52,19 +53,19 @@ class Own(RolloutPool):
 
     def __init__(self, problem: Problem, layout: Layout):
         m, marionette, bounds = problem.rollouts, problem.marionette, problem.rollouts.bounds
-        limits = bounds.speed, bounds.acceleration, bounds.low, bounds.high
-        terms = RolloutSettings(
-            m.options, 1, marionette.p, marionette.winches, limits, m.margin, m.slack,
-            m.clearance.solids, problem.goal.numbers, -1.0,
+        options = m.options
+        settings = RolloutSettings(
+            m.run_options, 1, marionette.p, marionette.winches, vars(bounds), options.margin,
+            options.slack, m.clearance.solids, problem.goal.numbers, -1.0,
         )  # fmt: skip
-        super().__init__(marionette.model.compiled.rollouts, terms, 1)
+        super().__init__(marionette.model.compiled.rollouts, settings, 1)
         self._before, self._there = np.empty(layout.n), np.empty(layout.n)
         self._acc_K, self._distance = np.empty(len(bounds.speed)), np.empty(1)
         self._zero, self._one = np.zeros(1, np.int64), np.ones(1, np.int32)
         self._looks, self._slips = np.empty(2, np.int32), np.concatenate([layout.slip] * 2)
         arrays = self._arrays
         self._exact = Exact(m.clearance.solids)
-        self._measured = ClearanceArrays.of(m.clearance.solids, self._exact, self._kept)
+        self._measured = clearance_arrays(m.clearance.solids, self._exact, self._kept)
         arrays.solids = ctypes.addressof(self._measured)
         arrays.n = arrays.segments = 1
         for into, row, slip in (
@@ -73,9 +74,9 @@ class Own(RolloutPool):
         ):
             into.q_D, into.v_D, into.q_K, into.v_K = (pointer(row[p]) for p in layout.parts)
             into.slip = pointer(slip)
-        arrays.acc_K, arrays.reach = pointer(self._acc_K), pointer(self._distance)
-        arrays.from_, arrays.which = pointer(self._zero), pointer(self._zero)
-        arrays.made = arrays.given = pointer(self._one)
+        arrays.acc_K, arrays.lead_time = pointer(self._acc_K), pointer(self._distance)
+        arrays.start, arrays.funnel = pointer(self._zero), pointer(self._zero)
+        arrays.n_segments = arrays.n_given = pointer(self._one)
         arrays.out.distance = pointer(self._distance)
         arrays.out.looks, arrays.out.catches = (pointer(self._looks[k:]) for k in (0, 1))
 
@@ -146,7 +147,7 @@ class _OneClearance:
         self._solids: list[np.ndarray] = []
         measured = problem.rollouts.clearance.solids
         self._exact = Exact(measured)
-        solids = ClearanceArrays.of(measured, self._exact, self._solids)
+        solids = clearance_arrays(measured, self._exact, self._solids)
         self._given = q.q_D.copy(), q.q_K.copy(), np.array(marionette.p, dtype=float)
         self._found, self._pair = np.empty(1), np.empty(1, np.int64)
         self._call = marionette.model.compiled.clearances.handle.fan_clearance

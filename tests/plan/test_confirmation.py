@@ -1,4 +1,4 @@
-"""Plans hold event-driven, and what did not help them is told."""
+"""Plans hold event-driven, and say what did not help."""
 
 from __future__ import annotations
 
@@ -16,10 +16,12 @@ from fantoccini.planning import (
     Problem,
     States,
     check,
+    plan_path,
     result,
     search,
     solve,
 )
+from fantoccini.planning.plan_path import PlanPath
 
 DAMPED = fan.loads(
     fan.puppets.path("arm3d").read_text(encoding="utf-8").replace("2.0e-4", "0.2")
@@ -56,7 +58,7 @@ def test_plans_hold_event_driven_by_default(damped):
 
 
 def test_the_search_goes_on_where_a_plan_does_not_hold(boxes, monkeypatch, tmp_path):
-    """17.19: the next one is taken, and how many were refused is told."""
+    """17.19: the next one is taken, and how many were refused is reported."""
     asked = []
 
     def not_the_first_two(*arguments) -> bool:
@@ -93,7 +95,7 @@ def test_ctrl_c_while_a_plan_is_confirmed_ends_the_search(boxes, monkeypatch):
     """17.19: a run that Ctrl-C stops says nothing about the plan, and is not refused."""
     whole = fan.simulate(boxes.marionette, boxes.start, t_end=0.1)
     stopped = dataclasses.replace(whole, status=fan.Status.STOPPED)
-    monkeypatch.setattr(check, "simulate", lambda *_, **__: stopped)
+    monkeypatch.setattr(plan_path, "simulate", lambda *_, **__: stopped)
     plan = solve(boxes, seed=0, time_limit=60.0)
     assert not plan and plan.refused == 0 and plan.status is fan.PlanStatus.APPROXIMATE
 
@@ -124,7 +126,7 @@ def test_what_is_hidden_between_looks_is_found(boxes):
     )
     seen = asked.rollouts.clearance.of(run.resample(first))
     assert seen.min() > 0.0
-    made = check.checked(asked, plan.tree, plan.path, method="event")
+    made = check.checked(PlanPath(asked, plan.tree, plan.path), method="event")
     assert made.clearance < 0.0 and not made.arrives
 
 

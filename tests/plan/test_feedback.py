@@ -14,9 +14,9 @@ from fantoccini.errors import StateError
 from fantoccini.marionette import Stepper, instant_at
 from fantoccini.motion import State, tangent
 from fantoccini.planning import PlanResult, Problem, States, solve
+from fantoccini.planning.derivatives import segment_derivatives, taut_projection
 from fantoccini.planning.feedback import Feedback
 from fantoccini.planning.funnels import regulators
-from fantoccini.planning.derivatives import segment_derivatives, taut
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +70,7 @@ def test_gains_are_those_of_least_squares():
 def test_projected_changes_leave_taut_strings_taut(plan, law):
     """h and hdot answer them by less than the square of their size."""
     marionette, nodes = plan.problem.marionette, law.nodes
-    onto = taut(marionette, nodes, np.ones((len(nodes.q_D), 1), dtype=bool))
+    onto = taut_projection(marionette, nodes, np.ones((len(nodes.q_D), 1), dtype=bool))
     rng, size = np.random.default_rng(1), 1e-4
     for k in range(0, len(onto), 5):
         z = onto[k] @ rng.normal(size=onto.shape[1]) * size
@@ -85,7 +85,7 @@ def test_derivatives_predict_where_neighbours_end(plan, law):
     """Segments without events, from neighbours whose string is as taut as the plan's."""
     marionette, rng = plan.problem.marionette, np.random.default_rng(2)
     free = plan.rollouts.where(tolerance=-1.0, free=True)
-    onto = taut(marionette, law.nodes, np.ones((len(law.nodes.q_D), 1), dtype=bool))
+    onto = taut_projection(marionette, law.nodes, np.ones((len(law.nodes.q_D), 1), dtype=bool))
     quiet = np.flatnonzero(plan.tree.catches[list(plan.path[1:])] == 0)
     for k in quiet[::4]:
         z = onto[k] @ rng.normal(size=onto.shape[1]) * 1e-4
@@ -211,7 +211,7 @@ def test_what_makes_no_sense_is_refused(plan, law):
         law.run(marionette=fan.puppets.arm2d())
     with pytest.raises(ValueError, match="effort is 0"):
         Feedback.along(plan, effort=0.0)
-    with pytest.raises(ValueError, match="no motion"):
+    with pytest.raises(ValueError, match="no segment"):
         Feedback.along(dataclasses.replace(plan, path=plan.path[:1]))
 
 

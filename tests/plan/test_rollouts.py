@@ -1,4 +1,4 @@
-"""A planner's compiled rollouts against the simulator; laws and goals against other computations."""
+"""Compiled rollouts against the simulator; laws and goals against other computations."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from scipy.linalg import solve_discrete_are
 
 import fantoccini as fan
 from fantoccini.planning import Goal, Problem, States
-from fantoccini.planning.funnels import regulator
 from fantoccini.planning.derivatives import segment_derivatives
+from fantoccini.planning.funnels import regulator
 
 ARM = fan.puppets.arm3d()
 START = ARM.rest({"hand.x": 0.3, "hand.length": 1.32, "shoulder.rotation": [0, 0, 0], "elbow": 0.1})
@@ -92,7 +92,8 @@ def test_motions_end_at_obstacles_bounds_and_slackness():
     down = np.zeros((1, 12, 3))
     down[0, :3, 2] = 3.0
     taut, any_ = (
-        problem(slack=slack).rollouts.simulate(asked.root, np.zeros(1), down) for slack in (False, True)
+        problem(slack=slack).rollouts.simulate(asked.root, np.zeros(1), down)
+        for slack in (False, True)
     )
     assert (taut.looks > 0).sum() < (any_.looks > 0).sum()
 
@@ -173,17 +174,17 @@ def test_distances_from_goals():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"chosen": np.array([5])}, "chosen goes from 5"),
-        ({"made": np.array([200])}, "made goes from 200"),
-        ({"made": np.array([0])}, "made goes from 0"),
-        ({"given": np.array([0])}, "which goes from 0"),
+        ({"start": np.array([5])}, "start ranges from 5"),
+        ({"n_segments": np.array([200])}, "n_segments ranges from 200"),
+        ({"n_segments": np.array([0])}, "n_segments ranges from 0"),
+        ({"n_given": np.array([0])}, "funnel ranges from 0"),
         ({"acceleration": np.zeros((1, 4, 1))}, "the accelerations have the shape"),
     ],
 )
 def test_numbers_that_lead_out_of_arrays_are_refused(change, message):
     asked = problem()
     asked.rollouts.funnels = []
-    given = {"chosen": np.zeros(1), "acceleration": np.zeros((1, 4, 3))} | change
+    given = {"start": np.zeros(1), "acceleration": np.zeros((1, 4, 3))} | change
     with pytest.raises(ValueError, match=message):
         asked.rollouts.simulate(asked.root, **given)
 
@@ -197,7 +198,7 @@ def test_a_goal_counts_with_the_parameters_of_the_puppet_that_plans():
         Goal.of(other, goal)
 
 
-def test_python_hears_signals_while_many_motions_are_made():
+def test_python_hears_signals_while_many_rollouts_are_simulated():
     """17.30: a timer's handler runs again and again during one long sweep."""
     if not hasattr(signal, "setitimer"):
         pytest.skip("needs setitimer")

@@ -155,7 +155,7 @@ STRUCTURES: tuple[Structure, ...] = (
         Field("place_high", "double[3]", "high corner [m]"),
         Field("speed_weight", "double", "of what v_D lacks [s]"),
         Field("driven_weight", "double", "of what v_K lacks [s]"),
-        Field("tolerance", "double", "of the distance; negative where rollouts go on past the goal"),
+        Field("tolerance", "double", "of the distance; negative where rollouts pass the goal"),
     )),
     Structure("FunnelArrays", "An equilibrium and the gains of the law that leads there.", (
         Field("q_D", _IN, "(n_qD,)"),
@@ -207,7 +207,7 @@ STRUCTURES: tuple[Structure, ...] = (
     )),
     Structure("RolloutProgress", "What the threads that simulate rollouts share.", (
         Field("next", _MANY, "next rollout to simulate"),
-        Field("reached", _MANY, "first rollout that reached the goal; n while none has; -1 abandons all"),
+        Field("reached", _MANY, "first rollout at the goal; n while none is; -1 abandons all"),
     )),
 )  # fmt: skip
 """In an order in which each comes after those that it holds."""

@@ -150,9 +150,15 @@ def step(shooting: Shooting, now: Candidates, by: Derivatives, trust: float) -> 
     low = np.concatenate([-room[1], -turn[1], -now.constraints[0, near[:, 0], near[:, 1]]])
     reach = np.concatenate([np.full(n_x, trust), np.full(n_s, _TOLERANCES.unbounded)])
     program = ca.conic(
-        "step", "daqp", {"h": ca.Sparsity.dense(*H.shape), "a": ca.Sparsity.dense(*A.shape)},
-        {"error_on_fail": False, "print_time": False, "daqp": {"primal_tol": _TOLERANCES.feasibility}},
-    )  # fmt: skip
+        "step",
+        "daqp",
+        {"h": ca.Sparsity.dense(*H.shape), "a": ca.Sparsity.dense(*A.shape)},
+        {
+            "error_on_fail": False,
+            "print_time": False,
+            "daqp": {"primal_tol": _TOLERANCES.feasibility},
+        },
+    )
     lowest = np.concatenate([-np.full(n_x, trust), np.zeros(n_s)])
     found = program(h=H, g=g, a=A, lba=low, uba=high, lbx=lowest, ubx=reach)
     x = np.asarray(found["x"]).ravel()[:n_x]

@@ -18,6 +18,7 @@ from fantoccini.planning.problem import Problem
 from fantoccini.planning.shooting import Candidates, Shooting
 from fantoccini.runtime import UNKNOWN, Segments
 
+
 @dataclass(frozen=True)
 class _Attempts:
     """Which variants of a plan are tried, and for how long."""
@@ -42,7 +43,7 @@ class PolishStatus(enum.Enum):
 
     POLISHED = "it ends as near to the goal as was asked"
     NO_BETTER = "the plan is as it was: nothing that ends so near costs less"
-    NOT_NEAR = "the plan is as it was: no rollout near it ends so near to the goal within all bounds"
+    NOT_NEAR = "the plan is as it was: no rollout close to it ends so near within all bounds"
     TIMEOUT = "the plan is as it was: the time ended before it came so near to the goal"
     NOT_HELD = "the plan is as it was: its polished versions do not hold event-driven"
     INTERRUPTED = "the plan is as it was: it was interrupted before anything was found"

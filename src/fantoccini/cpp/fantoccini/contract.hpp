@@ -222,7 +222,7 @@ struct GoalArrays {
   double place_high[3];  // high corner [m]
   double speed_weight;  // of what v_D lacks [s]
   double driven_weight;  // of what v_K lacks [s]
-  double tolerance;  // of the distance; negative where rollouts go on past the goal
+  double tolerance;  // of the distance; negative where rollouts pass the goal
 };
 
 // An equilibrium and the gains of the law that leads there.
@@ -284,7 +284,7 @@ struct RolloutArrays {
 // What the threads that simulate rollouts share.
 struct RolloutProgress {
   long long next;  // next rollout to simulate
-  long long reached;  // first rollout that reached the goal; n while none has; -1 abandons all
+  long long reached;  // first rollout at the goal; n while none is; -1 abandons all
 };
 
 // Where the parts of a row of a run are.
