@@ -12,7 +12,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.exchange import MuJoCoPuppet
-from fantoccini.planning import Problem, States
+from fantoccini.planning import Problem, StateArrays
 from fantoccini.runtime import RolloutPool, RolloutSettings
 from fantoccini.runtime.clearance import Exact, clearance_arrays
 from fantoccini.runtime.functions import pointer
@@ -22,7 +22,7 @@ SLACK = 1e-3
 
 
 class Layout:
-    """States (n,) that hold q_D, v_D, q_K, v_K one after the other.
+    """Vectors (n,) that hold q_D, v_D, q_K, v_K one after the other.
 
     Attributes:
         parts: where each of them is.
@@ -37,15 +37,15 @@ class Layout:
         self.n = ends[-1]
         self.slip = problem.start.slip[None]
 
-    def row(self, states: States) -> Array:
+    def row(self, states: StateArrays) -> Array:
         """(n,) of one state (1,)."""
         parts = (states.q_D, states.v_D, states.q_K, states.v_K)
         return np.concatenate([part[0] for part in parts])
 
-    def states(self, row: Array) -> States:
+    def states(self, row: Array) -> StateArrays:
         """(1,) states of a row (n,)."""
         q_D, v_D, q_K, v_K = (row[None, part] for part in self.parts)
-        return States(q_D, v_D, self.slip, q_K, v_K)
+        return StateArrays(q_D, v_D, self.slip, q_K, v_K)
 
 
 class Own(RolloutPool):

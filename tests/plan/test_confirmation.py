@@ -14,7 +14,7 @@ from fantoccini.planning import (
     PlanResult,
     PolishStatus,
     Problem,
-    States,
+    StateArrays,
     check,
     plan_path,
     result,
@@ -54,7 +54,7 @@ def test_plans_hold_event_driven_by_default(damped):
         run = fan.simulate(DAMPED, damped.start, plan.inputs, t_end=plan.duration)
         every = run.resample(np.arange(0.0, run.t[-1], 1e-3))
         assert damped.rollouts.clearance.of(every).min() >= -1e-3
-        assert damped.goal.distance(States.of(run.state(-1))) <= damped.tolerance + 1e-6
+        assert damped.goal.distance(StateArrays.of(run.state(-1))) <= damped.tolerance + 1e-6
 
 
 def test_the_search_goes_on_where_a_plan_does_not_hold(boxes, monkeypatch, tmp_path):

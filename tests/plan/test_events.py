@@ -8,7 +8,7 @@ import pytest
 import fantoccini as fan
 from fantoccini.marionette import instant_at
 from fantoccini.motion import State
-from fantoccini.planning import PlanResult, PlanStatus, Problem, States, solve
+from fantoccini.planning import PlanResult, PlanStatus, Problem, StateArrays, solve
 from fantoccini.planning.active_sets import extended
 from fantoccini.planning.feedback import Feedback
 from fantoccini.planning.planners import PlannerRound
@@ -99,7 +99,7 @@ def test_active_sets_are_extended_as_the_event_driven_method_does():
         y = stepper.advance(0.1, acc_K)
         active = x.taut[None, :1]
         assert np.array_equal(y.taut, x.taut)
-        begin = States.of(x.replace(slip=np.zeros(1)))
+        begin = StateArrays.of(x.replace(slip=np.zeros(1)))
         end = extended(arm, begin, active, acc_K[None], np.array([0.1]))
         for name in ("q_D", "v_D", "q_K", "v_K"):
             np.testing.assert_allclose(getattr(end, name)[0], getattr(y, name), atol=2e-4)

@@ -13,7 +13,7 @@ import fantoccini as fan
 from fantoccini.errors import StateError
 from fantoccini.marionette import Stepper, instant_at
 from fantoccini.motion import State, tangent
-from fantoccini.planning import PlanResult, Problem, States, solve
+from fantoccini.planning import PlanResult, Problem, StateArrays, solve
 from fantoccini.planning.derivatives import segment_derivatives, taut_projection
 from fantoccini.planning.feedback import Feedback
 from fantoccini.planning.funnels import regulators
@@ -101,10 +101,10 @@ def test_derivatives_predict_where_neighbours_end(plan, law):
 def test_derivatives_hold_what_a_catch_does_to_neighbours(plan, slack):
     """Beside the exact derivative through the catch of an arm that falls onto its string."""
     arm, funnel = plan.problem.marionette, plan.rollouts.funnels[0]
-    x = at(plan, States(funnel.q_D, np.zeros(4), np.zeros(1), funnel.q_K, np.zeros(3)))
+    x = at(plan, StateArrays(funnel.q_D, np.zeros(4), np.zeros(1), funnel.q_K, np.zeros(3)))
     x = x.replace(q_K=x.q_K + np.array([0.0, 0.0, slack]))
     options = dataclasses.replace(plan.rollouts.run_options, dt=4e-4, save_every=50)
-    A, _ = segment_derivatives(arm, States.of(x), np.zeros((1, 3)), options, 5, apart=1e-3)
+    A, _ = segment_derivatives(arm, StateArrays.of(x), np.zeros((1, 3)), options, 5, apart=1e-3)
     exact = fan.sensitivity(arm, x, t_end=0.1)
     assert [event.kind.value for event in exact.run.events] == ["catch"]
     wrong = np.linalg.norm(A[0][:8, :8] - exact.x0[-1]) / np.linalg.norm(exact.x0[-1])
@@ -215,18 +215,18 @@ def test_what_makes_no_sense_is_refused(plan, law):
         Feedback.along(dataclasses.replace(plan, path=plan.path[:1]))
 
 
-def at(plan: PlanResult, row: States) -> State:
+def at(plan: PlanResult, row: StateArrays) -> State:
     """One row as a state."""
     rows = plan.problem.marionette.tree.n_rows
     return State(0.0, row.q_D, row.v_D, row.q_K, row.v_K, np.zeros(rows, dtype=bool), row.slip)
 
 
-def changed(plan: PlanResult, row: States, z: np.ndarray) -> States:
+def changed(plan: PlanResult, row: StateArrays, z: np.ndarray) -> StateArrays:
     """A state, changed by a tangent vector."""
     table = plan.problem.marionette.coordinates
     n, k = table.n_vD, table.n_vK
     q_D, v_D, q_K, v_K = np.split(z, np.cumsum([n, n, k]))
-    return States(
+    return StateArrays(
         tangent.moved(table.scalars_D, table.quaternions_D, row.q_D, q_D),
         row.v_D + v_D,
         row.slip,

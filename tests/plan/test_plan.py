@@ -11,7 +11,7 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.errors import FileError
-from fantoccini.planning import EST2007, Explore, States, solve
+from fantoccini.planning import EST2007, Explore, StateArrays, solve
 
 ARM = fan.puppets.arm3d()
 HANGING = ARM.rest(
@@ -133,7 +133,7 @@ def test_goals_of_other_kinds():
     tip = ARM.string_points(end.q_D, end.q_K)[0][0]
     assert np.linalg.norm(tip - [0.35, 0.05, 0.0]) < 0.03 + 1e-6
 
-    def left(rows: States):
+    def left(rows: StateArrays):
         return np.maximum(0.1 - rows.q_K[..., 1], 0.0)
 
     assert fan.plan(ARM, ARM.rest(), left, tolerance=1e-6, iterations=20_000)

@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import solve_discrete_are
 
 import fantoccini as fan
-from fantoccini.planning import Goal, Problem, States
+from fantoccini.planning import Goal, Problem, StateArrays
 from fantoccini.planning.derivatives import segment_derivatives
 from fantoccini.planning.funnels import regulator
 
@@ -19,9 +19,9 @@ FAR = {"elbow": 2.6}
 """A goal that no motion reaches."""
 
 
-def rows(*states: fan.State) -> States:
+def rows(*states: fan.State) -> StateArrays:
     names = ("q_D", "v_D", "slip", "q_K", "v_K")
-    return States(*(np.array([getattr(x, name) for x in states]) for name in names))
+    return StateArrays(*(np.array([getattr(x, name) for x in states]) for name in names))
 
 
 def problem(**options) -> Problem:

@@ -4,7 +4,7 @@ from fantoccini.planning.api import plan, solve
 from fantoccini.planning.check import Check
 from fantoccini.planning.clearance import Clearance, Nearest
 from fantoccini.planning.feedback import Feedback, Followed
-from fantoccini.planning.goals import Goal, States
+from fantoccini.planning.goals import Goal, StateArrays
 from fantoccini.planning.objective import OBJECTIVES, Objective
 from fantoccini.planning.obstacles import HalfSpace
 from fantoccini.planning.options import PLANNERS, SearchOptions
@@ -35,7 +35,7 @@ __all__ = [
     "Problem",
     "Search",
     "SearchOptions",
-    "States",
+    "StateArrays",
     "load_problem",
     "plan",
     "problem_names",

@@ -24,7 +24,7 @@ from fantoccini.marionette import Marionette
 from fantoccini.motion import State, tangent
 from fantoccini.planning.derivatives import central_differences, taut_projection
 from fantoccini.planning.funnels import riccati_step
-from fantoccini.planning.goals import States
+from fantoccini.planning.goals import StateArrays
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class PlanReference:
     """
 
     marionette: Marionette
-    nodes: States
+    nodes: StateArrays
     active: MaskRows
     durations: Array
     planned: Array
@@ -92,7 +92,7 @@ class ExtendedReference:
     segment: Indices
     active: MaskRows
     late: Indices
-    nodes: States
+    nodes: StateArrays
     gains: Array
 
     @classmethod
@@ -113,7 +113,7 @@ class ExtendedReference:
             np.concatenate([part.segment for part in parts]),
             np.concatenate([part.active for part in parts]),
             np.concatenate([part.late for part in parts]),
-            States(**{name: np.concatenate([a[name] for a in nodes]) for name in nodes[0]}),
+            StateArrays(**{name: np.concatenate([a[name] for a in nodes]) for name in nodes[0]}),
             np.concatenate([part.gains for part in parts]),
         )
 
@@ -171,7 +171,7 @@ def _late(plan: PlanReference, events: Indices, window: int) -> list[ExtendedRef
     return parts
 
 
-def away(marionette: Marionette, node: States, x: States | State) -> Array:
+def away(marionette: Marionette, node: StateArrays, x: StateArrays | State) -> Array:
     """(..., n_z) tangent vectors from states to others: (dq_D, dv_D, dq_K, dv_K)."""
     table = marionette.coordinates
     places_D = table.scalars_D, table.quaternions_D
@@ -187,7 +187,7 @@ def away(marionette: Marionette, node: States, x: States | State) -> Array:
     )
 
 
-def _near(plan: PlanReference, k: Indices, at: States) -> MaskRows:
+def _near(plan: PlanReference, k: Indices, at: StateArrays) -> MaskRows:
     """(n,) bool, whether states are near enough to nodes k."""
     z = away(plan.marionette, plan.nodes[k], at)
     # False where it is not a number.
@@ -195,7 +195,7 @@ def _near(plan: PlanReference, k: Indices, at: States) -> MaskRows:
 
 
 def _derivatives(
-    plan: PlanReference, at: States, active: MaskRows, k: Indices, onto: Array | None = None
+    plan: PlanReference, at: StateArrays, active: MaskRows, k: Indices, onto: Array | None = None
 ) -> tuple[Array, Array]:
     return active_set_derivatives(
         plan.marionette, at, active, plan.planned[k], plan.durations[k], onto
@@ -204,7 +204,7 @@ def _derivatives(
 
 def active_set_derivatives(
     marionette: Marionette,
-    at: States,
+    at: StateArrays,
     active: MaskRows,
     acceleration: Array,
     duration: Array,
@@ -218,7 +218,7 @@ def active_set_derivatives(
             :func:`fantoccini.planning.derivatives.taut_projection`.
     """
 
-    def end(near: States, acc_K: Array) -> States:
+    def end(near: StateArrays, acc_K: Array) -> StateArrays:
         each = len(acc_K) // len(active)
         times = np.repeat(duration, each)
         return extended(marionette, near, np.repeat(active, each, axis=0), acc_K, times)
@@ -227,8 +227,8 @@ def active_set_derivatives(
 
 
 def extended(
-    marionette: Marionette, at: States, active: MaskRows, acc_K: Array, duration: Array
-) -> States:
+    marionette: Marionette, at: StateArrays, active: MaskRows, acc_K: Array, duration: Array
+) -> StateArrays:
     """The states reached under fixed active sets: Eqs. 10 and 11 with their strings held.
 
     Limits are left out, and winches do not slip.
@@ -250,7 +250,7 @@ def extended(
 
     def rate(t: Array, turn: Array, v: Array) -> Array:
         q_D = tangent.moved(*places, q, turn)
-        return _acceleration(marionette, States(q_D, v, at.slip, *driven(t)), acc_K, active)
+        return _acceleration(marionette, StateArrays(q_D, v, at.slip, *driven(t)), acc_K, active)
 
     for step in range(_TOLERANCES.steps):
         t = step * dt
@@ -260,10 +260,10 @@ def extended(
         a4 = rate(t + dt, dt * (v + 0.5 * dt * a2), v + dt * a3)
         q = tangent.moved(*places, q, dt * v + dt**2 / 6.0 * (a1 + a2 + a3))
         v = v + dt / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
-    return States(q, v, at.slip, *driven(duration[:, None]))
+    return StateArrays(q, v, at.slip, *driven(duration[:, None]))
 
 
-def _acceleration(marionette: Marionette, at: States, acc_K: Array, active: MaskRows) -> Array:
+def _acceleration(marionette: Marionette, at: StateArrays, acc_K: Array, active: MaskRows) -> Array:
     """(n, n_vD) acc_D with active strings held: G tau = hddot without tension."""
     found = marionette.model.library.evaluate(
         "dynamics", q_D=at.q_D, v_D=at.v_D, q_K=at.q_K, v_K=at.v_K, acc_K=acc_K,

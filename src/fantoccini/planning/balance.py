@@ -12,7 +12,7 @@ from fantoccini.arrays import Array, ConfigD, ConfigK, MaskRows
 from fantoccini.marionette import Marionette
 from fantoccini.marionette.projection import retract
 from fantoccini.motion import State
-from fantoccini.planning.goals import Goal, States
+from fantoccini.planning.goals import Goal, StateArrays
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ def balanced(
             parts += [soft_K * away[:, list(wound)], soft_D * x[:, :n_D]]
             none_D, none_K = np.zeros((len(x), table.n_vD)), np.zeros((len(x), table.n_vK))
             slip = np.zeros((len(x), len(tree.strings)))
-            off = goal.residuals(States(q_D, none_D, slip, q_K, none_K))
+            off = goal.residuals(StateArrays(q_D, none_D, slip, q_K, none_K))
             parts.append(off if initial is None else off - remaining * initial)
         return np.concatenate(parts, axis=1)
 
@@ -118,7 +118,7 @@ def balanced(
     initial: Array | None = None
     if len(first) and tree.strings:
         if pinned is None:
-            initial = goal.residuals(States.of(start))[0]
+            initial = goal.residuals(StateArrays.of(start))[0]
             for stage in range(1, _TOLERANCES.stages):
                 remaining = 1.0 - stage / _TOLERANCES.stages
                 x = _least_squares(residuals, x)

@@ -10,7 +10,7 @@ from fantoccini.arrays import Array, Indices
 from fantoccini.errors import Status
 from fantoccini.marionette import Event, Method, MethodName, TimeStepping, as_method
 from fantoccini.motion import Trajectory
-from fantoccini.planning.goals import States
+from fantoccini.planning.goals import StateArrays
 from fantoccini.planning.plan_path import PlanPath
 from fantoccini.planning.rollouts import Rollouts
 
@@ -70,7 +70,7 @@ def checked(
         if method == "timestepping":
             method = TimeStepping(dt=dt, extrapolate=False)
         run = plan.simulate(as_method(method), effort)
-    distance = float(plan.goal.distance(States.of(run.state(-1)))[0])
+    distance = float(plan.goal.distance(StateArrays.of(run.state(-1)))[0])
     clearance = _least_clearance(plan.rollouts, run)
     near = _nearest(run.t, plan.times)
     gap = float(np.max(np.abs(run.q_D[near] - plan.states.q_D)))

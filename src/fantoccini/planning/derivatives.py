@@ -17,7 +17,7 @@ import numpy as np
 from fantoccini.arrays import Array, MaskRows
 from fantoccini.marionette import Marionette
 from fantoccini.motion import tangent
-from fantoccini.planning.goals import States, flattened
+from fantoccini.planning.goals import StateArrays, flattened
 from fantoccini.runtime import POSE, GoalNumbers, RolloutPool, RolloutSettings, RunOptions, Solids
 
 
@@ -38,7 +38,7 @@ _STEPS = _Steps()
 
 def segment_derivatives(
     marionette: Marionette,
-    starts: States,
+    starts: StateArrays,
     acceleration: Array,
     options: RunOptions,
     looks: int,
@@ -65,21 +65,21 @@ def segment_derivatives(
         marionette.model.compiled.rollouts, _unbounded(marionette, options, looks), threads
     )
 
-    def ends(near: States, acc_K: Array) -> States:
+    def ends(near: StateArrays, acc_K: Array) -> StateArrays:
         every = np.arange(len(acc_K))
-        return States(**pool(near.parts, every, acc_K[:, None], np.ones_like(every)).states)
+        return StateArrays(**pool(near.parts, every, acc_K[:, None], np.ones_like(every)).states)
 
     return central_differences(marionette, ends, starts, acceleration, onto, apart)
 
 
-StateMap = Callable[[States, Array], States]
+StateMap = Callable[[StateArrays, Array], StateArrays]
 """States (n,) and accelerations (n, n_vK) -> the states (n,) to which they lead."""
 
 
 def central_differences(
     marionette: Marionette,
     end: StateMap,
-    starts: States,
+    starts: StateArrays,
     acceleration: Array,
     onto: Array | None = None,
     apart: float = _STEPS.central,
@@ -101,7 +101,7 @@ def central_differences(
         changes[:, : size - k, : size - k] = onto.swapaxes(1, 2)
     z = apart * np.concatenate([changes, -changes], axis=1)
     q_D, v_D, q_K, v_K, acc_K = np.split(z, np.cumsum([n, n, k, k]), axis=2)
-    near = States(
+    near = StateArrays(
         tangent.moved(*places_D, starts.q_D[:, None], q_D),
         starts.v_D[:, None] + v_D,
         np.repeat(starts.slip[:, None], 2 * size, axis=1),
@@ -142,7 +142,7 @@ def _unbounded(marionette: Marionette, options: RunOptions, looks: int) -> Rollo
     )
 
 
-def taut_projection(marionette: Marionette, at: States, held: MaskRows) -> Array:
+def taut_projection(marionette: Marionette, at: StateArrays, held: MaskRows) -> Array:
     """(m, n_z, n_z) projections of changes onto those that leave taut strings taut::
 
         dh = A_D dq_D + A_K dq_K = 0

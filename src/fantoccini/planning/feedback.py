@@ -40,7 +40,7 @@ from fantoccini.planning.active_sets import (
 )
 from fantoccini.planning.derivatives import taut_projection
 from fantoccini.planning.funnels import SPEED_WEIGHT, regulators
-from fantoccini.planning.goals import States
+from fantoccini.planning.goals import StateArrays
 from fantoccini.planning.plan_path import PlanPath, exact_start
 from fantoccini.planning.problem import Problem
 from fantoccini.planning.saltation import event_derivatives
@@ -79,7 +79,7 @@ class Followed:
     """
 
     t: Array
-    states: States
+    states: StateArrays
     acceleration: Array
     distance: float
     clearance: float
@@ -96,7 +96,7 @@ class Followed:
             problem: that was planned.
             states, acceleration, status: of the run.
         """
-        found = States.of(*states)
+        found = StateArrays.of(*states)
         distance = float(problem.goal.distance(found[-1:])[0])
         clearance = float(np.min(problem.rollouts.clearance.at(found.q_D, found.q_K)))
         arrives = status is Status.DONE and distance <= problem.tolerance and clearance >= 0.0
@@ -120,7 +120,7 @@ class Feedback:
     """
 
     plan: PlanPath
-    nodes: States
+    nodes: StateArrays
     looks: Indices
     planned: Array
     A: Array
@@ -155,7 +155,8 @@ class Feedback:
             raise ValueError(f"window is {window}; it must be at least 0")
         rollouts, marionette = plan.rollouts, plan.problem.marionette
         nodes, looks, planned = plan.states, plan.looks, plan.acceleration
-        durations, active = looks * rollouts.options.interval, _active_sets(plan)
+        durations = looks.astype(float) * rollouts.options.interval
+        active = _active_sets(plan)
         onto = taut_projection(marionette, nodes[:-1], active[:-1])
         A, B = active_set_derivatives(
             marionette, nodes[:-1], active[:-1], planned, durations, onto
@@ -197,7 +198,7 @@ class Feedback:
             acc_K = self.planned[k] - K @ self.away(node, x)
         elif rollouts.funnels:
             funnel, still = rollouts.funnels[0], np.zeros_like
-            there = States(funnel.q_D, still(x.v_D), x.slip, funnel.q_K, still(x.v_K))
+            there = StateArrays(funnel.q_D, still(x.v_D), x.slip, funnel.q_K, still(x.v_K))
             acc_K = -funnel.gains @ self.away(there, x)
         else:
             acc_K = -x.v_K / T
@@ -205,7 +206,7 @@ class Feedback:
         acc_K = np.clip(acc_K, (slowest - x.v_K) / T, (fastest - x.v_K) / T)
         return np.clip(acc_K, -bounds.acceleration, bounds.acceleration)
 
-    def reference(self, k: int, x: State) -> tuple[States, Array]:
+    def reference(self, k: int, x: State) -> tuple[StateArrays, Array]:
         """The reference state in segment k, and the gains (n_vK, n_z) on deviations from it.
 
         Args:
@@ -245,7 +246,7 @@ class Feedback:
             slowest[v] = max(slowest[v], -most(x.q_K[q] - bounds.low[q], -x.v_K[v]))
         return slowest, np.maximum(fastest, slowest)
 
-    def away(self, node: States, x: State) -> Array:
+    def away(self, node: StateArrays, x: State) -> Array:
         """(n_z,) tangent vector from a reference state to a state."""
         return away(self.plan.problem.marionette, node, x)
 
@@ -280,7 +281,7 @@ class Feedback:
         if method == "timestepping":
             method = TimeStepping(dt=options.dt, extrapolate=False)
         chosen = as_method(method)
-        x = exact_start(problem, chosen.name) if x0 is None else x0
+        x = exact_start(problem, chosen) if x0 is None else x0
         stepper = puppet.stepper(x, chosen)
         m, whole = len(self.looks), options.looks
         more = int(np.ceil(hold / options.segment - _TOLERANCES.rounding))
@@ -306,7 +307,7 @@ def _active_sets(plan: PlanPath) -> MaskRows:
     return pulls | plan.problem.marionette.model.two_sided[: pulls.shape[1]]
 
 
-def _goal_weights(plan: PlanPath, end: States) -> Array:
+def _goal_weights(plan: PlanPath, end: StateArrays) -> Array:
     """(n_z, n_z) weights of the goal at the plan's end: J'J of its residuals."""
     goal, table = plan.goal, plan.problem.marionette.coordinates
     n, k = table.n_vD, table.n_vK
@@ -314,7 +315,7 @@ def _goal_weights(plan: PlanPath, end: States) -> Array:
     q_D = tangent.moved(table.scalars_D, table.quaternions_D, end.q_D, steps[:, :n])
     q_K = tangent.moved(table.scalars_K, table.quaternions_K, end.q_K, steps[:, n:])
     v_D, slip, v_K = (np.tile(a, (len(steps), 1)) for a in (end.v_D, end.slip, end.v_K))
-    residuals = goal.residuals(States(q_D, v_D, slip, q_K, v_K))
+    residuals = goal.residuals(StateArrays(q_D, v_D, slip, q_K, v_K))
     J = np.zeros((residuals.shape[1], 2 * (n + k)))
     at = np.concatenate([np.arange(n), 2 * n + np.arange(k)])
     J[:, at] = (residuals[: n + k] - residuals[n + k :]).T / (2.0 * _TOLERANCES.goal_step)

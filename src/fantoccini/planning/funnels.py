@@ -10,7 +10,7 @@ from fantoccini.arrays import Array, ConfigD, ConfigK, MaskRows
 from fantoccini.marionette import Marionette
 from fantoccini.planning.balance import best_support
 from fantoccini.planning.derivatives import segment_derivatives, taut_projection
-from fantoccini.planning.goals import States
+from fantoccini.planning.goals import StateArrays
 from fantoccini.planning.rollouts import RolloutOptions
 from fantoccini.runtime import Funnel, RunOptions
 
@@ -55,7 +55,7 @@ def funnels(
     """
     n, k = marionette.coordinates.n_vD, marionette.coordinates.n_vK
     strings = np.zeros((1, len(marionette.tree.strings)))
-    at = States(q_D[None], np.zeros((1, n)), strings, q_K[None], np.zeros((1, k)))
+    at = StateArrays(q_D[None], np.zeros((1, n)), strings, q_K[None], np.zeros((1, k)))
     _, tension, _ = best_support(marionette, q_D[None], q_K[None])
     onto = taut_projection(marionette, at, tension != 0.0)
     A, B = (

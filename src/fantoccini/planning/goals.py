@@ -18,7 +18,7 @@ from fantoccini.tree import CoordinateTable
 
 
 @dataclass(frozen=True, eq=False)
-class States:
+class StateArrays:
     """Many states of a puppet, as arrays with the same leading axes.
 
     Attributes:
@@ -32,12 +32,12 @@ class States:
     v_K: Array
 
     @classmethod
-    def of(cls, *states: State) -> States:
+    def of(cls, *states: State) -> StateArrays:
         """Stacks single states."""
         return cls(*(np.array([getattr(x, name) for x in states]) for name in STATE))
 
-    def __getitem__(self, index: Any) -> States:
-        return States(*(getattr(self, name)[index] for name in STATE))
+    def __getitem__(self, index: Any) -> StateArrays:
+        return StateArrays(*(getattr(self, name)[index] for name in STATE))
 
     @property
     def parts(self) -> dict[str, Array]:
@@ -45,9 +45,9 @@ class States:
         return {name: getattr(self, name) for name in STATE}
 
     @property
-    def flat(self) -> States:
+    def flat(self) -> StateArrays:
         """The same with one leading axis."""
-        return States(*(flattened(a) for a in self.parts.values()))
+        return StateArrays(*(flattened(a) for a in self.parts.values()))
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -63,7 +63,7 @@ def flattened(a: Array) -> Array:
 _DRIVEN_WEIGHT = 1.0
 """Weight of the driven velocities where the goal is a state [s]."""
 
-Distance = Callable[[States], Array]
+Distance = Callable[[StateArrays], Array]
 """States (...) -> distances (...); 0 at the goal."""
 
 Target = float | Sequence[float]
@@ -97,7 +97,7 @@ class Goal:
     function: Distance | None = None
     q_K: ConfigK | None = None
 
-    def distance(self, states: States) -> Array:
+    def distance(self, states: StateArrays) -> Array:
         """(...) distances of states."""
         if self.function is not None:
             found = np.asarray(self.function(states), dtype=float)
@@ -116,7 +116,7 @@ class Goal:
             return None
         return numbers.low if np.array_equal(numbers.low, numbers.high) else None
 
-    def residuals(self, states: States) -> Array:
+    def residuals(self, states: StateArrays) -> Array:
         """(n, m) residuals of the configurations of n states; velocities do not count."""
         numbers, table = self.numbers, self.marionette.coordinates
         if numbers.kind == UNKNOWN:
@@ -133,7 +133,7 @@ class Goal:
                 columns += list(numbers.weight[v] * away.T)
         return np.stack(columns, axis=1)
 
-    def of_start(self, start: States) -> float:
+    def of_start(self, start: StateArrays) -> float:
         """The distance of one state (1,).
 
         Raises:
@@ -155,7 +155,7 @@ class Goal:
             marionette: the puppet.
             goal: a Goal; a state, whose dynamic configuration and velocities and driven velocities
                 (weight 1 s) are to be reached; names and values (see :meth:`pose`); or a function
-                of :class:`States` that returns distances.
+                of :class:`StateArrays` that returns distances.
             speed_weight: see :meth:`pose`.
 
         Raises:

@@ -11,7 +11,7 @@ from fantoccini.arrays import Array, Indices, Times
 from fantoccini.errors import StateError
 from fantoccini.marionette import Method, MethodName, TimeStepping
 from fantoccini.motion import Input, State, Trajectory
-from fantoccini.planning.goals import Goal, States
+from fantoccini.planning.goals import Goal, StateArrays
 from fantoccini.planning.problem import Problem
 from fantoccini.planning.rollouts import Rollouts
 from fantoccini.planning.search_tree import SearchTree
@@ -58,7 +58,7 @@ class PlanPath:
         return self.start.t + self.tree.time[list(self.path)]
 
     @property
-    def states(self) -> States:
+    def states(self) -> StateArrays:
         """(m + 1,) at the nodes."""
         return self.tree.states[list(self.path)]
 
@@ -96,7 +96,7 @@ class PlanPath:
             method: of the simulation.
             effort: compute the force on every driven coordinate.
         """
-        start, end, save_at = exact_start(self.problem, method.name), self._end, None
+        start, end, save_at = exact_start(self.problem, method), self._end, None
         if method.name == "event":
             looks = np.arange(start.t, end, self.rollouts.options.interval)
             save_at = np.unique(np.minimum(np.append(self.times, looks), end))
@@ -117,7 +117,7 @@ class PlanPath:
         return max(float(self.times[-1]), self.start.t + self.rollouts.options.dt)
 
 
-def exact_start(problem: Problem, method: MethodName) -> State:
+def exact_start(problem: Problem, method: Method | MethodName) -> State:
     """The problem's start, projected for methods that need exact string lengths."""
     try:
         problem.marionette.check_start(problem.start, method)

@@ -17,7 +17,7 @@ from fantoccini.planning.balance import balanced
 from fantoccini.planning.clearance import Clearance
 from fantoccini.planning.feasible import out_of_reach
 from fantoccini.planning.funnels import funnels
-from fantoccini.planning.goals import Goal, GoalLike, States
+from fantoccini.planning.goals import Goal, GoalLike, StateArrays
 from fantoccini.planning.objective import Objective
 from fantoccini.planning.obstacles import HalfSpace
 from fantoccini.planning.rollouts import Bounds, RolloutOptions, Rollouts
@@ -57,7 +57,7 @@ class Problem:
         marionette: the puppet.
         start: where it begins; its driven coordinates may move.
         goal: a state, names and values (``{"elbow": 1.2}``), a :class:`Goal`, or a function of
-            :class:`States` that returns distances.
+            :class:`StateArrays` that returns distances.
         obstacles: in addition to the world's.
         name: of the problem.
         tolerance: of the goal's distance.
@@ -158,9 +158,9 @@ class Problem:
         return digest.hexdigest()
 
     @property
-    def root(self) -> States:
+    def root(self) -> StateArrays:
         """The start (1,), as the root of a tree."""
-        return States.of(self.start)
+        return StateArrays.of(self.start)
 
 
 def _hanging_at(goal: Goal, start: State, rollouts: Rollouts) -> tuple[list[Funnel], bool]:
@@ -188,8 +188,8 @@ def _hanging_at(goal: Goal, start: State, rollouts: Rollouts) -> tuple[list[Funn
         marionette, q_D, q_K, bounds.moves, rollouts.run_options, rollouts.options
     )
     chosen = _best_of(rollouts, start)
-    at_rest = States.of(start.replace(q_D=q_D, q_K=q_K, v_D=0.0 * start.v_D, v_K=0.0 * start.v_K))
-    there = goal.distance(at_rest)[0] <= rollouts.stop_distance
+    at_rest = start.replace(q_D=q_D, q_K=q_K, v_D=0.0 * start.v_D, v_K=0.0 * start.v_K)
+    there = goal.distance(StateArrays.of(at_rest))[0] <= rollouts.stop_distance
     return [chosen], bool(there and rollouts.clearance.at(q_D, q_K) >= rollouts.options.margin)
 
 
@@ -198,7 +198,7 @@ def _best_of(rollouts: Rollouts, start: State) -> Funnel:
     n, segments = len(rollouts.funnels), _TOLERANCES.trial_segments
     which, none = np.arange(n), np.zeros(n, dtype=int)
     made = rollouts.where(tolerance=-1.0, free=True).simulate(
-        States.of(start), none, np.zeros((n, segments, rollouts.marionette.coordinates.n_vK)),
+        StateArrays.of(start), none, np.zeros((n, segments, rollouts.marionette.coordinates.n_vK)),
         n_given=none, funnel=which, lead_time=np.full(n, _TOLERANCES.trial_lead_time),
     )  # fmt: skip
     late = np.where(made.looks > 0, made.distance, np.inf)[:, segments // 2 :]

@@ -13,7 +13,7 @@ from fantoccini.arrays import Array, Indices, MaskRows
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.marionette import Marionette
 from fantoccini.planning.clearance import Clearance
-from fantoccini.planning.goals import Goal, States
+from fantoccini.planning.goals import Goal, StateArrays
 from fantoccini.runtime import Funnel, RolloutPool, RolloutSettings, Segments
 from fantoccini.tree import CoordinateTable
 
@@ -274,7 +274,7 @@ class Rollouts:
 
     def simulate(
         self,
-        starts: States,
+        starts: StateArrays,
         start: Indices,
         acceleration: Array,
         *,
@@ -306,10 +306,10 @@ class Rollouts:
         )  # fmt: skip
         if self.goal.function is not None:
             whole = found.looks > 0
-            found.distance[whole] = self.goal.distance(States(**found.states)[whole])
+            found.distance[whole] = self.goal.distance(StateArrays(**found.states)[whole])
         return found
 
-    def replay(self, before: States, acceleration: Array, looks: int) -> States | None:
+    def replay(self, before: StateArrays, acceleration: Array, looks: int) -> StateArrays | None:
         """The end of one segment, simulated again; None where it is not clear.
 
         Args:
@@ -318,4 +318,4 @@ class Rollouts:
             looks: checks that it lasts.
         """
         made = self.simulate(before, np.zeros(1, int), acceleration[None, None], looks=looks)
-        return States(**made.states)[:, 0] if made.looks[0, 0] == looks else None
+        return StateArrays(**made.states)[:, 0] if made.looks[0, 0] == looks else None

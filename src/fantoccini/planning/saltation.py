@@ -12,7 +12,7 @@ from fantoccini.arrays import Array, MaskRows
 from fantoccini.errors import FantocciniError
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State
-from fantoccini.planning.goals import States
+from fantoccini.planning.goals import StateArrays
 from fantoccini.simulation import sensitivity
 
 _INTEGRATION_TOLERANCE = 1e-6
@@ -20,7 +20,11 @@ _INTEGRATION_TOLERANCE = 1e-6
 
 
 def event_derivatives(
-    marionette: Marionette, start: States, acceleration: Array, duration: float, active: MaskRows
+    marionette: Marionette,
+    start: StateArrays,
+    acceleration: Array,
+    duration: float,
+    active: MaskRows,
 ) -> tuple[Array, Array] | None:
     """A and B of one segment, as of :func:`fantoccini.planning.derivatives.segment_derivatives`.
 

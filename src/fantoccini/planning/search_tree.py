@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fantoccini.arrays import Array, Indices, MaskRows
-from fantoccini.planning.goals import States, flattened
+from fantoccini.planning.goals import StateArrays, flattened
 from fantoccini.planning.objective import TIME, Objective
 from fantoccini.runtime import STATE, Segments
 
@@ -55,7 +55,7 @@ class SearchTree:
 
     def __init__(
         self,
-        root: States,
+        root: StateArrays,
         distance: float,
         n_vK: int,
         bound: float = np.inf,
@@ -118,11 +118,11 @@ class SearchTree:
         return arrays[name][: self.n]
 
     @property
-    def states(self) -> States:
+    def states(self) -> StateArrays:
         """The states of all nodes."""
-        return States(*(getattr(self, name) for name in STATE))
+        return StateArrays(*(getattr(self, name) for name in STATE))
 
-    def add(self, states: States, **arrays: ArrayLike) -> range:
+    def add(self, states: StateArrays, **arrays: ArrayLike) -> range:
         """Adds k nodes.
 
         Args:
@@ -166,7 +166,7 @@ class SearchTree:
             lambda: _running(interval * looks * (acceleration**2).sum(axis=1), begin),
         )
         return self.add(
-            States(**{name: flattened(a)[flat] for name, a in made.states.items()}),
+            StateArrays(**{name: flattened(a)[flat] for name, a in made.states.items()}),
             acceleration=acceleration,
             parent=np.where(begin, chosen, self.n + np.arange(len(flat)) - 1),
             looks=looks,

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from fantoccini.arrays import Array, Indices
-from fantoccini.planning.goals import States, flattened
+from fantoccini.planning.goals import StateArrays, flattened
 from fantoccini.planning.problem import Problem
 
 
@@ -68,7 +68,7 @@ class Candidates:
     """
 
     V: Array
-    nodes: States
+    nodes: StateArrays
     residual: Array
     constraints: Array
     distance: Array
@@ -173,7 +173,7 @@ class Shooting:
         acc_K = np.repeat(self.accelerations(V), looks, axis=1)
         made = self._free.simulate(self.problem.root, np.zeros(n, int), acc_K, looks=1)
         first = self.problem.root.parts
-        nodes = States(
+        nodes = StateArrays(
             **{
                 name: np.concatenate([np.repeat(first[name][None], n, axis=0), a], axis=1)
                 for name, a in made.states.items()
@@ -214,7 +214,7 @@ class Shooting:
         each = np.arange(len(begin))
         acc_K = acc_K[each[:, None], ahead]
         again = self._free.simulate(nodes, begin, acc_K, n_segments=last + 1 - begin, looks=1)
-        there = States(**again.states)
+        there = StateArrays(**again.states)
         residual = (
             self._residual(there[each, last - begin]) - candidate.residual
         ).T / _TOLERANCES.difference
@@ -270,7 +270,7 @@ class Shooting:
         displacement = np.linalg.norm(self._displacement(candidate.nodes[:, -1]))
         return bool(displacement <= _TOLERANCES.max_displacement)
 
-    def _residual(self, states: States) -> Array:
+    def _residual(self, states: StateArrays) -> Array:
         """(n, n_r) residuals of the goal, of its velocities, and of staying there."""
         goal, numbers = self.problem.goal, self.problem.goal.numbers
         speeds = (
@@ -280,7 +280,7 @@ class Shooting:
         parts = [goal.residuals(states), *speeds, self._displacement(states)]
         return np.concatenate(parts, axis=1)
 
-    def _displacement(self, states: States) -> Array:
+    def _displacement(self, states: StateArrays) -> Array:
         """(n, n_l) weighted distance of inputs from the equilibrium, where they end at rest."""
         problem = self.problem
         if not (problem.equilibrium and problem.goal.numbers.driven_weight):
@@ -288,7 +288,7 @@ class Shooting:
         away = states.q_K - problem.rollouts.funnels[0].q_K
         return _TOLERANCES.displacement_weight * away[:, self._driven]
 
-    def _measured(self, states: States, acc_K: Array) -> Array:
+    def _measured(self, states: StateArrays, acc_K: Array) -> Array:
         """(n, n_c) clearances, distances from limits, and weighted tensions."""
         rollouts = self.problem.rollouts
         limits, tension = self._forces(states, acc_K)
@@ -306,7 +306,7 @@ class Shooting:
         counts = [0 if nothing else 1, n_limits, len(self._taut)]
         return np.repeat([clearance, limit, tension], counts)
 
-    def _forces(self, states: States, acc_K: Array) -> tuple[Array, Array]:
+    def _forces(self, states: StateArrays, acc_K: Array) -> tuple[Array, Array]:
         """h of limits (n, n_limits), and tensions of taut strings relative to the weight.
 
         G tau = hddot without tension, over these strings, as if nothing else held.

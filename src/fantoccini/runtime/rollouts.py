@@ -63,7 +63,7 @@ class GoalNumbers:
     speed_weight: float = 0.0
     driven_weight: float = 0.0
 
-    def structure(self, tolerance: float, kept: list[Array]) -> _GoalArrays:
+    def structure(self, tolerance: float, kept: list[Array]) -> Any:
         """The C structure; ``kept`` owns its memory and must outlive it."""
         arrays = ("low", "high", "weight", "v_D", "v_K")
         corners = ("at", "place", "place_high")
@@ -286,7 +286,7 @@ class RolloutPool:
                 span = f"{np.min(a)} to {np.max(a)}"
                 raise ValueError(f"{name} ranges from {span}; it must lie in {low} to {high}")
 
-    def _work(self, arrays: _RolloutArrays) -> int:
+    def _work(self, arrays: Any) -> int:
         """Simulates the rollouts; index of the first that reached the goal, n where none did."""
         progress = _RolloutProgress(next=0, reached=arrays.n)
 
