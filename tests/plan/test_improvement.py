@@ -126,15 +126,15 @@ def test_a_search_goes_on_from_what_was_polished(problem):
 def test_ctrl_c_keeps_what_was_polished(problem, monkeypatch):
     from fantoccini.planning import polish
 
-    brought, calls = polish.brought, []
+    approach, calls = polish.approach, []
 
     def interrupted(*arguments):
-        calls.append(found := brought(*arguments))
-        if sum(approach.arrives for approach in calls[:-1]):
+        calls.append(found := approach(*arguments))
+        if sum(one.arrives for one in calls[:-1]):
             raise KeyboardInterrupt
         return found
 
-    monkeypatch.setattr(polish, "brought", interrupted)
+    monkeypatch.setattr(polish, "approach", interrupted)
     kept = first_plan(problem, near, lambda plan: plan.polish(1e-3, seconds=20.0))
     assert kept.distance <= 1e-3 and kept.replay()
 
@@ -252,3 +252,12 @@ def test_what_cannot_be_polished_is_told(problem):
     assert kept and kept.distance <= 0.25, "a plan is never made worse"
     with pytest.raises(ValueError, match="improve is -1"):
         solve(problem, improve=-1.0)
+
+
+def test_search_options_are_one_object_or_keywords(problem):
+    with pytest.raises(ValueError, match="either options or seed, not both"):
+        solve(problem, SearchOptions(), seed=1)
+    with pytest.raises(ValueError, match="planner is 'rrt'"):
+        SearchOptions(planner="rrt")
+    by_object, by_keyword = solve(problem, SearchOptions(seed=5)), solve(problem, seed=5)
+    assert by_object.path == by_keyword.path and len(by_object.tree) == len(by_keyword.tree)

@@ -26,9 +26,9 @@ class _Steps:
     """Steps of finite differences, and what they resolve."""
 
     central: float = 1e-4
-    """Of central differences, by default [rad, m and their rates]."""
+    """Step of central differences, by default [rad, m and their rates]."""
     forward: float = 1e-7
-    """Of forward differences of gaps [rad or m]."""
+    """Step of forward differences of gaps [rad or m]."""
     rank: float = 1e-6
     """Singular values of taut strings' Jacobians, relative to the largest, that count as 0."""
 

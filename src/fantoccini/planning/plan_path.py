@@ -44,7 +44,7 @@ class PlanPath:
 
     @property
     def tolerance(self) -> float:
-        """Of the goal's distance."""
+        """Tolerance of the goal's distance."""
         return self.problem.tolerance
 
     @property

@@ -85,7 +85,7 @@ class ProblemFile(Model):
     goal: GoalFile
     """Where the plan ends."""
     tolerance: Size = 0.1
-    """Of the goal's distance."""
+    """Tolerance of the goal's distance."""
     speed: Real | dict[str, Real] = 0.5
     """Bound for all driven coordinates or by name; others hold still [m/s or rad/s]."""
     acceleration: Real | dict[str, Real] = 2.0

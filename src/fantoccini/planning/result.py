@@ -185,17 +185,17 @@ class PlanResult(PlanPath):
 
     @property
     def duration(self) -> float:
-        """Of the plan [s]."""
+        """Duration of the plan [s]."""
         return float(self.tree.time[self.path[-1]])
 
     @property
     def cost(self) -> float:
-        """Of the plan, by its objective [s]."""
+        """Cost of the plan, by its objective [s]."""
         return float(self.tree.cost[self.path[-1]])
 
     @property
     def distance(self) -> float:
-        """From the goal at the plan's end."""
+        """Distance from the goal at the plan's end."""
         return float(self.tree.distance[self.path[-1]])
 
     @property
