@@ -83,12 +83,12 @@ def test_a_plan_whose_drives_are_too_weak_does_not_hold(boxes, monkeypatch, stat
     """Though its run comes to its end within the tolerance."""
     plan = solve(boxes, seed=0, time_limit=60.0)
     assert plan.verify(method="event").arrives
-    made = check.run_along
+    made = PlanPath.simulate
     monkeypatch.setattr(
-        check, "run_along", lambda *a, **o: dataclasses.replace(made(*a, **o), status=status)
+        PlanPath, "simulate", lambda *a, **o: dataclasses.replace(made(*a, **o), status=status)
     )
     assert not plan.verify(method="event").arrives
-    assert not check.holds(plan.problem, plan.tree, plan.path)
+    assert not check.holds(plan)
 
 
 def test_ctrl_c_while_a_plan_is_confirmed_ends_the_search(boxes, monkeypatch):

@@ -216,7 +216,7 @@ def test_a_plan_that_is_found_when_the_time_ends_says_that_it_is_not_polished(pr
     def better(seconds):
         search.polished = None
 
-    monkeypatch.setattr(search, "better", better)
+    monkeypatch.setattr(search, "find_better", better)
     monkeypatch.setattr(search, "polish", lambda *_: False)
     search.improve(0.01, 1e-3)
     assert search.polished.status is PolishStatus.TIMEOUT and search.polished.asked == 1e-3
