@@ -142,7 +142,7 @@ def test_polish_says_what_came_of_it(boxes, monkeypatch, tmp_path):
     assert PlanResult.load(tmp_path / "plan.npz", boxes).polished == tried.polished
     monkeypatch.setattr(search, "holds", lambda *_: False)
     plan = solve(boxes, confirm=False)
-    plan.search.confirm = True
+    plan.search.options = dataclasses.replace(plan.search.options, confirm=True)
     left = plan.polish(0.2, seconds=0.0)
     assert left.path == plan.path and left.polished.status is PolishStatus.NOT_HELD
 
