@@ -117,7 +117,7 @@ def slack_plans(n: int, seconds: float = 0.5) -> list[PlanResult]:
     problem, found = slackened(fan.load_problem("arm3d_boxes")), []
     for seed in itertools.count():
         plan = solve(problem, seed=seed, improve=seconds, objective="time")
-        if plan and not np.all(plan.feedback(window=0).pulling):
+        if plan and not np.all(plan.feedback(window=0).active):
             found.append(plan)
         if len(found) == n:
             return found
@@ -125,17 +125,17 @@ def slack_plans(n: int, seconds: float = 0.5) -> list[PlanResult]:
 
 def slackened(problem: Problem) -> Problem:
     """The same, with strings that may go slack."""
-    motions = problem.motions
+    rollouts = problem.rollouts
     names = problem.marionette.coordinates.v_K
     return Problem(
         problem.marionette,
         problem.start,
         problem.goal,
-        motions.clearance.obstacles,
+        rollouts.clearance.obstacles,
         tolerance=problem.tolerance,
-        speed=dict(zip(names, motions.bounds.speed, strict=True)),
-        acceleration=dict(zip(names, motions.bounds.acceleration, strict=True)),
-        margin=motions.margin,
+        speed=dict(zip(names, rollouts.bounds.speed, strict=True)),
+        acceleration=dict(zip(names, rollouts.bounds.acceleration, strict=True)),
+        margin=rollouts.options.margin,
         slack=True,
     )
 

@@ -106,7 +106,7 @@ def kicked(problem: Problem, size: float, random: np.random.Generator) -> State:
 
 def follow(law: Feedback, x0: State, closed: bool) -> Followed:
     """A plan in MuJoCo, from look to look; the law is asked once a segment."""
-    problem, interval = law.plan.problem, law.plan.motions.interval
+    problem, interval = law.plan.problem, law.plan.rollouts.options.interval
     puppet, states, asked = MuJoCoPuppet(problem.marionette, STEP), [x0], []
     puppet.put(x0.q_D, x0.v_D)
     for k, looks in enumerate(law.looks):

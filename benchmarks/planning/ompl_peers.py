@@ -67,7 +67,7 @@ class Outcome:
 
 def _box(problem: Problem, layout: Layout) -> tuple[Array, Array]:
     """Least and greatest (n,) of the states that OMPL samples; what it reaches may lie outside."""
-    table, bounds = problem.marionette.coordinates, problem.motions.bounds
+    table, bounds = problem.marionette.coordinates, problem.rollouts.bounds
     low, high = np.full(layout.n, -FASTEST), np.full(layout.n, FASTEST)
     q_D, _, q_K, v_K = layout.parts
     low[q_D], high[q_D] = -math.pi, math.pi
@@ -96,9 +96,9 @@ def solve(problem: Problem, planner: str, propagator: str, seed: int, time_limit
 
     util.setLogLevel(util.LOG_ERROR)
     util.RNG.setSeed(seed + 1)  # it has no seed 0
-    layout, motions = Layout(problem), problem.motions
+    layout, rollouts = Layout(problem), problem.rollouts
     made = PROPAGATORS[propagator](problem, layout)
-    n, n_K = layout.n, len(motions.bounds.speed)
+    n, n_K = layout.n, len(rollouts.bounds.speed)
     scale = np.ones(n)
     scale[layout.parts[1]] = scale[layout.parts[3]] = TIME
 
@@ -109,7 +109,7 @@ def solve(problem: Problem, planner: str, propagator: str, seed: int, time_limit
         state[0:n] = (row * scale).tolist()
 
     def distance(state: base.State) -> float:
-        return float(problem.goal.distance(layout.rows(read(state)))[0])
+        return float(problem.goal.distance(layout.states(read(state)))[0])
 
     class Near(base.GoalRegion):
         def distanceGoal(self, state: base.State) -> float:
@@ -133,11 +133,11 @@ def solve(problem: Problem, planner: str, propagator: str, seed: int, time_limit
         base.RealVectorOrthogonalProjectionEvaluator(space, [CELL] * len(places), places)
     )
     controls = control.RealVectorControlSpace(space, n_K)
-    most = motions.bounds.acceleration
+    most = rollouts.bounds.acceleration
     controls.setBounds(limits(-most, most))
     setup = control.SimpleSetup(controls)
     info = setup.getSpaceInformation()
-    info.setPropagationStepSize(motions.interval)
+    info.setPropagationStepSize(rollouts.options.interval)
     info.setMinMaxControlDuration(*LOOKS)
     setup.setStatePropagator(propagate)
     setup.setStateValidityChecker(lambda state: made.clear(read(state)))
@@ -161,7 +161,7 @@ def solve(problem: Problem, planner: str, propagator: str, seed: int, time_limit
 
 def easier(problem: Problem) -> Problem:
     """The same without obstacles, strings that may go slack, and twice the tolerance."""
-    bounds = problem.motions.bounds
+    bounds = problem.rollouts.bounds
     names = problem.marionette.coordinates.v_K
     return Problem(
         problem.marionette,

@@ -41,7 +41,7 @@ def first_plans(seeds: int) -> tuple[Section, list[Mark]]:
     rows, held, marks = [], [], []
     for tolerance, (median, most, found) in ASKED.items():
         read = fan.load_problem("arm3d_boxes", tolerance=tolerance)
-        obstacles = read.motions.clearance.obstacles
+        obstacles = read.rollouts.clearance.obstacles
 
         def make(tolerance: float = tolerance, read=read, obstacles=obstacles) -> fan.Problem:
             return fan.Problem(
@@ -104,7 +104,7 @@ def boxes_matter(seeds: int) -> tuple[Section, list[Mark]]:
     """How many first plans without the boxes pass through where they stood."""
     read = fan.load_problem("arm3d_boxes")
     free = fan.Problem(read.marionette, read.start, read.goal, tolerance=0.25, slack=False)
-    clearance = read.motions.clearance
+    clearance = read.rollouts.clearance
     through = [
         float(np.min(clearance.of(fan.solve(free, seed=s).trajectory))) < 0.0 for s in range(seeds)
     ]
@@ -122,7 +122,7 @@ def better_plans(seeds: int) -> tuple[Section, list[Mark]]:
     plans = [p for p in plans if p]
     ratios = [p.duration / p.curve[0][2] for p in plans]
     near = [p.distance <= 1e-3 for p in plans]
-    pulling = [float(np.min(_tensions(p))) >= 0.0 for p in plans]
+    active = [float(np.min(_tensions(p))) >= 0.0 for p in plans]
     held = [not _slackens(p) for p in plans]
     rough = [_roughness(p) for p in plans]
     peers = [p.verify(backend="mujoco").arrives for p in plans]
@@ -155,7 +155,7 @@ def better_plans(seeds: int) -> tuple[Section, list[Mark]]:
     return section, [
         Mark("improved: end within 1e-3 of the goal", share(near), 100.0, "%", True),
         Mark("improved: median duration relative to the first plan's", np.median(ratios), 0.6, ""),
-        Mark("improved: tensions at least 0", share(pulling), 100.0, "%", True),
+        Mark("improved: tensions at least 0", share(active), 100.0, "%", True),
         Mark("improved: median seconds in all", float(np.median(seconds)), 1.0, "s"),
     ]
 

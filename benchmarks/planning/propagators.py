@@ -12,9 +12,9 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.exchange import MuJoCoPuppet
-from fantoccini.planning import Problem, Rows
-from fantoccini.runtime import Sweeper, Terms
-from fantoccini.runtime.clearance import ClearanceArrays, Exact
+from fantoccini.planning import Problem, StateArrays
+from fantoccini.runtime import RolloutPool, RolloutSettings
+from fantoccini.runtime.clearance import Exact, clearance_arrays
 from fantoccini.runtime.functions import pointer
 
 SLACK = 1e-3
@@ -22,7 +22,7 @@ SLACK = 1e-3
 
 
 class Layout:
-    """Rows (n,) that hold q_D, v_D, q_K, v_K one after the other.
+    """Vectors (n,) that hold q_D, v_D, q_K, v_K one after the other.
 
     Attributes:
         parts: where each of them is.
@@ -37,34 +37,35 @@ class Layout:
         self.n = ends[-1]
         self.slip = problem.start.slip[None]
 
-    def row(self, rows: Rows) -> Array:
-        """(n,) of one state, rows (1,)."""
-        return np.concatenate([rows.q_D[0], rows.v_D[0], rows.q_K[0], rows.v_K[0]])
+    def row(self, states: StateArrays) -> Array:
+        """(n,) of one state (1,)."""
+        parts = (states.q_D, states.v_D, states.q_K, states.v_K)
+        return np.concatenate([part[0] for part in parts])
 
-    def rows(self, row: Array) -> Rows:
+    def states(self, row: Array) -> StateArrays:
         """(1,) states of a row (n,)."""
         q_D, v_D, q_K, v_K = (row[None, part] for part in self.parts)
-        return Rows(q_D, v_D, self.slip, q_K, v_K)
+        return StateArrays(q_D, v_D, self.slip, q_K, v_K)
 
 
-class Own(Sweeper):
+class Own(RolloutPool):
     """Our time-stepper. It looks at clearance, bounds and strings in the same call."""
 
     def __init__(self, problem: Problem, layout: Layout):
-        m, marionette, bounds = problem.motions, problem.marionette, problem.motions.bounds
-        limits = bounds.speed, bounds.acceleration, bounds.low, bounds.high
-        terms = Terms(
-            m.options, 1, marionette.p, marionette.winches, limits, m.margin, m.slack,
-            m.clearance.solids, problem.goal.numbers, -1.0,
+        m, marionette, bounds = problem.rollouts, problem.marionette, problem.rollouts.bounds
+        options = m.options
+        settings = RolloutSettings(
+            m.run_options, 1, marionette.p, marionette.winches, vars(bounds), options.margin,
+            options.slack, m.clearance.solids, problem.goal.numbers, -1.0,
         )  # fmt: skip
-        super().__init__(marionette.model.compiled.motions, terms, 1)
+        super().__init__(marionette.model.compiled.rollouts, settings, 1)
         self._before, self._there = np.empty(layout.n), np.empty(layout.n)
         self._acc_K, self._distance = np.empty(len(bounds.speed)), np.empty(1)
         self._zero, self._one = np.zeros(1, np.int64), np.ones(1, np.int32)
         self._looks, self._slips = np.empty(2, np.int32), np.concatenate([layout.slip] * 2)
         arrays = self._arrays
         self._exact = Exact(m.clearance.solids)
-        self._measured = ClearanceArrays.of(m.clearance.solids, self._exact, self._kept)
+        self._measured = clearance_arrays(m.clearance.solids, self._exact, self._kept)
         arrays.solids = ctypes.addressof(self._measured)
         arrays.n = arrays.segments = 1
         for into, row, slip in (
@@ -73,9 +74,9 @@ class Own(Sweeper):
         ):
             into.q_D, into.v_D, into.q_K, into.v_K = (pointer(row[p]) for p in layout.parts)
             into.slip = pointer(slip)
-        arrays.acc_K, arrays.reach = pointer(self._acc_K), pointer(self._distance)
-        arrays.from_, arrays.which = pointer(self._zero), pointer(self._zero)
-        arrays.made = arrays.given = pointer(self._one)
+        arrays.acc_K, arrays.lead_time = pointer(self._acc_K), pointer(self._distance)
+        arrays.start, arrays.funnel = pointer(self._zero), pointer(self._zero)
+        arrays.n_segments = arrays.n_given = pointer(self._one)
         arrays.out.distance = pointer(self._distance)
         arrays.out.looks, arrays.out.catches = (pointer(self._looks[k:]) for k in (0, 1))
 
@@ -98,8 +99,8 @@ class MuJoCo:
     """
 
     def __init__(self, problem: Problem, layout: Layout):
-        self.motions, self.parts = problem.motions, layout.parts
-        self.puppet = puppet = MuJoCoPuppet(problem.marionette, self.motions.dt)
+        self.rollouts, self.parts = problem.rollouts, layout.parts
+        self.puppet = puppet = MuJoCoPuppet(problem.marionette, self.rollouts.options.dt)
         if puppet.twists:
             raise ValueError("limits of twists must be led anew at every step; here is no time")
         mujoco, option = puppet.mujoco, puppet.model.opt
@@ -115,26 +116,26 @@ class MuJoCo:
     def after(self, row: Array, acc_K: Array) -> Array:
         """(n,) one look later, nan where a string went slack that must not; acc_K (n_vK,)
         [m/s^2]."""
-        puppet, motions, t = self.puppet, self.motions, self.motions.interval
+        puppet, rollouts, t = self.puppet, self.rollouts, self.rollouts.options.interval
         q_D, v_D, q_K, v_K = (row[part] for part in self.parts)
         puppet.put(q_D, v_D)
         # An Euler step takes its last velocity for the whole of it: that in its middle is exact.
-        puppet.drive(q_K, v_K - 0.5 * motions.dt * acc_K, acc_K)
+        puppet.drive(q_K, v_K - 0.5 * rollouts.options.dt * acc_K, acc_K)
         self._warm[:] = 0.0
-        self._step(puppet.model, puppet.data, motions.look)
-        if not motions.slack and (self._lengths[puppet.strings] < self._slack).any():
+        self._step(puppet.model, puppet.data, rollouts.options.look)
+        if not rollouts.options.slack and (self._lengths[puppet.strings] < self._slack).any():
             return np.full(len(row), np.nan)
         there = self._qpos[puppet.q_D], self._qvel[puppet.v_D]
         return np.concatenate([*there, q_K + t * (v_K + 0.5 * t * acc_K), v_K + t * acc_K])
 
     def clear(self, row: Array) -> bool:
         """Whether a state may be: its speeds, its ranges, its clearance."""
-        bounds, (q_D, _, q_K, v_K) = self.motions.bounds, (row[part] for part in self.parts)
+        bounds, (q_D, _, q_K, v_K) = self.rollouts.bounds, (row[part] for part in self.parts)
         return bool(
             np.isfinite(row).all()
             and (np.abs(v_K) <= bounds.speed * (1.0 + 1e-12)).all()
             and ((q_K >= bounds.low) & (q_K <= bounds.high)).all()
-            and self._clearance(q_D, q_K) >= self.motions.margin
+            and self._clearance(q_D, q_K) >= self.rollouts.options.margin
         )
 
 
@@ -144,9 +145,9 @@ class _OneClearance:
     def __init__(self, problem: Problem):
         marionette, q = problem.marionette, problem.start
         self._solids: list[np.ndarray] = []
-        measured = problem.motions.clearance.solids
+        measured = problem.rollouts.clearance.solids
         self._exact = Exact(measured)
-        solids = ClearanceArrays.of(measured, self._exact, self._solids)
+        solids = clearance_arrays(measured, self._exact, self._solids)
         self._given = q.q_D.copy(), q.q_K.copy(), np.array(marionette.p, dtype=float)
         self._found, self._pair = np.empty(1), np.empty(1, np.int64)
         self._call = marionette.model.compiled.clearances.handle.fan_clearance

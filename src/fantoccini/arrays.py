@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 """Any shape, flags."""
 
-Indices = NDArray[np.intp]
+Indices = NDArray[np.integer[Any]]
 """Any shape, places in arrays."""
 
 ConfigD = NDArray[np.float64]

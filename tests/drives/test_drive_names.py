@@ -12,7 +12,7 @@ from drives.test_drives import BOB, MACHINES
 from fantoccini.errors import InputError, StateError, UnknownNameError
 from fantoccini.motion import Input
 from fantoccini.motion.archive import _table_from_json, _table_to_json
-from fantoccini.planning.motions import Bounds
+from fantoccini.planning.rollouts import Bounds
 from fantoccini.puppet import loads
 from fantoccini.tree import grow
 from fantoccini.world import World
@@ -95,7 +95,7 @@ def test_a_plan_winds_a_winch():
     found = fan.plan(bob, x0, goal, ranges={"line.command.length": (0.5, 0.9)}, seed=1, **asked)
     assert found and found.verify().arrives
     length = bob.coordinates.q_K.index("line.command.length")
-    bounds = found.problem.motions.bounds
+    bounds = found.problem.rollouts.bounds
     assert (bounds.low[length], bounds.high[length]) == (0.5, 0.9)
     assert bounds.moves.tolist() == [i == length for i in range(2)]
     assert Bounds.of(bob, 0.5, 2.0, {}).low[length] == 1e-3

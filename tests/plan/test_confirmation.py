@@ -1,4 +1,4 @@
-"""Plans hold event-driven, and what did not help them is told."""
+"""Plans hold event-driven, and say what did not help."""
 
 from __future__ import annotations
 
@@ -14,12 +14,14 @@ from fantoccini.planning import (
     PlanResult,
     PolishStatus,
     Problem,
-    Rows,
+    StateArrays,
     check,
+    plan_path,
     result,
     search,
     solve,
 )
+from fantoccini.planning.plan_path import PlanPath
 
 DAMPED = fan.loads(
     fan.puppets.path("arm3d").read_text(encoding="utf-8").replace("2.0e-4", "0.2")
@@ -51,12 +53,12 @@ def test_plans_hold_event_driven_by_default(damped):
         assert plan and plan.status is fan.PlanStatus.EXACT
         run = fan.simulate(DAMPED, damped.start, plan.inputs, t_end=plan.duration)
         every = run.resample(np.arange(0.0, run.t[-1], 1e-3))
-        assert damped.motions.clearance.of(every).min() >= -1e-3
-        assert damped.goal.distance(Rows.of(run.state(-1))) <= damped.tolerance + 1e-6
+        assert damped.rollouts.clearance.of(every).min() >= -1e-3
+        assert damped.goal.distance(StateArrays.of(run.state(-1))) <= damped.tolerance + 1e-6
 
 
 def test_the_search_goes_on_where_a_plan_does_not_hold(boxes, monkeypatch, tmp_path):
-    """17.19: the next one is taken, and how many were refused is told."""
+    """17.19: the next one is taken, and how many were refused is reported."""
     asked = []
 
     def not_the_first_two(*arguments) -> bool:
@@ -81,19 +83,19 @@ def test_a_plan_whose_drives_are_too_weak_does_not_hold(boxes, monkeypatch, stat
     """Though its run comes to its end within the tolerance."""
     plan = solve(boxes, seed=0, time_limit=60.0)
     assert plan.verify(method="event").arrives
-    made = check.run_along
+    made = PlanPath.simulate
     monkeypatch.setattr(
-        check, "run_along", lambda *a, **o: dataclasses.replace(made(*a, **o), status=status)
+        PlanPath, "simulate", lambda *a, **o: dataclasses.replace(made(*a, **o), status=status)
     )
     assert not plan.verify(method="event").arrives
-    assert not check.holds(plan.problem, plan.tree, plan.path)
+    assert not check.holds(plan)
 
 
 def test_ctrl_c_while_a_plan_is_confirmed_ends_the_search(boxes, monkeypatch):
     """17.19: a run that Ctrl-C stops says nothing about the plan, and is not refused."""
     whole = fan.simulate(boxes.marionette, boxes.start, t_end=0.1)
     stopped = dataclasses.replace(whole, status=fan.Status.STOPPED)
-    monkeypatch.setattr(check, "simulate", lambda *_, **__: stopped)
+    monkeypatch.setattr(plan_path, "simulate", lambda *_, **__: stopped)
     plan = solve(boxes, seed=0, time_limit=60.0)
     assert not plan and plan.refused == 0 and plan.status is fan.PlanStatus.APPROXIMATE
 
@@ -114,17 +116,17 @@ def test_what_is_hidden_between_looks_is_found(boxes):
     """17.19: a bead that the string passes between two looks, and touches at neither."""
     plan = solve(boxes, seed=0)
     run = plan.verify(method="event").run
-    arm, first = boxes.marionette, np.arange(0.0, run.t[-1], boxes.motions.interval)
+    arm, first = boxes.marionette, np.arange(0.0, run.t[-1], boxes.rollouts.options.interval)
     fast = float(first[np.argmax(np.abs(run.resample(first).v_K[:, 0]))])
-    between = run.at(fast + 0.5 * boxes.motions.interval)
+    between = run.at(fast + 0.5 * boxes.rollouts.options.interval)
     bead = {"name": "bead", "type": "sphere", "radius": 1.2e-3}
     middle = np.mean(arm.string_points(between.q_D, between.q_K)[0], axis=0)
     asked = Problem(
         arm, boxes.start, boxes.goal, [bead | {"at": middle.tolist()}], tolerance=0.25
     )
-    seen = asked.motions.clearance.of(run.resample(first))
+    seen = asked.rollouts.clearance.of(run.resample(first))
     assert seen.min() > 0.0
-    made = check.checked(asked, plan.tree, plan.path, method="event")
+    made = check.checked(PlanPath(asked, plan.tree, plan.path), method="event")
     assert made.clearance < 0.0 and not made.arrives
 
 
@@ -140,7 +142,7 @@ def test_polish_says_what_came_of_it(boxes, monkeypatch, tmp_path):
     assert PlanResult.load(tmp_path / "plan.npz", boxes).polished == tried.polished
     monkeypatch.setattr(search, "holds", lambda *_: False)
     plan = solve(boxes, confirm=False)
-    plan.search.confirm = True
+    plan.search.options = dataclasses.replace(plan.search.options, confirm=True)
     left = plan.polish(0.2, seconds=0.0)
     assert left.path == plan.path and left.polished.status is PolishStatus.NOT_HELD
 

@@ -1,4 +1,4 @@
-"""Feedback about catches: modes beyond their events, slopes through catches, gains by event."""
+"""Feedback about catches: active sets beyond events, derivatives through catches, gains."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import pytest
 import fantoccini as fan
 from fantoccini.marionette import Evaluation
 from fantoccini.motion import State
-from fantoccini.planning import PlanResult, PlanStatus, Problem, Rows, solve
+from fantoccini.planning import PlanResult, PlanStatus, Problem, StateArrays, solve
+from fantoccini.planning.active_sets import extended
 from fantoccini.planning.feedback import Feedback
-from fantoccini.planning.modes import led
-from fantoccini.planning.planners import Grown
-from fantoccini.planning.saltation import caught_slopes
+from fantoccini.planning.planners import PlannerRound
+from fantoccini.planning.saltation import event_derivatives
 
 
 def dropped(lift: float, segments: int) -> PlanResult:
@@ -30,10 +30,10 @@ def dropped(lift: float, segments: int) -> PlanResult:
     goal = fan.Goal.pose(arm, dict(zip(arm.coordinates.q_D, end, strict=True)), speed_weight=0.0)
     problem = Problem(arm, start, goal, tolerance=1e-3, speed=5.0, acceleration=10.0)
 
-    def still(tree, motions, rng):
+    def still(tree, rollouts, rng):
         first = np.zeros(1, dtype=int)
-        made = motions.sweep(tree.rows, first, np.zeros((1, segments, arm.coordinates.n_vK)))
-        return Grown(1, tree.add_segments(made, first, motions.interval))
+        made = rollouts.simulate(tree.states, first, np.zeros((1, segments, arm.coordinates.n_vK)))
+        return PlannerRound(1, tree.add_segments(made, first, rollouts.options.interval))
 
     # Located, the catch moves its end by more than the tolerance; the laws are those of its nodes.
     found = solve(problem, planner=still, iterations=1, confirm=False)
@@ -53,7 +53,7 @@ def test_a_puppet_caught_late_or_early_is_led_by_the_gains_of_its_mode(lift, kic
     """At the second node it is on the other side of the catch than the plan."""
     plan, late = dropped(lift, 4), kicks[0] > 0.0
     by_event, by_time = Feedback.along(plan), Feedback.along(plan, window=0)
-    assert by_event.pulling[1, 0] == late and not len(by_time.beyond.late)
+    assert by_event.active[1, 0] == late and not len(by_time.extended.late)
     off = []
     for kick in kicks:
         start = plan.start.replace(v_D=plan.start.v_D + np.array([kick, 0.0]))
@@ -63,21 +63,22 @@ def test_a_puppet_caught_late_or_early_is_led_by_the_gains_of_its_mode(lift, kic
     assert event < time / 3.0, (time, event)
 
 
-def test_the_mode_is_the_puppets():
+def test_the_active_set_is_the_puppets():
     plan = dropped(0.17, 4)
     law, arm = Feedback.along(plan), plan.problem.marionette
-    assert law.pulling[:, 0].tolist() == [False, True, True, True, True]
+    assert law.active[:, 0].tolist() == [False, True, True, True, True]
     x = arm.stepper(plan.start).advance(0.2)
-    assert law.mode(x) == [True]
-    assert law.mode(arm.project(x).replace(taut=np.zeros_like(x.taut))) == [True], "not filled in"
+    assert law.active_set(x) == [True]
+    empty = arm.project(x).replace(taut=np.zeros_like(x.taut))
+    assert law.active_set(empty) == [True], "not filled in"
     slack = x.replace(q_K=x.q_K + np.array([0.0, 0.01]), taut=np.zeros_like(x.taut))
-    assert law.mode(slack) == [False]
-    # At its own time a mode is the plan's; at others what is nearest to it.
+    assert law.active_set(slack) == [False]
+    # At its own time the reference is the plan's; at others what is nearest to it.
     node, gains = law.reference(1, x)
     assert gains is not None and np.array_equal(node.q_D, law.nodes.q_D[1])
     late, _ = law.reference(1, slack)
     assert Evaluation.of(arm.model, x.replace(q_D=late.q_D, v_D=late.v_D)).h[0] > 0.0, (
-        "led beyond the catch"
+        "extended beyond the catch"
     )
     early, _ = law.reference(0, x)
     assert abs(Evaluation.of(arm.model, x.replace(q_D=early.q_D, v_D=early.v_D)).h[0]) < 1e-4
@@ -85,7 +86,7 @@ def test_the_mode_is_the_puppets():
     assert np.array_equal(law.reference(3, slack)[0].q_D, law.nodes.q_D[3])
 
 
-def test_modes_go_on_as_the_event_driven_method_does():
+def test_active_sets_are_extended_as_the_event_driven_method_does():
     """Forwards, and back to where they came from; with and without the string."""
     arm = fan.puppets.arm3d()
     hangs = arm.rest({"hand.x": 0.3, "hand.length": 1.2})
@@ -96,21 +97,22 @@ def test_modes_go_on_as_the_event_driven_method_does():
         acc_K = np.array([0.3, -0.2, 0.1])
         stepper = arm.stepper(x, "event")
         y = stepper.advance(0.1, acc_K)
-        mode = x.taut[None, :1]
+        active = x.taut[None, :1]
         assert np.array_equal(y.taut, x.taut)
-        end = led(arm, Rows.of(x.replace(slip=np.zeros(1))), mode, acc_K[None], np.array([0.1]))
+        begin = StateArrays.of(x.replace(slip=np.zeros(1)))
+        end = extended(arm, begin, active, acc_K[None], np.array([0.1]))
         for name in ("q_D", "v_D", "q_K", "v_K"):
             np.testing.assert_allclose(getattr(end, name)[0], getattr(y, name), atol=2e-4)
-        back = led(arm, end, mode, acc_K[None], np.array([-0.1]))
+        back = extended(arm, end, active, acc_K[None], np.array([-0.1]))
         np.testing.assert_allclose(back.q_D[0], x.q_D, atol=1e-6)
 
 
-def test_slopes_through_a_catch_are_those_of_neighbours():
+def test_derivatives_through_a_catch_are_those_of_neighbours():
     """Differences of event-driven runs, of changes that keep the order of events."""
     plan = dropped(0.83, 5)
     arm, start = plan.problem.marionette, plan.start
     law = Feedback.along(plan)
-    A, B = caught_slopes(arm, law.nodes[1], np.zeros(2), 0.15)
+    A, B = event_derivatives(arm, law.nodes[1], np.zeros(2), 0.15, np.zeros(1, bool))
     node = law.nodes[1]
     x = State(0.0, node.q_D, node.v_D, node.q_K, node.v_K, start.taut, node.slip)
 

@@ -1,4 +1,4 @@
-"""Feedback along plans: its gains, its slopes, what it makes of disturbances."""
+"""Feedback along plans: its gains, its derivatives, its response to disturbances."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ import fantoccini as fan
 from fantoccini.errors import StateError
 from fantoccini.marionette import Evaluation, Stepper
 from fantoccini.motion import State, tangent
-from fantoccini.planning import PlanResult, Problem, Rows, solve
+from fantoccini.planning import PlanResult, Problem, StateArrays, solve
+from fantoccini.planning.derivatives import segment_derivatives, taut_projection
 from fantoccini.planning.feedback import Feedback
 from fantoccini.planning.funnels import regulators
-from fantoccini.planning.slopes import segment_slopes, taut
 
 
 @pytest.fixture(scope="module")
 def plan() -> PlanResult:
     """No clock ends its search. It ends at rest, where the arm hangs."""
     read = fan.load_problem("arm3d_boxes")
-    arm, obstacles = read.marionette, read.motions.clearance.obstacles
+    arm, obstacles = read.marionette, read.rollouts.clearance.obstacles
     pose = {"shoulder.rotation": [0, -np.radians(80), 0], "elbow": np.radians(80)}
     goal = fan.Goal.pose(arm, pose, driven_weight=0.5)
     problem = Problem(
@@ -70,7 +70,7 @@ def test_gains_are_those_of_least_squares():
 def test_projected_changes_leave_taut_strings_taut(plan, law):
     """h and hdot answer them by less than the square of their size."""
     marionette, nodes = plan.problem.marionette, law.nodes
-    onto = taut(marionette, nodes, np.ones((len(nodes.q_D), 1), dtype=bool))
+    onto = taut_projection(marionette, nodes, np.ones((len(nodes.q_D), 1), dtype=bool))
     rng, size = np.random.default_rng(1), 1e-4
     for k in range(0, len(onto), 5):
         z = onto[k] @ rng.normal(size=onto.shape[1]) * size
@@ -81,11 +81,11 @@ def test_projected_changes_leave_taut_strings_taut(plan, law):
         assert abs(after.hdot[0] - before.hdot[0]) < 50.0 * squared
 
 
-def test_slopes_predict_where_neighbours_end(plan, law):
+def test_derivatives_predict_where_neighbours_end(plan, law):
     """Segments without events, from neighbours whose string is as taut as the plan's."""
     marionette, rng = plan.problem.marionette, np.random.default_rng(2)
-    free = plan.motions.where(tolerance=-1.0, free=True)
-    onto = taut(marionette, law.nodes, np.ones((len(law.nodes.q_D), 1), dtype=bool))
+    free = plan.rollouts.where(tolerance=-1.0, free=True)
+    onto = taut_projection(marionette, law.nodes, np.ones((len(law.nodes.q_D), 1), dtype=bool))
     quiet = np.flatnonzero(plan.tree.catches[list(plan.path[1:])] == 0)
     for k in quiet[::4]:
         z = onto[k] @ rng.normal(size=onto.shape[1]) * 1e-4
@@ -98,13 +98,13 @@ def test_slopes_predict_where_neighbours_end(plan, law):
 
 
 @pytest.mark.parametrize("slack", [0.005, 0.01])
-def test_slopes_hold_what_a_catch_does_to_neighbours(plan, slack):
+def test_derivatives_hold_what_a_catch_does_to_neighbours(plan, slack):
     """Beside the exact derivative through the catch of an arm that falls onto its string."""
-    arm, funnel = plan.problem.marionette, plan.motions.funnels[0]
-    x = at(plan, Rows(funnel.q_D, np.zeros(4), np.zeros(1), funnel.q_K, np.zeros(3)))
+    arm, funnel = plan.problem.marionette, plan.rollouts.funnels[0]
+    x = at(plan, StateArrays(funnel.q_D, np.zeros(4), np.zeros(1), funnel.q_K, np.zeros(3)))
     x = x.replace(q_K=x.q_K + np.array([0.0, 0.0, slack]))
-    options = dataclasses.replace(plan.motions.options, dt=4e-4, save_every=50)
-    A, _ = segment_slopes(arm, Rows.of(x), np.zeros((1, 3)), options, 5, apart=1e-3)
+    options = dataclasses.replace(plan.rollouts.run_options, dt=4e-4, save_every=50)
+    A, _ = segment_derivatives(arm, StateArrays.of(x), np.zeros((1, 3)), options, 5, apart=1e-3)
     exact = fan.sensitivity(arm, x, t_end=0.1)
     assert [event.kind.value for event in exact.run.events] == ["catch"]
     wrong = np.linalg.norm(A[0][:8, :8] - exact.x0[-1]) / np.linalg.norm(exact.x0[-1])
@@ -122,8 +122,8 @@ def test_disturbed_starts_arrive(plan, law):
         for closed, found in within.items():
             run = law.run(kicked, closed=closed)
             found.append(run.distance)
-            assert np.all(np.abs(run.acceleration) <= plan.motions.bounds.acceleration + 1e-9)
-            assert np.all(np.abs(run.states.v_K) <= plan.motions.bounds.speed + 1e-9)
+            assert np.all(np.abs(run.acceleration) <= plan.rollouts.bounds.acceleration + 1e-9)
+            assert np.all(np.abs(run.states.v_K) <= plan.rollouts.bounds.speed + 1e-9)
     with_law, without = (np.array(within[closed]) for closed in (True, False))
     assert np.median(with_law) < np.median(without) / 3.0
     assert np.sum(with_law <= plan.tolerance) > np.sum(without <= plan.tolerance)
@@ -162,7 +162,7 @@ def test_steppers_that_lose_steps_are_followed_to_the_end(plan, law):
 
 def test_without_events_gains_go_by_time(plan, law):
     """The same to the last bit, where the plan's string pulls all the way."""
-    assert np.all(law.pulling) and not len(law.beyond.late)
+    assert np.all(law.active) and not len(law.extended.late)
     by_time = Feedback.along(plan, window=0)
     kicked = plan.problem.marionette.project(plan.start.replace(v_D=[0.3, 0.1, 0.0, -0.4]))
     runs = [each.run(kicked) for each in (law, by_time)]
@@ -182,7 +182,7 @@ def test_pushes_are_absorbed_and_the_goal_is_held(plan, law):
 def test_ranges_are_kept_whatever_is_asked(plan, law):
     """Gains that pull at everything, and a puppet that is far away."""
     wild = dataclasses.replace(law, gains=-30.0 * law.gains)
-    low, high = plan.motions.bounds.low.copy(), plan.motions.bounds.high.copy()
+    low, high = plan.rollouts.bounds.low.copy(), plan.rollouts.bounds.high.copy()
     problem, random = plan.problem, np.random.default_rng(0)
     k = problem.marionette.coordinates.q_K.index("hand.length")
     assert low[k] > 0.0 and high[k] == np.inf
@@ -191,7 +191,7 @@ def test_ranges_are_kept_whatever_is_asked(plan, law):
         kicked = x.replace(v_D=x.v_D + 2.0 * random.normal(size=len(x.v_D)))
         run = wild.run(problem.marionette.project(kicked), hold=3.0)
         assert np.all(run.states.q_K >= low - 1e-9)
-        assert np.all(np.abs(run.states.v_K) <= plan.motions.bounds.speed + 1e-9)
+        assert np.all(np.abs(run.states.v_K) <= plan.rollouts.bounds.speed + 1e-9)
     spans = {"hand.x": (0.2, 0.6), "hand.length": (0.4, 1.4)}
     narrow = Problem(
         problem.marionette, plan.start, plan.goal, tolerance=0.25, slack=False, ranges=spans
@@ -211,22 +211,22 @@ def test_what_makes_no_sense_is_refused(plan, law):
         law.run(marionette=fan.puppets.arm2d())
     with pytest.raises(ValueError, match="effort is 0"):
         Feedback.along(plan, effort=0.0)
-    with pytest.raises(ValueError, match="no motion"):
+    with pytest.raises(ValueError, match="no segment"):
         Feedback.along(dataclasses.replace(plan, path=plan.path[:1]))
 
 
-def at(plan: PlanResult, row: Rows) -> State:
+def at(plan: PlanResult, row: StateArrays) -> State:
     """One row as a state."""
     rows = plan.problem.marionette.tree.n_rows
     return State(0.0, row.q_D, row.v_D, row.q_K, row.v_K, np.zeros(rows, dtype=bool), row.slip)
 
 
-def changed(plan: PlanResult, row: Rows, z: np.ndarray) -> Rows:
+def changed(plan: PlanResult, row: StateArrays, z: np.ndarray) -> StateArrays:
     """A state, changed by a tangent vector."""
     table = plan.problem.marionette.coordinates
     n, k = table.n_vD, table.n_vK
     q_D, v_D, q_K, v_K = np.split(z, np.cumsum([n, n, k]))
-    return Rows(
+    return StateArrays(
         tangent.moved(table.scalars_D, table.quaternions_D, row.q_D, q_D),
         row.v_D + v_D,
         row.slip,
@@ -261,7 +261,7 @@ def test_plans_begin_at_time_stepped_states(plan):
         if abs(Evaluation.of(arm.model, run.state(i)).h[0]) > 1e-9
     )
     again = Problem(
-        arm, x.replace(t=0.0), problem.goal, problem.motions.clearance.obstacles, tolerance=0.25,
+        arm, x.replace(t=0.0), problem.goal, problem.rollouts.clearance.obstacles, tolerance=0.25,
         margin=0.005, slack=False, speed=0.5,
     )  # fmt: skip
     found = solve(again, seed=3)

@@ -7,7 +7,16 @@ import pytest
 from tests.plan.seeds import first_plan, near, polished
 
 import fantoccini as fan
-from fantoccini.planning import EST2007, OBJECTIVES, Objective, PolishStatus, Problem, Search, solve
+from fantoccini.planning import (
+    EST2007,
+    OBJECTIVES,
+    Objective,
+    PolishStatus,
+    Problem,
+    Search,
+    SearchOptions,
+    solve,
+)
 
 ARM = fan.puppets.arm3d()
 START = ARM.rest({"hand.x": 0.3, "hand.length": 1.32, "shoulder.rotation": [0, 0, 0], "elbow": 0.1})
@@ -21,10 +30,10 @@ def problem() -> Problem:
 
 
 def test_plans_become_shorter(problem):
-    search = Search(problem, seed=3)
-    search.first(60.0)
+    search = Search(problem, SearchOptions(seed=3))
+    search.find_first(60.0)
     first = float(search.tree.time[search.best])
-    search.better(60.0, iterations=4000)
+    search.find_better(60.0, iterations=4000)
     times = [t for _, _, t in search.curve]
     assert times[0] == first and np.all(np.diff(times) < 0) and len(times) > 1
     found = fan.PlanResult.of(search)
@@ -35,17 +44,17 @@ def test_plans_become_shorter(problem):
 
 def test_what_a_plan_costs(problem):
     """Sums along the paths of a tree, whatever its arrays were filled with at once."""
-    search = Search(problem, seed=3, objective="effort")
-    search.first(60.0)
-    tree, interval = search.tree, problem.motions.interval
+    search = Search(problem, SearchOptions(seed=3, objective="effort"))
+    search.find_first(60.0)
+    tree, interval = search.tree, problem.rollouts.options.interval
     for node in range(0, len(tree), 97):
         path = tree.path(node)[1:]
         lasts = interval * tree.looks[path]
         effort = np.sum(lasts * np.sum(tree.acceleration[path] ** 2, axis=1))
         assert tree.time[node] == pytest.approx(lasts.sum())
         assert tree.cost[node] == pytest.approx(lasts.sum() + effort)
-    gentle = Search(problem, seed=3)
-    gentle.first(60.0)
+    gentle = Search(problem, SearchOptions(seed=3))
+    gentle.find_first(60.0)
     assert gentle.objective == OBJECTIVES["gentle"] and len(gentle.tree) == len(tree)
     for node in range(0, len(tree), 97):
         catches = gentle.tree.catches[tree.path(node)].sum()
@@ -57,10 +66,10 @@ def test_better_plans_cost_less(problem):
     for objective in ("gentle", "time", "effort"):
         catches[objective], efforts[objective] = [], []
         for seed in (1, 2, 3):
-            search = Search(problem, seed=seed, objective=objective)
-            search.first(60.0)
+            search = Search(problem, SearchOptions(seed=seed, objective=objective))
+            search.find_first(60.0)
             first = float(search.tree.cost[search.best])
-            search.better(60.0, iterations=3000)
+            search.find_better(60.0, iterations=3000)
             tree, best = search.tree, search.best
             assert tree.cost[best] < first
             catches[objective].append(tree.catches[tree.path(best)].sum())
@@ -68,7 +77,7 @@ def test_better_plans_cost_less(problem):
     assert np.sum(catches["gentle"]) <= np.sum(catches["time"])
     assert np.mean(efforts["effort"]) < np.mean(efforts["time"])
     with pytest.raises(ValueError, match="one of gentle, time, effort"):
-        Search(problem, objective="speed")
+        Search(problem, SearchOptions(objective="speed"))
 
 
 def test_an_objective_of_ones_own(problem, tmp_path):
@@ -76,7 +85,7 @@ def test_an_objective_of_ones_own(problem, tmp_path):
     own = Objective(catch=0.5, effort=0.25)
     found = solve(problem, seed=3, objective=own).grow(60.0, iterations=1000)
     path = list(found.path[1:])
-    effort = problem.motions.interval * _effort(found.tree, found.path[-1])
+    effort = problem.rollouts.options.interval * _effort(found.tree, found.path[-1])
     catches = found.tree.catches[path].sum()
     assert found.cost == pytest.approx(found.duration + 0.5 * catches + 0.25 * effort)
     found.save(tmp_path / "plan.npz")
@@ -97,9 +106,9 @@ def test_time_is_not_what_effort_saves(problem):
     assert found.polish(1e-3, seconds=5.0).duration >= found.duration - 1e-9
     shorter = []
     for seed in range(3):
-        search = Search(problem, seed=seed)
-        search.first(60.0)
-        search.better(60.0, iterations=3000)
+        search = Search(problem, SearchOptions(seed=seed))
+        search.find_first(60.0)
+        search.find_better(60.0, iterations=3000)
         found = fan.PlanResult.of(search)
         shorter.append(found.polish(1e-3, seconds=20.0).duration / found.duration)
     assert min(shorter) < 0.9
@@ -109,7 +118,7 @@ def test_a_search_goes_on_from_what_was_polished(problem):
     """What it finds then costs less, and Ctrl-C leaves what was found before."""
     search = first_plan(problem, near, lambda plan: plan.polish(1e-3, 10.0)).search
     cost = float(search.tree.cost[search.best])
-    search.better(60.0, iterations=2000)
+    search.find_better(60.0, iterations=2000)
     assert float(search.tree.cost[search.best]) <= cost
     assert search.curve[-1][2] == float(search.tree.time[search.best])
 
@@ -117,15 +126,15 @@ def test_a_search_goes_on_from_what_was_polished(problem):
 def test_ctrl_c_keeps_what_was_polished(problem, monkeypatch):
     from fantoccini.planning import polish
 
-    brought, calls = polish.brought, []
+    approach, calls = polish.approach, []
 
     def interrupted(*arguments):
-        calls.append(found := brought(*arguments))
-        if sum(approach.arrives for approach in calls[:-1]):
+        calls.append(found := approach(*arguments))
+        if sum(one.arrives for one in calls[:-1]):
             raise KeyboardInterrupt
         return found
 
-    monkeypatch.setattr(polish, "brought", interrupted)
+    monkeypatch.setattr(polish, "approach", interrupted)
     kept = first_plan(problem, near, lambda plan: plan.polish(1e-3, seconds=20.0))
     assert kept.distance <= 1e-3 and kept.replay()
 
@@ -158,9 +167,9 @@ def test_iterations_decide_what_is_found(problem):
         asked = Problem(
             ARM, START, RAISED, [BOX], tolerance=0.25, margin=0.005, slack=False, threads=threads
         )
-        search = Search(asked, seed=5)
-        search.first(60.0)
-        search.better(60.0, iterations=1500)
+        search = Search(asked, SearchOptions(seed=5))
+        search.find_first(60.0)
+        search.find_better(60.0, iterations=1500)
         found.append(search)
     a, b = (fan.PlanResult.of(s) for s in found)
     assert a.path == b.path and np.array_equal(a.tree.q_D, b.tree.q_D)
@@ -201,13 +210,13 @@ def test_a_plan_is_improved_and_polished_at_once(problem):
 
 
 def test_a_plan_that_is_found_when_the_time_ends_says_that_it_is_not_polished(problem, monkeypatch):
-    search = Search(problem, seed=3)
-    search.first(60.0)
+    search = Search(problem, SearchOptions(seed=3))
+    search.find_first(60.0)
 
     def better(seconds):
         search.polished = None
 
-    monkeypatch.setattr(search, "better", better)
+    monkeypatch.setattr(search, "find_better", better)
     monkeypatch.setattr(search, "polish", lambda *_: False)
     search.improve(0.01, 1e-3)
     assert search.polished.status is PolishStatus.TIMEOUT and search.polished.asked == 1e-3
@@ -243,3 +252,12 @@ def test_what_cannot_be_polished_is_told(problem):
     assert kept and kept.distance <= 0.25, "a plan is never made worse"
     with pytest.raises(ValueError, match="improve is -1"):
         solve(problem, improve=-1.0)
+
+
+def test_search_options_are_one_object_or_keywords(problem):
+    with pytest.raises(ValueError, match="either options or seed, not both"):
+        solve(problem, SearchOptions(), seed=1)
+    with pytest.raises(ValueError, match="planner is 'rrt'"):
+        SearchOptions(planner="rrt")
+    by_object, by_keyword = solve(problem, SearchOptions(seed=5)), solve(problem, seed=5)
+    assert by_object.path == by_keyword.path and len(by_object.tree) == len(by_keyword.tree)

@@ -27,7 +27,7 @@ def test_the_marionette_touches_the_bell_past_the_lamp():
         acceleration=1.0, slack=False,
     )  # fmt: skip
     straight = [fan.solve(free, seed=s) for s in range(4)]
-    hits = [float(problem.motions.clearance.of(p.trajectory).min()) < 0.0 for p in straight]
+    hits = [float(problem.rollouts.clearance.of(p.trajectory).min()) < 0.0 for p in straight]
     assert all(straight) and sum(hits) >= 3
 
 
@@ -46,7 +46,7 @@ def test_feedback_along_the_bell_absorbs_kicks():
 
 def test_where_it_hangs_at_the_goal_is_a_stable_equilibrium():
     problem = fan.load_problem("marionette_bell")
-    puppet, moves = problem.marionette, problem.motions.bounds.moves
+    puppet, moves = problem.marionette, problem.rollouts.bounds.moves
     q_D, q_K, left = balanced(puppet, problem.goal, problem.start, moves)
     assert left < 1e-9 * puppet.weight
     there = problem.start.replace(q_D=q_D, q_K=q_K)

@@ -281,7 +281,7 @@ def test_a_plan_goes_through_a_notch():
         time_limit=120.0, seed=2, threads=1,
     )  # fmt: skip
     assert plan, str(plan)
-    clear = plan.problem.motions.clearance
+    clear = plan.problem.rollouts.clearance
     assert np.min(clear.of(plan.trajectory)) > 0.0
     assert np.min(fan.Clearance(ARM, [about]).of(plan.trajectory)) < -1e-3
     assert plan.replay()
@@ -302,9 +302,9 @@ def test_what_fails_while_meshes_are_measured_is_told(monkeypatch, threads):
 
         monkeypatch.setattr("coal.distance", fails)
         with pytest.raises(type(error)):
-            problem.motions.clearance.of(HANGING)
+            problem.rollouts.clearance.of(HANGING)
         with pytest.raises(type(error)):
-            problem.motions.sweep(problem.root, np.zeros(8), np.zeros((8, 1, 3)))
+            problem.rollouts.simulate(problem.root, np.zeros(8), np.zeros((8, 1, 3)))
 
 
 def test_an_interrupt_is_not_lost_while_meshes_are_measured():

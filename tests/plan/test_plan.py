@@ -11,7 +11,7 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.errors import FileError
-from fantoccini.planning import EST2007, Explore, Rows, solve
+from fantoccini.planning import EST2007, Explore, StateArrays, solve
 
 ARM = fan.puppets.arm3d()
 HANGING = ARM.rest(
@@ -113,7 +113,7 @@ def test_the_papers_planner_comes_nearer():
 def test_the_papers_planner_solves_the_papers_problem():
     """17.4: the arm of Fig. 4, past two boxes, with what est-2007 does by default.
 
-    In 200,000 motions, that is seconds; with motions of 40 to 200 ms there were none in 400,000.
+    In 200,000 rollouts, that is seconds; with rollouts of 40 to 200 ms there were none in 400,000.
     """
     problem = fan.load_problem("arm3d_boxes")
     found = [
@@ -133,7 +133,7 @@ def test_goals_of_other_kinds():
     tip = ARM.string_points(end.q_D, end.q_K)[0][0]
     assert np.linalg.norm(tip - [0.35, 0.05, 0.0]) < 0.03 + 1e-6
 
-    def left(rows: Rows):
+    def left(rows: StateArrays):
         return np.maximum(0.1 - rows.q_K[..., 1], 0.0)
 
     assert fan.plan(ARM, ARM.rest(), left, tolerance=1e-6, iterations=20_000)
@@ -169,10 +169,10 @@ def test_a_goal_out_of_reach_is_told():
 
 
 def test_an_end_of_the_search_returns_the_nearest():
-    def interrupted(tree, motions, rng):
+    def interrupted(tree, rollouts, rng):
         if len(tree) > 500:
             raise KeyboardInterrupt
-        return Explore()(tree, motions, rng)
+        return Explore()(tree, rollouts, rng)
 
     stopped = raised(planner=interrupted, tolerance=1e-9)
     assert not stopped and stopped.status is fan.PlanStatus.APPROXIMATE
@@ -221,7 +221,7 @@ def test_a_coordinate_that_holds_still_does_not_mislead():
 
 def test_the_event_driven_run_is_looked_at_all_along(among_boxes):
     event = among_boxes.verify(method=fan.Event(rtol=1e-9, atol=1e-9))
-    assert np.max(np.diff(event.run.t)) <= among_boxes.motions.interval * (1 + 1e-9)
+    assert np.max(np.diff(event.run.t)) <= among_boxes.rollouts.options.interval * (1 + 1e-9)
     dense = fan.simulate(
         ARM,
         HANGING,
@@ -229,7 +229,7 @@ def test_the_event_driven_run_is_looked_at_all_along(among_boxes):
         t_end=among_boxes.duration,
         method=fan.Event(rtol=1e-9, atol=1e-9),
     )
-    least = np.min(among_boxes.motions.clearance.of(dense))
+    least = np.min(among_boxes.rollouts.clearance.of(dense))
     assert event.arrives and least > -1e-3
 
 
@@ -265,7 +265,7 @@ def test_a_goal_at_which_the_ends_cannot_be_is_searched_without_a_law():
         ARM, ARM.rest({"hand.x": 0.3, "hand.length": 1.32}), RAISED, tolerance=0.25,
         ranges={"hand.length": (1.25, 1.6)},
     )  # fmt: skip
-    assert not out.motions.funnels and not out.equilibrium
+    assert not out.rollouts.funnels and not out.equilibrium
     assert solve(out, iterations=200).tried >= 200
 
 

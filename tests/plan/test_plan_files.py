@@ -35,7 +35,7 @@ def test_a_planner_without_a_name_is_given_again(problem, tmp_path):
     planner = Explore(batch=32)
     fan.solve(problem, planner=planner, seed=1).save(tmp_path / "plan.npz")
     again = fan.PlanResult.load(tmp_path / "plan.npz", problem, planner)
-    assert again.search.planner is planner
+    assert again.search.options.planner is planner
 
 
 def test_what_is_no_plan_is_told(problem, tmp_path):

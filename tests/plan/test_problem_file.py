@@ -39,8 +39,8 @@ def test_bundled_problems_are_as_they_say():
     assert set(problem_names()) >= {"arm3d_boxes", "marionette_bell"}
     arm = fan.load_problem("arm3d_boxes")
     assert arm.name == "arm3d_boxes" and not arm.reason and arm.tolerance == 0.25
-    assert np.array_equal(arm.motions.bounds.speed, [0.5] * 3)
-    assert [o.name for o in arm.motions.clearance.obstacles] == ["low", "high"]
+    assert np.array_equal(arm.rollouts.bounds.speed, [0.5] * 3)
+    assert [o.name for o in arm.rollouts.clearance.obstacles] == ["low", "high"]
     assert fan.load_problem("arm3d_boxes", tolerance=0.1).tolerance == 0.1
 
 
@@ -62,7 +62,7 @@ def test_a_file_chooses_segments_and_an_objective(tmp_path):
     """Accelerations hold for a whole number of segments, and better plans cost less of it."""
     text = GOOD + "segment: 0.06\nobjective: effort\n"
     problem = fan.load_problem(written(tmp_path, text))
-    assert problem.motions.looks == 3 and problem.objective.effort > 0.0
+    assert problem.rollouts.options.looks == 3 and problem.objective.effort > 0.0
     found = fan.solve(problem, seed=3)
     assert found and found.replay()
     looks = found.tree.looks[list(found.path[1:])]

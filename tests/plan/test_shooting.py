@@ -1,4 +1,4 @@
-"""Ways as a whole: what they lack, how they answer changes, the steps that are made of it."""
+"""Candidates as a whole: what they lack, how they answer changes, the steps that are made of it."""
 
 from __future__ import annotations
 
@@ -29,71 +29,71 @@ def V(problem, shooting) -> np.ndarray:
     return shooting.velocities(plan.tree.acceleration[list(plan.path[1:])])
 
 
-def test_ways_are_the_plans_own_motions(problem, shooting, V):
-    way = shooting.ways(V[None])
+def test_candidates_are_the_plans_own_rollouts(problem, shooting, V):
+    candidate = shooting.candidates(V[None])
     inputs = fan.Input.segments(
         problem.marionette, shooting.segment * np.arange(len(V) + 1), problem.start.q_K,
         problem.start.v_K, shooting.accelerations(V),
     )  # fmt: skip
     run = fan.simulate(
         problem.marionette, problem.start, inputs, t_end=shooting.segment * len(V),
-        method=fan.TimeStepping(dt=problem.motions.dt, extrapolate=False),
+        method=fan.TimeStepping(dt=problem.rollouts.options.dt, extrapolate=False),
     )  # fmt: skip
-    every = problem.motions.look
-    np.testing.assert_allclose(way.nodes.q_D[0], run.q_D[::every], atol=1e-10)
+    every = problem.rollouts.options.look
+    np.testing.assert_allclose(candidate.nodes.q_D[0], run.q_D[::every], atol=1e-10)
     # Tension, of which constraints know 0.3 of its part of the weight, 2 % of that wished for.
-    spare = way.spare[0, :, -1] / 0.3 + 0.02
+    spare = candidate.constraints[0, :, -1] / 0.3 + 0.02
     after = run.tension["hand"][every::every] / problem.marionette.weight
     # The time-stepper's is that of a step: it lags by less than a look.
     change = np.abs(np.diff(after))
     around = np.maximum(np.append(change, 0.0), np.append(0.0, change))
     assert np.all(np.abs(spare - after) < 0.01 + around)
-    clear = way.spare[0, :, 0] + 0.007
-    np.testing.assert_allclose(clear, problem.motions.clearance.of(run)[every::every], atol=1e-10)
-    assert way.distance[0] <= 1e-3 and way.calm[0] == 0
+    clear = candidate.constraints[0, :, 0] + 0.007
+    np.testing.assert_allclose(clear, problem.rollouts.clearance.of(run)[every::every], atol=1e-10)
+    assert candidate.distance[0] <= 1e-3 and candidate.calm[0] == 0
 
 
-def test_slopes_are_those_of_larger_changes(shooting, V):
-    way = shooting.ways(V[None])
-    slopes = shooting.slopes(way)
+def test_derivatives_are_those_of_larger_changes(shooting, V):
+    candidate = shooting.candidates(V[None])
+    by = shooting.derivatives(candidate)
     random = np.random.default_rng(0)
-    x = random.normal(size=slopes.lacks.shape[1])
+    x = random.normal(size=by.residual.shape[1])
     size = 3e-4
     there, back = (
-        shooting.ways(shooting.changed(V, slopes.basis, s * size * x)[None]) for s in (1.0, -1.0)
+        shooting.candidates(shooting.changed(V, by.basis, s * size * x)[None]) for s in (1.0, -1.0)
     )
-    lacks = (there.lacks[0] - back.lacks[0]) / (2.0 * size)
-    assert np.linalg.norm(slopes.lacks @ x - lacks) < 0.01 * np.linalg.norm(lacks)
-    looks, which = slopes.near.T
-    spare = (there.spare[0] - back.spare[0])[looks, which] / (2.0 * size)
-    assert len(spare) and np.max(np.abs(slopes.spare @ x - spare)) < 0.05 * np.max(np.abs(spare))
+    residual = (there.residual[0] - back.residual[0]) / (2.0 * size)
+    assert np.linalg.norm(by.residual @ x - residual) < 0.01 * np.linalg.norm(residual)
+    looks, which = by.near.T
+    spare = (there.constraints[0] - back.constraints[0])[looks, which] / (2.0 * size)
+    assert len(spare) and np.max(np.abs(by.constraints @ x - spare)) < 0.05 * np.max(np.abs(spare))
 
 
 def test_what_comes_first_is_left_alone_where_that_is_asked(shooting, V):
-    way = shooting.ways(V[None])
-    slopes = shooting.slopes(way, first=len(V) - 7)
-    assert not slopes.basis[: len(V) - 7].any() and slopes.basis[len(V) - 7 :].any(axis=1).all()
+    candidate = shooting.candidates(V[None])
+    by = shooting.derivatives(candidate, first=len(V) - 7)
+    assert not by.basis[: len(V) - 7].any() and by.basis[len(V) - 7 :].any(axis=1).all()
 
 
 def test_steps_keep_bounds_and_bring_ways_nearer(problem, shooting, V):
     """From ways that were turned aside."""
-    random, bounds = np.random.default_rng(1), problem.motions.bounds
+    random, bounds = np.random.default_rng(1), problem.rollouts.bounds
     for _ in range(3):
         aside = shooting.within(V + 0.02 * random.normal(size=V.shape))
-        way = shooting.ways(aside[None])
-        slopes = shooting.slopes(way)
-        x = step(shooting, way, slopes, trust=0.1)
+        candidate = shooting.candidates(aside[None])
+        by = shooting.derivatives(candidate)
+        x = step(shooting, candidate, by, trust=0.1)
         assert np.max(np.abs(x)) <= 0.1 + 1e-6
-        to = shooting.changed(aside, slopes.basis, x)
+        to = shooting.changed(aside, by.basis, x)
         assert np.all(np.abs(to) <= bounds.speed + 1e-6)
         assert np.all(np.abs(shooting.accelerations(to)) <= bounds.acceleration + 1e-5)
-        tried = [shooting.changed(aside, slopes.basis, part * x) for part in 0.5 ** np.arange(8)]
-        better = shooting.ways(shooting.within(np.stack(tried))).best
-        assert better.merit[0] < 0.95 * way.merit[0]
+        tried = [shooting.changed(aside, by.basis, part * x) for part in 0.5 ** np.arange(8)]
+        better = shooting.candidates(shooting.within(np.stack(tried))).best
+        assert better.merit[0] < 0.95 * candidate.merit[0]
 
 
 def test_velocities_are_followed_as_bounds_allow(problem, shooting):
-    bounds = problem.motions.bounds
+    bounds = problem.rollouts.bounds
     wild = 3.0 * np.random.default_rng(2).normal(size=(4, 30, 3))
     kept = shooting.within(wild)
     assert np.all(np.abs(kept) <= bounds.speed)

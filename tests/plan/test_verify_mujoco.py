@@ -30,7 +30,7 @@ def test_a_plan_arrives_in_mujoco_too(plan):
     run = there.run
     assert run.method == "mujoco" and run.status is fan.Status.DONE and not run.events
     assert run.t[-1] == pytest.approx(plan.start.t + plan.duration)
-    assert np.diff(run.t).max() <= 0.25 * plan.motions.dt * (1 + 1e-9)
+    assert np.diff(run.t).max() <= 0.25 * plan.rollouts.options.dt * (1 + 1e-9)
     assert run.violation["hand"].max() < 1e-3 and run.tension["hand"].max() > 0.1
     assert np.array_equal(run.q_K, plan.inputs.evaluate(run.t)[0])
 

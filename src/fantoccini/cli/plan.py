@@ -88,8 +88,8 @@ def _write(request: Request, found: PlanResult, steps: Steps) -> None:
     if request.picture is not None:
         steps.step(f"drawing {request.picture}")
         found.plot(request.picture, **request.look.given("theme"))
-    stage = found.problem.stage
-    write_outputs(stage, found.trajectory, request.out, None, steps, look=request.look)
+    drawn = found.problem.drawn_marionette
+    write_outputs(drawn, found.trajectory, request.out, None, steps, look=request.look)
 
 
 def _report(found: PlanResult, checks: dict[str, Check]) -> None:

@@ -34,7 +34,7 @@ _KINDS = {
     "model": _Kind("abi", Real(), mapped=True),
     "lanes": _Kind("lane_abi", WIDE),
     "clearance": _Kind("clearance_abi", WIDE, steps=False),
-    "motions": _Kind("motions_abi", WIDE),
+    "rollouts": _Kind("rollouts_abi", WIDE),
     "variational": _Kind("variational_abi", Real()),
     "variational_lanes": _Kind("variational_lane_abi", WIDE),
     "derivatives": _Kind("map_abi", Real(), mapped=True, steps=False),

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 from fantoccini.contract.quantity import Quantity, Shape
 
-MODEL, LANES, CLEARANCE, MOTIONS = "model", "lanes", "clearance", "motions"
+MODEL, LANES, CLEARANCE, ROLLOUTS = "model", "lanes", "clearance", "rollouts"
 VARIATIONAL, VARIATIONAL_LANES, DERIVATIVES = "variational", "variational_lanes", "derivatives"
 LIBRARIES = (
-    MODEL, LANES, CLEARANCE, MOTIONS, VARIATIONAL, VARIATIONAL_LANES, DERIVATIVES
+    MODEL, LANES, CLEARANCE, ROLLOUTS, VARIATIONAL, VARIATIONAL_LANES, DERIVATIVES
 )  # fmt: skip
 """The libraries that may be compiled of a puppet."""
 
@@ -115,7 +115,7 @@ _Y = Quantity("y", ("n_vD",), "", "the solution")
 _STATE = _arguments("q_D v_D q_K v_K p")
 _PLACE = _arguments("q_D q_K p")
 _FULL = _arguments("q_D v_D acc_D q_K v_K acc_K tension dt p")
-_STEPPERS = (LANES, MOTIONS, VARIATIONAL, VARIATIONAL_LANES)
+_STEPPERS = (LANES, ROLLOUTS, VARIATIONAL, VARIATIONAL_LANES)
 
 
 def _slope(name: str, rows: str, by: str, meaning: str) -> Quantity:
@@ -140,7 +140,7 @@ _DECLARED = (
             Quantity("f_M", ("n_motors",), _FORCE, "the motors give f_M - y_M dv over the step"),
             Quantity("y_M", ("n_motors",), "", "what they yield by a change dv of velocity"),
         ),
-        (MODEL, LANES, MOTIONS), mapped=True, standing=_STANDING,
+        (MODEL, LANES, ROLLOUTS), mapped=True, standing=_STANDING,
     ),
     Function(
         "limit_rates", "hdot of the limits at a velocity.", _arguments("J_limit v_D"),
@@ -174,12 +174,12 @@ _DECLARED = (
     Function(
         "poses", "World pose of every link (Eqs. 2, 3).", _PLACE,
         (Quantity("poses", (12, "n_links"), "1, m", "R column by column, then the origin"),),
-        (MODEL, CLEARANCE, MOTIONS), mapped=True, exported=True,
+        (MODEL, CLEARANCE, ROLLOUTS), mapped=True, exported=True,
     ),
     Function(
         "points", "World positions of the points each string runs through.", _PLACE,
         (Quantity("points", (3, "n_points"), "m", "x, y, z"),),
-        (MODEL, CLEARANCE, MOTIONS), mapped=True, exported=True,
+        (MODEL, CLEARANCE, ROLLOUTS), mapped=True, exported=True,
     ),
     Function(
         "forth", "y = F^-T x.", _arguments("L x"), (_Y,), (MODEL, *_STEPPERS), mapped=True,

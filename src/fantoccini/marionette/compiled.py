@@ -16,7 +16,7 @@ from fantoccini.runtime import (
     ClearanceLibrary,
     Library,
     Loaded,
-    MotionLibrary,
+    RolloutLibrary,
     Slopes,
 )
 from fantoccini.tree import Tree
@@ -72,9 +72,9 @@ class Compiled:
         return self._library("clearance", lambda file: ClearanceLibrary(file, self.tree.sizes))
 
     @cached_property
-    def motions(self) -> MotionLibrary:
+    def rollouts(self) -> RolloutLibrary:
         """The motions of planners."""
-        return self._library("motions", lambda file: MotionLibrary(file, self.tree.sizes))
+        return self._library("rollouts", lambda file: RolloutLibrary(file, self.tree.sizes))
 
     @cached_property
     def variational(self) -> Library:

@@ -1,18 +1,19 @@
-"""Planning: from here to there among obstacles."""
+"""Planning: inputs that take a puppet to a goal among obstacles."""
 
 from fantoccini.planning.api import plan, solve
 from fantoccini.planning.check import Check
 from fantoccini.planning.clearance import Clearance, Nearest
 from fantoccini.planning.feedback import Feedback, Followed
-from fantoccini.planning.goals import Goal, Rows
+from fantoccini.planning.goals import Goal, StateArrays
 from fantoccini.planning.objective import OBJECTIVES, Objective
 from fantoccini.planning.obstacles import HalfSpace
+from fantoccini.planning.options import PLANNERS, SearchOptions
 from fantoccini.planning.planners import EST2007, Explore
 from fantoccini.planning.polish import Polish, PolishStatus
 from fantoccini.planning.problem import Problem
 from fantoccini.planning.problem_file import load_problem, problem_names, problem_schema
 from fantoccini.planning.result import PlanResult, PlanStatus
-from fantoccini.planning.search import PLANNERS, Search
+from fantoccini.planning.search import Search
 
 __all__ = [
     "EST2007",
@@ -32,8 +33,9 @@ __all__ = [
     "Polish",
     "PolishStatus",
     "Problem",
-    "Rows",
     "Search",
+    "SearchOptions",
+    "StateArrays",
     "load_problem",
     "plan",
     "problem_names",

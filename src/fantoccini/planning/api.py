@@ -2,30 +2,30 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Mapping
-from typing import Any
-
-import numpy as np
+from typing import Any, Unpack
 
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State
-from fantoccini.planning.goals import Goal
+from fantoccini.planning.goals import GoalLike
 from fantoccini.planning.objective import Objective
 from fantoccini.planning.obstacles import HalfSpace
+from fantoccini.planning.options import SearchKeywords, SearchOptions
 from fantoccini.planning.planners import Planner
 from fantoccini.planning.problem import Problem
 from fantoccini.planning.result import PlanResult
 from fantoccini.planning.search import Search
 from fantoccini.puppet import Obstacle
 
-_NEAR = 1e-3
-"""Distance from the goal at which a plan that is polished ends."""
+_POLISHED_DISTANCE = 1e-3
+"""Distance from the goal to which plans are polished while they are improved."""
 
 
 def plan(
     marionette: Marionette,
     start: State,
-    goal: Goal | State | Mapping[str, Any] | Any,
+    goal: GoalLike,
     obstacles: Iterable[Obstacle | HalfSpace | Mapping[str, Any]] = (),
     *,
     planner: str | Planner = "explore",
@@ -35,83 +35,54 @@ def plan(
     confirm: bool = True,
     objective: str | Objective | None = None,
     seed: int = 0,
-    **options,
+    **options: Any,
 ) -> PlanResult:
     """Searches for inputs that take a puppet to a goal.
 
-    The driven coordinates move from node to node of a tree with constant accelerations; their
-    places and velocities are part of a node. The same seed gives the same plan, whatever the
-    threads, as long as no time limit ends the search. Ctrl-C ends it with the best so far.
+    The driven coordinates move with constant accelerations from node to node of a tree; their
+    positions and velocities are part of a node. The same seed gives the same plan, with any number
+    of threads, unless a time limit ends the search. Ctrl-C ends it with the best plan so far.
 
-    To plan the same with several seeds, make the :class:`Problem` once and ``solve`` it.
+    To plan with several seeds, make the :class:`Problem` once and ``solve`` it.
 
     Args:
         marionette, start, goal, obstacles, options: see :class:`Problem`.
-        planner, time_limit, iterations, improve, confirm, objective, seed: see :func:`solve`.
+        planner, time_limit, iterations, improve, confirm, objective, seed: see
+            :class:`SearchOptions`.
 
     Returns:
-        The plan; true where it ends within the tolerance and touches nothing when it is simulated
+        The plan; true where it ends within the tolerance and touches nothing when simulated
         event-driven.
 
     Raises:
-        StateError, UnknownNameError, FileError: what is asked makes no sense, or a string is too
+        StateError, UnknownNameError, FileError: the problem is not well defined, or a string is too
             short for the start.
         ValueError: a number out of range, or an unknown planner or objective.
     """
-    problem = Problem(marionette, start, goal, obstacles, **options)
-    return solve(
-        problem,
-        planner=planner,
-        time_limit=time_limit,
-        iterations=iterations,
-        improve=improve,
-        confirm=confirm,
-        objective=objective,
-        seed=seed,
-    )
+    search = SearchOptions(planner, time_limit, iterations, improve, confirm, objective, seed)
+    return solve(Problem(marionette, start, goal, obstacles, **options), search)
 
 
 def solve(
-    problem: Problem,
-    *,
-    planner: str | Planner = "explore",
-    time_limit: float = 10.0,
-    iterations: int | None = None,
-    improve: float = 0.0,
-    confirm: bool = True,
-    objective: str | Objective | None = None,
-    seed: int = 0,
+    problem: Problem, options: SearchOptions | None = None, **short: Unpack[SearchKeywords]
 ) -> PlanResult:
-    """Searches a problem for a plan.
+    """Searches for a plan that solves a problem.
 
     Args:
-        problem: what is to be planned.
-        planner: ``"explore"``, ``"est-2007"``, or one round of a planner.
-        time_limit: after which the search for a first plan ends [s].
-        iterations: motions after which it ends; no bound by default.
-        improve: how long to look for better plans, and to bring the end nearer to the goal, once
-            there is one [s].
-        confirm: whether a plan counts only if it holds event-driven: it ends within the tolerance
-            and touches nothing when its events are located. The search goes on where it does not.
-            This takes some milliseconds for every plan that is found; without it, the first
-            ``bool(plan)`` does.
-        objective: what better plans have less of, in place of the problem's.
-        seed: of all random choices.
+        problem: what is planned.
+        options: of the search.
+        short: the options one by one: ``solve(problem, seed=1)``.
 
     Raises:
-        ValueError: a number out of range, or an unknown planner or objective.
+        ValueError: a number out of range, an unknown planner or objective, or options given twice.
     """
-    if not 0.0 < time_limit < np.inf:
-        raise ValueError(f"time_limit is {time_limit}; it must be finite and greater than 0")
-    if not 0.0 <= improve < np.inf:
-        raise ValueError(f"improve is {improve}; it must be a finite number of at least 0 [s]")
-    if iterations is not None and not iterations >= 1:
-        raise ValueError(f"iterations is {iterations}; it must be at least 1")
-    search = Search(problem, planner, seed, confirm, objective)
-    try:
-        search.first(time_limit, iterations)
-        if improve and search.arrived:
-            search.improve(improve, min(_NEAR, problem.motions.inner))
-    except KeyboardInterrupt:
-        pass
+    if options is not None and short:
+        raise ValueError(f"give either options or {', '.join(short)}, not both")
+    options = options or SearchOptions(**short)
+    search = Search(problem, options)
+    with contextlib.suppress(KeyboardInterrupt):
+        search.find_first(options.time_limit, options.iterations)
+        if options.improve and search.arrived:
+            distance = min(_POLISHED_DISTANCE, problem.rollouts.stop_distance)
+            search.improve(options.improve, distance)
     return PlanResult.of(search)

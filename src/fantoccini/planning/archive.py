@@ -1,11 +1,11 @@
-"""Plans on disk: npz without pickle; with its problem a plan is whole again, and can go on."""
+"""Plan files: npz without pickle. With its problem, a plan can be searched further."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -14,55 +14,63 @@ from fantoccini.errors import FileError, Problem as Mistake
 from fantoccini.files import replacing
 from fantoccini.motion.npz import checked, contents, finite, understanding
 from fantoccini.planning.objective import Objective
+from fantoccini.planning.options import SearchOptions
 from fantoccini.planning.planners import Planner
 from fantoccini.planning.polish import Polish
 from fantoccini.planning.problem import Problem
-from fantoccini.planning.search import Search
+from fantoccini.planning.search import Search, SearchRecord
 from fantoccini.planning.search_tree import SearchTree
-
-if TYPE_CHECKING:
-    from fantoccini.planning.result import PlanResult
 
 FORMAT = "fantoccini.plan.4"
 
 
-def save(plan: PlanResult, path: str | Path) -> None:
-    """Writes a plan with its tree."""
-    search = plan.search
+def save(path: str | Path, search: Search, record: SearchRecord, status: str) -> None:
+    """Writes a plan with its tree.
+
+    Args:
+        path: of the file, which appears whole or not at all.
+        search: that found the plan.
+        record: of the search, with the plan as the best.
+        status: the plan's, for readers of the file.
+    """
+    problem = search.problem
     about = {
         "format": FORMAT,
-        "problem": plan.problem.name,
-        "puppet": plan.problem.marionette.name,
-        "status": plan.status.name,
-        "planner": search.planner_name,
-        "confirm": search.confirm,
+        "problem": problem.name,
+        "puppet": problem.marionette.name,
+        "status": status,
+        "planner": search.options.planner_name,
+        "confirm": search.options.confirm,
         "objective": dataclasses.asdict(search.objective),
-        "tried": plan.tried,
-        "seconds": plan.seconds,
-        "random": search.random_state,
-        "late": search.late,
-        "refused": search.refused,
-        "polished": None if search.polished is None else search.polished.plain,
-        "fingerprint": plan.problem.fingerprint,
+        "tried": record.tried,
+        "seconds": record.seconds,
+        "random": record.random_state,
+        "late": record.late,
+        "refused": record.refused,
+        "polished": None if record.polished is None else record.polished.plain,
+        "fingerprint": problem.fingerprint,
     }
-    arrays = {**plan.tree.arrays, "path": np.array(plan.path), "curve": np.array(plan.curve)}
-    arrays["about"] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
+    arrays: dict[str, Any] = {
+        **record.tree.arrays,
+        "path": np.array(record.tree.path(record.best)),
+        "curve": np.array(record.curve),
+        "about": np.frombuffer(json.dumps(about).encode(), dtype=np.uint8),
+    }
     with replacing(path) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, **arrays)
 
 
 def load(path: str | Path, problem: Problem, planner: Planner | None = None) -> Search:
-    """The search that a file's plan came from, ready to go on.
+    """The search that found a file's plan, ready to go on.
 
     Args:
-        path: what :func:`save` wrote.
-        problem: what was planned.
-        planner: the one that was used, where that has no name.
+        path: of a file that :func:`save` wrote.
+        problem: that was planned.
+        planner: that was used, where it has no name.
 
     Raises:
-        FileError: the file is none of these, damaged, or of another problem.
+        FileError: the file is not a plan, is damaged, or belongs to another problem.
     """
-
     what = "a plan"
     arrays, about = contents(path, FORMAT, what)
     with understanding(path, what):
@@ -73,23 +81,32 @@ def load(path: str | Path, problem: Problem, planner: Planner | None = None) -> 
             )
             raise FileError([Mistake(str(path), None, "", text)])
         nodes = checked(arrays, "path", (None,), "i")
-        curve = _curve(arrays)
-        asked = planner or about["planner"] or "explore"
-        search = Search(
-            problem, asked, confirm=bool(about["confirm"]),
+        options = SearchOptions(
+            planner or about["planner"] or "explore", confirm=bool(about["confirm"]),
             objective=Objective(**about["objective"]),
         )  # fmt: skip
-        tree, end = SearchTree.of(arrays, like=search.tree), int(nodes[-1])
-        if not 0 <= end < len(tree) or tree.path(end) != nodes.tolist():
-            raise ValueError("its path is none of its tree")
+        search = Search(problem, options)
+        tree, best = SearchTree.of(arrays, like=search.tree), int(nodes[-1])
+        if not 0 <= best < len(tree) or tree.path(best) != nodes.tolist():
+            raise ValueError("its path does not lie in its tree")
         search.restore(
-            tree, end, int(about["tried"]), float(about["seconds"]), curve, about["random"],
-            bool(about["late"]), int(about["refused"]), Polish.of(about["polished"]),
-        )  # fmt: skip
+            SearchRecord(
+                tree=tree,
+                best=best,
+                tried=int(about["tried"]),
+                seconds=float(about["seconds"]),
+                curve=tuple((float(s), int(n), float(t)) for s, n, t in _curve(arrays)),
+                random_state=about["random"],
+                late=bool(about["late"]),
+                refused=int(about["refused"]),
+                polished=Polish.of(about["polished"]),
+            )
+        )
     return search
 
 
 def _curve(arrays: dict[str, Array]) -> Array:
-    """(n, 3) of the plans that were the best so far; of none the file has (0,)."""
-    empty = arrays["curve"].size == 0
-    return finite(arrays, "curve", (0,) if empty else (None, 3))
+    """(n, 3) of the best plans so far; without any, the file has (0,)."""
+    if arrays["curve"].size == 0:
+        return finite(arrays, "curve", (0,)).reshape(0, 3)
+    return finite(arrays, "curve", (None, 3))

@@ -1,4 +1,4 @@
-"""How far a puppet keeps from what stands about it."""
+"""Clearance: distances of a puppet from obstacles and from itself."""
 
 from __future__ import annotations
 
@@ -17,13 +17,16 @@ from fantoccini.planning.obstacles import HalfSpace, standing
 from fantoccini.puppet import Obstacle
 from fantoccini.runtime import Solids, default_threads
 
+_MAX_TOUCH = 1e-6
+"""Overlap below which solids are said to meet [m]."""
+
 
 @dataclass(frozen=True)
 class Nearest:
-    """The two things that are nearest to one another.
+    """The nearest pair of solids.
 
     Attributes:
-        what, other: their names; a body, an obstacle, a string.
+        what, other: names of a body, an obstacle or a string.
         distance: between them [m]; negative where they overlap.
     """
 
@@ -32,7 +35,7 @@ class Nearest:
     distance: float
 
     def __str__(self) -> str:
-        if -1e-6 < self.distance < 0.0:  # of thin things, which have no depth
+        if -_MAX_TOUCH < self.distance < 0.0:  # thin solids have no depth
             return f"{self.what} meets {self.other}"
         if self.distance < 0.0:
             return f"{self.what} is {-self.distance:.3g} m inside {self.other}"
@@ -44,28 +47,27 @@ class Clearance:
 
         d = min over pairs of (distance of their cores - radii)
 
-    Cores are points, segments, boxes and meshes; distances between them are exact, but an ellipsoid
-    counts as the capsule around it (see :mod:`fantoccini.planning.solids`). Where things overlap
-    d is negative, and no measure of how far. Closed meshes are solid, open ones surfaces (see
+    Cores are points, segments, boxes and meshes. Distances between them are exact, but an ellipsoid
+    counts as the capsule around it (see :mod:`fantoccini.planning.solids`). A negative d says that
+    solids overlap, not how deep. Closed meshes are solid, open ones are surfaces (see
     :class:`fantoccini.planning.meshes.Meshes`).
 
     Attributes:
         marionette: the puppet.
-        obstacles: all that stand, the world's own and its floor included.
-        solids: all that is measured, for the compiled library.
-        meshes: those among the solids.
+        obstacles: all of them, with the world's own and its floor.
+        solids: what is measured, for the compiled library.
+        meshes: the meshes among the solids.
 
     Args:
         marionette: the puppet.
-        obstacles: more than its world has; a mapping has the keys of a puppet file.
-        strings: whether strings are kept clear of obstacles: straight from point to point, slack
-            ones along the curve in which a thread of their length hangs; on half-spaces they may
-            lie.
+        obstacles: in addition to the world's; a mapping has the keys of a puppet file.
+        strings: whether strings are kept clear of obstacles: straight from point to point, or along
+            a hanging curve when slack. They may lie on half-spaces.
         string_radius: half their thickness [m].
         self_collision: whether bodies that no joint connects are kept clear of one another.
 
     Raises:
-        FileError: an obstacle that is none.
+        FileError: an invalid obstacle.
         ValueError: a radius that is not a finite number of at least 0.
     """
 
@@ -93,7 +95,7 @@ class Clearance:
 
     @property
     def measures_nothing(self) -> bool:
-        """Whether there is nothing to keep clear of."""
+        """Whether there is no pair to measure."""
         strings = int(np.sum(self.solids.string_radius >= 0.0))
         of_obstacles = len(self.solids.standing) * (len(self._links) + strings)
         return not of_obstacles and not len(self.solids.pairs)
@@ -103,18 +105,18 @@ class Clearance:
 
         Args:
             q_D, q_K: (..., n_qD), (..., n_qK).
-            threads: that share the work where there is much of it.
+            threads: that share large batches.
 
         Returns:
-            (...) [m]; infinite where nothing is measured, nan where a configuration is.
+            (...) [m]; infinite without pairs, nan where a configuration is.
 
         Raises:
-            ValueError: arrays of other widths than the puppet's configurations.
+            ValueError: arrays whose last axis does not fit the puppet.
         """
         return self._measured(q_D, q_K, threads)[0]
 
     def of(self, motion: State | Trajectory | Sequence[State]) -> Array:
-        """Clearances of a state, of the rows of a trajectory, or of states.
+        """Clearances of a state, of the samples of a trajectory, or of states.
 
         Returns:
             () or (T,) [m].
@@ -122,7 +124,7 @@ class Clearance:
         return self.at(*_configurations(motion), threads=default_threads())
 
     def nearest(self, motion: State | Trajectory | Sequence[State]) -> Nearest | None:
-        """What comes nearest to what, at the worst of all configurations; None without any."""
+        """The nearest pair in the worst configuration; None without pairs."""
         distance, pair = (np.ravel(a) for a in self._measured(*_configurations(motion), 1))
         if not np.any(pair >= 0):
             return None
@@ -142,17 +144,17 @@ class Clearance:
         if self.measures_nothing or 0 in lead:
             return np.full(lead, np.inf), np.full(lead, -1)
         n = int(np.prod(lead))
-        rows = [
+        q_D, q_K = (
             np.broadcast_to(a, (*lead, a.shape[-1])).reshape(n, a.shape[-1]) for a in (q_D, q_K)
-        ]
-        distance, pair = self.marionette.model.compiled.clearances.measure(
-            self.solids, *rows, self.marionette.p, threads
         )
-        finite = np.isfinite(rows[0]).all(axis=1) & np.isfinite(rows[1]).all(axis=1)
+        distance, pair = self.marionette.model.compiled.clearances.measure(
+            self.solids, q_D, q_K, self.marionette.p, threads
+        )
+        finite = np.isfinite(q_D).all(axis=1) & np.isfinite(q_K).all(axis=1)
         return np.where(finite, distance, np.nan).reshape(lead), pair.reshape(lead)
 
     def _named(self, pair: int) -> tuple[str, str]:
-        """The names of a pair, by its number."""
+        """Names of a pair."""
         tree, still = self.marionette.tree, [o.name for o in self.obstacles]
         moving = [tree.links[i].name for i in self._links]
         if pair < len(moving) * len(still):

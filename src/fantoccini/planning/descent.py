@@ -1,12 +1,12 @@
-"""Ways brought to their goal by sequential quadratic programming.
+"""Sequential quadratic programming that brings a rollout to its goal.
 
 A step x of velocities dV = basis x is the solution of::
 
     min |r + J x|^2 / 2 + smooth |D (V + dV)|^2 + w.s
     c + C x + s >= 0,  s >= 0,  |V + dV| <= speed,  |d(V + dV)| <= T acceleration,  |x| <= trust
 
-with D the changes of the accelerations. As much of it is made as brings the way nearest to where
-nothing is lacking; all parts of the step are tried side by side, in lanes.
+with D the changes of the accelerations. A line search, with all step lengths at once in lanes,
+takes the part of the step with the least merit.
 """
 
 from __future__ import annotations
@@ -19,133 +19,146 @@ import casadi as ca
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.planning.shooting import Shooting, Slopes, Ways
+from fantoccini.planning.shooting import Candidates, Derivatives, Shooting
 
-_PARTS = 0.65 ** np.arange(8)
-"""Of a step, that are tried."""
 
-_TRUST = 0.2
-"""Largest change of a velocity at first [m/s or rad/s]."""
+@dataclass(frozen=True)
+class _Tolerances:
+    """Weights and tolerances of the quadratic programs and their iteration."""
 
-_MOST = 0.5
-"""And later."""
+    shrink: float = 0.65
+    """Ratio of a step length to the one before it in the line search."""
+    lengths: int = 8
+    """Step lengths in the line search."""
+    first_trust: float = 0.2
+    """Largest change of a velocity in the first step [m/s or rad/s]."""
+    max_trust: float = 0.5
+    """Largest change in any step [m/s or rad/s]."""
+    max_iterations: int = 15
+    """Quadratic programs."""
+    late: float = 1.2
+    """Time before the end that is varied where only the end is [s]."""
+    smooth: float = 1e-5
+    """Weight of changes of accelerations [s^2]."""
+    step: float = 1e-6
+    """Weight of the step itself, which makes the program strictly convex."""
+    penalty: float = 1.0
+    """Weight of violated constraints relative to the goal residual; less would leave them so."""
+    min_residual: float = 1e-3
+    """Goal residual to which the penalty is at least proportional."""
+    unbounded: float = 1e20
+    """Bound that stands for none."""
+    max_ratio: float = 0.8
+    """Merit three iterations later, relative, above which a candidate is abandoned."""
+    feasibility: float = 1e-9
+    """Primal tolerance of the solver."""
 
-_ITERATIONS = 15
 
-_LATE = 1.2
-"""Seconds that are varied late."""
-
-_SMOOTH = 1e-5
-"""Weight of changes of accelerations [s^2]."""
-
-_SMALL = 1e-6
-"""Weight of the step itself."""
-
-_PENALTY = 1.0
-"""Of broken constraints beside what the goal lacks; less would leave them broken."""
-
-_LEAST = 1e-3
-"""A goal that lacks less is no reason to break constraints."""
-
-_FREE = 1e20
-"""A bound that is none."""
-
-_SLOW = 0.8
-"""Part of the merit that may be left three iterations later, before a way is given up."""
+_TOLERANCES = _Tolerances()
+_LENGTHS = _TOLERANCES.shrink ** np.arange(_TOLERANCES.lengths)
 
 
 @dataclass(frozen=True, eq=False)
 class Approach:
-    """What :func:`brought` made of a way.
+    """The result of :func:`approach`.
 
     Attributes:
-        way: the last one; None where the first could not be made.
-        arrives: whether it is where it is to be.
+        candidate: the last one; None where the first could not be simulated.
+        arrives: whether it passes the test.
         late: whether the time ended before that.
     """
 
-    way: Ways | None
+    candidate: Candidates | None
     arrives: bool = False
     late: bool = False
 
 
-def brought(
-    shooting: Shooting, V: Array, there: Callable[[Ways], bool], until: float, late: bool
+def approach(
+    shooting: Shooting, V: Array, there: Callable[[Candidates], bool], until: float, late: bool
 ) -> Approach:
-    """The way near this one that is where it is to be, or that comes nearest.
+    """A candidate near the given one that passes a test, or the last of the descent.
 
     Args:
-        shooting: makes ways.
-        V: (m, n_vK) velocities to begin with.
-        there: whether a way is.
-        until: the time at which it is given up, as of ``time.perf_counter``.
-        late: whether only the last segments are varied, when nothing is caught any more: earlier
-            changes bend too much on their way, or are answered by leaps.
+        shooting: simulates candidates.
+        V: (m, n_vK) initial velocities.
+        there: the test.
+        until: time at which to stop, as of ``time.perf_counter``.
+        late: whether only the last segments are varied, after the last catch: earlier changes have
+            too nonlinear an effect, or change which strings are caught.
     """
     if time.perf_counter() > until:
         return Approach(None, late=True)
-    way = shooting.ways(shooting.within(V)[None])
-    if not np.isfinite(way.merit[0]):
+    now = shooting.candidates(shooting.within(V)[None])
+    if not np.isfinite(now.merit[0]):
         return Approach(None)
-    trust, merits = _TRUST, []
-    for _ in range(_ITERATIONS):
-        if there(way):
-            return Approach(way, arrives=True)
-        merits.append(way.merit[0])
-        if len(merits) > 3 and merits[-1] > _SLOW * merits[-4]:
+    trust, merits = _TOLERANCES.first_trust, list[float]()
+    for _ in range(_TOLERANCES.max_iterations):
+        if there(now):
+            return Approach(now, arrives=True)
+        merits.append(now.merit[0])
+        if len(merits) > 3 and merits[-1] > _TOLERANCES.max_ratio * merits[-4]:
             break
         if time.perf_counter() > until:
-            return Approach(way, late=True)
-        first = max(int(way.calm[0]), len(way) - round(_LATE / shooting.segment)) if late else 0
-        slopes = shooting.slopes(way, min(first, len(way) - 1))
-        x = step(shooting, way, slopes, trust)
-        tried = np.stack([shooting.changed(way.V[0], slopes.basis, p * x) for p in _PARTS])
-        better = shooting.ways(shooting.within(tried)).best
-        if not better.merit[0] < way.merit[0]:
+            return Approach(now, late=True)
+        last = round(_TOLERANCES.late / shooting.segment)
+        first = max(int(now.calm[0]), len(now) - last) if late else 0
+        by = shooting.derivatives(now, min(first, len(now) - 1))
+        x = step(shooting, now, by, trust)
+        tried = np.stack([shooting.changed(now.V[0], by.basis, part * x) for part in _LENGTHS])
+        better = shooting.candidates(shooting.within(tried)).best
+        if not better.merit[0] < now.merit[0]:
             break
-        size = float(np.max(np.abs(better.V - way.V)))
-        trust, way = min(_MOST, max(2.0 * size, 0.1 * trust)), better
-    return Approach(way)
+        size = float(np.max(np.abs(better.V - now.V)))
+        trust, now = min(_TOLERANCES.max_trust, max(2.0 * size, 0.1 * trust)), better
+    return Approach(now)
 
 
-def step(shooting: Shooting, way: Ways, slopes: Slopes, trust: float) -> Array:
-    """(n_x,) the step of the quadratic program."""
-    bounds, V = shooting.problem.motions.bounds, way.V[0][:, shooting.moves]
+def step(shooting: Shooting, now: Candidates, by: Derivatives, trust: float) -> Array:
+    """(n_x,) the step of the quadratic program at a candidate."""
+    bounds, V = shooting.problem.rollouts.bounds, now.V[0][:, shooting.moves]
     m, n_m = V.shape
-    n_x, n_s = slopes.lacks.shape[1], way.spare.shape[2]
+    n_x, n_s = by.residual.shape[1], now.constraints.shape[2]
     every = np.eye(n_m)
-    changes = np.kron(slopes.basis, every)
+    changes = np.kron(by.basis, every)
     before = np.broadcast_to(shooting.problem.root.v_K[0, shooting.moves], (1, n_m))
     D = np.diff(changes.reshape(m, n_m, n_x), axis=0, prepend=0.0)
     dV = np.diff(V, axis=0, prepend=before)
     jerk, jerk_V = np.diff(D, axis=0).reshape((m - 1) * n_m, n_x), np.diff(dV, axis=0).ravel()
-    lacks = way.lacks[0]
+    residual = now.residual[0]
     H, g = np.zeros((n_x + n_s, n_x + n_s)), np.zeros(n_x + n_s)
-    H[:n_x, :n_x] = slopes.lacks.T @ slopes.lacks + _SMOOTH * jerk.T @ jerk
-    H[np.arange(n_x + n_s), np.arange(n_x + n_s)] += _SMALL
-    g[:n_x] = slopes.lacks.T @ lacks + _SMOOTH * jerk.T @ jerk_V
-    g[n_x:] = _PENALTY * max(float(np.linalg.norm(lacks)), _LEAST)
-    # Only what the step can reach is bounded.
+    H[:n_x, :n_x] = by.residual.T @ by.residual + _TOLERANCES.smooth * jerk.T @ jerk
+    H[np.arange(n_x + n_s), np.arange(n_x + n_s)] += _TOLERANCES.step
+    g[:n_x] = by.residual.T @ residual + _TOLERANCES.smooth * jerk.T @ jerk_V
+    g[n_x:] = _TOLERANCES.penalty * max(
+        float(np.linalg.norm(residual)), _TOLERANCES.min_residual
+    )
+    # Bounds that the step cannot reach are left out.
     speed, most = bounds.speed[shooting.moves], shooting.segment * bounds.acceleration
     most = most[shooting.moves]
     fast = np.ravel(np.abs(V) + trust > speed)
     sharp = np.ravel(np.abs(dV) + 2.0 * trust > most)
-    near, k = slopes.near, len(slopes.near)
+    near, k = by.near, len(by.near)
     give = np.zeros((k, n_s))
     give[np.arange(k), near[:, 1]] = 1.0
-    rows = [changes[fast], D.reshape(m * n_m, n_x)[sharp]]
-    A = np.zeros((sum(map(len, rows)) + k, n_x + n_s))
-    A[: len(A) - k, :n_x] = np.concatenate(rows)
-    A[len(A) - k :, :n_x], A[len(A) - k :, n_x:] = slopes.spare, give
+    bounded = np.concatenate([changes[fast], D.reshape(m * n_m, n_x)[sharp]])
+    A = np.zeros((len(bounded) + k, n_x + n_s))
+    A[: len(bounded), :n_x] = bounded
+    A[len(bounded) :, :n_x], A[len(bounded) :, n_x:] = by.constraints, give
     room = [(np.tile(speed, m) - s * V.ravel())[fast] for s in (1.0, -1.0)]
     turn = [(np.tile(most, m) - s * dV.ravel())[sharp] for s in (1.0, -1.0)]
-    high = np.concatenate([room[0], turn[0], np.full(k, _FREE)])
-    low = np.concatenate([-room[1], -turn[1], -way.spare[0, near[:, 0], near[:, 1]]])
-    reach = np.concatenate([np.full(n_x, trust), np.full(n_s, _FREE)])
+    high = np.concatenate([room[0], turn[0], np.full(k, _TOLERANCES.unbounded)])
+    low = np.concatenate([-room[1], -turn[1], -now.constraints[0, near[:, 0], near[:, 1]]])
+    reach = np.concatenate([np.full(n_x, trust), np.full(n_s, _TOLERANCES.unbounded)])
     program = ca.conic(
-        "step", "daqp", {"h": ca.Sparsity.dense(*H.shape), "a": ca.Sparsity.dense(*A.shape)},
-        {"error_on_fail": False, "print_time": False, "daqp": {"primal_tol": 1e-9}},
-    )  # fmt: skip
+        "step",
+        "daqp",
+        {"h": ca.Sparsity.dense(*H.shape), "a": ca.Sparsity.dense(*A.shape)},
+        {
+            "error_on_fail": False,
+            "print_time": False,
+            "daqp": {"primal_tol": _TOLERANCES.feasibility},
+        },
+    )
     lowest = np.concatenate([-np.full(n_x, trust), np.zeros(n_s)])
     found = program(h=H, g=g, a=A, lba=low, uba=high, lbx=lowest, ubx=reach)
     x = np.asarray(found["x"]).ravel()[:n_x]

@@ -1,4 +1,4 @@
-"""Goals that no plan can reach, told before anything is searched."""
+"""Goals that no plan can reach, recognised before the search."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from fantoccini.planning.goals import Goal
 from fantoccini.runtime import POINT, POSE
 from fantoccini.tree import WORLD
 
-_STRETCHES = ("prismatic", "translation", "free")
-"""Joints that move a body away from the one that carries it."""
+_TRANSLATING = ("prismatic", "translation", "free")
+"""Kinds of joints that change the distance of a body from its parent."""
 
 
 def out_of_reach(goal: Goal, tolerance: float) -> str:
-    """Why a goal is out of reach; nothing where it may be within.
+    """Why a goal is out of reach; empty where it may be within.
 
-    A pose is beyond a joint's limits, or a point farther from where its chain of bodies begins than
-    the chain is long. Goals that only strings or obstacles forbid are not recognised.
+    Either a pose is beyond a joint's limits, or a point is farther from the root of its chain of
+    bodies than the chain is long. Goals that only strings or obstacles prevent are not recognised.
 
     Args:
-        goal: what is wanted.
+        goal: of the plan.
         tolerance: of its distance.
     """
     if goal.numbers.kind == POSE:
@@ -53,7 +53,7 @@ def _too_far(goal: Goal, tolerance: float) -> str:
     reach = float(np.linalg.norm(numbers.at))
     while True:
         link = links[at]
-        if link.kind in _STRETCHES:
+        if link.kind in _TRANSLATING:
             return ""
         offset = np.array([marionette.model.number(x) for x in link.offset])
         if link.parent == WORLD:

@@ -1,29 +1,26 @@
-"""Feedback along a plan: a time-varying linear-quadratic regulator, asked once a segment.
+"""Feedback along a plan: a time-varying linear-quadratic regulator, evaluated once a segment.
 
     acc_K = planned_k - K_k z_k,      z = (dq_D, dv_D, dq_K, dv_K) from the plan's node k
     min z_m'Q_m z_m + sum_k z_k'Q z_k + effort |dacc_K|^2,      z_k+1 = A_k z_k + B_k dacc_K
 
-A_k and B_k are those of the strings that pull (:mod:`fantoccini.planning.modes`), of changes that
-leave taut strings taut; in segments where strings or limits are caught or let go they are exact,
-with the saltation of every catch (:mod:`fantoccini.planning.saltation`), if there is such a
-derivative.
+A_k and B_k are derivatives under the active set (:mod:`fantoccini.planning.active_sets`), over
+changes that leave taut strings taut. In segments with catches or releases they are exact, with the
+saltation of every catch (:mod:`fantoccini.planning.saltation`), where such a derivative exists.
 
-Gains are indexed by event: the law is that of the mode that the puppet is in, the set of strings
-that pull. Where the plan is in another one at that time, because the puppet's string is caught or
-let go earlier or later than the plan's, the state that z is measured from and K are those of the
-nearest part of the plan with the puppet's mode, led on beyond its event
-(:mod:`fantoccini.planning.modes`); where there is none near, those of the time.
+The gains are those of the puppet's active set. Where the plan has another one at that time, because
+a string was caught or released earlier or later, the reference state and K come from the nearest
+part of the plan with the puppet's active set, extended beyond its event; without one, from the
+plan at that time.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fantoccini.arrays import Array, MaskRows
+from fantoccini.arrays import Array, Indices, MaskRows
 from fantoccini.errors import StateError, Status
 from fantoccini.marionette import (
     ActiveSet,
@@ -35,31 +32,33 @@ from fantoccini.marionette import (
     as_method,
 )
 from fantoccini.motion import State, tangent
-from fantoccini.planning.check import beginning
-from fantoccini.planning.funnels import regulators
-from fantoccini.planning.goals import Rows
-from fantoccini.planning.modes import Beyond, Course, away, mode_slopes
+from fantoccini.planning.active_sets import (
+    ExtendedReference,
+    PlanReference,
+    active_set_derivatives,
+    away,
+)
+from fantoccini.planning.derivatives import taut_projection
+from fantoccini.planning.funnels import SPEED_WEIGHT, regulators
+from fantoccini.planning.goals import StateArrays
+from fantoccini.planning.plan_path import PlanPath, exact_start
 from fantoccini.planning.problem import Problem
-from fantoccini.planning.saltation import caught_slopes
-from fantoccini.planning.slopes import taut
+from fantoccini.planning.saltation import event_derivatives
 
-if TYPE_CHECKING:
-    from fantoccini.planning.result import PlanResult
 
-_SPEED = 0.1
-"""Weight of velocities beside positions [s]."""
+@dataclass(frozen=True)
+class _Tolerances:
+    """Numerics of feedback laws."""
 
-_EFFORT = 0.03
-"""Weight of accelerations beside positions [s^4]."""
+    goal_step: float = 1e-6
+    """Step of central differences of the goal's residuals [rad or m]."""
+    rounding: float = 1e-9
+    """Part of a segment that does not count as another one."""
+    min_acceleration: float = 1e-9
+    """Least acceleration with which a coordinate brakes [m/s^2]; avoids a division by 0."""
 
-_ARRIVE = 100.0
-"""Weight of what the goal asks for beside what is asked on the way."""
 
-_WINDOW = 3
-"""How far modes are led beyond their events, in segments."""
-
-_STEP = 1e-6
-"""Of differences of what the goal lacks [rad or m]."""
+_TOLERANCES = _Tolerances()
 
 Push = Callable[[float], Array]
 """Time -> (n_vD,) forces on the dynamic coordinates [N or N m]."""
@@ -67,20 +66,20 @@ Push = Callable[[float], Array]
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """A plan that was followed.
+    """The result of following a plan.
 
     Attributes:
-        t: (T,) at every look [s].
+        t: (T,) of every look [s].
         states: (T,) there.
-        acceleration: (segments, n_vK) that was asked for.
+        acceleration: (segments, n_vK) applied [m/s^2 or rad/s^2].
         distance: from the goal at the end.
-        clearance: the least on the way, at looks [m].
-        arrives: whether it ends within the tolerance and touches nothing.
+        clearance: the least at looks [m].
+        arrives: whether the run ends within the tolerance and touches nothing.
         status: how the run ended.
     """
 
     t: Array
-    states: Rows
+    states: StateArrays
     acceleration: Array
     distance: float
     clearance: float
@@ -91,174 +90,164 @@ class Followed:
     def of(
         cls, problem: Problem, states: list[State], acceleration: Array, status: Status
     ) -> Followed:
-        """What states of a run say.
+        """Evaluates the states of a run at looks.
 
         Args:
-            problem: what was planned.
-            states: at looks.
-            acceleration: (segments, n_vK) that was asked for.
-            status: how the run ended.
+            problem: that was planned.
+            states, acceleration, status: of the run.
         """
-        rows = Rows.of(*states)
-        distance = float(problem.goal.distance(rows[-1:])[0])
-        clearance = float(np.min(problem.motions.clearance.at(rows.q_D, rows.q_K)))
+        found = StateArrays.of(*states)
+        distance = float(problem.goal.distance(found[-1:])[0])
+        clearance = float(np.min(problem.rollouts.clearance.at(found.q_D, found.q_K)))
         arrives = status is Status.DONE and distance <= problem.tolerance and clearance >= 0.0
         t = np.array([x.t for x in states])
-        return cls(t, rows, acceleration, distance, clearance, bool(arrives), status)
+        return cls(t, found, acceleration, distance, clearance, bool(arrives), status)
 
 
 @dataclass(frozen=True, eq=False)
 class Feedback:
-    """The law that follows a plan. Made by :meth:`along`.
+    """The feedback law that follows a plan. Made by :meth:`along`.
 
     Attributes:
-        plan: what is followed.
+        plan: that is followed.
         nodes: (m + 1,) states of the plan.
         looks: (m,) of its segments.
         planned: (m, n_vK) accelerations [m/s^2 or rad/s^2].
-        A, B: (m, n_z, n_z), (m, n_z, n_vK) slopes of its segments.
+        A, B: (m, n_z, n_z), (m, n_z, n_vK) derivatives of its segments.
         gains: (m, n_vK, n_z).
-        pulling: (m + 1, n_strings) bool, the strings that pull after the nodes.
-        beyond: what a puppet is compared with that is in another mode.
+        active: (m + 1, n_strings) bool, the active sets after the nodes.
+        extended: references for other active sets.
     """
 
-    plan: PlanResult
-    nodes: Rows
-    looks: Array
+    plan: PlanPath
+    nodes: StateArrays
+    looks: Indices
     planned: Array
     A: Array
     B: Array
     gains: Array
-    pulling: MaskRows
-    beyond: Beyond
+    active: MaskRows
+    extended: ExtendedReference
 
     @classmethod
     def along(
-        cls,
-        plan: PlanResult,
-        *,
-        effort: float = _EFFORT,
-        arrive: float = _ARRIVE,
-        window: int = _WINDOW,
+        cls, plan: PlanPath, *, effort: float = 0.03, arrive: float = 100.0, window: int = 3
     ) -> Feedback:
-        """The law for a plan.
+        """The feedback law of a plan.
 
         Args:
-            plan: what is to be followed.
-            effort: weight of accelerations beside positions [s^4].
-            arrive: weight of the goal's residuals at the end beside positions on the way.
-            window: how many segments before and after its part of the plan a mode is known; with 0
-                gains go by time alone.
+            plan: to be followed.
+            effort: weight of accelerations relative to positions [s^4].
+            arrive: weight of the goal's residuals at the end, relative to deviations before it.
+            window: number of segments by which active sets are extended beyond their part of the
+                plan; with 0, gains depend on time alone.
 
         Raises:
-            ValueError: the plan has no motion, a weight that is not greater than 0, or a negative
+            ValueError: the plan has no segment, a weight that is not greater than 0, or a negative
                 window.
         """
-        path, tree, motions = list(plan.path), plan.tree, plan.motions
-        if len(path) < 2:
-            raise ValueError("the plan has no motion that could be followed")
+        if len(plan.path) < 2:
+            raise ValueError("the plan has no segment that could be followed")
         for name, value in (("effort", effort), ("arrive", arrive)):
             if not 0.0 < value < np.inf:
                 raise ValueError(f"{name} is {value}; it must be finite and greater than 0")
         if not window >= 0:
             raise ValueError(f"window is {window}; it must be at least 0")
-        nodes, looks, planned = tree.rows[path], tree.looks[path[1:]], tree.acceleration[path[1:]]
-        marionette = plan.problem.marionette
-        table, durations = marionette.coordinates, looks * motions.interval
-        pulling = _pulling(plan)
-        onto = taut(marionette, nodes[:-1], pulling[:-1])
-        A, B = mode_slopes(marionette, nodes[:-1], pulling[:-1], planned, durations, onto)
-        events = np.any(pulling[1:] != pulling[:-1], axis=1) | (tree.catches[path[1:]] > 0)
-        for k in np.flatnonzero(events):
-            exact = caught_slopes(
-                marionette, nodes[k], planned[k], durations[k], pulling[k]
-            )
+        rollouts, marionette = plan.rollouts, plan.problem.marionette
+        nodes, looks, planned = plan.states, plan.looks, plan.acceleration
+        durations = looks.astype(float) * rollouts.options.interval
+        active = _active_sets(plan)
+        onto = taut_projection(marionette, nodes[:-1], active[:-1])
+        A, B = active_set_derivatives(
+            marionette, nodes[:-1], active[:-1], planned, durations, onto
+        )
+        catches = plan.tree.catches[list(plan.path[1:])]
+        for k in np.flatnonzero(np.any(active[1:] != active[:-1], axis=1) | (catches > 0)):
+            exact = event_derivatives(marionette, nodes[k], planned[k], durations[k], active[k])
             if exact is not None:
                 A[k], B[k] = exact
-        size = A.shape[1]
-        Q = np.diag(np.where(np.arange(size) < table.n_vD, 1.0, _SPEED**2))
-        moves, gains = motions.bounds.moves, np.zeros((len(looks), table.n_vK, size))
+        size, table = A.shape[1], marionette.coordinates
+        Q = np.diag(np.where(np.arange(size) < table.n_vD, 1.0, SPEED_WEIGHT**2))
+        moves, gains = rollouts.bounds.moves, np.zeros((len(looks), table.n_vK, size))
         R = effort * np.eye(moves.sum())
         gains[:, moves], P = regulators(
-            A, B[:, :, moves], Q, R, Q + arrive * _wanted(plan, nodes[-1])
+            A, B[:, :, moves], Q, R, Q + arrive * _goal_weights(plan, nodes[-1])
         )
-        course = Course(
-            marionette, nodes, pulling, durations, planned, A, B, gains, P, Q, R, moves
+        reference = PlanReference(
+            marionette, nodes, active, durations, planned, A, B, gains, P, Q, R, moves
         )
-        beyond = Beyond.of(course, window)
-        return cls(plan, nodes, looks, planned, A, B, gains, pulling, beyond)
+        extended = ExtendedReference.of(reference, window)
+        return cls(plan, nodes, looks, planned, A, B, gains, active, extended)
 
     def acceleration(self, k: int, x: State) -> Array:
-        """(n_vK,) that segment k is to have from a state on, within the bounds of the problem.
+        """(n_vK,) for segment k from a state, within the problem's bounds [m/s^2 or rad/s^2].
 
-        After the last segment the puppet is held at the goal by the law that leads there, where
-        the problem has one; otherwise the driven coordinates stop. Before a range of a driven
-        coordinate ends it is slowed down, so that a string is never wound in to nothing.
+        After the last segment the funnel to the goal holds the puppet there, where the problem has
+        one; otherwise the driven coordinates stop. A driven coordinate brakes before its range
+        ends.
 
         Args:
-            k: which segment; from the plan's first.
-            x: where the puppet is.
+            k: number of the segment.
+            x: the puppet's state.
         """
-        motions = self.plan.motions
-        bounds, T = motions.bounds, motions.looks * motions.interval
+        rollouts = self.plan.rollouts
+        bounds, T = rollouts.bounds, rollouts.options.segment
         if k < len(self.looks):
-            T = self.looks[k] * motions.interval
+            T = self.looks[k] * rollouts.options.interval
             node, K = self.reference(k, x)
-            asked = self.planned[k] - K @ self.away(node, x)
-        elif motions.funnels:
-            funnel, still = motions.funnels[0], np.zeros_like
-            there = Rows(funnel.q_D, still(x.v_D), x.slip, funnel.q_K, still(x.v_K))
-            asked = -funnel.gains @ self.away(there, x)
+            acc_K = self.planned[k] - K @ self.away(node, x)
+        elif rollouts.funnels:
+            funnel, still = rollouts.funnels[0], np.zeros_like
+            there = StateArrays(funnel.q_D, still(x.v_D), x.slip, funnel.q_K, still(x.v_K))
+            acc_K = -funnel.gains @ self.away(there, x)
         else:
-            asked = -x.v_K / T
-        slowest, fastest = self._kept_within(x, T)
-        asked = np.clip(asked, (slowest - x.v_K) / T, (fastest - x.v_K) / T)
-        return np.clip(asked, -bounds.acceleration, bounds.acceleration)
+            acc_K = -x.v_K / T
+        slowest, fastest = self._velocities_within(x, T)
+        acc_K = np.clip(acc_K, (slowest - x.v_K) / T, (fastest - x.v_K) / T)
+        return np.clip(acc_K, -bounds.acceleration, bounds.acceleration)
 
-    def reference(self, k: int, x: State) -> tuple[Rows, Array]:
-        """What a state is compared with in segment k, and the gains (n_vK, n_z) on that.
+    def reference(self, k: int, x: State) -> tuple[StateArrays, Array]:
+        """The reference state in segment k, and the gains (n_vK, n_z) on deviations from it.
 
         Args:
-            k: which segment.
-            x: where the puppet is.
+            k: number of the segment.
+            x: the puppet's state.
         """
-        pulling = self.mode(x)
-        e = self.beyond.nearest(k, pulling)
-        if e is None or np.array_equal(pulling, self.pulling[k]):
+        active = self.active_set(x)
+        e = self.extended.nearest(k, active)
+        if e is None or np.array_equal(active, self.active[k]):
             return self.nodes[k], self.gains[k]
-        return self.beyond.nodes[e], self.beyond.gains[e]
+        return self.extended.nodes[e], self.extended.gains[e]
 
-    def mode(self, x: State) -> MaskRows:
-        """(n_strings,) bool, the strings that pull.
-
-        They are those that are closed: taut in the state's mode, or at their length and at rest.
-        """
-        marionette, strings = self.plan.problem.marionette, self.pulling.shape[1]
+    def active_set(self, x: State) -> MaskRows:
+        """(n_strings,) bool: strings marked taut in the state, or at their length and at rest."""
+        marionette, strings = self.plan.problem.marionette, self.active.shape[1]
         closed = ActiveSet.of(marionette.model, x, Evaluation.of(marionette.model, x))
         return (closed.held | closed.slipping)[:strings]
 
-    def _kept_within(self, x: State, T: float) -> tuple[Array, Array]:
-        """(n_vK,) velocities, least and greatest, from which driven coordinates stop in time.
+    def _velocities_within(self, x: State, T: float) -> tuple[Array, Array]:
+        """(n_vK,) least and greatest velocities from which driven coordinates stop in their range.
 
-        v after T leaves room to brake, in whole segments T_1, before a range ends at d::
+        After T, v leaves room to brake within d, in whole segments T_1::
 
             v^2 / (2 a) + v T_1 / 2 <= d - (v_K + v) T / 2
         """
-        motions, table = self.plan.motions, self.plan.problem.marionette.coordinates
-        bounds, mean = motions.bounds, 0.5 * (T + motions.looks * motions.interval)
+        rollouts, table = self.plan.rollouts, self.plan.problem.marionette.coordinates
+        bounds, mean = rollouts.bounds, 0.5 * (T + rollouts.options.segment)
         fastest, slowest = bounds.speed.copy(), -bounds.speed
         for q, v in table.scalars_K:
-            a = max(float(bounds.acceleration[v]), 1e-9)
+            a = max(float(bounds.acceleration[v]), _TOLERANCES.min_acceleration)
 
             def most(d: float, toward: float, a: float = a) -> float:
-                return a * (np.sqrt(max(mean**2 + 2.0 / a * (d - 0.5 * toward * T), 0.0)) - mean)
+                left = d - 0.5 * toward * T
+                return float(a * (np.sqrt(max(mean**2 + 2.0 / a * left, 0.0)) - mean))
 
             fastest[v] = min(fastest[v], most(bounds.high[q] - x.q_K[q], x.v_K[v]))
             slowest[v] = max(slowest[v], -most(x.q_K[q] - bounds.low[q], -x.v_K[v]))
         return slowest, np.maximum(fastest, slowest)
 
-    def away(self, node: Rows, x: State) -> Array:
-        """(n_z,) tangent vector from a state of the plan to another."""
+    def away(self, node: StateArrays, x: State) -> Array:
+        """(n_z,) tangent vector from a reference state to a state."""
         return away(self.plan.problem.marionette, node, x)
 
     def run(
@@ -271,65 +260,65 @@ class Feedback:
         hold: float = 0.0,
         closed: bool = True,
     ) -> Followed:
-        """Follows the plan.
+        """Simulates the puppet under the feedback law: a closed-loop rollout.
 
         Args:
-            x0: where the puppet is; at the plan's start by default.
-            marionette: what is led, where that is not the puppet that was planned for.
+            x0: initial state; the plan's start by default.
+            marionette: the puppet, where it is not the one that was planned for.
             method: of the simulation; ``timestepping`` has the planner's step.
-            push: forces beside those of the plan, held from look to look.
-            hold: how long to stay at the goal afterwards [s].
-            closed: whether the law is asked; otherwise the plan's accelerations are made.
+            push: additional forces, held from look to look.
+            hold: time to stay at the goal afterwards [s].
+            closed: whether there is feedback; otherwise the planned accelerations are applied.
 
         Raises:
             StateError: another puppet has other coordinates, or a run cannot begin at ``x0``.
         """
-        problem, interval = self.plan.problem, self.plan.motions.interval
-        led = problem.marionette if marionette is None else marionette
-        names = [(m.coordinates.v_D, m.coordinates.v_K) for m in (led, problem.marionette)]
+        problem, options = self.plan.problem, self.plan.rollouts.options
+        puppet = problem.marionette if marionette is None else marionette
+        names = [(m.coordinates.v_D, m.coordinates.v_K) for m in (puppet, problem.marionette)]
         if names[0] != names[1]:
-            raise StateError("the puppet that is led has other coordinates than the plan's")
+            raise StateError("this puppet has other coordinates than the plan's")
         if method == "timestepping":
-            method = TimeStepping(dt=self.plan.motions.dt, extrapolate=False)
+            method = TimeStepping(dt=options.dt, extrapolate=False)
         chosen = as_method(method)
-        x = beginning(problem, chosen.name) if x0 is None else x0
-        stepper = led.stepper(x, chosen)
-        m, whole = len(self.looks), self.plan.motions.looks
-        more = int(np.ceil(hold / (whole * interval) - 1e-9))
-        states, asked = [x], []
+        x = exact_start(problem, chosen) if x0 is None else x0
+        stepper = puppet.stepper(x, chosen)
+        m, whole = len(self.looks), options.looks
+        more = int(np.ceil(hold / options.segment - _TOLERANCES.rounding))
+        states, applied = [x], list[Array]()
         for k in np.repeat(np.arange(m + more), np.append(self.looks, np.full(more, whole))):
-            if len(asked) <= k:
-                law = closed or k >= m
-                asked.append(self.acceleration(k, x) if law else self.planned[k])
+            if len(applied) <= k:
+                feedback = closed or k >= m
+                applied.append(self.acceleration(int(k), x) if feedback else self.planned[k])
             u_D = None if push is None else push(x.t)
-            x = stepper.advance(interval, asked[-1], u_D=u_D, throw=False)
+            x = stepper.advance(options.interval, applied[-1], u_D=u_D, throw=False)
             states.append(x)
             if not stepper.arrived:
                 break
-        return Followed.of(problem, states, np.array(asked), stepper.status)
+        return Followed.of(problem, states, np.array(applied), stepper.status)
 
 
-def _pulling(plan: PlanResult) -> MaskRows:
+def _active_sets(plan: PlanPath) -> MaskRows:
     """(m + 1, n_strings) bool, whether strings pull in the step after a node."""
-    run, times = plan.trajectory, plan.start.t + plan.tree.time[list(plan.path)]
-    # Tensions of a time step stand at its end.
-    after = np.searchsorted(run.t, times + 0.5 * plan.motions.dt)
+    run = plan.trajectory
+    # Tensions of a time step are saved at its end.
+    after = np.searchsorted(run.t, plan.times + 0.5 * plan.rollouts.options.dt)
     pulls = run.tension.values[np.minimum(after, len(run.t) - 1)] != 0.0
     return pulls | plan.problem.marionette.model.two_sided[: pulls.shape[1]]
 
 
-def _wanted(plan: PlanResult, end: Rows) -> Array:
-    """(n_z, n_z) weights of what the goal asks for at the plan's end: J'J of its residuals."""
+def _goal_weights(plan: PlanPath, end: StateArrays) -> Array:
+    """(n_z, n_z) weights of the goal at the plan's end: J'J of its residuals."""
     goal, table = plan.goal, plan.problem.marionette.coordinates
     n, k = table.n_vD, table.n_vK
-    steps = _STEP * np.concatenate([np.eye(n + k), -np.eye(n + k)])
+    steps = _TOLERANCES.goal_step * np.concatenate([np.eye(n + k), -np.eye(n + k)])
     q_D = tangent.moved(table.scalars_D, table.quaternions_D, end.q_D, steps[:, :n])
     q_K = tangent.moved(table.scalars_K, table.quaternions_K, end.q_K, steps[:, n:])
     v_D, slip, v_K = (np.tile(a, (len(steps), 1)) for a in (end.v_D, end.slip, end.v_K))
-    lacking = goal.residuals(Rows(q_D, v_D, slip, q_K, v_K))
-    J = np.zeros((lacking.shape[1], 2 * (n + k)))
+    residuals = goal.residuals(StateArrays(q_D, v_D, slip, q_K, v_K))
+    J = np.zeros((residuals.shape[1], 2 * (n + k)))
     at = np.concatenate([np.arange(n), 2 * n + np.arange(k)])
-    J[:, at] = (lacking[: n + k] - lacking[n + k :]).T / (2.0 * _STEP)
+    J[:, at] = (residuals[: n + k] - residuals[n + k :]).T / (2.0 * _TOLERANCES.goal_step)
     rates = np.zeros(2 * (n + k))
     rates[n : 2 * n], rates[2 * n + k :] = goal.numbers.speed_weight, goal.numbers.driven_weight
     return J.T @ J + np.diag(rates**2)

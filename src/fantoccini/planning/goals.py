@@ -1,10 +1,11 @@
-"""Where a plan is to end: distances of states from a goal, many at once."""
+"""Goals of plans, and the distances of many states from them."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -13,11 +14,12 @@ from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.marionette import Marionette, link_index
 from fantoccini.motion import State, rotation
 from fantoccini.runtime import POINT, POSE, STATE, UNKNOWN, GoalNumbers
+from fantoccini.tree import CoordinateTable
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
-    """States side by side.
+class StateArrays:
+    """Many states of a puppet, as arrays with the same leading axes.
 
     Attributes:
         q_D, v_D, slip, q_K, v_K: (..., n) as of :class:`fantoccini.State`.
@@ -30,60 +32,63 @@ class Rows:
     v_K: Array
 
     @classmethod
-    def of(cls, *states: State) -> Rows:
-        """States of a puppet as rows."""
+    def of(cls, *states: State) -> StateArrays:
+        """Stacks single states."""
         return cls(*(np.array([getattr(x, name) for x in states]) for name in STATE))
 
-    def __getitem__(self, index) -> Rows:
-        return Rows(*(getattr(self, name)[index] for name in STATE))
+    def __getitem__(self, index: Any) -> StateArrays:
+        return StateArrays(*(getattr(self, name)[index] for name in STATE))
 
     @property
     def parts(self) -> dict[str, Array]:
-        """Name -> rows."""
+        """Name -> array."""
         return {name: getattr(self, name) for name in STATE}
 
     @property
-    def flat(self) -> Rows:
-        """With one leading axis."""
-        return Rows(*(all_rows(a) for a in self.parts.values()))
+    def flat(self) -> StateArrays:
+        """The same with one leading axis."""
+        return StateArrays(*(flattened(a) for a in self.parts.values()))
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Of the leading axes."""
+        """Shape of the leading axes."""
         return self.q_D.shape[:-1]
 
 
-def all_rows(a: Array) -> Array:
-    """(n, width) of (..., width), which may be 0."""
+def flattened(a: Array) -> Array:
+    """(..., width) as (n, width); the width may be 0."""
     return a.reshape(math.prod(a.shape[:-1]), a.shape[-1])
 
 
-_DRIVEN = 1.0
-"""Weight of the driven velocities of a goal that is a state [s]."""
+_DRIVEN_WEIGHT = 1.0
+"""Weight of the driven velocities where the goal is a state [s]."""
 
-Distance = Callable[[Rows], Array]
-"""Rows (...) -> distances (...); 0 at the goal."""
+Distance = Callable[[StateArrays], Array]
+"""States (...) -> distances (...); 0 at the goal."""
 
-Wanted = float | Sequence[float]
-"""A value; two of them for the ends of an interval; a rotation has three or four."""
+Target = float | Sequence[float]
+"""A value, the ends of an interval, or a rotation of three or four numbers."""
+
+GoalLike: TypeAlias = "Goal | State | Mapping[str, Target] | Distance"
+"""What :meth:`Goal.of` takes."""
 
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """A distance that a plan takes below a tolerance.
+    """A distance that a plan brings below a tolerance.
 
         d(x) = sum_i w_i |q_i - goal_i| + w_v |v_D - goal| + w_K |v_K - goal|,
         or |point - place| + ...
 
-    where values and places that may lie in an interval or a box count from its nearest point. The
-    velocities are 0 but where a state was given. Made by :meth:`pose`, :meth:`point` or :meth:`of`.
+    Distances to an interval or a box are those to its nearest point. Goal velocities are 0 unless
+    the goal is a state. Made by :meth:`pose`, :meth:`point` or :meth:`of`.
 
     Attributes:
         marionette: the puppet.
-        text: what is asked, for people.
-        numbers: what is asked, for the compiled library.
-        function: what is asked, where only Python can tell.
-        q_K: (n_qK,) where the driven coordinates are at the goal, where that was given.
+        text: description for people.
+        numbers: the goal for the compiled library.
+        function: the goal, where it is a Python function.
+        q_K: (n_qK,) driven coordinates at the goal, where they were given.
     """
 
     marionette: Marionette
@@ -92,70 +97,65 @@ class Goal:
     function: Distance | None = None
     q_K: ConfigK | None = None
 
-    def distance(self, rows: Rows) -> Array:
+    def distance(self, states: StateArrays) -> Array:
         """(...) distances of states."""
         if self.function is not None:
-            found = np.asarray(self.function(rows), dtype=float)
-            # What is no distance is nowhere near.
+            found = np.asarray(self.function(states), dtype=float)
             return np.where(np.isnan(found), np.inf, found)
-        flat = (a.reshape(-1, a.shape[-1]) for a in (rows.q_D, rows.v_D, rows.q_K, rows.v_K))
-        library = self.marionette.model.compiled.motions
-        return library.distances(self.numbers, *flat, self.marionette.p).reshape(rows.shape)
+        x, library = states.flat, self.marionette.model.compiled.rollouts
+        return library.distances(
+            self.numbers, x.q_D, x.v_D, x.q_K, x.v_K, self.marionette.p
+        ).reshape(states.shape)
 
     @property
     def whole(self) -> ConfigD | None:
-        """(n_qD,) the configuration that it asks for, where it asks for one and no other."""
+        """(n_qD,) the one configuration at the goal; None where there are several."""
         numbers, table = self.numbers, self.marionette.coordinates
         every = [v for _, v in (*table.scalars_D, *table.quaternions_D)]
         if numbers.kind != POSE or not np.all(numbers.weight[every] > 0.0):
             return None
         return numbers.low if np.array_equal(numbers.low, numbers.high) else None
 
-    def residuals(self, rows: Rows) -> Array:
-        """What the positions lack of the goal, entry by entry (n, m); no velocities.
-
-        Args:
-            rows: (n,) states.
-        """
+    def residuals(self, states: StateArrays) -> Array:
+        """(n, m) residuals of the configurations of n states; velocities do not count."""
         numbers, table = self.numbers, self.marionette.coordinates
         if numbers.kind == UNKNOWN:
-            return self.distance(rows)[:, None]
+            return self.distance(states)[:, None]
         if numbers.kind == POINT:
-            pose = self.marionette.poses(rows.q_D, rows.q_K)[:, numbers.link]
+            pose = self.marionette.poses(states.q_D, states.q_K)[:, numbers.link]
             there = pose[..., 3] + pose[..., :3] @ numbers.at
             return there - np.clip(there, numbers.place, numbers.place_high)
-        off = rows.q_D - np.clip(rows.q_D, numbers.low, numbers.high)
+        off = states.q_D - np.clip(states.q_D, numbers.low, numbers.high)
         columns = [off[:, q] * numbers.weight[v] for q, v in table.scalars_D if numbers.weight[v]]
         for q, v in table.quaternions_D:
             if numbers.weight[v]:
-                away = rotation.between(numbers.low[q : q + 4], rows.q_D[:, q : q + 4])
+                away = rotation.between(numbers.low[q : q + 4], states.q_D[:, q : q + 4])
                 columns += list(numbers.weight[v] * away.T)
         return np.stack(columns, axis=1)
 
-    def of_start(self, rows: Rows) -> float:
-        """The distance of one state, rows (1,).
+    def of_start(self, start: StateArrays) -> float:
+        """The distance of one state (1,).
 
         Raises:
-            StateError: the goal's function does not give one finite distance for it.
+            StateError: the goal's function does not return one finite distance.
         """
-        found = self.distance(rows)
-        if found.shape != rows.shape or not np.all(np.isfinite(found)):
+        found = self.distance(start)
+        if found.shape != start.shape or not np.all(np.isfinite(found)):
             raise StateError(
                 f"the goal gives {found!r} for the start; needed: finite distances of the shape "
-                f"{rows.shape}"
+                f"{start.shape}"
             )
         return float(found[0])
 
     @classmethod
-    def of(cls, marionette: Marionette, goal, speed_weight: float = 0.1) -> Goal:
-        """A goal from what a user gives.
+    def of(cls, marionette: Marionette, goal: GoalLike, speed_weight: float = 0.1) -> Goal:
+        """A goal from any of its short forms.
 
         Args:
             marionette: the puppet.
-            goal: a Goal; a state, whose dynamic configuration and velocities are to be reached,
-                those of the driven coordinates too, which weigh 1 s: a state at rest ends with
-                driven velocities of at most the tolerance; names and values (see :meth:`pose`); or
-                a function of :class:`Rows`.
+            goal: a Goal; a state, whose dynamic configuration and velocities and driven velocities
+                (weight 1 s) are to be reached; names and values (see :meth:`pose`); or a function
+                of :class:`StateArrays` that returns distances.
             speed_weight: see :meth:`pose`.
 
         Raises:
@@ -176,7 +176,7 @@ class Goal:
             weight = _weights(marionette, dict.fromkeys(_names(table), 1.0))
             numbers = GoalNumbers(
                 POSE, goal.q_D, goal.q_D, weight, goal.v_D, goal.v_K,
-                speed_weight=speed_weight, driven_weight=_DRIVEN,
+                speed_weight=speed_weight, driven_weight=_DRIVEN_WEIGHT,
             )  # fmt: skip
             return cls(marionette, ", ".join(_names(table)), numbers, q_K=goal.q_K)
         if isinstance(goal, Mapping):
@@ -193,28 +193,26 @@ class Goal:
     def pose(
         cls,
         marionette: Marionette,
-        values: Mapping[str, Wanted],
+        values: Mapping[str, Target],
         *,
         weights: Mapping[str, float] | None = None,
         speed_weight: float = 0.1,
         driven_weight: float = 0.0,
     ) -> Goal:
-        """Some coordinates at some values, ``{"elbow": 1.2}``, or between two:
-        ``{"elbow": (1.0, 1.4)}``.
+        """Coordinates at values, ``{"elbow": 1.2}``, or in intervals, ``{"elbow": (1.0, 1.4)}``.
 
         Args:
             marionette: the puppet.
-            values: name -> value or pair of values [rad or m]; ``joint.rotation`` takes a
-                quaternion or a rotation vector and counts by the angle between.
+            values: name -> value or interval [rad or m]; ``joint.rotation`` takes a quaternion or
+                a rotation vector, and its distance is the angle between.
             weights: name -> weight of a coordinate in ``values``; 1 by default.
-            speed_weight: of the size of all dynamic velocities [s].
-            driven_weight: of that of all driven ones: greater than 0 where they are to end at rest
-                [s].
+            speed_weight: weight of the norm of the dynamic velocities [s].
+            driven_weight: weight of the norm of the driven velocities [s]; greater than 0 where
+                they are to end at rest.
 
         Raises:
-            UnknownNameError: a name that is no dynamic coordinate, or a weight of none of them.
-            StateError: a value that is none, an interval from high to low, or a weight that is not
-                greater than 0.
+            UnknownNameError: a name that is no dynamic coordinate, or has a weight but no value.
+            StateError: a value, interval or weight out of range.
         """
         places = _names(marionette.coordinates)
         if not values:
@@ -229,12 +227,12 @@ class Goal:
                 raise StateError(f"the weight of {name} is {weight}; it must be greater than 0")
         ends = {name: _ends(name, value, places[name][1]) for name, value in values.items()}
         low, high = (marionette.state({n: e[k] for n, e in ends.items()}).q_D for k in (0, 1))
-        weight = {name: float((weights or {}).get(name, 1.0)) for name in values}
+        by_name = {name: float((weights or {}).get(name, 1.0)) for name in values}
         numbers = GoalNumbers(
             POSE,
             low,
             high,
-            _weights(marionette, weight),
+            _weights(marionette, by_name),
             np.zeros(marionette.coordinates.n_vD),
             np.zeros(marionette.coordinates.n_vK),
             speed_weight=_positive(speed_weight),
@@ -258,16 +256,16 @@ class Goal:
 
         Args:
             marionette: the puppet.
-            body: its name.
+            body: the body's name.
             place: (3,) in the world [m]; with ``to``, the lowest corner of a box.
             at: (3,) the point in the body's frame [m].
             to: (3,) the highest corner [m].
-            speed_weight, driven_weight: of the size of all dynamic and of all driven velocities
-                [s].
+            speed_weight, driven_weight: weights of the norms of the dynamic and the driven
+                velocities [s].
 
         Raises:
             UnknownNameError: no body has this name.
-            StateError: what is not three finite numbers, or a box without room.
+            StateError: a point that is not three finite numbers, or an empty box.
         """
         table = marionette.coordinates
         target, offset = _triple("place", place), _triple("at", at)
@@ -284,9 +282,9 @@ class Goal:
         return cls(marionette, f"{body} at {target.tolist()}", numbers)
 
 
-def _ends(name: str, value: Wanted, turns: bool) -> tuple[Wanted, Wanted]:
-    """The ends of the interval that a value is to lie in."""
-    if turns or np.ndim(value) == 0:
+def _ends(name: str, value: Target, turns: bool) -> tuple[Target, Target]:
+    """The ends of the interval of a target."""
+    if turns or isinstance(value, (float, int)) or np.ndim(value) == 0:
         return value, value
     if np.shape(value) != (2,):
         raise StateError(f"{name}: found {value!r}; needed: a number or two")
@@ -297,7 +295,7 @@ def _ends(name: str, value: Wanted, turns: bool) -> tuple[Wanted, Wanted]:
 
 
 def _weights(marionette: Marionette, by_name: Mapping[str, float]) -> Array:
-    """(n_vD,) a coordinate's weight, at the first of its velocities."""
+    """(n_vD,) the weight of every coordinate, at the first of its velocities."""
     table, found = marionette.coordinates, np.zeros(marionette.coordinates.n_vD)
     first = dict((*table.scalars_D, *table.quaternions_D))
     for name, (q, _) in _names(table).items():
@@ -318,8 +316,8 @@ def _triple(what: str, given: Sequence[float]) -> Array:
     return found
 
 
-def _names(table) -> dict[str, tuple[int, bool]]:
-    """Dynamic coordinates that a goal may name -> (place in q_D, whether it is a quaternion)."""
+def _names(table: CoordinateTable) -> dict[str, tuple[int, bool]]:
+    """Names of dynamic coordinates -> (index in q_D, whether it is a quaternion)."""
     found = {table.q_D[q]: (q, False) for q, _ in table.scalars_D}
     for q, _ in table.quaternions_D:
         found[table.q_D[q].rsplit(".", 1)[0] + ".rotation"] = (q, True)

@@ -1,6 +1,6 @@
 """Distances from triangle meshes, by coal.
 
-The compiled library measures from the box about a mesh, and asks here where that is not enough.
+The compiled library measures from bounding boxes, and calls back here where they are too near.
 """
 
 from __future__ import annotations
@@ -12,29 +12,36 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, MaskRows
 from fantoccini.puppet.shapes import Mesh, load_mesh
 from fantoccini.runtime import BOX, HALF_SPACE
 
-_TOUCH = 1e-8
-"""Distance up to which things overlap [m]; coal's iteration tells no more."""
 
-_FLAT = 1e-7
-"""Part of its size by which a convex mesh may be dented, and of its volume that may lack: corners
-in STL files have seven digits."""
+@dataclass(frozen=True)
+class _Tolerances:
+    """Tolerances for meshes."""
+
+    touch: float = 1e-8
+    """Distance up to which solids overlap [m]: the tolerance of coal's iteration."""
+    convex: float = 1e-7
+    """Depth of dents relative to the size, and missing volume relative to the volume, of meshes
+    that count as convex: corners in STL files have seven digits."""
+
+
+_TOLERANCES = _Tolerances()
 
 
 class Meshes:
-    """The meshes among solids, and how far they are from the others.
+    """The meshes among solids, and their distances from other solids.
 
         d = min |x - y|, x in the mesh, y in the other's core
 
-    A closed mesh is solid: what lies within it overlaps. Closed are triangles that run along every
-    edge as often one way as the other; they may be in pieces, and leave hollows. Any others are a
-    surface without an inside: what they surround is clear.
+    A closed mesh is solid: solids inside it overlap. A mesh is closed if its triangles use every
+    edge equally often in both directions; it may have several pieces and hollows. Other meshes are
+    surfaces without an inside.
     """
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._made: list[_Body] = []
         self._request: Any = None
         self._digest = hashlib.sha256()
@@ -48,13 +55,13 @@ class Meshes:
         return self._digest.hexdigest()
 
     def add(self, shape: Mesh) -> tuple[int, Array, Array]:
-        """A mesh's number, and the centre and half edges (3,) of the box about it [m]."""
+        """Adds a mesh: its number, and centre and half edges (3,) of its bounding box [m]."""
         import coal
 
         if self._request is None:
             self._request = coal.DistanceRequest()
             self._request.enable_signed_distance = False
-            self._request.gjk_tolerance = _TOUCH
+            self._request.gjk_tolerance = _TOLERANCES.touch
         mesh = load_mesh(shape)
         mesh.merge_vertices(merge_tex=True, merge_norm=True)
         low, high = mesh.bounds
@@ -66,14 +73,14 @@ class Meshes:
         return len(self._made) - 1, centre, half
 
     def distance(self, x: np.void, y: np.void) -> float:
-        """Of two solids in the world, one of which is a mesh, before radii are taken off.
+        """Distance of two solids in the world, one of them a mesh, before radii are subtracted.
 
         Args:
             x, y: ``SOLID`` records; only y may be a half-space. An ellipsoid is the segment of the
-                capsule about it.
+                capsule around it.
 
         Returns:
-            [m]; negative where they overlap, and no measure of how far.
+            [m]; negative where they overlap, whatever the depth.
         """
         import coal
 
@@ -83,12 +90,12 @@ class Meshes:
         found = coal.distance(
             *self._placed(x), *self._placed(y), self._request, coal.DistanceResult()
         )
-        if found <= _TOUCH or self._holds(x, y) or self._holds(y, x):
-            return -_TOUCH
+        if found <= _TOLERANCES.touch or self._holds(x, y) or self._holds(y, x):
+            return -_TOLERANCES.touch
         return found
 
     def _placed(self, x: np.void) -> tuple[Any, Any]:
-        """A solid's core as coal's geometry, and where it is."""
+        """A solid's core as coal's geometry, and its pose."""
         import coal
 
         if x["mesh"] >= 0:
@@ -98,12 +105,12 @@ class Meshes:
         a, b = x["a"].tolist(), x["b"].tolist()
         middle = np.array([0.5 * (p + q) for p, q in zip(a, b, strict=True)])
         length = math.dist(a, b)
-        if length < _TOUCH:
+        if length < _TOLERANCES.touch:
             return coal.Sphere(0.0), coal.Transform3s(np.eye(3), middle)
         return coal.Capsule(0.0, length), coal.Transform3s(_along(a, b, length), middle)
 
     def _holds(self, x: np.void, y: np.void) -> bool:
-        """Whether y lies within x, where their surfaces do not meet."""
+        """Whether y lies inside x, where their surfaces do not meet."""
         inside = self._made[x["mesh"]].inside if x["mesh"] >= 0 else None
         if inside is None:
             return False
@@ -116,13 +123,13 @@ class Meshes:
 
 @dataclass(frozen=True, eq=False)
 class _Body:
-    """A mesh about the centre of its box.
+    """A mesh relative to the centre of its bounding box.
 
     Attributes:
-        geometry: coal's: convex and solid, or a tree of triangles.
-        hull: (n, 3) corners, those of its convex hull among them [m].
-        points: (k, 3) a corner of every connected piece [m].
-        inside: tells what is within; None for convex meshes, of which coal tells, and open ones.
+        geometry: of coal: convex and solid, or a tree of triangles.
+        hull: (n, 3) corners, including those of its convex hull [m].
+        points: (k, 3) one corner of every connected piece [m].
+        inside: test for points inside; None for convex meshes, which coal tests, and open ones.
     """
 
     geometry: Any
@@ -151,12 +158,12 @@ class _Body:
 
 
 class _Inside:
-    """Whether points lie within closed surfaces: how often these wind about them.
+    """Test for points inside closed surfaces, by winding number.
 
         w = sum over the triangles above the point of the sign of n_z
 
     Args:
-        corners: (n, 3, 3) of triangles that face out [m].
+        corners: (n, 3, 3) of triangles whose normals point outwards [m].
     """
 
     def __init__(self, corners: Array):
@@ -166,7 +173,7 @@ class _Inside:
         self._normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
     def holds(self, point: Array) -> bool:
-        """Whether a point (3,) that is not on a surface is within one."""
+        """Whether a point (3,), not on a surface, is inside."""
         (x, y, z), (x_low, y_low, z_low, x_high, y_high, z_high) = point.tolist(), self._box
         if not (x_low <= x <= x_high and y_low <= y <= y_high and z_low <= z <= z_high):
             return False
@@ -181,10 +188,10 @@ class _Inside:
         return bool(np.sum(faces[odd & (height * faces > 0.0)]))
 
 
-def _left_of(point: Array, a: Array, b: Array) -> Array:
-    """Whether edges a to b (n, 3), seen from above, pass a point on its right.
+def _left_of(point: Array, a: Array, b: Array) -> MaskRows:
+    """(n,) bool, whether edges a to b (n, 3), seen from above, pass a point on its right.
 
-    The same for b to a, so that of triangles that share an edge one has the point.
+    The same for b to a, so that a point belongs to one of two triangles that share an edge.
     """
     turned = (a[:, 1] > b[:, 1])[:, None]
     low, high = np.where(turned, b, a), np.where(turned, a, b)
@@ -195,16 +202,17 @@ def _left_of(point: Array, a: Array, b: Array) -> Array:
 
 
 def _closed(edges: np.ndarray) -> bool:
-    """Whether edges (n, 2), as triangles run along them, cancel out."""
+    """Whether directed edges (n, 2) of triangles cancel out."""
     which = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True)[1]
     return not np.bincount(which.ravel(), np.where(edges[:, 0] < edges[:, 1], 1, -1)).any()
 
 
 def _convex(mesh: Any, hull: Any) -> bool:
-    """Whether a closed mesh is its convex hull: no edge is dented, and it is as large."""
-    if mesh.body_count != 1 or np.max(mesh.face_adjacency_projections) > _FLAT * mesh.scale:
+    """Whether a closed mesh is its convex hull: without dents, and of the same volume."""
+    tolerance = _TOLERANCES.convex
+    if mesh.body_count != 1 or np.max(mesh.face_adjacency_projections) > tolerance * mesh.scale:
         return False
-    return hull.volume - mesh.volume <= _FLAT * hull.volume
+    return bool(hull.volume - mesh.volume <= tolerance * hull.volume)
 
 
 def _corners(mesh: Any) -> Any:
@@ -224,7 +232,7 @@ def _triangles(mesh: Any) -> Any:
 
 
 def _turn(x: np.void) -> Array:
-    """(3, 3) the rotation of a solid, which is kept column by column."""
+    """(3, 3) the rotation of a solid, which is stored column by column."""
     return x["R"].reshape(3, 3).T
 
 

@@ -1,4 +1,4 @@
-"""What a plan costs."""
+"""Objectives: costs of plans."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from fantoccini.arrays import Array
 
 @dataclass(frozen=True)
 class Objective:
-    """What is to be little in plans that follow a first one::
+    """The cost that better plans reduce::
 
         J = T + catch n_catches + effort integral |acc_K|^2 dt
 
     Attributes:
-        catch: what a string or a limit that is caught counts [s].
+        catch: weight of a catch of a string or a limit [s].
         effort: weight of the driven accelerations [s^4/m^2].
 
     Raises:
@@ -36,7 +36,7 @@ class Objective:
 
     @classmethod
     def of(cls, given: str | Objective) -> Objective:
-        """An objective, or the one of a name in ``OBJECTIVES``.
+        """An objective, by itself or by its name in ``OBJECTIVES``.
 
         Raises:
             ValueError: an unknown name.
@@ -53,8 +53,8 @@ class Objective:
 
         Args:
             time: (n,) T [s].
-            catches: (n,).
-            effort: gives the integral (n,); asked where it counts.
+            catches: (n,) number of catches.
+            effort: returns the integral (n,); called only if it has a weight.
         """
         cost = time + self.catch * catches
         return cost + self.effort * effort() if self.effort else cost

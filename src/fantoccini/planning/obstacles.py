@@ -1,4 +1,4 @@
-"""What stands about a puppet: the obstacles of its file, more of the same kinds, half-spaces."""
+"""Obstacles of a puppet: those of its file, more of the same kinds, and half-spaces."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from fantoccini.world import World
 
 
 class HalfSpace(Model):
-    """All that lies below a plane: a floor, a wall, a ceiling."""
+    """Everything below a plane: a floor, a wall, a ceiling."""
 
     type: Literal["half_space"] = "half_space"
     name: Name
@@ -24,7 +24,7 @@ class HalfSpace(Model):
     at: Vector = (0.0, 0.0, 0.0)
     """A point of the plane [m]."""
     normal: Vector = (0.0, 0.0, 1.0)
-    """Direction out of the solid."""
+    """Outward direction."""
 
     @field_validator("normal")
     @classmethod
@@ -46,12 +46,12 @@ class _Listed(Model):
 def standing(
     world: World, obstacles: Iterable[Obstacle | HalfSpace | Mapping[str, Any]] = ()
 ) -> tuple[Obstacle | HalfSpace, ...]:
-    """The obstacles of a world, its floor, and more.
+    """The obstacles of a world, its floor, and additional ones.
 
     Args:
-        world: the puppet's.
-        obstacles: more of them; a mapping has the keys of an obstacle in a puppet file, or those
-            of a half-space: ``{"name": "wall", "type": "half_space", "at": [1, 0, 0],
+        world: of the puppet.
+        obstacles: additional ones; a mapping has the keys of an obstacle in a puppet file, or of a
+            half-space: ``{"name": "wall", "type": "half_space", "at": [1, 0, 0],
             "normal": [-1, 0, 0]}``.
 
     Raises:

@@ -1,12 +1,12 @@
-"""What a planner does: which nodes to go on from, with which inputs, and what to keep.
+"""Planners: which nodes to extend, with which inputs, and which ends to keep.
 
-``est-2007`` is the paper's expansive-space tree (Sec. VII): nodes chosen with a probability that
-falls with their distance from the goal, a random input for each, and the ends are kept.
+``est-2007`` is the paper's expansive-space tree (Sec. VII): nodes are chosen with a probability
+that falls with their distance from the goal, each gets a random input, and the ends are kept.
 
-``explore`` goes on from many nodes at a time, in lanes on all threads, those where little was tried
-first. A motion goes astray for a while, with random velocities of the driven coordinates, and is
-then led to where the puppet hangs at the goal, by a linear-quadratic regulator that takes the swing
-out of it, until it is there or something is in the way. The ends of all its segments are kept.
+``explore`` extends many nodes at once, in lanes on all threads, preferring those in sparse regions
+of the tree. A rollout begins with a random exploration phase, with random velocities of the driven
+coordinates. Then a linear-quadratic regulator leads it to where the puppet hangs at the goal. The
+ends of all its segments are kept.
 """
 
 from __future__ import annotations
@@ -17,28 +17,40 @@ from functools import cache
 
 import numpy as np
 
-from fantoccini.arrays import Array
-from fantoccini.planning.motions import Motions
+from fantoccini.arrays import Array, Indices
+from fantoccini.planning.rollouts import Rollouts
 from fantoccini.planning.search_tree import SearchTree
 
 
 @dataclass(frozen=True)
-class Grown:
+class _Sampling:
+    """Numbers of the random choices."""
+
+    extra_ends: float = 1.5
+    """String ends that explore in addition to the first, on average."""
+    min_distance: float = 1e-9
+    """Distance from the goal below which nodes are equally likely."""
+    min_weight: float = 1e-300
+    """Weight of the root, so that there is always a node to choose."""
+
+
+_SAMPLING = _Sampling()
+
+
+@dataclass(frozen=True)
+class PlannerRound:
     """What one round has added.
 
     Attributes:
-        motions: that were made.
+        rollouts: number simulated.
         nodes: numbers of the nodes that were kept.
     """
 
-    motions: int
+    rollouts: int
     nodes: range
 
 
-_ASTRAY = 1.5
-"""Ends that go astray beside the first, on average."""
-
-Planner = Callable[[SearchTree, Motions, np.random.Generator], Grown]
+Planner = Callable[[SearchTree, Rollouts, np.random.Generator], PlannerRound]
 """One round of a planner: grows the tree."""
 
 
@@ -48,143 +60,147 @@ class EST2007:
     Args:
         bias: power with which the probability of a node falls with its distance from the goal; 0
             chooses uniformly.
-        lasts: how long a motion lasts, in segments of the problem: at least and at most. Motions
-            of less than a segment diffuse: their random inputs cancel one another.
-        batch: nodes that are chosen at once and gone on from side by side, in lanes; 1 is the
-            paper's own order.
+        lasts: least and greatest duration of a rollout, in segments of the problem. Shorter than a
+            segment, random inputs cancel one another.
+        batch: nodes that are extended at once, in lanes; 1 is the paper's own order.
     """
 
     def __init__(self, bias: float = 4.0, lasts: tuple[float, float] = (1.0, 5.0), batch: int = 64):
         self.bias, self.lasts, self.batch = bias, lasts, batch
 
-    def __call__(self, tree: SearchTree, motions: Motions, rng: np.random.Generator) -> Grown:
-        weight = np.maximum(tree.distance, 1e-9) ** -self.bias
+    def __call__(
+        self, tree: SearchTree, rollouts: Rollouts, rng: np.random.Generator
+    ) -> PlannerRound:
+        weight = np.maximum(tree.distance, _SAMPLING.min_distance) ** -self.bias
         chosen = _drawn(weight, self.batch, rng)
         np.add.at(tree.tried, chosen, 1)
-        least, most = (max(1, round(part * motions.looks)) for part in self.lasts)
+        least, most = (max(1, round(part * rollouts.options.looks)) for part in self.lasts)
         looks = int(rng.integers(least, most + 1))
-        wanted = rng.uniform(-1.0, 1.0, (self.batch, tree.v_K.shape[1])) * motions.bounds.speed
-        acceleration = towards(wanted, tree.v_K[chosen], 1, looks * motions.interval, motions)
-        made = motions.sweep(tree.rows, chosen, acceleration, looks=looks)
-        return Grown(made.n_made, tree.add_segments(made, chosen, motions.interval))
+        wanted = rng.uniform(-1.0, 1.0, (self.batch, tree.v_K.shape[1])) * rollouts.bounds.speed
+        interval = rollouts.options.interval
+        acceleration = towards(wanted, tree.v_K[chosen], 1, looks * interval, rollouts)
+        made = rollouts.simulate(tree.states, chosen, acceleration, looks=looks)
+        return PlannerRound(made.n_made, tree.add_segments(made, chosen, interval))
 
 
 class Explore:
-    """Our planner.
+    """This project's planner.
 
     Args:
-        batch: motions a round.
-        astray: for so long a motion goes astray, at most [s].
-        led: for so long it is led, at most [s].
-        direct: part of the motions that are led from the beginning.
-        hurry: least and greatest time in which the regulator's reference runs ahead [s].
-        cell: size of the cells whose nodes are counted [rad or m].
+        batch: rollouts of a round.
+        exploration: longest random exploration phase [s].
+        guided: longest phase that the regulator leads [s].
+        direct: part of the rollouts without an exploration phase.
+        lead_time: least and greatest time by which the regulator's reference runs ahead [s].
+        cell: size of the cells in which nodes are counted [rad or m].
         haste: power with which the probability of a node falls with its time.
     """
 
     def __init__(
         self,
         batch: int = 192,
-        astray: float = 1.6,
-        led: float = 4.0,
+        exploration: float = 1.6,
+        guided: float = 4.0,
         direct: float = 0.1,
-        hurry: tuple[float, float] = (0.4, 1.0),
+        lead_time: tuple[float, float] = (0.4, 1.0),
         cell: float = 0.1,
         haste: float = 4.0,
     ):
-        self.batch, self.astray, self.led = batch, astray, led
-        self.direct, self.hurry, self.cell, self.haste = direct, hurry, cell, haste
+        self.batch, self.exploration, self.guided = batch, exploration, guided
+        self.direct, self.lead_time, self.cell, self.haste = direct, lead_time, cell, haste
 
-    def __call__(self, tree: SearchTree, motions: Motions, rng: np.random.Generator) -> Grown:
+    def __call__(
+        self, tree: SearchTree, rollouts: Rollouts, rng: np.random.Generator
+    ) -> PlannerRound:
         n = self.batch
-        chosen = self._where_little_was_tried(tree, motions, n, rng)
+        chosen = self._sparse_nodes(tree, rollouts, n, rng)
         np.add.at(tree.tried, chosen, 1)
-        duration = motions.looks * motions.interval
-        astray, led = (max(1, round(s / duration)) for s in (self.astray, self.led))
-        given = rng.integers(1, astray + 1, n)
-        led = led if motions.funnels else 0
+        duration = rollouts.options.segment
+        random, led = (max(1, round(s / duration)) for s in (self.exploration, self.guided))
+        n_given = rng.integers(1, random + 1, n)
+        led = led if rollouts.funnels else 0
         if led:
-            given[rng.random(n) < self.direct] = 0
-        wanted = motions.bounds.speed * rng.uniform(-1.0, 1.0, (n, tree.v_K.shape[1]))
-        wanted *= _some_ends(motions, n, rng)
-        acceleration = np.empty((n, astray + led, wanted.shape[1]))
-        acceleration[:, :astray] = towards(wanted, tree.v_K[chosen], astray, duration, motions)
-        left = np.minimum((tree.bound - tree.cost[chosen]) / duration, astray + led)
+            n_given[rng.random(n) < self.direct] = 0
+        wanted = rollouts.bounds.speed * rng.uniform(-1.0, 1.0, (n, tree.v_K.shape[1]))
+        wanted *= _some_ends(rollouts, n, rng)
+        acceleration = np.empty((n, random + led, wanted.shape[1]))
+        acceleration[:, :random] = towards(wanted, tree.v_K[chosen], random, duration, rollouts)
+        left = np.minimum((tree.bound - tree.cost[chosen]) / duration, random + led)
         if not led:
-            left = np.minimum(left, given)
-        made = motions.sweep(
-            tree.rows,
+            left = np.minimum(left, n_given)
+        made = rollouts.simulate(
+            tree.states,
             chosen,
             acceleration,
-            given=given,
-            made=np.maximum(left, 1.0).astype(int),
-            which=rng.integers(0, max(1, len(motions.funnels)), n),
-            reach=rng.uniform(*self.hurry, n),
+            n_given=n_given,
+            n_segments=np.maximum(left, 1.0).astype(int),
+            funnel=rng.integers(0, max(1, len(rollouts.funnels)), n),
+            lead_time=rng.uniform(*self.lead_time, n),
         )
-        return Grown(made.n_made, tree.add_segments(made, chosen, motions.interval))
+        return PlannerRound(made.n_made, tree.add_segments(made, chosen, rollouts.options.interval))
 
-    def _where_little_was_tried(
-        self, tree: SearchTree, motions: Motions, n: int, rng: np.random.Generator
-    ) -> Array:
-        """Nodes with a probability that falls with the nodes about them and with their trials.
+    def _sparse_nodes(
+        self, tree: SearchTree, rollouts: Rollouts, n: int, rng: np.random.Generator
+    ) -> Indices:
+        """(n,) nodes, likelier the fewer nodes are near and the less they were extended.
 
-        Those from which the driven coordinates cannot be at the goal within the tree's bound have
-        none.
+        Nodes from which the driven coordinates cannot reach the goal within the tree's bound are
+        left out.
         """
         cells = np.floor(tree.q_K / self.cell).astype(np.int64)
-        # A cell's number, by which equal ones are found a hundred times as fast as by its places.
-        number = cells @ _mixing(cells.shape[1])
+        # Finding equal hashes is a hundred times as fast as finding equal cells.
+        number = cells @ _hash_weights(cells.shape[1])
         _, cell, count = np.unique(number, return_inverse=True, return_counts=True)
         early = (1.0 + tree.time) ** -self.haste
         weight = early / (count[cell] * (1.0 + tree.tried))
         if np.isfinite(tree.bound):
-            late = tree.cost + time_to_go(tree.q_K, motions) > tree.bound
+            late = tree.cost + time_to_go(tree.q_K, rollouts) > tree.bound
             weight[late] = 0.0
-            weight[0] = max(weight[0], 1e-300)
+            weight[0] = max(weight[0], _SAMPLING.min_weight)
         return _drawn(weight, n, rng)
 
 
-def _some_ends(motions: Motions, n: int, rng: np.random.Generator) -> Array:
-    """(n, n_vK) 1 for driven coordinates that go astray: all of an end's, and of few ends."""
-    of, ends = motions.ends
-    moves = rng.random((n, ends)) < _ASTRAY / ends
+def _some_ends(rollouts: Rollouts, n: int, rng: np.random.Generator) -> Array:
+    """(n, n_vK) 1 for driven velocities that explore, else 0: all those of a few string ends."""
+    of, ends = rollouts.ends
+    moves = rng.random((n, ends)) < _SAMPLING.extra_ends / ends
     moves[np.arange(n), rng.integers(0, ends, n)] = True
     return moves[:, of].astype(float)
 
 
-def time_to_go(q_K: Array, motions: Motions) -> Array:
-    """Seconds (n,) in which the driven coordinates could be where funnels lead; 0 without."""
-    if not motions.funnels:
+def time_to_go(q_K: Array, rollouts: Rollouts) -> Array:
+    """(n,) least time in which the driven coordinates can reach the funnels' equilibrium [s]."""
+    if not rollouts.funnels:
         return np.zeros(len(q_K))
-    table, bounds = motions.marionette.coordinates, motions.bounds
+    table, bounds = rollouts.marionette.coordinates, rollouts.bounds
     places = [(q, v) for q, v in table.scalars_K if bounds.moves[v]]
     q, v = np.array(places).T
-    away = np.abs(q_K[:, q] - motions.funnels[0].q_K[q])
+    away = np.abs(q_K[:, q] - rollouts.funnels[0].q_K[q])
     return np.max(away / bounds.speed[v], axis=1)
 
 
-def towards(wanted: Array, v_K: Array, segments: int, duration: float, motions: Motions) -> Array:
-    """Accelerations (n, segments, n_vK) that bring velocities to wanted ones, within the bounds.
+def towards(wanted: Array, v_K: Array, segments: int, duration: float, rollouts: Rollouts) -> Array:
+    """(n, segments, n_vK) accelerations towards given velocities, within the bounds.
 
     Args:
-        wanted: (n, n_vK) within the bounds.
-        v_K: (n, n_vK) at the start.
-        segments: of a motion.
+        wanted: (n, n_vK) velocities within the bounds.
+        v_K: (n, n_vK) velocities at the start.
+        segments: of a rollout.
         duration: of a segment [s].
-        motions: for the bounds.
+        rollouts: for the bounds.
     """
-    left, most = (wanted - v_K)[:, None], duration * motions.bounds.acceleration
+    left, most = (wanted - v_K)[:, None], duration * rollouts.bounds.acceleration
     gone = np.arange(segments + 1)[:, None] * most
     return np.diff(np.clip(left, -gone, gone), axis=1) / duration
 
 
-def _drawn(weight: Array, n: int, rng: np.random.Generator) -> Array:
-    """n places, each with a probability in proportion to its weight."""
+def _drawn(weight: Array, n: int, rng: np.random.Generator) -> Indices:
+    """(n,) random indices, with probabilities in proportion to the weights."""
     sums = np.cumsum(weight)
     return np.searchsorted(sums, rng.random(n) * sums[-1])
 
 
 @cache
-def _mixing(n: int) -> Array:
-    """Odd numbers that mix n places to one."""
+def _hash_weights(n: int) -> Indices:
+    """(n,) odd numbers that hash n integers into one."""
     return np.random.default_rng(n).integers(1, 2**62, n) | 1

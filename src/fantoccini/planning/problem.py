@@ -1,9 +1,10 @@
-"""What is to be planned: everything that is the same for every seed, made ready once."""
+"""Planning problems: everything that is the same for every seed, prepared once."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -16,80 +17,67 @@ from fantoccini.planning.balance import balanced
 from fantoccini.planning.clearance import Clearance
 from fantoccini.planning.feasible import out_of_reach
 from fantoccini.planning.funnels import funnels
-from fantoccini.planning.goals import Goal, Rows
-from fantoccini.planning.motions import Bounds, Motions
+from fantoccini.planning.goals import Goal, GoalLike, StateArrays
 from fantoccini.planning.objective import Objective
 from fantoccini.planning.obstacles import HalfSpace
+from fantoccini.planning.rollouts import Bounds, RolloutOptions, Rollouts
 from fantoccini.puppet import Obstacle
 from fantoccini.runtime import Funnel, default_threads
 
-DT = 0.004
-"""Step of a planner's time-stepper, by default [s]."""
 
-LOOK = 5
-"""Steps from one look to the next, by default."""
+@dataclass(frozen=True)
+class _Tolerances:
+    """Tolerances for the equilibrium at the goal and the choice of a feedback law."""
 
-_SEGMENT = 5
-"""Looks of a segment, by default."""
+    trial_segments: int = 20
+    """Segments after which feedback laws are compared."""
+    trial_lead_time: float = 0.6
+    """Time by which their references run ahead in that comparison [s]."""
+    max_unbalanced: float = 1e-6
+    """Force left on a puppet in equilibrium, relative to its weight."""
 
-_LONGEST = 10.0
-"""Duration of a segment, at most [s]."""
 
-_STEPS = 10_000
-"""Steps of a segment, at most."""
-
-_TRIAL = 20
-"""Segments after which laws are compared."""
-
-_HURRY = 0.6
-"""By how much motions hurry that compare laws [s]."""
-
-_BALANCED = 1e-6
-"""What may be left of the forces on a puppet that hangs, beside its weight."""
+_TOLERANCES = _Tolerances()
 
 
 class Problem:
-    """A puppet, where it begins, where it is to be, and what is about it.
+    """A puppet, its start, its goal and its obstacles.
 
     Attributes:
-        marionette: the puppet.
-        name: of the problem; may be empty.
-        start: where it begins.
-        goal: where it is to be.
-        tolerance: of the goal's distance.
-        objective: what better plans have less of.
-        motions: makes its motions.
+        marionette, name, start, goal, tolerance: see below.
+        objective: cost that better plans reduce.
+        rollouts: that simulate from many states at once.
+        distance: of the start from the goal.
         reason: why no plan can begin at the start; empty where one can.
-        equilibrium: whether the puppet can hang at the goal, clear of obstacles; a plan passes one
-            at which it cannot.
+        equilibrium: whether the puppet can hang at the goal, clear of obstacles; otherwise a plan
+            only passes it.
         out_of_reach: why no plan can end at the goal; empty where one may.
 
     Args:
         marionette: the puppet.
         start: where it begins; its driven coordinates may move.
         goal: a state, names and values (``{"elbow": 1.2}``), a :class:`Goal`, or a function of
-            :class:`Rows` that gives distances.
-        obstacles: more than the world has.
+            :class:`StateArrays` that returns distances.
+        obstacles: in addition to the world's.
         name: of the problem.
         tolerance: of the goal's distance.
-        speed, acceleration: largest of the driven coordinates, for all or by name [m/s, m/s^2].
+        speed, acceleration: bounds of the driven coordinates, for all or by name [m/s, m/s^2].
         ranges: name of a driven coordinate -> (low, high) [m].
         margin: least clearance [m].
-        slack: whether strings that pull may go slack on the way. Plans on which none does depend
-            less on how exactly they are followed.
+        slack: whether taut strings may go slack on the way. Plans in which none does depend less
+            on how exactly they are followed.
         strings: whether strings are kept clear of obstacles too.
         self_collision: whether bodies are kept clear of one another.
         threads: that share the work; all processors by default.
         dt: step of the time-stepper [s].
-        look: steps from one look for collisions and the goal to the next.
-        segment: for which accelerations hold [s], a whole number of looks and at most 10 s; five
-            looks, 0.1 s, by default. Motions of ``"est-2007"`` last 1 to 5 times as long.
-        objective: what better plans have less of: ``"time"``; ``"gentle"``, strings and limits that
-            are caught, and time; ``"effort"``, accelerations of the driven coordinates, and time;
-            or an :class:`Objective`.
+        look: steps from one check for collisions and the goal to the next.
+        segment: duration of constant accelerations [s], a whole number of looks and at most 10 s;
+            five looks, 0.1 s, by default. Rollouts of ``"est-2007"`` last 1 to 5 times as long.
+        objective: ``"time"``; ``"gentle"``, catches of strings and limits, and time; ``"effort"``,
+            accelerations of the driven coordinates, and time; or an :class:`Objective`.
 
     Raises:
-        StateError, UnknownNameError, FileError: what is asked makes no sense, or a string is too
+        StateError, UnknownNameError, FileError: the problem is not well defined, or a string is too
             short for the start.
         ValueError: a number out of range.
     """
@@ -98,7 +86,7 @@ class Problem:
         self,
         marionette: Marionette,
         start: State,
-        goal: Goal | State | Mapping[str, Any] | Any,
+        goal: GoalLike,
         obstacles: Iterable[Obstacle | HalfSpace | Mapping[str, Any]] = (),
         *,
         name: str = "",
@@ -111,26 +99,14 @@ class Problem:
         strings: bool = True,
         self_collision: bool = False,
         threads: int | None = None,
-        dt: float = DT,
-        look: int = LOOK,
+        dt: float = RolloutOptions.dt,
+        look: int = RolloutOptions.look,
         segment: float | None = None,
         objective: str | Objective = "gentle",
     ):
         threads = default_threads() if threads is None else threads
-        for what, value in (("tolerance", tolerance), ("dt", dt)):
-            if not 0.0 < value < np.inf:
-                raise ValueError(f"{what} is {value}; it must be finite and greater than 0")
-        if not 0.0 <= margin < np.inf:
-            raise ValueError(f"margin is {margin}; it must be a number of at least 0 [m]")
-        for what, number in (("look", look), ("threads", threads)):
-            if not number >= 1:
-                raise ValueError(f"{what} is {number}; it must be at least 1")
-        looks = _SEGMENT if segment is None else whole_looks(segment, dt * look)
-        if looks * look > _STEPS:
-            raise ValueError(
-                f"a segment of {looks * look * dt:g} s takes {looks * look} steps of {dt:g} s; it "
-                f"must be at most {_STEPS}"
-            )
+        options = RolloutOptions(tolerance, margin, slack, dt, look, threads=threads)
+        options = options.with_segment(segment)
         self.objective = Objective.of(objective)
         check_start(marionette.model, start, "timestepping")
         if not len(start.slip):
@@ -140,34 +116,31 @@ class Problem:
         self.goal = Goal.of(marionette, goal)
         clearance = Clearance(marionette, obstacles, strings=strings, self_collision=self_collision)
         bounds = Bounds.of(marionette, speed, acceleration, ranges or {})
-        self.motions = Motions(
-            marionette, clearance, bounds, self.goal, tolerance=tolerance, margin=margin,
-            slack=slack, dt=dt, look=look, looks=looks,
-            threads=threads,
-        )  # fmt: skip
-        self.reason = _blocked(start, self.motions)
+        self.rollouts = Rollouts(marionette, clearance, bounds, self.goal, options)
+        self.reason = _start_violation(start, self.rollouts)
         self.distance = self.goal.of_start(self.root)
         self.equilibrium = False
         self.out_of_reach = out_of_reach(self.goal, tolerance)
-        if not self.hopeless:
-            self.motions.funnels, self.equilibrium = _hanging_at(self.goal, start, self.motions)
+        if not self.infeasible:
+            self.rollouts.funnels, self.equilibrium = _hanging_at(self.goal, start, self.rollouts)
 
     @property
-    def hopeless(self) -> str:
-        """Why there is nothing to search for; empty where there is."""
+    def infeasible(self) -> str:
+        """Why no plan can exist; empty where one may."""
         return self.reason or self.out_of_reach
 
     @cached_property
-    def stage(self) -> Marionette:
-        """The puppet in a world with all the obstacles, to be drawn; half-spaces are left out."""
-        solid = tuple(o for o in self.motions.clearance.obstacles if not isinstance(o, HalfSpace))
+    def drawn_marionette(self) -> Marionette:
+        """The puppet among all obstacles except half-spaces, for pictures."""
+        solid = tuple(o for o in self.rollouts.clearance.obstacles if not isinstance(o, HalfSpace))
         return Marionette(self.marionette.model.with_obstacles(solid))
 
     @property
     def fingerprint(self) -> str:
-        """Of all that decides what a plan is: a plan of another problem is none of this one."""
-        motions, numbers, bounds = self.motions, self.goal.numbers, self.motions.bounds
-        solids, digest = motions.clearance.solids, hashlib.sha256()
+        """Hash of everything that defines the problem."""
+        rollouts, numbers, bounds = self.rollouts, self.goal.numbers, self.rollouts.bounds
+        options = rollouts.options
+        solids, digest = rollouts.clearance.solids, hashlib.sha256()
         for a in (
             *self.root.parts.values(), self.marionette.p, self.marionette.winches,
             numbers.low, numbers.high, numbers.weight, numbers.v_D, numbers.v_K, numbers.at,
@@ -177,31 +150,33 @@ class Problem:
             digest.update(np.ascontiguousarray(a).tobytes())
         plain = (
             self.tolerance, numbers.kind, numbers.link, numbers.speed_weight,
-            numbers.driven_weight, motions.margin, motions.slack, motions.dt, motions.look,
-            motions.looks, self.marionette.coordinates.v_D, self.marionette.coordinates.v_K,
-            motions.clearance.meshes.digest,
+            numbers.driven_weight, options.margin, options.slack, options.dt, options.look,
+            options.looks, self.marionette.coordinates.v_D, self.marionette.coordinates.v_K,
+            rollouts.clearance.meshes.digest,
         )  # fmt: skip
         digest.update(repr(plain).encode())
         return digest.hexdigest()
 
     @property
-    def root(self) -> Rows:
-        """The start as the one row of a tree."""
-        return Rows.of(self.start)
+    def root(self) -> StateArrays:
+        """The start (1,), as the root of a tree."""
+        return StateArrays.of(self.start)
 
 
-def _hanging_at(goal: Goal, start: State, motions: Motions) -> tuple[list[Funnel], bool]:
-    """The laws that lead to where the puppet hangs at a goal, or nearest to it.
+def _hanging_at(goal: Goal, start: State, rollouts: Rollouts) -> tuple[list[Funnel], bool]:
+    """The feedback law that leads to the equilibrium nearest to the goal.
 
-    None of them where the driven coordinates cannot be there. And whether that is at the goal.
+    Returns:
+        The law, or none where the driven coordinates cannot be there; and whether the equilibrium
+        is at the goal and clear.
     """
-    marionette, bounds = motions.marionette, motions.bounds
+    marionette, bounds = rollouts.marionette, rollouts.bounds
     q_D, q_K, left = balanced(marionette, goal, start, bounds.moves)
     if goal.q_K is not None:
         q_K = np.where(bounds.moves, goal.q_K, start.q_K)
-    # Of a length that a drive winds it is not known yet whether the string just reaches.
+    # Lengths wound by a drive are not solved for in `balanced`.
     wound = any(string.wound_length for string in marionette.tree.strings)
-    if wound or left > _BALANCED * marionette.weight or goal.q_K is not None:
+    if wound or left > _TOLERANCES.max_unbalanced * marionette.weight or goal.q_K is not None:
         try:
             at = marionette.rest(start.replace(q_D=q_D, q_K=q_K))
         except StateError:
@@ -209,49 +184,33 @@ def _hanging_at(goal: Goal, start: State, motions: Motions) -> tuple[list[Funnel
         q_D, q_K = at.q_D, at.q_K
     if not np.all((q_K >= bounds.low) & (q_K <= bounds.high)):
         return [], False
-    motions.funnels = funnels(
-        marionette, q_D, q_K, bounds.moves, motions.options, motions.looks, motions.threads
+    rollouts.funnels = funnels(
+        marionette, q_D, q_K, bounds.moves, rollouts.run_options, rollouts.options
     )
-    chosen = _best_of(motions, start)
-    at_rest = Rows.of(start.replace(q_D=q_D, q_K=q_K, v_D=0.0 * start.v_D, v_K=0.0 * start.v_K))
-    there = goal.distance(at_rest)[0] <= motions.inner
-    return [chosen], bool(there and motions.clearance.at(q_D, q_K) >= motions.margin)
+    chosen = _best_of(rollouts, start)
+    at_rest = start.replace(q_D=q_D, q_K=q_K, v_D=0.0 * start.v_D, v_K=0.0 * start.v_K)
+    there = goal.distance(StateArrays.of(at_rest))[0] <= rollouts.stop_distance
+    return [chosen], bool(there and rollouts.clearance.at(q_D, q_K) >= rollouts.options.margin)
 
 
-def _best_of(motions: Motions, start: State) -> Funnel:
-    """The law that comes nearest to the goal from the start, as if nothing were about."""
-    n, n_K = len(motions.funnels), motions.marionette.coordinates.n_vK
-    made = motions.where(tolerance=-1.0, free=True).sweep(
-        Rows.of(start), np.zeros(n), np.zeros((n, _TRIAL, n_K)), given=np.zeros(n),
-        which=np.arange(n), reach=np.full(n, _HURRY),
+def _best_of(rollouts: Rollouts, start: State) -> Funnel:
+    """The feedback law that comes nearest to the goal from the start, without obstacles."""
+    n, segments = len(rollouts.funnels), _TOLERANCES.trial_segments
+    which, none = np.arange(n), np.zeros(n, dtype=int)
+    made = rollouts.where(tolerance=-1.0, free=True).simulate(
+        StateArrays.of(start), none, np.zeros((n, segments, rollouts.marionette.coordinates.n_vK)),
+        n_given=none, funnel=which, lead_time=np.full(n, _TOLERANCES.trial_lead_time),
     )  # fmt: skip
-    late = np.where(made.looks > 0, made.distance, np.inf)[:, _TRIAL // 2 :]
-    return motions.funnels[int(np.argmin(np.mean(late, axis=1)))]
+    late = np.where(made.looks > 0, made.distance, np.inf)[:, segments // 2 :]
+    return rollouts.funnels[int(np.argmin(np.mean(late, axis=1)))]
 
 
-def whole_looks(segment: float, interval: float = DT * LOOK) -> int:
-    """The looks of a segment, both in seconds.
-
-    Raises:
-        ValueError: it is none, longer than 10 s, or not a whole number of them.
-    """
-    if _LONGEST < segment < np.inf:
-        raise ValueError(f"segment is {segment} s; it must be at most {_LONGEST:g} s")
-    looks = round(segment / interval) if 0.0 < segment < np.inf else 0
-    if looks < 1 or abs(segment - looks * interval) > 1e-9 * segment:
-        raise ValueError(
-            f"segment is {segment} s; it must be a whole number of looks, which are {interval:g} s "
-            "apart"
-        )
-    return looks
-
-
-def _blocked(start: State, motions: Motions) -> str:
-    """Why no plan can begin at a state; nothing where one can."""
-    nearest = motions.clearance.nearest(start)
-    if nearest is not None and nearest.distance < motions.margin:
-        return f"at the start {nearest}; the margin is {motions.margin:g} m"
-    bounds, table = motions.bounds, motions.marionette.coordinates
+def _start_violation(start: State, rollouts: Rollouts) -> str:
+    """Why no plan can begin at a state; empty where one can."""
+    nearest = rollouts.clearance.nearest(start)
+    if nearest is not None and nearest.distance < rollouts.options.margin:
+        return f"at the start {nearest}; the margin is {rollouts.options.margin:g} m"
+    bounds, table = rollouts.bounds, rollouts.marionette.coordinates
     for k, name in enumerate(table.q_K):
         if not bounds.low[k] <= start.q_K[k] <= bounds.high[k]:
             span = f"{bounds.low[k]:g} to {bounds.high[k]:g}"

@@ -1,37 +1,36 @@
-"""Problem files: what is to be planned as YAML. Every mistake is given with its place."""
+"""Problem files: planning problems in YAML. Every mistake is reported with its location."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable
 from pathlib import Path, PurePosixPath
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NoReturn, TypeVar
 
 from pydantic import AfterValidator, Field, WithJsonSchema
 
 from fantoccini import puppets
 from fantoccini.errors import FantocciniError, FileError, nearest
 from fantoccini.marionette import Marionette, load
-from fantoccini.motion import State
 from fantoccini.planning.goals import Goal
-from fantoccini.planning.motions import Bounds
 from fantoccini.planning.obstacles import Standing
-from fantoccini.planning.problem import Problem, whole_looks
+from fantoccini.planning.problem import Problem
+from fantoccini.planning.rollouts import Bounds, RolloutOptions, whole_looks
 from fantoccini.puppet.located import Located, read_file, shown, validate
 from fantoccini.puppet.values import Angle, Model, Name, Positive, Real, Vector, mistake
 
 _FOLDER = Path(__file__).parent / "problems"
 
-_LARGEST = 1e6
-"""Size of a number of a problem: metres, radians, seconds and their like."""
+_MAX_SIZE = 1e6
+"""Largest number in a problem file [m, rad or s]."""
 
 
 def _sized(given: Any) -> Any:
-    """Refuses numbers, alone or several, that no puppet's problem has."""
+    """Refuses numbers that are too large."""
     numbers = given if isinstance(given, tuple) else (given,)
     for number in numbers:
-        if isinstance(number, float) and abs(number) > _LARGEST:
-            raise mistake(f"found {number:g}; needed: a size of at most {_LARGEST:g}")
+        if isinstance(number, float) and abs(number) > _MAX_SIZE:
+            raise mistake(f"found {number:g}; needed: a size of at most {_MAX_SIZE:g}")
     return given
 
 
@@ -47,20 +46,20 @@ Value = Annotated[
 
 
 class PointGoal(Model):
-    """A point of a body at a place, or in a box."""
+    """A point of a body at a place or in a box."""
 
     body: str
     """The body's name."""
     at: Place = (0.0, 0.0, 0.0)
     """The point in the body's frame [m]."""
     place: Place
-    """Where it is to be [m]; with `to`, the lowest corner of a box."""
+    """Its place [m]; with `to`, the lowest corner of a box."""
     to: Place | None = None
     """The highest corner [m]."""
 
 
 class GoalFile(Model):
-    """Where the puppet is to be: a `pose` or a `point`."""
+    """The goal: a `pose` or a `point`."""
 
     pose: dict[str, Value] | None = None
     """Dynamic coordinate -> value, or [low, high]; a rotation as a vector or a quaternion."""
@@ -69,47 +68,47 @@ class GoalFile(Model):
     point: PointGoal | None = None
     """A point of a body."""
     speed_weight: Sized | None = None
-    """Weight of the size of all dynamic velocities [s]; 0.1 for a pose, 0 for a point."""
+    """Weight of the norm of the dynamic velocities [s]; 0.1 for a pose, 0 for a point."""
     driven_weight: Sized = 0.0
-    """Weight of the size of all driven velocities [s]: greater than 0 where they end at rest."""
+    """Weight of the norm of the driven velocities [s]: greater than 0 where they end at rest."""
 
 
 class ProblemFile(Model):
-    """What is to be planned."""
+    """A planning problem."""
 
     problem: Name
     """The problem's name."""
     puppet: str
-    """A bundled puppet's name, or a puppet file beside this one."""
+    """A bundled puppet's name, or a puppet file in this file's folder."""
     start: dict[str, Value] = Field(default_factory=dict)
     """Coordinate -> value: the puppet hangs at rest with the driven ones there."""
     goal: GoalFile
-    """Where it is to be."""
+    """Where the plan ends."""
     tolerance: Size = 0.1
-    """Of the goal's distance."""
+    """Tolerance of the goal's distance."""
     speed: Real | dict[str, Real] = 0.5
-    """Largest of the driven coordinates, of all or by name; others hold still [m/s or rad/s]."""
+    """Bound for all driven coordinates or by name; others hold still [m/s or rad/s]."""
     acceleration: Real | dict[str, Real] = 2.0
-    """Largest of the driven coordinates, of all or by name [m/s^2 or rad/s^2]."""
+    """Bound for all driven coordinates or by name [m/s^2 or rad/s^2]."""
     segment: Positive | None = None
-    """For which accelerations hold; a multiple of 0.02 s up to 10 s, 0.1 s by default [s]."""
+    """Duration of constant accelerations: a multiple of 0.02 s up to 10 s, 0.1 s by default [s]."""
     objective: Literal["gentle", "time", "effort"] = "gentle"
-    """What better plans have less of: catches and time, time, or accelerations and time."""
+    """What better plans reduce: catches and time, time, or accelerations and time."""
     ranges: dict[str, tuple[Sized, Sized]] = Field(default_factory=dict)
     """Driven coordinate -> [low, high]."""
     margin: Sized = 0.0
     """Least clearance [m]."""
     slack: bool = True
-    """Whether strings that pull may go slack on the way."""
+    """Whether taut strings may go slack on the way."""
     strings: bool = True
     """Whether strings are kept clear of obstacles."""
     self_collision: bool = False
     """Whether bodies are kept clear of one another."""
     obstacles: tuple[Standing, ...] = ()
-    """More than the puppet's world has."""
+    """In addition to the world's."""
 
 
-def problem_schema() -> dict:
+def problem_schema() -> dict[str, Any]:
     """JSON Schema of a problem file, for editors."""
     schema = ProblemFile.model_json_schema()
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
@@ -130,11 +129,11 @@ def load_problem(
 
     Args:
         path: of the file, or the name of a bundled problem (``arm3d_boxes``).
-        progress: told what takes long while it happens.
+        progress: called with a description of each slow step.
         options: of :class:`Problem`, in place of the file's: ``tolerance=0.1``.
 
     Raises:
-        FileError: with every mistake found, and where.
+        FileError: with every mistake found and its location.
     """
     name = os.fspath(path)
     if name in problem_names() and not Path(name).exists():
@@ -142,44 +141,64 @@ def load_problem(
     located = read_file(path)
     file = validate(ProblemFile, located)
     marionette = _puppet(file.puppet, located, progress)
-    found: list[tuple[tuple, str]] = []
-
-    def tried(place: tuple, make: Callable[[], Any]) -> Any:
-        try:
-            return make()
-        except (FantocciniError, ValueError) as error:
-            found.append((place, str(error)))
-            return None
-
+    check = _Checks(located)
     for key, value in file.start.items():
-        tried(("start", key), lambda key=key, value=value: marionette.state({key: value}))
-    goal = _goal(file.goal, marionette, tried)
-    for what in ("speed", "acceleration"):
-        given = {"speed": 1.0, "acceleration": 1.0, what: getattr(file, what)}
-        tried((what,), lambda given=given: Bounds.of(marionette, **given, ranges={}))
+        check(("start", key), lambda key=key, value=value: marionette.state({key: value}))
+    goal = _goal(file.goal, marionette, check)
+    check(("speed",), lambda: Bounds.of(marionette, file.speed, 1.0, {}))
+    check(("acceleration",), lambda: Bounds.of(marionette, 1.0, file.acceleration, {}))
     if file.segment is not None:
-        tried(("segment",), lambda: whole_looks(file.segment))
+        segment, interval = file.segment, RolloutOptions.dt * RolloutOptions.look
+        check(("segment",), lambda: whole_looks(segment, interval))
     for key, span in file.ranges.items():
-        asked = {key: span}
-        tried(("ranges", key), lambda asked=asked: Bounds.of(marionette, 1.0, 1.0, asked))
-    start = None if found else tried(("start",), lambda: marionette.rest(file.start))
-    if found:
-        raise located.error(found, FileError)
+        check(
+            ("ranges", key),
+            lambda key=key, span=span: Bounds.of(marionette, 1.0, 1.0, {key: span}),
+        )
+    check.refuse()
+    start = check.need(("start",), lambda: marionette.rest(file.start))
     names = (
         "tolerance", "speed", "acceleration", "segment", "objective", "ranges", "margin", "slack",
         "strings", "self_collision",
     )  # fmt: skip
-    asked = {key: getattr(file, key) for key in names} | options
-    made = tried((), lambda: _problem(marionette, start, goal, file, asked))
-    if found:
-        raise located.error(found, FileError)
-    return made
+    given = {"name": file.problem} | {key: getattr(file, key) for key in names} | options
+    assert goal is not None  # or it was refused
+    return check.need((), lambda: Problem(marionette, start, goal, file.obstacles, **given))
 
 
-def _problem(
-    marionette: Marionette, start: State, goal: Goal, file: ProblemFile, asked: dict[str, Any]
-) -> Problem:
-    return Problem(marionette, start, goal, file.obstacles, name=file.problem, **asked)
+Checked = TypeVar("Checked")
+
+
+class _Checks:
+    """Calls that may refuse part of a file, and the mistakes found by them."""
+
+    def __init__(self, located: Located):
+        self._located = located
+        self._found: list[tuple[tuple[str, ...], str]] = []
+
+    def __call__(self, place: tuple[str, ...], make: Callable[..., Checked]) -> Checked | None:
+        """The result; None where it is refused, which is noted for a place in the file."""
+        try:
+            return make()
+        except (FantocciniError, ValueError) as error:
+            self._found.append((place, str(error)))
+            return None
+
+    def need(self, place: tuple[str, ...], make: Callable[[], Checked]) -> Checked:
+        """The result.
+
+        Raises:
+            FileError: it is refused.
+        """
+        made = self(place, make)
+        self.refuse()
+        assert made is not None
+        return made
+
+    def refuse(self) -> None:
+        """Raises FileError if there are mistakes."""
+        if self._found:
+            raise self._located.error(self._found, FileError)
 
 
 def _puppet(name: str, located: Located, progress: Callable[[str], None] | None) -> Marionette:
@@ -188,49 +207,47 @@ def _puppet(name: str, located: Located, progress: Callable[[str], None] | None)
     path = PurePosixPath(name)
     plain = name.isprintable() and "\\" not in name and ":" not in name and len(name) < 256
     if plain and path.parts and not path.is_absolute() and ".." not in path.parts:
-        beside = (located.folder / path).resolve()
-        if beside.is_relative_to(located.folder.resolve()) and beside.is_file():
-            return load(beside, progress)
+        file = (located.folder / path).resolve()
+        if file.is_relative_to(located.folder.resolve()) and file.is_file():
+            return load(file, progress)
     hint = nearest(name, puppets.names())
     message = f"found {shown(name)}: no file in this one's folder and no bundled puppet{hint}"
     raise located.error([(("puppet",), message)], FileError)
 
 
-def _goal(file: GoalFile, marionette: Marionette, tried: Callable[[tuple, Callable], Any]) -> Any:
+def _goal(file: GoalFile, marionette: Marionette, check: _Checks) -> Goal | None:
     weight = {} if file.speed_weight is None else {"speed_weight": file.speed_weight}
     weight["driven_weight"] = file.driven_weight
-    if (file.pose is None) == (file.point is None):
-        text = "found both a pose and a point" if file.point else "found neither a pose nor a point"
-        return tried(("goal",), lambda: _refuse(f"{text}; needed: one of them"))
-    if file.point is not None:
-        asked = file.point
-        return tried(
+    pose, point, weights = file.pose, file.point, file.weights
+    if point is not None and pose is None:
+        return check(
             ("goal", "point"),
             lambda: Goal.point(
-                marionette, asked.body, asked.place, at=asked.at, to=asked.to, **weight
+                marionette, point.body, point.place, at=point.at, to=point.to, **weight
             ),
         )
+    if pose is None or point is not None:
+        text = "found both a pose and a point" if point else "found neither a pose nor a point"
+        return check(("goal",), lambda: _refuse(f"{text}; needed: one of them"))
     good = [
-        tried(
+        check(
             ("goal", "pose", key), lambda key=key, value=value: Goal.pose(marionette, {key: value})
         )
-        for key, value in file.pose.items()
+        for key, value in pose.items()
     ]
     if not all(good):
         return None
     good = [
-        tried(
+        check(
             ("goal", "weights", key),
-            lambda one={key: value}: Goal.pose(marionette, file.pose, weights=one),
+            lambda one={key: value}: Goal.pose(marionette, pose, weights=one),
         )
-        for key, value in file.weights.items()
+        for key, value in weights.items()
     ]
     if not all(good):
         return None
-    return tried(
-        ("goal",), lambda: Goal.pose(marionette, file.pose, weights=file.weights, **weight)
-    )
+    return check(("goal",), lambda: Goal.pose(marionette, pose, weights=weights, **weight))
 
 
-def _refuse(message: str) -> None:
+def _refuse(message: str) -> NoReturn:
     raise ValueError(message)

@@ -1,29 +1,26 @@
-"""What a planner found."""
+"""The result of a search for a plan."""
 
 from __future__ import annotations
 
 import contextlib
 import enum
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.marionette import Method, MethodName, TimeStepping
-from fantoccini.motion import Input, State, Trajectory
+from fantoccini.marionette import Method, MethodName
 from fantoccini.planning import archive
-from fantoccini.planning.check import Check, checked, holds, inputs_along, run_along
+from fantoccini.planning.check import Check, checked, holds
 from fantoccini.planning.feedback import Feedback
-from fantoccini.planning.goals import Goal
-from fantoccini.planning.motions import Motions
+from fantoccini.planning.plan_path import PlanPath
 from fantoccini.planning.planners import Planner
 from fantoccini.planning.polish import Polish
 from fantoccini.planning.problem import Problem
 from fantoccini.planning.search import Search
-from fantoccini.planning.search_tree import SearchTree
 from fantoccini.runtime import POINT
 
 
@@ -44,27 +41,21 @@ class PlanStatus(enum.Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class PlanResult:
-    """A plan, and the tree it was found in. True where the plan :attr:`holds`.
+class PlanResult(PlanPath):
+    """A plan, and the tree in which it was found. True where the plan :attr:`holds`.
 
     Attributes:
+        problem, tree, path: see :class:`PlanPath`.
         status: how the search ended.
-        problem: what was to be planned.
-        path: nodes of the tree from the start to the plan's end.
-        tree: the one in which the plan was found.
-        search: what found it, to go on.
-        tried: motions that were tried.
-        seconds: that the search took [s].
-        curve: (seconds, motions, time of the plan) of every plan that was the best so far.
-        refused: plans that were found and arrive by the time-stepper, but do not hold.
-        polished: what came of polishing the plan, and why it did not help; None where it was not
-            asked.
+        search: that found it, and can go on.
+        tried: rollouts simulated.
+        seconds: spent searching [s].
+        curve: (seconds, rollouts, duration) of every plan that was the best, in order.
+        refused: plans that arrive by the time-stepper, but do not hold event-driven.
+        polished: the outcome of polishing the plan; None where it was not attempted.
     """
 
     status: PlanStatus
-    problem: Problem
-    path: tuple[int, ...]
-    tree: SearchTree
     search: Search
     tried: int
     seconds: float
@@ -75,68 +66,71 @@ class PlanResult:
     @classmethod
     def of(cls, search: Search) -> PlanResult:
         """What a search has found so far."""
-        problem, tree = search.problem, search.tree
-        status = PlanStatus.TIMEOUT if search.late else PlanStatus.APPROXIMATE
+        problem, found = search.problem, search.record
+        tree, best = found.tree, found.best
+        status = PlanStatus.TIMEOUT if found.late else PlanStatus.APPROXIMATE
         if problem.reason:
             status = PlanStatus.INFEASIBLE_START
         elif problem.out_of_reach:
             status = PlanStatus.INFEASIBLE_GOAL
-        elif tree.distance[search.best] <= problem.tolerance:
-            # The start alone has nothing to confirm.
-            sure = search.confirm or search.best == 0
+        elif tree.distance[best] <= problem.tolerance:
+            # The start alone needs no confirmation.
+            sure = search.options.confirm or best == 0
             status = PlanStatus.EXACT if sure else PlanStatus.UNCONFIRMED
-        path = tuple(tree.path(search.best))
-        curve = tuple(search.curve)
         return cls(
-            status, problem, path, tree, search, search.tried, search.seconds, curve,
-            search.refused, search.polished,
+            problem, tree, tuple(tree.path(best)), status, search, found.tried, found.seconds,
+            found.curve, found.refused, found.polished,
         )  # fmt: skip
 
     def save(self, path: str | Path) -> None:
         """Writes the plan with its tree as npz; the file appears whole or not at all."""
-        archive.save(self, path)
+        record = replace(
+            self.search.record, tree=self.tree, best=self.path[-1], tried=self.tried,
+            seconds=self.seconds, curve=self.curve,
+        )  # fmt: skip
+        archive.save(path, self.search, record, self.status.name)
 
     @classmethod
     def load(cls, path: str | Path, problem: Problem, planner: Planner | None = None) -> PlanResult:
         """Reads what :meth:`save` wrote; the search can go on.
 
-        It goes on as if it had never ended, but that a tree in which it looked for a better plan
-        begins anew.
+        It goes on as if it had never stopped, except that a tree in which it looked for a better
+        plan begins anew.
 
         Args:
             path: of the file.
-            problem: what was planned.
-            planner: the one that was used, where that has no name.
+            problem: that was planned.
+            planner: that was used, where it has no name.
 
         Raises:
-            FileError: the file is no plan, or one of another problem.
+            FileError: the file is not a plan, or belongs to another problem.
         """
         return cls.of(archive.load(path, problem, planner))
 
     def grow(self, seconds: float = 1.0, iterations: int | None = None) -> PlanResult:
-        """Goes on with the search: for a plan, or a better one where there is one.
+        """Continues the search: for a plan, or for a better one where there is one.
 
         Args:
-            seconds: for so long.
-            iterations: and with so many motions at most.
+            seconds: how long.
+            iterations: rollouts, at most.
 
         Raises:
             ValueError: a number of seconds that is negative or not finite.
         """
         _check(seconds)
         with contextlib.suppress(KeyboardInterrupt):
-            go_on = self.search.better if self.search.arrived else self.search.first
+            go_on = self.search.find_better if self.search.arrived else self.search.find_first
             go_on(seconds, iterations)
         return PlanResult.of(self.search)
 
     @cached_property
     def holds(self) -> bool:
-        """Whether it ends within the tolerance and touches nothing when its events are located.
+        """Whether the plan ends within the tolerance and touches nothing, event-driven.
 
-        A search that confirms its plans knows; of others the first question makes the plan again.
+        Where the search did not confirm its plans, the first call simulates the plan.
         """
         if self.status is PlanStatus.UNCONFIRMED:
-            return holds(self.problem, self.tree, self.path)
+            return holds(self)
         return self.status is PlanStatus.EXACT
 
     def __bool__(self) -> bool:
@@ -144,14 +138,14 @@ class PlanResult:
 
     def __repr__(self) -> str:
         found = (
-            f"{self.duration:.2f} s in {len(self.path) - 1} motions, {self.distance:.3g} from the "
+            f"{self.duration:.2f} s in {len(self.path) - 1} segments, {self.distance:.3g} from the "
             f"goal; {self.tried} tried, {len(self.tree)} nodes, {self.seconds:.3g} s{self._notes}"
         )
         return f"<PlanResult {self.status.name}: {self.reason or found}>"
 
     @property
     def message(self) -> str:
-        """How the search ended, how many plans did not hold, and what came of polishing."""
+        """How the search ended, how many plans were refused, and the outcome of polishing."""
         text = self.reason or self.status.message
         if self.status is PlanStatus.UNCONFIRMED and not self:
             text += ", and does not hold event-driven"
@@ -163,16 +157,16 @@ class PlanResult:
         return text + (f"; polish: {self.polished}" if self.polished is not None else "")
 
     def polish(self, distance: float = 1e-3, seconds: float = 0.5) -> PlanResult:
-        """The plan, ended nearer to the goal, and made shorter where it can be.
+        """The plan, ended nearer to the goal, and made shorter where possible.
 
-        Where it comes no nearer otherwise it may last longer.
+        It may last longer where it comes no nearer otherwise.
 
         Args:
-            distance: that is near enough.
+            distance: from the goal that is near enough.
             seconds: how long to make it shorter, once it is there.
 
         Returns:
-            The plan as it is where none comes so near; ``polished`` says why.
+            The plan unchanged where it cannot be brought so near; ``polished`` says why.
 
         Raises:
             ValueError: there is no plan, its goal is a function, or a number out of range.
@@ -186,68 +180,31 @@ class PlanResult:
 
     @property
     def reason(self) -> str:
-        """Why there is no plan, where a name or a number says more than the status."""
-        return self.problem.hopeless
-
-    @property
-    def start(self) -> State:
-        """Where the plan begins."""
-        return self.problem.start
-
-    @property
-    def goal(self) -> Goal:
-        """Where it was to end."""
-        return self.problem.goal
-
-    @property
-    def tolerance(self) -> float:
-        """Of the goal's distance."""
-        return self.problem.tolerance
-
-    @property
-    def motions(self) -> Motions:
-        """What made it."""
-        return self.problem.motions
+        """Why no plan can exist, with names and numbers; empty where one may."""
+        return self.problem.infeasible
 
     @property
     def duration(self) -> float:
-        """Of the plan [s]."""
+        """Duration of the plan [s]."""
         return float(self.tree.time[self.path[-1]])
 
     @property
     def cost(self) -> float:
-        """Of the plan, by its objective [s]."""
+        """Cost of the plan, by its objective [s]."""
         return float(self.tree.cost[self.path[-1]])
 
     @property
     def distance(self) -> float:
-        """From the goal at the plan's end."""
+        """Distance from the goal at the plan's end."""
         return float(self.tree.distance[self.path[-1]])
-
-    @cached_property
-    def inputs(self) -> Input:
-        """The driven coordinates: constant accelerations from node to node, then held.
-
-        A plan without a motion goes on for a step.
-        """
-        return inputs_along(self.problem, self.tree, self.path)
-
-    @cached_property
-    def trajectory(self) -> Trajectory:
-        """The plan by the time-stepper, with the planner's step."""
-        return run_along(
-            self.problem, self.tree, self.path, TimeStepping(dt=self.motions.dt, extrapolate=False)
-        )
 
     @property
     def clearance(self) -> Array:
         """(T,) of ``trajectory`` [m]."""
-        return self.motions.clearance.of(self.trajectory)
+        return self.rollouts.clearance.of(self.trajectory)
 
-    def plot(self, path: str | Path, **options) -> Path:
-        """Writes a picture as the paper's Fig. 4: the tree's nodes, the way taken, poses.
-
-        Nodes and way are those of a point of the puppet; see :meth:`traces`.
+    def plot(self, path: str | Path, **options: Any) -> Path:
+        """Draws the paper's Fig. 4: the tree's nodes, the path of a point (:meth:`traces`), poses.
 
         Args:
             path: ends in ``.png``, ``.svg`` or ``.pdf``.
@@ -255,23 +212,24 @@ class PlanResult:
         """
         from fantoccini import view
 
-        nodes, way = self.traces()
-        return view.plan_picture(self.problem.stage, self.trajectory, nodes, way, path, **options)
+        drawn, (nodes, way) = self.problem.drawn_marionette, self.traces()
+        return view.plan_picture(drawn, self.trajectory, nodes, way, path, **options)
 
     def traces(self) -> tuple[Array, Array]:
-        """Where the point that pictures follow is: (n, 3) at the tree's nodes, (T, 3) on the way.
+        """Positions of one point of the puppet: (n, 3) at the tree's nodes, (T, 3) along the plan.
 
-        It is the goal's point, where that is one, otherwise the last string's first point that
-        moves [m].
+        It is the goal's point, if it has one, otherwise the first moving point of the last string
+        [m].
         """
-        nodes, way = (self._point(a.q_D, a.q_K) for a in (self.tree, self.trajectory))
-        return nodes, way
+        return self._point(self.tree.q_D, self.tree.q_K), self._point(
+            self.trajectory.q_D, self.trajectory.q_K
+        )
 
-    def animate(self, path: str | Path, **options) -> Path:
+    def animate(self, path: str | Path, **options: Any) -> Path:
         """Writes a film of the plan among its obstacles; see :func:`fantoccini.view.film`."""
         from fantoccini import view
 
-        return view.film(self.problem.stage, self.trajectory, path, **options)
+        return view.film(self.problem.drawn_marionette, self.trajectory, path, **options)
 
     def _point(self, q_D: Array, q_K: Array) -> Array:
         """(n, 3) of the point that pictures follow [m]."""
@@ -283,8 +241,8 @@ class PlanResult:
             return marionette.string_points(q_D, q_K)[-1][:, 0]
         return marionette.poses(q_D, q_K)[:, -1, :, 3]
 
-    def feedback(self, **options: float) -> Feedback:
-        """The law that follows the plan although something pushes; see :class:`Feedback`.
+    def feedback(self, **options: Any) -> Feedback:
+        """The feedback law that follows the plan under disturbances.
 
         Args:
             options: of :meth:`Feedback.along`.
@@ -292,13 +250,13 @@ class PlanResult:
         return Feedback.along(self, **options)
 
     def replay(self) -> bool:
-        """Makes every motion of the plan again; whether it comes out the same, to the last bit."""
-        tree, motions = self.tree, self.motions.where(tolerance=-1.0)
+        """Whether every segment, simulated again, comes out the same to the last bit."""
+        tree, rollouts = self.tree, self.rollouts.where(tolerance=-1.0)
         for before, node in zip(self.path, self.path[1:], strict=False):
-            again = motions.replay(
-                tree.rows[[before]], tree.acceleration[node], int(tree.looks[node])
+            again = rollouts.replay(
+                tree.states[[before]], tree.acceleration[node], int(tree.looks[node])
             )
-            there = tree.rows[[node]].parts
+            there = tree.states[[node]].parts
             if again is None or not all(
                 np.array_equal(a, there[name]) for name, a in again.parts.items()
             ):
@@ -311,22 +269,21 @@ class PlanResult:
         method: Method | MethodName = "timestepping",
         backend: Literal["fantoccini", "mujoco"] = "fantoccini",
     ) -> Check:
-        """Simulates the plan anew, from its start and inputs alone.
+        """Simulates the plan again, from its start and inputs alone.
 
         Args:
-            dt_factor: step, as part of the planner's: half of it by default, and in MuJoCo a
-                quarter, since its strings give the more the longer it is. None of ``event``.
-            method: of the simulation; with its options the step is theirs.
-            backend: ``"fantoccini"``, or ``"mujoco"`` (extra ``mujoco``): another program's
+            dt_factor: step of ``"timestepping"``, relative to the planner's: by default 0.5, and
+                0.25 in MuJoCo, whose strings stretch more with longer steps.
+            method: of the simulation; options of a method replace ``dt_factor``.
+            backend: ``"fantoccini"``, or ``"mujoco"`` (extra ``mujoco``) for another program's
                 equations and strings.
 
         Raises:
-            ExchangeError: MuJoCo cannot do what the puppet has: slipping winches, restitution,
-                quadratic drag.
+            ExchangeError: MuJoCo cannot do slipping winches, restitution or quadratic drag.
             MissingLibraryError: MuJoCo is not installed.
-            ValueError: an unknown backend, or what does not go with it.
+            ValueError: an unknown backend, or options that do not fit it.
         """
-        return checked(self.problem, self.tree, self.path, dt_factor, method, backend)
+        return checked(self, dt_factor, method, backend)
 
 
 def _check(seconds: float) -> None:

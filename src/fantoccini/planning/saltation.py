@@ -1,8 +1,7 @@
-"""Exact slopes of segments in which strings or limits are caught or let go.
+"""Exact derivatives of segments in which strings or limits are caught or released.
 
-By :func:`fantoccini.sensitivity`, with the saltation matrix of every catch. Differences of the
-time-stepper cannot give them where a catch grazes or falls next to a node: they were off a
-hundredfold there.
+From :func:`fantoccini.sensitivity`, with the saltation matrix of every catch. Differences of the
+time-stepper are wrong by a factor of a hundred where a catch grazes or falls next to a node.
 """
 
 from __future__ import annotations
@@ -13,38 +12,37 @@ from fantoccini.arrays import Array, MaskRows
 from fantoccini.errors import FantocciniError
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State
-from fantoccini.planning.goals import Rows
+from fantoccini.planning.goals import StateArrays
 from fantoccini.simulation import sensitivity
 
-_TOLERANCE = 1e-6
-"""Of the integration."""
+_INTEGRATION_TOLERANCE = 1e-6
+"""rtol and atol of the event-driven runs."""
 
 
-def caught_slopes(
+def event_derivatives(
     marionette: Marionette,
-    start: Rows,
+    start: StateArrays,
     acceleration: Array,
     duration: float,
-    pulling: MaskRows | None = None,
+    active: MaskRows,
 ) -> tuple[Array, Array] | None:
-    """A and B of a segment, as of :func:`fantoccini.planning.slopes.segment_slopes`.
+    """A and B of one segment, as of :func:`fantoccini.planning.derivatives.segment_derivatives`.
 
     Args:
         marionette: the puppet; none of its driven coordinates is a rotation.
         start: one state.
         acceleration: (n_vK,) of the driven coordinates.
         duration: [s].
-        pulling: (n_strings,) bool, the strings that pull there, where that is known.
+        active: (n_strings,) bool, the active set at the start.
 
     Returns:
         (n_z, n_z) and (n_z, n_vK), over changes that leave taut strings taut; None where the run
-        has no derivative: it cannot go on, winches slip, or two rows are caught at once.
+        has no derivative: it stops, winches slip, or two rows are caught at once.
     """
     table, T = marionette.coordinates, duration
     n, k = table.n_vD, table.n_vK
     taut = np.zeros(marionette.tree.n_rows, dtype=bool)
-    if pulling is not None:
-        taut[: len(pulling)] = pulling
+    taut[: len(active)] = active
 
     def inputs(q_K: Array, v_K: Array, acc_K: Array) -> Input:
         times = np.array([0.0, T])
@@ -55,15 +53,14 @@ def caught_slopes(
     changes = np.split(np.eye(3 * k), 3, axis=1)
     try:
         given = State(0.0, start.q_D, start.v_D, start.q_K, start.v_K, taut, start.slip)
-        x = marionette.project(given)
         found = sensitivity(
             marionette,
-            x,
+            marionette.project(given),
             inputs(*np.zeros((3, k))),
             T,
             toward=[inputs(*change) for change in zip(*changes, strict=True)],
-            rtol=_TOLERANCE,
-            atol=_TOLERANCE,
+            rtol=_INTEGRATION_TOLERANCE,
+            atol=_INTEGRATION_TOLERANCE,
         )
     except FantocciniError:
         return None

@@ -3,85 +3,91 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from fantoccini.arrays import Array
 from fantoccini.planning.check import holds
 from fantoccini.planning.objective import Objective
-from fantoccini.planning.planners import EST2007, Explore, Planner
+from fantoccini.planning.options import SearchOptions
+from fantoccini.planning.plan_path import PlanPath
 from fantoccini.planning.polish import Polish, Polisher, PolishStatus
 from fantoccini.planning.problem import Problem
 from fantoccini.planning.search_tree import SearchTree
 from fantoccini.runtime import Segments
 
-PLANNERS: dict[str, type] = {"explore": Explore, "est-2007": EST2007}
-"""Planners by name."""
 
-_LARGEST = 20_000
-"""Nodes of a tree that looks for a better plan, before another takes its place."""
+@dataclass(frozen=True)
+class _Effort:
+    """How a search spreads its effort."""
 
-_GROWN = 0.15
-"""Part of the time for improvements in which new trees are grown; then a plan is polished."""
+    max_nodes: int = 20_000
+    """Nodes of a tree that looks for a better plan before another replaces it."""
+    first_growth: float = 0.15
+    """Part of the time for improvement in which trees grow before a plan is polished."""
+    later_growth: float = 0.1
+    """Part in which they grow again after every attempt to polish one."""
 
-_AGAIN = 0.1
-"""Part in which they are grown on where a plan could not be polished."""
+
+_EFFORT = _Effort()
+
+
+@dataclass(frozen=True, eq=False)
+class SearchRecord:
+    """What a search has found so far.
+
+    Attributes:
+        tree: that holds the best plan.
+        best: its node: the plan's end, or the nearest to the goal while there is no plan.
+        tried: rollouts simulated.
+        seconds: spent searching [s].
+        curve: (seconds, rollouts, duration) of every plan that was the best, in order. A polished
+            plan is nearer to the goal, but may be longer than the one before it.
+        random_state: of the random choices to come, as plain data.
+        late: whether the time limit ended the search.
+        refused: plans that arrive by the time-stepper, but do not hold event-driven.
+        polished: the outcome of polishing the best plan; None where it was not attempted.
+    """
+
+    tree: SearchTree
+    best: int
+    tried: int
+    seconds: float
+    curve: tuple[tuple[float, int, float], ...]
+    random_state: Mapping[str, Any]
+    late: bool
+    refused: int
+    polished: Polish | None
 
 
 class Search:
-    """A tree that grows until it holds a plan, and trees in which plans must cost less.
+    """A tree that grows until it holds a plan, then trees in which plans must cost less.
 
-    Better plans are looked for as AO-x does (Hauser and Zhou 2016): a new tree begins at the start
-    whenever a plan was found, with its cost as a bound; what cannot end below it is left out.
+    Better plans are found as in AO-x (Hauser and Zhou 2016): after each plan a new tree begins at
+    the start, with the plan's cost as a bound; nodes that cannot end below it are left out.
 
     Attributes:
-        problem: what is planned.
-        planner_name: empty where the planner has none.
-        confirm, objective: see below.
-        refused: plans that arrive by the time-stepper, but do not hold event-driven.
-        polished: what came of polishing the best plan; None where that was not asked.
-        tree: the one that holds the best plan; the only one as long as there is none.
-        best: the node where that ends: the nearest to the goal as long as none is there.
-        tried: motions that were tried.
-        seconds: that the search has taken [s].
-        late: whether the time limit ended it.
-        curve: (seconds, motions, time of the plan) of every plan that was the best, the last one
-            is; a polished one is nearer to the goal, but may be longer than the one before it.
+        problem, options: see below.
+        objective: cost of plans: the options', or else the problem's.
+        tree, best, tried, seconds, curve, late, refused, polished: see :class:`SearchRecord`.
 
     Args:
         problem: what is planned.
-        planner: a name of ``PLANNERS``, or one round of a planner.
-        seed: of all random choices.
-        confirm: whether a plan counts only if it arrives by the event-driven method too; the search
-            goes on where it does not.
-        objective: what plans are to have little of; the problem's by default.
-
-    Raises:
-        ValueError: an unknown planner or objective.
+        options: of the search; whoever calls its methods keeps the time limits.
     """
 
-    def __init__(
-        self,
-        problem: Problem,
-        planner: str | Planner = "explore",
-        seed: int = 0,
-        confirm: bool = True,
-        objective: str | Objective | None = None,
-    ):
-        self.planner_name = planner if isinstance(planner, str) else ""
-        if isinstance(planner, str):
-            if planner not in PLANNERS:
-                names = ", ".join(PLANNERS)
-                raise ValueError(f"planner is {planner!r}; it must be one of {names}")
-            planner = PLANNERS[planner]()
-        self.problem, self.planner, self.confirm = problem, planner, confirm
-        self.objective = problem.objective if objective is None else Objective.of(objective)
+    def __init__(self, problem: Problem, options: SearchOptions):
+        self.problem, self.options = problem, options
+        given = options.objective
+        self.objective = problem.objective if given is None else Objective.of(given)
         self.tree, self.best, self.tried, self.seconds = self._fresh(np.inf), 0, 0, 0.0
         self.late, self.refused = False, 0
         self.polished: Polish | None = None
         self.curve: list[tuple[float, int, float]] = []
-        self._rng = np.random.default_rng(seed)
+        self._planner = options.planner_round
+        self._rng = np.random.default_rng(options.seed)
         self._growing = self.tree
         if self.arrived:
             self.curve.append((0.0, 0, 0.0))
@@ -89,49 +95,40 @@ class Search:
     @property
     def arrived(self) -> bool:
         """Whether there is a plan."""
-        return bool(self.tree.distance[self.best] <= self.problem.motions.inner)
+        return bool(self.tree.distance[self.best] <= self.problem.rollouts.stop_distance)
 
     @property
-    def random_state(self) -> dict:
-        """Of the random choices to come, as plain data."""
-        return self._rng.bit_generator.state
+    def record(self) -> SearchRecord:
+        """What was found so far."""
+        return SearchRecord(
+            self.tree, self.best, self.tried, self.seconds, tuple(self.curve),
+            self._rng.bit_generator.state, self.late, self.refused, self.polished,
+        )  # fmt: skip
 
-    def restore(
-        self,
-        tree: SearchTree,
-        best: int,
-        tried: int,
-        seconds: float,
-        curve: Array,
-        random_state: dict,
-        late: bool,
-        refused: int,
-        polished: Polish | None,
-    ) -> None:
-        """Takes up a search where it was left, but for a tree in which no plan was found yet."""
-        self.tree, self._growing, self.best, self.late = tree, tree, best, late
-        self.tried, self.seconds, self.refused = tried, seconds, refused
-        self.polished = polished
-        self.curve = [(float(s), int(n), float(t)) for s, n, t in curve.reshape(-1, 3)]
-        self._rng.bit_generator.state = random_state
+    def restore(self, record: SearchRecord) -> None:
+        """Goes back to a record; a tree in which no plan was found yet is lost."""
+        self.tree, self._growing, self.best = record.tree, record.tree, record.best
+        self.tried, self.seconds, self.curve = record.tried, record.seconds, list(record.curve)
+        self.late, self.refused, self.polished = record.late, record.refused, record.polished
+        self._rng.bit_generator.state = record.random_state
 
-    def first(self, time_limit: float, iterations: int | None = None) -> None:
-        """Looks for a first plan, for so long and with so many motions at most."""
+    def find_first(self, time_limit: float, iterations: int | None = None) -> None:
+        """Searches for a first plan, within a time limit [s] and a number of rollouts."""
         self._run(lambda: self.arrived, time_limit, iterations)
 
-    def better(self, time_limit: float, iterations: int | None = None) -> None:
-        """Looks for plans that cost less, for so long and with so many motions."""
+    def find_better(self, time_limit: float, iterations: int | None = None) -> None:
+        """Searches for plans that cost less, for a time [s] and a number of rollouts."""
         self._run(lambda: False, time_limit, iterations)
 
     def improve(self, seconds: float, distance: float) -> None:
-        """Looks for better plans, and brings one to the goal.
+        """Searches for better plans, and polishes one.
 
         Args:
-            seconds: for so long.
+            seconds: how long.
             distance: from the goal that is near enough.
         """
         until = time.perf_counter() + seconds
-        self.better(_GROWN * seconds)
+        self.find_better(_EFFORT.first_growth * seconds)
         if self.problem.goal.function is not None:
             self.polished = Polish(PolishStatus.UNKNOWN_GOAL, distance)
             return
@@ -146,7 +143,8 @@ class Search:
                     polished = self.tree, self.best, self.polished
                 tried = self.tree, self.best
                 # Another plan that costs less may be brought to the goal too.
-                self.better(min(until - time.perf_counter(), _AGAIN * seconds))
+                left = until - time.perf_counter()
+                self.find_better(min(left, _EFFORT.later_growth * seconds))
         finally:
             if polished is not None and (self.tree, self.best) != polished[:2]:
                 self._adopt(*polished[:2])
@@ -161,30 +159,30 @@ class Search:
         It may last longer than before where it comes no nearer otherwise.
 
         Args:
-            distance: that is near enough.
+            distance: from the goal that is near enough.
             seconds: how long to make it shorter, once it is there.
-            limit: after which it is given up where none comes so near [s].
+            limit: time after which polishing is abandoned if it is not [s].
 
         Returns:
             Whether a plan came so near; it is the best then.
 
         Raises:
-            ValueError: the goal is a function, or a distance that is none.
+            ValueError: the goal is a function, or the distance is not greater than 0.
         """
         if not distance > 0.0:
             raise ValueError(f"distance is {distance}; it must be greater than 0")
-        began, distance = time.perf_counter(), min(distance, self.problem.motions.inner)
-        path, found = self.tree.path(self.best), []
-        if len(path) == 1:
-            status = PolishStatus.NO_MOTION
-            if self.tree.distance[self.best] <= distance:
-                status = PolishStatus.NO_BETTER
-            self.polished = Polish(status, distance, float(self.tree.distance[self.best]))
+        began, distance = time.perf_counter(), min(distance, self.problem.rollouts.stop_distance)
+        plan, found = self._path(self.tree, self.best), []
+        if len(plan.path) == 1:
+            end = float(self.tree.distance[self.best])
+            near = end <= distance
+            status = PolishStatus.NO_BETTER if near else PolishStatus.NO_MOTION
+            self.polished = Polish(status, distance, end)
             return self.polished.reached
-        steps = self.tree.acceleration[path[1:]], self.tree.looks[path[1:]]
         polisher, status = Polisher(self.problem), PolishStatus.INTERRUPTED
         try:
             shorter = not self.objective.effort
+            steps = plan.acceleration, plan.looks
             for shortest in polisher(*steps, distance, seconds, limit, shorter=shorter):
                 found.append(shortest)
             status = PolishStatus.TIMEOUT if polisher.late else PolishStatus.NOT_NEAR
@@ -199,8 +197,8 @@ class Search:
         return self.polished.reached
 
     def _kept(self, found: Segments, distance: float) -> PolishStatus | None:
-        """Makes a polished plan the best, if that is not as good; None where it does not hold."""
-        tree, interval = self.tree, self.problem.motions.interval
+        """Makes a polished plan the best if it is better; None where it does not hold."""
+        tree, interval = self.tree, self.problem.rollouts.options.interval
         made = tree.add_segments(found, np.zeros(1, dtype=int), interval)[-1]
         if not self._confirmed(tree, made):
             return None
@@ -218,7 +216,7 @@ class Search:
         began, most = time.perf_counter(), self.tried + (iterations or 0)
         before = began - self.seconds
         try:
-            while not done() and not self.problem.hopeless:
+            while not done() and not self.problem.infeasible:
                 self.late = time.perf_counter() - began > time_limit
                 if self.late or (iterations is not None and self.tried >= most):
                     break
@@ -227,24 +225,24 @@ class Search:
             self.seconds = time.perf_counter() - before
 
     def _round(self, before: float) -> None:
-        """One round of the planner; the search has gone on since ``before``."""
-        motions, tree = self.problem.motions, self._growing
-        if self.arrived and (tree is self.tree or len(tree) > _LARGEST):
+        """One round of the planner; the search began at ``before``."""
+        rollouts, tree = self.problem.rollouts, self._growing
+        if self.arrived and (tree is self.tree or len(tree) > _EFFORT.max_nodes):
             tree = self._growing = self._fresh(np.inf)
         if self.arrived:
-            # Better by a look at least than the best, which may have been polished meanwhile.
+            # Better by a look at least than the best, which may have been polished.
             cost = float(self.tree.cost[self.best])
-            tree.bound = min(tree.bound, cost - 0.5 * motions.interval)
-        grown = self.planner(tree, motions, self._rng)
-        self.tried += grown.motions
+            tree.bound = min(tree.bound, cost - 0.5 * rollouts.options.interval)
+        grown = self._planner(tree, rollouts, self._rng)
+        self.tried += grown.rollouts
         if not len(grown.nodes):
             return
-        found = _best(tree, grown.nodes, motions.inner)
-        there = tree.distance[found] <= motions.inner and tree.cost[found] <= tree.bound
+        found = _best(tree, grown.nodes, rollouts.stop_distance)
+        there = tree.distance[found] <= rollouts.stop_distance and tree.cost[found] <= tree.bound
         nearer = not self.arrived and tree.distance[found] < self.tree.distance[self.best]
         if not (there or nearer):
             return
-        # A plan at the edge of the tolerance is one too, where the search ends with it.
+        # A plan between stop distance and tolerance counts too, if the search ends with it.
         if tree.distance[found] <= self.problem.tolerance and not self._confirmed(tree, found):
             return
         if there:
@@ -254,12 +252,15 @@ class Search:
             self.best = found
 
     def _confirmed(self, tree: SearchTree, node: int) -> bool:
-        """Whether the plan to a node counts; one that does not is nowhere."""
-        if not self.confirm or holds(self.problem, tree, tree.path(node)):
+        """Whether the plan to a node counts; otherwise the node is set infinitely far away."""
+        if not self.options.confirm or holds(self._path(tree, node)):
             return True
         tree.distance[node] = np.inf
         self.refused += 1
         return False
+
+    def _path(self, tree: SearchTree, node: int) -> PlanPath:
+        return PlanPath(self.problem, tree, tuple(tree.path(node)))
 
     def _fresh(self, bound: float) -> SearchTree:
         problem = self.problem
@@ -267,10 +268,10 @@ class Search:
         return SearchTree(problem.root, problem.distance, n_vK, bound, self.objective)
 
 
-def _best(tree: SearchTree, nodes: range, inner: float) -> int:
-    """Of nodes at the goal the one that costs least, otherwise the nearest."""
+def _best(tree: SearchTree, nodes: range, stop_distance: float) -> int:
+    """The cheapest of the nodes at the goal; without any, the nearest node."""
     distance = np.nan_to_num(tree.distance[nodes.start : nodes.stop], nan=np.inf)
-    there = np.flatnonzero(distance <= inner)
+    there = np.flatnonzero(distance <= stop_distance)
     if len(there):
         return nodes[int(there[np.argmin(tree.cost[nodes.start + there])])]
     return nodes[int(np.argmin(distance))]

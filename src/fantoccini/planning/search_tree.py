@@ -1,58 +1,78 @@
-"""The tree that a planner grows: states, how they were reached, and what it knows of them."""
+"""The search tree: states, how they were reached, their costs and distances."""
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
-from fantoccini.arrays import Array
-from fantoccini.planning.goals import Rows, all_rows
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fantoccini.arrays import Array, Indices, MaskRows
+from fantoccini.planning.goals import StateArrays, flattened
 from fantoccini.planning.objective import TIME, Objective
 from fantoccini.runtime import STATE, Segments
 
-_FIRST = 1024
-
-_OF_NODES = (
-    "acceleration", "parent", "looks", "time", "cost", "distance", "catches", "tried",
-)  # fmt: skip
-"""What is known of a node beside its state."""
+_CAPACITY = 1024
+"""Nodes for which a new tree has room."""
 
 
 class SearchTree:
-    """States and the motions that lead to them, in arrays that grow.
+    """States and the segments that lead to them, in arrays that grow.
 
     Attributes:
-        n: nodes.
-        bound: of a plan's cost [s].
-        objective: what that is.
+        n: number of nodes.
+        bound: on a plan's cost [s].
+        objective: that defines the cost.
+        q_D, v_D, slip, q_K, v_K: (n, ...) states.
+        acceleration: (n, n_vK) of the driven coordinates in the segment that ends at the node.
+        parent: (n,) node at which it begins; -1 for the root.
+        looks: (n,) checks that it lasts.
+        catches: (n,) strings and limits caught in it.
+        time, cost: (n,) since the start [s].
+        distance: (n,) from the goal.
+        tried: (n,) rollouts that began at the node.
 
     Args:
-        root: the start, rows (1,).
+        root: the start (1,).
         distance: of the start from the goal.
-        n_vK: driven velocities.
+        n_vK: number of driven velocities.
         bound, objective: see above.
     """
 
+    q_D: Array
+    v_D: Array
+    slip: Array
+    q_K: Array
+    v_K: Array
+    acceleration: Array
+    parent: Indices
+    looks: Indices
+    catches: Indices
+    time: Array
+    cost: Array
+    distance: Array
+    tried: Indices
+
     def __init__(
         self,
-        root: Rows,
+        root: StateArrays,
         distance: float,
         n_vK: int,
         bound: float = np.inf,
         objective: Objective = TIME,
     ):
         self.n, self.bound, self.objective = 0, bound, objective
-        self._arrays = {name: np.empty((_FIRST, getattr(root, name).shape[-1])) for name in STATE}
-        self._arrays |= {
-            "acceleration": np.empty((_FIRST, n_vK)),
-            "parent": np.empty(_FIRST, dtype=np.int64),
-            "looks": np.empty(_FIRST, dtype=np.int64),
-            "time": np.empty(_FIRST),
-            "cost": np.empty(_FIRST),
-            "distance": np.empty(_FIRST),
-            "catches": np.empty(_FIRST, dtype=np.int64),
-            "tried": np.empty(_FIRST, dtype=np.int64),
-        }
-        self.add(root, np.array([-1]), np.zeros((1, n_vK)), np.array([0]), 0.0, 0.0, distance, 0)
+        widths = {name: a.shape[-1] for name, a in root.parts.items()} | {"acceleration": n_vK}
+        arrays: dict[str, Any] = {name: np.empty((_CAPACITY, w)) for name, w in widths.items()}
+        for name in ("time", "cost", "distance"):
+            arrays[name] = np.empty(_CAPACITY)
+        for name in ("parent", "looks", "catches", "tried"):
+            arrays[name] = np.empty(_CAPACITY, dtype=np.int64)
+        self._arrays = arrays
+        self.add(
+            root, acceleration=0.0, parent=-1, looks=0, catches=0, time=0.0, cost=0.0,
+            distance=distance,
+        )  # fmt: skip
 
     @classmethod
     def of(cls, arrays: dict[str, Array], like: SearchTree, bound: float = np.inf) -> SearchTree:
@@ -61,15 +81,15 @@ class SearchTree:
         Args:
             arrays: of a tree.
             like: a tree of the same puppet.
-            bound: of the tree.
+            bound: on a plan's cost [s].
 
         Raises:
-            ValueError: they are not those of a tree of this puppet.
+            ValueError: the arrays are not a tree of this puppet.
         """
         made = cls.__new__(cls)
         made.n, made.bound = len(arrays["parent"]), bound
         made.objective = like.objective
-        made._arrays = {name: arrays[name] for name in (*STATE, *_OF_NODES)}
+        made._arrays = {name: arrays[name] for name in like.arrays}
         for name, a in made._arrays.items():
             known = like.arrays[name]
             if a.dtype != known.dtype or a.shape != (made.n, *known.shape[1:]):
@@ -85,81 +105,60 @@ class SearchTree:
 
     @property
     def arrays(self) -> dict[str, Array]:
-        """All that is known of the nodes: name -> (n, ...)."""
+        """Name -> (n, ...), as above."""
         return {name: a[: self.n] for name, a in self._arrays.items()}
 
     def __len__(self) -> int:
         return self.n
 
-    def __getattr__(self, name: str) -> Array:
+    def __getattr__(self, name: str) -> Any:
         arrays = self.__dict__.get("_arrays", {})
         if name not in arrays:
             raise AttributeError(name)
         return arrays[name][: self.n]
 
     @property
-    def rows(self) -> Rows:
+    def states(self) -> StateArrays:
         """The states of all nodes."""
-        return Rows(*(getattr(self, name) for name in STATE))
+        return StateArrays(*(getattr(self, name) for name in STATE))
 
-    def add(
-        self,
-        rows: Rows,
-        parent: Array,
-        acceleration: Array,
-        looks: Array,
-        time: Array | float,
-        cost: Array | float,
-        distance: Array | float,
-        catches: Array | int,
-    ) -> range:
-        """Adds nodes.
+    def add(self, states: StateArrays, **arrays: ArrayLike) -> range:
+        """Adds k nodes.
 
         Args:
-            rows: (k,) states.
-            parent: (k,) nodes they were reached from.
-            acceleration: (k, n_vK) of the driven coordinates on the way.
-            looks: (k,) how long, in intervals.
-            time: (k,) since the start [s].
-            cost: (k,) since the start [s].
-            distance: (k,) from the goal.
-            catches: (k,) of strings and limits on the way.
+            states: (k,).
+            arrays: the other attributes of the nodes, (k, ...) or one for all.
 
         Returns:
             Their numbers.
         """
-        k = len(parent)
+        k = len(states.q_D)
         while self.n + k > len(self._arrays["parent"]):
             self._arrays = {
                 name: np.concatenate([a, np.empty_like(a)]) for name, a in self._arrays.items()
             }
         new = slice(self.n, self.n + k)
-        arrays = self._arrays
-        for name in STATE:
-            arrays[name][new] = getattr(rows, name)
-        arrays["parent"][new], arrays["acceleration"][new] = parent, acceleration
-        arrays["looks"][new], arrays["distance"][new] = looks, distance
-        arrays["catches"][new], arrays["tried"][new] = catches, 0
-        arrays["time"][new], arrays["cost"][new] = time, cost
+        for name, a in {**states.parts, **arrays, "tried": 0}.items():
+            self._arrays[name][new] = a
         self.n += k
         return range(new.start, new.stop)
 
-    def add_segments(self, made: Segments, chosen: Array, interval: float) -> range:
-        """Adds the ends of all segments that motions made.
+    def add_segments(self, made: Segments, chosen: Indices, interval: float) -> range:
+        """Adds the ends of all segments that rollouts completed.
 
         Args:
-            made: the motions.
-            chosen: (n,) nodes they began at.
-            interval: between looks [s].
+            made: the rollouts.
+            chosen: (n,) nodes at which they began.
+            interval: between checks [s].
 
         Returns:
             Their numbers.
         """
         flat = np.flatnonzero(made.looks)
-        motion, place = np.divmod(flat, made.looks.shape[1])
-        begin, chosen = place == 0, chosen[motion]
+        rollout, place = np.divmod(flat, made.looks.shape[1])
+        begin, chosen = place == 0, chosen[rollout]
         looks, catches = made.looks.ravel()[flat], made.catches.ravel()[flat]
-        acceleration = all_rows(made.acc_K)[flat]
+        acceleration = flattened(made.acc_K)[flat]
         time = interval * _running(looks, begin)
         cost = self.objective.cost(
             time,
@@ -167,11 +166,15 @@ class SearchTree:
             lambda: _running(interval * looks * (acceleration**2).sum(axis=1), begin),
         )
         return self.add(
-            Rows(*(all_rows(a)[flat] for a in made.states.values())),
-            np.where(begin, chosen, self.n + np.arange(len(flat)) - 1), acceleration, looks,
-            self.time[chosen] + time, self.cost[chosen] + cost, made.distance.ravel()[flat],
-            catches,
-        )  # fmt: skip
+            StateArrays(**{name: flattened(a)[flat] for name, a in made.states.items()}),
+            acceleration=acceleration,
+            parent=np.where(begin, chosen, self.n + np.arange(len(flat)) - 1),
+            looks=looks,
+            catches=catches,
+            time=self.time[chosen] + time,
+            cost=self.cost[chosen] + cost,
+            distance=made.distance.ravel()[flat],
+        )
 
     def path(self, node: int) -> list[int]:
         """Nodes from the root to a node."""
@@ -181,8 +184,8 @@ class SearchTree:
         return found[::-1]
 
 
-def _running(a: Array, begin: Array) -> Array:
-    """(n,) sums of entries up to each one, anew where one begins."""
+def _running(a: Array | Indices, begin: MaskRows) -> Array:
+    """(n,) cumulative sums that restart where a rollout begins."""
     sums = np.cumsum(a)
     before = (sums - a)[begin]
     return sums - before[np.cumsum(begin) - 1]

@@ -1,79 +1,78 @@
-"""What comes of a plan's inputs as a whole, what that lacks, and how it answers small changes.
+"""Rollouts of a plan's inputs as a whole, their goal residuals and constraints, and derivatives.
 
-The velocities V of the driven coordinates at the ends of segments decide a motion, and::
+The velocities V of the driven coordinates at the ends of segments define a rollout with::
 
-    r(V)        what its end lacks of the goal,
-    c(V) >= 0   what clearances, limits and the tensions of strings that pull have to spare,
-                look by look
+    r(V)        goal residual at its end,
+    c(V) >= 0   clearances, distances from limits and tensions of taut strings, at every look
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from fantoccini.arrays import Array
-from fantoccini.planning.goals import Rows, all_rows
+from fantoccini.arrays import Array, Indices
+from fantoccini.planning.goals import StateArrays, flattened
 from fantoccini.planning.problem import Problem
 
-_CHANGE = 1e-5
-"""Of a velocity, to see what comes of it [m/s or rad/s]."""
 
-_CLEAR = 0.002
-"""Clearance beyond the margin that is wished for [m]."""
+@dataclass(frozen=True)
+class _Tolerances:
+    """Wishes, weights and tolerances of shooting."""
 
-_LIMIT = 0.02
-"""Distance from limits that is wished for [rad or m]."""
+    difference: float = 1e-5
+    """Step of a velocity in finite differences [m/s or rad/s]."""
+    clearance: float = 0.002
+    """Clearance aimed for beyond the margin [m]."""
+    limit: float = 0.02
+    """Distance aimed for from limits [rad or m]."""
+    tension: float = 0.02
+    """Tension aimed for, relative to the weight."""
+    min_tension: float = 1e-3
+    """Minimum tension at the start, relative to the weight, to count as taut."""
+    tension_weight: float = 0.3
+    """Weight of tensions relative to the puppet's weight, as a constraint [m]."""
+    near: float = 0.05
+    """Constraints with more to spare are left out."""
+    violation: float = 1e-6
+    """Violation from which a constraint is reported as broken."""
+    compliance: float = 1e-9
+    """Compliance of strings, relative to the trace of G, so that they may be redundant."""
+    max_displacement: float = 0.005
+    """Distance of inputs from the equilibrium at the goal within which a puppet stays [m]."""
+    displacement_weight: float = 0.3
+    """Weight of that distance relative to the goal residual."""
+    max_unknowns: int = 60
+    """Unknowns that are varied at once, since each takes a rollout."""
+    min_unknowns: int = 6
+    """Unknowns of each driven coordinate, whatever their number."""
 
-_PULL = 0.02
-"""Tension beside the puppet's weight that is wished for."""
 
-_SOME = 1e-3
-"""Tension beside the weight from which on a string is to pull."""
-
-_TENSION = 0.3
-"""What a tension of the puppet's weight counts."""
-
-_NEAR = 0.05
-"""Constraints that have more to spare are left out."""
-
-_BROKEN = 1e-6
-"""By which a constraint is missed that is told as broken [m, rad or part of the weight]."""
-
-_STAYS = 0.005
-"""How far inputs may be from where the puppet hangs at the goal [m]."""
-
-_AWAY = 0.3
-"""Weight of that beside what the goal lacks."""
-
-_UNKNOWNS = 60
-"""That are varied at once, at most: more take too long."""
-
-_FEWEST = 6
-"""Of a driven coordinate."""
+_TOLERANCES = _Tolerances()
 
 
 @dataclass(frozen=True, eq=False)
-class Ways:
-    """Motions of the same duration, side by side.
+class Candidates:
+    """n rollouts of m segments.
 
     Attributes:
         V: (n, m, n_vK) velocities at the ends of segments.
-        nodes: (n, looks + 1) states from look to look.
-        lacks: (n, n_r) of the goal.
-        spare: (n, looks, n_c) of constraints; negative where they are broken.
+        nodes: (n, looks + 1) states at the looks.
+        residual: (n, n_r) of the goal.
+        constraints: (n, looks, n_c) c; negative where violated.
         distance: (n,) of the end from the goal.
-        calm: (n,) the segment from which on nothing is caught.
-        merit: (n,) |lacks| + the worst of every constraint; 0 where nothing is wrong.
+        calm: (n,) first segment after the last catch.
+        merit: (n,) |residual| + the worst violation of every constraint.
     """
 
     V: Array
-    nodes: Rows
-    lacks: Array
-    spare: Array
+    nodes: StateArrays
+    residual: Array
+    constraints: Array
     distance: Array
-    calm: Array
+    calm: Indices
     merit: Array
 
     def __len__(self) -> int:
@@ -81,85 +80,86 @@ class Ways:
         return self.V.shape[1]
 
     @property
-    def best(self) -> Ways:
-        """The one with the least merit."""
+    def best(self) -> Candidates:
+        """The candidate with the least merit."""
         return self[int(np.argmin(self.merit))]
 
-    def __getitem__(self, i: int) -> Ways:
-        """One of them."""
+    def __getitem__(self, i: int) -> Candidates:
+        """One candidate."""
         one = slice(i, i + 1)
-        return Ways(
-            self.V[one], self.nodes[one], self.lacks[one], self.spare[one], self.distance[one],
-            self.calm[one], self.merit[one],
+        return Candidates(
+            self.V[one], self.nodes[one], self.residual[one], self.constraints[one],
+            self.distance[one], self.calm[one], self.merit[one],
         )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
-class Slopes:
-    """How a way answers changes x of its velocities, dV = basis x.
+class Derivatives:
+    """Derivatives of a candidate by x, where its velocities change by dV = basis x.
 
     Attributes:
         basis: (m, n_b) of every coordinate that moves.
-        lacks: (n_r, n_b n_moves).
-        near: (k, 2) looks and numbers of the constraints that matter.
-        spare: (k, n_b n_moves) their slopes.
+        residual: (n_r, n_b n_moves).
+        near: (k, 2) looks and numbers of the constraints that are nearly violated.
+        constraints: (k, n_b n_moves) derivatives of those.
     """
 
     basis: Array
-    lacks: Array
-    near: Array
-    spare: Array
+    residual: Array
+    near: Indices
+    constraints: Array
 
 
 class Shooting:
-    """Makes ways of a problem.
+    """Simulates candidates for plans of a problem.
 
     Attributes:
-        problem: what was planned.
+        problem: that is planned.
         looks: of a segment.
-        moves: (n_m,) driven velocities that may be varied.
+        moves: (n_m,) indices of driven velocities that may be varied.
 
     Args:
         problem: see above.
     """
 
     def __init__(self, problem: Problem):
-        motions, self.looks = problem.motions, problem.motions.looks
-        self.problem, self.moves = problem, np.flatnonzero(motions.bounds.moves)
-        self._free = motions.where(tolerance=-1.0, free=True)
+        rollouts, self.looks = problem.rollouts, problem.rollouts.options.looks
+        self.problem, self.moves = problem, np.flatnonzero(rollouts.bounds.moves)
+        self._free = rollouts.where(tolerance=-1.0, free=True)
         table = problem.marionette.coordinates
-        self._reached = [q for q, v in table.scalars_K if v in self.moves]
-        self._pulls = np.zeros(0, dtype=int)
-        root = problem.root
+        self._driven = [q for q, v in table.scalars_K if v in self.moves]
+        self._taut: Indices = np.zeros(0, dtype=int)
+        root, margin, tol = problem.root, rollouts.options.margin, _TOLERANCES
         still = np.zeros((1, root.v_K.shape[1]))
-        if not motions.slack:
-            self._pulls = np.arange(len(problem.marionette.tree.strings))
+        if not rollouts.options.slack:
+            self._taut = np.arange(len(problem.marionette.tree.strings))
             tension = self._forces(root, still)[1][0]
             wires = [s.wire for s in problem.marionette.tree.strings]
-            self._pulls = np.flatnonzero((tension > _SOME) & ~np.array(wires, dtype=bool))
-        wished = self._kinds(motions.margin + _CLEAR, _LIMIT, _TENSION * _PULL)
-        self._allowed = self._kinds(motions.margin, 0.0, 0.0)
-        # What the start itself lacks cannot be wished for, only what must be.
-        lacking = self._measured(root, still)[0] < wished
-        self._wished = np.where(lacking, self._allowed, wished)
+            self._taut = np.flatnonzero((tension > tol.min_tension) & ~np.array(wires, dtype=bool))
+        aims = (margin + tol.clearance, tol.limit, tol.tension_weight * tol.tension)
+        aimed = self._by_kind(*aims)
+        self._required = self._by_kind(margin, 0.0, 0.0)
+        # Where the start misses the aim, only the requirement counts.
+        missed = self._measured(root, still)[0] < aimed
+        self._aimed = np.where(missed, self._required, aimed)
 
     @property
     def segment(self) -> float:
         """Duration of a segment [s]."""
-        return self.looks * self.problem.motions.interval
+        return self.looks * self.problem.rollouts.options.interval
 
     def accelerations(self, V: Array) -> Array:
-        """(..., m, n_vK) of velocities (..., m, n_vK) at the ends of segments."""
+        """(..., m, n_vK) accelerations from velocities at the ends of segments."""
         first = np.broadcast_to(self.problem.root.v_K, (*V.shape[:-2], 1, V.shape[-1]))
         return np.diff(np.concatenate([first, V], axis=-2), axis=-2) / self.segment
 
     def velocities(self, acceleration: Array) -> Array:
-        """(m, n_vK) at the ends of segments."""
+        """(m, n_vK) velocities at the ends of segments from accelerations."""
         return self.problem.root.v_K + self.segment * np.cumsum(acceleration, axis=0)
 
     def within(self, V: Array) -> Array:
-        """Velocities (..., m, n_vK), followed as the bounds allow."""
-        bounds, made = self.problem.motions.bounds, np.empty_like(V)
+        """(..., m, n_vK) velocities that follow given ones within the bounds."""
+        bounds, made = self.problem.rollouts.bounds, np.empty_like(V)
         most = self.segment * bounds.acceleration
         v = np.broadcast_to(self.problem.root.v_K[0], V[..., 0, :].shape)
         wanted = np.clip(V, -bounds.speed, bounds.speed)
@@ -167,78 +167,81 @@ class Shooting:
             v = made[..., k, :] = v + np.clip(wanted[..., k, :] - v, -most, most)
         return made
 
-    def ways(self, V: Array) -> Ways:
-        """What comes of velocities (n, m, n_vK), of which bounds and obstacles end none."""
+    def candidates(self, V: Array) -> Candidates:
+        """Rollouts of velocities (n, m, n_vK); bounds and obstacles do not stop them."""
         n, looks = len(V), self.looks
         acc_K = np.repeat(self.accelerations(V), looks, axis=1)
-        made = self._free.sweep(self.problem.root, np.zeros(n), acc_K, looks=1)
-        nodes = Rows(
-            *(
-                np.concatenate([np.repeat(first[None], n, axis=0), a], axis=1)
-                for first, a in zip(
-                    self.problem.root.parts.values(), made.states.values(), strict=True
-                )
-            )
+        made = self._free.simulate(self.problem.root, np.zeros(n, int), acc_K, looks=1)
+        first = self.problem.root.parts
+        nodes = StateArrays(
+            **{
+                name: np.concatenate([np.repeat(first[name][None], n, axis=0), a], axis=1)
+                for name, a in made.states.items()
+            }
         )
-        lacks = self._lacking(nodes[:, -1])
-        spare = (self._measured(nodes[:, 1:].flat, all_rows(acc_K)) - self._wished).reshape(
-            n, acc_K.shape[1], -1
-        )
-        worst = np.max(np.maximum(-spare, 0.0), axis=1)
-        merit = np.linalg.norm(lacks, axis=1) + np.sum(worst, axis=1)
+        residual = self._residual(nodes[:, -1])
+        constraints = (
+            self._measured(nodes[:, 1:].flat, flattened(acc_K)) - self._aimed
+        ).reshape(n, acc_K.shape[1], -1)
+        worst = np.max(np.maximum(-constraints, 0.0), axis=1)
+        merit = np.linalg.norm(residual, axis=1) + np.sum(worst, axis=1)
         merit = np.where((made.looks[:, -1] > 0) & np.isfinite(merit), merit, np.inf)
         caught = (made.catches > 0) * np.arange(1, acc_K.shape[1] + 1)
         calm = -(-np.max(caught, axis=1) // looks)
-        return Ways(V, nodes, lacks, spare, made.distance[:, -1], calm, merit)
+        return Candidates(V, nodes, residual, constraints, made.distance[:, -1], calm, merit)
 
-    def slopes(self, way: Ways, first: int = 0) -> Slopes:
-        """By differences, of the one way: every unknown is changed by itself.
+    def derivatives(self, candidate: Candidates, first: int = 0) -> Derivatives:
+        """Derivatives of one candidate, by forward differences.
 
         Args:
-            way: the way.
-            first: segment that is varied.
+            candidate: the candidate.
+            first: first segment that is varied.
         """
-        nodes, looks = way.nodes[0], self.looks
-        m, n_K = way.V.shape[1:]
+        nodes, looks = candidate.nodes[0], self.looks
+        m, n_K = candidate.V.shape[1:]
         basis = self._basis(m, first)
         n_b, n_m = basis.shape[1], len(self.moves)
-        V = np.zeros((n_b, n_m, m, n_K))
+        changes = np.zeros((n_b, n_m, m, n_K))
         for j, k in enumerate(self.moves):
-            V[:, j, :, k] = _CHANGE * basis.T
-        V = V.reshape(n_b * n_m, m, n_K)
-        # What is changed from a segment on begins there.
+            changes[:, j, :, k] = _TOLERANCES.difference * basis.T
+        dV = changes.reshape(n_b * n_m, m, n_K)
+        # A rollout begins at the first segment that changes.
         begin = np.repeat(np.argmax(basis > 0.0, axis=0), n_m) * looks
-        dacc = np.diff(V, axis=1, prepend=0.0) / self.segment
-        acc_K = np.repeat(self.accelerations(way.V)[0] + dacc, looks, axis=1)
+        dacc = np.diff(dV, axis=1, prepend=0.0) / self.segment
+        acc_K = np.repeat(self.accelerations(candidate.V)[0] + dacc, looks, axis=1)
         last = acc_K.shape[1] - 1
         ahead = np.minimum(begin[:, None] + np.arange(last + 1), last)
         each = np.arange(len(begin))
         acc_K = acc_K[each[:, None], ahead]
-        again = self._free.sweep(nodes, begin, acc_K, made=last + 1 - begin, looks=1)
-        there = Rows(*again.states.values())
-        lacks = (self._lacking(there[each, last - begin]) - way.lacks).T / _CHANGE
-        # What could not be made again says nothing.
-        lacks[:, ~np.isfinite(lacks).all(axis=0)] = 0.0
-        near = _nearest(way.spare[0], looks)
+        again = self._free.simulate(nodes, begin, acc_K, n_segments=last + 1 - begin, looks=1)
+        there = StateArrays(**again.states)
+        residual = (
+            self._residual(there[each, last - begin]) - candidate.residual
+        ).T / _TOLERANCES.difference
+        # Rollouts that failed are left out.
+        residual[:, ~np.isfinite(residual).all(axis=0)] = 0.0
+        near = _nearest(candidate.constraints[0], looks)
         at = np.unique(near[:, 0])
         which, when = np.nonzero(at >= begin[:, None])
         off = at[when] - begin[which]
-        change = np.zeros((len(begin), len(at), way.spare.shape[2]))
+        change = np.zeros((len(begin), len(at), candidate.constraints.shape[2]))
         if len(which):
-            spare = self._measured(there[which, off], acc_K[which, off]) - self._wished
-            change[which, when] = (spare - way.spare[0, at[when]]) / _CHANGE
+            found = self._measured(there[which, off], acc_K[which, off]) - self._aimed
+            difference = found - candidate.constraints[0, at[when]]
+            change[which, when] = difference / _TOLERANCES.difference
         change[~np.isfinite(change)] = 0.0
-        slopes = change[:, np.searchsorted(at, near[:, 0]), near[:, 1]].T
-        return Slopes(basis, lacks, near, slopes)
+        constraints = change[:, np.searchsorted(at, near[:, 0]), near[:, 1]].T
+        return Derivatives(basis, residual, near, constraints)
 
-    def led(self, V: Array, more: int) -> Array:
-        """V (m, n_vK), and then led to the goal for some segments; standing still without a law."""
+    def continued(self, V: Array, more: int) -> Array:
+        """V (m, n_vK) with more segments, led to the goal by a funnel, or at rest without one."""
         m, n_K = V.shape
         whole = np.zeros((1, m + more, n_K))
         whole[0, :m] = self.accelerations(V)
         if not self._free.funnels:
             return self.within(np.concatenate([V, np.zeros((more, n_K))]))
-        made = self._free.sweep(self.problem.root, np.zeros(1), whole, given=np.array([m]))
+        start, n_given = np.zeros(1, int), np.array([m])
+        made = self._free.simulate(self.problem.root, start, whole, n_given=n_given)
         return self.velocities(made.acc_K[0])
 
     def changed(self, V: Array, basis: Array, x: Array) -> Array:
@@ -248,78 +251,85 @@ class Shooting:
         return made
 
     def _basis(self, m: int, first: int) -> Array:
-        """(m, n_b) hats over the ends of segments; one each where there are not too many."""
-        n_b = min(m - first, max(_FEWEST, _UNKNOWNS // max(1, len(self.moves))))
+        """(m, n_b) hat functions over the ends of segments; one for each if there are few."""
+        wanted = _TOLERANCES.max_unknowns // max(1, len(self.moves))
+        n_b = min(m - first, max(_TOLERANCES.min_unknowns, wanted))
         ends, made = np.arange(m - first), np.zeros((m, n_b))
         at = np.linspace(0.0, m - first - 1, n_b)
         made[first:] = np.stack([np.interp(ends, at, one) for one in np.eye(n_b)], axis=1)
         return made
 
-    def broken(self, way: Ways) -> tuple[str, ...]:
-        """What a way breaks, of ``clearance``, ``limits`` and ``tension``."""
-        kinds = self._kinds("clearance", "limits", "tension")
-        worst = np.min(way.spare[0] + self._wished - self._allowed, axis=0)
-        return tuple(dict.fromkeys(kinds[worst < -_BROKEN].tolist()))
+    def broken(self, candidate: Candidates) -> tuple[str, ...]:
+        """The kinds of constraints that a candidate violates."""
+        kinds = self._by_kind("clearance", "limits", "tension")
+        worst = np.min(candidate.constraints[0] + self._aimed - self._required, axis=0)
+        return tuple(dict.fromkeys(kinds[worst < -_TOLERANCES.violation].tolist()))
 
-    def stays(self, way: Ways) -> bool:
-        """Whether the puppet stays at the end of a way, where inputs are to end at rest."""
-        return bool(np.linalg.norm(self._leaving(way.nodes[:, -1])) <= _STAYS)
+    def stays(self, candidate: Candidates) -> bool:
+        """Whether the puppet stays at a candidate's end, where inputs are to end at rest."""
+        displacement = np.linalg.norm(self._displacement(candidate.nodes[:, -1]))
+        return bool(displacement <= _TOLERANCES.max_displacement)
 
-    def _lacking(self, rows: Rows) -> Array:
-        """(n, n_r) what states lack of the goal and its speeds, and of staying there."""
+    def _residual(self, states: StateArrays) -> Array:
+        """(n, n_r) residuals of the goal, of its velocities, and of staying there."""
         goal, numbers = self.problem.goal, self.problem.goal.numbers
         speeds = (
-            numbers.speed_weight * (rows.v_D - numbers.v_D),
-            numbers.driven_weight * (rows.v_K - numbers.v_K),
+            numbers.speed_weight * (states.v_D - numbers.v_D),
+            numbers.driven_weight * (states.v_K - numbers.v_K),
         )
-        return np.concatenate([goal.residuals(rows), *speeds, self._leaving(rows)], axis=1)
+        parts = [goal.residuals(states), *speeds, self._displacement(states)]
+        return np.concatenate(parts, axis=1)
 
-    def _leaving(self, rows: Rows) -> Array:
-        """(n, n_l) how far inputs that are to end at rest are from where the puppet hangs."""
+    def _displacement(self, states: StateArrays) -> Array:
+        """(n, n_l) weighted distance of inputs from the equilibrium, where they end at rest."""
         problem = self.problem
         if not (problem.equilibrium and problem.goal.numbers.driven_weight):
-            return np.zeros((len(rows.q_K), 0))
-        return _AWAY * (rows.q_K - problem.motions.funnels[0].q_K)[:, self._reached]
+            return np.zeros((len(states.q_K), 0))
+        away = states.q_K - problem.rollouts.funnels[0].q_K
+        return _TOLERANCES.displacement_weight * away[:, self._driven]
 
-    def _measured(self, rows: Rows, acc_K: Array) -> Array:
-        """(n, n_c) clearances, distances from limits, and tensions."""
-        motions = self.problem.motions
-        limits, tension = self._forces(rows, acc_K)
-        parts = [-limits, _TENSION * tension]
-        if not motions.clearance.measures_nothing:
-            clear = motions.clearance.at(rows.q_D, rows.q_K, threads=motions.threads)
+    def _measured(self, states: StateArrays, acc_K: Array) -> Array:
+        """(n, n_c) clearances, distances from limits, and weighted tensions."""
+        rollouts = self.problem.rollouts
+        limits, tension = self._forces(states, acc_K)
+        parts = [-limits, _TOLERANCES.tension_weight * tension]
+        if not rollouts.clearance.measures_nothing:
+            threads = rollouts.options.threads
+            clear = rollouts.clearance.at(states.q_D, states.q_K, threads=threads)
             parts.insert(0, clear[:, None])
         return np.concatenate(parts, axis=1)
 
-    def _kinds(self, clear: object, limit: object, tension: object) -> Array:
+    def _by_kind(self, clearance: object, limit: object, tension: object) -> Any:
         """(n_c,) a number or name for every constraint, by its kind."""
-        nothing = self.problem.motions.clearance.measures_nothing
+        nothing = self.problem.rollouts.clearance.measures_nothing
         n_limits = len(self.problem.marionette.tree.limits)
-        counts = [0 if nothing else 1, n_limits, len(self._pulls)]
-        return np.repeat([clear, limit, tension], counts)
+        counts = [0 if nothing else 1, n_limits, len(self._taut)]
+        return np.repeat([clearance, limit, tension], counts)
 
-    def _forces(self, rows: Rows, acc_K: Array) -> tuple[Array, Array]:
-        """h of limits (n, n_limits), and tensions of strings that pull beside the weight.
+    def _forces(self, states: StateArrays, acc_K: Array) -> tuple[Array, Array]:
+        """h of limits (n, n_limits), and tensions of taut strings relative to the weight.
 
-        G tau = hddot without tension, over the strings that pull as if nothing else held.
+        G tau = hddot without tension, over these strings, as if nothing else held.
         """
         marionette, n = self.problem.marionette, len(acc_K)
         found = marionette.model.library.evaluate(
-            "dynamics", q_D=rows.q_D, v_D=rows.v_D, q_K=rows.q_K, v_K=rows.v_K, acc_K=acc_K,
-            u_D=np.zeros_like(rows.v_D), p=marionette.p,
+            "dynamics", q_D=states.q_D, v_D=states.v_D, q_K=states.q_K, v_K=states.v_K,
+            acc_K=acc_K, u_D=np.zeros_like(states.v_D), p=marionette.p,
         )  # fmt: skip
-        pulls = self._pulls
-        if not len(pulls):
+        taut = self._taut
+        if not len(taut):
             return found.h_limit, np.zeros((n, 0))
-        G = found.G[:, pulls[:, None], pulls]
-        G = G + 1e-9 * np.trace(G, axis1=1, axis2=2)[:, None, None] * np.eye(len(pulls))
-        tension = np.linalg.solve(G, (found.gamma + found.a0)[:, pulls, None])[..., 0]
+        G = found.G[:, taut[:, None], taut]
+        trace = np.trace(G, axis1=1, axis2=2)[:, None, None]
+        G = G + _TOLERANCES.compliance * trace * np.eye(len(taut))
+        tension = np.linalg.solve(G, (found.gamma + found.a0)[:, taut, None])[..., 0]
         return found.h_limit, tension / marionette.weight
 
 
-def _nearest(spare: Array, looks: int) -> Array:
-    """(k, 2) looks and numbers of constraints (n, n_c) that matter: the worst look of a segment."""
-    by_segment = spare.reshape(len(spare) // looks, looks, spare.shape[1])
-    segment, which = np.nonzero(np.min(by_segment, axis=1) < _NEAR)
+def _nearest(constraints: Array, looks: int) -> Indices:
+    """(k, 2) looks and numbers of constraints (n, n_c) near violation: the worst look of each
+    segment."""
+    by_segment = constraints.reshape(len(constraints) // looks, looks, constraints.shape[1])
+    segment, which = np.nonzero(np.min(by_segment, axis=1) < _TOLERANCES.near)
     worst = np.argmin(by_segment, axis=1)[segment, which]
     return np.stack([segment * looks + worst, which], axis=1)

@@ -12,19 +12,19 @@ from fantoccini.runtime.clearance import (
 )
 from fantoccini.runtime.compiled import Complementarity, Library, Run
 from fantoccini.runtime.functions import Loaded, whole
-from fantoccini.runtime.motions import (
+from fantoccini.runtime.outside import OutsideRun
+from fantoccini.runtime.rollouts import (
     POINT,
     POSE,
     STATE,
     UNKNOWN,
     Funnel,
     GoalNumbers,
-    MotionLibrary,
+    RolloutLibrary,
+    RolloutPool,
+    RolloutSettings,
     Segments,
-    Sweeper,
-    Terms,
 )
-from fantoccini.runtime.outside import OutsideRun
 from fantoccini.runtime.slopes import Slopes
 from fantoccini.runtime.structures import RunOptions
 
@@ -45,15 +45,15 @@ __all__ = [
     "GoalNumbers",
     "Library",
     "Loaded",
-    "MotionLibrary",
     "OutsideRun",
+    "RolloutLibrary",
+    "RolloutPool",
+    "RolloutSettings",
     "Run",
     "RunOptions",
     "Segments",
     "Slopes",
     "Solids",
-    "Sweeper",
-    "Terms",
     "default_threads",
     "memory",
     "whole",

@@ -149,7 +149,7 @@ def subject_of(
     if isinstance(what, PlanResult):
         if what.reason:
             raise ValueError(f"there is no plan to show: {what.reason}")
-        return Subject(what.problem.stage, what.trajectory, Growth.of(what))
+        return Subject(what.problem.drawn_marionette, what.trajectory, Growth.of(what))
     raise ValueError(
         f"found {type(what).__name__}; what can be shown is a puppet, a trajectory, a recording, "
         "a plan, or the file of one"

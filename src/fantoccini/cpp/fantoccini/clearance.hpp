@@ -1,5 +1,4 @@
-// How far a puppet is from what stands about it and from itself, at many configurations: bundles of
-// lanes, a configuration a lane.
+// Clearance of a puppet from obstacles and from itself, one configuration a lane.
 #pragma once
 
 #include "contract.hpp"
@@ -10,8 +9,20 @@
 
 namespace fan {
 
-constexpr double kSure = 1e-9;      // m, for rounding; what meets overlaps by this, at least
-constexpr double kSlack = 1.0 + 1e-6;  // of its span: the length from which a string hangs
+struct ClearanceTolerances {
+  static constexpr double rounding = 1e-9;       // m: margin of bounds; overlap of solids that touch
+  static constexpr double min_slack = 1.0 + 1e-6;  // length over span from which a string sags
+  static constexpr double far = 1e30;            // m: nothing is measured
+};
+
+// Lanes first, first + 1, ... of rows (n, width); those beyond the last repeat it.
+template <class Real>
+FAN_FN void load_lanes(const double* rows, int width, long long first, long long n, Real* to) {
+  for (int l = 0; l < Traits<Real>::width; ++l) {
+    const long long i = first + l < n ? first + l : n - 1;
+    for (int k = 0; k < width; ++k) lane_of(to[k], l) = rows[i * width + k];
+  }
+}
 
 // A solid placed in the world.
 template <class Real>
@@ -26,25 +37,26 @@ struct Placed {
 template <class Model, class Real>
 class Clearance {
  public:
+  using Tol = ClearanceTolerances;
   static constexpr int S = Model::n_strings;
   using Mask = typename Traits<Real>::Mask;
 
   Real q_D[room(Model::n_qD)], q_K[room(Model::n_qK)], p[room(Model::n_p)];
   Real least, which;  // the clearance and its number: see `measure`
 
-  // A link's pose at the last measurement: R by columns and r.
+  // A link's pose at the last measurement: R by columns, then r.
   FAN_FN const Real* pose(int link) const { return poses_ + 12 * link; }
 
-  // The least distance over all pairs, which are numbered in this order: moving (outer) and
-  // standing (inner); pairs; the segments of strings (outer) and standing. Distances that are
-  // certainly more than `enough`, and those of meshes in lanes that do not count, are lower bounds.
+  // Finds the least distance over all pairs, numbered in this order: moving (outer) by standing
+  // (inner); pairs; string segments (outer) by standing. Distances certainly above `enough`, and
+  // those of meshes in lanes that do not count, are lower bounds.
   FAN_FN void measure(
-      const ClearanceArrays& in, Placed<Real>* placed, const Mask& counts, double enough = 1e30) {
-    enough_ = enough + kSure;
+      const ClearanceArrays& in, Placed<Real>* placed, const Mask& counts, double enough = Tol::far) {
+    enough_ = enough + Tol::rounding;
     exact_ = in.exact;
     Call<Model, Real>::poses(q_D, q_K, p, poses_);
     for (long long m = 0; m < in.n_moving; ++m) place(in.moving[m], placed[m]);
-    least = Real(1e30);
+    least = Real(Tol::far);
     which = Real(-1.0);
     double number = 0.0;
     const auto take = [&](const Real& distance) {
@@ -82,22 +94,22 @@ class Clearance {
           segment.a[c] = points_[3 * (at + k) + c];
           segment.b[c] = points_[3 * (at + k + 1) + c];
         }
-        // What it has to spare is shared in proportion to the spans.
+        // Its slack is shared in proportion to the spans.
         const Real own = length * (span[k] / select(whole > Real(0.0), whole, Real(1.0)));
         Curve curve;
         curve.straight = segment;
         curve.span = span[k];
         curve.length = own;
         // Wires push too, and stay straight.
-        curve.slack = own > (Model::wire[i] ? Real(1e30) : Real(span[k] * kSlack));
+        curve.slack = own > (Model::wire[i] ? Real(Tol::far) : Real(span[k] * Tol::min_slack));
         for (long long o = 0; o < in.n_standing; ++o)
-          take(segment.radius < 0.0 ? Real(1e30) : from_string(curve, in.standing[o], counts));
+          take(segment.radius < 0.0 ? Real(Tol::far) : from_string(curve, in.standing[o], counts));
       }
     }
   }
 
  private:
-  // A piece of a string between two of its points: straight, and how it hangs where it is slack.
+  // A string between two of its points: its chord, and the curve in which it hangs when slack.
   struct Curve {
     Placed<Real> straight;
     Real span, length;
@@ -106,19 +118,19 @@ class Clearance {
     Real points[3 * (kPieces + 1)];
   };
 
-  // Of a string from what stands; slack ones hang, but lie on half-spaces without touching them.
+  // Distance of a string from an obstacle. Slack strings sag, but may lie on half-spaces.
   FAN_FN Real from_string(Curve& curve, const Solid& other, const Mask& counts) {
     const Real chord = measured(curve.straight, other, counts && !curve.slack, most());
     if (other.kind == HALF_SPACE || !any(curve.slack)) return chord;
     using std::sqrt;
-    // A thread of this length keeps this near to the chord, whatever it does.
+    // A string of this length stays this near to the chord, whatever its shape.
     const Real spare = curve.length * curve.length - curve.span * curve.span;
     const Real bound = chord - Real(0.5) * sqrt(select(curve.slack, spare, Real(0.0)));
     const auto needed = curve.slack && bound < most();
     if (!any(needed)) return chord;
     if (!curve.known) hang(curve);
     Placed<Real> piece = curve.straight;
-    Real nearest = Real(1e30);
+    Real nearest = Real(Tol::far);
     for (int k = 0; k < kPieces; ++k) {
       const Real limit = select(nearest < most(), nearest, most());
       for (int c = 0; c < 3; ++c) {
@@ -178,7 +190,7 @@ class Clearance {
                            R[6 + c] * solid.R[3 * j + 2];
   }
 
-  // Places x and directions in the frame of a box.
+  // A point x in the frame of a box.
   template <class Number>
   FAN_FN static void into(const Number* R, const Number* centre, const Real* x, Real* out) {
     Real from[3];
@@ -192,10 +204,10 @@ class Clearance {
       out[j] = Real(R[3 * j]) * x[0] + Real(R[3 * j + 1]) * x[1] + Real(R[3 * j + 2]) * x[2];
   }
 
-  // Distances from which on lower bounds do.
+  // The distance from which on a lower bound is enough.
   FAN_FN Real most() const { return select(least < Real(enough_), least, Real(enough_)); }
 
-  // The same as `between`, but where that is less than `limit`, in lanes that count, exact of meshes.
+  // `between`, but exact for meshes where that is less than `limit`, in lanes that count.
   template <class Other>
   FAN_FN Real measured(
       const Placed<Real>& x, const Other& y, const Mask& counts, const Real& limit) const {
@@ -228,8 +240,7 @@ class Clearance {
     return &out;
   }
 
-  // Of two that both move, or one that stands (with doubles for its place): a mesh is the box about
-  // it.
+  // Distance of a moving solid from a moving or standing one; a mesh counts as the box around it.
   template <class Other>
   FAN_FN Real between(const Placed<Real>& x, const Other& y) const {
     const double swollen = x.radius + y.radius;
@@ -269,13 +280,13 @@ class Clearance {
     return select(needed, between_boxes(a, axes, x.half, y.half), bound) - Real(swollen);
   }
 
-  // What meets is not clear, however thin.
+  // Solids that touch overlap, however thin.
   FAN_FN static Real parted(const Real& distance) {
-    return select(distance > Real(0.0), distance, Real(-kSure));
+    return select(distance > Real(0.0), distance, Real(-Tol::rounding));
   }
 
-  // A lower bound of a segment's distance from a box about the origin: that of the middle, less half
-  // the length.
+  // A lower bound of a segment's distance from a box about the origin: its middle's, less half its
+  // length.
   FAN_FN static Real at_least(const Real* a, const Real* b, const double* half) {
     using std::sqrt;
     Real off = Real(0.0), length = Real(0.0);
@@ -288,7 +299,7 @@ class Clearance {
     return sqrt(off) - Real(0.5) * sqrt(length);
   }
 
-  // The lowest point's height above a half-space, before the radius is taken off.
+  // Height of the lowest point above a half-space, before the radius is subtracted.
   template <class Other>
   FAN_FN static Real above(const Placed<Real>& x, const Other& y) {
     using std::abs;
@@ -297,31 +308,28 @@ class Clearance {
       for (int c = 0; c < 3; ++c) sum += (point[c] - Real(y.a[c])) * Real(y.b[c]);
       return sum;
     };
+    const auto along = [&](int j) {
+      Real sum = Real(0.0);
+      for (int c = 0; c < 3; ++c) sum += x.R[3 * j + c] * Real(y.b[c]);
+      return sum;
+    };
     const Real first = height(x.a);
     if (x.kind == SEGMENT) {
       const Real second = height(x.b);
       if (x.half[0] > 0.0) {
         using std::sqrt;
         Real reach = Real(0.0);
-        for (int j = 0; j < 3; ++j) {
-          Real along = Real(0.0);
-          for (int c = 0; c < 3; ++c) along += x.R[3 * j + c] * Real(y.b[c]);
-          reach += along * along * Real(x.half[j] * x.half[j]);
-        }
+        for (int j = 0; j < 3; ++j) reach += along(j) * along(j) * Real(x.half[j] * x.half[j]);
         return Real(0.5) * (first + second) - sqrt(reach) + Real(x.radius);
       }
       return select(second < first, second, first);
     }
     Real reach = Real(0.0);
-    for (int j = 0; j < 3; ++j) {
-      Real along = Real(0.0);
-      for (int c = 0; c < 3; ++c) along += x.R[3 * j + c] * Real(y.b[c]);
-      reach += abs(along) * x.half[j];
-    }
+    for (int j = 0; j < 3; ++j) reach += abs(along(j)) * x.half[j];
     return first - reach;
   }
 
-  double enough_ = 1e30;
+  double enough_ = Tol::far;
   double (*exact_)(const Solid*, const Solid*) = nullptr;
   Real poses_[room(12 * Model::n_links)], points_[room(3 * Model::n_points)];
 };

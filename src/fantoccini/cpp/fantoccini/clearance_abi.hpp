@@ -1,4 +1,4 @@
-// The C interface of a puppet's library of clearances, as fantoccini.runtime loads it. The
+// The C interface of a puppet's clearance library, as fantoccini.runtime loads it. The
 // translation unit that includes this defines `fan::Model` over `fan::Wide` first.
 #pragma once
 
@@ -8,8 +8,8 @@
 #include "clearance.hpp"
 #include "export.hpp"
 
-// The clearance of n configurations (n, n_qD), (n, n_qK) and the number of the pair that has it;
-// 0, or 1 where there was no memory.
+// Clearances (n,) of configurations (n, n_qD), (n, n_qK), and the number of the nearest pair. Returns
+// 0, or 1 without memory.
 FAN_EXPORT int fan_clearance(
     long long n, const double* q_D, const double* q_K, const double* p,
     const fan::ClearanceArrays* in, double* clearance, long long* pair) {
@@ -21,14 +21,8 @@ FAN_EXPORT int fan_clearance(
     fan::Clearance<Model, Wide> at;
     for (int i = 0; i < Model::n_p; ++i) at.p[i] = Wide(p[i]);
     for (long long first = 0; first < n; first += width) {
-      // Places beyond the last configuration repeat it.
-      for (int l = 0; l < width; ++l) {
-        const long long who = first + l < n ? first + l : n - 1;
-        for (int i = 0; i < Model::n_qD; ++i)
-          fan::lane_of(at.q_D[i], l) = q_D[who * Model::n_qD + i];
-        for (int i = 0; i < Model::n_qK; ++i)
-          fan::lane_of(at.q_K[i], l) = q_K[who * Model::n_qK + i];
-      }
+      fan::load_lanes(q_D, Model::n_qD, first, n, at.q_D);
+      fan::load_lanes(q_K, Model::n_qK, first, n, at.q_K);
       Wide counts(0.0);
       for (int l = 0; l < width && first + l < n; ++l) fan::lane_of(counts, l) = 1.0;
       at.measure(*in, placed.data(), counts > Wide(0.5));

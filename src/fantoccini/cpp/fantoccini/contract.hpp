@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x279bd3f22385b9b2;
+constexpr long long contract_digest = 0x147041e9de7c9cab;
 
 // Who a library is, as Python checks when it loads it: the contract's hash, how many trajectories
 // or configurations are advanced together, and the puppet's sizes.
@@ -222,7 +222,7 @@ struct GoalArrays {
   double place_high[3];  // high corner [m]
   double speed_weight;  // of what v_D lacks [s]
   double driven_weight;  // of what v_K lacks [s]
-  double tolerance;  // of the distance; negative where motions go on
+  double tolerance;  // of the distance; negative where rollouts pass the goal
 };
 
 // An equilibrium and the gains of the law that leads there.
@@ -252,26 +252,26 @@ struct SegmentArrays {
   int* catches;  // strings and limits that were caught
 };
 
-// A planner's motions.
-struct SweepArrays {
-  long long n;  // motions
-  int segments;  // of a motion, at most
+// A planner's rollouts.
+struct RolloutArrays {
+  long long n;  // rollouts
+  int segments;  // of a rollout, at most
   int looks;  // of a segment
   int steps;  // of a look
   Options options;
   const double* p;
   const double* winches;
-  const long long* begins;  // (n,) the row of the starts that a motion begins at
+  const long long* start;  // (n,) index of the start of each rollout
   const double* q_D;  // starts
   const double* v_D;
   const double* slip;
   const double* q_K;
   const double* v_K;
   double* acc_K;  // (n, segments, n_vK); those not given are led, and written
-  const int* made;  // (n,) segments, one at least
-  const int* given;  // (n,) first segments whose accelerations are given
-  const int* which;  // (n,) funnel
-  const double* reach;  // (n,) by how much it hurries [s]
+  const int* n_segments;  // (n,) segments of each, at least one
+  const int* n_given;  // (n,) leading segments whose accelerations are given
+  const int* funnel;  // (n,) index of its funnel
+  const double* lead_time;  // (n,) time by which its reference runs ahead [s]
   const FunnelArrays* funnels;
   BoundArrays bounds;
   double margin;  // least clearance [m]
@@ -281,10 +281,10 @@ struct SweepArrays {
   SegmentArrays out;
 };
 
-// What the workers of a sweep share.
-struct SweepProgress {
-  long long next;  // motion to make
-  long long reached;  // first motion at the goal; n while none is; -1 gives all up
+// What the threads that simulate rollouts share.
+struct RolloutProgress {
+  long long next;  // next rollout to simulate
+  long long reached;  // first rollout at the goal; n while none is; -1 abandons all
 };
 
 // Where the parts of a row of a run are.

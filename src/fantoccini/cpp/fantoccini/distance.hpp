@@ -1,5 +1,5 @@
-// Distances between points, segments, boxes and half-spaces, for any Real: exact, without branches
-// that depend on a Real. Capsules and spheres are segments with a radius, which the caller takes off.
+// Exact distances between points, segments and boxes, for any Real, without branches that depend on
+// one. Capsules and spheres are segments with a radius, which the caller subtracts.
 #pragma once
 
 #include <initializer_list>
@@ -8,7 +8,12 @@
 
 namespace fan {
 
-constexpr double kShort = 1e-12;  // m: shorter segments count as points
+struct DistanceTolerances {
+  static constexpr double min_length = 1e-12;       // m: shorter segments count as points
+  static constexpr double min_determinant = 1e-12;  // relative, sin^2 of the angle: parallel below it
+  static constexpr double min_axis_square = 1e-8;   // sin^2 of two edges' angle: no axis below it
+  static constexpr double far = 1e30;               // m or m^2: beyond every distance
+};
 
 template <class Real>
 FAN_FN Real dot3(const Real* a, const Real* b) {
@@ -30,8 +35,8 @@ FAN_FN Real square_to_segment(const Real* point, const Real* a, const Real* d, c
   return dot3(r, r);
 }
 
-// Distance between the segments a to b and c to d: at ends, or, where the lines' nearest points lie
-// inside both, there.
+// Distance between the segments a to b and c to d: at an end, or where the lines' nearest points lie
+// inside both.
 template <class Real>
 FAN_FN Real between_segments(const Real* a, const Real* b, const Real* c, const Real* d) {
   using std::sqrt;
@@ -41,7 +46,7 @@ FAN_FN Real between_segments(const Real* a, const Real* b, const Real* c, const 
     v[k] = d[k] - c[k];
     w[k] = a[k] - c[k];
   }
-  const Real tiny = Real(kShort * kShort);
+  const Real tiny = Real(DistanceTolerances::min_length * DistanceTolerances::min_length);
   const Real uu = dot3(u, u) + tiny, vv = dot3(v, v) + tiny, uv = dot3(u, v);
   const Real wu = dot3(w, u), wv = dot3(w, v);
   Real least = square_to_segment(a, c, v, vv);
@@ -50,7 +55,7 @@ FAN_FN Real between_segments(const Real* a, const Real* b, const Real* c, const 
   nearer(square_to_segment(c, a, u, uu));
   nearer(square_to_segment(d, a, u, uu));
   const Real determinant = uu * vv - uv * uv;
-  const auto crossing = determinant > Real(1e-12) * (uu * vv);
+  const auto crossing = determinant > Real(DistanceTolerances::min_determinant) * (uu * vv);
   const Real safe = select(crossing, determinant, Real(1.0));
   const Real s = (uv * wv - vv * wu) / safe, t = (uu * wv - uv * wu) / safe;
   const auto inside = crossing && s > Real(0.0) && s < Real(1.0) && t > Real(0.0) && t < Real(1.0);
@@ -60,9 +65,9 @@ FAN_FN Real between_segments(const Real* a, const Real* b, const Real* c, const 
   return sqrt(least);
 }
 
-// Distance of the segment a to b from a box about the origin, 0 where they meet. Half the square's
-// derivative along the segment rises, in straight pieces that break where a face's plane is crossed:
-// its zero lies between the two breaks nearest to it.
+// Distance of the segment a to b from a box about the origin, 0 where they meet. Half the derivative
+// of its square along the segment is increasing and piecewise linear, with breaks where the segment
+// crosses a face's plane: its zero lies between the two nearest breaks.
 template <class Real>
 FAN_FN Real segment_to_box(const Real* a, const Real* b, const double* half) {
   using std::abs;
@@ -78,7 +83,7 @@ FAN_FN Real segment_to_box(const Real* a, const Real* b, const double* half) {
   };
   Real low = Real(0.0), high = Real(1.0), at_low = slope(low), at_high = slope(high);
   for (int k = 0; k < 3; ++k) {
-    const auto moves = abs(d[k]) > Real(kShort);
+    const auto moves = abs(d[k]) > Real(DistanceTolerances::min_length);
     const Real inverse = Real(1.0) / select(moves, d[k], Real(1.0));
     for (const double side : {-half[k], half[k]}) {
       const Real t = (Real(side) - a[k]) * inverse;
@@ -100,20 +105,20 @@ FAN_FN Real segment_to_box(const Real* a, const Real* b, const double* half) {
   return sqrt(square);
 }
 
-// How far a box is from another about the origin, at least: the widest gap along the axes of faces
-// and of pairs of edges. Negative where they overlap, and then the depth; see `between_boxes`.
+// A lower bound of a box's distance from another about the origin, by separating axes: the widest gap
+// along face normals and products of edges. Negative where they overlap, then minus the depth.
 template <class Real>
 FAN_FN Real box_to_box(const Real* centre, const Real* R, const double* half, const double* other) {
   using std::abs;
   using std::sqrt;
   Real size[9];
   for (int i = 0; i < 9; ++i) size[i] = abs(R[i]);
-  Real widest = Real(-1e30);
+  Real widest = Real(-DistanceTolerances::far);
   const auto gap = [&](const Real& apart, const Real& reach) {
     const Real found = abs(apart) - reach;
     widest = select(found > widest, found, widest);
   };
-  // R has the axes of the first box as columns, column by column.
+  // R holds the axes of the first box, column by column.
   for (int k = 0; k < 3; ++k)
     gap(centre[k], Real(Real(other[k]) + half[0] * size[k] + half[1] * size[3 + k] +
                         half[2] * size[6 + k]));
@@ -123,11 +128,11 @@ FAN_FN Real box_to_box(const Real* centre, const Real* R, const double* half, co
              other[2] * size[3 * j + 2]));
   for (int k = 0; k < 3; ++k)
     for (int j = 0; j < 3; ++j) {
-      // The product of the k-th axis and the j-th column.
+      // The cross product of the k-th axis and the j-th column.
       const int k1 = (k + 1) % 3, k2 = (k + 2) % 3, j1 = (j + 1) % 3, j2 = (j + 2) % 3;
       const Real x1 = -R[3 * j + k2], x2 = R[3 * j + k1];
       const Real square = x1 * x1 + x2 * x2;
-      const auto crossed = square > Real(1e-8);
+      const auto crossed = square > Real(DistanceTolerances::min_axis_square);
       const Real scale = Real(1.0) / sqrt(select(crossed, square, Real(1.0)));
       const Real reach = other[k1] * size[3 * j + k2] + other[k2] * size[3 * j + k1] +
                          half[j1] * size[3 * j2 + k] + half[j2] * size[3 * j1 + k];
@@ -137,15 +142,14 @@ FAN_FN Real box_to_box(const Real* centre, const Real* R, const double* half, co
   return widest;
 }
 
-// Distance of a box from another about the origin, where they do not overlap: nearest to one another
-// are a point of an edge of the first and some of the other, or a corner of the other and some of the
-// first.
+// Distance of a box from another about the origin where they do not overlap. The nearest points are on
+// an edge of the first, or a corner of the other.
 template <class Real>
 FAN_FN Real between_boxes(
     const Real* centre, const Real* R, const double* half, const double* other) {
   using std::abs;
   using std::sqrt;
-  Real least = Real(1e30);
+  Real least = Real(DistanceTolerances::far);
   const auto nearer = [&](const Real& found) { least = select(found < least, found, least); };
   for (const double x : {-other[0], other[0]})
     for (const double y : {-other[1], other[1]})

@@ -1,18 +1,18 @@
-// The C interface of a puppet's library of a planner's motions, as fantoccini.runtime loads it. The
-// translation unit that includes this defines `fan::Model` over `fan::Wide` first.
+// The C interface of a puppet's rollout library, as fantoccini.runtime loads it. The translation unit
+// that includes this defines `fan::Model` over `fan::Wide` first.
 #pragma once
 
 #include <new>
 #include <vector>
 
 #include "export.hpp"
-#include "sweep.hpp"
+#include "rollouts.hpp"
 
-// Makes motions until none is left, on as many threads as call it with the same arguments; 0, or 1
-// where there was no memory.
-FAN_EXPORT int fan_sweep(const fan::SweepArrays* in, fan::SweepProgress* progress) {
+// Simulates rollouts until none is left, on as many threads as call it with the same arguments.
+// Returns 0, or 1 without memory.
+FAN_EXPORT int fan_rollouts(const fan::RolloutArrays* in, fan::RolloutProgress* progress) {
   try {
-    std::vector<fan::Sweep<fan::Model, fan::Wide>> worker(1);
+    std::vector<fan::Rollouts<fan::Model, fan::Wide>> worker(1);
     worker[0].work(*in, *progress);
   } catch (const std::bad_alloc&) {
     return 1;
@@ -32,13 +32,8 @@ FAN_EXPORT void fan_goal_distances(
   for (int i = 0; i < Model::n_p; ++i) at_p[i] = Wide(p[i]);
   for (long long first = 0; first < n; first += width) {
     if (goal->kind == fan::POINT) {
-      for (int l = 0; l < width; ++l) {
-        const long long who = first + l < n ? first + l : n - 1;
-        for (int i = 0; i < Model::n_qD; ++i)
-          fan::lane_of(at_D[i], l) = q_D[who * Model::n_qD + i];
-        for (int i = 0; i < Model::n_qK; ++i)
-          fan::lane_of(at_K[i], l) = q_K[who * Model::n_qK + i];
-      }
+      fan::load_lanes(q_D, Model::n_qD, first, n, at_D);
+      fan::load_lanes(q_K, Model::n_qK, first, n, at_K);
       fan::Call<Model, Wide>::poses(at_D, at_K, at_p, poses);
     }
     for (int l = 0; l < width && first + l < n; ++l) {

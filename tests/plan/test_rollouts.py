@@ -1,4 +1,4 @@
-"""A planner's compiled motions against the simulator; laws and goals against other computations."""
+"""Compiled rollouts against the simulator; laws and goals against other computations."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import pytest
 from scipy.linalg import solve_discrete_are
 
 import fantoccini as fan
-from fantoccini.planning import Goal, Problem, Rows
+from fantoccini.planning import Goal, Problem, StateArrays
+from fantoccini.planning.derivatives import segment_derivatives
 from fantoccini.planning.funnels import regulator
-from fantoccini.planning.slopes import segment_slopes
 
 ARM = fan.puppets.arm3d()
 START = ARM.rest({"hand.x": 0.3, "hand.length": 1.32, "shoulder.rotation": [0, 0, 0], "elbow": 0.1})
@@ -19,9 +19,9 @@ FAR = {"elbow": 2.6}
 """A goal that no motion reaches."""
 
 
-def rows(*states: fan.State) -> Rows:
+def rows(*states: fan.State) -> StateArrays:
     names = ("q_D", "v_D", "slip", "q_K", "v_K")
-    return Rows(*(np.array([getattr(x, name) for x in states]) for name in names))
+    return StateArrays(*(np.array([getattr(x, name) for x in states]) for name in names))
 
 
 def problem(**options) -> Problem:
@@ -31,20 +31,20 @@ def problem(**options) -> Problem:
 
 def test_motions_are_those_of_the_simulator():
     made_of = problem()
-    motions = made_of.motions
+    rollouts = made_of.rollouts
     rng = np.random.default_rng(0)
     acceleration = rng.uniform(-1.0, 1.0, (9, 6, 3))
-    made = motions.sweep(made_of.root, np.zeros(9), acceleration)
-    segment = motions.looks * motions.interval
-    assert np.all(made.looks == motions.looks)
+    made = rollouts.simulate(made_of.root, np.zeros(9), acceleration)
+    segment = rollouts.options.segment
+    assert np.all(made.looks == rollouts.options.looks)
     for i in range(9):
         times = segment * np.arange(7)
         inputs = fan.Input.segments(ARM, times, START.q_K, START.v_K, acceleration[i])
         run = fan.simulate(
             ARM, START, inputs, t_end=times[-1],
-            method=fan.TimeStepping(dt=motions.dt, extrapolate=False),
+            method=fan.TimeStepping(dt=rollouts.options.dt, extrapolate=False),
         )  # fmt: skip
-        steps = motions.look * motions.looks * np.arange(1, 7)
+        steps = rollouts.options.look * rollouts.options.looks * np.arange(1, 7)
         assert np.allclose(made.states["q_D"][i], run.q_D[steps], atol=1e-9)
         assert np.allclose(made.states["v_D"][i], run.v_D[steps], atol=1e-7)
         assert np.allclose(made.states["q_K"][i], run.q_K[steps], atol=1e-12)
@@ -53,9 +53,9 @@ def test_motions_are_those_of_the_simulator():
 def test_a_motion_does_not_depend_on_its_neighbours_or_on_threads():
     acceleration = np.random.default_rng(1).uniform(-1.0, 1.0, (40, 5, 3))
     alone = problem(threads=1)
-    together = problem(threads=3).motions.sweep(alone.root, np.zeros(40), acceleration)
+    together = problem(threads=3).rollouts.simulate(alone.root, np.zeros(40), acceleration)
     for i in (0, 7, 8, 39):
-        one = alone.motions.sweep(alone.root, np.zeros(1), acceleration[[i]])
+        one = alone.rollouts.simulate(alone.root, np.zeros(1), acceleration[[i]])
         for name, a in one.states.items():
             assert np.array_equal(a[0], together.states[name][i])
 
@@ -64,8 +64,8 @@ def test_none_is_made_after_the_first_that_arrives():
     near = Problem(ARM, START, {"elbow": 0.35}, tolerance=0.1, speed=1.0, acceleration=5.0)
     rng = np.random.default_rng(2)
     acceleration = rng.uniform(-2.0, 2.0, (64, 12, 3))
-    made = near.motions.sweep(near.root, np.zeros(64), acceleration)
-    there = (made.looks > 0) & (made.distance <= near.motions.inner)
+    made = near.rollouts.simulate(near.root, np.zeros(64), acceleration)
+    there = (made.looks > 0) & (made.distance <= near.rollouts.stop_distance)
     arrived = np.flatnonzero(there.any(axis=1))
     assert len(arrived) == 1 and made.n_made == arrived[0] + 1 < 64
     assert not made.looks[made.n_made :].any()
@@ -77,22 +77,23 @@ def test_motions_end_at_obstacles_bounds_and_slackness():
     push = np.zeros((1, 12, 3))
     push[0, :4, 0] = 2.0
     push[0, :, 2] = -0.4
-    free = problem().motions.sweep(asked.root, np.zeros(1), push)
-    cut = asked.motions.sweep(asked.root, np.zeros(1), push)
+    free = problem().rollouts.simulate(asked.root, np.zeros(1), push)
+    cut = asked.rollouts.simulate(asked.root, np.zeros(1), push)
     reached = int((cut.looks > 0).sum())
     assert 0 < reached < (free.looks > 0).sum()
-    clear = asked.motions.clearance
+    clear = asked.rollouts.clearance
     q_D, q_K = cut.states["q_D"][0, :reached], cut.states["q_K"][0, :reached]
     assert clear.at(q_D, q_K).min() >= 0.0
     assert clear.at(free.states["q_D"][0, reached], free.states["q_K"][0, reached]) < 0.0
     narrow = problem(ranges={"hand.length": (1.2, 1.4)})
-    cut = narrow.motions.sweep(narrow.root, np.zeros(1), push)
+    cut = narrow.rollouts.simulate(narrow.root, np.zeros(1), push)
     kept = cut.states["q_K"][0, (cut.looks[0] > 0)][:, 2]
     assert kept.min() >= 1.2 and len(kept) < 12
     down = np.zeros((1, 12, 3))
     down[0, :3, 2] = 3.0
     taut, any_ = (
-        problem(slack=slack).motions.sweep(asked.root, np.zeros(1), down) for slack in (False, True)
+        problem(slack=slack).rollouts.simulate(asked.root, np.zeros(1), down)
+        for slack in (False, True)
     )
     assert (taut.looks > 0).sum() < (any_.looks > 0).sum()
 
@@ -107,18 +108,18 @@ def test_a_regulator_for_many_steps_is_that_for_endlessly_many():
     assert np.allclose(regulator(A, B, Q, R), wanted, atol=1e-9)
 
 
-def test_slopes_of_segments_are_those_of_the_simulators_steps():
-    """The product of the exact slopes of the steps, over a segment of a swinging arm."""
-    motions = problem().motions
+def test_derivatives_of_segments_are_those_of_the_simulators_steps():
+    """The product of the exact derivatives of the steps, over a segment of a swinging arm."""
+    rollouts = problem().rollouts
     acc = np.array([0.3, -0.2, -0.1])
     x, A = START, np.eye(14)
     B = np.zeros((14, 3))
-    for _ in range(motions.look * motions.looks):
-        step = ARM.linearise_step(x, acc, dt=motions.dt)
+    for _ in range(rollouts.options.look * rollouts.options.looks):
+        step = ARM.linearise_step(x, acc, dt=rollouts.options.dt)
         A, B = step.A @ A, step.A @ B + step.B
         x = step.x_next
-    found_A, found_B = segment_slopes(
-        ARM, rows(START), acc[None], motions.options, motions.looks
+    found_A, found_B = segment_derivatives(
+        ARM, rows(START), acc[None], rollouts.run_options, rollouts.options.looks
     )
     assert np.allclose(found_B[0], B, atol=2e-5)
     assert found_A.shape == (1, 14, 14)
@@ -128,9 +129,9 @@ def test_led_motions_come_to_rest_at_the_goal():
     asked = Problem(
         ARM, START, {"shoulder.rotation": [0, -0.6, 0], "elbow": 1.2}, tolerance=1e-3
     )
-    made = asked.motions.where(tolerance=-1.0).sweep(
-        asked.root, np.zeros(4), np.zeros((4, 100, 3)), given=np.zeros(4),
-        reach=np.array([0.3, 0.5, 0.8, 1.0]),
+    made = asked.rollouts.where(tolerance=-1.0).simulate(
+        asked.root, np.zeros(4), np.zeros((4, 100, 3)), n_given=np.zeros(4),
+        lead_time=np.array([0.3, 0.5, 0.8, 1.0]),
     )  # fmt: skip
     assert np.all(made.distance[:, -1] < 0.02)
 
@@ -173,19 +174,19 @@ def test_distances_from_goals():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"chosen": np.array([5])}, "chosen goes from 5"),
-        ({"made": np.array([200])}, "made goes from 200"),
-        ({"made": np.array([0])}, "made goes from 0"),
-        ({"given": np.array([0])}, "which goes from 0"),
+        ({"start": np.array([5])}, "start ranges from 5"),
+        ({"n_segments": np.array([200])}, "n_segments ranges from 200"),
+        ({"n_segments": np.array([0])}, "n_segments ranges from 0"),
+        ({"n_given": np.array([0])}, "funnel ranges from 0"),
         ({"acceleration": np.zeros((1, 4, 1))}, "the accelerations have the shape"),
     ],
 )
 def test_numbers_that_lead_out_of_arrays_are_refused(change, message):
     asked = problem()
-    asked.motions.funnels = []
-    given = {"chosen": np.zeros(1), "acceleration": np.zeros((1, 4, 3))} | change
+    asked.rollouts.funnels = []
+    given = {"start": np.zeros(1), "acceleration": np.zeros((1, 4, 3))} | change
     with pytest.raises(ValueError, match=message):
-        asked.motions.sweep(asked.root, **given)
+        asked.rollouts.simulate(asked.root, **given)
 
 
 def test_a_goal_counts_with_the_parameters_of_the_puppet_that_plans():
@@ -197,7 +198,7 @@ def test_a_goal_counts_with_the_parameters_of_the_puppet_that_plans():
         Goal.of(other, goal)
 
 
-def test_python_hears_signals_while_many_motions_are_made():
+def test_python_hears_signals_while_many_rollouts_are_simulated():
     """17.30: a timer's handler runs again and again during one long sweep."""
     if not hasattr(signal, "setitimer"):
         pytest.skip("needs setitimer")
@@ -206,7 +207,7 @@ def test_python_hears_signals_while_many_motions_are_made():
     before = signal.signal(signal.SIGALRM, lambda *_: heard.append(len(heard)))
     try:
         signal.setitimer(signal.ITIMER_REAL, 0.005, 0.005)
-        asked.motions.where(tolerance=-1.0, free=True).sweep(asked.root, np.zeros(256), push)
+        asked.rollouts.where(tolerance=-1.0, free=True).simulate(asked.root, np.zeros(256), push)
         during = len(heard)
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
