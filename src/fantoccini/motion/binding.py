@@ -116,8 +116,8 @@ def _begin(
     s, h = t - breaks[some, i], breaks[some, i + 1] - breaks[some, i]
     made = joints.begun(table, coef[some, i], s, h, move[some], v[some])
     coef[some, i] = made
-    q, rows = table.places_K
-    base[some[:, None], i[:, None], q] = made[:, rows, 0]
+    q, at = table.places_K
+    base[some[:, None], i[:, None], q] = made[:, at, 0]
 
 
 def note_lengths(table: CoordinateTable, breaks: Array, coef: Array, findings: Findings) -> None:

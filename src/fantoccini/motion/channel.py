@@ -30,11 +30,11 @@ class Channel:
 
     Attributes:
         times: (n + 1,) where pieces begin and the last one ends [s].
-        coef: (n, rows, 6) coefficients in the time since the piece began.
+        coef: (n, k, 6) coefficients in the time since the piece began.
         base: (n, width) configuration of reference: the start value of a scalar, the unit
             quaternion of a rotation.
-        before, after: ((rows, 6), (width,)) the constant piece outside of ``times``.
-        scalars: (place in width, row) of what is not part of a rotation.
+        before, after: ((k, 6), (width,)) the constant piece outside of ``times``.
+        scalars: (place in width, place in k) of what is not part of a rotation.
     """
 
     times: Times
@@ -51,7 +51,7 @@ class Channel:
             breaks: (m + 1,) increasing; holds every one of ``times`` that lies inside it.
 
         Returns:
-            coef (m, rows, 6) and base (m, width). A part of a rotation's piece keeps the piece's
+            coef (m, k, 6) and base (m, width). A part of a rotation's piece keeps the piece's
             quaternion of reference, so that its phi need not begin at 0: cutting is exact.
         """
         begins = breaks[:-1]
@@ -68,7 +68,7 @@ class Channel:
 
 
 def constant(values: ArrayLike) -> tuple[Array, Array]:
-    """The constant piece of scalar coordinates: ((rows, 6), (rows,))."""
+    """The constant piece of scalar coordinates: ((k, 6), (k,))."""
     values = np.atleast_1d(np.asarray(values, dtype=float))
     coef = np.zeros((len(values), polynomial.N_COEF))
     coef[:, 0] = values

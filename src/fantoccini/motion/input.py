@@ -29,10 +29,10 @@ _MOST_SHOWN = 4
 class Input:
     """Piecewise quintic motion of the driven coordinates, C^1 at the breaks.
 
-    A scalar coordinate is q(t) = sum_k coef[..., k] (t - breaks[i])^k on piece i. The three rows of
-    a rotation are its rotation vector phi(t): R(t) = R(base) exp([phi(t)]x), with the angular
-    velocity w = J_r(phi) phidot in the turning frame. phi begins at 0 unless the piece was cut
-    from a longer one. Before the first and after the last break everything is held, at rest, and
+    A scalar coordinate is q(t) = sum_k coef[..., k] (t - breaks[i])^k on piece i. The three
+    entries of a rotation are its rotation vector phi(t): R(t) = R(base) exp([phi(t)]x), with the
+    angular velocity w = J_r(phi) phidot in the turning frame. phi begins at 0 unless the piece was
+    cut from a longer one. Before the first and after the last break everything is held, at rest, and
     the forces are 0.
 
     Attributes:

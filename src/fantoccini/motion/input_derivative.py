@@ -30,8 +30,8 @@ class InputDerivative:
     Attributes:
         coordinates: names and places of the coordinates.
         breaks: (n_seg + 1,) increasing [s].
-        coef: (n_seg, n_vK, 6) ascending powers of the time since the piece began; rows of
-            rotations are 0.
+        coef: (n_seg, n_vK, 6) ascending powers of the time since the piece began; entries
+            of rotations are 0.
         name: of s, such as ``hand.length[1]``: the value of the second waypoint.
         smooth: whether the inputs are differentiable there; otherwise it is that of one side, and
             derivatives by several values do not add up.

@@ -1,6 +1,6 @@
 """Pieces of all driven coordinates at once: coef (n, n_vK, 6) and base (n, n_qK).
 
-Scalars are polynomials whose start value ``base`` repeats. Three rows of a rotation are its
+Scalars are polynomials whose start value ``base`` repeats. The three entries of a rotation are its
 rotation vector: R = R(base) exp([phi]x).
 """
 
@@ -44,10 +44,10 @@ def evaluate(
     for q, v in table.scalars_K:
         q_K[:, q] = p[:, v]
     for q, v in table.quaternions_K:
-        spot, rows = slice(q, q + 4), slice(v, v + 3)
-        phi, rate, curve = p[:, rows], first[:, rows], second[:, rows]
+        spot, turn = slice(q, q + 4), slice(v, v + 3)
+        phi, rate, curve = p[:, turn], first[:, turn], second[:, turn]
         q_K[:, spot] = rotation.multiply(base[:, spot], rotation.exp(phi))
-        first[:, rows], second[:, rows] = rotation.body_motion(phi, rate, curve)
+        first[:, turn], second[:, turn] = rotation.body_motion(phi, rate, curve)
     return q_K, first, second
 
 

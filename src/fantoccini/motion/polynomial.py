@@ -94,11 +94,11 @@ def shifted(coef: Array, d: Array) -> Array:
     """The same polynomials written about a later origin: p(s + d) (a Taylor shift, by Horner).
 
     Args:
-        coef: (n, rows, 6) coefficients.
+        coef: (n, m, 6) coefficients.
         d: (n,) shifts [s].
 
     Returns:
-        (n, rows, 6).
+        (n, m, 6).
     """
     moved, d = np.array(coef), np.asarray(d)[:, None]
     for first in range(N_COEF - 1):

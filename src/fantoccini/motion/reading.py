@@ -298,12 +298,12 @@ def _column(
         findings.add((name,), f"found the shape {values.shape}; needed: {sizes}, as t has it")
         return None
     wrong = ~(np.abs(values) <= LARGEST)
-    rows = np.unique(np.nonzero(wrong)[0])
-    for i in rows:
+    bad = np.unique(np.nonzero(wrong)[0])
+    for i in bad:
         findings.add(
             (name, int(i)), f"found {values[i]}; needed: a finite number up to {LARGEST:g}"
         )
-    return None if len(rows) else values.astype(float)
+    return None if len(bad) else values.astype(float)
 
 
 def _rotations(name: str, t: Times, q: Array, findings: Findings) -> Array | None:

@@ -28,7 +28,7 @@ SAVED = MOTION + TABLES
 class Trajectories:
     """n runs of one puppet on the same T times: ``many.q_D[i, k]``, ``many.tension["hand"][i, k]``.
 
-    What was not saved is None. Rows that a run did not reach are NaN, and not taut.
+    What was not saved is None. Samples that a run did not reach are NaN, and not taut.
 
     Attributes:
         t: (T,) times [s].
@@ -75,7 +75,7 @@ class Trajectories:
         ended = ", ".join(f"{n} {status.name}" for status, n in self.counts().items())
         return (
             f"<Trajectories {self.puppet.name if self.puppet else ''}: {len(self)} runs from "
-            f"{self.t[0]:g} to {self.t[-1]:g} s, {len(self.t)} rows, {self.method}, {ended}>"
+            f"{self.t[0]:g} to {self.t[-1]:g} s, {len(self.t)} samples, {self.method}, {ended}>"
         )
 
     def __iter__(self) -> Iterator[Trajectory]:
@@ -107,11 +107,11 @@ class Trajectories:
             )
         if not np.isfinite(self.reached[i]):
             raise ValueError(f"run {i} was not begun")
-        rows = slice(0, max(1, int(np.searchsorted(self.t, self.reached[i], side="right"))))
-        own: dict[str, Any] = {name: getattr(self, name)[i, rows] for name in MOTION}
-        own |= {name: self._columns(name, i, rows) for name in TABLES}
+        samples = slice(0, max(1, int(np.searchsorted(self.t, self.reached[i], side="right"))))
+        own: dict[str, Any] = {name: getattr(self, name)[i, samples] for name in MOTION}
+        own |= {name: self._columns(name, i, samples) for name in TABLES}
         return Trajectory(
-            t=self.t[rows],
+            t=self.t[samples],
             **own,
             events=(),
             status=Status(int(self.status[i])),
@@ -121,6 +121,6 @@ class Trajectories:
             blamed=self.blamed(i),
         )
 
-    def _columns(self, name: str, i: int, rows: slice) -> Columns:
+    def _columns(self, name: str, i: int, samples: slice) -> Columns:
         table: Columns = getattr(self, name)
-        return table.like(table.values[i, rows])
+        return table.like(table.values[i, samples])

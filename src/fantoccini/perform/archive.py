@@ -31,12 +31,12 @@ class Written:
     """The output of a run, as the compiled code wrote it.
 
     Attributes:
-        rows: (m, width) laid out as ``marionette.row_layout`` says, one a tick.
+        samples: (m, width) laid out as ``marionette.row_layout`` says, one a tick.
         events: (n, 5) time, kind, row, impulse, speed.
         status: how the run ended.
     """
 
-    rows: Array
+    samples: Array
     events: Array
     status: Status = Status.DONE
 
@@ -65,7 +65,7 @@ def save(fields: Mapping[str, Any], path: str | Path) -> None:
         "acc_K": fields["acc_K"],
         "p": marionette.p,
         "winches": marionette.winches,
-        "rows": written.rows,
+        "rows": written.samples,
         "events": written.events,
         "about": np.frombuffer(json.dumps(about).encode(), dtype=np.uint8),
     }
@@ -93,8 +93,8 @@ def load(path: str | Path) -> dict[str, Any]:
             for name, size in zip(_STATE, sizes, strict=True)
         }
         t, tick = (float(finite(arrays, name, ())) for name in ("t", "tick"))
-        rows = finite(arrays, "rows", (None, sum(marionette.model.row_layout.widths.values())))
-        if not len(rows) or np.any(np.diff(rows[:, 0]) < 0):
+        samples = finite(arrays, "rows", (None, sum(marionette.model.row_layout.widths.values())))
+        if not len(samples) or np.any(np.diff(samples[:, 0]) < 0):
             raise ValueError("rows must be one or more, none before the one it follows")
         events = _events(marionette, finite(arrays, "events", (None, 5)))
         steps = about["steps"]
@@ -107,7 +107,7 @@ def load(path: str | Path) -> dict[str, Any]:
             "tick": tick,
             "steps": steps,
             "ended": str(about["ended"]),
-            "written": Written(rows, events, Status[about["status"]]),
+            "written": Written(samples, events, Status[about["status"]]),
         }
 
 

@@ -110,10 +110,10 @@ class Holding:
             return wanted
         self.held = self._free.copy()
         # A wire that is pushed hinders its hand the other way.
-        rows = np.flatnonzero(np.isfinite(most))
-        rates = self.rates(x)[rows] * np.where(tension[rows] < 0, -1.0, 1.0)[:, None]
-        slower, most = wanted.copy(), most[rows]
-        for _ in range(_ROUNDS * len(rows)):
+        bound = np.flatnonzero(np.isfinite(most))
+        rates = self.rates(x)[bound] * np.where(tension[bound] < 0, -1.0, 1.0)[:, None]
+        slower, most = wanted.copy(), most[bound]
+        for _ in range(_ROUNDS * len(bound)):
             excess = rates @ slower - most
             worst = int(np.argmax(excess))
             if excess[worst] <= _ENOUGH or not self._slow_down(rates[worst], slower, excess[worst]):

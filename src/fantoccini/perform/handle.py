@@ -172,14 +172,14 @@ def wanted(
 def quaternion(R: Array) -> Quaternion:
     """(4,) w, x, y, z of a rotation matrix (3, 3), from the largest of 4 w^2, 4 x^2, ..."""
     (a, b, c), (d, e, f), (g, h, i) = R.tolist()
-    rows = (
+    columns = (
         (1.0 + a + e + i, h - f, c - g, d - b),
         (h - f, 1.0 + a - e - i, b + d, c + g),
         (c - g, b + d, 1.0 - a + e - i, f + h),
         (d - b, c + g, f + h, 1.0 - a - e + i),
     )
-    best = max(range(4), key=lambda k: rows[k][k])
-    return rotation.normalised(np.array(rows[best]))
+    best = max(range(4), key=lambda k: columns[k][k])
+    return rotation.normalised(np.array(columns[best]))
 
 
 def _three(handle: Handle, position: ArrayLike) -> Vec3:

@@ -90,7 +90,7 @@ class Recording:
 
     @cached_property
     def trajectory(self) -> Trajectory:
-        """What was recorded, a row a tick; of an edited recording, what :meth:`replay` gives."""
+        """What was recorded, a sample a tick; of an edited recording, what :meth:`replay` gives."""
         return self.replay() if self.written is None else self._of(self.written)
 
     def replay(self) -> Trajectory:
@@ -184,7 +184,7 @@ class Recording:
 
     def _of(self, written: Written) -> Trajectory:
         return trajectory_of_rows(
-            self.marionette, written.rows, written.events, written.status, METHOD,
+            self.marionette, written.samples, written.events, written.status, METHOD,
             with_effort=True, blame=np.zeros(len(self.marionette.tree.blamable)),
         )  # fmt: skip
 
@@ -200,7 +200,7 @@ class Recorder:
     def __init__(self, stepper: Stepper, tick: float):
         self._marionette = Marionette(stepper.model)
         self._start, self._tick = stepper.state, tick
-        self._rows, self._events = [stepper.rows[-1:]], [np.zeros((0, 5))]
+        self._samples, self._events = [stepper.rows[-1:]], [np.zeros((0, 5))]
         self._acc_K: list[Array] = []
         self._status = Status.DONE
 
@@ -210,14 +210,14 @@ class Recorder:
     def add(self, acc_K: Array, stepper: Stepper) -> None:
         """A tick that the stepper has made."""
         self._acc_K.append(acc_K)
-        self._rows.append(stepper.rows[-1:])
+        self._samples.append(stepper.rows[-1:])
         self._events.append(stepper.events)
         self._status = stepper.status
 
     def written(self, status: Status | None = None) -> Written:
         """What was kept, and how it ended: as the last tick did when not given."""
         status = self._status if status is None else status
-        return Written(np.concatenate(self._rows), np.concatenate(self._events), status)
+        return Written(np.concatenate(self._samples), np.concatenate(self._events), status)
 
     def finished(self, steps: int, ended: str) -> Recording | None:
         """The recording; None where not a tick was made."""
