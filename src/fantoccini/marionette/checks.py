@@ -280,7 +280,7 @@ def check_inputs(
         ("end", last, last < t_end, inputs.evaluate(last)[1]),
     )
     for what, when, inside, speed in ends:
-        wrong = ~(np.abs(speed) <= joints.SAME_SPEED) & inside[:, None]
+        wrong = ~(np.abs(speed) <= joints.TOLERANCES.speed) & inside[:, None]
         if np.any(wrong):
             wrong &= ~(np.abs(speed) <= joints.tolerances(own, inputs.breaks, inputs.coef)[1])
         for n, i in np.argwhere(wrong)[:_MOST_SHOWN]:
@@ -310,7 +310,7 @@ def check_speeds(model: Model, t: float, v_K: Array, bound: Inputs) -> None:
         bound: the inputs, bound.
     """
     found = bound.evaluate(t)[1]
-    wrong = ~(np.abs(found - v_K) <= joints.SAME_SPEED)
+    wrong = ~(np.abs(found - v_K) <= joints.TOLERANCES.speed)
     if not np.any(wrong):
         return
     i = int(np.argmax(np.any(wrong, axis=1)))

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from fantoccini.tree import CoordinateTable
 
 
-_MOST_SHOWN = 4
-"""Names that ``repr`` tells."""
+_MAX_NAMES = 4
+"""Number of names in ``repr``."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -32,7 +32,7 @@ class Input:
     A scalar coordinate is q(t) = sum_k coef[..., k] (t - breaks[i])^k on piece i. The three
     entries of a rotation are its rotation vector phi(t): R(t) = R(base) exp([phi(t)]x), with the
     angular velocity w = J_r(phi) phidot in the turning frame. phi begins at 0 unless the piece was
-    cut from a longer one. Before the first and after the last break everything is held, at rest, and
+    cut from a longer one. Before the first and after the last break everything is held at rest and
     the forces are 0.
 
     Attributes:
@@ -83,11 +83,11 @@ class Input:
             for name, (_, v) in pieces.channel_names(self.coordinates).items()
             if self.named[v.start]
         ]
-        told = ", ".join(names[:_MOST_SHOWN]) + (", ..." if len(names) > _MOST_SHOWN else "")
+        shown = ", ".join(names[:_MAX_NAMES]) + (", ..." if len(names) > _MAX_NAMES else "")
         called = f" {self.name!r}" if self.name else ""
         forced = "" if self.force is None else ", with forces"
         return (
-            f"<Input{called}: {self.start:g} to {self.end:g} s, {told or 'all hold still'}, "
+            f"<Input{called}: {self.start:g} to {self.end:g} s, {shown or 'all hold still'}, "
             f"{len(self.coef)} piece{'s' * (len(self.coef) != 1)}{forced}>"
         )
 

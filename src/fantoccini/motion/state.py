@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from fantoccini.tree import CoordinateTable
 
 _MOTION = ("q_D", "v_D", "q_K", "v_K")
-_MOST_SHOWN = 8
-"""Names that a message lists."""
+_MAX_NAMES = 8
+"""Number of names that a message lists."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,7 +214,7 @@ def check_size(x: State, table: CoordinateTable, n_rows: int) -> None:
 
 
 def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names[:_MOST_SHOWN]) + (", ..." if len(names) > _MOST_SHOWN else "")
+    return ", ".join(names[:_MAX_NAMES]) + (", ..." if len(names) > _MAX_NAMES else "")
 
 
 class EventKind(enum.StrEnum):

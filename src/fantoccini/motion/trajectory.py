@@ -16,7 +16,7 @@ from fantoccini.errors import StateError, Status, UnknownNameError
 from fantoccini.files import replacing
 from fantoccini.motion import archive, interpolate
 from fantoccini.motion.columns import Columns
-from fantoccini.motion.npz import understanding
+from fantoccini.motion.npz import opened
 from fantoccini.motion.overload import Overload, overloads
 from fantoccini.motion.state import EventRecord, State
 
@@ -30,8 +30,8 @@ LEDGER = ("kinetic", "potential", "damping", "impact", "slip", "work", "residual
 """Entries of the energy ledger [J], in order."""
 
 _MOTION = ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
-_SLACK_TIME = 1e-9
-"""Tolerance [s] on times outside of the run."""
+_MAX_TIME_OUTSIDE = 1e-9
+"""Time before or after the run that still counts as its start or end [s]: rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,8 +262,8 @@ class Trajectory:
         Raises:
             FileError: the file is not a trajectory.
         """
-        with understanding(path, "a trajectory"):
-            return cls(**archive.load(path))
+        with opened(path, archive.FORMAT, "a trajectory") as (arrays, about):
+            return cls(**archive.fields_of(arrays, about, str(path)))
 
     def summary(self) -> dict[str, Any]:
         """Key numbers: duration [s], seconds, samples, events by kind, tensions, ledger [J].
@@ -316,7 +316,7 @@ class Trajectory:
 
     def _inside(self, times: Times) -> Times:
         first, last = self.t[0], self.t[-1]
-        wrong = ~((times >= first - _SLACK_TIME) & (times <= last + _SLACK_TIME))
+        wrong = ~((times >= first - _MAX_TIME_OUTSIDE) & (times <= last + _MAX_TIME_OUTSIDE))
         if np.any(wrong):
             raise StateError(
                 f"t = {times[wrong][0]:g} s is outside of the run, {first:g} s to {last:g} s"

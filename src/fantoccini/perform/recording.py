@@ -15,7 +15,7 @@ from fantoccini.arrays import Array, Times, frozen
 from fantoccini.errors import Status
 from fantoccini.marionette import Marionette, MethodName, Stepper
 from fantoccini.motion import Input, State, Trajectory
-from fantoccini.motion.npz import understanding
+from fantoccini.motion.npz import opened
 from fantoccini.perform import archive, change
 from fantoccini.perform.archive import Written
 from fantoccini.perform.smoothing import smoothed
@@ -160,8 +160,8 @@ class Recording:
         Raises:
             FileError: the file is no recording, or damaged.
         """
-        with understanding(path, "a recording"):
-            return cls(**archive.load(path))
+        with opened(path, archive.FORMAT, "a recording") as (arrays, about):
+            return cls(**archive.fields_of(arrays, about))
 
     # -- inside ------------------------------------------------------------------------------
 
