@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fantoccini.arrays import Array, ConfigK, Mask, MaskRows, Times
+from fantoccini.arrays import Array, ConfigK, Indices, Mask, MaskRows, Times
 from fantoccini.motion import channel, joints, polynomial, rotation
 from fantoccini.motion.channel import SAME_TIME, Channel, Points
 from fantoccini.motion.findings import Findings
@@ -49,6 +49,12 @@ def evaluate(
         q_K[:, spot] = rotation.multiply(base[:, spot], rotation.exp(phi))
         first[:, turn], second[:, turn] = rotation.body_motion(phi, rate, curve)
     return q_K, first, second
+
+
+def located(breaks: Times, t: Times) -> tuple[Indices, Array, Mask]:
+    """Pieces at times (n,), the times in them [s], and whether the times lie outside of all."""
+    i = np.clip(np.searchsorted(breaks, t, side="right") - 1, 0, len(breaks) - 2)
+    return i, np.clip(t, breaks[0], breaks[-1]) - breaks[i], (t < breaks[0]) | (t > breaks[-1])
 
 
 def constants(table: CoordinateTable, q_K: ConfigK) -> tuple[Array, Array]:

@@ -239,7 +239,7 @@ class EventRecord:
     Attributes:
         t: time [s].
         kind: what happened. A winch that reaches its largest tension slips, and grips again. A
-            stepper loses a step, a drive runs away.
+            stepper motor loses a step, a drive runs away.
         name: the string, limit or coordinate with a drive; empty for a breakpoint or an
             accumulation.
         impulse: of the catch, >= 0 [N s, or N m s for a limit of an angle].

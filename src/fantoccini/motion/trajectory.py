@@ -59,10 +59,9 @@ class Trajectory:
         coordinates: names and places of the coordinates.
         puppet: what moved (None when unknown).
         effort: by driven velocity, the force that drives it [N or N m]; None when not computed.
-        violation: by string and limit, how far it is overstepped, >= 0 [m, rad or 1]; None when not
-            computed.
-        slip: by string, how much its slipping winch has let out, >= 0 [m]; None when not computed.
-        seconds: how long computing it took [s]; None when not known, as of one that was loaded.
+        violation: by string and limit, max(h, 0) [m, rad or 1]; None when not computed.
+        slip: by string, the length let out by its slipping winch, >= 0 [m]; None when not computed.
+        seconds: time that computing it took [s]; None when not known, as after loading.
     """
 
     t: Times
@@ -167,7 +166,7 @@ class Trajectory:
 
         Args:
             times: (m,) [s], not decreasing, inside the run.
-            side: which side of an impact is given at its very time.
+            side: the side of an impact at whose time the sample is taken.
         """
         times = self._inside(np.asarray(times, dtype=float))
         left, right, s = interpolate.bracket(self.t, times, side)
@@ -268,11 +267,11 @@ class Trajectory:
     def summary(self) -> dict[str, Any]:
         """Key numbers: duration [s], seconds, samples, events by kind, tensions, ledger [J].
 
-        ``seconds`` is how long computing it took: a run of which it is longer than ``duration``
-        was slower than real time; method ``timestepping`` is faster.
+        If ``seconds`` exceeds ``duration``, the run was slower than real time; method
+        ``timestepping`` is faster.
 
         ``summary()["tension"]["hand"]`` has min and max [N], slack [s], catches and the largest
-        impulse [N s]; ``summary()["drives"]`` what drives whose motor was too weak did:
+        impulse [N s]; ``summary()["drives"]`` has, for drives whose motor was too weak,
         ``since`` [s], ``lost_steps``, ``ran_away``, ``error`` at the end [m or rad].
         """
         h = np.diff(self.t, append=self.t[-1])

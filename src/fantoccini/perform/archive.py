@@ -31,7 +31,7 @@ class Written:
     Attributes:
         samples: (m, width) laid out as ``marionette.row_layout`` says, one a tick.
         events: (n, 5) time, kind, row, impulse, speed.
-        status: how the run ended.
+        status: end of the run.
     """
 
     samples: Array
