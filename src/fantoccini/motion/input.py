@@ -78,11 +78,8 @@ class Input:
             _fail("breaks", "must be two or more times that increase")
 
     def __repr__(self) -> str:
-        names = [
-            name
-            for name, (_, v) in pieces.channel_names(self.coordinates).items()
-            if self.named[v.start]
-        ]
+        places = pieces.channel_names(self.coordinates)
+        names = [name for name, (_, v) in places.items() if self.named[v.start]]
         shown = ", ".join(names[:_MAX_NAMES]) + (", ..." if len(names) > _MAX_NAMES else "")
         called = f" {self.name!r}" if self.name else ""
         forced = "" if self.force is None else ", with forces"
@@ -420,12 +417,9 @@ class Input:
         coef, base = np.array(self.coef), np.array(self.base)
         still, _ = pieces.constants(self.coordinates, q_K)
         coef[:, which] = still[which]
-        for q, v in self.coordinates.scalars_K:
-            if which[v]:
+        for q, v in pieces.channel_names(self.coordinates).values():
+            if which[v.start]:
                 base[:, q] = q_K[q]
-        for q, v in self.coordinates.quaternions_K:
-            if which[v]:
-                base[:, q : q + 4] = q_K[q : q + 4]
         return dataclasses.replace(self, coef=coef, base=base, named=self.named | which)
 
     def _force_or_zero(self) -> Array:
