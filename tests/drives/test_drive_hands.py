@@ -56,7 +56,7 @@ def test_a_chain_is_wound():
     slow = Hands.ranges_of(puppet, live.state, 0.002)["line"][0]
     for dt, least in ((live.dt, low), (0.002, slow)):
         assert dt <= longest_step(least) and (least < 0.081 or dt > longest_step(least / 1.13))
-    with pytest.raises(StateError, match="`fantoccini show` no other dt: there change the pieces"):
+    with pytest.raises(StateError, match="`fantoccini show` no other dt: change the pieces"):
         fan.Performance(puppet, dt=0.004, tick=0.004)
     live.wind("line", 0.6)
     live.advance(3.0)

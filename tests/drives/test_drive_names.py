@@ -59,7 +59,7 @@ def test_a_rotation_comes_in_four_columns_of_either_name(tmp_path):
         assert message.startswith("is given twice")
     del columns["head.qz"]
     assert said(Input.samples, machines, t, columns) == [
-        ("head.qw", "needs the columns head.qz beside it")
+        ("head.qw", "needs the columns head.qz as well")
     ]
     ((_, message),) = said(Input.waypoints, machines, {"head.qw": [(0, 1.0)]})
     assert message.startswith("is one number of a rotation")

@@ -106,7 +106,7 @@ def test_recordings_are_checked(files, tmp_path, change, message):
     [
         (lambda c, a: c.update({"q_D.npy": stored(np.zeros((26, 2), dtype=complex))}),
          "q_D is complex128"),
-        (lambda c, a: c.update({"t.npy": stored(np.full(26, np.nan))}), "t holds what is no"),
+        (lambda c, a: c.update({"t.npy": stored(np.full(26, np.nan))}), "t holds a number"),
         (lambda c, a: c.update({"v_K.npy": stored(np.zeros((26, 9)))}), "v_K is float64 of the"),
         (lambda c, a: c.pop("taut.npy"), "taut is missing"),
         (lambda c, a: a["coordinates"].update(scalars_D=[[0, 99], [1, 1]]), "the place 99"),

@@ -291,7 +291,7 @@ def test_arrays_are_read_only(run):
 
 def test_summary(run):
     summary = run.summary()
-    assert summary["duration"] == 2.0 and summary["rows"] == 22
+    assert summary["duration"] == 2.0 and summary["samples"] == 22
     assert summary["events"] == {"catch": 1, "breakpoint": 1}
     assert summary["tension"]["hand"] == {
         "min": 1.0,
@@ -311,7 +311,7 @@ def test_summary(run):
     ],
 )
 def test_shapes_are_checked(table, change):
-    with pytest.raises(ValueError, match=r"shape|rows|must"):
+    with pytest.raises(ValueError, match=r"shape|samples|must"):
         run_of(table, np.array([0.0, 1.0]), **change)
 
 

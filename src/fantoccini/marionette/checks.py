@@ -232,7 +232,7 @@ def check_inputs(model: Model, inputs: Input | Inputs, t: float, t_end: float) -
         ("end", last, last < t_end, inputs.evaluate(last)[1]),
     )
     for what, when, inside, speed in ends:
-        wrong = ~(np.abs(speed) <= joints.SAME_SPEED) & inside[:, None]
+        wrong = ~(np.abs(speed) <= joints.TOLERANCES.speed) & inside[:, None]
         if np.any(wrong):
             wrong &= ~(np.abs(speed) <= joints.tolerances(own, inputs.breaks, inputs.coef)[1])
         for n, i in np.argwhere(wrong)[:_MAX_LISTED]:
@@ -251,7 +251,7 @@ def check_inputs(model: Model, inputs: Input | Inputs, t: float, t_end: float) -
 def check_speeds(model: Model, t: float, v_K: Array, bound: Inputs) -> None:
     """Raises StateError where driven velocities v_K (n or 1, n_vK) at t jump to bound inputs."""
     found = bound.evaluate(t)[1]
-    wrong = ~(np.abs(found - v_K) <= joints.SAME_SPEED)
+    wrong = ~(np.abs(found - v_K) <= joints.TOLERANCES.speed)
     if not np.any(wrong):
         return
     i = int(np.argmax(np.any(wrong, axis=1)))

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -13,9 +12,8 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import Status
-from fantoccini.files import replacing
 from fantoccini.motion.columns import Columns
-from fantoccini.motion.npz import checked, contents, finite, texts, understanding
+from fantoccini.motion.npz import checked, finite, packed, text, texts, unpacked, write
 from fantoccini.motion.state import EventKind, EventRecord
 from fantoccini.puppet import Mesh, Puppet, loads
 from fantoccini.tree import Coordinate, CoordinateTable, Role
@@ -31,10 +29,10 @@ _folders: list[TemporaryDirectory[str]] = []
 
 
 def save(fields: Mapping[str, Any], path: str | Path) -> None:
-    """Writes the fields of a trajectory: arrays as they are, names and puppet as JSON text."""
+    """Writes the fields of a trajectory: arrays as they are, names and puppet as JSON."""
     tables: dict[str, Columns] = {n: fields[n] for n in _TABLES if fields[n] is not None}
     table: CoordinateTable = fields["coordinates"]
-    events: Sequence[EventRecord] = fields["events"]
+    events: tuple[EventRecord, ...] = fields["events"]
     puppet: Puppet | None = fields["puppet"]
     about = {
         "format": FORMAT,
@@ -52,74 +50,73 @@ def save(fields: Mapping[str, Any], path: str | Path) -> None:
         -1, len(_NUMBERS)
     )
     arrays["start_D"], arrays["start_K"] = table.start_D, table.start_K
-    for name, content in ({} if puppet is None else mesh_files(puppet)).items():
-        arrays[_MESH + name] = np.frombuffer(content, dtype=np.uint8)
-    arrays["about"] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
-    with replacing(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, **arrays)
+    if puppet is not None:
+        arrays |= packed(_MESH, mesh_files(puppet))
+    write(path, arrays, about)
 
 
-def load(path: str | Path) -> dict[str, Any]:
-    """The fields of a trajectory that :func:`save` wrote.
+def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any], path: str) -> dict[str, Any]:
+    """The fields of a trajectory from the contents of its file.
 
     Raises:
-        FileError: the file is not a trajectory.
+        LookupError, TypeError, ValueError: they are not those of a trajectory.
     """
-    what = "a trajectory"
-    arrays, about = contents(path, FORMAT, what)
-    with understanding(path, what):
-        table = _table_from_json(about["coordinates"], arrays)
-        n = len(checked(arrays, "t", (None,)))
-        widths = (table.n_qD, table.n_vD, table.n_vD, table.n_qK, table.n_vK, table.n_vK)
-        motion = {"t": finite(arrays, "t", (n,))}
-        motion |= {
-            name: checked(arrays, name, (n, width))
-            for name, width in zip(_ARRAYS[1:], widths, strict=True)
-        }
-        if unknown := set(about["columns"]) - set(_TABLES):
-            raise ValueError(f"columns has {', '.join(map(repr, unknown))}")
-        tables = {}
-        for name, named in about["columns"].items():
-            kind, *names = texts(named, f"columns.{name}")
-            values = checked(arrays, name, (n, len(names)), "b" if name == "taut" else "f")
-            tables[name] = Columns(tuple(names), values, kind)
-        numbers = checked(arrays, "events", (len(about["events"]), len(_NUMBERS)))
-        events = [
-            EventRecord(kind=EventKind(kind), name=name, **dict(zip(_NUMBERS, row, strict=True)))
-            for (kind, name), row in zip(map(_pair, about["events"]), numbers, strict=True)
-        ]
-        return {
-            **motion,
-            **tables,
-            "events": tuple(events),
-            "status": Status[about["status"]],
-            "blamed": texts(about.get("blamed", []), "blamed"),
-            "method": _text(about["method"], "method"),
-            "coordinates": table,
-            "puppet": _puppet(about["puppet"], str(path), arrays),
-        }
+    table = _table_from_json(about["coordinates"], arrays)
+    n = len(finite(arrays, "t", (None,)))
+    widths = (table.n_qD, table.n_vD, table.n_vD, table.n_qK, table.n_vK, table.n_vK)
+    motion = {
+        name: checked(arrays, name, (n, width))
+        for name, width in zip(_ARRAYS[1:], widths, strict=True)
+    }
+    if unknown := set(about["columns"]) - set(_TABLES):
+        raise ValueError(f"columns has {', '.join(map(repr, unknown))}")
+    tables = {}
+    for name, named in about["columns"].items():
+        what, *names = texts(named, f"columns.{name}")
+        column = checked(arrays, name, (n, len(names)), "b" if name == "taut" else "f")
+        tables[name] = Columns(tuple(names), column, what)
+    events = []
+    numbers = checked(arrays, "events", (len(about["events"]), len(_NUMBERS)))
+    for event, row in zip(about["events"], numbers, strict=True):
+        kind, name = texts(event, "an event")
+        values = dict(zip(_NUMBERS, row, strict=True))
+        events.append(EventRecord(kind=EventKind(kind), name=name, **values))
+    puppet = about["puppet"]
+    if puppet is not None:
+        puppet = restored(text(puppet, "puppet"), path, unpacked(_MESH, arrays))
+    return {
+        "t": arrays["t"],
+        **motion,
+        **tables,
+        "events": tuple(events),
+        "status": Status[about["status"]],
+        "blamed": texts(about.get("blamed", []), "blamed"),
+        "method": text(about["method"], "method"),
+        "coordinates": table,
+        "puppet": puppet,
+    }
 
 
 def mesh_files(puppet: Puppet) -> dict[str, bytes]:
-    """The content of a puppet's mesh files, by the name that its text has for them."""
+    """The contents of a puppet's mesh files, by their names in its YAML."""
     shapes = [shape for body in puppet.bodies for shape in body.shapes]
     meshes = [shape for shape in (*shapes, *puppet.obstacles) if isinstance(shape, Mesh)]
     return {mesh.file: mesh.path.read_bytes() for mesh in meshes}
 
 
-def restored(text: str, source: str, meshes: Mapping[str, bytes]) -> Puppet:
-    """The puppet of a text; its meshes are laid in a temporary folder that goes when Python ends.
+def restored(yaml: str, file: str, meshes: Mapping[str, bytes]) -> Puppet:
+    """A puppet from its YAML; its meshes lie in a temporary folder until Python ends.
 
     Args:
-        text: YAML.
-        source: what messages call the text.
+        yaml: the text.
+        file: name of the text in messages.
         meshes: as :func:`mesh_files` gives them.
 
     Raises:
         ValueError: the name of a mesh leads out of its folder.
     """
     if not meshes:
-        return loads(text, source)
+        return loads(yaml, file)
     kept = TemporaryDirectory(prefix="fantoccini-", ignore_cleanup_errors=True)
     _folders.append(kept)
     folder = Path(kept.name).resolve()
@@ -129,15 +126,7 @@ def restored(text: str, source: str, meshes: Mapping[str, bytes]) -> Puppet:
             raise ValueError(f"the mesh {name!r} leads out of its folder")
         place.parent.mkdir(parents=True, exist_ok=True)
         place.write_bytes(content)
-    return loads(text, source, folder)
-
-
-def _puppet(text: str | None, source: str, arrays: Mapping[str, Array]) -> Puppet | None:
-    if text is None:
-        return None
-    _text(text, "puppet")
-    held = {n[len(_MESH) :]: x.tobytes() for n, x in arrays.items() if n.startswith(_MESH)}
-    return restored(text, source, held)
+    return loads(yaml, file, folder)
 
 
 def _table_to_json(table: CoordinateTable) -> dict[str, Any]:
@@ -152,7 +141,7 @@ def _table_to_json(table: CoordinateTable) -> dict[str, Any]:
 
 def _table_from_json(data: dict[str, Any], arrays: Mapping[str, Array]) -> CoordinateTable:
     rows = tuple(
-        Coordinate(_text(name, "a coordinate"), Role(role), owner, unit, index)
+        Coordinate(text(name, "a coordinate"), Role(role), owner, unit, index)
         for name, role, owner, unit, index in data["rows"]
     )
     names = {key: texts(data[key], f"coordinates.{key}") for key in ("q_D", "v_D", "q_K", "v_K")}
@@ -178,7 +167,7 @@ def _table_from_json(data: dict[str, Any], arrays: Mapping[str, Array]) -> Coord
 def _places(
     pairs: list[Any], names: dict[str, tuple[str, ...]], kind: str, widths: tuple[int, int]
 ) -> tuple[tuple[int, int], ...]:
-    """(q, v) places where coordinates of some width begin, inside the vectors they are in."""
+    """(q, v) places where coordinates of some widths begin, inside their vectors."""
     found = tuple(tuple(pair) for pair in pairs)
     ends = [len(names[f"{part}_{kind}"]) - n for part, n in zip("qv", widths, strict=True)]
     for q, v in found:
@@ -187,13 +176,3 @@ def _places(
                 raise ValueError(f"coordinates has the place {place!r}; it must be 0 to {end}")
     return found
 
-
-def _pair(event: Any) -> list[str]:
-    kind, name = texts(event, "an event")
-    return [kind, name]
-
-
-def _text(value: Any, name: str) -> str:
-    if not isinstance(value, str):
-        raise ValueError(f"{name} is {value!r:.60}; it must be a text")
-    return value

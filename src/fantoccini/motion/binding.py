@@ -1,4 +1,4 @@
-"""Inputs made ready for runs: what they do not name holds the start state's values.
+"""Binds inputs to start states: coordinates that they do not name hold the state's values.
 
 Everything here has a leading axis: one input a trajectory.
 """
@@ -28,10 +28,10 @@ def bound(
     t: float,
     speeds: tuple[Array, Array] | None = None,
 ) -> tuple[Array, Array]:
-    """Coefficients and bases that begin where start states are.
+    """Coefficients and bases of inputs that begin at given start states.
 
-    Small differences, by the rule of :mod:`fantoccini.motion.joints`, are taken up by the piece in
-    which the run begins.
+    The piece in which the run begins takes up small differences, as
+    :mod:`fantoccini.motion.joints` allows them.
 
     Args:
         table: names and places of the coordinates.
@@ -55,7 +55,7 @@ def bound(
     move, differs = np.zeros(named.shape), np.zeros(len(coef), dtype=bool)
     if speeds is not None:
         v_here, v_K = np.where(named, speeds[0], 0.0), speeds[1]
-        differs = np.any(np.abs(v_K - v_here) > joints.ROUNDED_SPEED, axis=1)
+        differs = np.any(np.abs(v_K - v_here) > joints.TOLERANCES.rounded_speed, axis=1)
     names = pieces.channel_names(table)
     for name, (q, v) in names.items():
         mask = named[:, v.start]
@@ -68,8 +68,8 @@ def bound(
         else:
             coef[free, :, v.start, 0] = q_K[free, q]
             move[:, v.start] = np.where(mask, (q_K - q_here)[:, q.start], 0.0)
-    differs |= ~np.all(np.abs(move) <= joints.ROUNDED_PLACE, axis=1)
-    # Only where there is a difference it is asked how large it may be: batches are large.
+    differs |= ~np.all(np.abs(move) <= joints.TOLERANCES.rounded_place, axis=1)
+    # Tolerances are computed only where there is a difference: batches are large.
     place, speed = np.zeros(named.shape), np.zeros(named.shape)
     own = breaks[differs] if len(breaks) > 1 else breaks
     place[differs], speed[differs] = joints.tolerances(table, own, coef[differs])
@@ -79,11 +79,11 @@ def bound(
             findings.add((*which(i, len(coef)), name), f"is {_text(theirs[i])} in the start state")
         if name in table.rotations:
             away = np.linalg.norm(rotation.between(theirs, mine), axis=-1)
-            same = np.full(len(coef), joints.SAME_PLACE)
+            same = np.full(len(coef), joints.TOLERANCES.place)
         else:
             away = np.abs(mine - theirs)[:, 0]
             same = np.maximum(
-                place[:, v.start], joints.SAME_PLACE * np.maximum(1.0, np.abs(mine[:, 0]))
+                place[:, v.start], joints.TOLERANCES.place * np.maximum(1.0, np.abs(mine[:, 0]))
             )
         for i in np.flatnonzero(mask & ~(away <= same))[:1]:
             here, there = _text(mine[i]), _text(theirs[i])
@@ -109,21 +109,21 @@ def _begin(
     move: Array,
     v: Array,
 ) -> None:
-    """Lets the pieces at time t begin elsewhere by ``move`` and with the velocity v, in place."""
+    """Moves the start of the pieces at time t by ``move`` and sets its velocity v, in place."""
     breaks = np.broadcast_to(breaks, (len(coef), coef.shape[1] + 1))
     some = some[(breaks[some, 0] <= t) & (t < breaks[some, -1])]
     i = (breaks[some] <= t).sum(axis=1) - 1
     s, h = t - breaks[some, i], breaks[some, i + 1] - breaks[some, i]
     made = joints.begun(table, coef[some, i], s, h, move[some], v[some])
     coef[some, i] = made
-    q, rows = table.places_K
-    base[some[:, None], i[:, None], q] = made[:, rows, 0]
+    q, at = table.places_K
+    base[some[:, None], i[:, None], q] = made[:, at, 0]
 
 
 def note_lengths(table: CoordinateTable, breaks: Array, coef: Array, findings: Findings) -> None:
-    """Notes every driven length that is not positive, where it first is not."""
+    """Notes the first time at which each driven length is not positive."""
     h = np.diff(breaks)
-    s = h[..., None] * np.linspace(0.0, 1.0, pieces.LOOKS)
+    s = h[..., None] * np.linspace(0.0, 1.0, pieces.LENGTH_SAMPLES)
     for name, (_, v) in pieces.channel_names(table).items():
         if not name.endswith(".length"):
             continue
@@ -141,7 +141,7 @@ def note_lengths(table: CoordinateTable, breaks: Array, coef: Array, findings: F
 
 
 def which(i: int | np.intp, n: int) -> tuple[int, ...]:
-    """Where in many inputs the i-th of n is, for messages; nothing for a single one."""
+    """Index of an input among n, for messages; empty for a single one."""
     return (int(i),) if n > 1 else ()
 
 

@@ -1,4 +1,4 @@
-"""Channels: the course of one driven coordinate, before all are put on a common clock.
+"""Channels: the motion of one driven coordinate on its own clock.
 
 A scalar channel is a piecewise quintic q(t). A rotation channel is a rotation vector phi(t) in the
 tangent space of a base quaternion: R(t) = R(base) exp([phi(t)]x).
@@ -20,21 +20,21 @@ SAME_TIME = 1e-9
 Points = tuple[Times, Array]
 """Times (n,) [s] and values (n,) or, for a rotation, unit quaternions (n, 4)."""
 
-_MAX_ITERATIONS = 20
-"""For the angular velocities of a spline through rotations."""
+_MAX_ITERATIONS, _MAX_CHANGE = 20, 1e-13
+"""Stop rotation splines: iterations, and change of angular velocities [rad/s], relative above 1."""
 
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """Pieces of one coordinate (or of several at once), and what it holds outside of them.
+    """Pieces of one coordinate (or of several at once), and its constant values outside of them.
 
     Attributes:
-        times: (n + 1,) where pieces begin and the last one ends [s].
-        coef: (n, rows, 6) coefficients in the time since the piece began.
+        times: (n + 1,) starts of the pieces, and the end of the last [s].
+        coef: (n, k, 6) coefficients in the time since the piece began.
         base: (n, width) configuration of reference: the start value of a scalar, the unit
             quaternion of a rotation.
-        before, after: ((rows, 6), (width,)) the constant piece outside of ``times``.
-        scalars: (place in width, row) of what is not part of a rotation.
+        before, after: ((k, 6), (width,)) the constant piece outside of ``times``.
+        scalars: (place in width, place in k) of coordinates that are no part of a rotation.
     """
 
     times: Times
@@ -48,10 +48,10 @@ class Channel:
         """The channel's pieces on a finer clock.
 
         Args:
-            breaks: (m + 1,) increasing; holds every one of ``times`` that lies inside it.
+            breaks: (m + 1,) increasing; contains all ``times`` that lie inside it.
 
         Returns:
-            coef (m, rows, 6) and base (m, width). A part of a rotation's piece keeps the piece's
+            coef (m, k, 6) and base (m, width). A part of a rotation's piece keeps the piece's
             quaternion of reference, so that its phi need not begin at 0: cutting is exact.
         """
         begins = breaks[:-1]
@@ -68,7 +68,7 @@ class Channel:
 
 
 def constant(values: ArrayLike) -> tuple[Array, Array]:
-    """The constant piece of scalar coordinates: ((rows, 6), (rows,))."""
+    """The constant piece of scalar coordinates: ((k, 6), (k,))."""
     values = np.atleast_1d(np.asarray(values, dtype=float))
     coef = np.zeros((len(values), polynomial.N_COEF))
     coef[:, 0] = values
@@ -120,7 +120,7 @@ def scalar_waypoints_along(t: Times, values: Array, change: Array) -> tuple[Chan
 
 
 def rotation_waypoints(t: Times, q: Quaternion) -> Channel:
-    """The same on SO(3): C^1 angular velocity, at rest at both ends.
+    """Moves through rotations: C^1 angular velocity, at rest at both ends.
 
     At a waypoint the angular velocity bisects the directions of the two neighbouring turns; its
     size is the harmonic mean of their speeds times the cosine between them (0 when they point
@@ -161,7 +161,7 @@ def scalar_samples(t: Times, values: Array, rest: bool) -> Channel:
         values: (n,) [m or rad].
         rest: start and end at rest; otherwise the ends are not-a-knot.
     """
-    from scipy.interpolate import CubicSpline  # slow to import, and only samples need it
+    from scipy.interpolate import CubicSpline  # slow to import; only samples need it
 
     if len(t) == 1:
         return scalar(t, np.zeros((0, polynomial.N_COEF)), values[0], values[0])
@@ -240,7 +240,7 @@ def _spline_velocities(h: Array, turn: Array, rest: bool) -> Array:
             side[0] = side[-1] = 0.0
         new = spsolve(system, side.ravel()).reshape(n, 3)
         change, w = np.max(np.abs(new - w)), new
-        if change <= 1e-13 * (1 + np.max(np.abs(w))):
+        if change <= _MAX_CHANGE * (1 + np.max(np.abs(w))):
             break
     return w
 

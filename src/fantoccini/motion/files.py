@@ -24,8 +24,8 @@ from fantoccini.puppet.located import Located, read_file, shown, validate
 from fantoccini.puppet.values import Model, Positive, mistake
 from fantoccini.tree import CoordinateTable
 
-MAX_BYTES = 256_000_000
-"""Size of the largest file of samples that is read, and of its arrays [bytes]."""
+MAX_BYTES = npz.MAX_BYTES
+"""Largest size of a file of samples, and of its arrays [bytes]."""
 
 _PAIR = {"type": "array", "prefixItems": [{"type": "number"}], "minItems": 2, "maxItems": 2}
 _ROTATION = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 4}
@@ -43,13 +43,13 @@ def _mapping(value: Any) -> Any:
     return value
 
 
-# What stands in the lists is checked with the puppet at hand, by `reading`.
+# `reading` checks the lists, with the puppet's coordinates.
 _Waypoints = Annotated[Any, WithJsonSchema(_points_schema(_ANGLE, _ROTATION))]
 _Forces = Annotated[Any, WithJsonSchema(_points_schema())]
 
 
 class InputsFile(Model):
-    """What the hand does: waypoints of driven coordinates; what is not named holds still."""
+    """Waypoints of driven coordinates; coordinates that are not named hold still."""
 
     name: str = ""
     """Of the performance."""
@@ -66,7 +66,7 @@ class InputsFile(Model):
 
 @dataclass(frozen=True)
 class Waypoints:
-    """What a file of waypoints or samples says, before its lengths are checked.
+    """Contents of a file of waypoints or samples, before its lengths are checked.
 
     Attributes:
         channels: motion of the coordinates that the file names.
@@ -104,7 +104,7 @@ def inputs_schema() -> dict[str, Any]:
 
 
 def read_inputs(table: CoordinateTable, path: Path) -> Waypoints | Segments:
-    """Reads an inputs file; its ending says what it is (.yaml, .yml, .csv or .npz).
+    """Reads an inputs file; its ending gives the format (.yaml, .yml, .csv or .npz).
 
     Raises:
         InputError: with every mistake found.
@@ -145,13 +145,13 @@ def _samples(table: CoordinateTable, columns: dict[str, Array], located: Located
     return Waypoints(pieces.through_samples(table, read), findings, located)
 
 
-class _Rows(Located):
-    """A CSV file: the line of a column's sample is that of its row."""
+class _Lines(Located):
+    """A CSV file, one line for each sample."""
 
     def line(self, path: Sequence[str | int]) -> int | None:
-        """The header's line for a column as a whole, otherwise the row's."""
-        row = path[-1] if path and isinstance(path[-1], int) else None
-        return 1 if row is None else self.data[row]
+        """The line of a sample; the header's for a whole column."""
+        sample = path[-1] if path and isinstance(path[-1], int) else None
+        return 1 if sample is None else self.data[sample]
 
 
 def _csv(table: CoordinateTable, path: Path) -> Waypoints:
@@ -181,7 +181,7 @@ def _csv(table: CoordinateTable, path: Path) -> Waypoints:
         raise _file_error(path, f"is not CSV: {error}", reader.line_num) from None
     if not header:
         raise _file_error(path, "the file is empty", 1)
-    located = _Rows(data=lines, file=str(path), folder=path.parent)
+    located = _Lines(data=lines, file=str(path), folder=path.parent)
     for name in sorted({name for name in header if header.count(name) > 1}):
         findings.add((name,), "two columns have this name")
     if "" in header:
@@ -191,9 +191,9 @@ def _csv(table: CoordinateTable, path: Path) -> Waypoints:
     return _samples(table, dict(zip(header, values.T, strict=True)), located)
 
 
-def _numbers(header: list[str], cells: list[str], row: int, findings: Findings) -> list[float]:
+def _numbers(header: list[str], cells: list[str], sample: int, findings: Findings) -> list[float]:
     if len(cells) != len(header):
-        findings.add(("", row), f"found {len(cells)} columns; the header has {len(header)}")
+        findings.add(("", sample), f"found {len(cells)} columns; the header has {len(header)}")
         return []
     try:
         return [float(cell) for cell in cells]
@@ -202,7 +202,7 @@ def _numbers(header: list[str], cells: list[str], row: int, findings: Findings) 
             try:
                 float(cell)
             except ValueError:
-                findings.add((name, row), f"found {shown(cell)}; needed: a number")
+                findings.add((name, sample), f"found {shown(cell)}; needed: a number")
         return []
 
 
@@ -235,7 +235,7 @@ def _recording(table: CoordinateTable, arrays: dict[str, Array], path: Path) -> 
     needed = (table.n_qK,), (table.n_vK,), (len(acc_K), table.n_vK)
     sound = all(np.isfinite(x).all() for x in (q_K, v_K, acc_K, start, tick)) and tick > 0.0
     if shapes != needed or not len(acc_K) or not sound:
-        raise _file_error(path, "is a damaged recording: its numbers are not those of hands")
+        raise _file_error(path, "is a damaged recording: its shapes or numbers are wrong")
     times: Times = start + tick * np.arange(len(acc_K) + 1, dtype=float)
     return Segments(times, q_K, v_K, acc_K)
 

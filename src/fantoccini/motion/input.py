@@ -1,4 +1,4 @@
-"""Inputs: what the driven coordinates do, q_K(t), and the user's forces u_D(t) of Eq. 8."""
+"""Inputs: the motion q_K(t) of the driven coordinates, and the forces u_D(t) of Eq. 8."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from fantoccini.arrays import Array, ConfigK, Indices, MaskRows, Times, VecD, VecK, frozen
+from fantoccini.arrays import Array, ConfigK, MaskRows, Times, VecD, VecK, frozen
 from fantoccini.errors import InputError, Problem
 from fantoccini.motion import binding, channel, files, joints, pieces, polynomial, reading
 from fantoccini.motion.channel import SAME_TIME, Channel
@@ -21,18 +21,18 @@ if TYPE_CHECKING:
     from fantoccini.tree import CoordinateTable
 
 
-_MOST_SHOWN = 4
-"""Names that ``repr`` tells."""
+_MAX_NAMES = 4
+"""Number of names in ``repr``."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Input:
     """Piecewise quintic motion of the driven coordinates, C^1 at the breaks.
 
-    A scalar coordinate is q(t) = sum_k coef[..., k] (t - breaks[i])^k on piece i. The three rows of
-    a rotation are its rotation vector phi(t): R(t) = R(base) exp([phi(t)]x), with the angular
-    velocity w = J_r(phi) phidot in the turning frame. phi begins at 0 unless the piece was cut
-    from a longer one. Before the first and after the last break everything is held, at rest, and
+    A scalar coordinate is q(t) = sum_k coef[..., k] (t - breaks[i])^k on piece i. The three
+    entries of a rotation are its rotation vector phi(t): R(t) = R(base) exp([phi(t)]x), with the
+    angular velocity w = J_r(phi) phidot in the turning frame. phi begins at 0 unless the piece was
+    cut from a longer one. Before the first and after the last break everything is held at rest and
     the forces are 0.
 
     Attributes:
@@ -41,9 +41,9 @@ class Input:
         coef: (n_seg, n_vK, 6) ascending powers of the time since the piece began [m or rad, s].
         base: (n_seg, n_qK) configuration of reference: start value of a scalar [m or rad], unit
             quaternion of a rotation [1].
-        named: (n_vK,) bool, what the user named; :meth:`bound` fills in the rest.
+        named: (n_vK,) bool, coordinates that the user named; :meth:`bound` fills in the rest.
         force: (n_seg, n_vD, 6) generalised forces u_D [N or N m], or None.
-        name: of the performance, for people.
+        name: of the performance.
     """
 
     coordinates: CoordinateTable
@@ -78,16 +78,13 @@ class Input:
             _fail("breaks", "must be two or more times that increase")
 
     def __repr__(self) -> str:
-        names = [
-            name
-            for name, (_, v) in pieces.channel_names(self.coordinates).items()
-            if self.named[v.start]
-        ]
-        told = ", ".join(names[:_MOST_SHOWN]) + (", ..." if len(names) > _MOST_SHOWN else "")
+        places = pieces.channel_names(self.coordinates)
+        names = [name for name, (_, v) in places.items() if self.named[v.start]]
+        shown = ", ".join(names[:_MAX_NAMES]) + (", ..." if len(names) > _MAX_NAMES else "")
         called = f" {self.name!r}" if self.name else ""
         forced = "" if self.force is None else ", with forces"
         return (
-            f"<Input{called}: {self.start:g} to {self.end:g} s, {told or 'all hold still'}, "
+            f"<Input{called}: {self.start:g} to {self.end:g} s, {shown or 'all hold still'}, "
             f"{len(self.coef)} piece{'s' * (len(self.coef) != 1)}{forced}>"
         )
 
@@ -172,46 +169,46 @@ class Input:
     def of_channels(
         cls, table: CoordinateTable, channels: Mapping[str, Channel], findings: Findings
     ) -> Input:
-        """Channels on one clock; notes where a length reaches 0."""
+        """Channels on one clock; notes lengths that reach 0."""
         made = cls(table, *pieces.assembled(table, channels))
         binding.note_lengths(table, made.breaks[None], made.coef[None], findings)
         return made
 
     @classmethod
     def segments(cls, table: Table, t: Times, q_K: Array, v_K: Array, acc_K: Array) -> Input:
-        """Constant acceleration on every segment, as planners make it.
+        """Constant acceleration on every segment, as in plans.
 
         On a segment q = q_0 + v_0 s + acc s^2/2; a rotation's acc is that of its rotation vector,
-        phi = w_0 s + acc s^2/2. The last velocity need not be 0. Where a length reaches 0 a run
-        ends there, with a status.
+        phi = w_0 s + acc s^2/2. The last velocity need not be 0. A run ends with a status where a
+        length reaches 0.
 
         Args:
             table: a coordinate table, or anything with ``.coordinates``.
             t: (n + 1,) times [s].
-            q_K: (n_qK,) configuration at t[0], or (n, n_qK) where every segment starts.
-            v_K: (n_vK,) velocity at t[0], or (n, n_vK) where every segment starts.
+            q_K: (n_qK,) configuration at t[0], or (n, n_qK) at the start of every segment.
+            v_K: (n_vK,) velocity at t[0], or (n, n_vK) at the start of every segment.
             acc_K: (n, n_vK) accelerations [m/s^2 or rad/s^2].
 
         Raises:
-            InputError: segments given with their own starts do not join (C^1).
+            InputError: segments with starts of their own do not join C^1.
         """
         table = reading.table_of(table)
         t, q, v, acc = (np.asarray(x, dtype=float) for x in (t, q_K, v_K, acc_K))
         coef, base = pieces.constant_acceleration(table, t, q, v, acc)
         made = cls(table, t, coef, base, np.ones(table.n_vK, dtype=bool))
-        # One piece cannot jump: a stepper asks for it a hundred times a second.
+        # One piece cannot jump, and steppers make one for every tick.
         return made if len(acc) == 1 else made._joined(Findings())
 
     @classmethod
     def load(cls, table: Table, path: str | Path) -> Input:
         """Reads an inputs file: YAML waypoints, CSV or npz samples, or a recording.
 
-        Of a recording (:class:`fantoccini.Recording`) it is what the hands did; the winches and
-        the start of the performance are those of ``Recording.load(path)``.
+        A recording (:class:`fantoccini.Recording`) gives the motion of its hands;
+        ``Recording.load(path)`` gives the winches and the start as well.
 
         Args:
             table: a coordinate table, or anything with ``.coordinates``.
-            path: the file; its ending (.yaml, .yml, .csv or .npz) says what it is.
+            path: the file; its ending (.yaml, .yml, .csv or .npz) gives the format.
 
         Raises:
             InputError: with every mistake in the file.
@@ -228,7 +225,7 @@ class Input:
             made = made.with_force_points(read.forces)
         if read.duration is None:
             return made
-        # A file's clock runs from 0, and the hand holds still until the first waypoint.
+        # A file's clock starts at 0; the hand holds still until the first waypoint.
         return made.begun(0.0).extended(read.duration).called(read.name)
 
     # -- changing one ------------------------------------------------------------------------
@@ -236,7 +233,7 @@ class Input:
     def with_forces(self, points: Mapping[str, Sequence[Any]]) -> Input:
         """The same motion with generalised forces u_D(t), piecewise linear in time, 0 outside.
 
-        A time given twice is a step. Forces replace those that the input had.
+        A time given twice is a step. The forces replace earlier ones.
 
         Args:
             points: name of a dynamic velocity -> list of (t [s], force [N or N m]).
@@ -247,7 +244,7 @@ class Input:
         return self.with_force_points(read)
 
     def with_force_points(self, points: Mapping[str, channel.Points]) -> Input:
-        """:meth:`with_forces` from arrays that are read already."""
+        """:meth:`with_forces` from arrays."""
         breaks = pieces.refined(self.breaks, [t for t, _ in points.values()])
         moved = self._on(breaks)
         force = np.zeros((len(breaks) - 1, self.coordinates.n_vD, polynomial.N_COEF))
@@ -275,9 +272,9 @@ class Input:
         return self if end <= self.end + SAME_TIME else self._on(np.append(self.breaks, end))
 
     def then(self, *others: Input) -> Input:
-        """This, and right after it the others, whatever their own times.
+        """This, then the others at once, whatever their own times.
 
-        A coordinate that only some of them name holds still in the rest.
+        A coordinate that only some of them name holds still during the rest.
 
         Raises:
             InputError: a position or velocity would jump where two of them meet.
@@ -309,13 +306,13 @@ class Input:
     def bound(
         self, q_K: ConfigK, t: float | None = None, v_K: VecK | None = None
     ) -> Input:
-        """Ready for a run from a start state: what was not named holds the state's values.
+        """The input for a run from a start state: unnamed coordinates hold the state's values.
 
         Args:
             q_K: (n_qK,) driven configuration of the start state [m, rad or 1].
             t: time of the start state [s]; the first break when not given.
-            v_K: (n_vK,) its driven velocity [m/s or rad/s]: small differences are taken up by the
-                piece in which the run begins, see :mod:`fantoccini.motion.joints`.
+            v_K: (n_vK,) its driven velocity [m/s or rad/s]; the piece in which the run begins takes
+                up small differences, see :mod:`fantoccini.motion.joints`.
 
         Raises:
             InputError: a named coordinate does not start where the state is.
@@ -332,7 +329,7 @@ class Input:
     # -- reading one -------------------------------------------------------------------------
 
     def evaluate(self, t: float | Times) -> tuple[ConfigK, VecK, VecK]:
-        """q_K, v_K, acc_K at given times; at a break, those of the piece that begins there.
+        """q_K, v_K, acc_K at given times; at a break, of the piece that begins there.
 
         Args:
             t: scalar or (...) times [s].
@@ -341,9 +338,8 @@ class Input:
             q_K (..., n_qK), v_K (..., n_vK), acc_K (..., n_vK).
         """
         t = np.asarray(t, dtype=float)
-        i, s = self._place(t.ravel())
+        i, s, held = pieces.located(self.breaks, t.ravel())
         q, v, acc = pieces.evaluate(self.coordinates, self.coef[i], self.base[i], s)
-        held = (t.ravel() < self.start) | (t.ravel() > self.end)
         v[held], acc[held] = 0.0, 0.0
         q, v, acc = (x.reshape(*t.shape, x.shape[-1]) for x in (q, v, acc))
         return q, v, acc
@@ -351,13 +347,13 @@ class Input:
     def evaluate_force(self, t: float | Times) -> VecD:
         """(..., n_vD) generalised forces u_D [N or N m] at given times [s]."""
         t = np.asarray(t, dtype=float)
-        i, s = self._place(t.ravel())
+        i, s, outside = pieces.located(self.breaks, t.ravel())
         u = polynomial.evaluate(self._force_or_zero()[i], s[:, None])[0]
-        u[(t.ravel() < self.start) | (t.ravel() > self.end)] = 0.0
+        u[outside] = 0.0
         return u.reshape(*t.shape, u.shape[-1])
 
     def first_values(self) -> dict[str, float | list[float]]:
-        """What is named, at the first time: name -> value, as a state takes it."""
+        """Values of the named coordinates at the first time, as a state takes them."""
         q_K, _, _ = self.evaluate(self.start)
         values = {}
         for name, (q, v) in pieces.channel_names(self.coordinates).items():
@@ -369,8 +365,7 @@ class Input:
     def checked(self) -> Input:
         """Itself, if it is C^1 and keeps every named length positive.
 
-        What small jumps it has, by the rule of :mod:`fantoccini.motion.joints`, is taken up by the
-        pieces before them.
+        Pieces take up small jumps at their ends, see :mod:`fantoccini.motion.joints`.
 
         Raises:
             InputError: naming the coordinates and times where it jumps.
@@ -380,14 +375,14 @@ class Input:
         return self._joined(findings)
 
     def _joined(self, findings: Findings) -> Input:
-        """The same without small jumps; raises what was found before, and larger jumps."""
+        """The same without small jumps; raises ``findings`` and larger jumps."""
         arrays = self.breaks, self.coef, self.base, self.named
         coef = pieces.joined(self.coordinates, *arrays, findings)
         findings.raise_any()
         return self if coef is self.coef else dataclasses.replace(self, coef=coef)
 
     def at_rest(self) -> Input:
-        """The same, with velocities at both ends brought to 0 that are small by the same rule."""
+        """The same with small velocities at both ends set to 0, by the tolerances of joints."""
         ends = np.array([self.start, self.end])
         v = self.evaluate(ends)[1]
         _, most = joints.tolerances(self.coordinates, self.breaks[None], self.coef[None])
@@ -403,12 +398,8 @@ class Input:
 
     # -- inside ------------------------------------------------------------------------------
 
-    def _place(self, t: Times) -> tuple[Indices, Array]:
-        i = np.clip(np.searchsorted(self.breaks, t, side="right") - 1, 0, len(self.coef) - 1)
-        return i, np.clip(t, self.start, self.end) - self.breaks[i]
-
     def _on(self, breaks: Times) -> Input:
-        """The same input on more breaks; its own are among them."""
+        """The same input on a superset of its breaks."""
         table = self.coordinates
         ends = [pieces.constants(table, self.evaluate(t)[0]) for t in (self.start, self.end)]
         coef, base = Channel(
@@ -422,16 +413,13 @@ class Input:
         return dataclasses.replace(self, breaks=breaks, coef=coef, base=base, force=force)
 
     def _filled(self, which: MaskRows, q_K: ConfigK) -> Input:
-        """Coordinates whose velocity is in ``which`` (n_vK,) hold still at q_K, and are named."""
+        """The same with the coordinates of the mask ``which`` (n_vK,) named and still at q_K."""
         coef, base = np.array(self.coef), np.array(self.base)
         still, _ = pieces.constants(self.coordinates, q_K)
         coef[:, which] = still[which]
-        for q, v in self.coordinates.scalars_K:
-            if which[v]:
+        for q, v in pieces.channel_names(self.coordinates).values():
+            if which[v.start]:
                 base[:, q] = q_K[q]
-        for q, v in self.coordinates.quaternions_K:
-            if which[v]:
-                base[:, q : q + 4] = q_K[q : q + 4]
         return dataclasses.replace(self, coef=coef, base=base, named=self.named | which)
 
     def _force_or_zero(self) -> Array:

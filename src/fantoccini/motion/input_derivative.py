@@ -25,16 +25,16 @@ _SIDES = {"above": 1.0, "below": -1.0}
 class InputDerivative:
     """dq_K(t)/ds, the derivative of inputs by one number s: piecewise quintic, C^1.
 
-    Before the first and after the last break dq_K is what it is there.
+    Before the first and after the last break dq_K is constant.
 
     Attributes:
         coordinates: names and places of the coordinates.
         breaks: (n_seg + 1,) increasing [s].
-        coef: (n_seg, n_vK, 6) ascending powers of the time since the piece began; rows of
-            rotations are 0.
-        name: of s, such as ``hand.length[1]``: the value of the second waypoint.
-        smooth: whether the inputs are differentiable there; otherwise it is that of one side, and
-            derivatives by several values do not add up.
+        coef: (n_seg, n_vK, 6) ascending powers of the time since the piece began; entries
+            of rotations are 0.
+        name: name of s, such as ``hand.length[1]``: the value of the second waypoint.
+        smooth: whether the inputs are differentiable; otherwise the derivative is one-sided, and
+            those by several values do not add up.
     """
 
     coordinates: CoordinateTable
@@ -50,11 +50,8 @@ class InputDerivative:
     def evaluate(self, t: float | Times) -> tuple[VecK, VecK, VecK]:
         """dq_K/ds, dv_K/ds and dacc_K/ds, each (..., n_vK), at times (...) [s]."""
         t = np.asarray(t, dtype=float)
-        flat, breaks = t.ravel(), self.breaks
-        i = np.clip(np.searchsorted(breaks, flat, side="right") - 1, 0, len(self.coef) - 1)
-        s = np.clip(flat, breaks[0], breaks[-1]) - breaks[i]
+        i, s, held = pieces.located(self.breaks, t.ravel())
         q, v, acc = polynomial.evaluate(self.coef[i], s[:, None])
-        held = (flat < breaks[0]) | (flat > breaks[-1])
         v[held], acc[held] = 0.0, 0.0
         q, v, acc = (x.reshape(*t.shape, x.shape[-1]) for x in (q, v, acc))
         return q, v, acc
@@ -70,24 +67,23 @@ class InputDerivative:
     ) -> tuple[InputDerivative, ...]:
         """The derivatives of ``Input.waypoints(table, points)`` by every value in ``points``.
 
-        Moves through waypoints are no linear function of the values: the slope at a point between
+        Moves through waypoints are not linear in the values: the slope at a point between
         two others is a harmonic mean, is bounded so that nothing overshoots, and is 0 where the
         direction turns. These derivatives are exact. Where a bound just begins to act, or two
-        neighbouring values are the same, that of a growing value differs from that of a falling
-        one: ``side`` chooses, and ``smooth`` is False.
+        neighbouring values are the same, the derivatives on the two sides differ: ``side`` chooses
+        one, and ``smooth`` is False.
 
         Args:
             table: a coordinate table, or anything with ``.coordinates``.
             points: as in :meth:`Input.waypoints`.
-            only: names of the coordinates by whose values; all when not given.
+            only: coordinates to differentiate by; all when not given.
             side: ``above``, the derivative as a value grows, or ``below``, as it falls.
 
         Returns:
-            One a value, in the order of ``points``.
+            One for each value, in the order of ``points``.
 
         Raises:
-            InputError: a mistake in ``points``, or a rotation among those asked for, by whose
-                values there is no derivative here.
+            InputError: a mistake in ``points``, or a rotation among the coordinates.
             UnknownNameError: ``only`` names what ``points`` does not.
             ValueError: ``side`` is none of the two.
         """
@@ -95,22 +91,22 @@ class InputDerivative:
             raise ValueError(f"side is {side!r}; it must be 'above' or 'below'")
         table, findings, sign = reading.table_of(table), Findings(), _SIDES[side]
         inputs = Input.waypoints(table, points)
-        # As the coordinates of drives are called in the table.
+        # Coordinates with drives go by the names of their commands.
         called = {name: table.commands.get(name, name) for name in points}
         for name in only if only is not None else ():
             if name not in called:
                 raise UnknownNameError("coordinate of these waypoints", name, list(called))
-        asked = [name for name in called if only is None or name in only]
-        for name in asked:
+        chosen = [name for name in called if only is None or name in only]
+        for name in chosen:
             if called[name] in table.rotations:
                 findings.add(
                     (name,),
-                    "is a rotation, by whose waypoints there is no derivative here; leave it out: "
-                    "only=[...] names the coordinates by whose values it shall be",
+                    "is a rotation, for whose waypoints there is no derivative; leave it out with "
+                    "only=[...]",
                 )
         findings.raise_any()
         read, found = reading.waypoints(table, points, findings), []
-        for name in asked:
+        for name in chosen:
             t, values = read[called[name]]
             t, (_, v) = pieces.snap(t, inputs.breaks), pieces.channel_names(table)[called[name]]
             for k, one in enumerate(np.eye(len(t))):

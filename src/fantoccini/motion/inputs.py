@@ -1,4 +1,4 @@
-"""Many inputs side by side, for batches: one a trajectory."""
+"""Many inputs side by side, one for each run of a batch."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """What many :class:`Input` hold, with a leading axis: n inputs of as many pieces each.
+    """The arrays of many :class:`Input` with a leading axis: n inputs with equal numbers of pieces.
 
-    ``inputs[i]`` is the i-th of them. Where an axis is 1 long all inputs share what it holds.
+    ``inputs[i]`` is the i-th of them. An axis of length 1 is shared by all.
 
     Attributes:
         coordinates: names and places of the coordinates.
         breaks: (n or 1, n_seg + 1) not decreasing [s]; pieces at the end may last no time.
         coef: (n, n_seg, n_vK, 6) ascending powers of the time since the piece began [m or rad, s].
         base: (n, n_seg, n_qK) configuration of reference [m, rad or 1].
-        named: (n or 1, n_vK) bool, what was named; the rest holds still.
+        named: (n or 1, n_vK) bool, named coordinates; the rest holds still.
         force: (n, n_seg, n_vD, 6) generalised forces u_D [N or N m], or None.
-        relative: the motion is that from wherever the start state is, not one of given places.
+        relative: the motion is relative to the start state.
     """
 
     coordinates: CoordinateTable
@@ -60,7 +60,7 @@ class Inputs:
     def __getitem__(self, i: int) -> Input:
         if self.relative:
             raise TypeError(
-                "these inputs go from wherever a start state is; bind them to one first: "
+                "these inputs are relative to a start state; bind them to one first: "
                 "inputs.bound(x0.q_K)[i]"
             )
         breaks = self.breaks[i if len(self.breaks) > 1 else 0]
@@ -92,7 +92,7 @@ class Inputs:
                 raise ValueError(f"inputs[{i}] is of another puppet than inputs[0]")
         table, longest = first.coordinates, max(len(one.coef) for one in inputs)
         n, forced = len(inputs), any(one.force is not None for one in inputs)
-        # Shorter ones are filled up with pieces that last no time at their end.
+        # Shorter ones get pieces of duration 0 at their end.
         breaks = np.empty((n, longest + 1))
         coef = np.empty((n, longest, table.n_vK, polynomial.N_COEF))
         base = np.empty((n, longest, table.n_qK))
@@ -125,13 +125,13 @@ class Inputs:
         """Smooth wandering about the start state, for Monte-Carlo runs and training data.
 
         Every coordinate goes from waypoint to waypoint by minimum-jerk moves; the waypoints are
-        drawn evenly within ``reach`` or ``turn`` of where the start state is, and the last one is
-        there. The same seed gives the same inputs, and the first ones do not depend on n.
+        drawn uniformly within ``reach`` or ``turn`` of the start state; the last one returns there.
+        The same seed gives the same inputs, and the first ones do not depend on n.
 
         Args:
             table: a coordinate table, or anything with ``.coordinates``.
             n: how many.
-            seed: of the drawing.
+            seed: of the random numbers.
             t_end: end of the motion [s].
             every: time between waypoints [s].
             reach: farthest move of a position or length [m].
@@ -193,7 +193,7 @@ class Inputs:
         return dataclasses.replace(self, breaks=self.breaks + dt)
 
     def at_rest(self) -> Inputs:
-        """The same, with small velocities at their ends brought to 0; see :meth:`Input.at_rest`."""
+        """The same with small velocities at their ends set to 0; see :meth:`Input.at_rest`."""
         ends = self.breaks[:, 0], self.breaks[:, -1]
         if not any(np.any(self.evaluate(t)[1]) for t in ends):
             return self
@@ -216,7 +216,7 @@ class Inputs:
         return q, v, acc
 
     def bound(self, q_K: Array, t: float | None = None, v_K: Array | None = None) -> Inputs:
-        """Ready for runs from start states: what was not named holds the states' values.
+        """The inputs for runs from start states: unnamed coordinates hold the states' values.
 
         Args:
             q_K: (n or 1, n_qK) driven configurations of the start states [m, rad or 1].

@@ -1,14 +1,13 @@
 """Joints: where inputs meet, begin at a state or end at rest, and what counts as a jump there.
 
-One rule for all of them. A velocity may differ by 1e-3 of the largest speed in the inputs, or by
-1e-7 m/s or rad/s if that is more; a position by 1e-6 of the farthest move, or by 1e-9 relative to 1
-or to its value. Lengths are compared with lengths, angles with angles. The difference is taken up
-by the piece beside the joint, so that the motion is C^1; what differs by more is refused. Rotations
-may differ in angular velocity only.
+:class:`Tolerances` is the one rule for all of them. Lengths are compared with lengths, angles with
+angles. The piece next to the joint takes up a small difference, so that the motion is C^1; a larger
+one is refused. Rotations may differ in angular velocity only.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,22 +18,35 @@ from fantoccini.motion import polynomial, rotation
 if TYPE_CHECKING:
     from fantoccini.tree import CoordinateTable
 
-SAME_SPEED = 1e-7
-"""Difference of velocities that counts as none in any motion [m/s or rad/s]."""
-SAME_PLACE = 1e-9
-"""The same of positions, relative to 1 or to the value if that is larger."""
-_OF_SPEED = 1e-3
-_OF_REACH = 1e-6
-ROUNDED_PLACE, ROUNDED_SPEED = 1e-12, 1e-9
-"""Differences that are left as they are: rounding."""
-_SHORTEST = 1e-4
-"""Pieces that last no longer take nothing up [s]."""
-_LOOKS = np.linspace(0.0, 1.0, 5)
-"""Where speeds are looked at, shares of a piece."""
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """Differences at a joint: allowed up to the larger of the two bounds for each quantity."""
+
+    speed: float = 1e-7
+    """Of velocities, in any motion [m/s or rad/s]."""
+    relative_speed: float = 1e-3
+    """Of velocities, relative to the largest speed in the inputs: few digits in a file."""
+    place: float = 1e-9
+    """Of positions, relative to 1 m or rad, or to the value if that is larger."""
+    relative_place: float = 1e-6
+    """Of positions, relative to the longest move in the inputs."""
+    rounded_speed: float = 1e-9
+    """Velocity difference that is rounding and is left alone [m/s or rad/s]."""
+    rounded_place: float = 1e-12
+    """Position difference that is rounding and is left alone [m or rad]."""
+    min_duration: float = 1e-4
+    """Shortest piece that takes up a difference [s]; a shorter one would accelerate too much."""
+    speed_samples: int = 5
+    """Points of each piece at which its speed and reach are measured."""
+
+
+TOLERANCES = Tolerances()
 
 
 def tolerances(table: CoordinateTable, breaks: Array, coef: Array) -> tuple[Array, Array]:
-    """How far positions and velocities may differ at a joint of inputs.
+    """Largest differences of positions and velocities at a joint of inputs.
 
     Args:
         table: names and places of the coordinates.
@@ -42,10 +54,10 @@ def tolerances(table: CoordinateTable, breaks: Array, coef: Array) -> tuple[Arra
         coef: (n, n_seg, n_vK, 6).
 
     Returns:
-        place and speed (n, n_vK). A place's is that of its value at the start.
+        Position and speed tolerances (n, n_vK); for a position relative to its value at the start.
     """
-    s = np.diff(breaks)[..., None, None] * _LOOKS
-    # Lengths that nobody has named yet have no value.
+    s = np.diff(breaks)[..., None, None] * np.linspace(0.0, 1.0, TOLERANCES.speed_samples)
+    # Lengths that are not named yet are NaN.
     q, v, _ = polynomial.evaluate(np.nan_to_num(coef)[..., None, :], s)
     speed = np.max(np.abs(v), axis=(1, 3), initial=0.0)
     reach = np.max(q, axis=(1, 3)) - np.min(q, axis=(1, 3))
@@ -61,47 +73,48 @@ def tolerances(table: CoordinateTable, breaks: Array, coef: Array) -> tuple[Arra
     for alike in (metres, ~metres):
         for scale in (speed, reach):
             scale[:, alike] = np.max(scale[:, alike], axis=1, initial=0.0)[:, None]
-    same = np.maximum(_OF_REACH * reach, SAME_PLACE * size)
-    return same, np.maximum(_OF_SPEED * speed, SAME_SPEED)
+    tol = TOLERANCES
+    same = np.maximum(tol.relative_place * reach, tol.place * size)
+    return same, np.maximum(tol.relative_speed * speed, tol.speed)
 
 
 def begun(
     table: CoordinateTable, coef: Array, s: Array, h: Array, move: Array, v: Array
 ) -> Array:
-    """Pieces that begin elsewhere and with another velocity, and end as they did.
+    """Pieces with another start position and velocity, and the same end.
 
     Args:
         table: names and places of the coordinates.
         coef: (n, n_vK, 6) of the pieces.
         s: (n,) time in the piece at which it begins [s].
-        h: (n,) how long the piece lasts [s].
-        move: (n, n_vK) by which it begins elsewhere, 0 for rotations [m or rad].
-        v: (n, n_vK) velocity with which it begins [m/s or rad/s].
+        h: (n,) duration of the piece [s].
+        move: (n, n_vK) change of the start position, 0 for rotations [m or rad].
+        v: (n, n_vK) start velocity [m/s or rad/s].
 
     Returns:
         (n, n_vK, 6).
     """
     left, none = h - s, np.zeros_like(v)
     dv = _rates(table, coef, s, v)
-    takes = _worth(move, dv) & (left > _SHORTEST)[:, None]
+    takes = _not_rounding(move, dv) & (left > TOLERANCES.min_duration)[:, None]
     move, dv = np.where(takes, move, 0.0), np.where(takes, dv, 0.0)
-    left = np.where(left > _SHORTEST, left, 1.0)[:, None]
+    left = np.where(left > TOLERANCES.min_duration, left, 1.0)[:, None]
     bend = polynomial.hermite(left, (move, dv, none), (none, none, none))
     return coef + polynomial.shifted(bend, -s)
 
 
 def ended(table: CoordinateTable, coef: Array, h: Array, move: Array, v: Array) -> Array:
-    """Pieces that end elsewhere and with another velocity; arguments as of :func:`begun`."""
+    """Pieces with another end position and velocity; arguments as of :func:`begun`."""
     none = np.zeros_like(v)
     dv = _rates(table, coef, h, v)
-    takes = _worth(move, dv) & (h > _SHORTEST)[:, None]
+    takes = _not_rounding(move, dv) & (h > TOLERANCES.min_duration)[:, None]
     move, dv = np.where(takes, move, 0.0), np.where(takes, dv, 0.0)
-    h = np.where(h > _SHORTEST, h, 1.0)[:, None]
+    h = np.where(h > TOLERANCES.min_duration, h, 1.0)[:, None]
     return coef + polynomial.hermite(h, (none, none, none), (move, dv, none))
 
 
-def _worth(move: Array, dv: Array) -> Mask:
-    return (np.abs(move) > ROUNDED_PLACE) | (np.abs(dv) > ROUNDED_SPEED)
+def _not_rounding(move: Array, dv: Array) -> Mask:
+    return (np.abs(move) > TOLERANCES.rounded_place) | (np.abs(dv) > TOLERANCES.rounded_speed)
 
 
 def _rates(table: CoordinateTable, coef: Array, s: Array, v: Array) -> Array:

@@ -1,6 +1,6 @@
-"""Reading npz files that may be damaged, of another make, or meant to do harm.
+"""npz files with JSON text in ``about``: written whole, and read safely if damaged or hostile.
 
-Nothing is unpickled. What an array needs is known from the file's own table and the array's header
+Nothing is unpickled. The size of an array is known from the file's table and the array's header
 before any of it is expanded; every mistake is one located error.
 """
 
@@ -22,14 +22,14 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import FantocciniError, FileError, Problem
+from fantoccini.files import replacing
 
 MAX_BYTES = 256_000_000
-"""Size that the arrays of a file may have together [bytes]; those of a larger file
-:data:`MAX_GROWTH` times its own."""
+"""Largest size of a file's arrays together [bytes], unless the file itself is large."""
 MAX_GROWTH = 20
-"""Times its own size that a file's arrays may need; measured numbers shrink to a tenth at best."""
+"""Largest size of a file's arrays, relative to the file; measured numbers compress to a tenth."""
 ABOUT = "about"
-"""Entry with JSON text that says what the arrays are."""
+"""Entry with JSON text that describes the arrays."""
 
 UNREADABLE = (
     ArithmeticError,
@@ -49,7 +49,7 @@ UNREADABLE = (
     zipfile.BadZipFile,
     zlib.error,
 )
-"""What Python, NumPy and what is made of an npz file raise where it is not one, or is damaged."""
+"""Errors that a damaged or foreign npz file causes, in NumPy or in whatever is built from it."""
 
 _ENDING = ".npy"
 _HEADERS: dict[tuple[int, int], Callable[[IO[bytes]], tuple[tuple[int, ...], bool, Any]]] = {
@@ -58,6 +58,30 @@ _HEADERS: dict[tuple[int, int], Callable[[IO[bytes]], tuple[tuple[int, ...], boo
 }
 _KINDS = "biufcSU"
 """Kinds of arrays that are plain numbers, flags or texts."""
+
+
+def write(path: str | Path, arrays: Mapping[str, Array], about: Mapping[str, Any]) -> None:
+    """Writes an npz file, whole or not at all.
+
+    Args:
+        path: the file.
+        arrays: by name.
+        about: what they are; goes into the file as JSON.
+    """
+    described = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
+    entries: dict[str, Any] = {**arrays, ABOUT: described}
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, **entries)
+
+
+def packed(prefix: str, contents: Mapping[str, bytes]) -> dict[str, Array]:
+    """Contents of files as arrays, each called ``prefix`` and its name."""
+    return {prefix + n: np.frombuffer(data, dtype=np.uint8) for n, data in contents.items()}
+
+
+def unpacked(prefix: str, arrays: Mapping[str, Array]) -> dict[str, bytes]:
+    """What :func:`packed` packed."""
+    return {n.removeprefix(prefix): x.tobytes() for n, x in arrays.items() if n.startswith(prefix)}
 
 
 def read(
@@ -69,14 +93,14 @@ def read(
     """The arrays of an npz file, by name.
 
     Args:
-        path: of the file.
-        only: the one that is wanted; all when not given.
-        most: size that they may have together [bytes]; see :data:`MAX_BYTES`.
-        error: what is raised.
+        path: the file.
+        only: name of the one array to read; all when not given.
+        most: largest size of all arrays [bytes]; by default by :data:`MAX_BYTES`.
+        error: class of the error.
 
     Raises:
-        FileError: or ``error``; there is no such file, it is no npz file of plain arrays, or is
-            damaged, or its arrays are too large: which entry, what was found, what is allowed.
+        FileError: or ``error``; the file is missing, damaged, no npz file of plain arrays, or its
+            arrays are too large.
     """
     path = Path(path)
 
@@ -106,26 +130,36 @@ def read(
                     with archive.open(item) as file:
                         found[name] = _array(file, item.file_size)
                 except UNREADABLE as trouble:
-                    raise wrong(name, f"is not a plain array: {_said(trouble)}") from None
+                    raise wrong(name, f"is not a plain array: {_reason(trouble)}") from None
             return found
     except FileNotFoundError:
         raise wrong("", "there is no such file") from None
     except FileError:
         raise
     except UNREADABLE as trouble:
-        raise wrong("", f"is not an npz file of plain arrays: {_said(trouble)}") from None
+        raise wrong("", f"is not an npz file of plain arrays: {_reason(trouble)}") from None
+
+
+@contextmanager
+def opened(
+    path: str | Path, form: str, what: str
+) -> Iterator[tuple[dict[str, Array], dict[str, Any]]]:
+    """The :func:`contents` of a file; what the block raises becomes a located error."""
+    found = contents(path, form, what)
+    with understanding(path, what):
+        yield found
 
 
 def contents(path: str | Path, form: str, what: str) -> tuple[dict[str, Array], dict[str, Any]]:
-    """The arrays of an npz file without ``about``, and what that says.
+    """The arrays of an npz file, and what its ``about`` says.
 
     Args:
         path: the file.
         form: the ``format`` that ``about`` must have.
-        what: such files are called.
+        what: noun for such files in messages.
 
     Raises:
-        FileError: as of :func:`read`, or it has another format.
+        FileError: as :func:`read`, or the format is another one.
     """
     arrays = read(path)
     try:
@@ -133,14 +167,13 @@ def contents(path: str | Path, form: str, what: str) -> tuple[dict[str, Array], 
         if about["format"] != form:
             raise ValueError(f"has the format {about['format']!r}; this version reads {form!r}")
     except UNREADABLE as trouble:
-        text = f"is not {what} that this version can read: {_said(trouble)}"
-        raise FileError([Problem(str(path), None, ABOUT, text)]) from None
+        raise _not_what(path, what, trouble, ABOUT) from None
     del arrays[ABOUT]
     return arrays, about
 
 
 def about_of(arrays: Mapping[str, Array]) -> dict[str, Any]:
-    """What the ``about`` of a file's arrays says; one of ``UNREADABLE`` where it is not there."""
+    """What the entry ``about`` says; raises one of ``UNREADABLE`` if it says nothing."""
     if ABOUT not in arrays:
         raise ValueError("it is missing")
     about = json.loads(arrays[ABOUT].tobytes())
@@ -151,7 +184,7 @@ def about_of(arrays: Mapping[str, Array]) -> dict[str, Any]:
 
 @contextmanager
 def understanding(path: str | Path, what: str) -> Iterator[None]:
-    """Turns what is raised in the block into a located error: the file is not ``what``."""
+    """Turns errors of the block into one located error: the file is not ``what``."""
     try:
         yield
     except FileError as trouble:
@@ -165,16 +198,16 @@ def understanding(path: str | Path, what: str) -> Iterator[None]:
 def checked(
     arrays: Mapping[str, Array], name: str, shape: tuple[int | None, ...], kind: str = "f"
 ) -> Array:
-    """An array of a file, of the shape and kind that it must have.
+    """An array of a file, if it has the right shape and kind.
 
     Args:
         arrays: of the file.
         name: of the array.
         shape: None for any length.
-        kind: ``f`` for finite or infinite numbers, ``b`` for flags, ``i`` for whole numbers.
+        kind: ``f`` for numbers, ``b`` for flags, ``i`` for whole numbers.
 
     Raises:
-        ValueError: it is missing, or another one.
+        ValueError: it is missing or different.
     """
     if name not in arrays:
         raise ValueError(f"{name} is missing")
@@ -193,30 +226,33 @@ def checked(
 
 
 def finite(arrays: Mapping[str, Array], name: str, shape: tuple[int | None, ...]) -> Array:
-    """The same of numbers that must be finite."""
+    """As :func:`checked`, for numbers that must be finite."""
     found = checked(arrays, name, shape)
     if not np.all(np.isfinite(found)):
-        raise ValueError(f"{name} holds what is no finite number")
+        raise ValueError(f"{name} holds a number that is not finite")
     return found
 
 
 def texts(value: Any, name: str) -> tuple[str, ...]:
-    """A list of texts.
-
-    Raises:
-        ValueError: it is something else.
-    """
+    """A list of strings; raises ValueError for anything else."""
     if not isinstance(value, list) or not all(isinstance(x, str) for x in value):
         raise ValueError(f"{name} is {value!r:.60}; it must be a list of texts")
     return tuple(value)
 
 
-def _not_what(path: str | Path, what: str, trouble: BaseException) -> FileError:
-    text = f"is not {what} that this version can read: {_said(trouble)}"
-    return FileError([Problem(str(path), None, "", text)])
+def text(value: Any, name: str) -> str:
+    """A string; raises ValueError for anything else."""
+    if not isinstance(value, str):
+        raise ValueError(f"{name} is {value!r:.60}; it must be a text")
+    return value
 
 
-def _said(trouble: BaseException) -> str:
+def _not_what(path: str | Path, what: str, trouble: BaseException, entry: str = "") -> FileError:
+    message = f"is not {what} that this version can read: {_reason(trouble)}"
+    return FileError([Problem(str(path), None, entry, message)])
+
+
+def _reason(trouble: BaseException) -> str:
     return str(trouble) or type(trouble).__name__
 
 

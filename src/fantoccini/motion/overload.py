@@ -16,9 +16,9 @@ class Overload:
 
     Attributes:
         since: when it first did [s].
-        lost_steps: how often a stepper lost steps; every time four full steps or more.
+        lost_steps: how often a stepper motor lost steps, four full steps or more each time.
         ran_away: whether it ran away.
-        error: command less coordinate at the run's end [m or rad]; None of an orientation.
+        error: command minus coordinate at the run's end [m or rad]; None for an orientation.
     """
 
     since: float

@@ -1,6 +1,6 @@
 """Pieces of all driven coordinates at once: coef (n, n_vK, 6) and base (n, n_qK).
 
-Scalars are polynomials whose start value ``base`` repeats. Three rows of a rotation are its
+Scalars are polynomials whose start value ``base`` repeats. The three entries of a rotation are its
 rotation vector: R = R(base) exp([phi]x).
 """
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fantoccini.arrays import Array, ConfigK, Mask, MaskRows, Times
+from fantoccini.arrays import Array, ConfigK, Indices, Mask, MaskRows, Times
 from fantoccini.motion import channel, joints, polynomial, rotation
 from fantoccini.motion.channel import SAME_TIME, Channel, Points
 from fantoccini.motion.findings import Findings
@@ -19,8 +19,8 @@ from fantoccini.motion.findings import Findings
 if TYPE_CHECKING:
     from fantoccini.tree import CoordinateTable
 
-LOOKS = 17
-"""Times a piece is looked at for a length that is not positive."""
+LENGTH_SAMPLES = 17
+"""Points of a piece at which a length is checked to be positive."""
 
 
 def channel_names(table: CoordinateTable) -> dict[str, tuple[slice, slice]]:
@@ -44,11 +44,17 @@ def evaluate(
     for q, v in table.scalars_K:
         q_K[:, q] = p[:, v]
     for q, v in table.quaternions_K:
-        spot, rows = slice(q, q + 4), slice(v, v + 3)
-        phi, rate, curve = p[:, rows], first[:, rows], second[:, rows]
+        spot, turn = slice(q, q + 4), slice(v, v + 3)
+        phi, rate, curve = p[:, turn], first[:, turn], second[:, turn]
         q_K[:, spot] = rotation.multiply(base[:, spot], rotation.exp(phi))
-        first[:, rows], second[:, rows] = rotation.body_motion(phi, rate, curve)
+        first[:, turn], second[:, turn] = rotation.body_motion(phi, rate, curve)
     return q_K, first, second
+
+
+def located(breaks: Times, t: Times) -> tuple[Indices, Array, Mask]:
+    """Pieces at times (n,), the times in them [s], and whether the times lie outside of all."""
+    i = np.clip(np.searchsorted(breaks, t, side="right") - 1, 0, len(breaks) - 2)
+    return i, np.clip(t, breaks[0], breaks[-1]) - breaks[i], (t < breaks[0]) | (t > breaks[-1])
 
 
 def constants(table: CoordinateTable, q_K: ConfigK) -> tuple[Array, Array]:
@@ -67,7 +73,7 @@ def assembled(
     Args:
         table: names and places of the coordinates.
         channels: by name.
-        span: times [s] the clock holds in any case.
+        span: times [s] that the clock must contain.
 
     Returns:
         breaks (n + 1,), coef (n, n_vK, 6), base (n, n_qK), named (n_vK,).
@@ -178,10 +184,10 @@ def joined(
 ) -> Array:
     """The coefficients (n, n_vK, 6) of pieces that meet, C^1, in position and velocity.
 
-    What is not named holds still, wherever that will be.
+    What is not named holds still.
 
     Notes every coordinate and time at which one of them jumps by more than the tolerances of
-    :mod:`fantoccini.motion.joints`. Where nothing does, they are as they were.
+    :mod:`fantoccini.motion.joints`. Without any difference, the coefficients are those given.
     """
     h = np.diff(breaks)
     q_0, v_0, _ = evaluate(table, coef[:-1], base[:-1], h[:-1])
@@ -193,17 +199,17 @@ def joined(
             continue
         if name in table.rotations:
             step = np.linalg.norm(rotation.between(q_0[:, q], q_1[:, q]), axis=-1)
-            same = np.full_like(step, joints.SAME_PLACE)
+            same = np.full_like(step, joints.TOLERANCES.place)
         else:
             move[:, v] = (q_1 - q_0)[:, q]
             step = np.abs(move[:, v.start])
-            same = np.maximum(place[v.start], joints.SAME_PLACE * np.abs(q_0[:, q.start]))
+            same = np.maximum(place[v.start], joints.TOLERANCES.place * np.abs(q_0[:, q.start]))
         jump = np.linalg.norm(v_1[:, v] - v_0[:, v], axis=-1)
         for what, by, bound in (("position", step, same), ("velocity", jump, speed[v.start])):
             for i in np.nonzero(~(by <= bound))[0]:
                 findings.add((name,), f"jumps in {what} by {by[i]:.3g} at t = {breaks[i + 1]:g} s")
-    apart = (np.abs(v_1 - v_0) > joints.ROUNDED_SPEED)[:, named]
-    if not np.any(apart) and not np.any(np.abs(move) > joints.ROUNDED_PLACE):
+    apart = (np.abs(v_1 - v_0) > joints.TOLERANCES.rounded_speed)[:, named]
+    if not np.any(apart) and not np.any(np.abs(move) > joints.TOLERANCES.rounded_place):
         return coef
     made = np.array(coef)
     made[:-1] = joints.ended(table, coef[:-1], h[:-1], move, v_1)

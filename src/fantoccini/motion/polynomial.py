@@ -20,8 +20,8 @@ _TO_BEZIER = np.array(
 )
 """From the coefficients of s / h to Bezier's control points."""
 
-_LEAST_SPEED = 1e-200
-"""Speeds below this are 0: their reciprocal would overflow."""
+_MIN_SPEED = 1e-200
+"""Speeds up to this count as 0, since their reciprocals overflow [1/s times the value's unit]."""
 
 
 Ends = tuple[ArrayLike, ArrayLike, ArrayLike]
@@ -41,7 +41,7 @@ def hermite(h: Array, start: Ends, end: Ends) -> Array:
     h = np.asarray(h, dtype=float)
     q0, v0, a0 = (np.asarray(x, dtype=float) for x in start)
     q1, v1, a1 = (np.asarray(x, dtype=float) for x in end)
-    # What is missing at the end if the start's parabola went on, in units of the value.
+    # End values less those of the start's parabola, in units of the value.
     d = q1 - q0 - h * (v0 + 0.5 * h * a0)
     e = h * (v1 - v0 - h * a0)
     f = h * h * (a1 - a0)
@@ -94,11 +94,11 @@ def shifted(coef: Array, d: Array) -> Array:
     """The same polynomials written about a later origin: p(s + d) (a Taylor shift, by Horner).
 
     Args:
-        coef: (n, rows, 6) coefficients.
+        coef: (n, m, 6) coefficients.
         d: (n,) shifts [s].
 
     Returns:
-        (n, rows, 6).
+        (n, m, 6).
     """
     moved, d = np.array(coef), np.asarray(d)[:, None]
     for first in range(N_COEF - 1):
@@ -141,7 +141,7 @@ def mean_speed(h: Array, speed: Array) -> Array:
     """
     before, after = speed[:-1], speed[1:]
     w_before, w_after = 2 * h[1:] + h[:-1], h[1:] + 2 * h[:-1]
-    moving = (before > _LEAST_SPEED) & (after > _LEAST_SPEED)
+    moving = (before > _MIN_SPEED) & (after > _MIN_SPEED)
     safe_before, safe_after = np.where(moving, before, 1.0), np.where(moving, after, 1.0)
     mean = (w_before + w_after) / (w_before / safe_before + w_after / safe_after)
     return np.where(moving, np.minimum(mean, 2 * np.minimum(before, after)), 0.0)
@@ -174,15 +174,15 @@ def monotone_slopes_along(t: Array, values: Array, change: Array) -> tuple[Array
 
 def _slope_along(h: Array, secant: Array, rate: Array) -> tuple[float, bool]:
     """The one-sided derivative of the slope between two secants (2,), and whether it is smooth."""
-    still = np.abs(secant) <= _LEAST_SPEED
-    if np.all(still):  # of first degree: what the rates alone give
+    still = np.abs(secant) <= _MIN_SPEED
+    if np.all(still):  # homogeneous: only the rates count
         turns = rate[0] * rate[1] <= 0
         return 0.0 if turns else float(np.sign(rate[0]) * mean_speed(h, np.abs(rate))[0]), False
     weight = np.array([2 * h[1] + h[0], h[1] + 2 * h[0]])
     part = weight / weight.sum()
     if np.any(still):
         i = int(np.argmax(still))
-        # Near 0 the mean is the small secant over its part of the weight.
+        # Near 0 the mean is the small secant divided by its relative weight.
         grows = rate[i] * secant[1 - i] > 0
         return float(min(1.0 / part[i], 2.0) * rate[i]) if grows else 0.0, False
     if np.sign(secant[0]) != np.sign(secant[1]):

@@ -1,10 +1,10 @@
-"""From what the user wrote (numbers, lists, names) to arrays, noting every mistake."""
+"""Converts what the user wrote (numbers, lists, names) to arrays, noting every mistake."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,17 +20,24 @@ from fantoccini.puppet.located import shown
 from fantoccini.puppet.values import Angle
 from fantoccini.tree import CoordinateTable
 
-LARGEST = 1e9
-"""Bound on times and values, so that no polynomial overflows."""
 
-HALF_TURN = np.pi - 1e-6
-"""Turn [rad] between neighbours from which on the shortest way is not clear."""
+class Limits(NamedTuple):
+    """What inputs may contain."""
 
+    max_number: float = 1e9
+    """Largest time or value [s, m, rad or N], so that no polynomial overflows."""
+    max_turn: float = np.pi - 1e-6
+    """Turn between neighbouring rotations [rad]; from there on the shortest way is ambiguous."""
+    min_quaternion: float = 1e-9
+    """Least size of a quaternion's largest number [1]; below, its direction is rounding."""
+
+
+LIMITS = Limits()
 _ANGLE = TypeAdapter(Angle)
-
 _QUATERNION = ("qw", "qx", "qy", "qz")
-"""What the four columns of a rotation are called."""
+"""Column names of a rotation."""
 
+_NUMBER = f"a finite number up to {LIMITS.max_number:g}"
 _ROTATION = "a quaternion [w, x, y, z] or a rotation vector of 3 angles"
 
 
@@ -42,16 +49,16 @@ class HasCoordinates(Protocol):
 
 
 Table = CoordinateTable | HasCoordinates
-"""Argument that names the coordinates."""
+"""Argument that gives the coordinates."""
 
 
 def table_of(owner: Table) -> CoordinateTable:
-    """The coordinate table: ``owner`` itself, or the one it has."""
+    """The coordinate table: ``owner`` itself, or its own."""
     return owner if isinstance(owner, CoordinateTable) else owner.coordinates
 
 
 def unknown_coordinate(table: CoordinateTable, name: str) -> str:
-    """The sentence for a name that is no driven coordinate."""
+    """Error message for a name that is no driven coordinate."""
     for channel, (_, v) in table.rotations.items():
         numbers = [n for columns in _quaternions(table, channel).values() for n in columns]
         if name in (*numbers, *table.v_K[v : v + 3]):
@@ -62,7 +69,7 @@ def unknown_coordinate(table: CoordinateTable, name: str) -> str:
 
 
 def _quaternions(table: CoordinateTable, channel: str) -> dict[str, list[str]]:
-    """Names of a rotation channel, its own and that of the coordinate it commands -> columns."""
+    """Columns by name of a rotation channel, its own or that of the coordinate it commands."""
     names = [channel, *(name for name, command in table.commands.items() if command == channel)]
     return {name: [name.removesuffix("rotation") + x for x in _QUATERNION] for name in names}
 
@@ -70,7 +77,7 @@ def _quaternions(table: CoordinateTable, channel: str) -> dict[str, list[str]]:
 def _given_once(
     name: str, written: str, spelt: dict[str, str], path: Path, findings: Findings
 ) -> bool:
-    """Whether a channel has not been given yet; it may go by its coordinate's name as well."""
+    """Whether a channel is given for the first time, under its own or its coordinate's name."""
     first = spelt.setdefault(name, written)
     if first != written:
         findings.add(path, f"is given twice: as {first} and as {written}; leave one out")
@@ -89,7 +96,7 @@ def waypoints(
         at: path of ``given`` itself.
 
     Returns:
-        Times and values of every name that is free of mistakes.
+        Times and values of every name without a mistake.
     """
     known, read = channel_names(table), {}
     spelt: dict[str, str] = {}
@@ -135,7 +142,7 @@ def number(value: Any, angle: bool = False) -> float:
     """A finite number, or an angle such as ``30 deg`` where angles are allowed.
 
     Raises:
-        ValueError: with the sentence for the user.
+        ValueError: with the message for the user.
     """
     if isinstance(value, str) and angle:
         try:
@@ -144,8 +151,8 @@ def number(value: Any, angle: bool = False) -> float:
             raise ValueError(error.errors()[0]["msg"]) from None
     if isinstance(value, bool | np.bool_) or not isinstance(value, int | float | np.number):
         raise ValueError(f"found {shown(value)}; needed: a number")
-    if not abs(float(value)) <= LARGEST:
-        raise ValueError(f"found {shown(value)}; needed: a finite number up to {LARGEST:g}")
+    if not abs(float(value)) <= LIMITS.max_number:
+        raise ValueError(f"found {shown(value)}; needed: {_NUMBER}")
     return float(value)
 
 
@@ -158,7 +165,7 @@ def _quaternion(value: Any) -> Array:
         return rotation.exp(parts)
     if len(parts) != 4:
         raise ValueError(f"found {len(parts)} numbers; needed: {_ROTATION}")
-    if not np.any(np.abs(parts) > 1e-9):
+    if not np.any(np.abs(parts) > LIMITS.min_quaternion):
         raise ValueError("found a zero quaternion, which is no rotation")
     return rotation.normalised(parts)
 
@@ -212,14 +219,14 @@ def _order(t: float, before: float) -> str:
 
 
 def _turns(points: Any, q: Array, findings: Findings, path: Path) -> bool:
-    """Whether neighbouring rotations lie less than half a turn apart, as given and in fact."""
+    """Whether neighbouring rotations are less than 180 deg apart, as written and as quaternions."""
     turn = np.linalg.norm(rotation.between(q[:-1], q[1:]), axis=-1)
     for i in range(len(q) - 1):
         if len(points[i][1]) == len(points[i + 1][1]) == 3:
             before, after = ([number(x, angle=True) for x in points[k][1]] for k in (i, i + 1))
             apart = np.subtract(after, before)
             turn[i] = max(turn[i], float(np.linalg.norm(apart)))
-    far = np.flatnonzero(turn >= HALF_TURN).tolist()
+    far = np.flatnonzero(turn >= LIMITS.max_turn).tolist()
     for i in far:
         findings.add(
             (*path, i + 1),
@@ -287,7 +294,7 @@ def samples(
 def _column(
     name: str, given: ArrayLike, n: int | None, shape: tuple[int, ...], findings: Findings
 ) -> Array | None:
-    """One column as finite numbers (n, *shape); None when it is something else."""
+    """One column as finite numbers (n, *shape); None after a mistake."""
     values = np.asarray(given)
     if values.dtype.kind not in "iuf":
         findings.add((name,), f"found {values.dtype.name} values; needed: numbers")
@@ -295,27 +302,25 @@ def _column(
     wanted = (values.shape[0] if n is None and values.ndim else n, *shape)
     if values.shape != wanted:
         sizes = " x ".join("n" if size is None else str(size) for size in wanted)
-        findings.add((name,), f"found the shape {values.shape}; needed: {sizes}, as t has it")
+        findings.add((name,), f"found the shape {values.shape}; needed: {sizes}, as for t")
         return None
-    wrong = ~(np.abs(values) <= LARGEST)
-    rows = np.unique(np.nonzero(wrong)[0])
-    for i in rows:
-        findings.add(
-            (name, int(i)), f"found {values[i]}; needed: a finite number up to {LARGEST:g}"
-        )
-    return None if len(rows) else values.astype(float)
+    wrong = ~(np.abs(values) <= LIMITS.max_number)
+    bad = np.unique(np.nonzero(wrong)[0])
+    for i in bad:
+        findings.add((name, int(i)), f"found {values[i]}; needed: {_NUMBER}")
+    return None if len(bad) else values.astype(float)
 
 
 def _rotations(name: str, t: Times, q: Array, findings: Findings) -> Array | None:
     """Unit quaternions; None when one is zero or neighbours are half a turn apart."""
-    zero = np.nonzero(~np.any(np.abs(q) > 1e-9, axis=-1))[0]
+    zero = np.nonzero(~np.any(np.abs(q) > LIMITS.min_quaternion, axis=-1))[0]
     for i in zero:
         findings.add((name, int(i)), "found a zero quaternion, which is no rotation")
     if len(zero):
         return None
     q = rotation.normalised(q)
     turn = np.linalg.norm(rotation.between(q[:-1], q[1:]), axis=-1)
-    far = np.nonzero(turn >= HALF_TURN)[0]
+    far = np.nonzero(turn >= LIMITS.max_turn)[0]
     for i in far:
         findings.add(
             (name, int(i) + 1),

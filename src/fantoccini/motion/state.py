@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from fantoccini.tree import CoordinateTable
 
 _MOTION = ("q_D", "v_D", "q_K", "v_K")
-_MOST_SHOWN = 8
-"""Names that a message lists."""
+_MAX_NAMES = 8
+"""Number of names that a message lists."""
 
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Time, configuration, velocity and mode of a world. The arrays are read-only copies.
+    """Time, configuration, velocity and active set of a world. The arrays are read-only copies.
 
     ``x["elbow"]`` is a coordinate, ``x["v:elbow"]`` its velocity, ``x["bar.rotation"]`` a
     quaternion (w, x, y, z). States are equal where all their numbers and flags are.
@@ -34,8 +34,8 @@ class State:
         v_D: (n_vD,) dynamic velocity [rad/s or m/s].
         q_K: (n_qK,) driven configuration [rad, m or 1].
         v_K: (n_vK,) driven velocity [rad/s or m/s].
-        taut: (n_rows,) bool, the mode: rows that hold, strings, then limits. All False where it is
-            not known.
+        taut: (n_rows,) bool, the active set, strings before limits. All False where it is not
+            known.
         slip: (n_strings,) by how much slipping winches have let each string out, >= 0 [m]; empty
             for none.
         coordinates: names and places of the coordinates; None where a state was made without.
@@ -100,8 +100,8 @@ class State:
     def replace(self, **changes: Any) -> State:
         """A copy with some fields changed: ``x.replace(t=0.0, v_D=v)``.
 
-        The mode is that of one motion: where a configuration, velocity or slip is given that
-        differs, the copy's is not known, unless ``taut`` is given as well.
+        The active set belongs to one motion: if a configuration, velocity or slip changes, the
+        copy's is not known, unless ``taut`` is given as well.
         """
         moved = any(
             name in changes and not np.array_equal(changes[name], getattr(self, name))
@@ -149,7 +149,7 @@ class States:
     def of(
         cls, states: Sequence[State], table: CoordinateTable, n_strings: int, n_rows: int
     ) -> States:
-        """States of one puppet, with a mode and with what winches have let out for every string.
+        """States of one puppet, each with an active set and a slip for every string.
 
         Args:
             states: one or more.
@@ -182,9 +182,9 @@ class States:
     def __len__(self) -> int:
         return len(self.q_D)
 
-    def some(self, rows: slice) -> States:
-        """Some of them."""
-        parts = {name: getattr(self, name)[rows] for name in (*_MOTION, "taut", "slip")}
+    def some(self, lanes: slice) -> States:
+        """Those of a slice."""
+        parts = {name: getattr(self, name)[lanes] for name in (*_MOTION, "taut", "slip")}
         return States(self.t, **parts)
 
 
@@ -214,7 +214,7 @@ def check_size(x: State, table: CoordinateTable, n_rows: int) -> None:
 
 
 def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names[:_MOST_SHOWN]) + (", ..." if len(names) > _MOST_SHOWN else "")
+    return ", ".join(names[:_MAX_NAMES]) + (", ..." if len(names) > _MAX_NAMES else "")
 
 
 class EventKind(enum.StrEnum):
@@ -234,12 +234,12 @@ class EventKind(enum.StrEnum):
 
 @dataclass(frozen=True)
 class EventRecord:
-    """A change of mode, or a point where the inputs may jump in acceleration.
+    """A change of the active set, or a point where the inputs may jump in acceleration.
 
     Attributes:
         t: time [s].
         kind: what happened. A winch that reaches its largest tension slips, and grips again. A
-            stepper loses a step, a drive runs away.
+            stepper motor loses a step, a drive runs away.
         name: the string, limit or coordinate with a drive; empty for a breakpoint or an
             accumulation.
         impulse: of the catch, >= 0 [N s, or N m s for a limit of an angle].

@@ -1,4 +1,4 @@
-"""Trajectories: what many runs give, lane first."""
+"""Trajectories: the results of many runs, lane first."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ SAVED = MOTION + TABLES
 class Trajectories:
     """n runs of one puppet on the same T times: ``many.q_D[i, k]``, ``many.tension["hand"][i, k]``.
 
-    What was not saved is None. Rows that a run did not reach are NaN, and not taut.
+    Quantities that were not saved are None. Samples that a run did not reach are NaN, and not taut.
 
     Attributes:
         t: (T,) times [s].
-        status: (n,) :class:`Status` numbers: how each ended.
-        reached: (n,) how far each got [s]; NaN where Ctrl-C came before a run was begun.
-        violation: (n,) by how much rows were overstepped at worst (of fixed steps; 0 for event)
+        status: (n,) :class:`Status` numbers.
+        reached: (n,) time that each reached [s]; NaN if Ctrl-C came before its start.
+        violation: (n,) largest h of all rows (fixed steps; 0 for event)
             [m, rad or 1].
         catches, releases: (n,) of strings and limits.
-        blame: (n,) by string and limit what stopped each, by coordinate with a drive
-            what lost steps or ran away, 0 to 1.
+        blame: (n,) by string and limit, its share in stopping each run; by coordinate with a drive,
+            whether it lost steps or ran away; 0 to 1.
         method: event, timestepping or variational.
         coordinates: names and places of the coordinates.
         puppet: what moved.
@@ -75,7 +75,7 @@ class Trajectories:
         ended = ", ".join(f"{n} {status.name}" for status, n in self.counts().items())
         return (
             f"<Trajectories {self.puppet.name if self.puppet else ''}: {len(self)} runs from "
-            f"{self.t[0]:g} to {self.t[-1]:g} s, {len(self.t)} rows, {self.method}, {ended}>"
+            f"{self.t[0]:g} to {self.t[-1]:g} s, {len(self.t)} samples, {self.method}, {ended}>"
         )
 
     def __iter__(self) -> Iterator[Trajectory]:
@@ -87,11 +87,11 @@ class Trajectories:
         return self.status == Status.DONE
 
     def counts(self) -> dict[Status, int]:
-        """How many runs ended how, the most frequent first."""
+        """Number of runs by status, the most frequent first."""
         return {Status(s): n for s, n in Counter(self.status.tolist()).most_common()}
 
     def blamed(self, i: int, least: float = 0.1) -> tuple[str, ...]:
-        """What is to blame for how run i ended; ``least`` of the blame names one."""
+        """Names whose share of the blame for the end of run i exceeds ``least``."""
         return tuple(n for n in self.blame.names if self.blame[n][i] > least)
 
     def trajectory(self, i: int) -> Trajectory:
@@ -107,11 +107,11 @@ class Trajectories:
             )
         if not np.isfinite(self.reached[i]):
             raise ValueError(f"run {i} was not begun")
-        rows = slice(0, max(1, int(np.searchsorted(self.t, self.reached[i], side="right"))))
-        own: dict[str, Any] = {name: getattr(self, name)[i, rows] for name in MOTION}
-        own |= {name: self._columns(name, i, rows) for name in TABLES}
+        samples = slice(0, max(1, int(np.searchsorted(self.t, self.reached[i], side="right"))))
+        own: dict[str, Any] = {name: getattr(self, name)[i, samples] for name in MOTION}
+        own |= {name: self._columns(name, i, samples) for name in TABLES}
         return Trajectory(
-            t=self.t[rows],
+            t=self.t[samples],
             **own,
             events=(),
             status=Status(int(self.status[i])),
@@ -121,6 +121,6 @@ class Trajectories:
             blamed=self.blamed(i),
         )
 
-    def _columns(self, name: str, i: int, rows: slice) -> Columns:
+    def _columns(self, name: str, i: int, samples: slice) -> Columns:
         table: Columns = getattr(self, name)
-        return table.like(table.values[i, rows])
+        return table.like(table.values[i, samples])

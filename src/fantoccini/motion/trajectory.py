@@ -1,4 +1,4 @@
-"""Trajectory: everything a run gives, over time. An impact is two rows at one time."""
+"""Trajectory: everything a run gives, over time. An impact is two samples at one time."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from fantoccini.errors import StateError, Status, UnknownNameError
 from fantoccini.files import replacing
 from fantoccini.motion import archive, interpolate
 from fantoccini.motion.columns import Columns
-from fantoccini.motion.npz import understanding
+from fantoccini.motion.npz import opened
 from fantoccini.motion.overload import Overload, overloads
 from fantoccini.motion.state import EventRecord, State
 
@@ -30,13 +30,13 @@ LEDGER = ("kinetic", "potential", "damping", "impact", "slip", "work", "residual
 """Entries of the energy ledger [J], in order."""
 
 _MOTION = ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
-_SLACK_TIME = 1e-9
-"""Tolerance [s] on times outside of the run."""
+_MAX_TIME_OUTSIDE = 1e-9
+"""Time before or after the run that still counts as its start or end [s]: rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """The course of a run. The arrays are read-only copies; T rows, times not decreasing.
+    """The course of a run. The arrays are read-only copies; T samples, times not decreasing.
 
     Attributes:
         t: (T,) times [s].
@@ -59,10 +59,9 @@ class Trajectory:
         coordinates: names and places of the coordinates.
         puppet: what moved (None when unknown).
         effort: by driven velocity, the force that drives it [N or N m]; None when not computed.
-        violation: by string and limit, how far it is overstepped, >= 0 [m, rad or 1]; None when not
-            computed.
-        slip: by string, how much its slipping winch has let out, >= 0 [m]; None when not computed.
-        seconds: how long computing it took [s]; None when not known, as of one that was loaded.
+        violation: by string and limit, max(h, 0) [m, rad or 1]; None when not computed.
+        slip: by string, the length let out by its slipping winch, >= 0 [m]; None when not computed.
+        seconds: time that computing it took [s]; None when not known, as after loading.
     """
 
     t: Times
@@ -90,7 +89,7 @@ class Trajectory:
     def __repr__(self) -> str:
         return (
             f"<Trajectory {self.puppet.name if self.puppet else ''}: {self.t[0]:g} to "
-            f"{self.t[-1]:g} s, {len(self)} rows, {len(self.events)} events, {self.method}, "
+            f"{self.t[-1]:g} s, {len(self)} samples, {len(self.events)} events, {self.method}, "
             f"{self.status.name}>"
         )
 
@@ -111,7 +110,7 @@ class Trajectory:
             object.__setattr__(self, name, value)
         for name, columns in self._tables().items():
             if len(columns.values) != n:
-                raise ValueError(f"{name} has {len(columns.values)} rows; it must have {n}")
+                raise ValueError(f"{name} has {len(columns.values)} samples; it must have {n}")
         if n == 0 or not (np.all(np.isfinite(self.t)) and np.all(np.diff(self.t) >= 0)):
             raise ValueError("t must hold one time or more, none before the one it follows")
         object.__setattr__(self, "events", tuple(self.events))
@@ -137,18 +136,18 @@ class Trajectory:
 
     @property
     def duration(self) -> float:
-        """From the first to the last row [s]."""
+        """From the first to the last sample [s]."""
         return float(self.t[-1] - self.t[0])
 
     @property
     def impulse(self) -> Columns:
-        """By string and limit: the impulse [N s or N m s] at the row just after it, else 0."""
+        """By string and limit: the impulse [N s or N m s] at the sample just after it, else 0."""
         names = self.tension.names + self.limit_force.names
         values = np.zeros((len(self.t), len(names)))
         for event in self.events:
             if event.impulse and event.name in names:
-                row = int(np.searchsorted(self.t, event.t, side="right")) - 1
-                values[max(row, 0), names.index(event.name)] += event.impulse
+                i = int(np.searchsorted(self.t, event.t, side="right")) - 1
+                values[max(i, 0), names.index(event.name)] += event.impulse
         return Columns(names, values, "string or limit")
 
     @property
@@ -156,17 +155,18 @@ class Trajectory:
         """The drives whose motor was too weak, by coordinate, the earliest first."""
         return overloads(self.events, self.coordinates, self.q_D[-1], self.q_K[-1])
 
-    # -- between the rows --------------------------------------------------------------------
+    # -- between the samples -----------------------------------------------------------------
 
     def resample(self, times: Times, side: Literal["right", "left"] = "right") -> Trajectory:
         """The same run on other times.
 
-        Motion between two rows is the quintic through their positions, velocities and
-        accelerations; tension, forces, effort and ledger are linear; the mode is the left row's.
+        Motion between two samples is the quintic through their positions, velocities and
+        accelerations; tension, forces, effort and ledger are linear; the active set is that of the
+        left sample.
 
         Args:
             times: (m,) [s], not decreasing, inside the run.
-            side: which side of an impact is given at its very time.
+            side: the side of an impact at whose time the sample is taken.
         """
         times = self._inside(np.asarray(times, dtype=float))
         left, right, s = interpolate.bracket(self.t, times, side)
@@ -192,12 +192,12 @@ class Trajectory:
         """The state at a time [s]; ``side`` as in :meth:`resample`."""
         return self.resample(np.array([t]), side).state(0)
 
-    def state(self, row: int) -> State:
-        """The state of a row (negative rows count from the end)."""
-        holds = np.concatenate([self.taut.values[row], self.limit_force.values[row] > 0])
-        slip = np.zeros(0) if self.slip is None else self.slip.values[row]
+    def state(self, i: int) -> State:
+        """The state of sample ``i``; a negative number counts from the end."""
+        holds = np.concatenate([self.taut.values[i], self.limit_force.values[i] > 0])
+        slip = np.zeros(0) if self.slip is None else self.slip.values[i]
         return State(
-            self.t[row], self.q_D[row], self.v_D[row], self.q_K[row], self.v_K[row],
+            self.t[i], self.q_D[i], self.v_D[i], self.q_K[i], self.v_K[i],
             holds, slip, self.coordinates,
         )  # fmt: skip
 
@@ -261,17 +261,17 @@ class Trajectory:
         Raises:
             FileError: the file is not a trajectory.
         """
-        with understanding(path, "a trajectory"):
-            return cls(**archive.load(path))
+        with opened(path, archive.FORMAT, "a trajectory") as (arrays, about):
+            return cls(**archive.fields_of(arrays, about, str(path)))
 
     def summary(self) -> dict[str, Any]:
-        """Key numbers: duration [s], seconds, rows, events by kind, tensions, ledger [J].
+        """Key numbers: duration [s], seconds, samples, events by kind, tensions, ledger [J].
 
-        ``seconds`` is how long computing it took: a run of which it is longer than ``duration``
-        was slower than real time; method ``timestepping`` is faster.
+        If ``seconds`` exceeds ``duration``, the run was slower than real time; method
+        ``timestepping`` is faster.
 
         ``summary()["tension"]["hand"]`` has min and max [N], slack [s], catches and the largest
-        impulse [N s]; ``summary()["drives"]`` what drives whose motor was too weak did:
+        impulse [N s]; ``summary()["drives"]`` has, for drives whose motor was too weak,
         ``since`` [s], ``lost_steps``, ``ran_away``, ``error`` at the end [m or rad].
         """
         h = np.diff(self.t, append=self.t[-1])
@@ -288,7 +288,7 @@ class Trajectory:
         return {
             "duration": self.duration,
             "seconds": self.seconds,
-            "rows": len(self.t),
+            "samples": len(self.t),
             "status": self.status,
             "events": dict(Counter(event.kind for event in self.events)),
             "tension": strings,
@@ -297,7 +297,7 @@ class Trajectory:
         }
 
     def plot(self, path: str | Path | None = None, **look: Any) -> Figure:
-        """Tensions, string modes, energy and driven lengths against time, as a matplotlib figure.
+        """Tensions, slack and taut, energy and driven lengths against time, as a matplotlib figure.
 
         Args:
             path: writes the figure there as well (png, svg or pdf).
@@ -315,7 +315,7 @@ class Trajectory:
 
     def _inside(self, times: Times) -> Times:
         first, last = self.t[0], self.t[-1]
-        wrong = ~((times >= first - _SLACK_TIME) & (times <= last + _SLACK_TIME))
+        wrong = ~((times >= first - _MAX_TIME_OUTSIDE) & (times <= last + _MAX_TIME_OUTSIDE))
         if np.any(wrong):
             raise StateError(
                 f"t = {times[wrong][0]:g} s is outside of the run, {first:g} s to {last:g} s"

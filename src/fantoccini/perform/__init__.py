@@ -1,4 +1,4 @@
-"""perform: a puppet that is alive in somebody's hands, and recordings of it."""
+"""Live performances of puppets, and recordings of them."""
 
 from fantoccini.perform.handle import Handle
 from fantoccini.perform.performance import Performance

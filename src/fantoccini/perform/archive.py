@@ -1,8 +1,7 @@
-"""Recordings on disk: npz without pickle, whole or not at all."""
+"""Recordings on disk: npz files without pickle."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,17 +12,16 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.contract import EVENT_AT, EventKind
 from fantoccini.errors import Status
-from fantoccini.files import replacing
 from fantoccini.marionette import Marionette, PortableWorld
 from fantoccini.motion import State
 from fantoccini.motion.archive import RECORDING as FORMAT
-from fantoccini.motion.npz import checked, contents, finite, texts, understanding
+from fantoccini.motion.npz import checked, finite, packed, texts, unpacked, write
 from fantoccini.world import World
 
 _STATE = ("q_D", "v_D", "q_K", "v_K", "taut", "slip")
 _MESH = "mesh:"
-_MOST_STEPS = 1_000_000
-"""Of the time-stepper in a tick."""
+_MAX_STEPS = 1_000_000
+"""Largest number of time steps in a tick, so that a damaged file does not run for hours."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,22 +29,22 @@ class Written:
     """The output of a run, as the compiled code wrote it.
 
     Attributes:
-        rows: (m, width) laid out as ``marionette.sample_layout`` says, one a tick.
+        samples: (m, width) laid out as ``marionette.sample_layout`` says, one a tick.
         events: (n, 5) time, kind, row, impulse, speed.
-        status: how the run ended.
+        status: end of the run.
     """
 
-    rows: Array
+    samples: Array
     events: Array
     status: Status = Status.DONE
 
 
 def save(fields: Mapping[str, Any], path: str | Path) -> None:
-    """Writes the fields of a recording, with what its run wrote."""
+    """Writes the fields of a recording."""
     marionette: Marionette = fields["marionette"]
     start: State = fields["start"]
     written: Written = fields["written"]
-    # Obstacles that no puppet has do not move it; they are not kept.
+    # Obstacles of the world alone do not move the puppets; they are not kept.
     portable = PortableWorld.of(World.of(*marionette.world.puppets, name=marionette.name))
     about = {
         "format": FORMAT,
@@ -65,60 +63,54 @@ def save(fields: Mapping[str, Any], path: str | Path) -> None:
         "acc_K": fields["acc_K"],
         "p": marionette.p,
         "winches": marionette.winches,
-        "rows": written.rows,
+        "rows": written.samples,
         "events": written.events,
-        "about": np.frombuffer(json.dumps(about).encode(), dtype=np.uint8),
     }
     for i, meshes in enumerate(portable.meshes):
-        for name, content in meshes.items():
-            arrays[f"{_MESH}{i}:{name}"] = np.frombuffer(content, dtype=np.uint8)
-    with replacing(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, **arrays)
+        arrays |= packed(f"{_MESH}{i}:", meshes)
+    write(path, arrays, about)
 
 
-def load(path: str | Path) -> dict[str, Any]:
-    """The fields of a recording that :func:`save` wrote.
+def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of a recording from the contents of its file.
 
     Raises:
-        FileError: the file is not a recording.
+        FantocciniError, LookupError, TypeError, ValueError: they are not those of a recording.
     """
-    what = "a recording"
-    arrays, about = contents(path, FORMAT, what)
-    with understanding(path, what):
-        marionette = _marionette(about, arrays)
-        table, tree = marionette.coordinates, marionette.tree
-        sizes = (table.n_qD, table.n_vD, table.n_qK, table.n_vK, tree.n_rows, len(tree.strings))
-        state: dict[str, Any] = {
-            name: _of_state(arrays, f"start_{name}", size)
-            for name, size in zip(_STATE, sizes, strict=True)
-        }
-        t, tick = (float(finite(arrays, name, ())) for name in ("t", "tick"))
-        rows = finite(arrays, "rows", (None, sum(marionette.model.sample_layout.widths.values())))
-        if not len(rows) or np.any(np.diff(rows[:, 0]) < 0):
-            raise ValueError("rows must be one or more, none before the one it follows")
-        events = _events(marionette, finite(arrays, "events", (None, 5)))
-        steps = about["steps"]
-        if type(steps) is not int or not 1 <= steps <= _MOST_STEPS:
-            raise ValueError(f"found {steps!r} steps in a tick; allowed: 1 to {_MOST_STEPS}")
-        return {
-            "marionette": marionette,
-            "start": State(t, **state, coordinates=table),
-            "acc_K": finite(arrays, "acc_K", (None, table.n_vK)),
-            "tick": tick,
-            "steps": steps,
-            "ended": str(about["ended"]),
-            "written": Written(rows, events, Status[about["status"]]),
-        }
+    marionette = _marionette(about, arrays)
+    table, tree = marionette.coordinates, marionette.tree
+    sizes = (table.n_qD, table.n_vD, table.n_qK, table.n_vK, tree.n_rows, len(tree.strings))
+    state: dict[str, Any] = {
+        name: _of_state(arrays, f"start_{name}", size)
+        for name, size in zip(_STATE, sizes, strict=True)
+    }
+    t, tick = (float(finite(arrays, name, ())) for name in ("t", "tick"))
+    samples = finite(arrays, "rows", (None, sum(marionette.model.sample_layout.widths.values())))
+    if not len(samples) or np.any(np.diff(samples[:, 0]) < 0):
+        raise ValueError("rows must be one or more, none before the one it follows")
+    events = _events(marionette, finite(arrays, "events", (None, 5)))
+    steps = about["steps"]
+    if type(steps) is not int or not 1 <= steps <= _MAX_STEPS:
+        raise ValueError(f"found {steps!r} steps in a tick; allowed: 1 to {_MAX_STEPS}")
+    return {
+        "marionette": marionette,
+        "start": State(t, **state, coordinates=table),
+        "acc_K": finite(arrays, "acc_K", (None, table.n_vK)),
+        "tick": tick,
+        "steps": steps,
+        "ended": str(about["ended"]),
+        "written": Written(samples, events, Status[about["status"]]),
+    }
 
 
-def _of_state(arrays: dict[str, Array], name: str, size: int) -> Array:
+def _of_state(arrays: Mapping[str, Array], name: str, size: int) -> Array:
     if name == "start_taut":
         return checked(arrays, name, (size,), "b")
     return finite(arrays, name, (size,))
 
 
 def _events(marionette: Marionette, events: Array) -> Array:
-    """Events of kinds and rows that there are."""
+    """The events, if their kinds and rows exist."""
     n = len(marionette.tree.blamable)
     for event in events:
         kind, row = event[EVENT_AT["kind"]], event[EVENT_AT["row"]]
@@ -127,12 +119,9 @@ def _events(marionette: Marionette, events: Array) -> Array:
     return events
 
 
-def _marionette(about: dict[str, Any], arrays: dict[str, Array]) -> Marionette:
-    puppets, meshes = texts(about["puppets"], "puppets"), []
-    for i, _ in enumerate(puppets):
-        mark = f"{_MESH}{i}:"
-        mine = [name for name in arrays if name.startswith(mark)]
-        meshes.append({name[len(mark) :]: arrays[name].tobytes() for name in mine})
+def _marionette(about: Mapping[str, Any], arrays: Mapping[str, Array]) -> Marionette:
+    puppets = texts(about["puppets"], "puppets")
+    meshes = [unpacked(f"{_MESH}{i}:", arrays) for i in range(len(puppets))]
     marionette = Marionette(PortableWorld(str(about["world"]), puppets, tuple(meshes)).world())
     table, parameters = marionette.coordinates, texts(about["parameters"], "parameters")
     if list(table.q_D + table.q_K) != about["coordinates"]:

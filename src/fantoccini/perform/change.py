@@ -1,4 +1,4 @@
-"""What stays when a puppet changes: configurations by name, brought onto strings and limits."""
+"""Carries a state over to a changed puppet: values by name, projected onto strings and limits."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fantoccini.motion import State
 
 
 def hanging(marionette: Marionette) -> State:
-    """The puppet at rest; where it has no equilibrium, its file's pose, repaired."""
+    """The puppet at rest; without an equilibrium, its file's pose, projected."""
     try:
         return marionette.rest()
     except StateError:
@@ -19,20 +19,20 @@ def hanging(marionette: Marionette) -> State:
 
 
 def check_steps(marionette: Marionette, x: State, dt: float) -> None:
-    """Raises StateError where steps of ``dt`` [s] are too long for a chain or a spring."""
+    """Raises StateError if steps of ``dt`` [s] are too long for a chain or a spring."""
     try:
         check_step(marionette.model, "timestepping", x.q_D, x.q_K, dt)
     except StateError as error:
         raise StateError(
-            f"{error}. A performance takes no other method, and `fantoccini show` no other dt: "
-            "there change the pieces, leave out the string's `chain`, or soften the spring"
+            f"{error}. A performance has no other method, and `fantoccini show` no other dt: "
+            "change the pieces, leave out the string's `chain`, or soften the spring"
         ) from None
 
 
 def carried(
     before: Marionette, x: State, after: Marionette, start: State
 ) -> tuple[State, tuple[str, ...]]:
-    """The state of a changed puppet in which everything that kept its name is where it was.
+    """The state of a changed puppet in which coordinates that keep their names keep their values.
 
     The hands are at rest.
 
@@ -40,10 +40,10 @@ def carried(
         before: the puppet.
         x: its state.
         after: the changed puppet.
-        start: a state of it; what is new is as there.
+        start: a state of it, for the coordinates that are new.
 
     Returns:
-        The state, which strings and limits may forbid, and what could not be kept, in words.
+        The state, which strings and limits may forbid, and messages about what could not be kept.
     """
     old, new = before.coordinates, after.coordinates
     q = dict(zip(old.q_D + old.q_K, np.concatenate([x.q_D, x.q_K]), strict=True))
@@ -66,12 +66,12 @@ def carried(
 
 
 def permitted(marionette: Marionette, x: State) -> State:
-    """A state near ``x`` that strings and limits permit; ``x`` where there is none.
+    """A state near ``x`` that strings and limits permit; ``x`` itself if there is none.
 
-    Where the puppet cannot come within its strings, their winches have slipped.
+    If the puppet cannot come within its strings, their winches slip.
 
     Args:
-        marionette: on winches that slip.
+        marionette: with winches that slip.
         x: the state.
     """
     try:

@@ -1,4 +1,4 @@
-"""Handles: what a hand can hold, and how a place in the world becomes driven coordinates."""
+"""Handles: what a hand can hold, and the driven coordinates for a place in the world."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from fantoccini.tree import WORLD, Link
 Place = tuple[Vec3, Quaternion]
 """Position (3,) [m] and orientation (4,) as w, x, y, z in the world."""
 
-FARTHEST = 1e6
-"""Farthest that a handle is wanted from the origin of its joint, by coordinate [m]."""
+_MAX_DISTANCE = 1e6
+"""Largest coordinate of a target, from the origin of the handle's joint [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Handle:
-    """Something that a hand can hold.
+    """A driven string end, or a body on a driven joint, that a hand can hold.
 
     Attributes:
-        name: of the string whose end it is, or of the body.
+        name: of the string or of the body.
         kind: ``end``, a string's end that is driven in place; ``body``, a body on a driven joint.
         joint: fixed, revolute, prismatic, translation, ball or free.
-        axes: (k, 3) directions in the world along which it can be moved, k from 0 to 3; of a joint
-            whose parent moves, those at the start.
-        turns: (k, 3) directions about which it can be turned, likewise.
+        axes: (k, 3) directions in the world along which it moves, k from 0 to 3; those at the start
+            if the joint's parent moves.
+        turns: (k, 3) directions about which it turns, likewise.
         coordinates: names of its driven coordinates, as in q_K.
         link: index of its link.
         q, v: places of its coordinates in q_K and v_K.
@@ -49,12 +49,12 @@ class Handle:
 
     @property
     def moves(self) -> slice:
-        """Places in v_K of the coordinates that move it along its axes."""
+        """Places in v_K of its translations."""
         return slice(self.v.start, self.v.start + len(self.axes))
 
     @property
     def rotates(self) -> slice:
-        """Places in v_K of the coordinates that turn it."""
+        """Places in v_K of its rotations."""
         return slice(self.v.stop - len(self.turns), self.v.stop)
 
 
@@ -79,7 +79,7 @@ def handles_of(marionette: Marionette, poses: Array) -> tuple[Handle, ...]:
             "ball": (none, free),
             "free": (free, free),
         }[link.kind]
-        # The end of a string that is driven in place: no body has a dot in its name.
+        # Names of bodies have no dots: this is a driven string end.
         end = link.name.endswith(".end")
         found.append(
             Handle(
@@ -107,13 +107,13 @@ def frame(marionette: Marionette, link: Link, poses: Array) -> tuple[Array, Vec3
 
 
 def place_of(marionette: Marionette, handle: Handle, q_K: ConfigK, poses: Array) -> Place:
-    """Where a handle is when its coordinates are those of ``q_K``.
+    """The place of a handle at a driven configuration.
 
     Args:
         marionette: the puppet.
         handle: one of its handles.
         q_K: (n_qK,) driven configuration.
-        poses: (n_links, 3, 4) of the links; only a parent that is a link is looked at.
+        poses: (n_links, 3, 4) of the links; may be empty for a joint in the world.
     """
     link = marionette.tree.links[handle.link]
     R, r = frame(marionette, link, poses)
@@ -139,18 +139,18 @@ def wanted(
     position: Vec3 | None,
     wxyz: Quaternion | None,
 ) -> Array:
-    """Coordinates that bring a handle as near to a place as its joint lets it come.
+    """Coordinates that bring a handle as near to a place as its joint allows.
 
     Args:
         marionette: the puppet.
         handle: one of its handles.
-        q: (n,) coordinates that are wanted now; what is not given stays.
+        q: (n,) present target; parts that are not given stay.
         poses: (n_links, 3, 4) of the links.
-        position: (3,) [m]; it stays when not given.
-        wxyz: (4,) orientation; likewise.
+        position: (3,) [m], or None.
+        wxyz: (4,) orientation, or None.
 
     Raises:
-        StateError: what is given is no place.
+        StateError: a position or orientation that is none.
     """
     link = marionette.tree.links[handle.link]
     R, r = frame(marionette, link, poses)
@@ -158,7 +158,7 @@ def wanted(
     if position is not None and len(handle.axes):
         local = R.T @ (_three(handle, position) - r)
         straight = local if link.kind == "free" else link.axes.T @ local
-        q[: len(handle.axes)] = np.clip(straight, -FARTHEST, FARTHEST)
+        q[: len(handle.axes)] = np.clip(straight, -_MAX_DISTANCE, _MAX_DISTANCE)
     if wxyz is not None and len(handle.turns):
         turn = rotation.multiply(rotation.conjugate(quaternion(R)), _turn(handle, wxyz))
         if link.kind == "revolute":
@@ -172,21 +172,21 @@ def wanted(
 def quaternion(R: Array) -> Quaternion:
     """(4,) w, x, y, z of a rotation matrix (3, 3), from the largest of 4 w^2, 4 x^2, ..."""
     (a, b, c), (d, e, f), (g, h, i) = R.tolist()
-    rows = (
+    columns = (
         (1.0 + a + e + i, h - f, c - g, d - b),
         (h - f, 1.0 + a - e - i, b + d, c + g),
         (c - g, b + d, 1.0 - a + e - i, f + h),
         (d - b, c + g, f + h, 1.0 - a - e + i),
     )
-    best = max(range(4), key=lambda k: rows[k][k])
-    return rotation.normalised(np.array(rows[best]))
+    best = max(range(4), key=lambda k: columns[k][k])
+    return rotation.normalised(np.array(columns[best]))
 
 
 def _three(handle: Handle, position: ArrayLike) -> Vec3:
     found = np.asarray(position, dtype=float)
     if found.shape != (3,) or not np.all(np.isfinite(found)):
         raise StateError(f"{handle.name}: found {position!r}; a position is three finite numbers")
-    return np.clip(found, -FARTHEST, FARTHEST)
+    return np.clip(found, -_MAX_DISTANCE, _MAX_DISTANCE)
 
 
 def _turn(handle: Handle, wxyz: ArrayLike) -> Quaternion:

@@ -1,8 +1,9 @@
-"""Hands: the driven coordinates of a puppet, which of them move together, where they are wanted."""
+"""Hands: groups of driven coordinates that move together, their bounds and motion to targets."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,14 +15,21 @@ from fantoccini.perform import reach
 from fantoccini.perform.handle import Handle, handles_of
 from fantoccini.tree import ChainRow
 
-ARM = 0.4
-"""Distance from a handle at which the bounds of its turning are those of its moving [m]."""
-SHORTEST = 0.01
-"""Shortest length that a string is wound to [m]."""
-_SHORT, _LONG = 0.1, 2.0
-"""Range of a driven length, relative to the one at the start."""
-_TRIED = 20
-"""Lengths that a chain's range may begin at."""
+
+class Limits(NamedTuple):
+    """Bounds of hands."""
+
+    arm: float = 0.4
+    """Distance from the axis [m] at which a rotation is bounded as a translation is."""
+    min_length: float = 0.01
+    """Shortest length of a driven string [m]."""
+    relative_range: tuple[float, float] = (0.1, 2.0)
+    """Range of a driven length, relative to the one at the start."""
+    chain_lengths: int = 20
+    """Number of lengths that are tried as the shortest of a chain."""
+
+
+LIMITS = Limits()
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +77,7 @@ class Hands:
         winch = _winches(marionette)
         ranges = {name: lengths[name] for name in winch}
         groups = [(h.name, h.moves, 1.0) for h in handles if len(h.axes)]
-        groups += [(h.name, h.rotates, 1.0 / ARM) for h in handles if len(h.turns)]
+        groups += [(h.name, h.rotates, 1.0 / LIMITS.arm) for h in handles if len(h.turns)]
         groups += [(name, slice(v, v + 1), 1.0) for name, (_, v) in winch.items()]
         group = np.zeros(len(x.v_K), dtype=np.intp)
         for i, (_, place, _) in enumerate(groups):
@@ -86,7 +94,7 @@ class Hands:
     ) -> dict[str, tuple[float, float]]:
         """String with a driven length -> the range about its length at a state [m].
 
-        A chain is not wound so short that steps of ``dt`` [s] are too long for it.
+        A chain stays long enough for steps of ``dt`` [s].
         """
         ranges = {name: _range(float(x.q_K[q])) for name, (q, _) in _winches(marionette).items()}
         for chain in marionette.tree.chains:
@@ -96,17 +104,16 @@ class Hands:
         return ranges
 
     def handle(self, name: str) -> Handle:
-        """A handle by its name."""
+        """The handle of that name."""
         for handle in self.handles:
             if handle.name == name:
                 return handle
         raise UnknownNameError("handle", name, [h.name for h in self.handles])
 
     def carriers(self, handle: Handle) -> tuple[Handle, ...]:
-        """The parts of a handle's joint that carry its link, where drives move some of its axes.
+        """The handles of a joint's other parts, if drives move the joint in part.
 
-        The joint is taken apart then, and every part is a handle as well: ``bar.carriage1``. None
-        carry a part.
+        Each part is a handle of its own, ``bar.carriage1``; a part has no carriers.
         """
         links = self.marionette.tree.links
         if ".carriage" in handle.name:
@@ -132,7 +139,7 @@ class Hands:
         return away
 
     def wanted_velocity(self, x: State, wanted: ConfigK, tick: float) -> VecK:
-        """(n_vK,) velocities with which to leave the next tick; see ``reach``."""
+        """(n_vK,) wanted velocities after the next tick; see ``reach``."""
         return reach.wanted_velocity(
             self.away(x.q_K, wanted), x.v_K, tick, self.group, self.speed, self.acceleration
         )
@@ -157,10 +164,11 @@ def _winches(marionette: Marionette) -> dict[str, tuple[int, int]]:
 def _shortest(
     marionette: Marionette, chain: ChainRow, x: State, low: float, dt: float
 ) -> float:
-    """The shortest of a few lengths from ``low`` [m] on at which a chain takes steps of dt [s]."""
+    """The shortest of a few lengths from ``low`` [m] on that permits steps of dt [s]."""
+    assert chain.length_index is not None  # its length is driven, or wound by a drive
     q, own = (x.q_K, x.q_D)[chain.driven_length is None].copy(), chain.length_index[0]
     now = float(q[own])
-    for length in np.geomspace(min(low, now), now, _TRIED)[:-1]:
+    for length in np.geomspace(min(low, now), now, LIMITS.chain_lengths)[:-1]:
         q[own] = length
         where = (x.q_D, q) if chain.driven_length else (q, x.q_K)
         try:
@@ -172,4 +180,5 @@ def _shortest(
 
 
 def _range(length: float) -> tuple[float, float]:
-    return max(SHORTEST, _SHORT * length), max(2.0 * SHORTEST, _LONG * length)
+    short, long = (factor * length for factor in LIMITS.relative_range)
+    return max(LIMITS.min_length, short), max(2.0 * LIMITS.min_length, long)

@@ -1,4 +1,4 @@
-"""Performance: a puppet that is alive, and the hands that hold it."""
+"""Performance: a live puppet and the hands that hold it."""
 
 from __future__ import annotations
 
@@ -13,21 +13,22 @@ from fantoccini.errors import StateError, Status
 from fantoccini.marionette import Marionette, Stepper, check_start
 from fantoccini.motion import State
 from fantoccini.perform import change
-from fantoccini.perform.grip import GRIP, Holding, gripped
+from fantoccini.perform.grip import TOLERANCES, Holding, gripped
 from fantoccini.perform.handle import Handle, Place, place_of, wanted
 from fantoccini.perform.hands import Hands
 from fantoccini.perform.recording import Recorder, Recording
 from fantoccini.tree import WORLD
 
 SPEED = 1.5
-"""Bound on the speed of handles and winches [m/s]."""
+"""Default bound on the speed of handles and winches [m/s]: a brisk hand."""
 ACCELERATION = 10.0
-"""Bound on their acceleration [m/s^2]."""
+"""Default bound on their acceleration [m/s^2]: about that of gravity."""
 STEP = 0.0005
-"""Longest step of the time-stepper [s]; with twice as long ones a limb that is thrown about until
-it whirls at 100 rad/s gains energy from nowhere."""
-_SHOWN = 1.0
-"""How long a hand that was stopped is told of [s]."""
+"""Default time step [s]; with twice as much, a limb that whirls at 100 rad/s gains energy."""
+_REPORT_TIME = 1.0
+"""Time for which a stopped hand or a weak motor is reported [s]."""
+_ROUNDED_TICKS = 1e-6
+"""Part of a tick that a duration may miss by rounding and still complete the tick."""
 
 
 class Performance:
@@ -36,24 +37,24 @@ class Performance:
     The hands follow their targets in the least time that bounded speed and acceleration allow
     (``perform/reach.py``); the driven velocities are continuous. No string pulls harder than
     ``grip``: a hand that pulls where the puppet cannot follow slips and is held back
-    (``perform/grip.py``). Nothing that is asked for makes it raise, explode or start anew. Targets
-    may be set in other threads while it advances.
+    (``perform/grip.py``). No target makes it raise, explode or start anew. Other threads may set
+    targets while it advances.
 
     Attributes:
-        marionette: the puppet as it was given; ``performed`` has the winches in force.
+        marionette: the puppet as given; ``performed`` has the winches in use.
         handles: what can be held.
         lengths: string with a driven length -> shortest and longest [m].
-        tick: the hands' accelerations are constant over it [s].
-        dt: step of the time-stepper, a whole part of a tick [s].
+        tick: time over which the hands' accelerations are constant [s].
+        dt: time step, a whole part of a tick [s].
         grip: largest tension of a string [N].
 
     Args:
         marionette: the puppet.
-        x0: where it starts; hanging at rest when not given.
-        dt: longest step of the time-stepper [s].
+        x0: the start state; hanging at rest when not given.
+        dt: longest time step [s].
         tick: [s].
-        speed: bound on the speed of handles and winches [m/s]; what turns, turns as fast as it
-            moves 0.4 m off its axis.
+        speed: bound on the speed of handles and winches [m/s]; a rotation is as fast
+            as the motion 0.4 m off its axis.
         acceleration: bound on their acceleration [m/s^2], likewise.
         grip: [N]; 20 times the puppet's weight when not given.
 
@@ -78,15 +79,15 @@ class Performance:
             if value is not None and not (np.isfinite(value) and value > 0):
                 raise ValueError(f"{name} is {value}; it must be positive")
         self._lock = RLock()
-        self._speed, self._acceleration, self._asked_grip = speed, acceleration, grip
+        self._speed, self._acceleration, self._given_grip = speed, acceleration, grip
         self.tick = float(tick)
         self._steps = max(1, int(np.ceil(tick / dt - 1e-9)))
         self.dt = self.tick / self._steps
         self._recorder: Recorder | None = None
         self._ended: tuple[Recording | None, str] | None = None
         self._stopped: tuple[float, str] | None = None
-        self._owed = 0.0
-        self._weak: dict[str, float] = {}  # what too weak a motor moves -> when it gave way [s]
+        self._remainder = 0.0
+        self._weak: dict[str, float] = {}  # name of a drive -> when its motor last was too weak [s]
         if x0 is None:
             x0 = change.hanging(marionette)
         check_start(marionette.model, x0, "timestepping")
@@ -97,7 +98,7 @@ class Performance:
     def __repr__(self) -> str:
         return f"<Performance of {self.marionette.name} at {self.t:.3f} s>"
 
-    # -- what there is -----------------------------------------------------------------------
+    # -- state ------------------------------------------------------------------------------
 
     @property
     def handles(self) -> tuple[Handle, ...]:
@@ -111,7 +112,7 @@ class Performance:
 
     @property
     def state(self) -> State:
-        """Where the puppet is."""
+        """The present state, with the time of the performance."""
         with self._lock:
             return self._stepper.state.replace(t=self.t)
 
@@ -129,37 +130,37 @@ class Performance:
 
     @property
     def slip(self) -> Array:
-        """(n_strings,) by how much winches have let out [m]."""
+        """(n_strings,) lengths let out by slipping winches [m]."""
         with self._lock:
             return np.array(self._stepper.state.slip)
 
     @property
     def performed(self) -> Marionette:
-        """The puppet with the winches in force."""
+        """The puppet with the winches in use."""
         return Marionette(self._stepper.model)
 
     @property
     def lagging(self) -> dict[str, str]:
-        """Names of handles and strings that cannot do what is asked of them, and why."""
+        """Handles and strings that cannot follow their targets, and why."""
         with self._lock:
-            found = self._holding.said(self.slip)
-            if self._stopped and self.t - self._stopped[0] < _SHOWN:
+            found = self._holding.messages(self.slip)
+            if self._stopped and self.t - self._stopped[0] < _REPORT_TIME:
                 for name in dict.fromkeys(self._hands.names):
                     found.setdefault(name, []).append(f"hand was stopped: {self._stopped[1]}")
             for name, t in self._weak.items():
-                if self.t - t < _SHOWN:
+                if self.t - t < _REPORT_TIME:
                     found.setdefault(name, []).append("its motor is too weak for this")
             return {name: "; ".join(texts) for name, texts in found.items()}
 
     # -- hands -------------------------------------------------------------------------------
 
     def place(self, name: str) -> Place:
-        """Where a handle is: position (3,) [m] and orientation (w, x, y, z) in the world."""
+        """A handle's position (3,) [m] and orientation (w, x, y, z) in the world."""
         with self._lock:
             return self._place(self._hands.handle(name), self._x.q_K)
 
     def target(self, name: str) -> Place:
-        """Where a handle is wanted, as :meth:`place`."""
+        """A handle's target, as :meth:`place`."""
         with self._lock:
             handle = self._hands.handle(name)
             r, wxyz = self._place(handle, self._wanted)
@@ -170,20 +171,20 @@ class Performance:
             return r, wxyz
 
     def move(self, name: str, position: Vec3 | None = None, wxyz: Quaternion | None = None) -> None:
-        """Wants a handle somewhere else. What its joint cannot reach is projected away.
+        """Sets the target of a handle; parts that its joint cannot reach are projected away.
 
-        A joint of which drives move only some axes moves as a whole, by the handle of its body or
-        its string's end; ``bar.carriage1`` and so on are handles of its parts. A handle on a body
-        that moves goes on wanting the same place on its body.
+        A joint that drives move in part moves as a whole by the handle of its body or string end;
+        ``bar.carriage1`` and so on are handles of its parts. A target on a moving body moves with
+        the body.
 
         Args:
             name: of the handle.
-            position: (3,) in the world [m]; as it is when not given.
+            position: (3,) in the world [m]; unchanged when not given.
             wxyz: (4,) orientation in the world; likewise.
 
         Raises:
             UnknownNameError: no handle is called that.
-            StateError: what is given is no place.
+            StateError: a position or orientation that is none.
         """
         with self._lock:
             handle, found = self._hands.handle(name), []
@@ -194,7 +195,7 @@ class Performance:
                 self._wanted[q] = there
 
     def wind(self, string: str, length: float) -> None:
-        """Wants a driven string at a length [m], at the nearest one in its range.
+        """Sets the target length of a driven string [m], clipped to its range.
 
         Raises:
             UnknownNameError: no string with a driven length is called that.
@@ -207,43 +208,43 @@ class Performance:
             self._wanted[place] = np.clip(length, *self._hands.lengths[string])
 
     def length(self, string: str) -> float:
-        """The length that a driven string has now [m]."""
+        """The present length of a driven string [m]."""
         with self._lock:
             return float(self._x.q_K[self._hands.length_place(string)])
 
     def wanted_length(self, string: str) -> float:
-        """The length that a driven string is wanted at [m]."""
+        """The target length of a driven string [m]."""
         with self._lock:
             return float(self._wanted[self._hands.length_place(string)])
 
     def hold(self) -> None:
-        """Wants every hand where it is: whatever moves stops."""
+        """Stops all hands: sets their targets to where they are."""
         with self._lock:
             self._wanted = np.array(self._x.q_K)
 
     # -- time --------------------------------------------------------------------------------
 
     def advance(self, duration: float) -> State:
-        """Goes on by the whole ticks in ``duration`` [s]; what is left counts the next time."""
+        """Advances by the whole ticks in ``duration`` [s]; the remainder counts the next time."""
         if not (np.isfinite(duration) and duration >= 0):
             raise ValueError(f"duration is {duration}; it must be 0 or more")
-        self._owed += duration / self.tick
-        n = int(np.floor(self._owed + 1e-6))
-        self._owed -= n
+        self._remainder += duration / self.tick
+        n = int(np.floor(self._remainder + _ROUNDED_TICKS))
+        self._remainder -= n
         for _ in range(n):
             self._tick()
         return self.state
 
     def step(self) -> State:
-        """Goes on by one tick."""
+        """Advances by one tick."""
         self._tick()
         return self.state
 
     def reset(self) -> None:
-        """Back to the start, with the hands there and at rest."""
+        """Returns to the start, with the hands there and at rest."""
         with self._lock:
             self._end_recording("the puppet was set back to its start")
-            self._stopped, self._owed = None, 0.0
+            self._stopped, self._remainder = None, 0.0
             if self._x0 is None:
                 self._x0 = change.hanging(self.marionette)
             self._take(self.marionette, self._x0)
@@ -251,33 +252,33 @@ class Performance:
     # -- another puppet ----------------------------------------------------------------------
 
     def set_parameters(self, values: Mapping[str, float]) -> tuple[str, ...]:
-        """Goes on from here with other values of the puppet's parameters.
+        """Continues with other values of the puppet's parameters.
 
         Returns:
-            What could not be kept, in words.
+            Messages about what could not be kept.
 
         Raises:
             UnknownNameError, StateError, PuppetError: a value that the puppet cannot have; nothing
-                has changed then.
+                changes then.
         """
         marionette = self.marionette.with_parameters(values)
         with self._lock:
             lost = self._replace(marionette, self.state, "parameters were changed")
-            self._x0 = None  # found when it is asked for
+            self._x0 = None  # computed by reset
         return lost
 
     def replace(self, marionette: Marionette) -> tuple[str, ...]:
-        """Goes on from here with a changed puppet; what has kept its name stays where it is.
+        """Continues with a changed puppet; coordinates that keep their names keep their values.
 
         Args:
             marionette: the puppet from now on.
 
         Returns:
-            What could not be kept, in words.
+            Messages about what could not be kept.
 
         Raises:
             BuildError, PuppetError, StateError: it cannot be compiled, or the steps are too long
-                for its chains; nothing has changed then.
+                for its chains; nothing changes then.
         """
         marionette.compile()
         start = change.hanging(marionette)
@@ -306,7 +307,7 @@ class Performance:
         return self._recorder is not None
 
     def record(self) -> None:
-        """Records from now on; what was recorded before and not asked for is dropped."""
+        """Starts a recording; drops an earlier one that :meth:`stop` has not returned."""
         with self._lock:
             x = change.permitted(self.performed, self._x.replace(t=0.0))
             self._restart(x)
@@ -314,10 +315,10 @@ class Performance:
             self._ended = None
 
     def stop(self) -> Recording:
-        """Ends the recording; one that has ended by itself is given all the same.
+        """Ends and returns the recording, also if it has ended by itself.
 
         Raises:
-            StateError: there is none.
+            StateError: nothing was recorded.
         """
         with self._lock:
             if self._recorder is not None and not len(self._recorder):
@@ -339,13 +340,13 @@ class Performance:
         return place_of(self.marionette, handle, q_K, self._poses(handle))
 
     def _poses(self, handle: Handle) -> Array:
-        """(n_links, 3, 4) of the links; nothing where the handle's joint is fixed in the world."""
+        """(n_links, 3, 4) of the links; empty if the handle's joint is fixed in the world."""
         if self.marionette.tree.links[handle.link].parent == WORLD:
             return np.zeros((0, 3, 4))
         return self.marionette.poses(self._x.q_D, self._x.q_K)
 
     def _grip_of(self, marionette: Marionette) -> float:
-        return self._asked_grip or GRIP * (marionette.weight or 1.0)
+        return self._given_grip or TOLERANCES.max_tension * (marionette.weight or 1.0)
 
     def _take(
         self,
@@ -353,12 +354,12 @@ class Performance:
         x: State,
         lengths: dict[str, tuple[float, float]] | None = None,
     ) -> None:
-        """Goes on from a state of a puppet, with the hands wanted where they are.
+        """Continues from a state of a puppet, with targets where the hands are.
 
         Args:
             marionette: the puppet.
             x: the state.
-            lengths: string -> its range [m]; about those of the state when not given.
+            lengths: string -> its range [m]; by default about the lengths of the state.
         """
         self.marionette = marionette
         self._weak.clear()
@@ -373,14 +374,14 @@ class Performance:
         self._restart(x.replace(t=0.0), keep=False)
 
     def _restart(self, x: State, keep: bool = True) -> None:
-        """A new stepper from a state whose time is 0 [s]; time goes on."""
+        """Makes a stepper from a state with t = 0; the time of the performance goes on."""
         if keep:
             self._since = self.t
         options = self._performed.model.run_options(dt=self.dt, save_every=self._steps)
         self._stepper = Stepper(self._performed.model, x, "timestepping", options)
 
     def _tick(self) -> None:
-        """One tick; where the stepper cannot go on, the hands stop and it starts anew."""
+        """Advances by a tick; if the stepper fails, stops the hands and starts a new one."""
         with self._lock:
             x, stepper = self._x, self._stepper
             velocity = self._hands.wanted_velocity(x, self._wanted, self.tick)
@@ -395,14 +396,14 @@ class Performance:
             self._stop_hands(stepper.status)
 
     def _note_weak_motors(self) -> None:
-        """Keeps in mind which drives the last tick was too much for."""
+        """Notes the drives whose motors the last tick overloaded."""
         tree = self.marionette.tree
         for index in self._stepper.events[:, EVENT_AT["row"]].astype(int) - tree.n_rows:
             if index >= 0:
                 self._weak[tree.watched[index].name.rsplit(".", 1)[0]] = self.t
 
     def _stop_hands(self, status: Status) -> None:
-        """Goes on from the last accepted state with the hands at rest."""
+        """Continues from the last accepted state with the hands at rest."""
         self._stopped = (self.t, status.message)
         self._end_recording(f"the hands were stopped: {status.message}")
         still = self._x.replace(v_K=np.zeros_like(self._x.v_K))
@@ -411,7 +412,7 @@ class Performance:
             self._stepper.advance(self.tick, throw=False)
             if self._stepper.arrived:
                 return
-        # Not even that: it stays as it is.
+        # Not even that works: the puppet stays where it is.
         self._restart(still.replace(t=0.0, v_D=0.0 * still.v_D))
         self._since += self.tick
 

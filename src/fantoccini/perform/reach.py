@@ -1,9 +1,9 @@
-"""How a hand goes where it is wanted: in the least time that bounded speed and acceleration allow.
+"""Moves a hand to its target in the least time that bounded speed and acceleration allow.
 
-Time goes in ticks of T seconds, and the acceleration is constant over each. From a hand that is d
-away and has the velocity v, what is left after the next tick is d - (v + v') T/2, with v' the
-velocity then. From there it can just brake, and comes to rest exactly at its target, when v' lies
-on the polygon through
+Time goes in ticks of T seconds, and the acceleration is constant over each. For a hand at the
+distance d from its target with the velocity v, the distance after the next tick is
+d - (v + v') T/2, with v' the velocity then. From there it can just brake, and comes to rest exactly
+at its target, when v' lies on the polygon through
 
   d_k = k^2 a T^2/2,   v_k = k a T,   k = 0, 1, 2, ...
 
@@ -22,20 +22,20 @@ import numpy as np
 
 from fantoccini.arrays import Array, Indices, VecK
 
-_NONE = 1e-300
-"""Length of a vector that has no direction; keeps a quotient finite."""
+_MIN_LENGTH = 1e-300
+"""Divisor for vectors of length 0 [m or rad, per s or s^2]; keeps quotients finite."""
 
 
 def wanted_velocity(
     away: VecK, v: VecK, tick: float, group: Indices, speed: Array, acceleration: Array
 ) -> VecK:
-    """v', the velocities with which hands should leave the next tick; their change is not bounded.
+    """v', the wanted velocities at the end of the next tick; their change is not bounded.
 
     Args:
-        away: (n,) from where the hands are to where they are wanted [m or rad].
+        away: (n,) from the hands to their targets [m or rad].
         v: (n,) present velocities [m/s or rad/s].
         tick: T [s].
-        group: (n,) which coordinates move together: the number of their group.
+        group: (n,) number of the group of coordinates that move together.
         speed, acceleration: (n_groups,) bounds [m/s, m/s^2 or rad/s, rad/s^2].
 
     Returns:
@@ -45,7 +45,7 @@ def wanted_velocity(
     size = lengths(c, group, len(speed))
     k = np.floor(0.5 * (np.sqrt(1.0 + (8.0 / (tick * tick)) * size / acceleration) - 1.0))
     fast = (0.5 * tick) * k * acceleration + size / ((k + 1.0) * tick)
-    return c * (np.minimum(fast, speed) / np.maximum(size, _NONE))[group]
+    return c * (np.minimum(fast, speed) / np.maximum(size, _MIN_LENGTH))[group]
 
 
 def bounded_acceleration(
@@ -59,7 +59,7 @@ def bounded_acceleration(
     """
     change = (wanted - v) / tick
     size = lengths(change, group, len(acceleration))
-    return change * np.minimum(1.0, acceleration / np.maximum(size, _NONE))[group]
+    return change * np.minimum(1.0, acceleration / np.maximum(size, _MIN_LENGTH))[group]
 
 
 def lengths(x: Array, group: Indices, n: int) -> Array:

@@ -1,4 +1,4 @@
-"""Recordings: what the hands did, tick by tick, and what became of it."""
+"""Recordings: the motion of the hands, tick by tick, and the trajectory."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fantoccini.arrays import Array, Times, frozen
 from fantoccini.errors import Status
 from fantoccini.marionette import Marionette, MethodName, Stepper
 from fantoccini.motion import Input, State, Trajectory
-from fantoccini.motion.npz import understanding
+from fantoccini.motion.npz import opened
 from fantoccini.perform import archive, change
 from fantoccini.perform.archive import Written
 from fantoccini.perform.smoothing import smoothed
@@ -26,20 +26,20 @@ METHOD: MethodName = "timestepping"
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A performance that can be had again, to the last bit.
+    """A performance that can be repeated to the last bit.
 
     The hands' accelerations over n ticks of ``tick`` seconds from a start state. ``trajectory`` is
-    what was recorded; of an edited recording, what its inputs give.
+    the recorded one; an edited recording simulates it.
 
     Attributes:
-        marionette: the puppet on the winches of the performance.
-        start: where it began, at t = 0.
+        marionette: the puppet with the winches of the performance.
+        start: the start state, at t = 0.
         acc_K: (n, n_vK) accelerations of the driven coordinates, constant over each tick
-            [m/s^2 or rad/s^2]; of a rotation those of its rotation vector.
-        tick: [s].
-        steps: of the time-stepper in a tick.
-        ended: why it ended by itself; empty where somebody stopped it.
-        written: what was recorded; None where it must be simulated.
+            [m/s^2 or rad/s^2]; for a rotation, of its rotation vector.
+        tick: duration of a tick [s].
+        steps: time steps in a tick.
+        ended: reason why it ended by itself; empty if the user stopped it.
+        written: the recorded output; None if it must be simulated.
     """
 
     marionette: Marionette
@@ -56,7 +56,7 @@ class Recording:
         if self.acc_K.shape != shape or not len(self.acc_K):
             raise ValueError(f"acc_K has the shape {self.acc_K.shape}; it must be (n, {shape[1]})")
         if not np.isfinite(self.acc_K).all():
-            raise ValueError("acc_K holds what is no finite number")
+            raise ValueError("acc_K holds a number that is not finite")
         if not (np.isfinite(self.tick) and self.tick > 0 and self.steps >= 1):
             raise ValueError(f"found {self.steps} steps in ticks of {self.tick} s")
 
@@ -69,7 +69,7 @@ class Recording:
 
     @property
     def duration(self) -> float:
-        """[s]."""
+        """Duration [s]."""
         return len(self) * self.tick
 
     @property
@@ -84,29 +84,29 @@ class Recording:
 
     @cached_property
     def inputs(self) -> Input:
-        """What the hands did, for ``simulate(recording.marionette, recording.start, ...)``."""
+        """The motion of the hands, for ``simulate(recording.marionette, recording.start, ...)``."""
         x = self.start
         return Input.segments(self.marionette, self.times, x.q_K, x.v_K, self.acc_K)
 
     @cached_property
     def trajectory(self) -> Trajectory:
-        """What was recorded, a row a tick; of an edited recording, what :meth:`replay` gives."""
+        """The recorded trajectory, one sample per tick; :meth:`replay` of an edited recording."""
         return self.replay() if self.written is None else self._of(self.written)
 
     def replay(self) -> Trajectory:
-        """Simulates it again, as it was performed: the same bits on the same machine.
+        """Simulates the performance again: the same bits on the same machine.
 
-        The status of the trajectory tells where an edited one ends early.
+        An edited recording may end early, with a status.
         """
         return self._of(self._performed())
 
     def trimmed(self, a: float, b: float) -> Recording:
         """The part from ``a`` to ``b`` seconds after the start; it begins with the state at ``a``.
 
-        It begins without what the time-stepper knew of the steps before.
+        The time-stepper starts without its memory of the steps before.
 
         Raises:
-            ValueError: they are not in order, or not inside.
+            ValueError: the times are not in order, or not inside.
         """
         if not 0.0 <= a < b <= self.duration * (1.0 + 1e-9):
             raise ValueError(
@@ -123,9 +123,9 @@ class Recording:
         return self.edited(start=start, acc_K=self.acc_K[first:last])
 
     def smoothed(self, seconds: float) -> Recording:
-        """With the hands' paths averaged over about ``seconds``; it starts and ends as before.
+        """With the hands' paths averaged over about ``seconds``; start and end stay.
 
-        The puppet follows the smoother hands, so it is simulated anew.
+        The puppet is simulated again, under the smoother hands.
         """
         return self.edited(acc_K=smoothed(self.inputs, len(self), self.tick, seconds))
 
@@ -145,7 +145,7 @@ class Recording:
         )
 
     def edited(self, **changes: Any) -> Recording:
-        """With other contents, to be simulated anew."""
+        """A copy with changed fields, to be simulated again."""
         return dataclasses.replace(self, written=None, ended="", **changes)
 
     def save(self, path: str | Path) -> None:
@@ -158,15 +158,15 @@ class Recording:
         """Reads what :meth:`save` wrote, to the same bits.
 
         Raises:
-            FileError: the file is no recording, or damaged.
+            FileError: the file is damaged or not a recording.
         """
-        with understanding(path, "a recording"):
-            return cls(**archive.load(path))
+        with opened(path, archive.FORMAT, "a recording") as (arrays, about):
+            return cls(**archive.fields_of(arrays, about))
 
     # -- inside ------------------------------------------------------------------------------
 
     def kept(self) -> Recording:
-        """Itself with what was recorded, or would be."""
+        """Itself with its output, simulated if necessary."""
         if self.written is not None:
             return self
         return dataclasses.replace(self, written=self._performed())
@@ -184,23 +184,23 @@ class Recording:
 
     def _of(self, written: Written) -> Trajectory:
         return trajectory_of_samples(
-            self.marionette, written.rows, written.events, written.status, METHOD,
+            self.marionette, written.samples, written.events, written.status, METHOD,
             with_effort=True, blame=np.zeros(len(self.marionette.tree.blamable)),
         )  # fmt: skip
 
 
 class Recorder:
-    """Keeps what a stepper does, from a start on.
+    """Collects the output of a stepper, from its start.
 
     Args:
-        stepper: it has not been advanced yet.
-        tick: [s].
+        stepper: not advanced yet.
+        tick: duration of a tick [s].
     """
 
     def __init__(self, stepper: Stepper, tick: float):
         self._marionette = Marionette(stepper.model)
         self._start, self._tick = stepper.state, tick
-        self._rows, self._events = [stepper.samples[-1:]], [np.zeros((0, 5))]
+        self._samples, self._events = [stepper.samples[-1:]], [np.zeros((0, 5))]
         self._acc_K: list[Array] = []
         self._status = Status.DONE
 
@@ -208,19 +208,19 @@ class Recorder:
         return len(self._acc_K)
 
     def add(self, acc_K: Array, stepper: Stepper) -> None:
-        """A tick that the stepper has made."""
+        """Adds the stepper's last tick."""
         self._acc_K.append(acc_K)
-        self._rows.append(stepper.samples[-1:])
+        self._samples.append(stepper.samples[-1:])
         self._events.append(stepper.events)
         self._status = stepper.status
 
     def written(self, status: Status | None = None) -> Written:
-        """What was kept, and how it ended: as the last tick did when not given."""
+        """The output so far, with the status of the last tick unless given."""
         status = self._status if status is None else status
-        return Written(np.concatenate(self._rows), np.concatenate(self._events), status)
+        return Written(np.concatenate(self._samples), np.concatenate(self._events), status)
 
     def finished(self, steps: int, ended: str) -> Recording | None:
-        """The recording; None where not a tick was made."""
+        """The recording; None without a tick."""
         if not self._acc_K:
             return None
         acc_K = np.array(self._acc_K)

@@ -16,16 +16,16 @@ def smoothed(inputs: Input, n: int, tick: float, seconds: float) -> Array:
     differences, are joined by constant accelerations.
 
     Args:
-        inputs: what the hands did.
+        inputs: motion of the hands.
         n: number of ticks.
-        tick: [s].
-        seconds: to average over.
+        tick: duration of a tick [s].
+        seconds: width of the average [s].
     """
     if not (np.isfinite(seconds) and seconds > 0):
         raise ValueError(f"seconds is {seconds}; it must be positive")
     table = inputs.coordinates
     q, v, _ = inputs.evaluate(inputs.start + tick * np.arange(n + 1, dtype=float))
-    # At the very end an input is at rest: its velocity is that just before.
+    # An input is at rest from its end on; take the velocity just before.
     v[-1] = inputs.evaluate(np.nextafter(inputs.end, 0.0))[1]
     path = q.copy()
     for place, _ in table.quaternions_K:

@@ -174,7 +174,7 @@ def _run_tables(run: Trajectory) -> list[str]:
         ("method", run.method),
         ("status", run.status.message),
         ("events", events),
-        ("rows", len(run)),
+        ("samples", len(run)),
     ]
     if run.seconds is not None:
         slow = run.method == "event" and run.seconds > run.duration
