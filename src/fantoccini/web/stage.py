@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 from fantoccini.tree import WORLD
 from fantoccini.view.camera import Camera, fit, point_of_view
 from fantoccini.view.meshes import triangles
-from fantoccini.view.scene import Scene, handles
+from fantoccini.view.scene import Scene
+from fantoccini.view.shapes import handles
 from fantoccini.view.silhouettes import Solid
 from fantoccini.view.theme import Theme, mix
 from fantoccini.web.moment import Moment
