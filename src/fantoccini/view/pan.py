@@ -12,8 +12,7 @@ from fantoccini.view.scene import Scene
 class _Following(NamedTuple):
     """When and how smoothly a camera follows."""
 
-    smoothing: float = 0.6
-    """Width of the mean over the puppet's places [s]."""
+    smoothing: float = 0.6  # Width of the mean over the puppet's places [s]
     distance_ratio: float = 1.25
     """The camera follows where a fixed one would be this many times as far away."""
 

@@ -22,12 +22,10 @@ class _Tolerances(NamedTuple):
 
     straight: float = 1e-9
     """Surplus length per span below which the string is straight: the sag is invisible."""
-    vertical: float = 1e-12
-    """Width per length below which the curve's direction is arbitrary."""
+    vertical: float = 1e-12  # Width per length below which the curve's direction is arbitrary
     fold: float = 1e-9
     """Width per length that two legs of a fold keep: closer ones look like one line."""
-    newton: float = 1e-15
-    """Last step per u: rounding."""
+    newton: float = 1e-15  # Last step per u: rounding
     max_steps: int = 60
 
 

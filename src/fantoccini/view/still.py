@@ -5,8 +5,8 @@ A notebook shows a puppet when its cell ends; compiling it then would take secon
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Protocol
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -16,38 +16,12 @@ from fantoccini.puppet import Number, Parameter
 from fantoccini.tree import Tree, link_poses, place, placed
 from fantoccini.world import World
 
-
-class Lengths(Protocol):
-    """Values of a puppet's numbers, and lengths of its strings."""
-
-    @property
-    def number(self) -> Callable[[Number], float]:
-        """Gives the value of a number of the puppet's file."""
-
-    def string_lengths(self, q_D: Array, q_K: Array) -> Array:
-        """(T, n_strings) lengths [m]."""
+if TYPE_CHECKING:
+    from fantoccini.marionette import Marionette
 
 
-class Drawable(Protocol):
-    """What pictures need of a puppet; a Marionette and a :class:`Still` are."""
-
-    @property
-    def world(self) -> World:
-        """The puppets, obstacles and floor."""
-
-    @property
-    def tree(self) -> Tree:
-        """Links, strings and coordinates."""
-
-    @property
-    def model(self) -> Lengths:
-        """Numbers and lengths."""
-
-    def poses(self, q_D: Array, q_K: Array) -> Array:
-        """(T, n_links, 3, 4) link poses."""
-
-    def string_points(self, q_D: Array, q_K: Array) -> Sequence[Array]:
-        """For each string (T, n_points, 3) the points of its path [m]."""
+Drawable: TypeAlias = "Marionette | Still"
+"""What can be drawn."""
 
 
 def file_value(number: Number) -> float:
@@ -56,7 +30,7 @@ def file_value(number: Number) -> float:
 
 
 class Still:
-    """A :class:`Drawable` without a compiled model; ``number`` gives values of its numbers."""
+    """A puppet without a compiled model; ``number`` gives values of its numbers."""
 
     def __init__(self, world: World, tree: Tree, number: Callable[[Number], float] = file_value):
         self.world, self.tree, self.number = world, tree, number

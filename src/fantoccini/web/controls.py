@@ -25,8 +25,7 @@ class _Changes(NamedTuple):
 
     lag: float = 0.02
     """Distance from the target at which a handle is marked, relative to the puppet's size."""
-    position: float = 1e-6
-    """Least motion of a bead that is sent [m]."""
+    position: float = 1e-6  # Least motion of a bead that is sent [m]
     length: float = 6e-4
     """Least change of a length that moves its slider, just over half its step [m]."""
 

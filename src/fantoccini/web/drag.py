@@ -13,8 +13,7 @@ class _Following(NamedTuple):
     grazing: float = 0.15
     """Foreshortening (1 across the line of sight) below which a handle lags behind the mouse:
     without a bound, a handle on an axis that points into the picture would run away."""
-    steps: int = 8
-    """Integration steps along the mouse's path."""
+    steps: int = 8  # Integration steps along the mouse's path
 
 
 _FOLLOWING = _Following()

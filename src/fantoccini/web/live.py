@@ -38,12 +38,9 @@ class _Timing(NamedTuple):
 
     max_frame: float = 0.1
     """Simulated time per frame [s]: after a longer frame the puppet is slow instead of jumping."""
-    history: float = 10.0
-    """Length of the plot [s]."""
-    samples: float = 0.05
-    """Interval of the plot's samples [s]."""
-    refusals: float = 2.0
-    """Interval between notices to a viewer who may not move the strings [s]."""
+    history: float = 10.0  # Length of the plot [s]
+    samples: float = 0.05  # Interval of the plot's samples [s]
+    refusals: float = 2.0  # Interval between notices to a viewer who may not move the strings [s]
     pad_speed: float = 0.5
     """Speed of a handle at full deflection of a stick, in puppet sizes per second [1/s]."""
 

@@ -12,12 +12,9 @@ from fantoccini.web.server import Server
 class Refresh(NamedTuple):
     """How often a page is updated."""
 
-    rate: float = 60.0
-    """Frames per second: what browsers draw."""
-    numbers: float = 0.1
-    """Interval of numbers and plots [s]: faster ones cannot be read."""
-    marks: float = 1.0 / 15.0
-    """Interval of the marks on handles [s]."""
+    rate: float = 60.0  # Frames per second: what browsers draw
+    numbers: float = 0.1  # Interval of numbers and plots [s]: faster ones cannot be read
+    marks: float = 1.0 / 15.0  # Interval of the marks on handles [s]
 
 
 REFRESH = Refresh()

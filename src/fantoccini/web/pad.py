@@ -46,10 +46,8 @@ class _Limits(NamedTuple):
     """Deflection (of 1) below which a stick is at rest: sticks do not return to 0 exactly."""
     max_silence: float = 0.3
     """Time without a message after which sticks are at rest [s]: the tab may be closed."""
-    max_message: int = 2000
-    """Length of a message [characters]; longer ones are not from our script."""
-    max_count: int = 16
-    """Axes, and buttons, that are read."""
+    max_message: int = 2000  # Length of a message [characters]; longer ones are not from our script
+    max_count: int = 16  # Axes, and buttons, that are read
 
 
 _LIMITS = _Limits()

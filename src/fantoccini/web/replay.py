@@ -31,16 +31,11 @@ SPEEDS = {"1/8": 0.125, "1/4": 0.25, "1/2": 0.5, "1": 1.0, "2": 2.0, "4": 4.0}
 class _Sizes(NamedTuple):
     """How much of a motion is kept and shown."""
 
-    max_rate: float = 240.0
-    """Resampled frames per second: enough for slow motion at 1/4."""
-    max_frames: int = 40_000
-    """Resampled frames: memory."""
-    plot_points: int = 240
-    """Points of a line: pixels of a plot."""
-    listed_events: int = 8
-    """Events that are listed at a time."""
-    max_marks: int = 30
-    """Marks on the slider; more are not legible."""
+    max_rate: float = 240.0  # Resampled frames per second: enough for slow motion at 1/4
+    max_frames: int = 40_000  # Resampled frames: memory
+    plot_points: int = 240  # Points of a line: pixels of a plot
+    listed_events: int = 8  # Events that are listed at a time
+    max_marks: int = 30  # Marks on the slider; more are not legible
 
 
 _SIZES = _Sizes()

@@ -22,10 +22,8 @@ if TYPE_CHECKING:
 class _Resolution(NamedTuple):
     """How finely strings are drawn."""
 
-    sag_points: int = 30
-    """Points on each segment of a slack string."""
-    colours: int = 64
-    """Colours from zero to the largest tension."""
+    sag_points: int = 30  # Points on each segment of a slack string
+    colours: int = 64  # Colours from zero to the largest tension
     stretch: float = 2e-4
     """Error of a line's length, relative to the puppet's size, at which it is sent again."""
 
