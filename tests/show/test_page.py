@@ -194,7 +194,7 @@ def test_saving_the_file_reloads_the_puppet(scene):
     scene.performance.move("line", [0.1, 0.0, 1.0])
     until(lambda: abs(scene.performance.place("line")[0][0] - 0.1) < 1e-3, "the end is there")
     scene.file.write_text(WRONG, encoding="utf-8")
-    until(lambda: "The file holds mistakes" in words(scene.browser), "mistakes are told")
+    until(lambda: "The file has errors" in words(scene.browser), "mistakes are told")
     said = words(scene.browser)
     assert "toy.yaml:8" in said and "<img src=x" in said  # as text
     assert scene.browser.execute_script("return document.querySelector('img[src=x]')") is None
@@ -202,7 +202,7 @@ def test_saving_the_file_reloads_the_puppet(scene):
     scene.file.write_text(GREEN, encoding="utf-8")
     until(lambda: like(picture(scene.browser), GREENISH) > 200, "the new puppet is seen")
     picture(scene.browser, "reloaded")
-    assert "The file holds mistakes" not in words(scene.browser)
+    assert "The file has errors" not in words(scene.browser)
     assert scene.performance.place("line")[0][0] == pytest.approx(0.1, abs=1e-3)
     assert np.isfinite(scene.performance.state.q_D).all()
 
