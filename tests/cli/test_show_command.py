@@ -163,4 +163,4 @@ def test_a_problem_file_goes_with_a_plan_only(tmp_path):
     fan.simulate(pendulum, pendulum.rest(), t_end=0.02).save(tmp_path / "run.npz")
     for file in (tmp_path / "run.npz", "arm2d"):
         said = mistake("show", file, "--problem", "arm3d_boxes", "--no-browser")
-        assert "is no plan" in said and "arm3d_boxes" in said
+        assert "is not a plan" in said and "arm3d_boxes" in said

@@ -26,7 +26,7 @@ def scene(browser, tmp_path_factory):
     """A live page that the browser looks at."""
     folder = tmp_path_factory.mktemp("page")
     page = fan.show(toy(folder), port=0, browser=False, wait=False, record_to=folder)
-    page.show.board._views._shadows.value = False  # software draws them slowly
+    page.show.panel._views._shadows.value = False  # software draws them slowly
     browser.get(page.url)
     clients = page.server.viser.get_clients
     until(lambda: clients() and like(picture(browser), RED) > 200, "the puppet is seen")
@@ -89,7 +89,7 @@ def test_a_bead_never_goes_against_the_mouse(scene, monkeypatch):
 
 def press_view(scene, name: str) -> None:
     before = np.array(scene.client.camera.position)
-    scene.live.stage.look(scene.client.camera, name)
+    scene.live.nodes.look(scene.client.camera, name)
     until(lambda: np.linalg.norm(scene.client.camera.position - before) > 0.1, "another view")
 
 
@@ -130,7 +130,7 @@ def test_strings_are_wound_without_scrolling(browser, tmp_path):
         ) as page,
         window(browser, 1280, 720),
     ):
-        page.show.stage.show_shadows(False)
+        page.show.nodes.show_shadows(False)
         page.show.pause()
         browser.get(page.url)
         n = len(page.show.performance.lengths)
@@ -149,7 +149,7 @@ def test_a_phone_shows_the_puppet_and_not_the_panel(browser, tmp_path):
         fan.show(toy(tmp_path), port=0, browser=False, wait=False, record_to=tmp_path) as page,
         window(browser, 390, 844, mobile=True),
     ):
-        page.show.stage.show_shadows(False)
+        page.show.nodes.show_shadows(False)
         page.show.pause()
         browser.get(page.url)
         bar = 'div[style*="fixed"][style*="max-height: 60%"]'

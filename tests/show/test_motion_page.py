@@ -15,9 +15,9 @@ from tests.show.toys import TOY
 
 import fantoccini as fan
 from fantoccini.view.theme import LIGHT
-from fantoccini.web.replay import Film
+from fantoccini.web.nodes import SceneNodes
+from fantoccini.web.replay import ResampledRun
 from fantoccini.web.server import Server
-from fantoccini.web.stage import Stage
 
 RED = (192, 32, 32)
 
@@ -46,7 +46,7 @@ def swing(tmp_path_factory):
 
 def test_a_replay_goes_through_the_motion(browser, swing):
     with fan.show(swing, port=0, browser=False, wait=False) as page:
-        page.show.stage.show_shadows(False)
+        page.show.nodes.show_shadows(False)
         browser.get(page.url)
         until(lambda: like(picture(browser), RED) > 200, "the puppet is seen")
         first = page.show.t
@@ -96,9 +96,9 @@ def settled(browser) -> np.ndarray:
 
 def in_step(browser, swing):
     """Bodies, strings, name of the time and numbers of an exported page are those of one time."""
-    film = Film.of(fan.loads(TOY), swing, rate=60.0)
+    motion = ResampledRun.of(fan.loads(TOY), swing, rate=60.0)
     server = Server("toy", LIGHT, port=0)
-    view = Stage(server.viser, film.scene, LIGHT).view("three-quarter")
+    view = SceneNodes(server.viser, motion.scene, LIGHT).view("three-quarter")
     server.stop()
     camera = SimpleNamespace(
         position=view.eye, look_at=view.target, up_direction=np.array([0.0, 0.0, 1.0]),
@@ -107,7 +107,7 @@ def in_step(browser, swing):
     seen = {}
     for t in (0.6, 1.3, 0.6):  # on, and back
         browser.execute_script(SCRUB, str(t))
-        stands_at(browser, t, film, swing, camera)
+        stands_at(browser, t, motion, swing, camera)
         # viser's player may stand a frame beside the time that was typed: outlines differ then, by
         # some hundred pixels. A ball that is elsewhere differs by its area, some three thousand.
         shot = settled(browser)
@@ -117,21 +117,23 @@ def in_step(browser, swing):
     assert elsewhere.sum() > 2000
 
 
-def stands_at(browser, t: float, film: Film, swing: fan.Trajectory, camera: SimpleNamespace):
+def stands_at(
+    browser, t: float, motion: ResampledRun, swing: fan.Trajectory, camera: SimpleNamespace
+):
     """Clock, tension, ball and string of an exported page are those of a time [s]."""
-    k = film.frame(t)
+    k = motion.frame(t)
     says = "return ['clock', 'readings'].map(n => document.getElementById(n).innerText)"
 
     def told() -> bool:
         clock, readings = browser.execute_script(says)
-        if clock == f"{t:.1f} s" and f"{film.scene.tension[k, 0]:.2f} N" in readings:
+        if clock == f"{t:.1f} s" and f"{motion.scene.tension[k, 0]:.2f} N" in readings:
             return True
         # A page that is busy may lose what is typed, and plays on.
         browser.execute_script(SCRUB, str(t))
         return False
 
     until(told, f"time and tension of {t} s")
-    ball, (*_, end) = swing.resample([t]).q_D[0, :3], film.scene.points[0][k]
+    ball, (*_, end) = swing.resample([t]).q_D[0, :3], motion.scene.points[0][k]
 
     def drawn() -> bool:
         pixels, rect = picture(browser, f"html-{t}"), canvas(browser)

@@ -41,7 +41,7 @@ def scene(browser, tmp_path_factory):
     folder = tmp_path_factory.mktemp("page")
     file = toy(folder)
     page = fan.show(file, port=0, browser=False, wait=False, record_to=folder)
-    page.show.board._views._shadows.value = False  # software draws them slowly
+    page.show.panel._views._shadows.value = False  # software draws them slowly
     browser.get(page.url)
     clients = page.server.viser.get_clients
     until(clients, "the page connects")
@@ -176,7 +176,7 @@ def test_a_parameter_changes_under_way(scene):
 
 def test_a_recording_is_whole_on_disk_and_replays(scene):
     press(scene.browser, "Record")
-    until(lambda: scene.live.recording, "recording")
+    until(lambda: scene.live.recorder.running, "recording")
     began = scene.performance.t
     scene.performance.move("line", [0.1, 0.05, 1.0])
     until(lambda: scene.performance.t > began + 0.6, "time")
@@ -194,7 +194,7 @@ def test_saving_the_file_reloads_the_puppet(scene):
     scene.performance.move("line", [0.1, 0.0, 1.0])
     until(lambda: abs(scene.performance.place("line")[0][0] - 0.1) < 1e-3, "the end is there")
     scene.file.write_text(WRONG, encoding="utf-8")
-    until(lambda: "The file holds mistakes" in words(scene.browser), "mistakes are told")
+    until(lambda: "The file has errors" in words(scene.browser), "mistakes are told")
     said = words(scene.browser)
     assert "toy.yaml:8" in said and "<img src=x" in said  # as text
     assert scene.browser.execute_script("return document.querySelector('img[src=x]')") is None
@@ -202,7 +202,7 @@ def test_saving_the_file_reloads_the_puppet(scene):
     scene.file.write_text(GREEN, encoding="utf-8")
     until(lambda: like(picture(scene.browser), GREENISH) > 200, "the new puppet is seen")
     picture(scene.browser, "reloaded")
-    assert "The file holds mistakes" not in words(scene.browser)
+    assert "The file has errors" not in words(scene.browser)
     assert scene.performance.place("line")[0][0] == pytest.approx(0.1, abs=1e-3)
     assert np.isfinite(scene.performance.state.q_D).all()
 
@@ -254,7 +254,7 @@ def test_a_gamepad_moves_winds_pauses_and_records(scene):
         hold(gone=False, axes=[0, 0, 0, 0])
         for button, holds in (
             (9, lambda: live.paused), (9, lambda: not live.paused),
-            (3, lambda: live.recording), (3, lambda: not live.recording),
+            (3, lambda: live.recorder.running), (3, lambda: not live.recorder.running),
         ):  # fmt: skip
             hold(down=[button])
             until(holds, f"button {button}")
@@ -305,7 +305,7 @@ def test_rings_turn_a_bar(browser, tmp_path):
     from selenium.webdriver.common.actions.action_builder import ActionBuilder
 
     page = fan.show(fan.loads(BAR), port=0, browser=False, wait=False, record_to=tmp_path)
-    page.show.stage.show_shadows(False)
+    page.show.nodes.show_shadows(False)
     with page:
         browser.get(page.url)
         performance, clients = page.show.performance, page.server.viser.get_clients

@@ -12,10 +12,9 @@ from scipy.spatial.transform import Rotation
 from tests.show.toys import toy
 
 import fantoccini as fan
-from fantoccini.web import drag, labels, pad, page, panel, replay, source, take
-from fantoccini.web.audience import holds
-from fantoccini.web.holder import Holder
-from fantoccini.web.poses import turned_to
+from fantoccini.web import drag, labels, pad, page, panel, recorder, replay, watched_file
+from fantoccini.web.holder import Holder, holder_text
+from fantoccini.web.strings import turned_to
 
 AHEAD = np.array([0.0, 1.0, 0.0])
 HOSTILE = (
@@ -111,22 +110,22 @@ def test_one_viewer_holds_the_strings_until_hands_are_off():
 
 def test_who_holds_the_strings_is_said_to_each():
     """17.14: "Viewer 5 holds the strings" was said to viewer 5."""
-    assert holds(None, 4) == "The strings are free"
-    assert holds(4, 4) == "You hold the strings"
-    assert holds(4, 3) == holds(4) == "Viewer 5 holds the strings"
-    assert holds("gamepad 1", 3) == "Gamepad 1 holds the strings"
+    assert holder_text(None, 4) == "The strings are free"
+    assert holder_text(4, 4) == "You hold the strings"
+    assert holder_text(4, 3) == holder_text(4) == "Viewer 5 holds the strings"
+    assert holder_text("gamepad 1", 3) == "Gamepad 1 holds the strings"
 
 
 @pytest.mark.parametrize("name", HOSTILE)
 def test_text_of_a_puppet_is_never_markup(name):
     shown = panel.text(name)
     assert "<" not in shown and ">" not in shown and '"' not in shown and "\u202e" not in shown
-    stage = SimpleNamespace(
+    nodes = SimpleNamespace(
         colours=SimpleNamespace(top=1.0, hexadecimal=lambda _: "#000000"),
         theme=SimpleNamespace(colour=lambda _: "#111111"), scene=SimpleNamespace(wires=(False,)),
     )  # fmt: skip
     moment = SimpleNamespace(tension=np.array([0.5]), taut=np.array([True]))
-    for html in (panel.bars([name], moment, stage), panel.note(name)):
+    for html in (panel.bars([name], moment, nodes), panel.note(name)):
         assert shown in html
         assert name == shown or name not in html
     event = SimpleNamespace(t=0.0, kind="catch", name=name, impulse=0.0)
@@ -161,18 +160,18 @@ def test_lines_are_turned_along_their_strings():
 
 def test_recordings_have_names_of_their_own(tmp_path):
     now = datetime(2026, 3, 1, 9, 5, 7)
-    first = take.free_path(tmp_path, "toy", now)
+    first = recorder.free_path(tmp_path, "toy", now)
     assert first == tmp_path / "toy-20260301-090507.npz"
     first.touch()
-    assert take.free_path(tmp_path, "toy", now) == tmp_path / "toy-20260301-090507-2.npz"
-    assert take.free_path(tmp_path, "../../etc/x y", now).parent == tmp_path
-    second = take.free_path(tmp_path, "toy", now, {tmp_path / "toy-20260301-090507-2.npz"})
+    assert recorder.free_path(tmp_path, "toy", now) == tmp_path / "toy-20260301-090507-2.npz"
+    assert recorder.free_path(tmp_path, "../../etc/x y", now).parent == tmp_path
+    second = recorder.free_path(tmp_path, "toy", now, {tmp_path / "toy-20260301-090507-2.npz"})
     assert second == tmp_path / "toy-20260301-090507-3.npz"
 
 
 def test_two_short_recordings_are_two_files(tmp_path):
     live = fan.Performance(fan.puppets.string_pendulum())
-    taken = take.Take(live, tmp_path)
+    taken = recorder.Recorder(live, tmp_path)
     for _ in range(3):
         taken.begin()
         live.advance(0.05)
@@ -184,22 +183,22 @@ def test_two_short_recordings_are_two_files(tmp_path):
 def test_what_keeps_a_recording_from_disk_is_told(tmp_path, monkeypatch):
     spare = tmp_path / "spare"
     spare.mkdir()
-    monkeypatch.setattr(take.tempfile, "gettempdir", lambda: str(spare))
+    monkeypatch.setattr(recorder.tempfile, "gettempdir", lambda: str(spare))
     live = fan.Performance(fan.puppets.string_pendulum())
-    taken = take.Take(live, tmp_path / "gone")
+    taken = recorder.Recorder(live, tmp_path / "gone")
     taken.begin()
     live.advance(0.05)
     taken.finish()
     (path,) = spare.iterdir()  # nothing is lost where its folder is gone
-    assert "there is no folder" in taken.said and f"; wrote {path} (0.1 s)" in taken.said
-    assert taken.said.count("cannot be written") == 1
+    assert "there is no folder" in taken.status and f"; wrote {path} (0.1 s)" in taken.status
+    assert taken.status.count("cannot be written") == 1
     assert fan.Recording.load(path).duration == pytest.approx(0.05)
     monkeypatch.setattr(fan.Recording, "save", lambda *_: 1 / 0)
     taken.begin()
     live.advance(0.05)
     taken.finish()
-    assert taken.said.count("cannot be written: division by zero") == 2
-    assert taken.said.endswith("the recording is lost")
+    assert taken.status.count("cannot be written: division by zero") == 2
+    assert taken.status.endswith("the recording is lost")
 
 
 def test_a_recording_is_shown_with_its_parameters_and_all_its_puppets(tmp_path):
@@ -213,7 +212,7 @@ def test_a_recording_is_shown_with_its_parameters_and_all_its_puppets(tmp_path):
     for what in (made, tmp_path / "two.npz"):
         subject = page.subject_of(what)
         assert np.array_equal(subject.marionette.p, world.p)
-        scene = replay.Film.of(subject.marionette, subject.run).scene
+        scene = replay.ResampledRun.of(subject.marionette, subject.run).scene
         assert len(scene.names) == 2
     made.trajectory.save(tmp_path / "run.npz")
     with pytest.raises(ValueError, match="several puppets and knows only arm2d"):
@@ -223,18 +222,18 @@ def test_a_recording_is_shown_with_its_parameters_and_all_its_puppets(tmp_path):
 
 
 def test_a_file_that_cannot_even_be_read_is_told_of(tmp_path, monkeypatch):
-    watched = source.Source(toy(tmp_path))
-    monkeypatch.setattr(source, "load", lambda _: 1 / 0)
+    watched = watched_file.WatchedFile(toy(tmp_path))
+    monkeypatch.setattr(watched_file, "load", lambda _: 1 / 0)
     watched._read()
-    assert watched._news.mistakes == (
-        "a fault of fantoccini itself: ZeroDivisionError: division by zero",
+    assert watched._result.mistakes == (
+        "internal error: ZeroDivisionError: division by zero",
     )
 
 
 def test_what_cannot_be_shown_is_said():
     with pytest.raises(ValueError, match="found int; what can be shown is a puppet"):
         fan.show(3)
-    with pytest.raises(ValueError, match="alive cannot be written as a file"):
+    with pytest.raises(ValueError, match="live puppet cannot be written as a file"):
         page.write(page.Subject(fan.puppets.string_pendulum()), "x.html", "light")
     with pytest.raises(fan.UnknownNameError, match="no theme is called 'green'"):
         fan.show("string_pendulum", theme="green", port=0, wait=False)

@@ -23,7 +23,7 @@ def server():
         async for message in connection:
             await connection.send(message)
 
-    found = Server(NAME, DARK, port=0, script="window.ours = 1;", visitors={"/echo": echo})
+    found = Server(NAME, DARK, port=0, script="window.ours = 1;", handlers={"/echo": echo})
     yield found
     found.stop()
 

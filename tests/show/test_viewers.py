@@ -16,7 +16,7 @@ from tests.show.viewer import Viewer
 from viser import ClientHandle
 
 import fantoccini as fan
-from fantoccini.web.gate import fits
+from fantoccini.web.viser_private import fits
 
 BEAD, RINGS = "/handles/0", "/rings/0"
 
@@ -99,7 +99,7 @@ def test_a_bead_winds_its_string_without_shift(scene):
     home = scene.performance.place("line")[0]
     with Viewer(scene.url) as one:
         one.tick("Drag winds", True)
-        until(lambda: scene.live.board.drag_winds, "the box is ticked")
+        until(lambda: scene.live.panel.drag_winds, "the box is ticked")
         length = scene.performance.wanted_length("line")
         one.drag("start", BEAD, home, home)
         one.drag("update", BEAD, home, home + 0.05 * np.eye(3)[2])
@@ -132,7 +132,7 @@ def test_what_a_viewer_has_just_chosen_is_not_overruled(tmp_path):
     scene = opened(fan.loads(ROCKER.replace("length: 0.4", "length: driven")), tmp_path)
     try:
         # The values are as viser sets them before it calls anybody back.
-        choice, slider = scene.live.board._handle, scene.live.controls._sliders["left"]
+        choice, slider = scene.live.panel._handle, scene.live.controls._sliders["left"]
         choice.value, slider.value = "rocker", 0.5
         t = scene.performance.t
         until(lambda: scene.performance.t > t + 0.5, "frames")
@@ -217,7 +217,7 @@ def test_abuse_leaves_a_puppet_a_page_and_a_whole_recording(tmp_path):
     try:
         with Viewer(scene.url) as one:
             one.press("Record")
-            until(lambda: scene.live.recording, "a recording")
+            until(lambda: scene.live.recorder.running, "a recording")
             for n, home in enumerate(homes):
                 one.drag("start", f"/handles/{n}", home, home)
             ends = {name: one.ends(name) for name in performance.lengths}
@@ -238,7 +238,7 @@ def test_abuse_leaves_a_puppet_a_page_and_a_whole_recording(tmp_path):
             one.press("Stop recording")
             path = until(lambda: next(iter(tmp_path.glob("*.npz")), None), "a file")
             assert scene.live._thread.is_alive() and finite(performance)
-            assert "fault" not in one.said
+            assert "internal error" not in one.said
             one.press("Pause")
             until(lambda: scene.live.paused, "the page still answers")
     finally:

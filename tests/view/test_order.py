@@ -5,7 +5,7 @@ import pytest
 
 from fantoccini.view.camera import Camera, Viewport, axes
 from fantoccini.view.compose import occluder
-from fantoccini.view.order import Run, painting_order
+from fantoccini.view.order import StringPiece, painting_order
 from fantoccini.view.silhouettes import box, capsule, ellipsoid, mesh, paint, shadow
 from fantoccini.view.theme import LIGHT
 
@@ -47,12 +47,12 @@ def test_a_string_is_cut_where_it_goes_behind():
     string = np.linspace((2.0, -0.3, 1.5), (-2.0, 0.3, -1.5), 61)
     items = order([ball((0, 0, 0), 0.6)], [string])
     place = items.index(0)
-    behind = [i for i in items[:place] if isinstance(i, Run)]
-    before = [i for i in items[place:] if isinstance(i, Run)]
+    behind = [i for i in items[:place] if isinstance(i, StringPiece)]
+    before = [i for i in items[place:] if isinstance(i, StringPiece)]
     assert behind and before
-    runs = sorted(behind + before, key=lambda r: r.start)
-    assert [r.start for r in runs] == [0, *(r.stop for r in runs[:-1])]
-    assert runs[-1].stop == 60
+    pieces = sorted(behind + before, key=lambda p: p.start)
+    assert [p.start for p in pieces] == [0, *(p.stop for p in pieces[:-1])]
+    assert pieces[-1].stop == 60
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -62,7 +62,7 @@ def test_everything_is_painted_once_even_in_a_tangle(seed):
     solids += [box(k, RED, rng.normal(size=3), np.diag(rng.uniform(0.1, 1.0, 3))) for k in range(4)]
     items = order(solids, rng.normal(size=(3, 20, 3)))
     assert sorted(i for i in items if isinstance(i, int)) == list(range(16))
-    pieces = [p for i in items if isinstance(i, Run) for p in range(i.start, i.stop)]
+    pieces = [p for i in items if isinstance(i, StringPiece) for p in range(i.start, i.stop)]
     assert sorted(pieces) == sorted(list(range(19)) * 3)
 
 

@@ -14,10 +14,10 @@ from fantoccini import view
 from fantoccini.puppet import loads
 from fantoccini.view.camera import Viewport
 from fantoccini.view.compose import compose
-from fantoccini.view.drawing import plain, stage_of
+from fantoccini.view.drawing import Look, layout_of, plain
 from fantoccini.view.films import Frames
 from fantoccini.view.scene import scene_at, scene_of
-from fantoccini.view.theme import DARK, LIGHT
+from fantoccini.view.theme import DARK
 from view.still_life import StillLife, bundled, swinging
 
 HOSTILE = r"$\frac{_^ \input{x} <b>&amp; 100%"
@@ -135,8 +135,8 @@ def test_size_does_not_matter(tmp_path, factor):
     for each in (1.0, factor):
         m = dangling(each)
         x = m.start()
-        scene, stage = still_stage(m, x)
-        pictures.append([p.outline for p in compose(scene, 0, stage)])
+        scene, layout = still_layout(m, x)
+        pictures.append([p.outline for p in compose(scene, 0, layout)])
         view.draw(m, x, tmp_path / "a.png", size=(200, 200), scale=1.0)
         assert busy(tmp_path / "a.png") > 0.005
     assert len(pictures[0]) == len(pictures[1])
@@ -144,9 +144,9 @@ def test_size_does_not_matter(tmp_path, factor):
         assert np.allclose(one, other, atol=0.05)
 
 
-def still_stage(m, x):
+def still_layout(m, x):
     scene = scene_at(m, x)
-    return scene, stage_of(scene, Viewport(0.0, 0.0, 300.0, 300.0), LIGHT)
+    return scene, layout_of(scene, Viewport(0.0, 0.0, 300.0, 300.0), Look.of())
 
 
 def test_the_tension_bars_texts_keep_apart():
@@ -157,8 +157,9 @@ def test_the_tension_bars_texts_keep_apart():
             run = swinging(m)
             peak = np.where(np.arange(len(run)) == 20, 1.7, 1.0)[:, None]
             tension = dataclasses.replace(run.tension, values=run.tension.values * factor * peak)
-            frames = Frames(scene_of(m, dataclasses.replace(run, tension=tension)), size, DARK)
-            boxes = [text.get_window_extent() for text in frames.axes.texts if text.get_text()]
+            scene = scene_of(m, dataclasses.replace(run, tension=tension))
+            texts = Frames(scene, Look.of(theme=DARK, size=size)).sheet.axes.texts
+            boxes = [text.get_window_extent() for text in texts if text.get_text()]
             assert all(b.x0 >= 0.0 and b.x1 <= size[0] for b in boxes)
             assert not any(a.overlaps(b) for a, b in itertools.combinations(boxes, 2))
 

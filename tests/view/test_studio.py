@@ -12,10 +12,9 @@ from matplotlib.image import imread
 
 from fantoccini import MissingLibraryError, view
 from fantoccini.view.camera import Viewport
-from fantoccini.view.drawing import stage_of
+from fantoccini.view.drawing import Look, layout_of
 from fantoccini.view.scene import scene_of
 from fantoccini.view.studio import Studio
-from fantoccini.view.theme import LIGHT
 from view.still_life import bundled, swinging
 
 SIZE = (300, 400)
@@ -54,8 +53,8 @@ def test_links_are_photographed_where_the_camera_projects_them(installed, puppet
     """The window is the sheet, the viewport a part of it that is not in the middle."""
     scene = scene_of(*puppet)
     viewport = Viewport(20.0, 70.0, 240.0, 300.0)
-    stage = stage_of(scene, viewport, LIGHT)
-    studio = Studio(scene, stage, SIZE)
+    layout = layout_of(scene, viewport, Look.of())
+    studio = Studio(scene, layout, SIZE)
     shots = [studio.photograph(k) for k in (0, 20)]
     studio.close()
     assert shots[0].shape == (*SIZE[::-1], 4)
@@ -65,7 +64,7 @@ def test_links_are_photographed_where_the_camera_projects_them(installed, puppet
         for solid in scene.solids:
             pose = scene.poses[k][solid.link]
             middle = pose[:, :3] @ solid.axis.mean(axis=0) + pose[:, 3]
-            x, y, _ = stage.camera.project(middle, viewport)
+            x, y, _ = layout.camera.project(middle, viewport)
             assert shot[int(SIZE[1] - y), int(x), 3] > 0.9, names[solid.link]
         # Nothing outside of the silhouette's rectangle.
         assert shot[: SIZE[1] - 370, :, 3].max() == 0.0 and shot[:, 261:, 3].max() == 0.0

@@ -77,8 +77,8 @@ def _serve(page: Page, request: Request) -> None:
                 page.server.open_browser()
             page.wait()
     finally:
-        if page.said and not request.quiet:
-            say(page.said)
+        if page.recording_status and not request.quiet:
+            say(page.recording_status)
 
 
 def _announce(page: Page, request: Request) -> None:

@@ -1,6 +1,6 @@
-"""Where the picture is taken from: a perspective camera that frames a whole motion.
+"""A perspective camera that frames a whole motion.
 
-Camera axes are right, up and back (towards the eye); depth is counted from the eye into the
+Camera axes are right, up and back (towards the eye); depth is the distance from the eye into the
 picture. Azimuth 0 looks at the scene from +x, azimuth 90 deg from +y; a positive elevation looks
 down on it.
 """
@@ -8,13 +8,24 @@ down on it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
 PRESETS = ("auto", "front", "side", "three-quarter")
 """Names of the points of view that :func:`point_of_view` knows."""
 
-_TURN = np.radians(32.0)
+_VIEWS = {
+    "front": (0.0, np.radians(5.0)),
+    "side": (0.5 * np.pi, np.radians(6.0)),
+    "three-quarter": (-np.radians(32.0), np.radians(9.0)),
+}
+"""Azimuth relative to the front, and elevation [rad]."""
+
+Depth = TypeVar("Depth", float, np.ndarray)
+
+FLAT = 1e-3
+"""A motion is flat where its spread across a plane is a smaller part of its size than this."""
 
 
 @dataclass(frozen=True)
@@ -31,13 +42,18 @@ class Viewport:
     width: float
     height: float
 
+    @property
+    def centre(self) -> tuple[float, float]:
+        """Its middle [px]."""
+        return self.x + 0.5 * self.width, self.y + 0.5 * self.height
+
 
 @dataclass(frozen=True)
 class Camera:
     """A pinhole camera.
 
     Attributes:
-        eye: (3,) its place [m].
+        eye: (3,) its position [m].
         axes: (3, 3) rows right, up, back.
         tangent: tangent of half the vertical opening angle.
     """
@@ -52,15 +68,14 @@ class Camera:
         seen[..., 2] *= -1.0
         return seen
 
-    def scale(self, depth, viewport: Viewport):
-        """Pixels for a metre at this depth [px/m]."""
+    def scale(self, depth: Depth, viewport: Viewport) -> Depth:
+        """Pixels per metre at a depth [px/m]."""
         return 0.5 * viewport.height / (self.tangent * depth)
 
     def place(self, seen: np.ndarray, viewport: Viewport) -> np.ndarray:
         """Pixels of points in camera axes: (..., 3) [m] -> (..., 2) [px]."""
         scale = self.scale(seen[..., 2:], viewport)
-        centre = (viewport.x + 0.5 * viewport.width, viewport.y + 0.5 * viewport.height)
-        return seen[..., :2] * scale + centre
+        return seen[..., :2] * scale + viewport.centre
 
     def project(self, points: np.ndarray, viewport: Viewport) -> np.ndarray:
         """Pixels and depth: (..., 3) world [m] -> (..., 3) [px, px, m]."""
@@ -69,13 +84,12 @@ class Camera:
 
     def rays(self, pixels: np.ndarray, viewport: Viewport) -> np.ndarray:
         """Lines of sight through pixels: (..., 2) [px] -> (..., 3), one metre deep."""
-        centre = (viewport.x + 0.5 * viewport.width, viewport.y + 0.5 * viewport.height)
-        offset = (pixels - np.array(centre)) / self.scale(1.0, viewport)
+        offset = (pixels - np.array(viewport.centre)) / self.scale(1.0, viewport)
         return offset @ self.axes[:2] - self.axes[2]
 
 
 def axes(azimuth: float, elevation: float) -> np.ndarray:
-    """Camera axes (3, 3), rows right, up, back, of a camera that looks from there [rad]."""
+    """(3, 3) rows right, up, back of a camera at this azimuth and elevation [rad]."""
     ca, sa = np.cos(azimuth), np.sin(azimuth)
     ce, se = np.cos(elevation), np.sin(elevation)
     return np.array([[-sa, ca, 0.0], [-se * ca, -se * sa, ce], [ce * ca, ce * sa, se]])
@@ -90,10 +104,10 @@ def fit(
     opening: float = np.radians(24.0),
     margin: float = 0.04,
 ) -> Camera:
-    """The nearest camera on this line of sight that has every ball in the picture.
+    """The nearest camera on a line of sight that has every ball in the picture.
 
-    A ball is in the picture when it lies on the inner side of four planes through the eye. Each is
-    linear in the eye's place, so the answer is closed.
+    A ball is in the picture when it lies on the inner side of four planes through the eye. Each
+    condition is linear in the eye's position, so the solution is closed.
 
     Args:
         points: (n, 3) centres [m].
@@ -101,7 +115,7 @@ def fit(
         azimuth, elevation: line of sight [rad].
         aspect: width over height of the picture.
         opening: vertical opening angle [rad].
-        margin: part of the picture to leave free on each side.
+        margin: share of the picture left free on each side.
     """
     rows = axes(azimuth, elevation)
     local = points @ rows.T
@@ -114,7 +128,7 @@ def fit(
         low = np.max(-local[:, k] + local[:, 2] * tan + spread)
         middles.append(0.5 * (high - low))
         distances.append(0.5 * (high + low) / tan)
-    # Never closer than a hand's breadth in front of the nearest ball.
+    # Stay in front of the nearest ball.
     nearest = np.max(local[:, 2] + radii)
     back = max(*distances, nearest + 0.05 * max(1e-3, float(np.ptp(local[:, :2])), radii.max()))
     return Camera(np.array([*middles, back]) @ rows, rows, float(tangent))
@@ -128,8 +142,8 @@ def point_of_view(
     Args:
         view: one of ``PRESETS``, or (azimuth, elevation) in degrees.
         points: (n, 3) points of the motion [m].
-        plane: the puppet's mirror plane, which says where it faces: +x for ``xz`` and ``xy``,
-            -y for ``yz``; None finds the widest side.
+        plane: the puppet's mirror plane: it faces +x for ``xz`` and ``xy``, -y for ``yz``; None
+            takes the widest side for the front.
     """
     if not isinstance(view, str):
         azimuth, elevation = view
@@ -139,23 +153,23 @@ def point_of_view(
     front, flat = _front(points, plane)
     if view == "auto":
         view = "front" if flat else "three-quarter"
-    turn = {"front": 0.0, "side": 0.5 * np.pi, "three-quarter": -_TURN}[view]
-    return front + turn, np.radians({"front": 5.0, "side": 6.0, "three-quarter": 9.0}[view])
+    turn, elevation = _VIEWS[view]
+    return front + turn, elevation
 
 
 def _front(points: np.ndarray, plane: str | None) -> tuple[float, bool]:
-    """Azimuth from which the motion is seen from its front, and whether it is flat."""
+    """Azimuth of the motion's front, and whether the motion is flat."""
     level = points[:, :2] - points[:, :2].mean(axis=0)
     size = float(np.ptp(points, axis=0).max())
     spreads, directions = np.linalg.eigh(level.T @ level / len(points))
-    flat = bool(np.sqrt(max(spreads[0], 0.0)) < 1e-3 * max(size, 1e-12))
+    flat = bool(np.sqrt(max(spreads[0], 0.0)) < FLAT * max(size, 1e-12))
     if plane in ("xz", "xy"):
         return 0.0, flat
     if plane == "yz":
         return -0.5 * np.pi, flat
     thin = directions[:, 0]
-    if np.sqrt(max(spreads[1], 0.0)) < 1e-3 * max(size, 1e-12):
+    if np.sqrt(max(spreads[1], 0.0)) < FLAT * max(size, 1e-12):
         thin = np.array([0.0, 1.0])
-    # Of the two sides take the one with +x to the right, or failing that +y.
+    # The side with +x to the right, or else with +y to the right.
     sign = -1.0 if (thin[1] > 1e-6 or (abs(thin[1]) <= 1e-6 and thin[0] < 0.0)) else 1.0
     return float(np.arctan2(sign * thin[1], sign * thin[0])), flat

@@ -1,4 +1,4 @@
-"""Measured figures over a quantity that was varied: curves on logarithmic axes."""
+"""Curves of measurements over a varied quantity, on logarithmic axes."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fantoccini.view.drawing import DPI, plain
+from fantoccini.view.drawing import blank_figure, dress, plain
 from fantoccini.view.pictures import checked, save
 from fantoccini.view.theme import Theme, theme_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_ABOVE = 1.4
-"""How far above measured points a line of comparison runs, as a factor."""
-_FEW = 10.0
-"""Range of x below which each measured x is named on a logarithmic axis."""
+REFERENCE_OFFSET = 1.4
+"""Factor by which a reference line lies above the measured points."""
+MAX_LABELLED_RANGE = 10.0
+"""Ratio of largest to smallest x below which every measured x gets a tick."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,9 +29,9 @@ class Curve:
 
     Attributes:
         label: in the legend.
-        x, y: (n,) the points; what is not positive is left out on a logarithmic axis.
-        marked: each point has a dot; otherwise it is a line through many.
-        faint: a line of comparison: dashed and grey.
+        x, y: (n,) the points; a logarithmic axis leaves out what is not positive.
+        marked: draw a dot at each point.
+        faint: a reference line: dashed and grey.
     """
 
     label: str
@@ -48,8 +48,8 @@ class Panel:
     Attributes:
         title: above them.
         x, y: labels of the axes, with units.
-        curves: what they show.
-        log_x: whether x is logarithmic; y always is, where it is not 0 throughout.
+        curves: to draw.
+        log_x: whether x is logarithmic; y is, unless all values are 0.
     """
 
     title: str
@@ -63,13 +63,13 @@ def slope(label: str, x: np.ndarray, y: np.ndarray, order: float) -> Curve:
     """A line y ~ x^order just above the last positive point of measured ones."""
     x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     last = np.flatnonzero(y > 0.0)[-1] if np.any(y > 0.0) else len(y) - 1
-    line = _ABOVE * y[last] * (x / x[last]) ** order
+    line = REFERENCE_OFFSET * y[last] * (x / x[last]) ** order
     return Curve(label, x, line, marked=False, faint=True)
 
 
 def curves(
     panels: Sequence[Panel],
-    path: str | os.PathLike,
+    path: str | os.PathLike[str],
     theme: str | Theme = "light",
     size: tuple[int, int] = (640, 470),
     scale: float = 2.0,
@@ -86,14 +86,10 @@ def curves(
     Returns:
         The path of the picture.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     path, theme = checked(path), theme_of(theme)
-    shape = (len(panels) * size[0] / DPI, size[1] / DPI)
-    figure = Figure(figsize=shape, dpi=DPI, facecolor=theme.top, layout="constrained")
-    FigureCanvasAgg(figure)
-    figure.get_layout_engine().set(w_pad=0.15, h_pad=0.1)
+    shape = (len(panels) * size[0], size[1])
+    figure = blank_figure(shape, facecolor=theme.top)
+    figure.set_layout_engine("constrained", w_pad=0.15, h_pad=0.1)
     for axes, panel in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
         _panel(axes, panel, theme)
     return save(figure, path, scale)
@@ -104,6 +100,7 @@ def _panel(axes: Axes, panel: Panel, theme: Theme) -> None:
     for curve in panel.curves:
         x, y = np.asarray(curve.x, dtype=float), np.asarray(curve.y, dtype=float)
         seen = np.isfinite(y) & (y > 0.0)
+        look: dict[str, Any]
         if curve.faint:
             look = {"color": theme.faint, "linestyle": "--", "linewidth": 0.9, "zorder": 1.5}
         else:
@@ -119,7 +116,7 @@ def _panel(axes: Axes, panel: Panel, theme: Theme) -> None:
     if panel.log_x:
         axes.set_xscale("log")
         given = np.unique([f"{x:.2g}" for c in panel.curves if c.marked for x in c.x]).astype(float)
-        if len(given) and given.max() < _FEW * given.min():
+        if len(given) and given.max() < MAX_LABELLED_RANGE * given.min():
             axes.set_xticks(given, [f"{x:g}" for x in given])
             axes.minorticks_off()
     axes.set_title(
@@ -127,14 +124,7 @@ def _panel(axes: Axes, panel: Panel, theme: Theme) -> None:
     )
     axes.set_xlabel(panel.x, color=theme.ink, fontsize=9)
     axes.set_ylabel(panel.y, color=theme.ink, fontsize=9)
-    axes.set_facecolor("none")
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-    for side in ("left", "bottom"):
-        axes.spines[side].set_color(theme.faint)
-    axes.tick_params(which="both", colors=theme.faint, labelcolor=theme.ink, labelsize=8)
-    axes.grid(True, which="major", color=theme.grid, linewidth=0.5, alpha=0.7)
-    axes.set_axisbelow(True)
+    dress(axes, theme, "both", "both")
     if any(curve.label for curve in panel.curves):
         legend = axes.legend(frameon=False, fontsize=8, labelcolor=theme.ink, handlelength=1.6)
         for text in legend.get_texts():

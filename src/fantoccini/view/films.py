@@ -1,38 +1,32 @@
-"""A film of a motion: frames drawn here, encoded by ffmpeg in a process of its own."""
+"""Films of a motion: frames are drawn here and encoded by an ffmpeg process."""
 
 from __future__ import annotations
 
 import os
-import secrets
 import subprocess
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from fantoccini.errors import FantocciniError
+from fantoccini.motion.archive import replacing
 from fantoccini.view.camera import Viewport
-from fantoccini.view.compose import Stage, compose, shadows
-from fantoccini.view.drawing import (
-    collection,
-    floor,
-    image,
-    sheet,
-    show,
-    stage_of,
-    tension_bar,
-    write,
-)
-from fantoccini.view.pan import pan, walks
+from fantoccini.view.compose import Layout, compose, shadows
+from fantoccini.view.drawing import Look, Sheet, layout_of, set_polygons
+from fantoccini.view.pan import camera_path, pays_off
 from fantoccini.view.scene import Scene, scene_of
+from fantoccini.view.still import Drawable
 from fantoccini.view.studio import Studio, checked_renderer
-from fantoccini.view.theme import Theme, theme_of
+from fantoccini.view.theme import Theme
 
 if TYPE_CHECKING:
-    from fantoccini.marionette import Marionette
+    from matplotlib.artist import Artist
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
     from fantoccini.motion import Trajectory
 
 CODECS = {
@@ -45,17 +39,17 @@ CODECS = {
         "-loop", "0", "-f", "gif",
     ),
 }  # fmt: skip
-"""ffmpeg's arguments for each ending that a film can have."""
+"""ffmpeg's arguments, by file ending."""
 
 
 class FilmError(FantocciniError):
-    """The film could not be written; the message carries what the encoder last said."""
+    """The film could not be written; the message ends with the encoder's last lines."""
 
 
 def film(
-    marionette: Marionette,
+    marionette: Drawable,
     run: Trajectory,
-    path: str | os.PathLike,
+    path: str | os.PathLike[str],
     fps: float = 30.0,
     size: tuple[int, int] = (960, 720),
     view: str | tuple[float, float] = "auto",
@@ -68,30 +62,30 @@ def film(
 ) -> Path:
     """Writes a film of a run.
 
-    The file appears under its name only when it is whole. The camera stands still and frames all
-    of the motion; where the puppet walks so far that it would be small, the camera goes along.
+    The file appears whole or not at all. A fixed camera frames all of the motion, unless the puppet
+    walks so far that it would be small: then the camera follows it.
 
     Args:
-        marionette: the puppet's handle.
+        marionette: the puppet.
         run: its motion.
         path: ends in ``.mp4`` (H.264, yuv420p) or ``.gif``.
-        fps: frames a second.
+        fps: frames per second.
         size: width and height [px], rounded up to even numbers.
         view: preset, or (azimuth, elevation) in degrees.
         focus: ``all`` frames bodies and strings, ``bodies`` lets strings leave the picture.
         theme: ``light``, ``dark``, or a Theme.
-        speed: seconds of motion for a second of film.
-        progress: called with (frames done, frames in all) after each frame.
+        speed: seconds of motion per second of film.
+        progress: called with (frames done, all frames) after each frame.
         renderer: ``matplotlib``, or ``pyvista`` for shaded solids where that is installed; it takes
             several times as long.
-        follow: whether the camera goes along; by default where the puppet walks.
+        follow: whether the camera follows the puppet; by default where that pays off.
 
     Returns:
         The path of the film.
 
     Raises:
         FilmError: the encoder failed, or the folder does not exist.
-        MissingLibraryError: pyvista is asked for and not installed.
+        MissingLibraryError: the renderer is pyvista, which is not installed.
         ValueError: a number is out of range, or the ending is unknown.
     """
     path = Path(path)
@@ -108,13 +102,11 @@ def film(
     n = max(1, round((stop - start) / speed * fps))
     times = np.minimum(start + np.arange(n) * (speed / fps), stop)
     scene = scene_of(marionette, run.resample(times))
-    frames = Frames(scene, (width, height), theme_of(theme), view, focus, renderer, follow)
-    part = path.with_name(f".film-{secrets.token_hex(6)}{path.suffix.lower()}")
+    frames = Frames(scene, Look.of(view, focus, theme, (width, height)), renderer, follow)
     try:
-        _encode(frames, n, part, fps, progress)
-        os.replace(part, path)
+        with replacing(path) as part:
+            _encode(frames, n, part, CODECS[path.suffix.lower()], fps, progress)
     finally:
-        part.unlink(missing_ok=True)
         frames.close()
     return path
 
@@ -124,113 +116,107 @@ class Frames:
 
     Args:
         scene: what to show.
-        size: width and height [px].
-        theme: the look.
-        view: preset, or (azimuth, elevation) in degrees.
-        focus: ``all`` or ``bodies``.
+        look: of the film.
         renderer: of solids and strings.
-        follow: whether the camera goes along; None where the puppet walks.
+        follow: whether the camera follows the puppet; None where that pays off.
     """
 
     def __init__(
-        self,
-        scene: Scene,
-        size: tuple[int, int],
-        theme: Theme,
-        view: str | tuple[float, float] = "auto",
-        focus: str = "all",
-        renderer: str = "matplotlib",
-        follow: bool | None = None,
+        self, scene: Scene, look: Look, renderer: str = "matplotlib", follow: bool | None = None
     ):
-        width, height = size
-        unit = max(height / 50.0, min(10.0, width / 24.0))  # small films have letters to be read
-        self.scene, self.size = scene, size
-        self.figure, self.axes = sheet(size, theme)
+        self.size = width, height = look.size or (960, 720)
+        unit = max(height / 50.0, min(10.0, width / 24.0))  # captions of small films stay legible
+        self.scene, self.sheet = scene, Sheet(self.size, look.theme)
+        axes = self.sheet.axes
         inner = Viewport(unit, 3.2 * unit, width - 2.0 * unit, height - 6.0 * unit)
-        self.stage, self.pan = _staged(scene, inner, theme, view, focus, follow)
-        self._floor = [] if self.pan is not None else floor(self.axes, scene, self.stage)
-        before = set(self.axes.get_children())
-        tension_bar(self.axes, scene, self.stage, width - 1.6 * unit, 2.2 * unit, unit)
-        self._scale = [x for x in self.axes.get_children() if x not in before]
+        self.layout, self.pan = _framing(scene, inner, look, follow)
+        self._floor: list[Artist] = []
+        if self.pan is None:
+            self.sheet.floor(scene, self.layout)
+        before = set(axes.get_children())
+        self.sheet.tension_bar(scene, self.layout, 2.2 * unit, unit)
+        self._scale = [x for x in axes.get_children() if x not in before]
         for artist in self._scale if self.pan is not None else ():
             artist.set_animated(True)  # a floor that moves is drawn before it
         # Strings may run up behind the title.
-        self.title = write(
-            self.axes, 1.6 * unit, height - 1.6 * unit, scene.title, 1.35 * unit, theme.ink,
-            ha="left", va="top", weight="bold", animated=True,
-        )  # fmt: skip
-        self.clock = write(
-            self.axes, width - 1.6 * unit, height - 1.6 * unit, "", 1.15 * unit, theme.faint,
+        self._title = self.sheet.title(scene.title, unit, height - 1.6 * unit, animated=True)
+        self._clock = self.sheet.write(
+            width - 1.6 * unit, height - 1.6 * unit, "", 1.15 * unit, look.theme.faint,
             ha="right", va="top", animated=True,
         )  # fmt: skip
-        self.middle = np.append(scene.balls(pan=self.pan)[0][:, :2].mean(axis=0), 0.0)
-        self.polygons = collection(self.axes, animated=True)
-        self.studio = None
+        self._middle = np.append(scene.balls(pan=self.pan)[0][:, :2].mean(axis=0), 0.0)
+        self._polygons = self.sheet.polygons([], animated=True)
+        self._studio = None
         if renderer == "pyvista":
-            self.studio = Studio(scene, self.stage, size)
-            blank = np.zeros((height, width, 4))
-            self.photograph = image(self.axes, blank, (0.0, width, 0.0, height), 3.0, animated=True)
-        self.figure.canvas.draw()
-        self.backdrop = self.figure.canvas.copy_from_bbox(self.figure.bbox)
+            self._studio = Studio(scene, self.layout, self.size)
+            blank, whole = np.zeros((height, width, 4)), (0.0, width, 0.0, height)
+            self._photograph = self.sheet.image(blank, whole, 3.0, animated=True)
+        self._canvas = cast("FigureCanvasAgg", self.sheet.figure.canvas)
+        self._canvas.draw()
+        self._backdrop = self._canvas.copy_from_bbox(self.sheet.figure.bbox)
 
     def draw(self, k: int) -> memoryview:
         """The pixels of frame k: rows from the top, red, green, blue, opacity, a byte each."""
-        canvas = self.figure.canvas
-        canvas.restore_region(self.backdrop)
-        stage = self.stage if self.pan is None else self._go_along(k)
-        self.clock.set_text(f"{self.scene.t[k]:.2f} s")
-        painted = compose if self.studio is None else shadows
-        show(self.polygons, painted(self.scene, k, stage))
-        self.axes.draw_artist(self.polygons)
-        if self.studio is not None:
-            self.photograph.set_data(self.studio.photograph(k)[::-1])
-            self.axes.draw_artist(self.photograph)
-        self.axes.draw_artist(self.title)
-        self.axes.draw_artist(self.clock)
-        return canvas.buffer_rgba()
+        self._canvas.restore_region(self._backdrop)
+        layout = self.layout if self.pan is None else self._follow(self.pan[k])
+        self._clock.set_text(f"{self.scene.t[k]:.2f} s")
+        painted = compose if self._studio is None else shadows
+        set_polygons(self._polygons, painted(self.scene, k, layout))
+        artists: list[Artist] = [self._polygons, self._title, self._clock]
+        if self._studio is not None:
+            self._photograph.set_data(self._studio.photograph(k)[::-1])
+            artists.insert(1, self._photograph)
+        for artist in artists:
+            self.sheet.axes.draw_artist(artist)
+        return self._canvas.buffer_rgba()
 
-    def _go_along(self, k: int) -> Stage:
-        """The stage of frame k, with its floor, of a camera that goes along."""
-        gone, camera = self.pan[k], self.stage.camera
-        stage = replace(self.stage, camera=replace(camera, eye=camera.eye + gone))
+    def _follow(self, gone: np.ndarray) -> Layout:
+        """The layout of a camera displaced by (3,) [m]; draws its floor."""
+        camera = self.layout.camera
+        layout = replace(self.layout, camera=replace(camera, eye=camera.eye + gone))
         for artist in self._floor:
             artist.remove()
-        self._floor = floor(self.axes, self.scene, stage, gone=gone + self.middle, animated=True)
+        middle = gone + self._middle
+        self._floor = self.sheet.floor(self.scene, layout, middle=middle, animated=True)
         for artist in (*self._floor, *self._scale):
-            self.axes.draw_artist(artist)
-        if self.studio is not None:
-            self.studio.aim(stage, self.size)
-        return stage
+            self.sheet.axes.draw_artist(artist)
+        if self._studio is not None:
+            self._studio.aim(layout, self.size)
+        return layout
 
     def close(self) -> None:
-        """Gives back what drawing held."""
-        if self.studio is not None:
-            self.studio.close()
+        """Releases the renderer."""
+        if self._studio is not None:
+            self._studio.close()
 
 
-def _staged(
-    scene: Scene, viewport: Viewport, theme: Theme, view: Any, focus: str, follow: bool | None
-) -> tuple[Stage, np.ndarray | None]:
-    """The stage of the first frame and how far its camera goes along, or None."""
-    still = stage_of(scene, viewport, theme, view, focus)
+def _framing(
+    scene: Scene, viewport: Viewport, look: Look, follow: bool | None
+) -> tuple[Layout, np.ndarray | None]:
+    """The first frame's layout, and the camera's displacements (T, 3) [m] where it follows."""
+    fixed = layout_of(scene, viewport, look)
     if follow is False:
-        return still, None
-    gone = pan(scene)
-    along = stage_of(scene, viewport, theme, view, focus, pan=gone)
+        return fixed, None
+    path = camera_path(scene)
+    following = layout_of(scene, viewport, look, pan=path)
     if follow is None:
-        # Whether it walks is seen with its strings: what swings on a fixed one does not.
-        whole = [stage_of(scene, viewport, theme, view, "all", pan=path) for path in (None, gone)]
-        centres = [scene.balls(pan=path)[0].mean(axis=0) for path in (None, gone)]
-        distances = [
-            float((centre - stage.camera.eye) @ -stage.camera.axes[2])
-            for centre, stage in zip(centres, whole, strict=True)
-        ]
-        follow = walks(*distances)
-    return (along, gone) if follow else (still, None)
+        # Decided with the strings in view: a puppet that only swings on fixed ones is not followed.
+        distances = []
+        for pan in (None, path):
+            camera = layout_of(scene, viewport, replace(look, focus="all"), pan=pan).camera
+            centre = scene.balls(pan=pan)[0].mean(axis=0)
+            distances.append(float((centre - camera.eye) @ -camera.axes[2]))
+        follow = pays_off(*distances)
+    return (following, path) if follow else (fixed, None)
 
 
 def _encode(
-    frames: Frames, n: int, part: Path, fps: float, progress: Callable[[int, int], None] | None
+    frames: Frames,
+    n: int,
+    part: Path,
+    codec: tuple[str, ...],
+    fps: float,
+    progress: Callable[[int, int], None] | None,
 ) -> None:
     import imageio_ffmpeg
 
@@ -242,12 +228,13 @@ def _encode(
     command = [
         ffmpeg, "-hide_banner", "-loglevel", "error", "-y",
         "-f", "rawvideo", "-pix_fmt", "rgba", "-s", f"{width}x{height}", "-r", f"{fps:.6f}",
-        "-i", "pipe:0", "-an", *CODECS[part.suffix], str(part.absolute()),
+        "-i", "pipe:0", "-an", *codec, str(part.absolute()),
     ]  # fmt: skip
-    with tempfile.TemporaryFile() as said:
+    with tempfile.TemporaryFile() as log:
         encoder = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=said
+            command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=log
         )
+        assert encoder.stdin is not None
         broken = False
         try:
             for k in range(n):
@@ -263,8 +250,6 @@ def _encode(
             raise
         code = encoder.wait()
         if broken or code != 0:
-            said.seek(0)
-            lines = said.read().decode("utf-8", "replace").strip().splitlines()[-6:]
-            raise FilmError(
-                f"ffmpeg ended with code {code}: " + ("; ".join(lines) or "it said nothing")
-            )
+            log.seek(0)
+            lines = log.read().decode("utf-8", "replace").strip().splitlines()[-6:]
+            raise FilmError(f"ffmpeg ended with code {code}: {'; '.join(lines) or 'no message'}")

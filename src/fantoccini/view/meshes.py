@@ -9,7 +9,7 @@ import numpy as np
 from fantoccini.view.silhouettes import Solid
 
 AROUND = 20
-"""Corners of a capsule's or an ellipsoid's roundest section."""
+"""Vertices on a capsule's or an ellipsoid's equator."""
 
 _POLE_TO_RIM = 6
 """Rings of triangles on a half-sphere."""
@@ -31,13 +31,9 @@ class TriangleMesh:
 
 
 def triangles(solid: Solid) -> TriangleMesh:
-    """The surface of a solid as triangles, in the frame of the link that carries it.
+    """The surface of a solid as triangles, in its link's frame.
 
-    Corners lie on the surface, so the mesh is a little smaller than the solid: a capsule or an
-    ellipsoid of the few hundred triangles used here loses less than 4 % of its volume.
-
-    Args:
-        solid: from :func:`fantoccini.view.shapes.solid_of`, or a bead or hook of the scene.
+    Vertices lie on the surface: a capsule or an ellipsoid loses less than 4 % of its volume.
     """
     if solid.kind == "capsule":
         return _capsule(solid.points, solid.radius)
@@ -53,7 +49,7 @@ def _capsule(ends: np.ndarray, radius: float) -> TriangleMesh:
     frame = _frame(apart / length) if length > 1e-9 * radius else np.eye(3)
     directions, faces = _ball(rims=2 if length > 1e-9 * radius else 1)
     normals = directions @ frame.T
-    # The first half of the corners belongs to the far end, the second to the near one.
+    # The first half of the vertices belongs to the far end.
     upper = np.arange(len(directions)) < len(directions) // 2
     centres = np.where(upper[:, None], ends[1], ends[0])
     return TriangleMesh(centres + radius * normals, faces, normals)
@@ -70,24 +66,24 @@ def _ellipsoid(centre: np.ndarray, half: np.ndarray) -> TriangleMesh:
 
 
 def _faces(solid: Solid) -> TriangleMesh:
-    """Fans of triangles; a box gets corners of its own on each face, which keeps it sharp."""
+    """Fans of triangles; each face of a box gets its own vertices, for sharp edges."""
     if solid.smooth:
         return TriangleMesh(
             np.array(solid.points, dtype=float), np.array(solid.faces, dtype=int), None
         )
-    vertices, faces = [], []
+    faces: list[tuple[int, int, int]] = []
+    first = 0
     for face in solid.faces:
-        first = sum(map(len, vertices))
-        vertices.append(solid.points[face])
         faces += [(first, first + k, first + k + 1) for k in range(1, len(face) - 1)]
-    return TriangleMesh(np.concatenate(vertices), np.array(faces, dtype=int), None)
+        first += len(face)
+    vertices = solid.points[np.concatenate(solid.faces)]
+    return TriangleMesh(vertices, np.array(faces, dtype=int), None)
 
 
 def _ball(rims: int) -> tuple[np.ndarray, np.ndarray]:
-    """Corners (n, 3) and triangles (m, 3) of the unit ball about z, from +z to -z.
+    """Vertices (n, 3) and triangles (m, 3) of the unit ball, from +z to -z.
 
-    Args:
-        rims: rings of corners at the equator; 2 lets the halves be pulled apart.
+    With two ``rims`` of vertices at the equator the halves can be pulled apart.
     """
     polar = np.linspace(0.0, 0.5 * np.pi, _POLE_TO_RIM + 1)[1:]
     polar = np.concatenate([polar, (np.pi - polar)[::-1][0 if rims == 2 else 1 :]])

@@ -1,8 +1,7 @@
-"""What a notebook shows of a puppet and of a run: a picture and tables, as HTML.
+"""HTML of a puppet and of a run for notebooks: a picture and tables.
 
 Nothing is derived or compiled for it (see :mod:`fantoccini.view.still`). Every text is escaped. A
-picture that cannot be drawn is left out, and a display that fails altogether is None, so that the
-notebook falls back to plain text.
+picture that fails is left out; where all fails the result is None, and the notebook shows text.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ import numpy as np
 
 from fantoccini.puppet import Parameter
 from fantoccini.tree import WORLD, StringRow, grow
-from fantoccini.view.drawing import DPI, plain
+from fantoccini.view.drawing import DPI, Look, plain
 from fantoccini.view.pictures import figure_of, strip_figure
 from fantoccini.view.plots import plot
 from fantoccini.view.scene import scene_at
@@ -30,47 +29,39 @@ if TYPE_CHECKING:
     from fantoccini.marionette import Marionette
     from fantoccini.motion import Trajectory
 
-_MOST_BYTES = 200_000
-"""A picture larger than this is drawn with fewer pixels."""
-
-_MOST_ROWS = 16
-"""Rows of a table; what is more is counted."""
-
-_POSES = 5
+MAX_BYTES = 200_000
+"""A larger picture is drawn again with fewer pixels."""
+MAX_LINES = 16
+"""Lines of a table; more are only counted."""
+POSES = 5
+"""Poses of a run's strip."""
 
 _CELL = 'style="text-align:left;padding:.1em .6em .1em 0"'
 
-_UNITS = {"1": "", "m": "m", "rad": "rad"}
-
 
 def puppet_html(marionette: Marionette) -> str | None:
-    """A puppet as HTML: its start pose; its mass, strings and driven coordinates.
-
-    Args:
-        marionette: the puppet's handle.
-    """
+    """A puppet as HTML: its start pose, mass, strings and driven coordinates."""
     try:
         still = Still(marionette.world, marionette.tree, marionette.model.number)
         picture = _picture(
-            lambda: figure_of(scene_at(still, still.start()), size=(420, 520)), "the start pose"
+            lambda: figure_of(scene_at(still, still.start()), Look.of(size=(420, 520))),
+            "the start pose",
         )
         return _page(marionette.name, picture, _puppet_tables(marionette))
-    except Exception:  # whatever it was: a display must not end a notebook's cell with an error
+    except Exception:  # a display must never fail a notebook's cell
         return None
 
 
 def run_html(run: Trajectory) -> str | None:
-    """A run as HTML: a strip of poses, or plots where its poses are unknown; its key numbers.
-
-    Args:
-        run: the motion.
-    """
+    """A run as HTML: a strip of poses, or plots where its poses are unknown; its key numbers."""
     try:
         still = _still_of(run)
         if still is None:
             picture = _picture(lambda: plot(run, size=(900, 800)), "the run against time")
         else:
-            picture = _picture(lambda: strip_figure(still, run, _POSES), "poses of the run")
+            picture = _picture(
+                lambda: strip_figure(still, run, POSES, "poses", Look.of()), "poses of the run"
+            )
         name = run.puppet.name if run.puppet else "run"
         return _page(name, picture, _run_tables(run), wide=True)
     except Exception:  # as above
@@ -78,10 +69,7 @@ def run_html(run: Trajectory) -> str | None:
 
 
 def _still_of(run: Trajectory) -> Still | None:
-    """The puppet of a run; None where the run is one of several puppets, or of none that is known.
-
-    One whose strings do not fit the puppet, as after changes to it by hand, is not drawn either.
-    """
+    """The puppet of a run; None for an unknown or several puppets, or strings that do not fit."""
     if run.puppet is None:
         return None
     world = World.of(run.puppet)
@@ -99,15 +87,15 @@ def _still_of(run: Trajectory) -> Still | None:
 
 
 def _picture(figure: Callable[[], Figure], what: str) -> str:
-    """An image with its content in the page; nothing where it cannot be drawn."""
+    """An image with its content in the page; empty where it cannot be drawn."""
     try:
         made = figure()
         for scale in (2.0, 1.5, 1.0, 0.7):
             content = io.BytesIO()
             made.savefig(content, dpi=DPI * scale, format="png")
-            if content.tell() <= _MOST_BYTES:
+            if content.tell() <= MAX_BYTES:
                 break
-    except Exception:  # the tables are worth showing without it
+    except Exception:  # the tables are useful without it
         return ""
     width = round(made.get_figwidth() * DPI)
     data = base64.b64encode(content.getvalue()).decode("ascii")
@@ -133,7 +121,7 @@ def _puppet_tables(m: Marionette) -> list[str]:
         for string in m.tree.strings
     ]
     starts = [
-        (row.name, "just reaches" if np.isnan(start) else f"{start:.4g} {_UNITS[row.unit]}")
+        (row.name, "just taut" if np.isnan(start) else f"{start:.4g} {row.unit.strip('1')}")
         for row in table.rows
         if row.role == "driven"
         for start in [float(table.start_K[row.index])]
@@ -155,7 +143,7 @@ def _end(m: Marionette, string: StringRow, which: int) -> str:
 
 
 def _is_end(m: Marionette, link: int) -> bool:
-    """Whether a link is nothing but the driven end of a string."""
+    """Whether a link is only the driven end of a string."""
     return m.tree.links[link].name in {f"{string.name}.end" for string in m.tree.strings}
 
 
@@ -197,26 +185,26 @@ def _run_tables(run: Trajectory) -> list[str]:
 
 
 def _page(title: str, picture: str, tables: list[str], wide: bool = False) -> str:
-    """Picture and tables side by side, or, ``wide``, one below the other.
+    """Picture and tables side by side, or one below the other where the picture is ``wide``.
 
-    The picture carries the title; without it the title stands above the tables.
+    The picture contains the title; without one it is put above the tables.
     """
     head = "" if picture else f'<div style="font-weight:bold">{_text(title)}</div>'
-    beside = "".join(f'<div style="margin:0 2em .8em 0">{t}</div>' for t in tables if t)
+    shown = "".join(f'<div style="margin:0 2em .8em 0">{t}</div>' for t in tables if t)
     row = "display:flex;gap:1.2em;align-items:flex-start"
     return (
         f'<div class="fantoccini">{head}'
         f'<div style="{row};flex-direction:{"column" if wide else "row"}">'
         f'<div style="flex:none;max-width:100%">{picture}</div>'
-        f'<div style="{row};flex-wrap:wrap">{beside}</div></div></div>'
+        f'<div style="{row};flex-wrap:wrap">{shown}</div></div></div>'
     )
 
 
-def _table(heads: Sequence[str], rows: Sequence[Iterable]) -> str:
-    """A table; long ones end with the number of rows that are not shown."""
+def _table(heads: Sequence[str], rows: Sequence[Iterable[object]]) -> str:
+    """A table; long ones end with the number of lines that are not shown."""
     if not rows:
         return ""
-    shown = [list(row) for row in rows[:_MOST_ROWS]]
+    shown = [list(row) for row in rows[:MAX_LINES]]
     lines = ["".join(f"<th {_CELL}>{_text(h)}</th>" for h in heads)] if heads else []
     lines += ["".join(f"<td {_CELL}>{_text(c)}</td>" for c in row) for row in shown]
     if len(rows) > len(shown):

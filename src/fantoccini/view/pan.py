@@ -1,37 +1,41 @@
-"""How a film's camera goes along with a puppet that walks."""
+"""The path of a film's camera that follows a puppet."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
 from fantoccini.view.scene import Scene
 
-_SMOOTH = 0.6
-"""The camera follows a mean over about so long [s]."""
-_SMALLER = 1.25
-"""A still camera that has to be so many times as far away, to frame all of a motion, goes along."""
+
+class _Following(NamedTuple):
+    """When and how smoothly a camera follows."""
+
+    smoothing: float = 0.6  # Width of the mean over the puppet's places [s]
+    distance_ratio: float = 1.25
+    """The camera follows where a fixed one would be this many times as far away."""
 
 
-def pan(scene: Scene) -> np.ndarray:
-    """Where the middle of a puppet goes, smoothly.
+_FOLLOWING = _Following()
 
-    Args:
-        scene: at even times.
 
-    Returns:
-        (T, 3) from where it is at first, level [m].
+def camera_path(scene: Scene) -> np.ndarray:
+    """(T, 3) smoothed horizontal displacement of the puppet's middle from its first place [m].
+
+    The scene's times are evenly spaced.
     """
     places = scene.poses[:, :, :, 3]
     good = np.isfinite(places).all(axis=2, keepdims=True)
     middle = np.where(good, places, 0.0).sum(axis=1) / np.maximum(good.sum(axis=1), 1)
     middle[:, 2] = 0.0
-    n = len(middle)
+    n, width = len(middle), _FOLLOWING.smoothing
     step = float(scene.t[-1] - scene.t[0]) / max(n - 1, 1)
-    half = min(n - 1, int(2.0 * _SMOOTH / step)) if step > 0.0 else 0
+    half = min(n - 1, int(2.0 * width / step)) if step > 0.0 else 0
     if half == 0:
         return middle - middle[0]
-    weights = np.exp(-0.5 * (np.arange(-half, half + 1) * step / (0.5 * _SMOOTH)) ** 2)
-    # Beyond both ends it goes on as it came, turned about its end.
+    weights = np.exp(-0.5 * (np.arange(-half, half + 1) * step / (0.5 * width)) ** 2)
+    # Beyond both ends the motion is continued by point reflection.
     before, after = middle[half:0:-1], middle[::-1][1 : half + 1]
     longer = np.concatenate([2.0 * middle[0] - before, middle, 2.0 * middle[-1] - after])
     smooth = [np.convolve(x, weights / weights.sum(), mode="valid") for x in longer.T]
@@ -39,11 +43,6 @@ def pan(scene: Scene) -> np.ndarray:
     return path - path[0]
 
 
-def walks(still: float, along: float) -> bool:
-    """Whether a camera goes along.
-
-    Args:
-        still: distance from which a still camera frames all of the motion [m].
-        along: distance from which one does that goes along [m].
-    """
-    return still > _SMALLER * along
+def pays_off(fixed: float, following: float) -> bool:
+    """Whether a camera follows, from the distances [m] of a fixed and of a following one."""
+    return fixed > _FOLLOWING.distance_ratio * following

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import secrets
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,31 +10,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fantoccini.errors import FantocciniError
+from fantoccini.motion.archive import replacing
 from fantoccini.view.camera import Viewport
-from fantoccini.view.compose import compose, shadows
-from fantoccini.view.drawing import (
-    DPI,
-    collection,
-    floor,
-    image,
-    sheet,
-    show,
-    stage_of,
-    tension_bar,
-    write,
-)
+from fantoccini.view.compose import Layout, compose, shadows
+from fantoccini.view.drawing import DPI, Look, Sheet, layout_of
 from fantoccini.view.scene import Scene, scene_at, scene_of
+from fantoccini.view.still import Drawable
 from fantoccini.view.studio import Studio, checked_renderer
-from fantoccini.view.theme import Theme, theme_of
+from fantoccini.view.theme import Theme
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from fantoccini.marionette import Marionette
     from fantoccini.motion import State, Trajectory
 
 FORMATS = (".png", ".svg", ".pdf")
-"""Endings that pictures can have."""
+"""File endings of pictures."""
 
 
 class PictureError(FantocciniError):
@@ -43,9 +33,9 @@ class PictureError(FantocciniError):
 
 
 def strip(
-    marionette: Marionette,
+    marionette: Drawable,
     run: Trajectory,
-    path: str | os.PathLike,
+    path: str | os.PathLike[str],
     n: int = 7,
     times: str | Sequence[float] = "poses",
     view: str | tuple[float, float] = "auto",
@@ -57,11 +47,11 @@ def strip(
     """Writes a strip of poses of a run, side by side, from left to right in time.
 
     Args:
-        marionette: the puppet's handle.
+        marionette: the puppet.
         run: its motion.
         path: ends in ``.png``, ``.svg`` or ``.pdf``.
         n: number of poses.
-        times: ``poses`` takes the most different ones, ``events`` those just after strings caught,
+        times: ``poses`` takes the most different ones, ``events`` those just after catches,
             ``even`` equal steps; or the times themselves [s].
         view: preset, or (azimuth, elevation) in degrees.
         focus: ``all`` frames bodies and strings, ``bodies`` lets strings leave the picture.
@@ -73,54 +63,47 @@ def strip(
         The path of the picture.
     """
     path = checked(path)
-    return save(strip_figure(marionette, run, n, times, view, focus, theme, size), path, scale)
+    look = Look.of(view, focus, theme, size)
+    return save(strip_figure(marionette, run, n, times, look), path, scale)
 
 
 def strip_figure(
-    marionette: Marionette,
-    run: Trajectory,
-    n: int = 7,
-    times: str | Sequence[float] = "poses",
-    view: str | tuple[float, float] = "auto",
-    focus: str = "all",
-    theme: str | Theme = "light",
-    size: tuple[int, int] | None = None,
+    marionette: Drawable, run: Trajectory, n: int, times: str | Sequence[float], look: Look
 ) -> Figure:
     """The strip as a matplotlib figure; arguments as for :func:`strip`."""
-    theme = theme_of(theme)
     chosen = pose_times(marionette, run, n, times)
     scene = scene_of(marionette, run.resample(chosen))
     whole = scene_of(marionette, run.resample(np.linspace(run.t[0], run.t[-1], 400)))
     n = len(chosen)
-    panel = _panel(scene, view, focus, theme)
-    if size is None:
+    if look.size is None:
+        panel = _panel(scene, look)
         width = round(n * panel[0] + 40)
         unit = max(12.0, width / 130.0)  # a wide strip is seen from farther away
         height = round(panel[1] + 9.2 * unit)
     else:
-        width, height = size
+        width, height = look.size
         unit = max(7.0, height / 50.0)
-    figure, axes = sheet((width, height), theme)
+    sheet = Sheet((width, height), look.theme)
 
     top = whole.tension_top()
     each = (width - 2.0 * unit) / n
     for k in range(n):
         viewport = Viewport(unit + k * each, 4.6 * unit, each, height - 9.2 * unit)
-        stage = stage_of(scene, viewport, theme, view, focus, top)
-        floor(axes, scene, stage, grid=False)
-        show(collection(axes), compose(scene, k, stage))
-        write(
-            axes, viewport.x + 0.5 * each, 3.2 * unit, f"{chosen[k]:.2f} s", 1.1 * unit, theme.ink,
+        layout = layout_of(scene, viewport, look, top)
+        sheet.floor(scene, layout, grid=False)
+        sheet.polygons(compose(scene, k, layout))
+        sheet.write(
+            viewport.x + 0.5 * each, 3.2 * unit, f"{chosen[k]:.2f} s", 1.1 * unit, look.theme.ink,
             ha="center", va="center",
         )  # fmt: skip
-    _title(axes, whole, stage, unit)
-    return figure
+    add_captions(sheet, whole, layout, unit)
+    return sheet.figure
 
 
 def draw(
-    marionette: Marionette,
+    marionette: Drawable,
     state: State,
-    path: str | os.PathLike,
+    path: str | os.PathLike[str],
     tension: np.ndarray | None = None,
     view: str | tuple[float, float] = "auto",
     focus: str = "all",
@@ -132,8 +115,8 @@ def draw(
     """Writes a picture of one state.
 
     Args:
-        marionette: the puppet's handle.
-        state: configuration and string modes.
+        marionette: the puppet.
+        state: configuration and active set.
         path: ends in ``.png``, ``.svg`` or ``.pdf``.
         tension: (n_strings,) [N]; None draws the strings without the colours of tension.
         view: preset, or (azimuth, elevation) in degrees.
@@ -147,46 +130,52 @@ def draw(
         The path of the picture.
 
     Raises:
-        MissingLibraryError: pyvista is asked for and not installed.
+        MissingLibraryError: the renderer is pyvista, which is not installed.
     """
     path = checked(path)
     scene = scene_at(marionette, state, tension)
-    photographed = scale if checked_renderer(renderer) == "pyvista" else None
-    return save(figure_of(scene, view, focus, theme, size, photographed), path, scale)
+    studio_scale = scale if checked_renderer(renderer) == "pyvista" else None
+    return save(figure_of(scene, Look.of(view, focus, theme, size), studio_scale), path, scale)
 
 
-def figure_of(
-    scene: Scene,
-    view: str | tuple[float, float] = "auto",
-    focus: str = "all",
-    theme: str | Theme = "light",
-    size: tuple[int, int] = (720, 900),
-    photographed: float | None = None,
-) -> Figure:
-    """The first time of a scene as a matplotlib figure; arguments as for :func:`draw`.
+def figure_of(scene: Scene, look: Look, studio_scale: float | None = None) -> Figure:
+    """The first time of a scene as a matplotlib figure.
 
-    With ``photographed``, pyvista draws solids and strings with so many pixels for one of ``size``.
+    With ``studio_scale``, pyvista renders solids and strings with so many pixels for one of the
+    look's size.
     """
-    theme = theme_of(theme)
-    width, height = size
-    unit = max(7.0, height / 55.0)
-    figure, axes = sheet(size, theme)
-    inner = Viewport(unit, 4.0 * unit, width - 2.0 * unit, height - 8.0 * unit)
-    stage = stage_of(scene, inner, theme, view, focus)
-    floor(axes, scene, stage)
-    if photographed is None:
-        show(collection(axes), compose(scene, 0, stage))
+    sheet, layout, unit = framed_sheet(scene, look)
+    if studio_scale is None:
+        sheet.polygons(compose(scene, 0, layout))
     else:
-        show(collection(axes), shadows(scene, 0, stage))
-        studio = Studio(scene, stage, size, photographed)
-        image(axes, studio.photograph(0)[::-1], (0.0, width, 0.0, height), 3.0)
+        sheet.polygons(shadows(scene, 0, layout))
+        size = (sheet.width, sheet.height)
+        studio = Studio(scene, layout, size, studio_scale)
+        sheet.image(studio.photograph(0)[::-1], (0.0, size[0], 0.0, size[1]), 3.0)
         studio.close()
-    _title(axes, scene, stage, unit)
-    return figure
+    add_captions(sheet, scene, layout, unit)
+    return sheet.figure
+
+
+def framed_sheet(scene: Scene, look: Look) -> tuple[Sheet, Layout, float]:
+    """A sheet with the floor of a scene, the scene's layout, and the size of letters [px]."""
+    width, height = look.size or (720, 900)
+    unit = max(7.0, height / 55.0)
+    sheet = Sheet((width, height), look.theme)
+    inner = Viewport(unit, 4.0 * unit, width - 2.0 * unit, height - 8.0 * unit)
+    layout = layout_of(scene, inner, look)
+    sheet.floor(scene, layout)
+    return sheet, layout, unit
+
+
+def add_captions(sheet: Sheet, scene: Scene, layout: Layout, unit: float) -> None:
+    """Adds the title and the scale of tension."""
+    sheet.title(scene.title, unit, sheet.height - 1.5 * unit)
+    sheet.tension_bar(scene, layout, sheet.height - 2.3 * unit, unit)
 
 
 def pose_times(
-    marionette: Marionette, run: Trajectory, n: int, how: str | Sequence[float] = "poses"
+    marionette: Drawable, run: Trajectory, n: int, how: str | Sequence[float] = "poses"
 ) -> np.ndarray:
     """Times [s] at which a strip shows the puppet, in order.
 
@@ -194,7 +183,7 @@ def pose_times(
     farthest from all poses taken so far, counting distance in time as well.
 
     Args:
-        marionette: the puppet's handle.
+        marionette: the puppet.
         run: its motion.
         n: number of times.
         how: ``poses``, ``events``, ``even``, or the times themselves.
@@ -227,7 +216,7 @@ def pose_times(
     return fine[sorted(taken)]
 
 
-def _features(marionette: Marionette, run: Trajectory) -> np.ndarray:
+def _features(marionette: Drawable, run: Trajectory) -> np.ndarray:
     """Places of all links (T, 3 n_links), scaled so that the motion is of size one."""
     places = np.asarray(marionette.poses(run.q_D, run.q_K))[..., 3]
     flat = places.reshape(len(places), -1)
@@ -235,31 +224,20 @@ def _features(marionette: Marionette, run: Trajectory) -> np.ndarray:
     return flat / max(float(np.linalg.norm(flat, axis=1).max()), 1e-12)
 
 
-def _panel(
-    scene: Scene, view: str | tuple[float, float], focus: str, theme: Theme
-) -> tuple[float, float]:
-    """Width and height [px] of one pose: as tall as a page allows, as wide as the motion asks."""
-    stage = stage_of(scene, Viewport(0.0, 0.0, 500.0, 500.0), theme, view, focus)
-    centres, radii = scene.balls(strings=focus == "all")
-    seen = stage.camera.project(centres, stage.viewport)
-    reach = radii * stage.camera.scale(seen[:, 2], stage.viewport)
+def _panel(scene: Scene, look: Look) -> tuple[float, float]:
+    """Width and height [px] of one pose: as tall as fits a page, as wide as the motion."""
+    layout = layout_of(scene, Viewport(0.0, 0.0, 500.0, 500.0), look)
+    centres, radii = scene.balls(strings=look.focus == "all")
+    seen = layout.camera.project(centres, layout.viewport)
+    reach = radii * layout.camera.scale(seen[:, 2], layout.viewport)
     low, high = (seen[:, :2] - reach[:, None]).min(0), (seen[:, :2] + reach[:, None]).max(0)
     aspect = float(np.clip((high[0] - low[0]) / max(high[1] - low[1], 1e-9), 0.30, 1.3))
     height = 560.0 if aspect < 0.7 else 400.0
     return aspect * height * 1.06, height
 
 
-def _title(axes, scene: Scene, stage, unit: float) -> None:
-    width, height = axes.figure.bbox.width, axes.figure.bbox.height
-    write(
-        axes, 1.6 * unit, height - 1.5 * unit, scene.title, 1.35 * unit, stage.theme.ink,
-        ha="left", va="top", weight="bold",
-    )  # fmt: skip
-    tension_bar(axes, scene, stage, width - 1.6 * unit, height - 2.3 * unit, unit)
-
-
-def checked(path: str | os.PathLike) -> Path:
-    """The path of a picture that can be written: a known ending, a folder that exists."""
+def checked(path: str | os.PathLike[str]) -> Path:
+    """The path of a picture, if its ending is known and its folder exists."""
     path = Path(path)
     if path.suffix.lower() not in FORMATS:
         raise ValueError(f"a picture ends in {', '.join(FORMATS)}, not in {path.suffix!r}")
@@ -269,13 +247,10 @@ def checked(path: str | os.PathLike) -> Path:
 
 
 def save(figure: Figure, path: Path, scale: float) -> Path:
-    """Writes a figure under a temporary name and renames it when it is whole."""
-    part = path.with_name(f".picture-{secrets.token_hex(6)}{path.suffix.lower()}")
+    """Writes a figure whole or not at all."""
     try:
-        figure.savefig(part, dpi=DPI * scale, format=path.suffix[1:].lower())
-        os.replace(part, path)
+        with replacing(path) as part:
+            figure.savefig(part, dpi=DPI * scale, format=path.suffix[1:].lower())
     except OSError as reason:
         raise PictureError(f"{path} cannot be written: {reason.strerror}") from reason
-    finally:
-        part.unlink(missing_ok=True)
     return path

@@ -1,14 +1,15 @@
-"""A run against time: tensions, string modes, energy ledger, driven coordinates."""
+"""Plots of a run against time: tensions, active set, energy ledger, driven coordinates."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fantoccini.motion import rotation
-from fantoccini.view.drawing import DPI, plain
+from fantoccini.view.drawing import blank_figure, dress, plain
 from fantoccini.view.pictures import checked, save
 from fantoccini.view.theme import Theme, theme_of
 
@@ -18,23 +19,25 @@ if TYPE_CHECKING:
 
     from fantoccini.motion import Trajectory
 
-_MOST_LINES = 24
-"""More driven coordinates than this are not all drawn."""
+Looks = dict[str, dict[str, Any]]
+"""Colour and dashes of each string's lines."""
+
+MAX_LINES = 24
+"""Driven coordinates that are drawn at most."""
 
 
 def plot(
     run: Trajectory,
-    path: str | os.PathLike | None = None,
+    path: str | os.PathLike[str] | None = None,
     theme: str | Theme = "light",
     size: tuple[int, int] = (1100, 1000),
     scale: float = 2.0,
 ) -> Figure:
     """Plots of a run against time, as one matplotlib figure.
 
-    From the top: the tension of each string; when each string was taut, with a mark where it
-    caught; the energy ledger, potential energy counted from its start; the driven lengths, or the
-    other driven coordinates where no length is driven; driven orientations, as rotation vectors.
-    What a puppet does not have is left out.
+    From the top: tensions; when each string was taut, with marks at its catches; the energy ledger,
+    potential energy relative to the start; driven lengths, or the other driven coordinates where no
+    length is driven; driven orientations, as rotation vectors. Empty panels are left out.
 
     Args:
         run: the motion.
@@ -46,39 +49,38 @@ def plot(
     Returns:
         The figure; a notebook shows it by itself.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     target = None if path is None else checked(path)
     theme = theme_of(theme)
     strings = run.tension.names
-    figure = Figure(figsize=(size[0] / DPI, size[1] / DPI), dpi=DPI, facecolor=theme.top)
-    FigureCanvasAgg(figure)
+    figure = blank_figure(size, facecolor=theme.top)
     left = (60.0 + 6.3 * max((len(plain(n, 24)) for n in strings), default=4)) / size[0]
     looks = {name: _look(theme, k) for k, name in enumerate(strings)}
-    panels = [(2.4, lambda axes: _energy(axes, run, theme))]
+    panels: list[tuple[float, Callable[[Axes], None]]] = []
     if strings:
-        modes = min(3.4, 0.7 + 0.2 * len(strings))
-        panels.insert(0, (modes, lambda axes: _modes(axes, run, looks, theme)))
-        panels.insert(0, (3.0, lambda axes: _tension(axes, run, looks, theme)))
+        panels.append((3.0, lambda axes: _tension(axes, run, looks, theme)))
+        height = min(3.4, 0.7 + 0.2 * len(strings))
+        panels.append((height, lambda axes: _active_set(axes, run, looks, theme)))
+    panels.append((2.4, lambda axes: _energy(axes, run, theme)))
     if len(run.coordinates.q_K) > 4 * len(run.coordinates.quaternions_K):
         panels.append((2.4, lambda axes: _driven(axes, run, looks, theme)))
     if run.coordinates.quaternions_K:
         panels.append((2.0, lambda axes: _rotations(axes, run, theme)))
     ratios = [share for share, _ in panels]
-    rows = figure.subplots(
+    stacked = figure.subplots(
         len(panels), 1, sharex=True, squeeze=False,
         gridspec_kw={
             "height_ratios": ratios, "left": left, "right": 0.83, "top": 0.935, "bottom": 0.06,
             "hspace": 0.16,
         },
     )[:, 0]  # fmt: skip
-    for axes, (_, paint) in zip(rows, panels, strict=True):
+    for axes, (_, paint) in zip(stacked, panels, strict=True):
         paint(axes)
-        _dress(axes, theme)
-    rows[-1].set_xlabel("time [s]", color=theme.ink)
+        dress(axes, theme, "x")
+        for text in (*axes.get_yticklabels(), *axes.get_xticklabels()):
+            text.set_parse_math(False)
+    stacked[-1].set_xlabel("time [s]", color=theme.ink)
     start, stop = float(run.t[0]), float(run.t[-1])
-    rows[-1].set_xlim(start, stop if stop > start else start + 1.0)
+    stacked[-1].set_xlim(start, stop if stop > start else start + 1.0)
     title = plain(run.puppet.name if run.puppet else "")
     figure.text(
         left, 0.962, title, color=theme.ink, fontsize=12, weight="bold",
@@ -90,12 +92,12 @@ def plot(
 
 
 def _look(theme: Theme, k: int) -> dict[str, Any]:
-    """How line k of a plot is drawn."""
+    """Colour and dashes of line k of a plot."""
     dashes = theme.dashes(k)
     return {"color": theme.colour(k), "linestyle": (0, dashes) if dashes else "-"}
 
 
-def _tension(axes: Axes, run: Trajectory, looks: dict[str, dict], theme: Theme) -> None:
+def _tension(axes: Axes, run: Trajectory, looks: Looks, theme: Theme) -> None:
     values = run.tension.values
     for k, name in enumerate(run.tension.names):
         axes.plot(run.t, values[:, k], **looks[name], linewidth=1.2, label=name)
@@ -103,14 +105,14 @@ def _tension(axes: Axes, run: Trajectory, looks: dict[str, dict], theme: Theme) 
     _short_numbers(axes, theme)
     finite = np.abs(values[np.isfinite(values)])
     if finite.size and finite.max() > 0.0:
-        # A short peak must not press everything else flat; it leaves through the top.
+        # A short peak may leave through the top, so that the rest is not flattened.
         high = min(finite.max(), 2.5 * max(np.percentile(finite, 99.5), 1e-12))
         low = min(0.0, float(values[np.isfinite(values)].min()))
         axes.set_ylim(1.06 * low, 1.06 * high)
     _legend(axes, theme)
 
 
-def _modes(axes: Axes, run: Trajectory, looks: dict[str, dict], theme: Theme) -> None:
+def _active_set(axes: Axes, run: Trajectory, looks: Looks, theme: Theme) -> None:
     names = run.taut.names
     for k, name in enumerate(names):
         axes.broken_barh(
@@ -150,17 +152,17 @@ def _energy(axes: Axes, run: Trajectory, theme: Theme) -> None:
     _legend(axes, theme)
 
 
-def _driven(axes: Axes, run: Trajectory, looks: dict[str, dict], theme: Theme) -> None:
+def _driven(axes: Axes, run: Trajectory, looks: Looks, theme: Theme) -> None:
     names = list(run.coordinates.q_K)
     chosen = [k for k, name in enumerate(names) if name.endswith(".length")]
     label = "driven length [m]"
     if not chosen:
-        # Orientations have axes of their own.
+        # Orientations have a panel of their own.
         turning = {q + i for q, _ in run.coordinates.quaternions_K for i in range(4)}
         chosen = [k for k in range(len(names)) if k not in turning]
         label = "driven [m or rad]"
     moved = {command: name for name, command in run.coordinates.commands.items()}
-    for n, k in enumerate(chosen[:_MOST_LINES]):
+    for n, k in enumerate(chosen[:MAX_LINES]):
         name = moved.get(names[k], names[k])
         owner = name.removesuffix(".length")
         look = looks.get(owner, _look(theme, n))
@@ -169,8 +171,10 @@ def _driven(axes: Axes, run: Trajectory, looks: dict[str, dict], theme: Theme) -
             continue
         actual = run.q_D[:, run.coordinates.q_D.index(name)]
         axes.plot(run.t, actual, **look, linewidth=1.2, label=owner)
-        dashed = {"linewidth": 1.0, "linestyle": (0, (3, 2)), "label": f"{owner}, command"}
-        axes.plot(run.t, run.q_K[:, k], color=look["color"], **dashed)
+        axes.plot(
+            run.t, run.q_K[:, k], color=look["color"], linewidth=1.0, linestyle=(0, (3, 2)),
+            label=f"{owner}, command",
+        )  # fmt: skip
     axes.set_ylabel(label, color=theme.ink)
     _short_numbers(axes, theme)
     _legend(axes, theme)
@@ -178,7 +182,7 @@ def _driven(axes: Axes, run: Trajectory, looks: dict[str, dict], theme: Theme) -
 
 def _rotations(axes: Axes, run: Trajectory, theme: Theme) -> None:
     names = run.coordinates.q_K
-    for n, (q, _) in enumerate(run.coordinates.quaternions_K[: _MOST_LINES // 3]):
+    for n, (q, _) in enumerate(run.coordinates.quaternions_K[: MAX_LINES // 3]):
         turned = rotation.continuous(run.q_K[:, q : q + 4])
         sine = np.linalg.norm(turned[:, 1:], axis=1)
         angle = 2.0 * np.arctan2(sine, turned[:, 0])
@@ -192,13 +196,13 @@ def _rotations(axes: Axes, run: Trajectory, theme: Theme) -> None:
 
 
 def _short_numbers(axes: Axes, theme: Theme) -> None:
-    """Very small and large numbers with their power of ten above the axis: room for its label."""
+    """Very small and large numbers get their power of ten above the axis, to save width."""
     axes.ticklabel_format(axis="y", style="sci", scilimits=(-2, 4))
     axes.yaxis.get_offset_text().set(color=theme.ink, fontsize=8)
 
 
 def _spans(t: np.ndarray, on: np.ndarray) -> list[tuple[float, float]]:
-    """(start, duration) of each run of true values; a value holds until the next row."""
+    """(start, duration) of each stretch of true values; a value holds until the next sample."""
     steps = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(int)))
     ends = np.append(t, t[-1])
     return [(float(t[a]), float(ends[b] - t[a])) for a, b in steps.reshape(-1, 2)]
@@ -216,16 +220,3 @@ def _legend(axes: Axes, theme: Theme) -> None:
     for text in legend.get_texts():
         text.set_parse_math(False)
         text.set_usetex(False)
-
-
-def _dress(axes: Axes, theme: Theme) -> None:
-    axes.set_facecolor("none")
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-    for side in ("left", "bottom"):
-        axes.spines[side].set_color(theme.faint)
-    axes.tick_params(colors=theme.faint, labelcolor=theme.ink, labelsize=8)
-    axes.grid(True, axis="x", color=theme.grid, linewidth=0.5, alpha=0.7)
-    axes.set_axisbelow(True)
-    for text in (*axes.get_yticklabels(), *axes.get_xticklabels()):
-        text.set_parse_math(False)

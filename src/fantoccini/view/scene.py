@@ -1,39 +1,32 @@
-"""From a puppet and its motion to things that can be drawn.
-
-A :class:`Scene` holds what the motion looks like: solids on links, poses of the links, points of
-the strings with their lengths, tensions and modes. It knows nothing of pixels.
-"""
+"""A scene: what is drawn of a puppet and its motion, without anything about pixels."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fantoccini.arrays import Array
 from fantoccini.puppet import Number
-from fantoccini.tree import WORLD, Point, Role, Tree
+from fantoccini.tree import WORLD, ChainRow, Point, SpringRow, Tree
 from fantoccini.view import rope
-from fantoccini.view.shapes import solid_of
-from fantoccini.view.silhouettes import Solid, capsule
-from fantoccini.view.theme import STONE, WOOD, Theme, rgb
-from fantoccini.world import World
+from fantoccini.view.shapes import link_solids, obstacles, stand_ins
+from fantoccini.view.silhouettes import Solid
+from fantoccini.view.still import Drawable
+from fantoccini.view.theme import rgb
 
 if TYPE_CHECKING:
-    from fantoccini.marionette import Marionette
     from fantoccini.motion import State, Trajectory
-
-_ROUND = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
-_HELD = {Role.DRIVEN, Role.FIXED}
 
 
 @dataclass(frozen=True)
-class Thread:
+class StringCurve:
     """A string at one time.
 
     Attributes:
-        points: (n, 3) polyline as it is to be drawn [m].
+        points: (n, 3) polyline to draw [m].
         taut: True when it pulls.
         tension: [N], or None when unknown.
         colour: (3,) of its own, or None.
@@ -58,20 +51,20 @@ class Scene:
         poses: (T, n_links, 3, 4) link poses.
         names: of the strings.
         points: for each string (T, n_points, 3) [m].
-        lengths: (T, n_strings) with what winches have let out [m].
-        taut: (T, n_strings) modes.
+        lengths: (T, n_strings) including slip of the winches [m].
+        taut: (T, n_strings) True for taut strings.
         tension: (T, n_strings) [N], or None when unknown.
-        colours: of the strings that have one of their own, else None.
+        colours: of each string its own colour, or None.
         wires: True for two-sided strings.
         springs: for each spring (T, 2, 3) ends [m].
         chains: for each chain (T, n_points, 3) its ends and masses [m].
         pulls: (T, n_chains) mean pull of the springs of each chain [N].
         chain_colours: as ``colours``.
         floor: height of the plane that shadows fall on [m].
-        ground: True where that plane is a floor of the world, which strings cannot hang through.
+        ground: True where that plane is the world's floor, on which slack strings lie.
         plane: mirror plane of the puppet, or None.
         size: largest side of the box about puppet and strings at the first time [m].
-        tree: links and strings, their places in plain numbers.
+        tree: links and strings, with values in place of parameters.
     """
 
     title: str
@@ -95,57 +88,71 @@ class Scene:
     size: float
     tree: Tree
 
-    def threads(self, k: int) -> list[Thread]:
-        """The strings at time ``t[k]``."""
+    def string_curves(self, k: int) -> list[StringCurve]:
+        """The strings and chains at time ``t[k]``."""
         out = []
         for s, points in enumerate(self.points):
             line, taut = points[k], bool(self.taut[k, s]) or self.wires[s]
             if not taut and np.isfinite(line).all():
-                line = rope.path(line, float(self.lengths[k, s]))
-                if self.ground:
-                    line = np.maximum(line, [-np.inf, -np.inf, self.floor])
+                line = self.slack_curve(line, float(self.lengths[k, s]))
             tension = None if self.tension is None else float(self.tension[k, s])
-            out.append(Thread(line, taut, tension, self.colours[s], self.wires[s]))
+            out.append(StringCurve(line, taut, tension, self.colours[s], self.wires[s]))
         for s, points in enumerate(self.chains):
             pull = float(self.pulls[k, s])
             tension = None if self.tension is None else max(pull, 0.0)
-            out.append(Thread(points[k], pull > 0.0, tension, self.chain_colours[s], False))
+            out.append(StringCurve(points[k], pull > 0.0, tension, self.chain_colours[s], False))
         return out
+
+    def slack_curve(self, points: np.ndarray, length: float, n: int = 48) -> np.ndarray:
+        """(m, 3) curve of a slack string through points (k, 3) [m], above the world's floor."""
+        line = rope.path(points, length, n)
+        return np.maximum(line, [-np.inf, -np.inf, self.floor]) if self.ground else line
 
     def balls(
         self, strings: bool = True, most: int = 240, pan: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Centres (n, 3) and radii (n,) [m] that cover the motion, for framing it.
+        """Centres (n, 3) and radii (n,) [m] of balls that cover the motion, for framing it.
 
         Args:
             strings: cover strings and springs as well as solids.
-            most: times to look at.
-            pan: (T, 3) how far a camera has gone along; places are then those that it sees [m],
-                without what stands in the world.
+            most: number of times to cover.
+            pan: (T, 3) displacement of a camera that follows the puppet [m]; centres are then
+                relative to it, and obstacles are left out.
         """
-        rows = np.unique(np.linspace(0, len(self.t) - 1, most).astype(int))
+        samples = spread(len(self.t), most)
         centres, radii = [np.zeros((0, 3))], [np.zeros(0)]
-        gone = np.zeros((len(rows), 3)) if pan is None else pan[rows]
+        gone = np.zeros((len(samples), 3)) if pan is None else pan[samples]
         for solid in self.solids:
             if pan is not None and solid.link == WORLD:
                 continue
-            poses = _on(self.poses[rows], solid.link)
+            poses = _on(self.poses[samples], solid.link)
             for end in solid.axis:
                 centres.append(poses[..., :3] @ end + poses[..., 3] - gone)
-                radii.append(np.full(len(rows), _reach(solid)))
+                radii.append(np.full(len(samples), _reach(solid)))
         lines = (*self.points, *self.chains, *self.springs)
         for points in lines if strings or not self.solids else ():
-            flat = (points[rows] - gone[:, None]).reshape(-1, 3)
+            flat = (points[samples] - gone[:, None]).reshape(-1, 3)
             centres.append(flat)
             radii.append(np.zeros(len(flat)))
-        centres, radii = np.concatenate(centres), np.concatenate(radii)
-        good = np.isfinite(centres).all(axis=1)
+        every = np.concatenate(centres)
+        good = np.isfinite(every).all(axis=1)
         if not good.any():
             return np.zeros((1, 3)), np.ones(1)
-        return centres[good], radii[good]
+        return every[good], np.concatenate(radii)[good]
+
+    def feet(self, centres: np.ndarray) -> np.ndarray:
+        """(m, 3) points of the floor below those of the centres (n, 3) that are close to it [m]."""
+        low = centres[:, 2] - self.floor
+        near = (low > 0.0) & (low < 0.25 * self.size)
+        return np.column_stack([centres[near, :2], np.full(near.sum(), self.floor)])
+
+    def ground_box(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper corner (2,) of where the motion is seen from above, but for outliers."""
+        low, high = np.percentile(self.balls()[0][:, :2], [2.0, 98.0], axis=0)
+        return low, high
 
     def tension_top(self) -> float:
-        """Upper end of the tension scale [N]: a round number most of the motion stays under."""
+        """Upper end of the tension scale [N]: a round number above 98 % of the tensions."""
         if self.tension is None:
             return 1.0
         pulls = np.concatenate([self.tension.ravel(), self.pulls.ravel()])
@@ -155,28 +162,35 @@ class Scene:
             return 1.0
         top = float(np.percentile(pulls, 98.0))
         unit = 10.0 ** np.floor(np.log10(top))
-        return float(unit * min(f for f in _ROUND if f * unit >= top * (1.0 - 1e-9)))
+        steps = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
+        return float(unit * min(f for f in steps if f * unit >= top * (1.0 - 1e-9)))
 
 
-def scene_of(marionette: Marionette, run: Trajectory) -> Scene:
-    """The scene of a run.
+def spread(n: int, most: int) -> np.ndarray:
+    """At most so many of the indices 0 to n - 1, evenly spread."""
+    return np.unique(np.linspace(0, n - 1, most).astype(int))
 
-    Args:
-        marionette: the puppet's handle.
-        run: its motion.
-    """
+
+def round_down(length: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is not above ``length``."""
+    unit = 10.0 ** np.floor(np.log10(length))
+    return float(unit * max(f for f in (1.0, 2.0, 5.0) if f * unit <= length * (1.0 + 1e-9)))
+
+
+def scene_of(marionette: Drawable, run: Trajectory) -> Scene:
+    """The scene of a run."""
     return _scene(
         marionette, np.asarray(run.t), run.q_D, run.q_K, run.taut.values, run.tension.values,
         0.0 if run.slip is None else run.slip.values,
     )  # fmt: skip
 
 
-def scene_at(marionette: Marionette, state: State, tension: np.ndarray | None = None) -> Scene:
+def scene_at(marionette: Drawable, state: State, tension: np.ndarray | None = None) -> Scene:
     """The scene of one state.
 
     Args:
-        marionette: the puppet's handle.
-        state: configuration and string modes.
+        marionette: the puppet.
+        state: configuration and active set.
         tension: (n_strings,) [N]; None draws strings without the colours of tension.
     """
     n = len(marionette.tree.strings)
@@ -187,22 +201,30 @@ def scene_at(marionette: Marionette, state: State, tension: np.ndarray | None = 
     )  # fmt: skip
 
 
-def _scene(marionette: Marionette, t, q_D, q_K, taut, tension, slip) -> Scene:
-    tree, world = _settled(marionette.tree, marionette.model.number), marionette.world
+def _scene(
+    marionette: Drawable,
+    t: Array,
+    q_D: Array,
+    q_K: Array,
+    taut: np.ndarray,
+    tension: Array | None,
+    slip: Array | float,
+) -> Scene:
+    tree, world = _with_values(marionette.tree, marionette.model.number), marionette.world
     poses = np.asarray(marionette.poses(q_D, q_K))
     points = tuple(np.asarray(p) for p in marionette.string_points(q_D, q_K))
     springs = spring_ends(tree, poses)
     chains, pulls = chain_points(tree, poses), chain_pulls(marionette, tree, poses, q_D, q_K)
-    solids = _shapes(tree)
+    solids = link_solids(tree)
     size = _size(solids, poses, (*points, *chains))
-    solids += _stand_ins(tree, size)
+    solids += stand_ins(tree, size)
     low = _lowest(solids, poses) if solids else 0.0
     floor = low - 0.04 * size if world.floor is None else float(world.floor)
     mirrors = [p.mirror.plane for p in world.puppets if p.mirror is not None]
     return Scene(
         title=tree.name,
         t=t,
-        solids=tuple(_obstacles(world) + solids),
+        solids=tuple(obstacles(world) + solids),
         poses=poses,
         names=tuple(s.name for s in tree.strings),
         points=points,
@@ -223,87 +245,22 @@ def _scene(marionette: Marionette, t, q_D, q_K, taut, tension, slip) -> Scene:
     )
 
 
-def handles(tree: Tree, theme: Theme, size: float) -> list[Solid]:
-    """Beads on the points of strings that a hand or a winch holds, and hooks on the world.
-
-    Args:
-        tree: of the world.
-        theme: the look.
-        size: of the motion [m].
-    """
-    out, seen = [], set()
-    for string in (*tree.strings, *tree.chains):
-        for point in string.points:
-            key = (point.link, point.at)
-            if key in seen or not _held(tree, point.link):
-                continue
-            seen.add(key)
-            if point.link != WORLD and tree.links[point.link].shapes:
-                continue
-            out.append(capsule(point.link, theme.handle, np.tile(key[1], (2, 1)), 0.009 * size))
-    return out
-
-
-def _shapes(tree: Tree) -> list[Solid]:
-    solids, depth = [], {WORLD: -1}
-    for k, link in enumerate(tree.links):
-        depth[k] = depth[link.parent] + 1
-        colour = rgb(WOOD[depth[k] % len(WOOD)])
-        solids += [solid_of(shape, k, colour) for shape in link.shapes]
-    return solids
-
-
-def _obstacles(world: World) -> list[Solid]:
-    return [solid_of(shape, WORLD, rgb(STONE)) for shape in world.obstacles]
-
-
-def _stand_ins(tree: Tree, size: float) -> list[Solid]:
-    """Balls and sticks for links that weigh something, or carry strings, but have no shape."""
-    out = []
-    children: dict[int, list[np.ndarray]] = {}
-    for link in tree.links:
-        children.setdefault(link.parent, []).append(np.array(link.offset))
-    for row in (*tree.strings, *tree.chains):
-        for point in row.points:
-            children.setdefault(point.link, []).append(np.array(point.at))
-    for k, link in enumerate(tree.links):
-        if link.shapes:
-            continue
-        colour = rgb(WOOD[1 if link.role is Role.DRIVEN else 3])
-        mass = 0.0 if link.mass is None else link.mass
-        com = np.zeros(3) if link.com is None else np.array(link.com)
-        if mass > 0.0:
-            out.append(capsule(k, colour, np.tile(com, (2, 1)), 0.026 * size))
-        reach = [com, *children.get(k, [])]
-        out += [
-            capsule(k, colour, np.array([np.zeros(3), tip]), 0.011 * size)
-            for tip in np.unique(np.round(reach, 9), axis=0)
-            if np.linalg.norm(tip) > 1e-6
-        ]
-    return out
-
-
 def spring_ends(tree: Tree, poses: np.ndarray) -> tuple[np.ndarray, ...]:
-    """For each spring (..., 2, 3) its ends [m].
-
-    Args:
-        tree: with the springs.
-        poses: (..., n_links, 3, 4) link poses.
-    """
-    return tuple(
-        np.stack([_carry(poses, end) for end in row.points], axis=-2) for row in tree.springs
-    )
+    """For each spring (..., 2, 3) its ends [m], from link poses (..., n_links, 3, 4)."""
+    return _points_of(tree.springs, poses)
 
 
 def chain_points(tree: Tree, poses: np.ndarray) -> tuple[np.ndarray, ...]:
-    """For each chain (..., n_points, 3) its ends and masses [m]; arguments as for springs."""
-    return tuple(
-        np.stack([_carry(poses, end) for end in row.points], axis=-2) for row in tree.chains
-    )
+    """For each chain (..., n_points, 3) its ends and masses [m], from link poses."""
+    return _points_of(tree.chains, poses)
+
+
+def _points_of(rows: Sequence[SpringRow | ChainRow], poses: np.ndarray) -> tuple[np.ndarray, ...]:
+    return tuple(np.stack([_carry(poses, end) for end in row.points], axis=-2) for row in rows)
 
 
 def chain_pulls(
-    marionette: Marionette, tree: Tree, poses: np.ndarray, q_D: np.ndarray, q_K: np.ndarray
+    marionette: Drawable, tree: Tree, poses: np.ndarray, q_D: np.ndarray, q_K: np.ndarray
 ) -> np.ndarray:
     """(..., n_chains) mean pull EA (d / l - 1) of the springs of each chain [N]."""
     pulls = []
@@ -314,19 +271,19 @@ def chain_pulls(
     return np.stack(pulls, axis=-1) if pulls else np.zeros((*poses.shape[:-3], 0))
 
 
-def _held(tree: Tree, link: int) -> bool:
-    return link == WORLD or all(tree.links[k].role in _HELD for k in tree.ancestors(link))
+def _with_values(tree: Tree, number: Callable[[Number], float]) -> Tree:
+    """The tree with present values in place of the parameters that pictures depend on."""
 
+    def numbers(xs: tuple[Number, Number, Number]) -> tuple[float, float, float]:
+        x, y, z = xs
+        return number(x), number(y), number(z)
 
-def _settled(tree: Tree, number: Callable[[Number], float]) -> Tree:
-    """The tree with plain numbers, of parameters their present values, where pictures need them."""
+    def point(p: Point) -> Point:
+        return replace(p, at=numbers(p.at))
 
-    def numbers(xs):
-        return tuple(number(x) for x in xs)
-
-    def points(row):
-        return replace(row, points=tuple(replace(p, at=numbers(p.at)) for p in row.points))
-
+    strings = (replace(s, points=tuple(map(point, s.points))) for s in tree.strings)
+    springs = (replace(s, points=(point(s.points[0]), point(s.points[1]))) for s in tree.springs)
+    chains = (replace(c, points=tuple(map(point, c.points))) for c in tree.chains)
     links = (
         replace(
             link, offset=numbers(link.offset),
@@ -336,8 +293,8 @@ def _settled(tree: Tree, number: Callable[[Number], float]) -> Tree:
         for link in tree.links
     )  # fmt: skip
     return replace(
-        tree, links=tuple(links), strings=tuple(map(points, tree.strings)),
-        springs=tuple(map(points, tree.springs)), chains=tuple(map(points, tree.chains)),
+        tree, links=tuple(links), strings=tuple(strings), springs=tuple(springs),
+        chains=tuple(chains),
     )  # fmt: skip
 
 
@@ -379,7 +336,7 @@ def _size(solids: list[Solid], poses: np.ndarray, points: tuple[np.ndarray, ...]
     for solid in solids:
         pose = _on(poses[0], solid.link)
         places.append(solid.points @ pose[:, :3].T + pose[:, 3])
-    places = np.concatenate(places)
-    places = places[np.isfinite(places).all(axis=1)]
-    size = float(np.ptp(places, axis=0).max()) if len(places) else 0.0
+    every = np.concatenate(places)
+    every = every[np.isfinite(every).all(axis=1)]
+    size = float(np.ptp(every, axis=0).max()) if len(every) else 0.0
     return size if size > 1e-9 else 1.0

@@ -1,49 +1,112 @@
-"""Shapes of a puppet file as solids."""
+"""The solids of a puppet: its shapes, handles, and stand-ins for bodies without a shape."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from fantoccini.puppet import Shape
-from fantoccini.puppet.shapes import load_mesh
+from fantoccini.puppet.shapes import Box, Capsule, Ellipsoid, Mesh, Shape, Sphere, load_mesh
+from fantoccini.tree import WORLD, ChainRow, Point, Role, StringRow, Tree
 from fantoccini.view.silhouettes import Solid, box, capsule, ellipsoid, mesh
-from fantoccini.view.theme import rgb
+from fantoccini.view.still import file_value
+from fantoccini.view.theme import STONE, WOOD, Theme, rgb
+from fantoccini.world import World
 
-_MOST_FACES = 1500
-"""A mesh with more triangles is drawn coarser."""
+MAX_FACES = 1500
+"""A mesh with more triangles is simplified before it is drawn."""
 
 
 def solid_of(shape: Shape, link: int, colour: np.ndarray) -> Solid:
-    """The solid of a shape.
-
-    Args:
-        shape: from the puppet's file.
-        link: index of the link that carries it, -1 for the world.
-        colour: (3,) to use when the shape has none.
-    """
+    """The solid of a shape on a link (-1 for the world); ``colour`` (3,) where it has none."""
     if shape.colour is not None:
         colour = rgb(shape.colour)
-    if shape.type == "capsule":
-        return capsule(link, colour, np.array([shape.from_, shape.to], dtype=float), shape.radius)
-    if shape.type == "mesh":
+    if isinstance(shape, Capsule):
+        ends = np.array([shape.from_, shape.to], dtype=float)
+        return capsule(link, colour, ends, shape.radius)
+    if isinstance(shape, Mesh):
         triangles = load_mesh(shape)
-        return mesh(link, colour, *coarser(triangles.vertices, triangles.faces, _MOST_FACES))
+        return mesh(link, colour, *coarser(triangles.vertices, triangles.faces, MAX_FACES))
+    assert isinstance(shape, Sphere | Ellipsoid | Box)
     centre = np.array(shape.at, dtype=float)
-    if shape.type == "sphere":
+    if isinstance(shape, Sphere):
         return capsule(link, colour, np.tile(centre, (2, 1)), shape.radius)
     turn = np.eye(3) if shape.orientation is None else shape.orientation.matrix
-    if shape.type == "ellipsoid":
+    if isinstance(shape, Ellipsoid):
         return ellipsoid(link, colour, centre, turn * np.array(shape.radii, dtype=float))
     return box(link, colour, centre, turn * (0.5 * np.array(shape.size, dtype=float)))
 
 
-def coarser(vertices: np.ndarray, faces: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """A mesh with at most about ``most`` triangles, by merging vertices on a grid.
+def link_solids(tree: Tree) -> list[Solid]:
+    """The shapes of all links."""
+    solids: list[Solid] = []
+    depth = {WORLD: -1}
+    for k, link in enumerate(tree.links):
+        depth[k] = depth[link.parent] + 1
+        colour = rgb(WOOD[depth[k] % len(WOOD)])
+        solids += [solid_of(shape, k, colour) for shape in link.shapes]
+    return solids
 
-    Args:
-        vertices: (n, 3) [m].
-        faces: (m, 3) indices of vertices.
-        most: triangles to aim for.
+
+def obstacles(world: World) -> list[Solid]:
+    """The shapes that stand in the world."""
+    return [solid_of(shape, WORLD, rgb(STONE)) for shape in world.obstacles]
+
+
+def stand_ins(tree: Tree, size: float) -> list[Solid]:
+    """Balls and sticks for links without shapes that have mass or carry strings."""
+    out: list[Solid] = []
+    children: dict[int, list[np.ndarray]] = {}
+    for link in tree.links:
+        children.setdefault(link.parent, []).append(np.array(link.offset))
+    for point in _string_points(tree):
+        children.setdefault(point.link, []).append(np.array(point.at))
+    for k, link in enumerate(tree.links):
+        if link.shapes:
+            continue
+        colour = rgb(WOOD[1 if link.role is Role.DRIVEN else 3])
+        mass = 0.0 if link.mass is None else file_value(link.mass)
+        com = np.zeros(3) if link.com is None else np.array(link.com)
+        if mass > 0.0:
+            out.append(capsule(k, colour, np.tile(com, (2, 1)), 0.026 * size))
+        reach = [com, *children.get(k, [])]
+        out += [
+            capsule(k, colour, np.array([np.zeros(3), tip]), 0.011 * size)
+            for tip in np.unique(np.round(reach, 9), axis=0)
+            if np.linalg.norm(tip) > 1e-6
+        ]
+    return out
+
+
+def handles(tree: Tree, theme: Theme, size: float) -> list[Solid]:
+    """Beads on string ends that a hand or a winch holds, and hooks on the world; ``size`` [m]."""
+    out: list[Solid] = []
+    seen = set()
+    for point in _string_points(tree):
+        key = (point.link, point.at)
+        if key in seen or not _is_held(tree, point.link):
+            continue
+        seen.add(key)
+        if point.link == WORLD or not tree.links[point.link].shapes:
+            at = np.tile(np.array(point.at, dtype=float), (2, 1))
+            out.append(capsule(point.link, theme.handle, at, 0.009 * size))
+    return out
+
+
+def _string_points(tree: Tree) -> list[Point]:
+    hung: list[StringRow | ChainRow] = [*tree.strings, *tree.chains]
+    return [point for row in hung for point in row.points]
+
+
+def _is_held(tree: Tree, link: int) -> bool:
+    """Whether a link moves with driven coordinates only."""
+    return link == WORLD or all(
+        tree.links[k].role is not Role.DYNAMIC for k in tree.ancestors(link)
+    )
+
+
+def coarser(vertices: np.ndarray, faces: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
+    """The mesh simplified to about ``most`` triangles, by merging vertices on a grid.
+
+    Takes and returns vertices (n, 3) [m] and faces (m, 3), indices of vertices.
     """
     low, span = vertices.min(axis=0), float(np.ptp(vertices, axis=0).max())
     # A closed surface crosses about 6 k^2 cells of a k x k x k grid, two triangles a cell.

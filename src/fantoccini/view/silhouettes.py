@@ -1,14 +1,13 @@
-"""Solids as painted polygons: outlines in perspective, filled with nested tones of light.
+"""Solids as painted polygons: outlines in perspective, shaded.
 
-A round solid is a stack of its own outline, shrunk step by step towards the light and filled with
-lighter and lighter colour; a flat-sided one is its visible faces, each with Lambert's shade. The
-outlines are those of the perspective image: exact for ellipsoids, of the end spheres' discs for
-capsules.
+A round solid is a stack of copies of its outline, shrunk towards the light in lighter and lighter
+colours; a flat-sided one is its visible faces with Lambert's shading. Outlines are exact for
+ellipsoids; those of capsules are the hulls of the discs of their end spheres.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -21,6 +20,8 @@ _LIGHT = np.array([-0.42, 0.72, 0.55])
 
 _WHITE = np.ones(3)
 
+CLEAR = (0.0, 0.0, 0.0, 0.0)
+
 
 @dataclass(frozen=True)
 class Solid:
@@ -32,11 +33,11 @@ class Solid:
         colour: (3,).
         points: capsule (2, 3) ends; ellipsoid (1, 3) centre; faces (n, 3) vertices [m].
         radius: of a capsule [m].
-        half: (3, 3) half axes of an ellipsoid, or of the one a faced solid is taken for when
-            deciding what hides what, as columns [m]; None for a capsule.
-        faces: places of each face's corners in ``points``, anticlockwise from outside.
-        smooth: True where the edges between faces are not to be drawn (a mesh).
-        axis: (2, 3) the longest line inside, which decides what hides what [m].
+        half: (3, 3) half axes of an ellipsoid, or of the one that stands for a faced solid in the
+            painter's order, as columns [m]; zero for a capsule.
+        faces: indices of each face's corners in ``points``, anticlockwise from outside.
+        smooth: True for a mesh: edges between faces are not drawn.
+        axis: (2, 3) the longest line inside, for the painter's order [m].
         girth: distance from that line to the surface [m].
     """
 
@@ -47,7 +48,7 @@ class Solid:
     axis: np.ndarray
     girth: float
     radius: float = 0.0
-    half: np.ndarray | None = None
+    half: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
     faces: tuple[np.ndarray, ...] | np.ndarray = ()
     smooth: bool = False
 
@@ -119,8 +120,8 @@ def paint(
     Args:
         solid: what to paint.
         pose: (3, 4) of its link in the world.
-        camera, viewport: where it is seen from, and where in the picture it goes.
-        theme: the look.
+        camera, viewport: the view.
+        theme: colours.
         pen: width of outlines [px].
     """
     ink = (*(solid.colour * theme.outline), 1.0)
@@ -144,9 +145,8 @@ def paint(
         shrink = np.linspace(1.0, 0.1, _tones(size))[:, None, None]
         stack = glint + shrink * (outline - glint)
     tones = _ramp(solid.colour, len(stack))
-    clear = (0.0, 0.0, 0.0, 0.0)
     return [
-        Polygon(outline, (*tone, 1.0), *((clear, 0.0) if k else (ink, pen)))
+        Polygon(outline, (*tone, 1.0), *((CLEAR, 0.0) if k else (ink, pen)))
         for k, (outline, tone) in enumerate(zip(stack, tones, strict=True))
     ]
 
@@ -165,7 +165,14 @@ def shadow(solid: Solid, pose: np.ndarray, floor: float, ray: np.ndarray) -> np.
     return np.column_stack([fallen, np.full(len(fallen), floor)])
 
 
-def _paint_faces(solid, seen, camera, viewport, ink, pen) -> list[Polygon]:
+def _paint_faces(
+    solid: Solid,
+    seen: np.ndarray,
+    camera: Camera,
+    viewport: Viewport,
+    ink: tuple[float, ...],
+    pen: float,
+) -> list[Polygon]:
     placed = camera.place(seen, viewport)
     polygons, depths = [], []
     towards = seen * np.array([1.0, 1.0, -1.0])
@@ -175,14 +182,14 @@ def _paint_faces(solid, seen, camera, viewport, ink, pen) -> list[Polygon]:
         size = np.linalg.norm(normal)
         if size == 0.0 or normal @ corners[0] >= 0.0:
             continue
-        shade = max(0.0, float(normal @ _LIGHT) / size)
+        shade = max(0.0, float(normal @ _LIGHT) / float(size))
         tone = mix(solid.colour * 0.55, mix(solid.colour, _WHITE, 0.22), shade)
         edge, width = ((*tone, 1.0), 0.4) if solid.smooth else (ink, 0.8 * pen)
         polygons.append(Polygon(placed[face], (*tone, 1.0), edge, width))
         depths.append(seen[face, 2].mean())
     polygons = [polygons[k] for k in np.argsort(depths)[::-1]]
     if solid.smooth:
-        # Its silhouette: the same triangles once more, underneath and a pen wider.
+        # The silhouette: the same triangles underneath, one pen wider.
         under = [Polygon(p.outline, ink, ink, 2.0 * pen) for p in polygons]
         return under + polygons
     return polygons
@@ -225,9 +232,9 @@ def _capsule_stack(centres: np.ndarray, radii: np.ndarray, tones: int) -> np.nda
 
 
 def _rim(centre: np.ndarray, half: np.ndarray, pose: np.ndarray, eye: np.ndarray) -> np.ndarray:
-    """The points (n, 3) where lines from the eye touch an ellipsoid.
+    """The points (n, 3) of an ellipsoid at which lines from the eye are tangent.
 
-    With x = c + H u and |u| = 1 the touching points satisfy u . H^-1 (eye - c) = 1: a circle.
+    With x = c + H u and |u| = 1 these points satisfy u . H^-1 (eye - c) = 1: a circle.
     """
     centre = pose[:, :3] @ centre + pose[:, 3]
     half = pose[:, :3] @ half
@@ -238,7 +245,7 @@ def _rim(centre: np.ndarray, half: np.ndarray, pose: np.ndarray, eye: np.ndarray
 
 
 def _great_circle(normal: np.ndarray, n: int = 40) -> np.ndarray:
-    """(n, 3) points of the unit circle across a vector."""
+    """(n, 3) points of the unit circle normal to a vector."""
     normal = normal / np.linalg.norm(normal)
     first = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
     first /= np.linalg.norm(first)
@@ -251,8 +258,8 @@ def _hull(points: np.ndarray) -> np.ndarray:
     """Convex hull (n, 2), anticlockwise, by Andrew's monotone chain."""
     ordered = points[np.lexsort((points[:, 1], points[:, 0]))]
 
-    def chain(sequence) -> list:
-        kept: list = []
+    def chain(sequence: np.ndarray) -> list[np.ndarray]:
+        kept: list[np.ndarray] = []
         for p in sequence:
             while len(kept) >= 2:
                 a, b = kept[-1] - kept[-2], p - kept[-2]

@@ -1,12 +1,12 @@
-"""Poses by plain forward kinematics, for a look at a puppet that nobody has compiled.
+"""Poses by plain forward kinematics, for pictures of a puppet that is not compiled.
 
-A notebook shows a puppet when its cell ends; deriving and compiling it then would take seconds to
-minutes. Pictures ask little of a marionette: where its links and its strings' points are.
+A notebook shows a puppet when its cell ends; compiling it then would take seconds to minutes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -16,20 +16,21 @@ from fantoccini.puppet import Number, Parameter
 from fantoccini.tree import Tree, link_poses, place, placed
 from fantoccini.world import World
 
+if TYPE_CHECKING:
+    from fantoccini.marionette import Marionette
+
+
+Drawable: TypeAlias = "Marionette | Still"
+"""What can be drawn."""
+
 
 def file_value(number: Number) -> float:
-    """A number of the puppet's file; of a parameter the value that the file gives it."""
+    """Value of a number of the puppet's file; for a parameter, the value given there."""
     return float(number.value) if isinstance(number, Parameter) else float(number)
 
 
 class Still:
-    """Offers what the pictures ask of a Marionette, without a compiled model.
-
-    Args:
-        world: the puppets, obstacles and floor.
-        tree: its links and strings.
-        number: value of a number of the puppet.
-    """
+    """A puppet without a compiled model; ``number`` gives values of its numbers."""
 
     def __init__(self, world: World, tree: Tree, number: Callable[[Number], float] = file_value):
         self.world, self.tree, self.number = world, tree, number
@@ -37,11 +38,11 @@ class Still:
 
     @property
     def model(self) -> Still:
-        """What pictures ask of a marionette's model: it is all here."""
+        """Itself: it has the numbers and lengths."""
         return self
 
     def start(self) -> State:
-        """The file's pose, at rest. Strings just reach where it names no length."""
+        """The file's pose, at rest. Strings without a given length are just taut."""
         table, strings = self.coordinates, self.tree.strings
         q_D, q_K = table.start_D.copy(), table.start_K.copy()
         q_D, q_K = placed(self.tree, q_D, q_K, self.number)
@@ -59,11 +60,11 @@ class Still:
         return State(0.0, q_D, np.zeros(table.n_vD), q_K, np.zeros(table.n_vK), taut)
 
     def poses(self, q_D: Array, q_K: Array) -> Array:
-        """(T, n_links, 3, 4) poses of the links, for (T, n_qD) and (T, n_qK) or one of each."""
+        """(T, n_links, 3, 4) link poses, for (T, n_qD) and (T, n_qK) or one of each."""
         return link_poses(self.tree.links, np.atleast_2d(q_D), np.atleast_2d(q_K), self.number)
 
     def string_points(self, q_D: Array, q_K: Array) -> list[Array]:
-        """For each string (T, n_points, 3) the points it passes [m]."""
+        """For each string (T, n_points, 3) the points of its path [m]."""
         poses = self.poses(q_D, q_K)
         return [
             np.stack([place(poses, point, self.number) for point in string.points], axis=1)

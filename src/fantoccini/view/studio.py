@@ -1,38 +1,41 @@
-"""Solids and strings drawn by pyvista, for pictures that take longer and look better.
+"""Solids and strings rendered by pyvista, with smooth shading and strings as tubes.
 
-Background, floor, shadows and captions are those of the quick path; only what stands before the
-floor is photographed here, by the same camera, with a depth buffer, smooth shading and strings as
-tubes. pyvista is imported when the first studio is made. It draws without a display where Mesa's
-EGL or OSMesa is installed.
+Background, floor, shadows and captions are those of the matplotlib renderer. pyvista is imported
+when the first studio is made, and needs no display where Mesa's EGL or OSMesa is installed.
 """
 
 from __future__ import annotations
 
 from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fantoccini.errors import MissingLibraryError
 from fantoccini.tree import WORLD
-from fantoccini.view.compose import Stage, lines
+from fantoccini.view.compose import Layout, lines
 from fantoccini.view.meshes import TriangleMesh, triangles
 from fantoccini.view.scene import Scene
 from fantoccini.view.silhouettes import Solid
 
+if TYPE_CHECKING:
+    import pyvista
+
 RENDERERS = ("matplotlib", "pyvista")
-"""What can draw solids and strings."""
+"""Renderers of solids and strings."""
 
 _LIGHTS = (((-0.8, 0.9, 0.7), 0.85), ((0.9, 0.2, 0.6), 0.25), ((0.2, -0.7, 0.4), 0.12))
-"""(towards it in camera axes right, up, back; brightness): key, fill, and a glow from the floor."""
+"""Direction to each light in camera axes (right, up, back), and intensity: key, fill, floor."""
 
 _OVERSAMPLED = 2
-"""Pixels rendered for each side of a pixel of the picture."""
+"""Pixels rendered along each side of a pixel of the picture."""
 
 
 def checked_renderer(renderer: str) -> str:
-    """The renderer, if there is one of that name.
+    """Returns the renderer.
 
     Raises:
+        ValueError: no renderer has this name.
         MissingLibraryError: it is pyvista, which is not installed.
     """
     if renderer not in RENDERERS:
@@ -43,18 +46,18 @@ def checked_renderer(renderer: str) -> str:
 
 
 class Studio:
-    """Photographs a scene.
+    """Renders a scene.
 
     Args:
         scene: what to show.
-        stage: camera, theme and the part of the sheet that the camera fills.
+        layout: camera, theme and viewport.
         size: width and height of the sheet [px].
-        scale: pixels of the photograph for a pixel of the sheet.
+        scale: pixels of the rendering for a pixel of the sheet.
     """
 
-    def __init__(self, scene: Scene, stage: Stage, size: tuple[int, int], scale: float = 1.0):
+    def __init__(self, scene: Scene, layout: Layout, size: tuple[int, int], scale: float = 1.0):
         self._pv = _pyvista()
-        self.scene, self.stage = scene, stage
+        self.scene, self.layout = scene, layout
         window = [round(n * scale) * _OVERSAMPLED for n in size]
         self._plotter = self._pv.Plotter(off_screen=True, window_size=window, lighting="none")
         self._plotter.set_background("black")
@@ -62,51 +65,51 @@ class Studio:
             light = self._pv.Light(light_type="camera light", intensity=brightness)
             light.position = towards
             self._plotter.add_light(light)
-        solids = [*scene.solids, *stage.handles]
+        solids = [*scene.solids, *layout.handles]
         self._actors = [(solid, self._actor(solid)) for solid in solids]
-        self.aim(stage, size)
+        self.aim(layout, size)
 
     def photograph(self, k: int) -> np.ndarray:
-        """The scene at ``t[k]``: (height, width, 4) in [0, 1] with opacity, rows from the top."""
+        """(height, width, 4) pixels in [0, 1] of the scene at ``t[k]``, rows from the top."""
         poses = self.scene.poses[k]
         for solid, actor in self._actors:
             pose = np.eye(3, 4) if solid.link == WORLD else poses[solid.link]
             actor.visibility = bool(np.isfinite(pose).all())
             if actor.visibility:
                 actor.user_matrix = np.vstack([pose, [0.0, 0.0, 0.0, 1.0]])
-        self._hang(k)
+        self._add_strings(k)
         self._plotter.renderer.ResetCameraClippingRange()
-        self._plotter.render()  # without it the first photograph is empty
+        self._plotter.render()  # without it the first screenshot is empty
         fine = self._plotter.screenshot(transparent_background=True, return_img=True)
         each = [slice(k, None, _OVERSAMPLED) for k in range(_OVERSAMPLED)]
         shot = sum(fine[rows, columns].astype(np.float32) for rows in each for columns in each)
-        # Edges are mixed with the black behind them; matplotlib wants colour and opacity apart.
+        # Edges are premultiplied by opacity; matplotlib wants straight colours.
         shot[..., :3] /= np.maximum(shot[..., 3:], 1.0)
         shot[..., 3] /= 255.0 * _OVERSAMPLED**2
         return np.minimum(shot, 1.0, out=shot)
 
     def close(self) -> None:
-        """Gives the window's memory back."""
+        """Releases the window's memory."""
         self._plotter.close()
 
-    def _actor(self, solid: Solid):
+    def _actor(self, solid: Solid) -> pyvista.Actor:
         made = triangles(solid)
         return self._plotter.add_mesh(
             self._surface(made), color=solid.colour, smooth_shading=made.normals is not None,
             ambient=0.24, diffuse=0.90, specular=0.45, specular_power=28.0, render=False,
         )  # fmt: skip
 
-    def _surface(self, made: TriangleMesh):
+    def _surface(self, made: TriangleMesh) -> pyvista.PolyData:
         surface = self._pv.PolyData.from_regular_faces(made.vertices, made.faces)
         if made.normals is not None:
             surface.point_data.active_normals = made.normals
         return surface
 
-    def _hang(self, k: int) -> None:
-        """Strings and springs as tubes, as wide in the picture as the quick path's lines."""
-        camera, viewport = self.stage.camera, self.stage.viewport
+    def _add_strings(self, k: int) -> None:
+        """Strings and springs as tubes, as wide in the picture as matplotlib's lines."""
+        camera, viewport = self.layout.camera, self.layout.viewport
         tubes = self._pv.MultiBlock()
-        for line in lines(self.scene, k, self.stage):
+        for line in lines(self.scene, k, self.layout):
             depth = float(camera.see(line.points)[:, 2].mean())
             radius = 0.5 * line.width / camera.scale(depth, viewport)
             tube = self._pv.lines_from_points(line.points).tube(radius=radius, n_sides=8)
@@ -120,10 +123,10 @@ class Studio:
                 reset_camera=False,
             )  # fmt: skip
 
-    def aim(self, stage: Stage, size: tuple[int, int]) -> None:
-        """Takes a stage's camera, widened from its viewport to the whole sheet."""
-        self.stage = stage
-        seen, viewport, (width, height) = self.stage.camera, self.stage.viewport, size
+    def aim(self, layout: Layout, size: tuple[int, int]) -> None:
+        """Takes over a layout's camera, widened from its viewport to the whole sheet."""
+        self.layout = layout
+        seen, viewport, (width, height) = self.layout.camera, self.layout.viewport, size
         camera = self._plotter.camera
         camera.position = seen.eye
         camera.focal_point = seen.eye - seen.axes[2]
@@ -142,6 +145,6 @@ def _pyvista() -> ModuleType:
         from vtkmodules.vtkCommonCore import vtkLogger
     except ImportError:
         raise MissingLibraryError("renderer='pyvista'", "pyvista", "pyvista") from None
-    # Where there is no display, VTK says so on the way to drawing without one.
+    # Without a display VTK warns before it falls back to off-screen rendering.
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
     return pyvista

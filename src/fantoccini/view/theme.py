@@ -1,6 +1,6 @@
-"""Colours of the pictures, and the few operations on colours that they need.
+"""Themes, and conversions of colours.
 
-Colours are arrays of red, green, blue in [0, 1]; a fourth number is opacity.
+A colour is an array of red, green, blue in [0, 1]; a fourth number is the opacity.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ import numpy as np
 from fantoccini.errors import UnknownNameError
 
 WOOD = ("#c8553d", "#e0b07c", "#3f6c8f", "#d9a066", "#8f5a3c", "#6c8f5a")
-"""Colours of shapes that have none: by distance from the puppet's root."""
+"""Colours of shapes without one, by the depth of their link in the tree."""
 
 _DASHES = ((), (4.0, 2.0), (1.0, 1.5), (6.0, 2.0, 1.0, 2.0))
-"""Of lines in plots; an empty one is solid."""
+"""Dash patterns of lines in plots; the empty one is solid."""
 
 STONE = "#b4aea0"
 """Colour of obstacles."""
@@ -26,8 +26,19 @@ def rgb(text: str) -> np.ndarray:
     return np.array([int(text[k : k + 2], 16) for k in (1, 3, 5)]) / 255.0
 
 
-def mix(a: np.ndarray, b: np.ndarray, share) -> np.ndarray:
-    """Colour between a (share 0) and b (share 1)."""
+def to_bytes(colour: np.ndarray) -> tuple[int, int, int]:
+    """Red, green, blue in 0 to 255."""
+    red, green, blue = (round(255.0 * float(c)) for c in colour[:3])
+    return red, green, blue
+
+
+def to_hex(colour: np.ndarray) -> str:
+    """``#rrggbb``."""
+    return "#{:02x}{:02x}{:02x}".format(*to_bytes(colour))
+
+
+def mix(a: np.ndarray, b: np.ndarray, share: float | np.ndarray) -> np.ndarray:
+    """Linear interpolation from a (share 0) to b (share 1)."""
     return a + (b - a) * share
 
 
@@ -36,19 +47,15 @@ class Theme:
     """The look of a picture.
 
     Attributes:
-        name: of the theme.
+        name: ``light`` or ``dark``, for the bundled themes.
         top, bottom: background at its upper and lower edge.
-        floor: colour and opacity (4,) of the spot of light on the floor.
-        grid: colour of the floor's lines.
-        shadow: colour of shadows.
+        floor: (4,) colour and opacity of the spot of light on the floor.
+        grid, shadow, slack, handle: the floor's lines, shadows, slack strings, driven string ends.
         shadow_opacity: of one layer of a shadow.
-        ink, faint: colours of text and of lesser text and rules.
-        slack: colour of a slack string.
-        handle: colour of a driven string end.
-        outline: how dark outlines are, 0 black to 1 the shape's own colour.
-        ramp: (name, from, to): matplotlib's colour map for tension and the part of it in use.
-        cycle: colours of lines in plots, which people tell apart who see red and green, or blue and
-            yellow, alike.
+        ink, faint: text, and secondary text and rules.
+        outline: factor on a shape's colour that gives its outline's.
+        ramp: matplotlib's colour map for tension, and the part of it in use.
+        cycle: colours of lines in plots, distinct for colour-blind readers as well.
     """
 
     name: str
@@ -71,11 +78,11 @@ class Theme:
         return self.cycle[k % len(self.cycle)]
 
     def dashes(self, k: int) -> tuple[float, ...]:
-        """Dashes and gaps of line k, in widths; lines of one colour have different ones."""
+        """Dashes and gaps of line k, in line widths; they differ between lines of one colour."""
         return _DASHES[k // len(self.cycle) % len(_DASHES)]
 
     def tension_colours(self, n: int = 256) -> np.ndarray:
-        """(n, 3) colours from no tension to the largest."""
+        """(n, 3) colours from zero to the largest tension."""
         from matplotlib import colormaps
 
         name, start, stop = self.ramp
@@ -126,7 +133,7 @@ THEMES = {"light": LIGHT, "dark": DARK}
 
 
 def theme_of(theme: str | Theme) -> Theme:
-    """The theme of this name, or the theme itself."""
+    """Returns the theme of this name, or the theme itself."""
     if isinstance(theme, Theme):
         return theme
     if theme not in THEMES:

@@ -1,14 +1,14 @@
-"""A puppet, a motion or a plan in the browser; viser is loaded by the first call.
+"""A puppet, a motion or a plan in the browser; the first call loads viser.
 
-``show`` opens a page on this machine. A puppet is alive there and its strings are held by whoever
-looks at it; a motion and a plan are played back, or written as one file that plays from disk.
+``show`` opens a page on this machine. A puppet is live there, and whoever looks at it can move its
+strings; a motion and a plan are played back, or written as one file that plays from disk.
 """
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, TypeAlias, overload
 
 if TYPE_CHECKING:
     from fantoccini.marionette import Marionette
@@ -19,40 +19,63 @@ if TYPE_CHECKING:
     from fantoccini.web.page import Page
     from fantoccini.world import World
 
+    Showable: TypeAlias = (
+        str | Path | Marionette | Puppet | World | Trajectory | Recording | PlanResult
+    )
+
 __all__ = ["show"]
 
 
+@overload
 def show(
-    what: str | Path | Marionette | Puppet | World | Trajectory | Recording | PlanResult,
+    what: Showable,
     *,
-    html: str | os.PathLike | None = None,
+    html: None = None,
     theme: Literal["light", "dark"] = "light",
     host: str = "127.0.0.1",
     port: int = 8080,
     browser: bool = True,
     wait: bool | None = None,
-    record_to: str | os.PathLike = ".",
+    record_to: str | os.PathLike[str] = ".",
+) -> Page: ...
+
+
+@overload
+def show(
+    what: Showable, *, html: str | os.PathLike[str], theme: Literal["light", "dark"] = "light"
+) -> Path: ...
+
+
+def show(
+    what: Showable,
+    *,
+    html: str | os.PathLike[str] | None = None,
+    theme: Literal["light", "dark"] = "light",
+    host: str = "127.0.0.1",
+    port: int = 8080,
+    browser: bool = True,
+    wait: bool | None = None,
+    record_to: str | os.PathLike[str] = ".",
 ) -> Page | Path:
     """Shows something in the browser.
 
     Args:
-        what: a puppet (its file, a bundled name, a handle) to play with; a trajectory or recording
-            (an object, or its npz file) to play back; a plan.
-        html: instead of a page, writes the motion as one file that plays from disk.
+        what: a puppet (its file, a bundled name, a Marionette) to play with; a trajectory or
+            recording (an object, or its npz file) to play back; a plan.
+        html: writes the motion as one file that plays from disk, instead of opening a page.
         theme: ``light`` or ``dark``.
-        host: address to listen on; anything but this machine's own lets others in.
+        host: address to listen on; any but this machine's own admits other machines.
         port: first port to try.
         browser: open the page, where there is a display.
-        wait: stay until Ctrl-C; by default where Python does not wait for a person anyway.
+        wait: block until Ctrl-C; by default in scripts, and not at a prompt or in a notebook.
         record_to: folder for recordings.
 
     Returns:
         The page, to close it; with ``html`` the path of the file.
 
     Raises:
-        FileError: a file is none that can be shown, with what is wrong; or there is no folder
-            ``record_to``.
-        ValueError: what is given cannot be shown, or not as a file.
+        FileError: the file cannot be shown, or there is no folder ``record_to``.
+        ValueError: ``what`` cannot be shown, or not as a file.
     """
     from fantoccini.web import page
 
@@ -62,6 +85,6 @@ def show(
     opened = page.open_page(subject, theme, host, port, Path(record_to))
     if browser:
         opened.server.open_browser()
-    if page.waits() if wait is None else wait:
+    if page.is_script() if wait is None else wait:
         opened.wait()
     return opened

@@ -1,30 +1,43 @@
-"""What a person takes hold of: a bead for every handle, rings for those that turn, sliders."""
+"""What a viewer moves: a bead for every handle, rings for those that turn, sliders."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from fantoccini.perform import Handle, Performance
-from fantoccini.view.theme import Theme, mix, rgb
+from fantoccini.view.theme import Theme, mix, rgb, to_bytes
 from fantoccini.web.drag import follow
 from fantoccini.web.holder import Viewer
 from fantoccini.web.labels import heights
-from fantoccini.web.poses import place
-from fantoccini.web.stage import View
+from fantoccini.web.nodes import View
+from fantoccini.web.viser_private import move
 
 if TYPE_CHECKING:
     import viser
 
-_LAG = 0.02
-"""A handle that is so far from where it is wanted, of the puppet's size, is said to lag."""
-_WARNING = rgb("#d64545")
 
-Act = Callable[[Viewer | None, Callable[[], None]], bool]
-"""Does something for a viewer who may; whether it did."""
+class _Changes(NamedTuple):
+    """What counts as a change on the page."""
+
+    lag: float = 0.02
+    """Distance from the target at which a handle is marked, relative to the puppet's size."""
+    position: float = 1e-6  # Least motion of a bead that is sent [m]
+    length: float = 6e-4
+    """Least change of a length that moves its slider, just over half its step [m]."""
+
+
+_CHANGES = _Changes()
+
+WARNING = rgb("#d64545")
+
+Act = Callable[[Viewer | None, Callable[[], object]], bool]
+"""Does something for a viewer if it may; returns whether it did."""
+
+DragHandler = Callable[[Any], Coroutine[Any, Any, None]]
 
 
 @dataclass
@@ -33,7 +46,7 @@ class _Grab:
 
     Attributes:
         anchor: (3,) where the bead was taken [m].
-        position: (3,) where the handle was wanted then [m].
+        position: (3,) the handle's target then [m].
         length: of the string that ends there, then [m]; None where it cannot be wound.
     """
 
@@ -51,13 +64,13 @@ class Controls:
     Args:
         server: of viser.
         performance: what is moved.
-        theme: the look.
+        theme: colours.
         size: of the puppet [m].
-        view: where the puppet is looked at from at first.
-        act: asks whether a viewer may, and does it.
-        winds: whether a bead that is dragged winds its string, without Shift.
-        let_go: told that a viewer's hand is off what it dragged.
-        folder: where the sliders go.
+        view: first point of view.
+        act: does something for a viewer if it may.
+        winds: whether dragging a bead winds its string, without Shift.
+        release: called when a viewer lets go of what it dragged.
+        folder: of the sliders.
     """
 
     def __init__(
@@ -69,21 +82,21 @@ class Controls:
         view: View,
         act: Act,
         winds: Callable[[], bool],
-        let_go: Callable[[Viewer], None],
-        folder: Any,
+        release: Callable[[Viewer], None],
+        folder: viser.GuiFolderHandle,
     ):
         self._server, self._performance, self._theme = server, performance, theme
-        self._size, self._act, self._winds, self._let_go = size, act, winds, let_go
+        self._size, self._act, self._winds, self._release = size, act, winds, release
         self._handles = {handle.name: handle for handle in performance.handles}
-        self._beads: dict[str, Any] = {}
-        self._labels: dict[str, Any] = {}
-        self._rings: dict[str, Any] = {}
+        self._beads: dict[str, viser.IcosphereHandle] = {}
+        self._labels: dict[str, viser.LabelHandle] = {}
+        self._rings: dict[str, viser.TransformControlsHandle] = {}
         self._turned: dict[str, Viewer] = {}
-        self._sliders: dict[str, Any] = {}
+        self._sliders: dict[str, viser.GuiSliderHandle[float]] = {}
         self._shown: dict[str, float] = {}
         self._grabs: dict[tuple[Viewer, str], _Grab] = {}
         self._last = np.full((len(self._handles), 3), np.nan)
-        self.selected = next(iter(self._handles), None)
+        self.selected: str | None = next(iter(self._handles), None)
         places = np.array([performance.place(name)[0] for name in self._handles])
         self._above = heights(tuple(self._handles), places, view, size)
         with server.atomic():
@@ -96,7 +109,7 @@ class Controls:
                     self._add_slider(name, low, high)
 
     def remove(self) -> None:
-        """Takes everything out of the page."""
+        """Removes everything from the page."""
         for node in (
             *self._beads.values(), *self._labels.values(), *self._rings.values(),
             *self._sliders.values(), self._ghosts, self._leads,
@@ -104,24 +117,24 @@ class Controls:
             node.remove()
 
     def select(self, name: str | None) -> None:
-        """Chooses the handle that keys and gamepad move, and whose rings are shown."""
+        """Selects the handle that keys and gamepad move, and whose rings are shown."""
         if name in self._handles:
             self.selected = name
             self._show_selected()
 
     def select_next(self, by: int) -> None:
-        """Chooses another handle."""
+        """Selects another handle."""
         names = list(self._handles)
-        if names:
+        if self.selected is not None:
             self.select(names[(names.index(self.selected) + by) % len(names)])
 
     @property
     def handle(self) -> Handle | None:
-        """The handle that is selected."""
-        return self._handles.get(self.selected)
+        """The selected handle."""
+        return None if self.selected is None else self._handles[self.selected]
 
     def wind(self, name: str, by: float) -> None:
-        """Winds a string in (``by`` < 0) or out; nothing where it cannot be wound [m]."""
+        """Winds a string in (``by`` < 0) or out [m], if it can be wound."""
         if name in self._performance.lengths:
             self._performance.wind(name, self._performance.wanted_length(name) + by)
 
@@ -133,30 +146,27 @@ class Controls:
     # -- every frame ---------------------------------------------------------------------------
 
     def update(self, poses: np.ndarray) -> None:
-        """Moves beads to where the handles are.
-
-        Args:
-            poses: (n_links, 3, 4) of the links.
-        """
+        """Moves beads to their handles, by link poses (n_links, 3, 4)."""
         places = poses[[handle.link for handle in self._handles.values()], :, 3]
-        changed = ~(np.abs(places - self._last).max(axis=1, initial=0.0) < 1e-6)
+        changed = ~(np.abs(places - self._last).max(axis=1, initial=0.0) < _CHANGES.position)
         for n, name in enumerate(self._handles):
             if changed[n]:
-                place(self._beads[name], places[n])
-                place(self._labels[name], places[n] + [0.0, 0.0, self._above[n]])
+                move(self._beads[name], places[n])
+                move(self._labels[name], places[n] + [0.0, 0.0, self._above[n]])
         self._last = places
 
     def mark(self, lagging: dict[str, str]) -> None:
-        """Shows where handles are wanted that are elsewhere, and which of them are held back.
+        """Marks the targets of handles that are elsewhere, and handles that cannot follow.
 
         Args:
-            lagging: names of handles and strings that cannot do what is asked, and why.
+            lagging: names of handles and strings that cannot follow, and why.
         """
-        behind, leads = [], []
+        behind: list[np.ndarray] = []
+        leads: list[tuple[np.ndarray, np.ndarray]] = []
         for (name, handle), here in zip(self._handles.items(), self._last, strict=True):
             wanted, wxyz = self._performance.target(name)
             self._beads[name].color = self._colour(name, name in lagging)
-            if len(handle.axes) and np.linalg.norm(wanted - here) > _LAG * self._size:
+            if len(handle.axes) and np.linalg.norm(wanted - here) > _CHANGES.lag * self._size:
                 behind.append(wanted)
                 leads.append((here, wanted))
             ring = self._rings.get(name)
@@ -165,13 +175,13 @@ class Controls:
         self._show_marks(behind, leads)
 
     def update_sliders(self) -> None:
-        """Sets the sliders to the lengths that are wanted, where these are news.
+        """Sets the sliders to the target lengths that have changed.
 
-        A viewer may just have moved a slider, and is not overruled by what was wanted before.
+        Others stay: a viewer may just have moved the slider.
         """
         for name, slider in self._sliders.items():
             wanted = round(self._performance.wanted_length(name), 4)
-            if abs(self._shown[name] - wanted) > 6e-4:
+            if abs(self._shown[name] - wanted) > _CHANGES.length:
                 slider.value = self._shown[name] = wanted
 
     # -- inside --------------------------------------------------------------------------------
@@ -207,20 +217,20 @@ class Controls:
         )
         self._shown[name] = slider.value
 
-        @slider.on_update
-        async def _(event: Any) -> None:
+        async def moved(event: Any) -> None:
             if event.client_id is None:
                 return
             value = slider.value
             if not self._act(event.client_id, lambda: self._performance.wind(name, value)):
                 slider.value = round(self._performance.wanted_length(name), 3)
 
+        slider.on_update(moved)
         self._sliders[name] = slider
 
     def _add_marks(self) -> None:
         none = np.zeros((1, 2, 3))
         scene = self._server.scene
-        colour = tuple(round(255.0 * float(c)) for c in _WARNING)
+        colour = to_bytes(WARNING)
         self._leads = scene.add_line_segments(
             "/lag/leads", none, colour, thickness=1.5, thickness_units="screen", visible=False
         )
@@ -230,13 +240,15 @@ class Controls:
         )  # fmt: skip
 
     def _show_selected(self) -> None:
-        """Rings about one handle at a time, so that they do not lie in one another."""
+        """Shows the rings of one handle at a time: those of several would overlap."""
         for name, ring in self._rings.items():
             ring.visible = name == self.selected
         for name, label in self._labels.items():
             label.font_screen_scale = 1.0 if name == self.selected else 0.85
 
-    def _show_marks(self, behind: list, leads: list) -> None:
+    def _show_marks(
+        self, behind: list[np.ndarray], leads: list[tuple[np.ndarray, np.ndarray]]
+    ) -> None:
         for node in (self._ghosts, self._leads):
             if node.visible != bool(behind):
                 node.visible = bool(behind)
@@ -245,22 +257,20 @@ class Controls:
             self._leads.points = np.array(leads, dtype=np.float32)
 
     def _colour(self, name: str, lags: bool) -> tuple[int, int, int]:
-        accent = rgb(self._theme.cycle[0])
-        colour = mix(self._theme.handle, np.ones(3), 0.15)
         if lags:
-            colour = _WARNING
-        elif name == self.selected or any(held == name for _, held in list(self._grabs)):
-            colour = accent
-        return tuple(round(255.0 * float(c)) for c in colour)
+            return to_bytes(WARNING)
+        if name == self.selected or any(held == name for _, held in list(self._grabs)):
+            return to_bytes(rgb(self._theme.cycle[0]))
+        return to_bytes(mix(self._theme.handle, np.ones(3), 0.15))
 
-    def _dragged(self, handle: Handle) -> Callable:
+    def _dragged(self, handle: Handle) -> DragHandler:
         name = handle.name
 
         async def dragged(event: Any) -> None:
             key = (event.client_id, name)
             if event.phase == "end":
                 self._grabs.pop(key, None)
-                self._let_go(event.client_id)
+                self._release(event.client_id)
                 return
             grab = self._grabs.get(key)
             if grab is None:
@@ -284,34 +294,34 @@ class Controls:
 
         return dragged
 
-    def _turned_ring(self, handle: Handle) -> Callable:
+    def _turned_ring(self, handle: Handle) -> DragHandler:
         name = handle.name
 
         async def turned(event: Any) -> None:
             position, wxyz = np.array(event.target.position), np.array(event.target.wxyz)
             viewer = event.client_id
             done = self._act(viewer, lambda: self._performance.move(name, position, wxyz))
-            # While a viewer turns the ring, it is where that viewer sees it.
+            # While a viewer turns the ring, only that viewer moves it.
             if done and event.phase != "end":
                 self._turned[name] = viewer
             elif self._turned.get(name) == viewer:
                 del self._turned[name]
             if event.phase == "end":
-                self._let_go(viewer)
+                self._release(viewer)
 
         return turned
 
 
-def sight(camera: Any) -> np.ndarray:
-    """(3,) unit vector of the line of sight of a viewer's camera."""
+def line_of_sight(camera: viser.CameraHandle) -> np.ndarray:
+    """(3,) unit vector along the line of sight of a viewer's camera."""
     ahead = np.asarray(camera.look_at, dtype=float) - np.asarray(camera.position, dtype=float)
     size = float(np.linalg.norm(ahead))
     return ahead / size if size > 1e-9 else np.array([-1.0, 0.0, 0.0])
 
 
-def upwards(camera: Any) -> np.ndarray:
+def upwards(camera: viser.CameraHandle) -> np.ndarray:
     """(3,) unit vector that points up in the picture of a viewer's camera."""
-    ahead = sight(camera)
+    ahead = line_of_sight(camera)
     up = np.asarray(camera.up_direction, dtype=float)
     up = up - (up @ ahead) * ahead
     size = float(np.linalg.norm(up))

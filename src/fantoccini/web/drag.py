@@ -1,77 +1,78 @@
-"""From a mouse that moves in a picture to a handle that moves in the world."""
+"""Motion of a handle in the world from that of the mouse in the picture."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-_GRAZING = 0.15
-"""Foreshortening below which a handle lags behind the mouse: without a bound, an axis that points
-into the picture would run away."""
-_STEPS = 8
-"""Pieces of the mouse's way."""
+
+class _Following(NamedTuple):
+    """How closely a handle follows the mouse."""
+
+    grazing: float = 0.15
+    """Foreshortening (1 across the line of sight) below which a handle lags behind the mouse:
+    without a bound, a handle on an axis that points into the picture would run away."""
+    steps: int = 8  # Integration steps along the mouse's path
+
+
+_FOLLOWING = _Following()
 
 
 def follow(
     axes: np.ndarray, eye: np.ndarray, place: np.ndarray, start: np.ndarray, end: np.ndarray
 ) -> np.ndarray:
-    """Where a handle goes that is to stay under the mouse.
+    """(3,) displacement of a handle that stays under the mouse [m].
 
-    A handle at p moves along its axes so that it is seen to move as the mouse m does. With the
-    rays u = (p - e) / |p - e| through the handle and r = (m - e) / |m - e| through the mouse,
+    The image of a handle at p moves as the mouse m does. With the rays u = (p - e) / |p - e|
+    through the handle and r = (m - e) / |m - e| through the mouse,
 
       dp = |p - e| A g(P A) dr,   P = 1 - u u^T,
 
-    along the mouse's way. g inverts the singular values s of P A, the foreshortening of the axes:
-    1 / s, and below ``_GRAZING`` s / _GRAZING^2. So a handle stays under the mouse wherever its
-    axes are seen well, and never goes against it: a plane above the eye is seen from below, where
-    down in the picture is away. A handle that moves along three axes goes with the mouse, in the
-    plane of the picture.
+    along the mouse's path. g inverts the singular values s of P A, the foreshortening of the axes:
+    1 / s, and s / grazing^2 below ``grazing``. So a handle stays under the mouse where its axes are
+    seen well, and never moves against it: a plane above the eye is seen from below, where down in
+    the picture is away. A handle with three axes moves in the plane of the picture.
 
     Args:
         axes: (k, 3) unit vectors along which the handle can move.
-        eye: (3,) e, the camera's place [m].
-        place: (3,) the handle's when it was taken [m].
-        start, end: (3,) the mouse when it took the handle, and now, in a plane across the camera's
-            axis [m].
-
-    Returns:
-        (3,) displacement [m].
+        eye: (3,) e, the camera's position [m].
+        place: (3,) where the handle was taken [m].
+        start, end: (3,) the mouse then and now, in a plane normal to the camera's axis [m].
     """
     if len(axes) == 3:
         return end - start
-    p, m, step = place, start, (end - start) / _STEPS
-    for _ in range(_STEPS if len(axes) else 0):
-        half = p + 0.5 * _drawn(axes, eye, p, m, step)
-        p = p + _drawn(axes, eye, half, m + 0.5 * step, step)
+    p, m, step = place, start, (end - start) / _FOLLOWING.steps
+    for _ in range(_FOLLOWING.steps if len(axes) else 0):
+        half = p + 0.5 * _increment(axes, eye, p, m, step)
+        p = p + _increment(axes, eye, half, m + 0.5 * step, step)
         m = m + step
     return p - place
 
 
-def _drawn(
+def _increment(
     axes: np.ndarray, eye: np.ndarray, p: np.ndarray, m: np.ndarray, step: np.ndarray
 ) -> np.ndarray:
-    """How a handle at ``p`` moves where the mouse moves by a small step from ``m``."""
+    """Displacement of a handle at ``p`` for a small step of the mouse from ``m``."""
     away, ray = p - eye, m - eye
     far, near = max(np.linalg.norm(away), 1e-9), max(np.linalg.norm(ray), 1e-9)
     u, r = away / far, ray / near
     turned = (step - (r @ step) * r) / near
     left, seen, right = np.linalg.svd(axes.T - np.outer(u, axes @ u), full_matrices=False)
-    share = np.where(seen > _GRAZING, 1.0 / np.maximum(seen, _GRAZING), seen / _GRAZING**2)
+    grazing = _FOLLOWING.grazing
+    share = np.where(seen > grazing, 1.0 / np.maximum(seen, grazing), seen / grazing**2)
     return far * axes.T @ (right.T @ (share * (left.T @ turned)))
 
 
 def nudge(axes: np.ndarray, ahead: np.ndarray, right: float, up: float) -> np.ndarray:
-    """Where a handle goes on a push to the right and up, as seen by the viewer.
+    """(3,) displacement of a handle pushed to the right and up in the picture [m].
 
-    A handle that cannot go up goes away from the viewer instead.
+    It is at most as long as the push. A handle that cannot move up moves away from the viewer.
 
     Args:
         axes: (k, 3) unit vectors along which the handle can move.
-        ahead: (3,) unit vector, the line of sight.
-        right, up: how far [m].
-
-    Returns:
-        (3,) displacement [m], at most as long as the push.
+        ahead: (3,) unit vector along the line of sight.
+        right, up: the push [m].
     """
     if not len(axes):
         return np.zeros(3)

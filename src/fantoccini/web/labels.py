@@ -1,4 +1,4 @@
-"""Where the names of handles stand, so that they can be read where handles are close together."""
+"""Heights of the names of handles: close ones do not cover each other."""
 
 from __future__ import annotations
 
@@ -6,25 +6,22 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fantoccini.web.stage import View
+from fantoccini.web.nodes import View
 
 _ABOVE = 0.026
-"""A name stands so far above its handle at least, of the puppet's size."""
+"""Least height of a name above its handle, relative to the puppet's size."""
 _HIGH, _WIDE = 0.021, 0.0096
-"""Height of a name and width of a letter, of the puppet's size, in a window that shows it all."""
+"""Height of a name and width of a letter, relative to the puppet's size, as seen as a whole."""
 
 
 def heights(names: Sequence[str], places: np.ndarray, view: View, size: float) -> np.ndarray:
-    """How far above its handle each name stands, so that in a view none covers another.
+    """(n,) heights of names above their handles, at which none covers another in a view [m].
 
     Args:
         names: of the handles.
         places: (n, 3) of the handles [m].
-        view: where they are looked at from.
+        view: point of view.
         size: of the puppet [m].
-
-    Returns:
-        (n,) [m].
     """
     ahead = (view.target - view.eye) / np.linalg.norm(view.target - view.eye)
     right = np.cross(ahead, [0.0, 0.0, 1.0])

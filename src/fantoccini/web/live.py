@@ -1,15 +1,14 @@
-"""A page with a puppet that is alive: whoever looks at it can take its strings in hand."""
+"""A page with a live puppet, whose strings every viewer can move."""
 
 from __future__ import annotations
 
 import queue
-import threading
 import time
 from collections import deque
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -18,187 +17,165 @@ from fantoccini.perform import Performance
 from fantoccini.view.scene import Scene, scene_at
 from fantoccini.view.theme import Theme
 from fantoccini.web import pad
-from fantoccini.web.audience import holds
-from fantoccini.web.board import Board
-from fantoccini.web.controls import Controls, sight
+from fantoccini.web.controls import Controls, line_of_sight
 from fantoccini.web.drag import nudge
-from fantoccini.web.holder import Holder, Viewer
+from fantoccini.web.holder import Holder, Viewer, holder_text
+from fantoccini.web.live_panel import LivePanel
+from fantoccini.web.loop import REFRESH, PageLoop
 from fantoccini.web.moment import Moment, moment_at
-from fantoccini.web.server import Server, Visitor
-from fantoccini.web.source import Source
-from fantoccini.web.stage import Stage
-from fantoccini.web.take import Take
+from fantoccini.web.nodes import SceneNodes
+from fantoccini.web.recorder import Recorder
+from fantoccini.web.server import Server
+from fantoccini.web.viser_private import Handler
+from fantoccini.web.watched_file import WatchedFile
 
-RATE = 60.0
-"""Updates of the page each second."""
-_LONGEST = 0.1
-"""A frame that took longer makes the puppet slower, not jumpier [s]."""
-_NUMBERS_EVERY = 0.1
-_MARKS_EVERY = 1.0 / 15.0
-_HISTORY = 10.0
-"""Length of the plot [s]."""
-_SAMPLES_EVERY = 0.05
-_SAID_EVERY = 2.0
-_PAD_SPEED = 0.5
-"""A stick that is pushed fully moves a handle so fast, of the puppet's size [1/s]."""
+if TYPE_CHECKING:
+    import viser
 
 
-class Live:
-    """A puppet that is alive on a page.
+class _Timing(NamedTuple):
+    """Times of a live page."""
 
-    One thread does everything to the puppet and the page; what viewers do waits in a queue, or is
-    a target that the puppet's hands go to.
+    max_frame: float = 0.1
+    """Simulated time per frame [s]: after a longer frame the puppet is slow instead of jumping."""
+    history: float = 10.0  # Length of the plot [s]
+    samples: float = 0.05  # Interval of the plot's samples [s]
+    refusals: float = 2.0  # Interval between notices to a viewer who may not move the strings [s]
+    pad_speed: float = 0.5
+    """Speed of a handle at full deflection of a stick, in puppet sizes per second [1/s]."""
+
+
+_TIMING = _Timing()
+
+
+class Live(PageLoop):
+    """A live puppet on a page.
+
+    One thread changes the puppet and the page; what viewers do is queued for it, or sets a target
+    that the puppet's hands move to.
 
     Attributes:
-        performance: the puppet in somebody's hands.
-        stage: what the page shows.
-        controls: what a person takes hold of.
+        performance: the puppet with hands on its strings.
+        nodes: what the page shows.
+        controls: what a viewer moves.
+        panel: buttons, sliders, numbers.
+        recorder: records the performance.
         holder: who holds the strings.
         paused: whether time stands still.
-        factor: how fast time goes; below 1 is slow motion.
+        factor: speed of time; below 1 is slow motion.
 
     Args:
         performance: the puppet.
-        theme: the look.
+        theme: colours.
         record_to: folder for recordings.
-        file: the puppet's file, which is read again when it is saved; or None.
+        file: the puppet's file, loaded again when it is saved; or None.
     """
 
     def __init__(
         self, performance: Performance, theme: Theme, record_to: Path, file: Path | None = None
     ):
+        super().__init__("live")
         self.performance, self.theme = performance, theme
         self.holder = Holder()
         self.paused, self.factor = False, 1.0
-        self._take = Take(performance, record_to)
-        self._source = None if file is None else Source(file)
+        self.recorder = Recorder(performance, record_to)
+        self._file = None if file is None else WatchedFile(file)
         self._pads = pad.Pads()
         self._jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._past: deque[tuple[float, np.ndarray]] = deque()
-        self._said: dict[Viewer, float] = {}
-        self._eye: Any = None
+        self._refused: dict[Viewer, float] = {}
+        self._sight: np.ndarray | None = None
         self._due = {"numbers": 0.0, "marks": 0.0, "sample": 0.0}
-        self._end = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="live", daemon=True)
 
     @property
-    def script(self) -> str:
-        """What the page needs to know of gamepads."""
-        return pad.SCRIPT
-
-    @property
-    def visitors(self) -> dict[str, Visitor]:
+    def handlers(self) -> dict[str, Handler]:
         """Websockets of our own."""
         return {pad.PATH: self._pads.visit}
 
     def open(self, server: Server) -> None:
         """Builds the page."""
         self.server = server
-        self.board = Board(self, server.viser, self.theme)
+        self.panel = LivePanel(self, server.viser, self.theme)
         self._build()
-        self.stage.look(server.viser.initial_camera, "three-quarter")
+        self.nodes.look(server.viser.initial_camera, "three-quarter")
         server.viser.on_client_connect(self._fit)
         server.viser.on_client_disconnect(lambda client: self.holder.leave(client.client_id))
 
-    def start(self) -> None:
-        """Begins to live."""
-        self._thread.start()
-
-    def stop(self) -> None:
-        """Ends the page; a recording that goes on is written first."""
-        self._end.set()
-        if self._thread.is_alive():
-            self._thread.join(timeout=2.0)
-        self._take.finish()
-        self.server.stop()
-
-    @property
-    def recording(self) -> bool:
-        """Whether what happens is recorded."""
-        return self._take.running
-
-    @property
-    def take_time(self) -> float:
-        """Of the recording that goes on [s]."""
-        return self.performance.t - self._take.began
-
-    @property
-    def take_said(self) -> str:
-        """What became of the last recording."""
-        return self._take.said
+    def _finish(self) -> None:
+        self.recorder.finish()
 
     # -- what viewers do -----------------------------------------------------------------------
 
-    def act(self, viewer: Viewer | None, do: Callable[[], None]) -> bool:
-        """Does something to the puppet for a viewer, when it may; whether it did."""
+    def act(self, viewer: Viewer | None, do: Callable[[], object]) -> bool:
+        """Does something to the puppet for a viewer if it may; returns whether it did."""
         if viewer is not None and not self.holder.claim(viewer):
             self._refuse(viewer)
             return False
         try:
             do()
         except FantocciniError as error:
-            self.board.say(str(error))
+            self.panel.report(str(error))
             return False
         return True
 
     def later(self, viewer: Viewer | None, do: Callable[[], None]) -> bool:
-        """As :meth:`act`, but in the thread that does everything, between two frames."""
+        """As :meth:`act`, but in the loop's thread, between two frames."""
         return self.act(viewer, lambda: self._jobs.put(do))
 
     def pause(self) -> None:
-        """Time stands still, or goes on."""
+        """Pauses or resumes."""
         self.paused = not self.paused
-        self.board.show_paused(self.paused)
+        self.panel.show_paused(self.paused)
 
     def step(self) -> None:
-        """A frame at a time."""
+        """Advances by one frame."""
         if not self.paused:
             self.pause()
-        self.performance.advance(1.0 / RATE)
+        self.performance.advance(1.0 / REFRESH.rate)
 
     def reset(self) -> None:
-        """Back to the start."""
+        """Returns to the start."""
         self.performance.reset()
         self._past.clear()
 
     def record(self) -> None:
-        """Begins a recording, or ends and writes it."""
-        if self._take.running:
-            self._take.end()
+        """Starts a recording, or ends and writes it."""
+        if self.recorder.running:
+            self.recorder.end()
         else:
-            self._take.begin()
+            self.recorder.begin()
 
-    def push(self, right: float, up: float, camera: Any = None) -> None:
-        """Moves the selected handle as seen by a viewer, in parts of the puppet's size."""
+    def push(self, right: float, up: float, camera: viser.CameraHandle | None = None) -> None:
+        """Moves the selected handle in a viewer's picture, in puppet sizes."""
         handle = self.controls.handle
         if handle is None:
             return
-        size = self.stage.scene.size
-        by = nudge(handle.axes, self._sight(camera), right * size, up * size)
+        size = self.nodes.scene.size
+        by = nudge(handle.axes, self._line_of_sight(camera), right * size, up * size)
         position, _ = self.performance.target(handle.name)
         self.performance.move(handle.name, position + by)
 
     def wind(self, by: float) -> None:
-        """Winds the string of the selected handle in or out, in parts of the puppet's size."""
+        """Winds the string of the selected handle in or out, in puppet sizes."""
         if self.controls.selected is not None:
-            self.controls.wind(self.controls.selected, by * self.stage.scene.size)
+            self.controls.wind(self.controls.selected, by * self.nodes.scene.size)
 
     def set_parameters(self, values: dict[str, float]) -> None:
-        """Goes on with other parameters."""
-        self._told(self.performance.set_parameters(values))
+        """Continues with other parameters."""
+        self._report(self.performance.set_parameters(values))
 
     # -- the loop ------------------------------------------------------------------------------
 
     def _run(self) -> None:
         last = time.perf_counter()
         while not self._end.is_set():
-            self._work(last + 1.0 / RATE)
+            self._work(last + 1.0 / REFRESH.rate)
             now = time.perf_counter()
-            duration, last = min(now - last, _LONGEST), now
+            duration, last = min(now - last, _TIMING.max_frame), now
             self._safely(partial(self._frame, now, duration))
 
     def _work(self, until: float) -> None:
-        """Does what waits, until the next frame is due."""
+        """Does queued jobs until the next frame is due."""
         while not self._end.is_set():
             left = until - time.perf_counter()
             try:
@@ -208,13 +185,13 @@ class Live:
             self._safely(job)
 
     def _safely(self, do: Callable[[], None]) -> None:
-        """Does something; a fault is told on the page, and the puppet lives on."""
+        """Does something; errors are shown on the page and do not end the loop."""
         try:
             do()
         except FantocciniError as error:
-            self.board.say(str(error))
+            self.panel.report(str(error))
         except Exception as error:
-            self.board.say(f"a fault of fantoccini itself: {type(error).__name__}: {error}")
+            self.panel.report(f"internal error: {type(error).__name__}: {error}")
 
     def _frame(self, now: float, duration: float) -> None:
         self._follow_pads(duration)
@@ -223,36 +200,36 @@ class Live:
         moment = self._moment()
         self._remember(now, moment)
         with self.server.viser.atomic():
-            self.stage.show(moment)
+            self.nodes.show(moment)
             self.controls.update(moment.poses)
             if now >= self._due["marks"]:
-                self._due["marks"] = now + _MARKS_EVERY
+                self._due["marks"] = now + REFRESH.marks
                 self.controls.mark(self.performance.lagging)
             if now >= self._due["numbers"]:
-                self._due["numbers"] = now + _NUMBERS_EVERY
+                self._due["numbers"] = now + REFRESH.numbers
                 self.controls.update_sliders()
-                self.board.update(moment, self.performance.lagging, self._history())
-        # viser would wait for more, and send two frames as one.
+                self.panel.update(moment, self.performance.lagging, self._history())
+        # Otherwise viser waits for more messages and sends two frames as one.
         self.server.viser.flush()
-        self._take.look()
-        self._look_at_file(now)
+        self.recorder.poll()
+        self._poll_file(now)
 
     def _moment(self) -> Moment:
         p = self.performance
         return moment_at(p.marionette, p.state, p.tension)
 
     def _remember(self, now: float, moment: Moment) -> None:
-        if self.paused or now < self._due["sample"]:
+        if self.paused or now < self._due["sample"] or moment.tension is None:
             return
-        self._due["sample"] = now + _SAMPLES_EVERY
+        self._due["sample"] = now + _TIMING.samples
         self._past.append((moment.t, moment.tension))
-        while self._past[-1][0] - self._past[0][0] > _HISTORY or self._past[0][0] > moment.t:
+        while self._past[-1][0] - self._past[0][0] > _TIMING.history or self._past[0][0] > moment.t:
             self._past.popleft()
 
     def _history(self) -> tuple[np.ndarray, np.ndarray]:
-        """Times before now (n,) [s] and tensions (n_strings, n) [N]."""
+        """Times (n,) before now [s] and tensions (n_strings, n) [N]."""
         if len(self._past) < 2:
-            return np.array([-_HISTORY, 0.0]), np.zeros((len(self.stage.scene.names), 2))
+            return np.array([-_TIMING.history, 0.0]), np.zeros((len(self.nodes.scene.names), 2))
         t = np.array([at for at, _ in self._past])
         return t - t[-1], np.array([tension for _, tension in self._past]).T
 
@@ -271,51 +248,49 @@ class Live:
             if button in pressed:
                 self.act(viewer, do)
         if sticks.moved:
-            far = _PAD_SPEED * duration
+            far = _TIMING.pad_speed * duration
             self.act(viewer, lambda: self.push(far * sticks.right, far * sticks.away))
             self.act(viewer, lambda: self.wind(-far * sticks.up))
 
     # -- another puppet ------------------------------------------------------------------------
 
-    def _look_at_file(self, now: float) -> None:
-        if self._source is None:
+    def _poll_file(self, now: float) -> None:
+        reload = None if self._file is None else self._file.poll(now)
+        if reload is None:
             return
-        news = self._source.news(now)
-        if news is None:
+        self.panel.show_mistakes(reload.mistakes)
+        if reload.marionette is None:
             return
-        self.board.show_mistakes(news.mistakes)
-        if news.marionette is None:
-            return
-        lost = self.performance.replace(news.marionette)
+        lost = self.performance.replace(reload.marionette)
         self._past.clear()
         with self.server.viser.atomic():
             self._clear()
             self._build()
-        self._told(("the puppet was read again", *lost))
+        self._report(("the puppet file was loaded again", *lost))
 
     def _build(self) -> None:
         scene = self._scene()
-        self.stage = Stage(self.server.viser, scene, self.theme, 1.5 * scene.tension_top())
-        self.board.build(self.stage)
+        self.nodes = SceneNodes(self.server.viser, scene, self.theme, 1.5 * scene.tension_top())
+        self.panel.build(self.nodes)
         self.controls = Controls(
             self.server.viser, self.performance, self.theme, scene.size,
-            self.stage.view("three-quarter"), self.act,
-            lambda: self.board.drag_winds, self.holder.leave, self.board.lengths,
+            self.nodes.view("three-quarter"), self.act,
+            lambda: self.panel.drag_winds, self.holder.leave, self.panel.lengths,
         )  # fmt: skip
-        self.board.set_up(self.controls)
-        self.stage.show(self._moment())
+        self.panel.set_up(self.controls)
+        self.nodes.show(self._moment())
 
     def _clear(self) -> None:
         self.controls.remove()
-        self.board.clear()
-        self.stage.clear()
+        self.panel.clear()
+        self.nodes.clear()
 
     def _scene(self) -> Scene:
         p = self.performance
         return scene_at(p.marionette, p.state, self._resting())
 
     def _resting(self) -> np.ndarray:
-        """(n_strings,) tensions that say what is much for this puppet [N]."""
+        """(n_strings,) typical tensions of this puppet, for the scale [N]."""
         p = self.performance
         tension = np.asarray(p.tension, dtype=float)
         if tension.any():
@@ -323,33 +298,34 @@ class Live:
         _, forces = p.marionette.forward_dynamics(p.state)
         return np.asarray(forces)[: len(p.marionette.tree.strings)]
 
-    # -- telling -------------------------------------------------------------------------------
+    # -- reports and views ---------------------------------------------------------------------
 
-    def _told(self, lost: tuple[str, ...]) -> None:
-        if lost:
-            self.board.say("; ".join(lost))
+    def _report(self, messages: tuple[str, ...]) -> None:
+        if messages:
+            self.panel.report("; ".join(messages))
 
     def _refuse(self, viewer: Viewer) -> None:
         now = time.monotonic()
-        if now - self._said.get(viewer, -np.inf) < _SAID_EVERY:
+        if now - self._refused.get(viewer, -np.inf) < _TIMING.refusals:
             return
-        self._said[viewer] = now
+        self._refused[viewer] = now
         client = self.server.viser.get_clients().get(viewer)
         if client is not None:
             client.add_notification(
-                "Somebody else holds the strings", f"{holds(self.holder.viewer, viewer)}.",
+                "Somebody else holds the strings", f"{holder_text(self.holder.viewer, viewer)}.",
                 auto_close_seconds=3.0, color="yellow",
             )  # fmt: skip
 
-    def _fit(self, client: Any) -> None:
-        """A narrow window, as of a phone, looks from farther away."""
+    def _fit(self, client: viser.ClientHandle) -> None:
+        """A narrow window, as on a phone, needs a more distant camera."""
         if client.camera.aspect < 1.0:
-            self.stage.look(client.camera, "three-quarter")
+            self.nodes.look(client.camera, "three-quarter")
 
-    def _sight(self, camera: Any) -> np.ndarray:
+    def _line_of_sight(self, camera: viser.CameraHandle | None) -> np.ndarray:
+        """(3,) of a camera; without one, that of the last camera, or of the first view."""
         if camera is not None:
-            self._eye = sight(camera)
-        if self._eye is None:
-            view = self.stage.view("three-quarter")
-            self._eye = (view.target - view.eye) / np.linalg.norm(view.target - view.eye)
-        return self._eye
+            self._sight = line_of_sight(camera)
+        if self._sight is None:
+            view = self.nodes.view("three-quarter")
+            self._sight = (view.target - view.eye) / np.linalg.norm(view.target - view.eye)
+        return self._sight

@@ -1,4 +1,4 @@
-"""Where everything is at one time."""
+"""Poses and strings at one time, as pages show them."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class Moment:
         t: [s].
         poses: (n_links, 3, 4) link poses.
         points: of each string, (n_points, 3) [m].
-        lengths: (n_strings,) with what winches have let out [m].
-        taut: (n_strings,) modes.
+        lengths: (n_strings,) including slip of the winches [m].
+        taut: (n_strings,) True for taut strings.
         tension: (n_strings,) [N], or None when unknown.
         springs: of each spring, (1, 2, 3) ends [m].
         chains: of each chain, (n_points, 3) [m].
@@ -54,13 +54,7 @@ def moment_of(scene: Scene, k: int) -> Moment:
 
 
 def moment_at(marionette: Marionette, state: State, tension: np.ndarray | None) -> Moment:
-    """The moment of a state.
-
-    Args:
-        marionette: the puppet's handle.
-        state: configuration and string modes.
-        tension: (n_strings,) [N], or None when unknown.
-    """
+    """The moment of a state; ``tension`` (n_strings,) [N], or None when unknown."""
     tree, n = marionette.tree, len(marionette.tree.strings)
     poses = np.asarray(marionette.poses(state.q_D, state.q_K))
     lengths = np.asarray(marionette.model.string_lengths(state.q_D, state.q_K))

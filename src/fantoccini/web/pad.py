@@ -1,7 +1,7 @@
-"""A gamepad of the browser: a script on the page tells how its sticks are held.
+"""Gamepads of the browser.
 
-viser knows no gamepads. The page carries a script that looks at them thirty times a second and
-sends the numbers to a websocket of the same server, which takes connections from its own page only.
+viser does not support gamepads. A script on the page reads them thirty times a second and sends the
+numbers to a websocket of the same server, which accepts connections from its own page only.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import json
 import math
 import time
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 PATH = "/pad"
 
@@ -38,12 +38,19 @@ SCRIPT = """
 })();
 """
 
-_DEAD = 0.15
-"""Sticks that are pushed less are at rest."""
-_STALE = 0.3
-"""Sticks that nobody tells of are at rest after so long [s]."""
-_LONGEST = 2000
-_MOST = 16
+
+class _Limits(NamedTuple):
+    """What counts as a move, and what is read of a message."""
+
+    dead_zone: float = 0.15
+    """Deflection (of 1) below which a stick is at rest: sticks do not return to 0 exactly."""
+    max_silence: float = 0.3
+    """Time without a message after which sticks are at rest [s]: the tab may be closed."""
+    max_message: int = 2000  # Length of a message [characters]; longer ones are not from our script
+    max_count: int = 16  # Axes, and buttons, that are read
+
+
+_LIMITS = _Limits()
 
 NEXT, BEFORE, PAUSE, RESET, RECORD = 5, 4, 9, 8, 3
 """Buttons of a standard gamepad: right and left shoulder, start, back, upper face button."""
@@ -51,7 +58,7 @@ NEXT, BEFORE, PAUSE, RESET, RECORD = 5, 4, 9, 8, 3
 
 @dataclass(frozen=True)
 class Sticks:
-    """How a gamepad is held.
+    """The state of a gamepad.
 
     Attributes:
         right, away: left stick, -1 to 1.
@@ -66,58 +73,59 @@ class Sticks:
 
     @property
     def moved(self) -> bool:
-        """Whether anything is pushed."""
+        """Whether a stick is deflected."""
         return bool(self.right or self.away or self.up)
 
 
 def read(message: str | bytes) -> Sticks | None:
-    """How a message says that a gamepad is held; None for one that says nothing."""
-    if len(message) > _LONGEST:
+    """The gamepad's state in a message; None for an invalid message."""
+    if len(message) > _LIMITS.max_message:
         return None
     try:
         data = json.loads(message)
-        axes = [float(x) for x in data["axes"][:_MOST]]
-        down = frozenset(n for n, b in enumerate(data["buttons"][:_MOST]) if b == 1)
+        axes = [float(x) for x in data["axes"][:_LIMITS.max_count]]
+        down = frozenset(n for n, b in enumerate(data["buttons"][:_LIMITS.max_count]) if b == 1)
     except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
         return None
     if not all(map(math.isfinite, axes)):
         return None
-    pushed = [_live(x) for x in (*axes, 0.0, 0.0, 0.0, 0.0)[:4]]
+    pushed = [_deflection(x) for x in (*axes, 0.0, 0.0, 0.0, 0.0)[:4]]
     # Browsers count downwards.
     return Sticks(pushed[0], -pushed[1], -pushed[3], down)
 
 
-def _live(x: float) -> float:
-    x = min(max(x, -1.0), 1.0)
-    return math.copysign(max(0.0, abs(x) - _DEAD) / (1.0 - _DEAD), x) if abs(x) > _DEAD else 0.0
+def _deflection(x: float) -> float:
+    x, dead = min(max(x, -1.0), 1.0), _LIMITS.dead_zone
+    return math.copysign(max(0.0, abs(x) - dead) / (1.0 - dead), x) if abs(x) > dead else 0.0
 
 
 class Pads:
-    """The gamepads of all viewers: the one that was moved last counts."""
+    """The gamepads of all viewers; the one that sent last counts."""
 
     def __init__(self) -> None:
-        self._sticks, self._told, self.name = Sticks(), 0.0, ""
+        self._sticks, self._received, self.name = Sticks(), 0.0, ""
         self._fresh: set[int] = set()
         self._count = 0
 
     async def visit(self, connection: Any) -> None:
-        """Serves a websocket of :data:`SCRIPT`."""
+        """Serves a websocket to :data:`SCRIPT`."""
         self._count += 1
-        name, before = f"gamepad {self._count}", frozenset()
+        name = f"gamepad {self._count}"
+        before: frozenset[int] = frozenset()
         async for message in connection:
             sticks = read(message)
             if sticks is None:
                 continue
             self._fresh.update(sticks.buttons - before)
             before = sticks.buttons
-            self._sticks, self._told, self.name = sticks, time.monotonic(), name
+            self._sticks, self._received, self.name = sticks, time.monotonic(), name
 
     @property
     def sticks(self) -> Sticks:
-        """How the gamepad is held now."""
-        return self._sticks if time.monotonic() - self._told < _STALE else Sticks()
+        """The gamepad's state now."""
+        return self._sticks if time.monotonic() - self._received < _LIMITS.max_silence else Sticks()
 
     def pressed(self) -> set[int]:
-        """Buttons that were pressed since this was last asked."""
+        """Buttons that were pressed since the last call."""
         fresh, self._fresh = self._fresh, set()
         return fresh

@@ -1,4 +1,4 @@
-"""What can be shown, and the page that shows it."""
+"""What a page can show, and the page that shows it."""
 
 from __future__ import annotations
 
@@ -25,26 +25,27 @@ from fantoccini.puppet import Puppet
 from fantoccini.view.theme import theme_of
 from fantoccini.web.export import write_html
 from fantoccini.web.live import Live
-from fantoccini.web.replay import Film, Replay
+from fantoccini.web.pad import SCRIPT
+from fantoccini.web.plan_tree import PlanTree
+from fantoccini.web.replay import Replay, ResampledRun
 from fantoccini.web.server import Server
-from fantoccini.web.tree import Growth
 from fantoccini.world import World
 
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """What is to be shown.
+    """What a page shows.
 
     Attributes:
-        marionette: the puppet, among all that stands about it.
-        run: its motion, or None for one to play with.
-        growth: tree of the plan that the motion comes from, or None.
-        file: the puppet's file, which is read again when it is saved; or None.
+        marionette: the puppet, with its obstacles.
+        run: its motion, or None for a live puppet.
+        tree: search tree of the plan that the motion comes from, or None.
+        file: the puppet's file, loaded again when it is saved; or None.
     """
 
     marionette: Marionette
     run: Trajectory | None = None
-    growth: Growth | None = None
+    tree: PlanTree | None = None
     file: Path | None = None
 
 
@@ -76,17 +77,13 @@ class Page:
         return self.server.url
 
     @property
-    def said(self) -> str:
-        """What became of the last recording; empty where there was none."""
-        return self.show.take_said if isinstance(self.show, Live) else ""
+    def recording_status(self) -> str:
+        """What became of the last recording; empty without one."""
+        return self.show.recorder.status if isinstance(self.show, Live) else ""
 
     def wait(self) -> None:
-        """Stays until Ctrl-C, then closes the page.
-
-        A terminal that is closed and a polite kill (SIGHUP, SIGTERM) close it as well, and end
-        Python.
-        """
-        with _killed_politely():
+        """Blocks until Ctrl-C, then closes the page; SIGHUP and SIGTERM also end Python."""
+        with _exit_on_signals():
             try:
                 while not self._closed.wait(0.5):
                     pass
@@ -96,7 +93,7 @@ class Page:
                 self.close()
 
     def close(self) -> None:
-        """Ends the page; a recording that goes on is written first."""
+        """Closes the page; a running recording is written first."""
         if not self._closed.is_set():
             self._closed.set()
             atexit.unregister(self.close)
@@ -104,8 +101,8 @@ class Page:
 
 
 @contextlib.contextmanager
-def _killed_politely() -> Iterator[None]:
-    """SIGTERM and SIGHUP raise SystemExit; those that are ignored or handled elsewhere do not."""
+def _exit_on_signals() -> Iterator[None]:
+    """SIGTERM and SIGHUP raise SystemExit, unless they are ignored or handled elsewhere."""
 
     def end(number: int, frame: FrameType | None) -> None:
         raise SystemExit(128 + number)
@@ -125,16 +122,16 @@ def _killed_politely() -> Iterator[None]:
 def subject_of(
     what: Any, problem: str | Path | None = None, progress: Callable[[str], None] | None = None
 ) -> Subject:
-    """What an argument of :func:`fantoccini.web` is.
+    """The subject of an argument of :func:`fantoccini.web.show`.
 
     Args:
         what: puppet, motion, plan, or the file of one.
-        problem: of a plan's file, where it is no bundled one.
-        progress: told what takes long while it happens.
+        problem: problem file of a plan's file, where the problem is not bundled.
+        progress: called with the name of each long step.
 
     Raises:
-        FileError: a file is none that can be shown.
-        ValueError: what is given cannot be shown.
+        FileError: the file cannot be shown.
+        ValueError: ``what`` cannot be shown.
     """
     if isinstance(what, str | os.PathLike):
         return _of_file(os.fspath(what), problem, progress)
@@ -145,21 +142,21 @@ def subject_of(
     if isinstance(what, Recording):
         return Subject(what.marionette, what.trajectory)
     if isinstance(what, Trajectory):
-        return Subject(_performer(what, progress), what)
+        return Subject(_puppet_of(what, progress), what)
     if isinstance(what, PlanResult):
         if what.reason:
             raise ValueError(f"there is no plan to show: {what.reason}")
-        return Subject(what.problem.drawn_marionette, what.trajectory, Growth.of(what))
+        return Subject(what.problem.drawn_marionette, what.trajectory, PlanTree.of(what))
     raise ValueError(
         f"found {type(what).__name__}; what can be shown is a puppet, a trajectory, a recording, "
         "a plan, or the file of one"
     )
 
 
-def _performer(run: Trajectory, progress: Callable[[str], None] | None) -> Marionette:
+def _puppet_of(run: Trajectory, progress: Callable[[str], None] | None) -> Marionette:
     """The puppet of a trajectory."""
     if run.puppet is None:
-        raise ValueError("the trajectory does not know its puppet, and cannot be shown")
+        raise ValueError("the trajectory has no puppet, and cannot be shown")
     marionette = Marionette(run.puppet, progress)
     if marionette.coordinates.q_D + marionette.coordinates.q_K != (
         run.coordinates.q_D + run.coordinates.q_K
@@ -193,14 +190,14 @@ def _of_file(
 
 
 def _check_no_problem(path: Path, problem: str | Path | None) -> None:
-    """Raises FileError where a problem file is given for what is no plan."""
+    """Raises FileError where a problem file is given without a plan."""
     if problem is not None:
-        message = f"is no plan; a problem file ({problem}) goes with one"
+        message = f"is not a plan; a problem file ({problem}) is for plans only"
         raise FileError([Problem(str(path), None, "", message)])
 
 
-def _form(path: Path) -> tuple[str, dict]:
-    """What kind of npz file this is, and what it says of itself; empty where it says nothing."""
+def _form(path: Path) -> tuple[str, dict[str, Any]]:
+    """Format and description in an npz file; empty where it has none."""
     try:
         about = about_of(read(path, only=ABOUT))
         return str(about["format"]), about
@@ -209,14 +206,17 @@ def _form(path: Path) -> tuple[str, dict]:
 
 
 def _plan(
-    path: Path, about: dict, problem: str | Path | None, progress: Callable[[str], None] | None
+    path: Path,
+    about: dict[str, Any],
+    problem: str | Path | None,
+    progress: Callable[[str], None] | None,
 ) -> PlanResult:
     if problem is None:
         problem = str(about.get("problem", ""))
         if problem not in problem_names():
             message = (
-                f"is a plan of {problem!r}, which is no bundled problem; its problem file is "
-                "needed as well (--problem FILE)"
+                f"is a plan of {problem!r}, which is not a bundled problem; give its problem file "
+                "(--problem FILE)"
             )
             raise FileError([Problem(str(path), None, "", message)])
     return PlanResult.load(path, load_problem(problem, progress=progress))
@@ -224,7 +224,7 @@ def _plan(
 
 def write(
     subject: Subject,
-    path: str | os.PathLike,
+    path: str | os.PathLike[str],
     theme: str,
     progress: Callable[[float], None] | None = None,
 ) -> Path:
@@ -234,9 +234,9 @@ def write(
         ValueError: there is no motion to write.
     """
     if subject.run is None:
-        raise ValueError("a puppet that is alive cannot be written as a file; a motion can")
+        raise ValueError("a live puppet cannot be written as a file; a motion can")
     return write_html(
-        subject.marionette, subject.run, path, theme_of(theme), subject.growth, progress=progress
+        subject.marionette, subject.run, path, theme_of(theme), subject.tree, progress=progress
     )
 
 
@@ -254,27 +254,27 @@ def open_page(
 
     Raises:
         FileError: there is no such folder for recordings.
-        ServerError: nothing can be served there.
+        ServerError: the address cannot be used.
     """
     look = theme_of(theme)
     if not record_to.is_dir():
-        message = "there is no such folder; recordings go to one"
+        message = "there is no such folder for recordings"
         raise FileError([Problem(str(record_to), None, "", message)])
     title = subject.marionette.name
     if subject.run is not None:
-        film = Film.of(subject.marionette, subject.run)
+        motion = ResampledRun.of(subject.marionette, subject.run)
         server = Server(title, look, host, port)
-        shown: Live | Replay = Replay(server, film, look, subject.growth)
+        shown: Live | Replay = Replay(server, motion, look, subject.tree)
     else:
         performance = Performance(subject.marionette)
         live = Live(performance, look, record_to.absolute(), subject.file)
-        server = Server(title, look, host, port, live.script, live.visitors)
+        server = Server(title, look, host, port, SCRIPT, live.handlers)
         live.open(server)
         shown = live
     shown.start()
     return Page(server, shown)
 
 
-def waits() -> bool:
-    """Whether a page would vanish at once if nobody waited: in a script, not at a prompt."""
+def is_script() -> bool:
+    """Whether Python runs a script, at whose end a page closes, and not a prompt or notebook."""
     return not (hasattr(sys, "ps1") or sys.flags.interactive or "ipykernel" in sys.modules)

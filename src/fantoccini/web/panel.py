@@ -1,7 +1,7 @@
-"""What stands beside the scene: numbers, plots, and the buttons that every page has.
+"""The side panel: numbers, plots, and the buttons that every page has.
 
-Text of puppets goes into HTML through :func:`text` only, and never into markdown, which a page
-would run.
+Texts from puppet files become HTML through :func:`text` only, and never markdown, in which a page
+would run code.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fantoccini.view.theme import Theme
+from fantoccini.view.theme import Theme, to_hex
 from fantoccini.web.moment import Moment
-from fantoccini.web.stage import VIEWS, Stage
+from fantoccini.web.nodes import VIEWS, SceneNodes
 
 if TYPE_CHECKING:
     import viser
@@ -34,75 +34,64 @@ def text(words: object) -> str:
 
 
 def note(words: str) -> str:
-    """A line of lesser text, as HTML; ``words`` is plain text."""
+    """A line of secondary text, as HTML; ``words`` is plain text."""
     return f'<div style="padding:0 {_SIDE};font-size:0.82em;opacity:0.75">{text(words)}</div>'
 
 
-def bars(names: Sequence[str], moment: Moment, stage: Stage) -> str:
-    """Every string with its tension as a bar and a number, as HTML.
-
-    The dot before a name has the colour of the string's line in the plot.
-
-    Args:
-        names: of the strings.
-        moment: now.
-        stage: whose colours are used.
-    """
-    rows = []
+def bars(names: Sequence[str], moment: Moment, nodes: SceneNodes) -> str:
+    """Every string's name, with the colour of its plot, and its tension as bar and number: HTML."""
+    lines = []
     for s, name in enumerate(names):
         pull = None if moment.tension is None else float(moment.tension[s])
-        holds = bool(moment.taut[s]) or stage.scene.wires[s]
+        holds = bool(moment.taut[s]) or nodes.scene.wires[s]
         if pull is None or not np.isfinite(pull):
             share, colour, number = 0.0, "transparent", "taut" if holds else "slack"
         elif holds:
-            share = min(abs(pull) / stage.colours.top, 1.0)
-            colour, number = stage.colours.hexadecimal(pull), f"{pull:.2f} N"
+            share = min(abs(pull) / nodes.colours.top, 1.0)
+            colour, number = nodes.colours.hexadecimal(pull), f"{pull:.2f} N"
         else:
             share, colour, number = 0.0, "transparent", "slack"
-        rows.append(
-            f'<div><span style="color:{stage.theme.colour(s)}">&#9679;</span> {text(name)}</div>'
+        lines.append(
+            f'<div><span style="color:{nodes.theme.colour(s)}">&#9679;</span> {text(name)}</div>'
             '<div style="background:rgba(128,128,128,0.16);border-radius:3px;height:0.62em">'
             f'<div style="width:{100.0 * share:.1f}%;height:100%;border-radius:3px;'
             f'background:{colour}"></div></div>'
             f'<div style="text-align:right;font-variant-numeric:tabular-nums'
             f'{";opacity:0.55" if number == "slack" else ""}">{number}</div>'
         )
-    return f'<div style="padding:0.1em {_SIDE}">{_BAR}{"".join(rows)}</div></div>'
+    return f'<div style="padding:0.1em {_SIDE}">{_BAR}{"".join(lines)}</div></div>'
 
 
 class Views:
-    """Buttons for the camera, and what is shown of the world.
+    """Buttons for the camera, and boxes for what is shown of the world.
 
     Args:
         gui: of the server.
-        stage: gives the stage that is shown now.
+        nodes: returns the nodes that are shown now.
     """
 
-    def __init__(self, gui: viser.GuiApi, stage: Callable[[], Stage]):
-        self._stage = stage
-        buttons = gui.add_button_group("Camera", VIEWS)
-
-        @buttons.on_click
-        def _(event: Any) -> None:
-            if event.client is not None:
-                stage().look(event.client.camera, event.target.value)
-
+    def __init__(self, gui: viser.GuiApi, nodes: Callable[[], SceneNodes]):
+        self._nodes = nodes
+        gui.add_button_group("Camera", VIEWS).on_click(self._look)
         self._floor = gui.add_checkbox("Floor", True)
         self._obstacles = gui.add_checkbox("Obstacles", True)
         self._shadows = gui.add_checkbox(
             "Shadows", True, hint="Without a graphics card the page is faster without them"
         )
-        for box in (self._floor, self._shadows):
+        for box in (self._floor, self._shadows, self._obstacles):
             box.on_update(lambda _: self.apply())
-        self._obstacles.on_update(lambda _: self.apply())
 
     def apply(self) -> None:
         """Shows and hides what the boxes say."""
-        stage = self._stage()
-        stage.show_floor(self._floor.value)
-        stage.show_shadows(self._shadows.value)
-        stage.show_obstacles(self._obstacles.value)
-        self._obstacles.visible = stage.has_obstacles
+        nodes = self._nodes()
+        nodes.show_floor(self._floor.value)
+        nodes.show_shadows(self._shadows.value)
+        nodes.show_obstacles(self._obstacles.value)
+        self._obstacles.visible = nodes.has_obstacles
+
+    def _look(self, event: viser.GuiEvent[viser.GuiButtonGroupHandle[str]]) -> None:
+        if event.client is not None:
+            self._nodes().look(event.client.camera, event.target.value)
 
 
 class Plot:
@@ -111,11 +100,11 @@ class Plot:
     Args:
         gui: of the server.
         names: of the lines; plain text.
-        theme: the look.
+        theme: colours.
         label: unit of the values.
         span: first and last time [s].
         scale: lower and upper end of the values.
-        mark: draw a mark at the present.
+        mark: mark the present.
         height: [px].
     """
 
@@ -131,9 +120,9 @@ class Plot:
         height: int = 170,
     ):
         self._mark = mark
-        ink = _css(theme.ink)
+        ink = to_hex(theme.ink)
         grid = {"stroke": "rgba(128,128,128,0.18)", "width": 1}
-        series: list[dict] = [{"label": "t [s]"}]
+        series: list[dict[str, Any]] = [{"label": "t [s]"}]
         series += [
             {
                 "label": name,
@@ -146,7 +135,7 @@ class Plot:
         ]
         if mark:
             series.append({"label": "now", "stroke": ink, "width": 1.4, "points": {"show": False}})
-        # A scale that follows the values would be led astray by the mark, which is mostly nothing.
+        # The scale is fixed: the mark is mostly NaN, from which viser derives no range.
         values = {"auto": False, "range": list(scale)}
         zeros = tuple(np.zeros(2) for _ in series[1:])
         self._node = gui.add_uplot(
@@ -160,13 +149,7 @@ class Plot:
         )  # fmt: skip
 
     def draw(self, t: np.ndarray, values: np.ndarray, now: float | None = None) -> None:
-        """New lines.
-
-        Args:
-            t: (n,) times [s].
-            values: (n_names, n).
-            now: the present [s].
-        """
+        """Draws values (n_names, n) at times (n,), with the mark at ``now`` [s]."""
         lines = [np.asarray(row, dtype=float) for row in values]
         if self._mark:
             lines.append(_spike(t, values, t[0] if now is None else now))
@@ -174,13 +157,9 @@ class Plot:
 
 
 def _spike(t: np.ndarray, values: np.ndarray, now: float) -> np.ndarray:
-    """(n,) nothing, but for two neighbours about the present: a line that stands almost upright."""
+    """(n,) NaN but for two neighbours about the present: an almost vertical line."""
     mark = np.full(len(t), np.nan)
     k = int(np.clip(np.searchsorted(t, now), 1, len(t) - 1))
     finite = values[np.isfinite(values)]
     mark[k - 1], mark[k] = (finite.min(), finite.max()) if len(finite) else (0.0, 1.0)
     return mark
-
-
-def _css(colour: np.ndarray) -> str:
-    return "#" + "".join(f"{round(255.0 * float(c)):02x}" for c in colour[:3])

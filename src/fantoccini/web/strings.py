@@ -1,75 +1,68 @@
-"""Strings in a viser server: those that pull by the colour of their tension, the others sagging.
+"""Strings in a viser server: taut ones coloured by tension, slack ones sagging.
 
-A string that pulls keeps its length, so each of its spans is a node with a fixed line that is moved
-like a body, and stays on the hand it pulls. The curve of a slack one changes; its node goes with
-the string's first point.
+Each span of a taut string is a node with a fixed line that is moved like a body. The curve of a
+slack string is sent whenever it changes, relative to the string's first point.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fantoccini.view import rope
 from fantoccini.view.scene import Scene
-from fantoccini.view.theme import Theme, mix
+from fantoccini.view.theme import Theme, mix, to_bytes, to_hex
 from fantoccini.web.moment import Moment
-from fantoccini.web.poses import place, turned_to
+from fantoccini.web.viser_private import move
 
 if TYPE_CHECKING:
     import viser
 
-_SAG = 30
-"""Points on each segment of a slack string."""
-_STEPS = 64
-"""Colours from no tension to the largest."""
-_STRETCH = 2e-4
-"""A line is drawn anew when its length is off by more than this, of the puppet's size."""
+
+class _Resolution(NamedTuple):
+    """How finely strings are drawn."""
+
+    sag_points: int = 30  # Points on each segment of a slack string
+    colours: int = 64  # Colours from zero to the largest tension
+    stretch: float = 2e-4
+    """Error of a line's length, relative to the puppet's size, at which it is sent again."""
+
+
+_RESOLUTION = _Resolution()
 
 
 class Colours:
     """Colours of the strings of a scene.
 
     Attributes:
-        top: tension that has the last colour of the scale [N].
-
-    Args:
-        scene: whose strings they are.
-        theme: the look.
-        top: tension that has the last colour of the scale [N].
+        top: tension with the last colour of the scale [N].
     """
 
     def __init__(self, scene: Scene, theme: Theme, top: float):
         self.top = top
-        self._ramp = _bytes(theme.tension_colours(_STEPS))
-        self.slack = _bytes(theme.slack)
-        self._chains = [None if c is None else _bytes(c) for c in scene.chain_colours]
-        self._own = [None if c is None else _bytes(c) for c in scene.colours]
+        self._ramp = theme.tension_colours(_RESOLUTION.colours)
+        self._chains, self._own = scene.chain_colours, scene.colours
 
-    def of(self, string: int, tension: float | None) -> np.ndarray:
-        """(3,) colour of a string that pulls, in 0 to 255."""
+    def of(self, string: int, tension: float | None) -> tuple[int, int, int]:
+        """Colour of a taut string, in 0 to 255."""
         if tension is None or not np.isfinite(tension):
-            own = self._own[string]
-            return self._ramp[0] if own is None else own
-        return self._ramp[self._step(tension)]
+            return self._own_colour(self._own[string])
+        return to_bytes(self._ramp[self._step(tension)])
 
-    def of_chain(self, chain: int) -> np.ndarray:
-        """(3,) colour of a string of masses and springs, in 0 to 255."""
-        own = self._chains[chain]
-        return self._ramp[0] if own is None else own
+    def of_chain(self, chain: int) -> tuple[int, int, int]:
+        """Colour of a string of masses and springs, in 0 to 255."""
+        return self._own_colour(self._chains[chain])
 
     def hexadecimal(self, tension: float) -> str:
         """Colour of a tension as ``#rrggbb``."""
-        return "#" + "".join(f"{c:02x}" for c in self._ramp[self._step(tension)])
+        return to_hex(self._ramp[self._step(tension)])
+
+    def _own_colour(self, own: np.ndarray | None) -> tuple[int, int, int]:
+        return to_bytes(self._ramp[0] if own is None else own)
 
     def _step(self, tension: float) -> int:
         share = min(abs(tension) / self.top, 1.0) if self.top > 0.0 else 0.0
         return round(share * (len(self._ramp) - 1))
-
-
-def _bytes(colour: np.ndarray) -> np.ndarray:
-    return np.round(255.0 * np.asarray(colour, dtype=float)).astype(np.uint8)
 
 
 class Strings:
@@ -81,9 +74,9 @@ class Strings:
     Args:
         server: of viser.
         scene: whose strings they are.
-        theme: the look.
+        theme: colours of springs.
         colours: of the strings.
-        quantum: places are rounded to this [m]; 0 leaves them alone.
+        quantum: positions are rounded to this [m]; 0 keeps them.
     """
 
     def __init__(
@@ -98,40 +91,33 @@ class Strings:
         self._owner = np.array(
             [s for s, p in enumerate(scene.points) for _ in range(p.shape[1] - 1)], dtype=int
         )
-        none = np.zeros((1, 2, 3))
-        add = server.scene.add_line_segments
+
+        def add(
+            name: str, n: int, colour: tuple[int, int, int], width: float, visible: bool = True
+        ) -> viser.LineSegmentsHandle:
+            return server.scene.add_line_segments(
+                name, np.zeros((n, 2, 3)), colour, thickness=width, thickness_units="screen",
+                visible=visible,
+            )  # fmt: skip
+
         self._spans = [
-            add(
-                f"/strings/{scene.names[s]}/{n}", none, (0, 0, 0), thickness=3.0,
-                thickness_units="screen", visible=False,
-            )
+            add(f"/strings/{scene.names[s]}/{n}", 1, (0, 0, 0), 3.0, False)
             for n, s in enumerate(self._owner)
-        ]  # fmt: skip
+        ]
         self._drawn = np.zeros(len(self._owner))
-        self._coloured = [b""] * len(self._owner)
-        self._curves = [
-            add(
-                f"/strings/{name}/slack", none, tuple(map(int, colours.slack)), thickness=1.8,
-                thickness_units="screen", visible=False,
-            )
-            for name in scene.names
-        ]  # fmt: skip
-        self.nodes: list[Any] = [*self._spans, *self._curves]
+        self._coloured: list[tuple[int, int, int] | None] = [None] * len(self._owner)
+        slack = to_bytes(theme.slack)
+        self._curves = [add(f"/strings/{name}/slack", 1, slack, 1.8, False) for name in scene.names]
+        self.nodes: list[viser.LineSegmentsHandle] = [*self._spans, *self._curves]
         self._springs = None
         if scene.springs:
-            colour = _bytes(mix(theme.faint, theme.ink, 0.4))
-            self._springs = add(
-                "/springs", np.zeros((len(scene.springs), 2, 3)), tuple(map(int, colour)),
-                thickness=4.0, thickness_units="screen",
-            )  # fmt: skip
+            colour = to_bytes(mix(theme.faint, theme.ink, 0.4))
+            self._springs = add("/springs", len(scene.springs), colour, 4.0)
             self.nodes.append(self._springs)
         self._chains = [
-            add(
-                f"/chains/{n}", np.zeros((c.shape[1] - 1, 2, 3)),
-                tuple(map(int, colours.of_chain(n))), thickness=3.0, thickness_units="screen",
-            )
+            add(f"/chains/{n}", c.shape[1] - 1, colours.of_chain(n), 3.0)
             for n, c in enumerate(scene.chains)
-        ]  # fmt: skip
+        ]
         self.nodes.extend(self._chains)
 
     def show(self, moment: Moment) -> None:
@@ -164,16 +150,16 @@ class Strings:
                 node.visible = bool(shown[n])
             if not shown[n]:
                 continue
-            place(node, starts[n], wxyz[n])
-            if abs(lengths[n] - self._drawn[n]) > _STRETCH * self._scene.size:
+            move(node, starts[n], wxyz[n])
+            if abs(lengths[n] - self._drawn[n]) > _RESOLUTION.stretch * self._scene.size:
                 self._drawn[n] = lengths[n]
                 node.points = np.array([[[0, 0, 0], [lengths[n], 0, 0]]], dtype=np.float32)
             s = self._owner[n]
             tension = None if moment.tension is None else float(moment.tension[s])
             colour = self._colours.of(s, tension)
-            if colour.tobytes() != self._coloured[n]:
-                self._coloured[n] = colour.tobytes()
-                node.colors = colour
+            if colour != self._coloured[n]:
+                self._coloured[n] = colour
+                node.colors = np.array(colour, dtype=np.uint8)
 
     def _show_curves(self, moment: Moment, holds: np.ndarray) -> None:
         for s, node in enumerate(self._curves):
@@ -182,13 +168,22 @@ class Strings:
                 node.visible = shown
             if not shown:
                 continue
-            line = rope.path(moment.points[s], float(moment.lengths[s]), _SAG)
-            if self._scene.ground:
-                line = np.maximum(line, [-np.inf, -np.inf, self._scene.floor])
-            line = self._rounded(line)
-            place(node, line[0])
+            line = self._rounded(
+                self._scene.slack_curve(
+                    moment.points[s], float(moment.lengths[s]), _RESOLUTION.sag_points
+                )
+            )
+            move(node, line[0])
             away = (line - line[0]).astype(np.float32)
             node.points = np.stack([away[:-1], away[1:]], axis=1)
 
     def _rounded(self, places: np.ndarray) -> np.ndarray:
         return np.round(places / self._quantum) * self._quantum if self._quantum else places
+
+
+def turned_to(directions: np.ndarray) -> np.ndarray:
+    """(n, 4) smallest rotations (w, x, y, z) from the x axis to unit vectors (n, 3)."""
+    ux, uy, uz = directions.T
+    wxyz = np.stack([1.0 + ux, np.zeros_like(ux), -uz, uy], axis=1)
+    wxyz[1.0 + ux < 1e-9] = [0.0, 0.0, 0.0, 1.0]
+    return wxyz / np.linalg.norm(wxyz, axis=1, keepdims=True)

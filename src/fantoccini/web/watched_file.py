@@ -1,4 +1,4 @@
-"""The file of a puppet, read again whenever it is saved."""
+"""A puppet file that is loaded again whenever it is saved."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from pathlib import Path
 from fantoccini.errors import FantocciniError
 from fantoccini.marionette import Marionette, load
 
-_EVERY = 0.3
-"""Looks at the file so often [s]."""
+INTERVAL = 0.3
+"""Time between looks at the file [s]."""
 
 
 @dataclass(frozen=True, eq=False)
-class News:
-    """What came of reading the file again.
+class Reload:
+    """Result of loading the file again.
 
     Attributes:
-        marionette: the puppet, or None when the file holds mistakes.
+        marionette: the puppet, or None when the file has errors.
         mistakes: lines, each with its place.
     """
 
@@ -26,37 +26,30 @@ class News:
     mistakes: tuple[str, ...] = ()
 
 
-class Source:
-    """A puppet's file that may change.
-
-    Args:
-        path: of the file.
-    """
+class WatchedFile:
+    """The puppet file at ``path``."""
 
     def __init__(self, path: Path):
         self._path = path
-        self._stamp = self._look()
+        self._stamp = self._read_stamp()
         self._due = 0.0
         self._reader: threading.Thread | None = None
-        self._news: News | None = None
+        self._result: Reload | None = None
 
-    def news(self, now: float) -> News | None:
-        """What came of reading the file, once; None when nothing has changed.
+    def poll(self, now: float) -> Reload | None:
+        """The result of loading a changed file, once; otherwise None. ``now`` is a time [s].
 
-        The file is read, and the puppet compiled, beside everything else.
-
-        Args:
-            now: a time [s].
+        A thread of its own reads the file and compiles the puppet.
         """
         if self._reader is not None:
             if self._reader.is_alive():
                 return None
-            news, self._news, self._reader = self._news, None, None
-            return news
+            result, self._result, self._reader = self._result, None, None
+            return result
         if now < self._due:
             return None
-        self._due = now + _EVERY
-        stamp = self._look()
+        self._due = now + INTERVAL
+        stamp = self._read_stamp()
         if stamp is None or stamp == self._stamp:
             return None
         self._stamp = stamp
@@ -68,15 +61,15 @@ class Source:
         try:
             marionette = load(self._path)
             marionette.compile()
-            self._news = News(marionette)
+            self._result = Reload(marionette)
         except (FantocciniError, OSError) as error:
-            self._news = News(None, tuple(str(error).splitlines()))
+            self._result = Reload(None, tuple(str(error).splitlines()))
         except Exception as error:
-            what = f"a fault of fantoccini itself: {type(error).__name__}: {error}"
-            self._news = News(None, tuple(what.splitlines()))
+            message = f"internal error: {type(error).__name__}: {error}"
+            self._result = Reload(None, tuple(message.splitlines()))
 
-    def _look(self) -> tuple[int, int, int] | None:
-        """What changes with the file; None while it is not there."""
+    def _read_stamp(self) -> tuple[int, int, int] | None:
+        """Changes whenever the file does; None while there is no file."""
         try:
             about = self._path.stat()
         except OSError:

@@ -1,0 +1,65 @@
+"""What fantoccini uses of viser beyond its public interface is in one module, and is checked."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+import viser
+
+import fantoccini.web
+from fantoccini.view.theme import LIGHT
+from fantoccini.web import viser_private
+from fantoccini.web.server import Server
+from fantoccini.web.viser_private import ViserError
+
+PACKAGE = Path(fantoccini.web.__file__).parent
+
+
+def test_the_installed_viser_is_a_checked_one():
+    assert viser.__version__ in viser_private.CHECKED_VERSIONS
+
+
+def test_private_members_are_used_in_one_module_only():
+    """Elsewhere nothing is imported from viser's inside, and ``_names`` belong to ``self``."""
+    wrong = []
+    for file in set(PACKAGE.glob("*.py")) - {Path(viser_private.__file__)}:
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("viser"):
+                wrong.append(f"{file.name}:{node.lineno} from {node.module}")
+            if isinstance(node, ast.Attribute) and node.attr.startswith("_"):
+                public = node.attr.startswith("__") or getattr(node.value, "id", "") == "self"
+                wrong += [] if public else [f"{file.name}:{node.lineno} .{node.attr}"]
+    assert wrong == []
+
+
+@pytest.mark.parametrize(
+    ("name", "changed", "missing"),
+    [
+        ("MEMBERS", ("gui._gone", "gui._gui_input_handle_from_uuid"), "ViserServer.gui._gone"),
+        ("MESSAGES", ("GoneMessage", "GuiUpdateMessage"), "_messages.GoneMessage"),
+    ],
+)
+def test_a_viser_without_what_is_used_is_refused(monkeypatch, name, changed, missing):
+    monkeypatch.setattr(viser_private, name, changed)
+    versions = f"viser {viser.__version__} cannot be used: it has no {missing}; fantoccini works "
+    with pytest.raises(ViserError, match=versions):
+        Server("toy", LIGHT, port=0)
+
+
+def test_a_viser_that_serves_otherwise_is_refused(monkeypatch):
+    """Its requests would not be filtered."""
+    stopped = []
+    server = SimpleNamespace(stop=lambda: stopped.append(True))
+    monkeypatch.setattr(viser, "ViserServer", lambda *_, **__: server)
+    with pytest.raises(ViserError, match="does not serve through websockets"):
+        viser_private.start("127.0.0.1", 0, "toy", lambda h: h, lambda f: f)
+    assert stopped == [True]
+
+
+def test_a_viser_without_its_page_is_refused(monkeypatch, tmp_path):
+    monkeypatch.setattr(viser, "__file__", str(tmp_path / "__init__.py"))
+    with pytest.raises(ViserError, match=r"it has no .*index\.html"):
+        viser_private.client_page()
