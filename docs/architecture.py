@@ -14,6 +14,7 @@ PICTURE = ROOT / "docs" / "pictures" / "pipeline.svg"
 PACKAGES = {
     "errors": "Errors that name the place and the remedy, and the statuses a run can end with.",
     "arrays": "Type aliases for arrays, named after their shape.",
+    "progress": "Progress callbacks, and the bar on a terminal.",
     "puppet": "The puppet schema: reads, checks and writes YAML files.",
     "world": "Puppets, obstacles and floor that stand together.",
     "tree": "Links in topological order, one-sided rows, and the coordinate table.",

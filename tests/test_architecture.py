@@ -26,6 +26,7 @@ PACKAGE = ROOT / "src" / "fantoccini"
 ORDER = (
     "errors",
     "arrays",
+    "progress",
     "puppet",
     "world",
     "tree",
