@@ -58,7 +58,6 @@ LATE_VIEWS = {
     ("motion", "_repr_html_"),
     ("marionette", "plot"),
     ("reduction", "draw"),
-    ("reduction", "_bandwidth"),
     ("planning", "plot"),
     ("planning", "animate"),
     ("marionette", "show"),
