@@ -77,12 +77,12 @@ WRONG = {
     "a step of the other method": (["simulate", "arm2d", "--dt", "0.001"], "timestepping"),
     "a tolerance of the other method": (
         ["simulate", "arm2d", "--method", "timestepping", "--rtol", "1e-6"],
-        "goes with --method event",
+        "applies to --method event only",
     ),
     "an unknown integrator": (["simulate", "arm2d", "--integrator", "RK4"], "LSODA"),
     "an integrator of the other method": (
         ["simulate", "arm2d", "--method", "timestepping", "--integrator", "RK45"],
-        "goes with --method event",
+        "applies to --method event only",
     ),
     "a tolerance out of range": (["simulate", "arm2d", "--rtol", "1e-30"], "between 1e-13"),
     "no equals sign": (["simulate", "arm2d", "--start", "elbow"], "needed: NAME=VALUE"),
@@ -98,7 +98,7 @@ WRONG = {
     "an output in no folder": (["simulate", "arm2d", "--out", "no/x.npz"], "there is no folder"),
     "an output twice": (
         ["simulate", "arm2d", "--out", "x.png", "--plot", "x.png"],
-        "to be written twice",
+        "is given twice",
     ),
     "a film of plots": (["simulate", "arm2d", "--plot", "x.mp4"], ".png, .svg, .pdf"),
     "an export into no folder": (["export", "arm2d", "no/x"], "there is no folder"),
@@ -173,7 +173,7 @@ def test_no_compiler_ends_with_1(monkeypatch) -> None:
     assert result.exit_code == 1
     assert "no-such-compiler" in result.stderr
     assert "Traceback" not in result.stderr
-    assert "cannot (see fantoccini doctor)" in fantoccini("info", "arm2d").stdout
+    assert "cannot be on this machine (see fantoccini doctor)" in fantoccini("info", "arm2d").stdout
 
 
 def test_a_fault_of_our_own_is_said_in_one_line(monkeypatch) -> None:
@@ -183,7 +183,7 @@ def test_a_fault_of_our_own_is_said_in_one_line(monkeypatch) -> None:
     monkeypatch.setattr("fantoccini.cli.check.marionette", broken)
     result = fantoccini("check", "arm2d")
     assert result.exit_code == 1
-    assert "a fault of fantoccini itself: ZeroDivisionError: [bold]\\x1b" in result.stderr
+    assert "internal error: ZeroDivisionError: [bold]\\x1b" in result.stderr
     monkeypatch.setenv("FANTOCCINI_TRACEBACK", "1")
     assert isinstance(fantoccini("check", "arm2d").exception, ZeroDivisionError)
 

@@ -140,7 +140,7 @@ def test_mistakes_are_told_with_their_places(run, tmp_path):
     wrong.write_text("puppet: wrong\nbodies: []\nstrings: 3\n", encoding="utf-8")
     assert "wrong.yaml:" in mistake("show", wrong)
     assert "no bundled puppet has this name" in mistake("show", "marionete")
-    assert "there is no such file" in mistake("show", tmp_path / "none.npz")
+    assert "no such file" in mistake("show", tmp_path / "none.npz")
     other = tmp_path / "other.npz"
     np.savez(other, x=np.zeros(3))
     assert "is not a trajectory" in mistake("show", other)

@@ -1,4 +1,4 @@
-"""``fantoccini plan``: a problem file -> inputs that take the puppet to its goal."""
+"""``fantoccini plan``: finds inputs that reach the goal of a problem file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from fantoccini.planning import Check, PlanResult, load_problem, problem_names, 
 
 @dataclass(frozen=True)
 class Request:
-    """What was asked for on the command line; see ``fantoccini plan --help``."""
+    """Arguments of ``fantoccini plan``."""
 
     file: str | None
     planner: str
@@ -52,8 +52,8 @@ def plan_file(request: Request) -> None:
         check_output(request.save, (".npz",), "--save")
     if request.seed < 0:
         fail(f"{request.seed} is negative", "--seed")
-    given = {"tolerance": request.tolerance, "threads": request.threads}
-    options = {name: value for name, value in given.items() if value is not None}
+    overrides = {"tolerance": request.tolerance, "threads": request.threads}
+    options = {name: value for name, value in overrides.items() if value is not None}
     with Steps(request.quiet) as steps:
         problem = load_problem(request.file, progress=steps.step, **options)
         steps.step("planning")
@@ -67,7 +67,7 @@ def plan_file(request: Request) -> None:
             steps.step("verifying")
             checks = {
                 "step halved": found.verify(),
-                "events located": found.verify(method=Event(rtol=1e-9, atol=1e-9)),
+                "event-driven": found.verify(method=Event(rtol=1e-9, atol=1e-9)),
             }
         if not found.reason:
             _write(request, found, steps)
@@ -102,25 +102,23 @@ def _report(found: PlanResult, checks: dict[str, Check]) -> None:
             ("distance from the goal", f"{found.distance:.4g}"),
             ("tolerance", f"{found.tolerance:g}"),
             ("least clearance [mm]", f"{1e3 * float(found.clearance.min()):.1f}"),
-            ("motions tried", found.tried),
+            ("rollouts", found.tried),
             ("nodes", len(found.tree)),
             ("search [s]", f"{found.seconds:.3g}"),
-            ("found, but not holding event-driven", found.refused),
+            ("not confirmed by event-driven runs", found.refused),
         ],
     )
     if found.polished is not None:
         write(f"polish: {found.polished}")
     if checks:
         table(
-            "Simulated anew",
-            ("", "arrives>", "distance>", "clearance [mm]>"),
+            "Verification",
+            ("", "reaches the goal>", "distance>", "clearance [mm]>"),
             [
                 (
-                    name,
-                    "yes" if c.arrives else "no",
-                    f"{c.distance:.4g}",
+                    name, "yes" if c.arrives else "no", f"{c.distance:.4g}",
                     f"{1e3 * c.clearance:.1f}",
                 )
                 for name, c in checks.items()
             ],
-        )
+        )  # fmt: skip

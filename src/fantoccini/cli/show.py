@@ -1,4 +1,4 @@
-"""``fantoccini show``: a puppet to play with, a motion or a plan to look at, in the browser."""
+"""``fantoccini show``: play a puppet, or replay a run or a plan, in the browser."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Request:
-    """What was asked for on the command line; see ``fantoccini show --help``."""
+    """Arguments of ``fantoccini show``."""
 
     file: str
     html: Path | None = None
@@ -35,12 +35,11 @@ def show_file(request: Request) -> None:
     if request.html is not None:
         check_output(request.html, (".html",), "--html")
     check_folder(request.record_to, "--record-to")
-    # Names of npz files are read as they are; all else is a puppet's file or a bundled name.
     name = request.file
     if not name.lower().endswith(".npz"):
         name = str(puppet_path(name))
         if request.html is not None:
-            fail("a puppet that is alive cannot be written as a file; a run (.npz) can", "--html")
+            fail("applies to runs (.npz) only; a live puppet cannot be written to a file", "--html")
     from fantoccini.web.page import open_page, subject_of, write as write_motion
 
     with Steps(request.quiet) as steps:
@@ -59,7 +58,7 @@ def show_plan(found: PlanResult, quiet: bool) -> None:
 
     Args:
         found: the plan.
-        quiet: say nothing but the address.
+        quiet: print only the address.
     """
     from fantoccini.web.page import open_page, subject_of
 
@@ -69,7 +68,7 @@ def show_plan(found: PlanResult, quiet: bool) -> None:
 
 
 def _serve(page: Page, request: Request) -> None:
-    """Says where the page is, and stays until Ctrl-C, which is how a page is closed."""
+    """Prints the address and serves the page until Ctrl-C."""
     try:
         with page, contextlib.suppress(KeyboardInterrupt):
             _announce(page, request)
@@ -87,10 +86,10 @@ def _announce(page: Page, request: Request) -> None:
         say(f"port {request.port} is in use; the page is on port {server.port}")
     if server.exposed:
         say(
-            f"--host {request.host}: everybody who can reach this machine on port {server.port} "
-            "sees the page, can move the puppet and record into "
+            f"--host {request.host}: anyone who can reach port {server.port} of this machine can "
+            "see the page, move the puppet and write recordings to "
             f"{request.record_to.absolute()}; there is no password"
         )
     write(page.url)
     if not request.quiet:
-        say("Ctrl-C ends")
+        say("press Ctrl-C to stop")
