@@ -66,8 +66,8 @@ What looks like a slope over 1,000 s of `variational` is a slow wave: over eight
 {longer} of the mean kinetic energy a second. trep, on a comparable puppet, drifts by {drift:g} J
 within 10 s in steps of 10 ms.
 
-A vigorous swing (0.5), {strays:g} s: strings and limits catch, and every catch takes energy. What
-the ledger misses is what the method itself gains or loses.
+A vigorous swing (0.5), {strays:g} s: strings and limits catch, and every catch takes energy. The
+residual of the ledger is what the method itself gains or loses.
 
 {vigorous}
 

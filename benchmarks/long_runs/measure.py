@@ -56,7 +56,7 @@ def energy(amplitude: float, seconds: float) -> Table:
         ])  # fmt: skip
     return Table(
         ["method", "range of E [J]", "within 10 s [J]", "slope of E / mean T [1/s]",
-         "ledger lacks [J]", "catches", "overstepped [m]", "processor [s]"],
+         "ledger residual [J]", "catches", "overstepped [m]", "processor [s]"],
         rows,
     )  # fmt: skip
 
