@@ -227,6 +227,18 @@ def test_info_shows_winches_where_there_are_any(tmp_path) -> None:
     assert "max tension" not in fantoccini("info", "arm2d").stdout
 
 
+def test_info_describes_drives(tmp_path):
+    path = tmp_path / "p.yaml"
+    path.write_text(
+        "puppet: p\nbodies: [{name: b, joint: {type: translation, axes: [z]}, mass: 1}]\n"
+        "strings: [{name: s, path: [{body: b}, {world: [0, 0, 1]}], length: driven}]\n"
+        "pose: {b.z: 0.2}\n"
+        "drives: [{on: s.length, mass: 1.5, control: {type: pd, stiffness: 9, damping: 1}}]\n"
+    )
+    text = fantoccini("info", str(path)).stdout
+    assert "Drives" in text and "1.5 kg" in text and "pd" in text
+
+
 def test_check_counts_and_lists_mistakes_of_all_files(tmp_path) -> None:
     first, second = tmp_path / "a.yaml", tmp_path / "b.yaml"
     first.write_text("puppet: a\nflor: 1\nbodies: []\n")

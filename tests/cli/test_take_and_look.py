@@ -6,8 +6,8 @@ import pytest
 from tests.cli.command import fantoccini
 
 import fantoccini as fan
-from fantoccini.cli.look import Look
-from fantoccini.cli.simulate import Request, _hint
+from fantoccini.cli.requests import SimulateRequest
+from fantoccini.cli.simulate import _hint
 
 
 @pytest.fixture(scope="module")
@@ -106,12 +106,10 @@ def test_a_run_that_is_slower_than_real_time_says_so(capsys):
     m = fan.puppets.string_pendulum()
     run = fan.simulate(m, m.rest(), t_end=0.5)
     assert run.seconds > 0.0 and run.summary()["seconds"] == run.seconds
-    request = Request(
-        "x", None, None, "event", "constraint", None, None, None, (), (), None, False, None, Look()
-    )  # fmt: skip
+    request = SimulateRequest(file="x")
     _hint(request, run, 0.8)
     said = capsys.readouterr().err
-    assert "slower than real time: 1.6 s for a second of motion" in said
+    assert "slower than real time: 1.6 s per second of motion" in said
     assert "--method timestepping" in said and "--rate" in said
     _hint(request, run, 0.4)
     assert capsys.readouterr().err == ""

@@ -10,25 +10,8 @@ from typing import Annotated
 import typer
 
 from fantoccini.cli.guard import GuardedGroup
-from fantoccini.cli.look import Look
-from fantoccini.cli.options import (
-    File,
-    FocusOn,
-    Fps,
-    Inputs,
-    Method,
-    Objective,
-    Out,
-    Planner,
-    Quiet,
-    SchemaOf,
-    Size,
-    StringModel,
-    Theme,
-    ThemeOf,
-    View,
-    positive,
-)
+from fantoccini.cli.options import File, Inputs, Quiet, SchemaOf
+from fantoccini.cli.requests import PlanRequest, ShowRequest, SimulateRequest, takes
 from fantoccini.cli.terminal import version
 
 _ABOUT = """\
@@ -161,190 +144,34 @@ def export(
     export_c99(file, folder, force, quiet)
 
 
-@app.command()
-def simulate(
-    file: File,
-    inputs: Inputs = None,
-    duration: Annotated[
-        float | None,
-        typer.Option(
-            metavar="S",
-            callback=positive,
-            help="Simulated time; by default that of the inputs, or 5 without inputs.",
-        ),
-    ] = None,
-    method: Annotated[Method, typer.Option(help="Integration method.")] = Method.EVENT,
-    string_model: Annotated[
-        StringModel, typer.Option(help="Massless constraints, or chains of masses and springs.")
-    ] = StringModel.CONSTRAINT,
-    dt: Annotated[
-        float | None,
-        typer.Option(
-            metavar="S", callback=positive, help="Step of timestepping and variational [0.002]."
-        ),
-    ] = None,
-    rtol: Annotated[
-        float | None,
-        typer.Option(callback=positive, help="Relative tolerance of event [1e-11]."),
-    ] = None,
-    integrator: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="SciPy integrator for event: RK23, RK45, DOP853, Radau, BDF or LSODA; by default "
-            "the compiled one.",
-        ),
-    ] = None,
-    start: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME=VALUE",
-            help="Start value of a coordinate: 0.3, '30 deg', NAME.rotation=w,x,y,z, v:NAME=1.5; "
-            "repeatable. The puppet starts at rest unless a dynamic coordinate is given.",
-        ),
-    ] = None,
-    out: Out = None,
-    plot: Annotated[
-        Path | None,
-        typer.Option(metavar="PATH", help="Plot against time: .png, .svg or .pdf."),
-    ] = None,
-    rate: Annotated[
-        float | None,
-        typer.Option(
-            metavar="N",
-            callback=positive,
-            help="Samples kept per second of motion; by default every step. Event also keeps the "
-            "start, the end and the events.",
-        ),
-    ] = None,
-    view: View = None,
-    focus: FocusOn = None,
-    theme: ThemeOf = None,
-    size: Size = None,
-    fps: Fps = None,
-    quiet: Quiet = False,
-) -> None:
+@app.command("simulate")
+@takes(SimulateRequest)
+def simulate(request: SimulateRequest) -> None:
     """Simulate a puppet; write numbers, pictures or a film."""
-    from fantoccini.cli.simulate import Request, simulate_file
+    from fantoccini.cli.simulate import simulate_file
 
-    simulate_file(
-        Request(
-            file, inputs, duration, method.value, string_model is StringModel.CHAIN, dt, rtol,
-            integrator, tuple(start or ()), tuple(out or ()), plot, quiet, rate,
-            Look.of(view, focus, theme, size, fps),
-        )
-    )  # fmt: skip
+    simulate_file(request)
 
 
-@app.command()
-def plan(
-    file: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="[PROBLEM]",
-            help="Problem file, or name of a bundled problem; without it, list the bundled ones.",
-        ),
-    ] = None,
-    planner: Annotated[Planner, typer.Option(help="Planner to use.")] = Planner.EXPLORE,
-    tolerance: Annotated[
-        float | None,
-        typer.Option(callback=positive, help="Goal tolerance; overrides the file."),
-    ] = None,
-    time_limit: Annotated[
-        float, typer.Option(metavar="S", callback=positive, help="Time limit for the first plan.")
-    ] = 10.0,
-    improve: Annotated[
-        float, typer.Option(metavar="S", min=0.0, help="Time spent on improving the plan.")
-    ] = 0.0,
-    confirm: Annotated[
-        bool,
-        typer.Option(
-            "--confirm/--no-confirm", help="Accept only plans that event-driven runs confirm."
-        ),
-    ] = True,
-    objective: Annotated[
-        Objective | None,
-        typer.Option(help="Cost that --improve reduces; overrides the file."),
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of all random choices.")] = 0,
-    threads: Annotated[
-        int | None, typer.Option(min=1, help="Number of threads; one per processor by default.")
-    ] = None,
-    out: Out = None,
-    picture: Annotated[
-        Path | None,
-        typer.Option(metavar="PATH", help="Draw tree, poses and obstacles: .png, .svg or .pdf."),
-    ] = None,
-    save: Annotated[
-        Path | None, typer.Option(metavar="PATH", help="Save the plan with its tree: .npz.")
-    ] = None,
-    show: Annotated[
-        bool, typer.Option("--show", help="Open the plan in the browser, until Ctrl-C.")
-    ] = False,
-    view: View = None,
-    focus: FocusOn = None,
-    theme: ThemeOf = None,
-    size: Size = None,
-    fps: Fps = None,
-    quiet: Quiet = False,
-) -> None:
+@app.command("plan")
+@takes(PlanRequest)
+def plan(request: PlanRequest) -> None:
     """Plan a motion to a goal that avoids obstacles."""
-    from fantoccini.cli.plan import Request, plan_file
+    from fantoccini.cli.plan import plan_file
 
-    plan_file(
-        Request(
-            file, planner.value, tolerance, time_limit, improve, confirm,
-            None if objective is None else objective.value, seed, threads, tuple(out or ()),
-            picture, save, show, quiet, Look.of(view, focus, theme, size, fps),
-        )
-    )  # fmt: skip
+    plan_file(request)
 
 
 @app.command("show")
-def show_(
-    file: Annotated[
-        str,
-        typer.Argument(
-            metavar="FILE",
-            help="Puppet file, name of a bundled puppet, or run, recording or plan (.npz).",
-        ),
-    ],
-    html: Annotated[
-        Path | None,
-        typer.Option(metavar="PATH", help="Write a run as one file that plays offline: .html."),
-    ] = None,
-    theme: Annotated[Theme, typer.Option(help="Theme of the page.")] = Theme.LIGHT,
-    host: Annotated[
-        str,
-        typer.Option(
-            metavar="ADDRESS",
-            help="Address to listen on; other machines can connect unless it is local.",
-        ),
-    ] = "127.0.0.1",
-    port: Annotated[
-        int, typer.Option(min=0, max=65535, help="First port to try; 0 for any free port.")
-    ] = 8080,
-    no_browser: Annotated[
-        bool, typer.Option("--no-browser", help="Print the address without opening a browser.")
-    ] = False,
-    record_to: Annotated[Path, typer.Option(metavar="DIR", help="Folder for recordings.")] = Path(
-        "."
-    ),
-    problem: Annotated[
-        str | None,
-        typer.Option(metavar="FILE", help="Problem file of a plan, unless it is bundled."),
-    ] = None,
-    quiet: Quiet = False,
-) -> None:
+@takes(ShowRequest)
+def show(request: ShowRequest) -> None:
     """Play a puppet, or replay a run, in the browser.
 
     Serves the page on this machine only, until Ctrl-C.
     """
-    from fantoccini.cli.show import Request, show_file
+    from fantoccini.cli.show import show_file
 
-    show_file(
-        Request(file, html, theme.value, host, port, not no_browser, record_to, problem, quiet)
-    )
+    show_file(request)
 
 
 @app.command("validate-reduction")

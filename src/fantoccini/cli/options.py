@@ -46,23 +46,3 @@ Out = Annotated[
         "(strip of poses), .mp4 .gif (film); repeatable.",
     ),
 ]
-View = Annotated[
-    str | None,
-    typer.Option(
-        metavar="VIEW",
-        help="View of strips and films: auto, front, side, three-quarter, or AZIMUTH,ELEVATION in "
-        "degrees [auto].",
-    ),
-]
-FocusOn = Annotated[
-    Focus | None,
-    typer.Option("--focus", help="Frame of strips and films; bodies may crop strings [all]."),
-]
-ThemeOf = Annotated[
-    Theme | None, typer.Option("--theme", help="Theme of pictures, plots and films [light].")
-]
-Size = Annotated[
-    str | None,
-    typer.Option(metavar="WxH", help="Size of strips and films [px] [960x720 for films]."),
-]
-Fps = Annotated[float | None, typer.Option(metavar="N", help="Frames per second of films [30].")]

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fantoccini.cli.files import check_folder, check_output, fail, puppet_path
+from fantoccini.cli.requests import ShowRequest
 from fantoccini.cli.terminal import Steps, say, write
 from fantoccini.planning import PlanResult
 
@@ -15,22 +14,7 @@ if TYPE_CHECKING:
     from fantoccini.web.page import Page
 
 
-@dataclass(frozen=True)
-class Request:
-    """Arguments of ``fantoccini show``."""
-
-    file: str
-    html: Path | None = None
-    theme: str = "light"
-    host: str = "127.0.0.1"
-    port: int = 8080
-    browser: bool = True
-    record_to: Path = Path(".")
-    problem: str | None = None
-    quiet: bool = False
-
-
-def show_file(request: Request) -> None:
+def show_file(request: ShowRequest) -> None:
     """Shows a file until Ctrl-C, or writes it as a page."""
     if request.html is not None:
         check_output(request.html, (".html",), "--html")
@@ -46,10 +30,11 @@ def show_file(request: Request) -> None:
         subject = subject_of(name, request.problem, steps.step)
         if request.html is not None:
             done = steps.bar(f"writing {request.html}", 1.0)
-            write_motion(subject, request.html, request.theme, done)
+            write_motion(subject, request.html, request.theme.value, done)
             return
         steps.step("opening the page")
-        page = open_page(subject, request.theme, request.host, request.port, request.record_to)
+        theme, folder = request.theme.value, request.record_to
+        page = open_page(subject, theme, request.host, request.port, folder)
     _serve(page, request)
 
 
@@ -62,17 +47,17 @@ def show_plan(found: PlanResult, quiet: bool) -> None:
     """
     from fantoccini.web.page import open_page, subject_of
 
-    request = Request(file=found.problem.name, quiet=quiet)
+    request = ShowRequest(file=found.problem.name, quiet=quiet)
     subject = subject_of(found)
-    _serve(open_page(subject, request.theme, request.host, request.port), request)
+    _serve(open_page(subject, request.theme.value, request.host, request.port), request)
 
 
-def _serve(page: Page, request: Request) -> None:
+def _serve(page: Page, request: ShowRequest) -> None:
     """Prints the address and serves the page until Ctrl-C."""
     try:
         with page, contextlib.suppress(KeyboardInterrupt):
             _announce(page, request)
-            if request.browser:
+            if not request.no_browser:
                 page.server.open_browser()
             page.wait()
     finally:
@@ -80,7 +65,7 @@ def _serve(page: Page, request: Request) -> None:
             say(page.said)
 
 
-def _announce(page: Page, request: Request) -> None:
+def _announce(page: Page, request: ShowRequest) -> None:
     server = page.server
     if server.moved:
         say(f"port {request.port} is in use; the page is on port {server.port}")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,10 +12,11 @@ import typer
 
 from fantoccini.cli.files import fail, marionette
 from fantoccini.cli.guard import FAILED, INTERRUPTED
-from fantoccini.cli.look import Look
+from fantoccini.cli.options import StringModel
 from fantoccini.cli.outputs import check_outputs, write_outputs
 from fantoccini.cli.recording import load_recording, recorded_start, with_recorded_winches
 from fantoccini.cli.report import report
+from fantoccini.cli.requests import SimulateRequest
 from fantoccini.cli.start import read_values, start_state
 from fantoccini.cli.terminal import Steps, say
 from fantoccini.cli.warn import warn
@@ -26,7 +26,6 @@ from fantoccini.marionette import (
     Marionette,
     Method,
     MethodName,
-    StringModel,
     TimeStepping,
     Variational,
 )
@@ -58,38 +57,19 @@ _DT = 0.002
 """Default time step [s]."""
 
 
-@dataclass(frozen=True)
-class Request:
-    """Arguments of ``fantoccini simulate``."""
-
-    file: str
-    inputs: Path | None
-    duration: float | None
-    method: str
-    chains: bool
-    dt: float | None
-    rtol: float | None
-    integrator: str | None
-    start: tuple[str, ...]
-    out: tuple[Path, ...]
-    plot: Path | None
-    quiet: bool
-    rate: float | None
-    look: Look
-
-
-def simulate_file(request: Request) -> None:
+def simulate_file(request: SimulateRequest) -> None:
     """Simulates, prints a summary and writes the outputs.
 
     If the run stops early, the outputs hold the motion so far and the exit code is 1.
     """
     _check_options(request)
-    check_outputs(request.out, request.plot)
-    request.look.check(request.out, request.plot)
-    given = read_values(request.start)
+    out, look = request.out or [], request.look
+    check_outputs(out, request.plot)
+    look.check(out, request.plot)
+    given = read_values(request.start or [])
     with Steps(request.quiet) as steps:
-        string_model: StringModel = "chain" if request.chains else "constraint"
-        puppet = marionette(request.file, steps.step, string_model)
+        chain = request.string_model is StringModel.CHAIN
+        puppet = marionette(request.file, steps.step, "chain" if chain else "constraint")
         inputs = None if request.inputs is None else Input.load(puppet, request.inputs)
         recording = load_recording(request.inputs)
         if recording is not None:
@@ -102,7 +82,7 @@ def simulate_file(request: Request) -> None:
             x0 = start_state(puppet, inputs, given, request.quiet)
         method, saved = _method(request, x0.t, duration)
         run, seconds, trouble = timed(steps, puppet, x0, inputs, duration, method, **saved)
-        write_outputs(puppet, run, request.out, request.plot, steps, look=request.look)
+        write_outputs(puppet, run, out, request.plot, steps, look=look)
     if not request.quiet:
         report(run, seconds)
         _hint(request, run, seconds)
@@ -144,7 +124,7 @@ def end_with(run: Trajectory, trouble: str) -> None:
         raise typer.Exit(INTERRUPTED if run.status is Status.STOPPED else FAILED)
 
 
-def _hint(request: Request, run: Trajectory, seconds: float) -> None:
+def _hint(request: SimulateRequest, run: Trajectory, seconds: float) -> None:
     """Suggests faster options after a run slower than real time."""
     if run.method == "event" and seconds > run.duration > 0.0:
         fewer = "" if request.rate else "; --rate 60 saves fewer samples"
@@ -154,7 +134,9 @@ def _hint(request: Request, run: Trajectory, seconds: float) -> None:
         )
 
 
-def _method(request: Request, start: float, duration: float) -> tuple[Method, dict[str, Any]]:
+def _method(
+    request: SimulateRequest, start: float, duration: float
+) -> tuple[Method, dict[str, Any]]:
     """The method, and the arguments of ``simulate`` that select the samples to save."""
     rate = request.rate
     if rate is not None and rate * duration > _BOUNDS.samples:
@@ -179,7 +161,7 @@ def _method(request: Request, start: float, duration: float) -> tuple[Method, di
     return fixed, {"save_every": every}
 
 
-def _check_options(request: Request) -> None:
+def _check_options(request: SimulateRequest) -> None:
     """Raises a usage error for an option that the method does not have."""
     if request.method == "event":
         if request.dt is not None:
@@ -195,7 +177,7 @@ def _check_options(request: Request) -> None:
         fail("applies to --method event only", "--integrator")
 
 
-def _duration(request: Request, inputs: Input | None) -> float:
+def _duration(request: SimulateRequest, inputs: Input | None) -> float:
     if request.duration is not None:
         duration = request.duration
     else:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
@@ -20,7 +22,7 @@ _QUATERNION = (".qw", ".qx", ".qy", ".qz")
 Values = dict[str, float | list[float]]
 
 
-def read_values(settings: tuple[str, ...]) -> Values:
+def read_values(settings: Sequence[str]) -> Values:
     """NAME=VALUE settings as numbers: ``0.3``, ``30 deg``, ``1,0,0,0``.
 
     Args:

@@ -37,13 +37,11 @@ class Products:
     """The symmetric products of a mechanism's input fields at one configuration.
 
     Attributes:
-        fields: (n, n_vK) the fields X_i as columns, over (v_D, v_K).
         products: (n, n_vK, n_vK) <X_i, X_j> over (v_D, v_K).
         outside: (n_vK, n_vK) norm of the part of <X_i, X_j> outside of span{X_k}, in the metric of
             the kinetic energy, relative to the norms of the terms it is the sum of, 0 to 1.
     """
 
-    fields: Array
     products: Array
     outside: Array
 
@@ -98,7 +96,7 @@ def symmetric_products(
             found[:, i, j] = found[:, j, i] = np.linalg.solve(L.T, whole)
             if size > 0.0:
                 outside[i, j] = outside[j, i] = np.linalg.norm(rest) / size
-    return Products(fields, found, outside)
+    return Products(found, outside)
 
 
 def _basis(columns: Array) -> Array:

@@ -50,7 +50,6 @@ class Tracking:
     """The drives' accelerations with some strings taut.
 
     Attributes:
-        strings: names of the taut strings.
         min_singular_value: of F^-T A_D^T with columns of length 1: 1 if the strings accelerate the
             puppet at right angles to one another, 0 if they are linearly dependent.
         min_acceleration: smallest eigenvalue of D G D, D^2 the diagonal of M_KK with the drives'
@@ -59,7 +58,6 @@ class Tracking:
         pulls_apart: the drives can pull the tied strings against one another.
     """
 
-    strings: tuple[str, ...]
     min_singular_value: float
     min_acceleration: float
     tied: tuple[str, ...]
@@ -89,7 +87,6 @@ def tracking(marionette: Marionette, x: State, inertia: Array, rows: NDArray[np.
     tied, pulls_apart = _ties(A_D, A_K)
     names = [marionette.tree.strings[i].name for i in rows]
     return Tracking(
-        tuple(names),
         float(np.linalg.svd(W, compute_uv=False)[-1]) if W.shape[0] >= W.shape[1] else 0.0,
         float(np.linalg.eigvalsh(D[:, None] * G * D)[0]) if len(D) else 1.0,
         tuple(n for n, part in zip(names, tied, strict=True) if part),
