@@ -37,7 +37,8 @@ def plan_file(request: PlanRequest) -> None:
         steps.step("planning")
         found = solve(
             problem, planner=request.planner.value, time_limit=request.time_limit,
-            improve=request.improve, confirm=request.confirm, objective=objective, seed=request.seed,
+            improve=request.improve, confirm=request.confirm, objective=objective,
+            seed=request.seed,
         )  # fmt: skip
         checks = {}
         if found and not request.quiet:
