@@ -75,11 +75,11 @@ def answer(name: str) -> float:
         for _ in range(MOVES):
             time.sleep(rng.uniform(0.0, 2.0 * live.tick) + 0.3)
             before = live.state.q_K
-            asked = time.perf_counter()
+            requested = time.perf_counter()
             live.move(handle, home + 0.02 * rng.uniform(-1.0, 1.0, size=3))
             while np.array_equal(live.state.q_K, before):
                 time.sleep(1e-4)
-            waited.append(time.perf_counter() - asked)
+            waited.append(time.perf_counter() - requested)
     finally:
         stop.set()
         thread.join()
@@ -110,9 +110,9 @@ def puppeteer(url: str, handle: str, orders: Connection) -> None:
                 return
             if what == "jerk":
                 there = home + 0.02 * np.random.default_rng().uniform(-1.0, 1.0, size=3)
-                asked = time.perf_counter()
+                requested = time.perf_counter()
                 viewer.drag("update", handle, home, there)
-                orders.send(asked)
+                orders.send(requested)
                 continue
             before, begun = viewer.bundles, time.perf_counter()
             while (t := time.perf_counter() - begun) < what:

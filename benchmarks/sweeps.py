@@ -42,13 +42,13 @@ def long(case: fan.Case) -> dict:
     return {"peak": run.tension.values.max()}
 
 
-def cases_per_second(study, n: int, puppet, start, **asked) -> float:
+def cases_per_second(study, n: int, puppet, start, **options) -> float:
     """The fastest of some sweeps of n cases [1/s]."""
     over = {"start": [start], "k": range(n)} if start else {"k": range(n)}
     rates = []
     for _ in range(ROUNDS):
         begun = time.perf_counter()
-        result = fan.sweep(study, over, puppet=puppet, progress=False, **asked)
+        result = fan.sweep(study, over, puppet=puppet, progress=False, **options)
         rates.append(n / (time.perf_counter() - begun))
         assert result.failures == (), result.failures[0]
     return max(rates)

@@ -27,17 +27,17 @@ class Piece:
 
     Attributes:
         puppet: name of the bundled puppet.
-        text: what is to be seen.
-        inputs: name of the performance; None where nothing is driven.
-        start: coordinates at the start that are not those of hanging at rest.
+        text: caption.
+        inputs: name of the performance; None if nothing is driven.
+        start: coordinates at the start that differ from the rest pose.
         duration: of the motion [s].
-        part: what is filmed of it: from, to [s].
+        part: interval that is filmed [s].
         times: of the strip's poses [s].
         view: preset, or azimuth and elevation in degrees.
-        focus: of the film: ``bodies`` lets strings leave the picture.
+        focus: of the film; ``bodies`` may crop strings.
         theme: of the film; the strip has the other.
         size: width and height of the film [px].
-        speed: seconds of motion for a second of film.
+        speed: seconds of motion per second of film.
     """
 
     puppet: str
@@ -55,12 +55,12 @@ class Piece:
 
     @property
     def name(self) -> str:
-        """Of the motion."""
+        """Name of the motion."""
         return self.inputs or "loop"
 
     @property
     def command(self) -> str:
-        """What makes the motion on the command line."""
+        """The command that simulates the motion."""
         inputs = f" --inputs {PERFORMANCES}/{self.inputs}.yaml" if self.inputs else ""
         start = "".join(f" --start {name}={value:g}" for name, value in self.start.items())
         duration = "" if self.inputs else f" --duration {self.duration:g}"

@@ -1,1 +1,1 @@
-"""Measures the variational integrator beside the other methods: energy, order, momenta, cost."""
+"""Measures the variational integrator against other methods: energy, order, momenta, cost."""

@@ -16,17 +16,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Writes docs/long-runs.md.")
     parser.add_argument("--seconds", type=float, default=SECONDS, help="of the long runs")
     seconds = parser.parse_args().seconds
-    gentle = told("a gentle swing", measure.energy(measure.GENTLE, seconds))
+    gentle = announced("a gentle swing", measure.energy(measure.GENTLE, seconds))
     longer = measure.longer(measure.GENTLE, 8 * seconds)
-    vigorous = told("a vigorous swing", measure.energy(measure.VIGOROUS, min(seconds, 100.0)))
-    orders = told("orders", measure.orders())
-    catches = told("catches", measure.catches())
-    momenta = told("momenta", measure.momenta())
+    vigorous = announced("a vigorous swing", measure.energy(measure.VIGOROUS, min(seconds, 100.0)))
+    orders = announced("orders", measure.orders())
+    catches = announced("catches", measure.catches())
+    momenta = announced("momenta", measure.momenta())
     cost, slowest = measure.cost()
-    told("cost", cost)
+    announced("cost", cost)
     lanes = measure.lanes()
     print(lanes, flush=True)
-    growth = told("growth", measure.growth())
+    growth = announced("growth", measure.growth())
     text = PAGE.format(
         seconds=seconds, longer=longer, gentle=gentle, vigorous=vigorous,
         orders=orders, catches=catches, momenta=momenta, cost=cost.markdown(), lanes=lanes,
@@ -40,7 +40,7 @@ def main() -> None:
     page.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
 
 
-def told(what: str, table: Table) -> str:
+def announced(what: str, table: Table) -> str:
     """A table as text, shown when it is there."""
     print(what, table.markdown(), sep="\n", flush=True)
     return table.markdown()
@@ -66,8 +66,8 @@ What looks like a slope over 1,000 s of `variational` is a slow wave: over eight
 {longer} of the mean kinetic energy a second. trep, on a comparable puppet, drifts by {drift:g} J
 within 10 s in steps of 10 ms.
 
-A vigorous swing (0.5), {strays:g} s: strings and limits catch, and every catch takes energy. What
-the ledger lacks is what the method itself gains or loses.
+A vigorous swing (0.5), {strays:g} s: strings and limits catch, and every catch takes energy. The
+residual of the ledger is what the method itself gains or loses.
 
 {vigorous}
 

@@ -1,6 +1,6 @@
 """``python -m benchmarks.long_runs.fourth_order``: what a fourth-order member would cost and give.
 
-The midpoint rule as the integrator has it, beside Lobatto IIIA-IIIB with three stages in its
+The midpoint rule of the integrator, compared with Lobatto IIIA-IIIB with three stages in its
 variational form: a parabola through q_k, q_mid, q_k+1, the action by Simpson's rule,
 
     L_d = dt (L_k + 4 L_mid + L_k+1) / 6
@@ -71,7 +71,7 @@ class Rule:
             L_d = dt * lagrangian((q + q_next) / 2, (q_next - q) / dt)
             unknowns = ca.vertcat(q_next, first)
             pull = ca.jacobian(held(q), q).T @ first
-            lacks = ca.vertcat(p + ca.gradient(L_d, q) - pull, held(q_next))
+            residual = ca.vertcat(p + ca.gradient(L_d, q) - pull, held(q_next))
         else:
             ends = (
                 lagrangian(q, (-3 * q + 4 * q_mid - q_next) / dt)
@@ -82,13 +82,13 @@ class Rule:
             unknowns = ca.vertcat(q_next, q_mid, first, second)
             pull = ca.jacobian(held(q), q).T @ first
             between = ca.jacobian(held(q_mid), q_mid).T @ second
-            lacks = ca.vertcat(
+            residual = ca.vertcat(
                 p + ca.gradient(L_d, q) - pull, ca.gradient(L_d, q_mid) - between,
                 held(q_next), held(q_mid),
             )  # fmt: skip
         given = [unknowns, q, p, dt]
-        self.lacks = ca.Function("lacks", given, [lacks])
-        self.slope = ca.Function("slope", given, [ca.jacobian(lacks, unknowns)])
+        self.residual = ca.Function("residual", given, [residual])
+        self.jacobian = ca.Function("jacobian", given, [ca.jacobian(residual, unknowns)])
         self.after = ca.Function("after", given, [ca.gradient(L_d, q_next)])
 
     def run(self, q: np.ndarray, p: np.ndarray, v: np.ndarray, dt: float) -> tuple:
@@ -99,13 +99,13 @@ class Rule:
             guess = [q_next] if self.stages == 1 else [q_next, q_mid]
             size = self.m if self.stages == 1 else 2 * self.m
             z = np.concatenate([*guess, np.zeros(size)])
-            slope = np.linalg.inv(np.array(self.slope(z, q, p, dt)))
+            inverse = np.linalg.inv(np.array(self.jacobian(z, q, p, dt)))
             for _ in range(60):
-                lacks = np.array(self.lacks(z, q, p, dt)).ravel()
+                residual = np.array(self.residual(z, q, p, dt)).ravel()
                 corrections += 1
-                if np.max(np.abs(lacks)) < EXACT:
+                if np.max(np.abs(residual)) < EXACT:
                     break
-                z = z - slope @ lacks
+                z = z - inverse @ residual
             p = np.array(self.after(z, q, p, dt)).ravel()
             v, q = (z[: self.n] - q) / dt, z[: self.n]
         return q, corrections

@@ -56,7 +56,7 @@ def energy(amplitude: float, seconds: float) -> Table:
         ])  # fmt: skip
     return Table(
         ["method", "range of E [J]", "within 10 s [J]", "slope of E / mean T [1/s]",
-         "ledger lacks [J]", "catches", "overstepped [m]", "processor [s]"],
+         "ledger residual [J]", "catches", "overstepped [m]", "processor [s]"],
         rows,
     )  # fmt: skip
 
@@ -195,7 +195,7 @@ def step_time(puppet: fan.Marionette, x: State, method: str, dt: float, n: int =
 
 
 def lanes(n: int = 64, dt: float = 0.01) -> str:
-    """What a trajectory of a batch costs a step beside one by itself, on one thread, as text."""
+    """The cost of a step in a batch, compared with a single run, on one thread, as text."""
     rng, puppet = np.random.default_rng(0), subject.damped()
     starts = [
         subject.swinging(puppet, subject.all_taut(), VIGOROUS * rng.normal(size=25))

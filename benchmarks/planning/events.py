@@ -35,7 +35,7 @@ BELL_SIZES = (0.5, 1.0, 2.0)
 LAWS = ("open loop", "gains by time", "gains by event")
 
 Run = Callable[[Feedback, State, bool], float]
-"""A law, a start and whether the law is asked -> the distance at the end."""
+"""(Law, start, closed loop) -> distance at the end."""
 
 
 @dataclass(frozen=True)
@@ -155,13 +155,13 @@ def main() -> None:
     parser.add_argument("--plans", type=int, default=14)
     parser.add_argument("--kicks", type=int, default=12, help="of each size for a plan")
     parser.add_argument("--marionette", type=int, default=6, help="kicks of each size; 0: none")
-    asked = parser.parse_args()
-    if asked.plans:
+    arguments = parser.parse_args()
+    if arguments.plans:
         engines = {"fantoccini": in_fantoccini, "MuJoCo": in_mujoco}
-        rows = compared(slack_plans(asked.plans), asked.kicks, SIZES, engines)
+        rows = compared(slack_plans(arguments.plans), arguments.kicks, SIZES, engines)
         print(Table(HEAD, [row.cells() for row in rows]).markdown())
-    if asked.marionette:
-        rows, taken = bell(asked.marionette)
+    if arguments.marionette:
+        rows, taken = bell(arguments.marionette)
         print(Table(HEAD, [row.cells() for row in rows]).markdown())
         print(f"The marionette's law takes {taken:.1f} s to make.")
 

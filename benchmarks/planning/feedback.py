@@ -105,17 +105,17 @@ def kicked(problem: Problem, size: float, random: np.random.Generator) -> State:
 
 
 def follow(law: Feedback, x0: State, closed: bool) -> Followed:
-    """A plan in MuJoCo, from look to look; the law is asked once a segment."""
+    """A plan in MuJoCo, from look to look; the law is evaluated once per segment."""
     problem, interval = law.plan.problem, law.plan.rollouts.options.interval
-    puppet, states, asked = MuJoCoPuppet(problem.marionette, STEP), [x0], []
+    puppet, states, commanded = MuJoCoPuppet(problem.marionette, STEP), [x0], []
     puppet.put(x0.q_D, x0.v_D)
     for k, looks in enumerate(law.looks):
-        asked.append(law.acceleration(k, states[-1]) if closed else law.planned[k])
+        commanded.append(law.acceleration(k, states[-1]) if closed else law.planned[k])
         for _ in range(looks):
-            states.append(advanced(puppet, states[-1], interval, asked[-1]))
+            states.append(advanced(puppet, states[-1], interval, commanded[-1]))
     whole = np.all(np.isfinite(np.concatenate([states[-1].q_D, states[-1].v_D])))
     status = Status.DONE if whole else Status.NOT_FINITE
-    return Followed.of(problem, states, np.array(asked), status)
+    return Followed.of(problem, states, np.array(commanded), status)
 
 
 def advanced(puppet: MuJoCoPuppet, x: State, duration: float, acc_K: Array) -> State:
@@ -148,9 +148,9 @@ def main() -> None:
     parser.add_argument("--problem", default="arm3d_boxes", help="name or file of a problem")
     parser.add_argument("--seeds", type=int, default=40)
     parser.add_argument("--improve", type=float, default=0.5, help="seconds of improving [s]")
-    asked = parser.parse_args()
-    problem = fan.load_problem(asked.problem)
-    rows = measure(problem, range(asked.seeds), asked.improve)
+    arguments = parser.parse_args()
+    problem = fan.load_problem(arguments.problem)
+    rows = measure(problem, range(arguments.seeds), arguments.improve)
     print(*rows, sep="\n")
     for name in ("open loop, MuJoCo", "feedback, MuJoCo"):
         within, clear = (half(rows, name, what) for what in ("within", "clear"))

@@ -1,4 +1,4 @@
-"""Figures beside their marks."""
+"""Figures and their marks."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ class Outcome:
     """What a search came to.
 
     Attributes:
-        planner, propagator, seed: as asked for.
+        planner, propagator, seed: from the command line.
         found: whether it has a plan.
         seconds: it took [s].
         distance: from the goal at the end of its plan, or of the nearest it has.
@@ -196,8 +196,8 @@ def main() -> None:
     changed = {} if options.tolerance is None else {"tolerance": options.tolerance}
     problem = fan.load_problem(options.problem, **changed)
     problem = easier(problem) if options.easy else problem
-    asked = options.planner, options.propagator, options.first, options.time_limit
-    print(json.dumps(asdict(solve(problem, *asked))), flush=True)
+    arguments = options.planner, options.propagator, options.first, options.time_limit
+    print(json.dumps(asdict(solve(problem, *arguments))), flush=True)
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from ..strings.report import Section, Table
 from .marks import Mark, share, spread
 
 RTOL = 1e-10
-"""Of the event-driven runs that plans are held against."""
+"""Tolerance of the event-driven runs that confirm plans."""
 
 ASKED = {0.25: (10.0, 150.0, 100.0), 0.1: (50.0, 1000.0, 99.0)}
 """Tolerance -> marks: median [ms], 99 % [ms], found in a second [%]."""

@@ -1,4 +1,4 @@
-"""OMPL's planners beside ours, on the same problem, in processes of their own."""
+"""OMPL's planners compared with our own, on the same problem, each in its own process."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def section(seeds: int, limit: float) -> Section:
 
 
 def _rows(problem: fan.Problem, seeds: int, limit: float, changes: list[str]) -> list[list[str]]:
-    """Table lines of OMPL's planners and ours; none where OMPL is not installed."""
+    """Table lines of OMPL's planners and ours; none if OMPL is not installed."""
     ours = {
         planner: [
             {"found": bool(p), "seconds": p.seconds, "distance": p.distance}

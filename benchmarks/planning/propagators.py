@@ -95,7 +95,7 @@ class Own(RolloutPool):
 class MuJoCo:
     """The same puppet in MuJoCo, by Euler's method with steps as long as ours.
 
-    Where it goes astray it is not reset, as it would be: states that are not finite are not clear.
+    It is not reset when it diverges: states that are not finite do not count as clear.
     """
 
     def __init__(self, problem: Problem, layout: Layout):

@@ -16,7 +16,7 @@ SHORT = (
 
 def page(reports: Sequence[ReductionReport], chains: str, machine: str) -> str:
     """The whole page as Markdown; paragraphs are not wrapped yet."""
-    boom = next(r for r in reports if not r.structure.kinetic.identically)
+    boom = next(r for r in reports if not r.structure.kinetic.block_diagonal)
     missing = [f"Not measured: {r.name}, {line}." for r in reports for line in r.missing]
     return TEXT.format(
         verdicts=verdicts(reports).markdown(), figures=figures(reports).markdown(),
@@ -36,14 +36,15 @@ def verdicts(reports: Sequence[ReductionReport]) -> Table:
 
 
 def figures(reports: Sequence[ReductionReport]) -> Table:
-    """The figures that matter, a row for each puppet."""
+    """The main figures, a line per puppet."""
     rows = []
     for r in reports:
-        heavy = r.massive[-1]
+        heavy = r.heavy_strings[-1]
         rows.append([
-            r.name, str(len(r.driven)), number(r.exact.worst[0]), f"{r.catch_order:.2f}",
-            f"{r.bandwidth_order:.2f}", number(r.tracked[-1].worst[0]),
-            number(heavy.tracked[-1].worst[0]),
+            r.name, str(len(r.driven)), number(r.exact.deviation.max_puppet),
+            f"{r.catch_order:.2f}", f"{r.bandwidth_order:.2f}",
+            number(r.tracking[-1].deviation.max_puppet),
+            number(heavy.tracking[-1].deviation.max_puppet),
         ])  # fmt: skip
     return Table(
         ["puppet", "drives", "exact tracking", "catch: power of the inertia",
@@ -59,8 +60,8 @@ def structure(reports: Sequence[ReductionReport]) -> Table:
         found = r.structure
         rows.append([
             r.name, number(found.kinetic.coupling), number(found.slack),
-            number(min(t.least for t in found.tracking)),
-            number(min(t.spread for t in found.tracking)), number(max(found.taut)),
+            number(min(t.min_acceleration for t in found.tracking)),
+            number(min(t.min_singular_value for t in found.tracking)), number(max(found.taut)),
         ])  # fmt: skip
     return Table(
         ["puppet", "M_DK / sqrt(M_DD M_KK)", "products outside, slack", "a drive keeps",
@@ -71,28 +72,31 @@ def structure(reports: Sequence[ReductionReport]) -> Table:
 
 def exact(reports: Sequence[ReductionReport]) -> Table:
     """Differences with exact tracking."""
-    rows = [[r.name, *(number(c.worst[0]) for c in r.compared)] for r in reports]
+    rows = [[r.name, *(number(c.deviation.max_puppet) for c in r.comparisons)] for r in reports]
     head = [
-        f"rtol {c.step:g}" if c.method == "event" else f"{c.method}, {1e3 * c.step:.0f} ms"
-        for c in reports[0].compared
+        f"rtol {c.setting:g}" if c.method == "event" else f"{c.method}, {1e3 * c.setting:.0f} ms"
+        for c in reports[0].comparisons
     ]
     return Table(["puppet", *head], rows)
 
 
 def catches(reports: Sequence[ReductionReport]) -> Table:
     """Differences of the jump at a catch."""
-    rows = [[r.name, r.caught[0].string, *(number(c.jump) for c in r.caught)] for r in reports]
-    return Table(["puppet", "catches", *(f"{c.ratio:g}" for c in reports[0].caught)], rows)
+    rows = [[r.name, r.catches[0].string, *(number(c.jump) for c in r.catches)] for r in reports]
+    return Table(["puppet", "catches", *(f"{c.ratio:g}" for c in reports[0].catches)], rows)
 
 
 def bandwidth(reports: Sequence[ReductionReport]) -> Table:
     """Differences over the bandwidth."""
     rows = [
-        [r.name, f"{r.tracked[0].bandwidth:.3g}", *(number(t.worst[0]) for t in r.tracked)]
+        [
+            r.name, f"{r.tracking[0].bandwidth:.3g}",
+            *(number(t.deviation.max_puppet) for t in r.tracking),
+        ]
         for r in reports
-    ]
-    first = reports[0].tracked[0].bandwidth
-    times = [f"{t.bandwidth / first:.0f} w_1" for t in reports[0].tracked]
+    ]  # fmt: skip
+    first = reports[0].tracking[0].bandwidth
+    times = [f"{t.bandwidth / first:.0f} w_1" for t in reports[0].tracking]
     return Table(["puppet", "w_1 [rad/s]", *times], rows)
 
 
@@ -101,13 +105,13 @@ def massive(reports: Sequence[ReductionReport]) -> Table:
     rows = [
         [
             r.name, m.string, number(m.mass), number(m.coupling),
-            *(number(t.worst[0]) for t in (*m.tracked, m.exact)),
+            *(number(t.deviation.max_puppet) for t in m.tracking), number(m.exact.max_puppet),
         ]
         for r in reports
-        for m in r.massive
+        for m in r.heavy_strings
     ]  # fmt: skip
-    head, first = reports[0].massive[0], reports[0].tracked[0].bandwidth
-    times = [f"{t.bandwidth / first:.0f} w_1" for t in head.tracked]
+    head, first = reports[0].heavy_strings[0], reports[0].tracking[0].bandwidth
+    times = [f"{t.bandwidth / first:.0f} w_1" for t in head.tracking]
     return Table(
         ["puppet", "string", "its mass [kg]", "M_DK", *times, "exact tracking"], rows
     )  # fmt: skip

@@ -38,7 +38,7 @@ BY_HAND = (
 
 
 def chapter(scalar: Program, lanes: Program, turns: int) -> Chapter:
-    """The generated equations by themselves, beside the works that contain them."""
+    """The generated equations alone, compared with the work that contains them."""
     programs, given = {"scalar": scalar, "lanes": lanes}, words([swinging()])
 
     def timed(work: str) -> float:

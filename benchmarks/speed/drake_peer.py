@@ -1,4 +1,4 @@
-"""Drake beside us: unconstrained derivatives, and steps of a discrete plant with seven distances.
+"""Drake as a peer: unconstrained derivatives, and steps of a discrete plant with seven distances.
 
 Distance constraints exist in discrete plants with the SAP solver alone, pull and push, and need two
 bodies: the strings' upper ends are points of a body welded to the world.
@@ -164,6 +164,6 @@ def _is_free(joint: str) -> bool:
 
 
 def _rotation(q: tuple[float, ...]) -> Array:
-    """Of the quaternion (w, x, y, z) that ends a joint's configuration."""
+    """Rotation matrix of the quaternion (w, x, y, z) at the end of a joint's configuration."""
     w, *xyz = q[-4:]
     return Rotation.from_quat([*xyz, w]).as_matrix()

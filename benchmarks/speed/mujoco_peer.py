@@ -1,4 +1,4 @@
-"""MuJoCo beside us: the versions that are there, their fastest settings, their bursts."""
+"""MuJoCo as a peer: the installed versions, their fastest settings, their bursts."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ WARM_UP = 200
 """Steps before a clock is started."""
 
 SOLREF, SOLIMP = (0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0)
-"""How soft a limit is in MuJoCo unless told otherwise."""
+"""MuJoCo's default softness of a limit."""
 
 
 class Bench:

@@ -1,4 +1,4 @@
-"""Pinocchio beside us, from its Python wheel: the articulated-body algorithm, without strings.
+"""Pinocchio as a peer, from its Python wheel: the articulated-body algorithm, without strings.
 
 Its constraints are points and frames that meet. A string's length is neither, so its constrained
 dynamics cannot hold the puppet up.
@@ -96,6 +96,6 @@ class Pinocchio:
 
 
 def _rotation(q: tuple[float, ...]) -> Array:
-    """Of a quaternion (w, x, y, z)."""
+    """Rotation matrix of a quaternion (w, x, y, z)."""
     w, *xyz = q
     return Rotation.from_quat([*xyz, w]).as_matrix()

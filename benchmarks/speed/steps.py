@@ -19,7 +19,7 @@ OURS = {
 """Work of the scalar program -> its name on the page."""
 
 MARKS = (("Euler", "evaluate", 8.0), ("Euler", "step", 6.0), ("RK4", "rk4", 6.0))
-"""Integrator of mj_step, our work beside it, how many times as long it is to take at least."""
+"""(Integrator of mj_step, our work to compare, least ratio of their times)."""
 
 FINER = 8
 """Turns for one of the others', each so many times as short: this machine's clock changes within

@@ -57,7 +57,7 @@ def swinging(seed: int = 0) -> State:
 def still_air() -> Puppet:
     """The puppet without what not all peers have in the same form: drag, the neck's spring, limits.
 
-    It is what the peers are given. What is timed of ours is the whole puppet.
+    The peers get this puppet; our own timings are of the whole puppet.
     """
     puppet = marionette().puppet.expanded()
     spared = dict.fromkeys(("spring", "limits", "cone", "twist"))

@@ -1,1 +1,1 @@
-"""Measures strings as chains of masses and springs beside the massless constraint."""
+"""Measures strings as chains of masses and springs, compared with the massless constraint."""

@@ -1,4 +1,4 @@
-"""Section 9: the classical rivals beside our methods, error against cost."""
+"""Section 9: classical methods compared with ours, error against cost."""
 
 from __future__ import annotations
 

@@ -105,8 +105,8 @@ def _tables(scenario: Scenario, found: dict[str, list[Point]]) -> list:
     orders = order([p.error for p in points], [p.setting for p in points])
     peers = zip(*(found[name] for name in PEERS), strict=True)
     rows = [
-        [number(p.setting), number(p.error), o, *(number(theirs.error) for theirs in beside)]
-        for p, o, beside in zip(points, orders, peers, strict=True)
+        [number(p.setting), number(p.error), o, *(number(theirs.error) for theirs in rivals)]
+        for p, o, rivals in zip(points, orders, peers, strict=True)
     ]
     head = ["step (s)", "`timestepping`", "order", *PEERS]
     parts += [Table(head, rows), _seen(found)]

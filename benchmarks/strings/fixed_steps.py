@@ -9,7 +9,7 @@ from .report import Section, Table, number, order
 
 STEPS = (8e-3, 4e-3, 2e-3, 1e-3, 5e-4, 2.5e-4, 1.25e-4)
 LED_SECONDS = 2.0
-"""Of the led arm: later a first-order error has grown beyond any use [s]."""
+"""Duration of the guided arm's run; later a first-order error is too large to compare [s]."""
 
 
 def section() -> Section:

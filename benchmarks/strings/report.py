@@ -33,7 +33,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture beside the page, and what it shows."""
+    """A picture and its caption."""
 
     name: str
     alt: str

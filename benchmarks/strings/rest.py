@@ -1,4 +1,4 @@
-"""Section 5: a mass at rest on its string, and the catch of a dropped one, beside MuJoCo's."""
+"""Section 5: a mass at rest on its string, and the catch of a dropped one, compared with MuJoCo."""
 
 from __future__ import annotations
 

@@ -22,13 +22,13 @@ SECONDS = 5.0
 """Length of every run whose error is given [s]."""
 
 GRAVITY, LENGTH, MASS = 9.81, 1.0, 0.5
-"""Of the bundled string pendulum [m/s^2], [m], [kg]."""
+"""Gravity, string length and mass of the bundled string pendulum [m/s^2], [m], [kg]."""
 
 CHAIN_K = 2.4
 """v0^2 / (g L) of the pendulum that is thrown again and again."""
 
 DROP_X = 0.6
-"""Where the mass is dropped, beside its pivot and as high [m]."""
+"""Horizontal distance from the pivot at which the mass is dropped, at the same height [m]."""
 
 ARM = Arm(m1=0.12, m2=0.08, I1=9e-4, I2=6e-4, L1=0.3, L2=0.3, height=0.9, gravity=GRAVITY)
 """The numbers of the bundled arm2d."""
@@ -175,7 +175,7 @@ def dropped(x: float, z: float, name: str) -> Scenario:
 
 @functools.cache
 def drop() -> Scenario:
-    """Dropped beside the pivot, caught, then swinging."""
+    """Dropped next to the pivot, caught, then swinging."""
     return dropped(DROP_X, 0.0, "mass, dropped beside its pivot")
 
 

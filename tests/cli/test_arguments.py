@@ -77,12 +77,12 @@ WRONG = {
     "a step of the other method": (["simulate", "arm2d", "--dt", "0.001"], "timestepping"),
     "a tolerance of the other method": (
         ["simulate", "arm2d", "--method", "timestepping", "--rtol", "1e-6"],
-        "goes with --method event",
+        "applies to --method event only",
     ),
     "an unknown integrator": (["simulate", "arm2d", "--integrator", "RK4"], "LSODA"),
     "an integrator of the other method": (
         ["simulate", "arm2d", "--method", "timestepping", "--integrator", "RK45"],
-        "goes with --method event",
+        "applies to --method event only",
     ),
     "a tolerance out of range": (["simulate", "arm2d", "--rtol", "1e-30"], "between 1e-13"),
     "no equals sign": (["simulate", "arm2d", "--start", "elbow"], "needed: NAME=VALUE"),
@@ -98,7 +98,7 @@ WRONG = {
     "an output in no folder": (["simulate", "arm2d", "--out", "no/x.npz"], "there is no folder"),
     "an output twice": (
         ["simulate", "arm2d", "--out", "x.png", "--plot", "x.png"],
-        "to be written twice",
+        "is given twice",
     ),
     "a film of plots": (["simulate", "arm2d", "--plot", "x.mp4"], ".png, .svg, .pdf"),
     "an export into no folder": (["export", "arm2d", "no/x"], "there is no folder"),
@@ -173,7 +173,7 @@ def test_no_compiler_ends_with_1(monkeypatch) -> None:
     assert result.exit_code == 1
     assert "no-such-compiler" in result.stderr
     assert "Traceback" not in result.stderr
-    assert "cannot (see fantoccini doctor)" in fantoccini("info", "arm2d").stdout
+    assert "cannot be on this machine (see fantoccini doctor)" in fantoccini("info", "arm2d").stdout
 
 
 def test_a_fault_of_our_own_is_said_in_one_line(monkeypatch) -> None:
@@ -183,7 +183,7 @@ def test_a_fault_of_our_own_is_said_in_one_line(monkeypatch) -> None:
     monkeypatch.setattr("fantoccini.cli.check.marionette", broken)
     result = fantoccini("check", "arm2d")
     assert result.exit_code == 1
-    assert "a fault of fantoccini itself: ZeroDivisionError: [bold]\\x1b" in result.stderr
+    assert "internal error: ZeroDivisionError: [bold]\\x1b" in result.stderr
     monkeypatch.setenv("FANTOCCINI_TRACEBACK", "1")
     assert isinstance(fantoccini("check", "arm2d").exception, ZeroDivisionError)
 
@@ -225,6 +225,18 @@ def test_info_shows_winches_where_there_are_any(tmp_path) -> None:
         assert part in text
     assert "restitution" not in text
     assert "max tension" not in fantoccini("info", "arm2d").stdout
+
+
+def test_info_describes_drives(tmp_path):
+    path = tmp_path / "p.yaml"
+    path.write_text(
+        "puppet: p\nbodies: [{name: b, joint: {type: translation, axes: [z]}, mass: 1}]\n"
+        "strings: [{name: s, path: [{body: b}, {world: [0, 0, 1]}], length: driven}]\n"
+        "pose: {b.z: 0.2}\n"
+        "drives: [{on: s.length, mass: 1.5, control: {type: pd, stiffness: 9, damping: 1}}]\n"
+    )
+    text = fantoccini("info", str(path)).stdout
+    assert "Drives" in text and "1.5 kg" in text and "pd" in text
 
 
 def test_check_counts_and_lists_mistakes_of_all_files(tmp_path) -> None:

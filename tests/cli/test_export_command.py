@@ -26,7 +26,7 @@ def test_an_empty_folder_is_filled(tmp_path) -> None:
 def test_a_folder_that_is_not_empty_is_refused_without_force(tmp_path) -> None:
     kept = tmp_path / "precious.txt"
     kept.write_text("mine")
-    assert "is not empty; --force" in mistake("export", "string_pendulum", tmp_path)
+    assert "is not empty; use --force" in mistake("export", "string_pendulum", tmp_path)
     assert list(tmp_path.iterdir()) == [kept]
     assert fantoccini("export", "--force", "string_pendulum", tmp_path).exit_code == 0
     assert kept.read_text() == "mine"
@@ -36,7 +36,7 @@ def test_a_folder_that_is_not_empty_is_refused_without_force(tmp_path) -> None:
 def test_a_file_is_no_folder(tmp_path) -> None:
     file = tmp_path / "x"
     file.write_text("mine")
-    assert "is a file; a folder is needed" in mistake("export", "string_pendulum", file)
+    assert "is a file, not a folder" in mistake("export", "string_pendulum", file)
     assert file.read_text() == "mine"
 
 
@@ -48,5 +48,5 @@ def test_what_fails_half_way_leaves_nothing(tmp_path, monkeypatch, there) -> Non
         folder.mkdir()
     result = fantoccini("export", "string_pendulum", folder)
     assert result.exit_code == 1
-    assert "cannot be written" in result.stderr
+    assert "cannot write" in result.stderr
     assert list(tmp_path.rglob("*")) == ([folder] if there else [])

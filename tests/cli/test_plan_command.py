@@ -16,7 +16,7 @@ def test_a_bundled_problem_is_planned_verified_and_written(tmp_path) -> None:
         paths["run.png"], "--picture", paths["tree.png"], "--save", paths["plan.npz"],
     )  # fmt: skip
     assert result.exit_code == 0, result.stderr
-    assert "exact" in result.stdout and "events located" in result.stdout
+    assert "exact" in result.stdout and "event-driven" in result.stdout
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(paths)
     run = fan.Trajectory.load(paths["run.npz"])
     found = fan.PlanResult.load(paths["plan.npz"], fan.load_problem("arm3d_boxes"))
@@ -39,7 +39,7 @@ def test_no_plan_is_exit_code_one() -> None:
     )  # fmt: skip
     assert result.exit_code == 1
     assert "timeout" in result.stdout and "nearest" in result.stderr
-    assert "events located" not in result.stdout
+    assert "event-driven" not in result.stdout
 
 
 @pytest.mark.parametrize(

@@ -9,11 +9,12 @@ from tests.cli.command import fantoccini, mistake
 import fantoccini as fan
 from fantoccini import puppets
 from fantoccini.cli import reduction
-from fantoccini.reduction.bandwidth import Tracked
+from fantoccini.reduction.bandwidth import TrackingRun
 from fantoccini.reduction.claims import claims, meaning
-from fantoccini.reduction.exact import Caught, Compared
-from fantoccini.reduction.massive import Massive
-from fantoccini.reduction.own import Own
+from fantoccini.reduction.deviation import Deviation
+from fantoccini.reduction.exact import Comparison, SharedCatch
+from fantoccini.reduction.file_drives import FileDrives
+from fantoccini.reduction.heavy_string import HeavyString
 from fantoccini.reduction.structure import structure
 
 
@@ -23,17 +24,21 @@ def report() -> fan.ReductionReport:
     found = structure(arm, np.ones(2), n=2)
     t, runs = np.linspace(0.0, 1.0, 5), []
     for w in (50.0, 100.0, 200.0):
-        runs.append(Tracked(w, t, t / w**2, 0.1 * t / w**2))
+        runs.append(TrackingRun(w, Deviation(t, t / w**2, 0.1 * t / w**2)))
+    exact = ("event", 1e-8, 1e-9), ("event", 1e-12, 0.0), ("variational", 0.004, 1e-5)
     return fan.ReductionReport(
-        "arm2d", arm.coordinates.v_K, arm.mass, found, claims(found), tuple(meaning(found)), 1.0,
-        1.0,
-        (Compared("event", 1e-8, t, 1e-9 * t, 0.0 * t), Compared("event", 1e-12, t, 0 * t, 0 * t),
-         Compared("variational", 0.004, t, 1e-5 * t, 1e-6 * t)),
-        tuple(Caught(r, "hand", 1.0 - 0.1 / r, 1.0, 0.1 / r, 0.01 / r) for r in (1.0, 10.0, 100.0)),
-        tuple(runs),
-        (Massive("hand", 0.01, 0.02, runs[-1], tuple(runs[1:])),),
-        ("a | line with [red]markup[/red]",),
-        Own(("hand.length",), t, 0.01 * t, 0.002 * t[:, None], np.array([3.0])),
+        name="arm2d", driven=arm.coordinates.v_K, mass=arm.mass, structure=found,
+        claims=claims(found), meaning=tuple(meaning(found)), duration=1.0, first_impact=1.0,
+        comparisons=tuple(Comparison(m, s, Deviation(t, x * t, 0.1 * x * t)) for m, s, x in exact),
+        catches=tuple(
+            SharedCatch(r, "hand", 1.0 - 0.1 / r, 1.0, 0.1 / r, 0.01 / r) for r in (1.0, 10.0, 1e2)
+        ),
+        tracking=tuple(runs),
+        heavy_strings=(HeavyString("hand", 0.01, 0.02, runs[-1].deviation, tuple(runs[1:])),),
+        missing=("a | line with [red]markup[/red]",),
+        file_drives=FileDrives(
+            ("hand.length",), Deviation(t, 0.01 * t, 0.0 * t), 0.002 * t[:, None], np.array([3.0])
+        ),
     )  # fmt: skip
 
 
@@ -50,7 +55,7 @@ def test_prints_a_verdict_and_tables_and_leaves_the_report(quick, tmp_path):
     for part in (
         "block diagonal in [q_D, q_K]", "(a) fails: <X_i, X_j>", "at rtol 1e-12",
         "to the power -1.00", "to the power -2.00", "with hand of 0.01 kg",
-        "on the file's own drives it is 0.01 (m, rad) away", "hand.length",
+        "on the file's own drives they differ by 0.01 (m, rad)", "hand.length",
         "not measured: a | line with [red]markup[/red]",
     ):  # fmt: skip
         assert part in text

@@ -46,7 +46,7 @@ class Shown:
         self.watch.start()
         self.url = self.process.stdout.readline().strip()
         self.said = ""  # up to the last word before it waits
-        while "Ctrl-C ends" not in self.said and (line := self.process.stderr.readline()):
+        while "press Ctrl-C to stop" not in self.said and (line := self.process.stderr.readline()):
             self.said += line
 
     def end(self, by: int = signal.SIGINT) -> tuple[int, str]:
@@ -74,7 +74,7 @@ def test_a_page_is_served_until_ctrl_c(what, run, tmp_path):
         code, said = shown.end()
     assert status == 200 and "<title>string_pendulum</title>" in body
     assert code == 0
-    assert "Traceback" not in said and "Ctrl-C ends" in said
+    assert "Traceback" not in said and "press Ctrl-C to stop" in said
     assert list(tmp_path.iterdir()) == []
 
 
@@ -115,7 +115,7 @@ def test_a_port_in_use_is_said_and_the_next_free_one_taken(tmp_path):
 def test_another_host_says_what_it_exposes(tmp_path):
     shown = Shown("string_pendulum", "--port", 0, "--host", "0.0.0.0", folder=tmp_path)
     _, said = shown.end()
-    assert "everybody who can reach this machine" in said and "no password" in said
+    assert "anyone who can reach port" in said and "no password" in said
 
 
 def test_a_run_is_written_as_one_file(run, tmp_path):
@@ -139,14 +139,14 @@ def test_mistakes_are_told_with_their_places(run, tmp_path):
     wrong = tmp_path / "wrong.yaml"
     wrong.write_text("puppet: wrong\nbodies: []\nstrings: 3\n", encoding="utf-8")
     assert "wrong.yaml:" in mistake("show", wrong)
-    assert "no bundled puppet has this name" in mistake("show", "marionete")
-    assert "there is no such file" in mistake("show", tmp_path / "none.npz")
+    assert "no bundled puppet of this name" in mistake("show", "marionete")
+    assert "no such file" in mistake("show", tmp_path / "none.npz")
     other = tmp_path / "other.npz"
     np.savez(other, x=np.zeros(3))
     assert "is not a trajectory" in mistake("show", other)
     other.write_bytes(run.read_bytes()[:500])
     assert "is not an npz file of plain arrays" in mistake("show", other)
-    assert "a run (.npz) can" in mistake("show", "arm2d", "--html", tmp_path / "x.html")
+    assert "applies to runs (.npz) only" in mistake("show", "arm2d", "--html", tmp_path / "x.html")
     assert "allowed: .html" in mistake("show", run, "--html", tmp_path / "x.png")
     assert "--port" in mistake("show", run, "--port", "70000")
     assert "there is no folder" in mistake("show", "arm2d", "--record-to", tmp_path / "none")

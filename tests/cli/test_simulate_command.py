@@ -105,7 +105,7 @@ def test_a_start_beyond_a_string_is_brought_onto_it(tmp_path) -> None:
         "simulate", "string_pendulum", "--duration", "0.1", "--start", "bob.z=-2", "--out", out
     )
     assert result.exit_code == 0
-    assert "the start is the nearest one that no string or limit forbids; bob.z is -1" in (
+    assert "to the nearest state that strings and limits allow; bob.z is -1" in (
         result.stderr
     )
     assert fan.Trajectory.load(out).q_D[0] == pytest.approx([0.0, -1.0], abs=1e-9)
@@ -189,7 +189,7 @@ def test_ctrl_c_writes_what_was_reached_and_ends_with_130(tmp_path) -> None:
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
 def test_a_folder_without_rights_is_a_mistake(tmp_path) -> None:
     tmp_path.chmod(0o500)
-    assert "cannot be written" in mistake("simulate", "arm2d", "--out", tmp_path / "x.npz")
+    assert "cannot write" in mistake("simulate", "arm2d", "--out", tmp_path / "x.npz")
 
 
 def test_an_output_that_cannot_be_written_ends_with_1(tmp_path, monkeypatch) -> None:
@@ -201,7 +201,7 @@ def test_an_output_that_cannot_be_written_ends_with_1(tmp_path, monkeypatch) -> 
     assert result.exit_code == 1
     assert (
         result.stderr
-        == f"fantoccini: {tmp_path / 'x.npz'} cannot be written: No space left on device\n"
+        == f"fantoccini: cannot write {tmp_path / 'x.npz'}: No space left on device\n"
     )
 
 

@@ -1,4 +1,4 @@
-"""Recordings as inputs, rows a second, and how pictures look, on the command line."""
+"""Recordings as inputs, samples per second, and the look of pictures on the command line."""
 
 import imageio_ffmpeg
 import numpy as np
@@ -6,8 +6,8 @@ import pytest
 from tests.cli.command import fantoccini
 
 import fantoccini as fan
-from fantoccini.cli.look import Look
-from fantoccini.cli.simulate import Request, _hint
+from fantoccini.cli.requests import SimulateRequest
+from fantoccini.cli.simulate import _hint
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +59,7 @@ def test_a_recording_of_another_puppet_is_a_clear_mistake(take, tmp_path):
     other.write_text(text)
     result = fantoccini("simulate", other, "--inputs", take, "--duration", "0.1")
     assert result.exit_code == 0, result.stderr
-    assert "its hands move FILE's puppet" in result.stderr
+    assert "the recorded hands move the puppet of FILE" in result.stderr
 
 
 def test_a_file_that_is_neither_says_what_it_is(tmp_path):
@@ -76,11 +76,11 @@ def test_a_file_that_is_neither_says_what_it_is(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "words, rows",
+    "words, samples",
     [((), 31), (("--method", "timestepping"), 31), (("--method", "variational"), 31)],
 )
-def test_rows_a_second(words, rows, tmp_path):
-    """17.15: --rate keeps so many rows a second."""
+def test_samples_per_second(words, samples, tmp_path):
+    """17.15: --rate keeps so many samples per second."""
     out = tmp_path / "run.npz"
     result = fantoccini(
         "simulate", "string_pendulum", "--duration", "0.6", "--rate", "50", *words, "--out", out
@@ -88,16 +88,16 @@ def test_rows_a_second(words, rows, tmp_path):
     assert result.exit_code == 0, result.stderr
     run = fan.Trajectory.load(out)
     assert np.diff(run.t) == pytest.approx(0.02)
-    assert len(run) == rows
+    assert len(run) == samples
 
 
 def test_rates_that_cannot_be_kept_are_mistakes():
     """17.15: a step has one row; nothing fills the memory."""
     words = ("simulate", "string_pendulum", "--method", "timestepping", "--dt", "0.01")
     result = fantoccini(*words, "--rate", "200")
-    assert result.exit_code == 2 and "100 rows a second at most" in result.stderr
+    assert result.exit_code == 2 and "at most 100 samples per second" in result.stderr
     result = fantoccini("simulate", "string_pendulum", "--rate", "1e9")
-    assert result.exit_code == 2 and "rows are more than" in result.stderr
+    assert result.exit_code == 2 and "samples exceed the limit" in result.stderr
     assert fantoccini("simulate", "string_pendulum", "--rate", "-1").exit_code == 2
 
 
@@ -106,12 +106,10 @@ def test_a_run_that_is_slower_than_real_time_says_so(capsys):
     m = fan.puppets.string_pendulum()
     run = fan.simulate(m, m.rest(), t_end=0.5)
     assert run.seconds > 0.0 and run.summary()["seconds"] == run.seconds
-    request = Request(
-        "x", None, None, "event", "constraint", None, None, None, (), (), None, False, None, Look()
-    )  # fmt: skip
+    request = SimulateRequest(file="x")
     _hint(request, run, 0.8)
     said = capsys.readouterr().err
-    assert "slower than real time: 1.6 s for a second of motion" in said
+    assert "slower than real time: 1.6 s per second of motion" in said
     assert "--method timestepping" in said and "--rate" in said
     _hint(request, run, 0.4)
     assert capsys.readouterr().err == ""
@@ -143,8 +141,8 @@ def test_pictures_and_films_look_as_asked_for(tmp_path):
         (("--size", "99999x9", "--out", "a.png"), "WIDTHxHEIGHT"),
         (("--fps", "0", "--out", "a.mp4"), "--fps"),
         (("--fps", "nan", "--out", "a.mp4"), "--fps"),
-        (("--fps", "10", "--out", "a.png"), "it goes with a film"),
-        (("--theme", "dark"), "none is to be written"),
+        (("--fps", "10", "--out", "a.png"), "applies to a film"),
+        (("--theme", "dark"), "but none is written"),
         (("--theme", "green", "--out", "a.png"), "dark"),
         (("--focus", "strings", "--out", "a.png"), "bodies"),
     ],

@@ -77,12 +77,12 @@ def test_a_table_reads_back_with_its_commands():
 def test_a_puppet_hangs_at_rest_where_a_drive_is_started():
     """simulate --start line.length=0.7, and a Trial's start, are those of a mere input."""
     from fantoccini.cli.start import start_state
-    from fantoccini.sweeps.trial import _start
+    from fantoccini.sweeps.trial import start_state as trial_start
 
     bob = fan.loads(BOB)
     rest = bob.rest({"line.length": 0.7})
     for x in (start_state(bob, None, {"line.length": 0.7}, True),
-              _start(bob, None, {"line.length": 0.7})):  # fmt: skip
+              trial_start(bob, None, {"line.length": 0.7})):  # fmt: skip
         np.testing.assert_array_equal(x.q_D, rest.q_D)
         assert np.abs(bob.forward_dynamics(x)[0]).max() < 1e-10
 

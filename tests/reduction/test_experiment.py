@@ -11,12 +11,13 @@ import fantoccini as fan
 from fantoccini import puppets
 from fantoccini.errors import PuppetError
 from fantoccini.motion import EventKind
-from fantoccini.reduction.bandwidth import order, tracked
-from fantoccini.reduction.exact import caught, compared
-from fantoccini.reduction.massive import massive
+from fantoccini.reduction.bandwidth import tracking_run
+from fantoccini.reduction.deviation import convergence_order
+from fantoccini.reduction.exact import compare, shared_catches
+from fantoccini.reduction.file_drives import follow_on_file_drives
+from fantoccini.reduction.heavy_string import heavy_strings
 from fantoccini.reduction.mechanism import Mechanism
-from fantoccini.reduction.motions import performed, swayed, tossed
-from fantoccini.reduction.own import own
+from fantoccini.reduction.reference import simulate_reference, smooth_reference, toss
 from reduction.toys import HELD, WINCH
 
 MASS = 0.5
@@ -25,54 +26,56 @@ MASS = 0.5
 @functools.cache
 def winch():
     mechanism = Mechanism.of(fan.loads(WINCH))
-    return mechanism, swayed(mechanism, mechanism.mixed.rest()), mechanism.full()
+    return mechanism, smooth_reference(mechanism, mechanism.mixed.rest()), mechanism.full()
 
 
 def test_exact_tracking_gives_the_mixed_models_motion():
     mechanism, motion, full = winch()
     assert motion.smooth and np.ptp(motion.run.q_D[:, 0]) > 0.005
-    found, stopped = compared(mechanism, full, motion, ("event", "timestepping"))
+    found, stopped = compare(mechanism, full, motion, ("event", "timestepping"))
     assert stopped == []
     event = [c for c in found if c.method == "event"]
-    assert event[-1].worst[0] < 1e-10 and event[-1].worst[1] < 1e-10
-    steps = [(c.step, c.worst[0]) for c in found if c.method == "timestepping"]
-    assert order(*zip(*steps, strict=True)) > 0.9
+    assert event[-1].deviation.max_puppet < 1e-10 and event[-1].deviation.max_mechanism < 1e-10
+    steps = [(c.setting, c.deviation.max_puppet) for c in found if c.method == "timestepping"]
+    assert convergence_order(*zip(*steps, strict=True)) > 0.9
 
 
 def test_a_catch_is_shared_with_the_drives():
     """Eq. 15 with the drives: Lambda (1/m + (1 + d_x^2) / J) = hdot, d the string's direction."""
     mechanism, motion, full = winch()
-    thrown = tossed(mechanism, motion.x0, motion.inputs)
+    thrown = toss(mechanism, motion.x0, motion.inputs)
     first = next(e for e in thrown.run.events if e.kind is EventKind.CATCH)
     x = thrown.run.at(first.t, side="left")
     d_x = (x.q_D[0] - x.q_K[0]) / x.q_K[1]
     assert first.impulse == pytest.approx(MASS * first.speed, rel=1e-9)
-    found = caught(mechanism, full, thrown)
+    found = shared_catches(mechanism, full, thrown)
     for c in found:
         shared = first.speed / (1 / MASS + (1 + d_x**2) / (c.ratio * MASS))
         assert c.impulse == pytest.approx(shared, rel=1e-7)
         assert c.jump == pytest.approx(1 - shared / first.impulse, rel=1e-4)
-    assert order([c.ratio for c in found], [c.after for c in found]) == pytest.approx(-1, abs=0.01)
+    order = convergence_order([c.ratio for c in found], [c.after for c in found])
+    assert order == pytest.approx(-1, abs=0.01)
 
 
 def test_the_puppet_nears_the_mixed_model_as_the_square_of_the_bandwidth():
     mechanism, motion, _ = winch()
     full = mechanism.full(bandwidth=1.0)
-    found = [tracked(mechanism, full, motion, w) for w in (200.0, 400.0, 800.0)]
-    worst = [t.worst[0] for t in found]
-    assert order([t.bandwidth for t in found], worst) == pytest.approx(-2, abs=0.02)
+    found = [tracking_run(mechanism, full, motion, w) for w in (200.0, 400.0, 800.0)]
+    worst = [t.deviation.max_puppet for t in found]
+    assert convergence_order([t.bandwidth for t in found], worst) == pytest.approx(-2, abs=0.02)
     # The winch lags by pull / (J w^2).
     pull = np.max(motion.run.tension["line"])
-    assert found[-1].worst[1] == pytest.approx(pull / (MASS * 800.0**2), rel=0.02)
+    assert found[-1].deviation.max_mechanism == pytest.approx(pull / (MASS * 800.0**2), rel=0.02)
 
 
 def test_a_string_with_mass_stays_away():
     mechanism, motion, _ = winch()
-    light, heavy = massive(mechanism, motion, masses=(0.02, 0.1), bandwidths=(200.0, 800.0))
+    light, heavy = heavy_strings(mechanism, motion, masses=(0.02, 0.1), bandwidths=(200.0, 800.0))
     for found in (light, heavy):
-        slow, fast = (t.worst[0] for t in found.tracked)
+        slow, fast = (t.deviation.max_puppet for t in found.tracking)
         assert fast > 0.7 * slow
-    assert heavy.tracked[-1].worst[0] > 3.0 * light.tracked[-1].worst[0]
+    last = light.tracking[-1].deviation.max_puppet
+    assert heavy.tracking[-1].deviation.max_puppet > 3.0 * last
     assert heavy.coupling == pytest.approx(5.0 * light.coupling, rel=0.2)
     # M_DK = m/6 between a bob and a carriage that move alike, of masses m/3 + 0.5 each.
     assert light.coupling == pytest.approx(0.01 / 6 / (0.5 + 0.01 / 3), rel=1e-6)
@@ -91,7 +94,7 @@ def test_what_has_no_mechanism_is_a_mistake():
 
 def test_a_puppet_that_cannot_move_keeps_the_rest_of_its_report():
     report = fan.validate_reduction(fan.loads(HELD))
-    assert report.compared == () and report.claims[3].verdict == "fails"
+    assert report.comparisons == () and report.claims[3].verdict == "fails"
     assert "above" in report.missing[0]
 
 
@@ -105,15 +108,15 @@ drives:
     stand = fan.loads(WINCH + drives)
     lift = fan.Input.waypoints(stand, {"line.length": [(0, 1.05), (0.5, 0.9)]})
     mechanism = Mechanism.of(stand)
-    given = mechanism.commanded(mechanism.mixed, lift)
+    given = mechanism.translated(lift, mechanism.mixed)
     x0 = mechanism.mixed.rest(given.first_values())
-    motion = performed(mechanism, x0, given.bound(x0.q_K))
-    found = own(mechanism, stand, motion)
-    assert found.drives == ("line.x", "line.length") and not found.status
+    motion = simulate_reference(mechanism, x0, given.bound(x0.q_K))
+    found = follow_on_file_drives(mechanism, stand, motion)
+    assert found.drives == ("line.x", "line.length") and not found.deviation.status
     assert found.lag[0] == pytest.approx([0.0, 0.5 * 9.81 / 2e4], abs=1e-9)
-    command = motion.inputs.evaluate(found.t)
+    command = motion.inputs.evaluate(found.deviation.t)
     most = np.max(2.0 * np.abs(command[2][:, 1])) / 2e4  # (m + J) acc / k, taken quasi-statically
     lag = np.max(np.abs(found.lag[:, 1] - found.lag[0, 1]))
     assert 0.5 * most < lag < 1.5 * most
-    assert found.worst == pytest.approx(lag, rel=0.1)
+    assert found.deviation.max_puppet == pytest.approx(lag, rel=0.1)
     assert found.force[1] == pytest.approx(0.5 * 9.81 + 2.0 * np.max(command[2][:, 1]), rel=0.1)

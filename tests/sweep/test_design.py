@@ -7,11 +7,11 @@ import pytest
 from scipy import stats
 
 import fantoccini as fan
-from fantoccini.sweeps.design import designed
+from fantoccini.sweeps.design import make_design
 
 
 def design(over=None, draw=None, seeds=None, seed=0, puppet=None):
-    return designed(over, draw, seeds, seed, puppet)
+    return make_design(over, draw, seeds, seed, puppet)
 
 
 @pytest.fixture(scope="module")
@@ -118,7 +118,7 @@ def test_what_has_other_random_numbers_is_stored_apart():
         ({"over": {"a": []}}, "no values"),
         ({"over": {"a": [1, 1]}}, "1 twice; seeds=N"),
         ({"over": [{"a": 1}, {"b": 1}]}, "differ in a, b"),
-        ({"over": [{"a": 1}, {"a": 1}]}, "cases 0 and 1 are the same"),
+        ({"over": [{"a": 1}, {"a": 1}]}, "cases 0 and 1 are equal"),
         ({"over": 7}, "a dict of lists"),
         ({"over": []}, "a dict of lists"),
         ({"over": {"a": [1]}, "draw": {"a": (0, 1)}}, "varied or drawn"),
@@ -126,7 +126,7 @@ def test_what_has_other_random_numbers_is_stored_apart():
         ({"over": {"a": [object()]}}, "numbers, texts, arrays"),
         ({"draw": {"a": (1, 0)}}, "low must not exceed high"),
         ({"draw": {"a": 5}}, "a range"),
-        ({"draw": {"puppet": (1, 0)}}, "puppets go into over"),
+        ({"draw": {"puppet": (1, 0)}}, "give puppets in over"),
         ({"seeds": 0}, "1 or more"),
         ({"seed": -1}, "0 or more"),
         ({"over": {"puppet": ["arm2d"]}}, "fan.puppets.arm2d"),

@@ -17,14 +17,14 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.sweeps import on_ray
+from fantoccini.sweeps import ray_executor
 
 ray = pytest.importorskip("ray")
 
 
 @pytest.fixture(scope="module")
 def cluster():
-    on_ray.join(ray, 2, None)
+    ray_executor.connect(ray, 2, None)
     yield
     ray.shutdown()
 
@@ -136,7 +136,7 @@ def test_a_cluster_is_ended_by_who_started_it(cluster, monkeypatch):
     """Its start and its end are only noted: each would take some seconds."""
     noted, asked = [], itertools.chain([False], itertools.repeat(True))
     monkeypatch.setattr(ray, "is_initialized", lambda: next(asked))
-    monkeypatch.setattr(on_ray, "join", lambda *found: noted.append(found))
+    monkeypatch.setattr(ray_executor, "connect", lambda *found: noted.append(found))
     monkeypatch.setattr(ray, "shutdown", lambda: noted.append("ended"))
     result = fan.sweep(lambda case: {"x": case["k"]}, {"k": [1, 2]}, on="ray", workers=1)
     assert np.array_equal(result["x"], [1, 2])
@@ -147,10 +147,10 @@ def test_a_cluster_elsewhere_is_joined_and_not_configured(monkeypatch):
     monkeypatch.delenv("RAY_ADDRESS", raising=False)
     noted = []
     stub = types.SimpleNamespace(init=lambda **options: noted.append(options))
-    on_ray.join(stub, 3, None)
-    on_ray.join(stub, 3, "auto")
+    ray_executor.connect(stub, 3, None)
+    ray_executor.connect(stub, 3, "auto")
     monkeypatch.setenv("RAY_ADDRESS", "10.0.0.1:6379")
-    on_ray.join(stub, 3, None)
+    ray_executor.connect(stub, 3, None)
     assert noted[0]["num_cpus"] == 3 and noted[0]["include_dashboard"] is False
     assert noted[1]["address"] == "auto" and noted[2]["address"] is None
     assert all("num_cpus" not in options for options in noted[1:])

@@ -73,7 +73,7 @@ def test_an_interrupted_sweep_goes_on(study, tmp_path):
             raise KeyboardInterrupt
 
     asked = {"over": {"n": range(20)}, "store": tmp_path / "s", "workers": 2}
-    with pytest.raises(fan.SweepStopped, match="run the same sweep again to go on") as caught:
+    with pytest.raises(fan.SweepStopped, match="run the same sweep again to resume") as caught:
         fan.sweep(study, **asked, progress=interrupt)
     kept = len(files(tmp_path / "s"))
     assert kept == 7 == caught.value.result.done.sum()

@@ -77,7 +77,7 @@ def test_a_failure_is_reported_and_stops_nothing(arm):
         ({"x": None}, "figure 'x' is None"),
         ({"x": [[1], [1, 2]]}, "figure 'x'"),
         ({3: 1.0}, "figure called 3"),
-        ({"k": 1.0}, "other than those of what is varied"),
+        ({"k": 1.0}, "no varied value has"),
         ([1.0], "must return a dict"),
     ],
 )
@@ -124,7 +124,7 @@ def test_the_table_goes_to_csv(tmp_path):
     columns = result.columns()
     assert list(columns) == ["a", "b", "repeat", "x", "s", "error"]
     assert {len(c) for c in columns.values()} == {8}
-    assert [row["b"] for row in result.rows()] == list(columns["b"])
+    assert [record["b"] for record in result.records()] == list(columns["b"])
     result.to_csv(tmp_path / "table.csv")
     lines = (tmp_path / "table.csv").read_text().splitlines()
     assert lines[0] == "a,b,repeat,x[0],x[1],s,error"
@@ -141,7 +141,7 @@ def test_progress_is_told_and_may_interrupt():
         if done == 4:
             signal.raise_signal(signal.SIGINT)
 
-    with pytest.raises(fan.SweepStopped, match="of 50 cases; they are in") as caught:
+    with pytest.raises(fan.SweepStopped, match="of 50 cases; the error carries them") as caught:
         fan.sweep(lambda case: {"x": case["k"]}, {"k": range(50)}, workers=2, progress=progress)
     assert told[:5] == [(k, 50, 0) for k in range(5)]
     result = caught.value.result

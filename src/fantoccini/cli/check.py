@@ -1,4 +1,4 @@
-"""``fantoccini check``: every mistake in every file, and what is hardly meant."""
+"""``fantoccini check``: lists every mistake in every file, and warnings."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def check_files(files: list[str], inputs: list[Path], quiet: bool) -> None:
     Args:
         files: FILE arguments.
         inputs: inputs files.
-        quiet: say nothing about files without mistakes.
+        quiet: print nothing about files without mistakes.
     """
     clean = True
     for file in files:
@@ -81,7 +81,7 @@ def _count(found: list[Problem]) -> str:
 
 
 def _size(made: Marionette) -> str:
-    """Mass, lengths and hanging height of a puppet in its start pose."""
+    """Mass, extent and hanging height of a puppet in its start pose."""
     size = measure(made.tree, made.model.number)
     lengths = " x ".join(f"{x:.3g}" for x in size.lengths)
     hangs = "" if size.hangs is None else f", hangs {size.hangs:.3g} m high"

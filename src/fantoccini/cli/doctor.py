@@ -1,4 +1,4 @@
-"""``fantoccini doctor``: whether this machine has what fantoccini needs."""
+"""``fantoccini doctor``: checks that this machine has what fantoccini needs."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ NEEDED = (
     "typer",
     "viser",
 )
-"""Distributions without which something does not work; those of pyproject.toml."""
+"""Required distributions, as in pyproject.toml."""
 
 
 def examine() -> None:
-    """Prints the facts on stdout and what is wrong on stderr; exit code 1 where something is."""
+    """Prints versions on stdout and problems on stderr; exits with 1 if there are any."""
     facts = {
         "fantoccini": version(),
         "python": f"{platform.python_version()} ({platform.system()} {platform.machine()})",
@@ -43,7 +43,7 @@ def examine() -> None:
             facts[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
             facts[name] = "missing"
-            problems.append(f"{name} is missing; python -m pip install {name} brings it")
+            problems.append(f"{name} is missing; install it: python -m pip install {name}")
     found = describe()
     if trouble := found.pop("problem", ""):
         problems += trouble.split("\n")
@@ -61,12 +61,12 @@ def examine() -> None:
 
 
 def _ffmpeg() -> tuple[str, str]:
-    """Where ffmpeg is and its version; and what is wrong."""
+    """Version and path of ffmpeg, and what is wrong with it."""
     try:
         import imageio_ffmpeg
 
         path, version = imageio_ffmpeg.get_ffmpeg_exe(), imageio_ffmpeg.get_ffmpeg_version()
     except (ImportError, RuntimeError, OSError) as error:
         text = str(error).split("\n")[0]
-        return "none", f"ffmpeg does not run, so no films: {text}"
+        return "none", f"ffmpeg does not run, so films cannot be written: {text}"
     return f"{version} ({path})", ""

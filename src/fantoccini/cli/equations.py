@@ -1,4 +1,4 @@
-"""``fantoccini equations``: a small puppet's equations as a page of text or LaTeX."""
+"""``fantoccini equations``: prints a small puppet's equations as text or LaTeX."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from fantoccini.puppet import PD, ComputedTorque, DirectCurrent, Drive, Number, 
 Equation = tuple[str, sp.Expr | sp.Matrix]
 
 _MEANING = (
-    "e = command - coordinate, of orientations 2 e_w (e_x, e_y, e_z) of what turns one into the "
-    "other; n turns of the rotor [rad] for a unit of the coordinate, v its speed"
+    "e = command - coordinate; for orientations 2 e_w (e_x, e_y, e_z) of the relative rotation. "
+    "n is the rotor angle [rad] per unit of the coordinate, v the speed of the coordinate"
 )
 
 _UNICODE = "\N{GREEK SMALL LETTER THETA}\N{COMBINING DOT ABOVE}\N{SUBSCRIPT ONE}"
@@ -43,8 +43,8 @@ def print_equations(file: str, latex: bool) -> None:
         for symbol, count in printing.operation_counts(made.equations).items():
             say(f"  {symbol}: {count} operations")
         say(
-            f"{made.name} has too many equations to read; `fantoccini export {file} DIR` writes "
-            "them as C99, and in Python every one is a CasADi function (marionette.equations)"
+            f"the equations of {made.name} are too large to print; `fantoccini export {file} DIR` "
+            "writes them as C99, and marionette.equations has them as CasADi functions"
         )
         raise
     if latex:
@@ -83,14 +83,16 @@ def _print_text(made: Marionette, page: Printable) -> None:
     for left, right in matrices(made, page):
         write(layout.matrix(left, right) + "\n")
     if motors:
-        table("f_M: forces of motors", ("of", "name", "law"), motors)
+        table("f_M: forces of motors", ("symbol", "name", "law"), motors)
         write(textwrap.fill(_MEANING, layout.columns) + "\n")
     for left, right in page_lengths(page):
         write("with\n" + layout.root(left, right) + "\n")
-    write("Numbers have six digits; h <= 0, and rows are strings, then limits.")
+    write("Numbers have six digits. h <= 0; strings come first, then limits.")
 
 
-def _symbols(made: Marionette, page: Printable, layout: Layout) -> Iterator[tuple]:
+def _symbols(
+    made: Marionette, page: Printable, layout: Layout
+) -> Iterator[tuple[str, str, str, str]]:
     values = made.tree.parameters
     roles = {row.name: row.role for row in made.coordinates.rows}
     for symbol, name in page.notation.names.items():
@@ -106,12 +108,12 @@ def _motors(
     symbols = page.notation.symbols["q_D"]
     for row in made.tree.drives:
         if row.command is not None:
-            of = ", ".join(text(symbol) for symbol in symbols[row.q])
-            yield of, row.name, _law(row.drive)
+            moved = ", ".join(text(symbol) for symbol in symbols[row.q])
+            yield moved, row.name, _law(row.drive)
 
 
 def _law(drive: Drive) -> str:
-    """What a motor does; a parameter by its name."""
+    """The law of a motor, with parameters by name."""
 
     def shown(value: Number) -> str:
         return value.parameter if isinstance(value, Parameter) else number(float(value))
@@ -149,7 +151,7 @@ def energies(page: Printable) -> list[Equation]:
 
 
 def matrices(made: Marionette, page: Printable) -> list[Equation]:
-    """M, C, g, h, A_D, A_K, and where they are not zero M_DK, C_DK and f."""
+    """M, C, g, h and A_D; M_DK, C_DK, f and A_K unless they are zero."""
     objects, n = page.objects, made.coordinates.n_vD
     C = objects["C"]
     found = [
@@ -172,7 +174,7 @@ def matrices(made: Marionette, page: Printable) -> list[Equation]:
 
 
 def page_lengths(page: Printable) -> list[Equation]:
-    """What the symbols of roots stand for."""
+    """Definitions of the symbols for square roots."""
     return [(symbol.name, meaning) for symbol, meaning in page.lengths]
 
 
@@ -200,11 +202,11 @@ class Layout:
         self._line = _Line(unicode)
 
     def text(self, expression: sp.Basic) -> str:
-        """An expression on as many lines as it is high."""
+        """An expression, pretty-printed on several lines."""
         return self._printer.doprint(expression)
 
     def equation(self, left: str, right: sp.Expr) -> str:
-        """``left = right``; a sum that is too wide has a line for each summand."""
+        """``left = right``; one line per term if it is too wide."""
         symbol, right = sp.Symbol(left), decimal(right)
         whole = self._side_by_side(symbol, right)
         if self._fits(whole):
@@ -215,7 +217,7 @@ class Layout:
         return self._by_terms(symbol, right)
 
     def root(self, left: str, right: sp.Expr) -> str:
-        """``left = right`` of a root; squared where it is too wide."""
+        """``left = right`` for a square root; squared if it is too wide."""
         whole = self._side_by_side(sp.Symbol(left), decimal(right))
         if self._fits(whole):
             return textwrap.indent(whole, "  ")
@@ -225,46 +227,46 @@ class Layout:
         return self.text(sp.Eq(left, right, evaluate=False))
 
     def _by_terms(self, left: sp.Expr, right: sp.Expr) -> str:
-        """A line for each summand, with its sign in front."""
+        """One line per term, with its sign in front."""
         lines = textwrap.indent(self.text(left), "  ").split("\n")
         lines[-1] += " ="
         for term in right.as_ordered_terms():
             negative = term.could_extract_minus_sign()
             form = self._printer._print(-term if negative else term)
-            rows, baseline = str(form).split("\n"), form.baseline
-            if max(map(len, rows)) > self.columns - 6:
-                rows = textwrap.wrap(self._line.doprint(-term if negative else term),
-                                     self.columns - 6)  # fmt: skip
+            printed, baseline = str(form).split("\n"), form.baseline
+            if max(map(len, printed)) > self.columns - 6:
+                line = self._line.doprint(-term if negative else term)
+                printed = textwrap.wrap(line, self.columns - 6)
                 baseline = 0
-            for k, row in enumerate(rows):
+            for k, text in enumerate(printed):
                 sign = " " if k != baseline else "-" if negative else "+"
-                lines.append(f"    {sign} {row}".rstrip())
+                lines.append(f"    {sign} {text}".rstrip())
         return "\n".join(lines)
 
     def matrix(self, left: str, right: sp.Matrix) -> str:
-        """A matrix; one that is too wide entry by entry, without zeros."""
+        """A matrix; entry by entry without zeros if it is too wide."""
         whole = self._side_by_side(sp.Symbol(left), decimal(right))
         if self._fits(whole):
             return textwrap.indent(whole, "  ")
         symmetric = right.is_square and right == right.T
-        rows, columns = right.shape
+        n, columns = right.shape
         entries = []
-        for i in range(rows):
+        for i in range(n):
             for j in range(i if symmetric else 0, columns):
                 if right[i, j] != 0:
                     place = f"{i + 1}" if columns == 1 else f"{i + 1}{j + 1}"
                     joint = "," if "_" in left else "_"
                     entries.append(self.equation(f"{left}{joint}{place}", right[i, j]))
         kind = "symmetric, " if symmetric else ""
-        zero = ", zero but for" if 0 in right else ""
-        head = f"  {self.text(sp.Symbol(left))}: {kind}{rows} x {columns}{zero}"
+        zero = ", zero except for" if 0 in right else ""
+        head = f"  {self.text(sp.Symbol(left))}: {kind}{n} x {columns}{zero}"
         return "\n".join([head, *entries])
 
     def _fits(self, text: str) -> bool:
         return max(map(len, text.split("\n"))) <= self.columns - 2
 
 
-class _Line(StrPrinter):
+class _Line(StrPrinter):  # type: ignore[misc]  # SymPy has no types
     """On one line, with the symbols of the pretty printer.
 
     Args:

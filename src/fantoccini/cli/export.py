@@ -8,37 +8,30 @@ import tempfile
 from pathlib import Path
 
 from fantoccini import codegen
-from fantoccini.cli.files import check_folder, fail, marionette
+from fantoccini.cli.files import check_folder, fail, marionette, writing
 from fantoccini.cli.terminal import Steps, write
-from fantoccini.errors import FantocciniError
 from fantoccini.marionette import check_mass_matrix
 
 _OPTION = "DIR"
 
 
-class ExportError(FantocciniError):
-    """The files could not be written."""
-
-
 def export_c99(file: str, folder: Path, force: bool, quiet: bool) -> None:
-    """Writes the files; they appear whole.
+    """Writes the files; each appears complete or not at all.
 
     Args:
         file: FILE argument.
-        folder: where they go; made when it is not there.
+        folder: of the files; created if it does not exist.
         force: write into a folder that is not empty, over files of the same name.
         quiet: do not list them.
     """
     _check(folder, force)
-    made = marionette(file)
+    puppet = marionette(file)
     with Steps(quiet) as steps:
         steps.step("deriving the equations of motion")
-        check_mass_matrix(made.world, made.tree)
-        files = codegen.c99_files(made.equations)
-    try:
+        check_mass_matrix(puppet.world, puppet.tree)
+        files = codegen.c99_files(puppet.equations)
+    with writing(folder):
         _write(files, folder)
-    except OSError as error:
-        raise ExportError(f"{folder} cannot be written: {error.strerror or error}") from None
     if not quiet:
         for name in files:
             write(folder / name)
@@ -46,21 +39,21 @@ def export_c99(file: str, folder: Path, force: bool, quiet: bool) -> None:
 
 def _check(folder: Path, force: bool) -> None:
     try:
-        there = folder.exists()
+        exists = folder.exists()
         full = folder.is_dir() and any(folder.iterdir())
     except OSError as error:
-        fail(f"{folder} cannot be read: {error.strerror}", _OPTION)
-    if there and not folder.is_dir():
-        fail(f"{folder} is a file; a folder is needed", _OPTION)
+        fail(f"cannot read {folder}: {error.strerror}", _OPTION)
+    if exists and not folder.is_dir():
+        fail(f"{folder} is a file, not a folder", _OPTION)
     if full and not force:
-        fail(f"{folder} is not empty; --force writes into it", _OPTION)
-    check_folder(folder if there else folder.absolute().parent, _OPTION)
+        fail(f"{folder} is not empty; use --force to write into it", _OPTION)
+    check_folder(folder if exists else folder.absolute().parent, _OPTION)
 
 
 def _write(files: dict[str, str], folder: Path) -> None:
-    """Writes into a temporary folder, and then renames it or moves the files one by one."""
-    place = folder if folder.exists() else folder.absolute().parent
-    temporary = Path(tempfile.mkdtemp(prefix=".fantoccini-", dir=place))
+    """Writes into a temporary folder, then renames it, or moves the files one by one."""
+    parent = folder if folder.exists() else folder.absolute().parent
+    temporary = Path(tempfile.mkdtemp(prefix=".fantoccini-", dir=parent))
     try:
         for name, text in files.items():
             (temporary / name).write_text(text, encoding="utf-8")
@@ -75,7 +68,7 @@ def _write(files: dict[str, str], folder: Path) -> None:
 
 
 def _umask() -> int:
-    """The rights that new files do not get; asking for them sets them."""
+    """The permissions that new files lack; they can only be read by setting them."""
     mask = os.umask(0o022)
     os.umask(mask)
     return mask

@@ -1,28 +1,44 @@
-"""Files that are named on the command line: found before they are read, safe when written."""
+"""Files named on the command line: found before reading, checked before writing."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import NoReturn
 
 import typer
 
 from fantoccini import puppets
 from fantoccini.cli.terminal import plain
-from fantoccini.errors import Problem, PuppetError, nearest
-from fantoccini.marionette import Marionette, load
+from fantoccini.errors import FantocciniError, Problem, PuppetError, nearest
+from fantoccini.marionette import Marionette, StringModel, load
+from fantoccini.progress import OnStep
 
 NUMBERS = (".npz", ".csv")
 PICTURES = (".png", ".svg", ".pdf")
 FILMS = (".mp4", ".gif")
 
 
+class OutputError(FantocciniError):
+    """A file or folder could not be written."""
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Turns an OSError into an OutputError that names the path."""
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(f"cannot write {path}: {error.strerror or error}") from None
+
+
 def puppet_path(name: str) -> Path:
     """The file of a FILE argument: a path, or the name of a bundled puppet.
 
     Raises:
-        PuppetError: there is neither.
+        PuppetError: it is neither.
     """
     path = Path(name)
     try:
@@ -30,30 +46,30 @@ def puppet_path(name: str) -> Path:
             return path
         missing = not path.exists()
     except OSError:
-        return path  # reading it says why
+        return path  # reading it reports the error
     if name in puppets.names():
         return puppets.path(name)
     if missing and path.name == name and not path.suffix:
         hint = nearest(name, puppets.names())
-        message = f"there is no such file, and no bundled puppet has this name{hint}"
+        message = f"no such file, and no bundled puppet of this name{hint}"
         raise PuppetError([Problem(name, None, "", message)])
     return path
 
 
 def marionette(
-    name: str, progress: Callable[[str], None] | None = None, string_model: str = "constraint"
+    name: str, progress: OnStep | None = None, string_model: StringModel = "constraint"
 ) -> Marionette:
     """The marionette of a FILE argument."""
     return load(puppet_path(name), progress, string_model=string_model)
 
 
 def check_output(path: Path, endings: Iterable[str], option: str) -> None:
-    """Raises a usage error when a file cannot be written under this name.
+    """Raises a usage error if no file can be written to a path.
 
     Args:
-        path: where it is to go.
-        endings: those that are known.
-        option: that named it, for the message.
+        path: of the file.
+        endings: supported ones.
+        option: that the path was given for.
     """
     endings = tuple(endings)
     if path.suffix.lower() not in endings:
@@ -64,20 +80,33 @@ def check_output(path: Path, endings: Iterable[str], option: str) -> None:
         if path.is_dir():
             fail(f"{path} is a folder", option)
     except OSError as error:
-        fail(f"{path} cannot be written: {error.strerror}", option)
+        fail(f"cannot write {path}: {error.strerror}", option)
 
 
 def check_folder(folder: Path, option: str) -> None:
-    """Raises a usage error when no file can be written into a folder."""
+    """Raises a usage error if no file can be written into a folder."""
     try:
         if not folder.is_dir():
             fail(f"there is no folder {folder}", option)
     except OSError as error:
-        fail(f"{folder} cannot be read: {error.strerror}", option)
+        fail(f"cannot read {folder}: {error.strerror}", option)
     if not os.access(folder, os.W_OK | os.X_OK):
-        fail(f"the folder {folder} cannot be written", option)
+        fail(f"cannot write into the folder {folder}", option)
 
 
-def fail(message: str, option: str) -> None:
+def check_new_folder(folder: Path, option: str) -> None:
+    """Raises a usage error unless the folder can be written, or created with its parents."""
+    try:
+        if folder.exists() and not folder.is_dir():
+            fail(f"{folder} is a file, not a folder", option)
+    except OSError as error:
+        fail(f"cannot read {folder}: {error.strerror}", option)
+    above = folder.absolute()
+    while not above.exists():
+        above = above.parent
+    check_folder(above, option)
+
+
+def fail(message: str, option: str) -> NoReturn:
     """Ends in a usage error: exit code 2."""
     raise typer.BadParameter(plain(message), param_hint=option)

@@ -1,4 +1,4 @@
-"""Errors that are made on purpose become a message and an exit code."""
+"""Turns expected errors into a message and an exit code."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ MISTAKE = 2
 INTERRUPTED = 130
 """Stopped with Ctrl-C."""
 
-_SHOW = "FANTOCCINI_TRACEBACK"
-"""Environment variable that lets unforeseen errors through."""
+_TRACEBACK = "FANTOCCINI_TRACEBACK"
+"""Environment variable that lets unexpected errors through."""
 
 
 class GuardedGroup(TyperGroup):
@@ -67,20 +67,20 @@ def guarded() -> Iterator[None]:
         raise typer.Exit(INTERRUPTED) from None
     except OSError as error:
         if isinstance(error, BrokenPipeError):
-            raise  # typer ends quietly
+            raise  # typer exits silently
         name = f"{error.filename}: " if error.filename else ""
         say(f"fantoccini: {name}{error.strerror or error}")
         raise typer.Exit(FAILED) from None
     except Exception as error:
-        # Typer's own: usage errors and exits carry their code.
+        # Usage errors and exits of typer carry their code.
         if hasattr(error, "exit_code") or isinstance(error, typer.Abort):
             raise
-        if os.environ.get(_SHOW):
+        if os.environ.get(_TRACEBACK):
             raise
         last = traceback.extract_tb(error.__traceback__)[-1]
         say(
-            f"fantoccini: a fault of fantoccini itself: {type(error).__name__}: {error} "
-            f"({Path(last.filename).name}, line {last.lineno}); {_SHOW}=1 shows where it happens"
+            f"fantoccini: internal error: {type(error).__name__}: {error} "
+            f"({Path(last.filename).name}, line {last.lineno}); {_TRACEBACK}=1 shows the traceback"
         )
         raise typer.Exit(FAILED) from None
 

@@ -1,4 +1,4 @@
-"""``fantoccini info``: what a puppet is made of."""
+"""``fantoccini info``: the parts of a puppet."""
 
 from __future__ import annotations
 
@@ -14,37 +14,31 @@ from fantoccini.puppet import Number, Parameter
 from fantoccini.tree import WORLD, DriveRow, LimitRow, StringRow
 
 _WINCH = ("restitution", "max_tension", "rewind_speed")
-"""What only some puppets' strings have."""
-
-
-_EVALUATED = {
+"""Columns of strings that are shown only if a string has them."""
+_PURPOSE = {
     "dynamics": "an evaluation of an event-driven run",
     "step_dynamics": "a time step",
     "columns": "all limits together, once each",
 }
-"""What the counts that matter are paid for."""
+"""Function -> what one evaluation is needed for."""
 
 
-class _NotThereError(Exception):
+class _NotCachedError(Exception):
     """The compiled model would have to be made."""
 
 
 def list_bundled() -> None:
-    """A table of the bundled puppets."""
-    rows = []
+    """Prints a table of the bundled puppets."""
+    lines = []
     for name in puppets.names():
         made = marionette(name)
         counts = made.coordinates
-        rows.append((name, counts.n_vD, len(made.tree.strings), counts.n_vK))
-    table("Bundled puppets", ("name", "DOF>", "strings>", "driven>"), rows)
+        lines.append((name, counts.n_vD, len(made.tree.strings), counts.n_vK))
+    table("Bundled puppets", ("name", "DOF>", "strings>", "driven>"), lines)
 
 
 def describe_puppet(file: str) -> None:
-    """Tables of a puppet's parts.
-
-    Args:
-        file: FILE argument.
-    """
+    """Prints tables of a puppet's parts."""
     made = marionette(file)
     check_mass_matrix(made.world, made.tree)
     warn(made, file)
@@ -63,34 +57,29 @@ def describe_puppet(file: str) -> None:
         ("name", "parent", "joint", "type", "role"),
         [
             (
-                link.name,
-                "world" if link.parent == WORLD else names[link.parent],
-                link.joint,
-                link.kind,
-                link.role,
+                link.name, "world" if link.parent == WORLD else names[link.parent], link.joint,
+                link.kind, link.role,
             )
             for link in tree.links
         ],
-    )
+    )  # fmt: skip
     starts = {"dynamic": coordinates.start_D, "driven": coordinates.start_K}
     table(
         "Coordinates",
         ("name", "role", "unit", "start>"),
         [
             (
-                row.name,
-                row.role,
-                row.unit,
-                "" if row.index is None else _start(float(starts[row.role][row.index])),
+                c.name, c.role, c.unit,
+                "" if c.index is None else _start(float(starts[c.role][c.index])),
             )
-            for row in coordinates.rows
+            for c in coordinates.rows
         ],
-    )
+    )  # fmt: skip
     given = [key for key in _WINCH if any(getattr(string, key) for string in tree.strings)]
     table(
         "Strings",
         ("name", "length", "kind", "from", "to", "points>", *(k.replace("_", " ") for k in given)),
-        [(*_string_row(made, s), *(_given(getattr(s, k)) for k in given)) for s in tree.strings],
+        [(*_string_cells(made, s), *(_given(getattr(s, k)) for k in given)) for s in tree.strings],
     )
     table(
         "Springs",
@@ -99,8 +88,8 @@ def describe_puppet(file: str) -> None:
     )
     table(
         "Drives",
-        ("of", "follows", "turns", "inertia>", "motor", "control"),
-        [_drive_row(made, row) for row in tree.drives],
+        ("coordinate", "command", "ratio", "inertia>", "motor", "control"),
+        [_drive_cells(made, row) for row in tree.drives],
     )
     table(
         "Chains",
@@ -120,33 +109,29 @@ def describe_puppet(file: str) -> None:
     )
     table("Parameters", ("name", "value>"), [(n, float(v)) for n, v in tree.parameters.items()])
     counts = operations(made.equations)
-    rows = [(name, _EVALUATED.get(name, ""), n) for name, n in counts.items()]
-    table("Operations", ("function", "", "count>"), [*rows, ("all", "", sum(counts.values()))])
-    write(f"compiled with {_flags()}")
-
-
-def _flags() -> str:
-    """The compiler's flags, or that there is no compiler."""
-    return describe().get("flags", "nothing: there is no compiler")
+    lines = [(name, _PURPOSE.get(name, ""), n) for name, n in counts.items()]
+    table("Operations", ("function", "", "count>"), [*lines, ("all", "", sum(counts.values()))])
+    flags = describe().get("flags")
+    write("no compiler was found" if flags is None else f"compiled with {flags}")
 
 
 def _compiled(file: str) -> str:
-    """Whether the model lies in the cache: the handle tells when it would have to be made."""
+    """Whether the cache holds the compiled model."""
 
-    def told(text: str) -> None:
-        raise _NotThereError(text)
+    def stop(step: str) -> None:
+        raise _NotCachedError(step)
 
     try:
-        _ = marionette(file, told).model.library
-    except _NotThereError:
+        marionette(file, stop).compile()
+    except _NotCachedError:
         return "not compiled yet"
     except BuildError:
-        return "not compiled, and this machine cannot (see fantoccini doctor)"
+        return "not compiled, and cannot be on this machine (see fantoccini doctor)"
     return "compiled"
 
 
 def _start(value: float) -> str:
-    return "just reaches" if value != value else number(value)
+    return "just taut" if value != value else number(value)
 
 
 def _value(given: Number | None) -> str:
@@ -159,7 +144,7 @@ def _given(value: Number | None) -> str:
     return "" if value is None else _value(value)
 
 
-def _string_row(made: Marionette, string: StringRow) -> tuple:
+def _string_cells(made: Marionette, string: StringRow) -> tuple[object, ...]:
     ends = [
         "world" if point.link == WORLD else made.tree.links[point.link].name
         for point in (string.points[0], string.points[-1])
@@ -168,12 +153,12 @@ def _string_row(made: Marionette, string: StringRow) -> tuple:
     return string.name, _value(string.length), kind, *ends, len(string.points)
 
 
-def _drive_row(made: Marionette, row: DriveRow) -> tuple:
-    """What a drive moves, n, m + n^2 J, and what it is made of."""
+def _drive_cells(made: Marionette, row: DriveRow) -> tuple[object, ...]:
+    """Coordinate, command, ratio n, inertia m + n^2 J, motor and control."""
     drive, unit = row.drive, "kg m^2" if row.drive.drum is None and row.drive.mass is None else "kg"
-    n, heavy = row.ratio(made.model.number), row.inertia(made.number)
+    n, inertia = row.ratio(made.model.number), row.inertia(made.model.number)
     parts = [getattr(part, "type", "") for part in (drive.motor, drive.control)]
-    return row.name, row.command_name, number(n), f"{number(heavy)} {unit}", *parts
+    return row.name, row.command_name, number(n), f"{number(inertia)} {unit}", *parts
 
 
 def _bound(made: Marionette, limit: LimitRow) -> str:

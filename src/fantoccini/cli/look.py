@@ -1,4 +1,4 @@
-"""How pictures and films look, as asked for on the command line."""
+"""Options that set the look of pictures and films."""
 
 from __future__ import annotations
 
@@ -7,28 +7,27 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from fantoccini.cli.files import FILMS, PICTURES, fail
-from fantoccini.cli.options import Focus, Themes
+from fantoccini.cli.options import Focus, Theme
 
 _VIEWS = ("auto", "front", "side", "three-quarter")
-_SMALLEST, _LARGEST = 16, 8192
-_MOST_FPS = 240.0
+_MIN_SIZE, _MAX_SIZE = 16, 8192
+"""Width and height of a picture [px]."""
+_MAX_FPS = 240.0
 
 
 @dataclass(frozen=True)
 class Look:
-    """What was asked for; None leaves it to the picture.
+    """The look of pictures; None for the default.
 
     Attributes:
         view: preset, or azimuth and elevation [deg].
         focus: ``all`` or ``bodies``.
         theme: ``light`` or ``dark``.
         size: width and height [px].
-        fps: frames a second of a film.
+        fps: frames per second of a film.
     """
 
     view: str | tuple[float, float] | None = None
@@ -39,37 +38,37 @@ class Look:
 
     @classmethod
     def of(
-        cls, view: str | None, focus: Focus | None, theme: Themes | None, size: str | None,
+        cls, view: str | None, focus: Focus | None, theme: Theme | None, size: str | None,
         fps: float | None,
     ) -> Look:  # fmt: skip
-        """The look that options ask for.
+        """The look from the values of options.
 
         Raises:
-            BadParameter: an option has a value that it cannot have.
+            BadParameter: a value is invalid.
         """
-        if fps is not None and not 0.0 < fps <= _MOST_FPS:
-            fail(f"{fps:g} is not above 0 and at most {_MOST_FPS:g}", "--fps")
+        if fps is not None and not 0.0 < fps <= _MAX_FPS:
+            fail(f"{fps:g} must be positive and at most {_MAX_FPS:g}", "--fps")
         return cls(
             None if view is None else _view(view), None if focus is None else focus.value,
             None if theme is None else theme.value, None if size is None else _size(size), fps,
         )  # fmt: skip
 
     def check(self, out: Sequence[Path], plot: Path | None = None) -> None:
-        """An option that no file to be written takes is a mistake."""
+        """Raises a usage error if an option applies to none of the output files."""
         endings = {path.suffix.lower() for path in out}
         film, strip = bool(endings & {*FILMS}), bool(endings & {*PICTURES})
-        for option, value, taken, what in (
+        for option, value, applies, what in (
             ("--view", self.view, film or strip, "a strip or a film"),
             ("--focus", self.focus, film or strip, "a strip or a film"),
             ("--theme", self.theme, film or strip or plot is not None, "a picture or a film"),
             ("--size", self.size, film or strip, "a strip or a film"),
             ("--fps", self.fps, film, "a film"),
         ):
-            if value is not None and not taken:
-                fail(f"it goes with {what}; none is to be written", option)
+            if value is not None and not applies:
+                fail(f"applies to {what}, but none is written", option)
 
     def given(self, *names: str) -> dict[str, Any]:
-        """Those of these attributes that were asked for."""
+        """The attributes of these names that are not None."""
         values = {name: getattr(self, name) for name in names}
         return {name: value for name, value in values.items() if value is not None}
 
@@ -83,8 +82,8 @@ def _view(text: str) -> str | tuple[float, float]:
         azimuth = elevation = math.nan
     if not (math.isfinite(azimuth) and abs(elevation) <= 90.0):
         fail(
-            f"{text!r} is none of {', '.join(_VIEWS)}, nor AZIMUTH,ELEVATION in degrees, the "
-            "elevation from -90 to 90",
+            f"{text!r} is neither one of {', '.join(_VIEWS)} nor AZIMUTH,ELEVATION in degrees "
+            "(elevation from -90 to 90)",
             "--view",
         )
     return azimuth, elevation
@@ -93,30 +92,6 @@ def _view(text: str) -> str | tuple[float, float]:
 def _size(text: str) -> tuple[int, int]:
     found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text)
     size = (int(found[1]), int(found[2])) if found else (0, 0)
-    if not all(_SMALLEST <= n <= _LARGEST for n in size):
-        fail(
-            f"{text!r} is not WIDTHxHEIGHT in pixels, each from {_SMALLEST} to {_LARGEST}", "--size"
-        )
+    if not all(_MIN_SIZE <= n <= _MAX_SIZE for n in size):
+        fail(f"{text!r} is not WIDTHxHEIGHT in pixels, {_MIN_SIZE} to {_MAX_SIZE} each", "--size")
     return size
-
-
-View = Annotated[
-    str | None,
-    typer.Option(
-        metavar="VIEW",
-        help="Of strips and films: auto, front, side, three-quarter, or AZIMUTH,ELEVATION in "
-        "degrees [auto].",
-    ),
-]
-Focusing = Annotated[
-    Focus | None,
-    typer.Option("--focus", help="Of strips and films: bodies lets strings leave it [all]."),
-]
-Theming = Annotated[
-    Themes | None, typer.Option("--theme", help="Of pictures, plots and films [light].")
-]
-Size = Annotated[
-    str | None,
-    typer.Option(metavar="WxH", help="Of strips and films [px]; a film's is 960x720 without it."),
-]
-Fps = Annotated[float | None, typer.Option(metavar="N", help="Frames a second of films [30].")]

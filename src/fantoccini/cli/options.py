@@ -1,4 +1,4 @@
-"""Arguments and options that commands share, and the names that they may choose among."""
+"""Arguments and options that commands share, and the choices of options."""
 
 from __future__ import annotations
 
@@ -9,61 +9,17 @@ from typing import Annotated
 
 import typer
 
-
-class SchemaOf(enum.StrEnum):
-    """Kinds of files that have a schema."""
-
-    PUPPET = "puppet"
-    INPUTS = "inputs"
-    PROBLEM = "problem"
-
-
-class Planners(enum.StrEnum):
-    """Planners by name."""
-
-    EXPLORE = "explore"
-    EST2007 = "est-2007"
-
-
-class Objectives(enum.StrEnum):
-    """What plans may cost, by name."""
-
-    GENTLE = "gentle"
-    TIME = "time"
-    EFFORT = "effort"
-
-
-class Themes(enum.StrEnum):
-    """Looks of pages and pictures by name."""
-
-    LIGHT = "light"
-    DARK = "dark"
-
-
-class Focus(enum.StrEnum):
-    """What a picture frames, by name."""
-
-    ALL = "all"
-    BODIES = "bodies"
-
-
-class Method(enum.StrEnum):
-    """Ways to integrate."""
-
-    EVENT = "event"
-    TIMESTEPPING = "timestepping"
-    VARIATIONAL = "variational"
-
-
-class StringModels(enum.StrEnum):
-    """What strings are."""
-
-    CONSTRAINT = "constraint"
-    CHAIN = "chain"
+SchemaOf = enum.StrEnum("SchemaOf", ["PUPPET", "INPUTS", "PROBLEM"])
+Planner = enum.StrEnum("Planner", {"EXPLORE": "explore", "EST2007": "est-2007"})
+Objective = enum.StrEnum("Objective", ["GENTLE", "TIME", "EFFORT"])
+Theme = enum.StrEnum("Theme", ["LIGHT", "DARK"])
+Focus = enum.StrEnum("Focus", ["ALL", "BODIES"])
+Method = enum.StrEnum("Method", ["EVENT", "TIMESTEPPING", "VARIATIONAL"])
+StringModel = enum.StrEnum("StringModel", ["CONSTRAINT", "CHAIN"])
 
 
 def positive(value: float | None) -> float | None:
-    """The value; a usage error unless it is a positive number or not given."""
+    """The value; a usage error unless it is None or a positive number."""
     if value is not None and not (math.isfinite(value) and value > 0):
         raise typer.BadParameter(f"{value} is not a positive number")
     return value
@@ -73,12 +29,20 @@ File = Annotated[
     str, typer.Argument(metavar="FILE", help="Puppet file, or name of a bundled puppet.")
 ]
 Quiet = Annotated[
-    bool, typer.Option("--quiet", "-q", help="Nothing but errors and what was asked for.")
+    bool, typer.Option("--quiet", "-q", help="Print only errors and requested output.")
 ]
 Inputs = Annotated[
     Path | None,
     typer.Option(
         metavar="FILE",
-        help="What the driven coordinates do: .yaml, .csv, .npz, or a recording (.npz).",
+        help="Motion of the driven coordinates: .yaml, .csv, .npz, or a recording (.npz).",
+    ),
+]
+Out = Annotated[
+    list[Path] | None,
+    typer.Option(
+        metavar="PATH",
+        help="Write the motion. The ending selects the format: .npz .csv (numbers), .png .svg .pdf "
+        "(strip of poses), .mp4 .gif (film); repeatable.",
     ),
 ]

@@ -1,28 +1,23 @@
-"""Files that a run leaves, chosen by their endings. Each appears whole or not at all."""
+"""Output files of a run, by ending. Each appears complete or not at all."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
 
-from fantoccini.cli.files import FILMS, NUMBERS, PICTURES, check_output, fail
+from fantoccini.cli.files import FILMS, NUMBERS, PICTURES, check_output, fail, writing
 from fantoccini.cli.look import Look
 from fantoccini.cli.terminal import Steps
-from fantoccini.errors import FantocciniError
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Trajectory
 
 
-class OutputError(FantocciniError):
-    """A file could not be written although its folder takes files."""
-
-
 def check_outputs(out: Sequence[Path], plot: Path | None) -> None:
-    """Ends in a usage error when a file cannot be written, before anything long begins.
+    """Raises a usage error if a file cannot be written, before any long computation.
 
     Args:
         out: numbers, strips and films.
-        plot: plots against time.
+        plot: plot against time.
     """
     for path in out:
         check_output(path, (*NUMBERS, *PICTURES, *FILMS), "--out")
@@ -31,7 +26,7 @@ def check_outputs(out: Sequence[Path], plot: Path | None) -> None:
     paths = [*out, *([plot] if plot else [])]
     for path in paths:
         if [p.absolute() for p in paths].count(path.absolute()) > 1:
-            fail(f"{path} is to be written twice", "--out")
+            fail(f"{path} is given twice", "--out")
 
 
 def write_outputs(
@@ -47,19 +42,17 @@ def write_outputs(
 
     Args:
         marionette: the puppet.
-        run: what it did.
+        run: its motion.
         out: numbers, strips and films.
-        plot: plots against time.
-        steps: shows how far it is.
+        plot: plot against time.
+        steps: reports progress.
         poses: times of a strip's poses; see :func:`fantoccini.view.strip`.
         look: of pictures and films.
     """
     look = look or Look()
     for path in out:
-        try:
+        with writing(path):
             _write(marionette, run, path, steps, poses, look)
-        except OSError as error:
-            raise OutputError(f"{path} cannot be written: {error.strerror or error}") from None
     if plot is not None:
         from fantoccini import view
 
@@ -84,12 +77,12 @@ def _write(
         from fantoccini import view
 
         steps.step(f"drawing {path}")
-        seen = look.given("view", "focus", "theme", "size")
-        view.strip(marionette, run, path, times=poses, **seen)
+        options = look.given("view", "focus", "theme", "size")
+        view.strip(marionette, run, path, times=poses, **options)
     else:
         from fantoccini import view
 
-        done = steps.bar(f"filming {path}", 1.0)
+        done = steps.bar(f"rendering {path}", 1.0)
         view.film(
             marionette, run, path, progress=lambda frame, frames: done(frame / frames),
             **look.given("view", "focus", "theme", "size", "fps"),

@@ -1,65 +1,43 @@
-"""``fantoccini plan``: a problem file -> inputs that take the puppet to its goal."""
+"""``fantoccini plan``: finds inputs that reach the goal of a problem file."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
-from pathlib import Path
 
 import typer
 
 from fantoccini.cli.files import PICTURES, check_output, fail
 from fantoccini.cli.guard import FAILED
-from fantoccini.cli.look import Look
 from fantoccini.cli.outputs import check_outputs, write_outputs
+from fantoccini.cli.requests import PlanRequest
 from fantoccini.cli.show import show_plan
 from fantoccini.cli.terminal import Steps, say, table, write
 from fantoccini.marionette import Event
 from fantoccini.planning import Check, PlanResult, load_problem, problem_names, solve
 
 
-@dataclass(frozen=True)
-class Request:
-    """What was asked for on the command line; see ``fantoccini plan --help``."""
-
-    file: str | None
-    planner: str
-    tolerance: float | None
-    time_limit: float
-    improve: float
-    confirm: bool
-    objective: str | None
-    seed: int
-    threads: int | None
-    out: tuple[Path, ...]
-    picture: Path | None
-    save: Path | None
-    show: bool
-    quiet: bool
-    look: Look
-
-
-def plan_file(request: Request) -> None:
+def plan_file(request: PlanRequest) -> None:
     """Plans, verifies, prints a summary and writes the outputs; exit code 1 without a plan."""
     if request.file is None:
         for name in problem_names():
             write(name)
         return
-    check_outputs(request.out, None)
-    request.look.check(request.out, request.picture)
+    out = request.out or []
+    check_outputs(out, None)
+    request.look.check(out, request.picture)
     if request.picture is not None:
         check_output(request.picture, PICTURES, "--picture")
     if request.save is not None:
         check_output(request.save, (".npz",), "--save")
     if request.seed < 0:
         fail(f"{request.seed} is negative", "--seed")
-    given = {"tolerance": request.tolerance, "threads": request.threads}
-    options = {name: value for name, value in given.items() if value is not None}
+    overrides = {"tolerance": request.tolerance, "threads": request.threads}
+    options = {name: value for name, value in overrides.items() if value is not None}
+    objective = None if request.objective is None else request.objective.value
     with Steps(request.quiet) as steps:
         problem = load_problem(request.file, progress=steps.step, **options)
         steps.step("planning")
         found = solve(
-            problem, planner=request.planner, time_limit=request.time_limit,
-            improve=request.improve, confirm=request.confirm, objective=request.objective,
+            problem, planner=request.planner.value, time_limit=request.time_limit,
+            improve=request.improve, confirm=request.confirm, objective=objective,
             seed=request.seed,
         )  # fmt: skip
         checks = {}
@@ -67,7 +45,7 @@ def plan_file(request: Request) -> None:
             steps.step("verifying")
             checks = {
                 "step halved": found.verify(),
-                "events located": found.verify(method=Event(rtol=1e-9, atol=1e-9)),
+                "event-driven": found.verify(method=Event(rtol=1e-9, atol=1e-9)),
             }
         if not found.reason:
             _write(request, found, steps)
@@ -82,14 +60,14 @@ def plan_file(request: Request) -> None:
         show_plan(found, request.quiet)
 
 
-def _write(request: Request, found: PlanResult, steps: Steps) -> None:
+def _write(request: PlanRequest, found: PlanResult, steps: Steps) -> None:
     if request.save is not None:
         found.save(request.save)
     if request.picture is not None:
         steps.step(f"drawing {request.picture}")
         found.plot(request.picture, **request.look.given("theme"))
     drawn = found.problem.drawn_marionette
-    write_outputs(drawn, found.trajectory, request.out, None, steps, look=request.look)
+    write_outputs(drawn, found.trajectory, request.out or [], None, steps, look=request.look)
 
 
 def _report(found: PlanResult, checks: dict[str, Check]) -> None:
@@ -102,25 +80,23 @@ def _report(found: PlanResult, checks: dict[str, Check]) -> None:
             ("distance from the goal", f"{found.distance:.4g}"),
             ("tolerance", f"{found.tolerance:g}"),
             ("least clearance [mm]", f"{1e3 * float(found.clearance.min()):.1f}"),
-            ("motions tried", found.tried),
+            ("rollouts", found.tried),
             ("nodes", len(found.tree)),
             ("search [s]", f"{found.seconds:.3g}"),
-            ("found, but not holding event-driven", found.refused),
+            ("not confirmed by event-driven runs", found.refused),
         ],
     )
     if found.polished is not None:
         write(f"polish: {found.polished}")
     if checks:
         table(
-            "Simulated anew",
-            ("", "arrives>", "distance>", "clearance [mm]>"),
+            "Verification",
+            ("", "reaches the goal>", "distance>", "clearance [mm]>"),
             [
                 (
-                    name,
-                    "yes" if c.arrives else "no",
-                    f"{c.distance:.4g}",
+                    name, "yes" if c.arrives else "no", f"{c.distance:.4g}",
                     f"{1e3 * c.clearance:.1f}",
                 )
                 for name, c in checks.items()
             ],
-        )
+        )  # fmt: skip

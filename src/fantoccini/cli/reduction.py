@@ -1,61 +1,39 @@
-"""``fantoccini validate-reduction``: what of Sec. VI of the paper holds for a puppet."""
+"""``fantoccini validate-reduction``: which claims of the paper's Sec. VI hold for a puppet."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from fantoccini.cli.files import check_folder, fail, marionette
+from fantoccini.cli.files import check_new_folder, marionette, writing
 from fantoccini.cli.terminal import Steps, table, write
-from fantoccini.errors import FantocciniError
 from fantoccini.motion import Input
 from fantoccini.reduction import validate_reduction
-from fantoccini.reduction.page import tables, verdict
-
-
-class ReportError(FantocciniError):
-    """The report could not be written."""
 
 
 def validate_file(file: str, inputs: Path | None, folder: Path, quiet: bool) -> None:
-    """Measures, prints a verdict and tables, and writes the report.
+    """Measures, prints the verdicts and tables, and writes the report.
 
     Args:
         file: FILE argument.
         inputs: a file with the motion to compare, or None.
-        folder: where the report goes; made when it is not there.
-        quiet: neither progress nor tables.
+        folder: of the report; created if it does not exist.
+        quiet: no progress and no tables.
     """
-    _check(folder)
+    check_new_folder(folder, "--out")
     with Steps(quiet) as steps:
-        made = marionette(file, steps.step)
-        given = None if inputs is None else Input.load(made, inputs)
-        report = validate_reduction(made, given, steps.step)
+        puppet = marionette(file, steps.step)
+        given = None if inputs is None else Input.load(puppet, inputs)
+        report = validate_reduction(puppet, given, steps.step)
         steps.step(f"writing {folder}")
-        try:
+        with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
-            left = report.write(folder)
-        except OSError as error:
-            raise ReportError(f"{folder} cannot be written: {error.strerror or error}") from None
+            files = report.write(folder)
     if quiet:
         return
-    for made in tables(report):
-        table(made.title, made.header, made.rows)
+    for part in report.tables():
+        table(part.title, part.header, part.lines)
     for paragraph in report.meaning:
         write(paragraph + "\n")
-    for line in verdict(report):
+    for line in report.verdicts():
         write(line)
-    write("left " + ", ".join(map(str, left)))
-
-
-def _check(folder: Path) -> None:
-    """Ends in a usage error where the report cannot go, before anything long begins."""
-    try:
-        there = folder.exists()
-        if there and not folder.is_dir():
-            fail(f"{folder} is a file; a folder is needed", "--out")
-    except OSError as error:
-        fail(f"{folder} cannot be read: {error.strerror}", "--out")
-    above = folder.absolute()
-    while not above.exists():
-        above = above.parent
-    check_folder(above, "--out")
+    write("wrote " + ", ".join(map(str, files)))

@@ -1,4 +1,4 @@
-"""The short tables after a run: events, slack, tensions, energy, speed."""
+"""The summary of a run: events, slack, tensions, energy, speed."""
 
 from __future__ import annotations
 
@@ -11,12 +11,7 @@ from fantoccini.motion import EventKind, Trajectory
 
 
 def report(run: Trajectory, seconds: float) -> None:
-    """Prints what happened.
-
-    Args:
-        run: the motion.
-        seconds: how long computing it took.
-    """
+    """Prints the summary of a run, which took ``seconds`` to compute."""
     caught = Counter(e.name for e in run.events if e.kind is EventKind.CATCH)
     released = Counter(e.name for e in run.events if e.kind is EventKind.RELEASE)
     impulse: dict[str, float] = {}
@@ -26,7 +21,7 @@ def report(run: Trajectory, seconds: float) -> None:
     table(
         "Strings",
         (
-            "name", "catches>", "releases>", "longest slack [s]>", "least [N]>", "most [N]>",
+            "name", "catches>", "releases>", "longest slack [s]>", "min [N]>", "max [N]>",
             "hardest catch [N s]>",
         ),
         [
@@ -42,8 +37,8 @@ def report(run: Trajectory, seconds: float) -> None:
         "Energy [J]",
         tuple(f"{name}>" for name in ("", *run.ledger.names)),
         [
-            (label, *(float(values[row]) for _, values in run.ledger.items()))
-            for label, row in (("start", 0), ("end", -1))
+            (label, *(float(values[sample]) for _, values in run.ledger.items()))
+            for label, sample in (("start", 0), ("end", -1))
         ],
     )
     kinds = Counter(e.kind for e in run.events)
@@ -55,22 +50,24 @@ def report(run: Trajectory, seconds: float) -> None:
         write(f"{name} {did} from t = {drive.since:.6g} s on{off}")
     if run.violation is not None:
         worst = float(np.max(run.violation.values, initial=0.0))
-        write(f"strings and limits overstepped by at most {worst:.2g} (m, rad)")
+        write(f"largest violation of strings and limits: {worst:.2g} (m, rad)")
     speed = run.duration / max(seconds, 1e-9)
     write(
         f"{run.duration:.6g} s of motion in {seconds:.3g} s, {speed:.3g} times real time "
-        f"(method {run.method}, {len(run)} rows): {run.status.message}"
+        f"(method {run.method}, {len(run)} samples): {run.status.message}"
     )
 
 
 def longest_slack(run: Trajectory, string: str) -> float:
-    """The longest time without a break that a string is slack [s]; a row's mode holds until the
-    next row."""
-    slack = ~run.taut[string]
-    longest, began = 0.0, None
-    for t, now in zip(run.t, slack, strict=True):
-        if now and began is None:
-            began = t
-        elif not now and began is not None:
-            longest, began = max(longest, t - began), None
-    return float(longest if began is None else max(longest, run.t[-1] - began))
+    """The longest uninterrupted time that a string is slack [s].
+
+    The active set of a sample holds until the next one.
+    """
+    longest, slack_since = 0.0, np.nan
+    for t, taut in zip(run.t, run.taut[string], strict=True):
+        longest = float(np.fmax(longest, t - slack_since))
+        if taut:
+            slack_since = np.nan
+        elif np.isnan(slack_since):
+            slack_since = t
+    return longest

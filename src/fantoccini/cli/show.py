@@ -1,13 +1,12 @@
-"""``fantoccini show``: a puppet to play with, a motion or a plan to look at, in the browser."""
+"""``fantoccini show``: play a puppet, or replay a run or a plan, in the browser."""
 
 from __future__ import annotations
 
 import contextlib
-from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fantoccini.cli.files import check_folder, check_output, fail, puppet_path
+from fantoccini.cli.requests import ShowRequest
 from fantoccini.cli.terminal import Steps, say, write
 from fantoccini.planning import PlanResult
 
@@ -15,42 +14,27 @@ if TYPE_CHECKING:
     from fantoccini.web.page import Page
 
 
-@dataclass(frozen=True)
-class Request:
-    """What was asked for on the command line; see ``fantoccini show --help``."""
-
-    file: str
-    html: Path | None = None
-    theme: str = "light"
-    host: str = "127.0.0.1"
-    port: int = 8080
-    browser: bool = True
-    record_to: Path = Path(".")
-    problem: str | None = None
-    quiet: bool = False
-
-
-def show_file(request: Request) -> None:
+def show_file(request: ShowRequest) -> None:
     """Shows a file until Ctrl-C, or writes it as a page."""
     if request.html is not None:
         check_output(request.html, (".html",), "--html")
     check_folder(request.record_to, "--record-to")
-    # Names of npz files are read as they are; all else is a puppet's file or a bundled name.
     name = request.file
     if not name.lower().endswith(".npz"):
         name = str(puppet_path(name))
         if request.html is not None:
-            fail("a puppet that is alive cannot be written as a file; a run (.npz) can", "--html")
+            fail("applies to runs (.npz) only; a live puppet cannot be written to a file", "--html")
     from fantoccini.web.page import open_page, subject_of, write as write_motion
 
     with Steps(request.quiet) as steps:
         subject = subject_of(name, request.problem, steps.step)
         if request.html is not None:
             done = steps.bar(f"writing {request.html}", 1.0)
-            write_motion(subject, request.html, request.theme, done)
+            write_motion(subject, request.html, request.theme.value, done)
             return
         steps.step("opening the page")
-        page = open_page(subject, request.theme, request.host, request.port, request.record_to)
+        theme, folder = request.theme.value, request.record_to
+        page = open_page(subject, theme, request.host, request.port, folder)
     _serve(page, request)
 
 
@@ -59,21 +43,21 @@ def show_plan(found: PlanResult, quiet: bool) -> None:
 
     Args:
         found: the plan.
-        quiet: say nothing but the address.
+        quiet: print only the address.
     """
     from fantoccini.web.page import open_page, subject_of
 
-    request = Request(file=found.problem.name, quiet=quiet)
+    request = ShowRequest(file=found.problem.name, quiet=quiet)
     subject = subject_of(found)
-    _serve(open_page(subject, request.theme, request.host, request.port), request)
+    _serve(open_page(subject, request.theme.value, request.host, request.port), request)
 
 
-def _serve(page: Page, request: Request) -> None:
-    """Says where the page is, and stays until Ctrl-C, which is how a page is closed."""
+def _serve(page: Page, request: ShowRequest) -> None:
+    """Prints the address and serves the page until Ctrl-C."""
     try:
         with page, contextlib.suppress(KeyboardInterrupt):
             _announce(page, request)
-            if request.browser:
+            if not request.no_browser:
                 page.server.open_browser()
             page.wait()
     finally:
@@ -81,16 +65,16 @@ def _serve(page: Page, request: Request) -> None:
             say(page.recording_status)
 
 
-def _announce(page: Page, request: Request) -> None:
+def _announce(page: Page, request: ShowRequest) -> None:
     server = page.server
     if server.moved:
         say(f"port {request.port} is in use; the page is on port {server.port}")
     if server.exposed:
         say(
-            f"--host {request.host}: everybody who can reach this machine on port {server.port} "
-            "sees the page, can move the puppet and record into "
+            f"--host {request.host}: anyone who can reach port {server.port} of this machine can "
+            "see the page, move the puppet and write recordings to "
             f"{request.record_to.absolute()}; there is no password"
         )
     write(page.url)
     if not request.quiet:
-        say("Ctrl-C ends")
+        say("press Ctrl-C to stop")

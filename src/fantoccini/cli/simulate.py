@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,73 +12,77 @@ import typer
 
 from fantoccini.cli.files import fail, marionette
 from fantoccini.cli.guard import FAILED, INTERRUPTED
-from fantoccini.cli.look import Look
+from fantoccini.cli.options import StringModel
 from fantoccini.cli.outputs import check_outputs, write_outputs
+from fantoccini.cli.recording import load_recording, recorded_start, with_recorded_winches
 from fantoccini.cli.report import report
+from fantoccini.cli.requests import SimulateRequest
 from fantoccini.cli.start import read_values, start_state
-from fantoccini.cli.take import on_winches, start_of, take_of
 from fantoccini.cli.terminal import Steps, say
 from fantoccini.cli.warn import warn
 from fantoccini.errors import SimulationError, Status
-from fantoccini.marionette import Event, Marionette, Method, MethodName, as_method
+from fantoccini.marionette import (
+    Event,
+    Marionette,
+    Method,
+    MethodName,
+    TimeStepping,
+    Variational,
+)
 from fantoccini.motion import Input, State, Trajectory
 from fantoccini.simulation import INTEGRATORS, simulate
 
-LONGEST = 3600.0
-"""Longest run on the command line [s]."""
-MOST_STEPS = 10_000_000
-"""Most steps of a run with a fixed step."""
-_MOST_ROWS = 500_000
-"""Steps from which only some are written."""
-_STILL = 5.0
-"""Duration of a run without inputs [s]."""
-_DT = 0.002
-
 
 @dataclass(frozen=True)
-class Request:
-    """What was asked for on the command line; see ``fantoccini simulate --help``."""
+class _Bounds:
+    """Bounds on runs from the command line; Python has none.
 
-    file: str
-    inputs: Path | None
-    duration: float | None
-    method: str
-    string_model: str
-    dt: float | None
-    rtol: float | None
-    integrator: str | None
-    start: tuple[str, ...]
-    out: tuple[Path, ...]
-    plot: Path | None
-    quiet: bool
-    rate: float | None
-    look: Look
+    Attributes:
+        duration: of a run [s].
+        steps: of a run with a fixed step.
+        samples: that are saved; a longer run with a fixed step saves every second one, or fewer.
+        rtol: smallest and largest relative tolerance.
+    """
+
+    duration: float = 3600.0
+    steps: int = 10_000_000
+    samples: int = 500_000
+    rtol: tuple[float, float] = (1e-13, 0.1)
 
 
-def simulate_file(request: Request) -> None:
+_BOUNDS = _Bounds()
+_DURATION_WITHOUT_INPUTS = 5.0
+"""[s]"""
+_DT = 0.002
+"""Default time step [s]."""
+
+
+def simulate_file(request: SimulateRequest) -> None:
     """Simulates, prints a summary and writes the outputs.
 
-    A run that stops before its end still leaves what it has, and ends with exit code 1.
+    If the run stops early, the outputs hold the motion so far and the exit code is 1.
     """
     _check_options(request)
-    check_outputs(request.out, request.plot)
-    request.look.check(request.out, request.plot)
-    given = read_values(request.start)
+    out, look = request.out or [], request.look
+    check_outputs(out, request.plot)
+    look.check(out, request.plot)
+    given = read_values(request.start or [])
     with Steps(request.quiet) as steps:
-        made = marionette(request.file, steps.step, request.string_model)
-        inputs = None if request.inputs is None else Input.load(made, request.inputs)
-        take = take_of(request.inputs)
-        if take is not None:
-            made = on_winches(made, take, request.quiet)
+        chain = request.string_model is StringModel.CHAIN
+        puppet = marionette(request.file, steps.step, "chain" if chain else "constraint")
+        inputs = None if request.inputs is None else Input.load(puppet, request.inputs)
+        recording = load_recording(request.inputs)
+        if recording is not None:
+            puppet = with_recorded_winches(puppet, recording, request.quiet)
         if not request.quiet:
-            warn(made, request.file, inputs, request.inputs)
+            warn(puppet, request.file, inputs, request.inputs)
         duration = _duration(request, inputs)
-        x0 = None if take is None or given else start_of(made, take)
+        x0 = None if recording is None or given else recorded_start(puppet, recording)
         if x0 is None:
-            x0 = start_state(made, inputs, given, request.quiet)
+            x0 = start_state(puppet, inputs, given, request.quiet)
         method, saved = _method(request, x0.t, duration)
-        run, seconds, trouble = timed(steps, made, x0, inputs, duration, method, **saved)
-        write_outputs(made, run, request.out, request.plot, steps, look=request.look)
+        run, seconds, trouble = timed(steps, puppet, x0, inputs, duration, method, **saved)
+        write_outputs(puppet, run, out, request.plot, steps, look=look)
     if not request.quiet:
         report(run, seconds)
         _hint(request, run, seconds)
@@ -95,23 +98,18 @@ def timed(
     method: Method | MethodName = "event",
     **saved: Any,
 ) -> tuple[Trajectory, float, str]:
-    """Runs with a progress bar; a run that stops before its end gives what it has.
+    """Simulates with a progress bar.
 
     Returns:
-        The run, the time it took [s], and why it stopped before its end (or nothing).
+        The run, its computing time [s], and why it stopped early, or "".
     """
     done = steps.bar(f"simulating {duration:g} s", duration)
     began, trouble = time.perf_counter(), ""
     try:
         run = simulate(
-            marionette,
-            x0,
-            inputs,
-            x0.t + duration,
-            method=method,
-            progress=lambda t: done(t - x0.t),
-            **saved,
-        )
+            marionette, x0, inputs, x0.t + duration,
+            method=method, progress=lambda t: done(t - x0.t), **saved,
+        )  # fmt: skip
     except SimulationError as error:
         if error.trajectory is None:
             raise
@@ -120,27 +118,29 @@ def timed(
 
 
 def end_with(run: Trajectory, trouble: str) -> None:
-    """Ends the command with the exit code of a run's status, and says why it stopped."""
+    """If a run stopped early, prints why and exits with the code of its status."""
     if trouble:
         say(f"fantoccini: {trouble}")
         raise typer.Exit(INTERRUPTED if run.status is Status.STOPPED else FAILED)
 
 
-def _hint(request: Request, run: Trajectory, seconds: float) -> None:
-    """Says what makes a run faster that was slower than the motion it made."""
+def _hint(request: SimulateRequest, run: Trajectory, seconds: float) -> None:
+    """Suggests faster options after a run slower than real time."""
     if run.method == "event" and seconds > run.duration > 0.0:
-        fewer = "" if request.rate else "; --rate 60 writes fewer rows"
+        fewer = "" if request.rate else "; --rate 60 saves fewer samples"
         say(
-            f"slower than real time: {seconds / run.duration:.3g} s for a second of motion; "
-            f"--method timestepping is faster, at the accuracy of its step{fewer}"
+            f"slower than real time: {seconds / run.duration:.3g} s per second of motion; "
+            f"--method timestepping is faster and less accurate{fewer}"
         )
 
 
-def _method(request: Request, start: float, duration: float) -> tuple[Method, dict[str, Any]]:
-    """The method, and which rows are written: of a very long run with a fixed step, some."""
+def _method(
+    request: SimulateRequest, start: float, duration: float
+) -> tuple[Method, dict[str, Any]]:
+    """The method, and the arguments of ``simulate`` that select the samples to save."""
     rate = request.rate
-    if rate is not None and rate * duration > _MOST_ROWS:
-        fail(f"{rate * duration:.3g} rows are more than {_MOST_ROWS:g}; make it smaller", "--rate")
+    if rate is not None and rate * duration > _BOUNDS.samples:
+        fail(f"{rate * duration:.3g} samples exceed the limit of {_BOUNDS.samples:g}", "--rate")
     if request.method == "event":
         tolerances = {} if request.rtol is None else {"rtol": request.rtol, "atol": request.rtol}
         method = Event(integrator=request.integrator, **tolerances)
@@ -150,41 +150,41 @@ def _method(request: Request, start: float, duration: float) -> tuple[Method, di
         return method, {"save_at": times[times <= start + duration]}
     dt = request.dt or _DT
     n = duration / dt
-    if n > MOST_STEPS:
-        fail(f"{n:.3g} steps are more than {MOST_STEPS:g}; make it larger", "--dt")
+    if n > _BOUNDS.steps:
+        fail(f"{n:.3g} steps exceed the limit of {_BOUNDS.steps:g}; increase the step", "--dt")
     if rate is not None and rate * dt > 1.0 + 1e-9:
-        fail(f"steps of {dt:g} s give {1.0 / dt:g} rows a second at most", "--rate")
-    # Between two numbers of steps the smaller one: as many rows as were asked for, or more.
+        fail(f"steps of {dt:g} s give at most {1.0 / dt:g} samples per second", "--rate")
+    # Rounded down, so that there are at least as many samples as requested.
     every = 1 if rate is None else int(1.0 / (rate * dt) + 1e-9)
-    every = max(every, math.ceil(n / _MOST_ROWS))
-    return as_method(request.method, dt=dt), {"save_every": every}
+    every = max(every, math.ceil(n / _BOUNDS.samples))
+    fixed = TimeStepping(dt=dt) if request.method == "timestepping" else Variational(dt=dt)
+    return fixed, {"save_every": every}
 
 
-def _check_options(request: Request) -> None:
-    """An option of the other method is a mistake."""
+def _check_options(request: SimulateRequest) -> None:
+    """Raises a usage error for an option that the method does not have."""
     if request.method == "event":
         if request.dt is not None:
-            fail(
-                "it goes with --method timestepping or variational; event chooses its steps", "--dt"
-            )
-        if request.rtol is not None and not 1e-13 <= request.rtol <= 0.1:
-            fail(f"{request.rtol:g} is not between 1e-13 and 0.1", "--rtol")
+            fail("applies to --method timestepping or variational only", "--dt")
+        low, high = _BOUNDS.rtol
+        if request.rtol is not None and not low <= request.rtol <= high:
+            fail(f"{request.rtol:g} is not between {low:g} and {high:g}", "--rtol")
         if request.integrator is not None and request.integrator not in INTEGRATORS:
-            fail(f"{request.integrator} is none of {', '.join(INTEGRATORS)}", "--integrator")
+            fail(f"{request.integrator!r} is not one of {', '.join(INTEGRATORS)}", "--integrator")
     elif request.rtol is not None:
-        fail(f"it goes with --method event; {request.method} has --dt", "--rtol")
+        fail(f"applies to --method event only; {request.method} has --dt", "--rtol")
     elif request.integrator is not None:
-        fail(f"it goes with --method event; {request.method} has its own", "--integrator")
+        fail("applies to --method event only", "--integrator")
 
 
-def _duration(request: Request, inputs: Input | None) -> float:
+def _duration(request: SimulateRequest, inputs: Input | None) -> float:
     if request.duration is not None:
         duration = request.duration
     else:
-        duration = _STILL if inputs is None else inputs.duration
-    if duration > LONGEST:
+        duration = _DURATION_WITHOUT_INPUTS if inputs is None else inputs.duration
+    if duration > _BOUNDS.duration:
         fail(
-            f"{duration:g} s is longer than {LONGEST:g} s; in Python there is no bound",
+            f"{duration:g} s is longer than {_BOUNDS.duration:g} s; use Python for longer runs",
             "--duration",
         )
     return duration

@@ -1,4 +1,4 @@
-"""Warnings of what is no mistake in a file, and still is hardly meant."""
+"""Warnings about files that are valid but implausible."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from fantoccini.puppet.located import Located, read_file
 
 
 def puppet_warnings(made: Marionette, file: str) -> list[Problem]:
-    """Warnings of a puppet, in file order.
+    """Warnings about a puppet, in file order.
 
     Args:
-        made: the marionette of the file, which has no mistakes.
+        made: the marionette of the file.
         file: FILE argument.
     """
     located = read_file(puppet_path(file))
@@ -27,11 +27,11 @@ def puppet_warnings(made: Marionette, file: str) -> list[Problem]:
 
 
 def inputs_warnings(made: Marionette, inputs: Input, path: Path) -> list[Problem]:
-    """Warnings of inputs for a puppet, in file order.
+    """Warnings about inputs of a puppet, in file order.
 
     Args:
         made: the marionette.
-        inputs: of the file, which has no mistakes.
+        inputs: of the file.
         path: of the inputs file.
     """
     written = path.suffix.lower() in (".yaml", ".yml")
@@ -46,26 +46,17 @@ def inputs_warnings(made: Marionette, inputs: Input, path: Path) -> list[Problem
 def warn(
     made: Marionette, file: str, inputs: Input | None = None, path: Path | None = None
 ) -> None:
-    """Says in one line how many warnings there are, and what lists them.
-
-    Args:
-        made: the marionette of the file.
-        file: FILE argument.
-        inputs: that drive it, or None.
-        path: of their file.
-    """
+    """Prints the number of warnings and the command that lists them; arguments as above."""
     found, command = len(warnings(made.model)), f"fantoccini check {file}"
     if inputs is not None:
-        found, command = (
-            found + len(input_warnings(made.model, inputs)),
-            f"{command} --inputs {path}",
-        )
+        found += len(input_warnings(made.model, inputs))
+        command += f" --inputs {path}"
     if found:
         say(f"{found} warning{'s' * (found > 1)}: {command}")
 
 
-def _waypoint(made: Marionette, data: Any, name: str, t: float) -> tuple:
-    """Where a coordinate's waypoint at a time, or the first one after it, stands in the file."""
+def _waypoint(made: Marionette, data: Any, name: str, t: float) -> tuple[str | int, ...]:
+    """Path of the keys of a coordinate's first waypoint at or after a time."""
     given = data.get("coordinates", {}) if isinstance(data, dict) else {}
     names = [name, *(n for n, command in made.coordinates.commands.items() if command == name)]
     for own in names:

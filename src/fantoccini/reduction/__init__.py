@@ -1,6 +1,7 @@
-"""Sec. VI of the paper as an experiment: is the mixed model what a puppet on drives does?"""
+"""Sec. VI of the paper as an experiment: does a puppet on drives move as the mixed model says?"""
 
 from fantoccini.reduction.claims import Claim, Verdict
-from fantoccini.reduction.report import ReductionReport, validate_reduction
+from fantoccini.reduction.report import ReductionReport
+from fantoccini.reduction.validate import validate_reduction
 
 __all__ = ["Claim", "ReductionReport", "Verdict", "validate_reduction"]

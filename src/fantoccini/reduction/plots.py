@@ -1,28 +1,69 @@
-"""The report's plots."""
+"""The plots of a reduction report."""
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Container, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from fantoccini.reduction.report import ReductionReport
+from fantoccini.arrays import Array
+from fantoccini.reduction.bandwidth import TrackingRun
+from fantoccini.reduction.exact import Comparison, SharedCatch
+from fantoccini.reduction.heavy_string import HeavyString
 
+EXACT, CATCHES, BANDWIDTH, HEAVY_STRING = (
+    "Exact tracking", "Catches", "Bandwidth", "A string with mass",
+)  # fmt: skip
 PICTURES = {
-    "Exact tracking": "exact_tracking.png",
-    "Catches": "catches.png",
-    "Bandwidth": "bandwidth.png",
-    "A string with mass": "string_mass.png",
+    EXACT: "exact_tracking.png",
+    CATCHES: "catches.png",
+    BANDWIDTH: "bandwidth.png",
+    HEAVY_STRING: "string_mass.png",
 }
 """Title of a section -> file of its picture."""
-_APART = "largest difference [m or rad]"
+_DIFFERENCE = "largest difference [m or rad]"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Measurements:
+    """The measurements of parts (b) and (c); each is empty if it was impossible.
+
+    Attributes:
+        comparisons: (b) both models with exact tracking.
+        catches: (b) the first catch of a toss, with heavier and heavier drives.
+        tracking: (c) drives of larger and larger bandwidth.
+        heavy_strings: (c) a string with mass, on such drives.
+    """
+
+    comparisons: tuple[Comparison, ...] = ()
+    catches: tuple[SharedCatch, ...] = ()
+    tracking: tuple[TrackingRun, ...] = ()
+    heavy_strings: tuple[HeavyString, ...] = ()
+
+
+class _Line(NamedTuple):
+    """Measured points (n,); or, with an order, the line y ~ x^order next to them."""
+
+    label: str
+    x: Array
+    y: Array
+    order: float | None = None
+    marked: bool = True
+
+
+class _Chart(NamedTuple):
+    title: str
+    x: str
+    y: str
+    lines: list[_Line]
+    log_x: bool = True
 
 
 def draw(
-    report: ReductionReport,
+    measured: Measurements,
     folder: Path,
     prefix: str = "",
     chosen: Container[str] = frozenset(PICTURES),
@@ -30,8 +71,8 @@ def draw(
     """Writes the plots of what was measured into a folder.
 
     Args:
-        report: the figures.
-        folder: that exists.
+        measured: the data.
+        folder: an existing one.
         prefix: of the files' names.
         chosen: titles of sections, keys of ``PICTURES``.
 
@@ -40,61 +81,84 @@ def draw(
     """
     from fantoccini.view.curves import Curve, Panel, curves, slope
 
-    made = {}
-    event = [c for c in report.compared if c.method == "event"]
-    fixed = [c for c in report.compared if c.method != "event"]
-    if event:
-        times = [
-            Curve(f"rtol {c.step:g}", c.t, np.maximum.accumulate(c.puppet), marked=False)
-            for c in event
-        ]
-        panels = [Panel("Exact tracking, event-driven", "up to [s]", _APART, times, log_x=False)]
-        steps = []
-        for method in dict.fromkeys(c.method for c in fixed):
-            points = [(1e3 * c.step, c.worst[0]) for c in fixed if c.method == method]
-            x, y = zip(*points, strict=True)
-            steps += [Curve(method, x, y)]
-            steps += [slope("", x, y, 1.0 if method == "timestepping" else 2.0)]
-        if steps:
-            panels.append(
-                Panel("Fixed steps; dashed: orders 1 and 2", "step [ms]", _APART, steps)
-            )
-        made["Exact tracking"] = panels
-    if report.caught:
-        ratio = [c.ratio for c in report.caught]
-        jump = [c.jump for c in report.caught]
-        later = [c.after for c in report.caught]
-        made["Catches"] = [Panel(
-            f"A catch of {report.caught[0].string}", "mass of a drive / mass of the puppet",
-            "difference from the mixed model",
-            [Curve("jump of v_D, relative", ratio, jump), Curve("puppet later, m or rad", ratio,
-             later), slope("1 / inertia", ratio, jump, -1.0)],
-        )]  # fmt: skip
-    if report.tracked:
-        made["Bandwidth"] = [_bandwidth(report, False)]
-    if report.massive:
-        made["A string with mass"] = [_bandwidth(report, True)]
-    return [
-        curves(panels, folder / (prefix + PICTURES[title]))
-        for title, panels in made.items()
-        if title in chosen
+    files = []
+    for title, charts in _charts(measured).items():
+        if not charts or title not in chosen:
+            continue
+        panels = []
+        for chart in charts:
+            drawn = [
+                Curve(line.label, line.x, line.y, line.marked)
+                if line.order is None
+                else slope(line.label, line.x, line.y, line.order)
+                for line in chart.lines
+            ]
+            panels.append(Panel(chart.title, chart.x, chart.y, drawn, chart.log_x))
+        files.append(curves(panels, folder / (prefix + PICTURES[title])))
+    return files
+
+
+def _charts(measured: Measurements) -> dict[str, list[_Chart]]:
+    """Title of a section -> its charts; none if nothing was measured."""
+    heavy, tracking = measured.heavy_strings, measured.tracking
+    puppet = _over_bandwidth("puppet", tracking)
+    drives = np.array([t.deviation.max_mechanism for t in tracking])
+    massless = [puppet._replace(label="massless strings")] if tracking else []
+    square = [puppet._replace(label="1 / bandwidth^2", order=-2.0)] if tracking else []
+    lines = [_over_bandwidth(f"{m.mass:.2g} kg", m.tracking) for m in heavy]
+    x = "bandwidth of the drives [rad/s]"
+    real = _Chart(
+        "Real tracking", x, _DIFFERENCE, [puppet, _Line("drives", puppet.x, drives), *square]
+    )
+    return {
+        EXACT: _exact(measured.comparisons),
+        CATCHES: _catches(measured.catches),
+        BANDWIDTH: [real] if tracking else [],
+        HEAVY_STRING: [
+            _Chart(f"{m.string} with mass", x, _DIFFERENCE, [*massless, *lines, *square])
+            for m in heavy[:1]
+        ],
+    }
+
+
+def _exact(comparisons: Sequence[Comparison]) -> list[_Chart]:
+    by_events = [
+        _Line(
+            f"rtol {c.setting:g}", c.deviation.t, np.maximum.accumulate(c.deviation.puppet),
+            marked=False,
+        )
+        for c in comparisons
+        if c.method == "event"
+    ]  # fmt: skip
+    if not by_events:
+        return []
+    title = "Exact tracking, event-driven"
+    charts = [_Chart(title, "up to [s]", _DIFFERENCE, by_events, log_x=False)]
+    by_steps = []
+    for method in dict.fromkeys(c.method for c in comparisons if c.method != "event"):
+        runs = [c for c in comparisons if c.method == method]
+        x = np.array([1e3 * c.setting for c in runs])
+        y = np.array([c.deviation.max_puppet for c in runs])
+        order = 1.0 if method == "timestepping" else 2.0
+        by_steps += [_Line(method, x, y), _Line("", x, y, order)]
+    if by_steps:
+        title = "Fixed steps; dashed: orders 1 and 2"
+        charts.append(_Chart(title, "step [ms]", _DIFFERENCE, by_steps))
+    return charts
+
+
+def _catches(catches: Sequence[SharedCatch]) -> list[_Chart]:
+    ratio = np.array([c.ratio for c in catches])
+    jump = np.array([c.jump for c in catches])
+    lines = [
+        _Line("jump of v_D, relative", ratio, jump),
+        _Line("puppet later, m or rad", ratio, np.array([c.after for c in catches])),
+        _Line("1 / inertia", ratio, jump, -1.0),
     ]
+    x, y = "mass of a drive / mass of the puppet", "difference from the mixed model"
+    return [_Chart(f"A catch of {c.string}", x, y, lines) for c in catches[:1]]
 
 
-def _bandwidth(report: ReductionReport, massive: bool):
-    from fantoccini.view.curves import Curve, Panel, slope
-
-    w = [t.bandwidth for t in report.tracked]
-    away = [t.worst[0] for t in report.tracked]
-    shown = [Curve("massless strings" if massive else "puppet", w, away)] if w else []
-    if massive:
-        for m in report.massive:
-            x = [t.bandwidth for t in m.tracked]
-            shown.append(Curve(f"{m.mass:.2g} kg", x, [t.worst[0] for t in m.tracked]))
-        title = f"{report.massive[0].string} with mass"
-    else:
-        shown.append(Curve("drives", w, [t.worst[1] for t in report.tracked]))
-        title = "Real tracking"
-    if w:
-        shown.append(slope("1 / bandwidth^2", w, away, -2.0))
-    return Panel(title, "bandwidth of the drives [rad/s]", _APART, shown)
+def _over_bandwidth(label: str, runs: Sequence[TrackingRun]) -> _Line:
+    w = np.array([t.bandwidth for t in runs])
+    return _Line(label, w, np.array([t.deviation.max_puppet for t in runs]))

@@ -1,44 +1,66 @@
-"""Section VI as an experiment: everything that is measured of one puppet."""
+"""The report: everything measured on one puppet, as tables, Markdown and plots."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import textwrap
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from fantoccini.errors import FantocciniError, StateError
-from fantoccini.marionette import Marionette
-from fantoccini.motion import Input
-from fantoccini.reduction.bandwidth import Tracked, bandwidths, order
-from fantoccini.reduction.claims import Claim, claims, meaning
-from fantoccini.reduction.exact import Caught, Compared, caught, compared
-from fantoccini.reduction.massive import Massive, massive
-from fantoccini.reduction.mechanism import Mechanism
-from fantoccini.reduction.motions import Motion, performed, swayed, tossed
-from fantoccini.reduction.own import Own, own
-from fantoccini.reduction.structure import Structure, structure
+from fantoccini.files import replacing
+from fantoccini.reduction import plots
+from fantoccini.reduction.claims import Claim, Verdict
+from fantoccini.reduction.deviation import convergence_order
+from fantoccini.reduction.exact import Comparison
+from fantoccini.reduction.file_drives import FileDrives
+from fantoccini.reduction.plots import BANDWIDTH, CATCHES, EXACT, HEAVY_STRING
+from fantoccini.reduction.structure import Structure
+
+PAGE = "reduction.md"
+STRUCTURE, FILE_DRIVES = "Structure", "The file's own drives"
 
 
-@dataclass(frozen=True, eq=False)
-class ReductionReport:
-    """What of Sec. VI holds for a puppet, with the figures.
+@dataclass(frozen=True)
+class Table:
+    """A table with its heading.
+
+    Attributes:
+        title: of the section.
+        text: paragraph before it.
+        header: of the columns; those that end in ``>`` are set flush right.
+        lines: cells as text.
+    """
+
+    title: str
+    text: str
+    header: tuple[str, ...]
+    lines: tuple[tuple[str, ...], ...]
+
+    def markdown(self) -> str:
+        """Heading, text and table."""
+        cells = [tuple(h.rstrip(">") for h in self.header)]
+        cells.append(tuple("---:" if h.endswith(">") else "---" for h in self.header))
+        cells += [tuple(c.replace("|", "\\|") for c in line) for line in self.lines]
+        grid = "\n".join("| " + " | ".join(line) + " |" for line in cells)
+        return "\n\n".join(part for part in (f"## {self.title}", wrapped(self.text), grid) if part)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ReductionReport(plots.Measurements):
+    """Which claims of Sec. VI hold for a puppet, with the measurements.
 
     Attributes:
         name: of the puppet.
         driven: its driven velocities; each has a drive in the full model.
-        mass: of the puppet [kg], and of each drive where nothing else is said.
+        mass: of the puppet, and of each drive unless stated otherwise [kg].
         structure: (a) the kinetic energy, symmetric products, taut strings.
         claims: (a) in words, with verdicts.
-        meaning: what follows for the mixed model, in paragraphs.
-        duration, ends: of the motion that is compared, and up to its first catch [s].
-        compared: (b) both models with exact tracking; empty where the motion cannot be run.
-        caught: (b) the first catch of a toss with heavier and heavier drives.
-        tracked: (c) drives of larger and larger bandwidth.
-        massive: (c) a string with mass, on such drives.
-        own: (c) the drives of the puppet's file, as they are; None where it has none.
+        meaning: the consequences for the mixed model, in paragraphs.
+        duration, first_impact: of the motion that is compared, and up to its first catch [s].
         missing: what could not be measured, and why.
+        file_drives: (c) the drives of the puppet's file; None if it has none.
     """
 
     name: str
@@ -48,133 +70,208 @@ class ReductionReport:
     claims: tuple[Claim, ...]
     meaning: tuple[str, ...]
     duration: float
-    ends: float
-    compared: tuple[Compared, ...]
-    caught: tuple[Caught, ...]
-    tracked: tuple[Tracked, ...]
-    massive: tuple[Massive, ...]
+    first_impact: float
     missing: tuple[str, ...]
-    own: Own | None = None
+    file_drives: FileDrives | None = None
 
     @property
-    def exact(self) -> Compared | None:
-        """The comparison with the smallest tolerance."""
-        return min(
-            (c for c in self.compared if c.method == "event"), key=lambda c: c.step, default=None
-        )
+    def exact(self) -> Comparison | None:
+        """The event-driven comparison with the smallest tolerance."""
+        by_events = (c for c in self.comparisons if c.method == "event")
+        return min(by_events, key=lambda c: c.setting, default=None)
 
     @property
     def catch_order(self) -> float:
-        """The power of the drives' inertia with which a catch differs; -1 is expected."""
-        return order([c.ratio for c in self.caught], [c.jump for c in self.caught])
+        """The exponent of the drives' inertia in the difference at a catch; -1 is expected."""
+        return convergence_order([c.ratio for c in self.catches], [c.jump for c in self.catches])
 
     @property
     def bandwidth_order(self) -> float:
-        """The power of the bandwidth with which the puppet's motion differs; -2 is expected."""
-        return order([t.bandwidth for t in self.tracked], [t.worst[0] for t in self.tracked])
+        """The exponent of the bandwidth in the puppet's difference; -2 is expected."""
+        return convergence_order(
+            [t.bandwidth for t in self.tracking], [t.deviation.max_puppet for t in self.tracking]
+        )
 
     def write(self, folder: str | Path) -> list[Path]:
-        """Writes reduction.md and its plots into a folder; each file appears whole.
+        """Writes reduction.md and its plots into an existing folder; returns the files."""
+        folder = Path(folder)
+        pictures = plots.draw(self, folder)
+        path = folder / PAGE
+        with replacing(path) as temporary:
+            temporary.write_text(self.markdown([p.name for p in pictures]), encoding="utf-8")
+        return [path, *pictures]
 
-        Args:
-            folder: that exists.
-
-        Returns:
-            The files.
-        """
-        from fantoccini.reduction.page import write
-
-        return write(self, Path(folder))
-
-
-def validate_reduction(
-    marionette: Marionette,
-    inputs: Input | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> ReductionReport:
-    """Sec. VI, checked: is the mixed model what a puppet on driven mechanisms does?
-
-    (a) looks at the structure that the paper claims; (b) moves the puppet on drives by the forces
-    of exact tracking and compares with the mixed model; (c) lets the drives follow with a finite
-    bandwidth, and gives a string mass. For that every driven coordinate gets a drive as heavy as
-    the puppet; drives that the file has are compared as they are, beside it. Compiles up to eight
-    models when it is first asked.
-
-    Args:
-        marionette: the puppet.
-        inputs: the motion to compare, from rest where it begins; small moves of every driven
-            coordinate when not given.
-        progress: told what begins.
-
-    Raises:
-        PuppetError: it has no driven coordinates, or it is a world of several puppets.
-        StateError: it does not hang at rest, or the inputs have forces.
-    """
-    say = progress or (lambda _: None)
-    mechanism = Mechanism.of(marionette)
-    say("looking at the kinetic energy and at taut strings")
-    found = structure(mechanism.mixed, mechanism.inertia(1.0))
-    missing: list[str] = []
-    if inputs is not None and inputs.force is not None:
-        raise StateError("found inputs with forces; needed: motions of driven coordinates alone")
-    motion = _attempt(missing, "the motion", lambda: _motion(mechanism, inputs, say))
-    parts: dict[str, tuple] = dict.fromkeys(("compared", "caught", "tracked", "massive"), ())
-    as_it_is = None
-    if motion is not None:
-        full = mechanism.full()
-        say("comparing with exact tracking")
-        both = _attempt(missing, "exact tracking", lambda: compared(mechanism, full, motion))
-        if both is not None:
-            parts["compared"] = both[0]
-            missing += [f"exact tracking, {line}" for line in both[1]]
-        thrown = tossed(mechanism, motion.x0, motion.inputs)
-        if thrown is None:
-            missing.append("catches: nothing catches when the puppet is tossed")
-        else:
-            say("comparing a catch")
-            parts["caught"] = _attempt(missing, "catches", lambda: caught(mechanism, full, thrown))
-        say("sweeping the drives' bandwidth")
-        parts["tracked"] = _attempt(
-            missing, "bandwidth",
-            lambda: bandwidths(mechanism, mechanism.full(bandwidth=1.0), motion),
-        )  # fmt: skip
-        say("giving a string mass")
-        parts["massive"] = _attempt(
-            missing, "a string with mass", lambda: massive(mechanism, motion)
+    def markdown(self, pictures: Sequence[str]) -> str:
+        """The whole page, with those pictures that exist."""
+        n = len(self.driven)
+        opening = (
+            f"Which claims of Section VI (\"Validity of mixed kinematic-dynamic modeling\") of "
+            f"Johnson and Murphey, ICRA 2007, hold for this puppet of {number(self.mass)} kg with "
+            f"{n} driven coordinate{'s' * (n > 1)}. The mixed model takes them as inputs; in the "
+            "full model each has a drive."
         )
-        if marionette.tree.drives:
-            say("moving the file's own drives")
-            as_it_is = _attempt(
-                missing, "the file's drives", lambda: own(mechanism, marionette, motion)
+        verdicts = "\n".join(f"- {line}" for line in self.verdicts())
+        sections = [f"# Reduction of {self.name}", wrapped(opening), verdicts]
+        for table in self.tables():
+            sections.append(table.markdown())
+            name = plots.PICTURES.get(table.title)
+            if name in pictures:
+                sections.append(f"![{table.title}]({name})")
+            if table.title == STRUCTURE:
+                sections += map(wrapped, self.meaning)
+                if self.structure.symbolic is not None:
+                    sections.append("```\n" + self.structure.symbolic.text() + "\n```")
+        return "\n\n".join(sections) + "\n"
+
+    def verdicts(self) -> list[str]:
+        """The results, one line each."""
+        fails = [c.text for c in self.claims if c.verdict is Verdict.FAILS]
+        lines = [f"(a) fails: {'; '.join(fails)}" if fails else "(a) the claims hold"]
+        if self.exact is not None:
+            lines.append(
+                f"(b) with exact tracking the puppets differ by "
+                f"{number(self.exact.deviation.max_puppet)} (m, rad) at rtol "
+                f"{self.exact.setting:g}, up to {self.first_impact:.3g} s"
             )
-    return ReductionReport(
-        mechanism.mixed.name,
-        mechanism.mixed.coordinates.v_K,
-        mechanism.mixed.mass,
-        found,
-        claims(found),
-        tuple(meaning(found)),
-        motion.inputs.duration if motion else np.nan,
-        motion.ends if motion else np.nan,
-        **{name: tuple(part or ()) for name, part in parts.items()},
-        missing=tuple(missing),
-        own=as_it_is,
+        if self.catches:
+            lines.append(
+                f"(b) at a catch they differ as the drives' inertia to the power "
+                f"{self.catch_order:.2f}"
+            )
+        if self.tracking:
+            power = self.bandwidth_order
+            lines.append(
+                f"(c) with real tracking they differ as the bandwidth to the power {power:.2f}"
+                if np.isfinite(power)
+                else "(c) the drives' tracking error has no effect on the puppet"
+            )
+        if self.heavy_strings:
+            heavy = self.heavy_strings[-1]
+            last = heavy.tracking[-1]
+            lines.append(
+                f"(c) with {heavy.string} of {number(heavy.mass)} kg they stay "
+                f"{number(last.deviation.max_puppet)} (m, rad) apart at {last.bandwidth:.3g} rad/s"
+            )
+        if self.file_drives is not None:
+            apart = number(self.file_drives.deviation.max_puppet)
+            lines.append(f"(c) on the file's own drives they differ by {apart} (m, rad)")
+        return lines + [f"not measured: {line}" for line in self.missing]
+
+    def tables(self) -> list[Table]:
+        """The tables in order, of what was measured."""
+        claims = tuple((c.text, str(c.verdict), c.evidence) for c in self.claims)
+        tables = [Table(STRUCTURE, "", ("claim", "", "evidence"), claims)]
+        if self.comparisons:
+            tables.append(self._exact_table())
+        if self.catches:
+            tables.append(self._catch_table())
+        if self.tracking:
+            tables.append(self._bandwidth_table())
+        if self.heavy_strings:
+            tables.append(self._heavy_string_table())
+        if self.file_drives is not None:
+            tables.append(_file_drives_table(self.file_drives))
+        return tables
+
+    def _exact_table(self) -> Table:
+        text = (
+            "The full model's drives are moved by the forces of exact tracking, the mixed model's "
+            "effort plus the drive's inertia times acc_K, without feedback. Largest difference of "
+            f"a coordinate up to {self.first_impact:.3g} s of {self.duration:.3g} s; both models "
+            "use the same method."
+        )
+        lines = tuple(
+            (
+                c.method, f"rtol {c.setting:g}" if c.method == "event" else
+                f"{1e3 * c.setting:.2f} ms", *_both(c.deviation.max_puppet,
+                c.deviation.max_mechanism),
+            )
+            for c in self.comparisons
+        )  # fmt: skip
+        return Table(EXACT, text, ("method", "setting>", "puppet>", "drives>"), lines)
+
+    def _catch_table(self) -> Table:
+        text = (
+            f"The puppet is tossed; {self.catches[0].string} catches first. In the mixed model v_K "
+            "is continuous there, while a drive takes part of the impulse. Jump of v_D: difference "
+            "from the mixed model's, relative to it, in the metric of M_DD."
+        )
+        lines = tuple(
+            (
+                f"{c.ratio:g}", number(c.impulse, 6),
+                number(abs(1.0 - c.impulse / c.mixed_impulse)), number(c.jump), number(c.after),
+            )
+            for c in self.catches
+        )  # fmt: skip
+        header = (
+            "drive / puppet>", "impulse [N s]>", "less than the mixed model's, relative>",
+            "jump of v_D>", "puppet later (m, rad)>",
+        )  # fmt: skip
+        return Table(CATCHES, text, header, lines)
+
+    def _bandwidth_table(self) -> Table:
+        text = (
+            "Drives with computed-torque control, which knows the drive but not the strings, "
+            "follow the same inputs. A steady pull causes a lag of pull / (J w^2)."
+        )
+        lines = tuple(
+            (
+                f"{t.bandwidth:.4g}",
+                *_both(t.deviation.max_puppet, t.deviation.max_mechanism),
+                t.deviation.status,
+            )
+            for t in self.tracking
+        )
+        header = ("bandwidth [rad/s]>", "puppet (m, rad)>", "drives (m, rad)>", "")
+        n = 4 if any(t.deviation.status for t in self.tracking) else 3
+        return Table(BANDWIDTH, text, header[:n], tuple(line[:n] for line in lines))
+
+    def _heavy_string_table(self) -> Table:
+        heavy = self.heavy_strings
+        text = (
+            f"{heavy[0].string} is a chain of point masses between stiff springs. Differences of "
+            "the puppet from the massless mixed model, each motion relative to its own rest (m, "
+            "rad). M_DK of a straight string of that mass, relative to sqrt(M_DD M_KK)."
+        )
+        speeds = [f"at {t.bandwidth:.4g} rad/s>" for t in heavy[0].tracking]
+        lines = tuple(
+            (
+                *_both(m.mass, m.coupling),
+                *(number(t.deviation.max_puppet) for t in m.tracking),
+                number(m.exact.max_puppet),
+            )
+            for m in heavy
+        )
+        header = ("string [kg]>", "M_DK, relative>", *speeds, "exact tracking>")
+        return Table(HEAVY_STRING, text, header, lines)
+
+
+def _file_drives_table(found: FileDrives) -> Table:
+    apart = found.deviation
+    text = (
+        "The same motion as commands of the drives that the file describes. The puppet differs by "
+        f"up to {number(apart.max_puppet)} (m, rad) from the mixed model, each motion relative to "
+        "its own rest." + (f" The run stopped: {apart.status}." if apart.status else "")
     )
+    lines = tuple(
+        (name, *_both(found.lag[0, k], np.max(found.lag[:, k])), number(found.force[k]))
+        for k, name in enumerate(found.drives)
+    )
+    header = ("drive", "lag at rest (m, rad)>", "largest lag>", "largest force [N, N m]>")
+    return Table(FILE_DRIVES, text, header, lines)
 
 
-def _motion(mechanism: Mechanism, inputs: Input | None, say: Callable[[str], None]) -> Motion:
-    say("finding a motion to compare")
-    if inputs is None:
-        return swayed(mechanism, mechanism.mixed.rest())
-    given = mechanism.commanded(mechanism.mixed, inputs)
-    x0 = mechanism.mixed.rest(given.first_values())
-    return performed(mechanism, x0, given.bound(x0.q_K))
+def _both(first: float, second: float) -> tuple[str, str]:
+    return number(first), number(second)
 
 
-def _attempt(missing: list[str], what: str, measure: Callable):
-    """What is measured, or None and a line that says why not."""
-    try:
-        return measure()
-    except FantocciniError as error:
-        missing.append(f"{what}: {error}")
-        return None
+def number(value: float, digits: int = 2) -> str:
+    """A number in few characters."""
+    if not np.isfinite(value):
+        return "-"
+    return f"{value:.{digits}g}" if 1e-3 <= abs(value) < 1e5 or value == 0 else f"{value:.1e}"
+
+
+def wrapped(text: str) -> str:
+    """A paragraph in lines of at most 100 characters."""
+    return textwrap.fill(text, 100, break_long_words=False, break_on_hyphens=False)

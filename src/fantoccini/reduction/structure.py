@@ -1,4 +1,4 @@
-"""Part (a): the structure that Sec. VI claims, looked at in expressions and in numbers."""
+"""Part (a): the structure that Sec. VI claims, examined in expressions and in numbers."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from fantoccini.reduction.symbolic import Symbolic, symbolic
 from fantoccini.reduction.tracking import Tracking, tracking
 
 N_STATES = 12
-"""Configurations of each kind that are looked at."""
+"""Configurations of each kind."""
 
 
 @dataclass(frozen=True)
 class Structure:
-    """What the kinetic energy and the strings of a puppet on a fully actuated mechanism are.
+    """The kinetic energy and the strings of a puppet on a fully actuated mechanism.
 
     Attributes:
         kinetic: the blocks of the kinetic energy.
-        symbolic: the same of a small puppet as expressions; None for a large one.
-        slack: largest share of a symmetric product outside of span{Y_k}, strings slack.
-        n_slack: configurations behind it.
+        symbolic: the same as expressions; None for a large puppet.
+        slack: largest share of a symmetric product outside of span{Y_k}, with slack strings.
+        n_slack: number of configurations it is taken over.
         taut: the same for each configuration with taut strings, in the constrained connection.
-        tracking: what the drives can accelerate in each of these.
+        tracking: the accelerations that the drives can give in each of these.
     """
 
     kinetic: KineticEnergy
@@ -41,29 +41,29 @@ class Structure:
 
     @property
     def tied(self) -> dict[tuple[str, ...], int]:
-        """Strings that tie drives to one another -> in how many of the configurations."""
+        """Strings that tie drives to one another -> number of configurations."""
         return dict(Counter(t.tied for t in self.tracking if t.tied))
 
 
 def structure(
     marionette: Marionette, inertia: Array, n: int = N_STATES, seed: int = 0
 ) -> Structure:
-    """Looks at a puppet's kinetic energy and strings.
+    """Examines a puppet's kinetic energy and strings at random configurations.
 
     Args:
         marionette: the puppet, without drives.
         inertia: (n_vK,) reflected inertia of a drive on every driven coordinate [kg or kg m^2].
-        n: configurations of each kind, at random.
+        n: configurations of each kind.
         seed: of these.
     """
     rng = np.random.default_rng(seed)
-    states = configurations.anywhere(marionette, n, rng)
-    on = configurations.on_strings(marionette, n, rng)
+    states = configurations.random_states(marionette, n, rng)
+    on = configurations.taut_states(marionette, n, rng)
     return Structure(
         kinetic_energy(marionette, states),
         symbolic(marionette),
-        max(symmetric_products(marionette, x, inertia).worst for x in states),
+        max(symmetric_products(marionette, x, inertia).max_outside for x in states),
         len(states),
-        tuple(symmetric_products(marionette, x, inertia, rows).worst for x, rows in on),
+        tuple(symmetric_products(marionette, x, inertia, rows).max_outside for x, rows in on),
         tuple(tracking(marionette, x, inertia, rows) for x, rows in on),
     )

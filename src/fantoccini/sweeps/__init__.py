@@ -1,4 +1,4 @@
-"""Sweeps: one study over puppets, parameters, inputs and seeds, on many cores or machines."""
+"""Parameter studies over puppets, parameters, inputs and seeds, on many cores or machines."""
 
 from fantoccini.sweeps.case import Case
 from fantoccini.sweeps.outcome import Failure

@@ -1,4 +1,4 @@
-"""One case of a sweep, as a study gets it."""
+"""One case of a sweep, as its study receives it."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from fantoccini.errors import UnknownNameError
 from fantoccini.marionette import Marionette
 
 PUPPET = "puppet"
-"""The name under which puppets are varied."""
+"""Name of the value that selects the puppet."""
 PARAMETER = "p:"
-"""What the names of values that are parameters of the puppet begin with."""
+"""Prefix of values that set a parameter of the puppet."""
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """One case of a sweep, as a study gets it. ``case["hand.length"]`` is a value.
+    """One case of a sweep, as its study receives it. ``case["hand.length"]`` is a value.
 
     Attributes:
-        index: place among all cases, 0-based.
-        values: name -> value, of all that is varied or drawn; ``puppet`` is a label.
-        repeat: which repetition of these values it is, 0-based.
-        entropy: what its random numbers grow from.
+        index: number of the case, 0-based.
+        values: name -> value, varied or drawn; ``puppet`` is a label.
+        repeat: number of the repetition with these values, 0-based.
+        entropy: seed sequence of the case's random numbers.
         marionette: the case's puppet with the case's parameters; None in a sweep without one.
     """
 
@@ -49,21 +49,17 @@ class Case:
 
     @cached_property
     def seed(self) -> int:
-        """A seed of the case's own, below 2^63, for what wants a number."""
-        made = np.random.SeedSequence((*self.entropy, 0)).generate_state(1, np.uint64)
-        return int(made[0] >> np.uint64(1))
+        """An integer seed of the case's own, below 2^63."""
+        state = np.random.SeedSequence((*self.entropy, 0)).generate_state(1, np.uint64)
+        return int(state[0] >> np.uint64(1))
 
-    def on(self, marionette: Marionette | None) -> Case:
-        """The case with its puppet, which gets the case's parameters, and fresh random numbers."""
-        p = self.parameters()
-        if marionette is not None and p:
-            marionette = marionette.with_parameters(p)
-        return dataclasses.replace(self, marionette=marionette)
-
-    def parameters(self) -> dict[str, float]:
-        """Parameter name -> value, of the values called ``p:NAME``."""
-        return {
-            name[len(PARAMETER) :]: value
+    def with_marionette(self, marionette: Marionette | None) -> Case:
+        """The case with a puppet that has the case's parameters, and unused random numbers."""
+        p = {
+            name.removeprefix(PARAMETER): value
             for name, value in self.values.items()
             if name.startswith(PARAMETER)
         }
+        if marionette is not None and p:
+            marionette = marionette.with_parameters(p)
+        return dataclasses.replace(self, marionette=marionette)

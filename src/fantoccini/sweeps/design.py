@@ -1,4 +1,4 @@
-"""All cases of a sweep: a grid or a list of points, each repeated, with what is drawn for each."""
+"""The cases of a sweep: a grid or a list of points, repeated, with random values drawn for each."""
 
 from __future__ import annotations
 
@@ -19,20 +19,21 @@ from fantoccini.sweeps.identity import digest
 from fantoccini.world import World
 
 REPEAT = "repeat"
-"""The name of the axis of repetitions."""
+"""Name of the axis of repetitions."""
 CASE = "case"
-"""The name of the axis of a list of cases."""
+"""Name of the axis of a list of cases."""
 
 Draw = tuple[float, float] | Callable[[np.random.Generator], Any]
+Over = Mapping[str, Any] | Sequence[Mapping[str, Any]]
 
 
 @dataclass(frozen=True)
 class Axis:
-    """What is varied along one axis of the results.
+    """One axis of the results.
 
     Attributes:
         name: of the value; ``case`` for a list of cases, ``repeat`` for repetitions.
-        labels: what stands for each value in tables: itself where it is a number or a text.
+        labels: of the values in tables; numbers and texts label themselves.
     """
 
     name: str
@@ -47,8 +48,8 @@ class Design:
         axes: the slowest first.
         names: of all values, in the order of tables.
         cases: in order, without their marionettes.
-        labels: of each case, name -> what stands for the value in tables.
-        keys: of each case, a digest of all that it depends on but the study and the seed.
+        labels: per case, name -> label of the value in tables.
+        keys: per case, a digest of everything that defines it except the study and the seed.
         puppets: label -> marionette.
     """
 
@@ -67,7 +68,14 @@ class Design:
 
 @dataclass(frozen=True, eq=False)
 class _Item:
-    """A value, what stands for it in tables, what its random numbers and its results go by."""
+    """A varied value.
+
+    Attributes:
+        value: itself.
+        label: in tables.
+        stream: identifies its random numbers.
+        key: digest that identifies its stored results.
+    """
 
     value: Any
     label: Any
@@ -75,14 +83,14 @@ class _Item:
     key: str
 
 
-def designed(
-    over: Mapping[str, Any] | Sequence[Mapping[str, Any]] | None,
+def make_design(
+    over: Over | None,
     draw: Mapping[str, Draw] | None,
     seeds: int | None,
     seed: int,
     puppet: Marionette | Puppet | World | None,
 ) -> Design:
-    """The cases that :func:`fantoccini.sweeps.sweep` is asked for; its arguments."""
+    """The cases of a sweep; the arguments are those of :func:`fantoccini.sweeps.sweep`."""
     seed = check_whole("seed", seed, 0)
     seeds = None if seeds is None else check_whole("seeds", seeds, 1)
     draw = dict(draw or {})
@@ -95,28 +103,29 @@ def designed(
     puppets = {label: item.value for label, item in items.items()}
     _check_parameters(names, puppets)
     streams = {name: int(digest(name), 16) for name in draw}
-    cases, labels, keys = [], [], []
+    cases: list[Case] = []
+    labels: list[dict[str, Any]] = []
+    keys: list[str] = []
     for point in points:
         stream = int(digest({n: item.stream for n, item in point.items()}), 16)
         own = {n: item.key for n, item in (point | ({PUPPET: shared} if shared else {})).items()}
         for repeat in range(seeds or 1):
             entropy = (seed, stream, repeat)
-            drawn = {n: _drawn(n, how, (*entropy, streams[n])) for n, how in draw.items()}
-            told = {n: item.label for n, item in point.items()} | drawn
-            values = {n: told[n] if n == PUPPET else i.value for n, i in point.items()} | drawn
+            drawn = {n: _draw(n, how, (*entropy, streams[n])) for n, how in draw.items()}
+            values = {n: i.label if n == PUPPET else i.value for n, i in point.items()} | drawn
             if shared is not None:
                 values = {PUPPET: shared.label} | values
             cases.append(Case(len(cases), values, repeat, entropy))
-            labels.append(told)
+            labels.append({n: item.label for n, item in point.items()} | drawn)
             keys.append(digest([own, drawn, stream, repeat]))
-    _check_twice(keys, labels)
+    _check_unique(keys, labels)
     if seeds is not None:
         axes = (*axes, Axis(REPEAT, tuple(range(seeds))))
     return Design(axes, names, tuple(cases), tuple(labels), tuple(keys), puppets)
 
 
-def _points(over: Any) -> tuple[tuple[Axis, ...], list[dict[str, _Item]]]:
-    """The axes, and every point: the product of a mapping's values, or a list of mappings."""
+def _points(over: Over | None) -> tuple[tuple[Axis, ...], list[dict[str, _Item]]]:
+    """The axes, and all points: the product of a mapping's values, or a list of mappings."""
     if over is None or isinstance(over, Mapping):
         columns = {name: _column(name, given) for name, given in (over or {}).items()}
         axes = tuple(Axis(n, tuple(item.label for item in c)) for n, c in columns.items())
@@ -126,39 +135,42 @@ def _points(over: Any) -> tuple[tuple[Axis, ...], list[dict[str, _Item]]]:
     if not points or not all(isinstance(p, Mapping) for p in points):
         raise TypeError(
             f"over is {over!r:.80}; it must be a dict of lists, {{'hand.length': [0.7, 0.8]}}, for "
-            "all combinations, or a list of dicts, one for each case"
+            "all combinations, or a list of dicts, one per case"
         )
     names = list(points[0])
     for k, point in enumerate(points):
         if set(point) != set(names):
-            apart = ", ".join(sorted(set(point) ^ set(names)))
-            raise ValueError(f"cases 0 and {k} of over differ in {apart}; all need the same names")
+            differing = ", ".join(sorted(set(point) ^ set(names)))
+            raise ValueError(
+                f"cases 0 and {k} of over differ in {differing}; all need the same names"
+            )
     columns = {name: _items(name, [p[name] for p in points]) for name in names}
-    rows = zip(*columns.values(), strict=True) if names else [()] * len(points)
     axis = Axis(CASE, tuple(range(len(points))))
-    return (axis,), [dict(zip(names, row, strict=True)) for row in rows]
+    return (axis,), [{name: columns[name][k] for name in names} for k in range(len(points))]
 
 
 def _column(name: str, given: Any) -> list[_Item]:
     """The values of an axis: a list, or a mapping label -> value."""
     if isinstance(given, str | Marionette) or not isinstance(given, Iterable):
-        raise TypeError(f"{name} is {given!r:.80}; it must be a list of values, also for one value")
+        raise TypeError(f"{name} is {given!r:.80}; it must be a list of values, even for one value")
     labels = [str(label) for label in given] if isinstance(given, Mapping) else None
     found = _items(name, list(given.values() if isinstance(given, Mapping) else given), labels)
     if not found:
-        raise ValueError(f"{name} has no values; it needs one or more")
-    met: set[str] = set()
+        raise ValueError(f"{name} has no values; give at least one")
+    seen: set[str] = set()
     for item in found:
-        if repr(item.stream) in met:
+        if repr(item.stream) in seen:
             raise ValueError(f"{name} has {item.label!r} twice; seeds=N repeats every case N times")
-        met.add(repr(item.stream))
+        seen.add(repr(item.stream))
     return found
 
 
 def _items(name: str, values: list[Any], labels: list[str] | None = None) -> list[_Item]:
-    """Values with their labels; equal things get equal labels, others are numbered."""
+    """Values with labels; equal objects share a label, others are numbered."""
     made: list[_Item] = []
     by_key: dict[str, str] = {}
+    label: Any
+    stream: Any
     for k, value in enumerate(values):
         if name == PUPPET:
             value = _marionette(value)
@@ -180,10 +192,12 @@ def _items(name: str, values: list[Any], labels: list[str] | None = None) -> lis
 
 
 def _unused(base: str, by_key: dict[str, str], bare: bool) -> str:
-    """``base`` if that is free and ``bare``, otherwise with the first free number."""
+    """``base`` if it is unused and ``bare``, otherwise with the first free number appended."""
     taken = set(by_key.values())
+    if bare and base not in taken:
+        return base
     numbered = (f"{base} {k}" for k in itertools.count(2 if bare else 0))
-    return next(x for x in itertools.chain([base] if bare else [], numbered) if x not in taken)
+    return next(label for label in numbered if label not in taken)
 
 
 def _marionette(given: Any) -> Marionette:
@@ -191,16 +205,16 @@ def _marionette(given: Any) -> Marionette:
         return Marionette(given)
     if not isinstance(given, Marionette):
         raise TypeError(
-            f"found the puppet {given!r:.80}; it must be a Marionette, as fan.load('arm.yaml') and "
-            "fan.puppets.arm2d() give it, a Puppet or a World"
+            f"found the puppet {given!r:.80}; it must be a Marionette (from fan.load('arm.yaml') "
+            "or fan.puppets.arm2d()), a Puppet or a World"
         )
     return given
 
 
-def _drawn(name: str, how: Any, entropy: tuple[int, ...]) -> Any:
-    """A value for one case: from a range, a function of a generator or a SciPy distribution.
+def _draw(name: str, how: Any, entropy: tuple[int, ...]) -> Any:
+    """A random value for one case.
 
-    Every name has an entropy of its own, so that a name more or less changes no other.
+    Every name has its own entropy, so that adding or removing a name changes no other value.
     """
     rng = np.random.default_rng(np.random.SeedSequence(entropy))
     if hasattr(how, "rvs"):
@@ -212,46 +226,46 @@ def _drawn(name: str, how: Any, entropy: tuple[int, ...]) -> Any:
             low, high = (float(x) for x in how)
         except (TypeError, ValueError):
             raise TypeError(
-                f"{name} is to be drawn from {how!r:.80}; it must be a range (low, high), a "
-                "distribution of scipy.stats, or a function of a numpy Generator"
+                f"cannot draw {name} from {how!r:.80}; give a range (low, high), a distribution of "
+                "scipy.stats, or a function of a numpy Generator"
             ) from None
         if not (np.isfinite([low, high]).all() and low <= high):
-            raise ValueError(f"{name} is to be drawn from {how!r}; low must not exceed high")
+            raise ValueError(f"cannot draw {name} from {how!r}; low must not exceed high")
         value = rng.uniform(low, high)
     return value.item() if isinstance(value, np.generic) else value
 
 
 def check_whole(name: str, value: Any, least: int) -> int:
-    """The whole number that a value is; ValueError where it is none, or below the least."""
+    """The value as an int; ValueError unless it is an integer and at least ``least``."""
     if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
-        raise ValueError(f"{name} is {value!r}; it must be a whole number, {least} or more")
+        raise ValueError(f"{name} is {value!r}; it must be an integer, {least} or more")
     return int(value)
 
 
 def _check_names(names: tuple[str, ...], over: Any, draw: Any, shared: _Item | None) -> None:
     for name in names:
         if not isinstance(name, str) or not name:
-            raise TypeError(f"found the name {name!r} in over or draw; names are texts")
+            raise TypeError(f"found the name {name!r} in over or draw; names must be texts")
         if name in over and name in draw:
-            raise ValueError(f"{name} is in over and in draw; it is varied or drawn, not both")
+            raise ValueError(f"{name} is in over and in draw; a value is varied or drawn, not both")
         if name in (REPEAT, CASE):
-            raise ValueError(f"a value cannot be called {name!r}; that is an axis of the results")
+            raise ValueError(f"no value may be called {name!r}, the name of an axis of the results")
     if PUPPET in draw or (PUPPET in names and shared is not None):
-        raise ValueError("puppets go into over, or as puppet= if all cases have the same one")
+        raise ValueError("give puppets in over, or one for all cases as puppet=")
 
 
 def _check_parameters(names: tuple[str, ...], puppets: dict[str, Marionette]) -> None:
-    """A parameter that none of the puppets has is a slip of the pen."""
+    """Raises for a parameter that no puppet has."""
     known = [name for m in puppets.values() for name in m.tree.parameters]
     for name in names:
         if name.startswith(PARAMETER) and name[len(PARAMETER) :] not in known:
             raise UnknownNameError("parameter", name[len(PARAMETER) :], known)
 
 
-def _check_twice(keys: list[str], labels: list[dict[str, Any]]) -> None:
+def _check_unique(keys: list[str], labels: list[dict[str, Any]]) -> None:
     first: dict[str, int] = {}
     for k, key in enumerate(keys):
         if first.setdefault(key, k) != k:
             raise ValueError(
-                f"cases {first[key]} and {k} are the same, {labels[k]}; seeds=N repeats every case"
+                f"cases {first[key]} and {k} are equal, {labels[k]}; seeds=N repeats every case"
             )

@@ -1,7 +1,6 @@
-"""What a value, a study or a case is, as a text: equal texts for what gives equal results.
+"""Digests of values and studies: equal digests for whatever gives equal results.
 
-Texts, and digests of them, say which stored case belongs to which values, and whether a store was
-made by the same study. Nothing is read back from them.
+They identify stored cases and tell whether a store was made by the same study.
 """
 
 from __future__ import annotations
@@ -25,20 +24,20 @@ from fantoccini.world import World
 
 
 def digest(value: Any) -> str:
-    """32 hexadecimal digits that are equal for equal values.
+    """32 hexadecimal digits, equal for equal values.
 
     Args:
         value: numbers, texts, arrays, puppets, states, inputs, and lists and dicts of them.
 
     Raises:
-        TypeError: naming a value of another kind.
+        TypeError: a value of another kind.
     """
     text = json.dumps(_plain(value), sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
 def study_name(study: Any) -> str:
-    """Module and name of a study, for people."""
+    """Module and name of a study, for messages."""
     while isinstance(study, partial):
         study = study.func
     named = study if hasattr(study, "__qualname__") else type(study)
@@ -46,35 +45,34 @@ def study_name(study: Any) -> str:
 
 
 def study_digest(study: Any) -> str | None:
-    """A digest of what a study does; None where that cannot be told.
+    """A digest of a study's code and settings; None if it is no function, partial or dataclass.
 
-    Of a function it is the compiled code with its constants, defaults and captured values, not what
-    it calls; of a dataclass or a ``functools.partial`` the settings as well.
+    It covers a function's byte code, constants, defaults and captured values, but not the functions
+    it calls.
     """
     if isinstance(study, partial):
         inner = study_digest(study.func)
-        keywords = {name: _or_kind(value) for name, value in study.keywords.items()}
-        return inner and digest([inner, [_or_kind(value) for value in study.args], keywords])
+        keywords = {name: _digest_or_type(value) for name, value in study.keywords.items()}
+        return inner and digest([inner, [_digest_or_type(v) for v in study.args], keywords])
     if inspect.isfunction(study):
-        # What a closure has captured takes part where it is plain data.
-        captured = [_or_kind(cell.cell_contents) for cell in study.__closure__ or ()]
-        given = [_or_kind(study.__defaults__), _or_kind(study.__kwdefaults__)]
+        captured = [_digest_or_type(cell.cell_contents) for cell in study.__closure__ or ()]
+        given = [_digest_or_type(study.__defaults__), _digest_or_type(study.__kwdefaults__)]
         return digest([_code(study.__code__), captured, given])
     if dataclasses.is_dataclass(study) and not isinstance(study, type):
-        return _or_kind(study)
+        return _digest_or_type(study)
     return None
 
 
-def _or_kind(value: Any) -> Any:
-    """The value where it is plain data, otherwise its kind."""
+def _digest_or_type(value: Any) -> str:
+    """The digest of plain data; the name of its type otherwise."""
     try:
         return digest(value)
     except (TypeError, ValueError):
         return f"{type(value).__module__}.{type(value).__qualname__}"
 
 
-def _code(code: CodeType) -> list:
-    """What a function does, without where it stands in its file."""
+def _code(code: CodeType) -> list[Any]:
+    """Byte code, constants and names, without line numbers."""
     constants = [_constant(c) for c in code.co_consts]
     return [code.co_code.hex(), constants, list(code.co_names), list(code.co_varnames)]
 
@@ -82,12 +80,12 @@ def _code(code: CodeType) -> list:
 def _constant(value: Any) -> Any:
     if isinstance(value, CodeType):
         return _code(value)
-    # The order of a set of texts is another one in every process.
+    # The order of a set of texts differs from process to process.
     return sorted(map(repr, value)) if isinstance(value, frozenset) else repr(value)
 
 
 def _plain(value: Any) -> Any:
-    """JSON-able data; kinds that JSON would mix up are marked."""
+    """JSON-able data; types that JSON does not distinguish are tagged."""
     match value:
         case enum.Enum():
             return _plain(value.value)

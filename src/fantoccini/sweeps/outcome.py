@@ -1,4 +1,4 @@
-"""What one case gave, and how a case is run."""
+"""How a case is run, and its outcome."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from fantoccini.sweeps.case import PUPPET, Case
 
 Study = Callable[[Case], Mapping[str, Any]]
 
-_LONGEST = 20_000
-"""Most that is kept of a traceback [characters]."""
+_MAX_TRACE = 20_000
+"""Characters kept of a traceback."""
 _building = threading.Lock()
-"""Equations are derived by one thread at a time."""
+"""One thread at a time derives equations."""
 
 
 @dataclass(frozen=True)
 class Failure:
-    """Why a case has no figures.
+    """Why a case has no results.
 
     Attributes:
         error: name of the exception, or ``WorkerDied``.
-        message: its words.
+        message: of the exception.
         trace: its traceback.
     """
 
@@ -42,19 +42,19 @@ class Failure:
 
     @classmethod
     def of(cls, error: BaseException) -> Failure:
-        """The failure of an exception that was just caught; our own frame is left out."""
+        """The failure of an exception just caught, without the frame that caught it."""
         inner = error.__traceback__ and error.__traceback__.tb_next
         lines = traceback.format_exception(type(error), error, inner)
-        return cls(type(error).__name__, str(error), "".join(lines)[-_LONGEST:])
+        return cls(type(error).__name__, str(error), "".join(lines)[-_MAX_TRACE:])
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What one case gave.
+    """The outcome of one case.
 
     Attributes:
-        figures: name -> array, () for a number.
-        seconds: how long it took [s].
+        figures: name -> array; shape () for a number.
+        seconds: duration [s].
         failure: why there are no figures, or None.
     """
 
@@ -70,49 +70,51 @@ class Job:
     Attributes:
         study: the function to run.
         puppets: label -> marionette.
-        names: of all values; figures have other names.
+        names: of all values; figures must have other names.
     """
 
     study: Study
     puppets: dict[str, Marionette]
     names: tuple[str, ...]
-    _unusable: dict[str, FantocciniError] = field(default_factory=dict)
+    _compiled: set[str] = field(default_factory=set)
+    _broken: dict[str, FantocciniError] = field(default_factory=dict)
 
-    def perform(self, case: Case) -> Outcome:
-        """Runs one case. Whatever goes wrong in it is its outcome."""
+    def run(self, case: Case) -> Outcome:
+        """Runs one case. An exception becomes its outcome."""
         start = time.perf_counter()
         try:
             label = case.values.get(PUPPET)
-            ready = case.on(None if label is None else self._ready(label))
-            figures = figures_of(self.study(ready), self.names)
+            ready = case.with_marionette(None if label is None else self._marionette(label))
+            figures = as_figures(self.study(ready), self.names)
         except BaseException as error:
             return Outcome({}, time.perf_counter() - start, Failure.of(error))
         return Outcome(figures, time.perf_counter() - start)
 
-    def _ready(self, label: str) -> Marionette:
-        """A marionette that is compiled; one that cannot be is not tried for every case anew."""
-        if "library" in vars(self.puppets[label]):
+    def _marionette(self, label: str) -> Marionette:
+        """A compiled marionette; a failed compilation is not repeated for every case."""
+        if label in self._compiled:
             return self.puppets[label]
         with _building:
-            if label in self._unusable:
-                raise self._unusable[label].with_traceback(None)
+            if label in self._broken:
+                raise self._broken[label].with_traceback(None)
             try:
-                self.puppets[label].compile()  # once, not by every case
+                self.puppets[label].compile()
             except FantocciniError as error:
-                self._unusable[label] = error
+                self._broken[label] = error
                 raise
+            self._compiled.add(label)
             return self.puppets[label]
 
 
-def figures_of(found: Any, names: tuple[str, ...] = ()) -> dict[str, np.ndarray]:
-    """What a study returned, as arrays.
+def as_figures(found: Any, names: tuple[str, ...] = ()) -> dict[str, np.ndarray]:
+    """The dict that a study returned, as arrays.
 
     Args:
         found: name -> number, text or array of numbers.
-        names: that figures cannot have.
+        names: that are taken.
 
     Raises:
-        TypeError: it is something else, naming the figure.
+        TypeError: it is something else; names the figure.
     """
     if not isinstance(found, Mapping):
         raise TypeError(
@@ -122,8 +124,8 @@ def figures_of(found: Any, names: tuple[str, ...] = ()) -> dict[str, np.ndarray]
     for name, value in found.items():
         if not isinstance(name, str) or not name or name in names:
             raise TypeError(
-                f"the study returned a figure called {name!r}; figures are named by texts other "
-                f"than those of what is varied ({', '.join(names) or 'nothing'})"
+                f"the study returned a figure called {name!r}; the name must be a text that no "
+                f"varied value has ({', '.join(names) or 'there are none'})"
             )
         try:
             array = np.array(value)

@@ -1,4 +1,4 @@
-"""What a sweep gave: figures shaped like the grid, a table, and what failed."""
+"""The result of a sweep: figures shaped like the grid, a table, and the failures."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from fantoccini.sweeps.outcome import Failure, Outcome
 
 @dataclass(frozen=True)
 class FailedCase:
-    """A case that has no figures.
+    """A case that failed.
 
     Attributes:
-        index: place among all cases.
-        values: name -> value as tables have it.
-        repeat: which repetition.
+        index: number of the case, 0-based.
+        values: name -> label of the value.
+        repeat: number of the repetition, 0-based.
         failure: the exception: ``error``, ``message`` and ``trace``.
     """
 
@@ -41,18 +41,14 @@ class FailedCase:
 
 
 class SweepResult:
-    """The cases of a sweep and what they gave.
+    """The cases of a sweep and their figures.
 
-    ``result["peak"]`` is a figure, or a value, as an array shaped like the sweep. Where a case
-    failed or was not run, numbers are NaN, texts empty and flags NaN among numbers.
+    ``result["peak"]`` is a figure or a value as an array shaped like the sweep. If a case failed
+    or was not run, its numbers and flags are NaN and its texts are empty.
 
     Attributes:
         design: the cases.
-        outcomes: of each case; None where it was not run.
-
-    Args:
-        design: the cases.
-        outcomes: one a case.
+        outcomes: one per case; None if it was not run.
     """
 
     def __init__(self, design: Design, outcomes: list[Outcome | None]):
@@ -61,8 +57,8 @@ class SweepResult:
 
     def __repr__(self) -> str:
         shape = " x ".join(f"{len(a.labels)} {a.name}" for a in self.design.axes) or "1"
-        undone = len(self) - int(self.done.sum()) - len(self.failures)
-        counts = f"{len(self.failures)} failed" + (f", {undone} not run" if undone else "")
+        missing = len(self) - int(self.done.sum()) - len(self.failures)
+        counts = f"{len(self.failures)} failed" + (f", {missing} not run" if missing else "")
         return f"<SweepResult {shape}: {len(self)} cases, {counts}; {', '.join(self.names)}>"
 
     def __len__(self) -> int:
@@ -79,22 +75,22 @@ class SweepResult:
 
     @property
     def axes(self) -> dict[str, Array]:
-        """Axis name -> (n,) its values, or labels of them."""
+        """Axis name -> (n,) its labels; numbers and texts are their own labels."""
         return {axis.name: np.array(axis.labels) for axis in self.design.axes}
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names of the figures, in the order in which they were first met."""
+        """Names of the figures, in order of first appearance."""
         return tuple(dict.fromkeys(name for o in self.outcomes if o for name in o.figures))
 
     @cached_property
     def done(self) -> Array:
-        """(n_cases,) bool: has figures."""
+        """(n_cases,) bool: finished without a failure."""
         return np.array([o is not None and o.failure is None for o in self.outcomes], dtype=bool)
 
     @property
     def seconds(self) -> Array:
-        """(n_cases,) how long each case took [s]; NaN where it was not run."""
+        """(n_cases,) duration of each case [s]; NaN if it was not run."""
         return np.array([np.nan if o is None else o.seconds for o in self.outcomes])
 
     @cached_property
@@ -107,22 +103,20 @@ class SweepResult:
         )
 
     def case(self, *place: int) -> Case:
-        """A case as its study got it, for a closer look: ``study(result.case(3, 0))``.
+        """A case as its study received it, to run it again: ``study(result.case(3, 0))``.
 
         Args:
-            place: along every axis, or the number of the case.
+            place: index along every axis, or the number of the case.
         """
-        if len(place) != 1:
-            place = (int(np.ravel_multi_index(place, self.shape)),)
-        case = self.design.cases[place[0]]
+        index = place[0] if len(place) == 1 else int(np.ravel_multi_index(place, self.shape))
+        case = self.design.cases[index]
         label = case.values.get(PUPPET)
-        return case.on(None if label is None else self.design.puppets[label])
+        return case.with_marionette(None if label is None else self.design.puppets[label])
 
     def columns(self) -> dict[str, Array]:
-        """The whole table: name -> (n_cases, ...), of values, repetitions and figures.
+        """The whole table, name -> (n_cases, ...): values, repetitions, figures and ``error``.
 
-        ``pandas.DataFrame(result.columns())`` works where every figure is one number or text;
-        ``error`` says what failed.
+        ``pandas.DataFrame(result.columns())`` works if every figure is one number or text.
         """
         columns = {name: self._column(name) for name in self.design.names}
         if any(axis.name == "repeat" for axis in self.design.axes):
@@ -132,19 +126,19 @@ class SweepResult:
         columns["error"] = np.array([errors.get(k, "") for k in range(len(self))])
         return columns
 
-    def rows(self) -> Iterator[dict[str, Any]]:
-        """The table case by case: name -> value."""
+    def records(self) -> Iterator[dict[str, Any]]:
+        """The table case by case, each a dict: name -> value."""
         columns = self.columns()
         for k in range(len(self)):
             yield {name: column[k] for name, column in columns.items()}
 
     def to_csv(self, path: str | Path) -> None:
-        """Writes :meth:`columns`; an array of a case is spread over columns ``name[0]``, ...
+        """Writes :meth:`columns`; an array is spread over columns ``name[0]``, ``name[1]``, ...
 
         Raises:
-            ValueError: a figure has arrays of several shapes.
+            ValueError: the arrays of a figure differ in shape.
         """
-        flat: dict[str, list] = {}
+        flat: dict[str, list[Any]] = {}
         for name, column in self.columns().items():
             if column.dtype == object:
                 raise ValueError(f"the arrays of {name} differ in shape; they cannot be columns")
@@ -157,24 +151,24 @@ class SweepResult:
             writer.writerows(zip(*flat.values(), strict=True))
 
     def _column(self, name: str) -> Array:
-        """(n_cases, ...) a value or a figure."""
+        """A value or a figure, (n_cases, ...)."""
         if name in self.design.names:
-            return _stacked([np.array(told[name]) for told in self.design.labels])
+            return _stack([np.array(labels[name]) for labels in self.design.labels])
         if name not in self.names:
             raise UnknownNameError("value or figure", name, (*self.design.names, *self.names))
-        return _stacked([o and o.figures.get(name) for o in self.outcomes])
+        return _stack([o.figures.get(name) if o else None for o in self.outcomes])
 
 
-def _stacked(found: list[np.ndarray | None]) -> Array:
-    """Arrays one above the other, with gaps where there is none."""
-    there = [x for x in found if x is not None]
-    shapes, kinds = {x.shape for x in there}, {x.dtype.kind for x in there}
+def _stack(figures: list[np.ndarray | None]) -> Array:
+    """Arrays along a new first axis, NaN or "" for None; of dtype object if they do not match."""
+    present = [x for x in figures if x is not None]
+    shapes, kinds = {x.shape for x in present}, {x.dtype.kind for x in present}
     if len(shapes) > 1 or ("U" in kinds and len(kinds) > 1):
-        ragged = np.empty(len(found), dtype=object)
-        for k, x in enumerate(found):
+        ragged = np.empty(len(figures), dtype=object)
+        for k, x in enumerate(figures):
             ragged[k] = x
         return ragged
-    if len(there) < len(found):
-        gap = np.full(there[0].shape, "" if "U" in kinds else np.nan)
-        found = [gap if x is None else x for x in found]
-    return np.stack(found)
+    if len(present) == len(figures):
+        return np.stack(present)
+    gap = np.full(present[0].shape, "" if "U" in kinds else np.nan)
+    return np.stack([gap if x is None else x for x in figures])

@@ -1,11 +1,11 @@
-"""The folder of a sweep: a file for each finished case, so that a sweep goes on where it stopped.
+"""The folder of a sweep: one file per finished case, so that an interrupted sweep can resume.
 
     sweep.json             what all cases have in common: study, seed, names of the values
-    cases/ab/ab12....npz   one case: its figures, or why it failed; no pickle
+    cases/ab/ab12....npz   one case: its figures, or its failure; no pickle
 
-Files are written under a temporary name and renamed, so that one with a case's name is whole or was
-damaged afterwards; a damaged one counts as not there. A case's name is a digest of its values: a
-grid that has grown finds the cases it had before.
+Files are written under a temporary name and renamed, so a file with a case's name is complete. A
+damaged one counts as missing. A case's name is a digest of its values: a larger grid finds the
+cases that a smaller one left.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ _FIGURE = "figure:"
 
 
 class Store:
-    """A sweep's folder; made when it is not there.
+    """A sweep's folder; created, with its parents, if it does not exist.
 
     Args:
-        folder: where; its parent folders are made too.
+        folder: its path.
         manifest: what all cases have in common, as JSON-able data. A folder with other contents is
             never written to.
 
     Raises:
-        StoreError: the folder is another sweep's, or somebody else's.
+        StoreError: the folder belongs to another sweep, or holds something else.
     """
 
     def __init__(self, folder: str | Path, manifest: dict[str, Any]):
@@ -49,9 +49,9 @@ class Store:
             raise StoreError(f"the store {self.folder} cannot be used: {error}") from error
 
     def read(self, key: str) -> Outcome | None:
-        """What is stored of a case; None where that is nothing, or damaged."""
+        """The stored outcome of a case; None if it is missing or damaged."""
         try:
-            arrays = read(self._place(key))
+            arrays = read(self._path(key))
             about = about_of(arrays)
             figures = {n: arrays[f"{_FIGURE}{k}"] for k, n in enumerate(about["figures"])}
             if about["key"] != key:
@@ -61,72 +61,69 @@ class Store:
         except UNREADABLE:
             return None
 
-    def write(self, key: str, outcome: Outcome, told: dict[str, Any]) -> None:
-        """Keeps a case.
+    def write(self, key: str, outcome: Outcome, labels: dict[str, Any]) -> None:
+        """Writes the outcome of a case.
 
         Args:
             key: digest of its values.
-            outcome: what it gave.
-            told: its values as tables have them, for people who look into the file.
+            outcome: to write.
+            labels: of its values, for people who open the file.
 
         Raises:
             StoreError: the disk is full, or the folder is gone.
         """
         about = {
             "key": key,
-            "values": {name: str(label) for name, label in told.items()},
+            "values": {name: str(label) for name, label in labels.items()},
             "seconds": outcome.seconds,
             "figures": list(outcome.figures),
             "failure": outcome.failure and dataclasses.asdict(outcome.failure),
         }
-        arrays = {f"{_FIGURE}{k}": x for k, x in enumerate(outcome.figures.values())}
+        arrays: dict[str, Any] = {
+            f"{_FIGURE}{k}": figure for k, figure in enumerate(outcome.figures.values())
+        }
         arrays[ABOUT] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
-        place = self._place(key)
+        path = self._path(key)
         try:
-            place.parent.mkdir(parents=True, exist_ok=True)
-            with replacing(place) as temporary, temporary.open("wb") as file:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with replacing(path) as temporary, temporary.open("wb") as file:
                 np.savez(file, **arrays)
         except OSError as error:
             raise StoreError(
-                f"a finished case cannot be kept in {self.folder}: {error}; those before it are "
-                "kept; make room and run the same sweep again"
+                f"cannot write a finished case to {self.folder}: {error}; earlier cases are kept; "
+                "free some space and run the same sweep again"
             ) from error
 
-    def _place(self, key: str) -> Path:
+    def _path(self, key: str) -> Path:
         return self.folder / "cases" / key[:2] / f"{key}.npz"
 
     def _check(self) -> None:
-        """The folder is empty and becomes ours, or it is ours already."""
-        place = self.folder / MANIFEST
-        if not place.exists():
+        """Claims an empty folder, or checks that it belongs to this sweep."""
+        path = self.folder / MANIFEST
+        if not path.exists():
             if any(not file.name.endswith(".part") for file in self.folder.iterdir()):
                 raise StoreError(
                     f"the store {self.folder} is not empty and holds no sweep ({MANIFEST} is "
-                    "missing); give a folder of its own"
+                    "missing); give an empty folder"
                 )
-            with replacing(place) as temporary:
+            with replacing(path) as temporary:
                 temporary.write_text(json.dumps(self._manifest, indent=1) + "\n", encoding="utf-8")
             return
         try:
-            found = json.loads(place.read_bytes())
+            found = json.loads(path.read_bytes())
             names = {**self._manifest, **found}
             differ = [name for name in names if found.get(name) != self._manifest.get(name)]
         except (ValueError, TypeError) as error:
             raise StoreError(
-                f"{place} is not the file that a sweep writes ({error}); give another folder"
+                f"{path} was not written by a sweep ({error}); give another folder"
             ) from None
         if differ:
-            told = [
+            reasons = [
                 f"{name} is {found.get(name)!r} there and {self._manifest.get(name)!r} here"
                 for name in differ
                 if name != "code"
-            ]
-            if not told:
-                told = [
-                    "the code or the settings of the study have changed since (with "
-                    "version='1', you say yourself when its results become others)"
-                ]
+            ] or ["the code or the settings of the study have changed (version='1' disables this)"]
             raise StoreError(
-                f"the store {self.folder} holds another sweep: {'; '.join(told)}; give another "
-                "folder, or delete this one to begin anew"
+                f"the store {self.folder} holds another sweep: {'; '.join(reasons)}; give another "
+                "folder, or delete this one to start over"
             )

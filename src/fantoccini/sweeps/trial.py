@@ -1,4 +1,4 @@
-"""Trial: the study that most sweeps need, one simulation a case."""
+"""Trial: the study that most sweeps need, one simulation per case."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from fantoccini.simulation import simulate
 from fantoccini.sweeps.case import PARAMETER, PUPPET, Case
 
 INPUTS = "inputs"
-"""The name under which inputs are varied."""
+"""Name of the value that selects the inputs."""
 METHOD = "method"
-"""The name under which methods are varied."""
+"""Name of the value that selects the method."""
 METHOD_OPTIONS = ("integrator", "rtol", "atol", "max_step", "dt", "extrapolate")
-"""Options of methods that can be varied, as in a study of convergence."""
+"""Options of methods that can be varied, for example in a convergence study."""
 OPTIONS = ("t_end", "save_every")
 """Arguments of ``simulate`` that can be varied."""
 
 
 def _integral(t: Array, x: Array) -> float:
-    """By the trapezoidal rule."""
+    """Trapezoidal rule."""
     return float(np.sum(0.5 * (x[1:] + x[:-1]) * np.diff(t)))
 
 
@@ -43,74 +43,70 @@ STATISTICS = {
     "rms": lambda t, x: float(np.sqrt(_mean(t, x**2))),
     "integral": _integral,
 }
-"""What can be made of a column (T,) and its times (T,); ``mean``, ``rms`` are means over time."""
+"""Functions of times (T,) and a column (T,); ``mean`` and ``rms`` are weighted by time."""
 
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A study that simulates each case and keeps some figures of the run.
+    """A study that simulates each case and returns figures of the run.
 
-    What the sweep varies goes where its name says: ``puppet`` and ``p:NAME`` to the puppet,
+    The names of varied values decide where they go: ``puppet`` and ``p:NAME`` to the puppet,
     ``inputs`` to the inputs, ``t_end``, ``method``, ``dt``, ``rtol`` and the like to
     :func:`fantoccini.simulate`, and names of coordinates and velocities (``hand.length``,
-    ``v:elbow``) to the start. The puppet starts hanging at rest, its driven coordinates where the
-    inputs begin; where a dynamic coordinate or a velocity is given, it starts from the nearest
+    ``v:elbow``) to the start state. The puppet starts at rest, with its driven coordinates where
+    the inputs begin. If a dynamic coordinate or a velocity is given, it starts from the nearest
     state that the strings allow.
 
-    A run that stops before its end is no failure: ``status`` says how it ended.
+    A run that stops before its end is not a failure: ``status`` says how it ended.
 
     Attributes:
-        inputs: an ``Input``, or waypoints, name -> [(t [s], value), ...]; all holds still when
-            None.
-        start: values of the start, as :meth:`Marionette.state` takes them.
+        inputs: an ``Input``, or waypoints, name -> [(t [s], value), ...]; nothing moves when None.
+        start: values of the start state, as :meth:`Marionette.state` takes them.
         t_end: end of the runs [s]; that of the inputs when None.
         method: of the runs, with its options: ``TimeStepping(dt=0.001)``, or a name.
         options: further arguments of ``simulate``, such as ``{"save_every": 10}``.
-        keep: columns of :meth:`Trajectory.columns` to keep: ``"max tension:hand"``,
+        keep: columns of :meth:`Trajectory.columns` to return: ``"max tension:hand"``,
             ``"last elbow"``, ``"rms effort:hand.length"``, with one of first, last, min, max, mean,
-            rms and integral; or ``"elbow"`` for its course at ``times``, NaN after the run's end.
-            Beside them there are always ``status``, ``end`` [s], ``events``, ``catches``,
+            rms and integral; or ``"elbow"`` for its values at ``times``, NaN after the run's end.
+            The study always returns ``status``, ``end`` [s], ``events``, ``catches``,
             ``max_tension`` [N] and ``max_impulse`` [N s or N m s], over all strings and limits.
-        times: (n,) for which courses are kept [s].
+        times: (n,) times of columns without a statistic [s].
     """
 
-    inputs: Input | Mapping[str, Sequence] | None = None
+    inputs: Input | Mapping[str, Sequence[Any]] | None = None
     start: Mapping[str, Any] = field(default_factory=dict)
     t_end: float | None = None
     method: Method | MethodName = "event"
     options: Mapping[str, Any] = field(default_factory=dict)
     keep: Sequence[str] = ()
-    times: Sequence[float] = ()
+    times: Sequence[float] | Array = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "times", np.array(self.times, dtype=float))
         if isinstance(self.keep, str):
             raise TypeError(f"keep is {self.keep!r}; it must be a list of texts, [{self.keep!r}]")
-        for wanted in self.keep:
-            statistic, _, column = wanted.rpartition(" ")
+        for entry in self.keep:
+            statistic, _, column = entry.rpartition(" ")
             if statistic and statistic not in STATISTICS:
                 raise UnknownNameError("statistic", statistic, STATISTICS)
             if not statistic and not len(self.times):
                 names = ", ".join(STATISTICS)
                 raise ValueError(
-                    f"keep has {column!r}; say which number of it, 'last {column}' (there are "
-                    f"{names}), or give times= for its course"
+                    f"keep has {column!r}; put a statistic in front, 'last {column}' (one of "
+                    f"{names}), or give times="
                 )
 
     def __call__(self, case: Case) -> dict[str, Any]:
-        """Simulates a case.
-
-        Returns:
-            The figures by name.
-        """
-        if case.marionette is None:
-            raise ValueError("a Trial needs a puppet: sweep(trial, ..., puppet=arm), or in over")
+        """The figures of a simulated case by name."""
         run = self.run(case)
         return {**_summary(run), **self._kept(run)}
 
     def run(self, case: Case) -> Trajectory:
-        """The whole run of a case, as for a look at one that stands out."""
-        marionette, table = case.marionette, case.marionette.coordinates
+        """The trajectory of a case."""
+        marionette = case.marionette
+        if marionette is None:
+            raise ValueError("a Trial needs a puppet: sweep(trial, ..., puppet=arm), or in over")
+        table = marionette.coordinates
         start, method, varied = dict(self.start), self.method, {}
         options = {**self.options, "t_end": self.t_end}
         inputs = self.inputs
@@ -132,7 +128,7 @@ class Trial:
                 raise UnknownNameError("value of a Trial", name, known)
         if inputs is not None and not isinstance(inputs, Input):
             inputs = Input.waypoints(marionette, inputs)
-        x0 = _start(marionette, inputs, start)
+        x0 = start_state(marionette, inputs, start)
         if inputs is None and options["t_end"] is None:
             raise ValueError("a Trial without inputs needs t_end, the end of its runs [s]")
         if isinstance(method, str):
@@ -142,24 +138,25 @@ class Trial:
         return simulate(marionette, x0, inputs, method=chosen, throw=False, **options)
 
     def _kept(self, run: Trajectory) -> dict[str, Any]:
-        columns, kept = run.columns(), {}
-        inside = (self.times >= run.t[0]) & (self.times <= run.t[-1])
-        courses = run.resample(self.times[inside]).columns() if inside.any() else {}
-        for wanted in self.keep:
-            statistic, _, column = wanted.rpartition(" ")
+        columns, times = run.columns(), np.asarray(self.times)
+        kept: dict[str, Any] = {}
+        inside = (times >= run.t[0]) & (times <= run.t[-1])
+        resampled = run.resample(times[inside]).columns() if inside.any() else {}
+        for entry in self.keep:
+            statistic, _, column = entry.rpartition(" ")
             if column not in columns:
                 raise UnknownNameError("column of the run", column, columns)
             if statistic:
-                kept[wanted] = STATISTICS[statistic](run.t, columns[column].astype(float))
+                kept[entry] = STATISTICS[statistic](run.t, columns[column].astype(float))
             else:
-                kept[wanted] = np.full(len(self.times), np.nan)
+                kept[entry] = np.full(len(times), np.nan)
                 if inside.any():
-                    kept[wanted][inside] = courses[column]
+                    kept[entry][inside] = resampled[column]
         return kept
 
 
-def _start(marionette: Marionette, inputs: Input | None, given: Mapping[str, Any]) -> State:
-    """Hanging at rest where the inputs begin, or moving where that is asked for."""
+def start_state(marionette: Marionette, inputs: Input | None, given: Mapping[str, Any]) -> State:
+    """At rest where the inputs begin; projected onto the strings if q_D or a velocity is given."""
     values = {**({} if inputs is None else inputs.first_values()), **given}
     table = marionette.coordinates
     driven = {*table.q_K, *table.rotations, *table.commands}
@@ -171,7 +168,7 @@ def _start(marionette: Marionette, inputs: Input | None, given: Mapping[str, Any
 
 
 def _summary(run: Trajectory) -> dict[str, Any]:
-    """What every run has, whatever its strings are called."""
+    """Figures that every run has, whatever its strings are called."""
     forces = np.concatenate([run.tension.values.ravel(), [0.0]])
     return {
         "status": run.status.name,

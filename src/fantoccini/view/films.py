@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from fantoccini.errors import FantocciniError
-from fantoccini.motion.archive import replacing
+from fantoccini.files import replacing
 from fantoccini.view.camera import Viewport
 from fantoccini.view.compose import Layout, compose, shadows
 from fantoccini.view.drawing import Look, Sheet, layout_of, set_polygons

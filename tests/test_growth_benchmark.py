@@ -1,24 +1,12 @@
-"""docs/growth.md is whole, and the puppets it measures are what it says."""
+"""The puppets that benchmarks/growth measures have the sizes that its page says."""
 
 from __future__ import annotations
 
-import re
-
 import pytest
-from benchmarks.growth.__main__ import BODY, DOF, ROOT, STRINGS
+from benchmarks.growth.__main__ import BODY, DOF, STRINGS
 from benchmarks.growth.measure import Size
 from benchmarks.growth.puppets import marionette
 from benchmarks.growth.report import exponent
-
-PAGE = ROOT / "docs" / "growth.md"
-
-
-def test_the_page_has_its_picture_and_says_how_it_is_made():
-    text = PAGE.read_text(encoding="utf-8")
-    pictures = re.findall(r"!\[[^\]]+\]\(([^)]+)\)", text)
-    assert pictures == ["pictures/growth.png"]
-    assert (PAGE.parent / pictures[0]).is_file()
-    assert "make growth-report" in " ".join(text.split()) and str(ROOT) not in text
 
 
 @pytest.mark.parametrize("kind", ["chain", "bushy"])

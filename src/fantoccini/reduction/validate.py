@@ -1,0 +1,144 @@
+"""validate_reduction: Section VI as an experiment on one puppet."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar
+
+import numpy as np
+
+from fantoccini.errors import FantocciniError, StateError
+from fantoccini.marionette import Marionette
+from fantoccini.motion import Input
+from fantoccini.progress import OnStep
+from fantoccini.reduction.bandwidth import bandwidth_sweep
+from fantoccini.reduction.claims import claims, meaning
+from fantoccini.reduction.exact import compare, shared_catches
+from fantoccini.reduction.file_drives import FileDrives, follow_on_file_drives
+from fantoccini.reduction.heavy_string import heavy_strings
+from fantoccini.reduction.mechanism import Mechanism
+from fantoccini.reduction.plots import Measurements
+from fantoccini.reduction.reference import (
+    Reference,
+    simulate_reference,
+    smooth_reference,
+    toss,
+)
+from fantoccini.reduction.report import ReductionReport
+from fantoccini.reduction.structure import structure
+
+T = TypeVar("T")
+
+
+def validate_reduction(
+    marionette: Marionette, inputs: Input | None = None, progress: OnStep | None = None
+) -> ReductionReport:
+    """Sec. VI, tested: does a puppet on driven mechanisms move as the mixed model says?
+
+    (a) examines the structure that the paper claims; (b) moves the puppet on drives by the forces
+    of exact tracking and compares it with the mixed model; (c) lets the drives follow with a finite
+    bandwidth, and gives a string mass. Every driven coordinate gets a drive as heavy as the puppet;
+    the drives of the file are measured separately. Compiles up to eight models the first time.
+
+    Args:
+        marionette: the puppet.
+        inputs: the motion to compare, from rest; when not given, small moves of every driven
+            coordinate.
+        progress: called with each step.
+
+    Raises:
+        PuppetError: it has no driven coordinates, or it is a world of several puppets.
+        StateError: it does not hang at rest, or the inputs have forces.
+    """
+    report_step = progress or (lambda _: None)
+    mechanism = Mechanism.of(marionette)
+    report_step("examining the kinetic energy and taut strings")
+    found = structure(mechanism.mixed, mechanism.inertia(1.0))
+    if inputs is not None and inputs.force is not None:
+        raise StateError("found inputs with forces; needed: motions of driven coordinates alone")
+    attempts = _Attempts(report_step)
+    reference = attempts.run(
+        "the motion", "finding a motion to compare", lambda: _reference(mechanism, inputs)
+    )
+    measured, on_file_drives = Measurements(), None
+    if reference is not None:
+        measured, on_file_drives = _measure(mechanism, marionette, reference, attempts)
+    return ReductionReport(
+        name=mechanism.mixed.name,
+        driven=mechanism.mixed.coordinates.v_K,
+        mass=mechanism.mixed.mass,
+        structure=found,
+        claims=claims(found),
+        meaning=tuple(meaning(found)),
+        duration=reference.inputs.duration if reference else np.nan,
+        first_impact=reference.first_impact if reference else np.nan,
+        missing=tuple(attempts.missing),
+        file_drives=on_file_drives,
+        **vars(measured),
+    )
+
+
+class _Attempts:
+    """Runs measurements that may be impossible, and lists why.
+
+    Attributes:
+        missing: one line per failure.
+    """
+
+    def __init__(self, report_step: OnStep):
+        self.missing: list[str] = []
+        self._report_step = report_step
+
+    def run(self, what: str, step: str, measure: Callable[[], T]) -> T | None:
+        """The result of a measurement, or None."""
+        self._report_step(step)
+        try:
+            return measure()
+        except FantocciniError as error:
+            self.missing.append(f"{what}: {error}")
+            return None
+
+
+def _measure(
+    mechanism: Mechanism, marionette: Marionette, reference: Reference, attempts: _Attempts
+) -> tuple[Measurements, FileDrives | None]:
+    """Parts (b) and (c)."""
+    full = mechanism.full()
+    comparisons, stopped = attempts.run(
+        "exact tracking", "comparing with exact tracking",
+        lambda: compare(mechanism, full, reference),
+    ) or ([], [])  # fmt: skip
+    attempts.missing += [f"exact tracking, {line}" for line in stopped]
+    thrown, catches = toss(mechanism, reference.x0, reference.inputs), None
+    if thrown is None:
+        attempts.missing.append("catches: nothing catches when the puppet is tossed")
+    else:
+        catches = attempts.run(
+            "catches", "comparing a catch", lambda: shared_catches(mechanism, full, thrown)
+        )
+    tracking = attempts.run(
+        "bandwidth", "varying the drives' bandwidth",
+        lambda: bandwidth_sweep(mechanism, mechanism.full(bandwidth=1.0), reference),
+    )  # fmt: skip
+    heavy = attempts.run(
+        "a string with mass", "giving a string mass", lambda: heavy_strings(mechanism, reference)
+    )
+    on_file_drives = None
+    if marionette.tree.drives:
+        on_file_drives = attempts.run(
+            "the file's drives", "moving the file's own drives",
+            lambda: follow_on_file_drives(mechanism, marionette, reference),
+        )  # fmt: skip
+    measured = Measurements(
+        comparisons=tuple(comparisons), catches=tuple(catches or ()),
+        tracking=tuple(tracking or ()), heavy_strings=tuple(heavy or ()),
+    )  # fmt: skip
+    return measured, on_file_drives
+
+
+def _reference(mechanism: Mechanism, inputs: Input | None) -> Reference:
+    if inputs is None:
+        return smooth_reference(mechanism, mechanism.mixed.rest())
+    given = mechanism.translated(inputs, mechanism.mixed)
+    x0 = mechanism.mixed.rest(given.first_values())
+    return simulate_reference(mechanism, x0, given.bound(x0.q_K))
