@@ -228,7 +228,7 @@ _DECLARED = (
         (VARIATIONAL, VARIATIONAL_LANES),
     ),
     Function(
-        "momentum", "p_D = M_DD v_D + M_DK v_K.", _STATE,
+        "momenta", "p_D = M_DD v_D + M_DK v_K.", _STATE,
         (Quantity("p_D", ("n_vD",), "", "momenta of the dynamic coordinates"),),
         (VARIATIONAL, VARIATIONAL_LANES),
     ),

@@ -67,7 +67,7 @@ class Variational:
         return {
             "node": self._node(),
             "midpoint_rule": self._midpoint_rule(),
-            "momentum": self._momentum(),
+            "momenta": self._momenta(),
         }
 
     def _node(self) -> ca.Function:
@@ -100,10 +100,10 @@ class Variational:
         }  # fmt: skip
         return declared("midpoint_rule", symbols, made)
 
-    def _momentum(self) -> ca.Function:
+    def _momenta(self) -> ca.Function:
         s = self.equations.system.symbols
         P, _, _ = self._at(s.q_D, s.v_D, s.q_K, s.v_K, s.acc_K, s.u_D, s.p)
-        return declared("momentum", vars(s), {"p_D": P})
+        return declared("momenta", vars(s), {"p_D": P})
 
     def _moved(self, xi: ca.SX, times: int) -> ca.SX:
         """q_D moved by c(xi/4) so many times, once or twice."""

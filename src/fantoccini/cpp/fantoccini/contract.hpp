@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x279bd3f22385b9b2;
+constexpr long long contract_digest = 0x32575a8b1726ba68;
 
 // Who a library is, as Python checks when it loads it: the contract's hash, how many trajectories
 // or configurations are advanced together, and the puppet's sizes.
@@ -491,12 +491,12 @@ struct Call {
   }
 
   // p_D = M_DD v_D + M_DK v_K.
-  FAN_FN static void momentum(
+  FAN_FN static void momenta(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
       const Real* p, Real* p_D) {
     const Real* arg[] = {q_D, v_D, q_K, v_K, p};
     Real* res[] = {at(p_D)};
-    Model::momentum(arg, res);
+    Model::momenta(arg, res);
   }
 
   // The entries of y = F^-T x that are not zero for x in one joint, by its number.
