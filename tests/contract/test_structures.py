@@ -9,7 +9,7 @@ import pytest
 
 from cpp.toolchain import gcc
 from fantoccini.build import runtime_folder
-from fantoccini.contract import BOOKS, PARTS, ROW, STRUCTURES, EventKind, identity, width
+from fantoccini.contract import BOOKS, PARTS, ROW, STRUCTURES, EventCode, identity, width
 from fantoccini.errors import Status
 from fantoccini.puppets import arm2d
 from fantoccini.runtime.clearance import SOLID
@@ -29,7 +29,7 @@ def test_the_fields_are_where_cpp_has_them(tmp_path):
         expressions = [f"offsetof({s.name}, {f.name})" for f in s.fields] + [f"sizeof({s.name})"]
         places = zip(expressions, offsets(s), strict=True)
         lines += [f'static_assert({e} == {n}, "{e}");' for e, n in places]
-    lines += [f'static_assert({m.name} == {m.value}, "");' for m in (*Status, *EventKind)]
+    lines += [f'static_assert({m.name} == {m.value}, "");' for m in (*Status, *EventCode)]
     file = tmp_path / "layout.cpp"
     file.write_text("\n".join(lines), encoding="ascii")
     command = [gcc(), "-std=c++17", "-fsyntax-only", "-I", str(runtime_folder()), str(file)]

@@ -1,6 +1,6 @@
 """The contract between Python and compiled code: every function and structure, declared once."""
 
-from fantoccini.contract.codes import EventKind, GoalKind, Hold, SolidKind, Solved
+from fantoccini.contract.codes import EventCode, GoalKind, Hold, SolidKind, Solved
 from fantoccini.contract.functions import COLUMN, FUNCTIONS, LIBRARIES, Function, compiled
 from fantoccini.contract.identity import digest
 from fantoccini.contract.quantity import SIZES, Quantity
@@ -19,7 +19,7 @@ __all__ = [
     "SIZES",
     "STRUCTURES",
     "WINCH_AT",
-    "EventKind",
+    "EventCode",
     "Function",
     "GoalKind",
     "Hold",

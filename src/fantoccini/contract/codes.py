@@ -19,7 +19,7 @@ class Code(enum.IntEnum):
         return member
 
 
-class EventKind(Code):
+class EventCode(Code):
     """What happened to a row or a drive."""
 
     CATCH = 0, "it came taut"
@@ -29,7 +29,7 @@ class EventKind(Code):
     SLIP = 4, "its winch began to slip"
     GRIP = 5, "its winch grips again"
     LOST_STEP = 6, "a stepper lost a step"
-    RAN_AWAY = 7, "a drive ran away"
+    RUNAWAY = 7, "a drive ran away"
 
 
 class Hold(Code):
@@ -67,7 +67,7 @@ class Solved(Code):
     NO_ROOM = 3, "more rows than the puppet has, or no memory"
 
 
-CODES: tuple[type[enum.IntEnum], ...] = (Status, EventKind, Hold, SolidKind, GoalKind, Solved)
+CODES: tuple[type[enum.IntEnum], ...] = (Status, EventCode, Hold, SolidKind, GoalKind, Solved)
 """All codes."""
 
 SCOPED = (Solved,)

@@ -38,10 +38,7 @@ from fantoccini.simulation.checks import check_marionette, save_times
 from fantoccini.simulation.soundness import judged
 from fantoccini.simulation.weak_motors import too_weak
 
-_KINDS = {
-    code: EventKind.RUNAWAY if code is contract.EventKind.RAN_AWAY else EventKind[code.name]
-    for code in contract.EventKind
-}
+_KINDS = {code: EventKind[code.name] for code in contract.EventCode}
 _TO_BLAME = 0.1
 """Share of the blame for a status, 0 to 1, from which a string or limit is named."""
 _LIMIT_KINDS = {EventKind.CATCH: EventKind.LIMIT_ON, EventKind.RELEASE: EventKind.LIMIT_OFF}

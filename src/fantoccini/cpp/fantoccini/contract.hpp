@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x32575a8b1726ba68;
+constexpr long long contract_digest = 0x5ec85c84efb9d969;
 
 // Who a library is, as Python checks when it loads it: the contract's hash, how many trajectories
 // or configurations are advanced together, and the puppet's sizes.
@@ -47,7 +47,7 @@ enum Status : int {
 };
 
 // What happened to a row or a drive.
-enum EventKind : int {
+enum EventCode : int {
   CATCH = 0,  // it came taut
   RELEASE = 1,  // it fell slack
   ACCUMULATION = 2,  // catches without end were taken as one
@@ -55,7 +55,7 @@ enum EventKind : int {
   SLIP = 4,  // its winch began to slip
   GRIP = 5,  // its winch grips again
   LOST_STEP = 6,  // a stepper lost a step
-  RAN_AWAY = 7,  // a drive ran away
+  RUNAWAY = 7,  // a drive ran away
 };
 
 // What a row does between two events.

@@ -371,7 +371,7 @@ struct EventRun {
     return s;
   }
 
-  void note(Record<Model>& out, EventKind kind, int row, double impulse, double speed) {
+  void note(Record<Model>& out, EventCode kind, int row, double impulse, double speed) {
     out.event(flow.t, kind, row, impulse, speed);
     pace.note(flow.t, row);
     ++n_events;

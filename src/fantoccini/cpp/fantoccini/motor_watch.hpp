@@ -112,7 +112,7 @@ struct MotorWatch {
   void tell(double t, Record& out) const {
     for (int d = 0; d < D; ++d) {
       if (loses[d]) out.event(t, LOST_STEP, Model::n_rows + d, 0.0, 0.0);
-      if (strays[d]) out.event(t, RAN_AWAY, Model::n_rows + d, 0.0, 0.0);
+      if (strays[d]) out.event(t, RUNAWAY, Model::n_rows + d, 0.0, 0.0);
     }
   }
 
