@@ -105,7 +105,7 @@ def lags(system: System) -> dict[str, np.ndarray]:
     [m or rad]; and by how many of its motor's periods of four full steps a stepper lags, in which
     half a period is the most that it holds.
     """
-    s, found = system.symbols, {"at": [], "told": [], "lag": []}
+    s, found = system.symbols, {"at": [], "command": [], "lag": []}
     for row in system.tree.watched:
         (q, _), own, lag = row.command, elements(s.q_D)[row.q], ca.SX(0)
         if row.turns:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from fantoccini.arrays import Array
-from fantoccini.contract import ROW
+from fantoccini.contract import SAMPLE
 from fantoccini.tree import Tree
 
 
@@ -24,7 +24,7 @@ class RowLayout:
     def widths(self) -> dict[str, int]:
         """Part name -> number of columns, in order."""
         sizes = self.tree.sizes
-        return {part.name: part.numel(sizes) for part in ROW}
+        return {part.name: part.numel(sizes) for part in SAMPLE}
 
     def split(self, rows: Array) -> dict[str, Array]:
         """Parts (T, n) of rows (T, width); single columns come as (T,)."""
@@ -32,7 +32,7 @@ class RowLayout:
 
     @cached_property
     def _places(self) -> dict[str, slice | int]:
-        places, at, shapes = {}, 0, {part.name: part.shape for part in ROW}
+        places, at, shapes = {}, 0, {part.name: part.shape for part in SAMPLE}
         for name, width in self.widths.items():
             places[name] = slice(at, at + width) if shapes[name] else at
             at += width

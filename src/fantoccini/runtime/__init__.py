@@ -1,4 +1,4 @@
-"""The compiled puppet: the one package that speaks to the shared library, through ctypes."""
+"""The compiled puppet: the only package that calls the shared library, through ctypes."""
 
 from fantoccini.runtime import memory
 from fantoccini.runtime.batch import Batch, BatchLibrary, default_threads
@@ -11,7 +11,8 @@ from fantoccini.runtime.clearance import (
     Solids,
 )
 from fantoccini.runtime.compiled import Complementarity, Library, Run
-from fantoccini.runtime.functions import Loaded, whole
+from fantoccini.runtime.external import ExternalRun
+from fantoccini.runtime.functions import Functions, Loaded, whole
 from fantoccini.runtime.motions import (
     POINT,
     POSE,
@@ -24,8 +25,6 @@ from fantoccini.runtime.motions import (
     Sweeper,
     Terms,
 )
-from fantoccini.runtime.outside import OutsideRun
-from fantoccini.runtime.slopes import Slopes
 from fantoccini.runtime.structures import RunOptions
 
 __all__ = [
@@ -41,16 +40,16 @@ __all__ = [
     "BatchLibrary",
     "ClearanceLibrary",
     "Complementarity",
+    "ExternalRun",
+    "Functions",
     "Funnel",
     "GoalNumbers",
     "Library",
     "Loaded",
     "MotionLibrary",
-    "OutsideRun",
     "Run",
     "RunOptions",
     "Segments",
-    "Slopes",
     "Solids",
     "Sweeper",
     "Terms",

@@ -155,7 +155,7 @@ class MotionLibrary(Loaded):
         rows = [_held(a, kept) for a in (q_D, v_D, q_K, v_K, p)]
         found = np.empty(len(q_D))
         n = ctypes.c_longlong(len(q_D))
-        self.handle.fan_goal_distances(n, *rows, ctypes.byref(structure), pointer(found))
+        self.dll.fan_goal_distances(n, *rows, ctypes.byref(structure), pointer(found))
         return found
 
 
@@ -298,7 +298,7 @@ class Sweeper:
         progress = _SweepProgress(next=0, reached=arrays.n)
 
         def work() -> int:
-            return self._library.handle.fan_sweep(ctypes.byref(arrays), ctypes.byref(progress))
+            return self._library.dll.fan_sweep(ctypes.byref(arrays), ctypes.byref(progress))
 
         others: list[Future[int]] = []
         needed = -(-arrays.n // _BUNDLE) - 1

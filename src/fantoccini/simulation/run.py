@@ -38,7 +38,10 @@ from fantoccini.simulation.checks import check_marionette, save_times
 from fantoccini.simulation.soundness import judged
 from fantoccini.simulation.weak_motors import too_weak
 
-_KINDS = {code: EventKind[code.name] for code in contract.EventCode}
+_KINDS = {
+    code: EventKind.RUNAWAY if code is contract.EventCode.RAN_AWAY else EventKind[code.name]
+    for code in contract.EventCode
+}
 _TO_BLAME = 0.1
 """Share of the blame for a status, 0 to 1, from which a string or limit is named."""
 _LIMIT_KINDS = {EventKind.CATCH: EventKind.LIMIT_ON, EventKind.RELEASE: EventKind.LIMIT_OFF}
@@ -82,7 +85,7 @@ def simulate(
         throw: raise when the run stops before its end; otherwise the status tells.
         max_memory: for the rows and events [bytes]; half of the memory that is free when not given.
             Rows that are known not to fit are refused; an event-driven run ends with
-            ``TOO_MANY_ROWS`` where they no longer do.
+            ``TOO_MANY_SAMPLES`` where they no longer do.
 
     Raises:
         StateError: ``x0`` breaks a string or limit; ``marionette.project(x0)`` repairs it. Or
@@ -172,7 +175,7 @@ def _where(
     if contradicted:
         most = np.max(made.tension.values)
         return f"{text}: {contradicted}. The largest tension was {most:.3g} N"
-    if made.status is Status.TOO_MANY_ROWS:
+    if made.status is Status.TOO_MANY_SAMPLES:
         return f"{text} after {len(made)} rows; write fewer with save_at, or allow max_memory"
     if made.blamed:
         text += f", because of {', '.join(made.blamed)}"
