@@ -17,6 +17,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import ModuleType
 
 from fantoccini.build.compiler import (
     COMPILE_SECONDS,
@@ -39,6 +40,7 @@ from fantoccini.build.folders import (
 from fantoccini.build.key import runtime_folder
 from fantoccini.errors import BuildError
 
+fcntl: ModuleType | None
 try:
     import fcntl
 except ImportError:  # Windows
