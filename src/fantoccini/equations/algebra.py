@@ -6,8 +6,27 @@ while the expressions are built, so sparse joint axes and aligned frames cost no
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import casadi as ca
 import numpy as np
+
+
+class Regularisation(NamedTuple):
+    """Numbers that keep expressions finite and differentiable at singular points.
+
+    Attributes:
+        segment: length of a segment between coincident points [m].
+        square: added to a square under a root, so that the root has the derivative 0 at 0.
+        same: relative difference below which two forces count as equal.
+    """
+
+    segment: float = 1e-9
+    square: float = 1e-300
+    same: float = 1e-12
+
+
+REGULAR = Regularisation()
 
 
 class Expression(ca.SX):

@@ -20,6 +20,7 @@ import casadi as ca
 import numpy as np
 
 from fantoccini.contract.functions import DERIVATIVES, compiled
+from fantoccini.equations import drives
 from fantoccini.equations.algebra import (
     column,
     cross,
@@ -32,11 +33,9 @@ from fantoccini.equations.algebra import (
 )
 from fantoccini.equations.declared import declared
 from fantoccini.equations.kinematics import configuration_rate
+from fantoccini.equations.rows import segment_length
 from fantoccini.equations.system import System
 from fantoccini.tree import WORLD, Role, Tree
-
-_LENGTH = 1e-18
-"""eps^2 of a segment's length, as in the rows [m^2]."""
 
 
 class Derivatives:
@@ -78,7 +77,7 @@ class Derivatives:
             for (torque, force), pulled, late in zip(loads.wrenches, pulls, late_drag, strict=True)
         ]
         f_D, _ = system.generalised(dataclasses.replace(loads, wrenches=wrenches))
-        acc_D, motors = elements(s.acc_D), system.motors(s.dt)
+        acc_D, motors = elements(s.acc_D), drives.forces(system, s.dt)
         f_D = f_D + (system.armature + motors.armature) * acc_D - motors.f_D
         for link in tree.links:
             if link.role is Role.DYNAMIC:
@@ -110,7 +109,7 @@ class Derivatives:
             if first.link == second.link:
                 continue
             d = around.place(second) - around.place(first)
-            along = scaled(tension / ca.sqrt(dot(d, d) + _LENGTH), d)
+            along = scaled(tension / segment_length(d), d)
             pulls[k] = pulls[k] + along
             pulls[k + 1] = pulls[k + 1] - along
         for point, pull in zip(points, pulls, strict=True):

@@ -92,7 +92,7 @@ class Equations:
 
     def _factor(self, dt: ca.SX) -> articulated.Factor:
         system = self.system
-        own = system.armature + system.motors(dt).armature
+        own = system.armature + drives.forces(system, dt).armature
 
         def armature(link: Link) -> np.ndarray:
             return own[link.v] + dt * system.value(link.damping)
@@ -105,7 +105,7 @@ class Equations:
     def _dynamics(self) -> dict[str, ca.SX]:
         """What the runtime needs to solve Eqs. 10 and 11 for any set of taut rows."""
         made = self._with_factor(self._factor(ca.SX(0)), ca.SX(0), self.system.free_loads)
-        motors = self.system.motors(ca.SX(0)).f_D
+        motors = drives.forces(self.system, ca.SX(0)).f_D
         made["power0"] = made["power0"] + dot(elements(self.system.symbols.v_D), motors)
         return made
 
@@ -116,7 +116,7 @@ class Equations:
         """
         made = self._with_factor(self.factor, self.system.symbols.dt, self.system.step_loads)
         made = {name: x for name, x in made.items() if name not in ("gamma", "gamma_limit")}
-        motors, places = self.system.motors(self.system.symbols.dt), self.tree.motor_places
+        motors, places = drives.forces(self.system, self.system.symbols.dt), self.tree.motor_places
         return made | {"f_M": column(motors.f_D[places]), "y_M": column(motors.yields[places])}
 
     def _with_factor(
@@ -127,7 +127,7 @@ class Equations:
         v_K = elements(s.v_K)
         _, f_K = system.generalised(loads)
         needed = {i: (-torque, -force) for i, (torque, force) in enumerate(loads.wrenches)}
-        motors = system.motors(dt).f_D
+        motors = drives.forces(system, dt).f_D
         w0 = factor.forth(elements(s.u_D) - loads.f_D + motors, needed)
         rows = system.string_rows
         W = zeros(n, m)
@@ -215,7 +215,7 @@ class Equations:
         lam = elements(self.system.symbols.lam)
         for i, row in enumerate(self.system.string_rows):
             f_K = f_K - scaled(lam[i], row.A_K)
-        motors = self.system.motors(ca.SX(0)).f_D
+        motors = drives.forces(self.system, ca.SX(0)).f_D
         for row in self.tree.drives:
             if row.command is not None:
                 place = row.command[1]

@@ -21,10 +21,10 @@ import sympy as sp
 from sympy.polys.domains import QQ
 from sympy.polys.rings import PolyElement, PolyRing
 
+from fantoccini.equations.algebra import REGULAR
 from fantoccini.equations.forms import Form
 from fantoccini.equations.functions import Equations
 from fantoccini.equations.notation import Notation, notation
-from fantoccini.equations.rows import EPS
 from fantoccini.errors import FantocciniError
 
 MOST_OPERATIONS = 1500
@@ -208,7 +208,7 @@ class _Reading:
                 work[out[0]] = _Value(self.ring.gens[place])
             elif op == ca.OP_CONST:
                 number = graph.instruction_constant(k)
-                exact = sp.S.Zero if number == EPS**2 else rational(number)
+                exact = sp.S.Zero if number == REGULAR.segment**2 else rational(number)
                 work[out[0]] = _Value(self.ring.ground_new(QQ(exact.p, exact.q)))
             else:
                 work[out[0]] = self._operation(op, [work[i] for i in into])

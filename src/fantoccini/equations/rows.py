@@ -16,6 +16,7 @@ import casadi as ca
 import numpy as np
 
 from fantoccini.equations.algebra import (
+    REGULAR,
     cross,
     dot,
     quaternion_rotation,
@@ -26,9 +27,6 @@ from fantoccini.equations.algebra import (
 from fantoccini.equations.inertia import Value
 from fantoccini.equations.kinematics import JointMotion, LinkMotion
 from fantoccini.tree import WORLD, ChainRow, LimitRow, Point, Role, StringRow, Tree
-
-EPS = 1e-9
-"""Rounding of a segment's length at coincident points [m]."""
 
 
 @dataclass(frozen=True)
@@ -166,7 +164,7 @@ def path_row(around: Surroundings, points: tuple[Point, ...]) -> PathRow:
     pulls = [zeros(3) for _ in points]
     for k, (first, second) in enumerate(pairwise(points)):
         d = around.place(second) - around.place(first)
-        segment = _rounded(d)
+        segment = segment_length(d)
         length = length + segment
         if first.link == second.link:
             continue
@@ -245,5 +243,6 @@ def limit_row(
     return sign * (twist - limit.bound), scaled(sign, J), sign * gamma
 
 
-def _rounded(d: np.ndarray) -> ca.SX:
-    return ca.sqrt(dot(d, d) + EPS**2)
+def segment_length(d: np.ndarray) -> ca.SX:
+    """|d|, rounded off where the ends of the segment coincide [m]."""
+    return ca.sqrt(dot(d, d) + REGULAR.segment**2)

@@ -12,8 +12,17 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from fantoccini.equations import drives, dynamics
-from fantoccini.equations.algebra import Expression, cross, dot, elements, scaled, symbolic, zeros
+from fantoccini.equations import dynamics
+from fantoccini.equations.algebra import (
+    REGULAR,
+    Expression,
+    cross,
+    dot,
+    elements,
+    scaled,
+    symbolic,
+    zeros,
+)
 from fantoccini.equations.elastic import Elastic, elastics
 from fantoccini.equations.inertia import BodyInertia, link_inertia, regrouped
 from fantoccini.equations.kinematics import (
@@ -26,10 +35,7 @@ from fantoccini.equations.kinematics import (
 from fantoccini.equations.rows import PathRow, Surroundings, limit_row, string_row
 from fantoccini.equations.symbols import Symbols
 from fantoccini.puppet import Number, Parameter
-from fantoccini.tree import ChainRow, Role, StringRow, Tree
-
-_STILL = 1e-300
-"""Added to the square of a speed, so that the derivative of |v| v at rest is 0 [m^2/s^2]."""
+from fantoccini.tree import ChainRow, DriveRow, Role, StringRow, Tree
 
 
 @dataclass(frozen=True)
@@ -153,9 +159,18 @@ class System:
             found[row.v] = row.inertia(self.value)
         return found
 
-    def motors(self, dt: ca.SX) -> drives.DriveForces:
-        """Forces of the drives' motors over a step dt; 0 for the exact ones."""
-        return drives.forces(self, dt)
+    def resistance(self, row: DriveRow) -> ca.SX:
+        """Friction of a drive over its speed: -resistance v is its force [N s/m or N m s]."""
+        friction = row.drive.friction
+        if friction is None:
+            return ca.SX(0)
+        n, v = row.ratio(self.value), elements(self.symbols.v_D)[row.v]
+        found = n * n * self.value(friction.viscous)
+        coulomb = self.value(friction.coulomb)
+        if coulomb.is_zero():
+            return found
+        speed = self.value(friction.speed)
+        return found + n * n * coulomb / ca.sqrt(n * n * dot(v, v) + speed * speed)
 
     @cached_property
     def mass_blocks(self) -> dict[tuple[int, int], np.ndarray]:
@@ -214,7 +229,7 @@ class System:
             loss = loss + lost
         v_D = elements(self.symbols.v_D)
         for row in self.tree.drives:
-            friction = scaled(drives.resistance(row, v_D[row.v], self.value), v_D[row.v])
+            friction = scaled(self.resistance(row), v_D[row.v])
             f_D[row.v] = f_D[row.v] + friction
             loss = loss + dot(friction, v_D[row.v])
         for elastic in self.elastics:
@@ -241,7 +256,7 @@ class System:
             rate, quadratic, angular = (self.value(x) for x in link.drag)
             if not quadratic.is_zero():
                 v = self.free_motions[i].v + cross(self.free_motions[i].w, self.centre(i))
-                rate = rate + quadratic * ca.sqrt(dot(v, v) + _STILL)
+                rate = rate + quadratic * ca.sqrt(dot(v, v) + REGULAR.square)
             found.append((rate, angular))
         return found
 

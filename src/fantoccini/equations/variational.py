@@ -37,7 +37,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from fantoccini.equations import dynamics
+from fantoccini.equations import drives, dynamics
 from fantoccini.equations.algebra import (
     column,
     cross,
@@ -152,7 +152,7 @@ class Variational:
         loads = system.loads(system.resting_motions)
         static, _ = system.generalised(loads)
         P = system.armature * elements(s.v_D)
-        motors = system.motors(ca.SX(0)).f_D
+        motors = drives.forces(system, ca.SX(0)).f_D
         slope = elements(s.u_D) + motors - static
         carried, twists = self._twists()
         momenta = [
