@@ -1,12 +1,13 @@
-"""Small symbolic vectors and matrices.
+"""Small symbolic vectors and matrices: NumPy arrays of dtype object that hold CasADi scalars.
 
-Plain NumPy arrays of dtype object hold CasADi scalars: products with the constants 0 and 1 vanish
-while the expressions are built, so sparse joint axes and aligned frames cost nothing.
+Products with the constants 0 and 1 vanish while expressions are built, so that sparse joint axes
+and aligned frames cost nothing.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -30,50 +31,36 @@ REGULAR = Regularisation()
 
 
 class Expression(ca.SX):
-    """A CasADi expression with quick sums and products, entry by entry as those of ``ca.SX``.
+    """A CasADi scalar with quick operators.
 
-    Those try the overloads of all types first, for six times as long as the operation takes. What
-    an Expression is combined with becomes one.
+    Those of ``ca.SX`` try the overloads of all types first, which takes six times as long as the
+    operation itself. Whatever an Expression is combined with becomes one.
     """
 
-    def __add__(self, other):
-        return _binary(ca.OP_ADD, self, other)
-
-    def __radd__(self, other):
-        return _binary(ca.OP_ADD, other, self)
-
-    def __sub__(self, other):
-        return _binary(ca.OP_SUB, self, other)
-
-    def __rsub__(self, other):
-        return _binary(ca.OP_SUB, other, self)
-
-    def __mul__(self, other):
-        return _binary(ca.OP_MUL, self, other)
-
-    def __rmul__(self, other):
-        return _binary(ca.OP_MUL, other, self)
-
-    def __truediv__(self, other):
-        return _binary(ca.OP_DIV, self, other)
-
-    def __rtruediv__(self, other):
-        return _binary(ca.OP_DIV, other, self)
-
-    def __neg__(self):
-        return _taken(ca.SX.unary(ca.OP_NEG, self))
+    def __neg__(self) -> Expression:
+        return _expression(ca.SX.unary(ca.OP_NEG, self))
 
 
-def _binary(operation: int, a, b) -> Expression:
-    return _taken(ca.SX.binary(operation, a, b))
-
-
-def _taken(made: ca.SX) -> Expression:
+def _expression(made: ca.SX) -> Expression:
     made.__class__ = Expression
+    assert isinstance(made, Expression)
     return made
 
 
-def symbolic(values) -> np.ndarray:
+def _operator(operation: int, reflected: bool) -> Callable[[Any, Any], Expression]:
+    if reflected:
+        return lambda a, b: _expression(ca.SX.binary(operation, b, a))
+    return lambda a, b: _expression(ca.SX.binary(operation, a, b))
+
+
+for _name, _code in (
+    ("add", ca.OP_ADD), ("sub", ca.OP_SUB), ("mul", ca.OP_MUL), ("truediv", ca.OP_DIV)
+):  # fmt: skip
+    setattr(Expression, f"__{_name}__", _operator(_code, False))
+    setattr(Expression, f"__r{_name}__", _operator(_code, True))
+
+
+def symbolic(values: Any) -> np.ndarray:
     """An object array of CasADi scalars from numbers or scalars, of the same shape."""
     source = np.asarray(values, dtype=object)
     out = np.empty(source.shape, dtype=object)
@@ -90,10 +77,10 @@ def elements(vector: ca.SX) -> np.ndarray:
     return out
 
 
-def column(values) -> ca.SX:
+def column(values: Iterable[Any]) -> ca.SX:
     """A dense CasADi column (n, 1) from a sequence of scalars."""
-    values = list(values)
-    return ca.densify(ca.vertcat(*values)) if values else ca.SX(0, 1)
+    dense: ca.SX = ca.densify(ca.vertcat(ca.SX(0, 1), *values))
+    return dense
 
 
 def matrix(values: np.ndarray) -> ca.SX:
@@ -102,6 +89,11 @@ def matrix(values: np.ndarray) -> ca.SX:
     for i, j in np.ndindex(values.shape):
         out[i, j] = values[i, j]
     return ca.densify(out)
+
+
+def stacked(rows: list[np.ndarray], n: int) -> ca.SX:
+    """A dense CasADi matrix from rows (n,)."""
+    return matrix(np.array(rows, dtype=object)) if rows else ca.SX(0, n)
 
 
 def zeros(*shape: int) -> np.ndarray:
@@ -125,8 +117,8 @@ def dot(a: np.ndarray, b: np.ndarray) -> ca.SX:
     return total
 
 
-def scaled(factor, values: np.ndarray) -> np.ndarray:
-    """factor times an object array. CasADi takes the product over where it meets an array."""
+def scaled(factor: ca.SX | float, values: np.ndarray) -> np.ndarray:
+    """factor times an object array; factor * array would be CasADi's product."""
     out = np.empty(values.shape, dtype=object)
     for index in np.ndindex(values.shape):
         out[index] = values[index] * factor

@@ -20,14 +20,14 @@ import casadi as ca
 import numpy as np
 
 from fantoccini.contract.functions import DERIVATIVES, compiled
-from fantoccini.equations import drives
+from fantoccini.equations import drives, dynamics
 from fantoccini.equations.algebra import (
     column,
     cross,
     dot,
     elements,
-    matrix,
     scaled,
+    stacked,
     symbolic,
     zeros,
 )
@@ -35,7 +35,7 @@ from fantoccini.equations.declared import declared
 from fantoccini.equations.kinematics import configuration_rate
 from fantoccini.equations.rows import segment_length
 from fantoccini.equations.system import System
-from fantoccini.tree import WORLD, Role, Tree
+from fantoccini.tree import WORLD, Point, Role, Tree
 
 
 class Derivatives:
@@ -100,7 +100,9 @@ class Derivatives:
             for i, motion in enumerate(moved)
         ]
 
-    def _pull(self, points: tuple, tension: ca.SX, external: list) -> None:
+    def _pull(
+        self, points: tuple[Point, ...], tension: ca.SX, external: list[dynamics.Wrench]
+    ) -> None:
         """Adds a string's pull to the (torque, force) on its links, about their origins."""
         system = self.system
         around = system.around(system.full_motions)
@@ -123,7 +125,7 @@ class Derivatives:
     def _forces(self, tension: ca.SX) -> dict[str, ca.SX]:
         names = {"r_q": "q_D", "r_v": "v_D", "r_qK": "q_K", "r_vK": "v_K", "M_DK": "acc_K",
                  "r_p": "p"}  # fmt: skip
-        found = self._slopes(ca.cse(self.residual(tension)), names.values())
+        found = self._derivatives(ca.cse(self.residual(tension)), names.values())
         return {name: found[by] for name, by in names.items()}
 
     def _rows(self) -> dict[str, ca.SX]:
@@ -143,26 +145,17 @@ class Derivatives:
             h.append(height)
             hdot.append(dot(J, v_D[place]))
             hddot.append(dot(J, acc_D[place]) + gamma)
-        h, hdot, hddot = (ca.cse(column(part)) for part in (h, hdot, hddot))
+        found = {"A_D": stacked(A_D, n), "A_K": stacked(A_K, n_K)}
         # A string hangs on few links: backward from each row is the shorter way.
-        h_by = self._slopes(h, ("p",), backward=True)
-        hdot_by = self._slopes(hdot, ("q_D", "q_K", "p"), backward=True)
-        hddot_by = self._slopes(hddot, ("q_D", "v_D", "q_K", "v_K", "p"), backward=True)
-        return {
-            "A_D": matrix(np.array(A_D, dtype=object)) if A_D else ca.SX(0, n),
-            "A_K": matrix(np.array(A_K, dtype=object)) if A_K else ca.SX(0, n_K),
-            "h_p": h_by["p"],
-            "hdot_q": hdot_by["q_D"],
-            "hdot_qK": hdot_by["q_K"],
-            "hdot_p": hdot_by["p"],
-            "hddot_q": hddot_by["q_D"],
-            "hddot_v": hddot_by["v_D"],
-            "hddot_qK": hddot_by["q_K"],
-            "hddot_vK": hddot_by["v_K"],
-            "hddot_p": hddot_by["p"],
-        }
+        for name, values, by in (
+            ("h", h, "p"), ("hdot", hdot, "q_D q_K p"), ("hddot", hddot, "q_D v_D q_K v_K p")
+        ):  # fmt: skip
+            made = self._derivatives(ca.cse(column(values)), by.split(), backward=True)
+            for symbol, x in made.items():
+                found[f"{name}_{symbol.removesuffix('_D').replace('_', '')}"] = x
+        return found
 
-    def _slopes(
+    def _derivatives(
         self, values: ca.SX, names: Iterable[str], backward: bool = False
     ) -> dict[str, ca.SX]:
         """Derivatives of a column by some symbols, along tangents of configurations."""

@@ -28,6 +28,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -216,9 +217,10 @@ class _Wanted:
             for a, b in np.ndindex(block.shape):
                 k, m = links[j].v.start + a, links[i].v.start + b
                 dynamic = links[i].role is links[j].role is Role.DYNAMIC
-                if not dynamic or not {k, m} <= places or block[a, b].is_zero():
+                entry: Any = block[a, b]
+                if not dynamic or not {k, m} <= places or entry.is_zero():
                     continue
-                size = block[a, b] if k == m else ca.sqrt(block[a, b] ** 2 + REGULAR.square)
+                size = entry if k == m else ca.sqrt(entry**2 + REGULAR.square)
                 found[k] = found[k] + size
                 if i != j:
                     found[m] = found[m] + size

@@ -16,6 +16,9 @@ from fantoccini.equations.inertia import BodyInertia
 from fantoccini.equations.kinematics import JointMotion, LinkMotion
 from fantoccini.tree import WORLD, Tree
 
+Wrench = tuple[np.ndarray, np.ndarray]
+"""(torque, force) about a link's origin, in its frame."""
+
 
 def mass_matrix(
     tree: Tree, joints: list[JointMotion], inertias: list[BodyInertia]
@@ -62,7 +65,7 @@ def mass_matrix(
 
 def link_wrenches(
     inertias: list[BodyInertia], motions: list[LinkMotion]
-) -> list[tuple[np.ndarray, np.ndarray]]:
+) -> list[Wrench]:
     """(torque, force) about each link's origin, in its frame, that make it move as given."""
     none = zeros(3), zeros(3)
     return [
@@ -72,7 +75,7 @@ def link_wrenches(
 
 
 def joint_forces(
-    tree: Tree, joints: list[JointMotion], wrenches: list[tuple[np.ndarray, np.ndarray]]
+    tree: Tree, joints: list[JointMotion], wrenches: list[Wrench]
 ) -> list[np.ndarray]:
     """Generalised forces of wrenches on the links: tau_i = S_i^T f_i, f summed towards the root.
 
@@ -88,8 +91,8 @@ def joint_forces(
 
 
 def summed(
-    tree: Tree, joints: list[JointMotion], wrenches: list[tuple[np.ndarray, np.ndarray]]
-) -> list[tuple[np.ndarray, np.ndarray]]:
+    tree: Tree, joints: list[JointMotion], wrenches: list[Wrench]
+) -> list[Wrench]:
     """Wrenches, or momenta, of every link and all that hangs from it, about its own origin."""
     torque, force = ([wrench[k] for wrench in wrenches] for k in range(2))
     for i in reversed(range(len(wrenches))):

@@ -48,9 +48,10 @@ class Elastic:
     def add_gradient(self, f_D: np.ndarray, f_K: np.ndarray) -> None:
         """Adds dV/dq_D (n_vD,) and dV/dq_K (n_vK,)."""
         self._pull(self.k * self.row.length, f_D, f_K)
-        if self.relaxed is None:
+        own = self.row.own
+        if self.relaxed is None or own is None:
             return
-        for f, place in ((f_D, self.row.own.wound_length), (f_K, self.row.own.driven_length)):
+        for f, place in ((f_D, own.wound_length), (f_K, own.driven_length)):
             if place is not None:
                 f[place[1]] -= self.row.share * self.energy / self.relaxed
 

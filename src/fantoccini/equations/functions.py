@@ -16,7 +16,16 @@ import numpy as np
 from fantoccini.contract import FUNCTIONS
 from fantoccini.contract.functions import COLUMN, MODEL, compiled
 from fantoccini.equations import articulated, drives, dynamics
-from fantoccini.equations.algebra import column, cross, dot, elements, matrix, scaled, zeros
+from fantoccini.equations.algebra import (
+    column,
+    cross,
+    dot,
+    elements,
+    matrix,
+    scaled,
+    stacked,
+    zeros,
+)
 from fantoccini.equations.coriolis import coriolis_matrix
 from fantoccini.equations.declared import declared
 from fantoccini.equations.system import Loads, System
@@ -180,12 +189,12 @@ class Equations:
         """
         made: dict[int, tuple[list[int], ca.Function]] = {}
         (L, factor), x = self._stored, ca.SX.sym("x", 3)
-        names = [[q.name for q in part] for part in (COLUMN.arguments, COLUMN.results)]
+        names_in, names_out = ([q.name for q in p] for p in (COLUMN.arguments, COLUMN.results))
         for i in sorted({limit.link for limit in self.tree.limits}):
             place = self.tree.links[i].v
             found = factor.forth_from(i, elements(x)[: place.stop - place.start])
             y = ca.cse(column(list(found.values())))
-            made[i] = list(found), ca.Function(f"fan_column_{i}", [L, x], [y], *names)
+            made[i] = list(found), ca.Function(f"fan_column_{i}", [L, x], [y], names_in, names_out)
         total = sum(function.n_instructions() for _, function in made.values())
         return made if total < _MANY * self["forth"].n_instructions() else {}
 
@@ -216,10 +225,10 @@ class Equations:
         for i, row in enumerate(self.system.string_rows):
             f_K = f_K - scaled(lam[i], row.A_K)
         motors = drives.forces(self.system, ca.SX(0)).f_D
-        for row in self.tree.drives:
-            if row.command is not None:
-                place = row.command[1]
-                f_K[place : place + row.v.stop - row.v.start] = motors[row.v]
+        for drive in self.tree.drives:
+            if drive.command is not None:
+                place = drive.command[1]
+                f_K[place : place + drive.v.stop - drive.v.start] = motors[drive.v]
         return {"f_K": column(f_K)}
 
     def _motor_lags(self) -> dict[str, ca.SX]:
@@ -246,20 +255,14 @@ class Equations:
 
     def _poses(self) -> dict[str, ca.SX]:
         """World pose of every link: 12 numbers a link, R column by column and then r."""
-        entries = []
-        for motion in self.system.resting_motions:
-            entries.extend(motion.R.T.flatten())
-            entries.extend(motion.r)
-        return {"poses": column(entries)}
+        motions = self.system.resting_motions
+        return {"poses": column(x for m in motions for x in (*m.R.T.flatten(), *m.r))}
 
     def _points(self) -> dict[str, ca.SX]:
         """World positions of all points of all strings, in order: 3 numbers a point."""
         around = self.system.around(self.system.resting_motions)
-        entries = []
-        for string in self.tree.strings:
-            for point in string.points:
-                entries.extend(around.place(point))
-        return {"points": column(entries)}
+        points = (point for string in self.tree.strings for point in string.points)
+        return {"points": column(x for point in points for x in around.place(point))}
 
     def _mass_matrix(self) -> dict[str, ca.SX]:
         dynamic, driven = Role.DYNAMIC, Role.DRIVEN
@@ -296,13 +299,13 @@ class Equations:
             row = zeros(n)
             row[links[limit.link].v] = J
             rows.append(row)
-        return {"A_D": _stacked(rows, n)}
+        return {"A_D": stacked(rows, n)}
 
     def _A_K(self) -> dict[str, ca.SX]:
         n = self.tree.coordinates.n_vK
         rows = [row.A_K for row in self.system.string_rows]
         rows.extend(zeros(n) for _ in self.tree.limits)
-        return {"A_K": _stacked(rows, n)}
+        return {"A_K": stacked(rows, n)}
 
     def _Adot_v(self) -> dict[str, ca.SX]:
         strings = [
@@ -340,5 +343,3 @@ def derive(tree: Tree) -> Equations:
     return Equations(tree)
 
 
-def _stacked(rows: list[np.ndarray], n: int) -> ca.SX:
-    return matrix(np.array(rows, dtype=object)) if rows else ca.SX(0, n)

@@ -26,6 +26,8 @@ from fantoccini.equations.algebra import (
 from fantoccini.equations.inertia import Value
 from fantoccini.tree import WORLD, Link, Tree
 
+Places = tuple[tuple[int, int], ...]
+
 
 @dataclass(frozen=True)
 class JointMotion:
@@ -166,7 +168,7 @@ def turning(w: np.ndarray, alpha: np.ndarray) -> np.ndarray:
     )
 
 
-def configuration_rate(q: ca.SX, v: ca.SX, quaternions, scalars) -> ca.SX:
+def configuration_rate(q: ca.SX, v: ca.SX, quaternions: Places, scalars: Places) -> ca.SX:
     """qdot = N(q) v: velocities as they are, quaternions by 1/2 q (0, w).
 
     Args:

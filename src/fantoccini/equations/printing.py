@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import sympy as sp
@@ -153,7 +154,7 @@ def rational(number: float) -> sp.Rational:
     return sp.Rational(format(number, ".15g"))
 
 
-def _short(coefficient):
+def _short(coefficient: Any) -> Any:
     """A coefficient as a short decimal, where it is one but for the rounding of its parts."""
     short = rational(float(coefficient))
     close = abs(QQ(short.p, short.q) - coefficient) <= _NOTHING * abs(coefficient)
@@ -187,7 +188,7 @@ class _Reading:
             for k in range(len(notation.symbols[name]))
         }
         self.form = Form(list(inputs), velocities=velocities, inverse=set(), pairs={})
-        self._known: dict[tuple, PolyElement] = {}
+        self._known: dict[tuple[Any, ...], PolyElement] = {}
         self._squares: dict[int, PolyElement] = {}
         for name, firsts in notation.quaternions.items():
             for first in firsts:
@@ -196,7 +197,8 @@ class _Reading:
 
     def outputs(self) -> dict[tuple[int, int], sp.Expr]:
         """(output, entry) -> expression."""
-        graph, work = self.graph, {}
+        graph = self.graph
+        work: dict[int, _Value] = {}
         found: dict[tuple[int, int], PolyElement] = {}
         for k in range(graph.n_instructions()):
             op = graph.instruction_id(k)
@@ -204,8 +206,8 @@ class _Reading:
             if op == ca.OP_OUTPUT:
                 found[out[0], out[1]] = work[into[0]].value
             elif op == ca.OP_INPUT:
-                place = self._first[_ARGUMENTS[into[0]]] + into[1]
-                work[out[0]] = _Value(self.ring.gens[place])
+                first = self._first[_ARGUMENTS[into[0]]]
+                work[out[0]] = _Value(self.ring.gens[first + into[1]])
             elif op == ca.OP_CONST:
                 number = graph.instruction_constant(k)
                 exact = sp.S.Zero if number == REGULAR.segment**2 else rational(number)
@@ -275,7 +277,7 @@ class _Reading:
                 value = value - self.ring.from_dict(high) + lowered * square
         return value
 
-    def _generator(self, key: tuple, expression: sp.Expr) -> PolyElement:
+    def _generator(self, key: tuple[Any, ...], expression: sp.Expr) -> PolyElement:
         """The generator that stands for an expression; the same one for the same key."""
         if key not in self._known:
             self._known[key] = self.ring.gens[len(self.form.meaning)]
@@ -333,6 +335,6 @@ class _Value:
         return self.made_of if 0 < len(self.made_of) <= 4 else ((self.value, 1),)
 
 
-def _starts(parts: list[list]) -> list[int]:
+def _starts(parts: list[list[sp.Symbol]]) -> list[int]:
     """Where each list begins when all are laid end to end."""
     return [sum(len(part) for part in parts[:k]) for k in range(len(parts))]

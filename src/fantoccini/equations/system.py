@@ -51,7 +51,7 @@ class Loads:
 
     f_D: np.ndarray
     f_K: np.ndarray
-    wrenches: list[tuple[np.ndarray, np.ndarray]]
+    wrenches: list[dynamics.Wrench]
     loss: ca.SX
 
 
@@ -107,13 +107,19 @@ class System:
             parts.append(source[getattr(link, what)])
         return parts
 
-    def motions(self, v_D=None, v_K=None, acc_D=None, acc_K=None, gravity=None):
+    def motions(
+        self,
+        v_D: np.ndarray | None = None,
+        v_K: np.ndarray | None = None,
+        acc_D: np.ndarray | None = None,
+        acc_K: np.ndarray | None = None,
+        gravity: np.ndarray | None = None,
+    ) -> list[LinkMotion]:
         """Link motions for velocities and accelerations; what is not given is zero."""
-        table = self.tree.coordinates
-        n_D, n_K = zeros(table.n_vD), zeros(table.n_vK)
-        velocity = self.by_link(n_D if v_D is None else v_D, n_K if v_K is None else v_K, "v")
-        acceleration = self.by_link(
-            n_D if acc_D is None else acc_D, n_K if acc_K is None else acc_K, "v"
+        none_D, none_K = zeros(self.tree.coordinates.n_vD), zeros(self.tree.coordinates.n_vK)
+        velocity, acceleration = (
+            self.by_link(none_D if D is None else D, none_K if K is None else K, "v")
+            for D, K in ((v_D, v_K), (acc_D, acc_K))
         )
         g = self.gravity if gravity is None else gravity
         return link_motions(self.tree, self.joints, velocity, acceleration, g)
@@ -213,12 +219,12 @@ class System:
         for elastic in self.elastics:
             elastic.add_gradient(f_D, f_K)
 
-    def dissipation(self) -> tuple[np.ndarray, np.ndarray, list, ca.SX]:
+    def dissipation(self) -> tuple[np.ndarray, np.ndarray, list[dynamics.Wrench], ca.SX]:
         """Damping of joints, drives and springs (f_D, f_K), drag on the links, power loss."""
         table = self.tree.coordinates
         f_D, f_K, loss = zeros(table.n_vD), zeros(table.n_vK), ca.SX(0)
         v = self.by_link(elements(self.symbols.v_D), elements(self.symbols.v_K), "v")
-        wrenches = []
+        wrenches: list[dynamics.Wrench] = []
         for i, link in enumerate(self.tree.links):
             damping = self.value(link.damping)
             if link.role is Role.DYNAMIC and not damping.is_zero():
@@ -376,6 +382,7 @@ class System:
         if string.wound_length:
             q, v = string.wound_length
             return Expression(s.q_D[q]), Expression(s.v_D[v]), none
+        assert string.length is not None, "the string has a length"
         return self.value(string.length), none, none
 
     @cached_property

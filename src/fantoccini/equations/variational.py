@@ -169,12 +169,13 @@ class Variational:
         arguments = [s.q_D, s.v_D, s.q_K, s.v_K, s.acc_K, s.u_D, s.p]
         return ca.Function("at", arguments, [column(P), column(slope), column(motors)])
 
-    def _twists(self) -> tuple[list, list]:
+    def _twists(self) -> tuple[list[np.ndarray], list[dynamics.Wrench]]:
         """w_c and (w, v) of every link, in its frame."""
         system = self.equations.system
         s, tree = system.symbols, system.tree
         velocity = system.by_link(elements(s.v_D), elements(s.v_K), "v")
-        carried, twists = [], []
+        carried: list[np.ndarray] = []
+        twists: list[tuple[np.ndarray, np.ndarray]] = []
         for i, link in enumerate(tree.links):
             joint = system.joints[i]
             w_up, v_up = (zeros(3), zeros(3)) if link.parent == WORLD else twists[link.parent]
@@ -186,7 +187,7 @@ class Variational:
 
 
 def _slope(
-    link: Link, joint: JointMotion, H: tuple, w_c: np.ndarray, v: np.ndarray
+    link: Link, joint: JointMotion, H: dynamics.Wrench, w_c: np.ndarray, v: np.ndarray
 ) -> np.ndarray:
     """dT/dq of a joint, along its tangent vectors."""
     H_w, H_v = H
