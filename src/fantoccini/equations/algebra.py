@@ -12,6 +12,8 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from fantoccini.puppet.values import rotation_rows
+
 
 class Regularisation(NamedTuple):
     """Numbers that keep expressions finite and differentiable at singular points.
@@ -125,29 +127,6 @@ def scaled(factor: ca.SX | float, values: np.ndarray) -> np.ndarray:
     return out
 
 
-def axis_rotation(axis: np.ndarray, angle: ca.SX) -> np.ndarray:
-    """R = c 1 + s [a] + (1 - c) a a^T: rotation by an angle about a constant unit axis (3, 3)."""
-    c, s = ca.cos(angle), ca.sin(angle)
-    out = zeros(3, 3)
-    skew = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    for i, j in np.ndindex(3, 3):
-        outer = float(axis[i] * axis[j])
-        diagonal = 1.0 if i == j else 0.0
-        out[i, j] = (diagonal - outer) * c + float(skew[i, j]) * s + outer
-    return out
-
-
 def quaternion_rotation(quaternion: np.ndarray) -> np.ndarray:
     """Rotation matrix (3, 3) of a unit quaternion (w, x, y, z)."""
-    w, x, y, z = quaternion
-    X, Y, Z = 2 * x, 2 * y, 2 * z
-    xx, yy, zz, xy, xz, yz = x * X, y * Y, z * Z, x * Y, x * Z, y * Z
-    wx, wy, wz = w * X, w * Y, w * Z
-    return np.array(
-        [
-            [1 - (yy + zz), xy - wz, xz + wy],
-            [xy + wz, 1 - (xx + zz), yz - wx],
-            [xz - wy, yz + wx, 1 - (xx + yy)],
-        ],
-        dtype=object,
-    )
+    return np.array(rotation_rows(*quaternion), dtype=object)
