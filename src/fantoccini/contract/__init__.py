@@ -1,9 +1,8 @@
 """The contract between Python and compiled code: every function and structure, declared once.
 
-Order of spatial quantities: a **motion or wrench inside the equations** is a pair (angular, linear)
-about the link's origin, in the link's frame. **Arrays that cross the contract** stack the linear
-part before the angular one: velocities (v, w), wrenches (force, torque), poses (R, r) and free
-joints' coordinates apart. See docs/symbols.md.
+In every array of the contract the linear part of a spatial quantity comes before the angular part:
+velocities (v, w), wrenches (force, torque), free joints' velocities and configurations. Only inside
+``equations`` motions and wrenches are pairs (angular, linear), in the link's frame.
 """
 
 from fantoccini.contract.codes import EventCode, GoalKind, Hold, SolidKind, Solved

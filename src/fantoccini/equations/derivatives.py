@@ -1,13 +1,12 @@
-"""Derivatives of the equations of motion, taken on their residual and not on their solution.
+"""Derivatives of the residual of the equations of motion.
 
     r = M acc_D + M_DK acc_K + c + damping + A_D^T tension - u_D        (Eq. 10; r = 0)
     hddot = A_D acc_D + A_K acc_K + Adot v                              (Eq. 11; 0 on taut rows)
 
-The implicit function theorem turns the residual's derivatives into those of acc_D and of the
-tensions with one factor of M and of the taut rows, which the model gives anyway. What is
-differentiated here is recursive Newton-Euler, a tenth of the solved form. Derivatives by a
-configuration are along tangent vectors: a scalar adds, a quaternion turns in the body's frame,
-dq/ddelta = N(q) with qdot = N(q) v.
+The implicit function theorem turns them into derivatives of acc_D and of the tensions, with the
+factor of M and of the taut rows that the model has. The residual is recursive Newton-Euler, a tenth
+of the solved form. Derivatives by a configuration are along tangent vectors: a scalar adds, a
+quaternion turns in the body's frame, dq/ddelta = N(q) with qdot = N(q) v.
 """
 
 from __future__ import annotations
@@ -60,8 +59,8 @@ class Derivatives:
     def residual(self, tension: ca.SX) -> ca.SX:
         """r (n_vD,) of Eq. 10 without u_D; damping and drag act on v_D + dt acc_D.
 
-        The strings' pulls enter as forces on the links, so that one pass towards the root projects
-        them together with inertia and gravity.
+        Strings pull as forces on the links, which one pass towards the root projects together with
+        inertia and gravity.
 
         Args:
             tension: (n_rows,) of strings and limits [N or N m].
@@ -92,7 +91,7 @@ class Derivatives:
         return column(f_D)
 
     def _late_drag(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """(torque, force) on every link that its drag changes by over a step at acc_D."""
+        """Change of the drag on every link over a step at acc_D."""
         system, s = self.system, self.system.symbols
         moved = system.motions(elements(s.acc_D))
         return [
@@ -103,7 +102,7 @@ class Derivatives:
     def _pull(
         self, points: tuple[Point, ...], tension: ca.SX, external: list[dynamics.Wrench]
     ) -> None:
-        """Adds a string's pull to the (torque, force) on its links, about their origins."""
+        """Adds a string's pull to the wrenches on its links."""
         system = self.system
         around = system.around(system.full_motions)
         pulls = [zeros(3) for _ in points]

@@ -10,18 +10,18 @@ command r by the error e = r - q, edot = rdot - v:
     servo            |f| <= n T
     direct current   f = n k i,  |i| <= I,  |R i + k n v| <= U
 
-c is what gravity, velocities and the driven coordinates need of the mechanism, at acc_M = a and
-acc_D = 0 elsewhere; strings are not in it. Orientations have the error 2 e_w (e_x, e_y, e_z) of the
-quaternion from q to r, in the body's frame, so that k phi pulls back a small turn phi.
+c is the force that gravity, velocities and driven coordinates require at acc_M = a, with acc_D = 0
+elsewhere and without strings. Orientations have the error 2 e_w (e_x, e_y, e_z) of the quaternion
+from q to r, in the body's frame, so that k phi restores a small rotation phi.
 
-Over a step dt drives act implicitly, like the damping of joints: f is taken at the error to come,
-e + dt edot, and what the step's own acceleration changes of it is put on the diagonal of M_DD,
+Over a step dt drives are implicit, like the damping of joints: f is evaluated at the error
+e + dt edot, and its change by the step's own acceleration is on the diagonal of M_DD,
 
     armature = m + n^2 J + dt (d + friction / v) + dt^2 k
 
-which leaves nothing to be unstable however stiff a drive is. Where computed torque couples several
-coordinates the rows' sums of |M| stand for M: a diagonal that is large enough for all their
-motions. A winding at its voltage gives way by (n k)^2 / R. dt = 0 gives the exact equations.
+so that a drive is stable however stiff it is. Where computed torque couples several coordinates,
+the sums of |M| over each row stand for M: a diagonal that bounds all their motions. At its voltage
+bound a motor's force has the derivative (n k)^2 / R. dt = 0 gives the exact equations.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""CasADi functions of a system.
+"""CasADi functions of a system: the compiled *model*, and the interpreted *analysis*.
 
-Two sets: the *model*, which is generated as C and compiled, and the *analysis*, evaluated by
-CasADi's interpreter when a user asks for M, C, g and the other objects of the paper. All outputs
-are dense; matrices are column-major, as CasADi has them.
+A function of the contract is derived in the method of its name, with an underscore. All results are
+dense; matrices are stored column by column.
 """
 
 from __future__ import annotations
@@ -32,8 +31,8 @@ from fantoccini.equations.system import Loads, System
 from fantoccini.errors import UnknownNameError
 from fantoccini.tree import Link, Role, Tree
 
-_MANY = 5
-"""Times the instructions of ``forth`` that all ``columns`` may have."""
+_MAX_COLUMNS_SIZE = 5
+"""Instructions of all ``columns`` together, relative to ``forth``, up to which they are used."""
 
 
 class Equations:
@@ -61,7 +60,7 @@ class Equations:
         return name in tuple(self)
 
     def __getitem__(self, name: str) -> ca.Function:
-        """The function of a name of the contract, compiled in the model or interpreted.
+        """A function of the contract that is compiled in the model or interpreted.
 
         Raises:
             UnknownNameError: there is none.
@@ -79,7 +78,7 @@ class Equations:
 
     @property
     def sizes(self) -> dict[str, int]:
-        """Those of the tree, and the length of L."""
+        """The sizes of the tree, and the length of L."""
         return {**self.tree.sizes, "n_packed": self.n_packed}
 
     def _function(self, name: str) -> ca.Function:
@@ -96,7 +95,7 @@ class Equations:
 
     @cached_property
     def factor(self) -> articulated.Factor:
-        """F of M_DD = F^T F, with damping and drag over a step dt; L are its numbers."""
+        """F of M_DD = F^T F, with damping and drag over a step dt; stored as L."""
         return self._factor(self.system.symbols.dt)
 
     def _factor(self, dt: ca.SX) -> articulated.Factor:
@@ -112,16 +111,16 @@ class Equations:
         return articulated.factorise(self.tree, system.joints, inertias, armature)
 
     def _dynamics(self) -> dict[str, ca.SX]:
-        """What the runtime needs to solve Eqs. 10 and 11 for any set of taut rows."""
+        """All that Eqs. 10 and 11 need for any active set."""
         made = self._with_factor(self._factor(ca.SX(0)), ca.SX(0), self.system.free_loads)
         motors = drives.forces(self.system, ca.SX(0)).f_D
         made["power0"] = made["power0"] + dot(elements(self.system.symbols.v_D), motors)
         return made
 
     def _step_dynamics(self) -> dict[str, ca.SX]:
-        """What a step needs: damping and drag over it, and no accelerations of rows.
+        """All that a step needs, with its damping and drag, without accelerations of rows.
 
-        The power of the motors is not in ``power0``: over the step they give f_M - y_M dv.
+        ``power0`` is without the motors, which exert f_M - y_M dv over the step.
         """
         made = self._with_factor(self.factor, self.system.symbols.dt, self.system.step_loads)
         made = {name: x for name, x in made.items() if name not in ("gamma", "gamma_limit")}
@@ -175,16 +174,16 @@ class Equations:
 
     @cached_property
     def _stored(self) -> tuple[ca.SX, articulated.Factor]:
-        """L as symbols, and the factor that it stands for."""
+        """L as symbols, and the factor that it stores."""
         L = ca.SX.sym("L", self.n_packed)
         return L, self.factor.stored(elements(L))
 
     @cached_property
     def columns(self) -> dict[int, tuple[list[int], ca.Function]]:
-        """link -> its part of ``forth``, for links with limits: y = F^-T x for x in its joint.
+        """Links with limits -> y = F^-T x for forces x in the link's joint.
 
-        The entries of y that differ from zero, those on the way to the root, and a function
-        (L, x (3,)) -> these. Empty where all of them have many more operations than ``forth``, as
+        Each is the list of the nonzero entries of y, those on the way to the root, and a function
+        (L, x (3,)) -> these entries. Empty where all together are much longer than ``forth``, as
         for a long chain with limits all along.
         """
         made: dict[int, tuple[list[int], ca.Function]] = {}
@@ -196,10 +195,10 @@ class Equations:
             y = ca.cse(column(list(found.values())))
             made[i] = list(found), ca.Function(f"fan_column_{i}", [L, x], [y], names_in, names_out)
         total = sum(function.n_instructions() for _, function in made.values())
-        return made if total < _MANY * self["forth"].n_instructions() else {}
+        return made if total < _MAX_COLUMNS_SIZE * self["forth"].n_instructions() else {}
 
     def _limit_rates(self, J: ca.SX) -> dict[str, ca.SX]:
-        """hdot of the limits at a velocity; what is constant in their Jacobians is folded in."""
+        """hdot of the limits at a velocity, with the constants of their Jacobians folded in."""
         v, rates = self.system.symbols.v_D, []
         limits = zip(self.tree.limits, self.system.limit_rows, strict=True)
         for i, (limit, (_, jacobian, _)) in enumerate(limits):
@@ -218,7 +217,7 @@ class Equations:
     def _effort(self) -> dict[str, ca.SX]:
         """Force on every driven coordinate: M_KD acc_D + M_KK acc_K + c_K - A_K^T lambda.
 
-        That of a command is the force of the motor that follows it.
+        The force on a command is that of the motor which follows it.
         """
         _, f_K = self.system.generalised(self.system.loads(self.system.full_motions))
         lam = elements(self.system.symbols.lam)
@@ -274,7 +273,7 @@ class Equations:
         }
 
     def _mass_times(self) -> dict[str, ca.SX]:
-        """M_DD acc_D, in a number of operations that grows with the links and not their square."""
+        """M_DD acc_D, in operations proportional to the number of links."""
         return {"f": column(self.system.inertial(elements(self.system.symbols.acc_D), None))}
 
     def _coriolis(self) -> dict[str, ca.SX]:
@@ -339,7 +338,7 @@ class Equations:
 
 
 def derive(tree: Tree) -> Equations:
-    """The equations of a tree; expressions are built when they are first asked for."""
+    """The equations of a tree; expressions are built on first use."""
     return Equations(tree)
 
 

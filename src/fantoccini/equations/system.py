@@ -1,7 +1,6 @@
-"""All symbolic expressions of a tree, each derived when it is first asked for.
+"""Symbolic expressions of a tree in the paper's symbols, each derived on first use.
 
-The state's symbols are CasADi columns named by the paper's letters. Everything here is an
-expression in them; :mod:`fantoccini.equations.functions` turns expressions into functions.
+:mod:`fantoccini.equations.functions` turns them into functions.
 """
 
 from __future__ import annotations
@@ -40,13 +39,12 @@ from fantoccini.tree import ChainRow, DriveRow, Role, StringRow, Tree
 
 @dataclass(frozen=True)
 class Loads:
-    """Forces that a motion needs.
+    """Forces of a motion.
 
     Attributes:
-        f_D, f_K: in the joints, for springs and damping.
-        wrenches: (torque, force) on each link about its origin, in its frame: inertia, gravity,
-            drag.
-        loss: power taken by damping and drag [W].
+        f_D, f_K: of springs and damping, in the joints.
+        wrenches: of inertia, gravity and drag, on each link.
+        loss: power of damping and drag [W].
     """
 
     f_D: np.ndarray
@@ -88,7 +86,7 @@ class System:
 
     @cached_property
     def regrouped(self) -> list[BodyInertia]:
-        """Fewer numbers that give the same equations of motion."""
+        """Inertias with more zeros that give the same equations of motion."""
         return regrouped(self.tree, self.inertias, [joint.r for joint in self.joints])
 
     @cached_property
@@ -100,7 +98,7 @@ class System:
         ]
 
     def by_link(self, dynamic: np.ndarray, driven: np.ndarray, what: str) -> list[np.ndarray]:
-        """Splits a dynamic and a driven vector into each link's own part."""
+        """Splits a dynamic and a driven vector, of what ``q`` or ``v``, into each link's part."""
         parts = []
         for link in self.tree.links:
             source = {Role.DYNAMIC: dynamic, Role.DRIVEN: driven}.get(link.role, zeros(0))
@@ -126,7 +124,7 @@ class System:
 
     @cached_property
     def free_motions(self) -> list[LinkMotion]:
-        """Link motions with acc_D = 0: what remains is the bias and the driven part."""
+        """Link motions with acc_D = 0: bias and driven part."""
         s = self.symbols
         return self.motions(
             elements(s.v_D), elements(s.v_K), acc_K=elements(s.acc_K)
@@ -147,14 +145,14 @@ class System:
 
     @cached_property
     def ahead_motions(self) -> list[LinkMotion]:
-        """The same with velocity products of v_ahead, as a step takes them."""
+        """:attr:`free_motions` with the velocity products of v_ahead, for a step."""
         s = self.symbols
         return self.motions(
             elements(s.v_ahead), elements(s.v_K), acc_K=elements(s.acc_K)
         )
 
     def around(self, motions: list[LinkMotion]) -> Surroundings:
-        """What rows are computed from, with the given motions."""
+        """The arguments of rows, for the given motions."""
         return Surroundings(self.tree, self.joints, motions, self.gravity, self.value)
 
     @cached_property
@@ -220,7 +218,7 @@ class System:
             elastic.add_gradient(f_D, f_K)
 
     def dissipation(self) -> tuple[np.ndarray, np.ndarray, list[dynamics.Wrench], ca.SX]:
-        """Damping of joints, drives and springs (f_D, f_K), drag on the links, power loss."""
+        """Damping (f_D, f_K) of joints, drives and springs, drag on the links, loss of power."""
         table = self.tree.coordinates
         f_D, f_K, loss = zeros(table.n_vD), zeros(table.n_vK), ca.SX(0)
         v = self.by_link(elements(self.symbols.v_D), elements(self.symbols.v_K), "v")
@@ -256,7 +254,7 @@ class System:
 
     @cached_property
     def drag_rates(self) -> list[tuple[ca.SX, ca.SX]]:
-        """Of every link, force over speed of its centre [N s/m], torque over turning [N m s]."""
+        """For every link drag over speed of its centre [N s/m], torque over spin [N m s]."""
         found = []
         for i, link in enumerate(self.tree.links):
             rate, quadratic, angular = (self.value(x) for x in link.drag)
@@ -317,11 +315,11 @@ class System:
 
     @cached_property
     def step_loads(self) -> Loads:
-        """The same as a step takes them: velocity products at v_ahead."""
+        """:attr:`free_loads` with the velocity products of v_ahead, for a step."""
         return self.loads(self.ahead_motions)
 
     def inertial(self, acc_D: np.ndarray | None, acc_K: np.ndarray | None) -> np.ndarray:
-        """(n_vD,) M_DD acc_D + M_DK acc_K, by the forces of these accelerations alone."""
+        """(n_vD,) M_DD acc_D + M_DK acc_K, without M."""
         table = self.tree.coordinates
         motions = self.motions(acc_D=acc_D, acc_K=acc_K, gravity=zeros(3))
         wrenches = dynamics.link_wrenches(self.regrouped, motions)
@@ -363,7 +361,7 @@ class System:
 
     @cached_property
     def full_string_rows(self) -> list[PathRow]:
-        """The same with all accelerations in the bias, which by that is hddot."""
+        """:attr:`string_rows` with all accelerations, so that ``bias`` is hddot."""
         around = self.around(self.full_motions)
         found = []
         for string in self.tree.strings:
