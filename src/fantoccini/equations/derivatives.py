@@ -51,9 +51,8 @@ class Derivatives:
 
     def functions(self) -> dict[str, ca.Function]:
         """The functions that are compiled, by name; all results are dense."""
-        tension = ca.SX.sym("tension", self.tree.n_rows)
-        symbols = {**vars(self.system.symbols), "tension": tension}
-        found = {**self._forces(tension), **self._rows()}
+        symbols = self.system.symbols
+        found = {**self._forces(symbols.tension), **self._rows()}
         return {name: declared(name, symbols, found) for name in compiled(DERIVATIVES, False)}
 
     def residual(self, tension: ca.SX) -> ca.SX:

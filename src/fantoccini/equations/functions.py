@@ -82,15 +82,11 @@ class Equations:
         return {**self.tree.sizes, "n_packed": self.n_packed}
 
     def _function(self, name: str) -> ca.Function:
-        symbols = dict(vars(self.system.symbols))
+        symbols = self.system.symbols
         if name in ("forth", "back"):
-            symbols["L"], factor = self._stored
-            x = symbols["x"] = ca.SX.sym("x", factor.n)
+            L, factor = self._stored
             solve = factor.back if name == "back" else partial(factor.forth, wrenches={})
-            return declared(name, symbols, {"y": column(solve(elements(x)))})
-        if name == "limit_rates":
-            symbols["J_limit"] = ca.SX.sym("J_limit", 3, len(self.tree.limits))
-            return declared(name, symbols, self._limit_rates(symbols["J_limit"]))
+            return declared(name, {**symbols, "L": L}, {"y": column(solve(elements(symbols.x)))})
         return declared(name, symbols, getattr(self, f"_{name}")())
 
     @cached_property
@@ -187,7 +183,7 @@ class Equations:
         for a long chain with limits all along.
         """
         made: dict[int, tuple[list[int], ca.Function]] = {}
-        (L, factor), x = self._stored, ca.SX.sym("x", 3)
+        (L, factor), x = self._stored, self.system.symbols.x_joint
         names_in, names_out = ([q.name for q in p] for p in (COLUMN.arguments, COLUMN.results))
         for i in sorted({limit.link for limit in self.tree.limits}):
             place = self.tree.links[i].v
@@ -197,9 +193,9 @@ class Equations:
         total = sum(function.n_instructions() for _, function in made.values())
         return made if total < _MAX_COLUMNS_SIZE * self["forth"].n_instructions() else {}
 
-    def _limit_rates(self, J: ca.SX) -> dict[str, ca.SX]:
+    def _limit_rates(self) -> dict[str, ca.SX]:
         """hdot of the limits at a velocity, with the constants of their Jacobians folded in."""
-        v, rates = self.system.symbols.v_D, []
+        v, J, rates = self.system.symbols.v_D, self.system.symbols.J_limit, []
         limits = zip(self.tree.limits, self.system.limit_rows, strict=True)
         for i, (limit, (_, jacobian, _)) in enumerate(limits):
             place = self.tree.links[limit.link].v
@@ -288,8 +284,7 @@ class Equations:
     def _damping(self) -> dict[str, ca.SX]:
         return {"f": column(self.system.dissipation_D)}
 
-    def _constraint(self) -> dict[str, ca.SX]:
-        return self._rows()
+    _constraint = _rows
 
     def _A_D(self) -> dict[str, ca.SX]:
         n, links = self.tree.coordinates.n_vD, self.tree.links
@@ -328,13 +323,9 @@ class Equations:
         return {"V": ca.reshape(column(entries), 6, len(self.tree.links))}
 
     def _lagrangian(self) -> dict[str, ca.SX]:
-        return {"lagrangian": self.system.lagrangian}
+        return {"lagrangian": self.system.kinetic - self.system.potential}
 
-    def _potential(self) -> dict[str, ca.SX]:
-        return {"V": self.system.potential}
-
-    def _kinetic(self) -> dict[str, ca.SX]:
-        return {"T": self.system.kinetic}
+    _potential = _kinetic = _energy
 
 
 def derive(tree: Tree) -> Equations:

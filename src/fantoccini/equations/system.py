@@ -427,11 +427,6 @@ class System:
             total = total + elastic.energy
         return total
 
-    @property
-    def lagrangian(self) -> ca.SX:
-        """L = T - V (Eq. 7)."""
-        return self.kinetic - self.potential
-
     @cached_property
     def rates(self) -> tuple[ca.SX, ca.SX]:
         """(qdot_D, qdot_K) of the configuration numbers."""
