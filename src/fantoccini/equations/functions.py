@@ -27,6 +27,7 @@ from fantoccini.equations.algebra import (
 )
 from fantoccini.equations.coriolis import coriolis_matrix
 from fantoccini.equations.declared import declared
+from fantoccini.equations.energy import kinetic_energy, potential_energy
 from fantoccini.equations.system import Loads, System
 from fantoccini.errors import UnknownNameError
 from fantoccini.tree import Link, Role, Tree
@@ -208,7 +209,7 @@ class Equations:
         return {"h": column(strings + [h for h, _, _ in self.system.limit_rows])}
 
     def _energy(self) -> dict[str, ca.SX]:
-        return {"T": self.system.kinetic, "V": self.system.potential}
+        return {"T": kinetic_energy(self.system), "V": potential_energy(self.system)}
 
     def _effort(self) -> dict[str, ca.SX]:
         """Force on every driven coordinate: M_KD acc_D + M_KK acc_K + c_K - A_K^T lambda.
@@ -323,7 +324,7 @@ class Equations:
         return {"V": ca.reshape(column(entries), 6, len(self.tree.links))}
 
     def _lagrangian(self) -> dict[str, ca.SX]:
-        return {"lagrangian": self.system.kinetic - self.system.potential}
+        return {"lagrangian": kinetic_energy(self.system) - potential_energy(self.system)}
 
     _potential = _kinetic = _energy
 

@@ -93,9 +93,7 @@ class System:
     def joints(self) -> list[JointMotion]:
         """Pose and motion subspace of every joint."""
         q = self.by_link(elements(self.symbols.q_D), elements(self.symbols.q_K), "q")
-        return [
-            joint_motion(link, q[i], self.value) for i, link in enumerate(self.tree.links)
-        ]
+        return [joint_motion(link, q[i], self.value) for i, link in enumerate(self.tree.links)]
 
     def by_link(self, dynamic: np.ndarray, driven: np.ndarray, what: str) -> list[np.ndarray]:
         """Splits a dynamic and a driven vector, of what ``q`` or ``v``, into each link's part."""
@@ -104,6 +102,10 @@ class System:
             source = {Role.DYNAMIC: dynamic, Role.DRIVEN: driven}.get(link.role, zeros(0))
             parts.append(source[getattr(link, what)])
         return parts
+
+    def _zeros(self) -> tuple[np.ndarray, np.ndarray]:
+        """Zero vectors (n_vD,) and (n_vK,)."""
+        return zeros(self.tree.coordinates.n_vD), zeros(self.tree.coordinates.n_vK)
 
     def motions(
         self,
@@ -114,7 +116,7 @@ class System:
         gravity: np.ndarray | None = None,
     ) -> list[LinkMotion]:
         """Link motions for velocities and accelerations; what is not given is zero."""
-        none_D, none_K = zeros(self.tree.coordinates.n_vD), zeros(self.tree.coordinates.n_vK)
+        none_D, none_K = self._zeros()
         velocity, acceleration = (
             self.by_link(none_D if D is None else D, none_K if K is None else K, "v")
             for D, K in ((v_D, v_K), (acc_D, acc_K))
@@ -126,17 +128,13 @@ class System:
     def free_motions(self) -> list[LinkMotion]:
         """Link motions with acc_D = 0: bias and driven part."""
         s = self.symbols
-        return self.motions(
-            elements(s.v_D), elements(s.v_K), acc_K=elements(s.acc_K)
-        )
+        return self.motions(elements(s.v_D), elements(s.v_K), acc_K=elements(s.acc_K))
 
     @cached_property
     def full_motions(self) -> list[LinkMotion]:
         """Link motions with all accelerations."""
         s = self.symbols
-        return self.motions(
-            elements(s.v_D), elements(s.v_K), elements(s.acc_D), elements(s.acc_K)
-        )
+        return self.motions(*map(elements, (s.v_D, s.v_K, s.acc_D, s.acc_K)))
 
     @cached_property
     def resting_motions(self) -> list[LinkMotion]:
@@ -147,9 +145,7 @@ class System:
     def ahead_motions(self) -> list[LinkMotion]:
         """:attr:`free_motions` with the velocity products of v_ahead, for a step."""
         s = self.symbols
-        return self.motions(
-            elements(s.v_ahead), elements(s.v_K), acc_K=elements(s.acc_K)
-        )
+        return self.motions(elements(s.v_ahead), elements(s.v_K), acc_K=elements(s.acc_K))
 
     def around(self, motions: list[LinkMotion]) -> Surroundings:
         """The arguments of rows, for the given motions."""
@@ -219,8 +215,7 @@ class System:
 
     def dissipation(self) -> tuple[np.ndarray, np.ndarray, list[dynamics.Wrench], ca.SX]:
         """Damping (f_D, f_K) of joints, drives and springs, drag on the links, loss of power."""
-        table = self.tree.coordinates
-        f_D, f_K, loss = zeros(table.n_vD), zeros(table.n_vK), ca.SX(0)
+        (f_D, f_K), loss = self._zeros(), ca.SX(0)
         v = self.by_link(elements(self.symbols.v_D), elements(self.symbols.v_K), "v")
         wrenches: list[dynamics.Wrench] = []
         for i, link in enumerate(self.tree.links):
@@ -299,8 +294,7 @@ class System:
 
     def by_velocity(self, forces: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Every link's own part as a dynamic (n_vD,) and a driven (n_vK,) vector."""
-        table = self.tree.coordinates
-        f_D, f_K = zeros(table.n_vD), zeros(table.n_vK)
+        f_D, f_K = self._zeros()
         for link, force in zip(self.tree.links, forces, strict=True):
             if link.role is Role.DYNAMIC:
                 f_D[link.v] = force
@@ -320,11 +314,9 @@ class System:
 
     def inertial(self, acc_D: np.ndarray | None, acc_K: np.ndarray | None) -> np.ndarray:
         """(n_vD,) M_DD acc_D + M_DK acc_K, without M."""
-        table = self.tree.coordinates
         motions = self.motions(acc_D=acc_D, acc_K=acc_K, gravity=zeros(3))
         wrenches = dynamics.link_wrenches(self.regrouped, motions)
-        loads = Loads(zeros(table.n_vD), zeros(table.n_vK), wrenches, ca.SX(0))
-        found = self.generalised(loads)[0]
+        found = self.generalised(Loads(*self._zeros(), wrenches, ca.SX(0)))[0]
         return found if acc_D is None else found + self.armature * acc_D
 
     @cached_property
@@ -340,8 +332,7 @@ class System:
         return self._conservative(self.resting_motions)
 
     def _conservative(self, motions: list[LinkMotion]) -> np.ndarray:
-        table = self.tree.coordinates
-        f_D, f_K = zeros(table.n_vD), zeros(table.n_vK)
+        f_D, f_K = self._zeros()
         self.spring_forces(f_D, f_K)
         wrenches = dynamics.link_wrenches(self.regrouped, motions)
         return self.generalised(Loads(f_D, f_K, wrenches, ca.SX(0)))[0]
@@ -362,8 +353,7 @@ class System:
     @cached_property
     def full_string_rows(self) -> list[PathRow]:
         """:attr:`string_rows` with all accelerations, so that ``bias`` is hddot."""
-        around = self.around(self.full_motions)
-        found = []
+        around, found = self.around(self.full_motions), []
         for string in self.tree.strings:
             length, rate, curve = self.own_length(string)
             if string.wound_length:
@@ -392,40 +382,6 @@ class System:
             link = self.tree.links[limit.link]
             rows.append(limit_row(limit, q_D[link.q], v_D[link.v]))
         return rows
-
-    @cached_property
-    def kinetic(self) -> ca.SX:
-        """T = sum_i 1/2 V_i . I_i V_i (Eq. 5)."""
-        total = ca.SX(0)
-        for inertia, motion in zip(self.regrouped, self.free_motions, strict=True):
-            if inertia.is_zero():
-                continue
-            v, turned = motion.v, cross(motion.w, inertia.h)
-            turning = dot(motion.w, inertia.I.dot(motion.w)) + inertia.m * dot(v, v)
-            total = total + (0.5 * turning + dot(v, turned))
-        v_D = elements(self.symbols.v_D)
-        return total + 0.5 * dot(self.armature * v_D, v_D)
-
-    @cached_property
-    def potential(self) -> ca.SX:
-        """V = -sum_i m_i g . p_i (Eq. 6 with gravity's acceleration), plus the springs' energy."""
-        total = ca.SX(0)
-        for i, motion in enumerate(self.resting_motions):
-            m = self.inertias[i].m
-            if not m.is_zero():
-                total = total - m * dot(self.gravity, motion.point(self.centre(i)))
-        q = self.by_link(elements(self.symbols.q_D), elements(self.symbols.q_K), "q")
-        for i, link in enumerate(self.tree.links):
-            k = self.value(link.stiffness)
-            if link.role is not Role.DYNAMIC or k.is_zero():
-                continue
-            if link.kind == "ball":
-                total = total + 2 * k * (1 - q[i][0] ** 2)
-            else:
-                total = total + 0.5 * k * (q[i][0] - self.value(link.rest)) ** 2
-        for elastic in elastics(self.around(self.resting_motions), self.own_length):
-            total = total + elastic.energy
-        return total
 
     @cached_property
     def rates(self) -> tuple[ca.SX, ca.SX]:
