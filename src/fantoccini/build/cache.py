@@ -1,8 +1,8 @@
 """The cache of compiled libraries: ``<cache>/<key[:2]>/<key>/``.
 
 A library is built in a temporary folder next to its place and renamed, so that a killed build
-leaves nothing under an entry's name. A lock lets a second process wait for the first instead of compiling
-the same; without locks both compile, and the first to rename wins.
+leaves nothing under an entry's name. A lock lets a second process wait for the first instead of
+compiling the same; without locks both compile, and the first to rename wins.
 """
 
 from __future__ import annotations
