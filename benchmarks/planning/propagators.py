@@ -150,7 +150,7 @@ class _OneClearance:
         solids = clearance_arrays(measured, self._exact, self._solids)
         self._given = q.q_D.copy(), q.q_K.copy(), np.array(marionette.p, dtype=float)
         self._found, self._pair = np.empty(1), np.empty(1, np.int64)
-        self._call = marionette.model.compiled.clearances.handle.fan_clearance
+        self._call = marionette.model.compiled.clearances.dll.fan_clearance
         self._arguments = (
             ctypes.c_longlong(1), *map(pointer, self._given), ctypes.byref(solids),
             pointer(self._found), pointer(self._pair),

@@ -149,7 +149,7 @@ class Status(enum.IntEnum):
         "a load dragged a drive away although its motor gave all it can; the run ends early where "
         "it is gone too far"
     )
-    TOO_MANY_ROWS = 16, "the rows of the run reached the bound on memory"
+    TOO_MANY_SAMPLES = 16, "the samples of the run reached the bound on memory"
     REDUNDANT_STRINGS = 17, "redundant strings contradict one another"
     OVERSTEPPED = 18, "the end was reached, but strings or limits were overstepped"
     GAINED_ENERGY = 19, "the end was reached, but the fixed step made energy out of nothing"

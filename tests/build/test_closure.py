@@ -9,6 +9,7 @@ import pytest
 
 import fantoccini
 from fantoccini.build import closure
+from fantoccini.build.significant import significant_cpp, significant_python
 from fantoccini.marionette import compiled
 
 PACKAGE = Path(fantoccini.__file__).parent
@@ -41,10 +42,15 @@ def package(tmp_path, monkeypatch):
     root = tmp_path / "fantoccini"
     for name, text in {
         "one.py": "from fantoccini.two import a\n",
-        "two/__init__.py": "from fantoccini.two.a import a\nfrom fantoccini.two.b import b\n",
+        "two/__init__.py": (
+            "from fantoccini.two.a import a\nfrom fantoccini.two.b import b\n"
+            "def own():\n    import fantoccini.own\n"
+        ),
         "two/a.py": "def a():\n    import fantoccini.late\n",
         "two/b.py": "",
         "late.py": "",
+        "own.py": "",
+        "asks.py": "from fantoccini.two import own\n",
     }.items():
         (root / name).parent.mkdir(parents=True, exist_ok=True)
         (root / name).write_text(text, encoding="utf-8")
@@ -63,3 +69,48 @@ def test_the_hash_changes_with_what_is_imported_alone(package, file, counts):
     (package / file).write_text("x = 1\n", encoding="utf-8")
     closure.code_fingerprint.cache_clear()
     assert (closure.code_fingerprint("fantoccini.one") != before) == counts
+
+
+def test_a_package_counts_where_it_defines_a_name_itself(package):
+    """18.1: then all that it imports counts too."""
+    files = {f.relative_to(package).as_posix() for f in closure.closure(["fantoccini.asks"])}
+    assert files == {"asks.py", "two/__init__.py", "own.py", "two/a.py", "two/b.py", "late.py"}
+
+
+@pytest.mark.parametrize(
+    ("text", "counts"),
+    [
+        ('"""In other\nwords."""\n\n# A comment.\nfrom fantoccini.two import a  # x\n', False),
+        ('"""One."""\nfrom fantoccini.two import a\nx = 1\n', True),
+    ],
+)
+def test_words_do_not_change_the_hash(package, text, counts):
+    """18.1: an edit of comments and docstrings compiles nothing again."""
+    hashes = []
+    for written in ('"""One."""\nfrom fantoccini.two import a\n', text):
+        (package / "one.py").write_text(written, encoding="utf-8")
+        closure.code_fingerprint.cache_clear()
+        hashes.append(closure.code_fingerprint("fantoccini.one"))
+    assert (hashes[0] != hashes[1]) == counts
+
+
+def bare(text: str) -> str:
+    """What Python's parser makes of a module, without strings that stand alone."""
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            node.value = ast.Constant(isinstance(node.value.value, str) or node.value.value)
+    return ast.dump(tree)
+
+
+def test_nothing_but_words_is_left_out():
+    """18.1: Python's own parser reads the same program from what is hashed."""
+    for file in closure.closure(compiled._SHAPING):
+        text = file.read_text(encoding="utf-8")
+        assert bare(significant_python(text)) == bare(text), file
+
+
+def test_strings_keep_what_looks_like_words():
+    kept = 'x = [\n    """a""",\n    """# b"""\n]\ny = "# c"\n\nz = """\n\n# d\n"""'
+    assert significant_python(kept) == kept.replace("\n\nz", "\nz")
+    assert significant_cpp('a("// b");  // c\n\n/* d\n */ e(\'"\');\n') == 'a("// b");\n  e(\'"\');'

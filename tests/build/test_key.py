@@ -16,7 +16,7 @@ ARGUMENTS = ("puppet", "generator 1", ("-O2",))
 def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder = tmp_path / "cpp"
     (folder / "fantoccini").mkdir(parents=True)
-    (folder / "fantoccini" / "strings.hpp").write_text("// strings\n")
+    (folder / "fantoccini" / "strings.hpp").write_text("int strings;  // so many\n")
     monkeypatch.setattr(key_module, "runtime_folder", lambda: folder)
     return folder
 
@@ -41,10 +41,12 @@ def test_the_key_changes_with_each_argument(runtime):
 
 
 def test_the_key_changes_with_the_runtime(runtime):
-    """A header's text, its name, its place, a new header."""
+    """A header's code but not its comments, its name, its place, a new header."""
     keys = [build.fingerprint(*ARGUMENTS)]
     header = runtime / "fantoccini" / "strings.hpp"
-    header.write_text("// strings, changed\n")
+    header.write_text("int strings;  // in other words\n")
+    assert build.fingerprint(*ARGUMENTS) == keys[0]
+    header.write_text("long strings;\n")
     keys.append(build.fingerprint(*ARGUMENTS))
     header = header.rename(runtime / "fantoccini" / "cords.hpp")
     keys.append(build.fingerprint(*ARGUMENTS))

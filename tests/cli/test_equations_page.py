@@ -14,7 +14,7 @@ import sympy as sp
 from tests.cli.command import fantoccini
 
 import fantoccini as fan
-from fantoccini.equations.printing import MOST_OPERATIONS, Printable, decimal, printable
+from fantoccini.equations.printing import BOUNDS, Printable, decimal, printable
 from fantoccini.marionette import coriolis_full
 from fantoccini.puppet import loads
 
@@ -193,7 +193,7 @@ def test_a_large_puppet_is_sent_to_export() -> None:
     assert result.exit_code == 1
     assert result.stdout == ""
     assert "C: " in result.stderr and "fantoccini export marionette DIR" in result.stderr
-    assert f"up to {MOST_OPERATIONS} are printed" in result.stderr
+    assert f"up to {BOUNDS.operations} are printed" in result.stderr
 
 
 @pytest.mark.skipif(shutil.which("pdflatex") is None, reason="needs LaTeX")

@@ -9,7 +9,7 @@ import pytest
 
 from cpp.toolchain import gcc
 from fantoccini.build import runtime_folder
-from fantoccini.contract import BOOKS, PARTS, ROW, STRUCTURES, EventKind, identity, width
+from fantoccini.contract import BOOKS, PARTS, SAMPLE, STRUCTURES, EventCode, identity, width
 from fantoccini.errors import Status
 from fantoccini.puppets import arm2d
 from fantoccini.runtime.clearance import SOLID
@@ -29,7 +29,7 @@ def test_the_fields_are_where_cpp_has_them(tmp_path):
         expressions = [f"offsetof({s.name}, {f.name})" for f in s.fields] + [f"sizeof({s.name})"]
         places = zip(expressions, offsets(s), strict=True)
         lines += [f'static_assert({e} == {n}, "{e}");' for e, n in places]
-    lines += [f'static_assert({m.name} == {m.value}, "");' for m in (*Status, *EventKind)]
+    lines += [f'static_assert({m.name} == {m.value}, "");' for m in (*Status, *EventCode)]
     file = tmp_path / "layout.cpp"
     file.write_text("\n".join(lines), encoding="ascii")
     command = [gcc(), "-std=c++17", "-fsyntax-only", "-I", str(runtime_folder()), str(file)]
@@ -50,8 +50,8 @@ def test_an_integer_that_does_not_fit_is_refused():
 def test_the_parts_of_a_batch_are_a_row_behind_its_time():
     """18.1: event-driven batches copy rows part by part."""
     sizes = arm2d().tree.sizes
-    assert width(PARTS, sizes) + 1 == width(ROW, sizes)
-    assert tuple(q.name for q in ROW[9:15]) == BOOKS
+    assert width(PARTS, sizes) + 1 == width(SAMPLE, sizes)
+    assert tuple(q.name for q in SAMPLE[9:15]) == BOOKS
 
 
 def test_wording_does_not_change_the_digest(monkeypatch):

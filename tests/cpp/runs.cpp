@@ -44,7 +44,7 @@ constexpr long long kBudget = 20;  // steps of one call: far fewer than a run ha
 // Records too small for a whole run: it has to be handed out in pieces.
 struct Sheets {
   static constexpr int kRows = 96, kEvents = 16 * Model::n_rows + 64;
-  std::vector<double> rows = std::vector<double>(kRows * fan::RowLayout<Model>::width);
+  std::vector<double> rows = std::vector<double>(kRows * fan::SampleLayout<Model>::width);
   std::vector<double> events = std::vector<double>(kEvents * fan::EventLayout::width);
   std::vector<double> last;
   fan::Record<Model> record{{rows.data(), kRows, 0, events.data(), kEvents, 0}};
@@ -52,16 +52,16 @@ struct Sheets {
   bool finite = true;
 
   void turn() {
-    constexpr int width = fan::RowLayout<Model>::width;
-    for (long long i = 0; i < record.n_rows * width; ++i)
+    constexpr int width = fan::SampleLayout<Model>::width;
+    for (long long i = 0; i < record.n_samples * width; ++i)
       finite = finite && fabs(rows[size_t(i)]) < 1e100;
-    if (record.n_rows > 0)
-      last.assign(rows.begin() + (record.n_rows - 1) * width, rows.begin() + record.n_rows * width);
+    if (record.n_samples > 0)
+      last.assign(rows.begin() + (record.n_samples - 1) * width, rows.begin() + record.n_samples * width);
     for (long long i = 0; i < record.n_events; ++i)
       n_slips += events[size_t(i * fan::EventLayout::width + fan::EventLayout::kind)] == fan::SLIP;
-    n_rows += record.n_rows;
+    n_rows += record.n_samples;
     n_events += record.n_events;
-    record.n_rows = record.n_events = 0;
+    record.n_samples = record.n_events = 0;
   }
 };
 

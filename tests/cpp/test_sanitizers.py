@@ -7,7 +7,7 @@ import pytest
 
 from cpp.toolchain import SANITIZE, compile_program, numbers, run_program, write_model
 from fantoccini import Input, puppets, simulate
-from fantoccini.runtime.structures import Options
+from fantoccini.runtime.structures import structures
 
 FLAGS = ("-O1", *SANITIZE)
 
@@ -36,7 +36,7 @@ def words(
 ) -> str:
     options = marionette.model.run_options(save_steps=not len(save_at))
     bound = inputs.bound(x0.q_K, x0.t)
-    chosen = [float(getattr(options, name)) for name, _ in Options._fields_]
+    chosen = [float(getattr(options, name)) for name, _ in structures["Options"]._fields_]
     winches = np.minimum(marionette.winches if winches is None else winches, 1e300)
     parts = [
         [event, x0.t, t_end, twice, *chosen], x0.q_D, x0.v_D, x0.slip, marionette.p, winches,

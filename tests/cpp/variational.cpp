@@ -41,7 +41,7 @@ struct Model : ModelTables {
   FAN_FUNCTION(forth)
   FAN_FUNCTION(back)
   FAN_FUNCTION(midpoint_rule)
-  FAN_FUNCTION(momentum)
+  FAN_FUNCTION(momenta)
   static void node_constants(double** res) { scalar::fan_node_constants(res); }
   static void node_constants(Wide** res) { wide::fan_node_constants(res); }
   static void column(int which, const double** arg, double** res) {

@@ -38,8 +38,8 @@ def test_rows_are_saved_as_often_as_can_be_counted(method, x0, every):
 def test_integers_that_cross_to_compiled_code_are_checked():
     """17.23: arguments and fields of every structure; ctypes by itself wraps them round."""
 
-    class Pair(Numbers, ctypes.Structure):
-        _fields_ = [("short", ctypes.c_int), ("long", ctypes.c_longlong)]
+    class Pair(Numbers):
+        _fields_ = (("short", ctypes.c_int), ("long", ctypes.c_longlong))
 
     pair = Pair(2**31 - 1, -(2**63))
     assert (pair.short, pair.long) == (2**31 - 1, -(2**63))
@@ -93,7 +93,7 @@ def test_a_run_that_writes_too_much_ends_and_keeps_what_it_has(integrator):
     how = {"t_end": 20.0, "method": fan.Event(rtol=1e-9, atol=1e-9, integrator=integrator)}
     whole_run = simulated(x0, max_memory=1e9, **how)
     run = simulated(x0, max_memory=3e5, throw=False, **how)
-    assert run.status is Status.TOO_MANY_ROWS
+    assert run.status is Status.TOO_MANY_SAMPLES
     assert 100 < len(run) < len(whole_run) // 2
     assert np.array_equal(run.q_D, whole_run.q_D[: len(run)])
     with pytest.raises(fan.SimulationError, match=r"after \d+ samples; write fewer with save_at"):

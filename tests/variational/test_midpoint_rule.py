@@ -95,10 +95,10 @@ def test_the_momenta_are_the_discrete_lagrangians_slopes(seed):
     assert h == pytest.approx(numbers(equations["rows"], q_D_next, q_K_next, p)[0], abs=1e-12)
 
 
-def test_momentum_is_mass_times_velocity():
+def test_momenta_are_mass_times_velocity():
     model = Model(description(3, 9, driven=0.4))
     equations, x, p = model.equations, model.random(0), model.p
     M, M_DK, _ = (np.array(x) for x in equations["mass_matrix"](x.q_D, x.q_K, p))
-    momentum = Variational(equations).functions()["momentum"]
-    (found,) = numbers(momentum, x.q_D, x.v_D, x.q_K, x.v_K, p)
+    momenta = Variational(equations).functions()["momenta"]
+    (found,) = numbers(momenta, x.q_D, x.v_D, x.q_K, x.v_K, p)
     assert found == pytest.approx(M @ x.v_D + M_DK @ x.v_K, abs=1e-12)

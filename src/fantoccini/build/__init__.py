@@ -1,8 +1,7 @@
-"""Source text -> a shared library on this machine, made once and kept in a cache.
+"""Source text -> a shared library on this machine, compiled once and kept in a cache.
 
-The only place that runs a compiler. :func:`fingerprint` makes the key from everything that can
-change the library; :func:`obtain` returns the folder that holds it, deriving and compiling only
-when it is not there yet.
+:func:`fingerprint` makes the key from everything that can change the library; :func:`obtain`
+returns the library's folder, and derives and compiles only what is not there yet.
 """
 
 from fantoccini.build.cache import clear, obtain

@@ -1,8 +1,8 @@
 """The cache of compiled libraries: ``<cache>/<key[:2]>/<key>/``.
 
-A library is made in a temporary folder beside its place and renamed into it, so a build that is
-killed leaves nothing under an entry's name. A lock makes a second process wait for the first
-rather than compile the same; where there are no locks both compile, and the first to rename wins.
+A library is built in a temporary folder next to its place and renamed, so that a killed build
+leaves nothing under an entry's name. A lock lets a second process wait for the first instead of
+compiling the same; without locks both compile, and the first to rename wins.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import ModuleType
 
 from fantoccini.build.compiler import (
     COMPILE_SECONDS,
@@ -39,6 +40,7 @@ from fantoccini.build.folders import (
 from fantoccini.build.key import runtime_folder
 from fantoccini.errors import BuildError
 
+fcntl: ModuleType | None
 try:
     import fcntl
 except ImportError:  # Windows
@@ -48,10 +50,10 @@ Flags = Callable[[Source], tuple[str, ...]] | tuple[str, ...]
 Progress = Callable[[str], None]
 
 LOCK_SECONDS = COMPILE_SECONDS + 60.0
-"""How long to wait for another process that makes the same library."""
+"""Time to wait for another process that compiles the same library [s]."""
 
 _LIFETIMES = {"tmp-*": 3600.0, "failed-*": 7 * 86400.0}
-"""Folders that killed and failed builds leave behind, and the age [s] at which they go."""
+"""Folders of killed and failed builds, and the age at which they are removed [s]."""
 
 _KEY = re.compile(r"[0-9a-f]{16,128}")
 _GROUP = "[0-9a-f][0-9a-f]"
@@ -65,20 +67,17 @@ def obtain(
     progress: Progress | None = None,
     afresh: bool = False,
 ) -> Path:
-    """The folder with the library of a key, made when it is not there yet.
+    """The folder with a key's library: ``model.so``, ``info.json`` and the sources.
 
     Args:
         key: see :func:`fantoccini.build.fingerprint`.
-        produce: derives the source; called at most once, and only when it is needed.
+        produce: derives the source; called at most once, and only if needed.
         flags: compiler flags beyond the standard ones, or a function that chooses them.
-        progress: is told in a few words what is going on.
-        afresh: make the library again although it is there (it would not load).
-
-    Returns:
-        A folder that holds ``model.so``, ``info.json`` and the sources.
+        progress: called with a few words on each stage.
+        afresh: compile even if the library is there (it would not load).
 
     Raises:
-        BuildError: no compiler, a compiler that failed, or no folder that can be written.
+        BuildError: no compiler, a compiler that failed, or no writable folder.
     """
     if not _KEY.fullmatch(key):
         raise ValueError(f"{key!r} is not a key")
@@ -103,13 +102,10 @@ def obtain(
 
 
 def clear() -> int:
-    """Removes every library from the cache folder.
-
-    Returns:
-        The number of entries removed.
+    """Removes every library from the cache folder; returns how many.
 
     Raises:
-        BuildError: the folder is somebody else's, or something in it cannot be removed.
+        BuildError: the folder is another user's, or something in it cannot be removed.
     """
     root = cache_folder()
     if trouble := distrust(root):
@@ -122,7 +118,7 @@ def clear() -> int:
             if _KEY.fullmatch(file.stem):
                 file.unlink()
         for group in root.glob(_GROUP):
-            # What else lies there is not ours, and then the folder stays.
+            # A folder with other files in it stays.
             with contextlib.suppress(OSError):
                 group.rmdir()
     except OSError as error:
@@ -136,7 +132,7 @@ def entries(root: Path) -> list[Path]:
 
 
 def _leftovers(root: Path, age: float = 0.0) -> list[Path]:
-    """The folders that builds left behind, at least a number of lifetimes ago."""
+    """Folders that builds left behind at least ``age`` lifetimes ago."""
     now = time.time()
     found = []
     for pattern, lifetime in _LIFETIMES.items():
@@ -155,7 +151,7 @@ def _obtain_in(
     tell: Progress,
     afresh: bool,
 ) -> Path:
-    """:func:`obtain` in one cache folder; UnusableError where that folder is no good."""
+    """:func:`obtain` in one cache folder; raises UnusableError if the folder cannot be used."""
     group = root / key[:2]
     entry = group / key
     if trouble := distrust(root) or distrust(group):
@@ -166,7 +162,7 @@ def _obtain_in(
     if not afresh and is_whole(entry):
         return entry
     with _writing(root):
-        # One by one: a mode is not applied to the parents made along the way.
+        # One by one: mkdir applies the mode only to the last folder.
         root.mkdir(mode=0o700, parents=True, exist_ok=True)
         group.mkdir(mode=0o700, exist_ok=True)
     if trouble := distrust(root) or distrust(group):
@@ -192,15 +188,15 @@ def _make(
     tell: Progress,
     replace: bool,
 ) -> None:
-    """Compiles a source under a temporary name and puts it in an entry's place.
+    """Compiles a source under a temporary name and moves it to the entry's place.
 
     Args:
         root: the cache folder.
-        entry: the entry's folder-to-be.
+        entry: the folder to make.
         source: what to compile.
         flags: compiler flags beyond the standard ones.
-        tell: is told what is going on.
-        replace: also take the place of an entry that is whole.
+        tell: progress callback.
+        replace: also replace a complete entry.
     """
     compiler = find_compiler()
     with _writing(root):
@@ -218,7 +214,7 @@ def _make(
             seal(folder, [*parts, whole])
             _settle(folder, entry, replace)
     except BuildError as error:
-        # The sources stay for the user to look at, until the next failure of the same puppet.
+        # The sources are kept for the user, until the same puppet fails again.
         kept = entry.parent / f"failed-{entry.name}"
         shutil.rmtree(kept, ignore_errors=True)
         try:
@@ -243,7 +239,7 @@ def _settle(folder: Path, entry: Path, replace: bool) -> None:
         if not replace and not distrust_entry(entry, READ) and is_whole(entry):
             shutil.rmtree(folder, ignore_errors=True)
             return
-        # An entry to replace: move it aside, since a folder cannot be renamed onto a full one.
+        # Move the old entry aside: a folder cannot be renamed onto a non-empty one.
         aside = Path(tempfile.mkdtemp(prefix="tmp-", dir=entry.parent))
         with contextlib.suppress(FileNotFoundError):
             entry.rename(aside / "old")
@@ -253,7 +249,7 @@ def _settle(folder: Path, entry: Path, replace: bool) -> None:
 
 @contextlib.contextmanager
 def _writing(root: Path) -> Iterator[None]:
-    """Turns a failure to write below a cache folder into :class:`UnusableError`."""
+    """Raises UnusableError for a failure to write below a cache folder."""
     try:
         yield
     except OSError as error:
@@ -265,21 +261,21 @@ def _writing(root: Path) -> Iterator[None]:
 def _lock(file: Path, root: Path, tell: Progress) -> Iterator[bool]:
     """Holds a key's lock; yields whether another process held it first.
 
-    After ``LOCK_SECONDS``, and on file systems without locks, goes on without it: two builds of
-    one key are wasteful and harmless.
+    Continues without it after ``LOCK_SECONDS`` and on file systems without locks: two builds of one
+    key are wasteful but harmless.
     """
     if fcntl is None:
         yield False
         return
     with contextlib.ExitStack() as stack:
         with _writing(root):
-            handle = open_lock(file)
-        stack.callback(os.close, handle)  # which gives the lock back
+            descriptor = open_lock(file)
+        stack.callback(os.close, descriptor)  # which releases the lock
         waited = False
         deadline = time.monotonic() + LOCK_SECONDS
         while time.monotonic() < deadline:
             try:
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 break
             except BlockingIOError:
                 if not waited:

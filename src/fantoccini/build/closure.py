@@ -1,4 +1,4 @@
-"""Which source files shape something: a module, and all that it imports of this package."""
+"""The source files that a module depends on, and a hash of their code."""
 
 from __future__ import annotations
 
@@ -8,30 +8,37 @@ from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
+from fantoccini.build.significant import significant_python
+
 _ROOT = Path(__file__).resolve().parents[1]
 _PACKAGE = _ROOT.name
 
 
 @cache
 def code_fingerprint(*modules: str) -> str:
-    """A hash of the source of some modules and of all that they import within fantoccini.
+    """A hash of the code of some modules and of all that they import within fantoccini.
 
-    What a package's ``__init__`` imports counts where it is one of the names that are asked of it.
+    Comments and docstrings do not change it.
 
     Args:
-        modules: their full names.
+        modules: full names.
     """
-    files = closure(modules)
     digest = hashlib.sha256()
-    for file in sorted(files):
-        digest.update(f"{file.relative_to(_ROOT).as_posix()}\0".encode())
-        digest.update(hashlib.sha256(file.read_bytes()).digest())
+    for file in sorted(closure(modules)):
+        code = significant_python(file.read_text(encoding="utf-8")).encode()
+        digest.update(f"{file.relative_to(_ROOT).as_posix()}\0{len(code)}\0".encode() + code)
     return digest.hexdigest()
 
 
 def closure(modules: Iterable[str]) -> set[Path]:
-    """The files of some modules and of all that they import within fantoccini."""
-    waiting, seen, files = [(name, None) for name in modules], set(), set()
+    """The files of some modules and of all that they import within fantoccini.
+
+    A package counts as the modules that define the names imported from it, wherever ``__init__``
+    gets them; the rest of what ``__init__`` imports does not belong.
+    """
+    waiting: list[tuple[str, str | None]] = [(name, None) for name in modules]
+    seen: set[tuple[str, str | None]] = set()
+    files: set[Path] = set()
     while waiting:
         wanted = waiting.pop()
         if wanted in seen:
@@ -42,14 +49,13 @@ def closure(modules: Iterable[str]) -> set[Path]:
             module, name = f"{module}.{name}", None
         elif (file := _file(module)) is None:
             continue
-        of_package = file.name == "__init__.py"
-        if not of_package:
+        imports = _imports(file)
+        defining = [found for found, binds in imports if binds == name]
+        if defining and file.name == "__init__.py":
+            waiting += defining
+        else:  # a module, or a package that defines the name itself
             files.add(file)
-        waiting += (
-            found
-            for found, binds in _imports(file)
-            if not of_package or name is None or binds == name
-        )
+            waiting += (found for found, _ in imports)
     return files
 
 
@@ -64,9 +70,9 @@ def _file(module: str) -> Path | None:
 
 @cache
 def _imports(file: Path) -> tuple[tuple[tuple[str, str | None], str], ...]:
-    """((module, name asked of it), name that it is bound to) of every import, wherever it stands.
+    """((module, name imported from it), name that it is bound to) of every import.
 
-    Found as text: to parse all files takes a second.
+    Found by a regular expression: parsing all files takes a second.
     """
     found: list[tuple[tuple[str, str | None], str]] = []
     for match in _IMPORT.finditer(file.read_text(encoding="utf-8")):

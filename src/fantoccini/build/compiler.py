@@ -1,7 +1,7 @@
 """The system's C++ compiler: finding it, its flags, running it.
 
-No other module starts a compiler. Commands are lists, never shell text, and hold nothing that a
-user's file could choose.
+The only module that starts a compiler. Commands are lists, never shell text, and contain nothing
+from a puppet file.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ BASE_FLAGS = (
 """Always given. Never -ffast-math: the runtime relies on infinities and on the order of sums."""
 
 APART = "-DFAN_APART"
-"""Tells the files of a source with units that each is to hold its own part only."""
+"""Defined where the units of a source are compiled separately."""
 
 _VERSION_SECONDS = 60.0
 _ENGLISH = {"LC_ALL": "C"}
@@ -51,9 +51,9 @@ class Compiler:
     """A C++ compiler that runs on this machine.
 
     Attributes:
-        command: how it is called, without flags.
-        kind: whose command line and standard library it has.
-        version: the first line it prints when asked for its version.
+        command: program and fixed arguments, without flags.
+        kind: decides on flags.
+        version: first line of the output of ``--version``.
     """
 
     command: tuple[str, ...]
@@ -66,13 +66,12 @@ class DiskError(OSError):
 
 
 def find_compiler() -> Compiler:
-    """The C++ compiler to use.
+    """The C++ compiler in the environment variable FANTOCCINI_CXX or CXX.
 
-    The environment variables FANTOCCINI_CXX and CXX are taken at their word: what they name has
-    to run. Without them the first that runs of g++, c++, clang++ and the ziglang package.
+    Without them the first that runs of g++, c++, clang++ and the ziglang package.
 
     Raises:
-        BuildError: there is none; the message has the one command that installs one.
+        BuildError: there is none (with the command that installs one), or the named one fails.
     """
     for variable in ("FANTOCCINI_CXX", "CXX"):
         value = os.environ.get(variable, "").strip()
@@ -100,15 +99,15 @@ def find_compiler() -> Compiler:
 
 @functools.lru_cache(maxsize=16)
 def _identify(command: tuple[str, ...], path: str) -> Compiler:
-    """Who a compiler is, by its answer to --version; remembered, since asking takes a while.
+    """Kind and version of a compiler by its answer to --version, which is slow and cached.
 
     Args:
-        command: how the compiler is called.
-        path: the search path, here so that an answer is not remembered past a change of it.
+        command: program and fixed arguments.
+        path: the search path; part of the cache's key.
 
     Raises:
-        OSError: there is no such program, or it gives no answer (which is not remembered: the
-            user may install it and try again).
+        OSError: there is no such program or it does not answer; not cached, so that the user can
+            install it and try again.
     """
     program = shutil.which(command[0], path=path or None)
     if program is None:
@@ -155,10 +154,8 @@ def install_command() -> str:
 def compile_flags(compiler: Compiler) -> tuple[str, ...]:
     """The flags that depend on the compiler, the processor and the user.
 
-    -O2 at every size: the code comes in pieces, so that it compiles in a time proportional to its
-    length (docs/growth.md has what -O1 would save and cost). What the environment variable
-    FANTOCCINI_CXXFLAGS holds comes last and wins: "-march=x86-64-v3 -ffp-contract=off", say, to
-    see what depends on the processor.
+    -O2 at every size: code in pieces compiles in time proportional to its length (docs/growth.md
+    compares -O1). Flags in the environment variable FANTOCCINI_CXXFLAGS come last and win.
 
     Raises:
         BuildError: FANTOCCINI_CXXFLAGS cannot be split into flags.
@@ -172,7 +169,7 @@ def compile_flags(compiler: Compiler) -> tuple[str, ...]:
 
 
 def _flags_of_the_user() -> list[str]:
-    """What FANTOCCINI_CXXFLAGS holds, split as a shell would."""
+    """The flags in FANTOCCINI_CXXFLAGS, split as a shell would."""
     value = os.environ.get("FANTOCCINI_CXXFLAGS", "")
     try:
         return shlex.split(value)
@@ -181,7 +178,7 @@ def _flags_of_the_user() -> list[str]:
 
 
 def default_flags(source: Source) -> tuple[str, ...]:
-    """The flags :func:`obtain` uses unless told otherwise; the same for every source."""
+    """The default flags of :func:`obtain`, the same for every source."""
     return compile_flags(find_compiler())
 
 
@@ -191,8 +188,8 @@ def command_lines(
     """The commands that make the library, to run inside the entry's folder.
 
     Returns:
-        Commands that can run at the same time, and the one that links what they made; the first
-        list is empty where one command does both.
+        Commands that can run at the same time, and the one that links their output; the first list
+        is empty where one command does both.
     """
     files = [source.main, *source.units]
     common = [*compiler.command, *BASE_FLAGS, *flags]
@@ -215,7 +212,7 @@ def run_compilers(
         seconds: how long each may take.
 
     Raises:
-        BuildError, DiskError: of the first one to fail; the others are ended.
+        BuildError, DiskError: of the first to fail; the others are killed.
     """
     together = _Together()
     with ThreadPoolExecutor(os.cpu_count()) as pool:
@@ -231,14 +228,14 @@ def run_compilers(
 
 
 class _Together:
-    """Compilers that run beside one another and are ended together."""
+    """Compilers that run at the same time and are killed together."""
 
     def __init__(self) -> None:
         self._ended = threading.Event()
         self._running: set[subprocess.Popen[str]] = set()
 
     def add(self, process: subprocess.Popen[str]) -> None:
-        """Takes a process in; it is ended at once where the others have been."""
+        """Adds a process; kills it at once if the others have been killed."""
         self._running.add(process)
         if self._ended.is_set():
             _kill(process)
@@ -248,7 +245,7 @@ class _Together:
         self._running.discard(process)
 
     def end(self) -> None:
-        """Ends those that run, and any that is taken in from now on."""
+        """Kills the processes, and any that is added from now on."""
         self._ended.set()
         for process in self._running.copy():
             _kill(process)
@@ -266,7 +263,7 @@ def run_compiler(
         command: program and arguments, the last one the file to write.
         folder: where it runs; relative names in the command are inside it.
         seconds: how long it may take.
-        together: the compilers it runs beside.
+        together: the compilers that run at the same time.
 
     Raises:
         BuildError: it failed, or took too long.
@@ -281,7 +278,7 @@ def run_compiler(
             stderr=subprocess.STDOUT,
             text=True,
             errors="replace",
-            # Its own temporary files go into the folder too: one disk to be full, one to clean.
+            # Temporary files go into the same folder: one disk to fill, one to clean.
             env={**os.environ, **_ENGLISH, "TMPDIR": str(folder)},
             start_new_session=True,
         )
@@ -324,7 +321,7 @@ def _end(process: subprocess.Popen[str]) -> None:
 
 
 def _kill(process: subprocess.Popen[str]) -> None:
-    """Kills a compiler and the programs it started, which outlive it when it alone is ended."""
+    """Kills a compiler and the programs it started, which would outlive it."""
     if hasattr(os, "killpg"):
         with contextlib.suppress(OSError):
             os.killpg(process.pid, signal.SIGKILL)

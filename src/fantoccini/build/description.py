@@ -1,4 +1,4 @@
-"""What ``fantoccini doctor`` says of this machine."""
+"""Facts on this machine for ``fantoccini doctor``."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from fantoccini.errors import BuildError
 def describe() -> dict[str, str]:
     """The compiler, its flags, the processor and the cache, as label -> text.
 
-    Never raises: what is wrong stands in the text, and ``problem`` repeats it; a machine without
-    the key ``problem`` can compile puppets.
+    Never raises: faults are reported under the key ``problem``, without which this machine can
+    compile puppets.
     """
     facts: dict[str, str] = {}
     problems: list[str] = []
@@ -56,7 +56,7 @@ def _contents(root: Path) -> str:
 
 
 def _unwritable(root: Path) -> str:
-    """Why a folder, or the first one above it that exists, cannot be written; empty if it can."""
+    """Why a folder, or its nearest parent that exists, cannot be written; empty if it can."""
     above = root
     while not above.exists() and above != above.parent:
         above = above.parent

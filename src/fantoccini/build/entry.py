@@ -1,12 +1,12 @@
-"""One entry of the cache: a folder with a library, its sources and the proof that it is whole.
+"""An entry of the cache: a folder with a library, its sources and a checksum.
 
     <key>/model.so       the shared library
-    <key>/info.json      what the generator wants to remember about it
+    <key>/info.json      facts from the generator
     <key>/complete.json  size and SHA-256 of the library, written last
     <key>/...            the sources
 
-An entry is written under a temporary name beside its place and renamed, so that a folder with an
-entry's name is whole or was damaged afterwards; ``complete.json`` tells which.
+An entry is written under a temporary name and renamed: a folder with an entry's name is complete or
+was damaged afterwards, which ``complete.json`` reveals.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ LIBRARY = "model.so"
 INFO = "info.json"
 COMPLETE = "complete.json"
 READ = (LIBRARY, INFO, COMPLETE)
-"""The files of an entry that are read again; the others are for people."""
+"""The files of an entry that are read again; the sources are for people."""
 
 _FILE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}")
 
 
 @dataclass(frozen=True)
 class Source:
-    """What a library is made of.
+    """The source of a library.
 
     Attributes:
-        files: file name -> text. The generator chooses the names: plain names, no folders.
-        main: the file to compile; the others are for it to include.
-        units: files to compile beside it, with ``FAN_APART`` defined in all, and to link with it.
-        info: JSON-able facts kept beside the library as ``info.json``.
+        files: plain file name -> text.
+        main: the file to compile; it may include the others.
+        units: further files to compile and link, all with ``FAN_APART`` defined.
+        info: facts to keep as ``info.json``.
     """
 
     files: dict[str, str]
@@ -66,7 +66,7 @@ def seal(folder: Path, commands: list[list[str]]) -> None:
 
     Args:
         folder: the entry under its temporary name.
-        commands: how the library was compiled, for the reader.
+        commands: that compiled the library, for information.
     """
     with open(folder / LIBRARY, "rb+") as library:
         content = library.read()
@@ -81,15 +81,15 @@ def seal(folder: Path, commands: list[list[str]]) -> None:
         out.flush()
         os.fsync(out.fileno())
     for name in READ:
-        # Whatever the umask lets others write here.
+        # The umask may let others write.
         (folder / name).chmod(0o700 if name == LIBRARY else 0o600)
 
 
 def is_whole(folder: Path) -> bool:
-    """Whether a folder is an entry whose library is the one that was sealed.
+    """Whether a folder is an entry with an undamaged library.
 
-    The hash is always compared: it costs a millisecond, and the loader of a damaged library may
-    crash the process rather than fail.
+    The hash is always compared: it takes a millisecond, and loading a damaged library may crash the
+    process.
     """
     try:
         complete = json.loads((folder / COMPLETE).read_text(encoding="utf-8"))

@@ -1,7 +1,6 @@
-"""Where libraries are kept, and whether that place can be trusted.
+"""The cache folder, and whether it can be trusted.
 
-Loading a library runs its code, so nothing is used that somebody else can write to: not the cache
-folder, nor a folder or file in it.
+Loading a library runs its code: no folder or file is used that another user can write to.
 """
 
 from __future__ import annotations
@@ -20,11 +19,11 @@ import platformdirs
 
 
 class UnusableError(Exception):
-    """A cache folder cannot be written or cannot be trusted; the message says which and why."""
+    """A cache folder cannot be written or cannot be trusted; the message says why."""
 
 
 def cache_folder() -> Path:
-    """The user's cache folder, or what the environment variable FANTOCCINI_CACHE names."""
+    """The folder in the environment variable FANTOCCINI_CACHE, or the user's cache folder."""
     chosen = os.environ.get("FANTOCCINI_CACHE", "").strip()
     if chosen:
         return Path(chosen).expanduser().absolute()
@@ -32,9 +31,9 @@ def cache_folder() -> Path:
 
 
 def distrust(folder: Path) -> str:
-    """Why a folder cannot be trusted; empty where it can be, or does not exist yet.
+    """Why a folder cannot be trusted; empty if it can, or does not exist.
 
-    A link is followed: a user may keep the cache on another disk.
+    Links are followed: a user may keep the cache on another disk.
     """
     try:
         facts = folder.stat()
@@ -46,9 +45,9 @@ def distrust(folder: Path) -> str:
 
 
 def distrust_entry(entry: Path, files: Iterable[str]) -> str:
-    """Why an entry of the cache cannot be trusted; empty where it can be, or is not there.
+    """Why an entry of the cache cannot be trusted; empty if it can, or does not exist.
 
-    Nothing in an entry is a link: what a link leads to may lie where others can write.
+    Links are refused: they may lead to where others can write.
 
     Args:
         entry: its folder.
@@ -70,14 +69,14 @@ def distrust_entry(entry: Path, files: Iterable[str]) -> str:
 
 
 def open_lock(path: Path) -> int:
-    """A descriptor of a lock file, made where there is none; what lies there is not changed.
+    """A descriptor of a lock file, which is created if missing and otherwise left as it is.
 
     Raises:
         OSError: the file cannot be opened, or is a link, a pipe or another user's.
     """
     if path.is_symlink():
         raise OSError(f"{path} is a link")
-    # A pipe is not waited for, nor is a link followed that was put there just now.
+    # Neither wait for a pipe nor follow a link that appeared in the meantime.
     safely = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0) | safely, 0o600)
     facts = os.fstat(descriptor)
@@ -88,7 +87,7 @@ def open_lock(path: Path) -> int:
 
 
 def _strangers(path: Path, facts: os.stat_result) -> str:
-    """Whom else a file or folder belongs to or lets write; empty where there is nobody."""
+    """Why another user may write to a file or folder; empty if none may."""
     if not hasattr(os, "geteuid"):
         return ""
     if facts.st_uid not in (0, os.geteuid()):
@@ -101,12 +100,11 @@ def _strangers(path: Path, facts: os.stat_result) -> str:
 def private_folder() -> Path:
     """A folder for this user alone, below the system's folder for temporary files.
 
-    One name per user, so that the next process finds what this one compiled. Anybody may have
-    put something under that name; then this process takes a new folder of its own and removes it
-    at its end.
+    Its name is fixed, so that the next process finds what this one compiled. If something else has
+    that name, this process uses a new folder and removes it at exit.
 
     Raises:
-        UnusableError: nothing can be written there either.
+        UnusableError: the temporary folder cannot be written either.
     """
     user = os.geteuid() if hasattr(os, "geteuid") else "user"
     try:
@@ -120,7 +118,7 @@ def private_folder() -> Path:
 
 
 def _is_private(folder: Path) -> bool:
-    """Whether a path is a folder, not a link to one, that only this user can reach into."""
+    """Whether a path is a folder, not a link, that only this user can access."""
     facts = folder.lstat()
     if not stat.S_ISDIR(facts.st_mode):
         return False

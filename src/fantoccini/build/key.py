@@ -11,6 +11,7 @@ from importlib import metadata
 from pathlib import Path
 
 from fantoccini.build.compiler import BASE_FLAGS, compile_flags, find_compiler
+from fantoccini.build.significant import significant_cpp
 
 
 def fingerprint(canonical: str, generator: str, flags: Iterable[str] = ()) -> str:
@@ -19,13 +20,12 @@ def fingerprint(canonical: str, generator: str, flags: Iterable[str] = ()) -> st
     Args:
         canonical: the puppet in its canonical form.
         generator: hash of the code that makes the source text (:func:`code_fingerprint`).
-        flags: compiler flags beyond the standard ones, and anything else that chooses between
-            libraries of one puppet (the number of lanes, say).
+        flags: compiler flags beyond the standard ones, and whatever else distinguishes libraries
+            of one puppet.
 
     Returns:
-        64 hexadecimal digits. They depend on the arguments, the CasADi version, the runtime's
-        headers, the compiler, the standard flags and the processor, and not on the Python
-        version, so that interpreters share a cache.
+        64 hexadecimal digits. They depend on the arguments, CasADi's version, the runtime's
+        headers, the compiler, the standard flags and the processor, but not on Python's version.
     """
     compiler = find_compiler()
     parts = {
@@ -43,24 +43,21 @@ def fingerprint(canonical: str, generator: str, flags: Iterable[str] = ()) -> st
 
 
 def runtime_folder() -> Path:
-    """The include folder of the C++ runtime that is shipped with the package."""
+    """The include folder of the C++ runtime."""
     return Path(__file__).resolve().parent.parent / "cpp"
 
 
 def runtime_hash(folder: Path) -> str:
-    """SHA-256 of every file of the runtime and its name, in the order of the names."""
+    """SHA-256 of the names and the code, without comments, of the runtime's headers."""
     total = hashlib.sha256()
-    for file in sorted(folder.rglob("*")):
-        if file.is_file():
-            content = file.read_bytes()
-            name = file.relative_to(folder).as_posix()
-            total.update(f"{name}\0{len(content)}\0".encode())
-            total.update(content)
+    for file in sorted(folder.rglob("*.hpp")):
+        code = significant_cpp(file.read_text(encoding="utf-8")).encode()
+        total.update(f"{file.relative_to(folder).as_posix()}\0{len(code)}\0".encode() + code)
     return total.hexdigest()
 
 
 def casadi_version() -> str:
-    """The installed CasADi's version, asked of its metadata: importing it takes far longer."""
+    """The installed CasADi's version, from its metadata: importing it takes far longer."""
     try:
         return metadata.version("casadi")
     except metadata.PackageNotFoundError:
@@ -68,7 +65,7 @@ def casadi_version() -> str:
 
 
 def processor(cpuinfo: Path = Path("/proc/cpuinfo")) -> str:
-    """What ``-march=native`` may use: the processor's features, or its name where not listed."""
+    """The processor's features, which ``-march=native`` may use; its name if they are unknown."""
     try:
         with open(cpuinfo, encoding="utf-8", errors="replace") as lines:
             for line in lines:

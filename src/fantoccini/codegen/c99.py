@@ -1,7 +1,7 @@
-"""Equations -> dependency-free C99 to take elsewhere.
+"""Equations -> C99 without dependencies, to use elsewhere.
 
-``fan_model.c`` needs a C99 compiler and its mathematics library, allocates nothing and keeps
-nothing; ``fan_model.h`` is the whole contract; ``example.c`` evaluates the model once.
+``fan_model.c`` needs a C99 compiler and its mathematics library and has no state; ``fan_model.h``
+documents every function; ``example.c`` evaluates the model once.
 """
 
 from __future__ import annotations
@@ -19,11 +19,7 @@ from fantoccini.tree import Tree
 
 
 def c99_files(equations: Equations) -> dict[str, str]:
-    """The files of an exported model: name -> text.
-
-    Args:
-        equations: the derived equations.
-    """
+    """The files of an exported model: name -> text."""
     functions = {name: equations[name] for name, f in FUNCTIONS.items() if f.exported}
     return {
         "fan_model.h": _header(equations.tree, functions, equations.sizes),
@@ -92,7 +88,7 @@ def _described(name: str, function: ca.Function, sizes: dict[str, int]) -> str:
 
 
 def _example(tree: Tree) -> str:
-    """A program that evaluates the model in the puppet file's pose, every string just reaching."""
+    """A program that evaluates the model in the puppet file's pose, with all strings just taut."""
     table = tree.coordinates
     vectors = {
         "q_D": list(table.start_D),
@@ -114,7 +110,7 @@ def _example(tree: Tree) -> str:
 
 
 def _vector(name: str, values: list[float]) -> str:
-    """A C array; one unused entry where it would be empty, which C does not have."""
+    """A C array; with one unused entry instead of none, which C does not allow."""
     numbers = ", ".join(repr(float(v)) for v in values) or "0.0"
     text = f"double {name}[{max(1, len(values))}] = {{{numbers}}};"
     return "\n".join(textwrap.wrap(text, 96, initial_indent="  ", subsequent_indent="      "))

@@ -10,34 +10,34 @@ from fantoccini.contract import FUNCTIONS, compiled
 from fantoccini.equations import Derivatives, Equations, Variational
 
 WIDE = Real("fan::Wide", "wide", "fantoccini/wide.hpp")
-"""Bundles of doubles, as wide as the processor allows: one trajectory or configuration a lane."""
+"""As many doubles as a processor's vector holds: one trajectory or configuration for each lane."""
 
 
 @dataclass(frozen=True)
 class _Kind:
-    """How a library is put together.
+    """Properties of a library.
 
     Attributes:
-        header: its C interface in the runtime, without the ending; empty for functions alone.
+        header: its C interface in the runtime, without the ending.
         real: the type that its functions compute with.
         mapped: whether Python calls its functions over arrays.
-        steps: whether it makes columns of limits.
+        columns: whether it has ``column``.
     """
 
     header: str
     real: Real
     mapped: bool = False
-    steps: bool = True
+    columns: bool = True
 
 
 _KINDS = {
     "model": _Kind("abi", Real(), mapped=True),
     "lanes": _Kind("lane_abi", WIDE),
-    "clearance": _Kind("clearance_abi", WIDE, steps=False),
+    "clearance": _Kind("clearance_abi", WIDE, columns=False),
     "rollouts": _Kind("rollouts_abi", WIDE),
     "variational": _Kind("variational_abi", Real()),
     "variational_lanes": _Kind("variational_lane_abi", WIDE),
-    "derivatives": _Kind("map_abi", Real(), mapped=True, steps=False),
+    "derivatives": _Kind("map_abi", Real(), mapped=True, columns=False),
 }
 
 
@@ -49,11 +49,11 @@ def generate(equations: Equations, library: str = "model") -> Generated:
         library: one of ``fantoccini.contract.LIBRARIES``.
     """
     kind, names = _KINDS[library], compiled(library, bool(equations.tree.watched))
-    made = _programs(equations, library, names, kind.steps)
+    made = _programs(equations, library, names, kind.columns)
     sizes = {**equations.tree.sizes, "n_packed": 0} if library == "derivatives" else None
     main = _MAIN.format(
         library=library.replace("_", " "),
-        members="\n".join(_member(name, kind) for name in (*names, *["column"] * kind.steps)),
+        members="\n".join(_member(name, kind) for name in (*names, *["column"] * kind.columns)),
         maps="".join(_map(name) for name in names) if kind.mapped else "",
         abi=kind.header,
         width="1" if kind.real.type == "double" else "FAN_WIDTH",
@@ -64,7 +64,7 @@ def generate(equations: Equations, library: str = "model") -> Generated:
 
 
 def _programs(
-    equations: Equations, library: str, names: tuple[str, ...], steps: bool
+    equations: Equations, library: str, names: tuple[str, ...], columns: bool
 ) -> dict[str, Program]:
     if library == "derivatives":
         own = Derivatives(equations.tree).functions()
@@ -72,12 +72,12 @@ def _programs(
         own = Variational(equations).functions()
     else:
         own = {}
-    shared = programs(equations, [name for name in names if name not in own], columns=steps)
+    shared = programs(equations, [name for name in names if name not in own], columns=columns)
     return shared | {name: program(function) for name, function in own.items()}
 
 
 def _member(name: str, kind: _Kind) -> str:
-    """A function as a member of the runtime's model."""
+    """A function as a member of the C++ struct ``Model``."""
     space, type_ = kind.real.space, kind.real.type
     if name == "column":
         return (
@@ -98,7 +98,7 @@ def _member(name: str, kind: _Kind) -> str:
 
 
 def _map(name: str) -> str:
-    """What Python calls a function by, over whole arrays."""
+    """The definition through which Python calls a function over arrays."""
     function = FUNCTIONS[name]
     if not function.mapped:
         return ""

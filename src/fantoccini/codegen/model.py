@@ -1,16 +1,16 @@
 """Equations -> source text. No disk, no names from the user's file.
 
-A compiled library is made of ``model.c`` and its pieces (the functions), ``model.hpp`` (sizes and
-index tables as constants) and ``main.cpp`` (puts both under a C interface); the pieces
-can be compiled on their own and in parallel. The text depends on the equations alone, so it can
-serve as a golden file and as part of a cache key.
+A library consists of ``model.c`` and its pieces (the functions), ``model.hpp`` (sizes and index
+tables as constants) and ``main.cpp`` (the C interface). Pieces can be compiled separately, in
+parallel. The text depends on the equations alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
+from typing import NamedTuple
 
 from fantoccini.codegen.straight import Program, dealt, pieces, program
 from fantoccini.contract import FUNCTIONS
@@ -19,17 +19,27 @@ from fantoccini.puppet import Parameter
 from fantoccini.tree import LimitRow, Role, StringRow, Tree
 
 STEM = "model"
-"""Of the files that hold the model."""
+"""Name of the files that hold the model, without their endings."""
+
+Places = tuple[tuple[int, int], ...]
 
 
-PIECE = 1000
-"""Arithmetic statements of a piece."""
+class PieceSizes(NamedTuple):
+    """Sizes at which generated functions are cut, chosen by compile time (docs/growth.md).
 
-UNIT = 6000
-"""Statements from which on pieces go to another file."""
+    Attributes:
+        piece: arithmetic statements of a piece, at most.
+        file: statements at which the next piece starts another file.
+        separate: arithmetic statements of a library from which on files of pieces are compiled
+            separately from the runtime.
+    """
 
-APART = 2000
-"""Arithmetic statements from which on the files of pieces are compiled apart from the runtime."""
+    piece: int = 1000
+    file: int = 6000
+    separate: int = 2000
+
+
+SIZES = PieceSizes()
 
 
 @dataclass(frozen=True)
@@ -39,8 +49,8 @@ class Generated:
     Attributes:
         files: file name -> text.
         main: the file to compile.
-        units: files to compile beside it, with ``FAN_APART`` defined in all; compiled by itself,
-            without that, ``main`` is whole too.
+        units: further files to compile, all with ``FAN_APART`` defined; without it ``main`` alone
+            is complete.
         operations: arithmetic operations of every generated function.
     """
 
@@ -68,16 +78,16 @@ class Real:
 def assembled(
     functions: dict[str, Program], files: dict[str, str], *, real: Real | None = None
 ) -> Generated:
-    """Functions with the files that use them; large ones in units to compile apart.
+    """Functions with the files that call them; large functions in units of their own.
 
     Args:
-        functions: by the name they are called by.
-        files: ``main.cpp``, and what it includes beside the functions.
-        real: the type they compute with; double when not given.
+        functions: by name.
+        files: ``main.cpp`` and what else it includes.
+        real: the type they compute with; double by default.
     """
     text, real, units = model_text(functions), real or Real(), {}
     counts = _counted(functions)
-    if sum(counts.values()) >= APART:
+    if sum(counts.values()) >= SIZES.separate:
         units = {
             name.replace("pieces", "unit").replace(".c", ".cpp"): _UNIT.format(
                 pieces=name, type=real.type, space=real.space, header=real.header
@@ -91,18 +101,21 @@ def assembled(
 def programs(
     equations: Equations, names: Iterable[str] | None = None, columns: bool = True
 ) -> dict[str, Program]:
-    """The statements of compiled functions, by name; of the model's when no names are given.
+    """The statements of compiled functions, by name.
 
-    ``column_0`` and so on are those of ``Equations.columns``, in their order, where wanted.
+    Args:
+        equations: the derived equations.
+        names: of the functions; those of the model by default.
+        columns: whether to add ``column_0`` and so on, those of ``Equations.columns`` in order.
     """
     names = equations.model if names is None else names
     made = {name: program(equations[name]) for name in names}
-    columns = enumerate(equations.columns.values() if columns else ())
-    return made | {f"column_{k}": program(function) for k, (_, function) in columns}
+    found = equations.columns.values() if columns else ()
+    return made | {f"column_{k}": program(function) for k, (_, function) in enumerate(found)}
 
 
 def operations(equations: Equations) -> dict[str, int]:
-    """Arithmetic operations of every compiled function; ``columns`` is one that they share."""
+    """Arithmetic operations of every compiled function, and of all ``columns`` together."""
     return _counted(programs(equations))
 
 
@@ -116,15 +129,15 @@ def _is_column(name: str) -> bool:
     return name.startswith("column_")
 
 
-def model_text(functions: dict[str, Program], longest: int = PIECE) -> dict[str, str]:
+def model_text(functions: dict[str, Program], longest: int = SIZES.piece) -> dict[str, str]:
     """The functions as C, to be included where ``casadi_real`` is defined.
 
-    ``model.c`` declares the pieces, includes them unless ``FAN_APART`` is defined, and has the
-    functions that call them. ``pieces0.c`` and so on have the pieces.
+    ``model.c`` declares the pieces, includes them unless ``FAN_APART`` is defined, and defines the
+    functions that call them. ``pieces0.c`` and so on hold the pieces.
 
     Args:
-        functions: by the name they are called by.
-        longest: arithmetic statements of a piece.
+        functions: by name.
+        longest: arithmetic statements of a piece, at most.
 
     Returns:
         File name -> text.
@@ -133,7 +146,7 @@ def model_text(functions: dict[str, Program], longest: int = PIECE) -> dict[str,
         name: pieces(whole, f"fan_{name}", longest, _standing(name))
         for name, whole in functions.items()
     }
-    files = dealt([piece for cut in made.values() for piece in cut.pieces], UNIT)
+    files = dealt([piece for cut in made.values() for piece in cut.pieces], SIZES.file)
     names = [f"pieces{k}.c" for k in range(len(files))]
     declarations = [line for cut in made.values() for line in cut.declarations]
     definitions = [cut.definition for cut in made.values()] + [_switch(functions)]
@@ -211,7 +224,7 @@ def _tables(equations: Equations) -> list[str]:
     ]
 
 
-def _space(name: str, n_q: int, n_v: int, scalars, quaternions) -> list[str]:
+def _space(name: str, n_q: int, n_v: int, scalars: Places, quaternions: Places) -> list[str]:
     return [
         f"  struct {name} {{",
         f"    static constexpr int n_q = {n_q}, n_v = {n_v};",
@@ -225,7 +238,7 @@ def _space(name: str, n_q: int, n_v: int, scalars, quaternions) -> list[str]:
     ]
 
 
-def _array(kind: str, name: str, values: list) -> str:
+def _array(kind: str, name: str, values: Sequence[float]) -> str:
     """A constant array; one unused entry where it would be empty, which C++ does not have."""
     body = ", ".join(repr(v) for v in values) or "0"
     return f"  static constexpr {kind} {name}[{max(1, len(values))}] = {{{body}}};"

@@ -1,7 +1,6 @@
-"""The entries of a puppet's vectors in words, as the C99 header lists them.
+"""The entries of a puppet's vectors in words, for the C99 header.
 
-Names from the user's file are data: :func:`shown` lets through what cannot end a comment, and
-nothing else.
+Names from the user's file are data: :func:`shown` lets only harmless characters into comments.
 """
 
 from __future__ import annotations
@@ -18,15 +17,15 @@ NAMES = {
     "n_qD": "q_D", "n_vD": "v_D", "n_qK": "q_K", "n_vK": "v_K", "n_strings": "strings",
     "n_limits": "limits", "n_rows": "rows", "n_links": "links", "n_points": "points", "n_p": "p",
 }  # fmt: skip
-"""Size -> name of the list of what it counts."""
+"""Size -> name of the list that it counts."""
 
 
 @dataclass(frozen=True)
 class Order:
-    """Names and units of the entries of a vector, in their order.
+    """Names and units of the entries of a vector.
 
     Attributes:
-        title: what is listed.
+        title: of the list.
         entries: a line for every entry.
     """
 
@@ -35,7 +34,7 @@ class Order:
 
 
 def orders(tree: Tree) -> dict[str, Order]:
-    """The orders of entries of a tree, by the names of ``NAMES``."""
+    """The orders of a tree's vectors, by the names in ``NAMES``."""
     table = tree.coordinates
     units = {row.name: row.unit for row in table.rows}
     rows = [f"{shown(s.name)} [m]" for s in tree.strings]
@@ -65,10 +64,10 @@ _LIMIT_UNITS = {"cone": "1", "twist.lower": "rad", "twist.upper": "rad"}
 
 
 def shown(name: str) -> str:
-    """A name as it may stand in a comment.
+    """A name, checked to be harmless in a comment.
 
     Raises:
-        ValueError: it has a character that a puppet file's names cannot have.
+        ValueError: it has a character that names in puppet files cannot have.
     """
     if not _HARMLESS.fullmatch(name):
         raise ValueError(f"{name!r} cannot stand in generated text")

@@ -1,8 +1,7 @@
-"""A CasADi function as one plain C99 function: pointers in, pointers out, nothing else.
+"""A CasADi function as one plain C99 function of named pointers.
 
-CasADi's own generator surrounds every function with an interface for programs that load it; a
-reader of the exported files wants arguments with names. The elementary operations, their order
-and so the results are the same.
+CasADi's own generator adds an interface for programs that load the function. The elementary
+operations, their order and so the results are the same.
 """
 
 from __future__ import annotations
@@ -55,7 +54,7 @@ _SPELLED = {
 }
 
 _LOCAL = re.compile(r"t\d+")
-"""Names of the local variables; arguments are called otherwise."""
+"""Names of local variables, which no argument may have."""
 
 
 def prototype(function: ca.Function, name: str) -> str:

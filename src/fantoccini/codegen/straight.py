@@ -1,13 +1,12 @@
-"""A CasADi function as straight-line C, cut into pieces that a compiler takes in its stride.
+"""A CasADi function as straight-line C, cut into pieces that compile fast.
 
-Compilers take straight-line code in a time that grows faster than its length. The statements of a
-function are therefore dealt out, in their order, to pieces: functions of their own that are handed
-the arguments, the results and a work array. A value that is used in a later piece travels through
-the work array, or through the result that it is. Inside a piece values are constants with names.
+Compile time grows faster than the length of straight-line code. The statements of a function are
+therefore split, in order, into pieces: functions that take the arguments, the results and a work
+array. A value used in a later piece is passed in the work array, or read back from its result.
+Inside a piece values are named constants.
 
-What takes long is written so that it is done once: a divisor of several quotients is inverted, a
-root that divides becomes an inverse root, and the sine and the cosine of an angle follow one
-another and are made together.
+Slow operations are done once: a divisor of several quotients is inverted, a root that divides
+becomes an inverse root, and sine and cosine of an angle are computed together.
 """
 
 from __future__ import annotations
@@ -32,11 +31,11 @@ _OWN = {INVERSE_ROOT: "inverse_root({})", ca.OP_ATAN: "arctangent({})"}
 
 @dataclass(frozen=True)
 class Statement:
-    """An operation; its value's name is its place in the list.
+    """An operation; its value is named by its index in the list.
 
     Attributes:
         operation: CasADi's code, or ``INVERSE_ROOT``.
-        of: places of the values it is made of.
+        of: indices of its operands.
         constant: its value, for OP_CONST.
         argument: (which, entry), for OP_INPUT.
     """
@@ -56,8 +55,8 @@ class Program:
     """The statements of a function, each value assigned once.
 
     Attributes:
-        statements: operands before what is made of them.
-        results: (which, entry, place of the value) of every entry of every result.
+        statements: operands first.
+        results: (which, entry, index of the value) of every entry of every result.
         names: of the results.
     """
 
@@ -72,7 +71,7 @@ class Program:
 
 
 def program(function: ca.Function) -> Program:
-    """The statements of a function of dense SX, what takes long done once."""
+    """The statements of a function of dense SX, with slow operations done once."""
     statements: list[Statement] = []
     results: list[tuple[int, int, int]] = []
     holds: dict[int, int] = {}  # place in CasADi's work vector -> statement
@@ -95,14 +94,14 @@ def program(function: ca.Function) -> Program:
 
 
 class _Rewriting:
-    """A program anew, with what takes long done once.
+    """Rewrites a program so that slow operations are done once.
 
     CasADi turns x (1 / y) into x / y: a divisor of several quotients is inverted once, a root that
     divides becomes an inverse root (and the root x times that: x is then positive), and sine and
-    cosine of one angle are put side by side.
+    cosine of one angle become neighbours.
 
     Args:
-        whole: the program as CasADi has it.
+        whole: CasADi's program.
     """
 
     def __init__(self, whole: Program):
@@ -127,7 +126,7 @@ class _Rewriting:
         return len(self.statements) - 1
 
     def _place(self, k: int, s: Statement) -> int:
-        """Where the value of statement k of the old program is in the new one."""
+        """Index in the new program of the value of statement k of the old one."""
         of = tuple(self.place[i] for i in s.of)
         if s.operation == ca.OP_SQRT and self.divided[k]:
             self.inverse[k] = self._add(INVERSE_ROOT, *of)
@@ -147,7 +146,7 @@ class _Rewriting:
         return len(self.statements) - 1
 
     def _sine_or_cosine(self, s: Statement) -> int:
-        """A sine or cosine; the first of an angle makes both, the cosine after the sine."""
+        """A sine or cosine; the first of an angle adds both, the sine first."""
         angle = s.of[0]
         if angle not in self.sine:
             self.sine[angle] = self._add(ca.OP_SIN, self.place[angle])
@@ -163,7 +162,7 @@ class Pieces:
         name: of the function.
         declarations: of the pieces.
         pieces: their definitions.
-        definition: of the function, which calls them one after the other.
+        definition: of the function, which calls them in order.
     """
 
     name: str
@@ -177,15 +176,15 @@ def pieces(
 ) -> Pieces:
     """The text of a function in pieces.
 
-    ``casadi_real`` and ``FAN_PIECE`` (qualifiers of the pieces) are for the including file to
-    define. No pointer may be null but those of empty arguments and results.
+    The including file defines ``casadi_real`` and ``FAN_PIECE`` (qualifiers of the pieces). Only
+    pointers of empty arguments and results may be null.
 
     Args:
         whole: the function's statements.
         name: of the C function.
-        longest: arithmetic statements of a piece.
-        standing: names of results whose constants need not be written every time: where the
-            function has some, ``name_constants`` writes these and ``name_varying`` the rest.
+        longest: arithmetic statements of a piece, at most.
+        standing: names of results whose constants need not be written every time:
+            ``name_constants`` then writes these and ``name_varying`` the rest.
     """
     kept = frozenset(r for r, result in enumerate(whole.names) if result in standing)
     cut = _Cut(whole, longest, kept)
@@ -221,7 +220,7 @@ def pieces(
 
 
 def dealt(texts: list[str], statements: int) -> list[str]:
-    """Texts joined in their order to files of at least so many statements, the last one less."""
+    """Texts joined in order to files of at least so many statements, except the last."""
     files: list[list[str]] = [[]]
     n = 0
     for text in texts:
@@ -234,17 +233,18 @@ def dealt(texts: list[str], statements: int) -> list[str]:
 
 
 class _Cut:
-    """Where the statements of a program go, and how values travel.
+    """The pieces of a program, and how values pass between them.
 
     Args:
         whole: the program.
-        longest: arithmetic statements of a piece.
-        kept: results whose constants are apart.
+        longest: arithmetic statements of a piece, at most.
+        kept: results whose constants are written separately.
     """
 
     def __init__(self, whole: Program, longest: int, kept: frozenset[int]):
         self.whole, self.kept = whole, kept
-        done, self.piece = 0, []
+        done = 0
+        self.piece: list[int] = []
         for s in whole.statements:
             # A cosine stays with its sine.
             follows = s.operation == ca.OP_COS
@@ -262,7 +262,7 @@ class _Cut:
         self.n_work = max(self.slot.values(), default=-1) + 1
 
     def _slots(self) -> dict[int, int]:
-        """Places in the work array of the values that travel through it."""
+        """Value -> its place in the work array, for values that later pieces use."""
         slot: dict[int, int] = {}
         free: list[int] = []
         ends: dict[int, list[int]] = {}
@@ -282,7 +282,7 @@ class _Cut:
         return which in self.kept and self.whole.statements[value].operation == ca.OP_CONST
 
     def constants(self) -> list[str]:
-        """What writes the constants that are apart."""
+        """Statements that write the constants of ``standing`` results."""
         return [
             f"  res[{which}][{entry}] = {literal(self.whole.statements[value].constant)};"
             for which, entry, value in self.whole.results
@@ -290,7 +290,7 @@ class _Cut:
         ]
 
     def body(self, piece: int) -> list[str]:
-        """The statements of a piece, each on a line."""
+        """The lines of a piece."""
         lines: list[str] = []
         named: set[int] = set()
         for k in range(bisect_left(self.piece, piece), bisect_right(self.piece, piece)):
@@ -309,7 +309,7 @@ class _Cut:
         return lines
 
     def _text(self, k: int, operands: list[str]) -> list[str]:
-        """Statement k; a sine makes the cosine that follows it."""
+        """The lines of statement k; a sine computes the cosine that follows it."""
         operation = self.whole.statements[k].operation
         if operation == ca.OP_COS:
             return []
@@ -320,7 +320,7 @@ class _Cut:
         return [f"  const casadi_real t{k} = {text};"]
 
     def _operand(self, k: int, piece: int, named: set[int], lines: list[str]) -> str:
-        """A value in a piece; one made before is fetched when it is first needed."""
+        """The name of a value in a piece; one of an earlier piece is fetched on first use."""
         s = self.whole.statements[k]
         if s.operation == ca.OP_CONST:
             return literal(s.constant)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import enum
 import re
 import textwrap
 from pathlib import Path
 
-from fantoccini.contract.codes import CODES, SCOPED, Hold
+from fantoccini.contract.codes import CODES, SCOPED, Code, Hold
 from fantoccini.contract.functions import COLUMN, DERIVATIVES, FUNCTIONS, Function
 from fantoccini.contract.identity import digest
 from fantoccini.contract.quantity import SIZES, Quantity
-from fantoccini.contract.rows import EVENT, PARTS, ROW, WINCH
+from fantoccini.contract.samples import EVENT, PARTS, SAMPLE, WINCH
 from fantoccini.contract.structures import STRUCTURES, Field, Structure
+from fantoccini.errors import Status
 
 HEADER = Path(__file__).resolve().parents[1] / "cpp" / "fantoccini" / "contract.hpp"
 
@@ -34,15 +34,14 @@ def header() -> str:
     )
 
 
-def _code(code: type[enum.IntEnum]) -> str:
+def _code(code: type[Code] | type[Status]) -> str:
     kind = "enum class" if code in SCOPED else "enum"
     type_ = "signed char" if code is Hold else "int"
-    members = [
-        line
-        for m in code
-        for line in _noted(f"  {m.name} = {m.value},", getattr(m, "meaning", None) or m.message)
-    ]
-    about = _comment(code.__doc__.splitlines()[0], "")
+    members: list[str] = []
+    for m in code:
+        meaning = m.message if isinstance(m, Status) else m.meaning
+        members += _noted(f"  {m.name} = {m.value},", meaning)
+    about = _comment((code.__doc__ or "").partition("\n")[0], "")
     return "\n".join([*about, f"{kind} {code.__name__} : {type_} {{", *members, "};", ""])
 
 
@@ -53,7 +52,7 @@ def _structure(structure: Structure) -> str:
 
 
 def _noted(code: str, meaning: str) -> list[str]:
-    """A line of code with its meaning behind it, or before it where the line is too long."""
+    """A line of code with its meaning after it, or before it where the line is too long."""
     if not meaning:
         return [code]
     line = f"{code}  // {meaning}"
@@ -76,14 +75,14 @@ def _numel(quantity: Quantity) -> str:
 
 def _layout() -> str:
     lines, before = [], "0"
-    for q in ROW:
+    for q in SAMPLE:
         lines += _noted(f"  static constexpr int {q.name} = {before};", q.described)
         before = f"{q.name} + {_numel(q)}"
     return "\n".join([*lines, f"  static constexpr int width = {before};"])
 
 
 def _call(function: Function) -> str:
-    """A member of ``Call``: one result goes to an argument, several to members of their names."""
+    """A member of ``Call``: one result is an argument, several are members of a structure."""
     own, several = function.name, len(function.results) > 1
     parameters = ["int which"] if function is COLUMN else []
     parameters += [_parameter(q, "const Real") for q in function.arguments]
@@ -116,7 +115,7 @@ def _comment(text: str, indent: str = "  ") -> list[str]:
 
 
 def _filled(prefix: str, words: list[str], indent: str) -> str:
-    """Words with commas between them, in lines of at most 100 characters."""
+    """Words joined by commas, wrapped to lines of at most 100 characters."""
     text = ", ".join(f"{prefix}{word}".replace(" ", "\0") for word in words)
     lines = textwrap.wrap(text, 78, break_long_words=False, break_on_hyphens=False)
     return f"\n{indent}".join(lines).replace("\0", " ")
@@ -134,8 +133,8 @@ namespace fan {{
 // A hash of the contract.
 constexpr long long contract_digest = {digest};
 
-// Who a library is, as Python checks when it loads it: the contract's hash, how many trajectories
-// or configurations are advanced together, and the puppet's sizes.
+// Identity of a library, which Python checks when it loads it: the contract's hash, how many
+// trajectories or configurations are advanced together, and the puppet's sizes.
 template <class Sizes>
 void identity(int width, long long* out) {{
   const long long values[] = {{
@@ -145,23 +144,23 @@ void identity(int width, long long* out) {{
 
 {codes}
 {structures}
-// Where the parts of a row of a run are.
+// Offsets of the parts of a sample.
 template <class Model>
-struct RowLayout {{
+struct SampleLayout {{
 {layout}
 }};
 
-// Where the parts of an event are.
+// Offsets of the parts of an event.
 struct EventLayout {{
   enum : int {{ {event}, width }};
 }};
 
-// Where the numbers of a winch are.
+// Offsets of the numbers of a winch.
 struct WinchLayout {{
   enum : int {{ {winch}, width }};
 }};
 
-// What is written for every row of a batch: parts of a row, in its order.
+// What a batch may save of every sample, in the sample's order.
 struct Part {{
   enum : int {{
     {part}, n
@@ -176,9 +175,9 @@ constexpr int part_width(int part) {{
   return widths[part];
 }}
 
-// The generated functions. A result goes to its argument; several go to members of their names:
-// arrays, pointers or numbers. Where `constants` is false, entries that are always the same are
-// left as an earlier call with it has written them.
+// The generated functions. A single result is written to the last argument; several are written to
+// the members of their names (arrays, pointers or numbers) of `to`. With `constants` false, entries
+// that never change keep what an earlier call with `constants` wrote.
 template <class Model, class Real>
 struct Call {{
 {calls}

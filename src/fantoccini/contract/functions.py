@@ -1,8 +1,8 @@
-"""Every generated function: its arguments and results, and the libraries that have it.
+"""Every generated function: its arguments, its results and the libraries that have it.
 
-A new quantity is one entry here and its derivation in ``equations``. Signatures of the CasADi
-functions, callers in C++, named results in Python, the C99 header and ``docs/functions.md`` come
-from it.
+To add a quantity, declare it here and derive it in ``equations/functions.py``. Signatures of the
+CasADi functions, callers in C++, named results in Python, the C99 header and ``docs/functions.md``
+are made from the entry.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ VARIATIONAL, VARIATIONAL_LANES, DERIVATIVES = "variational", "variational_lanes"
 LIBRARIES = (
     MODEL, LANES, CLEARANCE, ROLLOUTS, VARIATIONAL, VARIATIONAL_LANES, DERIVATIVES
 )  # fmt: skip
-"""The libraries that may be compiled of a puppet."""
+"""The libraries of a puppet, each compiled when it is first needed."""
 
 
 @dataclass(frozen=True)
@@ -26,11 +26,11 @@ class Function:
     Attributes:
         name: of the function.
         purpose: in one sentence.
-        arguments, results: in the order in which compiled code has them.
-        libraries: that have it; those with none are evaluated by CasADi's interpreter.
+        arguments, results: in the order of compiled code.
+        libraries: that have it; without any, CasADi's interpreter evaluates it.
         mapped: whether Python may call it over whole arrays.
         exported: whether the C99 export has it.
-        watch: whether only puppets have it whose drives may be too weak.
+        watch: whether only puppets with drives that may be too weak have it.
         standing: results with many constants, which are written once.
     """
 
@@ -58,29 +58,29 @@ ARGUMENTS: dict[str, Quantity] = {
         Quantity("acc_K", ("n_vK",), "", "driven acceleration"),
         Quantity("u_D", ("n_vD",), _FORCE, "user forces"),
         Quantity("v_ahead", ("n_vD",), "", "dynamic velocity at which velocity products are taken"),
-        Quantity("dt", (), "s", "step over which damping and drag act implicitly"),
+        Quantity("dt", (), "s", "step over which damping and drag are implicit"),
         Quantity("lam", ("n_strings",), "N", "multipliers, minus the tensions"),
         Quantity("tension", ("n_rows",), _FORCE, "tensions of strings, forces of limits"),
         Quantity("wrench", (6, "n_links"), "N, N m", "force at the centre of mass, torque; world"),
         Quantity("p", ("n_p",), "", "parameters"),
-        Quantity("L", ("n_packed",), "", "numbers of the factor M = F^T F that dynamics gives"),
+        Quantity("L", ("n_packed",), "", "the factor M = F^T F, as dynamics returns it"),
         Quantity("x", ("n_vD",), "", "any vector"),
-        Quantity("J_limit", (3, "n_limits"), "", "rows of A_D of the limits, by their joints"),
-        Quantity("x_joint", (3,), "", "the entries of a vector in the velocities of one joint"),
+        Quantity("J_limit", (3, "n_limits"), "", "rows of A_D of the limits, in their own joints"),
+        Quantity("x_joint", (3,), "", "entries of a vector for the velocities of one joint"),
         Quantity("xi", ("n_vD",), "rad or m", "tangent vector of the step"),
-        Quantity("q_mid", ("n_qK",), "", "driven configuration half-way"),
-        Quantity("v_mid", ("n_vK",), "", "driven velocity half-way"),
-        Quantity("acc_mid", ("n_vK",), "", "driven acceleration half-way"),
+        Quantity("q_mid", ("n_qK",), "", "driven configuration at the midpoint"),
+        Quantity("v_mid", ("n_vK",), "", "driven velocity at the midpoint"),
+        Quantity("acc_mid", ("n_vK",), "", "driven acceleration at the midpoint"),
     )
 }
-"""Everything that a function may take."""
+"""Every argument that a function may take."""
 
 
 def _arguments(names: str) -> tuple[Quantity, ...]:
     return tuple(ARGUMENTS[name] for name in names.split())
 
 
-_L = Quantity("L", ("n_packed",), "", "numbers of the factor M = F^T F, for forth and back only")
+_L = Quantity("L", ("n_packed",), "", "the factor M = F^T F, for forth and back only")
 _STRINGS: Shape = ("n_strings",)
 _FACTOR = (
     _L,
@@ -94,7 +94,7 @@ _A0 = Quantity("a0", _STRINGS, "m/s^2", "W^T w0")
 _HDOT_K = Quantity("hdot_K", _STRINGS, "m/s", "A_K v_K, the inputs' part of hdot")
 _LIMITS = (
     Quantity("h_limit", ("n_limits",), "", "h of the limits"),
-    Quantity("J_limit", (3, "n_limits"), "", "their rows of A_D: the entries of their own joint"),
+    Quantity("J_limit", (3, "n_limits"), "", "their rows of A_D, in their own joints"),
 )
 _POWER = (
     Quantity("power0", (), "W", "power of the inputs at acc_D = 0 without tensions"),
@@ -115,36 +115,35 @@ _Y = Quantity("y", ("n_vD",), "", "the solution")
 _STATE = _arguments("q_D v_D q_K v_K p")
 _PLACE = _arguments("q_D q_K p")
 _FULL = _arguments("q_D v_D acc_D q_K v_K acc_K tension dt p")
-_STEPPERS = (LANES, ROLLOUTS, VARIATIONAL, VARIATIONAL_LANES)
+_STEPPING = (LANES, ROLLOUTS, VARIATIONAL, VARIATIONAL_LANES)
 
 
-def _slope(name: str, rows: str, by: str, meaning: str) -> Quantity:
+def _derivative(name: str, rows: str, by: str, meaning: str) -> Quantity:
     return Quantity(name, (rows, by), "", meaning)
 
 
 _DECLARED = (
     Function(
         "dynamics",
-        "All that the accelerations and tensions of any set of taut strings need (Eqs. 10, 11): "
+        "Accelerations and tensions of any active set (Eqs. 10, 11): "
         "acc_D = back(L, w0 + W lam), hddot = gamma + a0 + G lam, lam = -tension.",
         _arguments("q_D v_D q_K v_K acc_K u_D p"), _DYNAMICS,
         (MODEL,), mapped=True, exported=True, standing=_STANDING,
     ),
     Function(
         "step_dynamics",
-        "The same for a step dt, with damping and drag over it in F and the velocity products of "
-        "v_ahead.",
+        "The same over a step dt: damping and drag are in F, velocity products those of v_ahead.",
         _arguments("q_D v_D q_K v_K acc_K u_D v_ahead dt p"),
         (
             *_STEP,
-            Quantity("f_M", ("n_motors",), _FORCE, "the motors give f_M - y_M dv over the step"),
-            Quantity("y_M", ("n_motors",), "", "what they yield by a change dv of velocity"),
+            Quantity("f_M", ("n_motors",), _FORCE, "motors exert f_M - y_M dv over the step"),
+            Quantity("y_M", ("n_motors",), "", "derivative by the change dv of velocity"),
         ),
         (MODEL, LANES, ROLLOUTS), mapped=True, standing=_STANDING,
     ),
     Function(
         "limit_rates", "hdot of the limits at a velocity.", _arguments("J_limit v_D"),
-        (Quantity("rates", ("n_limits",), "1/s", "hdot of the limits"),), (MODEL, *_STEPPERS),
+        (Quantity("rates", ("n_limits",), "1/s", "hdot of the limits"),), (MODEL, *_STEPPING),
     ),
     Function(
         "rows", "h of strings and limits, for compiled code.", _PLACE, (_ROWS,), (MODEL,),
@@ -162,13 +161,13 @@ _DECLARED = (
         "effort",
         "Force on every driven coordinate: M_KD acc_D + M_KK acc_K + c_K - A_K^T lam.",
         _arguments("q_D v_D q_K v_K acc_D acc_K lam p"),
-        (Quantity("f_K", ("n_vK",), _FORCE, "force; of a command that of the motor it has"),),
+        (Quantity("f_K", ("n_vK",), _FORCE, "force; for a command the force of its motor"),),
         (MODEL,), mapped=True, exported=True,
     ),
     Function(
-        "wrench_forces", "u_D of Eq. 8 from a wrench on every link.",
+        "wrench_forces", "User forces u_D of Eq. 8 from a wrench on every link.",
         _arguments("q_D q_K wrench p"),
-        (Quantity("u_D", ("n_vD",), _FORCE, "user forces that do the same"),),
+        (Quantity("u_D", ("n_vD",), _FORCE, "equivalent user forces"),),
         (MODEL,), mapped=True, exported=True,
     ),
     Function(
@@ -177,39 +176,39 @@ _DECLARED = (
         (MODEL, CLEARANCE, ROLLOUTS), mapped=True, exported=True,
     ),
     Function(
-        "points", "World positions of the points each string runs through.", _PLACE,
+        "points", "World positions of the points of every string's path.", _PLACE,
         (Quantity("points", (3, "n_points"), "m", "x, y, z"),),
         (MODEL, CLEARANCE, ROLLOUTS), mapped=True, exported=True,
     ),
     Function(
-        "forth", "y = F^-T x.", _arguments("L x"), (_Y,), (MODEL, *_STEPPERS), mapped=True,
+        "forth", "y = F^-T x.", _arguments("L x"), (_Y,), (MODEL, *_STEPPING), mapped=True,
         exported=True,
     ),
     Function(
-        "back", "y = F^-1 x.", _arguments("L x"), (_Y,), (MODEL, *_STEPPERS), mapped=True,
+        "back", "y = F^-1 x.", _arguments("L x"), (_Y,), (MODEL, *_STEPPING), mapped=True,
         exported=True,
     ),
     Function(
-        "motor_lags", "How far drives that may be too weak are from their commands.", _PLACE,
+        "motor_lags", "Lag of the drives that may be too weak.", _PLACE,
         (
-            Quantity("at", ("n_watched",), "rad or m", "where the drive is"),
-            Quantity("told", ("n_watched",), "rad or m", "where its command wants it"),
-            Quantity("lag", ("n_watched",), "1", "lag in periods of a stepper"),
+            Quantity("at", ("n_watched",), "rad or m", "position of the drive"),
+            Quantity("command", ("n_watched",), "rad or m", "position that its command asks for"),
+            Quantity("lag", ("n_watched",), "1", "lag in periods of a stepper motor"),
         ),
-        (MODEL, *_STEPPERS), watch=True,
+        (MODEL, *_STEPPING), watch=True,
     ),
     Function(
-        "motor_shares", "How much of what its command asks a motor can give.",
+        "motor_shares", "Share of the force its controller asks for that a motor can exert.",
         _arguments("q_D v_D q_K v_K acc_K p"),
-        (Quantity("share", ("n_watched",), "1", "what it can give, relative to what is asked"),),
-        (MODEL, *_STEPPERS), watch=True,
+        (Quantity("share", ("n_watched",), "1", "force it can exert over force asked for"),),
+        (MODEL, *_STEPPING), watch=True,
     ),
     Function(
-        "node", "dynamics at a node of a variational run, and the factor with damping over dt.",
+        "node", "Dynamics at a node of a variational run, and the factor with damping over dt.",
         _arguments("q_D v_D q_K v_K acc_K u_D dt p"),
         (
             *_STEP,
-            Quantity("L_firm", ("n_packed",), "", "L with damping and drag over dt in it"),
+            Quantity("L_firm", ("n_packed",), "", "L with damping and drag over dt"),
             Quantity("W_firm", ("n_vD", "n_strings"), "", "W of that factor"),
             Quantity("G_firm", ("n_strings", "n_strings"), "1/kg", "G of that factor"),
         ),
@@ -228,7 +227,7 @@ _DECLARED = (
         (VARIATIONAL, VARIATIONAL_LANES),
     ),
     Function(
-        "momentum", "p_D = M_DD v_D + M_DK v_K.", _STATE,
+        "momenta", "p_D = M_DD v_D + M_DK v_K.", _STATE,
         (Quantity("p_D", ("n_vD",), "", "momenta of the dynamic coordinates"),),
         (VARIATIONAL, VARIATIONAL_LANES),
     ),
@@ -236,31 +235,31 @@ _DECLARED = (
         Function(f"force_by_{by}", purpose, _FULL, results, (DERIVATIVES,), mapped=True)
         for by, purpose, results in (
             ("q", "Derivative of Eq. 10's residual r by the dynamic configuration.",
-             (_slope("r_q", "n_vD", "n_vD", "of r by tangents of q_D"),)),
+             (_derivative("r_q", "n_vD", "n_vD", "of r by tangents of q_D"),)),
             ("v", "Derivative of r by the dynamic velocity.",
-             (_slope("r_v", "n_vD", "n_vD", "of r by v_D"),)),
+             (_derivative("r_v", "n_vD", "n_vD", "of r by v_D"),)),
             ("K", "Derivatives of r by the driven coordinates and the parameters.",
-             (_slope("r_qK", "n_vD", "n_vK", "of r by tangents of q_K"),
-              _slope("r_vK", "n_vD", "n_vK", "of r by v_K"),
-              _slope("M_DK", "n_vD", "n_vK", "of r by acc_K"),
-              _slope("r_p", "n_vD", "n_p", "of r by the parameters"))),
+             (_derivative("r_qK", "n_vD", "n_vK", "of r by tangents of q_K"),
+              _derivative("r_vK", "n_vD", "n_vK", "of r by v_K"),
+              _derivative("M_DK", "n_vD", "n_vK", "of r by acc_K"),
+              _derivative("r_p", "n_vD", "n_p", "of r by the parameters"))),
         )
     ),
     Function(
         "rows_by", "A_D, A_K and the derivatives of h, hdot and hddot of strings and limits.",
         _arguments("q_D v_D acc_D q_K v_K acc_K p"),
         (
-            _slope("A_D", "n_rows", "n_vD", "of hdot by v_D"),
-            _slope("A_K", "n_rows", "n_vK", "of hdot by v_K"),
-            _slope("h_p", "n_rows", "n_p", "of h by the parameters"),
-            _slope("hdot_q", "n_rows", "n_vD", "of hdot by tangents of q_D"),
-            _slope("hdot_qK", "n_rows", "n_vK", "of hdot by tangents of q_K"),
-            _slope("hdot_p", "n_rows", "n_p", "of hdot by the parameters"),
-            _slope("hddot_q", "n_rows", "n_vD", "of hddot by tangents of q_D"),
-            _slope("hddot_v", "n_rows", "n_vD", "of hddot by v_D"),
-            _slope("hddot_qK", "n_rows", "n_vK", "of hddot by tangents of q_K"),
-            _slope("hddot_vK", "n_rows", "n_vK", "of hddot by v_K"),
-            _slope("hddot_p", "n_rows", "n_p", "of hddot by the parameters"),
+            _derivative("A_D", "n_rows", "n_vD", "of hdot by v_D"),
+            _derivative("A_K", "n_rows", "n_vK", "of hdot by v_K"),
+            _derivative("h_p", "n_rows", "n_p", "of h by the parameters"),
+            _derivative("hdot_q", "n_rows", "n_vD", "of hdot by tangents of q_D"),
+            _derivative("hdot_qK", "n_rows", "n_vK", "of hdot by tangents of q_K"),
+            _derivative("hdot_p", "n_rows", "n_p", "of hdot by the parameters"),
+            _derivative("hddot_q", "n_rows", "n_vD", "of hddot by tangents of q_D"),
+            _derivative("hddot_v", "n_rows", "n_vD", "of hddot by v_D"),
+            _derivative("hddot_qK", "n_rows", "n_vK", "of hddot by tangents of q_K"),
+            _derivative("hddot_vK", "n_rows", "n_vK", "of hddot by v_K"),
+            _derivative("hddot_p", "n_rows", "n_p", "of hddot by the parameters"),
         ),
         (DERIVATIVES,), mapped=True,
     ),

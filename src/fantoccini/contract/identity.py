@@ -1,4 +1,4 @@
-"""A hash of the contract: what a library was compiled with must be what Python loads it with."""
+"""A hash of the contract, which guards against stale libraries."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from functools import cache
 from fantoccini.contract.codes import CODES
 from fantoccini.contract.functions import COLUMN, FUNCTIONS
 from fantoccini.contract.quantity import SIZES
-from fantoccini.contract.rows import EVENT, PARTS, ROW, WINCH
+from fantoccini.contract.samples import EVENT, PARTS, SAMPLE, WINCH
 from fantoccini.contract.structures import STRUCTURES
 
 
@@ -23,7 +23,7 @@ def digest() -> int:
     parts = {
         "sizes": list(SIZES),
         "functions": functions,
-        "rows": [[[q.name, q.shape] for q in parts] for parts in (ROW, EVENT, WINCH, PARTS)],
+        "parts": [[[q.name, q.shape] for q in parts] for parts in (SAMPLE, EVENT, WINCH, PARTS)],
         "structures": [[s.name, [[f.name, f.type] for f in s.fields]] for s in STRUCTURES],
         "codes": [[c.__name__, [[m.name, m.value] for m in c]] for c in CODES],
     }

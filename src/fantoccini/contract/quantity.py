@@ -1,4 +1,4 @@
-"""The sizes of a puppet, and quantities with their shapes, units and meanings."""
+"""Sizes of a puppet, and quantities with shape, unit and meaning."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ SIZES: dict[str, str] = {
     "n_watched": "drives whose motor may be too weak",
     "n_packed": "numbers of the factor M = F^T F",
 }
-"""Every size of a puppet that a shape may name. ``Tree.sizes`` has all but ``n_packed``, which only
-the derived equations know."""
+"""Every size of a puppet that a shape may name. ``Tree.sizes`` has all but ``n_packed``, which is
+known once the equations are derived."""
 
 Shape = tuple[str | int, ...]
 """() is a number, (n,) a vector, (n, m) a matrix, stored column by column."""
@@ -31,12 +31,12 @@ Shape = tuple[str | int, ...]
 
 @dataclass(frozen=True)
 class Quantity:
-    """An argument, a result, or a part of a row.
+    """An argument, a result, or a part of a sample.
 
     Attributes:
         name: the same in Python, C++ and the docs.
         shape: in names of ``SIZES`` and numbers.
-        unit: empty where it is plain from the coordinates.
+        unit: empty where it follows from the coordinates.
         meaning: in one sentence.
     """
 
@@ -50,10 +50,10 @@ class Quantity:
         return tuple(n if isinstance(n, int) else sizes[n] for n in self.shape)
 
     def numel(self, sizes: Mapping[str, int]) -> int:
-        """How many numbers it has."""
+        """The number of entries."""
         return math.prod(self.dimensions(sizes))
 
     @property
     def described(self) -> str:
-        """Its meaning and unit."""
+        """Meaning and unit."""
         return f"{self.meaning} [{self.unit}]" if self.unit else self.meaning

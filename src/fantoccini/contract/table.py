@@ -7,7 +7,7 @@ from pathlib import Path
 
 from fantoccini.contract.functions import ARGUMENTS, FUNCTIONS, Function
 from fantoccini.contract.quantity import SIZES, Quantity
-from fantoccini.contract.rows import EVENT, ROW, WINCH
+from fantoccini.contract.samples import EVENT, SAMPLE, WINCH
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "functions.md"
 
@@ -21,7 +21,7 @@ def page() -> str:
         functions="\n".join(map(_line, functions)),
         arguments=_table("argument", ARGUMENTS.items()),
         results=_table("result", results),
-        row=_table("part", ((q.name, q) for q in ROW)),
+        sample=_table("part", ((q.name, q) for q in SAMPLE)),
         event=_table("part", ((q.name, q) for q in EVENT)),
         winch=_table("part", ((q.name, q) for q in WINCH)),
     )
@@ -36,19 +36,20 @@ def _line(function: Function) -> str:
 
 
 def _table(what: str, quantities: Iterable[tuple[str, Quantity]]) -> str:
-    rows = [f"| {what} | shape | unit | meaning |", "|---|---|---|---|"]
+    lines = [f"| {what} | shape | unit | meaning |", "|---|---|---|---|"]
     for name, q in quantities:
         shape = f"({', '.join(map(str, q.shape))}{',' if len(q.shape) == 1 else ''})"
-        rows.append(f"| `{name}` | {shape if q.shape else 'number'} | {q.unit} | {q.meaning} |")
-    return "\n".join(rows)
+        lines.append(f"| `{name}` | {shape if q.shape else 'number'} | {q.unit} | {q.meaning} |")
+    return "\n".join(lines)
 
 
 _PAGE = """\
 # Generated functions
 
-After this page you can call any function that is generated from a puppet's equations, and read what
-a run writes. It is made from `fantoccini/contract` by `python -m fantoccini.contract`, as are the
-header `cpp/fantoccini/contract.hpp`, the ctypes structures and the C99 header.
+After this page you can call any function that is generated from a puppet's equations, and read the
+samples and events that a run writes. The page is made from `fantoccini/contract` by
+`python -m fantoccini.contract`, as are the header `cpp/fantoccini/contract.hpp`, the ctypes
+structures and the C99 header.
 
 ```python
 import fantoccini as fan
@@ -63,7 +64,7 @@ M = arm.equations["mass_matrix"](q_D=x.q_D, q_K=x.q_K, p=arm.p)["M"]    # interp
 
 Compiled functions of `model` and `derivatives` (`arm.model.compiled.derivatives.at`) are called
 from Python, all others by compiled code, as members of `fan::Call`. To add a quantity, declare it
-in `contract/functions.py` and derive it in `equations/functions.py`, as a method of its name.
+in `contract/functions.py` and derive it in `equations/functions.py`, in a method of its name.
 
 Units that are left out follow from the coordinate: m or rad, velocities per s, forces N or N m.
 Matrices are stored column by column.
@@ -88,9 +89,9 @@ Matrices are stored column by column.
 
 {results}
 
-## A row of a run
+## A sample of a run
 
-{row}
+{sample}
 
 ## An event of a run
 

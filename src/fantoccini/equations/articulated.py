@@ -13,10 +13,10 @@ w = F^-T x for forces x in the joints and wrenches p on the links; back from the
 
 gives y = F^-1 w. Wrenches and motions have six entries, the angular ones first, in the link's
 frame. The linear velocities of a free joint are eliminated along the link's own axes: F is then
-not triangular, which nobody asks of it.
+not triangular, and need not be.
 
-Without armature a joint hands on nothing about its own axis, so that rows of N vanish: a ball joint
-hands on a force. The armature is a drive's inertia and, over a step, damping.
+A joint without armature hands on nothing about its own axis, so that rows of N vanish: a ball joint
+hands on a force. Armature is a drive's inertia and, over a step, damping.
 """
 
 from __future__ import annotations
@@ -73,8 +73,8 @@ class Column:
 
 
 @dataclass(frozen=True)
-class Stage:
-    """A link in the recursion.
+class Elimination:
+    """The step of the recursion that eliminates a link's joint.
 
     Attributes:
         parent: index of the link that wrenches are handed to, ``WORLD`` where no joint from there
@@ -109,11 +109,11 @@ class Factor:
     """F of M_DD = F^T F.
 
     Attributes:
-        stages: the links, parents before children.
+        steps: of the links, parents before children.
         n: number of dynamic velocities.
     """
 
-    stages: list[Stage]
+    steps: list[Elimination]
     n: int
 
     def forth(self, x: np.ndarray, wrenches: dict[int, Wrench]) -> np.ndarray:
@@ -124,14 +124,14 @@ class Factor:
             wrenches: link -> (torque, force) on it about its origin, in its frame.
         """
         w = zeros(self.n)
-        p = [zeros(6) for _ in self.stages]
+        p = [zeros(6) for _ in self.steps]
         for link, wrench in wrenches.items():
             p[link] = np.concatenate(wrench)
-        for i in reversed(range(len(self.stages))):
-            stage = self.stages[i]
-            w[stage.v], up = stage.forth(x[stage.v], p[i])
-            if stage.parent != WORLD:
-                p[stage.parent] = p[stage.parent] + up
+        for i in reversed(range(len(self.steps))):
+            step = self.steps[i]
+            w[step.v], up = step.forth(x[step.v], p[i])
+            if step.parent != WORLD:
+                p[step.parent] = p[step.parent] + up
         return w
 
     def forth_from(self, link: int, x: np.ndarray) -> dict[int, ca.SX]:
@@ -139,10 +139,10 @@ class Factor:
         w: dict[int, ca.SX] = {}
         p = zeros(6)
         while link != WORLD:
-            stage = self.stages[link]
-            own, p = stage.forth(x, p)
-            w |= dict(zip(range(stage.v.start, stage.v.stop), own, strict=True))
-            link = stage.parent
+            step = self.steps[link]
+            own, p = step.forth(x, p)
+            w |= dict(zip(range(step.v.start, step.v.stop), own, strict=True))
+            link = step.parent
             x = zeros(6)
         return {k: value for k, value in sorted(w.items()) if not value.is_zero()}
 
@@ -150,26 +150,26 @@ class Factor:
         """y = F^-1 w, from the root to the leaves (n,)."""
         y = zeros(self.n)
         a: list[np.ndarray] = []
-        for stage in self.stages:
+        for step in self.steps:
             here = zeros(6)
-            if stage.parent != WORLD:
-                up, Rt = a[stage.parent], stage.R.T
+            if step.parent != WORLD:
+                up, Rt = a[step.parent], step.R.T
                 here[:3] = Rt.dot(up[:3])
-                here[3:] = Rt.dot(up[3:] + cross(up[:3], stage.r))
+                here[3:] = Rt.dot(up[3:] + cross(up[:3], step.r))
             own = [
-                column.back(w[stage.v.start + k], here) for k, column in enumerate(stage.columns)
+                column.back(w[step.v.start + k], here) for k, column in enumerate(step.columns)
             ]
-            if stage.turned is not None:
-                own[:3] = stage.turned.T.dot(np.array(own[:3], dtype=object))
-            y[stage.v] = own
+            if step.turned is not None:
+                own[:3] = step.turned.T.dot(np.array(own[:3], dtype=object))
+            y[step.v] = own
             a.append(here)
         return y
 
     def numbers(self, layout: Factor) -> list[ca.SX]:
-        """What the factor is stored as: its numbers where those of a layout are not constant.
+        """The numbers that store the factor: those that are not constant in a layout.
 
         Args:
-            layout: this factor, or the same tree's with more that is not constant.
+            layout: this factor, or the same tree's with fewer constants.
         """
         found: dict[int, ca.SX] = {}
         for theirs, own in zip(layout._all(), self._all(), strict=True):
@@ -178,12 +178,12 @@ class Factor:
         return list(found.values())
 
     def stored(self, packed: np.ndarray) -> Factor:
-        """The same factor with its numbers taken from a vector, in the order of its own layout."""
+        """The same factor with its numbers read from a vector in its own layout."""
         place = {x.element_hash(): k for k, x in enumerate(self.numbers(self))}
         return self._with(lambda x: x if x.is_constant() else packed[place[x.element_hash()]])
 
     def _all(self) -> list[ca.SX]:
-        """All numbers that :meth:`forth` and :meth:`back` may use."""
+        """All numbers of the factor."""
         found: list[ca.SX] = []
 
         def note(x: ca.SX) -> ca.SX:
@@ -194,7 +194,7 @@ class Factor:
         return found
 
     def _with(self, change: Callable[[ca.SX], ca.SX]) -> Factor:
-        """The factor with its numbers changed."""
+        """The factor with every number replaced."""
 
         def every(values: np.ndarray) -> np.ndarray:
             out = values.copy()
@@ -202,13 +202,13 @@ class Factor:
                 out[index] = change(ca.SX(values[index]))
             return out
 
-        stages = []
-        for s in self.stages:
+        steps = []
+        for s in self.steps:
             columns = tuple(replace(c, U=every(c.U), d=change(c.d)) for c in s.columns)
             R, r = (every(s.R), every(s.r)) if s.parent != WORLD else (s.R, s.r)
             turned = None if s.turned is None else every(s.turned)
-            stages.append(replace(s, R=R, r=r, columns=columns, turned=turned))
-        return Factor(stages, self.n)
+            steps.append(replace(s, R=R, r=r, columns=columns, turned=turned))
+        return Factor(steps, self.n)
 
 
 def factorise(
@@ -226,7 +226,7 @@ def factorise(
     n = len(tree.links)
     N = [_spatial(inertia) for inertia in inertias]
     below = _below_dynamic(tree)
-    stages: list[Stage | None] = [None] * n
+    steps: list[Elimination] = []
     for i in reversed(range(n)):
         link, joint = tree.links[i], joints[i]
         dynamic = link.role is Role.DYNAMIC
@@ -236,8 +236,8 @@ def factorise(
             N[parent] = N[parent] + _in_parent(N[i], joint.R, joint.r)
         turned = joint.R_joint.T if dynamic and link.kind == "free" else None
         v = link.v if dynamic else slice(0, 0)
-        stages[i] = Stage(parent, joint.R, joint.r, columns, v, turned)
-    return Factor(stages, tree.coordinates.n_vD)
+        steps.append(Elimination(parent, joint.R, joint.r, columns, v, turned))
+    return Factor(steps[::-1], tree.coordinates.n_vD)
 
 
 def _below_dynamic(tree: Tree) -> list[bool]:

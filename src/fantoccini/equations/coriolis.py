@@ -15,10 +15,14 @@ import casadi as ca
 import numpy as np
 
 from fantoccini.equations.algebra import cross, dot, elements, matrix, zeros
+from fantoccini.equations.inertia import BodyInertia
+from fantoccini.equations.kinematics import JointMotion, LinkMotion
 from fantoccini.equations.system import System
 from fantoccini.tree import WORLD, Role
 
 _SCALAR = ("fixed", "revolute", "prismatic", "translation")
+Columns = dict[int, tuple[np.ndarray, ...]]
+"""Velocity -> (w, v, wdot, vdot) of a body per unit of it."""
 
 
 def coriolis_matrix(system: System) -> ca.SX:
@@ -59,11 +63,11 @@ def _of_bodies(system: System) -> ca.SX:
     n_D, n = table.n_vD, table.n_vD + table.n_vK
     velocity = system.by_link(elements(s.v_D), elements(s.v_K), "v")
     C = zeros(n, n)
-    jacobians: list[dict[int, tuple[np.ndarray, ...]]] = []
+    jacobians: list[Columns] = []
     for i, link in enumerate(tree.links):
         joint = system.joints[i]
         w_joint, v_joint = joint.S_w.dot(velocity[i]), joint.S_v.dot(velocity[i])
-        columns: dict[int, tuple[np.ndarray, ...]] = {}
+        columns: Columns = {}
         if link.parent != WORLD:
             for c, (w, v, wdot, vdot) in jacobians[link.parent].items():
                 w_here, v_here = _moved(joint, w, v)
@@ -83,13 +87,15 @@ def _of_bodies(system: System) -> ca.SX:
     return matrix(C)
 
 
-def _moved(joint, w: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _moved(joint: JointMotion, w: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A motion of the parent, in the link's frame."""
     Rt = joint.R.T
     return Rt.dot(w), Rt.dot(v + cross(w, joint.r))
 
 
-def _add_body(C: np.ndarray, inertia, motion, columns: dict) -> None:
+def _add_body(
+    C: np.ndarray, inertia: BodyInertia, motion: LinkMotion, columns: Columns
+) -> None:
     """Adds J^T (I Jdot + B J) of one body."""
     if inertia.is_zero():
         return

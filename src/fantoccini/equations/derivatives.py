@@ -1,13 +1,12 @@
-"""Derivatives of the equations of motion, taken on their residual and not on their solution.
+"""Derivatives of the residual of the equations of motion.
 
     r = M acc_D + M_DK acc_K + c + damping + A_D^T tension - u_D        (Eq. 10; r = 0)
     hddot = A_D acc_D + A_K acc_K + Adot v                              (Eq. 11; 0 on taut rows)
 
-The implicit function theorem turns the residual's derivatives into those of acc_D and of the
-tensions with one factor of M and of the taut rows, which the model gives anyway. What is
-differentiated here is recursive Newton-Euler, a tenth of the solved form. Derivatives by a
-configuration are along tangent vectors: a scalar adds, a quaternion turns in the body's frame,
-dq/ddelta = N(q) with qdot = N(q) v.
+The implicit function theorem turns them into derivatives of acc_D and of the tensions, with the
+factor of M and of the taut rows that the model has. The residual is recursive Newton-Euler, a tenth
+of the solved form. Derivatives by a configuration are along tangent vectors: a scalar adds, a
+quaternion turns in the body's frame, dq/ddelta = N(q) with qdot = N(q) v.
 """
 
 from __future__ import annotations
@@ -20,23 +19,22 @@ import casadi as ca
 import numpy as np
 
 from fantoccini.contract.functions import DERIVATIVES, compiled
+from fantoccini.equations import drives, dynamics
 from fantoccini.equations.algebra import (
     column,
     cross,
     dot,
     elements,
-    matrix,
     scaled,
+    stacked,
     symbolic,
     zeros,
 )
 from fantoccini.equations.declared import declared
 from fantoccini.equations.kinematics import configuration_rate
+from fantoccini.equations.rows import segment_length
 from fantoccini.equations.system import System
-from fantoccini.tree import WORLD, Role, Tree
-
-_LENGTH = 1e-18
-"""eps^2 of a segment's length, as in the rows [m^2]."""
+from fantoccini.tree import WORLD, Point, Role, Tree
 
 
 class Derivatives:
@@ -53,16 +51,15 @@ class Derivatives:
 
     def functions(self) -> dict[str, ca.Function]:
         """The functions that are compiled, by name; all results are dense."""
-        tension = ca.SX.sym("tension", self.tree.n_rows)
-        symbols = {**vars(self.system.symbols), "tension": tension}
-        found = {**self._forces(tension), **self._rows()}
+        symbols = self.system.symbols
+        found = {**self._forces(symbols.tension), **self._rows()}
         return {name: declared(name, symbols, found) for name in compiled(DERIVATIVES, False)}
 
     def residual(self, tension: ca.SX) -> ca.SX:
         """r (n_vD,) of Eq. 10 without u_D; damping and drag act on v_D + dt acc_D.
 
-        The strings' pulls enter as forces on the links, so that one pass towards the root projects
-        them together with inertia and gravity.
+        Strings pull as forces on the links, which one pass towards the root projects together with
+        inertia and gravity.
 
         Args:
             tension: (n_rows,) of strings and limits [N or N m].
@@ -78,7 +75,7 @@ class Derivatives:
             for (torque, force), pulled, late in zip(loads.wrenches, pulls, late_drag, strict=True)
         ]
         f_D, _ = system.generalised(dataclasses.replace(loads, wrenches=wrenches))
-        acc_D, motors = elements(s.acc_D), system.motors(s.dt)
+        acc_D, motors = elements(s.acc_D), drives.forces(system, s.dt)
         f_D = f_D + (system.armature + motors.armature) * acc_D - motors.f_D
         for link in tree.links:
             if link.role is Role.DYNAMIC:
@@ -93,7 +90,7 @@ class Derivatives:
         return column(f_D)
 
     def _late_drag(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """(torque, force) on every link that its drag changes by over a step at acc_D."""
+        """Change of the drag on every link over a step at acc_D."""
         system, s = self.system, self.system.symbols
         moved = system.motions(elements(s.acc_D))
         return [
@@ -101,8 +98,10 @@ class Derivatives:
             for i, motion in enumerate(moved)
         ]
 
-    def _pull(self, points: tuple, tension: ca.SX, external: list) -> None:
-        """Adds a string's pull to the (torque, force) on its links, about their origins."""
+    def _pull(
+        self, points: tuple[Point, ...], tension: ca.SX, external: list[dynamics.Wrench]
+    ) -> None:
+        """Adds a string's pull to the wrenches on its links."""
         system = self.system
         around = system.around(system.full_motions)
         pulls = [zeros(3) for _ in points]
@@ -110,7 +109,7 @@ class Derivatives:
             if first.link == second.link:
                 continue
             d = around.place(second) - around.place(first)
-            along = scaled(tension / ca.sqrt(dot(d, d) + _LENGTH), d)
+            along = scaled(tension / segment_length(d), d)
             pulls[k] = pulls[k] + along
             pulls[k + 1] = pulls[k + 1] - along
         for point, pull in zip(points, pulls, strict=True):
@@ -124,7 +123,7 @@ class Derivatives:
     def _forces(self, tension: ca.SX) -> dict[str, ca.SX]:
         names = {"r_q": "q_D", "r_v": "v_D", "r_qK": "q_K", "r_vK": "v_K", "M_DK": "acc_K",
                  "r_p": "p"}  # fmt: skip
-        found = self._slopes(ca.cse(self.residual(tension)), names.values())
+        found = self._derivatives(ca.cse(self.residual(tension)), names.values())
         return {name: found[by] for name, by in names.items()}
 
     def _rows(self) -> dict[str, ca.SX]:
@@ -144,26 +143,17 @@ class Derivatives:
             h.append(height)
             hdot.append(dot(J, v_D[place]))
             hddot.append(dot(J, acc_D[place]) + gamma)
-        h, hdot, hddot = (ca.cse(column(part)) for part in (h, hdot, hddot))
+        found = {"A_D": stacked(A_D, n), "A_K": stacked(A_K, n_K)}
         # A string hangs on few links: backward from each row is the shorter way.
-        h_by = self._slopes(h, ("p",), backward=True)
-        hdot_by = self._slopes(hdot, ("q_D", "q_K", "p"), backward=True)
-        hddot_by = self._slopes(hddot, ("q_D", "v_D", "q_K", "v_K", "p"), backward=True)
-        return {
-            "A_D": matrix(np.array(A_D, dtype=object)) if A_D else ca.SX(0, n),
-            "A_K": matrix(np.array(A_K, dtype=object)) if A_K else ca.SX(0, n_K),
-            "h_p": h_by["p"],
-            "hdot_q": hdot_by["q_D"],
-            "hdot_qK": hdot_by["q_K"],
-            "hdot_p": hdot_by["p"],
-            "hddot_q": hddot_by["q_D"],
-            "hddot_v": hddot_by["v_D"],
-            "hddot_qK": hddot_by["q_K"],
-            "hddot_vK": hddot_by["v_K"],
-            "hddot_p": hddot_by["p"],
-        }
+        for name, values, by in (
+            ("h", h, "p"), ("hdot", hdot, "q_D q_K p"), ("hddot", hddot, "q_D v_D q_K v_K p")
+        ):  # fmt: skip
+            made = self._derivatives(ca.cse(column(values)), by.split(), backward=True)
+            for symbol, x in made.items():
+                found[f"{name}_{symbol.removesuffix('_D').replace('_', '')}"] = x
+        return found
 
-    def _slopes(
+    def _derivatives(
         self, values: ca.SX, names: Iterable[str], backward: bool = False
     ) -> dict[str, ca.SX]:
         """Derivatives of a column by some symbols, along tangents of configurations."""

@@ -10,31 +10,32 @@ command r by the error e = r - q, edot = rdot - v:
     servo            |f| <= n T
     direct current   f = n k i,  |i| <= I,  |R i + k n v| <= U
 
-c is what gravity, velocities and the driven coordinates need of the mechanism, at acc_M = a and
-acc_D = 0 elsewhere; strings are not in it. Orientations have the error 2 e_w (e_x, e_y, e_z) of the
-quaternion from q to r, in the body's frame, so that k phi pulls back a small turn phi.
+c is the force that gravity, velocities and driven coordinates require at acc_M = a, with acc_D = 0
+elsewhere and without strings. Orientations have the error 2 e_w (e_x, e_y, e_z) of the quaternion
+from q to r, in the body's frame, so that k phi restores a small rotation phi.
 
-Over a step dt drives act implicitly, like the damping of joints: f is taken at the error to come,
-e + dt edot, and what the step's own acceleration changes of it is put on the diagonal of M_DD,
+Over a step dt drives are implicit, like the damping of joints: f is evaluated at the error
+e + dt edot, and its change by the step's own acceleration is on the diagonal of M_DD,
 
     armature = m + n^2 J + dt (d + friction / v) + dt^2 k
 
-which leaves nothing to be unstable however stiff a drive is. Where computed torque couples several
-coordinates the rows' sums of |M| stand for M: a diagonal that is large enough for all their
-motions. A winding at its voltage gives way by (n k)^2 / R. dt = 0 gives the exact equations.
+so that a drive is stable however stiff it is. Where computed torque couples several coordinates,
+the sums of |M| over each row stand for M: a diagonal that bounds all their motions. At its voltage
+bound a motor's force has the derivative (n k)^2 / R. dt = 0 gives the exact equations.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from fantoccini.equations import dynamics
 from fantoccini.equations.algebra import (
+    REGULAR,
     cross,
     dot,
     elements,
@@ -43,24 +44,20 @@ from fantoccini.equations.algebra import (
     symbolic,
     zeros,
 )
-from fantoccini.puppet import PD, ComputedTorque, DirectCurrent, Stepper
+from fantoccini.equations.inertia import Value
+from fantoccini.equations.system import System
+from fantoccini.puppet import PD, ComputedTorque, Servo, Stepper
 from fantoccini.tree import DriveRow, Role
-
-if TYPE_CHECKING:
-    from fantoccini.equations.system import System
-
-_STILL = 1e-300
-"""Added to squares under a root, so that its derivative at 0 is 0."""
 
 
 @dataclass(frozen=True)
 class DriveForces:
-    """What all drives do over a step.
+    """Forces of all drives over a step.
 
     Attributes:
-        f_D: (n_vD,) forces of the motors, where the step leaves the velocities alone [N or N m].
-        yields: (n_vD,) what they give way by a change of their coordinate's velocity in the step.
-        armature: (n_vD,) what the step puts on the diagonal of M_DD, over the drives' inertia.
+        f_D: (n_vD,) forces of the motors, if the step does not change the velocities [N or N m].
+        yields: (n_vD,) their negative derivative by the change of velocity over the step.
+        armature: (n_vD,) what the step adds to the diagonal of M_DD, besides the drives' inertia.
     """
 
     f_D: np.ndarray
@@ -68,22 +65,8 @@ class DriveForces:
     armature: np.ndarray
 
 
-def resistance(row: DriveRow, v: np.ndarray, value) -> ca.SX:
-    """Friction over speed, at the coordinate: -resistance v is its force [N s/m or N m s]."""
-    friction = row.drive.friction
-    if friction is None:
-        return ca.SX(0)
-    n = row.ratio(value)
-    found = n * n * value(friction.viscous)
-    coulomb = value(friction.coulomb)
-    if coulomb.is_zero():
-        return found
-    speed = value(friction.speed)
-    return found + n * n * coulomb / ca.sqrt(n * n * dot(v, v) + speed * speed)
-
-
 def forces(system: System, dt: ca.SX) -> DriveForces:
-    """Forces of the motors at the system's symbols, over a step dt."""
+    """Forces of the motors over a step dt; 0 for the exact equations."""
     n = system.tree.coordinates.n_vD
     f_D, yields, friction = zeros(n), zeros(n), zeros(n)
     wanted = _Wanted(system, dt)
@@ -94,38 +77,39 @@ def forces(system: System, dt: ca.SX) -> DriveForces:
         f_D[row.v] = force
         n = len(force)
         yields[row.v] = scaled(share, damping + scaled(dt, stiffness)) + _each(braked, n)
-        friction[row.v] = _each(resistance(row, v_D[row.v], system.value), n)
+        friction[row.v] = _each(system.resistance(row), n)
     return DriveForces(f_D, yields, scaled(dt, yields + friction))
 
 
 def lags(system: System) -> dict[str, np.ndarray]:
-    """How the drives that are watched follow their commands, by what ``motor_lags`` gives.
+    """The results of ``motor_lags``: how watched drives follow their commands.
 
-    Where each is and where it is told to be, an orientation by its angle from its command and 0
-    [m or rad]; and by how many of its motor's periods of four full steps a stepper lags, in which
-    half a period is the most that it holds.
+    ``at`` and ``command`` are positions; of an orientation its angle from its command, and 0
+    [m or rad]. ``lag`` is in periods of four full steps of a stepper motor, which holds at most
+    half a period.
     """
-    s, found = system.symbols, {"at": [], "told": [], "lag": []}
+    s, found = system.symbols, []
     for row in system.tree.watched:
-        (q, _), own, lag = row.command, elements(s.q_D)[row.q], ca.SX(0)
+        q, own, lag = _command(row)[0], elements(s.q_D)[row.q], ca.SX(0)
         if row.turns:
             there = elements(s.q_K)[q : q + 4]
             vector = _between(own, there)
-            sine = ca.sqrt(dot(vector, vector) + _STILL)
-            cosine = ca.sqrt(dot(own, there) ** 2 + _STILL)
-            at, told = 2 * ca.atan(sine / cosine), ca.SX(0)
+            sine = ca.sqrt(dot(vector, vector) + REGULAR.square)
+            cosine = ca.sqrt(dot(own, there) ** 2 + REGULAR.square)
+            at, command = 2 * ca.atan(sine / cosine), ca.SX(0)
         else:
-            at, told = own[0], s.q_K[q]
-        if isinstance(row.drive.motor, Stepper):
-            n, pairs = row.ratio(system.value), _pairs(system, row)
-            lag = pairs / (2 * np.pi) * n * (told - at)
-        for name, value in zip(found, (at, told, lag), strict=True):
-            found[name].append(value)
-    return {name: symbolic(values) for name, values in found.items()}
+            at, command = own[0], s.q_K[q]
+        motor = row.drive.motor
+        if isinstance(motor, Stepper):
+            periods = _periods(system, row, motor) / (2 * np.pi) * row.ratio(system.value)
+            lag = periods * (command - at)
+        found.append((at, command, lag))
+    columns = zip(*found, strict=True) if found else ((), (), ())
+    return {n: symbolic(list(c)) for n, c in zip(("at", "command", "lag"), columns, strict=True)}
 
 
 def shares(system: System) -> np.ndarray:
-    """By drive that is watched: 1 where its motor gives what is wanted, less where it cannot."""
+    """1 for each watched drive whose motor exerts the force asked for, less where it cannot."""
     wanted, v_D, found = _Wanted(system, ca.SX(0)), elements(system.symbols.v_D), []
     for row in system.tree.watched:
         force, _, _ = wanted.of(row)
@@ -133,9 +117,15 @@ def shares(system: System) -> np.ndarray:
     return symbolic(found)
 
 
-def _pairs(system: System, row: DriveRow) -> float:
-    """Pole pairs of a stepper: periods of its torque, a radian of its rotor or 1/2 pi metres."""
-    pairs = row.drive.motor.steps / 4
+def _command(row: DriveRow) -> tuple[int, int]:
+    """Places of the command in q_K and v_K."""
+    assert row.command is not None, "the drive follows no command"
+    return row.command
+
+
+def _periods(system: System, row: DriveRow, motor: Stepper) -> float:
+    """Pole pairs of a stepper motor: periods of its torque in a radian, or in 1 / 2 pi metres."""
+    pairs = motor.steps / 4
     return 2 * np.pi * pairs if _is_linear(system, row) else pairs
 
 
@@ -145,11 +135,11 @@ def _is_linear(system: System, row: DriveRow) -> bool:
 
 
 class _Wanted:
-    """What controllers want, before the motors' bounds.
+    """Forces that controllers ask for, before the motors' bounds.
 
     Args:
-        system: whose symbols it is in.
-        dt: step over which it is implicit.
+        system: the equations.
+        dt: step over which the controllers are implicit.
     """
 
     def __init__(self, system: System, dt: ca.SX):
@@ -160,17 +150,18 @@ class _Wanted:
         self.needed = self._inverse_dynamics()
 
     def of(self, row: DriveRow) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Force, and its slopes by the error and the error's rate, at the coordinate."""
-        value, drive, none = self.system.value, row.drive, zeros(row.v.stop - row.v.start)
+        """Force, and its derivatives by the error and the error's rate, at the coordinate."""
+        value, control, none = self.system.value, row.drive.control, zeros(row.v.stop - row.v.start)
         if row.command is None:
             return none, none, none
-        if isinstance(drive.motor, Stepper):
-            return self._stepper(row)
-        if isinstance(drive.control, PD):
+        if isinstance(row.drive.motor, Stepper):
+            return self._stepper(row, row.drive.motor)
+        if isinstance(control, PD):
             late, rate, _ = self._error(row)
-            k, d = value(drive.control.stiffness), value(drive.control.damping)
+            k, d = value(control.stiffness), value(control.damping)
             return scaled(k, late) + scaled(d, rate), _each(k, len(none)), _each(d, len(none))
-        w, zeta = value(drive.control.bandwidth), value(drive.control.damping_ratio)
+        assert control is not None, "a command is followed by a stepper motor or a controller"
+        w, zeta = value(control.bandwidth), value(control.damping_ratio)
         own = self.inertia[row.v]
         return self.needed[row.v], scaled(w * w, own), scaled(2 * zeta * w, own)
 
@@ -179,7 +170,7 @@ class _Wanted:
 
         Over a step v_K is the command's mean velocity and acc_K its mean acceleration.
         """
-        q, v = row.command
+        q, v = _command(row)
         own, w = self.q_D[row.q], self.v_D[row.v]
         n = row.v.stop - row.v.start
         mean, curve = self.v_K[v : v + n], self.acc_K[v : v + n]
@@ -195,7 +186,7 @@ class _Wanted:
         return late, R.dot(last) - w, R.dot(curve)
 
     def _inverse_dynamics(self) -> np.ndarray:
-        """(n_vD,) forces that computed torque asks of its drives, at the error to come."""
+        """(n_vD,) forces of computed torque at the error at the end of the step."""
         system, tree = self.system, self.system.tree
         acc, some = zeros(tree.coordinates.n_vD), False
         for row in tree.drives:
@@ -213,9 +204,7 @@ class _Wanted:
         found = dynamics.joint_forces(tree, system.joints, wrenches)
         needed = system.by_velocity(found)[0] + system.armature * acc
         for row in tree.drives:
-            needed[row.v] += scaled(
-                resistance(row, self.v_D[row.v], system.value), self.v_D[row.v]
-            )
+            needed[row.v] += scaled(system.resistance(row), self.v_D[row.v])
         return needed
 
     @cached_property
@@ -228,19 +217,21 @@ class _Wanted:
             for a, b in np.ndindex(block.shape):
                 k, m = links[j].v.start + a, links[i].v.start + b
                 dynamic = links[i].role is links[j].role is Role.DYNAMIC
-                if not dynamic or not {k, m} <= places or block[a, b].is_zero():
+                entry: Any = block[a, b]
+                if not dynamic or not {k, m} <= places or entry.is_zero():
                     continue
-                size = block[a, b] if k == m else ca.sqrt(block[a, b] ** 2 + _STILL)
+                size = entry if k == m else ca.sqrt(entry**2 + REGULAR.square)
                 found[k] = found[k] + size
                 if i != j:
                     found[m] = found[m] + size
         return found
 
-    def _stepper(self, row: DriveRow) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _stepper(
+        self, row: DriveRow, motor: Stepper
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """n T sin(s/4 (angle(r) - n q)) with angle(r) in whole microsteps."""
-        motor, value = row.drive.motor, self.system.value
-        q, v = row.command
-        n, pairs = row.ratio(value), _pairs(self.system, row)
+        value, (q, v) = self.system.value, _command(row)
+        n, pairs = row.ratio(value), _periods(self.system, row, motor)
         turn = 1.0 if _is_linear(self.system, row) else 2 * np.pi
         micro = turn / (motor.steps * motor.microsteps)
         coming, own = self.q_K[q] + self.dt * self.v_K[v], row.q.start
@@ -248,7 +239,7 @@ class _Wanted:
         torque = value(motor.torque)
         if motor.corner_speed is not None:
             corner = value(motor.corner_speed)
-            speed = ca.sqrt((n * self.v_K[v]) ** 2 + _STILL)
+            speed = ca.sqrt((n * self.v_K[v]) ** 2 + REGULAR.square)
             torque = torque * ca.fmin(1, corner / ca.fmax(speed, corner))
         lag = pairs * (angle - n * (self.q_D[own] + self.dt * self.v_D[row.v.start]))
         stiffness = n * n * torque * pairs * ca.fmax(ca.cos(lag), 0)
@@ -256,20 +247,19 @@ class _Wanted:
 
 
 def _bounded(
-    row: DriveRow, force: np.ndarray, v: np.ndarray, value
+    row: DriveRow, force: np.ndarray, v: np.ndarray, value: Value
 ) -> tuple[np.ndarray, ca.SX, ca.SX]:
-    """A force within the motor's bounds; 1 where it is, 0 where they decide; slope by -v there."""
+    """A force within its motor's bounds; 1 where they do not bind, else 0; -d force/dv there."""
     motor, none = row.drive.motor, ca.SX(0)
     if motor is None or isinstance(motor, Stepper):
         return force, ca.SX(1), none
     n = row.ratio(value)
-    if row.turns:
+    if isinstance(motor, Servo):
         most = n * value(motor.torque)
-        size = ca.sqrt(dot(force, force) + _STILL)
-        share = most / ca.fmax(size, most)
-        return scaled(share, force), share, none
-    if not isinstance(motor, DirectCurrent):
-        most = n * value(motor.torque)
+        if row.turns:
+            size = ca.sqrt(dot(force, force) + REGULAR.square)
+            share = most / ca.fmax(size, most)
+            return scaled(share, force), share, none
         held = _clipped(force[0], -most, most)
         return symbolic([held]), _same(force[0], held, most), none
     gain = n * value(motor.constant)
@@ -277,7 +267,7 @@ def _bounded(
     top, back = gain * value(motor.voltage) / R, gain * gain / R * v[0]
     held = _clipped(force[0], -most, most)
     within = _clipped(held, -top - back, top - back)
-    # Beyond the speed without load the winding brakes, at most with the largest current.
+    # Above its no-load speed the motor brakes, at most with the largest current.
     made = _clipped(within, -most, most)
     by_voltage = (1 - _same(held, within, most)) * _same(within, made, most)
     return symbolic([made]), _same(force[0], made, most), by_voltage * gain * gain / R
@@ -298,4 +288,4 @@ def _clipped(x: ca.SX, low: ca.SX, high: ca.SX) -> ca.SX:
 
 def _same(a: ca.SX, b: ca.SX, size: ca.SX) -> ca.SX:
     """1 where a is b, 0 where they differ."""
-    return ca.fmax(0, 1 - ((a - b) / (1e-12 * size)) ** 2)
+    return ca.fmax(0, 1 - ((a - b) / (REGULAR.same * size)) ** 2)

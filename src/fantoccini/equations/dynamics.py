@@ -2,9 +2,9 @@
 
 M_DD acc_D + M_DK acc_K + c(q, v) = u_D + A_D^T lambda                        (Eq. 10)
 
-The composite-rigid-body recursion gives M, the recursive Newton-Euler recursion gives the bias.
-They are Lagrange's equations (Eqs. 5-8) without redundant work. The factor of M_DD that solves them
-is made without M (:mod:`fantoccini.equations.articulated`).
+M comes from the composite-rigid-body recursion, the bias from recursive Newton-Euler: Lagrange's
+equations (Eqs. 5-8) without redundant work. The factor of M_DD is derived without M
+(:mod:`fantoccini.equations.articulated`).
 """
 
 from __future__ import annotations
@@ -15,6 +15,9 @@ from fantoccini.equations.algebra import cross, dot, scaled, symbolic, zeros
 from fantoccini.equations.inertia import BodyInertia
 from fantoccini.equations.kinematics import JointMotion, LinkMotion
 from fantoccini.tree import WORLD, Tree
+
+Wrench = tuple[np.ndarray, np.ndarray]
+"""(torque, force) about a link's origin, in its frame."""
 
 
 def mass_matrix(
@@ -62,8 +65,8 @@ def mass_matrix(
 
 def link_wrenches(
     inertias: list[BodyInertia], motions: list[LinkMotion]
-) -> list[tuple[np.ndarray, np.ndarray]]:
-    """(torque, force) about each link's origin, in its frame, that make it move as given."""
+) -> list[Wrench]:
+    """The wrench on each link that makes it move as given."""
     none = zeros(3), zeros(3)
     return [
         none if inertia.is_zero() else inertia.wrench(motion.a, motion.U)
@@ -72,13 +75,13 @@ def link_wrenches(
 
 
 def joint_forces(
-    tree: Tree, joints: list[JointMotion], wrenches: list[tuple[np.ndarray, np.ndarray]]
+    tree: Tree, joints: list[JointMotion], wrenches: list[Wrench]
 ) -> list[np.ndarray]:
     """Generalised forces of wrenches on the links: tau_i = S_i^T f_i, f summed towards the root.
 
     Args:
-        tree, joints: as elsewhere.
-        wrenches: (torque, force) on each link about its origin, in its frame.
+        tree, joints: the tree and its joints at the configuration.
+        wrenches: on each link.
 
     Returns:
         (k,) forces for the joint of each link.
@@ -88,9 +91,9 @@ def joint_forces(
 
 
 def summed(
-    tree: Tree, joints: list[JointMotion], wrenches: list[tuple[np.ndarray, np.ndarray]]
-) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Wrenches, or momenta, of every link and all that hangs from it, about its own origin."""
+    tree: Tree, joints: list[JointMotion], wrenches: list[Wrench]
+) -> list[Wrench]:
+    """Wrenches, or momenta, of every link's subtree about the link's origin."""
     torque, force = ([wrench[k] for wrench in wrenches] for k in range(2))
     for i in reversed(range(len(wrenches))):
         joint, parent = joints[i], tree.links[i].parent

@@ -4,8 +4,8 @@ With the stretch s = d - l of points at the distance d:
 
     V = k s^2 / 2,    pull = k s + c sdot.
 
-A piece of a chain has l = L / n, k = EA / l, c = damping / l. Where L is driven, l and k move with
-it: winding in takes relaxed string away, and by virtual work
+A piece of a chain has l = L / n, k = EA / l, c = damping / l. Where L is driven l and k follow it:
+winding in removes relaxed string, and by virtual work
 
     -dV/dl = k s + k s^2 / (2 l) = EA e (1 + e / 2),    e = s / l.
 """
@@ -32,7 +32,7 @@ class Elastic:
         row: its stretch s and how it changes.
         k: [N/m].
         c: [N s/m].
-        relaxed: length l [m], where it is a share of one that moves; else None.
+        relaxed: length l [m] where it is part of a moving length; else None.
     """
 
     row: PathRow
@@ -48,14 +48,15 @@ class Elastic:
     def add_gradient(self, f_D: np.ndarray, f_K: np.ndarray) -> None:
         """Adds dV/dq_D (n_vD,) and dV/dq_K (n_vK,)."""
         self._pull(self.k * self.row.length, f_D, f_K)
-        if self.relaxed is None:
+        own = self.row.own
+        if self.relaxed is None or own is None:
             return
-        for f, place in ((f_D, self.row.own.wound_length), (f_K, self.row.own.driven_length)):
+        for f, place in ((f_D, own.wound_length), (f_K, own.driven_length)):
             if place is not None:
                 f[place[1]] -= self.row.share * self.energy / self.relaxed
 
     def add_damping(self, f_D: np.ndarray, f_K: np.ndarray) -> ca.SX:
-        """Adds the damping forces, on the side of the bias; the power they take [W]."""
+        """Adds the damping forces, on the side of the bias; returns their power [W]."""
         pull = self.c * self.row.rate
         self._pull(pull, f_D, f_K)
         return pull * self.row.rate
@@ -71,8 +72,8 @@ def elastics(
     """The springs of a tree, then the pieces of its chains.
 
     Args:
-        around: the tree, and the motions.
-        own_length: L of a chain, its rate and acceleration.
+        around: arguments of rows.
+        own_length: returns L of a chain, its rate and acceleration.
     """
     found = []
     for spring in around.tree.springs:

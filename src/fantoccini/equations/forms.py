@@ -1,29 +1,30 @@
-"""A polynomial in cosines, sines and symbols, written in the shortest of a few forms."""
+"""A polynomial in cosines, sines and symbols, in the shortest of a few forms."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import sympy as sp
 from sympy.polys.rings import PolyElement
 
 Monomial = tuple[int, ...]
 
-_MOST_TERMS = 150
-"""Terms up to which other forms than the expanded one are tried."""
-_HIGHEST = 10
+_MAX_TERMS = 150
+"""Longer polynomials stay expanded: other forms take too long to find."""
+_MAX_DEGREE = 10
 """Degree in cosines and sines up to which the form with sums of angles is tried."""
 
 
 @dataclass
 class Form:
-    """What the generators of a ring stand for.
+    """The meaning of the generators of a ring.
 
     Attributes:
         meaning: expression of each generator that has one.
         velocities: generators that are velocities.
-        inverse: generators that are one over something.
+        inverse: generators that are reciprocals.
         pairs: generator of a cosine -> generator of the sine of the same angle.
     """
 
@@ -40,34 +41,34 @@ class Form:
 
     def _over(self, value: PolyElement, outside: set[int]) -> sp.Expr:
         """A sum of products: a monomial of the generators outside, times a short expression."""
-        groups: dict[Monomial, dict[Monomial, object]] = {}
+        groups: dict[Monomial, dict[Monomial, Any]] = {}
         for monomial, coefficient in value.items():
             key = tuple(e if k in outside else 0 for k, e in enumerate(monomial))
             inner = tuple(0 if k in outside else e for k, e in enumerate(monomial))
             groups.setdefault(key, {})[inner] = coefficient
         total = sp.S.Zero
-        for key, inner in groups.items():
-            total += sp.Mul(self._monomial(key), self._short(inner))
+        for key, terms in groups.items():
+            total += sp.Mul(self._monomial(key), self._short(terms))
         return total
 
-    def _short(self, terms: dict[Monomial, object]) -> sp.Expr:
+    def _short(self, terms: dict[Monomial, Any]) -> sp.Expr:
         expanded = sp.Add(*(_number(c) * self._monomial(m) for m, c in terms.items()))
-        if len(terms) > _MOST_TERMS:
+        if len(terms) > _MAX_TERMS:
             return expanded
         forms = [expanded, expanded.replace(_is_even_cosine, _as_sine).expand()]
-        if all(self._degree(m) <= _HIGHEST for m in terms):
+        if all(self._degree(m) <= _MAX_DEGREE for m in terms):
             forms.append(self._of_sums(terms))
         forms += [change(form) for form in forms for change in _CHANGES]
         return min(forms, key=_cost)
 
-    def _monomial(self, monomial: Monomial) -> sp.Expr:
+    def _monomial(self, monomial: Sequence[int]) -> sp.Expr:
         powers = (self.meaning[k] ** e for k, e in enumerate(monomial) if e)
         return sp.Mul(*powers)
 
     def _degree(self, monomial: Monomial) -> int:
         return sum(monomial[c] + monomial[s] for c, s in self.pairs.items())
 
-    def _of_sums(self, terms: dict[Monomial, object]) -> sp.Expr:
+    def _of_sums(self, terms: dict[Monomial, Any]) -> sp.Expr:
         """Products of cosines and sines as cosines and sines of sums of angles.
 
         cos a = (e^ia + e^-ia) / 2 and sin a = (e^ia - e^-ia) / 2i are multiplied out; waves that
@@ -89,18 +90,19 @@ class Form:
                 key = (tuple(rest), turns)
                 waves[key] = waves.get(key, sp.S.Zero) + factor
         total = []
-        for (rest, turns), factor in waves.items():
+        for (other, turns), factor in waves.items():
             if next((t for t in turns if t), 0) < 0:
                 continue
             re, im = factor.as_real_imag()
             twice = 2 if any(turns) else 1
             angle = sp.Add(*(t * a for t, a in zip(turns, angles, strict=True)))
-            wave = twice * (re * sp.cos(angle) - im * sp.sin(angle))
-            total.append(self._monomial(rest) * wave)
+            total.append(self._monomial(other) * twice * (re * sp.cos(angle) - im * sp.sin(angle)))
         return sp.Add(*total).expand(trig=False)
 
 
-def _times(wave: dict, n: int, up: sp.Expr, down: sp.Expr) -> dict:
+def _times(
+    wave: dict[Monomial, sp.Expr], n: int, up: sp.Expr, down: sp.Expr
+) -> dict[Monomial, sp.Expr]:
     """The wave times up e^ia + down e^-ia, with a the n-th angle."""
     out: dict[Monomial, sp.Expr] = {}
     for turns, factor in wave.items():
@@ -110,7 +112,7 @@ def _times(wave: dict, n: int, up: sp.Expr, down: sp.Expr) -> dict:
     return out
 
 
-def _number(coefficient) -> sp.Rational:
+def _number(coefficient: Any) -> sp.Rational:
     return sp.Rational(int(coefficient.numerator), int(coefficient.denominator))
 
 
@@ -123,7 +125,7 @@ def _as_sine(e: sp.Expr) -> sp.Expr:
 
 
 def _factored(form: sp.Expr) -> sp.Expr:
-    """What all summands share stands outside; a number stays with the summands."""
+    """Common factors of the summands stand outside; a number stays with the summands."""
     found = sp.factor_terms(form)
     number, rest = found.as_coeff_Mul()
     sums = [part for part in sp.Mul.make_args(rest) if part.is_Add]

@@ -1,8 +1,7 @@
-"""CasADi functions of a system.
+"""CasADi functions of a system: the compiled *model*, and the interpreted *analysis*.
 
-Two sets: the *model*, which is generated as C and compiled, and the *analysis*, evaluated by
-CasADi's interpreter when a user asks for M, C, g and the other objects of the paper. All outputs
-are dense; matrices are column-major, as CasADi has them.
+A function of the contract is derived in the method of its name, with an underscore. All results are
+dense; matrices are stored column by column.
 """
 
 from __future__ import annotations
@@ -16,15 +15,25 @@ import numpy as np
 from fantoccini.contract import FUNCTIONS
 from fantoccini.contract.functions import COLUMN, MODEL, compiled
 from fantoccini.equations import articulated, drives, dynamics
-from fantoccini.equations.algebra import column, cross, dot, elements, matrix, scaled, zeros
+from fantoccini.equations.algebra import (
+    column,
+    cross,
+    dot,
+    elements,
+    matrix,
+    scaled,
+    stacked,
+    zeros,
+)
 from fantoccini.equations.coriolis import coriolis_matrix
 from fantoccini.equations.declared import declared
+from fantoccini.equations.energy import kinetic_energy, potential_energy
 from fantoccini.equations.system import Loads, System
 from fantoccini.errors import UnknownNameError
 from fantoccini.tree import Link, Role, Tree
 
-_MANY = 5
-"""Times the instructions of ``forth`` that all ``columns`` may have."""
+_MAX_COLUMNS_SIZE = 5
+"""Instructions of all ``columns`` together, relative to ``forth``, up to which they are used."""
 
 
 class Equations:
@@ -52,7 +61,7 @@ class Equations:
         return name in tuple(self)
 
     def __getitem__(self, name: str) -> ca.Function:
-        """The function of a name of the contract, compiled in the model or interpreted.
+        """A function of the contract that is compiled in the model or interpreted.
 
         Raises:
             UnknownNameError: there is none.
@@ -70,29 +79,25 @@ class Equations:
 
     @property
     def sizes(self) -> dict[str, int]:
-        """Those of the tree, and the length of L."""
+        """The sizes of the tree, and the length of L."""
         return {**self.tree.sizes, "n_packed": self.n_packed}
 
     def _function(self, name: str) -> ca.Function:
-        symbols = dict(vars(self.system.symbols))
+        symbols = self.system.symbols
         if name in ("forth", "back"):
-            symbols["L"], factor = self._stored
-            x = symbols["x"] = ca.SX.sym("x", factor.n)
+            L, factor = self._stored
             solve = factor.back if name == "back" else partial(factor.forth, wrenches={})
-            return declared(name, symbols, {"y": column(solve(elements(x)))})
-        if name == "limit_rates":
-            symbols["J_limit"] = ca.SX.sym("J_limit", 3, len(self.tree.limits))
-            return declared(name, symbols, self._limit_rates(symbols["J_limit"]))
+            return declared(name, {**symbols, "L": L}, {"y": column(solve(elements(symbols.x)))})
         return declared(name, symbols, getattr(self, f"_{name}")())
 
     @cached_property
     def factor(self) -> articulated.Factor:
-        """F of M_DD = F^T F, with damping and drag over a step dt; L are its numbers."""
+        """F of M_DD = F^T F, with damping and drag over a step dt; stored as L."""
         return self._factor(self.system.symbols.dt)
 
     def _factor(self, dt: ca.SX) -> articulated.Factor:
         system = self.system
-        own = system.armature + system.motors(dt).armature
+        own = system.armature + drives.forces(system, dt).armature
 
         def armature(link: Link) -> np.ndarray:
             return own[link.v] + dt * system.value(link.damping)
@@ -103,20 +108,20 @@ class Equations:
         return articulated.factorise(self.tree, system.joints, inertias, armature)
 
     def _dynamics(self) -> dict[str, ca.SX]:
-        """What the runtime needs to solve Eqs. 10 and 11 for any set of taut rows."""
+        """All that Eqs. 10 and 11 need for any active set."""
         made = self._with_factor(self._factor(ca.SX(0)), ca.SX(0), self.system.free_loads)
-        motors = self.system.motors(ca.SX(0)).f_D
+        motors = drives.forces(self.system, ca.SX(0)).f_D
         made["power0"] = made["power0"] + dot(elements(self.system.symbols.v_D), motors)
         return made
 
     def _step_dynamics(self) -> dict[str, ca.SX]:
-        """What a step needs: damping and drag over it, and no accelerations of rows.
+        """All that a step needs, with its damping and drag, without accelerations of rows.
 
-        The power of the motors is not in ``power0``: over the step they give f_M - y_M dv.
+        ``power0`` is without the motors, which exert f_M - y_M dv over the step.
         """
         made = self._with_factor(self.factor, self.system.symbols.dt, self.system.step_loads)
         made = {name: x for name, x in made.items() if name not in ("gamma", "gamma_limit")}
-        motors, places = self.system.motors(self.system.symbols.dt), self.tree.motor_places
+        motors, places = drives.forces(self.system, self.system.symbols.dt), self.tree.motor_places
         return made | {"f_M": column(motors.f_D[places]), "y_M": column(motors.yields[places])}
 
     def _with_factor(
@@ -127,7 +132,7 @@ class Equations:
         v_K = elements(s.v_K)
         _, f_K = system.generalised(loads)
         needed = {i: (-torque, -force) for i, (torque, force) in enumerate(loads.wrenches)}
-        motors = system.motors(dt).f_D
+        motors = drives.forces(system, dt).f_D
         w0 = factor.forth(elements(s.u_D) - loads.f_D + motors, needed)
         rows = system.string_rows
         W = zeros(n, m)
@@ -166,32 +171,32 @@ class Equations:
 
     @cached_property
     def _stored(self) -> tuple[ca.SX, articulated.Factor]:
-        """L as symbols, and the factor that it stands for."""
+        """L as symbols, and the factor that it stores."""
         L = ca.SX.sym("L", self.n_packed)
         return L, self.factor.stored(elements(L))
 
     @cached_property
     def columns(self) -> dict[int, tuple[list[int], ca.Function]]:
-        """link -> its part of ``forth``, for links with limits: y = F^-T x for x in its joint.
+        """Links with limits -> y = F^-T x for forces x in the link's joint.
 
-        The entries of y that differ from zero, those on the way to the root, and a function
-        (L, x (3,)) -> these. Empty where all of them have many more operations than ``forth``, as
+        Each is the list of the nonzero entries of y, those on the way to the root, and a function
+        (L, x (3,)) -> these entries. Empty where all together are much longer than ``forth``, as
         for a long chain with limits all along.
         """
         made: dict[int, tuple[list[int], ca.Function]] = {}
-        (L, factor), x = self._stored, ca.SX.sym("x", 3)
-        names = [[q.name for q in part] for part in (COLUMN.arguments, COLUMN.results)]
+        (L, factor), x = self._stored, self.system.symbols.x_joint
+        names_in, names_out = ([q.name for q in p] for p in (COLUMN.arguments, COLUMN.results))
         for i in sorted({limit.link for limit in self.tree.limits}):
             place = self.tree.links[i].v
             found = factor.forth_from(i, elements(x)[: place.stop - place.start])
             y = ca.cse(column(list(found.values())))
-            made[i] = list(found), ca.Function(f"fan_column_{i}", [L, x], [y], *names)
+            made[i] = list(found), ca.Function(f"fan_column_{i}", [L, x], [y], names_in, names_out)
         total = sum(function.n_instructions() for _, function in made.values())
-        return made if total < _MANY * self["forth"].n_instructions() else {}
+        return made if total < _MAX_COLUMNS_SIZE * self["forth"].n_instructions() else {}
 
-    def _limit_rates(self, J: ca.SX) -> dict[str, ca.SX]:
-        """hdot of the limits at a velocity; what is constant in their Jacobians is folded in."""
-        v, rates = self.system.symbols.v_D, []
+    def _limit_rates(self) -> dict[str, ca.SX]:
+        """hdot of the limits at a velocity, with the constants of their Jacobians folded in."""
+        v, J, rates = self.system.symbols.v_D, self.system.symbols.J_limit, []
         limits = zip(self.tree.limits, self.system.limit_rows, strict=True)
         for i, (limit, (_, jacobian, _)) in enumerate(limits):
             place = self.tree.links[limit.link].v
@@ -204,22 +209,22 @@ class Equations:
         return {"h": column(strings + [h for h, _, _ in self.system.limit_rows])}
 
     def _energy(self) -> dict[str, ca.SX]:
-        return {"T": self.system.kinetic, "V": self.system.potential}
+        return {"T": kinetic_energy(self.system), "V": potential_energy(self.system)}
 
     def _effort(self) -> dict[str, ca.SX]:
         """Force on every driven coordinate: M_KD acc_D + M_KK acc_K + c_K - A_K^T lambda.
 
-        That of a command is the force of the motor that follows it.
+        The force on a command is that of the motor which follows it.
         """
         _, f_K = self.system.generalised(self.system.loads(self.system.full_motions))
         lam = elements(self.system.symbols.lam)
         for i, row in enumerate(self.system.string_rows):
             f_K = f_K - scaled(lam[i], row.A_K)
-        motors = self.system.motors(ca.SX(0)).f_D
-        for row in self.tree.drives:
-            if row.command is not None:
-                place = row.command[1]
-                f_K[place : place + row.v.stop - row.v.start] = motors[row.v]
+        motors = drives.forces(self.system, ca.SX(0)).f_D
+        for drive in self.tree.drives:
+            if drive.command is not None:
+                place = drive.command[1]
+                f_K[place : place + drive.v.stop - drive.v.start] = motors[drive.v]
         return {"f_K": column(f_K)}
 
     def _motor_lags(self) -> dict[str, ca.SX]:
@@ -246,20 +251,14 @@ class Equations:
 
     def _poses(self) -> dict[str, ca.SX]:
         """World pose of every link: 12 numbers a link, R column by column and then r."""
-        entries = []
-        for motion in self.system.resting_motions:
-            entries.extend(motion.R.T.flatten())
-            entries.extend(motion.r)
-        return {"poses": column(entries)}
+        motions = self.system.resting_motions
+        return {"poses": column(x for m in motions for x in (*m.R.T.flatten(), *m.r))}
 
     def _points(self) -> dict[str, ca.SX]:
         """World positions of all points of all strings, in order: 3 numbers a point."""
         around = self.system.around(self.system.resting_motions)
-        entries = []
-        for string in self.tree.strings:
-            for point in string.points:
-                entries.extend(around.place(point))
-        return {"points": column(entries)}
+        points = (point for string in self.tree.strings for point in string.points)
+        return {"points": column(x for point in points for x in around.place(point))}
 
     def _mass_matrix(self) -> dict[str, ca.SX]:
         dynamic, driven = Role.DYNAMIC, Role.DRIVEN
@@ -271,7 +270,7 @@ class Equations:
         }
 
     def _mass_times(self) -> dict[str, ca.SX]:
-        """M_DD acc_D, in a number of operations that grows with the links and not their square."""
+        """M_DD acc_D, in operations proportional to the number of links."""
         return {"f": column(self.system.inertial(elements(self.system.symbols.acc_D), None))}
 
     def _coriolis(self) -> dict[str, ca.SX]:
@@ -286,8 +285,7 @@ class Equations:
     def _damping(self) -> dict[str, ca.SX]:
         return {"f": column(self.system.dissipation_D)}
 
-    def _constraint(self) -> dict[str, ca.SX]:
-        return self._rows()
+    _constraint = _rows
 
     def _A_D(self) -> dict[str, ca.SX]:
         n, links = self.tree.coordinates.n_vD, self.tree.links
@@ -296,13 +294,13 @@ class Equations:
             row = zeros(n)
             row[links[limit.link].v] = J
             rows.append(row)
-        return {"A_D": _stacked(rows, n)}
+        return {"A_D": stacked(rows, n)}
 
     def _A_K(self) -> dict[str, ca.SX]:
         n = self.tree.coordinates.n_vK
         rows = [row.A_K for row in self.system.string_rows]
         rows.extend(zeros(n) for _ in self.tree.limits)
-        return {"A_K": _stacked(rows, n)}
+        return {"A_K": stacked(rows, n)}
 
     def _Adot_v(self) -> dict[str, ca.SX]:
         strings = [
@@ -326,19 +324,13 @@ class Equations:
         return {"V": ca.reshape(column(entries), 6, len(self.tree.links))}
 
     def _lagrangian(self) -> dict[str, ca.SX]:
-        return {"lagrangian": self.system.lagrangian}
+        return {"lagrangian": kinetic_energy(self.system) - potential_energy(self.system)}
 
-    def _potential(self) -> dict[str, ca.SX]:
-        return {"V": self.system.potential}
-
-    def _kinetic(self) -> dict[str, ca.SX]:
-        return {"T": self.system.kinetic}
+    _potential = _kinetic = _energy
 
 
 def derive(tree: Tree) -> Equations:
-    """The equations of a tree; expressions are built when they are first asked for."""
+    """The equations of a tree; expressions are built on first use."""
     return Equations(tree)
 
 
-def _stacked(rows: list[np.ndarray], n: int) -> ca.SX:
-    return matrix(np.array(rows, dtype=object)) if rows else ca.SX(0, n)

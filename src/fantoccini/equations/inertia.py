@@ -38,11 +38,11 @@ class BodyInertia:
 
     @classmethod
     def nothing(cls) -> BodyInertia:
-        """Of a massless frame."""
+        """The inertia of a massless frame."""
         return cls(ca.SX(0), zeros(3), zeros(3, 3))
 
     def is_zero(self) -> bool:
-        """True when nothing here has mass or inertia."""
+        """Whether mass and moments are zero."""
         return all(ca.SX(x).is_zero() for x in (self.m, *self.h.flat, *self.J.flat))
 
     @property
@@ -58,9 +58,9 @@ class BodyInertia:
         return self.I.dot(omega) + cross(self.h, v), scaled(self.m, v) - cross(self.h, omega)
 
     def wrench(self, a: np.ndarray, U: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Torque about the origin and force that make all points accelerate by a + U r.
+        """(torque about the origin, force) that accelerate all points by a + U r.
 
-        The force is m a + U h; the torque is h x a and what is skew in U J.
+        The force is m a + U h; the torque is h x a plus the skew part of U J.
         """
         J = self.J
         yz, xz, xy = J[1, 2], J[0, 2], J[0, 1]
@@ -88,12 +88,12 @@ class BodyInertia:
         return BodyInertia(self.m, moved, out)
 
     def without_mass(self) -> tuple[BodyInertia, BodyInertia]:
-        """Splits off the mass at the origin: what is left, and what is split off."""
+        """Splits off the mass at the origin; returns (rest, split off), as the next two do."""
         nothing = BodyInertia.nothing()
         return BodyInertia(ca.SX(0), self.h, self.J), BodyInertia(self.m, nothing.h, nothing.J)
 
     def without_axis(self, axis: np.ndarray) -> tuple[BodyInertia, BodyInertia]:
-        """Splits off a distribution of mass on an axis, which turning about it does not move."""
+        """Splits off mass on an axis, which rotation about it does not move."""
         e = symbolic(axis)
         along, second = dot(e, self.h), dot(e, self.J.dot(e))
         axial = np.array([[second * x * y for y in e] for x in e], dtype=object)
@@ -104,24 +104,23 @@ class BodyInertia:
         return BodyInertia(ca.SX(0), h, J), BodyInertia(self.m, scaled(along, e), axial)
 
     def without_turning(self) -> tuple[BodyInertia, BodyInertia]:
-        """Splits off the second moment, which a joint that only slides does not turn."""
+        """Splits off the second moment, which matters only in rotation."""
         return BodyInertia(self.m, self.h, zeros(3, 3)), BodyInertia(ca.SX(0), zeros(3), self.J)
 
 
 def regrouped(
     tree: Tree, inertias: list[BodyInertia], at: list[np.ndarray]
 ) -> list[BodyInertia]:
-    """The same equations of motion from fewer numbers.
+    """Inertias with more zeros that give the same equations of motion.
 
-    What a joint's motion leaves unmoved in the parent can belong to the parent: all of a link on a
-    fixed joint, the mass as a point at the centre of a ball joint, mass on the axis of a revolute
-    joint, the second moment of what only slides. Everything is handed on so, from the leaves to
-    the root; what arrives at the world is left out.
+    Mass that a joint does not move in the parent may belong to the parent: all of a link on a fixed
+    joint, a point mass at the centre of a ball joint, mass on the axis of a revolute joint, the
+    second moment on a prismatic joint. It moves from the leaves to the root; the world drops it.
 
     Args:
         tree: the tree.
         inertias: of the links about their origins.
-        at: (3,) origin of each link in its parent; read where the joint does not move it.
+        at: (3,) origin of each link in its parent; used where the joint does not move it.
     """
     kept = list(inertias)
     for i in reversed(range(len(tree.links))):
@@ -153,7 +152,7 @@ def rotated(R: np.ndarray, A: np.ndarray) -> np.ndarray:
 
 
 def link_inertia(link: Link, value: Value) -> BodyInertia:
-    """The sum of a link's lumps, with the explicit mass, centre and inertia in their place.
+    """The sum of a link's lumps; explicit mass, centre and inertia take precedence.
 
     Args:
         link: the link.

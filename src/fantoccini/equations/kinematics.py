@@ -15,16 +15,12 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from fantoccini.equations.algebra import (
-    axis_rotation,
-    cross,
-    quaternion_rotation,
-    scaled,
-    symbolic,
-    zeros,
-)
+from fantoccini.equations.algebra import cross, scaled, symbolic, zeros
 from fantoccini.equations.inertia import Value
 from fantoccini.tree import WORLD, Link, Tree
+from fantoccini.tree.placement import joint_transform
+
+Places = tuple[tuple[int, int], ...]
 
 
 @dataclass(frozen=True)
@@ -89,22 +85,20 @@ def joint_motion(link: Link, q: np.ndarray, value: Value) -> JointMotion:
     """
     R0 = symbolic(link.rotation)
     r0 = symbolic([value(x) for x in link.offset])
+    rotation, translation = joint_transform(link, list(q), ca.cos, ca.sin)
+    R, axes = symbolic(rotation), symbolic(link.axes)
     one, none = symbolic(np.eye(3)), zeros(3, 0)
-    axes = symbolic(link.axes)
-    if link.kind == "fixed":
-        return JointMotion(R0, r0, none, none, one)
-    if link.kind == "revolute":
-        R = axis_rotation(link.axes[:, 0], q[0])
-        return JointMotion(R0.dot(R), r0, axes, zeros(3, 1), R)
-    if link.kind in ("prismatic", "translation"):
-        return JointMotion(R0, r0 + R0.dot(axes.dot(q)), zeros(*axes.shape), axes, one)
-    if link.kind == "ball":
-        R = quaternion_rotation(q)
-        return JointMotion(R0.dot(R), r0, one, zeros(3, 3), R)
-    R = quaternion_rotation(q[3:])
-    S_w = np.hstack([zeros(3, 3), one])
-    S_v = np.hstack([R.T, zeros(3, 3)])
-    return JointMotion(R0.dot(R), r0 + R0.dot(q[:3]), S_w, S_v, R)
+    S_w, S_v = zeros(*axes.shape), axes
+    match link.kind:
+        case "fixed":
+            S_w, S_v = none, none
+        case "revolute":
+            S_w, S_v = axes, zeros(3, 1)
+        case "ball":
+            S_w, S_v = one, zeros(3, 3)
+        case "free":
+            S_w, S_v = np.hstack([zeros(3, 3), one]), np.hstack([R.T, zeros(3, 3)])
+    return JointMotion(R0.dot(R), r0 + R0.dot(symbolic(translation)), S_w, S_v, R)
 
 
 def link_motions(
@@ -166,7 +160,7 @@ def turning(w: np.ndarray, alpha: np.ndarray) -> np.ndarray:
     )
 
 
-def configuration_rate(q: ca.SX, v: ca.SX, quaternions, scalars) -> ca.SX:
+def configuration_rate(q: ca.SX, v: ca.SX, quaternions: Places, scalars: Places) -> ca.SX:
     """qdot = N(q) v: velocities as they are, quaternions by 1/2 q (0, w).
 
     Args:

@@ -1,44 +1,53 @@
 """Equations for people: CasADi's graphs as SymPy expressions in the textbook's symbols.
 
-A graph is run once over sparse polynomials with rational coefficients. Their generators are the
-state, the parameters, cos and sin of every angle, and one symbol for each root, quotient or other
-function. sin^2 = 1 - cos^2 and the unit length of quaternions are used at once, so that equal
+A graph is evaluated once over sparse polynomials with rational coefficients. Their generators are
+the state, the parameters, cos and sin of every angle, and a symbol for each root, quotient or other
+function. sin^2 = 1 - cos^2 and the unit length of quaternions are applied at once, so that equal
 expressions are equal polynomials. Every polynomial is then written in the shortest of a few forms,
-among them the one with sines and cosines of sums of angles. The work is bounded: what takes too
-much of it raises TooLargeError.
+including one with sines and cosines of sums of angles. Work is bounded; TooLargeError beyond it.
 
-Constants are taken with 15 digits and the rounding of a segment's length at coincident points
-(1e-9 m) is left out, so values differ from the interpreter's by rounding only.
+Constants have 15 digits, and the rounding of a segment's length at coincident points (1e-9 m) is
+left out: values differ from the interpreter's by rounding only.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import casadi as ca
 import sympy as sp
 from sympy.polys.domains import QQ
 from sympy.polys.rings import PolyElement, PolyRing
 
+from fantoccini.equations.algebra import REGULAR
 from fantoccini.equations.forms import Form
 from fantoccini.equations.functions import Equations
 from fantoccini.equations.notation import Notation, notation
-from fantoccini.equations.rows import EPS
 from fantoccini.errors import FantocciniError
 
-MOST_OPERATIONS = 1500
-"""Operations of a puppet's equations up to which they are printed."""
-MOST_TERMS = 1200
-"""Terms that one polynomial may have."""
-MOST_PRODUCTS = 400_000
-"""Products of terms that may be formed in all."""
 
-_NOTHING = QQ(1, 10**13)
-"""What is left where terms cancel but for the rounding of constants, relative to the largest
-coefficient of the same matrix."""
-_DIGITS = 6
-"""Digits of a number on a page."""
+class PrintingBounds(NamedTuple):
+    """Bounds on what is printed, chosen so that it takes seconds and fits a page.
+
+    Attributes:
+        operations: of a puppet's equations.
+        terms: of a polynomial.
+        products: of terms, in all.
+        rounding: coefficients below this, relative to the largest of the matrix, are what is left
+            where terms cancel.
+        digits: of a printed number.
+    """
+
+    operations: int = 1500
+    terms: int = 1200
+    products: int = 400_000
+    rounding: Any = QQ(1, 10**13)
+    digits: int = 6
+
+
+BOUNDS = PrintingBounds()
 
 _OBJECTS = {
     "mass_matrix": ("M", "M_DK", "M_KK"),
@@ -68,7 +77,7 @@ _OWN_SYMBOL = (ca.OP_SQRT, ca.OP_INV, ca.OP_DIV, ca.OP_SIN, ca.OP_COS, *_UNARY, 
 
 
 class TooLargeError(FantocciniError):
-    """The puppet's equations are too large to be read on a page."""
+    """The puppet's equations are too large to print."""
 
 
 @dataclass(frozen=True)
@@ -111,8 +120,8 @@ def printable(equations: Equations, functions: tuple[str, ...] = tuple(_OBJECTS)
         TooLargeError: they would fill pages.
     """
     total = sum(operation_counts(equations, functions).values())
-    if total > MOST_OPERATIONS:
-        raise TooLargeError(f"{total} operations; up to {MOST_OPERATIONS} are printed")
+    if total > BOUNDS.operations:
+        raise TooLargeError(f"{total} operations; up to {BOUNDS.operations} are printed")
     symbols = {name: getattr(equations.system.symbols, name) for name in _ARGUMENTS}
     outputs, shapes = [], {}
     for function in functions:
@@ -140,7 +149,7 @@ def decimal(expression: sp.Expr) -> sp.Expr:
     if isinstance(expression, sp.MatrixBase):
         return expression.applyfunc(decimal)
     if expression.is_Rational:
-        return expression if expression.is_Integer else sp.Float(expression, _DIGITS)
+        return expression if expression.is_Integer else sp.Float(expression, BOUNDS.digits)
     if expression.is_Pow:
         return sp.Pow(decimal(expression.base), expression.exp)
     if not expression.args:
@@ -153,10 +162,10 @@ def rational(number: float) -> sp.Rational:
     return sp.Rational(format(number, ".15g"))
 
 
-def _short(coefficient):
+def _short(coefficient: Any) -> Any:
     """A coefficient as a short decimal, where it is one but for the rounding of its parts."""
     short = rational(float(coefficient))
-    close = abs(QQ(short.p, short.q) - coefficient) <= _NOTHING * abs(coefficient)
+    close = abs(QQ(short.p, short.q) - coefficient) <= BOUNDS.rounding * abs(coefficient)
     return QQ(short.p, short.q) if close and short.q < coefficient.denominator else coefficient
 
 
@@ -187,7 +196,7 @@ class _Reading:
             for k in range(len(notation.symbols[name]))
         }
         self.form = Form(list(inputs), velocities=velocities, inverse=set(), pairs={})
-        self._known: dict[tuple, PolyElement] = {}
+        self._known: dict[tuple[Any, ...], PolyElement] = {}
         self._squares: dict[int, PolyElement] = {}
         for name, firsts in notation.quaternions.items():
             for first in firsts:
@@ -196,7 +205,8 @@ class _Reading:
 
     def outputs(self) -> dict[tuple[int, int], sp.Expr]:
         """(output, entry) -> expression."""
-        graph, work = self.graph, {}
+        graph = self.graph
+        work: dict[int, _Value] = {}
         found: dict[tuple[int, int], PolyElement] = {}
         for k in range(graph.n_instructions()):
             op = graph.instruction_id(k)
@@ -204,11 +214,11 @@ class _Reading:
             if op == ca.OP_OUTPUT:
                 found[out[0], out[1]] = work[into[0]].value
             elif op == ca.OP_INPUT:
-                place = self._first[_ARGUMENTS[into[0]]] + into[1]
-                work[out[0]] = _Value(self.ring.gens[place])
+                first = self._first[_ARGUMENTS[into[0]]]
+                work[out[0]] = _Value(self.ring.gens[first + into[1]])
             elif op == ca.OP_CONST:
                 number = graph.instruction_constant(k)
-                exact = sp.S.Zero if number == EPS**2 else rational(number)
+                exact = sp.S.Zero if number == REGULAR.segment**2 else rational(number)
                 work[out[0]] = _Value(self.ring.ground_new(QQ(exact.p, exact.q)))
             else:
                 work[out[0]] = self._operation(op, [work[i] for i in into])
@@ -219,7 +229,7 @@ class _Reading:
             for place in places:
                 terms = found[place].items()
                 found[place] = self.ring.from_dict(
-                    {m: _short(c) for m, c in terms if abs(c) > _NOTHING * largest}
+                    {m: _short(c) for m, c in terms if abs(c) > BOUNDS.rounding * largest}
                 )
                 if found[place] not in shortest:
                     shortest[found[place]] = self.form.shortest(found[place])
@@ -258,11 +268,11 @@ class _Reading:
 
     def _product(self, x: PolyElement, y: PolyElement) -> PolyElement:
         self._n_products += len(x) * len(y)
-        if self._n_products > MOST_PRODUCTS:
+        if self._n_products > BOUNDS.products:
             raise TooLargeError("expanding them takes too long")
         product = self._reduced(x * y)
-        if len(product) > MOST_TERMS:
-            raise TooLargeError(f"an expression has more than {MOST_TERMS} terms")
+        if len(product) > BOUNDS.terms:
+            raise TooLargeError(f"an expression has more than {BOUNDS.terms} terms")
         return product
 
     def _reduced(self, value: PolyElement) -> PolyElement:
@@ -275,7 +285,7 @@ class _Reading:
                 value = value - self.ring.from_dict(high) + lowered * square
         return value
 
-    def _generator(self, key: tuple, expression: sp.Expr) -> PolyElement:
+    def _generator(self, key: tuple[Any, ...], expression: sp.Expr) -> PolyElement:
         """The generator that stands for an expression; the same one for the same key."""
         if key not in self._known:
             self._known[key] = self.ring.gens[len(self.form.meaning)]
@@ -333,6 +343,6 @@ class _Value:
         return self.made_of if 0 < len(self.made_of) <= 4 else ((self.value, 1),)
 
 
-def _starts(parts: list[list]) -> list[int]:
+def _starts(parts: list[list[sp.Symbol]]) -> list[int]:
     """Where each list begins when all are laid end to end."""
     return [sum(len(part) for part in parts[:k]) for k in range(len(parts))]

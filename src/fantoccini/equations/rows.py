@@ -16,6 +16,7 @@ import casadi as ca
 import numpy as np
 
 from fantoccini.equations.algebra import (
+    REGULAR,
     cross,
     dot,
     quaternion_rotation,
@@ -27,13 +28,10 @@ from fantoccini.equations.inertia import Value
 from fantoccini.equations.kinematics import JointMotion, LinkMotion
 from fantoccini.tree import WORLD, ChainRow, LimitRow, Point, Role, StringRow, Tree
 
-EPS = 1e-9
-"""Rounding of a segment's length at coincident points [m]."""
-
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What the rows of a tree are computed from."""
+    """Arguments of the rows of a tree."""
 
     tree: Tree
     joints: list[JointMotion]
@@ -88,7 +86,7 @@ class Surroundings:
             if link.kind == "free":
                 moved = joint.R_joint.dot(linear)
                 if link.parent == WORLD:
-                    # The joint frame stands still in the world: no detour through the body.
+                    # The joint frame is fixed in the world: fewer products than through the body.
                     moved = symbolic(link.rotation).T.dot(direction)
                 row[v0 : v0 + 3] = row[v0 : v0 + 3] + moved
                 v0 = v0 + 3
@@ -100,14 +98,14 @@ class PathRow:
     """A path's length, or that less a string's, and how it changes.
 
     Attributes:
-        around: what it is computed from.
+        around: arguments of the row.
         points: the path.
         pulls: (3,) derivative of the length by each point's place, in the world.
         length: sum of the segments, less the string's length [m].
         rate: d length / dt.
         bias: d^2 length / dt^2 for the accelerations the motions were computed with.
-        own: the string or chain whose length is taken off; None where there is none.
-        share: how much of that length.
+        own: the string or chain whose length is subtracted, if any.
+        share: of that length.
     """
 
     around: Surroundings
@@ -147,7 +145,7 @@ class PathRow:
 
     @property
     def winding(self) -> np.ndarray:
-        """(n_vD,) what a unit multiplier gives the drive of the length, in its own joint."""
+        """(n_vD,) force of a unit multiplier on the drive that winds the length."""
         row = zeros(self.around.tree.coordinates.n_vD)
         if self.own is not None and self.own.wound_length:
             row[self.own.wound_length[1]] -= self.share
@@ -166,7 +164,7 @@ def path_row(around: Surroundings, points: tuple[Point, ...]) -> PathRow:
     pulls = [zeros(3) for _ in points]
     for k, (first, second) in enumerate(pairwise(points)):
         d = around.place(second) - around.place(first)
-        segment = _rounded(d)
+        segment = segment_length(d)
         length = length + segment
         if first.link == second.link:
             continue
@@ -179,7 +177,7 @@ def path_row(around: Surroundings, points: tuple[Point, ...]) -> PathRow:
         pulls[k + 1] = pulls[k + 1] + u
     for point, pull in zip(points, pulls, strict=True):
         if point.link == WORLD:
-            # Links' accelerations are less gravity, and the pulls cancel one another.
+            # Links' accelerations exclude gravity, and the pulls sum to zero.
             bias = bias - dot(pull, around.gravity)
         else:
             motion = around.motions[point.link]
@@ -194,7 +192,7 @@ def string_row(
     """h, hdot, gamma, A_D and A_K of a string: its path's row less its length.
 
     Args:
-        around: what it is computed from.
+        around: arguments of the row.
         string: the string.
         length, rate, curve: L and its derivatives by time.
     """
@@ -234,7 +232,7 @@ def limit_row(
     sign = -1.0 if limit.side == "twist.lower" else 1.0
     scalar, vector = q[0], q[1:]
     x = dot(vector, b)
-    # The twist is an angle modulo one turn; atan of the ratio gives the one nearest to zero.
+    # The twist is known modulo one turn; atan of the ratio gives the value nearest to zero.
     twist = 2 * ca.atan(x / scalar)
     # With n = scalar^2 + x^2 the rate is (scalar alpha + x beta) / n; the second derivatives of
     # scalar and x at wdot = 0 are both -|w|^2/4 of them, so that only n's rate is left.
@@ -245,5 +243,6 @@ def limit_row(
     return sign * (twist - limit.bound), scaled(sign, J), sign * gamma
 
 
-def _rounded(d: np.ndarray) -> ca.SX:
-    return ca.sqrt(dot(d, d) + EPS**2)
+def segment_length(d: np.ndarray) -> ca.SX:
+    """|d|, rounded off where the ends of the segment coincide [m]."""
+    return ca.sqrt(dot(d, d) + REGULAR.segment**2)

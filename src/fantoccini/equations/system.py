@@ -1,7 +1,6 @@
-"""All symbolic expressions of a tree, each derived when it is first asked for.
+"""Symbolic expressions of a tree in the paper's symbols, each derived on first use.
 
-The state's symbols are CasADi columns named by the paper's letters. Everything here is an
-expression in them; :mod:`fantoccini.equations.functions` turns expressions into functions.
+:mod:`fantoccini.equations.functions` turns them into functions.
 """
 
 from __future__ import annotations
@@ -12,8 +11,17 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from fantoccini.equations import drives, dynamics
-from fantoccini.equations.algebra import Expression, cross, dot, elements, scaled, symbolic, zeros
+from fantoccini.equations import dynamics
+from fantoccini.equations.algebra import (
+    REGULAR,
+    Expression,
+    cross,
+    dot,
+    elements,
+    scaled,
+    symbolic,
+    zeros,
+)
 from fantoccini.equations.elastic import Elastic, elastics
 from fantoccini.equations.inertia import BodyInertia, link_inertia, regrouped
 from fantoccini.equations.kinematics import (
@@ -26,26 +34,22 @@ from fantoccini.equations.kinematics import (
 from fantoccini.equations.rows import PathRow, Surroundings, limit_row, string_row
 from fantoccini.equations.symbols import Symbols
 from fantoccini.puppet import Number, Parameter
-from fantoccini.tree import ChainRow, Role, StringRow, Tree
-
-_STILL = 1e-300
-"""Added to the square of a speed, so that the derivative of |v| v at rest is 0 [m^2/s^2]."""
+from fantoccini.tree import ChainRow, DriveRow, Role, StringRow, Tree
 
 
 @dataclass(frozen=True)
 class Loads:
-    """Forces that a motion needs.
+    """Forces of a motion.
 
     Attributes:
-        f_D, f_K: in the joints, for springs and damping.
-        wrenches: (torque, force) on each link about its origin, in its frame: inertia, gravity,
-            drag.
-        loss: power taken by damping and drag [W].
+        f_D, f_K: of springs and damping, in the joints.
+        wrenches: of inertia, gravity and drag, on each link.
+        loss: power of damping and drag [W].
     """
 
     f_D: np.ndarray
     f_K: np.ndarray
-    wrenches: list[tuple[np.ndarray, np.ndarray]]
+    wrenches: list[dynamics.Wrench]
     loss: ca.SX
 
 
@@ -82,51 +86,55 @@ class System:
 
     @cached_property
     def regrouped(self) -> list[BodyInertia]:
-        """Fewer numbers that give the same equations of motion."""
+        """Inertias with more zeros that give the same equations of motion."""
         return regrouped(self.tree, self.inertias, [joint.r for joint in self.joints])
 
     @cached_property
     def joints(self) -> list[JointMotion]:
         """Pose and motion subspace of every joint."""
         q = self.by_link(elements(self.symbols.q_D), elements(self.symbols.q_K), "q")
-        return [
-            joint_motion(link, q[i], self.value) for i, link in enumerate(self.tree.links)
-        ]
+        return [joint_motion(link, q[i], self.value) for i, link in enumerate(self.tree.links)]
 
     def by_link(self, dynamic: np.ndarray, driven: np.ndarray, what: str) -> list[np.ndarray]:
-        """Splits a dynamic and a driven vector into each link's own part."""
+        """Splits a dynamic and a driven vector, of what ``q`` or ``v``, into each link's part."""
         parts = []
         for link in self.tree.links:
             source = {Role.DYNAMIC: dynamic, Role.DRIVEN: driven}.get(link.role, zeros(0))
             parts.append(source[getattr(link, what)])
         return parts
 
-    def motions(self, v_D=None, v_K=None, acc_D=None, acc_K=None, gravity=None):
+    def _zeros(self) -> tuple[np.ndarray, np.ndarray]:
+        """Zero vectors (n_vD,) and (n_vK,)."""
+        return zeros(self.tree.coordinates.n_vD), zeros(self.tree.coordinates.n_vK)
+
+    def motions(
+        self,
+        v_D: np.ndarray | None = None,
+        v_K: np.ndarray | None = None,
+        acc_D: np.ndarray | None = None,
+        acc_K: np.ndarray | None = None,
+        gravity: np.ndarray | None = None,
+    ) -> list[LinkMotion]:
         """Link motions for velocities and accelerations; what is not given is zero."""
-        table = self.tree.coordinates
-        n_D, n_K = zeros(table.n_vD), zeros(table.n_vK)
-        velocity = self.by_link(n_D if v_D is None else v_D, n_K if v_K is None else v_K, "v")
-        acceleration = self.by_link(
-            n_D if acc_D is None else acc_D, n_K if acc_K is None else acc_K, "v"
+        none_D, none_K = self._zeros()
+        velocity, acceleration = (
+            self.by_link(none_D if D is None else D, none_K if K is None else K, "v")
+            for D, K in ((v_D, v_K), (acc_D, acc_K))
         )
         g = self.gravity if gravity is None else gravity
         return link_motions(self.tree, self.joints, velocity, acceleration, g)
 
     @cached_property
     def free_motions(self) -> list[LinkMotion]:
-        """Link motions with acc_D = 0: what remains is the bias and the driven part."""
+        """Link motions with acc_D = 0: bias and driven part."""
         s = self.symbols
-        return self.motions(
-            elements(s.v_D), elements(s.v_K), acc_K=elements(s.acc_K)
-        )
+        return self.motions(elements(s.v_D), elements(s.v_K), acc_K=elements(s.acc_K))
 
     @cached_property
     def full_motions(self) -> list[LinkMotion]:
         """Link motions with all accelerations."""
         s = self.symbols
-        return self.motions(
-            elements(s.v_D), elements(s.v_K), elements(s.acc_D), elements(s.acc_K)
-        )
+        return self.motions(*map(elements, (s.v_D, s.v_K, s.acc_D, s.acc_K)))
 
     @cached_property
     def resting_motions(self) -> list[LinkMotion]:
@@ -135,14 +143,12 @@ class System:
 
     @cached_property
     def ahead_motions(self) -> list[LinkMotion]:
-        """The same with velocity products of v_ahead, as a step takes them."""
+        """:attr:`free_motions` with the velocity products of v_ahead, for a step."""
         s = self.symbols
-        return self.motions(
-            elements(s.v_ahead), elements(s.v_K), acc_K=elements(s.acc_K)
-        )
+        return self.motions(elements(s.v_ahead), elements(s.v_K), acc_K=elements(s.acc_K))
 
     def around(self, motions: list[LinkMotion]) -> Surroundings:
-        """What rows are computed from, with the given motions."""
+        """The arguments of rows, for the given motions."""
         return Surroundings(self.tree, self.joints, motions, self.gravity, self.value)
 
     @cached_property
@@ -153,9 +159,18 @@ class System:
             found[row.v] = row.inertia(self.value)
         return found
 
-    def motors(self, dt: ca.SX) -> drives.DriveForces:
-        """Forces of the drives' motors over a step dt; 0 for the exact ones."""
-        return drives.forces(self, dt)
+    def resistance(self, row: DriveRow) -> ca.SX:
+        """Friction of a drive over its speed: -resistance v is its force [N s/m or N m s]."""
+        friction = row.drive.friction
+        if friction is None:
+            return ca.SX(0)
+        n, v = row.ratio(self.value), elements(self.symbols.v_D)[row.v]
+        found = n * n * self.value(friction.viscous)
+        coulomb = self.value(friction.coulomb)
+        if coulomb.is_zero():
+            return found
+        speed = self.value(friction.speed)
+        return found + n * n * coulomb / ca.sqrt(n * n * dot(v, v) + speed * speed)
 
     @cached_property
     def mass_blocks(self) -> dict[tuple[int, int], np.ndarray]:
@@ -198,12 +213,11 @@ class System:
         for elastic in self.elastics:
             elastic.add_gradient(f_D, f_K)
 
-    def dissipation(self) -> tuple[np.ndarray, np.ndarray, list, ca.SX]:
-        """Damping of joints, drives and springs (f_D, f_K), drag on the links, power loss."""
-        table = self.tree.coordinates
-        f_D, f_K, loss = zeros(table.n_vD), zeros(table.n_vK), ca.SX(0)
+    def dissipation(self) -> tuple[np.ndarray, np.ndarray, list[dynamics.Wrench], ca.SX]:
+        """Damping (f_D, f_K) of joints, drives and springs, drag on the links, loss of power."""
+        (f_D, f_K), loss = self._zeros(), ca.SX(0)
         v = self.by_link(elements(self.symbols.v_D), elements(self.symbols.v_K), "v")
-        wrenches = []
+        wrenches: list[dynamics.Wrench] = []
         for i, link in enumerate(self.tree.links):
             damping = self.value(link.damping)
             if link.role is Role.DYNAMIC and not damping.is_zero():
@@ -214,7 +228,7 @@ class System:
             loss = loss + lost
         v_D = elements(self.symbols.v_D)
         for row in self.tree.drives:
-            friction = scaled(drives.resistance(row, v_D[row.v], self.value), v_D[row.v])
+            friction = scaled(self.resistance(row), v_D[row.v])
             f_D[row.v] = f_D[row.v] + friction
             loss = loss + dot(friction, v_D[row.v])
         for elastic in self.elastics:
@@ -235,13 +249,13 @@ class System:
 
     @cached_property
     def drag_rates(self) -> list[tuple[ca.SX, ca.SX]]:
-        """Of every link, force over speed of its centre [N s/m], torque over turning [N m s]."""
+        """For every link drag over speed of its centre [N s/m], torque over spin [N m s]."""
         found = []
         for i, link in enumerate(self.tree.links):
             rate, quadratic, angular = (self.value(x) for x in link.drag)
             if not quadratic.is_zero():
                 v = self.free_motions[i].v + cross(self.free_motions[i].w, self.centre(i))
-                rate = rate + quadratic * ca.sqrt(dot(v, v) + _STILL)
+                rate = rate + quadratic * ca.sqrt(dot(v, v) + REGULAR.square)
             found.append((rate, angular))
         return found
 
@@ -280,8 +294,7 @@ class System:
 
     def by_velocity(self, forces: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Every link's own part as a dynamic (n_vD,) and a driven (n_vK,) vector."""
-        table = self.tree.coordinates
-        f_D, f_K = zeros(table.n_vD), zeros(table.n_vK)
+        f_D, f_K = self._zeros()
         for link, force in zip(self.tree.links, forces, strict=True):
             if link.role is Role.DYNAMIC:
                 f_D[link.v] = force
@@ -296,16 +309,14 @@ class System:
 
     @cached_property
     def step_loads(self) -> Loads:
-        """The same as a step takes them: velocity products at v_ahead."""
+        """:attr:`free_loads` with the velocity products of v_ahead, for a step."""
         return self.loads(self.ahead_motions)
 
     def inertial(self, acc_D: np.ndarray | None, acc_K: np.ndarray | None) -> np.ndarray:
-        """(n_vD,) M_DD acc_D + M_DK acc_K, by the forces of these accelerations alone."""
-        table = self.tree.coordinates
+        """(n_vD,) M_DD acc_D + M_DK acc_K, without M."""
         motions = self.motions(acc_D=acc_D, acc_K=acc_K, gravity=zeros(3))
         wrenches = dynamics.link_wrenches(self.regrouped, motions)
-        loads = Loads(zeros(table.n_vD), zeros(table.n_vK), wrenches, ca.SX(0))
-        found = self.generalised(loads)[0]
+        found = self.generalised(Loads(*self._zeros(), wrenches, ca.SX(0)))[0]
         return found if acc_D is None else found + self.armature * acc_D
 
     @cached_property
@@ -321,8 +332,7 @@ class System:
         return self._conservative(self.resting_motions)
 
     def _conservative(self, motions: list[LinkMotion]) -> np.ndarray:
-        table = self.tree.coordinates
-        f_D, f_K = zeros(table.n_vD), zeros(table.n_vK)
+        f_D, f_K = self._zeros()
         self.spring_forces(f_D, f_K)
         wrenches = dynamics.link_wrenches(self.regrouped, motions)
         return self.generalised(Loads(f_D, f_K, wrenches, ca.SX(0)))[0]
@@ -342,9 +352,8 @@ class System:
 
     @cached_property
     def full_string_rows(self) -> list[PathRow]:
-        """The same with all accelerations in the bias, which by that is hddot."""
-        around = self.around(self.full_motions)
-        found = []
+        """:attr:`string_rows` with all accelerations, so that ``bias`` is hddot."""
+        around, found = self.around(self.full_motions), []
         for string in self.tree.strings:
             length, rate, curve = self.own_length(string)
             if string.wound_length:
@@ -361,6 +370,7 @@ class System:
         if string.wound_length:
             q, v = string.wound_length
             return Expression(s.q_D[q]), Expression(s.v_D[v]), none
+        assert string.length is not None, "the string has a length"
         return self.value(string.length), none, none
 
     @cached_property
@@ -372,45 +382,6 @@ class System:
             link = self.tree.links[limit.link]
             rows.append(limit_row(limit, q_D[link.q], v_D[link.v]))
         return rows
-
-    @cached_property
-    def kinetic(self) -> ca.SX:
-        """T = sum_i 1/2 V_i . I_i V_i (Eq. 5)."""
-        total = ca.SX(0)
-        for inertia, motion in zip(self.regrouped, self.free_motions, strict=True):
-            if inertia.is_zero():
-                continue
-            v, turned = motion.v, cross(motion.w, inertia.h)
-            turning = dot(motion.w, inertia.I.dot(motion.w)) + inertia.m * dot(v, v)
-            total = total + (0.5 * turning + dot(v, turned))
-        v_D = elements(self.symbols.v_D)
-        return total + 0.5 * dot(self.armature * v_D, v_D)
-
-    @cached_property
-    def potential(self) -> ca.SX:
-        """V = -sum_i m_i g . p_i (Eq. 6 with gravity's acceleration), plus the springs' energy."""
-        total = ca.SX(0)
-        for i, motion in enumerate(self.resting_motions):
-            m = self.inertias[i].m
-            if not m.is_zero():
-                total = total - m * dot(self.gravity, motion.point(self.centre(i)))
-        q = self.by_link(elements(self.symbols.q_D), elements(self.symbols.q_K), "q")
-        for i, link in enumerate(self.tree.links):
-            k = self.value(link.stiffness)
-            if link.role is not Role.DYNAMIC or k.is_zero():
-                continue
-            if link.kind == "ball":
-                total = total + 2 * k * (1 - q[i][0] ** 2)
-            else:
-                total = total + 0.5 * k * (q[i][0] - self.value(link.rest)) ** 2
-        for elastic in elastics(self.around(self.resting_motions), self.own_length):
-            total = total + elastic.energy
-        return total
-
-    @property
-    def lagrangian(self) -> ca.SX:
-        """L = T - V (Eq. 7)."""
-        return self.kinetic - self.potential
 
     @cached_property
     def rates(self) -> tuple[ca.SX, ca.SX]:

@@ -37,7 +37,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from fantoccini.equations import dynamics
+from fantoccini.equations import drives, dynamics
 from fantoccini.equations.algebra import (
     column,
     cross,
@@ -67,12 +67,12 @@ class Variational:
         return {
             "node": self._node(),
             "midpoint_rule": self._midpoint_rule(),
-            "momentum": self._momentum(),
+            "momenta": self._momenta(),
         }
 
     def _node(self) -> ca.Function:
         exact, firm = self.equations["dynamics"], self.equations["step_dynamics"]
-        symbols = vars(self.equations.system.symbols)
+        symbols = self.equations.system.symbols
         given = {**symbols, "v_ahead": symbols["v_D"]}
         made, with_damping = (
             dict(zip(f.name_out(), f.call([given[a] for a in f.name_in()]), strict=True))
@@ -84,26 +84,21 @@ class Variational:
 
     def _midpoint_rule(self) -> ca.Function:
         system = self.equations.system
-        s, table = system.symbols, system.tree.coordinates
-        xi, q_mid_K = ca.SX.sym("xi", table.n_vD), ca.SX.sym("q_mid", table.n_qK)
-        v_mid_K, acc_mid_K = (ca.SX.sym(n, table.n_vK) for n in ("v_mid", "acc_mid"))
-        q_mid, q_next = self._moved(xi, 1), self._moved(xi, 2)
-        P, force, motors = self._at(q_mid, xi / s.dt, q_mid_K, v_mid_K, acc_mid_K, s.u_D, s.p)
-        before, after = self._ends(elements(P), elements(force), elements(xi))
-        symbols = {
-            **vars(s), "xi": xi, "q_mid": q_mid_K, "v_mid": v_mid_K, "acc_mid": acc_mid_K
-        }  # fmt: skip
+        s = system.symbols
+        q_mid, q_next = self._moved(s.xi, 1), self._moved(s.xi, 2)
+        P, force, motors = self._at(q_mid, s.xi / s.dt, s.q_mid, s.v_mid, s.acc_mid, s.u_D, s.p)
+        before, after = self._ends(elements(P), elements(force), elements(s.xi))
         made = {
             "before": before, "after": after, "q_next": q_next,
             "h": self.equations["rows"](q_next, s.q_K, s.p),
-            "work_M": dot(elements(motors), elements(xi)),
+            "work_M": dot(elements(motors), elements(s.xi)),
         }  # fmt: skip
-        return declared("midpoint_rule", symbols, made)
+        return declared("midpoint_rule", s, made)
 
-    def _momentum(self) -> ca.Function:
+    def _momenta(self) -> ca.Function:
         s = self.equations.system.symbols
         P, _, _ = self._at(s.q_D, s.v_D, s.q_K, s.v_K, s.acc_K, s.u_D, s.p)
-        return declared("momentum", vars(s), {"p_D": P})
+        return declared("momenta", s, {"p_D": P})
 
     def _moved(self, xi: ca.SX, times: int) -> ca.SX:
         """q_D moved by c(xi/4) so many times, once or twice."""
@@ -152,7 +147,7 @@ class Variational:
         loads = system.loads(system.resting_motions)
         static, _ = system.generalised(loads)
         P = system.armature * elements(s.v_D)
-        motors = system.motors(ca.SX(0)).f_D
+        motors = drives.forces(system, ca.SX(0)).f_D
         slope = elements(s.u_D) + motors - static
         carried, twists = self._twists()
         momenta = [
@@ -169,12 +164,13 @@ class Variational:
         arguments = [s.q_D, s.v_D, s.q_K, s.v_K, s.acc_K, s.u_D, s.p]
         return ca.Function("at", arguments, [column(P), column(slope), column(motors)])
 
-    def _twists(self) -> tuple[list, list]:
+    def _twists(self) -> tuple[list[np.ndarray], list[dynamics.Wrench]]:
         """w_c and (w, v) of every link, in its frame."""
         system = self.equations.system
         s, tree = system.symbols, system.tree
         velocity = system.by_link(elements(s.v_D), elements(s.v_K), "v")
-        carried, twists = [], []
+        carried: list[np.ndarray] = []
+        twists: list[tuple[np.ndarray, np.ndarray]] = []
         for i, link in enumerate(tree.links):
             joint = system.joints[i]
             w_up, v_up = (zeros(3), zeros(3)) if link.parent == WORLD else twists[link.parent]
@@ -186,7 +182,7 @@ class Variational:
 
 
 def _slope(
-    link: Link, joint: JointMotion, H: tuple, w_c: np.ndarray, v: np.ndarray
+    link: Link, joint: JointMotion, H: dynamics.Wrench, w_c: np.ndarray, v: np.ndarray
 ) -> np.ndarray:
     """dT/dq of a joint, along its tangent vectors."""
     H_w, H_v = H

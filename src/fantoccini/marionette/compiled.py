@@ -14,10 +14,10 @@ from fantoccini.marionette.mass_check import check_mass_matrix
 from fantoccini.runtime import (
     BatchLibrary,
     ClearanceLibrary,
+    Functions,
     Library,
     Loaded,
     RolloutLibrary,
-    Slopes,
 )
 from fantoccini.tree import Tree
 from fantoccini.world import World
@@ -87,9 +87,9 @@ class Compiled:
         return self._library("variational_lanes", self._lanes)
 
     @cached_property
-    def derivatives(self) -> Slopes:
+    def derivatives(self) -> Functions:
         """The derivatives of the model."""
-        return self._library("derivatives", lambda file: Slopes(file, self.tree.sizes))
+        return self._library("derivatives", lambda file: Functions(file, self.tree.sizes))
 
     def batch_library_of(self, method: str) -> BatchLibrary:
         """The library for batches of a method."""

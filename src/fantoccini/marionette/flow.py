@@ -9,7 +9,7 @@ from fantoccini.errors import SimulationError, Status
 from fantoccini.marionette.checks import bind_input, check_start
 from fantoccini.marionette.model import Model
 from fantoccini.motion import Input, State
-from fantoccini.runtime import OutsideRun
+from fantoccini.runtime import ExternalRun
 
 _HOLD_TIME = 1e9
 """How long the driven coordinates hold still without inputs [s]."""
@@ -47,7 +47,7 @@ class Flow:
         check_start(model, x0)
         given = Input.hold(model, _HOLD_TIME).shifted(x0.t) if inputs is None else inputs
         self._inputs = bind_input(model, given, x0.q_K, x0.v_K, x0.t, x0.t)
-        self._run = OutsideRun(
+        self._run = ExternalRun(
             model.library, model.run_options(), x0, model.p, model.winches, self._inputs
         )
         if self._run.status is not Status.RUNNING:
@@ -58,7 +58,7 @@ class Flow:
         self.t_end = np.inf if inputs is None and end >= given.end else end
         self.t0, self.y0 = self._run.t, self._run.y
         self.rows = model.tree.row_names
-        self.taut = self._run.mode != 0
+        self.taut = self._run.active_set != 0
 
     def rate(self, t: float, y: Array) -> Array:
         """ydot (n_y,) at a time [s] and y (n_y,)."""

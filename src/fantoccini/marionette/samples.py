@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from fantoccini.arrays import Array
-from fantoccini.contract import ROW
+from fantoccini.contract import SAMPLE
 from fantoccini.tree import Tree
 
 
@@ -19,7 +19,7 @@ class SampleLayout:
     @property
     def widths(self) -> dict[str, int]:
         """Part name -> number of columns, in order."""
-        return {part.name: part.numel(self.tree.sizes) for part in ROW}
+        return {part.name: part.numel(self.tree.sizes) for part in SAMPLE}
 
     def split(self, samples: Array) -> dict[str, Array]:
         """Parts (T, n) of samples (T, width); single columns come as (T,)."""
@@ -29,7 +29,7 @@ class SampleLayout:
     def _places(self) -> dict[str, slice | int]:
         places: dict[str, slice | int] = {}
         at = 0
-        for part in ROW:
+        for part in SAMPLE:
             width = part.numel(self.tree.sizes)
             places[part.name] = slice(at, at + width) if part.shape else at
             at += width

@@ -78,8 +78,8 @@ class Stepper:
     def __getstate__(self) -> dict[str, Any]:
         # The library keeps the run, and gives it as bytes.
         return {name: x for name, x in vars(self).items() if name != "_run"} | {
-            "_status": self.status,
-            "_memory": (self._run.library.key, self._run.memory()),
+            "_status": int(self.status),
+            "_memory": (self._run.library.key, self._run.checkpoint()),
         }
 
     def __setstate__(self, kept: dict[str, Any]) -> None:
@@ -89,7 +89,7 @@ class Stepper:
         self._run = self._begun(self._options)
         self._run.present()
         if self._run.library.key == library:
-            self._run.recall(memory)
+            self._run.restore(memory)
         if status not in (Status.DONE, Status.RUNNING):
             self._run.status = status
 

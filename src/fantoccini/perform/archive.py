@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.contract import EVENT_AT, EventKind
+from fantoccini.contract import EVENT_AT, EventCode
 from fantoccini.errors import Status
 from fantoccini.marionette import Marionette, PortableWorld
 from fantoccini.motion import State
@@ -114,7 +114,7 @@ def _events(marionette: Marionette, events: Array) -> Array:
     n = len(marionette.tree.blamable)
     for event in events:
         kind, row = event[EVENT_AT["kind"]], event[EVENT_AT["row"]]
-        if kind not in list(EventKind) or row not in range(-1, n):
+        if kind not in list(EventCode) or row not in range(-1, n):
             raise ValueError(f"found an event of the kind {kind:g} at the row {row:g}")
     return events
 

@@ -197,16 +197,21 @@ def _axes(axes: tuple[str, ...]) -> tuple[str, ...]:
 Axes = Annotated[tuple[Literal["x", "y", "z"], ...], AfterValidator(_axes)]
 
 
+def rotation_rows(w: Any, x: Any, y: Any, z: Any) -> list[list[Any]]:
+    """Entries of the rotation matrix of a unit quaternion of numbers, arrays or symbols."""
+    X, Y, Z = 2 * x, 2 * y, 2 * z
+    xx, yy, zz, xy, xz, yz = x * X, y * Y, z * Z, x * Y, x * Z, y * Z
+    wx, wy, wz = w * X, w * Y, w * Z
+    return [
+        [1 - (yy + zz), xy - wz, xz + wy],
+        [xy + wz, 1 - (xx + zz), yz - wx],
+        [xz - wy, yz + wx, 1 - (xx + yy)],
+    ]
+
+
 def rotation_matrix(quaternion: tuple[float, ...]) -> np.ndarray:
     """Rotation matrix (3, 3) of a unit quaternion w, x, y, z."""
-    w, x, y, z = quaternion
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    return np.array(rotation_rows(*quaternion))
 
 
 def rotation_vector_quaternion(vector: tuple[float, ...]) -> tuple[float, ...]:

@@ -1,4 +1,4 @@
-"""The compiled puppet: the one package that speaks to the shared library, through ctypes."""
+"""The compiled puppet: the only package that calls the shared library, through ctypes."""
 
 from fantoccini.runtime import memory
 from fantoccini.runtime.batch import Batch, BatchLibrary, default_threads
@@ -11,8 +11,8 @@ from fantoccini.runtime.clearance import (
     Solids,
 )
 from fantoccini.runtime.compiled import Complementarity, Library, Run
-from fantoccini.runtime.functions import Loaded, whole
-from fantoccini.runtime.outside import OutsideRun
+from fantoccini.runtime.external import ExternalRun
+from fantoccini.runtime.functions import Functions, Loaded, whole
 from fantoccini.runtime.rollouts import (
     POINT,
     POSE,
@@ -25,7 +25,6 @@ from fantoccini.runtime.rollouts import (
     RolloutSettings,
     Segments,
 )
-from fantoccini.runtime.slopes import Slopes
 from fantoccini.runtime.structures import RunOptions
 
 __all__ = [
@@ -41,18 +40,18 @@ __all__ = [
     "BatchLibrary",
     "ClearanceLibrary",
     "Complementarity",
+    "ExternalRun",
+    "Functions",
     "Funnel",
     "GoalNumbers",
     "Library",
     "Loaded",
-    "OutsideRun",
     "RolloutLibrary",
     "RolloutPool",
     "RolloutSettings",
     "Run",
     "RunOptions",
     "Segments",
-    "Slopes",
     "Solids",
     "default_threads",
     "memory",

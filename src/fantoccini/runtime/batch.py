@@ -1,8 +1,4 @@
-"""Many trajectories at once: the Python side of ``cpp/fantoccini/batch.hpp``.
-
-A batch is a pool of trajectories that any number of threads work on; the interpreter's lock is
-released while they do.
-"""
+"""Many trajectories at once, on any number of threads (``cpp/fantoccini/batch.hpp``)."""
 
 from __future__ import annotations
 
@@ -19,11 +15,8 @@ from fantoccini.contract import PARTS
 from fantoccini.runtime.functions import Loaded, pointer
 from fantoccini.runtime.structures import UNLIMITED, RunOptions, structures
 
-_LOOK_SECONDS = 0.05
-"""How often the batch is looked at for progress and Ctrl-C."""
-
-
-_Shared, _BatchArrays = structures["Shared"], structures["BatchArrays"]
+_POLL_INTERVAL = 0.05
+"""Between looks at the progress and for Ctrl-C [s]."""
 
 
 class BatchLibrary:
@@ -33,37 +26,37 @@ class BatchLibrary:
         width: trajectories that are advanced together, in lanes.
 
     Args:
-        source: what makes the runs: a library of lanes, or the puppet's own, one at a time.
+        loaded: a library of lanes, or the puppet's own, which advances one at a time.
     """
 
-    def __init__(self, source: Loaded):
-        self.handle, self.width = source.handle, source.width
-        self.handle.fan_batch_new.restype = ctypes.c_void_p
-        self.handle.fan_batch_done.restype = ctypes.c_double
+    def __init__(self, loaded: Loaded):
+        self.dll, self.width = loaded.dll, loaded.width
+        self.dll.fan_batch_new.restype = ctypes.c_void_p
+        self.dll.fan_batch_done.restype = ctypes.c_double
         for name in ("free", "stop", "done", "work"):
-            getattr(self.handle, f"fan_batch_{name}").argtypes = [ctypes.c_void_p]
+            getattr(self.dll, f"fan_batch_{name}").argtypes = [ctypes.c_void_p]
 
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """What a batch begins with and where its results go. n trajectories, T rows each.
+    """Starts and results of n trajectories with T samples each.
 
-    What begins a trajectory has (n, ...) or, where all share it, (1, ...).
+    Starts and inputs are (n, ...), or (1, ...) where all trajectories share them.
 
     Attributes:
         n: trajectories.
-        t, t_end: begin and end of all [s].
+        t, t_end: start and end of all [s].
         q_D, v_D, slip: the start states.
-        breaks, coef, base, force: the inputs, bound; ``force`` may be None.
+        breaks, coef, base, force: the bound inputs; ``force`` may be None.
         p: (n_p,) parameters.
-        winches: (n_strings, 3) as of :class:`fantoccini.runtime.Run`.
-        options: numbers that steer the runs.
-        times: (T,) of the rows; the event-driven ones take them, the fixed steps make them [s].
-        parts: name of a part -> (n, T, width), written where a trajectory gets that far.
-        status, reached, violation: (n,) how each ended, when [s], worst violation (of
+        winches: (n_strings, 3) as for :class:`fantoccini.runtime.Run`.
+        options: of the runs.
+        times: (T,) of the samples: read by event-driven runs, written by fixed steps [s].
+        parts: name of a part -> (n, T, width), written as far as a trajectory gets.
+        status, reached, violation: (n,) how and when each ended [s], largest violation (of
             fixed steps).
         catches, releases: (n,).
-        blame: (n, n_rows + n_watched) rows and drives that are to blame for the status, 0 to 1.
+        blame: (n, n_rows + n_watched) share of rows and drives in the blame for the status, 0 to 1.
         end_q_D, end_v_D: (n, ...) the configuration and velocities reached.
     """
 
@@ -92,23 +85,26 @@ class Batch:
     end_v_D: Array
 
     def run(
-        self, library: BatchLibrary, threads: int, look: Callable[[float], None] | None = None
+        self, library: BatchLibrary, threads: int, progress: Callable[[float], None] | None = None
     ) -> None:
-        """Works the batch off. Ctrl-C stops the workers and is raised again.
+        """Simulates all trajectories. Ctrl-C stops the threads and is raised again.
 
         Args:
-            library: what advances the trajectories.
-            threads: workers.
-            look: told now and then how much is done, 0 to 1.
+            library: advances the trajectories.
+            threads: that share the work.
+            progress: called now and then with the share that is done, 0 to 1.
+
+        Raises:
+            MemoryError: no memory for the batch.
         """
         arrays, kept = self._arrays()
-        pool = library.handle.fan_batch_new(ctypes.byref(arrays))
+        pool = library.dll.fan_batch_new(ctypes.byref(arrays))
         if not pool:
             raise MemoryError("no memory for a batch")
         failed: list[int] = []
 
         def work() -> None:
-            failed.append(library.handle.fan_batch_work(pool))
+            failed.append(library.dll.fan_batch_work(pool))
 
         workers = [threading.Thread(target=work, daemon=True) for _ in range(threads)]
         try:
@@ -117,21 +113,21 @@ class Batch:
             working = True
             while working:
                 for worker in workers:
-                    worker.join(_LOOK_SECONDS / threads)
+                    worker.join(_POLL_INTERVAL / threads)
                 working = any(worker.is_alive() for worker in workers)
-                if look:
-                    look(library.handle.fan_batch_done(pool) / self.n)
+                if progress:
+                    progress(library.dll.fan_batch_done(pool) / self.n)
         finally:
-            library.handle.fan_batch_stop(pool)
+            library.dll.fan_batch_stop(pool)
             for worker in workers:
                 if worker.ident is not None:
                     worker.join()
-            library.handle.fan_batch_free(pool)
+            library.dll.fan_batch_free(pool)
             del kept
         if all(failed):
             raise MemoryError("no memory for the workers of a batch")
 
-    def _arrays(self) -> tuple[_BatchArrays, list[Array]]:
+    def _arrays(self) -> tuple[ctypes.Structure, list[Array]]:
         """The structure, and the arrays that must live as long as it is read."""
         kept: list[Array] = []
 
@@ -139,13 +135,13 @@ class Batch:
             kept.append(np.ascontiguousarray(a, dtype=float))
             return pointer(kept[-1])
 
-        def shared(a: Array | None) -> _Shared:
+        def shared(a: Array | None) -> ctypes.Structure:
             if a is None:
-                return _Shared(None, 0)
-            first = held(a)
-            return _Shared(first, 0 if len(a) == 1 else int(np.prod(a.shape[1:])))
+                return structures["Shared"](None, 0)
+            stride = 0 if len(a) == 1 else int(np.prod(a.shape[1:]))
+            return structures["Shared"](held(a), stride)
 
-        arrays = _BatchArrays(
+        arrays = structures["BatchArrays"](
             n=self.n, t=self.t, t_end=self.t_end,
             q_D=shared(self.q_D), v_D=shared(self.v_D), slip=shared(self.slip),
             n_segments=self.coef.shape[1],
@@ -154,7 +150,7 @@ class Batch:
             p=held(self.p), winches=held(np.minimum(self.winches, UNLIMITED)),
             options=self.options.structure(),
             save_every=self.options.save_every,
-            save_at=held(self.times), n_rows=len(self.times),
+            save_at=held(self.times), n_samples=len(self.times),
             **{
                 name: pointer(getattr(self, name))
                 for name in (
@@ -170,7 +166,7 @@ class Batch:
 
 
 def default_threads() -> int:
-    """The processors this process may use."""
+    """Number of processors that this process may use."""
     try:
         return len(os.sched_getaffinity(0))
     except AttributeError:

@@ -1,4 +1,4 @@
-"""Clearances of many configurations, by a puppet's compiled library of them."""
+"""Clearances of many configurations, measured by a puppet's compiled library."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from types import FrameType
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fantoccini.arrays import Array
 from fantoccini.contract import STRUCTURES, SolidKind
@@ -21,44 +22,45 @@ from fantoccini.runtime.structures import dtype_of, structures
 SEGMENT, BOX, HALF_SPACE = SolidKind
 """Kinds of solids."""
 
-ClearanceArrays = structures["ClearanceArrays"]
-
 SOLID = dtype_of(next(s for s in STRUCTURES if s.name == "Solid"))
-"""A solid: a link's number, -1 for the world; a mesh's, -1 for none; R column by column."""
+"""A solid: index of its link, -1 for the world; index of its mesh, -1 for none; R by columns."""
 
-_EXACT = dict(ClearanceArrays._fields_)["exact"]
+_EXACT: Any = next(f[1] for f in structures["ClearanceArrays"]._fields_ if f[0] == "exact")
 
-_APART = 4096
-"""Configurations from which on they are dealt to threads."""
+_CONFIGURATIONS_PER_THREAD = 4096
+"""Fewer take less time than a thread takes to start."""
+
+
+Records = NDArray[np.void]
 
 
 @dataclass(frozen=True, eq=False)
 class Solids:
-    """What is measured against what.
+    """Solids, and which of them clearance is measured between.
 
     Attributes:
-        moving, standing: (n,) ``SOLID``.
-        pairs: (n, 2) numbers of moving solids that are measured against one another.
-        string_radius: (n_strings,) of strings against standing solids [m]; negative: not at all.
-        exact: distance of two placed solids (``SOLID`` records) one of which is a mesh, before
-            radii are taken off [m]; negative where they overlap. None where there is no mesh.
+        moving, standing: (n,) ``SOLID``; every moving one is measured against all standing ones.
+        pairs: (n, 2) indices of moving solids that are measured against one another.
+        string_radius: (n_strings,) of strings against standing solids [m]; negative: not measured.
+        exact: distance of two placed solids (``SOLID`` records) one of which is a mesh, without
+            radii [m]; negative where they overlap. None without meshes.
     """
 
-    moving: np.ndarray
-    standing: np.ndarray
-    pairs: np.ndarray
+    moving: Records
+    standing: Records
+    pairs: NDArray[np.int32]
     string_radius: Array
     exact: Callable[[np.void, np.void], float] | None = None
 
     @classmethod
     def none(cls, n_strings: int) -> Solids:
-        """Nothing is measured."""
+        """No solids: clearance is infinite."""
         solids = np.zeros(0, dtype=SOLID)
         return cls(solids, solids, np.zeros((0, 2), dtype=np.int32), np.full(n_strings, -1.0))
 
 
-def clearance_arrays(solids: Solids, exact: Exact, kept: list[np.ndarray]) -> Any:
-    """As the library takes them; ``exact`` and ``kept`` must live as long as that."""
+def clearance_arrays(solids: Solids, exact: Exact, kept: list[Any]) -> ctypes.Structure:
+    """The structure; ``exact`` and ``kept`` must live as long as it is read."""
     held = {
         "moving": np.ascontiguousarray(solids.moving, dtype=SOLID),
         "standing": np.ascontiguousarray(solids.standing, dtype=SOLID),
@@ -67,15 +69,15 @@ def clearance_arrays(solids: Solids, exact: Exact, kept: list[np.ndarray]) -> An
     }
     kept += held.values()
     counts = {f"n_{name}": len(held[name]) for name in ("moving", "standing", "pairs")}
-    places = {name: pointer(array) for name, array in held.items()}
-    return ClearanceArrays(**counts, **places, exact=exact.function)
+    addresses = {name: pointer(array) for name, array in held.items()}
+    return structures["ClearanceArrays"](**counts, **addresses, exact=exact.function)
 
 
 class Exact:
-    """``Solids.exact`` as the library calls it: ``with`` it, the library may be called.
+    """``Solids.exact`` as a C callback; call the library inside ``with``.
 
-    What it raises cannot pass through compiled code: all then overlaps, so that the call soon ends,
-    and the end of ``with`` raises it.
+    An exception cannot pass through compiled code: the callback then reports overlap, so that the
+    call soon ends, and leaving ``with`` raises it.
 
     Args:
         solids: whose function it is.
@@ -83,20 +85,23 @@ class Exact:
 
     def __init__(self, solids: Solids):
         self._raised: list[BaseException] = []
-        self._handler: Any = None
+        self._handler: Callable[[int, FrameType | None], Any] | None = None
         raised, exact = self._raised, solids.exact
+        if exact is None:
+            self.function = _EXACT()
+            return
 
-        def asked(x: int, y: int) -> float:
+        def callback(x: int, y: int) -> float:
             try:
                 return -1.0 if raised else exact(_record(x), _record(y))
             except BaseException as error:
                 raised.append(error)
                 return -1.0
 
-        self.function = _EXACT() if exact is None else _EXACT(asked)
+        self.function = _EXACT(callback)
 
     def __enter__(self) -> Exact:
-        # Ctrl-C would be raised on entry to `asked`, before its `try`, and be lost.
+        # Ctrl-C would be raised on entry to `callback`, before its `try`, and be lost.
         if self.function and threading.current_thread() is threading.main_thread():
             handler = signal.getsignal(signal.SIGINT)
             if callable(handler):
@@ -112,13 +117,15 @@ class Exact:
 
     def _interrupted(self, number: int, frame: FrameType | None) -> None:
         try:
-            self._handler(number, frame)
+            if self._handler is not None:
+                self._handler(number, frame)
         except BaseException as error:
             self._raised.append(error)
 
 
 def _record(address: int) -> np.void:
-    return np.frombuffer((ctypes.c_char * SOLID.itemsize).from_address(address), SOLID)[0].copy()
+    solid: np.void = np.frombuffer(ctypes.string_at(address, SOLID.itemsize), SOLID)[0].copy()
+    return solid
 
 
 class ClearanceLibrary(Loaded):
@@ -126,20 +133,22 @@ class ClearanceLibrary(Loaded):
 
     def measure(
         self, solids: Solids, q_D: Array, q_K: Array, p: Array, threads: int
-    ) -> tuple[Array, np.ndarray]:
-        """The least distance at each of n configurations, and the number of the pair that has it.
+    ) -> tuple[Array, NDArray[np.int64]]:
+        """The clearance at each of n configurations, and the index of the pair that has it.
 
         Args:
             solids: what is measured.
             q_D, q_K: (n, n_qD), (n, n_qK).
             p: (n_p,) parameters.
-            threads: that share the work where there is much of it.
+            threads: that share the work of many configurations.
 
         Returns:
-            (n,) [m], and (n,) numbers in the order of ``Clearance::measure``; -1 where nothing is
-            measured.
+            (n,) [m], and (n,) indices in the order of ``Clearance::measure``; -1 without pairs.
+
+        Raises:
+            MemoryError: no memory.
         """
-        kept: list[np.ndarray] = []
+        kept: list[Any] = []
         n = len(q_D)
         q_D, q_K, p = (np.ascontiguousarray(a, dtype=float) for a in (q_D, q_K, p))
         clearance, pair = np.empty(n), np.empty(n, dtype=np.int64)
@@ -150,13 +159,13 @@ class ClearanceLibrary(Loaded):
         def work(first: int, last: int) -> None:
             part = slice(first, last)
             failed.append(
-                self.handle.fan_clearance(
+                self.dll.fan_clearance(
                     ctypes.c_longlong(last - first), pointer(q_D[part]), pointer(q_K[part]),
                     pointer(p), ctypes.byref(arrays), pointer(clearance[part]), pointer(pair[part]),
                 )
             )  # fmt: skip
 
-        parts = max(1, min(threads, n // _APART))
+        parts = max(1, min(threads, n // _CONFIGURATIONS_PER_THREAD))
         ends = np.linspace(0, n, parts + 1).astype(int)
         others = [threading.Thread(target=work, args=span) for span in pairwise(ends[1:])]
         with exact:

@@ -1,7 +1,7 @@
-"""A puppet's shared library and its runs.
+"""A puppet's compiled library and its runs.
 
-A :class:`Library` evaluates the generated functions over whole arrays; a :class:`Run` holds one
-simulation and hands out rows and events in pieces, so that a progress bar can move and Ctrl-C
+A :class:`Library` evaluates the generated functions over whole arrays; a :class:`Run` is one
+simulation, which returns samples and events in pieces so that a progress bar can move and Ctrl-C
 works between them. ctypes releases the interpreter's lock during every call.
 """
 
@@ -11,23 +11,16 @@ import ctypes
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from fantoccini.arrays import Array, MaskRows
-from fantoccini.contract import EVENT, ROW, Solved, width
+from fantoccini.contract import EVENT, SAMPLE, Solved, width
 from fantoccini.errors import ARRIVED, Status
 from fantoccini.motion import Input, State
 from fantoccini.runtime import memory
 from fantoccini.runtime.functions import Functions, pointer
-from fantoccini.runtime.structures import (
-    UNLIMITED,
-    RecordArrays,
-    RunOptions,
-    input_arrays,
-    structures,
-)
+from fantoccini.runtime.structures import UNLIMITED, RunOptions, input_arrays, structures
 from fantoccini.tree import Tree
 
 
@@ -35,22 +28,23 @@ class Library(Functions):
     """A puppet's compiled functions and runs.
 
     Attributes:
-        key: of its folder in the cache, which no other puppet, compiler or version has.
+        key: of its folder in the cache; unique to puppet, compiler and version.
+        n_blamable: rows and drives that a status may blame, n_rows + n_watched.
 
     Args:
         path: the shared library.
         tree: the tree it was generated from.
 
     Raises:
-        BuildError: it cannot be loaded, or is not this tree's.
+        BuildError: it cannot be loaded, or belongs to another tree.
     """
 
     def __init__(self, path: Path, tree: Tree):
         super().__init__(path, tree.sizes)
         self.key = path.parent.name
         self.n_blamable = len(tree.blamable)
-        self.handle.fan_new.restype = ctypes.c_void_p
-        self.handle.fan_free.argtypes = [ctypes.c_void_p]
+        self.dll.fan_new.restype = ctypes.c_void_p
+        self.dll.fan_free.argtypes = [ctypes.c_void_p]
 
     def complementarity(
         self,
@@ -60,14 +54,17 @@ class Library(Functions):
         upper: Array | None = None,
         guess: MaskRows | None = None,
     ) -> Complementarity:
-        """0 <= x <= upper, s = W^T W x - b: >= 0 at x = 0, <= 0 at x = upper, 0 between.
+        """Solves 0 <= x <= upper, s = W^T W x - b: >= 0 at x = 0, <= 0 at x = upper, 0 between.
 
         Args:
-            W: (n_vD, n) a column a row; at most as many as the puppet has rows.
+            W: (n_vD, n), a column for each row; at most as many as the puppet has rows.
             b: (n,).
-            two_sided: (n,) rows with s = 0 and x of any sign; none when not given.
-            upper: (n,) bounds of x; none when not given.
-            guess: (n,) rows that are expected to have x > 0; all when not given.
+            two_sided: (n,) rows with s = 0 and x of either sign; none by default.
+            upper: (n,) bounds of x; none by default.
+            guess: (n,) rows expected to have x > 0; all by default.
+
+        Raises:
+            ValueError: too many rows, or another shape.
         """
         n = len(b)
         if n > self.sizes["n_rows"]:
@@ -80,7 +77,7 @@ class Library(Functions):
         active = np.ones(n, bool) if guess is None else guess
         sides, active = (a.astype(np.int32) for a in (sides, active))
         x, s, ray = np.zeros(n), np.zeros(n), np.zeros(n)
-        status = self.handle.fan_complementarity(
+        status = self.dll.fan_complementarity(
             n, pointer(columns), pointer(b), pointer(upper), pointer(sides),
             pointer(active), pointer(x), pointer(s), pointer(ray),
         )  # fmt: skip
@@ -91,14 +88,14 @@ class Library(Functions):
 
 @dataclass(frozen=True, eq=False)
 class Complementarity:
-    """What :meth:`Library.complementarity` found.
+    """The result of :meth:`Library.complementarity`.
 
     Attributes:
         x: (n,) of least norm where several give the same motion.
         s: (n,).
-        solved: whether x and s are the answer.
-        ray: (n,) where there is none: y >= 0 with W y = 0 and b . y > 0, which says that the rows
-            with y > 0 cannot hold together.
+        solved: whether x and s are a solution.
+        ray: (n,) y >= 0 with W y = 0 and b . y > 0 where none exists: the rows with y > 0
+            contradict one another.
     """
 
     x: Array
@@ -112,19 +109,22 @@ class Run:
 
     Args:
         library: the compiled puppet.
-        method: ``event``, or another one of those that the library makes runs of.
-        options: numbers that steer it.
-        x0: where it starts.
+        method: ``event``, or the fixed-step method of the library.
+        options: of the run.
+        x0: start.
         p: (n_p,) parameters.
         winches: (n_strings, 3) largest tension [N], rewinding speed [m/s], restitution.
         inputs: bound inputs.
-        save_at: (n,) increasing times at which the event-driven run writes rows [s].
+        save_at: (n,) increasing times of samples, event-driven [s].
+
+    Attributes:
+        status: RUNNING, or how the run ended.
     """
 
-    rows_at_once = 512
-    events_at_once = 1024
-    steps_at_once = 200
-    """Bound on the steps of one call, so that bars move and Ctrl-C is answered at once."""
+    samples_per_piece = 512
+    events_per_piece = 1024
+    steps_per_piece = 200
+    """Few enough that progress bars move and Ctrl-C is answered at once."""
 
     def __init__(
         self,
@@ -138,17 +138,17 @@ class Run:
         save_at: Array | None = None,
     ):
         self.library = library
-        self._run = ctypes.c_void_p(library.handle.fan_new(int(method == "event")))
+        self._run = ctypes.c_void_p(library.dll.fan_new(int(method == "event")))
         if not self._run:
             raise MemoryError("no memory for a run")
         self._keep = np.ascontiguousarray(save_at if save_at is not None else [], dtype=float)
-        n_row = self.rows_at_once
-        n_event = max(self.events_at_once, 16 * library.n_blamable + 64)
-        self._rows = np.zeros((n_row, width(ROW, library.sizes)))
-        self._events = np.zeros((n_event, len(EVENT)))
-        self._record = RecordArrays(
-            rows=pointer(self._rows), row_capacity=n_row,
-            events=pointer(self._events), event_capacity=n_event,
+        n_samples = self.samples_per_piece
+        n_events = max(self.events_per_piece, 16 * library.n_blamable + 64)
+        self._samples = np.zeros((n_samples, width(SAMPLE, library.sizes)))
+        self._events = np.zeros((n_events, len(EVENT)))
+        self._record = structures["RecordArrays"](
+            samples=pointer(self._samples), sample_capacity=n_samples,
+            events=pointer(self._events), event_capacity=n_events,
         )  # fmt: skip
         self._taken_bytes, self._bound = 0.0, memory.bound(0.0, options.max_memory)
         arrays, held = input_arrays(inputs)
@@ -164,7 +164,7 @@ class Run:
             save_every=options.save_every,
         )  # fmt: skip
         self.status = Status(
-            library.handle.fan_start(
+            library.dll.fan_start(
                 self._run, ctypes.byref(start), ctypes.byref(self._record)
             )
         )
@@ -172,26 +172,25 @@ class Run:
 
     def __del__(self) -> None:
         if getattr(self, "_run", None):
-            self.library.handle.fan_free(self._run)
-            self._run = None
+            self.library.dll.fan_free(self._run)
+            self._run = ctypes.c_void_p()
 
     def advance(self, t_end: float) -> Iterator[tuple[Array, Array]]:
-        """Runs until ``t_end`` or until something stops it; yields (rows, events) pieces.
+        """Yields pieces (samples, events) until ``t_end`` or until something stops the run.
 
-        The status afterwards says how it ended; the pieces of one call are kept within the bound
-        on memory.
+        ``status`` then says how it ended. The pieces of one call stay within the memory bound.
         """
         self._taken_bytes = 0.0
         yield self._taken()
         while self.status in (Status.RUNNING, *ARRIVED):
             if self._is_full:
-                self.status = Status.TOO_MANY_ROWS
+                self.status = Status.TOO_MANY_SAMPLES
                 return
             self.status = Status(
-                self.library.handle.fan_run(
+                self.library.dll.fan_run(
                     self._run,
                     ctypes.c_double(t_end),
-                    ctypes.c_longlong(self.steps_at_once),
+                    ctypes.c_longlong(self.steps_per_piece),
                     ctypes.byref(self._record),
                 )
             )
@@ -200,62 +199,63 @@ class Run:
                 return
 
     def present(self) -> tuple[Array, Array]:
-        """The present state as a row (rows, events)."""
-        self.library.handle.fan_emit(self._run, ctypes.byref(self._record))
+        """(samples, events) with the present state as a sample."""
+        self.library.dll.fan_emit(self._run, ctypes.byref(self._record))
         return self._taken()
 
     def set_input(self, inputs: Input) -> None:
-        """New bound inputs from the present time on."""
+        """Replaces the inputs, bound, from the present time on."""
         arrays, held = input_arrays(inputs)
-        self.library.handle.fan_set_input(self._run, ctypes.byref(arrays))
+        self.library.dll.fan_set_input(self._run, ctypes.byref(arrays))
         del held
 
-    def memory(self) -> bytes:
-        """What the run knows beside its inputs, for :meth:`recall`."""
-        call = self.library.handle.fan_memory
+    def checkpoint(self) -> bytes:
+        """The whole state of the run except its inputs, for :meth:`restore`."""
+        call = self.library.dll.fan_memory
         call.restype = ctypes.c_longlong
         kept = ctypes.create_string_buffer(call(self._run, None, None))
         call(self._run, kept, None)
         return kept.raw
 
-    def recall(self, memory: bytes) -> None:
-        """Goes on as the run did that ``memory`` is of, from :meth:`set_input` on.
+    def restore(self, checkpoint: bytes) -> None:
+        """Continues as the run of a checkpoint did after its last :meth:`set_input`.
 
         Args:
-            memory: of a run of the same library and method.
+            checkpoint: of a run of the same library and method.
 
         Raises:
             ValueError: it is of another library or method.
         """
-        if len(memory) != len(self.memory()):
-            raise ValueError("this memory is of a run of another library or method")
-        self.library.handle.fan_memory(self._run, None, memory)
+        if len(checkpoint) != len(self.checkpoint()):
+            raise ValueError("this checkpoint is of a run of another library or method")
+        self.library.dll.fan_memory(self._run, None, checkpoint)
         self.present()
 
     @property
-    def progress(self) -> Any:
-        """``steps`` taken, ``t`` reached [s], worst ``violation`` so far (of fixed steps) [m]."""
+    def progress(self) -> ctypes.Structure:
+        """``steps`` taken, ``t`` reached [s], largest ``violation`` (of fixed steps) [m or rad]."""
         out = structures["RunProgress"]()
-        self.library.handle.fan_progress(self._run, ctypes.byref(out))
+        self.library.dll.fan_progress(self._run, ctypes.byref(out))
         return out
 
     @property
     def blame(self) -> Array:
-        """(n_rows + n_watched,) how much each row and drive is to blame for the status, 0 to 1."""
+        """(n_blamable,) share of the blame for the status of each row and drive, 0 to 1."""
         out = np.zeros(self.library.n_blamable)
-        self.library.handle.fan_blame(self._run, int(self.status), pointer(out))
+        self.library.dll.fan_blame(self._run, int(self.status), pointer(out))
         return out
 
     def _taken(self) -> tuple[Array, Array]:
-        rows = self._rows[: self._record.n_rows].copy()
-        events = self._events[: self._record.n_events].copy()
-        self._record.n_rows = self._record.n_events = 0
-        self._taken_bytes += memory.bytes_of(*rows.shape) + memory.EVENT_BYTES * len(events)
-        return rows, events
+        record = self._record
+        samples = self._samples[: record.n_samples].copy()
+        events = self._events[: record.n_events].copy()
+        record.n_samples = record.n_events = 0
+        self._taken_bytes += memory.bytes_of(*samples.shape) + memory.MEMORY.event * len(events)
+        return samples, events
 
     @property
     def _is_full(self) -> bool:
-        """Whether what was handed out since :meth:`advance` began is all that may be kept."""
+        """Whether the pieces since :meth:`advance` began have reached the memory bound."""
         if not np.isfinite(self._bound):
             self._bound = memory.bound(self._taken_bytes, None)
         return self._taken_bytes > self._bound

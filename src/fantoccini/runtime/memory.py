@@ -1,55 +1,67 @@
-"""How much memory there is, and what the rows of a run take of it."""
+"""Memory that a run may take, and memory that its samples need."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-_UNKNOWN = 4e9
-"""Bytes that are taken to be free where the system does not say."""
-_FEW = 5e7
-"""Bytes that are there."""
-_NUMBER = 8
-"""Bytes."""
-ROW_COPIES = 4
-"""Numbers that a run needs for each one that it writes: its pieces, those joined, its columns,
-and what is computed from them. 3.1 to 3.3 were measured."""
-EVENT_BYTES = 500
-"""Of an event, as it is written and as it is given."""
+
+class MemoryModel(NamedTuple):
+    """Numbers of the memory bound.
+
+    Attributes:
+        assumed_free: taken to be free where the system does not say [bytes].
+        always_free: granted without looking, which costs a file read [bytes].
+        number: size of a double [bytes].
+        copies: doubles needed for each one saved: pieces, joined pieces, columns, and results
+            computed from them; 3.1 to 3.3 were measured.
+        event: as written and as handed out [bytes].
+    """
+
+    assumed_free: float = 4e9
+    always_free: float = 5e7
+    number: int = 8
+    copies: int = 4
+    event: int = 500
+
+
+MEMORY = MemoryModel()
 
 _GROUPS = (
     ("memory.max", "memory.current", "inactive_file"),
     ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes", "total_inactive_file"),
 )
-"""Limit, use, and the part of it that can be had back, of both kinds of control groups."""
+"""Limit, use, and the reclaimable part of it, for both kinds of control groups."""
 
 
 def bound(need: float, given: float | None) -> float:
     """What may be taken [bytes]: what was given, or half of what is free.
 
     Args:
-        need: bytes that are asked for; what is free is not looked up for the sake of few.
+        need: bytes asked for; little memory is granted without looking up what is free.
         given: None where nothing was.
     """
     if given is not None:
         return given
-    return np.inf if need < _FEW else allowed()
+    return np.inf if need < MEMORY.always_free else allowed()
 
 
 def allowed() -> float:
     """Half of the memory that this process can still have [bytes]."""
-    return 0.5 * min(filter(None, (_free(), _of_group(), _of_process())), default=_UNKNOWN)
+    free = filter(None, (_free(), _of_group(), _of_process()))
+    return 0.5 * min(free, default=MEMORY.assumed_free)
 
 
-def bytes_of(n_rows: float, width: int) -> float:
-    """What a run of some rows needs until it is given [bytes]."""
-    return ROW_COPIES * _NUMBER * n_rows * width
+def bytes_of(n_samples: float, width: int) -> float:
+    """Memory that a run needs for samples of so many numbers, until it is returned [bytes]."""
+    return MEMORY.copies * MEMORY.number * n_samples * width
 
 
 def _free() -> float | None:
-    """Of the machine."""
+    """Free memory of the machine [bytes]."""
     for line in _text(Path("/proc/meminfo")).splitlines():
         if line.startswith("MemAvailable:"):
             return 1024.0 * int(line.split()[1])
@@ -60,7 +72,7 @@ def _free() -> float | None:
 
 
 def _of_group(root: Path = Path("/sys/fs/cgroup")) -> float | None:
-    """Of the control group, as containers have one."""
+    """Free memory of the control group, as containers have one [bytes]."""
     for limit, use, spare in _GROUPS:
         most, used = _text(root / limit).strip(), _text(root / use).strip()
         if most.isdigit() and used.isdigit():
@@ -71,7 +83,7 @@ def _of_group(root: Path = Path("/sys/fs/cgroup")) -> float | None:
 
 
 def _of_process() -> float | None:
-    """Of the process, where its addresses are limited (``ulimit -v``)."""
+    """Free addresses of the process, where they are limited (``ulimit -v``) [bytes]."""
     try:
         import resource
 

@@ -150,7 +150,7 @@ class RolloutLibrary(Loaded):
         states = [_held(a, kept) for a in (q_D, v_D, q_K, v_K, p)]
         found = np.empty(len(q_D))
         n = ctypes.c_longlong(len(q_D))
-        self.handle.fan_goal_distances(n, *states, ctypes.byref(structure), pointer(found))
+        self.dll.fan_goal_distances(n, *states, ctypes.byref(structure), pointer(found))
         return found
 
 
@@ -291,7 +291,7 @@ class RolloutPool:
         progress = _RolloutProgress(next=0, reached=arrays.n)
 
         def work() -> int:
-            return self._library.handle.fan_rollouts(
+            return self._library.dll.fan_rollouts(
                 ctypes.byref(arrays), ctypes.byref(progress)
             )
 

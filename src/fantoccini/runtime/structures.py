@@ -1,4 +1,4 @@
-"""The structures that Python and the shared library share, as ctypes and NumPy have them."""
+"""The structures shared with the compiled library, for ctypes and NumPy."""
 
 from __future__ import annotations
 
@@ -15,33 +15,32 @@ from fantoccini.motion import Input
 from fantoccini.runtime.functions import pointer, whole
 
 UNLIMITED = 1e300
-"""A bound that is none, as the runtime has it."""
+"""A bound that never binds, for compiled code."""
 
 _NUMBERS = {"int": ctypes.c_int, "long long": ctypes.c_longlong, "double": ctypes.c_double}
 
 
-class Numbers:
-    """Of a C structure, first among its bases: its integers are checked against their widths."""
+class Numbers(ctypes.Structure):
+    """A C structure that refuses integers too large for their fields."""
 
-    def __setattr__(self, name: str, value: object) -> None:
-        kind = next((kind for field, kind in self._fields_ if field == name), None)
-        if kind in (ctypes.c_int, ctypes.c_longlong):
+    def __setattr__(self, name: str, value: Any) -> None:
+        kind = next((field[1] for field in self._fields_ if field[0] == name), None)
+        if kind is ctypes.c_int or kind is ctypes.c_longlong:
             value = whole(name, value, kind)
         super().__setattr__(name, value)
 
 
-def _made() -> dict[str, Any]:
+def _made() -> dict[str, type[ctypes.Structure]]:
     """The ctypes classes of all structures, by name."""
-    made: dict[str, Any] = {}
+    made: dict[str, type[ctypes.Structure]] = {}
     for structure in STRUCTURES:
         fields = [(field.name, _type(field.type, made)) for field in structure.fields]
-        bases = Numbers, ctypes.Structure
-        made[structure.name] = type(structure.name, bases, {"_fields_": fields})
+        made[structure.name] = type(structure.name, (Numbers,), {"_fields_": fields})
     return made
 
 
-def _type(text: str, made: dict[str, Any]) -> Any:
-    """A field's type of C++ as ctypes has it."""
+def _type(text: str, made: dict[str, type[ctypes.Structure]]) -> Any:
+    """The ctypes class of a field's C++ type."""
     if match := re.fullmatch(r"(.+)\[(\d+)\]", text):
         return _type(match[1], made) * int(match[2])
     if match := re.fullmatch(r"(.+?)\((.*)\)", text):
@@ -52,23 +51,19 @@ def _type(text: str, made: dict[str, Any]) -> Any:
     return _NUMBERS.get(text) or made[text]
 
 
-structures: dict[str, Any] = _made()
-"""ctypes classes by name; an integer that does not fit its field is refused."""
-
-InputArrays, Options, RecordArrays = (
-    structures[name] for name in ("InputArrays", "Options", "RecordArrays")
-)
+structures: dict[str, type[ctypes.Structure]] = _made()
+"""ctypes classes by name."""
 
 
-def dtype_of(structure: Structure) -> np.dtype:
-    """A structure of numbers and arrays of them as NumPy has it."""
+def dtype_of(structure: Structure) -> np.dtype[np.void]:
+    """The NumPy dtype of a structure of numbers and arrays of them."""
     found = ((f.name, _type(f.type, structures)) for f in structure.fields)
     return np.dtype(list(found), align=True)
 
 
 @dataclass(frozen=True)
 class RunOptions:
-    """Numbers that steer a run; see :func:`fantoccini.simulation.simulate` for their meaning.
+    """Options of a run; see :func:`fantoccini.simulation.simulate` for their meaning.
 
     Attributes:
         rtol, atol: tolerances of the event-driven integrator.
@@ -76,13 +71,13 @@ class RunOptions:
         tension_cap: [N]; also of impulses [N s].
         energy_scale: size of the energies the integrals are compared with [J].
         force_scale: size of the forces that balance at rest, where M_DD is one [kg^1/2 m/s^2].
-        recovery_speed: time-stepping's cap on taking back a violation [m/s].
+        recovery_speed: cap on how fast time-stepping undoes a violation [m/s].
         dt: step of the methods with a fixed one [s].
         max_steps, max_events: bounds.
-        save_steps: write every accepted step of the event-driven integrator.
-        save_every: write every so many of these steps.
-        max_memory: for the rows and events of one run [bytes]; half of what is free when not given.
-        extrapolate: time-stepping takes velocity products half a step on.
+        save_steps: save every accepted step of the event-driven integrator.
+        save_every: fixed steps from sample to sample.
+        max_memory: for the samples and events of one run [bytes]; half of what is free when None.
+        extrapolate: time-stepping takes velocity products half a step ahead.
 
     Raises:
         ValueError: a tolerance, a step or a bound is not positive and finite, or a number of steps
@@ -119,15 +114,15 @@ class RunOptions:
         if self.max_memory is not None and not self.max_memory > 0:
             raise ValueError(f"max_memory is {self.max_memory}; it must be positive [bytes]")
 
-    def structure(self) -> Options:
-        """As the library takes them."""
-        names = [name for name, _ in Options._fields_]
-        return Options(**{name: getattr(self, name) for name in names})
+    def structure(self) -> ctypes.Structure:
+        """The options for the library."""
+        options = structures["Options"]
+        return options(**{field[0]: getattr(self, field[0]) for field in options._fields_})
 
 
-def input_arrays(inputs: Input) -> tuple[InputArrays, list[Array]]:
+def input_arrays(inputs: Input) -> tuple[ctypes.Structure, list[Array]]:
     """The structure, and the arrays that must live as long as it is read."""
     given = {name: getattr(inputs, name) for name in ("breaks", "coef", "base", "force")}
     held = {n: np.ascontiguousarray(a, dtype=float) for n, a in given.items() if a is not None}
-    places = {name: pointer(a) for name, a in held.items()}
-    return InputArrays(n_segments=len(inputs.coef), **places), list(held.values())
+    addresses = {name: pointer(a) for name, a in held.items()}
+    return structures["InputArrays"](n_segments=len(inputs.coef), **addresses), [*held.values()]

@@ -35,8 +35,8 @@ from fantoccini.simulation.weak_motors import weak_motors
 from fantoccini.tree import Tree
 
 _KINDS = {
-    int(code): EventKind.RUNAWAY if code is contract.EventKind.RAN_AWAY else EventKind[code.name]
-    for code in contract.EventKind
+    code: EventKind.RUNAWAY if code is contract.EventCode.RAN_AWAY else EventKind[code.name]
+    for code in contract.EventCode
 }
 _LIMIT_KINDS = {EventKind.CATCH: EventKind.LIMIT_ON, EventKind.RELEASE: EventKind.LIMIT_OFF}
 
@@ -91,8 +91,8 @@ def simulate(
         progress: called with the time reached, for a progress bar [s].
         throw: raise when the run stops before its end; otherwise see its status.
         max_memory: for samples and events [bytes]; half of the free memory when not given. Runs
-            known not to fit are refused; an event-driven run ends with ``TOO_MANY_ROWS`` where its
-            samples no longer fit.
+            known not to fit are refused; an event-driven run ends with ``TOO_MANY_SAMPLES`` where
+            its samples no longer fit.
 
     Raises:
         StateError: ``x0`` violates a string or limit; ``marionette.project(x0)`` repairs it. Or
@@ -180,7 +180,7 @@ def _where(
     if contradicted:
         most = np.max(made.tension.values)
         return f"{text}: {contradicted}. The largest tension was {most:.3g} N"
-    if made.status is Status.TOO_MANY_ROWS:
+    if made.status is Status.TOO_MANY_SAMPLES:
         return f"{text} after {len(made)} samples; write fewer with save_at, or allow max_memory"
     if made.blamed:
         text += f", because of {', '.join(made.blamed)}"

@@ -17,7 +17,7 @@ from scipy import integrate
 from fantoccini.arrays import Array
 from fantoccini.errors import ARRIVED, Status
 from fantoccini.motion import Input, State
-from fantoccini.runtime import Library, OutsideRun, RunOptions
+from fantoccini.runtime import ExternalRun, Library, RunOptions
 from fantoccini.simulation.checks import INTEGRATORS
 from fantoccini.simulation.step import Step
 
@@ -72,13 +72,13 @@ def _options_of(solver: type[integrate.OdeSolver]) -> set[str]:
     return names
 
 
-class ScipyRun(OutsideRun):
+class ScipyRun(ExternalRun):
     """One event-driven simulation in progress, with SciPy's steps.
 
     Args:
         integrator: a name of :data:`INTEGRATORS`, or a subclass of SciPy's ``OdeSolver``. Of rtol,
-            atol, max_step and first_step it gets those that it takes by name.
-        library, options, x0, p, winches, inputs, save_at: as of :class:`OutsideRun`.
+            atol, max_step and first_step it is given those that it takes by name.
+        library, options, x0, p, winches, inputs, save_at: as of :class:`ExternalRun`.
     """
 
     def __init__(
@@ -121,11 +121,11 @@ class ScipyRun(OutsideRun):
         n_steps = 0
         while self.status is Status.RUNNING and self.t < t_end:
             if self._is_full:
-                self.status = Status.TOO_MANY_ROWS
+                self.status = Status.TOO_MANY_SAMPLES
                 break
             self._advance_once(t_end)
             n_steps += 1
-            if n_steps % self.steps_at_once == 0:
+            if n_steps % self.steps_per_piece == 0:
                 self._pieces.append(self._taken())
             while self._pieces:
                 yield self._pieces.pop(0)
@@ -146,7 +146,7 @@ class ScipyRun(OutsideRun):
             return
         if self._solver is None or self._solver.t_bound != end:
             self._solver = self._new_solver(self.t, self.y, end, self._step)
-        solver, before = self._solver, self.mode
+        solver, active_set = self._solver, self.active_set
         solver.step()
         if solver.status == "failed":
             self.status = Status.STEP_TOO_SMALL
@@ -165,7 +165,7 @@ class ScipyRun(OutsideRun):
             self._next_save += 1
         self._make_room()
         drift = np.max(np.abs(self.y - solver.y) / (self._atol + self._rtol * np.abs(self.y)))
-        if event is not None or np.any(self.mode != before) or drift > self._drift:
+        if event is not None or np.any(self.active_set != active_set) or drift > self._drift:
             self._solver = None
 
     def _new_solver(

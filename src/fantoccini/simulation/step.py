@@ -10,7 +10,7 @@ from scipy.integrate import OdeSolver
 from scipy.optimize import brentq, minimize_scalar
 
 from fantoccini.arrays import Array
-from fantoccini.runtime import OutsideRun
+from fantoccini.runtime import ExternalRun
 
 _NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(11) / 10)
 """Where guards are evaluated, shares of the step; closer together near its ends."""
@@ -43,7 +43,7 @@ class Step:
         guards: (n, n_guards) by row and drive, positive where the active set no longer holds.
     """
 
-    run: OutsideRun
+    run: ExternalRun
     y0: Array
     y1: Array
     dense: Callable[[float], Array]
@@ -51,8 +51,8 @@ class Step:
     guards: Array
 
     @classmethod
-    def of(cls, run: OutsideRun, solver: OdeSolver, y1: Array) -> Step:
-        """The step that a solver has just made from the run's present state.
+    def of(cls, run: ExternalRun, solver: OdeSolver, y1: Array) -> Step:
+        """The step from the run's present state that a solver has just made.
 
         Args:
             run: at the start of the step.

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from fantoccini.puppet import Number
+from fantoccini.puppet.values import rotation_rows
 from fantoccini.tree.coordinates import Role
 from fantoccini.tree.structure import WORLD, Link, Point
 
@@ -56,16 +57,50 @@ def _numbers(numbers: tuple[Number, ...], number: Value) -> np.ndarray:
     return np.array([number(n) for n in numbers])
 
 
-def _joint(link: Link, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation (T, 3, 3) and translation (T, 3) of a joint's motion at q (T, n)."""
-    turns, slides = np.broadcast_to(np.eye(3), (len(q), 3, 3)), np.zeros((len(q), 3))
+def joint_transform(
+    link: Link, q: Sequence[Any], cos: Callable[[Any], Any], sin: Callable[[Any], Any]
+) -> tuple[list[list[Any]], list[Any]]:
+    """Rotation (3 x 3 entries) and translation (3 entries) of a joint's motion.
+
+    Args:
+        link: that the joint carries.
+        q: the joint's configuration: numbers, arrays (T,) or symbols.
+        cos, sin: for these.
+    """
+    rotation: list[list[Any]] = np.eye(3).tolist()
+    translation: list[Any] = [0.0, 0.0, 0.0]
     match link.kind:
         case "revolute":
-            turns = Rotation.from_rotvec(q * link.axes[:, 0]).as_matrix()
+            rotation = _axis_rows(link.axes[:, 0].tolist(), cos(q[0]), sin(q[0]))
         case "prismatic" | "translation":
-            slides = q @ link.axes.T
+            columns = link.axes.tolist()
+            translation = [sum(a * x for a, x in zip(row, q, strict=True)) for row in columns]
         case "ball":
-            turns = Rotation.from_quat(q[:, [1, 2, 3, 0]]).as_matrix()
+            rotation = rotation_rows(*q)
         case "free":
-            slides, turns = q[:, :3], Rotation.from_quat(q[:, [4, 5, 6, 3]]).as_matrix()
-    return turns, slides
+            rotation, translation = rotation_rows(*q[3:]), list(q[:3])
+    return rotation, translation
+
+
+def _axis_rows(axis: list[float], c: Any, s: Any) -> list[list[Any]]:
+    """R = c 1 + s [a] + (1 - c) a a^T: rotation about a unit axis by an angle's cosine and sine."""
+    x, y, z = axis
+    skew = ((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))
+    return [
+        [((i == j) - a * b) * c + skew[i][j] * s + a * b for j, b in enumerate(axis)]
+        for i, a in enumerate(axis)
+    ]
+
+
+def _joint(link: Link, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation (T, 3, 3) and translation (T, 3) of a joint's motion at q (T, n)."""
+    if link.kind in ("ball", "free"):
+        unit = q[:, -4:] / np.linalg.norm(q[:, -4:], axis=1, keepdims=True)
+        q = np.hstack([q[:, :-4], unit])
+    rotation, translation = joint_transform(link, list(q.T), np.cos, np.sin)
+    R, r = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
+    for i in range(3):
+        r[:, i] = translation[i]
+        for j in range(3):
+            R[:, i, j] = rotation[i][j]
+    return R, r

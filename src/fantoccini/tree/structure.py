@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -205,7 +206,7 @@ class DriveRow:
         """Whether it is an orientation."""
         return self.v.stop - self.v.start == 3
 
-    def ratio(self, number: Callable[[Number], float]) -> float:
+    def ratio(self, number: Callable[[Number], Any]) -> Any:
         """n: turns of the rotor [rad] per unit of the coordinate.
 
         Args:
@@ -214,7 +215,7 @@ class DriveRow:
         drum = self.drive.drum
         return number(self.drive.gear) / (1.0 if drum is None else number(drum))
 
-    def inertia(self, number: Callable[[Number], float]) -> float:
+    def inertia(self, number: Callable[[Number], Any]) -> Any:
         """m + n^2 J: what resists an acceleration of the coordinate [kg or kg m^2]."""
         mass, rotor = self.drive.mass, self.drive.inertia
         own = 0.0 if mass is None else number(mass)

@@ -29,7 +29,7 @@ inline InputArrays input_of(const BatchArrays& in, long long i) {
 template <class Value>
 void put_part(
     const BatchArrays& in, int part, int width, long long who, long long row, const Value& value) {
-  const long long first = (who * in.n_rows + row) * width;
+  const long long first = (who * in.n_samples + row) * width;
   if (part == Part::taut) {
     unsigned char* out = static_cast<unsigned char*>(in.parts[part]) + first;
     for (int k = 0; k < width; ++k) out[k] = value(k) != 0.0;

@@ -7,10 +7,10 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x147041e9de7c9cab;
+constexpr long long contract_digest = 0x622f1a752116e6d8;
 
-// Who a library is, as Python checks when it loads it: the contract's hash, how many trajectories
-// or configurations are advanced together, and the puppet's sizes.
+// Identity of a library, which Python checks when it loads it: the contract's hash, how many
+// trajectories or configurations are advanced together, and the puppet's sizes.
 template <class Sizes>
 void identity(int width, long long* out) {
   const long long values[] = {
@@ -40,56 +40,56 @@ enum Status : int {
   // a load dragged a drive away although its motor gave all it can; the run ends early where
   // it is gone too far
   RUNAWAY = 15,
-  TOO_MANY_ROWS = 16,  // the rows of the run reached the bound on memory
+  TOO_MANY_SAMPLES = 16,  // the samples of the run reached the bound on memory
   REDUNDANT_STRINGS = 17,  // redundant strings contradict one another
   OVERSTEPPED = 18,  // the end was reached, but strings or limits were overstepped
   GAINED_ENERGY = 19,  // the end was reached, but the fixed step made energy out of nothing
 };
 
 // What happened to a row or a drive.
-enum EventKind : int {
-  CATCH = 0,  // it came taut
-  RELEASE = 1,  // it fell slack
-  ACCUMULATION = 2,  // catches without end were taken as one
+enum EventCode : int {
+  CATCH = 0,  // a slack string came taut, or a limit was reached
+  RELEASE = 1,  // a string went slack, or a limit was left
+  ACCUMULATION = 2,  // infinitely many catches were taken as one
   BREAKPOINT = 3,  // the inputs may jump in acceleration
-  SLIP = 4,  // its winch began to slip
-  GRIP = 5,  // its winch grips again
-  LOST_STEP = 6,  // a stepper lost a step
+  SLIP = 4,  // the winch began to slip
+  GRIP = 5,  // the winch grips again
+  LOST_STEP = 6,  // a stepper motor lost a step
   RAN_AWAY = 7,  // a drive ran away
 };
 
 // What a row does between two events.
 enum Hold : signed char {
-  SLACK = 0,  // nothing
-  HELD = 1,  // it holds
-  IDLE = 2,  // it depends on the held ones and holds with them, at no tension
-  PINNED = 3,  // likewise, at its winch's largest tension
-  SLIPPING = 4,  // it pulls with its winch's largest tension and gives way
+  SLACK = 0,  // no force
+  HELD = 1,  // active
+  IDLE = 2,  // redundant: depends on the held rows, active without tension
+  PINNED = 3,  // redundant, at its winch's largest tension
+  SLIPPING = 4,  // pulls with its winch's largest tension while the winch slips
 };
 
 // Kinds of solids.
 enum SolidKind : int {
-  SEGMENT = 0,  // from a to b, swollen by the radius; with half[0] > 0 the ellipsoid in it
-  BOX = 1,  // centre a, axes the columns of R, half edges, swollen by the radius
+  SEGMENT = 0,  // from a to b, inflated by the radius; with half[0] > 0 the ellipsoid in it
+  BOX = 1,  // centre a, axes the columns of R, half edges, inflated by the radius
   HALF_SPACE = 2,  // below the plane through a with the normal b
 };
 
 // Kinds of goals.
 enum GoalKind : int {
-  UNKNOWN = 0,  // only Python can tell
+  UNKNOWN = 0,  // evaluated in Python
   POSE = 1,  // every dynamic coordinate with a weight lies between low and high
   POINT = 2,  // a point of a link lies in the box from place to place_high
 };
 
-// How a complementarity problem ended.
+// How a complementarity solve ended.
 enum class Solved : int {
   YES = 0,  // solved
   INFEASIBLE = 1,  // there is no solution
-  UNSETTLED = 2,  // the bound on rounds was met
+  UNSETTLED = 2,  // the bound on iterations was reached
   NO_ROOM = 3,  // more rows than the puppet has, or no memory
 };
 
-// An input, row by row as NumPy has it.
+// An input: arrays in C order.
 struct InputArrays {
   int n_segments;  // pieces
   const double* breaks;  // (n_segments + 1,) [s]
@@ -98,7 +98,7 @@ struct InputArrays {
   const double* force;  // (n_segments, n_vD, 6) or null
 };
 
-// Numbers that steer a run.
+// Options of a run.
 struct Options {
   double rtol;  // of the event-driven integrator
   double atol;  // likewise
@@ -107,53 +107,53 @@ struct Options {
   double tension_cap;  // [N]; also of impulses [N s]
   double energy_scale;  // size of the work and loss integrals, for errors [J]
   double force_scale;  // size of forces that balance, M_DD one [kg^1/2 m/s^2]
-  double recovery_speed;  // time-stepping's cap on taking back a violation [m/s]
-  double dt;  // step of the methods with a fixed one [s]
+  double recovery_speed;  // cap on how fast time-stepping undoes a violation [m/s]
+  double dt;  // fixed step [s]
   long long max_steps;
   long long max_events;
-  int save_steps;  // write every accepted step
-  int extrapolate;  // time-stepping: velocity products half a step on
+  int save_steps;  // save every accepted step
+  int extrapolate;  // time-stepping: velocity products half a step ahead
 };
 
-// Where a run writes: rows and events (contract/rows.py).
+// Where a run writes samples and events.
 struct RecordArrays {
-  double* rows;  // (row_capacity, RowLayout::width)
-  long long row_capacity;
-  long long n_rows;  // written
+  double* samples;  // (sample_capacity, SampleLayout::width)
+  long long sample_capacity;
+  long long n_samples;  // written
   double* events;  // (event_capacity, EventLayout::width)
   long long event_capacity;
   long long n_events;  // written
 };
 
-// What a run starts from.
+// The start of a run.
 struct StartArrays {
   double t;  // [s]
   const double* q_D;  // (n_qD,)
   const double* v_D;  // (n_vD,)
   const double* slip;  // (n_strings,) [m]
   const double* p;  // (n_p,)
-  const double* winches;  // (n_strings, 3) largest tension [N], rewinding speed, restitution
+  const double* winches;  // (n_strings, WinchLayout::width)
   InputArrays input;
   Options options;
-  const double* save_at;  // (n_save,) times of rows, event-driven; must outlive the run [s]
+  const double* save_at;  // (n_save,) times of samples, event-driven; must outlive the run [s]
   long long n_save;
-  int save_every;  // fixed steps from row to row
+  int save_every;  // fixed steps from sample to sample
 };
 
 // How far a run is.
 struct RunProgress {
   long long steps;  // taken
   double t;  // reached [s]
-  double violation;  // worst so far, of fixed steps [m or rad]
+  double violation;  // largest so far, of fixed steps [m or rad]
 };
 
-// Numbers of each trajectory.
+// An array of every trajectory.
 struct Shared {
   const double* first;  // or null
-  long long stride;  // from one to the next; 0 shares one
+  long long stride;  // from one trajectory to the next; 0 where all share one
 };
 
-// A batch: what it starts from and where its rows go.
+// A batch: its starts and where its samples go.
 struct BatchArrays {
   long long n;  // trajectories
   double t;  // start of all [s]
@@ -169,13 +169,13 @@ struct BatchArrays {
   const double* p;  // of all
   const double* winches;  // of all
   Options options;
-  int save_every;  // fixed steps from row to row
-  const double* save_at;  // (n_rows,) times of event-driven rows, from t to t_end [s]
-  long long n_rows;  // of a trajectory
-  void* parts[10];  // (n, n_rows, width) or null; taut in bytes
+  int save_every;  // fixed steps from sample to sample
+  const double* save_at;  // (n_samples,) times of event-driven samples, from t to t_end [s]
+  long long n_samples;  // of a trajectory
+  void* parts[10];  // (n, n_samples, width) or null; taut in bytes
   int* status;  // (n,) Status
   double* reached;  // (n,) [s]
-  double* violation;  // (n,) worst, of fixed steps
+  double* violation;  // (n,) largest, of fixed steps
   long long* catches;  // (n,)
   long long* releases;  // (n,)
   double* blame;  // (n, n_rows + n_watched)
@@ -183,11 +183,11 @@ struct BatchArrays {
   double* end_v_D;  // (n, n_vD) the velocities there
 };
 
-// A solid in the frame of a link, or of the world.
+// A solid in the frame of a link or of the world.
 struct Solid {
   int kind;  // SolidKind
   int link;  // -1 for the world
-  long long mesh;  // the mesh that it is the box about, or negative
+  long long mesh;  // index of the mesh that this box encloses, or negative
   double a[3];
   double b[3];
   double R[9];  // column by column
@@ -195,16 +195,16 @@ struct Solid {
   double radius;  // [m]
 };
 
-// What is measured against what.
+// Solids and pairs of them whose clearance is measured.
 struct ClearanceArrays {
   long long n_moving;
   long long n_standing;
   long long n_pairs;
-  const Solid* moving;  // against standing ones
+  const Solid* moving;  // against all standing solids
   const Solid* standing;
-  const int* pairs;  // (n_pairs, 2) of moving ones, against one another
-  const double* string_radius;  // (n_strings,) against standing ones; negative: not at all
-  // distance of two, a mesh one of them, before radii are taken off; null without mesh
+  const int* pairs;  // (n_pairs, 2) of moving solids, against one another
+  const double* string_radius;  // (n_strings,) against standing solids; negative: not measured
+  // distance of two solids one of which is a mesh, without radii; null without mesh
   double (*exact)(const Solid*, const Solid*);
 };
 
@@ -212,27 +212,27 @@ struct ClearanceArrays {
 struct GoalArrays {
   int kind;  // GoalKind
   int link;  // of a point
-  const double* low;  // (n_qD,) of a pose; a rotation, whose weight is its first, is at low
+  const double* low;  // (n_qD,) of a pose; an orientation is at low, with its first weight
   const double* high;  // (n_qD,)
   const double* weight;  // (n_vD,)
-  const double* v_D;  // (n_vD,) wanted
-  const double* v_K;  // (n_vK,) wanted
-  double at[3];  // of a point in its link's frame [m]
-  double place[3];  // low corner of the box it is to be in [m]
+  const double* v_D;  // (n_vD,) target
+  const double* v_K;  // (n_vK,) target
+  double at[3];  // the point in its link's frame [m]
+  double place[3];  // low corner of the box it must reach [m]
   double place_high[3];  // high corner [m]
-  double speed_weight;  // of what v_D lacks [s]
-  double driven_weight;  // of what v_K lacks [s]
-  double tolerance;  // of the distance; negative where rollouts pass the goal
+  double speed_weight;  // of the error of v_D [s]
+  double driven_weight;  // of the error of v_K [s]
+  double tolerance;  // of the distance; negative: never stop at the goal
 };
 
-// An equilibrium and the gains of the law that leads there.
+// An equilibrium and the gains of the feedback to it.
 struct FunnelArrays {
   const double* q_D;  // (n_qD,)
   const double* q_K;  // (n_qK,)
   const double* gains;  // (n_vK, 2 n_vD + 2 n_vK) on (dq_D, v_D, dq_K, v_K)
 };
 
-// What the driven coordinates may do.
+// Bounds of the driven coordinates.
 struct BoundArrays {
   const double* speed;  // (n_vK,)
   const double* acceleration;  // (n_vK,)
@@ -240,16 +240,16 @@ struct BoundArrays {
   const double* high;  // (n_qK,)
 };
 
-// What is written of every segment: (n, segments, width).
+// Results of every segment: (n, segments, width).
 struct SegmentArrays {
   double* q_D;  // at its end
   double* v_D;
   double* slip;
   double* q_K;
   double* v_K;
-  double* distance;  // from the goal there
-  int* looks;  // it lasted; 0 where it was not made
-  int* catches;  // strings and limits that were caught
+  double* distance;  // to the goal there
+  int* looks;  // it lasted; 0 where there is none
+  int* catches;  // of strings and limits
 };
 
 // A planner's rollouts.
@@ -287,9 +287,9 @@ struct RolloutProgress {
   long long reached;  // first rollout at the goal; n while none is; -1 abandons all
 };
 
-// Where the parts of a row of a run are.
+// Offsets of the parts of a sample.
 template <class Model>
-struct RowLayout {
+struct SampleLayout {
   static constexpr int t = 0;  // time [s]
   static constexpr int q_D = t + 1;  // dynamic configuration; quaternions of unit length
   static constexpr int v_D = q_D + Model::n_qD;  // dynamic velocity
@@ -300,7 +300,7 @@ struct RowLayout {
   static constexpr int acc_K = v_K + Model::n_vK;  // driven acceleration
   // tensions of strings, forces of limits [N or N m]
   static constexpr int tension = acc_K + Model::n_vK;
-  static constexpr int taut = tension + Model::n_rows;  // 1 where the row holds, 0 elsewhere [1]
+  static constexpr int taut = tension + Model::n_rows;  // 1 where the row is active, else 0 [1]
   static constexpr int kinetic = taut + Model::n_rows;  // kinetic energy [J]
   static constexpr int potential = kinetic + 1;  // potential energy [J]
   static constexpr int work = potential + 1;  // work of the inputs [J]
@@ -311,17 +311,17 @@ struct RowLayout {
   static constexpr int width = slip + Model::n_strings;
 };
 
-// Where the parts of an event are.
+// Offsets of the parts of an event.
 struct EventLayout {
   enum : int { t, kind, row, impulse, speed, width };
 };
 
-// Where the numbers of a winch are.
+// Offsets of the numbers of a winch.
 struct WinchLayout {
   enum : int { max_tension, rewind_speed, restitution, width };
 };
 
-// What is written for every row of a batch: parts of a row, in its order.
+// What a batch may save of every sample, in the sample's order.
 struct Part {
   enum : int {
     q_D, v_D, acc_D, q_K, v_K, acc_K, force, taut, books, slip, n
@@ -337,13 +337,13 @@ constexpr int part_width(int part) {
   return widths[part];
 }
 
-// The generated functions. A result goes to its argument; several go to members of their names:
-// arrays, pointers or numbers. Where `constants` is false, entries that are always the same are
-// left as an earlier call with it has written them.
+// The generated functions. A single result is written to the last argument; several are written to
+// the members of their names (arrays, pointers or numbers) of `to`. With `constants` false, entries
+// that never change keep what an earlier call with `constants` wrote.
 template <class Model, class Real>
 struct Call {
-  // All that the accelerations and tensions of any set of taut strings need (Eqs. 10, 11):
-  // acc_D = back(L, w0 + W lam), hddot = gamma + a0 + G lam, lam = -tension.
+  // Accelerations and tensions of any active set (Eqs. 10, 11): acc_D = back(L, w0 + W lam),
+  // hddot = gamma + a0 + G lam, lam = -tension.
   template <class Results>
   FAN_FN static void dynamics(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
@@ -356,8 +356,7 @@ struct Call {
     Model::dynamics_varying(arg, res);
   }
 
-  // The same for a step dt, with damping and drag over it in F and the velocity products of
-  // v_ahead.
+  // The same over a step dt: damping and drag are in F, velocity products those of v_ahead.
   template <class Results>
   FAN_FN static void step_dynamics(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
@@ -407,7 +406,7 @@ struct Call {
     Model::effort(arg, res);
   }
 
-  // u_D of Eq. 8 from a wrench on every link.
+  // User forces u_D of Eq. 8 from a wrench on every link.
   FAN_FN static void wrench_forces(
       const Real* q_D, const Real* q_K, const Real* wrench, const Real* p, Real* u_D) {
     const Real* arg[] = {q_D, q_K, wrench, p};
@@ -423,7 +422,7 @@ struct Call {
     Model::poses(arg, res);
   }
 
-  // World positions of the points each string runs through.
+  // World positions of the points of every string's path.
   FAN_FN static void points(
       const Real* q_D, const Real* q_K, const Real* p, Real* points) {
     const Real* arg[] = {q_D, q_K, p};
@@ -447,16 +446,16 @@ struct Call {
     Model::back(arg, res);
   }
 
-  // How far drives that may be too weak are from their commands.
+  // Lag of the drives that may be too weak.
   template <class Results>
   FAN_FN static void motor_lags(
       const Real* q_D, const Real* q_K, const Real* p, Results& to) {
     const Real* arg[] = {q_D, q_K, p};
-    Real* res[] = {at(to.at), at(to.told), at(to.lag)};
+    Real* res[] = {at(to.at), at(to.command), at(to.lag)};
     Model::motor_lags(arg, res);
   }
 
-  // How much of what its command asks a motor can give.
+  // Share of the force its controller asks for that a motor can exert.
   FAN_FN static void motor_shares(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
       const Real* acc_K, const Real* p, Real* share) {
@@ -465,7 +464,7 @@ struct Call {
     Model::motor_shares(arg, res);
   }
 
-  // dynamics at a node of a variational run, and the factor with damping over dt.
+  // Dynamics at a node of a variational run, and the factor with damping over dt.
   template <class Results>
   FAN_FN static void node(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
@@ -491,12 +490,12 @@ struct Call {
   }
 
   // p_D = M_DD v_D + M_DK v_K.
-  FAN_FN static void momentum(
+  FAN_FN static void momenta(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
       const Real* p, Real* p_D) {
     const Real* arg[] = {q_D, v_D, q_K, v_K, p};
     Real* res[] = {at(p_D)};
-    Model::momentum(arg, res);
+    Model::momenta(arg, res);
   }
 
   // The entries of y = F^-T x that are not zero for x in one joint, by its number.

@@ -335,12 +335,12 @@ struct EventRun {
     for (int j = 0; j < Model::n_vK; ++j) jumps = jumps || differ(acc_K[j], flow.acc_K[j]);
     for (int k = 0; k < N; ++k) jumps = jumps || differ(u_D[k], flow.u_D[k]);
     if (jumps) note(out, BREAKPOINT, -1, 0.0, 0.0);
-    const long long rows = out.n_rows;
+    const long long rows = out.n_samples;
     bool touched = false;
     for (int r = 0; r < M; ++r)
       touched = touched || (flow.mode[r] == SLACK && guards.touches(r, kTouch));
     const Status status = touched ? instant(out) : settle_mode(present(), out);
-    if (jumps && out.n_rows == rows) emit(out);
+    if (jumps && out.n_samples == rows) emit(out);
     return status;
   }
 
@@ -371,7 +371,7 @@ struct EventRun {
     return s;
   }
 
-  void note(Record<Model>& out, EventKind kind, int row, double impulse, double speed) {
+  void note(Record<Model>& out, EventCode kind, int row, double impulse, double speed) {
     out.event(flow.t, kind, row, impulse, speed);
     pace.note(flow.t, row);
     ++n_events;

@@ -18,7 +18,7 @@ class EventBatch {
 
  private:
   using Row = Record<Model>;
-  using Layout = RowLayout<Model>;
+  using Layout = SampleLayout<Model>;
   using F = Flow<Model>;
   static constexpr int N = Model::n_vD, S = Model::n_strings, M = Model::n_rows;
   static constexpr int kRows = 256;
@@ -41,7 +41,7 @@ class EventBatch {
     for (int i = 0; i < S; ++i) flow.slip[i] = of(in.slip, who)[i];
     flow.winches.set(in.winches);
     run.save_at = in.save_at;
-    run.n_save = in.n_rows;
+    run.n_save = in.n_samples;
     Row out{{rows_, kRows, 0, events_, kEvents, 0}};
     caught_ = released_ = 0;
     row_ = 0;
@@ -70,10 +70,10 @@ class EventBatch {
   // Rows at the times asked for go to their places: of several at one time the last, which is that
   // after the event.
   void hand_over(const BatchArrays& in, long long who, Row& out) {
-    for (long long i = 0; i < out.n_rows; ++i) {
-      const double* row = out.rows + i * Layout::width;
+    for (long long i = 0; i < out.n_samples; ++i) {
+      const double* row = out.samples + i * Layout::width;
       const double t = row[Layout::t];
-      while (row_ + 1 < in.n_rows && in.save_at[row_ + 1] <= t) ++row_;
+      while (row_ + 1 < in.n_samples && in.save_at[row_ + 1] <= t) ++row_;
       if (in.save_at[row_] != t) continue;
       put_row<Model>(in, who, row_, row + Layout::q_D);
     }
@@ -82,7 +82,7 @@ class EventBatch {
       caught_ += kind == CATCH;
       released_ += kind == RELEASE;
     }
-    out.n_rows = out.n_events = 0;
+    out.n_samples = out.n_events = 0;
   }
 
   std::optional<EventRun<Model>> run_;

@@ -34,8 +34,8 @@ struct MotorWatch {
     for (int d = 0; d < D; ++d) {
       loses[d] = strays[d] = lost_[d] = astray_[d] = passed_[d] = no;
       tooth_[d] = whole(drives_.lag[d]);
-      low_[d] = select(drives_.at[d] < drives_.told[d], drives_.at[d], drives_.told[d]);
-      high_[d] = select(drives_.at[d] < drives_.told[d], drives_.told[d], drives_.at[d]);
+      low_[d] = select(drives_.at[d] < drives_.command[d], drives_.at[d], drives_.command[d]);
+      high_[d] = select(drives_.at[d] < drives_.command[d], drives_.command[d], drives_.at[d]);
     }
   }
 
@@ -65,8 +65,8 @@ struct MotorWatch {
       if (Model::watched_steps[d]) loses[d] = lanes && lag_beyond(d) > Real(0.0);
       tooth_[d] = select(loses[d], whole(drives_.lag[d]), tooth_[d]);
       lost_[d] = lost_[d] || loses[d];
-      low_[d] = select(lanes && drives_.told[d] < low_[d], drives_.told[d], low_[d]);
-      high_[d] = select(lanes && drives_.told[d] > high_[d], drives_.told[d], high_[d]);
+      low_[d] = select(lanes && drives_.command[d] < low_[d], drives_.command[d], low_[d]);
+      high_[d] = select(lanes && drives_.command[d] > high_[d], drives_.command[d], high_[d]);
       beyond[d] = outside(d);
       strays[d] = lanes && beyond[d] > Real(astray_from(d));
       passed_[d] = strays[d] || (!lanes && passed_[d]);
@@ -132,7 +132,7 @@ struct MotorWatch {
   }
 
   struct {
-    Real at[room(D)], told[room(D)], lag[room(D)];
+    Real at[room(D)], command[room(D)], lag[room(D)];
   } drives_;  // measured last
   Real low_[room(D)], high_[room(D)];  // within which all lies that it was told, and its start
   Real tooth_[room(D)];                // period of the torque that a stepper is in

@@ -7,10 +7,10 @@ namespace fan {
 
 template <class Model>
 struct Record : RecordArrays {
-  using Layout = RowLayout<Model>;
+  using Layout = SampleLayout<Model>;
 
   bool room_for(long long more_rows, long long more_events) const {
-    return n_rows + more_rows <= row_capacity && n_events + more_events <= event_capacity;
+    return n_samples + more_rows <= sample_capacity && n_events + more_events <= event_capacity;
   }
 
   void event(double t, int kind, int row, double impulse, double speed) {
@@ -27,7 +27,7 @@ struct Record : RecordArrays {
       const double* v_K, const double* acc_K, const double* tension, const bool* taut,
       const double* p, double work, double damping, double impact, double slip_loss,
       const double* slip) {
-    double* out = rows + Layout::width * n_rows++;
+    double* out = samples + Layout::width * n_samples++;
     constexpr int N = Model::n_vD, M = Model::n_rows;
     out[Layout::t] = t;
     put(out + Layout::q_D, q_D, Model::n_qD);

@@ -75,7 +75,7 @@ struct VariationalStep {
       here.guess[k] = here.v_D[k];
     }
     work = loss = impact = slip_loss = Real(0.0);
-    Call<Model, Real>::momentum(
+    Call<Model, Real>::momenta(
         here.q_D, here.v_D, here.now.q_K, here.now.v_K, here.p, here.momentum);
     foresight_.begin();
     here.since = Real(0.0);
@@ -250,7 +250,7 @@ struct VariationalStep {
     Real v[room(N)], still[room(NK)], lacks[room(N)];
     here.firm.eval.back(left_, v);
     for (int j = 0; j < NK; ++j) still[j] = Real(0.0);
-    Call<Model, Real>::momentum(here.q_D, v, here.now.q_K, still, here.p, lacks);
+    Call<Model, Real>::momenta(here.q_D, v, here.now.q_K, still, here.p, lacks);
     for (int k = 0; k < N; ++k) found_.after[k] += lacks[k];
   }
 

@@ -1,4 +1,4 @@
-"""What a run writes: its rows and events, and the parts of a batch's rows."""
+"""What a run writes: samples and events; and what it reads of every winch."""
 
 from __future__ import annotations
 
@@ -7,24 +7,30 @@ from collections.abc import Iterable, Mapping
 from fantoccini.contract.functions import ARGUMENTS
 from fantoccini.contract.quantity import Quantity
 
-ROW: tuple[Quantity, ...] = (
-    Quantity("t", (), "s", "time"),
-    *(ARGUMENTS[name] for name in ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K", "tension")),
-    Quantity("taut", ("n_rows",), "1", "1 where the row holds, 0 elsewhere"),
+_BOOKS = (
     Quantity("kinetic", (), "J", "kinetic energy"),
     Quantity("potential", (), "J", "potential energy"),
     Quantity("work", (), "J", "work of the inputs"),
     Quantity("damping", (), "J", "lost to damping and drag"),
     Quantity("impact", (), "J", "lost at catches"),
     Quantity("slip_loss", (), "J", "lost by slipping winches"),
+)
+BOOKS = tuple(q.name for q in _BOOKS)
+"""Energies, work and losses of a sample, which a batch saves as one part, ``books``."""
+
+SAMPLE: tuple[Quantity, ...] = (
+    Quantity("t", (), "s", "time"),
+    *(ARGUMENTS[name] for name in ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K", "tension")),
+    Quantity("taut", ("n_rows",), "1", "1 where the row is active, else 0"),
+    *_BOOKS,
     Quantity("slip", ("n_strings",), "m", "what the winches have let out"),
 )
-"""A row of a run."""
+"""A saved instant of a run."""
 
 EVENT: tuple[Quantity, ...] = (
     Quantity("t", (), "s", "time"),
     Quantity("kind", (), "1", "an EventCode"),
-    Quantity("row", (), "1", "of the row or, behind the rows, of the drive; -1 for none"),
+    Quantity("row", (), "1", "of the row or, after the rows, of the drive; -1 for none"),
     Quantity("impulse", (), "N s or N m s", "of a catch"),
     Quantity("speed", (), "m/s or rad/s", "hdot before a catch"),
 )
@@ -35,25 +41,22 @@ EVENT_AT = {part.name: k for k, part in enumerate(EVENT)}
 
 WINCH: tuple[Quantity, ...] = (
     Quantity("max_tension", (), "N", "at which the winch slips; infinite, or 1e300, for never"),
-    Quantity("rewind_speed", (), "m/s", "at which it winds back what it has let out; 0 for never"),
+    Quantity("rewind_speed", (), "m/s", "at which it rewinds what it has let out; 0 for never"),
     Quantity("restitution", (), "1", "of catches, 0 to 1"),
 )
-"""What a run is told of every string's winch."""
+"""What a run reads of every string's winch."""
 
 WINCH_AT = {part.name: k for k, part in enumerate(WINCH)}
 """Columns of winches."""
 
-BOOKS = ("kinetic", "potential", "work", "damping", "impact", "slip_loss")
-"""Parts of a row that a batch gives as one, ``books``."""
-
 PARTS: tuple[Quantity, ...] = (
-    *ROW[1:7],
+    *SAMPLE[1:7],
     Quantity("force", ("n_rows",), "N or N m", "tensions of strings, forces of limits"),
-    Quantity("taut", ("n_rows",), "1", "whether the row holds"),
+    Quantity("taut", ("n_rows",), "1", "whether the row is active"),
     Quantity("books", (len(BOOKS),), "J", "energies, work and losses"),
-    ROW[-1],
+    SAMPLE[-1],
 )
-"""Parts of a batch's rows, in the order of a row behind its time."""
+"""Parts of a batch's samples, in the order of :data:`SAMPLE` after its time."""
 
 
 def width(parts: Iterable[Quantity], sizes: Mapping[str, int]) -> int:
