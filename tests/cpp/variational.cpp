@@ -102,7 +102,7 @@ struct Bundle {
   Bundle(const std::vector<Lane>& lanes, const double* p, const int* places, double dt) {
     double winches[room(3 * S)];
     for (int i = 0; i < S; ++i) {
-      winches[3 * i] = fan::kUnlimited;
+      winches[3 * i] = fan::unbounded;
       winches[3 * i + 1] = winches[3 * i + 2] = 0.0;
     }
     fan::Options options = {};

@@ -31,7 +31,7 @@ TENSION_CAP = 1e5
 LEAST_GRAVITY = 1.0
 """Gravity that sizes of forces and energies are measured with where there is less [m/s^2]."""
 BRAKE = 1.0
-"""Deceleration of a winch that rewinds, before it stops [m/s^2]; ``kBrake`` of ``winch.hpp``."""
+"""Deceleration of a winch that rewinds, before it stops [m/s^2]; ``WinchTolerances::brake``."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

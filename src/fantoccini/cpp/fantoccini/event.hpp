@@ -11,16 +11,33 @@
 
 namespace fan {
 
-constexpr double kStart = 1e-9;  // |h| below which a row counts as closed at the start, relative
-constexpr double kAtOnce = 1e-10;  // s between events that count as one instant
-constexpr int kSavesPerStep = 64;
-constexpr double kNever = 1e300;  // s
+struct EventTolerances {
+  // |h| below which a row counts as closed where a run begins, relative to its scale: starts come
+  // from files and solvers, and are then brought to h = 0.
+  static constexpr double start_gap = 1e-9;
+  // s: a row that lost its tension within this time has just lost it.
+  static constexpr double same_instant = 1e-10;
+  // s: steps that advance less count as none.
+  static constexpr double standstill = 1e-12;
+  static constexpr int max_standstill_steps = 200;
+  // s: a step that fails at this size has no motion to follow.
+  static constexpr double min_failing_step = 1e-10;
+  // Step control (Hairer): the error is of order 8; safety, least and most growth of a step.
+  static constexpr double order = 8.0, safety = 0.9, min_factor = 0.2, max_factor = 8.0;
+  static constexpr double overflow_factor = 0.1;  // of a step whose error is no number
+  // Share of the way to the target that counts as all of it, and from which on it is halved.
+  static constexpr double whole = 1 - 1e-12, sliver = 0.5;
+  // Inputs' accelerations and forces that jump at a break, relative to 1 and their size.
+  static constexpr double jump = 1e-9;
+  static constexpr int max_saves_per_step = 64;
+};
 
 template <class Model>
 struct EventRun {
   using F = Flow<Model>;
+  using Tolerance = EventTolerances;
   static constexpr int N = F::N, NQ = F::NQ, S = F::S, M = F::M, NY = F::NY;
-  static constexpr int rows_per_step = kSavesPerStep + 4;
+  static constexpr int rows_per_step = Tolerance::max_saves_per_step + 4;
   static constexpr int events_per_step = 6 * M + 2 * F::D + 8;
 
   F flow;
@@ -41,11 +58,11 @@ struct EventRun {
     flow.drive.start_at(flow.t);
     const bool none[room(M)] = {};
     Hold next[room(M)];
-    for (int r = 0; r < M; ++r) flow.mode[r] = SLACK, loosened_[r] = -kNever;
+    for (int r = 0; r < M; ++r) flow.mode[r] = SLACK, loosened_[r] = -unbounded;
     flow.slip_time = flow.t;
     refresh();
     Status status = contact.retreat(flow);
-    if (status == RUNNING) status = contact.choose(flow, none, none, next, kStart);
+    if (status == RUNNING) status = contact.choose(flow, none, none, next, Tolerance::start_gap);
     if (status == RUNNING) {
       set_mode(next);
       refresh();
@@ -56,7 +73,7 @@ struct EventRun {
       double kept[NY];
       for (int j = 0; j < NY; ++j) kept[j] = flow.y[j];
       refresh();
-      const bool held = contact.hold(flow, kChoices[0]) == RUNNING;
+      const bool held = contact.hold(flow, Attempts::list[0]) == RUNNING;
       for (int j = held ? F::WORK : 0; j < NY; ++j) flow.y[j] = kept[j];
     }
     step_size = flow.opt.first_step;
@@ -86,8 +103,8 @@ struct EventRun {
       const Status ready = begin_stretch(t_end, &smooth, out);
       if (ready != RUNNING) return ready;
       double target = smooth;
-      const double last = next_save + kSavesPerStep - 1 < n_save
-                              ? save_at[next_save + kSavesPerStep - 1]
+      const double last = next_save + Tolerance::max_saves_per_step - 1 < n_save
+                              ? save_at[next_save + Tolerance::max_saves_per_step - 1]
                               : target;
       if (last < target && last > flow.t) target = last;
       const Status status = step(target, out);
@@ -112,7 +129,7 @@ struct EventRun {
   // Deals with a break of the inputs at the present time; from there the flow is smooth until `end`.
   Status begin_stretch(double t_end, double* end, Record<Model>& out) {
     if (n_steps >= flow.opt.max_steps) return TOO_MANY_STEPS;
-    if (n_events >= flow.opt.max_events || stuck > kStandstill || pace.crowded()) {
+    if (n_events >= flow.opt.max_events || stuck > Tolerance::max_standstill_steps || pace.crowded()) {
       pace.shares(blame);
       return TOO_MANY_EVENTS;
     }
@@ -135,11 +152,11 @@ struct EventRun {
 
   // When a driven length runs out in the inputs' present piece; looked at once for each.
   double runs_out() {
-    if (flow.t < flow.drive.segment_start()) return kNever;  // the inputs have yet to begin
+    if (flow.t < flow.drive.segment_start()) return unbounded;  // the inputs have yet to begin
     if (looked_at_ != flow.drive.segment() || flow.t < looked_from_) {
       looked_at_ = flow.drive.segment();
       looked_from_ = flow.t;
-      empty_at_ = flow.emptied(kNever, &emptying_);
+      empty_at_ = flow.emptied(unbounded, &emptying_);
     }
     return empty_at_;
   }
@@ -170,38 +187,39 @@ struct EventRun {
       ++stuck;
       return RUNNING;
     }
-    double growth_cap = 8.0;
+    double growth_cap = Tolerance::max_factor;
     for (;;) {
       bool reaches = false;
-      if (s >= left * (1 - 1e-12)) {
+      if (s >= left * Tolerance::whole) {
         s = left;
         reaches = true;
-      } else if (s > 0.5 * left) {
-        s = 0.5 * left;  // no sliver before the target
+      } else if (s > Tolerance::sliver * left) {
+        s = Tolerance::sliver * left;  // no sliver before the target
       }
       if (s < guards.resolution()) return STEP_TOO_SMALL;
       ++n_steps;
       if (n_steps >= flow.opt.max_steps) return TOO_MANY_STEPS;
       flow.stages(s);
       const double err = flow.error(s);
-      if (!(err < 1e300)) {
-        if (s < 1e-10) return NOT_FINITE;
-        s *= 0.1;
+      if (!(err < unbounded)) {
+        if (s < Tolerance::min_failing_step) return NOT_FINITE;
+        s *= Tolerance::overflow_factor;
         growth_cap = 1.0;
         continue;
       }
-      double factor = err > 0.0 ? 0.9 * pow(err, -1.0 / 8.0) : growth_cap;
+      double factor = err > 0.0 ? Tolerance::safety * pow(err, -1.0 / Tolerance::order) : growth_cap;
       if (err > 1.0) {
-        s *= factor < 0.2 ? 0.2 : factor;
+        s *= factor < Tolerance::min_factor ? Tolerance::min_factor : factor;
         growth_cap = 1.0;
         continue;
       }
-      factor = factor < 0.2 ? 0.2 : (factor > growth_cap ? growth_cap : factor);
+      factor = factor < Tolerance::min_factor ? Tolerance::min_factor
+                                             : (factor > growth_cap ? growth_cap : factor);
       if (!reaches || factor < 1.0) step_size = s * factor;
       else if (s * factor > step_size) step_size = s * factor;
       if (flow.finish(s) != RUNNING) {
-        if (s < 1e-10) return PROJECTION_FAILED;
-        s *= 0.2;
+        if (s < Tolerance::min_failing_step) return PROJECTION_FAILED;
+        s *= Tolerance::min_factor;
         growth_cap = 1.0;
         continue;
       }
@@ -221,19 +239,19 @@ struct EventRun {
       flow.evaluate(new_t, flow.end, flow.end_rate);
     }
     for (int j = 0; j < NY; ++j)
-      if (!(fabs(flow.end[j]) < 1e300)) return NOT_FINITE;
+      if (!is_finite(flow.end[j])) return NOT_FINITE;
     const double moved = new_t - flow.t;
     flow.t = new_t;
     for (int j = 0; j < NY; ++j) {
       flow.y[j] = flow.end[j];
       flow.k[0][j] = flow.end_rate[j];
     }
-    stuck = moved > 1e-12 ? 0 : stuck + 1;
+    stuck = moved > Tolerance::standstill ? 0 : stuck + 1;
     for (int r = 0; r < M; ++r) {
       const double h = flow.eval.height(r);
-      if (flow.mode[r] == SLIPPING && flow.lack(r) < -kCreep) guards.armed[r] = true;
+      if (flow.mode[r] == SLIPPING && flow.lack(r) < -GuardTolerances::min_speed) guards.armed[r] = true;
       if (flow.taut(r)) continue;
-      if (h < -(kOpen + guards.noise) * flow.row_scale(r)) guards.armed[r] = true;
+      if (h < -(GuardTolerances::open_gap + guards.noise) * flow.row_scale(r)) guards.armed[r] = true;
       if (h > 0.0) guards.armed[r] = false;
     }
     flow.motors.look(flow.y, flow.y + NQ, flow.q_K, flow.v_K, flow.acc_K, flow.p, true);
@@ -269,7 +287,7 @@ struct EventRun {
 
   void write(double t, const double* y, Record<Model>& out) {
     double tension[room(M)];
-    double slip[room(S)];  // without what a winch may be off its string's length, kGive
+    double slip[room(S)];  // without what a winch may be off its string's length, WinchTolerances::max_length_error
     bool taut[room(M)];
     for (int i = 0; i < S; ++i) slip[i] = flow.slip_now[i] > 0.0 ? flow.slip_now[i] : 0.0;
     contact.tensions(flow, tension);
@@ -297,14 +315,14 @@ struct EventRun {
       s.before[r] = flow.mode[r];
       const bool held = s.before[r] == HELD || s.before[r] == PINNED;
       const double none = -flow.tension[r] / flow.weight();
-      if (held && none > -kNoTension) loosened_[r] = flow.t;
+      if (held && none > -GuardTolerances::negligible_tension) loosened_[r] = flow.t;
       // Among redundant rows one that has just lost its tension must not take turns with another.
-      s.loose[r] = s.before[r] == SLACK ? !guards.armed[r] : flow.t - loosened_[r] <= kAtOnce;
+      s.loose[r] = s.before[r] == SLACK ? !guards.armed[r] : flow.t - loosened_[r] <= Tolerance::same_instant;
       s.strained[r] = held && flow.winches.slips(r) &&
-                      flow.tension[r] >= flow.winches.max_tension[r] - kNoTension * flow.weight();
-      const bool touches = s.before[r] == SLACK && guards.touches(r, kTouch);
+                      flow.tension[r] >= flow.winches.max_tension[r] - GuardTolerances::negligible_tension * flow.weight();
+      const bool touches = s.before[r] == SLACK && guards.touches(r, FlowTolerances::closed_gap);
       s.caught[r] = touches;
-      s.closed[r] = s.before[r] != SLACK || guards.closed(r, kTouch);
+      s.closed[r] = s.before[r] != SLACK || guards.closed(r, FlowTolerances::closed_gap);
       caught = caught || touches;
     }
     if (caught) {
@@ -338,7 +356,7 @@ struct EventRun {
     const long long rows = out.n_rows;
     bool touched = false;
     for (int r = 0; r < M; ++r)
-      touched = touched || (flow.mode[r] == SLACK && guards.touches(r, kTouch));
+      touched = touched || (flow.mode[r] == SLACK && guards.touches(r, FlowTolerances::closed_gap));
     const Status status = touched ? instant(out) : settle_mode(present(), out);
     if (jumps && out.n_rows == rows) emit(out);
     return status;
@@ -382,18 +400,18 @@ struct EventRun {
     return status;
   }
 
-  static bool differ(double a, double b) { return fabs(a - b) > 1e-9 * (1.0 + fabs(a) + fabs(b)); }
+  static bool differ(double a, double b) { return fabs(a - b) > Tolerance::jump * (1.0 + fabs(a) + fabs(b)); }
 
   Status settle_mode(const Situation& s, Record<Model>& out) {
     Hold next[room(M)];
     const double energy = flow.total_energy() - given();
     double stopped = 0.0;
     Status held = RUNNING;
-    for (const Choice& how : kChoices) {
+    for (const Attempt& how : Attempts::list) {
       if (how.ahead > 0.0 && !flow.winches.some_slip) continue;
       // A row that holding the others brings to rest takes part in the choice.
       for (int round = 0; round <= M; ++round) {
-        held = contact.choose(flow, s.loose, s.strained, next, kTouch, how);
+        held = contact.choose(flow, s.loose, s.strained, next, FlowTolerances::closed_gap, how);
         if (held != RUNNING) { if (flow.winches.some_slip) break; else return fail(held); }
         set_mode(next);
         refresh();
@@ -411,11 +429,11 @@ struct EventRun {
     for (int r = 0; r < M; ++r) {
       tell(s, r, out);
       changed = changed || next[r] != s.before[r] || s.caught[r];
-      if (next[r] == SLIPPING) guards.armed[r] = flow.lack(r) < -kCreep;
+      if (next[r] == SLIPPING) guards.armed[r] = flow.lack(r) < -GuardTolerances::min_speed;
       // A string that springs back leaves its bound for sure; one that is let go may stay at it.
       if (next[r] == SLACK && s.holds(r)) guards.armed[r] = contact.leaves(flow, r);
     }
-    if (stopped > kCreep && accumulation.shrinking()) {
+    if (stopped > GuardTolerances::min_speed && accumulation.shrinking()) {
       note(out, ACCUMULATION, -1, 0.0, stopped);
       accumulation.forget();
     }
@@ -442,7 +460,7 @@ struct EventRun {
   bool at_break_ = false;
   // The inputs' piece whose lengths were looked at, from when on; when and whose length runs out.
   int looked_at_ = -1, emptying_ = -1;
-  double looked_from_ = 0.0, empty_at_ = kNever;
+  double looked_from_ = 0.0, empty_at_ = unbounded;
   double loosened_[room(M)];  // when each row last lost its tension
 };
 

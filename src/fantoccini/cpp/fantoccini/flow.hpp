@@ -11,23 +11,32 @@
 #include "correct.hpp"
 #include "drive.hpp"
 #include "evaluation.hpp"
-#include "modes.hpp"
 #include "motor_watch.hpp"
 #include "tableau.hpp"
 #include "winch.hpp"
 
 namespace fan {
 
-// How far off its bound a row counts as at it, relative to its scale. No event moves the puppet for
-// less to put a loose row right: where rows hardly differ, as strings along one another, that would
-// be a move many times as large.
-constexpr double kTouch = 5e-13;
+struct FlowTolerances {
+  // |h| at which a row counts as closed, relative to its scale. No event moves the puppet for less:
+  // where rows hardly differ, as strings along one another, that would be a move many times as large.
+  static constexpr double closed_gap = 5e-13;
+  // |hddot| at which a redundant row parts from the held ones, relative to its terms.
+  static constexpr double parting_acceleration = 1e-8;
+  // Pivot of G relative to its largest diagonal entry, below which another basis had better be held.
+  static constexpr double frail_pivot = 1e-4;
+  // m: shorter strings have this for their scale.
+  static constexpr double min_row_scale = 1e-3;
+  // Of the held rows' tensions, against the errors of nearly dependent rows.
+  static constexpr int refinements = 2;
+};
 
 template <class Model>
 struct Flow {
   static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings, M = Model::n_rows;
   static constexpr int D = Model::n_watched, ALL = M + D;  // all that has a guard
   static constexpr int NY = NQ + N + 3, WORK = NQ + N, LOSS = NQ + N + 1, SLIP_LOSS = NQ + N + 2;
+  using Tolerance = FlowTolerances;
   using Eval = Evaluation<Model, double>;
   using System = RowSystem<Model, double>;
 
@@ -70,11 +79,11 @@ struct Flow {
     for (int a = 0; a < n; ++a) {
       problem.b[a] = rows.hddot[a];
       problem.lower[a] = 0.0;
-      problem.upper[a] = list[a] < S ? winches.max_tension[list[a]] : kUnlimited;
+      problem.upper[a] = list[a] < S ? winches.max_tension[list[a]] : unbounded;
       problem.active[a] = mode[list[a]] == HELD;
       problem.high[a] = mode[list[a]] == PINNED || mode[list[a]] == SLIPPING;
     }
-    problem.solve_active(0.0, kRefinements);
+    problem.solve_active(0.0, Tolerance::refinements);
     double w[room(N)];
     for (int k = 0; k < N; ++k) w[k] = eval.w0[k];
     double pull[room(M)] = {}, power = eval.power0, slip_power = 0.0;
@@ -109,7 +118,7 @@ struct Flow {
       return (below > over ? below : over) / weight();
     }
     if (mode[r] == SLIPPING) return winches.winding(r, slip_now[r]) - slip_rate[r];
-    return apart[r] - kApart;
+    return apart[r] - Tolerance::parting_acceleration;
   }
 
   // The size of what the gathered rows' hddot are the sums of, at least 1 m/s^2.
@@ -126,7 +135,7 @@ struct Flow {
   bool frail() const {
     constexpr int stride = Complementarity<double, M>::N;
     bool redundant = false;
-    double least = 1e300, top = 0.0;
+    double least = unbounded, top = 0.0;
     for (int a = 0; a < rows.n; ++a) {
       const double own = rows.problem.G[a * stride + a];
       if (own > top) top = own;
@@ -137,7 +146,7 @@ struct Flow {
       const double pivot = rows.problem.pivot(a);
       if (pivot < least) least = pivot;
     }
-    return redundant && least < kFrail * top;
+    return redundant && least < Tolerance::frail_pivot * top;
   }
 
   // The acceleration at which row r's winch brakes what it winds back, at the latest evaluation.
@@ -168,10 +177,10 @@ struct Flow {
     if (!(t >= start && t < end)) return none;
     for (int i = 0; i < S; ++i) {
       if (Model::length_v[i] < 0) continue;
-      double points[kPowers];
+      double points[n_powers];
       control_points(
-          drive.segment_coef() + kPowers * Model::length_v[i], t - start, end - t, points);
-      const double at = falls_to(points, kNoLength, t, end - t, none);
+          drive.segment_coef() + n_powers * Model::length_v[i], t - start, end - t, points);
+      const double at = falls_to(points, LengthTolerances::min_length, t, end - t, none);
       if (!(at < first)) continue;
       first = at;
       *row = i;
@@ -296,7 +305,7 @@ struct Flow {
   void heights(const double* state, double* h, bool slipped = false) const {
     Call<Model, double>::rows(state, q_K, p, h);
     for (int i = 0; i < S; ++i) {
-      if (mode[i] == SLIPPING) h[i] = slipped ? -kGive - h[i] : 0.0;
+      if (mode[i] == SLIPPING) h[i] = slipped ? -WinchTolerances::max_length_error - h[i] : 0.0;
       else h[i] -= slip_now[i];
     }
   }
@@ -312,7 +321,7 @@ struct Flow {
     }
     // Raised and not refined: what two nearly dependent rows lack against one another would be
     // taken from the others many times over.
-    problem.solve_active(kSoft, 0);
+    problem.solve_active(ComplementarityTolerances::raise, 0);
     for (int j = 0; j < N; ++j) w[j] = 0.0;
     for (int a = 0; a < rows.n; ++a) pull[a] = problem.active[a] ? -problem.x[a] : 0.0;
     rows.add(pull, w);
@@ -337,7 +346,7 @@ struct Flow {
   double row_scale(int r) const {
     if (r >= S) return 1.0;
     const double length = string_length<Model, double>(r, y, q_K);
-    return length > 1e-3 ? length : 1e-3;
+    return length > Tolerance::min_row_scale ? length : Tolerance::min_row_scale;
   }
 
  private:

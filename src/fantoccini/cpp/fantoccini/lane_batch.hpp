@@ -62,7 +62,7 @@ class LaneDrive {
       lane_of(moves_, l) = before || after ? 0.0 : 1.0;
     }
     if (entered)
-      for (int j = 0; j < Space::n_v; ++j) still_[j] = is_constant(coef_ + kPowers * j);
+      for (int j = 0; j < Space::n_v; ++j) still_[j] = is_constant(coef_ + n_powers * j);
   }
 
   template <class Inputs>
@@ -81,7 +81,7 @@ class LaneDrive {
         u[k] = Real(0.0);
         continue;
       }
-      polynomial(force_ + kPowers * k, s_, u[k], rate, second);
+      polynomial(force_ + n_powers * k, s_, u[k], rate, second);
       u[k] *= moves_;
     }
   }
@@ -89,20 +89,20 @@ class LaneDrive {
   void load(int lane, int piece) {
     const InputArrays& in = input_[lane];
     piece_[lane] = piece;
-    const double* coef = in.coef + (long long)piece * Space::n_v * kPowers;
+    const double* coef = in.coef + (long long)piece * Space::n_v * n_powers;
     const double* base = in.base + (long long)piece * Space::n_q;
-    for (int k = 0; k < Space::n_v * kPowers; ++k) lane_of(coef_[k], lane) = coef[k];
+    for (int k = 0; k < Space::n_v * n_powers; ++k) lane_of(coef_[k], lane) = coef[k];
     for (int k = 0; k < Space::n_q; ++k) lane_of(base_[k], lane) = base[k];
     if (!forced_) return;
-    const double* force = in.force + (long long)piece * n_vD * kPowers;
-    for (int k = 0; k < n_vD * kPowers; ++k) lane_of(force_[k], lane) = force[k];
+    const double* force = in.force + (long long)piece * n_vD * n_powers;
+    for (int k = 0; k < n_vD * n_powers; ++k) lane_of(force_[k], lane) = force[k];
   }
 
   InputArrays input_[width];
   int piece_[width];
   bool forced_ = false, still_[room(Space::n_v)];
   Real s_, moves_;  // s since the piece began; 1 while it moves, 0 where all stands still
-  Real coef_[room(Space::n_v * kPowers)], base_[room(Space::n_q)], force_[room(n_vD * kPowers)];
+  Real coef_[room(Space::n_v * n_powers)], base_[room(Space::n_q)], force_[room(n_vD * n_powers)];
 };
 
 // Led is what advances the bundle: FixedLanes or LedVariation.
@@ -125,7 +125,7 @@ class LaneBatch {
  private:
   static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings;
   static constexpr int M = Model::n_rows, D = Model::n_watched;
-  static constexpr int kTold = 64;  // steps between two looks at the pool
+  static constexpr int steps_per_report = 64;  // between two looks at the pool
 
   // Places beyond the last trajectory repeat it and are not written.
   void begin(const BatchArrays& in, long long first, int n) {
@@ -162,7 +162,7 @@ class LaneBatch {
       t = next;
       count();
       if (step % in.save_every == 0 || t >= in.t_end) write(in, row++);
-      if (step % kTold != 0) continue;
+      if (step % steps_per_report != 0) continue;
       pool.advance(n_ * (t - told) / (in.t_end - in.t));
       told = t;
       if (pool.stopped() || !any(led_.runs())) break;

@@ -94,7 +94,7 @@ class Sweep {
       caught_[l] = 0;
       slackened_[l] = false;
     }
-    for (int j = 0; j < NK; ++j) still_[j] = is_constant(coef_ + kPowers * j);
+    for (int j = 0; j < NK; ++j) still_[j] = is_constant(coef_ + n_powers * j);
     put_inputs(0.0);
     led_.take_inputs();
     led_.begin();
@@ -133,12 +133,12 @@ class Sweep {
     using Space = typename Model::Driven;
     put(base_, QK, l, q_K);
     for (int j = 0; j < NK; ++j) {
-      for (int k = 0; k < kPowers; ++k) lane_of(coef_[kPowers * j + k], l) = 0.0;
-      lane_of(coef_[kPowers * j + 1], l) = v_K[j];
-      lane_of(coef_[kPowers * j + 2], l) = 0.5 * acc[j];
+      for (int k = 0; k < n_powers; ++k) lane_of(coef_[n_powers * j + k], l) = 0.0;
+      lane_of(coef_[n_powers * j + 1], l) = v_K[j];
+      lane_of(coef_[n_powers * j + 2], l) = 0.5 * acc[j];
     }
     for (int k = 0; k < Space::n_scalars; ++k)
-      lane_of(coef_[kPowers * Space::scalar_v[k]], l) = q_K[Space::scalar_q[k]];
+      lane_of(coef_[n_powers * Space::scalar_v[k]], l) = q_K[Space::scalar_q[k]];
   }
 
   // The inputs s seconds after the segment began, as those that come.
@@ -239,7 +239,7 @@ class Sweep {
   LedStep<Model, Real> led_;
   Clearance<Model, Real> clearance_;
   std::vector<Placed<Real>> placed_;
-  Real coef_[room(NK * kPowers)], base_[room(QK)];
+  Real coef_[room(NK * n_powers)], base_[room(QK)];
   bool still_[room(NK)], goes_[width], slackened_[width];
   long long motion_[width];
   int segment_[width], caught_[width];

@@ -22,20 +22,32 @@
 
 namespace fan {
 
-constexpr double kExact = 1e-12;        // of the momenta's size: what a solved step may lack
-constexpr double kNearlyExact = 1e-10;  // likewise, where it does not get any better
-constexpr double kRounded = 1e-14;      // m or rad: what rounding may leave of a row's height
-constexpr double kMoves = 1e-6;         // of the largest diagonal entry of G: a row that counts
-constexpr double kHeld = 1e-11;         // m or rad by which a solved step may overstep a row
-constexpr double kFarthestTurn = 1.0;   // rad in one step
-constexpr double kWidest = 0.7;         // rad by which strings may turn in one step
-constexpr int kCorrections = 30;        // of a step
+struct VariationalTolerances {
+  // What a solved step may leave of the momenta, relative to their size: near rounding;
+  static constexpr double momentum_residual = 1e-12;
+  // the same where it does not get any better,
+  static constexpr double stalled_residual = 1e-10;
+  // which is where a round leaves more than this share of the square.
+  static constexpr double stalled_share = 0.1;
+  // m or rad: what rounding may leave of a row's height,
+  static constexpr double height_rounding = 1e-14;
+  // for rows with at least this share of G's largest diagonal entry: others hardly move anything.
+  static constexpr double moving_row = 1e-6;
+  // m or rad by which a solved step may overstep a row.
+  static constexpr double violation = 1e-11;
+  // rad by which a coordinate may turn in one step: midpoint rotations end at a half turn.
+  static constexpr double max_turn_per_step = 1.0;
+  // rad by which strings may swing in one step: wider steps gain energy.
+  static constexpr double max_swing_per_step = 0.7;
+  static constexpr int max_corrections = 30;
+};
 
 template <class Model, class Real>
 struct VariationalStep {
   static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings;
   static constexpr int M = Model::n_rows, NQK = Model::n_qK, NK = Model::n_vK;
   using Mask = typename Traits<Real>::Mask;
+  using Tolerance = VariationalTolerances;
   using Node = VariationalNode<Model, Real>;
   using Inputs = typename Node::Inputs;
 
@@ -45,7 +57,7 @@ struct VariationalStep {
   };
 
   Node here;
-  double least = 1e-280;  // kg m^2/s^2: kExact is of momenta squared that are at least this
+  double least = negligible;  // kg m^2/s^2: Tolerance::momentum_residual is of momenta squared that are at least this
   Lead lead;
   Inputs coming;  // at the end of the step
   // Of the last step, in the lanes that made it.
@@ -102,13 +114,13 @@ struct VariationalStep {
     first_guess(dt);
     Real size = squares<N>(here.firm.y) + dt * dt * squares<N>(here.exact.eval.w0);
     size = select(size > Real(least), size, Real(least));
-    const Real near = kNearlyExact * kNearlyExact * size + rounding(dt);
+    const Real near = Tolerance::stalled_residual * Tolerance::stalled_residual * size + rounding(dt);
     Mask solved = no, lost = !wanted;
-    Real last = Real(kAway);
+    Real last = Real(ComplementarityTolerances::excluded_speed);
     for (int r = 0; r < M; ++r) found_.lambda[r] = Real(0.0);
     quick_.begin();
     bool again = false;
-    for (int round = 0; round < kCorrections; ++round) {
+    for (int round = 0; round < Tolerance::max_corrections; ++round) {
       ++n_corrections;
       evaluate(dt);
       here.firm.forth(found_.before, z);
@@ -118,7 +130,7 @@ struct VariationalStep {
       for (int a = 0; a < rows.n; ++a) {
         const int r = rows.row[a];
         was[a] = problem.active[a];
-        problem.b[a] = select(here.near[r], Real(found_.h[r] * rate + along[a]), Real(-kAway));
+        problem.b[a] = select(here.near[r], Real(found_.h[r] * rate + along[a]), Real(-ComplementarityTolerances::excluded_speed));
       }
       Node::complement(problem, again);
       again = true;
@@ -131,10 +143,10 @@ struct VariationalStep {
       rows.add(pull, z);
       for (int k = 0; k < N; ++k) left_[k] = select(solved, left_[k], z[k]);
       const Real wrong = squares<N>(z);
-      const Mask exact = wrong < (kExact * kExact) * size;
-      const Mask stuck = wrong < near && !(wrong < 0.1 * last);
+      const Mask exact = wrong < (Tolerance::momentum_residual * Tolerance::momentum_residual) * size;
+      const Mask stuck = wrong < near && !(wrong < Tolerance::stalled_share * last);
       solved = solved || ((exact || stuck) && !lost && held());
-      lost = lost || !(wrong < Real(kAway));
+      lost = lost || !(wrong < Real(ComplementarityTolerances::excluded_speed));
       if (!any(!solved && !lost)) break;
       last = wrong;
       if (any(!solved && !lost) && join(!lost)) {
@@ -149,7 +161,7 @@ struct VariationalStep {
     }
     give_way();
     for (int k = 0; k < N; ++k)
-      if (Model::turns[k]) solved = solved && abs(found_.xi[k]) < Real(kFarthestTurn);
+      if (Model::turns[k]) solved = solved && abs(found_.xi[k]) < Real(Tolerance::max_turn_per_step);
     balance();
     return solved && !lost;
   }
@@ -166,7 +178,7 @@ struct VariationalStep {
       const Real length = string_length<Model, Real>(r, here.q_D, coming.q_K);
       const Real own = rows.problem.G[a * Node::Problem::N + a];
       const Real square = 2.0 * dt * abs(found_.lambda[r]) * own;
-      all = all && !(square > kWidest * kWidest * (length + here.slip[r]));
+      all = all && !(square > Tolerance::max_swing_per_step * Tolerance::max_swing_per_step * (length + here.slip[r]));
     }
     return all;
   }
@@ -257,7 +269,7 @@ struct VariationalStep {
   // What rounding of the rows' heights may leave of z, squared: in a short step it is a speed.
   FAN_FN Real rounding(const Real& dt) const {
     const auto& rows = here.firm.rows;
-    const Real speed = kRounded / dt;
+    const Real speed = Tolerance::height_rounding / dt;
     Real largest = Real(0.0), most = Real(0.0);
     for (int pass = 0; pass < 2; ++pass)
       for (int a = 0; a < rows.n; ++a) {
@@ -265,7 +277,7 @@ struct VariationalStep {
         own = select(here.near[rows.row[a]], own, Real(0.0));
         largest = select(own > largest, own, largest);
         // Rows that hardly move anything do not count.
-        const Real heavy = select(own > kMoves * largest, 1.0 / own, Real(0.0));
+        const Real heavy = select(own > Tolerance::moving_row * largest, 1.0 / own, Real(0.0));
         most = select(heavy > most && Node::in_all(pass > 0), heavy, most);
       }
     return speed * speed * most;
@@ -296,12 +308,12 @@ struct VariationalStep {
     using std::abs;
     const auto& rows = here.firm.rows;
     Mask all = Real(0.0) < Real(1.0);
-    for (int r = S; r < M; ++r) all = all && (here.near[r] || !(found_.h[r] > Real(kHeld)));
+    for (int r = S; r < M; ++r) all = all && (here.near[r] || !(found_.h[r] > Real(Tolerance::violation)));
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
       const Real beyond = rows.two_sided[a] ? Real(abs(found_.h[r])) : found_.h[r];
       const Mask gives = rows.problem.high[a] && Node::in_all(here.gives(r));
-      all = all && (!here.near[r] || gives || beyond < Real(kHeld));
+      all = all && (!here.near[r] || gives || beyond < Real(Tolerance::violation));
     }
     return all;
   }
@@ -310,7 +322,7 @@ struct VariationalStep {
   FAN_FN bool join(const Mask& lanes) {
     bool more = false;
     for (int r = S; r < M; ++r) {
-      const Mask joins = lanes && !here.near[r] && found_.h[r] > Real(kHeld);
+      const Mask joins = lanes && !here.near[r] && found_.h[r] > Real(Tolerance::violation);
       more = more || any(joins);
       here.near[r] = here.near[r] || joins;
     }
@@ -351,7 +363,7 @@ struct VariationalStep {
       Real& next = found_.slip_next[r];
       const Real before = next;
       next += select(found_.slips[r], found_.h[r], Real(0.0));
-      next = select(next > Real(kNoSlip), next, Real(0.0));
+      next = select(next > Real(WinchTolerances::negligible_slip), next, Real(0.0));
       found_.h[r] -= next - before;
     }
   }

@@ -15,15 +15,21 @@
 
 namespace fan {
 
-constexpr double kTouching = 1e-10;  // m or rad: a row this near to its bound is at it
-constexpr double kAway = 1e30;       // speed at which a row opens in lanes it takes no part in
-constexpr double kSameStep = 1e-6;   // relative: steps that differ by less share a factor
+struct NodeTolerances {
+  // m or rad: a row this near to its bound is at it; a step leaves ten times less.
+  static constexpr double closed_gap = 1e-10;
+  // Relative difference of steps that share a factor.
+  static constexpr double same_step = 1e-6;
+  // s: an impulse is at most the largest tension over this time.
+  static constexpr double max_impulse_time = 1.0;
+};
 
 template <class Model, class Real>
 struct VariationalNode {
   static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings;
   static constexpr int M = Model::n_rows, NQK = Model::n_qK, NK = Model::n_vK;
   using Mask = typename Traits<Real>::Mask;
+  using Tolerance = NodeTolerances;
   using Rows = RowSystem<Model, Real>;
   using Problem = Complementarity<Real, M>;
 
@@ -83,7 +89,7 @@ struct VariationalNode {
   // Makes `firm` for steps of these lengths.
   FAN_FN void expect(const Real& dt) {
     using std::abs;
-    const Mask other = abs(ahead - dt) > kSameStep * dt;
+    const Mask other = abs(ahead - dt) > Tolerance::same_step * dt;
     if (!any(other)) return;
     ahead = select(other, dt, ahead);
     settle();
@@ -94,7 +100,7 @@ struct VariationalNode {
   }
 
   // Whether a row is at its bound.
-  FAN_FN Mask closed(int r) const { return height(r) > Real(-kTouching); }
+  FAN_FN Mask closed(int r) const { return height(r) > Real(-Tolerance::closed_gap); }
 
   // Whether a row is a string whose winch gives way.
   FAN_FN bool gives(int r) const { return winches.slips(r) && winches.max_tension[r] < cap; }
@@ -104,7 +110,7 @@ struct VariationalNode {
     auto& problem = on.rows.problem;
     for (int a = 0; a < on.rows.n; ++a) {
       const int r = on.rows.row[a];
-      const Real most = Real(kMostImpulse * cap);
+      const Real most = Real(Tolerance::max_impulse_time * cap);
       problem.upper[a] = gives(r) ? Real((0.5 * winches.max_tension[r]) * dt) : most;
       problem.lower[a] = on.rows.two_sided[a] ? Real(-most) : Real(0.0);
     }
@@ -119,7 +125,8 @@ struct VariationalNode {
 
   // Solves for the impulses; `again` with rows and G as the last time.
   FAN_FN static void complement(Problem& problem, bool again) {
-    problem.solve(kRaise, 1, kTolerance, 50 + 4 * problem.n, again);
+    using Pivoting = ComplementarityTolerances;
+    problem.solve(Pivoting::raise, 1, Pivoting::pivoting, Pivoting::max_iterations(problem.n), again);
   }
 
   // What is true of a row is true in all lanes.
@@ -140,7 +147,7 @@ struct VariationalNode {
     if (!(winches.rewind_speed[i] > 0.0)) return Real(0.0);
     const Mask goes = dt > Real(0.0);
     const Real most = slip[i] / select(goes, dt, Real(1.0));
-    const Real braked = sqrt(Real(2.0 * kBrake) * slip[i]);
+    const Real braked = sqrt(Real(2.0 * WinchTolerances::brake) * slip[i]);
     Real speed = Real(winches.rewind_speed[i]);
     speed = select(braked < speed, braked, speed);
     return -select(goes, select(most < speed, most, speed), Real(0.0));
@@ -164,8 +171,6 @@ struct VariationalNode {
   }
 
  private:
-  static constexpr double kRaise = 1e-10, kTolerance = 1e-13, kMostImpulse = 1.0;  // s
-
   // Strings always take part, limits where they are near; the others are looked at afterwards.
   FAN_FN void watch() {
     using std::abs;
@@ -173,7 +178,7 @@ struct VariationalNode {
     exact.eval.limit_rates(guess, rate);
     for (int r = 0; r < S; ++r) near[r] = Real(0.0) < Real(1.0);
     for (int r = S; r < M; ++r)
-      near[r] = height(r) + 2.0 * ahead * abs(rate[r - S]) > Real(-kTouching);
+      near[r] = height(r) + 2.0 * ahead * abs(rate[r - S]) > Real(-Tolerance::closed_gap);
   }
 
   // mu, and the velocities with it.
@@ -190,7 +195,7 @@ struct VariationalNode {
       rate[a] += rows.hdot_K[a];
       if (r < S) rate[a] -= winding(r, since);
       at_bound[a] = near[r] && (sides(rows, a) || closed(r));
-      problem.b[a] = select(at_bound[a], rate[a], Real(-kAway));
+      problem.b[a] = select(at_bound[a], rate[a], Real(-ComplementarityTolerances::excluded_speed));
       problem.active[a] = at_bound[a] && (lambda[r] > Real(0.0) || sides(rows, a));
       problem.high[a] = no;
     }
