@@ -4,7 +4,7 @@
 
 #include "contract.hpp"
 #include "distance.hpp"
-#include "hanging.hpp"
+#include "catenary.hpp"
 #include "lane_of.hpp"
 #include "string_length.hpp"
 
@@ -139,7 +139,7 @@ class Clearance {
         a[c] = lane_of(curve.straight.a[c], l);
         b[c] = lane_of(curve.straight.b[c], l);
       }
-      if (lane_of(curve.slack, l)) hanging(a, b, lane_of(curve.length, l), points);
+      if (lane_of(curve.slack, l)) catenary(a, b, lane_of(curve.length, l), points);
       for (int k = 0; k < 3 * (n_chords + 1); ++k)
         lane_of(curve.points[k], l) = lane_of(curve.slack, l) ? points[k] : a[k % 3];
     }

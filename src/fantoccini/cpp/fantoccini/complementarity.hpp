@@ -68,6 +68,12 @@ struct Complementarity {
     return pivots_[c];
   }
 
+  // x_i within its bounds.
+  FAN_FN Real bounded(int i) const {
+    const Real below = select(x[i] > upper[i], upper[i], x[i]);
+    return select(below < lower[i], lower[i], below);
+  }
+
   // r <- (active block)^-1 r; the other rows stay as they are.
   FAN_FN void substitute(Real* r) const {
     Real y[N];

@@ -1,4 +1,4 @@
-// What happens at an instant: catches with their impulse, and the choice of the next mode.
+// An instant: catches with their impulse, and the choice of the next active set.
 //
 //   v_D+ = v_D- - M_DD^-1 A_D^T Lambda,   Lambda >= 0,   hdot+ <= -e max(hdot-, 0),
 //   complementary                                                                   (Eqs. 13-15)
@@ -36,14 +36,14 @@ struct Contact {
   Status retreat(F& f) {
     int list[room(M)] = {}, n = 0;
     for (int r = 0; r < M; ++r)
-      if (f.mode[r] == HELD || f.eval.height(r) > -Tolerance::nearby_gap * f.row_scale(r)) list[n++] = r;
+      if (f.row_state[r] == HELD || f.eval.height(r) > -Tolerance::nearby_gap * f.row_scale(r)) list[n++] = r;
     f.rows.gather(f.eval, f.y + NQ, list, n);
     double h[room(M)];
-    for (int r = 0; r < M; ++r) h[r] = f.mode[r] == SLIPPING ? -WinchTolerances::max_length_error - f.slip_now[r] : f.eval.height(r);
+    for (int r = 0; r < M; ++r) h[r] = f.row_state[r] == SLIPPING ? -WinchTolerances::max_length_error - f.slip_now[r] : f.eval.height(r);
     const auto left = [&] {
       double worst = 0.0;
       for (int a = 0; a < n; ++a) {
-        const bool held = f.mode[list[a]] == HELD;
+        const bool held = f.row_state[list[a]] == HELD;
         const double off = (held ? fabs(h[list[a]]) : h[list[a]]) / f.row_scale(list[a]);
         const double beyond = off - (held ? Tolerance::held_gap : FlowTolerances::closed_gap);
         if (!(beyond <= worst)) worst = beyond;
@@ -53,9 +53,9 @@ struct Contact {
     return correct<NQ>(f.y, left, [&] {
       begin(Tolerance::contradiction);
       for (int a = 0; a < n; ++a) {
-        const bool held = f.mode[list[a]] == HELD;
+        const bool held = f.row_state[list[a]] == HELD;
         f.rows.two_sided[a] = f.rows.two_sided[a] || held;
-        if (f.mode[list[a]] == SLIPPING) add_floor(f, a, h[list[a]]);
+        if (f.row_state[list[a]] == SLIPPING) add_floor(f, a, h[list[a]]);
         else add_row(f, a, h[list[a]], unbounded, held ? Set::BASIC : Set::LOW);
       }
       const Status status = settle(f);
@@ -101,10 +101,10 @@ struct Contact {
     return RUNNING;
   }
 
-  // Chooses the rows' modes at (t, y) among those that are closed and at rest. Rows in `loose`
+  // Chooses the active set at (t, y) among those that are closed and at rest. Rows in `loose`
   // have just lost their tension: they stay only if they pull; strings in `strained` have just
   // reached their winch's largest: they stay only if they pull with less.
-  // Modes of an implicit step (attempts.hpp) take closed strings on winches as exactly closed: their
+  // The active sets of an implicit step (attempts.hpp) take closed strings on winches as exactly closed: their
   // slips take up to WinchTolerances::max_length_error of either sign.
   Status choose(
       F& f, const bool* loose, const bool* strained, Hold* next, double closeness = FlowTolerances::closed_gap,
@@ -112,7 +112,7 @@ struct Contact {
     const double ahead = how.ahead;
     double rate[F::NY];
     f.settle_slip(f.t);
-    for (int r = 0; r < M; ++r) f.mode[r] = next[r] = SLACK;
+    for (int r = 0; r < M; ++r) f.row_state[r] = next[r] = SLACK;
     f.evaluate(f.t, f.y, rate);
     const double still = how.stillness * speed_scale(f);
     const double hop_time = Tolerance::max_rest_hop * (how.stillness / Tolerance::max_rest_speed);
@@ -163,7 +163,7 @@ struct Contact {
       if (fabs(set_.x[i]) > most) most = fabs(set_.x[i]);
     for (int i = 0; i < set_.n; ++i) {
       const int r = row_[i];
-      next[r] = mode_of(i);
+      next[r] = state_of(i);
       if (next[r] != HELD || set_.two_sided[i]) continue;
       // What has just met its bound and stands there but for rounding goes on past it.
       if (loose[r] && set_.x[i] <= Tolerance::tension_at_bound * most + rounding(f, i)) next[r] = SLACK;
@@ -186,7 +186,7 @@ struct Contact {
     stopped = 0.0;
     brought = false;
     for (int a = 0; a < f.rows.n; ++a)
-      if (f.mode[f.rows.row[a]] == HELD && fabs(f.rows.hdot[a]) > stopped)
+      if (f.row_state[f.rows.row[a]] == HELD && fabs(f.rows.hdot[a]) > stopped)
         stopped = fabs(f.rows.hdot[a]);
     const Status status = retreat(f);
     if (status != RUNNING) return status;
@@ -195,16 +195,16 @@ struct Contact {
     for (int r = 0; r < M; ++r) {
       // A row that closes faster than that is about to be caught, or to slip; a winch that slips for
       // less would stop at once and leave its string to close again.
-      const bool closed = f.eval.height(r) >= -FlowTolerances::closed_gap * f.row_scale(r) && f.mode[r] != SLIPPING &&
+      const bool closed = f.eval.height(r) >= -FlowTolerances::closed_gap * f.row_scale(r) && f.row_state[r] != SLIPPING &&
                           f.rate_of(r, f.y + NQ) <= Tolerance::max_rest_speed * speed_scale(f);
-      if (f.mode[r] == HELD || f.mode[r] == SLIPPING || closed) list[n++] = r;
+      if (f.row_state[r] == HELD || f.row_state[r] == SLIPPING || closed) list[n++] = r;
     }
     f.rows.gather(f.eval, f.y + NQ, list, n);
     begin(how.disagreement * speed_scale(f));
     for (int a = 0; a < n; ++a) {
-      const bool held = f.mode[list[a]] == HELD;
+      const bool held = f.row_state[list[a]] == HELD;
       f.rows.two_sided[a] = f.rows.two_sided[a] || held;
-      if (f.mode[list[a]] == SLIPPING) add_floor(f, a, f.lack(list[a]));
+      if (f.row_state[list[a]] == SLIPPING) add_floor(f, a, f.lack(list[a]));
       else add_row(f, a, f.rows.hdot[a], unbounded, held ? Set::BASIC : Set::LOW);
     }
     const Status settled = settle(f);
@@ -214,7 +214,7 @@ struct Contact {
     if (f.winches.some_slip) gain = fabs(gain);
     if (gain > how.gain * f.weight()) return NOT_SETTLED;
     for (int a = 0; a < n; ++a)
-      brought = brought || (f.mode[list[a]] == SLACK && set_.place[a] == Set::BASIC);
+      brought = brought || (f.row_state[list[a]] == SLACK && set_.place[a] == Set::BASIC);
     apply(f);
     return RUNNING;
   }
@@ -230,15 +230,15 @@ struct Contact {
     bool redundant = false;
     for (int r = 0; r < M; ++r) {
       out[r] = f.tension[r];
-      redundant = redundant || f.mode[r] == IDLE || f.mode[r] == PINNED;
+      redundant = redundant || f.row_state[r] == IDLE || f.row_state[r] == PINNED;
     }
     if (!redundant) return;
     begin(0.0);
     for (int a = 0; a < f.rows.n; ++a) {
-      const Hold mode = f.mode[f.rows.row[a]];
+      const Hold mode = f.row_state[f.rows.row[a]];
       if (mode == SLIPPING) continue;
       const auto place = mode == HELD ? Set::BASIC : (mode == IDLE ? Set::IDLE : Set::PINNED);
-      add_pull(f, f.mode, a, place);
+      add_pull(f, f.row_state, a, place);
       set_.x[set_.n - 1] = f.tension[f.rows.row[a]];
     }
     set_.adopt();
@@ -299,7 +299,7 @@ struct Contact {
       const int r = f.rows.row[a];
       const double hdot = f.rows.hdot[a];
       const double back = r < S && hdot > 0.0 ? scale * f.winches.restitution[r] * hdot : 0.0;
-      const bool pulls = hdot > 0.0 || f.mode[r] == HELD;
+      const bool pulls = hdot > 0.0 || f.row_state[r] == HELD;
       add_row(f, a, hdot + back, unbounded, pulls ? Set::BASIC : Set::LOW);
     }
     const Status status = settle(f);
@@ -315,7 +315,7 @@ struct Contact {
     return RUNNING;
   }
 
-  Hold mode_of(int i) const {
+  Hold state_of(int i) const {
     switch (set_.place[i]) {
       case Set::BASIC: return HELD;
       case Set::IDLE: return IDLE;

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "contract.hpp"
-#include "pieces.hpp"
+#include "segments.hpp"
 
 namespace fan {
 

@@ -1,4 +1,4 @@
-// The frozen-mode flow: between two events the same rows are taut, as equalities, and the puppet is
+// The flow with the active set frozen: between two events the same rows are taut, as equalities, and the puppet is
 // a smooth ordinary differential equation
 //
 //   y = (q_D, v_D, work, loss, slip loss)
@@ -46,7 +46,7 @@ struct Flow {
 
   double t = 0.0;
   double y[NY];
-  Hold mode[room(M)];  // frozen between events
+  Hold row_state[room(M)];  // frozen between events
   Winches<S> winches;
   double slip[room(S)];  // m, at slip_time
   double slip_time = 0.0;
@@ -61,9 +61,9 @@ struct Flow {
   double slip_now[room(S)], slip_rate[room(S)];
   double apart[room(M)];  // |hddot| of idle and pinned rows, relative to the rows' terms
 
-  bool taut(int r) const { return mode[r] != SLACK; }
+  bool taut(int r) const { return row_state[r] != SLACK; }
 
-  // Evaluates the flow at (at, state) in the frozen mode.
+  // Evaluates the flow at (at, state) with the active set frozen.
   void evaluate(double at, const double* state, double* rate) {
     drive.evaluate(at, q_K, v_K, acc_K, u_D);
     eval.at(state, state + NQ, q_K, v_K, acc_K, u_D, p);
@@ -80,8 +80,8 @@ struct Flow {
       problem.b[a] = rows.hddot[a];
       problem.lower[a] = 0.0;
       problem.upper[a] = list[a] < S ? winches.max_tension[list[a]] : unbounded;
-      problem.active[a] = mode[list[a]] == HELD;
-      problem.high[a] = mode[list[a]] == PINNED || mode[list[a]] == SLIPPING;
+      problem.active[a] = row_state[list[a]] == HELD;
+      problem.high[a] = row_state[list[a]] == PINNED || row_state[list[a]] == SLIPPING;
     }
     problem.solve_active(0.0, Tolerance::refinements);
     double w[room(N)];
@@ -93,7 +93,7 @@ struct Flow {
       pull[a] = -problem.x[a];
       power += problem.x[a] * rows.hdot_K[a];
       if (winches.slips(r)) slip_power += problem.x[a] * slip_rate[r];
-      if (mode[r] == IDLE || mode[r] == PINNED) apart[r] = fabs(problem.s[a]) / hddot_scale();
+      if (row_state[r] == IDLE || row_state[r] == PINNED) apart[r] = fabs(problem.s[a]) / hddot_scale();
     }
     rows.add(pull, w);
     eval.back(w, acc);
@@ -107,17 +107,17 @@ struct Flow {
     rate[SLIP_LOSS] = slip_power;
   }
 
-  // How far a row's mode is from holding at the latest evaluation, positive when it does not:
+  // How far a row's state is from holding at the latest evaluation, positive when it does not:
   // tensions over the weight, speeds in m/s. Slack rows have their height instead.
   double lack(int r) const {
     if (r < S && Model::wire[r]) return -1.0;
-    if (mode[r] == HELD) {
+    if (row_state[r] == HELD) {
       const double below = -tension[r];
       if (!winches.slips(r)) return below / weight();
       const double over = tension[r] - winches.max_tension[r];
       return (below > over ? below : over) / weight();
     }
-    if (mode[r] == SLIPPING) return winches.winding(r, slip_now[r]) - slip_rate[r];
+    if (row_state[r] == SLIPPING) return winches.winding(r, slip_now[r]) - slip_rate[r];
     return apart[r] - Tolerance::parting_acceleration;
   }
 
@@ -139,8 +139,8 @@ struct Flow {
     for (int a = 0; a < rows.n; ++a) {
       const double own = rows.problem.G[a * stride + a];
       if (own > top) top = own;
-      if (mode[rows.row[a]] != HELD) {
-        redundant = redundant || mode[rows.row[a]] != SLIPPING;
+      if (row_state[rows.row[a]] != HELD) {
+        redundant = redundant || row_state[rows.row[a]] != SLIPPING;
         continue;
       }
       const double pivot = rows.problem.pivot(a);
@@ -163,7 +163,7 @@ struct Flow {
     double first = none;
     for (int i = 0; i < S; ++i) {
       const double stretch = winches.stretch(i, slip[i]);
-      if (mode[i] != SLIPPING && stretch > 0.0 && slip_time + stretch < first)
+      if (row_state[i] != SLIPPING && stretch > 0.0 && slip_time + stretch < first)
         first = slip_time + stretch;
     }
     return first;
@@ -305,7 +305,7 @@ struct Flow {
   void heights(const double* state, double* h, bool slipped = false) const {
     Call<Model, double>::rows(state, q_K, p, h);
     for (int i = 0; i < S; ++i) {
-      if (mode[i] == SLIPPING) h[i] = slipped ? -WinchTolerances::max_length_error - h[i] : 0.0;
+      if (row_state[i] == SLIPPING) h[i] = slipped ? -WinchTolerances::max_length_error - h[i] : 0.0;
       else h[i] -= slip_now[i];
     }
   }
@@ -317,7 +317,7 @@ struct Flow {
     for (int a = 0; a < rows.n; ++a) {
       problem.b[a] = h[a];
       problem.upper[a] = 0.0;
-      problem.active[a] = mode[rows.row[a]] == HELD;
+      problem.active[a] = row_state[rows.row[a]] == HELD;
     }
     // Raised and not refined: what two nearly dependent rows lack against one another would be
     // taken from the others many times over.
@@ -353,7 +353,7 @@ struct Flow {
   // The strings' own lengths: h, hdot and gamma are those of L + slip.
   void let_out(double at) {
     for (int i = 0; i < S; ++i) {
-      if (mode[i] == SLIPPING) {
+      if (row_state[i] == SLIPPING) {
         slip_now[i] = eval.h[i];
         slip_rate[i] = eval.hdot[i];
         slip_acc_[i] = 0.0;
@@ -375,7 +375,7 @@ struct Flow {
   double relative(const double* h) const {
     double worst = 0.0;
     for (int a = 0; a < rows.n; ++a)
-      if (mode[rows.row[a]] == HELD)
+      if (row_state[rows.row[a]] == HELD)
         worst = larger_of(worst, fabs(h[a]) / row_scale(rows.row[a]));
     return worst;
   }

@@ -1,6 +1,6 @@
 // Guards: what a step must not pass. A slack row's guard is its height h, a held row's its lacking
 // tension (or what it has beyond its winch's largest), a redundant row's how far it strays from the
-// held ones, a slipping row's its lacking speed; a guard is positive when the row's mode no longer
+// held ones, a slipping row's its lacking speed; a guard is positive when the row's state no longer
 // holds. After the rows come the drives that are watched, whose guard is positive where they lose a
 // step or run away.
 //
@@ -11,7 +11,7 @@
 #pragma once
 
 #include "flow.hpp"
-#include "memory.hpp"
+#include "snapshot.hpp"
 
 namespace fan {
 
@@ -54,7 +54,7 @@ struct Guards {
     for (int r = 0; r < M; ++r) armed[r] = true;
   }
 
-  void remember(Memory& memory) {
+  void remember(Snapshot& memory) {
     memory.keep(armed, height0, rate0, guard0, noise, afield);
   }
 
@@ -82,12 +82,12 @@ struct Guards {
     for (int r = 0; r < ALL; ++r) guard0[r] = guard(r);
   }
 
-  // A row's guard from the latest evaluation: positive when its mode no longer holds. In units
+  // A row's guard from the latest evaluation: positive when its state no longer holds. In units
   // that make rows comparable: lengths over the row's scale, tensions over the weight.
   double guard(int r) const {
     if (r >= M) return flow.motors.excess(r - M);
     if (r < S && Model::wire[r]) return -1.0;
-    if (flow.mode[r] == SLIPPING) {
+    if (flow.row_state[r] == SLIPPING) {
       const double wound_in = (-flow.slip_now[r] - WinchTolerances::max_length_error) / flow.row_scale(r) - Tolerance::caught_height;
       const double slow = flow.lack(r) - (armed[r] ? 0.0 : Tolerance::min_speed);
       return slow > wound_in ? slow : wound_in;
@@ -97,7 +97,7 @@ struct Guards {
     if (flow.taut(r)) {
       const double lack = flow.lack(r) - Tolerance::negligible_tension;
       // A redundant row follows from the held ones, unless it hardly differs from them.
-      const double strays = flow.mode[r] == HELD ? lack : over - FlowTolerances::closed_gap - afield;
+      const double strays = flow.row_state[r] == HELD ? lack : over - FlowTolerances::closed_gap - afield;
       return lack > strays ? lack : strays;
     }
     return over - (armed[r] ? 0.0 : Tolerance::caught_height + noise);
@@ -116,13 +116,13 @@ struct Guards {
     return flow.taut(r) ? Tolerance::release_root : Tolerance::catch_root;
   }
 
-  // Whether modes just chosen contradict the state at the latest evaluation, where winches may give
+  // Whether the active set just chosen contradicts the state at the latest evaluation, where winches may give
   // way instead: a held row is off its bound, or a string that slips does so too slowly.
   bool contradicted() const {
     if (!flow.winches.some_slip) return false;
     for (int r = 0; r < M; ++r) {
-      if (flow.mode[r] == HELD && fabs(flow.eval.height(r)) > Tolerance::caught_height * flow.row_scale(r)) return true;
-      if (flow.mode[r] != SLIPPING) continue;
+      if (flow.row_state[r] == HELD && fabs(flow.eval.height(r)) > Tolerance::caught_height * flow.row_scale(r)) return true;
+      if (flow.row_state[r] != SLIPPING) continue;
       if (flow.lack(r) > (flow.slip_now[r] < -WinchTolerances::max_length_error ? 0.0 : Tolerance::min_speed)) return true;
     }
     return false;

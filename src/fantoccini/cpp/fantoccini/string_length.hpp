@@ -1,7 +1,7 @@
 // A string's own length L: driven, wound by a drive, or a number; and when a driven one runs out.
 #pragma once
 
-#include "pieces.hpp"
+#include "segments.hpp"
 
 namespace fan {
 

@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "clearance.hpp"
-#include "funnel.hpp"
+#include "feedback.hpp"
 #include "goal.hpp"
-#include "led_step.hpp"
+#include "timestepping_trajectory.hpp"
 
 namespace fan {
 
@@ -125,7 +125,7 @@ class Sweep {
       const long long i = motion_[l];
       double* acc_K = in.acc_K + (i * in.segments + segment_[l]) * NK;
       if (segment_[l] >= in.given[i])
-        lead<Model>(
+        equilibrium_feedback<Model>(
             in.funnels[in.which[i]], in.bounds, in.reach[i],
             double(in.looks) * in.steps * in.options.dt, q_D, v_D, q_K, v_K, acc_K);
       for (int k = 0; k < NK; ++k) acc[k] = acc_K[k];
@@ -236,7 +236,7 @@ class Sweep {
     for (int k = 0; k < n; ++k) to[k] = lane_of(from[k], lane);
   }
 
-  LedStep<Model, Real> led_;
+  TimeSteppingTrajectory<Model, Real> led_;
   Clearance<Model, Real> clearance_;
   std::vector<Placed<Real>> placed_;
   Real coef_[room(NK * n_powers)], base_[room(QK)];

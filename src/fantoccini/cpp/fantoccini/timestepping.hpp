@@ -219,22 +219,14 @@ struct TimeStep {
     return more;
   }
 
-  // The rows that take part in some lane, in order: so no lane's sums depend on its neighbours.
-  FAN_FN int watched(int* list) const {
-    int n = 0;
-    for (int r = 0; r < M; ++r)
-      if (r < S || any(near_[r])) list[n++] = r;
-    return n;
-  }
-
   FAN_FN void gather(const Real* v_D) {
     int list[room(M)];
-    rows.gather(eval, v_D, list, watched(list));
+    rows.gather(eval, v_D, list, rows_in_some_lane<Model>(near_, list));
   }
 
   FAN_FN void gather_more(const Real* v_D) {
     int list[room(M)];
-    rows.gather_more(eval, v_D, list, watched(list));
+    rows.gather_more(eval, v_D, list, rows_in_some_lane<Model>(near_, list));
   }
 
   // By how much a row is overstepped, where > 0. A wire is by being too short, too.
@@ -273,12 +265,7 @@ struct TimeStep {
     }
     settle();
     Real w[room(N)];
-    for (int a = 0; a < rows.n; ++a) {
-      Real x = problem.x[a];
-      x = select(x > problem.upper[a], problem.upper[a], x);
-      x = select(x < problem.lower[a], problem.lower[a], x);
-      pull_[a] = -x;
-    }
+    for (int a = 0; a < rows.n; ++a) pull_[a] = -problem.bounded(a);
     for (int k = 0; k < N; ++k) w[k] = dt * eval.w0[k];
     rows.add(pull_, w);
     eval.back(w, acc);

@@ -10,7 +10,7 @@
 // Written for any Real: every lane has its own time and step.
 #pragma once
 
-#include "footing.hpp"
+#include "node_factor.hpp"
 #include "winch.hpp"
 
 namespace fan {
@@ -61,7 +61,7 @@ struct VariationalNode {
   Mask near[room(M)];      // rows that take part
   bool joined;             // whether some have joined that `exact` does not know
   Mask taut[room(M)];
-  Footing<Model, Real> exact, firm;
+  NodeFactor<Model, Real> exact, firm;
 
   // Velocities and mu from momenta, and what the next step stands on. The same again in lanes where
   // nothing has changed.
@@ -75,7 +75,7 @@ struct VariationalNode {
     watch();
     joined = false;
     int list[room(M)];
-    const int n = watched(list);
+    const int n = rows_in_some_lane<Model>(near, list);
     exact.rows.gather(exact.eval, guess, list, n);
     firm.rows.gather(firm.eval, guess, list, n);
     hold();
@@ -106,7 +106,7 @@ struct VariationalNode {
   FAN_FN bool gives(int r) const { return winches.slips(r) && winches.max_tension[r] < cap; }
 
   // Bounds of the rows' impulses over half a step: the other half is that of its other end.
-  FAN_FN void bound(Footing<Model, Real>& on, const Real& dt) const {
+  FAN_FN void bound(NodeFactor<Model, Real>& on, const Real& dt) const {
     auto& problem = on.rows.problem;
     for (int a = 0; a < on.rows.n; ++a) {
       const int r = on.rows.row[a];
@@ -114,13 +114,6 @@ struct VariationalNode {
       problem.upper[a] = gives(r) ? Real((0.5 * winches.max_tension[r]) * dt) : most;
       problem.lower[a] = on.rows.two_sided[a] ? Real(-most) : Real(0.0);
     }
-  }
-
-  // The impulse of a row, within its bounds.
-  FAN_FN static Real clamped(const Problem& problem, int a) {
-    Real x = problem.x[a];
-    x = select(x > problem.upper[a], problem.upper[a], x);
-    return select(x < problem.lower[a], problem.lower[a], x);
   }
 
   // Solves for the impulses; `again` with rows and G as the last time.
@@ -132,14 +125,6 @@ struct VariationalNode {
   // What is true of a row is true in all lanes.
   FAN_FN static Mask in_all(bool is) { return Real(is ? 1.0 : 0.0) > Real(0.5); }
   FAN_FN static Mask sides(const Rows& rows, int a) { return in_all(rows.two_sided[a]); }
-
-  // The rows that take part in some lane, in order.
-  FAN_FN int watched(int* list) const {
-    int n = 0;
-    for (int r = 0; r < M; ++r)
-      if (r < S || any(near[r])) list[n++] = r;
-    return n;
-  }
 
   // The rate at which a winch winds back what has slipped, over a step dt; none where that is 0.
   FAN_FN Real winding(int i, const Real& dt) const {
@@ -206,7 +191,7 @@ struct VariationalNode {
     }
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
-      mu[r] = select(at_bound[a], clamped(problem, a), Real(0.0));
+      mu[r] = select(at_bound[a], problem.bounded(a), Real(0.0));
       pull[a] = -mu[r];
       const Mask pulls = lambda[r] > Real(0.0) || mu[r] > Real(0.0) || sides(rows, a);
       taut[r] = at_bound[a] && pulls;

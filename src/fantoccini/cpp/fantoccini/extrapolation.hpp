@@ -10,7 +10,7 @@
 namespace fan {
 
 template <int n, class Real>
-class Foresight {
+class Extrapolation {
   using Mask = typename Traits<Real>::Mask;
 
  public:

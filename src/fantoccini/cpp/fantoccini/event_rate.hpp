@@ -1,4 +1,4 @@
-// Whether events stop time from passing: rows that chatter are told from a cascade, which ends.
+// Detects events so frequent that time stands still: rows that chatter, as against a cascade that ends.
 #pragma once
 
 #include "real.hpp"
@@ -14,7 +14,7 @@ struct EventRateTolerances {
 };
 
 template <int M>
-struct Pace {
+struct EventRate {
   long long of_row[room(M)] = {};  // events since the count began
 
   // Books an event of a row, -1 for none, at t.

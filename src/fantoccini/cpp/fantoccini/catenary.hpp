@@ -25,7 +25,7 @@ inline double log_sinhc_slope(double u) {
 
 // n_chords + 1 points (3,) from start to end of a thread that is longer than they are apart, in equal
 // steps of its length; one is moved to the lowest point.
-inline void hanging(const double* start, const double* end, double length, double* points) {
+inline void catenary(const double* start, const double* end, double length, double* points) {
   const double along[] = {end[0] - start[0], end[1] - start[1], end[2] - start[2]};
   const double flat = std::sqrt(along[0] * along[0] + along[1] * along[1]);
   // Below this width the fold's two legs are one line.

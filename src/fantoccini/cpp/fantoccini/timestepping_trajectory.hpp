@@ -4,7 +4,7 @@
 
 #include "contract.hpp"
 #include "motor_watch.hpp"
-#include "pieces.hpp"
+#include "segments.hpp"
 #include "timestepping.hpp"
 
 namespace fan {
@@ -12,7 +12,7 @@ namespace fan {
 
 
 template <class Model, class Real>
-struct LedStep {
+struct TimeSteppingTrajectory {
   using Space = typename Model::Driven;
   using Mask = typename Traits<Real>::Mask;
   static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings;

@@ -21,7 +21,7 @@ struct StepHalvingTolerances {
 };
 
 template <class Model_, class Real_>
-struct LedVariation {
+struct VariationalTrajectory {
   using Model = Model_;
   using Real = Real_;
   using Step = VariationalStep<Model, Real>;
