@@ -12,7 +12,7 @@ using AnyRun = ModelRun<Model>;
 
 #include "run_abi.hpp"
 
-// --- an event-driven run whose steps are made outside (external_integrator.hpp) -----------------------------
+// --- an event-driven run whose steps an external integrator makes (external_integrator.hpp) ------
 //
 // y = (q_D, v_D, work, loss, slip loss). What comes back is a status.
 

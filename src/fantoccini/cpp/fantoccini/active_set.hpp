@@ -90,14 +90,17 @@ struct ActiveSet {
   }
 
   // Whether row i holds as an equality, to the accuracy of its terms.
-  bool holds(int i) const { return fabs(s[i]) <= Tolerance::consistent_residual * terms[i] + noise; }
+  bool holds(int i) const {
+    return fabs(s[i]) <= Tolerance::consistent_residual * terms[i] + noise;
+  }
 
   // Takes every row that holds into the basis or, where it depends on the basis, calls it idle or
   // pinned. A row without tension joins the basis only if it `stays`. To be called after solve().
   void complete(const bool* stays) {
     bool wanted[C];
     for (int i = 0; i < n; ++i)
-      wanted[i] = place[i] == LOW && stays[i] && fabs(s[i]) <= Tolerance::joining_residual * terms[i] &&
+      wanted[i] = place[i] == LOW && stays[i] &&
+                  fabs(s[i]) <= Tolerance::joining_residual * terms[i] &&
                   project(i) > Tolerance::independent_distance * size_[i];
     join_all(wanted);
     for (int i = 0; i < n; ++i) {
@@ -174,7 +177,8 @@ struct ActiveSet {
         const int i = basis_[j];
         if (two_sided[i]) continue;
         const double rate = -sign * c[j];
-        if (fabs(rate) <= Tolerance::negligible_rate || (rate > 0.0 && upper[i] >= unbounded)) continue;
+        if (fabs(rate) <= Tolerance::negligible_rate) continue;
+        if (rate > 0.0 && upper[i] >= unbounded) continue;
         const double left = rate < 0.0 ? x[i] : upper[i] - x[i];
         if (left < t * fabs(rate)) {
           t = left / fabs(rate);
@@ -261,14 +265,14 @@ struct ActiveSet {
   // x of the basis from R^T R x = b_B - W_B^T W_H upper_H, with one refinement; the others' x from
   // their places.
   void fit() {
-    double beside[D], left[D];
-    for (int a = 0; a < dim; ++a) beside[a] = 0.0;
+    double sum[D], left[D];
+    for (int a = 0; a < dim; ++a) sum[a] = 0.0;
     for (int i = 0; i < n; ++i) {
       x[i] = place[i] == HIGH ? upper[i] : 0.0;
-      for (int a = 0; a < dim && x[i] != 0.0; ++a) beside[a] += column[i][a] * x[i];
+      for (int a = 0; a < dim && x[i] != 0.0; ++a) sum[a] += column[i][a] * x[i];
     }
     for (int round = 0; round < 2; ++round) {
-      for (int j = 0; j < k_; ++j) left[j] = b[basis_[j]] - product(column[basis_[j]], beside);
+      for (int j = 0; j < k_; ++j) left[j] = b[basis_[j]] - product(column[basis_[j]], sum);
       for (int j = 0; j < k_; ++j) {
         for (int l = 0; l < j; ++l) left[j] -= R_[l * D + j] * left[l];
         left[j] /= R_[j * D + j];
@@ -276,7 +280,7 @@ struct ActiveSet {
       back_substitute(left);
       for (int j = 0; j < k_; ++j) {
         x[basis_[j]] += left[j];
-        for (int a = 0; a < dim; ++a) beside[a] += column[basis_[j]][a] * left[j];
+        for (int a = 0; a < dim; ++a) sum[a] += column[basis_[j]][a] * left[j];
       }
     }
   }
@@ -356,7 +360,8 @@ struct ActiveSet {
   }
 
   bool is_dependent(int i, double apart) const {
-    return apart <= Tolerance::dependent_distance * size_[i] || apart <= Tolerance::negligible_column * top_;
+    return apart <= Tolerance::dependent_distance * size_[i] ||
+           apart <= Tolerance::negligible_column * top_;
   }
 
   // c <- R^-1 c.

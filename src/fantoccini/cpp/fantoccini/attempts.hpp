@@ -1,9 +1,10 @@
 // How the active set at an instant is sought: by one attempt after another, until it holds together.
 //
 // The active set follows from tensions and accelerations alone while rows at rest are at rest
-// together. Redundant strings may not be: where their lengths contradict one another by some 1e-9 m/s,
-// tensions ask for all of them, velocities for all but one, and the set would change without end.
-// Winches that slip can give way. Then all rows are decided together by one implicit step of length d,
+// together. Redundant strings may not be: where their lengths contradict one another by some 1e-9
+// m/s, tensions ask for all of them, velocities for all but one, and the set would change without
+// end. Winches that slip can give way. Then all rows are decided together by one implicit step of
+// length d,
 //
 //   hdot + d hddot <= 0,   0 <= tension <= largest,   complementary,
 //

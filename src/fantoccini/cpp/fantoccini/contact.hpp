@@ -36,10 +36,13 @@ struct Contact {
   Status retreat(F& f) {
     int list[room(M)] = {}, n = 0;
     for (int r = 0; r < M; ++r)
-      if (f.row_state[r] == HELD || f.eval.height(r) > -Tolerance::nearby_gap * f.row_scale(r)) list[n++] = r;
+      if (f.row_state[r] == HELD || f.eval.height(r) > -Tolerance::nearby_gap * f.row_scale(r))
+        list[n++] = r;
     f.rows.gather(f.eval, f.y + NQ, list, n);
     double h[room(M)];
-    for (int r = 0; r < M; ++r) h[r] = f.row_state[r] == SLIPPING ? -WinchTolerances::max_length_error - f.slip_now[r] : f.eval.height(r);
+    for (int r = 0; r < M; ++r) 
+      h[r] = f.row_state[r] == SLIPPING ? -WinchTolerances::max_length_error - f.slip_now[r]
+                                        : f.eval.height(r);
     const auto left = [&] {
       double worst = 0.0;
       for (int a = 0; a < n; ++a) {
@@ -101,13 +104,14 @@ struct Contact {
     return RUNNING;
   }
 
-  // Chooses the active set at (t, y) among those that are closed and at rest. Rows in `loose`
-  // have just lost their tension: they stay only if they pull; strings in `strained` have just
-  // reached their winch's largest: they stay only if they pull with less.
-  // The active sets of an implicit step (attempts.hpp) take closed strings on winches as exactly closed: their
-  // slips take up to WinchTolerances::max_length_error of either sign.
+  // Chooses the active set at (t, y) among those that are closed and at rest. Rows in `loose` have
+  // just lost their tension: they stay only if they pull; strings in `strained` have just reached
+  // their winch's largest: they stay only if they pull with less. The active sets of an implicit
+  // step (attempts.hpp) take closed strings on winches as exactly closed: their slips take up to
+  // WinchTolerances::max_length_error of either sign.
   Status choose(
-      F& f, const bool* loose, const bool* strained, Hold* next, double closeness = FlowTolerances::closed_gap,
+      F& f, const bool* loose, const bool* strained, Hold* next,
+      double closeness = FlowTolerances::closed_gap,
       const Attempt& how = Attempts::list[0]) {
     const double ahead = how.ahead;
     double rate[F::NY];
@@ -120,7 +124,8 @@ struct Contact {
     for (int i = 0; i < S; ++i) own[i] = f.slip[i];
     if (ahead > 0.0) {
       for (int i = 0; i < S; ++i)
-        if (f.winches.slips(i) && fabs(f.eval.h[i]) <= WinchTolerances::max_length_error && fabs(f.eval.hdot[i]) <= still)
+        if (f.winches.slips(i) && fabs(f.eval.h[i]) <= WinchTolerances::max_length_error &&
+            fabs(f.eval.hdot[i]) <= still)
           f.slip[i] += f.eval.h[i];
       f.evaluate(f.t, f.y, rate);
     }
@@ -167,7 +172,8 @@ struct Contact {
       if (next[r] != HELD || set_.two_sided[i]) continue;
       // What has just met its bound and stands there but for rounding goes on past it.
       if (loose[r] && set_.x[i] <= Tolerance::tension_at_bound * most + rounding(f, i)) next[r] = SLACK;
-      if (strained[r] && set_.x[i] >= set_.upper[i] - Tolerance::tension_at_bound * most) next[r] = SLIPPING;
+      if (strained[r] && set_.x[i] >= set_.upper[i] - Tolerance::tension_at_bound * most)
+        next[r] = SLIPPING;
     }
     // A slack string takes up nothing.
     for (int i = 0; i < S; ++i) {
@@ -195,7 +201,8 @@ struct Contact {
     for (int r = 0; r < M; ++r) {
       // A row that closes faster than that is about to be caught, or to slip; a winch that slips for
       // less would stop at once and leave its string to close again.
-      const bool closed = f.eval.height(r) >= -FlowTolerances::closed_gap * f.row_scale(r) && f.row_state[r] != SLIPPING &&
+      const bool closed = f.eval.height(r) >= -FlowTolerances::closed_gap * f.row_scale(r) &&
+                          f.row_state[r] != SLIPPING &&
                           f.rate_of(r, f.y + NQ) <= Tolerance::max_rest_speed * speed_scale(f);
       if (f.row_state[r] == HELD || f.row_state[r] == SLIPPING || closed) list[n++] = r;
     }
@@ -274,7 +281,8 @@ struct Contact {
     sign_[i] = -1.0;
   }
 
-  // Gathered row a among the rows whose tension is sought, beside those that slip.
+  // Adds gathered row a to the rows whose tension is unknown; the tensions of slipping ones are
+  // known.
   void add_pull(const F& f, const Hold* mode, int a, typename Set::Place guess) {
     constexpr int stride = Complementarity<double, M>::N;
     double hddot = f.rows.hddot[a];
@@ -332,7 +340,7 @@ struct Contact {
     return top;
   }
 
-  // Solves; where the inputs ask for too much, `blame` tells which rows cannot hold together.
+  // Solves; where the inputs are impossible, `blame` gives the rows that cannot hold together.
   Status settle(const F& f) {
     for (int i = 0; i < set_.n; ++i)
       if (!is_finite(set_.b[i])) return NOT_FINITE;

@@ -106,7 +106,8 @@ struct Detector {
       return RUNNING;
     }
     if (reference_ < 0.0 || top < reference_) reference_ = top;
-    if (top < Tolerance::tension_growth * reference_ || top < Tolerance::min_tension * f.weight()) return RUNNING;
+    if (top < Tolerance::tension_growth * reference_) return RUNNING;
+    if (top < Tolerance::min_tension * f.weight()) return RUNNING;
     // The direction in which A_D M^-1 A_D^T nearly vanishes.
     double y[room(M)], most = 0.0;
     for (int a = 0; a < f.rows.n; ++a) y[a] = a == weakest ? 1.0 : 0.0;

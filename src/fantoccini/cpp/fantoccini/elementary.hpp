@@ -1,7 +1,7 @@
-// Elementary functions for any Real, without calls (but for angles beyond max_reduced_angle), so that they
-// cost a lane little: sine and cosine, arctangent, inverse root. Errors stay below 1 unit in the
-// last place up to 1e4 rad and below 1.5 up to max_reduced_angle, of the arctangent and the inverse root
-// below 2.
+// Elementary functions for any Real, without calls (but for angles beyond max_reduced_angle), so
+// that they cost a lane little: sine and cosine, arctangent, inverse root. Errors stay below 1 unit
+// in the last place up to 1e4 rad and below 1.5 up to max_reduced_angle, of the arctangent and the
+// inverse root below 2.
 //
 // Ranges are reduced and approximated as in Sun's fdlibm (K. C. Ng), whose coefficients these are.
 #pragma once
@@ -12,7 +12,7 @@
 
 namespace fan {
 
-constexpr double max_reduced_angle = 1e6;  // rad, from which the C library's sine is asked
+constexpr double max_reduced_angle = 1e6;  // rad: beyond, the C library computes sine and cosine
 
 // x rounded to a whole number, for |x| < 2^51.
 template <class Real>

@@ -1,5 +1,6 @@
-// The event-driven run: adaptive steps of the flow with the active set frozen, stopped where a tension falls
-// through zero (release), a slack row closes (catch), or a winch begins or ends to slip.
+// The event-driven run: adaptive steps of the flow with the active set frozen, stopped where a
+// tension falls through zero (release), a slack row closes (catch), or a winch begins or ends to
+// slip.
 #pragma once
 
 #include "detector.hpp"
@@ -101,7 +102,8 @@ struct EventRun : EventInstants<Model> {
   // Deals with a break of the inputs at the present time; from there the flow is smooth until `end`.
   Status begin_stretch(double t_end, double* end, Record<Model>& out) {
     if (n_steps >= flow.opt.max_steps) return TOO_MANY_STEPS;
-    if (n_events >= flow.opt.max_events || stuck > Tolerance::max_standstill_steps || event_rate.crowded()) {
+    if (n_events >= flow.opt.max_events || stuck > Tolerance::max_standstill_steps ||
+        event_rate.crowded()) {
       event_rate.shares(blame);
       return TOO_MANY_EVENTS;
     }
@@ -169,7 +171,8 @@ struct EventRun : EventInstants<Model> {
         growth_cap = 1.0;
         continue;
       }
-      double factor = err > 0.0 ? Tolerance::safety * pow(err, -1.0 / Tolerance::order) : growth_cap;
+      double factor = growth_cap;
+      if (err > 0.0) factor = Tolerance::safety * pow(err, -1.0 / Tolerance::order);
       if (err > 1.0) {
         s *= factor < Tolerance::min_factor ? Tolerance::min_factor : factor;
         growth_cap = 1.0;
@@ -211,15 +214,16 @@ struct EventRun : EventInstants<Model> {
     stuck = moved > Tolerance::standstill ? 0 : stuck + 1;
     for (int r = 0; r < M; ++r) {
       const double h = flow.eval.height(r);
-      if (flow.row_state[r] == SLIPPING && flow.lack(r) < -GuardTolerances::min_speed) guards.armed[r] = true;
+      if (flow.row_state[r] == SLIPPING && flow.lack(r) < -GuardTolerances::min_speed)
+        guards.armed[r] = true;
       if (flow.taut(r)) continue;
       if (h < -(GuardTolerances::open_gap + guards.noise) * flow.row_scale(r)) guards.armed[r] = true;
       if (h > 0.0) guards.armed[r] = false;
     }
     flow.motors.look(flow.y, flow.y + NQ, flow.q_K, flow.v_K, flow.acc_K, flow.p, true);
-    const long long told = out.n_events;
+    const long long before = out.n_events;
     flow.motors.tell(flow.t, out);
-    n_events += out.n_events - told;
+    n_events += out.n_events - before;
     const bool event = guards.worst() > 0.0;
     Status seen = flow.frail() && !event ? another_basis(out) : RUNNING;
     if (seen == RUNNING) seen = watch();

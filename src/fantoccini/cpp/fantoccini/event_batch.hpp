@@ -47,12 +47,12 @@ class EventBatch {
     row_ = 0;
     Status status = run.start(out);
     hand_over(in, who, out);
-    double told = in.t;
+    double reported = in.t;
     while (status == RUNNING) {
       status = run.run(in.t_end, steps_per_report, out);
       hand_over(in, who, out);
-      pool.advance((flow.t - told) / (in.t_end - in.t));
-      told = flow.t;
+      pool.advance((flow.t - reported) / (in.t_end - in.t));
+      reported = flow.t;
       if (status == RUNNING && pool.stopped()) status = STOPPED;
     }
     in.status[who] = status;
@@ -67,8 +67,8 @@ class EventBatch {
     flow.motors.blame(status, 0, blame + M);
   }
 
-  // Rows at the times asked for go to their places: of several at one time the last, which is that
-  // after the event.
+  // Copies the samples at the requested times to their places; of several at one time the last stays,
+  // which is that after the event.
   void hand_over(const BatchArrays& in, long long who, Row& out) {
     for (long long i = 0; i < out.n_rows; ++i) {
       const double* row = out.rows + i * Layout::width;

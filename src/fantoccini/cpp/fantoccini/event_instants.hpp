@@ -63,7 +63,7 @@ struct EventInstants {
 
   void write(double t, const double* y, Record<Model>& out) {
     double tension[room(M)];
-    double slip[room(S)];  // without what a winch may be off its string's length, WinchTolerances::max_length_error
+    double slip[room(S)];  // without the error of up to max_length_error (winch.hpp)
     bool taut[room(M)];
     for (int i = 0; i < S; ++i) slip[i] = flow.slip_now[i] > 0.0 ? flow.slip_now[i] : 0.0;
     contact.tensions(flow, tension);
@@ -88,9 +88,11 @@ struct EventInstants {
       const double none = -flow.tension[r] / flow.weight();
       if (held && none > -GuardTolerances::negligible_tension) loosened_[r] = flow.t;
       // Among redundant rows one that has just lost its tension must not take turns with another.
-      s.loose[r] = s.before[r] == SLACK ? !guards.armed[r] : flow.t - loosened_[r] <= Tolerance::same_instant;
+      s.loose[r] = s.before[r] == SLACK ? !guards.armed[r]
+                                        : flow.t - loosened_[r] <= Tolerance::same_instant;
       s.strained[r] = held && flow.winches.slips(r) &&
-                      flow.tension[r] >= flow.winches.max_tension[r] - GuardTolerances::negligible_tension * flow.weight();
+                      flow.tension[r] >= flow.winches.max_tension[r] -
+                                             GuardTolerances::negligible_tension * flow.weight();
       const bool touches = s.before[r] == SLACK && guards.touches(r, FlowTolerances::closed_gap);
       s.caught[r] = touches;
       s.closed[r] = s.before[r] != SLACK || guards.closed(r, FlowTolerances::closed_gap);
@@ -111,8 +113,8 @@ struct EventInstants {
     return settle_active_set(s, out);
   }
 
-  // At a break of the inputs the tensions may jump: choose the active set again, and write a second row
-  // where the inputs' accelerations or the forces jump.
+  // At a break of the inputs the tensions may jump: choose the active set again, and write a second
+  // row where the inputs' accelerations or the forces jump.
   Status breakpoint(Record<Model>& out) {
     double acc_K[room(Model::n_vK)], u_D[room(N)];
     for (int j = 0; j < Model::n_vK; ++j) acc_K[j] = flow.acc_K[j];
@@ -126,7 +128,8 @@ struct EventInstants {
     const long long rows = out.n_rows;
     bool touched = false;
     for (int r = 0; r < M; ++r)
-      touched = touched || (flow.row_state[r] == SLACK && guards.touches(r, FlowTolerances::closed_gap));
+      touched = touched ||
+                (flow.row_state[r] == SLACK && guards.touches(r, FlowTolerances::closed_gap));
     const Status status = touched ? instant(out) : settle_active_set(present(), out);
     if (jumps && out.n_rows == rows) emit(out);
     return status;
@@ -170,7 +173,9 @@ struct EventInstants {
     return status;
   }
 
-  static bool differ(double a, double b) { return fabs(a - b) > Tolerance::jump * (1.0 + fabs(a) + fabs(b)); }
+  static bool differ(double a, double b) {
+    return fabs(a - b) > Tolerance::jump * (1.0 + fabs(a) + fabs(b));
+  }
 
   Status settle_active_set(const Situation& s, Record<Model>& out) {
     Hold next[room(M)];
@@ -197,7 +202,7 @@ struct EventInstants {
     impact += energy - (flow.total_energy() - given());
     bool changed = false;
     for (int r = 0; r < M; ++r) {
-      tell(s, r, out);
+      write_changes(s, r, out);
       changed = changed || next[r] != s.before[r] || s.caught[r];
       if (next[r] == SLIPPING) guards.armed[r] = flow.lack(r) < -GuardTolerances::min_speed;
       // A string that springs back leaves its bound for sure; one that is let go may stay at it.
@@ -215,8 +220,9 @@ struct EventInstants {
   // What inputs and winches have given so far.
   double given() const { return flow.y[F::WORK] - flow.y[F::SLIP_LOSS]; }
 
-  // The event of row r that went from s.before to its mode, beside the catch that has been told.
-  void tell(const Situation& s, int r, Record<Model>& out) {
+  // Writes the events of row r, which went from s.before to its present state; an impact's catch has
+  // been written.
+  void write_changes(const Situation& s, int r, Record<Model>& out) {
     const Hold before = s.before[r], next = flow.row_state[r];
     if (next == SLACK) {
       if (s.holds(r)) note(out, RELEASE, r, 0.0, 0.0);

@@ -1,4 +1,5 @@
-// Detects events so frequent that time stands still: rows that chatter, as against a cascade that ends.
+// Detects events so frequent that time stands still: rows that chatter, as against a cascade that
+// ends.
 #pragma once
 
 #include "real.hpp"

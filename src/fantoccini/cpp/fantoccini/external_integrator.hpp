@@ -1,6 +1,7 @@
-// An event-driven run whose steps an integrator outside makes, any that the caller likes. It asks
-// for the flow with the active set frozen and its guards at the states it tries and says what it has reached;
-// everything else (projection, detectors, impulses, modes, breaks, rows) is EventRun's.
+// An event-driven run whose steps an external integrator makes, any that the caller likes. It asks
+// for the flow with the active set frozen and its guards at the states it tries and says what it
+// has reached; everything else (projection, detectors, impulses, modes, breaks, rows) is
+// EventRun's.
 #pragma once
 
 #include "event.hpp"

@@ -1,5 +1,5 @@
-// The flow with the active set frozen: between two events the same rows are taut, as equalities, and the puppet is
-// a smooth ordinary differential equation
+// The flow with the active set frozen: between two events the same rows are taut, as equalities,
+// and the puppet is a smooth ordinary differential equation
 //
 //   y = (q_D, v_D, work, loss, slip loss)
 //   ydot = (N(q) v, acc_D, power of inputs and forces, dissipation, tension . rate of slip)

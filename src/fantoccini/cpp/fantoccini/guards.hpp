@@ -88,7 +88,8 @@ struct Guards {
     if (r >= M) return flow.motors.excess(r - M);
     if (r < S && Model::wire[r]) return -1.0;
     if (flow.row_state[r] == SLIPPING) {
-      const double wound_in = (-flow.slip_now[r] - WinchTolerances::max_length_error) / flow.row_scale(r) - Tolerance::caught_height;
+      const double wound_in = (-flow.slip_now[r] - WinchTolerances::max_length_error) / flow.row_scale(r) -
+                              Tolerance::caught_height;
       const double slow = flow.lack(r) - (armed[r] ? 0.0 : Tolerance::min_speed);
       return slow > wound_in ? slow : wound_in;
     }
@@ -116,14 +117,18 @@ struct Guards {
     return flow.taut(r) ? Tolerance::release_root : Tolerance::catch_root;
   }
 
-  // Whether the active set just chosen contradicts the state at the latest evaluation, where winches may give
-  // way instead: a held row is off its bound, or a string that slips does so too slowly.
+  // Whether the active set just chosen contradicts the state at the latest evaluation, where
+  // winches may give way instead: a held row is off its bound, or a string that slips does so too
+  // slowly.
   bool contradicted() const {
     if (!flow.winches.some_slip) return false;
     for (int r = 0; r < M; ++r) {
-      if (flow.row_state[r] == HELD && fabs(flow.eval.height(r)) > Tolerance::caught_height * flow.row_scale(r)) return true;
+      if (flow.row_state[r] == HELD && 
+          fabs(flow.eval.height(r)) > Tolerance::caught_height * flow.row_scale(r))
+        return true;
       if (flow.row_state[r] != SLIPPING) continue;
-      if (flow.lack(r) > (flow.slip_now[r] < -WinchTolerances::max_length_error ? 0.0 : Tolerance::min_speed)) return true;
+      const bool beyond = flow.slip_now[r] < -WinchTolerances::max_length_error;
+      if (flow.lack(r) > (beyond ? 0.0 : Tolerance::min_speed)) return true;
     }
     return false;
   }

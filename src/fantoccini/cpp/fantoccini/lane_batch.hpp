@@ -149,7 +149,7 @@ class LaneBatch {
     const BatchArrays& in = pool.arrays;
     const StepGrid grid{in.t, in.t_end, in.options.dt};
     double t = in.t;
-    double told = t;
+    double reported = t;
     long long row = 0;
     bool too_many = false;
     write(in, row++);
@@ -162,11 +162,11 @@ class LaneBatch {
       count();
       if (step % in.save_every == 0 || t >= in.t_end) write(in, row++);
       if (step % steps_per_report != 0) continue;
-      pool.advance(n_ * (t - told) / (in.t_end - in.t));
-      told = t;
+      pool.advance(n_ * (t - reported) / (in.t_end - in.t));
+      reported = t;
       if (pool.stopped() || !any(bundle_.runs())) break;
     }
-    if (!pool.stopped()) pool.advance(n_ * (in.t_end - told) / (in.t_end - in.t));
+    if (!pool.stopped()) pool.advance(n_ * (in.t_end - reported) / (in.t_end - in.t));
     for (int l = 0; l < n_; ++l) {
       Status status = Status(int(lane_of(bundle_.status, l)));
       const long long who = first_ + l;

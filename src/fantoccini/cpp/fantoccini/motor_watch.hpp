@@ -2,7 +2,7 @@
 //
 //   a stepper loses a step where it lags by more than half a period of its torque from the tooth
 //   that it holds on to: beyond, the torque turns it on to the next one;
-//   a drive runs away where it is farther than Tolerance::runaway_distance outside of all that it was told since the
+//   a drive runs away where it is farther than runaway_distance outside of all commands since the
 //   run began, its motor out of step or at its bound; it is gone beyond Tolerance::gone_distance.
 //
 // Written for any Real.
@@ -123,7 +123,9 @@ struct MotorWatch {
   }
 
  private:
-  static constexpr double astray_from(int d) { return Tolerance::runaway_distance[Model::watched_turns[d]]; }
+  static constexpr double astray_from(int d) {
+    return Tolerance::runaway_distance[Model::watched_turns[d]];
+  }
 
   // By how much of a period a stepper lags beyond what it holds.
   FAN_FN Real lag_beyond(int d) const {
@@ -143,7 +145,7 @@ struct MotorWatch {
   Real low_[room(D)], high_[room(D)];  // within which all lies that it was told, and its start
   Real tooth_[room(D)];                // period of the torque that a stepper is in
   Mask lost_[room(D)], astray_[room(D)];  // since the run began
-  Mask passed_[room(D)];                  // outside by more than Tolerance::runaway_distance when looked at last
+  Mask passed_[room(D)];                  // outside by more than runaway_distance at the last look
 };
 
 }  // namespace fan

@@ -1,4 +1,5 @@
-// What a run knows beside its inputs, as bytes: a copy that recalls them goes on to the same bits.
+// The whole state of a run except its inputs, as bytes: a run that restores them goes on to the same
+// bits.
 #pragma once
 
 #include <cstring>

@@ -3,10 +3,10 @@
 //   (M + dt D) (v+ - v) = dt (u - c(q, v_ahead) - D v) - A_D^T Lambda,   Lambda >= 0
 //   h/dt + A_D v+ + A_K dq_K/dt <= 0, complementary to Lambda;          q+ = q moved by dt v+
 //
-// with dq_K the exact increment of the inputs, damping and drag D implicit, and Lambda capped, so that
-// every step has a solution. The recovery of a violated row is limited to a speed, and takes no less
-// than a whole step: a short last one would make its h/dt a blow. c takes its velocity products half
-// a step on, extrapolated from the accelerations a of the two steps before,
+// with dq_K the exact increment of the inputs, damping and drag D implicit, and Lambda capped, so
+// that every step has a solution. The recovery of a violated row is limited to a speed, and takes
+// no less than a whole step: a short last one would make its h/dt a blow. c takes its velocity
+// products half a step on, extrapolated from the accelerations a of the two steps before,
 //
 //   v_ahead = v + dt (a/2 + (a - a-)/4)
 //
@@ -15,10 +15,11 @@
 // there is nothing to extrapolate: a = 0. Without `extrapolates`, v_ahead is v, and a step depends on
 // its state alone.
 //
-// Where the cap is the largest tension of a string's winch, the winch gives way by what is left. Once
-// a row was overstepped by Tolerance::stirred_violation, all velocities are scaled down where a step would turn a
-// coordinate by more than Tolerance::max_turn_per_step or move one by more than Tolerance::max_move_per_step; before, by Tolerance::unstirred_factor times
-// as much. Written for any Real: lanes step together, each with its own rows.
+// Where the cap is the largest tension of a string's winch, the winch gives way by what is left.
+// Once a row was overstepped by stirred_violation, all velocities are scaled down where a step
+// would turn a coordinate by more than max_turn_per_step or move one by more than
+// max_move_per_step; before, by unstirred_factor times as much. Written for any Real: lanes step
+// together, each with its own rows.
 #pragma once
 
 #include "evaluation.hpp"
@@ -61,11 +62,13 @@ struct TimeStep {
   Real work, impact, slip_loss, violation;
   Mask settled;  // whether the last step's complementarity was solved
   Mask idle = Real(0.0) > Real(1.0);  // lanes in which nothing is asked any more
-  // Whether a row was ever overstepped by more than Tolerance::stirred_violation: from then on turns are limited.
+  // Whether a row was ever overstepped by more than stirred_violation: from then on turns are
+  // limited.
   Mask stirred = Real(0.0) > Real(1.0);
 
-  // Steps from q_D, v_D to q_next, v_next. (q_K, v_K, acc_K) are the inputs at the start of the step with
-  // v_K = dq_K/dt and acc_K the mean acceleration; `taut` is the mode of the step before.
+  // Steps from q_D, v_D to q_next, v_next. (q_K, v_K, acc_K) are the inputs at the start of the
+  // step with v_K = dq_K/dt and acc_K the mean acceleration; `taut` is the active set of the step
+  // before.
   FAN_FN void step(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
       const Real* u_D, double dt, double recovery_speed, double cap, const Winches<S>& winches,
@@ -92,7 +95,8 @@ struct TimeStep {
     for (int k = 0; k < N; ++k) {
       v_next[k] = v_D[k] + acc[k];
       move[k] = dt * v_next[k];
-      part[k] = move[k] * (1.0 / (Model::turns[k] ? Tolerance::max_turn_per_step : Tolerance::max_move_per_step));
+      part[k] = move[k] * (1.0 / (Model::turns[k] ? Tolerance::max_turn_per_step
+                                                   : Tolerance::max_move_per_step));
       acc[k] *= 1.0 / dt;
       lead[k] = acc[k] * 0.5 + select(steady, Real(0.25 * (acc[k] - trend[k])), Real(0.0));
       trend[k] = acc[k];
@@ -271,8 +275,8 @@ struct TimeStep {
     eval.back(w, acc);
   }
 
-  // Tensions, modes and the step's part of the ledger. acc is v+ - v here. Returns the lanes in which
-  // a row was caught.
+  // Tensions, the active set and the step's part of the ledger. acc is v+ - v here. Returns the
+  // lanes in which a row was caught.
   FAN_FN Mask account(const Real* v_D, const Real* u_D, double dt) {
     Mask held_before[room(M)], some_caught = Real(0.0) > Real(1.0);
     for (int r = 0; r < M; ++r) {

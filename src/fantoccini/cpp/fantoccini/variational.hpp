@@ -57,7 +57,7 @@ struct VariationalStep {
   };
 
   Node here;
-  double least = negligible;  // kg m^2/s^2: Tolerance::momentum_residual is of momenta squared that are at least this
+  double least = negligible;  // kg m^2/s^2: least squared momenta for the residuals
   Lead lead;
   Inputs coming;  // at the end of the step
   // Of the last step, in the lanes that made it.
@@ -130,7 +130,9 @@ struct VariationalStep {
       for (int a = 0; a < rows.n; ++a) {
         const int r = rows.row[a];
         was[a] = problem.active[a];
-        problem.b[a] = select(here.near[r], Real(trial_.h[r] * rate + along[a]), Real(-ComplementarityTolerances::excluded_speed));
+        problem.b[a] = select(
+            here.near[r], Real(trial_.h[r] * rate + along[a]),
+            Real(-ComplementarityTolerances::excluded_speed));
       }
       Node::complement(problem, again);
       again = true;
@@ -178,7 +180,8 @@ struct VariationalStep {
       const Real length = string_length<Model, Real>(r, here.q_D, coming.q_K);
       const Real own = rows.problem.G[a * Node::Problem::N + a];
       const Real square = 2.0 * dt * abs(trial_.lambda[r]) * own;
-      all = all && !(square > Tolerance::max_swing_per_step * Tolerance::max_swing_per_step * (length + here.slip[r]));
+      constexpr double most = Tolerance::max_swing_per_step * Tolerance::max_swing_per_step;
+      all = all && !(square > most * (length + here.slip[r]));
     }
     return all;
   }
@@ -308,7 +311,8 @@ struct VariationalStep {
     using std::abs;
     const auto& rows = here.firm.rows;
     Mask all = Real(0.0) < Real(1.0);
-    for (int r = S; r < M; ++r) all = all && (here.near[r] || !(trial_.h[r] > Real(Tolerance::violation)));
+    for (int r = S; r < M; ++r)
+      all = all && (here.near[r] || !(trial_.h[r] > Real(Tolerance::violation)));
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
       const Real beyond = rows.two_sided[a] ? Real(abs(trial_.h[r])) : trial_.h[r];
@@ -349,7 +353,8 @@ struct VariationalStep {
   FAN_FN void look_again() {
     here.joined = false;
     int list[room(M)];
-    here.exact.rows.gather_more(here.exact.eval, here.guess, list, rows_in_some_lane<Model>(here.near, list));
+    const int n = rows_in_some_lane<Model>(here.near, list);
+    here.exact.rows.gather_more(here.exact.eval, here.guess, list, n);
   }
 
   // A winch at its largest tension gives way by what its string lacks.

@@ -82,8 +82,10 @@ struct Winches {
 
   // A slip without what the clock at `time` does not resolve of its stretch.
   double resolved(int i, double slip, double time) const {
-    if (!(slip > Tolerance::negligible_slip)) return slip < 0.0 && slip >= -Tolerance::max_length_error ? slip : 0.0;
-    const double left = stretch(i, slip), finest = Tolerance::clock * (fabs(time) > 1.0 ? fabs(time) : 1.0);
+    if (!(slip > Tolerance::negligible_slip))
+      return slip < 0.0 && slip >= -Tolerance::max_length_error ? slip : 0.0;
+    const double left = stretch(i, slip);
+    const double finest = Tolerance::clock * (fabs(time) > 1.0 ? fabs(time) : 1.0);
     if (left == 0.0 || left > finest) return slip;
     return slip > braking(i) ? 0.5 * rewind_speed[i] * rewind_speed[i] / Tolerance::brake : 0.0;
   }
