@@ -1,4 +1,4 @@
-"""An event-driven run whose steps are made outside: the Python side of ``cpp/.../external_integrator.hpp``.
+"""An event-driven run stepped from outside: the Python side of ``external_integrator.hpp``.
 
     ydot = f(t, y),   y = (q_D, v_D, work, loss, slip loss),   with the taut rows frozen
 

@@ -1,8 +1,8 @@
-// The first guess of a step from what the guesses before it lacked.
+// Improves the first guess of a step by extrapolating the errors of the guesses before it.
 //
-// A guess from the forces at the node lacks e_k of order dt^3, which changes little from step to
-// step: e_k is guessed as nothing, as e_k-1, along the straight line or the parabola through the
-// last ones, by whichever would have guessed e_k-1 best. Written for any Real.
+// A guess from the forces at the node has an error e_k of order dt^3, which changes little from step
+// to step: e_k is estimated as 0, as e_k-1, along the straight line or the parabola through the
+// last ones, by whichever would have estimated e_k-1 best. Written for any Real.
 #pragma once
 
 #include "manifold.hpp"

@@ -1,4 +1,4 @@
-// What a variational step stands on and what it finds. Written for any Real.
+// The factor at a node of a variational run, and a trial step from it. Written for any Real.
 #pragma once
 
 #include "evaluation.hpp"

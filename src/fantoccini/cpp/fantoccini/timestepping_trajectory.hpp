@@ -1,5 +1,5 @@
-// The time-stepper led by inputs: exact increments of the driven coordinates, the books, and what
-// stops a trajectory. Written for any Real.
+// A trajectory of the time-stepper: follows the inputs by exact increments of the driven coordinates,
+// keeps the ledger and sets the status. Written for any Real.
 #pragma once
 
 #include "contract.hpp"

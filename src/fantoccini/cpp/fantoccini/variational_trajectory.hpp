@@ -1,6 +1,6 @@
-// The variational step led by inputs: whole steps in as many parts as they take, the books, and
-// what stops a trajectory. Written for any Real: every lane halves its own step, and waits for the
-// others at the end of the whole one.
+// A trajectory of the variational integrator: follows the inputs, halves steps that do not converge,
+// keeps the ledger and sets the status. Written for any Real: every lane halves its own step, and
+// waits for the others at the end of the whole one.
 #pragma once
 
 #include "active_set.hpp"
