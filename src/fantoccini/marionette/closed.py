@@ -21,8 +21,8 @@ TOUCH = 1e-12
 CLOSED = 1e-9
 """|h| below which it does so where a run begins, which brings it to h = 0; likewise."""
 STILL = 1e-5
-"""|hdot| below which it counts as at rest, relative to 1 or the largest velocity; ``max_rest_speed``
-of the runtime."""
+"""|hdot| below which it counts as at rest, relative to 1 or the largest velocity;
+``max_rest_speed`` of the runtime."""
 STEPPED = 1e-3
 """What a fixed step may leave of h, relative to 1 or the string's length."""
 MODE = 1e-2
