@@ -19,7 +19,7 @@ using fan::Model;
 using fan::Wide;
 constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings, M = Model::n_rows;
 
-fan::LedStep<Model, Wide> led;
+fan::TimeSteppingTrajectory<Model, Wide> led;
 
 void begin() {
   for (int i = 0; i < NQ; ++i) led.state().q_D[i] = Wide(q_D[i]);

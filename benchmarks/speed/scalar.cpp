@@ -40,7 +40,7 @@ void hold_all_strings() {
   for (int i = 0; i < NQ; ++i) flow.y[i] = q_D[i];
   for (int k = 0; k < N; ++k) flow.y[NQ + k] = v_D[k];
   for (int k = NQ + N; k < NY; ++k) flow.y[k] = 0.0;
-  for (int r = 0; r < M; ++r) flow.mode[r] = r < S ? fan::HELD : fan::SLACK;
+  for (int r = 0; r < M; ++r) flow.row_state[r] = r < S ? fan::HELD : fan::SLACK;
   for (int i = 0; i < S; ++i) flow.slip[i] = 0.0;
   flow.winches.set(table.data());
   flow.opt.tension_cap = number[2];

@@ -140,7 +140,7 @@ auto step(fan::Complementarity<Real, kCapacity>& system, const Problem& p) {
     system.active[i] = p.guess || free ? !never : never;
     system.high[i] = never;
   }
-  return system.solve(fan::kStepEps, 1, fan::kStepTolerance, 50 + 4 * p.n);
+  return system.solve(fan::ComplementarityTolerances::raise, 1, fan::ComplementarityTolerances::pivoting, 50 + 4 * p.n);
 }
 
 Answer solve(const Problem& p) {

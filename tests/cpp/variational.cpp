@@ -51,7 +51,7 @@ struct Model : ModelTables {
 };
 }  // namespace fan
 
-#include "fantoccini/led_variation.hpp"
+#include "fantoccini/variational_trajectory.hpp"
 
 namespace {
 
@@ -81,7 +81,7 @@ bool get(const fan::Traits<Wide>::Mask& x, int lane) { return x[lane]; }
 template <class Real>
 struct Bundle {
   static constexpr int width = fan::Traits<Real>::width;
-  using Led = fan::LedVariation<Model, Real>;
+  using Led = fan::VariationalTrajectory<Model, Real>;
 
   // Inputs that hold still.
   struct Still {
@@ -102,7 +102,7 @@ struct Bundle {
   Bundle(const std::vector<Lane>& lanes, const double* p, const int* places, double dt) {
     double winches[room(3 * S)];
     for (int i = 0; i < S; ++i) {
-      winches[3 * i] = fan::kUnlimited;
+      winches[3 * i] = fan::unbounded;
       winches[3 * i + 1] = winches[3 * i + 2] = 0.0;
     }
     fan::Options options = {};

@@ -166,7 +166,7 @@ def test_rest_winds_back_what_can_be_wound_back():
 
 def test_python_and_the_runtime_brake_alike():
     text = (build.runtime_folder() / "fantoccini" / "winch.hpp").read_text()
-    assert float(re.search(r"kBrake = ([0-9.]+);", text)[1]) == model.WINCH_DECELERATION
+    assert float(re.search(r"brake = ([0-9.]+);", text)[1]) == model.WINCH_DECELERATION
 
 
 def test_what_a_winch_gives_way_by_is_no_violation():

@@ -77,7 +77,7 @@ class GoalNumbers:
 
 @dataclass(frozen=True, eq=False)
 class Funnel:
-    """An equilibrium and the feedback law that leads there; see ``funnel.hpp``.
+    """An equilibrium and the feedback law that leads there; see ``feedback.hpp``.
 
     Attributes:
         q_D, q_K: (n_qD,), (n_qK,) the equilibrium.

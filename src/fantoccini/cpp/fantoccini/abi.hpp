@@ -12,7 +12,7 @@ using AnyRun = ModelRun<Model>;
 
 #include "run_abi.hpp"
 
-// --- an event-driven run whose steps are made outside (outside.hpp) -----------------------------
+// --- an event-driven run whose steps an external integrator makes (external_integrator.hpp) ------
 //
 // y = (q_D, v_D, work, loss, slip loss). What comes back is a status.
 
@@ -63,7 +63,7 @@ FAN_EXPORT void fan_save(void* handle, double t, double* y, fan::Record<fan::Mod
 FAN_EXPORT double fan_present(const void* handle, double* y, signed char* mode) {
   const auto& flow = static_cast<const fan::AnyRun*>(handle)->event.flow;
   for (int j = 0; j < flow.NY; ++j) y[j] = flow.y[j];
-  for (int r = 0; r < flow.M; ++r) mode[r] = flow.mode[r];
+  for (int r = 0; r < flow.M; ++r) mode[r] = flow.row_state[r];
   return flow.t;
 }
 

@@ -1,13 +1,13 @@
 // Accumulations of catches (Zeno): strings that share a body are caught in turn, each catch
 // loosening the others, at intervals that shrink geometrically. The sequence ends where a loosened
-// row is slower than kStill (contact.hpp) and is held; this recognises that it was one.
+// row is slower than max_rest_speed (contact.hpp) and is held; this recognises that it was one.
 #pragma once
 
 namespace fan {
 
 struct Accumulation {
-  static constexpr int kept = 6;             // catches looked back at
-  static constexpr double shrinks = 0.98;    // an interval over the one before it
+  static constexpr int kept = 6;  // catches looked back at: four intervals that follow on another
+  static constexpr double max_ratio = 0.98;  // of an interval to the one before it
 
   double times[kept] = {};
   int n = 0;
@@ -25,7 +25,7 @@ struct Accumulation {
   bool shrinking() const {
     if (n < kept) return false;
     for (int i = 2; i < kept; ++i)
-      if (!(times[i] - times[i - 1] < shrinks * (times[i - 1] - times[i - 2]))) return false;
+      if (!(times[i] - times[i - 1] < max_ratio * (times[i - 1] - times[i - 2]))) return false;
     return true;
   }
 

@@ -21,21 +21,34 @@
 
 namespace fan {
 
-constexpr double kViolated = 1e-14;   // of s, relative to the size of its terms
-constexpr double kConsistent = 1e-10;  // of the s of a row that depends on the basis, likewise
-constexpr double kRests = 1e-12;       // likewise of a row without tension that joins the basis
-// Likewise, from which rows that nothing satisfies together are called so.
-constexpr double kContradicted = 1e-7;
-// Distance of a column from the basis' span, relative to the column, below which it depends on it:
-// rows that differ by less are held apart by rounding alone.
-constexpr double kDependent = 1e-6;
-
-constexpr double kStandsAlone = 1e-3;  // likewise, above which a row without tension may join the basis
-constexpr double kNoColumn = 1e-9;     // likewise, relative to the largest column
-constexpr double kForever = 1e300;     // an upper bound that is none
+// Residuals s are relative to the size of the terms they are sums of, where rounding is some 1e-15.
+struct ActiveSetTolerances {
+  // |s| from which a row is violated: just above rounding.
+  static constexpr double violated_residual = 1e-14;
+  // |s| up to which a row without multiplier that is independent of the basis joins it.
+  static constexpr double joining_residual = 1e-12;
+  // |s| up to which a row that depends on the basis holds with it: the basis may be ill-conditioned.
+  static constexpr double consistent_residual = 1e-10;
+  // |s| up to which rows that no multipliers satisfy together count as consistent after all.
+  static constexpr double infeasible_residual = 1e-7;
+  // Distance of a column from the basis' span, relative to the column: rows that differ by less are
+  // held apart by rounding alone.
+  static constexpr double dependent_distance = 1e-6;
+  // The same, above which a row without multiplier may join: well conditioned.
+  static constexpr double independent_distance = 1e-3;
+  // The same for tensions to be shared with the basis (LeastNorm).
+  static constexpr double sharing_distance = 1e-9;
+  // Distance from the span, relative to the largest column: a row that moves nothing.
+  static constexpr double negligible_column = 1e-9;
+  // Rate of a multiplier per unit of the one that is raised: smaller ones never meet a bound.
+  static constexpr double negligible_rate = 1e-13;
+  // How far a multiplier may pass its bound, relative to the largest, before its row leaves.
+  static constexpr double bound_excess = 1e-12;
+};
 
 template <int n_columns, int n_dimensions>
 struct ActiveSet {
+  using Tolerance = ActiveSetTolerances;
   static constexpr int C = room(n_columns), D = room(n_dimensions);
   // IDLE and PINNED depend on the basis and hold with it, at 0 and at upper.
   enum Place : signed char { LOW, BASIC, HIGH, IDLE, PINNED };
@@ -77,18 +90,21 @@ struct ActiveSet {
   }
 
   // Whether row i holds as an equality, to the accuracy of its terms.
-  bool holds(int i) const { return fabs(s[i]) <= kConsistent * terms[i] + noise; }
+  bool holds(int i) const {
+    return fabs(s[i]) <= Tolerance::consistent_residual * terms[i] + noise;
+  }
 
   // Takes every row that holds into the basis or, where it depends on the basis, calls it idle or
   // pinned. A row without tension joins the basis only if it `stays`. To be called after solve().
   void complete(const bool* stays) {
     bool wanted[C];
     for (int i = 0; i < n; ++i)
-      wanted[i] = place[i] == LOW && stays[i] && fabs(s[i]) <= kRests * terms[i] &&
-                  project(i) > kStandsAlone * size_[i];
+      wanted[i] = place[i] == LOW && stays[i] &&
+                  fabs(s[i]) <= Tolerance::joining_residual * terms[i] &&
+                  project(i) > Tolerance::independent_distance * size_[i];
     join_all(wanted);
     for (int i = 0; i < n; ++i) {
-      const bool leans = holds(i) && project(i) <= kStandsAlone * size_[i];
+      const bool leans = holds(i) && project(i) <= Tolerance::independent_distance * size_[i];
       if (place[i] == BASIC || !(two_sided[i] || leans)) continue;
       place[i] = place[i] == LOW ? IDLE : PINNED;
     }
@@ -120,9 +136,9 @@ struct ActiveSet {
   void begin() {
     measure();
     for (int i = 0; i < n; ++i) {
-      if (fabs(b[i]) < kVanishing) b[i] = 0.0;
+      if (fabs(b[i]) < negligible) b[i] = 0.0;
       implied_[i] = false;
-      if (place[i] != BASIC && !(place[i] == HIGH && upper[i] < kForever)) place[i] = LOW;
+      if (place[i] != BASIC && !(place[i] == HIGH && upper[i] < unbounded)) place[i] = LOW;
     }
     bool first[C], guessed[C];
     for (int i = 0; i < n; ++i) {
@@ -150,7 +166,7 @@ struct ActiveSet {
       }
       for (int j = 0; j < k_; ++j) c[j] = along_[j];
       back_substitute(c);
-      double t = depends ? kForever : fabs(s[d]) / (apart * apart);
+      double t = depends ? unbounded : fabs(s[d]) / (apart * apart);
       int stop = -1;  // place in the basis of the row that meets a bound; k_: x_d itself
       const double own = sign > 0.0 ? upper[d] - x[d] : x[d];
       if (!two_sided[d] && own < t) {
@@ -161,15 +177,16 @@ struct ActiveSet {
         const int i = basis_[j];
         if (two_sided[i]) continue;
         const double rate = -sign * c[j];
-        if (fabs(rate) <= 1e-13 || (rate > 0.0 && upper[i] >= kForever)) continue;
+        if (fabs(rate) <= Tolerance::negligible_rate) continue;
+        if (rate > 0.0 && upper[i] >= unbounded) continue;
         const double left = rate < 0.0 ? x[i] : upper[i] - x[i];
         if (left < t * fabs(rate)) {
           t = left / fabs(rate);
           stop = j;
         }
       }
-      if (!(t < kForever)) {
-        if (fabs(s[d]) <= kContradicted * terms[d] + noise) {
+      if (!(t < unbounded)) {
+        if (fabs(s[d]) <= Tolerance::infeasible_residual * terms[d] + noise) {
           implied_[d] = true;
           return Solved::YES;
         }
@@ -204,7 +221,7 @@ struct ActiveSet {
 
   int most_violated() const {
     int worst = -1;
-    double most = kViolated;
+    double most = Tolerance::violated_residual;
     for (int i = 0; i < n; ++i) {
       if (place[i] == BASIC || implied_[i]) continue;
       const double wrong = two_sided[i] ? fabs(s[i]) : (place[i] == HIGH ? s[i] : -s[i]);
@@ -222,7 +239,7 @@ struct ActiveSet {
     double largest = 0.0;
     for (int i = 0; i < n; ++i)
       if (fabs(x[i]) > largest) largest = fabs(x[i]);
-    if (!drop_beyond(1e-12 * largest)) return false;
+    if (!drop_beyond(Tolerance::bound_excess * largest)) return false;
     for (int i = 0; i < n; ++i) {
       if (two_sided[i]) continue;
       if (x[i] < 0.0) x[i] = 0.0;
@@ -248,14 +265,14 @@ struct ActiveSet {
   // x of the basis from R^T R x = b_B - W_B^T W_H upper_H, with one refinement; the others' x from
   // their places.
   void fit() {
-    double beside[D], left[D];
-    for (int a = 0; a < dim; ++a) beside[a] = 0.0;
+    double sum[D], left[D];
+    for (int a = 0; a < dim; ++a) sum[a] = 0.0;
     for (int i = 0; i < n; ++i) {
       x[i] = place[i] == HIGH ? upper[i] : 0.0;
-      for (int a = 0; a < dim && x[i] != 0.0; ++a) beside[a] += column[i][a] * x[i];
+      for (int a = 0; a < dim && x[i] != 0.0; ++a) sum[a] += column[i][a] * x[i];
     }
     for (int round = 0; round < 2; ++round) {
-      for (int j = 0; j < k_; ++j) left[j] = b[basis_[j]] - product(column[basis_[j]], beside);
+      for (int j = 0; j < k_; ++j) left[j] = b[basis_[j]] - product(column[basis_[j]], sum);
       for (int j = 0; j < k_; ++j) {
         for (int l = 0; l < j; ++l) left[j] -= R_[l * D + j] * left[l];
         left[j] /= R_[j * D + j];
@@ -263,7 +280,7 @@ struct ActiveSet {
       back_substitute(left);
       for (int j = 0; j < k_; ++j) {
         x[basis_[j]] += left[j];
-        for (int a = 0; a < dim; ++a) beside[a] += column[basis_[j]][a] * left[j];
+        for (int a = 0; a < dim; ++a) sum[a] += column[basis_[j]][a] * left[j];
       }
     }
   }
@@ -343,7 +360,8 @@ struct ActiveSet {
   }
 
   bool is_dependent(int i, double apart) const {
-    return apart <= kDependent * size_[i] || apart <= kNoColumn * top_;
+    return apart <= Tolerance::dependent_distance * size_[i] ||
+           apart <= Tolerance::negligible_column * top_;
   }
 
   // c <- R^-1 c.

@@ -68,11 +68,11 @@ class Pool {
   bool stopped() const { return stop_.load(std::memory_order_relaxed); }
 
   // Books `share` of a trajectory, 0 to 1, as done.
-  void advance(double share) { done_.fetch_add((long long)(share * kWhole)); }
-  double done() const { return double(done_.load()) / kWhole; }  // trajectories
+  void advance(double share) { done_.fetch_add((long long)(share * units)); }
+  double done() const { return double(done_.load()) / units; }  // trajectories
 
  private:
-  static constexpr double kWhole = 1e6;
+  static constexpr double units = 1e6;  // a trajectory's progress is counted in millionths
   std::atomic<long long> next_{0}, done_{0};
   std::atomic<bool> stop_{false};
 };

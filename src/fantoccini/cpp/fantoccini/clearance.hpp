@@ -3,7 +3,7 @@
 
 #include "contract.hpp"
 #include "distance.hpp"
-#include "hanging.hpp"
+#include "catenary.hpp"
 #include "lane_of.hpp"
 #include "string_length.hpp"
 
@@ -115,7 +115,7 @@ class Clearance {
     Real span, length;
     Mask slack;
     bool known = false;
-    Real points[3 * (kPieces + 1)];
+    Real points[3 * (n_chords + 1)];
   };
 
   // Distance of a string from an obstacle. Slack strings sag, but may lie on half-spaces.
@@ -131,7 +131,7 @@ class Clearance {
     if (!curve.known) hang(curve);
     Placed<Real> piece = curve.straight;
     Real nearest = Real(Tol::far);
-    for (int k = 0; k < kPieces; ++k) {
+    for (int k = 0; k < n_chords; ++k) {
       const Real limit = select(nearest < most(), nearest, most());
       for (int c = 0; c < 3; ++c) {
         piece.a[c] = curve.points[3 * k + c];
@@ -146,13 +146,13 @@ class Clearance {
   FAN_FN static void hang(Curve& curve) {
     curve.known = true;
     for (int l = 0; l < Traits<Real>::width; ++l) {
-      double a[3], b[3], points[3 * (kPieces + 1)];
+      double a[3], b[3], points[3 * (n_chords + 1)];
       for (int c = 0; c < 3; ++c) {
         a[c] = lane_of(curve.straight.a[c], l);
         b[c] = lane_of(curve.straight.b[c], l);
       }
-      if (lane_of(curve.slack, l)) hanging(a, b, lane_of(curve.length, l), points);
-      for (int k = 0; k < 3 * (kPieces + 1); ++k)
+      if (lane_of(curve.slack, l)) catenary(a, b, lane_of(curve.length, l), points);
+      for (int k = 0; k < 3 * (n_chords + 1); ++k)
         lane_of(curve.points[k], l) = lane_of(curve.slack, l) ? points[k] : a[k % 3];
     }
   }

@@ -15,12 +15,34 @@
 
 namespace fan {
 
-constexpr double kFirm = 1e4;        // times eps: pivots, by the largest, from which on nothing is raised
-constexpr double kRounding = 4e-16;  // of a row's residual, relative to the sum of its terms
+struct ComplementarityTolerances {
+  // Raise of G's diagonal, relative to its largest entry: far above rounding, and the refinement
+  // takes its error of some 1e-10 from the solution.
+  static constexpr double raise = 1e-10;
+  // Raises tried where pivoting does not settle with that.
+  static constexpr double firmer_raises[] = {1e-4, 1e-2};
+  // Pivot, in raises, relative to the largest, from which on nothing needs to be raised.
+  static constexpr double firm_pivot = 1e4;
+  // What bounds and signs may be missed by: x relative to the largest, s relative to its terms.
+  static constexpr double pivoting = 1e-13;
+  // Residual of an active row relative to its terms: two roundings, no refinement does better.
+  static constexpr double refined_residual = 4e-16;
+  // Floors of a pivot that keep the factor finite: in raises, in the diagonal, and absolutely.
+  static constexpr double pivot_floor[] = {1e-2, 1e-16, 1e-300};
+  static constexpr double smallest_diagonal = 1e-30;
+  // Rounds of block pivoting without progress before it goes on row by row.
+  static constexpr double patience = 3.0;
+  // Speed (m/s or rad/s) at which a row opens in lanes in which it takes no part.
+  static constexpr double excluded_speed = 1e30;
+
+  // Most rounds of pivoting for n rows.
+  static constexpr int max_iterations(int n) { return 50 + 4 * n; }
+};
 
 template <class Real, int capacity>
 struct Complementarity {
   using Mask = typename Traits<Real>::Mask;
+  using Tolerance = ComplementarityTolerances;
   static constexpr int N = room(capacity);
 
   int n = 0;
@@ -44,6 +66,12 @@ struct Complementarity {
     int c = 0;
     while (some_[c] != i) ++c;
     return pivots_[c];
+  }
+
+  // x_i within its bounds.
+  FAN_FN Real bounded(int i) const {
+    const Real below = select(x[i] > upper[i], upper[i], x[i]);
+    return select(below < lower[i], lower[i], below);
   }
 
   // r <- (active block)^-1 r; the other rows stay as they are.
@@ -75,9 +103,9 @@ struct Complementarity {
   FAN_FN Mask solve(
       double eps, int max_refinements, double tolerance, int max_iterations, bool again = false) {
     using std::abs;
-    Real fewest = Real(double(n + 1)), patience = Real(3.0);
+    Real fewest = Real(double(n + 1)), patience = Real(Tolerance::patience);
     Mask solved = Real(0.0) > Real(1.0);
-    for (int i = 0; i < n; ++i) b[i] = select(abs(b[i]) < kVanishing, Real(0.0), b[i]);
+    for (int i = 0; i < n; ++i) b[i] = select(abs(b[i]) < negligible, Real(0.0), b[i]);
     if (!again) standing_ = false;
     if (!standing_) raised_ = solved;
     for (int iteration = 0; iteration < max_iterations; ++iteration) {
@@ -100,7 +128,7 @@ struct Complementarity {
       if (!any(!solved)) break;
       const Mask better = count < fewest;
       fewest = select(better, count, fewest);
-      patience = select(better, Real(3.0), Real(patience - 1.0));
+      patience = select(better, Real(Tolerance::patience), Real(patience - 1.0));
       const Mask block = patience > Real(-0.5);
       Mask taken = block;
       for (int i = n - 1; i >= 0; --i) {
@@ -124,7 +152,7 @@ struct Complementarity {
     standing_ = true;
     for (int i = 0; i < n; ++i) factored_[i] = active[i];
     raise_ = select(raised_, eps * largest_, Real(0.0));
-    factor(kFirm * eps);
+    factor(Tolerance::firm_pivot * eps);
     const Mask now = loose_ && !raised_;
     if (!any(now)) return;
     raised_ = raised_ || now;
@@ -142,7 +170,7 @@ struct Complementarity {
   // The rows that are active in some lane, and the largest diagonal entry: against that one, a row
   // without any influence of its own gets no multiplier.
   FAN_FN void choose() {
-    largest_ = Real(1e-30);
+    largest_ = Real(Tolerance::smallest_diagonal);
     n_some_ = 0;
     for (int j = 0; j < n; ++j) {
       if (!any(active[j])) continue;
@@ -166,7 +194,8 @@ struct Complementarity {
         pivot -= own[k] * scaled[k];
       }
       // A redundant row leaves rounding here; the floor keeps the factor finite.
-      const Real floor = raise_ * 1e-2 + diagonal * 1e-16 + 1e-300;
+      const Real floor = raise_ * Tolerance::pivot_floor[0] +
+                         diagonal * Tolerance::pivot_floor[1] + Tolerance::pivot_floor[2];
       pivots_[c] = select(pivot > floor, pivot, floor);
       inverse_[c] = Real(1.0) / pivots_[c];
       loose_ = loose_ || (active[j] && pivots_[c] < least * largest_);
@@ -202,7 +231,7 @@ struct Complementarity {
     for (int round = 0; round < most; ++round) {
       Mask rough = Real(0.0) > Real(1.0);
       for (int i = 0; i < n; ++i)
-        rough = rough || (where && active[i] && abs(s[i]) > kRounding * terms_[i]);
+        rough = rough || (where && active[i] && abs(s[i]) > Tolerance::refined_residual * terms_[i]);
       if (!any(rough)) return;
       for (int i = 0; i < n; ++i) r[i] = select(active[i] && rough, Real(-s[i]), Real(0.0));
       substitute(r);

@@ -1,4 +1,4 @@
-// What happens at an instant: catches with their impulse, and the choice of the next mode.
+// An instant: catches with their impulse, and the choice of the next active set.
 //
 //   v_D+ = v_D- - M_DD^-1 A_D^T Lambda,   Lambda >= 0,   hdot+ <= -e max(hdot-, 0),
 //   complementary                                                                   (Eqs. 13-15)
@@ -8,23 +8,16 @@
 // its tension would pass the winch's largest it slips with that.
 #pragma once
 
-#include "choices.hpp"
+#include "attempts.hpp"
 #include "flow.hpp"
 #include "least_norm.hpp"
 
 namespace fan {
 
-constexpr double kNear = 1e-4;  // gap below which a row is minded when others are corrected, relative
-// How far a held row may be off its bound, relative. Others may be so by kTouch (flow.hpp).
-constexpr double kMet = 1e-13;
-constexpr double kAtBound = 1e-9;  // of tensions, relative to the largest
-constexpr double kRounded = 1e-14;  // of accelerations, relative to the largest of their terms
-// Of heights (m, rad), speeds and accelerations: what redundant rows may contradict one another by.
-constexpr double kContradiction = 1e-10;
-
 template <class Model>
 struct Contact {
   using F = Flow<Model>;
+  using Tolerance = ContactTolerances;
   static constexpr int N = F::N, NQ = F::NQ, S = F::S, M = F::M;
   using Set = ActiveSet<M, N>;
 
@@ -43,27 +36,30 @@ struct Contact {
   Status retreat(F& f) {
     int list[room(M)] = {}, n = 0;
     for (int r = 0; r < M; ++r)
-      if (f.mode[r] == HELD || f.eval.height(r) > -kNear * f.row_scale(r)) list[n++] = r;
+      if (f.row_state[r] == HELD || f.eval.height(r) > -Tolerance::nearby_gap * f.row_scale(r))
+        list[n++] = r;
     f.rows.gather(f.eval, f.y + NQ, list, n);
     double h[room(M)];
-    for (int r = 0; r < M; ++r) h[r] = f.mode[r] == SLIPPING ? -kGive - f.slip_now[r] : f.eval.height(r);
+    for (int r = 0; r < M; ++r) 
+      h[r] = f.row_state[r] == SLIPPING ? -WinchTolerances::max_length_error - f.slip_now[r]
+                                        : f.eval.height(r);
     const auto left = [&] {
       double worst = 0.0;
       for (int a = 0; a < n; ++a) {
-        const bool held = f.mode[list[a]] == HELD;
+        const bool held = f.row_state[list[a]] == HELD;
         const double off = (held ? fabs(h[list[a]]) : h[list[a]]) / f.row_scale(list[a]);
-        const double beyond = off - (held ? kMet : kTouch);
+        const double beyond = off - (held ? Tolerance::held_gap : FlowTolerances::closed_gap);
         if (!(beyond <= worst)) worst = beyond;
       }
       return worst;
     };
     return correct<NQ>(f.y, left, [&] {
-      begin(kContradiction);
+      begin(Tolerance::contradiction);
       for (int a = 0; a < n; ++a) {
-        const bool held = f.mode[list[a]] == HELD;
+        const bool held = f.row_state[list[a]] == HELD;
         f.rows.two_sided[a] = f.rows.two_sided[a] || held;
-        if (f.mode[list[a]] == SLIPPING) add_floor(f, a, h[list[a]]);
-        else add_row(f, a, h[list[a]], kUnlimited, held ? Set::BASIC : Set::LOW);
+        if (f.row_state[list[a]] == SLIPPING) add_floor(f, a, h[list[a]]);
+        else add_row(f, a, h[list[a]], unbounded, held ? Set::BASIC : Set::LOW);
       }
       const Status status = settle(f);
       if (status != RUNNING) return status;
@@ -90,7 +86,7 @@ struct Contact {
     // Unequal restitutions may add energy; all are then scaled down until none is added.
     if (status == RUNNING && lost < 0.0) {
       double low = 0.0, high = 1.0;
-      for (int halving = 0; halving < 50; ++halving) {
+      for (int halving = 0; halving < Tolerance::restitution_halvings; ++halving) {
         const double mid = 0.5 * (low + high);
         if (bounce(f, mid) != RUNNING || lost < 0.0) high = mid;
         else low = mid;
@@ -108,26 +104,28 @@ struct Contact {
     return RUNNING;
   }
 
-  // Chooses the rows' modes at (t, y) among those that are closed and at rest. Rows in `loose`
-  // have just lost their tension: they stay only if they pull; strings in `strained` have just
-  // reached their winch's largest: they stay only if they pull with less.
-  // Modes of an implicit step (choices.hpp) take closed strings on winches as exactly closed: their
-  // slips take up to kGive of either sign.
+  // Chooses the active set at (t, y) among those that are closed and at rest. Rows in `loose` have
+  // just lost their tension: they stay only if they pull; strings in `strained` have just reached
+  // their winch's largest: they stay only if they pull with less. The active sets of an implicit
+  // step (attempts.hpp) take closed strings on winches as exactly closed: their slips take up to
+  // WinchTolerances::max_length_error of either sign.
   Status choose(
-      F& f, const bool* loose, const bool* strained, Hold* next, double closeness = kTouch,
-      const Choice& how = kChoices[0]) {
+      F& f, const bool* loose, const bool* strained, Hold* next,
+      double closeness = FlowTolerances::closed_gap,
+      const Attempt& how = Attempts::list[0]) {
     const double ahead = how.ahead;
     double rate[F::NY];
     f.settle_slip(f.t);
-    for (int r = 0; r < M; ++r) f.mode[r] = next[r] = SLACK;
+    for (int r = 0; r < M; ++r) f.row_state[r] = next[r] = SLACK;
     f.evaluate(f.t, f.y, rate);
     const double still = how.stillness * speed_scale(f);
-    const double hop_time = kHop * (how.stillness / kStill);
+    const double hop_time = Tolerance::max_rest_hop * (how.stillness / Tolerance::max_rest_speed);
     double own[room(S)];
     for (int i = 0; i < S; ++i) own[i] = f.slip[i];
     if (ahead > 0.0) {
       for (int i = 0; i < S; ++i)
-        if (f.winches.slips(i) && fabs(f.eval.h[i]) <= kGive && fabs(f.eval.hdot[i]) <= still)
+        if (f.winches.slips(i) && fabs(f.eval.h[i]) <= WinchTolerances::max_length_error &&
+            fabs(f.eval.hdot[i]) <= still)
           f.slip[i] += f.eval.h[i];
       f.evaluate(f.t, f.y, rate);
     }
@@ -146,7 +144,7 @@ struct Contact {
       if (rests || next[r] == SLIPPING) list[n++] = r;
     }
     f.rows.gather(f.eval, f.y + NQ, list, n);
-    begin(kContradiction * f.hddot_scale());
+    begin(Tolerance::contradiction * f.hddot_scale());
     for (int a = 0; a < n; ++a)
       if (next[list[a]] != SLIPPING) {
         add_pull(f, next, a, Set::BASIC);
@@ -158,7 +156,7 @@ struct Contact {
     Status status = settle(f);
     if (ahead > 0.0 && status == IMPOSSIBLE_INPUT) {
       // Strings without such winches contradict one another, by less than counts.
-      set_.noise += kHardlyStill * speed_scale(f) / ahead;
+      set_.noise += Tolerance::strict_rest_speed * speed_scale(f) / ahead;
       status = settle(f);
     }
     if (status != RUNNING) return status;
@@ -170,11 +168,12 @@ struct Contact {
       if (fabs(set_.x[i]) > most) most = fabs(set_.x[i]);
     for (int i = 0; i < set_.n; ++i) {
       const int r = row_[i];
-      next[r] = mode_of(i);
+      next[r] = state_of(i);
       if (next[r] != HELD || set_.two_sided[i]) continue;
       // What has just met its bound and stands there but for rounding goes on past it.
-      if (loose[r] && set_.x[i] <= kAtBound * most + rounding(f, i)) next[r] = SLACK;
-      if (strained[r] && set_.x[i] >= set_.upper[i] - kAtBound * most) next[r] = SLIPPING;
+      if (loose[r] && set_.x[i] <= Tolerance::tension_at_bound * most + rounding(f, i)) next[r] = SLACK;
+      if (strained[r] && set_.x[i] >= set_.upper[i] - Tolerance::tension_at_bound * most)
+        next[r] = SLIPPING;
     }
     // A slack string takes up nothing.
     for (int i = 0; i < S; ++i) {
@@ -188,12 +187,12 @@ struct Contact {
   // motion past their bounds: hdot = 0 on the held rows, hdot <= 0 on the rest, and a string that
   // begins to slip is not wound back faster than its winch does. Books the work. Rows that hardly
   // differ may take much energy to be brought to rest: not where that adds more than how.gain.
-  Status hold(F& f, const Choice& how) {
+  Status hold(F& f, const Attempt& how) {
     double rate[F::NY];
     stopped = 0.0;
     brought = false;
     for (int a = 0; a < f.rows.n; ++a)
-      if (f.mode[f.rows.row[a]] == HELD && fabs(f.rows.hdot[a]) > stopped)
+      if (f.row_state[f.rows.row[a]] == HELD && fabs(f.rows.hdot[a]) > stopped)
         stopped = fabs(f.rows.hdot[a]);
     const Status status = retreat(f);
     if (status != RUNNING) return status;
@@ -202,17 +201,18 @@ struct Contact {
     for (int r = 0; r < M; ++r) {
       // A row that closes faster than that is about to be caught, or to slip; a winch that slips for
       // less would stop at once and leave its string to close again.
-      const bool closed = f.eval.height(r) >= -kTouch * f.row_scale(r) && f.mode[r] != SLIPPING &&
-                          f.rate_of(r, f.y + NQ) <= kStill * speed_scale(f);
-      if (f.mode[r] == HELD || f.mode[r] == SLIPPING || closed) list[n++] = r;
+      const bool closed = f.eval.height(r) >= -FlowTolerances::closed_gap * f.row_scale(r) &&
+                          f.row_state[r] != SLIPPING &&
+                          f.rate_of(r, f.y + NQ) <= Tolerance::max_rest_speed * speed_scale(f);
+      if (f.row_state[r] == HELD || f.row_state[r] == SLIPPING || closed) list[n++] = r;
     }
     f.rows.gather(f.eval, f.y + NQ, list, n);
     begin(how.disagreement * speed_scale(f));
     for (int a = 0; a < n; ++a) {
-      const bool held = f.mode[list[a]] == HELD;
+      const bool held = f.row_state[list[a]] == HELD;
       f.rows.two_sided[a] = f.rows.two_sided[a] || held;
-      if (f.mode[list[a]] == SLIPPING) add_floor(f, a, f.lack(list[a]));
-      else add_row(f, a, f.rows.hdot[a], kUnlimited, held ? Set::BASIC : Set::LOW);
+      if (f.row_state[list[a]] == SLIPPING) add_floor(f, a, f.lack(list[a]));
+      else add_row(f, a, f.rows.hdot[a], unbounded, held ? Set::BASIC : Set::LOW);
     }
     const Status settled = settle(f);
     if (settled != RUNNING) return settled;
@@ -221,14 +221,14 @@ struct Contact {
     if (f.winches.some_slip) gain = fabs(gain);
     if (gain > how.gain * f.weight()) return NOT_SETTLED;
     for (int a = 0; a < n; ++a)
-      brought = brought || (f.mode[list[a]] == SLACK && set_.place[a] == Set::BASIC);
+      brought = brought || (f.row_state[list[a]] == SLACK && set_.place[a] == Set::BASIC);
     apply(f);
     return RUNNING;
   }
 
   // Whether row r opens at the flow's latest evaluation, and not just by what counts as still.
   bool leaves(const F& f, int r) const {
-    return f.rate_of(r, f.y + NQ) < -kStill * speed_scale(f);
+    return f.rate_of(r, f.y + NQ) < -Tolerance::max_rest_speed * speed_scale(f);
   }
 
   // The tensions of the flow's latest evaluation, by row: where rows are redundant those of least
@@ -237,15 +237,15 @@ struct Contact {
     bool redundant = false;
     for (int r = 0; r < M; ++r) {
       out[r] = f.tension[r];
-      redundant = redundant || f.mode[r] == IDLE || f.mode[r] == PINNED;
+      redundant = redundant || f.row_state[r] == IDLE || f.row_state[r] == PINNED;
     }
     if (!redundant) return;
     begin(0.0);
     for (int a = 0; a < f.rows.n; ++a) {
-      const Hold mode = f.mode[f.rows.row[a]];
+      const Hold mode = f.row_state[f.rows.row[a]];
       if (mode == SLIPPING) continue;
       const auto place = mode == HELD ? Set::BASIC : (mode == IDLE ? Set::IDLE : Set::PINNED);
-      add_pull(f, f.mode, a, place);
+      add_pull(f, f.row_state, a, place);
       set_.x[set_.n - 1] = f.tension[f.rows.row[a]];
     }
     set_.adopt();
@@ -274,14 +274,15 @@ struct Contact {
   // bound, b being what it lacks.
   void add_floor(const F& f, int a, double b) {
     const int i = set_.n;
-    add_row(f, a, b, kUnlimited, Set::LOW);
+    add_row(f, a, b, unbounded, Set::LOW);
     for (int j = 0; j < N; ++j) turned_[a][j] = -f.rows.column[a][j];
     set_.column[i] = turned_[a];
     set_.two_sided[i] = false;
     sign_[i] = -1.0;
   }
 
-  // Gathered row a among the rows whose tension is sought, beside those that slip.
+  // Adds gathered row a to the rows whose tension is unknown; the tensions of slipping ones are
+  // known.
   void add_pull(const F& f, const Hold* mode, int a, typename Set::Place guess) {
     constexpr int stride = Complementarity<double, M>::N;
     double hddot = f.rows.hddot[a];
@@ -289,25 +290,25 @@ struct Contact {
       if (mode[f.rows.row[b]] == SLIPPING)
         hddot -= f.rows.problem.G[a * stride + b] * f.winches.max_tension[f.rows.row[b]];
     const int r = f.rows.row[a];
-    add_row(f, a, hddot, r < S ? f.winches.max_tension[r] : kUnlimited, guess);
+    add_row(f, a, hddot, r < S ? f.winches.max_tension[r] : unbounded, guess);
   }
 
   // The tension of row i that the rounding of its hddot makes.
   double rounding(const F& f, int i) const {
     double own = 0.0;
     for (int j = 0; j < N; ++j) own += set_.column[i][j] * set_.column[i][j];
-    return kRounded * f.hddot_scale() / own;
+    return Tolerance::acceleration_rounding * f.hddot_scale() / own;
   }
 
   // The impulses with every restitution times `scale`, and the energy they take.
   Status bounce(F& f, double scale) {
-    begin(kContradiction * speed_scale(f));
+    begin(Tolerance::contradiction * speed_scale(f));
     for (int a = 0; a < f.rows.n; ++a) {
       const int r = f.rows.row[a];
       const double hdot = f.rows.hdot[a];
       const double back = r < S && hdot > 0.0 ? scale * f.winches.restitution[r] * hdot : 0.0;
-      const bool pulls = hdot > 0.0 || f.mode[r] == HELD;
-      add_row(f, a, hdot + back, kUnlimited, pulls ? Set::BASIC : Set::LOW);
+      const bool pulls = hdot > 0.0 || f.row_state[r] == HELD;
+      add_row(f, a, hdot + back, unbounded, pulls ? Set::BASIC : Set::LOW);
     }
     const Status status = settle(f);
     if (status != RUNNING) return status;
@@ -318,11 +319,11 @@ struct Contact {
       lost += set_.x[i] * 0.5 * (f.rows.hdot[i] + after);
       gross += fabs(set_.x[i] * f.rows.hdot[i]);
     }
-    if (fabs(lost) < 1e-14 * gross) lost = 0.0;
+    if (fabs(lost) < Tolerance::loss_rounding * gross) lost = 0.0;
     return RUNNING;
   }
 
-  Hold mode_of(int i) const {
+  Hold state_of(int i) const {
     switch (set_.place[i]) {
       case Set::BASIC: return HELD;
       case Set::IDLE: return IDLE;
@@ -339,10 +340,10 @@ struct Contact {
     return top;
   }
 
-  // Solves; where the inputs ask for too much, `blame` tells which rows cannot hold together.
+  // Solves; where the inputs are impossible, `blame` gives the rows that cannot hold together.
   Status settle(const F& f) {
     for (int i = 0; i < set_.n; ++i)
-      if (!(fabs(set_.b[i]) < 1e300)) return NOT_FINITE;
+      if (!is_finite(set_.b[i])) return NOT_FINITE;
     const Solved solved = set_.solve();
     double most = 0.0;
     for (int i = 0; i < set_.n; ++i)

@@ -7,14 +7,21 @@
 
 namespace fan {
 
-constexpr double kNearlySingular = 1e-8;  // of a pivot of A_D M^-1 A_D^T, relative to its diagonal
-constexpr double kGrown = 2.0;            // growth of the tension meanwhile that tells
-constexpr double kHeavy = 1e3;            // and the tension, in weights
-constexpr double kCollapsed = 1e-6;       // m: length of a taut string's segment that is none
+struct DetectorTolerances {
+  // Pivot of A_D M^-1 A_D^T relative to its diagonal, below which the rows are nearly dependent.
+  static constexpr double singular_pivot = 1e-8;
+  // Growth of the largest tension since then that tells of an impossible input,
+  static constexpr double tension_growth = 2.0;
+  // and that tension, in weights: redundant rigs may stand near singular ones for ever.
+  static constexpr double min_tension = 1e3;
+  // m: a segment of a taut string that is shorter has lost its direction.
+  static constexpr double collapsed_segment = 1e-6;
+};
 
 template <class Model>
 struct Detector {
   using F = Flow<Model>;
+  using Tolerance = DetectorTolerances;
   static constexpr int S = F::S, M = F::M;
 
   double blame[room(M)];  // by row, 0 to 1
@@ -22,16 +29,16 @@ struct Detector {
   // The status of the flow's latest evaluation, made at its present state.
   Status look(const F& f) {
     for (int j = 0; j < F::N; ++j)
-      if (!(fabs(f.acc[j]) < 1e300)) return broken(f);
+      if (!is_finite(f.acc[j])) return broken(f);
     // A row whose height is no number is not taut, and the motion without it is finite.
     for (int j = 0; j < Model::n_qK; ++j)
-      if (!(fabs(f.q_K[j]) < 1e300)) return broken(f);
+      if (!is_finite(f.q_K[j])) return broken(f);
     for (int j = 0; j < Model::n_vK; ++j)
-      if (!(fabs(f.v_K[j]) < 1e300 && fabs(f.acc_K[j]) < 1e300)) return broken(f);
+      if (!is_finite(f.v_K[j]) || !is_finite(f.acc_K[j])) return broken(f);
     for (int r = 0; r < M; ++r)
       if (!(fabs(f.tension[r]) <= f.opt.tension_cap)) return capped(f);
     for (int i = 0; i < S; ++i)
-      if (string_length<Model, double>(i, f.y, f.q_K) <= kNoLength) {
+      if (string_length<Model, double>(i, f.y, f.q_K) <= LengthTolerances::min_length) {
         accuse_only(i);
         return LENGTH_NOT_POSITIVE;
       }
@@ -47,7 +54,7 @@ struct Detector {
   Status broken(const F& f) {
     accuse_only(-1);
     for (int k = 0; k < Model::n_packed; ++k)
-      if (!(fabs(f.eval.L[k]) < 1e300)) return SINGULAR_MASS;
+      if (!is_finite(f.eval.L[k])) return SINGULAR_MASS;
     return NOT_FINITE;
   }
 
@@ -70,7 +77,7 @@ struct Detector {
         double square = 0.0;
         for (int c = 0; c < 3; ++c) square += (a[3 + c] - a[c]) * (a[3 + c] - a[c]);
         const bool looked_at = f.taut(i) && Model::string_points[i] > 2;
-        if (looked_at && square < kCollapsed * kCollapsed) {
+        if (looked_at && square < Tolerance::collapsed_segment * Tolerance::collapsed_segment) {
           accuse_only(i);
           return COLLAPSED;
         }
@@ -84,7 +91,7 @@ struct Detector {
     constexpr int stride = Complementarity<double, M>::N;
     const auto& problem = f.rows.problem;
     int weakest = -1;
-    double least = kNearlySingular, top = 0.0;
+    double least = Tolerance::singular_pivot, top = 0.0;
     for (int a = 0; a < f.rows.n; ++a) {
       if (f.tension[f.rows.row[a]] > top) top = f.tension[f.rows.row[a]];
       if (!problem.active[a]) continue;
@@ -99,7 +106,8 @@ struct Detector {
       return RUNNING;
     }
     if (reference_ < 0.0 || top < reference_) reference_ = top;
-    if (top < kGrown * reference_ || top < kHeavy * f.weight()) return RUNNING;
+    if (top < Tolerance::tension_growth * reference_) return RUNNING;
+    if (top < Tolerance::min_tension * f.weight()) return RUNNING;
     // The direction in which A_D M^-1 A_D^T nearly vanishes.
     double y[room(M)], most = 0.0;
     for (int a = 0; a < f.rows.n; ++a) y[a] = a == weakest ? 1.0 : 0.0;

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "contract.hpp"
-#include "pieces.hpp"
+#include "segments.hpp"
 
 namespace fan {
 
@@ -18,10 +18,10 @@ class Drive {
     n_ = in.n_segments;
     breaks_.assign(in.breaks, in.breaks + n_ + 1);
     const std::size_t n = n_;
-    coef_.assign(in.coef, in.coef + n * Space::n_v * kPowers);
+    coef_.assign(in.coef, in.coef + n * Space::n_v * n_powers);
     base_.assign(in.base, in.base + n * Space::n_q);
     force_.clear();
-    if (in.force) force_.assign(in.force, in.force + n * n_vD * kPowers);
+    if (in.force) force_.assign(in.force, in.force + n * n_vD * n_powers);
     enter(0);
   }
 
@@ -42,7 +42,7 @@ class Drive {
   double segment_start() const { return breaks_[segment_]; }
   double segment_end() const { return breaks_[segment_ + 1]; }
   const double* segment_coef() const {
-    return coef_.data() + std::size_t(segment_) * Space::n_v * kPowers;
+    return coef_.data() + std::size_t(segment_) * Space::n_v * n_powers;
   }
 
   // q_K, v_K, acc_K and u_D at t, by the polynomials last chosen.
@@ -77,7 +77,7 @@ class Drive {
       double unused_rate, unused_second;
       u[j] = 0.0;
       if (force_.empty() || phase_ != WITHIN) continue;
-      const double* coef = force_.data() + (std::size_t(segment_) * n_vD + j) * kPowers;
+      const double* coef = force_.data() + (std::size_t(segment_) * n_vD + j) * n_powers;
       polynomial(coef, s, u[j], unused_rate, unused_second);
     }
   }
@@ -85,7 +85,7 @@ class Drive {
   void enter(int segment) {
     segment_ = segment;
     const double* coef = segment_coef();
-    for (int j = 0; j < Space::n_v; ++j) still_[j] = is_constant(coef + kPowers * j);
+    for (int j = 0; j < Space::n_v; ++j) still_[j] = is_constant(coef + n_powers * j);
   }
 
   int n_ = 0, segment_ = 0;

@@ -1,7 +1,7 @@
-// Elementary functions for any Real, without calls (but for angles beyond kFarAngle), so that they
-// cost a lane little: sine and cosine, arctangent, inverse root. Errors stay below 1 unit in the
-// last place up to 1e4 rad and below 1.5 up to kFarAngle, of the arctangent and the inverse root
-// below 2.
+// Elementary functions for any Real, without calls (but for angles beyond max_reduced_angle), so
+// that they cost a lane little: sine and cosine, arctangent, inverse root. Errors stay below 1 unit
+// in the last place up to 1e4 rad and below 1.5 up to max_reduced_angle, of the arctangent and the
+// inverse root below 2.
 //
 // Ranges are reduced and approximated as in Sun's fdlibm (K. C. Ng), whose coefficients these are.
 #pragma once
@@ -12,7 +12,7 @@
 
 namespace fan {
 
-constexpr double kFarAngle = 1e6;  // rad, from which the C library's sine is asked
+constexpr double max_reduced_angle = 1e6;  // rad: beyond, the C library computes sine and cosine
 
 // x rounded to a whole number, for |x| < 2^51.
 template <class Real>
@@ -62,7 +62,7 @@ FAN_FN void sine_cosine(const Real& x, Real* sine, Real* cosine) {
   const Real s_abs = select(swaps, c, s), c_abs = select(swaps, s, c);
   *sine = select(quadrant > Real(1.5), -s_abs, s_abs);
   *cosine = select(quadrant == Real(1.0) || quadrant == Real(2.0), -c_abs, c_abs);
-  const auto far = !(abs(x) < Real(kFarAngle));
+  const auto far = !(abs(x) < Real(max_reduced_angle));
   if (!any(far)) return;
   *sine = select(far, sin(x), *sine);
   *cosine = select(far, cos(x), *cosine);

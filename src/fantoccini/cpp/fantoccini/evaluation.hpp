@@ -87,6 +87,16 @@ struct Evaluation {
   enum { NOBODYS, OF_DYNAMICS, OF_STEP, OF_NODE } constants_ = NOBODYS;
 };
 
+// Lists the strings and the limits that take part in some lane, in order, so that no lane's sums
+// depend on its neighbours. Returns how many there are.
+template <class Model, class Mask>
+FAN_FN int rows_in_some_lane(const Mask* takes_part, int* list) {
+  int n = 0;
+  for (int r = 0; r < Model::n_rows; ++r)
+    if (r < Model::n_strings || any(takes_part[r])) list[n++] = r;
+  return n;
+}
+
 // The rows that take part in a complementarity problem, in increasing order.
 template <class Model, class Real>
 struct RowSystem {

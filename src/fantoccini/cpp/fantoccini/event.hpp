@@ -1,38 +1,28 @@
-// The event-driven run: adaptive steps of the frozen-mode flow, stopped where a tension falls
-// through zero (release), a slack row closes (catch), or a winch begins or ends to slip.
+// The event-driven run: adaptive steps of the flow with the active set frozen, stopped where a
+// tension falls through zero (release), a slack row closes (catch), or a winch begins or ends to
+// slip.
 #pragma once
 
-#include "accumulation.hpp"
-#include "contact.hpp"
 #include "detector.hpp"
-#include "guards.hpp"
-#include "pace.hpp"
-#include "record.hpp"
+#include "event_instants.hpp"
+#include "snapshot.hpp"
 
 namespace fan {
 
-constexpr double kStart = 1e-9;  // |h| below which a row counts as closed at the start, relative
-constexpr double kAtOnce = 1e-10;  // s between events that count as one instant
-constexpr int kSavesPerStep = 64;
-constexpr double kNever = 1e300;  // s
-
 template <class Model>
-struct EventRun {
-  using F = Flow<Model>;
+struct EventRun : EventInstants<Model> {
+  using Base = EventInstants<Model>;
+  using F = typename Base::F;
+  using Tolerance = EventTolerances;
+  using Base::flow, Base::contact, Base::accumulation, Base::event_rate, Base::impact, Base::blame;
+  using Base::guards, Base::n_events, Base::emit;
   static constexpr int N = F::N, NQ = F::NQ, S = F::S, M = F::M, NY = F::NY;
-  static constexpr int rows_per_step = kSavesPerStep + 4;
+  static constexpr int rows_per_step = Tolerance::max_saves_per_step + 4;
   static constexpr int events_per_step = 6 * M + 2 * F::D + 8;
 
-  F flow;
-  Contact<Model> contact;
   Detector<Model> detector;
-  Accumulation accumulation;
-  Pace<M> pace;
-  double impact = 0.0;  // energy lost in catches so far
-  double blame[room(M)] = {};  // by row, how much it is to blame for the status, 0 to 1
-  Guards<Model> guards{flow};
   double step_size = 0.0;
-  long long n_steps = 0, n_events = 0, stuck = 0;
+  long long n_steps = 0, stuck = 0;
   const double* save_at = nullptr;
   long long n_save = 0, next_save = 0;
 
@@ -41,13 +31,13 @@ struct EventRun {
     flow.drive.start_at(flow.t);
     const bool none[room(M)] = {};
     Hold next[room(M)];
-    for (int r = 0; r < M; ++r) flow.mode[r] = SLACK, loosened_[r] = -kNever;
+    for (int r = 0; r < M; ++r) flow.row_state[r] = SLACK, loosened_[r] = -unbounded;
     flow.slip_time = flow.t;
     refresh();
     Status status = contact.retreat(flow);
-    if (status == RUNNING) status = contact.choose(flow, none, none, next, kStart);
+    if (status == RUNNING) status = contact.choose(flow, none, none, next, Tolerance::start_gap);
     if (status == RUNNING) {
-      set_mode(next);
+      set_active_set(next);
       refresh();
       status = flow.project(flow.t, flow.y);
     }
@@ -56,7 +46,7 @@ struct EventRun {
       double kept[NY];
       for (int j = 0; j < NY; ++j) kept[j] = flow.y[j];
       refresh();
-      const bool held = contact.hold(flow, kChoices[0]) == RUNNING;
+      const bool held = contact.hold(flow, Attempts::list[0]) == RUNNING;
       for (int j = held ? F::WORK : 0; j < NY; ++j) flow.y[j] = kept[j];
     }
     step_size = flow.opt.first_step;
@@ -65,7 +55,7 @@ struct EventRun {
     if (status == RUNNING) status = watch();
     else accuse(contact.blame);
     for (int r = 0; r < S; ++r)
-      if (flow.mode[r] == SLIPPING) note(out, SLIP, r, 0.0, flow.slip_rate[r]);
+      if (flow.row_state[r] == SLIPPING) note(out, SLIP, r, 0.0, flow.slip_rate[r]);
     emit(out);
     skip_saved();
     return status;
@@ -86,8 +76,8 @@ struct EventRun {
       const Status ready = begin_stretch(t_end, &smooth, out);
       if (ready != RUNNING) return ready;
       double target = smooth;
-      const double last = next_save + kSavesPerStep - 1 < n_save
-                              ? save_at[next_save + kSavesPerStep - 1]
+      const double last = next_save + Tolerance::max_saves_per_step - 1 < n_save
+                              ? save_at[next_save + Tolerance::max_saves_per_step - 1]
                               : target;
       if (last < target && last > flow.t) target = last;
       const Status status = step(target, out);
@@ -98,26 +88,28 @@ struct EventRun {
     return flow.motors.verdict(0);
   }
 
-  void remember(Memory& memory) {
-    memory.keep(flow.t, flow.y, flow.mode, flow.slip, flow.slip_time, flow.motors);
-    memory.keep(contact, detector, accumulation, pace, impact, blame, step_size);
+  void remember(Snapshot& memory) {
+    memory.keep(flow.t, flow.y, flow.row_state, flow.slip, flow.slip_time, flow.motors);
+    memory.keep(contact, detector, accumulation, event_rate, impact, blame, step_size);
     memory.keep(n_steps, n_events, stuck, at_break_, loosened_);
     guards.remember(memory);
   }
 
-  // Writes the present state.
-  void emit(Record<Model>& out) { write(flow.t, flow.y, out); }
-
  protected:
+  using Base::loosened_, Base::refresh, Base::set_active_set, Base::accuse, Base::note, Base::write;
+  using Base::instant, Base::another_basis;
+
   // Deals with a break of the inputs at the present time; from there the flow is smooth until `end`.
   Status begin_stretch(double t_end, double* end, Record<Model>& out) {
     if (n_steps >= flow.opt.max_steps) return TOO_MANY_STEPS;
-    if (n_events >= flow.opt.max_events || stuck > kStandstill || pace.crowded()) {
-      pace.shares(blame);
+    if (n_events >= flow.opt.max_events || stuck > Tolerance::max_standstill_steps ||
+        event_rate.crowded()) {
+      event_rate.shares(blame);
       return TOO_MANY_EVENTS;
     }
     if (at_break_) {
-      const Status changed = breakpoint(out);
+      at_break_ = false;
+      const Status changed = this->breakpoint(out);
       if (changed != RUNNING) return changed;
     }
     const double brk = flow.drive.next_break(flow.t, t_end);
@@ -135,24 +127,13 @@ struct EventRun {
 
   // When a driven length runs out in the inputs' present piece; looked at once for each.
   double runs_out() {
-    if (flow.t < flow.drive.segment_start()) return kNever;  // the inputs have yet to begin
+    if (flow.t < flow.drive.segment_start()) return unbounded;  // the inputs have yet to begin
     if (looked_at_ != flow.drive.segment() || flow.t < looked_from_) {
       looked_at_ = flow.drive.segment();
       looked_from_ = flow.t;
-      empty_at_ = flow.emptied(kNever, &emptying_);
+      empty_at_ = flow.emptied(unbounded, &emptying_);
     }
     return empty_at_;
-  }
-
-  // The evaluation, k[0] and accelerations at (t, y).
-  void refresh() { flow.evaluate(flow.t, flow.y, flow.k[0]); }
-
-  void set_mode(const Hold* mode) {
-    for (int r = 0; r < M; ++r) flow.mode[r] = mode[r];
-  }
-
-  void accuse(const double* rows) {
-    for (int r = 0; r < M; ++r) blame[r] = rows[r];
   }
 
   // What the detector says of the present state.
@@ -170,38 +151,40 @@ struct EventRun {
       ++stuck;
       return RUNNING;
     }
-    double growth_cap = 8.0;
+    double growth_cap = Tolerance::max_factor;
     for (;;) {
       bool reaches = false;
-      if (s >= left * (1 - 1e-12)) {
+      if (s >= left * Tolerance::whole) {
         s = left;
         reaches = true;
-      } else if (s > 0.5 * left) {
-        s = 0.5 * left;  // no sliver before the target
+      } else if (s > Tolerance::sliver * left) {
+        s = Tolerance::sliver * left;  // no sliver before the target
       }
       if (s < guards.resolution()) return STEP_TOO_SMALL;
       ++n_steps;
       if (n_steps >= flow.opt.max_steps) return TOO_MANY_STEPS;
       flow.stages(s);
       const double err = flow.error(s);
-      if (!(err < 1e300)) {
-        if (s < 1e-10) return NOT_FINITE;
-        s *= 0.1;
+      if (!(err < unbounded)) {
+        if (s < Tolerance::min_failing_step) return NOT_FINITE;
+        s *= Tolerance::overflow_factor;
         growth_cap = 1.0;
         continue;
       }
-      double factor = err > 0.0 ? 0.9 * pow(err, -1.0 / 8.0) : growth_cap;
+      double factor = growth_cap;
+      if (err > 0.0) factor = Tolerance::safety * pow(err, -1.0 / Tolerance::order);
       if (err > 1.0) {
-        s *= factor < 0.2 ? 0.2 : factor;
+        s *= factor < Tolerance::min_factor ? Tolerance::min_factor : factor;
         growth_cap = 1.0;
         continue;
       }
-      factor = factor < 0.2 ? 0.2 : (factor > growth_cap ? growth_cap : factor);
+      factor = factor < Tolerance::min_factor ? Tolerance::min_factor
+                                             : (factor > growth_cap ? growth_cap : factor);
       if (!reaches || factor < 1.0) step_size = s * factor;
       else if (s * factor > step_size) step_size = s * factor;
       if (flow.finish(s) != RUNNING) {
-        if (s < 1e-10) return PROJECTION_FAILED;
-        s *= 0.2;
+        if (s < Tolerance::min_failing_step) return PROJECTION_FAILED;
+        s *= Tolerance::min_factor;
         growth_cap = 1.0;
         continue;
       }
@@ -221,25 +204,26 @@ struct EventRun {
       flow.evaluate(new_t, flow.end, flow.end_rate);
     }
     for (int j = 0; j < NY; ++j)
-      if (!(fabs(flow.end[j]) < 1e300)) return NOT_FINITE;
+      if (!is_finite(flow.end[j])) return NOT_FINITE;
     const double moved = new_t - flow.t;
     flow.t = new_t;
     for (int j = 0; j < NY; ++j) {
       flow.y[j] = flow.end[j];
       flow.k[0][j] = flow.end_rate[j];
     }
-    stuck = moved > 1e-12 ? 0 : stuck + 1;
+    stuck = moved > Tolerance::standstill ? 0 : stuck + 1;
     for (int r = 0; r < M; ++r) {
       const double h = flow.eval.height(r);
-      if (flow.mode[r] == SLIPPING && flow.lack(r) < -kCreep) guards.armed[r] = true;
+      if (flow.row_state[r] == SLIPPING && flow.lack(r) < -GuardTolerances::min_speed)
+        guards.armed[r] = true;
       if (flow.taut(r)) continue;
-      if (h < -(kOpen + guards.noise) * flow.row_scale(r)) guards.armed[r] = true;
+      if (h < -(GuardTolerances::open_gap + guards.noise) * flow.row_scale(r)) guards.armed[r] = true;
       if (h > 0.0) guards.armed[r] = false;
     }
     flow.motors.look(flow.y, flow.y + NQ, flow.q_K, flow.v_K, flow.acc_K, flow.p, true);
-    const long long told = out.n_events;
+    const long long before = out.n_events;
     flow.motors.tell(flow.t, out);
-    n_events += out.n_events - told;
+    n_events += out.n_events - before;
     const bool event = guards.worst() > 0.0;
     Status seen = flow.frail() && !event ? another_basis(out) : RUNNING;
     if (seen == RUNNING) seen = watch();
@@ -267,183 +251,15 @@ struct EventRun {
     }
   }
 
-  void write(double t, const double* y, Record<Model>& out) {
-    double tension[room(M)];
-    double slip[room(S)];  // without what a winch may be off its string's length, kGive
-    bool taut[room(M)];
-    for (int i = 0; i < S; ++i) slip[i] = flow.slip_now[i] > 0.0 ? flow.slip_now[i] : 0.0;
-    contact.tensions(flow, tension);
-    for (int r = 0; r < M; ++r) {
-      // At a release the tension is zero up to rounding, of either sign.
-      const bool both = r < S && Model::wire[r];
-      if (!both && !(tension[r] > 0.0)) tension[r] = 0.0;
-      taut[r] = flow.taut(r);
-    }
-    out.row(
-        t, y, y + NQ, flow.acc, flow.q_K, flow.v_K, flow.acc_K, tension, taut, flow.p, y[F::WORK],
-        y[F::LOSS], impact, y[F::SLIP_LOSS], slip);
-  }
-
   void skip_saved() {
     while (next_save < n_save && save_at[next_save] <= flow.t) ++next_save;
     guards.remember();
   }
 
-  // An event at (t, y): catches strike, then the next mode is chosen.
-  Status instant(Record<Model>& out) {
-    Situation s;
-    bool caught = false;
-    for (int r = 0; r < M; ++r) {
-      s.before[r] = flow.mode[r];
-      const bool held = s.before[r] == HELD || s.before[r] == PINNED;
-      const double none = -flow.tension[r] / flow.weight();
-      if (held && none > -kNoTension) loosened_[r] = flow.t;
-      // Among redundant rows one that has just lost its tension must not take turns with another.
-      s.loose[r] = s.before[r] == SLACK ? !guards.armed[r] : flow.t - loosened_[r] <= kAtOnce;
-      s.strained[r] = held && flow.winches.slips(r) &&
-                      flow.tension[r] >= flow.winches.max_tension[r] - kNoTension * flow.weight();
-      const bool touches = s.before[r] == SLACK && guards.touches(r, kTouch);
-      s.caught[r] = touches;
-      s.closed[r] = s.before[r] != SLACK || guards.closed(r, kTouch);
-      caught = caught || touches;
-    }
-    if (caught) {
-      accumulation.watch(flow.t);
-      if (!flow.opt.save_steps) emit(out);
-      const Status status = contact.strike(flow, s.closed);
-      if (status != RUNNING) return fail(status);
-      impact += contact.lost;
-      for (int r = 0; r < M; ++r) {
-        s.caught[r] = s.caught[r] || (s.before[r] == SLACK && contact.impulse[r] > 0.0);
-        s.loose[r] = s.loose[r] && !s.caught[r];
-        if (s.caught[r]) note(out, CATCH, r, contact.impulse[r], contact.speed[r]);
-      }
-    }
-    return settle_mode(s, out);
-  }
-
-  // At a break of the inputs the tensions may jump: choose the mode again, and write a second row
-  // where the inputs' accelerations or the forces jump.
-  Status breakpoint(Record<Model>& out) {
-    double acc_K[room(Model::n_vK)], u_D[room(N)];
-    for (int j = 0; j < Model::n_vK; ++j) acc_K[j] = flow.acc_K[j];
-    for (int k = 0; k < N; ++k) u_D[k] = flow.u_D[k];
-    at_break_ = false;
-    flow.drive.start_at(flow.t);
-    refresh();
-    bool jumps = false;
-    for (int j = 0; j < Model::n_vK; ++j) jumps = jumps || differ(acc_K[j], flow.acc_K[j]);
-    for (int k = 0; k < N; ++k) jumps = jumps || differ(u_D[k], flow.u_D[k]);
-    if (jumps) note(out, BREAKPOINT, -1, 0.0, 0.0);
-    const long long rows = out.n_samples;
-    bool touched = false;
-    for (int r = 0; r < M; ++r)
-      touched = touched || (flow.mode[r] == SLACK && guards.touches(r, kTouch));
-    const Status status = touched ? instant(out) : settle_mode(present(), out);
-    if (jumps && out.n_samples == rows) emit(out);
-    return status;
-  }
-
-  // Among redundant rows others stand better on their own: hold those instead.
-  Status another_basis(Record<Model>& out) {
-    return settle_mode(present(), out);
-  }
-
-  // The rows at an event: what they did before it, which are closed and which have just been
-  // caught, which have just lost their tension and which have just reached their winch's largest.
-  struct Situation {
-    Hold before[room(M)];
-    bool closed[room(M)], caught[room(M)], loose[room(M)], strained[room(M)];
-
-    // Whether row r holds after the catches and before the choice of the next mode.
-    bool holds(int r) const { return before[r] != SLACK || caught[r]; }
-  };
-
-  // The rows where nothing has happened to them.
-  Situation present() const {
-    Situation s;
-    for (int r = 0; r < M; ++r) {
-      s.before[r] = flow.mode[r];
-      s.closed[r] = flow.taut(r);
-      s.caught[r] = s.strained[r] = false;
-      s.loose[r] = !flow.taut(r) && !guards.armed[r];
-    }
-    return s;
-  }
-
-  void note(Record<Model>& out, EventCode kind, int row, double impulse, double speed) {
-    out.event(flow.t, kind, row, impulse, speed);
-    pace.note(flow.t, row);
-    ++n_events;
-  }
-
-  Status fail(Status status) {
-    accuse(contact.blame);
-    return status;
-  }
-
-  static bool differ(double a, double b) { return fabs(a - b) > 1e-9 * (1.0 + fabs(a) + fabs(b)); }
-
-  Status settle_mode(const Situation& s, Record<Model>& out) {
-    Hold next[room(M)];
-    const double energy = flow.total_energy() - given();
-    double stopped = 0.0;
-    Status held = RUNNING;
-    for (const Choice& how : kChoices) {
-      if (how.ahead > 0.0 && !flow.winches.some_slip) continue;
-      // A row that holding the others brings to rest takes part in the choice.
-      for (int round = 0; round <= M; ++round) {
-        held = contact.choose(flow, s.loose, s.strained, next, kTouch, how);
-        if (held != RUNNING) { if (flow.winches.some_slip) break; else return fail(held); }
-        set_mode(next);
-        refresh();
-        held = contact.hold(flow, how);
-        if (contact.stopped > stopped) stopped = contact.stopped;
-        if (held != RUNNING || !contact.brought) break;
-      }
-      if (held == RUNNING) refresh();
-      if (held == RUNNING && !guards.contradicted()) break;
-    }
-    if (held != RUNNING) return fail(held);
-    refresh();
-    impact += energy - (flow.total_energy() - given());
-    bool changed = false;
-    for (int r = 0; r < M; ++r) {
-      tell(s, r, out);
-      changed = changed || next[r] != s.before[r] || s.caught[r];
-      if (next[r] == SLIPPING) guards.armed[r] = flow.lack(r) < -kCreep;
-      // A string that springs back leaves its bound for sure; one that is let go may stay at it.
-      if (next[r] == SLACK && s.holds(r)) guards.armed[r] = contact.leaves(flow, r);
-    }
-    if (stopped > kCreep && accumulation.shrinking()) {
-      note(out, ACCUMULATION, -1, 0.0, stopped);
-      accumulation.forget();
-    }
-    guards.remember();
-    if (changed) emit(out);
-    return RUNNING;
-  }
-
-  // What inputs and winches have given so far.
-  double given() const { return flow.y[F::WORK] - flow.y[F::SLIP_LOSS]; }
-
-  // The event of row r that went from s.before to its mode, beside the catch that has been told.
-  void tell(const Situation& s, int r, Record<Model>& out) {
-    const Hold before = s.before[r], next = flow.mode[r];
-    if (next == SLACK) {
-      if (s.holds(r)) note(out, RELEASE, r, 0.0, 0.0);
-      return;
-    }
-    if (!s.holds(r)) note(out, CATCH, r, 0.0, 0.0);
-    if (next == SLIPPING && before != SLIPPING) note(out, SLIP, r, 0.0, flow.slip_rate[r]);
-    if (next != SLIPPING && before == SLIPPING) note(out, GRIP, r, 0.0, 0.0);
-  }
-
   bool at_break_ = false;
   // The inputs' piece whose lengths were looked at, from when on; when and whose length runs out.
   int looked_at_ = -1, emptying_ = -1;
-  double looked_from_ = 0.0, empty_at_ = kNever;
-  double loosened_[room(M)];  // when each row last lost its tension
+  double looked_from_ = 0.0, empty_at_ = unbounded;
 };
 
 }  // namespace fan

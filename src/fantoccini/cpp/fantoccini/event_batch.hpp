@@ -21,11 +21,11 @@ class EventBatch {
   using Layout = SampleLayout<Model>;
   using F = Flow<Model>;
   static constexpr int N = Model::n_vD, S = Model::n_strings, M = Model::n_rows;
-  static constexpr int kRows = 256;
-  static constexpr int kEvents = 1024 > 4 * EventRun<Model>::events_per_step
-                                     ? 1024
-                                     : 4 * EventRun<Model>::events_per_step;
-  static constexpr long long kBudget = 200;  // steps between two looks at the pool
+  static constexpr int row_capacity = 256;
+  static constexpr int event_capacity = 1024 > 4 * EventRun<Model>::events_per_step
+                                            ? 1024
+                                            : 4 * EventRun<Model>::events_per_step;
+  static constexpr long long steps_per_report = 200;  // between two looks at the pool
 
   void run(Pool& pool, long long who) {
     const BatchArrays& in = pool.arrays;
@@ -42,17 +42,17 @@ class EventBatch {
     flow.winches.set(in.winches);
     run.save_at = in.save_at;
     run.n_save = in.n_samples;
-    Row out{{rows_, kRows, 0, events_, kEvents, 0}};
+    Row out{{rows_, row_capacity, 0, events_, event_capacity, 0}};
     caught_ = released_ = 0;
     row_ = 0;
     Status status = run.start(out);
     hand_over(in, who, out);
-    double told = in.t;
+    double reported = in.t;
     while (status == RUNNING) {
-      status = run.run(in.t_end, kBudget, out);
+      status = run.run(in.t_end, steps_per_report, out);
       hand_over(in, who, out);
-      pool.advance((flow.t - told) / (in.t_end - in.t));
-      told = flow.t;
+      pool.advance((flow.t - reported) / (in.t_end - in.t));
+      reported = flow.t;
       if (status == RUNNING && pool.stopped()) status = STOPPED;
     }
     in.status[who] = status;
@@ -67,8 +67,8 @@ class EventBatch {
     flow.motors.blame(status, 0, blame + M);
   }
 
-  // Rows at the times asked for go to their places: of several at one time the last, which is that
-  // after the event.
+  // Copies the samples at the requested times to their places; of several at one time the last stays,
+  // which is that after the event.
   void hand_over(const BatchArrays& in, long long who, Row& out) {
     for (long long i = 0; i < out.n_samples; ++i) {
       const double* row = out.samples + i * Layout::width;
@@ -86,7 +86,7 @@ class EventBatch {
   }
 
   std::optional<EventRun<Model>> run_;
-  double rows_[kRows * Layout::width], events_[kEvents * EventLayout::width];
+  double rows_[row_capacity * Layout::width], events_[event_capacity * EventLayout::width];
   long long caught_ = 0, released_ = 0, row_ = 0;
 };
 

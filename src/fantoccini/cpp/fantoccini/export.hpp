@@ -1,4 +1,4 @@
-// What a compiled puppet shows to the outside.
+// Marks the functions that a compiled puppet exports.
 #pragma once
 
 #define FAN_EXPORT extern "C" __attribute__((visibility("default")))

@@ -1,5 +1,5 @@
-// The frozen-mode flow: between two events the same rows are taut, as equalities, and the puppet is
-// a smooth ordinary differential equation
+// The flow with the active set frozen: between two events the same rows are taut, as equalities,
+// and the puppet is a smooth ordinary differential equation
 //
 //   y = (q_D, v_D, work, loss, slip loss)
 //   ydot = (N(q) v, acc_D, power of inputs and forces, dissipation, tension . rate of slip)
@@ -11,23 +11,32 @@
 #include "correct.hpp"
 #include "drive.hpp"
 #include "evaluation.hpp"
-#include "modes.hpp"
 #include "motor_watch.hpp"
 #include "tableau.hpp"
 #include "winch.hpp"
 
 namespace fan {
 
-// How far off its bound a row counts as at it, relative to its scale. No event moves the puppet for
-// less to put a loose row right: where rows hardly differ, as strings along one another, that would
-// be a move many times as large.
-constexpr double kTouch = 5e-13;
+struct FlowTolerances {
+  // |h| at which a row counts as closed, relative to its scale. No event moves the puppet for less:
+  // where rows hardly differ, as strings along one another, that would be a move many times as large.
+  static constexpr double closed_gap = 5e-13;
+  // |hddot| at which a redundant row parts from the held ones, relative to its terms.
+  static constexpr double parting_acceleration = 1e-8;
+  // Pivot of G relative to its largest diagonal entry, below which another basis had better be held.
+  static constexpr double frail_pivot = 1e-4;
+  // m: shorter strings have this for their scale.
+  static constexpr double min_row_scale = 1e-3;
+  // Of the held rows' tensions, against the errors of nearly dependent rows.
+  static constexpr int refinements = 2;
+};
 
 template <class Model>
 struct Flow {
   static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings, M = Model::n_rows;
   static constexpr int D = Model::n_watched, ALL = M + D;  // all that has a guard
   static constexpr int NY = NQ + N + 3, WORK = NQ + N, LOSS = NQ + N + 1, SLIP_LOSS = NQ + N + 2;
+  using Tolerance = FlowTolerances;
   using Eval = Evaluation<Model, double>;
   using System = RowSystem<Model, double>;
 
@@ -37,7 +46,7 @@ struct Flow {
 
   double t = 0.0;
   double y[NY];
-  Hold mode[room(M)];  // frozen between events
+  Hold row_state[room(M)];  // frozen between events
   Winches<S> winches;
   double slip[room(S)];  // m, at slip_time
   double slip_time = 0.0;
@@ -52,9 +61,9 @@ struct Flow {
   double slip_now[room(S)], slip_rate[room(S)];
   double apart[room(M)];  // |hddot| of idle and pinned rows, relative to the rows' terms
 
-  bool taut(int r) const { return mode[r] != SLACK; }
+  bool taut(int r) const { return row_state[r] != SLACK; }
 
-  // Evaluates the flow at (at, state) in the frozen mode.
+  // Evaluates the flow at (at, state) with the active set frozen.
   void evaluate(double at, const double* state, double* rate) {
     drive.evaluate(at, q_K, v_K, acc_K, u_D);
     eval.at(state, state + NQ, q_K, v_K, acc_K, u_D, p);
@@ -70,11 +79,11 @@ struct Flow {
     for (int a = 0; a < n; ++a) {
       problem.b[a] = rows.hddot[a];
       problem.lower[a] = 0.0;
-      problem.upper[a] = list[a] < S ? winches.max_tension[list[a]] : kUnlimited;
-      problem.active[a] = mode[list[a]] == HELD;
-      problem.high[a] = mode[list[a]] == PINNED || mode[list[a]] == SLIPPING;
+      problem.upper[a] = list[a] < S ? winches.max_tension[list[a]] : unbounded;
+      problem.active[a] = row_state[list[a]] == HELD;
+      problem.high[a] = row_state[list[a]] == PINNED || row_state[list[a]] == SLIPPING;
     }
-    problem.solve_active(0.0, kRefinements);
+    problem.solve_active(0.0, Tolerance::refinements);
     double w[room(N)];
     for (int k = 0; k < N; ++k) w[k] = eval.w0[k];
     double pull[room(M)] = {}, power = eval.power0, slip_power = 0.0;
@@ -84,7 +93,7 @@ struct Flow {
       pull[a] = -problem.x[a];
       power += problem.x[a] * rows.hdot_K[a];
       if (winches.slips(r)) slip_power += problem.x[a] * slip_rate[r];
-      if (mode[r] == IDLE || mode[r] == PINNED) apart[r] = fabs(problem.s[a]) / hddot_scale();
+      if (row_state[r] == IDLE || row_state[r] == PINNED) apart[r] = fabs(problem.s[a]) / hddot_scale();
     }
     rows.add(pull, w);
     eval.back(w, acc);
@@ -98,18 +107,18 @@ struct Flow {
     rate[SLIP_LOSS] = slip_power;
   }
 
-  // How far a row's mode is from holding at the latest evaluation, positive when it does not:
+  // How far a row's state is from holding at the latest evaluation, positive when it does not:
   // tensions over the weight, speeds in m/s. Slack rows have their height instead.
   double lack(int r) const {
     if (r < S && Model::wire[r]) return -1.0;
-    if (mode[r] == HELD) {
+    if (row_state[r] == HELD) {
       const double below = -tension[r];
       if (!winches.slips(r)) return below / weight();
       const double over = tension[r] - winches.max_tension[r];
       return (below > over ? below : over) / weight();
     }
-    if (mode[r] == SLIPPING) return winches.winding(r, slip_now[r]) - slip_rate[r];
-    return apart[r] - kApart;
+    if (row_state[r] == SLIPPING) return winches.winding(r, slip_now[r]) - slip_rate[r];
+    return apart[r] - Tolerance::parting_acceleration;
   }
 
   // The size of what the gathered rows' hddot are the sums of, at least 1 m/s^2.
@@ -126,18 +135,18 @@ struct Flow {
   bool frail() const {
     constexpr int stride = Complementarity<double, M>::N;
     bool redundant = false;
-    double least = 1e300, top = 0.0;
+    double least = unbounded, top = 0.0;
     for (int a = 0; a < rows.n; ++a) {
       const double own = rows.problem.G[a * stride + a];
       if (own > top) top = own;
-      if (mode[rows.row[a]] != HELD) {
-        redundant = redundant || mode[rows.row[a]] != SLIPPING;
+      if (row_state[rows.row[a]] != HELD) {
+        redundant = redundant || row_state[rows.row[a]] != SLIPPING;
         continue;
       }
       const double pivot = rows.problem.pivot(a);
       if (pivot < least) least = pivot;
     }
-    return redundant && least < kFrail * top;
+    return redundant && least < Tolerance::frail_pivot * top;
   }
 
   // The acceleration at which row r's winch brakes what it winds back, at the latest evaluation.
@@ -154,7 +163,7 @@ struct Flow {
     double first = none;
     for (int i = 0; i < S; ++i) {
       const double stretch = winches.stretch(i, slip[i]);
-      if (mode[i] != SLIPPING && stretch > 0.0 && slip_time + stretch < first)
+      if (row_state[i] != SLIPPING && stretch > 0.0 && slip_time + stretch < first)
         first = slip_time + stretch;
     }
     return first;
@@ -168,10 +177,10 @@ struct Flow {
     if (!(t >= start && t < end)) return none;
     for (int i = 0; i < S; ++i) {
       if (Model::length_v[i] < 0) continue;
-      double points[kPowers];
+      double points[n_powers];
       control_points(
-          drive.segment_coef() + kPowers * Model::length_v[i], t - start, end - t, points);
-      const double at = falls_to(points, kNoLength, t, end - t, none);
+          drive.segment_coef() + n_powers * Model::length_v[i], t - start, end - t, points);
+      const double at = falls_to(points, LengthTolerances::min_length, t, end - t, none);
       if (!(at < first)) continue;
       first = at;
       *row = i;
@@ -296,7 +305,7 @@ struct Flow {
   void heights(const double* state, double* h, bool slipped = false) const {
     Call<Model, double>::rows(state, q_K, p, h);
     for (int i = 0; i < S; ++i) {
-      if (mode[i] == SLIPPING) h[i] = slipped ? -kGive - h[i] : 0.0;
+      if (row_state[i] == SLIPPING) h[i] = slipped ? -WinchTolerances::max_length_error - h[i] : 0.0;
       else h[i] -= slip_now[i];
     }
   }
@@ -308,11 +317,11 @@ struct Flow {
     for (int a = 0; a < rows.n; ++a) {
       problem.b[a] = h[a];
       problem.upper[a] = 0.0;
-      problem.active[a] = mode[rows.row[a]] == HELD;
+      problem.active[a] = row_state[rows.row[a]] == HELD;
     }
     // Raised and not refined: what two nearly dependent rows lack against one another would be
     // taken from the others many times over.
-    problem.solve_active(kSoft, 0);
+    problem.solve_active(ComplementarityTolerances::raise, 0);
     for (int j = 0; j < N; ++j) w[j] = 0.0;
     for (int a = 0; a < rows.n; ++a) pull[a] = problem.active[a] ? -problem.x[a] : 0.0;
     rows.add(pull, w);
@@ -337,14 +346,14 @@ struct Flow {
   double row_scale(int r) const {
     if (r >= S) return 1.0;
     const double length = string_length<Model, double>(r, y, q_K);
-    return length > 1e-3 ? length : 1e-3;
+    return length > Tolerance::min_row_scale ? length : Tolerance::min_row_scale;
   }
 
  private:
   // The strings' own lengths: h, hdot and gamma are those of L + slip.
   void let_out(double at) {
     for (int i = 0; i < S; ++i) {
-      if (mode[i] == SLIPPING) {
+      if (row_state[i] == SLIPPING) {
         slip_now[i] = eval.h[i];
         slip_rate[i] = eval.hdot[i];
         slip_acc_[i] = 0.0;
@@ -366,7 +375,7 @@ struct Flow {
   double relative(const double* h) const {
     double worst = 0.0;
     for (int a = 0; a < rows.n; ++a)
-      if (mode[rows.row[a]] == HELD)
+      if (row_state[rows.row[a]] == HELD)
         worst = larger_of(worst, fabs(h[a]) / row_scale(rows.row[a]));
     return worst;
   }

@@ -1,6 +1,6 @@
 // Guards: what a step must not pass. A slack row's guard is its height h, a held row's its lacking
 // tension (or what it has beyond its winch's largest), a redundant row's how far it strays from the
-// held ones, a slipping row's its lacking speed; a guard is positive when the row's mode no longer
+// held ones, a slipping row's its lacking speed; a guard is positive when the row's state no longer
 // holds. After the rows come the drives that are watched, whose guard is positive where they lose a
 // step or run away.
 //
@@ -11,23 +11,32 @@
 #pragma once
 
 #include "flow.hpp"
-#include "memory.hpp"
+#include "snapshot.hpp"
 
 namespace fan {
 
-constexpr double kOpen = 2e-15;         // |h| that counts as open, relative to the row's scale
-constexpr double kOver = 1e-13;         // h at which a row that is not armed is caught, likewise
-constexpr double kCreep = 1e-9;         // m/s or rad/s below which such a row does not move on,
-                                        // and by which a string begins to slip
-constexpr double kNoTension = 1e-12;    // tension that counts as none, relative to the weight
-constexpr double kHeightRoot = 1e-15;   // how well a catch is met, relative to the row's scale
-constexpr double kTensionRoot = 1e-13;  // how well a release is met, relative to the weight
-constexpr double kWeakRoot = 1e-12;     // how well a drive's event is met, in periods, m or rad
-constexpr int kRootIterations = 100;
+struct GuardTolerances {
+  // h, relative to the row's scale: below minus this a released row has opened and is armed again,
+  static constexpr double open_gap = 2e-15;
+  // and above this one that is not armed is caught.
+  static constexpr double caught_height = 1e-13;
+  // m/s or rad/s: slower rows that are not armed do not close; a string slips from this speed on.
+  static constexpr double min_speed = 1e-9;
+  // Tension that counts as none, relative to the weight.
+  static constexpr double negligible_tension = 1e-12;
+  // How closely events are located: a catch by h over the row's scale, a release by the tension over
+  // the weight, a drive's event in periods, m or rad.
+  static constexpr double catch_root = 1e-15, release_root = 1e-13, drive_root = 1e-12;
+  static constexpr int max_root_iterations = 100;
+  static constexpr int max_earlier_roots = 8;  // crossings looked for before the one located
+  // Relative resolution of the clock: four roundings.
+  static constexpr double clock = 4.0 * 2.3e-16;
+};
 
 template <class Model>
 struct Guards {
   using F = Flow<Model>;
+  using Tolerance = GuardTolerances;
   static constexpr int NQ = F::NQ, S = F::S, M = F::M, ALL = F::ALL;
 
   F& flow;
@@ -45,12 +54,12 @@ struct Guards {
     for (int r = 0; r < M; ++r) armed[r] = true;
   }
 
-  void remember(Memory& memory) {
+  void remember(Snapshot& memory) {
     memory.keep(armed, height0, rate0, guard0, noise, afield);
   }
 
   // The shortest time the clock resolves.
-  double resolution() const { return 4.0 * 2.3e-16 * (fabs(flow.t) > 1.0 ? fabs(flow.t) : 1.0); }
+  double resolution() const { return Tolerance::clock * (fabs(flow.t) > 1.0 ? fabs(flow.t) : 1.0); }
 
   // Whether a row is closed at the flow's latest evaluation.
   bool closed(int r, double closeness) const {
@@ -60,8 +69,8 @@ struct Guards {
   // Whether a slack row closes at (t, y), the flow's latest evaluation.
   bool touches(int r, double closeness) const {
     const double over = flow.eval.height(r) / flow.row_scale(r);
-    const bool at_once = armed[r] || (flow.winches.some_slip && over > kTouch);
-    return over >= -closeness && flow.rate_of(r, flow.y + NQ) > (at_once ? 0.0 : kCreep);
+    const bool at_once = armed[r] || (flow.winches.some_slip && over > FlowTolerances::closed_gap);
+    return over >= -closeness && flow.rate_of(r, flow.y + NQ) > (at_once ? 0.0 : Tolerance::min_speed);
   }
 
   // What the next step's guards compare with.
@@ -73,48 +82,53 @@ struct Guards {
     for (int r = 0; r < ALL; ++r) guard0[r] = guard(r);
   }
 
-  // A row's guard from the latest evaluation: positive when its mode no longer holds. In units
+  // A row's guard from the latest evaluation: positive when its state no longer holds. In units
   // that make rows comparable: lengths over the row's scale, tensions over the weight.
   double guard(int r) const {
     if (r >= M) return flow.motors.excess(r - M);
     if (r < S && Model::wire[r]) return -1.0;
-    if (flow.mode[r] == SLIPPING) {
-      const double wound_in = (-flow.slip_now[r] - kGive) / flow.row_scale(r) - kOver;
-      const double slow = flow.lack(r) - (armed[r] ? 0.0 : kCreep);
+    if (flow.row_state[r] == SLIPPING) {
+      const double wound_in = (-flow.slip_now[r] - WinchTolerances::max_length_error) / flow.row_scale(r) -
+                              Tolerance::caught_height;
+      const double slow = flow.lack(r) - (armed[r] ? 0.0 : Tolerance::min_speed);
       return slow > wound_in ? slow : wound_in;
     }
     // A row may stand a trace beyond its bound: what counts is going further.
     const double over = (flow.eval.height(r) - already(r)) / flow.row_scale(r);
     if (flow.taut(r)) {
-      const double lack = flow.lack(r) - kNoTension;
+      const double lack = flow.lack(r) - Tolerance::negligible_tension;
       // A redundant row follows from the held ones, unless it hardly differs from them.
-      const double strays = flow.mode[r] == HELD ? lack : over - kTouch - afield;
+      const double strays = flow.row_state[r] == HELD ? lack : over - FlowTolerances::closed_gap - afield;
       return lack > strays ? lack : strays;
     }
-    return over - (armed[r] ? 0.0 : kOver + noise);
+    return over - (armed[r] ? 0.0 : Tolerance::caught_height + noise);
   }
 
   // How far a row stood beyond its bound when the step began. Rows that redundant strings on
   // winches keep from being put right may stand farther.
   double already(int r) const {
-    const double most = (flow.winches.some_slip ? 4.0 : 1.0) * kTouch * flow.row_scale(r);
+    const double most = (flow.winches.some_slip ? 4.0 : 1.0) * FlowTolerances::closed_gap * flow.row_scale(r);
     return height0[r] > most ? most : (height0[r] > 0.0 ? height0[r] : 0.0);
   }
 
   // How far beyond its root a row's guard may be where the row's event is.
   double met(int r) const {
-    if (r >= M) return kWeakRoot;
-    return flow.taut(r) ? kTensionRoot : kHeightRoot;
+    if (r >= M) return Tolerance::drive_root;
+    return flow.taut(r) ? Tolerance::release_root : Tolerance::catch_root;
   }
 
-  // Whether modes just chosen contradict the state at the latest evaluation, where winches may give
-  // way instead: a held row is off its bound, or a string that slips does so too slowly.
+  // Whether the active set just chosen contradicts the state at the latest evaluation, where
+  // winches may give way instead: a held row is off its bound, or a string that slips does so too
+  // slowly.
   bool contradicted() const {
     if (!flow.winches.some_slip) return false;
     for (int r = 0; r < M; ++r) {
-      if (flow.mode[r] == HELD && fabs(flow.eval.height(r)) > kOver * flow.row_scale(r)) return true;
-      if (flow.mode[r] != SLIPPING) continue;
-      if (flow.lack(r) > (flow.slip_now[r] < -kGive ? 0.0 : kCreep)) return true;
+      if (flow.row_state[r] == HELD && 
+          fabs(flow.eval.height(r)) > Tolerance::caught_height * flow.row_scale(r))
+        return true;
+      if (flow.row_state[r] != SLIPPING) continue;
+      const bool beyond = flow.slip_now[r] < -WinchTolerances::max_length_error;
+      if (flow.lack(r) > (beyond ? 0.0 : Tolerance::min_speed)) return true;
     }
     return false;
   }
@@ -165,9 +179,9 @@ struct Guards {
   double suspect(int r, double s) const {
     if (r < S && Model::wire[r]) return 0.0;
     const bool slack = r < M && !flow.taut(r);
-    double worst = kWeakRoot;
-    if (slack) worst = already(r) + kOver * flow.row_scale(r);
-    else if (r < M) worst = kNoTension + kCreep;
+    double worst = Tolerance::drive_root;
+    if (slack) worst = already(r) + Tolerance::caught_height * flow.row_scale(r);
+    else if (r < M) worst = Tolerance::negligible_tension + Tolerance::min_speed;
     double at = 0.0;
     for (int i = 1; i < dop853::stages; ++i) {
       const double over = flow.stage_lack[i][r];
@@ -179,7 +193,7 @@ struct Guards {
     if (at > 0.0 || !slack) return at;
     return peak_time(
         height0[r], rate0[r], flow.eval.height(r), flow.rate_of(r, flow.end + NQ), s,
-        kOver * flow.row_scale(r));
+        Tolerance::caught_height * flow.row_scale(r));
   }
 
   // Where the cubic through (0, h0, d0), (s, h1, d1) has a maximum above or close to zero.
@@ -200,7 +214,7 @@ struct Guards {
   // The first time at which a guard turns positive, given that one is at s. The flow is left at it.
   double locate(double s) {
     double hi = s;
-    for (int again = 0; again < 8; ++again) {
+    for (int again = 0; again < Tolerance::max_earlier_roots; ++again) {
       hi = root(hi);
       const double earlier = inside(hi);
       if (earlier == 0.0) break;
@@ -232,16 +246,16 @@ struct Guards {
     double width = hi;
     int side = 1;
     // Finer than the clock: the state is integrated over s, whatever t + s rounds to.
-    const double finest = 4.0 * 2.3e-16 * hi;
-    for (int i = 0; i < kRootIterations && hi - lo > finest; ++i) {
+    const double finest = Tolerance::clock * hi;
+    for (int i = 0; i < Tolerance::max_root_iterations && hi - lo > finest; ++i) {
       if (side == 1 && g_hi <= met(r)) break;
       double mid = lo - g_lo * (hi - lo) / (g_hi - g_lo);
       if (height && side == 1) {
         const double rate = flow.rate_of(r, flow.end + NQ) / flow.row_scale(r);
-        if (rate > 0.0) mid = hi - (g_hi - 0.5 * kHeightRoot) / rate;
+        if (rate > 0.0) mid = hi - (g_hi - 0.5 * Tolerance::catch_root) / rate;
       }
       if (i % 3 == 2) {
-        if (hi - lo > 0.5 * width || i > kRootIterations / 3) mid = 0.5 * (lo + hi);
+        if (hi - lo > 0.5 * width || i > Tolerance::max_root_iterations / 3) mid = 0.5 * (lo + hi);
         width = hi - lo;
       }
       const double nudge = 0.5 * finest;

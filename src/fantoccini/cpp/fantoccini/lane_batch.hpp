@@ -3,7 +3,8 @@
 
 #include "batch.hpp"
 #include "lane_of.hpp"
-#include "pieces.hpp"
+#include "segments.hpp"
+#include "step_grid.hpp"
 
 namespace fan {
 
@@ -62,7 +63,7 @@ class LaneDrive {
       lane_of(moves_, l) = before || after ? 0.0 : 1.0;
     }
     if (entered)
-      for (int j = 0; j < Space::n_v; ++j) still_[j] = is_constant(coef_ + kPowers * j);
+      for (int j = 0; j < Space::n_v; ++j) still_[j] = is_constant(coef_ + n_powers * j);
   }
 
   template <class Inputs>
@@ -81,7 +82,7 @@ class LaneDrive {
         u[k] = Real(0.0);
         continue;
       }
-      polynomial(force_ + kPowers * k, s_, u[k], rate, second);
+      polynomial(force_ + n_powers * k, s_, u[k], rate, second);
       u[k] *= moves_;
     }
   }
@@ -89,27 +90,27 @@ class LaneDrive {
   void load(int lane, int piece) {
     const InputArrays& in = input_[lane];
     piece_[lane] = piece;
-    const double* coef = in.coef + (long long)piece * Space::n_v * kPowers;
+    const double* coef = in.coef + (long long)piece * Space::n_v * n_powers;
     const double* base = in.base + (long long)piece * Space::n_q;
-    for (int k = 0; k < Space::n_v * kPowers; ++k) lane_of(coef_[k], lane) = coef[k];
+    for (int k = 0; k < Space::n_v * n_powers; ++k) lane_of(coef_[k], lane) = coef[k];
     for (int k = 0; k < Space::n_q; ++k) lane_of(base_[k], lane) = base[k];
     if (!forced_) return;
-    const double* force = in.force + (long long)piece * n_vD * kPowers;
-    for (int k = 0; k < n_vD * kPowers; ++k) lane_of(force_[k], lane) = force[k];
+    const double* force = in.force + (long long)piece * n_vD * n_powers;
+    for (int k = 0; k < n_vD * n_powers; ++k) lane_of(force_[k], lane) = force[k];
   }
 
   InputArrays input_[width];
   int piece_[width];
   bool forced_ = false, still_[room(Space::n_v)];
   Real s_, moves_;  // s since the piece began; 1 while it moves, 0 where all stands still
-  Real coef_[room(Space::n_v * kPowers)], base_[room(Space::n_q)], force_[room(n_vD * kPowers)];
+  Real coef_[room(Space::n_v * n_powers)], base_[room(Space::n_q)], force_[room(n_vD * n_powers)];
 };
 
-// Led is what advances the bundle: FixedLanes or LedVariation.
-template <class Led>
+// Bundle is what advances the bundle: FixedLanes or VariationalTrajectory.
+template <class Bundle>
 class LaneBatch {
-  using Model = typename Led::Model;
-  using Real = typename Led::Real;
+  using Model = typename Bundle::Model;
+  using Real = typename Bundle::Real;
 
  public:
   static constexpr int width = Traits<Real>::width;
@@ -125,63 +126,61 @@ class LaneBatch {
  private:
   static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings;
   static constexpr int M = Model::n_rows, D = Model::n_watched;
-  static constexpr int kTold = 64;  // steps between two looks at the pool
+  static constexpr int steps_per_report = 64;  // between two looks at the pool
 
   // Places beyond the last trajectory repeat it and are not written.
   void begin(const BatchArrays& in, long long first, int n) {
     first_ = first;
     n_ = n;
-    led_.set(in.t, in.options, in.winches, in.p);
+    bundle_.set(in.t, in.options, in.winches, in.p);
     for (int l = 0; l < width; ++l) {
       const long long who = first + (l < n ? l : n - 1);
-      put(led_.q_D(), NQ, l, of(in.q_D, who));
-      put(led_.v_D(), N, l, of(in.v_D, who));
-      put(led_.slip(), S, l, of(in.slip, who));
+      put(bundle_.q_D(), NQ, l, of(in.q_D, who));
+      put(bundle_.v_D(), N, l, of(in.v_D, who));
+      put(bundle_.slip(), S, l, of(in.slip, who));
       drive_.set(l, input_of(in, who));
       caught_[l] = released_[l] = 0;
       reached_[l] = in.t;
     }
-    led_.begin(drive_);
+    bundle_.begin(drive_);
   }
 
   void run(Pool& pool) {
     const BatchArrays& in = pool.arrays;
-    const double dt = in.options.dt;
+    const StepGrid grid{in.t, in.t_end, in.options.dt};
     double t = in.t;
-    double told = t;
+    double reported = t;
     long long row = 0;
     bool too_many = false;
-    const double least = 1e-9 * fmin(dt, in.t_end - in.t);
     write(in, row++);
-    for (long long step = 1; t < in.t_end - least; ++step) {
+    for (long long step = 1; t < grid.end(); ++step) {
       too_many = step > in.options.max_steps;
       if (too_many) break;
-      double next = in.t + double(step) * dt;
-      if (next > in.t_end - 1e-6 * dt) next = in.t_end;
-      led_.advance(drive_, t, next);
+      const double next = grid.at(step);
+      bundle_.advance(drive_, t, next);
       t = next;
       count();
       if (step % in.save_every == 0 || t >= in.t_end) write(in, row++);
-      if (step % kTold != 0) continue;
-      pool.advance(n_ * (t - told) / (in.t_end - in.t));
-      told = t;
-      if (pool.stopped() || !any(led_.runs())) break;
+      if (step % steps_per_report != 0) continue;
+      pool.advance(n_ * (t - reported) / (in.t_end - in.t));
+      reported = t;
+      if (pool.stopped() || !any(bundle_.runs())) break;
     }
-    if (!pool.stopped()) pool.advance(n_ * (in.t_end - told) / (in.t_end - in.t));
+    if (!pool.stopped()) pool.advance(n_ * (in.t_end - reported) / (in.t_end - in.t));
     for (int l = 0; l < n_; ++l) {
-      Status status = Status(int(lane_of(led_.status, l)));
+      Status status = Status(int(lane_of(bundle_.status, l)));
       const long long who = first_ + l;
-      if (status == RUNNING && t >= in.t_end) status = led_.motors().verdict(l);
+      if (status == RUNNING && t >= in.t_end) status = bundle_.motors().verdict(l);
       if (status == RUNNING) status = too_many ? TOO_MANY_STEPS : STOPPED;
       in.status[who] = status;
       in.reached[who] = reached_[l];
-      for (int i = 0; i < NQ; ++i) in.end_q_D[who * NQ + i] = lane_of(led_.q_D()[i], l);
-      for (int k = 0; k < N; ++k) in.end_v_D[who * N + k] = lane_of(led_.v_D()[k], l);
-      in.violation[who] = lane_of(led_.worst_violation, l);
+      for (int i = 0; i < NQ; ++i) in.end_q_D[who * NQ + i] = lane_of(bundle_.q_D()[i], l);
+      for (int k = 0; k < N; ++k) in.end_v_D[who * N + k] = lane_of(bundle_.v_D()[k], l);
+      in.violation[who] = lane_of(bundle_.worst_violation, l);
       in.catches[who] = caught_[l];
       in.releases[who] = released_[l];
-      for (int r = 0; r < M; ++r) in.blame[who * (M + D) + r] = led_.blame_of(l)[r];
-      led_.motors().blame(status, l, in.blame + who * (M + D) + M);
+      for (int r = 0; r < M; ++r) in.blame[who * (M + D) + r] = bundle_.blame_of(l)[r];
+      bundle_.motors().blame(status, l, in.blame + who * (M + D) + M);
     }
   }
 
@@ -189,11 +188,11 @@ class LaneBatch {
   void count() {
     bool went[width];
     for (int l = 0; l < n_; ++l) {
-      went[l] = lane_of(led_.t, l) > reached_[l];
-      reached_[l] = lane_of(led_.t, l);
+      went[l] = lane_of(bundle_.t, l) > reached_[l];
+      reached_[l] = lane_of(bundle_.t, l);
     }
     for (int r = 0; r < M; ++r) {
-      const auto caught = led_.caught(r), released = led_.released(r);
+      const auto caught = bundle_.caught(r), released = bundle_.released(r);
       if (!any(caught || released)) continue;
       for (int l = 0; l < n_; ++l) {
         caught_[l] += went[l] && lane_of(caught, l);
@@ -204,31 +203,31 @@ class LaneBatch {
 
   // The row of all lanes that still run.
   void write(const BatchArrays& in, long long row) {
-    const auto& inputs = led_.inputs();
-    put_lanes(in, Part::q_D, row, led_.q_D());
-    put_lanes(in, Part::v_D, row, led_.v_D());
-    put_lanes(in, Part::acc_D, row, led_.acc());
+    const auto& inputs = bundle_.inputs();
+    put_lanes(in, Part::q_D, row, bundle_.q_D());
+    put_lanes(in, Part::v_D, row, bundle_.v_D());
+    put_lanes(in, Part::acc_D, row, bundle_.acc());
     put_lanes(in, Part::q_K, row, inputs.q_K);
     put_lanes(in, Part::v_K, row, inputs.v_K);
     put_lanes(in, Part::acc_K, row, inputs.acc_K);
-    put_lanes(in, Part::force, row, led_.tension());
-    put_lanes(in, Part::taut, row, led_.taut());
-    put_lanes(in, Part::slip, row, led_.slip());
+    put_lanes(in, Part::force, row, bundle_.tension());
+    put_lanes(in, Part::taut, row, bundle_.taut());
+    put_lanes(in, Part::slip, row, bundle_.slip());
     if (!in.parts[Part::books]) return;
     Real books[6];
     struct {
       Real *T, *V;
     } energy{books, books + 1};
     Call<Model, Real>::energy(
-        led_.q_D(), led_.v_D(), inputs.q_K, inputs.v_K, led_.p(), energy);
-    led_.books(books + 2);
+        bundle_.q_D(), bundle_.v_D(), inputs.q_K, inputs.v_K, bundle_.p(), energy);
+    bundle_.books(books + 2);
     put_lanes(in, Part::books, row, books);
   }
 
   template <class Number>
   void put_lanes(const BatchArrays& in, int part, long long row, const Number* values) {
     if (!in.parts[part]) return;
-    const auto runs = led_.runs();
+    const auto runs = bundle_.runs();
     for (int l = 0; l < n_; ++l)
       if (lane_of(runs, l))
         put_part(in, part, part_width<Model>(part), first_ + l, row, [&](int k) {
@@ -240,7 +239,7 @@ class LaneBatch {
     for (int k = 0; k < n; ++k) lane_of(to[k], lane) = from[k];
   }
 
-  Led led_;
+  Bundle bundle_;
   LaneDrive<typename Model::Driven, N, Real> drive_;
   long long first_ = 0, caught_[width], released_[width];
   int n_ = 0;

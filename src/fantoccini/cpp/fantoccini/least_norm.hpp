@@ -11,9 +11,7 @@
 
 namespace fan {
 
-// Distance of a column from the basis' span, relative to its length, below which the row may share
-// tensions with the basis.
-constexpr double kShares = 1e-9;
+
 
 template <class Set>
 struct LeastNorm {
@@ -36,7 +34,7 @@ struct LeastNorm {
     for (int i = 0; i < set.n; ++i) {
       if (set.two_sided[i] || set.place[i] == Set::LOW || set.place[i] == Set::HIGH) continue;
       bound(i, 1.0, -across[i]);
-      if (set.upper[i] < kForever) bound(i, -1.0, across[i] - set.upper[i]);
+      if (set.upper[i] < unbounded) bound(i, -1.0, across[i] - set.upper[i]);
     }
     if (bounds_.solve() != Solved::YES) return;
     double y[C] = {};
@@ -55,7 +53,7 @@ struct LeastNorm {
   // Column i = sum_j c_j column[basis[j]], so that e_i - sum_j c_j e_basis[j] is a null vector.
   void add_null_vector(Set& set, int i) {
     double c[Set::D], v[C] = {};
-    if (set.coefficients(i, c) > kShares) return;
+    if (set.coefficients(i, c) > ActiveSetTolerances::sharing_distance) return;
     v[i] = 1.0;
     for (int j = 0; j < set.basis_size(); ++j) v[set.basis(j)] -= c[j];
     for (int twice = 0; twice < 2; ++twice)
@@ -73,7 +71,7 @@ struct LeastNorm {
     for (int k = 0; k < n_null_; ++k) rows_[at][k] = sign * null_[k][i];
     bounds_.column[at] = rows_[at];
     bounds_.b[at] = value;
-    bounds_.upper[at] = kForever;
+    bounds_.upper[at] = unbounded;
     bounds_.two_sided[at] = false;
     bounds_.place[at] = Bounds::LOW;
   }

@@ -35,7 +35,7 @@ FAN_FN void normalise(Real* q) {
   for (int k = 0; k < 4; ++k) q[k] *= scale;
 }
 
-constexpr double kNearTurn = 0.25;  // rad: half turns of quaternions made from a series
+constexpr double series_half_turn = 0.25;  // rad: half turns of quaternions made from a series
 
 // The quaternion of a rotation vector phi.
 template <class Real>
@@ -51,7 +51,7 @@ FAN_FN void quaternion_exp(const Real* phi, Real* out) {
     cosine = cosine * square + cosines[k];
     factor = factor * square + factors[k];
   }
-  const auto wide = !(square < Real(kNearTurn * kNearTurn));
+  const auto wide = !(square < Real(series_half_turn * series_half_turn));
   if (any(wide)) {
     Real sine_far, cosine_far;
     const Real half = sqrt(select(wide, square, Real(1.0)));

@@ -2,14 +2,14 @@
 #pragma once
 
 #include "fixed.hpp"
-#include "outside.hpp"
+#include "external_integrator.hpp"
 
 namespace fan {
 
 template <class Model>
 struct ModelRun {
   bool event_driven;
-  OutsideRun<Model> event{};
+  ExternalRun<Model> event{};
   FixedRun<Model> fixed{};
 
   explicit ModelRun(bool event_driven) : event_driven(event_driven) {}
@@ -34,19 +34,19 @@ struct ModelRun {
     }
   }
 
-  void remember(Memory& memory) {
+  void remember(Snapshot& memory) {
     event_driven ? event.remember(memory) : fixed.remember(memory);
   }
 
   RunProgress progress() const {
     if (event_driven) return {event.n_steps, event.flow.t, 0.0};
-    return {fixed.n_steps, fixed.t, fixed.led.worst_violation};
+    return {fixed.n_steps, fixed.t, fixed.trajectory.worst_violation};
   }
 
   void tell_blame(Status status, double* out) const {
-    const auto& motors = event_driven ? event.flow.motors : fixed.led.motors;
+    const auto& motors = event_driven ? event.flow.motors : fixed.trajectory.motors;
     motors.blame(status, 0, out + Model::n_rows);
-    const double* rows = event_driven ? event.blame : fixed.led.blame[0];
+    const double* rows = event_driven ? event.blame : fixed.trajectory.blame[0];
     for (int r = 0; r < Model::n_rows; ++r) out[r] = rows[r];
   }
 
@@ -68,16 +68,16 @@ struct ModelRun {
   }
 
   Status start_fixed(const StartArrays& from, Record<Model>& out) {
-    auto& led = fixed.led;
-    led.opt = from.options;
+    auto& trajectory = fixed.trajectory;
+    trajectory.opt = from.options;
     fixed.drive.set(from.input);
     fixed.t = from.t;
     fixed.save_every = from.save_every;
-    copy(from.p, Model::n_p, led.p);
-    copy(from.q_D, Model::n_qD, led.state().q_D);
-    copy(from.v_D, Model::n_vD, led.state().v_D);
-    copy(from.slip, Model::n_strings, led.at.slip);
-    led.winches.set(from.winches);
+    copy(from.p, Model::n_p, trajectory.p);
+    copy(from.q_D, Model::n_qD, trajectory.state().q_D);
+    copy(from.v_D, Model::n_vD, trajectory.state().v_D);
+    copy(from.slip, Model::n_strings, trajectory.at.slip);
+    trajectory.winches.set(from.winches);
     fixed.start(out);
     return RUNNING;
   }

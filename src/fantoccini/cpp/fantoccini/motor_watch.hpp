@@ -2,8 +2,8 @@
 //
 //   a stepper loses a step where it lags by more than half a period of its torque from the tooth
 //   that it holds on to: beyond, the torque turns it on to the next one;
-//   a drive runs away where it is farther than kAstray outside of all that it was told since the
-//   run began, its motor out of step or at its bound; it is gone beyond kGone.
+//   a drive runs away where it is farther than runaway_distance outside of all commands since the
+//   run began, its motor out of step or at its bound; it is gone beyond Tolerance::gone_distance.
 //
 // Written for any Real.
 #pragma once
@@ -14,12 +14,18 @@
 
 namespace fan {
 
-constexpr double kAstray[2] = {0.1, 1.5707963267948966};  // m, rad
-constexpr double kGone[2] = {1.0, 6.283185307179586};     // m, rad
-constexpr double kTooWeak = 1.0 - 1e-9;  // share of what is wanted below which a motor is at its bound
+struct MotorTolerances {
+  // How far outside of its commands a drive runs away, and is gone: for prismatic (m) and for
+  // turning joints (rad).
+  static constexpr double runaway_distance[] = {0.1, 1.5707963267948966};
+  static constexpr double gone_distance[] = {1.0, 6.283185307179586};
+  // Share of the wanted force or torque below which the motor is at its bound.
+  static constexpr double saturated_share = 1.0 - 1e-9;
+};
 
 template <class Model, class Real>
 struct MotorWatch {
+  using Tolerance = MotorTolerances;
   static constexpr int D = Model::n_watched;
   using Mask = typename Traits<Real>::Mask;
 
@@ -47,7 +53,7 @@ struct MotorWatch {
   }
 
   // What is not to pass 0 by the last measurement: of a stepper its lag beyond half a period, of
-  // others how far they are outside, beyond kAstray, until they are.
+  // others how far they are outside, beyond Tolerance::runaway_distance, until they are.
   FAN_FN Real excess(int d) const {
     if (Model::watched_steps[d]) return lag_beyond(d);
     return select(passed_[d], Real(-1.0), Real(outside(d) - Real(astray_from(d))));
@@ -77,9 +83,9 @@ struct MotorWatch {
       Call<Model, Real>::motor_shares(q_D, v_D, q_K, v_K, acc_K, p, share);
     }
     for (int d = 0; d < D; ++d) {
-      const Mask weak = Model::watched_steps[d] ? lost_[d] : share[d] < Real(kTooWeak);
+      const Mask weak = Model::watched_steps[d] ? lost_[d] : share[d] < Real(Tolerance::saturated_share);
       const Mask away = strays[d] && weak;
-      gone = gone || (away && beyond[d] > Real(kGone[Model::watched_turns[d]]));
+      gone = gone || (away && beyond[d] > Real(Tolerance::gone_distance[Model::watched_turns[d]]));
       strays[d] = away && !astray_[d];
       astray_[d] = astray_[d] || away;
     }
@@ -117,7 +123,9 @@ struct MotorWatch {
   }
 
  private:
-  static constexpr double astray_from(int d) { return kAstray[Model::watched_turns[d]]; }
+  static constexpr double astray_from(int d) {
+    return Tolerance::runaway_distance[Model::watched_turns[d]];
+  }
 
   // By how much of a period a stepper lags beyond what it holds.
   FAN_FN Real lag_beyond(int d) const {
@@ -137,7 +145,7 @@ struct MotorWatch {
   Real low_[room(D)], high_[room(D)];  // within which all lies that it was told, and its start
   Real tooth_[room(D)];                // period of the torque that a stepper is in
   Mask lost_[room(D)], astray_[room(D)];  // since the run began
-  Mask passed_[room(D)];                  // outside by more than kAstray when looked at last
+  Mask passed_[room(D)];                  // outside by more than runaway_distance at the last look
 };
 
 }  // namespace fan

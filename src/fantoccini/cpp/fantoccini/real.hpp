@@ -13,9 +13,13 @@
 
 namespace fan {
 
-// Right sides of complementarity that are smaller count as 0: residuals are judged relative to the
-// terms they are sums of, and subnormal numbers have no relative accuracy.
-constexpr double kVanishing = 1e-280;
+// Stands for infinity in bounds, times and tensions; numbers of this size count as overflow.
+constexpr double unbounded = 1e300;
+// Smaller right sides and squares count as 0: residuals are judged relative to their terms, and
+// subnormal numbers have no relative accuracy.
+constexpr double negligible = 1e-280;
+// m, rad, per second: a configuration and velocity of this norm have lost all meaning.
+constexpr double max_state_norm = 1e9;
 
 template <class Real>
 struct Traits;
@@ -28,6 +32,8 @@ struct Traits<double> {
 
 FAN_FN double select(bool mask, double yes, double no) { return mask ? yes : no; }
 FAN_FN bool any(bool mask) { return mask; }
+
+inline bool is_finite(double x) { return fabs(x) < unbounded; }
 
 // Length of an array of n numbers: C++ has no arrays of length 0.
 constexpr int room(int n) { return n > 0 ? n : 1; }

@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "clearance.hpp"
-#include "funnel.hpp"
+#include "feedback.hpp"
 #include "goal.hpp"
-#include "led_step.hpp"
+#include "timestepping_trajectory.hpp"
 
 namespace fan {
 
@@ -94,7 +94,7 @@ class Rollouts {
       caught_[l] = 0;
       slackened_[l] = false;
     }
-    for (int j = 0; j < NK; ++j) still_[j] = is_constant(coef_ + kPowers * j);
+    for (int j = 0; j < NK; ++j) still_[j] = is_constant(coef_ + n_powers * j);
     set_inputs(0.0);
     led_.take_inputs();
     led_.begin();
@@ -125,7 +125,7 @@ class Rollouts {
       const long long i = rollout_[l];
       double* acc_K = in.acc_K + (i * in.segments + segment_[l]) * NK;
       if (segment_[l] >= in.n_given[i])
-        lead<Model>(
+        equilibrium_feedback<Model>(
             in.funnels[in.funnel[i]], in.bounds, in.lead_time[i],
             double(in.looks) * in.steps * in.options.dt, q_D, v_D, q_K, v_K, acc_K);
       for (int k = 0; k < NK; ++k) acc[k] = acc_K[k];
@@ -133,12 +133,12 @@ class Rollouts {
     using Space = typename Model::Driven;
     put(base_, QK, l, q_K);
     for (int j = 0; j < NK; ++j) {
-      for (int k = 0; k < kPowers; ++k) lane_of(coef_[kPowers * j + k], l) = 0.0;
-      lane_of(coef_[kPowers * j + 1], l) = v_K[j];
-      lane_of(coef_[kPowers * j + 2], l) = 0.5 * acc[j];
+      for (int k = 0; k < n_powers; ++k) lane_of(coef_[n_powers * j + k], l) = 0.0;
+      lane_of(coef_[n_powers * j + 1], l) = v_K[j];
+      lane_of(coef_[n_powers * j + 2], l) = 0.5 * acc[j];
     }
     for (int k = 0; k < Space::n_scalars; ++k)
-      lane_of(coef_[kPowers * Space::scalar_v[k]], l) = q_K[Space::scalar_q[k]];
+      lane_of(coef_[n_powers * Space::scalar_v[k]], l) = q_K[Space::scalar_q[k]];
   }
 
   // Sets the coming inputs to those s seconds after the segment began.
@@ -245,10 +245,10 @@ class Rollouts {
     for (int k = 0; k < n; ++k) to[k] = lane_of(from[k], lane);
   }
 
-  LedStep<Model, Real> led_;
+  TimeSteppingTrajectory<Model, Real> led_;
   Clearance<Model, Real> clearance_;
   std::vector<Placed<Real>> placed_;
-  Real coef_[room(NK * kPowers)], base_[room(QK)];
+  Real coef_[room(NK * n_powers)], base_[room(QK)];
   bool still_[room(NK)], active_[width], slackened_[width];
   long long rollout_[width];
   int segment_[width], caught_[width];

@@ -5,7 +5,7 @@
 #include <new>
 
 #include "export.hpp"
-#include "memory.hpp"
+#include "snapshot.hpp"
 
 FAN_EXPORT void* fan_new(int event_driven) {
   return new (std::nothrow) fan::AnyRun(event_driven != 0);
@@ -39,7 +39,7 @@ FAN_EXPORT void fan_set_input(void* run, const fan::InputArrays* input) {
 // Writes what the run knows beside its inputs to `out`, unless it is null, or reads it from `from`:
 // of a run of the same library. Inputs are to be set before it goes on. Returns the bytes it takes.
 FAN_EXPORT long long fan_memory(void* run, unsigned char* out, const unsigned char* from) {
-  fan::Memory memory(out, from);
+  fan::Snapshot memory(out, from);
   static_cast<fan::AnyRun*>(run)->remember(memory);
   return memory.size();
 }

@@ -3,10 +3,10 @@
 //   (M + dt D) (v+ - v) = dt (u - c(q, v_ahead) - D v) - A_D^T Lambda,   Lambda >= 0
 //   h/dt + A_D v+ + A_K dq_K/dt <= 0, complementary to Lambda;          q+ = q moved by dt v+
 //
-// with dq_K the exact increment of the inputs, damping and drag D implicit, and Lambda capped, so that
-// every step has a solution. The recovery of a violated row is limited to a speed, and takes no less
-// than a whole step: a short last one would make its h/dt a blow. c takes its velocity products half
-// a step on, extrapolated from the accelerations a of the two steps before,
+// with dq_K the exact increment of the inputs, damping and drag D implicit, and Lambda capped, so
+// that every step has a solution. The recovery of a violated row is limited to a speed, and takes
+// no less than a whole step: a short last one would make its h/dt a blow. c takes its velocity
+// products half a step on, extrapolated from the accelerations a of the two steps before,
 //
 //   v_ahead = v + dt (a/2 + (a - a-)/4)
 //
@@ -15,10 +15,11 @@
 // there is nothing to extrapolate: a = 0. Without `extrapolates`, v_ahead is v, and a step depends on
 // its state alone.
 //
-// Where the cap is the largest tension of a string's winch, the winch gives way by what is left. Once
-// a row was overstepped by kStirred, all velocities are scaled down where a step would turn a
-// coordinate by more than kWidestTurn or move one by more than kLongestStride; before, by kWild times
-// as much. Written for any Real: lanes step together, each with its own rows.
+// Where the cap is the largest tension of a string's winch, the winch gives way by what is left.
+// Once a row was overstepped by stirred_violation, all velocities are scaled down where a step
+// would turn a coordinate by more than max_turn_per_step or move one by more than
+// max_move_per_step; before, by unstirred_factor times as much. Written for any Real: lanes step
+// together, each with its own rows.
 #pragma once
 
 #include "evaluation.hpp"
@@ -26,20 +27,24 @@
 
 namespace fan {
 
-constexpr double kStepEps = 1e-10;
-constexpr double kStepTolerance = 1e-13;
-constexpr double kStirred = 1e-3;      // m or rad
-constexpr double kWild = 10.0;         // times as much as long as nothing was overstepped
-constexpr double kWidestTurn = 0.5;    // rad that a coordinate turns in a step at most
-constexpr double kLongestStride = 5.0;  // m, likewise
-constexpr double kPasses = 1e-12;  // rad/s or m/s at which a limit counts as passed
-constexpr double kOutOfReach = 1e30;  // speed at which a row opens in lanes it takes no part in
+struct TimeSteppingTolerances {
+  // m or rad by which a row was overstepped before moves are limited: no feasible input does so.
+  static constexpr double stirred_violation = 1e-3;
+  // How far a coordinate turns (rad) and moves (m) in a step at most, afterwards.
+  static constexpr double max_turn_per_step = 0.5, max_move_per_step = 5.0;
+  // Times as much, before.
+  static constexpr double unstirred_factor = 10.0;
+  // rad/s or m/s at which a limit counts as passed: rounding of speeds that end at it.
+  static constexpr double passing_speed = 1e-12;
+};
 
 template <class Model, class Real>
 struct TimeStep {
   static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings;
   static constexpr int M = Model::n_rows;
   using Mask = typename Traits<Real>::Mask;
+  using Tolerance = TimeSteppingTolerances;
+  using Pivoting = ComplementarityTolerances;
 
   Evaluation<Model, Real> eval;
   RowSystem<Model, Real> rows;
@@ -57,11 +62,13 @@ struct TimeStep {
   Real work, impact, slip_loss, violation;
   Mask settled;  // whether the last step's complementarity was solved
   Mask idle = Real(0.0) > Real(1.0);  // lanes in which nothing is asked any more
-  // Whether a row was ever overstepped by more than kStirred: from then on turns are limited.
+  // Whether a row was ever overstepped by more than stirred_violation: from then on turns are
+  // limited.
   Mask stirred = Real(0.0) > Real(1.0);
 
-  // Steps from q_D, v_D to q_next, v_next. (q_K, v_K, acc_K) are the inputs at the start of the step with
-  // v_K = dq_K/dt and acc_K the mean acceleration; `taut` is the mode of the step before.
+  // Steps from q_D, v_D to q_next, v_next. (q_K, v_K, acc_K) are the inputs at the start of the
+  // step with v_K = dq_K/dt and acc_K the mean acceleration; `taut` is the active set of the step
+  // before.
   FAN_FN void step(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
       const Real* u_D, double dt, double recovery_speed, double cap, const Winches<S>& winches,
@@ -88,14 +95,15 @@ struct TimeStep {
     for (int k = 0; k < N; ++k) {
       v_next[k] = v_D[k] + acc[k];
       move[k] = dt * v_next[k];
-      part[k] = move[k] * (1.0 / (Model::turns[k] ? kWidestTurn : kLongestStride));
+      part[k] = move[k] * (1.0 / (Model::turns[k] ? Tolerance::max_turn_per_step
+                                                   : Tolerance::max_move_per_step));
       acc[k] *= 1.0 / dt;
       lead[k] = acc[k] * 0.5 + select(steady, Real(0.25 * (acc[k] - trend[k])), Real(0.0));
       trend[k] = acc[k];
     }
     steady = !caught;
-    stirred = stirred || violation > Real(kStirred);
-    const Real most = select(stirred, Real(1.0), Real(kWild));
+    stirred = stirred || violation > Real(Tolerance::stirred_violation);
+    const Real most = select(stirred, Real(1.0), Real(Tolerance::unstirred_factor));
     if (any(!(squares<N>(part) < most * most))) slow_down(part, most, v_next, move);
     if (!extrapolates) steady = Real(0.0) > Real(1.0);
     if (any(!steady)) forget(!steady);
@@ -129,8 +137,8 @@ struct TimeStep {
   // Solves for the impulses; where the rows are too near to one another, with a firmer raise.
   FAN_FN void settle() {
     auto& problem = rows.problem;
-    const int patience = 50 + 4 * rows.n;
-    settled = problem.solve(kStepEps, 1, kStepTolerance, patience) || idle;
+    const int most = Pivoting::max_iterations(rows.n);
+    settled = problem.solve(Pivoting::raise, 1, Pivoting::pivoting, most) || idle;
     if (!any(!settled)) return;
     Real x[room(M)], s[room(M)];
     Mask high[room(M)];
@@ -139,8 +147,8 @@ struct TimeStep {
       s[a] = problem.s[a];
       high[a] = problem.high[a];
     }
-    for (const double eps : {1e-4, 1e-2}) {
-      const Mask now = problem.solve(eps, 1, kStepTolerance, patience);
+    for (const double eps : Pivoting::firmer_raises) {
+      const Mask now = problem.solve(eps, 1, Pivoting::pivoting, most);
       // A lane that was solved before keeps its solution.
       for (int a = 0; a < rows.n; ++a) {
         problem.x[a] = x[a] = select(settled, x[a], problem.x[a]);
@@ -158,7 +166,7 @@ struct TimeStep {
       winding_[i] = Real(0.0);
       if (winches.rewind_speed[i] > 0.0) {
         using std::sqrt;
-        const Real most = slip[i] * (1.0 / dt), braked = sqrt(Real(2.0 * kBrake) * slip[i]);
+        const Real most = slip[i] * (1.0 / dt), braked = sqrt(Real(2.0 * WinchTolerances::brake) * slip[i]);
         const Real speed = Real(winches.rewind_speed[i]);
         const Real wanted = select(braked < speed, braked, speed);
         winding_[i] = -select(most < wanted, most, wanted);
@@ -207,7 +215,7 @@ struct TimeStep {
     bool more = false;
     for (int i = 0; i < M - S; ++i) {
       const Real closing = rate[i] + position_term(S + i, dt, recovery_speed);
-      const Mask passes = !idle && !near_[S + i] && closing > Real(kPasses);
+      const Mask passes = !idle && !near_[S + i] && closing > Real(Tolerance::passing_speed);
       if (!any(passes)) continue;
       near_[S + i] = near_[S + i] || passes;
       more = true;
@@ -215,22 +223,14 @@ struct TimeStep {
     return more;
   }
 
-  // The rows that take part in some lane, in order: so no lane's sums depend on its neighbours.
-  FAN_FN int watched(int* list) const {
-    int n = 0;
-    for (int r = 0; r < M; ++r)
-      if (r < S || any(near_[r])) list[n++] = r;
-    return n;
-  }
-
   FAN_FN void gather(const Real* v_D) {
     int list[room(M)];
-    rows.gather(eval, v_D, list, watched(list));
+    rows.gather(eval, v_D, list, rows_in_some_lane<Model>(near_, list));
   }
 
   FAN_FN void gather_more(const Real* v_D) {
     int list[room(M)];
-    rows.gather_more(eval, v_D, list, watched(list));
+    rows.gather_more(eval, v_D, list, rows_in_some_lane<Model>(near_, list));
   }
 
   // By how much a row is overstepped, where > 0. A wire is by being too short, too.
@@ -260,7 +260,7 @@ struct TimeStep {
       before_[a] = rows.hdot[a] + dt * rows.kick[a];
       const Real closing = before_[a] + position_term(r, dt, recovery_speed);
       const bool winch = winches.slips(r) && winches.max_tension[r] < cap;
-      problem.b[a] = select(takes_part, closing, Real(-kOutOfReach));
+      problem.b[a] = select(takes_part, closing, Real(-ComplementarityTolerances::excluded_speed));
       problem.upper[a] = Real(dt * (winch ? winches.max_tension[r] : cap));
       problem.lower[a] =
           rows.two_sided[a] ? select(takes_part, Real(-cap * dt), Real(0.0)) : Real(0.0);
@@ -269,19 +269,14 @@ struct TimeStep {
     }
     settle();
     Real w[room(N)];
-    for (int a = 0; a < rows.n; ++a) {
-      Real x = problem.x[a];
-      x = select(x > problem.upper[a], problem.upper[a], x);
-      x = select(x < problem.lower[a], problem.lower[a], x);
-      pull_[a] = -x;
-    }
+    for (int a = 0; a < rows.n; ++a) pull_[a] = -problem.bounded(a);
     for (int k = 0; k < N; ++k) w[k] = dt * eval.w0[k];
     rows.add(pull_, w);
     eval.back(w, acc);
   }
 
-  // Tensions, modes and the step's part of the ledger. acc is v+ - v here. Returns the lanes in which
-  // a row was caught.
+  // Tensions, the active set and the step's part of the ledger. acc is v+ - v here. Returns the
+  // lanes in which a row was caught.
   FAN_FN Mask account(const Real* v_D, const Real* u_D, double dt) {
     Mask held_before[room(M)], some_caught = Real(0.0) > Real(1.0);
     for (int r = 0; r < M; ++r) {

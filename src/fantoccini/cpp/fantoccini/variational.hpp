@@ -17,25 +17,37 @@
 #pragma once
 
 #include "broyden.hpp"
-#include "foresight.hpp"
+#include "extrapolation.hpp"
 #include "variational_node.hpp"
 
 namespace fan {
 
-constexpr double kExact = 1e-12;        // of the momenta's size: what a solved step may lack
-constexpr double kNearlyExact = 1e-10;  // likewise, where it does not get any better
-constexpr double kRounded = 1e-14;      // m or rad: what rounding may leave of a row's height
-constexpr double kMoves = 1e-6;         // of the largest diagonal entry of G: a row that counts
-constexpr double kHeld = 1e-11;         // m or rad by which a solved step may overstep a row
-constexpr double kFarthestTurn = 1.0;   // rad in one step
-constexpr double kWidest = 0.7;         // rad by which strings may turn in one step
-constexpr int kCorrections = 30;        // of a step
+struct VariationalTolerances {
+  // What a solved step may leave of the momenta, relative to their size: near rounding;
+  static constexpr double momentum_residual = 1e-12;
+  // the same where it does not get any better,
+  static constexpr double stalled_residual = 1e-10;
+  // which is where a round leaves more than this share of the square.
+  static constexpr double stalled_share = 0.1;
+  // m or rad: what rounding may leave of a row's height,
+  static constexpr double height_rounding = 1e-14;
+  // for rows with at least this share of G's largest diagonal entry: others hardly move anything.
+  static constexpr double moving_row = 1e-6;
+  // m or rad by which a solved step may overstep a row.
+  static constexpr double violation = 1e-11;
+  // rad by which a coordinate may turn in one step: midpoint rotations end at a half turn.
+  static constexpr double max_turn_per_step = 1.0;
+  // rad by which strings may swing in one step: wider steps gain energy.
+  static constexpr double max_swing_per_step = 0.7;
+  static constexpr int max_corrections = 30;
+};
 
 template <class Model, class Real>
 struct VariationalStep {
   static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings;
   static constexpr int M = Model::n_rows, NQK = Model::n_qK, NK = Model::n_vK;
   using Mask = typename Traits<Real>::Mask;
+  using Tolerance = VariationalTolerances;
   using Node = VariationalNode<Model, Real>;
   using Inputs = typename Node::Inputs;
 
@@ -45,7 +57,7 @@ struct VariationalStep {
   };
 
   Node here;
-  double least = 1e-280;  // kg m^2/s^2: kExact is of momenta squared that are at least this
+  double least = negligible;  // kg m^2/s^2: least squared momenta for the residuals
   Lead lead;
   Inputs coming;  // at the end of the step
   // Of the last step, in the lanes that made it.
@@ -58,9 +70,9 @@ struct VariationalStep {
   // How far a row is beyond its bound at the end of the step that was found, and its impulse.
   FAN_FN Real overstep(int r) const {
     using std::abs;
-    return r < S && Model::wire[r] ? Real(abs(found_.h[r])) : found_.h[r];
+    return r < S && Model::wire[r] ? Real(abs(trial_.h[r])) : trial_.h[r];
   }
-  FAN_FN Real found_impulse(int r) const { return found_.lambda[r]; }
+  FAN_FN Real found_impulse(int r) const { return trial_.lambda[r]; }
 
   // Begins at q_D, v_D, slip and the inputs of `here`, with steps of length dt to come.
   FAN_FN void begin(const Real& dt) {
@@ -77,7 +89,7 @@ struct VariationalStep {
     work = loss = impact = slip_loss = Real(0.0);
     Call<Model, Real>::momenta(
         here.q_D, here.v_D, here.now.q_K, here.now.v_K, here.p, here.momentum);
-    foresight_.begin();
+    extrapolation_.begin();
     here.since = Real(0.0);
     here.ahead = dt;
     here.settle();
@@ -92,7 +104,7 @@ struct VariationalStep {
     const Mask no = Real(0.0) > Real(1.0);
     const Real rate = 1.0 / dt;
     Real z[room(N)], moved[room(N)], along[room(M)], pull[room(M)];
-    for (int i = 0; i < S; ++i) found_.slip_next[i] = here.slip[i] + dt * here.winding(i, dt);
+    for (int i = 0; i < S; ++i) trial_.slip_next[i] = here.slip[i] + dt * here.winding(i, dt);
     here.bound(here.firm, dt);
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
@@ -102,39 +114,41 @@ struct VariationalStep {
     first_guess(dt);
     Real size = squares<N>(here.firm.y) + dt * dt * squares<N>(here.exact.eval.w0);
     size = select(size > Real(least), size, Real(least));
-    const Real near = kNearlyExact * kNearlyExact * size + rounding(dt);
+    const Real near = Tolerance::stalled_residual * Tolerance::stalled_residual * size + rounding(dt);
     Mask solved = no, lost = !wanted;
-    Real last = Real(kAway);
-    for (int r = 0; r < M; ++r) found_.lambda[r] = Real(0.0);
+    Real last = Real(ComplementarityTolerances::excluded_speed);
+    for (int r = 0; r < M; ++r) trial_.lambda[r] = Real(0.0);
     quick_.begin();
     bool again = false;
-    for (int round = 0; round < kCorrections; ++round) {
+    for (int round = 0; round < Tolerance::max_corrections; ++round) {
       ++n_corrections;
       evaluate(dt);
-      here.firm.forth(found_.before, z);
+      here.firm.forth(trial_.before, z);
       for (int k = 0; k < N; ++k) z[k] = here.firm.y[k] - z[k];
       rows.along(z, along);
       Mask was[room(M)], changed = no;
       for (int a = 0; a < rows.n; ++a) {
         const int r = rows.row[a];
         was[a] = problem.active[a];
-        problem.b[a] = select(here.near[r], Real(found_.h[r] * rate + along[a]), Real(-kAway));
+        problem.b[a] = select(
+            here.near[r], Real(trial_.h[r] * rate + along[a]),
+            Real(-ComplementarityTolerances::excluded_speed));
       }
       Node::complement(problem, again);
       again = true;
       for (int a = 0; a < rows.n; ++a) {
         const int r = rows.row[a];
         changed = changed || was[a] != problem.active[a];
-        found_.lambda[r] = select(solved, found_.lambda[r], Node::clamped(problem, a));
-        pull[a] = -found_.lambda[r];
+        trial_.lambda[r] = select(solved, trial_.lambda[r], problem.bounded(a));
+        pull[a] = -trial_.lambda[r];
       }
       rows.add(pull, z);
       for (int k = 0; k < N; ++k) left_[k] = select(solved, left_[k], z[k]);
       const Real wrong = squares<N>(z);
-      const Mask exact = wrong < (kExact * kExact) * size;
-      const Mask stuck = wrong < near && !(wrong < 0.1 * last);
+      const Mask exact = wrong < (Tolerance::momentum_residual * Tolerance::momentum_residual) * size;
+      const Mask stuck = wrong < near && !(wrong < Tolerance::stalled_share * last);
       solved = solved || ((exact || stuck) && !lost && held());
-      lost = lost || !(wrong < Real(kAway));
+      lost = lost || !(wrong < Real(ComplementarityTolerances::excluded_speed));
       if (!any(!solved && !lost)) break;
       last = wrong;
       if (any(!solved && !lost) && join(!lost)) {
@@ -145,11 +159,11 @@ struct VariationalStep {
       quick_.correct(z);
       here.firm.eval.back(z, moved);
       for (int k = 0; k < N; ++k)
-        found_.xi[k] += select(solved || lost, Real(0.0), Real(dt * moved[k]));
+        trial_.xi[k] += select(solved || lost, Real(0.0), Real(dt * moved[k]));
     }
     give_way();
     for (int k = 0; k < N; ++k)
-      if (Model::turns[k]) solved = solved && abs(found_.xi[k]) < Real(kFarthestTurn);
+      if (Model::turns[k]) solved = solved && abs(trial_.xi[k]) < Real(Tolerance::max_turn_per_step);
     balance();
     return solved && !lost;
   }
@@ -165,8 +179,9 @@ struct VariationalStep {
       const int r = rows.row[a];
       const Real length = string_length<Model, Real>(r, here.q_D, coming.q_K);
       const Real own = rows.problem.G[a * Node::Problem::N + a];
-      const Real square = 2.0 * dt * abs(found_.lambda[r]) * own;
-      all = all && !(square > kWidest * kWidest * (length + here.slip[r]));
+      const Real square = 2.0 * dt * abs(trial_.lambda[r]) * own;
+      constexpr double most = Tolerance::max_swing_per_step * Tolerance::max_swing_per_step;
+      all = all && !(square > most * (length + here.slip[r]));
     }
     return all;
   }
@@ -174,17 +189,17 @@ struct VariationalStep {
   // By row of `firm`, the speed that the row's impulse has to take from a step of length dt; what
   // was found stays.
   FAN_FN void demand(const Real& dt, Real* b) {
-    const Found<Model, Real> found = found_;
+    const TrialStep<Model, Real> found = trial_;
     auto& rows = here.firm.rows;
     Real z[room(N)], lacked[room(N)];
     for (int k = 0; k < N; ++k) lacked[k] = lacked_[k];
     first_guess(dt);
     evaluate(dt);
-    here.firm.forth(found_.before, z);
+    here.firm.forth(trial_.before, z);
     for (int k = 0; k < N; ++k) z[k] = here.firm.y[k] - z[k];
     rows.along(z, b);
-    for (int a = 0; a < rows.n; ++a) b[a] += found_.h[rows.row[a]] / dt;
-    found_ = found;
+    for (int a = 0; a < rows.n; ++a) b[a] += trial_.h[rows.row[a]] / dt;
+    trial_ = found;
     for (int k = 0; k < N; ++k) lacked_[k] = lacked[k];
   }
 
@@ -194,30 +209,30 @@ struct VariationalStep {
     Mask was_taut[room(M)];
     const Real rate = 1.0 / dt;
     if (here.joined) look_again();
-    work = 0.5 * dt * here.exact.eval.power0 + found_.work_M;
+    work = 0.5 * dt * here.exact.eval.power0 + trial_.work_M;
     loss = 0.5 * dt * here.exact.eval.loss;
     for (int r = 0; r < M; ++r) {
       was_taut[r] = here.taut[r];
-      impulse[r] = found_.lambda[r];
+      impulse[r] = trial_.lambda[r];
       lost[r] = Real(0.0);
     }
-    here.account(found_.lambda, false, work, lost);
+    here.account(trial_.lambda, false, work, lost);
     for (int k = 0; k < N; ++k) {
       before[k] = here.v_D[k];
       coupled[k] = here.exact.eval.M_DK_v_K[k];
-      work += lead.u_D[k] * found_.xi[k];
-      const Real coming_v = found_.xi[k] * (2.0 * rate) - here.v_D[k];
+      work += lead.u_D[k] * trial_.xi[k];
+      const Real coming_v = trial_.xi[k] * (2.0 * rate) - here.v_D[k];
       here.guess[k] = select(goes, coming_v, here.guess[k]);
-      here.momentum[k] = select(goes, found_.after[k], here.momentum[k]);
-      lacked_[k] = found_.xi[k] - lacked_[k];
+      here.momentum[k] = select(goes, trial_.after[k], here.momentum[k]);
+      lacked_[k] = trial_.xi[k] - lacked_[k];
     }
-    for (int i = 0; i < NQ; ++i) here.q_D[i] = select(goes, found_.q_next[i], here.q_D[i]);
-    for (int r = 0; r < M; ++r) here.lambda[r] = select(goes, found_.lambda[r], here.lambda[r]);
+    for (int i = 0; i < NQ; ++i) here.q_D[i] = select(goes, trial_.q_next[i], here.q_D[i]);
+    for (int r = 0; r < M; ++r) here.lambda[r] = select(goes, trial_.lambda[r], here.lambda[r]);
     Real slip_rate[room(S)];
     for (int i = 0; i < S; ++i) {
-      slip_rate[i] = (found_.slip_next[i] - here.slip[i]) * rate;
-      here.slip[i] = select(goes, found_.slip_next[i], here.slip[i]);
-      slips[i] = found_.slips[i];
+      slip_rate[i] = (trial_.slip_next[i] - here.slip[i]) * rate;
+      here.slip[i] = select(goes, trial_.slip_next[i], here.slip[i]);
+      slips[i] = trial_.slips[i];
     }
     here.since = select(goes, dt, here.since);
     here.now.keep(coming, goes);
@@ -231,7 +246,7 @@ struct VariationalStep {
       acc[k] = select(goes, (here.v_D[k] - before[k]) * rate, acc[k]);
     }
     impact = slip_loss = Real(0.0);
-    foresight_.learn(dt, lacked_, goes);
+    extrapolation_.learn(dt, lacked_, goes);
     Mask changes = Real(0.0) > Real(1.0);
     for (int r = 0; r < M; ++r) {
       impulse[r] += here.mu[r];
@@ -239,7 +254,7 @@ struct VariationalStep {
       impact += select(caught[r], lost[r], Real(0.0));
       changes = changes || here.taut[r] != was_taut[r];
     }
-    foresight_.forget(goes && changes);
+    extrapolation_.forget(goes && changes);
     for (int i = 0; i < S; ++i) slip_loss += impulse[i] * slip_rate[i];
   }
 
@@ -251,13 +266,13 @@ struct VariationalStep {
     here.firm.eval.back(left_, v);
     for (int j = 0; j < NK; ++j) still[j] = Real(0.0);
     Call<Model, Real>::momenta(here.q_D, v, here.now.q_K, still, here.p, lacks);
-    for (int k = 0; k < N; ++k) found_.after[k] += lacks[k];
+    for (int k = 0; k < N; ++k) trial_.after[k] += lacks[k];
   }
 
   // What rounding of the rows' heights may leave of z, squared: in a short step it is a speed.
   FAN_FN Real rounding(const Real& dt) const {
     const auto& rows = here.firm.rows;
-    const Real speed = kRounded / dt;
+    const Real speed = Tolerance::height_rounding / dt;
     Real largest = Real(0.0), most = Real(0.0);
     for (int pass = 0; pass < 2; ++pass)
       for (int a = 0; a < rows.n; ++a) {
@@ -265,7 +280,7 @@ struct VariationalStep {
         own = select(here.near[rows.row[a]], own, Real(0.0));
         largest = select(own > largest, own, largest);
         // Rows that hardly move anything do not count.
-        const Real heavy = select(own > kMoves * largest, 1.0 / own, Real(0.0));
+        const Real heavy = select(own > Tolerance::moving_row * largest, 1.0 / own, Real(0.0));
         most = select(heavy > most && Node::in_all(pass > 0), heavy, most);
       }
     return speed * speed * most;
@@ -279,16 +294,16 @@ struct VariationalStep {
     for (int k = 0; k < N; ++k) w[k] = here.moving[k] + (0.5 * dt) * on.eval.w0[k];
     for (int a = 0; a < on.rows.n; ++a) pull[a] = -here.mu[on.rows.row[a]];
     on.rows.add(pull, w);
-    on.eval.back(w, found_.xi);
-    for (int k = 0; k < N; ++k) lacked_[k] = found_.xi[k] *= dt;
-    foresight_.add(dt, found_.xi);
+    on.eval.back(w, trial_.xi);
+    for (int k = 0; k < N; ++k) lacked_[k] = trial_.xi[k] *= dt;
+    extrapolation_.add(dt, trial_.xi);
   }
 
   FAN_FN void evaluate(const Real& dt) {
     Call<Model, Real>::midpoint_rule(
-        here.q_D, found_.xi, lead.q_mid, lead.v_mid, lead.acc_mid, coming.q_K, lead.u_D, dt, here.p,
-        found_);
-    for (int i = 0; i < S; ++i) found_.h[i] -= found_.slip_next[i];
+        here.q_D, trial_.xi, lead.q_mid, lead.v_mid, lead.acc_mid, coming.q_K, lead.u_D, dt, here.p,
+        trial_);
+    for (int i = 0; i < S; ++i) trial_.h[i] -= trial_.slip_next[i];
   }
 
   // The lanes in which no row that takes part or not is overstepped at the end of the step.
@@ -296,12 +311,13 @@ struct VariationalStep {
     using std::abs;
     const auto& rows = here.firm.rows;
     Mask all = Real(0.0) < Real(1.0);
-    for (int r = S; r < M; ++r) all = all && (here.near[r] || !(found_.h[r] > Real(kHeld)));
+    for (int r = S; r < M; ++r)
+      all = all && (here.near[r] || !(trial_.h[r] > Real(Tolerance::violation)));
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
-      const Real beyond = rows.two_sided[a] ? Real(abs(found_.h[r])) : found_.h[r];
+      const Real beyond = rows.two_sided[a] ? Real(abs(trial_.h[r])) : trial_.h[r];
       const Mask gives = rows.problem.high[a] && Node::in_all(here.gives(r));
-      all = all && (!here.near[r] || gives || beyond < Real(kHeld));
+      all = all && (!here.near[r] || gives || beyond < Real(Tolerance::violation));
     }
     return all;
   }
@@ -310,7 +326,7 @@ struct VariationalStep {
   FAN_FN bool join(const Mask& lanes) {
     bool more = false;
     for (int r = S; r < M; ++r) {
-      const Mask joins = lanes && !here.near[r] && found_.h[r] > Real(kHeld);
+      const Mask joins = lanes && !here.near[r] && trial_.h[r] > Real(Tolerance::violation);
       more = more || any(joins);
       here.near[r] = here.near[r] || joins;
     }
@@ -325,7 +341,7 @@ struct VariationalStep {
       high[rows.row[a]] = problem.high[a];
     }
     int list[room(M)];
-    rows.gather_more(here.firm.eval, here.guess, list, here.watched(list));
+    rows.gather_more(here.firm.eval, here.guess, list, rows_in_some_lane<Model>(here.near, list));
     for (int a = 0; a < rows.n; ++a) {
       problem.active[a] = active[rows.row[a]];
       problem.high[a] = high[rows.row[a]];
@@ -337,29 +353,30 @@ struct VariationalStep {
   FAN_FN void look_again() {
     here.joined = false;
     int list[room(M)];
-    here.exact.rows.gather_more(here.exact.eval, here.guess, list, here.watched(list));
+    const int n = rows_in_some_lane<Model>(here.near, list);
+    here.exact.rows.gather_more(here.exact.eval, here.guess, list, n);
   }
 
   // A winch at its largest tension gives way by what its string lacks.
   FAN_FN void give_way() {
     const auto& rows = here.firm.rows;
-    for (int i = 0; i < S; ++i) found_.slips[i] = Real(0.0) > Real(1.0);
+    for (int i = 0; i < S; ++i) trial_.slips[i] = Real(0.0) > Real(1.0);
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
       if (!here.gives(r)) continue;
-      found_.slips[r] = rows.problem.high[a] && found_.h[r] > Real(0.0);
-      Real& next = found_.slip_next[r];
+      trial_.slips[r] = rows.problem.high[a] && trial_.h[r] > Real(0.0);
+      Real& next = trial_.slip_next[r];
       const Real before = next;
-      next += select(found_.slips[r], found_.h[r], Real(0.0));
-      next = select(next > Real(kNoSlip), next, Real(0.0));
-      found_.h[r] -= next - before;
+      next += select(trial_.slips[r], trial_.h[r], Real(0.0));
+      next = select(next > Real(WinchTolerances::negligible_slip), next, Real(0.0));
+      trial_.h[r] -= next - before;
     }
   }
 
-  Found<Model, Real> found_;
+  TrialStep<Model, Real> trial_;
   Real left_[room(N)];    // z of the step that was found
-  Real lacked_[room(N)];  // the guess of a step without foresight, then what it lacked
-  Foresight<N, Real> foresight_;
+  Real lacked_[room(N)];  // the guess of a step without extrapolation, then what it lacked
+  Extrapolation<N, Real> extrapolation_;
   Broyden<N, Real> quick_;
 };
 

@@ -4,6 +4,6 @@
 
 #include "export.hpp"
 #include "lane_batch.hpp"
-#include "led_variation.hpp"
+#include "variational_trajectory.hpp"
 
-FAN_BATCHES(fan::LaneBatch<fan::LedVariation<fan::Model, fan::Wide>>)
+FAN_BATCHES(fan::LaneBatch<fan::VariationalTrajectory<fan::Model, fan::Wide>>)

@@ -10,20 +10,26 @@
 // Written for any Real: every lane has its own time and step.
 #pragma once
 
-#include "footing.hpp"
+#include "node_factor.hpp"
 #include "winch.hpp"
 
 namespace fan {
 
-constexpr double kTouching = 1e-10;  // m or rad: a row this near to its bound is at it
-constexpr double kAway = 1e30;       // speed at which a row opens in lanes it takes no part in
-constexpr double kSameStep = 1e-6;   // relative: steps that differ by less share a factor
+struct NodeTolerances {
+  // m or rad: a row this near to its bound is at it; a step leaves ten times less.
+  static constexpr double closed_gap = 1e-10;
+  // Relative difference of steps that share a factor.
+  static constexpr double same_step = 1e-6;
+  // s: an impulse is at most the largest tension over this time.
+  static constexpr double max_impulse_time = 1.0;
+};
 
 template <class Model, class Real>
 struct VariationalNode {
   static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings;
   static constexpr int M = Model::n_rows, NQK = Model::n_qK, NK = Model::n_vK;
   using Mask = typename Traits<Real>::Mask;
+  using Tolerance = NodeTolerances;
   using Rows = RowSystem<Model, Real>;
   using Problem = Complementarity<Real, M>;
 
@@ -55,7 +61,7 @@ struct VariationalNode {
   Mask near[room(M)];      // rows that take part
   bool joined;             // whether some have joined that `exact` does not know
   Mask taut[room(M)];
-  Footing<Model, Real> exact, firm;
+  NodeFactor<Model, Real> exact, firm;
 
   // Velocities and mu from momenta, and what the next step stands on. The same again in lanes where
   // nothing has changed.
@@ -69,7 +75,7 @@ struct VariationalNode {
     watch();
     joined = false;
     int list[room(M)];
-    const int n = watched(list);
+    const int n = rows_in_some_lane<Model>(near, list);
     exact.rows.gather(exact.eval, guess, list, n);
     firm.rows.gather(firm.eval, guess, list, n);
     hold();
@@ -83,7 +89,7 @@ struct VariationalNode {
   // Makes `firm` for steps of these lengths.
   FAN_FN void expect(const Real& dt) {
     using std::abs;
-    const Mask other = abs(ahead - dt) > kSameStep * dt;
+    const Mask other = abs(ahead - dt) > Tolerance::same_step * dt;
     if (!any(other)) return;
     ahead = select(other, dt, ahead);
     settle();
@@ -94,45 +100,31 @@ struct VariationalNode {
   }
 
   // Whether a row is at its bound.
-  FAN_FN Mask closed(int r) const { return height(r) > Real(-kTouching); }
+  FAN_FN Mask closed(int r) const { return height(r) > Real(-Tolerance::closed_gap); }
 
   // Whether a row is a string whose winch gives way.
   FAN_FN bool gives(int r) const { return winches.slips(r) && winches.max_tension[r] < cap; }
 
   // Bounds of the rows' impulses over half a step: the other half is that of its other end.
-  FAN_FN void bound(Footing<Model, Real>& on, const Real& dt) const {
+  FAN_FN void bound(NodeFactor<Model, Real>& on, const Real& dt) const {
     auto& problem = on.rows.problem;
     for (int a = 0; a < on.rows.n; ++a) {
       const int r = on.rows.row[a];
-      const Real most = Real(kMostImpulse * cap);
+      const Real most = Real(Tolerance::max_impulse_time * cap);
       problem.upper[a] = gives(r) ? Real((0.5 * winches.max_tension[r]) * dt) : most;
       problem.lower[a] = on.rows.two_sided[a] ? Real(-most) : Real(0.0);
     }
   }
 
-  // The impulse of a row, within its bounds.
-  FAN_FN static Real clamped(const Problem& problem, int a) {
-    Real x = problem.x[a];
-    x = select(x > problem.upper[a], problem.upper[a], x);
-    return select(x < problem.lower[a], problem.lower[a], x);
-  }
-
   // Solves for the impulses; `again` with rows and G as the last time.
   FAN_FN static void complement(Problem& problem, bool again) {
-    problem.solve(kRaise, 1, kTolerance, 50 + 4 * problem.n, again);
+    using Pivoting = ComplementarityTolerances;
+    problem.solve(Pivoting::raise, 1, Pivoting::pivoting, Pivoting::max_iterations(problem.n), again);
   }
 
   // What is true of a row is true in all lanes.
   FAN_FN static Mask in_all(bool is) { return Real(is ? 1.0 : 0.0) > Real(0.5); }
   FAN_FN static Mask sides(const Rows& rows, int a) { return in_all(rows.two_sided[a]); }
-
-  // The rows that take part in some lane, in order.
-  FAN_FN int watched(int* list) const {
-    int n = 0;
-    for (int r = 0; r < M; ++r)
-      if (r < S || any(near[r])) list[n++] = r;
-    return n;
-  }
 
   // The rate at which a winch winds back what has slipped, over a step dt; none where that is 0.
   FAN_FN Real winding(int i, const Real& dt) const {
@@ -140,7 +132,7 @@ struct VariationalNode {
     if (!(winches.rewind_speed[i] > 0.0)) return Real(0.0);
     const Mask goes = dt > Real(0.0);
     const Real most = slip[i] / select(goes, dt, Real(1.0));
-    const Real braked = sqrt(Real(2.0 * kBrake) * slip[i]);
+    const Real braked = sqrt(Real(2.0 * WinchTolerances::brake) * slip[i]);
     Real speed = Real(winches.rewind_speed[i]);
     speed = select(braked < speed, braked, speed);
     return -select(goes, select(most < speed, most, speed), Real(0.0));
@@ -164,8 +156,6 @@ struct VariationalNode {
   }
 
  private:
-  static constexpr double kRaise = 1e-10, kTolerance = 1e-13, kMostImpulse = 1.0;  // s
-
   // Strings always take part, limits where they are near; the others are looked at afterwards.
   FAN_FN void watch() {
     using std::abs;
@@ -173,7 +163,7 @@ struct VariationalNode {
     exact.eval.limit_rates(guess, rate);
     for (int r = 0; r < S; ++r) near[r] = Real(0.0) < Real(1.0);
     for (int r = S; r < M; ++r)
-      near[r] = height(r) + 2.0 * ahead * abs(rate[r - S]) > Real(-kTouching);
+      near[r] = height(r) + 2.0 * ahead * abs(rate[r - S]) > Real(-Tolerance::closed_gap);
   }
 
   // mu, and the velocities with it.
@@ -190,7 +180,7 @@ struct VariationalNode {
       rate[a] += rows.hdot_K[a];
       if (r < S) rate[a] -= winding(r, since);
       at_bound[a] = near[r] && (sides(rows, a) || closed(r));
-      problem.b[a] = select(at_bound[a], rate[a], Real(-kAway));
+      problem.b[a] = select(at_bound[a], rate[a], Real(-ComplementarityTolerances::excluded_speed));
       problem.active[a] = at_bound[a] && (lambda[r] > Real(0.0) || sides(rows, a));
       problem.high[a] = no;
     }
@@ -201,7 +191,7 @@ struct VariationalNode {
     }
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
-      mu[r] = select(at_bound[a], clamped(problem, a), Real(0.0));
+      mu[r] = select(at_bound[a], problem.bounded(a), Real(0.0));
       pull[a] = -mu[r];
       const Mask pulls = lambda[r] > Real(0.0) || mu[r] > Real(0.0) || sides(rows, a);
       taut[r] = at_bound[a] && pulls;

@@ -1,6 +1,7 @@
-// An event-driven run whose steps an integrator outside makes, any that the caller likes. It asks
-// for the frozen-mode flow and its guards at the states it tries and says what it has reached;
-// everything else (projection, detectors, impulses, modes, breaks, rows) is EventRun's.
+// An event-driven run whose steps an external integrator makes, any that the caller likes. It asks
+// for the flow with the active set frozen and its guards at the states it tries and says what it
+// has reached; everything else (projection, detectors, impulses, modes, breaks, rows) is
+// EventRun's.
 #pragma once
 
 #include "event.hpp"
@@ -8,15 +9,15 @@
 namespace fan {
 
 template <class Model>
-struct OutsideRun : EventRun<Model> {
+struct ExternalRun : EventRun<Model> {
   using Base = EventRun<Model>;
   using F = typename Base::F;
   using Base::flow, Base::guards;
 
-  // What the flow is at (t, y) in the frozen mode; each of the results may be null.
+  // What the flow is at (t, y) with the active set frozen; each of the results may be null.
   struct Look {
     double* rate;   // (NY,)
-    double* guard;  // by row and drive, positive where the mode no longer holds (guards.hpp)
+    double* guard;  // by row and drive, positive where the row's state no longer holds (guards.hpp)
     double* met;    // likewise, how far beyond its root a guard may be at its event
     double* slip;   // (S,) m
   };

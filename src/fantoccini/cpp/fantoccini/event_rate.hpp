@@ -1,26 +1,31 @@
-// Whether events stop time from passing: rows that chatter are told from a cascade, which ends.
+// Detects events so frequent that time stands still: rows that chatter, as against a cascade that
+// ends.
 #pragma once
 
 #include "real.hpp"
 
 namespace fan {
 
-constexpr double kPace = 1e-6;        // s an event: a longer mean since the count began ends it
-constexpr long long kCrowd = 10000;   // events in one count
-constexpr long long kStandstill = 200;  // steps in a row without time passing
+struct EventRateTolerances {
+  // s an event: a longer mean since the count began starts the count anew. Rows that chatter have
+  // events within microseconds.
+  static constexpr double max_interval = 1e-6;
+  // Events in one count that no cascade has.
+  static constexpr long long max_events = 10000;
+};
 
 template <int M>
-struct Pace {
+struct EventRate {
   long long of_row[room(M)] = {};  // events since the count began
 
   // Books an event of a row, -1 for none, at t.
   void note(double t, int row) {
-    if (n_ == 0 || t - begun_ > kPace * double(n_)) begin(t);
+    if (n_ == 0 || t - begun_ > EventRateTolerances::max_interval * double(n_)) begin(t);
     ++n_;
     if (row >= 0) ++of_row[row];
   }
 
-  bool crowded() const { return n_ > kCrowd; }
+  bool crowded() const { return n_ > EventRateTolerances::max_events; }
 
   // By row, its part in the events, 0 to 1.
   void shares(double* out) const {

@@ -1,4 +1,4 @@
-// What a variational step stands on and what it finds. Written for any Real.
+// The factor at a node of a variational run, and a trial step from it. Written for any Real.
 #pragma once
 
 #include "evaluation.hpp"
@@ -7,7 +7,7 @@ namespace fan {
 
 // A factor at a node, the rows there, and the momenta in its terms.
 template <class Model, class Real>
-struct Footing {
+struct NodeFactor {
   Evaluation<Model, Real> eval;
   RowSystem<Model, Real> rows;
   Real y[room(Model::n_vD)];
@@ -20,7 +20,7 @@ struct Footing {
 
 // A step that was looked for.
 template <class Model, class Real>
-struct Found {
+struct TrialStep {
   static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings;
   static constexpr int M = Model::n_rows;
   using Mask = typename Traits<Real>::Mask;

@@ -9,7 +9,7 @@
 
 namespace fan {
 
-constexpr int kPowers = 6;
+constexpr int n_powers = 6;
 
 // Value, rate and second derivative, by Horner's scheme three times over.
 template <class Real>
@@ -80,7 +80,7 @@ FAN_FN void body_rates(
 template <class Real>
 FAN_FN bool is_constant(const Real* c) {
   auto moves = Real(0.0) > Real(1.0);
-  for (int k = 1; k < kPowers; ++k) moves = moves || c[k] != Real(0.0);
+  for (int k = 1; k < n_powers; ++k) moves = moves || c[k] != Real(0.0);
   return !any(moves);
 }
 
@@ -92,17 +92,17 @@ FAN_FN void motion_of(
   for (int i = 0; i < Space::n_scalars; ++i) {
     const int j = Space::scalar_v[i];
     if (still[j]) {
-      q[Space::scalar_q[i]] = coef[kPowers * j];
+      q[Space::scalar_q[i]] = coef[n_powers * j];
       v[j] = a[j] = Real(0.0);
       continue;
     }
-    polynomial(coef + kPowers * j, s, q[Space::scalar_q[i]], v[j], a[j]);
+    polynomial(coef + n_powers * j, s, q[Space::scalar_q[i]], v[j], a[j]);
   }
   for (int i = 0; i < Space::n_quaternions; ++i) {
     const int j = Space::quaternion_v[i], at = Space::quaternion_q[i];
     Real phi[3], rate[3], second[3], turn[4];
     for (int k = 0; k < 3; ++k)
-      polynomial(coef + kPowers * (j + k), s, phi[k], rate[k], second[k]);
+      polynomial(coef + n_powers * (j + k), s, phi[k], rate[k], second[k]);
     quaternion_exp(phi, turn);
     quaternion_product(base + at, turn, q + at);
     normalise(q + at);

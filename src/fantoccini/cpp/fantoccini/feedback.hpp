@@ -1,8 +1,8 @@
-// Leading a puppet to an equilibrium: a linear law about it.
+// Linear feedback (LQR) to an equilibrium.
 #pragma once
 
 #include "contract.hpp"
-#include "pieces.hpp"
+#include "segments.hpp"
 
 namespace fan {
 
@@ -10,7 +10,7 @@ namespace fan {
 // equilibrium; its configurations are scaled down so that no driven coordinate is farther than it
 // goes in `reach` seconds.
 template <class Model>
-void lead(
+void equilibrium_feedback(
     const FunnelArrays& to, const BoundArrays& bounds, double reach, double T, const double* q_D,
     const double* v_D, const double* q_K, const double* v_K, double* acc_K) {
   constexpr int N = Model::n_vD, K = Model::n_vK;

@@ -1,6 +1,6 @@
-// The variational step led by inputs: whole steps in as many parts as they take, the books, and
-// what stops a trajectory. Written for any Real: every lane halves its own step, and waits for the
-// others at the end of the whole one.
+// A trajectory of the variational integrator: follows the inputs, halves steps that do not converge,
+// keeps the ledger and sets the status. Written for any Real: every lane halves its own step, and
+// waits for the others at the end of the whole one.
 #pragma once
 
 #include "active_set.hpp"
@@ -11,17 +11,23 @@
 
 namespace fan {
 
-constexpr double kFinest = 1.0 / 4096.0;  // of a step: how far it is halved
-constexpr double kCoarse = 1.0 / 512.0;   // likewise for the sake of accuracy alone
-constexpr double kTooWild = 1e9;          // m, rad, per second: a state of this size means nothing
+struct StepHalvingTolerances {
+  // Smallest part of a step that is tried; a step that fails there stops the run.
+  static constexpr double smallest_part = 1.0 / 4096.0;
+  // Smallest part for the sake of accuracy alone: what is smaller is taken as it is.
+  static constexpr double smallest_accurate_part = 1.0 / 512.0;
+  // s: a blow passes as the largest tension over this time.
+  static constexpr double blow_time = 1.0;
+};
 
 template <class Model_, class Real_>
-struct LedVariation {
+struct VariationalTrajectory {
   using Model = Model_;
   using Real = Real_;
   using Step = VariationalStep<Model, Real>;
   using Inputs = typename Step::Inputs;
   using Mask = typename Traits<Real>::Mask;
+  using Tolerance = StepHalvingTolerances;
   static constexpr int width = Traits<Real>::width, NQ = Model::n_qD, N = Model::n_vD;
   static constexpr int S = Model::n_strings, M = Model::n_rows, NK = Model::n_vK;
 
@@ -44,7 +50,7 @@ struct LedVariation {
     opt = options;
     node().cap = options.tension_cap;
     const double least = options.force_scale * options.dt;
-    at.least = fmax(least * least, 1e-280);
+    at.least = fmax(least * least, negligible);
     node().winches.set(winches);
     for (int i = 0; i < Model::n_p; ++i) node().p[i] = Real(numbers[i]);
   }
@@ -125,10 +131,10 @@ struct LedVariation {
       const Real end = select(last, Real(next), Real(t + part));
       const Real dt = select(goes, Real(end - t), Real(opt.dt));
       const Mask found = look(drive, dt, goes);
-      const Mask made = found && (at.resolves(dt) || dt < Real(kCoarse * whole));
+      const Mask made = found && (at.resolves(dt) || dt < Real(Tolerance::smallest_accurate_part * whole));
       const Mask not_made = goes && !made;
       part = select(not_made, 0.5 * dt, select(last, part, Real(2.0 * part)));
-      const Mask stuck = not_made && part < Real(kFinest * whole);
+      const Mask stuck = not_made && part < Real(Tolerance::smallest_part * whole);
       for (int l = 0; any(stuck) && l < width; ++l)
         if (lane_of(stuck, l)) lane_of(status, l) = reason(l, dt);
       if (any(made)) take(dt, end, made, impulse);
@@ -197,10 +203,10 @@ struct LedVariation {
     Real most = Real(0.0), span = select(dt > Real(opt.dt), dt, Real(opt.dt));
     for (int r = 0; r < M; ++r) {
       const Real size = abs(at.impulse[r]);
-      span = select(at.caught[r], Real(1.0), span);  // s: rows that pull pass a blow on
+      span = select(at.caught[r], Real(Tolerance::blow_time), span);  // rows that pull pass a blow on
       most = select(!at.caught[r] && size > most, size, most);
     }
-    stop(lanes && !(far < Real(kTooWild * kTooWild)), NOT_FINITE);
+    stop(lanes && !(far < Real(max_state_norm * max_state_norm)), NOT_FINITE);
     const Mask empty = lanes && is_empty(node().now) && runs();
     for (int l = 0; any(empty) && l < width; ++l)
       if (lane_of(empty, l)) accuse_empty(l, node().now);
@@ -228,7 +234,7 @@ struct LedVariation {
   Mask is_empty(int i, const Inputs& in) const {
     const bool varies = Model::length_q[i] >= 0 || Model::wound_q[i] >= 0;
     const Real length = string_length<Model, Real>(i, at.here.q_D, in.q_K);
-    return !(length > Real(varies ? kNoLength : -1.0));
+    return !(length > Real(varies ? LengthTolerances::min_length : -1.0));
   }
 
   void accuse_empty(int lane, const Inputs& in) {
@@ -238,7 +244,7 @@ struct LedVariation {
   // Why even the shortest part was not found in a lane; a row's share in it is its blame.
   Status reason(int lane, const Real& parts) {
     for (int j = 0; j < NK; ++j)
-      if (!(fabs(lane_of(at.coming.v_K[j], lane)) < kTooWild)) return NOT_FINITE;
+      if (!(fabs(lane_of(at.coming.v_K[j], lane)) < max_state_norm)) return NOT_FINITE;
     if (lane_of(is_empty(at.coming), lane)) {
       accuse_empty(lane, at.coming);
       return LENGTH_NOT_POSITIVE;
@@ -260,7 +266,7 @@ struct LedVariation {
       for (int k = 0; k < N; ++k) columns[place][k] = lane_of(rows.column[a][k], lane);
       set.column[place] = columns[place];
       set.b[place] = lane_of(b[a], lane);
-      set.upper[place] = winches.slips(r) ? winches.max_tension[r] * dt : kForever;
+      set.upper[place] = winches.slips(r) ? winches.max_tension[r] * dt : unbounded;
       set.two_sided[place] = rows.two_sided[a];
       set.place[place] = ActiveSet<M, N>::LOW;
     }
@@ -270,7 +276,7 @@ struct LedVariation {
     double most = 0.0, span = dt;
     for (int a = 0; a < set.n; ++a) {
       // A blow is not a pull.
-      if (share[a] != 0.0 && !lane_of(node().taut[row[a]], lane)) span = 1.0;  // s
+      if (share[a] != 0.0 && !lane_of(node().taut[row[a]], lane)) span = Tolerance::blow_time;
       most = fmax(most, fabs(share[a]));
     }
     for (int a = 0; a < set.n && most > 0.0; ++a) blame[lane][row[a]] = fabs(share[a]) / most;

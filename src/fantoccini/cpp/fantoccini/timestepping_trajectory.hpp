@@ -1,18 +1,18 @@
-// The time-stepper led by inputs: exact increments of the driven coordinates, the books, and what
-// stops a trajectory. Written for any Real.
+// A trajectory of the time-stepper: follows the inputs by exact increments of the driven coordinates,
+// keeps the ledger and sets the status. Written for any Real.
 #pragma once
 
 #include "contract.hpp"
 #include "motor_watch.hpp"
-#include "pieces.hpp"
+#include "segments.hpp"
 #include "timestepping.hpp"
 
 namespace fan {
 
-constexpr double kRunaway = 1e9;  // m, rad, per second: a state of this size means nothing
+
 
 template <class Model, class Real>
-struct LedStep {
+struct TimeSteppingTrajectory {
   using Space = typename Model::Driven;
   using Mask = typename Traits<Real>::Mask;
   static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings;
@@ -140,7 +140,7 @@ struct LedStep {
   FAN_FN void judge() {
     const State& made = stepped();
     const Real size = squares<NQ>(made.q_D) + squares<N>(made.v_D);
-    const Mask wild = !(size < Real(kRunaway * kRunaway));
+    const Mask wild = !(size < Real(max_state_norm * max_state_norm));
     Mask empty = Real(0.0) > Real(1.0);
     for (int i = 0; i < S; ++i) empty = empty || is_empty(i);
     const auto stop = [&](const Mask& mask, Status why) {
@@ -157,7 +157,7 @@ struct LedStep {
   // Whether the length of a string that is driven or wound has run out.
   FAN_FN Mask is_empty(int i) {
     if (Model::length_q[i] < 0 && Model::wound_q[i] < 0) return Real(0.0) > Real(1.0);
-    return !(string_length<Model, Real>(i, stepped().q_D, coming().q_K) > Real(kNoLength));
+    return !(string_length<Model, Real>(i, stepped().q_D, coming().q_K) > Real(LengthTolerances::min_length));
   }
 
   void accuse_empty(const Mask& lanes) {

@@ -1,4 +1,5 @@
-// What a run knows beside its inputs, as bytes: a copy that recalls them goes on to the same bits.
+// The whole state of a run except its inputs, as bytes: a run that restores them goes on to the same
+// bits.
 #pragma once
 
 #include <cstring>
@@ -8,9 +9,9 @@ namespace fan {
 
 // Writes members one behind the other to `out`, or reads them from `from`; counts their bytes.
 // Pointers in them are made anew when inputs are set, which comes before the next step.
-class Memory {
+class Snapshot {
  public:
-  Memory(unsigned char* out, const unsigned char* from) : out_(out), from_(from) {}
+  Snapshot(unsigned char* out, const unsigned char* from) : out_(out), from_(from) {}
 
   template <class... Members>
   void keep(Members&... members) {

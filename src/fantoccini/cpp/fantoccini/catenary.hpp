@@ -2,7 +2,7 @@
 //
 //   x(s) = a asinh(s / a),   z(s) = sqrt(a^2 + s^2) - a,   a = w / (2 u),   sinh(u) / u = r
 //
-// with s the arc length from the lowest point, w the ends' distance on the level, v their difference
+// with s the arc length from the lowest point, w the ends' horizontal distance, v their difference
 // in height, L the length and r = sqrt(L^2 - v^2) / w; the same as in fantoccini.view.rope.
 #pragma once
 
@@ -10,7 +10,7 @@
 
 namespace fan {
 
-constexpr int kPieces = 12;  // straight ones that stand for the curve
+constexpr int n_chords = 12;  // straight ones that stand for the curve
 
 // ln(sinh(u) / u), and its slope.
 inline double log_sinhc(double u) {
@@ -23,9 +23,9 @@ inline double log_sinhc_slope(double u) {
   return 1.0 / std::tanh(u) - 1.0 / u;
 }
 
-// kPieces + 1 points (3,) from start to end of a thread that is longer than they are apart, in equal
+// n_chords + 1 points (3,) from start to end of a thread that is longer than they are apart, in equal
 // steps of its length; one is moved to the lowest point.
-inline void hanging(const double* start, const double* end, double length, double* points) {
+inline void catenary(const double* start, const double* end, double length, double* points) {
   const double along[] = {end[0] - start[0], end[1] - start[1], end[2] - start[2]};
   const double flat = std::sqrt(along[0] * along[0] + along[1] * along[1]);
   // Below this width the fold's two legs are one line.
@@ -42,16 +42,16 @@ inline void hanging(const double* start, const double* end, double length, doubl
   const double first = 0.5 * (middle - length), x0 = std::asinh(first / a);
   const double z0 = std::sqrt(a * a + first * first);
   // The point nearest to the lowest one is moved there.
-  const int lowest = int(std::lround(-first / length * kPieces));
-  for (int k = 0; k <= kPieces; ++k) {
-    double s = first + length * k / kPieces;
-    if (k == lowest && k > 0 && k < kPieces) s = 0.0;
+  const int lowest = int(std::lround(-first / length * n_chords));
+  for (int k = 0; k <= n_chords; ++k) {
+    double s = first + length * k / n_chords;
+    if (k == lowest && k > 0 && k < n_chords) s = 0.0;
     const double x = flat > 0.0 ? a * (std::asinh(s / a) - x0) / flat : 0.0;
     points[3 * k] = start[0] + along[0] * x;
     points[3 * k + 1] = start[1] + along[1] * x;
     points[3 * k + 2] = start[2] + std::sqrt(a * a + s * s) - z0;
   }
-  for (int c = 0; c < 3; ++c) points[3 * kPieces + c] = end[c];
+  for (int c = 0; c < 3; ++c) points[3 * n_chords + c] = end[c];
 }
 
 }  // namespace fan

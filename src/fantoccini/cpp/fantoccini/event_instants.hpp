@@ -1,0 +1,239 @@
+// The instants of an event-driven run: catches strike, the active set is chosen again, and the events
+// and the state after them are written.
+#pragma once
+
+#include "accumulation.hpp"
+#include "contact.hpp"
+#include "event_rate.hpp"
+#include "guards.hpp"
+#include "record.hpp"
+
+namespace fan {
+
+struct EventTolerances {
+  // |h| below which a row counts as closed where a run begins, relative to its scale: starts come
+  // from files and solvers, and are then brought to h = 0.
+  static constexpr double start_gap = 1e-9;
+  // s: a row that lost its tension within this time has just lost it.
+  static constexpr double same_instant = 1e-10;
+  // s: steps that advance less count as none.
+  static constexpr double standstill = 1e-12;
+  static constexpr int max_standstill_steps = 200;
+  // s: a step that fails at this size has no motion to follow.
+  static constexpr double min_failing_step = 1e-10;
+  // Step control (Hairer): the error is of order 8; safety, least and most growth of a step.
+  static constexpr double order = 8.0, safety = 0.9, min_factor = 0.2, max_factor = 8.0;
+  static constexpr double overflow_factor = 0.1;  // of a step whose error is no number
+  // Share of the way to the target that counts as all of it, and from which on it is halved.
+  static constexpr double whole = 1 - 1e-12, sliver = 0.5;
+  // Inputs' accelerations and forces that jump at a break, relative to 1 and their size.
+  static constexpr double jump = 1e-9;
+  static constexpr int max_saves_per_step = 64;
+};
+
+template <class Model>
+struct EventInstants {
+  using F = Flow<Model>;
+  using Tolerance = EventTolerances;
+  static constexpr int N = F::N, NQ = F::NQ, S = F::S, M = F::M, NY = F::NY;
+
+  F flow;
+  Contact<Model> contact;
+  Accumulation accumulation;
+  EventRate<M> event_rate;
+  double impact = 0.0;  // energy lost in catches so far
+  double blame[room(M)] = {};  // by row, how much it is to blame for the status, 0 to 1
+  Guards<Model> guards{flow};
+  long long n_events = 0;
+
+  // Writes the present state.
+  void emit(Record<Model>& out) { write(flow.t, flow.y, out); }
+
+ protected:
+  // The evaluation, k[0] and accelerations at (t, y).
+  void refresh() { flow.evaluate(flow.t, flow.y, flow.k[0]); }
+
+  void set_active_set(const Hold* mode) {
+    for (int r = 0; r < M; ++r) flow.row_state[r] = mode[r];
+  }
+
+  void accuse(const double* rows) {
+    for (int r = 0; r < M; ++r) blame[r] = rows[r];
+  }
+
+  void write(double t, const double* y, Record<Model>& out) {
+    double tension[room(M)];
+    double slip[room(S)];  // without the error of up to max_length_error (winch.hpp)
+    bool taut[room(M)];
+    for (int i = 0; i < S; ++i) slip[i] = flow.slip_now[i] > 0.0 ? flow.slip_now[i] : 0.0;
+    contact.tensions(flow, tension);
+    for (int r = 0; r < M; ++r) {
+      // At a release the tension is zero up to rounding, of either sign.
+      const bool both = r < S && Model::wire[r];
+      if (!both && !(tension[r] > 0.0)) tension[r] = 0.0;
+      taut[r] = flow.taut(r);
+    }
+    out.row(
+        t, y, y + NQ, flow.acc, flow.q_K, flow.v_K, flow.acc_K, tension, taut, flow.p, y[F::WORK],
+        y[F::LOSS], impact, y[F::SLIP_LOSS], slip);
+  }
+
+  // An event at (t, y): catches strike, then the next active set is chosen.
+  Status instant(Record<Model>& out) {
+    Situation s;
+    bool caught = false;
+    for (int r = 0; r < M; ++r) {
+      s.before[r] = flow.row_state[r];
+      const bool held = s.before[r] == HELD || s.before[r] == PINNED;
+      const double none = -flow.tension[r] / flow.weight();
+      if (held && none > -GuardTolerances::negligible_tension) loosened_[r] = flow.t;
+      // Among redundant rows one that has just lost its tension must not take turns with another.
+      s.loose[r] = s.before[r] == SLACK ? !guards.armed[r]
+                                        : flow.t - loosened_[r] <= Tolerance::same_instant;
+      s.strained[r] = held && flow.winches.slips(r) &&
+                      flow.tension[r] >= flow.winches.max_tension[r] -
+                                             GuardTolerances::negligible_tension * flow.weight();
+      const bool touches = s.before[r] == SLACK && guards.touches(r, FlowTolerances::closed_gap);
+      s.caught[r] = touches;
+      s.closed[r] = s.before[r] != SLACK || guards.closed(r, FlowTolerances::closed_gap);
+      caught = caught || touches;
+    }
+    if (caught) {
+      accumulation.watch(flow.t);
+      if (!flow.opt.save_steps) emit(out);
+      const Status status = contact.strike(flow, s.closed);
+      if (status != RUNNING) return fail(status);
+      impact += contact.lost;
+      for (int r = 0; r < M; ++r) {
+        s.caught[r] = s.caught[r] || (s.before[r] == SLACK && contact.impulse[r] > 0.0);
+        s.loose[r] = s.loose[r] && !s.caught[r];
+        if (s.caught[r]) note(out, CATCH, r, contact.impulse[r], contact.speed[r]);
+      }
+    }
+    return settle_active_set(s, out);
+  }
+
+  // At a break of the inputs the tensions may jump: choose the active set again, and write a second
+  // row where the inputs' accelerations or the forces jump.
+  Status breakpoint(Record<Model>& out) {
+    double acc_K[room(Model::n_vK)], u_D[room(N)];
+    for (int j = 0; j < Model::n_vK; ++j) acc_K[j] = flow.acc_K[j];
+    for (int k = 0; k < N; ++k) u_D[k] = flow.u_D[k];
+    flow.drive.start_at(flow.t);
+    refresh();
+    bool jumps = false;
+    for (int j = 0; j < Model::n_vK; ++j) jumps = jumps || differ(acc_K[j], flow.acc_K[j]);
+    for (int k = 0; k < N; ++k) jumps = jumps || differ(u_D[k], flow.u_D[k]);
+    if (jumps) note(out, BREAKPOINT, -1, 0.0, 0.0);
+    const long long rows = out.n_samples;
+    bool touched = false;
+    for (int r = 0; r < M; ++r)
+      touched = touched ||
+                (flow.row_state[r] == SLACK && guards.touches(r, FlowTolerances::closed_gap));
+    const Status status = touched ? instant(out) : settle_active_set(present(), out);
+    if (jumps && out.n_samples == rows) emit(out);
+    return status;
+  }
+
+  // Among redundant rows others stand better on their own: hold those instead.
+  Status another_basis(Record<Model>& out) {
+    return settle_active_set(present(), out);
+  }
+
+  // The rows at an event: what they did before it, which are closed and which have just been
+  // caught, which have just lost their tension and which have just reached their winch's largest.
+  struct Situation {
+    Hold before[room(M)];
+    bool closed[room(M)], caught[room(M)], loose[room(M)], strained[room(M)];
+
+    // Whether row r holds after the catches and before the choice of the next active set.
+    bool holds(int r) const { return before[r] != SLACK || caught[r]; }
+  };
+
+  // The rows where nothing has happened to them.
+  Situation present() const {
+    Situation s;
+    for (int r = 0; r < M; ++r) {
+      s.before[r] = flow.row_state[r];
+      s.closed[r] = flow.taut(r);
+      s.caught[r] = s.strained[r] = false;
+      s.loose[r] = !flow.taut(r) && !guards.armed[r];
+    }
+    return s;
+  }
+
+  void note(Record<Model>& out, EventCode kind, int row, double impulse, double speed) {
+    out.event(flow.t, kind, row, impulse, speed);
+    event_rate.note(flow.t, row);
+    ++n_events;
+  }
+
+  Status fail(Status status) {
+    accuse(contact.blame);
+    return status;
+  }
+
+  static bool differ(double a, double b) {
+    return fabs(a - b) > Tolerance::jump * (1.0 + fabs(a) + fabs(b));
+  }
+
+  Status settle_active_set(const Situation& s, Record<Model>& out) {
+    Hold next[room(M)];
+    const double energy = flow.total_energy() - given();
+    double stopped = 0.0;
+    Status held = RUNNING;
+    for (const Attempt& how : Attempts::list) {
+      if (how.ahead > 0.0 && !flow.winches.some_slip) continue;
+      // A row that holding the others brings to rest takes part in the choice.
+      for (int round = 0; round <= M; ++round) {
+        held = contact.choose(flow, s.loose, s.strained, next, FlowTolerances::closed_gap, how);
+        if (held != RUNNING) { if (flow.winches.some_slip) break; else return fail(held); }
+        set_active_set(next);
+        refresh();
+        held = contact.hold(flow, how);
+        if (contact.stopped > stopped) stopped = contact.stopped;
+        if (held != RUNNING || !contact.brought) break;
+      }
+      if (held == RUNNING) refresh();
+      if (held == RUNNING && !guards.contradicted()) break;
+    }
+    if (held != RUNNING) return fail(held);
+    refresh();
+    impact += energy - (flow.total_energy() - given());
+    bool changed = false;
+    for (int r = 0; r < M; ++r) {
+      write_changes(s, r, out);
+      changed = changed || next[r] != s.before[r] || s.caught[r];
+      if (next[r] == SLIPPING) guards.armed[r] = flow.lack(r) < -GuardTolerances::min_speed;
+      // A string that springs back leaves its bound for sure; one that is let go may stay at it.
+      if (next[r] == SLACK && s.holds(r)) guards.armed[r] = contact.leaves(flow, r);
+    }
+    if (stopped > GuardTolerances::min_speed && accumulation.shrinking()) {
+      note(out, ACCUMULATION, -1, 0.0, stopped);
+      accumulation.forget();
+    }
+    guards.remember();
+    if (changed) emit(out);
+    return RUNNING;
+  }
+
+  // What inputs and winches have given so far.
+  double given() const { return flow.y[F::WORK] - flow.y[F::SLIP_LOSS]; }
+
+  // Writes the events of row r, which went from s.before to its present state; an impact's catch has
+  // been written.
+  void write_changes(const Situation& s, int r, Record<Model>& out) {
+    const Hold before = s.before[r], next = flow.row_state[r];
+    if (next == SLACK) {
+      if (s.holds(r)) note(out, RELEASE, r, 0.0, 0.0);
+      return;
+    }
+    if (!s.holds(r)) note(out, CATCH, r, 0.0, 0.0);
+    if (next == SLIPPING && before != SLIPPING) note(out, SLIP, r, 0.0, flow.slip_rate[r]);
+    if (next != SLIPPING && before == SLIPPING) note(out, GRIP, r, 0.0, 0.0);
+  }
+
+  double loosened_[room(M)];  // when each row last lost its tension
+};
+
+}  // namespace fan
