@@ -14,6 +14,8 @@ import subprocess
 import sys
 import tomllib
 from dataclasses import dataclass
+from functools import cache
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from types import ModuleType
 
@@ -164,6 +166,40 @@ def test_a_module_imports_only_from_those_before_it():
         if target not in ORDER or ORDER.index(target) > ORDER.index(found.owner):
             wrong.append(str(found))
     assert wrong == []
+
+
+@cache
+def file_of(name: str) -> Path | None:
+    """The file that defines a dotted name; names that a package passes on are followed."""
+    place = PACKAGE.parent.joinpath(*name.split("."))
+    if (place / "__init__.py").exists():
+        return place / "__init__.py"
+    if place.with_suffix(".py").exists():
+        return place.with_suffix(".py")
+    if "." not in name:
+        return None
+    package, last = name.rsplit(".", 1)
+    file = file_of(package)
+    if file is not None and file.name == "__init__.py":
+        passed_on = {found.name.rsplit(".", 1)[1]: found.name for found in imports_of(file)}
+        if passed_on.get(last, name) != name:
+            return file_of(passed_on[last])
+    return file
+
+
+def test_no_file_imports_itself_in_a_circle():
+    """18: imports for type checking and inside functions count, those of late views do not."""
+    graph: dict[Path, set[Path]] = {}
+    for found in INTERNAL:
+        late = (found.owner, found.function) in LATE_VIEWS and found.name.split(".")[1] == "view"
+        target = file_of(found.name)
+        if found.file.name != "__init__.py" and target not in (None, found.file) and not late:
+            graph.setdefault(found.file, set()).add(target)
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        circle = " <- ".join(str(file.relative_to(PACKAGE)) for file in error.args[1])
+        pytest.fail(f"these files import one another: {circle}")
 
 
 def test_each_outside_world_has_one_door():
