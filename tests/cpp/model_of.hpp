@@ -43,6 +43,7 @@ struct Model : ModelTables {
   FAN_FUNCTION(limit_rates)
   FAN_FUNCTION(rows)
   FAN_FUNCTION(energy)
+  FAN_FUNCTION(momentum)
   FAN_FUNCTION(effort)
   FAN_FUNCTION(wrench_forces)
   FAN_FUNCTION(poses)

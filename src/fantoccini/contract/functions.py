@@ -158,6 +158,11 @@ _DECLARED = (
         (MODEL, LANES, VARIATIONAL, VARIATIONAL_LANES), mapped=True, exported=True,
     ),
     Function(
+        "momentum", "Momentum of all links about their centre of mass, in world axes.", _STATE,
+        (Quantity("momentum", (6,), "N s, N m s", "linear, then angular"),),
+        (MODEL, LANES), mapped=True, exported=True,
+    ),
+    Function(
         "effort",
         "Force on every driven coordinate: M_KD acc_D + M_KK acc_K + c_K - A_K^T lam.",
         _arguments("q_D v_D q_K v_K acc_D acc_K lam p"),

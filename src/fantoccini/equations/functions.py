@@ -211,6 +211,18 @@ class Equations:
     def _energy(self) -> dict[str, ca.SX]:
         return {"T": kinetic_energy(self.system), "V": potential_energy(self.system)}
 
+    def _momentum(self) -> dict[str, ca.SX]:
+        """p = sum_i R_i p_i, l = sum_i (R_i l_i + r_i x R_i p_i) - c x p, c the centre of mass."""
+        system, mass = self.system, ca.SX(0)
+        moment, linear, angular = zeros(3), zeros(3), zeros(3)
+        for inertia, motion in zip(system.inertias, system.free_motions, strict=True):
+            own, push = (motion.R.dot(x) for x in inertia.momentum(motion.w, motion.v))
+            linear, angular = linear + push, angular + own + cross(motion.r, push)
+            mass = mass + inertia.m
+            moment = moment + scaled(inertia.m, motion.r) + motion.R.dot(inertia.h)
+        centre = zeros(3) if mass.is_zero() else scaled(1 / mass, moment)
+        return {"momentum": column([*linear, *(angular - cross(centre, linear))])}
+
     def _effort(self) -> dict[str, ca.SX]:
         """Force on every driven coordinate: M_KD acc_D + M_KK acc_K + c_K - A_K^T lambda.
 

@@ -359,6 +359,11 @@ class Marionette:
         """L = T - V (Eq. 7) [J]."""
         return float(interpreted(self.model, "lagrangian", x).lagrangian.item())
 
+    def momentum(self, x: State) -> Array:
+        """(6,) momentum about the centre of mass, in world axes: linear [N s], angular [N m s]."""
+        state = {"q_D": x.q_D, "v_D": x.v_D, "q_K": x.q_K, "v_K": x.v_K}
+        return self.model.library.evaluate("momentum", **state, p=self.model.p).momentum
+
     def body_velocity(self, x: State, body: str | None = None) -> Array:
         """V^b (Eq. 4) of a body (6,), or of all (n_links, 6), in their own frames.
 

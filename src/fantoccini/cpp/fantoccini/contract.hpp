@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x622f1a752116e6d8;
+constexpr long long contract_digest = 0x6297921f38770905;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -394,6 +394,15 @@ struct Call {
     const Real* arg[] = {q_D, v_D, q_K, v_K, p};
     Real* res[] = {at(to.T), at(to.V)};
     Model::energy(arg, res);
+  }
+
+  // Momentum of all links about their centre of mass, in world axes.
+  FAN_FN static void momentum(
+      const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
+      const Real* p, Real* momentum) {
+    const Real* arg[] = {q_D, v_D, q_K, v_K, p};
+    Real* res[] = {at(momentum)};
+    Model::momentum(arg, res);
   }
 
   // Force on every driven coordinate: M_KD acc_D + M_KK acc_K + c_K - A_K^T lam.
