@@ -95,5 +95,5 @@ def fuzz(load: Callable[[Path], object], whole: Path, n: int, seed: int) -> int:
             load(place)
         except FileError as error:
             refused += 1
-            assert all(problem.file == str(place) for problem in error.problems)
+            assert all(problem.file == str(place) for problem in error.mistakes)
     return refused

@@ -13,10 +13,10 @@ import pytest
 
 import fantoccini as fan
 from fantoccini import errors
-from fantoccini.errors import FileError, Problem, Status
+from fantoccini.errors import FileError, Mistake, Status
 from fantoccini.puppet.yaml_text import Unreadable
 
-PROBLEMS = [Problem("a.yaml", 3, "bodies[0].mass", "found -1"), Problem("a.yaml", None, "", "no")]
+PROBLEMS = [Mistake("a.yaml", 3, "bodies[0].mass", "found -1"), Mistake("a.yaml", None, "", "no")]
 FACTS = {
     errors.MissingLibraryError: ("a film", "pyvista", "pyvista"),
     errors.UnknownNameError: ("string", "hnd", ["hand", "foot"]),

@@ -32,7 +32,7 @@ def _restored(cls: type[FantocciniError], args: tuple, facts: dict[str, Any]) ->
 
 
 @dataclass(frozen=True)
-class Problem:
+class Mistake:
     """One mistake in a file the user wrote.
 
     Attributes:
@@ -55,12 +55,12 @@ class Problem:
 class FileError(FantocciniError):
     """A file the user wrote holds mistakes; all of them are listed, in file order."""
 
-    def __init__(self, problems: Iterable[Problem]):
-        self.problems = tuple(problems)
-        super().__init__(self.problems)
+    def __init__(self, mistakes: Iterable[Mistake]):
+        self.mistakes = tuple(mistakes)
+        super().__init__(self.mistakes)
 
     def __str__(self) -> str:
-        return "\n".join(str(p) for p in self.problems)
+        return "\n".join(str(p) for p in self.mistakes)
 
 
 class PuppetError(FileError):

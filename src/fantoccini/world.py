@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 
-from fantoccini.errors import Problem, PuppetError
+from fantoccini.errors import Mistake, PuppetError
 from fantoccini.puppet import Number, Obstacle, Puppet
 
 
@@ -39,7 +39,7 @@ class World:
             PuppetError: naming the puppets that do not go together.
         """
         if not puppets:
-            raise PuppetError([Problem("<python>", None, "", "a world needs a puppet")])
+            raise PuppetError([Mistake("<python>", None, "", "a world needs a puppet")])
         problems = []
         for twice in [n for n, count in Counter(p.name for p in puppets).items() if count > 1]:
             problems.append((twice, "puppet", "the name is used twice; puppets differ in name"))
@@ -53,7 +53,7 @@ class World:
             text = f"found {sorted(floors)}; a world has one floor"
             problems.append((puppets[-1].name, "floor", text))
         if problems:
-            raise PuppetError(Problem(f"<{n}>", None, key, text) for n, key, text in problems)
+            raise PuppetError(Mistake(f"<{n}>", None, key, text) for n, key, text in problems)
         return cls(
             puppets=tuple(puppets),
             name=name or "+".join(p.name for p in puppets),

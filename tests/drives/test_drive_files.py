@@ -65,7 +65,7 @@ def rig(*drives: str) -> str:
 def test_mistakes(drive, key, message):
     with pytest.raises(PuppetError) as found:
         loads(rig(drive))
-    (problem,) = found.value.problems
+    (problem,) = found.value.mistakes
     assert message in problem.message
     assert problem.key == "drives[0]" + (f".{key}" if key else "")
     assert problem.line == RIG.count("\n") + 2
@@ -77,7 +77,7 @@ def test_a_twin_has_one_drive(first, second):
     one, other = (f"on: wire_{side}.length, mass: 1, {PD}" for side in (first, second))
     with pytest.raises(PuppetError) as found:
         loads(rig(one, other))
-    (problem,) = found.value.problems
+    (problem,) = found.value.mistakes
     assert "wire_right.length" in problem.message
     assert "has a drive already, drives[0]" in problem.message
     assert (problem.key, problem.line) == ("drives[1].on", RIG.count("\n") + 3)
@@ -91,7 +91,7 @@ def test_the_schema_takes_what_files_may_hold():
         "string", "array",
     ]  # fmt: skip
     for key in ("steps", "microsteps"):
-        bounds = parts["Stepper"]["properties"][key]
+        bounds = parts["StepperMotor"]["properties"][key]
         assert (bounds["minimum"], bounds["maximum"]) == (1, 100_000)
 
 

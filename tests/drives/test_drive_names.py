@@ -25,7 +25,7 @@ def table(text: str):
 def said(make, *given) -> list[tuple[str, str]]:
     with pytest.raises(InputError) as found:
         make(*given)
-    return [(problem.key, problem.message) for problem in found.value.problems]
+    return [(problem.key, problem.message) for problem in found.value.mistakes]
 
 
 def test_two_names_for_one_input_are_told():

@@ -88,7 +88,7 @@ coordinates:
 """)
     with pytest.raises(InputError) as caught:
         Input.load(table, path)
-    assert [p.line for p in caught.value.problems] == [2, 3]
+    assert [p.line for p in caught.value.mistakes] == [2, 3]
 
 
 def test_samples_from_csv_and_npz_are_those_from_python(table, tmp_path):
@@ -151,8 +151,8 @@ YAML = {
 def problems(table, path) -> list:
     with pytest.raises(InputError) as error:
         Input.load(table, path)
-    assert all(p.file == str(path) for p in error.value.problems)
-    return list(error.value.problems)
+    assert all(p.file == str(path) for p in error.value.mistakes)
+    return list(error.value.mistakes)
 
 
 @pytest.mark.parametrize("what", YAML)

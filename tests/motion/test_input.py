@@ -198,7 +198,7 @@ def test_a_start_elsewhere_is_named_with_both_values(table):
     text = str(error.value)
     assert "hand.length" in text and "0.9" in text and "0.8" in text
     assert "bar.rotation" in text
-    assert len(error.value.problems) == 2
+    assert len(error.value.mistakes) == 2
 
 
 def test_the_opposite_quaternion_is_the_same_start(table):
@@ -367,7 +367,7 @@ def test_mistakes_say_what_and_where(table, what):
 def test_all_mistakes_at_once(table):
     with pytest.raises(InputError) as error:
         Input.waypoints(table, {"bar.x": [(0, "a"), (0, 1)], "nose": [], "crank": [(1, 2), (1, 3)]})
-    assert len(error.value.problems) == 4
+    assert len(error.value.mistakes) == 4
 
 
 def test_angles_may_say_deg(table):

@@ -10,7 +10,7 @@ import pytest
 
 import fantoccini as fan
 from damage import entries, fuzz, packed, stored
-from fantoccini.errors import FileError, Problem
+from fantoccini.errors import FileError, Mistake
 from fantoccini.motion import Input, Trajectory, npz
 from fantoccini.perform import Recording
 from fantoccini.sweeps.outcome import Outcome
@@ -136,7 +136,7 @@ def test_what_decoders_raise_is_caught(files, tmp_path):
 def test_entries_that_are_there_twice_are_refused():
     """And many entries are looked through at once, not each beside all others."""
     def refuse(name: str, text: str) -> FileError:
-        return FileError([Problem("run.npz", None, name, text)])
+        return FileError([Mistake("run.npz", None, name, text)])
 
     class Name(str):
         compared = 0

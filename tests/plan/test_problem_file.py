@@ -135,7 +135,7 @@ def test_several_mistakes_are_told_at_once(tmp_path):
     text = GOOD.replace("hand.x: 0.3", "hand.z: 0.3").replace("elbow: 60", "elbo: 60")
     with pytest.raises(FileError) as caught:
         fan.load_problem(written(tmp_path, text))
-    assert len(caught.value.problems) >= 2
+    assert len(caught.value.mistakes) >= 2
 
 
 def test_there_is_no_such_problem():

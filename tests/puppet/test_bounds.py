@@ -56,7 +56,7 @@ NUMBERS = """\
 def mistakes(text: str) -> list[tuple[int | None, str, str]]:
     with pytest.raises(PuppetError) as caught:
         loads(text, "bad.yaml")
-    return [(p.line, p.key, p.message) for p in caught.value.problems]
+    return [(p.line, p.key, p.message) for p in caught.value.mistakes]
 
 
 def test_the_text_with_a_number_of_every_kind_is_a_puppet():
@@ -77,7 +77,7 @@ def test_every_number_is_bounded(number, size):
         try:
             made = marionette(text)
         except PuppetError as error:
-            assert [p.line for p in error.problems] == [line]
+            assert [p.line for p in error.mistakes] == [line]
         else:
             check_mass_matrix(made.world, made.tree)
         return
@@ -151,7 +151,7 @@ def test_a_mesh_in_a_circle_of_links_is_a_located_mistake(tmp_path, file):
     (tmp_path / "p.yaml").write_text(text)
     with pytest.raises(PuppetError) as caught:
         load(tmp_path / "p.yaml")
-    (problem,) = caught.value.problems
+    (problem,) = caught.value.mistakes
     assert (problem.line, problem.key) == (4, "bodies[0].shapes[0].file")
 
 

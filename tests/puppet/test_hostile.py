@@ -12,7 +12,7 @@ from tests.puppet.strategies import KINDS
 from fantoccini import puppets
 from fantoccini.errors import FileError, InputError, PuppetError
 from fantoccini.puppet import Puppet, json_schema, load, loads
-from fantoccini.puppet.located import MAX_BYTES, MAX_PROBLEMS, Located, read_located, validate
+from fantoccini.puppet.located import MAX_BYTES, MAX_MISTAKES, Located, read_located, validate
 
 _ANCHORS = "abcdefghij"
 BOMB = "a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "".join(
@@ -51,8 +51,8 @@ def test_hostile_text_ends_in_a_located_problem(text, line, message) -> None:
     with pytest.raises(PuppetError) as caught:
         loads(text, "bad.yaml")
     assert time.perf_counter() - start < 30.0
-    found = [(p.line, p.message) for p in caught.value.problems if message in p.message]
-    assert [at for at, _ in found] == [line], caught.value.problems
+    found = [(p.line, p.message) for p in caught.value.mistakes if message in p.message]
+    assert [at for at, _ in found] == [line], caught.value.mistakes
 
 
 def test_a_large_file_is_refused_before_it_is_read_whole(tmp_path) -> None:
@@ -67,17 +67,17 @@ def test_of_very_many_mistakes_the_first_are_listed_and_the_rest_counted() -> No
     text = "puppet: p\nbodies:\n" + "".join(f"  - {{name: b{i}, mass: -1}}\n" for i in range(500))
     with pytest.raises(PuppetError) as caught:
         loads(text)
-    assert len(caught.value.problems) == MAX_PROBLEMS + 1
-    assert caught.value.problems[0].line == 3
-    assert caught.value.problems[-1].message == "and 400 more"
+    assert len(caught.value.mistakes) == MAX_MISTAKES + 1
+    assert caught.value.mistakes[0].line == 3
+    assert caught.value.mistakes[-1].message == "and 400 more"
 
 
 def test_messages_stay_on_one_line_and_show_no_control_characters() -> None:
     text = 'puppet: "a\\n\\e[31m*/"\n"k\\n\\e": "x"\nbodies: [{name: a, "\\r": 1}]\n'
     with pytest.raises(PuppetError) as caught:
         loads(text, "bad.yaml")
-    assert len(caught.value.problems) == 3
-    assert all(str(p).isprintable() for p in caught.value.problems)
+    assert len(caught.value.mistakes) == 3
+    assert all(str(p).isprintable() for p in caught.value.mistakes)
 
 
 def test_a_few_aliases_are_welcome() -> None:
@@ -141,7 +141,7 @@ def test_any_data_under_known_keys_ends_in_a_puppet_or_a_file_error(data: dict) 
     try:
         validate(Puppet, Located(data, "any.yaml"), PuppetError)
     except PuppetError as error:
-        assert error.problems
+        assert error.mistakes
 
 
 @settings(max_examples=60, deadline=None)
@@ -156,4 +156,4 @@ def test_a_puppet_with_one_line_damaged_ends_in_a_puppet_or_a_file_error(data) -
     try:
         loads("\n".join(lines))
     except PuppetError as error:
-        assert error.problems
+        assert error.mistakes

@@ -23,10 +23,10 @@ def mistakes(text: str | bytes) -> list[tuple[int | None, str, str]]:
     """(line, key, message) of each mistake in a text."""
     with pytest.raises(PuppetError) as caught:
         loads(text, "bad.yaml")
-    for problem in caught.value.problems:
+    for problem in caught.value.mistakes:
         assert problem.file == "bad.yaml"
         assert "\n" not in str(problem)
-    return [(p.line, p.key, p.message) for p in caught.value.problems]
+    return [(p.line, p.key, p.message) for p in caught.value.mistakes]
 
 
 # Text that follows GOOD (which has six lines), then line, key and a part of the message.
@@ -435,7 +435,7 @@ def test_a_puppet_built_in_python_is_checked_in_the_same_way() -> None:
     arm = Body(name="arm", parent="trunk", joint=Joint(type="ball"), shapes=[Box(size=[1, 1, 1])])
     with pytest.raises(PuppetError) as caught:
         Puppet(puppet="p", bodies=[arm, {"name": "b", "mass": -1}], pose={"elbow": 1}, flor=0)
-    problems = caught.value.problems
+    problems = caught.value.mistakes
     assert {p.file for p in problems} == {"<python>"}
     assert {p.line for p in problems} == {None}
     assert [p.key for p in problems] == [

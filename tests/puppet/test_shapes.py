@@ -141,7 +141,7 @@ def test_bad_meshes_are_located(folder, shape: str, message: str) -> None:
     (folder / "out.stl").symlink_to(outside)
     with pytest.raises(PuppetError, match=message) as caught:
         loads(mesh_puppet(shape))
-    assert [p.line for p in caught.value.problems] == [5]
+    assert [p.line for p in caught.value.mistakes] == [5]
 
 
 def test_an_open_mesh_may_be_looked_at(folder) -> None:

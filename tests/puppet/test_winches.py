@@ -35,9 +35,9 @@ MISTAKES = [
 def test_a_mistake_is_located(text: str, line: int, key: str, message: str) -> None:
     with pytest.raises(PuppetError) as caught:
         loads(f"{TEXT}    {text}\n", "bad.yaml")
-    found = [(p.file, p.line, p.key) for p in caught.value.problems if message in p.message]
+    found = [(p.file, p.line, p.key) for p in caught.value.mistakes if message in p.message]
     place = "strings[0]" + (f".{key}" if key else "")
-    assert found == [("bad.yaml", line, place)], caught.value.problems
+    assert found == [("bad.yaml", line, place)], caught.value.mistakes
 
 
 def test_the_keys_may_stand_alone_or_with_a_parameter() -> None:

@@ -11,7 +11,7 @@ from fantoccini.cli.files import marionette
 from fantoccini.cli.guard import MISTAKE
 from fantoccini.cli.terminal import say, write
 from fantoccini.cli.warn import inputs_warnings, puppet_warnings
-from fantoccini.errors import FileError, Problem
+from fantoccini.errors import FileError, Mistake
 from fantoccini.marionette import Marionette, check_mass_matrix
 from fantoccini.motion import Input
 from fantoccini.tree import measure
@@ -51,7 +51,7 @@ def _puppet(file: str) -> Marionette | None:
         made = marionette(file)
         check_mass_matrix(made.world, made.tree)
     except FileError as error:
-        _list(error.problems)
+        _list(error.mistakes)
         return None
     return made
 
@@ -60,7 +60,7 @@ def _inputs(made: Marionette, path: Path, quiet: bool) -> bool:
     try:
         read = Input.load(made, path)
     except FileError as error:
-        _list(error.problems)
+        _list(error.mistakes)
         return False
     found = inputs_warnings(made, read, path)
     _list(found)
@@ -69,12 +69,12 @@ def _inputs(made: Marionette, path: Path, quiet: bool) -> bool:
     return True
 
 
-def _list(problems: Iterable[Problem]) -> None:
+def _list(problems: Iterable[Mistake]) -> None:
     for problem in problems:
         say(str(problem))
 
 
-def _count(found: list[Problem]) -> str:
+def _count(found: list[Mistake]) -> str:
     if not found:
         return ""
     return ", 1 warning" if len(found) == 1 else f", {len(found)} warnings"

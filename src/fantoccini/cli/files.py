@@ -12,7 +12,7 @@ import typer
 
 from fantoccini import puppets
 from fantoccini.cli.terminal import plain
-from fantoccini.errors import FantocciniError, Problem, PuppetError, nearest
+from fantoccini.errors import FantocciniError, Mistake, PuppetError, nearest
 from fantoccini.marionette import Marionette, StringModel, load
 from fantoccini.progress import OnStep
 
@@ -52,7 +52,7 @@ def puppet_path(name: str) -> Path:
     if missing and path.name == name and not path.suffix:
         hint = nearest(name, puppets.names())
         message = f"no such file, and no bundled puppet of this name{hint}"
-        raise PuppetError([Problem(name, None, "", message)])
+        raise PuppetError([Mistake(name, None, "", message)])
     return path
 
 

@@ -49,7 +49,7 @@ def guarded() -> Iterator[None]:
     try:
         yield
     except FileError as error:
-        for problem in error.problems:
+        for problem in error.mistakes:
             say(str(problem))
         raise typer.Exit(MISTAKE) from None
     except (StateError, UnknownNameError) as error:

@@ -7,13 +7,13 @@ from typing import Any
 
 from fantoccini.cli.files import puppet_path
 from fantoccini.cli.terminal import say
-from fantoccini.errors import Problem
+from fantoccini.errors import Mistake
 from fantoccini.marionette import Marionette, input_warnings, warnings
 from fantoccini.motion import Input
 from fantoccini.puppet.located import Located, read_file
 
 
-def puppet_warnings(made: Marionette, file: str) -> list[Problem]:
+def puppet_warnings(made: Marionette, file: str) -> list[Mistake]:
     """Warnings about a puppet, in file order.
 
     Args:
@@ -26,7 +26,7 @@ def puppet_warnings(made: Marionette, file: str) -> list[Problem]:
     )
 
 
-def inputs_warnings(made: Marionette, inputs: Input, path: Path) -> list[Problem]:
+def inputs_warnings(made: Marionette, inputs: Input, path: Path) -> list[Mistake]:
     """Warnings about inputs of a puppet, in file order.
 
     Args:
@@ -66,6 +66,6 @@ def _waypoint(made: Marionette, data: Any, name: str, t: float) -> tuple[str | i
     return (name,)
 
 
-def _in_order(found: list[Problem], file: str) -> list[Problem]:
-    marked = [Problem(file, p.line, p.key, f"warning: {p.message}") for p in found]
+def _in_order(found: list[Mistake], file: str) -> list[Mistake]:
+    marked = [Mistake(file, p.line, p.key, f"warning: {p.message}") for p in found]
     return sorted(marked, key=lambda p: p.line or 0)

@@ -46,7 +46,7 @@ from fantoccini.equations.algebra import (
 )
 from fantoccini.equations.inertia import Value
 from fantoccini.equations.system import System
-from fantoccini.puppet import PD, ComputedTorque, Servo, Stepper
+from fantoccini.puppet import PD, ComputedTorque, Servo, StepperMotor
 from fantoccini.tree import DriveRow, Role
 
 
@@ -100,7 +100,7 @@ def lags(system: System) -> dict[str, np.ndarray]:
         else:
             at, command = own[0], s.q_K[q]
         motor = row.drive.motor
-        if isinstance(motor, Stepper):
+        if isinstance(motor, StepperMotor):
             periods = _periods(system, row, motor) / (2 * np.pi) * row.ratio(system.value)
             lag = periods * (command - at)
         found.append((at, command, lag))
@@ -123,7 +123,7 @@ def _command(row: DriveRow) -> tuple[int, int]:
     return row.command
 
 
-def _periods(system: System, row: DriveRow, motor: Stepper) -> float:
+def _periods(system: System, row: DriveRow, motor: StepperMotor) -> float:
     """Pole pairs of a stepper motor: periods of its torque in a radian, or in 1 / 2 pi metres."""
     pairs = motor.steps / 4
     return 2 * np.pi * pairs if _is_linear(system, row) else pairs
@@ -154,7 +154,7 @@ class _Wanted:
         value, control, none = self.system.value, row.drive.control, zeros(row.v.stop - row.v.start)
         if row.command is None:
             return none, none, none
-        if isinstance(row.drive.motor, Stepper):
+        if isinstance(row.drive.motor, StepperMotor):
             return self._stepper(row, row.drive.motor)
         if isinstance(control, PD):
             late, rate, _ = self._error(row)
@@ -227,7 +227,7 @@ class _Wanted:
         return found
 
     def _stepper(
-        self, row: DriveRow, motor: Stepper
+        self, row: DriveRow, motor: StepperMotor
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """n T sin(s/4 (angle(r) - n q)) with angle(r) in whole microsteps."""
         value, (q, v) = self.system.value, _command(row)
@@ -251,7 +251,7 @@ def _bounded(
 ) -> tuple[np.ndarray, ca.SX, ca.SX]:
     """A force within its motor's bounds; 1 where they do not bind, else 0; -d force/dv there."""
     motor, none = row.drive.motor, ca.SX(0)
-    if motor is None or isinstance(motor, Stepper):
+    if motor is None or isinstance(motor, StepperMotor):
         return force, ca.SX(1), none
     n = row.ratio(value)
     if isinstance(motor, Servo):

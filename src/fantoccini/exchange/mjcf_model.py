@@ -27,7 +27,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fantoccini.arrays import Array, ConfigK
-from fantoccini.errors import ExchangeError, Problem
+from fantoccini.errors import ExchangeError, Mistake
 from fantoccini.exchange.joints import Joint, joints_of, pose_in_parent, winch_of
 from fantoccini.exchange.twists import cord
 from fantoccini.marionette import Marionette
@@ -314,7 +314,7 @@ class _Text:
 
     # -- what cannot be said -----------------------------------------------------------------
 
-    def _impossible(self) -> list[Problem]:
+    def _impossible(self) -> list[Mistake]:
         found = []
         for string in self.tree.strings:
             if string.max_tension is not None:
@@ -337,10 +337,10 @@ class _Text:
         return _numbers(map(self.number, values))
 
 
-def _located(marionette: Marionette, name: str, message: str) -> Problem:
+def _located(marionette: Marionette, name: str, message: str) -> Mistake:
     """What is the matter with a body, joint or string, with its place in the puppet's file."""
     file, line = marionette.puppet.locate(name.split("/")[-1].split(".")[0])
-    return Problem(file, line, name, message)
+    return Mistake(file, line, name, message)
 
 
 def _section(name: str, inside: str) -> str:

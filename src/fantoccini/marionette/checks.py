@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import InputError, Problem, StateError
+from fantoccini.errors import InputError, Mistake, StateError
 from fantoccini.marionette.active_set import TOLERANCES
 from fantoccini.marionette.critical_step import critical_step
 from fantoccini.marionette.model import Model
@@ -224,7 +224,7 @@ def check_inputs(model: Model, inputs: Input | Inputs, t: float, t_end: float) -
             f"{', '.join(theirs.q_K) or 'none'}; {model.name} has "
             f"{', '.join(own.q_K) or 'none'}"
         )
-        raise InputError([Problem("inputs", None, "", text)])
+        raise InputError([Mistake("inputs", None, "", text)])
     mistakes = []
     last = inputs.breaks[:, -1]
     ends = (
@@ -243,7 +243,7 @@ def check_inputs(model: Model, inputs: Input | Inputs, t: float, t_end: float) -
                 f"run goes from {t:g} s to {t_end:g} s; let them {what} at rest, or keep the run "
                 "within them"
             )
-            mistakes.append(Problem("inputs", None, which, text))
+            mistakes.append(Mistake("inputs", None, which, text))
     if mistakes:
         raise InputError(mistakes)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import Problem, PuppetError
+from fantoccini.errors import Mistake, PuppetError
 from fantoccini.puppet import Number, Parameter
 from fantoccini.tree import Tree, joint_inertias
 from fantoccini.world import World
@@ -63,7 +63,7 @@ def check_mass_matrix(world: World, tree: Tree, values: Mapping[str, float] | No
         f"the mass matrix {what}: look at {', '.join(names)}; give the bodies below this joint a "
         "mass and an inertia that are positive and finite, or make the joint driven or fixed"
     )
-    raise PuppetError([Problem(file, line, owner, text)])
+    raise PuppetError([Mistake(file, line, owner, text)])
 
 
 def _singular(

@@ -21,7 +21,7 @@ from fantoccini.marionette.evaluation import Evaluation
 from fantoccini.marionette.model import Model
 from fantoccini.marionette.projection import difference_quotient, onto_rows, retract
 from fantoccini.motion import Input, State, rotation
-from fantoccini.puppet import Stepper as StepperMotor
+from fantoccini.puppet import StepperMotor
 from fantoccini.runtime import Run
 from fantoccini.tree import DriveRow
 

@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from fantoccini.arrays import Array, ConfigK, Times, VecK
-from fantoccini.errors import InputError, Problem
+from fantoccini.errors import InputError, Mistake
 from fantoccini.motion import npz, pieces, reading
 from fantoccini.motion.archive import RECORDING
 from fantoccini.motion.channel import Channel, Points
@@ -254,4 +254,4 @@ def _differ(found: tuple[str, ...], needed: tuple[str, ...]) -> str:
 
 
 def _file_error(path: Path, message: str, line: int | None = None) -> InputError:
-    return InputError([Problem(str(path), line, "", message)])
+    return InputError([Mistake(str(path), line, "", message)])

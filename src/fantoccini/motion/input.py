@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from fantoccini.arrays import Array, ConfigK, MaskRows, Times, VecD, VecK, frozen
-from fantoccini.errors import InputError, Problem
+from fantoccini.errors import InputError, Mistake
 from fantoccini.motion import binding, channel, files, joints, pieces, polynomial, reading
 from fantoccini.motion.channel import SAME_TIME, Channel
 from fantoccini.motion.findings import Findings
@@ -429,4 +429,4 @@ class Input:
 
 
 def _fail(field: str, message: str) -> None:
-    raise InputError([Problem("inputs", None, field, message)])
+    raise InputError([Mistake("inputs", None, field, message)])

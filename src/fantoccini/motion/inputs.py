@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fantoccini.arrays import Array, Mask, frozen
-from fantoccini.errors import InputError, Problem, UnknownNameError
+from fantoccini.errors import InputError, Mistake, UnknownNameError
 from fantoccini.motion import binding, pieces, polynomial, reading, rotation
 from fantoccini.motion.input import Input
 from fantoccini.motion.reading import Table
@@ -52,7 +52,7 @@ class Inputs:
         for field, numbers in (("breaks", self.breaks), ("coef", known), ("force", self.force)):
             if numbers is not None and not np.all(np.isfinite(numbers)):
                 text = "has a number that is not finite"
-                raise InputError([Problem("inputs", None, field, text)])
+                raise InputError([Mistake("inputs", None, field, text)])
 
     def __len__(self) -> int:
         return len(self.coef)

@@ -21,7 +21,7 @@ from typing import IO, Any
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import FantocciniError, FileError, Problem
+from fantoccini.errors import FantocciniError, FileError, Mistake
 from fantoccini.files import replacing
 
 MAX_BYTES = 256_000_000
@@ -105,7 +105,7 @@ def read(
     path = Path(path)
 
     def wrong(entry: str, text: str) -> FileError:
-        return error([Problem(str(path), None, entry, text)])
+        return error([Mistake(str(path), None, entry, text)])
 
     try:
         size = path.stat().st_size
@@ -188,7 +188,7 @@ def understanding(path: str | Path, what: str) -> Iterator[None]:
     try:
         yield
     except FileError as trouble:
-        if all(problem.file == str(path) for problem in trouble.problems):
+        if all(problem.file == str(path) for problem in trouble.mistakes):
             raise
         raise _not_what(path, what, trouble) from trouble
     except UNREADABLE as trouble:
@@ -249,7 +249,7 @@ def text(value: Any, name: str) -> str:
 
 def _not_what(path: str | Path, what: str, trouble: BaseException, entry: str = "") -> FileError:
     message = f"is not {what} that this version can read: {_reason(trouble)}"
-    return FileError([Problem(str(path), None, entry, message)])
+    return FileError([Mistake(str(path), None, entry, message)])
 
 
 def _reason(trouble: BaseException) -> str:

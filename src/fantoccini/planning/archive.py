@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import FileError, Problem as Mistake
+from fantoccini.errors import FileError, Mistake
 from fantoccini.files import replacing
 from fantoccini.motion.npz import checked, contents, finite, understanding
 from fantoccini.planning.objective import Objective

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, field_validator
 
-from fantoccini.errors import FileError, Problem
+from fantoccini.errors import FileError, Mistake
 from fantoccini.puppet.located import Located, validate
 from fantoccini.puppet.shapes import AnyObstacle, Obstacle
 from fantoccini.puppet.values import Model, Name, Vector, mistake
@@ -61,7 +61,7 @@ def standing(
     for k, o in enumerate(given):
         if not isinstance(o, (Obstacle, HalfSpace, dict)):
             text = f"found {o!r}; needed: a mapping of keys and values, or an obstacle"
-            raise FileError([Problem("<python>", None, f"obstacles[{k}]", text)])
+            raise FileError([Mistake("<python>", None, f"obstacles[{k}]", text)])
     described = [o for o in given if isinstance(o, dict)]
     made = iter(validate(_Listed, Located({"obstacles": described}, "<python>")).obstacles)
     found = [next(made) if isinstance(o, dict) else o for o in given]
@@ -71,5 +71,5 @@ def standing(
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         text = f"the names {', '.join(twice)} are used twice; obstacles differ in name"
-        raise FileError([Problem("<python>", None, "obstacles", text)])
+        raise FileError([Mistake("<python>", None, "obstacles", text)])
     return every

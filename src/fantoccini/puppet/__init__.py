@@ -10,7 +10,7 @@ from fantoccini.puppet.drive import (
     Friction,
     Motor,
     Servo,
-    Stepper,
+    StepperMotor,
 )
 from fantoccini.puppet.files import json_schema, load, loads
 from fantoccini.puppet.joint import Cone, Joint, JointSpring, Limits, Twist
@@ -56,7 +56,7 @@ __all__ = [
     "Shape",
     "Sphere",
     "Spring",
-    "Stepper",
+    "StepperMotor",
     "String",
     "Twist",
     "json_schema",

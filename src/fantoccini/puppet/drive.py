@@ -79,7 +79,7 @@ Count = Annotated[
 ]
 
 
-class Stepper(Model):
+class StepperMotor(Model):
     """A stepper motor: torque T sin((steps/4) (command - angle)), the command in whole microsteps.
 
     T is the holding torque up to the corner speed, and falls in proportion to 1 / speed beyond: a
@@ -124,7 +124,7 @@ class ComputedTorque(Model):
     """zeta."""
 
 
-Motor = Annotated[Servo | DirectCurrent | Stepper, Field(discriminator="type")]
+Motor = Annotated[Servo | DirectCurrent | StepperMotor, Field(discriminator="type")]
 Control = Annotated[PD | ComputedTorque, Field(discriminator="type")]
 
 
@@ -179,7 +179,7 @@ class Drive(Model):
     def _moves(self) -> Drive:
         if self.mass is None and self.inertia is None:
             raise mistake("needed: mass, inertia or both; a drive without inertia is an input")
-        steps = isinstance(self.motor, Stepper)
+        steps = isinstance(self.motor, StepperMotor)
         if steps and self.control is not None:
             raise mistake("found control and a stepper; a stepper follows its command by itself")
         if self.motor is not None and not steps and self.control is None:
@@ -189,7 +189,7 @@ class Drive(Model):
     @property
     def follows(self) -> bool:
         """Whether it has a command."""
-        return self.control is not None or isinstance(self.motor, Stepper)
+        return self.control is not None or isinstance(self.motor, StepperMotor)
 
 
 def drive_misfits(drive: dict, name: str, unit: str) -> Iterator[tuple[tuple[str, ...], str]]:

@@ -18,13 +18,13 @@ from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from fantoccini.errors import FileError, Problem, nearest
+from fantoccini.errors import FileError, Mistake, nearest
 from fantoccini.puppet.words import OWN_WORDS
 from fantoccini.puppet.yaml_text import Path, Unreadable, read_text
 
 MAX_BYTES = 2_000_000
 """Size of the largest file that is read [bytes]."""
-MAX_PROBLEMS = 100
+MAX_MISTAKES = 100
 """Mistakes listed in full; of the rest only the number is given."""
 
 Finding = tuple[Path, str]
@@ -42,14 +42,14 @@ class Located:
         file: the file's name as the user gave it.
         folder: where relative paths in the file begin.
         lines: path of keys and indices -> 1-based line; empty for data built in Python.
-        problems: mistakes found while reading that left the rest readable.
+        mistakes: mistakes found while reading that left the rest readable.
     """
 
     data: Any = None
     file: str = "<python>"
     folder: FilePath = field(default_factory=FilePath.cwd)
     lines: dict[Path, int] = field(default_factory=dict)
-    problems: tuple[Problem, ...] = ()
+    mistakes: tuple[Mistake, ...] = ()
 
     def line(self, path: Path) -> int | None:
         """Line of a path, or of the nearest thing around it that has one."""
@@ -57,18 +57,18 @@ class Located:
             path = path[:-1]
         return self.lines.get(path)
 
-    def problem(self, path: Path, message: str) -> Problem:
+    def problem(self, path: Path, message: str) -> Mistake:
         """A mistake at a path."""
-        return Problem(self.file, self.line(path), key_path(path), message)
+        return Mistake(self.file, self.line(path), key_path(path), message)
 
     def error(self, findings: Iterable[Finding], error: type[FileError]) -> FileError:
         """All mistakes in file order, those found while reading included."""
-        problems = [*self.problems, *(self.problem(p, m) for p, m in findings)]
-        problems = sorted(dict.fromkeys(problems), key=lambda p: p.line or 0)
-        more = len(problems) - MAX_PROBLEMS
+        mistakes = [*self.mistakes, *(self.problem(p, m) for p, m in findings)]
+        mistakes = sorted(dict.fromkeys(mistakes), key=lambda p: p.line or 0)
+        more = len(mistakes) - MAX_MISTAKES
         if more > 0:
-            problems = [*problems[:MAX_PROBLEMS], Problem(self.file, None, "", f"and {more} more")]
-        return error(problems)
+            mistakes = [*mistakes[:MAX_MISTAKES], Mistake(self.file, None, "", f"and {more} more")]
+        return error(mistakes)
 
 
 @dataclass(frozen=True)
@@ -98,13 +98,13 @@ def read_file(path: str | os.PathLike[str], error: type[FileError] = FileError) 
         place = FilePath(name)
         if not place.is_file():
             found = "a folder" if place.is_dir() else "nothing" if not place.exists() else "no file"
-            raise error([Problem(name, None, "", f"found {found} here; a YAML file is needed")])
+            raise error([Mistake(name, None, "", f"found {found} here; a YAML file is needed")])
         with place.open("rb") as stream:
             raw = stream.read(MAX_BYTES + 1)
         folder = place.resolve().parent
     except (OSError, ValueError) as reason:
         text = getattr(reason, "strerror", None) or str(reason)
-        raise error([Problem(name, None, "", f"cannot be read: {text}")]) from None
+        raise error([Mistake(name, None, "", f"cannot be read: {text}")]) from None
     return read_located(raw, name, folder, error)
 
 
@@ -124,7 +124,7 @@ def read_located(
     """
 
     def fail(line: int | None, path: Path, message: str) -> FileError:
-        return error([Problem(file, line, key_path(path), message)])
+        return error([Mistake(file, line, key_path(path), message)])
 
     if len(text) > MAX_BYTES:
         raise fail(None, (), f"larger than {MAX_BYTES / 1e6:g} MB, the most that is read")
@@ -141,8 +141,8 @@ def read_located(
         raise fail(reason.line, reason.path, reason.message) from None
     if read.data is None:
         raise fail(1, (), "the file is empty")
-    problems = tuple(Problem(file, line, key_path(p), m) for p, line, m in read.problems)
-    return Located(read.data, file, folder or FilePath.cwd(), read.lines, problems)
+    mistakes = tuple(Mistake(file, line, key_path(p), m) for p, line, m in read.mistakes)
+    return Located(read.data, file, folder or FilePath.cwd(), read.lines, mistakes)
 
 
 def validate(model: type[ModelT], located: Located, error: type[FileError] = FileError) -> ModelT:
@@ -157,7 +157,7 @@ def validate(model: type[ModelT], located: Located, error: type[FileError] = Fil
         instance = model.model_validate(located.data, context=located)
     except ValidationError as reason:
         raise located.error(findings(model, located.data, reason), error) from None
-    if located.problems:
+    if located.mistakes:
         raise located.error((), error)
     return instance
 
@@ -176,7 +176,7 @@ def findings(model: type[BaseModel], data: Any, error: ValidationError) -> list[
         if item["type"] in ("union_tag_invalid", "union_tag_not_found"):
             path = (*path, item["ctx"]["discriminator"].strip("'"))
         # Looking for a name takes long, and no more mistakes than these are shown.
-        found.append((path, _sentence(model, item, leaf, hints=k < MAX_PROBLEMS)))
+        found.append((path, _sentence(model, item, leaf, hints=k < MAX_MISTAKES)))
     return found
 
 

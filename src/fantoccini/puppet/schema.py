@@ -281,7 +281,7 @@ class Puppet(Model):
             found += check.massless_joints(puppet.bodies, puppet.mirror)
             found += check.twins(dump.plain(puppet))
         found += wide
-        if found or located.problems:
+        if found or located.mistakes:
             raise located.error(found, PuppetError)
         puppet._origin = Origin(located.file, located.folder, written.name_lines(plain, located))
         return puppet

@@ -49,12 +49,12 @@ class Text:
     Attributes:
         data: dicts, lists, strings, numbers, booleans and None.
         lines: path of keys and indices -> 1-based line; the empty path is the first line.
-        problems: (path, line, message) of mistakes that leave the rest readable.
+        mistakes: (path, line, message) of mistakes that leave the rest readable.
     """
 
     data: Any = None
     lines: dict[Path, int] = field(default_factory=dict)
-    problems: list[tuple[Path, int, str]] = field(default_factory=list)
+    mistakes: list[tuple[Path, int, str]] = field(default_factory=list)
 
 
 @dataclass
@@ -162,12 +162,12 @@ class _Reader:
         top.key, top.skip = key, key in top.value
         if top.skip:
             first = self.text.lines[path]
-            self.text.problems.append(
+            self.text.mistakes.append(
                 (path, line, f"the key is given twice; the first is in line {first}")
             )
         elif key == "<<":
             top.skip = True
-            self.text.problems.append((path, line, "merge keys are not read; write the keys out"))
+            self.text.mistakes.append((path, line, "merge keys are not read; write the keys out"))
         else:
             self.text.lines[path] = line
             top.value[key] = None
@@ -215,7 +215,7 @@ class _Reader:
 
     def refuse_tag(self, event: Any, line: int) -> None:
         if event.tag is not None:
-            self.text.problems.append(
+            self.text.mistakes.append(
                 (self.here(), line, f"found the tag {str(event.tag)[:60]!r}; tags are not read")
             )
 

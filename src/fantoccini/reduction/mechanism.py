@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fantoccini.arrays import Array
-from fantoccini.errors import Problem, PuppetError
+from fantoccini.errors import Mistake, PuppetError
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State, Trajectory
 from fantoccini.motion.pieces import channel_names
@@ -45,7 +45,7 @@ class Mechanism:
         """
         puppet = marionette.model.described
         if len(marionette.world.puppets) > 1:
-            raise PuppetError([Problem(
+            raise PuppetError([Mistake(
                 marionette.name, None, "", f"found a world of {len(marionette.world.puppets)} "
                 "puppets; needed: a single puppet",
             )])  # fmt: skip
@@ -54,7 +54,7 @@ class Mechanism:
         )
         if mixed.coordinates.n_vK == 0:
             file, _ = puppet.locate(puppet.name)
-            raise PuppetError([Problem(
+            raise PuppetError([Mistake(
                 file, None, "", "no coordinate is driven, so there is no mechanism to reduce; "
                 "give a string `length: driven` or an end `driven: [x]`, or a joint `driven: true`",
             )])  # fmt: skip

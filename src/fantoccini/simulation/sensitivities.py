@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from fantoccini.arrays import Array, Indices, Times
-from fantoccini.errors import InputError, Problem, StateError
+from fantoccini.errors import InputError, Mistake, StateError
 from fantoccini.marionette import Marionette, bind_input, check_positive
 from fantoccini.motion import Input, InputDerivative, State, Trajectory
 from fantoccini.simulation.catch import Catch, Passage
@@ -146,7 +146,7 @@ def _bound(marionette: Marionette, other: Input, inputs: Input, x0: State) -> In
         ours, theirs = (x.evaluate(times)[0][:, q : q + 4] for x in (inputs, other))
         if np.max(np.abs(np.abs(np.sum(ours * theirs, axis=1)) - 1.0)) > TOLERANCES.rotation:
             text = "differs from that of the run; only scalar coordinates may differ in `toward`"
-            raise InputError([Problem("toward", None, name, text)])
+            raise InputError([Mistake("toward", None, name, text)])
     return other
 
 
@@ -160,7 +160,7 @@ def _check_along(marionette: Marionette, along: Sequence[InputDerivative]) -> No
                 f"{', '.join(one.coordinates.v_K) or 'none'}; {marionette.name} has "
                 f"{', '.join(own.v_K) or 'none'}"
             )
-            raise InputError([Problem("along", None, f"[{i}]", text)])
+            raise InputError([Mistake("along", None, f"[{i}]", text)])
 
 
 class _Pieces:

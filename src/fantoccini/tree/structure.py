@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.puppet import Drive, Number, Shape, Stepper
+from fantoccini.puppet import Drive, Number, Shape, StepperMotor
 from fantoccini.puppet.shapes import UnitInertia
 from fantoccini.tree.coordinates import CoordinateTable, Role
 
@@ -199,7 +199,7 @@ class DriveRow:
     @property
     def steps(self) -> bool:
         """Whether a stepper moves it."""
-        return isinstance(self.drive.motor, Stepper)
+        return isinstance(self.drive.motor, StepperMotor)
 
     @property
     def turns(self) -> bool:

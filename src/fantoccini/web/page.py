@@ -15,7 +15,7 @@ from types import FrameType
 from typing import Any
 
 from fantoccini import puppets
-from fantoccini.errors import FileError, Problem
+from fantoccini.errors import FileError, Mistake
 from fantoccini.marionette import Marionette, load
 from fantoccini.motion import Trajectory
 from fantoccini.motion.npz import ABOUT, UNREADABLE, about_of, read
@@ -182,7 +182,7 @@ def _of_file(
         try:
             return subject_of(Trajectory.load(path), progress=progress)
         except ValueError as error:
-            raise FileError([Problem(str(path), None, "", str(error))]) from None
+            raise FileError([Mistake(str(path), None, "", str(error))]) from None
     _check_no_problem(path, problem)
     if not path.exists() and name in puppets.names():
         path = puppets.path(name)
@@ -193,7 +193,7 @@ def _check_no_problem(path: Path, problem: str | Path | None) -> None:
     """Raises FileError where a problem file is given without a plan."""
     if problem is not None:
         message = f"is not a plan; a problem file ({problem}) is for plans only"
-        raise FileError([Problem(str(path), None, "", message)])
+        raise FileError([Mistake(str(path), None, "", message)])
 
 
 def _form(path: Path) -> tuple[str, dict[str, Any]]:
@@ -218,7 +218,7 @@ def _plan(
                 f"is a plan of {problem!r}, which is not a bundled problem; give its problem file "
                 "(--problem FILE)"
             )
-            raise FileError([Problem(str(path), None, "", message)])
+            raise FileError([Mistake(str(path), None, "", message)])
     return PlanResult.load(path, load_problem(problem, progress=progress))
 
 
@@ -259,7 +259,7 @@ def open_page(
     look = theme_of(theme)
     if not record_to.is_dir():
         message = "there is no such folder for recordings"
-        raise FileError([Problem(str(record_to), None, "", message)])
+        raise FileError([Mistake(str(record_to), None, "", message)])
     title = subject.marionette.name
     if subject.run is not None:
         motion = ResampledRun.of(subject.marionette, subject.run)
