@@ -17,16 +17,18 @@ from typing import Any
 class FantocciniError(Exception):
     """Base of every error that fantoccini raises on purpose. Copies and pickles keep all of it."""
 
-    def __reduce__(self) -> tuple:
+    def __reduce__(self) -> tuple[Any, ...]:
         # Exception's own calls the class with `args`, the sentence, where subclasses take facts.
         return _restored, (type(self), self.args, dict(self.__dict__))
 
 
-def _restored(cls: type[FantocciniError], args: tuple, facts: dict[str, Any]) -> FantocciniError:
+def _restored(
+    cls: type[FantocciniError], args: tuple[object, ...], facts: dict[str, Any]
+) -> FantocciniError:
     """The error that :meth:`FantocciniError.__reduce__` took apart."""
     error = cls.__new__(cls, *args)
     built_in = next(base for base in cls.__mro__ if base.__module__ == "builtins")
-    built_in.__init__(error, *args)
+    built_in.__init__(error, *args)  # type: ignore[misc]
     error.__dict__.update(facts)
     return error
 

@@ -63,6 +63,7 @@ def joints_of(link: Link) -> list[Joint]:
 
 def winch_of(string: StringRow) -> Joint:
     """The slide that stands for a driven length."""
+    assert string.driven_length is not None
     q, v = string.driven_length
     places = slice(q, q + 1), slice(v, v + 1)
     return Joint(f"{string.name}.length", "slide", Role.DRIVEN, *places, np.array([-1.0, 0.0, 0.0]))

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from itertools import pairwise
+from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -333,7 +334,7 @@ class _Text:
             found.append((row.name, "a drive: MuJoCo gets driven coordinates without one"))
         return [_located(self.marionette, name, f"has {what}") for name, what in found]
 
-    def _text(self, values) -> str:
+    def _text(self, values: Any) -> str:
         return _numbers(map(self.number, values))
 
 

@@ -153,8 +153,9 @@ class _Stops:
         sides = [limit.side for limit in tree.limits]
         ends = [i for i, side in enumerate(sides) if side in ("lower", "upper")]
         cones = [i for i, side in enumerate(sides) if side == "cone"]
-        joints = [model.joint(tree.links[tree.limits[i].link].joint).id for i in ends]
-        joints = np.array(joints, dtype=int)
+        joints = np.array(
+            [model.joint(tree.links[tree.limits[i].link].joint).id for i in ends], dtype=int
+        )
         upper = np.array([sides[i] == "upper" for i in ends], dtype=bool)
         middle = model.jnt_range[joints].mean(axis=1)
         tendons = [model.tendon(tree.limits[i].name).id for i in cones]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -51,7 +52,9 @@ def mujoco_run(
     u_D = inputs.evaluate_force(np.append(t[:-1] + 0.5 * h, t[-1]))
     rates = np.concatenate([np.diff(v_K, axis=0) / h[:, None], acc_K[-1:]])
     puppet.put(x0.q_D, x0.v_D)
-    rows, pulls, stops = [], [], []
+    rows: list[Any] = []
+    pulls: list[Any] = []
+    stops: list[Any] = []
     for k in range(len(t)):
         puppet.drive(q_K[k], v_K[k], rates[k])
         data.qfrc_applied[puppet.v_D] = u_D[k]

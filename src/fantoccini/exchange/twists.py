@@ -40,8 +40,9 @@ class Twists:
         limits = [tree.limits[i] for i in found]
         self.places, self._model = np.array(found, dtype=int), model
         self.tendons = np.array([model.tendon(limit.name).id for limit in limits], dtype=int)
-        joints = [model.joint(tree.links[limit.link].joint).id for limit in limits]
-        joints = np.array(joints, dtype=int)
+        joints = np.array(
+            [model.joint(tree.links[limit.link].joint).id for limit in limits], dtype=int
+        )
         self._q = model.jnt_qposadr[joints][:, None] + np.arange(4)
         # Where a body stands on its parent, but for what its joint turns.
         bodies = model.jnt_bodyid[joints]

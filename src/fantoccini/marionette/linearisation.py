@@ -149,7 +149,8 @@ def linearise(
     at = Evaluation.of(model, x, acc_K, u_D)
     if rows is None:
         acc_D, tension = forward_dynamics(model, x, acc_K, u_D)
-        held = np.flatnonzero(model.two_sided | ((tension > 0.0) & (tension < model.upper)))
+        pulls = model.two_sided | ((tension > 0.0) & (tension < model.upper))
+        held: Indices = np.flatnonzero(pulls)
     else:
         held = named_rows(model, rows)
         none = np.zeros((len(x.v_D), 1))

@@ -261,7 +261,7 @@ def newton(model: Model, x: State) -> Equilibrium | None:
     tension = at.complementarity(near, hddot, model.two_sided, cap).x
     if np.linalg.norm(at.w0 - at.W[:, near] @ tension) > SEARCH.newton_force * size:
         return None
-    rows = near[(tension > SEARCH.min_tension * weight) | model.two_sided[near]]
+    rows: Indices = near[(tension > SEARCH.min_tension * weight) | model.two_sided[near]]
     for _ in range(SEARCH.newton_rounds):
         at = Evaluation.of(model, x)
         W = at.W[:, rows]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from pydantic import Field
 
 from fantoccini.puppet.quantities import Damping, PositiveMass, PositiveStiffness
@@ -28,7 +30,7 @@ class Chain(Model):
     """Force per unit of strain rate [N s]; a piece has it over its relaxed length."""
 
 
-def check_chain(string) -> None:
+def check_chain(string: Any) -> None:
     """Raises a located mistake where a string cannot be a chain."""
     given = {
         "wire: true": string.wire,
@@ -48,7 +50,7 @@ def check_chain(string) -> None:
         )
 
 
-def chained(strings: list[dict], chain: dict) -> list[dict]:
+def chained(strings: list[dict[str, Any]], chain: dict[str, Any]) -> list[dict[str, Any]]:
     """Plain data of strings with a chain on all that have none; wires, which push, stay."""
     return [
         s if s.get("chain") or s.get("wire") else s | {"chain": chain} for s in strings

@@ -45,7 +45,7 @@ def findings(data: Any) -> list[Finding]:
     return written.found
 
 
-def twins(data: dict) -> list[Finding]:
+def twins(data: dict[str, Any]) -> list[Finding]:
     """Mistakes that only the mirror images have, where their originals stand in the file.
 
     Args:
@@ -56,8 +56,8 @@ def twins(data: dict) -> list[Finding]:
         return found
     token = data["mirror"]["from"]
     for path, text in findings(out):
-        section = data.get(path[0], ())
-        if path[0] in _MIRRORED and path[1] >= len(section):
+        section = data.get(str(path[0]), ())
+        if path[0] in _MIRRORED and isinstance(path[1], int) and path[1] >= len(section):
             originals = [i for i, item in enumerate(section) if token in item["name"]]
             twin = out[path[0]][path[1]]["name"]
             path = (path[0], originals[path[1] - len(section)], *path[2:])
@@ -66,7 +66,7 @@ def twins(data: dict) -> list[Finding]:
     return found
 
 
-def massless_joints(bodies: tuple, mirror: Any) -> list[Finding]:
+def massless_joints(bodies: tuple[Any, ...], mirror: Any) -> list[Finding]:
     """Joints that the equations of motion could not move: nothing beyond them has mass.
 
     Args:
@@ -182,7 +182,7 @@ def _parts(written: Written) -> None:
             parts[key] += 2 * count if twice else count
     total = sum(parts.values())
     if total > MOST_PARTS:
-        path = max(parts, key=parts.get)
+        path = max(parts, key=lambda part: parts[part])
         more = ", twins included" if written.rule else ""
         text = f"found {total} bodies, strings, springs and masses of chains{more}"
         written.say((path,), f"{text}; allowed: {MOST_PARTS}")

@@ -50,7 +50,8 @@ def check_pose(written: Written) -> None:
 
 def check_drives(written: Written) -> None:
     """Drives: on driven coordinates that they suit, one each."""
-    units, taken = _driven(written), {}
+    units = _driven(written)
+    taken: dict[str, str] = {}
     known = set(units)
     for i, drive in items(written.data, "drives"):
         names = drive.get("on")
@@ -58,7 +59,7 @@ def check_drives(written: Written) -> None:
         given = {name for name in listed if isinstance(name, str)}
         own: list[tuple[str, Path]] = []
         for k, name in enumerate(listed):
-            path = ("drives", i, "on", k) if isinstance(names, list) else ("drives", i, "on")
+            path: Path = ("drives", i, "on", k) if isinstance(names, list) else ("drives", i, "on")
             if not isinstance(name, str):
                 continue
             if name not in units:
@@ -99,7 +100,7 @@ def _hint(written: Written, key: str, names: set[str]) -> str:
     return written.near(key, names)
 
 
-def _joints(written: Written) -> Iterator[tuple[str, dict, dict[str, str] | None]]:
+def _joints(written: Written) -> Iterator[tuple[str, dict[str, Any], dict[str, str] | None]]:
     """Name, plain data and coordinates of every joint; None where its kind is unclear."""
     for _, body in items(written.data, "bodies"):
         joint = body.get("joint")
@@ -110,7 +111,7 @@ def _joints(written: Written) -> Iterator[tuple[str, dict, dict[str, str] | None
         if kind == "translation" and isinstance(axes, list):
             yield name, joint, {f".{axis}": "length" for axis in axes[:3]}
         else:
-            yield name, joint, _SUFFIXES.get(kind)
+            yield name, joint, None if kind is None else _SUFFIXES.get(kind)
 
 
 def _coordinates(written: Written) -> tuple[dict[str, str], set[str]]:
@@ -123,9 +124,9 @@ def _coordinates(written: Written) -> tuple[dict[str, str], set[str]]:
         for suffix, kind in (suffixes or {}).items():
             kinds[name + suffix] = kinds[written.twin(name) + suffix] = kind
     for _, string in items(written.data, "strings"):
-        name = word(string, "name")
-        if name is not None and string.get("length") == "driven":
-            kinds[f"{name}.length"] = kinds[f"{written.twin(name)}.length"] = "string"
+        own = word(string, "name")
+        if own is not None and string.get("length") == "driven":
+            kinds[f"{own}.length"] = kinds[f"{written.twin(own)}.length"] = "string"
     return kinds, unclear
 
 
@@ -148,12 +149,12 @@ def _driven(written: Written) -> dict[str, str]:
             for suffix, kind in (suffixes or {}).items():
                 found[name + suffix] = found[written.twin(name) + suffix] = _UNITS[kind]
     for _, string in items(written.data, "strings"):
-        name, path = word(string, "name"), string.get("path")
-        if name is None:
+        own, path = word(string, "name"), string.get("path")
+        if own is None:
             continue
-        ends = path if isinstance(path, list) else []
-        axes = [e.get("driven") for e in ends if isinstance(e, dict)]
-        suffixes = [f".{a}" for some in axes if isinstance(some, list) for a in some]
-        suffixes += [".length"] if string.get("length") == "driven" else []
-        found |= {n + s: "m" for n in (name, written.twin(name)) for s in suffixes}
+        points = path if isinstance(path, list) else []
+        axes = [point.get("driven") for point in points if isinstance(point, dict)]
+        ends = [f".{a}" for some in axes if isinstance(some, list) for a in some]
+        ends += [".length"] if string.get("length") == "driven" else []
+        found |= {n + end: "m" for n in (own, written.twin(own)) for end in ends}
     return found

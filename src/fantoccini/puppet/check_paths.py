@@ -13,7 +13,7 @@ def _place(point: Any) -> tuple[float, ...] | None:
     """The numbers of a point, parameters by their values."""
     if not isinstance(point, list):
         return None
-    numbers = [n.get("value") if isinstance(n, dict) else n for n in point]
+    numbers: list[Any] = [n.get("value") if isinstance(n, dict) else n for n in point]
     return tuple(numbers) if len(numbers) == 3 and all(map(is_number, numbers)) else None
 
 
@@ -25,9 +25,9 @@ def check_paths(written: Written) -> None:
                 _path(written, (key, i, points), item[points])
 
 
-def _path(written: Written, path: Path, points: list) -> None:
-    carriers = [_carrier(written, p, (*path, k)) for k, p in enumerate(points)]
-    driven = [k for k, c in enumerate(carriers) if c and c[0] == "driven"]
+def _path(written: Written, path: Path, points: list[Any]) -> None:
+    found = [_carrier(written, p, (*path, k)) for k, p in enumerate(points)]
+    driven = [k for k, c in enumerate(found) if c and c[0] == "driven"]
     for k in driven:
         if path[0] == "springs":
             written.say((*path, k, "driven"), "a spring's end cannot be driven in place")
@@ -36,7 +36,8 @@ def _path(written: Written, path: Path, points: list) -> None:
     if len(driven) > 1 and path[0] == "strings":
         text = "both ends are driven; let one be a body with a driven joint"
         written.say((*path, driven[1], "driven"), text)
-    if len(carriers) < 2 or None in carriers:
+    carriers = [c for c in found if c is not None]
+    if len(found) < 2 or len(carriers) < len(found):
         return
     if len({c[:2] for c in carriers}) == 1:
         where = "in the world" if carriers[0][0] == "world" else f"on {shown(carriers[0][1])}"

@@ -192,7 +192,9 @@ class Drive(Model):
         return self.control is not None or isinstance(self.motor, StepperMotor)
 
 
-def drive_misfits(drive: dict, name: str, unit: str) -> Iterator[tuple[tuple[str, ...], str]]:
+def drive_misfits(
+    drive: dict[str, Any], name: str, unit: str
+) -> Iterator[tuple[tuple[str, ...], str]]:
     """What in a drive's plain data does not suit its coordinate: where, and a sentence.
 
     Args:

@@ -34,7 +34,7 @@ def plain(value: Any) -> Any:
     return value
 
 
-def canonical(data: dict, meshes: dict[str, str]) -> str:
+def canonical(data: dict[str, Any], meshes: dict[str, str]) -> str:
     """JSON with sorted keys; equal data gives equal text.
 
     Args:
@@ -44,7 +44,7 @@ def canonical(data: dict, meshes: dict[str, str]) -> str:
     return json.dumps([data, meshes], sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
-def to_yaml(data: dict) -> str:
+def to_yaml(data: dict[str, Any]) -> str:
     """Block style for what is long, flow style for what fits on a line.
 
     Args:

@@ -127,7 +127,7 @@ class Joint(Model):
     @classmethod
     def _needed(cls, value: Any, info: ValidationInfo) -> Any:
         kind = info.data.get("type")
-        if kind in _ALLOWED_IN[info.field_name] and value is None:
+        if kind in _ALLOWED_IN[str(info.field_name)] and value is None:
             raise mistake(f"a {kind} joint needs this key")
         return value
 
@@ -136,7 +136,7 @@ class Joint(Model):
     def _fits(cls, value: Any, info: ValidationInfo) -> Any:
         if value is None or value is False or (info.field_name == "damping" and not value):
             return value
-        kind, allowed = info.data.get("type"), _ALLOWED_IN[info.field_name]
+        kind, allowed = info.data.get("type"), _ALLOWED_IN[str(info.field_name)]
         if kind is not None and kind not in allowed:
             raise mistake(f"a {kind} joint has none; it belongs to {', '.join(allowed)} joints")
         passive = info.field_name in ("damping", "spring", "limits", "cone", "twist")

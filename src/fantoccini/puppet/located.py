@@ -132,8 +132,8 @@ def read_located(
         try:
             text = text.decode("utf-8-sig")
         except UnicodeDecodeError as reason:
-            line = text.count(b"\n", 0, reason.start) + 1
-            byte = text[reason.start]
+            line = reason.object.count(b"\n", 0, reason.start) + 1
+            byte = reason.object[reason.start]
             raise fail(line, (), f"found the byte 0x{byte:02x}; the file must be UTF-8") from None
     try:
         read = read_text(text)

@@ -25,7 +25,7 @@ def _owner(coordinate: str) -> str:
     return coordinate.partition(".")[0]
 
 
-def reflected(data: dict) -> tuple[dict, list[Finding]]:
+def reflected(data: dict[str, Any]) -> tuple[dict[str, Any], list[Finding]]:
     """A puppet's data with its mirror applied.
 
     Args:
@@ -70,7 +70,7 @@ class Reflection:
     def name(self, name: str) -> str:
         return twin_name(name, self.token, self.to)
 
-    def body(self, body: dict, path: Path = ()) -> dict:
+    def body(self, body: dict[str, Any], path: Path = ()) -> dict[str, Any]:
         out = body | {"name": self.name(body["name"])}
         if "parent" in body:
             out["parent"] = self.name(body["parent"])
@@ -86,7 +86,7 @@ class Reflection:
             out["inertia"] = self.signed(body["inertia"], signs, (*path, "inertia"))
         return out
 
-    def joint(self, joint: dict, path: Path = ()) -> dict:
+    def joint(self, joint: dict[str, Any], path: Path = ()) -> dict[str, Any]:
         out = dict(joint)
         if "name" in joint:
             out["name"] = self.name(joint["name"])
@@ -109,7 +109,7 @@ class Reflection:
                     out["twist"][side] = 0.0 - bound
         return out
 
-    def shape(self, shape: dict) -> dict:
+    def shape(self, shape: dict[str, Any]) -> dict[str, Any]:
         out = shape | {k: self.vector(shape[k]) for k in ("at", "from", "to") if k in shape}
         if "orientation" in shape:
             out["orientation"] = self.orientation(shape["orientation"])
@@ -117,7 +117,7 @@ class Reflection:
             out["scale"] = self.vector(shape.get("scale", [1.0, 1.0, 1.0]))
         return out
 
-    def orientation(self, orientation: dict) -> dict:
+    def orientation(self, orientation: dict[str, Any]) -> dict[str, Any]:
         """S R S: the axis of the rotation is a pseudo-vector."""
         if "quaternion" in orientation:
             return {"quaternion": self.rotation(orientation["quaternion"])}
@@ -128,20 +128,20 @@ class Reflection:
     def rotation(self, quaternion: list[float]) -> list[float]:
         return [quaternion[0], *self.pseudo(quaternion[1:])]
 
-    def string(self, string: dict, path: Path = ()) -> dict:
+    def string(self, string: dict[str, Any], path: Path = ()) -> dict[str, Any]:
         points = [self.point(a, (*path, "path", k)) for k, a in enumerate(string["path"])]
         return string | {"name": self.name(string["name"]), "path": points}
 
-    def spring(self, spring: dict, path: Path = ()) -> dict:
+    def spring(self, spring: dict[str, Any], path: Path = ()) -> dict[str, Any]:
         ends = [self.point(a, (*path, "between", k)) for k, a in enumerate(spring["between"])]
         return spring | {"name": self.name(spring["name"]), "between": ends}
 
-    def drive(self, drive: dict) -> dict:
+    def drive(self, drive: dict[str, Any]) -> dict[str, Any]:
         """A drive with the twins of its coordinates beside them."""
         twins = [self.name(o) + n[len(o) :] for n in drive["on"] if self.token in (o := _owner(n))]
         return drive | {"on": [*drive["on"], *(n for n in twins if n not in drive["on"])]}
 
-    def point(self, attachment: dict, path: Path = ()) -> dict:
+    def point(self, attachment: dict[str, Any], path: Path = ()) -> dict[str, Any]:
         out = dict(attachment)
         if "body" in attachment:
             out["body"] = self.name(attachment["body"])
@@ -165,13 +165,13 @@ class Reflection:
             out[self.name(owner) + key[len(owner) :]] = value
         return out
 
-    def vector(self, vector: list, path: Path = ()) -> list:
+    def vector(self, vector: list[Any], path: Path = ()) -> list[Any]:
         return self.signed(vector, self.signs, path)
 
-    def pseudo(self, vector: list) -> list:
+    def pseudo(self, vector: list[Any]) -> list[Any]:
         return self.signed(vector, tuple(-s for s in self.signs), ())
 
-    def signed(self, numbers: list, signs: tuple[int, ...], path: Path) -> list:
+    def signed(self, numbers: list[Any], signs: tuple[int, ...], path: Path) -> list[Any]:
         out = []
         for k, (number, sign) in enumerate(zip(numbers, signs, strict=True)):
             if sign < 0 and isinstance(number, dict):

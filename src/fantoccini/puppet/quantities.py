@@ -57,7 +57,7 @@ QUANTITIES = {
 }
 
 
-def bounded(kind: str, sign: str):
+def bounded(kind: str, sign: str) -> Any:
     """A check of sign and size; words and None pass.
 
     Args:
@@ -93,13 +93,13 @@ def _schema(kind: str, sign: str) -> dict[str, Any]:
     return {"type": "number", "minimum": lowest, "maximum": quantity.most}
 
 
-def _plain(kind: str, sign: str = "any"):
+def _plain(kind: str, sign: str = "any") -> Any:
     """A number that cannot be a parameter."""
     schema = WithJsonSchema(_schema(kind, sign))
     return Annotated[float, BeforeValidator(read_real), bounded(kind, sign), schema]
 
 
-def _number(kind: str, sign: str = "any"):
+def _number(kind: str, sign: str = "any") -> Any:
     """A number, or a parameter with one."""
     schema = WithJsonSchema(_schema(kind, sign))
     return Annotated[
@@ -113,7 +113,7 @@ def _number(kind: str, sign: str = "any"):
 _ANGLE_TEXT = {"type": "string", "pattern": "^[-+.0-9eE]+ *(deg|rad)$"}
 
 
-def _angle_or(kind: str):
+def _angle_or(kind: str) -> Any:
     """An angle with or without a unit, or a number of another kind."""
     schema = WithJsonSchema({"anyOf": [_schema(kind, "any"), _ANGLE_TEXT]})
     return Annotated[float, BeforeValidator(read_angle), bounded(kind, "any"), schema]

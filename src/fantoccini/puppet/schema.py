@@ -281,7 +281,7 @@ class Puppet(Model):
             found += check.massless_joints(puppet.bodies, puppet.mirror)
             found += check.twins(dump.plain(puppet))
         found += wide
-        if found or located.mistakes:
+        if puppet is None or found or located.mistakes:
             raise located.error(found, PuppetError)
         puppet._origin = Origin(located.file, located.folder, written.name_lines(plain, located))
         return puppet
@@ -352,7 +352,9 @@ class Puppet(Model):
         plain = dump.plain(self)
         plain["strings"] = chained(plain.get("strings", []), chain)
         origin = self._origin
-        names = {("strings", i): string.name for i, string in enumerate(self.strings)}
+        names: dict[tuple[str | int, ...], str] = {
+            ("strings", i): string.name for i, string in enumerate(self.strings)
+        }
         lines = {path: origin.lines[n] for path, n in names.items() if n in origin.lines}
         context = Located(None, origin.file, origin.folder, lines)
         puppet = Puppet.model_validate(plain, context=context)

@@ -250,7 +250,7 @@ class Orientation(Model):
             for axis, angle in zip(np.eye(3), self.rpy, strict=True):
                 matrix = _turn(axis, angle) @ matrix
             return matrix
-        return _turn(np.array(self.axis), self.angle)
+        return _turn(np.array(self.axis), self.angle or 0.0)
 
 
 def _turn(axis: np.ndarray, angle: float) -> np.ndarray:

@@ -15,7 +15,7 @@ _MANY_NAMES = 400
 _MOST_HINTS = 50
 
 
-def parameters(data: Any) -> Iterator[tuple[Path, dict]]:
+def parameters(data: Any) -> Iterator[tuple[Path, dict[str, Any]]]:
     """Every ``{parameter: ..., value: ...}`` with its place, in file order."""
     stack: list[tuple[Path, Any]] = [((), data)]
     while stack:
@@ -28,7 +28,7 @@ def parameters(data: Any) -> Iterator[tuple[Path, dict]]:
             stack.extend(((*path, k), v) for k, v in reversed(list(enumerate(value))))
 
 
-def name_lines(data: dict, located: Located) -> dict[str, int]:
+def name_lines(data: dict[str, Any], located: Located) -> dict[str, int]:
     """Line of every name, for messages that come later."""
     places = [(name, located.line(path)) for name, path in named(data)]
     return {name: line for name, line in places if line is not None}
@@ -39,7 +39,7 @@ def is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
-def items(data: Any, key: str) -> list[tuple[int, dict]]:
+def items(data: Any, key: str) -> list[tuple[int, dict[str, Any]]]:
     """The mappings in a list under a key, with their places."""
     section = data.get(key) if isinstance(data, dict) else None
     if not isinstance(section, list):
@@ -53,7 +53,7 @@ def word(item: Any, key: str) -> str | None:
     return value if isinstance(value, str) else None
 
 
-def named(data: dict) -> Iterator[tuple[str, Path]]:
+def named(data: dict[str, Any]) -> Iterator[tuple[str, Path]]:
     """Names of bodies, joints that have their own, strings, springs, obstacles; and where."""
     for key in _SECTIONS:
         for i, item in items(data, key):
@@ -78,15 +78,16 @@ class Written:
         joint_of: body -> the name of its joint.
     """
 
-    def __init__(self, data: dict):
-        self.data, self.found, self._hints = data, [], 0
+    def __init__(self, data: dict[str, Any]):
+        self.data, self._hints = data, 0
+        self.found: list[tuple[Path, str]] = []
         self.owner: dict[str, Path] = {}
         rule = data.get("mirror")
-        token = word(rule, "from") or word(rule, "from_")
-        self.rule = (token, word(rule, "to")) if token and word(rule, "to") else None
+        token, twin = word(rule, "from") or word(rule, "from_"), word(rule, "to")
+        self.rule = (token, twin) if token and twin else None
         self.bodies = {n: i for i, b in items(data, "bodies") if (n := word(b, "name"))}
         self.known = set(self.bodies) | {self.twin(n) for n in self.bodies}
-        self.joint_of = {}
+        self.joint_of: dict[str, str] = {}
         for _, body in items(data, "bodies"):
             name, joint = word(body, "name"), word(body.get("joint"), "name")
             if name is not None and joint is not None:

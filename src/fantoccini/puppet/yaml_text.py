@@ -61,7 +61,7 @@ class Text:
 class _Open:
     """A mapping or a list whose end has not been read yet."""
 
-    value: dict | list
+    value: Any
     path: Path
     anchor: str | None
     size: int = 1
@@ -143,7 +143,7 @@ class _Reader:
             )
         self.put(value, self.place(line), size)
 
-    def open(self, event: Any, value: dict | list, line: int) -> None:
+    def open(self, event: Any, value: dict[str, Any] | list[Any], line: int) -> None:
         self.refuse_tag(event, line)
         if self.expects_key():
             raise Unreadable(line, self.here(), "a key must be a word, not a mapping or a list")

@@ -255,7 +255,7 @@ def trajectory_of_samples(
         **{name: part[name] for name in ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")},
         tension=Columns(strings, tension, "string"),
         limit_force=Columns(limits, part["tension"][:, n_strings:], "limit"),
-        taut=Columns(strings, part["taut"][:, :n_strings] > 0, "string"),
+        taut=Columns(strings, np.asarray(part["taut"][:, :n_strings], dtype=bool), "string"),
         ledger=Columns(LEDGER, ledger_of(part), "entry"),
         events=tuple(_event(tree, event) for event in events),
         status=status,
@@ -284,7 +284,7 @@ def ledger_of(part: Mapping[str, Array]) -> Array:
 
 def _event(tree: Tree, event: Array) -> EventRecord:
     at = {part.name: float(value) for part, value in zip(contract.EVENT, event, strict=True)}
-    kind, index = _KINDS[int(at["kind"])], int(at["row"])
+    kind, index = _KINDS[contract.EventCode(int(at["kind"]))], int(at["row"])
     if index >= len(tree.strings):
         kind = _LIMIT_KINDS.get(kind, kind)
     name = tree.blamable[index] if index >= 0 else ""

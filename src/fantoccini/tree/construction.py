@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterable
 from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 from pydantic import BaseModel
@@ -58,11 +60,11 @@ class _Grower:
                 part[mark:] = [_prefixed(row, prefix) for row in part[mark:]]
 
     @property
-    def parts(self) -> tuple[list, ...]:
+    def parts(self) -> tuple[list[Any], ...]:
         """The lists whose rows may hold parameters."""
         return self.joints.links, self.strings, self.springs, self.chains, self.joints.drives
 
-    def body(self, body: Body, parent: int, pose: dict, prefix: str) -> int:
+    def body(self, body: Body, parent: int, pose: dict[str, Any], prefix: str) -> int:
         joint = body.joint
         joint_name = joint.name or body.name
         name = prefix + joint_name
@@ -85,8 +87,8 @@ class _Grower:
         self.joint_limits(joint, name, index)
         return index
 
-    def joint_limits(self, joint, name: str, link: int) -> None:
-        def add(side: str, bound: float | None, a=None, b=None) -> None:
+    def joint_limits(self, joint: Any, name: str, link: int) -> None:
+        def add(side: str, bound: float | None, a: Any = None, b: Any = None) -> None:
             if bound is not None:
                 self.limits.append(LimitRow(f"{name}.{side}", link, side, bound, a, b))
 
@@ -104,7 +106,9 @@ class _Grower:
             add("twist.lower", joint.twist.lower, None, np.array(b))
             add("twist.upper", joint.twist.upper, None, np.array(b))
 
-    def string(self, string: String, place: dict[str, int], pose: dict, prefix: str) -> None:
+    def string(
+        self, string: String, place: dict[str, int], pose: dict[str, Any], prefix: str
+    ) -> None:
         points = tuple(
             self.driven_end(string.name, a, prefix) if a.driven else _point(a, place)
             for a in string.path
@@ -137,8 +141,8 @@ class _Grower:
         )
 
     def chain(
-        self, string: String, ends: tuple, length: Number | None, length_index, role: Role,
-        prefix: str,
+        self, string: String, ends: tuple[Any, ...], length: Number | None, length_index: Any,
+        role: Role, prefix: str,
     ) -> None:  # fmt: skip
         """A string as masses, hand.1 to hand.7, and springs; they are placed when all is there."""
         chain, masses = string.chain, []
@@ -199,7 +203,7 @@ def grow(world: World) -> Tree:
     return replace(tree, coordinates=replace(table, start_D=start_D))
 
 
-def _prefixed(part, prefix: str):
+def _prefixed(part: Any, prefix: str) -> Any:
     """The same part of a tree with its parameters' names preceded by the puppet's."""
     if isinstance(part, Parameter):
         return Parameter.model_construct(parameter=prefix + part.parameter, value=part.value)
@@ -215,7 +219,7 @@ def _prefixed(part, prefix: str):
     return part
 
 
-def _parents_first(bodies) -> list[Body]:
+def _parents_first(bodies: Iterable[Body]) -> list[Body]:
     children: dict[str, list[Body]] = {}
     for body in bodies:
         children.setdefault(body.parent, []).append(body)
@@ -228,7 +232,7 @@ def _parents_first(bodies) -> list[Body]:
     return order
 
 
-def _start(joint: str, pose: dict) -> dict[str, float]:
+def _start(joint: str, pose: dict[str, Any]) -> dict[str, float]:
     """Suffix of a joint's configuration number -> its value in the pose, where it has one."""
     own = [key for key in pose if key == joint or key.startswith(f"{joint}.")]
     found = {key[len(joint) :]: pose[key] for key in own}
@@ -257,7 +261,7 @@ def _lumps(body: Body) -> tuple[Lump, ...]:
     return tuple(lumps)
 
 
-def _six(inertia) -> tuple[Number, ...]:
+def _six(inertia: Any) -> tuple[Number, ...]:
     return tuple(inertia) if len(inertia) == 6 else (*inertia, 0.0, 0.0, 0.0)
 
 

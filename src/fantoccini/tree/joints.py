@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -49,7 +50,13 @@ class Table:
         self.commands: dict[str, str] = {}
 
     def add(
-        self, owner: str, kind: str, role: Role, q: tuple[str, ...], v: tuple[str, ...], start: list
+        self,
+        owner: str,
+        kind: str,
+        role: Role,
+        q: tuple[str, ...],
+        v: tuple[str, ...],
+        start: list[Any],
     ) -> tuple[slice, slice]:
         """Places of coordinates of one role.
 
@@ -142,17 +149,17 @@ class Joints:
     def end(self, string: str, axes: tuple[str, ...], at: tuple[float, float, float]) -> int:
         """Adds the massless body at a string's driven end, on driven world axes; its index."""
         start = {f".{a}": x for a, x in zip(AXES, at, strict=True)}
-        offset = tuple(0.0 if a in axes else x for a, x in zip(AXES, at, strict=True))
+        x, y, z = (0.0 if a in axes else x for a, x in zip(AXES, at, strict=True))
         parent = WORLD
         parts = list(self._parts(string, "translation", axes, True))
         for n, (kind, own, role) in enumerate(parts, 1):
             name = f"{string}.end" if n == len(parts) else f"{string}.carriage{n}"
             link = replace(
-                carriage(name, string), parent=parent, kind=kind, role=role, offset=offset,
+                carriage(name, string), parent=parent, kind=kind, role=role, offset=(x, y, z),
                 axes=columns(own, None),
             )  # fmt: skip
             parent = self.add(link, kind, own, start)
-            offset = (0.0, 0.0, 0.0)
+            x = y = z = 0.0
         return parent
 
     def length(self, string: str, start: float) -> tuple[Role, tuple[int, int]]:
@@ -245,7 +252,7 @@ def columns(axes: tuple[str, ...], axis: tuple[float, float, float] | None) -> n
     return np.eye(3)[:, [AXES.index(a) for a in axes]]
 
 
-def _driveable(names: tuple[tuple[str, ...], tuple[str, ...]]) -> Iterator[tuple]:
+def _driveable(names: tuple[tuple[str, ...], tuple[str, ...]]) -> Iterator[tuple[Any, ...]]:
     """What a drive may move: its suffix, and those of its configuration numbers and velocities."""
     q, v = names
     scalars = [s for s in q if s not in _QUATERNION]

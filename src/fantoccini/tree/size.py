@@ -65,8 +65,8 @@ def measure(tree: Tree, number: Value) -> Size:
             corners += [c for shape in link.shapes for c in shape_box(shape, poses[0, i])]
             if masses[i] > 0:
                 corners.append(poses[0, i, :, :3] @ com + poses[0, i, :, 3])
-    corners = np.array(corners or [np.zeros(3)])
-    low, high = corners.min(axis=0), corners.max(axis=0)
+    spread = np.array(corners or [np.zeros(3)])
+    low, high = spread.min(axis=0), spread.max(axis=0)
     tops = [
         place(poses, point, number)[0, 2]
         for string in (*tree.strings, *tree.chains)
