@@ -39,7 +39,7 @@ def test_no_plan_is_exit_code_one() -> None:
     )  # fmt: skip
     assert result.exit_code == 1
     assert "timeout" in result.stdout and "nearest" in result.stderr
-    assert "event-driven" not in result.stdout
+    assert "Verification" not in result.stdout
 
 
 @pytest.mark.parametrize(

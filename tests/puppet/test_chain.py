@@ -112,7 +112,7 @@ def test_pictures_draw_the_string_through_its_masses() -> None:
     still = Still(made.world, made.tree)
     x = still.start()
     x = x.replace(q_D=x.q_D + 0.01)
-    threads = scene_at(still, x, np.zeros(0)).threads(0)
+    threads = scene_at(still, x, np.zeros(0)).string_curves(0)
     assert [t.points.shape for t in threads] == [(5, 3), (5, 3)]
     assert np.allclose(threads[0].points[2], [0.01, 1.01, 0.51])
     assert threads[0].tension == max(threads[0].tension, 0.0)
