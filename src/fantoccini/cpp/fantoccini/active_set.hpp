@@ -21,8 +21,8 @@
 
 namespace fan {
 
-// Residuals |s| are relative to `terms`, the sum of the sizes of their terms; rounding there is some
-// 1e-15. The two that decide about consistency have the absolute `noise` of b added.
+// Residuals |s| are relative to `terms`, the sum of the sizes of their terms; rounding there is
+// some 1e-15. The two that decide about consistency have the absolute `noise` of b added.
 struct ActiveSetTolerances {
   // A row is violated above this: just above rounding.
   static constexpr double violated_residual = 1e-14;
@@ -32,16 +32,16 @@ struct ActiveSetTolerances {
   static constexpr double consistent_residual = 1e-10;
   // Rows that no multipliers satisfy together still count as consistent up to this.
   static constexpr double infeasible_residual = 1e-7;
-  // Distance of a column from the basis' span, relative to the column, below which the row depends on
-  // the basis: its multiplier |s| / distance^2 would magnify rounding 1e12 times.
+  // Distance of a column from the basis' span, relative to the column, below which the row depends
+  // on the basis: its multiplier |s| / distance^2 would magnify rounding 1e12 times.
   static constexpr double dependent_distance = 1e-6;
-  // The same for complete(): above it a row with x = 0 may join, well conditioned; below it a row that
-  // holds is idle or pinned.
+  // The same for complete(): above it a row with x = 0 may join, well conditioned; below it a row
+  // that holds is idle or pinned.
   static constexpr double independent_distance = 1e-3;
   // The same for LeastNorm: farther rows keep their tension, as sharing it would change the motion.
   static constexpr double sharing_distance = 1e-9;
-  // Distance from the span, relative to the largest column, below which a row depends, too: it moves
-  // nothing.
+  // Distance from the span, relative to the largest column, below which a row depends, too: it
+  // moves nothing.
   static constexpr double negligible_column = 1e-9;
   // Change of a multiplier per unit of the one that is raised: a smaller one is rounding.
   static constexpr double negligible_rate = 1e-13;

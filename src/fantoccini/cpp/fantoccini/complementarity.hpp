@@ -3,12 +3,12 @@
 //   s = G x - b,   s_i >= 0 where x_i = lower_i,   s_i = 0 where lower_i < x_i < upper_i,
 //   s_i <= 0 where x_i = upper_i                      (G = A_D M^-1 A_D^T)
 //
-// Block principal pivoting (Judice and Pires) that falls back to one row a round, the last wrong one
-// (Murty), and so ends for every positive definite G. Where rows are nearly redundant, G's diagonal is
-// raised by eps times its largest entry, so that they have a solution too: as eps goes to 0 it becomes
-// the one of least norm (Tikhonov). The pivots are chosen for the raised G; refinement against G itself
-// then removes the error of eps from the active rows.
-// active_set.hpp solves the same problem exactly, one trajectory at a time.
+// Block principal pivoting (Judice and Pires) that falls back to one row a round, the last wrong
+// one (Murty), and so ends for every positive definite G. Where rows are nearly redundant, G's
+// diagonal is raised by eps times its largest entry, so that they have a solution too: as eps goes
+// to 0 it becomes the one of least norm (Tikhonov). The pivots are chosen for the raised G;
+// refinement against G itself then removes the error of eps from the active rows. active_set.hpp
+// solves the same problem exactly, one trajectory at a time.
 #pragma once
 
 #include "elementary.hpp"
@@ -21,22 +21,22 @@ struct ComplementarityTolerances {
   static constexpr double raise = 1e-10;
   // Raises tried one after the other where pivoting does not settle with that.
   static constexpr double firmer_raises[] = {1e-4, 1e-2};
-  // A lane is raised if one of its pivots is below this many raises. A firmer raise thus raises nearly
-  // all lanes.
+  // A lane is raised if one of its pivots is below this many raises. A firmer raise thus raises
+  // nearly all lanes.
   static constexpr double firm_pivot = 1e4;
-  // How far x may pass a bound, relative to the largest |x|, and s may have the wrong sign, relative to
-  // its terms.
+  // How far x may pass a bound, relative to the largest |x|, and s may have the wrong sign,
+  // relative to its terms.
   static constexpr double pivoting = 1e-13;
   // Residual of an active row, relative to its terms, that needs no refinement: two roundings.
   static constexpr double refined_residual = 4e-16;
   // A pivot is at least the sum of these shares of the raise and of its diagonal entry, and an
   // absolute part [1/kg]: the factor stays finite.
   static constexpr double pivot_floor[] = {1e-2, 1e-16, 1e-300};
-  static constexpr double smallest_diagonal = 1e-30;  // 1/kg: least size that G's raise is relative to
+  static constexpr double smallest_diagonal = 1e-30;  // 1/kg: the raise is relative to at least this
   // Rounds of block pivoting that may leave no fewer wrong rows, before one row a round is changed.
   static constexpr double patience = 3.0;
-  // Speed (m/s or rad/s) at which a row opens in lanes in which it takes no part. VariationalStep also
-  // uses the number as a size that no squared residual reaches.
+  // Speed (m/s or rad/s) at which a row opens in lanes in which it takes no part. VariationalStep
+  // also uses the number as a size that no squared residual reaches.
   static constexpr double excluded_speed = 1e30;
 
   // Most rounds of pivoting for n rows.
@@ -103,8 +103,8 @@ struct Complementarity {
 
   // Solves the problem from the guess in `active` and `high`. tolerance is relative to the largest
   // |x| and to the size of the terms of each s. Returns the lanes that were solved; a lane with NaN
-  // counts as solved. `again`: n and G are those of the last call, whose factor is used again as long
-  // as the active rows are the same.
+  // counts as solved. `again`: n and G are those of the last call, whose factor is used again as
+  // long as the active rows are the same.
   FAN_FN Mask solve(
       double eps, int max_refinements, double tolerance, int max_iterations, bool again = false) {
     using std::abs;
@@ -148,8 +148,9 @@ struct Complementarity {
   }
 
  private:
-  // Raises the lanes in which a pivot is small, and keeps them raised: pivoting ends for one matrix,
-  // not for two that alternate. The other lanes are solved to rounding and need no refinement.
+  // Raises the lanes in which a pivot is small, and keeps them raised: pivoting ends for one
+  // matrix, not for two that alternate. The other lanes are solved to rounding and need no
+  // refinement.
   FAN_FN void factorise_as_needed(double eps) {
     if (standing_ && stands()) return;
     choose();
@@ -225,8 +226,8 @@ struct Complementarity {
     for (int i = 0; i < n; ++i) x[i] = select(active[i], x[i], known[i]);
   }
 
-  // Refines x in the lanes `where` until the residuals are rounding, at most `most` times. On entry s
-  // must be that of x.
+  // Refines x in the lanes `where` until the residuals are rounding, at most `most` times. On entry
+  // s must be that of x.
   FAN_FN void refine(int most, const Mask& where) {
     using std::abs;
     if (!any(where)) return;
@@ -243,8 +244,8 @@ struct Complementarity {
     }
   }
 
-  // s, and the size of its terms. Active rows, whose s is 0 up to rounding and the raise, only in the
-  // lanes `also`.
+  // s, and the size of its terms. Active rows, whose s is 0 up to rounding and the raise, only in
+  // the lanes `also`.
   FAN_FN void residuals(const Mask& also) {
     using std::abs;
     int pulls[N], n_pulls = 0;

@@ -17,8 +17,8 @@ template <class Set>
 struct LeastNorm {
   static constexpr int C = Set::C;
 
-  // Replaces x of a solved and completed (or adopted) problem by the least-norm one; keeps it if that
-  // is not found.
+  // Replaces x of a solved and completed (or adopted) problem by the least-norm one; keeps it if
+  // that is not found.
   void apply(Set& set) {
     n_null_ = 0;
     for (int i = 0; i < set.n; ++i)
