@@ -18,8 +18,8 @@
 namespace fan {
 
 struct FlowTolerances {
-  // -h up to which a row counts as closed, relative to its scale (row_scale). Smaller gaps and
-  // overlaps are left as they are: where rows are nearly dependent, as strings along one another,
+  // -h up to which a row counts as closed, relative to its scale (row_scale). Smaller overlaps of
+  // rows that are not held stay: where rows are nearly dependent, as strings along one another,
   // closing them would move the puppet many times as far.
   static constexpr double closed_gap = 5e-13;
   // |hddot| at which a redundant row no longer follows from the held ones, relative to hddot_scale.

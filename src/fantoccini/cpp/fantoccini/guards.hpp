@@ -20,7 +20,7 @@ struct GuardTolerances {
   // roundings.
   static constexpr double open_gap = 2e-15;
   // h, likewise, above which a row that is not armed is caught. Also the tolerance of heights
-  // inside a step, and of held rows beside winches that can slip.
+  // inside a step, and of held rows if any winch can slip.
   static constexpr double caught_height = 1e-13;
   // m/s or rad/s: a row that is not armed closes only if faster; a slipping string is armed once it
   // slips faster than its winch winds by this.
@@ -200,7 +200,7 @@ struct Guards {
   }
 
   // Where the cubic through (0, h0, d0), (s, h1, d1) has a maximum above zero, or below it by no
-  // more than a tenth of its rise above the ends, the cubic's own error.
+  // more than a tenth of its rise above the ends.
   static double peak_time(double h0, double d0, double h1, double d1, double s, double tolerance) {
     // h(x) = h0 + s d0 x + b x^2 + a x^3 with x = time / s.
     const double a = 2 * (h0 - h1) + s * (d0 + d1), b = 3 * (h1 - h0) - s * (2 * d0 + d1);
