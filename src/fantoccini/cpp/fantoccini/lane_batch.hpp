@@ -106,7 +106,7 @@ class LaneDrive {
   Real coef_[room(Space::n_v * n_powers)], base_[room(Space::n_q)], force_[room(n_vD * n_powers)];
 };
 
-// Bundle is what advances the bundle: FixedLanes or VariationalTrajectory.
+// Bundle advances one trajectory per lane: FixedLanes or VariationalTrajectory.
 template <class Bundle>
 class LaneBatch {
   using Model = typename Bundle::Model;
@@ -128,7 +128,7 @@ class LaneBatch {
   static constexpr int M = Model::n_rows, D = Model::n_watched;
   static constexpr int steps_per_report = 64;  // between two looks at the pool
 
-  // Places beyond the last trajectory repeat it and are not written.
+  // Lanes beyond the last trajectory repeat it and are not written.
   void begin(const BatchArrays& in, long long first, int n) {
     first_ = first;
     n_ = n;
