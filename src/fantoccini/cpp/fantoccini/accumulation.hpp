@@ -12,7 +12,7 @@ struct Accumulation {
   double times[kept] = {};
   int n = 0;
 
-  // Books a catch.
+  // Adds the time of a catch.
   void watch(double t) {
     if (n == kept) {
       for (int i = 1; i < kept; ++i) times[i - 1] = times[i];

@@ -1,15 +1,15 @@
-// How the active set at an instant is sought: by one attempt after another, until it holds together.
+// How the active set at an instant is found: by one attempt after another, until one is consistent.
 //
-// The active set follows from tensions and accelerations alone while rows at rest are at rest
-// together. Redundant strings may not be: where their lengths contradict one another by some 1e-9
-// m/s, tensions ask for all of them, velocities for all but one, and the set would change without
-// end. Winches that slip can give way. Then all rows are decided together by one implicit step of
-// length d,
+// The active set follows from tensions and accelerations alone if rows at rest can be at rest
+// together. Redundant strings may not be: if their lengths contradict one another by some 1e-9 m/s,
+// all must hold by their tensions but all except one by their velocities, and the set would change
+// without end. Winches that can slip resolve this: one implicit step of length d decides all rows
+// together,
 //
 //   hdot + d hddot <= 0,   0 <= tension <= largest,   complementary,
 //
-// whose tensions and rates agree with one another. A shorter step sees less of what comes after the
-// instant; a longer one suffers less from rounding.
+// with tensions and rates that agree. A shorter step depends less on what comes after the instant;
+// a longer one suffers less from rounding.
 #pragma once
 
 #include "active_set.hpp"

@@ -71,7 +71,7 @@ struct Contact {
     });
   }
 
-  // Applies the impulse over the rows `closed` at (t, y) and books its work. The flow's evaluation
+  // Applies the impulse over the rows `closed` at (t, y) and adds its work. The flow's evaluation
   // must be that of (t, y).
   Status strike(F& f, const bool* closed) {
     int list[room(M)], n = 0;

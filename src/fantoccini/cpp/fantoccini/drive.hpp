@@ -1,5 +1,5 @@
-// Driven coordinates as the pieces of an input; before the first break and after the last they stand
-// still.
+// Driven coordinates as the pieces of an input. Before its first break and after its last they do
+// not move.
 #pragma once
 
 #include <algorithm>

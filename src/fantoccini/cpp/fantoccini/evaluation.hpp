@@ -23,7 +23,7 @@ struct Evaluation {
   Real h[room(S)], hdot[room(S)] = {}, gamma[room(S)] = {}, a0[room(S)] = {}, hdot_K[room(S)] = {};
   Real h_limit[room(K)], J_limit[room(3 * K)], gamma_limit[room(K)] = {};
   Real power0, M_DK_v_K[room(N)], loss;
-  Real f_M[room(Model::n_motors)], y_M[room(Model::n_motors)];  // of a step's motors: force f_M - y_M dv
+  Real f_M[room(Model::n_motors)], y_M[room(Model::n_motors)];  // force of a step: f_M - y_M dv
 
   FAN_FN void at(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,

@@ -1,7 +1,7 @@
 // Drives whose motor may be too weak for its commands, checked after every step:
 //
-//   a stepper loses a step where it lags by more than half a period of its torque behind the tooth it
-//   holds: beyond that, the torque turns it to the next one;
+//   a stepper loses a step where it lags by more than half a period of its torque behind the tooth
+//   that it holds: beyond that, the torque turns it to the next one;
 //   a drive runs away where it is farther than runaway_distance outside of all commands since the
 //   run began, with its motor out of step or at its bound; beyond gone_distance the run ends.
 //

@@ -42,7 +42,7 @@ struct TimeSteppingTrajectory {
   FAN_FN void take_inputs() { inputs_at_ = 1 - inputs_at_; }
 
   // Begins at state(), at.slip and the present inputs. The tensions of the start are those of the
-  // first step, tried and taken back.
+  // first step, which is made and undone.
   FAN_FN void begin() {
     const Mask no = Real(0.0) > Real(1.0);
     work = damping = impact = slip_loss = worst_violation = Real(0.0);
