@@ -28,8 +28,8 @@
 namespace fan {
 
 struct TimeSteppingTolerances {
-  // m or rad: once a row was overstepped by more, a step may move less far. Such an input cannot be
-  // followed, or not by steps of this length.
+  // m or rad: once a row was overstepped by more, a step may move less far. The inputs then cannot
+  // be followed, or not by steps of this length, or the start was violated as much.
   static constexpr double stirred_violation = 1e-3;
   // How far a coordinate may turn (rad) and move (m) in a step, afterwards.
   static constexpr double max_turn_per_step = 0.5, max_move_per_step = 5.0;
