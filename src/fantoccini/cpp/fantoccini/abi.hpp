@@ -14,17 +14,19 @@ using AnyRun = ModelRun<Model>;
 
 // --- an event-driven run whose steps an external integrator makes (external_integrator.hpp) ------
 //
-// y = (q_D, v_D, work, loss, slip loss). What comes back is a status.
+// y = (q_D, v_D, work, loss, slip loss). Functions that return int return a status.
 
-// Sets how large the integrator's errors in a row's h may be, where it has just been released and
-// where it is redundant (Guards::noise, afield).
+// Sets how large the integrator's errors in a row's h may be, relative to its scale: `noise` for
+// rows just released or caught (Guards::noise, Contact::hop), `afield` for redundant ones
+// (Guards::afield).
 FAN_EXPORT void fan_set_noise(void* handle, double noise, double afield) {
   auto& run = static_cast<fan::AnyRun*>(handle)->event;
   run.guards.noise = run.contact.hop = noise;
   run.guards.afield = afield;
 }
 
-// How far the flow is smooth from the present time, at most to t_end; a break there is dealt with.
+// Handles a break at the present time, and sets `end` to the time until which the flow is smooth,
+// at most t_end.
 FAN_EXPORT int fan_stretch(
     void* handle, double t_end, double* end, fan::Record<fan::Model>* out) {
   return static_cast<fan::AnyRun*>(handle)->event.stretch(t_end, end, *out);
@@ -43,13 +45,13 @@ FAN_EXPORT int fan_settle(void* handle, double t, double* y) {
   return static_cast<fan::AnyRun*>(handle)->event.settle(t, y);
 }
 
-// Takes (t, y), which a step has reached.
+// Accepts (t, y) as the end of a step. Call fan_save for all times to save before t first.
 FAN_EXPORT int fan_accept(
     void* handle, double t, const double* y, fan::Record<fan::Model>* out) {
   return static_cast<fan::AnyRun*>(handle)->event.accept_reached(t, y, *out);
 }
 
-// Deals with the guards that are positive at the present state.
+// Handles the event at the present state.
 FAN_EXPORT int fan_react(void* handle, fan::Record<fan::Model>* out) {
   return static_cast<fan::AnyRun*>(handle)->event.react(*out);
 }

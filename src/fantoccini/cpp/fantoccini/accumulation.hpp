@@ -1,18 +1,18 @@
 // Accumulations of catches (Zeno): strings that share a body are caught in turn, each catch
 // loosening the others, at intervals that shrink geometrically. The sequence ends where a loosened
-// row is slower than max_rest_speed (contact.hpp) and is held; this recognises that it was one.
+// row is slower than max_rest_speed (attempts.hpp) and is held; this recognises such a sequence.
 #pragma once
 
 namespace fan {
 
 struct Accumulation {
-  static constexpr int kept = 6;  // catches looked back at: four intervals that follow on another
-  static constexpr double max_ratio = 0.98;  // of an interval to the one before it
+  static constexpr int kept = 6;  // catches: five intervals, four of which follow one of them
+  static constexpr double max_ratio = 0.98;  // of an interval that has shrunk to the one before it
 
   double times[kept] = {};
   int n = 0;
 
-  // Books a catch.
+  // Adds the time of a catch.
   void watch(double t) {
     if (n == kept) {
       for (int i = 1; i < kept; ++i) times[i - 1] = times[i];
@@ -21,7 +21,7 @@ struct Accumulation {
     times[n++] = t;
   }
 
-  // Whether the last four intervals between catches have each shrunk.
+  // Whether each of the last four intervals between catches is shorter than the one before it.
   bool shrinking() const {
     if (n < kept) return false;
     for (int i = 2; i < kept; ++i)

@@ -21,26 +21,29 @@
 
 namespace fan {
 
-// Residuals s are relative to the size of the terms they are sums of, where rounding is some 1e-15.
+// Residuals |s| are relative to `terms`, the sum of the sizes of their terms; rounding there is
+// some 1e-15. The two that decide about consistency have the absolute `noise` of b added.
 struct ActiveSetTolerances {
-  // |s| from which a row is violated: just above rounding.
+  // A row is violated above this: just above rounding.
   static constexpr double violated_residual = 1e-14;
-  // |s| up to which a row without multiplier that is independent of the basis joins it.
+  // A row with x = 0 joins the basis up to this, if it is independent of it.
   static constexpr double joining_residual = 1e-12;
-  // |s| up to which a row that depends on the basis holds with it: the basis may be ill-conditioned.
+  // A row that depends on the basis holds with it up to this: the basis may be ill-conditioned.
   static constexpr double consistent_residual = 1e-10;
-  // |s| up to which rows that no multipliers satisfy together count as consistent after all.
+  // Rows that no multipliers satisfy together still count as consistent up to this.
   static constexpr double infeasible_residual = 1e-7;
-  // Distance of a column from the basis' span, relative to the column: rows that differ by less are
-  // held apart by rounding alone.
+  // Distance of a column from the basis' span, relative to the column, below which the row depends
+  // on the basis: its multiplier |s| / distance^2 would magnify rounding 1e12 times.
   static constexpr double dependent_distance = 1e-6;
-  // The same, above which a row without multiplier may join: well conditioned.
+  // The same for complete(): above it a row with x = 0 may join, well conditioned; below it a row
+  // that holds is idle or pinned.
   static constexpr double independent_distance = 1e-3;
-  // The same for tensions to be shared with the basis (LeastNorm).
+  // The same for LeastNorm: farther rows keep their tension, as sharing it would change the motion.
   static constexpr double sharing_distance = 1e-9;
-  // Distance from the span, relative to the largest column: a row that moves nothing.
+  // Distance from the span, relative to the largest column, below which a row depends, too: it
+  // moves nothing.
   static constexpr double negligible_column = 1e-9;
-  // Rate of a multiplier per unit of the one that is raised: smaller ones never meet a bound.
+  // Change of a multiplier per unit of the one that is raised: a smaller one is rounding.
   static constexpr double negligible_rate = 1e-13;
   // How far a multiplier may pass its bound, relative to the largest, before its row leaves.
   static constexpr double bound_excess = 1e-12;
@@ -56,7 +59,7 @@ struct ActiveSet {
   int n = 0, dim = n_dimensions;
   double noise = 0.0;  // of b: dependent rows need not agree any better
   const double* column[C];
-  double b[C], upper[C];
+  double b[C], upper[C];  // solve() sets b below `negligible` to 0
   bool two_sided[C];
   Place place[C];  // on entry the guess
   double x[C], s[C];
@@ -78,7 +81,7 @@ struct ActiveSet {
     return Solved::UNSETTLED;
   }
 
-  // Takes x and the places as they are: a solution found elsewhere.
+  // Takes x and the places from a solution found elsewhere; makes the basis, but no s.
   void adopt() {
     bool basic[C];
     measure();
@@ -94,8 +97,8 @@ struct ActiveSet {
     return fabs(s[i]) <= Tolerance::consistent_residual * terms[i] + noise;
   }
 
-  // Takes every row that holds into the basis or, where it depends on the basis, calls it idle or
-  // pinned. A row without tension joins the basis only if it `stays`. To be called after solve().
+  // Takes every row that holds into the basis or, where it depends on the basis, marks it idle or
+  // pinned. A row with x = 0 joins the basis only if it `stays`. Call it after solve().
   void complete(const bool* stays) {
     bool wanted[C];
     for (int i = 0; i < n; ++i)
@@ -233,7 +236,7 @@ struct ActiveSet {
     return worst;
   }
 
-  // x of the basis anew, without what the rounds have gathered. False where a row had to leave.
+  // Computes x of the basis again, free of the rounds' rounding. False if a row had to leave.
   bool polish() {
     fit();
     double largest = 0.0;

@@ -1,6 +1,6 @@
-// Many trajectories: what they start from, where their rows go, and the pool that workers take
-// them from. Any number of threads may work on one pool; a trajectory's result depends on nothing
-// but its own start and inputs.
+// Many trajectories: their starts and inputs, where their rows are written, and the pool that
+// workers take them from. Any number of threads may work on one pool; a trajectory's result depends
+// on nothing but its own start and inputs.
 #pragma once
 
 #include <atomic>
@@ -17,7 +17,7 @@ inline const double* of(const Shared& shared, long long i) {
   return shared.first ? shared.first + i * shared.stride : nullptr;
 }
 
-// The input of trajectory i. Shorter inputs are filled up with pieces that last no time at their end.
+// The input of trajectory i, without the pieces of no duration that fill up shorter inputs.
 inline InputArrays input_of(const BatchArrays& in, long long i) {
   const double* times = of(in.breaks, i);
   int n = in.n_segments;
@@ -39,7 +39,7 @@ void put_part(
   }
 }
 
-// Writes a Record's row, from `from` on behind its time, as row `row` of trajectory `who`.
+// Writes a sample as row `row` of trajectory `who`; `from` points behind the sample's time.
 template <class Model>
 void put_row(const BatchArrays& in, long long who, long long row, const double* from) {
   for (int part = 0; part < Part::n; ++part) {
@@ -67,7 +67,7 @@ class Pool {
   void stop() { stop_.store(true); }
   bool stopped() const { return stop_.load(std::memory_order_relaxed); }
 
-  // Books `share` of a trajectory, 0 to 1, as done.
+  // Adds `share` of a trajectory, 0 to 1, to what is done.
   void advance(double share) { done_.fetch_add((long long)(share * units)); }
   double done() const { return double(done_.load()) / units; }  // trajectories
 
@@ -77,7 +77,7 @@ class Pool {
   std::atomic<bool> stop_{false};
 };
 
-// Has a new worker work on a pool; 1 where there is no memory for it.
+// Lets a new worker work on a pool; returns 1 if there is no memory for it, else 0.
 template <class Worker>
 int work_on(void* pool) {
   Worker* worker = new (std::nothrow) Worker();
@@ -89,7 +89,7 @@ int work_on(void* pool) {
 
 }  // namespace fan
 
-// A C interface of batches whose workers are of the type given.
+// The C interface of batches with workers of the given type.
 #define FAN_BATCHES(...)                                                                \
   FAN_EXPORT void* fan_batch_new(const fan::BatchArrays* arrays) {                      \
     return new (std::nothrow) fan::Pool(*arrays);                                       \

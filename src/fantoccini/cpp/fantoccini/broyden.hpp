@@ -1,6 +1,6 @@
-// Broyden's rank-one updates, kept as the steps they led to (Kelley, Iterative methods for linear
-// and nonlinear equations, 1995, section 7.3): makes an iteration that is nearly Newton's converge
-// as fast as Newton's does. Written for any Real.
+// Broyden's rank-one updates, stored as the steps made (Kelley, Iterative methods for linear and
+// nonlinear equations, 1995, section 7.3): they speed up an iteration that is nearly Newton's.
+// Written for any Real.
 #pragma once
 
 #include "manifold.hpp"
@@ -10,17 +10,18 @@ namespace fan {
 template <int n, class Real>
 struct Broyden {
   using Mask = typename Traits<Real>::Mask;
-  static constexpr int kept = 12;
+  static constexpr int kept = 12;  // steps; after that it starts anew
 
   FAN_FN void begin() { n_steps_ = 0; }
 
-  // Nothing that was learnt counts any more in these lanes.
+  // Drops all updates in these lanes.
   FAN_FN void forget(const Mask& lanes) {
     for (int j = 0; j < n_steps_; ++j)
       for (int k = 0; k < n; ++k) steps_[j][k] = select(lanes, Real(0.0), steps_[j][k]);
   }
 
-  // z is the step of the iteration itself; it becomes the one to make.
+  // Replaces z, the step of the plain iteration, by the step to make. The last update may lengthen
+  // it five times at most.
   FAN_FN void correct(Real* z) {
     if (n_steps_ == kept) n_steps_ = 0;
     for (int j = 0; j + 1 < n_steps_; ++j) {
@@ -37,7 +38,7 @@ struct Broyden {
   }
 
  private:
-  // Of z along a step, relative to the step.
+  // The component of z along step j, relative to the step.
   FAN_FN Real share(int j, const Real* z) const {
     Real sum[4] = {Real(0.0), Real(0.0), Real(0.0), Real(0.0)};
     for (int k = 0; k < n; ++k) sum[k % 4] += steps_[j][k] * z[k];

@@ -10,7 +10,7 @@
 
 namespace fan {
 
-constexpr int n_chords = 12;  // straight ones that stand for the curve
+constexpr int n_chords = 12;  // straight segments that replace the curve
 
 // ln(sinh(u) / u), and its slope.
 inline double log_sinhc(double u) {
@@ -23,12 +23,12 @@ inline double log_sinhc_slope(double u) {
   return 1.0 / std::tanh(u) - 1.0 / u;
 }
 
-// n_chords + 1 points (3,) from start to end of a thread that is longer than they are apart, in equal
-// steps of its length; one is moved to the lowest point.
+// n_chords + 1 points (3,) of a string from start to end, in equal steps of its length; one is
+// moved to the lowest point. length must be larger than the distance of start and end.
 inline void catenary(const double* start, const double* end, double length, double* points) {
   const double along[] = {end[0] - start[0], end[1] - start[1], end[2] - start[2]};
   const double flat = std::sqrt(along[0] * along[0] + along[1] * along[1]);
-  // Below this width the fold's two legs are one line.
+  // A narrower curve is a fold of two vertical legs.
   const double width = flat > 1e-9 * length ? flat : 1e-9 * length;
   const double span = std::sqrt(flat * flat + along[2] * along[2]);
   const double log_r = 0.5 * std::log1p((length - span) * (length + span) / (width * width));

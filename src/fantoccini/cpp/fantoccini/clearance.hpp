@@ -10,8 +10,8 @@
 namespace fan {
 
 struct ClearanceTolerances {
-  static constexpr double rounding = 1e-9;       // m: margin of bounds; overlap of solids that touch
-  static constexpr double min_slack = 1.0 + 1e-6;  // length over span from which a string sags
+  static constexpr double rounding = 1e-9;       // m: margin of bounds; depth of solids that touch
+  static constexpr double min_slack = 1.0 + 1e-6;  // length over span above which a string sags
   static constexpr double far = 1e30;            // m: nothing is measured
 };
 
@@ -123,7 +123,7 @@ class Clearance {
     const Real chord = measured(curve.straight, other, counts && !curve.slack, most());
     if (other.kind == HALF_SPACE || !any(curve.slack)) return chord;
     using std::sqrt;
-    // A string of this length stays this near to the chord, whatever its shape.
+    // Whatever its shape, the string lies within an ellipsoid with its ends as foci.
     const Real spare = curve.length * curve.length - curve.span * curve.span;
     const Real bound = chord - Real(0.5) * sqrt(select(curve.slack, spare, Real(0.0)));
     const auto needed = curve.slack && bound < most();
@@ -207,7 +207,7 @@ class Clearance {
   // The distance from which on a lower bound is enough.
   FAN_FN Real most() const { return select(least < Real(enough_), least, Real(enough_)); }
 
-  // `between`, but exact for meshes where that is less than `limit`, in lanes that count.
+  // `between`; for meshes the exact distance in lanes that count, if `between` is below `limit`.
   template <class Other>
   FAN_FN Real measured(
       const Placed<Real>& x, const Other& y, const Mask& counts, const Real& limit) const {

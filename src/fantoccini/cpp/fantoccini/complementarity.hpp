@@ -3,12 +3,12 @@
 //   s = G x - b,   s_i >= 0 where x_i = lower_i,   s_i = 0 where lower_i < x_i < upper_i,
 //   s_i <= 0 where x_i = upper_i                      (G = A_D M^-1 A_D^T)
 //
-// Block principal pivoting with a least-index fallback (Judice and Pires), which ends for every
-// positive definite G. Where rows are nearly redundant, G's diagonal is raised by eps times its
-// largest entry, so that they have a solution too: as eps goes to 0 it becomes the one of least norm
-// (Tikhonov). The pivots are chosen for the raised G; refinement against G itself then takes eps'
-// error from the free rows.
-// active_set.hpp solves the same problem exactly, one trajectory at a time.
+// Block principal pivoting (Judice and Pires) that falls back to one row a round, the last wrong
+// one (Murty), and so ends for every positive definite G. Where rows are nearly redundant, G's
+// diagonal is raised by eps times its largest entry, so that they have a solution too: as eps goes
+// to 0 it becomes the one of least norm (Tikhonov). The pivots are chosen for the raised G;
+// refinement against G itself then removes the error of eps from the active rows. active_set.hpp
+// solves the same problem exactly, one trajectory at a time.
 #pragma once
 
 #include "elementary.hpp"
@@ -16,23 +16,27 @@
 namespace fan {
 
 struct ComplementarityTolerances {
-  // Raise of G's diagonal, relative to its largest entry: far above rounding, and the refinement
-  // takes its error of some 1e-10 from the solution.
+  // Raise of G's diagonal, relative to its largest entry: far above rounding. It changes x by about
+  // raise / smallest eigenvalue (also relative); one refinement squares that.
   static constexpr double raise = 1e-10;
-  // Raises tried where pivoting does not settle with that.
+  // Raises tried one after the other where pivoting does not settle with that.
   static constexpr double firmer_raises[] = {1e-4, 1e-2};
-  // Pivot, in raises, relative to the largest, from which on nothing needs to be raised.
+  // A lane is raised if one of its pivots is below this many raises. A firmer raise thus raises
+  // nearly all lanes.
   static constexpr double firm_pivot = 1e4;
-  // What bounds and signs may be missed by: x relative to the largest, s relative to its terms.
+  // How far x may pass a bound, relative to the largest |x|, and s may have the wrong sign,
+  // relative to its terms.
   static constexpr double pivoting = 1e-13;
-  // Residual of an active row relative to its terms: two roundings, no refinement does better.
+  // Residual of an active row, relative to its terms, that needs no refinement: two roundings.
   static constexpr double refined_residual = 4e-16;
-  // Floors of a pivot that keep the factor finite: in raises, in the diagonal, and absolutely.
+  // A pivot is at least the sum of these shares of the raise and of its diagonal entry, and an
+  // absolute part [1/kg]: the factor stays finite.
   static constexpr double pivot_floor[] = {1e-2, 1e-16, 1e-300};
-  static constexpr double smallest_diagonal = 1e-30;
-  // Rounds of block pivoting without progress before it goes on row by row.
+  static constexpr double smallest_diagonal = 1e-30;  // 1/kg: the raise is relative to at least this
+  // Rounds of block pivoting that may leave no fewer wrong rows, before one row a round is changed.
   static constexpr double patience = 3.0;
-  // Speed (m/s or rad/s) at which a row opens in lanes in which it takes no part.
+  // Speed (m/s or rad/s) at which a row opens in lanes in which it takes no part. VariationalStep
+  // also uses the number as a size that no squared residual reaches.
   static constexpr double excluded_speed = 1e30;
 
   // Most rounds of pivoting for n rows.
@@ -61,7 +65,7 @@ struct Complementarity {
     factor(0.0);
   }
 
-  // The pivot of active row i in the factor.
+  // The pivot of row i in the factor; the row must be active in some lane.
   FAN_FN Real pivot(int i) const {
     int c = 0;
     while (some_[c] != i) ++c;
@@ -87,8 +91,8 @@ struct Complementarity {
     }
   }
 
-  // x of the active rows from s_i = 0, of the others from their bounds; then s of all rows.
-  // Refines until what is left is rounding; a lane that is done does not change any more.
+  // x of the active rows from s_i = 0, of the others from their bounds; then s of all rows. Refines
+  // until the residuals are rounding; a lane that is done no longer changes.
   FAN_FN void solve_active(double eps, int max_refinements) {
     factorise(eps);
     first_solution();
@@ -98,8 +102,9 @@ struct Complementarity {
   }
 
   // Solves the problem from the guess in `active` and `high`. tolerance is relative to the largest
-  // |x| and to the size of the terms of each s. Returns the lanes that were solved. `again` says that
-  // n and G are those of the last time: where the guess is what it found, its factor serves anew.
+  // |x| and to the size of the terms of each s. Returns the lanes that were solved; a lane with NaN
+  // counts as solved. `again`: n and G are those of the last call, whose factor is used again as
+  // long as the active rows are the same.
   FAN_FN Mask solve(
       double eps, int max_refinements, double tolerance, int max_iterations, bool again = false) {
     using std::abs;
@@ -143,9 +148,9 @@ struct Complementarity {
   }
 
  private:
-  // Raised in the lanes in which a row hardly differs from those before it, or has hardly any
-  // influence, and from then on: pivoting ends for one matrix, not for two that take turns. The
-  // others' solution has no more error than rounding, and needs no refinement.
+  // Raises the lanes in which a pivot is small, and keeps them raised: pivoting ends for one
+  // matrix, not for two that alternate. The other lanes are solved to rounding and need no
+  // refinement.
   FAN_FN void factorise_as_needed(double eps) {
     if (standing_ && stands()) return;
     choose();
@@ -167,8 +172,7 @@ struct Complementarity {
     return !any(differs);
   }
 
-  // The rows that are active in some lane, and the largest diagonal entry: against that one, a row
-  // without any influence of its own gets no multiplier.
+  // The rows that are active in some lane, and the largest diagonal entry of each lane's.
   FAN_FN void choose() {
     largest_ = Real(Tolerance::smallest_diagonal);
     n_some_ = 0;
@@ -180,7 +184,7 @@ struct Complementarity {
     }
   }
 
-  // Lanes with pivots below `least` times the largest diagonal entry are noted.
+  // Marks the lanes with pivots below `least` times the largest diagonal entry as loose.
   FAN_FN void factor(double least) {
     loose_ = Real(0.0) > Real(1.0);
     Real scaled[N];  // row c of L times D
@@ -222,8 +226,8 @@ struct Complementarity {
     for (int i = 0; i < n; ++i) x[i] = select(active[i], x[i], known[i]);
   }
 
-  // Takes what is left out of x in some lanes, until it is rounding or `most` times; s is that of x
-  // on entry.
+  // Refines x in the lanes `where` until the residuals are rounding, at most `most` times. On entry
+  // s must be that of x.
   FAN_FN void refine(int most, const Mask& where) {
     using std::abs;
     if (!any(where)) return;
@@ -240,8 +244,8 @@ struct Complementarity {
     }
   }
 
-  // s, and the size of its terms; of active rows, whose s is 0 but for rounding and what raising
-  // does to it, only in the lanes of `also`.
+  // s, and the size of its terms. Active rows, whose s is 0 up to rounding and the raise, only in
+  // the lanes `also`.
   FAN_FN void residuals(const Mask& also) {
     using std::abs;
     int pulls[N], n_pulls = 0;

@@ -24,14 +24,14 @@ struct Contact {
   double impulse[room(M)];  // of the last catch, by row
   double speed[room(M)];    // hdot before it
   double lost = 0.0;        // kinetic energy lost in it
-  double stopped = 0.0;     // largest |hdot| that the last hold took from a held row
-  bool brought = false;     // whether it had to stop another row
+  double stopped = 0.0;     // largest |hdot| of a held row before the last hold
+  bool brought = false;     // whether that hold also had to stop a closed row that is not held
   double blame[room(M)];    // rows that no motion satisfies together, after IMPOSSIBLE_INPUT
-  // How far a string that springs back has to open, relative to its length, not to count as at rest:
-  // what opens less an integrator from outside cannot tell from its errors.
+  // A string that springs back and would open by less than this, relative to its length, is at
+  // rest: an external integrator cannot tell it from its errors.
   double hop = 0.0;
 
-  // Brings the held rows to h = 0 and all others to h <= 0, with the smallest change of the
+  // Brings the held rows to h = 0 and all others nearby to h <= 0, with the smallest change of the
   // configuration at (t, y) in the metric of M_DD. The flow's evaluation must be that of (t, y).
   Status retreat(F& f) {
     int list[room(M)] = {}, n = 0;
@@ -71,7 +71,7 @@ struct Contact {
     });
   }
 
-  // Applies the impulse over the rows `closed` at (t, y) and books its work. The flow's evaluation
+  // Applies the impulse over the rows `closed` at (t, y) and adds its work. The flow's evaluation
   // must be that of (t, y).
   Status strike(F& f, const bool* closed) {
     int list[room(M)], n = 0;
@@ -104,11 +104,11 @@ struct Contact {
     return RUNNING;
   }
 
-  // Chooses the active set at (t, y) among those that are closed and at rest. Rows in `loose` have
-  // just lost their tension: they stay only if they pull; strings in `strained` have just reached
-  // their winch's largest: they stay only if they pull with less. The active sets of an implicit
-  // step (attempts.hpp) take closed strings on winches as exactly closed: their slips take up to
-  // WinchTolerances::max_length_error of either sign.
+  // Chooses the active set `next` at (t, y) among the rows that are closed and at rest, and leaves
+  // the flow's own SLACK: the caller sets it. Rows in `loose` have just lost their tension and stay
+  // held only if they pull. Strings in `strained` have just reached their winch's largest tension
+  // and stay held only below it. An implicit step (attempts.hpp) treats closed strings on winches
+  // as exactly closed: their slips absorb up to WinchTolerances::max_length_error of either sign.
   Status choose(
       F& f, const bool* loose, const bool* strained, Hold* next,
       double closeness = FlowTolerances::closed_gap,
@@ -149,13 +149,13 @@ struct Contact {
       if (next[list[a]] != SLIPPING) {
         add_pull(f, next, a, Set::BASIC);
         if (!(ahead > 0.0)) continue;
-        // Rates bound a row at both ends of the step: its winch has yet to brake at the first.
+        // hdot <= 0 must hold at the start of the step, too, where the winch has not braked yet.
         const double hdot = f.rows.hdot[a];
         set_.b[set_.n - 1] += hdot / ahead + (hdot > 0.0 ? f.braking(list[a]) : 0.0);
       }
     Status status = settle(f);
     if (ahead > 0.0 && status == IMPOSSIBLE_INPUT) {
-      // Strings without such winches contradict one another, by less than counts.
+      // Rates of strings on winches that cannot slip may disagree: up to this they count as equal.
       set_.noise += Tolerance::strict_rest_speed * speed_scale(f) / ahead;
       status = settle(f);
     }
@@ -170,12 +170,12 @@ struct Contact {
       const int r = row_[i];
       next[r] = state_of(i);
       if (next[r] != HELD || set_.two_sided[i]) continue;
-      // What has just met its bound and stands there but for rounding goes on past it.
+      // A tension that has just reached its bound, and is there up to rounding, will pass it.
       if (loose[r] && set_.x[i] <= Tolerance::tension_at_bound * most + rounding(f, i)) next[r] = SLACK;
       if (strained[r] && set_.x[i] >= set_.upper[i] - Tolerance::tension_at_bound * most)
         next[r] = SLIPPING;
     }
-    // A slack string takes up nothing.
+    // The slip of a slack string absorbs no gap.
     for (int i = 0; i < S; ++i) {
       if (next[i] == SLACK && f.slip[i] < own[i]) f.slip[i] = own[i];
       if (next[i] == SLACK && f.slip[i] < 0.0) f.slip[i] = 0.0;
@@ -185,8 +185,9 @@ struct Contact {
 
   // Brings the held rows to h = 0 and hdot = 0 at (t, y), without setting other closed rows in
   // motion past their bounds: hdot = 0 on the held rows, hdot <= 0 on the rest, and a string that
-  // begins to slip is not wound back faster than its winch does. Books the work. Rows that hardly
-  // differ may take much energy to be brought to rest: not where that adds more than how.gain.
+  // begins to slip is not wound back faster than its winch winds. Adds to the work. Bringing nearly
+  // dependent rows to rest may take much energy: NOT_SETTLED if it adds more than how.gain, with
+  // the configuration corrected already. The flow's evaluation must be that of (t, y).
   Status hold(F& f, const Attempt& how) {
     double rate[F::NY];
     stopped = 0.0;
@@ -199,8 +200,8 @@ struct Contact {
     f.evaluate(f.t, f.y, rate);
     int list[room(M)] = {}, n = 0;
     for (int r = 0; r < M; ++r) {
-      // A row that closes faster than that is about to be caught, or to slip; a winch that slips for
-      // less would stop at once and leave its string to close again.
+      // A row that closes faster is about to be caught, or to slip. At a lower speed the winch
+      // would grip at once, and its string would close again.
       const bool closed = f.eval.height(r) >= -FlowTolerances::closed_gap * f.row_scale(r) &&
                           f.row_state[r] != SLIPPING &&
                           f.rate_of(r, f.y + NQ) <= Tolerance::max_rest_speed * speed_scale(f);
@@ -226,13 +227,13 @@ struct Contact {
     return RUNNING;
   }
 
-  // Whether row r opens at the flow's latest evaluation, and not just by what counts as still.
+  // Whether row r opens at the flow's latest evaluation, faster than a row at rest.
   bool leaves(const F& f, int r) const {
     return f.rate_of(r, f.y + NQ) < -Tolerance::max_rest_speed * speed_scale(f);
   }
 
-  // The tensions of the flow's latest evaluation, by row: where rows are redundant those of least
-  // norm among all that give the motion.
+  // The tensions of the flow's latest evaluation, by row. If rows are redundant, those of least
+  // norm among all that give the same motion.
   void tensions(const F& f, double* out) {
     bool redundant = false;
     for (int r = 0; r < M; ++r) {
@@ -270,8 +271,8 @@ struct Contact {
     set_.place[i] = guess;
   }
 
-  // Gathered row a, that of a string that slips, turned round: what slips must not fall below a
-  // bound, b being what it lacks.
+  // Adds gathered row a, of a string that slips, with the opposite sign: its slip, or the rate of
+  // it, must rise by at least b.
   void add_floor(const F& f, int a, double b) {
     const int i = set_.n;
     add_row(f, a, b, unbounded, Set::LOW);
@@ -293,7 +294,7 @@ struct Contact {
     add_row(f, a, hddot, r < S ? f.winches.max_tension[r] : unbounded, guess);
   }
 
-  // The tension of row i that the rounding of its hddot makes.
+  // The error of row i's tension that the rounding of its hddot causes.
   double rounding(const F& f, int i) const {
     double own = 0.0;
     for (int j = 0; j < N; ++j) own += set_.column[i][j] * set_.column[i][j];
@@ -364,7 +365,8 @@ struct Contact {
     return (set_.two_sided[i] ? fabs(set_.ray[i]) : set_.ray[i]) / most;
   }
 
-  // Applies the impulses solved for and books the work of the inputs in them.
+  // Applies the impulses solved for and adds the inputs' work in them. All gathered rows must be in
+  // the set, in order.
   void apply(F& f) {
     double change[room(N)];
     push(f, change);
@@ -380,7 +382,7 @@ struct Contact {
     }
   }
 
-  // -M^-1 A^T x over the gathered rows.
+  // -M^-1 A^T x over the gathered rows, all of which must be in the set, in order.
   void push(const F& f, double* change) const {
     double w[room(N)], pull[room(M)] = {};
     for (int j = 0; j < N; ++j) w[j] = 0.0;
@@ -391,7 +393,7 @@ struct Contact {
 
   Set set_;
   int row_[room(M)];  // of each of the set's columns
-  double sign_[room(M)], turned_[room(M)][room(N)];  // -1 and the column of rows turned round
+  double sign_[room(M)], turned_[room(M)][room(N)];  // of floors: sign -1, and the negated column
   LeastNorm<Set> least_;
 };
 

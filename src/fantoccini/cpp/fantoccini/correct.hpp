@@ -6,17 +6,17 @@
 
 namespace fan {
 
-// What is left of the rows' heights, relative to their scale.
+// Compared with the largest error of the rows' heights, relative to their scale.
 struct CorrectionTolerances {
-  static constexpr double exact = 1e-15;       // a rounding or so: nothing is left to do
-  static constexpr double acceptable = 1e-12;  // where rounding lets it get no better
-  static constexpr double progress = 0.5;      // share left by a round that still converges
+  static constexpr double exact = 1e-15;       // done: a few roundings
+  static constexpr double acceptable = 1e-12;  // done, if a round no longer makes progress
+  static constexpr double progress = 0.5;      // share of the error that a converging round leaves
   static constexpr int max_rounds = 12;
 };
 
-// Repeats `move` on q until `left` says that nothing is. Rounding is reached when a round no longer
-// halves what is left; where rows are nearly dependent it may even add to it: that round is taken
-// back. A move that cannot be made is one too many where rounding was reached before it.
+// Repeats `move` on q until the error `left` is rounding, which is when a round no longer halves
+// it. A round that adds to it, as nearly dependent rows may, is undone in q alone. A move that
+// fails is ignored if the error before it was acceptable.
 template <int n_q, class Left, class Move>
 Status correct(double* q, Left left, Move move) {
   using Tolerance = CorrectionTolerances;

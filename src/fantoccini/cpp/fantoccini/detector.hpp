@@ -1,6 +1,6 @@
-// Inputs that nothing can follow. Where two hands pull a taut string apart there is no rigid motion:
-// tensions grow without bound while A_D M^-1 A_D^T becomes singular, and an integrator alone does not
-// notice. Looked for after every accepted step; the rows to blame are left in `blame`.
+// Detects inputs that no motion can follow, after every accepted step. Where two hands pull a taut
+// string apart there is no rigid motion: tensions grow without bound while A_D M^-1 A_D^T becomes
+// singular, and an integrator alone does not notice.
 #pragma once
 
 #include "flow.hpp"
@@ -10,11 +10,11 @@ namespace fan {
 struct DetectorTolerances {
   // Pivot of A_D M^-1 A_D^T relative to its diagonal, below which the rows are nearly dependent.
   static constexpr double singular_pivot = 1e-8;
-  // Growth of the largest tension since then that tells of an impossible input,
+  // The input is impossible if since then the largest tension grew by this factor from its least,
   static constexpr double tension_growth = 2.0;
-  // and that tension, in weights: redundant rigs may stand near singular ones for ever.
+  // and is this many weights: redundant rigs may stay nearly singular without harm.
   static constexpr double min_tension = 1e3;
-  // m: a segment of a taut string that is shorter has lost its direction.
+  // m: a shorter segment of a taut string has no certain direction.
   static constexpr double collapsed_segment = 1e-6;
 };
 
@@ -24,13 +24,13 @@ struct Detector {
   using Tolerance = DetectorTolerances;
   static constexpr int S = F::S, M = F::M;
 
-  double blame[room(M)];  // by row, 0 to 1
+  double blame[room(M)];  // by row, at most 1; negative in singularity() for rows of opposite sign
 
-  // The status of the flow's latest evaluation, made at its present state.
+  // The status at the flow's latest evaluation, which must be that of its present state.
   Status look(const F& f) {
     for (int j = 0; j < F::N; ++j)
       if (!is_finite(f.acc[j])) return broken(f);
-    // A row whose height is no number is not taut, and the motion without it is finite.
+    // Inputs that are NaN make heights NaN; such rows count as slack, and the motion stays finite.
     for (int j = 0; j < Model::n_qK; ++j)
       if (!is_finite(f.q_K[j])) return broken(f);
     for (int j = 0; j < Model::n_vK; ++j)
@@ -63,7 +63,7 @@ struct Detector {
     return TENSION_CAP;
   }
 
-  // Two neighbouring points of a taut string that came together: its direction there is lost.
+  // Looks for two neighbouring points of a taut string that have come together.
   Status collapse(const F& f) {
     bool wanted = false;
     for (int i = 0; i < S; ++i) wanted = wanted || (f.taut(i) && Model::string_points[i] > 2);
@@ -120,7 +120,7 @@ struct Detector {
     return IMPOSSIBLE_INPUT;
   }
 
-  double reference_ = -1.0;  // the largest tension when the rows became nearly singular
+  double reference_ = -1.0;  // N: least of the largest tensions since the rows are nearly singular
 };
 
 }  // namespace fan

@@ -1,5 +1,5 @@
-// Driven coordinates as the pieces of an input; before the first break and after the last they stand
-// still.
+// Driven coordinates as the pieces of an input. Before its first break and after its last they do
+// not move.
 #pragma once
 
 #include <algorithm>
@@ -14,6 +14,7 @@ namespace fan {
 template <class Space, int n_vD>
 class Drive {
  public:
+  // Copies the input. Polynomials are to be chosen anew before the next evaluation.
   void set(const InputArrays& in) {
     n_ = in.n_segments;
     breaks_.assign(in.breaks, in.breaks + n_ + 1);
@@ -37,7 +38,7 @@ class Drive {
     return found == breaks_.end() ? none : *found;
   }
 
-  // The piece whose polynomials were last chosen: its number, when it begins and ends, and they.
+  // The piece chosen last: its number, when it begins and ends, and its polynomials.
   int segment() const { return segment_; }
   double segment_start() const { return breaks_[segment_]; }
   double segment_end() const { return breaks_[segment_ + 1]; }
@@ -45,7 +46,7 @@ class Drive {
     return coef_.data() + std::size_t(segment_) * Space::n_v * n_powers;
   }
 
-  // q_K, v_K, acc_K and u_D at t, by the polynomials last chosen.
+  // q_K, v_K, acc_K and u_D at t, by the polynomials chosen last.
   void evaluate(double t, double* q, double* v, double* a, double* u) const {
     const double at = phase_ == BEFORE ? breaks_[0] : (phase_ == AFTER ? breaks_[n_] : t);
     const double s = at - breaks_[segment_];
@@ -57,7 +58,7 @@ class Drive {
     forces(s, u);
   }
 
-  // u_D alone, by these polynomials.
+  // u_D alone, likewise.
   void evaluate_force(double t, double* u) const { forces(t - breaks_[segment_], u); }
 
  private:

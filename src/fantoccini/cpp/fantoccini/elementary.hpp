@@ -1,7 +1,7 @@
-// Elementary functions for any Real, without calls (but for angles beyond max_reduced_angle), so
-// that they cost a lane little: sine and cosine, arctangent, inverse root. Errors stay below 1 unit
-// in the last place up to 1e4 rad and below 1.5 up to max_reduced_angle, of the arctangent and the
-// inverse root below 2.
+// Elementary functions for any Real: sine and cosine, arctangent, inverse root. They make no calls
+// (except for angles beyond max_reduced_angle), so that all lanes are computed at once. Errors stay
+// below 1 unit in the last place up to 1e4 rad and below 1.5 up to max_reduced_angle, of the
+// arctangent and the inverse root below 2.
 //
 // Ranges are reduced and approximated as in Sun's fdlibm (K. C. Ng), whose coefficients these are.
 #pragma once
@@ -22,7 +22,7 @@ FAN_FN Real whole(const Real& x) {
   return shifted - Real(shift);
 }
 
-// sin and cos of r + rest, |r| <= pi/4; rest is what r lacks of the angle.
+// sin and cos of r + rest, |r| <= pi/4; rest is the low part of the angle, below the rounding of r.
 template <class Real>
 FAN_FN void near_sine_cosine(const Real& r, const Real& rest, Real* sine, Real* cosine) {
   const Real z = r * r;

@@ -2,10 +2,10 @@
 //
 //   hddot = gamma + A_D acc_D,   acc_D = F^-1 (w0 + W lambda),   W = F^-T A_D^T,   M_DD = F^T F
 //
-// forth applies F^-T and back F^-1, from the numbers L that the model gives.
+// forth applies F^-T and back F^-1, both from L, the generated code's factor of M_DD.
 //
-// Rows are the strings, then the limits. Strings come with W and G = W^T W from the generated code;
-// a limit's column of W is made when the limit takes part.
+// Rows are the strings, then the limits. The generated code gives W and G = W^T W of the strings; a
+// limit's column of W is computed when the limit takes part.
 #pragma once
 
 #include "complementarity.hpp"
@@ -23,7 +23,7 @@ struct Evaluation {
   Real h[room(S)], hdot[room(S)] = {}, gamma[room(S)] = {}, a0[room(S)] = {}, hdot_K[room(S)] = {};
   Real h_limit[room(K)], J_limit[room(3 * K)], gamma_limit[room(K)] = {};
   Real power0, M_DK_v_K[room(N)], loss;
-  Real f_M[room(Model::n_motors)], y_M[room(Model::n_motors)];  // of a step's motors: f_M - y_M dv
+  Real f_M[room(Model::n_motors)], y_M[room(Model::n_motors)];  // force of a step: f_M - y_M dv
 
   FAN_FN void at(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
@@ -43,8 +43,8 @@ struct Evaluation {
     constants_ = OF_STEP;
   }
 
-  // At a node of a variational run; firm gets L, W and G of the factor with damping and drag over dt
-  // in it, and J_limit.
+  // At a node of a variational run. firm gets L, W and G of the factor that includes damping over
+  // dt, and J_limit.
   FAN_FN void at_node(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
       const Real* u_D, Real dt, const Real* p, Evaluation& firm) {
@@ -83,7 +83,8 @@ struct Evaluation {
   FAN_FN Real height(int row) const { return row < S ? h[row] : h_limit[row - S]; }
 
  private:
-  // Entries of W, J_limit and M_DK_v_K that are always the same are written once.
+  // The function whose constant entries of W, J_limit and M_DK_v_K were written last; it does not
+  // write them again.
   enum { NOBODYS, OF_DYNAMICS, OF_STEP, OF_NODE } constants_ = NOBODYS;
 };
 
@@ -119,7 +120,7 @@ struct RowSystem {
     gather_more(e, v_D, rows, n_rows);
   }
 
-  // The same for more rows at the same evaluation: the columns that were made are kept.
+  // The same for more rows at the same evaluation: columns already computed are kept.
   FAN_FN void gather_more(const Eval& e, const Real* v_D, const int* rows, int n_rows) {
     n = problem.n = n_rows;
     for (int a = 0; a < n; ++a) {
@@ -184,7 +185,7 @@ struct RowSystem {
       return {Model::string_entry + begin[0], begin[1] - begin[0]};
     }
     const int i = r - S;
-    // Behind those of x, w = F^-T x has none: links come after their parents.
+    // w = F^-T x is zero after the last entry of x, as links come after their parents.
     if (Model::n_columns == 0) return {nullptr, Model::limit_v[i] + Model::limit_n[i]};
     const int* begin = Model::column_begin + Model::limit_column[i];
     return {Model::column_entry + begin[0], begin[1] - begin[0]};
@@ -225,7 +226,7 @@ struct RowSystem {
     hdot_K[a] = Real(0.0);
   }
 
-  // The column w = F^-T A_D^T of limit i; entries that are always zero have been so from the start.
+  // The column w = F^-T A_D^T of limit i. Entries that are always zero are not written.
   FAN_FN void make(const Eval& e, int i, const Entries& of, Real* w) {
     if (Model::n_columns > 0) {
       Real found[room(N)];
@@ -239,7 +240,7 @@ struct RowSystem {
     Call<Model, Real>::forth(e.L, x, w);
   }
 
-  bool made_[room(Model::n_limits)];  // whether the column of a limit is that of this evaluation
+  bool made_[room(Model::n_limits)];  // whether a limit's column was computed for this evaluation
 };
 
 }  // namespace fan

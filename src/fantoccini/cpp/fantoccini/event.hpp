@@ -42,7 +42,8 @@ struct EventRun : EventInstants<Model> {
       status = flow.project(flow.t, flow.y);
     }
     if (status == RUNNING) {
-      // Closed rows may open at a rate that counts as still: mended where possible, before the books.
+      // Held rows may move by up to max_rest_speed. They are stopped where possible; the ledger
+      // starts after that.
       double kept[NY];
       for (int j = 0; j < NY; ++j) kept[j] = flow.y[j];
       refresh();
@@ -61,7 +62,7 @@ struct EventRun : EventInstants<Model> {
     return status;
   }
 
-  // Takes up new inputs at the present time.
+  // To be called after the inputs were replaced, at the present time.
   void resume() {
     at_break_ = true;
     looked_at_ = -1;
@@ -82,7 +83,7 @@ struct EventRun : EventInstants<Model> {
       if (last < target && last > flow.t) target = last;
       const Status status = step(target, out);
       if (status != RUNNING) return status;
-      // The break itself is dealt with when the run goes on beyond it.
+      // A break at the end of this run is handled when the run continues.
       at_break_ = flow.t >= smooth;
     }
     return flow.motors.verdict(0);
@@ -99,7 +100,8 @@ struct EventRun : EventInstants<Model> {
   using Base::loosened_, Base::refresh, Base::set_active_set, Base::accuse, Base::note, Base::write;
   using Base::instant, Base::another_basis;
 
-  // Deals with a break of the inputs at the present time; from there the flow is smooth until `end`.
+  // Handles a break of the inputs at the present time, and finds until when the flow is smooth,
+  // `end`.
   Status begin_stretch(double t_end, double* end, Record<Model>& out) {
     if (n_steps >= flow.opt.max_steps) return TOO_MANY_STEPS;
     if (n_events >= flow.opt.max_events || stuck > Tolerance::max_standstill_steps ||
@@ -125,7 +127,7 @@ struct EventRun : EventInstants<Model> {
     return RUNNING;
   }
 
-  // When a driven length runs out in the inputs' present piece; looked at once for each.
+  // When a driven length runs out in the inputs' present piece; computed once for each piece.
   double runs_out() {
     if (flow.t < flow.drive.segment_start()) return unbounded;  // the inputs have yet to begin
     if (looked_at_ != flow.drive.segment() || flow.t < looked_from_) {
@@ -136,7 +138,7 @@ struct EventRun : EventInstants<Model> {
     return empty_at_;
   }
 
-  // What the detector says of the present state.
+  // The detector's status of the present state.
   Status watch() {
     const Status status = detector.look(flow);
     if (status != RUNNING) accuse(detector.blame);
@@ -257,7 +259,7 @@ struct EventRun : EventInstants<Model> {
   }
 
   bool at_break_ = false;
-  // The inputs' piece whose lengths were looked at, from when on; when and whose length runs out.
+  // Of runs_out(): the piece it was computed for, from which time on, when, and whose length.
   int looked_at_ = -1, emptying_ = -1;
   double looked_from_ = 0.0, empty_at_ = unbounded;
 };

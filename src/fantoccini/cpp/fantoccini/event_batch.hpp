@@ -67,8 +67,8 @@ class EventBatch {
     flow.motors.blame(status, 0, blame + M);
   }
 
-  // Copies the samples at the requested times to their places; of several at one time the last stays,
-  // which is that after the event.
+  // Copies the samples at the requested times to their rows. Of several at one time the last one
+  // stays, which is that after the event. A row whose sample could not be projected is not written.
   void hand_over(const BatchArrays& in, long long who, Row& out) {
     for (long long i = 0; i < out.n_samples; ++i) {
       const double* row = out.samples + i * Layout::width;

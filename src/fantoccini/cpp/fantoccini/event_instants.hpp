@@ -11,24 +11,26 @@
 namespace fan {
 
 struct EventTolerances {
-  // |h| below which a row counts as closed where a run begins, relative to its scale: starts come
-  // from files and solvers, and are then brought to h = 0.
+  // -h up to which a row counts as closed where a run begins, relative to its scale: starts come
+  // from files and solvers. The rows held are then brought to h = 0.
   static constexpr double start_gap = 1e-9;
-  // s: a row that lost its tension within this time has just lost it.
+  // s: a row whose tension fell to zero no longer ago than this has just lost it.
   static constexpr double same_instant = 1e-10;
-  // s: steps that advance less count as none.
+  // s: shorter steps count as standstill, and so many in a row end the run.
   static constexpr double standstill = 1e-12;
   static constexpr int max_standstill_steps = 200;
-  // s: a step that fails at this size has no motion to follow.
+  // s: a step shorter than this that fails ends the run instead of being shortened.
   static constexpr double min_failing_step = 1e-10;
-  // Step control (Hairer): the error is of order 8; safety, least and most growth of a step.
+  // Step control (Hairer): order of the error, safety factor, least and largest factor of a step.
   static constexpr double order = 8.0, safety = 0.9, min_factor = 0.2, max_factor = 8.0;
-  static constexpr double overflow_factor = 0.1;  // of a step whose error is no number
-  // Share of the way to the target that counts as all of it, and from which on it is halved.
+  static constexpr double overflow_factor = 0.1;  // of a step whose error is not finite
+  // Of the time left to the target: a step of at least `whole` takes all of it, one of more than
+  // `sliver` takes just that share, so that the last step is not tiny.
   static constexpr double whole = 1 - 1e-12, sliver = 0.5;
-  // Inputs' accelerations and forces that jump at a break, relative to 1 and their size.
+  // Difference at which an acceleration or a force jumps at a break, relative to 1 + |before| +
+  // |after|.
   static constexpr double jump = 1e-9;
-  static constexpr int max_saves_per_step = 64;
+  static constexpr int max_saves_per_step = 64;  // the record must have room for all of them
 };
 
 template <class Model>
@@ -135,13 +137,14 @@ struct EventInstants {
     return status;
   }
 
-  // Among redundant rows others stand better on their own: hold those instead.
+  // Chooses anew which of the redundant rows are held: the present ones are nearly dependent.
   Status another_basis(Record<Model>& out) {
     return settle_active_set(present(), out);
   }
 
-  // The rows at an event: what they did before it, which are closed and which have just been
-  // caught, which have just lost their tension and which have just reached their winch's largest.
+  // The rows at an event: their state before it; which are closed, which have just been caught,
+  // which have just lost their tension (or are not armed), and which have just reached their
+  // winch's largest.
   struct Situation {
     Hold before[room(M)];
     bool closed[room(M)], caught[room(M)], loose[room(M)], strained[room(M)];
@@ -150,7 +153,7 @@ struct EventInstants {
     bool holds(int r) const { return before[r] != SLACK || caught[r]; }
   };
 
-  // The rows where nothing has happened to them.
+  // The rows when no event has happened.
   Situation present() const {
     Situation s;
     for (int r = 0; r < M; ++r) {
@@ -184,7 +187,7 @@ struct EventInstants {
     Status held = RUNNING;
     for (const Attempt& how : Attempts::list) {
       if (how.ahead > 0.0 && !flow.winches.some_slip) continue;
-      // A row that holding the others brings to rest takes part in the choice.
+      // Repeated, as rows that the hold has brought to rest take part in the choice.
       for (int round = 0; round <= M; ++round) {
         held = contact.choose(flow, s.loose, s.strained, next, FlowTolerances::closed_gap, how);
         if (held != RUNNING) { if (flow.winches.some_slip) break; else return fail(held); }
@@ -205,7 +208,8 @@ struct EventInstants {
       write_changes(s, r, out);
       changed = changed || next[r] != s.before[r] || s.caught[r];
       if (next[r] == SLIPPING) guards.armed[r] = flow.lack(r) < -GuardTolerances::min_speed;
-      // A string that springs back leaves its bound for sure; one that is let go may stay at it.
+      // A string that springs back is open soon; one that has lost its tension may stay at its
+      // bound.
       if (next[r] == SLACK && s.holds(r)) guards.armed[r] = contact.leaves(flow, r);
     }
     if (stopped > GuardTolerances::min_speed && accumulation.shrinking()) {
@@ -217,11 +221,11 @@ struct EventInstants {
     return RUNNING;
   }
 
-  // What inputs and winches have given so far.
+  // Net work of inputs and winches so far.
   double given() const { return flow.y[F::WORK] - flow.y[F::SLIP_LOSS]; }
 
-  // Writes the events of row r, which went from s.before to its present state; an impact's catch has
-  // been written.
+  // Writes the events of row r, which went from s.before to its present state. The catch of an
+  // impact is written already.
   void write_changes(const Situation& s, int r, Record<Model>& out) {
     const Hold before = s.before[r], next = flow.row_state[r];
     if (next == SLACK) {
@@ -233,7 +237,7 @@ struct EventInstants {
     if (next != SLIPPING && before == SLIPPING) note(out, GRIP, r, 0.0, 0.0);
   }
 
-  double loosened_[room(M)];  // when each row last lost its tension
+  double loosened_[room(M)];  // s: when each row last lost its tension
 };
 
 }  // namespace fan

@@ -1,5 +1,5 @@
-// Detects events so frequent that time stands still: rows that chatter, as against a cascade that
-// ends.
+// Detects events so frequent that time nearly stands still: rows that chatter. A cascade of
+// catches, which ends, has fewer.
 #pragma once
 
 #include "real.hpp"
@@ -7,10 +7,10 @@
 namespace fan {
 
 struct EventRateTolerances {
-  // s an event: a longer mean since the count began starts the count anew. Rows that chatter have
-  // events within microseconds.
+  // s: if the mean interval since the count began is longer, the count starts again. Rows that
+  // chatter have shorter ones.
   static constexpr double max_interval = 1e-6;
-  // Events in one count that no cascade has.
+  // Events in one count: more than any cascade has.
   static constexpr long long max_events = 10000;
 };
 
@@ -18,7 +18,7 @@ template <int M>
 struct EventRate {
   long long of_row[room(M)] = {};  // events since the count began
 
-  // Books an event of a row, -1 for none, at t.
+  // Counts an event of a row, -1 for none, at t.
   void note(double t, int row) {
     if (n_ == 0 || t - begun_ > EventRateTolerances::max_interval * double(n_)) begin(t);
     ++n_;
@@ -27,7 +27,7 @@ struct EventRate {
 
   bool crowded() const { return n_ > EventRateTolerances::max_events; }
 
-  // By row, its part in the events, 0 to 1.
+  // By row, its events relative to those of the row with most, 0 to 1.
   void shares(double* out) const {
     long long most = 1;
     for (int r = 0; r < M; ++r) most = of_row[r] > most ? of_row[r] : most;

@@ -1,7 +1,6 @@
-// An event-driven run whose steps an external integrator makes, any that the caller likes. It asks
-// for the flow with the active set frozen and its guards at the states it tries and says what it
-// has reached; everything else (projection, detectors, impulses, modes, breaks, rows) is
-// EventRun's.
+// An event-driven run whose steps an external integrator makes. The caller evaluates the flow with
+// the active set frozen, and its guards, at any states, and hands in the state it has reached.
+// Everything else (projection, detectors, impulses, active sets, breaks, rows) is EventRun's.
 #pragma once
 
 #include "event.hpp"
@@ -14,11 +13,11 @@ struct ExternalRun : EventRun<Model> {
   using F = typename Base::F;
   using Base::flow, Base::guards;
 
-  // What the flow is at (t, y) with the active set frozen; each of the results may be null.
+  // The flow at (t, y) with the active set frozen; each of the results may be null.
   struct Look {
     double* rate;   // (NY,)
     double* guard;  // by row and drive, positive where the row's state no longer holds (guards.hpp)
-    double* met;    // likewise, how far beyond its root a guard may be at its event
+    double* met;    // likewise, the largest value of a guard at its event
     double* slip;   // (S,) m
   };
 
@@ -38,7 +37,7 @@ struct ExternalRun : EventRun<Model> {
     return flow.project(t, y);
   }
 
-  // As begin_stretch; what the clock does not resolve of the stretch is passed at once.
+  // As begin_stretch, but skips a stretch that the clock does not resolve.
   Status stretch(double t_end, double* end, Record<Model>& out) {
     if (this->at_break_) this->refresh();
     const Status status = this->begin_stretch(t_end, end, out);
@@ -50,7 +49,8 @@ struct ExternalRun : EventRun<Model> {
     return status;
   }
 
-  // Takes (t, y), which the step from the present state has reached.
+  // Accepts (t, y) as the end of a step from the present state. Times to save before t must have
+  // been saved: the dense output of EventRun is not that of this step.
   Status accept_reached(double t, const double* y, Record<Model>& out) {
     ++this->n_steps;
     for (int j = 0; j < F::NY; ++j) flow.end[j] = y[j];
@@ -62,7 +62,7 @@ struct ExternalRun : EventRun<Model> {
     return status;
   }
 
-  // Deals with the guards that are positive at the present state.
+  // Handles the event at the present state.
   Status react(Record<Model>& out) {
     this->refresh();
     return this->instant(out);
@@ -77,7 +77,7 @@ struct ExternalRun : EventRun<Model> {
     this->write(t, y, out);
   }
 
-  // Writes the present state, wherever the flow has been looked at since.
+  // Writes the present state, wherever the flow was evaluated last.
   void present(Record<Model>& out) {
     this->refresh();
     this->emit(out);

@@ -20,13 +20,13 @@ class Extrapolation {
       for (int k = 0; k < n; ++k) past_[j][k] = Real(0.0);
   }
 
-  // Nothing before this counts in these lanes.
+  // Drops all past errors in these lanes.
   FAN_FN void forget(const Mask& lanes) {
     n_ = select(lanes, Real(0.0), n_);
     best_ = select(lanes, Real(0.0), best_);
   }
 
-  // x, the guess for a step of length dt, with what is foreseen that it lacks.
+  // Adds the extrapolated error to x, the guess for a step of length dt.
   FAN_FN void add(const Real& dt, Real* x) {
     using std::abs;
     const Mask same = !(abs(dt - dt_) > same_step * dt);
@@ -40,7 +40,7 @@ class Extrapolation {
       for (int j = 0; j < kept; ++j) x[k] += of[j] * past_[j][k];
   }
 
-  // What the guess of a step of length dt lacked in these lanes.
+  // Takes the error of the guess for a step of length dt in these lanes.
   FAN_FN void learn(const Real& dt, const Real* lacked, const Mask& lanes) {
     using std::abs;
     forget(lanes && abs(dt - dt_) > same_step * dt);
@@ -61,7 +61,7 @@ class Extrapolation {
       least = select(better, off[order], least);
       best = select(better, Real(double(order)), best);
     }
-    // The first one is only repeated: nothing tells yet whether that is better.
+    // The first error is repeated: there is none before it to compare with.
     best = select(n_ > Real(0.5), best, Real(1.0));
     best_ = select(lanes, best, best_);
     n_ = select(lanes && n_ < Real(double(kept)), n_ + 1.0, n_);
@@ -72,13 +72,13 @@ class Extrapolation {
   }
 
  private:
-  static constexpr int kept = 3;  // guesses looked back at: up to a parabola
-  static constexpr double same_step = 1e-6;  // relative difference of steps of one length
+  static constexpr int kept = 3;  // past errors: up to a parabola
+  static constexpr double same_step = 1e-6;  // relative difference up to which steps count as equal
   static constexpr double weights[kept][kept] = {
       {1.0, 0.0, 0.0}, {2.0, -1.0, 0.0}, {3.0, -3.0, 1.0}};
   Real past_[kept][room(n)];  // the latest first
-  Real n_;                     // how many there are
-  Real best_;                  // how many are to be used
+  Real n_;                     // how many of them count
+  Real best_;                  // how many of them the next guess uses
   Real dt_;                    // s
 };
 

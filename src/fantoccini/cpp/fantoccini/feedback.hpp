@@ -6,9 +6,9 @@
 
 namespace fan {
 
-// acc_K = -gains z for the next T seconds, within the bounds. z is the distance from the
-// equilibrium; its configurations are scaled down so that no driven coordinate is farther than it
-// goes in `reach` seconds.
+// acc_K = -gains z for the next T seconds, within the bounds. z is the state relative to the
+// equilibrium, with its configurations scaled down so that every driven coordinate could cover its
+// part in `reach` seconds, which must be positive.
 template <class Model>
 void equilibrium_feedback(
     const FunnelArrays& to, const BoundArrays& bounds, double reach, double T, const double* q_D,

@@ -1,4 +1,4 @@
-// The time-stepper of a batch's bundle of lanes, as lane_batch.hpp leads it.
+// The time-stepper of a bundle of lanes, with the interface that lane_batch.hpp calls.
 #pragma once
 
 #include "timestepping_trajectory.hpp"

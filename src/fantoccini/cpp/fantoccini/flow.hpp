@@ -18,16 +18,18 @@
 namespace fan {
 
 struct FlowTolerances {
-  // |h| at which a row counts as closed, relative to its scale. No event moves the puppet for less:
-  // where rows hardly differ, as strings along one another, that would be a move many times as large.
+  // -h up to which a row counts as closed, relative to its scale (row_scale). Smaller overlaps of
+  // rows that are not held stay: where rows are nearly dependent, as strings along one another,
+  // closing them would move the puppet many times as far.
   static constexpr double closed_gap = 5e-13;
-  // |hddot| at which a redundant row parts from the held ones, relative to its terms.
+  // |hddot| at which a redundant row no longer follows from the held ones, relative to hddot_scale.
   static constexpr double parting_acceleration = 1e-8;
-  // Pivot of G relative to its largest diagonal entry, below which another basis had better be held.
+  // Pivot of a held row, relative to the largest diagonal entry of G, below which the held rows are
+  // chosen again among the redundant ones.
   static constexpr double frail_pivot = 1e-4;
-  // m: shorter strings have this for their scale.
+  // m: scale of shorter strings. Python has the same, Limits.least_length.
   static constexpr double min_row_scale = 1e-3;
-  // Of the held rows' tensions, against the errors of nearly dependent rows.
+  // Most refinements of the held rows' tensions: nearly dependent rows lose digits.
   static constexpr int refinements = 2;
 };
 
@@ -53,13 +55,13 @@ struct Flow {
 
   MotorWatch<Model, double> motors;
 
-  // The latest evaluation: where, and what came out.
+  // The latest evaluation: its inputs and results.
   double q_K[room(Model::n_qK)], v_K[room(Model::n_vK)], acc_K[room(Model::n_vK)], u_D[room(N)];
   Eval eval;
   System rows;
   double acc[room(N)], tension[room(M)];
   double slip_now[room(S)], slip_rate[room(S)];
-  double apart[room(M)];  // |hddot| of idle and pinned rows, relative to the rows' terms
+  double apart[room(M)];  // |hddot| of idle and pinned rows, relative to hddot_scale
 
   bool taut(int r) const { return row_state[r] != SLACK; }
 
@@ -107,8 +109,9 @@ struct Flow {
     rate[SLIP_LOSS] = slip_power;
   }
 
-  // How far a row's state is from holding at the latest evaluation, positive when it does not:
-  // tensions over the weight, speeds in m/s. Slack rows have their height instead.
+  // By how much a taut row misses its condition at the latest evaluation, positive if it does: a
+  // held row's tension relative to the weight, a slipping row's speed in m/s, a redundant row's
+  // hddot relative to hddot_scale. Not for slack rows, whose condition is on the height.
   double lack(int r) const {
     if (r < S && Model::wire[r]) return -1.0;
     if (row_state[r] == HELD) {
@@ -121,17 +124,18 @@ struct Flow {
     return apart[r] - Tolerance::parting_acceleration;
   }
 
-  // The size of what the gathered rows' hddot are the sums of, at least 1 m/s^2.
+  // The size of the terms of the gathered rows' hddot, at least 1 m/s^2.
   double hddot_scale() const {
     double top = 1.0;
     for (int a = 0; a < rows.n; ++a) top = larger_of(top, fabs(rows.hddot[a]) + fabs(rows.kick[a]));
     return top;
   }
 
+  // N: the size of forces. Python makes the cap 1e5 times the weight (Limits.tension_cap).
   double weight() const { return 1e-5 * opt.tension_cap; }
 
-  // Whether the held rows depend on one another so nearly that of the redundant rows others had
-  // better be held.
+  // Whether the held rows are so nearly dependent that a redundant row should be held instead of
+  // one of them.
   bool frail() const {
     constexpr int stride = Complementarity<double, M>::N;
     bool redundant = false;
@@ -152,13 +156,14 @@ struct Flow {
   // The acceleration at which row r's winch brakes what it winds back, at the latest evaluation.
   double braking(int r) const { return r < S ? slip_acc_[r] : 0.0; }
 
-  // Ends the slipping of all strings in the books: from here on `mode` alone says which slip.
+  // Makes the slips of the latest evaluation those at the time `at`, from which they are wound
+  // back.
   void settle_slip(double at) {
     for (int i = 0; i < S; ++i) slip[i] = winches.resolved(i, slip_now[i], at);
     slip_time = at;
   }
 
-  // When the first winch that winds back begins to brake or stops; `none` when none does.
+  // When the first winch that winds back begins to brake or stops; `none` if none winds back.
   double rewound(double none) const {
     double first = none;
     for (int i = 0; i < S; ++i) {
@@ -169,8 +174,8 @@ struct Flow {
     return first;
   }
 
-  // When the first driven length runs out in the inputs' present piece, and whose it is; `none` when
-  // none does before the piece ends.
+  // When the first driven length runs out in the inputs' present piece, and the row of its string;
+  // `none` if that is not before the piece ends.
   double emptied(double none, int* row) const {
     double first = none;
     const double start = drive.segment_start(), end = drive.segment_end();
@@ -192,7 +197,7 @@ struct Flow {
 
   double k[dop853::all_stages][NY];
   double end[NY], end_rate[NY];    // state at the end of the trial step, and its rate
-  double stage_lack[dop853::stages][room(ALL)];  // for slack rows the height
+  double stage_lack[dop853::stages][room(ALL)];  // from stage 1 on; of slack rows the height
 
   // Trial step of length s from (t, y) with k[0] known. Leaves the end state in `end`.
   void stages(double s) {
@@ -209,8 +214,8 @@ struct Flow {
     normalise_all<typename Model::Dynamic>(end);
   }
 
-  // Ends the trial step of length s: its rate for the dense output, and `end` projected, with the
-  // evaluation there.
+  // Ends the trial step of length s: the rate at its end, for the dense output, then projects `end`
+  // and evaluates there.
   Status finish(double s) {
     evaluate(t + s, end, k[dop853::stages]);
     for (int j = 0; j < NY; ++j) end_rate[j] = k[dop853::stages][j];
@@ -238,7 +243,8 @@ struct Flow {
     return fabs(s) * five / sqrt((five + 0.01 * three) * NY);
   }
 
-  // Polynomials of the dense output over the step s just tried; k[12] is the rate at its end.
+  // Polynomials of the dense output over the step s just tried; k[12] is the rate at its end. The
+  // latest evaluation is then at a stage.
   void prepare_dense(double s) {
     double at[NY];
     for (int i = dop853::stages + 1; i < dop853::all_stages; ++i) {
@@ -300,8 +306,8 @@ struct Flow {
         });
   }
 
-  // h of all rows at the configuration of `state` and the inputs of the latest evaluation; of strings
-  // that slip 0, or minus what has slipped.
+  // h of all rows at the configuration of `state` and the inputs of the latest evaluation. For
+  // strings that slip 0 or, with `slipped`, by how much the slip is below its lower bound.
   void heights(const double* state, double* h, bool slipped = false) const {
     Call<Model, double>::rows(state, q_K, p, h);
     for (int i = 0; i < S; ++i) {
@@ -319,8 +325,8 @@ struct Flow {
       problem.upper[a] = 0.0;
       problem.active[a] = row_state[rows.row[a]] == HELD;
     }
-    // Raised and not refined: what two nearly dependent rows lack against one another would be
-    // taken from the others many times over.
+    // Raised and not refined: a contradiction of two nearly dependent rows would otherwise move the
+    // puppet by many times its size.
     problem.solve_active(ComplementarityTolerances::raise, 0);
     for (int j = 0; j < N; ++j) w[j] = 0.0;
     for (int a = 0; a < rows.n; ++a) pull[a] = problem.active[a] ? -problem.x[a] : 0.0;
@@ -328,7 +334,7 @@ struct Flow {
     eval.back(w, move);
   }
 
-  // hdot of a row at the latest evaluation; v_D is the velocity it was made with.
+  // hdot of a row at the latest evaluation, whose velocity must be v_D.
   double rate_of(int r, const double* v_D) const {
     return r < S ? eval.hdot[r] : eval.limit_rate(r - S, v_D);
   }
@@ -342,7 +348,8 @@ struct Flow {
     return energy.T + energy.V;
   }
 
-  // The size a row's h is measured against: the string's length, 1 rad for a limit.
+  // What a row's h is relative to: its string's length at (y, latest inputs), 1 rad or 1 m for a
+  // limit.
   double row_scale(int r) const {
     if (r >= S) return 1.0;
     const double length = string_length<Model, double>(r, y, q_K);
@@ -350,7 +357,7 @@ struct Flow {
   }
 
  private:
-  // The strings' own lengths: h, hdot and gamma are those of L + slip.
+  // Changes h, hdot and gamma to those of the length L + slip.
   void let_out(double at) {
     for (int i = 0; i < S; ++i) {
       if (row_state[i] == SLIPPING) {

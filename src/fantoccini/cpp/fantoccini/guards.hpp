@@ -1,8 +1,8 @@
-// Guards: what a step must not pass. A slack row's guard is its height h, a held row's its lacking
-// tension (or what it has beyond its winch's largest), a redundant row's how far it strays from the
-// held ones, a slipping row's its lacking speed; a guard is positive when the row's state no longer
-// holds. After the rows come the drives that are watched, whose guard is positive where they lose a
-// step or run away.
+// Guards: zeros that a step must not pass. A guard is positive when the row's state no longer
+// holds. It is the height h of a slack row; minus the tension of a held row, or its excess over the
+// winch's largest; the hddot or overlap of a redundant row; the missing speed of a slipping row.
+// After the rows come the watched drives, whose guard is positive where they lose a step or run
+// away.
 //
 // An event's time is the root of the worst guard evaluated by integrating to it, not read off an
 // interpolant. After a release the row's guard re-arms once it has opened by more than rounding, or
@@ -16,20 +16,23 @@
 namespace fan {
 
 struct GuardTolerances {
-  // h, relative to the row's scale: below minus this a released row has opened and is armed again,
+  // -h, relative to the row's scale, above which a released row has opened and is armed again: some
+  // roundings.
   static constexpr double open_gap = 2e-15;
-  // and above this one that is not armed is caught.
+  // h, likewise, above which a row that is not armed is caught. Also the tolerance of heights
+  // inside a step, and of held rows if any winch can slip.
   static constexpr double caught_height = 1e-13;
-  // m/s or rad/s: slower rows that are not armed do not close; a string slips from this speed on.
+  // m/s or rad/s: a row that is not armed closes only if faster; a slipping string is armed once it
+  // slips faster than its winch winds by this.
   static constexpr double min_speed = 1e-9;
   // Tension that counts as none, relative to the weight.
   static constexpr double negligible_tension = 1e-12;
-  // How closely events are located: a catch by h over the row's scale, a release by the tension over
-  // the weight, a drive's event in periods, m or rad.
+  // Largest guard at a located event: of a slack row, h over the row's scale; of a taut row, mostly
+  // tension over weight (see Flow::lack); of a drive, periods, m or rad.
   static constexpr double catch_root = 1e-15, release_root = 1e-13, drive_root = 1e-12;
   static constexpr int max_root_iterations = 100;
-  static constexpr int max_earlier_roots = 8;  // crossings looked for before the one located
-  // Relative resolution of the clock: four roundings.
+  static constexpr int max_earlier_roots = 8;  // times that an earlier crossing is looked for
+  // Resolution of the clock, relative to the time or 1 s: four roundings.
   static constexpr double clock = 4.0 * 2.3e-16;
 };
 
@@ -43,11 +46,11 @@ struct Guards {
   bool armed[room(M)];
   // At the start of the step.
   double height0[room(M)], rate0[room(M)], guard0[room(ALL)];
-  // The integrator's errors in a released row's h, relative to its scale, where they are not small
-  // against its first opening: the row is armed, and caught unarmed, beyond them.
+  // Of an external integrator, whose errors may exceed the opening of a row just released: error in
+  // h, relative to the row's scale. It is added to open_gap and caught_height.
   double noise = 0.0;
-  // How far states that are looked at may be off the held rows, likewise: an integrator made outside
-  // is looked at on its dense output, before it is projected.
+  // Likewise, how far its states may be off the held rows: guards are evaluated on its dense
+  // output, before projection.
   double afield = 0.0;
 
   explicit Guards(F& f) : flow(f) {
@@ -93,33 +96,33 @@ struct Guards {
       const double slow = flow.lack(r) - (armed[r] ? 0.0 : Tolerance::min_speed);
       return slow > wound_in ? slow : wound_in;
     }
-    // A row may stand a trace beyond its bound: what counts is going further.
+    // A row may begin the step slightly beyond its bound: only more than that counts.
     const double over = (flow.eval.height(r) - already(r)) / flow.row_scale(r);
     if (flow.taut(r)) {
       const double lack = flow.lack(r) - Tolerance::negligible_tension;
-      // A redundant row follows from the held ones, unless it hardly differs from them.
+      // A redundant row moves with the held ones, but for the error of their near dependence.
       const double strays = flow.row_state[r] == HELD ? lack : over - FlowTolerances::closed_gap - afield;
       return lack > strays ? lack : strays;
     }
     return over - (armed[r] ? 0.0 : Tolerance::caught_height + noise);
   }
 
-  // How far a row stood beyond its bound when the step began. Rows that redundant strings on
-  // winches keep from being put right may stand farther.
+  // How far a row was beyond its bound when the step began, counted up to closed_gap, or four times
+  // that where redundant strings on winches may keep it from being corrected.
   double already(int r) const {
     const double most = (flow.winches.some_slip ? 4.0 : 1.0) * FlowTolerances::closed_gap * flow.row_scale(r);
     return height0[r] > most ? most : (height0[r] > 0.0 ? height0[r] : 0.0);
   }
 
-  // How far beyond its root a row's guard may be where the row's event is.
+  // Largest value of a row's guard at the row's event.
   double met(int r) const {
     if (r >= M) return Tolerance::drive_root;
     return flow.taut(r) ? Tolerance::release_root : Tolerance::catch_root;
   }
 
-  // Whether the active set just chosen contradicts the state at the latest evaluation, where
-  // winches may give way instead: a held row is off its bound, or a string that slips does so too
-  // slowly.
+  // Whether the active set just chosen contradicts the state at the latest evaluation: a held row
+  // is off its bound, or a string slips too slowly. False if no winch can slip, and another set
+  // would not help.
   bool contradicted() const {
     if (!flow.winches.some_slip) return false;
     for (int r = 0; r < M; ++r) {
@@ -143,7 +146,7 @@ struct Guards {
     return out;
   }
 
-  // The worst guard after a step of length s; the flow is left there.
+  // The worst guard after a step of length s; the flow is left there, projected or not.
   double guard_at(double s) {
     flow.stages(s);
     flow.finish(s);
@@ -154,8 +157,8 @@ struct Guards {
   // evaluated at its end, and is again when this returns 0.
   double suspicious(double s) { return worst() > 0.0 ? s : inside(s); }
 
-  // Crossings that return within the step: heights by the cubic through the ends, tensions at the
-  // stages, each confirmed by integrating there, the earliest first.
+  // Crossings that return within the step, suspected at the stages or, for heights, at the maximum
+  // of the cubic through the ends. Each is confirmed by integrating there, the earliest first.
   double inside(double s) {
     double candidate[room(ALL)];
     int n = 0;
@@ -196,7 +199,8 @@ struct Guards {
         Tolerance::caught_height * flow.row_scale(r));
   }
 
-  // Where the cubic through (0, h0, d0), (s, h1, d1) has a maximum above or close to zero.
+  // Where the cubic through (0, h0, d0), (s, h1, d1) has a maximum above zero, or below it by no
+  // more than a tenth of its rise above the ends.
   static double peak_time(double h0, double d0, double h1, double d1, double s, double tolerance) {
     // h(x) = h0 + s d0 x + b x^2 + a x^3 with x = time / s.
     const double a = 2 * (h0 - h1) + s * (d0 + d1), b = 3 * (h1 - h0) - s * (2 * d0 + d1);
@@ -223,8 +227,9 @@ struct Guards {
     return hi;
   }
 
-  // The first time below `hi`, where guards are positive, at which one still is, by no more than
-  // rounding: row by row, until none has its root earlier. The flow is left there.
+  // The first time up to `hi` at which a guard is positive, but by no more than rounding, given
+  // that one is positive at `hi`, where the flow is. Row by row, until none has an earlier root.
+  // The flow is left there.
   double root(double hi) {
     for (int round = 0; round <= ALL; ++round) {
       const double before = hi;
@@ -238,8 +243,8 @@ struct Guards {
   }
 
   // The root of row r's guard in (0, hi], from its positive side. Newton's method for heights,
-  // whose rates are known, Illinois' for tensions, inside a bracket that bisection shrinks where
-  // they do not.
+  // whose rates are known, the Illinois method for the others, in a bracket that is bisected where
+  // they are slow.
   double root_of(int r, double hi) {
     const bool height = r < M && !flow.taut(r);
     double lo = 0.0, g_lo = guard0[r] < 0.0 ? guard0[r] : -1e-18, g_hi = guard(r);

@@ -28,7 +28,7 @@ class LaneDrive {
     force(in.u_D);
   }
 
-  // The same at the start of a run: at the last break all stands still.
+  // The same at the start of a run: nothing moves from the last break on.
   template <class Inputs>
   void start(const Real& t, Inputs& in) {
     find(t, true);
@@ -102,11 +102,11 @@ class LaneDrive {
   InputArrays input_[width];
   int piece_[width];
   bool forced_ = false, still_[room(Space::n_v)];
-  Real s_, moves_;  // s since the piece began; 1 while it moves, 0 where all stands still
+  Real s_, moves_;  // s: time since the piece began; 1 within the input, 0 before and after it
   Real coef_[room(Space::n_v * n_powers)], base_[room(Space::n_q)], force_[room(n_vD * n_powers)];
 };
 
-// Bundle is what advances the bundle: FixedLanes or VariationalTrajectory.
+// Bundle advances one trajectory per lane: FixedLanes or VariationalTrajectory.
 template <class Bundle>
 class LaneBatch {
   using Model = typename Bundle::Model;
@@ -128,7 +128,7 @@ class LaneBatch {
   static constexpr int M = Model::n_rows, D = Model::n_watched;
   static constexpr int steps_per_report = 64;  // between two looks at the pool
 
-  // Places beyond the last trajectory repeat it and are not written.
+  // Lanes beyond the last trajectory repeat it and are not written.
   void begin(const BatchArrays& in, long long first, int n) {
     first_ = first;
     n_ = n;

@@ -22,7 +22,7 @@ struct VectorOf {
   typedef T type __attribute__((vector_size(sizeof(T) * width)));
 };
 
-// What is true of each lane: all ones or all zeros in it.
+// A truth value per lane: all ones or all zeros in it.
 template <int width>
 struct LaneMask {
   using Bits = typename VectorOf<long long, width>::type;
@@ -38,7 +38,7 @@ struct LaneMask {
 };
 
 #if defined(__AVX512F__)
-// A bit a lane, as this processor's comparisons give and its choices take it.
+// One bit per lane, as AVX-512 compares and selects.
 template <>
 struct LaneMask<8> {
   unsigned char bits;
@@ -105,7 +105,7 @@ struct Lanes {
   FAN_LANE_COMPARISON(<=, _CMP_LE_OQ)
   FAN_LANE_COMPARISON(>=, _CMP_GE_OQ)
 
-  // Hidden friends, so that step code on doubles goes on finding the C library's.
+  // Hidden friends, so that step code on doubles still finds the C library's.
   FAN_LANE_OP Lanes abs(const Lanes& a) {
     using Bits = typename VectorOf<long long, width>::type;
     return of((Vector)((Bits)a.v & 0x7fffffffffffffffLL));
@@ -123,7 +123,7 @@ struct Lanes {
     return out;
   }
 
-  // The C library's, lane by lane: for what elementary.hpp does not reach.
+  // The C library's, lane by lane: for what elementary.hpp does not cover.
 #define FAN_LANE_CALL(NAME)                                     \
   __attribute__((noinline)) friend Lanes NAME(const Lanes& a) { \
     Lanes out;                                                  \
@@ -156,8 +156,8 @@ __attribute__((always_inline)) inline Lanes<width> select(
     return Lanes<width>::of(mask.bits ? yes.v : no.v);
 }
 
-// 1 / sqrt(x), x > 0. A root and a quotient of eight doubles take as long as sixty products: where
-// the processor gives an estimate to 2^-14, two rounds make it as good.
+// 1 / sqrt(x), x > 0 (NaN at 0 with AVX-512). A root and a quotient of eight doubles take as long
+// as sixty products; AVX-512 has an estimate to 2^-14, which two iterations make as exact.
 template <int width>
 __attribute__((always_inline)) inline Lanes<width> inverse_root(const Lanes<width>& x) {
 #if defined(__AVX512F__)
@@ -166,7 +166,7 @@ __attribute__((always_inline)) inline Lanes<width> inverse_root(const Lanes<widt
     __m512d y = _mm512_rsqrt14_pd(v);
     const __m512d rough = _mm512_fnmadd_pd(_mm512_mul_pd(v, y), y, one);
     y += (y * rough) * (0.5 + 0.375 * rough);
-    // What is lacking now is below rounding unless the product x y keeps its low part.
+    // The remaining error is below the rounding of x y, so that product keeps its low part.
     const __m512d high = _mm512_mul_pd(v, y), low = _mm512_fmsub_pd(v, y, high);
     const __m512d lacks = _mm512_fnmadd_pd(high, y, one) - low * y;
     return Lanes<width>::of((typename Lanes<width>::Vector)(y + (0.5 * y) * lacks));

@@ -3,8 +3,8 @@
 //
 //   min |x|   over W x = z, 0 <= x_i <= upper_i
 //
-// With Z an orthonormal basis of the null space of W and x_p the part of any solution across it,
-// x = x_p + Z y and y is the shortest vector with Z y >= -x_p: an ActiveSet of its own.
+// With Z an orthonormal basis of the null space of W and x_p the part of any solution orthogonal to
+// it, x = x_p + Z y. y is the shortest vector with -x_p <= Z y <= upper - x_p: an ActiveSet again.
 #pragma once
 
 #include "active_set.hpp"
@@ -17,7 +17,8 @@ template <class Set>
 struct LeastNorm {
   static constexpr int C = Set::C;
 
-  // x of a solved and completed problem, replaced by the least-norm one.
+  // Replaces x of a solved and completed (or adopted) problem by the least-norm one; keeps it if
+  // that is not found.
   void apply(Set& set) {
     n_null_ = 0;
     for (int i = 0; i < set.n; ++i)

@@ -35,13 +35,13 @@ FAN_FN void normalise(Real* q) {
   for (int k = 0; k < 4; ++k) q[k] *= scale;
 }
 
-constexpr double series_half_turn = 0.25;  // rad: half turns of quaternions made from a series
+constexpr double series_half_turn = 0.25;  // rad: smaller half angles use a power series
 
 // The quaternion of a rotation vector phi.
 template <class Real>
 FAN_FN void quaternion_exp(const Real* phi, Real* out) {
   using std::sqrt;
-  // cos(x) and sin(x) / x in powers of x^2, x = |phi| / 2: what is left out is below 1e-18.
+  // cos(x) and sin(x) / x in powers of x^2, x = |phi| / 2. The terms left out are below 1e-18.
   const Real square = Real(0.25) * (phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]);
   Real cosine = 1.0 / 479001600.0, factor = 1.0 / 6227020800.0;
   constexpr double cosines[] = {-1.0 / 3628800.0, 1.0 / 40320.0, -1.0 / 720.0, 1.0 / 24.0, -0.5, 1.0};
@@ -76,7 +76,7 @@ FAN_FN void quaternion_log(const Real* q, Real* phi) {
   for (int k = 0; k < 3; ++k) phi[k] = factor * q[1 + k];
 }
 
-// Takes rounding out of a quaternion whose length is 1 but for it.
+// Normalises a quaternion whose length is 1 up to rounding: one Newton step.
 template <class Real>
 FAN_FN void tidy(Real* q) {
   const Real square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
@@ -85,7 +85,7 @@ FAN_FN void tidy(Real* q) {
 }
 
 // moved = q moved by the tangent vector d (velocities times a time): scalars add, quaternions turn.
-// It may be q itself.
+// moved may be q itself.
 template <class Space, class Real>
 FAN_FN void retract(const Real* q, const Real* d, Real* moved) {
   for (int i = 0; i < Space::n_scalars; ++i)
@@ -99,8 +99,9 @@ FAN_FN void retract(const Real* q, const Real* d, Real* moved) {
   }
 }
 
-// The configuration half-way from q to q_next and the tangent vector xi between them, with
-// q_next = q c(xi/4) c(xi/4): scalars move by xi, quaternions turn by c(s) = (1, s) / sqrt(1 + s.s).
+// The configuration half-way from q to q_next and the tangent vector xi between them, with q_next =
+// q c(xi/4) c(xi/4): scalars move by xi, quaternions turn by c(s) = (1, s) / sqrt(1 + s.s), the
+// shorter way round.
 template <class Space, class Real>
 FAN_FN void half_way(const Real* q, const Real* q_next, Real* middle, Real* xi) {
   for (int i = 0; i < Space::n_scalars; ++i) {

@@ -1,9 +1,9 @@
-// Drives whose motor may be too weak for what it is told. Looked at after every step:
+// Drives whose motor may be too weak for its commands, checked after every step:
 //
-//   a stepper loses a step where it lags by more than half a period of its torque from the tooth
-//   that it holds on to: beyond, the torque turns it on to the next one;
+//   a stepper loses a step where it lags by more than half a period of its torque behind the tooth
+//   that it holds: beyond that, the torque turns it to the next one;
 //   a drive runs away where it is farther than runaway_distance outside of all commands since the
-//   run began, its motor out of step or at its bound; it is gone beyond Tolerance::gone_distance.
+//   run began, with its motor out of step or at its bound; beyond gone_distance the run ends.
 //
 // Written for any Real.
 #pragma once
@@ -15,11 +15,12 @@
 namespace fan {
 
 struct MotorTolerances {
-  // How far outside of its commands a drive runs away, and is gone: for prismatic (m) and for
-  // turning joints (rad).
+  // How far outside of its commands a drive runs away, and the run ends: for prismatic joints (m),
+  // and for turning joints (rad, a quarter and a whole turn).
   static constexpr double runaway_distance[] = {0.1, 1.5707963267948966};
   static constexpr double gone_distance[] = {1.0, 6.283185307179586};
-  // Share of the wanted force or torque below which the motor is at its bound.
+  // Share of the force or torque that the controller asks for, below which the motor is at its
+  // bound: just above rounding.
   static constexpr double saturated_share = 1.0 - 1e-9;
 };
 
@@ -52,14 +53,14 @@ struct MotorWatch {
     }
   }
 
-  // What is not to pass 0 by the last measurement: of a stepper its lag beyond half a period, of
-  // others how far they are outside, beyond Tolerance::runaway_distance, until they are.
+  // A drive's guard at the last measurement, in periods, m or rad: of a stepper its lag beyond half
+  // a period, of others how far they are beyond runaway_distance, or -1 once they are.
   FAN_FN Real excess(int d) const {
     if (Model::watched_steps[d]) return lag_beyond(d);
     return select(passed_[d], Real(-1.0), Real(outside(d) - Real(astray_from(d))));
   }
 
-  // After a step to here, which some lanes have made.
+  // Checks the drives after a step that the lanes in `lanes` have made.
   FAN_FN void look(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
       const Real* p, const Mask& lanes) {
@@ -127,13 +128,13 @@ struct MotorWatch {
     return Tolerance::runaway_distance[Model::watched_turns[d]];
   }
 
-  // By how much of a period a stepper lags beyond what it holds.
+  // By how many periods a stepper lags beyond half a period.
   FAN_FN Real lag_beyond(int d) const {
     using std::abs;
     return abs(drives_.lag[d] - tooth_[d]) - Real(0.5);
   }
 
-  // How far a drive is outside of all that it was told.
+  // How far a drive is outside of the range of its commands.
   FAN_FN Real outside(int d) const {
     const Real above = drives_.at[d] - high_[d], below = low_[d] - drives_.at[d];
     return select(above > below, above, below);
@@ -142,7 +143,7 @@ struct MotorWatch {
   struct {
     Real at[room(D)], command[room(D)], lag[room(D)];
   } drives_;  // measured last
-  Real low_[room(D)], high_[room(D)];  // within which all lies that it was told, and its start
+  Real low_[room(D)], high_[room(D)];  // range of the commands so far and of the start
   Real tooth_[room(D)];                // period of the torque that a stepper is in
   Mask lost_[room(D)], astray_[room(D)];  // since the run began
   Mask passed_[room(D)];                  // outside by more than runaway_distance at the last look

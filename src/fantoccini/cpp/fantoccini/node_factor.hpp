@@ -5,7 +5,7 @@
 
 namespace fan {
 
-// A factor at a node, the rows there, and the momenta in its terms.
+// A factor F at a node, the rows there, and y = F^-T p.
 template <class Model, class Real>
 struct NodeFactor {
   Evaluation<Model, Real> eval;
@@ -18,7 +18,7 @@ struct NodeFactor {
   }
 };
 
-// A step that was looked for.
+// A step as the iteration has found it so far.
 template <class Model, class Real>
 struct TrialStep {
   static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings;
@@ -26,14 +26,14 @@ struct TrialStep {
   using Mask = typename Traits<Real>::Mask;
 
   Real xi[room(N)];         // the tangent vector
-  Real before[room(N)];     // p_k
+  Real before[room(N)];     // p_k(xi)
   Real after[room(N)];      // p_k+1
   Real q_next[room(NQ)];    // q_k+1
   Real h[room(M)];          // there
   Real work_M;              // of the motors
   Real lambda[room(M)];     // impulses
-  Real slip_next[room(S)];  // of winches, there
-  Mask slips[room(S)];      // winches that have given way
+  Real slip_next[room(S)];  // m: slips there
+  Mask slips[room(S)];      // winches that slip in the step
 };
 
 }  // namespace fan

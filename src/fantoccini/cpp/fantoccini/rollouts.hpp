@@ -21,8 +21,8 @@ inline long long reached(const RolloutProgress& progress) {
   return __atomic_load_n(&progress.reached, __ATOMIC_RELAXED);
 }
 
-// Notes that rollout i has reached the goal. Those after the first that has are abandoned, so that the
-// result does not depend on the threads.
+// Records that rollout i has reached the goal. Rollouts after the first one that has are abandoned,
+// so that the result does not depend on the threads.
 inline void reach(RolloutProgress& progress, long long i) {
   long long known = reached(progress);
   while (i < known && !__atomic_compare_exchange_n(
@@ -31,7 +31,7 @@ inline void reach(RolloutProgress& progress, long long i) {
 }
 
 struct RolloutTolerances {
-  static constexpr double speed_slack = 1e-12;  // relative: rounding above a bound on a speed
+  static constexpr double speed_slack = 1e-12;  // of a bound on a speed: rounding above it
   static constexpr double no_distance = 1e300;  // of a goal that only Python can measure
 };
 
@@ -158,7 +158,7 @@ class Rollouts {
     }
   }
 
-  // Checks every lane; whether any goes on in this segment.
+  // Checks every lane; whether any is still in its segment.
   bool check(const RolloutArrays& in, RolloutProgress& progress, int look) {
     auto& state = led_.state();
     auto& inputs = led_.inputs();
@@ -212,7 +212,7 @@ class Rollouts {
     return inside;
   }
 
-  // Frees the lane, which stands still until the segment's end.
+  // Frees the lane, whose state does not change until the segment's end.
   void release(int l) {
     rollout_[l] = -1;
     active_[l] = false;

@@ -36,8 +36,9 @@ FAN_EXPORT void fan_set_input(void* run, const fan::InputArrays* input) {
   static_cast<fan::AnyRun*>(run)->set_input(*input);
 }
 
-// Writes what the run knows beside its inputs to `out`, unless it is null, or reads it from `from`:
-// of a run of the same library. Inputs are to be set before it goes on. Returns the bytes it takes.
+// Writes the run's state, except its inputs, to `out`, or reads it from `from`, which a run of the
+// same library wrote; either may be null. Set the inputs before the run continues. Returns the size
+// in bytes.
 FAN_EXPORT long long fan_memory(void* run, unsigned char* out, const unsigned char* from) {
   fan::Snapshot memory(out, from);
   static_cast<fan::AnyRun*>(run)->remember(memory);
@@ -48,7 +49,7 @@ FAN_EXPORT void fan_progress(const void* run, fan::RunProgress* out) {
   *out = static_cast<const fan::AnyRun*>(run)->progress();
 }
 
-// By row and drive that is watched, how much it is to blame for how the run ended, 0 to 1.
+// By row and watched drive, its share of the blame for how the run ended, at most 1.
 FAN_EXPORT void fan_blame(const void* run, int status, double* out) {
   static_cast<const fan::AnyRun*>(run)->tell_blame(fan::Status(status), out);
 }

@@ -84,8 +84,8 @@ FAN_FN bool is_constant(const Real* c) {
   return !any(moves);
 }
 
-// q_K, v_K and acc_K at s; coef (n_v, 6), base (n_q,), still (n_v,): which polynomials are constant,
-// for many driven coordinates stand still most of the time.
+// q_K, v_K and acc_K at s, from coef (n_v, 6), base (n_q,) and still (n_v,), which says which
+// polynomials are constant: most driven coordinates stand still most of the time.
 template <class Space, class Real>
 FAN_FN void motion_of(
     const Real* coef, const Real* base, const bool* still, Real s, Real* q, Real* v, Real* a) {

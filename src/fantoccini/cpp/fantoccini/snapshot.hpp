@@ -1,5 +1,5 @@
-// The whole state of a run except its inputs, as bytes: a run that restores them goes on to the same
-// bits.
+// The whole state of a run except its inputs, as bytes: a run that restores them gives the same
+// results to the last bit.
 #pragma once
 
 #include <cstring>
@@ -7,8 +7,9 @@
 
 namespace fan {
 
-// Writes members one behind the other to `out`, or reads them from `from`; counts their bytes.
-// Pointers in them are made anew when inputs are set, which comes before the next step.
+// Writes members one after the other to `out`, or reads them from `from`; counts their bytes.
+// Pointers in them (into the run's own arrays) are invalid when read; runs set them again before
+// they use them.
 class Snapshot {
  public:
   Snapshot(unsigned char* out, const unsigned char* from) : out_(out), from_(from) {}

@@ -6,9 +6,9 @@
 namespace fan {
 
 struct StepGrid {
-  // Of a step: the last one is longer by up to this, rather than followed by a sliver.
+  // Of a step: the last one may be longer by this, instead of being followed by a tiny one.
   static constexpr double sliver = 1e-6;
-  // Of a step or of the whole time: what is left counts as nothing, rounding of sums of dt.
+  // Of a step, or of the whole time if shorter: time left that counts as none, rounding of n dt.
   static constexpr double rounding = 1e-9;
 
   double origin, t_end, dt;  // s

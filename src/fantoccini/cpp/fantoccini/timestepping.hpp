@@ -4,20 +4,20 @@
 //   h/dt + A_D v+ + A_K dq_K/dt <= 0, complementary to Lambda;          q+ = q moved by dt v+
 //
 // with dq_K the exact increment of the inputs, damping and drag D implicit, and Lambda capped, so
-// that every step has a solution. The recovery of a violated row is limited to a speed, and takes
-// no less than a whole step: a short last one would make its h/dt a blow. c takes its velocity
-// products half a step on, extrapolated from the accelerations a of the two steps before,
+// that every step has a solution. The speed at which a violated row recovers is limited, and is at
+// most h over a whole step: over a short last step it would be a blow. The velocity products in c
+// are taken half a step ahead, extrapolated from the accelerations a of the two steps before,
 //
 //   v_ahead = v + dt (a/2 + (a - a-)/4)
 //
-// At v they would add energy to whatever spins, by exp((w dt)^2 t/dt); with a/2 alone by
-// exp((w dt)^4 t/2dt), which the quarter takes away. At the start, after a catch and after a brake
-// there is nothing to extrapolate: a = 0. Without `extrapolates`, v_ahead is v, and a step depends on
-// its state alone.
+// At v they would add energy to whatever spins, by exp((w dt)^2 t/dt); with a/2 alone by exp((w
+// dt)^4 t/2dt), which the quarter removes. At the start and after a catch or slow_down() there is
+// nothing to extrapolate from, and v_ahead is v. Without `extrapolates` it always is, and a step
+// depends on its state alone.
 //
-// Where the cap is the largest tension of a string's winch, the winch gives way by what is left.
-// Once a row was overstepped by stirred_violation, all velocities are scaled down where a step
-// would turn a coordinate by more than max_turn_per_step or move one by more than
+// A slipping winch caps Lambda at its largest tension times dt; the speed that remains lengthens
+// its slip. Once a row was overstepped by stirred_violation, all velocities are scaled down where a
+// step would turn a coordinate by more than max_turn_per_step or move one by more than
 // max_move_per_step; before, by unstirred_factor times as much. Written for any Real: lanes step
 // together, each with its own rows.
 #pragma once
@@ -28,13 +28,15 @@
 namespace fan {
 
 struct TimeSteppingTolerances {
-  // m or rad by which a row was overstepped before moves are limited: no feasible input does so.
+  // m or rad: once a row was overstepped by more, a step may move less far. The inputs then cannot
+  // be followed, or not by steps of this length, or the start was violated as much.
   static constexpr double stirred_violation = 1e-3;
-  // How far a coordinate turns (rad) and moves (m) in a step at most, afterwards.
+  // How far a coordinate may turn (rad) and move (m) in a step, afterwards.
   static constexpr double max_turn_per_step = 0.5, max_move_per_step = 5.0;
-  // Times as much, before.
+  // Before, it may move this many times as far.
   static constexpr double unstirred_factor = 10.0;
-  // rad/s or m/s at which a limit counts as passed: rounding of speeds that end at it.
+  // rad/s or m/s at which a limit joins the problem because it would be passed: above the rounding
+  // of speeds that reach it exactly.
   static constexpr double passing_speed = 1e-12;
 };
 
@@ -49,21 +51,20 @@ struct TimeStep {
   Evaluation<Model, Real> eval;
   RowSystem<Model, Real> rows;
   Real acc[room(N)];      // (v+ - v) / dt
-  Real trend[room(N)] = {};  // the same where the step to come is expected to go on so, else 0
+  Real trend[room(N)] = {};  // acc, or 0 in lanes that are not steady
   Real lead[room(N)] = {};   // (v_ahead - v) / dt of the step to come
-  double whole = 0.0;        // s: a step of the run; the one to come may be shorter
+  double whole = 0.0;        // s: the run's step; the last one may be shorter
   bool extrapolates = true;  // otherwise v_ahead is v: a step depends on its state alone
-  Mask steady = Real(0.0) > Real(1.0);  // whether trend is no 0 for want of something to go on
+  Mask steady = Real(0.0) > Real(1.0);  // whether the next step may extrapolate the last one
   Real tension[room(M)];  // Lambda / dt
-  Mask taut[room(M)];    // after the last step
-  Mask held[room(M)];    // after the one before it
-  Real slip[room(S)];    // m, by which winches have given way
+  Mask taut[room(M)];    // rows that pulled in the last step
+  Mask held[room(M)];    // and in the one before it
+  Real slip[room(S)];    // m; rounding may leave it just below 0
   Mask slips[room(S)];   // in the last step
   Real work, impact, slip_loss, violation;
   Mask settled;  // whether the last step's complementarity was solved
-  Mask idle = Real(0.0) > Real(1.0);  // lanes in which nothing is asked any more
-  // Whether a row was ever overstepped by more than stirred_violation: from then on turns are
-  // limited.
+  Mask idle = Real(0.0) > Real(1.0);  // lanes that have stopped: no row takes part in them
+  // Whether a row was ever overstepped by more than stirred_violation.
   Mask stirred = Real(0.0) > Real(1.0);
 
   // Steps from q_D, v_D to q_next, v_next. (q_K, v_K, acc_K) are the inputs at the start of the
@@ -110,7 +111,7 @@ struct TimeStep {
     retract<typename Model::Dynamic>(q_D, move, q_next);
   }
 
-  // Lanes in which the step to come does not go on like the last one.
+  // The next step extrapolates nothing in these lanes.
   FAN_FN void forget(const Mask& where) {
     for (int k = 0; k < N; ++k) {
       lead[k] = select(where, Real(0.0), lead[k]);
@@ -120,8 +121,8 @@ struct TimeStep {
   }
 
  private:
-  // Nothing moves farther in a step than the step can follow: what inputs that nothing can follow
-  // stir up stays bounded.
+  // Scales down velocities and moves so that no part of the move exceeds `most`: inputs that cannot
+  // be followed then do bounded harm.
   FAN_FN void slow_down(const Real* part, const Real& most, Real* v, Real* move) {
     using std::abs;
     Real farthest = Real(0.0);
@@ -134,7 +135,7 @@ struct TimeStep {
     steady = steady && !(brake < Real(1.0));
   }
 
-  // Solves for the impulses; where the rows are too near to one another, with a firmer raise.
+  // Solves for the impulses; in lanes in which pivoting does not settle, with firmer raises.
   FAN_FN void settle() {
     auto& problem = rows.problem;
     const int most = Pivoting::max_iterations(rows.n);
@@ -160,7 +161,8 @@ struct TimeStep {
     }
   }
 
-  // Winches wind back what slipped before; the strings' h and hdot are those of L + slip.
+  // The rate at which winches wind back their slip; changes the strings' h and hdot to those of
+  // L + slip.
   FAN_FN void wind(const Winches<S>& winches, double dt) {
     for (int i = 0; i < S; ++i) {
       winding_[i] = Real(0.0);
@@ -176,7 +178,8 @@ struct TimeStep {
     }
   }
 
-  // s < 0 at the bound of a winch is the speed at which it gives way.
+  // Adds to the slips: with Lambda at its winch's bound, -s > 0 is the speed at which a string
+  // slips.
   FAN_FN void give_way(const Winches<S>& winches, double cap, double dt) {
     slip_loss = Real(0.0);
     for (int i = 0; i < S; ++i) {
@@ -194,9 +197,9 @@ struct TimeStep {
     for (int i = 0; i < S; ++i) slip[i] += dt * slip_rate_[i];
   }
 
-  // Strings always take part. Of the limits those do that pulled in the step before or would be
-  // passed at the present velocity, each in its own lanes: a lane's result does not depend on its
-  // neighbours.
+  // Chooses the rows that take part: all strings, and the limits that pulled in the step before or
+  // would be passed at the present velocity. Each lane has its own, so that its result does not
+  // depend on its neighbours.
   FAN_FN void watch_first(const Real* v_D, double dt) {
     for (int r = 0; r < S; ++r) near_[r] = !idle;
     Real rate[room(M - S)];
@@ -207,7 +210,7 @@ struct TimeStep {
     }
   }
 
-  // Adds the limits that the impulses found would let be passed; whether there are any.
+  // Adds the limits that would be passed with the impulses found; whether there are any.
   FAN_FN bool watch_more(const Real* v_D, double dt, double recovery_speed) {
     Real v[room(N)], rate[room(M - S)];
     for (int k = 0; k < N; ++k) v[k] = v_D[k] + acc[k];
@@ -233,14 +236,14 @@ struct TimeStep {
     rows.gather_more(eval, v_D, list, rows_in_some_lane<Model>(near_, list));
   }
 
-  // By how much a row is overstepped, where > 0. A wire is by being too short, too.
+  // By how much a row is overstepped, if positive. For a wire h < 0 counts, too.
   FAN_FN Real overstep(int r) const {
     using std::abs;
     return is_wire(r) ? Real(abs(eval.height(r))) : eval.height(r);
   }
 
-  // h / dt; what is overstepped is taken back over a whole step at least, and at the recovery's
-  // speed at most. What is open may close within this step.
+  // h / dt. If h > 0, over a whole step at least, and at most the recovery speed. If h < 0, the row
+  // may close within this step.
   FAN_FN Real position_term(int r, double dt, double recovery_speed) const {
     const Real h = eval.height(r), limit = Real(recovery_speed);
     const Real back = h * (1.0 / (dt > whole ? dt : whole));
@@ -275,7 +278,7 @@ struct TimeStep {
     eval.back(w, acc);
   }
 
-  // Tensions, the active set and the step's part of the ledger. acc is v+ - v here. Returns the
+  // Tensions, the active set and the step's entries of the ledger. acc is v+ - v here. Returns the
   // lanes in which a row was caught.
   FAN_FN Mask account(const Real* v_D, const Real* u_D, double dt) {
     Mask held_before[room(M)], some_caught = Real(0.0) > Real(1.0);

@@ -42,7 +42,7 @@ struct TimeSteppingTrajectory {
   FAN_FN void take_inputs() { inputs_at_ = 1 - inputs_at_; }
 
   // Begins at state(), at.slip and the present inputs. The tensions of the start are those of the
-  // first step, tried and taken back.
+  // first step, which is made and undone.
   FAN_FN void begin() {
     const Mask no = Real(0.0) > Real(1.0);
     work = damping = impact = slip_loss = worst_violation = Real(0.0);
@@ -71,8 +71,8 @@ struct TimeSteppingTrajectory {
     last_dt_ = 0.0;
   }
 
-  // A step of length dt to the coming inputs. A trajectory that cannot make it is stopped and
-  // keeps what it had.
+  // A step of length dt to the coming inputs. A trajectory for which it fails is stopped and keeps
+  // its state.
   FAN_FN void advance(double dt) {
     Real rate[room(NK)], mean[room(NK)], slip[room(S)];
     increment<Space>(inputs().q_K, coming().q_K, dt, rate);
@@ -114,12 +114,12 @@ struct TimeSteppingTrajectory {
         opt.tension_cap, winches, p, to.q_D, to.v_D);
   }
 
-  // Damping and drag act at v+, so that what they take of a step is
+  // Damping and drag act at v+, so that a step loses
   //
   //   dt v+ . D (v + v+) / 2,   which is   dt/2 sqrt(P+) (sqrt(P) + sqrt(P+))
   //
-  // with the powers P = v . D v at its ends where D v keeps its direction. P+ is known at the next
-  // step: then the one before is booked.
+  // with the powers P = v . D v at its ends, if D v keeps its direction. P+ is known at the next
+  // step, which therefore adds the loss of the step before.
   FAN_FN void take_loss(double dt) {
     using std::sqrt;
     const Real power = at.eval.loss, root = sqrt(select(power > Real(0.0), power, Real(0.0)));
@@ -131,7 +131,8 @@ struct TimeSteppingTrajectory {
     last_dt_ = dt;
   }
 
-  // What the last step has lost, as long as only its beginning is known: what the step before did.
+  // Estimate of the last step's loss, while P is known only at its beginning: that of the step
+  // before, at most dt P.
   FAN_FN Real coming_loss() const {
     const Real most = last_dt_ * last_root_ * last_root_;
     return select(last_loss_ < most, last_loss_, most);
@@ -167,7 +168,8 @@ struct TimeSteppingTrajectory {
     }
   }
 
-  Real lost_, last_loss_, last_root_;  // until the last step; by the one before; root of its power
+  // J: lost before the last step, and in the step before it; sqrt(P) at the start of the last step.
+  Real lost_, last_loss_, last_root_;
   double last_dt_ = 0.0;
   State states_[2];
   Inputs inputs_[2];

@@ -11,7 +11,7 @@
 //   z = y - F^-T p_k(xi) - W Lambda,   h / dt + W^T z <= 0 complementary to Lambda >= 0,
 //   xi <- xi + dt F^-1 z
 //
-// is nearly Newton's iteration and needs no derivative; Broyden's updates make up for the rest.
+// is nearly Newton's iteration and needs no derivative; Broyden's updates correct the difference.
 //
 // Written for any Real: lanes step together, each by a step of its own length.
 #pragma once
@@ -23,21 +23,21 @@
 namespace fan {
 
 struct VariationalTolerances {
-  // What a solved step may leave of the momenta, relative to their size: near rounding;
+  // Residual |z| of a solved step, relative to the size of y: near rounding.
   static constexpr double momentum_residual = 1e-12;
-  // the same where it does not get any better,
+  // The same for a step whose residual no longer shrinks,
   static constexpr double stalled_residual = 1e-10;
-  // which is where a round leaves more than this share of the square.
+  // that is, whose |z|^2 is more than this share of the round before.
   static constexpr double stalled_share = 0.1;
-  // m or rad: what rounding may leave of a row's height,
+  // m or rad: rounding of a row's height. Over dt it is a speed that |z| may have, too,
   static constexpr double height_rounding = 1e-14;
   // for rows with at least this share of G's largest diagonal entry: others hardly move anything.
   static constexpr double moving_row = 1e-6;
   // m or rad by which a solved step may overstep a row.
   static constexpr double violation = 1e-11;
-  // rad by which a coordinate may turn in one step: midpoint rotations end at a half turn.
+  // rad (of xi) by which a coordinate may turn in one step: wider steps gain energy.
   static constexpr double max_turn_per_step = 1.0;
-  // rad by which strings may swing in one step: wider steps gain energy.
+  // rad by which a string may swing in one step: the same.
   static constexpr double max_swing_per_step = 0.7;
   static constexpr int max_corrections = 30;
 };
@@ -51,13 +51,13 @@ struct VariationalStep {
   using Node = VariationalNode<Model, Real>;
   using Inputs = typename Node::Inputs;
 
-  // Of the inputs over a step.
+  // The inputs at the middle of a step.
   struct Lead {
     Real q_mid[room(NQK)], v_mid[room(NK)], acc_mid[room(NK)], u_D[room(N)];
   };
 
   Node here;
-  double least = negligible;  // kg m^2/s^2: least squared momenta for the residuals
+  double least = negligible;  // kg m^2/s^2: least |y|^2 that residuals are relative to
   Lead lead;
   Inputs coming;  // at the end of the step
   // Of the last step, in the lanes that made it.
@@ -67,7 +67,7 @@ struct VariationalStep {
   Real work, loss, impact, slip_loss;
   long long n_corrections = 0;
 
-  // How far a row is beyond its bound at the end of the step that was found, and its impulse.
+  // How far a row is beyond its bound at the end of the step last found, and its impulse.
   FAN_FN Real overstep(int r) const {
     using std::abs;
     return r < S && Model::wire[r] ? Real(abs(trial_.h[r])) : trial_.h[r];
@@ -95,7 +95,8 @@ struct VariationalStep {
     here.settle();
   }
 
-  // Looks for the step of length dt in some lanes: those in which it was found. Nothing moves yet.
+  // Looks for the step of length dt in the lanes `wanted`, and returns those in which it was found.
+  // The state stays as it is.
   FAN_FN Mask solve(const Real& dt, const Mask& wanted) {
     using std::abs;
     here.expect(select(wanted, dt, here.ahead));
@@ -169,8 +170,8 @@ struct VariationalStep {
   }
 
   // Whether the step that was found resolves how its strings swing. A string of length L under
-  // tension turns by the angle dt sqrt(tension G / L), and Lambda is half of what pulls over the
-  // step. Steps over wider angles gain energy.
+  // tension turns by the angle dt sqrt(tension G / L), with tension = 2 Lambda / dt, as half of the
+  // impulse acts at each end.
   FAN_FN Mask resolves(const Real& dt) const {
     using std::abs;
     const auto& rows = here.firm.rows;
@@ -186,8 +187,8 @@ struct VariationalStep {
     return all;
   }
 
-  // By row of `firm`, the speed that the row's impulse has to take from a step of length dt; what
-  // was found stays.
+  // By row of `firm`, the closing speed that impulses have to remove in a step of length dt. The
+  // step that was found is kept.
   FAN_FN void demand(const Real& dt, Real* b) {
     const TrialStep<Model, Real> found = trial_;
     auto& rows = here.firm.rows;
@@ -203,7 +204,7 @@ struct VariationalStep {
     for (int k = 0; k < N; ++k) lacked_[k] = lacked[k];
   }
 
-  // Takes the step of length dt that was found, in some lanes.
+  // Makes the step of length dt that was found, in the lanes `goes`.
   FAN_FN void accept(const Real& dt, const Mask& goes) {
     Real before[room(N)], coupled[room(N)], lost[room(M)];
     Mask was_taut[room(M)];
@@ -259,8 +260,8 @@ struct VariationalStep {
   }
 
  private:
-  // Gives what the momenta at the node lack to those at the end: so symmetries keep theirs to
-  // rounding, whatever the iteration leaves.
+  // Adds the residual of the momenta at the node to those at the end, so that conserved momenta are
+  // kept to rounding, whatever residual the iteration leaves.
   FAN_FN void balance() {
     Real v[room(N)], still[room(NK)], lacks[room(N)];
     here.firm.eval.back(left_, v);
@@ -269,7 +270,7 @@ struct VariationalStep {
     for (int k = 0; k < N; ++k) trial_.after[k] += lacks[k];
   }
 
-  // What rounding of the rows' heights may leave of z, squared: in a short step it is a speed.
+  // |z|^2 that rounding of the rows' heights may cause: divided by a short step it is a speed.
   FAN_FN Real rounding(const Real& dt) const {
     const auto& rows = here.firm.rows;
     const Real speed = Tolerance::height_rounding / dt;
@@ -286,8 +287,8 @@ struct VariationalStep {
     return speed * speed * most;
   }
 
-  // What the forces at the node make of the velocities half-way, with mu for Lambda, and what such
-  // guesses have lacked.
+  // The first xi: dt times the velocities that the forces at the node and mu, for Lambda, give
+  // half-way, corrected by the extrapolated errors of such guesses.
   FAN_FN void first_guess(const Real& dt) {
     const auto& on = here.exact;
     Real w[room(N)], pull[room(M)];
@@ -306,7 +307,7 @@ struct VariationalStep {
     for (int i = 0; i < S; ++i) trial_.h[i] -= trial_.slip_next[i];
   }
 
-  // The lanes in which no row that takes part or not is overstepped at the end of the step.
+  // The lanes in which no row is overstepped at the end of the step, whether it takes part or not.
   FAN_FN Mask held() const {
     using std::abs;
     const auto& rows = here.firm.rows;
@@ -322,7 +323,7 @@ struct VariationalStep {
     return all;
   }
 
-  // Limits that the step would overstep take part from now on; whether there are any.
+  // Adds the limits that the step would overstep to the rows that take part; whether there are any.
   FAN_FN bool join(const Mask& lanes) {
     bool more = false;
     for (int r = S; r < M; ++r) {
@@ -349,7 +350,7 @@ struct VariationalStep {
     return true;
   }
 
-  // Has the node's own rows know those that have joined.
+  // Adds the limits that have joined to the rows of `exact`.
   FAN_FN void look_again() {
     here.joined = false;
     int list[room(M)];
@@ -357,7 +358,7 @@ struct VariationalStep {
     here.exact.rows.gather_more(here.exact.eval, here.guess, list, n);
   }
 
-  // A winch at its largest tension gives way by what its string lacks.
+  // A winch at its largest tension slips by the length that its string lacks.
   FAN_FN void give_way() {
     const auto& rows = here.firm.rows;
     for (int i = 0; i < S; ++i) trial_.slips[i] = Real(0.0) > Real(1.0);
@@ -375,7 +376,7 @@ struct VariationalStep {
 
   TrialStep<Model, Real> trial_;
   Real left_[room(N)];    // z of the step that was found
-  Real lacked_[room(N)];  // the guess of a step without extrapolation, then what it lacked
+  Real lacked_[room(N)];  // the guess of xi without extrapolation; in accept(), the error of it
   Extrapolation<N, Real> extrapolation_;
   Broyden<N, Real> quick_;
 };

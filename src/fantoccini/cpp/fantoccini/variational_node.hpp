@@ -2,9 +2,9 @@
 //
 //   v = M_DD^-1 (p - M_DK v_K - A_D^T mu),   hdot <= 0 complementary to mu >= 0
 //
-// over the rows at their bound. mu is what the strings' impulse in the next step would be larger by.
+// over the rows at their bound. The next step needs that much less impulse.
 //
-// The step from a node stands on a factor of its own, with half a step of the joints' damping in it
+// The step from a node uses a factor of its own, with half a step of the joints' damping in it
 // (variational.hpp): `exact` is of M_DD, `firm` of M_DD + dt/2 damping.
 //
 // Written for any Real: every lane has its own time and step.
@@ -16,11 +16,11 @@
 namespace fan {
 
 struct NodeTolerances {
-  // m or rad: a row this near to its bound is at it; a step leaves ten times less.
+  // m or rad: -h below which a row is at its bound: ten times what a step may leave.
   static constexpr double closed_gap = 1e-10;
-  // Relative difference of steps that share a factor.
+  // Relative difference up to which steps share a factor.
   static constexpr double same_step = 1e-6;
-  // s: an impulse is at most the largest tension over this time.
+  // s: an impulse is at most the tension cap over this time, and so may be that of a catch.
   static constexpr double max_impulse_time = 1.0;
 };
 
@@ -46,25 +46,25 @@ struct VariationalNode {
     }
   };
 
-  double cap;  // N: largest tension of a string without a winch of its own
+  double cap;  // N: largest tension of a string on a winch that does not slip
   Winches<S> winches;
   Real p[room(Model::n_p)];
   Inputs now;
   Real q_D[room(NQ)], v_D[room(N)], slip[room(S)];
   Real momentum[room(N)];  // p_k
-  Real guess[room(N)];     // of v_D, from the step that led here
+  Real guess[room(N)];     // of v_D, from the step that ended here
   Real lambda[room(M)];    // impulses of that step, by row
   Real since;              // its length; 0 at the start
-  Real ahead;              // the step to come that `firm` is made for
-  Real moving[room(N)];    // F v_D
+  Real ahead;              // s: the length of the next step that `firm` is made for
+  Real moving[room(N)];    // F v_D, with the F of `exact`
   Real mu[room(M)];
   Mask near[room(M)];      // rows that take part
-  bool joined;             // whether some have joined that `exact` does not know
+  bool joined;             // whether `exact` lacks some of them
   Mask taut[room(M)];
   NodeFactor<Model, Real> exact, firm;
 
-  // Velocities and mu from momenta, and what the next step stands on. The same again in lanes where
-  // nothing has changed.
+  // Velocities and mu from momenta, and the factors for the next step. Lanes in which nothing
+  // changed get the same results again.
   FAN_FN void settle() {
     Real p_own[room(N)];
     exact.eval.at_node(
@@ -105,7 +105,8 @@ struct VariationalNode {
   // Whether a row is a string whose winch gives way.
   FAN_FN bool gives(int r) const { return winches.slips(r) && winches.max_tension[r] < cap; }
 
-  // Bounds of the rows' impulses over half a step: the other half is that of its other end.
+  // Bounds of the rows' impulses. A slipping winch's is that of half a step: the other half acts at
+  // the step's other end.
   FAN_FN void bound(NodeFactor<Model, Real>& on, const Real& dt) const {
     auto& problem = on.rows.problem;
     for (int a = 0; a < on.rows.n; ++a) {
@@ -116,17 +117,18 @@ struct VariationalNode {
     }
   }
 
-  // Solves for the impulses; `again` with rows and G as the last time.
+  // Solves for the impulses; `again` with rows and G as the last time. Lanes that do not settle are
+  // not reported.
   FAN_FN static void complement(Problem& problem, bool again) {
     using Pivoting = ComplementarityTolerances;
     problem.solve(Pivoting::raise, 1, Pivoting::pivoting, Pivoting::max_iterations(problem.n), again);
   }
 
-  // What is true of a row is true in all lanes.
+  // A flag that is the same in all lanes, as a mask.
   FAN_FN static Mask in_all(bool is) { return Real(is ? 1.0 : 0.0) > Real(0.5); }
   FAN_FN static Mask sides(const Rows& rows, int a) { return in_all(rows.two_sided[a]); }
 
-  // The rate at which a winch winds back what has slipped, over a step dt; none where that is 0.
+  // The rate at which a winch winds back its slip over a step dt; 0 if dt is.
   FAN_FN Real winding(int i, const Real& dt) const {
     using std::sqrt;
     if (!(winches.rewind_speed[i] > 0.0)) return Real(0.0);
@@ -138,8 +140,8 @@ struct VariationalNode {
     return -select(goes, select(most < speed, most, speed), Real(0.0));
   }
 
-  // What impulses x by row do here, of which `made` tells whether they have acted on the
-  // velocities: work of the driven ends is added, and by row the energy that they take.
+  // Adds to `work` what impulses x, by row, do here through driven ends, and to `lost` the energy
+  // each removes. `made`: they have acted on the velocities already.
   FAN_FN void account(const Real* x, bool made, Real& work, Real* lost) const {
     const auto& rows = exact.rows;
     Real rate[room(M)];
@@ -156,7 +158,8 @@ struct VariationalNode {
   }
 
  private:
-  // Strings always take part, limits where they are near; the others are looked at afterwards.
+  // Chooses the rows that take part: all strings, and the limits nearby. Steps check the other
+  // limits afterwards.
   FAN_FN void watch() {
     using std::abs;
     Real rate[room(M - S)];

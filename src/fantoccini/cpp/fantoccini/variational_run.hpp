@@ -20,6 +20,7 @@ struct VariationalRun {
   long long n_steps = 0, n_here = 0;
   int save_every = 1;
 
+  // The argument is there for run_abi.hpp and has no meaning here.
   explicit VariationalRun(bool = false) {}
 
   Status start(const StartArrays& from, Record<Model>& out) {
@@ -81,7 +82,7 @@ struct VariationalRun {
     for (int r = 0; r < M; ++r) out[r] = trajectory.blame[0][r];
   }
 
-  // New inputs, or a new step grid, from here on; the velocities of the driven coordinates go on.
+  // New inputs, or a new step grid, from here on. The driven velocities must be continuous.
   void restart() {
     Look look{drive};
     trajectory.restart(look);
@@ -93,7 +94,7 @@ struct VariationalRun {
  private:
   using Inputs = typename Trajectory::Inputs;
 
-  // The inputs as VariationalTrajectory looks at them.
+  // The inputs, with the interface that VariationalTrajectory calls.
   struct Look {
     Drive<typename Model::Driven, N>& drive;
 

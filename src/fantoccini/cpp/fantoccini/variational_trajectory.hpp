@@ -14,9 +14,10 @@ namespace fan {
 struct StepHalvingTolerances {
   // Smallest part of a step that is tried; a step that fails there stops the run.
   static constexpr double smallest_part = 1.0 / 4096.0;
-  // Smallest part for the sake of accuracy alone: what is smaller is taken as it is.
+  // Parts down to this are halved if only inaccurate (VariationalStep::resolves); smaller ones are
+  // made.
   static constexpr double smallest_accurate_part = 1.0 / 512.0;
-  // s: a blow passes as the largest tension over this time.
+  // s: the impulse of a catch, and impulses it causes, may be the tension cap over this time.
   static constexpr double blow_time = 1.0;
 };
 
@@ -39,12 +40,12 @@ struct VariationalTrajectory {
   Real status;  // a Status: RUNNING, or what has stopped the trajectory
   double blame[width][room(M)];
   // Of the last whole step.
-  Real pull[room(M)];      // mean tensions
+  Real pull[room(M)];      // N or N m: mean tensions
   Real blow[room(M)];    // N s or N m s: impulses of rows that were caught
   Mask was[room(M)];     // rows that were taut before it
-  Mask slips[room(S)], slipped[room(S)];  // winches that give way in it, and in the one before
+  Mask slips[room(S)], slipped[room(S)];  // winches that slip in it, and in the one before
 
-  // Where all begin; the states come after.
+  // Sets the time, options and parameters of all lanes; states are set afterwards.
   void set(double start, const Options& options, const double* winches, const double* numbers) {
     t = Real(start);
     opt = options;
@@ -75,8 +76,8 @@ struct VariationalTrajectory {
     out[3] = slip_loss;
   }
 
-  // Begins at node() and the inputs at t. What pulls then, and how much, is what does so in the
-  // first step, which is tried and not made.
+  // Begins at node() and the inputs at t. The tensions there are those of the first step, which is
+  // tried and not made.
   template <class Drive>
   void begin(Drive& drive) {
     const Mask all = Real(0.0) < Real(1.0);
@@ -101,15 +102,15 @@ struct VariationalTrajectory {
     watch.begin(q_D(), inputs().q_K, p());
   }
 
-  // New inputs from here on; the velocities of the driven coordinates go on.
+  // Takes new inputs from here on. The momenta stay, so the driven velocities must be continuous.
   template <class Drive>
   void restart(Drive& drive) {
     drive.start(t, node().now);
     node().settle();
   }
 
-  // Goes from a time, where all trajectories that still run are, to the next. One that cannot is
-  // stopped and keeps what it had.
+  // Advances all trajectories that still run from the time `from`, where they are, to `next`. One
+  // that cannot be advanced is stopped and keeps its state.
   template <class Drive>
   void advance(Drive& drive, double from, double next) {
     const Mask no = Real(0.0) > Real(1.0);
@@ -143,7 +144,7 @@ struct VariationalTrajectory {
     const Mask moved = t > start, ends = went && moved;
     const Real rate = 1.0 / select(moved, Real(t - start), Real(1.0));
     for (int r = 0; r < M; ++r) {
-      // What pulled in a part of the step and has let go bears nothing any more.
+      // A row that pulled in a part of the step and is slack at its end has no tension there.
       const Real mean = select(node().taut[r], Real(impulse[r] * rate), Real(0.0));
       pull[r] = select(ends, mean, pull[r]);
     }
@@ -160,7 +161,7 @@ struct VariationalTrajectory {
   Mask released(int r) const { return !at.here.taut[r] && (was[r] || caught(r)); }
 
  private:
-  // Looks for a part of length dt in some lanes.
+  // Looks for a part of length dt in some lanes; returns those in which it was found.
   template <class Drive>
   Mask look(Drive& drive, const Real& dt, const Mask& lanes) {
     drive.force(Real(t + 0.5 * dt), at.lead.u_D);
@@ -195,15 +196,15 @@ struct VariationalTrajectory {
     judge(dt, lanes);
   }
 
-  // After a part of a step. A pull counts over a whole step: in a short part, what rows that are
-  // taut get of a blow just before looks like one.
+  // Checks the state after a part of a step. The cap applies to the mean tension over a whole step:
+  // in a short part, the rest of a catch just before would look like a tension.
   void judge(const Real& dt, const Mask& lanes) {
     using std::abs;
     const Real far = squares<NQ>(node().q_D) + squares<N>(node().v_D);
     Real most = Real(0.0), span = select(dt > Real(opt.dt), dt, Real(opt.dt));
     for (int r = 0; r < M; ++r) {
       const Real size = abs(at.impulse[r]);
-      span = select(at.caught[r], Real(Tolerance::blow_time), span);  // rows that pull pass a blow on
+      span = select(at.caught[r], Real(Tolerance::blow_time), span);  // rows that pull share a catch's impulse
       most = select(!at.caught[r] && size > most, size, most);
     }
     stop(lanes && !(far < Real(max_state_norm * max_state_norm)), NOT_FINITE);
@@ -230,7 +231,7 @@ struct VariationalTrajectory {
     return empty;
   }
 
-  // Whether a length that is no number has run out.
+  // Whether the length of string i has run out, or is NaN.
   Mask is_empty(int i, const Inputs& in) const {
     const bool varies = Model::length_q[i] >= 0 || Model::wound_q[i] >= 0;
     const Real length = string_length<Model, Real>(i, at.here.q_D, in.q_K);
@@ -241,7 +242,7 @@ struct VariationalTrajectory {
     for (int i = 0; i < S; ++i) blame[lane][i] = lane_of(is_empty(i, in), lane) ? 1.0 : 0.0;
   }
 
-  // Why even the shortest part was not found in a lane; a row's share in it is its blame.
+  // The status of a lane for which even the shortest part was not found; sets its rows' blame.
   Status reason(int lane, const Real& parts) {
     for (int j = 0; j < NK; ++j)
       if (!(fabs(lane_of(at.coming.v_K[j], lane)) < max_state_norm)) return NOT_FINITE;
@@ -275,7 +276,7 @@ struct VariationalTrajectory {
     const double* share = solved == Solved::INFEASIBLE ? set.ray : set.x;
     double most = 0.0, span = dt;
     for (int a = 0; a < set.n; ++a) {
-      // A blow is not a pull.
+      // The impulse of a catch may be larger than that of a tension.
       if (share[a] != 0.0 && !lane_of(node().taut[row[a]], lane)) span = Tolerance::blow_time;
       most = fmax(most, fabs(share[a]));
     }

@@ -1,8 +1,9 @@
-// What a string's winch does beyond its commands, and how it is caught.
+// What a string's winch does beyond its commands (it slips and rewinds), and the restitution of
+// catches.
 //
 // A winch with a largest tension slips: the string's length is L + slip with slip >= 0, and
 //
-//   0 <= tension < max:  the slip is wound back;   tension = max:  it grows faster than that
+//   0 <= tension < max:  the slip is wound back;   tension = max:  its rate is larger than that
 //
 // It is wound back at rewind_speed and braked evenly to rest at no slip, or not at all:
 //
@@ -15,17 +16,18 @@ namespace fan {
 
 struct WinchTolerances {
   static constexpr double brake = 1.0;  // m/s^2: deceleration of a winch that rewinds before it stops
-  // m: a smaller slip is none.
+  // m: a smaller slip counts as 0.
   static constexpr double negligible_slip = 1e-20;
-  // m: what a winch could wind back in 2 us it does not. With the rounding s of a slip it would wind
-  // at sqrt(2 brake s).
+  // m: a smaller slip is not wound back, which would take less than sqrt(2 slip / brake) = 2 us:
+  // rounding alone would start the winch.
   static constexpr double max_resting_slip = 2e-12;
-  // m: by how much a winch may have slipped the wrong way, or be off its string's length, where
-  // redundant strings contradict one another.
+  // m: how far a slip may be negative, or differ from its string's gap, where redundant strings
+  // contradict one another.
   static constexpr double max_length_error = 1e-10;
-  // Of the slip at which braking begins: a stretch of time ends in the next one.
+  // Braking begins at a slip larger by this share, so that the end of a stretch lies in the next
+  // one.
   static constexpr double braking_margin = 1e-9;
-  static constexpr double clock = 1e-15;  // relative resolution of the time
+  static constexpr double clock = 1e-15;  // resolution of the time, relative to it or 1 s
 };
 
 // Slip while it is wound back [m, m/s, m/s^2].
@@ -33,7 +35,7 @@ struct Wound {
   double slip, rate, acc;
 };
 
-// Three numbers a string, by Python.
+// Three numbers per string (WinchLayout), which Python sets.
 template <int S>
 struct Winches {
   using Tolerance = WinchTolerances;
@@ -63,7 +65,7 @@ struct Winches {
     return braked < rewind_speed[i] ? -braked : -rewind_speed[i];
   }
 
-  // The slip `time` after it was `slip`, within the stretch that `stretch` gives.
+  // The slip a time after it was `slip`; valid for times up to `stretch`.
   Wound wound(int i, double slip, double time) const {
     const double speed = rewind_speed[i];
     if (!(slip > Tolerance::max_resting_slip && speed > 0.0)) return {slip, 0.0, 0.0};
@@ -72,7 +74,8 @@ struct Winches {
     return {0.5 * Tolerance::brake * left * left, -Tolerance::brake * left, Tolerance::brake};
   }
 
-  // How long the winch goes on as it does: until it brakes, or until it stops; 0 where it rests.
+  // s: how long the winch keeps its acceleration: until it brakes, or until it stops; 0 if it
+  // rests.
   double stretch(int i, double slip) const {
     const double speed = rewind_speed[i];
     if (!(slip > Tolerance::max_resting_slip && speed > 0.0)) return 0.0;
@@ -80,7 +83,8 @@ struct Winches {
                              : sqrt(2.0 * slip / Tolerance::brake);
   }
 
-  // A slip without what the clock at `time` does not resolve of its stretch.
+  // A slip at `time`: that at the end of its stretch, if the clock does not resolve the rest of it;
+  // 0 if it is negligible.
   double resolved(int i, double slip, double time) const {
     if (!(slip > Tolerance::negligible_slip))
       return slip < 0.0 && slip >= -Tolerance::max_length_error ? slip : 0.0;
@@ -91,7 +95,7 @@ struct Winches {
   }
 
  private:
-  // The slip at which braking begins; a trace more, so that a stretch ends in the next one.
+  // m: the slip at which braking begins.
   double braking(int i) const {
     return 0.5 * rewind_speed[i] * rewind_speed[i] / Tolerance::brake * (1.0 + Tolerance::braking_margin);
   }
