@@ -178,3 +178,16 @@ def test_what_a_winch_gives_way_by_is_no_violation():
     )
     assert many.done.all() and np.max(many.slip["line"]) > 0.1
     assert np.max(many.violation) < 1e-11
+
+
+def test_a_winch_that_has_rewound_has_no_negative_slip():
+    """18, review: the last step of rewinding left -1e-17 m, and no run could start from there."""
+    weight = fan.loads(REWOUND)
+    x0 = weight.state()
+    for dt in (0.0013, 0.002, 0.0031):
+        run = fan.simulate(weight, x0, t_end=4.0, method=fan.TimeStepping(dt=dt))
+        slip = run.slip["line"]
+        assert slip.max() > 0.01 and slip[-1] == 0.0
+        assert np.all(slip >= 0.0)
+        for i in np.flatnonzero((slip[:-1] > 0.0) & (slip[1:] == 0.0))[:3] + 1:
+            fan.simulate(weight, run.state(i), t_end=run.t[i] + 0.01, method="timestepping")

@@ -49,7 +49,7 @@ struct Contact {
         const bool held = f.row_state[list[a]] == HELD;
         const double off = (held ? fabs(h[list[a]]) : h[list[a]]) / f.row_scale(list[a]);
         const double beyond = off - (held ? Tolerance::held_gap : FlowTolerances::closed_gap);
-        if (!(beyond <= worst)) worst = beyond;
+        if (!(beyond <= worst) && worst == worst) worst = beyond;  // once NaN, always NaN
       }
       return worst;
     };
@@ -348,7 +348,7 @@ struct Contact {
     const Solved solved = set_.solve();
     double most = 0.0;
     for (int i = 0; i < set_.n; ++i)
-      if (!(fabs(set_.x[i]) <= most)) most = fabs(set_.x[i]);
+      if (!(fabs(set_.x[i]) <= most) && most == most) most = fabs(set_.x[i]);
     if (solved == Solved::YES && most <= f.opt.tension_cap) return RUNNING;
     for (int r = 0; r < M; ++r) blame[r] = 0.0;
     for (int i = 0; i < set_.n; ++i)

@@ -377,7 +377,8 @@ struct Flow {
     }
   }
 
-  static double larger_of(double a, double b) { return a > b ? a : b; }
+  // NaN if either is.
+  static double larger_of(double a, double b) { return a > b || a != a ? a : b; }
 
   double relative(const double* h) const {
     double worst = 0.0;

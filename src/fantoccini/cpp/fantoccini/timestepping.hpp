@@ -59,7 +59,7 @@ struct TimeStep {
   Real tension[room(M)];  // Lambda / dt
   Mask taut[room(M)];    // rows that pulled in the last step
   Mask held[room(M)];    // and in the one before it
-  Real slip[room(S)];    // m; rounding may leave it just below 0
+  Real slip[room(S)];    // m, >= 0
   Mask slips[room(S)];   // in the last step
   Real work, impact, slip_loss, violation;
   Mask settled;  // whether the last step's complementarity was solved
@@ -194,7 +194,11 @@ struct TimeStep {
       slip_rate_[r] -= select(gives, rows.problem.s[a], Real(0.0));
       slip_loss -= pull_[a] * slip_rate_[r];
     }
-    for (int i = 0; i < S; ++i) slip[i] += dt * slip_rate_[i];
+    // The last step of unwinding ends at 0 but for rounding.
+    for (int i = 0; i < S; ++i) {
+      const Real next = slip[i] + dt * slip_rate_[i];
+      slip[i] = select(next > Real(0.0), next, Real(0.0));
+    }
   }
 
   // Chooses the rows that take part: all strings, and the limits that pulled in the step before or
