@@ -1,11 +1,11 @@
 """Drives: reflected inertia, friction, and the forces of motors.
 
-With n rotor turns per unit of the coordinate q (a gear g on a drum of radius r: n = g / r), a rotor
+With n the rotor's angle per unit of the coordinate q (a gear g on a drum of radius r: n = g / r), a rotor
 of inertia J and a carriage of mass m put m + n^2 J on the diagonal of M_DD. The motor follows the
 command r by the error e = r - q, edot = rdot - v:
 
     PD               f = k e + d edot
-    computed torque  f = [M_MM a + c + friction],  a = rddot + 2 zeta w edot + w^2 e
+    computed torque  f = [M_MM a + c] + friction,  a = rddot + 2 zeta w edot + w^2 e
     stepper          f = n T sin(s/4 (angle(r) - n q)),  angle(r) in whole microsteps
     servo            |f| <= n T
     direct current   f = n k i,  |i| <= I,  |R i + k n v| <= U
