@@ -13,7 +13,7 @@ from pathlib import Path
 def replacing(path: str | Path) -> Iterator[Path]:
     """A temporary name in the folder of ``path``; renamed to ``path`` when the block succeeds.
 
-    The temporary name keeps the ending, from which some libraries choose the format.
+    The temporary name ends in ``.part``, so that nobody who lists ``*.npz`` reads it half-written.
 
     Raises:
         FileNotFoundError: the folder does not exist.
@@ -21,8 +21,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
     path = Path(path)
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path} cannot be written: there is no folder {path.parent}")
-    part = f".{path.stem}.{os.getpid()}.{secrets.token_hex(4)}.part{path.suffix.lower()}"
-    temporary = path.with_name(part)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.{secrets.token_hex(4)}.part")
     try:
         yield temporary
         os.replace(temporary, path)

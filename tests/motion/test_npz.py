@@ -11,6 +11,7 @@ import pytest
 import fantoccini as fan
 from damage import entries, fuzz, packed, stored
 from fantoccini.errors import FileError, Mistake
+from fantoccini.files import replacing
 from fantoccini.motion import Input, Trajectory, npz
 from fantoccini.perform import Recording
 from fantoccini.sweeps.outcome import Outcome
@@ -182,3 +183,16 @@ def test_damaged_cases_of_a_sweep_count_as_none(tmp_path):
     copy.write_bytes(whole)
     fuzz(load, copy, 60, seed=3)
     assert sum(x is None for x in found) > 30
+
+
+def test_a_file_that_is_being_written_is_not_among_those_with_its_ending(tmp_path):
+    """18.8: whoever lists a folder's npz files sees whole ones only."""
+    with replacing(tmp_path / "run.npz") as part:
+        part.write_bytes(b"half")
+        assert list(tmp_path.glob("*.npz")) == []
+    assert [p.name for p in tmp_path.iterdir()] == ["run.npz"]
+    with pytest.raises(KeyError), replacing(tmp_path / "run.npz") as part:
+        part.write_bytes(b"other")
+        raise KeyError
+    assert [p.name for p in tmp_path.iterdir()] == ["run.npz"]
+    assert (tmp_path / "run.npz").read_bytes() == b"half"
