@@ -1,8 +1,8 @@
 """Drives: reflected inertia, friction, and the forces of motors.
 
 With n the rotor angle per unit of the coordinate q (a gear g on a drum of radius r: n = g / r), a
-rotor of inertia J and a carriage of mass m put m + n^2 J on the diagonal of M_DD. The motor follows the
-command r by the error e = r - q, edot = rdot - v:
+rotor of inertia J and a carriage of mass m put m + n^2 J on the diagonal of M_DD. The motor follows
+the command r by the error e = r - q, edot = rdot - v:
 
     PD               f = k e + d edot
     computed torque  f = [M_MM a + c] + friction,  a = rddot + 2 zeta w edot + w^2 e
