@@ -40,7 +40,7 @@ LONGEST = 60.0
 
 
 def write(root: Path, sizes: Sequence[Size], body: int, missing: Sequence[str]) -> None:
-    """Writes docs/growth.md and docs/pictures/growth.png; reports what is missing."""
+    """Writes docs/growth.md, which names the sizes not measured, and docs/pictures/growth.png."""
     by_dof = {
         kind: sorted((s for s in sizes if s.kind == kind and s.strings == 3), key=_dof)
         for kind in COLOUR

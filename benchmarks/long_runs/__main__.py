@@ -67,7 +67,7 @@ What looks like a slope over 1,000 s of `variational` is a slow wave: over eight
 within 10 s in steps of 10 ms.
 
 A vigorous swing (0.5), {strays:g} s: strings and limits catch, and every catch takes energy. The
-residual of the ledger is what the method itself gains or loses.
+residual of the ledger is the method's own energy error.
 
 {vigorous}
 

@@ -28,7 +28,7 @@ def _restored(
     """The error that :meth:`FantocciniError.__reduce__` took apart."""
     error = cls.__new__(cls, *args)
     built_in = next(base for base in cls.__mro__ if base.__module__ == "builtins")
-    built_in.__init__(error, *args)  # type: ignore[misc]
+    built_in.__init__(error, *args)  # type: ignore[misc]  # the class is known at run time only
     error.__dict__.update(facts)
     return error
 

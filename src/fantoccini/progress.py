@@ -16,11 +16,12 @@ OnCases = Callable[[int, int, int], None]
 """Called with the number of cases done, the total, and how many of those done have failed."""
 
 
-def progress_bar(counted: bool = False) -> Progress:
+def progress_bar(counted: bool = False, transient: bool = False) -> Progress:
     """A bar on stderr with elapsed and remaining time; use it as a context manager.
 
     Args:
         counted: show "3/10" instead of a percentage.
+        transient: remove the bar when it stops.
     """
     from rich import progress
     from rich.console import Console
@@ -32,4 +33,5 @@ def progress_bar(counted: bool = False) -> Progress:
         progress.TimeElapsedColumn(),
         progress.TimeRemainingColumn(),
         console=Console(stderr=True, markup=False, highlight=False, emoji=False),
+        transient=transient,
     )

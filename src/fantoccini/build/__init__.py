@@ -1,7 +1,7 @@
 """Source text -> a shared library on this machine, compiled once and kept in a cache.
 
 :func:`fingerprint` makes the key from everything that can change the library; :func:`obtain`
-returns the library's folder, and derives and compiles only what is not there yet.
+returns the library's folder, and derives and compiles only if the cache has no such library.
 """
 
 from fantoccini.build.cache import clear, obtain

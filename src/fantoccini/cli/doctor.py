@@ -61,7 +61,7 @@ def examine() -> None:
 
 
 def _ffmpeg() -> tuple[str, str]:
-    """Version and path of ffmpeg, and what is wrong with it."""
+    """Version and path of ffmpeg, and an error message if it does not run."""
     try:
         import imageio_ffmpeg
 

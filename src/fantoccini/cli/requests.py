@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_type_hints
 
 import typer
 
@@ -25,13 +25,16 @@ from fantoccini.cli.options import (
     positive,
 )
 
-R = TypeVar("R")
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+R = TypeVar("R", bound="DataclassInstance")
 
 
 def takes(request: type[R]) -> Callable[[Callable[[R], None]], Callable[..., None]]:
     """Makes the fields of a dataclass the arguments of a command; its own come first."""
     hints = get_type_hints(request, include_extras=True)
-    defaults = {f.name: f.default for f in fields(request)}  # type: ignore[arg-type]
+    defaults = {f.name: f.default for f in fields(request)}
     parameters = [
         inspect.Parameter(
             name, inspect.Parameter.KEYWORD_ONLY, annotation=hints[name],

@@ -160,7 +160,7 @@ struct WinchLayout {{
   enum : int {{ {winch}, width }};
 }};
 
-// What a batch may save of every sample, in the sample's order.
+// Parts of a sample that a batch can save, in the order of the sample.
 struct Part {{
   enum : int {{
     {part}, n

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fantoccini.arrays import Array
 from fantoccini.errors import FantocciniError, FileError, Mistake
@@ -60,18 +61,24 @@ _KINDS = "biufcSU"
 """Kinds of arrays that are plain numbers, flags or texts."""
 
 
-def write(path: str | Path, arrays: Mapping[str, Array], about: Mapping[str, Any]) -> None:
+def write(
+    path: str | Path,
+    arrays: Mapping[str, NDArray[Any]],
+    about: Mapping[str, Any],
+    compressed: bool = False,
+) -> None:
     """Writes an npz file, whole or not at all.
 
     Args:
         path: the file.
         arrays: by name.
-        about: what they are; goes into the file as JSON.
+        about: description of the arrays, stored as JSON.
+        compressed: smaller and slower to write.
     """
     described = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
     entries: dict[str, Any] = {**arrays, ABOUT: described}
     with replacing(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, **entries)
+        (np.savez_compressed if compressed else np.savez)(file, **entries)
 
 
 def packed(prefix: str, contents: Mapping[str, bytes]) -> dict[str, Array]:

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import FileError, Mistake
-from fantoccini.files import replacing
-from fantoccini.motion.npz import checked, contents, finite, understanding
+from fantoccini.motion.npz import checked, contents, finite, understanding, write
 from fantoccini.planning.objective import Objective
 from fantoccini.planning.options import SearchOptions
 from fantoccini.planning.planners import Planner
@@ -50,14 +47,12 @@ def save(path: str | Path, search: Search, record: SearchRecord, status: str) ->
         "polished": None if record.polished is None else record.polished.plain,
         "fingerprint": problem.fingerprint,
     }
-    arrays: dict[str, Any] = {
+    arrays = {
         **record.tree.arrays,
         "path": np.array(record.tree.path(record.best)),
         "curve": np.array(record.curve),
-        "about": np.frombuffer(json.dumps(about).encode(), dtype=np.uint8),
     }
-    with replacing(path) as temporary, temporary.open("wb") as file:
-        np.savez_compressed(file, **arrays)
+    write(path, arrays, about, compressed=True)
 
 
 def load(path: str | Path, problem: Problem, planner: Planner | None = None) -> Search:

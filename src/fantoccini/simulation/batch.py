@@ -33,8 +33,8 @@ from fantoccini.marionette import (
 from fantoccini.motion import SAVED, Columns, Input, Inputs, State, Trajectories
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Batch, RunOptions, default_threads, whole
+from fantoccini.simulation.batch_progress import batch_progress
 from fantoccini.simulation.checks import check_end, check_marionette, save_times
-from fantoccini.simulation.progress_bar import progress_bar
 from fantoccini.simulation.run import ledger_of
 from fantoccini.simulation.soundness import gains, verdict
 
@@ -145,7 +145,7 @@ def simulate_batch(
     library = model.compiled.batch_library_of(name)
     threads = min(default_threads() if threads is None else threads, -(-n // library.width))
     # Ctrl-C keeps what was reached; the other runs have the status they began with.
-    bar = progress_bar(f"{n} runs", progress, t, t_end)
+    bar = batch_progress(f"{n} runs", progress, t, t_end)
     with bar as show, contextlib.suppress(KeyboardInterrupt):
         batch.run(library, threads, show)
     if may_be_redundant(model):

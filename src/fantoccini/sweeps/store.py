@@ -15,11 +15,9 @@ import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from fantoccini.errors import StoreError
 from fantoccini.files import replacing
-from fantoccini.motion.npz import ABOUT, UNREADABLE, about_of, read
+from fantoccini.motion.npz import UNREADABLE, about_of, read, write
 from fantoccini.sweeps.outcome import Failure, Outcome
 
 FORMAT = "fantoccini.sweep.1"
@@ -79,15 +77,11 @@ class Store:
             "figures": list(outcome.figures),
             "failure": outcome.failure and dataclasses.asdict(outcome.failure),
         }
-        arrays: dict[str, Any] = {
-            f"{_FIGURE}{k}": figure for k, figure in enumerate(outcome.figures.values())
-        }
-        arrays[ABOUT] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
+        arrays = {f"{_FIGURE}{k}": figure for k, figure in enumerate(outcome.figures.values())}
         path = self._path(key)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            with replacing(path) as temporary, temporary.open("wb") as file:
-                np.savez(file, **arrays)
+            write(path, arrays, about)
         except OSError as error:
             raise StoreError(
                 f"cannot write a finished case to {self.folder}: {error}; earlier cases are kept; "

@@ -321,7 +321,7 @@ struct WinchLayout {
   enum : int { max_tension, rewind_speed, restitution, width };
 };
 
-// What a batch may save of every sample, in the sample's order.
+// Parts of a sample that a batch can save, in the order of the sample.
 struct Part {
   enum : int {
     q_D, v_D, acc_D, q_K, v_K, acc_K, force, taut, books, slip, n

@@ -1,4 +1,4 @@
-"""A progress bar for batches."""
+"""The progress of a batch: a callback, or a bar on a terminal after a while."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from fantoccini.progress import OnAmount, progress_bar
+
 if TYPE_CHECKING:
     from rich.progress import Progress
 
@@ -16,14 +18,14 @@ _DELAY = 2.0
 
 
 @contextmanager
-def progress_bar(
-    title: str, progress: Callable[[float], None] | None, t: float, t_end: float
+def batch_progress(
+    title: str, callback: OnAmount | None, t: float, t_end: float
 ) -> Iterator[Callable[[float], None]]:
     """Reports the share of a batch that is done, 0 to 1, on a terminal after two seconds.
 
     Args:
         title: of the bar.
-        progress: called with the mean time reached [s], instead of the bar.
+        callback: called with the mean time reached [s], instead of the bar.
         t, t_end: the span of the runs [s].
     """
     began = time.monotonic()
@@ -31,10 +33,12 @@ def progress_bar(
 
     def show(share: float) -> None:
         nonlocal bar
-        if progress:
-            progress(t + share * (t_end - t))
+        if callback:
+            callback(t + share * (t_end - t))
         elif bar is None and time.monotonic() - began > _DELAY and sys.stderr.isatty():
-            bar = _started(title)
+            bar = progress_bar(transient=True)
+            bar.add_task(title, total=1.0)
+            bar.start()
         if bar:
             bar.update(bar.task_ids[0], completed=share)
 
@@ -43,14 +47,3 @@ def progress_bar(
     finally:
         if bar:
             bar.stop()
-
-
-def _started(title: str) -> Progress:
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn()
-    bar = Progress(*columns, console=Console(stderr=True), transient=True)
-    bar.add_task(title, total=1.0)
-    bar.start()
-    return bar
