@@ -101,9 +101,9 @@ class UnknownNameError(FantocciniError, KeyError):
         allowed: the names that exist.
     """
 
-    def __init__(self, what: str, found: str, allowed: Iterable[str]):
+    def __init__(self, what: str, found: object, allowed: Iterable[str]):
         self.allowed = tuple(allowed)
-        self.message = f"no {what} is called {found!r}{nearest(found, self.allowed)}"
+        self.message = f"no {what} is called {found!r}{nearest(str(found), self.allowed)}"
         super().__init__(self.message)
 
     def __str__(self) -> str:
@@ -170,13 +170,18 @@ class SimulationError(FantocciniError):
 
     Attributes:
         status: why.
-        trajectory: everything up to the last accepted step (None where nothing was accepted).
+        trajectory: everything up to the last accepted step; None where nothing was accepted, and
+            of steppers, whose ``state`` is where they stopped.
     """
 
     def __init__(self, status: Status, detail: str = "", trajectory: Any = None):
         self.status = status
         self.trajectory = trajectory
         super().__init__(f"{status.message}{': ' + detail if detail else ''}")
+
+
+class PictureError(FantocciniError):
+    """A picture could not be written."""
 
 
 class StoreError(FantocciniError):

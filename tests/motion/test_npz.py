@@ -89,7 +89,7 @@ def changed(files, kind: str, tmp_path, change):
          r"winch of hand: found a largest tension of 5 N, rewinding at -1 m/s"),
         (lambda c, a: c.update({"winches.npy": stored(np.array([[np.nan, 0.0, 0.0]]))}),
          "winch of hand"),
-        (lambda c, a: a.update(puppets=[3]), "puppets is .*; it must be a list of texts"),
+        (lambda c, a: a.update(puppet=3), "puppet is 3; it must be a text"),
         (lambda c, a: a.update(steps=10**12), "found 1000000000000 steps in a tick"),
         (lambda c, a: c.update({"events.npy": stored(np.array([[0.0, 77, 0, 0, 0]]))}),
          "an event of the kind 77"),

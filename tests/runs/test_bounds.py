@@ -31,8 +31,10 @@ def test_rows_are_saved_as_often_as_can_be_counted(method, x0, every):
     """17.23: an interval that does not fit its integer is refused; 2^32 was 0 and killed Python."""
     with pytest.raises(ValueError, match=r"save_every is .* a whole number from 1 to 2147483647"):
         simulated(x0, t_end=0.01, method=method, save_every=every)
+    if method == "event":
+        return  # it takes no interval at all
     run = simulated(x0, t_end=0.01, method=method, save_every=np.int64(2**31 - 1))
-    assert run.t[-1] == 0.01 and (method == "event" or len(run.t) == 2)
+    assert run.t[-1] == 0.01 and len(run.t) == 2
 
 
 def test_integers_that_cross_to_compiled_code_are_checked():

@@ -11,6 +11,7 @@ import pytest
 from matplotlib.image import imread
 
 from fantoccini import view
+from fantoccini.errors import PictureError
 from fantoccini.puppet import loads
 from fantoccini.view.camera import Viewport
 from fantoccini.view.compose import compose
@@ -203,7 +204,7 @@ def test_what_cannot_be_written_is_said(tmp_path, puppet):
     m, run = puppet
     with pytest.raises(ValueError, match=r"\.png, \.svg, \.pdf"):
         view.draw(m, run.state(0), tmp_path / "a.bmp")
-    with pytest.raises(view.PictureError, match="no folder"):
+    with pytest.raises(PictureError, match="no folder"):
         view.draw(m, run.state(0), tmp_path / "none" / "a.png")
     with pytest.raises(ValueError, match="focus"):
         view.draw(m, run.state(0), tmp_path / "a.png", focus="feet")

@@ -13,8 +13,9 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.contract import FUNCTIONS
-from fantoccini.errors import StateError, UnknownNameError
+from fantoccini.errors import UnknownNameError
 from fantoccini.marionette.model import Model
+from fantoccini.marionette.vectors import vector
 from fantoccini.motion import State
 
 
@@ -103,8 +104,6 @@ def wrench_forces(model: Model, x: State, wrenches: Mapping[str, Array]) -> Arra
     model.check_state(x)
     w = np.zeros((len(model.tree.links), 6))
     for body, wrench in wrenches.items():
-        w[link_index(model, body)] += np.asarray(wrench, dtype=float)
-    if not np.all(np.isfinite(w)):
-        raise StateError(f"wrenches: found {wrenches}; forces and torques must be finite")
+        w[link_index(model, body)] += vector(f"wrenches[{body!r}]", wrench, 6)
     at = {"q_D": x.q_D, "q_K": x.q_K, "p": model.p}
     return model.library.evaluate("wrench_forces", **at, wrench=w.T).u_D

@@ -206,7 +206,8 @@ class KKTSystem:
 def named_rows(model: Model, names: Iterable[str]) -> Indices:
     """Indices of strings and limits, in order."""
     known = model.tree.row_names
-    for name in (names := tuple(names)):
+    names = (names,) if isinstance(names, str) else tuple(names)
+    for name in names:
         if name not in known:
             raise UnknownNameError("string or limit", name, known)
     return np.array(sorted(known.index(name) for name in set(names)), dtype=int)

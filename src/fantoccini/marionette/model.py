@@ -111,7 +111,12 @@ class Model:
 
     def with_winches(self, winches: Array) -> Model:
         """The same puppet on other winches; see :meth:`Marionette.with_winches`."""
-        table = np.array(winches, dtype=float).reshape(self.winches.shape)
+        table = np.array(winches, dtype=float)
+        if table.shape != self.winches.shape:
+            raise StateError(
+                f"winches have the shape {table.shape}; it must be {self.winches.shape}: largest "
+                "tension, rewinding speed and restitution of every string"
+            )
         for string, (most, rewind, bounces) in zip(self.tree.strings, table, strict=True):
             if not (most > 0.0 and 0.0 <= rewind < np.inf and 0.0 <= bounces <= 1.0):
                 raise StateError(

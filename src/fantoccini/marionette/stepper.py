@@ -158,13 +158,17 @@ class Stepper:
             raise SimulationError(self.status, where)
         return self.state
 
-    def run(self, t_end: float, law: Law, rate: float) -> list[State]:
+    def run(
+        self, t_end: float, law: Law, rate: float, *, throw: bool = True
+    ) -> list[State]:
         """Advances to ``t_end`` [s] under a feedback law that is called ``rate`` times a second.
 
         Args:
             t_end: [s].
             law: state -> accelerations of the driven coordinates, as in :meth:`advance`.
             rate: [1/s].
+            throw: raise :class:`SimulationError` when the run cannot continue; otherwise see
+                ``status``.
 
         Returns:
             The states at which the law was called, and the last one.
@@ -176,8 +180,10 @@ class Stepper:
         n = max(1, round((t_end - self.state.t) * rate))
         times = np.linspace(self.state.t, t_end, n + 1)
         for t in times[1:]:
-            self.advance(t - self.state.t, law(self.state))
+            self.advance(t - self.state.t, law(self.state), throw=throw)
             states.append(self.state)
+            if not self.arrived:
+                break
         return states
 
     def _take(self, written: list[tuple[Array, Array]]) -> None:

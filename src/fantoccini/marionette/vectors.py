@@ -11,8 +11,9 @@ from fantoccini.errors import StateError
 def check_positive(**values: float) -> None:
     """Raises ValueError unless all are finite numbers greater than 0."""
     for name, value in values.items():
-        if not (np.isfinite(value) and value > 0):
-            raise ValueError(f"{name} is {value}; it must be positive")
+        number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
+        if not (number and np.isfinite(value) and value > 0):
+            raise ValueError(f"{name} is {value!r}; it must be a finite number greater than 0")
 
 
 def vector(name: str, values: Array | None, n: int) -> Array:

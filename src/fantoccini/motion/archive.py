@@ -41,6 +41,7 @@ def save(fields: Mapping[str, Any], path: str | Path) -> None:
         "blamed": fields["blamed"],
         "columns": {name: [named.what, *named.names] for name, named in tables.items()},
         "events": [[event.kind, event.name] for event in events],
+        "events_recorded": fields["events_recorded"],
         "coordinates": _table_to_json(table),
         "puppet": None if puppet is None else puppet.to_yaml(),
     }
@@ -89,6 +90,7 @@ def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any], path: str) 
         **motion,
         **tables,
         "events": tuple(events),
+        "events_recorded": bool(about.get("events_recorded", True)),
         "status": Status[about["status"]],
         "blamed": texts(about.get("blamed", []), "blamed"),
         "method": text(about["method"], "method"),

@@ -5,6 +5,7 @@ Everything here has a leading axis: one input a trajectory.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -97,6 +98,24 @@ def bound(
         v_K = np.where(np.abs(v_K - v_here) <= speed, v_K, v_here)
         _begin(table, breaks, coef, base, t, np.flatnonzero(differs), move, v_K)
     return coef, base
+
+
+def check_same_puppet(tables: Sequence[CoordinateTable]) -> None:
+    """Raises ValueError unless there are inputs, all for the same driven coordinates.
+
+    Args:
+        tables: of the inputs.
+    """
+    if not tables:
+        raise ValueError("inputs is empty; it must hold one Input or more")
+    first = tables[0]
+    for i, other in enumerate(tables):
+        if (other.q_K, other.v_D) != (first.q_K, first.v_D):
+            names, needed = (", ".join(table.q_K[:5]) or "none" for table in (other, first))
+            raise ValueError(
+                f"inputs[{i}] is of another puppet than inputs[0]: its driven coordinates are "
+                f"{names}; needed: {needed}"
+            )
 
 
 def _begin(

@@ -190,10 +190,19 @@ class Input:
             acc_K: (n, n_vK) accelerations [m/s^2 or rad/s^2].
 
         Raises:
-            InputError: segments with starts of their own do not join C^1.
+            InputError: an array has another shape, or segments with starts of their own do not
+                join C^1.
         """
         table = reading.table_of(table)
         t, q, v, acc = (np.asarray(x, dtype=float) for x in (t, q_K, v_K, acc_K))
+        if t.ndim != 1 or len(t) < 2:
+            _fail("t", f"has the shape {t.shape}; it must be two times or more")
+        n = len(t) - 1
+        for field, value, width in (("q_K", q, table.n_qK), ("v_K", v, table.n_vK)):
+            if value.shape not in ((width,), (n, width)):
+                _fail(field, f"has the shape {value.shape}; it must be {(width,)} or {(n, width)}")
+        if acc.shape != (n, table.n_vK):
+            _fail("acc_K", f"has the shape {acc.shape}; it must be {(n, table.n_vK)}")
         coef, base = pieces.constant_acceleration(table, t, q, v, acc)
         made = cls(table, t, coef, base, np.ones(table.n_vK, dtype=bool))
         # One piece cannot jump, and steppers make one for every tick.
@@ -278,12 +287,17 @@ class Input:
 
         Raises:
             InputError: a position or velocity would jump where two of them meet.
+            ValueError: they are of different puppets.
         """
         return Input.concatenate([self, *others])
 
     @staticmethod
     def concatenate(inputs: Sequence[Input]) -> Input:
         """The inputs one after the other; the first keeps its times. See :meth:`then`."""
+        for i, one in enumerate(inputs):
+            if not isinstance(one, Input):
+                raise TypeError(f"inputs[{i}] is a {type(one).__name__}; it must be an Input")
+        binding.check_same_puppet([one.coordinates for one in inputs])
         joined = inputs[0]
         for other in inputs[1:]:
             later = other.shifted(joined.end - other.start)

@@ -81,16 +81,8 @@ class Inputs:
         Raises:
             ValueError: there are none, or they are of different puppets.
         """
-        if not inputs:
-            raise ValueError("inputs is empty; it must hold one Input or more")
-        first = inputs[0]
-        for i, other in enumerate(inputs):
-            if other.coordinates is not first.coordinates and (
-                (other.coordinates.q_K, other.coordinates.v_D)
-                != (first.coordinates.q_K, first.coordinates.v_D)
-            ):
-                raise ValueError(f"inputs[{i}] is of another puppet than inputs[0]")
-        table, longest = first.coordinates, max(len(one.coef) for one in inputs)
+        binding.check_same_puppet([one.coordinates for one in inputs])
+        table, longest = inputs[0].coordinates, max(len(one.coef) for one in inputs)
         n, forced = len(inputs), any(one.force is not None for one in inputs)
         # Shorter ones get pieces of duration 0 at their end.
         breaks = np.empty((n, longest + 1))

@@ -54,7 +54,13 @@ Table = CoordinateTable | HasCoordinates
 
 def table_of(owner: Table) -> CoordinateTable:
     """The coordinate table: ``owner`` itself, or its own."""
-    return owner if isinstance(owner, CoordinateTable) else owner.coordinates
+    table = owner if isinstance(owner, CoordinateTable) else getattr(owner, "coordinates", None)
+    if not isinstance(table, CoordinateTable):
+        raise TypeError(
+            f"found {owner!r:.80}, a {type(owner).__name__}; needed: a Marionette, as fan.load or "
+            "fan.puppets give it, or its coordinates"
+        )
+    return table
 
 
 def unknown_coordinate(table: CoordinateTable, name: str) -> str:

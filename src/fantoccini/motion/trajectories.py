@@ -95,7 +95,9 @@ class Trajectories:
         return tuple(n for n in self.blame.names if self.blame[n][i] > least)
 
     def trajectory(self, i: int) -> Trajectory:
-        """Run i by itself, without its events. Everything must have been saved (``save="all"``).
+        """Run i by itself; its events were not recorded. Everything must have been saved.
+
+        Simulate with ``save="all"``.
 
         Raises:
             ValueError: naming what was not saved; or the run was not begun.
@@ -114,6 +116,7 @@ class Trajectories:
             t=self.t[samples],
             **own,
             events=(),
+            events_recorded=False,
             status=Status(int(self.status[i])),
             method=self.method,
             coordinates=self.coordinates,

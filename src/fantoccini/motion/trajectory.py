@@ -62,6 +62,7 @@ class Trajectory:
         violation: by string and limit, max(h, 0) [m, rad or 1]; None when not computed.
         slip: by string, the length let out by its slipping winch, >= 0 [m]; None when not computed.
         seconds: time that computing it took [s]; None when not known, as after loading.
+        events_recorded: whether ``events`` holds what happened; runs of batches keep no events.
     """
 
     t: Times
@@ -85,13 +86,19 @@ class Trajectory:
     slip: Columns | None = None
     blamed: tuple[str, ...] = ()
     seconds: float | None = None
+    events_recorded: bool = True
 
     def __repr__(self) -> str:
         return (
             f"<Trajectory {self.puppet.name if self.puppet else ''}: {self.t[0]:g} to "
-            f"{self.t[-1]:g} s, {len(self)} samples, {len(self.events)} events, {self.method}, "
+            f"{self.t[-1]:g} s, {len(self)} samples, {self.events_text}, {self.method}, "
             f"{self.status.name}>"
         )
+
+    @property
+    def events_text(self) -> str:
+        """The number of events, in words."""
+        return f"{len(self.events)} events" if self.events_recorded else "events not recorded"
 
     def _repr_html_(self) -> str | None:
         """A strip of poses and the summary, for notebooks; nothing is compiled for it."""
@@ -141,13 +148,23 @@ class Trajectory:
 
     @property
     def impulse(self) -> Columns:
-        """By string and limit: the impulse [N s or N m s] at the sample just after it, else 0."""
+        """By string and limit: the impulse [N s or N m s] at the first sample after it, else 0.
+
+        Raises:
+            ValueError: the events were not recorded.
+        """
+        if not self.events_recorded:
+            raise ValueError(
+                "a batch keeps no events; see catches of the batch, or simulate this run by itself"
+            )
         names = self.tension.names + self.limit_force.names
         values = np.zeros((len(self.t), len(names)))
         for event in self.events:
             if event.impulse and event.name in names:
-                i = int(np.searchsorted(self.t, event.t, side="right")) - 1
-                values[max(i, 0), names.index(event.name)] += event.impulse
+                # The last of several samples at its time, or the next one.
+                i = max(int(np.searchsorted(self.t, event.t, side="right")) - 1, 0)
+                i += self.t[i] < event.t and i + 1 < len(self.t)
+                values[i, names.index(event.name)] += event.impulse
         return Columns(names, values, "string or limit")
 
     @property
@@ -158,7 +175,7 @@ class Trajectory:
     # -- between the samples -----------------------------------------------------------------
 
     def resample(self, times: Times, side: Literal["right", "left"] = "right") -> Trajectory:
-        """The same run on other times.
+        """The same run on other times, with the events between the first and the last of them.
 
         Motion between two samples is the quintic through their positions, velocities and
         accelerations; tension, forces, effort and ledger are linear; the active set is that of the
@@ -169,6 +186,8 @@ class Trajectory:
             side: the side of an impact at whose time the sample is taken.
         """
         times = self._inside(np.asarray(times, dtype=float))
+        if times.ndim != 1 or not len(times) or np.any(np.diff(times) < 0):
+            raise ValueError("times must be a list of one time or more that do not decrease")
         left, right, s = interpolate.bracket(self.t, times, side)
         table = self.coordinates
         changes: dict[str, Any] = {}
@@ -186,10 +205,13 @@ class Trajectory:
                 changes[name] = columns.like(columns.values[np.where(s < 1, left, right)])
             else:
                 changes[name] = columns.like(interpolate.linear(columns.values, left, right, s))
-        return dataclasses.replace(self, t=times, **changes)
+        events = tuple(e for e in self.events if times[0] <= e.t <= times[-1])
+        return dataclasses.replace(self, t=times, events=events, **changes)
 
     def at(self, t: float, side: Literal["right", "left"] = "right") -> State:
         """The state at a time [s]; ``side`` as in :meth:`resample`."""
+        if np.ndim(t):
+            raise ValueError(f"t is {t}; it must be one time; resample takes several")
         return self.resample(np.array([t]), side).state(0)
 
     def state(self, i: int) -> State:
@@ -208,7 +230,8 @@ class Trajectory:
 
         ``t``; a coordinate by its name (``elbow``, ``torso.qw``); ``v:elbow``, ``acc:elbow``;
         ``tension:hand``, ``taut:hand``, ``impulse:hand``, ``force:elbow.upper``,
-        ``effort:hand.length``, ``violation:hand``, ``slip:hand``, ``energy:kinetic``.
+        ``effort:hand.length``, ``violation:hand``, ``slip:hand``, ``energy:kinetic``. Without
+        impulses where the events were not recorded.
         """
         table, columns = self.coordinates, {"t": self.t}
         for names, values in ((table.q_D, self.q_D), (table.q_K, self.q_K)):
@@ -224,7 +247,7 @@ class Trajectory:
             ("tension", self.tension),
             ("taut", self.taut),
             ("force", self.limit_force),
-            ("impulse", self.impulse),
+            ("impulse", self.impulse if self.events_recorded else None),
             ("effort", self.effort),
             ("violation", self.violation),
             ("slip", self.slip),
@@ -251,7 +274,19 @@ class Trajectory:
             writer.writerows(zip(*lists, strict=True))
 
     def save(self, path: str | Path) -> None:
-        """Writes an npz file that holds everything, the puppet included. The file appears whole."""
+        """Writes an npz file that holds everything, the puppet included. The file appears whole.
+
+        Args:
+            path: ends in ``.npz``.
+
+        Raises:
+            ValueError: the path has another ending.
+        """
+        if Path(path).suffix.lower() != ".npz":
+            raise ValueError(
+                f"found {str(path)!r}; a trajectory is saved as .npz. to_csv writes CSV, and "
+                "fantoccini.view.film films"
+            )
         archive.save({f.name: getattr(self, f.name) for f in dataclasses.fields(self)}, path)
 
     @classmethod
@@ -272,7 +307,8 @@ class Trajectory:
 
         ``summary()["tension"]["hand"]`` has min and max [N], slack [s], catches and the largest
         impulse [N s]; ``summary()["drives"]`` has, for drives whose motor was too weak,
-        ``since`` [s], ``lost_steps``, ``ran_away``, ``error`` at the end [m or rad].
+        ``since`` [s], ``lost_steps``, ``ran_away``, ``error`` at the end [m or rad]. ``events``,
+        ``catches``, ``impulse`` and ``drives`` are None where the events were not recorded.
         """
         h = np.diff(self.t, append=self.t[-1])
         strings = {}
@@ -282,17 +318,21 @@ class Trajectory:
                 "min": float(np.min(values)),
                 "max": float(np.max(values)),
                 "slack": float(np.sum(h[~self.taut.flags(name)])),
-                "catches": len(caught),
-                "impulse": max(caught, default=0.0),
+                "catches": len(caught) if self.events_recorded else None,
+                "impulse": max(caught, default=0.0) if self.events_recorded else None,
             }
         return {
             "duration": self.duration,
             "seconds": self.seconds,
             "samples": len(self.t),
             "status": self.status,
-            "events": dict(Counter(event.kind for event in self.events)),
+            "events": dict(Counter(event.kind for event in self.events))
+            if self.events_recorded
+            else None,
             "tension": strings,
-            "drives": {name: vars(found) for name, found in self.overloads.items()},
+            "drives": {name: vars(found) for name, found in self.overloads.items()}
+            if self.events_recorded
+            else None,
             "ledger": {name: float(values[-1]) for name, values in self.ledger.items()},
         }
 

@@ -61,7 +61,7 @@ def simulate_batch(
     *,
     method: Method | MethodName = "event",
     save_at: Array | None = None,
-    save_every: int = 1,
+    save_every: int | None = None,
     save: Sequence[str] | str | None = None,
     out: Mapping[str, Array] | None = None,
     threads: int | None = None,
@@ -80,7 +80,7 @@ def simulate_batch(
         t_end: end of the runs [s]; the end of the inputs when not given.
         method: as in :func:`simulate`; the event-driven method uses its compiled integrator.
         save_at: (n,) times to write (event-driven only) [s]; start and end when not given.
-        save_every: write every so many steps (not event-driven).
+        save_every: write every so many steps (not event-driven); every one when not given.
         save: ``all``, or names of the arrays to save; q_D, v_D and tension when not given.
         out: arrays to write into, by name, with the shapes of the batch's: C-contiguous
             (n, T, width); new ones where not given. ``force`` holds tension and limit_force,
@@ -103,9 +103,10 @@ def simulate_batch(
     check_marionette(marionette)
     model = marionette.model
     options = model.run_options(
-        **chosen.options, save_steps=False, save_every=save_every, max_memory=max_memory
+        **chosen.options, save_steps=False, max_memory=max_memory,
+        save_every=1 if save_every is None else save_every,
     )
-    save_at = save_times(save_at, name, -np.inf, np.inf)
+    save_at = save_times(save_at, save_every, name, -np.inf, np.inf)
     states = model.states(_listed(x0, State, "x0", "marionette.rest()"))
     t = states.t
     if inputs is None:

@@ -6,6 +6,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.marionette import Marionette
+from fantoccini.motion import Input, Inputs, State
 
 INTEGRATORS = ("RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA")
 """SciPy's integrators for event-driven runs; SciPy itself is imported only to use one."""
@@ -23,11 +24,31 @@ def check_marionette(given: object) -> None:
 def check_end(t_end: float, t: float) -> None:
     """Raises ValueError unless a run ends after its start t [s]."""
     if not np.isfinite(t_end) or not t_end > t:
-        raise ValueError(f"t_end is {t_end}; it must be later than the start at {t}")
+        raise ValueError(
+            f"t_end is {t_end}; it must be a finite time later than the start at {t} s"
+        )
 
 
-def save_times(save_at: Array | None, method: str, t: float, t_end: float) -> Array | None:
+def check_one_run(x0: object, inputs: object) -> None:
+    """Raises TypeError unless these are one state, and one input or None."""
+    state = "a State, as marionette.state({...}) or .rest({...}) gives it"
+    motion = "an Input, such as fan.Input.waypoints(marionette, {...})"
+    for name, given, kind, how in (
+        ("x0", x0, State, state),
+        ("inputs", inputs, Input | None, motion),
+    ):
+        if isinstance(given, Inputs | list | tuple):
+            raise TypeError(f"{name} are several; simulate takes one, fan.simulate_batch several")
+        if not isinstance(given, kind):
+            raise TypeError(f"{name} is a {type(given).__name__}; it must be {how}")
+
+
+def save_times(
+    save_at: Array | None, save_every: int | None, method: str, t: float, t_end: float
+) -> Array | None:
     """The times to write, including the end."""
+    if save_every is not None and method == "event":
+        raise ValueError("save_every goes with fixed steps; method='event' takes save_at")
     if save_at is None:
         return None
     if method != "event":

@@ -29,7 +29,7 @@ from fantoccini.marionette import (
 from fantoccini.motion import Columns, EventKind, EventRecord, Input, State, Trajectory
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Run
-from fantoccini.simulation.checks import check_end, check_marionette, save_times
+from fantoccini.simulation.checks import check_end, check_marionette, check_one_run, save_times
 from fantoccini.simulation.soundness import judged
 from fantoccini.simulation.weak_motors import weak_motors
 from fantoccini.tree import Tree
@@ -62,7 +62,7 @@ def simulate(
     *,
     method: Method | MethodName = "event",
     save_at: Array | None = None,
-    save_every: int = 1,
+    save_every: int | None = None,
     effort: bool = True,
     progress: Callable[[float], None] | None = None,
     throw: bool = True,
@@ -86,7 +86,7 @@ def simulate(
             With options: :class:`Event`, :class:`TimeStepping`, :class:`Variational`.
         save_at: (n,) times to write besides the start, the end and those of events
             (event-driven only) [s]; every step when not given.
-        save_every: write every so many steps (not event-driven).
+        save_every: write every so many steps (not event-driven); every one when not given.
         effort: compute the force on every driven coordinate.
         progress: called with the time reached, for a progress bar [s].
         throw: raise when the run stops before its end; otherwise see its status.
@@ -110,13 +110,11 @@ def simulate(
 
         solver_class(integrator)
     check_marionette(marionette)
-    if not isinstance(x0, State) or not isinstance(inputs, Input | None):
-        raise TypeError(
-            "simulate takes one state and one input; several of either go to fan.simulate_batch"
-        )
+    check_one_run(x0, inputs)
     model = marionette.model
     options = model.run_options(
-        **chosen.options, save_steps=save_at is None, save_every=save_every, max_memory=max_memory
+        **chosen.options, save_steps=save_at is None, max_memory=max_memory,
+        save_every=1 if save_every is None else save_every,
     )
     model.check_state(x0)
     inputs = Input.hold(marionette).shifted(x0.t) if inputs is None else inputs
@@ -125,7 +123,7 @@ def simulate(
     bound = bind_input(model, inputs, x0.q_K, x0.v_K, x0.t, t_end)
     check_start(model, x0, name)
     check_step(model, name, x0.q_D, x0.q_K, options.dt)
-    save_at = save_times(save_at, name, x0.t, t_end)
+    save_at = save_times(save_at, save_every, name, x0.t, t_end)
     check_samples(model, name, options, x0.t, t_end, save_at)
     about = options, x0, model.p, model.winches, bound, save_at
     if integrator is None:
@@ -252,7 +250,8 @@ def trajectory_of_samples(
     h[:, :n_strings] -= part["slip"]
     violation = np.where(marionette.model.two_sided, np.abs(h), np.maximum(h, 0.0))
     return Trajectory(
-        **{name: part[name] for name in ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")},
+        t=part["t"], q_D=part["q_D"], v_D=part["v_D"], acc_D=part["acc_D"],
+        q_K=part["q_K"], v_K=part["v_K"], acc_K=part["acc_K"],
         tension=Columns(strings, tension, "string"),
         limit_force=Columns(limits, part["tension"][:, n_strings:], "limit"),
         taut=Columns(strings, np.asarray(part["taut"][:, :n_strings], dtype=bool), "string"),
@@ -267,7 +266,7 @@ def trajectory_of_samples(
         slip=Columns(strings, part["slip"], "string"),
         blamed=tuple(tree.blamable[i] for i in np.flatnonzero(blame > REPORTING.blame)),
         seconds=seconds,
-    )
+    )  # fmt: skip
 
 
 def ledger_of(part: Mapping[str, Array]) -> Array:

@@ -6,7 +6,7 @@ only where ``renderer="pyvista"`` asks for it.
 """
 
 from fantoccini.view.films import FilmError, film
-from fantoccini.view.pictures import PictureError, draw, pose_times, strip
+from fantoccini.view.pictures import draw, pose_times, strip
 from fantoccini.view.plans import plan_picture
 from fantoccini.view.plots import plot
 from fantoccini.view.studio import RENDERERS
@@ -17,7 +17,6 @@ __all__ = [
     "LIGHT",
     "RENDERERS",
     "FilmError",
-    "PictureError",
     "Theme",
     "draw",
     "film",

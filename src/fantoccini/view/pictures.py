@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fantoccini.errors import FantocciniError
+from fantoccini.errors import PictureError
 from fantoccini.files import replacing
 from fantoccini.view.camera import Viewport
 from fantoccini.view.compose import Layout, compose, shadows
@@ -26,10 +26,6 @@ if TYPE_CHECKING:
 
 FORMATS = (".png", ".svg", ".pdf")
 """File endings of pictures."""
-
-
-class PictureError(FantocciniError):
-    """The picture could not be written."""
 
 
 def strip(
