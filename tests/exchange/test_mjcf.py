@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -83,6 +84,15 @@ def test_ends_that_stand_still_are_dissolved():
     mujoco.mj_forward(model, data)
     assert model.tendon_range[model.tendon("hand").id, 1] == 1.32
     assert data.tendon("hand").length == pytest.approx(1.32, abs=1e-9)
+
+
+def test_the_text_is_indented_and_its_numbers_keep_every_digit():
+    mass = {"parameter": "m", "value": 1.0}
+    bob = {"name": "bob", "joint": {"type": "ball"}, "mass": mass, "inertia": [1, 1, 1]}
+    puppet = fan.loads(str({"puppet": "bob", "bodies": [bob]}))
+    text = mjcf(puppet.with_parameters({"m": 1.0 / 3.0}))
+    assert "\n    <body " in text
+    assert ElementTree.fromstring(text).find(".//inertial").get("mass") == repr(1.0 / 3.0)
 
 
 @pytest.mark.parametrize(
