@@ -13,8 +13,8 @@ an exact replacement in MuJoCo instead of a counterpart:
 - Drag is an actuator on the velocity of the centre of mass.
 
 A driven coordinate is a joint so heavy that only the force applied to it moves it. Contacts,
-obstacles and the floor are left out, as in fantoccini's simulations. Anything else that MuJoCo cannot model
-is an error.
+obstacles and the floor are left out, as in fantoccini's simulations. Anything else that MuJoCo
+cannot model is an error.
 """
 
 from __future__ import annotations
