@@ -1,8 +1,9 @@
-"""A puppet as MJCF: MuJoCo's accelerations, lengths and limits are ours; the rest is refused."""
+"""A puppet as MJCF: accelerations, lengths and limits agree; unsupported parts are refused."""
 
 from __future__ import annotations
 
 import sys
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -18,7 +19,7 @@ FLAGS = mujoco.mjtDisableBit
 
 
 def tree(seed: int, dof: int = 9) -> Model:
-    """Everything that can be said: no driven rotations, no quadratic drag; balls have springs."""
+    """A random tree of all that MuJoCo can model: no driven rotations, no quadratic drag."""
     made = random_trees.description(seed, dof, strings=3, limits=True, drag=True)
     for body in made["bodies"]:
         joint = body["joint"]
@@ -30,7 +31,7 @@ def tree(seed: int, dof: int = 9) -> Model:
     return Model(made)
 
 
-def stand(puppet: MuJoCoPuppet, x: State) -> mujoco.MjData:
+def evaluated(puppet: MuJoCoPuppet, x: State) -> mujoco.MjData:
     """MuJoCo's data at a state."""
     puppet.put(x.q_D, x.v_D)
     puppet.drive(x.q_K, x.v_K, x.acc_K)
@@ -39,23 +40,23 @@ def stand(puppet: MuJoCoPuppet, x: State) -> mujoco.MjData:
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_accelerations_are_ours(seed):
-    """Without strings and limits; driven joints move as they are told, their masses with them."""
+def test_accelerations_agree(seed):
+    """Without strings and limits; driven joints have the accelerations that are set."""
     model = tree(seed, 6 + seed)
     puppet, x = MuJoCoPuppet(fan.Marionette(model.puppet), 1e-3), model.random(seed)
     puppet.model.opt.disableflags |= FLAGS.mjDSBL_LIMIT
-    data, acc = stand(puppet, x), model.acceleration(x)
+    data, acc = evaluated(puppet, x), model.acceleration(x)
     assert np.abs(data.qacc[puppet.v_D] - acc).max() < 1e-7 * max(1.0, np.abs(acc).max())
-    # What a puppet pulls at a driven joint moves it by its share of a millionth.
+    # The puppet's forces accelerate a driven joint by about a millionth of its own acceleration.
     assert np.allclose(data.qacc[puppet.v_K], x.acc_K, atol=1e-4 * max(1.0, np.abs(acc).max()))
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_tendons_are_as_long_as_strings_and_limits_say(seed):
-    """And a twist's cord lengthens as its row does."""
+def test_tendons_have_the_gaps_of_strings_and_limits(seed):
+    """A twist's tendon also lengthens at the rate of its row."""
     model, speed = tree(seed), 1e-6
     puppet, x = MuJoCoPuppet(fan.Marionette(model.puppet), 1e-3), model.random(seed)
-    data, parts = stand(puppet, x), model.tree
+    data, parts = evaluated(puppet, x), model.tree
     h, later = (model.call("rows", at)["h"] for at in (x, model.moved(x, speed)))
     most, hdot = puppet.model.tendon_range[:, 1], (later - h) / speed
     beyond = data.ten_length - most
@@ -72,8 +73,8 @@ def test_tendons_are_as_long_as_strings_and_limits_say(seed):
         assert data.ten_velocity[t] == pytest.approx(scale * hdot[i], abs=1e-4)
 
 
-def test_ends_that_stand_still_are_dissolved():
-    """No joints are left of them; strings have the lengths that they have there."""
+def test_fixed_ends_have_no_joints():
+    """Strings have the lengths of the fixed configuration."""
     arm = fan.puppets.arm3d()
     x = arm.rest({"hand.x": 0.3, "hand.length": 1.32})
     model = mujoco.MjModel.from_xml_string(mjcf(arm, x.q_K))
@@ -85,6 +86,15 @@ def test_ends_that_stand_still_are_dissolved():
     assert data.tendon("hand").length == pytest.approx(1.32, abs=1e-9)
 
 
+def test_the_text_is_indented_and_its_numbers_keep_every_digit():
+    mass = {"parameter": "m", "value": 1.0}
+    bob = {"name": "bob", "joint": {"type": "ball"}, "mass": mass, "inertia": [1, 1, 1]}
+    puppet = fan.loads(str({"puppet": "bob", "bodies": [bob]}))
+    text = mjcf(puppet.with_parameters({"m": 1.0 / 3.0}))
+    assert "\n    <body " in text
+    assert ElementTree.fromstring(text).find(".//inertial").get("mass") == repr(1.0 / 3.0)
+
+
 @pytest.mark.parametrize(
     ("string", "body", "named"),
     [
@@ -94,7 +104,7 @@ def test_ends_that_stand_still_are_dissolved():
         ({}, {"parent": "bar"}, "grip: has a driven rotation"),
     ],
 )
-def test_what_mujoco_cannot_do_is_named_with_its_line(string, body, named):
+def test_an_unsupported_part_is_named_with_its_line(string, body, named):
     bar = {"name": "bar", "joint": {"name": "grip", "type": "free", "driven": True}}
     bob = {"name": "bob", "joint": {"type": "ball"}, "mass": 1.0, "inertia": [1, 1, 1], **body}
     ends = [{"body": "bob"}, {"world": [0, 0, 1]}]
@@ -107,7 +117,7 @@ def test_what_mujoco_cannot_do_is_named_with_its_line(string, body, named):
         mjcf(fan.loads(str(made)))
 
 
-def test_a_library_that_is_missing_is_named_with_its_extra(monkeypatch):
+def test_a_missing_library_is_named_with_its_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(MissingLibraryError, match=r"pip install 'fantoccini\[mujoco\]'"):
         MuJoCoPuppet(fan.puppets.arm3d(), 1e-3)

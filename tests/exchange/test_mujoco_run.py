@@ -1,4 +1,4 @@
-"""Runs in MuJoCo beside event-driven ones, and what they say of strings and limits."""
+"""Simulations in MuJoCo compared with event-driven ones: motion, tensions and limit forces."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def start(mixed) -> fan.State:
     return mixed.rest({"shoulder.rotation": [0.0, 0.3, 0.0], "lamp": 0.3})
 
 
-def test_a_free_flight_is_ours_to_six_digits():
+def test_a_free_flight_agrees_to_six_digits():
     """The full marionette, thrown and pushed, before a string or limit is reached."""
     puppet = fan.puppets.marionette()
     lengths = {f"{s.name}.length": 1.5 for s in puppet.tree.strings}
@@ -94,7 +94,7 @@ def test_driven_joints_wires_cones_twists_and_slots_move_together(mixed, start):
     assert np.abs(theirs.at(0.4).q_D - ours.at(0.4).q_D).max() < 5e-3
     assert np.abs(theirs.q_D[-1] - ours.q_D[-1]).max() < 1e-3
     assert theirs.violation.values.max() < 2e-3
-    # At rest in the end, all forces are those of rigid strings and limits.
+    # The puppet comes to rest, where soft strings and limits exert the forces of rigid ones.
     for there, here in ((theirs.tension, ours.tension), (theirs.limit_force, ours.limit_force)):
         assert np.allclose(there.values[-1], here.values[-1], atol=0.01)
     held = {name for name, force in theirs.limit_force.items() if force[-1] > 0.05}
@@ -102,15 +102,15 @@ def test_driven_joints_wires_cones_twists_and_slots_move_together(mixed, start):
     assert abs(theirs.tension["stay"][-1]) > 0.1 and theirs.tension["line"][-1] > 0.1
 
 
-def test_softness_goes_with_the_square_of_the_step(mixed, start):
-    """Time constants are two steps; a violation under a force that stays goes with their square."""
+def test_violations_are_proportional_to_the_square_of_the_step(mixed, start):
+    """Under a constant force a violation is proportional to the square of the time constant."""
     held = fan.Input.hold(mixed)
     runs = [mujoco_run(mixed, start, held, 0.2, dt) for dt in (2e-3, 1e-3)]
     coarse, fine = (run.violation["line"][-1] for run in runs)
     assert coarse / fine == pytest.approx(4.0, rel=0.1)
 
 
-def test_a_run_that_goes_astray_ends_where_it_was_finite(mixed, start):
+def test_a_run_that_diverges_ends_before_it_is_not_finite(mixed, start):
     wild = start.replace(v_D=start.v_D + 1e200 * (np.array(mixed.coordinates.v_D) == "neck.wz"))
     run = mujoco_run(mixed, wild, fan.Input.hold(mixed), 0.2, 1e-3)
     assert run.status is fan.Status.NOT_FINITE and run.t[-1] < 0.2

@@ -1,4 +1,4 @@
-"""Puppets for other programs, and what these make of them. MuJoCo is needed only where it runs."""
+"""Exports puppets as MJCF and simulates them in MuJoCo. Only simulations need MuJoCo installed."""
 
 from fantoccini.exchange.joints import Joint, all_joints
 from fantoccini.exchange.mjcf_model import mjcf

@@ -1,4 +1,4 @@
-"""The joints of MuJoCo that a puppet's coordinates become, and where a link stands."""
+"""MuJoCo's joints for a puppet's coordinates, and the pose of a link in its parent."""
 
 from __future__ import annotations
 
@@ -16,15 +16,17 @@ from fantoccini.tree import WORLD, Link, Role, StringRow, Tree
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A joint of MuJoCo. Its numbers are ours: quaternions are w, x, y, z, rates of a ball in the
-    body's axes, those of a free joint's origin in the world's.
+    """A joint of MuJoCo, with coordinates equal to the puppet's.
+
+    Quaternions are w, x, y, z. Angular velocities are in the body's axes, the velocity of a free
+    joint's origin in the world's.
 
     Attributes:
-        name: of the coordinate where it has one, otherwise of the joint.
-        kind: as MuJoCo calls it.
+        name: the coordinate's for a hinge or slide, the puppet joint's for a ball or free joint.
+        kind: MuJoCo's type.
         role: dynamic or driven.
         q, v: places in (q_D, v_D) or (q_K, v_K), by role.
-        axis: (3,) of a hinge or slide, in the joint frame.
+        axis: (3,) axis of a hinge or slide, in the joint frame.
     """
 
     name: str
@@ -36,9 +38,10 @@ class Joint:
 
 
 def joints_of(link: Link) -> list[Joint]:
-    """Those that carry a link, in MuJoCo's order.
+    """The joints between a link and its parent, in MuJoCo's order.
 
-    A free joint is MuJoCo's own where that means the same, and three slides and a ball elsewhere.
+    A free joint becomes MuJoCo's own if its coordinates are the link's pose in the world. Otherwise
+    it becomes three slides and a ball.
     """
     q, v, name = link.q.start, link.v.start, link.joint
     if link.kind == "fixed":
@@ -62,7 +65,7 @@ def joints_of(link: Link) -> list[Joint]:
 
 
 def winch_of(string: StringRow) -> Joint:
-    """The slide that stands for a driven length."""
+    """The slide of a driven length: its coordinate is the length."""
     assert string.driven_length is not None
     q, v = string.driven_length
     places = slice(q, q + 1), slice(v, v + 1)
@@ -70,20 +73,18 @@ def winch_of(string: StringRow) -> Joint:
 
 
 def all_joints(tree: Tree) -> list[Joint]:
-    """Every coordinate of a puppet, winches included."""
+    """All joints of a puppet, with those of its winches."""
     found = [joint for link in tree.links for joint in joints_of(link)]
     return found + [winch_of(s) for s in tree.strings if s.driven_length is not None]
 
 
-def pose_in_parent(
-    link: Link, q: Array, number: Callable[[Number], float]
-) -> tuple[Array, Array]:
+def pose_in_parent(link: Link, q: Array, number: Callable[[Number], float]) -> tuple[Array, Array]:
     """(3, 3) orientation and (3,) origin of a link in its parent.
 
     Args:
         link: the link.
         q: its joint's configuration; empty for the joint frame itself.
-        number: turns a number of the puppet into a float.
+        number: value of a number of the puppet.
     """
     R, r = link.rotation, np.array([number(x) for x in link.offset])
     if not len(q):
@@ -91,14 +92,14 @@ def pose_in_parent(
     if link.kind == "revolute":
         return R @ Rotation.from_rotvec(q[0] * link.axes[:, 0]).as_matrix(), r
     axes = np.eye(3) if link.kind == "free" else link.axes
-    slid = axes.shape[1]
+    n = axes.shape[1]
     if link.kind in ("ball", "free"):
-        w, x, y, z = q[slid:]
-        return R @ Rotation.from_quat([x, y, z, w]).as_matrix(), r + R @ axes @ q[:slid]
+        w, x, y, z = q[n:]
+        return R @ Rotation.from_quat([x, y, z, w]).as_matrix(), r + R @ axes @ q[:n]
     return R, r + R @ axes @ q
 
 
 def _plain(link: Link) -> bool:
-    """Whether a free joint's configuration is the link's pose in the world."""
+    """Whether a free joint is undamped and its coordinates are the link's pose in the world."""
     moved = any(link.offset) or not np.array_equal(link.rotation, np.eye(3))
     return link.parent == WORLD and link.role is Role.DYNAMIC and not moved and not link.damping

@@ -1,200 +1,209 @@
 """A puppet as MJCF text.
 
-Bodies have explicit inertia; joints carry damping, springs and limits over. What MuJoCo has no word
-for, but can be said exactly:
+Bodies have explicit inertia. Joints keep damping, springs and limits. Some parts of a puppet have
+an exact replacement in MuJoCo instead of a counterpart:
 
-- a string is a spatial tendon of limited length; a wire is one whose length is a constraint,
-- a driven length is a slide behind a pulley of its tendon: so MuJoCo knows how fast it is wound,
-- a cone is a tendon between the tips of its axes:   |a - R b|^2 = 2 - 2 a.R b,
-- a twist is one that whoever runs the model leads anew at every step: :mod:`.twists`,
-- a chain's pieces are springs between its masses,
-- a ball joint's spring is one between every axis before and after it turns:
-      k/4 sum_i |e_i - R e_i|^2 = 2 k (1 - q_w^2),
-- drag is an actuator on the velocity of the centre of mass.
+- A string is a spatial tendon of limited length. A wire is a tendon of constrained length.
+- A driven length is a slide joint behind a pulley of its tendon, so that MuJoCo knows its rate.
+- A cone is a tendon between the tips of its axes:   |a - R b|^2 = 2 - 2 a.R b.
+- A limit of a twist is a tendon that is updated before every step: :mod:`.twists`.
+- The pieces of a chain are springs between its masses.
+- The spring of a ball joint is one spring between each axis before and after the rotation:
+      k/4 sum_i |e_i - R e_i|^2 = 2 k (1 - q_w^2).
+- Drag is an actuator on the velocity of the centre of mass.
 
-A driven coordinate is a joint so heavy that nothing moves it but what is applied to it. Contacts,
-obstacles and the floor are left out, as in every simulation of ours. All else that MuJoCo cannot do
-is an error.
+A driven coordinate is a joint so heavy that only the force applied to it moves it. Contacts,
+obstacles and the floor are left out, as in fantoccini's simulations. Anything else that MuJoCo
+cannot model is an error.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
-from xml.sax.saxutils import quoteattr
+from xml.etree.ElementTree import Element, indent, tostring
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fantoccini.arrays import Array, ConfigK
+from fantoccini.arrays import Array, ConfigK, Quaternion
 from fantoccini.errors import ExchangeError, Mistake
 from fantoccini.exchange.joints import Joint, joints_of, pose_in_parent, winch_of
-from fantoccini.exchange.twists import cord
+from fantoccini.exchange.twists import tendon_ends
 from fantoccini.marionette import Marionette
+from fantoccini.puppet import Number, Parameter
 from fantoccini.tree import WORLD, ChainRow, LimitRow, Link, Point, Role, StringRow
 
-SPOOL = 1000.0
-"""Length of a driven string and of what is wound in [m]; the longest that a string can be."""
+_Value = str | Number | Sequence[Number] | Array
+"""Value of an attribute."""
 
-_HEAVY = 1e6
-"""Inertia of a driven coordinate, in masses of the puppet [1 or m^2]."""
 
-_DUST = 1e-12, 1e-14
-"""Mass [kg] and moments of inertia [kg m^2] of a body that has none: MuJoCo asks for some."""
+@dataclass(frozen=True)
+class Substitutes:
+    """Finite values in MuJoCo for what is 0 or infinite in a puppet."""
 
-_LOOSE = 3.0
-"""More than a cord between two points a unit from a joint can be long."""
+    spool: float = 1000.0
+    """Length of a driven string plus the length wound in [m]: longer than any string."""
+    driven_inertia: float = 1e6
+    """Inertia of a driven coordinate, in masses of the puppet [1 or m^2]: the puppet's forces
+    accelerate it by a millionth of its own acceleration."""
+    puppet_mass: float = 1.0  # Mass of a puppet without one, for driven_inertia [kg]
+    min_mass: float = 1e-12  # Mass of a moving body without one [kg]: MuJoCo refuses 0
+    min_moment: float = 1e-14  # Moments of inertia of such a body [kg m^2], likewise
+    twist_length: float = 3.0
+    """Largest length of a twist's tendon before its first update [m]: more than the distance of any
+    two points 1 m from the joint, so that the limit does not act."""
+    joint_range: float = 1e6  # Largest |q| of a joint that is limited on the other side [rad or m]
 
-_FAR = 1e6
-"""Bound of a side of a joint that has none [rad or m]."""
+
+SUBSTITUTES = Substitutes()
 
 
 def mjcf(marionette: Marionette, still: ConfigK | None = None) -> str:
-    """The text.
+    """The puppet as MJCF text.
 
     Args:
-        marionette: the puppet; parameters have its values.
-        still: (n_qK,) where the driven coordinates stand; they are joints when not given.
+        marionette: the puppet, with the present values of its parameters.
+        still: (n_qK,) fixes the driven coordinates at these values; without it they are joints.
 
     Raises:
-        ExchangeError: the puppet has what MuJoCo cannot do.
+        ExchangeError: MuJoCo cannot model a part of the puppet.
     """
-    return _Text(marionette, still).whole()
+    return _Document(marionette, still).text()
 
 
-class _Text:
-    """Text in the making.
+class _Document:
+    """The XML elements of a puppet.
 
     Attributes:
-        inside: index of a link, or ``WORLD`` -> what stands in its body.
-        tendons, wires, drags: what stands in these sections.
+        fixed: index of a link that cannot move, or ``WORLD`` -> its pose in the world.
+        bodies: index of any other link, or ``WORLD`` -> its element, parents first.
+        tendons, wires, drags: sections of the document.
     """
 
     def __init__(self, marionette: Marionette, still: ConfigK | None):
-        self.marionette, self.tree, self.number = (
-            marionette,
-            marionette.tree,
-            marionette.model.number,
-        )
-        self.still = still
-        problems = self._impossible()
-        if problems:
-            raise ExchangeError(problems)
-        self.inside = {i: "" for i in range(-1, len(self.tree.links))}
-        self.tendons = self.wires = self.drags = ""
-        self._stands = self._standing()
+        self.marionette, self.tree, self.still = marionette, marionette.tree, still
+        self.number = marionette.model.number
+        mistakes = [_located(marionette, name, text) for name, text in self._unsupported()]
+        if mistakes:
+            raise ExchangeError(mistakes)
+        self.fixed = {WORLD: (np.eye(3), np.zeros(3))}
+        self.bodies = {WORLD: Element("worldbody")}
+        self.tendons, self.wires, self.drags = map(Element, ("tendon", "equality", "actuator"))
+        for i, link in enumerate(self.tree.links):
+            R, r = self._pose(link)
+            if link.parent in self.fixed and not self._has_joints(link):
+                self.fixed[i] = R, r
+            else:
+                self.bodies[i] = self._body(i, link, R, r)
 
-    def whole(self) -> str:
-        """Everything."""
+    def text(self) -> str:
+        """The whole document."""
         for string in self.tree.strings:
             self._string(string)
-        for spring in self.tree.springs:
-            springy = (
-                f"springlength={self._text((spring.rest,))} "
-                f"stiffness={self._text((spring.stiffness,))} "
-                f"damping={self._text((spring.damping,))}"
-            )
-            self._tendon(f"{spring.name}.spring", spring.points, springy)
+        for s in self.tree.springs:
+            spring = {"springlength": s.rest, "stiffness": s.stiffness, "damping": s.damping}
+            self._tendon(f"{s.name}.spring", s.points, **spring)
         for chain in self.tree.chains:
             self._chain(chain)
         for limit in self.tree.limits:
             if limit.b is not None:
-                self._ball_limit(limit)
-        # Links from the leaves inward: what a body holds is complete before its parent takes it.
-        for i in reversed(range(len(self.tree.links))):
-            link = self.tree.links[i]
-            if i in self._stands:
-                continue
-            self._of_joint_and_air(i, link)
-            carrier = WORLD if link.parent in self._stands else link.parent
-            self.inside[carrier] += self._body(i, link)
-        gravity = self._text(self.tree.gravity)
-        return (
-            '<mujoco model="puppet"><compiler angle="radian"/>'
-            f'<option gravity={gravity}><flag contact="disable"/></option>'
-            + _section("worldbody", self.inside[WORLD])
-            + _section("tendon", self.tendons)
-            + _section("equality", self.wires)
-            + _section("actuator", self.drags)
-            + "</mujoco>"
-        )
+                self._ball_limit(limit, limit.b)
+        for i, body in reversed(self.bodies.items()):
+            if i != WORLD:
+                link = self.tree.links[i]
+                self._ball_spring(i, link)
+                self._drag(i, link)
+                self.bodies[WORLD if link.parent in self.fixed else link.parent].append(body)
+        root = Element("mujoco", model="puppet")
+        self._add(root, "compiler", angle="radian")
+        option = self._add(root, "option", gravity=self.tree.gravity)
+        self._add(option, "flag", contact="disable")
+        sections = self.bodies[WORLD], self.tendons, self.wires, self.drags
+        root.extend(section for section in sections if len(section))
+        indent(root)
+        return tostring(root, encoding="unicode")
+
+    def _new(self, tag: str, **attributes: _Value) -> Element:
+        """An element. Its numbers keep all 17 digits."""
+        return Element(tag, {name: self._written(x) for name, x in attributes.items()})
+
+    def _add(self, parent: Element, tag: str, **attributes: _Value) -> Element:
+        """A new element at the end of another."""
+        parent.append(element := self._new(tag, **attributes))
+        return element
+
+    def _written(self, value: _Value) -> str:
+        if isinstance(value, str):
+            return value
+        numbers = (value,) if isinstance(value, float | Parameter) else value
+        return " ".join(repr(self.number(x)) for x in numbers)
 
     # -- bodies ------------------------------------------------------------------------------
 
-    def _standing(self) -> dict[int, tuple[Array, Array]]:
-        """World poses of the links that stand still."""
-        found = {WORLD: (np.eye(3), np.zeros(3))}
-        for i, link in enumerate(self.tree.links):
-            if link.parent in found and not self._jointed(link):
-                R, r = self._pose(link)
-                R_up, r_up = found[link.parent]
-                found[i] = R_up @ R, r_up + R_up @ r
-        return found
-
-    def _jointed(self, link: Link) -> bool:
-        """Whether a link moves on its parent."""
+    def _has_joints(self, link: Link) -> bool:
+        """Whether a link moves relative to its parent."""
         return link.role is Role.DYNAMIC or (link.role is Role.DRIVEN and self.still is None)
 
     def _pose(self, link: Link) -> tuple[Array, Array]:
-        """A link's pose in its parent, where its joint is at zero or stands still."""
-        stands = link.role is Role.DRIVEN and self.still is not None
-        return pose_in_parent(link, self.still[link.q] if stands else np.zeros(0), self.number)
+        """A link's pose in its parent, or in the world if that is fixed; its joints are at zero."""
+        q = np.zeros(0)
+        if self.still is not None and link.role is Role.DRIVEN:
+            q = self.still[link.q]
+        R, r = pose_in_parent(link, q, self.number)
+        if link.parent not in self.fixed:
+            return R, r
+        R_up, r_up = self.fixed[link.parent]
+        return R_up @ R, r_up + R_up @ r
 
-    def _body(self, i: int, link: Link) -> str:
-        R, r = self._pose(link)
-        if link.parent in self._stands:
-            R_up, r_up = self._stands[link.parent]
-            R, r = R_up @ R, r_up + R_up @ r
-        motion = ""
-        if self._jointed(link):
-            motion = "".join(self._joint(link, joint) for joint in joints_of(link))
-        return (
-            f"<body name={quoteattr(link.name)} pos={_numbers(r)} quat={_quaternion(R)}>"
-            f"{motion}{self._inertial(link)}{self.inside[i]}</body>"
-        )
+    def _body(self, i: int, link: Link, R: Array, r: Array) -> Element:
+        """A link's body with its joints and inertia."""
+        body = self._new("body", name=link.name, pos=r, quat=_quaternion(R))
+        if self._has_joints(link):
+            for joint in joints_of(link):
+                self._link_joint(body, i, link, joint)
+        self._inertial(body, link)
+        return body
 
-    def _joint(self, link: Link, joint: Joint) -> str:
-        name = quoteattr(joint.name)
+    def _link_joint(self, body: Element, i: int, link: Link, joint: Joint) -> None:
+        """A joint with its damping, spring and range."""
         if joint.kind == "free":
-            return f"<freejoint name={name}/>"
-        text = f'<joint name={name} type="{joint.kind}" damping={self._text((link.damping,))}'
-        if joint.axis is not None:
-            text += f" axis={_numbers(joint.axis)}"
-        if joint.role is Role.DRIVEN:
-            text += f" armature={_numbers((self._heavy,))}"
+            self._add(body, "freejoint", name=joint.name)
+            return
+        attributes: dict[str, _Value] = {"damping": link.damping}
         if joint.kind != "ball" and self.number(link.stiffness):
-            text += f" stiffness={self._text((link.stiffness,))}"
-            text += f" springref={self._text((link.rest,))}"
-        ends = {"lower": -_FAR, "upper": _FAR}
-        ends |= {s.side: s.bound for s in self._limits(link) if s.side in ends}
-        if set(ends.values()) != {-_FAR, _FAR}:
-            text += f' limited="true" range={self._text(ends.values())}'
-        return text + "/>"
+            attributes |= {"stiffness": link.stiffness, "springref": link.rest}
+        bounds = {limit.side: limit.bound for limit in self.tree.limits if limit.link == i}
+        if "lower" in bounds or "upper" in bounds:
+            far = SUBSTITUTES.joint_range
+            ends = bounds.get("lower", -far), bounds.get("upper", far)
+            attributes |= {"limited": "true", "range": ends}
+        self._joint(body, joint, **attributes)
 
-    @property
-    def _heavy(self) -> float:
-        return _HEAVY * (self.marionette.mass or 1.0)
+    def _joint(self, body: Element, joint: Joint, **attributes: _Value) -> None:
+        if joint.axis is not None:
+            attributes["axis"] = joint.axis
+        if joint.role is Role.DRIVEN:
+            mass = self.marionette.mass or SUBSTITUTES.puppet_mass
+            attributes["armature"] = SUBSTITUTES.driven_inertia * mass
+        self._add(body, "joint", name=joint.name, type=joint.kind, **attributes)
 
-    def _limits(self, link: Link) -> list[LimitRow]:
-        return [limit for limit in self.tree.limits if self.tree.links[limit.link] is link]
-
-    def _inertial(self, link: Link) -> str:
+    def _inertial(self, body: Element, link: Link) -> None:
         m, com, about_com = self._mass(link)
         moments, axes = np.linalg.eigh(about_com)
         if np.linalg.det(axes) < 0.0:
             axes[:, 2] *= -1.0
-        if self._jointed(link):
-            m, moments = max(m, _DUST[0]), np.maximum(moments, _DUST[1])
-        elif not m:
-            return ""
-        return (
-            f"<inertial mass={_numbers((m,))} pos={_numbers(com)} quat={_quaternion(axes)} "
-            f"diaginertia={_numbers(np.maximum(moments, 0.0))}/>"
-        )
+        moments = np.maximum(moments, 0.0)
+        if self._has_joints(link):
+            m = max(m, SUBSTITUTES.min_mass)
+            moments = np.maximum(moments, SUBSTITUTES.min_moment)
+        if m:
+            quat = _quaternion(axes)
+            self._add(body, "inertial", mass=m, pos=com, quat=quat, diaginertia=moments)
 
     def _mass(self, link: Link) -> tuple[float, Array, Array]:
-        """Mass, centre of mass and inertia about it, of the shapes unless they are given."""
+        """Mass, centre of mass and inertia about it: the link's own values, or its shapes'."""
         masses = [self.number(lump.amount) * lump.volume for lump in link.lumps]
         units = [lump.unit for lump in link.lumps]
         m = sum(masses)
@@ -214,144 +223,136 @@ class _Text:
             about_com = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         return m, c, about_com
 
-    # -- strings, springs, cones, drag -------------------------------------------------------
+    # -- strings, springs, limits, drag ------------------------------------------------------
 
-    def _site(self, name: str, point: Point) -> str:
-        """Puts a site on a link; its element in a tendon."""
-        at = np.array([self.number(x) for x in point.at])
-        link = point.link
-        if link in self._stands:
-            R, r = self._stands[link]
+    def _site(self, name: str, point: Point) -> None:
+        """Adds a site to the body that carries a point."""
+        at, link = np.array([self.number(x) for x in point.at]), point.link
+        if link in self.fixed:
+            R, r = self.fixed[link]
             link, at = WORLD, r + R @ at
-        self.inside[link] += f"<site name={quoteattr(name)} pos={_numbers(at)}/>"
-        return f"<site site={quoteattr(name)}/>"
+        self._add(self.bodies[link], "site", name=name, pos=at)
 
-    def _tendon(self, name: str, points: Iterable[Point], how: str, more: str = "") -> None:
+    def _tendon(self, name: str, points: Iterable[Point], **attributes: _Value) -> Element:
         """A tendon through points of links."""
-        sites = (self._site(f"{name}.{k}", point) for k, point in enumerate(points))
-        self.tendons += f"<spatial name={quoteattr(name)} {how}>{''.join(sites)}{more}</spatial>"
+        tendon = self._add(self.tendons, "spatial", name=name, **attributes)
+        for k, point in enumerate(points):
+            self._site(f"{name}.{k}", point)
+            self._add(tendon, "site", site=f"{name}.{k}")
+        return tendon
 
     def _chain(self, chain: ChainRow) -> None:
-        """The pieces of a chain as springs of MuJoCo."""
-        index = chain.driven_length
-        length = self.number(chain.length) if index is None else self.still[index[0]]
-        piece = length / chain.pieces
-        stiffness, damping = self.number(chain.stiffness), self.number(chain.damping)
-        springy = (
-            f"springlength={_numbers((piece,))} stiffness={_numbers((stiffness / piece,))} "
-            f"damping={_numbers((damping / piece,))}"
-        )
+        """A spring for each piece of a chain."""
+        piece = self._length(chain) / chain.pieces
+        stiffness = self.number(chain.stiffness) / piece
+        damping = self.number(chain.damping) / piece
         for k, ends in enumerate(pairwise(chain.points)):
-            self._tendon(f"{chain.name}.spring.{k}", ends, springy)
+            name = f"{chain.name}.spring.{k}"
+            self._tendon(name, ends, springlength=piece, stiffness=stiffness, damping=damping)
 
     def _string(self, string: StringRow) -> None:
-        more, length = "", string.length
-        if string.driven_length is not None:
-            if self.still is None:
-                more, length = self._winch(string), SPOOL
-            else:
-                length = self.still[string.driven_length[0]]
-        limited = f'limited="true" range={self._text((0.0, length))}'
+        winch = string.driven_length is not None and self.still is None
+        if winch:
+            self._winch(string)
         if string.wire:
-            name = quoteattr(string.name)
-            limited = ""
-            self.wires += f"<tendon name={name} tendon1={name}/>"
-        self._tendon(string.name, string.points, limited, more)
+            # MuJoCo takes the wire's length from its own reference pose; see MuJoCoPuppet.
+            tendon = self._tendon(string.name, string.points)
+            self._add(self.wires, "tendon", name=string.name, tendon1=string.name)
+        else:
+            span = 0.0, self._length(string)
+            tendon = self._tendon(string.name, string.points, limited="true", range=span)
+        if winch:
+            self._add(tendon, "pulley", divisor=1.0)
+            for end in ("spool", "wound"):
+                self._add(tendon, "site", site=f"{string.name}.{end}")
 
-    def _winch(self, string: StringRow) -> str:
-        """A slide, as far from a place as string is wound in; the rest of the tendon."""
-        joint = winch_of(string)
-        spool, wound = (f"{string.name}.{end}" for end in ("spool", "wound"))
-        mass, moment = _DUST
-        self.inside[WORLD] += (
-            f"<site name={quoteattr(spool)}/><body name={quoteattr(string.name + '.winch')} "
-            f"pos={_numbers((SPOOL, 0.0, 0.0))}><joint name={quoteattr(joint.name)} type=\"slide\" "
-            f"axis={_numbers(joint.axis)} armature={_numbers((self._heavy,))}/>"
-            f'<inertial mass="{mass}" pos="0 0 0" diaginertia="{moment} {moment} {moment}"/>'
-            f"<site name={quoteattr(wound)}/></body>"
-        )
-        ends = "".join(f"<site site={quoteattr(end)}/>" for end in (spool, wound))
-        return f'<pulley divisor="1"/>{ends}'
+    def _winch(self, string: StringRow) -> None:
+        """A slide joint whose distance from its spool is the length wound in."""
+        far, world = (SUBSTITUTES.spool, 0.0, 0.0), self.bodies[WORLD]
+        mass, moments = SUBSTITUTES.min_mass, np.full(3, SUBSTITUTES.min_moment)
+        self._add(world, "site", name=f"{string.name}.spool")
+        body = self._add(world, "body", name=f"{string.name}.winch", pos=far)
+        self._joint(body, winch_of(string))
+        self._add(body, "inertial", mass=mass, pos=np.zeros(3), diaginertia=moments)
+        self._add(body, "site", name=f"{string.name}.wound")
 
-    def _ball_limit(self, limit: LimitRow) -> None:
+    def _length(self, row: StringRow | ChainRow) -> float:
+        """L [m]; for a driven length that is a joint, L plus the length wound in."""
+        if row.driven_length is not None:
+            return SUBSTITUTES.spool if self.still is None else self.still[row.driven_length[0]]
+        assert row.length is not None
+        return self.number(row.length)
+
+    def _ball_limit(self, limit: LimitRow, b: Array) -> None:
         """A cone or a twist."""
         if limit.side == "cone":
-            begin, end, length = limit.a, limit.b, 2.0 * np.sin(0.5 * limit.bound)
+            assert limit.a is not None
+            begin, end, length = limit.a, b, 2.0 * np.sin(0.5 * limit.bound)
         else:
-            (begin, end), length = cord(limit.b), _LOOSE
-        points = self._around(limit.link, begin), Point(limit.link, tuple(end))
-        self._tendon(limit.name, points, f'limited="true" range={_numbers((0.0, length))}')
+            (begin, end), length = tendon_ends(b), SUBSTITUTES.twist_length
+        ends = self._in_parent(limit.link, begin), Point(limit.link, tuple(end))
+        self._tendon(limit.name, ends, limited="true", range=(0.0, length))
 
-    def _around(self, i: int, at: Array) -> Point:
-        """A point of a link's joint frame, on its parent."""
+    def _in_parent(self, i: int, at: Array) -> Point:
+        """A point of a link's joint frame, as one of its parent."""
         link = self.tree.links[i]
         R, r = pose_in_parent(link, np.zeros(0), self.number)
         return Point(link.parent, tuple(r + R @ at))
 
-    def _of_joint_and_air(self, i: int, link: Link) -> None:
-        """A ball joint's spring, and drag."""
+    def _ball_spring(self, i: int, link: Link) -> None:
         half = 0.5 * self.number(link.stiffness)
         if half and link.kind == "ball":
             for axis, e in zip("xyz", np.eye(3), strict=True):
-                self._tendon(
-                    f"{link.joint}.spring.{axis}",
-                    (self._around(i, e), Point(i, tuple(e))),
-                    f'springlength="0" stiffness={_numbers((half,))}',
-                )
+                ends = self._in_parent(i, e), Point(i, tuple(e))
+                name = f"{link.joint}.spring.{axis}"
+                self._tendon(name, ends, springlength=0.0, stiffness=half)
+
+    def _drag(self, i: int, link: Link) -> None:
         linear, _, angular = map(self.number, link.drag)
         if not linear and not angular:
             return
+        if not len(self.drags):
+            self._add(self.bodies[WORLD], "site", name="world")
         m, com, _ = self._mass(link)
-        if not self.drags:
-            self.inside[WORLD] += '<site name="world"/>'
         air = f"{link.name}.air"
         self._site(air, Point(i, tuple(com if m else np.zeros(3))))
-        for strength, gears in ((linear, np.eye(6)[:3]), (angular, np.eye(6)[3:])):
+        axes = np.eye(6)
+        for strength, gears in ((linear, axes[:3]), (angular, axes[3:])):
             for gear in gears if strength else ():
-                self.drags += (
-                    f'<general site={quoteattr(air)} refsite="world" gear={_numbers(gear)} '
-                    f'gainprm="0" biastype="affine" biasprm={_numbers((0.0, 0.0, -strength))}/>'
-                )
+                self._add(
+                    self.drags, "general", site=air, refsite="world", gear=gear,
+                    gainprm=0.0, biastype="affine", biasprm=(0.0, 0.0, -strength),
+                )  # fmt: skip
 
-    # -- what cannot be said -----------------------------------------------------------------
+    # -- errors ------------------------------------------------------------------------------
 
-    def _impossible(self) -> list[Mistake]:
-        found = []
+    def _unsupported(self) -> Iterator[tuple[str, str]]:
+        """Name of each part that MuJoCo cannot model, and the reason."""
         for string in self.tree.strings:
             if string.max_tension is not None:
-                found.append((string.name, "max_tension: MuJoCo has no winch that slips"))
+                yield string.name, "has max_tension: MuJoCo cannot model a winch that slips"
             if self.number(string.restitution):
-                found.append((string.name, "restitution: MuJoCo's strings are caught softly"))
+                yield string.name, "has restitution: MuJoCo's strings have none"
         for chain in self.tree.chains:
             if chain.length_index is not None and self.still is None:
-                found.append((chain.name, "a chain that is wound: MuJoCo's springs stay as long"))
+                text = "is a chain that is wound: MuJoCo's springs have constant rest lengths"
+                yield chain.name, text
         for link in self.tree.links:
             if self.number(link.drag[1]):
-                found.append((link.name, "quadratic drag: MuJoCo has it for whole models only"))
+                yield link.name, "has quadratic drag: MuJoCo supports it only for whole models"
             if link.role is Role.DRIVEN and self.still is None and link.kind in ("ball", "free"):
-                found.append((link.joint, "a driven rotation: MuJoCo gets slides and hinges only"))
+                text = "has a driven rotation: MuJoCo can receive driven slides and hinges only"
+                yield link.joint, text
         for row in self.tree.drives:
-            found.append((row.name, "a drive: MuJoCo gets driven coordinates without one"))
-        return [_located(self.marionette, name, f"has {what}") for name, what in found]
-
-    def _text(self, values: Any) -> str:
-        return _numbers(map(self.number, values))
+            yield row.name, "has a drive: MuJoCo can receive driven coordinates without drives only"
 
 
 def _located(marionette: Marionette, name: str, message: str) -> Mistake:
-    """What is the matter with a body, joint or string, with its place in the puppet's file."""
+    """A mistake with the place of a body, joint or string in the puppet's file."""
     file, line = marionette.puppet.locate(marionette.puppet.owner_of(name))
     return Mistake(file, line, name, message)
 
 
-def _section(name: str, inside: str) -> str:
-    return f"<{name}>{inside}</{name}>" if inside else ""
-
-
-def _quaternion(R: Array) -> str:
+def _quaternion(R: Array) -> Quaternion:
     x, y, z, w = Rotation.from_matrix(R).as_quat()
-    return _numbers((w, x, y, z))
-
-
-def _numbers(values: Iterable[float]) -> str:
-    return '"' + " ".join(repr(float(v)) for v in values) + '"'
+    return np.array([w, x, y, z])

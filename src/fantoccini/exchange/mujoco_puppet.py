@@ -1,4 +1,4 @@
-"""A puppet in MuJoCo: its model and data, in the order of our coordinates."""
+"""A puppet in MuJoCo: its model and data, indexed by the puppet's coordinates."""
 
 from __future__ import annotations
 
@@ -11,20 +11,33 @@ import numpy as np
 from fantoccini.arrays import Array, ConfigD, ConfigK, VecD, VecK
 from fantoccini.errors import MissingLibraryError
 from fantoccini.exchange.joints import all_joints
-from fantoccini.exchange.mjcf_model import SPOOL, mjcf
+from fantoccini.exchange.mjcf_model import SUBSTITUTES, mjcf
 from fantoccini.exchange.twists import Twists
 from fantoccini.marionette import Marionette
 from fantoccini.tree import Role, Tree
 
-_HARD = (0.9999, 0.9999, 0.001, 0.5, 2.0)
-"""The highest impedance of a limit."""
 
-_EXACT, _ITERATIONS = 1e-20, 200
-"""Of MuJoCo's solver. Heavy joints make its tolerance, which is relative, coarse for the puppet."""
+@dataclass(frozen=True)
+class Settings:
+    """MuJoCo's solver and constraints, as exact and as stiff as it permits."""
+
+    tolerance: float = 1e-20
+    """Improvement of the scaled cost at which the solver stops [1]. The scale contains the inertias
+    of the driven joints, so that ordinary values are coarse for the puppet."""
+    iterations: int = 200  # Most iterations of the solver in one evaluation
+    time_constant: float = 2.0
+    """Time in which strings, wires and limits recover, in steps: MuJoCo permits no less."""
+    damping_ratio: float = 1.0  # Damping of that recovery [1]: critical
+    impedance: tuple[float, ...] = (0.9999, 0.9999, 0.001, 0.5, 2.0)
+    """``solimp`` of strings, wires and limits. The first two numbers are MuJoCo's largest impedance
+    [1]. As they are equal, the width [m or rad], midpoint [1] and power [1] have no effect."""
+
+
+SETTINGS = Settings()
 
 
 def library() -> ModuleType:
-    """MuJoCo.
+    """The module ``mujoco``.
 
     Raises:
         MissingLibraryError: it is not installed.
@@ -37,21 +50,21 @@ def library() -> ModuleType:
 
 
 class MuJoCoPuppet:
-    """A puppet in MuJoCo. Strings and limits are as stiff as its safeguard allows: two steps.
+    """A puppet in MuJoCo. Strings and limits are as stiff as it permits: see :class:`Settings`.
 
     Attributes:
-        mujoco: the library.
+        mujoco: the module.
         model, data: MuJoCo's.
-        q_D, v_D, q_K, v_K: places of our coordinates in qpos and qvel.
+        q_D, v_D, q_K, v_K: places of the puppet's coordinates in qpos and qvel.
         strings: places of the strings among the tendons.
-        twists: what is to be led anew before every evaluation; :meth:`evaluate` does.
+        twists: tendons that :meth:`evaluate` updates.
 
     Args:
         marionette: the puppet.
         dt: longest step [s].
 
     Raises:
-        ExchangeError: the puppet has what MuJoCo cannot do.
+        ExchangeError: MuJoCo cannot model a part of the puppet.
         MissingLibraryError: MuJoCo is not installed.
     """
 
@@ -62,70 +75,70 @@ class MuJoCoPuppet:
         option = m.opt
         option.timestep = dt
         option.integrator = self.mujoco.mjtIntegrator.mjINT_RK4
-        option.tolerance, option.iterations = _EXACT, _ITERATIONS
-        for softness in (m.jnt_solref, m.tendon_solref_lim, m.eq_solref):
-            softness[:] = 2.0 * dt, 1.0
+        option.tolerance, option.iterations = SETTINGS.tolerance, SETTINGS.iterations
+        for reference in (m.jnt_solref, m.tendon_solref_lim, m.eq_solref):
+            reference[:] = SETTINGS.time_constant * dt, SETTINGS.damping_ratio
         for impedance in (m.jnt_solimp, m.tendon_solimp_lim, m.eq_solimp):
-            impedance[:] = _HARD
+            impedance[:] = SETTINGS.impedance
         self.q_D, self.v_D = self._places(marionette, Role.DYNAMIC)
         self.q_K, self.v_K = self._places(marionette, Role.DRIVEN)
-        self._heavy = m.dof_armature[self.v_K].copy()
+        self._armature = m.dof_armature[self.v_K].copy()
         self.strings = np.array([m.tendon(s.name).id for s in tree.strings], dtype=int)
         for k, tendon in enumerate(m.eq_obj1id):
-            wire = tree.strings[list(self.strings).index(tendon)]
-            length = SPOOL if wire.length is None else marionette.model.number(wire.length)
-            # A wire's length is given as a change from that in MuJoCo's zero pose.
+            L = tree.strings[list(self.strings).index(tendon)].length
+            length = SUBSTITUTES.spool if L is None else marionette.model.number(L)
+            # MuJoCo counts a wire's length from its value in MuJoCo's zero pose.
             m.eq_data[k, 0] = length - m.tendon_length0[tendon]
         kinds = self.mujoco.mjtConstraint
         names = "LIMIT_TENDON", "LIMIT_JOINT", "EQUALITY"
         self._kinds = [int(getattr(kinds, f"mjCNSTR_{name}")) for name in names]
-        self._stops, self.twists = _Stops.of(m, tree), Twists(m, tree)
+        self._limits, self.twists = _Limits.of(m, tree), Twists(m, tree)
 
     def put(self, q_D: ConfigD, v_D: VecD) -> None:
-        """Places the dynamic coordinates."""
+        """Sets the dynamic coordinates."""
         self.data.qpos[self.q_D], self.data.qvel[self.v_D] = q_D, v_D
 
     def drive(self, q_K: ConfigK, v_K: VecK, acc_K: VecK) -> None:
-        """Places the driven coordinates, which go on with constant accelerations."""
+        """Sets the driven coordinates and their accelerations until the next call."""
         data = self.data
         data.qpos[self.q_K], data.qvel[self.v_K] = q_K, v_K
-        data.qfrc_applied[self.v_K] = self._heavy * acc_K
+        data.qfrc_applied[self.v_K] = self._armature * acc_K
 
     def evaluate(self) -> None:
         """Computes accelerations and forces."""
         if self.twists:
-            self.twists.lead(self.data.qpos)
+            self.twists.update(self.data.qpos)
         self.mujoco.mj_forward(self.model, self.data)
 
     def step(self) -> None:
-        """Goes on from :meth:`evaluate` by the model's step, by Runge and Kutta's method.
+        """Advances by one step of the Runge-Kutta method of order 4, after :meth:`evaluate`.
 
-        States that are not finite stay so; ``mj_step`` would begin anew.
+        A state that is not finite stays so; ``mj_step`` would reset it.
         """
         self.mujoco.mj_RungeKutta(self.model, self.data, 4)
 
     def forces(self) -> tuple[Array, Array]:
-        """(n_strings,) tensions [N] and (n_limits,) forces of limits, of the last evaluation."""
-        d, (of_tendon, of_joint, of_wire) = self.data, self._kinds
-        kind, who, force = (a[: d.nefc] for a in (d.efc_type, d.efc_id, d.efc_force))
-        pull, turn = np.zeros(self.model.ntendon), np.zeros(self.model.njnt)
-        for total, limited in ((pull, of_tendon), (turn, of_joint)):
-            on = kind == limited
-            total[who[on]] += force[on]
-        on = kind == of_wire
-        pull[self.model.eq_obj1id[who[on]]] -= force[on]
-        stops = self._stops.forces(d, pull, turn)
-        stops[self.twists.places] = pull[self.twists.tendons] * self.twists.scale
-        return pull[self.strings], stops
+        """(n_strings,) tensions [N] and (n_limits,) forces of limits, at the last evaluation."""
+        d, (tendon_kind, joint_kind, wire_kind) = self.data, self._kinds
+        kind, owner, force = (a[: d.nefc] for a in (d.efc_type, d.efc_id, d.efc_force))
+        tension, torque = np.zeros(self.model.ntendon), np.zeros(self.model.njnt)
+        for total, wanted in ((tension, tendon_kind), (torque, joint_kind)):
+            on = kind == wanted
+            total[owner[on]] += force[on]
+        on = kind == wire_kind
+        tension[self.model.eq_obj1id[owner[on]]] -= force[on]
+        limit_force = self._limits.forces(d, tension, torque)
+        limit_force[self.twists.places] = tension[self.twists.tendons] * self.twists.scale
+        return tension[self.strings], limit_force
 
     def _places(self, marionette: Marionette, role: Role) -> tuple[Array, Array]:
-        """Of the coordinates of a role, in qpos and qvel."""
+        """Places in qpos and qvel of the coordinates of a role."""
         q, v = [], []
         for joint in all_joints(marionette.tree):
             if joint.role is role:
-                there = self.model.joint(joint.name)
-                q.append((joint.q, there.qposadr[0]))
-                v.append((joint.v, there.dofadr[0]))
+                own = self.model.joint(joint.name)
+                q.append((joint.q, own.qposadr[0]))
+                v.append((joint.v, own.dofadr[0]))
         table = marionette.coordinates
         dynamic = role is Role.DYNAMIC
         sizes = (table.n_qD, table.n_vD) if dynamic else (table.n_qK, table.n_vK)
@@ -133,14 +146,14 @@ class MuJoCoPuppet:
 
 
 @dataclass(frozen=True)
-class _Stops:
-    """What the limits of a puppet are in MuJoCo, but for twists.
+class _Limits:
+    """Places in MuJoCo of a puppet's limits, without twists.
 
     Attributes:
-        n: how many there are.
-        ends: places of the lower and upper ones among them, the joints they belong to, where
-            these stand in qpos, their middles, and whether the upper end is meant.
-        cones: places of the cones among them, and their tendons.
+        n: number of limits, with twists.
+        ends: of the lower and upper limits: places among all limits, joints, places of these in
+            qpos, middles of their ranges, and whether the limit is the upper one.
+        cones: of the cones: places among all limits, and tendons.
     """
 
     n: int
@@ -148,8 +161,8 @@ class _Stops:
     cones: tuple[Array, Array]
 
     @classmethod
-    def of(cls, model: Any, tree: Tree) -> _Stops:
-        """Of a model."""
+    def of(cls, model: Any, tree: Tree) -> _Limits:
+        """The limits of a tree in MuJoCo's model of it."""
         sides = [limit.side for limit in tree.limits]
         ends = [i for i, side in enumerate(sides) if side in ("lower", "upper")]
         cones = [i for i, side in enumerate(sides) if side == "cone"]
@@ -162,19 +175,24 @@ class _Stops:
         places = np.array(ends, dtype=int), joints, model.jnt_qposadr[joints], middle, upper
         return cls(len(sides), places, (np.array(cones, dtype=int), np.array(tendons, dtype=int)))
 
-    def forces(self, data: Any, pull: Array, turn: Array) -> Array:
-        """(n,) by what tendons (n_tendons,) and joints (n_joints,) are pushed back with."""
+    def forces(self, data: Any, tension: Array, torque: Array) -> Array:
+        """(n,) forces of limits, from those of tendons (n_tendons,) and joints (n_joints,)."""
         found = np.zeros(self.n)
         places, joints, at, middle, upper = self.ends
-        found[places] = np.where((data.qpos[at] > middle) == upper, turn[joints], 0.0)
+        found[places] = np.where((data.qpos[at] > middle) == upper, torque[joints], 0.0)
         places, tendons = self.cones
         # h = cos(max) - a.R b and length^2 = 2 - 2 a.R b, so that dh = length dlength.
-        found[places] = pull[tendons] / data.ten_length[tendons]
+        found[places] = tension[tendons] / data.ten_length[tendons]
         return found
 
 
 def _gathered(found: list[tuple[slice, int]], n: int) -> Array:
-    """(n,) places, from pieces of what they are places of and where these begin."""
+    """(n,) places in MuJoCo of the puppet's coordinates.
+
+    Args:
+        found: coordinates of each joint, and the place in MuJoCo of the first of them.
+        n: number of coordinates.
+    """
     out = np.zeros(n, dtype=int)
     for part, first in found:
         out[part] = first + np.arange(part.stop - part.start)

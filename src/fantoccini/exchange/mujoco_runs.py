@@ -1,44 +1,57 @@
-"""A run in MuJoCo as a trajectory."""
+"""Simulation in MuJoCo, returned as a trajectory."""
 
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
-from fantoccini.arrays import Array, Times
+from fantoccini.arrays import Array, ConfigD, ConfigK, Times, VecD, VecK
 from fantoccini.errors import Status
 from fantoccini.exchange.mujoco_puppet import MuJoCoPuppet
 from fantoccini.marionette import Marionette, bind_input, check_start
 from fantoccini.motion import Columns, Input, State, Trajectory
+from fantoccini.motion.channel import SAME_TIME
 from fantoccini.motion.trajectory import LEDGER
 
-_SAME_TIME = 1e-9
-"""Breaks that lie nearer to one another are one [s]."""
+_STEP_ROUNDING = 1e-6
+"""Excess over a whole number of steps, in steps, that is rounding and adds no further step."""
+
+
+class _Motion(NamedTuple):
+    """The leading fields of a trajectory, in its order; each with a sample per step."""
+
+    t: Times
+    q_D: ConfigD
+    v_D: VecD
+    acc_D: VecD
+    q_K: ConfigK
+    v_K: VecK
+    acc_K: VecK
 
 
 def mujoco_run(
     marionette: Marionette, x0: State, inputs: Input, t_end: float, dt: float
 ) -> Trajectory:
-    """What MuJoCo makes of a puppet's inputs, by Runge and Kutta's method of order 4.
+    """Simulates a puppet in MuJoCo with the Runge-Kutta method of order 4.
 
-    Driven coordinates are put right at every step, and constantly accelerated in between; user
-    forces are constant there. Strings and limits are soft: ``violation`` has by how much. There are
-    no events; of the ledger, what was lost and worked since the start is nan.
+    Driven coordinates are set at every step; within a step their accelerations and the user forces
+    are constant. Strings and limits are soft: ``violation`` shows how far they give. The trajectory
+    has no events, and nan for losses and work in the ledger.
 
     Args:
         marionette: the puppet.
-        x0: where it starts.
-        inputs: what the driven coordinates do, and user forces; breaks are ends of steps.
+        x0: start state.
+        inputs: motion of the driven coordinates, and user forces; steps end at their breaks.
         t_end: end of the run [s].
         dt: longest step [s].
 
     Returns:
-        A row for every step; up to where it was finite.
+        The trajectory with a sample per step; it ends before the first that is not finite.
 
     Raises:
-        ExchangeError: the puppet has what MuJoCo cannot do.
+        ExchangeError: MuJoCo cannot model a part of the puppet.
         MissingLibraryError: MuJoCo is not installed.
         StateError: ``x0`` breaks a string or limit.
     """
@@ -52,73 +65,67 @@ def mujoco_run(
     u_D = inputs.evaluate_force(np.append(t[:-1] + 0.5 * h, t[-1]))
     rates = np.concatenate([np.diff(v_K, axis=0) / h[:, None], acc_K[-1:]])
     puppet.put(x0.q_D, x0.v_D)
-    rows: list[Any] = []
-    pulls: list[Any] = []
-    stops: list[Any] = []
+    dynamic: list[Array] = []
+    tensions: list[Array] = []
+    limit_forces: list[Array] = []
     for k in range(len(t)):
         puppet.drive(q_K[k], v_K[k], rates[k])
         data.qfrc_applied[puppet.v_D] = u_D[k]
-        moved = np.concatenate([data.qpos[puppet.q_D], data.qvel[puppet.v_D]])
-        if not np.all(np.isfinite(moved)):
+        state = np.concatenate([data.qpos[puppet.q_D], data.qvel[puppet.v_D]])
+        if not np.all(np.isfinite(state)):
             break
         puppet.evaluate()
-        rows.append(np.concatenate([moved, data.qacc[puppet.v_D]]))
-        for kept, force in zip((pulls, stops), puppet.forces(), strict=True):
-            kept.append(force)
+        dynamic.append(np.concatenate([state, data.qacc[puppet.v_D]]))
+        tension, limit_force = puppet.forces()
+        tensions.append(tension)
+        limit_forces.append(limit_force)
         if k < len(h):
             puppet.model.opt.timestep = h[k]
             puppet.step()
-    n, table = len(rows), marionette.coordinates
+    n, table = len(dynamic), marionette.coordinates
     ends = np.cumsum([table.n_qD, table.n_vD])
-    q_D, v_D, acc_D = np.split(np.array(rows), ends, axis=1)
-    made = t[:n], q_D, v_D, acc_D, q_K[:n], v_K[:n], acc_K[:n]
+    q_D, v_D, acc_D = np.split(np.array(dynamic), ends, axis=1)
+    motion = _Motion(t[:n], q_D, v_D, acc_D, q_K[:n], v_K[:n], acc_K[:n])
     status = Status.DONE if n == len(t) else Status.NOT_FINITE
-    return _trajectory(marionette, made, np.array(pulls), np.array(stops), status)
+    return _trajectory(marionette, motion, np.array(tensions), np.array(limit_forces), status)
 
 
 def _steps(start: float, end: float, breaks: Times, dt: float) -> Times:
-    """Times from start to end, at most ``dt`` apart, breaks among them."""
-    inner = breaks[(breaks > start + _SAME_TIME) & (breaks < end - _SAME_TIME)]
+    """Times from start to end with all breaks between, at most ``dt`` apart."""
+    inner = breaks[(breaks > start + SAME_TIME) & (breaks < end - SAME_TIME)]
     corners = np.concatenate([[start], inner, [end]])
     pieces = [
-        np.linspace(a, b, int(np.ceil((b - a) / dt - 1e-6)), endpoint=False)
+        np.linspace(a, b, int(np.ceil((b - a) / dt - _STEP_ROUNDING)), endpoint=False)
         for a, b in pairwise(corners)
     ]
     return np.append(np.concatenate(pieces), end)
 
 
 def _trajectory(
-    marionette: Marionette, made: tuple[Array, ...], pulls: Array, stops: Array, status: Status
+    marionette: Marionette, motion: _Motion, tension: Array, limit_force: Array, status: Status
 ) -> Trajectory:
-    names = "t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K"
-    part = dict(zip(names, made, strict=True))
-    tree, n = marionette.tree, len(part["t"])
-    strings = tuple(s.name for s in tree.strings)
-    beyond = _violation(marionette, part)
-    state = {name: part[name] for name in ("q_D", "v_D", "q_K", "v_K")}
-    energy = marionette.model.library.evaluate("energy", **state, p=marionette.p)
+    """The trajectory of a motion, with its energies and violations."""
+    tree, n = marionette.tree, len(motion.t)
+    strings, limits = (tuple(row.name for row in rows) for rows in (tree.strings, tree.limits))
+    place = {"q_D": motion.q_D, "q_K": motion.q_K, "p": marionette.p}
+    library = marionette.model.library
+    energy = library.evaluate("energy", **place, v_D=motion.v_D, v_K=motion.v_K)
     ledger = np.full((n, len(LEDGER)), np.nan)
     ledger[:, LEDGER.index("kinetic")] = energy.T
     ledger[:, LEDGER.index("potential")] = energy.V
+    h = library.evaluate("rows", **place).h
+    violation = np.where(marionette.model.two_sided, np.abs(h), np.maximum(h, 0.0))
     return Trajectory(
-        **part,
-        tension=Columns(strings, pulls, "string"),
-        limit_force=Columns(tuple(limit.name for limit in tree.limits), stops, "limit"),
-        taut=Columns(strings, pulls != 0.0, "string"),
+        *motion,
+        tension=Columns(strings, tension, "string"),
+        limit_force=Columns(limits, limit_force, "limit"),
+        taut=Columns(strings, tension != 0.0, "string"),
         ledger=Columns(LEDGER, ledger, "entry"),
         events=(),
         status=status,
         method="mujoco",
         coordinates=marionette.coordinates,
         puppet=marionette.model.described,
-        violation=Columns(tree.row_names, beyond, "string or limit"),
+        violation=Columns(tree.row_names, violation, "string or limit"),
         slip=Columns(strings, np.zeros((n, len(strings))), "string"),
     )
-
-
-def _violation(marionette: Marionette, part: dict[str, Array]) -> Array:
-    """max(h, 0) of every row, |h| of wires (T, n_rows)."""
-    h = marionette.model.library.evaluate(
-        "rows", q_D=part["q_D"], q_K=part["q_K"], p=marionette.p
-    ).h
-    return np.where(marionette.model.two_sided, np.abs(h), np.maximum(h, 0.0))

@@ -1,9 +1,10 @@
-"""Limits of twists in MuJoCo, as cords that are led anew before every step.
+"""Limits of twists in MuJoCo: tendons that are updated before every step.
 
-MuJoCo limits what a ball joint turns by in all, never the part about an axis. But a tendon between
-two points a unit from the joint's centre, a right angle apart about the axis g, lengthens by
-sqrt(1/2) g.w. With g along J, where hdot = J w, and a range that leaves sqrt(1/2) h/|J|, it limits
-what the twist's row limits, to first order in the angle of a step.
+MuJoCo limits the whole rotation of a ball joint, never its part about one axis. But a tendon
+between two points 1 m from the joint's centre, a right angle apart about the axis g, lengthens at
+the rate sqrt(1/2) g.w, with w the joint's angular velocity. An update sets g along J, where
+hdot = J w, and the largest length to the present one minus sqrt(1/2) h/|J|. Then the tendon limits
+the twist like the row h <= 0, to first order in the angle of a step.
 """
 
 from __future__ import annotations
@@ -17,22 +18,23 @@ from fantoccini.motion import rotation
 from fantoccini.tree import Tree
 
 _LENGTH, _RATE = np.sqrt(2.0), np.sqrt(0.5)
-"""Of a cord: its length, and what it lengthens by a radian."""
+"""Length of a tendon after an update [m], and its derivative by the angle about g [m/rad]."""
 
 _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
+"""Axis after and before x, y and z in cyclic order."""
 
 
 class Twists:
-    """The cords of a puppet's twists. False where it has none.
+    """The tendons that limit a puppet's twists. False if it has none.
 
     Attributes:
-        places: (n,) among the limits.
-        tendons: (n,) of MuJoCo.
-        scale: (n,) length of a tendon by the limit's h, as the cords lie.
+        places: (n,) places among the puppet's limits.
+        tendons: (n,) their tendons in MuJoCo.
+        scale: (n,) change of a tendon's length per change of h, since the last update.
 
     Args:
-        model: MuJoCo's.
-        tree: of the puppet.
+        model: MuJoCo's model; :meth:`update` changes it.
+        tree: the puppet's tree.
     """
 
     def __init__(self, model: Any, tree: Tree):
@@ -44,7 +46,7 @@ class Twists:
             [model.joint(tree.links[limit.link].joint).id for limit in limits], dtype=int
         )
         self._q = model.jnt_qposadr[joints][:, None] + np.arange(4)
-        # Where a body stands on its parent, but for what its joint turns.
+        # The joint frame in the parent: the body's pose where its joint is at zero.
         bodies = model.jnt_bodyid[joints]
         self._centre = model.body_pos[bodies].copy()
         self._frame = rotation.matrix(model.body_quat[bodies])
@@ -58,8 +60,8 @@ class Twists:
     def __bool__(self) -> bool:
         return len(self.places) > 0
 
-    def lead(self, qpos: Array) -> None:
-        """Leads the cords for a configuration (n_q,) of MuJoCo's."""
+    def update(self, qpos: Array) -> None:
+        """Moves the tendons' ends and limits to MuJoCo's configuration (n_q,)."""
         q, b = qpos[self._q], self._b
         s, v = q[:, :1], q[:, 1:]
         x = np.sum(v * b, axis=1, keepdims=True)
@@ -69,7 +71,7 @@ class Twists:
         size = np.linalg.norm(J, axis=1)
         self.scale = _RATE / size
         g = J / size[:, None]
-        begin, end = cord(g)
+        begin, end = tendon_ends(g)
         around = 2.0 * _cross(v, begin)
         turned = self._frame @ (begin + s * around + _cross(v, around))[..., None]
         self._model.site_pos[self._sites[:, 0]] = self._centre + turned[..., 0]
@@ -77,13 +79,13 @@ class Twists:
         self._model.tendon_range[self.tendons, 1] = _LENGTH - self.scale * h
 
 
-def cord(g: Array) -> tuple[Array, Array]:
-    """Unit vectors (..., 3), the second a right angle on from the first about g (..., 3)."""
+def tendon_ends(g: Array) -> tuple[Array, Array]:
+    """Unit vectors (..., 3): the second is the first after a quarter turn about g (..., 3)."""
     end = _cross(g, np.eye(3)[np.argmin(np.abs(g), axis=-1)])
     end /= np.linalg.norm(end, axis=-1, keepdims=True)
     return _cross(end, g), end
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """a x b (..., 3); NumPy's takes ten times as long for a few."""
+    """a x b (..., 3); ten times as fast as NumPy's for a few vectors."""
     return a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT]
