@@ -45,7 +45,7 @@ from fantoccini.puppet.quantities import (
     Size,
     Speed,
     Stiffness,
-    bounded,
+    Bounded,
 )
 from fantoccini.puppet.shapes import AnyObstacle, AnyShape, Colour, Mesh
 from fantoccini.puppet.values import (
@@ -149,7 +149,7 @@ Length = Annotated[
     | Annotated[Size, Tag("<number>")]
     | Annotated[Parameter, Tag("<parameter>")],
     Discriminator(_length_kind),
-    bounded("length", "positive"),
+    Bounded("length", "positive"),
 ]
 
 

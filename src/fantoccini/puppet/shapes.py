@@ -315,9 +315,9 @@ def load_mesh(shape: Mesh) -> Any:
     placed[:3, 3] = shape.at
     mesh.apply_transform(placed)
     length, extent = QUANTITIES["length"], float(np.max(mesh.extents))
-    if not length.least <= extent <= length.most:
+    if not length.min_size <= extent <= length.max_size:
         text = f"{shape.file} measures {extent:g} m with its scale"
-        raise ValueError(f"{text}; allowed: {length.least:g} to {length.most:g} m")
+        raise ValueError(f"{text}; allowed: {length.min_size:g} to {length.max_size:g} m")
     if has_mass(shape) and (not mesh.is_watertight or not abs(mesh.volume) >= 1e-15):
         raise ValueError(f"{shape.file} is not closed, so its mass has no place")
     if mesh.volume < 0:
