@@ -69,6 +69,11 @@ class Cone(Model):
             raise mistake(f"found {angle:g} rad; needed: more than 0 and less than 180 deg")
         return angle
 
+    @property
+    def body_axis(self) -> tuple[float, float, float]:
+        """b, the axis that is limited, in the body frame."""
+        return self.axis if self.of is None else self.of
+
 
 class Twist(Model):
     """Limit on a ball joint's rotation about an axis of the body (swing-twist)."""

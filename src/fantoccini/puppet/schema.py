@@ -33,6 +33,7 @@ from fantoccini.puppet.joint import Joint
 from fantoccini.puppet.located import Located, Origin, findings, mended, shown
 from fantoccini.puppet.quantities import (
     AngleOrPlace,
+    Bounded,
     Damping,
     Gravity,
     Inertia,
@@ -45,7 +46,6 @@ from fantoccini.puppet.quantities import (
     Size,
     Speed,
     Stiffness,
-    Bounded,
 )
 from fantoccini.puppet.shapes import AnyObstacle, AnyShape, Colour, Mesh
 from fantoccini.puppet.values import (

@@ -257,9 +257,11 @@ def shape_inertia(shape: Shape) -> tuple[float, UnitInertia]:
     raise TypeError(f"{type(shape).__name__} is not a shape")
 
 
-def _placed(shape: Any, moments: tuple[float, float, float]) -> UnitInertia:
+def _placed(
+    shape: Box | Sphere | Ellipsoid, moments: tuple[float, float, float]
+) -> UnitInertia:
     """R diag(moments) R^T at the shape's centre."""
-    orientation = getattr(shape, "orientation", None)
+    orientation = None if isinstance(shape, Sphere) else shape.orientation
     R = np.eye(3) if orientation is None else orientation.matrix
     return UnitInertia(np.array(shape.at), R @ np.diag(moments) @ R.T)
 

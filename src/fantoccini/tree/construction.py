@@ -10,7 +10,17 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-from fantoccini.puppet import Attachment, Body, Number, Parameter, Puppet, String
+from fantoccini.puppet import (
+    Attachment,
+    Body,
+    Chain,
+    Joint,
+    Number,
+    Parameter,
+    Puppet,
+    String,
+    value_of,
+)
 from fantoccini.puppet.shapes import shape_inertia
 from fantoccini.tree.chains import mass_link, placed
 from fantoccini.tree.coordinates import Coordinate, Role
@@ -49,7 +59,8 @@ class _Grower:
         for string in puppet.strings:
             self.string(string, place, puppet.pose, prefix)
         for spring in puppet.springs:
-            ends = tuple(_point(a, place) for a in spring.between)
+            start, end = (_point(a, place) for a in spring.between)
+            ends = start, end
             self.springs.append(
                 SpringRow(prefix + spring.name, ends, spring.stiffness, spring.rest, spring.damping)
             )
@@ -76,7 +87,7 @@ class _Grower:
             rest=joint.spring.rest if joint.spring else 0.0,
             lumps=_lumps(body),
             mass=body.mass,
-            com=None if body.com is None else tuple(body.com),
+            com=body.com,
             inertia=None if body.inertia is None else _six(body.inertia),
             drag=(body.drag.linear, body.drag.quadratic, body.drag.angular)
             if body.drag
@@ -87,43 +98,46 @@ class _Grower:
         self.joint_limits(joint, name, index)
         return index
 
-    def joint_limits(self, joint: Any, name: str, link: int) -> None:
-        def add(side: str, bound: float | None, a: Any = None, b: Any = None) -> None:
+    def joint_limits(self, joint: Joint, name: str, link: int) -> None:
+        def add(
+            side: str,
+            bound: float | None,
+            a: tuple[float, ...] | None = None,
+            b: tuple[float, ...] | None = None,
+        ) -> None:
             if bound is not None:
-                self.limits.append(LimitRow(f"{name}.{side}", link, side, bound, a, b))
+                axes = (None if axis is None else np.array(axis) for axis in (a, b))
+                self.limits.append(LimitRow(f"{name}.{side}", link, side, bound, *axes))
 
         if joint.limits:
             add("lower", joint.limits.lower)
             add("upper", joint.limits.upper)
         if joint.cone:
-            a = np.array(joint.cone.axis)
-            b = a if joint.cone.of is None else np.array(joint.cone.of)
-            add("cone", joint.cone.max, a, b)
+            add("cone", joint.cone.max, joint.cone.axis, joint.cone.body_axis)
         if joint.twist:
-            b = joint.twist.axis
-            if b is None:
-                b = joint.cone.axis if joint.cone.of is None else joint.cone.of
-            add("twist.lower", joint.twist.lower, None, np.array(b))
-            add("twist.upper", joint.twist.upper, None, np.array(b))
+            b = joint.twist.axis or (joint.cone.body_axis if joint.cone else None)
+            add("twist.lower", joint.twist.lower, None, b)
+            add("twist.upper", joint.twist.upper, None, b)
 
     def string(
         self, string: String, place: dict[str, int], pose: dict[str, Any], prefix: str
     ) -> None:
         points = tuple(
-            self.driven_end(string.name, a, prefix) if a.driven else _point(a, place)
+            self.driven_end(string.name, a, a.driven, prefix) if a.driven else _point(a, place)
             for a in string.path
         )
-        length, length_index, role = string.length, None, Role.FIXED
-        if length == "driven":
+        length: Number | None = None
+        length_index: tuple[int, int] | None = None
+        if string.length == "driven":
             start = float(pose.get(f"{string.name}.length", np.nan))
             role, length_index = self.joints.length(prefix + string.name, start)
-            length = None
         else:
+            length, role = string.length, Role.FIXED
             owner = prefix + string.name
             row = Coordinate(f"{owner}.length", role, owner, "m", None)
             self.joints.table.rows.append(row)
         if string.chain is not None:
-            self.chain(string, points, length, length_index, role, prefix)
+            self.chain(string, string.chain, points, length, length_index, role, prefix)
             return
         self.strings.append(
             StringRow(
@@ -141,11 +155,11 @@ class _Grower:
         )
 
     def chain(
-        self, string: String, ends: tuple[Any, ...], length: Number | None, length_index: Any,
-        role: Role, prefix: str,
+        self, string: String, chain: Chain, ends: tuple[Point, ...], length: Number | None,
+        length_index: tuple[int, int] | None, role: Role, prefix: str,
     ) -> None:  # fmt: skip
         """A string as masses, hand.1 to hand.7, and springs; they are placed when all is there."""
-        chain, masses = string.chain, []
+        masses = []
         for k in range(1, chain.pieces):
             name = f"{prefix}{string.name}.{k}"
             start = {f".{a}": np.nan for a in AXES}
@@ -164,10 +178,11 @@ class _Grower:
             )
         )
 
-    def driven_end(self, string: str, end: Attachment, prefix: str) -> Point:
+    def driven_end(
+        self, string: str, end: Attachment, axes: tuple[str, ...], prefix: str
+    ) -> Point:
         """A massless body on driven world axes: `driven: [x, y]` gives hand.x and hand.y."""
-        at = tuple(_value(x) if a in end.driven else x for a, x in zip(AXES, end.at, strict=True))
-        return Point(self.joints.end(prefix + string, end.driven, at), (0.0, 0.0, 0.0))
+        return Point(self.joints.end(prefix + string, axes, end.at), (0.0, 0.0, 0.0))
 
 
 def grow(world: World) -> Tree:
@@ -187,7 +202,7 @@ def grow(world: World) -> Tree:
     first = f"{world.puppets[0].name}/" if len(world.puppets) > 1 else ""
     tree = Tree(
         name=world.name,
-        gravity=_prefixed(tuple(world.gravity), first) if first else tuple(world.gravity),
+        gravity=_prefixed(world.gravity, first) if first else world.gravity,
         links=tuple(grower.joints.links),
         strings=tuple(grower.strings),
         springs=tuple(grower.springs),
@@ -199,7 +214,7 @@ def grow(world: World) -> Tree:
     )
     table = tree.coordinates
     # A driven length without a start stays nan: the state that is asked for gives it one.
-    start_D, _ = placed(tree, table.start_D, table.start_K, _value)
+    start_D, _ = placed(tree, table.start_D, table.start_K, value_of)
     return replace(tree, coordinates=replace(table, start_D=start_D))
 
 
@@ -212,7 +227,7 @@ def _prefixed(part: Any, prefix: str) -> Any:
     if isinstance(part, BaseModel):
         names = type(part).model_fields
         return part.model_copy(update={n: _prefixed(getattr(part, n), prefix) for n in names})
-    if dataclasses.is_dataclass(part):
+    if dataclasses.is_dataclass(part) and not isinstance(part, type):
         return replace(
             part, **{f.name: _prefixed(getattr(part, f.name), prefix) for f in fields(part)}
         )
@@ -244,26 +259,20 @@ def _start(joint: str, pose: dict[str, Any]) -> dict[str, float]:
 
 def _point(attachment: Attachment, place: dict[str, int]) -> Point:
     if attachment.world is not None:
-        return Point(WORLD, tuple(attachment.world))
-    return Point(place[attachment.body], tuple(attachment.at))
+        return Point(WORLD, attachment.world)
+    assert attachment.body is not None, "a driven end is no point of a body"
+    return Point(place[attachment.body], attachment.at)
 
 
 def _lumps(body: Body) -> tuple[Lump, ...]:
     lumps = []
     for shape in body.shapes:
-        if shape.mass is None and shape.density is None:
-            continue
-        volume, unit = shape_inertia(shape)
         if shape.mass is not None:
-            lumps.append(Lump(shape.mass, 1.0, unit))
-        else:
-            lumps.append(Lump(shape.density, volume, unit))
+            lumps.append(Lump(shape.mass, 1.0, shape_inertia(shape)[1]))
+        elif shape.density is not None:
+            lumps.append(Lump(shape.density, *shape_inertia(shape)))
     return tuple(lumps)
 
 
-def _six(inertia: Any) -> tuple[Number, ...]:
-    return tuple(inertia) if len(inertia) == 6 else (*inertia, 0.0, 0.0, 0.0)
-
-
-def _value(number: Number) -> float:
-    return number.value if isinstance(number, Parameter) else float(number)
+def _six(inertia: tuple[Number, ...]) -> tuple[Number, ...]:
+    return inertia if len(inertia) == 6 else (*inertia, 0.0, 0.0, 0.0)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.puppet import Drive, Joint
+from fantoccini.puppet import Drive, Joint, Number, value_of
 from fantoccini.tree.coordinates import COMMAND, Coordinate, CoordinateTable, Role
 from fantoccini.tree.structure import WORLD, DriveRow, Link
 
@@ -134,7 +134,7 @@ class Joints:
             The body's index.
         """
         rotation = np.eye(3) if joint.orientation is None else joint.orientation.matrix
-        offset, parent = tuple(joint.at), last.parent
+        offset, parent = joint.at, last.parent
         parts = list(self._parts(last.joint, joint.type, joint.axes or (), joint.driven))
         for n, (kind, axes, role) in enumerate(parts, 1):
             link = last if n == len(parts) else carriage(f"{last.name}.carriage{n}", last.joint)
@@ -146,9 +146,9 @@ class Joints:
             rotation, offset = np.eye(3), (0.0, 0.0, 0.0)
         return parent
 
-    def end(self, string: str, axes: tuple[str, ...], at: tuple[float, float, float]) -> int:
+    def end(self, string: str, axes: tuple[str, ...], at: tuple[Number, Number, Number]) -> int:
         """Adds the massless body at a string's driven end, on driven world axes; its index."""
-        start = {f".{a}": x for a, x in zip(AXES, at, strict=True)}
+        start = {f".{a}": value_of(x) for a, x in zip(AXES, at, strict=True)}
         x, y, z = (0.0 if a in axes else x for a, x in zip(AXES, at, strict=True))
         parent = WORLD
         parts = list(self._parts(string, "translation", axes, True))

@@ -109,14 +109,14 @@ def shape_box(shape: Shape, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if isinstance(shape, Capsule):
         ends = np.array([shape.from_, shape.to]) @ R.T + r
         return ends.min(axis=0) - shape.radius, ends.max(axis=0) + shape.radius
+    if not isinstance(shape, Sphere | Box | Ellipsoid):
+        raise TypeError(f"{type(shape).__name__} is not a shape")
     middle = R @ np.array(shape.at) + r
     if isinstance(shape, Sphere):
         return middle - shape.radius, middle + shape.radius
     turn = R if shape.orientation is None else R @ shape.orientation.matrix
     if isinstance(shape, Box):
         half = np.abs(turn) @ (0.5 * np.array(shape.size))
-    elif isinstance(shape, Ellipsoid):
-        half = np.linalg.norm(turn * np.array(shape.radii), axis=1)
     else:
-        raise TypeError(f"{type(shape).__name__} is not a shape")
+        half = np.linalg.norm(turn * np.array(shape.radii), axis=1)
     return middle - half, middle + half

@@ -97,9 +97,10 @@ class Point:
 
 
 class Lengthed:
-    """What has a length L: a number, or a coordinate."""
+    """Base of rows with a length L, which is a number or a coordinate."""
 
     name: str
+    points: tuple[Point, ...]
     length: Number | None
     length_index: tuple[int, int] | None
     length_role: Role
@@ -128,10 +129,11 @@ class Lengthed:
     def own_length(
         self, q_D: np.ndarray, q_K: np.ndarray, number: Callable[[Number], float]
     ) -> np.ndarray:
-        """L [m] at configurations (..., n_qD), (..., n_qK); any shape that goes with these."""
-        if self.length_index is None:
-            return np.float64(number(self.length))
-        return (q_K if self.driven_length else q_D)[..., self.length_index[0]]
+        """L [m] at configurations (..., n_qD), (..., n_qK): of shape (...) or ()."""
+        if self.length_index is not None:
+            return (q_K if self.driven_length else q_D)[..., self.length_index[0]]
+        assert self.length is not None, "a length without a place is a number"
+        return np.array(number(self.length), dtype=float)
 
 
 @dataclass(frozen=True)
@@ -346,14 +348,13 @@ class Tree:
         joint = self.links[link]
         if joint.role is Role.DRIVEN:
             return joint.q, joint.v
-        rows = [row for row in self.drives if row.link == link and row.command]
-        if sum(row.v.stop - row.v.start for row in rows) != joint.v.stop - joint.v.start:
+        rows = [(row, row.command) for row in self.drives if row.link == link and row.command]
+        if sum(row.v.stop - row.v.start for row, _ in rows) != joint.v.stop - joint.v.start:
             return None
-        if not rows or rows[0].name.endswith(".length"):
+        if not rows or rows[0][0].name.endswith(".length"):
             return None
-        (q, v), last = rows[0].command, rows[-1]
-        width_q, width_v = last.q.stop - rows[0].q.start, last.v.stop - rows[0].v.start
-        return slice(q, q + width_q), slice(v, v + width_v)
+        (first, (q, v)), (last, _) = rows[0], rows[-1]
+        return slice(q, q + last.q.stop - first.q.start), slice(v, v + last.v.stop - first.v.start)
 
     def length_lead(self, string: Lengthed) -> tuple[int, int] | None:
         """Place in (q_K, v_K) of a driven length, or of the command of the drive that winds it."""
