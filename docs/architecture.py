@@ -17,7 +17,7 @@ PACKAGES = {
     "files": "Writes files that appear whole or not at all.",
     "progress": "Progress callbacks, and the bar on a terminal.",
     "puppet": "The puppet schema: reads, checks and writes YAML files.",
-    "world": "Puppets, obstacles and floor that stand together.",
+    "scene": "Scenes: puppets, props, obstacles and a floor, assembled into one puppet.",
     "tree": "Links in topological order, one-sided rows, and the coordinate table.",
     "contract": "Declares once what Python and the compiled code share: functions, structures.",
     "equations": "Derives Eqs. 1 to 11 symbolically with CasADi, from the tree.",

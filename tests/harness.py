@@ -14,7 +14,6 @@ from fantoccini.marionette.methods import METHODS
 from fantoccini.motion import Input
 from fantoccini.puppet import Puppet, loads
 from fantoccini.tree import grow
-from fantoccini.world import World
 from oracles.random_trees import configuration
 
 
@@ -39,7 +38,7 @@ class Model:
     def __init__(self, description: dict, puppet: Puppet | None = None):
         self.description = description
         self.puppet = loads(json.dumps(description)) if puppet is None else puppet
-        self.tree = grow(World.of(self.puppet))
+        self.tree = grow(self.puppet)
         self.equations = derive(self.tree)
         self.table = self.tree.coordinates
         self.p = np.array(list(self.tree.parameters.values()))

@@ -31,7 +31,7 @@ ORDER = (
     "files",
     "progress",
     "puppet",
-    "world",
+    "scene",
     "tree",
     "contract",
     "equations",

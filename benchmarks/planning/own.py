@@ -72,7 +72,7 @@ def first_plans(seeds: int) -> tuple[Section, list[Mark]]:
                 *(f"{share(x):.1f} %" for x in (
                     replayed, [c.arrives for c in events], [c.arrives for c in halved],
                 )),
-                f"{np.median([c.gap for c in events]):.2g}",
+                f"{np.median([c.deviation for c in events]):.2g}",
                 f"{np.median([p.duration for p in plans]):.2f} s",
             ]
         )  # fmt: skip

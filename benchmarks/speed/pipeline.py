@@ -13,7 +13,6 @@ from tests.harness import method_of
 
 import fantoccini as fan
 from fantoccini import build, codegen, demo, equations, tree
-from fantoccini.world import World
 
 from ..strings.report import Section, Table
 from .figures import Chapter, Goal, Samples, shown, spread
@@ -60,7 +59,7 @@ def fresh(code: str, runs: int) -> Samples:
 def derivation(runs: int) -> Samples:
     """Tree -> equations -> source text."""
     puppet = marionette().puppet
-    return timed(lambda: codegen.generate(equations.derive(tree.grow(World.of(puppet)))), runs)
+    return timed(lambda: codegen.generate(equations.derive(tree.grow(puppet))), runs)
 
 
 def compilation(runs: int) -> Samples:

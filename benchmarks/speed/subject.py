@@ -10,7 +10,6 @@ import fantoccini as fan
 from fantoccini import tree
 from fantoccini.motion import State
 from fantoccini.puppet import Puppet
-from fantoccini.world import World
 
 DT = 0.002
 """Step of everything that has a fixed one [s]."""
@@ -71,4 +70,4 @@ def still_air() -> Puppet:
 @functools.cache
 def still_tree() -> tree.Tree:
     """The tree of :func:`still_air`; its coordinates are those of the whole puppet."""
-    return tree.grow(World.of(still_air()))
+    return tree.grow(still_air())

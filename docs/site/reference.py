@@ -20,7 +20,7 @@ TITLES = {
     "view": "Pictures and films",
     "web": "Browser",
     "puppet": "Puppet schema",
-    "world": "World",
+    "scene": "Scenes",
     "exchange": "Exchange with MuJoCo",
     "equations": "Printed equations",
     "tree": "Measures of a puppet",

@@ -66,6 +66,11 @@ from .reduction import (
     ReductionReport as ReductionReport,
     validate_reduction as validate_reduction,
 )
+from .scene import (
+    Member as Member,
+    Prop as Prop,
+    Scene as Scene,
+)
 from .simulation import (
     Passage as Passage,
     Sensitivity as Sensitivity,
@@ -81,9 +86,6 @@ from .sweeps import (
 )
 from .web import (
     show as show,
-)
-from .world import (
-    World as World,
 )
 
 __version__: str

@@ -141,7 +141,7 @@ def test_plain_text_keeps_letters_and_line_breaks() -> None:
     assert plain("a\x1b\x07\u202e\udcff") == "a\\x1b\\x07\\u202e\\udcff"
 
 
-@pytest.mark.parametrize("of", ["puppet", "inputs"])
+@pytest.mark.parametrize("of", ["puppet", "scene", "inputs"])
 def test_schema_is_json(of) -> None:
     assert json.loads(fantoccini("schema", of).stdout)["type"] == "object"
 

@@ -16,7 +16,6 @@ from fantoccini.codegen import c99_files, generate, operations
 from fantoccini.equations import derive
 from fantoccini.puppet import load
 from fantoccini.tree import grow
-from fantoccini.world import World
 
 SOURCE = Path(__file__).resolve().parents[2] / "src"
 
@@ -43,8 +42,7 @@ from fantoccini.codegen import c99_files, generate
 from fantoccini.equations import derive
 from fantoccini.puppet import load
 from fantoccini.tree import grow
-from fantoccini.world import World
-equations = derive(grow(World.of(load(puppets.path("arm2d")))))
+equations = derive(grow(load(puppets.path("arm2d"))))
 files = generate(equations).files | c99_files(equations)
 hashes = {n: hashlib.sha256(t.encode()).hexdigest() for n, t in files.items()}
 print(json.dumps(hashes))
@@ -52,7 +50,7 @@ print(json.dumps(hashes))
 
 
 def equations_of(name: str):
-    return derive(grow(World.of(load(puppets.path(name)))))
+    return derive(grow(load(puppets.path(name))))
 
 
 def test_every_process_derives_the_same_text(tmp_path):

@@ -16,7 +16,6 @@ from fantoccini.codegen import generate
 from fantoccini.equations import Equations, derive
 from fantoccini.puppet import load
 from fantoccini.tree import grow
-from fantoccini.world import World
 
 HERE = Path(__file__).parent
 WARNINGS = (
@@ -46,7 +45,7 @@ def gcc() -> str:
 @functools.cache
 def equations(name: str) -> Equations:
     """The equations of a bundled puppet."""
-    return derive(grow(World.of(load(puppets.path(name)))))
+    return derive(grow(load(puppets.path(name))))
 
 
 def write_model(name: str, folder: Path) -> None:

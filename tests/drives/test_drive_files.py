@@ -8,8 +8,8 @@ import fantoccini as fan
 from fantoccini.errors import ExchangeError, PuppetError
 from fantoccini.exchange import mjcf
 from fantoccini.puppet import Puppet, loads
+from fantoccini.scene import Scene, assembled
 from fantoccini.tree import grow
-from fantoccini.world import World
 
 RIG = """\
 puppet: rig
@@ -102,7 +102,7 @@ def test_a_file_reads_back():
 
 def test_twins_have_their_drives():
     puppet = loads(rig(f"on: [wire_left.length, wire_left.y], mass: 1, {PD}"))
-    table = grow(World.of(puppet)).coordinates
+    table = grow(puppet).coordinates
     assert set(table.commands) == {
         f"wire_{side}.{what}" for side in ("left", "right") for what in ("length", "y")
     }
@@ -117,7 +117,7 @@ def test_twins_have_their_drives():
 def test_a_free_joint_is_taken_apart():
     """bar.z by motor: x and y by hand carry z, and that carries the driven rotation."""
     puppet = loads(rig(f"on: bar.z, mass: 1, {PD}"))
-    tree = grow(World.of(puppet))
+    tree = grow(puppet)
     links = {link.name: link for link in tree.links}
     assert [links[n].role for n in ("bar.carriage1", "bar.carriage2", "bar")] == [
         "driven", "dynamic", "driven",
@@ -129,9 +129,9 @@ def test_several_puppets_keep_their_drives_apart():
     drive = "on: wire_left.length, mass: {parameter: load, value: 1}, " + PD
     one = loads(rig(drive))
     other = loads(rig(drive).replace("puppet: rig", "puppet: other"))
-    tree = grow(World.of(one, other))
-    assert "other/wire_right.length" in tree.coordinates.commands
-    assert tree.drives[-1].drive.mass.parameter == "other/load"
+    tree = grow(assembled(Scene.of(one, other)))
+    assert "other.wire_right.length" in tree.coordinates.commands
+    assert tree.drives[-1].drive.mass.parameter == "other.load"
 
 
 def test_what_cannot_be_exported_says_so():

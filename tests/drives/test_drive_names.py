@@ -15,11 +15,10 @@ from fantoccini.motion.archive import _table_from_json, _table_to_json
 from fantoccini.planning.rollouts import Bounds
 from fantoccini.puppet import loads
 from fantoccini.tree import grow
-from fantoccini.world import World
 
 
 def table(text: str):
-    return grow(World.of(loads(text))).coordinates
+    return grow(loads(text)).coordinates
 
 
 def said(make, *given) -> list[tuple[str, str]]:

@@ -59,7 +59,7 @@ def test_a_puppet_is_checked_without_its_equations(monkeypatch):
     """17.30: deriving them took 41 s and 1.9 GB for ten chains of 200 pieces."""
     made = loads(WOUND)
     monkeypatch.setattr(Compiled, "equations", property(lambda _: pytest.fail("derived")))
-    check_mass_matrix(made.world, made.tree)
+    check_mass_matrix(made.puppet, made.tree)
 
 
 def test_an_unresisted_motion_is_named():
@@ -69,4 +69,4 @@ def test_an_unresisted_motion_is_named():
     dot = "  - {name: dot, joint: {type: free}, mass: 1}\nstrings:"
     with pytest.raises(PuppetError, match=r"dot: the mass matrix is singular: look at dot\.wx"):
         made = loads(text.replace("strings:", dot))
-        check_mass_matrix(made.world, made.tree)
+        check_mass_matrix(made.puppet, made.tree)

@@ -79,12 +79,12 @@ def test_a_file_gives_the_same_recording_back(rough, tmp_path):
     same(fan.Trajectory.load(tmp_path / "run.npz"), rough.trajectory)
 
 
-def test_parameters_and_worlds_of_several_are_kept(tmp_path):
+def test_parameters_and_scenes_are_kept(tmp_path):
     one, two = fan.puppets.arm2d().puppet, fan.puppets.string_pendulum().puppet
-    world = fan.Marionette(fan.World.of(one, two)).with_parameters({"arm2d/m1": 0.3})
+    world = fan.Marionette(fan.Scene.of(one, two)).with_parameters({"arm2d.m1": 0.3})
     live = fan.Performance(world)
     live.record()
-    live.move("arm2d/hand", [0.7, 0.0, 0.0])
+    live.move("arm2d.hand", [0.7, 0.0, 0.0])
     live.advance(0.5)
     recording = live.stop()
     recording.save(tmp_path / "two.npz")

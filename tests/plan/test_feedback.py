@@ -209,8 +209,8 @@ def test_ranges_are_kept_whatever_is_asked(plan, law):
 def test_what_makes_no_sense_is_refused(plan, law):
     with pytest.raises(StateError, match="other coordinates"):
         law.run(marionette=fan.puppets.arm2d())
-    with pytest.raises(ValueError, match="effort is 0"):
-        Feedback.along(plan, effort=0.0)
+    with pytest.raises(ValueError, match="acceleration is 0"):
+        Feedback.along(plan, acceleration=0.0)
     with pytest.raises(ValueError, match="no segment"):
         Feedback.along(dataclasses.replace(plan, path=plan.path[:1]))
 

@@ -44,7 +44,7 @@ def test_plans_become_shorter(problem):
 
 def test_what_a_plan_costs(problem):
     """Sums along the paths of a tree, whatever its arrays were filled with at once."""
-    search = Search(problem, SearchOptions(seed=3, objective="effort"))
+    search = Search(problem, SearchOptions(seed=3, objective="acceleration"))
     search.find_first(60.0)
     tree, interval = search.tree, problem.rollouts.options.interval
     for node in range(0, len(tree), 97):
@@ -63,7 +63,7 @@ def test_what_a_plan_costs(problem):
 
 def test_better_plans_cost_less(problem):
     catches, efforts = {}, {}
-    for objective in ("gentle", "time", "effort"):
+    for objective in ("gentle", "time", "acceleration"):
         catches[objective], efforts[objective] = [], []
         for seed in (1, 2, 3):
             search = Search(problem, SearchOptions(seed=seed, objective=objective))
@@ -75,14 +75,14 @@ def test_better_plans_cost_less(problem):
             catches[objective].append(tree.catches[tree.path(best)].sum())
             efforts[objective].append(_effort(tree, best))
     assert np.sum(catches["gentle"]) <= np.sum(catches["time"])
-    assert np.mean(efforts["effort"]) < np.mean(efforts["time"])
-    with pytest.raises(ValueError, match="one of gentle, time, effort"):
+    assert np.mean(efforts["acceleration"]) < np.mean(efforts["time"])
+    with pytest.raises(ValueError, match="one of gentle, time, acceleration"):
         Search(problem, SearchOptions(objective="speed"))
 
 
 def test_an_objective_of_ones_own(problem, tmp_path):
     """Catches and accelerations that count as much as is asked, in what is saved too."""
-    own = Objective(catch=0.5, effort=0.25)
+    own = Objective(catch=0.5, acceleration=0.25)
     found = solve(problem, seed=3, objective=own).grow(60.0, iterations=1000)
     path = list(found.path[1:])
     effort = problem.rollouts.options.interval * _effort(found.tree, found.path[-1])
@@ -92,8 +92,8 @@ def test_an_objective_of_ones_own(problem, tmp_path):
     again = fan.PlanResult.load(tmp_path / "plan.npz", problem)
     assert again.search.objective == own and again.cost == found.cost
     for wrong in (-1.0, np.inf, np.nan):
-        with pytest.raises(ValueError, match="effort"):
-            Objective(effort=wrong)
+        with pytest.raises(ValueError, match="acceleration"):
+            Objective(acceleration=wrong)
 
 
 def _effort(tree, node) -> float:
@@ -102,7 +102,7 @@ def _effort(tree, node) -> float:
 
 
 def test_time_is_not_what_effort_saves(problem):
-    found = solve(problem, seed=3, objective="effort")
+    found = solve(problem, seed=3, objective="acceleration")
     assert found.polish(1e-3, seconds=5.0).duration >= found.duration - 1e-9
     shorter = []
     for seed in range(3):

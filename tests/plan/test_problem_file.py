@@ -60,15 +60,15 @@ def test_a_file_says_what_python_says(tmp_path):
 
 def test_a_file_chooses_segments_and_an_objective(tmp_path):
     """Accelerations hold for a whole number of segments, and better plans cost less of it."""
-    text = GOOD + "segment: 0.06\nobjective: effort\n"
+    text = GOOD + "segment: 0.06\nobjective: acceleration\n"
     problem = fan.load_problem(written(tmp_path, text))
-    assert problem.rollouts.options.looks == 3 and problem.objective.effort > 0.0
+    assert problem.rollouts.options.looks == 3 and problem.objective.acceleration > 0.0
     found = fan.solve(problem, seed=3)
     assert found and found.replay()
     looks = found.tree.looks[list(found.path[1:])]
     assert np.all(looks[:-1] == 3) and 1 <= looks[-1] <= 3
     assert found.search.objective == problem.objective
-    assert fan.solve(problem, seed=3, objective="time").search.objective.effort == 0.0
+    assert fan.solve(problem, seed=3, objective="time").search.objective.acceleration == 0.0
     slow = fan.solve(problem, seed=3, planner="est-2007", iterations=400)
     assert set(slow.tree.looks[1:]) <= set(range(1, 16)) and np.max(slow.tree.looks) > 3
     other = fan.load_problem(written(tmp_path, GOOD + "segment: 0.2\n"))

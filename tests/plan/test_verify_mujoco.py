@@ -24,7 +24,7 @@ def plan() -> PlanResult:
 def test_a_plan_arrives_in_mujoco_too(plan):
     there, event = plan.verify(backend="mujoco"), plan.verify(method="event")
     assert there.arrives and there.distance <= plan.tolerance
-    assert there.gap == pytest.approx(event.gap, abs=2e-3) and there.gap > 0.0
+    assert there.deviation == pytest.approx(event.deviation, abs=2e-3) and there.deviation > 0.0
     assert there.distance == pytest.approx(event.distance, abs=5e-3)
     assert there.clearance == pytest.approx(event.clearance, abs=1e-3)
     run = there.run
@@ -49,7 +49,7 @@ def test_a_plan_with_other_inputs_does_not_arrive(plan):
     other["acceleration"][list(plan.path)] *= -1.0
     spoiled = dataclasses.replace(plan, tree=SearchTree.of(other, plan.tree))
     there = spoiled.verify(backend="mujoco")
-    assert not there.arrives and there.gap > 0.1
+    assert not there.arrives and there.deviation > 0.1
     assert not spoiled.verify(method="event").arrives
 
 
@@ -66,7 +66,7 @@ def test_the_marionettes_plan_arrives_with_its_limits():
 
     plan = first_plan(problem, lambda found: touched(found.trajectory, 1e-3))
     there, event = plan.verify(backend="mujoco"), plan.verify(method="event")
-    assert there.arrives and there.gap == pytest.approx(event.gap, abs=5e-3)
+    assert there.arrives and there.deviation == pytest.approx(event.deviation, abs=5e-3)
     assert there.distance == pytest.approx(event.distance, abs=2e-3)
     assert touched(event.run, 1e-4) and touched(event.run, 1e-4) <= touched(there.run, 0.0)
     passed, step = dict.fromkeys(there.run.violation.names, 1e-3), np.diff(there.run.t).max()

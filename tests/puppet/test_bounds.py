@@ -79,7 +79,7 @@ def test_every_number_is_bounded(number, size):
         except PuppetError as error:
             assert [p.line for p in error.mistakes] == [line]
         else:
-            check_mass_matrix(made.world, made.tree)
+            check_mass_matrix(made.puppet, made.tree)
         return
     found = mistakes(text)
     assert (found[0][0], len({at for at, _, _ in found})) == (line, 1)

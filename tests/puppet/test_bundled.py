@@ -10,7 +10,6 @@ from fantoccini.errors import UnknownNameError
 from fantoccini.puppet import Puppet, load
 from fantoccini.puppet.shapes import shape_inertia
 from fantoccini.tree import Tree, grow
-from fantoccini.world import World
 
 # name: n_qD, n_vD, n_qK, n_vK, strings
 SIZES = {
@@ -27,7 +26,7 @@ SIZES = {
 def bundled(name: str) -> tuple[Puppet, Tree]:
     """A bundled puppet and its tree."""
     puppet = load(puppets.path(name))
-    return puppet, grow(World.of(puppet))
+    return puppet, grow(puppet)
 
 
 def test_all_of_them_are_tested() -> None:

@@ -10,10 +10,10 @@ import fantoccini as fan
 from fantoccini.errors import PuppetError
 from fantoccini.marionette import Marionette
 from fantoccini.puppet import json_schema, loads
+from fantoccini.scene import Scene, assembled
 from fantoccini.tree import grow
 from fantoccini.view.scene import scene_at
 from fantoccini.view.still import Still
-from fantoccini.world import World
 
 CHAIN = "chain: {pieces: 4, mass: 0.01, stiffness: 500}"
 
@@ -83,7 +83,7 @@ def test_strings_that_slip_cannot_become_chains() -> None:
 
 
 def test_the_masses_are_named_after_the_string_and_lie_between_its_ends() -> None:
-    tree = grow(World.of(loads(f"{TEXT}    {CHAIN}\n")))
+    tree = grow(loads(f"{TEXT}    {CHAIN}\n"))
     table = tree.coordinates
     assert tree.row_names == ()
     assert [c.name for c in tree.chains] == ["s_left", "s_right"]
@@ -93,23 +93,23 @@ def test_the_masses_are_named_after_the_string_and_lie_between_its_ends() -> Non
 
 
 def test_a_longer_string_begins_as_a_v_of_relaxed_pieces() -> None:
-    tree = grow(World.of(loads(f"{TEXT.replace('length: 1', 'length: 1.5')}    {CHAIN}\n")))
+    tree = grow(loads(f"{TEXT.replace('length: 1', 'length: 1.5')}    {CHAIN}\n"))
     q = tree.coordinates.start_D[tree.coordinates.q_D.index("s_left.1.x") :][:9].reshape(3, 3)
     points = np.vstack([[0, 1, 0], q, [0, 1, 1]])
     assert np.allclose(np.linalg.norm(np.diff(points, axis=0), axis=1), 1.5 / 4)
 
 
-def test_several_puppets_of_a_world_keep_their_masses_apart() -> None:
+def test_several_puppets_of_a_scene_keep_their_masses_apart() -> None:
     first = loads(f"{TEXT}    {CHAIN.replace('500', '{parameter: EA, value: 500}')}\n")
     text = first.to_yaml().replace("puppet: p", "puppet: other")
-    tree = grow(World.of(first, loads(text)))
-    assert "other/s_right.2.z" in tree.coordinates.q_D
-    assert tree.chains[2].stiffness.parameter == "other/EA"
+    tree = grow(assembled(Scene.of(first, loads(text))))
+    assert "other.s_right.2.z" in tree.coordinates.q_D
+    assert tree.chains[2].stiffness.parameter == "other.EA"
 
 
 def test_pictures_draw_the_string_through_its_masses() -> None:
     made = Marionette(loads(f"{TEXT}    {CHAIN}\n"))
-    still = Still(made.world, made.tree)
+    still = Still(made.puppet, made.tree)
     x = still.start()
     x = x.replace(q_D=x.q_D + 0.01)
     threads = scene_at(still, x, np.zeros(0)).string_curves(0)

@@ -11,6 +11,7 @@ import pytest
 import trimesh
 
 import fantoccini as fan
+from fantoccini.scene import assembled
 
 
 @pytest.mark.parametrize("name", ["arm2d", "marionette_bar"])
@@ -19,9 +20,7 @@ def test_what_arrives_is_the_same_puppet(name):
     if sent.p.size:
         sent = sent.with_parameters({next(iter(sent.tree.parameters)): 0.07})
     made = pickle.loads(pickle.dumps(sent))
-    assert [p.canonical() for p in made.world.puppets] == [
-        p.canonical() for p in sent.world.puppets
-    ]
+    assert made.puppet.canonical() == sent.puppet.canonical()
     assert np.array_equal(made.p, sent.p) and made.name == sent.name
 
 
@@ -58,11 +57,8 @@ def test_meshes_travel_with_their_puppet(tmp_path):
     assert made.puppet.bodies[0].shapes[0].path.is_file()
 
 
-def test_a_world_of_several_keeps_its_name_and_what_only_it_has_is_refused():
+def test_a_scene_travels_whole():
     arm, crane = (getattr(fan.puppets, n)().puppet for n in ("arm2d", "crane"))
-    world = fan.World.of(arm, crane, name="stage")
-    made = pickle.loads(pickle.dumps(fan.Marionette(world)))
-    assert made.name == "stage" and made.world == world
-    bare = fan.World((arm,), "stage", arm.gravity, floor=-1.0)
-    with pytest.raises(fan.StateError, match="give them to a puppet"):
-        pickle.dumps(fan.Marionette(bare))
+    scene = fan.Scene.of(arm, crane, name="stage")
+    made = pickle.loads(pickle.dumps(fan.Marionette(scene)))
+    assert made.name == "stage" and made.puppet == assembled(scene)

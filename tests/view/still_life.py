@@ -12,15 +12,13 @@ from fantoccini.motion.columns import Columns
 from fantoccini.puppet import Puppet, load
 from fantoccini.tree import grow
 from fantoccini.view.still import Still
-from fantoccini.world import World
 
 
 class StillLife(Still):
     """Of one puppet, without a compiled model."""
 
     def __init__(self, puppet: Puppet):
-        world = World.of(puppet)
-        super().__init__(world, grow(world))
+        super().__init__(puppet, grow(puppet))
 
 
 def bundled(name: str) -> StillLife:
@@ -58,5 +56,5 @@ def swinging(marionette: StillLife, duration: float = 1.0, rows: int = 41) -> Tr
         taut=Columns(names, taut, "string"),
         ledger=Columns(entries, energy, "entry"),
         events=tuple(EventRecord(0.8 * duration, "catch", name, 0.1, 0.2) for name in names[-1:]),
-        status=Status.DONE, method="event", coordinates=table, puppet=marionette.world.puppets[0],
+        status=Status.DONE, method="event", coordinates=table, puppet=marionette.puppet,
     )  # fmt: skip

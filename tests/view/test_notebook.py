@@ -88,7 +88,7 @@ def test_a_run_of_what_is_not_known_is_plotted():
     strip = Page(run._repr_html_()).images
     for unknown in (
         dataclasses.replace(run, puppet=None),
-        dataclasses.replace(run, puppet=bundled("crane").world.puppets[0]),
+        dataclasses.replace(run, puppet=bundled("crane").puppet),
     ):
         page = Page(unknown._repr_html_())
         assert page.images[0]["alt"] == "the run against time"
@@ -111,9 +111,9 @@ def test_names_cannot_inject_markup():
     tree = dataclasses.replace(
         marionette.tree, name=HOSTILE, links=links, strings=strings, parameters=values
     )
-    world = dataclasses.replace(marionette.world, name=HOSTILE)
+    puppet = marionette.puppet.model_copy(update={"puppet": HOSTILE})
     marionette = fan.Marionette(
-        dataclasses.replace(marionette.model, tree=tree, world=world, p=np.ones(len(values)))
+        dataclasses.replace(marionette.model, tree=tree, puppet=puppet, p=np.ones(len(values)))
     )
     run = swinging(bundled("arm2d"))
     tension, taut = (dataclasses.replace(x, names=(HOSTILE,)) for x in (run.tension, run.taut))

@@ -24,7 +24,7 @@ strings:
 
 
 def still(marionette):
-    return Still(marionette.world, marionette.tree, marionette.model.number)
+    return Still(marionette.puppet, marionette.tree, marionette.model.number)
 
 
 def moved(marionette, seed):

@@ -87,9 +87,11 @@ def schema(
     from fantoccini.motion import inputs_schema
     from fantoccini.planning import problem_schema
     from fantoccini.puppet import json_schema
+    from fantoccini.scene import json_schema as scene_schema
 
     schemas = {
         SchemaOf.PUPPET: json_schema,
+        SchemaOf.SCENE: scene_schema,
         SchemaOf.INPUTS: inputs_schema,
         SchemaOf.PROBLEM: problem_schema,
     }

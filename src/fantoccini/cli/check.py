@@ -49,7 +49,7 @@ def check_files(files: list[str], inputs: list[Path], quiet: bool) -> None:
 def _puppet(file: str) -> Marionette | None:
     try:
         made = marionette(file)
-        check_mass_matrix(made.world, made.tree)
+        check_mass_matrix(made.puppet, made.tree)
     except FileError as error:
         _list(error.mistakes)
         return None

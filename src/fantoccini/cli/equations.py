@@ -36,7 +36,7 @@ def print_equations(file: str, latex: bool) -> None:
         latex: as LaTeX instead of text.
     """
     made = marionette(file)
-    check_mass_matrix(made.world, made.tree)
+    check_mass_matrix(made.puppet, made.tree)
     try:
         page = printing.printable(made.equations)
     except TooLargeError:

@@ -28,7 +28,7 @@ def export_c99(file: str, folder: Path, force: bool, quiet: bool) -> None:
     puppet = marionette(file)
     with Steps(quiet) as steps:
         steps.step("deriving the equations of motion")
-        check_mass_matrix(puppet.world, puppet.tree)
+        check_mass_matrix(puppet.puppet, puppet.tree)
         files = codegen.c99_files(puppet.equations)
     with writing(folder):
         _write(files, folder)

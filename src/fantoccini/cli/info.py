@@ -40,7 +40,7 @@ def list_bundled() -> None:
 def describe_puppet(file: str) -> None:
     """Prints tables of a puppet's parts."""
     made = marionette(file)
-    check_mass_matrix(made.world, made.tree)
+    check_mass_matrix(made.puppet, made.tree)
     warn(made, file)
     tree, coordinates = made.tree, made.coordinates
     write(

@@ -9,9 +9,9 @@ from typing import Annotated
 
 import typer
 
-SchemaOf = enum.StrEnum("SchemaOf", ["PUPPET", "INPUTS", "PROBLEM"])
+SchemaOf = enum.StrEnum("SchemaOf", ["PUPPET", "SCENE", "INPUTS", "PROBLEM"])
 Planner = enum.StrEnum("Planner", {"EXPLORE": "explore", "EST2007": "est-2007"})
-Objective = enum.StrEnum("Objective", ["GENTLE", "TIME", "EFFORT"])
+Objective = enum.StrEnum("Objective", ["GENTLE", "TIME", "ACCELERATION"])
 Theme = enum.StrEnum("Theme", ["LIGHT", "DARK"])
 Focus = enum.StrEnum("Focus", ["ALL", "BODIES"])
 Method = enum.StrEnum("Method", ["EVENT", "TIMESTEPPING", "VARIATIONAL"])

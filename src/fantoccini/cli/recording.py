@@ -62,7 +62,7 @@ def _differences(marionette: Marionette, recorded: Marionette) -> list[str]:
         for name, value in old.items()
         if name in new and new[name] != value
     ]
-    texts = [[p.to_yaml() for p in m.world.puppets] for m in (marionette, recorded)]
+    texts = [m.puppet.to_yaml() for m in (marionette, recorded)]
     if texts[0] != texts[1]:
         found.append("its file differs from FILE; the recorded hands move the puppet of FILE")
     return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,9 @@ from fantoccini.cli.terminal import say
 from fantoccini.errors import Mistake
 from fantoccini.marionette import Marionette, input_warnings, warnings
 from fantoccini.motion import Input
-from fantoccini.puppet.located import Located, read_file
+from fantoccini.puppet import Puppet
+from fantoccini.puppet.located import Finding, Located, key_path, read_file
+from fantoccini.scene.files import is_scene
 
 
 def puppet_warnings(made: Marionette, file: str) -> list[Mistake]:
@@ -21,9 +24,23 @@ def puppet_warnings(made: Marionette, file: str) -> list[Mistake]:
         file: FILE argument.
     """
     located = read_file(puppet_path(file))
+    if is_scene(located):
+        return _of_members(made.puppet, warnings(made.model))
     return _in_order(
         [located.problem(*found) for found in warnings(made.model, located.data)], file
     )
+
+
+def _of_members(puppet: Puppet, found: Iterable[Finding]) -> list[Mistake]:
+    """Warnings about parts of a scene, each in the file that describes the part."""
+    marked = []
+    for path, text in found:
+        if len(path) < 2 or not isinstance(path[1], int):
+            continue  # about the size of a puppet, which a scene is not
+        name = getattr(puppet, str(path[0]))[path[1]].name
+        file, line = puppet.locate(name)
+        marked.append(Mistake(file, line, key_path((name, *path[2:])), f"warning: {text}"))
+    return marked
 
 
 def inputs_warnings(made: Marionette, inputs: Input, path: Path) -> list[Mistake]:

@@ -340,7 +340,7 @@ class _Text:
 
 def _located(marionette: Marionette, name: str, message: str) -> Mistake:
     """What is the matter with a body, joint or string, with its place in the puppet's file."""
-    file, line = marionette.puppet.locate(name.split("/")[-1].split(".")[0])
+    file, line = marionette.puppet.locate(marionette.puppet.owner_of(name))
     return Mistake(file, line, name, message)
 
 

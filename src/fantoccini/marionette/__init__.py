@@ -32,7 +32,7 @@ from fantoccini.marionette.methods import (
 from fantoccini.marionette.model import Model
 from fantoccini.marionette.modes import Mode, Modes
 from fantoccini.marionette.plausible import InputWarning, input_warnings, warnings
-from fantoccini.marionette.portable import PortableWorld
+from fantoccini.marionette.portable import PortablePuppet
 from fantoccini.marionette.redundant import (
     CONTRADICTION_STATUSES,
     Contradiction,
@@ -62,7 +62,7 @@ __all__ = [
     "Model",
     "Modes",
     "Partials",
-    "PortableWorld",
+    "PortablePuppet",
     "StepLinearisation",
     "Stepper",
     "StringModel",

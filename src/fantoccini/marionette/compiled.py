@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, TypeVar
 from fantoccini import build
 from fantoccini.errors import BuildError
 from fantoccini.marionette.mass_check import check_mass_matrix
+from fantoccini.puppet import Puppet
 from fantoccini.runtime import (
     BatchLibrary,
     ClearanceLibrary,
@@ -20,7 +21,6 @@ from fantoccini.runtime import (
     RolloutLibrary,
 )
 from fantoccini.tree import Tree
-from fantoccini.world import World
 
 if TYPE_CHECKING:
     from fantoccini.equations import Equations
@@ -33,11 +33,11 @@ SOURCE_MODULES = ("fantoccini.tree.construction", "fantoccini.codegen.libraries"
 
 @dataclass(frozen=True, eq=False)
 class Compiled:
-    """Equations and libraries of a world, shared by its models whatever their parameters.
+    """Equations and libraries of a puppet, shared by its models whatever their parameters.
 
     Attributes:
-        world: the puppets.
-        tree: their links, strings, limits and coordinates.
+        puppet: as its file describes it.
+        tree: its links, strings, limits and coordinates.
         progress: called with the stage that begins ("deriving", "compiling").
 
     Raises:
@@ -45,7 +45,7 @@ class Compiled:
         PuppetError: on access to a library: the mass matrix is singular.
     """
 
-    world: World
+    puppet: Puppet
     tree: Tree
     progress: Callable[[str], None] | None = None
 
@@ -105,7 +105,7 @@ class Compiled:
         """The source files of a library of this puppet."""
         from fantoccini import codegen  # cached puppets generate nothing
 
-        check_mass_matrix(self.world, self.tree)
+        check_mass_matrix(self.puppet, self.tree)
         made = codegen.generate(self.equations, library)
         return build.Source(made.files, made.main, {"operations": made.operations}, made.units)
 
@@ -115,7 +115,7 @@ class Compiled:
     def _library(self, name: str, load: Callable[[Path], L]) -> L:
         """One of ``contract.LIBRARIES``, from the cache or made now."""
         # Values of parameters are arguments of every function: nothing that is compiled has them.
-        canonical = "\n".join(p.canonical(values=False) for p in self.world.puppets)
+        canonical = self.puppet.canonical(values=False)
         key = build.fingerprint(canonical, build.code_fingerprint(*SOURCE_MODULES), flags=(name,))
 
         def obtained(afresh: bool = False) -> Path:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Literal, get_args
 
-from fantoccini import puppet
+from fantoccini import scene
 from fantoccini.marionette.marionette import Marionette
 from fantoccini.puppet import Puppet
 
@@ -19,7 +19,7 @@ def load(
     *,
     string_model: StringModel = "constraint",
 ) -> Marionette:
-    """The marionette of a puppet file.
+    """The marionette of a puppet or scene file.
 
     Args:
         path: a YAML file.
@@ -30,7 +30,7 @@ def load(
     Raises:
         PuppetError: with every mistake in the file.
     """
-    return Marionette(_with_strings(puppet.load(path), string_model), progress)
+    return Marionette(_with_strings(scene.load(path), string_model), progress)
 
 
 def loads(
@@ -40,7 +40,7 @@ def loads(
     string_model: StringModel = "constraint",
 ) -> Marionette:
     """The marionette of YAML text; arguments and errors as of :func:`load`."""
-    return Marionette(_with_strings(puppet.loads(text), string_model), progress)
+    return Marionette(_with_strings(scene.loads(text), string_model), progress)
 
 
 def _with_strings(found: Puppet, string_model: StringModel) -> Puppet:

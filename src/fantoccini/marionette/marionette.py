@@ -26,8 +26,8 @@ from fantoccini.marionette.step_linearisation import StepLinearisation, linearis
 from fantoccini.marionette.stepper import Stepper
 from fantoccini.motion import Input, State
 from fantoccini.puppet import Puppet
+from fantoccini.scene import Scene, assembled
 from fantoccini.tree import CoordinateTable, Tree
-from fantoccini.world import World
 
 if TYPE_CHECKING:
     from fantoccini.equations import Equations
@@ -44,15 +44,15 @@ class Marionette:
         model: the object that the algorithms of the package are functions of.
 
     Args:
-        what: a puppet or a world.
+        what: a puppet or a scene.
         progress: called with the stage that begins ("deriving", "compiling").
     """
 
     model: Model
 
-    def __init__(self, what: Puppet | World | Model, progress: Callable[[str], None] | None = None):
-        if isinstance(what, Puppet):
-            what = World.of(what)
+    def __init__(self, what: Puppet | Scene | Model, progress: Callable[[str], None] | None = None):
+        if isinstance(what, Scene):
+            what = assembled(what)
         model = what if isinstance(what, Model) else Model.of(what, progress)
         object.__setattr__(self, "model", model)
 
@@ -73,17 +73,12 @@ class Marionette:
 
     @property
     def name(self) -> str:
-        """The world's name."""
+        """The puppet's name, or the scene's."""
         return self.model.name
 
     @property
-    def world(self) -> World:
-        """The puppets, obstacles and floor."""
-        return self.model.world
-
-    @property
     def puppet(self) -> Puppet:
-        """The puppet; the first one of a world of several."""
+        """The puppet as its file describes it; a scene assembled."""
         return self.model.puppet
 
     @property

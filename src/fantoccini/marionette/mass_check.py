@@ -9,9 +9,8 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import Mistake, PuppetError
-from fantoccini.puppet import Number, Parameter
+from fantoccini.puppet import Number, Parameter, Puppet
 from fantoccini.tree import Tree, joint_inertias
-from fantoccini.world import World
 
 _POSES = 3
 """The file's pose and random ones: the first one without a singular joint is enough."""
@@ -29,12 +28,14 @@ class Tolerances:
 TOLERANCES = Tolerances()
 
 
-def check_mass_matrix(world: World, tree: Tree, values: Mapping[str, float] | None = None) -> None:
+def check_mass_matrix(
+    puppet: Puppet, tree: Tree, values: Mapping[str, float] | None = None
+) -> None:
     """Raises where a joint moves no mass, in the file's pose and in random ones.
 
     Args:
-        world: the puppets.
-        tree: of the world.
+        puppet: as its file describes it.
+        tree: of the puppet.
         values: of parameters; those of the file when not given.
 
     Raises:
@@ -57,8 +58,8 @@ def check_mass_matrix(world: World, tree: Tree, values: Mapping[str, float] | No
         names, what = _singular(tree, q_D, q_K, number)
         if not names:
             return
-    owner = names[0].split(".")[0]
-    file, line = world.puppets[0].locate(owner.split("/")[-1])
+    owner = puppet.owner_of(names[0])
+    file, line = puppet.locate(owner)
     text = (
         f"the mass matrix {what}: look at {', '.join(names)}; give the bodies below this joint a "
         "mass and an inertia that are positive and finite, or make the joint driven or fixed"

@@ -19,13 +19,12 @@ from fantoccini.contract import WINCH_AT
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.marionette.compiled import Compiled
 from fantoccini.marionette.methods import Event, TimeStepping
-from fantoccini.marionette.portable import PortableWorld
+from fantoccini.marionette.portable import PortablePuppet
 from fantoccini.marionette.samples import SampleLayout
 from fantoccini.motion import State, States, check_size
 from fantoccini.puppet import Number, Obstacle, Parameter, Puppet
 from fantoccini.runtime import Library, RunOptions
 from fantoccini.tree import CoordinateTable, Tree
-from fantoccini.world import World
 
 WINCH_DECELERATION = 1.0
 """Deceleration of a winch that rewinds, before it stops [m/s^2]; as in ``winch.hpp``."""
@@ -57,14 +56,14 @@ class Model:
     """A puppet with its parameters; it is derived and compiled when first needed.
 
     Attributes:
-        world: the puppets, obstacles and floor.
+        puppet: as its file describes it; a scene assembled.
         tree: links, strings, limits and coordinates in the order of the equations.
         p: (n_p,) values of the parameters.
         winches: (n_strings, 3) largest tension [N], rewinding speed [m/s], restitution.
         compiled: equations and libraries.
     """
 
-    world: World
+    puppet: Puppet
     tree: Tree
     p: Array
     winches: Array
@@ -75,16 +74,16 @@ class Model:
         self.winches.setflags(write=False)
 
     @classmethod
-    def of(cls, world: World, progress: Callable[[str], None] | None = None) -> Model:
-        """The model of a world, with the parameters and winches of its files.
+    def of(cls, puppet: Puppet, progress: Callable[[str], None] | None = None) -> Model:
+        """The model of a puppet, with the parameters and winches of its file.
 
         Args:
-            world: the puppets.
+            puppet: as its file describes it.
             progress: called with the stage that begins ("deriving", "compiling").
         """
-        tree = trees.grow(world)
+        tree = trees.grow(puppet)
         p = np.array(list(tree.parameters.values()), dtype=float)
-        return cls(world, tree, p, _winches(tree, p), Compiled(world, tree, progress))
+        return cls(puppet, tree, p, _winches(tree, p), Compiled(puppet, tree, progress))
 
     def __copy__(self) -> Model:
         return self
@@ -94,7 +93,7 @@ class Model:
 
     def __reduce__(self) -> tuple[Any, ...]:
         # What was derived or compiled stays behind: the cache has it there, or it is made there.
-        return _unpacked, (PortableWorld.of(self.world), self.p, self.winches)
+        return _unpacked, (PortablePuppet.of(self.puppet), self.p, self.winches)
 
     # -- other models of the same puppet -------------------------------------------------------
 
@@ -107,11 +106,7 @@ class Model:
             if not np.isfinite(value):
                 raise StateError(f"parameter {name}: found {value}; it must be a finite number")
             p[names.index(name)] = value
-        for member in self.world.puppets:
-            prefix = f"{member.name}/" if len(self.world.puppets) > 1 else ""
-            member.with_values(
-                {n[len(prefix) :]: v for n, v in values.items() if n.startswith(prefix)}
-            )
+        self.puppet.with_values(dict(values))
         return dataclasses.replace(self, p=p, winches=_winches(self.tree, p))
 
     def with_winches(self, winches: Array) -> Model:
@@ -127,21 +122,16 @@ class Model:
         return dataclasses.replace(self, winches=table)
 
     def with_obstacles(self, obstacles: Iterable[Obstacle]) -> Model:
-        """The same puppet with other obstacles in its world."""
-        world = dataclasses.replace(self.world, obstacles=tuple(obstacles))
-        return dataclasses.replace(self, world=world)
+        """The same puppet among other obstacles."""
+        puppet = self.puppet.model_copy(update={"obstacles": tuple(obstacles)})
+        return dataclasses.replace(self, puppet=puppet)
 
     # -- its parts ---------------------------------------------------------------------------
 
     @property
     def name(self) -> str:
-        """The world's name."""
-        return self.world.name
-
-    @property
-    def puppet(self) -> Puppet:
-        """The puppet; the first one of a world of several."""
-        return self.world.puppets[0]
+        """The puppet's name, or the scene's."""
+        return self.puppet.name
 
     @property
     def coordinates(self) -> CoordinateTable:
@@ -159,9 +149,7 @@ class Model:
         present = dict(zip(self.tree.parameters, self.p.tolist(), strict=True))
         if present == self.tree.parameters:
             return self.puppet
-        prefix = f"{self.puppet.name}/" if len(self.world.puppets) > 1 else ""
-        own = {n[len(prefix) :]: v for n, v in present.items() if n.startswith(prefix)}
-        return self.puppet.with_values(own)
+        return self.puppet.with_values(present)
 
     @cached_property
     def sample_layout(self) -> SampleLayout:
@@ -295,6 +283,6 @@ def _winches(tree: Tree, p: Array) -> Array:
     return table
 
 
-def _unpacked(portable: PortableWorld, p: Array, winches: Array) -> Model:
-    made = Model.of(portable.world())
+def _unpacked(portable: PortablePuppet, p: Array, winches: Array) -> Model:
+    made = Model.of(portable.puppet())
     return dataclasses.replace(made, p=np.array(p, dtype=float), winches=winches)

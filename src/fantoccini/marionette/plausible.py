@@ -60,12 +60,7 @@ def warnings(model: Model, data: Any = None) -> list[Finding]:
     Args:
         model: the puppet.
         data: the file's plain data, which distinguishes angles with a unit from those without.
-
-    Raises:
-        ValueError: the world has several puppets.
     """
-    if len(model.world.puppets) > 1:
-        raise ValueError("warnings takes one puppet; this world has several")
     size = measure(model.tree, model.number)
     checks = _Checks(model, size, data)
     return [*checks.whole(), *checks.bodies(), *checks.joints(), *checks.strings()]

@@ -12,11 +12,10 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.contract import EVENT_AT, EventCode
 from fantoccini.errors import Status
-from fantoccini.marionette import Marionette, PortableWorld
+from fantoccini.marionette import Marionette, PortablePuppet
 from fantoccini.motion import State
-from fantoccini.motion.archive import RECORDING as FORMAT
-from fantoccini.motion.npz import checked, finite, packed, texts, unpacked, write
-from fantoccini.world import World
+from fantoccini.motion.archive import RECORDING as FORMAT, restored
+from fantoccini.motion.npz import checked, finite, packed, text, texts, unpacked, write
 
 _STATE = ("q_D", "v_D", "q_K", "v_K", "taut", "slip")
 _MESH = "mesh:"
@@ -44,12 +43,10 @@ def save(fields: Mapping[str, Any], path: str | Path) -> None:
     marionette: Marionette = fields["marionette"]
     start: State = fields["start"]
     written: Written = fields["written"]
-    # Obstacles of the world alone do not move the puppets; they are not kept.
-    portable = PortableWorld.of(World.of(*marionette.world.puppets, name=marionette.name))
+    portable = PortablePuppet.of(marionette.puppet)
     about = {
         "format": FORMAT,
-        "world": marionette.name,
-        "puppets": portable.puppets,
+        "puppet": portable.text,
         "parameters": list(marionette.tree.parameters),
         "coordinates": list(marionette.coordinates.q_D + marionette.coordinates.q_K),
         "steps": fields["steps"],
@@ -66,8 +63,7 @@ def save(fields: Mapping[str, Any], path: str | Path) -> None:
         "rows": written.samples,
         "events": written.events,
     }
-    for i, meshes in enumerate(portable.meshes):
-        arrays |= packed(f"{_MESH}{i}:", meshes)
+    arrays |= packed(_MESH, portable.meshes)
     write(path, arrays, about)
 
 
@@ -120,9 +116,8 @@ def _events(marionette: Marionette, events: Array) -> Array:
 
 
 def _marionette(about: Mapping[str, Any], arrays: Mapping[str, Array]) -> Marionette:
-    puppets = texts(about["puppets"], "puppets")
-    meshes = [unpacked(f"{_MESH}{i}:", arrays) for i in range(len(puppets))]
-    marionette = Marionette(PortableWorld(str(about["world"]), puppets, tuple(meshes)).world())
+    written = text(about["puppet"], "puppet")
+    marionette = Marionette(restored(written, "<recording>", unpacked(_MESH, arrays)))
     table, parameters = marionette.coordinates, texts(about["parameters"], "parameters")
     if list(table.q_D + table.q_K) != about["coordinates"]:
         raise ValueError("its puppet has other coordinates than were recorded")

@@ -40,14 +40,14 @@ class Check:
             up the margin.
         distance: from the goal at the end.
         clearance: the least of the run [m].
-        gap: largest difference of a dynamic coordinate from the plan's own run, at its nodes.
+        deviation: largest difference of a dynamic coordinate from the plan's own run, at its nodes.
         run: the trajectory.
     """
 
     arrives: bool
     distance: float
     clearance: float
-    gap: float
+    deviation: float
     run: Trajectory
 
 
@@ -73,10 +73,10 @@ def checked(
     distance = float(plan.goal.distance(StateArrays.of(run.state(-1)))[0])
     clearance = _least_clearance(plan.rollouts, run)
     near = _nearest(run.t, plan.times)
-    gap = float(np.max(np.abs(run.q_D[near] - plan.states.q_D)))
+    deviation = float(np.max(np.abs(run.q_D[near] - plan.states.q_D)))
     complete = run.status is Status.DONE and run.t[-1] >= plan.times[-1] - _TOLERANCES.time
     arrives = complete and distance <= plan.tolerance and clearance >= 0.0
-    return Check(bool(arrives), distance, clearance, gap, run)
+    return Check(bool(arrives), distance, clearance, deviation, run)
 
 
 def holds(plan: PlanPath) -> bool:

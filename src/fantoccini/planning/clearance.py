@@ -83,7 +83,7 @@ class Clearance:
         if not 0.0 <= string_radius < np.inf:
             raise ValueError(f"string_radius is {string_radius}; it must be a number >= 0 [m]")
         self.marionette = marionette
-        self.obstacles = standing(marionette.world, obstacles)
+        self.obstacles = standing(marionette.puppet, obstacles)
         tree = marionette.tree
         self.meshes = Meshes()
         moving, self._links = solids.moving(tree, self.meshes)

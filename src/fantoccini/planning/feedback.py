@@ -1,7 +1,7 @@
 """Feedback along a plan: a time-varying linear-quadratic regulator, evaluated once a segment.
 
     acc_K = planned_k - K_k z_k,      z = (dq_D, dv_D, dq_K, dv_K) from the plan's node k
-    min z_m'Q_m z_m + sum_k z_k'Q z_k + effort |dacc_K|^2,      z_k+1 = A_k z_k + B_k dacc_K
+    min z_m'Q_m z_m + sum_k z_k'Q z_k + r |dacc_K|^2,      z_k+1 = A_k z_k + B_k dacc_K
 
 A_k and B_k are derivatives under the active set (:mod:`fantoccini.planning.active_sets`), over
 changes that leave taut strings taut. In segments with catches or releases they are exact, with the
@@ -131,13 +131,13 @@ class Feedback:
 
     @classmethod
     def along(
-        cls, plan: PlanPath, *, effort: float = 0.03, arrive: float = 100.0, window: int = 3
+        cls, plan: PlanPath, *, acceleration: float = 0.03, arrive: float = 100.0, window: int = 3
     ) -> Feedback:
         """The feedback law of a plan.
 
         Args:
             plan: to be followed.
-            effort: weight of accelerations relative to positions [s^4].
+            acceleration: r, weight of the driven accelerations relative to positions [s^4].
             arrive: weight of the goal's residuals at the end, relative to deviations before it.
             window: number of segments by which active sets are extended beyond their part of the
                 plan; with 0, gains depend on time alone.
@@ -148,7 +148,7 @@ class Feedback:
         """
         if len(plan.path) < 2:
             raise ValueError("the plan has no segment that could be followed")
-        for name, value in (("effort", effort), ("arrive", arrive)):
+        for name, value in (("acceleration", acceleration), ("arrive", arrive)):
             if not 0.0 < value < np.inf:
                 raise ValueError(f"{name} is {value}; it must be finite and greater than 0")
         if not window >= 0:
@@ -169,7 +169,7 @@ class Feedback:
         size, table = A.shape[1], marionette.coordinates
         Q = np.diag(np.where(np.arange(size) < table.n_vD, 1.0, SPEED_WEIGHT**2))
         moves, gains = rollouts.bounds.moves, np.zeros((len(looks), table.n_vK, size))
-        R = effort * np.eye(moves.sum())
+        R = acceleration * np.eye(moves.sum())
         gains[:, moves], P = regulators(
             A, B[:, :, moves], Q, R, Q + arrive * _goal_weights(plan, nodes[-1])
         )

@@ -24,7 +24,7 @@ class _Weights:
 
     doublings: int = 7
     """The horizon is 2^7 segments."""
-    efforts: tuple[float, ...] = (0.01, 1.0)
+    accelerations: tuple[float, ...] = (0.01, 1.0)
     """Weights of accelerations relative to positions, one for each law [s^4]."""
 
 
@@ -41,7 +41,7 @@ def funnels(
 ) -> list[Funnel]:
     """Linear-quadratic regulators about an equilibrium, with one step a segment.
 
-        min sum |dq_D|^2 + w^2 (|v_D|^2 + |dq_K|^2 + |v_K|^2) + effort |acc_K|^2
+        min sum |dq_D|^2 + w^2 (|v_D|^2 + |dq_K|^2 + |v_K|^2) + r |acc_K|^2
 
     The first damps swing fast, but may excite a puppet on many strings far from the equilibrium;
     the second is gentle.
@@ -66,9 +66,9 @@ def funnels(
     )
     weight = np.full(2 * (n + k), SPEED_WEIGHT**2)
     weight[:n] = 1.0
-    efforts = np.array(_WEIGHTS.efforts)[:, None, None] * np.eye(moves.sum())
-    gains = np.zeros((len(efforts), k, 2 * (n + k)))
-    gains[:, moves] = regulator(A, B[:, moves], np.diag(weight), efforts)
+    accelerations = np.array(_WEIGHTS.accelerations)[:, None, None] * np.eye(moves.sum())
+    gains = np.zeros((len(accelerations), k, 2 * (n + k)))
+    gains[:, moves] = regulator(A, B[:, moves], np.diag(weight), accelerations)
     return [Funnel(q_D, q_K, K) for K in gains]
 
 

@@ -13,25 +13,25 @@ from fantoccini.arrays import Array
 class Objective:
     """The cost that better plans reduce::
 
-        J = T + catch n_catches + effort integral |acc_K|^2 dt
+        J = T + c n_catches + r integral |acc_K|^2 dt
 
     Attributes:
-        catch: weight of a catch of a string or a limit [s].
-        effort: weight of the driven accelerations [s^4/m^2].
+        catch: c, weight of a catch of a string or a limit [s].
+        acceleration: r, weight of the driven accelerations [s^4/m^2].
 
     Raises:
         ValueError: a weight that is negative or not finite.
     """
 
     catch: float = 0.0
-    effort: float = 0.0
+    acceleration: float = 0.0
 
     def __post_init__(self) -> None:
-        for what in ("catch", "effort"):
+        for what in ("catch", "acceleration"):
             weight = getattr(self, what)
             if not 0.0 <= weight < math.inf:
                 raise ValueError(
-                    f"an objective's {what} is {weight}; it must be a finite number of at least 0"
+                    f"an objective's {what} is {weight}; the weight must be finite and at least 0"
                 )
 
     @classmethod
@@ -48,16 +48,16 @@ class Objective:
             raise ValueError(f"objective is {given!r}; it must be an Objective or one of {names}")
         return OBJECTIVES[given]
 
-    def cost(self, time: Array, catches: Array, effort: Callable[[], Array]) -> Array:
+    def cost(self, time: Array, catches: Array, acceleration: Callable[[], Array]) -> Array:
         """(n,) J [s].
 
         Args:
             time: (n,) T [s].
             catches: (n,) number of catches.
-            effort: returns the integral (n,); called only if it has a weight.
+            acceleration: returns the integral (n,); called only if it has a weight.
         """
         cost = time + self.catch * catches
-        return cost + self.effort * effort() if self.effort else cost
+        return cost + self.acceleration * acceleration() if self.acceleration else cost
 
 
 TIME = Objective()
@@ -65,6 +65,6 @@ TIME = Objective()
 OBJECTIVES = {
     "gentle": Objective(catch=3.0),
     "time": TIME,
-    "effort": Objective(effort=1.0),
+    "acceleration": Objective(acceleration=1.0),
 }
 """Objectives by name."""

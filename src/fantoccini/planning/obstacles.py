@@ -9,10 +9,10 @@ import numpy as np
 from pydantic import Field, field_validator
 
 from fantoccini.errors import FileError, Mistake
+from fantoccini.puppet import Puppet
 from fantoccini.puppet.located import Located, validate
 from fantoccini.puppet.shapes import AnyObstacle, Obstacle
 from fantoccini.puppet.values import Model, Name, Vector, mistake
-from fantoccini.world import World
 
 
 class HalfSpace(Model):
@@ -44,12 +44,12 @@ class _Listed(Model):
 
 
 def standing(
-    world: World, obstacles: Iterable[Obstacle | HalfSpace | Mapping[str, Any]] = ()
+    puppet: Puppet, obstacles: Iterable[Obstacle | HalfSpace | Mapping[str, Any]] = ()
 ) -> tuple[Obstacle | HalfSpace, ...]:
-    """The obstacles of a world, its floor, and additional ones.
+    """The obstacles of a puppet, its floor, and additional ones.
 
     Args:
-        world: of the puppet.
+        puppet: whose obstacles and floor count.
         obstacles: additional ones; a mapping has the keys of an obstacle in a puppet file, or of a
             half-space: ``{"name": "wall", "type": "half_space", "at": [1, 0, 0],
             "normal": [-1, 0, 0]}``.
@@ -65,8 +65,8 @@ def standing(
     described = [o for o in given if isinstance(o, dict)]
     made = iter(validate(_Listed, Located({"obstacles": described}, "<python>")).obstacles)
     found = [next(made) if isinstance(o, dict) else o for o in given]
-    floor = [] if world.floor is None else [HalfSpace(name="floor", at=(0.0, 0.0, world.floor))]
-    every = (*world.obstacles, *floor, *found)
+    floor = [] if puppet.floor is None else [HalfSpace(name="floor", at=(0.0, 0.0, puppet.floor))]
+    every = (*puppet.obstacles, *floor, *found)
     names = [o.name for o in every]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:

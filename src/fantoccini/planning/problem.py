@@ -60,7 +60,8 @@ class Problem:
             :class:`StateArrays` that returns distances.
         obstacles: in addition to the world's.
         name: of the problem.
-        tolerance: of the goal's distance.
+        tolerance: largest distance from the goal, in the goal's unit [rad and m for poses and
+            states, m for points].
         speed, acceleration: bounds of the driven coordinates, for all or by name [m/s, m/s^2].
         ranges: name of a driven coordinate -> (low, high) [m].
         margin: least clearance [m].
@@ -73,8 +74,9 @@ class Problem:
         look: steps from one check for collisions and the goal to the next.
         segment: duration of constant accelerations [s], a whole number of looks and at most 10 s;
             five looks, 0.1 s, by default. Rollouts of ``"est-2007"`` last 1 to 5 times as long.
-        objective: ``"time"``; ``"gentle"``, catches of strings and limits, and time; ``"effort"``,
-            accelerations of the driven coordinates, and time; or an :class:`Objective`.
+        objective: ``"time"``; ``"gentle"``, catches of strings and limits, and time;
+            ``"acceleration"``, accelerations of the driven coordinates, and time; or an
+            :class:`Objective`.
 
     Raises:
         StateError, UnknownNameError, FileError: the problem is not well defined, or a string is too

@@ -92,7 +92,7 @@ class ProblemFile(Model):
     """Bound for all driven coordinates or by name [m/s^2 or rad/s^2]."""
     segment: Positive | None = None
     """Duration of constant accelerations: a multiple of 0.02 s up to 10 s, 0.1 s by default [s]."""
-    objective: Literal["gentle", "time", "effort"] = "gentle"
+    objective: Literal["gentle", "time", "acceleration"] = "gentle"
     """What better plans reduce: catches and time, time, or accelerations and time."""
     ranges: dict[str, tuple[Sized, Sized]] = Field(default_factory=dict)
     """Driven coordinate -> [low, high]."""

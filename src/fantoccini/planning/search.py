@@ -181,7 +181,7 @@ class Search:
             return self.polished.reached
         polisher, status = Polisher(self.problem), PolishStatus.INTERRUPTED
         try:
-            shorter = not self.objective.effort
+            shorter = not self.objective.acceleration
             steps = plan.acceleration, plan.looks
             for shortest in polisher(*steps, distance, seconds, limit, shorter=shorter):
                 found.append(shortest)

@@ -15,7 +15,7 @@ from fantoccini.puppet.check_paths import check_paths
 from fantoccini.puppet.located import Finding, key_path, shown
 from fantoccini.puppet.mirror import reflected, twin_name
 from fantoccini.puppet.shapes import has_mass
-from fantoccini.puppet.values import NAME, value_of
+from fantoccini.puppet.values import NAME, name_mistake, value_of
 from fantoccini.puppet.written import Written, items, named, parameters, word
 from fantoccini.puppet.yaml_text import Path
 
@@ -99,7 +99,9 @@ def massless_joints(bodies: tuple[Any, ...], mirror: Any) -> list[Finding]:
 
 def _names(written: Written) -> None:
     for name, path in named(written.data):
-        if name == "world":
+        if "." in name and name.partition(".")[0] not in written.members:
+            written.say(path, name_mistake(name))
+        elif name == "world":
             written.say(path, "found 'world', which is the name of the world itself")
         elif name in written.owner:
             first = key_path(written.owner[name])
@@ -193,6 +195,8 @@ def _parameters(written: Written) -> None:
     for path, found in parameters(written.data):
         name, value = found["parameter"], found["value"]
         place, known = first.setdefault(name, (path, value))
+        if "." in name and name.partition(".")[0] not in written.members:
+            written.say((*path, "parameter"), name_mistake(name))
         if value != known:
             text = f"the parameter {shown(name)} is {value:g} here but {known:g} in"
             written.say(path, f"{text} {key_path(place)}; one name has one value")

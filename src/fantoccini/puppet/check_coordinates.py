@@ -32,7 +32,7 @@ def check_pose(written: Written) -> None:
     strings |= {written.twin(s) for s in strings if s}
     names = set(kinds)
     for key, value in pose.items():
-        owner, _, suffix = key.partition(".")
+        owner, suffix = written.split(key)
         path = ("pose", key)
         if key in kinds:
             _pose_value(written, path, kinds[key], value)
@@ -73,7 +73,7 @@ def check_drives(written: Written) -> None:
                 misfits = drive_misfits(drive, name, units[name])
                 written.found += [(("drives", i, *at), text) for at, text in misfits]
         for name, path in own:
-            owner = name.partition(".")[0]
+            owner, _ = written.split(name)
             twin = written.twin(owner) + name[len(owner) :]
             if twin in given:
                 continue
@@ -85,7 +85,8 @@ def check_drives(written: Written) -> None:
 
 def _hint(written: Written, key: str, names: set[str]) -> str:
     """The coordinate that was meant: of the body's joint, or else the one with the nearest name."""
-    owner, dot, suffix = key.partition(".")
+    owner, suffix = written.split(key)
+    dot = "." if suffix else ""
     joint = written.joint_of.get(owner, owner)
     meant = [
         name

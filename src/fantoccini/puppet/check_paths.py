@@ -56,6 +56,10 @@ def _carrier(written: Written, point: Any, path: Path) -> tuple[str, Any, Any] |
         return None
     at = _place(point.get("at", [0.0, 0.0, 0.0]))
     if point.get("driven") is not None:
+        parent = word(point, "parent")
+        if parent is not None and parent != "world" and parent not in written.known:
+            hint = written.near(parent, written.known | {"world"})
+            written.say((*path, "parent"), f"no body is called {shown(parent)}{hint}")
         return ("driven", path, at)
     if point.get("world") is not None:
         return ("world", None, _place(point["world"]))

@@ -6,9 +6,18 @@ import os
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel
+
 from fantoccini.errors import PuppetError
 from fantoccini.puppet.located import read_file, read_located, validate
 from fantoccini.puppet.schema import Puppet
+
+_BUNDLED = Path(__file__).parent.parent / "puppets"
+
+
+def bundled(name: str) -> Path | None:
+    """The file of a bundled puppet or scene; None if there is none of this name."""
+    return {path.stem: path for path in _BUNDLED.glob("*.yaml")}.get(name)
 
 
 def load(path: str | os.PathLike[str]) -> Puppet:
@@ -39,12 +48,22 @@ def loads(text: str | bytes, name: str = "<string>", folder: Path | None = None)
 
 def json_schema() -> dict[str, Any]:
     """JSON Schema of puppet files, for editors that complete and check while one writes."""
-    schema = Puppet.model_json_schema(by_alias=True)
+    return described_schema(Puppet, "fantoccini puppet")
+
+
+def described_schema(model: type[BaseModel], title: str) -> dict[str, Any]:
+    """JSON Schema of a kind of file.
+
+    Args:
+        model: of the file.
+        title: of the schema.
+    """
+    schema = model.model_json_schema(by_alias=True)
     for part in schema["$defs"].values():
         if "const" in part.get("properties", {}).get("type", {}):
             part["required"] = ["type", *part.get("required", [])]  # a file always names the shape
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **schema,
-        "title": "fantoccini puppet",
+        "title": title,
     }

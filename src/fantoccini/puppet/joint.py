@@ -15,7 +15,7 @@ from fantoccini.puppet.quantities import (
     Point,
     Stiffness,
 )
-from fantoccini.puppet.values import Axes, Direction, Model, Name, Orientation, mistake
+from fantoccini.puppet.values import Axes, Direction, Model, Orientation, PartName, mistake
 
 _ALLOWED_IN = {
     "axis": ("revolute", "prismatic"),
@@ -105,7 +105,7 @@ class Joint(Model):
 
     type: Literal["fixed", "revolute", "prismatic", "translation", "ball", "free"]
     """Kind of motion."""
-    name: Name | None = None
+    name: PartName | None = None
     """Name of its coordinates; by default the body's name."""
     driven: bool = Field(default=False, strict=True)
     """True when a person or a motor moves it: its coordinates are inputs."""

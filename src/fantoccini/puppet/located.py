@@ -79,11 +79,13 @@ class Origin:
         file: the file's name as the user gave it.
         folder: where relative paths in the file begin.
         lines: name -> 1-based line.
+        files: name -> file, for names that are written elsewhere.
     """
 
     file: str = field(default="<python>", compare=False)
     folder: FilePath = field(default_factory=FilePath.cwd, compare=False)
     lines: dict[str, int] = field(default_factory=dict, compare=False)
+    files: dict[str, str] = field(default_factory=dict, compare=False)
 
 
 def read_file(path: str | os.PathLike[str], error: type[FileError] = FileError) -> Located:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from fantoccini.puppet.located import Finding
+from fantoccini.puppet.values import owner_of
 from fantoccini.puppet.yaml_text import Path
 
 SIGNS = {"xy": (1, 1, -1), "yz": (-1, 1, 1), "xz": (1, -1, 1)}
@@ -18,11 +19,6 @@ _INDEX = {"x": 0, "y": 1, "z": 2}
 def twin_name(name: str, token: str, to: str) -> str:
     """The name of the twin; names without the token are shared by both halves."""
     return name.replace(token, to)
-
-
-def _owner(coordinate: str) -> str:
-    """The joint or string that a coordinate belongs to."""
-    return coordinate.partition(".")[0]
 
 
 def reflected(data: dict[str, Any]) -> tuple[dict[str, Any], list[Finding]]:
@@ -138,13 +134,15 @@ class Reflection:
 
     def drive(self, drive: dict[str, Any]) -> dict[str, Any]:
         """A drive with the twins of its coordinates beside them."""
-        twins = [self.name(o) + n[len(o) :] for n in drive["on"] if self.token in (o := _owner(n))]
-        return drive | {"on": [*drive["on"], *(n for n in twins if n not in drive["on"])]}
+        on = drive["on"]
+        twins = [self.name(o) + n[len(o) :] for n in on if self.token in (o := owner_of(n))]
+        return drive | {"on": [*on, *(n for n in twins if n not in on)]}
 
     def point(self, attachment: dict[str, Any], path: Path = ()) -> dict[str, Any]:
         out = dict(attachment)
-        if "body" in attachment:
-            out["body"] = self.name(attachment["body"])
+        for key in ("body", "parent"):
+            if key in attachment:
+                out[key] = self.name(attachment[key])
         for key in ("at", "world"):
             if key in attachment:
                 out[key] = self.vector(attachment[key], (*path, key))
@@ -154,7 +152,7 @@ class Reflection:
         """Start values of the twins; x, y, z are read in the (mirrored) joint frame."""
         out = {}
         for key, value in pose.items():
-            owner = _owner(key)
+            owner = owner_of(key)
             suffix = key[len(owner) + 1 :]
             if self.token not in owner:
                 continue

@@ -54,10 +54,12 @@ from fantoccini.puppet.values import (
     Name,
     Number,
     Parameter,
+    PartName,
     Share,
     entries,
     mistake,
     number_kind,
+    owner_of,
     rotation_vector_quaternion,
     sized,
     unit,
@@ -90,10 +92,14 @@ def _possible(inertia: tuple[Number, ...]) -> tuple[Number, ...]:
     return inertia
 
 
+SolidInertia = Annotated[tuple[Inertia, ...], sized(3, 6), AfterValidator(_possible)]
+"""ixx, iyy, izz and perhaps ixy, ixz, iyz of a solid [kg m^2]."""
+
+
 class Body(Model):
     """A rigid body and the joint that carries it. A body without mass is a frame."""
 
-    name: Name
+    name: PartName
     """The body's name."""
     parent: str = "world"
     """Name of the body it hangs on."""
@@ -105,7 +111,7 @@ class Body(Model):
     """Mass [kg], instead of the shapes' sum."""
     com: Point | None = None
     """Centre of mass in the body frame [m], instead of the shapes'."""
-    inertia: Annotated[tuple[Inertia, ...], sized(3, 6), AfterValidator(_possible)] | None = None
+    inertia: SolidInertia | None = None
     """ixx, iyy, izz and perhaps ixy, ixz, iyz about the centre of mass [kg m^2]."""
     drag: Drag | None = None
     """Air drag."""
@@ -117,11 +123,13 @@ class Attachment(Model):
     body: str | None = None
     """Name of the body the point is fixed on."""
     at: Point = (0.0, 0.0, 0.0)
-    """Place in the body frame; for a driven end its place in the world at the start [m]."""
+    """Place in the body frame; for a driven end its place at the start, on its parent [m]."""
     world: Point | None = None
     """Place in the world [m]."""
     driven: Axes | None = None
-    """World axes along which the string's end is moved by hand or motor."""
+    """Axes along which the string's end is moved by hand or motor."""
+    parent: str = "world"
+    """Name of the body whose axes and origin a driven end has; by default the world."""
 
     @model_validator(mode="after")
     def _one_place(self) -> Attachment:
@@ -129,6 +137,8 @@ class Attachment(Model):
         if len(given) != 1:
             found = " and ".join(given) or "neither"
             raise mistake(f"found {found}; needed: exactly one of body, world, driven")
+        if self.parent != "world" and self.driven is None:
+            raise mistake("found a parent of a point that is not driven; write body instead")
         if self.world is not None and "at" in self.model_fields_set:
             raise mistake("found world and at; the place stands in world itself")
         return self
@@ -156,7 +166,7 @@ Length = Annotated[
 class String(Model):
     """A massless string: path length - L <= 0, and it can only pull."""
 
-    name: Name
+    name: PartName
     """The string's name."""
     path: Annotated[tuple[Attachment, ...], entries(2)]
     """The points it runs through, from end to end."""
@@ -196,7 +206,7 @@ class String(Model):
 class Spring(Model):
     """A spring between two points: V = k/2 (d - rest)^2."""
 
-    name: Name
+    name: PartName
     """The spring's name."""
     between: Annotated[tuple[Attachment, ...], entries(2, 2)]
     """Its two ends."""
@@ -258,6 +268,8 @@ class Puppet(Model):
     """Shapes that stand in the world."""
     floor: Place | None = None
     """Height of the floor [m]."""
+    members: tuple[Name, ...] = ()
+    """In an assembled scene: its members; names of their parts begin with theirs and a dot."""
 
     _origin: Origin = PrivateAttr(default_factory=Origin)
 
@@ -367,10 +379,15 @@ class Puppet(Model):
         Args:
             name: of the thing; twins are found where their originals are.
         """
-        line = self._origin.lines.get(name)
+        origin = self._origin
+        line = origin.lines.get(name)
         if line is None and self.mirror is not None:
             line = self.expanded()._origin.lines.get(name)
-        return self._origin.file, line
+        return origin.files.get(name, origin.file), line
+
+    def owner_of(self, coordinate: str) -> str:
+        """The joint or string that a coordinate or limit belongs to, by its name."""
+        return owner_of(coordinate, self.members)
 
     def to_yaml(self) -> str:
         """The puppet as a file; reading it back gives an equal puppet."""

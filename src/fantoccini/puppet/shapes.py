@@ -27,7 +27,7 @@ from pydantic import (
 
 from fantoccini.puppet.located import Located, Origin, shown
 from fantoccini.puppet.quantities import QUANTITIES, Density, Mass, Scale, Size, Sizes, Vector
-from fantoccini.puppet.values import Model, Name, Orientation, mistake, sized, value_of
+from fantoccini.puppet.values import Model, Orientation, PartName, mistake, sized, value_of
 
 MAX_MESH_BYTES = 50_000_000
 """Size of the largest mesh file that is read [bytes]."""
@@ -185,7 +185,7 @@ AnyShape = Annotated[Capsule | Box | Sphere | Ellipsoid | Mesh, Field(discrimina
 class Obstacle(Shape):
     """A shape that stands in the world; nothing moves it."""
 
-    name: Name
+    name: PartName
     """The obstacle's name."""
     mass: None = None
     """An obstacle has no mass."""

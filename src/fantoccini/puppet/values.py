@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Collection
 from numbers import Real as AnyReal
 from typing import Annotated, Any, Literal
 
@@ -52,13 +53,35 @@ def mistake(message: str, instead: float | None = None) -> PydanticCustomError:
     return PydanticCustomError("fantoccini", "{text}", {"text": message, "instead": instead})
 
 
+def name_mistake(text: str) -> str:
+    """The message about a text that is not a name."""
+    return (
+        f"found {shown(text)}; a name is up to 64 letters, digits, - and _, "
+        "and begins with a letter or _"
+    )
+
+
 def _name(text: str) -> str:
     if not re.fullmatch(NAME, text, re.ASCII):
-        raise mistake(
-            f"found {shown(text)}; a name is up to 64 letters, digits, - and _, "
-            "and begins with a letter or _"
-        )
+        raise mistake(name_mistake(text))
     return text
+
+
+def _part_name(text: str) -> str:
+    if not all(re.fullmatch(NAME, part, re.ASCII) for part in text.split(".", 1)):
+        raise mistake(name_mistake(text))
+    return text
+
+
+def owner_of(coordinate: str, members: Collection[str] = ()) -> str:
+    """The joint or string that a coordinate belongs to: ``hand`` of ``hand.length``.
+
+    Args:
+        coordinate: its name.
+        members: of a scene; the name of one may stand before the owner's.
+    """
+    parts = coordinate.split(".")
+    return ".".join(parts[: 2 if parts[0] in members else 1])
 
 
 def read_real(value: Any) -> float:
@@ -90,6 +113,10 @@ def read_angle(value: Any) -> float:
 Name = Annotated[
     str, AfterValidator(_name), WithJsonSchema({"type": "string", "pattern": f"^{NAME}$"})
 ]
+PartName = Annotated[
+    str, AfterValidator(_part_name), WithJsonSchema({"type": "string", "pattern": f"^{NAME}$"})
+]
+"""A name; in an assembled scene the name of a member and a dot may precede it."""
 Real = Annotated[float, BeforeValidator(read_real), WithJsonSchema({"type": "number"})]
 Angle = Annotated[
     float,
@@ -103,7 +130,7 @@ Angle = Annotated[
 class Parameter(Model):
     """A number with a name: an entry of the argument p of every generated function."""
 
-    parameter: Name
+    parameter: PartName
     """The parameter's name; the same name always carries the same value."""
     value: Real
     """Its value in this file."""

@@ -8,6 +8,7 @@ from typing import Any
 from fantoccini.errors import nearest
 from fantoccini.puppet.located import Located
 from fantoccini.puppet.mirror import twin_name
+from fantoccini.puppet.values import owner_of
 from fantoccini.puppet.yaml_text import Path
 
 _SECTIONS = ("bodies", "strings", "springs", "obstacles")
@@ -76,12 +77,16 @@ class Written:
         bodies: name of a body in the file -> its index.
         known: names of all bodies, twins included.
         joint_of: body -> the name of its joint.
+        members: names that may precede others, with a dot.
     """
 
     def __init__(self, data: dict[str, Any]):
         self.data, self._hints = data, 0
         self.found: list[tuple[Path, str]] = []
         self.owner: dict[str, Path] = {}
+        members = data.get("members")
+        listed = members if isinstance(members, list) else []
+        self.members = tuple(m for m in listed if isinstance(m, str))
         rule = data.get("mirror")
         token, twin = word(rule, "from") or word(rule, "from_"), word(rule, "to")
         self.rule = (token, twin) if token and twin else None
@@ -100,6 +105,11 @@ class Written:
     def twin(self, name: str) -> str:
         """The name of the mirror image; the name itself where it has none."""
         return twin_name(name, *self.rule) if self.rule else name
+
+    def split(self, coordinate: str) -> tuple[str, str]:
+        """The owner of a coordinate, and what follows the dot after it."""
+        owner = owner_of(coordinate, self.members)
+        return owner, coordinate[len(owner) + 1 :]
 
     def near(self, name: str, allowed: set[str]) -> str:
         """The nearest name; only for the first few, as looking for it takes long."""

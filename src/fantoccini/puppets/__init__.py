@@ -10,6 +10,7 @@ from pathlib import Path
 
 from fantoccini.errors import UnknownNameError
 from fantoccini.marionette import Marionette, StringModel, load
+from fantoccini.puppet.files import bundled
 
 _FOLDER = Path(__file__).parent
 Progress = Callable[[str], None]
@@ -26,9 +27,10 @@ def path(name: str) -> Path:
     Args:
         name: one of ``names()``.
     """
-    if name not in names():
+    found = bundled(name)
+    if found is None:
         raise UnknownNameError("bundled puppet", name, names())
-    return _FOLDER / f"{name}.yaml"
+    return found
 
 
 def arm2d(

@@ -41,14 +41,9 @@ class Mechanism:
         """The mechanism of a puppet.
 
         Raises:
-            PuppetError: it has no driven coordinates, or is a world of several puppets.
+            PuppetError: it has no driven coordinates.
         """
         puppet = marionette.model.described
-        if len(marionette.world.puppets) > 1:
-            raise PuppetError([Mistake(
-                marionette.name, None, "", f"found a world of {len(marionette.world.puppets)} "
-                "puppets; needed: a single puppet",
-            )])  # fmt: skip
         mixed = Marionette(
             puppet.model_copy(update={"drives": ()}), marionette.model.compiled.progress
         )

@@ -47,7 +47,7 @@ def validate_reduction(
         progress: called with each step.
 
     Raises:
-        PuppetError: it has no driven coordinates, or it is a world of several puppets.
+        PuppetError: it has no driven coordinates.
         StateError: it does not hang at rest, or the inputs have forces.
     """
     report_step = progress or (lambda _: None)

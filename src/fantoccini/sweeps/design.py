@@ -14,9 +14,9 @@ from fantoccini.errors import UnknownNameError
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input
 from fantoccini.puppet import Puppet
+from fantoccini.scene import Scene
 from fantoccini.sweeps.case import PARAMETER, PUPPET, Case
 from fantoccini.sweeps.identity import digest
-from fantoccini.world import World
 
 REPEAT = "repeat"
 """Name of the axis of repetitions."""
@@ -88,7 +88,7 @@ def make_design(
     draw: Mapping[str, Draw] | None,
     seeds: int | None,
     seed: int,
-    puppet: Marionette | Puppet | World | None,
+    puppet: Marionette | Puppet | Scene | None,
 ) -> Design:
     """The cases of a sweep; the arguments are those of :func:`fantoccini.sweeps.sweep`."""
     seed = check_whole("seed", seed, 0)
@@ -201,12 +201,12 @@ def _unused(base: str, by_key: dict[str, str], bare: bool) -> str:
 
 
 def _marionette(given: Any) -> Marionette:
-    if isinstance(given, Puppet | World):
+    if isinstance(given, Puppet | Scene):
         return Marionette(given)
     if not isinstance(given, Marionette):
         raise TypeError(
             f"found the puppet {given!r:.80}; it must be a Marionette (from fan.load('arm.yaml') "
-            "or fan.puppets.arm2d()), a Puppet or a World"
+            "or fan.puppets.arm2d()), a Puppet or a Scene"
         )
     return given
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from fantoccini.marionette import Marionette
 from fantoccini.puppet import Puppet
-from fantoccini.world import World
+from fantoccini.scene import Scene, assembled
 
 
 def digest(value: Any) -> str:
@@ -99,9 +99,9 @@ def _plain(value: Any) -> Any:
             content = hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()
             return {"array": [value.dtype.str, list(value.shape), content]}
         case Marionette():
-            return {"marionette": [_plain(value.world), value.p.tolist()]}
-        case World():
-            return {"world": [value.name, *(_plain(p) for p in value.puppets)]}
+            return {"marionette": [_plain(value.puppet), value.p.tolist()]}
+        case Scene():
+            return _plain(assembled(value))
         case Puppet():
             return {"puppet": hashlib.sha256(value.canonical().encode()).hexdigest()}
         case PurePath() | complex() | bytes():

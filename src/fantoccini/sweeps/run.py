@@ -14,6 +14,7 @@ from fantoccini.errors import SweepStopped
 from fantoccini.marionette import Marionette
 from fantoccini.progress import OnCases
 from fantoccini.puppet import Puppet
+from fantoccini.scene import Scene
 from fantoccini.sweeps.bar import progress_callback
 from fantoccini.sweeps.case import Case
 from fantoccini.sweeps.design import Design, Draw, Over, check_whole, make_design
@@ -23,7 +24,6 @@ from fantoccini.sweeps.outcome import Failure, Job, Outcome, Study
 from fantoccini.sweeps.ray_executor import RayExecutor
 from fantoccini.sweeps.result import SweepResult
 from fantoccini.sweeps.store import Store
-from fantoccini.world import World
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ def sweep(
     study: Study,
     over: Over | None = None,
     *,
-    puppet: Marionette | Puppet | World | None = None,
+    puppet: Marionette | Puppet | Scene | None = None,
     draw: Mapping[str, Draw] | None = None,
     seeds: int | None = None,
     seed: int = 0,

@@ -1,14 +1,12 @@
-"""World -> Tree: links in topological order, rows, and places handed out to coordinates."""
+"""Puppet -> Tree: links in topological order, rows, and places handed out to coordinates."""
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel
 
 from fantoccini.puppet import (
     Attachment,
@@ -16,7 +14,6 @@ from fantoccini.puppet import (
     Chain,
     Joint,
     Number,
-    Parameter,
     Puppet,
     String,
     value_of,
@@ -35,11 +32,10 @@ from fantoccini.tree.structure import (
     StringRow,
     Tree,
 )
-from fantoccini.world import World
 
 
 class _Grower:
-    """Collects links, rows and coordinates of one puppet after the other."""
+    """Collects the links, rows and coordinates of a puppet."""
 
     def __init__(self) -> None:
         self.joints = Joints()
@@ -49,38 +45,26 @@ class _Grower:
         self.chains: list[ChainRow] = []
         self.parameters: dict[str, float] = {}
 
-    def puppet(self, puppet: Puppet, prefix: str) -> None:
+    def puppet(self, puppet: Puppet) -> None:
         place = {"world": WORLD}
-        marks = [len(part) for part in self.parts]
-        drives = puppet.drives
-        self.joints.motors = {prefix + name: drive for drive in drives for name in drive.on}
+        self.joints.motors = {name: drive for drive in puppet.drives for name in drive.on}
         for body in _parents_first(puppet.bodies):
-            place[body.name] = self.body(body, place[body.parent], puppet.pose, prefix)
+            place[body.name] = self.body(body, place[body.parent], puppet.pose)
         for string in puppet.strings:
-            self.string(string, place, puppet.pose, prefix)
+            self.string(string, place, puppet.pose)
         for spring in puppet.springs:
             start, end = (_point(a, place) for a in spring.between)
-            ends = start, end
-            self.springs.append(
-                SpringRow(prefix + spring.name, ends, spring.stiffness, spring.rest, spring.damping)
+            row = SpringRow(
+                spring.name, (start, end), spring.stiffness, spring.rest, spring.damping
             )
-        for name, value in puppet.parameters().items():
-            self.parameters[prefix + name] = value
-        if prefix:
-            for part, mark in zip(self.parts, marks, strict=True):
-                part[mark:] = [_prefixed(row, prefix) for row in part[mark:]]
+            self.springs.append(row)
+        self.parameters = puppet.parameters()
 
-    @property
-    def parts(self) -> tuple[list[Any], ...]:
-        """The lists whose rows may hold parameters."""
-        return self.joints.links, self.strings, self.springs, self.chains, self.joints.drives
-
-    def body(self, body: Body, parent: int, pose: dict[str, Any], prefix: str) -> int:
+    def body(self, body: Body, parent: int, pose: dict[str, Any]) -> int:
         joint = body.joint
-        joint_name = joint.name or body.name
-        name = prefix + joint_name
+        name = joint.name or body.name
         link = replace(
-            carriage(prefix + body.name, name),
+            carriage(body.name, name),
             parent=parent,
             damping=joint.damping,
             stiffness=joint.spring.stiffness if joint.spring else 0.0,
@@ -94,7 +78,7 @@ class _Grower:
             else (0.0, 0.0, 0.0),
             shapes=tuple(body.shapes),
         )
-        index = self.joints.body(link, joint, _start(joint_name, pose))
+        index = self.joints.body(link, joint, _start(name, pose))
         self.joint_limits(joint, name, index)
         return index
 
@@ -119,29 +103,26 @@ class _Grower:
             add("twist.lower", joint.twist.lower, None, b)
             add("twist.upper", joint.twist.upper, None, b)
 
-    def string(
-        self, string: String, place: dict[str, int], pose: dict[str, Any], prefix: str
-    ) -> None:
+    def string(self, string: String, place: dict[str, int], pose: dict[str, Any]) -> None:
         points = tuple(
-            self.driven_end(string.name, a, a.driven, prefix) if a.driven else _point(a, place)
+            self.driven_end(string.name, a, a.driven, place) if a.driven else _point(a, place)
             for a in string.path
         )
         length: Number | None = None
         length_index: tuple[int, int] | None = None
         if string.length == "driven":
             start = float(pose.get(f"{string.name}.length", np.nan))
-            role, length_index = self.joints.length(prefix + string.name, start)
+            role, length_index = self.joints.length(string.name, start)
         else:
             length, role = string.length, Role.FIXED
-            owner = prefix + string.name
-            row = Coordinate(f"{owner}.length", role, owner, "m", None)
+            row = Coordinate(f"{string.name}.length", role, string.name, "m", None)
             self.joints.table.rows.append(row)
         if string.chain is not None:
-            self.chain(string, string.chain, points, length, length_index, role, prefix)
+            self.chain(string, string.chain, points, length, length_index, role)
             return
         self.strings.append(
             StringRow(
-                name=prefix + string.name,
+                name=string.name,
                 points=points,
                 length=length,
                 length_index=length_index,
@@ -156,18 +137,18 @@ class _Grower:
 
     def chain(
         self, string: String, chain: Chain, ends: tuple[Point, ...], length: Number | None,
-        length_index: tuple[int, int] | None, role: Role, prefix: str,
+        length_index: tuple[int, int] | None, role: Role,
     ) -> None:  # fmt: skip
-        """A string as masses, hand.1 to hand.7, and springs; they are placed when all is there."""
+        """Adds a string as springs and point masses, hand.1 to hand.7."""
         masses = []
         for k in range(1, chain.pieces):
-            name = f"{prefix}{string.name}.{k}"
+            name = f"{string.name}.{k}"
             start = {f".{a}": np.nan for a in AXES}
             link = mass_link(name, chain.mass, chain.pieces - 1)
             masses.append(Point(self.joints.add(link, "translation", AXES, start), (0.0,) * 3))
         self.chains.append(
             ChainRow(
-                name=prefix + string.name,
+                name=string.name,
                 points=(ends[0], *masses, ends[1]),
                 stiffness=chain.stiffness,
                 damping=chain.damping,
@@ -179,30 +160,19 @@ class _Grower:
         )
 
     def driven_end(
-        self, string: str, end: Attachment, axes: tuple[str, ...], prefix: str
+        self, string: str, end: Attachment, axes: tuple[str, ...], place: dict[str, int]
     ) -> Point:
-        """A massless body on driven world axes: `driven: [x, y]` gives hand.x and hand.y."""
-        return Point(self.joints.end(prefix + string, axes, end.at), (0.0, 0.0, 0.0))
+        """A massless body on driven axes: `driven: [x, y]` gives hand.x and hand.y."""
+        return Point(self.joints.end(string, place[end.parent], axes, end.at), (0.0, 0.0, 0.0))
 
 
-def grow(world: World) -> Tree:
-    """The tree of a world: links in topological order, rows, the coordinate table.
-
-    Args:
-        world: one or more puppets; with several, every name is preceded by the puppet's name and
-            a slash.
-
-    Returns:
-        The tree the equations are derived from.
-    """
+def grow(puppet: Puppet) -> Tree:
+    """The tree of a puppet: links in topological order, rows, the coordinate table."""
     grower = _Grower()
-    for puppet in world.puppets:
-        prefix = f"{puppet.name}/" if len(world.puppets) > 1 else ""
-        grower.puppet(puppet.expanded(), prefix)
-    first = f"{world.puppets[0].name}/" if len(world.puppets) > 1 else ""
+    grower.puppet(puppet.expanded())
     tree = Tree(
-        name=world.name,
-        gravity=_prefixed(world.gravity, first) if first else world.gravity,
+        name=puppet.name,
+        gravity=puppet.gravity,
         links=tuple(grower.joints.links),
         strings=tuple(grower.strings),
         springs=tuple(grower.springs),
@@ -213,25 +183,9 @@ def grow(world: World) -> Tree:
         chains=tuple(grower.chains),
     )
     table = tree.coordinates
-    # A driven length without a start stays nan: the state that is asked for gives it one.
+    # A driven length without a start stays nan: the initial state sets it.
     start_D, _ = placed(tree, table.start_D, table.start_K, value_of)
     return replace(tree, coordinates=replace(table, start_D=start_D))
-
-
-def _prefixed(part: Any, prefix: str) -> Any:
-    """The same part of a tree with its parameters' names preceded by the puppet's."""
-    if isinstance(part, Parameter):
-        return Parameter.model_construct(parameter=prefix + part.parameter, value=part.value)
-    if isinstance(part, tuple):
-        return tuple(_prefixed(x, prefix) for x in part)
-    if isinstance(part, BaseModel):
-        names = type(part).model_fields
-        return part.model_copy(update={n: _prefixed(getattr(part, n), prefix) for n in names})
-    if dataclasses.is_dataclass(part) and not isinstance(part, type):
-        return replace(
-            part, **{f.name: _prefixed(getattr(part, f.name), prefix) for f in fields(part)}
-        )
-    return part
 
 
 def _parents_first(bodies: Iterable[Body]) -> list[Body]:
@@ -249,8 +203,11 @@ def _parents_first(bodies: Iterable[Body]) -> list[Body]:
 
 def _start(joint: str, pose: dict[str, Any]) -> dict[str, float]:
     """Suffix of a joint's configuration number -> its value in the pose, where it has one."""
-    own = [key for key in pose if key == joint or key.startswith(f"{joint}.")]
-    found = {key[len(joint) :]: pose[key] for key in own}
+    found = {
+        key[len(joint) :]: value
+        for key, value in pose.items()
+        if joint in (key, key.rpartition(".")[0])
+    }
     rotation = found.pop(".rotation", None)
     if rotation is not None:
         found |= dict(zip(suffixes("ball")[0], rotation, strict=True))

@@ -146,11 +146,12 @@ class Joints:
             rotation, offset = np.eye(3), (0.0, 0.0, 0.0)
         return parent
 
-    def end(self, string: str, axes: tuple[str, ...], at: tuple[Number, Number, Number]) -> int:
-        """Adds the massless body at a string's driven end, on driven world axes; its index."""
+    def end(
+        self, string: str, parent: int, axes: tuple[str, ...], at: tuple[Number, Number, Number]
+    ) -> int:
+        """Adds the massless body at a string's driven end, on axes of its parent; its index."""
         start = {f".{a}": value_of(x) for a, x in zip(AXES, at, strict=True)}
         x, y, z = (0.0 if a in axes else x for a, x in zip(AXES, at, strict=True))
-        parent = WORLD
         parts = list(self._parts(string, "translation", axes, True))
         for n, (kind, own, role) in enumerate(parts, 1):
             name = f"{string}.end" if n == len(parts) else f"{string}.carriage{n}"

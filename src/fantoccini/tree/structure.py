@@ -279,10 +279,10 @@ class LimitRow:
 
 @dataclass(frozen=True)
 class Tree:
-    """Links, strings, springs, limits and coordinates of a world, in the order of the equations.
+    """Links, strings, springs, limits and coordinates of a puppet, in the order of the equations.
 
     Attributes:
-        name: of the world.
+        name: of the puppet.
         gravity: [m/s^2].
         links: parents before children.
         strings, springs, limits: one-sided rows are strings first, then limits.

@@ -21,7 +21,6 @@ from fantoccini.view.pictures import figure_of, strip_figure
 from fantoccini.view.plots import plot
 from fantoccini.view.scene import scene_at
 from fantoccini.view.still import Still
-from fantoccini.world import World
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,7 +41,7 @@ _CELL = 'style="text-align:left;padding:.1em .6em .1em 0"'
 def puppet_html(marionette: Marionette) -> str | None:
     """A puppet as HTML: its start pose, mass, strings and driven coordinates."""
     try:
-        still = Still(marionette.world, marionette.tree, marionette.model.number)
+        still = Still(marionette.puppet, marionette.tree, marionette.model.number)
         picture = _picture(
             lambda: figure_of(scene_at(still, still.start()), Look.of(size=(420, 520))),
             "the start pose",
@@ -72,11 +71,10 @@ def _still_of(run: Trajectory) -> Still | None:
     """The puppet of a run; None for an unknown or several puppets, or strings that do not fit."""
     if run.puppet is None:
         return None
-    world = World.of(run.puppet)
-    tree = grow(world)
+    tree = grow(run.puppet)
     if (tree.coordinates.q_D, tree.coordinates.q_K) != (run.coordinates.q_D, run.coordinates.q_K):
         return None
-    still = Still(world, tree)
+    still = Still(run.puppet, tree)
     spans = [
         np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
         for points in still.string_points(run.q_D[:1], run.q_K[:1])
@@ -114,8 +112,8 @@ def _puppet_tables(m: Marionette) -> list[str]:
         ("bodies", sum(not _is_end(m, k) for k in range(len(m.tree.links)))),
         ("mass that moves", f"{m.mass:.4g} kg"),
     ]
-    if m.world.obstacles:
-        facts.append(("obstacles", len(m.world.obstacles)))
+    if m.puppet.obstacles:
+        facts.append(("obstacles", len(m.puppet.obstacles)))
     strings = [
         (string.name, _end(m, string, 0), _end(m, string, -1), _length(m, string))
         for string in m.tree.strings

@@ -45,7 +45,7 @@ class Scene:
     """A motion, ready to be drawn.
 
     Attributes:
-        title: name of the puppet or world.
+        title: name of the puppet.
         t: (T,) times [s].
         solids: shapes on links, obstacles on the world.
         poses: (T, n_links, 3, 4) link poses.
@@ -210,7 +210,7 @@ def _scene(
     tension: Array | None,
     slip: Array | float,
 ) -> Scene:
-    tree, world = _with_values(marionette.tree, marionette.model.number), marionette.world
+    tree, puppet = _with_values(marionette.tree, marionette.model.number), marionette.puppet
     poses = np.asarray(marionette.poses(q_D, q_K))
     points = tuple(np.asarray(p) for p in marionette.string_points(q_D, q_K))
     springs = spring_ends(tree, poses)
@@ -219,12 +219,11 @@ def _scene(
     size = _size(solids, poses, (*points, *chains))
     solids += stand_ins(tree, size)
     low = _lowest(solids, poses) if solids else 0.0
-    floor = low - 0.04 * size if world.floor is None else float(world.floor)
-    mirrors = [p.mirror.plane for p in world.puppets if p.mirror is not None]
+    floor = low - 0.04 * size if puppet.floor is None else float(puppet.floor)
     return Scene(
         title=tree.name,
         t=t,
-        solids=tuple(obstacles(world) + solids),
+        solids=tuple(obstacles(puppet) + solids),
         poses=poses,
         names=tuple(s.name for s in tree.strings),
         points=points,
@@ -238,8 +237,8 @@ def _scene(
         pulls=pulls,
         chain_colours=tuple(None if c.colour is None else rgb(c.colour) for c in tree.chains),
         floor=floor,
-        ground=world.floor is not None,
-        plane=mirrors[0] if mirrors else None,
+        ground=puppet.floor is not None,
+        plane=puppet.mirror.plane if puppet.mirror else None,
         size=size,
         tree=tree,
     )

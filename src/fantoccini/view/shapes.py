@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from fantoccini.puppet import Puppet
 from fantoccini.puppet.shapes import Box, Capsule, Ellipsoid, Mesh, Shape, Sphere, load_mesh
 from fantoccini.tree import WORLD, ChainRow, Point, Role, StringRow, Tree
 from fantoccini.view.silhouettes import Solid, box, capsule, ellipsoid, mesh
 from fantoccini.view.still import file_value
 from fantoccini.view.theme import STONE, WOOD, Theme, rgb
-from fantoccini.world import World
 
 MAX_FACES = 1500
 """A mesh with more triangles is simplified before it is drawn."""
@@ -46,9 +46,9 @@ def link_solids(tree: Tree) -> list[Solid]:
     return solids
 
 
-def obstacles(world: World) -> list[Solid]:
+def obstacles(puppet: Puppet) -> list[Solid]:
     """The shapes that stand in the world."""
-    return [solid_of(shape, WORLD, rgb(STONE)) for shape in world.obstacles]
+    return [solid_of(shape, WORLD, rgb(STONE)) for shape in puppet.obstacles]
 
 
 def stand_ins(tree: Tree, size: float) -> list[Solid]:

@@ -12,9 +12,8 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.motion import State
-from fantoccini.puppet import Number, Parameter
+from fantoccini.puppet import Number, Parameter, Puppet
 from fantoccini.tree import Tree, link_poses, place, placed
-from fantoccini.world import World
 
 if TYPE_CHECKING:
     from fantoccini.marionette import Marionette
@@ -32,8 +31,8 @@ def file_value(number: Number) -> float:
 class Still:
     """A puppet without a compiled model; ``number`` gives values of its numbers."""
 
-    def __init__(self, world: World, tree: Tree, number: Callable[[Number], float] = file_value):
-        self.world, self.tree, self.number = world, tree, number
+    def __init__(self, puppet: Puppet, tree: Tree, number: Callable[[Number], float] = file_value):
+        self.puppet, self.tree, self.number = puppet, tree, number
         self.coordinates = tree.coordinates
 
     @property

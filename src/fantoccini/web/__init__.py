@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from fantoccini.perform import Recording
     from fantoccini.planning import PlanResult
     from fantoccini.puppet import Puppet
+    from fantoccini.scene import Scene
     from fantoccini.web.page import Page
-    from fantoccini.world import World
 
     Showable: TypeAlias = (
-        str | Path | Marionette | Puppet | World | Trajectory | Recording | PlanResult
+        str | Path | Marionette | Puppet | Scene | Trajectory | Recording | PlanResult
     )
 
 __all__ = ["show"]

@@ -22,6 +22,7 @@ from fantoccini.motion.npz import ABOUT, UNREADABLE, about_of, read
 from fantoccini.perform import Performance, Recording
 from fantoccini.planning import PlanResult, load_problem, problem_names
 from fantoccini.puppet import Puppet
+from fantoccini.scene import Scene
 from fantoccini.view.theme import theme_of
 from fantoccini.web.export import write_html
 from fantoccini.web.live import Live
@@ -29,7 +30,6 @@ from fantoccini.web.pad import SCRIPT
 from fantoccini.web.plan_tree import PlanTree
 from fantoccini.web.replay import Replay, ResampledRun
 from fantoccini.web.server import Server
-from fantoccini.world import World
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +135,7 @@ def subject_of(
     """
     if isinstance(what, str | os.PathLike):
         return _of_file(os.fspath(what), problem, progress)
-    if isinstance(what, Puppet | World):
+    if isinstance(what, Puppet | Scene):
         return Subject(Marionette(what, progress))
     if isinstance(what, Marionette):
         return Subject(what)
@@ -157,15 +157,7 @@ def _puppet_of(run: Trajectory, progress: Callable[[str], None] | None) -> Mario
     """The puppet of a trajectory."""
     if run.puppet is None:
         raise ValueError("the trajectory has no puppet, and cannot be shown")
-    marionette = Marionette(run.puppet, progress)
-    if marionette.coordinates.q_D + marionette.coordinates.q_K != (
-        run.coordinates.q_D + run.coordinates.q_K
-    ):
-        raise ValueError(
-            f"the trajectory is of a world of several puppets and knows only {run.puppet.name}; "
-            "a recording (fan.Recording) of it can be shown"
-        )
-    return marionette
+    return Marionette(run.puppet, progress)
 
 
 def _of_file(

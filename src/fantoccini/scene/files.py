@@ -1,0 +1,56 @@
+"""Scene files, and files that are a scene or a puppet."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+from fantoccini.errors import PuppetError
+from fantoccini.puppet import Puppet
+from fantoccini.puppet.files import described_schema
+from fantoccini.puppet.located import Located, read_file, read_located, validate
+from fantoccini.scene.assembly import assembled
+from fantoccini.scene.schema import Scene
+
+
+def load(path: str | os.PathLike[str]) -> Puppet:
+    """Reads a puppet file, or a scene file, whose scene it assembles.
+
+    Args:
+        path: of a YAML file.
+
+    Raises:
+        PuppetError: with every mistake, each with its file and line.
+    """
+    return _made(read_file(path, PuppetError))
+
+
+def loads(text: str | bytes, name: str = "<string>", folder: Path | None = None) -> Puppet:
+    """Reads a puppet or a scene from a text.
+
+    Args:
+        text: YAML.
+        name: what messages call the text.
+        folder: where mesh and puppet files are looked for; by default the current folder.
+
+    Raises:
+        PuppetError: with every mistake, each with its file and line.
+    """
+    return _made(read_located(text, name, folder, PuppetError))
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON Schema of scene files, for editors."""
+    return described_schema(Scene, "fantoccini scene")
+
+
+def is_scene(located: Located) -> bool:
+    """Whether a file is a scene rather than a puppet."""
+    return isinstance(located.data, dict) and "scene" in located.data
+
+
+def _made(located: Located) -> Puppet:
+    if is_scene(located):
+        return assembled(validate(Scene, located, PuppetError))
+    return validate(Puppet, located, PuppetError)

@@ -1,0 +1,199 @@
+"""Scene files: puppets, props, obstacles and a floor, read into one puppet."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import fantoccini as fan
+from fantoccini.errors import PuppetError
+from fantoccini.puppet import Puppet, loads
+from fantoccini.scene import assembled, json_schema, load, loads as loads_scene
+
+BODY = """
+puppet: {name}
+bodies:
+  - {{name: a, joint: {{type: free}}, shapes: [{{type: sphere, radius: 0.1, mass: 1}}]}}
+strings:
+  - {{name: hand, path: [{{body: a}}, {{driven: [x, z], at: [0, 0, 1]}}], length: driven}}
+  - {{name: peg, path: [{{body: a}}, {{world: [0, 0, 2]}}], length: {{parameter: l, value: 2}}}}
+"""
+DUET = """
+scene: duet
+floor: 0.1
+puppets:
+  - {name: one, puppet: a.yaml, at: [1, 0, 0]}
+  - name: two
+    puppet: a.yaml
+    orientation: {axis: [0, 0, 1], angle: 90 deg}
+    pose: {a.x: 0.5, hand.length: 0.9}
+    parameters: {l: 3}
+props:
+  - {name: ball, shapes: [{type: sphere, radius: 0.1, mass: 0.2}], at: [0, 0, 0.2]}
+obstacles:
+  - {name: table, type: box, size: [1, 1, 0.1]}
+"""
+
+
+def puppet(name: str, rest: str = "") -> Puppet:
+    """A puppet that is one fixed body."""
+    return loads(f"puppet: {name}\nbodies: [{{name: a}}]\n{rest}")
+
+
+def written(folder: Path, text: str = DUET, body: str = BODY) -> Path:
+    """The scene in a file, and its puppet in another."""
+    (folder / "a.yaml").write_text(body.format(name="arm"))
+    (folder / "duet.yaml").write_text(text)
+    return folder / "duet.yaml"
+
+
+def test_a_scene_is_one_puppet_whose_names_begin_with_its_members(tmp_path) -> None:
+    made = fan.load(written(tmp_path))
+    table = made.coordinates
+    assert made.name == "duet" and made.puppet.members == ("one", "two")
+    assert table.q_K == (
+        "one.hand.x", "one.hand.z", "one.hand.length", "two.hand.x", "two.hand.z",
+        "two.hand.length",
+    )  # fmt: skip
+    assert table.q_D[:3] == ("one.a.x", "one.a.y", "one.a.z") and "ball.qw" in table.q_D
+    x = made.state({"one.a.z": 0.1})
+    assert x["two.a.x"] == 0.5 and x["ball.z"] == 0.2 and x["two.hand.length"] == 0.9
+    assert made.tree.parameters == {"one.l": 2.0, "two.l": 3.0}
+    assert made.puppet.floor == 0.1 and [o.name for o in made.puppet.obstacles] == ["table"]
+
+
+def test_its_text_reads_as_an_equal_puppet(tmp_path) -> None:
+    made = load(written(tmp_path))
+    assert loads(made.to_yaml()) == made
+
+
+def test_places_and_orientations_are_those_of_the_members(tmp_path) -> None:
+    made = fan.load(written(tmp_path))
+    x = made.state()
+    tree = made.tree
+    links, strings = ([part.name for part in parts] for parts in (tree.links, tree.strings))
+    poses = dict(zip(links, made.poses(x.q_D, x.q_K), strict=True))
+    assert np.allclose(poses["one.a"][:, 3], [1.0, 0.0, 0.0])
+    assert np.allclose(poses["two.a"][:, 3], [0.0, 0.5, 0.0], atol=1e-15)
+    points = dict(zip(strings, made.string_points(x.q_D, x.q_K), strict=True))
+    assert np.allclose(points["two.peg"][1], [0.0, 0.0, 2.0], atol=1e-15)
+    assert np.allclose(points["one.hand"][1], [1.0, 0.0, 1.0])
+
+
+def test_a_member_may_be_a_bundled_puppet_and_a_scene_of_one_keeps_short_names() -> None:
+    made = fan.loads("scene: solo\npuppets: [{name: pierrot, puppet: arm2d, at: [0, 1, 0]}]")
+    assert made.coordinates.q_D == fan.puppets.arm2d().coordinates.q_D
+    assert made.puppet.members == ()
+
+
+def test_obstacles_of_a_puppet_stand_where_it_is_placed(tmp_path) -> None:
+    table = "obstacles:\n  - {{name: wall, type: box, size: [2, 1, 1], at: [1, 0, 0]}}\n"
+    table += "  - {{name: pole, type: capsule, from: [1, 0, 0], to: [1, 0, 1], radius: 0.1}}\n"
+    made = load(written(tmp_path, body=BODY + table))
+    stand = {o.name: o for o in made.obstacles}
+    assert np.allclose(stand["one.wall"].at, [2.0, 0.0, 0.0])
+    assert np.allclose(stand["two.wall"].at, [0.0, 1.0, 0.0])
+    turned = stand["two.wall"].orientation.matrix @ [2.0, 1.0, 1.0]
+    assert np.allclose(np.abs(turned), [1.0, 2.0, 1.0])
+    assert np.allclose(stand["two.pole"].to, [0.0, 1.0, 1.0])
+
+
+def test_meshes_are_found_from_the_scene(tmp_path) -> None:
+    folder = tmp_path / "puppets" / "meshes"
+    folder.mkdir(parents=True)
+    trimesh.creation.box((0.1, 0.2, 0.3)).export(folder / "box.stl")
+    (folder.parent / "stone.yaml").write_text(
+        "puppet: stone\nbodies: [{name: a, joint: {type: free}, shapes: "
+        "[{type: mesh, file: meshes/box.stl, density: 1000}]}]\n"
+    )
+    scene = tmp_path / "scenes" / "s.yaml"
+    scene.parent.mkdir()
+    scene.write_text("scene: s\npuppets: [{name: stone, puppet: ../puppets/stone.yaml}]\n")
+    made = fan.load(scene)
+    assert made.mass == pytest.approx(6.0)
+    assert made.puppet.bodies[0].shapes[0].path.is_file()
+
+
+def test_puppets_built_in_python_make_a_scene() -> None:
+    table = "obstacles: [{name: table, type: box, size: [1, 1, 1]}]"
+    scene = fan.Scene.of(puppet("p", table), puppet("q", table), puppet("r", "floor: 1"))
+    made = assembled(scene)
+    assert (made.name, made.floor) == ("p_q_r", 1.0)
+    assert len(made.obstacles) == 1  # it is the same table
+    assert fan.Scene.of(puppet("p"), puppet("q"), name="stage").name == "stage"
+    with pytest.raises(PuppetError, match="needs a puppet"):
+        fan.Scene.of()
+
+
+def test_a_hand_may_move_on_any_body() -> None:
+    """`parent` of a driven end: the hand's axes turn with the carriage it moves on."""
+    text = BODY.format(name="p").replace("{driven: [x, z], at", "{driven: [x, z], parent: b, at")
+    text = text.replace("bodies:", "bodies:\n  - {name: b, joint: {type: fixed, at: [3, 0, 0]}}")
+    made = fan.loads(text)
+    x = made.state()
+    assert np.allclose(made.string_points(x.q_D, x.q_K)[0][1], [3.0, 0.0, 1.0])
+
+
+MISTAKES = [
+    ("name: two", "name: one", "duet.yaml:5: puppets[0].name: the name 'one' is used 2 times"),
+    ("name: ball", "name: world", "duet.yaml:12: props[0].name: found 'world'"),
+    ("a.yaml, at", "b.yaml, at", "duet.yaml:5: puppets[0].puppet: found 'b.yaml'; there is no"),
+    ("a.x: 0.5", "a.q: 0.5", "duet.yaml:9: puppets[1].pose.a.q: no coordinate is called 'a.q'"),
+    ("{l: 3}", "{m: 3}", "duet.yaml:10: puppets[1].parameters.m: arm has no such parameter"),
+    ("{l: 3}", "{l: -3}", "duet.yaml:10: puppets[1].parameters: strings[1].length: found -3"),
+    ("floor", "flor", "duet.yaml:3: flor: this key is not known; did you mean 'floor'?"),
+    ("shapes: [{type: sphere, radius: 0.1, mass: 0.2}]", "shapes: []", "duet.yaml:12: props[0].sh"),
+    ("puppets:", "puppet:", "duet.yaml:4: puppet: this key is not known; did you mean 'puppets'?"),
+]
+
+
+@pytest.mark.parametrize(("good", "bad", "message"), MISTAKES)
+def test_mistakes_stand_at_their_lines(tmp_path, good: str, bad: str, message: str) -> None:
+    path = written(tmp_path, DUET.replace(good, bad, 1))
+    with pytest.raises(PuppetError) as caught:
+        load(path)
+    assert f"{tmp_path}/{message}" in str(caught.value)
+
+
+def test_mistakes_in_a_members_file_are_its_own(tmp_path) -> None:
+    with pytest.raises(PuppetError, match=r"a\.yaml:4: bodies\[0\].joint.type: found 'fre'"):
+        load(written(tmp_path, body=BODY.replace("type: free", "type: fre")))
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "message"),
+    [
+        (("p", ""), ("p", ""), "the name 'p' is used 2 times"),
+        (("p", ""), ("q", "gravity: [0, 0, -1.62]"), r"differ in gravity: .* \(p\), .* \(q\)"),
+        (("p", "floor: 0"), ("q", "floor: 1"), "differ in floor: .* give the scene its own"),
+    ],
+)
+def test_puppets_that_do_not_go_together(first, second, message: str) -> None:
+    with pytest.raises(PuppetError, match=message):
+        assembled(fan.Scene.of(puppet(*first), puppet(*second)))
+
+
+def test_things_are_located_where_they_are_written(tmp_path) -> None:
+    made = load(written(tmp_path))
+    assert made.locate("two.peg") == (str(tmp_path / "a.yaml"), 7)
+    assert made.locate("ball") == (str(tmp_path / "duet.yaml"), 12)
+
+
+def test_a_name_with_a_dot_is_none_in_a_puppet_file() -> None:
+    for text in ("name: a.b", "name: b.a.c"):
+        with pytest.raises(PuppetError, match="a name is up to 64 letters"):
+            loads(BODY.format(name="p").replace("name: a,", f"{text},", 1))
+
+
+def test_the_schema_names_the_keys() -> None:
+    schema = json_schema()
+    assert schema["title"] == "fantoccini scene"
+    assert {"scene", "puppets", "props", "obstacles", "floor"} <= set(schema["properties"])
+
+
+def test_loads_reads_both_kinds() -> None:
+    assert loads_scene(BODY.format(name="p")).name == "p"
+    assert loads_scene("scene: s\npuppets: [{name: a, puppet: arm2d}]").name == "s"
