@@ -153,7 +153,7 @@ AFTER = [
     ),
     ("mirror: {plane: zx, from: ar, to: br}", 7, "mirror.plane", "found 'zx'; allowed: xy, yz, xz"),
     ("mirror: {plane: xz, from: arm, to: arm}", 7, "mirror.to", "for both from and to"),
-    ("mirror: {plane: xz, from: arm, to: 'a b'}", 7, "mirror.to", "is not a name"),
+    ("mirror: {plane: xz, from: arm, to: 'a b'}", 7, "mirror.to", "is not a valid name"),
     # obstacles
     ("obstacles: [{name: o, type: sphere, radius: 1, mass: 1}]", 7, "obstacles[0].mass", "nothing"),
     ("obstacles: [{name: arm, type: sphere, radius: 1}]", 7, "obstacles[0].name", "taken"),
@@ -301,7 +301,7 @@ def test_a_cycle_of_parents_is_reported_once() -> None:
         f"  - {{name: {a}, parent: {b}}}\n" for a, b in ("ab", "bc", "ca", "dc")
     )
     assert mistakes(text) == [
-        (3, "bodies[0].parent", "the parents go round in a circle: a -> b -> c -> a")
+        (3, "bodies[0].parent", "the parents form a cycle: a -> b -> c -> a")
     ]
 
 

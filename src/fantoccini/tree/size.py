@@ -1,4 +1,4 @@
-"""How large shapes and whole puppets are: boxes around them, nothing is derived for it."""
+"""Sizes of shapes and puppets: the boxes around them."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from fantoccini.tree.structure import WORLD, StringRow, Tree
 
 @dataclass(frozen=True, eq=False)
 class Size:
-    """How large a puppet is in its start pose.
+    """Size of a puppet in its start pose.
 
     Attributes:
         low, high: (3,) corners of the box around the bodies that move [m], along the world's axes.
         mass: of these bodies [kg].
-        hangs: height of the highest place that a string hangs from, above the lowest point of these
-            bodies [m]; None where no string hangs from anywhere.
+        hangs: height of the strings' highest support above the lowest point of these bodies [m];
+            None without such a support.
         bodies: (n_links, 3) lengths of the boxes around the links' shapes, along their own axes
             [m]; nan where a link has none.
         masses: (n_links,) of the links [kg].
