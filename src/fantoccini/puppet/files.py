@@ -37,7 +37,7 @@ def loads(text: str | bytes, name: str = "<string>", folder: Path | None = None)
 
     Args:
         text: YAML.
-        name: what messages call the text.
+        name: of the text, for messages.
         folder: where mesh files are looked for; by default the current folder.
 
     Raises:

@@ -1,6 +1,6 @@
 """Kinds of quantities: the unit of each, and how small and how large it may be.
 
-The bounds are far beyond what is built. They keep products of several numbers finite, so that no
+The bounds are far beyond real puppets. They keep products of several numbers finite, so that no
 file makes a run overflow.
 """
 

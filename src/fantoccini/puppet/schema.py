@@ -268,7 +268,7 @@ class Puppet(Model):
     floor: Place | None = None
     """Height of the floor [m]."""
     members: tuple[Name, ...] = ()
-    """In an assembled scene: its members; names of their parts begin with theirs and a dot."""
+    """Members of an assembled scene, whose names and a dot precede those of their parts."""
 
     _origin: Origin = PrivateAttr(default_factory=Origin)
 

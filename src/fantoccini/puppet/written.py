@@ -48,7 +48,7 @@ def items(data: Any, key: str) -> list[tuple[int, dict[str, Any]]]:
 
 
 def word(item: Any, key: str) -> str | None:
-    """The text under a key; None where there is none."""
+    """The text under a key; None if there is none."""
     value = item.get(key) if isinstance(item, dict) else None
     return value if isinstance(value, str) else None
 
@@ -71,7 +71,7 @@ class Written:
     Attributes:
         data: the plain data.
         found: paths and messages.
-        owner: name -> where it is given; filled while names are checked.
+        owner: name -> its path; filled by the check of names.
         rule: the mirror's two words, or None.
         bodies: name of a body in the file -> its index.
         known: names of all bodies, twins included.
@@ -102,7 +102,7 @@ class Written:
         self.found.append((path, message))
 
     def twin(self, name: str) -> str:
-        """The name of the mirror image; the name itself where it has none."""
+        """The name of the mirror image; the name itself if there is none."""
         return twin_name(name, *self.rule) if self.rule else name
 
     def split(self, coordinate: str) -> tuple[str, str]:

@@ -1,10 +1,9 @@
-"""Puppet -> Tree: links in topological order, rows, and places handed out to coordinates."""
+"""Puppet -> Tree: links in topological order, rows, and the places of coordinates."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -33,6 +32,9 @@ from fantoccini.tree.structure import (
     Tree,
 )
 
+Pose = dict[str, float | tuple[float, ...]]
+"""Coordinate -> start value, or ``joint.rotation`` -> quaternion."""
+
 
 class _Grower:
     """Collects the links, rows and coordinates of a puppet."""
@@ -60,7 +62,7 @@ class _Grower:
             self.springs.append(row)
         self.parameters = puppet.parameters()
 
-    def body(self, body: Body, parent: int, pose: dict[str, Any]) -> int:
+    def body(self, body: Body, parent: int, pose: Pose) -> int:
         joint = body.joint
         name = joint.name or body.name
         link = replace(
@@ -103,7 +105,7 @@ class _Grower:
             add("twist.lower", joint.twist.lower, None, b)
             add("twist.upper", joint.twist.upper, None, b)
 
-    def string(self, string: String, place: dict[str, int], pose: dict[str, Any]) -> None:
+    def string(self, string: String, place: dict[str, int], pose: Pose) -> None:
         points = tuple(
             self.driven_end(string.name, a, a.driven, place) if a.driven else _point(a, place)
             for a in string.path
@@ -111,7 +113,7 @@ class _Grower:
         length: Number | None = None
         length_index: tuple[int, int] | None = None
         if string.length == "driven":
-            start = float(pose.get(f"{string.name}.length", np.nan))
+            start = _start(string.name, pose).get(".length", np.nan)
             role, length_index = self.joints.length(string.name, start)
         else:
             length, role = string.length, Role.FIXED
@@ -201,17 +203,17 @@ def _parents_first(bodies: Iterable[Body]) -> list[Body]:
     return order
 
 
-def _start(joint: str, pose: dict[str, Any]) -> dict[str, float]:
-    """Suffix of a joint's configuration number -> its value in the pose, where it has one."""
-    found = {
-        key[len(joint) :]: value
-        for key, value in pose.items()
-        if joint in (key, key.rpartition(".")[0])
-    }
-    rotation = found.pop(".rotation", None)
-    if rotation is not None:
-        found |= dict(zip(suffixes("ball")[0], rotation, strict=True))
-    return {suffix: float(value) for suffix, value in found.items()}
+def _start(joint: str, pose: Pose) -> dict[str, float]:
+    """Suffix of a joint's or length's configuration number -> its value in the pose, if given."""
+    found: dict[str, float] = {}
+    for key, value in pose.items():
+        if joint not in (key, key.rpartition(".")[0]):
+            continue
+        if isinstance(value, tuple):
+            found |= dict(zip(suffixes("ball")[0], value, strict=True))
+        else:
+            found[key[len(joint) :]] = value
+    return found
 
 
 def _point(attachment: Attachment, place: dict[str, int]) -> Point:

@@ -185,7 +185,7 @@ class Joints:
             link: without q and v.
             kind: of the coordinates: the joint's, or ``length``.
             axes: of a translation.
-            start: suffix -> configuration number in the file's pose; 0 where it has none.
+            start: suffix -> configuration number in the file's pose; 0 by default.
         """
         names = suffixes(kind, axes)
         values = {s: start.get(s, 1.0 if s == ".qw" else 0.0) for s in names[0]}
@@ -255,7 +255,7 @@ def columns(axes: tuple[str, ...], axis: tuple[float, float, float] | None) -> n
 def _driveable(
     names: tuple[tuple[str, ...], tuple[str, ...]],
 ) -> Iterator[tuple[str, tuple[str, ...], tuple[str, ...]]]:
-    """What a drive may move: suffix, suffixes of configuration numbers, and of velocities."""
+    """Suffixes of what a drive may move, of its configuration numbers and of its velocities."""
     q, v = names
     scalars = [s for s in q if s not in _QUATERNION]
     yield from ((s, (s,), (s,)) for s in scalars)

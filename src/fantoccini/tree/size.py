@@ -24,7 +24,7 @@ class Size:
         hangs: height of the strings' highest support above the lowest point of these bodies [m];
             None without such a support.
         bodies: (n_links, 3) lengths of the boxes around the links' shapes, along their own axes
-            [m]; nan where a link has none.
+            [m]; nan for a link without shapes.
         masses: (n_links,) of the links [kg].
         poses: (n_links, 3, 4) of the links.
     """

@@ -1,6 +1,6 @@
 """The tree: links in topological order, and the rows of strings, springs, limits and drives.
 
-A :class:`Tree` is what the derivation reads. Every link carries one joint to its parent; every
+The derivation reads a :class:`Tree`. Every link carries one joint to its parent; every
 joint coordinate and every string length is one row of its
 :class:`~fantoccini.tree.coordinates.CoordinateTable`.
 """
@@ -185,8 +185,8 @@ class DriveRow:
         name: of the coordinate: ``hand.length``, ``bar.rotation``.
         link: index of the link whose joint it belongs to.
         q, v: its places in q_D and v_D.
-        command_name: of its command, ``hand.command.length``; empty where it follows none.
-        command: place of the command in (q_K, v_K); None where it follows none.
+        command_name: of its command, ``hand.command.length``; empty without a command.
+        command: place of the command in (q_K, v_K); None without a command.
         drive: as the puppet's file describes it.
     """
 
