@@ -100,9 +100,9 @@ def test_editors_know_the_ranges():
     definitions = json_schema()["$defs"]
     radius = definitions["Sphere"]["properties"]["radius"]
     length = QUANTITIES["length"]
-    assert (radius["minimum"], radius["maximum"]) == (length.least, length.most)
+    assert (radius["minimum"], radius["maximum"]) == (length.min_size, length.max_size)
     number, _ = definitions["Spring"]["properties"]["stiffness"]["oneOf"]
-    assert (number["minimum"], number["maximum"]) == (0.0, QUANTITIES["stiffness"].most)
+    assert (number["minimum"], number["maximum"]) == (0.0, QUANTITIES["stiffness"].max_size)
 
 
 def test_parameters_keep_to_the_ranges():

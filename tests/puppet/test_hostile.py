@@ -12,7 +12,8 @@ from tests.puppet.strategies import KINDS
 from fantoccini import puppets
 from fantoccini.errors import FileError, InputError, PuppetError
 from fantoccini.puppet import Puppet, json_schema, load, loads
-from fantoccini.puppet.located import MAX_BYTES, MAX_MISTAKES, Located, read_located, validate
+from fantoccini.puppet.limits import LIMITS
+from fantoccini.puppet.located import Located, read_located, validate
 
 _ANCHORS = "abcdefghij"
 BOMB = "a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "".join(
@@ -58,7 +59,7 @@ def test_hostile_text_ends_in_a_located_problem(text, line, message) -> None:
 def test_a_large_file_is_refused_before_it_is_read_whole(tmp_path) -> None:
     path = tmp_path / "large.yaml"
     with path.open("wb") as stream:
-        stream.truncate(100 * MAX_BYTES)
+        stream.truncate(100 * LIMITS.max_file_bytes)
     with pytest.raises(PuppetError, match="larger than 2 MB"):
         load(path)
 
@@ -67,7 +68,7 @@ def test_of_very_many_mistakes_the_first_are_listed_and_the_rest_counted() -> No
     text = "puppet: p\nbodies:\n" + "".join(f"  - {{name: b{i}, mass: -1}}\n" for i in range(500))
     with pytest.raises(PuppetError) as caught:
         loads(text)
-    assert len(caught.value.mistakes) == MAX_MISTAKES + 1
+    assert len(caught.value.mistakes) == LIMITS.max_mistakes + 1
     assert caught.value.mistakes[0].line == 3
     assert caught.value.mistakes[-1].message == "and 400 more"
 

@@ -153,7 +153,7 @@ AFTER = [
     ),
     ("mirror: {plane: zx, from: ar, to: br}", 7, "mirror.plane", "found 'zx'; allowed: xy, yz, xz"),
     ("mirror: {plane: xz, from: arm, to: arm}", 7, "mirror.to", "for both from and to"),
-    ("mirror: {plane: xz, from: arm, to: 'a b'}", 7, "mirror.to", "is not a name"),
+    ("mirror: {plane: xz, from: arm, to: 'a b'}", 7, "mirror.to", "is not a valid name"),
     # obstacles
     ("obstacles: [{name: o, type: sphere, radius: 1, mass: 1}]", 7, "obstacles[0].mass", "nothing"),
     ("obstacles: [{name: arm, type: sphere, radius: 1}]", 7, "obstacles[0].name", "taken"),
@@ -190,7 +190,7 @@ IN_BODY = [
     ("inertia: [1, 1, 1, 3, 0, 0]", 4, "inertia", "found a principal moment of -2"),
     ("inertia: [1, 1, 1, 0]", 4, "inertia", "a list of 3 or 6 numbers"),
     ("parent: b", 4, "parent", "no body is called 'b'"),
-    ("parent: a", 4, "parent", "round in a circle: a -> a"),
+    ("parent: a", 4, "parent", "form a cycle: a -> a"),
     ("drag: {linear: -1}", 4, "drag.linear", "found -1"),
     ("joint: {type: revolut}", 4, "joint.type", "did you mean 'revolute'?"),
     ("joint: {type: revolute}", 4, "joint.axis", "a revolute joint needs this key"),
@@ -239,7 +239,7 @@ IN_BODY = [
     ("joint: {type: free, spring: {stiffness: 1}}", 4, "joint.spring", "a free joint has none"),
     ("joint: {type: ball, cone: {max: 0, axis: [1, 0, 0]}}", 4, "joint.cone.max", "180 deg"),
     ("joint: {type: ball, cone: {max: 1, axis: [0, 0, 0]}}", 4, "joint.cone.axis", "zero length"),
-    ("joint: {type: ball, twist: {lower: -1}}", 4, "joint.twist", "needed: an axis, or a cone"),
+    ("joint: {type: ball, twist: {lower: -1}}", 4, "joint.twist", "needed: axis, or a cone"),
     ("joint: {type: free}", 4, "joint", "moves no mass"),
     ("joint: {type: fixed, name: b.c}", 4, "joint.name", "found 'b.c'; a name is"),
     (
@@ -260,7 +260,7 @@ IN_BODY = [
     ("shapes: [{radius: 1}]", 4, "shapes[0].type", "missing"),
     ("shapes:\n      - {type: sphere, radius: -1}", 5, "shapes[0].radius", "positive"),
     ("shapes: [{type: sphere, radius: 1, density: -1}]", 4, "shapes[0].density", "found -1"),
-    ("shapes: [{type: sphere, radius: 1, mass: 1, density: 1}]", 4, "shapes[0].density", "beside"),
+    ("shapes: [{type: sphere, radius: 1, mass: 1, density: 1}]", 4, "shapes[0].density", "allowed"),
     ("shapes: [{type: sphere, radius: 1, raduis: 1}]", 4, "shapes[0].raduis", "'radius'"),
     ("shapes: [{type: sphere, radius: 1, size: 1}]", 4, "shapes[0].size", "not known"),
     ("shapes: [{type: box, size: [1, 0, 1]}]", 4, "shapes[0].size[1]", "positive"),
@@ -301,7 +301,7 @@ def test_a_cycle_of_parents_is_reported_once() -> None:
         f"  - {{name: {a}, parent: {b}}}\n" for a, b in ("ab", "bc", "ca", "dc")
     )
     assert mistakes(text) == [
-        (3, "bodies[0].parent", "the parents go round in a circle: a -> b -> c -> a")
+        (3, "bodies[0].parent", "the parents form a cycle: a -> b -> c -> a")
     ]
 
 

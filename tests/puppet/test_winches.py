@@ -27,7 +27,7 @@ MISTAKES = [
     ("rewind_speed: 1", 8, "", "rewind_speed without max_tension"),
     ("wire: true\n    restitution: 0.5", 8, "", "a wire neither bounces nor slips"),
     ("wire: true\n    max_tension: 5", 8, "", "a wire neither bounces nor slips"),
-    ("max_tension: 5\n    restitution: 0.5", 8, "", "takes no impulse to give back"),
+    ("max_tension: 5\n    restitution: 0.5", 8, "", "on a slipping winch does not bounce"),
 ]
 
 

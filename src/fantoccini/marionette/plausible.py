@@ -17,7 +17,7 @@ from fantoccini.arrays import Array
 from fantoccini.marionette.initial_state import put_commands
 from fantoccini.marionette.model import Model
 from fantoccini.motion import Input
-from fantoccini.puppet import Body, Parameter, String
+from fantoccini.puppet import Body, Cone, Parameter, String
 from fantoccini.puppet.located import Finding
 from fantoccini.puppet.shapes import has_mass, shape_inertia
 from fantoccini.tree import Size, link_inertia, measure, path_lengths
@@ -158,12 +158,12 @@ class _Checks:
                     bounds = " to ".join("none" if b is None else f"{b:.4g}" for b in (low, high))
                     text = f"found {start:.4g} {unit}, beyond the joint's limits, {bounds} {unit}"
                     yield place, f"{text}; a run does not start there: choose a pose within them"
-            if joint.cone is not None and len(q := pose.get(f"{name}.rotation", ())) == 4:
+            q = pose.get(f"{name}.rotation")
+            if joint.cone is not None and isinstance(q, tuple):
                 yield from self._swing(name, joint.cone, np.array(q))
 
-    def _swing(self, name: str, cone: Any, q: np.ndarray) -> Iterator[Finding]:
-        a = np.array(cone.axis)
-        b = a if cone.of is None else np.array(cone.of)
+    def _swing(self, name: str, cone: Cone, q: np.ndarray) -> Iterator[Finding]:
+        a, b = np.array(cone.axis), np.array(cone.body_axis)
         w, u = q[0], q[1:]
         turned = b + 2.0 * np.cross(u, np.cross(u, b) + w * b)
         swing = math.acos(min(1.0, max(-1.0, float(a @ turned))))

@@ -6,32 +6,32 @@ from typing import Any
 
 from pydantic import Field
 
+from fantoccini.puppet.limits import LIMITS
 from fantoccini.puppet.quantities import Damping, PositiveMass, PositiveStiffness
 from fantoccini.puppet.values import Model, mistake, value_of
 
-PIECES = 8
-"""Springs of a string that does not say how many."""
-MOST_PIECES = 200
+DEFAULT_PIECES = 8
+"""Springs of a chain whose file does not give their number."""
 CORD_MASS, CORD_STIFFNESS, CORD_DAMPING = 5e-4, 5000.0, 0.05
 """A metre of polyester cord of 0.5 g/m, 0.7 mm thick. Its yarn has a specific modulus of 10 N/tex,
 so EA = 10 N/tex x 500 tex. The damping is a loss factor of 0.05 at 800 Hz."""
 
 
 class Chain(Model):
-    """Springs in a row, joined by point masses; springs that push as well as pull."""
+    """Springs in series, joined by point masses; the springs pull and push."""
 
-    pieces: int = Field(default=PIECES, ge=2, le=MOST_PIECES, strict=True)
-    """Number of springs; one mass less."""
+    pieces: int = Field(default=DEFAULT_PIECES, ge=2, le=LIMITS.max_pieces, strict=True)
+    """Number of springs; there is one mass fewer."""
     mass: PositiveMass
-    """Of the whole string [kg], shared equally among its masses."""
+    """Mass of the string [kg], shared equally among the point masses."""
     stiffness: PositiveStiffness
-    """EA: force per unit of strain [N]; a piece has EA over its relaxed length."""
+    """EA: force per unit of strain [N]; each spring has EA / (its relaxed length)."""
     damping: Damping = 0.0
-    """Force per unit of strain rate [N s]; a piece has it over its relaxed length."""
+    """Force per unit of strain rate [N s]; each spring has it / (its relaxed length)."""
 
 
 def check_chain(string: Any) -> None:
-    """Raises a located mistake where a string cannot be a chain."""
+    """Raises a mistake if a string cannot be a chain."""
     given = {
         "wire: true": string.wire,
         "restitution": value_of(string.restitution) > 0,
@@ -51,7 +51,5 @@ def check_chain(string: Any) -> None:
 
 
 def chained(strings: list[dict[str, Any]], chain: dict[str, Any]) -> list[dict[str, Any]]:
-    """Plain data of strings with a chain on all that have none; wires, which push, stay."""
-    return [
-        s if s.get("chain") or s.get("wire") else s | {"chain": chain} for s in strings
-    ]
+    """Plain data of strings, each with the chain unless it has one or is a wire."""
+    return [s if s.get("chain") or s.get("wire") else s | {"chain": chain} for s in strings]

@@ -1,7 +1,7 @@
-"""Mistakes that only show when a puppet is read as a whole, found in its plain data.
+"""Mistakes that concern a puppet as a whole, found in its plain data.
 
-They are looked for in the raw data, whatever its other mistakes are, so that one reading reports
-everything; whatever has the wrong form is passed over here and reported by the schema.
+The check reads data with any other mistakes, so that one reading reports everything. It skips data
+of the wrong form, which the schema reports.
 """
 
 from __future__ import annotations
@@ -9,9 +9,10 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from fantoccini.puppet.chain import MOST_PIECES, PIECES
+from fantoccini.puppet.chain import DEFAULT_PIECES
 from fantoccini.puppet.check_coordinates import check_drives, check_pose
 from fantoccini.puppet.check_paths import check_paths
+from fantoccini.puppet.limits import LIMITS
 from fantoccini.puppet.located import Finding, key_path, shown
 from fantoccini.puppet.mirror import reflected, twin_name
 from fantoccini.puppet.shapes import has_mass
@@ -20,9 +21,6 @@ from fantoccini.puppet.written import Written, items, named, parameters, word
 from fantoccini.puppet.yaml_text import Path
 
 _MIRRORED = ("bodies", "strings", "springs")
-
-MOST_PARTS = 1000
-"""Bodies, strings, springs, all their twins and the masses of chains, in all."""
 
 
 def findings(data: Any) -> list[Finding]:
@@ -46,7 +44,7 @@ def findings(data: Any) -> list[Finding]:
 
 
 def twins(data: dict[str, Any]) -> list[Finding]:
-    """Mistakes that only the mirror images have, where their originals stand in the file.
+    """Mistakes of mirror images, located at their originals in the file.
 
     Args:
         data: plain data of a puppet without other mistakes.
@@ -67,11 +65,11 @@ def twins(data: dict[str, Any]) -> list[Finding]:
 
 
 def massless_joints(bodies: tuple[Any, ...], mirror: Any) -> list[Finding]:
-    """Joints that the equations of motion could not move: nothing beyond them has mass.
+    """Joints that make the mass matrix singular: nothing beyond them has mass.
 
     Args:
         bodies: the bodies of a puppet without other mistakes.
-        mirror: its mirror, or None. What hangs on a twin is counted for the original.
+        mirror: its mirror, or None. Mass carried by a twin counts for the original.
     """
     place = {body.name: i for i, body in enumerate(bodies)}
     if mirror is not None:
@@ -132,7 +130,9 @@ def _mirror(written: Written) -> None:
             by = key_path(taken) if taken is not None else f"the twin of {made.get(twin)!r}"
             written.say(path, f"its twin would be called {shown(twin)}, which is taken by {by}")
         elif not re.fullmatch(NAME, twin, re.ASCII) and re.fullmatch(NAME, name, re.ASCII):
-            written.say(("mirror", "to"), f"{shown(twin)}, the twin of {name!r}, is not a name")
+            written.say(
+                ("mirror", "to"), f"{shown(twin)}, the twin of {name!r}, is not a valid name"
+            )
         made[twin] = name
     if not mirrored:
         shared = {w for n, _ in carried for w in re.split(r"[_-]", n)}
@@ -164,7 +164,7 @@ def _parents(written: Written) -> None:
         if name in walk:
             ring = list(walk)[list(walk).index(name) :]
             shown_ring = ring if len(ring) < 9 else [*ring[:7], "...", ring[-1]]
-            text = f"the parents go round in a circle: {' -> '.join([*shown_ring, name])}"
+            text = f"the parents form a cycle: {' -> '.join([*shown_ring, name])}"
             firsts = [n for n in ring if n in written.bodies]
             if firsts:
                 written.say(("bodies", written.bodies[firsts[0]], "parent"), text)
@@ -172,22 +172,22 @@ def _parents(written: Written) -> None:
 
 
 def _parts(written: Written) -> None:
-    """Parts: not more than can be made a puppet of."""
+    """Checks the number of parts."""
     parts = dict.fromkeys(_MIRRORED, 0)
     for key in parts:
         for _, item in items(written.data, key):
             name, chain, count = word(item, "name"), item.get("chain"), 1
             if isinstance(chain, dict):
-                pieces = chain.get("pieces", PIECES)
-                count = min(pieces, MOST_PIECES) if isinstance(pieces, int) else 1
+                pieces = chain.get("pieces", DEFAULT_PIECES)
+                count = min(pieces, LIMITS.max_pieces) if isinstance(pieces, int) else 1
             twice = name is not None and written.twin(name) != name
             parts[key] += 2 * count if twice else count
     total = sum(parts.values())
-    if total > MOST_PARTS:
+    if total > LIMITS.max_parts:
         path = max(parts, key=lambda part: parts[part])
         more = ", twins included" if written.rule else ""
         text = f"found {total} bodies, strings, springs and masses of chains{more}"
-        written.say((path,), f"{text}; allowed: {MOST_PARTS}")
+        written.say((path,), f"{text}; allowed: {LIMITS.max_parts}")
 
 
 def _parameters(written: Written) -> None:

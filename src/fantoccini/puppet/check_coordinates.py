@@ -1,4 +1,4 @@
-"""Mistakes in what is said of coordinates: start values and drives."""
+"""Mistakes in start values and drives, which both name coordinates."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ _SUFFIXES = {
     "free": {".x": "length", ".y": "length", ".z": "length", ".rotation": "rotation"},
     "fixed": {},
 }
-"""What follows a joint's name in the names of its coordinates, and their kinds."""
+"""Type of joint -> suffix of a coordinate's name -> kind of the coordinate."""
 _UNITS = {"length": "m", "string": "m", "revolute": "rad", "rotation": "rotation"}
 _QUATERNION = ("qw", "qx", "qy", "qz")
 
 
 def check_pose(written: Written) -> None:
-    """Start values: of coordinates that there are, numbers of the right kind."""
+    """Checks that start values belong to coordinates and are of their kind."""
     pose = written.data.get("pose")
     if not isinstance(pose, dict):
         return
@@ -41,7 +41,7 @@ def check_pose(written: Written) -> None:
         elif suffix in _QUATERNION and f"{owner}.rotation" in kinds:
             written.say(path, f"write {owner}.rotation: [w, x, y, z] instead")
         elif owner in strings and suffix in ("x", "y", "z"):
-            written.say(path, "a driven end starts where its `at` says")
+            written.say(path, "a driven end starts at its `at`")
         elif owner in strings and suffix == "length":
             written.say(path, "this string's length is a number; only driven lengths have a start")
         else:
@@ -49,7 +49,7 @@ def check_pose(written: Written) -> None:
 
 
 def check_drives(written: Written) -> None:
-    """Drives: on driven coordinates that they suit, one each."""
+    """Checks that drives suit driven coordinates, one drive each."""
     units = _driven(written)
     taken: dict[str, str] = {}
     known = set(units)
@@ -84,7 +84,7 @@ def check_drives(written: Written) -> None:
 
 
 def _hint(written: Written, key: str, names: set[str]) -> str:
-    """The coordinate that was meant: of the body's joint, or else the one with the nearest name."""
+    """Hint of the coordinate meant: of the body's joint, or the one with the nearest name."""
     owner, suffix = written.split(key)
     dot = "." if suffix else ""
     joint = written.joint_of.get(owner, owner)
@@ -102,7 +102,7 @@ def _hint(written: Written, key: str, names: set[str]) -> str:
 
 
 def _joints(written: Written) -> Iterator[tuple[str, dict[str, Any], dict[str, str] | None]]:
-    """Name, plain data and coordinates of every joint; None where its kind is unclear."""
+    """Name, plain data and coordinates of every joint; None if its type is unclear."""
     for _, body in items(written.data, "bodies"):
         joint = body.get("joint")
         name = word(joint, "name") or word(body, "name")
@@ -116,7 +116,7 @@ def _joints(written: Written) -> Iterator[tuple[str, dict[str, Any], dict[str, s
 
 
 def _coordinates(written: Written) -> tuple[dict[str, str], set[str]]:
-    """Coordinates -> kind, and joints whose kind is unclear."""
+    """Kind of every coordinate, and the joints whose type is unclear."""
     kinds: dict[str, str] = {}
     unclear: set[str] = set()
     for name, _, suffixes in _joints(written):

@@ -10,7 +10,7 @@ from fantoccini.puppet.yaml_text import Path
 
 
 def _place(point: Any) -> tuple[float, ...] | None:
-    """The numbers of a point, parameters by their values."""
+    """Coordinates of a point; None if they are not three numbers."""
     if not isinstance(point, list):
         return None
     numbers: list[Any] = [n.get("value") if isinstance(n, dict) else n for n in point]
@@ -18,7 +18,7 @@ def _place(point: Any) -> tuple[float, ...] | None:
 
 
 def check_paths(written: Written) -> None:
-    """Points of strings and springs: they exist, and the distance between them can change."""
+    """Checks that the points of strings and springs exist and can change their distance."""
     for key, points in (("strings", "path"), ("springs", "between")):
         for i, item in items(written.data, key):
             if isinstance(item.get(points), list):
@@ -30,7 +30,7 @@ def _path(written: Written, path: Path, points: list[Any]) -> None:
     driven = [k for k, c in enumerate(found) if c and c[0] == "driven"]
     for k in driven:
         if path[0] == "springs":
-            written.say((*path, k, "driven"), "a spring's end cannot be driven in place")
+            written.say((*path, k, "driven"), "a spring's end cannot be driven")
         elif k not in (0, len(points) - 1):
             written.say((*path, k, "driven"), "only a string's two ends can be driven")
     if len(driven) > 1 and path[0] == "strings":
@@ -51,7 +51,7 @@ def _path(written: Written, path: Path, points: list[Any]) -> None:
 
 
 def _carrier(written: Written, point: Any, path: Path) -> tuple[str, Any, Any] | None:
-    """Kind, name and place of what a point is fixed on; None where that is unclear."""
+    """Kind and name of a point's carrier, and the place on it; None if unclear."""
     if not isinstance(point, dict):
         return None
     at = _place(point.get("at", [0.0, 0.0, 0.0]))

@@ -1,9 +1,9 @@
-"""Drives: what moves a driven coordinate where it is not simply moved.
+"""Drives: rotor, motor and controller of a driven coordinate.
 
 A drive has a rotor (or a slider) with inertia, friction, a motor with bounds, and a controller that
-follows a command. With the gear ratio g and the drum's radius r the rotor turns by n = g / r for a
-metre of the coordinate, by n = g for a radian. Numbers of the rotor and the motor are the motor's
-own: they become the coordinate's with n, and n^2 for the inertia.
+follows a command. With gear ratio g and drum radius r the rotor turns by n = g / r per metre of the
+coordinate, or by n = g per radian. Quantities of the rotor and the motor are given at the rotor;
+the factor n, or n^2 for the inertia, transforms them to the coordinate.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
 
+from fantoccini.puppet.limits import LIMITS
 from fantoccini.puppet.located import shown
 from fantoccini.puppet.quantities import (
     Damping,
@@ -31,18 +32,18 @@ from fantoccini.puppet.values import Model, mistake
 
 
 class Friction(Model):
-    """Torque at the rotor against its turning: -viscous w - coulomb w / sqrt(w^2 + speed^2)."""
+    """Friction torque at the rotor: -viscous w - coulomb w / sqrt(w^2 + speed^2)."""
 
     viscous: Damping = 0.0
     """[N m s], or [N s/m] without a drum."""
     coulomb: Force = 0.0
     """[N m], or [N] without a drum."""
     speed: Speed = 0.05
-    """Speed at which Coulomb's friction has 0.7 of its size [rad/s], or [m/s] without a drum."""
+    """Speed at which Coulomb friction is 0.7 of its full value [rad/s], or [m/s] without a drum."""
 
 
 class Servo(Model):
-    """A motor that gives what its controller wants, within a bound."""
+    """A motor that gives the torque its controller demands, within a bound."""
 
     type: Literal["servo"]
     """Kind of motor."""
@@ -56,34 +57,34 @@ class DirectCurrent(Model):
     type: Literal["dc"]
     """Kind of motor."""
     constant: Electric
-    """k: torque for a current, voltage for a speed [N m/A = V s]."""
+    """k: torque per current, voltage per speed [N m/A = V s]."""
     current: Electric
     """Largest current [A]."""
     resistance: Electric
     """R of the winding [ohm]."""
     voltage: Electric
-    """Of the supply [V]."""
+    """Supply voltage [V]."""
 
 
 def _count(value: Any) -> int:
-    if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= _MOST:
-        raise mistake(f"found {shown(value)}; needed: a whole number from 1 to {_MOST}")
+    most = LIMITS.max_motor_steps
+    if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= most:
+        raise mistake(f"found {shown(value)}; needed: a whole number from 1 to {most}")
     return value
 
 
-_MOST = 100_000
 Count = Annotated[
     int,
     BeforeValidator(_count),
-    WithJsonSchema({"type": "integer", "minimum": 1, "maximum": _MOST}),
+    WithJsonSchema({"type": "integer", "minimum": 1, "maximum": LIMITS.max_motor_steps}),
 ]
 
 
 class StepperMotor(Model):
     """A stepper motor: torque T sin((steps/4) (command - angle)), the command in whole microsteps.
 
-    T is the holding torque up to the corner speed, and falls in proportion to 1 / speed beyond: a
-    load above it pulls the motor out of step.
+    T is the holding torque up to the corner speed and falls as 1 / speed above it. A larger load
+    pulls the motor out of step.
     """
 
     type: Literal["stepper"]
@@ -91,15 +92,15 @@ class StepperMotor(Model):
     torque: PositiveForce
     """Holding torque [N m], or force without a drum [N]."""
     steps: Count = 200
-    """Full steps a turn, or a metre without a drum."""
+    """Full steps per turn, or per metre without a drum."""
     microsteps: Count = 16
-    """Parts of a full step that the command is rounded to."""
+    """Microsteps per full step; the command is rounded to whole ones."""
     corner_speed: Speed | None = None
-    """Commanded speed from which on the torque falls [rad/s], or [m/s] without a drum."""
+    """Commanded speed above which the torque falls [rad/s], or [m/s] without a drum."""
 
 
 class PD(Model):
-    """The wanted force is stiffness (command - q) + damping (d command/dt - v)."""
+    """Demanded force: stiffness (command - q) + damping (d command/dt - v)."""
 
     type: Literal["pd"]
     """Kind of controller."""
@@ -110,10 +111,10 @@ class PD(Model):
 
 
 class ComputedTorque(Model):
-    """The force that makes q follow its command as e'' + 2 zeta w e' + w^2 e = 0, by itself.
+    """Force that makes the error of q decay as e'' + 2 zeta w e' + w^2 e = 0.
 
-    The mechanism's own inverse dynamics: its inertia, what it carries, gravity and friction. The
-    strings' pull is not known to it, nor how joints accelerate that no drive moves.
+    It is the mechanism's inverse dynamics with inertia, load, gravity and friction. It leaves out
+    the tension of strings and the accelerations of joints without drives.
     """
 
     type: Literal["computed_torque"]
@@ -156,24 +157,24 @@ _Names = Annotated[
 
 
 class Drive(Model):
-    """Turns driven coordinates into dynamic ones that a motor moves."""
+    """Makes driven coordinates dynamic, moved by a motor."""
 
     on: _Names
-    """Driven coordinates, each with such a drive: `hand.length`, `bar.x`, `bar.rotation`."""
+    """Driven coordinates; each gets such a drive: `hand.length`, `bar.x`, `bar.rotation`."""
     mass: PositiveMass | None = None
-    """Moved along with a coordinate in metres, without weight: a carriage [kg]."""
+    """Mass of a carriage that moves with a coordinate in metres; it has no weight [kg]."""
     inertia: RotorInertia | None = None
-    """Of the rotor [kg m^2]."""
+    """Moment of inertia of the rotor [kg m^2]."""
     gear: Ratio = 1.0
-    """Turns of the rotor for one of the drum or the joint."""
+    """Turns of the rotor per turn of the drum or joint."""
     drum: LengthNumber | None = None
     """Radius of the drum or pinion that moves a coordinate in metres [m]."""
     friction: Friction | None = None
-    """In the rotor's bearings and the gear."""
+    """Friction in the rotor's bearings and the gear."""
     motor: Motor | None = None
-    """What bounds the torque; without one the controller gets what it wants."""
+    """Bounds the torque; without a motor it is unbounded."""
     control: Control | None = None
-    """What follows the command; without one only user forces move the rotor."""
+    """Controller that follows the command; without one only user forces move the rotor."""
 
     @model_validator(mode="after")
     def _moves(self) -> Drive:
@@ -183,7 +184,7 @@ class Drive(Model):
         if steps and self.control is not None:
             raise mistake("found control and a stepper; a stepper follows its command by itself")
         if self.motor is not None and not steps and self.control is None:
-            raise mistake("found a motor without control; needed: what it should follow")
+            raise mistake("found a motor without control; needed: control, to follow a command")
         return self
 
     @property
@@ -195,7 +196,7 @@ class Drive(Model):
 def drive_misfits(
     drive: dict[str, Any], name: str, unit: str
 ) -> Iterator[tuple[tuple[str, ...], str]]:
-    """What in a drive's plain data does not suit its coordinate: where, and a sentence.
+    """Mistakes of a drive that does not suit its coordinate: path in the drive, and message.
 
     Args:
         drive: plain data, of any form.
@@ -208,7 +209,7 @@ def drive_misfits(
             if drive.get(key) is not None:
                 yield (key,), f"{name} turns: it takes inertia and gear, no {key}"
     elif rotor and not drum:
-        yield ("inertia",), f"{name} is a length; needed: the drum by which a rotor moves it"
+        yield ("inertia",), f"{name} is a length; needed: the drum that the rotor turns"
     elif drum and not rotor:
         yield ("drum",), "found a drum without a rotor; needed: its inertia"
     motor = drive.get("motor")

@@ -12,7 +12,9 @@ from pydantic import BaseModel
 _BARE = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*")
 _WORDS = {"true", "false", "null"}
 _FIRST = ("name", "type")
+"""Keys that come before the others."""
 _WIDTH = 90
+"""Characters up to which a value stays on one line."""
 
 
 def plain(value: Any) -> Any:
@@ -45,7 +47,7 @@ def canonical(data: dict[str, Any], meshes: dict[str, str]) -> str:
 
 
 def to_yaml(data: dict[str, Any]) -> str:
-    """Block style for what is long, flow style for what fits on a line.
+    """YAML: long values in block style, values that fit on a line in flow style.
 
     Args:
         data: plain data of a puppet.

@@ -1,4 +1,4 @@
-"""Puppet files: reading them, and the schema that editors use."""
+"""Reads puppet files, and gives the schema that editors use."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def loads(text: str | bytes, name: str = "<string>", folder: Path | None = None)
 
     Args:
         text: YAML.
-        name: what messages call the text.
+        name: of the text, for messages.
         folder: where mesh files are looked for; by default the current folder.
 
     Raises:
@@ -47,7 +47,7 @@ def loads(text: str | bytes, name: str = "<string>", folder: Path | None = None)
 
 
 def json_schema() -> dict[str, Any]:
-    """JSON Schema of puppet files, for editors that complete and check while one writes."""
+    """JSON Schema of puppet files, for completion and checks in editors."""
     return described_schema(Puppet, "fantoccini puppet")
 
 

@@ -1,4 +1,4 @@
-"""Joints: what carries a body, how it moves, and what limits it."""
+"""Joints: how they carry bodies, how they move, and their limits."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ class JointSpring(Model):
     stiffness: Stiffness
     """k [N m/rad or N/m]."""
     rest: NumberAngleOrPlace = 0.0
-    """Where the spring is relaxed [rad or m]; not for ball joints."""
+    """Coordinate at which the spring is relaxed [rad or m]; not for ball joints."""
 
 
 class Limits(Model):
-    """Lower and upper end of a joint's travel; at least one of them."""
+    """Lower and upper limit of a joint's coordinate; at least one of them."""
 
     lower: AngleOrPlace | None = None
     """[rad or m]."""
@@ -69,6 +69,11 @@ class Cone(Model):
             raise mistake(f"found {angle:g} rad; needed: more than 0 and less than 180 deg")
         return angle
 
+    @property
+    def body_axis(self) -> tuple[float, float, float]:
+        """b, the axis that is limited, in the body frame."""
+        return self.axis if self.of is None else self.of
+
 
 class Twist(Model):
     """Limit on a ball joint's rotation about an axis of the body (swing-twist)."""
@@ -96,7 +101,7 @@ def _check_range(lower: float | None, upper: float | None) -> None:
 
 
 class Joint(Model):
-    """What carries a body. The body frame is the joint frame when the coordinates are zero."""
+    """The joint that carries a body. At coordinates 0 the body frame is the joint frame."""
 
     type: Literal["fixed", "revolute", "prismatic", "translation", "ball", "free"]
     """Kind of motion."""
@@ -113,11 +118,11 @@ class Joint(Model):
     orientation: Orientation | None = None
     """Orientation of the joint frame in the parent's body frame."""
     damping: Damping = 0.0
-    """On every velocity of the joint [N m s/rad or N s/m]."""
+    """Damping of every velocity of the joint [N m s/rad or N s/m]."""
     spring: JointSpring | None = None
     """Pulls the joint to a rest position."""
     limits: Limits | None = None
-    """Ends of a revolute or prismatic joint's travel."""
+    """Limits of a revolute or prismatic joint."""
     cone: Cone | None = None
     """Swing limit of a ball joint."""
     twist: Twist | None = None
@@ -141,7 +146,7 @@ class Joint(Model):
             raise mistake(f"a {kind} joint has none; it belongs to {', '.join(allowed)} joints")
         passive = info.field_name in ("damping", "spring", "limits", "cone", "twist")
         if passive and info.data.get("driven"):
-            raise mistake("a driven joint moves as it is told; it has no damping, spring or limits")
+            raise mistake("a driven joint follows its input; it has no damping, spring or limits")
         return value
 
     @field_validator("spring", "limits", mode="before")
@@ -164,5 +169,5 @@ class Joint(Model):
     @classmethod
     def _twist_axis(cls, twist: Any, info: ValidationInfo) -> Any:
         if twist is not None and twist.axis is None and info.data.get("cone", ...) is None:
-            raise mistake("needed: an axis, or a cone whose axis is taken")
+            raise mistake("needed: axis, or a cone, which gives the axis")
         return twist

@@ -19,16 +19,12 @@ from typing import Any, TypeVar, get_args
 from pydantic import BaseModel, ValidationError
 
 from fantoccini.errors import FileError, Mistake, nearest
+from fantoccini.puppet.limits import LIMITS
 from fantoccini.puppet.words import OWN_WORDS
 from fantoccini.puppet.yaml_text import Path, Unreadable, read_text
 
-MAX_BYTES = 2_000_000
-"""Size of the largest file that is read [bytes]."""
-MAX_MISTAKES = 100
-"""Mistakes listed in full; of the rest only the number is given."""
-
 Finding = tuple[Path, str]
-"""Where (path of keys and indices) and what."""
+"""Path of keys and indices, and message."""
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 
@@ -52,7 +48,7 @@ class Located:
     mistakes: tuple[Mistake, ...] = ()
 
     def line(self, path: Path) -> int | None:
-        """Line of a path, or of the nearest thing around it that has one."""
+        """Line of a path, or of the innermost parent that has one."""
         while path and path not in self.lines:
             path = path[:-1]
         return self.lines.get(path)
@@ -65,15 +61,16 @@ class Located:
         """All mistakes in file order, those found while reading included."""
         mistakes = [*self.mistakes, *(self.problem(p, m) for p, m in findings)]
         mistakes = sorted(dict.fromkeys(mistakes), key=lambda p: p.line or 0)
-        more = len(mistakes) - MAX_MISTAKES
+        more = len(mistakes) - LIMITS.max_mistakes
         if more > 0:
-            mistakes = [*mistakes[:MAX_MISTAKES], Mistake(self.file, None, "", f"and {more} more")]
+            rest = Mistake(self.file, None, "", f"and {more} more")
+            mistakes = [*mistakes[: LIMITS.max_mistakes], rest]
         return error(mistakes)
 
 
 @dataclass(frozen=True)
 class Origin:
-    """Where something was written; things are equal wherever they were written.
+    """Where an object was written. All origins are equal, so that equal objects are.
 
     Attributes:
         file: the file's name as the user gave it.
@@ -102,7 +99,7 @@ def read_file(path: str | os.PathLike[str], error: type[FileError] = FileError) 
             found = "a folder" if place.is_dir() else "nothing" if not place.exists() else "no file"
             raise error([Mistake(name, None, "", f"found {found} here; a YAML file is needed")])
         with place.open("rb") as stream:
-            raw = stream.read(MAX_BYTES + 1)
+            raw = stream.read(LIMITS.max_file_bytes + 1)
         folder = place.resolve().parent
     except (OSError, ValueError) as reason:
         text = getattr(reason, "strerror", None) or str(reason)
@@ -128,8 +125,8 @@ def read_located(
     def fail(line: int | None, path: Path, message: str) -> FileError:
         return error([Mistake(file, line, key_path(path), message)])
 
-    if len(text) > MAX_BYTES:
-        raise fail(None, (), f"larger than {MAX_BYTES / 1e6:g} MB, the most that is read")
+    if len(text) > LIMITS.max_file_bytes:
+        raise fail(None, (), f"larger than {LIMITS.max_file_bytes / 1e6:g} MB, which is the limit")
     if isinstance(text, bytes):
         try:
             text = text.decode("utf-8-sig")
@@ -152,7 +149,7 @@ def validate(model: type[ModelT], located: Located, error: type[FileError] = Fil
 
     Args:
         model: a pydantic model; its validators find ``located`` as the validation context.
-        located: what ``read_located`` gave.
+        located: result of ``read_located``.
         error: the kind of error to raise.
     """
     try:
@@ -165,32 +162,32 @@ def validate(model: type[ModelT], located: Located, error: type[FileError] = Fil
 
 
 def findings(model: type[BaseModel], data: Any, error: ValidationError) -> list[Finding]:
-    """Pydantic's errors as places and sentences.
+    """Pydantic's errors as findings.
 
     Args:
-        model: what was validated.
+        model: the model.
         data: plain data it was validated from.
-        error: what pydantic raised.
+        error: raised by pydantic.
     """
     found = []
     for k, item in enumerate(error.errors(include_url=False)):
         path, leaf = _path(data, item["loc"], item["type"])
         if item["type"] in ("union_tag_invalid", "union_tag_not_found"):
             path = (*path, item["ctx"]["discriminator"].strip("'"))
-        # Looking for a name takes long, and no more mistakes than these are shown.
-        found.append((path, _sentence(model, item, leaf, hints=k < MAX_MISTAKES)))
+        # Hints are slow, and only these mistakes are shown.
+        found.append((path, _sentence(model, item, leaf, hints=k < LIMITS.max_mistakes)))
     return found
 
 
 def mended(data: Any, error: ValidationError) -> Any | None:
-    """A copy of plain data with numbers in range in place of those that are not.
+    """A copy of plain data with numbers out of range replaced by allowed ones.
 
     Args:
-        data: plain data it was validated from.
-        error: what pydantic raised.
+        data: plain data.
+        error: raised by pydantic on validation of the data.
 
     Returns:
-        None where no mistake comes with a number that could stand in its place.
+        None if no mistake comes with a replacement.
     """
     out = None
     for item in error.errors(include_url=False):
@@ -209,7 +206,7 @@ def mended(data: Any, error: ValidationError) -> Any | None:
 
 
 def key_path(path: Path) -> str:
-    """``("bodies", 2, "joint")`` -> ``bodies[2].joint``; odd keys are quoted and cut short."""
+    """``("bodies", 2, "joint")`` -> ``bodies[2].joint``; other keys are quoted and cut."""
     text = ""
     for part in path:
         if isinstance(part, int):
@@ -226,7 +223,7 @@ _short.maxstring = _short.maxother = _short.maxlong = 60
 
 
 def shown(value: Any) -> str:
-    """A value as a message shows it: on one line and short."""
+    """A value as text for a message: on one line and short."""
     if isinstance(value, BaseModel):
         return type(value).__name__
     if isinstance(value, float) and not math.isfinite(value):

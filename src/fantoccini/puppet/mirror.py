@@ -28,8 +28,7 @@ def reflected(data: dict[str, Any]) -> tuple[dict[str, Any], list[Finding]]:
         data: plain data of a valid puppet.
 
     Returns:
-        The data without ``mirror`` but with the twins behind their originals, and what cannot
-        be mirrored.
+        The data with twins after the originals and without ``mirror``, and mistakes.
     """
     if "mirror" not in data:
         return data, []
@@ -56,7 +55,7 @@ class Reflection:
     """Mirror images of the parts of a puppet.
 
     Attributes:
-        findings: places of parameters that a mirror image would need with the other sign.
+        findings: parameters that a mirror image would need with the other sign.
     """
 
     def __init__(self, plane: str, token: str, to: str):
@@ -133,7 +132,7 @@ class Reflection:
         return spring | {"name": self.name(spring["name"]), "between": ends}
 
     def drive(self, drive: dict[str, Any]) -> dict[str, Any]:
-        """A drive with the twins of its coordinates beside them."""
+        """A drive on its coordinates and their twins."""
         on = drive["on"]
         twins = [self.name(o) + n[len(o) :] for n in on if self.token in (o := owner_of(n))]
         return drive | {"on": [*on, *(n for n in twins if n not in on)]}
@@ -174,7 +173,7 @@ class Reflection:
         for k, (number, sign) in enumerate(zip(numbers, signs, strict=True)):
             if sign < 0 and isinstance(number, dict):
                 name = number["parameter"]
-                text = f"the mirror image needs minus {name!r}; write both halves out instead"
+                text = f"the mirror image needs -{name}; write out both halves instead"
                 self.findings.append(((*path, k), text))
             out.append(0.0 - number if sign < 0 and not isinstance(number, dict) else number)
         return out

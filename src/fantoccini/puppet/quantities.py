@@ -1,25 +1,29 @@
 """Kinds of quantities: the unit of each, and how small and how large it may be.
 
-The bounds are far beyond what is built, and keep products of several numbers finite: a run never
-meets an overflow that comes from the file.
+The bounds are far beyond real puppets. They keep products of several numbers finite, so that no
+file makes a run overflow.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import AfterValidator, BeforeValidator, Discriminator, Tag, WithJsonSchema
+from pydantic import Discriminator, GetCoreSchemaHandler, GetJsonSchemaHandler, Tag
+from pydantic_core import CoreSchema, core_schema
 
 from fantoccini.puppet.values import (
+    Angle as AnyAngle,
+    Number,
     Parameter,
+    Real,
     mistake,
     number_kind,
-    read_angle,
-    read_real,
     sized,
     value_of,
 )
+
+ValueT = TypeVar("ValueT", float, Parameter, str, None)
 
 
 @dataclass(frozen=True)
@@ -28,13 +32,13 @@ class Quantity:
 
     Attributes:
         unit: for messages.
-        least: size of the smallest number that is not zero.
-        most: size of the largest.
+        min_size: smallest absolute value other than 0.
+        max_size: largest absolute value.
     """
 
     unit: str
-    least: float
-    most: float
+    min_size: float
+    max_size: float
 
 
 QUANTITIES = {
@@ -57,98 +61,94 @@ QUANTITIES = {
 }
 
 
-def bounded(kind: str, sign: str) -> Any:
-    """A check of sign and size; words and None pass.
+@dataclass(frozen=True)
+class Bounded:
+    """Annotation that checks a number's sign and size; texts and None pass.
 
-    Args:
-        kind: of quantity.
-        sign: ``any``, ``not negative`` or ``positive``.
+    Attributes:
+        kind: key of :data:`QUANTITIES`.
+        sign: which signs are allowed.
     """
-    quantity = QUANTITIES[kind]
 
-    def check(number: Any) -> Any:
+    kind: str
+    sign: Literal["any", "not negative", "positive"] = "any"
+
+    def check(self, number: ValueT) -> ValueT:
+        """The number, if it is allowed."""
         if number is None or isinstance(number, str):
             return number
-        value = value_of(number)
+        quantity, value = QUANTITIES[self.kind], value_of(number)
+        low, high = quantity.min_size, quantity.max_size
         size = abs(value)
-        instead = min(max(size, quantity.least), quantity.most) or quantity.most
-        if sign == "positive" and value <= 0:
+        instead = min(max(size, low), high) or high
+        if self.sign == "positive" and value <= 0:
             raise mistake(f"found {value:g}; needed: a positive number", instead)
-        if sign == "not negative" and value < 0:
+        if self.sign == "not negative" and value < 0:
             raise mistake(f"found {value:g}; needed: zero or a positive number", instead)
-        if size > quantity.most or 0 < size < quantity.least:
-            zero = "0, or " if quantity.least and sign != "positive" else ""
-            text = f"{zero}{quantity.least:g} to {quantity.most:g}"
-            if sign == "any":
+        if size > high or 0 < size < low:
+            text = f"{low:g} to {high:g}"
+            if low and self.sign != "positive":
+                text = f"0, or {text}"
+            if self.sign == "any":
                 text += " in size"
             raise mistake(f"found {value:g}; allowed: {text} {quantity.unit}".rstrip(), instead)
         return number
 
-    return AfterValidator(check)
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.no_info_after_validator_function(self.check, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        quantity = QUANTITIES[self.kind]
+        signs = {
+            "any": -quantity.max_size,
+            "not negative": 0.0,
+            "positive": quantity.min_size,
+        }
+        return _with_range(handler(schema), signs[self.sign], quantity.max_size)
 
 
-def _schema(kind: str, sign: str) -> dict[str, Any]:
-    quantity = QUANTITIES[kind]
-    lowest = {"any": -quantity.most, "not negative": 0.0, "positive": quantity.least}[sign]
-    return {"type": "number", "minimum": lowest, "maximum": quantity.most}
+def _with_range(schema: dict[str, Any], low: float, high: float) -> dict[str, Any]:
+    """A JSON schema whose numbers, alone or as an alternative, lie in a range."""
+    if schema.get("type") == "number":
+        return schema | {"minimum": low, "maximum": high}
+    ways = {key: schema[key] for key in ("anyOf", "oneOf") if key in schema}
+    return schema | {key: [_with_range(s, low, high) for s in way] for key, way in ways.items()}
 
 
-def _plain(kind: str, sign: str = "any") -> Any:
-    """A number that cannot be a parameter."""
-    schema = WithJsonSchema(_schema(kind, sign))
-    return Annotated[float, BeforeValidator(read_real), bounded(kind, sign), schema]
-
-
-def _number(kind: str, sign: str = "any") -> Any:
-    """A number, or a parameter with one."""
-    schema = WithJsonSchema(_schema(kind, sign))
-    return Annotated[
-        Annotated[Annotated[float, BeforeValidator(read_real), schema], Tag("<number>")]
-        | Annotated[Parameter, Tag("<parameter>")],
-        Discriminator(number_kind),
-        bounded(kind, sign),
-    ]
-
-
-_ANGLE_TEXT = {"type": "string", "pattern": "^[-+.0-9eE]+ *(deg|rad)$"}
-
-
-def _angle_or(kind: str) -> Any:
-    """An angle with or without a unit, or a number of another kind."""
-    schema = WithJsonSchema({"anyOf": [_schema(kind, "any"), _ANGLE_TEXT]})
-    return Annotated[float, BeforeValidator(read_angle), bounded(kind, "any"), schema]
-
-
-Place = _plain("place")
-Size = _plain("length", "positive")
-Scale = _plain("scale")
-Angle = _angle_or("angle")
-RotationPart = _plain("angle")
-AngleOrPlace = _angle_or("coordinate")
+Place = Annotated[Real, Bounded("place")]
+Size = Annotated[Real, Bounded("length", "positive")]
+Scale = Annotated[Real, Bounded("scale")]
+Angle = Annotated[AnyAngle, Bounded("angle")]
+RotationPart = Annotated[Real, Bounded("angle")]
+AngleOrPlace = Annotated[AnyAngle, Bounded("coordinate")]
 NumberAngleOrPlace = Annotated[
-    Annotated[AngleOrPlace, Tag("<number>")] | Annotated[Parameter, Tag("<parameter>")],
+    Annotated[AnyAngle, Tag("<number>")] | Annotated[Parameter, Tag("<parameter>")],
     Discriminator(number_kind),
-    bounded("coordinate", "any"),
+    Bounded("coordinate"),
 ]
 
-PlaceNumber = _number("place")
-LengthNumber = _number("length", "positive")
-RestLength = _number("length", "not negative")
-Mass = _number("mass", "not negative")
-PositiveMass = _number("mass", "positive")
-Density = _number("density", "not negative")
-Inertia = _number("inertia")
-RotorInertia = _number("rotor", "positive")
-Damping = _number("damping", "not negative")
-Stiffness = _number("stiffness", "not negative")
-PositiveStiffness = _number("stiffness", "positive")
-Force = _number("force", "not negative")
-PositiveForce = _number("force", "positive")
-Speed = _number("speed", "positive")
-Acceleration = _number("acceleration")
-Electric = _number("electric", "positive")
-Ratio = _number("ratio", "positive")
-NotNegativeRatio = _number("ratio", "not negative")
+PlaceNumber = Annotated[Number, Bounded("place")]
+LengthNumber = Annotated[Number, Bounded("length", "positive")]
+RestLength = Annotated[Number, Bounded("length", "not negative")]
+Mass = Annotated[Number, Bounded("mass", "not negative")]
+PositiveMass = Annotated[Number, Bounded("mass", "positive")]
+Density = Annotated[Number, Bounded("density", "not negative")]
+Inertia = Annotated[Number, Bounded("inertia")]
+RotorInertia = Annotated[Number, Bounded("rotor", "positive")]
+Damping = Annotated[Number, Bounded("damping", "not negative")]
+Stiffness = Annotated[Number, Bounded("stiffness", "not negative")]
+PositiveStiffness = Annotated[Number, Bounded("stiffness", "positive")]
+Force = Annotated[Number, Bounded("force", "not negative")]
+PositiveForce = Annotated[Number, Bounded("force", "positive")]
+Speed = Annotated[Number, Bounded("speed", "positive")]
+Acceleration = Annotated[Number, Bounded("acceleration")]
+Electric = Annotated[Number, Bounded("electric", "positive")]
+Ratio = Annotated[Number, Bounded("ratio", "positive")]
+NotNegativeRatio = Annotated[Number, Bounded("ratio", "not negative")]
 
 Point = Annotated[tuple[PlaceNumber, PlaceNumber, PlaceNumber], sized(3)]
 Gravity = Annotated[tuple[Acceleration, Acceleration, Acceleration], sized(3)]

@@ -1,4 +1,4 @@
-"""The one schema of a puppet: bodies on joints, hung on strings."""
+"""The schema of a puppet: bodies on joints, hung on strings."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from fantoccini.puppet.chain import (
     CORD_DAMPING,
     CORD_MASS,
     CORD_STIFFNESS,
-    PIECES,
+    DEFAULT_PIECES,
     Chain,
     chained,
     check_chain,
@@ -33,6 +33,7 @@ from fantoccini.puppet.joint import Joint
 from fantoccini.puppet.located import Located, Origin, findings, mended, shown
 from fantoccini.puppet.quantities import (
     AngleOrPlace,
+    Bounded,
     Damping,
     Gravity,
     Inertia,
@@ -45,7 +46,6 @@ from fantoccini.puppet.quantities import (
     Size,
     Speed,
     Stiffness,
-    bounded,
 )
 from fantoccini.puppet.shapes import AnyObstacle, AnyShape, Colour, Mesh
 from fantoccini.puppet.values import (
@@ -81,7 +81,7 @@ class Drag(Model):
 def _possible(inertia: tuple[Number, ...]) -> tuple[Number, ...]:
     ixx, iyy, izz, ixy, ixz, iyz = (*(value_of(n) for n in inertia), 0.0, 0.0, 0.0)[:6]
     a, b, c = np.linalg.eigvalsh([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
-    slack = 1e-9 * abs(c)
+    slack = 1e-9 * abs(c)  # far above rounding
     if a < -slack:
         raise mistake(f"found a principal moment of {a:g} kg m^2; none may be negative")
     if a + b < c - slack:
@@ -102,9 +102,9 @@ class Body(Model):
     name: PartName
     """The body's name."""
     parent: str = "world"
-    """Name of the body it hangs on."""
+    """Name of the parent body."""
     joint: Joint = Joint(type="fixed")
-    """How it moves on its parent."""
+    """Joint that carries it on its parent."""
     shapes: tuple[AnyShape, ...] = ()
     """Solids fixed on the body; those with mass or density give its inertia."""
     mass: Mass | None = None
@@ -140,7 +140,7 @@ class Attachment(Model):
         if self.parent != "world" and self.driven is None:
             raise mistake("found a parent of a point that is not driven; write body instead")
         if self.world is not None and "at" in self.model_fields_set:
-            raise mistake("found world and at; the place stands in world itself")
+            raise mistake("found world and at; world gives the place")
         return self
 
 
@@ -159,7 +159,7 @@ Length = Annotated[
     | Annotated[Size, Tag("<number>")]
     | Annotated[Parameter, Tag("<parameter>")],
     Discriminator(_length_kind),
-    bounded("length", "positive"),
+    Bounded("length", "positive"),
 ]
 
 
@@ -171,7 +171,7 @@ class String(Model):
     path: Annotated[tuple[Attachment, ...], entries(2)]
     """The points it runs through, from end to end."""
     length: Length
-    """L [m], or `driven` when it is wound in and out."""
+    """L [m], or `driven` if it is wound in and out."""
     wire: bool = Field(default=False, strict=True)
     """True for a rod that also pushes (a two-sided constraint)."""
     restitution: Share = 0.0
@@ -179,9 +179,9 @@ class String(Model):
     max_tension: PositiveForce | None = None
     """Tension at which its winch slips and lets string out [N]."""
     rewind_speed: Speed | None = None
-    """Speed at which the winch takes back what slipped [m/s]."""
+    """Speed at which the winch rewinds the slipped length [m/s]."""
     chain: Chain | None = None
-    """Masses and springs that it is made of, instead of a constraint."""
+    """Models the string as springs and point masses, instead of a constraint."""
     colour: Colour | None = None
     """Colour as `"#rrggbb"`."""
 
@@ -195,8 +195,7 @@ class String(Model):
             raise mistake("found rewind_speed without max_tension; only a winch that slips rewinds")
         if bounces and self.max_tension is not None:
             raise mistake(
-                "found restitution and max_tension; a winch that slips takes no impulse to give "
-                "back"
+                "found restitution and max_tension; a string on a slipping winch does not bounce"
             )
         if self.chain is not None:
             check_chain(self)
@@ -215,18 +214,18 @@ class Spring(Model):
     rest: RestLength
     """Distance d at which it is relaxed [m]."""
     damping: Damping = 0.0
-    """On the rate of d [N s/m]."""
+    """Damping of the rate of d [N s/m]."""
 
 
 class Mirror(Model):
-    """Reflects everything whose name holds one word into a twin whose name holds the other."""
+    """Reflects all parts whose names contain one word into twins whose names contain another."""
 
     plane: Literal["xy", "yz", "xz"]
     """Plane of the reflection, through the origin."""
     from_: str = Field(alias="from", min_length=1, max_length=64)
-    """The word that is looked for, for example `left`."""
+    """Word in the names of originals, for example `left`."""
     to: str = Field(min_length=1, max_length=64)
-    """The word the twin carries, for example `right`."""
+    """Word in the names of their twins, for example `right`."""
 
 
 def _pose_kind(value: Any) -> str:
@@ -259,17 +258,17 @@ class Puppet(Model):
     springs: tuple[Spring, ...] = ()
     """Springs between points."""
     drives: tuple[Drive, ...] = ()
-    """Motors that move driven coordinates, which by that become dynamic."""
+    """Drives of driven coordinates, which become dynamic."""
     mirror: Mirror | None = None
     """Reflects one half of the puppet into the other."""
     pose: dict[str, PoseValue] = Field(default_factory=dict)
     """Start values: coordinate -> number; `joint.rotation` -> quaternion or rotation vector."""
     obstacles: tuple[AnyObstacle, ...] = ()
-    """Shapes that stand in the world."""
+    """Shapes fixed in the world."""
     floor: Place | None = None
     """Height of the floor [m]."""
     members: tuple[Name, ...] = ()
-    """In an assembled scene: its members; names of their parts begin with theirs and a dot."""
+    """Members of an assembled scene, whose names and a dot precede those of their parts."""
 
     _origin: Origin = PrivateAttr(default_factory=Origin)
 
@@ -286,7 +285,7 @@ class Puppet(Model):
                 puppet = handler(data if tried is plain else tried)
             except ValidationError as error:
                 found += findings(cls, tried, error)
-                # What is out of range hides nothing: all is looked through with a number in range.
+                # A number out of range hides nothing: the rest is checked with one in range.
                 tried = mended(tried, error)
         wide = check.findings(plain)
         if puppet is not None and not wide:
@@ -326,32 +325,32 @@ class Puppet(Model):
         """The same puppet with other values of its parameters.
 
         Args:
-            values: parameter name -> value; names it does not have are left out.
+            values: parameter name -> value; other names are ignored.
 
         Raises:
-            PuppetError: a value that its place does not allow.
+            PuppetError: a value is out of range.
         """
         plain = dump.plain(self)
         for _, parameter in written.parameters(plain):
             parameter["value"] = values.get(parameter["parameter"], parameter["value"])
-        # Its meshes lie where they did.
+        # The meshes stay in the same folder.
         return Puppet.model_validate(plain, context=Located(folder=self._origin.folder))
 
     def with_chains(
         self,
-        pieces: int = PIECES,
+        pieces: int = DEFAULT_PIECES,
         mass: Number = CORD_MASS,
         stiffness: Number = CORD_STIFFNESS,
         damping: Number = CORD_DAMPING,
     ) -> Puppet:
         """The same puppet on chains of point masses joined by springs, instead of constraints.
 
-        Strings that are chains already stay as they are, and so do wires. By default every string
-        weighs and stretches as a metre of polyester cord of 0.5 g/m: a specific modulus of 10 N/tex
-        (the yarn's) times 500 tex.
+        Chains and wires stay as they are. By default every string has the mass and stiffness of a
+        metre of polyester cord of 0.5 g/m: EA is the yarn's specific modulus, 10 N/tex, times
+        500 tex.
 
         Args:
-            pieces: springs of each string, joined by one mass less.
+            pieces: springs of each string; there is one mass fewer.
             mass: of each string [kg].
             stiffness: EA of each string [N].
             damping: force per unit of strain rate [N s].
@@ -377,7 +376,7 @@ class Puppet(Model):
         """File and line in which a body, joint, string, spring or obstacle is described.
 
         Args:
-            name: of the thing; twins are found where their originals are.
+            name: of the part; a twin is located at its original.
         """
         origin = self._origin
         line = origin.lines.get(name)
@@ -397,7 +396,7 @@ class Puppet(Model):
         """One text for equal puppets: JSON of the expanded puppet and of its meshes' digests.
 
         Args:
-            values: whether puppets that differ in the values of their parameters differ.
+            values: whether the text depends on the values of parameters.
         """
         puppet = self.expanded()
         solids = [s for body in puppet.bodies for s in body.shapes] + list(puppet.obstacles)

@@ -1,7 +1,6 @@
-"""Shapes: picture, collision geometry and inertia at once.
+"""Shapes: geometry for pictures and collisions, and inertia.
 
-A shape with a mass or a density counts towards its body's inertia; one with neither is only seen
-and collided with.
+A shape with a mass or a density counts towards its body's inertia.
 """
 
 from __future__ import annotations
@@ -25,13 +24,14 @@ from pydantic import (
     model_validator,
 )
 
+from fantoccini.puppet.limits import LIMITS
 from fantoccini.puppet.located import Located, Origin, shown
 from fantoccini.puppet.quantities import QUANTITIES, Density, Mass, Scale, Size, Sizes, Vector
 from fantoccini.puppet.values import Model, Orientation, PartName, mistake, sized, value_of
 
-MAX_MESH_BYTES = 50_000_000
-"""Size of the largest mesh file that is read [bytes]."""
 MESH_FORMATS = (".stl", ".obj", ".ply")
+MIN_MESH_VOLUME = 1e-15
+"""Volume of a mesh with mass [m^3]; a smaller one is flat, and its inertia is rounding."""
 
 
 def _colour(text: str) -> str:
@@ -47,7 +47,7 @@ class Shape(Model):
     """A solid of uniform density, fixed on a body."""
 
     mass: Mass | None = None
-    """Mass [kg]; leave out mass and density for a shape that is only seen."""
+    """Mass [kg]; a shape without mass and density has no inertia."""
     density: Density | None = None
     """Density [kg/m^3], instead of a mass."""
     colour: Colour | None = None
@@ -57,7 +57,7 @@ class Shape(Model):
     @classmethod
     def _mass_or_density(cls, density: Any, info: ValidationInfo) -> Any:
         if density is not None and info.data.get("mass") is not None:
-            raise mistake("found a density beside a mass; allowed: one of the two")
+            raise mistake("found mass and density; allowed: one of the two")
         return density
 
 
@@ -116,7 +116,7 @@ class Mesh(Shape):
     scale: Annotated[tuple[Scale, Scale, Scale], sized(3)] = (1.0, 1.0, 1.0)
     """Factors along x, y, z (file units to metres); a negative factor mirrors."""
     at: Vector = (0.0, 0.0, 0.0)
-    """Where the mesh's origin lies [m]."""
+    """Position of the mesh's origin [m]."""
     orientation: Orientation | None = None
     """Turns the mesh about its origin."""
 
@@ -153,8 +153,9 @@ class Mesh(Shape):
             size = place.stat().st_size
         except OSError as reason:
             raise mistake(f"found {shown(file)}, which cannot be read: {reason}") from None
-        if size > MAX_MESH_BYTES:
-            raise mistake(f"found {size / 1e6:.0f} MB; at most {MAX_MESH_BYTES / 1e6:.0f} MB read")
+        most = LIMITS.max_mesh_bytes
+        if size > most:
+            raise mistake(f"found {size / 1e6:.0f} MB; allowed: up to {most / 1e6:.0f} MB")
         return file
 
     def model_post_init(self, context: Any) -> None:
@@ -171,7 +172,7 @@ class Mesh(Shape):
 
     @property
     def path(self) -> Path:
-        """Where the mesh file lies."""
+        """Path of the mesh file."""
         return self._origin.folder / self.file
 
     def digest(self) -> str:
@@ -183,7 +184,7 @@ AnyShape = Annotated[Capsule | Box | Sphere | Ellipsoid | Mesh, Field(discrimina
 
 
 class Obstacle(Shape):
-    """A shape that stands in the world; nothing moves it."""
+    """A shape fixed in the world."""
 
     name: PartName
     """The obstacle's name."""
@@ -194,23 +195,23 @@ class Obstacle(Shape):
 
 
 class CapsuleObstacle(Obstacle, Capsule):
-    """A capsule that stands in the world."""
+    """A capsule fixed in the world."""
 
 
 class BoxObstacle(Obstacle, Box):
-    """A box that stands in the world."""
+    """A box fixed in the world."""
 
 
 class SphereObstacle(Obstacle, Sphere):
-    """A ball that stands in the world."""
+    """A ball fixed in the world."""
 
 
 class EllipsoidObstacle(Obstacle, Ellipsoid):
-    """An ellipsoid that stands in the world."""
+    """An ellipsoid fixed in the world."""
 
 
 class MeshObstacle(Obstacle, Mesh):
-    """A mesh that stands in the world."""
+    """A mesh fixed in the world."""
 
 
 AnyObstacle = Annotated[
@@ -257,9 +258,9 @@ def shape_inertia(shape: Shape) -> tuple[float, UnitInertia]:
     raise TypeError(f"{type(shape).__name__} is not a shape")
 
 
-def _placed(shape: Any, moments: tuple[float, float, float]) -> UnitInertia:
+def _placed(shape: Box | Sphere | Ellipsoid, moments: tuple[float, float, float]) -> UnitInertia:
     """R diag(moments) R^T at the shape's centre."""
-    orientation = getattr(shape, "orientation", None)
+    orientation = None if isinstance(shape, Sphere) else shape.orientation
     R = np.eye(3) if orientation is None else orientation.matrix
     return UnitInertia(np.array(shape.at), R @ np.diag(moments) @ R.T)
 
@@ -285,7 +286,7 @@ def _capsule(shape: Capsule) -> tuple[float, UnitInertia]:
 
 
 def _mesh(shape: Mesh) -> tuple[float, UnitInertia]:
-    """Of the enclosed volume, from the triangles."""
+    """Volume and unit inertia of the enclosed solid."""
     mesh = load_mesh(shape)
     volume = float(mesh.volume)
     return volume, UnitInertia(np.array(mesh.center_mass), np.array(mesh.moment_inertia) / volume)
@@ -295,10 +296,10 @@ def load_mesh(shape: Mesh) -> Any:
     """The mesh in the body frame, as a ``trimesh.Trimesh``.
 
     Args:
-        shape: where it lies, how it is scaled and placed.
+        shape: its file, scale and pose.
 
     Raises:
-        ValueError: when the file is no mesh, or is not closed although it has a mass.
+        ValueError: the file is no mesh, or the mesh has a mass but is not closed.
     """
     import trimesh
 
@@ -315,11 +316,11 @@ def load_mesh(shape: Mesh) -> Any:
     placed[:3, 3] = shape.at
     mesh.apply_transform(placed)
     length, extent = QUANTITIES["length"], float(np.max(mesh.extents))
-    if not length.least <= extent <= length.most:
+    if not length.min_size <= extent <= length.max_size:
         text = f"{shape.file} measures {extent:g} m with its scale"
-        raise ValueError(f"{text}; allowed: {length.least:g} to {length.most:g} m")
-    if has_mass(shape) and (not mesh.is_watertight or not abs(mesh.volume) >= 1e-15):
-        raise ValueError(f"{shape.file} is not closed, so its mass has no place")
+        raise ValueError(f"{text}; allowed: {length.min_size:g} to {length.max_size:g} m")
+    if has_mass(shape) and (not mesh.is_watertight or not abs(mesh.volume) >= MIN_MESH_VOLUME):
+        raise ValueError(f"{shape.file} is not closed, so its mass has no centre")
     if mesh.volume < 0:
         mesh.invert()
     return mesh

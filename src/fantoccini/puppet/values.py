@@ -1,6 +1,6 @@
 """Values that a puppet file is made of: names, numbers, parameters, angles, points, orientations.
 
-A number may be marked ``{parameter: m1, value: 0.5}``: it then is an entry of the argument p of
+A number may be marked ``{parameter: m1, value: 0.5}``: it is then an entry of the argument p of
 every generated function instead of a constant.
 """
 
@@ -32,7 +32,7 @@ _ANGLE = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?) *(deg|rad)", r
 
 
 class Model(BaseModel):
-    """Base of everything in the schema: immutable, and nothing unknown is let through."""
+    """Base of all parts of the schema: immutable, without unknown keys."""
 
     model_config = ConfigDict(
         frozen=True,
@@ -44,11 +44,11 @@ class Model(BaseModel):
 
 
 def mistake(message: str, instead: float | None = None) -> PydanticCustomError:
-    """A validation error whose sentence is finished.
+    """A validation error with a complete message.
 
     Args:
-        message: the sentence.
-        instead: a number that could stand there: with it the rest is looked through as well.
+        message: the message.
+        instead: an allowed number, with which the rest is checked.
     """
     return PydanticCustomError("fantoccini", "{text}", {"text": message, "instead": instead})
 
@@ -183,7 +183,7 @@ def sized(*sizes: int) -> BeforeValidator:
 
 
 def entries(least: int, most: int | None = None) -> BeforeValidator:
-    """Demands a list with this many entries, counted before any is found wrong."""
+    """Demands a list with this many entries, before any entry is checked."""
 
     def check(value: Any) -> Any:
         if isinstance(value, (list, tuple)) and not (
@@ -202,9 +202,9 @@ def unit(vector: tuple[float, ...]) -> tuple[float, ...]:
     if largest == 0:
         raise mistake("found a vector of zero length; its direction is needed")
     size = math.hypot(*vector)
-    if abs(size - 1) < 1e-15:
+    if abs(size - 1) < 1e-15:  # rounding
         return vector
-    # Neither a huge nor a tiny vector's length is a number with all its digits.
+    # Scaled first: the length of a huge or tiny vector overflows or loses digits.
     scaled = tuple(x / largest for x in vector)
     size = math.hypot(*scaled)
     return tuple(x / size for x in scaled)
@@ -269,7 +269,7 @@ class Orientation(Model):
 
     @property
     def matrix(self) -> np.ndarray:
-        """Rotation matrix (3, 3) from the turned frame to the one it is given in."""
+        """Rotation matrix (3, 3) from the rotated frame to the one it is given in."""
         if self.quaternion is not None:
             return rotation_matrix(self.quaternion)
         if self.rpy is not None:

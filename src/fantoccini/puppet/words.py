@@ -1,4 +1,4 @@
-"""What other programs call what a puppet file calls otherwise."""
+"""Words of other programs for the words of puppet files."""
 
 OWN_WORDS = {
     **dict.fromkeys(("hinge", "pin", "rotary", "rotational", "rotation", "continuous"), "revolute"),
@@ -12,4 +12,4 @@ OWN_WORDS = {
     **dict.fromkeys(("ball", "circle"), "sphere"),
     **dict.fromkeys(("stl", "obj", "ply"), "mesh"),
 }
-"""Word of others -> own word, of joints and shapes. `ball` is a joint here, elsewhere a sphere."""
+"""Another program's word -> ours, for joints and shapes. Our `ball` is a joint, theirs a sphere."""

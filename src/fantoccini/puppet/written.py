@@ -1,4 +1,4 @@
-"""A puppet's plain data as it was written, of any form: its names, and what is found wrong."""
+"""A puppet's plain data as written, of any form, with its names and mistakes."""
 
 from __future__ import annotations
 
@@ -6,14 +6,13 @@ from collections.abc import Iterator
 from typing import Any
 
 from fantoccini.errors import nearest
+from fantoccini.puppet.limits import LIMITS
 from fantoccini.puppet.located import Located
 from fantoccini.puppet.mirror import twin_name
 from fantoccini.puppet.values import owner_of
 from fantoccini.puppet.yaml_text import Path
 
 _SECTIONS = ("bodies", "strings", "springs", "obstacles")
-_MANY_NAMES = 400
-_MOST_HINTS = 50
 
 
 def parameters(data: Any) -> Iterator[tuple[Path, dict[str, Any]]]:
@@ -30,13 +29,13 @@ def parameters(data: Any) -> Iterator[tuple[Path, dict[str, Any]]]:
 
 
 def name_lines(data: dict[str, Any], located: Located) -> dict[str, int]:
-    """Line of every name, for messages that come later."""
+    """Line of every name, for later messages."""
     places = [(name, located.line(path)) for name, path in named(data)]
     return {name: line for name, line in places if line is not None}
 
 
 def is_number(value: Any) -> bool:
-    """Whether a value is a number; true and false are none."""
+    """Whether a value is a number; true and false are not."""
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
@@ -49,7 +48,7 @@ def items(data: Any, key: str) -> list[tuple[int, dict[str, Any]]]:
 
 
 def word(item: Any, key: str) -> str | None:
-    """The text under a key; None where there is none."""
+    """The text under a key; None if there is none."""
     value = item.get(key) if isinstance(item, dict) else None
     return value if isinstance(value, str) else None
 
@@ -67,12 +66,12 @@ def named(data: dict[str, Any]) -> Iterator[tuple[str, Path]]:
 
 
 class Written:
-    """A puppet's plain data, its names with those of twins, and what is found wrong in it.
+    """A puppet's plain data, its names and those of twins, and the mistakes found.
 
     Attributes:
         data: the plain data.
-        found: where, and what.
-        owner: name -> where it is given; filled while names are checked.
+        found: paths and messages.
+        owner: name -> its path; filled by the check of names.
         rule: the mirror's two words, or None.
         bodies: name of a body in the file -> its index.
         known: names of all bodies, twins included.
@@ -103,7 +102,7 @@ class Written:
         self.found.append((path, message))
 
     def twin(self, name: str) -> str:
-        """The name of the mirror image; the name itself where it has none."""
+        """The name of the mirror image; the name itself if there is none."""
         return twin_name(name, *self.rule) if self.rule else name
 
     def split(self, coordinate: str) -> tuple[str, str]:
@@ -112,7 +111,7 @@ class Written:
         return owner, coordinate[len(owner) + 1 :]
 
     def near(self, name: str, allowed: set[str]) -> str:
-        """The nearest name; only for the first few, as looking for it takes long."""
+        """Hint of the nearest name; empty beyond the limits, since the search is slow."""
         self._hints += 1
-        few = self._hints < _MOST_HINTS and len(allowed) < _MANY_NAMES
+        few = self._hints <= LIMITS.max_hints and len(allowed) <= LIMITS.max_hint_names
         return nearest(name[:64], allowed) if few else ""

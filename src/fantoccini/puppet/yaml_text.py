@@ -1,7 +1,7 @@
 """YAML text -> plain data and the line of every key, from the parser's events.
 
 Working on events keeps the reader iterative (no recursion, however deep the file) and lets it
-refuse what a description of a puppet never needs: tags, merge keys, keys that are not scalars,
+refuse what puppet files never need: tags, merge keys, keys that are not scalars,
 several documents, aliases that multiply.
 """
 
@@ -12,14 +12,9 @@ import re
 from dataclasses import dataclass, field
 from typing import Any
 
-Path = tuple[str | int, ...]
+from fantoccini.puppet.limits import LIMITS
 
-MAX_DEPTH = 40
-"""Levels of nesting a file may have."""
-MAX_VALUES = 100_000
-"""Values a file may hold."""
-MAX_COPIES = 20_000
-"""Values that aliases may repeat, in all."""
+Path = tuple[str | int, ...]
 
 _INTEGER = re.compile(r"[-+]?[0-9]+")
 _REAL = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?")
@@ -32,7 +27,7 @@ _WORDS |= {w: math.nan for w in (".nan", ".NaN", ".NAN")}
 
 
 class Unreadable(Exception):
-    """The text stops being YAML that can be read; nothing after this place is known."""
+    """The text cannot be read beyond this place."""
 
     def __init__(self, line: int | None, path: Path, message: str):
         self.line, self.path, self.message = line, path, message
@@ -44,7 +39,7 @@ class Unreadable(Exception):
 
 @dataclass
 class Text:
-    """What a text says.
+    """The content of a text.
 
     Attributes:
         data: dicts, lists, strings, numbers, booleans and None.
@@ -137,18 +132,17 @@ class _Reader:
             raise Unreadable(line, self.here(), text)
         value, size = self.anchors[event.anchor]
         self.copies += size
-        if self.copies > MAX_COPIES:
-            raise Unreadable(
-                line, self.here(), f"aliases repeat more than {MAX_COPIES} values; write them out"
-            )
+        if self.copies > LIMITS.max_alias_values:
+            message = f"aliases repeat more than {LIMITS.max_alias_values} values; write them out"
+            raise Unreadable(line, self.here(), message)
         self.put(value, self.place(line), size)
 
     def open(self, event: Any, value: dict[str, Any] | list[Any], line: int) -> None:
         self.refuse_tag(event, line)
         if self.expects_key():
             raise Unreadable(line, self.here(), "a key must be a word, not a mapping or a list")
-        if len(self.stack) >= MAX_DEPTH:
-            raise Unreadable(line, (), f"nested deeper than {MAX_DEPTH} levels")
+        if len(self.stack) >= LIMITS.max_depth:
+            raise Unreadable(line, (), f"nested deeper than {LIMITS.max_depth} levels")
         self.stack.append(_Open(value, self.place(line), event.anchor))
 
     def close(self) -> None:
@@ -191,8 +185,10 @@ class _Reader:
     def place(self, line: int) -> Path:
         path = self.here()
         self.values += 1
-        if self.values > MAX_VALUES:
-            raise Unreadable(line, path, f"more than {MAX_VALUES} values; the most that are read")
+        if self.values > LIMITS.max_values:
+            raise Unreadable(
+                line, path, f"more than {LIMITS.max_values} values, which is the limit"
+            )
         self.text.lines.setdefault(path, line)
         return path
 

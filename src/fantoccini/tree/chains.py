@@ -1,4 +1,4 @@
-"""Chains: the masses that strings are made of, and where they hang at the start."""
+"""Chains: the point masses of strings, and where they start."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from fantoccini.tree.placement import Value, link_poses, place
 from fantoccini.tree.structure import WORLD, Link, Lump, Tree
 
 
-def mass_link(name: str, share: Number, masses: int) -> Link:
+def mass_link(name: str, mass: Number, masses: int) -> Link:
     """A point mass of a chain, free in the world.
 
     Args:
         name: of the link and of its joint: string, dot, number from 1.
-        share: mass of the whole string [kg].
-        masses: how many share it.
+        mass: of the whole string [kg].
+        masses: number of point masses that share it.
     """
-    point = Lump(share, 1.0 / masses, UnitInertia(np.zeros(3), np.zeros((3, 3))))
+    point = Lump(mass, 1.0 / masses, UnitInertia(np.zeros(3), np.zeros((3, 3))))
     return Link(
         name=name,
         parent=WORLD,
@@ -38,14 +38,14 @@ def mass_link(name: str, share: Number, masses: int) -> Link:
 def placed(
     tree: Tree, q_D: np.ndarray, q_K: np.ndarray, number: Value, given: frozenset[str] = frozenset()
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A configuration with the masses of chains between the ends of their strings.
+    """A configuration with the masses of chains placed between the strings' ends.
 
-    They lie on the straight line, or, where the string is longer, on a V whose legs hang down, so
-    that its pieces are relaxed.
+    They lie on the straight line or, if the string is longer, on a V that hangs down, where the
+    springs are relaxed.
 
     Args:
         tree: with the chains.
-        q_D: (n_qD,) the rest of it.
+        q_D: (n_qD,) configuration without these places.
         q_K: (n_qK,); a driven length that is nan becomes the distance of the ends.
         number: value of a number of the puppet.
         given: names of coordinates that stay as they are.

@@ -1,14 +1,22 @@
-"""Puppet -> Tree: links in topological order, rows, and places handed out to coordinates."""
+"""Puppet -> Tree: links in topological order, rows, and the places of coordinates."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from fantoccini.puppet import Attachment, Body, Number, Parameter, Puppet, String
+from fantoccini.puppet import (
+    Attachment,
+    Body,
+    Chain,
+    Joint,
+    Number,
+    Puppet,
+    String,
+    value_of,
+)
 from fantoccini.puppet.shapes import shape_inertia
 from fantoccini.tree.chains import mass_link, placed
 from fantoccini.tree.coordinates import Coordinate, Role
@@ -23,6 +31,9 @@ from fantoccini.tree.structure import (
     StringRow,
     Tree,
 )
+
+Pose = dict[str, float | tuple[float, ...]]
+"""Coordinate -> start value, or ``joint.rotation`` -> quaternion."""
 
 
 class _Grower:
@@ -44,13 +55,14 @@ class _Grower:
         for string in puppet.strings:
             self.string(string, place, puppet.pose)
         for spring in puppet.springs:
-            ends = tuple(_point(a, place) for a in spring.between)
-            self.springs.append(
-                SpringRow(spring.name, ends, spring.stiffness, spring.rest, spring.damping)
+            start, end = (_point(a, place) for a in spring.between)
+            row = SpringRow(
+                spring.name, (start, end), spring.stiffness, spring.rest, spring.damping
             )
+            self.springs.append(row)
         self.parameters = puppet.parameters()
 
-    def body(self, body: Body, parent: int, pose: dict[str, Any]) -> int:
+    def body(self, body: Body, parent: int, pose: Pose) -> int:
         joint = body.joint
         name = joint.name or body.name
         link = replace(
@@ -61,7 +73,7 @@ class _Grower:
             rest=joint.spring.rest if joint.spring else 0.0,
             lumps=_lumps(body),
             mass=body.mass,
-            com=None if body.com is None else tuple(body.com),
+            com=body.com,
             inertia=None if body.inertia is None else _six(body.inertia),
             drag=(body.drag.linear, body.drag.quadratic, body.drag.angular)
             if body.drag
@@ -72,40 +84,43 @@ class _Grower:
         self.joint_limits(joint, name, index)
         return index
 
-    def joint_limits(self, joint: Any, name: str, link: int) -> None:
-        def add(side: str, bound: float | None, a: Any = None, b: Any = None) -> None:
+    def joint_limits(self, joint: Joint, name: str, link: int) -> None:
+        def add(
+            side: str,
+            bound: float | None,
+            a: tuple[float, ...] | None = None,
+            b: tuple[float, ...] | None = None,
+        ) -> None:
             if bound is not None:
-                self.limits.append(LimitRow(f"{name}.{side}", link, side, bound, a, b))
+                axes = (None if axis is None else np.array(axis) for axis in (a, b))
+                self.limits.append(LimitRow(f"{name}.{side}", link, side, bound, *axes))
 
         if joint.limits:
             add("lower", joint.limits.lower)
             add("upper", joint.limits.upper)
         if joint.cone:
-            a = np.array(joint.cone.axis)
-            b = a if joint.cone.of is None else np.array(joint.cone.of)
-            add("cone", joint.cone.max, a, b)
+            add("cone", joint.cone.max, joint.cone.axis, joint.cone.body_axis)
         if joint.twist:
-            b = joint.twist.axis
-            if b is None:
-                b = joint.cone.axis if joint.cone.of is None else joint.cone.of
-            add("twist.lower", joint.twist.lower, None, np.array(b))
-            add("twist.upper", joint.twist.upper, None, np.array(b))
+            b = joint.twist.axis or (joint.cone.body_axis if joint.cone else None)
+            add("twist.lower", joint.twist.lower, None, b)
+            add("twist.upper", joint.twist.upper, None, b)
 
-    def string(self, string: String, place: dict[str, int], pose: dict[str, Any]) -> None:
+    def string(self, string: String, place: dict[str, int], pose: Pose) -> None:
         points = tuple(
-            self.driven_end(string.name, a, place) if a.driven else _point(a, place)
+            self.driven_end(string.name, a, a.driven, place) if a.driven else _point(a, place)
             for a in string.path
         )
-        length, length_index, role = string.length, None, Role.FIXED
-        if length == "driven":
-            start = float(pose.get(f"{string.name}.length", np.nan))
+        length: Number | None = None
+        length_index: tuple[int, int] | None = None
+        if string.length == "driven":
+            start = _start(string.name, pose).get(".length", np.nan)
             role, length_index = self.joints.length(string.name, start)
-            length = None
         else:
+            length, role = string.length, Role.FIXED
             row = Coordinate(f"{string.name}.length", role, string.name, "m", None)
             self.joints.table.rows.append(row)
         if string.chain is not None:
-            self.chain(string, points, length, length_index, role)
+            self.chain(string, string.chain, points, length, length_index, role)
             return
         self.strings.append(
             StringRow(
@@ -123,11 +138,11 @@ class _Grower:
         )
 
     def chain(
-        self, string: String, ends: tuple[Any, ...], length: Number | None, length_index: Any,
-        role: Role,
+        self, string: String, chain: Chain, ends: tuple[Point, ...], length: Number | None,
+        length_index: tuple[int, int] | None, role: Role,
     ) -> None:  # fmt: skip
-        """A string as masses, hand.1 to hand.7, and springs; they are placed when all is there."""
-        chain, masses = string.chain, []
+        """Adds a string as springs and point masses, hand.1 to hand.7."""
+        masses = []
         for k in range(1, chain.pieces):
             name = f"{string.name}.{k}"
             start = {f".{a}": np.nan for a in AXES}
@@ -146,10 +161,11 @@ class _Grower:
             )
         )
 
-    def driven_end(self, string: str, end: Attachment, place: dict[str, int]) -> Point:
+    def driven_end(
+        self, string: str, end: Attachment, axes: tuple[str, ...], place: dict[str, int]
+    ) -> Point:
         """A massless body on driven axes: `driven: [x, y]` gives hand.x and hand.y."""
-        at = tuple(_value(x) if a in end.driven else x for a, x in zip(AXES, end.at, strict=True))
-        return Point(self.joints.end(string, place[end.parent], end.driven, at), (0.0, 0.0, 0.0))
+        return Point(self.joints.end(string, place[end.parent], axes, end.at), (0.0, 0.0, 0.0))
 
 
 def grow(puppet: Puppet) -> Tree:
@@ -158,7 +174,7 @@ def grow(puppet: Puppet) -> Tree:
     grower.puppet(puppet.expanded())
     tree = Tree(
         name=puppet.name,
-        gravity=tuple(puppet.gravity),
+        gravity=puppet.gravity,
         links=tuple(grower.joints.links),
         strings=tuple(grower.strings),
         springs=tuple(grower.springs),
@@ -169,8 +185,8 @@ def grow(puppet: Puppet) -> Tree:
         chains=tuple(grower.chains),
     )
     table = tree.coordinates
-    # A driven length without a start stays nan: the state that is asked for gives it one.
-    start_D, _ = placed(tree, table.start_D, table.start_K, _value)
+    # A driven length without a start stays nan: the initial state sets it.
+    start_D, _ = placed(tree, table.start_D, table.start_K, value_of)
     return replace(tree, coordinates=replace(table, start_D=start_D))
 
 
@@ -187,41 +203,35 @@ def _parents_first(bodies: Iterable[Body]) -> list[Body]:
     return order
 
 
-def _start(joint: str, pose: dict[str, Any]) -> dict[str, float]:
-    """Suffix of a joint's configuration number -> its value in the pose, where it has one."""
-    found = {
-        key[len(joint) :]: value
-        for key, value in pose.items()
-        if joint in (key, key.rpartition(".")[0])
-    }
-    rotation = found.pop(".rotation", None)
-    if rotation is not None:
-        found |= dict(zip(suffixes("ball")[0], rotation, strict=True))
-    return {suffix: float(value) for suffix, value in found.items()}
+def _start(joint: str, pose: Pose) -> dict[str, float]:
+    """Suffix of a joint's or length's configuration number -> its value in the pose, if given."""
+    found: dict[str, float] = {}
+    for key, value in pose.items():
+        if joint not in (key, key.rpartition(".")[0]):
+            continue
+        if isinstance(value, tuple):
+            found |= dict(zip(suffixes("ball")[0], value, strict=True))
+        else:
+            found[key[len(joint) :]] = value
+    return found
 
 
 def _point(attachment: Attachment, place: dict[str, int]) -> Point:
     if attachment.world is not None:
-        return Point(WORLD, tuple(attachment.world))
-    return Point(place[attachment.body], tuple(attachment.at))
+        return Point(WORLD, attachment.world)
+    assert attachment.body is not None, "a driven end is no point of a body"
+    return Point(place[attachment.body], attachment.at)
 
 
 def _lumps(body: Body) -> tuple[Lump, ...]:
     lumps = []
     for shape in body.shapes:
-        if shape.mass is None and shape.density is None:
-            continue
-        volume, unit = shape_inertia(shape)
         if shape.mass is not None:
-            lumps.append(Lump(shape.mass, 1.0, unit))
-        else:
-            lumps.append(Lump(shape.density, volume, unit))
+            lumps.append(Lump(shape.mass, 1.0, shape_inertia(shape)[1]))
+        elif shape.density is not None:
+            lumps.append(Lump(shape.density, *shape_inertia(shape)))
     return tuple(lumps)
 
 
-def _six(inertia: Any) -> tuple[Number, ...]:
-    return tuple(inertia) if len(inertia) == 6 else (*inertia, 0.0, 0.0, 0.0)
-
-
-def _value(number: Number) -> float:
-    return number.value if isinstance(number, Parameter) else float(number)
+def _six(inertia: tuple[Number, ...]) -> tuple[Number, ...]:
+    return inertia if len(inertia) == 6 else (*inertia, 0.0, 0.0, 0.0)

@@ -20,11 +20,11 @@ from functools import cached_property
 import numpy as np
 
 COMMAND = ".command"
-"""What stands behind the owner's name in the name of a command: ``hand.command.length``."""
+"""Follows the owner's name in the name of a command: ``hand.command.length``."""
 
 
 class Role(enum.StrEnum):
-    """What decides a coordinate's motion."""
+    """What determines a coordinate's motion."""
 
     DYNAMIC = "dynamic"
     DRIVEN = "driven"

@@ -1,4 +1,4 @@
-"""Masses and inertias as numbers, and what resists each joint: nothing is derived for it."""
+"""Masses and inertias of links and joints as numbers, without symbolic derivation."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fantoccini.tree.structure import WORLD, Link, Tree
 def link_inertia(link: Link, number: Value) -> tuple[float, np.ndarray, np.ndarray]:
     """Mass [kg], centre of mass (3,) [m] and inertia about it (3, 3) [kg m^2], in body axes.
 
-    The sum of a link's lumps, with the explicit mass, centre and inertia in their place.
+    The link's lumps are summed; explicit mass, centre and inertia override the sum.
 
     Args:
         link: the link.
@@ -40,10 +40,10 @@ def link_inertia(link: Link, number: Value) -> tuple[float, np.ndarray, np.ndarr
 def joint_inertias(
     tree: Tree, q_D: np.ndarray, q_K: np.ndarray, number: Value
 ) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
-    """What resists the dynamic joints: all that they move, with the joints beyond held and free.
+    """Inertias of the dynamic joints, with the joints beyond them held and free.
 
-    M is singular where, with the joints beyond left free, a motion of one joint is not resisted:
-    those matrices are the pivots of M's factorisation from the leaves to the root.
+    Those with free joints are the pivots of M's factorisation from the leaves to the root: M is
+    singular if one of them is.
 
     Args:
         tree: the tree.
@@ -51,7 +51,7 @@ def joint_inertias(
         number: value of a number of the puppet.
 
     Yields:
-        Index of the link, and (k, k) inertias over its joint's velocities with the joints beyond
+        Index of the link, and (k, k) inertias for its joint's velocities with the joints beyond
         held and with them free.
     """
     poses = link_poses(tree.links, q_D[None], q_K[None], number)[0]
@@ -96,14 +96,14 @@ def _about_origin(m: float, com: np.ndarray, inertia: np.ndarray, R: np.ndarray)
 
 
 def _shifted(inertia: np.ndarray, r: np.ndarray) -> np.ndarray:
-    """The same about an origin from which the present one lies at r."""
+    """(6, 6) inertia about another origin; the present one lies at r from it."""
     X = np.eye(6)
     X[3:, :3] = -_skew(r)
     return X.T @ inertia @ X
 
 
 def _motions(link: Link, R: np.ndarray, R_joint: np.ndarray) -> np.ndarray:
-    """(6, k) motions of a link by its joint's velocities, about its origin in the world's axes."""
+    """(6, k) twists of a link per joint velocity, about its origin in the world's axes."""
     turns, slides = np.zeros((6, 3)), np.zeros((6, 3))
     turns[:3], slides[3:] = R, R_joint
     match link.kind:

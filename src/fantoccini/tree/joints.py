@@ -1,18 +1,17 @@
 """Joints become links, and their coordinates get places in q_D, v_D, q_K, v_K.
 
 A driven joint that a drive moves is dynamic, and its command is driven. Where drives move only
-some of a joint's coordinates, it is taken apart: what is simply driven carries what a drive moves.
+some of a joint's coordinates, the joint is split: the part without drives carries the other.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
-from fantoccini.puppet import Drive, Joint
+from fantoccini.puppet import Drive, Joint, Number, value_of
 from fantoccini.tree.coordinates import COMMAND, Coordinate, CoordinateTable, Role
 from fantoccini.tree.structure import WORLD, DriveRow, Link
 
@@ -24,7 +23,7 @@ _UNITS = {"revolute": "rad", ".x": "m", ".y": "m", ".z": "m", "prismatic": "m", 
 
 
 def suffixes(kind: str, axes: tuple[str, ...] = ()) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """What follows a joint's name in the names of its configuration numbers and velocities."""
+    """Suffixes of the names of a joint's configuration numbers and velocities."""
     if kind == "translation":
         found = tuple(f".{a}" for a in axes)
         return found, found
@@ -36,7 +35,7 @@ def suffixes(kind: str, axes: tuple[str, ...] = ()) -> tuple[tuple[str, ...], tu
 
 
 class Table:
-    """Hands out places in q_D, v_D, q_K, v_K while the tree grows."""
+    """Assigns places in q_D, v_D, q_K, v_K while the tree is built."""
 
     def __init__(self) -> None:
         self.rows: list[Coordinate] = []
@@ -56,15 +55,15 @@ class Table:
         role: Role,
         q: tuple[str, ...],
         v: tuple[str, ...],
-        start: list[Any],
+        start: list[float],
     ) -> tuple[slice, slice]:
-        """Places of coordinates of one role.
+        """Adds coordinates of one role; their places in q and v.
 
         Args:
-            owner: what their names begin with.
+            owner: prefix of their names.
             kind: of the joint, or ``length``.
-            role: theirs.
-            q, v: what follows in the names of configuration numbers and velocities.
+            role: of the coordinates.
+            q, v: suffixes of the names of configuration numbers and velocities.
             start: configuration in the file's pose.
         """
         if role is Role.FIXED or not q:
@@ -111,10 +110,10 @@ class Joints:
     """The links of all joints, and the drives that move some.
 
     Attributes:
-        table: hands out places.
+        table: assigns places.
         links: parents before children.
         drives: rows of the drives.
-        motors: coordinate -> the drive that moves it, of the puppet that grows.
+        motors: coordinate -> the drive that moves it.
     """
 
     table: Table = field(default_factory=Table)
@@ -126,15 +125,15 @@ class Joints:
         """Adds the links of a body's joint.
 
         Args:
-            last: the body's link, but for what the joint decides.
-            joint: as the file has it.
+            last: the body's link, without the fields that the joint determines.
+            joint: as in the file.
             start: suffix -> configuration number in the file's pose.
 
         Returns:
             The body's index.
         """
         rotation = np.eye(3) if joint.orientation is None else joint.orientation.matrix
-        offset, parent = tuple(joint.at), last.parent
+        offset, parent = joint.at, last.parent
         parts = list(self._parts(last.joint, joint.type, joint.axes or (), joint.driven))
         for n, (kind, axes, role) in enumerate(parts, 1):
             link = last if n == len(parts) else carriage(f"{last.name}.carriage{n}", last.joint)
@@ -147,10 +146,10 @@ class Joints:
         return parent
 
     def end(
-        self, string: str, parent: int, axes: tuple[str, ...], at: tuple[float, float, float]
+        self, string: str, parent: int, axes: tuple[str, ...], at: tuple[Number, Number, Number]
     ) -> int:
         """Adds the massless body at a string's driven end, on axes of its parent; its index."""
-        start = {f".{a}": x for a, x in zip(AXES, at, strict=True)}
+        start = {f".{a}": value_of(x) for a, x in zip(AXES, at, strict=True)}
         x, y, z = (0.0 if a in axes else x for a, x in zip(AXES, at, strict=True))
         parts = list(self._parts(string, "translation", axes, True))
         for n, (kind, own, role) in enumerate(parts, 1):
@@ -164,9 +163,9 @@ class Joints:
         return parent
 
     def length(self, string: str, start: float) -> tuple[Role, tuple[int, int]]:
-        """Gives a string's driven length a place: its role, and where it is in q and v.
+        """Adds a string's driven length; its role, and its places in q and v.
 
-        A drive's winch is a link of its own, which the string's length is the coordinate of.
+        A length with a drive is the coordinate of a link of its own, the winch.
         """
         role = self._role(string, (".length",))
         if role is Role.DRIVEN:
@@ -183,14 +182,14 @@ class Joints:
         """Adds a link with the places of its coordinates, and the rows of their drives.
 
         Args:
-            link: but for q and v.
+            link: without q and v.
             kind: of the coordinates: the joint's, or ``length``.
             axes: of a translation.
-            start: suffix -> configuration number in the file's pose; 0 where it has none.
+            start: suffix -> configuration number in the file's pose; 0 by default.
         """
         names = suffixes(kind, axes)
-        values = [start.get(s, 1.0 if s == ".qw" else 0.0) for s in names[0]]
-        q, v = self.table.add(link.joint, kind, link.role, *names, values)
+        values = {s: start.get(s, 1.0 if s == ".qw" else 0.0) for s in names[0]}
+        q, v = self.table.add(link.joint, kind, link.role, *names, list(values.values()))
         self.links.append(replace(link, q=q, v=v))
         index, at_q, at_v = len(self.links) - 1, q.start, v.start
         for name, own_q, own_v in _driveable(names):
@@ -203,7 +202,7 @@ class Joints:
             command, command_name = None, ""
             if drive.follows:
                 owner = link.joint + COMMAND
-                own_start = [start.get(s, 1.0 if s == ".qw" else 0.0) for s in own_q]
+                own_start = [values[s] for s in own_q]
                 q_K, v_K = self.table.add(owner, kind, Role.DRIVEN, own_q, own_v, own_start)
                 command, command_name = (q_K.start, v_K.start), owner + name
                 self.table.commands[link.joint + name] = command_name
@@ -214,7 +213,7 @@ class Joints:
     def _parts(
         self, name: str, kind: str, axes: tuple[str, ...], driven: bool
     ) -> Iterator[tuple[str, tuple[str, ...], Role]]:
-        """Kind, axes and role of the joints that a joint is taken apart into."""
+        """Kind, axes and role of the joints that a joint is split into."""
         if not driven:
             yield kind, axes, Role.FIXED if kind == "fixed" else Role.DYNAMIC
             return
@@ -253,8 +252,10 @@ def columns(axes: tuple[str, ...], axis: tuple[float, float, float] | None) -> n
     return np.eye(3)[:, [AXES.index(a) for a in axes]]
 
 
-def _driveable(names: tuple[tuple[str, ...], tuple[str, ...]]) -> Iterator[tuple[Any, ...]]:
-    """What a drive may move: its suffix, and those of its configuration numbers and velocities."""
+def _driveable(
+    names: tuple[tuple[str, ...], tuple[str, ...]],
+) -> Iterator[tuple[str, tuple[str, ...], tuple[str, ...]]]:
+    """Suffixes of what a drive may move, of its configuration numbers and of its velocities."""
     q, v = names
     scalars = [s for s in q if s not in _QUATERNION]
     yield from ((s, (s,), (s,)) for s in scalars)

@@ -1,4 +1,4 @@
-"""Where links and points are, by plain forward kinematics: nothing is derived for it."""
+"""Poses of links and places of points, by numerical forward kinematics."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How large shapes and whole puppets are: boxes around them, nothing is derived for it."""
+"""Sizes of shapes and puppets: the boxes around them."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from fantoccini.tree.structure import WORLD, StringRow, Tree
 
 @dataclass(frozen=True, eq=False)
 class Size:
-    """How large a puppet is in its start pose.
+    """Size of a puppet in its start pose.
 
     Attributes:
         low, high: (3,) corners of the box around the bodies that move [m], along the world's axes.
         mass: of these bodies [kg].
-        hangs: height of the highest place that a string hangs from, above the lowest point of these
-            bodies [m]; None where no string hangs from anywhere.
+        hangs: height of the strings' highest support above the lowest point of these bodies [m];
+            None without such a support.
         bodies: (n_links, 3) lengths of the boxes around the links' shapes, along their own axes
-            [m]; nan where a link has none.
+            [m]; nan for a link without shapes.
         masses: (n_links,) of the links [kg].
         poses: (n_links, 3, 4) of the links.
     """
@@ -109,14 +109,14 @@ def shape_box(shape: Shape, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if isinstance(shape, Capsule):
         ends = np.array([shape.from_, shape.to]) @ R.T + r
         return ends.min(axis=0) - shape.radius, ends.max(axis=0) + shape.radius
+    if not isinstance(shape, Sphere | Box | Ellipsoid):
+        raise TypeError(f"{type(shape).__name__} is not a shape")
     middle = R @ np.array(shape.at) + r
     if isinstance(shape, Sphere):
         return middle - shape.radius, middle + shape.radius
     turn = R if shape.orientation is None else R @ shape.orientation.matrix
     if isinstance(shape, Box):
         half = np.abs(turn) @ (0.5 * np.array(shape.size))
-    elif isinstance(shape, Ellipsoid):
-        half = np.linalg.norm(turn * np.array(shape.radii), axis=1)
     else:
-        raise TypeError(f"{type(shape).__name__} is not a shape")
+        half = np.linalg.norm(turn * np.array(shape.radii), axis=1)
     return middle - half, middle + half

@@ -1,6 +1,6 @@
 """The tree: links in topological order, and the rows of strings, springs, limits and drives.
 
-A :class:`Tree` is what the derivation reads. Every link carries one joint to its parent; every
+The derivation reads a :class:`Tree`. Every link carries one joint to its parent; every
 joint coordinate and every string length is one row of its
 :class:`~fantoccini.tree.coordinates.CoordinateTable`.
 """
@@ -18,7 +18,7 @@ from fantoccini.puppet.shapes import UnitInertia
 from fantoccini.tree.coordinates import CoordinateTable, Role
 
 WORLD = -1
-"""Index of the world where a link's parent or a point's carrier is asked for."""
+"""Index of the world, as the parent of a link or the carrier of a point."""
 
 
 @dataclass(frozen=True)
@@ -51,12 +51,12 @@ class Link:
             the axes of a translation.
         rotation: (3, 3) orientation of the joint frame in the parent.
         offset: origin of the joint frame in the parent [m].
-        role: what decides the joint's motion.
+        role: what determines the joint's motion.
         q, v: places of the joint's coordinates in (q_D, v_D) or (q_K, v_K), by role.
         damping: on every velocity of the joint [N s/m or N m s/rad].
         stiffness, rest: joint spring [N/m or N m/rad], [m or rad].
         lumps: contributions of the shapes to the inertia.
-        mass, com, inertia: explicit values that override the lumps (None: take theirs);
+        mass, com, inertia: explicit values that override the lumps, or None;
             the inertia is (ixx, iyy, izz, ixy, ixz, iyz) about the centre of mass.
         drag: (linear [N s/m], quadratic [N s^2/m^2], angular [N m s]).
         shapes: geometry, for pictures and collisions.
@@ -97,28 +97,29 @@ class Point:
 
 
 class Lengthed:
-    """What has a length L: a number, or a coordinate."""
+    """Base of rows with a length L, which is a number or a coordinate."""
 
     name: str
+    points: tuple[Point, ...]
     length: Number | None
     length_index: tuple[int, int] | None
     length_role: Role
 
     @property
     def driven_length(self) -> tuple[int, int] | None:
-        """Place of the length in (q_K, v_K), where it is there."""
+        """Place of the length in (q_K, v_K); None if it is not driven."""
         return self.length_index if self.length_role is Role.DRIVEN else None
 
     @property
     def wound_length(self) -> tuple[int, int] | None:
-        """Place of the length in (q_D, v_D), where a drive moves it."""
+        """Place of the length in (q_D, v_D); None if no drive moves it."""
         return self.length_index if self.length_role is Role.DYNAMIC else None
 
     def just_reaches(self, span: float, q_D: np.ndarray, q_K: np.ndarray) -> None:
-        """Sets its length, where it is a coordinate that is nan, to ``span`` [m].
+        """Sets a length that is a coordinate and nan to the span.
 
         Args:
-            span: length of its path [m].
+            span: length of the path [m].
             q_D, q_K: (n_qD,), (n_qK,) changed in place.
         """
         for own, q in ((self.driven_length, q_K), (self.wound_length, q_D)):
@@ -128,10 +129,11 @@ class Lengthed:
     def own_length(
         self, q_D: np.ndarray, q_K: np.ndarray, number: Callable[[Number], float]
     ) -> np.ndarray:
-        """L [m] at configurations (..., n_qD), (..., n_qK); any shape that goes with these."""
-        if self.length_index is None:
-            return np.float64(number(self.length))
-        return (q_K if self.driven_length else q_D)[..., self.length_index[0]]
+        """L [m] at configurations (..., n_qD), (..., n_qK): of shape (...) or ()."""
+        if self.length_index is not None:
+            return (q_K if self.driven_length else q_D)[..., self.length_index[0]]
+        assert self.length is not None, "a length without a place is a number"
+        return np.array(number(self.length), dtype=float)
 
 
 @dataclass(frozen=True)
@@ -147,8 +149,8 @@ class StringRow(Lengthed):
         wire: True for a two-sided constraint (Sec. III-B).
         colour: "#rrggbb" or None.
         restitution: part of the speed that a catch gives back.
-        max_tension: tension at which its winch slips [N]; None for a winch that does not.
-        rewind_speed: speed at which the winch takes back what slipped [m/s]; None for never.
+        max_tension: tension at which its winch slips [N]; None for no slip.
+        rewind_speed: speed at which the winch rewinds the slipped length [m/s]; None for never.
         length_role: of the length, where it has a place.
     """
 
@@ -183,8 +185,8 @@ class DriveRow:
         name: of the coordinate: ``hand.length``, ``bar.rotation``.
         link: index of the link whose joint it belongs to.
         q, v: its places in q_D and v_D.
-        command_name: of its command, ``hand.command.length``; empty where it follows none.
-        command: place of the command in (q_K, v_K); None where it follows none.
+        command_name: of its command, ``hand.command.length``; empty without a command.
+        command: place of the command in (q_K, v_K); None without a command.
         drive: as the puppet's file describes it.
     """
 
@@ -207,7 +209,7 @@ class DriveRow:
         return self.v.stop - self.v.start == 3
 
     def ratio(self, number: Callable[[Number], Any]) -> Any:
-        """n: turns of the rotor [rad] per unit of the coordinate.
+        """n: angle of the rotor [rad] per unit of the coordinate.
 
         Args:
             number: value of a number of the puppet, or its symbol.
@@ -216,7 +218,7 @@ class DriveRow:
         return number(self.drive.gear) / (1.0 if drum is None else number(drum))
 
     def inertia(self, number: Callable[[Number], Any]) -> Any:
-        """m + n^2 J: what resists an acceleration of the coordinate [kg or kg m^2]."""
+        """m + n^2 J: inertia of the drive at the coordinate [kg or kg m^2]."""
         mass, rotor = self.drive.mass, self.drive.inertia
         own = 0.0 if mass is None else number(mass)
         return own + (0.0 if rotor is None else number(rotor) * self.ratio(number) ** 2)
@@ -232,7 +234,7 @@ class ChainRow(Lengthed):
         stiffness: EA [N].
         damping: force per unit of strain rate [N s].
         length: L, relaxed [m], or None when it is driven.
-        length_index: place of the length, as of :class:`StringRow`.
+        length_index: place of the length, as in :class:`StringRow`.
         colour: "#rrggbb" or None.
         length_role: of the length, where it has a place.
     """
@@ -284,10 +286,10 @@ class Tree:
         gravity: [m/s^2].
         links: parents before children.
         strings, springs, limits: one-sided rows are strings first, then limits.
-        drives: coordinates that motors move.
+        drives: coordinates with drives.
         coordinates: the coordinate table.
         parameters: names and values of the argument p.
-        chains: strings that are masses and springs, and no rows.
+        chains: strings modelled as masses and springs; they have no rows.
     """
 
     name: str
@@ -308,7 +310,7 @@ class Tree:
 
     @property
     def sizes(self) -> dict[str, int]:
-        """How many there are of what, by the names of :mod:`fantoccini.contract`."""
+        """Sizes by their names in :mod:`fantoccini.contract`."""
         t = self.coordinates
         return {
             "n_qD": t.n_qD, "n_vD": t.n_vD, "n_qK": t.n_qK, "n_vK": t.n_vK, "n_v": t.n_vD + t.n_vK,
@@ -325,35 +327,34 @@ class Tree:
 
     @property
     def motor_places(self) -> list[int]:
-        """Places in v_D of what drives move, in order."""
+        """Places in v_D of the coordinates with drives, in order."""
         return [k for row in self.drives for k in range(row.v.start, row.v.stop)]
 
     @property
     def watched(self) -> tuple[DriveRow, ...]:
-        """Drives whose motor may be too weak for what its command asks."""
+        """Drives whose motor may be too weak to follow the command."""
         return tuple(d for d in self.drives if d.command and d.drive.motor is not None)
 
     @property
     def blamable(self) -> tuple[str, ...]:
-        """Names of what may be to blame for how a run ends: rows, then drives that are watched."""
+        """Names that a run's status may blame: rows, then watched drives."""
         return (*self.row_names, *(row.name for row in self.watched))
 
     def lead(self, link: int) -> tuple[slice, slice] | None:
-        """Places in (q_K, v_K) of what moves a link's joint: itself, or the commands of its drives.
+        """Places in (q_K, v_K) of a driven joint's coordinates, or of its drives' commands.
 
-        None for a joint that moves by itself, wholly or in part, and for a winch.
+        None for a winch, and for a joint with coordinates that are neither driven nor commanded.
         """
         joint = self.links[link]
         if joint.role is Role.DRIVEN:
             return joint.q, joint.v
-        rows = [row for row in self.drives if row.link == link and row.command]
-        if sum(row.v.stop - row.v.start for row in rows) != joint.v.stop - joint.v.start:
+        rows = [(row, row.command) for row in self.drives if row.link == link and row.command]
+        if sum(row.v.stop - row.v.start for row, _ in rows) != joint.v.stop - joint.v.start:
             return None
-        if not rows or rows[0].name.endswith(".length"):
+        if not rows or rows[0][0].name.endswith(".length"):
             return None
-        (q, v), last = rows[0].command, rows[-1]
-        width_q, width_v = last.q.stop - rows[0].q.start, last.v.stop - rows[0].v.start
-        return slice(q, q + width_q), slice(v, v + width_v)
+        (first, (q, v)), (last, _) = rows[0], rows[-1]
+        return slice(q, q + last.q.stop - first.q.start), slice(v, v + last.v.stop - first.v.start)
 
     def length_lead(self, string: Lengthed) -> tuple[int, int] | None:
         """Place in (q_K, v_K) of a driven length, or of the command of the drive that winds it."""
