@@ -89,7 +89,7 @@ TASKS = (
          ("tree/structure.py", "tree/construction.py", "tree/chains.py")),
         ("energy and gradient", ("equations/elastic.py",)),
         ("the longest stable step", ("marionette/checks.py",)),
-        ("draw it, translate it or refuse it", ("view/scene.py", "exchange/mjcf_model.py")),
+        ("draw it, translate it or refuse it", ("view/geometry.py", "exchange/mjcf_model.py")),
     )),
     Task("a method of integration", (
         ("the step, and a header that exports it to Python",

@@ -14,7 +14,7 @@ from fantoccini.errors import StateError
 from fantoccini.marionette import Evaluation, Marionette
 from fantoccini.marionette.projection import retract
 from fantoccini.motion import State
-from fantoccini.view.scene import chain_points
+from fantoccini.view.geometry import chain_points
 
 TOLERANCE = 1e-8
 """rtol and atol of the event-driven runs."""

@@ -12,7 +12,7 @@ from fantoccini.marionette import Marionette
 from fantoccini.puppet import json_schema, loads
 from fantoccini.scene import Scene, assembled
 from fantoccini.tree import grow
-from fantoccini.view.scene import scene_at
+from fantoccini.view.geometry import geometry_at
 from fantoccini.view.still import Still
 
 CHAIN = "chain: {pieces: 4, mass: 0.01, stiffness: 500}"
@@ -112,7 +112,7 @@ def test_pictures_draw_the_string_through_its_masses() -> None:
     still = Still(made.puppet, made.tree)
     x = still.start()
     x = x.replace(q_D=x.q_D + 0.01)
-    threads = scene_at(still, x, np.zeros(0)).string_curves(0)
+    threads = geometry_at(still, x, np.zeros(0)).string_curves(0)
     assert [t.points.shape for t in threads] == [(5, 3), (5, 3)]
     assert np.allclose(threads[0].points[2], [0.01, 1.01, 0.51])
     assert threads[0].tension == max(threads[0].tension, 0.0)

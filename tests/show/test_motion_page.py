@@ -98,7 +98,7 @@ def in_step(browser, swing):
     """Bodies, strings, name of the time and numbers of an exported page are those of one time."""
     motion = ResampledRun.of(fan.loads(TOY), swing, rate=60.0)
     server = Server("toy", LIGHT, port=0)
-    view = SceneNodes(server.viser, motion.scene, LIGHT).view("three-quarter")
+    view = SceneNodes(server.viser, motion.geometry, LIGHT).view("three-quarter")
     server.stop()
     camera = SimpleNamespace(
         position=view.eye, look_at=view.target, up_direction=np.array([0.0, 0.0, 1.0]),
@@ -126,14 +126,14 @@ def stands_at(
 
     def told() -> bool:
         clock, readings = browser.execute_script(says)
-        if clock == f"{t:.1f} s" and f"{motion.scene.tension[k, 0]:.2f} N" in readings:
+        if clock == f"{t:.1f} s" and f"{motion.geometry.tension[k, 0]:.2f} N" in readings:
             return True
         # A page that is busy may lose what is typed, and plays on.
         browser.execute_script(SCRUB, str(t))
         return False
 
     until(told, f"time and tension of {t} s")
-    ball, (*_, end) = swing.resample([t]).q_D[0, :3], motion.scene.points[0][k]
+    ball, (*_, end) = swing.resample([t]).q_D[0, :3], motion.geometry.points[0][k]
 
     def drawn() -> bool:
         pixels, rect = picture(browser, f"html-{t}"), canvas(browser)

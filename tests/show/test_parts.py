@@ -212,7 +212,7 @@ def test_a_recording_is_shown_with_its_parameters_and_all_its_puppets(tmp_path):
     for what in (made, tmp_path / "two.npz"):
         subject = page.subject_of(what)
         assert np.array_equal(subject.marionette.p, world.p)
-        scene = replay.ResampledRun.of(subject.marionette, subject.run).scene
+        scene = replay.ResampledRun.of(subject.marionette, subject.run).geometry
         assert len(scene.names) == 2
     made.trajectory.save(tmp_path / "run.npz")
     for run in (made.trajectory, tmp_path / "run.npz"):

@@ -11,7 +11,7 @@ import fantoccini as fan
 from fantoccini import view
 from fantoccini.view.drawing import Look
 from fantoccini.view.films import Frames
-from fantoccini.view.scene import scene_of
+from fantoccini.view.geometry import geometry_of
 from fantoccini.view.theme import DARK
 from view.still_life import bundled, swinging
 
@@ -48,7 +48,7 @@ def test_slow_motion_is_longer(tmp_path, puppet):
 
 def test_frames_move_and_repeat_exactly(puppet):
     m, run = puppet
-    frames = Frames(scene_of(m, run), Look.of(theme=DARK, size=(320, 240)))
+    frames = Frames(geometry_of(m, run), Look.of(theme=DARK, size=(320, 240)))
     first = np.array(frames.draw(0))
     later = np.array(frames.draw(20))
     assert first.shape == (240, 320, 4)
@@ -99,15 +99,15 @@ def test_the_camera_goes_along_with_a_puppet_that_walks():
     """17.16: a puppet that walked was small in the picture, or left it."""
     m = bundled("marionette_bar")
     run = walking(m, 4.0)
-    scene = scene_of(m, run)
-    frames = Frames(scene, Look.of(theme=DARK, size=(320, 240)))
+    geometry = geometry_of(m, run)
+    frames = Frames(geometry, Look.of(theme=DARK, size=(320, 240)))
     assert frames.pan[-1] - frames.pan[0] == pytest.approx([4.0, 0.0, 0.0], abs=0.1)
-    still = Frames(scene, Look.of(theme=DARK, size=(320, 240)), follow=False)
+    still = Frames(geometry, Look.of(theme=DARK, size=(320, 240)), follow=False)
     assert still.pan is None
     for k in (0, 20, 40):
         camera = frames.layout.camera
         camera = replace(camera, eye=camera.eye + frames.pan[k])
-        places = scene.poses[k, :, :, 3]
+        places = geometry.poses[k, :, :, 3]
         seen = camera.project(places, frames.layout.viewport)
         assert np.all((seen[:, 0] > 0) & (seen[:, 0] < 320) & (seen[:, 1] > 0))
         assert np.all(seen[:, 1] < 240)
@@ -121,10 +121,10 @@ def test_the_camera_goes_along_with_a_puppet_that_walks():
 def test_the_camera_stands_still_where_nobody_walks(puppet):
     m, run = puppet
     look = Look.of(focus="bodies", theme=DARK, size=(160, 120))
-    assert Frames(scene_of(m, run), look).pan is None
+    assert Frames(geometry_of(m, run), look).pan is None
     m = bundled("marionette_bar")
     run = walking(m, 0.2)
-    assert Frames(scene_of(m, run), Look.of(theme=DARK, size=(160, 120))).pan is None
+    assert Frames(geometry_of(m, run), Look.of(theme=DARK, size=(160, 120))).pan is None
 
 
 def test_pictures_and_films_have_one_default_theme():

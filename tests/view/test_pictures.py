@@ -17,7 +17,7 @@ from fantoccini.view.camera import Viewport
 from fantoccini.view.compose import compose
 from fantoccini.view.drawing import Look, layout_of, plain
 from fantoccini.view.films import Frames
-from fantoccini.view.scene import scene_at, scene_of
+from fantoccini.view.geometry import geometry_at, geometry_of
 from fantoccini.view.theme import DARK
 from view.still_life import StillLife, bundled, swinging
 
@@ -136,8 +136,8 @@ def test_size_does_not_matter(tmp_path, factor):
     for each in (1.0, factor):
         m = dangling(each)
         x = m.start()
-        scene, layout = still_layout(m, x)
-        pictures.append([p.outline for p in compose(scene, 0, layout)])
+        geometry, layout = still_layout(m, x)
+        pictures.append([p.outline for p in compose(geometry, 0, layout)])
         view.draw(m, x, tmp_path / "a.png", size=(200, 200), scale=1.0)
         assert busy(tmp_path / "a.png") > 0.005
     assert len(pictures[0]) == len(pictures[1])
@@ -146,8 +146,8 @@ def test_size_does_not_matter(tmp_path, factor):
 
 
 def still_layout(m, x):
-    scene = scene_at(m, x)
-    return scene, layout_of(scene, Viewport(0.0, 0.0, 300.0, 300.0), Look.of())
+    geometry = geometry_at(m, x)
+    return geometry, layout_of(geometry, Viewport(0.0, 0.0, 300.0, 300.0), Look.of())
 
 
 def test_the_tension_bars_texts_keep_apart():
@@ -158,8 +158,8 @@ def test_the_tension_bars_texts_keep_apart():
             run = swinging(m)
             peak = np.where(np.arange(len(run)) == 20, 1.7, 1.0)[:, None]
             tension = dataclasses.replace(run.tension, values=run.tension.values * factor * peak)
-            scene = scene_of(m, dataclasses.replace(run, tension=tension))
-            texts = Frames(scene, Look.of(theme=DARK, size=size)).sheet.axes.texts
+            geometry = geometry_of(m, dataclasses.replace(run, tension=tension))
+            texts = Frames(geometry, Look.of(theme=DARK, size=size)).sheet.axes.texts
             boxes = [text.get_window_extent() for text in texts if text.get_text()]
             assert all(b.x0 >= 0.0 and b.x1 <= size[0] for b in boxes)
             assert not any(a.overlaps(b) for a, b in itertools.combinations(boxes, 2))

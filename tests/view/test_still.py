@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.view.scene import scene_at
+from fantoccini.view.geometry import geometry_at
 from fantoccini.view.still import Still
 
 PUPPETS = ("arm2d", "arm3d", "crane", "marionette", "marionette_bar", "string_pendulum")
@@ -58,7 +58,8 @@ def test_strings_without_a_length_just_reach_in_the_start_pose():
 def test_pictures_take_the_present_values_of_parameters():
     longer = fan.loads(LONGER).with_parameters({"reach": -2.0})
     plain = still(longer)
-    scene = scene_at(plain, plain.start())
-    assert scene.poses[0, 1, 2, 3] == pytest.approx(-2.0)
-    reaches = [s.points[1, 2] for s in scene.solids if s.link == 0 and len(np.unique(s.points)) > 1]
+    geometry = geometry_at(plain, plain.start())
+    assert geometry.poses[0, 1, 2, 3] == pytest.approx(-2.0)
+    solids = [s for s in geometry.solids if s.link == 0 and len(np.unique(s.points)) > 1]
+    reaches = [s.points[1, 2] for s in solids]
     assert -2.0 in reaches

@@ -13,7 +13,7 @@ from matplotlib.image import imread
 from fantoccini import MissingLibraryError, view
 from fantoccini.view.camera import Viewport
 from fantoccini.view.drawing import Look, layout_of
-from fantoccini.view.scene import scene_of
+from fantoccini.view.geometry import geometry_of
 from fantoccini.view.studio import Studio
 from view.still_life import bundled, swinging
 
@@ -51,18 +51,18 @@ def test_an_unknown_renderer_is_refused(tmp_path, puppet):
 
 def test_links_are_photographed_where_the_camera_projects_them(installed, puppet):
     """The window is the sheet, the viewport a part of it that is not in the middle."""
-    scene = scene_of(*puppet)
+    geometry = geometry_of(*puppet)
     viewport = Viewport(20.0, 70.0, 240.0, 300.0)
-    layout = layout_of(scene, viewport, Look.of())
-    studio = Studio(scene, layout, SIZE)
+    layout = layout_of(geometry, viewport, Look.of())
+    studio = Studio(geometry, layout, SIZE)
     shots = [studio.photograph(k) for k in (0, 20)]
     studio.close()
     assert shots[0].shape == (*SIZE[::-1], 4)
     assert np.any(shots[0] != shots[1])
-    names = [link.name for link in scene.tree.links]
+    names = [link.name for link in geometry.tree.links]
     for k, shot in zip((0, 20), shots, strict=True):
-        for solid in scene.solids:
-            pose = scene.poses[k][solid.link]
+        for solid in geometry.solids:
+            pose = geometry.poses[k][solid.link]
             middle = pose[:, :3] @ solid.axis.mean(axis=0) + pose[:, 3]
             x, y, _ = layout.camera.project(middle, viewport)
             assert shot[int(SIZE[1] - y), int(x), 3] > 0.9, names[solid.link]

@@ -1,7 +1,7 @@
 """A perspective camera that frames a whole motion.
 
 Camera axes are right, up and back (towards the eye); depth is the distance from the eye into the
-picture. Azimuth 0 looks at the scene from +x, azimuth 90 deg from +y; a positive elevation looks
+picture. Azimuth 0 looks at the geometry from +x, azimuth 90 deg from +y; a positive elevation looks
 down on it.
 """
 

@@ -1,4 +1,4 @@
-"""Composes one time of a scene: polygons in the order of painting, shadows first."""
+"""Composes one sample of the geometry: polygons in the order of painting, shadows first."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 
 from fantoccini.tree import WORLD
 from fantoccini.view.camera import Camera, Viewport
+from fantoccini.view.geometry import Geometry, StringCurve
 from fantoccini.view.order import BoxFaces, Occluder, StringPiece, painting_order
-from fantoccini.view.scene import Scene, StringCurve
 from fantoccini.view.silhouettes import CLEAR, Polygon, Solid, paint, shadow
 from fantoccini.view.theme import Theme, mix
 
@@ -22,7 +22,7 @@ _SHADOW_LAYERS = (9.0, 6.0, 3.5, 1.2, 0.0)
 
 @dataclass(frozen=True)
 class Layout:
-    """Where a scene goes in a picture, and how it is drawn.
+    """Where the geometry goes in a picture, and how it is drawn.
 
     Attributes:
         camera, viewport: the view, and the rectangle of the picture it fills.
@@ -51,20 +51,20 @@ class Layout:
         return self.colours[int(share * (len(self.colours) - 1))]
 
 
-def compose(scene: Scene, k: int, layout: Layout) -> list[Polygon]:
-    """The polygons of the scene at time ``t[k]``, in the order of painting."""
+def compose(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
+    """The polygons of the geometry at time ``t[k]``, in the order of painting."""
     camera, viewport = layout.camera, layout.viewport
     painted: list[list[Polygon]] = []
     occluders: list[Occluder] = []
-    for solid in (*scene.solids, *layout.handles):
-        pose = _pose_of(solid, scene.poses[k])
+    for solid in (*geometry.solids, *layout.handles):
+        pose = _pose_of(solid, geometry.poses[k])
         if not np.isfinite(pose).all():
             continue
         if polygons := paint(solid, pose, camera, viewport, layout.theme, layout.pen):
             painted.append(polygons)
             occluders.append(occluder(solid, pose, polygons))
-    strings = lines(scene, k, layout)
-    out = shadows(scene, k, layout)
+    strings = lines(geometry, k, layout)
+    out = shadows(geometry, k, layout)
     for item in painting_order(camera, viewport, occluders, [line.points for line in strings]):
         if isinstance(item, StringPiece):
             line = strings[item.string]
@@ -105,22 +105,22 @@ def _pose_of(solid: Solid, poses: np.ndarray) -> np.ndarray:
     return np.eye(3, 4) if solid.link == WORLD else poses[solid.link]
 
 
-def shadows(scene: Scene, k: int, layout: Layout) -> list[Polygon]:
+def shadows(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
     """Soft shadows on the floor: nested translucent outlines, fainter for higher solids."""
     right, _, back = layout.camera.axes
     ray = np.array([0.10 * right[0] - 0.06 * back[0], 0.10 * right[1] - 0.06 * back[1], -1.0])
     out = []
-    for solid in scene.solids:
-        pose = _pose_of(solid, scene.poses[k])
+    for solid in geometry.solids:
+        pose = _pose_of(solid, geometry.poses[k])
         centre = pose[2, :3] @ solid.axis.mean(axis=0) + pose[2, 3]
-        height = centre - scene.floor
+        height = centre - geometry.floor
         if not np.isfinite(height) or height <= 0.0:
             continue
-        outline = layout.camera.project(shadow(solid, pose, scene.floor, ray), layout.viewport)
+        outline = layout.camera.project(shadow(solid, pose, geometry.floor, ray), layout.viewport)
         if np.any(outline[:, 2] <= MIN_DEPTH):
             continue
-        strength = layout.theme.shadow_opacity / (1.0 + 2.2 * height / scene.size)
-        spread = 0.6 + 1.6 * min(1.0, height / scene.size)
+        strength = layout.theme.shadow_opacity / (1.0 + 2.2 * height / geometry.size)
+        spread = 0.6 + 1.6 * min(1.0, height / geometry.size)
         colour = (*layout.theme.shadow, strength)
         out += [
             Polygon(outline[:, :2], colour, colour if w else CLEAR, 2.0 * w * spread * layout.pen)
@@ -138,14 +138,14 @@ class Line:
     colour: np.ndarray
 
 
-def lines(scene: Scene, k: int, layout: Layout) -> list[Line]:
-    """The strings and springs of the scene at time ``t[k]``, but those behind the eye."""
+def lines(geometry: Geometry, k: int, layout: Layout) -> list[Line]:
+    """The strings and springs of the geometry at time ``t[k]``, but those behind the eye."""
     drawn = []
-    for string in scene.string_curves(k):
+    for string in geometry.string_curves(k):
         width = (1.75 if string.wire else 1.35) if string.taut else 0.95
         drawn.append((string.points, width, layout.string_colour(string)))
     steel = mix(layout.theme.faint, layout.theme.ink, 0.4)
-    drawn += [(_coil(ends[k], layout), 1.0, steel) for ends in scene.springs]
+    drawn += [(_coil(ends[k], layout), 1.0, steel) for ends in geometry.springs]
     return [
         Line(_refined(points), width * layout.pen, colour)
         for points, width, colour in drawn

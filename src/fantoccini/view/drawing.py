@@ -13,7 +13,7 @@ import numpy as np
 
 from fantoccini.view.camera import Viewport, fit, point_of_view
 from fantoccini.view.compose import Layout
-from fantoccini.view.scene import Scene, round_down
+from fantoccini.view.geometry import Geometry, round_down
 from fantoccini.view.shapes import handles
 from fantoccini.view.silhouettes import Polygon
 from fantoccini.view.theme import Theme, mix, theme_of
@@ -96,7 +96,7 @@ def dress(
 
 
 def layout_of(
-    scene: Scene,
+    geometry: Geometry,
     viewport: Viewport,
     look: Look,
     top: float | None = None,
@@ -105,23 +105,23 @@ def layout_of(
     """The layout whose camera has the whole motion inside the viewport.
 
     Args:
-        scene: what to show.
+        geometry: what to show.
         viewport: where in the picture.
         look: point of view, focus and theme.
         top: upper end of the tension scale [N]; by default from the motion.
         pan: (T, 3) camera displacements [m]; the layout is that of the first time.
     """
-    centres, radii = scene.balls(strings=look.focus == "all", pan=pan)
-    azimuth, elevation = point_of_view(look.view, centres, scene.plane)
+    centres, radii = geometry.balls(strings=look.focus == "all", pan=pan)
+    azimuth, elevation = point_of_view(look.view, centres, geometry.plane)
     # Shadows belong to the picture, unless the floor is far below.
-    feet = scene.feet(centres)
+    feet = geometry.feet(centres)
     camera = fit(
         np.concatenate([centres, feet]), np.concatenate([radii, np.zeros(len(feet))]),
         azimuth, elevation, viewport.width / viewport.height,
     )  # fmt: skip
     pen = max(0.6, 1.9 * (min(viewport.height, 1.6 * viewport.width) / 720.0) ** 0.7)
-    top, theme = scene.tension_top() if top is None else top, look.theme
-    held = tuple(handles(scene.tree, theme, scene.size))
+    top, theme = geometry.tension_top() if top is None else top, look.theme
+    held = tuple(handles(geometry.tree, theme, geometry.size))
     return Layout(camera, viewport, theme, pen, top, theme.tension_colours(), held)
 
 
@@ -161,7 +161,7 @@ class Sheet:
 
     def floor(
         self,
-        scene: Scene,
+        geometry: Geometry,
         layout: Layout,
         grid: bool = True,
         middle: np.ndarray | None = None,
@@ -170,7 +170,7 @@ class Sheet:
         """Adds a spot of light on the floor and, with ``grid``, lines that fade outwards.
 
         Args:
-            scene: whose floor it is.
+            geometry: whose floor it is.
             layout: camera and theme.
             grid: draw the lines.
             middle: (3,) centre of the light [m]; by default the light covers the whole motion.
@@ -181,15 +181,15 @@ class Sheet:
         """
         made: list[Artist] = []
         theme, camera = layout.theme, layout.camera
-        if camera.eye[2] <= scene.floor + 0.02 * scene.size:
+        if camera.eye[2] <= geometry.floor + 0.02 * geometry.size:
             return made
-        centre, reach = _spot(scene) if middle is None else (middle[:2], 0.9 * scene.size)
+        centre, reach = _spot(geometry) if middle is None else (middle[:2], 0.9 * geometry.size)
         width, height = self.figure.bbox.width, self.figure.bbox.height
         x = np.linspace(0.0, width, 1 + int(width) // 4)
         y = np.linspace(0.0, height, 1 + int(height) // 4)
         rays = camera.rays(np.stack(np.meshgrid(x, y), axis=-1), layout.viewport)
         with np.errstate(divide="ignore", invalid="ignore"):
-            ahead = (scene.floor - camera.eye[2]) / rays[..., 2]
+            ahead = (geometry.floor - camera.eye[2]) / rays[..., 2]
             place = camera.eye[:2] + ahead[..., None] * rays[..., :2]
             away = np.linalg.norm(place - centre, axis=-1) / (1.25 * reach)
         light = np.where((ahead > 0.0) & (away < 1.0), (1.0 - np.minimum(away, 1.0) ** 2) ** 2, 0.0)
@@ -207,7 +207,7 @@ class Sheet:
             )  # fmt: skip
             made.append(self.image(pixels, extent, 1.0, animated))
         if grid:
-            lines = _grid(scene, layout, centre, reach)
+            lines = _grid(geometry, layout, centre, reach)
             lines.set_animated(animated)
             self.axes.add_collection(lines, autolim=False)
             made.append(lines)
@@ -250,23 +250,23 @@ class Sheet:
             ha="left", va="top", weight="bold", animated=animated,
         )  # fmt: skip
 
-    def tension_bar(self, scene: Scene, layout: Layout, y: float, unit: float) -> None:
+    def tension_bar(self, geometry: Geometry, layout: Layout, y: float, unit: float) -> None:
         """Adds the scale of tension at the right, with the sign for a slack string.
 
         Args:
-            scene: what is shown; nothing is drawn where it has no tension.
+            geometry: what is shown; nothing is drawn where it has no tension.
             layout: colours and top of the scale.
             y: height of the bar [px].
             unit: size of the letters [px].
         """
-        if scene.tension is None or not (scene.names or scene.chains):
+        if geometry.tension is None or not (geometry.names or geometry.chains):
             return
         theme, length, thick = layout.theme, 15.0 * unit, 0.62 * unit
         right = self.width - 1.6 * unit
         left = right - length
         self.image(layout.colours[None, :, :], (left, right, y, y + thick), 4.0)
         largest = max(
-            float(np.nanmax(np.abs(x), initial=0.0)) for x in (scene.tension, scene.pulls)
+            float(np.nanmax(np.abs(x), initial=0.0)) for x in (geometry.tension, geometry.pulls)
         )
         sign = "\N{GREATER-THAN OR EQUAL TO} " if largest > 1.001 * layout.top else ""
         for x, text, side in (
@@ -288,13 +288,13 @@ def set_polygons(artist: PolyCollection, polygons: list[Polygon]) -> None:
     artist.set_linewidth([p.width * _POINTS for p in polygons])
 
 
-def _spot(scene: Scene) -> tuple[np.ndarray, float]:
+def _spot(geometry: Geometry) -> tuple[np.ndarray, float]:
     """Middle (2,) and reach [m] of the light on the floor under a whole motion."""
-    low, high = scene.ground_box()
-    return 0.5 * (low + high), 0.6 * float((high - low).max()) + 0.3 * scene.size
+    low, high = geometry.ground_box()
+    return 0.5 * (low + high), 0.6 * float((high - low).max()) + 0.3 * geometry.size
 
 
-def _grid(scene: Scene, layout: Layout, middle: np.ndarray, reach: float) -> LineCollection:
+def _grid(geometry: Geometry, layout: Layout, middle: np.ndarray, reach: float) -> LineCollection:
     from matplotlib.collections import LineCollection
 
     theme, camera = layout.theme, layout.camera
@@ -304,12 +304,12 @@ def _grid(scene: Scene, layout: Layout, middle: np.ndarray, reach: float) -> Lin
     origin = np.round(middle / step) * step
     one_way = np.stack([np.column_stack([np.full(49, t), along]) for t in ticks])
     points = np.concatenate([one_way, one_way[..., ::-1]]) + origin
-    points = np.concatenate([points, np.full((*points.shape[:2], 1), scene.floor)], axis=2)
+    points = np.concatenate([points, np.full((*points.shape[:2], 1), geometry.floor)], axis=2)
     placed = camera.project(points, layout.viewport)
     lines = np.stack([placed[:, :-1], placed[:, 1:]], axis=2).reshape(-1, 2, 3)
     away = np.linalg.norm(0.5 * (points[:, :-1] + points[:, 1:])[..., :2] - middle, axis=2).ravel()
     fade = np.clip(1.0 - away / (1.35 * reach), 0.0, 1.0) ** 1.4
-    good = (fade > 0.0) & np.all(lines[..., 2] > 0.05 * scene.size, axis=1)
+    good = (fade > 0.0) & np.all(lines[..., 2] > 0.05 * geometry.size, axis=1)
     colours = np.column_stack([np.tile(theme.grid, (good.sum(), 1)), fade[good]])
     return LineCollection(
         lines[good][..., :2], colors=colours, linewidths=0.55 * layout.pen * _POINTS, zorder=1.5,

@@ -17,8 +17,8 @@ from fantoccini.files import replacing
 from fantoccini.view.camera import Viewport
 from fantoccini.view.compose import Layout, compose, shadows
 from fantoccini.view.drawing import Look, Sheet, layout_of, set_polygons
+from fantoccini.view.geometry import Geometry, geometry_of
 from fantoccini.view.pan import camera_path, pays_off
-from fantoccini.view.scene import Scene, scene_of
 from fantoccini.view.still import Drawable
 from fantoccini.view.studio import Studio, checked_renderer
 from fantoccini.view.theme import Theme
@@ -101,8 +101,8 @@ def film(
     start, stop = float(run.t[0]), float(run.t[-1])
     n = max(1, round((stop - start) / speed * fps))
     times = np.minimum(start + np.arange(n) * (speed / fps), stop)
-    scene = scene_of(marionette, run.resample(times))
-    frames = Frames(scene, Look.of(view, focus, theme, (width, height)), renderer, follow)
+    geometry = geometry_of(marionette, run.resample(times))
+    frames = Frames(geometry, Look.of(view, focus, theme, (width, height)), renderer, follow)
     try:
         with replacing(path) as part:
             _encode(frames, n, part, CODECS[path.suffix.lower()], fps, progress)
@@ -115,40 +115,44 @@ class Frames:
     """Draws the frames of one film; background, scale and captions are drawn once.
 
     Args:
-        scene: what to show.
+        geometry: what to show.
         look: of the film.
         renderer: of solids and strings.
         follow: whether the camera follows the puppet; None where that pays off.
     """
 
     def __init__(
-        self, scene: Scene, look: Look, renderer: str = "matplotlib", follow: bool | None = None
+        self,
+        geometry: Geometry,
+        look: Look,
+        renderer: str = "matplotlib",
+        follow: bool | None = None,
     ):
         self.size = width, height = look.size or (960, 720)
         unit = max(height / 50.0, min(10.0, width / 24.0))  # captions of small films stay legible
-        self.scene, self.sheet = scene, Sheet(self.size, look.theme)
+        self.geometry, self.sheet = geometry, Sheet(self.size, look.theme)
         axes = self.sheet.axes
         inner = Viewport(unit, 3.2 * unit, width - 2.0 * unit, height - 6.0 * unit)
-        self.layout, self.pan = _framing(scene, inner, look, follow)
+        self.layout, self.pan = _framing(geometry, inner, look, follow)
         self._floor: list[Artist] = []
         if self.pan is None:
-            self.sheet.floor(scene, self.layout)
+            self.sheet.floor(geometry, self.layout)
         before = set(axes.get_children())
-        self.sheet.tension_bar(scene, self.layout, 2.2 * unit, unit)
+        self.sheet.tension_bar(geometry, self.layout, 2.2 * unit, unit)
         self._scale = [x for x in axes.get_children() if x not in before]
         for artist in self._scale if self.pan is not None else ():
             artist.set_animated(True)  # a floor that moves is drawn before it
         # Strings may run up behind the title.
-        self._title = self.sheet.title(scene.title, unit, height - 1.6 * unit, animated=True)
+        self._title = self.sheet.title(geometry.title, unit, height - 1.6 * unit, animated=True)
         self._clock = self.sheet.write(
             width - 1.6 * unit, height - 1.6 * unit, "", 1.15 * unit, look.theme.faint,
             ha="right", va="top", animated=True,
         )  # fmt: skip
-        self._middle = np.append(scene.balls(pan=self.pan)[0][:, :2].mean(axis=0), 0.0)
+        self._middle = np.append(geometry.balls(pan=self.pan)[0][:, :2].mean(axis=0), 0.0)
         self._polygons = self.sheet.polygons([], animated=True)
         self._studio = None
         if renderer == "pyvista":
-            self._studio = Studio(scene, self.layout, self.size)
+            self._studio = Studio(geometry, self.layout, self.size)
             blank, whole = np.zeros((height, width, 4)), (0.0, width, 0.0, height)
             self._photograph = self.sheet.image(blank, whole, 3.0, animated=True)
         self._canvas = cast("FigureCanvasAgg", self.sheet.figure.canvas)
@@ -159,9 +163,9 @@ class Frames:
         """The pixels of frame k: rows from the top, red, green, blue, opacity, a byte each."""
         self._canvas.restore_region(self._backdrop)
         layout = self.layout if self.pan is None else self._follow(self.pan[k])
-        self._clock.set_text(f"{self.scene.t[k]:.2f} s")
+        self._clock.set_text(f"{self.geometry.t[k]:.2f} s")
         painted = compose if self._studio is None else shadows
-        set_polygons(self._polygons, painted(self.scene, k, layout))
+        set_polygons(self._polygons, painted(self.geometry, k, layout))
         artists: list[Artist] = [self._polygons, self._title, self._clock]
         if self._studio is not None:
             self._photograph.set_data(self._studio.photograph(k)[::-1])
@@ -177,7 +181,7 @@ class Frames:
         for artist in self._floor:
             artist.remove()
         middle = gone + self._middle
-        self._floor = self.sheet.floor(self.scene, layout, middle=middle, animated=True)
+        self._floor = self.sheet.floor(self.geometry, layout, middle=middle, animated=True)
         for artist in (*self._floor, *self._scale):
             self.sheet.axes.draw_artist(artist)
         if self._studio is not None:
@@ -191,20 +195,20 @@ class Frames:
 
 
 def _framing(
-    scene: Scene, viewport: Viewport, look: Look, follow: bool | None
+    geometry: Geometry, viewport: Viewport, look: Look, follow: bool | None
 ) -> tuple[Layout, np.ndarray | None]:
     """The first frame's layout, and the camera's displacements (T, 3) [m] where it follows."""
-    fixed = layout_of(scene, viewport, look)
+    fixed = layout_of(geometry, viewport, look)
     if follow is False:
         return fixed, None
-    path = camera_path(scene)
-    following = layout_of(scene, viewport, look, pan=path)
+    path = camera_path(geometry)
+    following = layout_of(geometry, viewport, look, pan=path)
     if follow is None:
         # Decided with the strings in view: a puppet that only swings on fixed ones is not followed.
         distances = []
         for pan in (None, path):
-            camera = layout_of(scene, viewport, replace(look, focus="all"), pan=pan).camera
-            centre = scene.balls(pan=pan)[0].mean(axis=0)
+            camera = layout_of(geometry, viewport, replace(look, focus="all"), pan=pan).camera
+            centre = geometry.balls(pan=pan)[0].mean(axis=0)
             distances.append(float((centre - camera.eye) @ -camera.axes[2]))
         follow = pays_off(*distances)
     return (following, path) if follow else (fixed, None)

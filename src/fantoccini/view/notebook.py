@@ -17,9 +17,9 @@ import numpy as np
 from fantoccini.puppet import Parameter
 from fantoccini.tree import WORLD, StringRow, grow
 from fantoccini.view.drawing import DPI, Look, plain
+from fantoccini.view.geometry import geometry_at
 from fantoccini.view.pictures import figure_of, strip_figure
 from fantoccini.view.plots import plot
-from fantoccini.view.scene import scene_at
 from fantoccini.view.still import Still
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def puppet_html(marionette: Marionette) -> str | None:
     try:
         still = Still(marionette.puppet, marionette.tree, marionette.model.number)
         picture = _picture(
-            lambda: figure_of(scene_at(still, still.start()), Look.of(size=(420, 520))),
+            lambda: figure_of(geometry_at(still, still.start()), Look.of(size=(420, 520))),
             "the start pose",
         )
         return _page(marionette.name, picture, _puppet_tables(marionette))

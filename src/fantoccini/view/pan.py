@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fantoccini.view.scene import Scene
+from fantoccini.view.geometry import Geometry
 
 
 class _Following(NamedTuple):
@@ -20,17 +20,17 @@ class _Following(NamedTuple):
 _FOLLOWING = _Following()
 
 
-def camera_path(scene: Scene) -> np.ndarray:
+def camera_path(geometry: Geometry) -> np.ndarray:
     """(T, 3) smoothed horizontal displacement of the puppet's middle from its first place [m].
 
-    The scene's times are evenly spaced.
+    The geometry's times are evenly spaced.
     """
-    places = scene.poses[:, :, :, 3]
+    places = geometry.poses[:, :, :, 3]
     good = np.isfinite(places).all(axis=2, keepdims=True)
     middle = np.where(good, places, 0.0).sum(axis=1) / np.maximum(good.sum(axis=1), 1)
     middle[:, 2] = 0.0
     n, width = len(middle), _FOLLOWING.smoothing
-    step = float(scene.t[-1] - scene.t[0]) / max(n - 1, 1)
+    step = float(geometry.t[-1] - geometry.t[0]) / max(n - 1, 1)
     half = min(n - 1, int(2.0 * width / step)) if step > 0.0 else 0
     if half == 0:
         return middle - middle[0]

@@ -14,7 +14,7 @@ from fantoccini.files import replacing
 from fantoccini.view.camera import Viewport
 from fantoccini.view.compose import Layout, compose, shadows
 from fantoccini.view.drawing import DPI, Look, Sheet, layout_of
-from fantoccini.view.scene import Scene, scene_at, scene_of
+from fantoccini.view.geometry import Geometry, geometry_at, geometry_of
 from fantoccini.view.still import Drawable
 from fantoccini.view.studio import Studio, checked_renderer
 from fantoccini.view.theme import Theme
@@ -68,11 +68,11 @@ def strip_figure(
 ) -> Figure:
     """The strip as a matplotlib figure; arguments as for :func:`strip`."""
     chosen = pose_times(marionette, run, n, times)
-    scene = scene_of(marionette, run.resample(chosen))
-    whole = scene_of(marionette, run.resample(np.linspace(run.t[0], run.t[-1], 400)))
+    geometry = geometry_of(marionette, run.resample(chosen))
+    whole = geometry_of(marionette, run.resample(np.linspace(run.t[0], run.t[-1], 400)))
     n = len(chosen)
     if look.size is None:
-        panel = _panel(scene, look)
+        panel = _panel(geometry, look)
         width = round(n * panel[0] + 40)
         unit = max(12.0, width / 130.0)  # a wide strip is seen from farther away
         height = round(panel[1] + 9.2 * unit)
@@ -85,9 +85,9 @@ def strip_figure(
     each = (width - 2.0 * unit) / n
     for k in range(n):
         viewport = Viewport(unit + k * each, 4.6 * unit, each, height - 9.2 * unit)
-        layout = layout_of(scene, viewport, look, top)
-        sheet.floor(scene, layout, grid=False)
-        sheet.polygons(compose(scene, k, layout))
+        layout = layout_of(geometry, viewport, look, top)
+        sheet.floor(geometry, layout, grid=False)
+        sheet.polygons(compose(geometry, k, layout))
         sheet.write(
             viewport.x + 0.5 * each, 3.2 * unit, f"{chosen[k]:.2f} s", 1.1 * unit, look.theme.ink,
             ha="center", va="center",
@@ -129,45 +129,45 @@ def draw(
         MissingLibraryError: the renderer is pyvista, which is not installed.
     """
     path = checked(path)
-    scene = scene_at(marionette, state, tension)
+    geometry = geometry_at(marionette, state, tension)
     studio_scale = scale if checked_renderer(renderer) == "pyvista" else None
-    return save(figure_of(scene, Look.of(view, focus, theme, size), studio_scale), path, scale)
+    return save(figure_of(geometry, Look.of(view, focus, theme, size), studio_scale), path, scale)
 
 
-def figure_of(scene: Scene, look: Look, studio_scale: float | None = None) -> Figure:
-    """The first time of a scene as a matplotlib figure.
+def figure_of(geometry: Geometry, look: Look, studio_scale: float | None = None) -> Figure:
+    """The first sample of a geometry as a matplotlib figure.
 
     With ``studio_scale``, pyvista renders solids and strings with so many pixels for one of the
     look's size.
     """
-    sheet, layout, unit = framed_sheet(scene, look)
+    sheet, layout, unit = framed_sheet(geometry, look)
     if studio_scale is None:
-        sheet.polygons(compose(scene, 0, layout))
+        sheet.polygons(compose(geometry, 0, layout))
     else:
-        sheet.polygons(shadows(scene, 0, layout))
+        sheet.polygons(shadows(geometry, 0, layout))
         size = (sheet.width, sheet.height)
-        studio = Studio(scene, layout, size, studio_scale)
+        studio = Studio(geometry, layout, size, studio_scale)
         sheet.image(studio.photograph(0)[::-1], (0.0, size[0], 0.0, size[1]), 3.0)
         studio.close()
-    add_captions(sheet, scene, layout, unit)
+    add_captions(sheet, geometry, layout, unit)
     return sheet.figure
 
 
-def framed_sheet(scene: Scene, look: Look) -> tuple[Sheet, Layout, float]:
-    """A sheet with the floor of a scene, the scene's layout, and the size of letters [px]."""
+def framed_sheet(geometry: Geometry, look: Look) -> tuple[Sheet, Layout, float]:
+    """A sheet with the floor of a geometry, its layout, and the size of letters [px]."""
     width, height = look.size or (720, 900)
     unit = max(7.0, height / 55.0)
     sheet = Sheet((width, height), look.theme)
     inner = Viewport(unit, 4.0 * unit, width - 2.0 * unit, height - 8.0 * unit)
-    layout = layout_of(scene, inner, look)
-    sheet.floor(scene, layout)
+    layout = layout_of(geometry, inner, look)
+    sheet.floor(geometry, layout)
     return sheet, layout, unit
 
 
-def add_captions(sheet: Sheet, scene: Scene, layout: Layout, unit: float) -> None:
+def add_captions(sheet: Sheet, geometry: Geometry, layout: Layout, unit: float) -> None:
     """Adds the title and the scale of tension."""
-    sheet.title(scene.title, unit, sheet.height - 1.5 * unit)
-    sheet.tension_bar(scene, layout, sheet.height - 2.3 * unit, unit)
+    sheet.title(geometry.title, unit, sheet.height - 1.5 * unit)
+    sheet.tension_bar(geometry, layout, sheet.height - 2.3 * unit, unit)
 
 
 def pose_times(
@@ -220,10 +220,10 @@ def _features(marionette: Drawable, run: Trajectory) -> np.ndarray:
     return flat / max(float(np.linalg.norm(flat, axis=1).max()), 1e-12)
 
 
-def _panel(scene: Scene, look: Look) -> tuple[float, float]:
+def _panel(geometry: Geometry, look: Look) -> tuple[float, float]:
     """Width and height [px] of one pose: as tall as fits a page, as wide as the motion."""
-    layout = layout_of(scene, Viewport(0.0, 0.0, 500.0, 500.0), look)
-    centres, radii = scene.balls(strings=look.focus == "all")
+    layout = layout_of(geometry, Viewport(0.0, 0.0, 500.0, 500.0), look)
+    centres, radii = geometry.balls(strings=look.focus == "all")
     seen = layout.camera.project(centres, layout.viewport)
     reach = radii * layout.camera.scale(seen[:, 2], layout.viewport)
     low, high = (seen[:, :2] - reach[:, None]).min(0), (seen[:, :2] + reach[:, None]).max(0)

@@ -12,8 +12,8 @@ import numpy as np
 from fantoccini.tree import WORLD
 from fantoccini.view.compose import compose
 from fantoccini.view.drawing import Look
+from fantoccini.view.geometry import geometry_of, spread
 from fantoccini.view.pictures import add_captions, checked, framed_sheet, pose_times, save
-from fantoccini.view.scene import scene_of, spread
 from fantoccini.view.still import Drawable
 from fantoccini.view.theme import Theme, rgb
 
@@ -60,21 +60,21 @@ def plan_picture(
     """
     path, look = checked(path), Look.of(view, "all", theme, size)
     chosen = pose_times(marionette, run, poses)
-    scene = scene_of(marionette, run.resample(chosen))
-    sheet, layout, unit = framed_sheet(scene, look)
+    geometry = geometry_of(marionette, run.resample(chosen))
+    sheet, layout, unit = framed_sheet(geometry, look)
     dots = layout.camera.project(nodes[spread(len(nodes), MAX_DOTS)], layout.viewport)
     sheet.axes.plot(
         dots[:, 0], dots[:, 1], ".", color=look.theme.ink, alpha=0.35, markersize=0.22 * unit,
         markeredgewidth=0.0, zorder=1.5, rasterized=True,
     )  # fmt: skip
     # Obstacles are painted with the last pose, so that they stay opaque.
-    moving = replace(scene, solids=tuple(s for s in scene.solids if s.link != WORLD))
+    moving = replace(geometry, solids=tuple(s for s in geometry.solids if s.link != WORLD))
     last = len(chosen) - 1
     for k in range(len(chosen)):
         opacity = FIRST_OPACITY + (1.0 - FIRST_OPACITY) * k / max(last, 1)
         polygons = [
             replace(p, face=_faint(p.face, opacity), edge=_faint(p.edge, opacity))
-            for p in compose(scene if k == last else moving, k, layout)
+            for p in compose(geometry if k == last else moving, k, layout)
         ]
         sheet.polygons(polygons, zorder=2.0 + 0.1 * k)
     line = layout.camera.project(way, layout.viewport)
@@ -83,7 +83,7 @@ def plan_picture(
         f"{t - run.t[0]:.2f} s" for t in chosen
     )
     sheet.write(1.6 * unit, 2.2 * unit, caption, unit, look.theme.ink, ha="left", va="center")
-    add_captions(sheet, scene, layout, unit)
+    add_captions(sheet, geometry, layout, unit)
     return save(sheet.figure, path, scale)
 
 

@@ -14,8 +14,8 @@ import numpy as np
 from fantoccini.errors import MissingLibraryError
 from fantoccini.tree import WORLD
 from fantoccini.view.compose import Layout, lines
+from fantoccini.view.geometry import Geometry
 from fantoccini.view.meshes import TriangleMesh, triangles
-from fantoccini.view.scene import Scene
 from fantoccini.view.silhouettes import Solid
 
 if TYPE_CHECKING:
@@ -46,18 +46,20 @@ def checked_renderer(renderer: str) -> str:
 
 
 class Studio:
-    """Renders a scene.
+    """Renders a geometry.
 
     Args:
-        scene: what to show.
+        geometry: what to show.
         layout: camera, theme and viewport.
         size: width and height of the sheet [px].
         scale: pixels of the rendering for a pixel of the sheet.
     """
 
-    def __init__(self, scene: Scene, layout: Layout, size: tuple[int, int], scale: float = 1.0):
+    def __init__(
+        self, geometry: Geometry, layout: Layout, size: tuple[int, int], scale: float = 1.0
+    ):
         self._pv = _pyvista()
-        self.scene, self.layout = scene, layout
+        self.geometry, self.layout = geometry, layout
         window = [round(n * scale) * _OVERSAMPLED for n in size]
         self._plotter = self._pv.Plotter(off_screen=True, window_size=window, lighting="none")
         self._plotter.set_background("black")
@@ -65,13 +67,13 @@ class Studio:
             light = self._pv.Light(light_type="camera light", intensity=brightness)
             light.position = towards
             self._plotter.add_light(light)
-        solids = [*scene.solids, *layout.handles]
+        solids = [*geometry.solids, *layout.handles]
         self._actors = [(solid, self._actor(solid)) for solid in solids]
         self.aim(layout, size)
 
     def photograph(self, k: int) -> np.ndarray:
-        """(height, width, 4) pixels in [0, 1] of the scene at ``t[k]``, rows from the top."""
-        poses = self.scene.poses[k]
+        """(height, width, 4) pixels in [0, 1] of the geometry at ``t[k]``, rows from the top."""
+        poses = self.geometry.poses[k]
         for solid, actor in self._actors:
             pose = np.eye(3, 4) if solid.link == WORLD else poses[solid.link]
             actor.visibility = bool(np.isfinite(pose).all())
@@ -109,7 +111,7 @@ class Studio:
         """Strings and springs as tubes, as wide in the picture as matplotlib's lines."""
         camera, viewport = self.layout.camera, self.layout.viewport
         tubes = self._pv.MultiBlock()
-        for line in lines(self.scene, k, self.layout):
+        for line in lines(self.geometry, k, self.layout):
             depth = float(camera.see(line.points)[:, 2].mean())
             radius = 0.5 * line.width / camera.scale(depth, viewport)
             tube = self._pv.lines_from_points(line.points).tube(radius=radius, n_sides=8)

@@ -229,12 +229,12 @@ class Controls:
 
     def _add_marks(self) -> None:
         none = np.zeros((1, 2, 3))
-        scene = self._server.scene
+        api = self._server.scene
         colour = to_bytes(WARNING)
-        self._leads = scene.add_line_segments(
+        self._leads = api.add_line_segments(
             "/lag/leads", none, colour, thickness=1.5, thickness_units="screen", visible=False
         )
-        self._ghosts = scene.add_point_cloud(
+        self._ghosts = api.add_point_cloud(
             "/lag/wanted", np.zeros((1, 3), dtype=np.float32), colour,
             point_size=0.02 * self._size, point_shape="circle", visible=False,
         )  # fmt: skip

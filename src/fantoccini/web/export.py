@@ -80,7 +80,7 @@ def write_html(
     path = Path(path)
     motion = ResampledRun.of(marionette, run, REFRESH.rate)
     # viser records what a server would send: it needs one, although nobody connects.
-    server = Server(motion.scene.title, theme, port=0)
+    server = Server(motion.geometry.title, theme, port=0)
     try:
         page = _recorded(server, motion, theme, tree, progress)
     finally:
@@ -97,17 +97,17 @@ def _recorded(
     tree: PlanTree | None,
     progress: Callable[[float], None] | None,
 ) -> str:
-    scene, frames = motion.scene, len(motion.scene.t)
-    nodes = SceneNodes(server.viser, scene, theme, quantum=_QUANTUM * scene.size)
+    geometry, frames = motion.geometry, len(motion.geometry.t)
+    nodes = SceneNodes(server.viser, geometry, theme, quantum=_QUANTUM * geometry.size)
     if tree is not None:
-        tree.add_to(server.viser, theme, scene.size)
+        tree.add_to(server.viser, theme, geometry.size)
     nodes.look(server.viser.initial_camera, "three-quarter")
-    nodes.show(moment_of(scene, 0))
+    nodes.show(moment_of(geometry, 0))
     recorder = server.viser.get_scene_serializer()
     for k in range(frames):
-        nodes.show(moment_of(scene, k))
+        nodes.show(moment_of(geometry, k))
         if k < frames - 1:
-            recorder.insert_sleep(float(scene.t[k + 1] - scene.t[k]))
+            recorder.insert_sleep(float(geometry.t[k + 1] - geometry.t[k]))
         if progress is not None:
             progress((k + 1) / frames)
     return recorder.as_html(dark_mode=theme.name == "dark")
@@ -116,7 +116,7 @@ def _recorded(
 def _dressed(page: str, motion: ResampledRun, theme: Theme) -> str:
     """The page with its title, a caption with readings, and no access to a network."""
     meta = f'<meta http-equiv="Content-Security-Policy" content="{escape(policy())}">'
-    page = with_title(page, motion.scene.title)
+    page = with_title(page, motion.geometry.title)
     page = in_head(page, meta)
     body = page.rindex("</body>")
     return page[:body] + _caption(motion, theme) + page[body:]
@@ -124,21 +124,21 @@ def _dressed(page: str, motion: ResampledRun, theme: Theme) -> str:
 
 def _caption(motion: ResampledRun, theme: Theme) -> str:
     """Name, time and tensions in the corner, as HTML."""
-    scene, run = motion.scene, motion.run
+    geometry, run = motion.geometry, motion.run
     lines = "".join(
         '<div style="display:grid;grid-template-columns:8em 5em 4.2em;gap:0.6em;'
         f'align-items:center"><span>{text(name)}</span><span style="background:'
         'rgba(128,128,128,0.2);border-radius:3px;height:0.55em"><span style="display:block;'
         'height:100%;border-radius:3px"></span></span><span style="text-align:right"></span></div>'
-        for name in scene.names
+        for name in geometry.names
     )
-    tension = np.zeros(scene.taut.shape) if scene.tension is None else scene.tension
+    tension = np.zeros(geometry.taut.shape) if geometry.tension is None else geometry.tension
     readings = {
         "t0": float(run.t[0]),
-        "rate": (len(scene.t) - 1) / run.duration if run.duration > 0.0 else 1.0,
-        "top": scene.tension_top(),
+        "rate": (len(geometry.t) - 1) / run.duration if run.duration > 0.0 else 1.0,
+        "top": geometry.tension_top(),
         "tension": np.round(tension, 2).tolist(),
-        "taut": scene.taut.astype(int).tolist(),
+        "taut": geometry.taut.astype(int).tolist(),
         "colours": [to_hex(colour) for colour in theme.tension_colours(32)],
     }
     # No text from the puppet file goes in here; `<` cannot occur.
@@ -147,7 +147,7 @@ def _caption(motion: ResampledRun, theme: Theme) -> str:
         f'<div style="position:fixed;right:1.2em;top:1em;z-index:5;pointer-events:none;'
         f'color:{to_hex(theme.ink)};'
         'font:13px/1.5 system-ui,sans-serif">'
-        f'<div style="font-size:18px;font-weight:600">{text(scene.title)} '
+        f'<div style="font-size:18px;font-weight:600">{text(geometry.title)} '
         '<span id="clock" style="font-weight:400;opacity:0.7"></span></div>'
         f'<div id="readings" style="margin-top:0.4em;font-variant-numeric:tabular-nums">{lines}'
         f"</div></div><script>{script}</script>"

@@ -14,7 +14,7 @@ import numpy as np
 
 from fantoccini.errors import FantocciniError
 from fantoccini.perform import Performance
-from fantoccini.view.scene import Scene, scene_at
+from fantoccini.view.geometry import Geometry, geometry_at
 from fantoccini.view.theme import Theme
 from fantoccini.web import pad
 from fantoccini.web.controls import Controls, line_of_sight
@@ -150,7 +150,7 @@ class Live(PageLoop):
         handle = self.controls.handle
         if handle is None:
             return
-        size = self.nodes.scene.size
+        size = self.nodes.geometry.size
         by = nudge(handle.axes, self._line_of_sight(camera), right * size, up * size)
         position, _ = self.performance.target(handle.name)
         self.performance.move(handle.name, position + by)
@@ -158,7 +158,7 @@ class Live(PageLoop):
     def wind(self, by: float) -> None:
         """Winds the string of the selected handle in or out, in puppet sizes."""
         if self.controls.selected is not None:
-            self.controls.wind(self.controls.selected, by * self.nodes.scene.size)
+            self.controls.wind(self.controls.selected, by * self.nodes.geometry.size)
 
     def set_parameters(self, values: dict[str, float]) -> None:
         """Continues with other parameters."""
@@ -229,7 +229,7 @@ class Live(PageLoop):
     def _history(self) -> tuple[np.ndarray, np.ndarray]:
         """Times (n,) before now [s] and tensions (n_strings, n) [N]."""
         if len(self._past) < 2:
-            return np.array([-_TIMING.history, 0.0]), np.zeros((len(self.nodes.scene.names), 2))
+            return np.array([-_TIMING.history, 0.0]), np.zeros((len(self.nodes.geometry.names), 2))
         t = np.array([at for at, _ in self._past])
         return t - t[-1], np.array([tension for _, tension in self._past]).T
 
@@ -269,11 +269,12 @@ class Live(PageLoop):
         self._report(("the puppet file was loaded again", *lost))
 
     def _build(self) -> None:
-        scene = self._scene()
-        self.nodes = SceneNodes(self.server.viser, scene, self.theme, 1.5 * scene.tension_top())
+        geometry = self._geometry()
+        top = 1.5 * geometry.tension_top()
+        self.nodes = SceneNodes(self.server.viser, geometry, self.theme, top)
         self.panel.build(self.nodes)
         self.controls = Controls(
-            self.server.viser, self.performance, self.theme, scene.size,
+            self.server.viser, self.performance, self.theme, geometry.size,
             self.nodes.view("three-quarter"), self.act,
             lambda: self.panel.drag_winds, self.holder.leave, self.panel.lengths,
         )  # fmt: skip
@@ -285,9 +286,9 @@ class Live(PageLoop):
         self.panel.clear()
         self.nodes.clear()
 
-    def _scene(self) -> Scene:
+    def _geometry(self) -> Geometry:
         p = self.performance
-        return scene_at(p.marionette, p.state, self._resting())
+        return geometry_at(p.marionette, p.state, self._resting())
 
     def _resting(self) -> np.ndarray:
         """(n_strings,) typical tensions of this puppet, for the scale [N]."""

@@ -98,7 +98,7 @@ class LivePanel:
         gui, live = self._gui, self._live
         self._nodes = nodes
         self._views.apply()
-        names = nodes.scene.names
+        names = nodes.geometry.names
         winds = bool(live.performance.lengths)
         self._hint.content = note(_HINT_WINDS if winds else _HINT)
         handles = tuple(handle.name for handle in live.performance.handles)
@@ -181,8 +181,8 @@ class LivePanel:
         if self._handle is not None and self._shown != selected:
             self._handle.value = self._shown = selected
         self._record.label = "Stop recording" if self._live.recorder.running else "Record"
-        if self._nodes.scene.names:
-            self._bars.content = bars(self._nodes.scene.names, moment, self._nodes)
+        if self._nodes.geometry.names:
+            self._bars.content = bars(self._nodes.geometry.names, moment, self._nodes)
             t, tension = history
             self._plot.draw(t, np.minimum(tension, 10.0 * self._nodes.colours.top))
 

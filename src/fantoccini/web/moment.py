@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fantoccini.view.scene import Scene, chain_points, spring_ends
+from fantoccini.view.geometry import Geometry, chain_points, spring_ends
 
 if TYPE_CHECKING:
     from fantoccini.marionette import Marionette
@@ -39,17 +39,17 @@ class Moment:
     chains: list[np.ndarray]
 
 
-def moment_of(scene: Scene, k: int) -> Moment:
-    """The moment ``t[k]`` of a scene."""
+def moment_of(geometry: Geometry, k: int) -> Moment:
+    """The moment ``t[k]`` of a geometry."""
     return Moment(
-        t=float(scene.t[k]),
-        poses=scene.poses[k],
-        points=[p[k] for p in scene.points],
-        lengths=scene.lengths[k],
-        taut=scene.taut[k],
-        tension=None if scene.tension is None else scene.tension[k],
-        springs=[s[k : k + 1] for s in scene.springs],
-        chains=[c[k] for c in scene.chains],
+        t=float(geometry.t[k]),
+        poses=geometry.poses[k],
+        points=[p[k] for p in geometry.points],
+        lengths=geometry.lengths[k],
+        taut=geometry.taut[k],
+        tension=None if geometry.tension is None else geometry.tension[k],
+        springs=[s[k : k + 1] for s in geometry.springs],
+        chains=[c[k] for c in geometry.chains],
     )
 
 

@@ -1,4 +1,4 @@
-"""The nodes of a scene in a viser server: built once, then moved for each moment."""
+"""The nodes of a geometry in a viser server: built once, then moved for each moment."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from fantoccini.tree import WORLD
 from fantoccini.view.camera import Camera, fit, point_of_view
+from fantoccini.view.geometry import Geometry, round_down
 from fantoccini.view.meshes import triangles
-from fantoccini.view.scene import Scene, round_down
 from fantoccini.view.shapes import handles
 from fantoccini.view.silhouettes import Solid
 from fantoccini.view.theme import Theme, mix, to_bytes
@@ -48,11 +48,11 @@ class View:
 
 
 class SceneNodes:
-    """What a page shows of a scene.
+    """What a page shows of a geometry.
 
     Args:
         server: of viser.
-        scene: puppet, strings, floor, obstacles.
+        geometry: puppet, strings, floor, obstacles.
         theme: colours.
         top: upper end of the tension scale [N]; by default from the motion.
         quantum: positions are rounded to this, for smaller files [m]; 0 keeps them.
@@ -61,22 +61,22 @@ class SceneNodes:
     def __init__(
         self,
         server: viser.ViserServer,
-        scene: Scene,
+        geometry: Geometry,
         theme: Theme,
         top: float | None = None,
         quantum: float = 0.0,
     ):
-        self.server, self.scene, self.theme = server, scene, theme
-        self.colours = Colours(scene, theme, scene.tension_top() if top is None else top)
+        self.server, self.geometry, self.theme = server, geometry, theme
+        self.colours = Colours(geometry, theme, geometry.tension_top() if top is None else top)
         self._quantum = quantum
         self._nodes: list[viser.SceneNodeHandle] = []
         self._links: dict[int, viser.FrameHandle] = {}
         with server.atomic():
             self._set_up_world()
             self._set_up_links()
-            self._strings = Strings(server, scene, theme, self.colours, quantum)
+            self._strings = Strings(server, geometry, theme, self.colours, quantum)
             self._nodes += self._strings.nodes
-        self._last = np.full((len(scene.tree.links), 7), np.nan)
+        self._last = np.full((len(geometry.tree.links), 7), np.nan)
 
     def show(self, moment: Moment) -> None:
         """Moves everything to a moment, in one bundle of messages."""
@@ -111,12 +111,12 @@ class SceneNodes:
 
     def view(self, name: str, aspect: float = _ASPECT) -> View:
         """The point of view of this name (see :data:`VIEWS`) with the whole motion in a window."""
-        scene = self.scene
-        centres, radii = scene.balls()
-        centres = np.concatenate([centres, scene.feet(centres)])
+        geometry = self.geometry
+        centres, radii = geometry.balls()
+        centres = np.concatenate([centres, geometry.feet(centres)])
         radii = np.concatenate([radii, np.zeros(len(centres) - len(radii))])
         preset = "front" if name == "top" else name
-        azimuth, elevation = point_of_view(preset, centres, scene.plane)
+        azimuth, elevation = point_of_view(preset, centres, geometry.plane)
         elevation = np.radians(_ELEVATIONS[name]) if name in _ELEVATIONS else elevation
         camera = fit(centres, radii, azimuth, elevation, aspect, _OPENING, margin=0.09)
         return View(camera.eye, _target(camera, 0.5 * (centres.min(axis=0) + centres.max(axis=0))))
@@ -131,18 +131,18 @@ class SceneNodes:
     # -- built once ----------------------------------------------------------------------------
 
     def _set_up_world(self) -> None:
-        scene, theme, api = self.scene, self.theme, self.server.scene
+        geometry, theme, api = self.geometry, self.theme, self.server.scene
         api.set_up_direction("+z")
         api.world_axes.visible = False
         api.set_background_image(_sky(theme), format="png")
-        low, high = scene.ground_box()
-        reach = 1.6 * float((high - low).max()) + 1.6 * scene.size
-        cell = round_down(0.12 * scene.size)
+        low, high = geometry.ground_box()
+        reach = 1.6 * float((high - low).max()) + 1.6 * geometry.size
+        cell = round_down(0.12 * geometry.size)
         middle = np.round(0.5 * (low + high) / cell) * cell
         plane = mix(theme.bottom, theme.floor[:3], float(theme.floor[3]))
         self._floor = api.add_grid(
             "/floor", width=6.0 * reach, height=6.0 * reach, plane="xy",
-            position=(float(middle[0]), float(middle[1]), scene.floor),
+            position=(float(middle[0]), float(middle[1]), geometry.floor),
             cell_size=cell, section_size=5.0 * cell,
             cell_color=to_bytes(mix(plane, theme.grid, 0.55)), section_color=to_bytes(theme.grid),
             cell_thickness=0.6, section_thickness=1.0, fade_distance=2.6 * reach,
@@ -150,14 +150,14 @@ class SceneNodes:
             plane_opacity=1.0, shadow_opacity=0.45 if theme.name == "light" else 0.6,
         )  # fmt: skip
         self._nodes.append(self._floor)
-        obstacles = [s for s in scene.solids if s.link == WORLD]
+        obstacles = [s for s in geometry.solids if s.link == WORLD]
         self._obstacles = self._meshes("/obstacles", obstacles)
 
     def _set_up_links(self) -> None:
-        scene = self.scene
-        solids = [*scene.solids, *handles(scene.tree, self.theme, scene.size)]
-        self._meshes("/hooks", [s for s in solids[len(scene.solids) :] if s.link == WORLD])
-        for k, link in enumerate(scene.tree.links):
+        geometry = self.geometry
+        solids = [*geometry.solids, *handles(geometry.tree, self.theme, geometry.size)]
+        self._meshes("/hooks", [s for s in solids[len(geometry.solids) :] if s.link == WORLD])
+        for k, link in enumerate(geometry.tree.links):
             carried = [s for s in solids if s.link == k]
             if not carried:
                 continue

@@ -43,7 +43,7 @@ def bars(names: Sequence[str], moment: Moment, nodes: SceneNodes) -> str:
     lines = []
     for s, name in enumerate(names):
         pull = None if moment.tension is None else float(moment.tension[s])
-        holds = bool(moment.taut[s]) or nodes.scene.wires[s]
+        holds = bool(moment.taut[s]) or nodes.geometry.wires[s]
         if pull is None or not np.isfinite(pull):
             share, colour, number = 0.0, "transparent", "taut" if holds else "slack"
         elif holds:

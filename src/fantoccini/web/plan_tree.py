@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fantoccini.view.geometry import spread
 from fantoccini.view.plans import MAX_DOTS, PATH_COLOUR
-from fantoccini.view.scene import spread
 from fantoccini.view.theme import Theme, to_bytes
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ class PlanTree:
         return cls(nodes, way)
 
     def add_to(self, server: viser.ViserServer, theme: Theme, size: float) -> None:
-        """Adds dots and line to the scene of a motion of this size [m]."""
+        """Adds dots and line to the geometry of a motion of this size [m]."""
         dots = self.nodes[spread(len(self.nodes), MAX_DOTS)].astype(np.float32)
         server.scene.add_point_cloud(
             "/plan/tree", dots, to_bytes(theme.faint), point_size=0.005 * size,

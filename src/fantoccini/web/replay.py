@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fantoccini.view.scene import Scene, scene_of
+from fantoccini.view.geometry import Geometry, geometry_of
 from fantoccini.view.theme import Theme
 from fantoccini.web.loop import REFRESH, PageLoop
 from fantoccini.web.moment import moment_of
@@ -53,12 +53,12 @@ class ResampledRun:
 
     Attributes:
         run: the original.
-        scene: at the frames' times.
+        geometry: at the frames' times.
         events: without breakpoints of the inputs.
     """
 
     run: Trajectory
-    scene: Scene
+    geometry: Geometry
     events: tuple[EventRecord, ...]
 
     @classmethod
@@ -71,22 +71,22 @@ class ResampledRun:
         frames = max(1, round(run.duration * rate))
         times = np.linspace(run.t[0], run.t[-1], frames + 1)
         events = tuple(e for e in run.events if e.kind != "breakpoint")
-        return cls(run, scene_of(marionette, run.resample(times)), events)
+        return cls(run, geometry_of(marionette, run.resample(times)), events)
 
     @property
     def start(self) -> float:
         """First time [s]."""
-        return float(self.scene.t[0])
+        return float(self.geometry.t[0])
 
     @property
     def end(self) -> float:
         """Last time [s]."""
-        return float(self.scene.t[-1])
+        return float(self.geometry.t[-1])
 
     def frame(self, t: float) -> int:
         """The frame of a time."""
         share = (t - self.start) / max(self.end - self.start, 1e-12)
-        return int(np.clip(round(share * (len(self.scene.t) - 1)), 0, len(self.scene.t) - 1))
+        return int(np.clip(round(share * (len(self.geometry.t) - 1)), 0, len(self.geometry.t) - 1))
 
 
 class Replay(PageLoop):
@@ -108,9 +108,9 @@ class Replay(PageLoop):
     ):
         super().__init__("replay")
         self.server, self.motion, self.theme = server, motion, theme
-        self.nodes = SceneNodes(server.viser, motion.scene, theme)
+        self.nodes = SceneNodes(server.viser, motion.geometry, theme)
         if tree is not None:
-            tree.add_to(server.viser, theme, motion.scene.size)
+            tree.add_to(server.viser, theme, motion.geometry.size)
         self.nodes.look(server.viser.initial_camera, "three-quarter")
         self.t, self.playing, self.speed = motion.start, True, 1.0
         self._shown = -1
@@ -149,11 +149,11 @@ class Replay(PageLoop):
         stored = [coarse.ledger["kinetic"], coarse.ledger["potential"]]
         stored[1] = stored[1] - stored[1].min()
         self._energies = np.array([*stored, stored[0] + stored[1]])
-        if motion.scene.names:
+        if motion.geometry.names:
             with gui.add_folder("Tension"):
                 self._bars = gui.add_html("")
                 self._tension = Plot(
-                    gui, motion.scene.names, self.theme, "N", span,
+                    gui, motion.geometry.names, self.theme, "N", span,
                     (0.0, 1.05 * self.nodes.colours.top), mark=True,
                 )  # fmt: skip
         with gui.add_folder("Energy"):
@@ -230,19 +230,19 @@ class Replay(PageLoop):
         k = self.motion.frame(self.t)
         if k == self._shown:
             return
-        moment = moment_of(self.motion.scene, k)
+        moment = moment_of(self.motion.geometry, k)
         with self.server.viser.atomic():
             self.nodes.show(moment)
             if now >= self._due["numbers"]:
                 self._due["numbers"] = now + REFRESH.numbers
                 self._slider.value = round(self.t, 3)
-                if self.motion.scene.names:
-                    self._bars.content = bars(self.motion.scene.names, moment, self.nodes)
+                if self.motion.geometry.names:
+                    self._bars.content = bars(self.motion.geometry.names, moment, self.nodes)
                 if self._listing is not None:
                     self._listing.content = _listed(self.motion.events, self.t)
             if now >= self._due["plot"]:
                 self._due["plot"] = now + REFRESH.numbers
-                if self.motion.scene.names:
+                if self.motion.geometry.names:
                     self._tension.draw(self._plot_t, self._tensions, self.t)
                 self._energy.draw(self._plot_t, self._energies, self.t)
                 self._shown = k

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fantoccini.view.scene import Scene
+from fantoccini.view.geometry import Geometry
 from fantoccini.view.theme import Theme, mix, to_bytes, to_hex
 from fantoccini.web.moment import Moment
 from fantoccini.web.viser_private import move
@@ -32,16 +32,16 @@ _RESOLUTION = _Resolution()
 
 
 class Colours:
-    """Colours of the strings of a scene.
+    """Colours of the strings of a geometry.
 
     Attributes:
         top: tension with the last colour of the scale [N].
     """
 
-    def __init__(self, scene: Scene, theme: Theme, top: float):
+    def __init__(self, geometry: Geometry, theme: Theme, top: float):
         self.top = top
         self._ramp = theme.tension_colours(_RESOLUTION.colours)
-        self._chains, self._own = scene.chain_colours, scene.colours
+        self._chains, self._own = geometry.chain_colours, geometry.colours
 
     def of(self, string: int, tension: float | None) -> tuple[int, int, int]:
         """Colour of a taut string, in 0 to 255."""
@@ -66,14 +66,14 @@ class Colours:
 
 
 class Strings:
-    """The strings and springs of a scene.
+    """The strings and springs of a geometry.
 
     Attributes:
         nodes: of viser.
 
     Args:
         server: of viser.
-        scene: whose strings they are.
+        geometry: whose strings they are.
         theme: colours of springs.
         colours: of the strings.
         quantum: positions are rounded to this [m]; 0 keeps them.
@@ -82,14 +82,14 @@ class Strings:
     def __init__(
         self,
         server: viser.ViserServer,
-        scene: Scene,
+        geometry: Geometry,
         theme: Theme,
         colours: Colours,
         quantum: float,
     ):
-        self._scene, self._colours, self._quantum = scene, colours, quantum
+        self._geometry, self._colours, self._quantum = geometry, colours, quantum
         self._owner = np.array(
-            [s for s, p in enumerate(scene.points) for _ in range(p.shape[1] - 1)], dtype=int
+            [s for s, p in enumerate(geometry.points) for _ in range(p.shape[1] - 1)], dtype=int
         )
 
         def add(
@@ -101,28 +101,30 @@ class Strings:
             )  # fmt: skip
 
         self._spans = [
-            add(f"/strings/{scene.names[s]}/{n}", 1, (0, 0, 0), 3.0, False)
+            add(f"/strings/{geometry.names[s]}/{n}", 1, (0, 0, 0), 3.0, False)
             for n, s in enumerate(self._owner)
         ]
         self._drawn = np.zeros(len(self._owner))
         self._coloured: list[tuple[int, int, int] | None] = [None] * len(self._owner)
         slack = to_bytes(theme.slack)
-        self._curves = [add(f"/strings/{name}/slack", 1, slack, 1.8, False) for name in scene.names]
+        self._curves = [
+            add(f"/strings/{name}/slack", 1, slack, 1.8, False) for name in geometry.names
+        ]
         self.nodes: list[viser.LineSegmentsHandle] = [*self._spans, *self._curves]
         self._springs = None
-        if scene.springs:
+        if geometry.springs:
             colour = to_bytes(mix(theme.faint, theme.ink, 0.4))
-            self._springs = add("/springs", len(scene.springs), colour, 4.0)
+            self._springs = add("/springs", len(geometry.springs), colour, 4.0)
             self.nodes.append(self._springs)
         self._chains = [
             add(f"/chains/{n}", c.shape[1] - 1, colours.of_chain(n), 3.0)
-            for n, c in enumerate(scene.chains)
+            for n, c in enumerate(geometry.chains)
         ]
         self.nodes.extend(self._chains)
 
     def show(self, moment: Moment) -> None:
         """Draws the strings of a moment."""
-        holds = np.asarray(moment.taut, dtype=bool) | np.array(self._scene.wires, dtype=bool)
+        holds = np.asarray(moment.taut, dtype=bool) | np.array(self._geometry.wires, dtype=bool)
         if self._spans:
             self._show_spans(moment, holds)
         self._show_curves(moment, holds)
@@ -151,7 +153,7 @@ class Strings:
             if not shown[n]:
                 continue
             move(node, starts[n], wxyz[n])
-            if abs(lengths[n] - self._drawn[n]) > _RESOLUTION.stretch * self._scene.size:
+            if abs(lengths[n] - self._drawn[n]) > _RESOLUTION.stretch * self._geometry.size:
                 self._drawn[n] = lengths[n]
                 node.points = np.array([[[0, 0, 0], [lengths[n], 0, 0]]], dtype=np.float32)
             s = self._owner[n]
@@ -169,7 +171,7 @@ class Strings:
             if not shown:
                 continue
             line = self._rounded(
-                self._scene.slack_curve(
+                self._geometry.slack_curve(
                     moment.points[s], float(moment.lengths[s]), _RESOLUTION.sag_points
                 )
             )

@@ -1,4 +1,4 @@
-"""A scene: what is drawn of a puppet and its motion, without anything about pixels."""
+"""The geometry of a puppet and its motion, in metres: everything that is drawn."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class StringCurve:
 
 
 @dataclass(frozen=True)
-class Scene:
+class Geometry:
     """A motion, ready to be drawn.
 
     Attributes:
@@ -177,16 +177,16 @@ def round_down(length: float) -> float:
     return float(unit * max(f for f in (1.0, 2.0, 5.0) if f * unit <= length * (1.0 + 1e-9)))
 
 
-def scene_of(marionette: Drawable, run: Trajectory) -> Scene:
-    """The scene of a run."""
-    return _scene(
+def geometry_of(marionette: Drawable, run: Trajectory) -> Geometry:
+    """The geometry of a run."""
+    return _geometry(
         marionette, np.asarray(run.t), run.q_D, run.q_K, run.taut.values, run.tension.values,
         0.0 if run.slip is None else run.slip.values,
     )  # fmt: skip
 
 
-def scene_at(marionette: Drawable, state: State, tension: np.ndarray | None = None) -> Scene:
-    """The scene of one state.
+def geometry_at(marionette: Drawable, state: State, tension: np.ndarray | None = None) -> Geometry:
+    """The geometry of one state.
 
     Args:
         marionette: the puppet.
@@ -194,14 +194,14 @@ def scene_at(marionette: Drawable, state: State, tension: np.ndarray | None = No
         tension: (n_strings,) [N]; None draws strings without the colours of tension.
     """
     n = len(marionette.tree.strings)
-    return _scene(
+    return _geometry(
         marionette, np.array([state.t]), state.q_D[None], state.q_K[None], state.taut[None, :n],
         None if tension is None else np.asarray(tension, dtype=float)[None],
         state.slip[None] if len(state.slip) else 0.0,
     )  # fmt: skip
 
 
-def _scene(
+def _geometry(
     marionette: Drawable,
     t: Array,
     q_D: Array,
@@ -209,7 +209,7 @@ def _scene(
     taut: np.ndarray,
     tension: Array | None,
     slip: Array | float,
-) -> Scene:
+) -> Geometry:
     tree, puppet = _with_values(marionette.tree, marionette.model.number), marionette.puppet
     poses = np.asarray(marionette.poses(q_D, q_K))
     points = tuple(np.asarray(p) for p in marionette.string_points(q_D, q_K))
@@ -220,7 +220,7 @@ def _scene(
     solids += stand_ins(tree, size)
     low = _lowest(solids, poses) if solids else 0.0
     floor = low - 0.04 * size if puppet.floor is None else float(puppet.floor)
-    return Scene(
+    return Geometry(
         title=tree.name,
         t=t,
         solids=tuple(obstacles(puppet) + solids),
