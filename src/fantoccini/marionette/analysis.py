@@ -95,7 +95,7 @@ def effort(
     """M_KD acc_D + M_KK acc_K + c_K - A_K^T lambda; see :meth:`Marionette.effort`."""
     return model.library.evaluate(
         "effort", q_D=q_D, v_D=v_D, q_K=q_K, v_K=v_K, acc_D=acc_D, acc_K=acc_K,
-        lam=-np.asarray(tension), p=model.p,
+        lam=-np.asarray(tension)[..., : len(model.tree.strings)], p=model.p,
     ).f_K  # fmt: skip
 
 

@@ -385,7 +385,8 @@ class Marionette:
         """Force on every driven coordinate: M_KD acc_D + M_KK acc_K + c_K - A_K^T lambda.
 
         How heavy the control is in the hand, (..., n_vK) [N or N m]. The arguments are (..., n)
-        each, ``tension`` (..., n_strings).
+        each, ``tension`` (..., n_strings), or (..., n_rows) as of :meth:`forward_dynamics`: limits
+        do not pull on driven coordinates.
         """
         return analysis.effort(self.model, q_D, v_D, q_K, v_K, acc_D, acc_K, tension)
 

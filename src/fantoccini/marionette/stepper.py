@@ -98,6 +98,12 @@ class Stepper:
         """How the last advance ended; ``LOST_STEPS`` or ``RUNAWAY`` once a drive was too weak."""
         return self._run.status
 
+    def __repr__(self) -> str:
+        return (
+            f"<Stepper {self.model.name}: {self.method}, t = {self.state.t:g} s, "
+            f"{self.status.name}>"
+        )
+
     @property
     def arrived(self) -> bool:
         """Whether the last advance reached its end, even with lost steps."""

@@ -57,6 +57,10 @@ class Inputs:
     def __len__(self) -> int:
         return len(self.coef)
 
+    def __repr__(self) -> str:
+        ends = f"{np.min(self.breaks):g} to {np.max(self.breaks):g} s"
+        return f"<Inputs: {len(self)}, {ends}{', relative' if self.relative else ''}>"
+
     def __getitem__(self, i: int) -> Input:
         if self.relative:
             raise TypeError(

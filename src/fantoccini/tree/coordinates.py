@@ -50,7 +50,7 @@ class Coordinate:
     index: int | None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class CoordinateTable:
     """Names and places of all coordinates.
 
@@ -78,6 +78,11 @@ class CoordinateTable:
     start_D: np.ndarray
     start_K: np.ndarray
     commands: dict[str, str] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        names = [*self.q_D, *self.q_K]
+        shown = ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
+        return f"<CoordinateTable: {self.n_qD} dynamic, {self.n_qK} driven: {shown}>"
 
     @cached_property
     def places_K(self) -> tuple[np.ndarray, np.ndarray]:
