@@ -1,4 +1,4 @@
-"""Shape-named array aliases.
+"""Array aliases named after their shapes, and checks of numbers that a caller gave.
 
 The last axis is always the coordinate; lane and time come before it. The names are those of the
 coordinate table: n_qD, n_vD, n_qK, n_vK configuration numbers and velocities of the dynamic and
@@ -7,7 +7,7 @@ the driven coordinates, n_rows one-sided rows (strings, then limits).
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -44,6 +44,25 @@ Vec3 = NDArray[np.float64]
 
 Quaternion = NDArray[np.float64]
 """(..., 4) unit quaternion, in the order w, x, y, z."""
+
+
+def check_positive(**values: object) -> None:
+    """Raises ValueError unless all are finite numbers greater than 0."""
+    for name, value in values.items():
+        if not (_is_number(value) and 0.0 < value < np.inf):
+            raise ValueError(f"{name} is {value!r}; it must be a finite number greater than 0")
+
+
+def check_not_negative(**values: object) -> None:
+    """Raises ValueError unless all are finite numbers of at least 0."""
+    for name, value in values.items():
+        if not (_is_number(value) and 0.0 <= value < np.inf):
+            raise ValueError(f"{name} is {value!r}; it must be a finite number of at least 0")
+
+
+def _is_number(value: object) -> TypeGuard[float]:
+    number = isinstance(value, (int, float, np.integer, np.floating))
+    return number and not isinstance(value, bool)
 
 
 def frozen(values: ArrayLike, dtype: DTypeLike = np.float64) -> NDArray[Any]:

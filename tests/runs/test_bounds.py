@@ -148,7 +148,7 @@ def test_a_step_longer_than_the_run_is_one_step(method, x0):
     assert stepper.advance(0.01).t == 0.01
     with pytest.raises(ValueError, match="the clock of a run from 0 s to 1 s resolves"):
         simulated(x0, t_end=1.0, method=method_of(method, dt=1e-17))
-    with pytest.raises(ValueError, match="dt is nan; it must be positive"):
+    with pytest.raises(ValueError, match="dt is nan; it must be a finite number"):
         simulated(x0, t_end=1.0, method=method_of(method, dt=np.nan))
 
 

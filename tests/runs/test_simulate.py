@@ -64,7 +64,7 @@ def test_an_end_before_the_start_is_refused(arm, hanging, t_end):
     ],
 )  # fmt: skip
 def test_steps_and_tolerances_are_positive(kind, name, value):
-    with pytest.raises(ValueError, match=f"{name} is {value}; it must be positive"):
+    with pytest.raises(ValueError, match=f"{name} is {value}; it must be a finite number"):
         kind(**{name: value})
 
 

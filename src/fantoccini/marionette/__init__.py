@@ -42,7 +42,6 @@ from fantoccini.marionette.redundant import (
 )
 from fantoccini.marionette.step_linearisation import StepLinearisation
 from fantoccini.marionette.stepper import Stepper
-from fantoccini.marionette.vectors import check_positive
 
 __all__ = [
     "CONTRADICTION_STATUSES",
@@ -74,7 +73,6 @@ __all__ = [
     "bind_inputs",
     "check_mass_matrix",
     "check_memory",
-    "check_positive",
     "check_samples",
     "check_start",
     "check_starts",

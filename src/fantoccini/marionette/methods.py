@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from fantoccini.marionette.vectors import check_positive
+from fantoccini.arrays import check_positive
 
 if TYPE_CHECKING:
     from scipy.integrate import OdeSolver
@@ -19,7 +19,11 @@ class _Options:
     name: ClassVar[MethodName]
 
     def __post_init__(self) -> None:
-        check_positive(**{k: x for k, x in self.options.items() if k != "extrapolate"})
+        flags = {k: x for k, x in self.options.items() if k == "extrapolate"}
+        check_positive(**{k: x for k, x in self.options.items() if k not in flags})
+        for name, value in flags.items():
+            if not isinstance(value, bool):
+                raise ValueError(f"{name} is {value!r}; it must be True or False")
 
     @property
     def options(self) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, check_positive
 from fantoccini.errors import StateError
 from fantoccini.marionette.evaluation import Evaluation
 from fantoccini.marionette.linearisation import (
@@ -31,7 +31,7 @@ from fantoccini.marionette.linearisation import (
 )
 from fantoccini.marionette.model import Model
 from fantoccini.marionette.stepper import Stepper
-from fantoccini.marionette.vectors import check_positive, vector
+from fantoccini.marionette.vectors import vector
 from fantoccini.motion import State, rotation
 from fantoccini.tree import CoordinateTable
 

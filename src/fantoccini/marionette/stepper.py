@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, check_positive
 from fantoccini.errors import ARRIVED, SimulationError, Status, UnknownNameError
 from fantoccini.marionette.checks import bind_input, check_samples, check_start, check_step
 from fantoccini.marionette.methods import Method, MethodName, as_method
 from fantoccini.marionette.model import Model
 from fantoccini.marionette.redundant import CONTRADICTION_STATUSES, Contradiction, contradiction
-from fantoccini.marionette.vectors import check_positive, vector
+from fantoccini.marionette.vectors import vector
 from fantoccini.motion import Input, State
 from fantoccini.motion.polynomial import N_COEF
 from fantoccini.runtime import Run, RunOptions
@@ -135,8 +135,7 @@ class Stepper:
         Returns:
             The state reached.
         """
-        if not 0 < duration < np.inf:
-            raise ValueError(f"duration is {duration}; it must be positive and finite")
+        check_positive(duration=duration)
         end = self.state.t + duration
         check_samples(self.model, self.method, self._options, self.state.t, end)
         if inputs is not None and (acc_K is not None or u_D is not None):

@@ -1,4 +1,4 @@
-"""Checks of numbers given by a caller: finite, positive, of the right shape."""
+"""Checks of arrays given by a caller: finite, of the right shape."""
 
 from __future__ import annotations
 
@@ -6,14 +6,6 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError
-
-
-def check_positive(**values: float) -> None:
-    """Raises ValueError unless all are finite numbers greater than 0."""
-    for name, value in values.items():
-        number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
-        if not (number and np.isfinite(value) and value > 0):
-            raise ValueError(f"{name} is {value!r}; it must be a finite number greater than 0")
 
 
 def vector(name: str, values: Array | None, n: int) -> Array:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fantoccini.arrays import Array, Mask, frozen
+from fantoccini.arrays import Array, Mask, check_not_negative, check_positive, frozen
 from fantoccini.errors import InputError, Mistake, UnknownNameError
 from fantoccini.motion import binding, pieces, polynomial, reading, rotation
 from fantoccini.motion.input import Input
@@ -135,12 +135,8 @@ class Inputs:
             only: names of the coordinates that move; all when not given.
         """
         table = reading.table_of(table)
-        for name, value in (("n", n), ("t_end", t_end), ("every", every)):
-            if not (np.isfinite(value) and value > 0):
-                raise ValueError(f"{name} is {value}; it must be positive")
-        for name, value in (("reach", reach), ("turn", turn)):
-            if not (np.isfinite(value) and value >= 0):
-                raise ValueError(f"{name} is {value}; it must be 0 or more")
+        check_positive(n=n, t_end=t_end, every=every)
+        check_not_negative(reach=reach, turn=turn)
         places = pieces.channel_names(table)
         for name in only or ():
             if name not in places:

@@ -7,7 +7,7 @@ from threading import RLock
 
 import numpy as np
 
-from fantoccini.arrays import Array, ConfigK, Quaternion, Vec3
+from fantoccini.arrays import Array, ConfigK, Quaternion, Vec3, check_positive
 from fantoccini.contract import EVENT_AT
 from fantoccini.errors import StateError, Status
 from fantoccini.marionette import Marionette, Stepper, check_start
@@ -73,11 +73,9 @@ class Performance:
         acceleration: float = ACCELERATION,
         grip: float | None = None,
     ):
-        for name, value in {
-            "dt": dt, "tick": tick, "speed": speed, "acceleration": acceleration, "grip": grip,
-        }.items():  # fmt: skip
-            if value is not None and not (np.isfinite(value) and value > 0):
-                raise ValueError(f"{name} is {value}; it must be positive")
+        check_positive(dt=dt, tick=tick, speed=speed, acceleration=acceleration)
+        if grip is not None:
+            check_positive(grip=grip)
         self._lock = RLock()
         self._speed, self._acceleration, self._given_grip = speed, acceleration, grip
         self.tick = float(tick)

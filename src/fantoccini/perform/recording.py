@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.arrays import Array, Times, frozen
+from fantoccini.arrays import Array, Times, check_positive, frozen
 from fantoccini.errors import Status
 from fantoccini.marionette import Marionette, MethodName, Stepper
 from fantoccini.motion import Input, State, Trajectory
@@ -134,8 +134,7 @@ class Recording:
 
         The acceleration of q_K(t / factor) is 1/factor^2 of what it was.
         """
-        if not (np.isfinite(factor) and factor > 0):
-            raise ValueError(f"factor is {factor}; it must be positive")
+        check_positive(factor=factor)
         x = self.start
         return self.edited(
             start=x.replace(v_D=x.v_D / factor, v_K=x.v_K / factor),

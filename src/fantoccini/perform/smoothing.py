@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, check_positive
 from fantoccini.motion import Input, rotation
 
 
@@ -21,8 +21,7 @@ def smoothed(inputs: Input, n: int, tick: float, seconds: float) -> Array:
         tick: duration of a tick [s].
         seconds: width of the average [s].
     """
-    if not (np.isfinite(seconds) and seconds > 0):
-        raise ValueError(f"seconds is {seconds}; it must be positive")
+    check_positive(seconds=seconds)
     table = inputs.coordinates
     q, v, _ = inputs.evaluate(inputs.start + tick * np.arange(n + 1, dtype=float))
     # An input is at rest from its end on; take the velocity just before.

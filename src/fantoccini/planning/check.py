@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array, Indices
+from fantoccini.arrays import Array, Indices, check_positive
 from fantoccini.errors import Status
 from fantoccini.marionette import Event, Method, MethodName, TimeStepping, as_method
 from fantoccini.motion import Trajectory
@@ -124,5 +124,4 @@ def _check_mujoco(dt_factor: float, method: Method | MethodName) -> None:
         raise ValueError(
             f"backend='mujoco' steps through time: method must be 'timestepping', not {method!r}"
         )
-    if not 0.0 < dt_factor < np.inf:
-        raise ValueError(f"dt_factor is {dt_factor}; it must be finite and greater than 0")
+    check_positive(dt_factor=dt_factor)

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array, Indices, MaskRows
+from fantoccini.arrays import Array, Indices, MaskRows, check_positive
 from fantoccini.errors import StateError, Status
 from fantoccini.marionette import (
     ActiveSet,
@@ -148,9 +148,7 @@ class Feedback:
         """
         if len(plan.path) < 2:
             raise ValueError("the plan has no segment that could be followed")
-        for name, value in (("acceleration", acceleration), ("arrive", arrive)):
-            if not 0.0 < value < np.inf:
-                raise ValueError(f"{name} is {value}; it must be finite and greater than 0")
+        check_positive(acceleration=acceleration, arrive=arrive)
         if not window >= 0:
             raise ValueError(f"window is {window}; it must be at least 0")
         rollouts, marionette = plan.rollouts, plan.problem.marionette

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TypedDict
 
-import numpy as np
-
+from fantoccini.arrays import check_not_negative, check_positive
 from fantoccini.planning.objective import Objective
 from fantoccini.planning.planners import EST2007, Explore, Planner
 
@@ -43,12 +42,8 @@ class SearchOptions:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.time_limit < np.inf:
-            text = "it must be finite and greater than 0"
-            raise ValueError(f"time_limit is {self.time_limit}; {text}")
-        if not 0.0 <= self.improve < np.inf:
-            text = "it must be a finite number of at least 0 [s]"
-            raise ValueError(f"improve is {self.improve}; {text}")
+        check_positive(time_limit=self.time_limit)
+        check_not_negative(improve=self.improve)
         if self.iterations is not None and not self.iterations >= 1:
             raise ValueError(f"iterations is {self.iterations}; it must be at least 1")
         if isinstance(self.planner, str) and self.planner not in PLANNERS:

@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, check_not_negative
 from fantoccini.marionette import Method, MethodName
 from fantoccini.planning import archive
 from fantoccini.planning.check import Check, checked, holds
@@ -117,7 +117,7 @@ class PlanResult(PlanPath):
         Raises:
             ValueError: a number of seconds that is negative or not finite.
         """
-        _check(seconds)
+        check_not_negative(seconds=seconds)
         with contextlib.suppress(KeyboardInterrupt):
             go_on = self.search.find_better if self.search.arrived else self.search.find_first
             go_on(seconds, iterations)
@@ -171,7 +171,7 @@ class PlanResult(PlanPath):
         Raises:
             ValueError: there is no plan, its goal is a function, or a number out of range.
         """
-        _check(seconds)
+        check_not_negative(seconds=seconds)
         if not self:
             raise ValueError(f"there is no plan to polish: {self.message}")
         with contextlib.suppress(KeyboardInterrupt):
@@ -284,8 +284,3 @@ class PlanResult(PlanPath):
             ValueError: an unknown backend, or options that do not fit it.
         """
         return checked(self, dt_factor, method, backend)
-
-
-def _check(seconds: float) -> None:
-    if not 0.0 <= seconds < np.inf:
-        raise ValueError(f"seconds is {seconds}; it must be a finite number of at least 0")

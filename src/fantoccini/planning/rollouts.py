@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from fantoccini.arrays import Array, Indices, MaskRows
+from fantoccini.arrays import Array, Indices, MaskRows, check_not_negative, check_positive
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.marionette import Marionette
 from fantoccini.planning.clearance import Clearance
@@ -162,11 +162,8 @@ class RolloutOptions:
         Raises:
             ValueError: a number out of range.
         """
-        for what, value in (("tolerance", self.tolerance), ("dt", self.dt)):
-            if not 0.0 < value < np.inf:
-                raise ValueError(f"{what} is {value}; it must be finite and greater than 0")
-        if not 0.0 <= self.margin < np.inf:
-            raise ValueError(f"margin is {self.margin}; it must be a number of at least 0 [m]")
+        check_positive(tolerance=self.tolerance, dt=self.dt)
+        check_not_negative(margin=self.margin)
         for what, number in (("look", self.look), ("threads", self.threads)):
             if not number >= 1:
                 raise ValueError(f"{what} is {number}; it must be at least 1")

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, check_positive
 from fantoccini.contract import STRUCTURES, Structure
 from fantoccini.motion import Input
 from fantoccini.runtime.functions import pointer, whole
@@ -102,9 +102,7 @@ class RunOptions:
 
     def __post_init__(self) -> None:
         for name in ("rtol", "atol", "first_step", "max_step", "dt"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
-                raise ValueError(f"{name} is {value}; it must be positive")
+            check_positive(**{name: getattr(self, name)})
         for name, kind in (
             ("save_every", ctypes.c_int),
             ("max_steps", ctypes.c_longlong),

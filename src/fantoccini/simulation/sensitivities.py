@@ -8,9 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from fantoccini.arrays import Array, Indices, Times
+from fantoccini.arrays import Array, Indices, Times, check_positive
 from fantoccini.errors import InputError, Mistake, StateError
-from fantoccini.marionette import Marionette, bind_input, check_positive
+from fantoccini.marionette import Marionette, bind_input
 from fantoccini.motion import Input, InputDerivative, State, Trajectory
 from fantoccini.simulation.catch import Catch, Passage
 from fantoccini.simulation.input_piece import InputPiece, InputVariation
