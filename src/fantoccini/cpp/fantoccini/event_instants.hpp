@@ -13,7 +13,7 @@ namespace fan {
 struct EventTolerances {
   // -h up to which a row counts as closed where a run begins, relative to its scale: starts come
   // from files and solvers. The rows held are then brought to h = 0.
-  static constexpr double start_gap = 1e-9;
+  static constexpr double start_gap = Constants::start_gap;
   // s: a row whose tension fell to zero no longer ago than this has just lost it.
   static constexpr double same_instant = 1e-10;
   // s: shorter steps count as standstill, and so many in a row end the run.

@@ -18,7 +18,7 @@ struct StepHalvingTolerances {
   // made.
   static constexpr double smallest_accurate_part = 1.0 / 512.0;
   // s: the impulse of a catch, and impulses it causes, may be the tension cap over this time.
-  static constexpr double blow_time = 1.0;
+  static constexpr double blow_time = NodeTolerances::max_impulse_time;
 };
 
 template <class Model_, class Real_>
