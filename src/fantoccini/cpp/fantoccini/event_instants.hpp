@@ -187,7 +187,9 @@ struct EventInstants {
     Status held = RUNNING;
     for (const Attempt& how : Attempts::list) {
       if (how.ahead > 0.0 && !flow.winches.some_slip) continue;
-      // Repeated, as rows that the hold has brought to rest take part in the choice.
+      // Repeated, as rows that the hold has brought to rest take part in the choice. A hold that is
+      // refused has left velocities and books alone; that closed rows are at h = 0 now, which were
+      // there but for max_length_error, helps whatever is tried next.
       for (int round = 0; round <= M; ++round) {
         held = contact.choose(flow, s.loose, s.strained, next, FlowTolerances::closed_gap, how);
         if (held != RUNNING) { if (flow.winches.some_slip) break; else return fail(held); }
