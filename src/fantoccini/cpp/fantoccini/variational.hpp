@@ -137,7 +137,7 @@ struct VariationalStep {
             here.near[r], Real(trial_.h[r] * rate + along[a]),
             Real(-ComplementarityTolerances::excluded_speed));
       }
-      Node::complement(problem, again);
+      const Mask settled = Node::complement(problem, again);
       again = true;
       for (int a = 0; a < rows.n; ++a) {
         const int r = rows.row[a];
@@ -150,7 +150,7 @@ struct VariationalStep {
       const Real wrong = squares<N>(z);
       const Mask exact = wrong < (Tolerance::momentum_residual * Tolerance::momentum_residual) * size;
       const Mask stuck = wrong < near && !(wrong < Tolerance::stalled_share * last);
-      solved = solved || ((exact || stuck) && !lost && held());
+      solved = solved || ((exact || stuck) && settled && !lost && held());
       lost = lost || !(wrong < Real(Tolerance::diverged));
       if (!any(!solved && !lost)) break;
       last = wrong;
