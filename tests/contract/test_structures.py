@@ -9,8 +9,19 @@ import pytest
 
 from cpp.toolchain import gcc
 from fantoccini.build import runtime_folder
-from fantoccini.contract import BOOKS, PARTS, SAMPLE, STRUCTURES, EventCode, identity, width
+from fantoccini.contract import (
+    BOOKS,
+    CONSTANTS,
+    PARTS,
+    SAMPLE,
+    STRUCTURES,
+    EventCode,
+    identity,
+    width,
+)
+from fantoccini.contract.cpp import header
 from fantoccini.errors import Status
+from fantoccini.marionette import active_set
 from fantoccini.puppets import arm2d
 from fantoccini.runtime.clearance import SOLID
 from fantoccini.runtime.structures import structures
@@ -35,6 +46,31 @@ def test_the_fields_are_where_cpp_has_them(tmp_path):
     command = [gcc(), "-std=c++17", "-fsyntax-only", "-I", str(runtime_folder()), str(file)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[:2000]
+
+
+def test_the_header_has_the_constants_of_python():
+    """Gaps were closed up to 1e-12 in Python, up to 5e-13 in compiled code."""
+    for name, x in CONSTANTS.items():
+        assert f"  static constexpr double {name} = {float(x)!r};" in header()
+    tolerances = active_set.TOLERANCES
+    assert (tolerances.closed_gap, tolerances.start_gap, tolerances.rest_speed) == (
+        CONSTANTS["closed_gap"], CONSTANTS["start_gap"], CONSTANTS["rest_speed"]
+    )  # fmt: skip
+    arm = arm2d().model
+    assert arm.tension_cap == CONSTANTS["tension_cap"] * arm.weight
+
+
+def test_no_other_header_repeats_them():
+    """The size of forces in the runtime undid the 1e5 of Python with a 1e-5 of its own."""
+    owners = {
+        "flow.hpp": ("closed_gap", "least_length", "tension_cap"),
+        "event_instants.hpp": ("start_gap",), "attempts.hpp": ("rest_speed",),
+        "winch.hpp": ("winch_deceleration",),
+    }  # fmt: skip
+    assert sorted(name for names in owners.values() for name in names) == sorted(CONSTANTS)
+    for file, names in owners.items():
+        text = (runtime_folder() / "fantoccini" / file).read_text(encoding="utf-8")
+        assert all(f"Constants::{name}" in text for name in names), file
 
 
 def test_numpy_has_solids_as_they_are():

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
+from pathlib import Path
+
 import numpy as np
 
 from cpp.toolchain import SANITIZE, compile_program, equations, numbers, run_program
 from fantoccini import puppets
+from fantoccini.build import runtime_folder
 from fantoccini.codegen import generate
 
 WIDTH, STEPS, DT = 8, 40, 0.1
@@ -13,21 +17,25 @@ QUIET = ("-Wno-maybe-uninitialized", "-Wno-uninitialized")
 """g++ 12 warns about its own AVX-512 header."""
 
 
-def test_a_lane_is_a_scalar_run_whatever_its_neighbours(tmp_path):
-    """Bobs that swing, fly and are caught, each in a lane of its own, the fast ones in halved
-    steps; under the sanitizers."""
-    name = "string_pendulum"
-    files = generate(equations(name), "variational").files
-    for file, text in files.items():
-        (tmp_path / file).write_text(text, encoding="utf-8")
-    flags = ("-O1", "-march=native", *QUIET, *SANITIZE)
-    program = compile_program("variational.cpp", tmp_path, *flags)
-    puppet = puppets.string_pendulum()
+def words(puppet) -> str:
+    """Bobs that swing, fly and are caught, each in a lane of its own."""
     words = [STEPS, DT]
     for lane in range(WIDTH):
         words += [0.0, -1.0 + 0.05 * lane, 7.5 - 0.8 * lane, -2.0 * (lane % 3)]
-    words += list(puppet.p)
-    found = numbers(run_program(program, "\n".join(repr(float(x)) for x in words)))
+    return "\n".join(repr(float(x)) for x in [*words, *puppet.p])
+
+
+def write_files(name: str, folder: Path) -> None:
+    for file, text in generate(equations(name), "variational").files.items():
+        (folder / file).write_text(text, encoding="utf-8")
+
+
+def test_a_lane_is_a_scalar_run_whatever_its_neighbours(tmp_path):
+    """The fast bobs in halved steps; under the sanitizers."""
+    write_files("string_pendulum", tmp_path)
+    flags = ("-O1", "-march=native", *QUIET, *SANITIZE)
+    program = compile_program("variational.cpp", tmp_path, *flags)
+    found = numbers(run_program(program, words(puppets.string_pendulum())))
     assert found["numbers_left_out"] == 0
     assert found["changes"] >= 8, "strings fall slack and catch"
     assert found["halved"] >= 8, "while others go on in whole steps"
@@ -35,3 +43,16 @@ def test_a_lane_is_a_scalar_run_whatever_its_neighbours(tmp_path):
     assert found["apart"] < 1e-10, "whole runs, so that rounding has grown"
     assert found["bits_apart"] == 0
     assert np.isfinite(found["apart"])
+
+
+def test_a_node_without_solution_stops_its_lane(tmp_path):
+    """Pivoting is given a single round, too few at a catch, which once passed in silence."""
+    write_files("string_pendulum", tmp_path)
+    shutil.copytree(runtime_folder() / "fantoccini", tmp_path / "fantoccini")
+    header = tmp_path / "fantoccini" / "complementarity.hpp"
+    text = header.read_text(encoding="utf-8")
+    assert text.count("return 50 + 4 * n;") == 1
+    header.write_text(text.replace("return 50 + 4 * n;", "return 1;"), encoding="utf-8")
+    program = compile_program("variational.cpp", tmp_path, "-O1", "-march=native", *QUIET)
+    found = numbers(run_program(program, words(puppets.string_pendulum())))
+    assert found["stopped"] > 0 and found["modes_apart"] == 0

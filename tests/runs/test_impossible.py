@@ -79,6 +79,27 @@ def test_two_hands_that_pull_a_line_apart(points):
     assert np.max(run.tension["loose"]) == 0.0
 
 
+PROP = """
+puppet: prop
+bodies:
+  - {name: bob, joint: {type: translation, axes: [x, z]}, mass: 1}
+strings:
+  - {name: pull, path: [{body: bob}, {driven: [x], at: [-0.8, 0, 0]}], length: 0.3}
+  - {name: strut, path: [{body: bob}, {world: [0, 0, 0]}], length: 1.0, wire: true}
+pose: {bob.x: -1, bob.z: 0}
+"""
+
+
+@pytest.mark.parametrize(("end", "status"), [(-0.7, 2), (-0.69999, 3)])
+def test_blame_is_a_share_of_strings_that_pull_and_wires_that_push(end, status):
+    """It was -1 for the pulling string, which was not named, and 1.1 where the cap was passed."""
+    prop = fan.loads(PROP)
+    inputs = fan.Input.waypoints(prop, {"pull.x": [(0, -0.8), (4, end)]})
+    many = fan.simulate_batch(prop, [prop.rest()], inputs, t_end=4.0, method="event")
+    assert many.status[0] == status and many.blamed(0) == ("pull", "strut")
+    assert np.all((many.blame.values > 0.9) & (many.blame.values <= 1.0))
+
+
 def test_rows_that_contradict_one_another_at_once_are_named():
     """A string between two ends that nothing dynamic holds: the driven one leaves it."""
     short = fan.loads(SHORT)

@@ -55,6 +55,9 @@ pose: {line.length: 0.8}
 """A bob on a string whose winch slips and rewinds, and on one of fixed length."""
 
 
+BLIND_AT = 0.05
+
+
 class FixedStep(integrate.OdeSolver):
     """The classical Runge-Kutta method: a solver of one's own, which takes no tolerances."""
 
@@ -85,6 +88,14 @@ class GivesUp(integrate.RK45):
 
     def _step_impl(self):
         return (False, "no") if self.t > 0.05 else super()._step_impl()
+
+
+class Blind(integrate.RK45):
+    """Its dense output knows nothing of one time."""
+
+    def _dense_output_impl(self):
+        found = super()._dense_output_impl()
+        return lambda t: found(t) * np.where(t == BLIND_AT, np.nan, 1.0)
 
 
 class Forwards(integrate.DOP853):
@@ -278,6 +289,20 @@ def test_a_solver_that_fails_ends_the_run_with_what_was_reached(arm):
     run = fan.simulate(*given, method=fan.Event(integrator=GivesUp), throw=False)
     assert run.status is fan.Status.STEP_TOO_SMALL
     assert 0.05 < run.t[-1] < 0.1
+
+
+@pytest.mark.parametrize("taut", [True, False])
+def test_a_sample_that_fails_ends_the_run(arm, taut):
+    """It was left out, and the run was done."""
+    marionette, x0, inputs, t_end = arm[0]
+    if not taut:
+        x0, inputs = marionette.state({"hand.length": 3.0}), None
+    run = fan.simulate(
+        marionette, x0, inputs, t_end, method=fan.Event(integrator=Blind),
+        save_at=[0.0, 0.02, BLIND_AT, 0.2], throw=False,
+    )  # fmt: skip
+    assert run.status is (fan.Status.PROJECTION_FAILED if taut else fan.Status.NOT_FINITE)
+    assert run.t.tolist() == [0.0, 0.02] and np.all(np.isfinite(run.q_D))
 
 
 @pytest.mark.parametrize(

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini import build
-from fantoccini.marionette import model
 
 MASS, GRAVITY, MOST = 1.0, 9.81, 20.0
 DROP = 0.5  # m that the weight falls before its string is taut
@@ -162,11 +158,6 @@ def test_rest_winds_back_what_can_be_wound_back():
     assert x.slip[0] == 0.0 and x.q_D[1] == pytest.approx(0.0, abs=1e-9)
     held = fan.loads(WEIGHT)
     assert held.rest(held.state().replace(slip=[0.3])).q_D[1] == pytest.approx(-0.3, abs=1e-9)
-
-
-def test_python_and_the_runtime_brake_alike():
-    text = (build.runtime_folder() / "fantoccini" / "winch.hpp").read_text()
-    assert float(re.search(r"brake = ([0-9.]+);", text)[1]) == model.WINCH_DECELERATION
 
 
 def test_what_a_winch_gives_way_by_is_no_violation():

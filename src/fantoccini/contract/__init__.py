@@ -6,6 +6,15 @@ velocities (v, w), wrenches (force, torque), free joints' velocities and configu
 """
 
 from fantoccini.contract.codes import EventCode, GoalKind, Hold, SolidKind, Solved
+from fantoccini.contract.constants import (
+    CLOSED_GAP,
+    CONSTANTS,
+    LEAST_LENGTH,
+    REST_SPEED,
+    START_GAP,
+    TENSION_CAP,
+    WINCH_DECELERATION,
+)
 from fantoccini.contract.functions import COLUMN, FUNCTIONS, LIBRARIES, Function, compiled
 from fantoccini.contract.identity import digest
 from fantoccini.contract.quantity import SIZES, Quantity
@@ -14,16 +23,23 @@ from fantoccini.contract.structures import STRUCTURES, Structure
 
 __all__ = [
     "BOOKS",
+    "CLOSED_GAP",
     "COLUMN",
+    "CONSTANTS",
     "EVENT",
     "EVENT_AT",
     "FUNCTIONS",
+    "LEAST_LENGTH",
     "LIBRARIES",
     "PARTS",
+    "REST_SPEED",
     "SAMPLE",
     "SIZES",
+    "START_GAP",
     "STRUCTURES",
+    "TENSION_CAP",
     "WINCH_AT",
+    "WINCH_DECELERATION",
     "EventCode",
     "Function",
     "GoalKind",

@@ -7,6 +7,7 @@ import textwrap
 from pathlib import Path
 
 from fantoccini.contract.codes import CODES, SCOPED, Code, Hold
+from fantoccini.contract.constants import CONSTANTS
 from fantoccini.contract.functions import COLUMN, DERIVATIVES, FUNCTIONS, Function
 from fantoccini.contract.identity import digest
 from fantoccini.contract.quantity import SIZES, Quantity
@@ -24,6 +25,7 @@ def header() -> str:
         digest=f"0x{digest():016x}",
         sizes=_filled("Sizes::", list(SIZES), "      "),
         calls="\n".join(_call(f) for f in (*called, COLUMN)),
+        constants=_constants(),
         codes="\n".join(map(_code, CODES)),
         structures="\n".join(map(_structure, STRUCTURES)),
         layout=_layout(),
@@ -32,6 +34,14 @@ def header() -> str:
         part=_filled("", [q.name for q in PARTS], "    "),
         widths=_filled("", [_numel(q) for q in PARTS], "      "),
     )
+
+
+def _constants() -> str:
+    lines: list[str] = []
+    for name, x in CONSTANTS.items():
+        unit = "" if x.unit == "1" else f" [{x.unit}]"
+        lines += _noted(f"  static constexpr double {name} = {float(x)!r};", x.meaning + unit)
+    return "\n".join(lines)
 
 
 def _code(code: type[Code] | type[Status]) -> str:
@@ -141,6 +151,11 @@ void identity(int width, long long* out) {{
       contract_digest, width, {sizes}}};
   for (long long value : values) *out++ = value;
 }}
+
+// Numbers that Python compares with, too.
+struct Constants {{
+{constants}
+}};
 
 {codes}
 {structures}

@@ -7,6 +7,7 @@ import json
 from functools import cache
 
 from fantoccini.contract.codes import CODES
+from fantoccini.contract.constants import CONSTANTS
 from fantoccini.contract.functions import COLUMN, FUNCTIONS
 from fantoccini.contract.quantity import SIZES
 from fantoccini.contract.samples import EVENT, PARTS, SAMPLE, WINCH
@@ -15,7 +16,7 @@ from fantoccini.contract.structures import STRUCTURES
 
 @cache
 def digest() -> int:
-    """63 bits of names, shapes, types and codes; wording does not count."""
+    """63 bits of names, shapes, types, codes and constants; wording does not count."""
     functions = [
         [f.name, *([[q.name, q.shape] for q in part] for part in (f.arguments, f.results))]
         for f in (*FUNCTIONS.values(), COLUMN)
@@ -26,6 +27,7 @@ def digest() -> int:
         "parts": [[[q.name, q.shape] for q in parts] for parts in (SAMPLE, EVENT, WINCH, PARTS)],
         "structures": [[s.name, [[f.name, f.type] for f in s.fields]] for s in STRUCTURES],
         "codes": [[c.__name__, [[m.name, m.value] for m in c]] for c in CODES],
+        "constants": [[name, float(x).hex()] for name, x in CONSTANTS.items()],
     }
     found = hashlib.sha256(json.dumps(parts, sort_keys=True).encode("ascii")).digest()
     return int.from_bytes(found[:8], "big") >> 1

@@ -53,7 +53,7 @@ STRUCTURES: tuple[Structure, ...] = (
         Field("atol", "double", "likewise"),
         Field("first_step", "double", "[s]"),
         Field("max_step", "double", "[s]"),
-        Field("tension_cap", "double", "[N]; also of impulses [N s]"),
+        Field("tension_cap", "double", "[N]; times 1 m of a limit, times 1 s of an impulse"),
         Field("energy_scale", "double", "size of the work and loss integrals, for errors [J]"),
         Field("force_scale", "double", "size of forces that balance, M_DD one [kg^1/2 m/s^2]"),
         Field("recovery_speed", "double", "cap on how fast time-stepping undoes a violation [m/s]"),

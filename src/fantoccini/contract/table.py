@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+from fantoccini.contract.constants import CONSTANTS
 from fantoccini.contract.functions import ARGUMENTS, FUNCTIONS, Function
 from fantoccini.contract.quantity import SIZES, Quantity
 from fantoccini.contract.samples import EVENT, SAMPLE, WINCH
@@ -24,6 +25,9 @@ def page() -> str:
         sample=_table("part", ((q.name, q) for q in SAMPLE)),
         event=_table("part", ((q.name, q) for q in EVENT)),
         winch=_table("part", ((q.name, q) for q in WINCH)),
+        constants="\n".join(
+            f"| `{name}` | {float(x):g} | {x.unit} | {x.meaning} |" for name, x in CONSTANTS.items()
+        ),
     )
 
 
@@ -100,4 +104,10 @@ Matrices are stored column by column.
 ## A winch
 
 {winch}
+
+## Constants
+
+| constant | value | unit | meaning |
+|---|---|---|---|
+{constants}
 """

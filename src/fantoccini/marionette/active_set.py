@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.arrays import Array, MaskRows
+from fantoccini.contract import CLOSED_GAP, REST_SPEED, START_GAP
 from fantoccini.errors import StateError
 from fantoccini.marionette.evaluation import Evaluation
 from fantoccini.marionette.model import Model
@@ -21,13 +22,13 @@ from fantoccini.motion import State
 class ActiveSetTolerances:
     """Gaps h relative to 1 or the string's length; speeds hdot relative to 1 or the largest one."""
 
-    touching_gap: float = 1e-12  # Rounding: rows with -h below it are closed
-    start_gap: float = 1e-9
+    closed_gap: float = CLOSED_GAP  # Rounding: rows with -h below it are closed
+    start_gap: float = START_GAP
     """Rows with |h| below it are closed where a run begins, which brings them to h = 0."""
     stepped_gap: float = 1e-3  # What a fixed step may leave of h
     taut_gap: float = 1e-2
     """Rows marked taut are active up to this -h: far above what a coarse fixed step leaves."""
-    rest_speed: float = 1e-5  # |hdot| that counts as rest, as in the runtime (``evaluation.hpp``)
+    rest_speed: float = REST_SPEED  # |hdot| that counts as rest
     slip_speed: float = 1e-2
     """hdot from which the winch of a taut string slips: fixed steps leave less."""
 
@@ -53,7 +54,7 @@ class ActiveSet:
         scale = model.row_scales(x.q_D, x.q_K)
         taut = taut_mask(model, x) & ~_far(model, at.h, scale)
         top = max(1.0, float(np.max(np.abs(x.v_D), initial=0.0)))
-        reaches = at.h >= -TOLERANCES.touching_gap * scale
+        reaches = at.h >= -TOLERANCES.closed_gap * scale
         gives = np.isfinite(model.upper) & (taut | reaches)
         at_bound = np.abs(at.h) <= TOLERANCES.start_gap * scale
         stepped = taut & ~at_bound

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.arrays import Array, Indices, MaskRows
-from fantoccini.contract import WINCH_AT
-from fantoccini.marionette.model import WINCH_DECELERATION, Model
+from fantoccini.contract import WINCH_AT, WINCH_DECELERATION
+from fantoccini.marionette.model import Model
 from fantoccini.marionette.vectors import vector
 from fantoccini.motion import State
 from fantoccini.runtime import Complementarity, Library

@@ -15,7 +15,7 @@ import numpy as np
 
 from fantoccini import tree as trees
 from fantoccini.arrays import Array, Indices, MaskRows
-from fantoccini.contract import WINCH_AT
+from fantoccini.contract import LEAST_LENGTH, TENSION_CAP, WINCH_AT, WINCH_DECELERATION
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.marionette.compiled import Compiled
 from fantoccini.marionette.methods import Event, TimeStepping
@@ -26,19 +26,13 @@ from fantoccini.puppet import Number, Obstacle, Parameter, Puppet
 from fantoccini.runtime import Library, RunOptions
 from fantoccini.tree import CoordinateTable, Tree
 
-WINCH_DECELERATION = 1.0
-"""Deceleration of a winch that rewinds, before it stops [m/s^2]; as in ``winch.hpp``."""
-
 
 @dataclass(frozen=True)
 class Limits:
     """Bounds of a run, and sizes that a puppet's forces and lengths are measured with."""
 
-    tension_cap: float = 1e5
-    """Largest tension of a string, in weights of the puppet: beyond it the input is impossible."""
     least_gravity: float = 1.0
     """Stands in for a smaller gravity [m/s^2], so that forces have a size without one."""
-    least_length: float = 1e-3  # Stands in for the length of a shorter string in relative gaps [m]
     least_share: float = 1e-6  # Part of the largest share from which a row is named as contributing
     first_step: float = 1e-4
     """First step of the event-driven integrator [s]; it adapts within a few steps."""
@@ -198,7 +192,7 @@ class Model:
     @property
     def tension_cap(self) -> float:
         """Largest tension a string may pull [N]: 1e5 times :attr:`reference_force`."""
-        return LIMITS.tension_cap * (self.reference_force or 1.0)
+        return TENSION_CAP * (self.reference_force or 1.0)
 
     def run_options(self, **changes: Any) -> RunOptions:
         """Run options scaled to this puppet, with some changed."""
@@ -237,7 +231,7 @@ class Model:
 
     def row_scales(self, q_D: Array, q_K: Array) -> Array:
         """(..., n_rows) scale of each row's h: string lengths [m], 1 for limits."""
-        lengths = np.maximum(self.string_lengths(q_D, q_K), LIMITS.least_length)
+        lengths = np.maximum(self.string_lengths(q_D, q_K), LEAST_LENGTH)
         limits = np.ones((*lengths.shape[:-1], len(self.tree.limits)))
         return np.concatenate([lengths, limits], axis=-1)
 

@@ -28,7 +28,7 @@ _SIGNATURES = {
     "settle": (ctypes.c_int, _TIME, _ADDRESS),
     "accept": (ctypes.c_int, _TIME, _ADDRESS, _ADDRESS),
     "react": (ctypes.c_int, _ADDRESS),
-    "save": (None, _TIME, _ADDRESS, _ADDRESS),
+    "save": (ctypes.c_int, _TIME, _ADDRESS, _ADDRESS),
     "present": (_TIME, _ADDRESS, _ADDRESS),
 }
 """Result and arguments after the run of the functions ``fan_...``."""
@@ -129,10 +129,14 @@ class ExternalRun(Run):
         about = ctypes.c_double(t_end), ctypes.c_longlong(0), ctypes.byref(self._record)
         return Status(self.library.dll.fan_run(self._run, *about))
 
-    def save(self, t: float, y: Array) -> None:
-        """Writes the sample of the next time in ``save_at``, from y (n_y,) of the dense output."""
+    def save(self, t: float, y: Array) -> Status:
+        """Writes the sample of the next time in ``save_at``, from y (n_y,) of the dense output.
+
+        Returns:
+            Status.RUNNING, or why there is no sample.
+        """
         y = self._checked(y).copy()
-        self.library.dll.fan_save(self._run, t, y.ctypes.data, self._out)
+        return Status(self.library.dll.fan_save(self._run, t, y.ctypes.data, self._out))
 
     @property
     def nearly_full(self) -> bool:

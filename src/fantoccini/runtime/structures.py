@@ -68,7 +68,7 @@ class RunOptions:
     Attributes:
         rtol, atol: tolerances of the event-driven integrator.
         first_step, max_step: its step sizes [s].
-        tension_cap: [N]; also of impulses [N s].
+        tension_cap: [N]; times 1 m of a limit, times 1 s of an impulse.
         energy_scale: size of the energies the integrals are compared with [J].
         force_scale: size of the forces that balance at rest, where M_DD is one [kg^1/2 m/s^2].
         recovery_speed: cap on how fast time-stepping undoes a violation [m/s].

@@ -157,8 +157,10 @@ class ScipyRun(ExternalRun):
         step = Step.of(self, solver, solver.y if y is None else y)
         event = self._first_event(step)
         t, y = (step.times[-1], step.y1) if event is None else event
-        self._save_before(t, step)
+        saved = self._save_before(t, step)
         self.accept(t, y)
+        if self.status is Status.RUNNING:
+            self.status = saved
         if event is not None and self.status is Status.RUNNING:
             self.react()
         while self._next_save < len(self._save_at) and self._save_at[self._next_save] <= self.t:
@@ -193,13 +195,16 @@ class ScipyRun(ExternalRun):
             solver.step()
         return None if solver.status == "failed" else self.settled(t_end, solver.y)
 
-    def _save_before(self, t: float, step: Step) -> None:
-        """Writes the samples to save within the step, before ``t``."""
+    def _save_before(self, t: float, step: Step) -> Status:
+        """Writes the samples to save within the step, before ``t``; the status of the last one."""
         while self._next_save < len(self._save_at) and self._save_at[self._next_save] < t:
             at = self._save_at[self._next_save]
-            self.save(at, step.dense(at))
+            status = self.save(at, step.dense(at))
+            if status is not Status.RUNNING:
+                return status
             self._next_save += 1
             self._make_room()
+        return Status.RUNNING
 
     def _make_room(self) -> None:
         if self.nearly_full:

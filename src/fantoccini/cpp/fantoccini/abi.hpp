@@ -57,8 +57,8 @@ FAN_EXPORT int fan_react(void* handle, fan::Record<fan::Model>* out) {
 }
 
 // Writes the row of the next time to save, at which the step's dense output is y.
-FAN_EXPORT void fan_save(void* handle, double t, double* y, fan::Record<fan::Model>* out) {
-  static_cast<fan::AnyRun*>(handle)->event.save(t, y, *out);
+FAN_EXPORT int fan_save(void* handle, double t, double* y, fan::Record<fan::Model>* out) {
+  return static_cast<fan::AnyRun*>(handle)->event.save(t, y, *out);
 }
 
 // The present time, y and what every row does (fan::Hold).

@@ -21,7 +21,7 @@ struct ContactTolerances {
   // at rest. A row that a catch elsewhere loosens by less would be slack for 2 |hdot| / hddot = 2
   // us under gravity. Holding it instead changes the state by the product of both, some 1e-11, and
   // avoids a cascade of catches.
-  static constexpr double max_rest_speed = 1e-5;
+  static constexpr double max_rest_speed = Constants::rest_speed;
   // The same in the last attempt. Also how far the rates of redundant held rows may disagree:
   // samples of an exact inverse kinematics differ by as much (docs/physics.md).
   static constexpr double strict_rest_speed = 1e-9;

@@ -35,8 +35,7 @@ struct ComplementarityTolerances {
   static constexpr double smallest_diagonal = 1e-30;  // 1/kg: the raise is relative to at least this
   // Rounds of block pivoting that may leave no fewer wrong rows, before one row a round is changed.
   static constexpr double patience = 3.0;
-  // Speed (m/s or rad/s) at which a row opens in lanes in which it takes no part. VariationalStep
-  // also uses the number as a size that no squared residual reaches.
+  // Speed (m/s or rad/s) at which a row opens in lanes in which it takes no part.
   static constexpr double excluded_speed = 1e30;
 
   // Most rounds of pivoting for n rows.

@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x6297921f38770905;
+constexpr long long contract_digest = 0x38e0caa75136835f;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -19,6 +19,23 @@ void identity(int width, long long* out) {
       Sizes::n_points, Sizes::n_motors, Sizes::n_watched, Sizes::n_packed};
   for (long long value : values) *out++ = value;
 }
+
+// Numbers that Python compares with, too.
+struct Constants {
+  // largest tension relative to the weight: beyond it the input is impossible
+  static constexpr double tension_cap = 100000.0;
+  // -h up to which a row is closed, relative to its string's length or to 1
+  static constexpr double closed_gap = 5e-13;
+  // the same where a run begins, which brings the row to h = 0
+  static constexpr double start_gap = 1e-09;
+  // hdot up to which a closed row is at rest, times the largest velocity if that is above 1
+  // [m/s or rad/s]
+  static constexpr double rest_speed = 1e-05;
+  // what the gap of a shorter string is relative to [m]
+  static constexpr double least_length = 0.001;
+  // of a winch that rewinds, before it stops [m/s^2]
+  static constexpr double winch_deceleration = 1.0;
+};
 
 // How a run ended. Compiled code has the same numbers (``contract.hpp``).
 enum Status : int {
@@ -104,7 +121,7 @@ struct Options {
   double atol;  // likewise
   double first_step;  // [s]
   double max_step;  // [s]
-  double tension_cap;  // [N]; also of impulses [N s]
+  double tension_cap;  // [N]; times 1 m of a limit, times 1 s of an impulse
   double energy_scale;  // size of the work and loss integrals, for errors [J]
   double force_scale;  // size of forces that balance, M_DD one [kg^1/2 m/s^2]
   double recovery_speed;  // cap on how fast time-stepping undoes a violation [m/s]

@@ -22,19 +22,20 @@ Status correct(double* q, Left left, Move move) {
   using Tolerance = CorrectionTolerances;
   double kept[room(n_q)], before = unbounded;
   for (int i = 0; i < n_q; ++i) kept[i] = q[i];
-  for (int round = 0; round < Tolerance::max_rounds; ++round) {
+  for (int round = 0;; ++round) {
     const double worst = left();
     if (worst < Tolerance::exact) return RUNNING;
     if (!(worst < Tolerance::progress * before)) {
       for (int i = 0; i < n_q && !(worst < before); ++i) q[i] = kept[i];
       return before < Tolerance::acceptable ? RUNNING : PROJECTION_FAILED;
     }
+    if (round == Tolerance::max_rounds)
+      return worst < Tolerance::acceptable ? RUNNING : PROJECTION_FAILED;
     before = worst;
     for (int i = 0; i < n_q; ++i) kept[i] = q[i];
     const Status moved = move();
     if (moved != RUNNING) return before < Tolerance::acceptable ? RUNNING : moved;
   }
-  return PROJECTION_FAILED;
 }
 
 }  // namespace fan

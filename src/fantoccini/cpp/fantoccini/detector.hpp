@@ -24,7 +24,7 @@ struct Detector {
   using Tolerance = DetectorTolerances;
   static constexpr int S = F::S, M = F::M;
 
-  double blame[room(M)];  // by row, at most 1; negative in singularity() for rows of opposite sign
+  double blame[room(M)];  // by row, 0 to 1
 
   // The status at the flow's latest evaluation, which must be that of its present state.
   Status look(const F& f) {
@@ -59,7 +59,10 @@ struct Detector {
   }
 
   Status capped(const F& f) {
-    for (int r = 0; r < M; ++r) blame[r] = fabs(f.tension[r]) / f.opt.tension_cap;
+    for (int r = 0; r < M; ++r) {
+      const double share = fabs(f.tension[r]) / f.opt.tension_cap;
+      blame[r] = share < 1.0 ? share : 1.0;  // also of a tension that is NaN
+    }
     return TENSION_CAP;
   }
 
@@ -109,14 +112,22 @@ struct Detector {
     if (top < Tolerance::tension_growth * reference_) return RUNNING;
     if (top < Tolerance::min_tension * f.weight()) return RUNNING;
     // The direction in which A_D M^-1 A_D^T nearly vanishes.
-    double y[room(M)], most = 0.0;
+    double y[room(M)], along = 0.0, most = 0.0;
     for (int a = 0; a < f.rows.n; ++a) y[a] = a == weakest ? 1.0 : 0.0;
     problem.substitute(y);
     for (int a = 0; a < f.rows.n; ++a)
-      if (problem.active[a] && fabs(y[a]) > most) most = fabs(y[a]);
+      if (problem.active[a]) along += y[a] * f.tension[f.rows.row[a]];
     accuse_only(-1);
-    for (int a = 0; a < f.rows.n; ++a)
-      if (problem.active[a]) blame[f.rows.row[a]] = y[a] / most;
+    for (int a = 0; a < f.rows.n; ++a) {
+      if (!problem.active[a]) continue;
+      // Tensions grow along y or against it; one-sided rows whose tension falls are not to blame.
+      const int r = f.rows.row[a];
+      const bool wire = r < S && Model::wire[r];
+      const double share = wire ? fabs(y[a]) : (along < 0.0 ? -y[a] : y[a]);
+      blame[r] = share > 0.0 ? share : 0.0;
+      if (blame[r] > most) most = blame[r];
+    }
+    for (int r = 0; r < M; ++r) blame[r] /= most > 0.0 ? most : 1.0;
     return IMPOSSIBLE_INPUT;
   }
 

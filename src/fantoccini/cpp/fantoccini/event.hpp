@@ -201,8 +201,9 @@ struct EventRun : EventInstants<Model> {
   // --- acceptance and events ------------------------------------------------------------------
 
   Status accept(double s, double new_t, Record<Model>& out) {
+    Status saved = RUNNING;
     if (next_save < n_save && save_at[next_save] < new_t) {
-      save_inside(s, new_t, out);
+      saved = save_inside(s, new_t, out);
       flow.evaluate(new_t, flow.end, flow.end_rate);
     }
     for (int j = 0; j < NY; ++j)
@@ -229,6 +230,7 @@ struct EventRun : EventInstants<Model> {
     const bool event = guards.worst() > 0.0;
     Status seen = flow.frail() && !event ? another_basis(out) : RUNNING;
     if (seen == RUNNING) seen = watch();
+    if (seen == RUNNING) seen = saved;
     if (seen != RUNNING) return seen;
     guards.remember();
     if (flow.opt.save_steps) emit(out);
@@ -239,7 +241,8 @@ struct EventRun : EventInstants<Model> {
     return flow.motors.gone ? RUNAWAY : RUNNING;
   }
 
-  void save_inside(double s, double new_t, Record<Model>& out) {
+  // Writes the samples within the step; the status is that of the first one that fails.
+  Status save_inside(double s, double new_t, Record<Model>& out) {
     flow.prepare_dense(s);
     const double t0 = flow.t;
     double state[NY], rate[NY];
@@ -247,10 +250,12 @@ struct EventRun : EventInstants<Model> {
       const double at = save_at[next_save];
       flow.dense((at - t0) / s, state);
       flow.evaluate(at, state, rate);
-      if (flow.project(at, state) != RUNNING) continue;
+      const Status status = flow.project(at, state);
+      if (status != RUNNING) return status;
       flow.evaluate(at, state, rate);
       write(at, state, out);
     }
+    return RUNNING;
   }
 
   void skip_saved() {

@@ -68,7 +68,7 @@ class EventBatch {
   }
 
   // Copies the samples at the requested times to their rows. Of several at one time the last one
-  // stays, which is that after the event. A row whose sample could not be projected is not written.
+  // stays, which is that after the event.
   void hand_over(const BatchArrays& in, long long who, Row& out) {
     for (long long i = 0; i < out.n_samples; ++i) {
       const double* row = out.samples + i * Layout::width;

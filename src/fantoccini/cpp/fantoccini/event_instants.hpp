@@ -13,7 +13,7 @@ namespace fan {
 struct EventTolerances {
   // -h up to which a row counts as closed where a run begins, relative to its scale: starts come
   // from files and solvers. The rows held are then brought to h = 0.
-  static constexpr double start_gap = 1e-9;
+  static constexpr double start_gap = Constants::start_gap;
   // s: a row whose tension fell to zero no longer ago than this has just lost it.
   static constexpr double same_instant = 1e-10;
   // s: shorter steps count as standstill, and so many in a row end the run.
@@ -187,7 +187,9 @@ struct EventInstants {
     Status held = RUNNING;
     for (const Attempt& how : Attempts::list) {
       if (how.ahead > 0.0 && !flow.winches.some_slip) continue;
-      // Repeated, as rows that the hold has brought to rest take part in the choice.
+      // Repeated, as rows that the hold has brought to rest take part in the choice. A hold that is
+      // refused has left velocities and books alone; that closed rows are at h = 0 now, which were
+      // there but for max_length_error, helps whatever is tried next.
       for (int round = 0; round <= M; ++round) {
         held = contact.choose(flow, s.loose, s.strained, next, FlowTolerances::closed_gap, how);
         if (held != RUNNING) { if (flow.winches.some_slip) break; else return fail(held); }

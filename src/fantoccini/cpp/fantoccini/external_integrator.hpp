@@ -69,12 +69,16 @@ struct ExternalRun : EventRun<Model> {
   }
 
   // Writes the row of the next time to save, at which the step's dense output is y.
-  void save(double t, double* y, Record<Model>& out) {
+  Status save(double t, double* y, Record<Model>& out) {
     ++this->next_save;
-    if (settle(t, y) != RUNNING) return;
+    const Status status = settle(t, y);
+    if (status != RUNNING) return status;
+    for (int j = 0; j < F::NY; ++j)
+      if (!is_finite(y[j])) return NOT_FINITE;
     double rate[F::NY];
     flow.evaluate(t, y, rate);
     this->write(t, y, out);
+    return RUNNING;
   }
 
   // Writes the present state, wherever the flow was evaluated last.

@@ -8,7 +8,7 @@ namespace fan {
 
 // acc_K = -gains z for the next T seconds, within the bounds. z is the state relative to the
 // equilibrium, with its configurations scaled down so that every driven coordinate could cover its
-// part in `reach` seconds, which must be positive.
+// part in `reach` seconds, which may be 0.
 template <class Model>
 void equilibrium_feedback(
     const FunnelArrays& to, const BoundArrays& bounds, double reach, double T, const double* q_D,
@@ -22,7 +22,7 @@ void equilibrium_feedback(
     const double time = std::abs(z[2 * N + k]) / (bounds.speed[k] > 0.0 ? bounds.speed[k] : 1e300);
     longest = time > longest ? time : longest;
   }
-  const double scale = reach / longest;
+  const double scale = longest > reach ? reach / longest : 1.0;
   for (int k = 0; k < N; ++k) {
     z[k] *= scale;
     z[N + k] = v_D[k];

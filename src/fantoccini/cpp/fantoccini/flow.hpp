@@ -21,14 +21,14 @@ struct FlowTolerances {
   // -h up to which a row counts as closed, relative to its scale (row_scale). Smaller overlaps of
   // rows that are not held stay: where rows are nearly dependent, as strings along one another,
   // closing them would move the puppet many times as far.
-  static constexpr double closed_gap = 5e-13;
+  static constexpr double closed_gap = Constants::closed_gap;
   // |hddot| at which a redundant row no longer follows from the held ones, relative to hddot_scale.
   static constexpr double parting_acceleration = 1e-8;
   // Pivot of a held row, relative to the largest diagonal entry of G, below which the held rows are
   // chosen again among the redundant ones.
   static constexpr double frail_pivot = 1e-4;
-  // m: scale of shorter strings. Python has the same, Limits.least_length.
-  static constexpr double min_row_scale = 1e-3;
+  // m: scale of shorter strings.
+  static constexpr double min_row_scale = Constants::least_length;
   // Most refinements of the held rows' tensions: nearly dependent rows lose digits.
   static constexpr int refinements = 2;
 };
@@ -131,8 +131,8 @@ struct Flow {
     return top;
   }
 
-  // N: the size of forces. Python makes the cap 1e5 times the weight (Limits.tension_cap).
-  double weight() const { return 1e-5 * opt.tension_cap; }
+  // N: the size of forces.
+  double weight() const { return (1.0 / Constants::tension_cap) * opt.tension_cap; }
 
   // Whether the held rows are so nearly dependent that a redundant row should be held instead of
   // one of them.

@@ -40,6 +40,8 @@ struct VariationalTolerances {
   // rad by which a string may swing in one step: the same.
   static constexpr double max_swing_per_step = 0.7;
   static constexpr int max_corrections = 30;
+  // kg m^2/s^2: |z|^2 from which on a step has diverged.
+  static constexpr double diverged = 1e30;
 };
 
 template <class Model, class Real>
@@ -117,7 +119,7 @@ struct VariationalStep {
     size = select(size > Real(least), size, Real(least));
     const Real near = Tolerance::stalled_residual * Tolerance::stalled_residual * size + rounding(dt);
     Mask solved = no, lost = !wanted;
-    Real last = Real(ComplementarityTolerances::excluded_speed);
+    Real last = Real(Tolerance::diverged);
     for (int r = 0; r < M; ++r) trial_.lambda[r] = Real(0.0);
     quick_.begin();
     bool again = false;
@@ -135,7 +137,7 @@ struct VariationalStep {
             here.near[r], Real(trial_.h[r] * rate + along[a]),
             Real(-ComplementarityTolerances::excluded_speed));
       }
-      Node::complement(problem, again);
+      const Mask settled = Node::complement(problem, again);
       again = true;
       for (int a = 0; a < rows.n; ++a) {
         const int r = rows.row[a];
@@ -148,8 +150,8 @@ struct VariationalStep {
       const Real wrong = squares<N>(z);
       const Mask exact = wrong < (Tolerance::momentum_residual * Tolerance::momentum_residual) * size;
       const Mask stuck = wrong < near && !(wrong < Tolerance::stalled_share * last);
-      solved = solved || ((exact || stuck) && !lost && held());
-      lost = lost || !(wrong < Real(ComplementarityTolerances::excluded_speed));
+      solved = solved || ((exact || stuck) && settled && !lost && held());
+      lost = lost || !(wrong < Real(Tolerance::diverged));
       if (!any(!solved && !lost)) break;
       last = wrong;
       if (any(!solved && !lost) && join(!lost)) {

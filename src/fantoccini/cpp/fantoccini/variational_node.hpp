@@ -61,6 +61,7 @@ struct VariationalNode {
   Mask near[room(M)];      // rows that take part
   bool joined;             // whether `exact` lacks some of them
   Mask taut[room(M)];
+  Mask settled;            // whether mu was found
   NodeFactor<Model, Real> exact, firm;
 
   // Velocities and mu from momenta, and the factors for the next step. Lanes in which nothing
@@ -117,11 +118,11 @@ struct VariationalNode {
     }
   }
 
-  // Solves for the impulses; `again` with rows and G as the last time. Lanes that do not settle are
-  // not reported.
-  FAN_FN static void complement(Problem& problem, bool again) {
+  // Solves for the impulses; `again` with rows and G as the last time. Returns the lanes in which
+  // they were found.
+  FAN_FN static Mask complement(Problem& problem, bool again) {
     using Pivoting = ComplementarityTolerances;
-    problem.solve(Pivoting::raise, 1, Pivoting::pivoting, Pivoting::max_iterations(problem.n), again);
+    return problem.solve(Pivoting::raise, 1, Pivoting::pivoting, Pivoting::max_iterations(problem.n), again);
   }
 
   // A flag that is the same in all lanes, as a mask.
@@ -187,7 +188,7 @@ struct VariationalNode {
       problem.active[a] = at_bound[a] && (lambda[r] > Real(0.0) || sides(rows, a));
       problem.high[a] = no;
     }
-    complement(problem, false);
+    settled = complement(problem, false);
     for (int r = 0; r < M; ++r) {
       mu[r] = Real(0.0);
       taut[r] = no;

@@ -18,7 +18,7 @@ struct StepHalvingTolerances {
   // made.
   static constexpr double smallest_accurate_part = 1.0 / 512.0;
   // s: the impulse of a catch, and impulses it causes, may be the tension cap over this time.
-  static constexpr double blow_time = 1.0;
+  static constexpr double blow_time = NodeTolerances::max_impulse_time;
 };
 
 template <class Model_, class Real_>
@@ -107,6 +107,7 @@ struct VariationalTrajectory {
   void restart(Drive& drive) {
     drive.start(t, node().now);
     node().settle();
+    stop(!node().settled, NOT_SETTLED);
   }
 
   // Advances all trajectories that still run from the time `from`, where they are, to `next`. One
@@ -208,6 +209,7 @@ struct VariationalTrajectory {
       most = select(!at.caught[r] && size > most, size, most);
     }
     stop(lanes && !(far < Real(max_state_norm * max_state_norm)), NOT_FINITE);
+    stop(lanes && !node().settled, NOT_SETTLED);
     const Mask empty = lanes && is_empty(node().now) && runs();
     for (int l = 0; any(empty) && l < width; ++l)
       if (lane_of(empty, l)) accuse_empty(l, node().now);
@@ -251,13 +253,13 @@ struct VariationalTrajectory {
       return LENGTH_NOT_POSITIVE;
     }
     const auto& rows = node().firm.rows;
-    const auto& winches = node().winches;
     const double dt = lane_of(parts, lane);
     ActiveSet<M, N> set;
     double columns[room(M)][room(N)];
     int row[room(M)];
     Real b[room(M)];
     at.demand(parts, b);
+    node().bound(node().firm, parts);
     set.n = 0;
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
@@ -267,14 +269,14 @@ struct VariationalTrajectory {
       for (int k = 0; k < N; ++k) columns[place][k] = lane_of(rows.column[a][k], lane);
       set.column[place] = columns[place];
       set.b[place] = lane_of(b[a], lane);
-      set.upper[place] = winches.slips(r) ? winches.max_tension[r] * dt : unbounded;
+      set.upper[place] = node().gives(r) ? lane_of(rows.problem.upper[a], lane) : unbounded;
       set.two_sided[place] = rows.two_sided[a];
       set.place[place] = ActiveSet<M, N>::LOW;
     }
     const Solved solved = set.solve();
     if (solved == Solved::UNSETTLED) return NOT_SETTLED;
     const double* share = solved == Solved::INFEASIBLE ? set.ray : set.x;
-    double most = 0.0, span = dt;
+    double most = 0.0, span = 0.5 * dt;  // as Node::bound
     for (int a = 0; a < set.n; ++a) {
       // The impulse of a catch may be larger than that of a tension.
       if (share[a] != 0.0 && !lane_of(node().taut[row[a]], lane)) span = Tolerance::blow_time;

@@ -15,7 +15,7 @@
 namespace fan {
 
 struct WinchTolerances {
-  static constexpr double brake = 1.0;  // m/s^2: deceleration of a winch that rewinds before it stops
+  static constexpr double brake = Constants::winch_deceleration;  // m/s^2
   // m: a smaller slip counts as 0.
   static constexpr double negligible_slip = 1e-20;
   // m: a smaller slip is not wound back, which would take less than sqrt(2 slip / brake) = 2 us:
