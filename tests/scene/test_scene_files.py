@@ -12,6 +12,7 @@ import fantoccini as fan
 from fantoccini.errors import PuppetError
 from fantoccini.puppet import Puppet, loads
 from fantoccini.scene import assembled, json_schema, load, loads as loads_scene
+from fantoccini.view.geometry import geometry_at
 
 BODY = """
 puppet: {name}
@@ -197,3 +198,11 @@ def test_the_schema_names_the_keys() -> None:
 def test_loads_reads_both_kinds() -> None:
     assert loads_scene(BODY.format(name="p")).name == "p"
     assert loads_scene("scene: s\npuppets: [{name: a, puppet: arm2d}]").name == "s"
+
+
+def test_the_frame_on_which_a_puppet_stands_is_not_drawn(tmp_path) -> None:
+    made = fan.load(written(tmp_path))
+    drawn = geometry_at(made, made.state())
+    frames = {i for i, link in enumerate(made.tree.links) if link.name in ("one", "two")}
+    assert len(frames) == 2 and not frames & {solid.link for solid in drawn.solids}
+    assert len(drawn.names) == 4

@@ -52,7 +52,11 @@ def obstacles(puppet: Puppet) -> list[Solid]:
 
 
 def stand_ins(tree: Tree, size: float) -> list[Solid]:
-    """Balls and sticks for links without shapes that have mass or carry strings."""
+    """Balls and sticks for links without shapes that have mass or carry strings.
+
+    None for massless frames that are fixed in the world, such as those on which puppets of a scene
+    stand.
+    """
     out: list[Solid] = []
     children: dict[int, list[np.ndarray]] = {}
     for link in tree.links:
@@ -64,6 +68,8 @@ def stand_ins(tree: Tree, size: float) -> list[Solid]:
             continue
         colour = rgb(WOOD[1 if link.role is Role.DRIVEN else 3])
         mass = 0.0 if link.mass is None else file_value(link.mass)
+        if not mass and all(tree.links[i].role is Role.FIXED for i in tree.ancestors(k)):
+            continue
         com = np.zeros(3) if link.com is None else np.array(link.com)
         if mass > 0.0:
             out.append(capsule(k, colour, np.tile(com, (2, 1)), 0.026 * size))
