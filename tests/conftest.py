@@ -1,8 +1,14 @@
-"""Puts the folder of the tests on the path, so that they find the oracles, and long files first."""
+"""Puts the folder of the tests on the path, so that they find the oracles, and long files first.
 
+Files with many small puppets of their own compile these quickly.
+"""
+
+import os
 import signal
 import sys
 from pathlib import Path
+
+import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -21,6 +27,43 @@ LONG = (
     "plan/test_plan.py",
 )
 """The files that take longest, which go first: one that begins last is waited for."""
+
+QUICK = (
+    "cross/test_reeling_pendulum.py",
+    "drives/test_drive_files.py",
+    "drives/test_drive_hands.py",
+    "drives/test_drive_laws.py",
+    "drives/test_drive_names.py",
+    "drives/test_drives.py",
+    "drives/test_rest.py",
+    "drives/test_weak_motors.py",
+    "laws/test_chains.py",
+    "laws/test_restitution.py",
+    "runs/test_cable_robot.py",
+    "runs/test_events.py",
+    "runs/test_integrators.py",
+    "runs/test_short_steps.py",
+    "runs/test_slipping.py",
+    "runs/test_soundness.py",
+    "runs/test_timestepping.py",
+    "runs/test_winch_runs_out.py",
+    "show/test_motion_page.py",
+)
+"""Files whose puppets are small and their own: compiling takes far longer than running them.
+
+They are compiled with -Og, in half the time. Bundled and random puppets, and all that is about bits
+or speed, stay with the product's -O2; ``FANTOCCINI_CXXFLAGS=-O2 make test`` compiles all so.
+"""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def quick(request):
+    """Adds the flag for the files in QUICK, unless who runs the tests has chosen flags."""
+    name = request.path.relative_to(Path(__file__).parent).as_posix()
+    with pytest.MonkeyPatch.context() as patch:
+        if name in QUICK and not os.environ.get("FANTOCCINI_CXXFLAGS"):
+            patch.setenv("FANTOCCINI_CXXFLAGS", "-Og")
+        yield
 
 
 def pytest_configure(config):

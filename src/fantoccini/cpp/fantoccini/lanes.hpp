@@ -7,11 +7,8 @@
 
 #include <cmath>
 
-#if defined(__AVX__)
-#include <immintrin.h>
-#endif
-
 #include "real.hpp"
+#include "vectors.hpp"
 
 #define FAN_LANE_OP __attribute__((always_inline)) friend inline
 
@@ -56,12 +53,12 @@ struct LaneMask<8> {
 };
 #endif
 
-// A comparison of lanes; HOW is its code in AVX-512.
+// A comparison of lanes; HOW is its number in AVX-512.
 #if defined(__AVX512F__)
 #define FAN_LANE_COMPARISON(OP, HOW)                                      \
   FAN_LANE_OP Mask operator OP(const Lanes& a, const Lanes& b) {          \
     if constexpr (width == 8)                                             \
-      return {_mm512_cmp_pd_mask((__m512d)a.v, (__m512d)b.v, HOW)};       \
+      return {compared<HOW>(a.v, b.v)};                                   \
     else                                                                  \
       return {a.v OP b.v};                                                \
   }
@@ -98,12 +95,12 @@ struct Lanes {
   FAN_LANE_OP Lanes& operator*=(Lanes& a, const Lanes& b) { a.v *= b.v; return a; }
   FAN_LANE_OP Lanes& operator/=(Lanes& a, const Lanes& b) { a.v /= b.v; return a; }
 
-  FAN_LANE_COMPARISON(==, _CMP_EQ_OQ)
-  FAN_LANE_COMPARISON(<, _CMP_LT_OQ)
-  FAN_LANE_COMPARISON(>, _CMP_GT_OQ)
-  FAN_LANE_COMPARISON(!=, _CMP_NEQ_UQ)
-  FAN_LANE_COMPARISON(<=, _CMP_LE_OQ)
-  FAN_LANE_COMPARISON(>=, _CMP_GE_OQ)
+  FAN_LANE_COMPARISON(==, 0x00)
+  FAN_LANE_COMPARISON(<, 0x11)
+  FAN_LANE_COMPARISON(>, 0x1e)
+  FAN_LANE_COMPARISON(!=, 0x04)
+  FAN_LANE_COMPARISON(<=, 0x12)
+  FAN_LANE_COMPARISON(>=, 0x1d)
 
   // Hidden friends, so that step code on doubles still finds the C library's.
   FAN_LANE_OP Lanes abs(const Lanes& a) {
@@ -113,10 +110,10 @@ struct Lanes {
   FAN_LANE_OP Lanes fabs(const Lanes& a) { return abs(a); }
   FAN_LANE_OP Lanes sqrt(const Lanes& a) {
 #if defined(__AVX512F__)
-    if constexpr (width == 8) return of((Vector)_mm512_sqrt_pd((__m512d)a.v));
+    if constexpr (width == 8) return of(vector_root(a.v));
 #endif
 #if defined(__AVX__)
-    if constexpr (width == 4) return of((Vector)_mm256_sqrt_pd((__m256d)a.v));
+    if constexpr (width == 4) return of(vector_root(a.v));
 #endif
     Lanes out;
     for (int l = 0; l < width; ++l) out.v[l] = ::sqrt(a.v[l]);
@@ -148,10 +145,9 @@ template <int width>
 __attribute__((always_inline)) inline Lanes<width> select(
     const LaneMask<width>& mask, const Lanes<width>& yes, const Lanes<width>& no) {
 #if defined(__AVX512F__)
-  if constexpr (width == 8) {
-    const __m512d chosen = _mm512_mask_blend_pd(mask.bits, (__m512d)no.v, (__m512d)yes.v);
-    return Lanes<width>::of((typename Lanes<width>::Vector)chosen);
-  } else
+  if constexpr (width == 8)
+    return Lanes<width>::of(chosen(mask.bits, yes.v, no.v));
+  else
 #endif
     return Lanes<width>::of(mask.bits ? yes.v : no.v);
 }
@@ -162,14 +158,14 @@ template <int width>
 __attribute__((always_inline)) inline Lanes<width> inverse_root(const Lanes<width>& x) {
 #if defined(__AVX512F__)
   if constexpr (width == 8) {
-    const __m512d one = _mm512_set1_pd(1.0), v = (__m512d)x.v;
-    __m512d y = _mm512_rsqrt14_pd(v);
-    const __m512d rough = _mm512_fnmadd_pd(_mm512_mul_pd(v, y), y, one);
+    const EightDoubles one = 1.0 - EightDoubles{}, v = x.v;
+    EightDoubles y = rough_inverse_root(v);
+    const EightDoubles rough = less_product(v * y, y, one);
     y += (y * rough) * (0.5 + 0.375 * rough);
     // The remaining error is below the rounding of x y, so that product keeps its low part.
-    const __m512d high = _mm512_mul_pd(v, y), low = _mm512_fmsub_pd(v, y, high);
-    const __m512d lacks = _mm512_fnmadd_pd(high, y, one) - low * y;
-    return Lanes<width>::of((typename Lanes<width>::Vector)(y + (0.5 * y) * lacks));
+    const EightDoubles high = v * y, low = product_less(v, y, high);
+    const EightDoubles lacks = less_product(high, y, one) - low * y;
+    return Lanes<width>::of(y + (0.5 * y) * lacks);
   }
 #endif
   return 1.0 / sqrt(x);
@@ -182,7 +178,7 @@ inline bool any(LaneMask<8> mask) { return mask.bits != 0; }
 template <int width>
 __attribute__((always_inline)) inline bool any(const LaneMask<width>& mask) {
 #if defined(__AVX__)
-  if constexpr (width == 4) return !_mm256_testz_si256((__m256i)mask.bits, (__m256i)mask.bits);
+  if constexpr (width == 4) return any_bit(mask.bits);
 #endif
   bool some = false;
   for (int l = 0; l < width; ++l) some |= mask[l];

@@ -1,0 +1,79 @@
+// Operations on vectors of doubles that only AVX and AVX-512 have, under names of our own.
+//
+// g++ gets the builtins behind <immintrin.h>, which it would read for most of a second in every
+// file; clang, whose builtins change, gets the header.
+#pragma once
+
+#if defined(__AVX__)
+
+#if defined(__clang__)
+#include <immintrin.h>
+#define FAN_BUILTIN(OURS, THEIRS) THEIRS
+#else
+#define FAN_BUILTIN(OURS, THEIRS) OURS
+#endif
+
+#define FAN_VECTOR_FN __attribute__((always_inline)) inline
+
+namespace fan {
+
+typedef double FourDoubles __attribute__((vector_size(32)));
+typedef long long FourBits __attribute__((vector_size(32)));
+
+FAN_VECTOR_FN FourDoubles vector_root(FourDoubles x) {
+  return FAN_BUILTIN(__builtin_ia32_sqrtpd256(x), _mm256_sqrt_pd(x));
+}
+
+FAN_VECTOR_FN bool any_bit(FourBits x) {
+  return !FAN_BUILTIN(__builtin_ia32_ptestz256(x, x), _mm256_testz_si256((__m256i)x, (__m256i)x));
+}
+
+#if defined(__AVX512F__)
+
+typedef double EightDoubles __attribute__((vector_size(64)));
+
+// The builtins' arguments for all lanes, and for the rounding that is in force.
+#define FAN_WHOLE (unsigned char)-1, 4
+
+// Which lanes compare as ``how`` says, by Intel's numbers (_CMP_LT_OQ and so on); a bit for each.
+template <int how>
+FAN_VECTOR_FN unsigned char compared(EightDoubles a, EightDoubles b) {
+  return FAN_BUILTIN(
+      __builtin_ia32_cmppd512_mask(a, b, how, FAN_WHOLE), _mm512_cmp_pd_mask(a, b, how));
+}
+
+FAN_VECTOR_FN EightDoubles chosen(unsigned char bits, EightDoubles yes, EightDoubles no) {
+  return FAN_BUILTIN(
+      __builtin_ia32_blendmpd_512_mask(no, yes, bits), _mm512_mask_blend_pd(bits, no, yes));
+}
+
+FAN_VECTOR_FN EightDoubles vector_root(EightDoubles x) {
+  return FAN_BUILTIN(__builtin_ia32_sqrtpd512_mask(x, x, FAN_WHOLE), _mm512_sqrt_pd(x));
+}
+
+// 1 / sqrt(x) to 2^-14.
+FAN_VECTOR_FN EightDoubles rough_inverse_root(EightDoubles x) {
+  return FAN_BUILTIN(
+      __builtin_ia32_rsqrt14pd512_mask(x, x, (unsigned char)-1), _mm512_rsqrt14_pd(x));
+}
+
+// a b - c, rounded once.
+FAN_VECTOR_FN EightDoubles product_less(EightDoubles a, EightDoubles b, EightDoubles c) {
+  return FAN_BUILTIN(
+      __builtin_ia32_vfmsubpd512_mask(a, b, c, FAN_WHOLE), _mm512_fmsub_pd(a, b, c));
+}
+
+// c - a b, rounded once.
+FAN_VECTOR_FN EightDoubles less_product(EightDoubles a, EightDoubles b, EightDoubles c) {
+  return FAN_BUILTIN(
+      __builtin_ia32_vfnmaddpd512_mask(a, b, c, FAN_WHOLE), _mm512_fnmadd_pd(a, b, c));
+}
+
+#undef FAN_WHOLE
+#endif
+
+}  // namespace fan
+
+#undef FAN_BUILTIN
+#undef FAN_VECTOR_FN
+#endif
