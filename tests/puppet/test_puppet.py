@@ -131,7 +131,7 @@ def test_the_json_schema_knows_every_key_and_describes_it() -> None:
     json.dumps(schema)
     assert set(schema["properties"]) == {
         "puppet", "gravity", "bodies", "strings", "springs", "drives", "mirror", "pose",
-        "obstacles", "floor", "members",
+        "obstacles", "floor", "members", "props",
     }  # fmt: skip
     assert set(schema["required"]) == {"puppet", "bodies"}
     kinds = schema["$defs"]["Joint"]["properties"]["type"]["enum"]

@@ -64,7 +64,8 @@ class Clearance:
         strings: whether strings are kept clear of obstacles: straight from point to point, or along
             a hanging curve when slack. They may lie on half-spaces.
         string_radius: half their thickness [m].
-        self_collision: whether bodies that no joint connects are kept clear of one another.
+        self_collision: whether bodies of one puppet that no joint connects are kept clear of one
+            another. Those of different puppets and props of a scene always are.
 
     Raises:
         FileError: an invalid obstacle.
@@ -88,7 +89,10 @@ class Clearance:
         self.meshes = Meshes()
         moving, self._links = solids.moving(tree, self.meshes)
         still = solids.standing(self.obstacles, self.meshes)
-        pairs = solids.apart(tree, self._links) if self_collision else np.zeros((0, 2), np.int32)
+        pairs = solids.apart(tree, self._links)
+        if not self_collision:
+            of = np.array([marionette.puppet.member_of(tree.links[i].name) for i in self._links])
+            pairs = pairs[of[pairs[:, 0]] != of[pairs[:, 1]]]
         radius = string_radius if strings and len(still) else -1.0
         exact = self.meshes.distance if len(self.meshes) else None
         self.solids = Solids(moving, still, pairs, np.full(len(tree.strings), radius), exact)

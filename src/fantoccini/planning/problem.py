@@ -68,7 +68,8 @@ class Problem:
         slack: whether taut strings may go slack on the way. Plans in which none does depend less
             on how exactly they are followed.
         strings: whether strings are kept clear of obstacles too.
-        self_collision: whether bodies are kept clear of one another.
+        self_collision: whether bodies of one puppet are kept clear of one another; those of
+            different puppets and props of a scene always are.
         threads: that share the work; all processors by default.
         dt: step of the time-stepper [s].
         look: steps from one check for collisions and the goal to the next.

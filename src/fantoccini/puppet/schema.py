@@ -268,7 +268,9 @@ class Puppet(Model):
     floor: Place | None = None
     """Height of the floor [m]."""
     members: tuple[Name, ...] = ()
-    """Members of an assembled scene, whose names and a dot precede those of their parts."""
+    """Puppets of an assembled scene, whose names and a dot precede those of their parts."""
+    props: tuple[Name, ...] = ()
+    """Bodies of an assembled scene that are props."""
 
     _origin: Origin = PrivateAttr(default_factory=Origin)
 
@@ -383,6 +385,11 @@ class Puppet(Model):
         if line is None and self.mirror is not None:
             line = self.expanded()._origin.lines.get(name)
         return origin.files.get(name, origin.file), line
+
+    def member_of(self, body: str) -> str:
+        """The puppet or prop of a scene that a body belongs to; empty for a single puppet's."""
+        first = body.partition(".")[0]
+        return first if first in (*self.members, *self.props) else ""
 
     def owner_of(self, coordinate: str) -> str:
         """The joint or string that a coordinate or limit belongs to, by its name."""

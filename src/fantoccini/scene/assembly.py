@@ -73,6 +73,7 @@ def assembled(scene: Scene) -> Puppet:
     data: dict[str, Any] = {"puppet": scene.scene, "bodies": [], "pose": {}, **shared}
     if len(scene.puppets) > 1:
         data["members"] = [member.name for member in scene.puppets]
+    data["props"] = [prop.name for prop in scene.props]
     for key in ("strings", "springs", "drives", "obstacles"):
         data[key] = []
     for one in placed:

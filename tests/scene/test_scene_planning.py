@@ -1,0 +1,61 @@
+"""Plans in scenes: other puppets and props are things to keep clear of."""
+
+from __future__ import annotations
+
+import pytest
+
+import fantoccini as fan
+from fantoccini.planning import Clearance
+
+LAMP = """
+puppet: lamp
+bodies:
+  - {name: bulb, joint: {type: translation, axes: [x, y, z], damping: 0.1},
+     shapes: [{type: sphere, radius: 0.05, mass: 0.2}]}
+strings:
+  - {name: cord, path: [{body: bulb}, {driven: [x], at: [0, 0, 1]}], length: 0.8}
+pose: {bulb.z: 0.2}
+"""
+
+
+@pytest.fixture(scope="module")
+def scene() -> fan.Marionette:
+    lamp = fan.loads(LAMP).puppet
+    hook = {"type": "sphere", "radius": 0.06, "mass": 1.0}
+    return fan.Marionette(
+        fan.Scene.model_validate(
+            {
+                "scene": "s",
+                "puppets": [
+                    {"name": "one", "puppet": lamp},
+                    {"name": "two", "puppet": lamp, "at": [0.5, 0.0, 0.0]},
+                ],
+                "props": [{"name": "ball", "shapes": [hook], "at": [0.0, 0.0, -0.2]}],
+            }
+        )
+    )
+
+
+def test_clearances_are_those_between_members(scene) -> None:
+    x = scene.state()
+    clearance = Clearance(scene)
+    nearest = clearance.nearest(x)
+    assert clearance.of(x) == pytest.approx(0.4 - 0.05 - 0.06)
+    assert {nearest.what, nearest.other} == {"one.bulb", "ball"}
+    closer = scene.state({"two.bulb.x": -0.35})
+    assert clearance.of(closer) == pytest.approx(0.15 - 0.1)
+    assert {(n := clearance.nearest(closer)).what, n.other} == {"one.bulb", "two.bulb"}
+
+
+def test_a_plan_keeps_a_puppet_away_from_the_other(scene) -> None:
+    """The first lamp goes to where the second hangs, which has to make room."""
+    lamps = fan.Marionette(scene.puppet.model_copy(update={"bodies": scene.puppet.bodies[:-1]}))
+    x0 = lamps.rest()
+    goal = {"one.bulb.x": 0.5, "two.bulb.x": 0.4}
+    made = fan.plan(
+        lamps, x0, goal, tolerance=0.2, seed=0, speed=1.0, acceleration=4.0,
+        ranges={"one.cord.x": (-0.5, 1.5), "two.cord.x": (-1.0, 1.5)},
+    )  # fmt: skip
+    assert made, made.reason
+    run = made.verify(method="event").run
+    assert float(Clearance(lamps).of(run).min()) > 0.0
