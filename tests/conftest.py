@@ -57,7 +57,7 @@ or speed, stay with the product's -O2; ``FANTOCCINI_CXXFLAGS=-O2 make test`` com
 
 
 @pytest.fixture(scope="module", autouse=True)
-def quick(request):
+def quickly_compiled(request):
     """Adds the flag for the files in QUICK, unless who runs the tests has chosen flags."""
     name = request.path.relative_to(Path(__file__).parent).as_posix()
     with pytest.MonkeyPatch.context() as patch:

@@ -105,7 +105,7 @@ def bare(text: str) -> str:
 
 def test_nothing_but_words_is_left_out():
     """18.1: Python's own parser reads the same program from what is hashed."""
-    for file in closure.closure(compiled._SHAPING):
+    for file in closure.closure(compiled.SOURCE_MODULES):
         text = file.read_text(encoding="utf-8")
         assert bare(significant_python(text)) == bare(text), file
 

@@ -38,8 +38,8 @@ MESSAGES = (*UNUSED_MESSAGES, "GuiUpdateMessage", "SetPositionMessage", "SetOrie
 MEMBERS = (
     "_websock_server.register_handler", "_websock_server.unregister_handler",
     "gui._gui_input_handle_from_uuid", "gui._handle_gui_updates",
-    "geometry.world_axes._impl.name", "geometry.world_axes._impl.position",
-    "geometry.world_axes._impl.wxyz", "geometry.world_axes._impl.api._queue_scene_message",
+    "scene.world_axes._impl.name", "scene.world_axes._impl.position",
+    "scene.world_axes._impl.wxyz", "scene.world_axes._impl.api._queue_scene_message",
 )  # fmt: skip
 """Members of a server that are used here."""
 
@@ -154,7 +154,7 @@ def client_page() -> str:
 
 
 def move(node: Any, position: np.ndarray, wxyz: np.ndarray | None = None) -> None:
-    """Moves a geometry node like ``node.position = ...; node.wxyz = ...``, at a fifth of the cost.
+    """Moves a scene node like ``node.position = ...; node.wxyz = ...``, at a fifth of the cost.
 
     viser's own setters spend their time on comparisons with the value before.
 
