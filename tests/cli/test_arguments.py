@@ -251,3 +251,14 @@ def test_check_counts_and_lists_mistakes_of_all_files(tmp_path) -> None:
     assert [line.split(": ")[1] for line in result.stderr.splitlines()] == [
         "flor", "bodies", "bodies",
     ]  # fmt: skip
+
+
+def test_a_file_of_another_kind_is_named(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    arm = fan.puppets.arm2d()
+    fan.simulate(arm, arm.rest(), t_end=0.05).save("run.npz")
+    for command in ("simulate", "info", "check"):
+        said = mistake(command, "run.npz")
+        assert "run.npz: found a motion; needed: a puppet. `fantoccini show run.npz`" in said
+    puppet = fan.puppets.path("arm2d")
+    assert "this is a puppet file; a problem file names one" in mistake("plan", puppet)

@@ -38,11 +38,14 @@ def puppet_path(name: str) -> Path:
     """The file of a FILE argument: a path, or the name of a bundled puppet.
 
     Raises:
-        PuppetError: it is neither.
+        PuppetError: it is neither, or the file is a motion.
     """
     path = Path(name)
     try:
         if path.is_file():
+            if path.suffix.lower() == ".npz":
+                message = f"found a motion; needed: a puppet. `fantoccini show {name}` replays it"
+                raise PuppetError([Mistake(name, None, "", message)])
             return path
         missing = not path.exists()
     except OSError:

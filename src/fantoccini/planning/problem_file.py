@@ -139,6 +139,9 @@ def load_problem(
     if name in problem_names() and not Path(name).exists():
         path = _FOLDER / f"{name}.yaml"
     located = read_file(path)
+    if isinstance(located.data, dict) and "bodies" in located.data:
+        text = "this is a puppet file; a problem file names one under `puppet` and gives a goal"
+        raise located.error([((), text)], FileError)
     file = validate(ProblemFile, located)
     marionette = _puppet(file.puppet, located, progress)
     check = _Checks(located)
