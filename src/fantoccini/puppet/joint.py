@@ -151,7 +151,9 @@ class Joint(Model):
 
     @field_validator("spring", "limits", mode="before")
     @classmethod
-    def _lengths_are_no_angles(cls, value: Any, info: ValidationInfo) -> Any:
+    def _mapped_numbers(cls, value: Any, info: ValidationInfo) -> Any:
+        if info.field_name == "limits" and isinstance(value, (list, tuple)):
+            raise mistake("found a list; needed: {lower: ..., upper: ...}")
         if info.data.get("type") == "prismatic" and isinstance(value, dict):
             words = [v for v in value.values() if isinstance(v, str)]
             if words:

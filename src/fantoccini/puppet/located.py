@@ -20,7 +20,7 @@ from pydantic import BaseModel, ValidationError
 
 from fantoccini.errors import FileError, Mistake, nearest
 from fantoccini.puppet.limits import LIMITS
-from fantoccini.puppet.words import OWN_WORDS
+from fantoccini.puppet.words import OWN_WORDS, PLACE_WORDS
 from fantoccini.puppet.yaml_text import Path, Unreadable, read_text
 
 Finding = tuple[Path, str]
@@ -272,6 +272,8 @@ def _sentence(model: type[BaseModel], item: Any, leaf: str, hints: bool) -> str:
         return item["msg"]
     if kind == "extra_forbidden":
         keys = allowed_keys(model, item["loc"][:-1]) if hints else ()
+        if leaf in PLACE_WORDS and {"joint", "parent"} <= set(keys):
+            return "a body is placed by its joint: joint: {at: [x, y, z], orientation: ...}"
         return f"this key is not known{nearest(leaf[:64], keys) if hints else ''}"
     if kind in ("missing", "union_tag_not_found"):
         return "this key is missing"

@@ -13,3 +13,6 @@ OWN_WORDS = {
     **dict.fromkeys(("stl", "obj", "ply"), "mesh"),
 }
 """Another program's word -> ours, for joints and shapes. Our `ball` is a joint, theirs a sphere."""
+
+PLACE_WORDS = ("at", "orientation", "origin", "pos", "position", "quat", "rpy", "xyz")
+"""Keys that place a body in other programs; here its joint does."""
