@@ -33,6 +33,7 @@ def test_a_run_of_a_batch_does_not_claim_that_nothing_happened(arm, caught, tmp_
         summary = one.summary()
         assert summary["events"] is None and summary["drives"] is None
         assert summary["tension"]["hand"]["catches"] is None
+        assert "not recorded" in one._repr_html_()
         assert "impulse:hand" not in one.columns() and "events not recorded" in repr(one)
         with pytest.raises(ValueError, match="a batch keeps no events"):
             _ = one.impulse
@@ -95,6 +96,7 @@ def refused(arm, x0):
     yield lambda: fan.simulate(arm, [x0], hold), "x0 are several; .* fan.simulate_batch"
     yield lambda: fan.simulate(arm, x0, t_end=np.inf), "t_end is inf; it must be a finite time"
     yield lambda: fan.TimeStepping(dt=np.inf), "dt is inf; it must be a finite number greater"
+    yield lambda: fan.TimeStepping(extrapolate="no"), "extrapolate is 'no'; it must be True or"
     yield lambda: fan.Event(rtol="1e-6"), "rtol is '1e-6'; it must be a finite number"
     yield lambda: fan.Input.hold("arm2d"), "found 'arm2d', a str; needed: a Marionette"
     yield lambda: arm.wrench_forces(x0, {"lower": [0, 0, 1]}), r"wrenches\['lower'\] has the shape"

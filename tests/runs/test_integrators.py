@@ -10,6 +10,7 @@ from scipy.interpolate import CubicHermiteSpline
 import fantoccini as fan
 from fantoccini.simulation.scipy_run import ScipyRun
 from harness import bulge
+from runs.references import CASES, references
 
 METHODS = {
     # tolerance given to it; allowed difference of event times, of impulses, of the end state
@@ -20,40 +21,6 @@ METHODS = {
     "RK23": (1e-6, 1e-5, 1e-4, 2e-3),
     "BDF": (1e-7, 1e-4, 1e-3, 1e-2),
 }
-
-BAR = """
-puppet: bar
-bodies:
-  - {name: bar, joint: {type: free}, mass: 0.4, inertia: [0.0006, 0.008, 0.0085]}
-  - name: doll
-    parent: bar
-    joint: {type: ball, at: [0.05, 0, -0.02]}
-    mass: 0.2
-    com: [0, 0, -0.12]
-    inertia: [0.001, 0.001, 0.0002]
-strings:
-  - {name: left, path: [{body: bar, at: [-0.25, 0, 0]}, {world: [-0.3, 0, 1]}], length: driven}
-  - {name: right, path: [{body: bar, at: [0.25, 0, 0]}, {world: [0.35, 0.1, 1]}], length: driven}
-pose: {left.length: 0.8, right.length: 0.75}
-"""
-"""A free bar on two strings with a doll on a ball joint below it."""
-
-
-WINCH = """
-puppet: winch
-bodies:
-  - {name: bob, joint: {type: translation, axes: [x, z]}, mass: 1}
-strings:
-  - name: line
-    path: [{body: bob}, {world: [0, 0, 1]}]
-    length: driven
-    max_tension: 15
-    rewind_speed: 0.3
-  - {name: other, path: [{body: bob}, {world: [0.5, 0, 1]}], length: 1.05}
-pose: {line.length: 0.8}
-"""
-"""A bob on a string whose winch slips and rewinds, and on one of fixed length."""
-
 
 BLIND_AT = 0.05
 
@@ -105,49 +72,9 @@ class Forwards(integrate.DOP853):
         super().__init__(*args, **options)
 
 
-def jerk(arm):
-    """A pull and a quick release: the string goes slack and is caught."""
-    points = [(0, 0.8), (0.15, 0.5), (0.4, 0.5), (0.6, 0.8)]
-    return fan.Input.waypoints(arm, {"hand.length": points})
-
-
-def arm_case():
-    arm = fan.puppets.arm2d()
-    return arm, arm.rest({"hand.length": 0.8}), jerk(arm), 0.5
-
-
-def bar_case():
-    bar = fan.loads(BAR)
-    pull = fan.Input.waypoints(
-        bar,
-        {
-            "left.length": [(0, 0.8), (0.12, 0.6), (0.5, 0.65)],
-            "right.length": [(0, 0.75), (0.2, 0.6), (0.5, 0.65)],
-        },
-    )
-    return bar, bar.rest(), pull, 0.6
-
-
-def winch_case():
-    winch = fan.loads(WINCH)
-    x0 = winch.project(winch.state({"bob.x": 0.4, "bob.z": 0.35}))
-    return winch, x0, None, 1.0
-
-
-CASES = {"arm": (arm_case, 2), "bar": (bar_case, 4), "winch": (winch_case, 8)}
-"""Puppet, start, inputs and end; number of events at least."""
-
-
 @pytest.fixture(scope="module")
 def reference():
-    """Case -> its arguments and the compiled integrator's run."""
-    found = {}
-    for name, (case, least) in CASES.items():
-        given = case()
-        run = fan.simulate(*given, method=fan.Event(rtol=1e-12, atol=1e-12))
-        assert len(run.events) >= least
-        found[name] = given, run
-    return found
+    return references()
 
 
 @pytest.fixture(scope="module")
@@ -352,58 +279,6 @@ def test_the_same_run_gives_the_same_bits(arm):
 
 
 # -- the flow by itself ------------------------------------------------------------------------
-
-
-def test_rate_is_the_motion(arm):
-    """ydot = (N v, acc_D, power, dissipation): Eqs. 10 and 11 at the start."""
-    (marionette, x0, inputs, _), _ = arm
-    flow = marionette.flow(x0, inputs)
-    acc_D, tension = marionette.forward_dynamics(x0, inputs.evaluate(0.0)[2])
-    rate = flow.rate(flow.t0, flow.y0)
-    assert rate[:2] == pytest.approx(x0.v_D, abs=1e-12)
-    assert rate[2:4] == pytest.approx(acc_D, rel=1e-9)
-    assert flow.rows == ("hand",) and flow.taut.tolist() == [True]
-    assert flow.guards(0.0, flow.y0) == pytest.approx(-tension / marionette.weight, rel=1e-9)
-
-
-@pytest.mark.parametrize("method", ["DOP853", "Radau"])
-def test_solve_ivp_on_a_flow(reference, method):
-    """Up to the first event, whose time is the root of a guard."""
-    for name in ("arm", "bar"):
-        (marionette, x0, inputs, _), ours = reference[name]
-        flow = marionette.flow(x0, inputs)
-        first = ours.events[0]
-        row = flow.rows.index(first.name)
-
-        def guard(t, y, flow=flow, row=row):
-            return flow.guards(t, y)[row]
-
-        guard.terminal, guard.direction = True, 1
-        assert flow.t_end > first.t
-        found = integrate.solve_ivp(
-            flow.rate, (flow.t0, flow.t_end), flow.y0, method, events=guard, rtol=1e-10, atol=1e-10
-        )
-        assert found.t[-1] == pytest.approx(first.t, abs=1e-7)
-        x = flow.state(found.t[-1], found.y[:, -1])
-        there = ours.at(first.t)
-        assert x.q_D == pytest.approx(there.q_D, abs=1e-6)
-        assert x.q_K == pytest.approx(there.q_K, abs=1e-6)
-        assert x.taut.tolist() == flow.taut.tolist()
-
-
-def test_a_flow_ends_where_its_inputs_next_piece_begins(arm):
-    (marionette, x0, inputs, _), _ = arm
-    assert marionette.flow(x0, inputs).t_end == inputs.breaks[1]
-    assert marionette.flow(x0).t_end == np.inf
-
-
-def test_a_flow_starts_where_a_run_could(arm):
-    (marionette, x0, _, _), _ = arm
-    with pytest.raises(fan.StateError, match="hand is violated"):
-        marionette.flow(x0.replace(q_D=x0.q_D + np.array([-0.2, 0.0])))
-    elsewhere = fan.Input.waypoints(marionette, {"hand.length": [(0, 0.7), (1, 0.6)]})
-    with pytest.raises(fan.InputError, match=r"hand\.length"):
-        marionette.flow(x0, elsewhere)
 
 
 TWINS = """

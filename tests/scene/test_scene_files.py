@@ -147,6 +147,9 @@ MISTAKES = [
     ("{l: 3}", "{l: -3}", "duet.yaml:10: puppets[1].parameters: strings[1].length: found -3"),
     ("floor", "flor", "duet.yaml:3: flor: this key is not known; did you mean 'floor'?"),
     ("shapes: [{type: sphere, radius: 0.1, mass: 0.2}]", "shapes: []", "duet.yaml:12: props[0].sh"),
+    ("a.yaml, at", "duet.yaml, at", "duet.yaml:5: puppets[0].puppet: found 'duet.yaml', which is"),
+    ("at: [1, 0, 0]", "at: [{parameter: x, value: 1}, 0, 0]", "duet.yaml:5: puppets[0].at[0]: fou"),
+    (", mass: 0.2}", "}", "duet.yaml:12: props[0]: this prop has no mass; give it one"),
     ("puppets:", "puppet:", "duet.yaml:4: puppet: this key is not known; did you mean 'puppets'?"),
 ]
 
@@ -157,6 +160,21 @@ def test_mistakes_stand_at_their_lines(tmp_path, good: str, bad: str, message: s
     with pytest.raises(PuppetError) as caught:
         load(path)
     assert f"{tmp_path}/{message}" in str(caught.value)
+
+
+def test_names_of_the_scene_are_not_those_of_its_only_puppets_parts(tmp_path) -> None:
+    (tmp_path / "a.yaml").write_text(BODY.format(name="arm"))
+    prop = "props: [{name: peg, shapes: [{type: sphere, radius: 1, mass: 1}]}]"
+    for member, rest, message in (
+        ("name: a, at: [1, 0, 0]", "", "2: puppets[0].name: the name 'a' is taken by a part"),
+        ("name: one", prop, "3: props[0].name: the name 'peg' is taken by a part"),
+    ):
+        text = f"scene: s\npuppets: [{{{member}, puppet: a.yaml}}]\n{rest}\n"
+        with pytest.raises(PuppetError) as caught:
+            loads_scene(text, "s.yaml", tmp_path)
+        assert str(caught.value).startswith(f"s.yaml:{message}")
+    # Unplaced, the puppet's own name names nothing.
+    assert loads_scene("scene: s\npuppets: [{name: a, puppet: a.yaml}]\n", folder=tmp_path)
 
 
 def test_mistakes_in_a_members_file_are_its_own(tmp_path) -> None:

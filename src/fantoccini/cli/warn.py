@@ -13,7 +13,7 @@ from fantoccini.marionette import Marionette, input_warnings, warnings
 from fantoccini.motion import Input
 from fantoccini.puppet import Puppet
 from fantoccini.puppet.located import Finding, Located, key_path, read_file
-from fantoccini.scene.files import is_scene
+from fantoccini.scene.schema import is_scene
 
 
 def puppet_warnings(made: Marionette, file: str) -> list[Mistake]:

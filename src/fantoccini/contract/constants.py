@@ -27,7 +27,7 @@ REST_SPEED = Constant(
     1e-5, "m/s or rad/s",
     "hdot up to which a closed row is at rest, times the largest velocity if that is above 1",
 )  # fmt: skip
-LEAST_LENGTH = Constant(1e-3, "m", "what the gap of a shorter string is relative to")
+LEAST_LENGTH = Constant(1e-3, "m", "lower bound of the length by which a string's gap is divided")
 WINCH_DECELERATION = Constant(1.0, "m/s^2", "of a winch that rewinds, before it stops")
 
 CONSTANTS: dict[str, Constant] = {

@@ -41,7 +41,7 @@ _Value = str | Number | Sequence[Number] | Array
 
 @dataclass(frozen=True)
 class Substitutes:
-    """Finite values in MuJoCo for what is 0 or infinite in a puppet."""
+    """Finite values given to MuJoCo where a puppet has 0 or infinity."""
 
     spool: float = 1000.0
     """Length of a driven string plus the length wound in [m]: longer than any string."""

@@ -19,11 +19,7 @@ class _Options:
     name: ClassVar[MethodName]
 
     def __post_init__(self) -> None:
-        flags = {k: x for k, x in self.options.items() if k == "extrapolate"}
-        check_positive(**{k: x for k, x in self.options.items() if k not in flags})
-        for name, value in flags.items():
-            if not isinstance(value, bool):
-                raise ValueError(f"{name} is {value!r}; it must be True or False")
+        check_positive(**{k: x for k, x in self.options.items() if k != "extrapolate"})
 
     @property
     def options(self) -> dict[str, Any]:
@@ -72,6 +68,11 @@ class TimeStepping(_Options):
     extrapolate: bool = True
 
     name: ClassVar[MethodName] = "timestepping"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not isinstance(self.extrapolate, bool):
+            raise ValueError(f"extrapolate is {self.extrapolate!r}; it must be True or False")
 
 
 @dataclass(frozen=True)

@@ -89,16 +89,11 @@ class Trajectory:
     events_recorded: bool = True
 
     def __repr__(self) -> str:
+        events = f"{len(self.events)} events" if self.events_recorded else "events not recorded"
         return (
             f"<Trajectory {self.puppet.name if self.puppet else ''}: {self.t[0]:g} to "
-            f"{self.t[-1]:g} s, {len(self)} samples, {self.events_text}, {self.method}, "
-            f"{self.status.name}>"
+            f"{self.t[-1]:g} s, {len(self)} samples, {events}, {self.method}, {self.status.name}>"
         )
-
-    @property
-    def events_text(self) -> str:
-        """The number of events, in words."""
-        return f"{len(self.events)} events" if self.events_recorded else "events not recorded"
 
     def _repr_html_(self) -> str | None:
         """A strip of poses and the summary, for notebooks; nothing is compiled for it."""
@@ -311,6 +306,7 @@ class Trajectory:
         ``catches``, ``impulse`` and ``drives`` are None where the events were not recorded.
         """
         h = np.diff(self.t, append=self.t[-1])
+        known = self.events_recorded
         strings = {}
         for name, values in self.tension.items():
             caught = [e.impulse for e in self.events if e.name == name and e.kind == "catch"]
@@ -318,21 +314,18 @@ class Trajectory:
                 "min": float(np.min(values)),
                 "max": float(np.max(values)),
                 "slack": float(np.sum(h[~self.taut.flags(name)])),
-                "catches": len(caught) if self.events_recorded else None,
-                "impulse": max(caught, default=0.0) if self.events_recorded else None,
+                "catches": len(caught) if known else None,
+                "impulse": max(caught, default=0.0) if known else None,
             }
+        drives = {name: vars(found) for name, found in self.overloads.items()}
         return {
             "duration": self.duration,
             "seconds": self.seconds,
             "samples": len(self.t),
             "status": self.status,
-            "events": dict(Counter(event.kind for event in self.events))
-            if self.events_recorded
-            else None,
+            "events": dict(Counter(event.kind for event in self.events)) if known else None,
             "tension": strings,
-            "drives": {name: vars(found) for name, found in self.overloads.items()}
-            if self.events_recorded
-            else None,
+            "drives": drives if known else None,
             "ledger": {name: float(values[-1]) for name, values in self.ledger.items()},
         }
 

@@ -16,7 +16,7 @@ _BUNDLED = Path(__file__).parent.parent / "puppets"
 
 
 def bundled(name: str) -> Path | None:
-    """The file of a bundled puppet or scene; None if there is none of this name."""
+    """The file of a bundled puppet or scene, or None."""
     return {path.stem: path for path in _BUNDLED.glob("*.yaml")}.get(name)
 
 

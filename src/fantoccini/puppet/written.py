@@ -48,7 +48,7 @@ def items(data: Any, key: str) -> list[tuple[int, dict[str, Any]]]:
 
 
 def word(item: Any, key: str) -> str | None:
-    """The text under a key; None if there is none."""
+    """The text under a key, or None."""
     value = item.get(key) if isinstance(item, dict) else None
     return value if isinstance(value, str) else None
 
@@ -102,7 +102,7 @@ class Written:
         self.found.append((path, message))
 
     def twin(self, name: str) -> str:
-        """The name of the mirror image; the name itself if there is none."""
+        """The name of the twin, or the name itself if nothing mirrors it."""
         return twin_name(name, *self.rule) if self.rule else name
 
     def split(self, coordinate: str) -> tuple[str, str]:

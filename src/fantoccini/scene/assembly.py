@@ -17,10 +17,10 @@ import numpy as np
 from fantoccini.errors import Mistake, PuppetError, nearest
 from fantoccini.puppet import Puppet
 from fantoccini.puppet.dump import plain
-from fantoccini.puppet.files import bundled, load
-from fantoccini.puppet.located import Finding, Located, Origin
+from fantoccini.puppet.files import bundled
+from fantoccini.puppet.located import Finding, Located, Origin, read_file, validate
 from fantoccini.puppet.written import named, parameters
-from fantoccini.scene.schema import Member, Prop, Scene
+from fantoccini.scene.schema import Member, Prop, Scene, is_scene
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ def assembled(scene: Scene) -> Puppet:
             mistakes += error.mistakes
     if mistakes:
         raise PuppetError(mistakes)
-    found: list[Finding] = []
+    found = _name_clashes(scene, placed)
     shared = {
         key: _shared(key, getattr(scene, key), placed, found) for key in ("gravity", "floor")
     }
@@ -89,6 +89,17 @@ def assembled(scene: Scene) -> Puppet:
     return made
 
 
+def _name_clashes(scene: Scene, placed: list[_Placed]) -> list[Finding]:
+    """Names of the scene that parts of its puppets have already."""
+    taken = {one.part(name) for one in placed for name, _ in named(plain(one.puppet))}
+    unused = {one.member.name for one in placed if one.frame == "world"}
+    return [
+        (path, f"the name {name!r} is taken by a part of the puppet; names are used once")
+        for path, name in scene.names()
+        if name in taken - unused
+    ]
+
+
 def _puppet(member: Member, at: tuple[str | int, ...], located: Located) -> Puppet:
     """A member's puppet, both halves written out, with the member's pose and parameters."""
     puppet = member.puppet
@@ -97,7 +108,13 @@ def _puppet(member: Member, at: tuple[str | int, ...], located: Located) -> Pupp
         if not path.is_file():
             text = f"found {puppet!r}; there is no such file, and no bundled puppet of this name"
             raise located.error([((*at, "puppet"), text)], PuppetError)
-        puppet = load(os.path.relpath(path) if path.is_relative_to(Path.cwd()) else path)
+        written = read_file(
+            os.path.relpath(path) if path.is_relative_to(Path.cwd()) else path, PuppetError
+        )
+        if is_scene(written):
+            text = f"found {puppet!r}, which is a scene; needed: the file of a puppet"
+            raise located.error([((*at, "puppet"), text)], PuppetError)
+        puppet = validate(Puppet, written, PuppetError)
     known = puppet.parameters()
     unknown: list[Finding] = [
         ((*at, "parameters", name), f"{puppet.name} has no such parameter{nearest(name, known)}")
@@ -157,14 +174,10 @@ def _add(data: dict[str, Any], one: _Placed, folder: Path) -> None:
     """Adds the parts of a puppet to the data of the scene."""
     own = _renamed(one, plain(one.puppet), folder)
     if one.frame != "world":
-        at, orientation = plain(one.member.at), plain(one.member.orientation)
-        joint = {"type": "fixed", "at": at}
-        data["bodies"].append(
-            {
-                "name": one.frame,
-                "joint": joint if orientation is None else joint | {"orientation": orientation},
-            }
-        )
+        joint = {"type": "fixed", "at": plain(one.member.at)}
+        if one.member.orientation is not None:
+            joint["orientation"] = plain(one.member.orientation)
+        data["bodies"].append({"name": one.frame, "joint": joint})
     for key in ("bodies", "strings", "springs", "drives"):
         data[key] += own.get(key, [])
     standing = [_unnamed(obstacle) for obstacle in data["obstacles"]]
@@ -220,7 +233,7 @@ def _obstacle(one: _Placed, obstacle: dict[str, Any]) -> dict[str, Any]:
         return out
     turn = one.member.orientation
     R = np.eye(3) if turn is None else turn.matrix
-    r = np.array([getattr(x, "value", x) for x in one.member.at], dtype=float)
+    r = np.array(one.member.at)
     keys = ("from", "to") if obstacle["type"] == "capsule" else ("at",)
     for key in keys:
         out[key] = (R @ np.array(obstacle.get(key, [0.0, 0.0, 0.0])) + r).tolist()
@@ -235,8 +248,7 @@ def _add_prop(data: dict[str, Any], prop: Prop) -> None:
     """Adds a prop: a body on a free joint that starts at its place."""
     body = {k: v for k, v in plain(prop).items() if k not in ("at", "orientation")}
     data["bodies"].append(body | {"joint": {"type": "free"}})
-    at = [getattr(x, "value", x) for x in prop.at]
-    data["pose"] |= {f"{prop.name}.{axis}": x for axis, x in zip("xyz", at, strict=True)}
+    data["pose"] |= {f"{prop.name}.{axis}": x for axis, x in zip("xyz", prop.at, strict=True)}
     if prop.orientation is not None:
         data["pose"][f"{prop.name}.rotation"] = _quaternion(prop.orientation.matrix)
 
@@ -254,7 +266,7 @@ def _origin(scene: Scene, placed: list[_Placed], located: Located, folder: Path)
     lines: dict[str, int] = {}
     files: dict[str, str] = {}
     for one in placed:
-        for name in [name for name, _ in named(plain(one.puppet))]:
+        for name, _ in named(plain(one.puppet)):
             file, line = one.puppet.locate(name)
             files[one.part(name)] = file
             if line is not None:

@@ -11,7 +11,7 @@ from fantoccini.puppet import Puppet
 from fantoccini.puppet.files import described_schema
 from fantoccini.puppet.located import Located, read_file, read_located, validate
 from fantoccini.scene.assembly import assembled
-from fantoccini.scene.schema import Scene
+from fantoccini.scene.schema import Scene, is_scene
 
 
 def load(path: str | os.PathLike[str]) -> Puppet:
@@ -43,11 +43,6 @@ def loads(text: str | bytes, name: str = "<string>", folder: Path | None = None)
 def json_schema() -> dict[str, Any]:
     """JSON Schema of scene files, for editors."""
     return described_schema(Scene, "fantoccini scene")
-
-
-def is_scene(located: Located) -> bool:
-    """Whether a file is a scene rather than a puppet."""
-    return isinstance(located.data, dict) and "scene" in located.data
 
 
 def _made(located: Located) -> Puppet:

@@ -18,11 +18,11 @@ from pydantic import (
 
 from fantoccini.errors import Mistake, PuppetError
 from fantoccini.puppet import Drag, Puppet
-from fantoccini.puppet.located import Finding, Located, Origin
-from fantoccini.puppet.quantities import Gravity, Mass, Place, Point
+from fantoccini.puppet.located import Finding, Located
+from fantoccini.puppet.quantities import Gravity, Mass, Place, Point, Vector
 from fantoccini.puppet.schema import PoseValue, SolidInertia
-from fantoccini.puppet.shapes import AnyObstacle, AnyShape
-from fantoccini.puppet.values import Model, Name, Orientation, Real, entries
+from fantoccini.puppet.shapes import AnyObstacle, AnyShape, has_mass
+from fantoccini.puppet.values import Model, Name, Orientation, Real, entries, mistake, value_of
 from fantoccini.puppet.yaml_text import Path
 
 
@@ -40,7 +40,7 @@ class Member(Model):
         Discriminator(_puppet_kind),
     ]
     """Its file, relative to the scene's, or the name of a bundled one; in Python also a Puppet."""
-    at: Point = (0.0, 0.0, 0.0)
+    at: Vector = (0.0, 0.0, 0.0)
     """Place of the origin of its world in the scene [m]."""
     orientation: Orientation | None = None
     """Orientation of the axes of its world in the scene."""
@@ -65,10 +65,17 @@ class Prop(Model):
     """ixx, iyy, izz and perhaps ixy, ixz, iyz about the centre of mass [kg m^2]."""
     drag: Drag | None = None
     """Air drag."""
-    at: Point = (0.0, 0.0, 0.0)
+    at: Vector = (0.0, 0.0, 0.0)
     """Where its frame is at the start [m]."""
     orientation: Orientation | None = None
     """Orientation of its frame at the start."""
+
+    @model_validator(mode="after")
+    def _has_mass(self) -> Prop:
+        own = any(map(has_mass, self.shapes)) if self.mass is None else value_of(self.mass) > 0
+        if not own:
+            raise mistake("this prop has no mass; give it one, or one of its shapes")
+        return self
 
 
 class Scene(Model):
@@ -87,7 +94,6 @@ class Scene(Model):
     obstacles: tuple[AnyObstacle, ...] = ()
     """Shapes that stand in the scene."""
 
-    _origin: Origin = PrivateAttr(default_factory=Origin)
     _located: Located = PrivateAttr(default_factory=Located)
 
     @model_validator(mode="wrap")
@@ -142,3 +148,8 @@ def _name_mistakes(scene: Scene) -> list[Finding]:
         elif uses[name] > 1:
             found.append((path, f"the name {name!r} is used {uses[name]} times; names differ"))
     return found
+
+
+def is_scene(located: Located) -> bool:
+    """Whether a file is a scene rather than a puppet."""
+    return isinstance(located.data, dict) and "scene" in located.data

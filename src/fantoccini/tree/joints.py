@@ -255,7 +255,7 @@ def columns(axes: tuple[str, ...], axis: tuple[float, float, float] | None) -> n
 def _driveable(
     names: tuple[tuple[str, ...], tuple[str, ...]],
 ) -> Iterator[tuple[str, tuple[str, ...], tuple[str, ...]]]:
-    """Suffixes of what a drive may move, of its configuration numbers and of its velocities."""
+    """Suffix of each coordinate that a drive can move, and suffixes of its entries in q and v."""
     q, v = names
     scalars = [s for s in q if s not in _QUATERNION]
     yield from ((s, (s,), (s,)) for s in scalars)

@@ -154,7 +154,9 @@ def _length(m: Marionette, string: StringRow) -> str:
 
 def _run_tables(run: Trajectory) -> list[str]:
     about = run.summary()
-    events = ", ".join(f"{n} {kind}" for kind, n in about["events"].items()) or "none"
+    events = "not recorded"
+    if about["events"] is not None:
+        events = ", ".join(f"{n} {kind}" for kind, n in about["events"].items()) or "none"
     facts = [
         ("duration", f"{run.duration:.6g} s"),
         ("method", run.method),
@@ -170,7 +172,8 @@ def _run_tables(run: Trajectory) -> list[str]:
         facts.insert(3, ("because of", ", ".join(run.blamed)))
     strings = [
         (
-            name, f"{of['min']:.4g}", f"{of['max']:.4g}", f"{of['slack']:.3f}", of["catches"],
+            name, f"{of['min']:.4g}", f"{of['max']:.4g}", f"{of['slack']:.3f}",
+            "" if of["catches"] is None else of["catches"],
             f"{of['impulse']:.3g}" if of["catches"] else "",
         )
         for name, of in about["tension"].items()

@@ -48,7 +48,7 @@ class View:
 
 
 class SceneNodes:
-    """What a page shows of a geometry.
+    """The viser nodes that show a geometry on a page.
 
     Args:
         server: of viser.

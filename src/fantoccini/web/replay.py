@@ -258,7 +258,8 @@ def _scale(values: np.ndarray) -> tuple[float, float]:
 def _about(motion: ResampledRun) -> str:
     run = motion.run
     ended = "" if run.status.name == "DONE" else f"; {run.status.message}"
-    return f"{run.duration:.2f} s, {len(motion.events)} events, by {run.method}{ended}"
+    events = f"{len(motion.events)} events" if run.events_recorded else "events not recorded"
+    return f"{run.duration:.2f} s, {events}, by {run.method}{ended}"
 
 
 def _marks(motion: ResampledRun) -> tuple[float, ...] | None:

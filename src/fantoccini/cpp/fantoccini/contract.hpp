@@ -31,7 +31,7 @@ struct Constants {
   // hdot up to which a closed row is at rest, times the largest velocity if that is above 1
   // [m/s or rad/s]
   static constexpr double rest_speed = 1e-05;
-  // what the gap of a shorter string is relative to [m]
+  // lower bound of the length by which a string's gap is divided [m]
   static constexpr double least_length = 0.001;
   // of a winch that rewinds, before it stops [m/s^2]
   static constexpr double winch_deceleration = 1.0;

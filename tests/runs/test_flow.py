@@ -1,0 +1,72 @@
+"""A flow: the motion with a fixed active set, for integrators from elsewhere."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import integrate
+
+import fantoccini as fan
+from runs.references import references
+
+
+@pytest.fixture(scope="module")
+def reference():
+    return references()
+
+
+@pytest.fixture(scope="module")
+def arm(reference):
+    return reference["arm"]
+
+
+def test_rate_is_the_motion(arm):
+    """ydot = (N v, acc_D, power, dissipation): Eqs. 10 and 11 at the start."""
+    (marionette, x0, inputs, _), _ = arm
+    flow = marionette.flow(x0, inputs)
+    acc_D, tension = marionette.forward_dynamics(x0, inputs.evaluate(0.0)[2])
+    rate = flow.rate(flow.t0, flow.y0)
+    assert rate[:2] == pytest.approx(x0.v_D, abs=1e-12)
+    assert rate[2:4] == pytest.approx(acc_D, rel=1e-9)
+    assert flow.rows == ("hand",) and flow.taut.tolist() == [True]
+    assert flow.guards(0.0, flow.y0) == pytest.approx(-tension / marionette.weight, rel=1e-9)
+
+
+@pytest.mark.parametrize("method", ["DOP853", "Radau"])
+def test_solve_ivp_on_a_flow(reference, method):
+    """Up to the first event, whose time is the root of a guard."""
+    for name in ("arm", "bar"):
+        (marionette, x0, inputs, _), ours = reference[name]
+        flow = marionette.flow(x0, inputs)
+        first = ours.events[0]
+        row = flow.rows.index(first.name)
+
+        def guard(t, y, flow=flow, row=row):
+            return flow.guards(t, y)[row]
+
+        guard.terminal, guard.direction = True, 1
+        assert flow.t_end > first.t
+        found = integrate.solve_ivp(
+            flow.rate, (flow.t0, flow.t_end), flow.y0, method, events=guard, rtol=1e-10, atol=1e-10
+        )
+        assert found.t[-1] == pytest.approx(first.t, abs=1e-7)
+        x = flow.state(found.t[-1], found.y[:, -1])
+        there = ours.at(first.t)
+        assert x.q_D == pytest.approx(there.q_D, abs=1e-6)
+        assert x.q_K == pytest.approx(there.q_K, abs=1e-6)
+        assert x.taut.tolist() == flow.taut.tolist()
+
+
+def test_a_flow_ends_where_its_inputs_next_piece_begins(arm):
+    (marionette, x0, inputs, _), _ = arm
+    assert marionette.flow(x0, inputs).t_end == inputs.breaks[1]
+    assert marionette.flow(x0).t_end == np.inf
+
+
+def test_a_flow_starts_where_a_run_could(arm):
+    (marionette, x0, _, _), _ = arm
+    with pytest.raises(fan.StateError, match="hand is violated"):
+        marionette.flow(x0.replace(q_D=x0.q_D + np.array([-0.2, 0.0])))
+    elsewhere = fan.Input.waypoints(marionette, {"hand.length": [(0, 0.7), (1, 0.6)]})
+    with pytest.raises(fan.InputError, match=r"hand\.length"):
+        marionette.flow(x0, elsewhere)
