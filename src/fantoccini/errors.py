@@ -155,6 +155,7 @@ class Status(enum.IntEnum):
     REDUNDANT_STRINGS = 17, "redundant strings contradict one another"
     OVERSTEPPED = 18, "the end was reached, but strings or limits were overstepped"
     GAINED_ENERGY = 19, "the end was reached, but the fixed step made energy out of nothing"
+    TOO_MANY_CONTACTS = 20, "more points touched at once than a step has room for"
 
 
 ARRIVED = (Status.DONE, Status.LOST_STEPS, Status.RUNAWAY)

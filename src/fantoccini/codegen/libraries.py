@@ -48,7 +48,7 @@ def generate(equations: Equations, library: str = "model") -> Generated:
         equations: the derived equations.
         library: one of ``fantoccini.contract.LIBRARIES``.
     """
-    kind, names = _KINDS[library], compiled(library, bool(equations.tree.watched))
+    kind, names = _KINDS[library], compiled(library, equations.tree.sizes)
     made = _programs(equations, library, names, kind.columns)
     sizes = {**equations.tree.sizes, "n_packed": 0} if library == "derivatives" else None
     main = _MAIN.format(

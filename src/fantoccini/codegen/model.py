@@ -219,6 +219,7 @@ def _tables(equations: Equations) -> list[str]:
         f"  static constexpr int n_columns = {len(columns)};",
         _array("int", "limit_column", [numbered[r.link] for r in tree.limits if columns]),
         *_lists("column", [entries for entries, _ in columns.values()]),
+        *_ways(tree),
         *_space("Dynamic", table.n_qD, table.n_vD, table.scalars_D, table.quaternions_D),
         *_space("Driven", table.n_qK, table.n_vK, table.scalars_K, table.quaternions_K),
     ]
@@ -257,6 +258,18 @@ def _lists(name: str, lists: list[list[int]]) -> list[str]:
         _array("int", f"{name}_begin", list(begins)),
         _array("int", f"{name}_entry", [entry for entries in lists for entry in entries]),
     ]
+
+
+def _ways(tree: Tree) -> list[str]:
+    """Where the velocities that move each link are in v_D and in v_K, where links may touch."""
+    if not tree.n_contacts:
+        return []
+    found: dict[Role, list[list[int]]] = {Role.DYNAMIC: [], Role.DRIVEN: []}
+    for i in range(len(tree.links)):
+        for role, ways in found.items():
+            links = [tree.links[j] for j in reversed(tree.ancestors(i))]
+            ways.append([k for a in links if a.role is role for k in range(a.v.start, a.v.stop)])
+    return [*_lists("moved_D", found[Role.DYNAMIC]), *_lists("moved_K", found[Role.DRIVEN])]
 
 
 def _pulled(tree: Tree, string: StringRow) -> list[int]:

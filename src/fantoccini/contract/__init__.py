@@ -18,7 +18,16 @@ from fantoccini.contract.constants import (
 from fantoccini.contract.functions import COLUMN, FUNCTIONS, LIBRARIES, Function, compiled
 from fantoccini.contract.identity import digest
 from fantoccini.contract.quantity import SIZES, Quantity
-from fantoccini.contract.samples import BOOKS, EVENT, EVENT_AT, PARTS, SAMPLE, WINCH_AT, width
+from fantoccini.contract.samples import (
+    BOOKS,
+    CONTACT,
+    EVENT,
+    EVENT_AT,
+    PARTS,
+    SAMPLE,
+    WINCH_AT,
+    width,
+)
 from fantoccini.contract.structures import STRUCTURES, Structure
 
 __all__ = [
@@ -26,6 +35,7 @@ __all__ = [
     "CLOSED_GAP",
     "COLUMN",
     "CONSTANTS",
+    "CONTACT",
     "EVENT",
     "EVENT_AT",
     "FUNCTIONS",

@@ -30,6 +30,8 @@ class EventCode(Code):
     GRIP = 5, "the winch grips again"
     LOST_STEP = 6, "a stepper motor lost a step"
     RAN_AWAY = 7, "a drive ran away"
+    TOUCH = 8, "two solids came into contact"
+    LIFT = 9, "two solids parted"
 
 
 class Hold(Code):

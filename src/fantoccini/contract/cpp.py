@@ -11,7 +11,7 @@ from fantoccini.contract.constants import CONSTANTS
 from fantoccini.contract.functions import COLUMN, DERIVATIVES, FUNCTIONS, Function
 from fantoccini.contract.identity import digest
 from fantoccini.contract.quantity import SIZES, Quantity
-from fantoccini.contract.samples import EVENT, PARTS, SAMPLE, WINCH
+from fantoccini.contract.samples import CONTACT, EVENT, PARTS, SAMPLE, WINCH
 from fantoccini.contract.structures import STRUCTURES, Field, Structure
 from fantoccini.errors import Status
 
@@ -28,7 +28,8 @@ def header() -> str:
         constants=_constants(),
         codes="\n".join(map(_code, CODES)),
         structures="\n".join(map(_structure, STRUCTURES)),
-        layout=_layout(),
+        layout=_layout(SAMPLE),
+        contact=_layout(CONTACT),
         event=", ".join(q.name for q in EVENT),
         winch=", ".join(q.name for q in WINCH),
         part=_filled("", [q.name for q in PARTS], "    "),
@@ -83,9 +84,9 @@ def _numel(quantity: Quantity) -> str:
     return " * ".join(factors) or "1"
 
 
-def _layout() -> str:
+def _layout(parts: tuple[Quantity, ...]) -> str:
     lines, before = [], "0"
-    for q in SAMPLE:
+    for q in parts:
         lines += _noted(f"  static constexpr int {q.name} = {before};", q.described)
         before = f"{q.name} + {_numel(q)}"
     return "\n".join([*lines, f"  static constexpr int width = {before};"])
@@ -168,6 +169,11 @@ struct SampleLayout {{
 // Offsets of the parts of an event.
 struct EventLayout {{
   enum : int {{ {event}, width }};
+}};
+
+// Offsets of the parts of a contact point.
+struct ContactLayout {{
+{contact}
 }};
 
 // Offsets of the numbers of a winch.

@@ -7,6 +7,7 @@ are made from the entry.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from fantoccini.contract.quantity import Quantity, Shape
@@ -30,7 +31,7 @@ class Function:
         libraries: that have it; without any, CasADi's interpreter evaluates it.
         mapped: whether Python may call it over whole arrays.
         exported: whether the C99 export has it.
-        watch: whether only puppets with drives that may be too weak have it.
+        needs: the size that is above 0 where a puppet has it; empty where all puppets have it.
         standing: results with many constants, which are written once.
     """
 
@@ -41,7 +42,7 @@ class Function:
     libraries: tuple[str, ...] = ()
     mapped: bool = False
     exported: bool = False
-    watch: bool = False
+    needs: str = ""
     standing: tuple[str, ...] = ()
 
 
@@ -186,6 +187,17 @@ _DECLARED = (
         (MODEL, CLEARANCE, ROLLOUTS), mapped=True, exported=True,
     ),
     Function(
+        "screws",
+        "Poses of all links, and the twist about the world's origin that a unit velocity gives all "
+        "links beyond its joint.", _PLACE,
+        (
+            Quantity("poses", (12, "n_links"), "1, m", "R column by column, then the origin"),
+            Quantity("screw_D", (6, "n_vD"), "1 or m", "of v_D: linear, then angular; world axes"),
+            Quantity("screw_K", (6, "n_vK"), "1 or m", "of v_K, likewise"),
+        ),
+        (MODEL, LANES, ROLLOUTS), mapped=True, needs="n_contacts",
+    ),
+    Function(
         "forth", "y = F^-T x.", _arguments("L x"), (_Y,), (MODEL, *_STEPPING), mapped=True,
         exported=True,
     ),
@@ -200,13 +212,13 @@ _DECLARED = (
             Quantity("command", ("n_watched",), "rad or m", "position that its command asks for"),
             Quantity("lag", ("n_watched",), "1", "lag in periods of a stepper motor"),
         ),
-        (MODEL, *_STEPPING), watch=True,
+        (MODEL, *_STEPPING), needs="n_watched",
     ),
     Function(
         "motor_shares", "Share of the force its controller asks for that a motor can exert.",
         _arguments("q_D v_D q_K v_K acc_K p"),
         (Quantity("share", ("n_watched",), "1", "force it can exert over force asked for"),),
-        (MODEL, *_STEPPING), watch=True,
+        (MODEL, *_STEPPING), needs="n_watched",
     ),
     Function(
         "node", "Dynamics at a node of a variational run, and the factor with damping over dt.",
@@ -353,13 +365,16 @@ COLUMN = Function(
 """One for every joint with limits: ``column(which, ...)`` in compiled code."""
 
 
-def compiled(library: str, watched: bool) -> tuple[str, ...]:
+def needed(function: Function, sizes: Mapping[str, int]) -> bool:
+    """Whether a puppet of these sizes has a function."""
+    return not function.needs or sizes[function.needs] > 0
+
+
+def compiled(library: str, sizes: Mapping[str, int]) -> tuple[str, ...]:
     """Names of the functions that a library has.
 
     Args:
         library: one of ``LIBRARIES``.
-        watched: whether the puppet has drives whose motor may be too weak.
+        sizes: of the puppet.
     """
-    return tuple(
-        f.name for f in _DECLARED if library in f.libraries and (watched or not f.watch)
-    )
+    return tuple(f.name for f in _DECLARED if library in f.libraries and needed(f, sizes))

@@ -10,7 +10,7 @@ from fantoccini.contract.codes import CODES
 from fantoccini.contract.constants import CONSTANTS
 from fantoccini.contract.functions import COLUMN, FUNCTIONS
 from fantoccini.contract.quantity import SIZES
-from fantoccini.contract.samples import EVENT, PARTS, SAMPLE, WINCH
+from fantoccini.contract.samples import CONTACT, EVENT, PARTS, SAMPLE, WINCH
 from fantoccini.contract.structures import STRUCTURES
 
 
@@ -21,10 +21,11 @@ def digest() -> int:
         [f.name, *([[q.name, q.shape] for q in part] for part in (f.arguments, f.results))]
         for f in (*FUNCTIONS.values(), COLUMN)
     ]
+    written = (SAMPLE, EVENT, CONTACT, WINCH, PARTS)
     parts = {
         "sizes": list(SIZES),
         "functions": functions,
-        "parts": [[[q.name, q.shape] for q in parts] for parts in (SAMPLE, EVENT, WINCH, PARTS)],
+        "parts": [[[q.name, q.shape] for q in parts] for parts in written],
         "structures": [[s.name, [[f.name, f.type] for f in s.fields]] for s in STRUCTURES],
         "codes": [[c.__name__, [[m.name, m.value] for m in c]] for c in CODES],
         "constants": [[name, float(x).hex()] for name, x in CONSTANTS.items()],

@@ -14,6 +14,7 @@ _BOOKS = (
     Quantity("damping", (), "J", "lost to damping and drag"),
     Quantity("impact", (), "J", "lost at catches"),
     Quantity("slip_loss", (), "J", "lost by slipping winches"),
+    Quantity("friction", (), "J", "lost to friction of contacts"),
 )
 BOOKS = tuple(q.name for q in _BOOKS)
 """Energies, work and losses of a sample, which a batch saves as one part, ``books``."""
@@ -30,7 +31,7 @@ SAMPLE: tuple[Quantity, ...] = (
 EVENT: tuple[Quantity, ...] = (
     Quantity("t", (), "s", "time"),
     Quantity("kind", (), "1", "an EventCode"),
-    Quantity("row", (), "1", "of the row or, after the rows, of the drive; -1 for none"),
+    Quantity("row", (), "1", "of the row; then of the drive; then of the pair; -1 for none"),
     Quantity("impulse", (), "N s or N m s", "of a catch"),
     Quantity("speed", (), "m/s or rad/s", "hdot before a catch"),
 )
@@ -38,6 +39,17 @@ EVENT: tuple[Quantity, ...] = (
 
 EVENT_AT = {part.name: k for k, part in enumerate(EVENT)}
 """Columns of events."""
+
+CONTACT: tuple[Quantity, ...] = (
+    Quantity("sample", (), "1", "which of the record's samples"),
+    Quantity("pair", (), "1", "which pair of solids"),
+    Quantity("gap", (), "m", "between their surfaces; negative where they overlap"),
+    Quantity("point", (3,), "m", "midway between them, in the world"),
+    Quantity("normal", (3,), "1", "from the second solid to the first"),
+    Quantity("force", (3,), "N", "on the first solid, in the world"),
+    Quantity("velocity", (3,), "m/s", "of the first solid against the second there"),
+)
+"""A contact point at a sample of a run."""
 
 WINCH: tuple[Quantity, ...] = (
     Quantity("max_tension", (), "N", "at which the winch slips; infinite, or 1e300, for never"),

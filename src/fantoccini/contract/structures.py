@@ -48,6 +48,27 @@ STRUCTURES: tuple[Structure, ...] = (
         Field("base", _IN, "(n_segments, n_qK)"),
         Field("force", _IN, "(n_segments, n_vD, 6) or null"),
     )),
+    Structure("Solid", "A solid in the frame of a link or of the world.", (
+        Field("kind", "int", "SolidKind"),
+        Field("link", "int", "-1 for the world"),
+        Field("mesh", _MANY, "index of the mesh that this box encloses, or negative"),
+        Field("a", "double[3]"),
+        Field("b", "double[3]"),
+        Field("R", "double[9]", "column by column"),
+        Field("half", "double[3]"),
+        Field("radius", "double", "[m]"),
+    )),
+    Structure("ContactArrays", "Solids that may touch, and how.", (
+        Field("n_solids", _MANY),
+        Field("n_pairs", _MANY),
+        Field("n_groups", _MANY),
+        Field("solids", "const Solid*", "those of the links, then those that stand"),
+        Field("pairs", _INT, "(n_pairs, 2) of solids; the second may stand in the world"),
+        Field("groups", _INT, "(n_groups, 3) of pairs on the same two links, or of one that stands: "
+              "the first link, the second or -1 - its solid, end of the pairs"),
+        Field("friction", _IN, "(n_pairs,) coefficient of Coulomb's law"),
+        Field("restitution", _IN, "(n_pairs,) 0 to 1"),
+    )),
     Structure("Options", "Options of a run.", (
         Field("rtol", "double", "of the event-driven integrator"),
         Field("atol", "double", "likewise"),
@@ -62,6 +83,7 @@ STRUCTURES: tuple[Structure, ...] = (
         Field("max_events", _MANY),
         Field("save_steps", "int", "save every accepted step"),
         Field("extrapolate", "int", "time-stepping: velocity products half a step ahead"),
+        Field("contacts", "const ContactArrays*", "null without contact; must outlive the run"),
     )),
     Structure("RecordArrays", "Where a run writes samples and events.", (
         Field("samples", _OUT, "(sample_capacity, SampleLayout::width)"),
@@ -70,6 +92,9 @@ STRUCTURES: tuple[Structure, ...] = (
         Field("events", _OUT, "(event_capacity, EventLayout::width)"),
         Field("event_capacity", _MANY),
         Field("n_events", _MANY, "written"),
+        Field("contacts", _OUT, "(contact_capacity, ContactLayout::width)"),
+        Field("contact_capacity", _MANY),
+        Field("n_contacts", _MANY, "written"),
     )),
     Structure("StartArrays", "The start of a run.", (
         Field("t", "double", "[s]"),
@@ -120,16 +145,6 @@ STRUCTURES: tuple[Structure, ...] = (
         Field("blame", _OUT, "(n, n_rows + n_watched)"),
         Field("end_q_D", _OUT, "(n, n_qD) the configuration reached"),
         Field("end_v_D", _OUT, "(n, n_vD) the velocities there"),
-    )),
-    Structure("Solid", "A solid in the frame of a link or of the world.", (
-        Field("kind", "int", "SolidKind"),
-        Field("link", "int", "-1 for the world"),
-        Field("mesh", _MANY, "index of the mesh that this box encloses, or negative"),
-        Field("a", "double[3]"),
-        Field("b", "double[3]"),
-        Field("R", "double[9]", "column by column"),
-        Field("half", "double[3]"),
-        Field("radius", "double", "[m]"),
     )),
     Structure("ClearanceArrays", "Solids and pairs of them whose clearance is measured.", (
         Field("n_moving", _MANY),

@@ -8,7 +8,7 @@ from pathlib import Path
 from fantoccini.contract.constants import CONSTANTS
 from fantoccini.contract.functions import ARGUMENTS, FUNCTIONS, Function
 from fantoccini.contract.quantity import SIZES, Quantity
-from fantoccini.contract.samples import EVENT, SAMPLE, WINCH
+from fantoccini.contract.samples import CONTACT, EVENT, SAMPLE, WINCH
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "functions.md"
 
@@ -24,6 +24,7 @@ def page() -> str:
         results=_table("result", results),
         sample=_table("part", ((q.name, q) for q in SAMPLE)),
         event=_table("part", ((q.name, q) for q in EVENT)),
+        contact=_table("part", ((q.name, q) for q in CONTACT)),
         winch=_table("part", ((q.name, q) for q in WINCH)),
         constants="\n".join(
             f"| `{name}` | {float(x):g} | {x.unit} | {x.meaning} |" for name, x in CONSTANTS.items()
@@ -100,6 +101,10 @@ Matrices are stored column by column.
 ## An event of a run
 
 {event}
+
+## A contact point of a run
+
+{contact}
 
 ## A winch
 

@@ -53,7 +53,8 @@ class Derivatives:
         """The functions that are compiled, by name; all results are dense."""
         symbols = self.system.symbols
         found = {**self._forces(symbols.tension), **self._rows()}
-        return {name: declared(name, symbols, found) for name in compiled(DERIVATIVES, False)}
+        names = compiled(DERIVATIVES, self.tree.sizes)
+        return {name: declared(name, symbols, found) for name in names}
 
     def residual(self, tension: ca.SX) -> ca.SX:
         """r (n_vD,) of Eq. 10 without u_D; damping and drag act on v_D + dt acc_D.

@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from fantoccini.contract import FUNCTIONS
-from fantoccini.contract.functions import COLUMN, MODEL, compiled
+from fantoccini.contract.functions import COLUMN, MODEL, compiled, needed
 from fantoccini.equations import articulated, drives, dynamics
 from fantoccini.equations.algebra import (
     column,
@@ -52,7 +52,7 @@ class Equations:
     def __iter__(self) -> Iterator[str]:
         """The names of the functions."""
         own = (f for f in FUNCTIONS.values() if MODEL in f.libraries or not f.libraries)
-        return (f.name for f in own if self.tree.watched or not f.watch)
+        return (f.name for f in own if needed(f, self.tree.sizes))
 
     def __len__(self) -> int:
         return sum(1 for _ in self)
@@ -75,7 +75,7 @@ class Equations:
     @cached_property
     def model(self) -> dict[str, ca.Function]:
         """The functions of the compiled model, by name."""
-        return {name: self[name] for name in compiled(MODEL, bool(self.tree.watched))}
+        return {name: self[name] for name in compiled(MODEL, self.tree.sizes)}
 
     @property
     def sizes(self) -> dict[str, int]:
@@ -265,6 +265,25 @@ class Equations:
         """World pose of every link: 12 numbers a link, R column by column and then r."""
         motions = self.system.resting_motions
         return {"poses": column(x for m in motions for x in (*m.R.T.flatten(), *m.r))}
+
+    def _screws(self) -> dict[str, ca.SX]:
+        """(v, w) = (R S_v + r x R S_w, R S_w) of every joint, at its link's pose (R, r)."""
+        table, screws = self.tree.coordinates, {}
+        for role, n in ((Role.DYNAMIC, table.n_vD), (Role.DRIVEN, table.n_vK)):
+            screws[role] = zeros(6, n)
+        motions = self.system.resting_motions
+        for link, joint, motion in zip(self.tree.links, self.system.joints, motions, strict=True):
+            if link.role is Role.FIXED:
+                continue
+            for k in range(link.v.stop - link.v.start):
+                w = motion.R.dot(joint.S_w[:, k])
+                v = motion.R.dot(joint.S_v[:, k]) + cross(motion.r, w)
+                screws[link.role][:, link.v.start + k] = [*v, *w]
+        return {
+            **self._poses(),
+            "screw_D": matrix(screws[Role.DYNAMIC]),
+            "screw_K": matrix(screws[Role.DRIVEN]),
+        }
 
     def _points(self) -> dict[str, ca.SX]:
         """World positions of all points of all strings, in order: 3 numbers a point."""

@@ -128,6 +128,7 @@ def check_start(model: Model, x: State, method: str = "event") -> None:
 def check_starts(model: Model, states: States, method: str = "event") -> None:
     """:func:`check_start` of many states; the first wrong one is reported."""
     stepped = method == "timestepping"
+    _check_contact(model, states, method)
     for first in range(0, len(states), _STATES_AT_ONCE):
         some = states.some(slice(first, first + _STATES_AT_ONCE))
         h, hdot = _rows_of(model, some)
@@ -162,6 +163,23 @@ def check_starts(model: Model, states: States, method: str = "event") -> None:
             + "; ".join(findings)
             + ". marionette.project(x) gives the nearest state that does not."
         )
+
+
+def _check_contact(model: Model, states: States, method: str) -> None:
+    """Raises StateError where a method knows no contact, or solids overlap at the start."""
+    if model.puppet.touching is None:
+        return
+    if method != "timestepping":
+        raise StateError(
+            f"{model.name} has contact, which method={method!r} does not know yet; take "
+            "method='timestepping', or write contact: false in its file"
+        )
+    for i in range(len(states)):
+        found = model.overlaps(states.q_D[i], states.q_K[i], TOLERANCES.stepped_gap)
+        if found:
+            which = f"states[{i}]" if len(states) > 1 else "the start state"
+            listed = "; ".join(f"{name} by {depth:.3g} m" for name, depth in found.items())
+            raise StateError(f"in {which} solids overlap: {listed}. Move them apart")
 
 
 def _rows_of(model: Model, x: States) -> tuple[Array, Array]:

@@ -67,6 +67,11 @@ def rest(model: Model, x: State) -> State:
             wrong = _wrong(model, start, found)
         except StateError as error:
             wrong = str(error)
+        if not wrong and (deep := model.overlaps(found.x.q_D, found.x.q_K, TOLERANCES.start_gap)):
+            raise StateError(
+                f"where the puppet hangs at rest, {', '.join(deep)} overlap; rest knows nothing of "
+                "contact yet. Let it down in a run, or shorten its strings"
+            )
         if not wrong:
             return with_active_set(model, found.x)
         failed.append(wrong)

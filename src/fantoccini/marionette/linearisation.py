@@ -146,6 +146,7 @@ def linearise(
     """Derivatives of acc_D and of the tensions; see :meth:`Marionette.linearise`."""
     table, n_p = model.coordinates, len(model.p)
     acc_K, u_D = vector("acc_K", acc_K, table.n_vK), vector("u_D", u_D, table.n_vD)
+    model.check_apart(x, "derivatives of the dynamics")
     at = Evaluation.of(model, x, acc_K, u_D)
     if rows is None:
         acc_D, tension = forward_dynamics(model, x, acc_K, u_D)

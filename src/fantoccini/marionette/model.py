@@ -21,9 +21,10 @@ from fantoccini.marionette.compiled import Compiled
 from fantoccini.marionette.methods import Event, TimeStepping
 from fantoccini.marionette.portable import PortablePuppet
 from fantoccini.marionette.samples import SampleLayout
+from fantoccini.marionette.touching import TOUCHING, contacts_of, overlaps
 from fantoccini.motion import State, States, check_size
 from fantoccini.puppet import Number, Obstacle, Parameter, Puppet
-from fantoccini.runtime import Library, RunOptions
+from fantoccini.runtime import Contacts, Library, RunOptions
 from fantoccini.tree import CoordinateTable, Tree
 
 
@@ -143,6 +144,32 @@ class Model:
         return self.compiled.library
 
     @cached_property
+    def contacts(self) -> Contacts | None:
+        """The solids that may touch; None where the puppet's file says nothing of contact."""
+        if self.puppet.touching is None:
+            return None
+        return contacts_of(self.puppet.expanded(), self.tree, self.library)
+
+    def overlaps(self, q_D: Array, q_K: Array, depth: float = 0.0) -> dict[str, float]:
+        """The parts that overlap by more than a depth [m], and by how much [m]."""
+        if self.contacts is None:
+            return {}
+        return overlaps(self.library, self.contacts, q_D, q_K, self.p, depth)
+
+    def check_apart(self, x: State, purpose: str) -> None:
+        """Raises StateError where solids touch in a state.
+
+        Args:
+            x: the state.
+            purpose: what knows nothing of contact, for the message.
+        """
+        if found := self.overlaps(x.q_D, x.q_K, -TOUCHING):
+            raise StateError(
+                f"{', '.join(found)} touch; {purpose} know nothing of contact yet. Take a state in "
+                "which nothing touches, or contact: false"
+            )
+
+    @cached_property
     def described(self) -> Puppet:
         """The puppet as a file would describe it now, with the present parameters."""
         present = dict(zip(self.tree.parameters, self.p.tolist(), strict=True))
@@ -206,6 +233,7 @@ class Model:
             "max_steps": LIMITS.max_steps,
             "max_events": LIMITS.max_events,
             "save_steps": True,
+            "contacts": self.contacts,
         }
         return RunOptions(**(options | changes))
 

@@ -173,11 +173,12 @@ def hauled_in(model: Model, x: State) -> State:
 def _let_go(model: Model, x: State) -> tuple[Status, dict[str, Array]]:
     """A short run from a state with fixed inputs: its status and samples."""
     run = Run(
-        model.library, "timestepping", model.run_options(dt=SEARCH.dt), x.replace(t=0.0), model.p,
+        model.library, "timestepping", model.run_options(dt=SEARCH.dt, contacts=None),
+        x.replace(t=0.0), model.p,
         np.tile(_RIGID_WINCH, (len(model.tree.strings), 1)),
         Input.hold(model.coordinates).bound(x.q_K),
     )  # fmt: skip
-    samples = np.concatenate([part for part, _ in run.advance(SEARCH.piece)])
+    samples = np.concatenate([piece.samples for piece in run.advance(SEARCH.piece)])
     return run.status, model.sample_layout.split(samples)
 
 

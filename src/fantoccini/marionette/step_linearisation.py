@@ -88,6 +88,11 @@ def linearise_step(
     model.check_state(x)
     stepper = Stepper(model, x, "timestepping", model.run_options(dt=dt))
     x_next = stepper.advance(dt, acc_K, u_D=u_D)
+    if len(stepper.contacts):
+        raise StateError(
+            "solids touch in this step; its derivatives know nothing of contact yet. Take a state "
+            "in which nothing touches, or contact: false"
+        )
     tension, upper = stepper.tension, np.minimum(model.upper, model.tension_cap)
     held = np.flatnonzero(model.two_sided | ((tension > 0.0) & (tension < AT_CAP * upper)))
     path = _DrivenStep(t.quaternions_K, x.v_K, acc_K, dt)

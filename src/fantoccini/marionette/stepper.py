@@ -17,7 +17,7 @@ from fantoccini.marionette.redundant import CONTRADICTION_STATUSES, Contradictio
 from fantoccini.marionette.vectors import vector
 from fantoccini.motion import Input, State
 from fantoccini.motion.polynomial import N_COEF
-from fantoccini.runtime import Run, RunOptions
+from fantoccini.runtime import Piece, Run, RunOptions
 
 Accelerations = Array | Mapping[str, float]
 Law = Callable[[State], Accelerations]
@@ -39,6 +39,7 @@ class Stepper:
         samples: (n, width) written by the last advance, laid out as ``model.sample_layout`` says;
             before the first one, the start.
         events: (n, 5) of the last advance: time, kind, row, impulse, speed.
+        contacts: (n, width) contact points of the last advance, as the contract's ``CONTACT``.
         contradiction: of redundant strings, where the status is ``REDUNDANT_STRINGS``; else None.
 
     Args:
@@ -53,8 +54,8 @@ class Stepper:
         self.method = method
         self.state, self._end = x0.replace(coordinates=model.coordinates), x0.t
         self._options, self._run = options, self._begun(options)
-        samples, self.events = self._run.present()
-        self.samples = samples[-1:]
+        piece = self._run.present()
+        self.samples, self.events, self.contacts = piece.samples[-1:], *piece[1:]
         self.tension = model.sample_layout.split(self.samples)["tension"][0]
         self.contradiction: Contradiction | None = None
 
@@ -146,7 +147,7 @@ class Stepper:
             t = self.state.t
             chosen = bind_input(self.model, inputs, self.state.q_K, self.state.v_K, t, end)
         self._run.set_input(chosen)
-        written: list[tuple[Array, Array]] = []
+        written: list[Piece] = []
         self._end = end
         try:
             written.extend(self._run.advance(end))
@@ -191,10 +192,9 @@ class Stepper:
                 break
         return states
 
-    def _take(self, written: list[tuple[Array, Array]]) -> None:
-        """Keeps the (samples, events) of an advance; the last sample becomes the state."""
-        self.samples = np.concatenate([samples for samples, _ in written])
-        self.events = np.concatenate([events for _, events in written])
+    def _take(self, written: list[Piece]) -> None:
+        """Keeps what an advance wrote; the last sample becomes the state."""
+        self.samples, self.events, self.contacts = Piece.joined(written)
         if not len(self.samples):
             return
         split = self.model.sample_layout.split(self.samples[-1:])

@@ -1,6 +1,7 @@
 """Motion as data: states, inputs, trajectories and events."""
 
 from fantoccini.motion.columns import Columns
+from fantoccini.motion.contacts import ContactPoints, pair_name
 from fantoccini.motion.files import inputs_schema
 from fantoccini.motion.input import Input
 from fantoccini.motion.input_derivative import InputDerivative
@@ -13,6 +14,7 @@ from fantoccini.motion.trajectory import Trajectory
 __all__ = [
     "SAVED",
     "Columns",
+    "ContactPoints",
     "EventKind",
     "EventRecord",
     "Input",
@@ -26,4 +28,5 @@ __all__ = [
     "check_size",
     "inputs_schema",
     "overloads",
+    "pair_name",
 ]

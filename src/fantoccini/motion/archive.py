@@ -13,6 +13,7 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.errors import Status
 from fantoccini.motion.columns import Columns
+from fantoccini.motion.contacts import ContactPoints
 from fantoccini.motion.npz import checked, finite, packed, text, texts, unpacked, write
 from fantoccini.motion.state import EventKind, EventRecord
 from fantoccini.puppet import Mesh, Puppet, loads
@@ -23,8 +24,13 @@ RECORDING = "fantoccini.recording.1"
 """Format of a recorded performance, which is written by ``fantoccini.perform``."""
 _ARRAYS = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
 _TABLES = ("tension", "limit_force", "taut", "ledger", "effort", "violation", "slip")
+_POINTS = {"sample": (), "pair": (), "gap": (), "point": (3,), "normal": (3,), "force": (3,),
+           "velocity": (3,)}  # fmt: skip
+"""Arrays of contact points, and the width of each."""
+_WHOLE = ("sample", "pair")
 _NUMBERS = ("t", "impulse", "speed")
 _MESH = "mesh:"
+_CONTACT = "contact:"
 _folders: list[TemporaryDirectory[str]] = []
 
 
@@ -51,6 +57,10 @@ def save(fields: Mapping[str, Any], path: str | Path) -> None:
         -1, len(_NUMBERS)
     )
     arrays["start_D"], arrays["start_K"] = table.start_D, table.start_K
+    contact: ContactPoints | None = fields["contact"]
+    if contact is not None:
+        about["contact"] = contact.names
+        arrays |= {f"{_CONTACT}{name}": getattr(contact, name) for name in _POINTS}
     if puppet is not None:
         arrays |= packed(_MESH, mesh_files(puppet))
     write(path, arrays, about)
@@ -90,6 +100,7 @@ def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any], path: str) 
         **motion,
         **tables,
         "events": tuple(events),
+        "contact": _contact(arrays, about.get("contact"), n),
         "events_recorded": bool(about.get("events_recorded", True)),
         "status": Status[about["status"]],
         "blamed": texts(about.get("blamed", []), "blamed"),
@@ -97,6 +108,27 @@ def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any], path: str) 
         "coordinates": table,
         "puppet": puppet,
     }
+
+
+def _contact(arrays: Mapping[str, Array], listed: Any, n: int) -> ContactPoints | None:
+    """The contact points of a file with n samples; None where it has none."""
+    if listed is None:
+        return None
+    names: list[tuple[str, str]] = []
+    for pair in listed:
+        first, second = texts(pair, "contact")
+        names.append((first, second))
+    size = len(arrays[f"{_CONTACT}sample"])
+    found: dict[str, Any] = {
+        name: checked(
+            arrays, f"{_CONTACT}{name}", (size, *width), "i" if name in _WHOLE else "f"
+        )
+        for name, width in _POINTS.items()
+    }
+    for name, end in zip(_WHOLE, (n, len(names)), strict=True):
+        if size and not (found[name].min() >= 0 and found[name].max() < end):
+            raise ValueError(f"contact has a {name} that is not from 0 to {end - 1}")
+    return ContactPoints(**found, names=tuple(names))
 
 
 def mesh_files(puppet: Puppet) -> dict[str, bytes]:

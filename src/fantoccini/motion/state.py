@@ -230,6 +230,8 @@ class EventKind(enum.StrEnum):
     GRIP = "grip"
     LOST_STEP = "lost_step"
     RUNAWAY = "runaway"
+    TOUCH = "touch"
+    LIFT = "lift"
 
 
 @dataclass(frozen=True)
@@ -240,8 +242,8 @@ class EventRecord:
         t: time [s].
         kind: what happened. A winch that reaches its largest tension slips, and grips again. A
             stepper motor loses a step, a drive runs away.
-        name: the string, limit or coordinate with a drive; empty for a breakpoint or an
-            accumulation.
+        name: the string, limit or coordinate with a drive; of contact two, ``foot|floor``;
+            empty for a breakpoint or an accumulation.
         impulse: of the catch, >= 0 [N s, or N m s for a limit of an angle].
         speed: hdot just before the catch, or with which a winch begins to slip [m/s or rad/s].
     """

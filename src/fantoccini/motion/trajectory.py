@@ -16,6 +16,7 @@ from fantoccini.errors import StateError, Status, UnknownNameError
 from fantoccini.files import replacing
 from fantoccini.motion import archive, interpolate
 from fantoccini.motion.columns import Columns
+from fantoccini.motion.contacts import ContactPoints
 from fantoccini.motion.npz import opened
 from fantoccini.motion.overload import Overload, overloads
 from fantoccini.motion.state import EventRecord, State
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from fantoccini.puppet import Puppet
     from fantoccini.tree import CoordinateTable
 
-LEDGER = ("kinetic", "potential", "damping", "impact", "slip", "work", "residual")
+LEDGER = ("kinetic", "potential", "damping", "impact", "slip", "friction", "work", "residual")
 """Entries of the energy ledger [J], in order."""
 
 _MOTION = ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
@@ -49,8 +50,8 @@ class Trajectory:
         tension: by string, >= 0 [N].
         limit_force: by limit, >= 0 [N or N m].
         taut: by string, whether it is taut (bool).
-        ledger: kinetic, potential [J], and since the start damping, impact, slip, work, residual
-            [J].
+        ledger: kinetic, potential [J], and since the start damping, impact, slip, friction, work,
+            residual [J].
         events: in order of time.
         status: how the run ended.
         blamed: strings and limits that no motion satisfies together, or that pull beyond the cap,
@@ -62,6 +63,8 @@ class Trajectory:
         violation: by string and limit, max(h, 0) [m, rad or 1]; None when not computed.
         slip: by string, the length let out by its slipping winch, >= 0 [m]; None when not computed.
         seconds: time that computing it took [s]; None when not known, as after loading.
+        contact: points that pushed, with their forces; None where nothing may touch anything, and
+            of batches.
         events_recorded: whether ``events`` holds what happened; runs of batches keep no events.
     """
 
@@ -86,6 +89,7 @@ class Trajectory:
     slip: Columns | None = None
     blamed: tuple[str, ...] = ()
     seconds: float | None = None
+    contact: ContactPoints | None = None
     events_recorded: bool = True
 
     def __repr__(self) -> str:
@@ -200,6 +204,8 @@ class Trajectory:
                 changes[name] = columns.like(columns.values[np.where(s < 1, left, right)])
             else:
                 changes[name] = columns.like(interpolate.linear(columns.values, left, right, s))
+        if self.contact is not None:
+            changes["contact"] = self.contact.resampled(np.where(s < 1, left, right))
         events = tuple(e for e in self.events if times[0] <= e.t <= times[-1])
         return dataclasses.replace(self, t=times, events=events, **changes)
 

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.contract import EVENT_AT, EventCode
+from fantoccini.contract import CONTACT, EVENT_AT, EventCode, width
 from fantoccini.errors import Status
 from fantoccini.marionette import Marionette, PortablePuppet
 from fantoccini.motion import State
 from fantoccini.motion.archive import RECORDING as FORMAT, restored
 from fantoccini.motion.npz import checked, finite, packed, text, texts, unpacked, write
+from fantoccini.runtime import Piece
 
 _STATE = ("q_D", "v_D", "q_K", "v_K", "taut", "slip")
 _MESH = "mesh:"
@@ -28,13 +29,11 @@ class Written:
     """The output of a run, as the compiled code wrote it.
 
     Attributes:
-        samples: (m, width) laid out as ``marionette.sample_layout`` says, one a tick.
-        events: (n, 5) time, kind, row, impulse, speed.
+        output: samples, one a tick, events and contact points.
         status: end of the run.
     """
 
-    samples: Array
-    events: Array
+    output: Piece
     status: Status = Status.DONE
 
 
@@ -60,8 +59,9 @@ def save(fields: Mapping[str, Any], path: str | Path) -> None:
         "acc_K": fields["acc_K"],
         "p": marionette.p,
         "winches": marionette.winches,
-        "rows": written.samples,
-        "events": written.events,
+        "rows": written.output.samples,
+        "events": written.output.events,
+        "contacts": written.output.contacts,
     }
     arrays |= packed(_MESH, portable.meshes)
     write(path, arrays, about)
@@ -85,6 +85,7 @@ def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any]) -> dict[str
     if not len(samples) or np.any(np.diff(samples[:, 0]) < 0):
         raise ValueError("rows must be one or more, none before the one it follows")
     events = _events(marionette, finite(arrays, "events", (None, 5)))
+    contacts = finite(arrays, "contacts", (None, width(CONTACT, {})))
     steps = about["steps"]
     if type(steps) is not int or not 1 <= steps <= _MAX_STEPS:
         raise ValueError(f"found {steps!r} steps in a tick; allowed: 1 to {_MAX_STEPS}")
@@ -95,7 +96,7 @@ def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any]) -> dict[str
         "tick": tick,
         "steps": steps,
         "ended": str(about["ended"]),
-        "written": Written(samples, events, Status[about["status"]]),
+        "written": Written(Piece(samples, events, contacts), Status[about["status"]]),
     }
 
 
@@ -110,7 +111,8 @@ def _events(marionette: Marionette, events: Array) -> Array:
     n = len(marionette.tree.blamable)
     for event in events:
         kind, row = event[EVENT_AT["kind"]], event[EVENT_AT["row"]]
-        if kind not in list(EventCode) or row not in range(-1, n):
+        touches = kind in (EventCode.TOUCH, EventCode.LIFT) and marionette.puppet.touching
+        if kind not in list(EventCode) or not (row in range(-1, n) or (touches and row >= n)):
             raise ValueError(f"found an event of the kind {kind:g} at the row {row:g}")
     return events
 

@@ -19,6 +19,7 @@ from fantoccini.motion.npz import opened
 from fantoccini.perform import archive, change
 from fantoccini.perform.archive import Written
 from fantoccini.perform.smoothing import smoothed
+from fantoccini.runtime import Piece
 from fantoccini.simulation import trajectory_of_samples
 
 METHOD: MethodName = "timestepping"
@@ -183,8 +184,8 @@ class Recording:
 
     def _of(self, written: Written) -> Trajectory:
         return trajectory_of_samples(
-            self.marionette, written.samples, written.events, written.status, METHOD,
-            with_effort=True, blame=np.zeros(len(self.marionette.tree.blamable)),
+            self.marionette, written.output, written.status, METHOD, with_effort=True,
+            blame=np.zeros(len(self.marionette.tree.blamable)),
         )  # fmt: skip
 
 
@@ -199,7 +200,7 @@ class Recorder:
     def __init__(self, stepper: Stepper, tick: float):
         self._marionette = Marionette(stepper.model)
         self._start, self._tick = stepper.state, tick
-        self._samples, self._events = [stepper.samples[-1:]], [np.zeros((0, 5))]
+        self._output = [_last_of(stepper)]
         self._acc_K: list[Array] = []
         self._status = Status.DONE
 
@@ -209,14 +210,13 @@ class Recorder:
     def add(self, acc_K: Array, stepper: Stepper) -> None:
         """Adds the stepper's last tick."""
         self._acc_K.append(acc_K)
-        self._samples.append(stepper.samples[-1:])
-        self._events.append(stepper.events)
+        self._output.append(_last_of(stepper))
         self._status = stepper.status
 
     def written(self, status: Status | None = None) -> Written:
         """The output so far, with the status of the last tick unless given."""
         status = self._status if status is None else status
-        return Written(np.concatenate(self._samples), np.concatenate(self._events), status)
+        return Written(Piece.joined(self._output), status)
 
     def finished(self, steps: int, ended: str) -> Recording | None:
         """The recording; None without a tick."""
@@ -225,3 +225,10 @@ class Recorder:
         acc_K = np.array(self._acc_K)
         about = self._marionette, self._start, acc_K, self._tick, steps, ended
         return Recording(*about, self.written())
+
+
+def _last_of(stepper: Stepper) -> Piece:
+    """The last sample of a tick, its contact points, and the tick's events."""
+    contacts = stepper.contacts[stepper.contacts[:, 0] == len(stepper.samples) - 1].copy()
+    contacts[:, 0] = 0.0
+    return Piece(stepper.samples[-1:], stepper.events, contacts)

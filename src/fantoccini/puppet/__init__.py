@@ -1,6 +1,7 @@
 """Puppets: the one schema, read from files or built in Python."""
 
 from fantoccini.puppet.chain import Chain
+from fantoccini.puppet.contact import Contact, ContactPair
 from fantoccini.puppet.drive import (
     PD,
     ComputedTorque,
@@ -35,6 +36,8 @@ __all__ = [
     "Chain",
     "ComputedTorque",
     "Cone",
+    "Contact",
+    "ContactPair",
     "Control",
     "DirectCurrent",
     "Drag",

@@ -12,6 +12,7 @@ from typing import Any
 from fantoccini.puppet.chain import DEFAULT_PIECES
 from fantoccini.puppet.check_coordinates import check_drives, check_pose
 from fantoccini.puppet.check_paths import check_paths
+from fantoccini.puppet.contact import FLOOR
 from fantoccini.puppet.limits import LIMITS
 from fantoccini.puppet.located import Finding, key_path, shown
 from fantoccini.puppet.mirror import reflected, twin_name
@@ -39,6 +40,7 @@ def findings(data: Any) -> list[Finding]:
     check_paths(written)
     check_pose(written)
     check_drives(written)
+    _contact(written)
     _parameters(written)
     return written.found
 
@@ -188,6 +190,20 @@ def _parts(written: Written) -> None:
         more = ", twins included" if written.rule else ""
         text = f"found {total} bodies, strings, springs and masses of chains{more}"
         written.say((path,), f"{text}; allowed: {LIMITS.max_parts}")
+
+
+def _contact(written: Written) -> None:
+    """Checks the names of pairs with rules of their own."""
+    obstacles = {word(item, "name") for _, item in items(written.data, "obstacles")}
+    groups = {m for key in ("members", "props") for m in written.data.get(key) or ()}
+    allowed = {name for name in (*written.known, *obstacles, *groups, FLOOR) if name}
+    for i, pair in items(written.data.get("contact"), "pairs"):
+        between = pair.get("between")
+        for k, name in enumerate(between if isinstance(between, list) else []):
+            if isinstance(name, str) and name not in allowed:
+                hint = written.near(name, allowed)
+                text = f"no body, obstacle, prop or puppet is called {shown(name)}{hint}"
+                written.say(("contact", "pairs", i, "between", k), text)
 
 
 def _parameters(written: Written) -> None:

@@ -28,6 +28,7 @@ from fantoccini.puppet.chain import (
     chained,
     check_chain,
 )
+from fantoccini.puppet.contact import Contact, ContactRule
 from fantoccini.puppet.drive import Drive
 from fantoccini.puppet.joint import Joint
 from fantoccini.puppet.located import Located, Origin, findings, mended, shown
@@ -267,6 +268,8 @@ class Puppet(Model):
     """Shapes fixed in the world."""
     floor: Place | None = None
     """Height of the floor [m]."""
+    contact: ContactRule = False
+    """Contact of its bodies with the floor, obstacles and one another: true, or its rules."""
     members: tuple[Name, ...] = ()
     """Puppets of an assembled scene, whose names and a dot precede those of their parts."""
     props: tuple[Name, ...] = ()
@@ -306,6 +309,13 @@ class Puppet(Model):
     def name(self) -> str:
         """The puppet's name."""
         return self.puppet
+
+    @property
+    def touching(self) -> Contact | None:
+        """The rules of contact; None where nothing touches anything."""
+        if isinstance(self.contact, Contact):
+            return self.contact
+        return Contact() if self.contact else None
 
     def expanded(self) -> Puppet:
         """The puppet with its mirror applied: both halves written out."""

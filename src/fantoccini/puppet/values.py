@@ -159,6 +159,15 @@ Number = Annotated[
 Positive = Annotated[Real, AfterValidator(_positive)]
 
 
+def _not_negative(number: float) -> float:
+    if number < 0:
+        raise mistake(f"found {number:g}; needed: a number of at least 0")
+    return number
+
+
+NotNegative = Annotated[Real, AfterValidator(_not_negative)]
+
+
 def _share(number: float | Parameter) -> float | Parameter:
     if not 0 <= value_of(number) <= 1:
         raise mistake(f"found {value_of(number):g}; needed: a number from 0 to 1")
@@ -166,6 +175,7 @@ def _share(number: float | Parameter) -> float | Parameter:
 
 
 Share = Annotated[Number, AfterValidator(_share)]
+RealShare = Annotated[Real, AfterValidator(_share)]
 
 
 def sized(*sizes: int) -> BeforeValidator:

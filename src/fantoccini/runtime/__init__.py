@@ -6,11 +6,11 @@ from fantoccini.runtime.clearance import (
     BOX,
     HALF_SPACE,
     SEGMENT,
-    SOLID,
     ClearanceLibrary,
     Solids,
 )
-from fantoccini.runtime.compiled import Complementarity, Library, Run
+from fantoccini.runtime.compiled import Complementarity, Library, Piece, Run
+from fantoccini.runtime.contacts import Contacts
 from fantoccini.runtime.external import ExternalRun
 from fantoccini.runtime.functions import Functions, Loaded, whole
 from fantoccini.runtime.rollouts import (
@@ -25,6 +25,7 @@ from fantoccini.runtime.rollouts import (
     RolloutSettings,
     Segments,
 )
+from fantoccini.runtime.solids import SOLID
 from fantoccini.runtime.structures import RunOptions
 
 __all__ = [
@@ -40,12 +41,14 @@ __all__ = [
     "BatchLibrary",
     "ClearanceLibrary",
     "Complementarity",
+    "Contacts",
     "ExternalRun",
     "Functions",
     "Funnel",
     "GoalNumbers",
     "Library",
     "Loaded",
+    "Piece",
     "RolloutLibrary",
     "RolloutPool",
     "RolloutSettings",

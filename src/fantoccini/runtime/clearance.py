@@ -15,15 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fantoccini.arrays import Array
-from fantoccini.contract import STRUCTURES, SolidKind
+from fantoccini.contract import SolidKind
 from fantoccini.runtime.functions import Loaded, pointer
-from fantoccini.runtime.structures import dtype_of, structures
+from fantoccini.runtime.solids import SOLID
+from fantoccini.runtime.structures import structures
 
 SEGMENT, BOX, HALF_SPACE = SolidKind
 """Kinds of solids."""
-
-SOLID = dtype_of(next(s for s in STRUCTURES if s.name == "Solid"))
-"""A solid: index of its link, -1 for the world; index of its mesh, -1 for none; R by columns."""
 
 _EXACT: Any = next(f[1] for f in structures["ClearanceArrays"]._fields_ if f[0] == "exact")
 

@@ -8,17 +8,19 @@ works between them. ctypes releases the interpreter's lock during every call.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from fantoccini.arrays import Array, MaskRows
-from fantoccini.contract import EVENT, SAMPLE, Solved, width
+from fantoccini.contract import CONTACT, EVENT, SAMPLE, Solved, width
 from fantoccini.errors import ARRIVED, Status
 from fantoccini.motion import Input, State
 from fantoccini.runtime import memory
+from fantoccini.runtime.contacts import Contacts
 from fantoccini.runtime.functions import Functions, pointer
 from fantoccini.runtime.structures import UNLIMITED, RunOptions, input_arrays, structures
 from fantoccini.tree import Tree
@@ -86,6 +88,20 @@ class Library(Functions):
         )
 
 
+    def gaps(self, contacts: Contacts, q_D: Array, q_K: Array, p: Array) -> Array:
+        """(m,) distance of the solids of each pair, negative where they overlap [m].
+
+        Those farther apart than a millimetre count as infinitely far.
+        """
+        out = np.full(len(contacts.pairs), np.inf)
+        given = [np.ascontiguousarray(a, dtype=float) for a in (q_D, q_K, p)]
+        if self.dll.fan_gaps(
+            ctypes.byref(contacts.structure), *(pointer(a) for a in given), pointer(out)
+        ):
+            raise MemoryError("no memory for contact points")
+        return out
+
+
 @dataclass(frozen=True, eq=False)
 class Complementarity:
     """The result of :meth:`Library.complementarity`.
@@ -102,6 +118,30 @@ class Complementarity:
     s: Array
     solved: bool
     ray: Array | None
+
+
+class Piece(NamedTuple):
+    """What a run wrote since it was last asked.
+
+    Attributes:
+        samples: (n, width), laid out as the contract's ``SAMPLE``.
+        events: (n, 5), as ``EVENT``.
+        contacts: (n, width), as ``CONTACT``; samples are counted within the piece.
+    """
+
+    samples: Array
+    events: Array
+    contacts: Array
+
+    @classmethod
+    def joined(cls, pieces: Sequence[Piece]) -> Piece:
+        """One piece after the other as one."""
+        samples, events, contacts = zip(*pieces, strict=True)
+        first = np.cumsum([0, *map(len, samples[:-1])])
+        moved = [c.copy() for c in contacts]
+        for own, n in zip(moved, first, strict=True):
+            own[:, 0] += n
+        return cls(np.concatenate(samples), np.concatenate(events), np.concatenate(moved))
 
 
 class Run:
@@ -123,6 +163,7 @@ class Run:
 
     samples_per_piece = 512
     events_per_piece = 1024
+    contacts_per_piece = 8192
     steps_per_piece = 200
     """Few enough that progress bars move and Ctrl-C is answered at once."""
 
@@ -145,10 +186,15 @@ class Run:
         n_samples = self.samples_per_piece
         n_events = max(self.events_per_piece, 16 * library.n_blamable + 64)
         self._samples = np.zeros((n_samples, width(SAMPLE, library.sizes)))
+        n_contacts = self.contacts_per_piece * (library.sizes["n_contacts"] > 0)
+        n_events += 4 * library.sizes["n_contacts"]
         self._events = np.zeros((n_events, len(EVENT)))
+        self._contacts = np.zeros((n_contacts, width(CONTACT, {})))
+        self._options = options
         self._record = structures["RecordArrays"](
             samples=pointer(self._samples), sample_capacity=n_samples,
             events=pointer(self._events), event_capacity=n_events,
+            contacts=pointer(self._contacts), contact_capacity=n_contacts,
         )  # fmt: skip
         self._taken_bytes, self._bound = 0.0, memory.bound(0.0, options.max_memory)
         arrays, held = input_arrays(inputs)
@@ -175,8 +221,8 @@ class Run:
             self.library.dll.fan_free(self._run)
             self._run = ctypes.c_void_p()
 
-    def advance(self, t_end: float) -> Iterator[tuple[Array, Array]]:
-        """Yields pieces (samples, events) until ``t_end`` or until something stops the run.
+    def advance(self, t_end: float) -> Iterator[Piece]:
+        """Yields pieces until ``t_end`` or until something stops the run.
 
         ``status`` then says how it ended. The pieces of one call stay within the memory bound.
         """
@@ -198,8 +244,8 @@ class Run:
             if self.status is not Status.RUNNING:
                 return
 
-    def present(self) -> tuple[Array, Array]:
-        """(samples, events) with the present state as a sample."""
+    def present(self) -> Piece:
+        """A piece with the present state as its last sample."""
         self.library.dll.fan_emit(self._run, ctypes.byref(self._record))
         return self._taken()
 
@@ -245,13 +291,15 @@ class Run:
         self.library.dll.fan_blame(self._run, int(self.status), pointer(out))
         return out
 
-    def _taken(self) -> tuple[Array, Array]:
+    def _taken(self) -> Piece:
         record = self._record
         samples = self._samples[: record.n_samples].copy()
         events = self._events[: record.n_events].copy()
-        record.n_samples = record.n_events = 0
+        contacts = self._contacts[: record.n_contacts].copy()
+        record.n_samples = record.n_events = record.n_contacts = 0
         self._taken_bytes += memory.bytes_of(*samples.shape) + memory.MEMORY.event * len(events)
-        return samples, events
+        self._taken_bytes += memory.bytes_of(*contacts.shape)
+        return Piece(samples, events, contacts)
 
     @property
     def _is_full(self) -> bool:

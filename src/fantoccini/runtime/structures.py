@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import re
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from fantoccini.arrays import Array, check_positive
 from fantoccini.contract import STRUCTURES, Structure
 from fantoccini.motion import Input
 from fantoccini.runtime.functions import pointer, whole
+
+if TYPE_CHECKING:
+    from fantoccini.runtime.contacts import Contacts
 
 UNLIMITED = 1e300
 """A bound that never binds, for compiled code."""
@@ -78,6 +81,7 @@ class RunOptions:
         save_every: fixed steps from sample to sample.
         max_memory: for the samples and events of one run [bytes]; half of what is free when None.
         extrapolate: time-stepping takes velocity products half a step ahead.
+        contacts: solids that may touch, of time-stepping; None where nothing touches anything.
 
     Raises:
         ValueError: a tolerance, a step or a bound is not positive and finite, or a number of steps
@@ -99,6 +103,7 @@ class RunOptions:
     save_every: int = 1
     max_memory: float | None = None
     extrapolate: bool = True
+    contacts: Contacts | None = None
 
     def __post_init__(self) -> None:
         for name in ("rtol", "atol", "first_step", "max_step", "dt"):
@@ -115,7 +120,10 @@ class RunOptions:
     def structure(self) -> ctypes.Structure:
         """The options for the library."""
         options = structures["Options"]
-        return options(**{field[0]: getattr(self, field[0]) for field in options._fields_})
+        given = {field[0]: getattr(self, field[0]) for field in options._fields_}
+        if self.contacts is not None:
+            given["contacts"] = ctypes.addressof(self.contacts.structure)
+        return options(**given)
 
 
 def input_arrays(inputs: Input) -> tuple[ctypes.Structure, list[Array]]:

@@ -16,6 +16,7 @@ import numpy as np
 
 from fantoccini.errors import Mistake, PuppetError, nearest
 from fantoccini.puppet import Puppet
+from fantoccini.puppet.contact import FLOOR
 from fantoccini.puppet.dump import plain
 from fantoccini.puppet.files import bundled
 from fantoccini.puppet.located import Finding, Located, Origin, read_file, validate
@@ -40,6 +41,10 @@ class _Placed:
     def part(self, name: str) -> str:
         """The name of a body, joint, string, coordinate or parameter in the scene."""
         return self.prefix + name
+
+    def touched(self, name: str) -> str:
+        """The name in the scene of what takes part in contact; there is one floor."""
+        return name if name == FLOOR else self.part(name)
 
     def body(self, name: str) -> str:
         """The name of a body in the scene, the puppet's world included."""
@@ -67,6 +72,7 @@ def assembled(scene: Scene) -> Puppet:
     shared = {
         key: _shared(key, getattr(scene, key), placed, found) for key in ("gravity", "floor")
     }
+    shared["contact"] = _contact(scene, placed, found)
     if found:
         raise located.error(found, PuppetError)
     folder = _folder(placed, located)
@@ -157,6 +163,24 @@ def _shared(key: str, own: Any, placed: list[_Placed], found: list[Finding]) -> 
         listed = ", ".join(f"{value} ({name})" for name, value in given.values())
         found.append(((), f"the puppets differ in {key}: {listed}; give the scene its own"))
     return next((value for _, value in given.values()), None)
+
+
+def _contact(scene: Scene, placed: list[_Placed], found: list[Finding]) -> Any:
+    """The scene's own rules of contact, or else those that the puppets' files agree on."""
+    if scene.contact is not None:
+        return plain(scene.contact)
+    given = {one.member.name: (one, one.puppet.touching) for one in placed}
+    rules = {name: plain(rule) for name, (_, rule) in given.items() if rule is not None}
+    pairs = [
+        pair | {"between": [one.touched(name) for name in pair["between"]]}
+        for one, rule in given.values()
+        for pair in (plain(rule).get("pairs", []) if rule else [])
+    ]
+    shared = [{k: v for k, v in rule.items() if k != "pairs"} for rule in rules.values()]
+    if any(rule != shared[0] for rule in shared):
+        names = ", ".join(rules)
+        found.append(((), f"the puppets {names} differ in contact; give the scene its own"))
+    return (shared[0] | {"pairs": pairs}) if shared else None
 
 
 def _folder(placed: list[_Placed], located: Located) -> Path:

@@ -18,6 +18,7 @@ from pydantic import (
 
 from fantoccini.errors import Mistake, PuppetError
 from fantoccini.puppet import Drag, Puppet
+from fantoccini.puppet.contact import ContactRule
 from fantoccini.puppet.located import Finding, Located
 from fantoccini.puppet.quantities import Gravity, Mass, Place, Point, Vector
 from fantoccini.puppet.schema import PoseValue, SolidInertia
@@ -87,6 +88,8 @@ class Scene(Model):
     """Acceleration of gravity [m/s^2]; by default that of the puppets' files."""
     floor: Place | None = None
     """Height of the floor [m]; by default that of the puppets' files."""
+    contact: ContactRule | None = None
+    """Contact of everything in the scene; by default that of the puppets' files."""
     puppets: Annotated[tuple[Member, ...], entries(1)]
     """The puppets, in the order of their coordinates."""
     props: tuple[Prop, ...] = ()

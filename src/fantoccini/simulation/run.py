@@ -18,6 +18,7 @@ from fantoccini.marionette import (
     Marionette,
     Method,
     MethodName,
+    Model,
     as_method,
     bind_input,
     check_samples,
@@ -26,13 +27,21 @@ from fantoccini.marionette import (
     contradiction,
     first_excess_tension,
 )
-from fantoccini.motion import Columns, EventKind, EventRecord, Input, State, Trajectory
+from fantoccini.motion import (
+    Columns,
+    ContactPoints,
+    EventKind,
+    EventRecord,
+    Input,
+    State,
+    Trajectory,
+    pair_name,
+)
 from fantoccini.motion.trajectory import LEDGER
-from fantoccini.runtime import Run
+from fantoccini.runtime import Piece, Run
 from fantoccini.simulation.checks import check_end, check_marionette, check_one_run, save_times
 from fantoccini.simulation.soundness import judged
 from fantoccini.simulation.weak_motors import weak_motors
-from fantoccini.tree import Tree
 
 _KINDS = {
     code: EventKind.RUNAWAY if code is contract.EventCode.RAN_AWAY else EventKind[code.name]
@@ -131,13 +140,15 @@ def simulate(
     else:
         run = ScipyRun(integrator, model.library, *about)
     began = time.perf_counter()
-    samples, events, status = _collect(run, t_end, progress)
+    written, status = _collect(run, t_end, progress)
+    samples, events = written.samples, written.events
     seconds = time.perf_counter() - began
 
     def trajectory(samples: Array, events: Array) -> Trajectory:
         return trajectory_of_samples(
-            marionette, samples, events, status, name, effort, run.blame, seconds
-        )
+            marionette, Piece(samples, events, written.contacts), status, name, effort, run.blame,
+            seconds,
+        )  # fmt: skip
 
     made = trajectory(samples, events)
     contradicted = None
@@ -194,9 +205,9 @@ def _where(
 
 def _collect(
     run: Run, t_end: float, progress: Callable[[float], None] | None
-) -> tuple[Array, Array, Status]:
-    """Samples and events to the end and the status; Ctrl-C keeps what was reached."""
-    pieces: list[tuple[Array, Array]] = []
+) -> tuple[Piece, Status]:
+    """What a run wrote to its end and the status; Ctrl-C keeps what was reached."""
+    pieces: list[Piece] = []
     try:
         for piece in run.advance(t_end):
             pieces.append(piece)
@@ -206,14 +217,12 @@ def _collect(
     except KeyboardInterrupt:
         pieces.append(run.present())
         status = Status.STOPPED
-    samples, events = zip(*pieces, strict=True)
-    return np.concatenate(samples), np.concatenate(events), status
+    return Piece.joined(pieces), status
 
 
 def trajectory_of_samples(
     marionette: Marionette,
-    samples: Array,
-    events: Array,
+    written: Piece,
     status: Status,
     method: str,
     with_effort: bool,
@@ -224,8 +233,7 @@ def trajectory_of_samples(
 
     Args:
         marionette: the puppet.
-        samples: (T, width), laid out as ``model.sample_layout`` says.
-        events: (n, 5) time, kind, row, impulse, speed.
+        written: its samples (T, width), events and contact points.
         status: how the run ended.
         method: of the run.
         with_effort: compute the force on every driven coordinate.
@@ -234,7 +242,7 @@ def trajectory_of_samples(
         seconds: how long the run took [s].
     """
     tree = marionette.tree
-    part = marionette.model.sample_layout.split(samples)
+    part = marionette.model.sample_layout.split(written.samples)
     n_strings = len(tree.strings)
     strings = tuple(s.name for s in tree.strings)
     limits = tuple(limit.name for limit in tree.limits)
@@ -256,7 +264,7 @@ def trajectory_of_samples(
         limit_force=Columns(limits, part["tension"][:, n_strings:], "limit"),
         taut=Columns(strings, np.asarray(part["taut"][:, :n_strings], dtype=bool), "string"),
         ledger=Columns(LEDGER, ledger_of(part), "entry"),
-        events=tuple(_event(tree, event) for event in events),
+        events=tuple(_event(marionette.model, event) for event in written.events),
         status=status,
         method=method,
         coordinates=marionette.coordinates,
@@ -266,25 +274,37 @@ def trajectory_of_samples(
         slip=Columns(strings, part["slip"], "string"),
         blamed=tuple(tree.blamable[i] for i in np.flatnonzero(blame > REPORTING.blame)),
         seconds=seconds,
+        contact=_contact_points(marionette.model, written.contacts, len(written.samples)),
     )  # fmt: skip
 
 
 def ledger_of(part: Mapping[str, Array]) -> Array:
-    """(..., T, 7) ledger of energies, work and losses (..., T).
+    """(..., T, 8) ledger of energies, work and losses (..., T).
 
-    residual = (T + V) - (T + V)_0 - work + damping + impact + slip
+    residual = (T + V) - (T + V)_0 - work + damping + impact + slip + friction
     """
     slip = part["slip_loss"]
     energy = part["kinetic"] + part["potential"]
     residual = energy - energy[..., :1] - part["work"] + part["damping"] + part["impact"] + slip
+    residual = residual + part["friction"]
     entries = {**part, "slip": slip, "residual": residual}
     return np.stack([entries[name] for name in LEDGER], axis=-1)
 
 
-def _event(tree: Tree, event: Array) -> EventRecord:
+def _contact_points(model: Model, rows: Array, n: int) -> ContactPoints | None:
+    """The contact points of a run of n samples; None where nothing may touch anything."""
+    if model.contacts is None:
+        return None
+    return ContactPoints.of_rows(rows[rows[:, 0] < n], model.contacts.names)
+
+
+def _event(model: Model, event: Array) -> EventRecord:
+    tree = model.tree
     at = {part.name: float(value) for part, value in zip(contract.EVENT, event, strict=True)}
     kind, index = _KINDS[contract.EventCode(int(at["kind"]))], int(at["row"])
     if index >= len(tree.strings):
         kind = _LIMIT_KINDS.get(kind, kind)
-    name = tree.blamable[index] if index >= 0 else ""
+    name = tree.blamable[index] if 0 <= index < len(tree.blamable) else ""
+    if index >= len(tree.blamable) and model.contacts is not None:
+        name = pair_name(model.contacts.names[index - len(tree.blamable)])
     return EventRecord(at["t"], kind, name, at["impulse"], at["speed"])

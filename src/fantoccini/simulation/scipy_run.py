@@ -17,7 +17,7 @@ from scipy import integrate
 from fantoccini.arrays import Array
 from fantoccini.errors import ARRIVED, Status
 from fantoccini.motion import Input, State
-from fantoccini.runtime import ExternalRun, Library, RunOptions
+from fantoccini.runtime import ExternalRun, Library, Piece, RunOptions
 from fantoccini.simulation.checks import INTEGRATORS
 from fantoccini.simulation.step import Step
 
@@ -110,9 +110,9 @@ class ScipyRun(ExternalRun):
         self._save_at = np.zeros(0) if save_at is None else np.asarray(save_at, dtype=float)
         self._next_save = int(np.searchsorted(self._save_at, self.t, side="right"))
         self._solver: integrate.OdeSolver | None = None
-        self._pieces: list[tuple[Array, Array]] = []
+        self._pieces: list[Piece] = []
 
-    def advance(self, t_end: float) -> Iterator[tuple[Array, Array]]:
+    def advance(self, t_end: float) -> Iterator[Piece]:
         """As :meth:`Run.advance`."""
         self._taken_bytes = 0.0
         yield self._taken()
@@ -133,11 +133,10 @@ class ScipyRun(ExternalRun):
             self.status = self.verdict(t_end)
         yield self._taken()
 
-    def present(self) -> tuple[Array, Array]:
+    def present(self) -> Piece:
         """As :meth:`Run.present`, with the pieces not yet yielded."""
         pieces, self._pieces = [*self._pieces, super().present()], []
-        rows, events = zip(*pieces, strict=True)
-        return np.concatenate(rows), np.concatenate(events)
+        return Piece.joined(pieces)
 
     def _advance_once(self, t_end: float) -> None:
         """One step, up to the first event within it, and the event."""

@@ -32,6 +32,9 @@ from fantoccini.tree.structure import (
     Tree,
 )
 
+MAX_CONTACTS = 64
+"""Contact points that a step has room for, where solids may touch."""
+
 Pose = dict[str, float | tuple[float, ...]]
 """Coordinate -> start value, or ``joint.rotation`` -> quaternion."""
 
@@ -183,6 +186,7 @@ def grow(puppet: Puppet) -> Tree:
         parameters=grower.parameters,
         drives=tuple(grower.joints.drives),
         chains=tuple(grower.chains),
+        n_contacts=MAX_CONTACTS if puppet.touching else 0,
     )
     table = tree.coordinates
     # A driven length without a start stays nan: the initial state sets it.

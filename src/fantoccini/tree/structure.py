@@ -290,6 +290,7 @@ class Tree:
         coordinates: the coordinate table.
         parameters: names and values of the argument p.
         chains: strings modelled as masses and springs; they have no rows.
+        n_contacts: contact points that a step has room for; 0 where nothing touches anything.
     """
 
     name: str
@@ -302,6 +303,7 @@ class Tree:
     parameters: dict[str, float] = field(default_factory=dict)
     drives: tuple[DriveRow, ...] = ()
     chains: tuple[ChainRow, ...] = ()
+    n_contacts: int = 0
 
     @property
     def n_rows(self) -> int:
@@ -318,6 +320,8 @@ class Tree:
             "n_p": len(self.parameters), "n_links": len(self.links),
             "n_points": sum(len(s.points) for s in self.strings),
             "n_motors": len(self.motor_places), "n_watched": len(self.watched),
+            "n_contacts": self.n_contacts,
+            "n_solids": sum(len(i.shapes) for i in self.links) if self.n_contacts else 0,
         }  # fmt: skip
 
     @property

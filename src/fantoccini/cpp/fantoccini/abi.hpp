@@ -71,6 +71,14 @@ FAN_EXPORT double fan_present(const void* handle, double* y, signed char* mode) 
 
 FAN_BATCHES(fan::EventBatch<fan::Model>)
 
+// How far the solids of every pair are apart at a configuration (n_pairs,); pairs farther apart
+// than ContactPointTolerances::margin keep what is in `gaps`. 1 where there was no memory, else 0.
+FAN_EXPORT int fan_gaps(
+    const fan::ContactArrays* in, const double* q_D, const double* q_K, const double* p,
+    double* gaps) {
+  return fan::measure_gaps<fan::Model>(*in, q_D, q_K, p, gaps);
+}
+
 // Complementarity of n rows by itself (active_set.hpp): W (n, n_vD) with a row's column in each row,
 // b (n,), upper (n,), two_sided (n,) -> x of least norm, s, and a Farkas ray where there is no
 // solution (n,) each. `active` (n,) is the guess on entry and the rows in the basis on return.

@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x38e0caa75136835f;
+constexpr long long contract_digest = 0x12d82331096b7ccc;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -16,7 +16,8 @@ void identity(int width, long long* out) {
   const long long values[] = {
       contract_digest, width, Sizes::n_qD, Sizes::n_vD, Sizes::n_qK, Sizes::n_vK, Sizes::n_v,
       Sizes::n_strings, Sizes::n_limits, Sizes::n_rows, Sizes::n_p, Sizes::n_links,
-      Sizes::n_points, Sizes::n_motors, Sizes::n_watched, Sizes::n_packed};
+      Sizes::n_points, Sizes::n_motors, Sizes::n_watched, Sizes::n_contacts,
+      Sizes::n_solids, Sizes::n_packed};
   for (long long value : values) *out++ = value;
 }
 
@@ -61,6 +62,7 @@ enum Status : int {
   REDUNDANT_STRINGS = 17,  // redundant strings contradict one another
   OVERSTEPPED = 18,  // the end was reached, but strings or limits were overstepped
   GAINED_ENERGY = 19,  // the end was reached, but the fixed step made energy out of nothing
+  TOO_MANY_CONTACTS = 20,  // more points touched at once than a step has room for
 };
 
 // What happened to a row or a drive.
@@ -73,6 +75,8 @@ enum EventCode : int {
   GRIP = 5,  // the winch grips again
   LOST_STEP = 6,  // a stepper motor lost a step
   RAN_AWAY = 7,  // a drive ran away
+  TOUCH = 8,  // two solids came into contact
+  LIFT = 9,  // two solids parted
 };
 
 // What a row does between two events.
@@ -115,6 +119,32 @@ struct InputArrays {
   const double* force;  // (n_segments, n_vD, 6) or null
 };
 
+// A solid in the frame of a link or of the world.
+struct Solid {
+  int kind;  // SolidKind
+  int link;  // -1 for the world
+  long long mesh;  // index of the mesh that this box encloses, or negative
+  double a[3];
+  double b[3];
+  double R[9];  // column by column
+  double half[3];
+  double radius;  // [m]
+};
+
+// Solids that may touch, and how.
+struct ContactArrays {
+  long long n_solids;
+  long long n_pairs;
+  long long n_groups;
+  const Solid* solids;  // those of the links, then those that stand
+  const int* pairs;  // (n_pairs, 2) of solids; the second may stand in the world
+  // (n_groups, 3) of pairs on the same two links, or of one that stands: the first link, the
+  // second or -1 - its solid, end of the pairs
+  const int* groups;
+  const double* friction;  // (n_pairs,) coefficient of Coulomb's law
+  const double* restitution;  // (n_pairs,) 0 to 1
+};
+
 // Options of a run.
 struct Options {
   double rtol;  // of the event-driven integrator
@@ -130,6 +160,7 @@ struct Options {
   long long max_events;
   int save_steps;  // save every accepted step
   int extrapolate;  // time-stepping: velocity products half a step ahead
+  const ContactArrays* contacts;  // null without contact; must outlive the run
 };
 
 // Where a run writes samples and events.
@@ -140,6 +171,9 @@ struct RecordArrays {
   double* events;  // (event_capacity, EventLayout::width)
   long long event_capacity;
   long long n_events;  // written
+  double* contacts;  // (contact_capacity, ContactLayout::width)
+  long long contact_capacity;
+  long long n_contacts;  // written
 };
 
 // The start of a run.
@@ -198,18 +232,6 @@ struct BatchArrays {
   double* blame;  // (n, n_rows + n_watched)
   double* end_q_D;  // (n, n_qD) the configuration reached
   double* end_v_D;  // (n, n_vD) the velocities there
-};
-
-// A solid in the frame of a link or of the world.
-struct Solid {
-  int kind;  // SolidKind
-  int link;  // -1 for the world
-  long long mesh;  // index of the mesh that this box encloses, or negative
-  double a[3];
-  double b[3];
-  double R[9];  // column by column
-  double half[3];
-  double radius;  // [m]
 };
 
 // Solids and pairs of them whose clearance is measured.
@@ -324,13 +346,26 @@ struct SampleLayout {
   static constexpr int damping = work + 1;  // lost to damping and drag [J]
   static constexpr int impact = damping + 1;  // lost at catches [J]
   static constexpr int slip_loss = impact + 1;  // lost by slipping winches [J]
-  static constexpr int slip = slip_loss + 1;  // what the winches have let out [m]
+  static constexpr int friction = slip_loss + 1;  // lost to friction of contacts [J]
+  static constexpr int slip = friction + 1;  // what the winches have let out [m]
   static constexpr int width = slip + Model::n_strings;
 };
 
 // Offsets of the parts of an event.
 struct EventLayout {
   enum : int { t, kind, row, impulse, speed, width };
+};
+
+// Offsets of the parts of a contact point.
+struct ContactLayout {
+  static constexpr int sample = 0;  // which of the record's samples [1]
+  static constexpr int pair = sample + 1;  // which pair of solids [1]
+  static constexpr int gap = pair + 1;  // between their surfaces; negative where they overlap [m]
+  static constexpr int point = gap + 1;  // midway between them, in the world [m]
+  static constexpr int normal = point + 3;  // from the second solid to the first [1]
+  static constexpr int force = normal + 3;  // on the first solid, in the world [N]
+  static constexpr int velocity = force + 3;  // of the first solid against the second there [m/s]
+  static constexpr int width = velocity + 3;
 };
 
 // Offsets of the numbers of a winch.
@@ -350,7 +385,7 @@ template <class Model>
 constexpr int part_width(int part) {
   const int widths[] = {
       Model::n_qD, Model::n_vD, Model::n_vD, Model::n_qK, Model::n_vK, Model::n_vK,
-      Model::n_rows, Model::n_rows, 6, Model::n_strings};
+      Model::n_rows, Model::n_rows, 7, Model::n_strings};
   return widths[part];
 }
 
@@ -454,6 +489,16 @@ struct Call {
     const Real* arg[] = {q_D, q_K, p};
     Real* res[] = {at(points)};
     Model::points(arg, res);
+  }
+
+  // Poses of all links, and the twist about the world's origin that a unit velocity gives all
+  // links beyond its joint.
+  template <class Results>
+  FAN_FN static void screws(
+      const Real* q_D, const Real* q_K, const Real* p, Results& to) {
+    const Real* arg[] = {q_D, q_K, p};
+    Real* res[] = {at(to.poses), at(to.screw_D), at(to.screw_K)};
+    Model::screws(arg, res);
   }
 
   // y = F^-T x.

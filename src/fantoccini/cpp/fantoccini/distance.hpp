@@ -5,6 +5,7 @@
 #include <initializer_list>
 
 #include "elementary.hpp"
+#include "space.hpp"
 
 namespace fan {
 
@@ -14,11 +15,6 @@ struct DistanceTolerances {
   static constexpr double min_axis_square = 1e-8;   // sin^2 of two edges' angle: no axis below it
   static constexpr double far = 1e30;               // m or m^2: beyond every distance
 };
-
-template <class Real>
-FAN_FN Real dot3(const Real* a, const Real* b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
 
 template <class Real>
 FAN_FN Real clamped(const Real& x, const Real& low, const Real& high) {

@@ -77,7 +77,7 @@ struct EventInstants {
     }
     out.row(
         t, y, y + NQ, flow.acc, flow.q_K, flow.v_K, flow.acc_K, tension, taut, flow.p, y[F::WORK],
-        y[F::LOSS], impact, y[F::SLIP_LOSS], slip);
+        y[F::LOSS], impact, y[F::SLIP_LOSS], 0.0, slip);
   }
 
   // An event at (t, y): catches strike, then the next active set is chosen.

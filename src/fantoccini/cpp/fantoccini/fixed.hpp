@@ -1,6 +1,8 @@
 // The time-stepping run of one trajectory: drives the time-stepper by an input and writes rows.
 #pragma once
 
+#include <climits>
+
 #include "drive.hpp"
 #include "timestepping_trajectory.hpp"
 #include "record.hpp"
@@ -20,6 +22,7 @@ struct FixedRun {
   int save_every = 1;
 
   void start(Record<Model>& out) {
+    last_dt_ = trajectory.opt.dt;
     restart();
     trajectory.begin();
     emit(out);
@@ -30,7 +33,7 @@ struct FixedRun {
     next_end_ = t_end;
     const StepGrid grid{origin, t_end, trajectory.opt.dt};
     while (t < grid.end()) {
-      if (budget-- <= 0 || !out.room_for(2, M + S + 2 * Model::n_watched + 1)) return RUNNING;
+      if (budget-- <= 0 || !out.room_for(2, M + S + 2 * Model::n_watched + 1 + 2 * Model::n_contacts)) return RUNNING;
       if (n_steps >= trajectory.opt.max_steps) return TOO_MANY_STEPS;
       const Status status = advance(grid.at(n_here + 1), out);
       if (status != RUNNING) return status;
@@ -45,7 +48,12 @@ struct FixedRun {
     out.row(
         t, state.q_D, state.v_D, trajectory.at.acc, in.q_K, in.v_K, in.acc_K,
         trajectory.at.tension, trajectory.at.taut, trajectory.p, trajectory.work,
-        trajectory.damping, trajectory.impact, trajectory.slip_loss, trajectory.at.slip);
+        trajectory.damping, trajectory.impact, trajectory.slip_loss, trajectory.friction,
+        trajectory.at.slip);
+    if constexpr (TimeStep<Model, double>::touches) {
+      const auto& contacts = trajectory.at.contacts;
+      out.touching(contacts.push[0], contacts.n[0], last_dt_);
+    }
   }
 
   // New inputs, or a new step grid, from here on.
@@ -57,7 +65,11 @@ struct FixedRun {
     n_here = 0;
   }
 
-  void remember(Snapshot& memory) { memory.keep(trajectory, t, origin, n_steps, n_here); }
+  void remember(Snapshot& memory) {
+    const ContactArrays* contacts = trajectory.opt.contacts;
+    memory.keep(trajectory, t, origin, n_steps, n_here, last_dt_);
+    trajectory.opt.contacts = trajectory.at.solids = contacts;
+  }
 
  private:
   void look(double when) {
@@ -73,6 +85,7 @@ struct FixedRun {
     for (int r = 0; r < M; ++r) was[r] = trajectory.at.taut[r];
     for (int i = 0; i < S; ++i) slipped[i] = trajectory.at.slips[i];
     trajectory.advance(dt);
+    last_dt_ = dt;
     const Status status = Status(int(trajectory.status));
     if (status != RUNNING) return status;
     ++n_steps;
@@ -84,11 +97,28 @@ struct FixedRun {
         out.event(t, at.taut[r] ? CATCH : RELEASE, r, at.taut[r] ? at.tension[r] * dt : 0.0, 0.0);
     for (int i = 0; i < S; ++i)
       if (slipped[i] != at.slips[i]) out.event(t, at.slips[i] ? SLIP : GRIP, i, 0.0, 0.0);
+    if constexpr (TimeStep<Model, double>::touches) tell_touching(out);
     trajectory.motors.tell(t, out);
     if (n_here % save_every == 0 || t >= next_end_) emit(out);
     return RUNNING;
   }
 
+  // Events of pairs that came into contact in the last step, or parted.
+  void tell_touching(Record<Model>& out) {
+    const auto& at = trajectory.at.contacts;
+    constexpr int first = M + Model::n_watched;
+    int i = 0, j = 0;
+    while (i < at.n_before[0] || j < at.n[0]) {
+      const int old = i < at.n_before[0] ? at.pair_before[0][i] : INT_MAX;
+      const int now = j < at.n[0] ? at.push[0][j].pair : INT_MAX;
+      const int pair = old < now ? old : now;
+      if (old != now) out.event(t, old < now ? LIFT : TOUCH, first + pair, 0.0, 0.0);
+      while (i < at.n_before[0] && at.pair_before[0][i] == pair) ++i;
+      while (j < at.n[0] && at.push[0][j].pair == pair) ++j;
+    }
+  }
+
+  double last_dt_ = 0.0;   // s: of the last step
   double next_end_ = 0.0;  // the end of the run asked for: its last row is always written
 };
 

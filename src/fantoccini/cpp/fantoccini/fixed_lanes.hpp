@@ -36,12 +36,13 @@ struct FixedLanes {
   Mask caught(int r) const { return trajectory.at.taut[r] && !was_[r]; }
   Mask released(int r) const { return was_[r] && !trajectory.at.taut[r]; }
 
-  // Work, damping, impact and slip loss.
+  // Work, damping, impact, slip loss and friction.
   void books(Real* out) const {
     out[0] = trajectory.work;
     out[1] = trajectory.damping;
     out[2] = trajectory.impact;
     out[3] = trajectory.slip_loss;
+    out[4] = trajectory.friction;
   }
 
   template <class Drive>

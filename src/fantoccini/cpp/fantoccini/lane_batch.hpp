@@ -214,7 +214,7 @@ class LaneBatch {
     put_lanes(in, Part::taut, row, bundle_.taut());
     put_lanes(in, Part::slip, row, bundle_.slip());
     if (!in.parts[Part::books]) return;
-    Real books[6];
+    Real books[7];
     struct {
       Real *T, *V;
     } energy{books, books + 1};

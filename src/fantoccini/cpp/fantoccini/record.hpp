@@ -10,7 +10,23 @@ struct Record : RecordArrays {
   using Layout = SampleLayout<Model>;
 
   bool room_for(long long more_rows, long long more_events) const {
-    return n_samples + more_rows <= sample_capacity && n_events + more_events <= event_capacity;
+    return n_samples + more_rows <= sample_capacity && n_events + more_events <= event_capacity &&
+           n_contacts + more_rows * Model::n_contacts <= contact_capacity;
+  }
+
+  // Contact points at the last sample that was written.
+  template <class Push>
+  void touching(const Push* push, int n, double dt) {
+    for (int i = 0; i < n; ++i) {
+      double* out = contacts + ContactLayout::width * n_contacts++;
+      out[ContactLayout::sample] = double(n_samples - 1);
+      out[ContactLayout::pair] = push[i].pair;
+      out[ContactLayout::gap] = push[i].gap;
+      put(out + ContactLayout::point, push[i].at, 3);
+      put(out + ContactLayout::normal, push[i].normal, 3);
+      put(out + ContactLayout::velocity, push[i].velocity, 3);
+      for (int c = 0; c < 3; ++c) out[ContactLayout::force + c] = push[i].impulse[c] / dt;
+    }
   }
 
   void event(double t, int kind, int row, double impulse, double speed) {
@@ -26,7 +42,7 @@ struct Record : RecordArrays {
       double t, const double* q_D, const double* v_D, const double* acc_D, const double* q_K,
       const double* v_K, const double* acc_K, const double* tension, const bool* taut,
       const double* p, double work, double damping, double impact, double slip_loss,
-      const double* slip) {
+      double friction, const double* slip) {
     double* out = samples + Layout::width * n_samples++;
     constexpr int N = Model::n_vD, M = Model::n_rows;
     out[Layout::t] = t;
@@ -46,6 +62,7 @@ struct Record : RecordArrays {
     out[Layout::damping] = damping;
     out[Layout::impact] = impact;
     out[Layout::slip_loss] = slip_loss;
+    out[Layout::friction] = friction;
     put(out + Layout::slip, slip, Model::n_strings);
   }
 

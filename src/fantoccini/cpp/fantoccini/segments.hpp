@@ -6,6 +6,7 @@
 #pragma once
 
 #include "manifold.hpp"
+#include "space.hpp"
 
 namespace fan {
 
@@ -21,13 +22,6 @@ FAN_FN void polynomial(const Real* c, Real s, Real& p, Real& d, Real& dd) {
   p = c[0] + s * p1;
   d = p1 + s * d2;
   dd = 2.0 * (d2 + s * e2);
-}
-
-template <class Real>
-FAN_FN void cross(const Real* a, const Real* b, Real* out) {
-  out[0] = a[1] * b[2] - a[2] * b[1];
-  out[1] = a[2] * b[0] - a[0] * b[2];
-  out[2] = a[0] * b[1] - a[1] * b[0];
 }
 
 // w = J_r phidot and its rate; J_r = 1 - a [phi] + b [phi]^2 with a = (1 - cos)/theta^2 and

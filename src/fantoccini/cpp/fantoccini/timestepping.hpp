@@ -22,6 +22,9 @@
 // together, each with its own rows.
 #pragma once
 
+#include <type_traits>
+
+#include "contact_step.hpp"
 #include "evaluation.hpp"
 #include "winch.hpp"
 
@@ -46,10 +49,13 @@ struct TimeStep {
   static constexpr int M = Model::n_rows;
   using Mask = typename Traits<Real>::Mask;
   using Tolerance = TimeSteppingTolerances;
+  static constexpr bool touches = Model::n_contacts > 0;
   using Pivoting = ComplementarityTolerances;
 
   Evaluation<Model, Real> eval;
   RowSystem<Model, Real> rows;
+  std::conditional_t<touches, ContactStep<Model, Real>, NoContacts> contacts;
+  const ContactArrays* solids = nullptr;  // null: nothing touches anything
   Real acc[room(N)];      // (v+ - v) / dt
   Real trend[room(N)] = {};  // acc, or 0 in lanes that are not steady
   Real lead[room(N)] = {};   // (v_ahead - v) / dt of the step to come
@@ -61,7 +67,7 @@ struct TimeStep {
   Mask held[room(M)];    // and in the one before it
   Real slip[room(S)];    // m, >= 0
   Mask slips[room(S)];   // in the last step
-  Real work, impact, slip_loss, violation;
+  Real work, impact, slip_loss, friction, violation;
   Mask settled;  // whether the last step's complementarity was solved
   Mask idle = Real(0.0) > Real(1.0);  // lanes that have stopped: no row takes part in them
   // Whether a row was ever overstepped by more than stirred_violation.
@@ -83,6 +89,13 @@ struct TimeStep {
       const Real beyond = overstep(r);
       violation = select(beyond > violation, beyond, violation);
     }
+    if constexpr (touches)
+      if (solids) {
+        contacts.find(
+            *solids, eval, q_D, v_D, q_K, v_K, p, dt, whole, recovery_speed, idle);
+        const Real& depth = contacts.violation;
+        violation = select(depth > violation, depth, violation);
+      }
     watch_first(v_D, dt);
     gather(v_D);
     pull(dt, recovery_speed, cap, winches);
@@ -227,6 +240,8 @@ struct TimeStep {
       near_[S + i] = near_[S + i] || passes;
       more = true;
     }
+    if constexpr (touches)
+      if (solids) more = contacts.watch(v) || more;
     return more;
   }
 
@@ -275,11 +290,22 @@ struct TimeStep {
       problem.high[a] = Real(0.0) > Real(1.0);
     }
     settle();
+    if constexpr (touches)
+      if (solids) touch(dt, cap);
     Real w[room(N)];
     for (int a = 0; a < rows.n; ++a) pull_[a] = -problem.bounded(a);
     for (int k = 0; k < N; ++k) w[k] = dt * eval.w0[k];
     rows.add(pull_, w);
+    if constexpr (touches)
+      if (solids) contacts.add(w);
     eval.back(w, acc);
+  }
+
+  // Solves for the impulses of contacts, with those of the rows.
+  FAN_FN void touch(double dt, double cap) {
+    Real guess[room(M)];
+    for (int r = 0; r < M; ++r) guess[r] = tension[r] * dt;
+    contacts.settle(eval, rows, near_, guess, dt * cap, settled);
   }
 
   // Tensions, the active set and the step's entries of the ledger. acc is v+ - v here. Returns the
@@ -293,7 +319,7 @@ struct TimeStep {
       taut[r] = Real(0.0) > Real(1.0);
     }
     work = dt * eval.power0;
-    impact = Real(0.0);
+    impact = friction = Real(0.0);
     if (Model::coupled)
       for (int k = 0; k < N; ++k) work += eval.M_DK_v_K[k] * acc[k];
     Real power = Real(0.0);
@@ -316,8 +342,17 @@ struct TimeStep {
       Real after = before_[a];
       constexpr int stride = Complementarity<Real, M>::N;
       for (int b = 0; b < rows.n; ++b) after += rows.problem.G[a * stride + b] * pull_[b];
+      if constexpr (touches)
+        if (solids) after -= contacts.rate_by_impulses(a);
       impact += select(caught, Real(x * 0.5 * (before_[a] + after)), Real(0.0));
     }
+    if constexpr (touches)
+      if (solids) {
+        some_caught = some_caught || contacts.account() > Real(0.5);
+        work += contacts.work;
+        impact += contacts.impact;
+        friction = contacts.friction;
+      }
     return some_caught;
   }
 

@@ -30,7 +30,7 @@ struct TimeSteppingTrajectory {
   Winches<S> winches;
   MotorWatch<Model, Real> motors;
   Options opt;
-  Real work, damping, impact, slip_loss, worst_violation;
+  Real work, damping, impact, slip_loss, friction, worst_violation;
   Real status;  // a Status: RUNNING, or what has stopped the trajectory
   double blame[width][room(M)];  // of the rows for the status, 0 to 1
 
@@ -45,7 +45,7 @@ struct TimeSteppingTrajectory {
   // first step, which is made and undone.
   FAN_FN void begin() {
     const Mask no = Real(0.0) > Real(1.0);
-    work = damping = impact = slip_loss = worst_violation = Real(0.0);
+    work = damping = impact = slip_loss = friction = worst_violation = Real(0.0);
     status = Real(RUNNING);
     for (int r = 0; r < M; ++r) {
       at.taut[r] = at.held[r] = no;
@@ -55,6 +55,8 @@ struct TimeSteppingTrajectory {
     at.stirred = at.idle = no;
     at.extrapolates = opt.extrapolate != 0;
     at.whole = opt.dt;
+    at.solids = opt.contacts;
+    if constexpr (TimeStep<Model, Real>::touches) at.contacts.begin();
     for (int l = 0; l < width; ++l)
       for (int r = 0; r < M; ++r) blame[l][r] = 0.0;
     for (int k = 0; k < N; ++k) at.acc[k] = Real(0.0);
@@ -66,6 +68,7 @@ struct TimeSteppingTrajectory {
     at.stirred = no;
     at.forget(!no);
     for (int r = 0; r < M; ++r) at.held[r] = at.taut[r];
+    if constexpr (TimeStep<Model, Real>::touches) at.contacts.take_as_resting();
     motors.begin(state().q_D, inputs().q_K, p);
     lost_ = last_loss_ = Real(0.0);
     last_dt_ = 0.0;
@@ -96,6 +99,7 @@ struct TimeSteppingTrajectory {
     damping = select(goes, Real(lost_ + coming_loss()), damping);
     book(impact, at.impact);
     book(slip_loss, at.slip_loss);
+    book(friction, at.friction);
     worst_violation =
         select(goes && at.violation > worst_violation, at.violation, worst_violation);
     at.idle = !goes;
@@ -149,6 +153,11 @@ struct TimeSteppingTrajectory {
     };
     stop(motors.gone, RUNAWAY);
     stop(!at.settled, NOT_SETTLED);
+    if constexpr (TimeStep<Model, Real>::touches) {
+      Real crowded = Real(0.0);
+      for (int l = 0; l < width; ++l) lane_of(crowded, l) = at.contacts.too_many(l) ? 1.0 : 0.0;
+      stop(crowded > Real(0.5), TOO_MANY_CONTACTS);
+    }
     stop(wild, NOT_FINITE);
     const Mask runs_out = empty && status < Real(RUNNING + 0.5);
     if (any(runs_out)) accuse_empty(runs_out);

@@ -68,12 +68,13 @@ struct VariationalTrajectory {
   const auto& motors() const { return watch; }
   const double* blame_of(int lane) const { return blame[lane]; }
 
-  // Work, damping, impact and slip loss.
+  // Work, damping, impact, slip loss and friction.
   void books(Real* out) const {
     out[0] = work;
     out[1] = damping;
     out[2] = impact;
     out[3] = slip_loss;
+    out[4] = Real(0.0);
   }
 
   // Begins at node() and the inputs at t. The tensions there are those of the first step, which is

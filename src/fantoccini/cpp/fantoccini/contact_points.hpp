@@ -1,0 +1,254 @@
+// Contact points of a step: where solids touch or may touch before its end, and the rows of A_D
+// there.
+//
+//   u = e . (v_A + w_A x P - v_B - w_B x P),   e the normal and two tangents at the point P
+//
+// with (v, w) a link's twist about the world's origin, the sum of the screws of the velocities that
+// move it. Rows have the sign of h, like those of strings: hdot = -u, so that h = -gap <= 0 where
+// solids do not overlap, and a force x >= 0 pushes A along +e and B along -e.
+#pragma once
+
+#include <new>
+
+#include "evaluation.hpp"
+#include "lane_of.hpp"
+#include "space.hpp"
+#include "touch.hpp"
+
+namespace fan {
+
+struct ContactPointTolerances {
+  // m: gap up to which a pair is looked at, whatever its speed.
+  static constexpr double margin = 1e-3;
+  // The same, in what the two solids travel towards each other in a step at most.
+  static constexpr double travel = 2.0;
+};
+
+template <class Model, class Real>
+class ContactPoints {
+ public:
+  static constexpr int C = Model::n_contacts, N = Model::n_vD, NK = Model::n_vK;
+  static constexpr int width = Traits<Real>::width;
+  using Tolerance = ContactPointTolerances;
+  using Mask = typename Traits<Real>::Mask;
+
+  struct Point {
+    int pair, feature;       // of ContactArrays; which of the pair's points
+    double gap, at[3];       // m
+    double frame[9];         // normal, tangent, tangent
+  };
+
+  int n[width], most;        // points of each lane, and of the one that has most
+  Point point[width][room(C)];
+  bool too_many[width] = {};  // whether a lane has had more points than there is room for
+  Real row[room(3 * C)][room(N)];  // of A_D: every point's normal and tangents
+  Real rate_K[room(3 * C)];        // A_K v_K of these rows
+
+  // The least gap of every pair at a configuration of lane 0; pairs farther apart than the margin
+  // keep what is in `gaps`.
+  void measure(
+      const ContactArrays& in, const Real* q_D, const Real* q_K, const Real* p, double* gaps) {
+    Real v_D[room(N)] = {}, v_K[room(NK)] = {};
+    Call<Model, Real>::screws(q_D, q_K, p, links_);
+    load(0, v_D, v_K);
+    place(in);
+    for (int k = 0; k < in.n_pairs; ++k) {
+      n[0] = 0;
+      look(in, k, Tolerance::margin, 0);
+      for (int i = 0; i < n[0]; ++i)
+        if (i == 0 || point[0][i].gap < gaps[k]) gaps[k] = point[0][i].gap;
+    }
+  }
+
+  // The points at (q_D, q_K) over a step dt, in the lanes that are not idle.
+  FAN_FN void find(
+      const ContactArrays& in, const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
+      const Real* p, double dt, const Mask& idle) {
+    Call<Model, Real>::screws(q_D, q_K, p, links_);
+    most = 0;
+    for (int l = 0; l < width; ++l) {
+      n[l] = 0;
+      if (lane_of(idle, l)) continue;
+      load(l, v_D, v_K);
+      place(in);
+      look_at_all(in, dt, l);
+      if (n[l] > most) most = n[l];
+    }
+    for (int i = 0; i < 3 * most; ++i) {
+      rate_K[i] = Real(0.0);
+      for (int k = 0; k < N; ++k) row[i][k] = Real(0.0);
+    }
+    for (int l = 0; l < width; ++l) {
+      if (n[l] > 0) load(l, v_D, v_K);
+      for (int i = 0; i < n[l]; ++i) fill(in, l, i);
+    }
+  }
+
+ private:
+  static constexpr int L = Model::n_links, B = Model::n_solids;
+
+  // A lane's poses and screws, and the links' twists.
+  FAN_FN void load(int l, const Real* v_D, const Real* v_K) {
+    for (int i = 0; i < 12 * L; ++i) poses_[i] = lane_of(links_.poses[i], l);
+    for (int i = 0; i < 6 * N; ++i) screw_D_[i] = lane_of(links_.screw_D[i], l);
+    for (int i = 0; i < 6 * NK; ++i) screw_K_[i] = lane_of(links_.screw_K[i], l);
+    for (int k = 0; k < N; ++k) v_D_[k] = lane_of(v_D[k], l);
+    for (int k = 0; k < NK; ++k) v_K_[k] = lane_of(v_K[k], l);
+    for (int i = 0; i < L; ++i) {
+      double* twist = twist_ + 6 * i;
+      for (int c = 0; c < 6; ++c) twist[c] = 0.0;
+      for (int j = Model::moved_D_begin[i]; j < Model::moved_D_begin[i + 1]; ++j) {
+        const int k = Model::moved_D_entry[j];
+        for (int c = 0; c < 6; ++c) twist[c] += screw_D_[6 * k + c] * v_D_[k];
+      }
+      for (int j = Model::moved_K_begin[i]; j < Model::moved_K_begin[i + 1]; ++j) {
+        const int k = Model::moved_K_entry[j];
+        for (int c = 0; c < 6; ++c) twist[c] += screw_K_[6 * k + c] * v_K_[k];
+      }
+    }
+  }
+
+  // The solids of the links in the world, a ball around all of each link, and how fast they are.
+  FAN_FN void place(const ContactArrays& in) {
+    for (int first = 0; first < B;) {
+      const int link = in.solids[first].link;
+      const double* R = poses_ + 12 * link;
+      int end = first;
+      double centre[3] = {};
+      for (; end < B && in.solids[end].link == link; ++end) {
+        placed(in.solids[end], R, R + 9, placed_[end]);
+        for (int c = 0; c < 3; ++c) centre[c] += 0.5 * (placed_[end].a[c] + placed_[end].b[c]);
+      }
+      Solid& ball = ball_[link];
+      ball.kind = SEGMENT;
+      ball.radius = ball.half[0] = 0.0;
+      for (int c = 0; c < 3; ++c) ball.a[c] = ball.b[c] = centre[c] / (end - first);
+      for (; first < end; ++first) {
+        const Solid& own = placed_[first];
+        double apart[3];
+        for (int c = 0; c < 3; ++c) apart[c] = 0.5 * (own.a[c] + own.b[c]) - ball.a[c];
+        const double reach = sqrt(dot3(apart, apart)) + bounding_radius(own);
+        if (reach > ball.radius) ball.radius = reach;
+      }
+      const double* t = twist_ + 6 * link;
+      double v[3];
+      cross(t + 3, ball.a, v);
+      for (int c = 0; c < 3; ++c) v[c] += t[c];
+      speed_[link] = sqrt(dot3(v, v)) + sqrt(dot3(t + 3, t + 3)) * ball.radius;
+    }
+  }
+
+  FAN_FN static void placed(const Solid& from, const double* R, const double* r, Solid& to) {
+    to.kind = from.kind;
+    to.link = from.link;
+    to.mesh = from.mesh;
+    to.radius = from.radius;
+    for (int c = 0; c < 3; ++c) {
+      to.half[c] = from.half[c];
+      to.a[c] = r[c] + R[c] * from.a[0] + R[3 + c] * from.a[1] + R[6 + c] * from.a[2];
+      to.b[c] = r[c] + R[c] * from.b[0] + R[3 + c] * from.b[1] + R[6 + c] * from.b[2];
+      for (int j = 0; j < 3; ++j)
+        to.R[3 * j + c] = R[c] * from.R[3 * j] + R[3 + c] * from.R[3 * j + 1] +
+                          R[6 + c] * from.R[3 * j + 2];
+    }
+  }
+
+  // Finds the points of lane l.
+  FAN_FN void look_at_all(const ContactArrays& in, double dt, int l) {
+    for (int g = 0, k = 0; g < in.n_groups; ++g) {
+      const int a = in.groups[3 * g], b = in.groups[3 * g + 1], end = in.groups[3 * g + 2];
+      const double speed = speed_[a] + (b < 0 ? 0.0 : speed_[b]);
+      const double margin = Tolerance::margin + Tolerance::travel * dt * speed;
+      const Solid& other = b < 0 ? in.solids[-1 - b] : ball_[b];
+      if (certainly_apart(ball_[a], other, margin)) k = end;
+      for (; k < end; ++k) look(in, k, margin, l);
+    }
+  }
+
+  // Adds the points of pair k to those of lane l.
+  FAN_FN void look(const ContactArrays& in, int k, double margin, int l) {
+    const int a = in.pairs[2 * k], b = in.pairs[2 * k + 1];
+    const Solid &x = placed_[a], &y = b < B ? placed_[b] : in.solids[b];
+    if (certainly_apart(x, y, margin)) return;
+    Touch found[max_touches];
+    const int n_found = touches(x, y, margin, found);
+    for (int i = 0; i < n_found; ++i) {
+      if (n[l] == C) {
+        too_many[l] = true;
+        return;
+      }
+      Point& to = point[l][n[l]++];
+      to.pair = k;
+      to.feature = found[i].feature;
+      to.gap = found[i].gap;
+      for (int c = 0; c < 3; ++c) {
+        to.at[c] = found[i].point[c];
+        to.frame[c] = found[i].normal[c];
+      }
+      tangents(to.frame);
+    }
+  }
+
+  // Two unit vectors across the normal and each other, from the axis that it is farthest from.
+  FAN_FN static void tangents(double* frame) {
+    int axis = 0;
+    for (int c = 1; c < 3; ++c)
+      if (fabs(frame[c]) < fabs(frame[axis])) axis = c;
+    const double e[3] = {double(axis == 0), double(axis == 1), double(axis == 2)};
+    cross(e, frame, frame + 3);
+    const double size = sqrt(dot3(frame + 3, frame + 3));
+    for (int c = 3; c < 6; ++c) frame[c] /= size;
+    cross(frame, frame + 3, frame + 6);
+  }
+
+  // The rows of lane l's point i.
+  FAN_FN void fill(const ContactArrays& in, int l, int i) {
+    const Point& from = point[l][i];
+    const int a = in.pairs[2 * from.pair], b = in.pairs[2 * from.pair + 1];
+    for (int d = 0; d < 3; ++d) {
+      const double* e = from.frame + 3 * d;
+      double moment[3];
+      cross(from.at, e, moment);
+      Real* out = row[3 * i + d];
+      double driven = 0.0;
+      for (int side = 0; side < 2; ++side) {
+        const int link = in.solids[side ? b : a].link;
+        if (link < 0) continue;
+        const double sign = side ? 1.0 : -1.0;
+        for (int j = Model::moved_D_begin[link]; j < Model::moved_D_begin[link + 1]; ++j) {
+          const int k = Model::moved_D_entry[j];
+          const double* s = screw_D_ + 6 * k;
+          lane_of(out[k], l) += sign * (dot3(e, s) + dot3(moment, s + 3));
+        }
+        for (int j = Model::moved_K_begin[link]; j < Model::moved_K_begin[link + 1]; ++j) {
+          const int k = Model::moved_K_entry[j];
+          const double* s = screw_K_ + 6 * k;
+          driven += sign * (dot3(e, s) + dot3(moment, s + 3)) * v_K_[k];
+        }
+      }
+      lane_of(rate_K[3 * i + d], l) = driven;
+    }
+  }
+
+  struct {
+    Real poses[room(12 * L)], screw_D[room(6 * N)], screw_K[room(6 * NK)];
+  } links_;
+  double poses_[room(12 * L)], screw_D_[room(6 * N)], screw_K_[room(6 * NK)];
+  double v_D_[room(N)], v_K_[room(NK)], twist_[room(6 * L)], speed_[room(L)];
+  Solid placed_[room(B)], ball_[room(L)];  // of the solids; of the links
+};
+
+// The C interface of ContactPoints::measure; 1 where there was no memory, else 0.
+template <class Model>
+int measure_gaps(
+    const ContactArrays& in, const double* q_D, const double* q_K, const double* p, double* gaps) {
+  if constexpr (Model::n_contacts > 0) {
+    auto* points = new (std::nothrow) ContactPoints<Model, double>();
+    if (!points) return 1;
+    points->measure(in, q_D, q_K, p, gaps);
+    delete points;
+  }
+  return 0;
+}
+
+}  // namespace fan

@@ -1,0 +1,369 @@
+// Contacts of a time step, solved as one problem with the strings and limits that take part:
+//
+//   gap/dt + u_n >= 0, complementary to x_n >= 0;   |x_t| <= mu x_n,
+//   x_t = -mu x_n u_t/|u_t| where u_t != 0                    (Signorini, Coulomb; cone.hpp)
+//
+// with u the velocity of the first solid against the second after the step, x the impulse on the
+// first. As for strings, solids that overlap part at the recovery speed at most. An impact with
+// restitution e leaves u_n+ = -e u_n- instead, unless the forces of one step would take the rebound
+// back. The problem of each lane is its own, so that no lane's result depends on its neighbours.
+#pragma once
+
+#include "cone.hpp"
+#include "contact_points.hpp"
+
+namespace fan {
+
+struct ContactStepTolerances {
+  // m/s at which a point joins the problem because it would be passed: above rounding.
+  static constexpr double passing_speed = 1e-12;
+  // Steps that an impact takes: the first ends where the solids touch, the second stops them.
+  static constexpr int steps_of_impact = 2;
+};
+
+template <class Model, class Real>
+class ContactStep {
+ public:
+  static constexpr int C = Model::n_contacts, N = Model::n_vD, S = Model::n_strings;
+  static constexpr int M = Model::n_rows, width = Traits<Real>::width;
+  using Mask = typename Traits<Real>::Mask;
+  using Points = ContactPoints<Model, Real>;
+  using Tolerance = ContactStepTolerances;
+
+  // A point that pushes at the end of a step.
+  struct Push {
+    int pair, feature, steps;  // for how many steps, counted beyond steps_of_impact by one
+    double gap, at[3], normal[3], impulse[3], velocity[3];
+  };
+
+  int n[width] = {};      // points that push
+  Push push[width][room(C)];
+  int n_before[width] = {};
+  int pair_before[width][room(C)];  // of the points that pushed in the step before
+  Real violation, work, impact, friction;  // depth; energies of the step
+  double residual[width] = {};  // of the law, in the last step
+
+  bool too_many(int lane) const { return points_.too_many[lane]; }
+
+  // Nothing has touched anything yet.
+  FAN_FN void begin() {
+    for (int l = 0; l < width; ++l) {
+      n[l] = n_before[l] = 0;
+      points_.too_many[l] = false;
+      residual[l] = 0.0;
+    }
+    points_.most = 0;
+  }
+
+  // What pushes now has pushed for long.
+  FAN_FN void take_as_resting() {
+    for (int l = 0; l < width; ++l)
+      for (int i = 0; i < n[l]; ++i) push[l][i].steps = Tolerance::steps_of_impact + 1;
+  }
+
+  // Finds the points at the start of a step of length dt and their speeds without impulses; eval is
+  // that of the step.
+  FAN_FN void find(
+      const ContactArrays& in, const Evaluation<Model, Real>& eval, const Real* q_D,
+      const Real* v_D, const Real* q_K, const Real* v_K, const Real* p, double dt, double whole,
+      double recovery_speed, const Mask& idle) {
+    in_ = &in;
+    points_.find(in, q_D, v_D, q_K, v_K, p, dt, idle);
+    violation = work = impact = friction = Real(0.0);
+    for (int l = 0; l < width; ++l) {
+      chosen_[l] = 0;
+      for (int i = 0; i < points_.n[l]; ++i) {
+        const double depth = -points_.point[l][i].gap;
+        if (depth > lane_of(violation, l)) lane_of(violation, l) = depth;
+      }
+    }
+    if (points_.most == 0) return;
+    Real v[room(N)], w[room(N)];
+    for (int k = 0; k < N; ++k) w[k] = dt * eval.w0[k];
+    eval.back(w, v);
+    for (int k = 0; k < N; ++k) v[k] += v_D[k];
+    for (int i = 0; i < 3 * points_.most; ++i) {
+      x_[i] = Real(0.0);
+      before_[i] = rate(i, v);
+      if (i % 3 != 0) b_[i] = before_[i];
+      else
+        for (int l = 0; l < width; ++l)
+          if (i / 3 < points_.n[l]) aim(l, i / 3, lane_of(rate(i, v_D), l), dt, whole, recovery_speed);
+    }
+    for (int l = 0; l < width; ++l) recall(l);
+    made_ = 0;
+  }
+
+  // Whether any point takes part in lane l.
+  bool takes_part(int lane) const { return chosen_[lane] > 0; }
+
+  // Adds the points that would be passed at the velocity v; whether there are any.
+  FAN_FN bool watch(const Real* v) {
+    bool more = false;
+    for (int i = 0; i < points_.most; ++i) {
+      const Real now = rate(3 * i, v);
+      for (int l = 0; l < width; ++l) {
+        if (i >= points_.n[l] || near_[l][i]) continue;
+        const double closing =
+            lane_of(now, l) + lane_of(b_[3 * i], l) - lane_of(before_[3 * i], l);
+        if (!(closing > Tolerance::passing_speed)) continue;
+        near_[l][i] = more = true;
+        ++chosen_[l];
+      }
+    }
+    return more;
+  }
+
+  // Solves for the impulses of the points and of the gathered rows that take part, in the lanes in
+  // which points do; the rows' problem holds their bounds, and then their impulses x and s. near
+  // tells which rows take part. `guess` (n_rows) are impulses of the rows to begin with.
+  FAN_FN void settle(
+      const Evaluation<Model, Real>& eval, RowSystem<Model, Real>& rows, const Mask* near,
+      const Real* guess, double cap, Mask& settled) {
+    make_columns(eval, rows);
+    Real found[room(M)], s[room(M)], of_lane = Real(0.0), well = Real(0.0);
+    for (int a = 0; a < rows.n; ++a) {
+      found[a] = rows.problem.x[a];
+      s[a] = rows.problem.s[a];
+    }
+    for (int l = 0; l < width; ++l) {
+      if (chosen_[l] == 0) continue;
+      lane_of(of_lane, l) = 1.0;
+      if (solve(l, rows, near, guess, cap, found, s)) lane_of(well, l) = 1.0;
+    }
+    const Mask here = of_lane > Real(0.5);
+    settled = (settled && !here) || (here && well > Real(0.5));
+    auto& problem = rows.problem;
+    for (int a = 0; a < rows.n; ++a) {
+      problem.x[a] = select(here, found[a], problem.x[a]);
+      problem.s[a] = select(here, s[a], problem.s[a]);
+      problem.high[a] = (problem.high[a] && !here) || (here && !(found[a] < problem.upper[a]));
+    }
+  }
+
+  // w <- w - W x over the points.
+  FAN_FN void add(Real* w) const {
+    for (int i = 0; i < 3 * points_.most; ++i) {
+      if (!any(x_[i] != Real(0.0))) continue;
+      for (int k = 0; k < N; ++k) w[k] -= W_[i][k] * x_[i];
+    }
+  }
+
+  // What the impulses take from hdot of gathered row a.
+  FAN_FN Real rate_by_impulses(int a) const {
+    Real sum = Real(0.0);
+    for (int i = 0; i < 3 * points_.most; ++i)
+      if (any(x_[i] != Real(0.0))) sum += across_[i][a] * x_[i];
+    return sum;
+  }
+
+  // The energies of the step, and what pushes at its end. Returns 1 in lanes with an impact, else
+  // 0.
+  FAN_FN Real account() {
+    Real struck = Real(0.0);
+    for (int l = 0; l < width; ++l) {
+      n_before[l] = n[l];
+      for (int i = 0; i < n[l]; ++i) pair_before[l][i] = push[l][i].pair;
+      int pushes = 0;
+      Push now[room(C)];
+      for (int i = 0; i < points_.n[l]; ++i)
+        if (lane_of(x_[3 * i], l) > 0.0) {
+          now[pushes] = pushing(l, i);
+          const bool strikes = now[pushes++].steps <= Tolerance::steps_of_impact;
+          if (strikes) lane_of(struck, l) = 1.0;
+          book(l, i, strikes);
+        }
+      for (int i = 0; i < pushes; ++i) push[l][i] = now[i];
+      n[l] = pushes;
+    }
+    return struck;
+  }
+
+ private:
+  // hdot of row i at the velocity v.
+  FAN_FN Real rate(int i, const Real* v) const {
+    Real sum = points_.rate_K[i];
+    for (int k = 0; k < N; ++k) sum += points_.row[i][k] * v[k];
+    return sum;
+  }
+
+  // What the normal impulse of a point must take away: the speed at which it closes without
+  // impulses, and the gap over the step, or the rebound. hdot is the speed at the step's start.
+  FAN_FN void aim(int l, int i, double hdot, double dt, double whole, double recovery_speed) {
+    const double h = -points_.point[l][i].gap, before = lane_of(before_[3 * i], l);
+    const double back = h / (h > 0.0 && whole > dt ? whole : dt);
+    const double closing = before + (back < recovery_speed ? back : recovery_speed);
+    const double rebound = in_->restitution[points_.point[l][i].pair] * hdot;
+    const bool bounces = rebound > 0.0 && closing > 0.0 && rebound > before - hdot;
+    lane_of(b_[3 * i], l) = bounces ? before + rebound : closing;
+  }
+
+  // Chooses the points of a lane that take part: those that pushed in the step before, with their
+  // impulses as the first guess, and those that would be passed.
+  FAN_FN void recall(int l) {
+    int j = 0;
+    for (int i = 0; i < points_.n[l]; ++i) {
+      const auto& p = points_.point[l][i];
+      while (j < n[l] && earlier(push[l][j], p)) ++j;
+      const bool pushed = j < n[l] && push[l][j].pair == p.pair && push[l][j].feature == p.feature;
+      steps_[l][i] = pushed ? push[l][j].steps : 0;
+      near_[l][i] = pushed || lane_of(b_[3 * i], l) > 0.0;
+      chosen_[l] += near_[l][i];
+      if (!pushed) continue;
+      for (int d = 0; d < 3; ++d) lane_of(x_[3 * i + d], l) = dot3(p.frame + 3 * d, push[l][j].impulse);
+    }
+  }
+
+  template <class Other>
+  FAN_FN static bool earlier(const Push& a, const Other& b) {
+    return a.pair < b.pair || (a.pair == b.pair && a.feature < b.feature);
+  }
+
+  // W = F^-T A_D^T of the points that take part in some lane, and the products of their columns.
+  FAN_FN void make_columns(const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows) {
+    for (int i = 0; i < points_.most; ++i) {
+      bool some = false;
+      for (int l = 0; l < width; ++l) some = some || (i < points_.n[l] && near_[l][i]);
+      if (i >= made_) has_[i] = false;
+      if (some && !has_[i])
+        for (int d = 3 * i; d < 3 * i + 3; ++d) {
+          Call<Model, Real>::forth(eval.L, points_.row[d], W_[d]);
+          for (int j = 0; j <= i; ++j)
+            if (j == i || has_[j])
+              for (int e = 3 * j; e < 3 * j + 3 && e <= d; ++e) G_[d][e] = product(W_[d], W_[e]);
+          for (int j = i + 1; j < made_; ++j)
+            if (has_[j])
+              for (int e = 3 * j; e < 3 * j + 3; ++e) G_[e][d] = product(W_[d], W_[e]);
+        }
+      has_[i] = has_[i] || some;
+      if (!some) continue;
+      for (int d = 3 * i; d < 3 * i + 3; ++d)
+        for (int a = 0; a < rows.n; ++a) across_[d][a] = product(W_[d], rows.column[a]);
+    }
+    made_ = points_.most;
+  }
+
+  FAN_FN static Real product(const Real* a, const Real* b) {
+    Real even = Real(0.0), odd = Real(0.0);
+    int k = 0;
+    for (; k + 2 <= N; k += 2) {
+      even += a[k] * b[k];
+      odd += a[k + 1] * b[k + 1];
+    }
+    if (k < N) even += a[k] * b[k];
+    return even + odd;
+  }
+
+  // Solves lane l.
+  FAN_FN bool solve(
+      int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess, double cap,
+      Real* found, Real* s) {
+    int single[room(M)], triple[room(C)], n_single = 0, n_triple = 0;
+    for (int a = 0; a < rows.n; ++a)
+      if (lane_of(near[rows.row[a]], l)) single[n_single++] = a;
+    for (int i = 0; i < points_.n[l]; ++i)
+      if (near_[l][i]) triple[n_triple++] = i;
+    auto& problem = cone_;
+    problem.n_single = n_single;
+    problem.n_contacts = n_triple;
+    const int size = n_single + 3 * n_triple;
+    constexpr int stride = Complementarity<Real, M>::N;
+    const auto& from = rows.problem;
+    for (int i = 0; i < n_single; ++i) {
+      const int a = single[i];
+      for (int j = 0; j < n_single; ++j)
+        problem.G[i * size + j] = lane_of(from.G[a * stride + single[j]], l);
+      problem.b[i] = lane_of(from.b[a], l);
+      problem.lower[i] = lane_of(from.lower[a], l);
+      problem.upper[i] = lane_of(from.upper[a], l);
+      problem.x[i] = lane_of(guess[rows.row[a]], l);
+    }
+    for (int i = 0; i < n_triple; ++i) {
+      problem.mu[i] = in_->friction[points_.point[l][triple[i]].pair];
+      for (int d = 0; d < 3; ++d) {
+        const int to = n_single + 3 * i + d, own = 3 * triple[i] + d;
+        for (int j = 0; j < n_single; ++j)
+          problem.G[to * size + j] = problem.G[j * size + to] = lane_of(across_[own][single[j]], l);
+        for (int j = 0; j <= i; ++j)
+          for (int e = 0; e < 3 && (j < i || e <= d); ++e) {
+            const int at = n_single + 3 * j + e;
+            problem.G[to * size + at] = problem.G[at * size + to] =
+                lane_of(G_[own][3 * triple[j] + e], l);
+          }
+        problem.b[to] = lane_of(b_[own], l);
+        problem.x[to] = lane_of(x_[own], l);
+        problem.lower[to] = d == 0 ? 0.0 : -cap;
+        problem.upper[to] = cap;
+      }
+    }
+    const bool solved = problem.solve();
+    residual[l] = problem.residual;
+    for (int a = 0; a < rows.n; ++a) {
+      lane_of(found[a], l) = 0.0;
+      lane_of(s[a], l) = -lane_of(from.b[a], l);
+    }
+    for (int i = 0; i < n_single; ++i) {
+      lane_of(found[single[i]], l) = problem.x[i];
+      lane_of(s[single[i]], l) = problem.s[i];
+    }
+    for (int i = 0; i < n_triple; ++i)
+      for (int d = 0; d < 3; ++d) {
+        lane_of(x_[3 * triple[i] + d], l) = problem.x[n_single + 3 * i + d];
+        lane_of(s_[3 * triple[i] + d], l) = problem.s[n_single + 3 * i + d];
+      }
+    return solved;
+  }
+
+  // Point i of lane l as it pushes.
+  FAN_FN Push pushing(int l, int i) const {
+    const auto& from = points_.point[l][i];
+    Push out;
+    out.pair = from.pair;
+    out.feature = from.feature;
+    out.steps = steps_[l][i] + (steps_[l][i] <= Tolerance::steps_of_impact);
+    out.gap = from.gap;
+    for (int c = 0; c < 3; ++c) {
+      out.at[c] = from.at[c];
+      out.normal[c] = from.frame[c];
+      out.impulse[c] = out.velocity[c] = 0.0;
+      for (int d = 0; d < 3; ++d) {
+        out.impulse[c] += lane_of(x_[3 * i + d], l) * from.frame[3 * d + c];
+        out.velocity[c] -= after(l, 3 * i + d) * from.frame[3 * d + c];
+      }
+    }
+    return out;
+  }
+
+  // hdot of row i after the step.
+  FAN_FN double after(int l, int i) const {
+    return lane_of(before_[i], l) - lane_of(s_[i], l) - lane_of(b_[i], l);
+  }
+
+  // Adds the energies of point i: at an impact the impulse's work at the mean speed.
+  FAN_FN void book(int l, int i, bool strikes) {
+    for (int d = 3 * i; d < 3 * i + 3; ++d) {
+      const double x = lane_of(x_[d], l), end = after(l, d);
+      const double lost = strikes ? 0.5 * x * (lane_of(before_[d], l) + end) : x * end;
+      lane_of(work, l) += x * lane_of(points_.rate_K[d], l);
+      if (d != 3 * i) lane_of(friction, l) += lost;
+      else if (strikes) lane_of(impact, l) += lost;
+    }
+  }
+
+  Points points_;
+  const ContactArrays* in_ = nullptr;
+  int steps_[width][room(C)];      // for which a point has pushed
+  bool near_[width][room(C)];      // whether a point takes part
+  int chosen_[width] = {};         // how many do
+  Real x_[room(3 * C)], s_[room(3 * C)], b_[room(3 * C)];
+  Real before_[room(3 * C)];       // hdot after the step without impulses
+  int made_ = 0;
+  bool has_[room(C)];              // whether a point's columns are made
+  Real W_[room(3 * C)][room(N)], G_[room(3 * C)][room(3 * C)], across_[room(3 * C)][room(M)];
+  ConeProblem<M + 3 * C> cone_;
+};
+
+// In the place of ContactStep for puppets that touch nothing.
+struct NoContacts {};
+
+}  // namespace fan

@@ -1,0 +1,159 @@
+"""Which solids of a puppet may touch what, and how far they are apart."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.errors import Mistake, PuppetError
+from fantoccini.motion import pair_name
+from fantoccini.puppet import Contact, Mesh, Obstacle, Puppet, Shape
+from fantoccini.puppet.contact import FLOOR, Group
+from fantoccini.runtime import Contacts, Library
+from fantoccini.runtime.solids import half_space, solid, stacked
+from fantoccini.tree import WORLD, Role, Tree
+
+OVERLAP = 1e-9
+"""Depth from which solids overlap at the start pose and so never touch each other [m]."""
+TOUCHING = 1e-6
+"""Gap up to which solids count as touching [m]."""
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Something with a surface: the name of its body or obstacle, its link, its solid."""
+
+    name: str
+    link: int
+    solid: np.ndarray
+
+
+def contacts_of(puppet: Puppet, tree: Tree, library: Library) -> Contacts | None:
+    """The pairs of solids that may touch; None where the puppet's file says nothing of contact.
+
+    Bodies of one joint, and bodies that overlap at the pose of the file, do not touch.
+
+    Args:
+        puppet: with rules of contact.
+        tree: of the puppet.
+        library: its compiled model.
+
+    Raises:
+        PuppetError: a mesh may touch something.
+    """
+    rules = puppet.touching
+    if rules is None:
+        return None
+    own = [
+        _Part(link.name, i, _solid(puppet, shape, link.name, i))
+        for i, link in enumerate(tree.links)
+        for shape in link.shapes
+    ]
+    standing = [_Part(o.name, WORLD, _solid(puppet, o, o.name, WORLD)) for o in puppet.obstacles]
+    if puppet.floor is not None:
+        plane = half_space((0.0, 0.0, puppet.floor), (0.0, 0.0, 1.0))
+        standing.append(_Part(FLOOR, WORLD, plane))
+    parts = own + standing
+    pairs = sorted(
+        _pairs(puppet, tree, rules, own, standing),
+        key=lambda pair: (parts[pair[0]].link, parts[pair[1]].link, pair[1], pair[0]),
+    )
+    table = Contacts(
+        solids=stacked([part.solid for part in parts]),
+        pairs=np.array([(a, b) for a, b, _, _ in pairs], dtype=np.int32).reshape(-1, 2),
+        friction=np.array([friction for _, _, friction, _ in pairs]),
+        restitution=np.array([e for _, _, _, e in pairs]),
+        names=tuple((parts[a].name, parts[b].name) for a, b, _, _ in pairs),
+    )
+    start = tree.coordinates
+    p = np.array(list(tree.parameters.values()), dtype=float)
+    gaps = library.gaps(table, start.start_D, np.nan_to_num(start.start_K), p)
+    stands = table.pairs[:, 1] >= len(own)
+    return table.some(stands | ~(gaps < -OVERLAP))
+
+
+def _solid(puppet: Puppet, shape: Shape | Obstacle, name: str, link: int) -> np.ndarray:
+    if isinstance(shape, Mesh):
+        file, line = puppet.locate(name)
+        text = "meshes touch nothing yet; give it spheres, capsules, boxes or ellipsoids instead"
+        raise PuppetError([Mistake(file, line, f"shapes of {name}", text)])
+    return solid(shape, link)
+
+
+def _pairs(
+    puppet: Puppet, tree: Tree, rules: Contact, own: list[_Part], standing: list[_Part]
+) -> Iterator[tuple[int, int, float, float]]:
+    """Indices of two parts that meet, their friction and restitution."""
+    for a, first in enumerate(own):
+        for b, second in enumerate([*own[:a], *standing]):
+            place = b if b < a else len(own) + b - a
+            if _moves(tree, first.link, second.link) and not _joined(tree, first, second):
+                group = _group(puppet, first, second)
+                found = _rule(puppet, rules, first.name, second.name, group)
+                if found is not None:
+                    yield a, place, *found
+
+
+def _moves(tree: Tree, a: int, b: int) -> bool:
+    """Whether a dynamic coordinate moves one link against the other."""
+    ways = [
+        {i for i in tree.ancestors(link) if tree.links[i].role is Role.DYNAMIC} for link in (a, b)
+    ]
+    return ways[0] != ways[1]
+
+
+def _joined(tree: Tree, a: _Part, b: _Part) -> bool:
+    """Whether one joint connects two bodies, or both are one."""
+    return b.link != WORLD and (
+        a.link == b.link or _carrier(tree, a.link) == b.link or _carrier(tree, b.link) == a.link
+    )
+
+
+def _carrier(tree: Tree, link: int) -> int:
+    """The nearest link below with a shape, on which a link stands."""
+    parent = tree.links[link].parent
+    while parent != WORLD and not tree.links[parent].shapes:
+        parent = tree.links[parent].parent
+    return parent
+
+
+def _group(puppet: Puppet, a: _Part, b: _Part) -> Group:
+    """What the second part is to the first."""
+    if b.link == WORLD:
+        return "floor" if b.name == FLOOR else "obstacles"
+    owners = puppet.member_of(a.name), puppet.member_of(b.name)
+    if set(owners) & set(puppet.props):
+        return "props"
+    return "self" if owners[0] == owners[1] else "puppets"
+
+
+def _rule(
+    puppet: Puppet, rules: Contact, a: str, b: str, group: Group
+) -> tuple[float, float] | None:
+    """Friction and restitution of two parts; None where they do not meet."""
+    friction, restitution, meet = rules.friction, rules.restitution, group in rules.meets
+    owned = [{name, puppet.member_of(name)} for name in (a, b)]
+    for pair in rules.pairs:
+        one, other = pair.between
+        if not any(one in x and other in y for x, y in (owned, owned[::-1])):
+            continue
+        meet = pair.meet
+        friction = friction if pair.friction is None else pair.friction
+        restitution = restitution if pair.restitution is None else pair.restitution
+    return (friction, restitution) if meet else None
+
+
+def overlaps(
+    library: Library, contacts: Contacts, q_D: Array, q_K: Array, p: Array, depth: float
+) -> dict[str, float]:
+    """The pairs that overlap by more than a depth [m] at a configuration, and by how much [m]."""
+    gaps = library.gaps(contacts, q_D, q_K, p)
+    found: dict[str, float] = {}
+    for names, gap in zip(contacts.names, gaps, strict=True):
+        if gap < -depth:
+            name = pair_name(names)
+            found[name] = max(found.get(name, 0.0), -float(gap))
+    return found

@@ -1,0 +1,115 @@
+"""What touched what during a run: points, forces and sliding over time."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fantoccini.arrays import Array, Indices, frozen
+from fantoccini.contract import CONTACT
+from fantoccini.errors import UnknownNameError
+
+
+def pair_name(pair: tuple[str, str]) -> str:
+    """The name of two parts in events: ``foot|floor``."""
+    return "|".join(pair)
+
+
+@dataclass(frozen=True, eq=False)
+class ContactPoints:
+    """Points that pushed, n over all samples of a run; the arrays are read-only copies.
+
+    Attributes:
+        sample: (n,) the sample of each, not decreasing.
+        pair: (n,) its place in ``names``.
+        gap: (n,) distance of the surfaces, negative where they overlap [m].
+        point: (n, 3) midway between them, in the world [m].
+        normal: (n, 3) from the second solid to the first, in the world.
+        force: (n, 3) on the first solid, in the world [N].
+        velocity: (n, 3) of the first solid against the second there [m/s].
+        names: of the bodies, obstacles or floor of every pair.
+    """
+
+    sample: Indices
+    pair: Indices
+    gap: Array
+    point: Array
+    normal: Array
+    force: Array
+    velocity: Array
+    names: tuple[tuple[str, str], ...]
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            if field.name == "names":
+                continue
+            kind = int if field.name in ("sample", "pair") else float
+            object.__setattr__(self, field.name, frozen(getattr(self, field.name), kind))
+
+    @classmethod
+    def of_rows(cls, rows: Array, names: tuple[tuple[str, str], ...]) -> ContactPoints:
+        """The points that compiled code wrote, (n, width), laid out as ``CONTACT``."""
+        ends = np.cumsum([part.numel({}) for part in CONTACT])
+        parts: dict[str, Any] = {
+            part.name: rows[:, end - part.numel({}) : end] if part.shape else rows[:, end - 1]
+            for part, end in zip(CONTACT, ends, strict=True)
+        }
+        return cls(**parts, names=names)
+
+    def __len__(self) -> int:
+        return len(self.sample)
+
+    def __repr__(self) -> str:
+        return f"<ContactPoints: {len(self)} of {len(set(self.names))} pairs>"
+
+    @property
+    def normal_force(self) -> Array:
+        """(n,) force along the normal, >= 0 [N]."""
+        return np.einsum("ij,ij->i", self.force, self.normal)
+
+    @property
+    def sliding(self) -> Array:
+        """(n,) speed across the normal [m/s]."""
+        along = np.einsum("ij,ij->i", self.velocity, self.normal)
+        return np.linalg.norm(self.velocity - along[:, None] * self.normal, axis=1)
+
+    def of(self, *parts: str) -> ContactPoints:
+        """The points of a body, an obstacle or ``floor``; of two, those between them.
+
+        Raises:
+            UnknownNameError: nothing of this name may touch anything.
+        """
+        known = {name for pair in self.names for name in pair}
+        for part in parts:
+            if part not in known:
+                raise UnknownNameError("part that may touch", part, sorted(known))
+        those = np.array([set(parts) <= set(pair) for pair in self.names], dtype=bool)
+        return self.some(those[self.pair])
+
+    def at(self, sample: int) -> ContactPoints:
+        """The points of one sample."""
+        return self.some(self.sample == sample)
+
+    def force_on(self, part: str, n_samples: int) -> Array:
+        """(n_samples, 3) sum of the forces on a body over time, in the world [N]."""
+        found = self.of(part)
+        sign = np.array([1.0 if part == self.names[k][0] else -1.0 for k in found.pair])
+        out = np.zeros((n_samples, 3))
+        np.add.at(out, found.sample, sign[:, None] * found.force)
+        return out
+
+    def some(self, which: np.ndarray) -> ContactPoints:
+        """The points that a mask or indices choose."""
+        own = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+        return ContactPoints(**{n: x if n == "names" else x[which] for n, x in own.items()})
+
+    def resampled(self, left: Indices) -> ContactPoints:
+        """The points on other samples: those of sample ``left[i]`` at the new sample i."""
+        first = np.searchsorted(self.sample, left, side="left")
+        last = np.searchsorted(self.sample, left, side="right")
+        which = np.concatenate([np.arange(a, b) for a, b in zip(first, last, strict=True)])
+        sample = np.repeat(np.arange(len(left)), last - first)
+        return dataclasses.replace(self.some(which.astype(int)), sample=sample)

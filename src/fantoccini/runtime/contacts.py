@@ -1,0 +1,67 @@
+"""Solids that may touch, as compiled code reads them."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fantoccini.arrays import Array
+from fantoccini.runtime.functions import pointer
+from fantoccini.runtime.structures import structures
+from fantoccini.tree import WORLD
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """Solids and the pairs of them that may touch.
+
+    Attributes:
+        solids: (n,) ``SOLID``: those of the links in their order, then those that stand.
+        pairs: (m, 2) of solids; the first is a link's. Those of the same two links, and of a link
+            and a solid that stands, are neighbours.
+        friction: (m,) coefficients of friction.
+        restitution: (m,) 0 to 1.
+        names: (m,) of the body and of what it touches: another body, an obstacle, ``floor``.
+    """
+
+    solids: NDArray[np.void]
+    pairs: NDArray[np.int32]
+    friction: Array
+    restitution: Array
+    names: tuple[tuple[str, str], ...]
+
+    def some(self, which: NDArray[np.bool_]) -> Contacts:
+        """The pairs (m,) that are marked."""
+        names = tuple(name for name, kept in zip(self.names, which, strict=True) if kept)
+        kept = (self.pairs[which], self.friction[which], self.restitution[which])
+        return Contacts(self.solids, *kept, names)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        fields = (self.solids, self.pairs, self.friction, self.restitution, self.names)
+        return type(self), fields
+
+    @cached_property
+    def structure(self) -> ctypes.Structure:
+        """For compiled code; it and its arrays live as long as this object."""
+        groups = self._groups()
+        arrays = (self.solids, self.pairs, groups, self.friction, self.restitution)
+        held = [np.ascontiguousarray(a) for a in arrays]
+        names = ("solids", "pairs", "groups", "friction", "restitution")
+        made = structures["ContactArrays"](
+            n_solids=len(self.solids), n_pairs=len(self.pairs), n_groups=len(groups),
+            **{name: pointer(a) for name, a in zip(names, held, strict=True)},
+        )  # fmt: skip
+        made.held = held
+        return made
+
+    def _groups(self) -> NDArray[np.int32]:
+        """(n, 3) links of neighbouring pairs, -1 - solid for one that stands; where they end."""
+        links = self.solids["link"][self.pairs]
+        links[:, 1] = np.where(links[:, 1] == WORLD, -1 - self.pairs[:, 1], links[:, 1])
+        last = np.flatnonzero(np.any(np.diff(links, axis=0, append=-links[-1:] - 9), axis=1))
+        return np.column_stack([links[last], last + 1]).astype(np.int32)
