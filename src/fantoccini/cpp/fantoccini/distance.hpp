@@ -61,13 +61,12 @@ FAN_FN Real between_segments(const Real* a, const Real* b, const Real* c, const 
   return sqrt(least);
 }
 
-// Distance of the segment a to b from a box about the origin, 0 where they meet. Half the derivative
-// of its square along the segment is increasing and piecewise linear, with breaks where the segment
-// crosses a face's plane: its zero lies between the two nearest breaks.
+// Where the segment a to b is nearest to a box about the origin, from 0 at a to 1 at b. Half the
+// derivative of the squared distance along the segment is increasing and piecewise linear, with
+// breaks where the segment crosses a face's plane: its zero lies between the two nearest breaks.
 template <class Real>
-FAN_FN Real segment_to_box(const Real* a, const Real* b, const double* half) {
+FAN_FN Real nearest_to_box(const Real* a, const Real* b, const double* half) {
   using std::abs;
-  using std::sqrt;
   Real d[3];
   for (int k = 0; k < 3; ++k) d[k] = b[k] - a[k];
   const auto outside = [&](int k, const Real& t) {
@@ -95,9 +94,20 @@ FAN_FN Real segment_to_box(const Real* a, const Real* b, const double* half) {
   const Real rise = at_high - at_low;
   const auto turns = at_low < Real(0.0) && at_high > Real(0.0);
   const Real inner = low - at_low * (high - low) / select(turns, rise, Real(1.0));
-  const Real t = select(turns, inner, select(at_low < Real(0.0), high, low));
+  return select(turns, inner, select(at_low < Real(0.0), high, low));
+}
+
+// Distance of the segment a to b from a box about the origin, 0 where they meet.
+template <class Real>
+FAN_FN Real segment_to_box(const Real* a, const Real* b, const double* half) {
+  using std::sqrt;
+  const Real t = nearest_to_box(a, b, half);
   Real square = Real(0.0);
-  for (int k = 0; k < 3; ++k) square += outside(k, t) * outside(k, t);
+  for (int k = 0; k < 3; ++k) {
+    const Real x = a[k] + t * (b[k] - a[k]);
+    const Real out = x - clamped(x, Real(-half[k]), Real(half[k]));
+    square += out * out;
+  }
   return sqrt(square);
 }
 

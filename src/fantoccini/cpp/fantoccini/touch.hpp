@@ -1,0 +1,69 @@
+// The narrow phase: contact points between two placed solids, and a cheap test before it.
+//
+// The points of a pair stay where they are, and keep their numbers, when the solids move a little;
+// solids that lie flat have all their points. Swapping the solids gives the same points with the
+// normals turned round. Nothing is infinite or not a number for finite solids, however deep they are
+// in one another.
+#pragma once
+
+#include "touch_boxes.hpp"
+
+namespace fan {
+
+namespace touching {
+
+// Solids come in this order, so that each pair of kinds is met once.
+FAN_FN int rank(const PlacedSolid& x) {
+  return x.kind == HALF_SPACE ? 2 : x.kind == BOX ? 1 : 0;
+}
+
+FAN_FN void in_order(const PlacedSolid& x, const PlacedSolid& y, Touches& to) {
+  if (rank(x) == 2) return;
+  if (rank(y) == 2) return touch_plane(x, y, to);
+  if (rank(x) == 0 && rank(y) == 0) return touch_segments(x, y, to);
+  if (rank(x) == 0) return touch_box_by_segment(x, y, to);
+}
+
+}  // namespace touching
+
+// Radius of the sphere around a solid, about its middle; half-spaces have none.
+FAN_FN double bounding_radius(const PlacedSolid& x) {
+  if (x.kind == HALF_SPACE) return unbounded;
+  if (x.kind == BOX) return length3(x.half) + x.radius;
+  if (is_ellipsoid(x)) return fmax(x.half[0], fmax(x.half[1], x.half[2]));
+  double along[3];
+  difference3(x.b, x.a, along);
+  return 0.5 * length3(along) + x.radius;
+}
+
+// Whether spheres around two solids are at least `margin` apart; then the solids do not touch.
+// Half-spaces are apart from one another.
+FAN_FN bool certainly_apart(const PlacedSolid& x, const PlacedSolid& y, double margin) {
+  if (x.kind == HALF_SPACE && y.kind == HALF_SPACE) return true;
+  if (x.kind == HALF_SPACE) return certainly_apart(y, x, margin);
+  double centre[3], from[3];
+  centre3(x, centre);
+  if (y.kind == HALF_SPACE) {
+    difference3(centre, y.a, from);
+    return dot3(from, y.b) - y.radius - bounding_radius(x) >= margin;
+  }
+  double other[3];
+  centre3(y, other);
+  difference3(centre, other, from);
+  const double reach = bounding_radius(x) + bounding_radius(y) + margin;
+  return reach <= 0.0 || dot3(from, from) >= reach * reach;
+}
+
+// Contact points of x and y with a gap below `margin`; returns how many (<= max_touches), in order
+// of feature.
+FAN_FN int touches(const PlacedSolid& x, const PlacedSolid& y, double margin, Touch* out) {
+  const bool turned = touching::rank(x) > touching::rank(y);
+  const PlacedSolid &first = turned ? y : x, &second = turned ? x : y;
+  Touches to{out, margin, inflation(first), inflation(second)};
+  touching::in_order(first, second, to);
+  for (int i = 0; turned && i < to.n; ++i)
+    for (int k = 0; k < 3; ++k) out[i].normal[k] = -out[i].normal[k];
+  return to.n;
+}
+
+}  // namespace fan

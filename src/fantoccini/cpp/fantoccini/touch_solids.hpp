@@ -1,0 +1,113 @@
+// What the narrow phase works on: placed solids, contact points, and 3-vectors.
+#pragma once
+
+#include "contract.hpp"
+#include "distance.hpp"
+
+namespace fan {
+
+struct TouchTolerances {
+  static constexpr double tiny = 1e-12;       // m: cores nearer than this have no direction
+  static constexpr double lying = 0.005;      // sin of an angle below which solids lie flat
+  static constexpr double crossing = 0.05;    // sin of an angle above which one point is enough
+  static constexpr double min_overlap = 0.1;  // of the shorter segment, for two full points
+};
+
+// One contact point.
+struct Touch {
+  double point[3];   // world, midway between the two surfaces [m]
+  double normal[3];  // unit, world, from the second solid towards the first
+  double gap;        // m: distance of the surfaces along the normal; negative: depth
+  int feature;       // which of the pair's points it is: the same from step to step
+};
+
+constexpr int max_touches = 8;  // of a pair
+
+// A solid placed in the world; see SolidKind. An ellipsoid has the centre (a + b) / 2, the columns
+// of R as axes and the radii `half`; the radius is that of the capsule around it.
+struct PlacedSolid {
+  int kind;
+  double a[3], b[3], R[9], half[3], radius;
+};
+
+FAN_FN bool is_ellipsoid(const PlacedSolid& x) { return x.kind == SEGMENT && x.half[0] > 0.0; }
+
+// By what a solid's core is inflated.
+FAN_FN double inflation(const PlacedSolid& x) { return is_ellipsoid(x) ? 0.0 : x.radius; }
+
+FAN_FN double length3(const double* a) { return sqrt(dot3(a, a)); }
+
+FAN_FN void difference3(const double* a, const double* b, double* out) {
+  for (int k = 0; k < 3; ++k) out[k] = a[k] - b[k];
+}
+
+// a + t b
+FAN_FN void along3(const double* a, double t, const double* b, double* out) {
+  for (int k = 0; k < 3; ++k) out[k] = a[k] + t * b[k];
+}
+
+FAN_FN void cross3(const double* a, const double* b, double* out) {
+  const double x = a[1] * b[2] - a[2] * b[1], y = a[2] * b[0] - a[0] * b[2];
+  out[2] = a[0] * b[1] - a[1] * b[0];
+  out[0] = x;
+  out[1] = y;
+}
+
+// Makes a unit vector; whether it was longer than `least`. Others stay as they are.
+FAN_FN bool unit3(double* a, double least) {
+  const double length = length3(a);
+  if (!(length > least)) return false;
+  for (int k = 0; k < 3; ++k) a[k] /= length;
+  return true;
+}
+
+// x in the axes R.
+FAN_FN void into_axes(const double* R, const double* x, double* out) {
+  for (int j = 0; j < 3; ++j) out[j] = dot3(R + 3 * j, x);
+}
+
+// A vector in the axes R, in the world.
+FAN_FN void out_of_axes(const double* R, const double* x, double* out) {
+  for (int c = 0; c < 3; ++c) out[c] = R[c] * x[0] + R[3 + c] * x[1] + R[6 + c] * x[2];
+}
+
+// The unit vector of an axis, or its opposite.
+FAN_FN void axis3(int k, double sign, double* out) {
+  for (int c = 0; c < 3; ++c) out[c] = c == k ? sign : 0.0;
+}
+
+FAN_FN void centre3(const PlacedSolid& x, double* out) {
+  for (int k = 0; k < 3; ++k) out[k] = x.kind == SEGMENT ? 0.5 * (x.a[k] + x.b[k]) : x.a[k];
+}
+
+// From 1 for solids that lie flat to 0 for those that cross, with a continuous slope.
+FAN_FN double flatness(double sine) {
+  using Tol = TouchTolerances;
+  const double t =
+      clamped((Tol::crossing - sine) / (Tol::crossing - Tol::lying), 0.0, 1.0);
+  return t * t * (3.0 - 2.0 * t);
+}
+
+// The contact points of a pair as they are found.
+struct Touches {
+  Touch* out;
+  double margin, x_radius, y_radius;  // the radii by which the cores are inflated
+  int n = 0;
+
+  // Adds the point between p of the first core and q of the second, if it is near enough.
+  FAN_FN void add(const double* p, const double* q, const double* normal, int feature) {
+    double apart[3];
+    difference3(p, q, apart);
+    const double gap = dot3(apart, normal) - x_radius - y_radius;
+    if (!(gap < margin) || n == max_touches) return;
+    Touch& to = out[n++];
+    for (int k = 0; k < 3; ++k) {
+      to.point[k] = 0.5 * (p[k] + q[k] + normal[k] * (y_radius - x_radius));
+      to.normal[k] = normal[k];
+    }
+    to.gap = gap;
+    to.feature = feature;
+  }
+};
+
+}  // namespace fan

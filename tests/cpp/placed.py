@@ -1,0 +1,209 @@
+"""Solids placed in the world for the tests of the narrow phase, and what coal says of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import coal
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
+
+from cpp.toolchain import run_program
+
+SEGMENT, BOX, HALF_SPACE = 0, 1, 2
+MAX_TOUCHES = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """A solid as ``PlacedSolid`` has it; R (3, 3) has the axes as columns."""
+
+    kind: int
+    a: np.ndarray
+    b: np.ndarray
+    R: np.ndarray
+    half: np.ndarray
+    radius: float
+
+    @property
+    def words(self) -> list[float]:
+        return [self.kind, *self.a, *self.b, *self.R.T.ravel(), *self.half, self.radius]
+
+    @property
+    def centre(self) -> np.ndarray:
+        return (self.a + self.b) / 2 if self.kind == SEGMENT else self.a
+
+    @property
+    def ellipsoid(self) -> bool:
+        return self.kind == SEGMENT and bool(self.half[0] > 0)
+
+    def moved(self, by: ArrayLike, turn: Rotation | None = None) -> Placed:
+        """Turned about the origin, then shifted."""
+        Q = np.eye(3) if turn is None else turn.as_matrix()
+        b = Q @ self.b if self.kind == HALF_SPACE else Q @ self.b + np.asarray(by)
+        return replace(self, a=Q @ self.a + np.asarray(by), b=b, R=Q @ self.R)
+
+    def turned(self, turn: Rotation) -> Placed:
+        """Turned about its own centre."""
+        return self.moved(self.centre - turn.apply(self.centre), turn)
+
+    def off_surface(self, point: np.ndarray) -> float:
+        """Signed distance of a point from the surface; of ellipsoids to first order."""
+        if self.kind == HALF_SPACE:
+            return float((point - self.a) @ self.b)
+        local = self.R.T @ (point - self.centre)
+        if self.kind == BOX:
+            over = np.abs(local) - self.half
+            return float(np.linalg.norm(np.maximum(over, 0)) + min(np.max(over), 0) - self.radius)
+        if self.ellipsoid:
+            slope = 2 * np.linalg.norm(local / self.half**2)
+            return float((np.sum((local / self.half) ** 2) - 1) / max(slope, 1e-300))
+        along = self.b - self.a
+        t = np.clip((point - self.a) @ along / max(along @ along, 1e-300), 0, 1)
+        return float(np.linalg.norm(point - self.a - t * along) - self.radius)
+
+
+@dataclass(frozen=True, eq=False)
+class Touch:
+    point: np.ndarray
+    normal: np.ndarray
+    gap: float
+    feature: int
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """What the narrow phase says of two solids."""
+
+    radius: float
+    apart: bool
+    touches: list[Touch]
+
+    @property
+    def gap(self) -> float:
+        return min(t.gap for t in self.touches)
+
+    @property
+    def features(self) -> list[int]:
+        return [t.feature for t in self.touches]
+
+    @property
+    def points(self) -> np.ndarray:
+        return np.array([t.point for t in self.touches])
+
+
+def placed_solid(kind: int, a: ArrayLike, b: ArrayLike, **rest: Any) -> Placed:
+    R, half, radius = rest.get("R", np.eye(3)), rest.get("half", np.zeros(3)), rest.get("radius", 0)
+    return Placed(
+        kind, np.array(a, float), np.array(b, float), R, np.array(half, float), float(radius)
+    )
+
+
+def capsule(a: ArrayLike, b: ArrayLike, radius: float) -> Placed:
+    return placed_solid(SEGMENT, a, b, radius=radius)
+
+
+def sphere(at: ArrayLike, radius: float) -> Placed:
+    return capsule(at, at, radius)
+
+
+def box(at: ArrayLike, half: ArrayLike, turn: Rotation | None = None) -> Placed:
+    R = np.eye(3) if turn is None else turn.as_matrix()
+    return placed_solid(BOX, at, at, R=R, half=half)
+
+
+def half_space(at: ArrayLike, normal: ArrayLike) -> Placed:
+    n = np.asarray(normal, float)
+    return placed_solid(HALF_SPACE, at, n / np.linalg.norm(n))
+
+
+def ellipsoid(at: ArrayLike, radii: ArrayLike, turn: Rotation | None = None) -> Placed:
+    """With the capsule around it."""
+    R = np.eye(3) if turn is None else turn.as_matrix()
+    sizes, centre = np.asarray(radii, float), np.asarray(at, float)
+    longest, middle = int(np.argmax(sizes)), float(np.sort(sizes)[1])
+    along = (sizes[longest] - middle) * R[:, longest]
+    return placed_solid(SEGMENT, centre - along, centre + along, R=R, half=sizes, radius=middle)
+
+
+def touches(
+    program: Path, pairs: Sequence[tuple[Placed, Placed]], margin: float = 0.05
+) -> list[Pair]:
+    """The contact points of pairs."""
+    words = [margin, len(pairs), *(w for x, y in pairs for s in (x, y) for w in s.words)]
+    lines = run_program(program, "\n".join(repr(float(w)) for w in words)).splitlines()
+    assert len(lines) == len(pairs)
+    return [_parsed([float(word) for word in line.split()]) for line in lines]
+
+
+def _parsed(line: list[float]) -> Pair:
+    assert np.all(np.isfinite(line))
+    radius, apart, n, *rest = line
+    assert n <= MAX_TOUCHES and len(rest) == 8 * n
+    rows = np.array(rest).reshape(-1, 8)
+    return Pair(
+        radius, bool(apart), [Touch(r[:3], r[3:6], float(r[6]), int(r[7])) for r in rows]
+    )
+
+
+def coal_distance(x: Placed, y: Placed) -> tuple[float, np.ndarray]:
+    """Distance, negative for the depth, and the direction from the second to the first."""
+    request, result = coal.DistanceRequest(), coal.DistanceResult()
+    request.enable_signed_distance = True
+    request.gjk_tolerance = request.epa_tolerance = 1e-10
+    request.gjk_max_iterations = request.epa_max_iterations = 2000
+    found = coal.distance(*_coal(x), *_coal(y), request, result)
+    return float(found), -np.array(result.normal).ravel()
+
+
+def _coal(x: Placed) -> tuple[Any, Any]:
+    at = coal.Transform3s(x.R, x.centre)
+    if x.kind == HALF_SPACE:
+        return coal.Halfspace(x.b, float(x.a @ x.b)), coal.Transform3s.Identity()
+    if x.kind == BOX:
+        return coal.Box(*(2 * x.half).tolist()), at
+    if x.ellipsoid:
+        return coal.Ellipsoid(*x.half.tolist()), at
+    length = float(np.linalg.norm(x.b - x.a))
+    if length == 0:
+        return coal.Sphere(x.radius), at
+    turn = Rotation.align_vectors([(x.b - x.a) / length], [[0, 0, 1]])[0].as_matrix()
+    return coal.Capsule(x.radius, length), coal.Transform3s(turn, x.centre)
+
+
+def random_turn(rng: np.random.Generator, size: float = np.pi) -> Rotation:
+    """By up to ``size`` [rad] about a random axis."""
+    axis = rng.normal(size=3)
+    return Rotation.from_rotvec(rng.uniform(0, size) * axis / np.linalg.norm(axis))
+
+
+def random_solid(rng: np.random.Generator, kind: str, at: ArrayLike = (0, 0, 0)) -> Placed:
+    """A random size and orientation about a place."""
+    turn, sizes = Rotation.random(random_state=rng), rng.uniform(0.05, 0.2, 3)
+    match kind:
+        case "sphere":
+            return sphere(at, sizes[0])
+        case "capsule":
+            along = sizes[1] * turn.as_matrix()[:, 0]
+            return capsule(np.asarray(at) - along, np.asarray(at) + along, 0.5 * sizes[0])
+        case "box":
+            return box(at, sizes, turn)
+        case "ellipsoid":
+            return ellipsoid(at, sizes, turn)
+    return half_space(at, turn.as_matrix()[:, 0])
+
+
+def random_pair(
+    rng: np.random.Generator, first: str, second: str, low: float, high: float
+) -> tuple[Placed, Placed]:
+    """Two solids brought together along the line of their nearest points, from apart to a distance
+    in [low, high]; below 0 roughly."""
+    x, y = random_solid(rng, first), random_solid(rng, second)
+    away = y.b if second == "half-space" else rng.normal(size=3)
+    x = x.moved(away / np.linalg.norm(away) * 1.5)
+    found, normal = coal_distance(x, y)
+    return x.moved((rng.uniform(low, high) - found) * normal), y
