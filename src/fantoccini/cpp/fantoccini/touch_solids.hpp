@@ -25,10 +25,7 @@ constexpr int max_touches = 8;  // of a pair
 
 // A solid placed in the world; see SolidKind. An ellipsoid has the centre (a + b) / 2, the columns
 // of R as axes and the radii `half`; the radius is that of the capsule around it.
-struct PlacedSolid {
-  int kind;
-  double a[3], b[3], R[9], half[3], radius;
-};
+using PlacedSolid = Solid;
 
 FAN_FN bool is_ellipsoid(const PlacedSolid& x) { return x.kind == SEGMENT && x.half[0] > 0.0; }
 
