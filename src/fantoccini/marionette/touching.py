@@ -34,7 +34,7 @@ class _Part:
 def contacts_of(puppet: Puppet, tree: Tree, library: Library) -> Contacts | None:
     """The pairs of solids that may touch; None where the puppet's file says nothing of contact.
 
-    Bodies of one joint, and bodies that overlap at the pose of the file, do not touch.
+    Bodies of one joint do not touch, nor do bodies of one tree that overlap at the pose of the file.
 
     Args:
         puppet: with rules of contact.
@@ -71,8 +71,8 @@ def contacts_of(puppet: Puppet, tree: Tree, library: Library) -> Contacts | None
     start = tree.coordinates
     p = np.array(list(tree.parameters.values()), dtype=float)
     gaps = library.gaps(table, start.start_D, np.nan_to_num(start.start_K), p)
-    stands = table.pairs[:, 1] >= len(own)
-    return table.some(stands | ~(gaps < -OVERLAP))
+    kin = np.array([_kin(tree, parts[a].link, parts[b].link) for a, b, _, _ in pairs], dtype=bool)
+    return table.some(~(kin & (gaps < -OVERLAP)))
 
 
 def _solid(puppet: Puppet, shape: Shape | Obstacle, name: str, link: int) -> np.ndarray:
@@ -103,6 +103,11 @@ def _moves(tree: Tree, a: int, b: int) -> bool:
         {i for i in tree.ancestors(link) if tree.links[i].role is Role.DYNAMIC} for link in (a, b)
     ]
     return ways[0] != ways[1]
+
+
+def _kin(tree: Tree, a: int, b: int) -> bool:
+    """Whether two links stand on one that is not the world."""
+    return b != WORLD and bool(set(tree.ancestors(a)) & set(tree.ancestors(b)))
 
 
 def _joined(tree: Tree, a: _Part, b: _Part) -> bool:

@@ -1,0 +1,192 @@
+"""Contact by time-stepping against closed forms: it converges to them at its order, one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from contact.bodies import G, errors, on_slope, stepped, thrown
+
+STEPS = (4e-3, 2e-3, 1e-3)
+"""Each half of the one before [s]."""
+
+
+def converges(found: list[float], exact: float, order: float = 1.0, most: float = np.inf) -> None:
+    """Asserts that errors shrink at an order as steps halve, or are rounding."""
+    off = errors(found, exact)
+    assert off[-1] <= most, off
+    for coarse, fine in zip(off, off[1:], strict=False):
+        assert fine <= coarse * 0.5**order * 1.3 + 1e-10 * abs(exact), off
+
+
+@pytest.mark.parametrize("slope", [0.1, 0.5, 1.0])
+def test_a_block_on_a_slope_below_the_threshold_stays_for_ever(slope):
+    """Static friction holds up to tan(slope) = mu, without creeping; friction takes nothing."""
+    marionette = on_slope(slope, 1.05 * np.tan(slope))
+    run = stepped(marionette, marionette.state({"body.z": 0.05}), 5.0, 2e-3)
+    assert np.max(np.abs(run.q_D - run.q_D[0])) < 1e-9
+    assert abs(run.ledger["friction"][-1]) < 1e-9
+    force = run.contact.force_on("body", len(run))
+    assert np.allclose(force[1:], [-G * np.sin(slope), 0.0, G * np.cos(slope)], atol=1e-6)
+
+
+@pytest.mark.parametrize("slope", [0.3, 0.8])
+def test_a_block_above_the_threshold_slides_at_its_acceleration(slope):
+    """a = g (sin - mu cos), and friction's loss is mu N times the way."""
+    mu = 0.6 * np.tan(slope)
+    marionette, a = on_slope(slope, mu), G * (np.sin(slope) - mu * np.cos(slope))
+    x0 = marionette.state({"body.z": 0.05})
+    runs = [stepped(marionette, x0, 0.5, dt) for dt in STEPS]
+    converges([run["body.x"][-1] for run in runs], a * 0.5**2 / 2, most=1e-2)
+    exact = mu * G * np.cos(slope) * a * 0.5**2 / 2
+    converges([run.ledger["friction"][-1] for run in runs], exact, most=2e-2)
+    assert runs[-1].contact.gap.min() > -1e-9
+    assert np.allclose(runs[-1].contact.normal_force.sum() / (len(runs[-1])), G * np.cos(slope))
+
+
+@pytest.mark.parametrize("mu", [0.1, 0.7])
+def test_a_block_that_slides_stops_after_its_way(mu):
+    """s = v^2 / (2 mu g); it stays there."""
+    marionette = on_slope(0.0, mu)
+    x0 = thrown(marionette, {"body.z": 0.05}, {"body.x": 1.0, "body.y": 0.7})
+    speed = np.hypot(1.0, 0.7)
+    t_end = speed / (mu * G) * 1.2
+    runs = [stepped(marionette, x0, t_end, dt) for dt in STEPS]
+    way = [np.hypot(run["body.x"][-1], run["body.y"][-1]) for run in runs]
+    converges(way, speed**2 / (2 * mu * G), most=5e-3)
+    assert np.max(np.abs(runs[-1].v_D[-1])) < 1e-9
+    assert np.allclose(runs[-1]["body.y"][-1] / runs[-1]["body.x"][-1], 0.7, rtol=1e-9)
+
+
+def test_a_ball_thrown_sliding_comes_to_roll_at_five_sevenths_of_its_speed():
+    """v = 5/7 v0 from t = 2 v0 / (7 mu g) on; friction takes 1/7 of the energy."""
+    marionette = on_slope(0.0, 0.3, "sphere")
+    x0 = thrown(marionette, {"body.z": 0.1}, {"body.x": 2.0})
+    runs = [stepped(marionette, x0, 0.5, dt) for dt in STEPS]
+    converges([run["v:body.x"][-1] for run in runs], 10.0 / 7.0, most=1e-9)
+    converges([run.ledger["friction"][-1] for run in runs], 0.5 * 2.0**2 * 2 / 7, most=2e-2)
+    roll = 2 * 2.0 / (7 * 0.3 * G)
+    way = 2.0 * roll - 0.3 * G * roll**2 / 2 + 10.0 / 7.0 * (0.5 - roll)
+    converges([run["body.x"][-1] for run in runs], way, most=5e-3)
+
+
+def test_a_hoop_with_backspin_comes_back():
+    """For I = m r^2: v = (v0 - r w0) / 2 when it rolls, backwards if w0 > v0 / r."""
+    marionette = on_slope(0.0, 0.4, "sphere", mass="1", inertia="[0.01, 0.01, 0.01]")
+    x0 = thrown(marionette, {"body.z": 0.1}, {"body.x": 1.0, "body.wy": -30.0})
+    run = stepped(marionette, x0, 1.0, 1e-3)
+    assert np.isclose(run["v:body.x"][-1], (1.0 - 3.0) / 2, atol=1e-9)
+    assert run["body.x"].max() > 0.05
+
+
+def test_two_balls_that_meet_keep_their_momentum():
+    """Inelastic, off-centre and with friction: momentum to rounding, energy never up."""
+    marionette = fan.loads("""
+puppet: billiard
+gravity: [0, 0, 0]
+contact: {friction: 0.3}
+bodies:
+- {name: a, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mass: 1}]}
+- {name: b, joint: {type: free}, shapes: [{type: sphere, radius: 0.07, mass: 0.3}]}
+""")
+    x0 = thrown(
+        marionette, {"a.x": -0.5, "a.y": 0.03, "b.x": 0.2, "b.z": 0.05},
+        {"a.x": 2.0, "a.wz": 9.0, "b.x": -1.0, "b.y": 0.1},
+    )  # fmt: skip
+    run = stepped(marionette, x0, 1.0, 1e-3)
+    assert any(event.kind == "touch" for event in run.events)
+    momentum = np.array([marionette.momentum(run.state(i)) for i in (0, len(run) - 1)])
+    assert np.allclose(momentum[0], momentum[1], atol=1e-12)
+    assert np.all(np.diff(run.ledger["kinetic"]) < 1e-12)
+    assert run.ledger["impact"][-1] > 0.1
+    assert run.ledger["friction"][-1] > 0.0
+    assert abs(run.ledger["residual"][-1]) < 1e-9
+
+
+def test_a_ladder_leaves_the_wall_at_two_thirds_of_its_height():
+    """Without friction a ladder's top leaves the wall at 2/3 of the height it began at."""
+    marionette = fan.loads("""
+puppet: ladder
+floor: 0
+contact: {friction: 0}
+obstacles:
+- {name: wall, type: box, size: [2, 4, 8], at: [-1, 0, 0]}
+bodies:
+- name: rod
+  joint: {type: free}
+  shapes: [{type: capsule, from: [0, 0, -0.5], to: [0, 0, 0.5], radius: 0.001}]
+  mass: 1
+  inertia: [0.0833333333, 0.0833333333, 1.0e-4]
+""")
+    angle = np.deg2rad(70.0)
+    tilt = np.pi / 2 - angle
+    x0 = marionette.state({
+        "rod.x": 0.5 * np.cos(angle) + 0.001, "rod.z": 0.5 * np.sin(angle) + 0.001,
+        "rod.rotation": (np.cos(tilt / 2), 0.0, -np.sin(tilt / 2), 0.0),
+    })  # fmt: skip
+    heights = []
+    for dt in STEPS:
+        run = stepped(marionette, x0, 0.75, dt)
+        touching = run.contact.of("rod", "wall").sample
+        last = touching.max()
+        assert set(np.diff(touching)) == {1}
+        heights.append(run["rod.z"][last] - 0.001)
+    converges(heights, 0.5 * np.sin(angle) * 2 / 3, order=0.0, most=4e-3)
+
+
+@pytest.mark.parametrize("mu", [0.2, 0.4, 0.6])
+def test_a_rod_that_falls_from_the_vertical_slips_at_the_classical_angle(mu):
+    """Where |F| = mu N: F = 3/4 m g sin(3 cos - 2), N = m g (3 cos - 1)^2 / 4, from rest."""
+    marionette = fan.loads(f"""
+puppet: pencil
+floor: 0
+contact: {{friction: {mu}}}
+bodies:
+- name: rod
+  joint: {{type: free}}
+  shapes: [{{type: sphere, radius: 0.0001, at: [0, 0, -0.5]}}]
+  mass: 1
+  inertia: [0.0833333333, 0.0833333333, 1.0e-6]
+""")
+    start = 1e-3
+    x0 = marionette.state({
+        "rod.x": 0.5 * np.sin(start), "rod.z": 0.5 * np.cos(start) + 0.0001,
+        "rod.rotation": (np.cos(start / 2), 0.0, np.sin(start / 2), 0.0),
+    })  # fmt: skip
+    angle = np.linspace(0.0, np.pi / 2, 200001)
+    ratio = np.abs(0.75 * np.sin(angle) * (3 * np.cos(angle) - 2))
+    slips = ratio > mu * (3 * np.cos(angle) - 1) ** 2 / 4
+    classical = angle[np.argmax(slips)]
+    found = []
+    for dt in STEPS[1:]:
+        run = stepped(marionette, x0, 2.4, dt)
+        sliding = run.contact.sliding > 1e-6
+        first = run.contact.sample[np.argmax(sliding)]
+        found.append(2 * np.arcsin(run["rod.qy"][first]))
+    assert abs(found[-1] - classical) < 0.02
+    assert abs(found[-1] - classical) < abs(found[0] - classical) + 1e-4
+
+
+def test_a_rocking_block_loses_housners_share_at_every_impact():
+    """Angular velocity after over before is 1 - 3/2 sin^2 a, tan a = width over height."""
+    marionette = fan.loads("""
+puppet: rocker
+floor: 0
+contact: {friction: 5}
+bodies:
+- name: block
+  joint: {type: free}
+  shapes: [{type: box, size: [0.1, 0.3, 0.5], mass: 1}]
+""")
+    lean, a = 0.05, np.arctan(0.1 / 0.5)
+    R = 0.5 * np.hypot(0.1, 0.5)
+    x0 = marionette.state({
+        "block.x": 0.05 - R * np.sin(a - lean), "block.z": R * np.cos(a - lean),
+        "block.rotation": (np.cos(lean / 2), 0.0, np.sin(lean / 2), 0.0),
+    })  # fmt: skip
+    run = stepped(marionette, x0, 1.2, 2e-4)
+    w = run["v:block.wy"]
+    i = int(np.argmax(np.diff(np.sign(2 * np.arcsin(run["block.qy"]))) != 0))
+    before, after = np.abs(w[i - 10 : i - 2]).max(), np.abs(w[i + 4])
+    assert abs(after / before - (1 - 1.5 * np.sin(a) ** 2)) < 5e-3
