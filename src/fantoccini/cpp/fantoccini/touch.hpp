@@ -6,22 +6,39 @@
 // in one another.
 #pragma once
 
-#include "touch_boxes.hpp"
+#include "touch_box_pair.hpp"
+#include "touch_ellipsoid.hpp"
 
 namespace fan {
 
 namespace touching {
 
 // Solids come in this order, so that each pair of kinds is met once.
-FAN_FN int rank(const PlacedSolid& x) {
-  return x.kind == HALF_SPACE ? 2 : x.kind == BOX ? 1 : 0;
+enum Rank { OF_ELLIPSOID, OF_SEGMENT, OF_BOX, OF_HALF_SPACE };
+
+FAN_FN Rank rank(const PlacedSolid& x) {
+  if (x.kind == HALF_SPACE) return OF_HALF_SPACE;
+  if (x.kind == BOX) return OF_BOX;
+  return is_ellipsoid(x) ? OF_ELLIPSOID : OF_SEGMENT;
 }
 
 FAN_FN void in_order(const PlacedSolid& x, const PlacedSolid& y, Touches& to) {
-  if (rank(x) == 2) return;
-  if (rank(y) == 2) return touch_plane(x, y, to);
-  if (rank(x) == 0 && rank(y) == 0) return touch_segments(x, y, to);
-  if (rank(x) == 0) return touch_box_by_segment(x, y, to);
+  if (rank(x) == OF_HALF_SPACE) return;
+  if (rank(y) == OF_HALF_SPACE) return touch_plane(x, y, to);
+  if (rank(x) == OF_ELLIPSOID) return touch_ellipsoid(x, y, to);
+  if (rank(y) == OF_SEGMENT) return touch_segments(x, y, to);
+  if (rank(x) == OF_SEGMENT) return touch_box_by_segment(x, y, to);
+  touch_boxes(x, y, to);
+}
+
+// Whether y must come before x: its kind, its sizes, or its view of the other says so.
+FAN_FN bool out_of_order(const PlacedSolid& x, const PlacedSolid& y) {
+  if (rank(x) != rank(y)) return rank(x) > rank(y);
+  if (rank(x) != OF_BOX) return false;
+  for (int k = 0; k < 3; ++k)
+    if (x.half[k] != y.half[k]) return x.half[k] > y.half[k];
+  if (x.radius != y.radius) return x.radius > y.radius;
+  return view_of(x, y) > view_of(y, x);
 }
 
 }  // namespace touching
@@ -57,7 +74,7 @@ FAN_FN bool certainly_apart(const PlacedSolid& x, const PlacedSolid& y, double m
 // Contact points of x and y with a gap below `margin`; returns how many (<= max_touches), in order
 // of feature.
 FAN_FN int touches(const PlacedSolid& x, const PlacedSolid& y, double margin, Touch* out) {
-  const bool turned = touching::rank(x) > touching::rank(y);
+  const bool turned = touching::out_of_order(x, y);
   const PlacedSolid &first = turned ? y : x, &second = turned ? x : y;
   Touches to{out, margin, inflation(first), inflation(second)};
   touching::in_order(first, second, to);

@@ -43,12 +43,15 @@ FAN_FN Core edge_towards(const double* direction, const double* half, int k) {
 }
 
 // The ends of a core's part that lies above a face of a box about the origin, and the points below
-// them on the face's plane.
+// them on the face. The part is made to hold the core's point at `nearest`, too, so that a core that
+// stands on the face's edge keeps its foot.
 struct FaceClip {
   PointPair ends[2];
   bool found;
 
-  FAN_FN FaceClip(const Core& core, const double* half, int face, double side) : ends{} {
+  FAN_FN FaceClip(
+      const Core& core, const double* half, int face, double side, double nearest)
+      : ends{} {
     double low = 0.0, high = core.length;
     found = true;
     for (int k = 0; k < 3; ++k) {
@@ -63,8 +66,9 @@ struct FaceClip {
     }
     found = found && low <= high;
     for (int k = 0; k < 2; ++k) {
-      along3(core.a, k == 0 ? low : high, core.u, ends[k].p);
-      for (int c = 0; c < 3; ++c) ends[k].q[c] = c == face ? side * half[c] : ends[k].p[c];
+      along3(core.a, k == 0 ? fmin(low, nearest) : fmax(high, nearest), core.u, ends[k].p);
+      for (int c = 0; c < 3; ++c)
+        ends[k].q[c] = c == face ? side * half[c] : clamped(ends[k].p[c], -half[c], half[c]);
     }
   }
 };
@@ -109,13 +113,13 @@ struct WayOut {
   }
 };
 
-FAN_FN void touch_box_inside(const Core& core, const double* half, Touches& to) {
+FAN_FN void touch_box_inside(const Core& core, const double* half, double at, Touches& to) {
   const WayOut out(core, half);
   if (out.by_edge) {
     const PointPair pair = nearest_points(core, edge_towards(out.normal, half, out.axis));
     return to.add(pair.p, pair.q, out.normal, 0);
   }
-  const FaceClip face(core, half, out.axis, out.normal[out.axis]);
+  const FaceClip face(core, half, out.axis, out.normal[out.axis], at);
   if (face.found) {
     for (int k = 0; k < (core.length > 0.0 ? 2 : 1); ++k)
       to.add(face.ends[k].p, face.ends[k].q, out.normal, k);
@@ -128,17 +132,17 @@ FAN_FN void touch_box_inside(const Core& core, const double* half, Touches& to) 
   to.add(end, q, out.normal, 0);
 }
 
-// `normal` is the direction of the nearest points.
+// The core's point at the length `at` is nearest to the box, in the direction `normal`.
 FAN_FN void touch_box_outside(
-    const Core& core, const double* half, const PointPair& nearest, const double* normal,
-    Touches& to) {
+    const Core& core, const double* half, double at, const PointPair& nearest,
+    const double* normal, Touches& to) {
   const int face = largest_of(normal), edge = smallest_of(normal);
   const double side = side_of(normal[face]);
   double flat_normal[3], tilt[3];
   axis3(face, side, flat_normal);
   difference3(normal, flat_normal, tilt);
   tilt[face] = 0.0;
-  const FaceClip clip(core, half, face, side);
+  const FaceClip clip(core, half, face, side, at);
   const double on_face = clip.found && core.length > 0.0 ? flatness(length3(tilt)) : 0.0;
   const Overlap on_edge(core, edge_towards(normal, half, edge));
   if (on_face == 0.0 && on_edge.flat == 0.0) return to.add(nearest.p, nearest.q, normal, 0);
@@ -174,14 +178,15 @@ FAN_FN void touch_box_by_segment(const PlacedSolid& x, const PlacedSolid& box, T
   into_axes(box.R, from, b);
   const Core core(a, b);
   PointPair nearest;
-  along3(core.a, nearest_to_box(core.a, core.b, box.half) * core.length, core.u, nearest.p);
+  const double at = nearest_to_box(core.a, core.b, box.half) * core.length;
+  along3(core.a, at, core.u, nearest.p);
   for (int k = 0; k < 3; ++k) nearest.q[k] = clamped(nearest.p[k], -box.half[k], box.half[k]);
   double normal[3];
   difference3(nearest.p, nearest.q, normal);
   if (unit3(normal, BoxTolerances::core))
-    touch_box_outside(core, box.half, nearest, normal, to);
+    touch_box_outside(core, box.half, at, nearest, normal, to);
   else
-    touch_box_inside(core, box.half, to);
+    touch_box_inside(core, box.half, at, to);
   place_touches(box, 0, to);
 }
 
