@@ -10,6 +10,7 @@ import pytest
 import fantoccini as fan
 from fantoccini import contract
 from fantoccini.contract.cpp import HEADER, header
+from fantoccini.contract.functions import needed
 from fantoccini.contract.table import PAGE, page
 from fantoccini.equations import Derivatives, Equations, Variational
 from fantoccini.errors import BuildError
@@ -31,8 +32,8 @@ def test_functions_have_the_arguments_results_and_sizes_that_are_declared(name):
     equations = getattr(fan.puppets, name)().equations
     assert list(equations.sizes) == list(contract.SIZES)
     made = derived(equations)
-    watched = bool(equations.tree.watched)
-    assert set(made) == {f.name for f in contract.FUNCTIONS.values() if watched or not f.watch}
+    sizes = equations.sizes
+    assert set(made) == {f.name for f in contract.FUNCTIONS.values() if needed(f, sizes)}
     for function, f in made.items():
         declared = contract.FUNCTIONS[function]
         assert f.name_in() == [q.name for q in declared.arguments]

@@ -87,7 +87,7 @@ def test_the_parts_of_a_batch_are_a_row_behind_its_time():
     """18.1: event-driven batches copy rows part by part."""
     sizes = arm2d().tree.sizes
     assert width(PARTS, sizes) + 1 == width(SAMPLE, sizes)
-    assert tuple(q.name for q in SAMPLE[9:15]) == BOOKS
+    assert tuple(q.name for q in SAMPLE[9:16]) == BOOKS
 
 
 def test_wording_does_not_change_the_digest(monkeypatch):

@@ -130,7 +130,7 @@ def test_the_json_schema_knows_every_key_and_describes_it() -> None:
     schema = json_schema()
     json.dumps(schema)
     assert set(schema["properties"]) == {
-        "puppet", "gravity", "bodies", "strings", "springs", "drives", "mirror", "pose",
+        "puppet", "gravity", "bodies", "strings", "springs", "drives", "mirror", "pose", "contact",
         "obstacles", "floor", "members", "props",
     }  # fmt: skip
     assert set(schema["required"]) == {"puppet", "bodies"}

@@ -195,8 +195,9 @@ def _parts(written: Written) -> None:
 def _contact(written: Written) -> None:
     """Checks the names of pairs with rules of their own."""
     obstacles = {word(item, "name") for _, item in items(written.data, "obstacles")}
-    groups = {m for key in ("members", "props") for m in written.data.get(key) or ()}
-    allowed = {name for name in (*written.known, *obstacles, *groups, FLOOR) if name}
+    props = written.data.get("props")
+    listed = [*written.members, *(props if isinstance(props, list) else ())]
+    allowed = {FLOOR, *written.known, *(n for n in (*obstacles, *listed) if isinstance(n, str))}
     for i, pair in items(written.data.get("contact"), "pairs"):
         between = pair.get("between")
         for k, name in enumerate(between if isinstance(between, list) else []):

@@ -13,6 +13,7 @@ from fantoccini.runtime.compiled import Complementarity, Library, Piece, Run
 from fantoccini.runtime.contacts import Contacts
 from fantoccini.runtime.external import ExternalRun
 from fantoccini.runtime.functions import Functions, Loaded, whole
+from fantoccini.runtime.options import RunOptions
 from fantoccini.runtime.rollouts import (
     POINT,
     POSE,
@@ -26,7 +27,6 @@ from fantoccini.runtime.rollouts import (
     Segments,
 )
 from fantoccini.runtime.solids import SOLID
-from fantoccini.runtime.structures import RunOptions
 
 __all__ = [
     "BOX",

@@ -13,7 +13,8 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.contract import PARTS
 from fantoccini.runtime.functions import Loaded, pointer
-from fantoccini.runtime.structures import UNLIMITED, RunOptions, structures
+from fantoccini.runtime.options import RunOptions
+from fantoccini.runtime.structures import UNLIMITED, structures
 
 _POLL_INTERVAL = 0.05
 """Between looks at the progress and for Ctrl-C [s]."""

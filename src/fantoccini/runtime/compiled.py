@@ -22,7 +22,8 @@ from fantoccini.motion import Input, State
 from fantoccini.runtime import memory
 from fantoccini.runtime.contacts import Contacts
 from fantoccini.runtime.functions import Functions, pointer
-from fantoccini.runtime.structures import UNLIMITED, RunOptions, input_arrays, structures
+from fantoccini.runtime.options import RunOptions
+from fantoccini.runtime.structures import UNLIMITED, input_arrays, structures
 from fantoccini.tree import Tree
 
 

@@ -17,7 +17,7 @@ from fantoccini.arrays import Array
 from fantoccini.errors import Status
 from fantoccini.motion import Input, State
 from fantoccini.runtime.compiled import Library, Run
-from fantoccini.runtime.structures import RunOptions
+from fantoccini.runtime.options import RunOptions
 
 _ADDRESS, _TIME, _NUMBER = ctypes.c_void_p, ctypes.c_double, ctypes.c_double
 

@@ -18,7 +18,8 @@ from fantoccini.arrays import Array, Indices
 from fantoccini.contract import GoalKind
 from fantoccini.runtime.clearance import Exact, Solids, clearance_arrays
 from fantoccini.runtime.functions import Loaded, pointer
-from fantoccini.runtime.structures import UNLIMITED, RunOptions, structures
+from fantoccini.runtime.options import RunOptions
+from fantoccini.runtime.structures import UNLIMITED, structures
 
 UNKNOWN, POSE, POINT = GoalKind
 """Kinds of goals; ``UNKNOWN`` is a Python function, which the library does not evaluate."""

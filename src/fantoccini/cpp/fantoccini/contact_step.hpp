@@ -339,14 +339,15 @@ class ContactStep {
     return lane_of(before_[i], l) - lane_of(s_[i], l) - lane_of(b_[i], l);
   }
 
-  // Adds the energies of point i: at an impact the impulse's work at the mean speed.
+  // Adds the energies of point i: friction takes what it does at the velocity after the step, an
+  // impact what else its impulse takes at the mean velocity.
   FAN_FN void book(int l, int i, bool strikes) {
     for (int d = 3 * i; d < 3 * i + 3; ++d) {
       const double x = lane_of(x_[d], l), end = after(l, d);
-      const double lost = strikes ? 0.5 * x * (lane_of(before_[d], l) + end) : x * end;
+      const double rubs = d == 3 * i ? 0.0 : x * end;
       lane_of(work, l) += x * lane_of(points_.rate_K[d], l);
-      if (d != 3 * i) lane_of(friction, l) += lost;
-      else if (strikes) lane_of(impact, l) += lost;
+      lane_of(friction, l) += rubs;
+      if (strikes) lane_of(impact, l) += 0.5 * x * (lane_of(before_[d], l) + end) - rubs;
     }
   }
 

@@ -348,7 +348,8 @@ struct TimeStep {
     }
     if constexpr (touches)
       if (solids) {
-        some_caught = some_caught || contacts.account() > Real(0.5);
+        const Real struck = contacts.account();
+        some_caught = some_caught || struck > Real(0.5);
         work += contacts.work;
         impact += contacts.impact;
         friction = contacts.friction;
