@@ -1,0 +1,380 @@
+// Impulses of strings and of contacts with exact Coulomb friction, at one instant:
+//
+//   s = G x - b      (G symmetric, positive semidefinite, often singular: redundant contacts)
+//
+// Single rows (strings, limits):  lower <= x <= upper,  s >= 0 where x = lower,  s <= 0 where
+// x = upper,  s = 0 between. Contacts of three rows, the normal n and two tangents T:
+//
+//   0 <= x_n <= upper_n, with s_n as above;   |x_T| <= mu x_n,
+//   s_T = 0 where |x_T| < mu x_n,   x_T = -mu x_n s_T / |s_T| elsewhere
+//
+// The law holds where x is a fixed point of x <- P(x - s / g), with g > 0 the mean of G's diagonal
+// over a row or a contact, and P onto the bounds and the disc of radius mu x_n (Alart and Curnier,
+// Computer Methods in Applied Mechanics and Engineering 92, 1991). Semi-smooth Newton: x - s / g
+// says which rows are at a bound, which contacts are open, stick or slide; these fix some of x and
+// leave linear equations for the rest. A sliding contact keeps two unknowns: x_n, which takes
+// mu x_n d with it along the direction d of sliding, and the part of x_T across d.
+//
+// G + raise takes the place of G and b + raise centre that of b (proximal point: Rockafellar, SIAM
+// Journal on Control and Optimization 14, 1976). When that problem is solved the centre moves to
+// its solution, so that the limit is exact. The raise is small at first. Where Newton cycles, the
+// start comes from the alternating direction method of multipliers, for the form of the law with
+// the second-order cone (De Saxce; Acary, Bremond and Huber, Lecture Notes in Applied and
+// Computational Mechanics 86, 2018), and the raise adapts itself: firmer after each failure, softer
+// after each success.
+#pragma once
+
+#include "contract.hpp"
+#include "dense_lu.hpp"
+#include "real.hpp"
+
+namespace fan {
+
+struct ConeTolerances {
+  // Largest residual of a solution; see `residual`.
+  static constexpr double residual = 1e-10;
+  // Raise of G's diagonal, relative to its largest entry: at first, and where the start comes from
+  // the method of multipliers.
+  static constexpr double raise = 1e-10;
+  static constexpr double firm_raise = 1e-5;
+  static constexpr double firmest_raise = 10.0;
+  // Change of the raise after a failure, and after a success.
+  static constexpr double firmer = 10.0;
+  static constexpr double softer = 0.1;
+  // Residual of the raised problem at which its solution becomes the centre.
+  static constexpr double centred = 1e-11;
+  // g is at least this, relative to G's largest diagonal entry.
+  static constexpr double smallest_influence = 1e-12;
+  // A disc smaller than this, relative to |x_T - s_T / g|, is a point.
+  static constexpr double smallest_disc = 1e-14;
+  // Numbers from here on count as overflow (bounds may be larger).
+  static constexpr double largest_number = 1e100;
+  // Steps of Newton's method from the guess or from zero, in one attempt from another start, and
+  // for one centre in such an attempt.
+  static constexpr int steps = 20;
+  static constexpr int firm_steps = 60;
+  static constexpr int patience = 8;
+  // Attempts with a start by the method of multipliers; rounds of the first, doubled each time.
+  static constexpr int attempts = 6;
+  static constexpr int rounds = 100;
+  // The method's penalty and its hold on the last x, relative to g; its over-relaxation.
+  static constexpr double penalty = 0.05;
+  static constexpr double hold = 1e-8;
+  static constexpr double relaxation = 1.6;
+};
+
+template <int capacity>
+struct ConeProblem {
+  using Tolerance = ConeTolerances;
+  static constexpr int N = room(capacity);
+
+  int n_single = 0, n_contacts = 0;  // n = n_single + 3 n_contacts rows: singles, then contacts
+  double G[N * N];                   // row i, column j at i * n + j
+  double b[N];
+  double lower[N], upper[N];  // of a contact only the upper bound of the normal counts
+  double mu[N];               // of contact c
+  double x[N];                // on entry the guess; from zero, redundant rows share the load
+  double s[N];
+  // The largest g |x - P(x - s / g)| of a row (a speed), relative to the largest of |b_i| and
+  // G_ii |x_i|.
+  double residual = unbounded;
+  int iterations = 0;  // steps of Newton's method
+  int rounds = 0;      // rounds of the method of multipliers
+
+  // Whether the law holds, up to the residual. Otherwise x is the best that was found; x is always
+  // finite and within its bounds.
+  FAN_FN bool solve() {
+    n_ = n_single + 3 * n_contacts;
+    iterations = rounds = 0;
+    residual = best_residual_ = unbounded;
+    if (!is_valid()) return false;
+    weigh();
+    const bool guessed = take_guess();
+    for (int i = 0; i < n_; ++i) best_[i] = x[i];
+    bool done = newton(Tolerance::raise, Tolerance::steps, Tolerance::steps);
+    if (!done && guessed) {
+      for (int i = 0; i < n_; ++i) x[i] = 0.0;
+      done = newton(Tolerance::raise, Tolerance::steps, Tolerance::steps);
+    }
+    for (int k = 0; k < Tolerance::attempts && !done; ++k) {
+      multipliers(Tolerance::rounds << k);
+      done = newton(Tolerance::firm_raise, Tolerance::patience, Tolerance::firm_steps);
+    }
+    if (done) return true;
+    for (int i = 0; i < n_; ++i) x[i] = best_[i];
+    bound(x);
+    measure();
+    return residual <= Tolerance::residual;
+  }
+
+ private:
+  FAN_FN int row_of(int c) const { return n_single + 3 * c; }
+
+  FAN_FN static bool is_finite(double value) { return fabs(value) < Tolerance::largest_number; }
+
+  FAN_FN static double clip(double value, double low, double high) {
+    return value < low ? low : value > high ? high : value;
+  }
+
+  FAN_FN static double length(double p, double q) { return sqrt(p * p + q * q); }
+
+  // Whether all numbers are finite and the bounds in order. If not, x and s are 0.
+  FAN_FN bool is_valid() {
+    bool valid = true;
+    for (int i = 0; i < n_ * n_; ++i) valid = valid && is_finite(G[i]);
+    for (int i = 0; i < n_; ++i) valid = valid && is_finite(b[i]);
+    for (int i = 0; i < n_single; ++i) valid = valid && lower[i] <= upper[i];
+    for (int c = 0; c < n_contacts; ++c)
+      valid = valid && mu[c] >= 0.0 && is_finite(mu[c]) && upper[row_of(c)] >= 0.0;
+    for (int i = 0; i < n_ && !valid; ++i) x[i] = s[i] = 0.0;
+    return valid;
+  }
+
+  // g of all rows.
+  FAN_FN void weigh() {
+    top_ = 0.0;
+    for (int i = 0; i < n_; ++i) top_ = fmax(top_, G[i * n_ + i]);
+    const double least = top_ > 0.0 ? Tolerance::smallest_influence * top_ : 1.0;
+    for (int i = 0; i < n_single; ++i) g_[i] = fmax(G[i * n_ + i], least);
+    for (int c = 0; c < n_contacts; ++c) {
+      const int i = row_of(c);
+      double sum = 0.0;
+      for (int k = i; k < i + 3; ++k) sum += G[k * n_ + k];
+      g_[i] = g_[i + 1] = g_[i + 2] = fmax(sum / 3.0, least);
+    }
+  }
+
+  // Whether there is a guess other than 0.
+  FAN_FN bool take_guess() {
+    bool guessed = false;
+    for (int i = 0; i < n_; ++i) {
+      if (!is_finite(x[i])) x[i] = 0.0;
+      guessed = guessed || x[i] != 0.0;
+    }
+    return guessed;
+  }
+
+  // y within its bounds; a tangential part outside its disc moves to the nearest point of it.
+  FAN_FN void bound(double* y) const {
+    for (int i = 0; i < n_single; ++i) y[i] = clip(y[i], lower[i], upper[i]);
+    for (int c = 0; c < n_contacts; ++c) {
+      const int i = row_of(c);
+      y[i] = clip(y[i], 0.0, upper[i]);
+      shorten(y + i, mu[c] * y[i]);
+    }
+  }
+
+  FAN_FN static void shorten(double* y, double radius) {
+    const double size = length(y[1], y[2]);
+    if (size <= radius) return;
+    y[1] *= radius / size;
+    y[2] *= radius / size;
+  }
+
+  // s and the residual of x.
+  FAN_FN void measure() {
+    for (int i = 0; i < n_; ++i) s[i] = -b[i];
+    for (int j = 0; j < n_; ++j)
+      if (x[j] != 0.0) add_multiple(s, x[j], G + j * n_, n_);
+    scale_ = 0.0;
+    for (int i = 0; i < n_; ++i)
+      scale_ = fmax(scale_, fmax(fabs(b[i]), G[i * n_ + i] * fabs(x[i])));
+    const double most = violation(0.0);
+    residual = most > 0.0 ? most / scale_ : 0.0;
+  }
+
+  // The speed by which x breaks the law of the raised problem.
+  FAN_FN double violation(double raise) const {
+    double w[N], most = 0.0;
+    for (int i = 0; i < n_; ++i) w[i] = ahead(i, raise);
+    for (int i = 0; i < n_single; ++i) w[i] = clip(w[i], lower[i], upper[i]);
+    for (int c = 0; c < n_contacts; ++c) {
+      const int i = row_of(c);
+      w[i] = clip(w[i], 0.0, upper[i]);
+      shorten(w + i, mu[c] * fmax(x[i], 0.0));
+    }
+    for (int i = 0; i < n_; ++i) most = fmax(most, g_[i] * fabs(x[i] - w[i]));
+    return most;
+  }
+
+  // x - s / g of row i of the raised problem.
+  FAN_FN double ahead(int i, double raise) const {
+    return x[i] - (s[i] + raise * (x[i] - centre_[i])) / g_[i];
+  }
+
+  // Newton's method from x; `patience` are the steps for one centre, `most` those for all. Whether
+  // x is a solution; if not, x is the last centre.
+  FAN_FN bool newton(double share, int patience, int most) {
+    int tries = 0;
+    for (int i = 0; i < n_; ++i) centre_[i] = x[i];
+    for (int k = 0; k < most && share < Tolerance::firmest_raise; ++k) {
+      measure();
+      if (is_solution()) return true;
+      if (tries > 0 && violation(share * top_) < Tolerance::centred * scale_) {
+        for (int i = 0; i < n_; ++i) centre_[i] = x[i];
+        share = fmax(share * Tolerance::softer, Tolerance::raise);
+        tries = 0;
+      } else if (tries >= patience) {
+        for (int i = 0; i < n_; ++i) x[i] = centre_[i];
+        measure();
+        share *= Tolerance::firmer;
+        tries = 0;
+      }
+      choose(share * top_);
+      if (!step(share * top_)) break;
+      ++iterations;
+      ++tries;
+    }
+    for (int i = 0; i < n_; ++i) x[i] = centre_[i];
+    return false;
+  }
+
+  // Whether x, put within its bounds, is a solution. Keeps the best x.
+  FAN_FN bool is_solution() {
+    if (residual <= Tolerance::residual) {
+      bound(x);
+      measure();
+    }
+    if (residual < best_residual_) {
+      best_residual_ = residual;
+      for (int i = 0; i < n_; ++i) best_[i] = x[i];
+    }
+    return residual <= Tolerance::residual;
+  }
+
+  // What the modes of the rows fix of x (base_), and the unknowns.
+  FAN_FN void choose(double raise) {
+    m_ = 0;
+    for (int i = 0; i < n_; ++i) base_[i] = 0.0;
+    for (int i = 0; i < n_single; ++i) {
+      const double w = ahead(i, raise);
+      if (w > lower[i] && w < upper[i]) add_unknown(i, 1, 1.0, 0.0, 0.0, 0.0);
+      else base_[i] = w <= lower[i] ? lower[i] : upper[i];
+    }
+    for (int c = 0; c < n_contacts; ++c) choose_contact(c, raise);
+  }
+
+  FAN_FN void choose_contact(int c, double raise) {
+    const int i = row_of(c);
+    const double normal = ahead(i, raise), p = ahead(i + 1, raise), q = ahead(i + 2, raise);
+    if (!(normal > 0.0)) return;
+    const bool full = normal >= upper[i];
+    if (full) base_[i] = upper[i];
+    const double radius = mu[c] * (full ? upper[i] : normal), size = length(p, q);
+    if (size <= radius && radius > 0.0) {
+      if (!full) add_unknown(i, 3, 1.0, 0.0, 0.0, 0.0);
+      add_unknown(i, 3, 0.0, 1.0, 0.0, 0.0);
+      add_unknown(i, 3, 0.0, 0.0, 1.0, 0.0);
+      return;
+    }
+    const double along = size > 0.0 ? p / size : 0.0, across = size > 0.0 ? q / size : 0.0;
+    base_[i + 1] = mu[c] * base_[i] * along;
+    base_[i + 2] = mu[c] * base_[i] * across;
+    if (!full) add_unknown(i, 3, 1.0, mu[c] * along, mu[c] * across, 0.0);
+    if (radius > Tolerance::smallest_disc * size)
+      add_unknown(i, 3, 0.0, -across, along, (size - radius) / radius * g_[i]);
+  }
+
+  // An unknown that moves x along a direction over `width` rows, and its own part of its equation.
+  FAN_FN void add_unknown(int row, int width, double first, double p, double q, double own) {
+    row_[m_] = row;
+    width_[m_] = width;
+    direction_[m_][0] = first;
+    direction_[m_][1] = p;
+    direction_[m_][2] = q;
+    own_[m_++] = own;
+  }
+
+  // x from the equations of the unknowns: s = 0 in the row or, of tangents, along the direction.
+  FAN_FN bool step(double raise) {
+    double right[N], z[N], y[N];
+    for (int i = 0; i < n_; ++i) right[i] = b[i] + raise * (centre_[i] - base_[i]);
+    for (int j = 0; j < n_; ++j)
+      if (base_[j] != 0.0) add_multiple(right, -base_[j], G + j * n_, n_);
+    lu_.n = m_;
+    for (int a = 0; a < m_; ++a) z[a] = equation(a, raise, right);
+    if (!lu_.factorise()) return false;
+    lu_.substitute(z);
+    for (int i = 0; i < n_; ++i) y[i] = base_[i];
+    for (int a = 0; a < m_; ++a)
+      for (int k = 0; k < width_[a]; ++k) y[row_[a] + k] += z[a] * direction_[a][k];
+    for (int i = 0; i < n_; ++i)
+      if (!is_finite(y[i]) && y[i] != base_[i]) return false;
+    for (int i = 0; i < n_; ++i) x[i] = y[i];
+    return true;
+  }
+
+  // Row a of the matrix; returns the right side.
+  FAN_FN double equation(int a, double raise, const double* right) {
+    const bool normal = direction_[a][0] != 0.0;
+    double image[N], sum = 0.0;
+    for (int j = 0; j < n_; ++j) image[j] = 0.0;
+    for (int k = 0; k < width_[a]; ++k) {
+      const int i = row_[a] + k;
+      const double part = normal ? (k == 0 ? 1.0 : 0.0) : direction_[a][k];
+      if (part == 0.0) continue;
+      add_multiple(image, part, G + i * n_, n_);
+      image[i] += raise * part;
+      sum += right[i] * part;
+    }
+    double* out = lu_.A + a * m_;
+    for (int d = 0; d < m_; ++d) {
+      const double *w = direction_[d], *y = image + row_[d];
+      out[d] = width_[d] == 1 ? y[0] : w[0] * y[0] + w[1] * y[1] + w[2] * y[2];
+    }
+    out[a] += own_[a];
+    return sum;
+  }
+
+  // x from the method of multipliers, from x: y is x within the cones, z stands for s + mu |s_T|.
+  FAN_FN void multipliers(int most) {
+    double y[N], z[N], r[N];
+    lu_.n = n_;
+    for (int i = 0; i < n_ * n_; ++i) lu_.A[i] = G[i];
+    for (int i = 0; i < n_; ++i)
+      lu_.A[i * n_ + i] += (Tolerance::penalty + Tolerance::hold) * g_[i];
+    if (!lu_.factorise()) return;
+    for (int i = 0; i < n_; ++i) {
+      y[i] = x[i];
+      z[i] = 0.0;
+    }
+    for (int k = 0; k < most; ++k) {
+      for (int i = 0; i < n_; ++i)
+        r[i] = b[i] + z[i] + g_[i] * (Tolerance::hold * x[i] + Tolerance::penalty * y[i]);
+      for (int c = 0; c < n_contacts; ++c) {
+        const int i = row_of(c);
+        r[i] -= mu[c] * length(z[i + 1], z[i + 2]);
+      }
+      lu_.substitute(r);
+      for (int i = 0; i < n_; ++i) {
+        x[i] = r[i];
+        r[i] = y[i] + Tolerance::relaxation * (r[i] - y[i]) - z[i] / (Tolerance::penalty * g_[i]);
+        y[i] = r[i];
+      }
+      project(y);
+      for (int i = 0; i < n_; ++i) z[i] = Tolerance::penalty * g_[i] * (y[i] - r[i]);
+    }
+    rounds += most;
+    for (int i = 0; i < n_; ++i) x[i] = y[i];
+  }
+
+  // y of the contacts to the nearest point of their cones, |y_T| <= mu y_n; then within its bounds.
+  FAN_FN void project(double* y) const {
+    for (int c = 0; c < n_contacts; ++c) {
+      double* w = y + row_of(c);
+      const double size = length(w[1], w[2]);
+      if (size <= mu[c] * w[0]) continue;
+      w[0] = fmax(0.0, (w[0] + mu[c] * size) / (1.0 + mu[c] * mu[c]));
+      shorten(w, mu[c] * w[0]);
+    }
+    bound(y);
+  }
+
+  int n_ = 0, m_ = 0;  // rows, unknowns
+  double top_ = 0.0, scale_ = 0.0, best_residual_ = unbounded;
+  double g_[N], centre_[N], best_[N], base_[N], own_[N], direction_[N][3];
+  int row_[N], width_[N];
+  DenseLu<capacity> lu_;
+};
+
+}  // namespace fan
