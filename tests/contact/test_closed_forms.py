@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -16,7 +18,7 @@ def converges(found: list[float], exact: float, order: float = 1.0, most: float 
     """Asserts that errors shrink at an order as steps halve, or are rounding."""
     off = errors(found, exact)
     assert off[-1] <= most, off
-    for coarse, fine in zip(off, off[1:], strict=False):
+    for coarse, fine in pairwise(off):
         assert fine <= coarse * 0.5**order * 1.3 + 1e-10 * abs(exact), off
 
 
