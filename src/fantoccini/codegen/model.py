@@ -261,7 +261,7 @@ def _lists(name: str, lists: list[list[int]]) -> list[str]:
 
 
 def _ways(tree: Tree) -> list[str]:
-    """Where the velocities that move each link are in v_D and in v_K, where links may touch."""
+    """Where links may touch: their parents, and where what moves each is in v_D and in v_K."""
     if not tree.n_contacts:
         return []
     found: dict[Role, list[list[int]]] = {Role.DYNAMIC: [], Role.DRIVEN: []}
@@ -269,7 +269,11 @@ def _ways(tree: Tree) -> list[str]:
         for role, ways in found.items():
             links = [tree.links[j] for j in reversed(tree.ancestors(i))]
             ways.append([k for a in links if a.role is role for k in range(a.v.start, a.v.stop)])
-    return [*_lists("moved_D", found[Role.DYNAMIC]), *_lists("moved_K", found[Role.DRIVEN])]
+    return [
+        _array("int", "link_parent", [link.parent for link in tree.links]),
+        *_lists("moved_D", found[Role.DYNAMIC]),
+        *_lists("moved_K", found[Role.DRIVEN]),
+    ]
 
 
 def _pulled(tree: Tree, string: StringRow) -> list[int]:

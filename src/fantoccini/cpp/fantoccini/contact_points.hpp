@@ -51,6 +51,7 @@ class ContactPoints {
     Real v_D[room(N)] = {}, v_K[room(NK)] = {};
     Call<Model, Real>::screws(q_D, q_K, p, links_);
     load(0, v_D, v_K);
+    move();
     place(in);
     for (int k = 0; k < in.n_pairs; ++k) {
       n[0] = 0;
@@ -70,6 +71,7 @@ class ContactPoints {
       n[l] = 0;
       if (lane_of(idle, l)) continue;
       load(l, v_D, v_K);
+      move();
       place(in);
       look_at_all(in, dt, l);
       if (n[l] > most) most = n[l];
@@ -79,7 +81,7 @@ class ContactPoints {
       for (int k = 0; k < N; ++k) row[i][k] = Real(0.0);
     }
     for (int l = 0; l < width; ++l) {
-      if (n[l] > 0) load(l, v_D, v_K);
+      if (n[l] > 0 && width > 1) load(l, v_D, v_K);
       for (int i = 0; i < n[l]; ++i) fill(in, l, i);
     }
   }
@@ -87,24 +89,48 @@ class ContactPoints {
  private:
   static constexpr int L = Model::n_links, B = Model::n_solids;
 
-  // A lane's poses and screws, and the links' twists.
+  struct Ball {
+    double at[3], radius;
+  };
+
+  // Takes a lane's poses, screws and velocities.
   FAN_FN void load(int l, const Real* v_D, const Real* v_K) {
-    for (int i = 0; i < 12 * L; ++i) poses_[i] = lane_of(links_.poses[i], l);
-    for (int i = 0; i < 6 * N; ++i) screw_D_[i] = lane_of(links_.screw_D[i], l);
-    for (int i = 0; i < 6 * NK; ++i) screw_K_[i] = lane_of(links_.screw_K[i], l);
-    for (int k = 0; k < N; ++k) v_D_[k] = lane_of(v_D[k], l);
-    for (int k = 0; k < NK; ++k) v_K_[k] = lane_of(v_K[k], l);
+    if constexpr (width == 1) {
+      poses_ = links_.poses;
+      screw_D_ = links_.screw_D;
+      screw_K_ = links_.screw_K;
+      v_D_ = v_D;
+      v_K_ = v_K;
+    } else {
+      double* to = lane_;
+      const auto take = [&](const Real* from, int n) {
+        for (int i = 0; i < n; ++i) to[i] = lane_of(from[i], l);
+        to += n;
+        return to - n;
+      };
+      poses_ = take(links_.poses, 12 * L);
+      screw_D_ = take(links_.screw_D, 6 * N);
+      screw_K_ = take(links_.screw_K, 6 * NK);
+      v_D_ = take(v_D, N);
+      v_K_ = take(v_K, NK);
+    }
+  }
+
+  // The twists of the links: each has its parent's and what its own joint adds.
+  FAN_FN void move() {
     for (int i = 0; i < L; ++i) {
+      const int up = Model::link_parent[i];
       double* twist = twist_ + 6 * i;
-      for (int c = 0; c < 6; ++c) twist[c] = 0.0;
-      for (int j = Model::moved_D_begin[i]; j < Model::moved_D_begin[i + 1]; ++j) {
-        const int k = Model::moved_D_entry[j];
-        for (int c = 0; c < 6; ++c) twist[c] += screw_D_[6 * k + c] * v_D_[k];
-      }
-      for (int j = Model::moved_K_begin[i]; j < Model::moved_K_begin[i + 1]; ++j) {
-        const int k = Model::moved_K_entry[j];
-        for (int c = 0; c < 6; ++c) twist[c] += screw_K_[6 * k + c] * v_K_[k];
-      }
+      for (int c = 0; c < 6; ++c) twist[c] = up < 0 ? 0.0 : twist_[6 * up + c];
+      const auto add = [&](const int* begin, const int* entry, const double* screw, const double* v) {
+        const int carried = up < 0 ? 0 : begin[up + 1] - begin[up];
+        for (int j = begin[i] + carried; j < begin[i + 1]; ++j) {
+          const int k = entry[j];
+          for (int c = 0; c < 6; ++c) twist[c] += screw[6 * k + c] * v[k];
+        }
+      };
+      add(Model::moved_D_begin, Model::moved_D_entry, screw_D_, v_D_);
+      add(Model::moved_K_begin, Model::moved_K_entry, screw_K_, v_K_);
     }
   }
 
@@ -114,27 +140,27 @@ class ContactPoints {
       const int link = in.solids[first].link;
       const double* R = poses_ + 12 * link;
       int end = first;
-      double centre[3] = {};
+      Ball& all = ball_of_[link];
+      for (int c = 0; c < 3; ++c) all.at[c] = 0.0;
       for (; end < B && in.solids[end].link == link; ++end) {
         placed(in.solids[end], R, R + 9, placed_[end]);
-        for (int c = 0; c < 3; ++c) centre[c] += 0.5 * (placed_[end].a[c] + placed_[end].b[c]);
+        ball_[end].radius = bounding_radius(in.solids[end]);
+        for (int c = 0; c < 3; ++c) {
+          ball_[end].at[c] = 0.5 * (placed_[end].a[c] + placed_[end].b[c]);
+          all.at[c] += ball_[end].at[c];
+        }
       }
-      Solid& ball = ball_[link];
-      ball.kind = SEGMENT;
-      ball.radius = ball.half[0] = 0.0;
-      for (int c = 0; c < 3; ++c) ball.a[c] = ball.b[c] = centre[c] / (end - first);
+      for (int c = 0; c < 3; ++c) all.at[c] /= end - first;
+      all.radius = 0.0;
       for (; first < end; ++first) {
-        const Solid& own = placed_[first];
-        double apart[3];
-        for (int c = 0; c < 3; ++c) apart[c] = 0.5 * (own.a[c] + own.b[c]) - ball.a[c];
-        const double reach = sqrt(dot3(apart, apart)) + bounding_radius(own);
-        if (reach > ball.radius) ball.radius = reach;
+        const double reach = sqrt(square_apart(ball_[first].at, all.at)) + ball_[first].radius;
+        if (reach > all.radius) all.radius = reach;
       }
       const double* t = twist_ + 6 * link;
       double v[3];
-      cross(t + 3, ball.a, v);
+      cross(t + 3, all.at, v);
       for (int c = 0; c < 3; ++c) v[c] += t[c];
-      speed_[link] = sqrt(dot3(v, v)) + sqrt(dot3(t + 3, t + 3)) * ball.radius;
+      speed_[link] = sqrt(dot3(v, v)) + sqrt(dot3(t + 3, t + 3)) * all.radius;
     }
   }
 
@@ -147,10 +173,12 @@ class ContactPoints {
       to.half[c] = from.half[c];
       to.a[c] = r[c] + R[c] * from.a[0] + R[3 + c] * from.a[1] + R[6 + c] * from.a[2];
       to.b[c] = r[c] + R[c] * from.b[0] + R[3 + c] * from.b[1] + R[6 + c] * from.b[2];
+    }
+    if (from.kind == SEGMENT && !is_ellipsoid(from)) return;
+    for (int c = 0; c < 3; ++c)
       for (int j = 0; j < 3; ++j)
         to.R[3 * j + c] = R[c] * from.R[3 * j] + R[3 + c] * from.R[3 * j + 1] +
                           R[6 + c] * from.R[3 * j + 2];
-    }
   }
 
   // Finds the points of lane l.
@@ -159,17 +187,50 @@ class ContactPoints {
       const int a = in.groups[3 * g], b = in.groups[3 * g + 1], end = in.groups[3 * g + 2];
       const double speed = speed_[a] + (b < 0 ? 0.0 : speed_[b]);
       const double margin = Tolerance::margin + Tolerance::travel * dt * speed;
-      const Solid& other = b < 0 ? in.solids[-1 - b] : ball_[b];
-      if (certainly_apart(ball_[a], other, margin)) k = end;
+      const bool far = b < 0 ? is_far(ball_of_[a], in.solids[-1 - b], margin)
+                             : is_far(ball_of_[a], ball_of_[b], margin);
+      if (far) k = end;
       for (; k < end; ++k) look(in, k, margin, l);
     }
+  }
+
+  FAN_FN static double square_apart(const double* a, const double* b) {
+    double sum = 0.0;
+    for (int c = 0; c < 3; ++c) sum += (a[c] - b[c]) * (a[c] - b[c]);
+    return sum;
+  }
+
+  FAN_FN static bool is_far(const Ball& x, const Ball& y, double margin) {
+    const double reach = x.radius + y.radius + margin;
+    return square_apart(x.at, y.at) >= reach * reach;
+  }
+
+  // The same of a solid that stands.
+  FAN_FN static bool is_far(const Ball& x, const Solid& y, double margin) {
+    if (y.kind == HALF_SPACE) {
+      double height = -x.radius;
+      for (int c = 0; c < 3; ++c) height += (x.at[c] - y.a[c]) * y.b[c];
+      return height >= margin;
+    }
+    Ball other;
+    other.radius = bounding_radius(y);
+    for (int c = 0; c < 3; ++c) other.at[c] = 0.5 * (y.a[c] + y.b[c]);
+    return is_far(x, other, margin);
+  }
+
+  // Whether an ellipsoid and a segment or ellipsoid are apart because the capsules around them are.
+  FAN_FN static bool are_far(const Solid& x, const Solid& y, double margin) {
+    if (x.kind != SEGMENT || y.kind != SEGMENT || !(is_ellipsoid(x) || is_ellipsoid(y)))
+      return false;
+    return between_segments(x.a, x.b, y.a, y.b) >= x.radius + y.radius + margin;
   }
 
   // Adds the points of pair k to those of lane l.
   FAN_FN void look(const ContactArrays& in, int k, double margin, int l) {
     const int a = in.pairs[2 * k], b = in.pairs[2 * k + 1];
     const Solid &x = placed_[a], &y = b < B ? placed_[b] : in.solids[b];
-    if (certainly_apart(x, y, margin)) return;
+    if (b < B ? is_far(ball_[a], ball_[b], margin) : is_far(ball_[a], y, margin)) return;
+    if (are_far(x, y, margin)) return;
     Touch found[max_touches];
     const int n_found = touches(x, y, margin, found);
     for (int i = 0; i < n_found; ++i) {
@@ -233,9 +294,11 @@ class ContactPoints {
   struct {
     Real poses[room(12 * L)], screw_D[room(6 * N)], screw_K[room(6 * NK)];
   } links_;
-  double poses_[room(12 * L)], screw_D_[room(6 * N)], screw_K_[room(6 * NK)];
-  double v_D_[room(N)], v_K_[room(NK)], twist_[room(6 * L)], speed_[room(L)];
-  Solid placed_[room(B)], ball_[room(L)];  // of the solids; of the links
+  const double *poses_, *screw_D_, *screw_K_, *v_D_, *v_K_;  // of the lane that is looked at
+  double lane_[width == 1 ? 1 : 12 * L + 7 * (N + NK)];
+  double twist_[room(6 * L)], speed_[room(L)];
+  Solid placed_[room(B)];
+  Ball ball_[room(B)], ball_of_[room(L)];  // around solids, and around all of a link
 };
 
 // The C interface of ContactPoints::measure; 1 where there was no memory, else 0.
