@@ -397,7 +397,7 @@ class Performance:
         """Notes the drives whose motors the last tick overloaded."""
         tree = self.marionette.tree
         for index in self._stepper.events[:, EVENT_AT["row"]].astype(int) - tree.n_rows:
-            if index >= 0:
+            if 0 <= index < len(tree.watched):
                 self._weak[tree.watched[index].name.rsplit(".", 1)[0]] = self.t
 
     def _stop_hands(self, status: Status) -> None:
