@@ -33,6 +33,8 @@ namespace fan {
 struct ConeTolerances {
   // Largest residual of a solution; see `residual`.
   static constexpr double residual = 1e-10;
+  // The same relative to G_ii |x_i|, whose rounding alone is some 1e-15.
+  static constexpr double share_of_terms = 1e-4;
   // Raise of G's diagonal, relative to its largest entry: at first, and where the start comes from
   // the method of multipliers.
   static constexpr double raise = 1e-10;
@@ -47,6 +49,8 @@ struct ConeTolerances {
   static constexpr double smallest_influence = 1e-12;
   // A disc smaller than this, relative to |x_T - s_T / g|, is a point.
   static constexpr double smallest_disc = 1e-14;
+  // A tangential part that passes its disc by less than this, relative, stays as it is.
+  static constexpr double rounding = 1e-15;
   // Numbers from here on count as overflow (bounds may be larger).
   static constexpr double largest_number = 1e100;
   // Steps of Newton's method from the guess or from zero, in one attempt from another start, and
@@ -75,8 +79,8 @@ struct ConeProblem {
   double mu[N];               // of contact c
   double x[N];                // on entry the guess; from zero, redundant rows share the load
   double s[N];
-  // The largest g |x - P(x - s / g)| of a row (a speed), relative to the largest of |b_i| and
-  // G_ii |x_i|.
+  // The largest g |x - P(x - s / g)| of a row (a speed), relative to the largest of all |b_i| and
+  // 1e-4 G_ii |x_i|.
   double residual = unbounded;
   int iterations = 0;  // steps of Newton's method
   int rounds = 0;      // rounds of the method of multipliers
@@ -166,7 +170,7 @@ struct ConeProblem {
 
   FAN_FN static void shorten(double* y, double radius) {
     const double size = length(y[1], y[2]);
-    if (size <= radius) return;
+    if (size <= radius * (1.0 + Tolerance::rounding)) return;
     y[1] *= radius / size;
     y[2] *= radius / size;
   }
@@ -177,8 +181,10 @@ struct ConeProblem {
     for (int j = 0; j < n_; ++j)
       if (x[j] != 0.0) add_multiple(s, x[j], G + j * n_, n_);
     scale_ = 0.0;
-    for (int i = 0; i < n_; ++i)
-      scale_ = fmax(scale_, fmax(fabs(b[i]), G[i * n_ + i] * fabs(x[i])));
+    for (int i = 0; i < n_; ++i) {
+      const double own = Tolerance::share_of_terms * G[i * n_ + i] * fabs(x[i]);
+      scale_ = fmax(scale_, fmax(fabs(b[i]), own));
+    }
     const double most = violation(0.0);
     residual = most > 0.0 ? most / scale_ : 0.0;
   }
@@ -209,7 +215,10 @@ struct ConeProblem {
     for (int i = 0; i < n_; ++i) centre_[i] = x[i];
     for (int k = 0; k < most && share < Tolerance::firmest_raise; ++k) {
       measure();
-      if (is_solution()) return true;
+      if (is_solution()) {
+        if (tries > 0) refine();
+        return true;
+      }
       if (tries > 0 && violation(share * top_) < Tolerance::centred * scale_) {
         for (int i = 0; i < n_; ++i) centre_[i] = x[i];
         share = fmax(share * Tolerance::softer, Tolerance::raise);
@@ -296,26 +305,54 @@ struct ConeProblem {
     if (!lu_.factorise()) return false;
     lu_.substitute(z);
     for (int i = 0; i < n_; ++i) y[i] = base_[i];
-    for (int a = 0; a < m_; ++a)
-      for (int k = 0; k < width_[a]; ++k) y[row_[a] + k] += z[a] * direction_[a][k];
+    add_directions(z, y);
     for (int i = 0; i < n_; ++i)
       if (!is_finite(y[i]) && y[i] != base_[i]) return false;
     for (int i = 0; i < n_; ++i) x[i] = y[i];
     return true;
   }
 
+  // One refinement of a solution with the factor at hand, which removes the raise's part; kept
+  // where the residual becomes smaller.
+  FAN_FN void refine() {
+    double z[N], held[N];
+    const double before = residual;
+    for (int i = 0; i < n_; ++i) held[i] = x[i];
+    for (int a = 0; a < m_; ++a) {
+      z[a] = 0.0;
+      for (int k = 0; k < width_[a]; ++k)
+        z[a] -= part(a, k) * s[row_[a] + k] + own_[a] * direction_[a][k] * x[row_[a] + k];
+    }
+    lu_.substitute(z);
+    add_directions(z, x);
+    bound(x);
+    measure();
+    if (residual < before) return;
+    for (int i = 0; i < n_; ++i) x[i] = held[i];
+    measure();
+  }
+
+  FAN_FN void add_directions(const double* z, double* y) const {
+    for (int a = 0; a < m_; ++a)
+      for (int k = 0; k < width_[a]; ++k) y[row_[a] + k] += z[a] * direction_[a][k];
+  }
+
+  // What row k of unknown a's block counts in its equation; of a normal only itself.
+  FAN_FN double part(int a, int k) const {
+    return direction_[a][0] == 0.0 ? direction_[a][k] : k == 0 ? 1.0 : 0.0;
+  }
+
   // Row a of the matrix; returns the right side.
   FAN_FN double equation(int a, double raise, const double* right) {
-    const bool normal = direction_[a][0] != 0.0;
     double image[N], sum = 0.0;
     for (int j = 0; j < n_; ++j) image[j] = 0.0;
     for (int k = 0; k < width_[a]; ++k) {
       const int i = row_[a] + k;
-      const double part = normal ? (k == 0 ? 1.0 : 0.0) : direction_[a][k];
-      if (part == 0.0) continue;
-      add_multiple(image, part, G + i * n_, n_);
-      image[i] += raise * part;
-      sum += right[i] * part;
+      const double share = part(a, k);
+      if (share == 0.0) continue;
+      add_multiple(image, share, G + i * n_, n_);
+      image[i] += raise * share;
+      sum += right[i] * share;
     }
     double* out = lu_.A + a * m_;
     for (int d = 0; d < m_; ++d) {
