@@ -19,7 +19,7 @@ from cpp.toolchain import SANITIZE, compile_program, run_program
 
 Array = NDArray[np.float64]
 TOLERANCE = 1e-10
-NEVER = 1e300
+NEVER = 1e250
 
 
 @dataclass(frozen=True)
