@@ -24,48 +24,15 @@
 // after each success.
 #pragma once
 
+#include "cone_law.hpp"
 #include "contract.hpp"
 #include "dense_lu.hpp"
 #include "real.hpp"
 
 namespace fan {
 
-struct ConeTolerances {
-  // Largest residual of a solution; see `residual`.
-  static constexpr double residual = 1e-10;
-  // Raise of G's diagonal, relative to its largest entry: at first, and where the start comes from
-  // the method of multipliers.
-  static constexpr double raise = 1e-10;
-  static constexpr double firm_raise = 1e-5;
-  static constexpr double firmest_raise = 10.0;
-  // Change of the raise after a failure, and after a success.
-  static constexpr double firmer = 10.0;
-  static constexpr double softer = 0.1;
-  // Residual of the raised problem at which its solution becomes the centre.
-  static constexpr double centred = 1e-11;
-  // g is at least this, relative to G's largest diagonal entry.
-  static constexpr double smallest_influence = 1e-12;
-  // A disc smaller than this, relative to |x_T - s_T / g|, is a point.
-  static constexpr double smallest_disc = 1e-14;
-  // Numbers from here on count as overflow (bounds may be larger).
-  static constexpr double largest_number = 1e100;
-  // Steps of Newton's method from the guess or from zero, in one attempt from another start, and
-  // for one centre in such an attempt.
-  static constexpr int steps = 20;
-  static constexpr int firm_steps = 60;
-  static constexpr int patience = 8;
-  // Attempts with a start by the method of multipliers; rounds of the first, doubled each time.
-  static constexpr int attempts = 6;
-  static constexpr int rounds = 100;
-  // The method's penalty and its hold on the last x, relative to g; its over-relaxation.
-  static constexpr double penalty = 0.05;
-  static constexpr double hold = 1e-8;
-  static constexpr double relaxation = 1.6;
-};
-
 template <int capacity>
-struct ConeProblem {
-  using Tolerance = ConeTolerances;
+struct ConeProblem : ConeLaw {
   static constexpr int N = room(capacity);
 
   int n_single = 0, n_contacts = 0;  // n = n_single + 3 n_contacts rows: singles, then contacts
@@ -75,19 +42,19 @@ struct ConeProblem {
   double mu[N];               // of contact c
   double x[N];                // on entry the guess; from zero, redundant rows share the load
   double s[N];
-  // The largest g |x - P(x - s / g)| of a row (a speed), relative to the largest of |b_i| and
-  // G_ii |x_i|.
+  // The largest g |x - P(x - s / g)| of a row (a speed), relative to the largest of all |b_i| and
+  // 1e-4 G_ii |x_i|.
   double residual = unbounded;
   int iterations = 0;  // steps of Newton's method
   int rounds = 0;      // rounds of the method of multipliers
 
-  // Whether the law holds, up to the residual. Otherwise x is the best that was found; x is always
-  // finite and within its bounds.
+  // Whether the law holds, up to the residual. If not, x is the best that was found within the
+  // bounds, or 0 where the problem has numbers that are not finite or bounds that are crossed.
   FAN_FN bool solve() {
     n_ = n_single + 3 * n_contacts;
     iterations = rounds = 0;
     residual = best_residual_ = unbounded;
-    if (!is_valid()) return false;
+    if (n_ > capacity || !is_valid()) return false;
     weigh();
     const bool guessed = take_guess();
     for (int i = 0; i < n_; ++i) best_[i] = x[i];
@@ -110,14 +77,6 @@ struct ConeProblem {
  private:
   FAN_FN int row_of(int c) const { return n_single + 3 * c; }
 
-  FAN_FN static bool is_finite(double value) { return fabs(value) < Tolerance::largest_number; }
-
-  FAN_FN static double clip(double value, double low, double high) {
-    return value < low ? low : value > high ? high : value;
-  }
-
-  FAN_FN static double length(double p, double q) { return sqrt(p * p + q * q); }
-
   // Whether all numbers are finite and the bounds in order. If not, x and s are 0.
   FAN_FN bool is_valid() {
     bool valid = true;
@@ -133,14 +92,14 @@ struct ConeProblem {
   // g of all rows.
   FAN_FN void weigh() {
     top_ = 0.0;
-    for (int i = 0; i < n_; ++i) top_ = fmax(top_, G[i * n_ + i]);
+    for (int i = 0; i < n_; ++i) top_ = larger(top_, G[i * n_ + i]);
     const double least = top_ > 0.0 ? Tolerance::smallest_influence * top_ : 1.0;
-    for (int i = 0; i < n_single; ++i) g_[i] = fmax(G[i * n_ + i], least);
+    for (int i = 0; i < n_single; ++i) g_[i] = larger(G[i * n_ + i], least);
     for (int c = 0; c < n_contacts; ++c) {
       const int i = row_of(c);
       double sum = 0.0;
       for (int k = i; k < i + 3; ++k) sum += G[k * n_ + k];
-      g_[i] = g_[i + 1] = g_[i + 2] = fmax(sum / 3.0, least);
+      g_[i] = g_[i + 1] = g_[i + 2] = larger(sum / 3.0, least);
     }
   }
 
@@ -164,21 +123,16 @@ struct ConeProblem {
     }
   }
 
-  FAN_FN static void shorten(double* y, double radius) {
-    const double size = length(y[1], y[2]);
-    if (size <= radius) return;
-    y[1] *= radius / size;
-    y[2] *= radius / size;
-  }
-
   // s and the residual of x.
   FAN_FN void measure() {
     for (int i = 0; i < n_; ++i) s[i] = -b[i];
     for (int j = 0; j < n_; ++j)
       if (x[j] != 0.0) add_multiple(s, x[j], G + j * n_, n_);
     scale_ = 0.0;
-    for (int i = 0; i < n_; ++i)
-      scale_ = fmax(scale_, fmax(fabs(b[i]), G[i * n_ + i] * fabs(x[i])));
+    for (int i = 0; i < n_; ++i) {
+      const double own = Tolerance::share_of_terms * G[i * n_ + i] * fabs(x[i]);
+      scale_ = larger(scale_, larger(fabs(b[i]), own));
+    }
     const double most = violation(0.0);
     residual = most > 0.0 ? most / scale_ : 0.0;
   }
@@ -191,9 +145,9 @@ struct ConeProblem {
     for (int c = 0; c < n_contacts; ++c) {
       const int i = row_of(c);
       w[i] = clip(w[i], 0.0, upper[i]);
-      shorten(w + i, mu[c] * fmax(x[i], 0.0));
+      shorten(w + i, mu[c] * larger(x[i], 0.0));
     }
-    for (int i = 0; i < n_; ++i) most = fmax(most, g_[i] * fabs(x[i] - w[i]));
+    for (int i = 0; i < n_; ++i) most = larger(most, g_[i] * fabs(x[i] - w[i]));
     return most;
   }
 
@@ -209,10 +163,13 @@ struct ConeProblem {
     for (int i = 0; i < n_; ++i) centre_[i] = x[i];
     for (int k = 0; k < most && share < Tolerance::firmest_raise; ++k) {
       measure();
-      if (is_solution()) return true;
+      if (is_solution()) {
+        if (tries > 0) refine();
+        return true;
+      }
       if (tries > 0 && violation(share * top_) < Tolerance::centred * scale_) {
         for (int i = 0; i < n_; ++i) centre_[i] = x[i];
-        share = fmax(share * Tolerance::softer, Tolerance::raise);
+        share = larger(share * Tolerance::softer, Tolerance::raise);
         tries = 0;
       } else if (tries >= patience) {
         for (int i = 0; i < n_; ++i) x[i] = centre_[i];
@@ -296,26 +253,54 @@ struct ConeProblem {
     if (!lu_.factorise()) return false;
     lu_.substitute(z);
     for (int i = 0; i < n_; ++i) y[i] = base_[i];
-    for (int a = 0; a < m_; ++a)
-      for (int k = 0; k < width_[a]; ++k) y[row_[a] + k] += z[a] * direction_[a][k];
+    add_directions(z, y);
     for (int i = 0; i < n_; ++i)
       if (!is_finite(y[i]) && y[i] != base_[i]) return false;
     for (int i = 0; i < n_; ++i) x[i] = y[i];
     return true;
   }
 
+  // One refinement of a solution with the factor at hand, which removes the raise's part; kept
+  // where the residual becomes smaller.
+  FAN_FN void refine() {
+    double z[N], held[N];
+    const double before = residual;
+    for (int i = 0; i < n_; ++i) held[i] = x[i];
+    for (int a = 0; a < m_; ++a) {
+      z[a] = 0.0;
+      for (int k = 0; k < width_[a]; ++k)
+        z[a] -= part(a, k) * s[row_[a] + k] + own_[a] * direction_[a][k] * x[row_[a] + k];
+    }
+    lu_.substitute(z);
+    add_directions(z, x);
+    bound(x);
+    measure();
+    if (residual < before) return;
+    for (int i = 0; i < n_; ++i) x[i] = held[i];
+    measure();
+  }
+
+  FAN_FN void add_directions(const double* z, double* y) const {
+    for (int a = 0; a < m_; ++a)
+      for (int k = 0; k < width_[a]; ++k) y[row_[a] + k] += z[a] * direction_[a][k];
+  }
+
+  // What row k of unknown a's block counts in its equation; of a normal only itself.
+  FAN_FN double part(int a, int k) const {
+    return direction_[a][0] == 0.0 ? direction_[a][k] : k == 0 ? 1.0 : 0.0;
+  }
+
   // Row a of the matrix; returns the right side.
   FAN_FN double equation(int a, double raise, const double* right) {
-    const bool normal = direction_[a][0] != 0.0;
     double image[N], sum = 0.0;
     for (int j = 0; j < n_; ++j) image[j] = 0.0;
     for (int k = 0; k < width_[a]; ++k) {
       const int i = row_[a] + k;
-      const double part = normal ? (k == 0 ? 1.0 : 0.0) : direction_[a][k];
-      if (part == 0.0) continue;
-      add_multiple(image, part, G + i * n_, n_);
-      image[i] += raise * part;
-      sum += right[i] * part;
+      const double share = part(a, k);
+      if (share == 0.0) continue;
+      add_multiple(image, share, G + i * n_, n_);
+      image[i] += raise * share;
+      sum += right[i] * share;
     }
     double* out = lu_.A + a * m_;
     for (int d = 0; d < m_; ++d) {
@@ -351,23 +336,12 @@ struct ConeProblem {
         r[i] = y[i] + Tolerance::relaxation * (r[i] - y[i]) - z[i] / (Tolerance::penalty * g_[i]);
         y[i] = r[i];
       }
-      project(y);
+      for (int c = 0; c < n_contacts; ++c) project(y + row_of(c), mu[c]);
+      bound(y);
       for (int i = 0; i < n_; ++i) z[i] = Tolerance::penalty * g_[i] * (y[i] - r[i]);
     }
     rounds += most;
     for (int i = 0; i < n_; ++i) x[i] = y[i];
-  }
-
-  // y of the contacts to the nearest point of their cones, |y_T| <= mu y_n; then within its bounds.
-  FAN_FN void project(double* y) const {
-    for (int c = 0; c < n_contacts; ++c) {
-      double* w = y + row_of(c);
-      const double size = length(w[1], w[2]);
-      if (size <= mu[c] * w[0]) continue;
-      w[0] = fmax(0.0, (w[0] + mu[c] * size) / (1.0 + mu[c] * mu[c]));
-      shorten(w, mu[c] * w[0]);
-    }
-    bound(y);
   }
 
   int n_ = 0, m_ = 0;  // rows, unknowns

@@ -1,0 +1,75 @@
+// Constants and small functions of cone.hpp, which has the equations.
+#pragma once
+
+#include "real.hpp"
+
+namespace fan {
+
+struct ConeTolerances {
+  // Largest residual of a solution; see `residual`.
+  static constexpr double residual = 1e-10;
+  // The same relative to G_ii |x_i|, whose rounding alone is some 1e-15.
+  static constexpr double share_of_terms = 1e-4;
+  // Raise of G's diagonal, relative to its largest entry: at first, and where the start comes from
+  // the method of multipliers.
+  static constexpr double raise = 1e-10;
+  static constexpr double firm_raise = 1e-3;
+  static constexpr double firmest_raise = 10.0;
+  // Change of the raise after a failure, and after a success.
+  static constexpr double firmer = 10.0;
+  static constexpr double softer = 0.3;
+  // Residual of the raised problem at which its solution becomes the centre.
+  static constexpr double centred = 1e-11;
+  // g is at least this, relative to G's largest diagonal entry.
+  static constexpr double smallest_influence = 1e-12;
+  // A disc smaller than this, relative to |x_T - s_T / g|, is a point.
+  static constexpr double smallest_disc = 1e-14;
+  // A tangential part that passes its disc by less than this, relative, stays as it is.
+  static constexpr double rounding = 1e-15;
+  // Numbers from here on count as overflow (bounds may be larger).
+  static constexpr double largest_number = 1e100;
+  // Steps of Newton's method from the guess or from zero, in one attempt from another start, and
+  // for one centre in such an attempt.
+  static constexpr int steps = 20;
+  static constexpr int firm_steps = 300;
+  static constexpr int patience = 20;
+  // Attempts with a start by the method of multipliers; rounds of the first, doubled each time.
+  static constexpr int attempts = 5;
+  static constexpr int rounds = 100;
+  // The method's penalty and its hold on the last x, relative to g; its over-relaxation.
+  static constexpr double penalty = 0.1;
+  static constexpr double hold = 1e-8;
+  static constexpr double relaxation = 1.6;
+};
+
+struct ConeLaw {
+  using Tolerance = ConeTolerances;
+
+  FAN_FN static bool is_finite(double value) { return fabs(value) < Tolerance::largest_number; }
+
+  FAN_FN static double clip(double value, double low, double high) {
+    return value < low ? low : value > high ? high : value;
+  }
+
+  FAN_FN static double larger(double p, double q) { return p > q ? p : q; }
+
+  FAN_FN static double length(double p, double q) { return sqrt(p * p + q * q); }
+
+  // The tangential part of y to the nearest point of its disc.
+  FAN_FN static void shorten(double* y, double radius) {
+    const double size = length(y[1], y[2]);
+    if (size <= radius * (1.0 + Tolerance::rounding)) return;
+    y[1] *= radius / size;
+    y[2] *= radius / size;
+  }
+
+  // y to the nearest point of the cone |y_T| <= mu y_n.
+  FAN_FN static void project(double* y, double mu) {
+    const double size = length(y[1], y[2]);
+    if (size <= mu * y[0]) return;
+    y[0] = larger(0.0, (y[0] + mu * size) / (1.0 + mu * mu));
+    shorten(y, mu * y[0]);
+  }
+};
+
+}  // namespace fan

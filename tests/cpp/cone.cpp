@@ -1,0 +1,45 @@
+// The solver of strings and contacts by itself: problems from stdin, solutions to stdout.
+//
+// stdin: how many problems; then of each n_single, n_contacts, mu (n_contacts), and of its n rows
+// lower, upper, b, the guess of x, and G (n * n).
+// stdout, one line a problem: solved (1 or 0), residual, iterations, rounds, x (n), s (n).
+#include <cmath>
+#include <cstdio>
+#include <initializer_list>
+
+#include "fantoccini/cone.hpp"
+
+namespace {
+
+constexpr int kCapacity = 64;
+fan::ConeProblem<kCapacity> problem;
+
+double take() {
+  double x = 0.0;
+  return std::scanf("%lf", &x) == 1 ? x : std::nan("");
+}
+
+void take(double* x, int n) {
+  for (int i = 0; i < n; ++i) x[i] = take();
+}
+
+}  // namespace
+
+int main() {
+  const int n_problems = int(take());
+  for (int k = 0; k < n_problems; ++k) {
+    problem.n_single = int(take());
+    problem.n_contacts = int(take());
+    const int n = problem.n_single + 3 * problem.n_contacts;
+    if (n > kCapacity) return 1;
+    take(problem.mu, problem.n_contacts);
+    for (double* part : {problem.lower, problem.upper, problem.b, problem.x}) take(part, n);
+    take(problem.G, n * n);
+    const bool solved = problem.solve();
+    std::printf("%d %.17g %d %d", solved, problem.residual, problem.iterations, problem.rounds);
+    for (const double* part : {problem.x, problem.s})
+      for (int i = 0; i < n; ++i) std::printf(" %.17g", part[i]);
+    std::printf("\n");
+  }
+  return 0;
+}
