@@ -51,6 +51,16 @@ class Placed:
         """Turned about its own centre."""
         return self.moved(self.centre - turn.apply(self.centre), turn)
 
+    def reach(self, n: np.ndarray) -> float:
+        """max n . x over the solid; of half-spaces only along their normal."""
+        if self.kind == HALF_SPACE:
+            return float(self.a @ self.b) if n @ self.b > 1 - 1e-9 else np.inf
+        if self.ellipsoid:
+            return float(n @ self.centre + np.linalg.norm(self.half * (self.R.T @ n)))
+        if self.kind == BOX:
+            return float(n @ self.a + self.half @ np.abs(self.R.T @ n)) + self.radius
+        return float(max(n @ self.a, n @ self.b)) + self.radius
+
     def off_surface(self, point: np.ndarray) -> float:
         """Signed distance of a point from the surface; of ellipsoids to first order."""
         if self.kind == HALF_SPACE:

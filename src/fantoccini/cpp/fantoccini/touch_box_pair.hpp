@@ -88,13 +88,14 @@ struct Spot {
 };
 
 // The polygon of the points of a face, the upper, above another, the lower: corners of the upper
-// (numbers 0 to 3), corners of the lower (4 to 7), crossings of edges (8 to 23). Corners just off the
-// lower face are drawn onto it, and near points are one, so that equal faces share four points
-// however they jitter.
+// (numbers 0 to 3), corners of the lower (4 to 7), crossings of edges (8 to 23). Where the faces lie
+// flat, corners just off the other count as on it, and near points are one, so that equal faces
+// share four points however they jitter.
 class SharedPolygon {
  public:
   Spot spots[max_touches];
   int n = 0;
+  double tolerance;  // m: points this near are one
 
   FAN_FN SharedPolygon(const BoxFace& lower, const BoxFace& upper) : half_{lower.hu, lower.hv} {
     double from[3];
@@ -102,8 +103,11 @@ class SharedPolygon {
     into(lower, from, 1.0, middle_);
     into(lower, upper.u, upper.hu, U_);
     into(lower, upper.v, upper.hv, V_);
-    const double size = fmax(fmax(lower.hu, lower.hv), fmax(upper.hu, upper.hv));
-    near_ = BoxTolerances::same_face * size;
+    double across[3];
+    cross3(lower.normal, upper.normal, across);
+    const double share = length3(across) < TouchTolerances::lying ? BoxTolerances::same_face
+                                                                  : BoxTolerances::rounding;
+    tolerance = share * fmax(fmax(lower.hu, lower.hv), fmax(upper.hu, upper.hv));
     for (int i = 0; i < 4; ++i)
       for (int c = 0; c < 3; ++c)
         corners_[i][c] = middle_[c] + turns_[i][0] * U_[c] + turns_[i][1] * V_[c];
@@ -124,25 +128,25 @@ class SharedPolygon {
 
   FAN_FN void add(double x, double y, double height, int number) {
     if (n == max_touches) return;
+    const double near = 3.0 * tolerance;
     for (int i = 0; i < n; ++i)
-      if (fabs(spots[i].at[0] - x) < 3.0 * near_ && fabs(spots[i].at[1] - y) < 3.0 * near_) return;
+      if (fabs(spots[i].at[0] - x) < near && fabs(spots[i].at[1] - y) < near) return;
     spots[n++] = Spot{{x, y}, height, number};
   }
 
   FAN_FN void add_upper(int i) {
     const double* p = corners_[i];
-    if (fabs(p[0]) > half_[0] + near_ || fabs(p[1]) > half_[1] + near_) return;
+    if (fabs(p[0]) > half_[0] + tolerance || fabs(p[1]) > half_[1] + tolerance) return;
     add(clamped(p[0], -half_[0], half_[0]), clamped(p[1], -half_[1], half_[1]), p[2], i);
   }
 
   FAN_FN void add_lower(int i, const BoxFace& upper) {
-    // u, v unit directions of the upper face's edges in the plane of the lower.
     const double x = turns_[i][0] * half_[0] - middle_[0];
     const double y = turns_[i][1] * half_[1] - middle_[1];
     const double area = U_[0] * V_[1] - U_[1] * V_[0];
     if (!(fabs(area) > DistanceTolerances::min_determinant * upper.hu * upper.hv)) return;
     const double s = (x * V_[1] - y * V_[0]) / area, t = (U_[0] * y - U_[1] * x) / area;
-    if (fabs(s) > 1.0 || fabs(t) > 1.0) return;
+    if (fabs(s) > 1.0 + tolerance / upper.hu || fabs(t) > 1.0 + tolerance / upper.hv) return;
     add(middle_[0] + x, middle_[1] + y, middle_[2] + s * U_[2] + t * V_[2], 4 + i);
   }
 
@@ -152,15 +156,17 @@ class SharedPolygon {
     for (int side = 0; side < 4; ++side) {
       const int c = side / 2, other = 1 - c;
       const double bound = side % 2 == 0 ? -half_[c] : half_[c];
-      if ((p[c] < bound) == (q[c] < bound)) continue;
-      const double t = (bound - p[c]) / (q[c] - p[c]), along = p[other] + t * (q[other] - p[other]);
+      const double reach = side % 2 == 0 ? bound - tolerance : bound + tolerance;
+      if ((p[c] < reach) == (q[c] < reach)) continue;
+      const double t = clamped((bound - p[c]) / (q[c] - p[c]), 0.0, 1.0);
+      const double along = p[other] + t * (q[other] - p[other]);
       if (fabs(along) > half_[other]) continue;
       const double height = p[2] + t * (q[2] - p[2]);
       add(c == 0 ? bound : along, c == 0 ? along : bound, height, 8 + 4 * i + side);
     }
   }
 
-  double half_[2], middle_[3], U_[3], V_[3], corners_[4][3], near_;
+  double half_[2], middle_[3], U_[3], V_[3], corners_[4][3];
 };
 
 // What is told apart by features: faces by their axes and sides, each with 24 numbers; edges; and
@@ -217,8 +223,8 @@ class NearestOfBoxes {
     const double square = dot3(apart, apart);
     if (!(square < least_)) return;
     least_ = square;
-    along3(of_second ? p : point, 0.0, p, pair.p);
-    along3(of_second ? point : p, 0.0, p, pair.q);
+    copy3(of_second ? p : point, pair.p);
+    copy3(of_second ? point : p, pair.q);
   }
 
   FAN_FN void take_corner(
@@ -271,7 +277,7 @@ FAN_FN void touch_boxes_apart(const PlacedSolid& x, const PlacedSolid& y, Touche
   for (int k = 0; k < 2; ++k) {
     const PointPair pair = between_pairs(nearest.pair, overlap.ends[k], overlap.flat);
     double normal[3];
-    along3(n, 0.0, n, normal);
+    copy3(n, normal);
     aim(pair, normal);
     to.add(pair.p, pair.q, normal, BoxFeatures::nearest + k);
   }
@@ -285,9 +291,10 @@ FAN_FN void touch_edges(
   to.add(pair.p, pair.q, axis.normal, BoxFeatures::edges + number);
 }
 
-// The points of two faces that see one another, nearer than `most`; whether they do.
+// The points of two faces that see one another, if the boxes, whose widest gap along an axis is
+// `widest`, are apart by no less; whether they do.
 FAN_FN bool touch_faces(
-    const PlacedSolid& x, const PlacedSolid& y, const BoxAxis& axis, double most, Touches& to) {
+    const PlacedSolid& x, const PlacedSolid& y, const BoxAxis& axis, double widest, Touches& to) {
   const bool of_x = axis.x_axis >= 0;
   const int k = of_x ? axis.x_axis : axis.y_axis;
   const PlacedSolid &owner = of_x ? x : y, &other = of_x ? y : x;
@@ -301,7 +308,7 @@ FAN_FN bool touch_faces(
   const SharedPolygon shared(lower, upper);
   double least = DistanceTolerances::far;
   for (int i = 0; i < shared.n; ++i) least = fmin(least, shared.spots[i].height);
-  if (!(least < most)) return false;
+  if (shared.n == 0 || (widest > 0.0 && least > widest + shared.tolerance)) return false;
   for (int i = 0; i < shared.n; ++i) {
     const Spot& spot = shared.spots[i];
     double below[3], above[3];
@@ -323,13 +330,9 @@ FAN_FN void touch_boxes(const PlacedSolid& x, const PlacedSolid& y, Touches& to)
   const BoxAxis& face = axes.of_x.gap > axes.of_y.gap + same ? axes.of_x : axes.of_y;
   const double widest = fmax(face.gap, axes.of_edges.gap);
   if (widest - to.x_radius - to.y_radius >= to.margin) return;
-  if (widest > 0.0) {
-    if (!touch_faces(x, y, face, widest + same, to)) touch_boxes_apart(x, y, to);
-  } else if (axes.of_edges.gap > fmax(Tol::edge_share * face.gap, face.gap + same)) {
-    touch_edges(x, y, axes.of_edges, to);
-  } else if (!touch_faces(x, y, face, DistanceTolerances::far, to)) {
-    touch_boxes_apart(x, y, to);
-  }
+  const double rival = fmax(Tol::edge_share * face.gap, face.gap + same);
+  if (widest <= 0.0 && axes.of_edges.gap > rival) return touch_edges(x, y, axes.of_edges, to);
+  if (!touch_faces(x, y, face, widest, to)) touch_boxes_apart(x, y, to);
 }
 
 // Of two boxes of one size, which is the first, from how each sees the other: g . c, with c the

@@ -120,7 +120,7 @@ class GapClimb {
     for (int i = 0; i < 9; ++i) M[i] = first_.M[i] + (second_ ? second_->M[i] : 0.0);
     for (int k = 0; k < 3; ++k) M[4 * k] += half_[k] * half_[k];
     axis3(0, 1.0, n);
-    if (solve_definite(M, centre_, m) && unit3(m, 0.0)) along3(m, 0.0, m, n);
+    if (solve_definite(M, centre_, m) && unit3(m, 0.0)) copy3(m, n);
     gap = gap_along(n);
     for (int k = 0; k < 3; ++k) {
       if (!(half_[k] > 0.0)) continue;
@@ -133,7 +133,7 @@ class GapClimb {
     const double found = gap_along(m);
     if (!(found >= gap + least)) return false;
     gap = found;
-    along3(m, 0.0, m, n);
+    copy3(m, n);
     return true;
   }
 
@@ -217,7 +217,7 @@ FAN_FN void axes_along(const double* u, double* R) {
   if (!(dot3(u, u) > 0.0)) return;
   double across[3];
   axis3(smallest_of(u), 1.0, across);
-  along3(u, 0.0, u, R);
+  copy3(u, R);
   cross3(u, across, R + 3);
   unit3(R + 3, 0.0);
   cross3(R, R + 3, R + 6);

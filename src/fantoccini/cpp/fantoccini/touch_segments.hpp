@@ -75,12 +75,12 @@ FAN_FN PointPair nearest_points(const Core& x, const Core& y) {
     best = tried;
   };
   for (const double* end : {x.a, x.b}) {
-    along3(end, 0.0, end, tried.p);
+    copy3(end, tried.p);
     y.nearest(end, tried.q);
     take();
   }
   for (const double* end : {y.a, y.b}) {
-    along3(end, 0.0, end, tried.q);
+    copy3(end, tried.q);
     x.nearest(end, tried.p);
     take();
   }

@@ -41,6 +41,10 @@ FAN_FN void difference3(const double* a, const double* b, double* out) {
   for (int k = 0; k < 3; ++k) out[k] = a[k] - b[k];
 }
 
+FAN_FN void copy3(const double* a, double* out) {
+  for (int k = 0; k < 3; ++k) out[k] = a[k];
+}
+
 // a + t b
 FAN_FN void along3(const double* a, double t, const double* b, double* out) {
   for (int k = 0; k < 3; ++k) out[k] = a[k] + t * b[k];
