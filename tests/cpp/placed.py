@@ -155,9 +155,7 @@ def _parsed(line: list[float]) -> Pair:
     radius, apart, n, *rest = line
     assert n <= MAX_TOUCHES and len(rest) == 8 * n
     rows = np.array(rest).reshape(-1, 8)
-    return Pair(
-        radius, bool(apart), [Touch(r[:3], r[3:6], float(r[6]), int(r[7])) for r in rows]
-    )
+    return Pair(radius, bool(apart), [Touch(r[:3], r[3:6], float(r[6]), int(r[7])) for r in rows])
 
 
 def coal_distance(x: Placed, y: Placed) -> tuple[float, np.ndarray]:

@@ -76,6 +76,21 @@ LYING: dict[str, tuple[Placed, Placed, list[int]]] = {
         [48, 49, 50, 51],
     ),
     "equal boxes": (box([0, 0, 0.0999], [0.1] * 3), box([0, 0, -0.1], [0.1] * 3), [48, 49, 50, 51]),
+    "equal boxes, one upside down": (
+        box([0, 0, 0.0999], [0.1] * 3, Rotation.from_euler("x", 180, degrees=True)),
+        box([0, 0, -0.1], [0.1] * 3),
+        [48, 49, 50, 51],
+    ),
+    "equal boxes side by side": (
+        box([0.2, 0.03, 0], [0.1] * 3, Rotation.from_euler("x", 90, degrees=True)),
+        box([0, 0, 0], [0.1] * 3),
+        [],
+    ),
+    "box on its edge": (
+        box([0, 0, 0.1 * 2**0.5], [0.2, 0.1, 0.1], Rotation.from_euler("x", 45, degrees=True)),
+        box([0, 0, -0.1], [0.4, 0.4, 0.1]),
+        [],
+    ),
     "turned boxes": (
         box([0, 0, 0.05], [0.1, 0.1, 0.05], Rotation.from_euler("z", 45, degrees=True)),
         box([0, 0, -0.05], [0.1, 0.1, 0.05]),
@@ -177,9 +192,29 @@ def test_the_gap_is_certain(program: Path, kinds: tuple[str, str]) -> None:
     assert np.max(loose) < 2e-3
 
 
+@pytest.mark.parametrize("kind", KINDS[:4])
+def test_the_gap_of_slender_ellipsoids_is_certain(program: Path, kind: str) -> None:
+    """Apart, touching and overlapping, with axes of 1 to 100."""
+    rng = np.random.default_rng(5)
+    pairs = []
+    for share in rng.choice([1.2, 1.0, 0.9, 0.5], 300):
+        radii, n = 10 ** rng.uniform(-2, 0, 3), rng.normal(size=3)
+        x = ellipsoid([0, 0, 0], radii, random_turn(rng))
+        y, n = random_solid(rng, kind), n / np.linalg.norm(n)
+        pairs.append((x.moved(share * n * (x.reach(-n) + y.reach(n))), y))
+    for (x, y), found in zip(pairs, touches(program, pairs, 10.0), strict=True):
+        (t,) = found.touches
+        assert -x.reach(-t.normal) - y.reach(t.normal) == pytest.approx(t.gap, abs=1e-12)
+        assert x.off_surface(t.point + t.normal * t.gap / 2) == pytest.approx(0, abs=1e-12)
+        assert y.off_surface(t.point - t.normal * t.gap / 2) == pytest.approx(0, abs=1e-12)
+
+
 def test_closed_forms(program: Path) -> None:
     plane = half_space([0, 0, 1], [0, 0, 1])
-    tilted = Rotation.from_euler("y", 0.4)
+    # The ellipsoid's lowest point, below its middle and beside it.
+    tilted, sine, cosine = Rotation.from_euler("y", 0.4), np.sin(0.4), np.cos(0.4)
+    low = np.hypot(0.3 * sine, 0.1 * cosine)
+    beside = (0.3**2 - 0.1**2) * sine * cosine / low
     cases = [
         (sphere([1, 2, 1.2], 0.19), plane, [1, 2, 1.005], [0, 0, 1], 0.01),
         (sphere([1, 0, 0], 0.5), sphere([0, 0, 0], 0.6), [0.55, 0, 0], [1, 0, 0], -0.1),
@@ -192,9 +227,7 @@ def test_closed_forms(program: Path) -> None:
         ),
         (
             ellipsoid([0, 0, 1.3], [0.3, 0.1, 0.1], tilted), plane,
-            [(0.09 - 0.01) * np.sin(0.4) * np.cos(0.4) / np.hypot(0.3 * np.sin(0.4), 0.1 * np.cos(0.4)),
-             0, 1 + (0.3 - np.hypot(0.3 * np.sin(0.4), 0.1 * np.cos(0.4))) / 2],
-            [0, 0, 1], 0.3 - np.hypot(0.3 * np.sin(0.4), 0.1 * np.cos(0.4)),
+            [beside, 0, 1 + (0.3 - low) / 2], [0, 0, 1], 0.3 - low,
         ),
         (
             ellipsoid([0, 0, 0.25], [0.3, 0.2, 0.1]), sphere([0, 0, 0], 0.12),
@@ -259,9 +292,7 @@ def test_a_motion_of_both_moves_the_points(program: Path, kinds: tuple[str, str]
     rng = np.random.default_rng(2)
     pairs = pairs_of(kinds, 200, -0.003, 0.01)
     motions = [(rng.normal(size=3), random_turn(rng)) for _ in pairs]
-    moved = [
-        (x.moved(*m), y.moved(*m)) for (x, y), m in zip(pairs, motions, strict=True)
-    ]
+    moved = [(x.moved(*m), y.moved(*m)) for (x, y), m in zip(pairs, motions, strict=True)]
     before, after = touches(program, pairs, MARGIN), touches(program, moved, MARGIN)
     for one, other, (by, turn) in zip(before, after, motions, strict=True):
         assert one.features == other.features
@@ -274,7 +305,10 @@ def test_a_motion_of_both_moves_the_points(program: Path, kinds: tuple[str, str]
 def sweeps() -> dict[str, list[tuple[Placed, Placed]]]:
     """Motions from lying flat to crossing, in small steps."""
     log = capsule([-0.2, 0, 0], [0.2, 0, 0], 0.02)
-    rod, block = capsule([-0.15, 0, 0.051], [0.25, 0, 0.051], 0.03), box([0, 0, 0], [0.2, 0.1, 0.05])
+    rod, block = (
+        capsule([-0.15, 0, 0.051], [0.25, 0, 0.051], 0.03),
+        box([0, 0, 0], [0.2, 0.1, 0.05]),
+    )
     angles = np.linspace(0, 0.1, 2001)
     return {
         "yaw on a capsule": [

@@ -88,7 +88,7 @@ struct Spot {
 };
 
 // The polygon of the points of a face, the upper, above another, the lower: corners of the upper
-// (numbers 0 to 3), corners of the lower (4 to 7), crossings of edges (8 to 23). Where the faces lie
+// (numbers 0 to 3), corners of the lower (4 to 7), crossings of edges (8 to 23). Where faces lie
 // flat, corners just off the other count as on it, and near points are one, so that equal faces
 // share four points however they jitter.
 class SharedPolygon {
@@ -181,20 +181,19 @@ struct BoxFeatures {
 };
 
 // The nearest points of two boxes that are apart: on an edge of the first, or at a corner of the
-// second.
+// second. Boxes that meet keep the given normal.
 class NearestOfBoxes {
  public:
   PointPair pair{};
   double normal[3];
 
-  FAN_FN NearestOfBoxes(const PlacedSolid& x, const PlacedSolid& y) {
+  FAN_FN NearestOfBoxes(const PlacedSolid& x, const PlacedSolid& y, const double* given) {
+    copy3(given, normal);
     for (int corner = 0; corner < 8; ++corner) {
-      take_corner(x, y, corner, false);
-      take_corner(y, x, corner, true);
+      take_corner(x, y, corner);
       for (int k = 0; k < 3; ++k)
         if (((corner >> k) & 1) == 0) take_edge(x, y, corner, k);
     }
-    axis3(0, 1.0, normal);
     aim(pair, normal);
   }
 
@@ -227,11 +226,10 @@ class NearestOfBoxes {
     copy3(of_second ? point : p, pair.q);
   }
 
-  FAN_FN void take_corner(
-      const PlacedSolid& other, const PlacedSolid& box, int corner, bool of_first) {
+  FAN_FN void take_corner(const PlacedSolid& x, const PlacedSolid& y, int corner) {
     double point[3];
-    corner_of(box, corner, point);
-    take(point, other, !of_first);
+    corner_of(y, corner, point);
+    take(point, x, true);
   }
 
   FAN_FN void take_edge(const PlacedSolid& x, const PlacedSolid& y, int corner, int k) {
@@ -267,8 +265,9 @@ FAN_FN int most_across(const PlacedSolid& box, const double* direction) {
   return smallest_of(local);
 }
 
-FAN_FN void touch_boxes_apart(const PlacedSolid& x, const PlacedSolid& y, Touches& to) {
-  const NearestOfBoxes nearest(x, y);
+FAN_FN void touch_boxes_apart(
+    const PlacedSolid& x, const PlacedSolid& y, const double* given, Touches& to) {
+  const NearestOfBoxes nearest(x, y, given);
   const double* n = nearest.normal;
   const Overlap overlap(
       edge_of(x, most_across(x, n), n, -1.0), edge_of(y, most_across(y, n), n, 1.0));
@@ -332,11 +331,11 @@ FAN_FN void touch_boxes(const PlacedSolid& x, const PlacedSolid& y, Touches& to)
   if (widest - to.x_radius - to.y_radius >= to.margin) return;
   const double rival = fmax(Tol::edge_share * face.gap, face.gap + same);
   if (widest <= 0.0 && axes.of_edges.gap > rival) return touch_edges(x, y, axes.of_edges, to);
-  if (!touch_faces(x, y, face, widest, to)) touch_boxes_apart(x, y, to);
+  if (!touch_faces(x, y, face, widest, to)) touch_boxes_apart(x, y, face.normal, to);
 }
 
-// Of two boxes of one size, which is the first, from how each sees the other: g . c, with c the
-// other's centre in its own axes and g a direction that no construction uses.
+// How one box sees another, which orders boxes of one size: g . c, with c the other's centre in its
+// own axes and g a direction that no construction uses.
 FAN_FN double view_of(const PlacedSolid& x, const PlacedSolid& y) {
   const double g[] = {0.3, 0.53, 0.79};
   double apart[3], local[3];

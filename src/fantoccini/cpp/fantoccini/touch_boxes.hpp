@@ -16,6 +16,7 @@ struct BoxTolerances {
   static constexpr double edge_share = 0.95;   // an edge wins with less than this of a face's depth
   static constexpr double same_face = 1e-4;    // of the size: lying flat, less makes no difference
   static constexpr double rounding = 1e-9;     // of the size
+  static constexpr double same_view = 1e-3;    // of the size: the caller orders the boxes
 };
 
 // The side of an axis: 1 or -1.
@@ -44,8 +45,8 @@ FAN_FN Core edge_towards(const double* direction, const double* half, int k) {
 }
 
 // The ends of a core's part that lies above a face of a box about the origin, and the points below
-// them on the face. The part is made to hold the core's point at `nearest`, too, so that a core that
-// stands on the face's edge keeps its foot.
+// them on the face. The part is made to hold the core's point at `nearest`, too, so that a core
+// that stands on the face's edge keeps its foot.
 struct FaceClip {
   PointPair ends[2];
   bool found;
