@@ -65,19 +65,45 @@ struct BoxAxes {
 
 // A face of a box: its middle, outward normal, and the half edges and their directions.
 struct BoxFace {
-  double centre[3];
+  int axis, upward;
   const double *u, *v;
-  double hu, hv, normal[3];
+  double hu, hv, centre[3], normal[3];
 
   // The face of the axis k on the side towards a direction.
   FAN_FN BoxFace(const PlacedSolid& box, int k, const double* direction)
-      : u(box.R + 3 * ((k + 1) % 3)),
+      : axis(k),
+        u(box.R + 3 * ((k + 1) % 3)),
         v(box.R + 3 * ((k + 2) % 3)),
         hu(box.half[(k + 1) % 3]),
         hv(box.half[(k + 2) % 3]) {
     const double side = side_of(dot3(box.R + 3 * k, direction));
+    upward = side > 0.0 ? 1 : 0;
     for (int c = 0; c < 3; ++c) normal[c] = side * box.R[3 * k + c];
     along3(box.a, box.half[k], normal, centre);
+  }
+
+  // The corner of the box on a side of u and a side of v: bit k is the side of axis k.
+  FAN_FN int corner(double u_side, double v_side) const {
+    return upward << axis | (u_side > 0.0 ? 1 : 0) << (axis + 1) % 3 |
+           (v_side > 0.0 ? 1 : 0) << (axis + 2) % 3;
+  }
+};
+
+// What the features of two boxes tell apart: of each face of one, the other's corners, its own, and
+// crossings of its sides with the other's edges; pairs of edges; nearest points.
+struct BoxFeatures {
+  static constexpr int lower = 8, crossings = lower + 8, of_face = crossings + 4 * 24;
+  static constexpr int edges = 6 * of_face, nearest = edges + 9;
+
+  // Of a point of a face, which is the second box's or the first's.
+  FAN_FN static int face(int axis, bool of_x, int number) {
+    return of_face * (axis + (of_x ? 3 : 0)) + number;
+  }
+
+  // Of the crossings of an edge from one corner to another with the four sides of a face.
+  FAN_FN static int crossing(int from, int to) {
+    const int axis = (from ^ to) >> 1;
+    return crossings + 4 * (8 * axis + (from & to));
   }
 };
 
@@ -87,8 +113,8 @@ struct Spot {
   int number;
 };
 
-// The polygon of the points of a face, the upper, above another, the lower: corners of the upper
-// (numbers 0 to 3), corners of the lower (4 to 7), crossings of edges (8 to 23). Where faces lie
+// The polygon of the points of a face, the upper, above another, the lower: corners of the upper,
+// corners of the lower, and where edges of the upper cross sides of the lower. Where faces lie
 // flat, corners just off the other count as on it, and near points are one, so that equal faces
 // share four points however they jitter.
 class SharedPolygon {
@@ -111,9 +137,9 @@ class SharedPolygon {
     for (int i = 0; i < 4; ++i)
       for (int c = 0; c < 3; ++c)
         corners_[i][c] = middle_[c] + turns_[i][0] * U_[c] + turns_[i][1] * V_[c];
-    for (int i = 0; i < 4; ++i) add_upper(i);
-    for (int i = 0; i < 4; ++i) add_lower(i, upper);
-    for (int i = 0; i < 4; ++i) add_crossings(i);
+    for (int i = 0; i < 4; ++i) add_upper(i, upper);
+    for (int i = 0; i < 4; ++i) add_lower(i, lower, upper);
+    for (int i = 0; i < 4; ++i) add_crossings(i, upper);
   }
 
  private:
@@ -134,25 +160,30 @@ class SharedPolygon {
     spots[n++] = Spot{{x, y}, height, number};
   }
 
-  FAN_FN void add_upper(int i) {
+  FAN_FN void add_upper(int i, const BoxFace& upper) {
     const double* p = corners_[i];
     if (fabs(p[0]) > half_[0] + tolerance || fabs(p[1]) > half_[1] + tolerance) return;
-    add(clamped(p[0], -half_[0], half_[0]), clamped(p[1], -half_[1], half_[1]), p[2], i);
+    const int number = upper.corner(turns_[i][0], turns_[i][1]);
+    add(clamped(p[0], -half_[0], half_[0]), clamped(p[1], -half_[1], half_[1]), p[2], number);
   }
 
-  FAN_FN void add_lower(int i, const BoxFace& upper) {
+  FAN_FN void add_lower(int i, const BoxFace& lower, const BoxFace& upper) {
     const double x = turns_[i][0] * half_[0] - middle_[0];
     const double y = turns_[i][1] * half_[1] - middle_[1];
     const double area = U_[0] * V_[1] - U_[1] * V_[0];
     if (!(fabs(area) > DistanceTolerances::min_determinant * upper.hu * upper.hv)) return;
     const double s = (x * V_[1] - y * V_[0]) / area, t = (U_[0] * y - U_[1] * x) / area;
     if (fabs(s) > 1.0 + tolerance / upper.hu || fabs(t) > 1.0 + tolerance / upper.hv) return;
-    add(middle_[0] + x, middle_[1] + y, middle_[2] + s * U_[2] + t * V_[2], 4 + i);
+    const int number = BoxFeatures::lower + lower.corner(turns_[i][0], turns_[i][1]);
+    add(middle_[0] + x, middle_[1] + y, middle_[2] + s * U_[2] + t * V_[2], number);
   }
 
   // Where the edge from corner i on crosses the sides of the lower face.
-  FAN_FN void add_crossings(int i) {
+  FAN_FN void add_crossings(int i, const BoxFace& upper) {
+    const double *from = turns_[i], *to = turns_[(i + 1) % 4];
     const double *p = corners_[i], *q = corners_[(i + 1) % 4];
+    const int first = BoxFeatures::crossing(
+        upper.corner(from[0], from[1]), upper.corner(to[0], to[1]));
     for (int side = 0; side < 4; ++side) {
       const int c = side / 2, other = 1 - c;
       const double bound = side % 2 == 0 ? -half_[c] : half_[c];
@@ -162,22 +193,11 @@ class SharedPolygon {
       const double along = p[other] + t * (q[other] - p[other]);
       if (fabs(along) > half_[other]) continue;
       const double height = p[2] + t * (q[2] - p[2]);
-      add(c == 0 ? bound : along, c == 0 ? along : bound, height, 8 + 4 * i + side);
+      add(c == 0 ? bound : along, c == 0 ? along : bound, height, first + side);
     }
   }
 
   double half_[2], middle_[3], U_[3], V_[3], corners_[4][3];
-};
-
-// What is told apart by features: faces by their axes and sides, each with 24 numbers; edges; and
-// nearest points.
-struct BoxFeatures {
-  static constexpr int of_face = 24, edges = 6 * of_face, nearest = edges + 9;
-
-  // Of a point of a face, which is the second box's or the first's.
-  FAN_FN static int face(int axis, bool of_x, int number) {
-    return of_face * (axis + (of_x ? 3 : 0)) + number;
-  }
 };
 
 // The nearest points of two boxes that are apart: on an edge of the first, or at a corner of the

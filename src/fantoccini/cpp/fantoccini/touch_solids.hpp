@@ -92,7 +92,7 @@ FAN_FN double flatness(double sine) {
   return t * t * (3.0 - 2.0 * t);
 }
 
-// The contact points of a pair as they are found.
+// The contact points of a pair as they are found, in order of feature.
 struct Touches {
   Touch* out;
   double margin, x_radius, y_radius;  // the radii by which the cores are inflated
@@ -104,7 +104,9 @@ struct Touches {
     difference3(p, q, apart);
     const double gap = dot3(apart, normal) - x_radius - y_radius;
     if (!(gap < margin) || n == max_touches) return;
-    Touch& to = out[n++];
+    int place = n++;
+    for (; place > 0 && out[place - 1].feature > feature; --place) out[place] = out[place - 1];
+    Touch& to = out[place];
     for (int k = 0; k < 3; ++k) {
       to.point[k] = 0.5 * (p[k] + q[k] + normal[k] * (y_radius - x_radius));
       to.normal[k] = normal[k];
