@@ -51,6 +51,16 @@ class Placed:
         """Turned about its own centre."""
         return self.moved(self.centre - turn.apply(self.centre), turn)
 
+    def reach(self, n: np.ndarray) -> float:
+        """max n . x over the solid; of half-spaces only along their normal."""
+        if self.kind == HALF_SPACE:
+            return float(self.a @ self.b) if n @ self.b > 1 - 1e-9 else np.inf
+        if self.ellipsoid:
+            return float(n @ self.centre + np.linalg.norm(self.half * (self.R.T @ n)))
+        if self.kind == BOX:
+            return float(n @ self.a + self.half @ np.abs(self.R.T @ n)) + self.radius
+        return float(max(n @ self.a, n @ self.b)) + self.radius
+
     def off_surface(self, point: np.ndarray) -> float:
         """Signed distance of a point from the surface; of ellipsoids to first order."""
         if self.kind == HALF_SPACE:
@@ -145,9 +155,7 @@ def _parsed(line: list[float]) -> Pair:
     radius, apart, n, *rest = line
     assert n <= MAX_TOUCHES and len(rest) == 8 * n
     rows = np.array(rest).reshape(-1, 8)
-    return Pair(
-        radius, bool(apart), [Touch(r[:3], r[3:6], float(r[6]), int(r[7])) for r in rows]
-    )
+    return Pair(radius, bool(apart), [Touch(r[:3], r[3:6], float(r[6]), int(r[7])) for r in rows])
 
 
 def coal_distance(x: Placed, y: Placed) -> tuple[float, np.ndarray]:

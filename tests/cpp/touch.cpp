@@ -1,7 +1,7 @@
 // The narrow phase by itself: pairs of solids from stdin, contact points to stdout.
 //
-// stdin: the margin, how many pairs; of each the solids x and y: kind, a (3), b (3), R (9), half (3)
-// and radius.
+// stdin: the margin, how many pairs; of each the solids x and y: kind, a (3), b (3), R (9),
+// half (3) and radius.
 // stdout, one line a pair: bounding radius of x, whether certainly apart, how many points; of each
 // point its place (3), normal (3), gap and feature.
 #include <cmath>

@@ -65,19 +65,45 @@ struct BoxAxes {
 
 // A face of a box: its middle, outward normal, and the half edges and their directions.
 struct BoxFace {
-  double centre[3];
+  int axis, upward;
   const double *u, *v;
-  double hu, hv, normal[3];
+  double hu, hv, centre[3], normal[3];
 
   // The face of the axis k on the side towards a direction.
   FAN_FN BoxFace(const PlacedSolid& box, int k, const double* direction)
-      : u(box.R + 3 * ((k + 1) % 3)),
+      : axis(k),
+        u(box.R + 3 * ((k + 1) % 3)),
         v(box.R + 3 * ((k + 2) % 3)),
         hu(box.half[(k + 1) % 3]),
         hv(box.half[(k + 2) % 3]) {
     const double side = side_of(dot3(box.R + 3 * k, direction));
+    upward = side > 0.0 ? 1 : 0;
     for (int c = 0; c < 3; ++c) normal[c] = side * box.R[3 * k + c];
     along3(box.a, box.half[k], normal, centre);
+  }
+
+  // The corner of the box on a side of u and a side of v: bit k is the side of axis k.
+  FAN_FN int corner(double u_side, double v_side) const {
+    return upward << axis | (u_side > 0.0 ? 1 : 0) << (axis + 1) % 3 |
+           (v_side > 0.0 ? 1 : 0) << (axis + 2) % 3;
+  }
+};
+
+// What the features of two boxes tell apart: of each face of one, the other's corners, its own, and
+// crossings of its sides with the other's edges; pairs of edges; nearest points.
+struct BoxFeatures {
+  static constexpr int lower = 8, crossings = lower + 8, of_face = crossings + 4 * 24;
+  static constexpr int edges = 6 * of_face, nearest = edges + 9;
+
+  // Of a point of a face, which is the second box's or the first's.
+  FAN_FN static int face(int axis, bool of_x, int number) {
+    return of_face * (axis + (of_x ? 3 : 0)) + number;
+  }
+
+  // Of the crossings of an edge from one corner to another with the four sides of a face.
+  FAN_FN static int crossing(int from, int to) {
+    const int axis = (from ^ to) >> 1;
+    return crossings + 4 * (8 * axis + (from & to));
   }
 };
 
@@ -87,14 +113,15 @@ struct Spot {
   int number;
 };
 
-// The polygon of the points of a face, the upper, above another, the lower: corners of the upper
-// (numbers 0 to 3), corners of the lower (4 to 7), crossings of edges (8 to 23). Corners just off the
-// lower face are drawn onto it, and near points are one, so that equal faces share four points
-// however they jitter.
+// The polygon of the points of a face, the upper, above another, the lower: corners of the upper,
+// corners of the lower, and where edges of the upper cross sides of the lower. Where faces lie
+// flat, corners just off the other count as on it, and near points are one, so that equal faces
+// share four points however they jitter.
 class SharedPolygon {
  public:
   Spot spots[max_touches];
   int n = 0;
+  double tolerance;  // m: points this near are one
 
   FAN_FN SharedPolygon(const BoxFace& lower, const BoxFace& upper) : half_{lower.hu, lower.hv} {
     double from[3];
@@ -102,14 +129,17 @@ class SharedPolygon {
     into(lower, from, 1.0, middle_);
     into(lower, upper.u, upper.hu, U_);
     into(lower, upper.v, upper.hv, V_);
-    const double size = fmax(fmax(lower.hu, lower.hv), fmax(upper.hu, upper.hv));
-    near_ = BoxTolerances::same_face * size;
+    double across[3];
+    cross3(lower.normal, upper.normal, across);
+    const double share = length3(across) < TouchTolerances::lying ? BoxTolerances::same_face
+                                                                  : BoxTolerances::rounding;
+    tolerance = share * fmax(fmax(lower.hu, lower.hv), fmax(upper.hu, upper.hv));
     for (int i = 0; i < 4; ++i)
       for (int c = 0; c < 3; ++c)
         corners_[i][c] = middle_[c] + turns_[i][0] * U_[c] + turns_[i][1] * V_[c];
-    for (int i = 0; i < 4; ++i) add_upper(i);
-    for (int i = 0; i < 4; ++i) add_lower(i, upper);
-    for (int i = 0; i < 4; ++i) add_crossings(i);
+    for (int i = 0; i < 4; ++i) add_upper(i, upper);
+    for (int i = 0; i < 4; ++i) add_lower(i, lower, upper);
+    for (int i = 0; i < 4; ++i) add_crossings(i, upper);
   }
 
  private:
@@ -124,71 +154,66 @@ class SharedPolygon {
 
   FAN_FN void add(double x, double y, double height, int number) {
     if (n == max_touches) return;
+    const double near = 3.0 * tolerance;
     for (int i = 0; i < n; ++i)
-      if (fabs(spots[i].at[0] - x) < 3.0 * near_ && fabs(spots[i].at[1] - y) < 3.0 * near_) return;
+      if (fabs(spots[i].at[0] - x) < near && fabs(spots[i].at[1] - y) < near) return;
     spots[n++] = Spot{{x, y}, height, number};
   }
 
-  FAN_FN void add_upper(int i) {
+  FAN_FN void add_upper(int i, const BoxFace& upper) {
     const double* p = corners_[i];
-    if (fabs(p[0]) > half_[0] + near_ || fabs(p[1]) > half_[1] + near_) return;
-    add(clamped(p[0], -half_[0], half_[0]), clamped(p[1], -half_[1], half_[1]), p[2], i);
+    if (fabs(p[0]) > half_[0] + tolerance || fabs(p[1]) > half_[1] + tolerance) return;
+    const int number = upper.corner(turns_[i][0], turns_[i][1]);
+    add(clamped(p[0], -half_[0], half_[0]), clamped(p[1], -half_[1], half_[1]), p[2], number);
   }
 
-  FAN_FN void add_lower(int i, const BoxFace& upper) {
-    // u, v unit directions of the upper face's edges in the plane of the lower.
+  FAN_FN void add_lower(int i, const BoxFace& lower, const BoxFace& upper) {
     const double x = turns_[i][0] * half_[0] - middle_[0];
     const double y = turns_[i][1] * half_[1] - middle_[1];
     const double area = U_[0] * V_[1] - U_[1] * V_[0];
     if (!(fabs(area) > DistanceTolerances::min_determinant * upper.hu * upper.hv)) return;
     const double s = (x * V_[1] - y * V_[0]) / area, t = (U_[0] * y - U_[1] * x) / area;
-    if (fabs(s) > 1.0 || fabs(t) > 1.0) return;
-    add(middle_[0] + x, middle_[1] + y, middle_[2] + s * U_[2] + t * V_[2], 4 + i);
+    if (fabs(s) > 1.0 + tolerance / upper.hu || fabs(t) > 1.0 + tolerance / upper.hv) return;
+    const int number = BoxFeatures::lower + lower.corner(turns_[i][0], turns_[i][1]);
+    add(middle_[0] + x, middle_[1] + y, middle_[2] + s * U_[2] + t * V_[2], number);
   }
 
   // Where the edge from corner i on crosses the sides of the lower face.
-  FAN_FN void add_crossings(int i) {
+  FAN_FN void add_crossings(int i, const BoxFace& upper) {
+    const double *from = turns_[i], *to = turns_[(i + 1) % 4];
     const double *p = corners_[i], *q = corners_[(i + 1) % 4];
+    const int first = BoxFeatures::crossing(
+        upper.corner(from[0], from[1]), upper.corner(to[0], to[1]));
     for (int side = 0; side < 4; ++side) {
       const int c = side / 2, other = 1 - c;
       const double bound = side % 2 == 0 ? -half_[c] : half_[c];
-      if ((p[c] < bound) == (q[c] < bound)) continue;
-      const double t = (bound - p[c]) / (q[c] - p[c]), along = p[other] + t * (q[other] - p[other]);
+      const double reach = side % 2 == 0 ? bound - tolerance : bound + tolerance;
+      if ((p[c] < reach) == (q[c] < reach)) continue;
+      const double t = clamped((bound - p[c]) / (q[c] - p[c]), 0.0, 1.0);
+      const double along = p[other] + t * (q[other] - p[other]);
       if (fabs(along) > half_[other]) continue;
       const double height = p[2] + t * (q[2] - p[2]);
-      add(c == 0 ? bound : along, c == 0 ? along : bound, height, 8 + 4 * i + side);
+      add(c == 0 ? bound : along, c == 0 ? along : bound, height, first + side);
     }
   }
 
-  double half_[2], middle_[3], U_[3], V_[3], corners_[4][3], near_;
-};
-
-// What is told apart by features: faces by their axes and sides, each with 24 numbers; edges; and
-// nearest points.
-struct BoxFeatures {
-  static constexpr int of_face = 24, edges = 6 * of_face, nearest = edges + 9;
-
-  // Of a point of a face, which is the second box's or the first's.
-  FAN_FN static int face(int axis, bool of_x, int number) {
-    return of_face * (axis + (of_x ? 3 : 0)) + number;
-  }
+  double half_[2], middle_[3], U_[3], V_[3], corners_[4][3];
 };
 
 // The nearest points of two boxes that are apart: on an edge of the first, or at a corner of the
-// second.
+// second. Boxes that meet keep the given normal.
 class NearestOfBoxes {
  public:
   PointPair pair{};
   double normal[3];
 
-  FAN_FN NearestOfBoxes(const PlacedSolid& x, const PlacedSolid& y) {
+  FAN_FN NearestOfBoxes(const PlacedSolid& x, const PlacedSolid& y, const double* given) {
+    copy3(given, normal);
     for (int corner = 0; corner < 8; ++corner) {
-      take_corner(x, y, corner, false);
-      take_corner(y, x, corner, true);
+      take_corner(x, y, corner);
       for (int k = 0; k < 3; ++k)
         if (((corner >> k) & 1) == 0) take_edge(x, y, corner, k);
     }
-    axis3(0, 1.0, normal);
     aim(pair, normal);
   }
 
@@ -217,15 +242,14 @@ class NearestOfBoxes {
     const double square = dot3(apart, apart);
     if (!(square < least_)) return;
     least_ = square;
-    along3(of_second ? p : point, 0.0, p, pair.p);
-    along3(of_second ? point : p, 0.0, p, pair.q);
+    copy3(of_second ? p : point, pair.p);
+    copy3(of_second ? point : p, pair.q);
   }
 
-  FAN_FN void take_corner(
-      const PlacedSolid& other, const PlacedSolid& box, int corner, bool of_first) {
+  FAN_FN void take_corner(const PlacedSolid& x, const PlacedSolid& y, int corner) {
     double point[3];
-    corner_of(box, corner, point);
-    take(point, other, !of_first);
+    corner_of(y, corner, point);
+    take(point, x, true);
   }
 
   FAN_FN void take_edge(const PlacedSolid& x, const PlacedSolid& y, int corner, int k) {
@@ -261,8 +285,9 @@ FAN_FN int most_across(const PlacedSolid& box, const double* direction) {
   return smallest_of(local);
 }
 
-FAN_FN void touch_boxes_apart(const PlacedSolid& x, const PlacedSolid& y, Touches& to) {
-  const NearestOfBoxes nearest(x, y);
+FAN_FN void touch_boxes_apart(
+    const PlacedSolid& x, const PlacedSolid& y, const double* given, Touches& to) {
+  const NearestOfBoxes nearest(x, y, given);
   const double* n = nearest.normal;
   const Overlap overlap(
       edge_of(x, most_across(x, n), n, -1.0), edge_of(y, most_across(y, n), n, 1.0));
@@ -271,7 +296,7 @@ FAN_FN void touch_boxes_apart(const PlacedSolid& x, const PlacedSolid& y, Touche
   for (int k = 0; k < 2; ++k) {
     const PointPair pair = between_pairs(nearest.pair, overlap.ends[k], overlap.flat);
     double normal[3];
-    along3(n, 0.0, n, normal);
+    copy3(n, normal);
     aim(pair, normal);
     to.add(pair.p, pair.q, normal, BoxFeatures::nearest + k);
   }
@@ -285,9 +310,10 @@ FAN_FN void touch_edges(
   to.add(pair.p, pair.q, axis.normal, BoxFeatures::edges + number);
 }
 
-// The points of two faces that see one another, nearer than `most`; whether they do.
+// The points of two faces that see one another, if the boxes, whose widest gap along an axis is
+// `widest`, are apart by no less; whether they do.
 FAN_FN bool touch_faces(
-    const PlacedSolid& x, const PlacedSolid& y, const BoxAxis& axis, double most, Touches& to) {
+    const PlacedSolid& x, const PlacedSolid& y, const BoxAxis& axis, double widest, Touches& to) {
   const bool of_x = axis.x_axis >= 0;
   const int k = of_x ? axis.x_axis : axis.y_axis;
   const PlacedSolid &owner = of_x ? x : y, &other = of_x ? y : x;
@@ -301,7 +327,7 @@ FAN_FN bool touch_faces(
   const SharedPolygon shared(lower, upper);
   double least = DistanceTolerances::far;
   for (int i = 0; i < shared.n; ++i) least = fmin(least, shared.spots[i].height);
-  if (!(least < most)) return false;
+  if (shared.n == 0 || (widest > 0.0 && least > widest + shared.tolerance)) return false;
   for (int i = 0; i < shared.n; ++i) {
     const Spot& spot = shared.spots[i];
     double below[3], above[3];
@@ -323,17 +349,13 @@ FAN_FN void touch_boxes(const PlacedSolid& x, const PlacedSolid& y, Touches& to)
   const BoxAxis& face = axes.of_x.gap > axes.of_y.gap + same ? axes.of_x : axes.of_y;
   const double widest = fmax(face.gap, axes.of_edges.gap);
   if (widest - to.x_radius - to.y_radius >= to.margin) return;
-  if (widest > 0.0) {
-    if (!touch_faces(x, y, face, widest + same, to)) touch_boxes_apart(x, y, to);
-  } else if (axes.of_edges.gap > fmax(Tol::edge_share * face.gap, face.gap + same)) {
-    touch_edges(x, y, axes.of_edges, to);
-  } else if (!touch_faces(x, y, face, DistanceTolerances::far, to)) {
-    touch_boxes_apart(x, y, to);
-  }
+  const double rival = fmax(Tol::edge_share * face.gap, face.gap + same);
+  if (widest <= 0.0 && axes.of_edges.gap > rival) return touch_edges(x, y, axes.of_edges, to);
+  if (!touch_faces(x, y, face, widest, to)) touch_boxes_apart(x, y, face.normal, to);
 }
 
-// Of two boxes of one size, which is the first, from how each sees the other: g . c, with c the
-// other's centre in its own axes and g a direction that no construction uses.
+// How one box sees another, which orders boxes of one size: g . c, with c the other's centre in its
+// own axes and g a direction that no construction uses.
 FAN_FN double view_of(const PlacedSolid& x, const PlacedSolid& y) {
   const double g[] = {0.3, 0.53, 0.79};
   double apart[3], local[3];

@@ -14,7 +14,9 @@ namespace fan {
 struct BoxTolerances {
   static constexpr double core = 1e-10;        // m: a core this near meets the box
   static constexpr double edge_share = 0.95;   // an edge wins with less than this of a face's depth
-  static constexpr double same_face = 1e-4;    // of the size: two faces or points count as one
+  static constexpr double same_face = 1e-4;    // of the size: lying flat, less makes no difference
+  static constexpr double rounding = 1e-9;     // of the size
+  static constexpr double same_view = 1e-3;    // of the size: the caller orders the boxes
 };
 
 // The side of an axis: 1 or -1.
@@ -43,8 +45,8 @@ FAN_FN Core edge_towards(const double* direction, const double* half, int k) {
 }
 
 // The ends of a core's part that lies above a face of a box about the origin, and the points below
-// them on the face. The part is made to hold the core's point at `nearest`, too, so that a core that
-// stands on the face's edge keeps its foot.
+// them on the face. The part is made to hold the core's point at `nearest`, too, so that a core
+// that stands on the face's edge keeps its foot.
 struct FaceClip {
   PointPair ends[2];
   bool found;
@@ -138,9 +140,8 @@ FAN_FN void touch_box_outside(
     const double* normal, Touches& to) {
   const int face = largest_of(normal), edge = smallest_of(normal);
   const double side = side_of(normal[face]);
-  double flat_normal[3], tilt[3];
-  axis3(face, side, flat_normal);
-  difference3(normal, flat_normal, tilt);
+  double tilt[3];
+  copy3(normal, tilt);
   tilt[face] = 0.0;
   const FaceClip clip(core, half, face, side, at);
   const double on_face = clip.found && core.length > 0.0 ? flatness(length3(tilt)) : 0.0;
@@ -148,12 +149,10 @@ FAN_FN void touch_box_outside(
   if (on_face == 0.0 && on_edge.flat == 0.0) return to.add(nearest.p, nearest.q, normal, 0);
   for (int k = 0; k < 2; ++k) {
     PointPair pair = between_pairs(nearest, on_edge.ends[k], on_edge.flat);
-    double n[3];
-    along3(normal, 0.0, normal, n);
-    aim(pair, n);
     pair = between_pairs(pair, clip.ends[k], on_face);
-    for (int c = 0; c < 3; ++c) n[c] += on_face * (flat_normal[c] - n[c]);
-    unit3(n, 0.0);
+    double n[3];
+    copy3(normal, n);
+    aim(pair, n);
     to.add(pair.p, pair.q, n, k);
   }
 }
@@ -165,7 +164,7 @@ FAN_FN void place_touches(const PlacedSolid& box, int n, Touches& to) {
     out_of_axes(box.R, to.out[n].point, point);
     out_of_axes(box.R, to.out[n].normal, normal);
     along3(box.a, 1.0, point, to.out[n].point);
-    along3(normal, 0.0, normal, to.out[n].normal);
+    copy3(normal, to.out[n].normal);
   }
 }
 

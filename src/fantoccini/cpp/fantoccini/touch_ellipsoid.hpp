@@ -59,28 +59,16 @@ struct EllipsoidReach {
       }
   }
 
-  FAN_FN void turn(const double* n, double* out) const {
+  // The reach; out: the farthest point, which is the slope of h.
+  FAN_FN double farthest(const double* n, double* out) const {
     for (int i = 0; i < 3; ++i) out[i] = dot3(M + 3 * i, n);
-  }
-
-  FAN_FN double reach(const double* n) const {
-    double Mn[3];
-    turn(n, Mn);
-    return fmax(sqrt(fmax(dot3(n, Mn), 0.0)), least);
-  }
-
-  // The farthest point, which is the slope of h.
-  FAN_FN void farthest(const double* n, double* out) const {
-    const double h = reach(n);
-    turn(n, out);
+    const double h = fmax(sqrt(fmax(dot3(n, out), 0.0)), least);
     for (int i = 0; i < 3; ++i) out[i] /= h;
+    return h;
   }
 
-  // Adds the second derivatives of h.
-  FAN_FN void add_curvature(const double* n, double* to) const {
-    const double h = reach(n);
-    double p[3];
-    farthest(n, p);
+  // Adds the second derivatives of h, where it has the value h and the slope p.
+  FAN_FN void add_curvature(double h, const double* p, double* to) const {
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j) to[3 * i + j] += (M[3 * i + j] - p[i] * p[j]) / h;
   }
@@ -92,27 +80,40 @@ class GapClimb {
  public:
   using Tol = EllipsoidTolerances;
   double n[3];  // the direction found
-  double gap;
 
+  // Ends early where the gap is certainly `enough`.
   FAN_FN GapClimb(
       const EllipsoidReach& first, const EllipsoidReach* second, const double* half,
-      const double* centre)
+      const double* centre, double enough)
       : first_(first), second_(second), half_(half), centre_(centre) {
     size_ = length3(centre) + length3(half) + extent(first);
     if (second) size_ += extent(*second);
     begin();
-    for (int i = 0; i < Tol::max_climbs && climb(); ++i) {}
+    for (int i = 0; i < Tol::max_climbs && at_.gap < enough && climb(); ++i) {}
   }
+
+  FAN_FN double gap() const { return at_.gap; }
+
+  // The first's point in this direction, in the frame of the box.
+  FAN_FN void point_of_first(double* out) const { difference3(centre_, at_.p[0], out); }
 
  private:
   FAN_FN static double extent(const EllipsoidReach& x) {
     return sqrt(x.M[0] + x.M[4] + x.M[8]);
   }
 
-  FAN_FN double gap_along(const double* m) const {
-    double found = dot3(m, centre_) - first_.reach(m) - (second_ ? second_->reach(m) : 0.0);
-    for (int k = 0; k < 3; ++k) found -= half_[k] * fabs(m[k]);
-    return found;
+  // What the gap along a direction needs.
+  struct Reaches {
+    double gap, h[2], p[2][3];
+  };
+
+  FAN_FN Reaches reaches_along(const double* m) const {
+    Reaches out{};
+    out.h[0] = first_.farthest(m, out.p[0]);
+    if (second_) out.h[1] = second_->farthest(m, out.p[1]);
+    out.gap = dot3(m, centre_) - out.h[0] - out.h[1];
+    for (int k = 0; k < 3; ++k) out.gap -= half_[k] * fabs(m[k]);
+    return out;
   }
 
   FAN_FN void begin() {
@@ -120,8 +121,8 @@ class GapClimb {
     for (int i = 0; i < 9; ++i) M[i] = first_.M[i] + (second_ ? second_->M[i] : 0.0);
     for (int k = 0; k < 3; ++k) M[4 * k] += half_[k] * half_[k];
     axis3(0, 1.0, n);
-    if (solve_definite(M, centre_, m) && unit3(m, 0.0)) along3(m, 0.0, m, n);
-    gap = gap_along(n);
+    if (solve_definite(M, centre_, m) && unit3(m, 0.0)) copy3(m, n);
+    at_ = reaches_along(n);
     for (int k = 0; k < 3; ++k) {
       if (!(half_[k] > 0.0)) continue;
       axis3(k, side_of(centre_[k]), m);
@@ -130,20 +131,17 @@ class GapClimb {
   }
 
   FAN_FN bool take_if_higher(const double* m, double least) {
-    const double found = gap_along(m);
-    if (!(found >= gap + least)) return false;
-    gap = found;
-    along3(m, 0.0, m, n);
+    const Reaches found = reaches_along(m);
+    if (!(found.gap >= at_.gap + least)) return false;
+    at_ = found;
+    copy3(m, n);
     return true;
   }
 
   // The slope of the gap; components on a fold that do not lead away are held.
   FAN_FN void find_slope() {
-    double p[3], other[3] = {0.0, 0.0, 0.0};
-    first_.farthest(n, p);
-    if (second_) second_->farthest(n, other);
     for (int k = 0; k < 3; ++k) {
-      const double r = centre_[k] - p[k] - other[k];
+      const double r = centre_[k] - at_.p[0][k] - at_.p[1][k];
       const bool folded = half_[k] > 0.0 && n[k] == 0.0;
       side_[k] = side_of(folded ? r : n[k]);
       held_[k] = folded && !(fabs(r) > half_[k]);
@@ -155,8 +153,8 @@ class GapClimb {
   // The step of Newton's method; `bend` is its gap, or positive to be sure to climb.
   FAN_FN bool find_step(double bend, double* step) const {
     double A[9] = {};
-    first_.add_curvature(n, A);
-    if (second_) second_->add_curvature(n, A);
+    first_.add_curvature(at_.h[0], at_.p[0], A);
+    if (second_) second_->add_curvature(at_.h[1], at_.p[1], A);
     const double stiff = A[0] + A[4] + A[8];
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j) {
@@ -184,7 +182,8 @@ class GapClimb {
     if (!(length3(slope_) > Tol::slope * size_)) return false;
     double step[3];
     do {
-      if (!find_step(gap, step) && !find_step(fabs(gap) + Tol::rounding * size_, step)) return false;
+      const double sure = fabs(at_.gap) + Tol::rounding * size_;
+      if (!find_step(at_.gap, step) && !find_step(sure, step)) return false;
     } while (hold_back(step));
     // Up to the first fold on the way.
     double share = 1.0;
@@ -207,6 +206,7 @@ class GapClimb {
   const EllipsoidReach& first_;
   const EllipsoidReach* second_;
   const double *half_, *centre_;
+  Reaches at_;
   double size_, slope_[3], side_[3];
   bool held_[3];
 };
@@ -217,7 +217,7 @@ FAN_FN void axes_along(const double* u, double* R) {
   if (!(dot3(u, u) > 0.0)) return;
   double across[3];
   axis3(smallest_of(u), 1.0, across);
-  along3(u, 0.0, u, R);
+  copy3(u, R);
   cross3(u, across, R + 3);
   unit3(R + 3, 0.0);
   cross3(R, R + 3, R + 6);
@@ -242,14 +242,14 @@ FAN_FN void touch_ellipsoid(const PlacedSolid& x, const PlacedSolid& y, Touches&
   for (int j = 0; j < 3; ++j) into_axes(R, x.R + 3 * j, axes + 3 * j);
   const double own[] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
   const EllipsoidReach first(axes, x.half), second(own, y.half);
-  const GapClimb found(first, is_ellipsoid(y) ? &second : nullptr, half, centre);
+  const GapClimb found(
+      first, is_ellipsoid(y) ? &second : nullptr, half, centre, to.margin + to.y_radius);
   double local[3], p[3], q[3], normal[3];
-  first.farthest(found.n, local);
-  difference3(centre, local, local);
+  found.point_of_first(local);
   out_of_axes(R, local, p);
   along3(y_at, 1.0, p, p);
   out_of_axes(R, found.n, normal);
-  along3(p, -found.gap, normal, q);
+  along3(p, -found.gap(), normal, q);
   to.add(p, q, normal, 0);
 }
 

@@ -1,14 +1,14 @@
 // Contact points of spheres and capsules with one another and of all solids with half-spaces.
 //
-// Two capsules touch at the nearest points p and q of their cores. Where these lie flat on one another
-// the nearest points are anywhere along the overlap and would jump; then the two ends of the overlap
-// take their place. In between, the two points slide from the ends to the nearest points,
+// Two capsules touch at the nearest points p and q of their cores. Where the cores lie flat on one
+// another, the nearest points are anywhere along the overlap and would jump; then the two ends of
+// the overlap take their place. In between, two points slide from the ends to the nearest points,
 //
 //     p_k = p + w (e_k - p),  k = 0, 1,
 //
-// w from 1 below the angle `lying` to 0 above the angle `crossing`, where one point is left. The gap
-// of every point is that of the surfaces there, so the least gap is above the solids' distance by at
-// most (L sin)^2 / 8 d, of cores of the overlap L at the distance d.
+// w from 1 below the angle `lying` to 0 above the angle `crossing`, where one point is left. The
+// gap of every point is that of the surfaces there. The least is above the solids' distance by at
+// most (w L sin)^2 / 8 d, for cores at the distance d that overlap by L.
 #pragma once
 
 #include "touch_solids.hpp"
@@ -30,12 +30,13 @@ FAN_FN PointPair between_pairs(const PointPair& a, const PointPair& b, double w)
   return out;
 }
 
-// Turns `normal` to p - q, if they are apart.
-FAN_FN void aim(const PointPair& pair, double* normal) {
+// Turns `normal` to p - q, if they are apart; whether they are.
+FAN_FN bool aim(const PointPair& pair, double* normal) {
   double apart[3];
   difference3(pair.p, pair.q, apart);
-  if (!unit3(apart, TouchTolerances::tiny)) return;
-  for (int k = 0; k < 3; ++k) normal[k] = apart[k];
+  if (!unit3(apart, TouchTolerances::tiny)) return false;
+  copy3(apart, normal);
+  return true;
 }
 
 // A segment with its direction u, a unit vector; a point has none.
@@ -75,14 +76,16 @@ FAN_FN PointPair nearest_points(const Core& x, const Core& y) {
     best = tried;
   };
   for (const double* end : {x.a, x.b}) {
-    along3(end, 0.0, end, tried.p);
+    copy3(end, tried.p);
     y.nearest(end, tried.q);
     take();
+    if (x.length == 0.0) return best;
   }
   for (const double* end : {y.a, y.b}) {
-    along3(end, 0.0, end, tried.q);
+    copy3(end, tried.q);
     x.nearest(end, tried.p);
     take();
+    if (y.length == 0.0) return best;
   }
   double w[3];
   difference3(x.a, y.a, w);
@@ -96,8 +99,8 @@ FAN_FN PointPair nearest_points(const Core& x, const Core& y) {
   return best;
 }
 
-// The pairs of points at both ends of the overlap of two cores, seen along their mean direction, and
-// how flat they lie: 0 where they cross or do not overlap.
+// The pairs of points at both ends of the overlap of two cores, seen along their mean direction,
+// and how flat they lie: 0 where they cross or do not overlap.
 struct Overlap {
   PointPair ends[2];
   double flat = 0.0;
@@ -155,8 +158,9 @@ FAN_FN void touch_segments(const PlacedSolid& x, const PlacedSolid& y, Touches& 
   const Core first(x.a, x.b), second(y.a, y.b);
   const PointPair nearest = nearest_points(first, second);
   double normal[3];
-  meeting_normal(first, second, normal);
-  aim(nearest, normal);
+  if (!aim(nearest, normal)) meeting_normal(first, second, normal);
+  if (first.length == 0.0 || second.length == 0.0)
+    return to.add(nearest.p, nearest.q, normal, 0);
   const Overlap overlap(first, second);
   if (overlap.flat == 0.0) return to.add(nearest.p, nearest.q, normal, 0);
   for (int k = 0; k < 2; ++k) {

@@ -38,6 +38,10 @@ FAN_FN void difference3(const double* a, const double* b, double* out) {
   for (int k = 0; k < 3; ++k) out[k] = a[k] - b[k];
 }
 
+FAN_FN void copy3(const double* a, double* out) {
+  for (int k = 0; k < 3; ++k) out[k] = a[k];
+}
+
 // a + t b
 FAN_FN void along3(const double* a, double t, const double* b, double* out) {
   for (int k = 0; k < 3; ++k) out[k] = a[k] + t * b[k];
@@ -85,7 +89,7 @@ FAN_FN double flatness(double sine) {
   return t * t * (3.0 - 2.0 * t);
 }
 
-// The contact points of a pair as they are found.
+// The contact points of a pair as they are found, in order of feature.
 struct Touches {
   Touch* out;
   double margin, x_radius, y_radius;  // the radii by which the cores are inflated
@@ -97,7 +101,9 @@ struct Touches {
     difference3(p, q, apart);
     const double gap = dot3(apart, normal) - x_radius - y_radius;
     if (!(gap < margin) || n == max_touches) return;
-    Touch& to = out[n++];
+    int place = n++;
+    for (; place > 0 && out[place - 1].feature > feature; --place) out[place] = out[place - 1];
+    Touch& to = out[place];
     for (int k = 0; k < 3; ++k) {
       to.point[k] = 0.5 * (p[k] + q[k] + normal[k] * (y_radius - x_radius));
       to.normal[k] = normal[k];
