@@ -1,0 +1,136 @@
+"""The key ``contact`` of puppet and scene files, and which solids it lets touch."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.errors import PuppetError
+from fantoccini.puppet import loads
+
+ARM = """
+puppet: arm
+floor: 0
+contact: CONTACT
+obstacles:
+- {name: post, type: sphere, radius: 0.1, at: [2, 0, 0]}
+bodies:
+- name: upper
+  joint: {type: revolute, axis: [0, 1, 0], at: [0, 0, 1]}
+  shapes: [{type: capsule, from: [0, 0, 0], to: [0.3, 0, 0], radius: 0.02, mass: 1}]
+- name: fore
+  parent: upper
+  joint: {type: revolute, axis: [0, 1, 0], at: [0.3, 0, 0]}
+  shapes: [{type: capsule, from: [0, 0, 0], to: [0.3, 0, 0], radius: 0.02, mass: 1}]
+- name: hand
+  parent: fore
+  joint: {type: revolute, axis: [0, 1, 0], at: [0.35, 0, 0]}
+  shapes: [{type: sphere, radius: 0.03, mass: 0.2}]
+"""
+BALL = """
+puppet: PUPPET
+contact: CONTACT
+bodies:
+- name: body
+  joint: {type: free}
+  shapes: [{type: sphere, radius: 0.1, mass: 1}]
+"""
+
+
+def arm(contact: str) -> fan.Marionette:
+    return fan.loads(ARM.replace("CONTACT", contact))
+
+
+def names(marionette: fan.Marionette) -> set[tuple[str, str]]:
+    contacts = marionette.model.contacts
+    assert contacts is not None
+    return set(contacts.names)
+
+
+@pytest.mark.parametrize(
+    ("contact", "message"),
+    [
+        ("3", "contact: found 3; needed: a mapping"),
+        ("{friction: -1}", "contact.friction: found -1; needed: a number of at least 0"),
+        ("{restitution: 1.5}", "contact.restitution: found 1.5"),
+        ("{meets: [roof]}", "contact.meets[0]: found 'roof'; allowed: floor, obstacles, props"),
+        ("{pairs: [{between: [hand, floor]}]}", "this pair changes nothing"),
+        (
+            "{pairs: [{between: [hand, flor], meet: false}]}",
+            "contact.pairs[0].between[1]: no body, obstacle, prop or puppet is called 'flor'; "
+            "did you mean 'floor'?",
+        ),
+    ],
+)
+def test_a_mistake_is_located(contact, message):
+    with pytest.raises(PuppetError) as error:
+        loads(ARM.replace("CONTACT", contact))
+    assert message in str(error.value)
+    assert "<string>:4" in str(error.value)
+
+
+def test_neighbours_do_not_touch_and_all_else_does():
+    assert arm("false").model.contacts is None
+    links = {("hand", "upper")}
+    standing = {(body, o) for body in ("upper", "fore", "hand") for o in ("post", "floor")}
+    assert names(arm("true")) == links | standing
+
+
+def test_groups_and_pairs_choose_what_meets_and_how_it_rubs():
+    chosen = arm(
+        "{friction: 0.2, meets: [floor], pairs: [{between: [floor, hand], friction: 0.9, "
+        "restitution: 0.3}, {between: [upper, floor], meet: false}, {between: [post, fore], "
+        "restitution: 1}]}"
+    ).model.contacts
+    found = dict(zip(chosen.names, zip(chosen.friction, chosen.restitution), strict=True))
+    assert found == {("fore", "floor"): (0.2, 0.0), ("hand", "floor"): (0.9, 0.3)}
+
+
+def test_bodies_of_one_tree_that_overlap_at_the_pose_of_the_file_do_not_touch():
+    """The hand is folded back onto the upper arm."""
+    folded = ARM.replace("CONTACT", "true") + "pose: {fore: 179 deg}\n"
+    assert ("hand", "upper") not in names(fan.loads(folded))
+
+
+def test_a_mesh_says_that_it_touches_nothing_yet(tmp_path):
+    (tmp_path / "m.stl").write_text("solid m\nendsolid m\n")
+    text = ARM.replace("CONTACT", "true").replace(
+        "{name: post, type: sphere, radius: 0.1, at: [2, 0, 0]}",
+        "{name: post, type: mesh, file: m.stl}",
+    )
+    path = tmp_path / "arm.yaml"
+    path.write_text(text)
+    with pytest.raises(PuppetError, match="meshes touch nothing yet"):
+        _ = fan.load(path).model.contacts
+
+
+def scene(tmp_path, first: str, second: str, own: str = "") -> str:
+    for name, contact in (("a", first), ("b", second)):
+        text = BALL.replace("PUPPET", name).replace("CONTACT", contact)
+        (tmp_path / f"{name}.yaml").write_text(text)
+    path = tmp_path / "scene.yaml"
+    path.write_text(
+        f"scene: two\nfloor: 0\n{own}puppets:\n- {{name: a, puppet: a.yaml}}\n"
+        "- {name: b, puppet: b.yaml, at: [1, 0, 0]}\n"
+        "props:\n- {name: crate, shapes: [{type: box, size: [0.1, 0.1, 0.1], mass: 1}]}\n"
+    )
+    return str(path)
+
+
+def test_a_scene_takes_the_rules_of_its_puppets_or_has_its_own(tmp_path):
+    pairs = "{pairs: [{between: [body, floor], friction: 0.9}]}"
+    shared = fan.load(scene(tmp_path, pairs, "true")).model.contacts
+    assert set(shared.names) == {
+        ("a.body", "floor"), ("b.body", "floor"), ("b.body", "a.body"), ("crate", "a.body"),
+        ("crate", "b.body"), ("crate", "floor"),
+    }  # fmt: skip
+    friction = dict(zip(shared.names, shared.friction, strict=True))
+    assert friction["a.body", "floor"] == 0.9
+    assert friction["b.body", "floor"] == 0.5
+    with pytest.raises(PuppetError, match="a, b differ in contact; give the scene its own"):
+        fan.load(scene(tmp_path, "{friction: 0.1}", "true"))
+    own = "contact: {friction: 0.7, pairs: [{between: [a, crate], meet: false}]}\n"
+    made = fan.load(scene(tmp_path, "{friction: 0.1}", "true", own)).model.contacts
+    assert np.all(made.friction == 0.7)
+    assert ("crate", "a.body") not in made.names

@@ -1,0 +1,205 @@
+"""Runs with contact: what they report, keep, refuse and survive."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from contact.bodies import G, on_slope, stepped, thrown
+from fantoccini.errors import Status
+
+DT = 1e-3
+
+
+@pytest.fixture(scope="module")
+def box() -> fan.Marionette:
+    return on_slope(0.2, 0.4)
+
+
+def tumbling(box: fan.Marionette, n: int) -> list[fan.State]:
+    """Boxes above the floor, turned and spinning."""
+    rng = np.random.default_rng(5)
+    states = []
+    for q in rng.normal(size=(n, 4)):
+        place = {"body.z": 0.3 + 0.1 * rng.random(), "body.rotation": tuple(q / np.linalg.norm(q))}
+        x = box.state(place)
+        states.append(x.replace(v_D=rng.normal(size=6) * [1, 1, 1, 5, 5, 5]))
+    return states
+
+
+def test_a_lane_does_not_depend_on_its_neighbours(box):
+    """Alone, in company, and as other lanes: the same bits; and what a scalar run gives."""
+    states = tumbling(box, 11)
+    method = fan.TimeStepping(dt=DT)
+    whole = fan.simulate_batch(box, states, t_end=0.5, method=method)
+    assert np.all(whole.status == Status.DONE)
+    turned = fan.simulate_batch(box, states[::-1], t_end=0.5, method=method)
+    assert np.array_equal(whole.q_D, turned.q_D[::-1])
+    one = stepped(box, states[4], 0.5, DT)
+    assert np.allclose(whole.q_D[4, 1], one.q_D[1], atol=1e-12)
+    assert np.allclose(whole.q_D[4], one.q_D, atol=1e-4)
+    assert np.allclose(whole.ledger["friction"][4], one.ledger["friction"], atol=1e-3)
+
+
+def test_the_books_close_and_energy_never_rises(box):
+    for x in tumbling(box, 4):
+        run = stepped(box, x, 1.0, DT)
+        energy = run.ledger["kinetic"] + run.ledger["potential"]
+        assert np.all(np.diff(energy) < 2e-5 * energy[0] + 1e-9)
+        assert np.all(np.diff(run.ledger["friction"]) > -1e-12)
+        assert abs(run.ledger["residual"][-1]) < 0.02 * (run.ledger["impact"][-1] + 1.0)
+        finer = stepped(box, x, 0.3, DT / 8)
+        coarse = stepped(box, x, 0.3, DT)
+        assert abs(finer.ledger["residual"][-1]) < abs(coarse.ledger["residual"][-1]) + 1e-4
+
+
+def test_forces_of_contact_carry_the_weight_and_obey_the_cone(box):
+    """Sliding bodies do not lift: the normal force is the weight's share, not more."""
+    x0 = thrown(box, {"body.z": 0.05}, {"body.x": 1.0})
+    run = stepped(box, x0, 0.3, DT)
+    contact = run.contact
+    assert contact.names == (("body", "floor"),)
+    normal = contact.normal_force
+    across = np.linalg.norm(contact.force - normal[:, None] * contact.normal, axis=1)
+    slides = contact.sliding > 1e-6
+    assert np.allclose(across[slides], 0.4 * normal[slides], rtol=1e-6)
+    assert np.all(across <= 0.4 * normal + 1e-9)
+    force = contact.force_on("body", len(run))
+    assert np.allclose(force[5:, 2], G * np.cos(0.2), atol=1e-6)
+    assert np.all(contact.gap > -1e-9)
+    assert np.all(np.einsum("ij,ij->i", contact.force, contact.velocity)[slides] < 0.0)
+    last = contact.at(len(run) - 1)
+    assert len(last) == 4
+    assert np.allclose(last.point[:, 2], 0.0, atol=1e-9)
+    with pytest.raises(fan.UnknownNameError, match="flor"):
+        contact.of("flor")
+
+
+def test_contact_is_saved_resampled_and_told_as_events(box, tmp_path):
+    run = stepped(box, tumbling(box, 1)[0], 0.5, DT)
+    assert {"touch"} <= {event.kind for event in run.events}
+    assert {event.name for event in run.events} == {"body|floor"}
+    run.save(tmp_path / "run.npz")
+    again = fan.Trajectory.load(tmp_path / "run.npz")
+    for name in ("sample", "pair", "gap", "point", "normal", "force", "velocity"):
+        assert np.array_equal(getattr(again.contact, name), getattr(run.contact, name))
+    assert again.contact.names == run.contact.names
+    some = run.resample(run.t[100:200:10])
+    assert len(some.contact.at(3)) == len(run.contact.at(130))
+    assert np.array_equal(some.contact.at(3).force, run.contact.at(130).force)
+
+
+def test_a_damaged_file_of_contact_is_refused(box, tmp_path):
+    run = stepped(box, box.state({"body.z": 0.05}), 0.01, DT)
+    run.save(tmp_path / "run.npz")
+    with np.load(tmp_path / "run.npz") as file:
+        arrays = dict(file)
+    arrays["contact:pair"] = arrays["contact:pair"] + 7
+    np.savez(tmp_path / "bad.npz", **arrays)
+    with pytest.raises(fan.FileError, match="pair"):
+        fan.Trajectory.load(tmp_path / "bad.npz")
+
+
+def test_copies_of_a_stepper_go_on_to_the_same_bits(box):
+    stepper = box.stepper(tumbling(box, 1)[0], method=fan.TimeStepping(dt=DT))
+    stepper.advance(0.3)
+    others = copy.copy(stepper), copy.deepcopy(stepper), pickle.loads(pickle.dumps(stepper))
+    stepper.advance(0.3)
+    assert len(stepper.contacts)
+    for other in others:
+        other.advance(0.3)
+        assert np.array_equal(other.state.q_D, stepper.state.q_D)
+        assert np.array_equal(other.contacts, stepper.contacts)
+
+
+@pytest.mark.parametrize("method", ["event", "variational"])
+def test_methods_that_know_no_contact_say_so(box, method):
+    x = box.state({"body.z": 0.5})
+    with pytest.raises(fan.StateError, match="take method='timestepping'"):
+        fan.simulate(box, x, t_end=0.1, method=method)
+    with pytest.raises(fan.StateError, match="contact: false"):
+        fan.simulate_batch(box, [x], t_end=0.1, method=method)
+
+
+def test_derivatives_know_no_contact_and_say_so_where_solids_touch(box):
+    box.linearise(box.state({"body.z": 0.5}))
+    box.linearise_step(box.state({"body.z": 0.5}))
+    for find in (box.linearise, box.linearise_step):
+        with pytest.raises(fan.StateError, match="know nothing of contact yet"):
+            find(box.state({"body.z": 0.05}))
+
+
+def test_a_start_in_which_solids_overlap_is_refused_by_name(box):
+    with pytest.raises(fan.StateError, match=r"body\|floor by 0.02 m"):
+        stepped(box, box.state({"body.z": 0.03}), 0.1, DT)
+
+
+def test_restitution_gives_back_its_share_until_the_ball_rests():
+    """Heights fall by e^2 each time; all is over by sqrt(2 h/g) (1 + e) / (1 - e)."""
+    ball = fan.loads("""
+puppet: ball
+floor: 0
+contact: {restitution: 0.7}
+bodies:
+- {name: ball, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mass: 2}]}
+""")
+    h, e = 0.5, 0.7
+    run = stepped(ball, ball.state({"ball.z": 0.1 + h}), 2.5, 2.5e-4)
+    z, v = run["ball.z"] - 0.1, run["v:ball.z"]
+    tops = z[np.flatnonzero((v[:-1] > 0) & (v[1:] <= 0))]
+    assert np.allclose(tops[:4], h * e ** (2 * np.arange(1, 5)), rtol=1e-2)
+    rests = np.sqrt(2 * h / G) * (1 + e) / (1 - e)
+    moving = run.t[np.abs(v) > 0.02]
+    assert abs(moving[-1] - rests) < 0.05
+    assert run.contact.gap.min() > -1e-9
+    energy = run.ledger["kinetic"] + run.ledger["potential"]
+    assert np.all(np.diff(energy) < 1e-4)
+
+
+def test_two_hung_puppets_that_collide_keep_their_momentum_along_what_they_are_free_in():
+    """Two bobs on long strings meet: no outer impulse acts along x."""
+    pair = fan.loads("""
+puppet: cradle
+contact: {friction: 0.2}
+bodies:
+- {name: a, joint: {type: free}, shapes: [{type: sphere, radius: 0.05, mass: 1}]}
+- {name: b, joint: {type: free}, shapes: [{type: sphere, radius: 0.05, mass: 0.4}]}
+strings:
+- {name: left, path: [{body: a, at: [0, 0, 0.05]}, {world: [-0.05, 0, 1]}], length: 0.95}
+- {name: right, path: [{body: b, at: [0, 0, 0.05]}, {world: [0.05, 0, 1]}], length: 0.95}
+pose: {a.x: -0.05, b.x: 0.05}
+""")
+    lifted = 0.3
+    x0 = pair.state({
+        "a.x": -0.05 - 0.95 * np.sin(lifted), "a.z": 0.95 - 0.95 * np.cos(lifted),
+        "a.rotation": (np.cos(lifted / 2), 0.0, np.sin(lifted / 2), 0.0),
+        "b.x": 0.051,
+    })  # fmt: skip
+    run = stepped(pair, pair.project(x0), 0.7, 2.5e-4)
+    i = next(k for k, t in enumerate(run.t) if run.contact.at(k) and t > 0)
+    m = np.array([1.0, 0.4])
+    before, after = (
+        m @ [run["v:a.x"][k], run["v:b.x"][k]] for k in (i - 2, i + 4)
+    )
+    assert before > 0.3
+    assert abs(after - before) < 2e-3 * before
+    assert run["v:b.x"][i + 4] >= run["v:a.x"][i + 4] - 1e-6
+    energy = run.ledger["kinetic"] + run.ledger["potential"]
+    assert energy[-1] <= energy[0] + 1e-9
+
+
+def test_more_points_than_there_is_room_for_end_the_run():
+    """Seventeen boxes lie on the floor with four points each: 68."""
+    bodies = "\n".join(
+        f"- {{name: b{k}, joint: {{type: free}}, shapes: [{{type: box, size: [0.1, 0.1, 0.1], "
+        "mass: 1}]}"
+        for k in range(17)
+    )
+    pile = fan.loads(f"puppet: pile\nfloor: 0\ncontact: {{meets: [floor]}}\nbodies:\n{bodies}\n")
+    x0 = pile.state({f"b{k}.z": 0.05 for k in range(17)})
+    run = fan.simulate(pile, x0, t_end=0.1, method="timestepping", throw=False)
+    assert run.status is Status.TOO_MANY_CONTACTS
