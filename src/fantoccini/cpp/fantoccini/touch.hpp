@@ -2,7 +2,8 @@
 //
 // The points of a pair stay where they are, and keep their numbers, when the solids move a little;
 // solids that lie flat have all their points. Swapping the solids gives the same points with the
-// normals turned round. Finite solids have finite points, however deep they are in one another.
+// normals turned round, and the same numbers but for two capsules that point opposite ways. Finite
+// solids have finite points, however deep they are in one another.
 #pragma once
 
 #include "touch_box_pair.hpp"
