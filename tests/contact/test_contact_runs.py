@@ -34,10 +34,10 @@ def tumbling(box: fan.Marionette, n: int) -> list[fan.State]:
 def test_a_lane_does_not_depend_on_its_neighbours(box):
     """Alone, in company, and as other lanes: the same bits; and what a scalar run gives."""
     states = tumbling(box, 11)
-    method = fan.TimeStepping(dt=DT)
-    whole = fan.simulate_batch(box, states, t_end=0.5, method=method)
+    about = {"t_end": 0.5, "method": fan.TimeStepping(dt=DT), "save": "all", "save_every": 1}
+    whole = fan.simulate_batch(box, states, **about)
     assert np.all(whole.status == Status.DONE)
-    turned = fan.simulate_batch(box, states[::-1], t_end=0.5, method=method)
+    turned = fan.simulate_batch(box, states[::-1], **about)
     assert np.array_equal(whole.q_D, turned.q_D[::-1])
     one = stepped(box, states[4], 0.5, DT)
     assert np.allclose(whole.q_D[4, 1], one.q_D[1], atol=1e-12)

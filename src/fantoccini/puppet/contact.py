@@ -45,7 +45,7 @@ class Contact(Model):
     meets: tuple[Group, ...] = GROUPS
     """What bodies touch: floor, obstacles, props, puppets (the others), self (own bodies)."""
     pairs: tuple[ContactPair, ...] = ()
-    """Pairs with rules of their own; a later one goes before an earlier one."""
+    """Pairs with rules of their own, which meet whatever `meets` says; later ones go first."""
 
 
 def _form(value: Any) -> str:
