@@ -84,7 +84,8 @@ def test_groups_and_pairs_choose_what_meets_and_how_it_rubs():
         "restitution: 0.3}, {between: [upper, floor], meet: false}, {between: [post, fore], "
         "restitution: 1}]}"
     ).model.contacts
-    found = dict(zip(chosen.names, zip(chosen.friction, chosen.restitution), strict=True))
+    rules = zip(chosen.friction, chosen.restitution, strict=True)
+    found = dict(zip(chosen.names, rules, strict=True))
     assert found == {
         ("fore", "floor"): (0.2, 0.0), ("hand", "floor"): (0.9, 0.3), ("fore", "post"): (0.2, 1.0)
     }  # fmt: skip

@@ -64,8 +64,9 @@ STRUCTURES: tuple[Structure, ...] = (
         Field("n_groups", _MANY),
         Field("solids", "const Solid*", "those of the links, then those that stand"),
         Field("pairs", _INT, "(n_pairs, 2) of solids; the second may stand in the world"),
-        Field("groups", _INT, "(n_groups, 3) of pairs on the same two links, or of one that stands: "
-              "the first link, the second or -1 - its solid, end of the pairs"),
+        Field("groups", _INT,
+              "(n_groups, 3) of pairs of the same two links, or of a link and a solid that stands: "
+              "first link; second link, or -1 - the solid; where the pairs end"),
         Field("friction", _IN, "(n_pairs,) coefficient of Coulomb's law"),
         Field("restitution", _IN, "(n_pairs,) 0 to 1"),
     )),

@@ -34,7 +34,7 @@ class _Part:
 def contacts_of(puppet: Puppet, tree: Tree, library: Library) -> Contacts | None:
     """The pairs of solids that may touch; None where the puppet's file says nothing of contact.
 
-    Bodies of one joint do not touch, nor do bodies of one tree that overlap at the pose of the file.
+    Bodies of one joint do not touch; nor do those of one tree that overlap at the file's pose.
 
     Args:
         puppet: with rules of contact.

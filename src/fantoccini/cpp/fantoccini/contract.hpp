@@ -138,8 +138,8 @@ struct ContactArrays {
   long long n_groups;
   const Solid* solids;  // those of the links, then those that stand
   const int* pairs;  // (n_pairs, 2) of solids; the second may stand in the world
-  // (n_groups, 3) of pairs on the same two links, or of one that stands: the first link, the
-  // second or -1 - its solid, end of the pairs
+  // (n_groups, 3) of pairs of the same two links, or of a link and a solid that stands: first
+  // link; second link, or -1 - the solid; where the pairs end
   const int* groups;
   const double* friction;  // (n_pairs,) coefficient of Coulomb's law
   const double* restitution;  // (n_pairs,) 0 to 1
