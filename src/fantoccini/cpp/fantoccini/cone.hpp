@@ -25,7 +25,6 @@
 #pragma once
 
 #include "cone_law.hpp"
-#include "contract.hpp"
 #include "dense_lu.hpp"
 #include "real.hpp"
 
@@ -40,7 +39,7 @@ struct ConeProblem : ConeLaw {
   double b[N];
   double lower[N], upper[N];  // of a contact only the upper bound of the normal counts
   double mu[N];               // of contact c
-  double x[N];                // on entry the guess; from zero, redundant rows share the load
+  double x[N];                // on entry the guess; of many solutions the result is one near it
   double s[N];
   // The largest g |x - P(x - s / g)| of a row (a speed), relative to the largest of all |b_i| and
   // 1e-4 G_ii |x_i|.
@@ -93,7 +92,8 @@ struct ConeProblem : ConeLaw {
   FAN_FN void weigh() {
     top_ = 0.0;
     for (int i = 0; i < n_; ++i) top_ = larger(top_, G[i * n_ + i]);
-    const double least = top_ > 0.0 ? Tolerance::smallest_influence * top_ : 1.0;
+    if (top_ == 0.0) top_ = 1.0;
+    const double least = Tolerance::smallest_influence * top_;
     for (int i = 0; i < n_single; ++i) g_[i] = larger(G[i * n_ + i], least);
     for (int c = 0; c < n_contacts; ++c) {
       const int i = row_of(c);
@@ -311,7 +311,8 @@ struct ConeProblem : ConeLaw {
     return sum;
   }
 
-  // x from the method of multipliers, from x: y is x within the cones, z stands for s + mu |s_T|.
+  // x from the method of multipliers, from x: y is x within the cones; z becomes s, with mu |s_T|
+  // added to s_n.
   FAN_FN void multipliers(int most) {
     double y[N], z[N], r[N];
     lu_.n = n_;
@@ -345,7 +346,8 @@ struct ConeProblem : ConeLaw {
   }
 
   int n_ = 0, m_ = 0;  // rows, unknowns
-  double top_ = 0.0, scale_ = 0.0, best_residual_ = unbounded;
+  double top_ = 0.0, scale_ = 0.0;  // the largest G_ii; what the residual is relative to
+  double best_residual_ = unbounded;
   double g_[N], centre_[N], best_[N], base_[N], own_[N], direction_[N][3];
   int row_[N], width_[N];
   DenseLu<capacity> lu_;
