@@ -97,7 +97,7 @@ def solve(tmp_path_factory: pytest.TempPathFactory) -> Solve:
 
 
 def violation(p: Problem, x: Array) -> float:
-    """By how much x breaks the law: a speed relative to the largest |b_i|, or 1e-4 G_ii |x_i|.
+    """By how much x breaks the law: a speed, relative to the largest |b_i|.
 
     Impulses that are where they must not be count as the speed that they make in their own row.
     """
@@ -122,7 +122,7 @@ def violation(p: Problem, x: Array) -> float:
         elif min(size, speed) > 0.0:
             apart = np.linalg.norm(pull / size + slip / speed)
             off.append(min(speed, weight * radius) * apart)
-    scale = max(np.max(np.abs(b)), 1e-4 * np.max(diagonal * np.abs(x)))
+    scale = np.max(np.abs(b))
     return float(max(off) / scale) if scale > 0.0 else 0.0
 
 
@@ -256,8 +256,8 @@ def test_single_rows_are_bounded_least_squares(solve: Solve) -> None:
 
 
 def test_stacks_from_zero(solve: Solve) -> None:
-    """All of 600 stacks with and without strings, most in a few steps."""
-    problems = stacks(2, 600)
+    """All of 400 stacks with and without strings, most in a few steps."""
+    problems = stacks(2, 400)
     answers = solve(problems)
     for p, answer in zip(problems, answers, strict=True):
         check(p, answer)
@@ -266,9 +266,24 @@ def test_stacks_from_zero(solve: Solve) -> None:
     assert np.mean([answer.rounds == 0 for answer in answers]) >= 0.6
 
 
+def test_random_rows_and_contacts(solve: Solve) -> None:
+    """Of any rank, with upper bounds on some rows, two-sided rows and contacts without friction."""
+    rng, problems = np.random.default_rng(8), []
+    for _ in range(300):
+        n_single, n_contacts = int(rng.integers(8)), int(rng.integers(1, 9))
+        n = n_single + 3 * n_contacts
+        W = rng.normal(size=(int(rng.integers(1, n + 3)), n))
+        low, high = np.zeros(n), np.where(rng.random(n) < 0.5, rng.uniform(0, 3, n), NEVER)
+        low[:n_single] = np.where(rng.random(n_single) < 0.2, -rng.uniform(0, 3, n_single), 0.0)
+        mu = rng.choice([0.0, 0.1, 0.7, 2.0], n_contacts)
+        problems.append(Problem(W, 3.0 * rng.normal(size=len(W)), mu, lower=low, upper=high))
+    for p, answer in zip(problems, solve(problems), strict=True):
+        check(p, answer)
+
+
 def test_a_guess_from_the_step_before(solve: Solve) -> None:
     """b and G change by a thousandth: two steps on the median, few more at most."""
-    rng, before = np.random.default_rng(3), stacks(3, 200)
+    rng, before = np.random.default_rng(3), stacks(3, 150)
     problems = []
     for p, answer in zip(before, solve(before), strict=True):
         W = p.W * (1.0 + 1e-3 * rng.normal(size=(len(p.W), 1)))
@@ -371,6 +386,15 @@ def test_numbers_that_are_not_finite(solve: Solve, bad: float) -> None:
     guess = np.full(len(p.b), bad)
     (answer,) = solve([replace(p, guess=guess)])
     check(p, answer)
+
+
+def test_a_right_side_of_zero_or_less_than_rounding(solve: Solve) -> None:
+    """Nothing pulls: x = 0, whatever the guess."""
+    for right in (0.0, 1e-320):
+        p = stacks(9, 1)[0]
+        (answer,) = solve([replace(p, c=right * p.c, guess=np.ones(len(p.b)))])
+        assert answer.solved and answer.residual <= TOLERANCE
+        assert np.max(np.abs(p.G @ answer.x)) <= 1e-10
 
 
 def test_no_rows(solve: Solve) -> None:

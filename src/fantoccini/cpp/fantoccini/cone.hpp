@@ -25,7 +25,6 @@
 #pragma once
 
 #include "cone_law.hpp"
-#include "contract.hpp"
 #include "dense_lu.hpp"
 #include "real.hpp"
 
@@ -37,13 +36,12 @@ struct ConeProblem : ConeLaw {
 
   int n_single = 0, n_contacts = 0;  // n = n_single + 3 n_contacts rows: singles, then contacts
   double G[N * N];                   // row i, column j at i * n + j
-  double b[N];
+  double b[N];                       // solve() sets b below `negligible` to 0
   double lower[N], upper[N];  // of a contact only the upper bound of the normal counts
   double mu[N];               // of contact c
-  double x[N];                // on entry the guess; from zero, redundant rows share the load
+  double x[N];                // on entry the guess; of many solutions the result is one near it
   double s[N];
-  // The largest g |x - P(x - s / g)| of a row (a speed), relative to the largest of all |b_i| and
-  // 1e-4 G_ii |x_i|.
+  // The largest g |x - P(x - s / g)| of a row (a speed), relative to the largest |b_i|.
   double residual = unbounded;
   int iterations = 0;  // steps of Newton's method
   int rounds = 0;      // rounds of the method of multipliers
@@ -89,11 +87,16 @@ struct ConeProblem : ConeLaw {
     return valid;
   }
 
-  // g of all rows.
+  // g of all rows, and the sizes of G and b.
   FAN_FN void weigh() {
-    top_ = 0.0;
-    for (int i = 0; i < n_; ++i) top_ = larger(top_, G[i * n_ + i]);
-    const double least = top_ > 0.0 ? Tolerance::smallest_influence * top_ : 1.0;
+    top_ = scale_ = 0.0;
+    for (int i = 0; i < n_; ++i) {
+      if (fabs(b[i]) < negligible) b[i] = 0.0;
+      scale_ = larger(scale_, fabs(b[i]));
+      top_ = larger(top_, G[i * n_ + i]);
+    }
+    if (top_ == 0.0) top_ = 1.0;
+    const double least = Tolerance::smallest_influence * top_;
     for (int i = 0; i < n_single; ++i) g_[i] = larger(G[i * n_ + i], least);
     for (int c = 0; c < n_contacts; ++c) {
       const int i = row_of(c);
@@ -128,13 +131,7 @@ struct ConeProblem : ConeLaw {
     for (int i = 0; i < n_; ++i) s[i] = -b[i];
     for (int j = 0; j < n_; ++j)
       if (x[j] != 0.0) add_multiple(s, x[j], G + j * n_, n_);
-    scale_ = 0.0;
-    for (int i = 0; i < n_; ++i) {
-      const double own = Tolerance::share_of_terms * G[i * n_ + i] * fabs(x[i]);
-      scale_ = larger(scale_, larger(fabs(b[i]), own));
-    }
-    const double most = violation(0.0);
-    residual = most > 0.0 ? most / scale_ : 0.0;
+    residual = clip(violation(0.0) / larger(scale_, negligible), 0.0, unbounded);
   }
 
   // The speed by which x breaks the law of the raised problem.
@@ -311,7 +308,8 @@ struct ConeProblem : ConeLaw {
     return sum;
   }
 
-  // x from the method of multipliers, from x: y is x within the cones, z stands for s + mu |s_T|.
+  // x from the method of multipliers, from x: y is x within the cones; z becomes s, with mu |s_T|
+  // added to s_n.
   FAN_FN void multipliers(int most) {
     double y[N], z[N], r[N];
     lu_.n = n_;
@@ -345,7 +343,8 @@ struct ConeProblem : ConeLaw {
   }
 
   int n_ = 0, m_ = 0;  // rows, unknowns
-  double top_ = 0.0, scale_ = 0.0, best_residual_ = unbounded;
+  double top_ = 0.0, scale_ = 0.0;  // the largest G_ii and |b_i|
+  double best_residual_ = unbounded;
   double g_[N], centre_[N], best_[N], base_[N], own_[N], direction_[N][3];
   int row_[N], width_[N];
   DenseLu<capacity> lu_;

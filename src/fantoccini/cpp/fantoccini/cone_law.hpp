@@ -8,8 +8,6 @@ namespace fan {
 struct ConeTolerances {
   // Largest residual of a solution; see `residual`.
   static constexpr double residual = 1e-10;
-  // The same relative to G_ii |x_i|, whose rounding alone is some 1e-15.
-  static constexpr double share_of_terms = 1e-4;
   // Raise of G's diagonal, relative to its largest entry: at first, and where the start comes from
   // the method of multipliers.
   static constexpr double raise = 1e-10;
