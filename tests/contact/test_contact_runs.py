@@ -138,6 +138,17 @@ def test_a_start_in_which_solids_overlap_is_refused_by_name(box):
         stepped(box, box.state({"body.z": 0.03}), 0.1, DT)
 
 
+def test_rest_is_what_the_puppet_comes_to_on_what_carries_it(box):
+    """A box let go askew comes to lie, and stays; hanging puppets hang as before."""
+    x = box.rest({"body.z": 0.12, "body.rotation": (0.95, 0.1, 0.25, 0.1)})
+    run = stepped(box, x, 1.0, DT)
+    assert np.max(np.abs(run.q_D - x.q_D)) < 1e-6
+    assert np.isclose(run.contact.force_on("body", len(run))[-1, 2], G * np.cos(0.2))
+    slides = on_slope(0.5, 0.3)
+    with pytest.raises(fan.StateError, match="still moves"):
+        slides.rest({"body.z": 0.05})
+
+
 def test_restitution_gives_back_its_share_until_the_ball_rests():
     """Heights fall by e^2 each time; all is over by sqrt(2 h/g) (1 + e) / (1 - e)."""
     ball = fan.loads("""

@@ -15,6 +15,7 @@ from fantoccini.marionette.dynamics import forward_dynamics, with_active_set
 from fantoccini.marionette.evaluation import Evaluation
 from fantoccini.marionette.model import Model
 from fantoccini.marionette.projection import onto_rows, overstepped, positioned
+from fantoccini.marionette.settling import settled
 from fantoccini.motion import State
 
 
@@ -38,7 +39,8 @@ def rest(model: Model, x: State) -> State:
 
     The puppet is brought onto its strings and relaxed (:mod:`.relaxation`); where that fails, and
     for puppets on chains, V is descended (:mod:`.descent`). A result is accepted where forces
-    balance, no row is violated and V is not above the start's.
+    balance, no row is violated and V is not above the start's. A puppet that would overlap what it
+    touches there is let go until it rests on it (:mod:`.settling`).
 
     Raises:
         StateError: there is no equilibrium below, or it was not found, or a winch would slip in it,
@@ -67,14 +69,14 @@ def rest(model: Model, x: State) -> State:
             wrong = _wrong(model, start, found)
         except StateError as error:
             wrong = str(error)
-        if not wrong and (deep := model.overlaps(found.x.q_D, found.x.q_K, TOLERANCES.start_gap)):
-            raise StateError(
-                f"where the puppet hangs at rest, {', '.join(deep)} overlap; rest knows nothing of "
-                "contact yet. Let it down in a run, or shorten its strings"
-            )
-        if not wrong:
+        if not wrong and not model.overlaps(found.x.q_D, found.x.q_K):
             return with_active_set(model, found.x)
-        failed.append(wrong)
+        failed.append(wrong or "hanging from its strings alone, the puppet overlaps what it touches")
+    if model.contacts is not None:
+        try:
+            return settled(model, start)
+        except StateError as error:
+            failed.append(str(error))
     raise StateError("no equilibrium was found: " + "; ".join(failed))
 
 
