@@ -13,7 +13,7 @@
 
 #include "fantoccini/lanes.hpp"
 
-#include "fantoccini/contact.hpp"
+#include "fantoccini/closed_rows.hpp"
 #include "fantoccini/timestepping.hpp"
 
 namespace {

@@ -17,11 +17,11 @@ using AnyRun = ModelRun<Model>;
 // y = (q_D, v_D, work, loss, slip loss). Functions that return int return a status.
 
 // Sets how large the integrator's errors in a row's h may be, relative to its scale: `noise` for
-// rows just released or caught (Guards::noise, Contact::hop), `afield` for redundant ones
+// rows just released or caught (Guards::noise, ClosedRows::hop), `afield` for redundant ones
 // (Guards::afield).
 FAN_EXPORT void fan_set_noise(void* handle, double noise, double afield) {
   auto& run = static_cast<fan::AnyRun*>(handle)->event;
-  run.guards.noise = run.contact.hop = noise;
+  run.guards.noise = run.closed_rows.hop = noise;
   run.guards.afield = afield;
 }
 

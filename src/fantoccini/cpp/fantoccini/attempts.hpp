@@ -16,7 +16,7 @@
 
 namespace fan {
 
-struct ContactTolerances {
+struct ClosedRowTolerances {
   // m/s or rad/s, times the largest velocity if that is above 1: |hdot| up to which a closed row is
   // at rest. A row that a catch elsewhere loosens by less would be slack for 2 |hdot| / hddot = 2
   // us under gravity. Holding it instead changes the state by the product of both, some 1e-11, and
@@ -33,7 +33,7 @@ struct ContactTolerances {
   static constexpr double energy_gain = 1e-10;
   // Gap below which a row takes part when others are corrected, relative to its scale.
   static constexpr double nearby_gap = 1e-4;
-  // |h| that Contact::retreat leaves of a held row, relative to its scale; h of others: closed_gap.
+  // |h| that ClosedRows::retreat leaves of a held row, relative to its scale; h of others: closed_gap.
   static constexpr double held_gap = 1e-13;
   // Distance from 0 or from its winch's largest, relative to the largest tension present, at which
   // a tension counts as at its bound.
@@ -56,7 +56,7 @@ struct Attempt {
   double disagreement;  // of the rates of redundant held rows, as strict_rest_speed
 };
 
-struct Attempts : ContactTolerances {
+struct Attempts : ClosedRowTolerances {
   static constexpr Attempt list[] = {
       {max_rest_speed, 0.0, energy_gain, strict_rest_speed},
       {max_rest_speed, max_rest_hop, energy_gain, strict_rest_speed},

@@ -14,7 +14,7 @@ struct EventRun : EventInstants<Model> {
   using Base = EventInstants<Model>;
   using F = typename Base::F;
   using Tolerance = EventTolerances;
-  using Base::flow, Base::contact, Base::accumulation, Base::event_rate, Base::impact, Base::blame;
+  using Base::flow, Base::closed_rows, Base::accumulation, Base::event_rate, Base::impact, Base::blame;
   using Base::guards, Base::n_events, Base::emit;
   static constexpr int N = F::N, NQ = F::NQ, S = F::S, M = F::M, NY = F::NY;
   static constexpr int rows_per_step = Tolerance::max_saves_per_step + 4;
@@ -34,8 +34,8 @@ struct EventRun : EventInstants<Model> {
     for (int r = 0; r < M; ++r) flow.row_state[r] = SLACK, loosened_[r] = -unbounded;
     flow.slip_time = flow.t;
     refresh();
-    Status status = contact.retreat(flow);
-    if (status == RUNNING) status = contact.choose(flow, none, none, next, Tolerance::start_gap);
+    Status status = closed_rows.retreat(flow);
+    if (status == RUNNING) status = closed_rows.choose(flow, none, none, next, Tolerance::start_gap);
     if (status == RUNNING) {
       set_active_set(next);
       refresh();
@@ -47,14 +47,14 @@ struct EventRun : EventInstants<Model> {
       double kept[NY];
       for (int j = 0; j < NY; ++j) kept[j] = flow.y[j];
       refresh();
-      const bool held = contact.hold(flow, Attempts::list[0]) == RUNNING;
+      const bool held = closed_rows.hold(flow, Attempts::list[0]) == RUNNING;
       for (int j = held ? F::WORK : 0; j < NY; ++j) flow.y[j] = kept[j];
     }
     step_size = flow.opt.first_step;
     refresh();
     flow.motors.begin(flow.y, flow.q_K, flow.p);
     if (status == RUNNING) status = watch();
-    else accuse(contact.blame);
+    else accuse(closed_rows.blame);
     for (int r = 0; r < S; ++r)
       if (flow.row_state[r] == SLIPPING) note(out, SLIP, r, 0.0, flow.slip_rate[r]);
     emit(out);
@@ -91,7 +91,7 @@ struct EventRun : EventInstants<Model> {
 
   void remember(Snapshot& memory) {
     memory.keep(flow.t, flow.y, flow.row_state, flow.slip, flow.slip_time, flow.motors);
-    memory.keep(contact, detector, accumulation, event_rate, impact, blame, step_size);
+    memory.keep(closed_rows, detector, accumulation, event_rate, impact, blame, step_size);
     memory.keep(n_steps, n_events, stuck, at_break_, loosened_);
     guards.remember(memory);
   }

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "accumulation.hpp"
-#include "contact.hpp"
+#include "closed_rows.hpp"
 #include "event_rate.hpp"
 #include "guards.hpp"
 #include "record.hpp"
@@ -40,7 +40,7 @@ struct EventInstants {
   static constexpr int N = F::N, NQ = F::NQ, S = F::S, M = F::M, NY = F::NY;
 
   F flow;
-  Contact<Model> contact;
+  ClosedRows<Model> closed_rows;
   Accumulation accumulation;
   EventRate<M> event_rate;
   double impact = 0.0;  // energy lost in catches so far
@@ -68,7 +68,7 @@ struct EventInstants {
     double slip[room(S)];  // without the error of up to max_length_error (winch.hpp)
     bool taut[room(M)];
     for (int i = 0; i < S; ++i) slip[i] = flow.slip_now[i] > 0.0 ? flow.slip_now[i] : 0.0;
-    contact.tensions(flow, tension);
+    closed_rows.tensions(flow, tension);
     for (int r = 0; r < M; ++r) {
       // At a release the tension is zero up to rounding, of either sign.
       const bool both = r < S && Model::wire[r];
@@ -103,13 +103,13 @@ struct EventInstants {
     if (caught) {
       accumulation.watch(flow.t);
       if (!flow.opt.save_steps) emit(out);
-      const Status status = contact.strike(flow, s.closed);
+      const Status status = closed_rows.strike(flow, s.closed);
       if (status != RUNNING) return fail(status);
-      impact += contact.lost;
+      impact += closed_rows.lost;
       for (int r = 0; r < M; ++r) {
-        s.caught[r] = s.caught[r] || (s.before[r] == SLACK && contact.impulse[r] > 0.0);
+        s.caught[r] = s.caught[r] || (s.before[r] == SLACK && closed_rows.impulse[r] > 0.0);
         s.loose[r] = s.loose[r] && !s.caught[r];
-        if (s.caught[r]) note(out, CATCH, r, contact.impulse[r], contact.speed[r]);
+        if (s.caught[r]) note(out, CATCH, r, closed_rows.impulse[r], closed_rows.speed[r]);
       }
     }
     return settle_active_set(s, out);
@@ -172,7 +172,7 @@ struct EventInstants {
   }
 
   Status fail(Status status) {
-    accuse(contact.blame);
+    accuse(closed_rows.blame);
     return status;
   }
 
@@ -191,13 +191,13 @@ struct EventInstants {
       // refused has left velocities and books alone; that closed rows are at h = 0 now, which were
       // there but for max_length_error, helps whatever is tried next.
       for (int round = 0; round <= M; ++round) {
-        held = contact.choose(flow, s.loose, s.strained, next, FlowTolerances::closed_gap, how);
+        held = closed_rows.choose(flow, s.loose, s.strained, next, FlowTolerances::closed_gap, how);
         if (held != RUNNING) { if (flow.winches.some_slip) break; else return fail(held); }
         set_active_set(next);
         refresh();
-        held = contact.hold(flow, how);
-        if (contact.stopped > stopped) stopped = contact.stopped;
-        if (held != RUNNING || !contact.brought) break;
+        held = closed_rows.hold(flow, how);
+        if (closed_rows.stopped > stopped) stopped = closed_rows.stopped;
+        if (held != RUNNING || !closed_rows.brought) break;
       }
       if (held == RUNNING) refresh();
       if (held == RUNNING && !guards.contradicted()) break;
@@ -212,7 +212,7 @@ struct EventInstants {
       if (next[r] == SLIPPING) guards.armed[r] = flow.lack(r) < -GuardTolerances::min_speed;
       // A string that springs back is open soon; one that has lost its tension may stay at its
       // bound.
-      if (next[r] == SLACK && s.holds(r)) guards.armed[r] = contact.leaves(flow, r);
+      if (next[r] == SLACK && s.holds(r)) guards.armed[r] = closed_rows.leaves(flow, r);
     }
     if (stopped > GuardTolerances::min_speed && accumulation.shrinking()) {
       note(out, ACCUMULATION, -1, 0.0, stopped);

@@ -15,9 +15,9 @@
 namespace fan {
 
 template <class Model>
-struct Contact {
+struct ClosedRows {
   using F = Flow<Model>;
-  using Tolerance = ContactTolerances;
+  using Tolerance = ClosedRowTolerances;
   static constexpr int N = F::N, NQ = F::NQ, S = F::S, M = F::M;
   using Set = ActiveSet<M, N>;
 
