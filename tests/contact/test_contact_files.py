@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
+from typer.testing import CliRunner
 
 import fantoccini as fan
+from fantoccini.cli.app import app
 from fantoccini.errors import PuppetError
 from fantoccini.puppet import loads
 
@@ -69,6 +71,12 @@ def test_a_mistake_is_located(contact, message):
         loads(ARM.replace("CONTACT", contact))
     assert message in str(error.value)
     assert "<string>:4" in str(error.value)
+
+
+def test_info_says_what_touches_what(tmp_path):
+    (tmp_path / "arm.yaml").write_text(ARM.replace("CONTACT", "{meets: [floor], friction: 0.25}"))
+    shown = CliRunner().invoke(app, ["info", str(tmp_path / "arm.yaml")])
+    assert "contact with floor: friction 0.25, restitution 0, 0 pairs" in shown.stdout
 
 
 def test_neighbours_do_not_touch_and_all_else_does():

@@ -50,6 +50,12 @@ def describe_puppet(file: str) -> None:
     )
     moving = f"{number(made.mass)} kg move"
     write(f"{moving}; weight {number(made.weight)} N; {_compiled(file)}")
+    if (rules := made.puppet.touching) is not None:
+        write(
+            f"contact with {', '.join(rules.meets) or 'nothing'}: friction "
+            f"{number(rules.friction)}, restitution {number(rules.restitution)}, "
+            f"{len(rules.pairs)} pairs with their own"
+        )
     write()
     names = [link.name for link in tree.links]
     table(
