@@ -10,6 +10,7 @@ import pytest
 
 import fantoccini as fan
 from contact.bodies import G, on_slope, stepped, thrown
+from fantoccini import puppets
 from fantoccini.errors import Status
 
 DT = 1e-3
@@ -131,6 +132,19 @@ def test_derivatives_know_no_contact_and_say_so_where_solids_touch(box):
     for find in (box.linearise, box.linearise_step):
         with pytest.raises(fan.StateError, match="know nothing of contact yet"):
             find(box.state({"body.z": 0.05}))
+
+
+def test_a_plan_keeps_clear_of_what_a_puppet_with_contact_may_touch():
+    """It is the plan of the same puppet without contact."""
+    text = puppets.path("arm2d").read_text(encoding="utf-8")
+    arm = fan.loads(f"{text}\ncontact: true\nfloor: -2.0\n")
+    plain = fan.loads(f"{text}\nfloor: -2.0\n")
+    plans = [
+        fan.plan(m, m.rest({"hand.length": 0.8}), m.rest({"hand.length": 0.6}), seed=0)
+        for m in (arm, plain)
+    ]
+    assert all(plans)
+    assert np.array_equal(plans[0].trajectory.q_D, plans[1].trajectory.q_D)
 
 
 def test_a_start_in_which_solids_overlap_is_refused_by_name(box):

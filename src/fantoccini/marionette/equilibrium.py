@@ -71,7 +71,7 @@ def rest(model: Model, x: State) -> State:
             wrong = str(error)
         if not wrong and not model.overlaps(found.x.q_D, found.x.q_K):
             return with_active_set(model, found.x)
-        failed.append(wrong or "hanging from its strings alone, the puppet overlaps what it touches")
+        failed.append(wrong or "hung from its strings alone it overlaps what it touches")
     if model.contacts is not None:
         try:
             return settled(model, start)

@@ -1,4 +1,4 @@
-"""Rest on what carries the puppet: it is let go among floor, obstacles and props until it is still."""
+"""Rest on what carries a puppet: it is let go among floor and props until it is still."""
 
 from __future__ import annotations
 
@@ -57,8 +57,8 @@ def settled(model: Model, x: State) -> State:
     names = model.coordinates.v_D
     fastest = names[int(np.argmax(np.abs(v_D)))]
     raise StateError(
-        f"let go, the puppet still moves after {SETTLING.pieces * SETTLING.piece:g} s: {fastest} at "
-        f"{np.max(np.abs(v_D)):.3g}/s"
+        f"let go, the puppet still moves after {SETTLING.pieces * SETTLING.piece:g} s: {fastest} "
+        f"at {np.max(np.abs(v_D)):.3g}/s"
     )
 
 

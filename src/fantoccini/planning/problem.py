@@ -54,7 +54,8 @@ class Problem:
         out_of_reach: why no plan can end at the goal; empty where one may.
 
     Args:
-        marionette: the puppet.
+        marionette: the puppet; without its contact, since plans keep clear of what it may touch.
+            Of its own bodies only with ``self_collision``.
         start: where it begins; its driven coordinates may move.
         goal: a state, names and values (``{"elbow": 1.2}``), a :class:`Goal`, or a function of
             :class:`StateArrays` that returns distances.
@@ -112,6 +113,8 @@ class Problem:
         options = options.with_segment(segment)
         self.objective = Objective.of(objective)
         check_start(marionette.model, start, "timestepping")
+        # Plans keep clear of everything, so that nothing touches.
+        marionette = Marionette(marionette.model.without_contact())
         if not len(start.slip):
             start = start.replace(slip=np.zeros(len(marionette.tree.strings)))
         self.marionette, self.start, self.tolerance = marionette, start, tolerance
