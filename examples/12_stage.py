@@ -44,18 +44,17 @@ def main() -> None:
         for name in (*DOWN, "knee_left", "knee_right")
     }
     inputs = fan.Input.waypoints(stage, lengths | back)
-    run = fan.simulate(
-        stage, x0.replace(v_D=v_D), inputs, t_end=2.0, method=fan.TimeStepping(dt=1e-3), save_every=4
-    )
+    method = fan.TimeStepping(dt=1e-3)
+    run = fan.simulate(stage, x0.replace(v_D=v_D), inputs, t_end=2.0, method=method, save_every=4)
     run.save(OUT / "stage.npz")
     strip(stage, run, OUT / "stage.png", n=6, times="even", focus="bodies")
-    weight = run.contact.force_on("crate", len(run))[-1] - run.contact.of("crate", "floor").at(
-        len(run) - 1
-    ).force.sum(axis=0)
+    whole = run.contact.force_on("crate", len(run))[-1]
+    from_floor = run.contact.of("crate", "floor").at(len(run) - 1).force.sum(axis=0)
     touches = [event for event in run.events if event.kind == "touch"]
     print(f"{len(touches)} touches; the deepest overlap was {-run.contact.gap.min():.1e} m")
-    print(f"at the end the puppet presses on the crate with {-weight[2]:.2f} N")
-    print(f"friction took {run.ledger['friction'][-1]:.3f} J, impacts {run.ledger['impact'][-1]:.3f} J")
+    print(f"at the end the puppet presses on the crate with {(from_floor - whole)[2]:.2f} N")
+    lost = {name: run.ledger[name][-1] for name in ("friction", "impact")}
+    print(f"friction took {lost['friction']:.3f} J, impacts {lost['impact']:.3f} J")
 
 
 if __name__ == "__main__":
