@@ -147,3 +147,81 @@ def test_a_scene_takes_the_rules_of_its_puppets_or_has_its_own(tmp_path):
     made = fan.load(scene(tmp_path, "{friction: 0.1}", "true", own)).model.contacts
     assert np.all(made.friction == 0.7)
     assert ("crate", "a.body") not in made.names
+
+
+TWINS = """
+puppet: twins
+floor: 0
+mirror: {plane: xz, from: left, to: right}
+contact: {pairs: [{between: [left_foot, floor], friction: 0.9}]}
+bodies:
+- {name: left_foot, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mass: 1}]}
+pose: {left_foot.y: 0.2}
+"""
+
+
+def test_the_twin_of_a_pair_has_its_rules():
+    contacts = fan.loads(TWINS).model.contacts
+    friction = dict(zip(contacts.names, contacts.friction, strict=True))
+    assert friction["right_foot", "floor"] == friction["left_foot", "floor"] == 0.9
+    assert friction["right_foot", "left_foot"] == 0.5
+
+
+def test_floor_is_the_name_of_the_floor():
+    with pytest.raises(PuppetError, match="found 'floor', which is the floor's name in contact"):
+        loads(ARM.replace("CONTACT", "true").replace("name: post", "name: floor"))
+
+
+def test_what_a_fixed_joint_carries_belongs_to_its_body():
+    """The cuff, fixed near the elbow, does not touch the upper arm across the joint."""
+    cuff = """
+- name: cuff
+  parent: fore
+  joint: {type: fixed, at: [0.06, 0, 0]}
+  shapes: [{type: sphere, radius: 0.01, mass: 0.01}]
+"""
+    found = names(fan.loads(ARM.replace("CONTACT", "true") + cuff))
+    assert not {("cuff", "upper"), ("cuff", "fore")} & found
+    assert not [pair for pair in found if set(pair) == {"cuff", "hand"}]
+    assert ("cuff", "floor") in found
+
+
+def test_where_a_puppet_stands_does_not_change_what_touches():
+    """Two free bodies overlap a little at the pose of their file: they touch all the same."""
+    pair = loads("""
+puppet: pair
+contact: true
+bodies:
+- {name: a, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mass: 1}]}
+- {name: b, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mass: 1}]}
+pose: {b.x: 0.1999}
+""")
+    for at in ([0, 0, 0], [1, 0, 0]):
+        member = {"name": "one", "puppet": pair, "at": at}
+        made = fan.Marionette(fan.Scene.model_validate({"scene": "s", "puppets": [member]}))
+        assert ("b", "a") in names(made)
+
+
+def test_false_of_one_puppet_and_rules_of_another_differ(tmp_path):
+    with pytest.raises(PuppetError, match="a, b differ in contact"):
+        fan.load(scene(tmp_path, "false", "true"))
+    assert fan.load(scene(tmp_path, "false", "false")).model.contacts is None
+
+
+def test_pairs_name_an_obstacle_that_two_copies_share(tmp_path):
+    (tmp_path / "arm.yaml").write_text(
+        ARM.replace("CONTACT", "{pairs: [{between: [hand, post], friction: 0.9}]}")
+    )
+    (tmp_path / "scene.yaml").write_text(
+        "scene: two\npuppets:\n- {name: a, puppet: arm.yaml}\n- {name: b, puppet: arm.yaml}\n"
+    )
+    contacts = fan.load(tmp_path / "scene.yaml").model.contacts
+    friction = dict(zip(contacts.names, contacts.friction, strict=True))
+    assert friction["a.hand", "a.post"] == friction["b.hand", "a.post"] == 0.9
+
+
+def test_rules_need_no_compilation():
+    """Friction changes nothing that is compiled."""
+    one, other = (loads(ARM.replace("CONTACT", c)) for c in ("true", "{friction: 0.9}"))
+    assert one.canonical(values=False) == other.canonical(values=False)
+    assert one.canonical() != other.canonical()

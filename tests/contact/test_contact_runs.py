@@ -228,3 +228,103 @@ def test_more_points_than_there_is_room_for_end_the_run():
     x0 = pile.state({f"b{k}.z": 0.05 for k in range(17)})
     run = fan.simulate(pile, x0, t_end=0.1, method="timestepping", throw=False)
     assert run.status is Status.TOO_MANY_CONTACTS
+
+
+PLATE = """
+puppet: plate
+contact: {restitution: RESTITUTION}
+bodies:
+- name: plate
+  joint: {type: prismatic, axis: [0, 0, 1], driven: true}
+  shapes: [{type: box, size: [1, 1, 0.1], mass: 3}]
+- {name: load, joint: {type: free}, shapes: [{type: box, size: [0.2, 0.2, 0.1], mass: 2}]}
+pose: {load.z: 0.1}
+"""
+
+
+def test_effort_carries_what_lies_on_a_driven_body():
+    plate = fan.loads(PLATE.replace("RESTITUTION", "0"))
+    run = stepped(plate, plate.state(), 0.2, DT)
+    assert np.allclose(run.effort["plate"][2:], 5 * G, rtol=1e-6)
+
+
+def test_a_load_with_restitution_rests_on_a_platform_that_accelerates():
+    plate = fan.loads(PLATE.replace("RESTITUTION", "0.7"))
+    lift = fan.Input.waypoints(plate, {"plate": [(0.0, 0.0), (0.2, 0.3), (0.4, 0.3)]})
+    run = fan.simulate(plate, plate.state(), lift, t_end=0.1, method=fan.TimeStepping(dt=DT))
+    force = run.contact.force_on("load", len(run))[5:, 2]
+    of_step = 0.5 * (run.acc_K[5:, 0] + run.acc_K[4:-1, 0])
+    assert not run.events
+    assert np.allclose(force, 2 * (G + of_step), atol=0.05)
+
+
+def test_an_impact_in_the_first_step_is_booked(box):
+    ball = on_slope(0.0, 0.3, "sphere")
+    for gap in (1e-6, 1e-3, 2e-3):
+        x0 = thrown(ball, {"body.z": 0.1 + gap}, {"body.z": -3.0})
+        run = stepped(ball, x0, 0.1, DT)
+        assert np.isclose(run.ledger["impact"][-1], 4.5, rtol=0.02)
+        assert [event.kind for event in run.events] == ["touch"]
+
+
+def test_restitution_with_friction_adds_no_energy():
+    """Newton's law of impact alone would: Kane's double pendulum that strikes the floor."""
+    pendulum = fan.loads("""
+puppet: kane
+floor: 0
+contact: {friction: 0.5, restitution: RESTITUTION}
+bodies:
+- name: upper
+  joint: {type: revolute, axis: [0, 1, 0], at: [0, 0, 1.6]}
+  shapes: [{type: capsule, from: [0, 0, 0], to: [0, 0, -1], radius: 0.01, mass: 1}]
+- name: lower
+  parent: upper
+  joint: {type: revolute, axis: [0, 1, 0], at: [0, 0, -1]}
+  shapes: [{type: capsule, from: [0, 0, -0.1], to: [0, 0, -1], radius: 0.01, mass: 1}]
+""".replace("RESTITUTION", "0.9"))
+    rng = np.random.default_rng(0)
+    struck = 0
+    for _ in range(20):
+        x = pendulum.state({"upper": rng.uniform(-0.6, 0.6), "lower": rng.uniform(-2.2, 2.2)})
+        if pendulum.model.overlaps(x.q_D, x.q_K):
+            continue
+        run = stepped(pendulum, x.replace(v_D=rng.normal(size=2) * 6), 1.0, 2e-4)
+        energy = run.ledger["kinetic"] + run.ledger["potential"]
+        struck += run.ledger["impact"][-1] > 0.1
+        assert np.all(np.diff(energy) < 2e-3 * energy[0])
+        assert np.all(np.diff(run.ledger["impact"]) > -1e-6 * energy[0])
+        assert np.all(np.diff(run.ledger["friction"]) > -1e-12)
+    assert struck > 3
+
+
+def test_overlaps_that_last_end_overstepped():
+    """A driven plate presses a ball into the floor: nothing else gives way."""
+    press = fan.loads("""
+puppet: press
+floor: 0
+contact: true
+bodies:
+- name: plate
+  joint: {type: prismatic, axis: [0, 0, 1], at: [0, 0, 0.3], driven: true}
+  shapes: [{type: box, size: [1, 1, 0.1], mass: 3}]
+- {name: ball, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mass: 1}]}
+pose: {ball.z: 0.1}
+""")
+    down = fan.Input.waypoints(press, {"plate": [(0.0, 0.0), (1.0, -0.15)]})
+    run = fan.simulate(press, press.state(), down, method="timestepping", throw=False)
+    assert run.status in (Status.OVERSTEPPED, Status.NOT_SETTLED)
+
+
+def test_damaged_contacts_of_a_recording_are_refused(box, tmp_path):
+    performance = fan.Performance(box, box.state({"body.z": 0.06}))
+    performance.record()
+    performance.advance(0.2)
+    performance.stop().save(tmp_path / "take.npz")
+    again = fan.Recording.load(tmp_path / "take.npz")
+    assert len(again.trajectory.contact) > 0
+    with np.load(tmp_path / "take.npz") as file:
+        arrays = dict(file)
+    arrays["contacts"][0, 1] = 99.0
+    np.savez(tmp_path / "bad.npz", **arrays)
+    with pytest.raises(fan.FileError, match="pair"):
+        fan.Recording.load(tmp_path / "bad.npz")

@@ -213,7 +213,7 @@ class Marionette:
         """M_DD acc_D = u_D - c - M_DK acc_K + A_D^T lambda, with strings that only pull.
 
         Over the rows that ``x`` marks as taut, and those with h = 0 and hdot = 0: tau >= 0,
-        hddot <= 0, tau . hddot = 0.
+        hddot <= 0, tau . hddot = 0. Without the forces of contact.
 
         Args:
             x: the state. Gaps and speeds that a fixed step left in its taut rows stay.

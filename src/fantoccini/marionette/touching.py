@@ -106,23 +106,34 @@ def _moves(tree: Tree, a: int, b: int) -> bool:
 
 
 def _kin(tree: Tree, a: int, b: int) -> bool:
-    """Whether two links stand on one that is not the world."""
-    return b != WORLD and bool(set(tree.ancestors(a)) & set(tree.ancestors(b)))
+    """Whether two links stand on one that is not fixed in the world."""
+    ways = [{i for i in tree.ancestors(x) if _rigid(tree, i) != WORLD} for x in (a, b)]
+    return bool(ways[0] & ways[1])
 
 
 def _joined(tree: Tree, a: _Part, b: _Part) -> bool:
     """Whether one joint connects two bodies, or both are one."""
-    return b.link != WORLD and (
-        a.link == b.link or _carrier(tree, a.link) == b.link or _carrier(tree, b.link) == a.link
-    )
+    if WORLD in (a.link, b.link):
+        return False
+    one, other = _rigid(tree, a.link), _rigid(tree, b.link)
+    return one == other or other == _carrier(tree, one) or one == _carrier(tree, other)
+
+
+def _rigid(tree: Tree, link: int) -> int:
+    """The first of the links that fixed joints join to a link; the world where they end there."""
+    while link != WORLD and tree.links[link].kind == "fixed":
+        link = tree.links[link].parent
+    return link
 
 
 def _carrier(tree: Tree, link: int) -> int:
-    """The nearest link below with a shape, on which a link stands."""
-    parent = tree.links[link].parent
-    while parent != WORLD and not tree.links[parent].shapes:
-        parent = tree.links[parent].parent
-    return parent
+    """What a link stands on: the nearest below with a shape, as :func:`_rigid` gives it."""
+    shaped = {_rigid(tree, i) for i, other in enumerate(tree.links) if other.shapes}
+    while link != WORLD:
+        link = _rigid(tree, tree.links[link].parent)
+        if link in shaped:
+            return link
+    return WORLD
 
 
 def _group(puppet: Puppet, a: _Part, b: _Part) -> Group:

@@ -20,7 +20,7 @@ from fantoccini.puppet import Mesh, Puppet, loads
 from fantoccini.tree import Coordinate, CoordinateTable, Role
 
 FORMAT = "fantoccini.trajectory.1"
-RECORDING = "fantoccini.recording.1"
+RECORDING = "fantoccini.recording.2"
 """Format of a recorded performance, which is written by ``fantoccini.perform``."""
 _ARRAYS = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
 _TABLES = ("tension", "limit_force", "taut", "ledger", "effort", "violation", "slip")

@@ -84,8 +84,9 @@ def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any]) -> dict[str
     samples = finite(arrays, "rows", (None, sum(marionette.model.sample_layout.widths.values())))
     if not len(samples) or np.any(np.diff(samples[:, 0]) < 0):
         raise ValueError("rows must be one or more, none before the one it follows")
-    events = _events(marionette, finite(arrays, "events", (None, 5)))
     contacts = finite(arrays, "contacts", (None, width(CONTACT, {})))
+    pairs = _pairs(marionette, contacts, len(samples))
+    events = _events(marionette, finite(arrays, "events", (None, 5)), pairs)
     steps = about["steps"]
     if type(steps) is not int or not 1 <= steps <= _MAX_STEPS:
         raise ValueError(f"found {steps!r} steps in a tick; allowed: 1 to {_MAX_STEPS}")
@@ -106,13 +107,23 @@ def _of_state(arrays: Mapping[str, Array], name: str, size: int) -> Array:
     return finite(arrays, name, (size,))
 
 
-def _events(marionette: Marionette, events: Array) -> Array:
+def _pairs(marionette: Marionette, contacts: Array, n_samples: int) -> int:
+    """How many pairs may touch, if the contact points are of these and of the samples."""
+    known = marionette.model.contacts
+    pairs = 0 if known is None else len(known.names)
+    for name, column, end in (("sample", 0, n_samples), ("pair", 1, pairs)):
+        if not np.isin(contacts[:, column], np.arange(end)).all():
+            raise ValueError(f"contacts has a {name} that is not from 0 to {end - 1}")
+    return pairs
+
+
+def _events(marionette: Marionette, events: Array, pairs: int) -> Array:
     """The events, if their kinds and rows exist."""
     n = len(marionette.tree.blamable)
     for event in events:
         kind, row = event[EVENT_AT["kind"]], event[EVENT_AT["row"]]
-        touches = kind in (EventCode.TOUCH, EventCode.LIFT) and marionette.puppet.touching
-        if kind not in list(EventCode) or not (row in range(-1, n) or (touches and row >= n)):
+        most = n + pairs if kind in (EventCode.TOUCH, EventCode.LIFT) else n
+        if kind not in list(EventCode) or row not in range(-1, most):
             raise ValueError(f"found an event of the kind {kind:g} at the row {row:g}")
     return events
 

@@ -194,6 +194,9 @@ def _parts(written: Written) -> None:
 
 def _contact(written: Written) -> None:
     """Checks the names of pairs with rules of their own."""
+    if written.data.get("contact") and FLOOR in written.owner:
+        text = "found 'floor', which is the floor's name in contact; choose another"
+        written.say(written.owner[FLOOR], text)
     obstacles = {word(item, "name") for _, item in items(written.data, "obstacles")}
     props = written.data.get("props")
     listed = [*written.members, *(props if isinstance(props, list) else ())]

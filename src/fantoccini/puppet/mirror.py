@@ -46,6 +46,8 @@ def reflected(data: dict[str, Any]) -> tuple[dict[str, Any], list[Finding]]:
             out[key] = [*data[key], *twins]
     if "drives" in data:
         out["drives"] = [image.drive(drive) for drive in data["drives"]]
+    if isinstance(data.get("contact"), dict):
+        out["contact"] = image.contact(data["contact"])
     if "pose" in data:
         out["pose"] = image.pose(data["pose"]) | data["pose"]
     return out, image.findings
@@ -64,6 +66,13 @@ class Reflection:
 
     def name(self, name: str) -> str:
         return twin_name(name, self.token, self.to)
+
+    def contact(self, contact: dict[str, Any]) -> dict[str, Any]:
+        """Rules of contact with those of twins before the originals, which go first."""
+        pairs = contact.get("pairs", [])
+        twins = [p | {"between": [self.name(n) for n in p["between"]]} for p in pairs]
+        twins = [twin for twin, pair in zip(twins, pairs, strict=True) if twin != pair]
+        return contact | {"pairs": [*twins, *pairs]} if twins else contact
 
     def body(self, body: dict[str, Any], path: Path = ()) -> dict[str, Any]:
         out = body | {"name": self.name(body["name"])}

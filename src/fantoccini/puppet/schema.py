@@ -268,7 +268,7 @@ class Puppet(Model):
     """Shapes fixed in the world."""
     floor: Place | None = None
     """Height of the floor [m]."""
-    contact: ContactRule = False
+    contact: ContactRule | None = None
     """Contact of its bodies with the floor, obstacles and one another: true, or its rules."""
     members: tuple[Name, ...] = ()
     """Puppets of an assembled scene, whose names and a dot precede those of their parts."""
@@ -413,7 +413,8 @@ class Puppet(Model):
         """One text for equal puppets: JSON of the expanded puppet and of its meshes' digests.
 
         Args:
-            values: whether the text depends on the values of parameters.
+            values: whether the text depends on the values of parameters and on the rules of
+                contact.
         """
         puppet = self.expanded()
         solids = [s for body in puppet.bodies for s in body.shapes] + list(puppet.obstacles)
@@ -422,4 +423,5 @@ class Puppet(Model):
         if not values:
             for _, parameter in written.parameters(plain):
                 parameter["value"] = 0.0
+            plain["contact"] = puppet.touching is not None
         return dump.canonical(plain, meshes)

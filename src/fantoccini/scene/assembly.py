@@ -82,8 +82,12 @@ def assembled(scene: Scene) -> Puppet:
     data["props"] = [prop.name for prop in scene.props]
     for key in ("strings", "springs", "drives", "obstacles"):
         data[key] = []
+    same: dict[str, str] = {}
     for one in placed:
-        _add(data, one, folder)
+        same |= _add(data, one, folder)
+    if isinstance(data["contact"], dict):
+        for pair in data["contact"].get("pairs", []):
+            pair["between"] = [same.get(name, name) for name in pair["between"]]
     for prop in scene.props:
         _add_prop(data, prop)
     data["obstacles"] += [plain(obstacle) for obstacle in scene.obstacles]
@@ -169,18 +173,22 @@ def _contact(scene: Scene, placed: list[_Placed], found: list[Finding]) -> Any:
     """The scene's own rules of contact, or else those that the puppets' files agree on."""
     if scene.contact is not None:
         return plain(scene.contact)
-    given = {one.member.name: (one, one.puppet.touching) for one in placed}
-    rules = {name: plain(rule) for name, (_, rule) in given.items() if rule is not None}
+    given = [one for one in placed if one.puppet.contact is not None]
+    if not given:
+        return None
+    rules = [plain(one.puppet.touching) for one in given]
+    shared = [rule and {k: v for k, v in rule.items() if k != "pairs"} for rule in rules]
+    if any(rule != shared[0] for rule in shared):
+        names = ", ".join(one.member.name for one in given)
+        found.append(((), f"the puppets {names} differ in contact; give the scene its own"))
+    if shared[0] is None:
+        return False
     pairs = [
         pair | {"between": [one.touched(name) for name in pair["between"]]}
-        for one, rule in given.values()
-        for pair in (plain(rule).get("pairs", []) if rule else [])
+        for one, rule in zip(given, rules, strict=True)
+        for pair in rule.get("pairs", [])
     ]
-    shared = [{k: v for k, v in rule.items() if k != "pairs"} for rule in rules.values()]
-    if any(rule != shared[0] for rule in shared):
-        names = ", ".join(rules)
-        found.append(((), f"the puppets {names} differ in contact; give the scene its own"))
-    return (shared[0] | {"pairs": pairs}) if shared else None
+    return shared[0] | {"pairs": pairs}
 
 
 def _folder(placed: list[_Placed], located: Located) -> Path:
@@ -194,8 +202,12 @@ def _has_meshes(puppet: Puppet) -> bool:
     return any(shape.type == "mesh" for shape in (*shapes, *puppet.obstacles))
 
 
-def _add(data: dict[str, Any], one: _Placed, folder: Path) -> None:
-    """Adds the parts of a puppet to the data of the scene."""
+def _add(data: dict[str, Any], one: _Placed, folder: Path) -> dict[str, str]:
+    """Adds the parts of a puppet to the data of the scene.
+
+    Returns:
+        Names of obstacles that stand in the scene already, and what these are called there.
+    """
     own = _renamed(one, plain(one.puppet), folder)
     if one.frame != "world":
         joint = {"type": "fixed", "at": plain(one.member.at)}
@@ -204,9 +216,15 @@ def _add(data: dict[str, Any], one: _Placed, folder: Path) -> None:
         data["bodies"].append({"name": one.frame, "joint": joint})
     for key in ("bodies", "strings", "springs", "drives"):
         data[key] += own.get(key, [])
-    standing = [_unnamed(obstacle) for obstacle in data["obstacles"]]
-    data["obstacles"] += [o for o in own["obstacles"] if _unnamed(o) not in standing]
+    same: dict[str, str] = {}
+    for obstacle in own["obstacles"]:
+        twins = [o["name"] for o in data["obstacles"] if _unnamed(o) == _unnamed(obstacle)]
+        if twins:
+            same[obstacle["name"]] = twins[0]
+        else:
+            data["obstacles"].append(obstacle)
     data["pose"] |= own.get("pose", {})
+    return same
 
 
 def _unnamed(obstacle: dict[str, Any]) -> dict[str, Any]:

@@ -40,6 +40,7 @@ from fantoccini.motion import (
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Piece, Run
 from fantoccini.simulation.checks import check_end, check_marionette, check_one_run, save_times
+from fantoccini.simulation.contact_effort import contact_effort
 from fantoccini.simulation.soundness import judged
 from fantoccini.simulation.weak_motors import weak_motors
 
@@ -247,10 +248,13 @@ def trajectory_of_samples(
     strings = tuple(s.name for s in tree.strings)
     limits = tuple(limit.name for limit in tree.limits)
     tension = part["tension"][:, :n_strings]
+    contact = _contact_points(marionette.model, written.contacts, len(written.samples))
     effort = None
     if with_effort:
         moved = {name: part[name] for name in ("q_D", "v_D", "q_K", "v_K", "acc_D", "acc_K")}
         force = marionette.effort(**moved, tension=tension)
+        if contact is not None:
+            force = force + contact_effort(marionette.model, contact, part["q_D"], part["q_K"])
         effort = Columns(marionette.coordinates.v_K, force, "driven velocity")
     h = marionette.model.library.evaluate(
         "rows", q_D=part["q_D"], q_K=part["q_K"], p=marionette.p
@@ -274,7 +278,7 @@ def trajectory_of_samples(
         slip=Columns(strings, part["slip"], "string"),
         blamed=tuple(tree.blamable[i] for i in np.flatnonzero(blame > REPORTING.blame)),
         seconds=seconds,
-        contact=_contact_points(marionette.model, written.contacts, len(written.samples)),
+        contact=contact,
     )  # fmt: skip
 
 

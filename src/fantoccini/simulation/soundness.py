@@ -13,7 +13,7 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.errors import Status
 from fantoccini.marionette import Marionette, critical_step_of_tensions
-from fantoccini.motion import Trajectory
+from fantoccini.motion import Trajectory, pair_name
 
 
 @dataclass(frozen=True)
@@ -75,15 +75,18 @@ def judged(
         most = np.max(table.values, axis=0)
         rows = [r for r in np.argsort(-most)[: BOUNDS.max_named] if not most[r] <= BOUNDS.violation]
         names = ", ".join(f"{table.names[r]} by {most[r]:.3g}" for r in rows)
-        first = int(np.argmax(~(np.max(table.values, axis=1) <= BOUNDS.violation)))
+        first = int(np.argmax(~(np.max(table.values, axis=1, initial=0.0) <= BOUNDS.violation)))
         when = f"from t = {made.t[first]:.6g} s on"
         where = f"{names} m or rad, more than {BOUNDS.violation:g} {when}"
-        if not rows:
+        if not rows and made.contact is not None and -made.contact.gap.min(initial=0.0) > 0.0:
+            deepest = int(np.argmin(made.contact.gap))
+            name = pair_name(made.contact.names[made.contact.pair[deepest]])
+            where = f"{name} overlap by {-made.contact.gap[deepest]:.3g} m"
+        elif not rows:
             where = f"by {worst:.3g} m or rad in a step between the samples that were written"
-        text = (
-            f"{where}. {_advice(marionette, made, dt)}; or the puppet cannot follow the inputs, "
-            "which method='event' finds out"
-        )
+        text = f"{where}. {_advice(marionette, made, dt)}; or the puppet cannot follow the inputs"
+        if made.contact is None:
+            text += ", which method='event' finds out"
         return status, text
     if status is Status.GAINED_ENERGY:
         text = (

@@ -72,6 +72,22 @@ struct ConeProblem : ConeLaw {
     return residual <= Tolerance::residual;
   }
 
+  // Solves, from zero, a problem whose rows yield a little: `share` of G's largest diagonal entry is
+  // added to its diagonal. Where forces jam, it has a solution although the law has none. s and
+  // residual are then those of the law itself. Call it after solve() has failed.
+  FAN_FN bool solve_softly(double share) {
+    double firm[N];
+    for (int i = 0; i < n_; ++i) {
+      firm[i] = G[i * (n_ + 1)];
+      G[i * (n_ + 1)] += share * top_;
+      x[i] = 0.0;
+    }
+    const bool solved = solve();
+    for (int i = 0; i < n_; ++i) G[i * (n_ + 1)] = firm[i];
+    if (residual < unbounded) measure();
+    return solved;
+  }
+
  private:
   FAN_FN int row_of(int c) const { return n_single + 3 * c; }
 

@@ -4,9 +4,11 @@
 //   x_t = -mu x_n u_t/|u_t| where u_t != 0                    (Signorini, Coulomb; cone.hpp)
 //
 // with u the velocity of the first solid against the second after the step, x the impulse on the
-// first. As for strings, solids that overlap part at the recovery speed at most. An impact with
-// restitution e leaves u_n+ = -e u_n- instead, unless the forces of one step would take the rebound
-// back. The problem of each lane is its own, so that no lane's result depends on its neighbours.
+// first. As for strings, solids that overlap part at the recovery speed at most. A new contact with
+// restitution e leaves with u_n+ = -e u_n- at least, unless the forces of one step would take the
+// rebound back. With friction, or unequal e, that may add energy; all are then scaled down until
+// none is added. The problem of each lane is its own, so that no lane's result depends on its
+// neighbours.
 #pragma once
 
 #include "cone.hpp"
@@ -19,6 +21,16 @@ struct ContactStepTolerances {
   static constexpr double passing_speed = 1e-12;
   // Steps that an impact takes: the first ends where the solids touch, the second stops them.
   static constexpr int steps_of_impact = 2;
+  // Residual of the law up to which a step is accepted: far below the error of the step itself.
+  static constexpr double accepted_residual = 1e-5;
+  // Shares of G's largest diagonal entry by which rows yield where the law has no solution that is
+  // found, tried one after the other.
+  static constexpr double softness[] = {1e-8, 1e-7, 1e-6};
+  // Factor of a restitution that adds energy, from try to try; after the last it is 0.
+  static constexpr double less_restitution = 0.5;
+  static constexpr int tries = 5;
+  // Energy added that is rounding, relative to what the impulses exchange.
+  static constexpr double rounding = 1e-9;
 };
 
 template <class Model, class Real>
@@ -33,6 +45,7 @@ class ContactStep {
   // A point that pushes at the end of a step.
   struct Push {
     int pair, feature, steps;  // for how many steps, counted beyond steps_of_impact by one
+    bool rested;               // at the start of the step: the forces of one step closed it
     double gap, at[3], normal[3], impulse[3], velocity[3];
   };
 
@@ -55,10 +68,17 @@ class ContactStep {
     points_.most = 0;
   }
 
-  // What pushes now has pushed for long.
+  // What pushes now and was at rest has pushed for long; all else has touched nothing yet.
   FAN_FN void take_as_resting() {
-    for (int l = 0; l < width; ++l)
-      for (int i = 0; i < n[l]; ++i) push[l][i].steps = Tolerance::steps_of_impact + 1;
+    for (int l = 0; l < width; ++l) {
+      int kept = 0;
+      for (int i = 0; i < n[l]; ++i) {
+        if (!push[l][i].rested) continue;
+        push[l][kept] = push[l][i];
+        push[l][kept++].steps = Tolerance::steps_of_impact + 1;
+      }
+      n[l] = kept;
+    }
   }
 
   // Finds the points at the start of a step of length dt and their speeds without impulses; eval is
@@ -84,13 +104,14 @@ class ContactStep {
     for (int k = 0; k < N; ++k) v[k] += v_D[k];
     for (int i = 0; i < 3 * points_.most; ++i) {
       x_[i] = Real(0.0);
-      before_[i] = rate(i, v);
-      if (i % 3 != 0) b_[i] = before_[i];
-      else
-        for (int l = 0; l < width; ++l)
-          if (i / 3 < points_.n[l]) aim(l, i / 3, lane_of(rate(i, v_D), l), dt, whole, recovery_speed);
+      b_[i] = before_[i] = rate(i, v);
     }
     for (int l = 0; l < width; ++l) recall(l);
+    for (int i = 0; i < points_.most; ++i) {
+      hdot_[i] = rate(3 * i, v_D);
+      for (int l = 0; l < width; ++l)
+        if (i < points_.n[l]) aim(l, i, dt, whole, recovery_speed);
+    }
     made_ = 0;
   }
 
@@ -116,10 +137,11 @@ class ContactStep {
 
   // Solves for the impulses of the points and of the gathered rows that take part, in the lanes in
   // which points do; the rows' problem holds their bounds, and then their impulses x and s. near
-  // tells which rows take part. `guess` (n_rows) are impulses of the rows to begin with.
+  // tells which rows take part. `guess` (n_rows) are impulses of the rows to begin with, `before`
+  // is the gathered rows' hdot after the step without impulses.
   FAN_FN void settle(
       const Evaluation<Model, Real>& eval, RowSystem<Model, Real>& rows, const Mask* near,
-      const Real* guess, double cap, Mask& settled) {
+      const Real* guess, const Real* before, double cap, Mask& settled) {
     make_columns(eval, rows);
     Real found[room(M)], s[room(M)], of_lane = Real(0.0), well = Real(0.0);
     for (int a = 0; a < rows.n; ++a) {
@@ -129,7 +151,7 @@ class ContactStep {
     for (int l = 0; l < width; ++l) {
       if (chosen_[l] == 0) continue;
       lane_of(of_lane, l) = 1.0;
-      if (solve(l, rows, near, guess, cap, found, s)) lane_of(well, l) = 1.0;
+      if (bounce(l, rows, near, guess, before, cap, found, s)) lane_of(well, l) = 1.0;
     }
     const Mask here = of_lane > Real(0.5);
     settled = (settled && !here) || (here && well > Real(0.5));
@@ -188,29 +210,38 @@ class ContactStep {
   }
 
   // What the normal impulse of a point must take away: the speed at which it closes without
-  // impulses, and the gap over the step, or the rebound. hdot is the speed at the step's start.
-  FAN_FN void aim(int l, int i, double hdot, double dt, double whole, double recovery_speed) {
+  // impulses, and the gap over the step, or the rebound.
+  FAN_FN void aim(int l, int i, double dt, double whole, double recovery_speed) {
     const double h = -points_.point[l][i].gap, before = lane_of(before_[3 * i], l);
+    const double hdot = lane_of(hdot_[i], l);
     const double back = h / (h > 0.0 && whole > dt ? whole : dt);
-    const double closing = before + (back < recovery_speed ? back : recovery_speed);
+    const double parting = back < recovery_speed ? back : recovery_speed;
     const double rebound = in_->restitution[points_.point[l][i].pair] * hdot;
-    const bool bounces = rebound > 0.0 && closing > 0.0 && rebound > before - hdot;
-    lane_of(b_[3 * i], l) = bounces ? before + rebound : closing;
+    const bool new_one = steps_[l][i] == 0 && before + parting > 0.0;
+    const bool bounces = new_one && rebound > parting && rebound > before - hdot;
+    rebound_[l][i] = bounces ? rebound : 0.0;
+    parting_[l][i] = parting;
+    bounces_[l] = bounces_[l] || bounces;
+    lane_of(b_[3 * i], l) = before + (bounces ? rebound : parting);
+    near_[l][i] = near_[l][i] || lane_of(b_[3 * i], l) > 0.0;
+    chosen_[l] += near_[l][i];
   }
 
-  // Chooses the points of a lane that take part: those that pushed in the step before, with their
-  // impulses as the first guess, and those that would be passed.
+  // Finds the points of a lane that pushed in the step before, with their impulses as the first
+  // guess; they take part.
   FAN_FN void recall(int l) {
+    bounces_[l] = false;
+    scale_[l] = 1.0;
     int j = 0;
     for (int i = 0; i < points_.n[l]; ++i) {
       const auto& p = points_.point[l][i];
       while (j < n[l] && earlier(push[l][j], p)) ++j;
       const bool pushed = j < n[l] && push[l][j].pair == p.pair && push[l][j].feature == p.feature;
       steps_[l][i] = pushed ? push[l][j].steps : 0;
-      near_[l][i] = pushed || lane_of(b_[3 * i], l) > 0.0;
-      chosen_[l] += near_[l][i];
+      near_[l][i] = pushed;
       if (!pushed) continue;
-      for (int d = 0; d < 3; ++d) lane_of(x_[3 * i + d], l) = dot3(p.frame + 3 * d, push[l][j].impulse);
+      for (int d = 0; d < 3; ++d)
+        lane_of(x_[3 * i + d], l) = dot3(p.frame + 3 * d, push[l][j].impulse);
     }
   }
 
@@ -220,7 +251,8 @@ class ContactStep {
   }
 
   // W = F^-T A_D^T of the points that take part in some lane, and the products of their columns.
-  FAN_FN void make_columns(const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows) {
+  FAN_FN void make_columns(
+      const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows) {
     for (int i = 0; i < points_.most; ++i) {
       bool some = false;
       for (int l = 0; l < width; ++l) some = some || (i < points_.n[l] && near_[l][i]);
@@ -252,6 +284,51 @@ class ContactStep {
     }
     if (k < N) even += a[k] * b[k];
     return even + odd;
+  }
+
+  // Solves lane l with the restitutions, scaled down until they add no energy.
+  FAN_FN bool bounce(
+      int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess,
+      const Real* before, double cap, Real* found, Real* s) {
+    bool solved = solve(l, rows, near, guess, cap, found, s);
+    for (int k = 1; bounces_[l] && k <= Tolerance::tries && adds(l, rows, before, found); ++k) {
+      scale_[l] *= k < Tolerance::tries ? Tolerance::less_restitution : 0.0;
+      for (int i = 0; i < points_.n[l]; ++i) {
+        const double back = scale_[l] * rebound_[l][i], parting = parting_[l][i];
+        lane_of(b_[3 * i], l) = lane_of(before_[3 * i], l) + (back > parting ? back : parting);
+      }
+      solved = solve(l, rows, near, guess, cap, found, s);
+    }
+    return solved;
+  }
+
+  // Whether the impulses of lane l add energy, apart from what driven solids do:
+  //   sum of x . (before - A_K v_K - G x / 2) < 0,   G x the change of hdot
+  FAN_FN bool adds(
+      int l, const RowSystem<Model, Real>& rows, const Real* before, const Real* found) const {
+    constexpr int stride = Complementarity<Real, M>::N;
+    double lost = 0.0, exchanged = 0.0;
+    const auto add = [&](double x, double own) {
+      lost += x * own;
+      exchanged += fabs(x * own);
+    };
+    for (int a = 0; a < rows.n; ++a) {
+      double change = 0.0;
+      for (int b = 0; b < rows.n; ++b)
+        change += lane_of(rows.problem.G[a * stride + b], l) * lane_of(found[b], l);
+      for (int d = 0; d < 3 * points_.n[l]; ++d)
+        if (near_[l][d / 3]) change += 2.0 * lane_of(across_[d][a], l) * lane_of(x_[d], l);
+      add(lane_of(found[a], l), lane_of(before[a], l) - lane_of(rows.hdot_K[a], l) - 0.5 * change);
+    }
+    for (int d = 0; d < 3 * points_.n[l]; ++d) {
+      if (!near_[l][d / 3]) continue;
+      double change = 0.0;
+      for (int e = 0; e < 3 * points_.n[l]; ++e)
+        if (near_[l][e / 3]) change += lane_of(d < e ? G_[e][d] : G_[d][e], l) * lane_of(x_[e], l);
+      add(lane_of(x_[d], l),
+          lane_of(before_[d], l) - lane_of(points_.rate_K[d], l) - 0.5 * change);
+    }
+    return lost < -Tolerance::rounding * exchanged;
   }
 
   // Solves lane l.
@@ -296,7 +373,10 @@ class ContactStep {
         problem.upper[to] = cap;
       }
     }
-    const bool solved = problem.solve();
+    bool solved = problem.solve();
+    for (const double share : Tolerance::softness)
+      if (!solved && problem.residual > Tolerance::accepted_residual)
+        solved = problem.solve_softly(share) && problem.residual <= Tolerance::accepted_residual;
     residual[l] = problem.residual;
     for (int a = 0; a < rows.n; ++a) {
       lane_of(found[a], l) = 0.0;
@@ -311,7 +391,7 @@ class ContactStep {
         lane_of(x_[3 * triple[i] + d], l) = problem.x[n_single + 3 * i + d];
         lane_of(s_[3 * triple[i] + d], l) = problem.s[n_single + 3 * i + d];
       }
-    return solved;
+    return solved || residual[l] <= Tolerance::accepted_residual;
   }
 
   // Point i of lane l as it pushes.
@@ -321,6 +401,8 @@ class ContactStep {
     out.pair = from.pair;
     out.feature = from.feature;
     out.steps = steps_[l][i] + (steps_[l][i] <= Tolerance::steps_of_impact);
+    const double hdot = lane_of(hdot_[i], l), by_forces = lane_of(before_[3 * i], l) - hdot;
+    out.rested = hdot <= (by_forces > Tolerance::passing_speed ? by_forces : Tolerance::passing_speed);
     out.gap = from.gap;
     for (int c = 0; c < 3; ++c) {
       out.at[c] = from.at[c];
@@ -339,15 +421,14 @@ class ContactStep {
     return lane_of(before_[i], l) - lane_of(s_[i], l) - lane_of(b_[i], l);
   }
 
-  // Adds the energies of point i: friction takes what it does at the velocity after the step, an
-  // impact what else its impulse takes at the mean velocity.
+  // Adds the energies of point i: an impact takes what its impulse takes at the mean velocity, of
+  // the friction of other points counts what it takes at the velocity after the step.
   FAN_FN void book(int l, int i, bool strikes) {
     for (int d = 3 * i; d < 3 * i + 3; ++d) {
       const double x = lane_of(x_[d], l), end = after(l, d);
-      const double rubs = d == 3 * i ? 0.0 : x * end;
       lane_of(work, l) += x * lane_of(points_.rate_K[d], l);
-      lane_of(friction, l) += rubs;
-      if (strikes) lane_of(impact, l) += 0.5 * x * (lane_of(before_[d], l) + end) - rubs;
+      if (strikes) lane_of(impact, l) += 0.5 * x * (lane_of(before_[d], l) + end);
+      else if (d != 3 * i) lane_of(friction, l) += x * end;
     }
   }
 
@@ -355,9 +436,14 @@ class ContactStep {
   const ContactArrays* in_ = nullptr;
   int steps_[width][room(C)];      // for which a point has pushed
   bool near_[width][room(C)];      // whether a point takes part
+  // m/s: e u_n- of new contacts, 0 of others; how fast solids part without it.
+  double rebound_[width][room(C)], parting_[width][room(C)];
+  bool bounces_[width];            // whether any contact bounces
+  double scale_[width];            // of the restitutions of the step
   int chosen_[width] = {};         // how many do
   Real x_[room(3 * C)], s_[room(3 * C)], b_[room(3 * C)];
   Real before_[room(3 * C)];       // hdot after the step without impulses
+  Real hdot_[room(C)];             // of the normals, at its start
   int made_ = 0;
   bool has_[room(C)];              // whether a point's columns are made
   Real W_[room(3 * C)][room(N)], G_[room(3 * C)][room(3 * C)], across_[room(3 * C)][room(M)];

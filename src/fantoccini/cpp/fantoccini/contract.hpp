@@ -60,7 +60,7 @@ enum Status : int {
   RUNAWAY = 15,
   TOO_MANY_SAMPLES = 16,  // the samples of the run reached the bound on memory
   REDUNDANT_STRINGS = 17,  // redundant strings contradict one another
-  OVERSTEPPED = 18,  // the end was reached, but strings or limits were overstepped
+  OVERSTEPPED = 18,  // the end was reached, but strings, limits or contacts were overstepped
   GAINED_ENERGY = 19,  // the end was reached, but the fixed step made energy out of nothing
   TOO_MANY_CONTACTS = 20,  // more points touched at once than a step has room for
 };

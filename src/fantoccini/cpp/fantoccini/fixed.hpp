@@ -14,6 +14,8 @@ namespace fan {
 template <class Model>
 struct FixedRun {
   static constexpr int N = Model::n_vD, S = Model::n_strings, M = Model::n_rows;
+  static constexpr int most_events =  // of a step
+      M + S + 2 * Model::n_watched + 1 + 2 * Model::n_contacts;
 
   TimeSteppingTrajectory<Model, double> trajectory;
   Drive<typename Model::Driven, N> drive;
@@ -33,7 +35,7 @@ struct FixedRun {
     next_end_ = t_end;
     const StepGrid grid{origin, t_end, trajectory.opt.dt};
     while (t < grid.end()) {
-      if (budget-- <= 0 || !out.room_for(2, M + S + 2 * Model::n_watched + 1 + 2 * Model::n_contacts)) return RUNNING;
+      if (budget-- <= 0 || !out.room_for(2, most_events)) return RUNNING;
       if (n_steps >= trajectory.opt.max_steps) return TOO_MANY_STEPS;
       const Status status = advance(grid.at(n_here + 1), out);
       if (status != RUNNING) return status;

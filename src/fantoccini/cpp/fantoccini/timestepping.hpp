@@ -89,6 +89,7 @@ struct TimeStep {
       const Real beyond = overstep(r);
       violation = select(beyond > violation, beyond, violation);
     }
+    stirred = stirred || violation > Real(Tolerance::stirred_violation);
     if constexpr (touches)
       if (solids) {
         contacts.find(
@@ -116,7 +117,6 @@ struct TimeStep {
       trend[k] = acc[k];
     }
     steady = !caught;
-    stirred = stirred || violation > Real(Tolerance::stirred_violation);
     const Real most = select(stirred, Real(1.0), Real(Tolerance::unstirred_factor));
     if (any(!(squares<N>(part) < most * most))) slow_down(part, most, v_next, move);
     if (!extrapolates) steady = Real(0.0) > Real(1.0);
@@ -305,7 +305,7 @@ struct TimeStep {
   FAN_FN void touch(double dt, double cap) {
     Real guess[room(M)];
     for (int r = 0; r < M; ++r) guess[r] = tension[r] * dt;
-    contacts.settle(eval, rows, near_, guess, dt * cap, settled);
+    contacts.settle(eval, rows, near_, guess, before_, dt * cap, settled);
   }
 
   // Tensions, the active set and the step's entries of the ledger. acc is v+ - v here. Returns the

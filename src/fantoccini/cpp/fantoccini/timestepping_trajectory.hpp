@@ -9,8 +9,6 @@
 
 namespace fan {
 
-
-
 template <class Model, class Real>
 struct TimeSteppingTrajectory {
   using Space = typename Model::Driven;
