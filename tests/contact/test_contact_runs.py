@@ -253,7 +253,7 @@ def test_a_load_with_restitution_rests_on_a_platform_that_accelerates():
     lift = fan.Input.waypoints(plate, {"plate": [(0.0, 0.0), (0.2, 0.3), (0.4, 0.3)]})
     run = fan.simulate(plate, plate.state(), lift, t_end=0.1, method=fan.TimeStepping(dt=DT))
     force = run.contact.force_on("load", len(run))[5:, 2]
-    of_step = 0.5 * (run.acc_K[5:, 0] + run.acc_K[4:-1, 0])
+    of_step = run.acc_K[4:-1, 0]  # the mean velocity of a step is that of its middle
     assert not run.events
     assert np.allclose(force, 2 * (G + of_step), atol=0.05)
 
