@@ -28,6 +28,7 @@ class Look:
         theme: ``light`` or ``dark``.
         size: width and height [px].
         fps: frames per second of a film.
+        forces: draw the forces of contacts.
     """
 
     view: str | tuple[float, float] | None = None
@@ -35,11 +36,12 @@ class Look:
     theme: str | None = None
     size: tuple[int, int] | None = None
     fps: float | None = None
+    forces: bool | None = None
 
     @classmethod
     def of(
         cls, view: str | None, focus: Focus | None, theme: Theme | None, size: str | None,
-        fps: float | None,
+        fps: float | None, forces: bool = False,
     ) -> Look:  # fmt: skip
         """The look from the values of options.
 
@@ -51,6 +53,7 @@ class Look:
         return cls(
             None if view is None else _view(view), None if focus is None else focus.value,
             None if theme is None else theme.value, None if size is None else _size(size), fps,
+            forces or None,
         )  # fmt: skip
 
     def check(self, out: Sequence[Path], plot: Path | None = None) -> None:
@@ -63,6 +66,7 @@ class Look:
             ("--theme", self.theme, film or strip or plot is not None, "a picture or a film"),
             ("--size", self.size, film or strip, "a strip or a film"),
             ("--fps", self.fps, film, "a film"),
+            ("--forces", self.forces, film or strip, "a strip or a film"),
         ):
             if value is not None and not applies:
                 fail(f"applies to {what}, but none is written", option)

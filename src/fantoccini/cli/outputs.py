@@ -50,6 +50,8 @@ def write_outputs(
         look: of pictures and films.
     """
     look = look or Look()
+    if look.forces and run.contact is None:
+        fail(f"{marionette.name} has no contact, so that there are no forces to draw", "--forces")
     for path in out:
         with writing(path):
             _write(marionette, run, path, steps, poses, look)
@@ -77,7 +79,7 @@ def _write(
         from fantoccini import view
 
         steps.step(f"drawing {path}")
-        options = look.given("view", "focus", "theme", "size")
+        options = look.given("view", "focus", "theme", "size", "forces")
         view.strip(marionette, run, path, times=poses, **options)
     else:
         from fantoccini import view
@@ -85,5 +87,5 @@ def _write(
         done = steps.bar(f"rendering {path}", 1.0)
         view.film(
             marionette, run, path, progress=lambda frame, frames: done(frame / frames),
-            **look.given("view", "focus", "theme", "size", "fps"),
+            **look.given("view", "focus", "theme", "size", "fps", "forces"),
         )  # fmt: skip

@@ -80,12 +80,15 @@ class PictureOptions:
     fps: Annotated[
         float | None, typer.Option(metavar="N", help="Frames per second of films [30].")
     ] = None
+    forces: Annotated[
+        bool, typer.Option("--forces", help="Draw the forces of contacts in strips and films.")
+    ] = False
     quiet: Quiet = False
 
     @property
     def look(self) -> Look:
         """The look of pictures; a usage error if an option has an invalid value."""
-        return Look.of(self.view, self.focus, self.theme, self.size, self.fps)
+        return Look.of(self.view, self.focus, self.theme, self.size, self.fps, self.forces)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -59,6 +59,7 @@ def film(
     progress: Callable[[int, int], None] | None = None,
     renderer: str = "matplotlib",
     follow: bool | None = None,
+    forces: bool = False,
 ) -> Path:
     """Writes a film of a run.
 
@@ -79,6 +80,7 @@ def film(
         renderer: ``matplotlib``, or ``pyvista`` for shaded solids where that is installed; it takes
             several times as long.
         follow: whether the camera follows the puppet; by default where that pays off.
+        forces: draw the forces of contacts, as :func:`strip` does; by matplotlib.
 
     Returns:
         The path of the film.
@@ -86,7 +88,7 @@ def film(
     Raises:
         FilmError: the encoder failed, or the folder does not exist.
         MissingLibraryError: the renderer is pyvista, which is not installed.
-        ValueError: a number is out of range, or the ending is unknown.
+        ValueError: a number is out of range, the ending is unknown, or there are no forces to draw.
     """
     path = Path(path)
     if path.suffix.lower() not in CODECS:
@@ -96,12 +98,13 @@ def film(
     if not path.parent.is_dir():
         raise FilmError(f"there is no folder {path.parent}")
     width, height = (int(n) + int(n) % 2 for n in size)
-    checked_renderer(renderer)
+    if checked_renderer(renderer) == "pyvista" and forces:
+        raise ValueError("pyvista draws no forces; take renderer='matplotlib'")
 
     start, stop = float(run.t[0]), float(run.t[-1])
     n = max(1, round((stop - start) / speed * fps))
     times = np.minimum(start + np.arange(n) * (speed / fps), stop)
-    geometry = geometry_of(marionette, run.resample(times))
+    geometry = geometry_of(marionette, run.resample(times), forces)
     frames = Frames(geometry, Look.of(view, focus, theme, (width, height)), renderer, follow)
     try:
         with replacing(path) as part:

@@ -65,6 +65,7 @@ class Geometry:
         plane: mirror plane of the puppet, or None.
         size: largest side of the box about puppet and strings at the first time [m].
         tree: links and strings, with values in place of parameters.
+        arrows: for each time (n, 2, 3) foot and head of the arrows of forces [m]; empty for none.
     """
 
     title: str
@@ -87,6 +88,7 @@ class Geometry:
     plane: str | None
     size: float
     tree: Tree
+    arrows: tuple[np.ndarray, ...] = ()
 
     def string_curves(self, k: int) -> list[StringCurve]:
         """The strings and chains at time ``t[k]``."""
@@ -177,12 +179,24 @@ def round_down(length: float) -> float:
     return float(unit * max(f for f in (1.0, 2.0, 5.0) if f * unit <= length * (1.0 + 1e-9)))
 
 
-def geometry_of(marionette: Drawable, run: Trajectory) -> Geometry:
-    """The geometry of a run."""
-    return _geometry(
+def geometry_of(marionette: Drawable, run: Trajectory, forces: bool = False) -> Geometry:
+    """The geometry of a run, with or without the forces of its contacts."""
+    made = _geometry(
         marionette, np.asarray(run.t), run.q_D, run.q_K, run.taut.values, run.tension.values,
         0.0 if run.slip is None else run.slip.values,
     )  # fmt: skip
+    return replace(made, arrows=_arrows(marionette, run, made.size)) if forces else made
+
+
+def _arrows(marionette: Drawable, run: Trajectory, size: float) -> tuple[np.ndarray, ...]:
+    """For each sample (n, 2, 3) arrows of contact forces; the weight is a fifth of ``size`` [m]."""
+    contact = run.contact
+    if contact is None:
+        raise ValueError("this run has no contact, so that there are no forces to draw")
+    scale = 0.2 * size / marionette.model.weight
+    whole = np.stack([contact.point, contact.point + scale * contact.force], axis=1)
+    ends = np.searchsorted(contact.sample, np.arange(1, len(run)))
+    return tuple(np.split(whole, ends))
 
 
 def geometry_at(marionette: Drawable, state: State, tension: np.ndarray | None = None) -> Geometry:

@@ -39,6 +39,7 @@ def strip(
     theme: str | Theme = "light",
     size: tuple[int, int] | None = None,
     scale: float = 2.0,
+    forces: bool = False,
 ) -> Path:
     """Writes a strip of poses of a run, side by side, from left to right in time.
 
@@ -54,21 +55,27 @@ def strip(
         theme: ``light``, ``dark``, or a Theme.
         size: width and height [px]; by default what the motion needs.
         scale: pixels of the file for a pixel of ``size``.
+        forces: draw the forces of contacts as arrows; the weight is a fifth of the puppet and its
+            strings long.
 
     Returns:
         The path of the picture.
+
+    Raises:
+        ValueError: forces of a run without contact.
     """
     path = checked(path)
     look = Look.of(view, focus, theme, size)
-    return save(strip_figure(marionette, run, n, times, look), path, scale)
+    return save(strip_figure(marionette, run, n, times, look, forces), path, scale)
 
 
 def strip_figure(
-    marionette: Drawable, run: Trajectory, n: int, times: str | Sequence[float], look: Look
-) -> Figure:
+    marionette: Drawable, run: Trajectory, n: int, times: str | Sequence[float], look: Look,
+    forces: bool = False,
+) -> Figure:  # fmt: skip
     """The strip as a matplotlib figure; arguments as for :func:`strip`."""
     chosen = pose_times(marionette, run, n, times)
-    geometry = geometry_of(marionette, run.resample(chosen))
+    geometry = geometry_of(marionette, run.resample(chosen), forces)
     whole = geometry_of(marionette, run.resample(np.linspace(run.t[0], run.t[-1], 400)))
     n = len(chosen)
     if look.size is None:

@@ -1,0 +1,80 @@
+"""Arrows of contact forces in pictures."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import fantoccini as fan
+from fantoccini.cli.app import app
+from fantoccini.view import film, strip
+from fantoccini.view.geometry import geometry_of
+
+BLOCK = """
+puppet: block
+floor: 0
+contact: CONTACT
+bodies:
+- {name: body, joint: {type: free}, shapes: [{type: box, size: [0.2, 0.3, 0.1], mass: 2}]}
+"""
+
+
+@pytest.fixture(scope="module")
+def block() -> tuple[fan.Marionette, fan.Trajectory]:
+    made = fan.loads(BLOCK.replace("CONTACT", "true"))
+    x0 = made.state({"body.z": 0.06})
+    return made, fan.simulate(made, x0, t_end=0.2, method="timestepping")
+
+
+def test_arrows_begin_at_the_points_and_carry_the_weight(block):
+    """Together they are a fifth of the geometry's size long, and point up."""
+    marionette, run = block
+    geometry = geometry_of(marionette, run, forces=True)
+    assert len(geometry.arrows) == len(run)
+    assert len(geometry.arrows[0]) == 0
+    last = geometry.arrows[-1]
+    assert np.array_equal(last[:, 0], run.contact.at(len(run) - 1).point)
+    total = (last[:, 1] - last[:, 0]).sum(axis=0)
+    assert np.allclose(total, [0.0, 0.0, 0.2 * geometry.size], atol=1e-6)
+    assert geometry_of(marionette, run).arrows == ()
+
+
+def test_strips_and_films_draw_them(block, tmp_path):
+    marionette, run = block
+    sizes = []
+    for forces in (False, True):
+        path = strip(
+            marionette, run, tmp_path / f"{forces}.svg", n=2, times=[0.0, 0.2], forces=forces
+        )
+        sizes.append(path.read_text().count("<path"))
+    assert sizes[1] > sizes[0]
+    made = film(marionette, run, tmp_path / "block.mp4", fps=10, size=(160, 120), forces=True)
+    assert made.stat().st_size > 0
+
+
+def test_the_command_line_draws_them(tmp_path, monkeypatch):
+    """And says what they need, and where the option applies."""
+    monkeypatch.chdir(tmp_path)
+    for name, contact in (("block", "true"), ("free", "false")):
+        (tmp_path / f"{name}.yaml").write_text(BLOCK.replace("CONTACT", contact))
+    about = ["--method", "timestepping", "--duration", "0.1", "--forces"]
+    done = CliRunner().invoke(app, ["simulate", "block.yaml", *about, "--out", "a.png"])
+    assert done.exit_code == 0, done.output
+    assert (tmp_path / "a.png").stat().st_size > 0
+    numbers = CliRunner().invoke(app, ["simulate", "block.yaml", *about, "--out", "a.csv"])
+    assert numbers.exit_code == 2
+    assert "applies to a strip or a film" in numbers.output
+    free = CliRunner().invoke(app, ["simulate", "free.yaml", *about, "--out", "b.png"])
+    assert free.exit_code == 2
+    assert "block has no contact" in free.output
+
+
+def test_forces_need_a_run_with_contact_and_matplotlib(block, tmp_path):
+    marionette, run = block
+    with pytest.raises(ValueError, match="take renderer='matplotlib'"):
+        film(marionette, run, tmp_path / "a.mp4", renderer="pyvista", forces=True)
+    free = fan.loads(BLOCK.replace("CONTACT", "false"))
+    falls = fan.simulate(free, free.state({"body.z": 1.0}), t_end=0.1)
+    with pytest.raises(ValueError, match="no contact"):
+        strip(free, falls, tmp_path / "a.png", forces=True)
