@@ -11,7 +11,7 @@ from fantoccini.view.camera import Camera, Viewport
 from fantoccini.view.geometry import Geometry, StringCurve
 from fantoccini.view.order import BoxFaces, Occluder, StringPiece, painting_order
 from fantoccini.view.silhouettes import CLEAR, Polygon, Solid, paint, shadow
-from fantoccini.view.theme import Theme, mix, rgb
+from fantoccini.view.theme import Theme, mix
 
 MIN_DEPTH = 1e-6
 """What is nearer to the eye than this is not drawn [m]."""
@@ -76,16 +76,16 @@ def compose(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
 
 def arrows(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
     """The arrows of forces at time ``t[k]``, in front of everything."""
-    colour, out = rgb(layout.theme.colour(2)), []
+    colour, out = layout.theme.force, []
     for arrow in geometry.arrows[k] if geometry.arrows else ():
         if np.any(layout.camera.see(arrow)[:, 2] <= MIN_DEPTH):
             continue
-        out.append(_stroke(Line(arrow, 1.6 * layout.pen, colour), arrow, layout))
+        out.append(_stroke(Line(arrow, 2.2 * layout.pen, colour), arrow, layout))
         (x0, y0), (x1, y1) = layout.camera.project(arrow, layout.viewport)[:, :2]
         length = np.hypot(x1 - x0, y1 - y0)
         if length > 0.0:
             along = np.array([x1 - x0, y1 - y0]) / length
-            head = min(5.0 * layout.pen, length)
+            head = min(7.0 * layout.pen, length)
             side = 0.4 * head * np.array([-along[1], along[0]])
             tip, base = np.array([x1, y1]) + 0.3 * head * along, np.array([x1, y1]) - head * along
             corners = np.array([tip, base + side, base - side])

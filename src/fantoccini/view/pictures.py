@@ -55,8 +55,7 @@ def strip(
         theme: ``light``, ``dark``, or a Theme.
         size: width and height [px]; by default what the motion needs.
         scale: pixels of the file for a pixel of ``size``.
-        forces: draw the forces of contacts as arrows; the weight is a fifth of the puppet and its
-            strings long.
+        forces: draw the forces of contacts as arrows in proportion; those of impacts are cut.
 
     Returns:
         The path of the picture.

@@ -5,7 +5,7 @@ A colour is an array of red, green, blue in [0, 1]; a fourth number is the opaci
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -56,6 +56,7 @@ class Theme:
         outline: factor on a shape's colour that gives its outline's.
         ramp: matplotlib's colour map for tension, and the part of it in use.
         cycle: colours of lines in plots, distinct for colour-blind readers as well.
+        force: arrows of forces, unlike any tension.
     """
 
     name: str
@@ -72,6 +73,7 @@ class Theme:
     outline: float
     ramp: tuple[str, float, float]
     cycle: tuple[str, ...]
+    force: np.ndarray = field(default_factory=lambda: rgb("#00855a"))
 
     def colour(self, k: int) -> str:
         """Colour of line k of a plot, as ``#rrggbb``."""
@@ -127,6 +129,7 @@ DARK = Theme(
         "#6cb4ee", "#964b00", "#780fff", "#ffe187", "#87a569", "#874b87", "#96ff00", "#3c694b",
         "#d2f0c3", "#7878ff", "#4bffff", "#b4a51e",
     ),
+    force=rgb("#3ddc97"),
 )
 
 THEMES = {"light": LIGHT, "dark": DARK}
