@@ -36,6 +36,7 @@ fan::Options options() {
   o.max_events = static_cast<long long>(take());
   o.save_steps = int(take());
   o.extrapolate = int(take());
+  o.contacts = nullptr;
   return o;
 }
 
@@ -47,7 +48,7 @@ struct Sheets {
   std::vector<double> rows = std::vector<double>(kRows * fan::SampleLayout<Model>::width);
   std::vector<double> events = std::vector<double>(kEvents * fan::EventLayout::width);
   std::vector<double> last;
-  fan::Record<Model> record{{rows.data(), kRows, 0, events.data(), kEvents, 0}};
+  fan::Record<Model> record{{rows.data(), kRows, 0, events.data(), kEvents, 0, nullptr, 0, 0}};
   long long n_rows = 0, n_events = 0, n_slips = 0;
   bool finite = true;
 

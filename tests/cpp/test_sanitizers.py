@@ -36,7 +36,8 @@ def words(
 ) -> str:
     options = marionette.model.run_options(save_steps=not len(save_at))
     bound = inputs.bound(x0.q_K, x0.t)
-    chosen = [float(getattr(options, name)) for name, _ in structures["Options"]._fields_]
+    names = [name for name, _ in structures["Options"]._fields_ if name != "contacts"]
+    chosen = [float(getattr(options, name)) for name in names]
     winches = np.minimum(marionette.winches if winches is None else winches, 1e300)
     parts = [
         [event, x0.t, t_end, twice, *chosen], x0.q_D, x0.v_D, x0.slip, marionette.p, winches,

@@ -13,25 +13,9 @@
 
 #include "cone.hpp"
 #include "contact_points.hpp"
+#include "contact_push.hpp"
 
 namespace fan {
-
-struct ContactStepTolerances {
-  // m/s at which a point joins the problem because it would be passed: above rounding.
-  static constexpr double passing_speed = 1e-12;
-  // Steps that an impact takes: the first ends where the solids touch, the second stops them.
-  static constexpr int steps_of_impact = 2;
-  // Residual of the law up to which a step is accepted: far below the error of the step itself.
-  static constexpr double accepted_residual = 1e-5;
-  // Shares of G's largest diagonal entry by which rows yield where the law has no solution that is
-  // found, tried one after the other.
-  static constexpr double softness[] = {1e-8, 1e-7, 1e-6};
-  // Factor of a restitution that adds energy, from try to try; after the last it is 0.
-  static constexpr double less_restitution = 0.5;
-  static constexpr int tries = 5;
-  // Energy added that is rounding, relative to what the impulses exchange.
-  static constexpr double rounding = 1e-9;
-};
 
 template <class Model, class Real>
 class ContactStep {
@@ -41,13 +25,7 @@ class ContactStep {
   using Mask = typename Traits<Real>::Mask;
   using Points = ContactPoints<Model, Real>;
   using Tolerance = ContactStepTolerances;
-
-  // A point that pushes at the end of a step.
-  struct Push {
-    int pair, feature, steps;  // for how many steps, counted beyond steps_of_impact by one
-    bool rested;               // at the start of the step: the forces of one step closed it
-    double gap, at[3], normal[3], impulse[3], velocity[3];
-  };
+  using Push = ContactPush;
 
   int n[width] = {};      // points that push
   Push push[width][room(C)];
@@ -449,8 +427,5 @@ class ContactStep {
   Real W_[room(3 * C)][room(N)], G_[room(3 * C)][room(3 * C)], across_[room(3 * C)][room(M)];
   ConeProblem<M + 3 * C> cone_;
 };
-
-// In the place of ContactStep for puppets that touch nothing.
-struct NoContacts {};
 
 }  // namespace fan

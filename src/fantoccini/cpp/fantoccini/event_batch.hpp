@@ -42,7 +42,7 @@ class EventBatch {
     flow.winches.set(in.winches);
     run.save_at = in.save_at;
     run.n_save = in.n_samples;
-    Row out{{rows_, row_capacity, 0, events_, event_capacity, 0}};
+    Row out{{rows_, row_capacity, 0, events_, event_capacity, 0, nullptr, 0, 0}};
     caught_ = released_ = 0;
     row_ = 0;
     Status status = run.start(out);
