@@ -26,6 +26,7 @@ class ActiveSetTolerances:
     start_gap: float = START_GAP
     """Rows with |h| below it are closed where a run begins, which brings them to h = 0."""
     stepped_gap: float = 1e-3  # What a fixed step may leave of h
+    touching: float = 1e-6  # Overlap of solids that an event-driven run mends at its start [m]
     taut_gap: float = 1e-2
     """Rows marked taut are active up to this -h: far above what a coarse fixed step leaves."""
     rest_speed: float = REST_SPEED  # |hdot| that counts as rest

@@ -232,6 +232,8 @@ class EventKind(enum.StrEnum):
     RUNAWAY = "runaway"
     TOUCH = "touch"
     LIFT = "lift"
+    SLIDE = "slide"
+    STICK = "stick"
 
 
 @dataclass(frozen=True)
@@ -245,7 +247,8 @@ class EventRecord:
         name: the string, limit or coordinate with a drive; of contact two, ``foot|floor``;
             empty for a breakpoint or an accumulation.
         impulse: of the catch, >= 0 [N s, or N m s for a limit of an angle].
-        speed: hdot just before the catch, or with which a winch begins to slip [m/s or rad/s].
+        speed: hdot just before the catch or the touch, or with which a winch begins to slip [m/s or
+            rad/s].
     """
 
     t: float

@@ -29,6 +29,12 @@ struct Accumulation {
     return true;
   }
 
+  // When catches whose intervals go on to shrink as the last two have would end.
+  double limit() const {
+    const double last = times[n - 1] - times[n - 2], before = times[n - 2] - times[n - 3];
+    return times[n - 1] + last * last / (before - last);
+  }
+
   void forget() { n = 0; }
 };
 

@@ -15,6 +15,8 @@
 // leave linear equations for the rest. A sliding contact keeps two unknowns: x_n, which takes
 // mu x_n d with it along the direction d of sliding, and the part of x_T across d.
 //
+// A contact may have a given direction d of sliding instead: x_T = mu x_n d whatever s_T is.
+//
 // G + raise takes the place of G and b + raise centre that of b (proximal point: Rockafellar, SIAM
 // Journal on Control and Optimization 14, 1976). When that problem is solved the centre moves to
 // its solution, so that the limit is exact. The raise is small at first. Where Newton cycles, the
@@ -39,6 +41,8 @@ struct ConeProblem : ConeLaw {
   double b[N];                       // solve() sets b below `negligible` to 0
   double lower[N], upper[N];  // of a contact only the upper bound of the normal counts
   double mu[N];               // of contact c
+  const bool* slides = nullptr;     // of contact c, whether its direction is given; null for none
+  const double* along = nullptr;    // d of contact c at 2 c
   double x[N];                // on entry the guess; of many solutions the result is one near it
   double s[N];
   // The largest g |x - P(x - s / g)| of a row (a speed), relative to the largest |b_i|.
@@ -138,8 +142,15 @@ struct ConeProblem : ConeLaw {
     for (int c = 0; c < n_contacts; ++c) {
       const int i = row_of(c);
       y[i] = clip(y[i], 0.0, upper[i]);
-      shorten(y + i, mu[c] * y[i]);
+      slide(c, y + i, mu[c] * y[i]);
     }
+  }
+
+  // The tangential part of y to where friction of this size puts it.
+  FAN_FN void slide(int c, double* y, double radius) const {
+    if (!(slides && slides[c])) return shorten(y, radius);
+    y[1] = radius * along[2 * c];
+    y[2] = radius * along[2 * c + 1];
   }
 
   // s and the residual of x.
@@ -158,7 +169,7 @@ struct ConeProblem : ConeLaw {
     for (int c = 0; c < n_contacts; ++c) {
       const int i = row_of(c);
       w[i] = clip(w[i], 0.0, upper[i]);
-      shorten(w + i, mu[c] * larger(x[i], 0.0));
+      slide(c, w + i, mu[c] * larger(x[i], 0.0));
     }
     for (int i = 0; i < n_; ++i) most = larger(most, g_[i] * fabs(x[i] - w[i]));
     return most;
@@ -230,6 +241,13 @@ struct ConeProblem : ConeLaw {
     if (!(normal > 0.0)) return;
     const bool full = normal >= upper[i];
     if (full) base_[i] = upper[i];
+    if (slides && slides[c]) {
+      const double *d = along + 2 * c, size = mu[c] * base_[i];
+      base_[i + 1] = size * d[0];
+      base_[i + 2] = size * d[1];
+      if (!full) add_unknown(i, 3, 1.0, mu[c] * d[0], mu[c] * d[1], 0.0);
+      return;
+    }
     const double radius = mu[c] * (full ? upper[i] : normal), size = length(p, q);
     if (size <= radius && radius > 0.0) {
       if (!full) add_unknown(i, 3, 1.0, 0.0, 0.0, 0.0);

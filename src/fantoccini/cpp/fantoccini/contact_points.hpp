@@ -22,6 +22,8 @@ struct ContactPointTolerances {
   static constexpr double margin = 1e-3;
   // The same, in what the two solids travel towards each other in a step at most.
   static constexpr double travel = 2.0;
+  // Share of the sum of two solids' smallest radii or half edges that they travel in one go.
+  static constexpr double share_of_size = 0.5;
 };
 
 template <class Model, class Real>
@@ -59,6 +61,90 @@ class ContactPoints {
       for (int i = 0; i < n[0]; ++i)
         if (i == 0 || point[0][i].gap < gaps[k]) gaps[k] = point[0][i].gap;
     }
+  }
+
+  // Poses the links of lane 0 at a configuration and velocity.
+  void pose(
+      const ContactArrays& in, const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
+      const Real* p) {
+    Call<Model, Real>::screws(q_D, q_K, p, links_);
+    load(0, v_D, v_K);
+    move();
+    place(in);
+  }
+
+  // The points with a gap below `margin` where lane 0 is posed.
+  void look_within(const ContactArrays& in, double margin) {
+    n[0] = 0;
+    for (int g = 0, k = 0; g < in.n_groups; ++g) {
+      const int end = in.groups[3 * g + 2];
+      if (separation(in, g) >= margin) k = end;
+      for (; k < end; ++k) look(in, k, margin, 0);
+    }
+    most = n[0];
+  }
+
+  // Those of one pair alone.
+  void look_at_pair(const ContactArrays& in, int pair, double margin) {
+    n[0] = 0;
+    look(in, pair, margin, 0);
+  }
+
+  // Makes the rows of lane 0's point i.
+  void make_rows(const ContactArrays& in, int i) {
+    for (int d = 3 * i; d < 3 * i + 3; ++d) {
+      rate_K[d] = Real(0.0);
+      for (int k = 0; k < N; ++k) row[d][k] = Real(0.0);
+    }
+    fill(in, 0, i);
+  }
+
+  // The velocity of the first solid against the second at lane 0's point i.
+  void velocity(const ContactArrays& in, int i, double* u) const {
+    const Point& at = point[0][i];
+    for (int c = 0; c < 3; ++c) u[c] = 0.0;
+    for (int side = 0; side < 2; ++side) {
+      const int link = in.solids[in.pairs[2 * at.pair + side]].link;
+      if (link < 0) continue;
+      const double* t = twist_ + 6 * link;
+      double by_turning[3];
+      cross(t + 3, at.at, by_turning);
+      for (int c = 0; c < 3; ++c) u[c] += (side ? -1.0 : 1.0) * (t[c] + by_turning[c]);
+    }
+  }
+
+  // How fast the two solids of a pair turn or pass over one another: a bound on the rate [1/s] at
+  // which the directions at their points change.
+  double rate_of_turning(const ContactArrays& in, int pair) const {
+    double rate = 0.0, least = unbounded, speed = 0.0;
+    for (int side = 0; side < 2; ++side) {
+      const Solid& solid = in.solids[in.pairs[2 * pair + side]];
+      if (solid.kind != HALF_SPACE) least = fmin(least, smallest_size(solid));
+      if (solid.link < 0) continue;
+      const double* t = twist_ + 6 * solid.link;
+      rate += sqrt(dot3(t + 3, t + 3));
+      speed += speed_[solid.link];
+    }
+    return rate + speed / least;
+  }
+
+  // A time in which no solid of lane 0 passes through another, at the velocities it is posed with.
+  double safe_time(const ContactArrays& in) const {
+    double least = unbounded;
+    for (int g = 0, k = 0; g < in.n_groups; ++g) {
+      const int a = in.groups[3 * g], b = in.groups[3 * g + 1], end = in.groups[3 * g + 2];
+      const int first = k;
+      k = end;
+      if (b < 0 && in.solids[-1 - b].kind == HALF_SPACE) continue;
+      double size = unbounded;
+      for (int i = first; i < end; ++i)
+        size = fmin(size, smallest_size(in.solids[in.pairs[2 * i]]) +
+                              smallest_size(in.solids[in.pairs[2 * i + 1]]));
+      const double speed = speed_[a] + (b < 0 ? 0.0 : speed_[b]);
+      const double way = fmax(separation(in, g), 0.0) + Tolerance::share_of_size * size;
+      if (speed * least > way) least = way / speed;
+    }
+    return least;
   }
 
   // The points at (q_D, q_K) over a step dt, in the lanes that are not idle.
@@ -192,6 +278,36 @@ class ContactPoints {
       if (far) k = end;
       for (; k < end; ++k) look(in, k, margin, l);
     }
+  }
+
+  // How far apart the balls around the two links, or a link and a solid that stands, of a group are.
+  double separation(const ContactArrays& in, int g) const {
+    const int a = in.groups[3 * g], b = in.groups[3 * g + 1];
+    return b < 0 ? apart(ball_of_[a], in.solids[-1 - b]) : apart(ball_of_[a], ball_of_[b]);
+  }
+
+  static double apart(const Ball& x, const Ball& y) {
+    return sqrt(square_apart(x.at, y.at)) - x.radius - y.radius;
+  }
+
+  static double apart(const Ball& x, const Solid& y) {
+    if (y.kind != HALF_SPACE) return apart(x, around(y));
+    double height = -x.radius;
+    for (int c = 0; c < 3; ++c) height += (x.at[c] - y.a[c]) * y.b[c];
+    return height;
+  }
+
+  static double smallest_size(const Solid& x) {
+    if (x.kind == HALF_SPACE) return unbounded;
+    if (x.kind == BOX || is_ellipsoid(x)) return fmin(x.half[0], fmin(x.half[1], x.half[2])) + (x.kind == BOX ? x.radius : 0.0);
+    return x.radius;
+  }
+
+  static Ball around(const Solid& y) {
+    Ball out;
+    out.radius = bounding_radius(y);
+    for (int c = 0; c < 3; ++c) out.at[c] = 0.5 * (y.a[c] + y.b[c]);
+    return out;
   }
 
   FAN_FN static double square_apart(const double* a, const double* b) {

@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x12d82331096b7ccc;
+constexpr long long contract_digest = 0x06adeb5a23a3907e;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -63,6 +63,8 @@ enum Status : int {
   OVERSTEPPED = 18,  // the end was reached, but strings, limits or contacts were overstepped
   GAINED_ENERGY = 19,  // the end was reached, but the fixed step made energy out of nothing
   TOO_MANY_CONTACTS = 20,  // more points touched at once than a step has room for
+  // friction jams what slides: it has no finite force, or several (Painlevé)
+  NO_UNIQUE_MOTION = 21,
 };
 
 // What happened to a row or a drive.
@@ -77,6 +79,8 @@ enum EventCode : int {
   RAN_AWAY = 7,  // a drive ran away
   TOUCH = 8,  // two solids came into contact
   LIFT = 9,  // two solids parted
+  SLIDE = 10,  // two solids that touch began to slide
+  STICK = 11,  // two solids that slid came to stick
 };
 
 // What a row does between two events.

@@ -18,7 +18,7 @@ struct EventRun : EventInstants<Model> {
   using Base::guards, Base::n_events, Base::emit;
   static constexpr int N = F::N, NQ = F::NQ, S = F::S, M = F::M, NY = F::NY;
   static constexpr int rows_per_step = Tolerance::max_saves_per_step + 4;
-  static constexpr int events_per_step = 6 * M + 2 * F::D + 8;
+  static constexpr int events_per_step = 6 * M + 2 * F::D + 4 * F::C + 8;
 
   Detector<Model> detector;
   double step_size = 0.0;
@@ -33,7 +33,9 @@ struct EventRun : EventInstants<Model> {
     Hold next[room(M)];
     for (int r = 0; r < M; ++r) flow.row_state[r] = SLACK, loosened_[r] = -unbounded;
     flow.slip_time = flow.t;
+    if constexpr (F::touches) flow.contacts.in = flow.opt.contacts;
     refresh();
+    if (this->in_contact(Tolerance::touching_at_start)) return start_in_contact(out);
     Status status = closed_rows.retreat(flow);
     if (status == RUNNING) status = closed_rows.choose(flow, none, none, next, Tolerance::start_gap);
     if (status == RUNNING) {
@@ -58,6 +60,18 @@ struct EventRun : EventInstants<Model> {
     for (int r = 0; r < S; ++r)
       if (flow.row_state[r] == SLIPPING) note(out, SLIP, r, 0.0, flow.slip_rate[r]);
     emit(out);
+    skip_saved();
+    return status;
+  }
+
+  // The same where solids touch.
+  Status start_in_contact(Record<Model>& out) {
+    step_size = flow.opt.first_step;
+    flow.motors.begin(flow.y, flow.q_K, flow.p);
+    for (int r = 0; r < M; ++r) closed_rows.blame[r] = 0.0;
+    Status status = this->contact_instant(out, Tolerance::touching_at_start, true);
+    if (n_events == 0) impact = 0.0;  // the corrections of the start are not the run's
+    if (status == RUNNING) status = watch();
     skip_saved();
     return status;
   }
@@ -93,6 +107,7 @@ struct EventRun : EventInstants<Model> {
     memory.keep(flow.t, flow.y, flow.row_state, flow.slip, flow.slip_time, flow.motors);
     memory.keep(closed_rows, detector, accumulation, event_rate, impact, blame, step_size);
     memory.keep(n_steps, n_events, stuck, at_break_, loosened_);
+    if constexpr (F::touches) flow.contacts.remember(memory);
     guards.remember(memory);
   }
 
@@ -148,6 +163,8 @@ struct EventRun : EventInstants<Model> {
   Status step(double target, Record<Model>& out) {
     const double left = target - flow.t;
     double s = step_size < flow.opt.max_step ? step_size : flow.opt.max_step;
+    if constexpr (F::touches)
+      if (flow.contacts.in && flow.contacts.safe < s) s = flow.contacts.safe;
     if (left <= guards.resolution()) {
       flow.t = target;
       ++stuck;
@@ -232,6 +249,9 @@ struct EventRun : EventInstants<Model> {
     if (seen == RUNNING) seen = watch();
     if (seen == RUNNING) seen = saved;
     if (seen != RUNNING) return seen;
+    this->anchor(out);
+    if constexpr (F::touches)
+      if (flow.contacts.too_many) return TOO_MANY_CONTACTS;
     guards.remember();
     if (flow.opt.save_steps) emit(out);
     while (next_save < n_save && save_at[next_save] <= flow.t) {

@@ -4,6 +4,7 @@
 
 #include "accumulation.hpp"
 #include "closed_rows.hpp"
+#include "contact_instants.hpp"
 #include "event_rate.hpp"
 #include "guards.hpp"
 #include "record.hpp"
@@ -31,16 +32,19 @@ struct EventTolerances {
   // |after|.
   static constexpr double jump = 1e-9;
   static constexpr int max_saves_per_step = 64;  // the record must have room for all of them
+  // m: gap up to which points of contact touch, and where a run begins.
+  static constexpr double touching = 1e-12, touching_at_start = 1e-6;
 };
 
 template <class Model>
 struct EventInstants {
   using F = Flow<Model>;
   using Tolerance = EventTolerances;
-  static constexpr int N = F::N, NQ = F::NQ, S = F::S, M = F::M, NY = F::NY;
+  static constexpr int N = F::N, NQ = F::NQ, S = F::S, M = F::M, NY = F::NY, C = F::C;
 
   F flow;
   ClosedRows<Model> closed_rows;
+  std::conditional_t<F::touches, ContactInstants<Model>, NoContacts> instants;
   Accumulation accumulation;
   EventRate<M> event_rate;
   double impact = 0.0;  // energy lost in catches so far
@@ -68,20 +72,41 @@ struct EventInstants {
     double slip[room(S)];  // without the error of up to max_length_error (winch.hpp)
     bool taut[room(M)];
     for (int i = 0; i < S; ++i) slip[i] = flow.slip_now[i] > 0.0 ? flow.slip_now[i] : 0.0;
-    closed_rows.tensions(flow, tension);
+    if (followed()) for (int r = 0; r < M; ++r) tension[r] = flow.tension[r];
+    else closed_rows.tensions(flow, tension);
     for (int r = 0; r < M; ++r) {
       // At a release the tension is zero up to rounding, of either sign.
       const bool both = r < S && Model::wire[r];
       if (!both && !(tension[r] > 0.0)) tension[r] = 0.0;
       taut[r] = flow.taut(r);
     }
+    double friction = 0.0;
+    if constexpr (F::touches) friction = y[F::FRICTION];
     out.row(
         t, y, y + NQ, flow.acc, flow.q_K, flow.v_K, flow.acc_K, tension, taut, flow.p, y[F::WORK],
-        y[F::LOSS], impact, y[F::SLIP_LOSS], 0.0, slip);
+        y[F::LOSS], impact, y[F::SLIP_LOSS], friction, slip);
+    if constexpr (F::touches) {
+      ContactPush push[room(C)];
+      if (followed()) out.touching(push, flow.contacts.pushing(push), 1.0);
+    }
+  }
+
+  // Whether points of contact are followed.
+  bool followed() const {
+    if constexpr (F::touches) return flow.contacts.active();
+    return false;
+  }
+
+  // Whether solids touch, or points are followed, at (t, y), the flow's latest evaluation.
+  bool in_contact(double most = Tolerance::touching) const {
+    if constexpr (F::touches)
+      return flow.contacts.in && (flow.contacts.n > 0 || flow.contacts.overlap >= -most);
+    return false;
   }
 
   // An event at (t, y): catches strike, then the next active set is chosen.
   Status instant(Record<Model>& out) {
+    if (in_contact()) return contact_instant(out, Tolerance::touching);
     Situation s;
     bool caught = false;
     for (int r = 0; r < M; ++r) {
@@ -181,6 +206,7 @@ struct EventInstants {
   }
 
   Status settle_active_set(const Situation& s, Record<Model>& out) {
+    if (in_contact()) return contact_instant(out, Tolerance::touching);
     Hold next[room(M)];
     const double energy = flow.total_energy() - given();
     double stopped = 0.0;
@@ -221,6 +247,174 @@ struct EventInstants {
     guards.remember();
     if (changed) emit(out);
     return RUNNING;
+  }
+
+  // An instant at which solids touch: impacts of strings, limits and solids strike as one, then all
+  // modes are chosen. Points up to `most` apart touch; at the start of a run they have touched before.
+  Status contact_instant(Record<Model>& out, double most, bool starts = false) {
+    if constexpr (!F::touches) return RUNNING;
+    else {
+      auto& held = flow.contacts;
+      held.take_closed(flow, flow.y, flow.y + NQ, most);
+      Situation s = present();
+      bool loose[room(C)], strained[room(C)], struck[room(C)], touched[room(C)], any_struck = false;
+      for (int r = 0; r < M; ++r) {
+        const double none = -flow.tension[r] / flow.weight();
+        if (s.before[r] == HELD && none > -GuardTolerances::negligible_tension) loosened_[r] = flow.t;
+        if (s.before[r] != SLACK) s.loose[r] = flow.t - loosened_[r] <= Tolerance::same_instant;
+        s.caught[r] = s.before[r] == SLACK && guards.touches(r, FlowTolerances::closed_gap);
+        s.closed[r] = s.before[r] != SLACK || guards.closed(r, FlowTolerances::closed_gap);
+        any_struck = any_struck || s.caught[r];
+      }
+      for (int c = 0; c < held.n; ++c) {
+        loose[c] = held.is_loose(flow, c);
+        strained[c] = held.is_strained(flow, c);
+        touched[c] = held.at[c].mode != PARTED;
+      }
+      instants.gather(flow, s.closed);
+      for (int c = 0; c < held.n; ++c) {
+        struck[c] = instants.is_struck(flow, c);
+        any_struck = any_struck || struck[c];
+      }
+      if (any_struck) {
+        accumulation.watch(flow.t);
+        if (!flow.opt.save_steps) emit(out);
+        const Status status = instants.strike(flow);
+        if (status != RUNNING) return status;
+        impact += instants.lost;
+        for (int r = 0; r < M; ++r) {
+          s.caught[r] = s.caught[r] || (s.before[r] == SLACK && instants.impulse[r] > 0.0);
+          s.loose[r] = s.loose[r] && !s.caught[r];
+          if (s.caught[r]) note(out, CATCH, r, instants.impulse[r], instants.speed[r]);
+        }
+        for (int c = 0; c < held.n; ++c) {
+          loose[c] = loose[c] && !struck[c] && !(instants.point_impulse[c] > 0.0);
+          strained[c] = false;
+        }
+        tell_touches(struck, out);
+        refresh();
+        instants.gather(flow, s.closed);
+      }
+      Hold next[room(M)];
+      const Status chosen = instants.choose(flow, s.loose, loose, strained, next);
+      if (chosen != RUNNING) return chosen;
+      set_active_set(next);
+      const double energy = flow.total_energy() - given(), stopped = held.fastest_normal();
+      refresh();
+      const Status held_there = flow.project(flow.t, flow.y);
+      if (held_there != RUNNING) return held_there;
+      refresh();
+      impact += energy - (flow.total_energy() - given());
+      share_forces();
+      bool changed = any_struck;
+      for (int r = 0; r < M; ++r) {
+        write_changes(s, r, out);
+        changed = changed || next[r] != s.before[r];
+        if (next[r] == SLACK && s.holds(r)) guards.armed[r] = closed_rows.leaves(flow, r);
+      }
+      changed = starts || tell_modes(touched, struck, out) || changed;
+      if (stopped > GuardTolerances::min_speed && accumulation.shrinking()) {
+        out.event(accumulation.limit(), ACCUMULATION, -1, 0.0, stopped);
+        ++n_events;
+        accumulation.forget();
+      }
+      anchor(out);
+      guards.remember();
+      if (changed) emit(out);
+      return held.too_many ? TOO_MANY_CONTACTS : RUNNING;
+    }
+  }
+
+  // Redundant forces: those of least norm, where these are legal, else those of the choice.
+  void share_forces() {
+    auto& held = flow.contacts;
+    const auto chosen = held.forces();
+    held.forget_forces();
+    refresh();
+    bool legal = true;
+    for (int g = 0; g < F::GUARDS && legal; ++g)
+      if (g != F::ALL && (g < M || g > F::ALL)) legal = !(guards.guard(g) > 0.0);
+    if (!legal) {
+      held.set_forces(chosen);
+      refresh();
+    }
+    held.keep_forces(flow);
+  }
+
+  // Follows the directions of sliding points, and tells of pairs that have begun to slide.
+  void anchor(Record<Model>& out) {
+    if constexpr (F::touches) {
+      auto& held = flow.contacts;
+      if (!held.active()) return;
+      held.anchor();
+      for (int c = 0; c < held.n; ++c) {
+        auto& own = held.at[c];
+        if (own.told || own.mode != SLIDING || !own.moving || held.in->friction[own.pair] == 0.0)
+          continue;
+        bool first = true;
+        for (int b = 0; b < held.n; ++b) first = first && !(held.at[b].told && held.meet(held.at[b].pair, own.pair));
+        own.told = true;
+        if (first) tell(out, own.since, SLIDE, own.pair, 0.0, held.sliding_speed(c));
+      }
+    }
+  }
+
+  void tell(Record<Model>& out, double t, EventCode kind, int pair, double impulse, double speed) {
+    out.event(t, kind, M + F::D + pair, impulse, speed);
+    event_rate.note(flow.t, -1);
+    ++n_events;
+  }
+
+  // Whether point c is the first of its two solids among the points.
+  bool is_first(int c) const {
+    for (int b = 0; b < c; ++b)
+      if (flow.contacts.meet(flow.contacts.at[b].pair, flow.contacts.at[c].pair)) return false;
+    return true;
+  }
+
+  // Tells of the impacts of the points that struck, one event for every two solids.
+  void tell_touches(const bool* struck, Record<Model>& out) {
+    auto& held = flow.contacts;
+    for (int c = 0; c < held.n; ++c) {
+      if (!is_first(c)) continue;
+      double impulse = 0.0, speed = 0.0;
+      bool any_struck = false;
+      for (int b = c; b < held.n; ++b) {
+        if (!held.meet(held.at[b].pair, held.at[c].pair)) continue;
+        impulse += instants.point_impulse[b];
+        if (struck[b] && instants.point_speed[b] > speed) speed = instants.point_speed[b];
+        any_struck = any_struck || struck[b];
+      }
+      if (any_struck) tell(out, flow.t, TOUCH, held.at[c].pair, impulse, speed);
+    }
+  }
+
+  // Tells of solids that came to touch without an impact, have parted, or have come to stick.
+  // Whether there is any change.
+  bool tell_modes(const bool* touched, const bool* struck, Record<Model>& out) {
+    auto& held = flow.contacts;
+    bool changed = false;
+    for (int c = 0; c < held.n; ++c) {
+      if (!is_first(c)) continue;
+      bool before = false, now = false, hit = false, told = false, slides = false;
+      for (int b = c; b < held.n; ++b) {
+        auto& own = held.at[b];
+        if (!held.meet(own.pair, held.at[c].pair)) continue;
+        before = before || touched[b];
+        now = now || own.mode != PARTED;
+        hit = hit || struck[b];
+        told = told || own.told;
+        slides = slides || own.mode == SLIDING;
+        // A point that has come to rest and slides on begins to slide again.
+        if (!own.moving) own.told = false;
+      }
+      const int pair = held.at[c].pair;
+      if (!before && now && !hit) tell(out, flow.t, TOUCH, pair, 0.0, 0.0);
+      if ((before || hit) && !now) tell(out, flow.t, LIFT, pair, 0.0, 0.0);
+      if (now && told && !slides) tell(out, flow.t, STICK, pair, 0.0, 0.0);
+      changed = changed || before != now || hit || told;
+    }
+    return changed;
   }
 
   // Net work of inputs and winches so far.

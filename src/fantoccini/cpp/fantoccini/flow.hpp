@@ -1,19 +1,24 @@
 // The flow with the active set frozen: between two events the same rows are taut, as equalities,
 // and the puppet is a smooth ordinary differential equation
 //
-//   y = (q_D, v_D, work, loss, slip loss)
-//   ydot = (N(q) v, acc_D, power of inputs and forces, dissipation, tension . rate of slip)
+//   y = (q_D, v_D, work, loss, slip loss[, friction])
+//   ydot = (N(q) v, acc_D, power of inputs and forces, dissipation, tension . rate of slip,
+//           friction's power)
 //
 // advanced by dop853 and projected back on the taut rows (h = 0, hdot = 0) in the metric of M_DD.
+// Points of contact that touch are rows likewise (held_contacts.hpp).
 #pragma once
 
 #include "contract.hpp"
 #include "correct.hpp"
 #include "drive.hpp"
 #include "evaluation.hpp"
+#include "held_contacts.hpp"
 #include "motor_watch.hpp"
 #include "tableau.hpp"
 #include "winch.hpp"
+
+#include <type_traits>
 
 namespace fan {
 
@@ -36,8 +41,12 @@ struct FlowTolerances {
 template <class Model>
 struct Flow {
   static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings, M = Model::n_rows;
-  static constexpr int D = Model::n_watched, ALL = M + D;  // all that has a guard
-  static constexpr int NY = NQ + N + 3, WORK = NQ + N, LOSS = NQ + N + 1, SLIP_LOSS = NQ + N + 2;
+  static constexpr int D = Model::n_watched, ALL = M + D;
+  static constexpr int C = Model::n_contacts;
+  static constexpr bool touches = C > 0;
+  static constexpr int GUARDS = ALL + (touches ? 1 + C : 0);  // overlap, points of contact
+  static constexpr int NY = NQ + N + 3 + touches;
+  static constexpr int WORK = NQ + N, LOSS = WORK + 1, SLIP_LOSS = WORK + 2, FRICTION = WORK + 3;
   using Tolerance = FlowTolerances;
   using Eval = Evaluation<Model, double>;
   using System = RowSystem<Model, double>;
@@ -54,6 +63,7 @@ struct Flow {
   double slip_time = 0.0;
 
   MotorWatch<Model, double> motors;
+  std::conditional_t<touches, HeldContacts<Model>, NoContacts> contacts;
 
   // The latest evaluation: its inputs and results.
   double q_K[room(Model::n_qK)], v_K[room(Model::n_vK)], acc_K[room(Model::n_vK)], u_D[room(N)];
@@ -77,27 +87,21 @@ struct Flow {
       if (taut(r)) list[n++] = r;
     }
     rows.gather(eval, state + NQ, list, n);
-    auto& problem = rows.problem;
-    for (int a = 0; a < n; ++a) {
-      problem.b[a] = rows.hddot[a];
-      problem.lower[a] = 0.0;
-      problem.upper[a] = list[a] < S ? winches.max_tension[list[a]] : unbounded;
-      problem.active[a] = row_state[list[a]] == HELD;
-      problem.high[a] = row_state[list[a]] == PINNED || row_state[list[a]] == SLIPPING;
-    }
-    problem.solve_active(0.0, Tolerance::refinements);
     double w[room(N)];
     for (int k = 0; k < N; ++k) w[k] = eval.w0[k];
-    double pull[room(M)] = {}, power = eval.power0, slip_power = 0.0;
-    for (int a = 0; a < n; ++a) {
-      const int r = list[a];
-      tension[r] = problem.x[a];
-      pull[a] = -problem.x[a];
-      power += problem.x[a] * rows.hdot_K[a];
-      if (winches.slips(r)) slip_power += problem.x[a] * slip_rate[r];
-      if (row_state[r] == IDLE || row_state[r] == PINNED) apart[r] = fabs(problem.s[a]) / hddot_scale();
+    double power = eval.power0, slip_power = 0.0, friction = 0.0;
+    if (in_contact(state)) {
+      if constexpr (touches) {
+        contacts.push(*this, state, state + NQ, w, tension, &power);
+        friction = contacts.friction;
+        for (int a = 0; a < n; ++a) {
+          rows.problem.active[a] = false;
+          if (row_state[list[a]] == IDLE) apart[list[a]] = fabs(contacts.after_of_row(a)) / hddot_scale();
+        }
+      }
+    } else {
+      pull_strings(list, w, &power, &slip_power);
     }
-    rows.add(pull, w);
     eval.back(w, acc);
     configuration_rate<typename Model::Dynamic>(state, state + NQ, rate);
     for (int k = 0; k < N; ++k) {
@@ -107,6 +111,7 @@ struct Flow {
     rate[WORK] = power;
     rate[LOSS] = eval.loss;
     rate[SLIP_LOSS] = slip_power;
+    if constexpr (touches) rate[FRICTION] = friction;
   }
 
   // By how much a taut row misses its condition at the latest evaluation, positive if it does: a
@@ -137,6 +142,8 @@ struct Flow {
   // Whether the held rows are so nearly dependent that a redundant row should be held instead of
   // one of them.
   bool frail() const {
+    if constexpr (touches)
+      if (contacts.active()) return false;
     constexpr int stride = Complementarity<double, M>::N;
     bool redundant = false;
     double least = unbounded, top = 0.0;
@@ -197,7 +204,7 @@ struct Flow {
 
   double k[dop853::all_stages][NY];
   double end[NY], end_rate[NY];    // state at the end of the trial step, and its rate
-  double stage_lack[dop853::stages][room(ALL)];  // from stage 1 on; of slack rows the height
+  double stage_lack[dop853::stages][room(GUARDS)];  // from stage 1 on; of slack rows the height
 
   // Trial step of length s from (t, y) with k[0] known. Leaves the end state in `end`.
   void stages(double s) {
@@ -209,6 +216,7 @@ struct Flow {
         stage_lack[i][r] = taut(r) ? lack(r) : eval.height(r);
       }
       for (int d = 0; d < D; ++d) stage_lack[i][M + d] = motors.excess(d);
+      for (int g = ALL; g < GUARDS; ++g) stage_lack[i][g] = contact_guard(g);
     }
     combine(dop853::B, dop853::stages, s, end);
     normalise_all<typename Model::Dynamic>(end);
@@ -219,7 +227,7 @@ struct Flow {
   Status finish(double s) {
     evaluate(t + s, end, k[dop853::stages]);
     for (int j = 0; j < NY; ++j) end_rate[j] = k[dop853::stages][j];
-    if (rows.n == 0) return RUNNING;
+    if (!holds_any()) return RUNNING;
     const Status status = project(t + s, end);
     evaluate(t + s, end, end_rate);
     return status;
@@ -279,7 +287,9 @@ struct Flow {
   // Brings the held rows of `state` at time `at` back to h = 0 and hdot = 0 with the smallest
   // change in the metric of M_DD. The evaluation must be that of (at, state).
   Status project(double at, double* state) {
-    if (rows.n == 0) return RUNNING;
+    if (!holds_any()) return RUNNING;
+    if constexpr (touches)
+      if (contacts.holds()) return contacts.project(*this, at, state);
     const Status status = pull_back(state);
     if (status != RUNNING) return status;
     double rate[NY];
@@ -334,6 +344,29 @@ struct Flow {
     eval.back(w, move);
   }
 
+  // The guard of the deepest overlap, or of a point of contact (guards.hpp).
+  double contact_guard(int g) const {
+    if constexpr (touches) {
+      if (!contacts.in) return -1.0;
+      if (g == ALL) return contacts.overlap;
+      return g - ALL - 1 < contacts.n ? contacts.guard(*this, g - ALL - 1) : -1.0;
+    }
+    return -1.0;
+  }
+
+  // m/s: how fast the solids of the deepest overlap close.
+  double closing() const {
+    if constexpr (touches) return contacts.closing;
+    return 0.0;
+  }
+
+  // Whether any row or point of contact is held.
+  bool holds_any() const {
+    if constexpr (touches)
+      if (contacts.holds()) return true;
+    return rows.n > 0;
+  }
+
   // hdot of a row at the latest evaluation, whose velocity must be v_D.
   double rate_of(int r, const double* v_D) const {
     return r < S ? eval.hdot[r] : eval.limit_rate(r - S, v_D);
@@ -357,6 +390,39 @@ struct Flow {
   }
 
  private:
+  // Looks at the points of contact near a state; whether any is followed.
+  bool in_contact(const double* state) {
+    if constexpr (touches) {
+      if (!contacts.in) return false;
+      contacts.look(*this, state, state + NQ);
+      return contacts.active();
+    }
+    return false;
+  }
+
+  // The tensions of the gathered rows, `list`, without contact.
+  void pull_strings(const int* list, double* w, double* power, double* slip_power) {
+    auto& problem = rows.problem;
+    for (int a = 0; a < rows.n; ++a) {
+      problem.b[a] = rows.hddot[a];
+      problem.lower[a] = 0.0;
+      problem.upper[a] = list[a] < S ? winches.max_tension[list[a]] : unbounded;
+      problem.active[a] = row_state[list[a]] == HELD;
+      problem.high[a] = row_state[list[a]] == PINNED || row_state[list[a]] == SLIPPING;
+    }
+    problem.solve_active(0.0, Tolerance::refinements);
+    double pull[room(M)] = {};
+    for (int a = 0; a < rows.n; ++a) {
+      const int r = list[a];
+      tension[r] = problem.x[a];
+      pull[a] = -problem.x[a];
+      *power += problem.x[a] * rows.hdot_K[a];
+      if (winches.slips(r)) *slip_power += problem.x[a] * slip_rate[r];
+      if (row_state[r] == IDLE || row_state[r] == PINNED) apart[r] = fabs(problem.s[a]) / hddot_scale();
+    }
+    rows.add(pull, w);
+  }
+
   // Changes h, hdot and gamma to those of the length L + slip.
   void let_out(double at) {
     for (int i = 0; i < S; ++i) {

@@ -2,7 +2,7 @@
 // holds. It is the height h of a slack row; minus the tension of a held row, or its excess over the
 // winch's largest; the hddot or overlap of a redundant row; the missing speed of a slipping row.
 // After the rows come the watched drives, whose guard is positive where they lose a step or run
-// away.
+// away, then the deepest overlap of solids, and the points of contact (held_contacts.hpp).
 //
 // An event's time is the root of the worst guard evaluated by integrating to it, not read off an
 // interpolant. After a release the row's guard re-arms once it has opened by more than rounding, or
@@ -40,7 +40,7 @@ template <class Model>
 struct Guards {
   using F = Flow<Model>;
   using Tolerance = GuardTolerances;
-  static constexpr int NQ = F::NQ, S = F::S, M = F::M, ALL = F::ALL;
+  static constexpr int NQ = F::NQ, S = F::S, M = F::M, ALL = F::GUARDS;
 
   F& flow;
   bool armed[room(M)];
@@ -88,6 +88,7 @@ struct Guards {
   // A row's guard from the latest evaluation: positive when its state no longer holds. In units
   // that make rows comparable: lengths over the row's scale, tensions over the weight.
   double guard(int r) const {
+    if (r >= F::ALL) return flow.contact_guard(r);
     if (r >= M) return flow.motors.excess(r - M);
     if (r < S && Model::wire[r]) return -1.0;
     if (flow.row_state[r] == SLIPPING) {
@@ -116,6 +117,8 @@ struct Guards {
 
   // Largest value of a row's guard at the row's event.
   double met(int r) const {
+    if (r == F::ALL) return Tolerance::catch_root;
+    if (r >= F::ALL) return Tolerance::release_root;
     if (r >= M) return Tolerance::drive_root;
     return flow.taut(r) ? Tolerance::release_root : Tolerance::catch_root;
   }
@@ -183,7 +186,8 @@ struct Guards {
     if (r < S && Model::wire[r]) return 0.0;
     const bool slack = r < M && !flow.taut(r);
     double worst = Tolerance::drive_root;
-    if (slack) worst = already(r) + Tolerance::caught_height * flow.row_scale(r);
+    if (r == F::ALL) worst = Tolerance::caught_height;
+    else if (slack) worst = already(r) + Tolerance::caught_height * flow.row_scale(r);
     else if (r < M) worst = Tolerance::negligible_tension + Tolerance::min_speed;
     double at = 0.0;
     for (int i = 1; i < dop853::stages; ++i) {
@@ -246,7 +250,7 @@ struct Guards {
   // whose rates are known, the Illinois method for the others, in a bracket that is bisected where
   // they are slow.
   double root_of(int r, double hi) {
-    const bool height = r < M && !flow.taut(r);
+    const bool height = (r < M && !flow.taut(r)) || r == F::ALL;
     double lo = 0.0, g_lo = guard0[r] < 0.0 ? guard0[r] : -1e-18, g_hi = guard(r);
     double width = hi;
     int side = 1;
@@ -256,7 +260,7 @@ struct Guards {
       if (side == 1 && g_hi <= met(r)) break;
       double mid = lo - g_lo * (hi - lo) / (g_hi - g_lo);
       if (height && side == 1) {
-        const double rate = flow.rate_of(r, flow.end + NQ) / flow.row_scale(r);
+        const double rate = r == F::ALL ? flow.closing() : flow.rate_of(r, flow.end + NQ) / flow.row_scale(r);
         if (rate > 0.0) mid = hi - (g_hi - 0.5 * Tolerance::catch_root) / rate;
       }
       if (i % 3 == 2) {

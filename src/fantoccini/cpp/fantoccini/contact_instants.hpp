@@ -1,0 +1,294 @@
+// What happens at an instant at which solids touch: impacts of strings, limits and points of
+// contact as one problem, and the choice of the modes that follow.
+//
+//   hdot+ = hdot- - G Lambda, hdot_n+ <= -e hdot_n-, complementary, Lambda in Coulomb's cones
+//   hddot = hddot_0 - G x,    hddot_n <= 0, complementary, x in the cones, where hdot_n = 0; of
+//   points that slide already x_T = mu x_n d                                           (cone.hpp)
+#pragma once
+
+#include "attempts.hpp"
+#include "cone.hpp"
+#include "flow.hpp"
+
+namespace fan {
+
+struct ContactInstantTolerances {
+  // m/s, times the largest velocity if above 1: speed up to which a point sticks or may stick.
+  static constexpr double sliding_speed = 1e-8;
+  // Likewise, at which a point that is closed strikes; slower ones are brought to rest.
+  static constexpr double striking_speed = 1e-9;
+  // Force that is none, relative to the largest.
+  static constexpr double no_force = 1e-9;
+  // |hddot| of a point at rest, relative to Flow::hddot_scale.
+  static constexpr double at_rest = 1e-8;
+  // Bisections of the common factor that keeps restitutions from adding energy.
+  static constexpr int halvings = 40;
+  // Energy that is rounding, relative to what the impulses exchange.
+  static constexpr double rounding = 1e-13;
+  // Part of a cone that a force may miss by where redundant forces of least norm are tried.
+  static constexpr double margin = 1e-9;
+};
+
+template <class Model>
+class ContactInstants {
+ public:
+  using F = Flow<Model>;
+  using Tolerance = ContactInstantTolerances;
+  using Held = HeldContacts<Model>;
+  static constexpr int C = F::C, N = F::N, NQ = F::NQ, S = F::S, M = F::M, R = Held::R;
+
+  double impulse[room(M)], point_impulse[room(C)];  // of the last impact: rows; normal ones of points
+  double speed[room(M)], point_speed[room(C)];      // hdot before it
+  double lost = 0.0;                                // J
+
+  // Gathers the rows that are closed, and the points that touch, at (t, y), which must be the
+  // flow's latest evaluation.
+  void gather(F& f, const bool* closed) {
+    int list[room(M)], n = 0;
+    for (int r = 0; r < M; ++r)
+      if (closed[r]) list[n++] = r;
+    f.rows.gather(f.eval, f.y + NQ, list, n);
+    f.contacts.differ(f, f.y, f.y + NQ);
+    f.contacts.assemble(f);
+  }
+
+  // Whether a point that is parted closes.
+  bool strikes(const F& f) const {
+    for (int c = 0; c < f.contacts.n; ++c)
+      if (is_struck(f, c)) return true;
+    return false;
+  }
+
+  bool is_struck(const F& f, int c) const {
+    return f.contacts.at[c].mode == PARTED && f.contacts.is_found(c) &&
+           f.contacts.hdot[3 * c] > Tolerance::striking_speed * speed_scale(f);
+  }
+
+  // Applies the impulse over the gathered rows and points and adds its work.
+  Status strike(F& f) {
+    const Held& held = f.contacts;
+    for (int r = 0; r < M; ++r) impulse[r] = speed[r] = 0.0;
+    Status status = bounce(f, 1.0);
+    if (status == RUNNING && lost < 0.0) {
+      double low = 0.0, high = 1.0;
+      for (int k = 0; k < Tolerance::halvings; ++k) {
+        const double mid = 0.5 * (low + high);
+        if (bounce(f, mid) != RUNNING || lost < 0.0) high = mid;
+        else low = mid;
+      }
+      status = bounce(f, low);
+    }
+    if (status != RUNNING) return status;
+    double w[room(N)] = {}, change[room(N)];
+    held.take(cone_.x, w);
+    f.eval.back(w, change);
+    for (int a = 0; a < f.rows.n; ++a) {
+      const int r = f.rows.row[a];
+      impulse[r] = cone_.x[a];
+      speed[r] = f.rows.hdot[a];
+      f.y[F::WORK] += cone_.x[a] * f.rows.hdot_K[a];
+    }
+    for (int c = 0; c < held.n; ++c) {
+      const int i = held.first_of(c);
+      point_impulse[c] = cone_.x[i];
+      point_speed[c] = held.hdot[3 * c];
+      for (int d = 0; d < 3; ++d) f.y[F::WORK] += cone_.x[i + d] * held.driven_rate(i + d);
+    }
+    for (int j = 0; j < N; ++j) {
+      f.y[F::WORK] += f.eval.M_DK_v_K[j] * change[j];
+      f.y[NQ + j] += change[j];
+    }
+    return RUNNING;
+  }
+
+  // Chooses the modes of the gathered rows, `next` (M,), and of all points at (t, y), which must be
+  // the flow's latest evaluation. Rows in `loose`, and points in `loose_point`, have just lost their
+  // force; points in `strained` have just reached their cone.
+  Status choose(
+      F& f, const bool* loose, const bool* loose_point, const bool* strained, Hold* next) {
+    Held& held = f.contacts;
+    const double scale = f.hddot_scale(), still = ClosedRowTolerances::max_rest_speed * speed_scale(f);
+    for (int r = 0; r < M; ++r) next[r] = SLACK;
+    Rest rest;
+    rest.n_single = rest.n_points = 0;
+    for (int a = 0; a < f.rows.n; ++a)
+      if (fabs(f.rows.hdot[a]) <= still || f.rows.two_sided[a]) rest.single[rest.n_single++] = a;
+    for (int c = 0; c < held.n; ++c)
+      if (held.is_found(c) && fabs(held.hdot[3 * c]) <= still) rest.point[rest.n_points++] = c;
+    begin(f, rest.single, rest.n_single, rest.point, rest.n_points);
+    for (int i = 0; i < rest.n_single; ++i) {
+      cone_.b[i] = held.hddot_of(rest.single[i]);
+      cone_.x[i] = f.tension[f.rows.row[rest.single[i]]];
+    }
+    for (int i = 0; i < rest.n_points; ++i) {
+      const int c = rest.point[i], to = rest.n_single + 3 * i;
+      const double mu = cone_.mu[i];
+      slides_[i] = mu > 0.0 && held.sliding_speed(c) > Tolerance::sliding_speed * speed_scale(f);
+      double along[3] = {0.0, 0.0, 0.0};
+      if (slides_[i]) held.direction(c, along);
+      else if (mu > 0.0 && strained[c]) {
+        slides_[i] = true;
+        const double force[3] = {0.0, held.x[3 * c + 1], held.x[3 * c + 2]};
+        held.in_world(c, force, along);
+        const double size = sqrt(dot3(along, along));
+        for (int k = 0; k < 3; ++k) along[k] /= size;
+      }
+      for (int d = 0; d < 3; ++d) {
+        cone_.b[to + d] = held.hddot_of(held.first_of(c) + d);
+        cone_.x[to + d] = held.at[c].mode == PARTED ? 0.0 : held.x[3 * c + d];
+        along_[i][d] = along[d];
+        if (d > 0) cone_.along_[2 * i + d - 1] = dot3(held.frame(c) + 3 * d, along);
+      }
+      if (slides_[i] && jams(i, to)) return accuse(NO_UNIQUE_MOTION);
+    }
+    if (!cone_.solve()) return accuse(NO_UNIQUE_MOTION);
+    decode(f, rest, loose, loose_point, scale, next);
+    return RUNNING;
+  }
+
+ private:
+  // The rows and points that are at rest along their normals.
+  struct Rest {
+    int single[room(M)], point[room(C)], n_single, n_points;
+  };
+
+  // ConeProblem with room for given directions.
+  struct Cone : ConeProblem<R> {
+    double along_[2 * room(C)];
+  };
+
+  static double speed_scale(const F& f) {
+    double top = 1.0;
+    for (int j = 0; j < N; ++j) top = fmax(top, fabs(f.y[NQ + j]));
+    return top;
+  }
+
+  Status accuse(Status status) const { return status; }
+
+  // Fills the matrix and the bounds of some gathered rows and points.
+  void begin(const F& f, const int* single, int n_single, const int* point, int n_points) {
+    const Held& held = f.contacts;
+    const double* G = held.influences();
+    const int all = held.size(), n = n_single + 3 * n_points;
+    int of[room(R)];
+    for (int i = 0; i < n_single; ++i) of[i] = single[i];
+    for (int i = 0; i < n_points; ++i)
+      for (int d = 0; d < 3; ++d) of[n_single + 3 * i + d] = held.first_of(point[i]) + d;
+    cone_.n_single = n_single;
+    cone_.n_contacts = n_points;
+    cone_.slides = nullptr;
+    for (int i = 0; i < n; ++i) {
+      for (int j = 0; j < n; ++j) cone_.G[i * n + j] = G[of[i] * all + of[j]];
+      const bool both = i < n_single && f.rows.two_sided[single[i]];
+      cone_.lower[i] = both ? -unbounded : 0.0;
+      cone_.upper[i] = unbounded;
+    }
+    for (int i = 0; i < n_points; ++i) {
+      slides_[i] = false;
+      cone_.mu[i] = held.in->friction[held.at[point[i]].pair];
+    }
+    cone_.slides = slides_;
+    cone_.along = cone_.along_;
+  }
+
+  // The impulses with every restitution times `share`, and the energy they take.
+  Status bounce(F& f, double share) {
+    const Held& held = f.contacts;
+    int single[room(M)], point[room(C)];
+    for (int a = 0; a < f.rows.n; ++a) single[a] = a;
+    for (int c = 0; c < held.n; ++c) point[c] = c;
+    begin(f, single, f.rows.n, point, held.n);
+    const int n = held.size();
+    for (int i = 0; i < n; ++i) {
+      const double hdot = held.hdot_of(i);
+      cone_.b[i] = hdot;
+      cone_.x[i] = 0.0;
+      if (i < f.rows.n && f.rows.row[i] < S && hdot > 0.0)
+        cone_.b[i] += share * f.winches.restitution[f.rows.row[i]] * hdot;
+    }
+    for (int c = 0; c < held.n; ++c) {
+      const double hdot = held.hdot[3 * c];
+      if (hdot > 0.0) cone_.b[held.first_of(c)] += share * held.in->restitution[held.at[c].pair] * hdot;
+    }
+    double asked[room(R)];
+    for (int i = 0; i < n; ++i) asked[i] = cone_.b[i];
+    if (!cone_.solve()) return NOT_SETTLED;
+    lost = 0.0;
+    double gross = 0.0;
+    for (int i = 0; i < n; ++i) {
+      const double hdot = held.hdot_of(i), after = hdot - cone_.s[i] - asked[i];
+      lost += 0.5 * cone_.x[i] * (hdot + after);
+      gross += fabs(cone_.x[i] * hdot);
+    }
+    if (fabs(lost) < Tolerance::rounding * gross) lost = 0.0;
+    return RUNNING;
+  }
+
+  // Whether the normal force of sliding point i, whose rows begin at `to`, would not stop it.
+  bool jams(int i, int to) const {
+    const int n = cone_.n_single + 3 * cone_.n_contacts;
+    const double* row = cone_.G + to * n + to;
+    const double own = row[0] + cone_.mu[i] * (row[1] * cone_.along_[2 * i] + row[2] * cone_.along_[2 * i + 1]);
+    return own <= HeldContactTolerances::least_influence * row[0];
+  }
+
+  // The modes that the solution says.
+  void decode(
+      F& f, const Rest& rest, const bool* loose, const bool* loose_point, double scale, Hold* next) {
+    Held& held = f.contacts;
+    double most = 0.0;
+    for (int i = 0; i < rest.n_single + 3 * rest.n_points; ++i) most = fmax(most, fabs(cone_.x[i]));
+    const double none = Tolerance::no_force * most, idle = Tolerance::at_rest * scale;
+    for (int i = 0; i < rest.n_single; ++i) {
+      const int r = f.rows.row[rest.single[i]];
+      if (f.rows.two_sided[rest.single[i]] || cone_.x[i] > (loose[r] ? none : 0.0)) next[r] = HELD;
+      else if (!loose[r] && cone_.s[i] <= idle) next[r] = IDLE;
+      held.set_reference(r, cone_.x[i]);
+    }
+    bool pushes[room(C)];
+    for (int c = 0; c < held.n; ++c) pushes[c] = false;
+    for (int i = 0; i < rest.n_points; ++i) {
+      const int c = rest.point[i], k = rest.n_single + 3 * i;
+      auto& own = held.at[c];
+      const double* x = cone_.x + k;
+      const double* s = cone_.s + k;
+      const ContactMode before = own.mode;
+      held.in_world(c, x, own.force);
+      if (!(x[0] > (loose_point[c] ? none : 0.0))) {
+        const bool stays = !loose_point[c] && s[0] <= idle;
+        own.mode = stays ? RESTING : PARTED;
+        if (before == PARTED || !stays) own.over = held.gap[c] < 0.0 ? -held.gap[c] : 0.0;
+        pushes[c] = stays;
+        if (stays) own.over = fabs(held.gap[c]);
+        own.moving = false;
+        continue;
+      }
+      pushes[c] = true;
+      const double accelerates = sqrt(s[1] * s[1] + s[2] * s[2]);
+      if (slides_[i]) {
+        own.mode = SLIDING;
+        for (int d = 0; d < 3; ++d) own.along[d] = along_[i][d];
+      } else if (accelerates > idle || cone_.mu[i] == 0.0) {
+        own.mode = SLIDING;
+        const double size = sqrt(x[1] * x[1] + x[2] * x[2]);
+        const double force[3] = {0.0, size > 0.0 ? x[1] / size : 0.0, size > 0.0 ? x[2] / size : 0.0};
+        held.in_world(c, force, own.along);
+      } else {
+        own.mode = STICKING;
+      }
+      own.moving = own.mode == SLIDING && held.sliding_speed(c) > Tolerance::sliding_speed * speed_scale(f);
+      if (!own.moving) own.since = f.t;
+    }
+    for (int c = 0; c < held.n; ++c)
+      if (!pushes[c] && held.at[c].mode != PARTED) {
+        held.at[c].mode = PARTED;
+        held.at[c].over = held.gap[c] < 0.0 ? -held.gap[c] : 0.0;
+      }
+  }
+
+  Cone cone_;
+  bool slides_[room(C)];
+  double along_[room(C)][3];
+};
+
+}  // namespace fan
