@@ -142,7 +142,7 @@ class ContactInstants {
       if (slides_[i] && jams(i, to)) return accuse(NO_UNIQUE_MOTION);
     }
     if (!cone_.solve()) return accuse(NO_UNIQUE_MOTION);
-    decode(f, rest, loose, loose_point, scale, next);
+    decode(f, rest, loose, loose_point, strained, scale, next);
     return RUNNING;
   }
 
@@ -234,7 +234,8 @@ class ContactInstants {
 
   // The modes that the solution says.
   void decode(
-      F& f, const Rest& rest, const bool* loose, const bool* loose_point, double scale, Hold* next) {
+      F& f, const Rest& rest, const bool* loose, const bool* loose_point, const bool* strained,
+      double scale, Hold* next) {
     Held& held = f.contacts;
     double most = 0.0;
     for (int i = 0; i < rest.n_single + 3 * rest.n_points; ++i) most = fmax(most, fabs(cone_.x[i]));
@@ -257,9 +258,7 @@ class ContactInstants {
       if (!(x[0] > (loose_point[c] ? none : 0.0))) {
         const bool stays = !loose_point[c] && s[0] <= idle;
         own.mode = stays ? RESTING : PARTED;
-        if (before == PARTED || !stays) own.over = held.gap[c] < 0.0 ? -held.gap[c] : 0.0;
         pushes[c] = stays;
-        if (stays) own.over = fabs(held.gap[c]);
         own.moving = false;
         continue;
       }
@@ -277,13 +276,10 @@ class ContactInstants {
         own.mode = STICKING;
       }
       own.moving = own.mode == SLIDING && held.sliding_speed(c) > Tolerance::sliding_speed * speed_scale(f);
-      if (!own.moving) own.since = f.t;
+      if (own.mode != SLIDING || !(before == SLIDING && strained[c])) own.since = f.t;
     }
     for (int c = 0; c < held.n; ++c)
-      if (!pushes[c] && held.at[c].mode != PARTED) {
-        held.at[c].mode = PARTED;
-        held.at[c].over = held.gap[c] < 0.0 ? -held.gap[c] : 0.0;
-      }
+      if (!pushes[c]) held.at[c].mode = PARTED;
   }
 
   Cone cone_;

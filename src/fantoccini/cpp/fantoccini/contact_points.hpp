@@ -113,17 +113,16 @@ class ContactPoints {
     }
   }
 
-  // How fast the two solids of a pair turn or pass over one another: a bound on the rate [1/s] at
-  // which the directions at their points change.
-  double rate_of_turning(const ContactArrays& in, int pair) const {
-    double rate = 0.0, least = unbounded, speed = 0.0;
+  // A bound on the rate [1/s] at which the directions at a point of a pair change, where its solids
+  // pass over one another at a speed.
+  double rate_of_turning(const ContactArrays& in, int pair, double speed) const {
+    double rate = 0.0, least = unbounded;
     for (int side = 0; side < 2; ++side) {
       const Solid& solid = in.solids[in.pairs[2 * pair + side]];
       if (solid.kind != HALF_SPACE) least = fmin(least, smallest_size(solid));
       if (solid.link < 0) continue;
       const double* t = twist_ + 6 * solid.link;
       rate += sqrt(dot3(t + 3, t + 3));
-      speed += speed_[solid.link];
     }
     return rate + speed / least;
   }

@@ -255,6 +255,7 @@ struct EventInstants {
     if constexpr (!F::touches) return RUNNING;
     else {
       auto& held = flow.contacts;
+      event_rate.note(flow.t, -1);  // whether or not it ends in an event, so that none go on for ever
       held.take_closed(flow, flow.y, flow.y + NQ, most);
       Situation s = present();
       bool loose[room(C)], strained[room(C)], struck[room(C)], touched[room(C)], any_struck = false;
@@ -306,6 +307,7 @@ struct EventInstants {
       refresh();
       impact += energy - (flow.total_energy() - given());
       share_forces();
+      held.accept_overlaps();
       bool changed = any_struck;
       for (int r = 0; r < M; ++r) {
         write_changes(s, r, out);

@@ -40,6 +40,8 @@ struct HeldContactTolerances {
   // Least normal influence of a sliding point's force, relative to that without friction: below,
   // friction jams (Painleve).
   static constexpr double least_influence = 1e-6;
+  // s: a point that reached its cone no longer ago than this has just reached it.
+  static constexpr double same_instant = 1e-10;
   // Raise of the diagonal, relative to it, and refinements that take its effect away again.
   static constexpr double raise = 1e-8;
   static constexpr int refinements = 4;
@@ -231,6 +233,11 @@ class HeldContacts {
     }
   }
 
+  // Points without force may keep the distance that they have after an event.
+  void accept_overlaps() {
+    for (int c = 0; c < n; ++c) at[c].over = at[c].mode == RESTING ? fabs(gap[c]) : fmax(-gap[c], 0.0);
+  }
+
   // Whether two pairs are of the same two solids.
   bool meet(int pair, int other) const { return pair == other; }
 
@@ -299,10 +306,13 @@ class HeldContacts {
     return (at[c].mode == STICKING || at[c].mode == SLIDING) && x[3 * c] / f.weight() <= Tolerance::negligible_force;
   }
 
-  // Whether sticking point c has just reached its cone.
+  // Whether point c has just reached its cone. Among redundant points one that has must not take
+  // turns with another.
   template <class F>
   bool is_strained(const F& f, int c) const {
     const double* own = x + 3 * c;
+    if (at[c].mode == SLIDING)
+      return !at[c].moving && f.t - at[c].since <= Tolerance::same_instant && along(c) > -Tolerance::stopped;
     const double size = sqrt(own[1] * own[1] + own[2] * own[2]);
     return at[c].mode == STICKING &&
            size - in->friction[at[c].pair] * own[0] >= -Tolerance::negligible_force * f.weight();
@@ -437,7 +447,7 @@ class HeldContacts {
   template <class F>
   void differ(const F& f, const double* q_D, const double* v_D) {
     double rate = Tolerance::slowest;
-    for (int c = 0; c < n; ++c) rate = fmax(rate, points_.rate_of_turning(*in, at[c].pair));
+    for (int c = 0; c < n; ++c) rate = fmax(rate, points_.rate_of_turning(*in, at[c].pair, speed(c)));
     const double step = Tolerance::turn / rate;
     constexpr int ways[] = {-2, -1, 1, 2};
     constexpr double weights[] = {1.0, -8.0, 8.0, -1.0};
