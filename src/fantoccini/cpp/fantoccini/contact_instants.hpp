@@ -25,8 +25,8 @@ struct ContactInstantTolerances {
   static constexpr int halvings = 40;
   // Energy that is rounding, relative to what the impulses exchange.
   static constexpr double rounding = 1e-13;
-  // Part of a cone that a force may miss by where redundant forces of least norm are tried.
-  static constexpr double margin = 1e-9;
+  // Part of its cone by which a force may miss it that has reached it.
+  static constexpr double at_cone = 1e-7;
 };
 
 template <class Model>
@@ -80,19 +80,19 @@ class ContactInstants {
     }
     if (status != RUNNING) return status;
     double w[room(N)] = {}, change[room(N)];
-    held.take(cone_.x, w);
+    held.take(f.contacts.cone.x, w);
     f.eval.back(w, change);
     for (int a = 0; a < f.rows.n; ++a) {
       const int r = f.rows.row[a];
-      impulse[r] = cone_.x[a];
+      impulse[r] = f.contacts.cone.x[a];
       speed[r] = f.rows.hdot[a];
-      f.y[F::WORK] += cone_.x[a] * f.rows.hdot_K[a];
+      f.y[F::WORK] += f.contacts.cone.x[a] * f.rows.hdot_K[a];
     }
     for (int c = 0; c < held.n; ++c) {
       const int i = held.first_of(c);
-      point_impulse[c] = cone_.x[i];
+      point_impulse[c] = f.contacts.cone.x[i];
       point_speed[c] = held.hdot[3 * c];
-      for (int d = 0; d < 3; ++d) f.y[F::WORK] += cone_.x[i + d] * held.driven_rate(i + d);
+      for (int d = 0; d < 3; ++d) f.y[F::WORK] += f.contacts.cone.x[i + d] * held.driven_rate(i + d);
     }
     for (int j = 0; j < N; ++j) {
       f.y[F::WORK] += f.eval.M_DK_v_K[j] * change[j];
@@ -117,32 +117,28 @@ class ContactInstants {
       if (held.is_found(c) && fabs(held.hdot[3 * c]) <= still) rest.point[rest.n_points++] = c;
     begin(f, rest.single, rest.n_single, rest.point, rest.n_points);
     for (int i = 0; i < rest.n_single; ++i) {
-      cone_.b[i] = held.hddot_of(rest.single[i]);
-      cone_.x[i] = f.tension[f.rows.row[rest.single[i]]];
+      f.contacts.cone.b[i] = held.hddot_of(rest.single[i]);
+      f.contacts.cone.x[i] = f.tension[f.rows.row[rest.single[i]]];
     }
     for (int i = 0; i < rest.n_points; ++i) {
       const int c = rest.point[i], to = rest.n_single + 3 * i;
-      const double mu = cone_.mu[i];
+      const double mu = f.contacts.cone.mu[i];
       slides_[i] = mu > 0.0 && held.sliding_speed(c) > Tolerance::sliding_speed * speed_scale(f);
       double along[3] = {0.0, 0.0, 0.0};
       if (slides_[i]) held.direction(c, along);
-      else if (mu > 0.0 && strained[c]) {
-        slides_[i] = true;
-        const double force[3] = {0.0, held.x[3 * c + 1], held.x[3 * c + 2]};
-        held.in_world(c, force, along);
-        const double size = sqrt(dot3(along, along));
-        for (int k = 0; k < 3; ++k) along[k] /= size;
-      }
       for (int d = 0; d < 3; ++d) {
-        cone_.b[to + d] = held.hddot_of(held.first_of(c) + d);
-        cone_.x[to + d] = held.at[c].mode == PARTED ? 0.0 : held.x[3 * c + d];
+        f.contacts.cone.b[to + d] = held.hddot_of(held.first_of(c) + d);
+        f.contacts.cone.x[to + d] = held.at[c].mode == PARTED ? 0.0 : held.x[3 * c + d];
         along_[i][d] = along[d];
-        if (d > 0) cone_.along_[2 * i + d - 1] = dot3(held.frame(c) + 3 * d, along);
+        if (d > 0) given_[2 * i + d - 1] = dot3(held.frame(c) + 3 * d, along);
       }
-      if (slides_[i] && jams(i, to)) return accuse(NO_UNIQUE_MOTION);
+      if (slides_[i] && jams(f, i, to)) return NO_UNIQUE_MOTION;
     }
-    if (!cone_.solve()) return accuse(NO_UNIQUE_MOTION);
-    decode(f, rest, loose, loose_point, strained, scale, next);
+    if (!f.contacts.cone.solve()) return NO_UNIQUE_MOTION;
+    bool slips = false;
+    for (int c = 0; c < held.n; ++c) slips = slips || strained[c];
+    if (slips && !slip(f, rest)) return NO_UNIQUE_MOTION;
+    decode(f, rest, loose, loose_point, scale, next);
     return RUNNING;
   }
 
@@ -152,21 +148,30 @@ class ContactInstants {
     int single[room(M)], point[room(C)], n_single, n_points;
   };
 
-  // ConeProblem with room for given directions.
-  struct Cone : ConeProblem<R> {
-    double along_[2 * room(C)];
-  };
-
   static double speed_scale(const F& f) {
     double top = 1.0;
     for (int j = 0; j < N; ++j) top = fmax(top, fabs(f.y[NQ + j]));
     return top;
   }
 
-  Status accuse(Status status) const { return status; }
+  // Lets the points whose force has reached its cone slide along it; solves again.
+  bool slip(F& f, const Rest& rest) {
+    auto& cone = f.contacts.cone;
+    bool more = false;
+    for (int i = 0; i < rest.n_points; ++i) {
+      const double* x = cone.x + rest.n_single + 3 * i;
+      const double size = sqrt(x[1] * x[1] + x[2] * x[2]);
+      if (slides_[i] || !(size > 0.0) || size < (1.0 - Tolerance::at_cone) * cone.mu[i] * x[0]) continue;
+      slides_[i] = more = true;
+      for (int d = 0; d < 2; ++d) given_[2 * i + d] = x[1 + d] / size;
+      const double force[3] = {0.0, x[1] / size, x[2] / size};
+      f.contacts.in_world(rest.point[i], force, along_[i]);
+    }
+    return !more || cone.solve();
+  }
 
   // Fills the matrix and the bounds of some gathered rows and points.
-  void begin(const F& f, const int* single, int n_single, const int* point, int n_points) {
+  void begin(F& f, const int* single, int n_single, const int* point, int n_points) {
     const Held& held = f.contacts;
     const double* G = held.influences();
     const int all = held.size(), n = n_single + 3 * n_points;
@@ -174,21 +179,21 @@ class ContactInstants {
     for (int i = 0; i < n_single; ++i) of[i] = single[i];
     for (int i = 0; i < n_points; ++i)
       for (int d = 0; d < 3; ++d) of[n_single + 3 * i + d] = held.first_of(point[i]) + d;
-    cone_.n_single = n_single;
-    cone_.n_contacts = n_points;
-    cone_.slides = nullptr;
+    f.contacts.cone.n_single = n_single;
+    f.contacts.cone.n_contacts = n_points;
+    f.contacts.cone.slides = nullptr;
     for (int i = 0; i < n; ++i) {
-      for (int j = 0; j < n; ++j) cone_.G[i * n + j] = G[of[i] * all + of[j]];
+      for (int j = 0; j < n; ++j) f.contacts.cone.G[i * n + j] = G[of[i] * all + of[j]];
       const bool both = i < n_single && f.rows.two_sided[single[i]];
-      cone_.lower[i] = both ? -unbounded : 0.0;
-      cone_.upper[i] = unbounded;
+      f.contacts.cone.lower[i] = both ? -unbounded : 0.0;
+      f.contacts.cone.upper[i] = unbounded;
     }
     for (int i = 0; i < n_points; ++i) {
       slides_[i] = false;
-      cone_.mu[i] = held.in->friction[held.at[point[i]].pair];
+      f.contacts.cone.mu[i] = held.in->friction[held.at[point[i]].pair];
     }
-    cone_.slides = slides_;
-    cone_.along = cone_.along_;
+    f.contacts.cone.slides = slides_;
+    f.contacts.cone.along = given_;
   }
 
   // The impulses with every restitution times `share`, and the energy they take.
@@ -201,62 +206,60 @@ class ContactInstants {
     const int n = held.size();
     for (int i = 0; i < n; ++i) {
       const double hdot = held.hdot_of(i);
-      cone_.b[i] = hdot;
-      cone_.x[i] = 0.0;
+      f.contacts.cone.b[i] = hdot;
+      f.contacts.cone.x[i] = 0.0;
       if (i < f.rows.n && f.rows.row[i] < S && hdot > 0.0)
-        cone_.b[i] += share * f.winches.restitution[f.rows.row[i]] * hdot;
+        f.contacts.cone.b[i] += share * f.winches.restitution[f.rows.row[i]] * hdot;
     }
     for (int c = 0; c < held.n; ++c) {
       const double hdot = held.hdot[3 * c];
-      if (hdot > 0.0) cone_.b[held.first_of(c)] += share * held.in->restitution[held.at[c].pair] * hdot;
+      if (hdot > 0.0) f.contacts.cone.b[held.first_of(c)] += share * held.in->restitution[held.at[c].pair] * hdot;
     }
     double asked[room(R)];
-    for (int i = 0; i < n; ++i) asked[i] = cone_.b[i];
-    if (!cone_.solve()) return NOT_SETTLED;
+    for (int i = 0; i < n; ++i) asked[i] = f.contacts.cone.b[i];
+    if (!f.contacts.cone.solve()) return NOT_SETTLED;
     lost = 0.0;
     double gross = 0.0;
     for (int i = 0; i < n; ++i) {
-      const double hdot = held.hdot_of(i), after = hdot - cone_.s[i] - asked[i];
-      lost += 0.5 * cone_.x[i] * (hdot + after);
-      gross += fabs(cone_.x[i] * hdot);
+      const double hdot = held.hdot_of(i), after = hdot - f.contacts.cone.s[i] - asked[i];
+      lost += 0.5 * f.contacts.cone.x[i] * (hdot + after);
+      gross += fabs(f.contacts.cone.x[i] * hdot);
     }
     if (fabs(lost) < Tolerance::rounding * gross) lost = 0.0;
     return RUNNING;
   }
 
   // Whether the normal force of sliding point i, whose rows begin at `to`, would not stop it.
-  bool jams(int i, int to) const {
-    const int n = cone_.n_single + 3 * cone_.n_contacts;
-    const double* row = cone_.G + to * n + to;
-    const double own = row[0] + cone_.mu[i] * (row[1] * cone_.along_[2 * i] + row[2] * cone_.along_[2 * i + 1]);
+  bool jams(const F& f, int i, int to) const {
+    const int n = f.contacts.cone.n_single + 3 * f.contacts.cone.n_contacts;
+    const double* row = f.contacts.cone.G + to * n + to;
+    const double own = row[0] + f.contacts.cone.mu[i] * (row[1] * given_[2 * i] + row[2] * given_[2 * i + 1]);
     return own <= HeldContactTolerances::least_influence * row[0];
   }
 
   // The modes that the solution says.
   void decode(
-      F& f, const Rest& rest, const bool* loose, const bool* loose_point, const bool* strained,
-      double scale, Hold* next) {
+      F& f, const Rest& rest, const bool* loose, const bool* loose_point, double scale, Hold* next) {
     Held& held = f.contacts;
     double most = 0.0;
-    for (int i = 0; i < rest.n_single + 3 * rest.n_points; ++i) most = fmax(most, fabs(cone_.x[i]));
+    for (int i = 0; i < rest.n_single + 3 * rest.n_points; ++i) most = fmax(most, fabs(f.contacts.cone.x[i]));
     const double none = Tolerance::no_force * most, idle = Tolerance::at_rest * scale;
     for (int i = 0; i < rest.n_single; ++i) {
       const int r = f.rows.row[rest.single[i]];
-      if (f.rows.two_sided[rest.single[i]] || cone_.x[i] > (loose[r] ? none : 0.0)) next[r] = HELD;
-      else if (!loose[r] && cone_.s[i] <= idle) next[r] = IDLE;
-      held.set_reference(r, cone_.x[i]);
+      if (f.rows.two_sided[rest.single[i]] || f.contacts.cone.x[i] > (loose[r] ? none : 0.0)) next[r] = HELD;
+      else if (!loose[r] && f.contacts.cone.s[i] <= idle) next[r] = IDLE;
+      held.set_reference(r, f.contacts.cone.x[i]);
     }
     bool pushes[room(C)];
     for (int c = 0; c < held.n; ++c) pushes[c] = false;
     for (int i = 0; i < rest.n_points; ++i) {
       const int c = rest.point[i], k = rest.n_single + 3 * i;
       auto& own = held.at[c];
-      const double* x = cone_.x + k;
-      const double* s = cone_.s + k;
-      const ContactMode before = own.mode;
+      const double* x = f.contacts.cone.x + k;
+      const double* s = f.contacts.cone.s + k;
       held.in_world(c, x, own.force);
       if (!(x[0] > (loose_point[c] ? none : 0.0))) {
-        const bool stays = !loose_point[c] && s[0] <= idle;
+        const bool stays = s[0] <= idle && !(loose_point[c] && own.mode != PARTED);
         own.mode = stays ? RESTING : PARTED;
         pushes[c] = stays;
         own.moving = false;
@@ -267,7 +270,7 @@ class ContactInstants {
       if (slides_[i]) {
         own.mode = SLIDING;
         for (int d = 0; d < 3; ++d) own.along[d] = along_[i][d];
-      } else if (accelerates > idle || cone_.mu[i] == 0.0) {
+      } else if (accelerates > idle || f.contacts.cone.mu[i] == 0.0) {
         own.mode = SLIDING;
         const double size = sqrt(x[1] * x[1] + x[2] * x[2]);
         const double force[3] = {0.0, size > 0.0 ? x[1] / size : 0.0, size > 0.0 ? x[2] / size : 0.0};
@@ -276,15 +279,15 @@ class ContactInstants {
         own.mode = STICKING;
       }
       own.moving = own.mode == SLIDING && held.sliding_speed(c) > Tolerance::sliding_speed * speed_scale(f);
-      if (own.mode != SLIDING || !(before == SLIDING && strained[c])) own.since = f.t;
+      if (!own.moving) own.since = f.t;
     }
     for (int c = 0; c < held.n; ++c)
       if (!pushes[c]) held.at[c].mode = PARTED;
   }
 
-  Cone cone_;
   bool slides_[room(C)];
-  double along_[room(C)][3];
+  double given_[2 * room(C)];  // directions of sliding points in their tangents
+  double along_[room(C)][3];   // and in the world
 };
 
 }  // namespace fan

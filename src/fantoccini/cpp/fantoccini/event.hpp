@@ -207,6 +207,7 @@ struct EventRun : EventInstants<Model> {
         growth_cap = 1.0;
         continue;
       }
+      flow.redistribute();
       const double found = guards.suspicious(s);
       if (found <= 0.0) return accept(s, reaches ? target : flow.t + s, out);
       const double at = guards.locate(found);

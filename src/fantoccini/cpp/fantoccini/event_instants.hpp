@@ -255,7 +255,7 @@ struct EventInstants {
     if constexpr (!F::touches) return RUNNING;
     else {
       auto& held = flow.contacts;
-      event_rate.note(flow.t, -1);  // whether or not it ends in an event, so that none go on for ever
+      event_rate.note(flow.t, -1, EventRateTolerances::of_contact);  // whether or not it ends in an event, so that none go on for ever
       held.take_closed(flow, flow.y, flow.y + NQ, most);
       Situation s = present();
       bool loose[room(C)], strained[room(C)], struck[room(C)], touched[room(C)], any_struck = false;
@@ -339,8 +339,10 @@ struct EventInstants {
     if (!legal) {
       held.set_forces(chosen);
       refresh();
+      flow.redistribute();
     }
     held.keep_forces(flow);
+    held.redistributed = false;
   }
 
   // Follows the directions of sliding points, and tells of pairs that have begun to slide.
@@ -348,6 +350,8 @@ struct EventInstants {
     if constexpr (F::touches) {
       auto& held = flow.contacts;
       if (!held.active()) return;
+      if (held.redistributed) held.keep_forces(flow);
+      held.redistributed = false;
       held.anchor();
       for (int c = 0; c < held.n; ++c) {
         auto& own = held.at[c];

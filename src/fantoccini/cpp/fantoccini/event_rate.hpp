@@ -12,16 +12,18 @@ struct EventRateTolerances {
   static constexpr double max_interval = 1e-6;
   // Events in one count: more than any cascade has.
   static constexpr long long max_events = 10000;
+  // Events as which an instant with contact counts: it takes as many times as long.
+  static constexpr int of_contact = 10;
 };
 
 template <int M>
 struct EventRate {
   long long of_row[room(M)] = {};  // events since the count began
 
-  // Counts an event of a row, -1 for none, at t.
-  void note(double t, int row) {
+  // Counts an event of a row, -1 for none, at t, as `weight` events.
+  void note(double t, int row, int weight = 1) {
     if (n_ == 0 || t - begun_ > EventRateTolerances::max_interval * double(n_)) begin(t);
-    ++n_;
+    n_ += weight;
     if (row >= 0) ++of_row[row];
   }
 

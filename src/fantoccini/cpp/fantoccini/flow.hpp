@@ -354,6 +354,12 @@ struct Flow {
     return -1.0;
   }
 
+  // Other forces with the same motion, where those of the latest evaluation are not legal.
+  void redistribute() {
+    if constexpr (touches)
+      if (contacts.holds()) contacts.redistribute(*this);
+  }
+
   // m/s: how fast the solids of the deepest overlap close.
   double closing() const {
     if constexpr (touches) return contacts.closing;

@@ -153,6 +153,7 @@ struct Guards {
   double guard_at(double s) {
     flow.stages(s);
     flow.finish(s);
+    flow.redistribute();
     return worst();
   }
 

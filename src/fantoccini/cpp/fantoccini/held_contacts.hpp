@@ -33,15 +33,17 @@ struct HeldContactTolerances {
   // m: overlap above which a point that has just parted touches again, and distance at which one
   // without force no longer rests.
   static constexpr double caught = 1e-13, strayed = 1e-11;
+  // m: rounding of a gap.
+  static constexpr double rounding = 1e-15;
   // m: gap above which a parted point is an open one.
   static constexpr double open_gap = 1e-14;
+  // m/s: a parted point that opens faster is open soon.
+  static constexpr double leaving_speed = 1e-8;
   // m/s: a point slides no longer where u falls to this along its direction.
   static constexpr double stopped = 1e-10;
   // Least normal influence of a sliding point's force, relative to that without friction: below,
   // friction jams (Painleve).
   static constexpr double least_influence = 1e-6;
-  // s: a point that reached its cone no longer ago than this has just reached it.
-  static constexpr double same_instant = 1e-10;
   // Raise of the diagonal, relative to it, and refinements that take its effect away again.
   static constexpr double raise = 1e-8;
   static constexpr int refinements = 4;
@@ -64,6 +66,7 @@ class HeldContacts {
     bool moving;       // slides faster than Tolerance::stopped
     bool told;         // its sliding is among the events
     bool fresh;        // touches since this instant
+    bool leaves;       // springs back from it
     double along[3];   // of friction on the first solid where it slides, in the world
     double force[3];   // at the last event, in the world
     double over;       // m: overlap that a parted point has from the start
@@ -81,6 +84,9 @@ class HeldContacts {
   double overlap = -unbounded, closing = 0.0;  // of the point that is deepest, and how fast
   double safe = unbounded;                     // s: until solids might pass through one another
   double friction = 0.0;                       // W
+
+  ConeProblem<R> cone;  // for whoever chooses forces or impulses
+  bool redistributed = false;  // whether redundant forces were found anew at the latest evaluation
 
   bool active() const { return in && n > 0; }
 
@@ -118,7 +124,7 @@ class HeldContacts {
           hdot[3 * c + d] = sum;
         }
         if (at[c].mode != PARTED) continue;
-        over -= at[c].over + Tolerance::caught;
+        over -= at[c].over + (at[c].leaves ? Tolerance::rounding : Tolerance::caught);
       }
       if (over > overlap) {
         overlap = over;
@@ -175,19 +181,30 @@ class HeldContacts {
       const double strays = fabs(gap[c]) - own.over - Tolerance::strayed;
       return parts > strays ? parts : strays;
     }
-    const double lifts = -x[i] / f.weight() - Tolerance::negligible_force;
-    const double mu = in->friction[own.pair];
-    if (own.mode == STICKING) {
-      const double size = sqrt(x[i + 1] * x[i + 1] + x[i + 2] * x[i + 2]);
-      const double slips = (size - mu * x[i]) / f.weight() - Tolerance::negligible_force;
-      return lifts > slips ? lifts : slips;
-    }
-    if (mu == 0.0) return lifts;
+    const double forces = excess(f, c);
+    if (own.mode == STICKING || in->friction[own.pair] == 0.0) return forces;
     const double speed = along(c);
     const double stops = own.moving ? Tolerance::stopped - speed : -speed - Tolerance::stopped;
     const double jams = Tolerance::least_influence - influence(c);
-    const double worst = lifts > stops ? lifts : stops;
+    const double worst = forces > stops ? forces : stops;
     return worst > jams ? worst : jams;
+  }
+
+  // By how much point c's force is illegal, relative to the weight.
+  template <class F>
+  double excess(const F& f, int c) const {
+    const double* own = x + 3 * c;
+    const double lifts = -own[0] / f.weight() - Tolerance::negligible_force;
+    if (at[c].mode != STICKING) return lifts;
+    const double size = sqrt(own[1] * own[1] + own[2] * own[2]);
+    const double slips =
+        (size - in->friction[at[c].pair] * own[0]) / f.weight() - Tolerance::negligible_force;
+    return lifts > slips ? lifts : slips;
+  }
+
+  template <class F>
+  bool breaks(const F& f, int c) const {
+    return excess(f, c) > 0.0;
   }
 
   // The normal influence of sliding point c's force, relative to that without friction.
@@ -223,7 +240,7 @@ class HeldContacts {
       if (from.gap > most || place(from.pair, from.feature) >= 0) continue;
       bool told = false;
       for (int c = 0; c < n; ++c) told = told || (meet(at[c].pair, from.pair) && at[c].told);
-      at[n++] = {from.pair, from.feature, PARTED, false, told, true, {0.0, 0.0, 0.0},
+      at[n++] = {from.pair, from.feature, PARTED, false, told, true, false, {0.0, 0.0, 0.0},
                  {0.0, 0.0, 0.0}, from.gap < 0.0 ? -from.gap : 0.0, f.t};
       more = true;
     }
@@ -235,7 +252,63 @@ class HeldContacts {
 
   // Points without force may keep the distance that they have after an event.
   void accept_overlaps() {
-    for (int c = 0; c < n; ++c) at[c].over = at[c].mode == RESTING ? fabs(gap[c]) : fmax(-gap[c], 0.0);
+    for (int c = 0; c < n; ++c) {
+      at[c].over = at[c].mode == RESTING ? fabs(gap[c]) : fmax(-gap[c], 0.0);
+      at[c].leaves = hdot[3 * c] < -Tolerance::leaving_speed;
+    }
+  }
+
+  // Looks for other forces with the same motion where those of redundant points are not legal; so
+  // that a mode ends only where no forces keep it. The latest evaluation must be f's.
+  template <class F>
+  void redistribute(F& f) {
+    redistributed = false;
+    bool needed = false;
+    for (int c = 0; c < n; ++c)
+      needed = needed || ((at[c].mode == STICKING || at[c].mode == SLIDING) && found_[c] && breaks(f, c));
+    for (int a = 0; a < n_single_; ++a) {
+      const int r = f.rows.row[a];
+      needed = needed || (f.row_state[r] == HELD && !f.rows.two_sided[a] && y_[a] < 0.0);
+    }
+    if (!needed) return;
+    int of[room(R)], n_own = 0, n_points = 0;
+    bool slides[room(C)];
+    double along[2 * room(C)];
+    for (int a = 0; a < n_single_; ++a)
+      if (f.row_state[f.rows.row[a]] == HELD) of[n_own++] = a;
+    cone.n_single = n_own;
+    for (int c = 0; c < n; ++c) {
+      if (at[c].mode != STICKING && at[c].mode != SLIDING) continue;
+      slides[n_points] = at[c].mode == SLIDING;
+      along[2 * n_points] = direction_[c][0];
+      along[2 * n_points + 1] = direction_[c][1];
+      cone.mu[n_points++] = in->friction[at[c].pair];
+      for (int d = 0; d < 3; ++d) of[n_own++] = n_single_ + 3 * c + d;
+    }
+    cone.n_contacts = n_points;
+    cone.slides = slides;
+    cone.along = along;
+    for (int i = 0; i < n_own; ++i) {
+      for (int j = 0; j < n_own; ++j) cone.G[i * n_own + j] = G_[of[i] * n_ + of[j]];
+      cone.b[i] = hddot_[of[i]];
+      cone.x[i] = y_[of[i]];
+      cone.lower[i] = i < cone.n_single && f.rows.two_sided[of[i]] ? -unbounded : 0.0;
+      cone.upper[i] = unbounded;
+    }
+    const bool solved = cone.solve();
+    cone.slides = nullptr;
+    if (!solved) return;
+    const double most = Tolerance::parting_acceleration * f.hddot_scale();
+    for (int i = 0; i < n_own; ++i) {
+      const bool tangent = i >= cone.n_single && (i - cone.n_single) % 3 > 0;
+      if (tangent && slides[(i - cone.n_single) / 3]) continue;
+      if (fabs(cone.s[i]) > most) return;
+    }
+    for (int i = 0; i < n_own; ++i) {
+      if (i < cone.n_single) f.tension[f.rows.row[of[i]]] = cone.x[i];
+      else x[of[i] - n_single_] = cone.x[i];
+    }
+    redistributed = true;
   }
 
   // Whether two pairs are of the same two solids.
@@ -306,13 +379,10 @@ class HeldContacts {
     return (at[c].mode == STICKING || at[c].mode == SLIDING) && x[3 * c] / f.weight() <= Tolerance::negligible_force;
   }
 
-  // Whether point c has just reached its cone. Among redundant points one that has must not take
-  // turns with another.
+  // Whether sticking point c has just reached its cone.
   template <class F>
   bool is_strained(const F& f, int c) const {
     const double* own = x + 3 * c;
-    if (at[c].mode == SLIDING)
-      return !at[c].moving && f.t - at[c].since <= Tolerance::same_instant && along(c) > -Tolerance::stopped;
     const double size = sqrt(own[1] * own[1] + own[2] * own[2]);
     return at[c].mode == STICKING &&
            size - in->friction[at[c].pair] * own[0] >= -Tolerance::negligible_force * f.weight();
