@@ -194,6 +194,8 @@ def _where(
         return f"{text} after {len(made)} samples; write fewer with save_at, or allow max_memory"
     if made.blamed:
         text += f", because of {', '.join(made.blamed)}"
+    if made.status is Status.NO_UNIQUE_MOTION and made.contact is not None:
+        text += f", where {_sliding(made)} slide; method='timestepping' goes on with an impulse"
     text += weak_motors(marionette, made)
     last = made.tension.values[-1]
     if np.max(last, initial=0.0) > REPORTING.large_tension * marionette.weight:
@@ -202,6 +204,15 @@ def _where(
     short = lengths < REPORTING.short_length
     gone = [n for n, is_short in zip(made.tension.names, short, strict=True) if is_short]
     return text + "".join(f"; {n}.length is nearly 0" for n in gone)
+
+
+def _sliding(made: Trajectory) -> str:
+    """The pairs that touched at the last samples."""
+    contact = made.contact
+    near = contact.sample >= len(made) - 3 if contact is not None else []
+    if contact is None or not np.any(near):
+        return "solids"
+    return ", ".join(pair_name(contact.names[k]) for k in np.unique(contact.pair[near]))
 
 
 def _collect(

@@ -71,6 +71,7 @@ struct EventRun : EventInstants<Model> {
     for (int r = 0; r < M; ++r) closed_rows.blame[r] = 0.0;
     Status status = this->contact_instant(out, Tolerance::touching_at_start, true);
     if (n_events == 0) impact = 0.0;  // the corrections of the start are not the run's
+    if (status != RUNNING) emit(out);
     if (status == RUNNING) status = watch();
     skip_saved();
     return status;

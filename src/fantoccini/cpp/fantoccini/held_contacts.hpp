@@ -70,6 +70,7 @@ class HeldContacts {
     double along[3];   // of friction on the first solid where it slides, in the world
     double force[3];   // at the last event, in the world
     double over;       // m: overlap that a parted point has from the start
+    double back;       // m/s: how fast one that begins to slide still goes the other way
     double since;      // s: when it began to slide
   };
 
@@ -184,7 +185,7 @@ class HeldContacts {
     const double forces = excess(f, c);
     if (own.mode == STICKING || in->friction[own.pair] == 0.0) return forces;
     const double speed = along(c);
-    const double stops = own.moving ? Tolerance::stopped - speed : -speed - Tolerance::stopped;
+    const double stops = own.moving ? Tolerance::stopped - speed : -speed - own.back - Tolerance::stopped;
     const double jams = Tolerance::least_influence - influence(c);
     const double worst = forces > stops ? forces : stops;
     return worst > jams ? worst : jams;
@@ -241,7 +242,7 @@ class HeldContacts {
       bool told = false;
       for (int c = 0; c < n; ++c) told = told || (meet(at[c].pair, from.pair) && at[c].told);
       at[n++] = {from.pair, from.feature, PARTED, false, told, true, false, {0.0, 0.0, 0.0},
-                 {0.0, 0.0, 0.0}, from.gap < 0.0 ? -from.gap : 0.0, f.t};
+                 {0.0, 0.0, 0.0}, from.gap < 0.0 ? -from.gap : 0.0, 0.0, f.t};
       more = true;
     }
     if (more) {
@@ -254,6 +255,7 @@ class HeldContacts {
   void accept_overlaps() {
     for (int c = 0; c < n; ++c) {
       at[c].over = at[c].mode == RESTING ? fabs(gap[c]) : fmax(-gap[c], 0.0);
+      at[c].back = at[c].mode == SLIDING ? fmax(-along(c), 0.0) : 0.0;
       at[c].leaves = hdot[3 * c] < -Tolerance::leaving_speed;
     }
   }

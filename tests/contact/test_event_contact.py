@@ -1,0 +1,322 @@
+"""Event-driven contact against closed forms, to 1e-8: located touches, lifts, sticks and slides."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import fantoccini as fan
+from contact.bodies import G, on_slope, thrown
+from fantoccini import Status
+
+CLOSE = 1e-8
+"""What the issue of contact asks for."""
+
+
+def of(run: fan.Trajectory, *kinds: str) -> list[fan.EventRecord]:
+    """The events of some kinds."""
+    return [event for event in run.events if event.kind in kinds]
+
+
+def sound(run: fan.Trajectory, residual: float = 1e-8) -> None:
+    """Asserts that the run reached its end, that nothing overlaps and that the ledger closes."""
+    assert run.status is Status.DONE
+    assert run.contact.gap.min(initial=0.0) > -1e-12
+    assert np.max(np.abs(run.ledger["residual"])) < residual
+
+
+@pytest.mark.parametrize("slope", [0.1, 1.0])
+def test_a_block_on_a_slope_below_the_threshold_stays(slope):
+    """Nothing moves; friction holds the weight's part along the slope; corners share it alike."""
+    marionette = on_slope(slope, 1.05 * np.tan(slope))
+    run = fan.simulate(marionette, marionette.state({"body.z": 0.05}), t_end=5.0)
+    sound(run)
+    assert not run.events
+    assert np.max(np.abs(run.q_D - run.q_D[0])) < 1e-12
+    force = run.contact.force_on("body", len(run))
+    assert np.allclose(force, [-G * np.sin(slope), 0.0, G * np.cos(slope)], atol=1e-10)
+
+
+@pytest.mark.parametrize("slope", [0.3, 0.8])
+def test_a_block_above_the_threshold_slides_at_its_acceleration(slope):
+    """a = g (sin - mu cos); friction takes mu N times the way."""
+    mu = 0.6 * np.tan(slope)
+    marionette, a = on_slope(slope, mu), G * (np.sin(slope) - mu * np.cos(slope))
+    run = fan.simulate(marionette, marionette.state({"body.z": 0.05}), t_end=0.5)
+    sound(run)
+    assert abs(run["body.x"][-1] - a * 0.125) < CLOSE
+    assert abs(run.ledger["friction"][-1] - mu * G * np.cos(slope) * a * 0.125) < CLOSE
+    assert [event.kind for event in run.events] == ["slide"]
+
+
+@pytest.mark.parametrize("mu", [0.1, 0.7])
+def test_a_block_that_slides_stops_after_its_way(mu):
+    """s = v^2 / (2 mu g), t = v / (mu g)."""
+    marionette, speed = on_slope(0.0, mu), np.hypot(1.0, 0.7)
+    x0 = thrown(marionette, {"body.z": 0.05}, {"body.x": 1.0, "body.y": 0.7})
+    run = fan.simulate(marionette, x0, t_end=1.2 * speed / (mu * G))
+    sound(run)
+    assert abs(np.hypot(run["body.x"][-1], run["body.y"][-1]) - speed**2 / (2 * mu * G)) < CLOSE
+    [stick] = of(run, "stick")
+    assert abs(stick.t - speed / (mu * G)) < CLOSE
+    assert np.max(np.abs(run.v_D[-1])) < 1e-12
+
+
+def test_a_block_pushed_up_a_steep_slope_turns_and_slides_back():
+    """Friction reverses where the block does, which is an event."""
+    slope, mu, v = 0.5, 0.3, 2.0
+    run = fan.simulate(
+        on_slope(slope, mu), thrown(on_slope(slope, mu), {"body.z": 0.05}, {"body.x": -v}),
+        t_end=1.5,
+    )  # fmt: skip
+    sound(run)
+    up, down = (G * (np.sin(slope) + sign * mu * np.cos(slope)) for sign in (1, -1))
+    first, back = of(run, "slide")
+    assert first.t == 0.0 and abs(back.t - v / up) < CLOSE
+    exact = -(v**2) / (2 * up) + down * (1.5 - v / up) ** 2 / 2
+    assert abs(run["body.x"][-1] - exact) < CLOSE
+
+
+def test_a_ball_thrown_sliding_comes_to_roll_at_five_sevenths_of_its_speed():
+    """v = 5/7 v0 from t = 2 v0 / (7 mu g) on; friction takes 1/7 of the energy."""
+    marionette = on_slope(0.0, 0.3, "sphere")
+    run = fan.simulate(marionette, thrown(marionette, {"body.z": 0.1}, {"body.x": 2.0}), t_end=0.5)
+    sound(run)
+    roll = 2 * 2.0 / (7 * 0.3 * G)
+    way = 2.0 * roll - 0.3 * G * roll**2 / 2 + 10.0 / 7.0 * (0.5 - roll)
+    assert abs(run["v:body.x"][-1] - 10.0 / 7.0) < CLOSE
+    assert abs(run["body.x"][-1] - way) < CLOSE
+    assert abs(run.ledger["friction"][-1] - 0.5 * 2.0**2 * 2 / 7) < CLOSE
+    assert abs(of(run, "stick")[0].t - roll) < CLOSE
+
+
+def test_a_hoop_with_backspin_comes_back():
+    """For I = m r^2: v = (v0 - r w0) / 2 when it rolls."""
+    marionette = on_slope(0.0, 0.4, "sphere", mass="1", inertia="[0.01, 0.01, 0.01]")
+    x0 = thrown(marionette, {"body.z": 0.1}, {"body.x": 1.0, "body.wy": -30.0})
+    run = fan.simulate(marionette, x0, t_end=1.0)
+    sound(run)
+    assert abs(run["v:body.x"][-1] + 1.0) < CLOSE
+
+
+def test_a_ball_with_restitution_comes_to_rest_when_its_bounces_accumulate():
+    """Speeds fall by e from bounce to bounce; all end at t = v/g (1 + 2 e / (1 - e))."""
+    marionette = fan.loads("""
+puppet: ball
+floor: 0
+contact: {restitution: 0.7}
+bodies:
+- {name: body, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mass: 1}]}
+""")
+    run = fan.simulate(marionette, marionette.state({"body.z": 1.1}), t_end=4.0)
+    sound(run)
+    v = np.sqrt(2 * G)
+    touches = of(run, "touch")
+    assert np.allclose([event.speed for event in touches[:20]], v * 0.7 ** np.arange(20), rtol=1e-7)
+    [end] = of(run, "accumulation")
+    assert abs(end.t - v / G * (1 + 2 * 0.7 / 0.3)) < CLOSE
+    assert abs(run["body.z"][-1] - 0.1) < 1e-12
+    assert np.isclose(run.ledger["impact"][-1], G, atol=CLOSE)
+
+
+def test_a_ladder_leaves_the_wall_at_two_thirds_of_its_height():
+    """Without friction a ladder's top leaves the wall at 2/3 of the height it began at."""
+    marionette = fan.loads("""
+puppet: ladder
+floor: 0
+contact: {friction: 0}
+obstacles:
+- {name: wall, type: box, size: [2, 4, 8], at: [-1, 0, 0]}
+bodies:
+- name: rod
+  joint: {type: free}
+  shapes: [{type: capsule, from: [0, 0, -0.5], to: [0, 0, 0.5], radius: 0.001}]
+  mass: 1
+  inertia: [0.083333333333333333, 0.083333333333333333, 1.0e-4]
+""")
+    angle = np.deg2rad(70.0)
+    tilt = np.pi / 2 - angle
+    x0 = marionette.state({
+        "rod.x": 0.5 * np.cos(angle) + 0.001, "rod.z": 0.5 * np.sin(angle) + 0.001,
+        "rod.rotation": (np.cos(tilt / 2), 0.0, -np.sin(tilt / 2), 0.0),
+    })  # fmt: skip
+    run = fan.simulate(marionette, x0, t_end=0.55)
+    sound(run)
+    [lift] = of(run, "lift")
+    assert lift.name == "rod|wall"
+    height = run["rod.z"][np.searchsorted(run.t, lift.t)] - 0.001
+    assert abs(height - 0.5 * np.sin(angle) * 2 / 3) < CLOSE
+
+
+@pytest.mark.parametrize("mu", [0.2, 0.4, 0.6])
+def test_a_rod_that_falls_first_slips_where_its_forces_leave_the_cone(mu):
+    """A rod with a round foot of radius r rolls; |F| = mu N, both from its energy, is a root."""
+    r, start = 1e-3, 1e-2
+    marionette = fan.loads(f"""
+puppet: pencil
+floor: 0
+contact: {{friction: {mu}}}
+bodies:
+- name: rod
+  joint: {{type: free}}
+  shapes: [{{type: sphere, radius: {r}, at: [0, 0, -0.5]}}]
+  mass: 1
+  inertia: [0.083333333333333333, 0.083333333333333333, 1.0e-6]
+""")
+    x0 = marionette.state({
+        "rod.x": 0.5 * np.sin(start), "rod.z": 0.5 * np.cos(start) + r,
+        "rod.rotation": (np.cos(start / 2), 0.0, np.sin(start / 2), 0.0),
+    })  # fmt: skip
+    run = fan.simulate(marionette, x0, t_end=2.4)
+    assert run.status is Status.DONE
+    slide = of(run, "slide")[0]
+    found = 2 * np.arcsin(run["rod.qy"][np.searchsorted(run.t, slide.t)])
+
+    def excess(angle: float) -> float:
+        """|F| - mu N of the rod that rolls: T = A(angle) w^2 / 2, V = g cos(angle) / 2."""
+        s, c = np.sin(angle), np.cos(angle)
+        A = (r + c / 2) ** 2 + s**2 / 4 + 1 / 12
+        dA = -r * s
+        squared = G * (np.cos(start) - c) / A
+        acc = (G * s / 2 - dA * squared / 2) / A
+        F = (r + c / 2) * acc - s / 2 * squared
+        N = G - s / 2 * acc - c / 2 * squared
+        return float(abs(F) - mu * N)
+
+    angles = np.linspace(start, np.pi / 2, 2001)
+    first = int(np.argmax([excess(a) > 0.0 for a in angles]))
+    assert abs(found - brentq(excess, angles[first - 1], angles[first], xtol=1e-14)) < CLOSE
+
+
+def test_a_rocking_block_loses_housners_share_at_every_impact():
+    """Angular velocity after over before is 1 - 3/2 sin^2 a, tan a = width over height."""
+    marionette = fan.loads("""
+puppet: rocker
+floor: 0
+contact: {friction: 5}
+bodies:
+- name: block
+  joint: {type: free}
+  shapes: [{type: box, size: [0.1, 0.3, 0.5], mass: 1}]
+""")
+    lean, a = 0.05, np.arctan(0.1 / 0.5)
+    R = 0.5 * np.hypot(0.1, 0.5)
+    x0 = marionette.state({
+        "block.x": 0.05 - R * np.sin(a - lean), "block.z": R * np.cos(a - lean),
+        "block.rotation": (np.cos(lean / 2), 0.0, np.sin(lean / 2), 0.0),
+    })  # fmt: skip
+    run = fan.simulate(marionette, x0, t_end=1.2)
+    sound(run)
+    impacts = of(run, "touch")
+    assert len(impacts) == 5
+    for impact in impacts:
+        w = run["v:block.wy"][np.abs(run.t - impact.t) < 1e-12]
+        assert abs(w[-1] / w[0] - (1 - 1.5 * np.sin(a) ** 2)) < CLOSE
+
+
+def test_two_balls_that_meet_keep_their_momentum():
+    """Inelastic, off-centre and with friction: momentum to rounding, energy never up."""
+    marionette = fan.loads("""
+puppet: billiard
+gravity: [0, 0, 0]
+contact: {friction: 0.3}
+bodies:
+- {name: a, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mass: 1}]}
+- {name: b, joint: {type: free}, shapes: [{type: sphere, radius: 0.07, mass: 0.3}]}
+""")
+    x0 = thrown(
+        marionette, {"a.x": -0.5, "a.y": 0.03, "b.x": 0.2, "b.z": 0.05},
+        {"a.x": 2.0, "a.wz": 9.0, "b.x": -1.0, "b.y": 0.1},
+    )  # fmt: skip
+    run = fan.simulate(marionette, x0, t_end=1.0)
+    sound(run, 1e-12)
+    momentum = np.array([marionette.momentum(run.state(i)) for i in (0, len(run) - 1)])
+    assert np.allclose(momentum[0], momentum[1], atol=1e-12)
+    assert np.all(np.diff(run.ledger["kinetic"]) < 1e-12)
+    assert [event.kind for event in run.events] == ["touch", "lift"]
+
+
+def test_two_hung_bobs_collide_with_their_strings_as_one_problem():
+    """The strings take part in the impact; the energy never rises and the strings stay exact."""
+    marionette = fan.loads("""
+puppet: bobs
+contact: {friction: 0.3, restitution: 0.5}
+bodies:
+- {name: a, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mass: 1}]}
+- {name: b, joint: {type: free}, shapes: [{type: sphere, radius: 0.07, mass: 0.3}]}
+strings:
+- {name: sa, path: [{body: a}, {world: [0, 0, 1]}], length: 1}
+- {name: sb, path: [{body: b}, {world: [0.17, 0, 1]}], length: 1}
+""")
+    x0 = marionette.state({"a.x": -0.6, "a.z": 0.2, "b.x": 0.17, "b.z": 0.0})
+    run = fan.simulate(marionette, x0, t_end=3.0)
+    sound(run)
+    energy = run.ledger["kinetic"] + run.ledger["potential"]
+    assert np.all(np.diff(energy) < 1e-9)
+    assert run.violation.values.max() < 1e-12
+    assert len(of(run, "touch")) >= 3
+    speed = np.sqrt(2 * G * 0.2)
+    assert abs(of(run, "touch")[0].speed - speed) < CLOSE
+
+
+HEAP = """
+puppet: heap
+floor: 0
+contact: {friction: %s, restitution: %s}
+obstacles:
+- {name: post, type: box, size: [0.1, 0.1, 0.6], at: [0.3, 0.05, 0.3]}
+bodies:
+- {name: a, joint: {type: free}, shapes: [{type: box, size: [0.2, 0.3, 0.1], mass: 1}]}
+- {name: b, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mass: 1}]}
+- name: c
+  joint: {type: free}
+  shapes: [{type: capsule, from: [-0.15, 0, 0], to: [0.15, 0, 0], radius: 0.05, mass: 0.5}]
+- {name: d, joint: {type: free}, shapes: [{type: ellipsoid, radii: [0.1, 0.15, 0.08], mass: 0.7}]}
+"""
+
+
+@pytest.mark.parametrize(("friction", "restitution"), [(0.5, 0.0), (0.5, 0.5)])
+def test_a_random_heap_comes_to_rest_or_says_why_not(friction, restitution):
+    """Nothing overlaps, the books close, and a run that stops has a status of its own."""
+    marionette, rng = fan.loads(HEAP % (friction, restitution)), np.random.default_rng(3)
+    arrived = 0
+    for _ in range(3):
+        place, speed = {}, {}
+        for i, name in enumerate("abcd"):
+            place |= {f"{name}.x": rng.uniform(-0.2, 0.2), f"{name}.z": 0.3 + 0.4 * i}
+            speed |= {f"{name}.{axis}": rng.uniform(-2, 2) for axis in "xyz"}
+        run = fan.simulate(marionette, thrown(marionette, place, speed), t_end=2.0, throw=False)
+        assert run.status in (Status.DONE, Status.TOO_MANY_EVENTS, Status.NO_UNIQUE_MOTION)
+        arrived += run.status is Status.DONE
+        assert run.contact.gap.min(initial=0.0) > -1e-9
+        if run.status is Status.DONE:
+            assert np.max(np.abs(run.ledger["residual"])) < 1e-6
+        assert np.all(np.isfinite(run.q_D))
+    assert arrived >= 1
+
+
+def test_a_rod_dragged_into_a_rough_floor_jams_by_name():
+    """Painleve: above mu = 4/3 friction can jam a sliding rod, which then has no unique motion."""
+    marionette = fan.loads("""
+puppet: painleve
+floor: 0
+contact: {friction: 2.5}
+bodies:
+- name: rod
+  joint: {type: free}
+  shapes: [{type: sphere, radius: 0.001, at: [0, 0, -0.5]}]
+  mass: 1
+  inertia: [0.083333333333333333, 0.083333333333333333, 1.0e-4]
+""")
+    lean = 0.6
+    x0 = thrown(
+        marionette,
+        {"rod.x": -0.5 * np.sin(lean), "rod.z": 0.5 * np.cos(lean) + 0.001,
+         "rod.rotation": (np.cos(lean / 2), 0.0, -np.sin(lean / 2), 0.0)},
+        {"rod.x": 3.0},
+    )  # fmt: skip
+    run = fan.simulate(marionette, x0, t_end=1.0, throw=False)
+    assert run.status is Status.NO_UNIQUE_MOTION
+    with pytest.raises(fan.SimulationError, match="rod|floor"):
+        fan.simulate(marionette, x0, t_end=1.0)
