@@ -117,13 +117,34 @@ def test_copies_of_a_stepper_go_on_to_the_same_bits(box):
         assert np.array_equal(other.contacts, stepper.contacts)
 
 
-@pytest.mark.parametrize("method", ["event", "variational"])
-def test_methods_that_know_no_contact_say_so(box, method):
+def test_methods_that_know_no_contact_say_so(box):
     x = box.state({"body.z": 0.5})
-    with pytest.raises(fan.StateError, match="take method='timestepping'"):
-        fan.simulate(box, x, t_end=0.1, method=method)
+    with pytest.raises(fan.StateError, match="take method='event' or 'timestepping'"):
+        fan.simulate(box, x, t_end=0.1, method="variational")
     with pytest.raises(fan.StateError, match="contact: false"):
-        fan.simulate_batch(box, [x], t_end=0.1, method=method)
+        fan.simulate_batch(box, [x], t_end=0.1, method="variational")
+    with pytest.raises(fan.StateError, match="external integrators does not know"):
+        fan.simulate(box, x, t_end=0.1, method=fan.Event(integrator="DOP853"))
+
+
+def test_sensitivities_end_where_solids_touch(box):
+    """They hold for a run in the air; one with a touch is refused."""
+    x = box.state({"body.z": 0.5})
+    assert fan.sensitivity(box, x, t_end=0.1).run.contact is not None
+    with pytest.raises(fan.StateError, match="solids touch in this run"):
+        fan.sensitivity(box, x, t_end=1.0)
+
+
+def test_event_driven_contact_knows_no_slipping_winches():
+    puppet = fan.loads("""
+puppet: winched
+floor: -1
+contact: true
+bodies: [{name: bob, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mass: 1}]}]
+strings: [{name: rope, path: [{body: bob}, {world: [0, 0, 1]}], length: 1, max_tension: 20}]
+""")
+    with pytest.raises(fan.StateError, match=r"rope\. method='event' does not know both together"):
+        fan.simulate(puppet, puppet.state({}), t_end=0.1)
 
 
 def test_derivatives_know_no_contact_and_say_so_where_solids_touch(box):

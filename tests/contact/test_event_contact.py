@@ -318,5 +318,5 @@ bodies:
     )  # fmt: skip
     run = fan.simulate(marionette, x0, t_end=1.0, throw=False)
     assert run.status is Status.NO_UNIQUE_MOTION
-    with pytest.raises(fan.SimulationError, match="rod|floor"):
+    with pytest.raises(fan.SimulationError, match="Painlev"):
         fan.simulate(marionette, x0, t_end=1.0)

@@ -12,6 +12,7 @@ from fantoccini.marionette.checks import (
     check_starts,
     check_step,
     count_samples,
+    refuse_contact,
 )
 from fantoccini.marionette.critical_step import critical_step_of_tensions
 from fantoccini.marionette.dynamics import ForwardDynamics
@@ -88,5 +89,6 @@ __all__ = [
     "load",
     "loads",
     "may_be_redundant",
+    "refuse_contact",
     "warnings",
 ]

@@ -165,6 +165,15 @@ def check_starts(model: Model, states: States, method: str = "event") -> None:
         )
 
 
+def refuse_contact(model: Model, what: str) -> None:
+    """Raises StateError where a puppet has contact, which ``what`` does not know."""
+    if model.puppet.touching is not None:
+        raise StateError(
+            f"{model.name} has contact, which {what} does not know; write contact: false in its "
+            "file"
+        )
+
+
 def _check_contact(model: Model, states: States, method: str) -> None:
     """Raises StateError where a method knows no contact, or solids overlap at the start."""
     if model.puppet.touching is None:

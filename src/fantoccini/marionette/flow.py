@@ -6,7 +6,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import SimulationError, Status
-from fantoccini.marionette.checks import bind_input, check_start
+from fantoccini.marionette.checks import bind_input, check_start, refuse_contact
 from fantoccini.marionette.model import Model
 from fantoccini.motion import Input, State
 from fantoccini.runtime import ExternalRun
@@ -44,6 +44,7 @@ class Flow:
     """
 
     def __init__(self, model: Model, x0: State, inputs: Input | None = None):
+        refuse_contact(model, "the flow for external integrators")
         check_start(model, x0)
         given = Input.hold(model, _HOLD_TIME).shifted(x0.t) if inputs is None else inputs
         self._inputs = bind_input(model, given, x0.q_K, x0.v_K, x0.t, x0.t)

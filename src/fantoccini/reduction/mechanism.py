@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from fantoccini.arrays import Array
 from fantoccini.errors import Mistake, PuppetError
-from fantoccini.marionette import Marionette
+from fantoccini.marionette import Marionette, refuse_contact
 from fantoccini.motion import Input, State, Trajectory
 from fantoccini.motion.pieces import channel_names
 from fantoccini.motion.tangent import between
@@ -42,7 +42,9 @@ class Mechanism:
 
         Raises:
             PuppetError: it has no driven coordinates.
+            StateError: it has contact.
         """
+        refuse_contact(marionette.model, "reduction")
         puppet = marionette.model.described
         mixed = Marionette(
             puppet.model_copy(update={"drives": ()}), marionette.model.compiled.progress

@@ -26,6 +26,7 @@ from fantoccini.marionette import (
     check_step,
     contradiction,
     first_excess_tension,
+    refuse_contact,
 )
 from fantoccini.motion import (
     Columns,
@@ -122,6 +123,8 @@ def simulate(
     check_marionette(marionette)
     check_one_run(x0, inputs)
     model = marionette.model
+    if integrator is not None:
+        refuse_contact(model, "the flow for external integrators")
     options = model.run_options(
         **chosen.options, save_steps=save_at is None, max_memory=max_memory,
         save_every=1 if save_every is None else save_every,

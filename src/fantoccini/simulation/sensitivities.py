@@ -11,7 +11,7 @@ import numpy as np
 from fantoccini.arrays import Array, Indices, Times, check_positive
 from fantoccini.errors import InputError, Mistake, StateError
 from fantoccini.marionette import Marionette, bind_input
-from fantoccini.motion import Input, InputDerivative, State, Trajectory
+from fantoccini.motion import EventKind, Input, InputDerivative, State, Trajectory
 from fantoccini.simulation.catch import Catch, Passage
 from fantoccini.simulation.input_piece import InputPiece, InputVariation
 from fantoccini.simulation.run import simulate
@@ -93,7 +93,7 @@ def sensitivity(
         rtol, atol: of the integration of state and derivatives.
 
     Raises:
-        StateError: a winch slips, which has no derivative here.
+        StateError: a winch slips, or solids touch, which has no derivative here.
         SimulationError: the run stopped.
     """
     check_positive(rtol=rtol, atol=atol)
@@ -105,6 +105,12 @@ def sensitivity(
         raise StateError(
             f"the winch of {', '.join(names)} slips in this run; sensitivities go through releases "
             "and catches only: raise max_tension, or let the run end earlier"
+        )
+    touching = run.contact is not None and len(run.contact) > 0
+    if touching or any(event.kind is EventKind.TOUCH for event in run.events):
+        raise StateError(
+            "solids touch in this run; sensitivities go through releases and catches only: let the "
+            "run end earlier, or write contact: false in the file"
         )
     t_end = inputs.end if t_end is None else float(t_end)
     bound = bind_input(marionette.model, inputs, x0.q_K, x0.v_K, x0.t, t_end)

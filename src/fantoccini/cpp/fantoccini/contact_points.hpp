@@ -298,8 +298,9 @@ class ContactPoints {
 
   static double smallest_size(const Solid& x) {
     if (x.kind == HALF_SPACE) return unbounded;
-    if (x.kind == BOX || is_ellipsoid(x)) return fmin(x.half[0], fmin(x.half[1], x.half[2])) + (x.kind == BOX ? x.radius : 0.0);
-    return x.radius;
+    if (x.kind != BOX && !is_ellipsoid(x)) return x.radius;
+    const double half = fmin(x.half[0], fmin(x.half[1], x.half[2]));
+    return x.kind == BOX ? half + x.radius : half;
   }
 
   static Ball around(const Solid& y) {

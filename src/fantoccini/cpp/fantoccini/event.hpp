@@ -108,7 +108,7 @@ struct EventRun : EventInstants<Model> {
     memory.keep(flow.t, flow.y, flow.row_state, flow.slip, flow.slip_time, flow.motors);
     memory.keep(closed_rows, detector, accumulation, event_rate, impact, blame, step_size);
     memory.keep(n_steps, n_events, stuck, at_break_, loosened_);
-    if constexpr (F::touches) flow.contacts.remember(memory);
+    flow.contacts.remember(memory);
     guards.remember(memory);
   }
 
@@ -208,7 +208,7 @@ struct EventRun : EventInstants<Model> {
         growth_cap = 1.0;
         continue;
       }
-      flow.redistribute();
+      flow.contacts.redistribute(flow);
       const double found = guards.suspicious(s);
       if (found <= 0.0) return accept(s, reaches ? target : flow.t + s, out);
       const double at = guards.locate(found);

@@ -92,10 +92,7 @@ struct EventInstants {
   }
 
   // Whether points of contact are followed.
-  bool followed() const {
-    if constexpr (F::touches) return flow.contacts.active();
-    return false;
-  }
+  bool followed() const { return flow.contacts.active(); }
 
   // Whether solids touch, or points are followed, at (t, y), the flow's latest evaluation.
   bool in_contact(double most = Tolerance::touching) const {
@@ -255,7 +252,8 @@ struct EventInstants {
     if constexpr (!F::touches) return RUNNING;
     else {
       auto& held = flow.contacts;
-      event_rate.note(flow.t, -1, EventRateTolerances::of_contact);  // whether or not it ends in an event, so that none go on for ever
+      // Whether or not it ends in an event, so that none go on for ever.
+      event_rate.note(flow.t, -1, EventRateTolerances::of_contact);
       held.take_closed(flow, flow.y, flow.y + NQ, most);
       Situation s = present();
       bool loose[room(C)], strained[room(C)], struck[room(C)], touched[room(C)], any_struck = false;
@@ -339,7 +337,7 @@ struct EventInstants {
     if (!legal) {
       held.set_forces(chosen);
       refresh();
-      flow.redistribute();
+      held.redistribute(flow);
     }
     held.keep_forces(flow);
     held.redistributed = false;
@@ -358,7 +356,8 @@ struct EventInstants {
         if (own.told || own.mode != SLIDING || !own.moving || held.in->friction[own.pair] == 0.0)
           continue;
         bool first = true;
-        for (int b = 0; b < held.n; ++b) first = first && !(held.at[b].told && held.meet(held.at[b].pair, own.pair));
+        for (int b = 0; b < held.n; ++b)
+          first = first && !(held.at[b].told && held.meet(held.at[b].pair, own.pair));
         own.told = true;
         if (first) tell(out, own.since, SLIDE, own.pair, 0.0, held.sliding_speed(c));
       }

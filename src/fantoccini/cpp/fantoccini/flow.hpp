@@ -18,8 +18,6 @@
 #include "tableau.hpp"
 #include "winch.hpp"
 
-#include <type_traits>
-
 namespace fan {
 
 struct FlowTolerances {
@@ -63,7 +61,7 @@ struct Flow {
   double slip_time = 0.0;
 
   MotorWatch<Model, double> motors;
-  std::conditional_t<touches, HeldContacts<Model>, NoContacts> contacts;
+  HeldContacts<Model> contacts;
 
   // The latest evaluation: its inputs and results.
   double q_K[room(Model::n_qK)], v_K[room(Model::n_vK)], acc_K[room(Model::n_vK)], u_D[room(N)];
@@ -90,14 +88,13 @@ struct Flow {
     double w[room(N)];
     for (int k = 0; k < N; ++k) w[k] = eval.w0[k];
     double power = eval.power0, slip_power = 0.0, friction = 0.0;
-    if (in_contact(state)) {
-      if constexpr (touches) {
-        contacts.push(*this, state, state + NQ, w, tension, &power);
-        friction = contacts.friction;
-        for (int a = 0; a < n; ++a) {
-          rows.problem.active[a] = false;
-          if (row_state[list[a]] == IDLE) apart[list[a]] = fabs(contacts.after_of_row(a)) / hddot_scale();
-        }
+    if (contacts.look_near(*this, state, state + NQ)) {
+      contacts.push(*this, state, state + NQ, w, tension, &power);
+      friction = contacts.friction;
+      for (int a = 0; a < n; ++a) {
+        rows.problem.active[a] = false;
+        if (row_state[list[a]] != IDLE) continue;
+        apart[list[a]] = fabs(contacts.after_of_row(a)) / hddot_scale();
       }
     } else {
       pull_strings(list, w, &power, &slip_power);
@@ -142,8 +139,7 @@ struct Flow {
   // Whether the held rows are so nearly dependent that a redundant row should be held instead of
   // one of them.
   bool frail() const {
-    if constexpr (touches)
-      if (contacts.active()) return false;
+    if (contacts.active()) return false;
     constexpr int stride = Complementarity<double, M>::N;
     bool redundant = false;
     double least = unbounded, top = 0.0;
@@ -216,7 +212,7 @@ struct Flow {
         stage_lack[i][r] = taut(r) ? lack(r) : eval.height(r);
       }
       for (int d = 0; d < D; ++d) stage_lack[i][M + d] = motors.excess(d);
-      for (int g = ALL; g < GUARDS; ++g) stage_lack[i][g] = contact_guard(g);
+      for (int g = ALL; g < GUARDS; ++g) stage_lack[i][g] = contacts.guard_of(*this, g - ALL);
     }
     combine(dop853::B, dop853::stages, s, end);
     normalise_all<typename Model::Dynamic>(end);
@@ -227,7 +223,7 @@ struct Flow {
   Status finish(double s) {
     evaluate(t + s, end, k[dop853::stages]);
     for (int j = 0; j < NY; ++j) end_rate[j] = k[dop853::stages][j];
-    if (!holds_any()) return RUNNING;
+    if (rows.n == 0 && !contacts.holds()) return RUNNING;
     const Status status = project(t + s, end);
     evaluate(t + s, end, end_rate);
     return status;
@@ -287,9 +283,8 @@ struct Flow {
   // Brings the held rows of `state` at time `at` back to h = 0 and hdot = 0 with the smallest
   // change in the metric of M_DD. The evaluation must be that of (at, state).
   Status project(double at, double* state) {
-    if (!holds_any()) return RUNNING;
-    if constexpr (touches)
-      if (contacts.holds()) return contacts.project(*this, at, state);
+    if (rows.n == 0 && !contacts.holds()) return RUNNING;
+    if (contacts.holds()) return contacts.project(*this, at, state);
     const Status status = pull_back(state);
     if (status != RUNNING) return status;
     double rate[NY];
@@ -344,35 +339,6 @@ struct Flow {
     eval.back(w, move);
   }
 
-  // The guard of the deepest overlap, or of a point of contact (guards.hpp).
-  double contact_guard(int g) const {
-    if constexpr (touches) {
-      if (!contacts.in) return -1.0;
-      if (g == ALL) return contacts.overlap;
-      return g - ALL - 1 < contacts.n ? contacts.guard(*this, g - ALL - 1) : -1.0;
-    }
-    return -1.0;
-  }
-
-  // Other forces with the same motion, where those of the latest evaluation are not legal.
-  void redistribute() {
-    if constexpr (touches)
-      if (contacts.holds()) contacts.redistribute(*this);
-  }
-
-  // m/s: how fast the solids of the deepest overlap close.
-  double closing() const {
-    if constexpr (touches) return contacts.closing;
-    return 0.0;
-  }
-
-  // Whether any row or point of contact is held.
-  bool holds_any() const {
-    if constexpr (touches)
-      if (contacts.holds()) return true;
-    return rows.n > 0;
-  }
-
   // hdot of a row at the latest evaluation, whose velocity must be v_D.
   double rate_of(int r, const double* v_D) const {
     return r < S ? eval.hdot[r] : eval.limit_rate(r - S, v_D);
@@ -396,16 +362,6 @@ struct Flow {
   }
 
  private:
-  // Looks at the points of contact near a state; whether any is followed.
-  bool in_contact(const double* state) {
-    if constexpr (touches) {
-      if (!contacts.in) return false;
-      contacts.look(*this, state, state + NQ);
-      return contacts.active();
-    }
-    return false;
-  }
-
   // The tensions of the gathered rows, `list`, without contact.
   void pull_strings(const int* list, double* w, double* power, double* slip_power) {
     auto& problem = rows.problem;

@@ -88,7 +88,7 @@ struct Guards {
   // A row's guard from the latest evaluation: positive when its state no longer holds. In units
   // that make rows comparable: lengths over the row's scale, tensions over the weight.
   double guard(int r) const {
-    if (r >= F::ALL) return flow.contact_guard(r);
+    if (r >= F::ALL) return flow.contacts.guard_of(flow, r - F::ALL);
     if (r >= M) return flow.motors.excess(r - M);
     if (r < S && Model::wire[r]) return -1.0;
     if (flow.row_state[r] == SLIPPING) {
@@ -153,7 +153,7 @@ struct Guards {
   double guard_at(double s) {
     flow.stages(s);
     flow.finish(s);
-    flow.redistribute();
+    flow.contacts.redistribute(flow);
     return worst();
   }
 
@@ -261,7 +261,8 @@ struct Guards {
       if (side == 1 && g_hi <= met(r)) break;
       double mid = lo - g_lo * (hi - lo) / (g_hi - g_lo);
       if (height && side == 1) {
-        const double rate = r == F::ALL ? flow.closing() : flow.rate_of(r, flow.end + NQ) / flow.row_scale(r);
+        const double rate = r == F::ALL ? flow.contacts.closing
+                                        : flow.rate_of(r, flow.end + NQ) / flow.row_scale(r);
         if (rate > 0.0) mid = hi - (g_hi - 0.5 * Tolerance::catch_root) / rate;
       }
       if (i % 3 == 2) {

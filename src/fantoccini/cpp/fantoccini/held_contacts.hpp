@@ -4,136 +4,59 @@
 //
 // so that the forces x follow from linear equations over the held strings and points,
 //
-//   hddot - G x = 0 along the directions that are held,   G = W^T W,   W = F^-T A_D^T,
+//   hddot - G x = 0 along the directions that are held,   G = W^T W,   W = F^-T A_D^T
 //
-// in the signs of contact_points.hpp (hdot = -u). Redundant points are held as well: of all x the
-// one nearest to the forces at the last event is taken, which are those of least norm where these
-// are legal.
-//
-// gamma, the part of hddot without accelerations, is the derivative of the points' velocities
-// along the motion with velocities frozen, by central differences of order 4 over the narrow phase.
+// Redundant points are held as well: of all x the one nearest to the forces at the last event is
+// taken, which are those of least norm where these are legal; where it is not legal, any other that
+// gives the same motion.
 #pragma once
 
 #include "cone.hpp"
-#include "contact_points.hpp"
 #include "contact_push.hpp"
 #include "correct.hpp"
+#include "directed_rows.hpp"
+#include "followed_points.hpp"
 #include "snapshot.hpp"
 
 namespace fan {
 
-enum ContactMode { PARTED, RESTING, STICKING, SLIDING };
+template <class Model, bool touches = (Model::n_contacts > 0)>
+class HeldContacts : public FollowedPoints<Model> {
+  using Base = FollowedPoints<Model>;
 
-struct HeldContactTolerances {
-  // Part of a turn, or of a solid's size, over which differences are taken: errors of 1e-13.
-  static constexpr double turn = 1e-3;
-  static constexpr double slowest = 1.0;  // 1/s: rates below count as this
-  // Gap within which points are looked at [m].
-  static constexpr double margin = 1e-3;
-  // m: overlap above which a point that has just parted touches again, and distance at which one
-  // without force no longer rests.
-  static constexpr double caught = 1e-13, strayed = 1e-11;
-  // m: rounding of a gap.
-  static constexpr double rounding = 1e-15;
-  // m: gap above which a parted point is an open one.
-  static constexpr double open_gap = 1e-14;
-  // m/s: a parted point that opens faster is open soon.
-  static constexpr double leaving_speed = 1e-8;
-  // m/s: a point slides no longer where u falls to this along its direction.
-  static constexpr double stopped = 1e-10;
-  // Least normal influence of a sliding point's force, relative to that without friction: below,
-  // friction jams (Painleve).
-  static constexpr double least_influence = 1e-6;
-  // Raise of the diagonal, relative to it, and refinements that take its effect away again.
-  static constexpr double raise = 1e-8;
-  static constexpr int refinements = 4;
-  // |hddot| of a resting point, relative to Flow::hddot_scale; a force that is none, to the weight.
-  static constexpr double parting_acceleration = 1e-8, negligible_force = 1e-12;
-};
-
-template <class Model>
-class HeldContacts {
  public:
-  static constexpr int C = Model::n_contacts, N = Model::n_vD, M = Model::n_rows;
+  static constexpr int C = Base::C, N = Base::N, NQ = Base::NQ, M = Model::n_rows;
   static constexpr int R = M + 3 * C;  // rows: strings and limits, then three of every point
-  static constexpr int NQ = Model::n_qD, NQK = Model::n_qK, NK = Model::n_vK;
   using Tolerance = HeldContactTolerances;
-  using Points = ContactPoints<Model, double>;
-
-  struct Contact {
-    int pair, feature;
-    ContactMode mode;
-    bool moving;       // slides faster than Tolerance::stopped
-    bool told;         // its sliding is among the events
-    bool fresh;        // touches since this instant
-    bool leaves;       // springs back from it
-    double along[3];   // of friction on the first solid where it slides, in the world
-    double force[3];   // at the last event, in the world
-    double over;       // m: overlap that a parted point has from the start
-    double back;       // m/s: how fast one that begins to slide still goes the other way
-    double since;      // s: when it began to slide
-  };
-
-  const ContactArrays* in = nullptr;
-  int n = 0;
-  Contact at[room(C)];
-  bool too_many = false;
-
-  // Of the latest evaluation.
-  double gap[room(C)];
-  double hdot[room(3 * C)], x[room(3 * C)], after[room(3 * C)];  // after: hddot with all forces
-  double overlap = -unbounded, closing = 0.0;  // of the point that is deepest, and how fast
-  double safe = unbounded;                     // s: until solids might pass through one another
-  double friction = 0.0;                       // W
+  using Contact = typename Base::Contact;
+  using Base::at, Base::n, Base::in, Base::gap, Base::hdot, Base::x, Base::after, Base::overlap;
+  using Base::along, Base::differ, Base::friction, Base::in_world, Base::too_many;
 
   ConeProblem<R> cone;  // for whoever chooses forces or impulses
   bool redistributed = false;  // whether redundant forces were found anew at the latest evaluation
 
   bool active() const { return in && n > 0; }
 
+  // Whether any point is followed, once those near a state are looked at.
+  template <class F>
+  bool look_near(const F& f, const double* q_D, const double* v_D) {
+    if (!in) return false;
+    this->look(f, q_D, v_D);
+    return active();
+  }
+
+  // The guard of the deepest overlap, or of point slot - 1 (guards.hpp).
+  template <class F>
+  double guard_of(const F& f, int slot) const {
+    if (!in) return -1.0;
+    if (slot == 0) return overlap;
+    return slot - 1 < n ? guard(f, slot - 1) : -1.0;
+  }
+
   bool holds() const {
     for (int c = 0; c < n; ++c)
       if (at[c].mode == STICKING || at[c].mode == SLIDING) return true;
     return false;
-  }
-
-  // Evaluates all points near at a state; f's evaluation, but for accelerations, must be that of it.
-  template <class F>
-  void look(const F& f, const double* q_D, const double* v_D) {
-    points_.pose(*in, q_D, v_D, f.q_K, f.v_K, f.p);
-    points_.look_within(*in, Tolerance::margin);
-    too_many = points_.too_many[0];
-    safe = points_.safe_time(*in);
-    overlap = -Tolerance::margin;
-    closing = 0.0;
-    for (int c = 0; c < n; ++c) found_[c] = false;
-    for (int i = 0; i < points_.n[0]; ++i) {
-      const auto& from = points_.point[0][i];
-      const int c = place(from.pair, from.feature);
-      double over = -from.gap;
-      if (c >= 0) {
-        found_[c] = true;
-        gap[c] = from.gap;
-        for (int d = 0; d < 3; ++d) point_[c][d] = from.at[d];
-        for (int d = 0; d < 9; ++d) frame_[c][d] = from.frame[d];
-        points_.make_rows(*in, i);
-        for (int d = 0; d < 3; ++d) {
-          for (int k = 0; k < N; ++k) row_[3 * c + d][k] = points_.row[3 * i + d][k];
-          rate_K_[3 * c + d] = points_.rate_K[3 * i + d];
-          double sum = rate_K_[3 * c + d];
-          for (int k = 0; k < N; ++k) sum += row_[3 * c + d][k] * v_D[k];
-          hdot[3 * c + d] = sum;
-        }
-        if (at[c].mode != PARTED) continue;
-        over -= at[c].over + (at[c].leaves ? Tolerance::rounding : Tolerance::caught);
-      }
-      if (over > overlap) {
-        overlap = over;
-        double u[3];
-        points_.velocity(*in, i, u);
-        closing = -dot3(u, from.frame);
-      }
-    }
   }
 
   // The forces with the modes frozen. Adds -W x to w and the power of driven solids to `power`;
@@ -147,7 +70,7 @@ class HeldContacts {
     for (int c = 0; c < n; ++c)
       for (int d = 0; d < 3; ++d) reference[n_single_ + 3 * c + d] = dot3(frame_[c] + 3 * d, at[c].force);
     list_unknowns(f, true, true);
-    solve(hddot_, reference, y_);
+    directed_.solve(G_, n_, hddot_, reference, y_);
     friction = 0.0;
     for (int a = 0; a < n_single_; ++a) {
       tension[f.rows.row[a]] = y_[a];
@@ -214,132 +137,6 @@ class HeldContacts {
     const double* d = direction_[c];
     const double mu = in->friction[at[c].pair];
     return 1.0 + mu * (G_[i * n_ + i + 1] * d[0] + G_[i * n_ + i + 2] * d[1]) / G_[i * n_ + i];
-  }
-
-  // What parted points become once they are open, and the directions that sliding ones keep over
-  // zero in the next step. The latest evaluation must be that of the present state.
-  void anchor() {
-    int kept = 0;
-    for (int c = 0; c < n; ++c) {
-      if (at[c].mode == PARTED && (!found_[c] || gap[c] > Tolerance::open_gap)) continue;
-      if (at[c].mode == SLIDING && found_[c] && along(c) > 2.0 * Tolerance::stopped) {
-        at[c].moving = true;
-        direction(c, at[c].along);
-      }
-      at[c].fresh = false;
-      copy(c, kept++);
-    }
-    n = kept;
-  }
-
-  // Adds all points with a gap of at most `most` at the latest evaluation, as parted ones.
-  template <class F>
-  void take_closed(const F& f, const double* q_D, const double* v_D, double most) {
-    bool more = false;
-    for (int i = 0; i < points_.n[0] && n < C; ++i) {
-      const auto& from = points_.point[0][i];
-      if (from.gap > most || place(from.pair, from.feature) >= 0) continue;
-      bool told = false;
-      for (int c = 0; c < n; ++c) told = told || (meet(at[c].pair, from.pair) && at[c].told);
-      at[n++] = {from.pair, from.feature, PARTED, false, told, true, false, {0.0, 0.0, 0.0},
-                 {0.0, 0.0, 0.0}, from.gap < 0.0 ? -from.gap : 0.0, 0.0, f.t};
-      more = true;
-    }
-    if (more) {
-      sort();
-      look(f, q_D, v_D);
-    }
-  }
-
-  // Points without force may keep the distance that they have after an event.
-  void accept_overlaps() {
-    for (int c = 0; c < n; ++c) {
-      at[c].over = at[c].mode == RESTING ? fabs(gap[c]) : fmax(-gap[c], 0.0);
-      at[c].back = at[c].mode == SLIDING ? fmax(-along(c), 0.0) : 0.0;
-      at[c].leaves = hdot[3 * c] < -Tolerance::leaving_speed;
-    }
-  }
-
-  // Looks for other forces with the same motion where those of redundant points are not legal; so
-  // that a mode ends only where no forces keep it. The latest evaluation must be f's.
-  template <class F>
-  void redistribute(F& f) {
-    redistributed = false;
-    bool needed = false;
-    for (int c = 0; c < n; ++c)
-      needed = needed || ((at[c].mode == STICKING || at[c].mode == SLIDING) && found_[c] && breaks(f, c));
-    for (int a = 0; a < n_single_; ++a) {
-      const int r = f.rows.row[a];
-      needed = needed || (f.row_state[r] == HELD && !f.rows.two_sided[a] && y_[a] < 0.0);
-    }
-    if (!needed) return;
-    int of[room(R)], n_own = 0, n_points = 0;
-    bool slides[room(C)];
-    double along[2 * room(C)];
-    for (int a = 0; a < n_single_; ++a)
-      if (f.row_state[f.rows.row[a]] == HELD) of[n_own++] = a;
-    cone.n_single = n_own;
-    for (int c = 0; c < n; ++c) {
-      if (at[c].mode != STICKING && at[c].mode != SLIDING) continue;
-      slides[n_points] = at[c].mode == SLIDING;
-      along[2 * n_points] = direction_[c][0];
-      along[2 * n_points + 1] = direction_[c][1];
-      cone.mu[n_points++] = in->friction[at[c].pair];
-      for (int d = 0; d < 3; ++d) of[n_own++] = n_single_ + 3 * c + d;
-    }
-    cone.n_contacts = n_points;
-    cone.slides = slides;
-    cone.along = along;
-    for (int i = 0; i < n_own; ++i) {
-      for (int j = 0; j < n_own; ++j) cone.G[i * n_own + j] = G_[of[i] * n_ + of[j]];
-      cone.b[i] = hddot_[of[i]];
-      cone.x[i] = y_[of[i]];
-      cone.lower[i] = i < cone.n_single && f.rows.two_sided[of[i]] ? -unbounded : 0.0;
-      cone.upper[i] = unbounded;
-    }
-    const bool solved = cone.solve();
-    cone.slides = nullptr;
-    if (!solved) return;
-    const double most = Tolerance::parting_acceleration * f.hddot_scale();
-    for (int i = 0; i < n_own; ++i) {
-      const bool tangent = i >= cone.n_single && (i - cone.n_single) % 3 > 0;
-      if (tangent && slides[(i - cone.n_single) / 3]) continue;
-      if (fabs(cone.s[i]) > most) return;
-    }
-    for (int i = 0; i < n_own; ++i) {
-      if (i < cone.n_single) f.tension[f.rows.row[of[i]]] = cone.x[i];
-      else x[of[i] - n_single_] = cone.x[i];
-    }
-    redistributed = true;
-  }
-
-  // Whether two pairs are of the same two solids.
-  bool meet(int pair, int other) const { return pair == other; }
-
-  bool is_found(int c) const { return found_[c]; }
-
-  // The velocity along point c's friction, positive where it slides on.
-  double along(int c) const {
-    double sum = 0.0;
-    for (int d = 1; d < 3; ++d) sum += hdot[3 * c + d] * dot3(frame_[c] + 3 * d, at[c].along);
-    return sum;
-  }
-
-  double sliding_speed(int c) const {
-    return sqrt(hdot[3 * c + 1] * hdot[3 * c + 1] + hdot[3 * c + 2] * hdot[3 * c + 2]);
-  }
-
-  // The direction of hdot_T at point c, in the world.
-  void direction(int c, double* out) const {
-    const double size = sliding_speed(c);
-    for (int k = 0; k < 3; ++k)
-      out[k] = (hdot[3 * c + 1] * frame_[c][3 + k] + hdot[3 * c + 2] * frame_[c][6 + k]) / size;
-  }
-
-  // A force in point c's frame, in the world.
-  void in_world(int c, const double* force, double* out) const {
-    for (int k = 0; k < 3; ++k)
-      out[k] = force[0] * frame_[c][k] + force[1] * frame_[c][3 + k] + force[2] * frame_[c][6 + k];
   }
 
   // Remembers the latest forces as those of an event.
@@ -432,8 +229,8 @@ class HeldContacts {
     for (int c = 0; c < n; ++c) h[single + 3 * c] = -gap[c];
     const auto left = [&] {
       double worst = 0.0;
-      for (int u = 0; u < m_; ++u) {
-        const int i = unknown_[u].row;
+      for (int u = 0; u < directed_.n; ++u) {
+        const int i = directed_.first_row(u);
         const double off = fabs(h[i]) / (i < single ? f.row_scale(f.rows.row[i]) : 1.0);
         if (!(off <= worst) && worst == worst) worst = off;
       }
@@ -442,13 +239,13 @@ class HeldContacts {
     const double none[room(R)] = {};
     const Status status = correct<NQ>(state, left, [&] {
       double w[room(N)] = {}, move[room(N)], all[room(M)];
-      solve(h, none, y_);
+      directed_.solve(G_, n_, h, none, y_);
       take(y_, w);
       f.eval.back(w, move);
       retract<typename Model::Dynamic>(state, move, state);
       f.heights(state, all);
       for (int a = 0; a < single; ++a) h[a] = all[f.rows.row[a]];
-      measure_gaps(f, state, h + single);
+      this->measure_gaps(f, state, h + single);
       return RUNNING;
     });
     if (status != RUNNING) return status;
@@ -463,7 +260,7 @@ class HeldContacts {
     const double none[room(R)] = {};
     double w[room(N)] = {}, move[room(N)];
     list_unknowns(f, true, false);
-    solve(hdot_, none, y_);
+    directed_.solve(G_, n_, hdot_, none, y_);
     take(y_, w);
     f.eval.back(w, move);
     for (int k = 0; k < N; ++k) v_D[k] += move[k];
@@ -506,6 +303,59 @@ class HeldContacts {
   double driven_rate(int i) const { return rate_K_[i - n_single_]; }
   const double* frame(int c) const { return frame_[c]; }
 
+  // Looks for other forces with the same motion where those of redundant points are not legal; so
+  // that a mode ends only where no forces keep it. The latest evaluation must be f's.
+  template <class F>
+  void redistribute(F& f) {
+    redistributed = false;
+    bool needed = false;
+    for (int c = 0; c < n; ++c)
+      needed = needed || ((at[c].mode == STICKING || at[c].mode == SLIDING) && found_[c] && breaks(f, c));
+    for (int a = 0; a < n_single_; ++a) {
+      const int r = f.rows.row[a];
+      needed = needed || (f.row_state[r] == HELD && !f.rows.two_sided[a] && y_[a] < 0.0);
+    }
+    if (!needed) return;
+    int of[room(R)], n_own = 0, n_points = 0;
+    bool slides[room(C)];
+    double along[2 * room(C)];
+    for (int a = 0; a < n_single_; ++a)
+      if (f.row_state[f.rows.row[a]] == HELD) of[n_own++] = a;
+    cone.n_single = n_own;
+    for (int c = 0; c < n; ++c) {
+      if (at[c].mode != STICKING && at[c].mode != SLIDING) continue;
+      slides[n_points] = at[c].mode == SLIDING;
+      along[2 * n_points] = direction_[c][0];
+      along[2 * n_points + 1] = direction_[c][1];
+      cone.mu[n_points++] = in->friction[at[c].pair];
+      for (int d = 0; d < 3; ++d) of[n_own++] = n_single_ + 3 * c + d;
+    }
+    cone.n_contacts = n_points;
+    cone.slides = slides;
+    cone.along = along;
+    for (int i = 0; i < n_own; ++i) {
+      for (int j = 0; j < n_own; ++j) cone.G[i * n_own + j] = G_[of[i] * n_ + of[j]];
+      cone.b[i] = hddot_[of[i]];
+      cone.x[i] = y_[of[i]];
+      cone.lower[i] = i < cone.n_single && f.rows.two_sided[of[i]] ? -unbounded : 0.0;
+      cone.upper[i] = unbounded;
+    }
+    const bool solved = cone.solve();
+    cone.slides = nullptr;
+    if (!solved) return;
+    const double most = Tolerance::parting_acceleration * f.hddot_scale();
+    for (int i = 0; i < n_own; ++i) {
+      const bool tangent = i >= cone.n_single && (i - cone.n_single) % 3 > 0;
+      if (tangent && slides[(i - cone.n_single) / 3]) continue;
+      if (fabs(cone.s[i]) > most) return;
+    }
+    for (int i = 0; i < n_own; ++i) {
+      if (i < cone.n_single) f.tension[f.rows.row[of[i]]] = cone.x[i];
+      else x[of[i] - n_single_] = cone.x[i];
+    }
+    redistributed = true;
+  }
+
   // w <- w - W y over all assembled rows.
   void take(const double* y, double* w) const {
     for (int i = 0; i < n_; ++i) {
@@ -514,131 +364,27 @@ class HeldContacts {
     }
   }
 
-  // gamma: derivatives of hdot along the motion without accelerations of the puppet, where
-  // the driven coordinates have theirs.
-  template <class F>
-  void differ(const F& f, const double* q_D, const double* v_D) {
-    double rate = Tolerance::slowest;
-    for (int c = 0; c < n; ++c) rate = fmax(rate, points_.rate_of_turning(*in, at[c].pair, speed(c)));
-    const double step = Tolerance::turn / rate;
-    constexpr int ways[] = {-2, -1, 1, 2};
-    constexpr double weights[] = {1.0, -8.0, 8.0, -1.0};
-    double u[4][room(C)][3], normal_rate[4][room(C)];
-    bool all[room(C)];
-    for (int c = 0; c < n; ++c) all[c] = true;
-    for (int k = 0; k < 4; ++k) {
-      const double tau = ways[k] * step;
-      double there[room(NQ)], there_K[room(NQK)], move[room(N)], move_K[room(NK)], v_K[room(NK)];
-      for (int j = 0; j < N; ++j) move[j] = tau * v_D[j];
-      for (int j = 0; j < NK; ++j) {
-        move_K[j] = tau * f.v_K[j];
-        v_K[j] = f.v_K[j] + tau * f.acc_K[j];
-      }
-      retract<typename Model::Dynamic>(q_D, move, there);
-      retract<typename Model::Driven>(f.q_K, move_K, there_K);
-      near_.pose(*in, there, v_D, there_K, v_K, f.p);
-      for (int c = 0, pair = -1; c < n; ++c) {
-        if (at[c].pair != pair) {
-          pair = at[c].pair;
-          near_.look_at_pair(*in, pair, 2.0 * Tolerance::margin + 2.0 * fabs(tau) * speed(c));
-        }
-        int i = 0;
-        while (i < near_.n[0] && near_.point[0][i].feature != at[c].feature) ++i;
-        if (i == near_.n[0]) {
-          all[c] = false;
-          continue;
-        }
-        near_.velocity(*in, i, u[k][c]);
-        normal_rate[k][c] = dot3(u[k][c], near_.point[0][i].frame);
-      }
-    }
-    for (int c = 0; c < n; ++c)
-      for (int d = 0; d < 3; ++d) {
-        double sum = 0.0;
-        for (int k = 0; k < 4 && all[c]; ++k)
-          sum += weights[k] * (d ? dot3(u[k][c], frame_[c] + 3 * d) : normal_rate[k][c]);
-        gamma_[3 * c + d] = -sum / (12.0 * step);
-      }
-  }
-
   void remember(Snapshot& memory) { memory.keep(n, at, tension_, too_many); }
 
  private:
-  // A direction in which forces act, over the rows from `row` on.
-  struct Unknown {
-    int row, width;
-    double part[3];
-  };
-
-  int place(int pair, int feature) const {
-    for (int c = 0; c < n; ++c)
-      if (at[c].pair == pair && at[c].feature == feature) return c;
-    return -1;
-  }
-
-  void sort() {
-    for (int c = 1; c < n; ++c)
-      for (int b = c; b > 0 && (at[b].pair < at[b - 1].pair ||
-                                (at[b].pair == at[b - 1].pair && at[b].feature < at[b - 1].feature));
-           --b) {
-        const Contact held = at[b];
-        at[b] = at[b - 1];
-        at[b - 1] = held;
-      }
-  }
-
-  // Point c's entries of the latest evaluation to those of an earlier one.
-  void copy(int c, int to) {
-    if (c == to) return;
-    at[to] = at[c];
-    found_[to] = found_[c];
-    gap[to] = gap[c];
-    for (int k = 0; k < 3; ++k) point_[to][k] = point_[c][k];
-    for (int k = 0; k < 9; ++k) frame_[to][k] = frame_[c][k];
-    for (int d = 0; d < 3; ++d) {
-      hdot[3 * to + d] = hdot[3 * c + d];
-      x[3 * to + d] = x[3 * c + d];
-      after[3 * to + d] = after[3 * c + d];
-      rate_K_[3 * to + d] = rate_K_[3 * c + d];
-      for (int k = 0; k < N; ++k) row_[3 * to + d][k] = row_[3 * c + d][k];
-    }
-  }
-
-  double speed(int c) const {
-    return fabs(hdot[3 * c]) + fabs(hdot[3 * c + 1]) + fabs(hdot[3 * c + 2]);
-  }
-
-  // The gaps of the points at a configuration, negated, at out[3 c]; 0 for those that are lost.
-  template <class F>
-  void measure_gaps(const F& f, const double* q_D, double* out) {
-    const double v_D[room(N)] = {}, v_K[room(NK)] = {};
-    near_.pose(*in, q_D, v_D, f.q_K, v_K, f.p);
-    for (int c = 0, pair = -1; c < n; ++c) {
-      if (at[c].pair != pair) near_.look_at_pair(*in, pair = at[c].pair, Tolerance::margin);
-      out[3 * c] = 0.0;
-      for (int i = 0; i < near_.n[0]; ++i)
-        if (near_.point[0][i].feature == at[c].feature) out[3 * c] = -near_.point[0][i].gap;
-    }
-  }
-
   // The directions that are held: of strings all that are taut; of points the normals and, if
   // `tangents`, those of sticking ones. With `friction` the forces of sliding ones have theirs.
   template <class F>
   void list_unknowns(const F& f, bool tangents, bool friction) {
-    m_ = 0;
+    directed_.n = 0;
     for (int a = 0; a < n_single_; ++a)
-      if (f.row_state[f.rows.row[a]] == HELD) unknown_[m_++] = {a, 1, {1.0, 0.0, 0.0}};
+      if (f.row_state[f.rows.row[a]] == HELD) directed_.add(a, 1, 1.0, 0.0, 0.0);
     for (int c = 0; c < n; ++c) {
       const int i = n_single_ + 3 * c;
       const ContactMode mode = at[c].mode;
       if (mode == SLIDING && friction) find_direction(c);
       if (mode == SLIDING || mode == STICKING) {
         const double mu = mode == SLIDING && friction ? in->friction[at[c].pair] : 0.0;
-        unknown_[m_++] = {i, 3, {1.0, mu * direction_[c][0], mu * direction_[c][1]}};
+        directed_.add(i, 3, 1.0, mu * direction_[c][0], mu * direction_[c][1]);
       }
       if (mode != STICKING || !tangents) continue;
-      unknown_[m_++] = {i, 3, {0.0, 1.0, 0.0}};
-      unknown_[m_++] = {i, 3, {0.0, 0.0, 1.0}};
+      directed_.add(i, 3, 0.0, 1.0, 0.0);
+      directed_.add(i, 3, 0.0, 0.0, 1.0);
     }
   }
 
@@ -653,59 +399,39 @@ class HeldContacts {
     for (int k = 0; k < 2; ++k) d[k] = size > 0.0 ? d[k] / size : 0.0;
   }
 
-  // y over all rows, along the unknowns, with (right - G y) = 0 in the first rows of their
-  // directions; the nearest to the reference.
-  void solve(const double* right, const double* reference, double* y) {
-    double z[room(R)], scale[room(R)], left[room(R)], start[room(R)];
-    for (int i = 0; i < n_; ++i) y[i] = 0.0;
-    for (int u = 0; u < m_; ++u) {
-      const Unknown& own = unknown_[u];
-      const int lead = own.row + leading(own);
-      scale[u] = 1.0 / sqrt(fmax(G_[lead * n_ + lead], negligible));
-      start[u] = reference[lead];
-      for (int k = 0; k < own.width; ++k) y[own.row + k] += own.part[k] * start[u];
-    }
-    for (int u = 0; u < m_; ++u) {
-      const int i = unknown_[u].row + leading(unknown_[u]);
-      double sum = right[i];
-      for (int j = 0; j < n_; ++j) sum -= G_[i * n_ + j] * y[j];
-      left[u] = scale[u] * sum;
-      for (int v = 0; v < m_; ++v) {
-        const Unknown& other = unknown_[v];
-        double image = 0.0;
-        for (int k = 0; k < other.width; ++k) image += G_[i * n_ + other.row + k] * other.part[k];
-        K_[u * m_ + v] = lu_.A[u * m_ + v] = scale[u] * image * scale[v];
-      }
-      lu_.A[u * m_ + u] += Tolerance::raise;
-      z[u] = 0.0;
-    }
-    lu_.n = m_;
-    if (m_ == 0 || !lu_.factorise()) return;
-    for (int round = 0; round <= Tolerance::refinements; ++round) {
-      double change[room(R)];
-      for (int u = 0; u < m_; ++u) change[u] = left[u] - product(K_ + u * m_, z, m_);
-      lu_.substitute(change);
-      for (int u = 0; u < m_; ++u) z[u] += change[u];
-    }
-    for (int u = 0; u < m_; ++u) {
-      const Unknown& own = unknown_[u];
-      for (int k = 0; k < own.width; ++k) y[own.row + k] += own.part[k] * scale[u] * z[u];
-    }
-  }
+  using Base::found_, Base::point_, Base::frame_, Base::row_, Base::rate_K_, Base::gamma_;
 
-  static int leading(const Unknown& u) { return u.part[0] != 0.0 ? 0 : u.part[1] != 0.0 ? 1 : 2; }
-
-  Points points_, near_;  // of the latest evaluation; at displaced configurations
-  bool found_[room(C)];
-  double point_[room(C)][3], frame_[room(C)][9], direction_[room(C)][2] = {};
-  double row_[room(3 * C)][room(N)], rate_K_[room(3 * C)], gamma_[room(3 * C)];
+  double direction_[room(C)][2] = {};  // of friction, in the tangents
   double tension_[room(M)] = {};  // at the last event
-  int n_single_ = 0, n_ = 0, m_ = 0;
+  int n_single_ = 0, n_ = 0;
   const double* column_[room(R)];
-  double W_[room(3 * C)][room(N)], G_[room(R * R)], K_[room(R * R)];
+  double W_[room(3 * C)][room(N)], G_[room(R * R)];
   double hdot_[room(R)], hddot_[room(R)], y_[room(R)], after_[room(R)];
-  Unknown unknown_[room(R)];
-  DenseLu<R> lu_;
+  DirectedRows<R> directed_;
+};
+
+// Of puppets that touch nothing.
+template <class Model>
+class HeldContacts<Model, false> {
+ public:
+  static constexpr ContactArrays* in = nullptr;
+  static constexpr int n = 0;
+  static constexpr double friction = 0.0, closing = 0.0;
+
+  static constexpr bool active() { return false; }
+  static constexpr bool holds() { return false; }
+  template <class F>
+  static bool look_near(const F&, const double*, const double*) { return false; }
+  template <class F>
+  static double guard_of(const F&, int) { return -1.0; }
+  template <class F>
+  static void push(const F&, const double*, const double*, double*, double*, double*) {}
+  static double after_of_row(int) { return 0.0; }
+  template <class F>
+  static Status project(F&, double, double*) { return RUNNING; }
+  template <class F>
+  static void redistribute(F&) {}
+  static void remember(Snapshot&) {}
 };
 
 }  // namespace fan

@@ -1,0 +1,86 @@
+// Linear equations over rows whose multipliers act along given directions:
+//
+//   T^T (b - G y) = 0,   y = y_0 + D z
+//
+// D has a column for every unknown, T the row that it answers for: the first of its direction. A
+// sliding contact's force acts along its normal and its friction, and answers for the normal. Where
+// rows are redundant, z is that of least norm, each unknown in units of its own influence.
+#pragma once
+
+#include "dense_lu.hpp"
+
+namespace fan {
+
+struct DirectedRowTolerances {
+  // Raise of the diagonal, relative to it, and refinements that take its effect away again.
+  static constexpr double raise = 1e-8;
+  static constexpr int refinements = 4;
+};
+
+template <int capacity>
+class DirectedRows {
+ public:
+  static constexpr int R = room(capacity);
+  using Tolerance = DirectedRowTolerances;
+
+  int n = 0;  // unknowns
+
+  // Adds an unknown that acts over `width` rows from `row` on.
+  void add(int row, int width, double first, double second, double third) {
+    unknown_[n++] = {row, width, {first, second, third}};
+  }
+
+  int first_row(int u) const { return unknown_[u].row; }
+
+  // y over all `size` rows from b, and from the y_0 whose entries `start` gives.
+  void solve(const double* G, int size, const double* b, const double* start, double* y) {
+    double z[R], left[R];
+    for (int i = 0; i < size; ++i) y[i] = 0.0;
+    for (int u = 0; u < n; ++u) {
+      lead_[u] = unknown_[u].row + leading(unknown_[u]);
+      scale_[u] = 1.0 / sqrt(fmax(G[lead_[u] * size + lead_[u]], negligible));
+      add_along(u, start[lead_[u]], y);
+    }
+    for (int u = 0; u < n; ++u) {
+      const double* row = G + lead_[u] * size;
+      left[u] = scale_[u] * (b[lead_[u]] - product(row, y, size));
+      for (int v = 0; v < n; ++v) {
+        const Unknown& other = unknown_[v];
+        double image = 0.0;
+        for (int k = 0; k < other.width; ++k) image += row[other.row + k] * other.part[k];
+        K_[u * n + v] = lu_.A[u * n + v] = scale_[u] * image * scale_[v];
+      }
+      lu_.A[u * n + u] += Tolerance::raise;
+      z[u] = 0.0;
+    }
+    lu_.n = n;
+    if (n == 0 || !lu_.factorise()) return;
+    for (int round = 0; round <= Tolerance::refinements; ++round) {
+      double change[R];
+      for (int u = 0; u < n; ++u) change[u] = left[u] - product(K_ + u * n, z, n);
+      lu_.substitute(change);
+      for (int u = 0; u < n; ++u) z[u] += change[u];
+    }
+    for (int u = 0; u < n; ++u) add_along(u, scale_[u] * z[u], y);
+  }
+
+ private:
+  struct Unknown {
+    int row, width;
+    double part[3];
+  };
+
+  static int leading(const Unknown& u) { return u.part[0] != 0.0 ? 0 : u.part[1] != 0.0 ? 1 : 2; }
+
+  void add_along(int u, double size, double* y) const {
+    const Unknown& own = unknown_[u];
+    for (int k = 0; k < own.width; ++k) y[own.row + k] += size * own.part[k];
+  }
+
+  Unknown unknown_[R];
+  int lead_[R];
+  double scale_[R], K_[R * R];
+  DenseLu<capacity> lu_;
+};
+
+}  // namespace fan
