@@ -156,7 +156,7 @@ class Status(enum.IntEnum):
     OVERSTEPPED = 18, "the end was reached, but strings, limits or contacts were overstepped"
     GAINED_ENERGY = 19, "the end was reached, but the fixed step made energy out of nothing"
     TOO_MANY_CONTACTS = 20, "more points touched at once than a step has room for"
-    NO_UNIQUE_MOTION = 21, "friction jams what slides: it has no finite force, or several (Painlevé)"
+    NO_UNIQUE_MOTION = 21, "friction jams what slides (Painlevé): no finite force, or several"
 
 
 ARRIVED = (Status.DONE, Status.LOST_STEPS, Status.RUNAWAY)

@@ -197,7 +197,7 @@ def _where(
         return f"{text} after {len(made)} samples; write fewer with save_at, or allow max_memory"
     if made.blamed:
         text += f", because of {', '.join(made.blamed)}"
-    if made.status is Status.NO_UNIQUE_MOTION and made.contact is not None:
+    if made.status is Status.NO_UNIQUE_MOTION:
         text += f", where {_sliding(made)} slide; method='timestepping' goes on with an impulse"
     text += weak_motors(marionette, made)
     last = made.tension.values[-1]
@@ -212,9 +212,9 @@ def _where(
 def _sliding(made: Trajectory) -> str:
     """The pairs that touched at the last samples."""
     contact = made.contact
-    near = contact.sample >= len(made) - 3 if contact is not None else []
-    if contact is None or not np.any(near):
+    if contact is None or not np.any(contact.sample >= len(made) - 3):
         return "solids"
+    near = contact.sample >= len(made) - 3
     return ", ".join(pair_name(contact.names[k]) for k in np.unique(contact.pair[near]))
 
 

@@ -63,8 +63,7 @@ enum Status : int {
   OVERSTEPPED = 18,  // the end was reached, but strings, limits or contacts were overstepped
   GAINED_ENERGY = 19,  // the end was reached, but the fixed step made energy out of nothing
   TOO_MANY_CONTACTS = 20,  // more points touched at once than a step has room for
-  // friction jams what slides: it has no finite force, or several (Painlevé)
-  NO_UNIQUE_MOTION = 21,
+  NO_UNIQUE_MOTION = 21,  // friction jams what slides (Painlevé): no finite force, or several
 };
 
 // What happened to a row or a drive.
