@@ -10,12 +10,15 @@
 
 namespace fan {
 
-// The ends of a core's part that lies above a facet, in the hull's axes; see FaceClip.
+// The ends of a core's part that lies above a facet, in the hull's axes; see FaceClip. Outside the
+// hull, `nearest` are the nearest points.
 struct FacetClip {
   PointPair ends[2];
   bool found = true;
 
-  FAN_FN FacetClip(const PlacedHull& hull, int facet, const Core& core, double nearest) : ends{} {
+  FAN_FN FacetClip(
+      const PlacedHull& hull, int facet, const Core& core, double at, const PointPair* nearest)
+      : ends{} {
     const double* n = hull.local_normal(facet);
     const int corners = hull.n_corners(facet);
     double low = 0.0, high = core.length;
@@ -37,7 +40,12 @@ struct FacetClip {
     }
     found = found && low <= high;
     for (int k = 0; k < 2; ++k) {
-      along3(core.a, k == 0 ? fmin(low, nearest) : fmax(high, nearest), core.u, ends[k].p);
+      const bool beyond = k == 0 ? at < low : at > high;
+      if (beyond && nearest) {
+        ends[k] = *nearest;
+        continue;
+      }
+      along3(core.a, beyond ? at : k == 0 ? low : high, core.u, ends[k].p);
       along3(ends[k].p, hull.height(facet) - dot3(ends[k].p, n), n, ends[k].q);
     }
   }
@@ -87,7 +95,7 @@ FAN_FN void touch_hull_inside(const PlacedHull& hull, const Core& core, double a
     const PointPair pair = nearest_points(core, Core(hull.local(edge[0]), hull.local(edge[1])));
     return to.add(pair.p, pair.q, out.normal, 0);
   }
-  const FacetClip clip(hull, out.facet, core, at);
+  const FacetClip clip(hull, out.facet, core, at, nullptr);
   if (clip.found) {
     for (int k = 0; k < (core.length > 0.0 ? 2 : 1); ++k)
       to.add(clip.ends[k].p, clip.ends[k].q, out.normal, k);
@@ -107,7 +115,7 @@ FAN_FN void touch_hull_outside(
   double reach, tilt[3];
   const int facet = local.facet_towards_local(local.farthest_local(normal, reach), normal);
   cross3(local.local_normal(facet), normal, tilt);
-  const FacetClip clip(local, facet, core, at);
+  const FacetClip clip(local, facet, core, at, &nearest);
   const double on_facet = clip.found ? flatness(length3(tilt)) : 0.0;
   const TopEdges edges(local, normal);
   PointPair ends[2];
@@ -170,17 +178,15 @@ class EllipsoidHullGap {
   FAN_FN EllipsoidHullGap(
       const PlacedHull& local, const EllipsoidReach& reach, const double* centre,
       const double* radii, double enough)
-      : hull_(local), reach_(reach), centre_(centre), most_(radii[0]), least_(radii[0]) {
-    for (int k = 1; k < 3; ++k) {
-      most_ = fmax(most_, radii[k]);
-      least_ = fmin(least_, radii[k]);
-    }
+      : hull_(local), reach_(reach), centre_(centre), least_(radii[0]) {
+    for (int k = 1; k < 3; ++k) least_ = fmin(least_, radii[k]);
     for (int f = 0; f < local.hull.n_facets; ++f) {
       const double* n = local.local_normal(f);
       const double height = dot3(n, centre) - local.height(f);
       double p[3];
       if (height - least_ > gap) take(n, height - reach.farthest(n, p));
     }
+    find_nearest_vertex();
     for (int e = 0; e < local.hull.n_edges && gap < enough; ++e) try_edge(e);
   }
 
@@ -191,20 +197,33 @@ class EllipsoidHullGap {
     copy3(n, normal);
   }
 
-  // The best direction against one edge.
+  // Finds the vertex that is the hull's point nearest to the ellipsoid's middle, if one is.
+  FAN_FN void find_nearest_vertex() {
+    bool beside[max_hull_vertices] = {};
+    for (int e = 0; e < hull_.hull.n_edges; ++e) {
+      const int* ends = hull_.edge(e);
+      const double *a = hull_.local(ends[0]), *b = hull_.local(ends[1]);
+      double along[3], w[3];
+      difference3(b, a, along);
+      difference3(centre_, a, w);
+      if (dot3(w, along) > 0.0) beside[ends[0]] = true;
+      difference3(centre_, b, w);
+      if (dot3(w, along) < 0.0) beside[ends[1]] = true;
+    }
+    for (int i = 0; i < hull_.hull.n_vertices; ++i)
+      if (!beside[i]) nearest_ = i;
+  }
+
+  // The best direction against one edge, if one of its normals or those of its ends may be better.
+  // Where the ellipsoid's middle has its nearest point elsewhere, it is highest over an end along a
+  // normal of some edge there.
   FAN_FN void try_edge(int e) {
     const EdgeAt edge(hull_, e, no_shift);
-    double w[3], p[3], mean[3];
+    double w[3], p[3];
     difference3(centre_, edge.p, w);
-    // The ellipsoid's reach along the edge's normals is at least this.
-    double bound = least_;
-    along3(edge.left, 1.0, edge.right, mean);
-    if (unit3(mean, TouchTolerances::lying)) {
-      double off[3];
-      difference3(mean, edge.left, off);
-      bound = fmax(bound, reach_.farthest(mean, p) - most_ * length3(off));
-    }
-    if (!(edge.most_height(w) - bound > gap)) return;
+    const int* ends = hull_.edge(e);
+    const bool is_nearest = ends[0] == nearest_ || ends[1] == nearest_;
+    if (!is_nearest && !(edge.most_height(w) - least_ > gap)) return;
     double axes[9], middle[3], from[3], turned[3], M_axes[9], n[3];
     const Core core(hull_.local(hull_.edge(e)[0]), hull_.local(hull_.edge(e)[1]));
     const double half[3] = {0.5 * core.length, 0.0, 0.0};
@@ -228,7 +247,8 @@ class EllipsoidHullGap {
   const PlacedHull& hull_;
   const EllipsoidReach& reach_;
   const double* centre_;
-  double most_, least_;
+  double least_;
+  int nearest_ = -1;
 };
 
 // An ellipsoid x and a hull: feature 0.
