@@ -161,11 +161,8 @@ def touches(
     program: Path, pairs: Sequence[tuple[Placed, Placed]], margin: float = 0.05
 ) -> list[Pair]:
     """The contact points of pairs."""
-    hulls: dict[Hull, int] = {}
-    for x, y in pairs:
-        for s in (x, y):
-            if s.mesh is not None:
-                hulls.setdefault(s.mesh, len(hulls))
+    found = {s.mesh for pair in pairs for s in pair if s.mesh is not None}
+    hulls = {h: k for k, h in enumerate(sorted(found, key=lambda h: h.vertices.tobytes()))}
     words = [margin, len(hulls), *(w for hull in hulls for w in hull_words(hull)), len(pairs)]
     for x, y in pairs:
         for s in (x, y):

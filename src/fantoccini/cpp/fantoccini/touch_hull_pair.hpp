@@ -18,23 +18,27 @@ FAN_FN Core core_of_edge(const PlacedHull& x, int e) {
   return Core(a, b);
 }
 
-// The edges of a hull that lie farthest in a direction and nearly across it.
-struct TopEdges {
+// The edges through a point of a hull that are nearly at right angles to a direction.
+struct EdgesThrough {
   static constexpr int room = 16;
   int n = 0, edges[room];
 
-  FAN_FN TopEdges(const PlacedHull& x, const double* direction) {
-    double n_local[3], reach;
-    into_axes(x.R, direction, n_local);
-    x.farthest_local(n_local, reach);
-    const double least = reach - HullTolerances::rounding * x.hull.outer;
+  FAN_FN EdgesThrough(const PlacedHull& x, const double* point, const double* direction) {
+    const double near = HullTolerances::rounding * x.hull.outer;
+    double turned[3], from[3], local[3];
+    into_axes(x.R, direction, turned);
+    difference3(point, x.at, from);
+    into_axes(x.R, from, local);
     for (int e = 0; e < x.hull.n_edges && n < room; ++e) {
-      const double *a = x.local(x.edge(e)[0]), *b = x.local(x.edge(e)[1]);
-      const double at_a = dot3(a, n_local), at_b = dot3(b, n_local);
-      if (!(fmax(at_a, at_b) >= least)) continue;
-      double along[3];
-      difference3(b, a, along);
-      if (fabs(at_a - at_b) < TouchTolerances::crossing * length3(along)) edges[n++] = e;
+      const double* a = x.local(x.edge(e)[0]);
+      double along[3], off[3];
+      difference3(x.local(x.edge(e)[1]), a, along);
+      const double square = dot3(along, along);
+      if (!(square > 0.0)) continue;
+      difference3(local, a, from);
+      along3(from, -clamped(dot3(from, along) / square, 0.0, 1.0), along, off);
+      if (!(dot3(off, off) <= near * near)) continue;
+      if (fabs(dot3(along, turned)) < TouchTolerances::crossing * sqrt(square)) edges[n++] = e;
     }
   }
 };
@@ -189,9 +193,8 @@ FAN_FN void touch_hull_edges(
 
 FAN_FN void touch_hulls_apart(
     const PlacedHull& x, const PlacedHull& y, const NearestOfClouds& nearest, Touches& to) {
-  double back[3];
-  for (int k = 0; k < 3; ++k) back[k] = -nearest.normal[k];
-  const TopEdges x_edges(x, back), y_edges(y, nearest.normal);
+  const EdgesThrough x_edges(x, nearest.pair.p, nearest.normal);
+  const EdgesThrough y_edges(y, nearest.pair.q, nearest.normal);
   PointPair ends[2];
   double flat = 0.0;
   for (int i = 0; i < x_edges.n; ++i)
@@ -229,7 +232,7 @@ FAN_FN void touch_hulls(const PlacedHull& x, const PlacedHull& y, Touches& to) {
   using Tol = BoxTolerances;
   const double swollen = to.x_radius + to.y_radius;
   const NearestOfClouds nearest(cloud_of(x), cloud_of(y), to.margin + swollen);
-  if (nearest.distance - swollen >= to.margin) return;
+  if (nearest.far || nearest.distance - swollen >= to.margin) return;
   const HullAxis of_x = widest_facet(x, y, -1.0), of_y = widest_facet(y, x, 1.0);
   const double same = Tol::same_face * fmin(x.hull.outer, y.hull.outer);
   const bool by_x = of_x.gap > of_y.gap + same;

@@ -117,7 +117,7 @@ FAN_FN void touch_hull_outside(
   cross3(local.local_normal(facet), normal, tilt);
   const FacetClip clip(local, facet, core, at, &nearest);
   const double on_facet = clip.found ? flatness(length3(tilt)) : 0.0;
-  const TopEdges edges(local, normal);
+  const EdgesThrough edges(local, nearest.q, normal);
   PointPair ends[2];
   double on_edge = 0.0;
   for (int i = 0; i < edges.n; ++i) {
@@ -158,7 +158,7 @@ FAN_FN void touch_hull_by_segment(const PlacedSolid& x, const PlacedSolid& hull,
   const Cloud points{ends, core.length > 0.0 ? 2 : 1, no_turn, no_shift};
   const double swollen = to.x_radius + to.y_radius;
   const NearestOfClouds nearest(points, cloud_of(local), to.margin + swollen);
-  if (nearest.distance - swollen >= to.margin) return;
+  if (nearest.far || nearest.distance - swollen >= to.margin) return;
   double from[3];
   difference3(nearest.pair.p, core.a, from);
   const double at = clamped(dot3(from, core.u), 0.0, core.length);
