@@ -11,6 +11,7 @@ from typing import Any
 import coal
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
@@ -85,7 +86,7 @@ class Placed:
             inside = np.max(self.mesh.planes[:, :3] @ local - self.mesh.planes[:, 3])
             if inside <= 0:
                 return float(inside - self.radius)
-            return coal_distance(sphere(point, 0), self)[0] - self.radius
+            return _distance(self.mesh.vertices - local) - self.radius
         if self.ellipsoid:
             slope = 2 * np.linalg.norm(local / self.half**2)
             return float((np.sum((local / self.half) ** 2) - 1) / max(slope, 1e-300))
@@ -121,6 +122,12 @@ class Pair:
     @property
     def points(self) -> np.ndarray:
         return np.array([t.point for t in self.touches])
+
+
+def _distance(corners: np.ndarray) -> float:
+    """Of the origin from the convex hull of points (n, 3) (Lawson and Hanson, 1974, chapter 23)."""
+    weight, _ = nnls(np.vstack([corners.T, np.ones(len(corners))]), [0.0, 0.0, 0.0, 1.0])
+    return float(np.linalg.norm(weight @ corners) / weight.sum())
 
 
 def placed_solid(kind: int, a: ArrayLike, b: ArrayLike, **rest: Any) -> Placed:

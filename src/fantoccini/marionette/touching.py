@@ -13,7 +13,8 @@ from fantoccini.motion import pair_name
 from fantoccini.puppet import Contact, Mesh, Obstacle, Puppet, Shape
 from fantoccini.puppet.contact import FLOOR, Group
 from fantoccini.runtime import Contacts, Library
-from fantoccini.runtime.solids import half_space, solid, stacked
+from fantoccini.runtime.hulls import Hull, mesh_hull
+from fantoccini.runtime.solids import half_space, hull_solid, solid, stacked
 from fantoccini.tree import WORLD, Role, Tree
 
 OVERLAP = 1e-9
@@ -42,17 +43,18 @@ def contacts_of(puppet: Puppet, tree: Tree, library: Library) -> Contacts | None
         library: its compiled model.
 
     Raises:
-        PuppetError: a mesh may touch something.
+        PuppetError: a mesh is open, or far from its convex hull.
     """
     rules = puppet.touching
     if rules is None:
         return None
+    made = _Solids(puppet)
     own = [
-        _Part(link.name, i, _solid(puppet, shape, link.name, i))
+        made.part(shape, link.name, i)
         for i, link in enumerate(tree.links)
         for shape in link.shapes
     ]
-    standing = [_Part(o.name, WORLD, _solid(puppet, o, o.name, WORLD)) for o in puppet.obstacles]
+    standing = [made.part(o, o.name, WORLD) for o in puppet.obstacles]
     if puppet.floor is not None:
         plane = half_space((0.0, 0.0, puppet.floor), (0.0, 0.0, 1.0))
         standing.append(_Part(FLOOR, WORLD, plane))
@@ -67,6 +69,7 @@ def contacts_of(puppet: Puppet, tree: Tree, library: Library) -> Contacts | None
         friction=np.array([friction for _, _, friction, _ in pairs]),
         restitution=np.array([e for _, _, _, e in pairs]),
         names=tuple((parts[a].name, parts[b].name) for a, b, _, _ in pairs),
+        hulls=tuple(made.hulls),
     )
     start = tree.coordinates
     p = np.array(list(tree.parameters.values()), dtype=float)
@@ -75,12 +78,25 @@ def contacts_of(puppet: Puppet, tree: Tree, library: Library) -> Contacts | None
     return table.some(~(kin & (gaps < -OVERLAP)))
 
 
-def _solid(puppet: Puppet, shape: Shape | Obstacle, name: str, link: int) -> np.ndarray:
-    if isinstance(shape, Mesh):
-        file, line = puppet.locate(name)
-        text = "meshes touch nothing yet; give it spheres, capsules, boxes or ellipsoids instead"
-        raise PuppetError([Mistake(file, line, f"shapes of {name}", text)])
-    return solid(shape, link)
+class _Solids:
+    """Shapes as solids; the hulls of meshes are gathered."""
+
+    def __init__(self, puppet: Puppet):
+        self.hulls: list[Hull] = []
+        self._puppet = puppet
+
+    def part(self, shape: Shape | Obstacle, name: str, link: int) -> _Part:
+        """A shape of a body or an obstacle."""
+        if not isinstance(shape, Mesh):
+            return _Part(name, link, solid(shape, link))
+        try:
+            hull = mesh_hull(shape)
+        except ValueError as reason:
+            file, line = self._puppet.locate(name)
+            mistake = Mistake(file, line, f"shapes of {name}", str(reason))
+            raise PuppetError([mistake]) from None
+        self.hulls.append(hull)
+        return _Part(name, link, hull_solid(hull, len(self.hulls) - 1, link))
 
 
 def _pairs(

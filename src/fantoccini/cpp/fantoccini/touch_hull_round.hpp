@@ -3,7 +3,8 @@
 // A capsule is treated as it is by a box (touch_boxes.hpp). The gap of an ellipsoid along a unit
 // vector is n . c - h_1(n) - h_2(n), as in touch_ellipsoid.hpp; its greatest value is found among
 // the normals of facets and the best directions against single edges, each with the reach of the
-// whole hull, so that what is found holds the solids apart.
+// whole hull, so that what is found holds the solids apart. Where an edge runs deep through the
+// ellipsoid, a facet takes its place.
 #pragma once
 
 #include "touch_hull_pair.hpp"
