@@ -66,7 +66,8 @@ STRUCTURES: tuple[Structure, ...] = (
     Structure("Solid", "A solid in the frame of a link or of the world.", (
         Field("kind", "int", "SolidKind"),
         Field("link", "int", "-1 for the world"),
-        Field("mesh", _MANY, "number of a hull, or of the mesh that this box encloses; negative: none"),
+        Field("mesh", _MANY,
+              "index of the hull, or of the mesh that this box encloses; or negative"),
         Field("a", "double[3]"),
         Field("b", "double[3]"),
         Field("R", "double[9]", "column by column"),

@@ -143,7 +143,7 @@ struct Hull {
 struct Solid {
   int kind;  // SolidKind
   int link;  // -1 for the world
-  long long mesh;  // number of a hull, or of the mesh that this box encloses; negative: none
+  long long mesh;  // index of the hull, or of the mesh that this box encloses; or negative
   double a[3];
   double b[3];
   double R[9];  // column by column
