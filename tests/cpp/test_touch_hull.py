@@ -272,9 +272,10 @@ def test_the_depth_is_the_least_of_all_directions(program: Path) -> None:
         along = x.reach(-t.normal) + y.reach(t.normal)
         assert depth - 1e-12 <= along < 1.06 * depth + 3e-5
         assert -t.gap < along + 1e-12
-        off.append(along + t.gap)
-    # The deepest vertex may lie beside the facet.
-    assert np.quantile(off, 0.9) < 1e-12
+        if along < depth + 1e-12:  # no facet was preferred to two edges
+            off.append(along + t.gap)
+    assert len(off) > 50
+    assert np.max(np.abs(off)) < 1e-9
 
 
 def _depth(x: Placed, y: Placed) -> float:
