@@ -78,7 +78,10 @@ def test_a_box_as_a_mesh_slides_and_rests_as_the_box(tmp_path, friction):
     box, mesh = runs
     assert np.max(np.abs(box.q_D - mesh.q_D)) < 1e-9
     assert np.max(np.abs(box.v_D - mesh.v_D)) < 1e-7
-    assert box.ledger["friction"][-1] == pytest.approx(mesh.ledger["friction"][-1], abs=1e-9)
+    # Where eight points are redundant, at the post, their forces are one of many solutions.
+    before = np.flatnonzero(box.q_D[:, 0] < 0.24)
+    gone = [run.ledger["friction"][before] for run in runs]
+    assert np.max(np.abs(gone[0] - gone[1])) < 1e-9
     assert np.ptp(box.q_D[:, 0]) > 0.02
 
 
@@ -91,7 +94,8 @@ def test_a_tetrahedron_thrown_onto_the_floor_comes_to_rest_on_a_face(tmp_path):
     assert np.max(np.abs(heights[-1, :3])) < 1e-6
     assert heights[-1, 3] == pytest.approx(0.2 * 4 / 3, abs=1e-6)
     assert np.max(np.abs(run.v_D[-1])) < 1e-6
-    assert np.sum(run.contact.of("body", "floor").at(-1).force) == pytest.approx(9.81, rel=1e-6)
+    force = run.contact.force_on("body", len(run))[-1]
+    assert np.allclose(force, [0, 0, 9.81], rtol=0, atol=1e-6)
 
 
 def test_a_wedge_holds_a_block_that_its_friction_holds(tmp_path):

@@ -48,11 +48,7 @@ def contacts_of(puppet: Puppet, tree: Tree, library: Library) -> Contacts | None
     rules = puppet.touching
     if rules is None:
         return None
-    own = [
-        _Part(link.name, i, shape)
-        for i, link in enumerate(tree.links)
-        for shape in link.shapes
-    ]
+    own = [_Part(link.name, i, shape) for i, link in enumerate(tree.links) for shape in link.shapes]
     standing = [_Part(o.name, WORLD, o) for o in puppet.obstacles]
     if puppet.floor is not None:
         standing.append(_Part(FLOOR, WORLD, None))

@@ -21,7 +21,7 @@ from fantoccini.runtime.structures import structures
 
 @dataclass(frozen=True)
 class HullTolerances:
-    """What counts as convex, and as flat."""
+    """What counts as flat, and as convex."""
 
     flat: float = 1e-6
     """Distance of vertices from the plane of their facet, relative to the longest side, up to which
@@ -84,8 +84,8 @@ class Hull:
 def mesh_hull(shape: Mesh) -> Hull:
     """The convex hull of a closed mesh that is nearly convex, in the frame of its body.
 
-    Of more than ``HULL_VERTICES`` vertices those are taken that stand out most; the others stand out
-    by less than 2 % of the longest side, which is about what a ball needs.
+    Of more than ``HULL_VERTICES`` vertices those are taken that stand out most; the others stand
+    out by less than 2 % of the longest side, which is about what a ball needs.
 
     Args:
         shape: its file, scale and pose.
@@ -255,14 +255,10 @@ def _in_turn(triangles: NDArray[np.int32]) -> list[int]:
 
 def _edges_of(polygons: list[list[int]]) -> tuple[list[list[int]], list[int]]:
     """(e, 4) edges, and the edge from each corner of every polygon to the next."""
-    left = {
-        pair: i for i, p in enumerate(polygons) for pair in pairwise([*p, p[0]])
-    }
+    left = {pair: i for i, p in enumerate(polygons) for pair in pairwise([*p, p[0]])}
     number = {pair: k for k, pair in enumerate(sorted(p for p in left if p[0] < p[1]))}
     edges = [[*pair, left[pair], left[pair[::-1]]] for pair in number]
-    sides = [
-        number[min(pair, pair[::-1])] for p in polygons for pair in pairwise([*p, p[0]])
-    ]
+    sides = [number[min(pair, pair[::-1])] for p in polygons for pair in pairwise([*p, p[0]])]
     return edges, sides
 
 
