@@ -45,10 +45,10 @@ def body(
     return fan.load(path)
 
 
-def lowest(marionette: fan.Marionette, run: fan.Trajectory, points: np.ndarray) -> np.ndarray:
-    """Heights of a body's points (n, 3) over the floor at the samples, from the lowest on."""
+def lowest(q_D: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Heights of a body's points (n, 3) over the floor, in configurations, from the lowest on."""
     found = []
-    for q in run.q_D:
+    for q in q_D:
         w, x, y, z = q[3:7]
         R = np.array([
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -89,7 +89,7 @@ def test_a_tetrahedron_thrown_onto_the_floor_comes_to_rest_on_a_face(tmp_path):
     thing = body(tmp_path, hulled(TETRAHEDRON))
     x0 = thrown(thing, {"body.z": 0.5}, {"body.x": 1.0, "body.wx": 3.0, "body.wy": -5.0})
     run = stepped(thing, x0, 4.0, 2e-3)
-    heights = lowest(thing, run, TETRAHEDRON)
+    heights = lowest(run.q_D, TETRAHEDRON)
     assert np.min(heights) > -2e-3
     assert np.max(np.abs(heights[-1, :3])) < 1e-6
     assert heights[-1, 3] == pytest.approx(0.2 * 4 / 3, abs=1e-6)
@@ -128,7 +128,7 @@ def test_an_icosphere_rolls(tmp_path):
     x0 = thrown(thing, {"body.z": 0.1001}, {"body.x": speed, "body.wy": speed / 0.1})
     run = stepped(thing, x0, 0.5, 1e-3)
     assert run.q_D[-1, 0] > 0.5
-    heights = lowest(thing, run, np.array(coarse.vertices))
+    heights = lowest(run.q_D, np.array(coarse.vertices))
     assert np.min(heights) > -2e-3
     # It neither flies off nor sinks, and turns as far as it goes.
     spin = run.v_D[:, 4]
@@ -267,3 +267,25 @@ def test_dents_of_a_tenth_of_the_volume_are_filled(tmp_path):
         else:
             with pytest.raises(PuppetError, match="has 13 % more volume"):
                 _ = body(tmp_path, dented).model.contacts
+
+
+def test_lanes_move_meshes_as_single_runs_do(tmp_path):
+    thing = body(tmp_path, hulled(TETRAHEDRON))
+    starts = [
+        thrown(thing, {"body.z": 0.3 + 0.01 * i}, {"body.x": 0.2 * i, "body.wx": i})
+        for i in range(9)
+    ]
+    method = fan.TimeStepping(dt=1e-3)
+    batch = fan.simulate_batch(thing, starts, t_end=0.3, method=method)
+    for i, x0 in enumerate(starts):
+        run = fan.simulate(thing, x0, t_end=0.3, method=method)
+        assert np.allclose(batch.q_D[i][-1], run.q_D[-1], rtol=0, atol=1e-9)
+        assert np.any(run.contact.force != 0.0)
+
+
+def test_rest_lies_on_a_facet(tmp_path):
+    """`rest` lets a wedge go that would overlap the floor."""
+    thing = body(tmp_path, hulled(WEDGE))
+    x = thing.rest({})
+    height = lowest(x.q_D[None], WEDGE)[0]
+    assert np.max(np.abs(height[:3])) < 1e-5
