@@ -20,6 +20,7 @@ from cpp.placed import (
     coal_distance,
     ellipsoid,
     half_space,
+    polytope,
     random_pair,
     random_solid,
     random_turn,
@@ -366,6 +367,8 @@ def awkward() -> list[Placed]:
         ellipsoid([0, 0, 0], [0.1, 0.1, 0.1]),
         ellipsoid([0, 0, 0], [0.1, 1e-9, 0.1]),
         ellipsoid([0, 0, 0], [1e-6, 10, 1e-6]),
+        polytope(0.1 * np.eye(4, 3), [-0.025] * 3),
+        polytope([[x, y, z] for x in (-0.1, 0.1) for y in (-0.1, 0.1) for z in (0, 1e-6)]),
         half_space([0, 0, 0], [0, 0, 1]),
     ]
 

@@ -71,7 +71,7 @@ class HullEdges {
   HullAxis best;
 
   // The pair of edges with the widest gap above `least`.
-  FAN_FN HullEdges(const PlacedHull& x, const PlacedHull& y, double least) {
+  FAN_FN HullEdges(const PlacedHull& x, const PlacedHull& y, double least) : x_(x), y_(y) {
     best.gap = least;
     const double origin[3] = {0.0, 0.0, 0.0};
     double x_at[3];
@@ -90,31 +90,46 @@ class HullEdges {
       double w[3];
       difference3(origin, edge.p, w);
       if (!(edge.most_height(w) - y.hull.inner > best.gap)) continue;
-      for (int k = 0; k < n; ++k) take(edge, kept[k], x_at);
+      for (int k = 0; k < n; ++k) take(edge, kept[k]);
     }
   }
 
   FAN_FN bool found() const { return best.first >= 0; }
 
  private:
-  FAN_FN void take(const EdgeAt& a, const EdgeAt& b, const double* x_at) {
+  FAN_FN void take(const EdgeAt& a, const EdgeAt& b) {
     const double b_left = dot3(b.left, a.u), b_right = dot3(b.right, a.u);
     if (!(b_left * b_right <= 0.0)) return;
     const double a_left = dot3(a.left, b.u), a_right = dot3(a.right, b.u);
     if (!(a_left * a_right <= 0.0) || b_left * a_right > 0.0 || b_right * a_left > 0.0) return;
-    double n[3], from[3], apart[3];
+    double n[3], outward[3], apart[3];
     cross3(a.u, b.u, n);
     if (!unit3(n, sqrt(DistanceTolerances::min_axis_square))) return;
-    difference3(a.p, x_at, from);
+    along3(a.left, 1.0, a.right, outward);
     difference3(a.p, b.p, apart);
-    const double side = -side_of(dot3(n, from));  // towards the first hull
+    const double side = -side_of(dot3(n, outward));  // towards the first hull
     const double gap = side * dot3(n, apart);
     if (!(gap > best.gap)) return;
+    for (int k = 0; k < 3; ++k) n[k] *= side;
+    if (!holds_apart(n, gap)) return;
     best.gap = gap;
     best.first = a.number;
     best.second = b.number;
-    for (int k = 0; k < 3; ++k) best.normal[k] = side * n[k];
+    copy3(n, best.normal);
   }
+
+  // Whether the hulls reach no farther along a normal than two edges. Where arcs meet at an end, or
+  // nearly, rounding decides whether they cross.
+  FAN_FN bool holds_apart(const double* normal, double gap) const {
+    double back[3], x_reach, y_reach;
+    for (int k = 0; k < 3; ++k) back[k] = -normal[k];
+    x_.farthest(back, x_reach);
+    y_.farthest(normal, y_reach);
+    const double size = x_.hull.outer + y_.hull.outer;
+    return -x_reach - y_reach >= gap - HullTolerances::rounding * size;
+  }
+
+  const PlacedHull &x_, &y_;
 };
 
 }  // namespace fan
