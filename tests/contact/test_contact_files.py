@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import trimesh
 from typer.testing import CliRunner
 
 import fantoccini as fan
@@ -104,18 +103,6 @@ def test_bodies_of_one_tree_that_overlap_at_the_pose_of_the_file_do_not_touch():
     near = ARM.replace("CONTACT", "true").replace("at: [0.35, 0, 0]", "at: [0.25, 0, 0]")
     assert ("hand", "upper") in names(fan.loads(near))
     assert ("hand", "upper") not in names(fan.loads(near + "pose: {fore: 179 deg}\n"))
-
-
-def test_a_mesh_says_that_it_touches_nothing_yet(tmp_path):
-    trimesh.creation.box((0.1, 0.1, 0.1)).export(tmp_path / "m.stl")
-    text = ARM.replace("CONTACT", "true").replace(
-        "{name: post, type: sphere, radius: 0.1, at: [2, 0, 0]}",
-        "{name: post, type: mesh, file: m.stl}",
-    )
-    path = tmp_path / "arm.yaml"
-    path.write_text(text)
-    with pytest.raises(PuppetError, match="meshes touch nothing yet"):
-        _ = fan.load(path).model.contacts
 
 
 def scene(tmp_path, first: str, second: str, own: str = "") -> str:

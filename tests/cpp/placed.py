@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,17 +11,20 @@ from typing import Any
 import coal
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import nnls
+from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from cpp.toolchain import run_program
+from fantoccini.runtime.hulls import Hull, hull_of
 
-SEGMENT, BOX, HALF_SPACE = 0, 1, 2
+SEGMENT, BOX, HALF_SPACE, HULL = 0, 1, 2, 3
 MAX_TOUCHES = 8
 
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """A solid as ``PlacedSolid`` has it; R (3, 3) has the axes as columns."""
+    """A solid as ``PlacedSolid`` has it; R (3, 3) has the axes as columns, ``mesh`` is a hull."""
 
     kind: int
     a: np.ndarray
@@ -28,6 +32,13 @@ class Placed:
     R: np.ndarray
     half: np.ndarray
     radius: float
+    mesh: Hull | None = None
+
+    @property
+    def corners(self) -> np.ndarray:
+        """Vertices of a hull in the world."""
+        assert self.mesh is not None
+        return np.asarray(self.mesh.vertices @ self.R.T + self.a)
 
     @property
     def words(self) -> list[float]:
@@ -59,6 +70,8 @@ class Placed:
             return float(n @ self.centre + np.linalg.norm(self.half * (self.R.T @ n)))
         if self.kind == BOX:
             return float(n @ self.a + self.half @ np.abs(self.R.T @ n)) + self.radius
+        if self.kind == HULL:
+            return float(np.max(self.corners @ n)) + self.radius
         return float(max(n @ self.a, n @ self.b)) + self.radius
 
     def off_surface(self, point: np.ndarray) -> float:
@@ -69,6 +82,11 @@ class Placed:
         if self.kind == BOX:
             over = np.abs(local) - self.half
             return float(np.linalg.norm(np.maximum(over, 0)) + min(np.max(over), 0) - self.radius)
+        if self.mesh is not None:
+            inside = np.max(self.mesh.planes[:, :3] @ local - self.mesh.planes[:, 3])
+            if inside <= 0:
+                return float(inside - self.radius)
+            return _distance(self.mesh.vertices - local) - self.radius
         if self.ellipsoid:
             slope = 2 * np.linalg.norm(local / self.half**2)
             return float((np.sum((local / self.half) ** 2) - 1) / max(slope, 1e-300))
@@ -104,6 +122,12 @@ class Pair:
     @property
     def points(self) -> np.ndarray:
         return np.array([t.point for t in self.touches])
+
+
+def _distance(corners: np.ndarray) -> float:
+    """Of the origin from the convex hull of points (n, 3) (Lawson and Hanson, 1974, chapter 23)."""
+    weight, _ = nnls(np.vstack([corners.T, np.ones(len(corners))]), [0.0, 0.0, 0.0, 1.0])
+    return float(np.linalg.norm(weight @ corners) / weight.sum())
 
 
 def placed_solid(kind: int, a: ArrayLike, b: ArrayLike, **rest: Any) -> Placed:
@@ -144,10 +168,26 @@ def touches(
     program: Path, pairs: Sequence[tuple[Placed, Placed]], margin: float = 0.05
 ) -> list[Pair]:
     """The contact points of pairs."""
-    words = [margin, len(pairs), *(w for x, y in pairs for s in (x, y) for w in s.words)]
+    found = {s.mesh for pair in pairs for s in pair if s.mesh is not None}
+    hulls = {h: k for k, h in enumerate(sorted(found, key=lambda h: h.vertices.tobytes()))}
+    words = [margin, len(hulls), *(w for hull in hulls for w in hull_words(hull)), len(pairs)]
+    for x, y in pairs:
+        for s in (x, y):
+            words += [*s.words, -1 if s.mesh is None else hulls[s.mesh]]
     lines = run_program(program, "\n".join(repr(float(w)) for w in words)).splitlines()
     assert len(lines) == len(pairs)
     return [_parsed([float(word) for word in line.split()]) for line in lines]
+
+
+def hull_words(hull: Hull) -> list[float]:
+    """A hull as the program reads it."""
+    counts = len(hull.vertices), len(hull.planes), len(hull.edges), len(hull.corners)
+    arrays = (
+        hull.vertices, hull.planes, hull.begins, hull.corners, hull.sides, hull.edges,
+        hull.around_begins, hull.around,
+    )  # fmt: skip
+    radii = (float(np.min(hull.planes[:, 3])), hull.outer)
+    return [*counts, *radii, *(float(w) for a in arrays for w in np.ravel(a))]
 
 
 def _parsed(line: list[float]) -> Pair:
@@ -176,11 +216,37 @@ def _coal(x: Placed) -> tuple[Any, Any]:
         return coal.Box(*(2 * x.half).tolist()), at
     if x.ellipsoid:
         return coal.Ellipsoid(*x.half.tolist()), at
+    if x.mesh is not None:
+        return _coal_hull(x.mesh), at
     length = float(np.linalg.norm(x.b - x.a))
     if length == 0:
         return coal.Sphere(x.radius), at
     turn = Rotation.align_vectors([(x.b - x.a) / length], [[0, 0, 1]])[0].as_matrix()
     return coal.Capsule(x.radius, length), coal.Transform3s(turn, x.centre)
+
+
+@functools.cache
+def _coal_hull(hull: Hull) -> Any:
+    """The triangles of Qhull, which know nothing of merged facets."""
+    made = ConvexHull(hull.vertices)
+    x = hull.vertices[made.simplices]
+    normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+    outward = np.einsum("ni,ni->n", normal, made.equations[:, :3]) > 0
+    points, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+    points.extend(list(hull.vertices))
+    corners = np.where(outward[:, None], made.simplices, made.simplices[:, ::-1])
+    triangles.extend([coal.Triangle(*t) for t in corners.tolist()])
+    return coal.Convex(points, triangles)
+
+
+def polytope(
+    points: ArrayLike, at: ArrayLike = (0, 0, 0), turn: Rotation | None = None
+) -> Placed:
+    """The convex hull of points, turned about the origin and shifted."""
+    made = hull_of(np.asarray(points, float))
+    R = np.eye(3) if turn is None else turn.as_matrix()
+    centre = R @ made.centroid + np.asarray(at)
+    return replace(placed_solid(HULL, centre, centre, R=R), mesh=made)
 
 
 def random_turn(rng: np.random.Generator, size: float = np.pi) -> Rotation:
@@ -202,6 +268,10 @@ def random_solid(rng: np.random.Generator, kind: str, at: ArrayLike = (0, 0, 0))
             return box(at, sizes, turn)
         case "ellipsoid":
             return ellipsoid(at, sizes, turn)
+        case "hull":
+            points = rng.normal(size=(rng.integers(4, 30), 3))
+            points /= np.linalg.norm(points, axis=1)[:, None]
+            return polytope((points - points.mean(axis=0)) * sizes, at, turn)
     return half_space(at, turn.as_matrix()[:, 0])
 
 

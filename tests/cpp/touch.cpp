@@ -1,11 +1,14 @@
 // The narrow phase by itself: pairs of solids from stdin, contact points to stdout.
 //
-// stdin: the margin, how many pairs; of each the solids x and y: kind, a (3), b (3), R (9),
-// half (3) and radius.
+// stdin: the margin; how many hulls; of each the numbers of vertices, facets, edges and corners, its
+// radii and arrays; how many pairs; of each the solids x and y: kind, a (3), b (3), R (9), half (3),
+// radius and the number of its hull.
 // stdout, one line a pair: bounding radius of x, whether certainly apart, how many points; of each
 // point its place (3), normal (3), gap and feature.
 #include <cmath>
 #include <cstdio>
+#include <iterator>
+#include <list>
 #include <vector>
 
 #include "fantoccini/touch.hpp"
@@ -21,7 +24,43 @@ void take(double* to, int n) {
   for (int i = 0; i < n; ++i) to[i] = take();
 }
 
-fan::PlacedSolid read() {
+int whole() { return int(take()); }
+
+struct ReadHull {
+  std::vector<double> vertices, planes;
+  std::vector<int> begins, corners, sides, edges, around_begins, around;
+  fan::Hull hull;
+
+  ReadHull() {
+    const int n_vertices = whole(), n_facets = whole(), n_edges = whole(), n_corners = whole();
+    const double inner = take(), outer = take();
+    const auto numbers = [](std::vector<double>& to, int n) {
+      for (int i = 0; i < n; ++i) to.push_back(take());
+      return to.data();
+    };
+    const auto indices = [](std::vector<int>& to, int n) {
+      for (int i = 0; i < n; ++i) to.push_back(whole());
+      return to.data();
+    };
+    hull.n_vertices = n_vertices;
+    hull.n_facets = n_facets;
+    hull.n_edges = n_edges;
+    hull.inner = inner;
+    hull.outer = outer;
+    hull.vertices = numbers(vertices, 3 * n_vertices);
+    hull.planes = numbers(planes, 4 * n_facets);
+    hull.begins = indices(begins, n_facets + 1);
+    hull.corners = indices(corners, n_corners);
+    hull.sides = indices(sides, n_corners);
+    hull.edges = indices(edges, 4 * n_edges);
+    hull.around_begins = indices(around_begins, n_vertices + 1);
+    hull.around = indices(around, n_corners);
+  }
+
+  ReadHull(const ReadHull&) = delete;
+};
+
+fan::PlacedSolid read(const std::list<ReadHull>& hulls) {
   fan::PlacedSolid x;
   x.kind = int(take());
   take(x.a, 3);
@@ -29,6 +68,8 @@ fan::PlacedSolid read() {
   take(x.R, 9);
   take(x.half, 3);
   x.radius = take();
+  x.mesh = whole();
+  x.hull = x.mesh < 0 ? nullptr : &std::next(hulls.begin(), x.mesh)->hull;
   return x;
 }
 
@@ -42,9 +83,11 @@ void print(const fan::Touch& touch) {
 
 int main() {
   const double margin = take();
-  const int pairs = int(take());
+  std::list<ReadHull> hulls;
+  for (int n = whole(); n > 0; --n) hulls.emplace_back();
+  const int pairs = whole();
   std::vector<fan::PlacedSolid> solids;
-  for (int i = 0; i < 2 * pairs; ++i) solids.push_back(read());
+  for (int i = 0; i < 2 * pairs; ++i) solids.push_back(read(hulls));
   for (int i = 0; i < pairs; ++i) {
     const fan::PlacedSolid &x = solids[2 * i], &y = solids[2 * i + 1];
     fan::Touch found[fan::max_touches];

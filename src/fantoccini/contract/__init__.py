@@ -9,6 +9,7 @@ from fantoccini.contract.codes import EventCode, GoalKind, Hold, SolidKind, Solv
 from fantoccini.contract.constants import (
     CLOSED_GAP,
     CONSTANTS,
+    HULL_VERTICES,
     LEAST_LENGTH,
     REST_SPEED,
     START_GAP,
@@ -39,6 +40,7 @@ __all__ = [
     "EVENT",
     "EVENT_AT",
     "FUNCTIONS",
+    "HULL_VERTICES",
     "LEAST_LENGTH",
     "LIBRARIES",
     "PARTS",

@@ -52,6 +52,7 @@ class SolidKind(Code):
     SEGMENT = 0, "from a to b, inflated by the radius; with half[0] > 0 the ellipsoid in it"
     BOX = 1, "centre a, axes the columns of R, half edges, inflated by the radius"
     HALF_SPACE = 2, "below the plane through a with the normal b"
+    HULL = 3, "convex polytope `hull`: its origin a, axes the columns of R, inflated by the radius"
 
 
 class GoalKind(Code):

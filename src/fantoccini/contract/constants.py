@@ -29,6 +29,7 @@ REST_SPEED = Constant(
 )  # fmt: skip
 LEAST_LENGTH = Constant(1e-3, "m", "lower bound of the length by which a string's gap is divided")
 WINCH_DECELERATION = Constant(1.0, "m/s^2", "of a winch that rewinds, before it stops")
+HULL_VERTICES = Constant(128.0, "1", "most vertices of a convex polytope that touches something")
 
 CONSTANTS: dict[str, Constant] = {
     "tension_cap": TENSION_CAP,
@@ -37,5 +38,6 @@ CONSTANTS: dict[str, Constant] = {
     "rest_speed": REST_SPEED,
     "least_length": LEAST_LENGTH,
     "winch_deceleration": WINCH_DECELERATION,
+    "hull_vertices": HULL_VERTICES,
 }
 """By their names in C++."""

@@ -13,7 +13,8 @@ from fantoccini.motion import pair_name
 from fantoccini.puppet import Contact, Mesh, Obstacle, Puppet, Shape
 from fantoccini.puppet.contact import FLOOR, Group
 from fantoccini.runtime import Contacts, Library
-from fantoccini.runtime.solids import half_space, solid, stacked
+from fantoccini.runtime.hulls import Hull, mesh_hull
+from fantoccini.runtime.solids import empty, half_space, hull_solid, solid, stacked
 from fantoccini.tree import WORLD, Role, Tree
 
 OVERLAP = 1e-9
@@ -24,11 +25,11 @@ TOUCHING = 1e-6
 
 @dataclass(frozen=True)
 class _Part:
-    """Something with a surface: the name of its body or obstacle, its link, its solid."""
+    """Something with a surface: the name of its body or obstacle, its link; None is the floor."""
 
     name: str
     link: int
-    solid: np.ndarray
+    shape: Shape | Obstacle | None
 
 
 def contacts_of(puppet: Puppet, tree: Tree, library: Library) -> Contacts | None:
@@ -42,31 +43,28 @@ def contacts_of(puppet: Puppet, tree: Tree, library: Library) -> Contacts | None
         library: its compiled model.
 
     Raises:
-        PuppetError: a mesh may touch something.
+        PuppetError: a mesh is open, or far from its convex hull.
     """
     rules = puppet.touching
     if rules is None:
         return None
-    own = [
-        _Part(link.name, i, _solid(puppet, shape, link.name, i))
-        for i, link in enumerate(tree.links)
-        for shape in link.shapes
-    ]
-    standing = [_Part(o.name, WORLD, _solid(puppet, o, o.name, WORLD)) for o in puppet.obstacles]
+    own = [_Part(link.name, i, shape) for i, link in enumerate(tree.links) for shape in link.shapes]
+    standing = [_Part(o.name, WORLD, o) for o in puppet.obstacles]
     if puppet.floor is not None:
-        plane = half_space((0.0, 0.0, puppet.floor), (0.0, 0.0, 1.0))
-        standing.append(_Part(FLOOR, WORLD, plane))
+        standing.append(_Part(FLOOR, WORLD, None))
     parts = own + standing
     pairs = sorted(
         _pairs(puppet, tree, rules, own, standing),
         key=lambda pair: (parts[pair[0]].link, parts[pair[1]].link, pair[1], pair[0]),
     )
+    solids, hulls = _solids(puppet, parts, {i for a, b, _, _ in pairs for i in (a, b)})
     table = Contacts(
-        solids=stacked([part.solid for part in parts]),
+        solids=solids,
         pairs=np.array([(a, b) for a, b, _, _ in pairs], dtype=np.int32).reshape(-1, 2),
         friction=np.array([friction for _, _, friction, _ in pairs]),
         restitution=np.array([e for _, _, _, e in pairs]),
         names=tuple((parts[a].name, parts[b].name) for a, b, _, _ in pairs),
+        hulls=hulls,
     )
     start = tree.coordinates
     p = np.array(list(tree.parameters.values()), dtype=float)
@@ -75,12 +73,32 @@ def contacts_of(puppet: Puppet, tree: Tree, library: Library) -> Contacts | None
     return table.some(~(kin & (gaps < -OVERLAP)))
 
 
-def _solid(puppet: Puppet, shape: Shape | Obstacle, name: str, link: int) -> np.ndarray:
-    if isinstance(shape, Mesh):
+def _solids(
+    puppet: Puppet, parts: list[_Part], touching: set[int]
+) -> tuple[np.ndarray, tuple[Hull, ...]]:
+    """(n,) ``SOLID`` of parts, and the hulls of the meshes among those that touch something."""
+    made: list[np.ndarray] = []
+    hulls: list[Hull] = []
+    for i, part in enumerate(parts):
+        if part.shape is None:
+            made.append(half_space((0.0, 0.0, puppet.floor or 0.0), (0.0, 0.0, 1.0)))
+        elif not isinstance(part.shape, Mesh):
+            made.append(solid(part.shape, part.link))
+        elif i in touching:
+            hulls.append(_hull(puppet, part.shape, part.name))
+            made.append(hull_solid(hulls[-1], len(hulls) - 1, part.link))
+        else:
+            made.append(empty(part.link))
+    return stacked(made), tuple(hulls)
+
+
+def _hull(puppet: Puppet, shape: Mesh, name: str) -> Hull:
+    try:
+        return mesh_hull(shape)
+    except ValueError as reason:
         file, line = puppet.locate(name)
-        text = "meshes touch nothing yet; give it spheres, capsules, boxes or ellipsoids instead"
-        raise PuppetError([Mistake(file, line, f"shapes of {name}", text)])
-    return solid(shape, link)
+        mistake = Mistake(file, line, f"shapes of {name}", str(reason))
+        raise PuppetError([mistake]) from None
 
 
 def _pairs(

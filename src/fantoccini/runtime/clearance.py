@@ -20,7 +20,7 @@ from fantoccini.runtime.functions import Loaded, pointer
 from fantoccini.runtime.solids import SOLID
 from fantoccini.runtime.structures import structures
 
-SEGMENT, BOX, HALF_SPACE = SolidKind
+SEGMENT, BOX, HALF_SPACE = SolidKind.SEGMENT, SolidKind.BOX, SolidKind.HALF_SPACE
 """Kinds of solids."""
 
 _EXACT: Any = next(f[1] for f in structures["ClearanceArrays"]._fields_ if f[0] == "exact")

@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fantoccini.arrays import Array
+from fantoccini.contract import SolidKind
 from fantoccini.runtime.functions import pointer
+from fantoccini.runtime.hulls import Hull
 from fantoccini.runtime.structures import structures
 from fantoccini.tree import WORLD
 
@@ -27,6 +29,7 @@ class Contacts:
         friction: (m,) coefficients of friction.
         restitution: (m,) 0 to 1.
         names: (m,) of the body and of what it touches: another body, an obstacle, ``floor``.
+        hulls: those that solids of the kind ``HULL`` name by their ``mesh``.
     """
 
     solids: NDArray[np.void]
@@ -34,22 +37,23 @@ class Contacts:
     friction: Array
     restitution: Array
     names: tuple[tuple[str, str], ...]
+    hulls: tuple[Hull, ...] = ()
 
     def some(self, which: NDArray[np.bool_]) -> Contacts:
         """The pairs (m,) that are marked."""
         names = tuple(name for name, kept in zip(self.names, which, strict=True) if kept)
         kept = (self.pairs[which], self.friction[which], self.restitution[which])
-        return Contacts(self.solids, *kept, names)
+        return Contacts(self.solids, *kept, names, self.hulls)
 
     def __reduce__(self) -> tuple[Any, ...]:
         fields = (self.solids, self.pairs, self.friction, self.restitution, self.names)
-        return type(self), fields
+        return type(self), (*fields, self.hulls)
 
     @cached_property
     def structure(self) -> ctypes.Structure:
         """For compiled code; it and its arrays live as long as this object."""
         groups = self._groups()
-        arrays = (self.solids, self.pairs, groups, self.friction, self.restitution)
+        arrays = (self._solids(), self.pairs, groups, self.friction, self.restitution)
         held = [np.ascontiguousarray(a) for a in arrays]
         names = ("solids", "pairs", "groups", "friction", "restitution")
         made = structures["ContactArrays"](
@@ -58,6 +62,14 @@ class Contacts:
         )  # fmt: skip
         made.held = held
         return made
+
+    def _solids(self) -> NDArray[np.void]:
+        """(n,) solids that point to their hulls."""
+        solids = self.solids.copy()
+        for i in np.flatnonzero(solids["kind"] == SolidKind.HULL):
+            hull = self.hulls[solids["mesh"][i]]
+            solids["hull"][i] = ctypes.addressof(hull.structure)
+        return solids
 
     def _groups(self) -> NDArray[np.int32]:
         """(n, 3) links of neighbouring pairs, -1 - solid for one that stands; where they end."""

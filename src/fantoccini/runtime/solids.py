@@ -1,4 +1,4 @@
-"""Shapes as the solids that compiled code measures and lets touch. Meshes are not among them."""
+"""Shapes as the solids that compiled code measures and lets touch."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from fantoccini.contract import STRUCTURES, SolidKind
 from fantoccini.puppet import Box, Capsule, Ellipsoid, Shape, Sphere
+from fantoccini.runtime.hulls import Hull
 from fantoccini.runtime.structures import dtype_of
 from fantoccini.tree import WORLD
 
@@ -36,6 +37,20 @@ def solid(shape: Shape, link: int) -> np.ndarray:
             set_box(made, shape.at, _rotation(shape), np.asarray(shape.size) / 2)
         case _:
             raise TypeError(f"{type(shape).__name__} is no shape that compiled code knows")
+    return made
+
+
+def hull_solid(hull: Hull, number: int, link: int) -> np.ndarray:
+    """A convex polytope in the frame of a link, or of the world.
+
+    Args:
+        hull: of a mesh.
+        number: its place in :attr:`fantoccini.runtime.Contacts.hulls`.
+        link: that carries it, ``WORLD`` for an obstacle.
+    """
+    made = empty(link)
+    made["kind"], made["mesh"] = SolidKind.HULL, number
+    made["a"] = made["b"] = hull.centroid
     return made
 
 

@@ -254,6 +254,7 @@ class ContactPoints {
     to.link = from.link;
     to.mesh = from.mesh;
     to.radius = from.radius;
+    to.hull = from.hull;
     for (int c = 0; c < 3; ++c) {
       to.half[c] = from.half[c];
       to.a[c] = r[c] + R[c] * from.a[0] + R[3 + c] * from.a[1] + R[6 + c] * from.a[2];

@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x06adeb5a23a3907e;
+constexpr long long contract_digest = 0x055a381b732b7d4b;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -36,6 +36,8 @@ struct Constants {
   static constexpr double least_length = 0.001;
   // of a winch that rewinds, before it stops [m/s^2]
   static constexpr double winch_deceleration = 1.0;
+  // most vertices of a convex polytope that touches something
+  static constexpr double hull_vertices = 128.0;
 };
 
 // How a run ended. Compiled code has the same numbers (``contract.hpp``).
@@ -63,7 +65,6 @@ enum Status : int {
   OVERSTEPPED = 18,  // the end was reached, but strings, limits or contacts were overstepped
   GAINED_ENERGY = 19,  // the end was reached, but the fixed step made energy out of nothing
   TOO_MANY_CONTACTS = 20,  // more points touched at once than a step has room for
-  NO_UNIQUE_MOTION = 21,  // friction jams what slides (Painlevé): no finite force, or several
 };
 
 // What happened to a row or a drive.
@@ -78,8 +79,6 @@ enum EventCode : int {
   RAN_AWAY = 7,  // a drive ran away
   TOUCH = 8,  // two solids came into contact
   LIFT = 9,  // two solids parted
-  SLIDE = 10,  // two solids that touch began to slide
-  STICK = 11,  // two solids that slid came to stick
 };
 
 // What a row does between two events.
@@ -96,6 +95,7 @@ enum SolidKind : int {
   SEGMENT = 0,  // from a to b, inflated by the radius; with half[0] > 0 the ellipsoid in it
   BOX = 1,  // centre a, axes the columns of R, half edges, inflated by the radius
   HALF_SPACE = 2,  // below the plane through a with the normal b
+  HULL = 3,  // convex polytope `hull`: its origin a, axes the columns of R, inflated by the radius
 };
 
 // Kinds of goals.
@@ -122,16 +122,34 @@ struct InputArrays {
   const double* force;  // (n_segments, n_vD, 6) or null
 };
 
+// A convex polytope around the origin.
+struct Hull {
+  int n_vertices;
+  int n_facets;
+  int n_edges;
+  double inner;  // radius of the largest ball about the origin inside [m]
+  double outer;  // radius of the smallest ball about the origin around it [m]
+  const double* vertices;  // (n_vertices, 3) [m]
+  const double* planes;  // (n_facets, 4) outward unit normal; height above the origin [m]
+  const int* begins;  // (n_facets + 1,) where the corners of each facet begin
+  const int* corners;  // vertices of each facet in turn, anticlockwise seen from outside
+  const int* sides;  // the edge from each corner to the next
+  const int* edges;  // (n_edges, 4) two vertices, the facets to the left and right
+  const int* around_begins;  // (n_vertices + 1,) where the facets of each vertex begin
+  const int* around;  // facets of each vertex
+};
+
 // A solid in the frame of a link or of the world.
 struct Solid {
   int kind;  // SolidKind
   int link;  // -1 for the world
-  long long mesh;  // index of the mesh that this box encloses, or negative
+  long long mesh;  // index of the hull, or of the mesh that this box encloses; or negative
   double a[3];
   double b[3];
   double R[9];  // column by column
   double half[3];
   double radius;  // [m]
+  const Hull* hull;  // null but for hulls
 };
 
 // Solids that may touch, and how.

@@ -7,34 +7,47 @@
 #pragma once
 
 #include "touch_box_pair.hpp"
-#include "touch_ellipsoid.hpp"
+#include "touch_hull_round.hpp"
 
 namespace fan {
 
 namespace touching {
 
 // Solids come in this order, so that each pair of kinds is met once.
-enum Rank { OF_ELLIPSOID, OF_SEGMENT, OF_BOX, OF_HALF_SPACE };
+enum Rank { OF_ELLIPSOID, OF_SEGMENT, OF_BOX, OF_HULL, OF_HALF_SPACE };
 
 FAN_FN Rank rank(const PlacedSolid& x) {
   if (x.kind == HALF_SPACE) return OF_HALF_SPACE;
   if (x.kind == BOX) return OF_BOX;
+  if (x.kind == HULL) return OF_HULL;
   return is_ellipsoid(x) ? OF_ELLIPSOID : OF_SEGMENT;
+}
+
+// A solid x that does not come after the hull y.
+FAN_FN void touch_hull(const PlacedSolid& x, const PlacedSolid& y, Touches& to) {
+  if (rank(x) == OF_ELLIPSOID) return touch_hull_by_ellipsoid(x, y, to);
+  if (rank(x) == OF_SEGMENT) return touch_hull_by_segment(x, y, to);
+  if (rank(x) == OF_BOX) return touch_hulls(BoxHull(x).placed, placed_hull(y), to);
+  touch_hulls(placed_hull(x), placed_hull(y), to);
 }
 
 FAN_FN void in_order(const PlacedSolid& x, const PlacedSolid& y, Touches& to) {
   if (rank(x) == OF_HALF_SPACE) return;
+  if (rank(y) == OF_HALF_SPACE && rank(x) == OF_HULL)
+    return touch_plane_by_hull(placed_hull(x), y, to);
   if (rank(y) == OF_HALF_SPACE) return touch_plane(x, y, to);
+  if (rank(y) == OF_HULL) return touch_hull(x, y, to);
   if (rank(x) == OF_ELLIPSOID) return touch_ellipsoid(x, y, to);
   if (rank(y) == OF_SEGMENT) return touch_segments(x, y, to);
   if (rank(x) == OF_SEGMENT) return touch_box_by_segment(x, y, to);
   touch_boxes(x, y, to);
 }
 
-// Whether y must come before x: its kind, its sizes, or its view of the other says so. Two boxes of
-// one size that see the other alike stay as they are.
+// Whether y must come before x: its kind, its number, its sizes, or its view of the other says so.
+// Two boxes of one size that see the other alike stay as they are.
 FAN_FN bool out_of_order(const PlacedSolid& x, const PlacedSolid& y) {
   if (rank(x) != rank(y)) return rank(x) > rank(y);
+  if (rank(x) == OF_HULL) return x.mesh > y.mesh;
   if (rank(x) != OF_BOX) return false;
   for (int k = 0; k < 3; ++k)
     if (x.half[k] != y.half[k]) return x.half[k] > y.half[k];
@@ -48,6 +61,7 @@ FAN_FN bool out_of_order(const PlacedSolid& x, const PlacedSolid& y) {
 FAN_FN double bounding_radius(const PlacedSolid& x) {
   if (x.kind == HALF_SPACE) return unbounded;
   if (x.kind == BOX) return length3(x.half) + x.radius;
+  if (x.kind == HULL) return x.hull->outer + x.radius;
   if (is_ellipsoid(x)) return fmax(x.half[0], fmax(x.half[1], x.half[2]));
   double along[3];
   difference3(x.b, x.a, along);
