@@ -100,7 +100,7 @@ struct TimeStep {
     watch_first(v_D, dt);
     gather(v_D);
     pull(dt, recovery_speed, cap, winches);
-    while (watch_more(v_D, dt, recovery_speed)) {
+    while (watch_more(v_D, dt, recovery_speed) || look_again(v_D, v_K, dt, recovery_speed)) {
       gather_more(v_D);
       pull(dt, recovery_speed, cap, winches);
     }
@@ -243,6 +243,15 @@ struct TimeStep {
     if constexpr (touches)
       if (solids) more = contacts.watch(v) || more;
     return more;
+  }
+
+  // Adds the contact points that what the impulses have made fast would pass; whether there are any.
+  FAN_FN bool look_again(const Real* v_D, const Real* v_K, double dt, double recovery_speed) {
+    if constexpr (touches)
+      return solids &&
+             contacts.look_again(eval, v_D, acc, v_K, dt, whole, recovery_speed, idle);
+    else
+      return false;
   }
 
   FAN_FN void gather(const Real* v_D) {
