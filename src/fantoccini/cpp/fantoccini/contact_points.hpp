@@ -77,7 +77,7 @@ class ContactPoints {
       load(l, v_D, v_K);
       move();
       place(in);
-      allow(in, dt, l);
+      for (int i = 0; i < L; ++i) lane_of(speed_at_start_[i], l) = speed_[i];
       look_at_all(in, dt, l);
       if (n[l] > most) most = n[l];
     }
@@ -88,12 +88,26 @@ class ContactPoints {
     }
   }
 
+  // Takes the sizes of links.
+  void begin(const ContactArrays& in) {
+    for (int i = 0; i < L; ++i) reach_[i] = speed_[i] = 0.0;
+    for (int k = 0; k < B; ++k) {
+      const Solid& solid = in.solids[k];
+      double middle[3];
+      for (int c = 0; c < 3; ++c) middle[c] = 0.5 * (solid.a[c] + solid.b[c]);
+      const double reach = sqrt(dot3(middle, middle)) + bounding_radius(solid);
+      if (reach > reach_[solid.link]) reach_[solid.link] = reach;
+    }
+  }
+
   // The lanes in which some link may go farther than the margins of find() allow for, if the step
-  // changes the velocities by dv_D.
-  FAN_FN Mask outruns(const ContactArrays& in, const Real* dv_D) const {
+  // dt changes the velocities by dv_D. Each link may gain half of the fixed part over the step, as
+  // the other one of a pair may, and its own part of what they travel.
+  FAN_FN Mask outruns(const Real* dv_D, double dt) const {
+    const double fixed = 0.5 * Tolerance::margin / dt;
     Real twist[room(6 * L)];
     Mask out = Real(0.0) > Real(1.0);
-    for (int i = 0, next = 0; i < L; ++i) {
+    for (int i = 0; i < L; ++i) {
       const int up = Model::link_parent[i];
       Real* own = twist + 6 * i;
       for (int c = 0; c < 6; ++c) own[c] = up < 0 ? Real(0.0) : twist[6 * up + c];
@@ -103,15 +117,16 @@ class ContactPoints {
         const int k = Model::moved_D_entry[j];
         for (int c = 0; c < 6; ++c) own[c] += links_.screw_D[6 * k + c] * dv_D[k];
       }
-      if (next == B || in.solids[next].link != i) continue;
-      while (next < B && in.solids[next].link == i) ++next;
-      const Real *w = own + 3, *r = centre_[i];
+      if (reach_[i] == 0.0) continue;
+      const Real *w = own + 3, *r = links_.poses + 12 * i + 9;
       const Real v[3] = {
           own[0] + w[1] * r[2] - w[2] * r[1], own[1] + w[2] * r[0] - w[0] * r[2],
           own[2] + w[0] * r[1] - w[1] * r[0]};
+      const Real spare = fixed + (Tolerance::travel - 1.0) * speed_at_start_[i];
       // (a + b)^2 <= 2 (a^2 + b^2)
-      const Real square = squares<3>(v) + squares<3>(w) * radius_[i] * radius_[i];
-      out = out || 2.0 * square > spare_[i] * spare_[i];
+      const Real square = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) +
+                          (w[0] * w[0] + w[1] * w[1] + w[2] * w[2]) * (reach_[i] * reach_[i]);
+      out = out || 2.0 * square > spare * spare;
     }
     return out;
   }
@@ -236,19 +251,6 @@ class ContactPoints {
       for (int j = 0; j < 3; ++j)
         to.R[3 * j + c] = R[c] * from.R[3 * j] + R[3 + c] * from.R[3 * j + 1] +
                           R[6 + c] * from.R[3 * j + 2];
-  }
-
-  // Keeps what a lane's margins allow for: links may change their speed by half of the fixed part
-  // over the step, as the other link of a pair may, and by their own part of what they travel.
-  FAN_FN void allow(const ContactArrays& in, double dt, int l) {
-    for (int i = 0; i < B; ++i) {
-      const int link = in.solids[i].link;
-      if (i > 0 && in.solids[i - 1].link == link) continue;
-      for (int c = 0; c < 3; ++c) lane_of(centre_[link][c], l) = ball_of_[link].at[c];
-      lane_of(radius_[link], l) = ball_of_[link].radius;
-      lane_of(spare_[link], l) =
-          0.5 * Tolerance::margin / dt + (Tolerance::travel - 1.0) * speed_[link];
-    }
   }
 
   // Finds the points of lane l.
@@ -392,8 +394,8 @@ class ContactPoints {
   const double *poses_, *screw_D_, *screw_K_, *v_D_, *v_K_;  // of the lane that is looked at
   double lane_[width == 1 ? 1 : 12 * L + 7 * (N + NK)];
   double twist_[room(6 * L)], speed_[room(L)];
-  // Of links that carry solids: the ball around them, and by how much their speed may change.
-  Real centre_[room(L)][3], radius_[room(L)], spare_[room(L)];
+  double reach_[room(L)];           // m: of a link's solids from its origin; 0 without
+  Real speed_at_start_[room(L)];    // m/s: by which the margins of find() were chosen
   double passing_within_ = 0.0;  // s: the step, while only points that would be passed are added
   Solid placed_[room(B)];
   Ball ball_[room(B)], ball_of_[room(L)];  // around solids, and around all of a link

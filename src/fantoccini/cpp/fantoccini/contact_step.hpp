@@ -33,7 +33,8 @@ class ContactStep : public ContactProblem<Model, Real> {
   bool too_many(int lane) const { return points_.too_many[lane]; }
 
   // Nothing has touched anything yet.
-  FAN_FN void begin() {
+  FAN_FN void begin(const ContactArrays& in) {
+    points_.begin(in);
     for (int l = 0; l < width; ++l) {
       n[l] = n_before[l] = 0;
       points_.too_many[l] = false;
@@ -99,7 +100,7 @@ class ContactStep : public ContactProblem<Model, Real> {
   FAN_FN bool look_again(
       const Evaluation<Model, Real>& eval, const Real* v_D, const Real* acc, const Real* v_K,
       double dt, double whole, double recovery_speed, const Mask& idle) {
-    const Mask lanes = !idle && points_.outruns(*in_, acc);
+    const Mask lanes = !idle && points_.outruns(acc, dt);
     if (!any(lanes) || looks_ == Tolerance::looks) return false;
     ++looks_;
     Real v[room(N)];
