@@ -405,3 +405,82 @@ def test_a_lane_in_which_something_is_struck_changes_no_other():
         alone = fan.simulate_batch(made, [state], **about)
         assert np.array_equal(alone.q_D[0], together.q_D[k])
         assert np.array_equal(alone.ledger.values[0], together.ledger.values[k])
+
+
+def test_the_residual_of_the_law_is_a_column(box, tmp_path):
+    """At most 1e-10 at rest and sliding, 0 where nothing touches; saved, resampled, in batches."""
+    falls = box.state({"body.z": 0.055})
+    slides = thrown(box, {"body.z": 0.05}, {"body.x": 1.0, "body.wz": 4.0})
+    for x0 in (box.state({"body.z": 0.05}), slides, falls):
+        run = stepped(box, x0, 0.3, DT)
+        residual = run.contact_residual
+        assert residual.shape == run.t.shape
+        assert np.all(residual <= 1e-10) and np.all(residual >= 0.0)
+        touches = np.isin(np.arange(len(run)), run.contact.sample)
+        assert np.all(residual[~touches] == 0.0)
+        assert np.any(residual[touches] > 0.0)
+        assert np.array_equal(run["contact_residual"], residual)
+        many = fan.simulate_batch(
+            box, [x0, falls], t_end=0.3, method=fan.TimeStepping(dt=DT), save="all", save_every=1
+        )
+        assert np.all(many.contact_residual[0] <= 1e-10)
+        assert np.array_equal(many.contact_residual[0] > 0.0, residual > 0.0)
+        assert np.array_equal(many.trajectory(1).contact_residual, many.contact_residual[1])
+    assert np.sum(~touches) > 10
+    run.save(tmp_path / "run.npz")
+    assert np.array_equal(fan.Trajectory.load(tmp_path / "run.npz").contact_residual, residual)
+    assert np.array_equal(run.resample(run.t[20:90]).contact_residual, residual[20:90])
+    free = fan.loads("puppet: free\nbodies:\n- {name: ball, joint: {type: translation, axes: [x]}, mass: 1}\n")
+    assert stepped(free, free.state(), 0.01, DT).contact_residual is None
+
+
+def kinds(run: fan.Trajectory) -> list[tuple[str, str]]:
+    return [(event.kind.value, event.name) for event in run.events]
+
+
+def test_a_block_thrown_along_the_floor_touches_slides_and_sticks():
+    block = on_slope(0.0, 0.4)
+    x0 = thrown(block, {"body.z": 0.051}, {"body.x": 1.0, "body.wz": 0.5})
+    run = stepped(block, x0, 1.0, DT)
+    assert kinds(run) == [(k, "body|floor") for k in ("touch", "slide", "stick")]
+    touch, slide, stick = (event.t for event in run.events)
+    assert touch == slide
+    assert abs(stick - touch - 1.0 / (0.4 * G)) < 0.02
+    assert kinds(stepped(block, block.state({"body.z": 0.05}), 1.0, DT)) == []
+
+
+def test_a_ball_sticks_once_it_rolls_and_lifts_off_where_the_floor_ends():
+    ball = fan.loads("""
+puppet: ball
+obstacles:
+- {name: table, type: box, size: [2, 2, 0.1], at: [0, 0, -0.05]}
+contact: {friction: 0.3}
+bodies:
+- {name: ball, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mass: 2}]}
+""")
+    run = stepped(ball, thrown(ball, {"ball.z": 0.1}, {"ball.x": 3.0}), 0.7, DT)
+    found = [kind for kind, name in kinds(run) if name == "ball|table"]
+    assert found[0] == "stick" and found[-1] == "lift"
+    assert abs(run.events[0].t - 2 * 3.0 / (7 * 0.3 * G)) < 0.01
+
+
+def test_a_body_of_several_shapes_touches_once():
+    """Events are told of what meets by name, whichever of its shapes touch."""
+    stool = fan.loads("""
+puppet: stool
+floor: 0
+contact: true
+bodies:
+- name: stool
+  joint: {type: free}
+  shapes:
+  - {type: box, size: [0.1, 0.1, 0.1], at: [-0.2, 0, 0], mass: 1}
+  - {type: box, size: [0.1, 0.1, 0.1], at: [0.2, 0, 0], mass: 1}
+""")
+    run = stepped(stool, stool.state({"stool.z": 0.06}), 0.3, DT)
+    assert kinds(run) == [("touch", "stool|floor")]
+    assert len(set(run.contact.pair)) == 2
+    tilted = stool.state({"stool.z": 0.15, "stool.rotation": (0.98, 0.0, 0.199, 0.0)})
+    run = stepped(stool, tilted, 0.8, DT)
+    found = [kind for kind, _ in kinds(run) if kind in ("touch", "lift")]
+    assert found == ["touch", "lift"] * (len(found) // 2) + ["touch"]

@@ -32,6 +32,8 @@ class EventCode(Code):
     RAN_AWAY = 7, "a drive ran away"
     TOUCH = 8, "two solids came into contact"
     LIFT = 9, "two solids parted"
+    STICK = 10, "two solids that touch stopped sliding"
+    SLIDE = 11, "two solids that touch began to slide"
 
 
 class Hold(Code):

@@ -232,6 +232,8 @@ class EventKind(enum.StrEnum):
     RUNAWAY = "runaway"
     TOUCH = "touch"
     LIFT = "lift"
+    STICK = "stick"
+    SLIDE = "slide"
 
 
 @dataclass(frozen=True)

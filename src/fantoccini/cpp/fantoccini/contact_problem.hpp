@@ -18,7 +18,7 @@ class ContactProblem {
   using Points = ContactPoints<Model, Real>;
   using Tolerance = ContactStepTolerances;
 
-  double residual[width] = {};  // of the law, in the last step
+  Real residual = Real(0.0);  // of the law, in the last step
 
  protected:
   // The columns of the points that take part in some lane.
@@ -138,7 +138,7 @@ class ContactProblem {
     for (const double share : Tolerance::softness)
       if (!solved && problem.residual > Tolerance::accepted_residual)
         solved = problem.solve_softly(share) && problem.residual <= Tolerance::accepted_residual;
-    residual[l] = problem.residual;
+    lane_of(residual, l) = problem.residual;
     for (int a = 0; a < rows.n; ++a) {
       lane_of(found[a], l) = 0.0;
       lane_of(s[a], l) = -lane_of(from.b[a], l);
@@ -152,7 +152,7 @@ class ContactProblem {
         lane_of(x_[3 * triple[i] + d], l) = problem.x[n_single + 3 * i + d];
         lane_of(s_[3 * triple[i] + d], l) = problem.s[n_single + 3 * i + d];
       }
-    return solved || residual[l] <= Tolerance::accepted_residual;
+    return solved || problem.residual <= Tolerance::accepted_residual;
   }
 
   ConeProblem<M + 3 * C> cone_;

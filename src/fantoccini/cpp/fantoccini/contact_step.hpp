@@ -26,8 +26,6 @@ class ContactStep : public ContactProblem<Model, Real> {
 
   int n[width] = {};      // points that push
   Push push[width][room(C)];
-  int n_before[width] = {};
-  int pair_before[width][room(C)];  // of the points that pushed in the step before
   Real violation, work, impact, friction;  // depth; energies of the step
 
   bool too_many(int lane) const { return points_.too_many[lane]; }
@@ -36,9 +34,8 @@ class ContactStep : public ContactProblem<Model, Real> {
   FAN_FN void begin(const ContactArrays& in) {
     points_.begin(in);
     for (int l = 0; l < width; ++l) {
-      n[l] = n_before[l] = 0;
+      n[l] = 0;
       points_.too_many[l] = false;
-      residual[l] = 0.0;
     }
     points_.most = 0;
   }
@@ -64,7 +61,7 @@ class ContactStep : public ContactProblem<Model, Real> {
       double recovery_speed, const Mask& idle) {
     in_ = &in;
     points_.find(in, q_D, v_D, q_K, v_K, p, dt, idle);
-    violation = work = impact = friction = Real(0.0);
+    violation = work = impact = friction = residual = Real(0.0);
     for (int l = 0; l < width; ++l) {
       chosen_[l] = 0;
       for (int i = 0; i < points_.n[l]; ++i) {
@@ -200,8 +197,6 @@ class ContactStep : public ContactProblem<Model, Real> {
   FAN_FN Real account() {
     Real struck = Real(0.0);
     for (int l = 0; l < width; ++l) {
-      n_before[l] = n[l];
-      for (int i = 0; i < n[l]; ++i) pair_before[l][i] = push[l][i].pair;
       int pushes = 0;
       Push now[room(C)];
       for (int i = 0; i < points_.n[l]; ++i)
