@@ -172,7 +172,7 @@ class ContactStep : public ContactProblem<Model, Real> {
       const Real x = row_x_[rows.row[a]];
       problem.x[a] = select(here, x, problem.x[a]);
       problem.s[a] = select(here, row_s_[rows.row[a]], problem.s[a]);
-      problem.high[a] = (problem.high[a] && !here) || (here && !(x < problem.upper[a]));
+      problem.high[a] = (problem.high[a] && !here) || (here && !(x < problem.upper[a] * (1.0 - Tolerance::at_bound)));
     }
   }
 
