@@ -91,7 +91,8 @@ class ContactProblem {
     return lost < -Tolerance::rounding * exchanged;
   }
 
-  // Solves lane l.
+  // Solves lane l. Where bodies are wedged in, friction may hold them wherever they are, so that
+  // gaps cannot close and overlaps cannot part within the step: points then only have to stop.
   FAN_FN bool solve(
       int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess, double cap,
       Real* found, Real* s) {
@@ -134,10 +135,15 @@ class ContactProblem {
         problem.upper[to] = cap;
       }
     }
-    bool solved = problem.solve();
-    for (const double share : Tolerance::softness)
-      if (!solved && problem.residual > Tolerance::accepted_residual)
-        solved = problem.solve_softly(share) && problem.residual <= Tolerance::accepted_residual;
+    bool solved = has_solution();
+    if (!solved) {
+      for (int i = 0; i < n_triple; ++i) {
+        const int own = 3 * triple[i], to = n_single + 3 * i;
+        lane_of(b_[own], l) = problem.b[to] = lane_of(before_[own], l);
+      }
+      for (int i = 0; i < size; ++i) problem.x[i] = 0.0;
+      solved = has_solution();
+    }
     lane_of(residual, l) = problem.residual;
     for (int a = 0; a < rows.n; ++a) {
       lane_of(found[a], l) = 0.0;
@@ -152,7 +158,16 @@ class ContactProblem {
         lane_of(x_[3 * triple[i] + d], l) = problem.x[n_single + 3 * i + d];
         lane_of(s_[3 * triple[i] + d], l) = problem.s[n_single + 3 * i + d];
       }
-    return solved || problem.residual <= Tolerance::accepted_residual;
+    return solved;
+  }
+
+  // Whether a solution is found that is accepted; where the law has none, with rows that yield.
+  FAN_FN bool has_solution() {
+    bool solved = cone_.solve() || cone_.residual <= Tolerance::accepted_residual;
+    for (const double share : Tolerance::softness)
+      solved = solved || (cone_.solve_softly(share) &&
+                          cone_.residual <= Tolerance::accepted_residual);
+    return solved;
   }
 
   ConeProblem<M + 3 * C> cone_;
