@@ -430,7 +430,8 @@ def test_the_residual_of_the_law_is_a_column(box, tmp_path):
     run.save(tmp_path / "run.npz")
     assert np.array_equal(fan.Trajectory.load(tmp_path / "run.npz").contact_residual, residual)
     assert np.array_equal(run.resample(run.t[20:90]).contact_residual, residual[20:90])
-    free = fan.loads("puppet: free\nbodies:\n- {name: ball, joint: {type: translation, axes: [x]}, mass: 1}\n")
+    joint = "{type: translation, axes: [x]}"
+    free = fan.loads(f"puppet: free\nbodies:\n- {{name: ball, joint: {joint}, mass: 1}}\n")
     assert stepped(free, free.state(), 0.01, DT).contact_residual is None
 
 
