@@ -192,16 +192,13 @@ class ContactStep : public ContactProblem<Model, Real> {
     return sum;
   }
 
-  // The energies of the step from the velocity v_D, and what pushes at its end. Returns 1 in lanes
-  // with an impact, else 0.
-  FAN_FN Real account(const Real* v_D) {
+  // The energies of the step, and what pushes at its end. Returns 1 in lanes with an impact, else
+  // 0.
+  FAN_FN Real account() {
     Real struck = Real(0.0);
     for (int l = 0; l < width; ++l)
       for (int i = 0; i < points_.n[l]; ++i)
         if (lane_of(x_[3 * i], l) > 0.0 && strikes(l, i)) lane_of(struck, l) = 1.0;
-    Real start[room(3 * C)];
-    if (any(struck > Real(0.5)))
-      for (int d = 0; d < 3 * points_.most; ++d) start[d] = rate(d, v_D);
     for (int l = 0; l < width; ++l) {
       int pushes = 0;
       Push now[room(C)];
@@ -211,7 +208,7 @@ class ContactStep : public ContactProblem<Model, Real> {
           int place = pushes++;
           for (; place > 0 && earlier(made, now[place - 1]); --place) now[place] = now[place - 1];
           now[place] = made;
-          if (lane_of(struck, l) > 0.5) book_impact(l, i, start);
+          if (lane_of(struck, l) > 0.5) book_impact(l, i);
           else book_friction(l, i);
         }
       for (int i = 0; i < pushes; ++i) push[l][i] = now[i];
@@ -320,14 +317,14 @@ class ContactStep : public ContactProblem<Model, Real> {
   }
 
   // The same in a step with an impact, whose impulses also act where solids rest: each takes what it
-  // takes at the mean velocity of the step.
-  FAN_FN void book_impact(int l, int i, const Real* start) {
+  // takes at the mean of the velocities without impulses and with them.
+  FAN_FN void book_impact(int l, int i) {
     for (int d = 3 * i; d < 3 * i + 3; ++d) {
       const double x = lane_of(x_[d], l), end = after(l, d);
       const double rubs = d == 3 * i || strikes(l, i) ? 0.0 : x * end;
       lane_of(work, l) += x * lane_of(points_.rate_K[d], l);
       lane_of(friction, l) += rubs;
-      lane_of(impact, l) += 0.5 * x * (lane_of(start[d], l) + end) - rubs;
+      lane_of(impact, l) += 0.5 * x * (lane_of(before_[d], l) + end) - rubs;
     }
   }
 

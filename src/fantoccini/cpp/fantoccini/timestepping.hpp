@@ -357,7 +357,7 @@ struct TimeStep {
     }
     if constexpr (touches)
       if (solids) {
-        const Real struck = contacts.account(v_D);
+        const Real struck = contacts.account();
         some_caught = some_caught || struck > Real(0.5);
         work += contacts.work;
         impact += contacts.impact;
