@@ -51,6 +51,8 @@ class ContactProblem {
 
   Points points_;
   const ContactArrays* in_ = nullptr;
+  ConeProblem<M + 3 * C> cone_;    // the last that was solved,
+  int triple_[room(C)], n_triple_ = 0;  // with these points
   bool near_[width][room(C)];      // whether a point takes part
   // m/s: e u_n- of new contacts, 0 of others; how fast solids part without it.
   double rebound_[width][room(C)], parting_[width][room(C)];
@@ -96,7 +98,10 @@ class ContactProblem {
   FAN_FN bool solve(
       int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess, double cap,
       Real* found, Real* s) {
-    int single[room(M)], triple[room(C)], n_single = 0, n_triple = 0;
+    int single[room(M)], n_single = 0;
+    int* const triple = triple_;
+    int& n_triple = n_triple_;
+    n_triple = 0;
     for (int a = 0; a < rows.n; ++a)
       if (lane_of(near[rows.row[a]], l)) single[n_single++] = a;
     for (int i = 0; i < points_.n[l]; ++i)
@@ -169,8 +174,6 @@ class ContactProblem {
                           cone_.residual <= Tolerance::accepted_residual);
     return solved;
   }
-
-  ConeProblem<M + 3 * C> cone_;
 };
 
 }  // namespace fan

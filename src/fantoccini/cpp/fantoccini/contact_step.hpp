@@ -12,6 +12,7 @@
 #pragma once
 
 #include "contact_problem.hpp"
+#include "contact_share.hpp"
 
 namespace fan {
 
@@ -204,7 +205,9 @@ class ContactStep : public ContactProblem<Model, Real> {
       Push now[room(C)];
       for (int i = 0; i < points_.n[l]; ++i)
         if (lane_of(x_[3 * i], l) > 0.0) {
-          const Push made = pushing(l, i);
+          const double x[3] = {
+              lane_of(x_[3 * i], l), lane_of(x_[3 * i + 1], l), lane_of(x_[3 * i + 2], l)};
+          const Push made = pushing(l, i, x);
           int place = pushes++;
           for (; place > 0 && earlier(made, now[place - 1]); --place) now[place] = now[place - 1];
           now[place] = made;
@@ -217,7 +220,30 @@ class ContactStep : public ContactProblem<Model, Real> {
     return struck;
   }
 
+  // What pushes at the end of the step as it is reported: where points share what they carry, the
+  // impulses of least norm. Of one trajectory, not of lanes. Returns how many there are.
+  int shared(ContactShare<M + 3 * C>& share, Push* out) const {
+    static_assert(width == 1);
+    int found = 0, n_out = 0;
+    for (int i = 0; i < points_.n[0]; ++i) found += lane_of(x_[3 * i], 0) > 0.0;
+    if (chosen_[0] == 0 || found != n[0]) {
+      for (int i = 0; i < n[0]; ++i) out[i] = push[0][i];
+      return n[0];
+    }
+    double x[room(3 * C)];
+    share.find(cone_, x);
+    for (int k = 0; k < n_triple_; ++k) {
+      if (!(x[3 * k] > 0.0)) continue;
+      const Push made = pushing(0, triple_[k], x + 3 * k);
+      int place = n_out++;
+      for (; place > 0 && earlier(made, out[place - 1]); --place) out[place] = out[place - 1];
+      out[place] = made;
+    }
+    return n_out;
+  }
+
  private:
+  using Problem::cone_, Problem::triple_, Problem::n_triple_;
   using Problem::points_, Problem::columns_, Problem::in_, Problem::near_, Problem::chosen_;
   using Problem::x_, Problem::s_, Problem::b_, Problem::before_, Problem::rebound_;
   using Problem::parting_, Problem::bounces_, Problem::scale_;
@@ -277,8 +303,8 @@ class ContactStep : public ContactProblem<Model, Real> {
     return a.pair < b.pair || (a.pair == b.pair && a.feature < b.feature);
   }
 
-  // Point i of lane l as it pushes.
-  FAN_FN Push pushing(int l, int i) const {
+  // Point i of lane l as it pushes with the impulse x.
+  FAN_FN Push pushing(int l, int i, const double* x) const {
     const auto& from = points_.point[l][i];
     Push out;
     out.pair = from.pair;
@@ -292,7 +318,7 @@ class ContactStep : public ContactProblem<Model, Real> {
       out.normal[c] = from.frame[c];
       out.impulse[c] = out.velocity[c] = 0.0;
       for (int d = 0; d < 3; ++d) {
-        out.impulse[c] += lane_of(x_[3 * i + d], l) * from.frame[3 * d + c];
+        out.impulse[c] += x[d] * from.frame[3 * d + c];
         out.velocity[c] -= after(l, 3 * i + d) * from.frame[3 * d + c];
       }
     }

@@ -59,7 +59,8 @@ struct FixedRun {
         trajectory.at.slip);
     if constexpr (touches) {
       const auto& contacts = trajectory.at.contacts;
-      out.touching(contacts.push[0], contacts.n[0], last_dt_, contacts.residual);
+      const int n = contacts.shared(share_, shared_);
+      out.touching(shared_, n, last_dt_, contacts.residual);
     }
   }
 
@@ -115,6 +116,8 @@ struct FixedRun {
   }
 
   ContactEvents<Model::n_contacts> meetings_;
+  ContactShare<touches ? M + 3 * Model::n_contacts : 0> share_;
+  ContactPush shared_[room(Model::n_contacts)];
   double last_dt_ = 0.0;   // s: of the last step
   double next_end_ = 0.0;  // the end of the run asked for: its last row is always written
 };
