@@ -349,3 +349,230 @@ def test_damaged_contacts_of_a_recording_are_refused(box, tmp_path):
     np.savez(tmp_path / "bad.npz", **arrays)
     with pytest.raises(fan.FileError, match="pair"):
         fan.Recording.load(tmp_path / "bad.npz")
+
+
+RAM = """
+puppet: ram
+gravity: [0, 0, 0]
+contact: {friction: FRICTION, restitution: RESTITUTION}
+obstacles:
+- {name: wall, type: box, size: [0.005, 2, 2], at: [0.1, 0, 0]}
+bodies:
+- {name: ball, joint: {type: free}, shapes: [{type: sphere, radius: 0.02, mass: 0.01}]}
+- {name: ram, joint: {type: free}, shapes: [{type: box, size: [0.2, 0.2, 0.2], mass: 50}]}
+"""
+
+
+def ram(friction: float = 0.5, restitution: float = 0.0) -> fan.Marionette:
+    """A ball in front of a thin wall, and a heavy box that may strike it."""
+    return fan.loads(
+        RAM.replace("FRICTION", str(friction)).replace("RESTITUTION", str(restitution))
+    )
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.8])
+@pytest.mark.parametrize("gap", [1e-3, 5e-3, 2e-2])
+@pytest.mark.parametrize("speed", [5.0, 20.0, 50.0])
+def test_what_is_struck_within_a_step_passes_no_thin_wall(speed, gap, restitution):
+    """At the start of the step the ball lies still, 77.5 mm from a wall of 5 mm."""
+    made = ram(0.5, restitution)
+    x0 = thrown(made, {"ram.x": -0.12 - gap}, {"ram.x": speed})
+    run = stepped(made, x0, 0.1, 4e-3)
+    assert run["ball.x"].max() < 0.0776
+    assert run.contact.gap.min() > -1e-9
+    assert run["ram.x"].max() < -0.0424
+    energy = run.ledger["kinetic"]
+    assert np.all(np.diff(energy) < 1e-9 * energy[0])
+
+
+def test_a_blow_that_is_passed_on_within_a_step_passes_no_thin_wall():
+    """Three balls in a row: each is found only when the one before it has been struck."""
+    row = "".join(
+        f"- {{name: b{k}, joint: {{type: free}}, shapes: [{{type: sphere, radius: 0.01, mass: "
+        f"{0.1 / 10**k}}}]}}\n"
+        for k in range(3)
+    )
+    made = fan.loads(RAM.replace("FRICTION", "0").replace("RESTITUTION", "0") + row)
+    place = {f"b{k}.x": 0.032 + 0.022 * k for k in range(3)}
+    x0 = thrown(made, {"ram.x": -0.125, **place}, {"ram.x": 40.0})
+    run = stepped(made, x0, 0.1, 4e-3)
+    last = [run[f"{name}.x"].max() for name in ("ball", "b0", "b1", "b2")]
+    assert last[-1] < 0.0876 and np.all(np.diff(last) > 0)
+    assert run.contact.gap.min() > -1e-9
+
+
+@pytest.mark.parametrize("speed", [50.0, 200.0])
+@pytest.mark.parametrize("turn", [0.0, 300.0])
+def test_a_fast_ball_passes_no_thin_wall(speed, turn):
+    made = ram()
+    start = {"ball.x": -0.4, "ball.y": -0.2, "ram.x": -3.0}
+    x0 = thrown(made, start, {"ball.x": speed, "ball.y": 0.4 * speed, "ball.wz": turn})
+    run = stepped(made, x0, 0.1, 4e-3)
+    assert run["ball.x"].max() < 0.0776
+    assert run.contact.gap.min() > -1e-9
+
+
+def test_a_lane_in_which_something_is_struck_changes_no_other():
+    """The others look at their contacts once, alone as in this company."""
+    made = ram()
+    states = [
+        thrown(made, {"ram.x": -0.121 - 1e-3 * k}, {"ram.x": v, "ball.y": 0.1 * k, "ram.wz": 0.3})
+        for k, v in enumerate((20.0, 0.5, 45.0, 1.0, 30.0, 2.0, 8.0, 50.0))
+    ]
+    about = {"t_end": 0.05, "method": fan.TimeStepping(dt=4e-3), "save": "all", "save_every": 1}
+    together = fan.simulate_batch(made, states, **about)
+    assert np.all(together.status == Status.DONE)
+    for k, state in enumerate(states):
+        alone = fan.simulate_batch(made, [state], **about)
+        assert np.array_equal(alone.q_D[0], together.q_D[k])
+        assert np.array_equal(alone.ledger.values[0], together.ledger.values[k])
+
+
+def test_the_residual_of_the_law_is_a_column(box, tmp_path):
+    """At most 1e-10 at rest and sliding, 0 where nothing touches; saved, resampled, in batches."""
+    falls = box.state({"body.z": 0.055})
+    slides = thrown(box, {"body.z": 0.05}, {"body.x": 1.0, "body.wz": 4.0})
+    for x0 in (box.state({"body.z": 0.05}), slides, falls):
+        run = stepped(box, x0, 0.3, DT)
+        residual = run.contact_residual
+        assert residual.shape == run.t.shape
+        assert np.all(residual <= 1e-10) and np.all(residual >= 0.0)
+        touches = np.isin(np.arange(len(run)), run.contact.sample)
+        assert np.all(residual[~touches] == 0.0)
+        assert np.any(residual[touches] > 0.0)
+        assert np.array_equal(run["contact_residual"], residual)
+        many = fan.simulate_batch(
+            box, [x0, falls], t_end=0.3, method=fan.TimeStepping(dt=DT), save="all", save_every=1
+        )
+        assert np.all(many.contact_residual[0] <= 1e-10)
+        assert np.array_equal(many.contact_residual[0] > 0.0, residual > 0.0)
+        assert np.array_equal(many.trajectory(1).contact_residual, many.contact_residual[1])
+    assert np.sum(~touches) > 10
+    run.save(tmp_path / "run.npz")
+    assert np.array_equal(fan.Trajectory.load(tmp_path / "run.npz").contact_residual, residual)
+    assert np.array_equal(run.resample(run.t[20:90]).contact_residual, residual[20:90])
+    joint = "{type: translation, axes: [x]}"
+    free = fan.loads(f"puppet: free\nbodies:\n- {{name: ball, joint: {joint}, mass: 1}}\n")
+    assert stepped(free, free.state(), 0.01, DT).contact_residual is None
+
+
+def test_a_box_on_four_corners_has_four_equal_forces():
+    """At rest on a floor, and sliding: as far as the law leaves them open, forces are shared."""
+    block = on_slope(0.0, 0.5)
+    x0 = block.state({"body.z": 0.05, "body.rotation": (0.9, 0.0, 0.0, 0.4359)})
+    run = stepped(block, x0, 0.2, DT)
+    for k in (1, 50, 200):
+        corners = run.contact.at(k)
+        assert len(corners) == 4
+        assert np.allclose(corners.force, [0.0, 0.0, G / 4], atol=1e-6)
+    slope = on_slope(0.3, 0.6)
+    corners = stepped(slope, slope.state({"body.z": 0.05}), 0.2, DT).contact.at(150)
+    force = np.array([-G * np.sin(0.3), 0.0, G * np.cos(0.3)])
+    assert np.allclose(corners.force.sum(axis=0), force, atol=1e-6)
+    # Friction's moment about the middle is carried by the difference of front and rear.
+    front = corners.point[:, 0] > 0
+    shift = G * np.sin(0.3) * 0.05 / 0.2
+    assert np.allclose(corners.normal_force[front], force[2] / 4 + shift / 2, atol=1e-6)
+    assert np.allclose(corners.normal_force[~front], force[2] / 4 - shift / 2, atol=1e-6)
+    assert np.allclose(np.ptp(corners.force[:, :2], axis=0), 0.0, atol=1e-6)
+
+
+def test_a_table_shares_its_load_among_its_legs_and_a_plank_among_its_trestles():
+    legs = "".join(
+        f"  - {{type: sphere, radius: 0.03, at: [{x}, {y}, -0.2], mass: 0.1}}\n"
+        for x in (-0.3, 0.3)
+        for y in (-0.2, 0.2)
+    )
+    table = fan.loads(f"""
+puppet: table
+floor: 0
+contact: true
+obstacles:
+- {{name: left, type: box, size: [0.1, 0.3, 0.2], at: [1.6, 0, 0.1]}}
+- {{name: right, type: box, size: [0.1, 0.3, 0.2], at: [2.4, 0, 0.1]}}
+bodies:
+- name: table
+  joint: {{type: free}}
+  shapes:
+  - {{type: box, size: [0.8, 0.6, 0.04], mass: 3}}
+{legs}- name: plank
+  joint: {{type: free}}
+  shapes: [{{type: box, size: [1.2, 0.2, 0.04], mass: 2}}]
+pose: {{table.z: 0.23, plank.x: 2.0, plank.z: 0.22}}
+""")
+    run = stepped(table, table.state(), 0.2, DT)
+    for k in (2, 200):
+        feet = run.contact.of("table", "floor").at(k)
+        assert len(feet) == 4
+        assert np.allclose(feet.force, [0.0, 0.0, 3.4 * G / 4], atol=1e-5)
+        for trestle in ("left", "right"):
+            points = run.contact.of("plank", trestle).at(k)
+            assert np.allclose(points.force.sum(axis=0), [0.0, 0.0, G], atol=1e-5)
+            assert np.allclose(points.normal_force, G / len(points), atol=1e-5)
+
+
+def test_sharing_changes_no_motion_and_no_sum(box):
+    """What is written every step and what is written once: the same bits of the motion."""
+    x0 = tumbling(box, 1)[0]
+    often = stepped(box, x0, 0.5, DT)
+    seldom = fan.simulate(
+        box, x0, t_end=0.5, method=fan.TimeStepping(dt=DT), save_every=100
+    )
+    assert np.array_equal(often.q_D[::100], seldom.q_D)
+    mass = 1.0
+    change = np.diff(often.v_D[:, :3], axis=0) / DT
+    gravity = np.array([G * np.sin(0.2), 0.0, -G * np.cos(0.2)])
+    force = often.contact.force_on("body", len(often))[1:]
+    assert np.allclose(force, mass * (change - gravity), atol=1e-6 * np.max(np.abs(force)))
+
+
+def kinds(run: fan.Trajectory) -> list[tuple[str, str]]:
+    return [(event.kind.value, event.name) for event in run.events]
+
+
+def test_a_block_thrown_along_the_floor_touches_slides_and_sticks():
+    block = on_slope(0.0, 0.4)
+    x0 = thrown(block, {"body.z": 0.051}, {"body.x": 1.0, "body.wz": 0.5})
+    run = stepped(block, x0, 1.0, DT)
+    assert kinds(run) == [(k, "body|floor") for k in ("touch", "slide", "stick")]
+    touch, slide, stick = (event.t for event in run.events)
+    assert touch == slide
+    assert abs(stick - touch - 1.0 / (0.4 * G)) < 0.02
+    assert kinds(stepped(block, block.state({"body.z": 0.05}), 1.0, DT)) == []
+
+
+def test_a_ball_sticks_once_it_rolls_and_lifts_off_where_the_floor_ends():
+    ball = fan.loads("""
+puppet: ball
+obstacles:
+- {name: table, type: box, size: [2, 2, 0.1], at: [0, 0, -0.05]}
+contact: {friction: 0.3}
+bodies:
+- {name: ball, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mass: 2}]}
+""")
+    run = stepped(ball, thrown(ball, {"ball.z": 0.1}, {"ball.x": 3.0}), 0.7, DT)
+    found = [kind for kind, name in kinds(run) if name == "ball|table"]
+    assert found[0] == "stick" and found[-1] == "lift"
+    assert abs(run.events[0].t - 2 * 3.0 / (7 * 0.3 * G)) < 0.01
+
+
+def test_a_body_of_several_shapes_touches_once():
+    """Events are told of what meets by name, whichever of its shapes touch."""
+    stool = fan.loads("""
+puppet: stool
+floor: 0
+contact: true
+bodies:
+- name: stool
+  joint: {type: free}
+  shapes:
+  - {type: box, size: [0.1, 0.1, 0.1], at: [-0.2, 0, 0], mass: 1}
+  - {type: box, size: [0.1, 0.1, 0.1], at: [0.2, 0, 0], mass: 1}
+""")
+    run = stepped(stool, stool.state({"stool.z": 0.06}), 0.3, DT)
+    assert kinds(run) == [("touch", "stool|floor")]
+    assert len(set(run.contact.pair)) == 2
+    tilted = stool.state({"stool.z": 0.15, "stool.rotation": (0.98, 0.0, 0.199, 0.0)})
+    run = stepped(stool, tilted, 0.8, DT)
+    found = [kind for kind, _ in kinds(run) if kind in ("touch", "lift")]
+    assert found == ["touch", "lift"] * (len(found) // 2) + ["touch"]

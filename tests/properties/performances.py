@@ -66,7 +66,7 @@ def performance(name: str, seed: int) -> Performance:
     breaks, coef = _moves(rng, puppet, x0, t_end, asks)
     if start == "thrown":
         x0 = x0.replace(v_D=rng.uniform(0.3, 3.0) * rng.normal(size=len(x0.v_D)))
-    x0 = _with_velocity(puppet, x0, coef[0, :, 1])
+    x0 = with_velocity(puppet, x0, coef[0, :, 1])
     # What the strings forbid at once is left out: the inputs begin at rest.
     coef[:, :, :2] -= _ramp(coef[0, :, 1] - x0.v_K, breaks)
     return Performance(puppet, x0, _input(rng, puppet, x0, breaks, coef), t_end, start, asks)
@@ -117,7 +117,7 @@ def _least(puppet: fan.Marionette) -> np.ndarray:
     return np.array([0.05 if n.endswith(".length") else -np.inf for n in names])
 
 
-def _with_velocity(puppet: fan.Marionette, x: fan.State, v_K: np.ndarray) -> fan.State:
+def with_velocity(puppet: fan.Marionette, x: fan.State, v_K: np.ndarray) -> fan.State:
     """The state with the nearest velocity that opens no closed row, and with inputs at v_K.
 
     Where the inputs themselves would open one, as two ends that part at once, they are at rest.

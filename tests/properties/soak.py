@@ -1,7 +1,8 @@
 """Runs very many cases and writes down what is broken: ``make soak``.
 
 A performance is run by all methods. ``--runs`` counts runs, so a million are a third of a million
-performances, spread evenly over the puppets. Ctrl-C keeps what was done.
+performances, spread evenly over puppets and stages. A stage, on which bodies touch, has as many
+starts as there are methods in the place of a performance. Ctrl-C keeps what was done.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 import fantoccini as fan
 from fantoccini import build
-from properties import performances, puppets
+from properties import performances, puppets, stages
 from properties.check import METHODS, Result, checked
 
 PIECE = 50
@@ -38,6 +39,9 @@ PATIENCE = 300.0
 
 KEPT = 5
 """Cases written down of each failure of a puppet; all are counted."""
+
+ALL = (*puppets.ALL, *stages.ALL)
+"""Names of all puppets and stages."""
 
 OUT = Path(__file__).resolve().parents[2] / "benchmarks" / "soak.json"
 
@@ -130,15 +134,19 @@ class Tally:
 
 
 def performed(puppet: str, first: int, n: int, methods: tuple[str, ...] = METHODS) -> Tally:
-    """Runs n performances of a puppet.
+    """Runs n performances of a puppet, or of a stage.
 
     Args:
-        puppet: name in ``puppets.ALL``.
+        puppet: name in ``puppets.ALL`` or ``stages.ALL``.
         first: seed of the first performance.
         n: how many.
         methods: by which; the event-driven one, which tells what can be followed, always first.
     """
     tally = Tally()
+    if puppet in stages.ALL:
+        for seed in range(len(methods) * first, len(methods) * (first + n)):
+            tally.add(stages.checked(puppet, seed))
+        return tally
     for seed in range(first, first + n):
         given = performances.performance(puppet, seed)
         event = checked(puppet, seed, "event", given)
@@ -171,7 +179,7 @@ def soak(
     """Runs cases in several processes; Ctrl-C gives the tally of what was done.
 
     Args:
-        names: of puppets.
+        names: of puppets and stages.
         runs: how many runs, over all methods.
         seed: of the first performance of each puppet.
         workers: processes.
@@ -179,6 +187,9 @@ def soak(
         methods: as of ``performed``.
     """
     for name in names:  # once, not by every worker
+        if name in stages.ALL:
+            stages.load(name).compile()
+            continue
         puppets.load(name).compile()
         for method in methods:
             puppets.load(name).model.compiled.library_of(method)
@@ -266,10 +277,10 @@ def main() -> int:
     parser.add_argument("--runs", type=int, default=1_000_000, help="(default 1,000,000)")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="(default: all cores)")
     parser.add_argument("--seed", type=int, default=0, help="first seed of every puppet")
-    parser.add_argument("--only", choices=list(puppets.ALL), action="append", help="one puppet")
+    parser.add_argument("--only", choices=list(ALL), action="append", help="one of them")
     parser.add_argument("--out", type=Path, default=OUT, help="(default benchmarks/soak.json)")
     options = parser.parse_args()
-    names = options.only or list(puppets.ALL)
+    names = options.only or list(ALL)
     start = time.perf_counter()
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     with Progress(*columns, TimeRemainingColumn()) as bar:

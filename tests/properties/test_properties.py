@@ -7,12 +7,13 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from properties import puppets
+from properties import puppets, stages
 from properties.check import METHODS, checked, simulated
 from properties.performances import performance
 from properties.soak import soak
 
 RUNS = 2_500
+STAGED = 180
 WORKERS = 2
 FEW = ("rod", "tray", "winches")
 """Puppets whose variational integrator is compiled here; ``make soak`` has all of them."""
@@ -33,6 +34,27 @@ def test_properties():
     assert tally.runs_with_a_catch >= RUNS // 2
     lines = [f"{n} x {what}: {found[0][1].cases[0][1]}" for what, n, found in tally.kinds()]
     assert not lines, "\n".join(["broken properties, each with a command that shows it:", *lines])
+
+
+@pytest.mark.slow
+def test_stages():
+    """Bodies of all shapes thrown onto one another, with any friction, restitution and step."""
+    tally = soak(list(stages.ALL), STAGED, seed=0, workers=WORKERS, methods=METHODS[1:2])
+    print(f"{tally.runs} runs: {dict(tally.by_status['timestepping'])}, {tally.catches} touches")
+    assert tally.runs >= STAGED and tally.catches >= STAGED
+    lines = [f"{n} x {what}: {found[0][1].cases[0][1]}" for what, n, found in tally.kinds()]
+    assert not lines, "\n".join(["broken properties, each with a command that shows it:", *lines])
+
+
+# Wedged bodies, a ball jammed under a pole, a winch at its bound beside contacts.
+@pytest.mark.parametrize(
+    "case", ["heap 33", "heap 173", "heap 332", "figure 5", "balls 176", "paddle 132"]
+)
+def test_a_stage_that_has_broken_before(case):
+    name, seed = case.split()
+    found = stages.checked(name, int(seed))
+    assert not found.broken
+    assert found.status == "DONE"
 
 
 # Cases that have broken a property before, found among very many.

@@ -70,3 +70,19 @@ def test_the_impact_of_a_fall_converges(pendulum):
 def test_rows_lie_on_the_grid(pendulum):
     run = swing(pendulum, 0.003, 0.01)
     assert np.allclose(run.t, [0.0, 0.003, 0.006, 0.009, 0.01])
+
+
+@pytest.mark.parametrize("slack", [0.0, 1e-4])
+def test_a_catch_in_the_first_step_is_booked(slack):
+    """A bob thrown straight down on a taut string loses its whole kinetic energy to the catch."""
+    bob = fan.loads("""
+puppet: thrown
+bodies:
+- {name: bob, joint: {type: translation, axes: [x, z]}, mass: 0.5}
+strings:
+- {name: line, path: [{body: bob, at: [0, 0, 0]}, {world: [0, 0, 1]}], length: 1}
+""")
+    x0 = bob.state({"bob.z": slack}).replace(v_D=np.array([0.0, -2.0]))
+    run = fan.simulate(bob, x0, t_end=0.05, method=fan.TimeStepping(dt=1e-3))
+    assert abs(run.ledger["impact"][-1] - 0.5 * 0.5 * 2.0**2) < 0.02
+    assert abs(run.ledger["residual"][-1]) < 0.02

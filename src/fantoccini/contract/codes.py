@@ -32,8 +32,8 @@ class EventCode(Code):
     RAN_AWAY = 7, "a drive ran away"
     TOUCH = 8, "two solids came into contact"
     LIFT = 9, "two solids parted"
-    SLIDE = 10, "two solids that touch began to slide"
-    STICK = 11, "two solids that slid came to stick"
+    STICK = 10, "two solids that touch stopped sliding"
+    SLIDE = 11, "two solids that touch began to slide"
 
 
 class Hold(Code):

@@ -25,13 +25,17 @@ SAMPLE: tuple[Quantity, ...] = (
     Quantity("taut", ("n_rows",), "1", "1 where the row is active, else 0"),
     *_BOOKS,
     Quantity("slip", ("n_strings",), "m", "what the winches have let out"),
-)
+    Quantity(
+        "contact_residual", (), "1",
+        "of the laws of contact in the step before: a speed, relative to the largest in them",
+    ),
+)  # fmt: skip
 """A saved instant of a run."""
 
 EVENT: tuple[Quantity, ...] = (
     Quantity("t", (), "s", "time"),
     Quantity("kind", (), "1", "an EventCode"),
-    Quantity("row", (), "1", "of the row; then of the drive; then of the pair; -1 for none"),
+    Quantity("row", (), "1", "of the row; then of the drive; then of the meeting; -1 for none"),
     Quantity("impulse", (), "N s or N m s", "of a catch"),
     Quantity("speed", (), "m/s or rad/s", "hdot before a catch"),
 )
@@ -66,7 +70,7 @@ PARTS: tuple[Quantity, ...] = (
     Quantity("force", ("n_rows",), "N or N m", "tensions of strings, forces of limits"),
     Quantity("taut", ("n_rows",), "1", "whether the row is active"),
     Quantity("books", (len(BOOKS),), "J", "energies, work and losses"),
-    SAMPLE[-1],
+    *SAMPLE[-2:],
 )
 """Parts of a batch's samples, in the order of :data:`SAMPLE` after its time."""
 

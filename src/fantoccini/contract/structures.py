@@ -86,6 +86,7 @@ STRUCTURES: tuple[Structure, ...] = (
               "first link; second link, or -1 - the solid; where the pairs end"),
         Field("friction", _IN, "(n_pairs,) coefficient of Coulomb's law"),
         Field("restitution", _IN, "(n_pairs,) 0 to 1"),
+        Field("meetings", _INT, "(n_pairs,) the first pair of parts of the same two names"),
     )),
     Structure("Options", "Options of a run.", (
         Field("rtol", "double", "of the event-driven integrator"),

@@ -31,6 +31,7 @@ _WHOLE = ("sample", "pair")
 _NUMBERS = ("t", "impulse", "speed")
 _MESH = "mesh:"
 _CONTACT = "contact:"
+_RESIDUAL = "contact_residual"
 _folders: list[TemporaryDirectory[str]] = []
 
 
@@ -57,6 +58,8 @@ def save(fields: Mapping[str, Any], path: str | Path) -> None:
         -1, len(_NUMBERS)
     )
     arrays["start_D"], arrays["start_K"] = table.start_D, table.start_K
+    if fields[_RESIDUAL] is not None:
+        arrays[_RESIDUAL] = fields[_RESIDUAL]
     contact: ContactPoints | None = fields["contact"]
     if contact is not None:
         about["contact"] = contact.names
@@ -95,12 +98,14 @@ def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any], path: str) 
     puppet = about["puppet"]
     if puppet is not None:
         puppet = restored(text(puppet, "puppet"), path, unpacked(_MESH, arrays))
+    residual = checked(arrays, _RESIDUAL, (n,)) if _RESIDUAL in arrays else None
     return {
         "t": arrays["t"],
         **motion,
         **tables,
         "events": tuple(events),
         "contact": _contact(arrays, about.get("contact"), n),
+        _RESIDUAL: residual,
         "events_recorded": bool(about.get("events_recorded", True)),
         "status": Status[about["status"]],
         "blamed": texts(about.get("blamed", []), "blamed"),

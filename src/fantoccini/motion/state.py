@@ -232,8 +232,8 @@ class EventKind(enum.StrEnum):
     RUNAWAY = "runaway"
     TOUCH = "touch"
     LIFT = "lift"
-    SLIDE = "slide"
     STICK = "stick"
+    SLIDE = "slide"
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 MOTION = ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
 TABLES = ("tension", "limit_force", "taut", "ledger", "slip")
-SAVED = MOTION + TABLES
+RESIDUAL = "contact_residual"
+SAVED = (*MOTION, *TABLES, RESIDUAL)
 """What a batch can save."""
 
 
@@ -44,6 +45,7 @@ class Trajectories:
         puppet: what moved.
         q_D, v_D, acc_D, q_K, v_K, acc_K: (n, T, ...) as of :class:`Trajectory`.
         tension, limit_force, taut, ledger, slip: (n, T) by name, as of :class:`Trajectory`.
+        contact_residual: (n, T) of the laws of contact, as of :class:`Trajectory`.
     """
 
     t: Times
@@ -67,6 +69,7 @@ class Trajectories:
     taut: Columns | None = None
     ledger: Columns | None = None
     slip: Columns | None = None
+    contact_residual: Array | None = None
 
     def __len__(self) -> int:
         return len(self.status)
@@ -102,7 +105,7 @@ class Trajectories:
         Raises:
             ValueError: naming what was not saved; or the run was not begun.
         """
-        missing = [name for name in SAVED if getattr(self, name) is None]
+        missing = [name for name in (*MOTION, *TABLES) if getattr(self, name) is None]
         if missing:
             raise ValueError(
                 f"{', '.join(missing)} of these runs were not saved; simulate with save='all'"
@@ -112,6 +115,8 @@ class Trajectories:
         samples = slice(0, max(1, int(np.searchsorted(self.t, self.reached[i], side="right"))))
         own: dict[str, Any] = {name: getattr(self, name)[i, samples] for name in MOTION}
         own |= {name: self._columns(name, i, samples) for name in TABLES}
+        if self.contact_residual is not None:
+            own[RESIDUAL] = self.contact_residual[i, samples]
         return Trajectory(
             t=self.t[samples],
             **own,

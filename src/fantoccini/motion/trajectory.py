@@ -63,6 +63,9 @@ class Trajectory:
         violation: by string and limit, max(h, 0) [m, rad or 1]; None when not computed.
         slip: by string, the length let out by its slipping winch, >= 0 [m]; None when not computed.
         seconds: time that computing it took [s]; None when not known, as after loading.
+        contact_residual: (T,) by how much the laws of contact are broken in the step before each
+            sample, a speed relative to the largest in them, 0 where nothing touches; None where
+            nothing may touch anything.
         contact: points that pushed, with their forces; None where nothing may touch anything, and
             of batches.
         events_recorded: whether ``events`` holds what happened; runs of batches keep no events.
@@ -90,6 +93,7 @@ class Trajectory:
     blamed: tuple[str, ...] = ()
     seconds: float | None = None
     contact: ContactPoints | None = None
+    contact_residual: Array | None = None
     events_recorded: bool = True
 
     def __repr__(self) -> str:
@@ -117,6 +121,13 @@ class Trajectory:
         for name, columns in self._tables().items():
             if len(columns.values) != n:
                 raise ValueError(f"{name} has {len(columns.values)} samples; it must have {n}")
+        if self.contact_residual is not None:
+            object.__setattr__(self, "contact_residual", frozen(self.contact_residual))
+            if self.contact_residual.shape != (n,):
+                raise ValueError(
+                    f"contact_residual has the shape {self.contact_residual.shape}; it must be "
+                    f"{(n,)}"
+                )
         if n == 0 or not (np.all(np.isfinite(self.t)) and np.all(np.diff(self.t) >= 0)):
             raise ValueError("t must hold one time or more, none before the one it follows")
         object.__setattr__(self, "events", tuple(self.events))
@@ -204,8 +215,11 @@ class Trajectory:
                 changes[name] = columns.like(columns.values[np.where(s < 1, left, right)])
             else:
                 changes[name] = columns.like(interpolate.linear(columns.values, left, right, s))
+        nearest = np.where(s < 1, left, right)
         if self.contact is not None:
-            changes["contact"] = self.contact.resampled(np.where(s < 1, left, right))
+            changes["contact"] = self.contact.resampled(nearest)
+        if self.contact_residual is not None:
+            changes["contact_residual"] = self.contact_residual[nearest]
         events = tuple(e for e in self.events if times[0] <= e.t <= times[-1])
         return dataclasses.replace(self, t=times, events=events, **changes)
 
@@ -231,8 +245,8 @@ class Trajectory:
 
         ``t``; a coordinate by its name (``elbow``, ``torso.qw``); ``v:elbow``, ``acc:elbow``;
         ``tension:hand``, ``taut:hand``, ``impulse:hand``, ``force:elbow.upper``,
-        ``effort:hand.length``, ``violation:hand``, ``slip:hand``, ``energy:kinetic``. Without
-        impulses where the events were not recorded.
+        ``effort:hand.length``, ``violation:hand``, ``slip:hand``, ``energy:kinetic``; with
+        contact ``contact_residual``. Without impulses where the events were not recorded.
         """
         table, columns = self.coordinates, {"t": self.t}
         for names, values in ((table.q_D, self.q_D), (table.q_K, self.q_K)):
@@ -256,6 +270,8 @@ class Trajectory:
         ):
             if named is not None:
                 columns.update((f"{prefix}:{name}", x) for name, x in named.items())
+        if self.contact_residual is not None:
+            columns["contact_residual"] = self.contact_residual
         return columns
 
     def to_dict(self) -> dict[str, list[Any]]:

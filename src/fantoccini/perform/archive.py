@@ -20,6 +20,7 @@ from fantoccini.runtime import Piece
 
 _STATE = ("q_D", "v_D", "q_K", "v_K", "taut", "slip")
 _MESH = "mesh:"
+_MEETINGS = (EventCode.TOUCH, EventCode.LIFT, EventCode.STICK, EventCode.SLIDE)
 _MAX_STEPS = 1_000_000
 """Largest number of time steps in a tick, so that a damaged file does not run for hours."""
 
@@ -122,7 +123,7 @@ def _events(marionette: Marionette, events: Array, pairs: int) -> Array:
     n = len(marionette.tree.blamable)
     for event in events:
         kind, row = event[EVENT_AT["kind"]], event[EVENT_AT["row"]]
-        most = n + pairs if kind in (EventCode.TOUCH, EventCode.LIFT) else n
+        most = n + pairs if kind in _MEETINGS else n
         if kind not in list(EventCode) or row not in range(-1, most):
             raise ValueError(f"found an event of the kind {kind:g} at the row {row:g}")
     return events

@@ -53,9 +53,11 @@ class Contacts:
     def structure(self) -> ctypes.Structure:
         """For compiled code; it and its arrays live as long as this object."""
         groups = self._groups()
-        arrays = (self._solids(), self.pairs, groups, self.friction, self.restitution)
+        arrays = (
+            self._solids(), self.pairs, groups, self.friction, self.restitution, self._meetings()
+        )  # fmt: skip
         held = [np.ascontiguousarray(a) for a in arrays]
-        names = ("solids", "pairs", "groups", "friction", "restitution")
+        names = ("solids", "pairs", "groups", "friction", "restitution", "meetings")
         made = structures["ContactArrays"](
             n_solids=len(self.solids), n_pairs=len(self.pairs), n_groups=len(groups),
             **{name: pointer(a) for name, a in zip(names, held, strict=True)},
@@ -70,6 +72,11 @@ class Contacts:
             hull = self.hulls[solids["mesh"][i]]
             solids["hull"][i] = ctypes.addressof(hull.structure)
         return solids
+    def _meetings(self) -> NDArray[np.int32]:
+        """(m,) the first pair of the same two names: the parts of one body meet together."""
+        first: dict[frozenset[str], int] = {}
+        meetings = [first.setdefault(frozenset(pair), k) for k, pair in enumerate(self.names)]
+        return np.array(meetings, dtype=np.int32)
 
     def _groups(self) -> NDArray[np.int32]:
         """(n, 3) links of neighbouring pairs, -1 - solid for one that stands; where they end."""

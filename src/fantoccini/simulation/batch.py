@@ -31,6 +31,7 @@ from fantoccini.marionette import (
     may_be_redundant,
 )
 from fantoccini.motion import SAVED, Columns, Input, Inputs, State, Trajectories
+from fantoccini.motion.trajectories import RESIDUAL
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Batch, RunOptions, default_threads, whole
 from fantoccini.simulation.batch_progress import batch_progress
@@ -127,7 +128,7 @@ def simulate_batch(
     check_step(model, name, states.q_D, states.q_K, options.dt)
     if threads is not None:
         threads = whole("threads", threads, least=1)
-    saved = _saved(save)
+    saved = _saved(model, save)
     _check_memory(model, name, options, saved, n, t, t_end, save_at, out or {})
     times = _times(name, options, t, t_end, save_at)
     batch = Batch(
@@ -227,9 +228,12 @@ def _times(
     return np.append(t + steps[:-1] * dt, t_end)
 
 
-def _saved(save: Sequence[str] | str | None) -> tuple[str, ...]:
-    if save is None or save == "all":
-        return SAVED if save else SAVE
+def _saved(model: Model, save: Sequence[str] | str | None) -> tuple[str, ...]:
+    """The names asked for; all but the residual of contacts where nothing may touch anything."""
+    if save is None:
+        return SAVE
+    if save == "all":
+        return tuple(name for name in SAVED if name != RESIDUAL or model.contacts is not None)
     names = (save,) if isinstance(save, str) else tuple(save)
     for name in names:
         if name not in SAVED:
@@ -315,6 +319,8 @@ def _trajectories(
             made[name] = Columns(limits, view[..., n_s:], "limit")
         elif name == "ledger":
             made[name] = Columns(LEDGER, _read_only(_ledger(view)), "entry")
+        elif name == RESIDUAL:
+            made[name] = view[..., 0]
         else:
             made[name] = view
     ends = ("status", "reached", "violation", "catches", "releases")

@@ -293,6 +293,7 @@ def trajectory_of_samples(
         blamed=tuple(tree.blamable[i] for i in np.flatnonzero(blame > REPORTING.blame)),
         seconds=seconds,
         contact=contact,
+        contact_residual=None if contact is None else part["contact_residual"],
     )  # fmt: skip
 
 

@@ -20,10 +20,13 @@ namespace fan {
 struct ContactPointTolerances {
   // m: gap up to which a pair is looked at, whatever its speed.
   static constexpr double margin = 1e-3;
-  // The same, in what the two solids travel towards each other in a step at most.
+  // The same, in what the two solids travel towards each other in a step at most, at the speeds of
+  // its start.
   static constexpr double travel = 2.0;
   // Share of the sum of two solids' smallest radii or half edges that they travel in one go.
   static constexpr double share_of_size = 0.5;
+  // m/s at which a solid would pass another: above rounding.
+  static constexpr double passing_speed = 1e-12;
 };
 
 template <class Model, class Real>
@@ -152,23 +155,92 @@ class ContactPoints {
       const Real* p, double dt, const Mask& idle) {
     Call<Model, Real>::screws(q_D, q_K, p, links_);
     most = 0;
+    passing_within_ = 0.0;
     for (int l = 0; l < width; ++l) {
       n[l] = 0;
       if (lane_of(idle, l)) continue;
       load(l, v_D, v_K);
       move();
       place(in);
+      for (int i = 0; i < L; ++i) lane_of(speed_at_start_[i], l) = speed_[i];
       look_at_all(in, dt, l);
       if (n[l] > most) most = n[l];
     }
-    for (int i = 0; i < 3 * most; ++i) {
-      rate_K[i] = Real(0.0);
-      for (int k = 0; k < N; ++k) row[i][k] = Real(0.0);
-    }
+    for (int i = 0; i < most; ++i) clear(i);
     for (int l = 0; l < width; ++l) {
       if (n[l] > 0 && width > 1) load(l, v_D, v_K);
       for (int i = 0; i < n[l]; ++i) fill(in, l, i);
     }
+  }
+
+  // Takes the sizes of links.
+  void begin(const ContactArrays& in) {
+    for (int i = 0; i < L; ++i) reach_[i] = speed_[i] = 0.0;
+    for (int k = 0; k < B; ++k) {
+      const Solid& solid = in.solids[k];
+      double middle[3];
+      for (int c = 0; c < 3; ++c) middle[c] = 0.5 * (solid.a[c] + solid.b[c]);
+      const double reach = sqrt(dot3(middle, middle)) + bounding_radius(solid);
+      if (reach > reach_[solid.link]) reach_[solid.link] = reach;
+    }
+  }
+
+  // The lanes in which some link may go farther than the margins of find() allow for, if the step
+  // dt changes the velocities by dv_D. Each link may gain half of the fixed part over the step, as
+  // the other one of a pair may, and its own part of what they travel.
+  FAN_FN Mask outruns(const Real* dv_D, double dt) const {
+    const double fixed = 0.5 * Tolerance::margin / dt;
+    Real twist[room(6 * L)];
+    Mask out = Real(0.0) > Real(1.0);
+    for (int i = 0; i < L; ++i) {
+      const int up = Model::link_parent[i];
+      Real* own = twist + 6 * i;
+      for (int c = 0; c < 6; ++c) own[c] = up < 0 ? Real(0.0) : twist[6 * up + c];
+      const int* begin = Model::moved_D_begin;
+      const int carried = up < 0 ? 0 : begin[up + 1] - begin[up];
+      for (int j = begin[i] + carried; j < begin[i + 1]; ++j) {
+        const int k = Model::moved_D_entry[j];
+        for (int c = 0; c < 6; ++c) own[c] += links_.screw_D[6 * k + c] * dv_D[k];
+      }
+      if (reach_[i] == 0.0) continue;
+      const Real *w = own + 3, *r = links_.poses + 12 * i + 9;
+      const Real v[3] = {
+          own[0] + w[1] * r[2] - w[2] * r[1], own[1] + w[2] * r[0] - w[0] * r[2],
+          own[2] + w[0] * r[1] - w[1] * r[0]};
+      const Real spare = fixed + (Tolerance::travel - 1.0) * speed_at_start_[i];
+      // (a + b)^2 <= 2 (a^2 + b^2)
+      const Real square = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) +
+                          (w[0] * w[0] + w[1] * w[1] + w[2] * w[2]) * (reach_[i] * reach_[i]);
+      out = out || 2.0 * square > spare * spare;
+    }
+    return out;
+  }
+
+  // Adds the points that the velocities v_D would pass in a step dt from what find() was given, in
+  // some lanes. Returns whether there are any.
+  FAN_FN bool find_more(
+      const ContactArrays& in, const Real* v_D, const Real* v_K, double dt, const Mask& lanes) {
+    const int most_before = most;
+    int n_before[width];
+    passing_within_ = dt;
+    for (int l = 0; l < width; ++l) {
+      n_before[l] = n[l];
+      if (!lane_of(lanes, l)) continue;
+      load(l, v_D, v_K);
+      move();
+      place(in);
+      look_at_all(in, dt, l);
+      if (n[l] > most) most = n[l];
+    }
+    for (int i = most_before; i < most; ++i) clear(i);
+    bool more = false;
+    for (int l = 0; l < width; ++l) {
+      if (n[l] == n_before[l]) continue;
+      more = true;
+      if (width > 1) load(l, v_D, v_K);
+      for (int i = n_before[l]; i < n[l]; ++i) fill(in, l, i);
+    }
+    return more;
   }
 
  private:
@@ -351,6 +423,7 @@ class ContactPoints {
     Touch found[max_touches];
     const int n_found = touches(x, y, margin, found);
     for (int i = 0; i < n_found; ++i) {
+      if (passing_within_ > 0.0 && !joins(in, k, found[i], l)) continue;
       if (n[l] == C) {
         too_many[l] = true;
         return;
@@ -367,6 +440,23 @@ class ContactPoints {
     }
   }
 
+  // Whether a point of pair k is none of lane l's, and would be passed.
+  FAN_FN bool joins(const ContactArrays& in, int k, const Touch& touch, int l) const {
+    for (int i = 0; i < n[l]; ++i)
+      if (point[l][i].pair == k && point[l][i].feature == touch.feature) return false;
+    double closing = 0.0;
+    for (int side = 0; side < 2; ++side) {
+      const int link = in.solids[in.pairs[2 * k + side]].link;
+      if (link < 0) continue;
+      const double* t = twist_ + 6 * link;
+      double v[3];
+      cross(t + 3, touch.point, v);
+      for (int c = 0; c < 3; ++c) v[c] += t[c];
+      closing += (side ? 1.0 : -1.0) * dot3(v, touch.normal);
+    }
+    return closing - touch.gap / passing_within_ > Tolerance::passing_speed;
+  }
+
   // Two unit vectors across the normal and each other, from the axis that it is farthest from.
   FAN_FN static void tangents(double* frame) {
     int axis = 0;
@@ -377,6 +467,13 @@ class ContactPoints {
     const double size = sqrt(dot3(frame + 3, frame + 3));
     for (int c = 3; c < 6; ++c) frame[c] /= size;
     cross(frame, frame + 3, frame + 6);
+  }
+
+  FAN_FN void clear(int i) {
+    for (int d = 3 * i; d < 3 * i + 3; ++d) {
+      rate_K[d] = Real(0.0);
+      for (int k = 0; k < N; ++k) row[d][k] = Real(0.0);
+    }
   }
 
   // The rows of lane l's point i.
@@ -414,6 +511,9 @@ class ContactPoints {
   const double *poses_, *screw_D_, *screw_K_, *v_D_, *v_K_;  // of the lane that is looked at
   double lane_[width == 1 ? 1 : 12 * L + 7 * (N + NK)];
   double twist_[room(6 * L)], speed_[room(L)];
+  double reach_[room(L)];           // m: of a link's solids from its origin; 0 without
+  Real speed_at_start_[room(L)];    // m/s: by which the margins of find() were chosen
+  double passing_within_ = 0.0;  // s: the step, while only points that would be passed are added
   Solid placed_[room(B)];
   Ball ball_[room(B)], ball_of_[room(L)];  // around solids, and around all of a link
 };

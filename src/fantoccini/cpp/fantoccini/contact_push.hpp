@@ -6,10 +6,14 @@ namespace fan {
 struct ContactStepTolerances {
   // m/s at which a point joins the problem because it would be passed: above rounding.
   static constexpr double passing_speed = 1e-12;
+  // How often a step looks again for points that what was struck would pass.
+  static constexpr int looks = 8;
   // Steps that an impact takes: the first ends where the solids touch, the second stops them.
   static constexpr int steps_of_impact = 2;
   // Residual of the law up to which a step is accepted: far below the error of the step itself.
   static constexpr double accepted_residual = 1e-5;
+  // By how much less, relative, an impulse at its winch's bound may be found: rounding.
+  static constexpr double at_bound = 1e-9;
   // Shares of G's largest diagonal entry by which rows yield where the law has no solution that is
   // found, tried one after the other.
   static constexpr double softness[] = {1e-8, 1e-7, 1e-6};

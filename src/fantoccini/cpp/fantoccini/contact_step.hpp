@@ -11,37 +11,32 @@
 // neighbours.
 #pragma once
 
-#include "cone.hpp"
-#include "contact_points.hpp"
-#include "contact_push.hpp"
+#include "contact_problem.hpp"
+#include "contact_share.hpp"
 
 namespace fan {
 
 template <class Model, class Real>
-class ContactStep {
+class ContactStep : public ContactProblem<Model, Real> {
+  using Problem = ContactProblem<Model, Real>;
+
  public:
-  static constexpr int C = Model::n_contacts, N = Model::n_vD, S = Model::n_strings;
-  static constexpr int M = Model::n_rows, width = Traits<Real>::width;
-  using Mask = typename Traits<Real>::Mask;
-  using Points = ContactPoints<Model, Real>;
-  using Tolerance = ContactStepTolerances;
+  using Problem::C, Problem::N, Problem::M, Problem::width, Problem::residual;
+  using typename Problem::Mask, typename Problem::Tolerance;
   using Push = ContactPush;
 
   int n[width] = {};      // points that push
   Push push[width][room(C)];
-  int n_before[width] = {};
-  int pair_before[width][room(C)];  // of the points that pushed in the step before
   Real violation, work, impact, friction;  // depth; energies of the step
-  double residual[width] = {};  // of the law, in the last step
 
   bool too_many(int lane) const { return points_.too_many[lane]; }
 
   // Nothing has touched anything yet.
-  FAN_FN void begin() {
+  FAN_FN void begin(const ContactArrays& in) {
+    points_.begin(in);
     for (int l = 0; l < width; ++l) {
-      n[l] = n_before[l] = 0;
+      n[l] = 0;
       points_.too_many[l] = false;
-      residual[l] = 0.0;
     }
     points_.most = 0;
   }
@@ -67,7 +62,7 @@ class ContactStep {
       double recovery_speed, const Mask& idle) {
     in_ = &in;
     points_.find(in, q_D, v_D, q_K, v_K, p, dt, idle);
-    violation = work = impact = friction = Real(0.0);
+    violation = work = impact = friction = residual = Real(0.0);
     for (int l = 0; l < width; ++l) {
       chosen_[l] = 0;
       for (int i = 0; i < points_.n[l]; ++i) {
@@ -75,11 +70,17 @@ class ContactStep {
         if (depth > lane_of(violation, l)) lane_of(violation, l) = depth;
       }
     }
+    for (int r = 0; r < M; ++r) row_x_[r] = row_s_[r] = Real(0.0);
+    columns_.begin();
+    looks_ = 0;
+    for (int l = 0; l < width; ++l) {
+      bounces_[l] = false;
+      scale_[l] = 1.0;
+      solved_with_[l] = 0;
+    }
     if (points_.most == 0) return;
-    Real v[room(N)], w[room(N)];
-    for (int k = 0; k < N; ++k) w[k] = dt * eval.w0[k];
-    eval.back(w, v);
-    for (int k = 0; k < N; ++k) v[k] += v_D[k];
+    Real v[room(N)];
+    unhindered(eval, v_D, dt, v);
     for (int i = 0; i < 3 * points_.most; ++i) {
       x_[i] = Real(0.0);
       b_[i] = before_[i] = rate(i, v);
@@ -90,7 +91,35 @@ class ContactStep {
       for (int l = 0; l < width; ++l)
         if (i < points_.n[l]) aim(l, i, dt, whole, recovery_speed);
     }
-    made_ = 0;
+  }
+
+  // Looks again where impulses have made links faster, by acc over the step from v_D, than the
+  // margins of find() allow for, and adds the points that would be passed; whether there are any.
+  FAN_FN bool look_again(
+      const Evaluation<Model, Real>& eval, const Real* v_D, const Real* acc, const Real* v_K,
+      double dt, double whole, double recovery_speed, const Mask& idle) {
+    const Mask lanes = !idle && points_.outruns(acc, dt);
+    if (!any(lanes) || looks_ == Tolerance::looks) return false;
+    ++looks_;
+    Real v[room(N)];
+    int known[width];
+    const int most = points_.most;
+    for (int l = 0; l < width; ++l) known[l] = points_.n[l];
+    for (int k = 0; k < N; ++k) v[k] = v_D[k] + acc[k];
+    if (!points_.find_more(*in_, v, v_K, dt, lanes)) return false;
+    for (int i = 3 * most; i < 3 * points_.most; ++i) x_[i] = Real(0.0);
+    unhindered(eval, v_D, dt, v);
+    for (int l = 0; l < width; ++l)
+      for (int i = known[l]; i < points_.n[l]; ++i) {
+        columns_.renew(i);
+        for (int d = 3 * i; d < 3 * i + 3; ++d) lane_of(before_[d], l) = lane_of(rate(d, v), l);
+        for (int d = 3 * i; d < 3 * i + 3; ++d) lane_of(b_[d], l) = lane_of(before_[d], l);
+        lane_of(hdot_[i], l) = lane_of(rate(3 * i, v_D), l);
+        steps_[l][i] = 0;
+        near_[l][i] = true;
+        aim(l, i, dt, whole, recovery_speed);
+      }
+    return true;
   }
 
   // Whether any point takes part in lane l.
@@ -115,29 +144,36 @@ class ContactStep {
 
   // Solves for the impulses of the points and of the gathered rows that take part, in the lanes in
   // which points do; the rows' problem holds their bounds, and then their impulses x and s. near
-  // tells which rows take part. `guess` (n_rows) are impulses of the rows to begin with, `before`
+  // tells which rows take part; a lane to which none were added since keeps its solution. `guess` (n_rows) are impulses of the rows to begin with, `before`
   // is the gathered rows' hdot after the step without impulses.
   FAN_FN void settle(
       const Evaluation<Model, Real>& eval, RowSystem<Model, Real>& rows, const Mask* near,
       const Real* guess, const Real* before, double cap, Mask& settled) {
-    make_columns(eval, rows);
+    this->make_columns(eval, rows);
     Real found[room(M)], s[room(M)], of_lane = Real(0.0), well = Real(0.0);
-    for (int a = 0; a < rows.n; ++a) {
-      found[a] = rows.problem.x[a];
-      s[a] = rows.problem.s[a];
-    }
     for (int l = 0; l < width; ++l) {
       if (chosen_[l] == 0) continue;
+      int taking_part = chosen_[l];
+      for (int r = 0; r < M; ++r) taking_part += lane_of(near[r], l);
+      if (taking_part != solved_with_[l]) {
+        solved_with_[l] = taking_part;
+        well_[l] = this->bounce(l, rows, near, guess, before, cap, found, s);
+        for (int a = 0; a < rows.n; ++a) {
+          lane_of(row_x_[rows.row[a]], l) = lane_of(found[a], l);
+          lane_of(row_s_[rows.row[a]], l) = lane_of(s[a], l);
+        }
+      }
       lane_of(of_lane, l) = 1.0;
-      if (bounce(l, rows, near, guess, before, cap, found, s)) lane_of(well, l) = 1.0;
+      if (well_[l]) lane_of(well, l) = 1.0;
     }
     const Mask here = of_lane > Real(0.5);
     settled = (settled && !here) || (here && well > Real(0.5));
     auto& problem = rows.problem;
     for (int a = 0; a < rows.n; ++a) {
-      problem.x[a] = select(here, found[a], problem.x[a]);
-      problem.s[a] = select(here, s[a], problem.s[a]);
-      problem.high[a] = (problem.high[a] && !here) || (here && !(found[a] < problem.upper[a]));
+      const Real x = row_x_[rows.row[a]];
+      problem.x[a] = select(here, x, problem.x[a]);
+      problem.s[a] = select(here, row_s_[rows.row[a]], problem.s[a]);
+      problem.high[a] = (problem.high[a] && !here) || (here && !(x < problem.upper[a] * (1.0 - Tolerance::at_bound)));
     }
   }
 
@@ -145,7 +181,7 @@ class ContactStep {
   FAN_FN void add(Real* w) const {
     for (int i = 0; i < 3 * points_.most; ++i) {
       if (!any(x_[i] != Real(0.0))) continue;
-      for (int k = 0; k < N; ++k) w[k] -= W_[i][k] * x_[i];
+      for (int k = 0; k < N; ++k) w[k] -= columns_.W[i][k] * x_[i];
     }
   }
 
@@ -153,7 +189,7 @@ class ContactStep {
   FAN_FN Real rate_by_impulses(int a) const {
     Real sum = Real(0.0);
     for (int i = 0; i < 3 * points_.most; ++i)
-      if (any(x_[i] != Real(0.0))) sum += across_[i][a] * x_[i];
+      if (any(x_[i] != Real(0.0))) sum += columns_.across[i][a] * x_[i];
     return sum;
   }
 
@@ -161,17 +197,22 @@ class ContactStep {
   // 0.
   FAN_FN Real account() {
     Real struck = Real(0.0);
+    for (int l = 0; l < width; ++l)
+      for (int i = 0; i < points_.n[l]; ++i)
+        if (lane_of(x_[3 * i], l) > 0.0 && strikes(l, i)) lane_of(struck, l) = 1.0;
     for (int l = 0; l < width; ++l) {
-      n_before[l] = n[l];
-      for (int i = 0; i < n[l]; ++i) pair_before[l][i] = push[l][i].pair;
       int pushes = 0;
       Push now[room(C)];
       for (int i = 0; i < points_.n[l]; ++i)
         if (lane_of(x_[3 * i], l) > 0.0) {
-          now[pushes] = pushing(l, i);
-          const bool strikes = now[pushes++].steps <= Tolerance::steps_of_impact;
-          if (strikes) lane_of(struck, l) = 1.0;
-          book(l, i, strikes);
+          const double x[3] = {
+              lane_of(x_[3 * i], l), lane_of(x_[3 * i + 1], l), lane_of(x_[3 * i + 2], l)};
+          const Push made = pushing(l, i, x);
+          int place = pushes++;
+          for (; place > 0 && earlier(made, now[place - 1]); --place) now[place] = now[place - 1];
+          now[place] = made;
+          if (lane_of(struck, l) > 0.5) book_impact(l, i);
+          else book_friction(l, i);
         }
       for (int i = 0; i < pushes; ++i) push[l][i] = now[i];
       n[l] = pushes;
@@ -179,7 +220,43 @@ class ContactStep {
     return struck;
   }
 
+  // What pushes at the end of the step as it is reported: where points share what they carry, the
+  // impulses of least norm. Of one trajectory, not of lanes. Returns how many there are.
+  int shared(ContactShare<M + 3 * C>& share, Push* out) const {
+    static_assert(width == 1);
+    int found = 0, n_out = 0;
+    for (int i = 0; i < points_.n[0]; ++i) found += lane_of(x_[3 * i], 0) > 0.0;
+    if (chosen_[0] == 0 || found != n[0]) {
+      for (int i = 0; i < n[0]; ++i) out[i] = push[0][i];
+      return n[0];
+    }
+    double x[room(3 * C)];
+    share.find(cone_, x);
+    for (int k = 0; k < n_triple_; ++k) {
+      if (!(x[3 * k] > 0.0)) continue;
+      const Push made = pushing(0, triple_[k], x + 3 * k);
+      int place = n_out++;
+      for (; place > 0 && earlier(made, out[place - 1]); --place) out[place] = out[place - 1];
+      out[place] = made;
+    }
+    return n_out;
+  }
+
  private:
+  using Problem::cone_, Problem::triple_, Problem::n_triple_;
+  using Problem::points_, Problem::columns_, Problem::in_, Problem::near_, Problem::chosen_;
+  using Problem::x_, Problem::s_, Problem::b_, Problem::before_, Problem::rebound_;
+  using Problem::parting_, Problem::bounces_, Problem::scale_;
+
+  // The velocities after the step without impulses.
+  FAN_FN static void unhindered(
+      const Evaluation<Model, Real>& eval, const Real* v_D, double dt, Real* v) {
+    Real w[room(N)];
+    for (int k = 0; k < N; ++k) w[k] = dt * eval.w0[k];
+    eval.back(w, v);
+    for (int k = 0; k < N; ++k) v[k] += v_D[k];
+  }
+
   // hdot of row i at the velocity v.
   FAN_FN Real rate(int i, const Real* v) const {
     Real sum = points_.rate_K[i];
@@ -208,8 +285,6 @@ class ContactStep {
   // Finds the points of a lane that pushed in the step before, with their impulses as the first
   // guess; they take part.
   FAN_FN void recall(int l) {
-    bounces_[l] = false;
-    scale_[l] = 1.0;
     int j = 0;
     for (int i = 0; i < points_.n[l]; ++i) {
       const auto& p = points_.point[l][i];
@@ -228,152 +303,8 @@ class ContactStep {
     return a.pair < b.pair || (a.pair == b.pair && a.feature < b.feature);
   }
 
-  // W = F^-T A_D^T of the points that take part in some lane, and the products of their columns.
-  FAN_FN void make_columns(
-      const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows) {
-    for (int i = 0; i < points_.most; ++i) {
-      bool some = false;
-      for (int l = 0; l < width; ++l) some = some || (i < points_.n[l] && near_[l][i]);
-      if (i >= made_) has_[i] = false;
-      if (some && !has_[i])
-        for (int d = 3 * i; d < 3 * i + 3; ++d) {
-          Call<Model, Real>::forth(eval.L, points_.row[d], W_[d]);
-          for (int j = 0; j <= i; ++j)
-            if (j == i || has_[j])
-              for (int e = 3 * j; e < 3 * j + 3 && e <= d; ++e) G_[d][e] = product(W_[d], W_[e]);
-          for (int j = i + 1; j < made_; ++j)
-            if (has_[j])
-              for (int e = 3 * j; e < 3 * j + 3; ++e) G_[e][d] = product(W_[d], W_[e]);
-        }
-      has_[i] = has_[i] || some;
-      if (!some) continue;
-      for (int d = 3 * i; d < 3 * i + 3; ++d)
-        for (int a = 0; a < rows.n; ++a) across_[d][a] = product(W_[d], rows.column[a]);
-    }
-    made_ = points_.most;
-  }
-
-  FAN_FN static Real product(const Real* a, const Real* b) {
-    Real even = Real(0.0), odd = Real(0.0);
-    int k = 0;
-    for (; k + 2 <= N; k += 2) {
-      even += a[k] * b[k];
-      odd += a[k + 1] * b[k + 1];
-    }
-    if (k < N) even += a[k] * b[k];
-    return even + odd;
-  }
-
-  // Solves lane l with the restitutions, scaled down until they add no energy.
-  FAN_FN bool bounce(
-      int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess,
-      const Real* before, double cap, Real* found, Real* s) {
-    bool solved = solve(l, rows, near, guess, cap, found, s);
-    for (int k = 1; bounces_[l] && k <= Tolerance::tries && adds(l, rows, before, found); ++k) {
-      scale_[l] *= k < Tolerance::tries ? Tolerance::less_restitution : 0.0;
-      for (int i = 0; i < points_.n[l]; ++i) {
-        const double back = scale_[l] * rebound_[l][i], parting = parting_[l][i];
-        lane_of(b_[3 * i], l) = lane_of(before_[3 * i], l) + (back > parting ? back : parting);
-      }
-      solved = solve(l, rows, near, guess, cap, found, s);
-    }
-    return solved;
-  }
-
-  // Whether the impulses of lane l add energy, apart from what driven solids do:
-  //   sum of x . (before - A_K v_K - G x / 2) < 0,   G x the change of hdot
-  FAN_FN bool adds(
-      int l, const RowSystem<Model, Real>& rows, const Real* before, const Real* found) const {
-    constexpr int stride = Complementarity<Real, M>::N;
-    double lost = 0.0, exchanged = 0.0;
-    const auto add = [&](double x, double own) {
-      lost += x * own;
-      exchanged += fabs(x * own);
-    };
-    for (int a = 0; a < rows.n; ++a) {
-      double change = 0.0;
-      for (int b = 0; b < rows.n; ++b)
-        change += lane_of(rows.problem.G[a * stride + b], l) * lane_of(found[b], l);
-      for (int d = 0; d < 3 * points_.n[l]; ++d)
-        if (near_[l][d / 3]) change += 2.0 * lane_of(across_[d][a], l) * lane_of(x_[d], l);
-      add(lane_of(found[a], l), lane_of(before[a], l) - lane_of(rows.hdot_K[a], l) - 0.5 * change);
-    }
-    for (int d = 0; d < 3 * points_.n[l]; ++d) {
-      if (!near_[l][d / 3]) continue;
-      double change = 0.0;
-      for (int e = 0; e < 3 * points_.n[l]; ++e)
-        if (near_[l][e / 3]) change += lane_of(d < e ? G_[e][d] : G_[d][e], l) * lane_of(x_[e], l);
-      add(lane_of(x_[d], l),
-          lane_of(before_[d], l) - lane_of(points_.rate_K[d], l) - 0.5 * change);
-    }
-    return lost < -Tolerance::rounding * exchanged;
-  }
-
-  // Solves lane l.
-  FAN_FN bool solve(
-      int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess, double cap,
-      Real* found, Real* s) {
-    int single[room(M)], triple[room(C)], n_single = 0, n_triple = 0;
-    for (int a = 0; a < rows.n; ++a)
-      if (lane_of(near[rows.row[a]], l)) single[n_single++] = a;
-    for (int i = 0; i < points_.n[l]; ++i)
-      if (near_[l][i]) triple[n_triple++] = i;
-    auto& problem = cone_;
-    problem.n_single = n_single;
-    problem.n_contacts = n_triple;
-    const int size = n_single + 3 * n_triple;
-    constexpr int stride = Complementarity<Real, M>::N;
-    const auto& from = rows.problem;
-    for (int i = 0; i < n_single; ++i) {
-      const int a = single[i];
-      for (int j = 0; j < n_single; ++j)
-        problem.G[i * size + j] = lane_of(from.G[a * stride + single[j]], l);
-      problem.b[i] = lane_of(from.b[a], l);
-      problem.lower[i] = lane_of(from.lower[a], l);
-      problem.upper[i] = lane_of(from.upper[a], l);
-      problem.x[i] = lane_of(guess[rows.row[a]], l);
-    }
-    for (int i = 0; i < n_triple; ++i) {
-      problem.mu[i] = in_->friction[points_.point[l][triple[i]].pair];
-      for (int d = 0; d < 3; ++d) {
-        const int to = n_single + 3 * i + d, own = 3 * triple[i] + d;
-        for (int j = 0; j < n_single; ++j)
-          problem.G[to * size + j] = problem.G[j * size + to] = lane_of(across_[own][single[j]], l);
-        for (int j = 0; j <= i; ++j)
-          for (int e = 0; e < 3 && (j < i || e <= d); ++e) {
-            const int at = n_single + 3 * j + e;
-            problem.G[to * size + at] = problem.G[at * size + to] =
-                lane_of(G_[own][3 * triple[j] + e], l);
-          }
-        problem.b[to] = lane_of(b_[own], l);
-        problem.x[to] = lane_of(x_[own], l);
-        problem.lower[to] = d == 0 ? 0.0 : -cap;
-        problem.upper[to] = cap;
-      }
-    }
-    bool solved = problem.solve();
-    for (const double share : Tolerance::softness)
-      if (!solved && problem.residual > Tolerance::accepted_residual)
-        solved = problem.solve_softly(share) && problem.residual <= Tolerance::accepted_residual;
-    residual[l] = problem.residual;
-    for (int a = 0; a < rows.n; ++a) {
-      lane_of(found[a], l) = 0.0;
-      lane_of(s[a], l) = -lane_of(from.b[a], l);
-    }
-    for (int i = 0; i < n_single; ++i) {
-      lane_of(found[single[i]], l) = problem.x[i];
-      lane_of(s[single[i]], l) = problem.s[i];
-    }
-    for (int i = 0; i < n_triple; ++i)
-      for (int d = 0; d < 3; ++d) {
-        lane_of(x_[3 * triple[i] + d], l) = problem.x[n_single + 3 * i + d];
-        lane_of(s_[3 * triple[i] + d], l) = problem.s[n_single + 3 * i + d];
-      }
-    return solved || residual[l] <= Tolerance::accepted_residual;
-  }
-
-  // Point i of lane l as it pushes.
-  FAN_FN Push pushing(int l, int i) const {
+  // Point i of lane l as it pushes with the impulse x.
+  FAN_FN Push pushing(int l, int i, const double* x) const {
     const auto& from = points_.point[l][i];
     Push out;
     out.pair = from.pair;
@@ -387,7 +318,7 @@ class ContactStep {
       out.normal[c] = from.frame[c];
       out.impulse[c] = out.velocity[c] = 0.0;
       for (int d = 0; d < 3; ++d) {
-        out.impulse[c] += lane_of(x_[3 * i + d], l) * from.frame[3 * d + c];
+        out.impulse[c] += x[d] * from.frame[3 * d + c];
         out.velocity[c] -= after(l, 3 * i + d) * from.frame[3 * d + c];
       }
     }
@@ -399,33 +330,38 @@ class ContactStep {
     return lane_of(before_[i], l) - lane_of(s_[i], l) - lane_of(b_[i], l);
   }
 
-  // Adds the energies of point i: an impact takes what its impulse takes at the mean velocity, of
-  // the friction of other points counts what it takes at the velocity after the step.
-  FAN_FN void book(int l, int i, bool strikes) {
+  // Whether point i is new enough to be part of an impact.
+  FAN_FN bool strikes(int l, int i) const { return steps_[l][i] < Tolerance::steps_of_impact; }
+
+  // Adds what the friction of point i takes, at the velocity after the step.
+  FAN_FN void book_friction(int l, int i) {
     for (int d = 3 * i; d < 3 * i + 3; ++d) {
-      const double x = lane_of(x_[d], l), end = after(l, d);
+      const double x = lane_of(x_[d], l);
       lane_of(work, l) += x * lane_of(points_.rate_K[d], l);
-      if (strikes) lane_of(impact, l) += 0.5 * x * (lane_of(before_[d], l) + end);
-      else if (d != 3 * i) lane_of(friction, l) += x * end;
+      if (d != 3 * i) lane_of(friction, l) += x * after(l, d);
     }
   }
 
-  Points points_;
-  const ContactArrays* in_ = nullptr;
+  // The same in a step with an impact, whose impulses also act where solids rest: each takes what it
+  // takes at the mean of the velocities without impulses and with them.
+  FAN_FN void book_impact(int l, int i) {
+    for (int d = 3 * i; d < 3 * i + 3; ++d) {
+      const double x = lane_of(x_[d], l), end = after(l, d);
+      const double rubs = d == 3 * i || strikes(l, i) ? 0.0 : x * end;
+      lane_of(work, l) += x * lane_of(points_.rate_K[d], l);
+      lane_of(friction, l) += rubs;
+      lane_of(impact, l) += 0.5 * x * (lane_of(before_[d], l) + end) - rubs;
+    }
+  }
+
   int steps_[width][room(C)];      // for which a point has pushed
-  bool near_[width][room(C)];      // whether a point takes part
-  // m/s: e u_n- of new contacts, 0 of others; how fast solids part without it.
-  double rebound_[width][room(C)], parting_[width][room(C)];
-  bool bounces_[width];            // whether any contact bounces
-  double scale_[width];            // of the restitutions of the step
-  int chosen_[width] = {};         // how many do
-  Real x_[room(3 * C)], s_[room(3 * C)], b_[room(3 * C)];
-  Real before_[room(3 * C)];       // hdot after the step without impulses
   Real hdot_[room(C)];             // of the normals, at its start
-  int made_ = 0;
-  bool has_[room(C)];              // whether a point's columns are made
-  Real W_[room(3 * C)][room(N)], G_[room(3 * C)][room(3 * C)], across_[room(3 * C)][room(M)];
-  ConeProblem<M + 3 * C> cone_;
+  int looks_ = 0;                  // how often was looked again
+  // Of each lane's last solve in the step: how many rows and points took part, whether it went well;
+  // impulses and s of the rows.
+  int solved_with_[width];
+  bool well_[width];
+  Real row_x_[room(M)], row_s_[room(M)];
 };
 
 }  // namespace fan

@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x055a381b732b7d4b;
+constexpr long long contract_digest = 0x39f59e41dfa0c76b;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -65,6 +65,7 @@ enum Status : int {
   OVERSTEPPED = 18,  // the end was reached, but strings, limits or contacts were overstepped
   GAINED_ENERGY = 19,  // the end was reached, but the fixed step made energy out of nothing
   TOO_MANY_CONTACTS = 20,  // more points touched at once than a step has room for
+  NO_UNIQUE_MOTION = 21,  // friction jams what slides (Painlevé): no finite force, or several
 };
 
 // What happened to a row or a drive.
@@ -79,6 +80,8 @@ enum EventCode : int {
   RAN_AWAY = 7,  // a drive ran away
   TOUCH = 8,  // two solids came into contact
   LIFT = 9,  // two solids parted
+  STICK = 10,  // two solids that touch stopped sliding
+  SLIDE = 11,  // two solids that touch began to slide
 };
 
 // What a row does between two events.
@@ -164,6 +167,7 @@ struct ContactArrays {
   const int* groups;
   const double* friction;  // (n_pairs,) coefficient of Coulomb's law
   const double* restitution;  // (n_pairs,) 0 to 1
+  const int* meetings;  // (n_pairs,) the first pair of parts of the same two names
 };
 
 // Options of a run.
@@ -244,7 +248,7 @@ struct BatchArrays {
   int save_every;  // fixed steps from sample to sample
   const double* save_at;  // (n_samples,) times of event-driven samples, from t to t_end [s]
   long long n_samples;  // of a trajectory
-  void* parts[10];  // (n, n_samples, width) or null; taut in bytes
+  void* parts[11];  // (n, n_samples, width) or null; taut in bytes
   int* status;  // (n,) Status
   double* reached;  // (n,) [s]
   double* violation;  // (n,) largest, of fixed steps
@@ -369,7 +373,9 @@ struct SampleLayout {
   static constexpr int slip_loss = impact + 1;  // lost by slipping winches [J]
   static constexpr int friction = slip_loss + 1;  // lost to friction of contacts [J]
   static constexpr int slip = friction + 1;  // what the winches have let out [m]
-  static constexpr int width = slip + Model::n_strings;
+  // of the laws of contact in the step before: a speed, relative to the largest in them [1]
+  static constexpr int contact_residual = slip + Model::n_strings;
+  static constexpr int width = contact_residual + 1;
 };
 
 // Offsets of the parts of an event.
@@ -397,7 +403,7 @@ struct WinchLayout {
 // Parts of a sample that a batch can save, in the order of the sample.
 struct Part {
   enum : int {
-    q_D, v_D, acc_D, q_K, v_K, acc_K, force, taut, books, slip, n
+    q_D, v_D, acc_D, q_K, v_K, acc_K, force, taut, books, slip, contact_residual, n
   };
 };
 
@@ -406,7 +412,7 @@ template <class Model>
 constexpr int part_width(int part) {
   const int widths[] = {
       Model::n_qD, Model::n_vD, Model::n_vD, Model::n_qK, Model::n_vK, Model::n_vK,
-      Model::n_rows, Model::n_rows, 7, Model::n_strings};
+      Model::n_rows, Model::n_rows, 7, Model::n_strings, 1};
   return widths[part];
 }
 

@@ -1,8 +1,7 @@
 // The time-stepping run of one trajectory: drives the time-stepper by an input and writes rows.
 #pragma once
 
-#include <climits>
-
+#include "contact_events.hpp"
 #include "drive.hpp"
 #include "timestepping_trajectory.hpp"
 #include "record.hpp"
@@ -14,8 +13,9 @@ namespace fan {
 template <class Model>
 struct FixedRun {
   static constexpr int N = Model::n_vD, S = Model::n_strings, M = Model::n_rows;
+  static constexpr bool touches = TimeStep<Model, double>::touches;
   static constexpr int most_events =  // of a step
-      M + S + 2 * Model::n_watched + 1 + 2 * Model::n_contacts;
+      M + S + 2 * Model::n_watched + 1 + ContactEvents<Model::n_contacts>::most;
 
   TimeSteppingTrajectory<Model, double> trajectory;
   Drive<typename Model::Driven, N> drive;
@@ -27,6 +27,11 @@ struct FixedRun {
     last_dt_ = trajectory.opt.dt;
     restart();
     trajectory.begin();
+    if constexpr (touches)
+      if (trajectory.opt.contacts) {
+        const auto& at = trajectory.at.contacts;
+        meetings_.begin(*trajectory.opt.contacts, at.push[0], at.n[0]);
+      }
     emit(out);
   }
 
@@ -52,9 +57,10 @@ struct FixedRun {
         trajectory.at.tension, trajectory.at.taut, trajectory.p, trajectory.work,
         trajectory.damping, trajectory.impact, trajectory.slip_loss, trajectory.friction,
         trajectory.at.slip);
-    if constexpr (TimeStep<Model, double>::touches) {
+    if constexpr (touches) {
       const auto& contacts = trajectory.at.contacts;
-      out.touching(contacts.push[0], contacts.n[0], last_dt_);
+      const int n = contacts.shared(share_, shared_);
+      out.touching(shared_, n, last_dt_, contacts.residual);
     }
   }
 
@@ -69,7 +75,7 @@ struct FixedRun {
 
   void remember(Snapshot& memory) {
     const ContactArrays* contacts = trajectory.opt.contacts;
-    memory.keep(trajectory, t, origin, n_steps, n_here, last_dt_);
+    memory.keep(trajectory, t, origin, n_steps, n_here, last_dt_, meetings_);
     trajectory.opt.contacts = trajectory.at.solids = contacts;
   }
 
@@ -99,27 +105,19 @@ struct FixedRun {
         out.event(t, at.taut[r] ? CATCH : RELEASE, r, at.taut[r] ? at.tension[r] * dt : 0.0, 0.0);
     for (int i = 0; i < S; ++i)
       if (slipped[i] != at.slips[i]) out.event(t, at.slips[i] ? SLIP : GRIP, i, 0.0, 0.0);
-    if constexpr (TimeStep<Model, double>::touches) tell_touching(out);
+    if constexpr (touches)
+      if (trajectory.opt.contacts)
+        meetings_.tell(
+            *trajectory.opt.contacts, at.contacts.push[0], at.contacts.n[0], t,
+            M + Model::n_watched, out);
     trajectory.motors.tell(t, out);
     if (n_here % save_every == 0 || t >= next_end_) emit(out);
     return RUNNING;
   }
 
-  // Events of pairs that came into contact in the last step, or parted.
-  void tell_touching(Record<Model>& out) {
-    const auto& at = trajectory.at.contacts;
-    constexpr int first = M + Model::n_watched;
-    int i = 0, j = 0;
-    while (i < at.n_before[0] || j < at.n[0]) {
-      const int old = i < at.n_before[0] ? at.pair_before[0][i] : INT_MAX;
-      const int now = j < at.n[0] ? at.push[0][j].pair : INT_MAX;
-      const int pair = old < now ? old : now;
-      if (old != now) out.event(t, old < now ? LIFT : TOUCH, first + pair, 0.0, 0.0);
-      while (i < at.n_before[0] && at.pair_before[0][i] == pair) ++i;
-      while (j < at.n[0] && at.push[0][j].pair == pair) ++j;
-    }
-  }
-
+  ContactEvents<Model::n_contacts> meetings_;
+  ContactShare<touches ? M + 3 * Model::n_contacts : 0> share_;
+  ContactPush shared_[room(Model::n_contacts)];
   double last_dt_ = 0.0;   // s: of the last step
   double next_end_ = 0.0;  // the end of the run asked for: its last row is always written
 };

@@ -36,6 +36,11 @@ struct FixedLanes {
   Mask caught(int r) const { return trajectory.at.taut[r] && !was_[r]; }
   Mask released(int r) const { return was_[r] && !trajectory.at.taut[r]; }
 
+  Real contact_residual() const {
+    if constexpr (TimeStep<Model, Real>::touches) return trajectory.at.contacts.residual;
+    else return Real(0.0);
+  }
+
   // Work, damping, impact, slip loss and friction.
   void books(Real* out) const {
     out[0] = trajectory.work;

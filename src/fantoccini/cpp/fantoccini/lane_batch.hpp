@@ -213,6 +213,8 @@ class LaneBatch {
     put_lanes(in, Part::force, row, bundle_.tension());
     put_lanes(in, Part::taut, row, bundle_.taut());
     put_lanes(in, Part::slip, row, bundle_.slip());
+    const Real residual = bundle_.contact_residual();
+    put_lanes(in, Part::contact_residual, row, &residual);
     if (!in.parts[Part::books]) return;
     Real books[7];
     struct {

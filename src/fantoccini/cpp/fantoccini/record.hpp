@@ -14,9 +14,10 @@ struct Record : RecordArrays {
            n_contacts + more_rows * Model::n_contacts <= contact_capacity;
   }
 
-  // Contact points at the last sample that was written.
+  // Contact points at the last sample that was written, and the residual of their laws.
   template <class Push>
-  void touching(const Push* push, int n, double dt) {
+  void touching(const Push* push, int n, double dt, double residual) {
+    samples[Layout::width * (n_samples - 1) + Layout::contact_residual] = residual;
     for (int i = 0; i < n; ++i) {
       double* out = contacts + ContactLayout::width * n_contacts++;
       out[ContactLayout::sample] = double(n_samples - 1);
@@ -64,6 +65,7 @@ struct Record : RecordArrays {
     out[Layout::slip_loss] = slip_loss;
     out[Layout::friction] = friction;
     put(out + Layout::slip, slip, Model::n_strings);
+    out[Layout::contact_residual] = 0.0;
   }
 
  private:

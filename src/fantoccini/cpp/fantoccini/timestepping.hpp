@@ -38,6 +38,9 @@ struct TimeSteppingTolerances {
   static constexpr double max_turn_per_step = 0.5, max_move_per_step = 5.0;
   // Before, it may move this many times as far.
   static constexpr double unstirred_factor = 10.0;
+  // rad/s or m/s beyond which a row that closes at the start is caught, not held: more than rows that
+  // hold move in a step, less than matters in the ledger.
+  static constexpr double catching_speed = 1e-3;
   // rad/s or m/s at which a limit joins the problem because it would be passed: above the rounding
   // of speeds that reach it exactly.
   static constexpr double passing_speed = 1e-12;
@@ -100,7 +103,7 @@ struct TimeStep {
     watch_first(v_D, dt);
     gather(v_D);
     pull(dt, recovery_speed, cap, winches);
-    while (watch_more(v_D, dt, recovery_speed)) {
+    while (watch_more(v_D, dt, recovery_speed) || look_again(v_D, v_K, dt, recovery_speed)) {
       gather_more(v_D);
       pull(dt, recovery_speed, cap, winches);
     }
@@ -243,6 +246,15 @@ struct TimeStep {
     if constexpr (touches)
       if (solids) more = contacts.watch(v) || more;
     return more;
+  }
+
+  // Adds the contact points that what the impulses have made fast would pass; whether there are any.
+  FAN_FN bool look_again(const Real* v_D, const Real* v_K, double dt, double recovery_speed) {
+    if constexpr (touches)
+      return solids &&
+             contacts.look_again(eval, v_D, acc, v_K, dt, whole, recovery_speed, idle);
+    else
+      return false;
   }
 
   FAN_FN void gather(const Real* v_D) {

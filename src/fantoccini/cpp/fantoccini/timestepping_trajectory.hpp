@@ -54,7 +54,8 @@ struct TimeSteppingTrajectory {
     at.extrapolates = opt.extrapolate != 0;
     at.whole = opt.dt;
     at.solids = opt.contacts;
-    if constexpr (TimeStep<Model, Real>::touches) at.contacts.begin();
+    if constexpr (TimeStep<Model, Real>::touches)
+      if (at.solids) at.contacts.begin(*at.solids);
     for (int l = 0; l < width; ++l)
       for (int r = 0; r < M; ++r) blame[l][r] = 0.0;
     for (int k = 0; k < N; ++k) at.acc[k] = Real(0.0);
@@ -65,7 +66,7 @@ struct TimeSteppingTrajectory {
     for (int i = 0; i < S; ++i) at.slip[i] = slip[i];
     at.stirred = no;
     at.forget(!no);
-    for (int r = 0; r < M; ++r) at.held[r] = at.taut[r];
+    hold();
     if constexpr (TimeStep<Model, Real>::touches) at.contacts.take_as_resting();
     motors.begin(state().q_D, inputs().q_K, p);
     lost_ = last_loss_ = Real(0.0);
@@ -107,6 +108,19 @@ struct TimeSteppingTrajectory {
   }
 
  private:
+  // Rows that pull at the start are held, but for those that close faster than the forces of a step
+  // move them: these are caught in the first step.
+  FAN_FN void hold() {
+    for (int r = 0; r < M; ++r) at.held[r] = at.taut[r];
+    for (int a = 0; a < at.rows.n; ++a) {
+      const Real forced = opt.dt * at.rows.kick[a];
+      const Real most = select(forced > Real(0.0), forced, Real(0.0)) +
+                        Real(TimeSteppingTolerances::catching_speed);
+      const int r = at.rows.row[a];
+      at.held[r] = at.held[r] && !(at.rows.hdot[a] > most);
+    }
+  }
+
   FAN_FN State& stepped() { return states_[1 - state_]; }  // what a step makes of state()
 
   FAN_FN void step(const Real* v_K, const Real* acc_K, double dt) {

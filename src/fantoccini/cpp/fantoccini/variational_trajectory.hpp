@@ -60,6 +60,7 @@ struct VariationalTrajectory {
   Real* q_D() { return node().q_D; }
   Real* v_D() { return node().v_D; }
   Real* slip() { return node().slip; }
+  Real contact_residual() const { return Real(0.0); }
   Real* p() { return node().p; }
   const Real* acc() const { return at.acc; }
   const Mask* taut() const { return at.here.taut; }

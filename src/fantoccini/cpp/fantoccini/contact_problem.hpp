@@ -1,0 +1,179 @@
+// The problem of the contacts of a time step, lane by lane: their rows, beside those of the strings
+// and limits that take part, their bounds, and the restitutions that add no energy.
+#pragma once
+
+#include "cone.hpp"
+#include "contact_columns.hpp"
+#include "contact_points.hpp"
+#include "contact_push.hpp"
+
+namespace fan {
+
+template <class Model, class Real>
+class ContactProblem {
+ public:
+  static constexpr int C = Model::n_contacts, N = Model::n_vD, S = Model::n_strings;
+  static constexpr int M = Model::n_rows, width = Traits<Real>::width;
+  using Mask = typename Traits<Real>::Mask;
+  using Points = ContactPoints<Model, Real>;
+  using Tolerance = ContactStepTolerances;
+
+  Real residual = Real(0.0);  // of the law, in the last step
+
+ protected:
+  // The columns of the points that take part in some lane.
+  FAN_FN void make_columns(
+      const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows) {
+    bool some[room(C)];
+    for (int i = 0; i < points_.most; ++i) {
+      some[i] = false;
+      for (int l = 0; l < width; ++l) some[i] = some[i] || (i < points_.n[l] && near_[l][i]);
+    }
+    columns_.make(eval, rows, points_.row, some, points_.most);
+  }
+
+  // Solves lane l with the restitutions, scaled down until they add no energy.
+  FAN_FN bool bounce(
+      int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess,
+      const Real* before, double cap, Real* found, Real* s) {
+    bool solved = solve(l, rows, near, guess, cap, found, s);
+    for (int k = 1; bounces_[l] && k <= Tolerance::tries && adds(l, rows, before, found); ++k) {
+      scale_[l] *= k < Tolerance::tries ? Tolerance::less_restitution : 0.0;
+      for (int i = 0; i < points_.n[l]; ++i) {
+        if (rebound_[l][i] == 0.0) continue;
+        const double back = scale_[l] * rebound_[l][i], parting = parting_[l][i];
+        lane_of(b_[3 * i], l) = lane_of(before_[3 * i], l) + (back > parting ? back : parting);
+      }
+      solved = solve(l, rows, near, guess, cap, found, s);
+    }
+    return solved;
+  }
+
+  Points points_;
+  const ContactArrays* in_ = nullptr;
+  ConeProblem<M + 3 * C> cone_;    // the last that was solved,
+  int triple_[room(C)], n_triple_ = 0;  // with these points
+  bool near_[width][room(C)];      // whether a point takes part
+  // m/s: e u_n- of new contacts, 0 of others; how fast solids part without it.
+  double rebound_[width][room(C)], parting_[width][room(C)];
+  bool bounces_[width];            // whether any contact bounces
+  double scale_[width];            // of the restitutions of the step
+  int chosen_[width] = {};         // how many do
+  Real x_[room(3 * C)], s_[room(3 * C)], b_[room(3 * C)];
+  Real before_[room(3 * C)];       // hdot after the step without impulses
+  ContactColumns<Model, Real> columns_;
+
+ private:
+  // Whether the impulses of lane l add energy, apart from what driven solids do:
+  //   sum of x . (before - A_K v_K - G x / 2) < 0,   G x the change of hdot
+  FAN_FN bool adds(
+      int l, const RowSystem<Model, Real>& rows, const Real* before, const Real* found) const {
+    constexpr int stride = Complementarity<Real, M>::N;
+    double lost = 0.0, exchanged = 0.0;
+    const auto add = [&](double x, double own) {
+      lost += x * own;
+      exchanged += fabs(x * own);
+    };
+    for (int a = 0; a < rows.n; ++a) {
+      double change = 0.0;
+      for (int b = 0; b < rows.n; ++b)
+        change += lane_of(rows.problem.G[a * stride + b], l) * lane_of(found[b], l);
+      for (int d = 0; d < 3 * points_.n[l]; ++d)
+        if (near_[l][d / 3]) change += 2.0 * lane_of(columns_.across[d][a], l) * lane_of(x_[d], l);
+      add(lane_of(found[a], l), lane_of(before[a], l) - lane_of(rows.hdot_K[a], l) - 0.5 * change);
+    }
+    for (int d = 0; d < 3 * points_.n[l]; ++d) {
+      if (!near_[l][d / 3]) continue;
+      double change = 0.0;
+      for (int e = 0; e < 3 * points_.n[l]; ++e)
+        if (near_[l][e / 3]) change += lane_of(columns_.G(d, e), l) * lane_of(x_[e], l);
+      add(lane_of(x_[d], l),
+          lane_of(before_[d], l) - lane_of(points_.rate_K[d], l) - 0.5 * change);
+    }
+    return lost < -Tolerance::rounding * exchanged;
+  }
+
+  // Solves lane l. Where bodies are wedged in, friction may hold them wherever they are, so that
+  // gaps cannot close and overlaps cannot part within the step: points then only have to stop.
+  FAN_FN bool solve(
+      int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess, double cap,
+      Real* found, Real* s) {
+    int single[room(M)], n_single = 0;
+    int* const triple = triple_;
+    int& n_triple = n_triple_;
+    n_triple = 0;
+    for (int a = 0; a < rows.n; ++a)
+      if (lane_of(near[rows.row[a]], l)) single[n_single++] = a;
+    for (int i = 0; i < points_.n[l]; ++i)
+      if (near_[l][i]) triple[n_triple++] = i;
+    auto& problem = cone_;
+    problem.n_single = n_single;
+    problem.n_contacts = n_triple;
+    const int size = n_single + 3 * n_triple;
+    constexpr int stride = Complementarity<Real, M>::N;
+    const auto& from = rows.problem;
+    for (int i = 0; i < n_single; ++i) {
+      const int a = single[i];
+      for (int j = 0; j < n_single; ++j)
+        problem.G[i * size + j] = lane_of(from.G[a * stride + single[j]], l);
+      problem.b[i] = lane_of(from.b[a], l);
+      problem.lower[i] = lane_of(from.lower[a], l);
+      problem.upper[i] = lane_of(from.upper[a], l);
+      problem.x[i] = lane_of(guess[rows.row[a]], l);
+    }
+    for (int i = 0; i < n_triple; ++i) {
+      problem.mu[i] = in_->friction[points_.point[l][triple[i]].pair];
+      for (int d = 0; d < 3; ++d) {
+        const int to = n_single + 3 * i + d, own = 3 * triple[i] + d;
+        for (int j = 0; j < n_single; ++j)
+          problem.G[to * size + j] = problem.G[j * size + to] =
+              lane_of(columns_.across[own][single[j]], l);
+        for (int j = 0; j <= i; ++j)
+          for (int e = 0; e < 3 && (j < i || e <= d); ++e) {
+            const int at = n_single + 3 * j + e;
+            problem.G[to * size + at] = problem.G[at * size + to] =
+                lane_of(columns_.G(own, 3 * triple[j] + e), l);
+          }
+        problem.b[to] = lane_of(b_[own], l);
+        problem.x[to] = lane_of(x_[own], l);
+        problem.lower[to] = d == 0 ? 0.0 : -cap;
+        problem.upper[to] = cap;
+      }
+    }
+    bool solved = has_solution();
+    if (!solved) {
+      for (int i = 0; i < n_triple; ++i) {
+        const int own = 3 * triple[i], to = n_single + 3 * i;
+        lane_of(b_[own], l) = problem.b[to] = lane_of(before_[own], l);
+      }
+      for (int i = 0; i < size; ++i) problem.x[i] = 0.0;
+      solved = has_solution();
+    }
+    lane_of(residual, l) = problem.residual;
+    for (int a = 0; a < rows.n; ++a) {
+      lane_of(found[a], l) = 0.0;
+      lane_of(s[a], l) = -lane_of(from.b[a], l);
+    }
+    for (int i = 0; i < n_single; ++i) {
+      lane_of(found[single[i]], l) = problem.x[i];
+      lane_of(s[single[i]], l) = problem.s[i];
+    }
+    for (int i = 0; i < n_triple; ++i)
+      for (int d = 0; d < 3; ++d) {
+        lane_of(x_[3 * triple[i] + d], l) = problem.x[n_single + 3 * i + d];
+        lane_of(s_[3 * triple[i] + d], l) = problem.s[n_single + 3 * i + d];
+      }
+    return solved;
+  }
+
+  // Whether a solution is found that is accepted; where the law has none, with rows that yield.
+  FAN_FN bool has_solution() {
+    bool solved = cone_.solve() || cone_.residual <= Tolerance::accepted_residual;
+    for (const double share : Tolerance::softness)
+      solved = solved || (cone_.solve_softly(share) &&
+                          cone_.residual <= Tolerance::accepted_residual);
+    return solved;
+  }
+};
+
+}  // namespace fan

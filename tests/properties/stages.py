@@ -1,0 +1,415 @@
+"""Random scenes in which everything touches everything, and the properties their runs have to have.
+
+A stage has fixed bodies, so that it is compiled once; friction, restitution, obstacles, starts,
+throws, inputs and steps are drawn from a seed. ``python -m properties.stages STAGE SEED`` runs one
+case and prints what is broken.
+"""
+
+from __future__ import annotations
+
+import copy
+import functools
+import json
+import sys
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+
+import fantoccini as fan
+from fantoccini import Status
+from fantoccini.puppet import Box, Capsule, Ellipsoid, Sphere
+from fantoccini.runtime.contacts import Contacts
+from fantoccini.runtime.solids import solid
+from fantoccini.tree import WORLD
+from properties.check import Result
+from properties.performances import with_velocity
+
+METHOD = "timestepping"
+
+EXPECTED = {
+    Status.DONE, Status.OVERSTEPPED, Status.GAINED_ENERGY, Status.NOT_SETTLED, Status.COLLAPSED,
+    Status.LENGTH_NOT_POSITIVE, Status.REDUNDANT_STRINGS,
+}  # fmt: skip
+"""How a run may end."""
+
+OVERLAP = 0.02
+"""Depth beyond which a run may not be DONE [m]."""
+RESIDUAL = 1e-5
+"""Residual of the laws of contact beyond which a step is not accepted, relative."""
+CONE = 1e-4
+"""By how much a force of friction may pass the cone, relative to the largest normal force."""
+FALL = 0.02
+"""By how much a loss may shrink, relative to the energy of the stage."""
+TURN = 0.3
+"""Turn of a body in one step up to which its energy is kept, whatever its inertia [rad]: velocity
+products are taken ahead by extrapolation, which says nothing of what has turned round."""
+LEDGER = 0.1
+"""Bound on the ledger's residual where nothing is driven, relative to the energy of the stage."""
+MOST_PIECES = 60
+"""Bound on the pieces of 200 steps that a run may take."""
+TRIES = 200
+"""Starts drawn until nothing overlaps."""
+OBSTACLES = 3
+"""Standing solids of a stage, some of them far away."""
+LOOKS = 40
+"""Samples at which all gaps are measured."""
+
+
+@dataclass(frozen=True, eq=False)
+class Show:
+    """What one run is given."""
+
+    marionette: fan.Marionette
+    x0: fan.State
+    inputs: fan.Input | None
+    t_end: float
+    dt: float
+
+
+class Staged(Result):
+    """What became of one case.
+
+    ``violation`` is the deepest overlap [m], ``gap`` the residual of the laws of contact.
+    """
+
+    @property
+    def command(self) -> str:
+        """The command that runs the case again."""
+        module = "PYTHONPATH=tests .venv/bin/python -m properties.stages"
+        return f"{module} {self.puppet} {self.seed}"
+
+
+def _shape(kind: str, *size: float, **more: object) -> dict:
+    keys = {
+        "sphere": lambda r: {"radius": r},
+        "capsule": lambda x, r: {"from": [0, 0, -x / 2], "to": [0, 0, x / 2], "radius": r},
+        "box": lambda *s: {"size": list(s)},
+        "ellipsoid": lambda *s: {"radii": list(s)},
+    }
+    return {"type": kind, **keys[kind](*size), **more}
+
+
+def _prop(name: str, *shapes: dict) -> dict:
+    return {"name": name, "shapes": list(shapes)}
+
+
+BALL = _prop("ball", _shape("sphere", 0.06, mass=0.2))
+STICK = _prop("stick", _shape("capsule", 0.3, 0.015, mass=0.1))
+BOX = _prop("box", _shape("box", 0.12, 0.16, 0.2, mass=1.0))
+PLATE = _prop("tile", _shape("box", 0.3, 0.3, 0.01, mass=0.3))
+EGG = _prop("egg", _shape("ellipsoid", 0.04, 0.05, 0.09, mass=0.15))
+DUMBBELL = _prop(
+    "dumbbell", _shape("box", 0.1, 0.1, 0.1, at=[-0.12, 0, 0], mass=2.0),
+    _shape("sphere", 0.06, at=[0.12, 0, 0], mass=0.5),
+)  # fmt: skip
+PEBBLE = _prop("pebble", _shape("sphere", 0.012, mass=0.003))
+
+
+def _figure() -> dict:
+    """A trunk with two legs, feet and an arm, on three strings."""
+    hinge = {"type": "revolute", "axis": [0, -1, 0], "limits": {"lower": -0.8, "upper": 1.2}}
+    limb = {"type": "capsule", "from": [0, 0, 0], "to": [0, 0, -0.2], "radius": 0.02, "mass": 0.1}
+    bodies = [
+        {"name": "trunk", "joint": {"type": "free", "at": [0, 0, 0.4]},
+         "shapes": [_shape("box", 0.1, 0.14, 0.2, mass=0.5)]},
+        {"name": "arm", "parent": "trunk", "shapes": [limb],
+         "joint": {"type": "ball", "at": [0, 0.1, 0.08], "cone": {"max": 2.2, "axis": [0, 0, -1]}}},
+    ]  # fmt: skip
+    for side, y in (("left", 0.04), ("right", -0.04)):
+        bodies += [
+            {"name": f"leg_{side}", "parent": "trunk", "shapes": [limb],
+             "joint": hinge | {"at": [0, y, -0.1]}},
+            {"name": f"foot_{side}", "parent": f"leg_{side}",
+             "joint": {"type": "fixed", "at": [0.02, 0, -0.23]},
+             "shapes": [_shape("box", 0.1, 0.05, 0.02, mass=0.05)]},
+        ]  # fmt: skip
+    ends = {
+        "head": ("trunk", [0, 0, 0.1]), "hand": ("arm", [0, 0, -0.2]),
+        "heel": ("leg_left", [0, 0, -0.2]),
+    }  # fmt: skip
+    strings = [
+        {"name": name, "length": "driven", "path": [
+            {"body": body, "at": at}, {"driven": ["x", "y", "z"], "at": [0, 0.05 * k, 1.1]}]}
+        for k, (name, (body, at)) in enumerate(ends.items())
+    ]  # fmt: skip
+    return {"puppet": "figure", "bodies": bodies, "strings": strings}
+
+
+def _paddle() -> dict:
+    """A driven plate, a driven stamp and a load on a winch that slips."""
+    return {
+        "puppet": "paddle",
+        "bodies": [
+            {"name": "plate", "joint": {"type": "free", "at": [0, 0, 0.5], "driven": True},
+             "shapes": [_shape("box", 0.5, 0.4, 0.02, mass=2.0)]},
+            {"name": "stamp", "shapes": [_shape("capsule", 0.2, 0.05, mass=3.0)],
+             "joint": {"type": "prismatic", "axis": [1, 0, 0], "at": [-0.8, 0, 0.3],
+                       "driven": True}},
+            {"name": "load", "joint": {"type": "free", "at": [0.5, 0, 0.5]},
+             "shapes": [_shape("box", 0.1, 0.1, 0.1, mass=1.0)]},
+        ],
+        "strings": [
+            {"name": "rope", "length": "driven", "max_tension": 60, "rewind_speed": 0.5, "path": [
+                {"body": "load", "at": [0, 0, 0.05]}, {"driven": ["x", "z"], "at": [0.5, 0, 1.2]}]},
+        ],
+    }  # fmt: skip
+
+
+ALL: dict[str, tuple[list[dict], list[dict]]] = {
+    "heap": ([], [BALL, STICK, BOX, PLATE, EGG, DUMBBELL]),
+    "crates": ([], [BOX | {"name": f"box_{k}"} for k in range(4)] + [PEBBLE]),
+    "balls": ([], [BALL | {"name": f"ball_{k}"} for k in range(4)] + [EGG, PEBBLE]),
+    "paddle": ([_paddle()], [BALL, PEBBLE, PLATE]),
+    "figure": ([_figure()], [BALL, BOX]),
+    "duet": ([_figure(), _figure()], [BALL]),
+}
+"""Name -> puppets and props; a stage without puppets has a peg that nothing touches."""
+
+_PEG = {
+    "puppet": "peg",
+    "bodies": [{"name": "peg", "joint": {"type": "fixed"}, "mass": 1.0, "inertia": [1, 1, 1]}],
+}
+
+
+@functools.cache
+def load(name: str) -> fan.Marionette:
+    """The stage of a name, compiled or from the cache."""
+    puppets, props = ALL[name]
+    members = [
+        {"name": f"p{k}", "at": [0.0, 0.7 * k, 0.0],
+         "puppet": fan.puppet.loads(json.dumps(puppet))}
+        for k, puppet in enumerate(puppets or [_PEG])
+    ]  # fmt: skip
+    obstacles = [_shape("sphere", 0.1, name=f"o{k}") for k in range(OBSTACLES)]
+    scene = {
+        "scene": name, "floor": 0.0, "contact": True, "obstacles": obstacles, "puppets": members,
+        "props": [prop | {"at": [0.4 * k, -1.5, 0.5]} for k, prop in enumerate(props)],
+    }  # fmt: skip
+    return fan.Marionette(fan.Scene.model_validate(scene))
+
+
+def stage(name: str, rng: np.random.Generator) -> fan.Marionette:
+    """A stage with random rules, and random solids in the place of its obstacles."""
+    model = load(name).model
+    given = model.contacts
+    assert given is not None
+    solids = given.solids.copy()
+    standing = {n[1]: int(pair[1]) for n, pair in zip(given.names, given.pairs, strict=True)}
+    used = int(rng.integers(0, OBSTACLES + 1))
+    for k in range(OBSTACLES):
+        solids[standing[f"o{k}"]] = _obstacle(rng, away=k >= used)
+    friction = float(rng.choice([0.0, rng.uniform(0.0, 1.5), 1.5], p=[0.1, 0.8, 0.1]))
+    restitution = float(rng.choice([0.0, rng.uniform(0.0, 0.9)]))
+    rules = np.full(len(given.pairs), friction), np.full(len(given.pairs), restitution)
+    made = copy.copy(model)
+    # Rules and standing solids are arguments of compiled code.
+    made.__dict__["contacts"] = Contacts(solids, given.pairs, *rules, given.names)
+    return fan.Marionette(made)
+
+
+def _obstacle(rng: np.random.Generator, away: bool) -> np.ndarray:
+    """A box, thin wall, ball, pole or ellipsoid that stands somewhere, or far away."""
+    size = [float(x) for x in rng.uniform(0.05, 0.4, 3)]
+    at = [float(x) for x in rng.uniform([-0.7, -0.5, 0.0], [0.7, 1.0, 0.5])]
+    if away:
+        at[2] = -100.0
+    ends = {"from_": (at[0], at[1] - 0.5, at[2]), "to": (at[0], at[1] + 0.5, at[2])}
+    shapes = [
+        Box(type="box", at=at, size=size),
+        Box(type="box", at=at, size=[0.005, 4 * size[1], 3 * size[2]]),
+        Sphere(type="sphere", at=at, radius=0.5 * size[0]),
+        Capsule(type="capsule", radius=0.02, **ends),
+        Ellipsoid(type="ellipsoid", at=at, radii=[0.5 * x for x in size]),
+    ]
+    return solid(shapes[int(rng.integers(len(shapes)))], WORLD)
+
+
+def show(name: str, seed: int) -> Show | None:
+    """The run of a stage that belongs to a seed; None where nothing fits among its obstacles."""
+    rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
+    made = stage(name, rng)
+    x0 = _start(rng, made)
+    if x0 is None:
+        return None
+    t_end = float(rng.uniform(0.3, 1.0))
+    v = rng.normal(size=len(x0.v_D)) * rng.choice([0.0, 0.5, 3.0, 10.0])
+    x0 = with_velocity(made, x0.replace(v_D=v * (rng.random(len(v)) < 0.7)), x0.v_K)
+    dt = float(np.exp(rng.uniform(np.log(5e-4), np.log(4e-3))))
+    return Show(made, x0, _inputs(rng, made, x0, t_end), t_end, dt)
+
+
+def _start(rng: np.random.Generator, made: fan.Marionette) -> fan.State | None:
+    """Bodies here and there, near one another in some; strings as long as they need, or longer."""
+    table, spread = made.coordinates, float(rng.choice([0.15, 0.4]))
+    for k in range(TRIES):
+        x = made.state()
+        q = np.array(x.q_D)
+        for at, _ in table.quaternions_D:
+            turn = rng.normal(size=4) * (0.2 if rng.random() < 0.3 else 1.0) + [1, 0, 0, 0]
+            q[at : at + 4] = turn / np.linalg.norm(turn)
+            name = table.q_D[at].rpartition(".")[0]
+            if f"{name}.x" in table.q_D:
+                first = table.q_D.index(f"{name}.x")
+                # Props have their place in the scene, puppets the one of their file.
+                low, high = (-0.2, 0.5) if "trunk" in name else (0.05, 2.0)
+                q[first : first + 3] = rng.uniform([-1, -1, low], [1, 1, high])
+                q[first : first + 3] *= spread * (1.0 + 0.02 * k)
+        x = x.replace(q_D=q)
+        q_K = np.array(x.q_K)
+        h = made.constraint(x)
+        for row, string in enumerate(made.tree.strings):
+            if string.length_index is not None:
+                q_K[string.length_index[0]] += h[row] + rng.choice([0.0, 0.05]) * rng.random()
+        x = x.replace(q_K=q_K)
+        limits = made.constraint(x)[len(made.tree.strings) :]
+        if np.all(limits <= 0.0) and not made.model.overlaps(x.q_D, x.q_K):
+            return x
+    return None
+
+
+def _inputs(
+    rng: np.random.Generator, made: fan.Marionette, x0: fan.State, t_end: float
+) -> fan.Input | None:
+    """What is driven goes to and fro between waypoints, gently or wildly; nothing in some."""
+    reach = float(rng.choice([0.0, 0.1, 0.6], p=[0.3, 0.4, 0.3]))
+    table = made.coordinates
+    moves = {}
+    for q, _ in table.scalars_K:
+        if rng.random() < 0.5:
+            continue
+        times = np.sort(rng.uniform(0.05, t_end, int(rng.integers(1, 4))))
+        value, least = float(x0.q_K[q]), 0.05 if table.q_K[q].endswith(".length") else -np.inf
+        points = [(0.0, value)]
+        for t, last in zip(times, [0.0, *times], strict=False):
+            if t - last > 0.03:
+                points.append((float(t), max(value + reach * float(rng.normal()), least)))
+        moves[table.q_K[q]] = points
+    return fan.Input.waypoints(made, moves) if moves and reach else None
+
+
+def checked(name: str, seed: int) -> Staged:
+    """Runs one case and looks for broken properties."""
+    given = show(name, seed)
+    if given is None:
+        return Staged(name, seed, METHOD, "nothing", "DONE", 0, 0, 0.0, 0.0, 0.0, ())
+    pieces = iter(range(MOST_PIECES))
+
+    def count(_: float) -> None:
+        if next(pieces, None) is None:
+            raise KeyboardInterrupt
+
+    run = fan.simulate(
+        given.marionette, given.x0, given.inputs, given.t_end,
+        method=fan.TimeStepping(dt=given.dt), progress=count, throw=False,
+    )  # fmt: skip
+    broken = _finite(run)
+    measures = (0.0, 0.0, 0.0)
+    if not broken:
+        measures, broken = _kept(given, run)
+    asks = "nothing" if given.inputs is None else "wild"
+    touches = sum(e.kind == "touch" for e in run.events)
+    return Staged(
+        name, seed, METHOD, asks, run.status.name, touches, len(run.events), *measures,
+        tuple(broken),
+    )  # fmt: skip
+
+
+def _finite(run: fan.Trajectory) -> list[str]:
+    assert run.contact is not None and run.effort is not None and run.violation is not None
+    arrays = {n: getattr(run, n) for n in ("t", "q_D", "v_D", "acc_D", "contact_residual")}
+    arrays |= {n: getattr(run, n).values for n in ("tension", "limit_force", "ledger", "violation")}
+    arrays |= {n: getattr(run.contact, n) for n in ("gap", "point", "normal", "force", "velocity")}
+    arrays |= {"effort": run.effort.values}
+    return [f"{n} is not finite" for n, a in arrays.items() if not np.all(np.isfinite(a))]
+
+
+def _kept(given: Show, run: fan.Trajectory) -> tuple[tuple[float, float, float], list[str]]:
+    """Overlap, residual of the law and of the ledger; and what is broken."""
+    broken: list[str] = []
+    model, contact = given.marionette.model, run.contact
+    assert contact is not None and model.contacts is not None
+    done = run.status is Status.DONE
+    if run.status is Status.STOPPED:
+        broken.append("takes too many steps")
+    elif run.status not in EXPECTED:
+        broken.append(f"ends with {run.status.name}")
+    if done and run.t[-1] != given.t_end:
+        broken.append("ends with DONE before the end")
+    looks = np.unique(np.linspace(0, len(run) - 1, LOOKS).astype(int))
+    found = [model.overlaps(run.q_D[i], run.q_K[i]) for i in looks]
+    depth = max((max(each.values(), default=0.0) for each in found), default=0.0)
+    depth = max(depth, -float(np.min(contact.gap, initial=0.0)))
+    if done and depth > OVERLAP:
+        broken.append("overlaps silently")
+    law = float(np.max(run.contact_residual, initial=0.0))
+    if law > RESIDUAL:
+        broken.append("breaks the law of contact silently")
+    broken += _forces(model, contact) + _events(run)
+    columns = {n: run.ledger[n] for n in ("kinetic", "potential", "work")}
+    size = max(float(np.max(np.abs(columns["kinetic"]))), given.marionette.weight)
+    size += float(np.max(np.abs(columns["work"]))) + float(np.ptp(columns["potential"]))
+    residual = float(np.max(np.abs(run.ledger["residual"]))) / size
+    if given.inputs is None and _turn(given, run) < TURN:
+        if run.status is Status.GAINED_ENERGY or (done and residual > LEDGER):
+            broken.append("the ledger does not close")
+        for name in ("friction", "impact"):
+            if np.any(np.diff(run.ledger[name]) < -FALL * size):
+                broken.append(f"{name} gives energy")
+    else:
+        residual = 0.0
+    return (depth if done else 0.0, law, residual), broken
+
+
+def _turn(given: Show, run: fan.Trajectory) -> float:
+    """By how much a body turns in a step at most [rad]."""
+    table = given.marionette.coordinates
+    spins = [run.v_D[:, v : v + 3] for _, v in table.quaternions_D]
+    hinges = [run.v_D[:, v] for q, v in table.scalars_D if "leg" in table.q_D[q]]
+    return given.dt * max(float(np.max(np.abs(each), initial=0.0)) for each in (spins, hinges))
+
+
+def _forces(model: fan.marionette.Model, contact: fan.motion.ContactPoints) -> list[str]:
+    """Whether forces push and stay in their cones."""
+    if not len(contact):
+        return []
+    mu, normal = model.contacts.friction[contact.pair], contact.normal_force
+    across = np.linalg.norm(contact.force - normal[:, None] * contact.normal, axis=1)
+    broken = []
+    if np.min(normal) < 0.0:
+        broken.append("a contact pulls")
+    if np.any(across > mu * normal + CONE * np.max(normal)):
+        broken.append("friction passes its cone")
+    return broken
+
+
+def _events(run: fan.Trajectory) -> list[str]:
+    """Whether touch and lift, slide and stick come in turn; at the start all may be as it likes."""
+    broken = []
+    for name in {event.name for event in run.events if "|" in event.name}:
+        meets: bool | None = None
+        slides: bool | None = None
+        for event in run.events:
+            if event.name != name:
+                continue
+            told = event.kind in ("touch", "slide")
+            if event.kind in ("touch", "lift"):
+                fits, meets, slides = meets is not told, told, False if told else None
+            else:
+                fits, slides = meets is not False and slides is not told, told
+            if not fits:
+                broken.append(f"{event.kind} comes out of turn")
+    return broken
+
+
+def main() -> None:
+    """Runs the case that the command line names."""
+    name, seed = sys.argv[1:3]
+    result = checked(name, int(seed))
+    print(result)
+    print("broken:", *(result.broken or ["nothing"]), sep="\n  ")
+    sys.exit(bool(result.broken))
+
+
+if __name__ == "__main__":
+    main()
