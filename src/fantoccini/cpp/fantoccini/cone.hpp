@@ -15,6 +15,8 @@
 // leave linear equations for the rest. A sliding contact keeps two unknowns: x_n, which takes
 // mu x_n d with it along the direction d of sliding, and the part of x_T across d.
 //
+// A contact may have a given direction d of sliding instead: x_T = mu x_n d whatever s_T is.
+//
 // G + raise takes the place of G and b + raise centre that of b (proximal point: Rockafellar, SIAM
 // Journal on Control and Optimization 14, 1976). When that problem is solved the centre moves to
 // its solution, so that the limit is exact. The raise is small at first. Where Newton cycles, the
@@ -40,6 +42,8 @@ struct ConeProblem : ConeLaw {
   double b[N];                       // solve() sets b below `negligible` to 0
   double lower[N], upper[N];  // of a contact only the upper bound of the normal counts
   double mu[N];               // of contact c
+  const bool* slides = nullptr;   // of contact c, whether its direction is given; null for none
+  const double* along = nullptr;  // d of contact c at 2 c
   double x[N];                // on entry the guess; of many solutions the result is one near it
   double s[N];
   // The largest g |x - P(x - s / g)| of a row (a speed), relative to the largest |b_i|.
@@ -98,7 +102,12 @@ struct ConeProblem : ConeLaw {
   // Whether all numbers are finite and the bounds in order. If not, x and s are 0.
   FAN_FN bool is_valid() {
     bool valid = true;
-    for (int i = 0; i < n_ * n_; ++i) valid = valid & is_finite(G[i]);
+    double most = 0.0, none = 0.0;  // `none` becomes nan with a number that is not finite
+    for (int i = 0; i < n_ * n_; ++i) {
+      most = larger(most, fabs(G[i]));
+      none += 0.0 * G[i];
+    }
+    valid = is_finite(most) && none == 0.0;
     for (int i = 0; i < n_; ++i) valid = valid && is_finite(b[i]);
     for (int i = 0; i < n_single; ++i) valid = valid && lower[i] <= upper[i];
     for (int c = 0; c < n_contacts; ++c)
@@ -121,9 +130,21 @@ struct ConeProblem : ConeLaw {
       }
     };
     add(first);
-    for (int k = 0; k < n_found && n_found < n_; ++k)
-      for (int j = 0; j < n_; ++j)
-        if (!is_taken_[j] && G[found[k] * n_ + j] != 0.0) add(j);
+    int left = 0;  // rows that are not taken
+    int rest[N];
+    for (int j = 0; j < n_; ++j)
+      if (!is_taken_[j]) rest[left++] = j;
+    for (int k = 0; k < n_found && left > 0; ++k) {
+      const double* row = G + found[k] * n_;
+      int kept = 0;
+      for (int r = 0; r < left; ++r) {
+        const int j = rest[r];
+        if (is_taken_[j]) continue;
+        if (row[j] != 0.0) add(j);
+        else rest[kept++] = j;
+      }
+      left = kept;
+    }
     n_own_ = 0;
     for (int i = 0; i < n_; ++i)
       if (is_own[i]) own_[n_own_++] = i;
@@ -134,8 +155,14 @@ struct ConeProblem : ConeLaw {
     int singles = 0;
     while (singles < n_own_ && own_[singles] < n_single) ++singles;
     island_.resize(singles, (n_own_ - singles) / 3);
-    for (int c = 0; c < island_.n_contacts; ++c)
-      island_.mu[c] = mu[(own_[singles + 3 * c] - n_single) / 3];
+    for (int c = 0; c < island_.n_contacts; ++c) {
+      const int from = (own_[singles + 3 * c] - n_single) / 3;
+      island_.mu[c] = mu[from];
+      island_.slides[c] = slides && slides[from];
+      if (!island_.slides[c]) continue;
+      island_.along[2 * c] = along[2 * from];
+      island_.along[2 * c + 1] = along[2 * from + 1];
+    }
     for (int k = 0; k < n_own_; ++k) {
       const int i = own_[k];
       double* row = island_.G + k * island_.stride;

@@ -17,6 +17,8 @@ struct ConeIsland : ConeLaw {
   int n = 0, stride = 0;  // rows; the length of a row of G
   double G[N * N];        // row i, column j at i * stride + j
   double b[N], lower[N], upper[N], mu[N], x[N], s[N];  // as ConeProblem has them; b filled up, too
+  bool slides[N];                                       // of contact c, likewise
+  double along[2 * N];
   double speed = unbounded;     // the largest g |x - P(x - s / g)| of a row
   double residual = unbounded;  // the same relative to the largest |b_i|
   int iterations = 0, rounds = 0;
@@ -117,8 +119,18 @@ struct ConeIsland : ConeLaw {
     for (int c = 0; c < n_contacts; ++c) {
       const int i = row_of(c);
       set(y[i], clip(y[i], 0.0, upper[i]));
-      changed = shorten(y + i, mu[c] * y[i]) || changed;
+      changed = slide(c, y + i, mu[c] * y[i]) || changed;
     }
+    return changed;
+  }
+
+  // The tangential part of y to where friction of this size puts it; whether that changed it.
+  FAN_FN bool slide(int c, double* y, double radius) const {
+    if (!slides[c]) return shorten(y, radius);
+    const double p = radius * along[2 * c], q = radius * along[2 * c + 1];
+    const bool changed = y[1] != p || y[2] != q;
+    y[1] = p;
+    y[2] = q;
     return changed;
   }
 
@@ -126,12 +138,13 @@ struct ConeIsland : ConeLaw {
   template <int quads>
   FAN_FN void image(int first) {
     Quad sum[quads];
-    for (int q = 0; q < quads; ++q) sum[q] = -quad(b + first + 4 * q);
-    for (int j = 0; j < n; ++j) {
-      const double* row = G + j * stride + first;
-      for (int q = 0; q < quads; ++q) sum[q] += x[j] * quad(row + 4 * q);
+    FAN_UNROLL for (int q = 0; q < quads; ++q) sum[q] = -quad(b + first + 4 * q);
+    const double *row = G + first, *const end = x + n;
+    const int step = stride;
+    for (const double* by = x; by < end; ++by, row += step) {
+      FAN_UNROLL for (int q = 0; q < quads; ++q) sum[q] += *by * quad(row + 4 * q);
     }
-    for (int q = 0; q < quads; ++q) quad(s + first + 4 * q) = sum[q];
+    FAN_UNROLL for (int q = 0; q < quads; ++q) quad(s + first + 4 * q) = sum[q];
   }
 
   // The speed by which x breaks the law of the raised problem.
@@ -142,7 +155,7 @@ struct ConeIsland : ConeLaw {
     for (int c = 0; c < n_contacts; ++c) {
       const int i = row_of(c);
       w[i] = clip(w[i], 0.0, upper[i]);
-      shorten(w + i, mu[c] * larger(x[i], 0.0));
+      slide(c, w + i, mu[c] * larger(x[i], 0.0));
     }
     for (int i = 0; i < n; ++i) most = larger(most, g_[i] * fabs(x[i] - w[i]));
     return most;
@@ -212,6 +225,13 @@ struct ConeIsland : ConeLaw {
     if (!(normal > 0.0)) return;
     const bool full = normal >= upper[i];
     if (full) fix(i, upper[i]);
+    if (slides[c]) {
+      const double *d = along + 2 * c, size = mu[c] * base_[i];
+      fix(i + 1, size * d[0]);
+      fix(i + 2, size * d[1]);
+      if (!full) mix(i, 1.0, mu[c] * d[0], mu[c] * d[1], 0.0);
+      return;
+    }
     const double radius = mu[c] * (full ? upper[i] : normal), size = length(p, q);
     if (size <= radius && radius > 0.0) {
       for (int k = full; k < 3; ++k) row_[m_++] = i + k;

@@ -12,6 +12,7 @@
 
 #include "evaluation.hpp"
 #include "lane_of.hpp"
+#include "moved_by.hpp"
 #include "space.hpp"
 #include "touch.hpp"
 
@@ -43,6 +44,7 @@ class ContactPoints {
   bool too_many[width] = {};  // whether a lane has had more points than there is room for
   Real row[room(3 * C)][room(N)];  // of A_D: every point's normal and tangents
   Real rate_K[room(3 * C)];        // A_K v_K of these rows
+  MovedBy<N> moved[room(C)];       // where a point's rows may differ from zero
 
   // The least gap of every pair at a configuration of lane 0; pairs farther apart than the margin
   // keep what is in `gaps`.
@@ -50,14 +52,40 @@ class ContactPoints {
       const ContactArrays& in, const Real* q_D, const Real* q_K, const Real* p, double* gaps) {
     Real v_D[room(N)] = {}, v_K[room(NK)] = {};
     Call<Model, Real>::screws(q_D, q_K, p, links_);
+    begin(in);
     load(0, v_D, v_K);
     move();
-    place(in);
+    place();
     for (int k = 0; k < in.n_pairs; ++k) {
       n[0] = 0;
       look(in, k, Tolerance::margin, 0);
       for (int i = 0; i < n[0]; ++i)
         if (i == 0 || point[0][i].gap < gaps[k]) gaps[k] = point[0][i].gap;
+    }
+  }
+
+  // Takes the solids of every link and the ball around all of them.
+  FAN_FN void begin(const ContactArrays& in) {
+    for (int i = 0; i < L; ++i) begin_of_[i] = end_of_[i] = 0;
+    for (int first = 0, end = 0; first < B; first = end) {
+      const int link = in.solids[first].link;
+      Ball& all = around_[link];
+      for (int c = 0; c < 3; ++c) all.at[c] = 0.0;
+      for (; end < B && in.solids[end].link == link; ++end) {
+        const Solid& own = in.solids[end];
+        ball_[end].radius = bounding_radius(own);
+        for (int c = 0; c < 3; ++c) all.at[c] += 0.5 * (own.a[c] + own.b[c]);
+      }
+      for (int c = 0; c < 3; ++c) all.at[c] /= end - first;
+      all.radius = 0.0;
+      for (int k = first; k < end; ++k) {
+        double middle[3];
+        for (int c = 0; c < 3; ++c) middle[c] = 0.5 * (in.solids[k].a[c] + in.solids[k].b[c]);
+        const double reach = sqrt(square_apart(middle, all.at)) + ball_[k].radius;
+        if (reach > all.radius) all.radius = reach;
+      }
+      begin_of_[link] = first;
+      end_of_[link] = end;
     }
   }
 
@@ -72,13 +100,14 @@ class ContactPoints {
       if (lane_of(idle, l)) continue;
       load(l, v_D, v_K);
       move();
-      place(in);
+      place();
       look_at_all(in, dt, l);
       if (n[l] > most) most = n[l];
     }
     for (int i = 0; i < 3 * most; ++i) {
       rate_K[i] = Real(0.0);
       for (int k = 0; k < N; ++k) row[i][k] = Real(0.0);
+      moved[i / 3].n = 0;
     }
     for (int l = 0; l < width; ++l) {
       if (n[l] > 0 && width > 1) load(l, v_D, v_K);
@@ -120,42 +149,38 @@ class ContactPoints {
   FAN_FN void move() {
     for (int i = 0; i < L; ++i) {
       const int up = Model::link_parent[i];
-      double* twist = twist_ + 6 * i;
-      for (int c = 0; c < 6; ++c) twist[c] = up < 0 ? 0.0 : twist_[6 * up + c];
+      double* to = twist_ + 6 * i;
+      const double still[6] = {}, *from = up < 0 ? still : twist_ + 6 * up;
+      double a = from[0], b = from[1], c = from[2], d = from[3], e = from[4], f = from[5];
       const auto add = [&](const int* begin, const int* entry, const double* screw, const double* v) {
         const int carried = up < 0 ? 0 : begin[up + 1] - begin[up];
         for (int j = begin[i] + carried; j < begin[i + 1]; ++j) {
           const int k = entry[j];
-          for (int c = 0; c < 6; ++c) twist[c] += screw[6 * k + c] * v[k];
+          const double *of = screw + 6 * k, speed = v[k];
+          a += of[0] * speed;
+          b += of[1] * speed;
+          c += of[2] * speed;
+          d += of[3] * speed;
+          e += of[4] * speed;
+          f += of[5] * speed;
         }
       };
       add(Model::moved_D_begin, Model::moved_D_entry, screw_D_, v_D_);
       add(Model::moved_K_begin, Model::moved_K_entry, screw_K_, v_K_);
+      to[0] = a, to[1] = b, to[2] = c, to[3] = d, to[4] = e, to[5] = f;
     }
   }
 
-  // The solids of the links in the world, a ball around all of each link, and how fast they are.
-  FAN_FN void place(const ContactArrays& in) {
-    for (int first = 0; first < B;) {
-      const int link = in.solids[first].link;
+  // The balls around the solids of every link in the world, and how fast they are. The solids
+  // themselves are placed when they are looked at.
+  FAN_FN void place() {
+    for (int link = 0; link < L; ++link) {
+      is_placed_[link] = false;
+      if (begin_of_[link] == end_of_[link]) continue;
       const double* R = poses_ + 12 * link;
-      int end = first;
       Ball& all = ball_of_[link];
-      for (int c = 0; c < 3; ++c) all.at[c] = 0.0;
-      for (; end < B && in.solids[end].link == link; ++end) {
-        placed(in.solids[end], R, R + 9, placed_[end]);
-        ball_[end].radius = bounding_radius(in.solids[end]);
-        for (int c = 0; c < 3; ++c) {
-          ball_[end].at[c] = 0.5 * (placed_[end].a[c] + placed_[end].b[c]);
-          all.at[c] += ball_[end].at[c];
-        }
-      }
-      for (int c = 0; c < 3; ++c) all.at[c] /= end - first;
-      all.radius = 0.0;
-      for (; first < end; ++first) {
-        const double reach = sqrt(square_apart(ball_[first].at, all.at)) + ball_[first].radius;
-        if (reach > all.radius) all.radius = reach;
-      }
+      carry(R, around_[link].at, all.at);
+      all.radius = around_[link].radius;
       const double* t = twist_ + 6 * link;
       double v[3];
       cross(t + 3, all.at, v);
@@ -164,19 +189,37 @@ class ContactPoints {
     }
   }
 
+  // Places the solids of a link.
+  FAN_FN void place_link(const ContactArrays& in, int link) {
+    is_placed_[link] = true;
+    const double* R = poses_ + 12 * link;
+    for (int k = begin_of_[link]; k < end_of_[link]; ++k) {
+      placed(in.solids[k], R, R + 9, placed_[k]);
+      FAN_UNROLL for (int c = 0; c < 3; ++c) ball_[k].at[c] = 0.5 * (placed_[k].a[c] + placed_[k].b[c]);
+    }
+  }
+
+  // A point of a link in the world.
+  FAN_FN static void carry(const double* R, const double* own, double* out) {
+    const double x = own[0], y = own[1], z = own[2];
+    out[0] = R[9] + R[0] * x + R[3] * y + R[6] * z;
+    out[1] = R[10] + R[1] * x + R[4] * y + R[7] * z;
+    out[2] = R[11] + R[2] * x + R[5] * y + R[8] * z;
+  }
+
   FAN_FN static void placed(const Solid& from, const double* R, const double* r, Solid& to) {
     to.kind = from.kind;
     to.link = from.link;
     to.mesh = from.mesh;
     to.radius = from.radius;
-    for (int c = 0; c < 3; ++c) {
+    FAN_UNROLL for (int c = 0; c < 3; ++c) {
       to.half[c] = from.half[c];
       to.a[c] = r[c] + R[c] * from.a[0] + R[3 + c] * from.a[1] + R[6 + c] * from.a[2];
       to.b[c] = r[c] + R[c] * from.b[0] + R[3 + c] * from.b[1] + R[6 + c] * from.b[2];
     }
     if (from.kind == SEGMENT && !is_ellipsoid(from)) return;
-    for (int c = 0; c < 3; ++c)
-      for (int j = 0; j < 3; ++j)
+    FAN_UNROLL for (int c = 0; c < 3; ++c)
+      FAN_UNROLL for (int j = 0; j < 3; ++j)
         to.R[3 * j + c] = R[c] * from.R[3 * j] + R[3 + c] * from.R[3 * j + 1] +
                           R[6 + c] * from.R[3 * j + 2];
   }
@@ -189,14 +232,19 @@ class ContactPoints {
       const double margin = Tolerance::margin + Tolerance::travel * dt * speed;
       const bool far = b < 0 ? is_far(ball_of_[a], in.solids[-1 - b], margin)
                              : is_far(ball_of_[a], ball_of_[b], margin);
-      if (far) k = end;
-      for (; k < end; ++k) look(in, k, margin, l);
+      if (far) {
+        k = end;
+        continue;
+      }
+      if (!is_placed_[a]) place_link(in, a);
+      if (b >= 0 && !is_placed_[b]) place_link(in, b);
+      for (; k < end; ++k) look_at_placed(in, k, margin, l);
     }
   }
 
   FAN_FN static double square_apart(const double* a, const double* b) {
     double sum = 0.0;
-    for (int c = 0; c < 3; ++c) sum += (a[c] - b[c]) * (a[c] - b[c]);
+    FAN_UNROLL for (int c = 0; c < 3; ++c) sum += (a[c] - b[c]) * (a[c] - b[c]);
     return sum;
   }
 
@@ -218,15 +266,23 @@ class ContactPoints {
     return is_far(x, other, margin);
   }
 
-  // Whether an ellipsoid and a segment or ellipsoid are apart because the capsules around them are.
+  // Whether segments or ellipsoids are apart because they, or the capsules around them, are.
   FAN_FN static bool are_far(const Solid& x, const Solid& y, double margin) {
-    if (x.kind != SEGMENT || y.kind != SEGMENT || !(is_ellipsoid(x) || is_ellipsoid(y)))
-      return false;
+    if (x.kind != SEGMENT || y.kind != SEGMENT) return false;
     return between_segments(x.a, x.b, y.a, y.b) >= x.radius + y.radius + margin;
   }
 
   // Adds the points of pair k to those of lane l.
   FAN_FN void look(const ContactArrays& in, int k, double margin, int l) {
+    for (int side = 0; side < 2; ++side) {
+      const int link = in.solids[in.pairs[2 * k + side]].link;
+      if (link >= 0 && !is_placed_[link]) place_link(in, link);
+    }
+    look_at_placed(in, k, margin, l);
+  }
+
+  // The same where the solids of both links are placed.
+  FAN_FN void look_at_placed(const ContactArrays& in, int k, double margin, int l) {
     const int a = in.pairs[2 * k], b = in.pairs[2 * k + 1];
     const Solid &x = placed_[a], &y = b < B ? placed_[b] : in.solids[b];
     if (b < B ? is_far(ball_[a], ball_[b], margin) : is_far(ball_[a], y, margin)) return;
@@ -266,6 +322,13 @@ class ContactPoints {
   FAN_FN void fill(const ContactArrays& in, int l, int i) {
     const Point& from = point[l][i];
     const int a = in.pairs[2 * from.pair], b = in.pairs[2 * from.pair + 1];
+    for (const int solid : {a, b}) {
+      const int link = in.solids[solid].link;
+      if (link >= 0)
+        moved[i].add(
+            Model::moved_D_entry + Model::moved_D_begin[link],
+            Model::moved_D_entry + Model::moved_D_begin[link + 1]);
+    }
     for (int d = 0; d < 3; ++d) {
       const double* e = from.frame + 3 * d;
       double moment[3];
@@ -299,6 +362,9 @@ class ContactPoints {
   double twist_[room(6 * L)], speed_[room(L)];
   Solid placed_[room(B)];
   Ball ball_[room(B)], ball_of_[room(L)];  // around solids, and around all of a link
+  Ball around_[room(L)];                   // likewise, in the link's frame
+  int begin_of_[room(L)], end_of_[room(L)];  // of a link's solids
+  bool is_placed_[room(L)];
 };
 
 // The C interface of ContactPoints::measure; 1 where there was no memory, else 0.

@@ -12,6 +12,7 @@
 #pragma once
 
 #include "cone.hpp"
+#include "contact_columns.hpp"
 #include "contact_points.hpp"
 #include "contact_push.hpp"
 
@@ -37,7 +38,8 @@ class ContactStep {
   bool too_many(int lane) const { return points_.too_many[lane]; }
 
   // Nothing has touched anything yet.
-  FAN_FN void begin() {
+  FAN_FN void begin(const ContactArrays& in) {
+    points_.begin(in);
     for (int l = 0; l < width; ++l) {
       n[l] = n_before[l] = 0;
       points_.too_many[l] = false;
@@ -90,7 +92,7 @@ class ContactStep {
       for (int l = 0; l < width; ++l)
         if (i < points_.n[l]) aim(l, i, dt, whole, recovery_speed);
     }
-    made_ = 0;
+    columns_.begin();
   }
 
   // Whether any point takes part in lane l.
@@ -145,7 +147,7 @@ class ContactStep {
   FAN_FN void add(Real* w) const {
     for (int i = 0; i < 3 * points_.most; ++i) {
       if (!any(x_[i] != Real(0.0))) continue;
-      for (int k = 0; k < N; ++k) w[k] -= W_[i][k] * x_[i];
+      columns_.take(i, x_[i], points_.moved[i / 3], w);
     }
   }
 
@@ -153,7 +155,7 @@ class ContactStep {
   FAN_FN Real rate_by_impulses(int a) const {
     Real sum = Real(0.0);
     for (int i = 0; i < 3 * points_.most; ++i)
-      if (any(x_[i] != Real(0.0))) sum += across_[i][a] * x_[i];
+      if (any(x_[i] != Real(0.0))) sum += columns_.across[i][a] * x_[i];
     return sum;
   }
 
@@ -182,9 +184,7 @@ class ContactStep {
  private:
   // hdot of row i at the velocity v.
   FAN_FN Real rate(int i, const Real* v) const {
-    Real sum = points_.rate_K[i];
-    for (int k = 0; k < N; ++k) sum += points_.row[i][k] * v[k];
-    return sum;
+    return points_.rate_K[i] + points_.moved[i / 3].along(points_.row[i], v);
   }
 
   // What the normal impulse of a point must take away: the speed at which it closes without
@@ -228,40 +228,15 @@ class ContactStep {
     return a.pair < b.pair || (a.pair == b.pair && a.feature < b.feature);
   }
 
-  // W = F^-T A_D^T of the points that take part in some lane, and the products of their columns.
+  // The columns of the points that take part in some lane.
   FAN_FN void make_columns(
       const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows) {
+    bool some[room(C)];
     for (int i = 0; i < points_.most; ++i) {
-      bool some = false;
-      for (int l = 0; l < width; ++l) some = some || (i < points_.n[l] && near_[l][i]);
-      if (i >= made_) has_[i] = false;
-      if (some && !has_[i])
-        for (int d = 3 * i; d < 3 * i + 3; ++d) {
-          Call<Model, Real>::forth(eval.L, points_.row[d], W_[d]);
-          for (int j = 0; j <= i; ++j)
-            if (j == i || has_[j])
-              for (int e = 3 * j; e < 3 * j + 3 && e <= d; ++e) G_[d][e] = product(W_[d], W_[e]);
-          for (int j = i + 1; j < made_; ++j)
-            if (has_[j])
-              for (int e = 3 * j; e < 3 * j + 3; ++e) G_[e][d] = product(W_[d], W_[e]);
-        }
-      has_[i] = has_[i] || some;
-      if (!some) continue;
-      for (int d = 3 * i; d < 3 * i + 3; ++d)
-        for (int a = 0; a < rows.n; ++a) across_[d][a] = product(W_[d], rows.column[a]);
+      some[i] = false;
+      for (int l = 0; l < width; ++l) some[i] = some[i] || (i < points_.n[l] && near_[l][i]);
     }
-    made_ = points_.most;
-  }
-
-  FAN_FN static Real product(const Real* a, const Real* b) {
-    Real even = Real(0.0), odd = Real(0.0);
-    int k = 0;
-    for (; k + 2 <= N; k += 2) {
-      even += a[k] * b[k];
-      odd += a[k + 1] * b[k + 1];
-    }
-    if (k < N) even += a[k] * b[k];
-    return even + odd;
+    columns_.make(eval, rows, points_.row, points_.moved, some, points_.most);
   }
 
   // Solves lane l with the restitutions, scaled down until they add no energy.
@@ -295,14 +270,14 @@ class ContactStep {
       for (int b = 0; b < rows.n; ++b)
         change += lane_of(rows.problem.G[a * stride + b], l) * lane_of(found[b], l);
       for (int d = 0; d < 3 * points_.n[l]; ++d)
-        if (near_[l][d / 3]) change += 2.0 * lane_of(across_[d][a], l) * lane_of(x_[d], l);
+        if (near_[l][d / 3]) change += 2.0 * lane_of(columns_.across[d][a], l) * lane_of(x_[d], l);
       add(lane_of(found[a], l), lane_of(before[a], l) - lane_of(rows.hdot_K[a], l) - 0.5 * change);
     }
     for (int d = 0; d < 3 * points_.n[l]; ++d) {
       if (!near_[l][d / 3]) continue;
       double change = 0.0;
       for (int e = 0; e < 3 * points_.n[l]; ++e)
-        if (near_[l][e / 3]) change += lane_of(d < e ? G_[e][d] : G_[d][e], l) * lane_of(x_[e], l);
+        if (near_[l][e / 3]) change += lane_of(columns_.G(d, e), l) * lane_of(x_[e], l);
       add(lane_of(x_[d], l),
           lane_of(before_[d], l) - lane_of(points_.rate_K[d], l) - 0.5 * change);
     }
@@ -338,12 +313,12 @@ class ContactStep {
       for (int d = 0; d < 3; ++d) {
         const int to = n_single + 3 * i + d, own = 3 * triple[i] + d;
         for (int j = 0; j < n_single; ++j)
-          problem.G[to * size + j] = problem.G[j * size + to] = lane_of(across_[own][single[j]], l);
+          problem.G[to * size + j] = problem.G[j * size + to] = lane_of(columns_.across[own][single[j]], l);
         for (int j = 0; j <= i; ++j)
           for (int e = 0; e < 3 && (j < i || e <= d); ++e) {
             const int at = n_single + 3 * j + e;
             problem.G[to * size + at] = problem.G[at * size + to] =
-                lane_of(G_[own][3 * triple[j] + e], l);
+                lane_of(columns_.G(own, 3 * triple[j] + e), l);
           }
         problem.b[to] = lane_of(b_[own], l);
         problem.x[to] = lane_of(x_[own], l);
@@ -422,9 +397,7 @@ class ContactStep {
   Real x_[room(3 * C)], s_[room(3 * C)], b_[room(3 * C)];
   Real before_[room(3 * C)];       // hdot after the step without impulses
   Real hdot_[room(C)];             // of the normals, at its start
-  int made_ = 0;
-  bool has_[room(C)];              // whether a point's columns are made
-  Real W_[room(3 * C)][room(N)], G_[room(3 * C)][room(3 * C)], across_[room(3 * C)][room(M)];
+  ContactColumns<Model, Real> columns_;
   ConeProblem<M + 3 * C> cone_;
 };
 

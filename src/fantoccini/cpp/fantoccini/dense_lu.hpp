@@ -40,11 +40,18 @@ struct DenseLu {
 
   // Replaces A by its factors; false where a pivot is 0 or not finite.
   FAN_FN bool factorise() {
+    const int n = this->n, stride = this->stride;  // in registers: stores may alias the members
     double top[N];  // of the pivot's row what is right of the pivot
     for (int k = 0; k < n; ++k) {
       int p = k;
-      for (int i = k + 1; i < n; ++i)
-        if (fabs(A[i * stride + k]) > fabs(A[p * stride + k])) p = i;
+      double most = fabs(A[k * stride + k]);
+      const double* below = A + k * stride + k;
+      for (int i = k + 1; i < n; ++i) {
+        below += stride;
+        if (!(fabs(*below) > most)) continue;
+        most = fabs(*below);
+        p = i;
+      }
       swap_[k] = p;
       const double pivot = A[p * stride + k];
       if (!(fabs(pivot) > 0.0 && fabs(pivot) < unbounded)) return false;
@@ -53,13 +60,15 @@ struct DenseLu {
       const int first = (k + 1) / 4 * 4;
       for (int j = first; j < stride; j += 4) quad(top + j) = quad(A + k * stride + j);
       for (int j = first; j <= k; ++j) top[j] = 0.0;
-      for (int i = k + 1; i < n; ++i) {
-        double* row = A + i * stride;
-        if (row[k] == 0.0) continue;
-        const double share = row[k] * inverse_[k];
-        for (int j = first; j < stride; j += 4) quad(row + j) -= share * quad(top + j);
-        row[k] = share;
+      for (int i = k + 1; i < n; ++i) share_[i] = A[i * stride + k] * inverse_[k];
+      int j = first;
+      for (; j + 16 <= stride; j += 16) eliminate<4>(k, j, top + j);
+      if (j + 8 <= stride) {
+        eliminate<2>(k, j, top + j);
+        j += 8;
       }
+      if (j < stride) eliminate<1>(k, j, top + j);
+      for (int i = k + 1; i < n; ++i) A[i * stride + k] = share_[i];
     }
     return true;
   }
@@ -84,6 +93,18 @@ struct DenseLu {
   }
 
  private:
+  // Takes from the rows below k their shares of `top` in 4 `quads` columns from j.
+  template <int quads>
+  FAN_FN void eliminate(int k, int j, const double* top) {
+    Quad held[quads];
+    FAN_UNROLL for (int q = 0; q < quads; ++q) held[q] = quad(top + 4 * q);
+    const int step = stride;
+    double* row = A + (k + 1) * step + j;
+    const double *share = share_ + k + 1, *const end = share_ + n;
+    for (; share < end; ++share, row += step)
+      FAN_UNROLL for (int q = 0; q < quads; ++q) quad(row + 4 * q) -= *share * held[q];
+  }
+
   FAN_FN void exchange(double* a, double* b) const {
     for (int j = 0; j < stride; j += 4) {
       const Quad held = quad(a + j);
@@ -93,7 +114,7 @@ struct DenseLu {
   }
 
   int swap_[N];
-  double inverse_[N];
+  double inverse_[N], share_[N];
 };
 
 }  // namespace fan

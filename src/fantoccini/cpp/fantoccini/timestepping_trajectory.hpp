@@ -54,7 +54,8 @@ struct TimeSteppingTrajectory {
     at.extrapolates = opt.extrapolate != 0;
     at.whole = opt.dt;
     at.solids = opt.contacts;
-    if constexpr (TimeStep<Model, Real>::touches) at.contacts.begin();
+    if constexpr (TimeStep<Model, Real>::touches)
+      if (at.solids) at.contacts.begin(*at.solids);
     for (int l = 0; l < width; ++l)
       for (int r = 0; r < M; ++r) blame[l][r] = 0.0;
     for (int k = 0; k < N; ++k) at.acc[k] = Real(0.0);
