@@ -203,7 +203,8 @@ def _add(parent: ElementTree.Element, tag: str, **attributes: str) -> ElementTre
 
 def _geom(body: ElementTree.Element, shape: Shape, friction: str) -> None:
     def words(*numbers: object) -> str:
-        return " ".join(repr(float(x)) for x in np.ravel(np.concatenate([np.ravel(n) for n in numbers])))
+        flat = np.concatenate([np.ravel(n) for n in numbers])
+        return " ".join(repr(float(x)) for x in flat)
 
     given = {"friction": friction, "condim": "3"}
     match shape:
