@@ -28,6 +28,9 @@ TOLERANCE = 1e-10
 SOLVERS = {"NSN_AC": 1000, "NSGS": 10000}
 """Siconos's solver -> the most iterations."""
 
+OTHERS = ("GFC3D_Ex", "GFC3D_One", "GFC3D_TwoRods1.", "RFC3D", "GRFC3D")
+"""How names of problems in another form begin: with the bodies' equations, or rolling."""
+
 SECONDS = 60.0
 """For one problem and solver."""
 
@@ -171,7 +174,7 @@ def chapter(folder: Path | None, python: str | None) -> Chapter:
     """All problems of a folder; without one, what is missing."""
     title = "6. Problems of others"
     files = sorted(folder.glob("*.dat")) if folder else []
-    problems = [p for p in map(parsed, files) if p]
+    problems = [p for f in files if not f.name.startswith(OTHERS) and (p := parsed(f))]
     if not problems:
         text = (
             "Not measured: give `python -m benchmarks.contact` a folder of problems in Siconos's "

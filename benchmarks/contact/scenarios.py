@@ -134,10 +134,10 @@ def chapter() -> Chapter:
         "limits as hard as it permits: a time constant of two steps and an impedance of 0.9999. "
         "Scenes are those of Le Lidec et al., "
         "[arXiv 2304.06372](https://arxiv.org/abs/2304.06372), as far as a line can describe them, "
-        "and the standing marionette. The law asks for 0 in every row but the last two: there the "
-        "first is how far the four normal forces of a resting cube, of which only three are "
-        "determined, differ from a quarter of its weight, and the second the friction that they "
-        "add though nothing pulls the cube."
+        "and the standing marionette. The law asks for 0 in every row but these: the way to a stop "
+        "has the error of the step, v dt/2; and of a resting cube's four normal forces only their "
+        "sum and two moments are determined. The last two rows show how far they differ from a "
+        "quarter of the weight, and the friction added though nothing pulls the cube."
     )
     others = (
         "Drake, Bullet and other engines were not run: they are not installed with this project."
