@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
 .PHONY: demo show test test-portable gallery docs architecture bench bench-plan
-.PHONY: soak soak-rests strings-report growth-report long-runs-report
+.PHONY: soak soak-rests strings-report growth-report long-runs-report stage-report
 .PHONY: reduction-report reports lint wheel clean
 .NOTPARALLEL:
 
@@ -50,6 +50,10 @@ soak-rests: $(VENV)/stamp-test
 
 strings-report: $(VENV)/stamp-test
 	$(BIN)/python -m benchmarks.strings
+
+# Contact beside MuJoCo. SICONOS="--problems FOLDER --siconos PYTHON" adds the problems of others.
+stage-report: $(VENV)/stamp-bench
+	$(BIN)/python -m benchmarks.contact $(SICONOS)
 
 growth-report: $(VENV)/stamp-bench
 	$(BIN)/python -m benchmarks.growth

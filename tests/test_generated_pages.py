@@ -14,6 +14,7 @@ from docs import gallery
 ROOT = Path(__file__).resolve().parents[1]
 COMMANDS = {
     "benchmarks": "bench",
+    "contact-measured": "stage-report",
     "gallery": "gallery",
     "growth": "growth-report",
     "long-runs": "long-runs-report",

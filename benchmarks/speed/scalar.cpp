@@ -84,27 +84,36 @@ void step_dynamics(int n) {
         flow.y, flow.y + NQ, flow.q_K, flow.v_K, flow.acc_K, flow.u_D, flow.y + NQ, dt, flow.p);
 }
 
-double row[fan::Record<Model>::row_width * 4], event[fan::Record<Model>::event_width * 4 * (M + S + 1)];
+constexpr int rows_kept = 4, some_events = 4 * (M + S + 1);
+double row[fan::Record<Model>::Layout::width * rows_kept];
+double event[fan::EventLayout::width * some_events];
+
+fan::Record<Model> record() {
+  fan::Record<Model> out{};
+  out.samples = row, out.sample_capacity = rows_kept;
+  out.events = event, out.event_capacity = some_events;
+  return out;
+}
 
 void begin_steps() {
   give(run.drive);
-  for (int i = 0; i < Model::n_p; ++i) run.led.p[i] = p[i];
-  for (int i = 0; i < NQ; ++i) run.led.state().q_D[i] = q_D[i];
-  for (int k = 0; k < N; ++k) run.led.state().v_D[k] = v_D[k];
-  for (int i = 0; i < S; ++i) run.led.at.slip[i] = 0.0;
-  run.led.winches.set(table.data());
-  run.led.opt.dt = number[0];
-  run.led.opt.recovery_speed = number[1];
-  run.led.opt.tension_cap = number[2];
-  run.led.opt.max_steps = 1LL << 60;
+  for (int i = 0; i < Model::n_p; ++i) run.trajectory.p[i] = p[i];
+  for (int i = 0; i < NQ; ++i) run.trajectory.state().q_D[i] = q_D[i];
+  for (int k = 0; k < N; ++k) run.trajectory.state().v_D[k] = v_D[k];
+  for (int i = 0; i < S; ++i) run.trajectory.at.slip[i] = 0.0;
+  run.trajectory.winches.set(table.data());
+  run.trajectory.opt.dt = number[0];
+  run.trajectory.opt.recovery_speed = number[1];
+  run.trajectory.opt.tension_cap = number[2];
+  run.trajectory.opt.max_steps = 1LL << 60;
   run.save_every = 1 << 30;
   run.t = 0.0;
-  fan::Record<Model> out{row, 4, 0, event, 4 * (M + S + 1), 0};
+  fan::Record<Model> out = record();
   run.start(out);
 }
 
 void steps(int n) {
-  fan::Record<Model> out{row, 4, 0, event, 4 * (M + S + 1), 0};
+  fan::Record<Model> out = record();
   if (run.run(n * number[0], n + 1, out) != fan::DONE) std::exit(3);
 }
 
@@ -126,8 +135,8 @@ int main(int, char** argv) {
     const double took = double(std::clock() - start) / CLOCKS_PER_SEC;
     if (i > 0) std::printf("%.9g\n", took / n);
   }
-  const double *tension = stepping ? run.led.at.tension : flow.tension;
-  const auto& eval = stepping ? run.led.at.eval : flow.eval;
+  const double *tension = stepping ? run.trajectory.at.tension : flow.tension;
+  const auto& eval = stepping ? run.trajectory.at.eval : flow.eval;
   double sum = 0.0, apart = 0.0;
   for (int r = 0; r < S; ++r) {
     sum += tension[r];

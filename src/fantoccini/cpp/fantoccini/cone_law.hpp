@@ -53,12 +53,14 @@ struct ConeLaw {
 
   FAN_FN static double length(double p, double q) { return sqrt(p * p + q * q); }
 
-  // The tangential part of y to the nearest point of its disc.
-  FAN_FN static void shorten(double* y, double radius) {
-    const double size = length(y[1], y[2]);
-    if (size <= radius * (1.0 + Tolerance::rounding)) return;
+  // The tangential part of y to the nearest point of its disc; whether that changed it.
+  FAN_FN static bool shorten(double* y, double radius) {
+    const double square = y[1] * y[1] + y[2] * y[2], most = radius * (1.0 + Tolerance::rounding);
+    if (square <= most * most) return false;
+    const double size = sqrt(square);
     y[1] *= radius / size;
     y[2] *= radius / size;
+    return true;
   }
 
   // y to the nearest point of the cone |y_T| <= mu y_n.

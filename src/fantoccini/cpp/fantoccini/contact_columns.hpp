@@ -3,6 +3,7 @@
 #pragma once
 
 #include "evaluation.hpp"
+#include "moved_by.hpp"
 
 namespace fan {
 
@@ -18,26 +19,21 @@ struct ContactColumns {
   // Point i is another one in some lane: its columns are made anew.
   FAN_FN void renew(int i) { has_[i] = false; }
 
-  // Makes the columns of the points i < n with some[i], from their rows of A_D.
+  // Makes the columns of the points i < n with some[i], from their rows of A_D and what moves them.
   FAN_FN void make(
       const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
-      const Real (*row)[room(N)], const bool* some, int n) {
+      const Real (*row)[room(N)], const MovedBy<N>* moved, const bool* some, int n) {
     for (int i = 0; i < n; ++i) {
       if (i >= made_) has_[i] = false;
-      if (some[i] && !has_[i])
-        for (int d = 3 * i; d < 3 * i + 3; ++d) {
-          Call<Model, Real>::forth(eval.L, row[d], W[d]);
-          for (int j = 0; j <= i; ++j)
-            if (j == i || has_[j])
-              for (int e = 3 * j; e < 3 * j + 3 && e <= d; ++e) G_[d][e] = product(W[d], W[e]);
-          for (int j = i + 1; j < made_; ++j)
-            if (has_[j])
-              for (int e = 3 * j; e < 3 * j + 3; ++e) G_[e][d] = product(W[d], W[e]);
-        }
+      if (some[i] && !has_[i]) {
+        for (int d = 3 * i; d < 3 * i + 3; ++d) Call<Model, Real>::forth(eval.L, row[d], W[d]);
+        for (int j = 0; j <= i; ++j)
+          if (j == i || has_[j]) multiply(i, j, moved);
+        for (int j = i + 1; j < made_; ++j)
+          if (has_[j]) multiply(j, i, moved);
+      }
       has_[i] = has_[i] || some[i];
-      if (!some[i]) continue;
-      for (int d = 3 * i; d < 3 * i + 3; ++d)
-        for (int a = 0; a < rows.n; ++a) across[d][a] = product(W[d], rows.column[a]);
+      if (some[i]) multiply(i, rows, moved[i]);
     }
     made_ = n;
   }
@@ -45,16 +41,29 @@ struct ContactColumns {
   // The product of columns d and e.
   FAN_FN const Real& G(int d, int e) const { return d < e ? G_[e][d] : G_[d][e]; }
 
+  // w <- w - W_d x, column d being of a point that these move.
+  FAN_FN void take(int d, const Real& x, const MovedBy<N>& moved, Real* w) const {
+    for (int j = 0; j < moved.n; ++j) w[moved.entry[j]] -= W[d][moved.entry[j]] * x;
+  }
+
  private:
-  FAN_FN static Real product(const Real* a, const Real* b) {
-    Real even = Real(0.0), odd = Real(0.0);
-    int k = 0;
-    for (; k + 2 <= N; k += 2) {
-      even += a[k] * b[k];
-      odd += a[k + 1] * b[k + 1];
+  // The products of the columns of points i and j <= i.
+  FAN_FN void multiply(int i, int j, const MovedBy<N>* moved) {
+    const bool apart = moved[i].is_apart(moved[j]);
+    for (int e = 3 * j; e < 3 * j + 3; ++e) {
+      Real out[3] = {Real(0.0), Real(0.0), Real(0.0)};
+      if (!apart) moved[i].products(W + 3 * i, W[e], out);
+      for (int d = 0; d < 3; ++d) G_[3 * i + d][e] = out[d];
     }
-    if (k < N) even += a[k] * b[k];
-    return even + odd;
+  }
+
+  // Those of point i and the gathered rows.
+  FAN_FN void multiply(int i, const RowSystem<Model, Real>& rows, const MovedBy<N>& moved) {
+    for (int a = 0; a < rows.n; ++a) {
+      Real out[3];
+      moved.products(W + 3 * i, rows.column[a], out);
+      for (int d = 0; d < 3; ++d) across[3 * i + d][a] = out[d];
+    }
   }
 
   int made_ = 0;

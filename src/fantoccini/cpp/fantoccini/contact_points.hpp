@@ -10,10 +10,8 @@
 
 #include <new>
 
-#include "evaluation.hpp"
-#include "lane_of.hpp"
-#include "space.hpp"
-#include "touch.hpp"
+#include "moved_by.hpp"
+#include "placed_links.hpp"
 
 namespace fan {
 
@@ -30,10 +28,14 @@ struct ContactPointTolerances {
 };
 
 template <class Model, class Real>
-class ContactPoints {
+class ContactPoints : public PlacedLinks<Model, Real> {
+  using Links = PlacedLinks<Model, Real>;
+  using Ball = typename Links::Ball;
+
  public:
-  static constexpr int C = Model::n_contacts, N = Model::n_vD, NK = Model::n_vK;
-  static constexpr int width = Traits<Real>::width;
+  static constexpr int C = Model::n_contacts, N = Links::N, NK = Links::NK;
+  static constexpr int width = Links::width;
+  using Links::begin;
   using Tolerance = ContactPointTolerances;
   using Mask = typename Traits<Real>::Mask;
 
@@ -48,6 +50,7 @@ class ContactPoints {
   bool too_many[width] = {};  // whether a lane has had more points than there is room for
   Real row[room(3 * C)][room(N)];  // of A_D: every point's normal and tangents
   Real rate_K[room(3 * C)];        // A_K v_K of these rows
+  MovedBy<N> moved[room(C)];       // where a point's rows may differ from zero
 
   // The least gap of every pair at a configuration of lane 0; pairs farther apart than the margin
   // keep what is in `gaps`.
@@ -55,9 +58,10 @@ class ContactPoints {
       const ContactArrays& in, const Real* q_D, const Real* q_K, const Real* p, double* gaps) {
     Real v_D[room(N)] = {}, v_K[room(NK)] = {};
     Call<Model, Real>::screws(q_D, q_K, p, links_);
+    begin(in);
     load(0, v_D, v_K);
     move();
-    place(in);
+    place();
     for (int k = 0; k < in.n_pairs; ++k) {
       n[0] = 0;
       look(in, k, Tolerance::margin, 0);
@@ -71,9 +75,10 @@ class ContactPoints {
       const ContactArrays& in, const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
       const Real* p) {
     Call<Model, Real>::screws(q_D, q_K, p, links_);
+    begin(in);
     load(0, v_D, v_K);
     move();
-    place(in);
+    place();
   }
 
   // The points with a gap below `margin` where lane 0 is posed.
@@ -95,10 +100,7 @@ class ContactPoints {
 
   // Makes the rows of lane 0's point i.
   void make_rows(const ContactArrays& in, int i) {
-    for (int d = 3 * i; d < 3 * i + 3; ++d) {
-      rate_K[d] = Real(0.0);
-      for (int k = 0; k < N; ++k) row[d][k] = Real(0.0);
-    }
+    clear(i);
     fill(in, 0, i);
   }
 
@@ -161,7 +163,7 @@ class ContactPoints {
       if (lane_of(idle, l)) continue;
       load(l, v_D, v_K);
       move();
-      place(in);
+      place();
       for (int i = 0; i < L; ++i) lane_of(speed_at_start_[i], l) = speed_[i];
       look_at_all(in, dt, l);
       if (n[l] > most) most = n[l];
@@ -170,18 +172,6 @@ class ContactPoints {
     for (int l = 0; l < width; ++l) {
       if (n[l] > 0 && width > 1) load(l, v_D, v_K);
       for (int i = 0; i < n[l]; ++i) fill(in, l, i);
-    }
-  }
-
-  // Takes the sizes of links.
-  void begin(const ContactArrays& in) {
-    for (int i = 0; i < L; ++i) reach_[i] = speed_[i] = 0.0;
-    for (int k = 0; k < B; ++k) {
-      const Solid& solid = in.solids[k];
-      double middle[3];
-      for (int c = 0; c < 3; ++c) middle[c] = 0.5 * (solid.a[c] + solid.b[c]);
-      const double reach = sqrt(dot3(middle, middle)) + bounding_radius(solid);
-      if (reach > reach_[solid.link]) reach_[solid.link] = reach;
     }
   }
 
@@ -228,7 +218,7 @@ class ContactPoints {
       if (!lane_of(lanes, l)) continue;
       load(l, v_D, v_K);
       move();
-      place(in);
+      place();
       look_at_all(in, dt, l);
       if (n[l] > most) most = n[l];
     }
@@ -244,100 +234,10 @@ class ContactPoints {
   }
 
  private:
-  static constexpr int L = Model::n_links, B = Model::n_solids;
-
-  struct Ball {
-    double at[3], radius;
-  };
-
-  // Takes a lane's poses, screws and velocities.
-  FAN_FN void load(int l, const Real* v_D, const Real* v_K) {
-    if constexpr (width == 1) {
-      poses_ = links_.poses;
-      screw_D_ = links_.screw_D;
-      screw_K_ = links_.screw_K;
-      v_D_ = v_D;
-      v_K_ = v_K;
-    } else {
-      double* to = lane_;
-      const auto take = [&](const Real* from, int n) {
-        for (int i = 0; i < n; ++i) to[i] = lane_of(from[i], l);
-        to += n;
-        return to - n;
-      };
-      poses_ = take(links_.poses, 12 * L);
-      screw_D_ = take(links_.screw_D, 6 * N);
-      screw_K_ = take(links_.screw_K, 6 * NK);
-      v_D_ = take(v_D, N);
-      v_K_ = take(v_K, NK);
-    }
-  }
-
-  // The twists of the links: each has its parent's and what its own joint adds.
-  FAN_FN void move() {
-    for (int i = 0; i < L; ++i) {
-      const int up = Model::link_parent[i];
-      double* twist = twist_ + 6 * i;
-      for (int c = 0; c < 6; ++c) twist[c] = up < 0 ? 0.0 : twist_[6 * up + c];
-      const auto add = [&](const int* begin, const int* entry, const double* screw, const double* v) {
-        const int carried = up < 0 ? 0 : begin[up + 1] - begin[up];
-        for (int j = begin[i] + carried; j < begin[i + 1]; ++j) {
-          const int k = entry[j];
-          for (int c = 0; c < 6; ++c) twist[c] += screw[6 * k + c] * v[k];
-        }
-      };
-      add(Model::moved_D_begin, Model::moved_D_entry, screw_D_, v_D_);
-      add(Model::moved_K_begin, Model::moved_K_entry, screw_K_, v_K_);
-    }
-  }
-
-  // The solids of the links in the world, a ball around all of each link, and how fast they are.
-  FAN_FN void place(const ContactArrays& in) {
-    for (int first = 0; first < B;) {
-      const int link = in.solids[first].link;
-      const double* R = poses_ + 12 * link;
-      int end = first;
-      Ball& all = ball_of_[link];
-      for (int c = 0; c < 3; ++c) all.at[c] = 0.0;
-      for (; end < B && in.solids[end].link == link; ++end) {
-        placed(in.solids[end], R, R + 9, placed_[end]);
-        ball_[end].radius = bounding_radius(in.solids[end]);
-        for (int c = 0; c < 3; ++c) {
-          ball_[end].at[c] = 0.5 * (placed_[end].a[c] + placed_[end].b[c]);
-          all.at[c] += ball_[end].at[c];
-        }
-      }
-      for (int c = 0; c < 3; ++c) all.at[c] /= end - first;
-      all.radius = 0.0;
-      for (; first < end; ++first) {
-        const double reach = sqrt(square_apart(ball_[first].at, all.at)) + ball_[first].radius;
-        if (reach > all.radius) all.radius = reach;
-      }
-      const double* t = twist_ + 6 * link;
-      double v[3];
-      cross(t + 3, all.at, v);
-      for (int c = 0; c < 3; ++c) v[c] += t[c];
-      speed_[link] = sqrt(dot3(v, v)) + sqrt(dot3(t + 3, t + 3)) * all.radius;
-    }
-  }
-
-  FAN_FN static void placed(const Solid& from, const double* R, const double* r, Solid& to) {
-    to.kind = from.kind;
-    to.link = from.link;
-    to.mesh = from.mesh;
-    to.radius = from.radius;
-    to.hull = from.hull;
-    for (int c = 0; c < 3; ++c) {
-      to.half[c] = from.half[c];
-      to.a[c] = r[c] + R[c] * from.a[0] + R[3 + c] * from.a[1] + R[6 + c] * from.a[2];
-      to.b[c] = r[c] + R[c] * from.b[0] + R[3 + c] * from.b[1] + R[6 + c] * from.b[2];
-    }
-    if (from.kind == SEGMENT && !is_ellipsoid(from)) return;
-    for (int c = 0; c < 3; ++c)
-      for (int j = 0; j < 3; ++j)
-        to.R[3 * j + c] = R[c] * from.R[3 * j] + R[3 + c] * from.R[3 * j + 1] +
-                          R[6 + c] * from.R[3 * j + 2];
-  }
+  using Links::L, Links::B, Links::load, Links::move, Links::place, Links::place_link;
+  using Links::separation, Links::smallest_size, Links::is_far, Links::are_far;
+  using Links::links_, Links::screw_D_, Links::screw_K_, Links::v_K_, Links::twist_, Links::speed_;
+  using Links::reach_, Links::placed_, Links::ball_, Links::ball_of_, Links::is_placed_;
 
   // Finds the points of lane l.
   FAN_FN void look_at_all(const ContactArrays& in, double dt, int l) {
@@ -347,75 +247,27 @@ class ContactPoints {
       const double margin = Tolerance::margin + Tolerance::travel * dt * speed;
       const bool far = b < 0 ? is_far(ball_of_[a], in.solids[-1 - b], margin)
                              : is_far(ball_of_[a], ball_of_[b], margin);
-      if (far) k = end;
-      for (; k < end; ++k) look(in, k, margin, l);
+      if (far) {
+        k = end;
+        continue;
+      }
+      if (!is_placed_[a]) place_link(in, a);
+      if (b >= 0 && !is_placed_[b]) place_link(in, b);
+      for (; k < end; ++k) look_at_placed(in, k, margin, l);
     }
-  }
-
-  // How far apart the balls around the two links, or a link and a solid that stands, of a group are.
-  double separation(const ContactArrays& in, int g) const {
-    const int a = in.groups[3 * g], b = in.groups[3 * g + 1];
-    return b < 0 ? apart(ball_of_[a], in.solids[-1 - b]) : apart(ball_of_[a], ball_of_[b]);
-  }
-
-  static double apart(const Ball& x, const Ball& y) {
-    return sqrt(square_apart(x.at, y.at)) - x.radius - y.radius;
-  }
-
-  static double apart(const Ball& x, const Solid& y) {
-    if (y.kind != HALF_SPACE) return apart(x, around(y));
-    double height = -x.radius;
-    for (int c = 0; c < 3; ++c) height += (x.at[c] - y.a[c]) * y.b[c];
-    return height;
-  }
-
-  static double smallest_size(const Solid& x) {
-    if (x.kind == HALF_SPACE) return unbounded;
-    if (x.kind != BOX && !is_ellipsoid(x)) return x.radius;
-    const double half = fmin(x.half[0], fmin(x.half[1], x.half[2]));
-    return x.kind == BOX ? half + x.radius : half;
-  }
-
-  static Ball around(const Solid& y) {
-    Ball out;
-    out.radius = bounding_radius(y);
-    for (int c = 0; c < 3; ++c) out.at[c] = 0.5 * (y.a[c] + y.b[c]);
-    return out;
-  }
-
-  FAN_FN static double square_apart(const double* a, const double* b) {
-    double sum = 0.0;
-    for (int c = 0; c < 3; ++c) sum += (a[c] - b[c]) * (a[c] - b[c]);
-    return sum;
-  }
-
-  FAN_FN static bool is_far(const Ball& x, const Ball& y, double margin) {
-    const double reach = x.radius + y.radius + margin;
-    return square_apart(x.at, y.at) >= reach * reach;
-  }
-
-  // The same of a solid that stands.
-  FAN_FN static bool is_far(const Ball& x, const Solid& y, double margin) {
-    if (y.kind == HALF_SPACE) {
-      double height = -x.radius;
-      for (int c = 0; c < 3; ++c) height += (x.at[c] - y.a[c]) * y.b[c];
-      return height >= margin;
-    }
-    Ball other;
-    other.radius = bounding_radius(y);
-    for (int c = 0; c < 3; ++c) other.at[c] = 0.5 * (y.a[c] + y.b[c]);
-    return is_far(x, other, margin);
-  }
-
-  // Whether an ellipsoid and a segment or ellipsoid are apart because the capsules around them are.
-  FAN_FN static bool are_far(const Solid& x, const Solid& y, double margin) {
-    if (x.kind != SEGMENT || y.kind != SEGMENT || !(is_ellipsoid(x) || is_ellipsoid(y)))
-      return false;
-    return between_segments(x.a, x.b, y.a, y.b) >= x.radius + y.radius + margin;
   }
 
   // Adds the points of pair k to those of lane l.
   FAN_FN void look(const ContactArrays& in, int k, double margin, int l) {
+    for (int side = 0; side < 2; ++side) {
+      const int link = in.solids[in.pairs[2 * k + side]].link;
+      if (link >= 0 && !is_placed_[link]) place_link(in, link);
+    }
+    look_at_placed(in, k, margin, l);
+  }
+
+  // The same where the solids of both links are placed.
+  FAN_FN void look_at_placed(const ContactArrays& in, int k, double margin, int l) {
     const int a = in.pairs[2 * k], b = in.pairs[2 * k + 1];
     const Solid &x = placed_[a], &y = b < B ? placed_[b] : in.solids[b];
     if (b < B ? is_far(ball_[a], ball_[b], margin) : is_far(ball_[a], y, margin)) return;
@@ -470,6 +322,7 @@ class ContactPoints {
   }
 
   FAN_FN void clear(int i) {
+    moved[i].n = 0;
     for (int d = 3 * i; d < 3 * i + 3; ++d) {
       rate_K[d] = Real(0.0);
       for (int k = 0; k < N; ++k) row[d][k] = Real(0.0);
@@ -480,6 +333,13 @@ class ContactPoints {
   FAN_FN void fill(const ContactArrays& in, int l, int i) {
     const Point& from = point[l][i];
     const int a = in.pairs[2 * from.pair], b = in.pairs[2 * from.pair + 1];
+    for (const int solid : {a, b}) {
+      const int link = in.solids[solid].link;
+      if (link >= 0)
+        moved[i].add(
+            Model::moved_D_entry + Model::moved_D_begin[link],
+            Model::moved_D_entry + Model::moved_D_begin[link + 1]);
+    }
     for (int d = 0; d < 3; ++d) {
       const double* e = from.frame + 3 * d;
       double moment[3];
@@ -505,17 +365,8 @@ class ContactPoints {
     }
   }
 
-  struct {
-    Real poses[room(12 * L)], screw_D[room(6 * N)], screw_K[room(6 * NK)];
-  } links_;
-  const double *poses_, *screw_D_, *screw_K_, *v_D_, *v_K_;  // of the lane that is looked at
-  double lane_[width == 1 ? 1 : 12 * L + 7 * (N + NK)];
-  double twist_[room(6 * L)], speed_[room(L)];
-  double reach_[room(L)];           // m: of a link's solids from its origin; 0 without
   Real speed_at_start_[room(L)];    // m/s: by which the margins of find() were chosen
   double passing_within_ = 0.0;  // s: the step, while only points that would be passed are added
-  Solid placed_[room(B)];
-  Ball ball_[room(B)], ball_of_[room(L)];  // around solids, and around all of a link
 };
 
 // The C interface of ContactPoints::measure; 1 where there was no memory, else 0.

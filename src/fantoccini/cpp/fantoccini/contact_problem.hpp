@@ -29,7 +29,7 @@ class ContactProblem {
       some[i] = false;
       for (int l = 0; l < width; ++l) some[i] = some[i] || (i < points_.n[l] && near_[l][i]);
     }
-    columns_.make(eval, rows, points_.row, some, points_.most);
+    columns_.make(eval, rows, points_.row, points_.moved, some, points_.most);
   }
 
   // Solves lane l with the restitutions, scaled down until they add no energy.

@@ -110,9 +110,12 @@ class ContactShare {
       for (int b = 0; b < m_; ++b) A_[a * m_ + b] = along(b, image);
       most = A_[a * (m_ + 1)] > most ? A_[a * (m_ + 1)] : most;
     }
-    lu_.n = m_;
-    for (int i = 0; i < m_ * m_; ++i) lu_.A[i] = A_[i];
-    for (int a = 0; a < m_; ++a) lu_.A[a * (m_ + 1)] += Tolerance::raise * most;
+    lu_.resize(m_);
+    for (int a = 0; a < m_; ++a) {
+      double* row = lu_.A + a * lu_.stride;
+      for (int b = 0; b < lu_.stride; ++b) row[b] = b < m_ ? A_[a * m_ + b] : 0.0;
+      row[a] += Tolerance::raise * most;
+    }
     return lu_.factorise();
   }
 

@@ -181,7 +181,7 @@ class ContactStep : public ContactProblem<Model, Real> {
   FAN_FN void add(Real* w) const {
     for (int i = 0; i < 3 * points_.most; ++i) {
       if (!any(x_[i] != Real(0.0))) continue;
-      for (int k = 0; k < N; ++k) w[k] -= columns_.W[i][k] * x_[i];
+      columns_.take(i, x_[i], points_.moved[i / 3], w);
     }
   }
 
@@ -259,9 +259,7 @@ class ContactStep : public ContactProblem<Model, Real> {
 
   // hdot of row i at the velocity v.
   FAN_FN Real rate(int i, const Real* v) const {
-    Real sum = points_.rate_K[i];
-    for (int k = 0; k < N; ++k) sum += points_.row[i][k] * v[k];
-    return sum;
+    return points_.rate_K[i] + points_.moved[i / 3].along(points_.row[i], v);
   }
 
   // What the normal impulse of a point must take away: the speed at which it closes without

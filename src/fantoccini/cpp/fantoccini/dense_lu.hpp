@@ -1,99 +1,120 @@
 // P A = L U with partial pivoting (Golub and Van Loan, Matrix Computations, algorithm 3.4.1), for
-// matrices whose size is known at run time. Rows are contiguous; the inner loops run along them.
+// matrices whose size is known at run time. Rows are contiguous and filled up with zeros to a
+// multiple of four, so that the inner loops run along them in whole registers.
 #pragma once
-
-#include <string.h>
 
 #include "real.hpp"
 
 namespace fan {
 
-// Four doubles that compilers keep in one register, or in two.
+// Four doubles that compilers keep in one register, or in two; and where they lie in an array.
 typedef double Quad __attribute__((vector_size(32)));
+typedef double QuadInPlace __attribute__((vector_size(32), aligned(8), may_alias));
 
-FAN_FN void load(Quad& to, const double* from) { memcpy(&to, from, sizeof(Quad)); }
-
-// y <- y + a x.
-FAN_FN void add_multiple(double* y, double a, const double* x, int n) {
-  int i = 0;
-  for (; i + 4 <= n; i += 4) {
-    Quad from, to;
-    load(from, x + i);
-    load(to, y + i);
-    to += a * from;
-    memcpy(y + i, &to, sizeof(Quad));
-  }
-  for (; i < n; ++i) y[i] += a * x[i];
+FAN_FN QuadInPlace& quad(double* at) { return *reinterpret_cast<QuadInPlace*>(at); }
+FAN_FN const QuadInPlace& quad(const double* at) {
+  return *reinterpret_cast<const QuadInPlace*>(at);
 }
 
-// x . y, in four sums.
+// The length of a row of n numbers with its zeros.
+constexpr int padded(int n) { return (n + 3) / 4 * 4; }
+
+// x . y over padded lengths.
 FAN_FN double product(const double* x, const double* y, int n) {
   Quad sum = {0.0, 0.0, 0.0, 0.0};
-  int i = 0;
-  for (; i + 4 <= n; i += 4) {
-    Quad a, b;
-    load(a, x + i);
-    load(b, y + i);
-    sum += a * b;
-  }
-  for (; i < n; ++i) sum[0] += x[i] * y[i];
+  for (int i = 0; i < n; i += 4) sum += quad(x + i) * quad(y + i);
   return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 
 template <int capacity>
 struct DenseLu {
-  static constexpr int N = room(capacity);
+  static constexpr int N = padded(room(capacity));
 
-  int n = 0;
-  double A[N * N];  // row i, column j at i * n + j; factorise() puts L and U in its place
+  int n = 0, stride = 0;
+  double A[N * N];  // row i, column j at i * stride + j; what follows column n in a row must be 0
 
-  // False where a pivot is 0 or not finite.
+  FAN_FN void resize(int rows) {
+    n = rows;
+    stride = padded(rows);
+  }
+
+  // Replaces A by its factors; false where a pivot is 0 or not finite.
   FAN_FN bool factorise() {
+    const int n = this->n, stride = this->stride;  // in registers: stores may alias the members
+    double top[N];  // of the pivot's row what is right of the pivot
     for (int k = 0; k < n; ++k) {
       int p = k;
-      for (int i = k + 1; i < n; ++i)
-        if (fabs(A[i * n + k]) > fabs(A[p * n + k])) p = i;
-      swap_[k] = p;
-      const double pivot = A[p * n + k];
-      if (!(fabs(pivot) > 0.0 && fabs(pivot) < unbounded)) return false;
-      if (p != k) exchange(p, k);
-      inverse_[k] = 1.0 / pivot;
-      const double* top = A + k * n;
+      double most = fabs(A[k * stride + k]);
+      const double* below = A + k * stride + k;
       for (int i = k + 1; i < n; ++i) {
-        double* row = A + i * n;
-        if (row[k] == 0.0) continue;
-        row[k] *= inverse_[k];
-        add_multiple(row + k + 1, -row[k], top + k + 1, n - k - 1);
+        below += stride;
+        if (!(fabs(*below) > most)) continue;
+        most = fabs(*below);
+        p = i;
       }
+      swap_[k] = p;
+      const double pivot = A[p * stride + k];
+      if (!(fabs(pivot) > 0.0 && fabs(pivot) < unbounded)) return false;
+      if (p != k) exchange(A + p * stride, A + k * stride);
+      inverse_[k] = 1.0 / pivot;
+      const int first = (k + 1) / 4 * 4;
+      for (int j = first; j < stride; j += 4) quad(top + j) = quad(A + k * stride + j);
+      for (int j = first; j <= k; ++j) top[j] = 0.0;
+      for (int i = k + 1; i < n; ++i) share_[i] = A[i * stride + k] * inverse_[k];
+      int j = first;
+      for (; j + 16 <= stride; j += 16) eliminate<4>(k, j, top + j);
+      if (j + 8 <= stride) {
+        eliminate<2>(k, j, top + j);
+        j += 8;
+      }
+      if (j < stride) eliminate<1>(k, j, top + j);
+      for (int i = k + 1; i < n; ++i) A[i * stride + k] = share_[i];
     }
     return true;
   }
 
   // r <- A^-1 r.
   FAN_FN void substitute(double* r) const {
+    double y[N];  // 0 where it is not known yet
     for (int k = 0; k < n; ++k) {
       const double held = r[swap_[k]];
       r[swap_[k]] = r[k];
       r[k] = held;
     }
-    for (int i = 1; i < n; ++i) r[i] -= product(A + i * n, r, i);
+    for (int i = 0; i < stride; ++i) y[i] = 0.0;
+    for (int i = 0; i < n; ++i) y[i] = r[i] - product(A + i * stride, y, i);
+    for (int i = 0; i < n; ++i) r[i] = y[i];
+    for (int i = 0; i < stride; ++i) y[i] = 0.0;
     for (int i = n - 1; i >= 0; --i) {
-      const int k = i + 1;
-      r[i] = (r[i] - product(A + i * n + k, r + k, n - k)) * inverse_[i];
+      const int first = i / 4 * 4;
+      y[i] = (r[i] - product(A + i * stride + first, y + first, stride - first)) * inverse_[i];
     }
+    for (int i = 0; i < n; ++i) r[i] = y[i];
   }
 
  private:
-  FAN_FN void exchange(int i, int k) {
-    for (int j = 0; j < n; ++j) {
-      const double held = A[i * n + j];
-      A[i * n + j] = A[k * n + j];
-      A[k * n + j] = held;
+  // Takes from the rows below k their shares of `top` in 4 `quads` columns from j.
+  template <int quads>
+  FAN_FN void eliminate(int k, int j, const double* top) {
+    Quad held[quads];
+    FAN_UNROLL for (int q = 0; q < quads; ++q) held[q] = quad(top + 4 * q);
+    const int step = stride;
+    double* row = A + (k + 1) * step + j;
+    const double *share = share_ + k + 1, *const end = share_ + n;
+    for (; share < end; ++share, row += step)
+      FAN_UNROLL for (int q = 0; q < quads; ++q) quad(row + 4 * q) -= *share * held[q];
+  }
+
+  FAN_FN void exchange(double* a, double* b) const {
+    for (int j = 0; j < stride; j += 4) {
+      const Quad held = quad(a + j);
+      quad(a + j) = quad(b + j);
+      quad(b + j) = held;
     }
   }
 
   int swap_[N];
-  double inverse_[N];
+  double inverse_[N], share_[N];
 };
 
 }  // namespace fan

@@ -35,6 +35,7 @@ class DirectedRows {
   // y over all `size` rows from b, and from the y_0 whose entries `start` gives.
   void solve(const double* G, int size, const double* b, const double* start, double* y) {
     double z[R], left[R];
+    lu_.resize(n);
     for (int i = 0; i < size; ++i) y[i] = 0.0;
     for (int u = 0; u < n; ++u) {
       lead_[u] = unknown_[u].row + leading(unknown_[u]);
@@ -43,21 +44,22 @@ class DirectedRows {
     }
     for (int u = 0; u < n; ++u) {
       const double* row = G + lead_[u] * size;
-      left[u] = scale_[u] * (b[lead_[u]] - product(row, y, size));
+      double* factor = lu_.A + u * lu_.stride;
+      left[u] = scale_[u] * (b[lead_[u]] - sum_of_products(row, y, size));
+      for (int v = n; v < lu_.stride; ++v) factor[v] = 0.0;
       for (int v = 0; v < n; ++v) {
         const Unknown& other = unknown_[v];
         double image = 0.0;
         for (int k = 0; k < other.width; ++k) image += row[other.row + k] * other.part[k];
-        K_[u * n + v] = lu_.A[u * n + v] = scale_[u] * image * scale_[v];
+        K_[u * n + v] = factor[v] = scale_[u] * image * scale_[v];
       }
-      lu_.A[u * n + u] += Tolerance::raise;
+      factor[u] += Tolerance::raise;
       z[u] = 0.0;
     }
-    lu_.n = n;
     if (n == 0 || !lu_.factorise()) return;
     for (int round = 0; round <= Tolerance::refinements; ++round) {
       double change[R];
-      for (int u = 0; u < n; ++u) change[u] = left[u] - product(K_ + u * n, z, n);
+      for (int u = 0; u < n; ++u) change[u] = left[u] - sum_of_products(K_ + u * n, z, n);
       lu_.substitute(change);
       for (int u = 0; u < n; ++u) z[u] += change[u];
     }
@@ -69,6 +71,12 @@ class DirectedRows {
     int row, width;
     double part[3];
   };
+
+  static double sum_of_products(const double* a, const double* b, int n) {
+    double sum = 0.0;
+    for (int i = 0; i < n; ++i) sum += a[i] * b[i];
+    return sum;
+  }
 
   static int leading(const Unknown& u) { return u.part[0] != 0.0 ? 0 : u.part[1] != 0.0 ? 1 : 2; }
 

@@ -25,9 +25,9 @@ FAN_FN Real clamped(const Real& x, const Real& low, const Real& high) {
 template <class Real>
 FAN_FN Real square_to_segment(const Real* point, const Real* a, const Real* d, const Real& d_d) {
   Real r[3];
-  for (int k = 0; k < 3; ++k) r[k] = point[k] - a[k];
+  FAN_UNROLL for (int k = 0; k < 3; ++k) r[k] = point[k] - a[k];
   const Real t = clamped(Real(dot3(r, d) / d_d), Real(0.0), Real(1.0));
-  for (int k = 0; k < 3; ++k) r[k] -= t * d[k];
+  FAN_UNROLL for (int k = 0; k < 3; ++k) r[k] -= t * d[k];
   return dot3(r, r);
 }
 
@@ -37,7 +37,7 @@ template <class Real>
 FAN_FN Real between_segments(const Real* a, const Real* b, const Real* c, const Real* d) {
   using std::sqrt;
   Real u[3], v[3], w[3];
-  for (int k = 0; k < 3; ++k) {
+  FAN_UNROLL for (int k = 0; k < 3; ++k) {
     u[k] = b[k] - a[k];
     v[k] = d[k] - c[k];
     w[k] = a[k] - c[k];
@@ -56,7 +56,7 @@ FAN_FN Real between_segments(const Real* a, const Real* b, const Real* c, const 
   const Real s = (uv * wv - vv * wu) / safe, t = (uu * wv - uv * wu) / safe;
   const auto inside = crossing && s > Real(0.0) && s < Real(1.0) && t > Real(0.0) && t < Real(1.0);
   Real apart[3];
-  for (int k = 0; k < 3; ++k) apart[k] = w[k] + s * u[k] - t * v[k];
+  FAN_UNROLL for (int k = 0; k < 3; ++k) apart[k] = w[k] + s * u[k] - t * v[k];
   nearer(select(inside, dot3(apart, apart), least));
   return sqrt(least);
 }
@@ -68,7 +68,7 @@ template <class Real>
 FAN_FN Real nearest_to_box(const Real* a, const Real* b, const double* half) {
   using std::abs;
   Real d[3];
-  for (int k = 0; k < 3; ++k) d[k] = b[k] - a[k];
+  FAN_UNROLL for (int k = 0; k < 3; ++k) d[k] = b[k] - a[k];
   const auto outside = [&](int k, const Real& t) {
     const Real x = a[k] + t * d[k];
     return Real(x - clamped(x, Real(-half[k]), Real(half[k])));
@@ -77,7 +77,7 @@ FAN_FN Real nearest_to_box(const Real* a, const Real* b, const double* half) {
     return Real(outside(0, t) * d[0] + outside(1, t) * d[1] + outside(2, t) * d[2]);
   };
   Real low = Real(0.0), high = Real(1.0), at_low = slope(low), at_high = slope(high);
-  for (int k = 0; k < 3; ++k) {
+  FAN_UNROLL for (int k = 0; k < 3; ++k) {
     const auto moves = abs(d[k]) > Real(DistanceTolerances::min_length);
     const Real inverse = Real(1.0) / select(moves, d[k], Real(1.0));
     for (const double side : {-half[k], half[k]}) {
@@ -103,7 +103,7 @@ FAN_FN Real segment_to_box(const Real* a, const Real* b, const double* half) {
   using std::sqrt;
   const Real t = nearest_to_box(a, b, half);
   Real square = Real(0.0);
-  for (int k = 0; k < 3; ++k) {
+  FAN_UNROLL for (int k = 0; k < 3; ++k) {
     const Real x = a[k] + t * (b[k] - a[k]);
     const Real out = x - clamped(x, Real(-half[k]), Real(half[k]));
     square += out * out;
@@ -125,14 +125,14 @@ FAN_FN Real box_to_box(const Real* centre, const Real* R, const double* half, co
     widest = select(found > widest, found, widest);
   };
   // R holds the axes of the first box, column by column.
-  for (int k = 0; k < 3; ++k)
+  FAN_UNROLL for (int k = 0; k < 3; ++k)
     gap(centre[k], Real(Real(other[k]) + half[0] * size[k] + half[1] * size[3 + k] +
                         half[2] * size[6 + k]));
   for (int j = 0; j < 3; ++j)
     gap(dot3(centre, R + 3 * j),
         Real(Real(half[j]) + other[0] * size[3 * j] + other[1] * size[3 * j + 1] +
              other[2] * size[3 * j + 2]));
-  for (int k = 0; k < 3; ++k)
+  FAN_UNROLL for (int k = 0; k < 3; ++k)
     for (int j = 0; j < 3; ++j) {
       // The cross product of the k-th axis and the j-th column.
       const int k1 = (k + 1) % 3, k2 = (k + 2) % 3, j1 = (j + 1) % 3, j2 = (j + 2) % 3;

@@ -87,7 +87,8 @@ struct EventInstants {
         y[F::LOSS], impact, y[F::SLIP_LOSS], friction, slip);
     if constexpr (F::touches) {
       ContactPush push[room(C)];
-      if (followed()) out.touching(push, flow.contacts.pushing(push), 1.0);
+      const int n = followed() ? flow.contacts.pushing(push) : 0;
+      out.touching(push, n, 1.0, n > 0 ? flow.contacts.residual(flow) : 0.0);
     }
   }
 
@@ -365,7 +366,7 @@ struct EventInstants {
   }
 
   void tell(Record<Model>& out, double t, EventCode kind, int pair, double impulse, double speed) {
-    out.event(t, kind, M + F::D + pair, impulse, speed);
+    out.event(t, kind, M + F::D + flow.contacts.in->meetings[pair], impulse, speed);
     event_rate.note(flow.t, -1);
     ++n_events;
   }

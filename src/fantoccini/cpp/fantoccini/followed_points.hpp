@@ -154,8 +154,8 @@ class FollowedPoints {
     }
   }
 
-  // Whether two pairs are of the same two solids.
-  bool meet(int pair, int other) const { return pair == other; }
+  // Whether two pairs are of the same two names (ContactArrays::meetings).
+  bool meet(int pair, int other) const { return in->meetings[pair] == in->meetings[other]; }
 
   bool is_found(int c) const { return found_[c]; }
 

@@ -131,6 +131,21 @@ class HeldContacts : public FollowedPoints<Model> {
     return excess(f, c) > 0.0;
   }
 
+  // By how much the latest forces and accelerations break the law of contact, relative to the weight
+  // and to Flow::hddot_scale.
+  template <class F>
+  double residual(const F& f) const {
+    double most = 0.0;
+    for (int c = 0; c < n; ++c) {
+      if (at[c].mode != STICKING && at[c].mode != SLIDING) continue;
+      most = fmax(most, excess(f, c));
+      const int rows = at[c].mode == STICKING ? 3 : 1;
+      for (int d = 0; d < rows; ++d)
+        most = fmax(most, fabs(after[3 * c + d]) / f.hddot_scale());
+    }
+    return most;
+  }
+
   // The normal influence of sliding point c's force, relative to that without friction.
   double influence(int c) const {
     const int i = n_single_ + 3 * c;

@@ -1,0 +1,40 @@
+"""Section 4: a puppet without contact, compared with its generated equations alone."""
+
+from __future__ import annotations
+
+from ..speed.bounds import CALLS
+from ..speed.figures import Chapter, Goal, in_turns, spread, times
+from ..speed.programs import Program, words
+from ..speed.subject import swinging
+from ..strings.report import Section, Table
+
+MOST = 1.7
+"""How many times its equations a step may take."""
+
+WHO = {"scalar": "a time step", "lanes": "a time step of a lane"}
+
+
+def chapter(scalar: Program, lanes: Program, turns: int) -> Chapter:
+    """Steps over equations, scalar and in lanes."""
+    programs, given = {"scalar": scalar, "lanes": lanes}, words([swinging()])
+    actions = {
+        (who, work): lambda who=who, work=work: programs[who].run(given, work, 1, CALLS).seconds[0]
+        for who in WHO
+        for work in ("step", "step_dynamics")
+    }
+    named = {f"{who} {work}": action for (who, work), action in actions.items()}
+    taken = in_turns(named, turns)
+    rows, ratio_rows, goals = [], [], []
+    for who, name in WHO.items():
+        whole, alone = taken[f"{who} step"], taken[f"{who} step_dynamics"]
+        rows += [[name, *spread(whole)], ["of it, the generated equations alone", *spread(alone)]]
+        ratio_rows.append([f"{name} / its equations", *spread(whole.over(alone), times)])
+        what = f"equations alone / {name} without contact (mark: 1/{MOST:g})"
+        goals.append(Goal(what, alone.over(whole), 1.0 / MOST))
+    text = (
+        f"The hanging marionette of [the page on speed](benchmarks.md), {CALLS} steps a turn, "
+        f"{turns} turns, by the processor's time."
+    )
+    parts = [text, Table(["work", "median", "min", "max"], rows),
+             Table(["ratio", "median", "min", "max"], ratio_rows)]  # fmt: skip
+    return Chapter(Section("4. Without contact", parts), goals)

@@ -1,0 +1,29 @@
+"""The page: what was measured where, under one table of all marks."""
+
+from __future__ import annotations
+
+from ..speed.figures import Chapter, goals_table
+from ..speed.programs import flags
+from ..strings.report import Table, machine, wrapped
+
+OPENING = (
+    "Find here what [contact](contact.md) costs and how exact it is, compared with MuJoCo on the "
+    "same scenes. `make stage-report` measures everything in one run and writes this page. "
+    "Programs that are compared are timed in turns, and ratios are taken turn by turn, so the "
+    "ratios are more reliable than the times of this one machine. Every figure is the median, with "
+    "the minimum and the maximum."
+)
+
+
+def page(chapters: list[Chapter]) -> str:
+    """All of it as Markdown."""
+    made = machine(("numpy", "casadi", "mujoco"))
+    table = Table(made.header, [*made.rows, ["compiler's flags", " ".join(flags())]])
+    parts = [
+        "# Contact, measured",
+        wrapped(OPENING),
+        goals_table(chapters).markdown(),
+        table.markdown(),
+        *(chapter.section.markdown() for chapter in chapters),
+    ]
+    return "\n\n".join(parts) + "\n"

@@ -1,0 +1,104 @@
+"""The runtime with a scene's solids, in a program of its own."""
+
+from __future__ import annotations
+
+import functools
+import subprocess
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fantoccini import build
+from fantoccini.marionette import Marionette
+from fantoccini.motion import Input, State
+
+from ..speed.programs import flags
+
+HERE = Path(__file__).resolve().parent
+
+
+@dataclass(frozen=True)
+class Burst:
+    """What the program printed.
+
+    Attributes:
+        seconds: of the processor for one step, one number a time.
+        points: that push at the end.
+        force: sum of the normal forces there [N].
+        depth: of the deepest overlap there [m].
+        residual: of the law there.
+    """
+
+    seconds: tuple[float, ...]
+    points: int
+    force: float
+    depth: float
+    residual: float
+
+
+@dataclass(frozen=True)
+class Program:
+    """A scene's program.
+
+    Attributes:
+        path: the program.
+        marionette: the scene.
+        dt: step [s].
+    """
+
+    path: Path
+    marionette: Marionette
+    dt: float
+
+    def run(self, x: State, work: str, times: int, count: int) -> Burst:
+        """Times some steps from a state; the inputs hold still."""
+        text = "\n".join(repr(float(n)) for part in self._words(x) for n in np.ravel(part))
+        command = [str(self.path), work, str(times), str(count)]
+        done = subprocess.run(command, input=text, capture_output=True, text=True, check=True)
+        *seconds, points, force, depth, residual = map(float, done.stdout.split())
+        return Burst(tuple(seconds), int(points), force, depth, residual)
+
+    def _words(self, x: State) -> list[Sequence[float]]:
+        puppet = self.marionette
+        bound = Input.hold(puppet).bound(x.q_K, 0.0)
+        options = puppet.model.run_options()
+        numbers = [self.dt, options.recovery_speed, options.tension_cap]
+        words = [x.q_D, x.v_D, puppet.p, np.minimum(puppet.winches, 1e250), numbers]
+        words += [[len(bound.coef)], bound.breaks, bound.coef, bound.base]
+        return [*words, *_solids(puppet)]
+
+
+def _solids(puppet: Marionette) -> list[Sequence[float]]:
+    """What touches what, as the program reads it."""
+    contacts = puppet.model.contacts
+    if contacts is None:
+        return [[0]] * 5
+    words: list = [[len(contacts.solids)]]
+    for solid in contacts.solids:
+        words += [[solid[name]] for name in ("kind", "link")]
+        words += [solid[name] for name in ("a", "b", "R", "half", "radius")]
+    structure = contacts.structure
+    for array in structure.held[1:]:
+        words += [[len(array)], array]
+    return words
+
+
+@functools.cache
+def _folder() -> tempfile.TemporaryDirectory:
+    """Lives as long as Python."""
+    return tempfile.TemporaryDirectory()
+
+
+def compiled(marionette: Marionette, dt: float) -> Program:
+    """A scene in the program, compiled as its library is."""
+    folder = Path(tempfile.mkdtemp(dir=_folder().name))
+    for file, text in marionette.model.compiled.source_files().files.items():
+        Path(folder, file).write_text(text, encoding="utf-8")
+    include = [f"-I{folder}", f"-I{build.runtime_folder()}", f"-I{HERE}"]
+    path = folder / "stage"
+    command = [*build.find_compiler().command, *flags(), *include]
+    subprocess.run([*command, str(HERE / "stage.cpp"), "-o", str(path)], check=True)
+    return Program(path, marionette, dt)

@@ -1,0 +1,129 @@
+// Time of time steps with contact from a state, as a run makes them, nothing saved:
+//
+//   step            a time step
+//   step_dynamics   of it the generated function alone
+//
+// argv: the work, how often it is timed, how many steps in each.
+// stdin: as given.hpp says, then the solids (kind, link, a, b, R, half, radius), the pairs, the
+// groups, friction and restitution, each behind their number.
+// stdout: one line a time, seconds of the processor for one step; then how many points push, the
+// normal force on them [N], the largest overlap [m], the largest residual of the law.
+#include "main.cpp"
+#include "../speed/given.hpp"
+
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <ctime>
+
+namespace {
+
+using fan::Model;
+constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings, M = Model::n_rows;
+
+fan::FixedRun<Model> run;
+std::vector<fan::Solid> solids;
+std::vector<int> pairs, groups;
+std::vector<double> friction, restitution;
+fan::ContactArrays arrays;
+
+std::vector<int> take_whole(int width) {
+  std::vector<int> out;
+  for (double x : take(width * int(take(1)[0]))) out.push_back(int(x));
+  return out;
+}
+
+void take_contacts() {
+  const int n = int(take(1)[0]);
+  for (int i = 0; i < n; ++i) {
+    const auto x = take(21);
+    fan::Solid one{};
+    one.kind = int(x[0]), one.link = int(x[1]), one.mesh = -1;
+    std::memcpy(one.a, &x[2], 19 * sizeof(double));
+    solids.push_back(one);
+  }
+  pairs = take_whole(2), groups = take_whole(3);
+  friction = take(int(take(1)[0])), restitution = take(int(take(1)[0]));
+  arrays = {n, (long long)(pairs.size() / 2), (long long)(groups.size() / 3), solids.data(),
+            pairs.data(), groups.data(), friction.data(), restitution.data()};
+}
+
+constexpr int rows_kept = 4, some_events = 4096, some_points = 4 * (Model::n_contacts + 1);
+double row[fan::Record<Model>::Layout::width * rows_kept];
+double event[fan::EventLayout::width * some_events];
+double point[fan::ContactLayout::width * some_points];
+
+fan::Record<Model> record() {
+  fan::Record<Model> out{};
+  out.samples = row, out.sample_capacity = rows_kept;
+  out.events = event, out.event_capacity = some_events;
+  out.contacts = point, out.contact_capacity = some_points;
+  return out;
+}
+
+void begin() {
+  auto& led = run.trajectory;
+  run.drive.set({n_segments, breaks.data(), coef.data(), base.data(), nullptr});
+  run.drive.start_at(0.0);
+  for (int i = 0; i < Model::n_p; ++i) led.p[i] = p[i];
+  for (int i = 0; i < NQ; ++i) led.state().q_D[i] = q_D[i];
+  for (int k = 0; k < N; ++k) led.state().v_D[k] = v_D[k];
+  for (int i = 0; i < S; ++i) led.at.slip[i] = 0.0;
+  led.winches.set(table.data());
+  led.opt.dt = number[0];
+  led.opt.recovery_speed = number[1];
+  led.opt.tension_cap = number[2];
+  led.opt.max_steps = 1LL << 60;
+  led.opt.extrapolate = 1;
+  led.opt.contacts = pairs.empty() ? nullptr : &arrays;
+  run.save_every = 1 << 30;
+  run.t = 0.0;
+  auto out = record();
+  run.start(out);
+}
+
+void steps(int n) {
+  auto out = record();
+  for (int i = 0; i < n; ++i) {
+    out.n_events = 0;
+    if (run.run(1e9, 1, out) != fan::RUNNING) std::exit(3);
+  }
+}
+
+void step_dynamics(int n) {
+  auto& led = run.trajectory;
+  for (int i = 0; i < n; ++i)
+    led.at.eval.at(
+        led.state().q_D, led.state().v_D, led.inputs().q_K, led.inputs().v_K, led.inputs().acc_K,
+        led.inputs().u_D, led.state().v_D, number[0], led.p);
+}
+
+}  // namespace
+
+int main(int, char** argv) {
+  const bool stepping = !std::strcmp(argv[1], "step");
+  const int times = std::atoi(argv[2]), n = std::atoi(argv[3]);
+  take_all();
+  take_contacts();
+  for (int i = 0; i <= times; ++i) {  // the first is a warm-up
+    begin();
+    const std::clock_t start = std::clock();
+    (stepping ? steps : step_dynamics)(n);
+    const double took = double(std::clock() - start) / CLOCKS_PER_SEC;
+    if (i > 0) std::printf("%.9g\n", took / n);
+  }
+  int points = 0;
+  double force = 0.0, depth = 0.0, residual = 0.0;
+  if constexpr (Model::n_contacts > 0) {
+    const auto& contacts = run.trajectory.at.contacts;
+    points = contacts.n[0];
+    residual = contacts.residual[0];
+    for (int i = 0; i < points; ++i) {
+      const auto& push = contacts.push[0][i];
+      force += fan::dot3(push.impulse, push.normal) / number[0];
+      if (-push.gap > depth) depth = -push.gap;
+    }
+  }
+  std::printf("%d %.9g %.9g %.9g\n", points, force, depth, residual);
+  return 0;
+}

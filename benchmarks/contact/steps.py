@@ -1,0 +1,133 @@
+"""Sections 1 and 2: time steps beside MuJoCo's, in turns, and MuJoCo's settings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import mujoco
+
+import fantoccini as fan
+
+from ..speed.figures import Chapter, Goal, in_turns, shown, spread, times
+from ..strings.report import Section, Table, number
+from .mujoco_scene import MuJoCoScene
+from .programs import Program, compiled
+from .subject import DT, HEAP, ONE, TWO, Subject
+
+FASTER = 4.0
+"""How much faster than mj_step one marionette on its feet is to be."""
+
+LONGEST = 20e-6
+"""The longest step of two marionettes [s]."""
+
+SETTLING = 2.0
+"""Before MuJoCo's points and overlaps are looked at [s]."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A subject, ours and MuJoCo's.
+
+    Attributes:
+        subject: what is simulated.
+        program: ours.
+        peer: MuJoCo's, with the fastest setting in force.
+        tried: setting -> the least seconds of a step.
+    """
+
+    subject: Subject
+    program: Program
+    peer: MuJoCoScene
+    tried: dict[str, float]
+
+
+def pairs(turns: int, steps: int) -> list[Pair]:
+    """All subjects, compiled, with MuJoCo's fastest settings."""
+    made, programs = [], {}
+    for subject in (ONE, TWO, HEAP):
+        members = len(subject.members)
+        if members not in programs:
+            programs[members] = compiled(subject.marionette, DT)
+        program = Program(programs[members].path, subject.marionette, DT)
+        x = subject.standing
+        peer = MuJoCoScene.of(fan.Marionette(subject.peers_puppet), x.q_K, DT)
+        made.append(Pair(subject, program, peer, peer.find_fastest(x, steps, max(3, turns // 3))))
+    return made
+
+
+def chapters(made: list[Pair], turns: int, steps: int) -> list[Chapter]:
+    """Times, ratios, marks, and what was tried of MuJoCo."""
+    actions: dict[str, Callable[[], float]] = {}
+    for pair in made:
+        actions[_ours(pair)] = lambda pair=pair: pair.program.run(
+            pair.subject.standing, "step", 1, steps
+        ).seconds[0]
+        actions[_theirs(pair)] = lambda pair=pair: pair.peer.burst(
+            pair.subject.standing, steps, steps // 4
+        )
+    taken = in_turns(actions, turns)
+    ratios = {p.subject.name: taken[_theirs(p)].over(taken[_ours(p)]) for p in made}
+    rows = [[name, *spread(samples)] for name, samples in taken.items()]
+    ratio_rows = [[f"mj_step / ours, {n}", *spread(r, times)] for n, r in ratios.items()]
+    goals = [Goal(f"mj_step / ours, {ONE.name}", ratios[ONE.name], FASTER)]
+    for pair in made[1:]:
+        points = pair.program.run(pair.subject.standing, "step", 1, 10).points
+        what = f"a step of {pair.subject.name}, {points} points"
+        goals.append(Goal(what, taken[_ours(pair)], LONGEST, False))
+    text = (
+        f"A time step of {shown(DT)} from where the puppets stand when their strings have been let "
+        f"out, in turns, {turns} of them of {steps} steps each, by the processor's time. Ours: a "
+        "compiled C++ program with the library's flags that makes the steps of a run and saves "
+        "nothing; MuJoCo: one call of `mj_step` with elliptic cones and Newton's method, its "
+        "softness as it has it by itself. Ours is compiled for this processor, MuJoCo is the wheel "
+        "as it comes. MuJoCo's puppets lack the drag, the neck's spring and the limits of twists "
+        "that ours have. Ratios are taken turn by turn."
+    )
+    table = Table(["who, what", "median", "min", "max"], rows)
+    ratio_table = Table(["ratio", "median", "min", "max"], ratio_rows)
+    parts = [text, table, ratio_table, _states(made)]
+    first = Chapter(Section("1. Time steps", parts), goals)
+    return [first, _settings(made)]
+
+
+def _states(made: list[Pair]) -> Table:
+    """What both hold up: that they simulate the same."""
+    rows = []
+    for pair in made:
+        burst = pair.program.run(pair.subject.standing, "step", 1, 1000)
+        pair.peer.put(pair.subject.standing)
+        pair.peer.step(round(SETTLING / DT))
+        normal = sum(pair.peer.force(i)[0] for i in range(pair.peer.data.ncon))
+        rows.append(
+            [pair.subject.name, f"{burst.points}, {pair.peer.points}",
+             f"{burst.force:.2f}, {normal:.2f}",
+             f"{number(burst.depth)}, {number(pair.peer.depth)}"]
+        )  # fmt: skip
+    header = ["ours, MuJoCo", "points that push", "normal forces [N]", "deepest overlap [m]"]
+    return Table(header, rows)
+
+
+def _settings(made: list[Pair]) -> Chapter:
+    rows = []
+    for pair in made:
+        least = min(pair.tried.values())
+        for name, seconds in pair.tried.items():
+            text = f"**{shown(seconds)}**" if seconds == least else shown(seconds)
+            rows.append([f"{pair.subject.name}: {name}", text])
+    text = (
+        f"The least of some bursts of MuJoCo {mujoco.__version__} decides which Jacobian is used "
+        "and whether constraints are split into islands; the setting in bold is the one that is "
+        "timed."
+    )
+    return Chapter(Section("2. MuJoCo's settings", [text, Table(["setting", "a step"], rows)]))
+
+
+def _ours(pair: Pair) -> str:
+    return f"fantoccini, {pair.subject.name}"
+
+
+def _theirs(pair: Pair) -> str:
+    return f"MuJoCo {mujoco.__version__}, {pair.subject.name}"
+
+

@@ -1,0 +1,84 @@
+"""How benchmarks/contact compares: MuJoCo gets our scene, and problems survive being written."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+mujoco = pytest.importorskip("mujoco")
+
+from benchmarks.contact import problems, scenarios  # noqa: E402
+from benchmarks.contact.mujoco_scene import SETTINGS, MuJoCoScene, text_of  # noqa: E402
+
+
+@pytest.fixture(scope="module")
+def cube():
+    return scenarios.cube(0.5)
+
+
+def test_mujoco_gets_our_scene(cube):
+    """Four corners carry the weight in both, and coordinates have the same order."""
+    x = cube.state()
+    scene = MuJoCoScene.of(cube, x.q_K, scenarios.DT)
+    x = x.replace(v_D=np.arange(1.0, 7.0))
+    scene.put(x)
+    assert scene.data.qvel[scene.v_D].tolist() == x.v_D.tolist()
+    assert scene.data.qpos[scene.q_D].tolist() == x.q_D.tolist()
+    weight = scenarios.MASS * scenarios.G
+    for settings in SETTINGS:
+        scene.choose(settings)
+        scene.put(cube.state())
+        scene.step(1000)
+        assert scene.points == 4
+        normal = sum(scene.force(i)[0] for i in range(scene.data.ncon))
+        assert normal == pytest.approx(weight, rel=1e-3)
+    course = scenarios.ours(cube, cube.state(), 0.01)
+    assert course.normal[-1].sum() == pytest.approx(weight, rel=1e-9)
+    assert len(course.normal[-1]) == 4
+
+
+def test_a_cube_slides_and_is_pushed_in_both(cube):
+    """v^2 / (2 mu g) to a stop; a push below the threshold moves nothing in ours."""
+    for run in (scenarios.ours, lambda *a, **k: scenarios.theirs(*a, hard=False, **k)):
+        assert scenarios._stop(run) < 2e-3
+    assert scenarios._dragged(scenarios.ours) < 1e-12
+
+
+def test_bodies_that_do_not_meet_are_excluded(cube):
+    assert "exclude" not in text_of(cube, cube.state().q_K)
+
+
+@pytest.fixture
+def problem(tmp_path):
+    """Two contacts on a body and one that touches nothing else, as text."""
+    rng = np.random.default_rng(0)
+    A = rng.normal(size=(8, 6))
+    M = np.zeros((9, 9))
+    M[:6, :6], M[6:, 6:] = A.T @ A, np.eye(3)
+    q = np.array([-1.0, 0.3, 0.1, -0.5, 0.0, 0.2, 1.0, 0.0, 0.0])
+    return problems.Problem(tmp_path / "a.hdf5.dat", M, q, np.array([0.5, 0.0, 0.9]))
+
+
+def test_problems_survive_being_written(problem):
+    problem.file.write_text(problem.text(), encoding="utf-8")
+    read = problems.parsed(problem.file)
+    assert read.name == "a"
+    for name in ("M", "q", "mu"):
+        assert np.array_equal(getattr(read, name), getattr(problem, name))
+    dense = [3, 3, 0, 9, 9, 9, 9, *problem.M.ravel(), *problem.q, *problem.mu]
+    problem.file.write_text(" ".join(map(repr, map(float, dense))).replace(".0 ", " "))
+    assert np.array_equal(problems.parsed(problem.file).M, problem.M)
+    problem.file.write_text("2 1 0 2 2 2 2 1 0 0 1 0 0 0.5")
+    assert problems.parsed(problem.file) is None
+
+
+def test_our_answer_satisfies_the_law_and_another_does_not(problem):
+    answer = problems.ours(problem)
+    assert answer.residual < 1e-12
+    assert problem.residual(np.zeros(9)) > 0.1
+
+
+def test_without_problems_the_page_says_so(tmp_path):
+    for folder in (None, tmp_path):
+        text = problems.chapter(folder, None).section.markdown()
+        assert "Not measured" in text and "--problems" in text
