@@ -11,13 +11,13 @@ DURATION = 10.0
 """Of the greeting [s]."""
 
 POSES = (0.0, 1.4, 2.1, 4.1, 4.9, 7.5, 8.2, 10.0)
-"""Times of the greeting worth a picture: hanging, the wave, two steps, the bow, hanging again [s]."""
+"""Times of the greeting worth a picture: hanging, the wave, two steps, the bow, hanging [s]."""
 
 WALK_DURATION = 12.0
 """Of the walk [s]."""
 
 WALK_POSES = (0.0, 1.2, 1.7, 2.3, 2.9, 3.5, 4.6, 7.2, 9.7)
-"""Times of the walk worth a picture: hanging, five steps, standing, the wave, the nod [s]."""
+"""Times of the walk worth a picture: hanging, five steps, standing still, the wave, the nod [s]."""
 
 _FOLDER = Path(__file__).parent / "puppets" / "performances"
 

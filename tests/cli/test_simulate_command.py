@@ -218,7 +218,8 @@ def test_demo_leaves_numbers_a_picture_and_a_film(tmp_path) -> None:
     assert max(slack.values()) >= 0.1
     for name in run.tension:
         assert f"\n{name} " in result.stdout
-    for part in ("catches", "longest slack [s]", "residual", "times real time", "method timestepping"):
+    table = ("catches", "longest slack [s]", "residual", "times real time", "method timestepping")
+    for part in table:
         assert part in result.stdout
 
 

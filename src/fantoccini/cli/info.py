@@ -29,7 +29,8 @@ class _NotCachedError(Exception):
 
 def list_bundled() -> None:
     """Prints tables of the bundled puppets and scenes."""
-    for title, names in (("Bundled puppets", puppets.names()), ("Bundled scenes", puppets.scenes())):
+    bundled = {"Bundled puppets": puppets.names(), "Bundled scenes": puppets.scenes()}
+    for title, names in bundled.items():
         lines = []
         for name in names:
             made = marionette(name)
