@@ -75,16 +75,16 @@ class Piece:
 PIECES = (
     Piece(
         "promenade",
-        "The marionette on a floor that carries it. Six times a string lifts a knee while the other "
-        "foot stands and pushes off. Then it stands, waves and nods.",
+        "The marionette on a floor that carries it. Six times a string lifts a knee while the "
+        "other foot stands and pushes off. Then it stands, waves and nods.",
         duration=12.0, part=(0.8, 5.0), times=(0.0, 1.2, 1.7, 2.3, 2.9, 3.5, 4.6, 7.2, 9.7),
         inputs="walk", focus="bodies", theme="light", view=(-80.0, 8.0), size=(320, 360),
         speed=1.5, dt=1e-3,
     ),
     Piece(
         "visit",
-        "Two marionettes, a table, a ball and a chair. Columbine sits down; Pierrot's hand pushes the "
-        "ball, which rolls across the table into the hollow before her; both nod.",
+        "Two marionettes, a table, a ball and a chair. Columbine sits down; Pierrot's hand pushes "
+        "the ball, which rolls across the table into the hollow before her; both nod.",
         duration=8.0, part=(0.0, 7.8), times=(0.0, 1.0, 2.0, 3.0, 3.6, 5.2), inputs="visit",
         focus="bodies", theme="light", view=(-75.0, 14.0), size=(400, 300), speed=2.4, dt=1e-3,
     ),
@@ -194,10 +194,10 @@ def page() -> str:
 
 _HEAD = """# Gallery
 
-See here every bundled puppet and scene in motion, and the command that makes each film. `make gallery`
-draws the page without a GPU or a display. The colour of a string is its tension; grey is slack. Run the
-commands in the root of the repository; they film at full size. The motions are files in
-[`performances`](../src/fantoccini/puppets/performances), to read and change.
+See here every bundled puppet and scene in motion, and the command that makes each film.
+`make gallery` draws the page without a GPU or a display. The colour of a string is its tension; grey
+is slack. Run the commands in the root of the repository; they film at full size. The motions are
+files in [`performances`](../src/fantoccini/puppets/performances), to read and change.
 """
 
 _PLAN = """## A plan: arm3d_boxes

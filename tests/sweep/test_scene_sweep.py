@@ -80,7 +80,8 @@ def test_a_start_and_a_study_of_ones_own(stage):
 
 
 def test_bundled_scenes_are_swept_side_by_side():
-    over = {"puppet": {"promenade": fan.puppets.promenade(), "marionette": fan.puppets.marionette()}}
+    puppets = {"promenade": fan.puppets.promenade(), "marionette": fan.puppets.marionette()}
+    over = {"puppet": puppets}
     keep = ["last torso.z", "max tension:head"]
     study = fan.Trial(t_end=0.3, method="timestepping", keep=keep)
     found = fan.sweep(study, over)
