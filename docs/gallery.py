@@ -194,10 +194,10 @@ def page() -> str:
 
 _HEAD = """# Gallery
 
-
-
-
-
+See here every bundled puppet and scene in motion, and the command that makes each film.
+`make gallery` draws the page without a GPU or a display. The colour of a string is its tension;
+grey is slack. Run the commands in the root of the repository; they film at full size. The motions
+are files in [`performances`](../src/fantoccini/puppets/performances), to read and change.
 """
 
 _PLAN = """## A plan: arm3d_boxes
