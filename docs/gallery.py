@@ -78,15 +78,22 @@ PIECES = (
         "The marionette on a floor that carries it. Six times a string lifts a knee while the "
         "other foot stands and pushes off. Then it stands, waves and nods.",
         duration=12.0, part=(0.8, 5.0), times=(0.0, 1.2, 1.7, 2.3, 2.9, 3.5, 4.6, 7.2, 9.7),
-        inputs="walk", focus="bodies", theme="light", view=(-80.0, 8.0), size=(320, 360),
+        inputs="walk", focus="bodies", theme="light", view=(-80.0, 8.0), size=(280, 320),
         speed=1.5, dt=1e-3,
+    ),
+    Piece(
+        "stroll",
+        "The marionette on its control bar, dragged along and rolled from side to side by one "
+        "hand; the feet follow on the floor. `fantoccini show stroll` puts the bar into your hand.",
+        duration=6.0, part=(0.4, 5.0), times=(0.0, 1.8, 2.4, 3.0), inputs="stroll",
+        focus="bodies", view=(-80.0, 8.0), size=(240, 280), speed=2.0, dt=1e-3,
     ),
     Piece(
         "visit",
         "Two marionettes, a table, a ball and a chair. Columbine sits down; Pierrot's hand pushes "
         "the ball, which rolls across the table into the hollow before her; both nod.",
-        duration=8.0, part=(0.0, 7.8), times=(0.0, 1.0, 2.0, 3.0, 3.6, 5.2), inputs="visit",
-        focus="bodies", theme="light", view=(-75.0, 14.0), size=(400, 300), speed=2.4, dt=1e-3,
+        duration=8.0, part=(0.0, 7.8), times=(0.0, 1.0, 3.0, 3.6, 5.2), inputs="visit",
+        focus="bodies", theme="light", view=(-75.0, 14.0), size=(360, 270), speed=2.4, dt=1e-3,
     ),
     Piece(
         "marionette",

@@ -49,6 +49,24 @@ def test_dragged_along_the_feet_follow_on_the_floor():
     assert feet(live)[:, 2].min() > -1e-3
 
 
+def test_one_hand_drags_the_bar_along_and_the_feet_follow():
+    live = fan.Performance(fan.puppets.stroll())
+    assert [handle.name for handle in live.handles] == ["bar"]
+    begin, (home, _) = feet(live)[:, 0].copy(), live.place("bar")
+    upright, gaps = [], []
+    for k in range(420):
+        live.move("bar", home + np.array([min(0.5, 0.5 * k / 360), 0.0, 0.0]))
+        live.advance(1 / 60)
+        gaps.append(live.contact.of("floor").gap.min(initial=0.0))
+        upright.append(place(live, "torso")[2, 2])
+    live.advance(2.0)
+    assert live.lagging == {}
+    went = feet(live)[:, 0] - begin
+    assert np.all((went > 0.36) & (went < 0.52))
+    assert min(gaps) > -1e-3
+    assert np.degrees(np.arccos(min(upright))) < 25.0
+
+
 def test_let_go_it_falls_in_a_heap_on_the_floor_and_stands_up_again():
     live = fan.Performance(fan.puppets.promenade())
     before = {name: live.length(name) for name in live.lengths}

@@ -94,6 +94,13 @@ def string_pendulum(
     return load(path("string_pendulum"), progress, string_model=string_model)
 
 
+def stroll(
+    progress: Progress | None = None, *, string_model: StringModel = "constraint"
+) -> Marionette:
+    """A scene: the marionette on its control bar, on a floor that carries it."""
+    return load(path("stroll"), progress, string_model=string_model)
+
+
 def visit(
     progress: Progress | None = None, *, string_model: StringModel = "constraint"
 ) -> Marionette:
