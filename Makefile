@@ -16,7 +16,7 @@ demo: $(VENV)/stamp-demo
 	$(BIN)/fantoccini demo
 
 show: $(VENV)/stamp-demo
-	$(BIN)/fantoccini show marionette
+	$(BIN)/fantoccini show stroll
 
 test: $(VENV)/stamp-test
 	$(BIN)/python -m pytest

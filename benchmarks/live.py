@@ -24,7 +24,7 @@ from tests.show.viewer import Viewer
 
 import fantoccini as fan
 
-PUPPETS = ("marionette", "marionette_bar", "arm3d")
+PUPPETS = ("marionette", "marionette_bar", "arm3d", "promenade", "stroll", "visit")
 SECONDS = 2.0
 """Performed for every figure [s]."""
 ROUNDS = 5

@@ -30,7 +30,7 @@ PACKAGES = {
     "simulation": "Runs, batches and their sensitivities.",
     "reduction": "Compares the mixed model with the puppet on drives (the paper's Section VI).",
     "sweeps": "One study over many cases, on threads or a Ray cluster, with a store.",
-    "demo": "Inputs of the bundled performance.",
+    "demo": "Inputs of bundled performances.",
     "perform": "The live engine: targets of hands become inputs in real time; recordings.",
     "exchange": "Translates puppets to MuJoCo's format and simulates them there.",
     "planning": "Searches for inputs that reach a goal, improves them, follows them with LQR.",

@@ -1,4 +1,4 @@
-"""``python -m docs.gallery``: draws and films every bundled puppet and writes docs/gallery.md."""
+"""``python -m docs.gallery``: draws and films what is bundled, and writes docs/gallery.md."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Piece:
     """One puppet in one motion.
 
     Attributes:
-        puppet: name of the bundled puppet.
+        puppet: name of the bundled puppet or scene.
         text: caption.
         inputs: name of the performance; None if nothing is driven.
         start: coordinates at the start that differ from the rest pose.
@@ -38,6 +38,7 @@ class Piece:
         theme: of the film; the strip has the other.
         size: width and height of the film [px].
         speed: seconds of motion per second of film.
+        dt: time step [s], where solids touch; None for event-driven.
     """
 
     puppet: str
@@ -52,6 +53,7 @@ class Piece:
     theme: str = "dark"
     size: tuple[int, int] = (320, 400)
     speed: float = 1.0
+    dt: float | None = None
 
     @property
     def name(self) -> str:
@@ -62,6 +64,8 @@ class Piece:
     def command(self) -> str:
         """The command that simulates the motion."""
         inputs = f" --inputs {PERFORMANCES}/{self.inputs}.yaml" if self.inputs else ""
+        if self.dt is not None:
+            inputs += f" --method timestepping --dt {self.dt:g}"
         start = "".join(f" --start {name}={value:g}" for name, value in self.start.items())
         duration = "" if self.inputs else f" --duration {self.duration:g}"
         out = f" --out {self.name}.png --out {self.name}.mp4"
@@ -69,6 +73,28 @@ class Piece:
 
 
 PIECES = (
+    Piece(
+        "promenade",
+        "The marionette on a floor that carries it. Six times a string lifts a knee while the "
+        "other foot stands and pushes off. Then it stands, waves and nods.",
+        duration=12.0, part=(0.8, 5.0), times=(0.0, 1.2, 1.7, 2.3, 2.9, 3.5, 4.6, 7.2, 9.7),
+        inputs="walk", focus="bodies", theme="light", view=(-80.0, 8.0), size=(280, 320),
+        speed=1.5, dt=1e-3,
+    ),
+    Piece(
+        "stroll",
+        "The marionette on its control bar, dragged along and rolled from side to side by one "
+        "hand; the feet follow on the floor. `fantoccini show stroll` puts the bar into your hand.",
+        duration=6.0, part=(0.4, 5.0), times=(0.0, 1.8, 2.4, 3.0), inputs="stroll",
+        focus="bodies", view=(-80.0, 8.0), size=(240, 280), speed=2.0, dt=1e-3,
+    ),
+    Piece(
+        "visit",
+        "Two marionettes, a table, a ball and a chair. Columbine sits down; Pierrot's hand pushes "
+        "the ball, which rolls across the table into the hollow before her; both nod.",
+        duration=8.0, part=(0.0, 7.8), times=(0.0, 1.0, 3.0, 3.6, 5.2), inputs="visit",
+        focus="bodies", theme="light", view=(-75.0, 14.0), size=(360, 270), speed=2.4, dt=1e-3,
+    ),
     Piece(
         "marionette",
         "The paper's marionette: 25 degrees of freedom on seven strings, 21 driven coordinates. It "
@@ -124,12 +150,16 @@ PIECES = (
 def perform(piece: Piece) -> tuple[fan.Marionette, Trajectory]:
     """The puppet of a piece and its motion."""
     marionette = getattr(fan.puppets, piece.puppet)()
+    method = "event" if piece.dt is None else fan.TimeStepping(dt=piece.dt)
     if piece.inputs is None:
         return marionette, fan.simulate(
             marionette, marionette.state(piece.start), None, piece.duration
         )
     inputs = fan.Input.load(marionette, ROOT / PERFORMANCES / f"{piece.inputs}.yaml")
-    return marionette, fan.simulate(marionette, marionette.rest(), inputs, piece.duration)
+    return marionette, fan.simulate(
+        marionette, marionette.rest(), inputs, piece.duration, method=method,
+        save_every=None if piece.dt is None else 4,
+    )  # fmt: skip
 
 
 def draw(piece: Piece, marionette: fan.Marionette, run: Trajectory) -> None:
@@ -171,10 +201,10 @@ def page() -> str:
 
 _HEAD = """# Gallery
 
-See here every bundled puppet in motion, and the command that makes each film. `make gallery` draws
-the page without a GPU or a display. The colour of a string is its tension; grey is slack. Run the
-commands in the root of the repository; they film at full size. The motions are files in
-[`performances`](../src/fantoccini/puppets/performances), to read and change.
+See here every bundled puppet and scene in motion, and the command that makes each film.
+`make gallery` draws the page without a GPU or a display. The colour of a string is its tension;
+grey is slack. Run the commands in the root of the repository; they film at full size. The motions
+are files in [`performances`](../src/fantoccini/puppets/performances), to read and change.
 """
 
 _PLAN = """## A plan: arm3d_boxes

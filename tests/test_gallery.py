@@ -1,4 +1,4 @@
-"""The gallery shows every bundled puppet and performance, and stays small."""
+"""The gallery shows every bundled puppet, scene and performance, and stays small."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from docs.gallery import PAGE, PERFORMANCES, PICTURES, PIECES, ROOT, page, perfo
 import fantoccini as fan
 
 
-def test_every_bundled_puppet_has_its_piece():
-    assert sorted(piece.puppet for piece in PIECES) == list(fan.puppets.names())
+def test_every_bundled_puppet_and_scene_has_its_piece():
+    bundled = (*fan.puppets.names(), *fan.puppets.scenes())
+    assert sorted(piece.puppet for piece in PIECES) == sorted(bundled)
 
 
 def test_the_pictures_are_there_and_not_too_large():

@@ -1,4 +1,4 @@
-"""The bundled performance: the marionette greets, steps and bows."""
+"""Bundled performances: the marionette greets, and on a stage with contact it walks."""
 
 from __future__ import annotations
 
@@ -8,12 +8,18 @@ from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State
 
 DURATION = 10.0
-"""[s]"""
+"""Of the greeting [s]."""
 
 POSES = (0.0, 1.4, 2.1, 4.1, 4.9, 7.5, 8.2, 10.0)
-"""Times worth a picture: hanging, the wave, two steps, the bow, hanging again [s]."""
+"""Times of the greeting worth a picture: hanging, the wave, two steps, the bow, hanging [s]."""
 
-_GREETING = Path(__file__).parent / "puppets" / "performances" / "greeting.yaml"
+WALK_DURATION = 12.0
+"""Of the walk [s]."""
+
+WALK_POSES = (0.0, 1.2, 1.7, 2.3, 2.9, 3.5, 4.6, 7.2, 9.7)
+"""Times of the walk worth a picture: hanging, five steps, standing still, the wave, the nod [s]."""
+
+_FOLDER = Path(__file__).parent / "puppets" / "performances"
 
 
 def performance(marionette: Marionette) -> tuple[State, Input, float]:
@@ -25,5 +31,17 @@ def performance(marionette: Marionette) -> tuple[State, Input, float]:
     Returns:
         The hanging start, the inputs, and the duration [s].
     """
-    inputs = Input.load(marionette, _GREETING)
+    inputs = Input.load(marionette, _FOLDER / "greeting.yaml")
     return marionette.rest(), inputs, DURATION
+
+
+def walk(stage: Marionette) -> tuple[State, Input, float]:
+    """The walk, for the bundled marionette on a floor that carries it.
+
+    Args:
+        stage: ``fan.puppets.promenade()``.
+
+    Returns:
+        The hanging start, the inputs, and the duration [s].
+    """
+    return stage.rest(), Input.load(stage, _FOLDER / "walk.yaml"), WALK_DURATION

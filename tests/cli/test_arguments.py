@@ -202,7 +202,7 @@ def test_a_build_that_fails_ends_with_1(monkeypatch) -> None:
 
 def test_info_lists_the_bundled_puppets() -> None:
     text = fantoccini("info").stdout
-    assert all(f"\n{name} " in text for name in fan.puppets.names())
+    assert all(f"\n{name} " in text for name in (*fan.puppets.names(), *fan.puppets.scenes()))
 
 
 def test_info_describes_a_puppet() -> None:

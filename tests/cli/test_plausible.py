@@ -17,7 +17,7 @@ from fantoccini.tree import measure
 ROOT = Path(__file__).resolve().parents[2]
 PERFORMANCES = {
     "conduct": "stand6", "dance": "marionette_bar", "greeting": "marionette", "hoist": "crane",
-    "stir": "arm3d", "toss": "arm2d",
+    "stir": "arm3d", "stroll": "stroll", "toss": "arm2d", "visit": "visit", "walk": "promenade",
 }  # fmt: skip
 
 DOG = """\
@@ -191,10 +191,10 @@ def test_simulate_and_info_say_how_many_warnings_there_are(tmp_path, monkeypatch
     assert "warning" not in fantoccini("simulate", "p.yaml", "--duration", 0.01, "-q").stderr
 
 
-@pytest.mark.parametrize("name", [*fan.puppets.names(), "bird"])
+@pytest.mark.parametrize("name", [*fan.puppets.names(), *fan.puppets.scenes(), "bird"])
 def test_what_comes_with_fantoccini_gives_no_warning(name):
     """17.11"""
-    bundled = name in fan.puppets.names()
+    bundled = name != "bird"
     made = fan.load(fan.puppets.path(name) if bundled else ROOT / "examples" / "bird.yaml")
     assert warnings(made.model) == []
 

@@ -202,7 +202,7 @@ def demo(
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the files.")] = Path("out"),
     quiet: Quiet = False,
 ) -> None:
-    """Simulate the bundled marionette: it greets, steps and bows.
+    """Simulate the bundled marionette: it walks, waves and nods.
 
     Writes marionette.npz, marionette.png (poses) and marionette.mp4 to DIR.
     """

@@ -1,4 +1,4 @@
-"""``fantoccini demo``: the bundled marionette greets, steps and bows."""
+"""``fantoccini demo``: the bundled marionette walks, waves and nods."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ from fantoccini.cli.outputs import check_outputs, write_outputs
 from fantoccini.cli.report import report
 from fantoccini.cli.simulate import end_with, timed
 from fantoccini.cli.terminal import Steps, write
-from fantoccini.demo import POSES, performance
+from fantoccini.demo import WALK_POSES, walk
+from fantoccini.marionette import TimeStepping
 
-_NAME = "marionette"
+_STAGE, _NAME = "promenade", "marionette"
+_METHOD, _SAVE_EVERY = TimeStepping(dt=1e-3), 5
 
 
 def show_demo(folder: Path, quiet: bool) -> None:
@@ -27,11 +29,13 @@ def show_demo(folder: Path, quiet: bool) -> None:
     out = [folder / f"{_NAME}{ending}" for ending in (".npz", ".png", ".mp4")]
     check_outputs(out, None)
     with Steps(quiet) as steps:
-        puppet = marionette(_NAME, steps.step)
+        puppet = marionette(_STAGE, steps.step)
         steps.step("finding the rest pose")
-        x0, inputs, duration = performance(puppet)
-        run, seconds, trouble = timed(steps, puppet, x0, inputs, duration)
-        write_outputs(puppet, run, out, None, steps, POSES)
+        x0, inputs, duration = walk(puppet)
+        run, seconds, trouble = timed(
+            steps, puppet, x0, inputs, duration, _METHOD, save_every=_SAVE_EVERY
+        )
+        write_outputs(puppet, run, out, None, steps, WALK_POSES)
     if not quiet:
         report(run, seconds)
         write("wrote " + ", ".join(map(str, out)))

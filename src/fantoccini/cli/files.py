@@ -35,7 +35,7 @@ def writing(path: Path) -> Iterator[None]:
 
 
 def puppet_path(name: str) -> Path:
-    """The file of a FILE argument: a path, or the name of a bundled puppet.
+    """The file of a FILE argument: a path, or the name of a bundled puppet or scene.
 
     Raises:
         PuppetError: it is neither, or the file is a motion.
@@ -50,11 +50,12 @@ def puppet_path(name: str) -> Path:
         missing = not path.exists()
     except OSError:
         return path  # reading it reports the error
-    if name in puppets.names():
+    known = (*puppets.names(), *puppets.scenes())
+    if name in known:
         return puppets.path(name)
     if missing and path.name == name and not path.suffix:
-        hint = nearest(name, puppets.names())
-        message = f"no such file, and no bundled puppet of this name{hint}"
+        hint = nearest(name, known)
+        message = f"no such file, and no bundled puppet or scene of this name{hint}"
         raise PuppetError([Mistake(name, None, "", message)])
     return path
 

@@ -28,13 +28,15 @@ class _NotCachedError(Exception):
 
 
 def list_bundled() -> None:
-    """Prints a table of the bundled puppets."""
-    lines = []
-    for name in puppets.names():
-        made = marionette(name)
-        counts = made.coordinates
-        lines.append((name, counts.n_vD, len(made.tree.strings), counts.n_vK))
-    table("Bundled puppets", ("name", "DOF>", "strings>", "driven>"), lines)
+    """Prints tables of the bundled puppets and scenes."""
+    bundled = {"Bundled puppets": puppets.names(), "Bundled scenes": puppets.scenes()}
+    for title, names in bundled.items():
+        lines = []
+        for name in names:
+            made = marionette(name)
+            counts = made.coordinates
+            lines.append((name, counts.n_vD, len(made.tree.strings), counts.n_vK))
+        table(title, ("name", "DOF>", "strings>", "driven>"), lines)
 
 
 def describe_puppet(file: str) -> None:

@@ -16,7 +16,7 @@ class SampleLayout:
 
     tree: Tree
 
-    @property
+    @cached_property
     def widths(self) -> dict[str, int]:
         """Part name -> number of columns, in order."""
         return {part.name: part.numel(self.tree.sizes) for part in SAMPLE}
@@ -29,8 +29,7 @@ class SampleLayout:
     def _places(self) -> dict[str, slice | int]:
         places: dict[str, slice | int] = {}
         at = 0
-        for part in SAMPLE:
-            width = part.numel(self.tree.sizes)
+        for part, width in zip(SAMPLE, self.widths.values(), strict=True):
             places[part.name] = slice(at, at + width) if part.shape else at
             at += width
         return places

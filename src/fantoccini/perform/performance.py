@@ -11,7 +11,7 @@ from fantoccini.arrays import Array, ConfigK, Quaternion, Vec3, check_positive
 from fantoccini.contract import EVENT_AT
 from fantoccini.errors import StateError, Status
 from fantoccini.marionette import Marionette, Stepper, check_start
-from fantoccini.motion import State
+from fantoccini.motion import ContactPoints, State
 from fantoccini.perform import change
 from fantoccini.perform.grip import TOLERANCES, Holding, gripped
 from fantoccini.perform.handle import Handle, Place, place_of, wanted
@@ -131,6 +131,16 @@ class Performance:
         """(n_strings,) lengths let out by slipping winches [m]."""
         with self._lock:
             return np.array(self._stepper.state.slip)
+
+    @property
+    def contact(self) -> ContactPoints | None:
+        """What touches what at the end of the last tick; None for a puppet without contact."""
+        with self._lock:
+            stepper, known = self._stepper, self._stepper.model.contacts
+            if known is None:
+                return None
+            found = ContactPoints.of_rows(stepper.contacts, known.names)
+            return found.at(len(stepper.samples) - 1)
 
     @property
     def performed(self) -> Marionette:

@@ -205,7 +205,7 @@ class _Checks:
 
 
 def _puppet(name: str, located: Located, progress: Callable[[str], None] | None) -> Marionette:
-    if name in puppets.names() and not (located.folder / name).exists():
+    if name in (*puppets.names(), *puppets.scenes()) and not (located.folder / name).exists():
         return load(puppets.path(name), progress)
     path = PurePosixPath(name)
     plain = name.isprintable() and "\\" not in name and ":" not in name and len(name) < 256

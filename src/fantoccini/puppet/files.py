@@ -17,7 +17,8 @@ _BUNDLED = Path(__file__).parent.parent / "puppets"
 
 def bundled(name: str) -> Path | None:
     """The file of a bundled puppet or scene, or None."""
-    return {path.stem: path for path in _BUNDLED.glob("*.yaml")}.get(name)
+    files = [*_BUNDLED.glob("*.yaml"), *(_BUNDLED / "scenes").glob("*.yaml")]
+    return {path.stem: path for path in files}.get(name)
 
 
 def load(path: str | os.PathLike[str]) -> Puppet:

@@ -1,4 +1,4 @@
-"""The puppets that come with fantoccini: ``fan.puppets.arm2d()`` is a marionette.
+"""The puppets and scenes that come with fantoccini: ``fan.puppets.arm2d()`` is a marionette.
 
 Every function takes what :func:`fantoccini.load` takes beside the file.
 """
@@ -21,15 +21,20 @@ def names() -> tuple[str, ...]:
     return tuple(sorted(p.stem for p in _FOLDER.glob("*.yaml")))
 
 
+def scenes() -> tuple[str, ...]:
+    """Names of the bundled scenes."""
+    return tuple(sorted(p.stem for p in (_FOLDER / "scenes").glob("*.yaml")))
+
+
 def path(name: str) -> Path:
-    """Where a bundled puppet's file lies.
+    """Where the file of a bundled puppet or scene lies.
 
     Args:
-        name: one of ``names()``.
+        name: one of ``names()`` or ``scenes()``.
     """
     found = bundled(name)
     if found is None:
-        raise UnknownNameError("bundled puppet", name, names())
+        raise UnknownNameError("bundled puppet or scene", name, (*names(), *scenes()))
     return found
 
 
@@ -68,6 +73,13 @@ def marionette_bar(
     return load(path("marionette_bar"), progress, string_model=string_model)
 
 
+def promenade(
+    progress: Progress | None = None, *, string_model: StringModel = "constraint"
+) -> Marionette:
+    """A scene: the marionette on a floor that carries it."""
+    return load(path("promenade"), progress, string_model=string_model)
+
+
 def stand6(
     progress: Progress | None = None, *, string_model: StringModel = "constraint"
 ) -> Marionette:
@@ -80,3 +92,17 @@ def string_pendulum(
 ) -> Marionette:
     """A point mass on a string, which flies when the string is slack."""
     return load(path("string_pendulum"), progress, string_model=string_model)
+
+
+def stroll(
+    progress: Progress | None = None, *, string_model: StringModel = "constraint"
+) -> Marionette:
+    """A scene: the marionette on its control bar, on a floor that carries it."""
+    return load(path("stroll"), progress, string_model=string_model)
+
+
+def visit(
+    progress: Progress | None = None, *, string_model: StringModel = "constraint"
+) -> Marionette:
+    """A scene: two marionettes, a table with a ball, and a chair."""
+    return load(path("visit"), progress, string_model=string_model)

@@ -137,6 +137,8 @@ class Piece(NamedTuple):
     @classmethod
     def joined(cls, pieces: Sequence[Piece]) -> Piece:
         """One piece after the other as one."""
+        if len(pieces) == 1:
+            return pieces[0]
         samples, events, contacts = zip(*pieces, strict=True)
         first = np.cumsum([0, *map(len, samples[:-1])])
         moved = [c.copy() for c in contacts]
@@ -228,7 +230,9 @@ class Run:
         ``status`` then says how it ended. The pieces of one call stay within the memory bound.
         """
         self._taken_bytes = 0.0
-        yield self._taken()
+        runs = self.status in (Status.RUNNING, *ARRIVED)
+        if self._record.n_samples or not runs:
+            yield self._taken()
         while self.status in (Status.RUNNING, *ARRIVED):
             if self._is_full:
                 self.status = Status.TOO_MANY_SAMPLES

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import re
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -16,15 +16,18 @@ from fantoccini.runtime.functions import pointer, whole
 UNLIMITED = 1e300
 """A bound that never binds, for compiled code."""
 
+_INTEGERS = (ctypes.c_int, ctypes.c_longlong)
 _NUMBERS = {"int": ctypes.c_int, "long long": ctypes.c_longlong, "double": ctypes.c_double}
 
 
 class Numbers(ctypes.Structure):
     """A C structure that refuses integers too large for their fields."""
 
+    _integers: ClassVar[dict[str, Any]] = {}
+
     def __setattr__(self, name: str, value: Any) -> None:
-        kind = next((field[1] for field in self._fields_ if field[0] == name), None)
-        if kind is ctypes.c_int or kind is ctypes.c_longlong:
+        kind = self._integers.get(name)
+        if kind is not None:
             value = whole(name, value, kind)
         super().__setattr__(name, value)
 
@@ -34,7 +37,9 @@ def _made() -> dict[str, type[ctypes.Structure]]:
     made: dict[str, type[ctypes.Structure]] = {}
     for structure in STRUCTURES:
         fields = [(field.name, _type(field.type, made)) for field in structure.fields]
-        made[structure.name] = type(structure.name, (Numbers,), {"_fields_": fields})
+        integers = {name: kind for name, kind in fields if kind in _INTEGERS}
+        own = {"_fields_": fields, "_integers": integers}
+        made[structure.name] = type(structure.name, (Numbers,), own)
     return made
 
 

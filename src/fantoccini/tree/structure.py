@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -310,7 +311,7 @@ class Tree:
         """Number of one-sided rows: strings, then limits."""
         return len(self.strings) + len(self.limits)
 
-    @property
+    @cached_property
     def sizes(self) -> dict[str, int]:
         """Sizes by their names in :mod:`fantoccini.contract`."""
         t = self.coordinates

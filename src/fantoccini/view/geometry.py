@@ -18,7 +18,7 @@ from fantoccini.view.still import Drawable
 from fantoccini.view.theme import rgb
 
 if TYPE_CHECKING:
-    from fantoccini.motion import State, Trajectory
+    from fantoccini.motion import ContactPoints, State, Trajectory
 
 
 @dataclass(frozen=True)
@@ -198,11 +198,22 @@ def _arrows(run: Trajectory, size: float) -> tuple[np.ndarray, ...]:
     if contact is None:
         raise ValueError("this run has no contact, so that there are no forces to draw")
     force = np.linalg.norm(contact.force, axis=1)
-    unit = 0.15 * size / max(float(np.percentile(force, 90.0)) if len(force) else 0.0, 1e-300)
-    scale = np.minimum(unit, 0.3 * size / np.maximum(force, 1e-300))
-    whole = np.stack([contact.point, contact.point + scale[:, None] * contact.force], axis=1)
+    full = float(np.percentile(force, 90.0)) if len(force) else 0.0
     ends = np.searchsorted(contact.sample, np.arange(1, len(run)))
-    return tuple(np.split(whole, ends))
+    return tuple(np.split(force_arrows(contact, full, size), ends))
+
+
+def force_arrows(contact: ContactPoints, full: float, size: float) -> np.ndarray:
+    """(n, 2, 3) foot and head of the arrows of contact forces [m].
+
+    Args:
+        contact: the points.
+        full: force of an arrow of 0.15 ``size`` [N]; arrows are cut at twice that.
+        size: of the picture [m].
+    """
+    force = np.linalg.norm(contact.force, axis=1)
+    scale = np.minimum(0.15 * size / max(full, 1e-300), 0.3 * size / np.maximum(force, 1e-300))
+    return np.stack([contact.point, contact.point + scale[:, None] * contact.force], axis=1)
 
 
 def geometry_at(marionette: Drawable, state: State, tension: np.ndarray | None = None) -> Geometry:

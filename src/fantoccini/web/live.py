@@ -14,7 +14,7 @@ import numpy as np
 
 from fantoccini.errors import FantocciniError
 from fantoccini.perform import Performance
-from fantoccini.view.geometry import Geometry, geometry_at
+from fantoccini.view.geometry import Geometry, force_arrows, geometry_at
 from fantoccini.view.theme import Theme
 from fantoccini.web import pad
 from fantoccini.web.controls import Controls, line_of_sight
@@ -46,6 +46,8 @@ class _Timing(NamedTuple):
 
 
 _TIMING = _Timing()
+_FULL_FORCE = 0.25
+"""Force of a long arrow, relative to the puppet's weight: several points share the weight."""
 
 
 class Live(PageLoop):
@@ -216,7 +218,11 @@ class Live(PageLoop):
 
     def _moment(self) -> Moment:
         p = self.performance
-        return moment_at(p.marionette, p.state, p.tension)
+        arrows, contact = None, p.contact if self.panel.forces else None
+        if contact is not None:
+            full = _FULL_FORCE * (p.marionette.weight or 1.0)
+            arrows = force_arrows(contact, full, self.nodes.geometry.size)
+        return moment_at(p.marionette, p.state, p.tension, arrows)
 
     def _remember(self, now: float, moment: Moment) -> None:
         if self.paused or now < self._due["sample"] or moment.tension is None:

@@ -82,7 +82,7 @@ class LivePanel:
         self._record = gui.add_button("Record", icon="player-record", color="red")
         with gui.add_folder("Speed and view", expand_by_default=False):
             self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1")
-            self._views = Views(gui, lambda: live.nodes)
+            self._views = Views(gui, lambda: live.nodes, self._touches)
             self._names = gui.add_checkbox("Names", True, hint="Of the handles")
             self._names.on_update(lambda _: live.controls.show_names(self._names.value))
         self._pause.on_click(lambda e: live.later(e.client_id, live.pause))
@@ -129,6 +129,11 @@ class LivePanel:
                     self._add_parameter(name, float(value))
         with self._keep(gui.add_folder("Keys", expand_by_default=False)):
             gui.add_html(note(_KEYS))
+
+    @property
+    def forces(self) -> bool:
+        """Whether the forces of contacts are wanted."""
+        return self._views.forces
 
     @property
     def drag_winds(self) -> bool:
@@ -187,6 +192,9 @@ class LivePanel:
             self._plot.draw(t, np.minimum(tension, 10.0 * self._nodes.colours.top))
 
     # -- inside --------------------------------------------------------------------------------
+
+    def _touches(self) -> bool:
+        return self._live.performance.contact is not None
 
     def _about(self, moment: Moment, lagging: dict[str, str]) -> str:
         live = self._live

@@ -27,6 +27,7 @@ class Moment:
         tension: (n_strings,) [N], or None when unknown.
         springs: of each spring, (1, 2, 3) ends [m].
         chains: of each chain, (n_points, 3) [m].
+        arrows: (n, 2, 3) foot and head of the arrows of forces [m]; None when unknown.
     """
 
     t: float
@@ -37,6 +38,7 @@ class Moment:
     tension: np.ndarray | None
     springs: list[np.ndarray]
     chains: list[np.ndarray]
+    arrows: np.ndarray | None = None
 
 
 def moment_of(geometry: Geometry, k: int) -> Moment:
@@ -50,11 +52,24 @@ def moment_of(geometry: Geometry, k: int) -> Moment:
         tension=None if geometry.tension is None else geometry.tension[k],
         springs=[s[k : k + 1] for s in geometry.springs],
         chains=[c[k] for c in geometry.chains],
+        arrows=geometry.arrows[k] if geometry.arrows else None,
     )
 
 
-def moment_at(marionette: Marionette, state: State, tension: np.ndarray | None) -> Moment:
-    """The moment of a state; ``tension`` (n_strings,) [N], or None when unknown."""
+def moment_at(
+    marionette: Marionette,
+    state: State,
+    tension: np.ndarray | None,
+    arrows: np.ndarray | None = None,
+) -> Moment:
+    """The moment of a state.
+
+    Args:
+        marionette: the puppet.
+        state: its state.
+        tension: (n_strings,) [N], or None when unknown.
+        arrows: as in :class:`Moment`.
+    """
     tree, n = marionette.tree, len(marionette.tree.strings)
     poses = np.asarray(marionette.poses(state.q_D, state.q_K))
     lengths = np.asarray(marionette.model.string_lengths(state.q_D, state.q_K))
@@ -67,4 +82,5 @@ def moment_at(marionette: Marionette, state: State, tension: np.ndarray | None) 
         tension=None if tension is None else np.asarray(tension)[:n],
         springs=[e[None] for e in spring_ends(tree, poses)],
         chains=list(chain_points(tree, poses)),
+        arrows=arrows,
     )

@@ -15,6 +15,7 @@ from fantoccini.view.meshes import triangles
 from fantoccini.view.shapes import handles
 from fantoccini.view.silhouettes import Solid
 from fantoccini.view.theme import Theme, mix, to_bytes
+from fantoccini.web.forces import Forces
 from fantoccini.web.moment import Moment
 from fantoccini.web.strings import Colours, Strings
 from fantoccini.web.viser_private import move
@@ -76,6 +77,8 @@ class SceneNodes:
             self._set_up_links()
             self._strings = Strings(server, geometry, theme, self.colours, quantum)
             self._nodes += self._strings.nodes
+            self._forces = Forces(server, geometry, theme)
+            self._nodes.append(self._forces.node)
         self._last = np.full((len(geometry.tree.links), 7), np.nan)
 
     def show(self, moment: Moment) -> None:
@@ -83,6 +86,7 @@ class SceneNodes:
         with self.server.atomic():
             self._move_links(moment.poses)
             self._strings.show(moment)
+            self._forces.show(moment)
 
     def show_floor(self, visible: bool) -> None:
         """Shows or hides the floor."""
@@ -96,6 +100,10 @@ class SceneNodes:
         """Shows or hides obstacles."""
         for node in self._obstacles:
             node.visible = visible
+
+    def show_forces(self, visible: bool) -> None:
+        """Shows or hides the forces of contacts."""
+        self._forces.want(visible)
 
     @property
     def has_obstacles(self) -> bool:

@@ -176,7 +176,7 @@ def _of_file(
         except ValueError as error:
             raise FileError([Mistake(str(path), None, "", str(error))]) from None
     _check_no_problem(path, problem)
-    if not path.exists() and name in puppets.names():
+    if not path.exists() and name in (*puppets.names(), *puppets.scenes()):
         path = puppets.path(name)
     return Subject(load(path, progress), file=path)
 

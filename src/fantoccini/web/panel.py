@@ -68,17 +68,21 @@ class Views:
     Args:
         gui: of the server.
         nodes: returns the nodes that are shown now.
+        touches: returns whether the puppet has contact now.
     """
 
-    def __init__(self, gui: viser.GuiApi, nodes: Callable[[], SceneNodes]):
-        self._nodes = nodes
+    def __init__(
+        self, gui: viser.GuiApi, nodes: Callable[[], SceneNodes], touches: Callable[[], bool]
+    ):
+        self._nodes, self._touches = nodes, touches
         gui.add_button_group("Camera", VIEWS).on_click(self._look)
         self._floor = gui.add_checkbox("Floor", True)
         self._obstacles = gui.add_checkbox("Obstacles", True)
         self._shadows = gui.add_checkbox(
             "Shadows", True, hint="Without a graphics card the page is faster without them"
         )
-        for box in (self._floor, self._shadows, self._obstacles):
+        self._forces = gui.add_checkbox("Forces", False, hint="Of contacts, as arrows")
+        for box in (self._floor, self._shadows, self._obstacles, self._forces):
             box.on_update(lambda _: self.apply())
 
     def apply(self) -> None:
@@ -87,7 +91,14 @@ class Views:
         nodes.show_floor(self._floor.value)
         nodes.show_shadows(self._shadows.value)
         nodes.show_obstacles(self._obstacles.value)
+        nodes.show_forces(self.forces)
         self._obstacles.visible = nodes.has_obstacles
+        self._forces.visible = self._touches()
+
+    @property
+    def forces(self) -> bool:
+        """Whether the forces of contacts are wanted."""
+        return self._forces.value and self._touches()
 
     def _look(self, event: viser.GuiEvent[viser.GuiButtonGroupHandle[str]]) -> None:
         if event.client is not None:

@@ -43,7 +43,7 @@ _SIZES = _Sizes()
 EVENT_TEXTS = {
     "catch": "catches", "release": "goes slack", "limit_on": "reaches its limit",
     "limit_off": "leaves its limit", "accumulation": "catches ever faster", "slip": "slips",
-    "grip": "grips",
+    "grip": "grips", "touch": "touch", "lift": "part",
 }  # fmt: skip
 
 
@@ -71,7 +71,8 @@ class ResampledRun:
         frames = max(1, round(run.duration * rate))
         times = np.linspace(run.t[0], run.t[-1], frames + 1)
         events = tuple(e for e in run.events if e.kind != "breakpoint")
-        return cls(run, geometry_of(marionette, run.resample(times)), events)
+        again = run.resample(times)
+        return cls(run, geometry_of(marionette, again, forces=run.contact is not None), events)
 
     @property
     def start(self) -> float:
@@ -141,7 +142,7 @@ class Replay(PageLoop):
         self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1")
         self._speed.on_update(lambda _: setattr(self, "speed", SPEEDS[self._speed.value]))
         self._loop = gui.add_checkbox("Loop", True)
-        self._views = Views(gui, lambda: self.nodes)
+        self._views = Views(gui, lambda: self.nodes, lambda: motion.run.contact is not None)
         self._views.apply()
         self._plot_t = np.linspace(*span, _SIZES.plot_points)
         coarse = motion.run.resample(self._plot_t)

@@ -1,0 +1,119 @@
+"""The forces of contacts on pages, live and replayed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.show.browser import chrome, like, picture, until
+
+import fantoccini as fan
+from fantoccini.web.moment import moment_of
+
+BLOCK = """
+puppet: block
+floor: 0
+contact: true
+bodies:
+- name: body
+  joint: {type: free}
+  shapes: [{type: box, size: [0.2, 0.3, 0.1], mass: 2, colour: "#c02020"}]
+strings:
+- name: line
+  path: [{body: body, at: [0, 0, 0.05]}, {driven: [x, y], at: [0, 0, 0.6]}]
+  length: driven
+pose: {body.z: 0.05, line.length: 0.52}
+"""
+WEIGHT = 2 * 9.81
+
+
+@pytest.fixture(scope="module")
+def block():
+    return fan.loads(BLOCK)
+
+
+@pytest.fixture(scope="module")
+def run(block):
+    return fan.simulate(block, block.state(), t_end=0.5, method="timestepping")
+
+
+def ticked(show, wanted: bool) -> None:
+    """Ticks or unticks the box, as a viewer does."""
+    views = getattr(show, "_views", None) or show.panel._views
+    views._forces.value = wanted
+    views.apply()
+
+
+def node_of(show):
+    return show.nodes._forces.node
+
+
+def test_a_performance_says_what_touches(block):
+    live = fan.Performance(block, block.state())
+    live.advance(0.2)
+    assert live.contact.names == (("body", "floor"),)
+    assert live.contact.force.sum(axis=0) == pytest.approx([0, 0, WEIGHT], abs=1e-6)
+    live.wind("line", 0.42)
+    live.advance(0.5)
+    assert len(live.contact) == 0
+    assert fan.Performance(fan.puppets.arm2d()).contact is None
+
+
+def test_a_live_page_draws_them(block):
+    with fan.show(block, port=0, browser=False, wait=False) as page:
+        live = page.show
+        live.performance.advance(0.1)
+        until(lambda: not node_of(live).visible, "hidden at first")
+        assert live.panel._views._forces.visible
+        ticked(live, True)
+        until(lambda: node_of(live).visible, "arrows")
+        points = node_of(live).points
+        assert points.shape == (4, 2, 3)
+        along = points[:, 1] - points[:, 0]
+        # A quarter of the weight at each corner, or shared otherwise: together four long arrows.
+        size = live.nodes.geometry.size
+        assert along.sum(axis=0) == pytest.approx([0, 0, 4 * 0.15 * size], abs=1e-3 * size)
+        live.performance.wind("line", 0.42)
+        until(lambda: not node_of(live).visible, "lifted, nothing touches")
+
+
+def test_a_page_without_contact_has_no_box():
+    with fan.show(fan.puppets.arm2d(), port=0, browser=False, wait=False) as page:
+        assert not page.show.panel._views._forces.visible
+        ticked(page.show, True)
+        assert not page.show.panel.forces
+
+
+def test_a_replay_draws_them_as_pictures_do(run):
+    with fan.show(run, port=0, browser=False, wait=False) as page:
+        replay = page.show
+        replay.playing = False
+        replay.seek(0.4)
+        ticked(replay, True)
+        until(lambda: node_of(replay).visible, "arrows")
+        k = replay.motion.frame(0.4)
+        until(lambda: replay._shown == k, "that time")
+        wanted = moment_of(replay.motion.geometry, k).arrows
+        assert node_of(replay).points == pytest.approx(wanted, abs=1e-6)
+        ticked(replay, False)
+        assert not node_of(replay).visible
+
+
+def test_a_browser_shows_them(run):
+    with chrome() as browser, fan.show(run, port=0, browser=False, wait=False) as page:
+        page.show.nodes.show_shadows(False)
+        page.show.playing = False
+        page.show.seek(0.4)
+        browser.get(page.url)
+        until(lambda: like(picture(browser), (192, 32, 32)) > 200, "the block is seen")
+        without = picture(browser).astype(int)
+        ticked(page.show, True)
+        until(lambda: changed(browser, without) > 150, "the arrows are seen")
+        picture(browser, "forces")
+        ticked(page.show, False)
+        until(lambda: changed(browser, without) < 20, "they are gone")
+
+
+def changed(browser, before: np.ndarray) -> int:
+    """Number of pixels of the scene, left of the panel, that differ."""
+    left = slice(320, 610)
+    return int(np.sum(np.abs(picture(browser) - before)[:, left].max(axis=2) > 60))
