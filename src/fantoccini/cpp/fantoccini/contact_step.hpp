@@ -193,19 +193,13 @@ class ContactStep : public ContactProblem<Model, Real> {
     return sum;
   }
 
-  // 1 in lanes with an impact, else 0.
-  FAN_FN Real impacts() const {
+  // The energies of the step, and what pushes at its end. Returns 1 in lanes with an impact, else
+  // 0.
+  FAN_FN Real account() {
     Real struck = Real(0.0);
     for (int l = 0; l < width; ++l)
       for (int i = 0; i < points_.n[l]; ++i)
         if (lane_of(x_[3 * i], l) > 0.0 && strikes(l, i)) lane_of(struck, l) = 1.0;
-    return struck;
-  }
-
-  // The energies of the step, and what pushes at its end. Returns 1 in lanes with an impact, else
-  // 0.
-  FAN_FN Real account() {
-    const Real struck = impacts();
     for (int l = 0; l < width; ++l) {
       int pushes = 0;
       Push now[room(C)];

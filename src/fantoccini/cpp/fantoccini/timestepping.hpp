@@ -341,9 +341,6 @@ struct TimeStep {
       power += (eval.f_M[m] - eval.y_M[m] * acc[k]) * (v_D[k] + 0.5 * acc[k]);
     }
     work += dt * power;
-    Mask struck = Real(0.0) > Real(1.0);
-    if constexpr (touches)
-      if (solids) struck = contacts.impacts() > Real(0.5);
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
       const Real x = -pull_[a];
@@ -352,20 +349,19 @@ struct TimeStep {
       work += x * rows.hdot_K[a];
       // A catch takes two steps: the first ends where the row closes, the second stops it.
       const Mask caught = taut[r] && !(held[r] && held_before[r]);
-      // An impact of contacts acts on rows that hold, too.
-      const Mask books = caught || (struck && x != Real(0.0));
-      if (!any(books)) continue;
+      if (!any(caught)) continue;
       some_caught = some_caught || caught;
       Real after = before_[a];
       constexpr int stride = Complementarity<Real, M>::N;
       for (int b = 0; b < rows.n; ++b) after += rows.problem.G[a * stride + b] * pull_[b];
       if constexpr (touches)
         if (solids) after -= contacts.rate_by_impulses(a);
-      impact += select(books, Real(x * 0.5 * (before_[a] + after)), Real(0.0));
+      impact += select(caught, Real(x * 0.5 * (before_[a] + after)), Real(0.0));
     }
     if constexpr (touches)
       if (solids) {
-        some_caught = some_caught || contacts.account() > Real(0.5);
+        const Real struck = contacts.account();
+        some_caught = some_caught || struck > Real(0.5);
         work += contacts.work;
         impact += contacts.impact;
         friction = contacts.friction;
