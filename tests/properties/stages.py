@@ -29,7 +29,7 @@ METHOD = "timestepping"
 
 EXPECTED = {
     Status.DONE, Status.OVERSTEPPED, Status.GAINED_ENERGY, Status.NOT_SETTLED, Status.COLLAPSED,
-    Status.LENGTH_NOT_POSITIVE, Status.REDUNDANT_STRINGS,
+    Status.LENGTH_NOT_POSITIVE, Status.REDUNDANT_STRINGS, Status.TOO_MANY_CONTACTS,
 }  # fmt: skip
 """How a run may end."""
 
