@@ -43,7 +43,7 @@ _SIZES = _Sizes()
 EVENT_TEXTS = {
     "catch": "catches", "release": "goes slack", "limit_on": "reaches its limit",
     "limit_off": "leaves its limit", "accumulation": "catches ever faster", "slip": "slips",
-    "grip": "grips", "touch": "touch", "lift": "part",
+    "grip": "grips", "touch": "touch", "lift": "part", "slide": "slide", "stick": "stick",
 }  # fmt: skip
 
 

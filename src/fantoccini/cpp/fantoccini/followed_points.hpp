@@ -157,6 +157,14 @@ class FollowedPoints {
   // Whether two pairs are of the same two names (ContactArrays::meetings).
   bool meet(int pair, int other) const { return in->meetings[pair] == in->meetings[other]; }
 
+  // |hdot| of the fastest normal of points that are held.
+  double fastest_normal() const {
+    double most = 0.0;
+    for (int c = 0; c < n; ++c)
+      if (at[c].mode == STICKING || at[c].mode == SLIDING) most = fmax(most, fabs(hdot[3 * c]));
+    return most;
+  }
+
   bool is_found(int c) const { return found_[c]; }
 
   // The velocity along point c's friction, positive where it slides on.

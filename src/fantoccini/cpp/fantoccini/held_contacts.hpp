@@ -202,14 +202,6 @@ class HeldContacts : public FollowedPoints<Model> {
            size - in->friction[at[c].pair] * own[0] >= -Tolerance::negligible_force * f.weight();
   }
 
-  // |hdot| of the fastest normal of points that are held.
-  double fastest_normal() const {
-    double most = 0.0;
-    for (int c = 0; c < n; ++c)
-      if (at[c].mode == STICKING || at[c].mode == SLIDING) most = fmax(most, fabs(hdot[3 * c]));
-    return most;
-  }
-
   void set_reference(int row, double tension) { tension_[row] = tension; }
 
   // The points that push, as a record writes them.
