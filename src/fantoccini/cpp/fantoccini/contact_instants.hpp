@@ -66,6 +66,7 @@ class ContactInstants {
 
   // Applies the impulse over the gathered rows and points and adds its work.
   Status strike(F& f) {
+    const auto& cone = f.contacts.cone;
     const Held& held = f.contacts;
     for (int r = 0; r < M; ++r) impulse[r] = speed[r] = 0.0;
     Status status = bounce(f, 1.0);
@@ -80,19 +81,19 @@ class ContactInstants {
     }
     if (status != RUNNING) return status;
     double w[room(N)] = {}, change[room(N)];
-    held.take(f.contacts.cone.x, w);
+    held.take(cone.x, w);
     f.eval.back(w, change);
     for (int a = 0; a < f.rows.n; ++a) {
       const int r = f.rows.row[a];
-      impulse[r] = f.contacts.cone.x[a];
+      impulse[r] = cone.x[a];
       speed[r] = f.rows.hdot[a];
-      f.y[F::WORK] += f.contacts.cone.x[a] * f.rows.hdot_K[a];
+      f.y[F::WORK] += cone.x[a] * f.rows.hdot_K[a];
     }
     for (int c = 0; c < held.n; ++c) {
       const int i = held.first_of(c);
-      point_impulse[c] = f.contacts.cone.x[i];
+      point_impulse[c] = cone.x[i];
       point_speed[c] = held.hdot[3 * c];
-      for (int d = 0; d < 3; ++d) f.y[F::WORK] += f.contacts.cone.x[i + d] * held.driven_rate(i + d);
+      for (int d = 0; d < 3; ++d) f.y[F::WORK] += cone.x[i + d] * held.driven_rate(i + d);
     }
     for (int j = 0; j < N; ++j) {
       f.y[F::WORK] += f.eval.M_DK_v_K[j] * change[j];
@@ -106,6 +107,7 @@ class ContactInstants {
   // force; points in `strained` have just reached their cone.
   Status choose(
       F& f, const bool* loose, const bool* loose_point, const bool* strained, Hold* next) {
+    auto& cone = f.contacts.cone;
     Held& held = f.contacts;
     const double scale = f.hddot_scale(), still = ClosedRowTolerances::max_rest_speed * speed_scale(f);
     for (int r = 0; r < M; ++r) next[r] = SLACK;
@@ -117,24 +119,24 @@ class ContactInstants {
       if (held.is_found(c) && fabs(held.hdot[3 * c]) <= still) rest.point[rest.n_points++] = c;
     begin(f, rest.single, rest.n_single, rest.point, rest.n_points);
     for (int i = 0; i < rest.n_single; ++i) {
-      f.contacts.cone.b[i] = held.hddot_of(rest.single[i]);
-      f.contacts.cone.x[i] = f.tension[f.rows.row[rest.single[i]]];
+      cone.b[i] = held.hddot_of(rest.single[i]);
+      cone.x[i] = f.tension[f.rows.row[rest.single[i]]];
     }
     for (int i = 0; i < rest.n_points; ++i) {
       const int c = rest.point[i], to = rest.n_single + 3 * i;
-      const double mu = f.contacts.cone.mu[i];
+      const double mu = cone.mu[i];
       slides_[i] = mu > 0.0 && held.sliding_speed(c) > Tolerance::sliding_speed * speed_scale(f);
       double along[3] = {0.0, 0.0, 0.0};
       if (slides_[i]) held.direction(c, along);
       for (int d = 0; d < 3; ++d) {
-        f.contacts.cone.b[to + d] = held.hddot_of(held.first_of(c) + d);
-        f.contacts.cone.x[to + d] = held.at[c].mode == PARTED ? 0.0 : held.x[3 * c + d];
+        cone.b[to + d] = held.hddot_of(held.first_of(c) + d);
+        cone.x[to + d] = held.at[c].mode == PARTED ? 0.0 : held.x[3 * c + d];
         along_[i][d] = along[d];
         if (d > 0) given_[2 * i + d - 1] = dot3(held.frame(c) + 3 * d, along);
       }
       if (slides_[i] && jams(f, i, to)) return NO_UNIQUE_MOTION;
     }
-    if (!f.contacts.cone.solve()) return NO_UNIQUE_MOTION;
+    if (!cone.solve()) return NO_UNIQUE_MOTION;
     bool slips = false;
     for (int c = 0; c < held.n; ++c) slips = slips || strained[c];
     if (slips && !slip(f, rest)) return NO_UNIQUE_MOTION;
@@ -161,7 +163,8 @@ class ContactInstants {
     for (int i = 0; i < rest.n_points; ++i) {
       const double* x = cone.x + rest.n_single + 3 * i;
       const double size = sqrt(x[1] * x[1] + x[2] * x[2]);
-      if (slides_[i] || !(size > 0.0) || size < (1.0 - Tolerance::at_cone) * cone.mu[i] * x[0]) continue;
+      const double least = (1.0 - Tolerance::at_cone) * cone.mu[i] * x[0];
+      if (slides_[i] || !(size > 0.0) || size < least) continue;
       slides_[i] = more = true;
       for (int d = 0; d < 2; ++d) given_[2 * i + d] = x[1 + d] / size;
       const double force[3] = {0.0, x[1] / size, x[2] / size};
@@ -172,6 +175,7 @@ class ContactInstants {
 
   // Fills the matrix and the bounds of some gathered rows and points.
   void begin(F& f, const int* single, int n_single, const int* point, int n_points) {
+    auto& cone = f.contacts.cone;
     const Held& held = f.contacts;
     const double* G = held.influences();
     const int all = held.size(), n = n_single + 3 * n_points;
@@ -179,25 +183,25 @@ class ContactInstants {
     for (int i = 0; i < n_single; ++i) of[i] = single[i];
     for (int i = 0; i < n_points; ++i)
       for (int d = 0; d < 3; ++d) of[n_single + 3 * i + d] = held.first_of(point[i]) + d;
-    f.contacts.cone.n_single = n_single;
-    f.contacts.cone.n_contacts = n_points;
-    f.contacts.cone.slides = nullptr;
+    cone.n_single = n_single;
+    cone.n_contacts = n_points;
     for (int i = 0; i < n; ++i) {
-      for (int j = 0; j < n; ++j) f.contacts.cone.G[i * n + j] = G[of[i] * all + of[j]];
+      for (int j = 0; j < n; ++j) cone.G[i * n + j] = G[of[i] * all + of[j]];
       const bool both = i < n_single && f.rows.two_sided[single[i]];
-      f.contacts.cone.lower[i] = both ? -unbounded : 0.0;
-      f.contacts.cone.upper[i] = unbounded;
+      cone.lower[i] = both ? -unbounded : 0.0;
+      cone.upper[i] = unbounded;
     }
     for (int i = 0; i < n_points; ++i) {
       slides_[i] = false;
-      f.contacts.cone.mu[i] = held.in->friction[held.at[point[i]].pair];
+      cone.mu[i] = held.in->friction[held.at[point[i]].pair];
     }
-    f.contacts.cone.slides = slides_;
-    f.contacts.cone.along = given_;
+    cone.slides = slides_;
+    cone.along = given_;
   }
 
   // The impulses with every restitution times `share`, and the energy they take.
   Status bounce(F& f, double share) {
+    auto& cone = f.contacts.cone;
     const Held& held = f.contacts;
     int single[room(M)], point[room(C)];
     for (int a = 0; a < f.rows.n; ++a) single[a] = a;
@@ -206,24 +210,24 @@ class ContactInstants {
     const int n = held.size();
     for (int i = 0; i < n; ++i) {
       const double hdot = held.hdot_of(i);
-      f.contacts.cone.b[i] = hdot;
-      f.contacts.cone.x[i] = 0.0;
+      cone.b[i] = hdot;
+      cone.x[i] = 0.0;
       if (i < f.rows.n && f.rows.row[i] < S && hdot > 0.0)
-        f.contacts.cone.b[i] += share * f.winches.restitution[f.rows.row[i]] * hdot;
+        cone.b[i] += share * f.winches.restitution[f.rows.row[i]] * hdot;
     }
     for (int c = 0; c < held.n; ++c) {
       const double hdot = held.hdot[3 * c];
-      if (hdot > 0.0) f.contacts.cone.b[held.first_of(c)] += share * held.in->restitution[held.at[c].pair] * hdot;
+      if (hdot > 0.0) cone.b[held.first_of(c)] += share * held.in->restitution[held.at[c].pair] * hdot;
     }
     double asked[room(R)];
-    for (int i = 0; i < n; ++i) asked[i] = f.contacts.cone.b[i];
-    if (!f.contacts.cone.solve()) return NOT_SETTLED;
+    for (int i = 0; i < n; ++i) asked[i] = cone.b[i];
+    if (!cone.solve()) return NOT_SETTLED;
     lost = 0.0;
     double gross = 0.0;
     for (int i = 0; i < n; ++i) {
-      const double hdot = held.hdot_of(i), after = hdot - f.contacts.cone.s[i] - asked[i];
-      lost += 0.5 * f.contacts.cone.x[i] * (hdot + after);
-      gross += fabs(f.contacts.cone.x[i] * hdot);
+      const double hdot = held.hdot_of(i), after = hdot - cone.s[i] - asked[i];
+      lost += 0.5 * cone.x[i] * (hdot + after);
+      gross += fabs(cone.x[i] * hdot);
     }
     if (fabs(lost) < Tolerance::rounding * gross) lost = 0.0;
     return RUNNING;
@@ -242,23 +246,24 @@ class ContactInstants {
   // The modes that the solution says.
   void decode(
       F& f, const Rest& rest, const bool* loose, const bool* loose_point, double scale, Hold* next) {
+    const auto& cone = f.contacts.cone;
     Held& held = f.contacts;
     double most = 0.0;
-    for (int i = 0; i < rest.n_single + 3 * rest.n_points; ++i) most = fmax(most, fabs(f.contacts.cone.x[i]));
+    for (int i = 0; i < rest.n_single + 3 * rest.n_points; ++i) most = fmax(most, fabs(cone.x[i]));
     const double none = Tolerance::no_force * most, idle = Tolerance::at_rest * scale;
     for (int i = 0; i < rest.n_single; ++i) {
       const int r = f.rows.row[rest.single[i]];
-      if (f.rows.two_sided[rest.single[i]] || f.contacts.cone.x[i] > (loose[r] ? none : 0.0)) next[r] = HELD;
-      else if (!loose[r] && f.contacts.cone.s[i] <= idle) next[r] = IDLE;
-      held.set_reference(r, f.contacts.cone.x[i]);
+      if (f.rows.two_sided[rest.single[i]] || cone.x[i] > (loose[r] ? none : 0.0)) next[r] = HELD;
+      else if (!loose[r] && cone.s[i] <= idle) next[r] = IDLE;
+      held.set_reference(r, cone.x[i]);
     }
     bool pushes[room(C)];
     for (int c = 0; c < held.n; ++c) pushes[c] = false;
     for (int i = 0; i < rest.n_points; ++i) {
       const int c = rest.point[i], k = rest.n_single + 3 * i;
       auto& own = held.at[c];
-      const double* x = f.contacts.cone.x + k;
-      const double* s = f.contacts.cone.s + k;
+      const double* x = cone.x + k;
+      const double* s = cone.s + k;
       held.in_world(c, x, own.force);
       if (!(x[0] > (loose_point[c] ? none : 0.0))) {
         const bool stays = s[0] <= idle && !(loose_point[c] && own.mode != PARTED);
@@ -272,15 +277,17 @@ class ContactInstants {
       if (slides_[i]) {
         own.mode = SLIDING;
         for (int d = 0; d < 3; ++d) own.along[d] = along_[i][d];
-      } else if (accelerates > idle || f.contacts.cone.mu[i] == 0.0) {
+      } else if (accelerates > idle || cone.mu[i] == 0.0) {
         own.mode = SLIDING;
         const double size = sqrt(x[1] * x[1] + x[2] * x[2]);
-        const double force[3] = {0.0, size > 0.0 ? x[1] / size : 0.0, size > 0.0 ? x[2] / size : 0.0};
+        const double share = size > 0.0 ? 1.0 / size : 0.0;
+        const double force[3] = {0.0, share * x[1], share * x[2]};
         held.in_world(c, force, own.along);
       } else {
         own.mode = STICKING;
       }
-      own.moving = own.mode == SLIDING && held.sliding_speed(c) > Tolerance::sliding_speed * speed_scale(f);
+      own.moving = own.mode == SLIDING &&
+                   held.sliding_speed(c) > Tolerance::sliding_speed * speed_scale(f);
       if (!own.moving) own.since = f.t;
     }
     for (int c = 0; c < held.n; ++c)

@@ -62,13 +62,15 @@ class HeldContacts : public FollowedPoints<Model> {
   // The forces with the modes frozen. Adds -W x to w and the power of driven solids to `power`;
   // tension gets those of f.rows, which must be gathered.
   template <class F>
-  void push(const F& f, const double* q_D, const double* v_D, double* w, double* tension, double* power) {
+  void push(
+      const F& f, const double* q_D, const double* v_D, double* w, double* tension, double* power) {
     differ(f, q_D, v_D);
     assemble(f);
     double reference[room(R)] = {};
     for (int a = 0; a < n_single_; ++a) reference[a] = tension_[f.rows.row[a]];
     for (int c = 0; c < n; ++c)
-      for (int d = 0; d < 3; ++d) reference[n_single_ + 3 * c + d] = dot3(frame_[c] + 3 * d, at[c].force);
+      for (int d = 0; d < 3; ++d)
+        reference[n_single_ + 3 * c + d] = dot3(frame_[c] + 3 * d, at[c].force);
     list_unknowns(f, true, true);
     directed_.solve(G_, n_, hddot_, reference, y_);
     friction = 0.0;
@@ -190,7 +192,8 @@ class HeldContacts : public FollowedPoints<Model> {
   template <class F>
   bool is_loose(const F& f, int c) const {
     if (at[c].mode == PARTED) return !at[c].fresh;
-    return (at[c].mode == STICKING || at[c].mode == SLIDING) && x[3 * c] / f.weight() <= Tolerance::negligible_force;
+    return (at[c].mode == STICKING || at[c].mode == SLIDING) &&
+           x[3 * c] / f.weight() <= Tolerance::negligible_force;
   }
 
   // Whether sticking point c has just reached its cone.
