@@ -212,6 +212,12 @@ struct EventRun : EventInstants<Model> {
       const double found = guards.suspicious(s);
       if (found <= 0.0) return accept(s, reaches ? target : flow.t + s, out);
       const double at = guards.locate(found);
+      // Friction's direction is kept beyond where a point stops: a step that ends before may be worse.
+      if (flow.contacts.holds() && !(flow.error(at) <= 1.0)) {
+        s = Tolerance::min_factor * at;
+        growth_cap = 1.0;
+        continue;
+      }
       const Status status = accept(at, at == left ? target : flow.t + at, out);
       return status == RUNNING ? instant(out) : status;
     }
