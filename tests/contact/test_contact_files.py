@@ -212,3 +212,12 @@ def test_rules_need_no_compilation():
     one, other = (loads(ARM.replace("CONTACT", c)) for c in ("true", "{friction: 0.9}"))
     assert one.canonical(values=False) == other.canonical(values=False)
     assert one.canonical() != other.canonical()
+
+
+def test_obstacles_and_floors_need_no_compilation():
+    """They are arguments of a run."""
+    body = "{name: a, shapes: [{type: sphere, radius: 1}]}"
+    plain = f"puppet: ball\ncontact: true\nbodies: [{body}]\n"
+    wall = "obstacles: [{name: wall, type: box, size: [1, 1, 1]}]\n"
+    texts = {loads(plain + more).canonical(values=False) for more in ("", "floor: 0\n", wall)}
+    assert len(texts) == 1

@@ -413,15 +413,18 @@ class Puppet(Model):
         """One text for equal puppets: JSON of the expanded puppet and of its meshes' digests.
 
         Args:
-            values: whether the text depends on the values of parameters and on the rules of
-                contact.
+            values: whether the text depends on what no compiled code has: the values of
+                parameters, the rules of contact, obstacles and the floor.
         """
         puppet = self.expanded()
-        solids = [s for body in puppet.bodies for s in body.shapes] + list(puppet.obstacles)
+        solids = [s for body in puppet.bodies for s in body.shapes]
+        solids += puppet.obstacles if values else ()
         meshes = {s.file: s.digest() for s in solids if isinstance(s, Mesh)}
         plain = dump.plain(puppet)
         if not values:
             for _, parameter in written.parameters(plain):
                 parameter["value"] = 0.0
             plain["contact"] = puppet.touching is not None
+            for key in ("obstacles", "floor"):
+                plain.pop(key, None)
         return dump.canonical(plain, meshes)
