@@ -320,3 +320,88 @@ bodies:
     assert run.status is Status.NO_UNIQUE_MOTION
     with pytest.raises(fan.SimulationError, match="Painlev"):
         fan.simulate(marionette, x0, t_end=1.0)
+
+
+BALL = """
+puppet: ball
+floor: 0
+contact: {friction: 0, restitution: 0.5}
+bodies:
+- {name: body, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mass: 1}]}
+"""
+
+
+def test_a_batch_goes_through_touches_and_through_the_air():
+    """Each run as by itself; the ball that starts high touches nothing."""
+    marionette = fan.loads(BALL)
+    starts = [marionette.state({"body.z": z}) for z in (0.25, 5.0)]
+    times = np.linspace(0.0, 0.4, 5)
+    many = fan.simulate_batch(marionette, starts, t_end=0.4, save_at=times)
+    assert all(status is Status.DONE for status in many.status)
+    for i, x0 in enumerate(starts):
+        one = fan.simulate(marionette, x0, t_end=0.4, save_at=times)
+        assert np.allclose(many.q_D[i, -1], one.q_D[-1], atol=1e-12)
+
+
+def test_a_start_that_strikes_is_booked():
+    """The first sample is that before the impact; nothing is lost from the books."""
+    marionette = fan.loads(BALL)
+    run = fan.simulate(
+        marionette, thrown(marionette, {"body.z": 0.1}, {"body.z": -1.0}), t_end=0.05
+    )
+    sound(run, 1e-12)
+    assert run["v:body.z"][0] == -1.0 and run["v:body.z"][1] == 0.5
+    assert np.isclose(run.ledger["impact"][-1], 0.375)
+
+
+@pytest.mark.parametrize("gap", [-9e-7, 9e-7])
+def test_a_start_that_nearly_touches_is_brought_to_touch(gap):
+    """That is no event, and in no book."""
+    marionette = fan.loads(BALL)
+    run = fan.simulate(marionette, marionette.state({"body.z": 0.1 + gap}), t_end=0.2)
+    sound(run, 1e-12)
+    assert not run.events and abs(run["body.z"][-1] - 0.1) < 1e-12
+
+
+@pytest.mark.parametrize("method", [fan.Event(), fan.TimeStepping(dt=1e-3)], ids=["event", "steps"])
+def test_a_driven_bat_gives_a_ball_its_restitution(method):
+    """A bat does work on what it strikes: the ball leaves it at e times the speed of approach."""
+    marionette = fan.loads("""
+puppet: bat
+gravity: [0, 0, 0]
+contact: {friction: 0, restitution: 0.5}
+bodies:
+- name: bat
+  joint: {type: prismatic, axis: [1, 0, 0], driven: true}
+  shapes: [{type: box, size: [0.1, 0.4, 0.4], mass: 1}]
+- {name: ball, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mass: 1}]}
+""")
+    inputs = fan.Input.waypoints(marionette, {"bat": [(0.0, 0.0), (0.4, 0.6)]})
+    x0 = marionette.state({"ball.x": 0.4})
+    run = fan.simulate(marionette, x0, inputs, t_end=0.4, method=method)
+    touch = of(run, "touch")[0].t
+    bat = inputs.evaluate(touch)[1][0]
+    assert bat > 1.0
+    accuracy = 1e-8 if isinstance(method, fan.Event) else 0.02
+    assert abs(run["v:ball.x"][-1] / (1.5 * bat) - 1.0) < accuracy
+
+
+def test_forces_within_steps_keep_to_their_cones():
+    """Where a growing push asks more of some corners than they can give, others take it over."""
+    marionette = fan.loads("""
+puppet: chest
+floor: 0
+contact: {friction: 0.8}
+bodies:
+- {name: body, joint: {type: free}, shapes: [{type: box, size: [0.2, 0.3, 0.5], mass: 1}]}
+""")
+    pushes = {"body.x": [(0.0, 0.0), (0.5, 6.0), (1.0, 6.0)]}
+    inputs = fan.Input.hold(marionette, 1.0).with_forces(pushes)
+    x0 = marionette.state({"body.z": 0.25})
+    for save_at in (None, np.linspace(0.0, 0.3, 137)):
+        run = fan.simulate(marionette, x0, inputs, t_end=0.3, save_at=save_at)
+        contact = run.contact
+        across = contact.force - contact.normal_force[:, None] * contact.normal
+        most = 0.8 * contact.normal_force
+        assert np.max(np.linalg.norm(across, axis=1) - most) < 1e-8
+        assert run.contact_residual.max() < 1e-9

@@ -82,7 +82,7 @@ def test_the_trunk_stays_upright_and_it_stands_at_the_end(promenade):
     feet = [run.contact.force_on(f"shin_{foot}", len(run))[late, 2] for foot in ("left", "right")]
     assert sum(feet).mean() > 0.25 * stage.weight
     assert min(foot.mean() for foot in feet) > 0.03 * stage.weight
-    assert np.ptp(torso[late, 0, 3]) < 0.03
+    assert np.ptp(torso[late, 0, 3]) < 0.05
     assert run.contact.gap.min() > -1e-3
 
 

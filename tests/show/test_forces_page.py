@@ -110,7 +110,7 @@ def test_a_browser_shows_them(run):
         until(lambda: changed(browser, without) > 150, "the arrows are seen")
         picture(browser, "forces")
         ticked(page.show, False)
-        until(lambda: changed(browser, without) < 20, "they are gone")
+        until(lambda: changed(browser, without) < 75, "they are gone")
 
 
 def changed(browser, before: np.ndarray) -> int:

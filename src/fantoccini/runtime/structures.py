@@ -25,6 +25,11 @@ class Numbers(ctypes.Structure):
 
     _integers: ClassVar[dict[str, Any]] = {}
 
+    def __init_subclass__(cls, **kwargs: Any):
+        super().__init_subclass__(**kwargs)
+        fields = cls.__dict__.get("_fields_", ())
+        cls._integers = {name: kind for name, kind, *_ in fields if kind in _INTEGERS}
+
     def __setattr__(self, name: str, value: Any) -> None:
         kind = self._integers.get(name)
         if kind is not None:
@@ -37,9 +42,7 @@ def _made() -> dict[str, type[ctypes.Structure]]:
     made: dict[str, type[ctypes.Structure]] = {}
     for structure in STRUCTURES:
         fields = [(field.name, _type(field.type, made)) for field in structure.fields]
-        integers = {name: kind for name, kind in fields if kind in _INTEGERS}
-        own = {"_fields_": fields, "_integers": integers}
-        made[structure.name] = type(structure.name, (Numbers,), own)
+        made[structure.name] = type(structure.name, (Numbers,), {"_fields_": fields})
     return made
 
 

@@ -282,7 +282,7 @@ def trajectory_of_samples(
         limit_force=Columns(limits, part["tension"][:, n_strings:], "limit"),
         taut=Columns(strings, np.asarray(part["taut"][:, :n_strings], dtype=bool), "string"),
         ledger=Columns(LEDGER, ledger_of(part), "entry"),
-        events=tuple(_event(marionette.model, event) for event in written.events),
+        events=tuple(_event(marionette.model, event) for event in _in_order(written.events)),
         status=status,
         method=method,
         coordinates=marionette.coordinates,
@@ -315,6 +315,11 @@ def _contact_points(model: Model, rows: Array, n: int) -> ContactPoints | None:
     if model.contacts is None:
         return None
     return ContactPoints.of_rows(rows[rows[:, 0] < n], model.contacts.names)
+
+
+def _in_order(events: Array) -> Array:
+    """Events in order of their times: that a point slides is told once it does."""
+    return events[np.argsort(events[:, contract.EVENT_AT["t"]], kind="stable")]
 
 
 def _event(model: Model, event: Array) -> EventRecord:

@@ -64,8 +64,8 @@ class ContactProblem {
   ContactColumns<Model, Real> columns_;
 
  private:
-  // Whether the impulses of lane l add energy, apart from what driven solids do:
-  //   sum of x . (before - A_K v_K - G x / 2) < 0,   G x the change of hdot
+  // Whether the impulses of lane l add energy, apart from the work of what drives the solids:
+  //   sum of x . (before - G x / 2) < 0,   G x the change of hdot
   FAN_FN bool adds(
       int l, const RowSystem<Model, Real>& rows, const Real* before, const Real* found) const {
     constexpr int stride = Complementarity<Real, M>::N;
@@ -80,15 +80,14 @@ class ContactProblem {
         change += lane_of(rows.problem.G[a * stride + b], l) * lane_of(found[b], l);
       for (int d = 0; d < 3 * points_.n[l]; ++d)
         if (near_[l][d / 3]) change += 2.0 * lane_of(columns_.across[d][a], l) * lane_of(x_[d], l);
-      add(lane_of(found[a], l), lane_of(before[a], l) - lane_of(rows.hdot_K[a], l) - 0.5 * change);
+      add(lane_of(found[a], l), lane_of(before[a], l) - 0.5 * change);
     }
     for (int d = 0; d < 3 * points_.n[l]; ++d) {
       if (!near_[l][d / 3]) continue;
       double change = 0.0;
       for (int e = 0; e < 3 * points_.n[l]; ++e)
         if (near_[l][e / 3]) change += lane_of(columns_.G(d, e), l) * lane_of(x_[e], l);
-      add(lane_of(x_[d], l),
-          lane_of(before_[d], l) - lane_of(points_.rate_K[d], l) - 0.5 * change);
+      add(lane_of(x_[d], l), lane_of(before_[d], l) - 0.5 * change);
     }
     return lost < -Tolerance::rounding * exchanged;
   }

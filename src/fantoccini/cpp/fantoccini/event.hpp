@@ -70,7 +70,6 @@ struct EventRun : EventInstants<Model> {
     flow.motors.begin(flow.y, flow.q_K, flow.p);
     for (int r = 0; r < M; ++r) closed_rows.blame[r] = 0.0;
     Status status = this->contact_instant(out, Tolerance::touching_at_start, true);
-    if (n_events == 0) impact = 0.0;  // the corrections of the start are not the run's
     if (status != RUNNING) emit(out);
     if (status == RUNNING) status = watch();
     skip_saved();
@@ -230,6 +229,7 @@ struct EventRun : EventInstants<Model> {
     if (next_save < n_save && save_at[next_save] < new_t) {
       saved = save_inside(s, new_t, out);
       flow.evaluate(new_t, flow.end, flow.end_rate);
+      flow.contacts.redistribute(flow);
     }
     for (int j = 0; j < NY; ++j)
       if (!is_finite(flow.end[j])) return NOT_FINITE;
@@ -281,6 +281,7 @@ struct EventRun : EventInstants<Model> {
       const Status status = flow.project(at, state);
       if (status != RUNNING) return status;
       flow.evaluate(at, state, rate);
+      flow.contacts.redistribute(flow);
       write(at, state, out);
     }
     return RUNNING;

@@ -25,6 +25,7 @@ class EventBatch {
   static constexpr int event_capacity = 1024 > 4 * EventRun<Model>::events_per_step
                                             ? 1024
                                             : 4 * EventRun<Model>::events_per_step;
+  static constexpr int contact_capacity = row_capacity * Model::n_contacts;
   static constexpr long long steps_per_report = 200;  // between two looks at the pool
 
   void run(Pool& pool, long long who) {
@@ -42,7 +43,7 @@ class EventBatch {
     flow.winches.set(in.winches);
     run.save_at = in.save_at;
     run.n_save = in.n_samples;
-    Row out{{rows_, row_capacity, 0, events_, event_capacity, 0, nullptr, 0, 0}};
+    Row out{{rows_, row_capacity, 0, events_, event_capacity, 0, contacts_, contact_capacity, 0}};
     caught_ = released_ = 0;
     row_ = 0;
     Status status = run.start(out);
@@ -82,11 +83,12 @@ class EventBatch {
       caught_ += kind == CATCH;
       released_ += kind == RELEASE;
     }
-    out.n_samples = out.n_events = 0;
+    out.n_samples = out.n_events = out.n_contacts = 0;
   }
 
   std::optional<EventRun<Model>> run_;
   double rows_[row_capacity * Layout::width], events_[event_capacity * EventLayout::width];
+  double contacts_[room(contact_capacity * ContactLayout::width)];  // not handed over
   long long caught_ = 0, released_ = 0, row_ = 0;
 };
 

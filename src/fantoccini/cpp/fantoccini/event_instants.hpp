@@ -278,7 +278,7 @@ struct EventInstants {
       }
       if (any_struck) {
         accumulation.watch(flow.t);
-        if (!flow.opt.save_steps) emit(out);
+        if (starts || !flow.opt.save_steps) emit(out);
         const Status status = instants.strike(flow);
         if (status != RUNNING) return status;
         impact += instants.lost;
@@ -304,12 +304,13 @@ struct EventInstants {
       const Status held_there = flow.project(flow.t, flow.y);
       if (held_there != RUNNING) return held_there;
       refresh();
-      impact += energy - (flow.total_energy() - given());
+      // The corrections of the start are not the run's.
+      if (!starts) impact += energy - (flow.total_energy() - given());
       share_forces();
       held.accept_overlaps();
       bool changed = any_struck;
       for (int r = 0; r < M; ++r) {
-        write_changes(s, r, out);
+        if (!starts) write_changes(s, r, out);
         changed = changed || next[r] != s.before[r];
         if (next[r] == SLACK && s.holds(r)) guards.armed[r] = closed_rows.leaves(flow, r);
       }

@@ -344,7 +344,10 @@ FAN_FN bool touch_faces(
 FAN_FN void touch_boxes(const PlacedSolid& x, const PlacedSolid& y, Touches& to) {
   using Tol = BoxTolerances;
   const BoxAxes axes(x, y);
-  const double same = Tol::same_face *
+  double across[3];
+  cross3(axes.of_x.normal, axes.of_y.normal, across);
+  const bool flat = length3(across) < TouchTolerances::lying;
+  const double same = (flat ? Tol::same_face : Tol::rounding) *
                       fmin(fabs(x.half[largest_of(x.half)]), fabs(y.half[largest_of(y.half)]));
   const BoxAxis& face = axes.of_x.gap > axes.of_y.gap + same ? axes.of_x : axes.of_y;
   const double widest = fmax(face.gap, axes.of_edges.gap);
