@@ -13,6 +13,7 @@ def first_plan(
     problem: Problem,
     wanted: Callable[[PlanResult], object] = bool,
     made: Callable[[PlanResult], PlanResult] = lambda plan: plan,
+    seeds: int = SEEDS,
 ) -> PlanResult:
     """The plan of the first seed that is as wanted.
 
@@ -20,12 +21,13 @@ def first_plan(
         problem: what is planned.
         wanted: of what was made of a plan that was found.
         made: what to make of a plan.
+        seeds: how many are tried.
     """
-    for seed in range(SEEDS):
+    for seed in range(seeds):
         found = solve(problem, seed=seed, time_limit=60.0)
         if found and (plan := made(found)) and wanted(plan):
             return plan
-    raise AssertionError(f"none of {SEEDS} seeds has a plan as wanted")
+    raise AssertionError(f"none of {seeds} seeds has a plan as wanted")
 
 
 def calm(plan: PlanResult) -> bool:
