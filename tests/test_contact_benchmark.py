@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-mujoco = pytest.importorskip("mujoco")
-
-from benchmarks.contact import problems, scenarios  # noqa: E402
-from benchmarks.contact.mujoco_scene import SETTINGS, MuJoCoScene, text_of  # noqa: E402
+from benchmarks.contact import problems, scenarios
+from benchmarks.contact.mujoco_scene import SETTINGS, MuJoCoScene, text_of
 
 
 @pytest.fixture(scope="module")

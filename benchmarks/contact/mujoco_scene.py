@@ -24,7 +24,7 @@ SETTINGS = tuple(
     {"jacobian": jacobian, "islands": islands}
     for jacobian, islands in itertools.product(("dense", "sparse"), (False, True))
 )
-"""What may be chosen beside the solver and the cone."""
+"""MuJoCo's options other than the solver and the friction cone."""
 
 HARD = {"solref": (2.0, 1.0), "solimp": (0.9999, 0.9999, 0.001, 0.5, 2.0)}
 """Contacts and limits as hard as MuJoCo permits: time constant in steps, damping; impedance."""

@@ -1,4 +1,4 @@
-"""The page: what was measured where, under one table of all marks."""
+"""The report page: a table of all targets, then the measurements by section."""
 
 from __future__ import annotations
 

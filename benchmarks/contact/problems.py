@@ -87,7 +87,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a solver found: processor's seconds, iterations, residual of the law; or nothing."""
+    """A solver's result: processor time [s], iterations and residual of the law."""
 
     seconds: float
     iterations: int
@@ -171,7 +171,7 @@ def siconos(problem: Problem, python: str, solver: str) -> Answer | None:
 
 
 def chapter(folder: Path | None, python: str | None) -> Chapter:
-    """All problems of a folder; without one, what is missing."""
+    """The section on a folder of problems; without a folder, it says what is missing."""
     title = "6. Problems of others"
     files = sorted(folder.glob("*.dat")) if folder else []
     problems = [p for f in files if not f.name.startswith(OTHERS) and (p := parsed(f))]

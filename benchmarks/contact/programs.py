@@ -22,7 +22,7 @@ HERE = Path(__file__).resolve().parent
 
 @dataclass(frozen=True)
 class Burst:
-    """What the program printed.
+    """The output of the program.
 
     Attributes:
         seconds: of the processor for one step, one number a time.

@@ -1,4 +1,4 @@
-"""Section 5: what the law asks, on the scenes of a comparison of contact models.
+"""Section 5: how well the law of contact holds on scenes of a published comparison.
 
 Le Lidec, Jallet, Montaut, Laptev, Schmid and Carpentier, *Contact Models in Robotics: a Comparative
 Analysis* (arXiv 2304.06372), as far as the scenes can be described in a line; and the standing

@@ -1,4 +1,4 @@
-"""Sections 1 and 2: time steps beside MuJoCo's, in turns, and MuJoCo's settings."""
+"""Sections 1 and 2: the time of a step compared with MuJoCo's, and MuJoCo's settings."""
 
 from __future__ import annotations
 

@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from contact.bodies import G, errors, on_slope, stepped, thrown
+from contact.bodies import (
+    G,
+    balls_that_meet,
+    errors,
+    ladder,
+    on_slope,
+    rocking_block,
+    stepped,
+    thrown,
+)
 
 STEPS = (4e-3, 2e-3, 1e-3)
 """Each half of the one before [s]."""
@@ -84,18 +93,7 @@ def test_a_hoop_with_backspin_comes_back():
 
 def test_two_balls_that_meet_keep_their_momentum():
     """Inelastic, off-centre and with friction: momentum to rounding, energy never up."""
-    marionette = fan.loads("""
-puppet: billiard
-gravity: [0, 0, 0]
-contact: {friction: 0.3}
-bodies:
-- {name: a, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mass: 1}]}
-- {name: b, joint: {type: free}, shapes: [{type: sphere, radius: 0.07, mass: 0.3}]}
-""")
-    x0 = thrown(
-        marionette, {"a.x": -0.5, "a.y": 0.03, "b.x": 0.2, "b.z": 0.05},
-        {"a.x": 2.0, "a.wz": 9.0, "b.x": -1.0, "b.y": 0.1},
-    )  # fmt: skip
+    marionette, x0 = balls_that_meet()
     run = stepped(marionette, x0, 1.0, 1e-3)
     assert any(event.kind == "touch" for event in run.events)
     momentum = np.array([marionette.momentum(run.state(i)) for i in (0, len(run) - 1)])
@@ -107,25 +105,8 @@ bodies:
 
 def test_a_ladder_leaves_the_wall_at_two_thirds_of_its_height():
     """Without friction a ladder's top leaves the wall at 2/3 of the height it began at."""
-    marionette = fan.loads("""
-puppet: ladder
-floor: 0
-contact: {friction: 0}
-obstacles:
-- {name: wall, type: box, size: [2, 4, 8], at: [-1, 0, 0]}
-bodies:
-- name: rod
-  joint: {type: free}
-  shapes: [{type: capsule, from: [0, 0, -0.5], to: [0, 0, 0.5], radius: 0.001}]
-  mass: 1
-  inertia: [0.0833333333, 0.0833333333, 1.0e-4]
-""")
     angle = np.deg2rad(70.0)
-    tilt = np.pi / 2 - angle
-    x0 = marionette.state({
-        "rod.x": 0.5 * np.cos(angle) + 0.001, "rod.z": 0.5 * np.sin(angle) + 0.001,
-        "rod.rotation": (np.cos(tilt / 2), 0.0, -np.sin(tilt / 2), 0.0),
-    })  # fmt: skip
+    marionette, x0 = ladder(angle)
     heights = []
     for dt in STEPS:
         run = stepped(marionette, x0, 0.75, dt)
@@ -172,21 +153,7 @@ bodies:
 
 def test_a_rocking_block_loses_housners_share_at_every_impact():
     """Angular velocity after over before is 1 - 3/2 sin^2 a, tan a = width over height."""
-    marionette = fan.loads("""
-puppet: rocker
-floor: 0
-contact: {friction: 5}
-bodies:
-- name: block
-  joint: {type: free}
-  shapes: [{type: box, size: [0.1, 0.3, 0.5], mass: 1}]
-""")
-    lean, a = 0.05, np.arctan(0.1 / 0.5)
-    R = 0.5 * np.hypot(0.1, 0.5)
-    x0 = marionette.state({
-        "block.x": 0.05 - R * np.sin(a - lean), "block.z": R * np.cos(a - lean),
-        "block.rotation": (np.cos(lean / 2), 0.0, np.sin(lean / 2), 0.0),
-    })  # fmt: skip
+    marionette, x0, a = rocking_block(0.05)
     run = stepped(marionette, x0, 1.2, 2e-4)
     w = run["v:block.wy"]
     i = int(np.argmax(np.diff(np.sign(2 * np.arcsin(run["block.qy"]))) != 0))

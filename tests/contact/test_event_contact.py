@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 import fantoccini as fan
-from contact.bodies import G, on_slope, thrown
+from contact.bodies import G, balls_that_meet, ladder, on_slope, rocking_block, thrown
 from fantoccini import Status
 
 CLOSE = 1e-8
@@ -122,25 +122,8 @@ bodies:
 
 def test_a_ladder_leaves_the_wall_at_two_thirds_of_its_height():
     """Without friction a ladder's top leaves the wall at 2/3 of the height it began at."""
-    marionette = fan.loads("""
-puppet: ladder
-floor: 0
-contact: {friction: 0}
-obstacles:
-- {name: wall, type: box, size: [2, 4, 8], at: [-1, 0, 0]}
-bodies:
-- name: rod
-  joint: {type: free}
-  shapes: [{type: capsule, from: [0, 0, -0.5], to: [0, 0, 0.5], radius: 0.001}]
-  mass: 1
-  inertia: [0.083333333333333333, 0.083333333333333333, 1.0e-4]
-""")
     angle = np.deg2rad(70.0)
-    tilt = np.pi / 2 - angle
-    x0 = marionette.state({
-        "rod.x": 0.5 * np.cos(angle) + 0.001, "rod.z": 0.5 * np.sin(angle) + 0.001,
-        "rod.rotation": (np.cos(tilt / 2), 0.0, -np.sin(tilt / 2), 0.0),
-    })  # fmt: skip
+    marionette, x0 = ladder(angle)
     run = fan.simulate(marionette, x0, t_end=0.55)
     sound(run)
     [lift] = of(run, "lift")
@@ -191,21 +174,7 @@ bodies:
 
 def test_a_rocking_block_loses_housners_share_at_every_impact():
     """Angular velocity after over before is 1 - 3/2 sin^2 a, tan a = width over height."""
-    marionette = fan.loads("""
-puppet: rocker
-floor: 0
-contact: {friction: 5}
-bodies:
-- name: block
-  joint: {type: free}
-  shapes: [{type: box, size: [0.1, 0.3, 0.5], mass: 1}]
-""")
-    lean, a = 0.05, np.arctan(0.1 / 0.5)
-    R = 0.5 * np.hypot(0.1, 0.5)
-    x0 = marionette.state({
-        "block.x": 0.05 - R * np.sin(a - lean), "block.z": R * np.cos(a - lean),
-        "block.rotation": (np.cos(lean / 2), 0.0, np.sin(lean / 2), 0.0),
-    })  # fmt: skip
+    marionette, x0, a = rocking_block(0.05)
     run = fan.simulate(marionette, x0, t_end=1.2)
     sound(run)
     impacts = of(run, "touch")
@@ -217,18 +186,7 @@ bodies:
 
 def test_two_balls_that_meet_keep_their_momentum():
     """Inelastic, off-centre and with friction: momentum to rounding, energy never up."""
-    marionette = fan.loads("""
-puppet: billiard
-gravity: [0, 0, 0]
-contact: {friction: 0.3}
-bodies:
-- {name: a, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mass: 1}]}
-- {name: b, joint: {type: free}, shapes: [{type: sphere, radius: 0.07, mass: 0.3}]}
-""")
-    x0 = thrown(
-        marionette, {"a.x": -0.5, "a.y": 0.03, "b.x": 0.2, "b.z": 0.05},
-        {"a.x": 2.0, "a.wz": 9.0, "b.x": -1.0, "b.y": 0.1},
-    )  # fmt: skip
+    marionette, x0 = balls_that_meet()
     run = fan.simulate(marionette, x0, t_end=1.0)
     sound(run, 1e-12)
     momentum = np.array([marionette.momentum(run.state(i)) for i in (0, len(run) - 1)])
