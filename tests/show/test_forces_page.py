@@ -113,6 +113,39 @@ def test_a_browser_shows_them(run):
         until(lambda: changed(browser, without) < 75, "they are gone")
 
 
+def test_an_exported_page_has_them_where_asked(run, tmp_path):
+    path = tmp_path / "block.html"
+    with chrome() as browser:
+
+        def scene() -> np.ndarray:
+            browser.get(path.as_uri())
+            until(lambda: like(picture(browser), (192, 32, 32)) > 200, "the block is seen")
+            until(lambda: seconds(browser) > 0.1, "it plays")
+            return picture(browser, "html-forces").astype(int)
+
+        fan.show(run, html=path)
+        without = scene()
+        fan.show(run, html=path, forces=True)
+        scene()
+        until(lambda: changed(browser, without) > 150, "the arrows are seen")
+
+
+def seconds(browser) -> float:
+    """Time of an exported page's player [s]."""
+    clock = "return document.getElementById('clock').innerText"
+    return float(browser.execute_script(clock).removesuffix(" s") or 0)
+
+
+def test_files_without_forces_to_draw_are_refused(tmp_path):
+    pendulum = fan.puppets.string_pendulum()
+    swing = fan.simulate(pendulum, pendulum.rest(), t_end=0.1)
+    with pytest.raises(ValueError, match="has no contact"):
+        fan.show(swing, html=tmp_path / "swing.html", forces=True)
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(ValueError, match="html=FILE"):
+        fan.show(swing, forces=True, browser=False, wait=False)
+
+
 def changed(browser, before: np.ndarray) -> int:
     """Number of pixels of the scene, left of the panel, that differ."""
     left = slice(320, 610)

@@ -215,6 +215,9 @@ class ShowRequest:
         Path | None,
         typer.Option(metavar="PATH", help="Write a run as one file that plays offline: .html."),
     ] = None
+    forces: Annotated[
+        bool, typer.Option("--forces", help="Draw the forces of contacts in that file.")
+    ] = False
     theme: Annotated[Theme, typer.Option(help="Theme of the page.")] = Theme.LIGHT
     host: Annotated[
         str,

@@ -18,6 +18,8 @@ def show_file(request: ShowRequest) -> None:
     """Shows a file until Ctrl-C, or writes it as a page."""
     if request.html is not None:
         check_output(request.html, (".html",), "--html")
+    elif request.forces:
+        fail("applies to --html PATH; a page has a box that shows them", "--forces")
     check_folder(request.record_to, "--record-to")
     name = request.file
     if not name.lower().endswith(".npz"):
@@ -29,8 +31,10 @@ def show_file(request: ShowRequest) -> None:
     with Steps(request.quiet) as steps:
         subject = subject_of(name, request.problem, steps.step)
         if request.html is not None:
+            if request.forces and subject.run is not None and subject.run.contact is None:
+                fail("this motion has no contact, so that there are no forces to draw", "--forces")
             done = steps.bar(f"writing {request.html}", 1.0)
-            write_motion(subject, request.html, request.theme.value, done)
+            write_motion(subject, request.html, request.theme.value, done, request.forces)
             return
         steps.step("opening the page")
         theme, folder = request.theme.value, request.record_to

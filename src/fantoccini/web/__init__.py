@@ -42,7 +42,11 @@ def show(
 
 @overload
 def show(
-    what: Showable, *, html: str | os.PathLike[str], theme: Literal["light", "dark"] = "light"
+    what: Showable,
+    *,
+    html: str | os.PathLike[str],
+    theme: Literal["light", "dark"] = "light",
+    forces: bool = False,
 ) -> Path: ...
 
 
@@ -56,6 +60,7 @@ def show(
     browser: bool = True,
     wait: bool | None = None,
     record_to: str | os.PathLike[str] = ".",
+    forces: bool = False,
 ) -> Page | Path:
     """Shows something in the browser.
 
@@ -69,19 +74,22 @@ def show(
         browser: open the page, where there is a display.
         wait: block until Ctrl-C; by default in scripts, and not at a prompt or in a notebook.
         record_to: folder for recordings.
+        forces: with ``html``, draw the forces of contacts; a page has a box for them.
 
     Returns:
         The page, to close it; with ``html`` the path of the file.
 
     Raises:
         FileError: the file cannot be shown, or there is no folder ``record_to``.
-        ValueError: ``what`` cannot be shown, or not as a file.
+        ValueError: ``what`` cannot be shown, or not as a file; or there are no forces to draw.
     """
     from fantoccini.web import page
 
     subject = page.subject_of(what)
     if html is not None:
-        return page.write(subject, html, theme)
+        return page.write(subject, html, theme, forces=forces)
+    if forces:
+        raise ValueError("forces are for html=FILE; a page has a box that shows them")
     opened = page.open_page(subject, theme, host, port, Path(record_to))
     if browser:
         opened.server.open_browser()

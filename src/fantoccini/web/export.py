@@ -63,6 +63,7 @@ def write_html(
     theme: Theme,
     tree: PlanTree | None = None,
     progress: Callable[[float], None] | None = None,
+    forces: bool = False,
 ) -> Path:
     """Writes a motion as one HTML file; it appears whole or not at all.
 
@@ -73,16 +74,20 @@ def write_html(
         theme: colours.
         tree: search tree of the plan that the motion comes from, or None.
         progress: called with the share that is done, 0 to 1.
+        forces: draw the forces of contacts.
 
     Returns:
         The path.
+
+    Raises:
+        ValueError: forces of a run without contact.
     """
     path = Path(path)
-    motion = ResampledRun.of(marionette, run, REFRESH.rate)
+    motion = ResampledRun.of(marionette, run, REFRESH.rate, forces)
     # viser records what a server would send: it needs one, although nobody connects.
     server = Server(motion.geometry.title, theme, port=0)
     try:
-        page = _recorded(server, motion, theme, tree, progress)
+        page = _recorded(server, motion, theme, tree, progress, forces)
     finally:
         server.stop()
     with replacing(path) as temporary:
@@ -96,12 +101,14 @@ def _recorded(
     theme: Theme,
     tree: PlanTree | None,
     progress: Callable[[float], None] | None,
+    forces: bool,
 ) -> str:
     geometry, frames = motion.geometry, len(motion.geometry.t)
     nodes = SceneNodes(server.viser, geometry, theme, quantum=_QUANTUM * geometry.size)
     if tree is not None:
         tree.add_to(server.viser, theme, geometry.size)
     nodes.look(server.viser.initial_camera, "three-quarter")
+    nodes.show_forces(forces)
     nodes.show(moment_of(geometry, 0))
     recorder = server.viser.get_scene_serializer()
     for k in range(frames):

@@ -219,16 +219,17 @@ def write(
     path: str | os.PathLike[str],
     theme: str,
     progress: Callable[[float], None] | None = None,
+    forces: bool = False,
 ) -> Path:
-    """Writes a motion as one file.
+    """Writes a motion as one file, with or without the forces of its contacts.
 
     Raises:
-        ValueError: there is no motion to write.
+        ValueError: there is no motion to write, or there are no forces to draw.
     """
     if subject.run is None:
         raise ValueError("a live puppet cannot be written as a file; a motion can")
     return write_html(
-        subject.marionette, subject.run, path, theme_of(theme), subject.tree, progress=progress
+        subject.marionette, subject.run, path, theme_of(theme), subject.tree, progress, forces
     )
 
 

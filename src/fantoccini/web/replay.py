@@ -63,16 +63,24 @@ class ResampledRun:
 
     @classmethod
     def of(
-        cls, marionette: Marionette, run: Trajectory, rate: float | None = None
+        cls,
+        marionette: Marionette,
+        run: Trajectory,
+        rate: float | None = None,
+        forces: bool | None = None,
     ) -> ResampledRun:
-        """The motion at ``rate`` frames per second, by default as many as are useful."""
+        """The motion at ``rate`` frames per second, by default as many as are useful.
+
+        ``forces``: with the forces of contacts; by default where there are any.
+        """
         if rate is None:
             rate = min(_SIZES.max_rate, _SIZES.max_frames / max(run.duration, 1e-9))
         frames = max(1, round(run.duration * rate))
         times = np.linspace(run.t[0], run.t[-1], frames + 1)
         events = tuple(e for e in run.events if e.kind != "breakpoint")
         again = run.resample(times)
-        return cls(run, geometry_of(marionette, again, forces=run.contact is not None), events)
+        forces = run.contact is not None if forces is None else forces
+        return cls(run, geometry_of(marionette, again, forces), events)
 
     @property
     def start(self) -> float:
