@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,10 +38,10 @@ ACCEPTANCE = Acceptance()
 def rest(model: Model, x: State) -> State:
     """A local minimum of V subject to h <= 0, near a state; see :meth:`Marionette.rest`.
 
-    The puppet is brought onto its strings and relaxed (:mod:`.relaxation`); where that fails, and
-    for puppets on chains, V is descended (:mod:`.descent`). A result is accepted where forces
-    balance, no row is violated and V is not above the start's. A puppet that would overlap what it
-    touches there is let go until it rests on it (:mod:`.settling`).
+    The puppet is brought onto its strings and relaxed (:mod:`.relaxation`). Where that fails, or it
+    would overlap what it touches, one with contact is let go until it is still (:mod:`.settling`).
+    Otherwise, and first for puppets on chains, V is descended (:mod:`.descent`). Relaxation and
+    descent are accepted where forces balance, no row is violated and V is not above the start's.
 
     Raises:
         StateError: there is no equilibrium below, or it was not found, or a winch would slip in it,
@@ -56,28 +57,37 @@ def rest(model: Model, x: State) -> State:
     start = _begun(model, still)
     if not len(start.q_D):
         return with_active_set(model, start)
-    searches = [descent.descended]
-    if not model.tree.chains:
-        searches.insert(0, relaxation.relaxed)
+    touches = [] if model.contacts is None else [settled]
+    searches: list[Callable[[Model, State], State]] = (
+        [_descended, *touches] if model.tree.chains else [_relaxed, *touches, _descended]
+    )
     failed = []
     for search in searches:
         try:
-            found = search(model, start)
-            pulls = np.isin(np.arange(model.tree.n_rows), found.rows)
-            found = replace(found, x=found.x.replace(taut=pulls))
-            relaxation.check_winches(model, found)
-            wrong = _wrong(model, start, found)
-        except StateError as error:
-            wrong = str(error)
-        if not wrong and not model.overlaps(found.x.q_D, found.x.q_K):
-            return with_active_set(model, found.x)
-        failed.append(wrong or "hung from its strings alone it overlaps what it touches")
-    if model.contacts is not None:
-        try:
-            return settled(model, start)
+            return with_active_set(model, search(model, start))
         except StateError as error:
             failed.append(str(error))
     raise StateError("no equilibrium was found: " + "; ".join(failed))
+
+
+def _relaxed(model: Model, start: State) -> State:
+    return _hung(model, start, relaxation.relaxed(model, start))
+
+
+def _descended(model: Model, start: State) -> State:
+    return _hung(model, start, descent.descended(model, start))
+
+
+def _hung(model: Model, start: State, found: relaxation.Equilibrium) -> State:
+    """The state of an equilibrium; StateError where it is not accepted."""
+    pulls = np.isin(np.arange(model.tree.n_rows), found.rows)
+    found = replace(found, x=found.x.replace(taut=pulls))
+    relaxation.check_winches(model, found)
+    if wrong := _wrong(model, start, found):
+        raise StateError(wrong)
+    if model.overlaps(found.x.q_D, found.x.q_K):
+        raise StateError("hung from its strings alone it overlaps what it touches")
+    return found.x
 
 
 def _begun(model: Model, x: State) -> State:
