@@ -93,8 +93,8 @@ PIECES = (
         "Two marionettes, a ball and a chair. Pierrot carries the ball by its frame on his forearm. "
         "Columbine puts her hand through the frame and lifts it off his arm; then she sits down on "
         "the chair with it, and both nod. Nothing holds the ball but what touches it.",
-        duration=12.0, part=(0.6, 11.6), times=(0.0, 3.6, 5.2, 6.6, 8.5, 9.0, 10.0), inputs="visit",
-        focus="bodies", theme="light", view=(-75.0, 14.0), size=(360, 320), speed=2.4, dt=1e-3,
+        duration=12.0, part=(1.6, 9.8), times=(0.0, 3.6, 5.2, 6.6, 8.5, 9.0, 10.0), inputs="visit",
+        focus="bodies", theme="light", view=(-75.0, 14.0), size=(260, 260), speed=2.6, dt=1e-3,
     ),
     Piece(
         "marionette",
