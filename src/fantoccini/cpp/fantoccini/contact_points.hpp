@@ -84,6 +84,7 @@ class ContactPoints : public PlacedLinks<Model, Real> {
   // The points with a gap below `margin` where lane 0 is posed.
   void look_within(const ContactArrays& in, double margin) {
     n[0] = 0;
+    too_many[0] = false;  // a state that an integrator only tried may have had too many
     for (int g = 0, k = 0; g < in.n_groups; ++g) {
       const int end = in.groups[3 * g + 2];
       if (separation(in, g) >= margin) k = end;
