@@ -90,7 +90,7 @@ PIECES = (
     ),
     Piece(
         "visit",
-        "Two marionettes, a ball and a chair. Pierrot carries the ball by its frame on his forearm. "
+        "Two marionettes, a ball and a chair. Pierrot carries the ball by its frame on his arm. "
         "Columbine puts her hand through the frame and lifts it off his arm; then she sits down on "
         "the chair with it, and both nod. Nothing holds the ball but what touches it.",
         duration=12.0, part=(1.6, 9.8), times=(0.0, 3.6, 5.2, 6.6, 8.5, 9.0, 10.0), inputs="visit",

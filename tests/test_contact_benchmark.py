@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from benchmarks.contact import problems, scenarios
+from benchmarks.contact.boxes import Unlike
 from benchmarks.contact.mujoco_scene import SETTINGS, MuJoCoScene, text_of
 
 
@@ -39,6 +40,30 @@ def test_a_cube_slides_and_is_pushed_in_both(cube):
     for run in (scenarios.ours, lambda *a, **k: scenarios.theirs(*a, hard=False, **k)):
         assert scenarios._stop(run) < 2e-3
     assert scenarios._dragged(scenarios.ours) < 1e-12
+
+
+@pytest.mark.parametrize("engine", ["Drake, SAP", "Drake, lagged", "Bullet"])
+def test_other_engines_get_our_scene(cube, engine):
+    runs = scenarios.engines()
+    if engine not in runs:
+        pytest.skip(f"without {engine}")
+    assert scenarios._stop(runs[engine]) < 2e-3
+    # A rolled cube thrown up turns and moves as ours does before it lands.
+    start = cube.state({"cube.z": 1.0})
+    rate = np.array([0.1, 0.2, 3.0, 1.0, -2.0, 0.5])
+    q = start.q_D.copy()
+    q[3:] = np.array([0.8, 0.2, -0.4, 0.4])
+    start = start.replace(q_D=q / np.r_[1, 1, 1, np.full(4, np.linalg.norm(q[3:]))], v_D=rate)
+    made, wanted = runs[engine](cube, start, 0.2), scenarios.ours(cube, start, 0.2)
+    assert made.q[-1] == pytest.approx(wanted.q[-1], abs=2e-3)
+    assert made.v[-1] == pytest.approx(wanted.v[-1], abs=2e-3)
+
+
+def test_engines_without_strings_say_so():
+    for name in ("Drake, SAP", "Bullet"):
+        if name in scenarios.engines():
+            with pytest.raises(Unlike, match="without strings"):
+                scenarios._sunk(scenarios.engines()[name])
 
 
 def test_bodies_that_do_not_meet_are_excluded(cube):

@@ -1,4 +1,4 @@
-"""The bundled scenes, event-driven: the same law as with fixed steps, at the integrator's tolerance."""
+"""The bundled scenes, event-driven: the law of fixed steps, at the integrator's tolerance."""
 
 from __future__ import annotations
 
