@@ -181,10 +181,10 @@ def chapter() -> Chapter:
     modulus = number(drake_scene.MODULUS * 1e-9)
     others = (
         f"Drake's boxes are compliant hydroelastic ones of {modulus} GPa, as its point contact "
-        "gives a box on a plane one point alone; a patch has no points, and the marionette's strings are "
-        "not in it (`-`). Its SAP solves a convex relaxation, which lifts what slides; *lagged* "
-        "lifts less. Bullet is without its damping and sleep, otherwise as it comes. Other engines "
-        "were not run."
+        "gives a box on a plane one point alone; a patch has no points, and the marionette's "
+        "strings are not in it (`-`). Its SAP solves a convex relaxation, which lifts what slides; "
+        "*lagged* lifts less. Bullet is without its damping and sleep, otherwise as it comes. "
+        "Other engines were not run."
     )
     return Chapter(Section("5. The law", [text, Table(["", *runs], rows), others]))
 
