@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.contact import problems, scenarios
+from benchmarks.contact import methods, problems, scenarios
 from benchmarks.contact.boxes import Unlike
 from benchmarks.contact.mujoco_scene import SETTINGS, MuJoCoScene, text_of
+
+import fantoccini as fan
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +66,18 @@ def test_engines_without_strings_say_so():
         if name in scenarios.engines():
             with pytest.raises(Unlike, match="without strings"):
                 scenarios._sunk(scenarios.engines()[name])
+
+
+def test_impacts_at_the_ends_of_variational_steps_leave_the_angle_at_first_order():
+    """So they are not worth having: event-driven runs have angle and energy at a tolerance."""
+    free = fan.loads(methods.KNOCKER)
+    walled = fan.loads(methods.KNOCKER + methods.WALL)
+    angle, energy, knocks, _ = methods._whole(walled, free, fan.Event())
+    found = [methods._variational(free, dt) for dt in (0.004, 0.001)]
+    assert knocks == 14
+    assert abs(found[1][0] - angle) > 1e-3
+    assert abs(found[0][0] - angle) < 8 * abs(found[1][0] - angle)  # order 2 has 16
+    assert abs(found[1][1] - energy) < 1e-5
 
 
 def test_bodies_that_do_not_meet_are_excluded(cube):

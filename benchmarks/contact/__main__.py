@@ -10,7 +10,7 @@ from pathlib import Path
 from ..speed.figures import Chapter, goals_table
 from ..speed.programs import compiled, lane_source
 from ..strings import ROOT
-from . import alone, batches, problems, scenarios, steps
+from . import alone, batches, methods, problems, scenarios, steps
 from .page import page
 
 
@@ -38,6 +38,7 @@ def main() -> None:
         lanes = compiled("lanes", Path(other), lane_source())
         chapters += told("alone", [alone.chapter(scalar, lanes, turns)])
     chapters += told("scenarios", [scenarios.chapter()])
+    chapters += told("methods", [methods.chapter()])
     chapters += told("problems", [problems.chapter(options.problems, options.siconos)])
     text = page(chapters)
     if quick:
