@@ -98,3 +98,19 @@ def test_everything_that_takes_a_puppet_takes_a_scene(scene, tmp_path) -> None:
     step = scene.stepper(x0, method="timestepping")
     step.advance(0.01)
     assert step.state.t == pytest.approx(0.01)
+
+
+def test_rest_of_solids_that_overlap_says_which():
+    text = """
+puppet: pair
+floor: 0
+contact: true
+bodies:
+- {name: one, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mass: 1}]}
+- {name: two, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mass: 1}]}
+pose: {one.z: 0.1, two.z: 0.25}
+"""
+    pair = fan.loads(text)
+    assert pair.rest({"two.z": 0.3, "two.x": 0.5}).q_D[9] == pytest.approx(0.1, abs=1e-6)
+    with pytest.raises(fan.StateError, match=r"one\|floor by 0.05 m. Move them apart"):
+        pair.rest({"one.z": 0.05, "two.z": 0.5})

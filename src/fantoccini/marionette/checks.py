@@ -185,7 +185,11 @@ def _check_contact(model: Model, states: States, method: str) -> None:
         )
     if method == "event":
         _check_event_contact(model)
-    most = TOLERANCES.touching if method == "event" else TOLERANCES.stepped_gap
+    check_apart(model, states, TOLERANCES.touching if method == "event" else TOLERANCES.stepped_gap)
+
+
+def check_apart(model: Model, states: States, most: float = TOLERANCES.stepped_gap) -> None:
+    """Raises StateError where solids overlap by more than ``most`` [m]."""
     for i in range(len(states)):
         found = model.overlaps(states.q_D[i], states.q_K[i], most)
         if found:

@@ -12,6 +12,7 @@ from fantoccini.errors import StateError
 from fantoccini.marionette import descent, relaxation
 from fantoccini.marionette.active_set import TOLERANCES
 from fantoccini.marionette.analysis import energies
+from fantoccini.marionette.checks import check_apart
 from fantoccini.marionette.dynamics import forward_dynamics, with_active_set
 from fantoccini.marionette.evaluation import Evaluation
 from fantoccini.marionette.model import Model
@@ -57,7 +58,7 @@ def rest(model: Model, x: State) -> State:
     start = _begun(model, still)
     if not len(start.q_D):
         return with_active_set(model, start)
-    touches = [] if model.contacts is None else [settled]
+    touches = [] if model.contacts is None else [_settled]
     searches: list[Callable[[Model, State], State]] = (
         [_descended, *touches] if model.tree.chains else [_relaxed, *touches, _descended]
     )
@@ -76,6 +77,11 @@ def _relaxed(model: Model, start: State) -> State:
 
 def _descended(model: Model, start: State) -> State:
     return _hung(model, start, descent.descended(model, start))
+
+
+def _settled(model: Model, start: State) -> State:
+    check_apart(model, model.states([start]))
+    return settled(model, start)
 
 
 def _hung(model: Model, start: State, found: relaxation.Equilibrium) -> State:
