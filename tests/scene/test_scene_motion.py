@@ -114,3 +114,19 @@ pose: {one.z: 0.1, two.z: 0.25}
     assert pair.rest({"two.z": 0.3, "two.x": 0.5}).q_D[9] == pytest.approx(0.1, abs=1e-6)
     with pytest.raises(fan.StateError, match=r"one\|floor by 0.05 m. Move them apart"):
         pair.rest({"one.z": 0.05, "two.z": 0.5})
+
+
+def test_a_swing_without_damping_rests_beside_a_ball_that_falls():
+    """Its strings alone let the ball go on falling; let go, the swing never stops by itself."""
+    scene = fan.Scene.model_validate({
+        "scene": "swing",
+        "floor": 0,
+        "contact": True,
+        "puppets": [{"name": "arm", "puppet": "arm2d", "at": [0, 0, 0.5]}],
+        "props": [{"name": "ball", "at": [0.6, 0, 0.3],
+                   "shapes": [{"type": "sphere", "radius": 0.05, "mass": 0.1}]}],
+    })  # fmt: skip
+    stage, arm = fan.Marionette(scene), fan.puppets.arm2d()
+    found = stage.rest()
+    assert found.q_D[:2] == pytest.approx(arm.rest().q_D, abs=1e-6)
+    assert found.q_D[4] == pytest.approx(0.05, abs=1e-6)

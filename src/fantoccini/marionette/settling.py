@@ -18,8 +18,11 @@ class Settling:
     """How long a puppet may take to come to rest, and what counts as rest."""
 
     dt: float = 1e-3  # Step of the runs [s]
-    piece: float = 0.25  # Length of a run [s]
-    stops: int = 40
+    piece: float = 0.25
+    """Mean length of a run [s]. Lengths differ by up to ``uneven`` of it: a swing of which each is
+    a half would never lose its energy."""
+    uneven: float = 0.4
+    stops: int = 60
     """Runs after which all velocities are set to zero; afterwards friction must do it alone."""
     pieces: int = 240
     still: float = 1e-7  # Largest velocity at rest [rad/s or m/s]
@@ -27,6 +30,8 @@ class Settling:
 
 
 SETTLING = Settling()
+_GOLDEN = 0.5 * (5.0**0.5 - 1.0)
+"""Whose multiples spread most evenly between whole numbers."""
 
 
 def settled(model: Model, x: State) -> State:
@@ -43,7 +48,9 @@ def settled(model: Model, x: State) -> State:
     """
     q_D, v_D = np.array(x.q_D), np.zeros_like(x.v_D)
     for piece in range(SETTLING.pieces):
-        status, samples = _let_go(model, x.replace(t=0.0, q_D=q_D, v_D=v_D))
+        spread = 2.0 * (piece * _GOLDEN % 1.0) - 1.0
+        duration = SETTLING.piece * (1.0 + SETTLING.uneven * spread)
+        status, samples = _let_go(model, x.replace(t=0.0, q_D=q_D, v_D=v_D), duration)
         if status not in (Status.DONE, Status.LOST_STEPS):
             raise StateError(f"let go, {status.message}")
         v_D = samples["v_D"][-1]
@@ -62,11 +69,11 @@ def settled(model: Model, x: State) -> State:
     )
 
 
-def _let_go(model: Model, x: State) -> tuple[Status, dict[str, Array]]:
+def _let_go(model: Model, x: State, duration: float) -> tuple[Status, dict[str, Array]]:
     """A run with the inputs held: its status and samples."""
     run = Run(
         model.library, "timestepping", model.run_options(dt=SETTLING.dt), x, model.p, model.winches,
         Input.hold(model.coordinates).bound(x.q_K),
     )  # fmt: skip
-    samples = np.concatenate([piece.samples for piece in run.advance(SETTLING.piece)])
+    samples = np.concatenate([piece.samples for piece in run.advance(duration)])
     return run.status, model.sample_layout.split(samples)
