@@ -1,0 +1,195 @@
+"""Where two solids touch, by small motions of theirs: derivatives of the narrow phase.
+
+Point P, normal n and gap of a pair are functions of the poses of its two links that move along with
+both. So the derivatives by a twist of the first link, (v, w) about the world's origin, say those
+by a twist of the second, too:
+
+    dP = P_1 (xi_1 - xi_2) + v_2 + w_2 x P,   dn = n_1 (xi_1 - xi_2) + w_2 x n
+
+They are central differences of sixth order of the compiled narrow phase at a fixed feature. The
+step is the largest that agrees with a smaller one: solids that lie flat have points that are smooth
+over a small tilt only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.contract import SolidKind
+from fantoccini.marionette.model import Model
+from fantoccini.marionette.screws import OFFSETS, WEIGHTS
+from fantoccini.motion import rotation
+from fantoccini.tree import WORLD
+
+
+@dataclass(frozen=True)
+class GeometryTolerances:
+    """Steps of differences and how well they must agree; lengths in units of the pair's size."""
+
+    steps: tuple[float, ...] = (1e-2, 2e-3, 4e-4, 8e-5, 1.6e-5, 3e-6)
+    first: float = 1e-7
+    """Agreement of first derivatives at two steps: above rounding at the smallest."""
+    second: float = 1e-5
+    """The same of second derivatives."""
+    margin: float = 1e-3  # Gap within which points are looked at [m], as compiled code does
+    least_size: float = 1e-4  # Of a pair [m]
+    plane_size: float = 0.1  # Where neither has a size: of meshes on planes [m]
+
+
+TOLERANCES = GeometryTolerances()
+
+
+@dataclass(frozen=True, eq=False)
+class Touch:
+    """One point of contact and its derivatives by a twist of the first link about P.
+
+    Attributes:
+        pair, feature: index of the pair, and which of its points it is.
+        links: of the two solids; ``WORLD`` for one that stands.
+        gap: negative where they overlap [m].
+        point: (3,) P [m].
+        normal: (3,) n, from the second solid to the first.
+        by: (7, 6) gap, P and n by a twist about the world's origin.
+        rate: (7,) gap, P and n by time at a relative twist; 0 when none was given.
+        rate_by: (7, 6) changes of ``rate`` by a further twist, at the same relative twist.
+        smooth: whether the derivatives exist.
+    """
+
+    pair: int
+    feature: int
+    links: tuple[int, int]
+    gap: float
+    point: Array
+    normal: Array
+    by: Array
+    rate: Array
+    rate_by: Array
+    smooth: bool
+
+
+class PairGeometry:
+    """The points of one pair at a configuration.
+
+    Args:
+        model: the puppet.
+        poses: (n_links, 12) of all links.
+        pair: index of the pair.
+    """
+
+    def __init__(self, model: Model, poses: Array, pair: int):
+        contacts = model.contacts
+        assert contacts is not None
+        self._library, self._contacts, self.pair = model.library, contacts, pair
+        solids = contacts.solids[contacts.pairs[pair]]
+        self.links = int(solids["link"][0]), int(solids["link"][1])
+        a, b = self.links
+        self._first = poses[a]
+        self._second = poses[b] if b != WORLD else np.zeros(12)
+        self._size = max(TOLERANCES.least_size, min(_size(solid) for solid in solids))
+        if not np.isfinite(self._size):
+            self._size = TOLERANCES.plane_size
+        rows = self._touches(self._first[None], TOLERANCES.margin)[0]
+        self.points = {int(row[0]): row[1:] for row in rows if row[0] >= 0.0}
+
+    def touch(self, feature: int, twist: Array | None = None) -> Touch:
+        """A point with its derivatives.
+
+        Args:
+            feature: which one.
+            twist: (6,) of the first link against the second, about the world's origin, for the
+                rates [m/s, rad/s].
+        """
+        here = self.points[feature]
+        about = here[1:4]
+        by, smooth = self._settled(lambda h: self._first_at(feature, about, h), TOLERANCES.first)
+        scale = np.array([self._size] * 3 + [1.0] * 3)
+        to_origin = np.eye(6)
+        to_origin[:3, 3:] = -rotation.skew(about)
+        values = np.array([self._size] * 4 + [1.0] * 3)
+        by = values[:, None] * by / scale @ to_origin
+        rate, rate_by = np.zeros(7), np.zeros((7, 6))
+        if twist is not None:
+            local = to_origin @ twist / scale
+            speed = float(np.linalg.norm(local))
+            rate = by @ twist
+            if speed > 0.0:
+                along = local / speed
+                found, second = self._settled(
+                    lambda h: self._second_at(feature, about, along, h), TOLERANCES.second
+                )
+                rate_by = values[:, None] * found * speed / scale @ to_origin
+                smooth = smooth and second
+        return Touch(
+            self.pair, feature, self.links, float(here[0]), about, here[4:7], by, rate, rate_by,
+            smooth,
+        )  # fmt: skip
+
+    def _first_at(self, feature: int, about: Array, h: float) -> Array | None:
+        """(7, 6) differences at a step, in units of the size; None where the point is lost."""
+        moves = (h * OFFSETS[:, None, None] * np.eye(6)).reshape(-1, 1, 6)
+        found = self._values(feature, about, moves, h)
+        if found is None:
+            return None
+        return np.einsum("o,ojc->cj", WEIGHTS, found.reshape(len(OFFSETS), 6, 7)) / h
+
+    def _second_at(self, feature: int, about: Array, along: Array, h: float) -> Array | None:
+        """(7, 6) differences of the rates along a unit twist, after a twist of each direction."""
+        first = np.repeat((h * OFFSETS[:, None, None] * np.eye(6)).reshape(-1, 6), 6, axis=0)
+        then = np.tile(h * OFFSETS[:, None] * along, (36, 1))
+        found = self._values(feature, about, np.stack([first, then], axis=1), h)
+        if found is None:
+            return None
+        shaped = found.reshape(len(OFFSETS), 6, len(OFFSETS), 7)
+        return np.einsum("o,ojsc,s->cj", WEIGHTS, shaped, WEIGHTS) / h**2
+
+    def _values(self, feature: int, about: Array, moves: Array, h: float) -> Array | None:
+        """(n, 7) gap, P and n, less those here, after twists (n, k, 6) one after the other."""
+        poses = self._moved(about, moves)
+        margin = TOLERANCES.margin + 20.0 * h * self._size
+        rows = self._touches(poses, margin)
+        own = rows[:, :, 0] == feature
+        if not np.all(np.any(own, axis=1)):
+            return None
+        values = rows[np.arange(len(rows)), np.argmax(own, axis=1), 1:] - self.points[feature]
+        values[:, :4] /= self._size
+        return np.asarray(values)
+
+    def _moved(self, about: Array, twists: Array) -> Array:
+        """(n, 12) poses of the first link after screw motions (n, k, 6) about a point, by size."""
+        n = len(twists)
+        R = np.broadcast_to(self._first[:9].reshape(3, 3).T, (n, 3, 3))
+        r = np.broadcast_to(self._first[9:] - about, (n, 3))
+        for twist in np.moveaxis(twists, 1, 0):
+            w = twist[:, 3:]
+            turn = rotation.matrix(rotation.exp(w))
+            # exp of a twist moves the origin by V(w) v, with V(w) the left Jacobian.
+            carried = rotation.apply(rotation.right_jacobian(-w), self._size * twist[:, :3])
+            r = rotation.apply(turn, r) + carried
+            R = turn @ R
+        return np.concatenate([R.swapaxes(1, 2).reshape(n, 9), r + about], axis=1)
+
+    def _touches(self, poses: Array, margin: float) -> Array:
+        return self._library.touches(self._contacts, self.pair, poses, self._second, margin)
+
+    def _settled(self, at: object, tolerance: float) -> tuple[Array, bool]:
+        """A difference at the largest step that agrees with the next one, and whether any does."""
+        assert callable(at)
+        last: Array | None = None
+        for h in TOLERANCES.steps:
+            found = at(h)
+            if found is not None and last is not None:
+                if np.max(np.abs(found - last)) <= tolerance * max(1.0, np.max(np.abs(last))):
+                    return last, True
+            last = found if found is not None else last
+        return (np.zeros((7, 6)) if last is None else last), False
+
+
+def _size(solid: np.void) -> float:
+    """The smallest radius or half edge of a solid [m]; inf for planes and meshes."""
+    if solid["kind"] in (SolidKind.HALF_SPACE, SolidKind.HULL):
+        return np.inf
+    half = float(np.min(solid["half"]))
+    return half if half > 0.0 else float(solid["radius"])
