@@ -24,7 +24,9 @@ CONTRADICTS = 1e-6
 SHIFT = 0.1
 """Force that is shared otherwise, relative to the largest, to see whether motions depend on it."""
 DEPENDS = 1e-6
-"""Change of the derivatives, relative to the largest, by which they depend on it."""
+"""Change of a derivative, relative to the largest by the same quantity, by which they depend on it."""
+ROUNDING = 1e-8
+"""Derivatives by one quantity that are rounding, relative to the largest of all."""
 
 Rows = Callable[[Sequence[HeldPoint]], tuple[ContactRows, Array]]
 
@@ -58,7 +60,9 @@ def solve_in_modes(
         other, change = rows(shifted)
         again = ModeSystem(at, held, other)
         found, _ = again.solve(force + other.force_by(), np.concatenate([rate, change]))
-        if np.max(np.abs(found - acc)) > DEPENDS * np.max(np.abs(acc)):
+        size = np.max(np.abs(acc), axis=0)
+        most = DEPENDS * np.maximum(size, ROUNDING * np.max(size, initial=0.0))
+        if np.any(np.max(np.abs(found - acc), axis=0) > most):
             names = ", ".join(dict.fromkeys(point.name for point in points))
             raise StateError(
                 f"{names} slide on more points than the law can share force among, and how a motion "

@@ -61,13 +61,20 @@ def geometries(model: Model, screws: Screws, x: State, more: Sequence[int]) -> l
 
 
 def step_contacts(
-    model: Model, before: Screws, after: Screws, x: State, found: ContactPoints, dt: float
+    model: Model,
+    before: Screws,
+    after: Screws,
+    kick: Array,
+    x: State,
+    found: ContactPoints,
+    dt: float,
 ) -> Contacts:
     """The modes of the points that push in a step.
 
     Args:
         model: the puppet.
         before, after: links at the start with the velocities before and after the step.
+        kick: (n_vD,) what it adds to v_D without impulses.
         x: the state before it.
         found: the points that the step wrote.
         dt: its length [s].
@@ -92,8 +99,10 @@ def step_contacts(
             taken.add(feature)
             made, edge = _held(model, name, pair, feature, own.some(np.array([k])), still)
             speed = _velocity(before, pair, made.touch.point) @ made.touch.normal
-            held.append(_aimed(model, made, speed, dt, still))
-            edges += [f"{name}: {edge}"] if edge else []
+            row = made.touch.normal @ _subspace(before, pair.links, made.touch.point)
+            made, verge = _aimed(model, made, speed, float(row @ kick), dt, still)
+            held.append(made)
+            edges += [f"{name}: {one}" for one in (edge, verge) if one]
         for feature, values in pair.points.items():
             if feature not in taken:
                 gap, point, normal = values[0], values[1:4], values[4:]
@@ -154,13 +163,16 @@ def mode_of(
     return ContactMode.STICK, none, False, edge
 
 
-def _aimed(model: Model, made: HeldPoint, speed: float, dt: float, still: float) -> HeldPoint:
-    """The point with what its normal row asks for.
+def _aimed(
+    model: Model, made: HeldPoint, speed: float, gain: float, dt: float, still: float
+) -> tuple[HeldPoint, str]:
+    """The point with what its normal row asks for, and what edge that is on.
 
     Args:
         model: the puppet.
         made: the point.
         speed: u_n before the step [m/s].
+        gain: what the step adds to it without impulses [m/s].
         dt: the step [s].
         still: speed that is none [m/s].
     """
@@ -172,9 +184,10 @@ def _aimed(model: Model, made: HeldPoint, speed: float, dt: float, still: float)
     rounding = still + TOLERANCES.same_place * 1e-3 / dt
     if abs(after - parting) <= rounding:
         closes = 1.0 / dt if parting < LIMITS.recovery_speed else 0.0
-        return _with(made, closes, 0.0)
+        verge = e > 0.0 and abs(-e * speed - max(parting, -gain)) <= rounding
+        return _with(made, closes, 0.0), "springs back if it is any faster" if verge else ""
     if e > 0.0 and abs(after + e * speed) <= rounding:
-        return _with(made, 0.0, e)
+        return _with(made, 0.0, e), ""
     raise StateError(
         f"{made.name} moves after this step as the law of contact alone does not say: bodies are "
         "wedged in, or restitution is scaled down so that no energy is added; such a step has no "

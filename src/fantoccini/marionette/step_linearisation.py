@@ -112,7 +112,7 @@ def linearise_step(
     # The model as the step sees it: the mean velocity and acceleration of the inputs, M + dt F.
     start = x.replace(v_K=path.rate)
     at = Evaluation.of(model, start, path.mean, u_D, dt)
-    touching = _Touching.of(model, stepper, start, x_next, dt)
+    touching = _Touching.of(model, stepper, at, start, x_next, dt)
     acc_D = at.back(at.w0 - at.W @ tension + touching.push(at))
     if np.max(np.abs(x.v_D + dt * acc_D - x_next.v_D), initial=0.0) > SHORTENED * (
         1.0 + np.max(np.abs(x_next.v_D), initial=0.0)
@@ -161,13 +161,16 @@ class _Touching:
     dt: float
 
     @classmethod
-    def of(cls, model: Model, stepper: Stepper, start: State, end: State, dt: float) -> _Touching:
+    def of(
+        cls, model: Model, stepper: Stepper, at: Evaluation, start: State, end: State, dt: float
+    ) -> _Touching:
         if model.contacts is None:
             return cls(Contacts((), ()), None, None, dt)
         found = ContactPoints.of_rows(stepper.contacts, model.contacts.names)
         found = found.at(len(stepper.samples) - 1)
         before, after = Screws(model, start), Screws(model, start.replace(v_D=end.v_D))
-        return cls(step_contacts(model, before, after, start, found, dt), before, after, dt)
+        kick = dt * at.back(at.w0)
+        return cls(step_contacts(model, before, after, kick, start, found, dt), before, after, dt)
 
     def push(self, at: Evaluation) -> Array:
         """(n_vD,) F^-T of the forces of all points."""
