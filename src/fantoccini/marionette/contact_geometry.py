@@ -20,7 +20,7 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.contract import SolidKind
 from fantoccini.marionette.model import Model
-from fantoccini.marionette.screws import OFFSETS, WEIGHTS
+from fantoccini.marionette.screws import OFFSETS, WEIGHTS, Screws
 from fantoccini.motion import rotation
 from fantoccini.tree import WORLD
 
@@ -93,6 +93,21 @@ class PairGeometry:
             self._size = TOLERANCES.plane_size
         rows = self._touches(self._first[None], TOLERANCES.margin)[0]
         self.points = {int(row[0]): row[1:] for row in rows if row[0] >= 0.0}
+
+    def nearest(self, point: Array, most: float) -> int | None:
+        """The feature of the point at a place (3,) [m], if any is within ``most`` [m]."""
+        apart = {f: float(np.max(np.abs(at[1:4] - point))) for f, at in self.points.items()}
+        near = [f for f, distance in apart.items() if distance <= most]
+        return min(near, key=apart.__getitem__) if near else None
+
+    def twist(self, screws: Screws) -> Array:
+        """(6,) of the first solid against the second."""
+        return screws.twist(self.links[0]) - screws.twist(self.links[1])
+
+    def velocity(self, screws: Screws, point: Array) -> Array:
+        """(3,) of the first solid against the second at a point [m/s]."""
+        twist = self.twist(screws)
+        return np.asarray(twist[:3] + np.cross(twist[3:], point))
 
     def touch(self, feature: int, twist: Array | None = None) -> Touch:
         """A point with its derivatives.

@@ -17,7 +17,7 @@ from fantoccini.arrays import Array, Indices
 from fantoccini.errors import StateError
 from fantoccini.marionette.contact_rows import ContactMode, ContactRows, HeldPoint
 from fantoccini.marionette.evaluation import Evaluation
-from fantoccini.marionette.linearisation import DEPENDENT_ROWS
+from fantoccini.marionette.kkt import DEPENDENT_ROWS
 
 CONTRADICTS = 1e-6
 """Change of rows that depend on one another, relative to the largest, by which they contradict."""
@@ -38,6 +38,7 @@ def solve_in_modes(
     rate: Array,
     rows: Rows,
     points: Sequence[HeldPoint],
+    strict: bool,
 ) -> tuple[Array, Array, Array]:
     """Changes of acc_D (n_vD, m), of tensions (len(held), m) and of forces (3 points, m).
 
@@ -48,18 +49,19 @@ def solve_in_modes(
         rate: (len(held), m) those of the rows.
         rows: points -> their rows, and (k, m) how these change at fixed acc_D.
         points: those that are held.
+        strict: whether rows that depend on one another must agree.
 
     Raises:
-        StateError: friction jams, or the motion depends on how redundant points share their force.
+        StateError: friction jams, redundant rows do not agree, or the motion depends on how redundant points share their force.
     """
     own, change = rows(points)
     system = ModeSystem(at, held, own)
-    acc, y = system.solve(force + own.force_by(), np.concatenate([rate, change]))
+    acc, y = system.solve(force + own.force_by(), np.concatenate([rate, change]), strict)
     if len(system.idle) and any(point.mode is ContactMode.SLIDE for point in points):
         shifted = _shared_otherwise(points, system.idle[:, len(held) :])
         other, change = rows(shifted)
         again = ModeSystem(at, held, other)
-        found, _ = again.solve(force + other.force_by(), np.concatenate([rate, change]))
+        found, _ = again.solve(force + other.force_by(), np.concatenate([rate, change]), strict)
         size = np.max(np.abs(acc), axis=0)
         most = DEPENDS * np.maximum(size, ROUNDING * np.max(size, initial=0.0))
         if np.any(np.max(np.abs(found - acc), axis=0) > most):
@@ -116,22 +118,24 @@ class ModeSystem:
         self.idle = vt[np.sum(kept) :]
         """(redundant, k) forces that do nothing."""
 
-    def solve(self, force: Array, rate: Array) -> tuple[Array, Array]:
+    def solve(self, force: Array, rate: Array, strict: bool) -> tuple[Array, Array]:
         """x (n_vD, m) and y (k, m), the shortest where several are solutions.
 
         Args:
             force: (n_vD, m).
             rate: (k, m): of rows, then of contacts.
+            strict: whether rows that depend on one another must agree. Otherwise x is that of least
+                squares: off the states that keep redundant points closed they need not.
 
         Raises:
-            StateError: rows that depend on one another would have to change differently.
+            StateError: they do not.
         """
         free = -self._inverse @ self._at.forth(force.T).T
         right = self._C.T @ free + rate
         y = self._v @ ((self._u.T @ right) / self._s[:, None])
         w = free - self._inverse @ self._B @ y
         left = np.max(np.abs(self._C.T @ w + rate), initial=0.0)
-        if left > CONTRADICTS * max(1.0, np.max(np.abs(rate), initial=0.0)):
+        if strict and left > CONTRADICTS * max(1.0, np.max(np.abs(rate), initial=0.0)):
             raise StateError(
                 "redundant contacts would have to move differently, so that derivatives of the "
                 "motion do not exist"

@@ -30,6 +30,7 @@ class ModeTolerances:
     """Speed that is none, relative to 1 m/s or the largest: the law's residual lies below."""
     force: float = 1e-8  # Force that is none, relative to the weight
     cone: float = 1e-6  # Part of its cone by which a force that sticks must stay inside
+    acceleration: float = 1e-6  # Of a point that stays where it is [m/s^2]
     same_place: float = 1e-9  # Distance of points that are one [m]
     dependent: float = 1e-7  # Part of a row that other rows do not give: below, it follows from them
 
@@ -93,12 +94,12 @@ def step_contacts(
         own = found.some(found.pair == pair.pair)
         taken = set()
         for k in range(len(own)):
-            feature = _nearest(pair, own.point[k])
+            feature = pair.nearest(own.point[k], TOLERANCES.same_place)
             if feature is None:
                 raise StateError(f"{name} touch in this step where they did not at its start")
             taken.add(feature)
             made, edge = _held(model, name, pair, feature, own.some(np.array([k])), still)
-            speed = _velocity(before, pair, made.touch.point) @ made.touch.normal
+            speed = pair.velocity(before, made.touch.point) @ made.touch.normal
             row = made.touch.normal @ _subspace(before, pair.links, made.touch.point)
             made, verge = _aimed(model, made, speed, float(row @ kick), dt, still)
             held.append(made)
@@ -106,23 +107,10 @@ def step_contacts(
         for feature, values in pair.points.items():
             if feature not in taken:
                 gap, point, normal = values[0], values[1:4], values[4:]
-                opens = _velocity(after, pair, point) @ normal + gap / dt
+                opens = pair.velocity(after, point) @ normal + gap / dt
                 open_points.append((name, pair, feature, float(opens)))
-    edges += _weak(model, after, held, open_points, still)
+    edges += closed_without_force(after, held, open_points, still)
     return Contacts(tuple(held), tuple(dict.fromkeys(edges)))
-
-
-def _nearest(pair: PairGeometry, point: Array) -> int | None:
-    for feature, values in pair.points.items():
-        if np.max(np.abs(values[1:4] - point)) <= TOLERANCES.same_place:
-            return feature
-    return None
-
-
-def _velocity(screws: Screws, pair: PairGeometry, point: Array) -> Array:
-    """(3,) of the first solid against the second at a point [m/s]."""
-    twist = screws.twist(pair.links[0]) - screws.twist(pair.links[1])
-    return np.asarray(twist[:3] + np.cross(twist[3:], point))
 
 
 def _held(
@@ -202,14 +190,20 @@ def _with(made: HeldPoint, closes: float, bounces: float) -> HeldPoint:
     )  # fmt: skip
 
 
-def _weak(
-    model: Model,
+def closed_without_force(
     screws: Screws,
     held: Sequence[HeldPoint],
     open_points: Sequence[tuple[str, PairGeometry, int, float]],
     still: float,
 ) -> list[str]:
-    """Edges of points that close without force, but where those that push close them anyway."""
+    """Edges of points that close without force, but where those that push close them anyway.
+
+    Args:
+        screws: of the links.
+        held: the points that push.
+        open_points: name, pair and feature of others, and the speed at which they open [m/s].
+        still: speed that is none [m/s].
+    """
     rows = [point.directions @ _subspace(screws, point.touch.links, point.touch.point) for point in held]
     basis = np.concatenate([*rows, np.zeros((0, screws.n_D))])
     _, s, vt = np.linalg.svd(basis, full_matrices=False)

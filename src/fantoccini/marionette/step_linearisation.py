@@ -23,8 +23,8 @@ from fantoccini.arrays import Array, Indices, check_positive
 from fantoccini.errors import StateError
 from fantoccini.marionette.contact_rows import ContactRows, HeldPoint
 from fantoccini.marionette.evaluation import Evaluation
+from fantoccini.marionette.kkt import KKTSystem
 from fantoccini.marionette.linearisation import (
-    KKTSystem,
     Partials,
     derivatives_at,
     force_derivatives,
@@ -185,7 +185,8 @@ class _Touching:
         """Changes of acc_D, of the held rows' tensions and of the points' forces."""
         if self.before is None or self.after is None or not self.contacts.points:
             return *KKTSystem(at, held).solve(force, rate), np.zeros((0, force.shape[1]))
-        return solve_in_modes(at, held, force, rate, self._rows, self.contacts.points)
+        points = self.contacts.points
+        return solve_in_modes(at, held, force, rate, self._rows, points, strict=True)
 
     def _rows(self, points: Sequence[HeldPoint]) -> tuple[ContactRows, Array]:
         """The points' rows, and their changes at fixed acc_D, over dt."""

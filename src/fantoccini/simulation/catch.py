@@ -22,7 +22,8 @@ from fantoccini.contract import WINCH_AT
 from fantoccini.errors import SimulationError, Status
 from fantoccini.marionette import Evaluation, Marionette
 from fantoccini.marionette.active_set import TOLERANCES
-from fantoccini.marionette.linearisation import KKTSystem, row_derivatives_at
+from fantoccini.marionette.kkt import KKTSystem
+from fantoccini.marionette.linearisation import row_derivatives_at
 from fantoccini.motion import State
 from fantoccini.puppet import Parameter
 from fantoccini.simulation.input_piece import InputVariation

@@ -15,7 +15,8 @@ import numpy as np
 from fantoccini.arrays import Array, Indices
 from fantoccini.errors import SimulationError, Status
 from fantoccini.marionette import Evaluation, Marionette
-from fantoccini.marionette.linearisation import KKTSystem, linearise, row_derivatives_at, turning
+from fantoccini.marionette.kkt import KKTSystem
+from fantoccini.marionette.linearisation import linearise, row_derivatives_at, turning
 from fantoccini.motion import State
 from fantoccini.motion.rotation import multiply
 from fantoccini.simulation.catch import rate_change
