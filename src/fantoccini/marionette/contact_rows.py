@@ -32,30 +32,42 @@ class ContactMode(StrEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class HeldPoint:
-    """A point that pushes in its mode.
+class PointMode:
+    """Which point pushes, and in which mode.
 
     Attributes:
         name: of the two parts, ``foot|floor``.
-        touch: where it is, and its derivatives.
+        pair, feature: index of the pair, and which of its points it is.
         mode: what it does.
         friction: coefficient mu.
-        force: (3,) on the first solid, in the world [N].
-        velocity: (3,) u, of the first solid against the second [m/s].
         along: (3,) d where it slides, in the world; 0 otherwise.
         turns: whether d turns with u. Where u_T is zero it has no derivative, and d is kept.
+    """
+
+    name: str
+    pair: int
+    feature: int
+    mode: ContactMode
+    friction: float
+    along: Array
+    turns: bool
+
+
+@dataclass(frozen=True, eq=False)
+class HeldPoint(PointMode):
+    """A point that pushes in its mode.
+
+    Attributes:
+        touch: where it is, and its derivatives.
+        force: (3,) on the first solid, in the world [N].
+        velocity: (3,) u, of the first solid against the second [m/s].
         closes: d(gap speed)/d(gap) that the normal row asks for [1/s]: 1/dt of fixed steps.
         bounces: restitution that the normal row asks for.
     """
 
-    name: str
     touch: Touch
-    mode: ContactMode
-    friction: float
     force: Array
     velocity: Array
-    along: Array
-    turns: bool
     closes: float = 0.0
     bounces: float = 0.0
 
@@ -76,6 +88,13 @@ class HeldPoint:
     def multipliers(self) -> Array:
         """(k,) of its force."""
         return np.asarray(self.directions @ self.force)
+
+
+    @classmethod
+    def of(cls, point: PointMode, touch: Touch, force: Array, velocity: Array) -> HeldPoint:
+        """A point at a place, with its force and velocity."""
+        own = (point.name, point.pair, point.feature, point.mode, point.friction, point.along)
+        return cls(*own, point.turns, touch, force, velocity)
 
 
 def tangents(normal: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from fantoccini.arrays import Array, Indices
 from fantoccini.errors import StateError, Status
 from fantoccini.marionette.contact_geometry import PairGeometry
-from fantoccini.marionette.contact_rows import ContactMode, ContactRows, HeldPoint
+from fantoccini.marionette.contact_rows import ContactMode, ContactRows, HeldPoint, PointMode
 from fantoccini.marionette.evaluation import Evaluation
 from fantoccini.marionette.kkt import KKTSystem
 from fantoccini.marionette.mode_system import ModeSystem, solve_in_modes
@@ -91,7 +91,8 @@ def _contacts(model: Model, screws: Screws, x: State, found: ContactPoints) -> C
             touch = pair.touch(feature)
             force, u = own.force[k], pair.velocity(screws, own.point[k])
             mode, along, turns, edge = mode_of(mu, touch.normal, force, u, still)
-            point = HeldPoint(name, touch, mode, mu, force, u, along, turns)
+            kept = PointMode(name, pair.pair, feature, mode, mu, along, turns)
+            point = HeldPoint.of(kept, touch, force, u)
             if edge and (slides := _begins_to_slide(screws, pair, point)):
                 point, edge = slides, "begins to slide, in a direction that has no derivative"
             held.append(point)
@@ -108,7 +109,7 @@ def _contacts(model: Model, screws: Screws, x: State, found: ContactPoints) -> C
 
 def _begins_to_slide(screws: Screws, pair: PairGeometry, point: HeldPoint) -> HeldPoint | None:
     """A point at the edge of its cone, sliding, if it does not stay where it is."""
-    touch = pair.touch(point.touch.feature, pair.twist(screws))
+    touch = pair.touch(point.feature, pair.twist(screws))
     rows = ContactRows(screws, [replace(point, touch=touch)], 0.0)
     if np.linalg.norm(rows.accelerations()[1:]) <= TOLERANCES.acceleration:
         return None
@@ -122,10 +123,11 @@ class FrozenModes:
 
     Args:
         model: the puppet.
-        points: in their modes; the directions of sliding are those of their velocities.
+        points: in their modes; the directions of sliding are those of their velocities, or, of points
+            almost at rest, those that they have.
     """
 
-    def __init__(self, model: Model, points: Sequence[HeldPoint]):
+    def __init__(self, model: Model, points: Sequence[PointMode]):
         self._model, self._points = model, tuple(points)
 
     def at(self, screws: Screws) -> list[HeldPoint]:
@@ -137,8 +139,10 @@ class FrozenModes:
         pairs: dict[int, PairGeometry] = {}
         out = []
         for point in self._points:
-            number, feature = point.touch.pair, point.touch.feature
-            pair = pairs.setdefault(number, PairGeometry(self._model, screws.poses, number))
+            feature = point.feature
+            if point.pair not in pairs:
+                pairs[point.pair] = PairGeometry(self._model, screws.poses, point.pair)
+            pair = pairs[point.pair]
             if feature not in pair.points:
                 raise StateError(f"{point.name} touch no longer where they did")
             touch = pair.touch(feature, pair.twist(screws))
@@ -147,13 +151,10 @@ class FrozenModes:
             if point.mode is ContactMode.SLIDE and point.friction > 0.0 and point.turns:
                 across = u - touch.normal * (touch.normal @ u)
                 speed = float(np.linalg.norm(across))
-                turns = speed > 0.0
+                turns = speed > TOLERANCES.speed
                 along = across / speed if turns else along
-            out.append(
-                replace(
-                    point, touch=touch, velocity=u, along=along, turns=turns, force=np.zeros(3)
-                )
-            )
+            made = HeldPoint.of(point, touch, np.zeros(3), u)
+            out.append(replace(made, along=along, turns=turns))
         return out
 
     def moving(
@@ -177,7 +178,9 @@ class FrozenModes:
         rows = ContactRows(screws, points, 0.0)
         hddot = at.gamma[held] + at.W[:, held].T @ at.w0
         rate = np.concatenate([hddot, rows.accelerations()])[:, None]
-        acc, y = ModeSystem(at, held, rows).solve(np.zeros((len(free), 1)), rate, strict=False)
+        acc, y = ModeSystem(at, held, rows.rows, rows.forces, rows.drags).solve(
+            np.zeros((len(free), 1)), rate, strict=False
+        )
         tension, forces, first = y[: len(held), 0], [], len(held)
         for point in points:
             k = len(point.directions)

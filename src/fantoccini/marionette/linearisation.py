@@ -22,7 +22,7 @@ import numpy as np
 
 from fantoccini.arrays import Array, Indices
 from fantoccini.errors import UnknownNameError
-from fantoccini.marionette.contact_rows import HeldPoint
+from fantoccini.marionette.contact_rows import HeldPoint, PointMode
 from fantoccini.marionette.contact_state import FrozenModes, resting
 from fantoccini.marionette.dynamics import forward_dynamics
 from fantoccini.marionette.evaluation import Evaluation
@@ -158,33 +158,36 @@ def linearise(
     acc_K: Array | None = None,
     u_D: Array | None = None,
     rows: Iterable[str] | None = None,
-    contacts: Iterable[HeldPoint] | None = None,
+    contacts: Iterable[PointMode] | None = None,
 ) -> Linearisation:
     """Derivatives of acc_D and of the tensions; see :meth:`Marionette.linearise`."""
     table, n_p = model.coordinates, len(model.p)
     acc_K, u_D = vector("acc_K", acc_K, table.n_vK), vector("u_D", u_D, table.n_vD)
     at = Evaluation.of(model, x, acc_K, u_D)
+    points, edges = tuple(contacts or ()), ()
+    tension = np.zeros(model.tree.n_rows)
     near = contacts is None and bool(model.overlaps(x.q_D, x.q_K, -TOUCHING))
-    found = resting(model, x, acc_K, u_D) if near else None
-    points = tuple(contacts or ()) if found is None else found.contacts.points
-    if rows is None and found is None and not points:
-        acc_D, tension = forward_dynamics(model, x, acc_K, u_D)
-    elif rows is None and found is not None:
+    if near or (points and rows is None):
+        found = resting(model, x, acc_K, u_D)
         acc_D, tension = found.acc_D, found.tension
+        if contacts is None:
+            points, edges = found.contacts.points, found.contacts.edges
+    elif rows is None:
+        acc_D, tension = forward_dynamics(model, x, acc_K, u_D)
     if rows is None:
         pulls = model.two_sided | ((tension > 0.0) & (tension < model.upper))
         held: Indices = np.flatnonzero(pulls)
     else:
         held = named_rows(model, rows)
-    frozen = FrozenModes(model, points)
+    frozen, pushing = FrozenModes(model, points), []
     if rows is not None or points:
-        acc_D, pulling, points = frozen.moving(at, x, acc_K, held)
+        acc_D, pulling, pushing = frozen.moving(at, x, acc_K, held)
         tension = np.zeros(model.tree.n_rows)
         tension[held] = pulling
     derivatives = derivatives_at(model, x, acc_D, acc_K, tension)
     by = force_derivatives(model, derivatives, tension)
     rate = row_derivatives(derivatives)[held]
-    dacc, dtension, dpush = frozen.solve(at, x, (acc_D, acc_K), held, points, by, rate)
+    dacc, dtension, dpush = frozen.solve(at, x, (acc_D, acc_K), held, pushing, by, rate)
     widths = [table.n_vD] * 2 + [table.n_vK] * 3 + [table.n_vD, n_p]
     return Linearisation(
         x=x,
@@ -193,9 +196,9 @@ def linearise(
         tension=tension,
         acc=Partials.of(dacc, widths),
         pull=Partials.of(tension_derivatives(model, tension, held, dtension), widths),
-        contacts=tuple(points),
+        contacts=tuple(pushing),
         push=Partials.of(dpush, widths),
-        edges=() if found is None else found.contacts.edges,
+        edges=edges,
         coordinates=table,
     )
 

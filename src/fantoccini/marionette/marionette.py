@@ -15,7 +15,7 @@ from fantoccini.marionette import (  # fmt: skip
     projection,
 )
 from fantoccini.marionette.analysis import interpreted
-from fantoccini.marionette.contact_rows import HeldPoint
+from fantoccini.marionette.contact_rows import PointMode
 from fantoccini.marionette.dynamics import ForwardDynamics, forward_dynamics
 from fantoccini.marionette.flow import Flow
 from fantoccini.marionette.initial_state import Values
@@ -233,7 +233,7 @@ class Marionette:
         acc_K: Array | None = None,
         u_D: Array | None = None,
         rows: Iterable[str] | None = None,
-        contacts: Iterable[HeldPoint] | None = None,
+        contacts: Iterable[PointMode] | None = None,
     ) -> Linearisation:
         """Derivatives of acc_D and the tensions (Eqs. 10, 11), and A and B of the linear system.
 

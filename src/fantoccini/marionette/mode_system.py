@@ -55,12 +55,12 @@ def solve_in_modes(
         StateError: friction jams, redundant rows do not agree, or the motion depends on how redundant points share their force.
     """
     own, change = rows(points)
-    system = ModeSystem(at, held, own)
+    system = ModeSystem(at, held, own.rows, own.forces, own.drags)
     acc, y = system.solve(force + own.force_by(), np.concatenate([rate, change]), strict)
     if len(system.idle) and any(point.mode is ContactMode.SLIDE for point in points):
         shifted = _shared_otherwise(points, system.idle[:, len(held) :])
         other, change = rows(shifted)
-        again = ModeSystem(at, held, other)
+        again = ModeSystem(at, held, other.rows, other.forces, other.drags)
         found, _ = again.solve(force + other.force_by(), np.concatenate([rate, change]), strict)
         size = np.max(np.abs(acc), axis=0)
         most = DEPENDS * np.maximum(size, ROUNDING * np.max(size, initial=0.0))
@@ -93,18 +93,19 @@ class ModeSystem:
     Args:
         at: the model there.
         held: indices of the strings and limits that are held.
-        contacts: the points that are held.
+        rows, forces: (k, n_vD) of the points: what they hold, and by what.
+        drags: (j, n_vD) Z.
 
     Raises:
         StateError: friction jams: no forces keep the modes.
     """
 
-    def __init__(self, at: Evaluation, held: Indices, contacts: ContactRows):
+    def __init__(self, at: Evaluation, held: Indices, rows: Array, forces: Array, drags: Array):
         self._at, self._n_held = at, len(held)
         W = at.W[:, held]
-        self._C = np.concatenate([W, at.forth(contacts.rows).T], axis=1)
-        self._B = np.concatenate([W, at.forth(contacts.forces).T], axis=1)
-        Z = at.forth(contacts.drags).T
+        self._C = np.concatenate([W, _into(at, rows)], axis=1)
+        self._B = np.concatenate([W, _into(at, forces)], axis=1)
+        Z = _into(at, drags)
         self._inverse = np.linalg.inv(np.eye(len(W)) + Z @ Z.T)
         u, s, vt = np.linalg.svd(self._C.T @ self._inverse @ self._B)
         kept = s > DEPENDENT_ROWS * np.max(s, initial=0.0)
@@ -141,3 +142,8 @@ class ModeSystem:
                 "motion do not exist"
             )
         return self._at.back(w.T).T, y
+
+
+def _into(at: Evaluation, rows: Array) -> Array:
+    """(n_vD, k) F^-T of rows (k, n_vD), of which there may be none."""
+    return at.forth(rows).T if len(rows) else rows.T

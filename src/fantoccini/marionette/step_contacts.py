@@ -9,14 +9,14 @@ those that stick stay inside their cone, open ones open.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError
 from fantoccini.marionette.contact_geometry import PairGeometry
-from fantoccini.marionette.contact_rows import ContactMode, HeldPoint
+from fantoccini.marionette.contact_rows import ContactMode, HeldPoint, PointMode
 from fantoccini.marionette.model import LIMITS, Model
 from fantoccini.marionette.screws import Screws
 from fantoccini.motion import ContactPoints, State, pair_name
@@ -126,7 +126,8 @@ def _held(
         edge = edge or "the place of its points has no derivative"
     elif n @ force < TOLERANCES.force * model.reference_force:
         edge = edge or "touches without force"
-    return HeldPoint(name, touch, mode, mu, force, u, along, turns), edge
+    point = PointMode(name, pair.pair, feature, mode, mu, along, turns)
+    return HeldPoint.of(point, touch, force, u), edge
 
 
 def mode_of(
@@ -166,28 +167,21 @@ def _aimed(
     """
     assert model.contacts is not None
     after = float(made.touch.normal @ made.velocity)
-    e = float(model.contacts.restitution[made.touch.pair])
+    e = float(model.contacts.restitution[made.pair])
     parting = min(-made.touch.gap / dt, LIMITS.recovery_speed)
     # A gap is known to rounding only.
     rounding = still + TOLERANCES.same_place * 1e-3 / dt
     if abs(after - parting) <= rounding:
         closes = 1.0 / dt if parting < LIMITS.recovery_speed else 0.0
         verge = e > 0.0 and abs(-e * speed - max(parting, -gain)) <= rounding
-        return _with(made, closes, 0.0), "springs back if it is any faster" if verge else ""
+        return replace(made, closes=closes), "springs back if it is any faster" if verge else ""
     if e > 0.0 and abs(after + e * speed) <= rounding:
-        return _with(made, 0.0, e), ""
+        return replace(made, bounces=e), ""
     raise StateError(
         f"{made.name} moves after this step as the law of contact alone does not say: bodies are "
         "wedged in, or restitution is scaled down so that no energy is added; such a step has no "
         "derivative"
     )
-
-
-def _with(made: HeldPoint, closes: float, bounces: float) -> HeldPoint:
-    return HeldPoint(
-        made.name, made.touch, made.mode, made.friction, made.force, made.velocity, made.along,
-        made.turns, closes, bounces,
-    )  # fmt: skip
 
 
 def closed_without_force(
