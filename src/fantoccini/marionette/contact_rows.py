@@ -130,6 +130,10 @@ class ContactRows:
             out -= at.force_by()
         return out
 
+    def gap_by(self) -> Array:
+        """(points, m) changes of -gap."""
+        return _stacked([-at.gap_by[None] for at in self._at], self._screws.n_columns)
+
     def velocity_by(self) -> Array:
         """(k, m) changes of -(u_n + closes gap) and of -u_T, at fixed acc_D."""
         return _stacked([at.velocity_by() for at in self._at], self._screws.n_columns)

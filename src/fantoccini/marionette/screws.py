@@ -38,16 +38,22 @@ def bracket(a: Array, b: Array) -> Array:
 class Screws:
     """Links at a state, and how q_D, v_D, q_K, v_K, acc_K, u_D and p change their motions.
 
-    Changes are columns, m in all, in this order; accelerations acc_D stay.
+    Changes are columns, m in all, in this order, or those that are given; acc_D stays.
 
     Args:
         model: the puppet.
         x: the state.
         acc_D, acc_K: (n_vD,), (n_vK,) accelerations; 0 when not given.
+        changes: (n_columns, m) of these quantities.
     """
 
     def __init__(
-        self, model: Model, x: State, acc_D: Array | None = None, acc_K: Array | None = None
+        self,
+        model: Model,
+        x: State,
+        acc_D: Array | None = None,
+        acc_K: Array | None = None,
+        changes: Array | None = None,
     ):
         t, p = model.coordinates, model.p
         self.n_D, n_K = t.n_vD, t.n_vK
@@ -63,11 +69,17 @@ class Screws:
         ends = np.cumsum([0, self.n_D, self.n_D, n_K, n_K, n_K, self.n_D, len(p)])
         self.n_columns = int(ends[-1])
         places = [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]
-        q_D, v_D, q_K, v_K, a_K, _, self._p = places
+        q_D, v_D, q_K, v_K, a_K, _, of_p = places
         self._dq, self._dv, self._da = (np.zeros((n, self.n_columns)) for _ in range(3))
         for into, D, K in ((self._dq, q_D, q_K), (self._dv, v_D, v_K)):
             into[: self.n_D, D], into[self.n_D :, K] = np.eye(self.n_D), np.eye(n_K)
         self._da[self.n_D :, a_K] = np.eye(n_K)
+        self._dp = np.zeros((len(p), self.n_columns))
+        self._dp[:, of_p] = np.eye(len(p))
+        if changes is not None:
+            self.n_columns = changes.shape[1]
+            ours = (self._dq, self._dv, self._da, self._dp)
+            self._dq, self._dv, self._da, self._dp = (one @ changes for one in ours)
         self._by_parameters(model, x)
 
     def _by_parameters(self, model: Model, x: State) -> None:
@@ -80,9 +92,10 @@ class Screws:
         at = p + (OFFSETS[:, None, None] * np.diag(step)).reshape(-1, len(p))
         found = model.library.evaluate("screws", q_D=x.q_D, q_K=x.q_K, p=at)
         screws = np.concatenate([found.screw_D, found.screw_K], axis=-1).swapaxes(-1, -2)
-        for out, values in ((self._s_p, screws), (poses := np.zeros((n_links, 12, len(p))), found.poses.swapaxes(-1, -2))):
-            shaped = values.reshape(len(OFFSETS), len(p), *out.shape[:2])
-            out[:] = np.einsum("o,opij->ijp", WEIGHTS, shaped) / step
+        self._s_p, poses = (
+            np.einsum("o,opij->ijp", WEIGHTS, x.reshape(len(OFFSETS), len(p), *x.shape[1:])) / step
+            for x in (screws, found.poses.swapaxes(-1, -2))
+        )
         for i, pose in enumerate(self.poses):
             R, dR = pose[:9].reshape(3, 3).T, poses[i, :9].reshape(3, 3, -1).swapaxes(0, 1)
             turn = np.einsum("ijp,kj->ikp", dR, R)
@@ -107,7 +120,7 @@ class Screws:
         out = np.zeros((6, self.n_columns))
         if link != WORLD:
             out += (self.s.T * self._moves[link]) @ self._dq
-            out[:, self._p] += self._xi_p[link]
+            out += self._xi_p[link] @ self._dp
         return out
 
     def twist_by(self, link: int) -> Array:
@@ -165,8 +178,7 @@ class Screws:
         """(n, 6, m) changes of the screws."""
         moved = np.einsum("kj,jm,ji->kmi", self._carries, self._dq, self.s)
         out = bracket(moved, self.s[:, None]).swapaxes(1, 2)
-        out[:, :, self._p] += self._s_p
-        return np.asarray(out)
+        return np.asarray(out + self._s_p @ self._dp)
 
     @cached_property
     def _ds_dot(self) -> Array:
