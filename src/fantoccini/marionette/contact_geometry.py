@@ -44,7 +44,7 @@ TOLERANCES = GeometryTolerances()
 
 @dataclass(frozen=True, eq=False)
 class Touch:
-    """One point of contact and its derivatives by a twist of the first link about P.
+    """One point of contact and its derivatives by a twist of the first link.
 
     Attributes:
         pair, feature: index of the pair, and which of its points it is.
@@ -93,6 +93,9 @@ class PairGeometry:
             self._size = TOLERANCES.plane_size
         rows = self._touches(self._first[None], TOLERANCES.margin)[0]
         self.points = {int(row[0]): row[1:] for row in rows if row[0] >= 0.0}
+        places = [at[1:4] for at in self.points.values()]
+        self._about = np.mean(places, axis=0) if places else np.zeros(3)
+        self._found: dict[tuple[float, bytes | None], dict[int, Array]] = {}
 
     def nearest(self, point: Array, most: float) -> int | None:
         """The feature of the point at a place (3,) [m], if any is within ``most`` [m]."""
@@ -118,12 +121,10 @@ class PairGeometry:
                 rates [m/s, rad/s].
         """
         here = self.points[feature]
-        about = here[1:4]
-        by, smooth = self._settled(lambda h: self._first_at(feature, about, h), TOLERANCES.first)
-        scale = np.array([self._size] * 3 + [1.0] * 3)
+        scale, values = np.array([self._size] * 3 + [1.0] * 3), np.array([self._size] * 4 + [1.0] * 3)
         to_origin = np.eye(6)
-        to_origin[:3, 3:] = -rotation.skew(about)
-        values = np.array([self._size] * 4 + [1.0] * 3)
+        to_origin[:3, 3:] = -rotation.skew(self._about)
+        by, smooth = self._settled(feature, None, TOLERANCES.first)
         by = values[:, None] * by / scale @ to_origin
         rate, rate_by = np.zeros(7), np.zeros((7, 6))
         if twist is not None:
@@ -131,46 +132,61 @@ class PairGeometry:
             speed = float(np.linalg.norm(local))
             rate = by @ twist
             if speed > 0.0:
-                along = local / speed
-                found, second = self._settled(
-                    lambda h: self._second_at(feature, about, along, h), TOLERANCES.second
-                )
+                found, second = self._settled(feature, local / speed, TOLERANCES.second)
                 rate_by = values[:, None] * found * speed / scale @ to_origin
                 smooth = smooth and second
         return Touch(
-            self.pair, feature, self.links, float(here[0]), about, here[4:7], by, rate, rate_by,
+            self.pair, feature, self.links, float(here[0]), here[1:4], here[4:7], by, rate, rate_by,
             smooth,
         )  # fmt: skip
 
-    def _first_at(self, feature: int, about: Array, h: float) -> Array | None:
-        """(7, 6) differences at a step, in units of the size; None where the point is lost."""
-        moves = (h * OFFSETS[:, None, None] * np.eye(6)).reshape(-1, 1, 6)
-        found = self._values(feature, about, moves, h)
-        if found is None:
-            return None
-        return np.einsum("o,ojc->cj", WEIGHTS, found.reshape(len(OFFSETS), 6, 7)) / h
+    def _settled(
+        self, feature: int, along: Array | None, tolerance: float
+    ) -> tuple[Array, bool]:
+        """(7, 6) differences at the largest step that agrees with the next, and whether any does.
 
-    def _second_at(self, feature: int, about: Array, along: Array, h: float) -> Array | None:
-        """(7, 6) differences of the rates along a unit twist, after a twist of each direction."""
-        first = np.repeat((h * OFFSETS[:, None, None] * np.eye(6)).reshape(-1, 6), 6, axis=0)
-        then = np.tile(h * OFFSETS[:, None] * along, (36, 1))
-        found = self._values(feature, about, np.stack([first, then], axis=1), h)
-        if found is None:
-            return None
-        shaped = found.reshape(len(OFFSETS), 6, len(OFFSETS), 7)
-        return np.einsum("o,ojsc,s->cj", WEIGHTS, shaped, WEIGHTS) / h**2
+        Args:
+            feature: of the point.
+            along: (6,) unit twist along which rates are differenced; None for first derivatives.
+            tolerance: of the agreement.
+        """
+        last: Array | None = None
+        for h in TOLERANCES.steps:
+            found = self._differences(h, along).get(feature)
+            if found is not None and last is not None:
+                if np.max(np.abs(found - last)) <= tolerance * max(1.0, np.max(np.abs(last))):
+                    return last, True
+            last = found if found is not None else last
+        return (np.zeros((7, 6)) if last is None else last), False
 
-    def _values(self, feature: int, about: Array, moves: Array, h: float) -> Array | None:
-        """(n, 7) gap, P and n, less those here, after twists (n, k, 6) one after the other."""
-        poses = self._moved(about, moves)
-        margin = TOLERANCES.margin + 20.0 * h * self._size
-        rows = self._touches(poses, margin)
-        own = rows[:, :, 0] == feature
-        if not np.all(np.any(own, axis=1)):
-            return None
-        values = rows[np.arange(len(rows)), np.argmax(own, axis=1), 1:] - self.points[feature]
-        values[:, :4] /= self._size
-        return np.asarray(values)
+    def _differences(self, h: float, along: Array | None) -> dict[int, Array]:
+        """(7, 6) differences at a step of all points that are not lost, in units of the size."""
+        key = h, None if along is None else along.tobytes()
+        if key in self._found:
+            return self._found[key]
+        single = (h * OFFSETS[:, None, None] * np.eye(6)).reshape(-1, 6)
+        if along is None:
+            moves = single[:, None]
+        else:  # of the rates along it, after a twist of each direction
+            then = np.tile(h * OFFSETS[:, None] * along, (36, 1))
+            moves = np.stack([np.repeat(single, 6, axis=0), then], axis=1)
+        rows = self._touches(self._moved(self._about, moves), TOLERANCES.margin + 20.0 * h * self._size)
+        out = {}
+        for feature, here in self.points.items():
+            own = rows[:, :, 0] == feature
+            if not np.all(np.any(own, axis=1)):
+                continue
+            values = rows[np.arange(len(rows)), np.argmax(own, axis=1), 1:] - here
+            values[:, :4] /= self._size
+            if along is None:
+                shaped = values.reshape(len(OFFSETS), 6, 7)
+                out[feature] = np.einsum("o,ojc->cj", WEIGHTS, shaped) / h
+            else:
+                shaped = values.reshape(len(OFFSETS), 6, len(OFFSETS), 7)
+                inner = np.einsum("ojsc,s->ojc", shaped, WEIGHTS)
+                out[feature] = np.einsum("o,ojc->cj", WEIGHTS, inner) / h**2
+        self._found[key] = out
+        return out
 
     def _moved(self, about: Array, twists: Array) -> Array:
         """(n, 12) poses of the first link after screw motions (n, k, 6) about a point, by size."""
@@ -188,18 +204,6 @@ class PairGeometry:
 
     def _touches(self, poses: Array, margin: float) -> Array:
         return self._library.touches(self._contacts, self.pair, poses, self._second, margin)
-
-    def _settled(self, at: object, tolerance: float) -> tuple[Array, bool]:
-        """A difference at the largest step that agrees with the next one, and whether any does."""
-        assert callable(at)
-        last: Array | None = None
-        for h in TOLERANCES.steps:
-            found = at(h)
-            if found is not None and last is not None:
-                if np.max(np.abs(found - last)) <= tolerance * max(1.0, np.max(np.abs(last))):
-                    return last, True
-            last = found if found is not None else last
-        return (np.zeros((7, 6)) if last is None else last), False
 
 
 def _size(solid: np.void) -> float:

@@ -182,7 +182,7 @@ class _Moving:
         self.gap_by = moved[0]
         self.P_by = moved[1:4] + _at_point(self._pose_b, self.P)
         self.n_by = moved[4:] + _cross(self._pose_b[3:], self.n)
-        self.u = self._twist[:3] + np.cross(self._twist[3:], self.P)
+        self.u = self._twist[:3] + _cross(self._twist[3:], self.P)
         self.u_by = _at_point(self._twist_by, self.P) + _cross(self._twist[3:], self.P_by)
 
     @property
@@ -195,7 +195,7 @@ class _Moving:
         if point.mode is ContactMode.STICK or not point.turns or step == 0.0:
             return np.zeros((0, self.screws.n_D))
         size = point.friction * float(self.n @ point.force) * step / self._speed
-        return np.sqrt(size) * (np.cross(self.n, d) @ self.U)[None]
+        return np.sqrt(size) * (_cross(self.n, d) @ self.U)[None]
 
     def _turned(self, u_by: Array) -> Array:
         """(3, m) changes of f at fixed multipliers where u changes so."""
@@ -212,7 +212,7 @@ class _Moving:
         """(n_vD, m) changes of Q at fixed multipliers and acc_D."""
         f, screws, (a, b) = self.point.force, self.screws, self.point.touch.links
         f_by = self._turned(self.u_by)
-        wrench = np.concatenate([f, np.cross(self.P, f)])
+        wrench = np.concatenate([f, _cross(self.P, f)])
         by = np.concatenate([f_by, _cross(self.P_by, f) + _cross(self.P, f_by)])
         return screws.force_by(a, wrench, by) - screws.force_by(b, wrench, by)
 
@@ -252,10 +252,10 @@ class _Moving:
         """Time derivatives of P, n and u."""
         a, b = self.point.touch.links
         moved = self.point.touch.by @ self._twist
-        P_dot = moved[1:4] + self._twist_b[:3] + np.cross(self._twist_b[3:], self.P)
-        n_dot = moved[4:] + np.cross(self._twist_b[3:], self.n)
+        P_dot = moved[1:4] + self._twist_b[:3] + _cross(self._twist_b[3:], self.P)
+        n_dot = moved[4:] + _cross(self._twist_b[3:], self.n)
         A = self.screws.acceleration(a) - self.screws.acceleration(b)
-        u_dot = A[:3] + np.cross(A[3:], self.P) + np.cross(self._twist[3:], P_dot)
+        u_dot = A[:3] + _cross(A[3:], self.P) + _cross(self._twist[3:], P_dot)
         return P_dot, n_dot, u_dot
 
     def acceleration_by(self) -> Array:
@@ -298,8 +298,13 @@ def _at_point(twist: Array, point: Array) -> Array:
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """a x b of columns (3, m), one of which may be a vector (3,)."""
-    return np.cross(a.T, b.T).T
+    """a x b of columns (3, m), one of which must be a vector (3,)."""
+    return _skew(a) @ b if a.ndim == 1 else -_skew(b) @ a
+
+
+def _skew(v: Array) -> Array:
+    x, y, z = v.tolist()
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def _stacked(parts: list[Array], width: int) -> Array:

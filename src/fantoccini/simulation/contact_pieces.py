@@ -78,10 +78,21 @@ class ContactPieces:
         """Whether anything pushes at a sample."""
         return self._model.contacts is not None and bool(self._points(i))
 
+    def stops(self, i: int, modes: Sequence[PointMode]) -> bool:
+        """Whether a point that slides in some modes is at rest at a sample."""
+        seen, still = self._points(i), self._still(i)
+        sliding = [p for p in modes if p.mode is ContactMode.SLIDE and p.friction > 0.0]
+        at = [seen.get((p.pair, p.feature)) for p in sliding]
+        return any(own is not None and own.speed <= still for own in at)
+
+    def _still(self, i: int) -> float:
+        """Speed that is none at a sample [m/s]."""
+        return TOLERANCES.speed * max(1.0, float(np.max(np.abs(self._run.v_D[i]), initial=0.0)))
+
     def _modes(self, i: int) -> tuple[tuple[PointMode, ...], bool]:
         """The modes of the step from sample i to the next; whether one begins or ends with rest."""
         before, after = self._points(i), self._points(i + 1)
-        still = TOLERANCES.speed * max(1.0, float(np.max(np.abs(self._run.v_D[i]), initial=0.0)))
+        still = self._still(i)
         modes, turning = [], False
         for (pair, feature), own in after.items():
             old = before.get((pair, feature))

@@ -274,7 +274,7 @@ class _Pieces:
         points: tuple[Sequence[PointMode], Sequence[PointMode]],
     ) -> Array:
         """The changes after a change of contacts' modes at sample i, at which velocities stay."""
-        if key_of(points[0]) == key_of(points[1]):
+        if key_of(points[0]) == key_of(points[1]) and not self._contacts.stops(i, points[0]):
             return Z
         run, model = self.run, self.marionette.model
         x, u_D = run.state(i), self._force(run.t[i])
