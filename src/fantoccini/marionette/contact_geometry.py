@@ -36,7 +36,7 @@ class GeometryTolerances:
     """The same of second derivatives."""
     margin: float = 1e-3  # Gap within which points are looked at [m], as compiled code does
     least_size: float = 1e-4  # Of a pair [m]
-    plane_size: float = 0.1  # Where neither has a size: of meshes on planes [m]
+    flat_size: float = 0.1  # Of planes and meshes, which have none [m]
 
 
 TOLERANCES = GeometryTolerances()
@@ -88,9 +88,8 @@ class PairGeometry:
         a, b = self.links
         self._first = poses[a]
         self._second = poses[b] if b != WORLD else np.zeros(12)
-        self._size = max(TOLERANCES.least_size, min(_size(solid) for solid in solids))
-        if not np.isfinite(self._size):
-            self._size = TOLERANCES.plane_size
+        # Points bend with the distance of the solids' cores, or not at all.
+        self._size = max(TOLERANCES.least_size, sum(_size(solid) for solid in solids))
         rows = self._touches(self._first[None], TOLERANCES.margin)[0]
         self.points = {int(row[0]): row[1:] for row in rows if row[0] >= 0.0}
         places = [at[1:4] for at in self.points.values()]
@@ -207,8 +206,8 @@ class PairGeometry:
 
 
 def _size(solid: np.void) -> float:
-    """The smallest radius or half edge of a solid [m]; inf for planes and meshes."""
+    """The smallest radius or half edge of a solid [m]."""
     if solid["kind"] in (SolidKind.HALF_SPACE, SolidKind.HULL):
-        return np.inf
+        return TOLERANCES.flat_size
     half = float(np.min(solid["half"]))
     return half if half > 0.0 else float(solid["radius"])
