@@ -1,4 +1,4 @@
-"""linearise_step through contact: differences of steps, in every mode, and what has no derivative."""
+"""linearise_step through contact: differences of steps in every mode; what has no derivative."""
 
 from __future__ import annotations
 

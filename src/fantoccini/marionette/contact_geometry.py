@@ -36,6 +36,7 @@ class GeometryTolerances:
     """The same of second derivatives."""
     margin: float = 1e-3  # Gap within which points are looked at [m], as compiled code does
     least_size: float = 1e-4  # Of a pair [m]
+    reach: float = 20.0  # Steps by which a pair may part while it is differenced
     flat_size: float = 0.1  # Of planes and meshes, which have none [m]
 
 
@@ -120,7 +121,8 @@ class PairGeometry:
                 rates [m/s, rad/s].
         """
         here = self.points[feature]
-        scale, values = np.array([self._size] * 3 + [1.0] * 3), np.array([self._size] * 4 + [1.0] * 3)
+        scale = np.array([self._size] * 3 + [1.0] * 3)
+        values = np.array([self._size] * 4 + [1.0] * 3)
         to_origin = np.eye(6)
         to_origin[:3, 3:] = -rotation.skew(self._about)
         by, smooth = self._settled(feature, None, TOLERANCES.first)
@@ -152,10 +154,13 @@ class PairGeometry:
         last: Array | None = None
         for h in TOLERANCES.steps:
             found = self._differences(h, along).get(feature)
-            if found is not None and last is not None:
-                if np.max(np.abs(found - last)) <= tolerance * max(1.0, np.max(np.abs(last))):
+            if found is None:
+                continue
+            if last is not None:
+                apart = float(np.max(np.abs(found - last)))
+                if apart <= tolerance * max(1.0, float(np.max(np.abs(last)))):
                     return last, True
-            last = found if found is not None else last
+            last = found
         return (np.zeros((7, 6)) if last is None else last), False
 
     def _differences(self, h: float, along: Array | None) -> dict[int, Array]:
@@ -169,7 +174,8 @@ class PairGeometry:
         else:  # of the rates along it, after a twist of each direction
             then = np.tile(h * OFFSETS[:, None] * along, (36, 1))
             moves = np.stack([np.repeat(single, 6, axis=0), then], axis=1)
-        rows = self._touches(self._moved(self._about, moves), TOLERANCES.margin + 20.0 * h * self._size)
+        margin = TOLERANCES.margin + TOLERANCES.reach * h * self._size
+        rows = self._touches(self._moved(self._about, moves), margin)
         out = {}
         for feature, here in self.points.items():
             own = rows[:, :, 0] == feature

@@ -6,8 +6,8 @@ tangents, and U = du/dv_D, a point that
     sticks  holds n.u, t1.u and t2.u          by f = x_n n + x_1 t1 + x_2 t2,
     slides  holds n.u                         by f = x_n (n - mu d),  d = u_T/|u_T|.
 
-An open one holds nothing. Q = U^T f are generalised forces. Tangents turn with the normal and not about
-it; d turns with u:  dd = (1 - d d^T) du_T/|u_T|.
+An open one holds nothing. Q = U^T f are generalised forces. Tangents turn with the normal and not
+about it; d turns with u:  dd = (1 - d d^T) du_T/|u_T|.
 """
 
 from __future__ import annotations
@@ -240,7 +240,7 @@ class _Moving:
         return out
 
     def accelerations(self) -> Array:
-        P_dot, n_dot, u_dot = self._rates
+        _, n_dot, u_dot = self._rates
         own = self.point.directions
         out = own @ u_dot
         out[0] += n_dot @ self.u

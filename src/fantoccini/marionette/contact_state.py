@@ -1,4 +1,4 @@
-"""What touches at a state: points, their modes and their forces, as event-driven runs choose them."""
+"""What touches at a state: points, their modes and forces, as event-driven runs choose them."""
 
 from __future__ import annotations
 
@@ -22,13 +22,14 @@ from fantoccini.marionette.step_contacts import (
     closed_without_force,
     geometries,
     mode_of,
+    still_speed,
 )
 from fantoccini.marionette.stepper import held_input
 from fantoccini.motion import ContactPoints, State, pair_name
 from fantoccini.runtime import Run
 
 JUMP = 1e-6
-"""Change of the velocities at the start of a run, relative to 1 or the largest, that is an impact."""
+"""Change of velocities at the start of a run, relative to 1 or the largest: an impact."""
 CLOSED = 1e-6
 """Gap up to which a point touches [m], as where an event-driven run begins."""
 
@@ -77,9 +78,10 @@ def resting(model: Model, x: State, acc_K: Array, u_D: Array) -> Resting:
 def _contacts(model: Model, screws: Screws, x: State, found: ContactPoints) -> Contacts:
     """The points found, in their modes; ``screws`` must have the accelerations."""
     assert model.contacts is not None
-    speeds = [float(np.max(np.abs(screws.twist(i)))) for i in range(len(screws.poses))]
-    still = TOLERANCES.speed * max(1.0, *speeds)
-    held, edges, idle = [], [], []
+    still = still_speed(screws)
+    held: list[HeldPoint] = []
+    edges: list[str] = []
+    idle: list[tuple[str, PairGeometry, int, float]] = []
     for pair in geometries(model, screws, x, list(set(found.pair.tolist()))):
         name, own = pair_name(model.contacts.names[pair.pair]), found.some(found.pair == pair.pair)
         mu, taken = float(model.contacts.friction[pair.pair]), set()
@@ -123,8 +125,8 @@ class FrozenModes:
 
     Args:
         model: the puppet.
-        points: in their modes; the directions of sliding are those of their velocities, or, of points
-            almost at rest, those that they have.
+        points: in their modes; the directions of sliding are those of their velocities, or, of
+            points almost at rest, those that they have.
     """
 
     def __init__(self, model: Model, points: Sequence[PointMode]):

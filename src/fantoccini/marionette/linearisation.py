@@ -82,8 +82,8 @@ class Linearisation:
         acc: derivatives of acc_D (n_vD, ...).
         pull: derivatives of the tensions (n_rows, ...); 0 for rows that are not held.
         contacts: the points that push, in their modes.
-        push: derivatives of their forces (3 n, ...), in the world: of least norm where the law leaves
-            them open, as the forces are.
+        push: derivatives of their forces (3 n, ...), in the world: of least norm where the law
+            leaves them open, as the forces are.
         edges: what is between two modes, as a point that touches without force: the derivatives
             then are those of the modes taken, towards one side.
         coordinates: names and places of the coordinates.
@@ -164,7 +164,7 @@ def linearise(
     table, n_p = model.coordinates, len(model.p)
     acc_K, u_D = vector("acc_K", acc_K, table.n_vK), vector("u_D", u_D, table.n_vD)
     at = Evaluation.of(model, x, acc_K, u_D)
-    points, edges = tuple(contacts or ()), ()
+    points, edges = tuple(contacts or ()), tuple[str, ...]()
     tension = np.zeros(model.tree.n_rows)
     near = contacts is None and bool(model.overlaps(x.q_D, x.q_K, -TOUCHING))
     if near or (points and rows is None):
@@ -179,7 +179,7 @@ def linearise(
         held: Indices = np.flatnonzero(pulls)
     else:
         held = named_rows(model, rows)
-    frozen, pushing = FrozenModes(model, points), []
+    frozen, pushing = FrozenModes(model, points), list[HeldPoint]()
     if rows is not None or points:
         acc_D, pulling, pushing = frozen.moving(at, x, acc_K, held)
         tension = np.zeros(model.tree.n_rows)

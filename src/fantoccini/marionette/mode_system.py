@@ -2,8 +2,8 @@
 
     (M + Z^T Z) x + B^T y = -force,   C x = -rate
 
-C are the rows that are held and B the forces that hold them; they differ where solids slide. Z is what
-friction does because it turns with the velocity.
+C are the rows that are held and B the forces that hold them; they differ where solids slide. Z is
+what friction does because it turns with the velocity.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ CONTRADICTS = 1e-6
 SHIFT = 0.1
 """Force that is shared otherwise, relative to the largest, to see whether motions depend on it."""
 DEPENDS = 1e-6
-"""Change of a derivative, relative to the largest by the same quantity, by which they depend on it."""
+"""Change of a derivative by which it depends on that, relative to the largest by its quantity."""
 ROUNDING = 1e-8
 """Derivatives by one quantity that are rounding, relative to the largest of all."""
 
@@ -52,7 +52,8 @@ def solve_in_modes(
         strict: whether rows that depend on one another must agree.
 
     Raises:
-        StateError: friction jams, redundant rows do not agree, or the motion depends on how redundant points share their force.
+        StateError: friction jams, redundant rows do not agree, or the motion depends on how
+            redundant points share their force.
     """
     own, change = rows(points)
     system = ModeSystem(at, held, own.rows, own.forces, own.drags)
@@ -67,8 +68,8 @@ def solve_in_modes(
         if np.any(np.max(np.abs(found - acc), axis=0) > most):
             names = ", ".join(dict.fromkeys(point.name for point in points))
             raise StateError(
-                f"{names} slide on more points than the law can share force among, and how a motion "
-                "near by turns depends on the shares: it has no derivative"
+                f"{names} slide on more points than the law can share force among, and how a "
+                "motion near by turns depends on the shares: it has no derivative"
             )
     n = len(held)
     return acc, y[:n], own.push_by(y[n:], acc)

@@ -12,6 +12,7 @@ xi = sum of s_k dq_k and turns the screws as a motion does: ds_k = [xi_k, s_k].
 from __future__ import annotations
 
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -68,7 +69,7 @@ class Screws:
         self._a = np.concatenate([acc_D, acc_K])
         ends = np.cumsum([0, self.n_D, self.n_D, n_K, n_K, n_K, self.n_D, len(p)])
         self.n_columns = int(ends[-1])
-        places = [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        places = [slice(a, b) for a, b in pairwise(ends)]
         q_D, v_D, q_K, v_K, a_K, _, of_p = places
         self._dq, self._dv, self._da = (np.zeros((n, self.n_columns)) for _ in range(3))
         for into, D, K in ((self._dq, q_D, q_K), (self._dv, v_D, v_K)):

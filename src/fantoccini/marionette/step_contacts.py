@@ -2,8 +2,8 @@
 
     u_n+ >= w,  w = min(-gap/dt, recovery speed) or -e u_n of a new contact that springs back
 
-A mode's derivative is that of the step where the law holds strictly: points that push do so with force,
-those that stick stay inside their cone, open ones open.
+A mode's derivative is that of the step where the law holds strictly: points that push do so with
+force, those that stick stay inside their cone, open ones open.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class ModeTolerances:
     cone: float = 1e-6  # Part of its cone by which a force that sticks must stay inside
     acceleration: float = 1e-6  # Of a point that stays where it is [m/s^2]
     same_place: float = 1e-9  # Distance of points that are one [m]
-    dependent: float = 1e-7  # Part of a row that other rows do not give: below, it follows from them
+    dependent: float = 1e-7  # Part of a row that others do not give: below, it follows from them
 
 
 TOLERANCES = ModeTolerances()
@@ -49,6 +49,12 @@ class Contacts:
 
     points: tuple[HeldPoint, ...]
     edges: tuple[str, ...]
+
+
+def still_speed(screws: Screws) -> float:
+    """Speed that is none where links move as they do [m/s]."""
+    speeds = [float(np.max(np.abs(screws.twist(i)))) for i in range(len(screws.poses))]
+    return TOLERANCES.speed * max(1.0, *speeds)
 
 
 def geometries(model: Model, screws: Screws, x: State, more: Sequence[int]) -> list[PairGeometry]:
@@ -84,8 +90,7 @@ def step_contacts(
         StateError: the step did not hold a point as the law asks for.
     """
     assert model.contacts is not None
-    speeds = [float(np.max(np.abs(s.twist(i)))) for s in (before, after) for i in range(len(s.poses))]
-    still = TOLERANCES.speed * max(1.0, *speeds)
+    still = max(still_speed(before), still_speed(after))
     held: list[HeldPoint] = []
     edges: list[str] = []
     open_points: list[tuple[str, PairGeometry, int, float]] = []
@@ -99,7 +104,7 @@ def step_contacts(
                 raise StateError(f"{name} touch in this step where they did not at its start")
             taken.add(feature)
             made, edge = _held(model, name, pair, feature, own.some(np.array([k])), still)
-            speed = pair.velocity(before, made.touch.point) @ made.touch.normal
+            speed = float(pair.velocity(before, made.touch.point) @ made.touch.normal)
             row = made.touch.normal @ _subspace(before, pair.links, made.touch.point)
             made, verge = _aimed(model, made, speed, float(row @ kick), dt, still)
             held.append(made)
@@ -148,8 +153,8 @@ def mode_of(
     speed, size = float(np.linalg.norm(u_T)), float(np.linalg.norm(f_T))
     if speed > still:
         return ContactMode.SLIDE, u_T / speed, True, ""
-    edge = "sticks at the edge of its cone" if size > (1.0 - TOLERANCES.cone) * mu * (n @ force) else ""
-    return ContactMode.STICK, none, False, edge
+    strained = size > (1.0 - TOLERANCES.cone) * mu * (n @ force)
+    return ContactMode.STICK, none, False, "sticks at the edge of its cone" if strained else ""
 
 
 def _aimed(
@@ -198,7 +203,7 @@ def closed_without_force(
         open_points: name, pair and feature of others, and the speed at which they open [m/s].
         still: speed that is none [m/s].
     """
-    rows = [point.directions @ _subspace(screws, point.touch.links, point.touch.point) for point in held]
+    rows = [p.directions @ _subspace(screws, p.touch.links, p.touch.point) for p in held]
     basis = np.concatenate([*rows, np.zeros((0, screws.n_D))])
     _, s, vt = np.linalg.svd(basis, full_matrices=False)
     span = vt[s > TOLERANCES.dependent * np.max(s, initial=0.0)]

@@ -67,8 +67,8 @@ class StepLinearisation:
         B_p: (2 n_vD + 2 n_vK, n_p) by the parameters.
         pull: derivatives of ``tension`` (n_rows, ...); 0 for rows that are not held.
         contacts: the points that push, in their modes.
-        push: derivatives of their forces (3 n, ...), in the world: of least norm where the law leaves
-            them open, as the forces are.
+        push: derivatives of their forces (3 n, ...), in the world: of least norm where the law
+            leaves them open, as the forces are.
         edges: what is between two modes, as a point that touches without force: A, B, B_u and B_p
             then are derivatives of the modes taken, towards one side.
         coordinates: names and places of the coordinates.

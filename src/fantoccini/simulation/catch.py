@@ -143,7 +143,8 @@ class Catch:
         q_K, v_K = q_K + x.v_K[:, None] * late, v_K + acc_K[:, None] * late
         speed = rate_change(before, q_D, q_K, v_K, p) + before["A_D"] @ v_D
         rate = rate_change(after, q_D, q_K, v_K, p) + after["A_D"] @ v_D
-        rate += self._restitution[:, None] * speed + restitution_change(self._marionette, self._at) @ p
+        rate += self._restitution[:, None] * speed
+        rate += restitution_change(self._marionette, self._at) @ p
         force = force_change(self._marionette, x, self._kick, self._impulse, q_D, q_K, p)
         v_D = v_D + self._system.solve(force, rate[self._rows])[0]
         q_D = q_D - self._after.v_D[:, None] * late

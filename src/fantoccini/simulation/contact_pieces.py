@@ -1,7 +1,7 @@
 """The modes of contact of an event-driven run, step by step, and changes of mode without an impact.
 
-A run's samples end its steps. Where a step ends a mode that goes on with others, it writes no second
-sample; so the modes of each step are read from the points at its end.
+A run's samples end its steps. Where only some points of two parts change their modes, it writes no
+second sample; so the modes of each step are read from the points at its end.
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ class ContactPieces:
     def groups(self, first: int, last: int) -> list[tuple[int, int, tuple[PointMode, ...]]]:
         """(sample, sample, modes) of the stretches of samples first to last with the same modes.
 
-        Steps in which a point begins or ceases to slide are stretches of their own: its direction is
-        that of its friction where it is at rest.
+        Steps in which a point begins or ceases to slide are stretches of their own: its direction
+        is that of its friction where it is at rest.
         """
         if self._model.contacts is None:
             return [(first, last, ())]

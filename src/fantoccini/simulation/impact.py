@@ -1,6 +1,6 @@
 """Small changes of the state across an impact in which solids touch: the saltation matrix.
 
-As across a catch (:mod:`fantoccini.simulation.catch`), with points in their modes beside the strings:
+As across a catch (:mod:`fantoccini.simulation.catch`), with points in their modes beside strings:
 
     M (v+ - v-) + A_D^T Lambda - U^T X = 0,   hdot+ = -e max(hdot-, 0),
     u_n+ = e max(-u_n-, 0),   X = x_n n where u_T+ = 0, else x_n (n - mu u_T+/|u_T+|)
@@ -16,6 +16,7 @@ import numpy as np
 from fantoccini.arrays import Array, Indices
 from fantoccini.errors import SimulationError, Status
 from fantoccini.marionette import Evaluation, Marionette
+from fantoccini.marionette.contact_geometry import PairGeometry
 from fantoccini.marionette.contact_rows import ContactMode, ContactRows, HeldPoint, PointMode
 from fantoccini.marionette.kkt import KKTSystem
 from fantoccini.marionette.linearisation import row_derivatives_at
@@ -90,7 +91,7 @@ class Impact:
         caught = [r for r in self.rows if not was[r] and at.hdot[r] > NEGLIGIBLE * fast]
         self._guards = [_Guard.of_point(self.screws, p) for p in struck]
         found = row_derivatives_at(model, before)
-        self._guards += [_Guard.of_row(self.screws, found, r, at.hdot[r]) for r in caught]
+        self._guards += [_Guard.of_row(self.screws, found, int(r), at.hdot[r]) for r in caught]
         self.names = tuple(dict.fromkeys([p.name for p in struck]))
         self.names += tuple(marionette.tree.row_names[r] for r in caught)
         self.speed = max((guard.speed for guard in self._guards), default=0.0)
@@ -106,12 +107,12 @@ class Impact:
             held: (2 n_vD, k) changes before it that keep what is held there.
         """
         m = 2 * len(self._before.v_D)
-        none = InputVariation.none(self._marionette, m)
-        jump = self.carried(np.eye(m), none, acc, acc_K)
-        lates = [guard.late(stacked(held, _none_like(self._marionette, held))) for guard in self._guards]
-        apart = max((float(np.max(np.abs(x - lates[0]), initial=0.0)) for x in lates), default=0.0)
-        together = apart <= AGREE * max((float(np.max(np.abs(x), initial=1e-9)) for x in lates), default=1.0)
-        sharp = bool(lates) and together and not self.edges
+        jump = self.carried(np.eye(m), InputVariation.none(self._marionette, m), acc, acc_K)
+        changes = stacked(held, InputVariation.none(self._marionette, held.shape[1]))
+        lates = np.array([guard.late(changes)[0] for guard in self._guards])
+        apart = float(np.max(np.abs(lates - lates[:1]), initial=0.0))
+        together = apart <= AGREE * float(np.max(np.abs(lates), initial=1e-9))
+        sharp = len(lates) > 0 and together and not self.edges
         return Passage(self._before.t, self.names, self.speed, jump, sharp)
 
     def carried(
@@ -133,7 +134,8 @@ class Impact:
         before, after = (row_derivatives_at(model, side) for side in (x, self._after))
         speed = rate_change(before, q_D, q_K, v_K, p) + before["A_D"] @ v_D
         rate = rate_change(after, q_D, q_K, v_K, p) + after["A_D"] @ v_D
-        rate += self._restitution[:, None] * speed + restitution_change(self._marionette, self._at) @ p
+        rate += self._restitution[:, None] * speed
+        rate += restitution_change(self._marionette, self._at) @ p
         force = force_change(self._marionette, x, self._kicked, self._impulse, q_D, q_K, p)
         kick = self._solve(force, rate[self.rows], D)
         q_D = q_D - self._after.v_D[:, None] * late
@@ -156,13 +158,15 @@ class Impact:
 
     def _points(
         self, later: Screws, tolerance: float
-    ) -> tuple[list[HeldPoint], list[tuple[str, object, int, float]]]:
+    ) -> tuple[list[HeldPoint], list[tuple[str, PairGeometry, int, float]]]:
         """Points that end at the law's normal velocity, and those that do not take part."""
         model = self._marionette.model
         assert model.contacts is not None
-        taking_part, idle = [], []
+        taking_part: list[HeldPoint] = []
+        idle: list[tuple[str, PairGeometry, int, float]] = []
         for pair in geometries(model, self.screws, self._before, []):
-            name, mu = pair_name(model.contacts.names[pair.pair]), float(model.contacts.friction[pair.pair])
+            name = pair_name(model.contacts.names[pair.pair])
+            mu = float(model.contacts.friction[pair.pair])
             e = float(model.contacts.restitution[pair.pair])
             for feature, values in pair.points.items():
                 if values[0] > CLOSED:
@@ -187,7 +191,7 @@ class Impact:
     def _kick(
         self, points: list[HeldPoint], stopped: Array
     ) -> tuple[Array, Array, list[HeldPoint]]:
-        """v+ - v-, the rows' impulses, and the points with theirs; without those that would pull."""
+        """v+ - v-, the rows' impulses, and the points with theirs; none of them pulls."""
         none = np.zeros((len(self._before.v_D), 1))
         while True:
             rows = ContactRows(self.screws, points, 0.0)
@@ -254,10 +258,6 @@ def _weak(points: Sequence[HeldPoint]) -> list[str]:
         elif p.mode is ContactMode.STICK and across > (1.0 - TOLERANCES.cone) * p.friction * normal:
             out.append(f"{p.name}: sticks at the edge of its cone")
     return out
-
-
-def _none_like(marionette: Marionette, Z: Array) -> InputVariation:
-    return InputVariation.none(marionette, Z.shape[1])
 
 
 class _Guard:
