@@ -292,3 +292,10 @@ def test_edges_are_named(ball, box, balls):
         "b|a: springs back if it is any faster",
     )
     assert box.linearise_step(box.state({"body.z": 0.05})).sharp
+
+
+def test_a_gap_that_closes_within_the_step(ball):
+    """5 mm above the floor, at 5 m/s."""
+    x = thrown(ball, {"body.z": 0.075}, {"body.x": 0.5, "body.z": -5.0, "body.wy": 2.0})
+    lin = check_step(ball, x, ["stick"])
+    assert lin.contacts[0].touch.gap == pytest.approx(0.005)

@@ -105,7 +105,24 @@ def tangents(normal: Array) -> Array:
     return np.stack([first, np.cross(normal, first)])
 
 
-class ContactRows:
+@dataclass(eq=False)
+class HeldRows:
+    """What some points hold, and by what.
+
+    Attributes:
+        names: of the points.
+        rows: (k, n_vD) of -u along the directions that are held.
+        forces: (k, n_vD) generalised forces of the multipliers, negated.
+        drags: (j, n_vD) of friction that turns with the velocity.
+    """
+
+    names: str
+    rows: Array
+    forces: Array
+    drags: Array
+
+
+class ContactRows(HeldRows):
     """The rows and forces of some points at a state, with signs like those of strings: -u closes.
 
     Args:
@@ -118,9 +135,12 @@ class ContactRows:
         self._screws, self._step = screws, step
         self._at = [_Moving(screws, point) for point in points]
         n = screws.n_D
-        self.rows = _stacked([-at.point.directions @ at.U for at in self._at], n)
-        self.forces = _stacked([-at.point.pushes @ at.U for at in self._at], n)
-        self.drags = _stacked([at.drag(step) for at in self._at], n)
+        super().__init__(
+            ", ".join(dict.fromkeys(point.name for point in points)),
+            _stacked([-at.point.directions @ at.U for at in self._at], n),
+            _stacked([-at.point.pushes @ at.U for at in self._at], n),
+            _stacked([at.drag(step) for at in self._at], n),
+        )
         self.multipliers = np.concatenate([np.zeros(0), *(p.multipliers for p in points)])
 
     def force_by(self) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 
 from fantoccini.arrays import Array, Indices
 from fantoccini.errors import StateError, Status
+from fantoccini.marionette.checks import check_start
 from fantoccini.marionette.contact_geometry import PairGeometry
 from fantoccini.marionette.contact_rows import ContactMode, ContactRows, HeldPoint, PointMode
 from fantoccini.marionette.evaluation import Evaluation
@@ -55,6 +56,7 @@ def resting(model: Model, x: State, acc_K: Array, u_D: Array) -> Resting:
     Raises:
         StateError: solids strike one another there, or no event-driven run begins there.
     """
+    check_start(model, x)
     options = model.run_options()
     inputs = held_input(model, x, options.dt, acc_K, u_D)
     run = Run(model.library, "event", options, x, model.p, model.winches, inputs)
@@ -82,7 +84,7 @@ def _contacts(model: Model, screws: Screws, x: State, found: ContactPoints) -> C
     held: list[HeldPoint] = []
     edges: list[str] = []
     idle: list[tuple[str, PairGeometry, int, float]] = []
-    for pair in geometries(model, screws, x, list(set(found.pair.tolist()))):
+    for pair in geometries(model, screws, x, sorted(set(found.pair.tolist()))):
         name, own = pair_name(model.contacts.names[pair.pair]), found.some(found.pair == pair.pair)
         mu, taken = float(model.contacts.friction[pair.pair]), set()
         for k in range(len(own)):
@@ -180,9 +182,8 @@ class FrozenModes:
         rows = ContactRows(screws, points, 0.0)
         hddot = at.gamma[held] + at.W[:, held].T @ at.w0
         rate = np.concatenate([hddot, rows.accelerations()])[:, None]
-        acc, y = ModeSystem(at, held, rows.rows, rows.forces, rows.drags).solve(
-            np.zeros((len(free), 1)), rate, strict=False
-        )
+        none = np.zeros((len(free), 1))
+        acc, y = ModeSystem(at, held, rows).solve(none, rate, strict=False)
         tension, forces, first = y[: len(held), 0], [], len(held)
         for point in points:
             k = len(point.directions)

@@ -15,7 +15,7 @@ import numpy as np
 
 from fantoccini.arrays import Array, Indices
 from fantoccini.errors import StateError
-from fantoccini.marionette.contact_rows import ContactMode, ContactRows, HeldPoint
+from fantoccini.marionette.contact_rows import ContactMode, ContactRows, HeldPoint, HeldRows
 from fantoccini.marionette.evaluation import Evaluation
 from fantoccini.marionette.kkt import DEPENDENT_ROWS
 
@@ -56,19 +56,18 @@ def solve_in_modes(
             redundant points share their force.
     """
     own, change = rows(points)
-    system = ModeSystem(at, held, own.rows, own.forces, own.drags)
+    system = ModeSystem(at, held, own)
     acc, y = system.solve(force + own.force_by(), np.concatenate([rate, change]), strict)
     if len(system.idle) and any(point.mode is ContactMode.SLIDE for point in points):
         shifted = _shared_otherwise(points, system.idle[:, len(held) :])
         other, change = rows(shifted)
-        again = ModeSystem(at, held, other.rows, other.forces, other.drags)
+        again = ModeSystem(at, held, other)
         found, _ = again.solve(force + other.force_by(), np.concatenate([rate, change]), strict)
         size = np.max(np.abs(acc), axis=0)
         most = DEPENDS * np.maximum(size, ROUNDING * np.max(size, initial=0.0))
         if np.any(np.max(np.abs(found - acc), axis=0) > most):
-            names = ", ".join(dict.fromkeys(point.name for point in points))
             raise StateError(
-                f"{names} slide on more points than the law can share force among, and how a "
+                f"{own.names} slide on more points than the law can share force among, and how a "
                 "motion near by turns depends on the shares: it has no derivative"
             )
     n = len(held)
@@ -94,15 +93,15 @@ class ModeSystem:
     Args:
         at: the model there.
         held: indices of the strings and limits that are held.
-        rows, forces: (k, n_vD) of the points: what they hold, and by what.
-        drags: (j, n_vD) Z.
+        contacts: the points that are held.
 
     Raises:
         StateError: friction jams: no forces keep the modes.
     """
 
-    def __init__(self, at: Evaluation, held: Indices, rows: Array, forces: Array, drags: Array):
-        self._at, self._n_held = at, len(held)
+    def __init__(self, at: Evaluation, held: Indices, contacts: HeldRows):
+        rows, forces, drags = contacts.rows, contacts.forces, contacts.drags
+        self._at, self._names = at, contacts.names
         W = at.W[:, held]
         self._C = np.concatenate([W, _into(at, rows)], axis=1)
         self._B = np.concatenate([W, _into(at, forces)], axis=1)
@@ -113,8 +112,8 @@ class ModeSystem:
         own = np.linalg.svd(self._C, compute_uv=False)
         if np.sum(kept) < np.sum(own > np.sqrt(DEPENDENT_ROWS) * np.max(own, initial=0.0)):
             raise StateError(
-                "friction jams: no forces keep these modes of contact, so that their derivatives "
-                "do not exist"
+                f"friction jams at {contacts.names}: no forces keep these modes, so that "
+                "derivatives do not exist"
             )
         self._u, self._s, self._v = u[:, : len(s)][:, kept], s[kept], vt[: len(s)][kept].T
         self.idle = vt[np.sum(kept) :]
@@ -139,8 +138,8 @@ class ModeSystem:
         left = np.max(np.abs(self._C.T @ w + rate), initial=0.0)
         if strict and left > CONTRADICTS * max(1.0, np.max(np.abs(rate), initial=0.0)):
             raise StateError(
-                "redundant contacts would have to move differently, so that derivatives of the "
-                "motion do not exist"
+                f"{self._names} touch at more points than can go on together near by, so that the "
+                "motion has no derivative"
             )
         return self._at.back(w.T).T, y
 

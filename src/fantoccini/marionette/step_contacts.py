@@ -15,7 +15,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError
-from fantoccini.marionette.contact_geometry import PairGeometry
+from fantoccini.marionette.contact_geometry import TOLERANCES as GEOMETRY, PairGeometry
 from fantoccini.marionette.contact_rows import ContactMode, HeldPoint, PointMode
 from fantoccini.marionette.model import LIMITS, Model
 from fantoccini.marionette.screws import Screws
@@ -57,14 +57,25 @@ def still_speed(screws: Screws) -> float:
     return TOLERANCES.speed * max(1.0, *speeds)
 
 
-def geometries(model: Model, screws: Screws, x: State, more: Sequence[int]) -> list[PairGeometry]:
-    """Of all pairs near enough to touch at a state, and of some more."""
+def geometries(
+    model: Model, screws: Screws, x: State, more: Sequence[int] = (), reach: float = 0.0
+) -> list[PairGeometry]:
+    """Of all pairs near enough to touch at a state, and of some more.
+
+    Args:
+        model: the puppet.
+        screws: of the links at the state.
+        x: the state.
+        more: indices of pairs.
+        reach: gap up to which points of these count [m].
+    """
     contacts = model.contacts
     if contacts is None:
         return []
     gaps = model.library.gaps(contacts, x.q_D, x.q_K, model.p)
     near = np.union1d(np.flatnonzero(np.isfinite(gaps)), np.asarray(more, dtype=int))
-    return [PairGeometry(model, screws.poses, int(pair)) for pair in near]
+    margin = max(GEOMETRY.margin, GEOMETRY.spare * reach)
+    return [PairGeometry(model, screws.poses, int(pair), margin) for pair in near]
 
 
 def step_contacts(
@@ -94,7 +105,8 @@ def step_contacts(
     held: list[HeldPoint] = []
     edges: list[str] = []
     open_points: list[tuple[str, PairGeometry, int, float]] = []
-    for pair in geometries(model, before, x, list(set(found.pair.tolist()))):
+    reach = float(np.max(found.gap, initial=0.0))
+    for pair in geometries(model, before, x, sorted(set(found.pair.tolist())), reach):
         name = pair_name(model.contacts.names[pair.pair])
         own = found.some(found.pair == pair.pair)
         taken = set()

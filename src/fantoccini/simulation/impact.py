@@ -16,6 +16,7 @@ import numpy as np
 from fantoccini.arrays import Array, Indices
 from fantoccini.errors import SimulationError, Status
 from fantoccini.marionette import Evaluation, Marionette
+from fantoccini.marionette.active_set import TOLERANCES as ROWS
 from fantoccini.marionette.contact_geometry import PairGeometry
 from fantoccini.marionette.contact_rows import ContactMode, ContactRows, HeldPoint, PointMode
 from fantoccini.marionette.kkt import KKTSystem
@@ -65,14 +66,17 @@ class Impact:
         n_rows = len(at.hdot)
         was, stays = (np.isin(np.arange(n_rows), rows) for rows in held)
         self._restitution = string_restitution(marionette, at)
-        stopped = (1.0 + self._restitution) * at.hdot
-        self.rows = np.flatnonzero(was | stays | model.two_sided)
         self.screws = Screws(model, before)
         later = Screws(model, before.replace(v_D=after.v_D))
         scale = max(1.0, float(np.max(np.abs(before.v_D))), float(np.max(np.abs(after.v_D))))
         self._still = TOLERANCES.speed * scale
+        found = row_derivatives_at(model, before)
+        ends = at.hdot + found["A_D"] @ (after.v_D - before.v_D)
+        as_asked = np.abs(ends + self._restitution * at.hdot) <= AT_TARGET * scale
+        closed = np.abs(at.h) <= ROWS.start_gap * model.row_scales(before.q_D, before.q_K)
+        self.rows = np.flatnonzero(((was | stays | closed) & as_asked) | model.two_sided)
         points, idle = self._points(later, AT_TARGET * scale)
-        kick, impulse, points = self._kick(points, stopped)
+        kick, impulse, points = self._kick(points, (1.0 + self._restitution) * at.hdot)
         self._kicked, self._impulse = kick, np.zeros(n_rows)
         self._impulse[self.rows] = impulse
         self._after = after.replace(v_D=before.v_D + kick)
@@ -90,13 +94,16 @@ class Impact:
         fast = np.max(np.abs(at.hdot[self.rows]), initial=0.0)
         caught = [r for r in self.rows if not was[r] and at.hdot[r] > NEGLIGIBLE * fast]
         self._guards = [_Guard.of_point(self.screws, p) for p in struck]
-        found = row_derivatives_at(model, before)
         self._guards += [_Guard.of_row(self.screws, found, int(r), at.hdot[r]) for r in caught]
         self.names = tuple(dict.fromkeys([p.name for p in struck]))
         self.names += tuple(marionette.tree.row_names[r] for r in caught)
         self.speed = max((guard.speed for guard in self._guards), default=0.0)
         self.edges = closed_without_force(self.later, self.points, idle, self._still)
         self.edges += _weak(self.points)
+        near = closed & ~was & (at.hdot > -ROWS.rest_speed)
+        near[self.rows] = False
+        names = marionette.tree.row_names
+        self.edges += [f"{names[r]}: at its bound" for r in np.flatnonzero(near)]
 
     def passage(self, acc: tuple[Array, Array], acc_K: Array, held: Array) -> Passage:
         """The impact with its saltation matrix.
@@ -164,7 +171,7 @@ class Impact:
         assert model.contacts is not None
         taking_part: list[HeldPoint] = []
         idle: list[tuple[str, PairGeometry, int, float]] = []
-        for pair in geometries(model, self.screws, self._before, []):
+        for pair in geometries(model, self.screws, self._before):
             name = pair_name(model.contacts.names[pair.pair])
             mu = float(model.contacts.friction[pair.pair])
             e = float(model.contacts.restitution[pair.pair])
@@ -192,7 +199,7 @@ class Impact:
         self, points: list[HeldPoint], stopped: Array
     ) -> tuple[Array, Array, list[HeldPoint]]:
         """v+ - v-, the rows' impulses, and the points with theirs; none of them pulls."""
-        none = np.zeros((len(self._before.v_D), 1))
+        none, model = np.zeros((len(self._before.v_D), 1)), self._marionette.model
         while True:
             rows = ContactRows(self.screws, points, 0.0)
             # -u along what is held; a normal that is struck also gives back e of it.
@@ -200,13 +207,18 @@ class Impact:
             first = np.cumsum([0, *(len(p.directions) for p in points)])[:-1].astype(int)
             for k, point in zip(first, points, strict=True):
                 closing[k] *= 1.0 + point.bounces
-            system = ModeSystem(self._at, self.rows, rows.rows, rows.forces, rows.drags)
+            system = ModeSystem(self._at, self.rows, rows)
             rate = np.concatenate([stopped[self.rows], closing])[:, None]
             kick, y = system.solve(none, rate, strict=False)
             y = y[:, 0]
             own = y[len(self.rows) :]
             size = float(np.max(np.abs(y), initial=0.0))
-            pulls = [i for i, k in enumerate(first) if own[k] < -TOLERANCES.force * size]
+            least = -TOLERANCES.force * size
+            loose = (y[: len(self.rows)] < least) & ~model.two_sided[self.rows]
+            if np.any(loose):
+                self.rows = self.rows[~loose]
+                continue
+            pulls = [i for i, k in enumerate(first) if own[k] < least]
             if not pulls:
                 break
             worst = min(pulls, key=lambda i: own[first[i]])

@@ -277,6 +277,8 @@ class _Pieces:
         if key_of(points[0]) == key_of(points[1]) and not self._contacts.stops(i, points[0]):
             return Z
         run, model = self.run, self.marionette.model
+        if np.min(np.abs(self._inputs.breaks - run.t[i])) <= TOLERANCES.time:
+            return Z  # at a time that stays
         x, u_D = run.state(i), self._force(run.t[i])
         before, after = (
             (self._held(k), these) for k, these in zip(samples, points, strict=True)

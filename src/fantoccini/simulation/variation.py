@@ -18,7 +18,7 @@ import numpy as np
 from fantoccini.arrays import Array, Indices
 from fantoccini.errors import SimulationError, Status
 from fantoccini.marionette import Evaluation, Marionette
-from fantoccini.marionette.contact_rows import ContactRows, PointMode
+from fantoccini.marionette.contact_rows import ContactRows, HeldRows, PointMode
 from fantoccini.marionette.contact_state import FrozenModes
 from fantoccini.marionette.kkt import KKTSystem
 from fantoccini.marionette.linearisation import linearise, row_derivatives_at, turning
@@ -86,17 +86,16 @@ class Variation:
         held = FrozenModes(model, points).at(Screws(model, x))
         touching = ContactRows(Screws(model, x, changes=stacked(Z, by_input)), held, 0.0)
         first = np.cumsum([0, *(len(p.directions) for p in held)])[:-1]
-        normals = touching.rows[first]
         gap = found["A_D"] @ Z[:n] + found["A_K"] @ by_input.q_K + found["h_p"] @ by_input.p
         gaps = np.concatenate([gap[rows], touching.gap_by()])
-        system = ModeSystem(at, rows, normals, normals, np.zeros((0, n)))
+        system = ModeSystem(at, rows, _frictionless(touching, touching.rows[first]))
         Z_q = Z[:n] + system.solve(still, gaps, strict=False)[0]
         rate = rate_change(found, Z_q, by_input.q_K, by_input.v_K, by_input.p)
         rate = (rate + found["A_D"] @ Z[n:])[rows]
         Z = np.concatenate([Z_q, Z[n:]])
         touching = ContactRows(Screws(model, x, changes=stacked(Z, by_input)), held, 0.0)
         rates = np.concatenate([rate, touching.velocity_by()])
-        system = ModeSystem(at, rows, touching.rows, touching.rows, np.zeros((0, n)))
+        system = ModeSystem(at, rows, _frictionless(touching, touching.rows))
         return np.concatenate([Z_q, Z[n:] + system.solve(still, rates, strict=False)[0]])
 
     def along(
@@ -159,3 +158,8 @@ class Variation:
             turn = np.concatenate([[0.0], 0.5 * v_D[v : v + 3]])
             rate[q : q + 4] = multiply(q_D[q : q + 4], turn)
         return rate
+
+
+def _frictionless(touching: ContactRows, rows: Array) -> HeldRows:
+    """Rows that forces along themselves hold."""
+    return HeldRows(touching.names, rows, rows, rows[:0])
