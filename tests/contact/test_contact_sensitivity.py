@@ -7,7 +7,7 @@ import pytest
 
 import fantoccini as fan
 from contact.bodies import G, balls_that_meet, ladder, on_slope, thrown
-from contact.test_step_derivatives import ACROBAT, BOX, EGG
+from contact.files import ACROBAT, BOX, EGG
 from oracles.differences import apart, difference, moved, worst
 
 FINE = {"method": fan.Event(rtol=1e-13, atol=1e-13), "effort": False}

@@ -7,7 +7,7 @@ import pytest
 
 import fantoccini as fan
 from contact.bodies import G, on_slope, thrown
-from contact.test_step_derivatives import BALL, BALLS, BOX, EGG
+from contact.files import BALL, BALLS, BOX, EGG
 from fantoccini.marionette.contact_state import resting
 from oracles.differences import difference, moved, worst
 
