@@ -127,14 +127,6 @@ def test_methods_that_know_no_contact_say_so(box):
         fan.simulate(box, x, t_end=0.1, method=fan.Event(integrator="DOP853"))
 
 
-def test_sensitivities_end_where_solids_touch(box):
-    """They hold for a run in the air; one with a touch is refused."""
-    x = box.state({"body.z": 0.5})
-    assert fan.sensitivity(box, x, t_end=0.1).run.contact is not None
-    with pytest.raises(fan.StateError, match="solids touch in this run"):
-        fan.sensitivity(box, x, t_end=1.0)
-
-
 def test_event_driven_contact_knows_no_slipping_winches():
     puppet = fan.loads("""
 puppet: winched
@@ -145,14 +137,6 @@ strings: [{name: rope, path: [{body: bob}, {world: [0, 0, 1]}], length: 1, max_t
 """)
     with pytest.raises(fan.StateError, match=r"rope\. method='event' does not know both together"):
         fan.simulate(puppet, puppet.state({}), t_end=0.1)
-
-
-def test_derivatives_know_no_contact_and_say_so_where_solids_touch(box):
-    box.linearise(box.state({"body.z": 0.5}))
-    box.linearise_step(box.state({"body.z": 0.5}))
-    for find in (box.linearise, box.linearise_step):
-        with pytest.raises(fan.StateError, match="know nothing of contact yet"):
-            find(box.state({"body.z": 0.05}))
 
 
 def test_a_plan_keeps_clear_of_what_a_puppet_with_contact_may_touch():

@@ -14,6 +14,7 @@ from fantoccini.marionette.checks import (
     count_samples,
     refuse_contact,
 )
+from fantoccini.marionette.contact_rows import ContactMode, HeldPoint
 from fantoccini.marionette.critical_step import critical_step_of_tensions
 from fantoccini.marionette.dynamics import ForwardDynamics
 from fantoccini.marionette.evaluation import Evaluation
@@ -48,11 +49,13 @@ __all__ = [
     "CONTRADICTION_STATUSES",
     "A_rate",
     "ActiveSet",
+    "ContactMode",
     "Contradiction",
     "Evaluation",
     "Event",
     "Flow",
     "ForwardDynamics",
+    "HeldPoint",
     "InputWarning",
     "Linearisation",
     "Marionette",

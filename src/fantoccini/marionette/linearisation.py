@@ -7,6 +7,8 @@ or parameter:
 
     M dacc_D + A_D^T dtension = -r_d,   A_D dacc_D = -hddot_d      over the held rows
 
+Solids that touch add their rows and forces, each point in its mode (``contact_rows``).
+
 Changes of a configuration are tangent vectors, of the size of the velocities: a scalar adds, an
 orientation turns by a rotation vector in the body's frame.
 """
@@ -20,16 +22,16 @@ import numpy as np
 
 from fantoccini.arrays import Array, Indices
 from fantoccini.errors import UnknownNameError
+from fantoccini.marionette.contact_rows import HeldPoint, PointMode
+from fantoccini.marionette.contact_state import FrozenModes, resting
 from fantoccini.marionette.dynamics import forward_dynamics
 from fantoccini.marionette.evaluation import Evaluation
 from fantoccini.marionette.model import Model
+from fantoccini.marionette.touching import TOUCHING
 from fantoccini.marionette.vectors import vector
 from fantoccini.motion import State
 from fantoccini.puppet import Parameter
 from fantoccini.tree import CoordinateTable
-
-DEPENDENT_ROWS = 1e-9
-"""Singular value of W, relative to the largest, below which rows depend on one another."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +71,8 @@ class Linearisation:
         zdot = A z + B dacc_K + B_u du_D + B_p dp
 
     Only z with A_D dq_D + A_K dq_K = 0 over the held rows, and the same for the rates, are small
-    changes of the puppet. Every held row adds two eigenvalues 0 to A.
+    changes of the puppet, and those that keep points of contact closed, where they stick at rest.
+    Every held row adds two eigenvalues 0 to A.
 
     Attributes:
         x: the state.
@@ -78,6 +81,11 @@ class Linearisation:
         tension: (n_rows,) forces of strings and limits there [N or N m].
         acc: derivatives of acc_D (n_vD, ...).
         pull: derivatives of the tensions (n_rows, ...); 0 for rows that are not held.
+        contacts: the points that push, in their modes.
+        push: derivatives of their forces (3 n, ...), in the world: of least norm where the law
+            leaves them open, as the forces are.
+        edges: what is between two modes, as a point that touches without force: the derivatives
+            then are those of the modes taken, towards one side.
         coordinates: names and places of the coordinates.
     """
 
@@ -87,7 +95,15 @@ class Linearisation:
     tension: Array
     acc: Partials
     pull: Partials
+    contacts: tuple[HeldPoint, ...]
+    push: Partials
+    edges: tuple[str, ...]
     coordinates: CoordinateTable
+
+    @property
+    def sharp(self) -> bool:
+        """Whether the derivative exists towards all sides: no contact is between two modes."""
+        return not self.edges
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -142,27 +158,36 @@ def linearise(
     acc_K: Array | None = None,
     u_D: Array | None = None,
     rows: Iterable[str] | None = None,
+    contacts: Iterable[PointMode] | None = None,
 ) -> Linearisation:
     """Derivatives of acc_D and of the tensions; see :meth:`Marionette.linearise`."""
     table, n_p = model.coordinates, len(model.p)
     acc_K, u_D = vector("acc_K", acc_K, table.n_vK), vector("u_D", u_D, table.n_vD)
-    model.check_apart(x, "derivatives of the dynamics")
     at = Evaluation.of(model, x, acc_K, u_D)
-    if rows is None:
+    points, edges = tuple(contacts or ()), tuple[str, ...]()
+    tension = np.zeros(model.tree.n_rows)
+    near = contacts is None and bool(model.overlaps(x.q_D, x.q_K, -TOUCHING))
+    if near or (points and rows is None):
+        found = resting(model, x, acc_K, u_D)
+        acc_D, tension = found.acc_D, found.tension
+        if contacts is None:
+            points, edges = found.contacts.points, found.contacts.edges
+    elif rows is None:
         acc_D, tension = forward_dynamics(model, x, acc_K, u_D)
+    if rows is None:
         pulls = model.two_sided | ((tension > 0.0) & (tension < model.upper))
         held: Indices = np.flatnonzero(pulls)
     else:
         held = named_rows(model, rows)
-        none = np.zeros((len(x.v_D), 1))
-        hddot = at.gamma[held, None] + at.W[:, held].T @ at.w0[:, None]
-        dacc, dtension = KKTSystem(at, held).solve(none, hddot)
+    frozen, pushing = FrozenModes(model, points), list[HeldPoint]()
+    if rows is not None or points:
+        acc_D, pulling, pushing = frozen.moving(at, x, acc_K, held)
         tension = np.zeros(model.tree.n_rows)
-        tension[held] = dtension[:, 0]
-        acc_D = at.back(at.w0) + dacc[:, 0]
-    found = derivatives_at(model, x, acc_D, acc_K, tension)
-    by = force_derivatives(model, found, tension)
-    dacc, dtension = KKTSystem(at, held).solve(by, row_derivatives(found)[held])
+        tension[held] = pulling
+    derivatives = derivatives_at(model, x, acc_D, acc_K, tension)
+    by = force_derivatives(model, derivatives, tension)
+    rate = row_derivatives(derivatives)[held]
+    dacc, dtension, dpush = frozen.solve(at, x, (acc_D, acc_K), held, pushing, by, rate)
     widths = [table.n_vD] * 2 + [table.n_vK] * 3 + [table.n_vD, n_p]
     return Linearisation(
         x=x,
@@ -171,37 +196,11 @@ def linearise(
         tension=tension,
         acc=Partials.of(dacc, widths),
         pull=Partials.of(tension_derivatives(model, tension, held, dtension), widths),
+        contacts=tuple(pushing),
+        push=Partials.of(dpush, widths),
+        edges=edges,
         coordinates=table,
     )
-
-
-class KKTSystem:
-    """[M, A_D^T; A_D, 0] over held rows at one state, factorised.
-
-    Args:
-        at: the model at the state.
-        rows: indices of the held rows.
-    """
-
-    def __init__(self, at: Evaluation, rows: Indices):
-        self._at, self._W = at, at.W[:, rows]
-        u, s, vt = np.linalg.svd(self._W, full_matrices=False)
-        kept = s > DEPENDENT_ROWS * np.max(s, initial=0.0)
-        self._u, self._s, self._v = u[:, kept], s[kept], vt[kept].T
-
-    def solve(self, force: Array, rate: Array) -> tuple[Array, Array]:
-        """x (n_vD, m) and y (len(rows), m) with M x + A_D^T y = -force and A_D x = -rate.
-
-        y is the shortest where rows depend on one another.
-
-        Args:
-            force: (n_vD, m).
-            rate: (len(rows), m).
-        """
-        w = -self._at.forth(force.T).T
-        inner = self._u.T @ w + (self._v.T @ rate) / self._s[:, None]
-        y = self._v @ (inner / self._s[:, None])
-        return self._at.back((w - self._W @ y).T).T, y
 
 
 def named_rows(model: Model, names: Iterable[str]) -> Indices:

@@ -15,6 +15,7 @@ from fantoccini.marionette import (  # fmt: skip
     projection,
 )
 from fantoccini.marionette.analysis import interpreted
+from fantoccini.marionette.contact_rows import PointMode
 from fantoccini.marionette.dynamics import ForwardDynamics, forward_dynamics
 from fantoccini.marionette.flow import Flow
 from fantoccini.marionette.initial_state import Values
@@ -232,10 +233,12 @@ class Marionette:
         acc_K: Array | None = None,
         u_D: Array | None = None,
         rows: Iterable[str] | None = None,
+        contacts: Iterable[PointMode] | None = None,
     ) -> Linearisation:
         """Derivatives of acc_D and the tensions (Eqs. 10, 11), and A and B of the linear system.
 
-        The slip of winches is held; a string at its winch's largest tension keeps it.
+        The slip of winches is held; a string at its winch's largest tension keeps it. Points of
+        contact stick, slide or are open, and stay so.
 
         Args:
             x: the state.
@@ -243,12 +246,15 @@ class Marionette:
             u_D: (n_vD,) user forces; 0 when not given.
             rows: names of the strings and limits to hold, as equalities whatever they would pull;
                 wires and those that pull at ``x`` when not given.
+            contacts: points to hold in their modes, as another linearisation near by has them;
+                those that push at ``x`` when not given.
 
         Raises:
-            StateError: no acceleration satisfies the rows at ``x``.
+            StateError: no acceleration satisfies the rows at ``x``, solids strike there, or the
+                motion near by depends on how redundant points that slide share their force.
             UnknownNameError: a row that the puppet does not have.
         """
-        return linearise(self.model, x, acc_K, u_D, rows)
+        return linearise(self.model, x, acc_K, u_D, rows, contacts)
 
     def linearise_step(
         self, x: State, acc_K: Array | None = None, u_D: Array | None = None, dt: float = 0.002
@@ -262,7 +268,8 @@ class Marionette:
             dt: its length [s].
 
         Raises:
-            StateError: violation is so large that the step was cut short.
+            StateError: violation is so large that the step was cut short, or the step's contacts
+                have no derivative: what lies between two modes is in ``edges`` instead.
         """
         return linearise_step(self.model, x, acc_K, u_D, dt)
 

@@ -21,7 +21,7 @@ from fantoccini.marionette.compiled import Compiled
 from fantoccini.marionette.methods import Event, TimeStepping
 from fantoccini.marionette.portable import PortablePuppet
 from fantoccini.marionette.samples import SampleLayout
-from fantoccini.marionette.touching import TOUCHING, contacts_of, overlaps
+from fantoccini.marionette.touching import contacts_of, overlaps
 from fantoccini.motion import State, States, check_size
 from fantoccini.puppet import Number, Obstacle, Parameter, Puppet
 from fantoccini.runtime import Contacts, Library, RunOptions
@@ -162,19 +162,6 @@ class Model:
         if self.contacts is None:
             return {}
         return overlaps(self.library, self.contacts, q_D, q_K, self.p, depth)
-
-    def check_apart(self, x: State, purpose: str) -> None:
-        """Raises StateError where solids touch in a state.
-
-        Args:
-            x: the state.
-            purpose: what knows nothing of contact, for the message.
-        """
-        if found := self.overlaps(x.q_D, x.q_K, -TOUCHING):
-            raise StateError(
-                f"{', '.join(found)} touch; {purpose} know nothing of contact yet. Take a state in "
-                "which nothing touches, or contact: false"
-            )
 
     @cached_property
     def described(self) -> Puppet:

@@ -24,7 +24,8 @@ from fantoccini.errors import StateError
 from fantoccini.marionette.analysis import interpreted
 from fantoccini.marionette.dynamics import forward_dynamics
 from fantoccini.marionette.evaluation import Evaluation
-from fantoccini.marionette.linearisation import DEPENDENT_ROWS, KKTSystem, derivatives_at
+from fantoccini.marionette.kkt import DEPENDENT_ROWS, KKTSystem
+from fantoccini.marionette.linearisation import derivatives_at
 from fantoccini.marionette.model import Model
 from fantoccini.motion import State
 

@@ -6,33 +6,38 @@ Lambda > 0 (``cpp/fantoccini/timestepping.hpp``):
     (M + dt F) (v+ - v) + dt (c(q, v, q_K, rate) + M_DK mean - u_D) + A_D^T Lambda = 0
     A_D v+ + A_K rate + min(h/dt, recovery speed) = 0,      q+ = q moved by dt v+
 
-are differentiated with M, A and c at the step's start. It is the first step of a stepper: later in
+with contacts in their modes beside the rows (``contact_rows``), are differentiated with M, A and c
+at the step's start. It is the first step of a stepper: later in
 a run c takes its velocity products half a step ahead, extrapolated from earlier steps, which are no
 part of a state. That changes dv+ by dt^2/2 times the products' derivatives.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array, check_positive
+from fantoccini.arrays import Array, Indices, check_positive
 from fantoccini.errors import StateError
+from fantoccini.marionette.contact_rows import ContactRows, HeldPoint
 from fantoccini.marionette.evaluation import Evaluation
+from fantoccini.marionette.kkt import KKTSystem
 from fantoccini.marionette.linearisation import (
-    KKTSystem,
     Partials,
     derivatives_at,
     force_derivatives,
     row_derivatives_at,
     tension_derivatives,
 )
+from fantoccini.marionette.mode_system import solve_in_modes
 from fantoccini.marionette.model import Model
+from fantoccini.marionette.screws import Screws
+from fantoccini.marionette.step_contacts import Contacts, step_contacts
 from fantoccini.marionette.stepper import Stepper
 from fantoccini.marionette.vectors import vector
-from fantoccini.motion import State, rotation
+from fantoccini.motion import ContactPoints, State, rotation
 from fantoccini.tree import CoordinateTable
 
 SHORTENED = 1e-9
@@ -61,6 +66,11 @@ class StepLinearisation:
         B_u: (2 n_vD + 2 n_vK, n_vD) by the user's forces.
         B_p: (2 n_vD + 2 n_vK, n_p) by the parameters.
         pull: derivatives of ``tension`` (n_rows, ...); 0 for rows that are not held.
+        contacts: the points that push, in their modes.
+        push: derivatives of their forces (3 n, ...), in the world: of least norm where the law
+            leaves them open, as the forces are.
+        edges: what is between two modes, as a point that touches without force: A, B, B_u and B_p
+            then are derivatives of the modes taken, towards one side.
         coordinates: names and places of the coordinates.
     """
 
@@ -74,7 +84,15 @@ class StepLinearisation:
     B_u: Array
     B_p: Array
     pull: Partials
+    contacts: tuple[HeldPoint, ...]
+    push: Partials
+    edges: tuple[str, ...]
     coordinates: CoordinateTable
+
+    @property
+    def sharp(self) -> bool:
+        """Whether the derivative exists towards all sides: nothing is between two modes."""
+        return not self.edges
 
 
 def linearise_step(
@@ -88,18 +106,14 @@ def linearise_step(
     model.check_state(x)
     stepper = Stepper(model, x, "timestepping", model.run_options(dt=dt))
     x_next = stepper.advance(dt, acc_K, u_D=u_D)
-    if len(stepper.contacts):
-        raise StateError(
-            "solids touch in this step; its derivatives know nothing of contact yet. Take a state "
-            "in which nothing touches, or contact: false"
-        )
     tension, upper = stepper.tension, np.minimum(model.upper, model.tension_cap)
     held = np.flatnonzero(model.two_sided | ((tension > 0.0) & (tension < AT_CAP * upper)))
     path = _DrivenStep(t.quaternions_K, x.v_K, acc_K, dt)
     # The model as the step sees it: the mean velocity and acceleration of the inputs, M + dt F.
     start = x.replace(v_K=path.rate)
     at = Evaluation.of(model, start, path.mean, u_D, dt)
-    acc_D = at.back(at.w0 - at.W @ tension)
+    touching = _Touching.of(model, stepper, at, start, x_next, dt)
+    acc_D = at.back(at.w0 - at.W @ tension + touching.push(at))
     if np.max(np.abs(x.v_D + dt * acc_D - x_next.v_D), initial=0.0) > SHORTENED * (
         1.0 + np.max(np.abs(x_next.v_D), initial=0.0)
     ):
@@ -110,7 +124,7 @@ def linearise_step(
     found = derivatives_at(model, start, acc_D, path.mean, tension, dt)
     by = force_derivatives(model, found, tension)
     rate = _row_rates(model, start.replace(v_D=x.v_D + dt * acc_D), at, dt)
-    dacc, dtension = KKTSystem(at, held).solve(by, rate[held])
+    dacc, dtension, dpush = touching.solve(at, held, by, rate[held])
     dpull = tension_derivatives(model, tension, held, dtension)
     # From (q_D, v_D, q_K, rate, mean, u_D, p) to (q_D, v_D, q_K, v_K, acc_K, u_D, p).
     chain = path.chain(n, n_p)
@@ -130,8 +144,56 @@ def linearise_step(
         B_u=columns.u_D,
         B_p=columns.p,
         pull=Partials.of(dpull @ chain, widths),
+        contacts=touching.contacts.points,
+        push=Partials.of(dpush @ chain, widths),
+        edges=touching.contacts.edges,
         coordinates=t,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Touching:
+    """What touches in a step, and the links before it and with the velocities after it."""
+
+    contacts: Contacts
+    before: Screws | None
+    after: Screws | None
+    dt: float
+
+    @classmethod
+    def of(
+        cls, model: Model, stepper: Stepper, at: Evaluation, start: State, end: State, dt: float
+    ) -> _Touching:
+        if model.contacts is None:
+            return cls(Contacts((), ()), None, None, dt)
+        found = ContactPoints.of_rows(stepper.contacts, model.contacts.names)
+        found = found.at(len(stepper.samples) - 1)
+        before, after = Screws(model, start), Screws(model, start.replace(v_D=end.v_D))
+        kick = dt * at.back(at.w0)
+        return cls(step_contacts(model, before, after, kick, start, found, dt), before, after, dt)
+
+    def push(self, at: Evaluation) -> Array:
+        """(n_vD,) F^-T of the forces of all points."""
+        if self.after is None or not self.contacts.points:
+            return np.zeros_like(at.w0)
+        rows = ContactRows(self.after, self.contacts.points, self.dt)
+        return -at.forth(rows.multipliers @ rows.forces)
+
+    def solve(
+        self, at: Evaluation, held: Indices, force: Array, rate: Array
+    ) -> tuple[Array, Array, Array]:
+        """Changes of acc_D, of the held rows' tensions and of the points' forces."""
+        if self.before is None or self.after is None or not self.contacts.points:
+            return *KKTSystem(at, held).solve(force, rate), np.zeros((0, force.shape[1]))
+        points = self.contacts.points
+        return solve_in_modes(at, held, force, rate, self._rows, points, strict=True)
+
+    def _rows(self, points: Sequence[HeldPoint]) -> tuple[ContactRows, Array]:
+        """The points' rows, and their changes at fixed acc_D, over dt."""
+        assert self.before is not None and self.after is not None
+        rows = ContactRows(self.after, points, self.dt)
+        struck = ContactRows(self.before, points, 0.0)
+        return rows, (rows.velocity_by() + struck.bounce_by()) / self.dt
 
 
 def _row_rates(model: Model, x: State, at: Evaluation, dt: float) -> Array:

@@ -225,12 +225,20 @@ class Stepper:
                 if name not in table.v_K:
                     raise UnknownNameError("driven velocity", name, table.v_K)
                 acc_K[table.v_K.index(name)] = value
-        acc, x = vector("acc_K", acc_K, table.n_vK), self.state
-        # A trace longer than the piece, so that its last instant still lies within the input.
-        times = x.t + np.array([0.0, (1.0 + 1e-6) * duration])
-        made = Input.segments(table, times, x.q_K, x.v_K, acc[None])
-        if u_D is None:
-            return made
-        force = np.zeros((1, table.n_vD, N_COEF))
-        force[0, :, 0] = vector("u_D", u_D, table.n_vD)
-        return dataclasses.replace(made, force=force)
+        return held_input(self.model, self.state, duration, acc_K, u_D)
+
+
+def held_input(
+    model: Model, x: State, duration: float, acc_K: Array | None, u_D: Array | None
+) -> Input:
+    """Inputs with constant accelerations (n_vK,) and forces (n_vD,) from a state on."""
+    table = model.coordinates
+    acc = vector("acc_K", acc_K, table.n_vK)
+    # A trace longer than the piece, so that its last instant still lies within the input.
+    times = x.t + np.array([0.0, (1.0 + 1e-6) * duration])
+    made = Input.segments(table, times, x.q_K, x.v_K, acc[None])
+    if u_D is None:
+        return made
+    force = np.zeros((1, table.n_vD, N_COEF))
+    force[0, :, 0] = vector("u_D", u_D, table.n_vD)
+    return dataclasses.replace(made, force=force)

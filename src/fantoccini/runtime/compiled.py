@@ -26,6 +26,9 @@ from fantoccini.runtime.options import RunOptions
 from fantoccini.runtime.structures import UNLIMITED, input_arrays, structures
 from fantoccini.tree import Tree
 
+MOST_TOUCHES = 8
+"""Contact points that a pair has at most (``max_touches`` in touch_solids.hpp)."""
+
 
 class Library(Functions):
     """A puppet's compiled functions and runs.
@@ -100,6 +103,30 @@ class Library(Functions):
             ctypes.byref(contacts.structure), *(pointer(a) for a in given), pointer(out)
         ):
             raise MemoryError("no memory for contact points")
+        return out
+
+    def touches(
+        self, contacts: Contacts, pair: int, poses: Array, other: Array, margin: float
+    ) -> Array:
+        """Contact points of a pair at n poses of its first solid's link.
+
+        Args:
+            contacts: of the puppet.
+            pair: index of the pair.
+            poses: (n, 12) R column by column, then the origin [m].
+            other: (12,) of the second solid's link; of any numbers where it stands.
+            margin: gap below which points are found [m].
+
+        Returns:
+            (n, 8, 8): feature, gap [m], point (3,) [m], unit normal (3,), in the order of the
+            features; the feature is -1 where there is no further point.
+        """
+        out = np.zeros((len(poses), MOST_TOUCHES, 8))
+        poses, other = (np.ascontiguousarray(a, dtype=float) for a in (poses, other))
+        self.dll.fan_touches(
+            ctypes.byref(contacts.structure), int(pair), len(poses), pointer(poses), pointer(other),
+            ctypes.c_double(margin), pointer(out),
+        )  # fmt: skip
         return out
 
 

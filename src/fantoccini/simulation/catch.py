@@ -22,7 +22,8 @@ from fantoccini.contract import WINCH_AT
 from fantoccini.errors import SimulationError, Status
 from fantoccini.marionette import Evaluation, Marionette
 from fantoccini.marionette.active_set import TOLERANCES
-from fantoccini.marionette.linearisation import KKTSystem, row_derivatives_at
+from fantoccini.marionette.kkt import KKTSystem
+from fantoccini.marionette.linearisation import row_derivatives_at
 from fantoccini.motion import State
 from fantoccini.puppet import Parameter
 from fantoccini.simulation.input_piece import InputVariation
@@ -36,15 +37,17 @@ NEGLIGIBLE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Passage:
-    """A catch of a run, and its saltation matrix.
+    """A catch of a run, a touch, or a point of contact that stops; and its saltation matrix.
 
     Attributes:
         t: time [s].
-        rows: names of the strings and limits caught.
-        speed: hdot of the row whose gap decides the time [m/s or rad/s].
+        rows: names of the strings and limits caught, of the parts that touch, as ``foot|floor``, or
+            of those that stop sliding on one another.
+        speed: at which the gap closes that decides the time [m/s or rad/s]; 0 where a point stops.
         jump: (2 n_vD, 2 n_vD) saltation matrix: changes of (q_D, v_D) from before to after.
-        sharp: whether the derivative exists there: one row is caught, and no other is at its bound
-            by chance. Otherwise ``jump`` holds for changes that keep the sequence of events.
+        sharp: whether the derivative exists there: one row is caught, or one point touches, or
+            several that always do so at once, and no other is at its bound by chance. Otherwise
+            ``jump`` holds for changes that keep the sequence of events.
     """
 
     t: float
@@ -76,10 +79,7 @@ class Catch:
         scale = marionette.model.row_scales(before.q_D, before.q_K)
         closed = np.abs(at.h) <= TOLERANCES.start_gap * scale
         rows = np.flatnonzero(was | closed | wires)
-        self._restitution = np.zeros(n_rows)
-        e = marionette.winches[:, WINCH_AT["restitution"]]
-        self._restitution[: len(marionette.tree.strings)] = e
-        self._restitution[at.hdot <= 0.0] = 0.0
+        self._restitution = string_restitution(marionette, at)
         stopped = (1.0 + self._restitution) * at.hdot
         found = at.complementarity(rows, stopped[rows], wires)
         strikes = np.zeros(n_rows, dtype=bool)
@@ -143,38 +143,51 @@ class Catch:
         q_K, v_K = q_K + x.v_K[:, None] * late, v_K + acc_K[:, None] * late
         speed = rate_change(before, q_D, q_K, v_K, p) + before["A_D"] @ v_D
         rate = rate_change(after, q_D, q_K, v_K, p) + after["A_D"] @ v_D
-        rate += self._restitution[:, None] * speed + self._restitution_change() @ p
-        v_D = v_D + self._system.solve(self._force_change(q_D, q_K, p), rate[self._rows])[0]
+        rate += self._restitution[:, None] * speed
+        rate += restitution_change(self._marionette, self._at) @ p
+        force = force_change(self._marionette, x, self._kick, self._impulse, q_D, q_K, p)
+        v_D = v_D + self._system.solve(force, rate[self._rows])[0]
         q_D = q_D - self._after.v_D[:, None] * late
         return np.concatenate([q_D, v_D - acc[1][:, None] * late])
 
-    def _force_change(self, q_D: Array, q_K: Array, p: Array) -> Array:
-        """Change of M (v+ - v-) + A_D^T Lambda at fixed v+ - v- and Lambda.
 
-        It is the residual of the equations of motion at rest with the kick as acc_D, less that of
-        gravity and springs.
-        """
-        x = self._before.replace(
-            v_D=np.zeros_like(self._before.v_D), v_K=np.zeros_like(self._before.v_K)
-        )
-        values = self._marionette.model.at(x) | {
-            "acc_D": np.stack([self._kick, np.zeros_like(self._kick)]), "acc_K": x.v_K,
-            "tension": np.stack([self._impulse, np.zeros_like(self._impulse)]), "dt": np.array(0.0),
-        }  # fmt: skip
-        compiled = self._marionette.model.compiled.derivatives
-        found = compiled.at("force_by_q", values) | compiled.at("force_by_K", values)
-        kick = {name: part[0] - part[1] for name, part in found.items()}
-        return kick["r_q"] @ q_D + kick["r_qK"] @ q_K + kick["r_p"] @ p
+def string_restitution(marionette: Marionette, at: Evaluation) -> Array:
+    """(n_rows,) restitutions of the rows that close."""
+    out = np.zeros(len(at.hdot))
+    out[: len(marionette.tree.strings)] = marionette.winches[:, WINCH_AT["restitution"]]
+    out[at.hdot <= 0.0] = 0.0
+    return out
 
-    def _restitution_change(self) -> Array:
-        """(n_rows, n_p) derivative of e max(hdot-, 0) by the parameters."""
-        model = self._marionette.model
-        out = np.zeros((model.tree.n_rows, len(model.p)))
-        for i, string in enumerate(model.tree.strings):
-            if isinstance(string.restitution, Parameter):
-                at = model.parameter_index[string.restitution.parameter]
-                out[i, at] = max(self._at.hdot[i], 0.0)
-        return out
+
+def force_change(
+    marionette: Marionette, before: State, kick: Array, impulse: Array, q_D: Array, q_K: Array,
+    p: Array,
+) -> Array:  # fmt: skip
+    """Change of M (v+ - v-) + A_D^T Lambda at fixed v+ - v- and Lambda.
+
+    It is the residual of the equations of motion at rest with the kick as acc_D, less that of
+    gravity and springs.
+    """
+    x = before.replace(v_D=np.zeros_like(before.v_D), v_K=np.zeros_like(before.v_K))
+    values = marionette.model.at(x) | {
+        "acc_D": np.stack([kick, np.zeros_like(kick)]), "acc_K": x.v_K,
+        "tension": np.stack([impulse, np.zeros_like(impulse)]), "dt": np.array(0.0),
+    }  # fmt: skip
+    compiled = marionette.model.compiled.derivatives
+    found = compiled.at("force_by_q", values) | compiled.at("force_by_K", values)
+    by = {name: part[0] - part[1] for name, part in found.items()}
+    return by["r_q"] @ q_D + by["r_qK"] @ q_K + by["r_p"] @ p
+
+
+def restitution_change(marionette: Marionette, at: Evaluation) -> Array:
+    """(n_rows, n_p) derivative of e max(hdot-, 0) by the parameters."""
+    model = marionette.model
+    out = np.zeros((model.tree.n_rows, len(model.p)))
+    for i, string in enumerate(model.tree.strings):
+        if isinstance(string.restitution, Parameter):
+            place = model.parameter_index[string.restitution.parameter]
+            out[i, place] = max(at.hdot[i], 0.0)
+    return out
 
 
 def rate_change(found: dict[str, Array], q_D: Array, q_K: Array, v_K: Array, p: Array) -> Array:

@@ -11,8 +11,11 @@ import numpy as np
 from fantoccini.arrays import Array, Indices, Times, check_positive
 from fantoccini.errors import InputError, Mistake, StateError
 from fantoccini.marionette import Marionette, bind_input
+from fantoccini.marionette.contact_rows import PointMode
 from fantoccini.motion import EventKind, Input, InputDerivative, State, Trajectory
 from fantoccini.simulation.catch import Catch, Passage
+from fantoccini.simulation.contact_pieces import Change, ContactPieces, key_of, stacked
+from fantoccini.simulation.impact import Impact
 from fantoccini.simulation.input_piece import InputPiece, InputVariation
 from fantoccini.simulation.run import simulate
 from fantoccini.simulation.variation import Variation
@@ -46,7 +49,7 @@ class Sensitivity:
         p: (T, 2 n_vD, n_p) by the parameters; the start moves to keep its taut strings.
         toward: (T, 2 n_vD, m) by s, with inputs + s (other - inputs), for each of the other inputs.
         along: (T, 2 n_vD, m) by s, with inputs + s dq_K/ds, for each of the derivatives of inputs.
-        passages: the catches of the run.
+        passages: the catches and impacts of the run, and where points of contact stop.
     """
 
     run: Trajectory
@@ -59,7 +62,10 @@ class Sensitivity:
 
     @property
     def sharp(self) -> bool:
-        """Whether the derivative exists: no two strings were caught at once, none just touched."""
+        """Whether the derivative exists: nothing was caught, struck or stopped at once by chance.
+
+        Nor did anything just touch.
+        """
         return all(passage.sharp for passage in self.passages)
 
 
@@ -75,7 +81,7 @@ def sensitivity(
     rtol: float = 1e-10,
     atol: float = 1e-10,
 ) -> Sensitivity:
-    """dx(t)/dx0, dx(t)/dp and along changes of the inputs, through releases and catches.
+    """dx(t)/dx0, dx(t)/dp and along changes of the inputs, through releases, catches and contact.
 
     The run is that of ``fan.simulate`` with its default tolerances. The derivative holds for
     neighbours with the same sequence of events.
@@ -93,7 +99,8 @@ def sensitivity(
         rtol, atol: of the integration of state and derivatives.
 
     Raises:
-        StateError: a winch slips, or solids touch, which has no derivative here.
+        StateError: a winch slips, bounces of solids accumulate, or the motion depends on how
+            redundant points that slide share their force: there is no derivative here.
         SimulationError: the run stopped.
     """
     check_positive(rtol=rtol, atol=atol)
@@ -106,11 +113,11 @@ def sensitivity(
             f"the winch of {', '.join(names)} slips in this run; sensitivities go through releases "
             "and catches only: raise max_tension, or let the run end earlier"
         )
-    touching = run.contact is not None and len(run.contact) > 0
-    if touching or any(event.kind is EventKind.TOUCH for event in run.events):
+    ends = [event.t for event in run.events if event.kind is EventKind.ACCUMULATION]
+    if ends and run.contact is not None and len(run.contact):
         raise StateError(
-            "solids touch in this run; sensitivities go through releases and catches only: let the "
-            "run end earlier, or write contact: false in the file"
+            f"bounces accumulate at t = {ends[0]:.6g} s: infinitely many impacts have no "
+            "derivative. Let the run end earlier, or set restitution to 0"
         )
     t_end = inputs.end if t_end is None else float(t_end)
     bound = bind_input(marionette.model, inputs, x0.q_K, x0.v_K, x0.t, t_end)
@@ -185,6 +192,7 @@ class _Pieces:
         self._inputs, self._toward, self._along = inputs, toward, along
         self._variation = variation
         self.passages: list[Passage] = []
+        self._contacts = ContactPieces(marionette, run)
 
     def records(self, saved: Times) -> Iterator[tuple[float, Array]]:
         """(time, changes) at the start, at the times to save, around every event, at the end."""
@@ -194,42 +202,101 @@ class _Pieces:
         edges = np.flatnonzero(np.diff(run.t) == 0.0)
         firsts = np.concatenate([[0], edges + 1])
         lasts = np.concatenate([edges, [len(run.t) - 1]])
+        before: tuple[PointMode, ...] = ()
         for first, last in zip(firsts, lasts, strict=True):
+            groups = self._contacts.groups(first, last)
             if first > 0:
-                Z = self._across(first - 1, Z, by_input)
+                after = groups[0][2] if groups else ()
+                Z = self._across(first - 1, Z, by_input, (before, after))
             if first == last:
                 yield run.t[first], Z
                 continue
-            x, held = run.state(first), self._held(first)
-            pieces = self._between(run.t[first], run.t[last])
-            Z = self._variation.projected(x, held, Z, pieces[0].variation(x.t))
-            yield x.t, Z
-            for piece in pieces:
-                inside = saved[(saved > piece.start) & (saved < piece.end)]
-                times = np.append(inside, piece.end)
-                states, changes = self._variation.along(x, held, Z, piece, times)
-                yield from zip(inside, changes[:-1], strict=True)
-                Z = changes[-1]
-                q_D, v_D = np.split(states[-1], [len(x.q_D)])
-                q_K, v_K, *_ = piece.at(piece.end)
-                x = x.replace(t=piece.end, q_D=q_D, v_D=v_D, q_K=q_K, v_K=v_K)
-                if piece is not pieces[-1] and piece.end in saved:
-                    yield piece.end, Z
-            self._variation.check(states[-1], run.state(last))
-            by_input = pieces[-1].variation(x.t)
+            for a, b, points in groups:
+                if a > first:
+                    Z = self._changed(a, Z, by_input, (a, a), (before, points))
+                    if run.t[a] in saved:
+                        yield run.t[a], Z
+                before = points
+                x, held = run.state(a), self._held(first)
+                pieces = self._between(run.t[a], run.t[b])
+                Z = self._variation.projected(x, held, Z, pieces[0].variation(x.t), points)
+                if a == first:
+                    yield x.t, Z
+                for piece in pieces:
+                    inside = saved[(saved > piece.start) & (saved < piece.end)]
+                    times = np.append(inside, piece.end)
+                    states, changes = self._variation.along(x, held, Z, piece, times, points)
+                    yield from zip(inside, changes[:-1], strict=True)
+                    Z = changes[-1]
+                    q_D, v_D = np.split(states[-1], [len(x.q_D)])
+                    q_K, v_K, *_ = piece.at(piece.end)
+                    x = x.replace(t=piece.end, q_D=q_D, v_D=v_D, q_K=q_K, v_K=v_K)
+                    if piece is not pieces[-1] and piece.end in saved:
+                        yield piece.end, Z
+                self._variation.check(states[-1], run.state(b))
+                by_input = pieces[-1].variation(x.t)
             yield run.t[last], Z
 
-    def _across(self, i: int, Z: Array, by_input: InputVariation) -> Array:
+    def _across(
+        self,
+        i: int,
+        Z: Array,
+        by_input: InputVariation,
+        points: tuple[Sequence[PointMode], Sequence[PointMode]],
+    ) -> Array:
         """The changes after the event between sample i and the next."""
         run = self.run
         before, after = run.state(i), run.state(i + 1)
         size = max(1.0, np.max(np.abs(before.v_D), initial=0.0))
         if np.max(np.abs(after.v_D - before.v_D), initial=0.0) <= TOLERANCES.jump * size:
-            return Z
-        catch = Catch(self.marionette, before, after, (self._held(i), self._held(i + 1)))
+            return self._changed(i, Z, by_input, (i, i + 1), points)
+        held = self._held(i), self._held(i + 1)
         acc, acc_K = (run.acc_D[i], run.acc_D[i + 1]), run.acc_K[i]
+        if self._contacts.touches(i) or self._contacts.touches(i + 1) or self._struck(i):
+            impact = Impact(self.marionette, before, after, held)
+            self.passages.append(impact.passage(acc, acc_K, Z))
+            return impact.carried(Z, by_input, acc, acc_K)
+        catch = Catch(self.marionette, before, after, held)
         self.passages.append(catch.passage(acc, acc_K))
         return catch.carried(Z, by_input, acc, acc_K)
+
+    def _struck(self, i: int) -> bool:
+        """Whether solids strike at the time of sample i."""
+        events = self.run.events
+        return any(e.kind is EventKind.TOUCH and e.t == self.run.t[i] for e in events)
+
+    def _changed(
+        self,
+        i: int,
+        Z: Array,
+        by_input: InputVariation,
+        samples: tuple[int, int],
+        points: tuple[Sequence[PointMode], Sequence[PointMode]],
+    ) -> Array:
+        """The changes after a change of contacts' modes at sample i, at which velocities stay."""
+        if key_of(points[0]) == key_of(points[1]) and not self._contacts.stops(i, points[0]):
+            return Z
+        run, model = self.run, self.marionette.model
+        if np.min(np.abs(self._inputs.breaks - run.t[i])) <= TOLERANCES.time:
+            return Z  # at a time that stays
+        x, u_D = run.state(i), self._force(run.t[i])
+        before, after = (
+            (self._held(k), these) for k, these in zip(samples, points, strict=True)
+        )
+        D = stacked(np.concatenate([Z, np.eye(len(Z))], axis=1), _widened(by_input, len(Z)))
+        change = Change.of(self.marionette, x, run.acc_K[i], u_D, before, after, D)
+        if change is None:
+            return Z
+        n, m = model.coordinates.n_vD, Z.shape[1]
+        jump = np.eye(2 * n)
+        jump[n:] += np.outer(change.jump, change.late[0, m:])
+        self.passages.append(Passage(float(run.t[i]), change.names, 0.0, jump, change.sharp))
+        return np.concatenate([Z[:n], Z[n:] + np.outer(change.jump, change.late[0, :m])])
+
+    def _force(self, t: float) -> Array:
+        """(n_vD,) user forces up to a time."""
+        inside = min(max(t, self._inputs.start), self._inputs.end)
+        return np.array(self._inputs.evaluate_force(inside))
 
     def _held(self, i: int) -> Indices:
         """The rows that are taut from sample i on."""
@@ -247,3 +314,9 @@ class _Pieces:
             InputPiece(self.marionette, self._inputs, self._toward, self._along, a, b)
             for a, b in pairwise(times)
         ]
+
+
+def _widened(by_input: InputVariation, more: int) -> InputVariation:
+    """The changes, and none in some more columns."""
+    parts = (by_input.q_K, by_input.v_K, by_input.acc_K, by_input.u_D, by_input.p)
+    return InputVariation(*(np.pad(part, ((0, 0), (0, more))) for part in parts))

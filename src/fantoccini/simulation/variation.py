@@ -5,20 +5,29 @@ active set fixed:
 
     Zdot = [-[w]x, 1; dacc_D/dq_D, dacc_D/dv_D] Z + (acc_D's derivatives by inputs and parameters)
 
-At a release Z is continuous; at a catch it jumps: :mod:`fantoccini.simulation.catch`.
+At a release Z is continuous; at a catch it jumps: :mod:`fantoccini.simulation.catch`. Points of
+contact keep their modes between events, too.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from fantoccini.arrays import Array, Indices
 from fantoccini.errors import SimulationError, Status
 from fantoccini.marionette import Evaluation, Marionette
-from fantoccini.marionette.linearisation import KKTSystem, linearise, row_derivatives_at, turning
+from fantoccini.marionette.contact_rows import ContactRows, HeldRows, PointMode
+from fantoccini.marionette.contact_state import FrozenModes
+from fantoccini.marionette.kkt import KKTSystem
+from fantoccini.marionette.linearisation import linearise, row_derivatives_at, turning
+from fantoccini.marionette.mode_system import ModeSystem
+from fantoccini.marionette.screws import Screws
 from fantoccini.motion import State
 from fantoccini.motion.rotation import multiply
 from fantoccini.simulation.catch import rate_change
+from fantoccini.simulation.contact_pieces import stacked
 from fantoccini.simulation.input_piece import InputPiece, InputVariation
 
 MAX_ERROR = 1e-6
@@ -39,9 +48,19 @@ class Variation:
         self._table = marionette.coordinates
 
     def projected(
-        self, x: State, rows: Indices, Z: Array, by_input: InputVariation
+        self,
+        x: State,
+        rows: Indices,
+        Z: Array,
+        by_input: InputVariation,
+        points: Sequence[PointMode] = (),
     ) -> Array:
-        """The changes nearest to Z, in the metric of M_DD, that keep h = 0 and hdot = 0 of rows."""
+        """The changes nearest to Z, in the metric of M_DD, that keep h = 0 and hdot = 0 of rows.
+
+        And the gaps and velocities of points that are held.
+        """
+        if points:
+            return self._projected_with(x, rows, Z, by_input, points)
         n, found = len(x.v_D), row_derivatives_at(self.marionette.model, x)
         system = KKTSystem(Evaluation.of(self.marionette.model, x), rows)
         still = np.zeros((n, Z.shape[1]))
@@ -53,10 +72,42 @@ class Variation:
         Z_v = Z_v + system.solve(still, rate[rows])[0]
         return np.concatenate([Z_q, Z_v])
 
+    def _projected_with(
+        self,
+        x: State,
+        rows: Indices,
+        Z: Array,
+        by_input: InputVariation,
+        points: Sequence[PointMode],
+    ) -> Array:
+        model, n = self.marionette.model, len(x.v_D)
+        at, found = Evaluation.of(model, x), row_derivatives_at(model, x)
+        still = np.zeros((n, Z.shape[1]))
+        held = FrozenModes(model, points).at(Screws(model, x))
+        touching = ContactRows(Screws(model, x, changes=stacked(Z, by_input)), held, 0.0)
+        first = np.cumsum([0, *(len(p.directions) for p in held)])[:-1]
+        gap = found["A_D"] @ Z[:n] + found["A_K"] @ by_input.q_K + found["h_p"] @ by_input.p
+        gaps = np.concatenate([gap[rows], touching.gap_by()])
+        system = ModeSystem(at, rows, _frictionless(touching, touching.rows[first]))
+        Z_q = Z[:n] + system.solve(still, gaps, strict=False)[0]
+        rate = rate_change(found, Z_q, by_input.q_K, by_input.v_K, by_input.p)
+        rate = (rate + found["A_D"] @ Z[n:])[rows]
+        Z = np.concatenate([Z_q, Z[n:]])
+        touching = ContactRows(Screws(model, x, changes=stacked(Z, by_input)), held, 0.0)
+        rates = np.concatenate([rate, touching.velocity_by()])
+        system = ModeSystem(at, rows, _frictionless(touching, touching.rows))
+        return np.concatenate([Z_q, Z[n:] + system.solve(still, rates, strict=False)[0]])
+
     def along(
-        self, x: State, rows: Indices, Z: Array, piece: InputPiece, times: Array
+        self,
+        x: State,
+        rows: Indices,
+        Z: Array,
+        piece: InputPiece,
+        times: Array,
+        points: Sequence[PointMode] = (),
     ) -> tuple[Array, Array]:
-        """The state and the changes at some times of a piece on which ``rows`` are taut.
+        """The state and the changes at some times of a piece with these rows and points held.
 
         Returns:
             (len(times), n_qD + n_vD) and (len(times), 2 n_vD, m).
@@ -68,7 +119,7 @@ class Variation:
             q_D, v_D, Z = y[:n_q], y[n_q : n_q + n], y[n_q + n :].reshape(2 * n, m)
             q_K, v_K, acc_K, u_D = piece.at(t)
             here = x.replace(t=t, q_D=q_D, v_D=v_D, q_K=q_K, v_K=v_K)
-            lin = linearise(self.marionette.model, here, acc_K, u_D, names)
+            lin = linearise(self.marionette.model, here, acc_K, u_D, names, points)
             out, acc = piece.variation(t), lin.acc
             Z_q = turning(self._table.quaternions_D, v_D) @ Z[:n] + Z[n:]
             Z_v = (
@@ -107,3 +158,8 @@ class Variation:
             turn = np.concatenate([[0.0], 0.5 * v_D[v : v + 3]])
             rate[q : q + 4] = multiply(q_D[q : q + 4], turn)
         return rate
+
+
+def _frictionless(touching: ContactRows, rows: Array) -> HeldRows:
+    """Rows that forces along themselves hold."""
+    return HeldRows(touching.names, rows, rows, rows[:0])

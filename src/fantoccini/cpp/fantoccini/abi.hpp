@@ -5,6 +5,7 @@
 #include "event_batch.hpp"
 #include "map_abi.hpp"
 #include "model_run.hpp"
+#include "touch_poses.hpp"
 
 namespace fan {
 using AnyRun = ModelRun<Model>;
@@ -77,6 +78,13 @@ FAN_EXPORT int fan_gaps(
     const fan::ContactArrays* in, const double* q_D, const double* q_K, const double* p,
     double* gaps) {
   return fan::measure_gaps<fan::Model>(*in, q_D, q_K, p, gaps);
+}
+
+// The contact points of a pair at n poses of its first solid's link (TouchPoses::find).
+FAN_EXPORT void fan_touches(
+    const fan::ContactArrays* in, int pair, int n, const double* poses, const double* other,
+    double margin, double* out) {
+  fan::TouchPoses<fan::Model>::find(*in, pair, n, poses, other, margin, out);
 }
 
 // Complementarity of n rows by itself (active_set.hpp): W (n, n_vD) with a row's column in each row,

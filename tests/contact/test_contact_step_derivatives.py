@@ -1,0 +1,230 @@
+"""linearise_step through contact: differences of steps in every mode; what has no derivative."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from contact.bodies import thrown
+from contact.files import ACROBAT, BALL, BALLS, BOX, CAPSULE, EGG
+from oracles.differences import apart, difference, moved, worst
+
+DT = 0.002
+
+@dataclass(frozen=True)
+class Steps:
+    """Of the differences by configurations, velocities, and accelerations and forces."""
+
+    q: float = 1e-7
+    v: float = 1e-6
+    a: float = 1e-4
+
+
+def step(
+    puppet: fan.Marionette, x: fan.State, acc_K: np.ndarray, u_D: np.ndarray, dt: float
+) -> tuple[fan.State, np.ndarray]:
+    """A first time step, and the forces of its contacts (n, 3)."""
+    stepper = puppet.stepper(x, fan.TimeStepping(dt=dt))
+    end = stepper.advance(dt, acc_K, u_D=u_D)
+    last = stepper.contacts[stepper.contacts[:, 0] == len(stepper.samples) - 1]
+    return end, last[:, 9:12]
+
+
+def check_step(
+    puppet: fan.Marionette,
+    x: fan.State,
+    modes: list[str],
+    bound: float = 1e-7,
+    steps: Steps = Steps(),
+    seed: int | None = None,
+    dt: float = DT,
+):
+    """A, B, B_u, B_p and the derivatives of forces are differences of steps."""
+    t = puppet.coordinates
+    n, k, n_p = t.n_vD, t.n_vK, len(puppet.p)
+    acc_K, u_D = np.zeros(k), np.zeros(n)
+    if seed is not None:
+        rng = np.random.default_rng(seed)
+        acc_K, u_D = rng.normal(size=k), 0.1 * rng.normal(size=n)
+    lin = puppet.linearise_step(x, acc_K, u_D, dt)
+    assert [point.mode for point in lin.contacts] == modes
+    assert lin.sharp
+    end = lin.x_next
+    widths = {"q_D": n, "v_D": n, "q_K": k, "v_K": k, "acc_K": k, "u_D": n, "p": n_p}
+    places = np.cumsum([0, *widths.values()])
+
+    def reached(d: np.ndarray) -> np.ndarray:
+        q_D, v_D, q_K, v_K, acc, u, p = np.split(d, places[1:-1])
+        one = puppet
+        if np.any(p):
+            values = zip(puppet.tree.parameters.items(), p, strict=True)
+            one = puppet.with_parameters({name: value + dp for (name, value), dp in values})
+        there = x.replace(
+            q_D=moved(x.q_D, q_D, t.scalars_D, t.quaternions_D), v_D=x.v_D + v_D,
+            q_K=moved(x.q_K, q_K, t.scalars_K, t.quaternions_K), v_K=x.v_K + v_K,
+        )  # fmt: skip
+        y, force = step(one, there, acc_K + acc, u_D + u, dt)
+        return np.concatenate([
+            apart(end.q_D, y.q_D, n, t.scalars_D, t.quaternions_D), y.v_D,
+            apart(end.q_K, y.q_K, k, t.scalars_K, t.quaternions_K), y.v_K, force.ravel(),
+        ])  # fmt: skip
+
+    sizes = {"q_D": steps.q, "v_D": steps.v, "q_K": steps.q, "v_K": steps.v, "p": steps.q}
+    of_state = np.concatenate([lin.A, lin.B, lin.B_u, lin.B_p], axis=1)
+    for (name, width), first in zip(widths.items(), places, strict=False):
+        if not width:
+            continue
+        size = sizes.get(name, steps.a)
+        columns = np.zeros((places[-1], width))
+        columns[first : first + width] = size * np.eye(width)
+        wanted = difference(lambda d, c=columns: reached(c @ d), width, 1.0) / size
+        found = of_state[:, first : first + width]
+        assert worst(found, wanted[: len(found)]) < bound, name
+        if len(set(modes)) == len(modes):
+            # Redundant points may share their forces otherwise near by.
+            assert worst(getattr(lin.push, name), wanted[len(found) :]) < 10 * bound, name
+    return lin
+
+
+@pytest.fixture(scope="module")
+def ball() -> fan.Marionette:
+    return fan.loads(BALL)
+
+
+@pytest.fixture(scope="module")
+def box() -> fan.Marionette:
+    return fan.loads(BOX)
+
+
+@pytest.fixture(scope="module")
+def balls() -> fan.Marionette:
+    return fan.loads(BALLS)
+
+
+def test_a_ball_rests_slides_and_lands(ball):
+    """Its shape lies off its frame's origin."""
+    low = {"body.z": 0.07}
+    check_step(ball, ball.state(low), ["stick"])
+    slides = {"body.x": 1.0, "body.y": 0.2, "body.wx": 0.3, "body.wy": 0.2, "body.wz": 0.1}
+    check_step(ball, thrown(ball, low, slides), ["slide"])
+    check_step(ball, thrown(ball, low, {"body.x": 0.5, "body.z": -1, "body.wy": 4}), ["stick"])
+
+
+def test_a_sliding_ball_slows_by_the_friction_of_the_closed_form():
+    """dv+/dv = 1 across all directions but that of friction's turning: 1/(1 + 7/2 mu g dt/|u|)."""
+    puppet = fan.loads(BALL.replace("at: [0.02, 0.01, 0.03], ", ""))
+    lin = puppet.linearise_step(thrown(puppet, {"body.z": 0.1}, {"body.x": 2.0}), dt=DT)
+    A = lin.A[6:, 6:]
+    slowed = 2.0 - 3.5 * 0.3 * 9.81 * DT
+    turning = 0.3 * 9.81 * DT / (slowed + 3.5 * 0.3 * 9.81 * DT)
+    assert A[0, 0] == pytest.approx(1.0, abs=1e-12)
+    assert A[1, 1] == pytest.approx(1.0 - turning, abs=1e-12)
+
+
+def test_a_box_on_a_floor_has_derivatives_though_its_forces_are_not_unique(box):
+    lin = check_step(box, box.state({"body.z": 0.05}), ["stick"] * 4, steps=Steps(q=1e-8, v=1e-4))
+    assert np.max(np.abs(lin.A[6:, 6:])) < 1e-9  # it stays where it is
+
+
+def test_a_box_slides_along_its_edge(box):
+    x = thrown(box, {"body.z": 0.05}, {"body.x": 1.0})
+    check_step(box, x, ["slide"] * 4, steps=Steps(v=1e-3))
+
+
+def test_a_box_on_one_edge(box):
+    angle = 0.3
+    tilted = {"body.z": 0.1 * np.sin(angle) + 0.05 * np.cos(angle), "body.qw": np.cos(angle / 2),
+              "body.qy": np.sin(angle / 2)}  # fmt: skip
+    slides = {"body.x": 0.5, "body.y": 0.1, "body.wy": 1.0}
+    check_step(box, thrown(box, tilted, slides), ["slide"] * 2)
+
+
+def test_a_box_that_slides_askew_has_none_and_says_so(box):
+    """How it would turn depends on how its four corners share its weight."""
+    x = thrown(box, {"body.z": 0.05}, {"body.x": 1.0, "body.y": 0.5})
+    with pytest.raises(fan.StateError, match=r"body\|floor slide on more points than the law"):
+        box.linearise_step(x)
+
+
+def test_a_capsule_lies_and_slides():
+    puppet = fan.loads(CAPSULE)
+    low = {"body.z": 0.03}
+    check_step(puppet, puppet.state(low), ["stick"] * 2, steps=Steps(q=1e-8))
+    speed = {"body.x": 0.3, "body.y": 0.4, "body.wz": 0.3}
+    check_step(puppet, thrown(puppet, low, speed), ["slide"] * 2)
+
+
+def test_an_egg_rolls_on_a_floor_and_slides_on_a_dome():
+    puppet = fan.loads(EGG)
+    check_step(puppet, puppet.state({"egg.z": -0.95}), ["stick"])
+    speed = {"egg.x": 0.3, "egg.y": -0.2, "egg.z": -0.1, "egg.wx": 2, "egg.wy": 1, "egg.wz": 3}
+    check_step(puppet, thrown(puppet, {"egg.z": 0.35, "egg.x": 1.0}, speed), ["slide"])
+
+
+def test_balls_that_strike_one_another(balls):
+    """With restitution, in the air and on the floor."""
+    above = {"b.x": 0.17 * 0.6}
+    speed = {"b.x": 0.5, "b.y": 0.3, "b.z": -1.0}
+    on_floor = thrown(balls, above | {"a.z": 0.1, "b.z": 0.1 + 0.17 * 0.8}, speed)
+    check_step(balls, on_floor, ["stick", "stick"])
+    in_air = thrown(balls, above | {"a.z": 1.1, "b.z": 1.1 + 0.17 * 0.8}, speed)
+    lin = check_step(balls, in_air, ["stick"])
+    assert lin.contacts[0].bounces == 0.5
+
+
+def test_overlaps_that_part(balls):
+    """At gap/dt, and at the recovery speed, which the depth does not change."""
+    for dt, speed in ((DT, 0.25), (0.2 * DT, 1.0)):
+        x = thrown(balls, {"a.z": 0.0995, "b.z": 5.0}, {"a.x": 0.3})
+        lin = check_step(balls, x, ["stick"], dt=dt)
+        assert lin.x_next.v_D[2] == pytest.approx(speed)
+
+
+def test_a_puppet_on_a_tray_and_a_string():
+    """The tray is driven and turns; parameters move joints."""
+    puppet = fan.loads(ACROBAT)
+    z = 0.02 + 0.2 * np.cos(0.2) - 0.06
+    x = puppet.state({"body.z": z, "leg": 0.2, "rope.length": 1.2 - z})
+    for seed, mode in ((1, "slide"), (7, "slide"), (27, "stick"), (28, "stick")):
+        rng = np.random.default_rng(seed)
+        v_K, v_D = 0.1 * rng.normal(size=7), 0.3 * rng.normal(size=10)
+        v_D[2] -= 0.3
+        lin = check_step(puppet, x.replace(v_K=v_K, v_D=v_D), [mode], steps=Steps(q=1e-7, a=1e-2))
+        assert lin.rows == ("rope",)
+
+
+def test_the_bundled_marionette_stands():
+    """On both soles, each with two points, held by strings and knees."""
+    puppet = fan.puppets.promenade()
+    x = puppet.rest()
+    lin = check_step(puppet, x, ["stick"] * 4, bound=2e-7, steps=Steps(q=2e-8, v=2e-7, a=1e-3))
+    assert {point.name for point in lin.contacts} == {"shin_left|floor", "shin_right|floor"}
+    assert "head" in lin.rows
+
+
+def test_edges_are_named(ball, box, balls):
+    """A touch without force, a stick at its cone's edge, a bounce that is about to begin."""
+    lift = np.zeros(6)
+    lift[2] = 9.81
+    lin = ball.linearise_step(ball.state({"body.z": 0.07}), u_D=lift)
+    assert not lin.sharp
+    assert lin.edges == ("body|floor: touches without force",)
+    pull = np.zeros(6)
+    pull[0], pull[4] = 0.3 * 9.81, -0.3 * 9.81 * 0.07
+    lin = ball.linearise_step(ball.state({"body.z": 0.07}), u_D=pull)
+    assert not lin.sharp
+    shoulder = {"a.z": 0.1, "b.z": 0.1 + 0.17 * 0.8, "b.x": 0.17 * 0.6}
+    assert balls.linearise_step(balls.state(shoulder)).edges == (
+        "b|a: springs back if it is any faster",
+    )
+    assert box.linearise_step(box.state({"body.z": 0.05})).sharp
+
+
+def test_a_gap_that_closes_within_the_step(ball):
+    """5 mm above the floor, at 5 m/s."""
+    x = thrown(ball, {"body.z": 0.075}, {"body.x": 0.5, "body.z": -5.0, "body.wy": 2.0})
+    lin = check_step(ball, x, ["stick"])
+    assert lin.contacts[0].touch.gap == pytest.approx(0.005)
