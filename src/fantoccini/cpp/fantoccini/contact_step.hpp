@@ -122,8 +122,12 @@ class ContactStep : public ContactProblem<Model, Real> {
     return true;
   }
 
-  // Whether any point takes part in lane l.
-  bool takes_part(int lane) const { return chosen_[lane] > 0; }
+  // Whether points take part in all lanes but these.
+  FAN_FN bool take_part(const Mask& idle) const {
+    for (int l = 0; l < width; ++l)
+      if (chosen_[l] == 0 && !lane_of(idle, l)) return false;
+    return true;
+  }
 
   // Adds the points that would be passed at the velocity v; whether there are any.
   FAN_FN bool watch(const Real* v) {
