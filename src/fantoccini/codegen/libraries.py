@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fantoccini.codegen.model import STEM, Generated, Real, assembled, programs, tables_text
-from fantoccini.codegen.straight import Program, program
+from fantoccini.codegen.model import STEM, SIZES, Generated, Real, assembled, programs, tables_text
+from fantoccini.codegen.straight import Program, program, together
 from fantoccini.contract import FUNCTIONS, compiled
 from fantoccini.equations import Derivatives, Equations, Variational
 
@@ -51,9 +51,13 @@ def generate(equations: Equations, library: str = "model") -> Generated:
     kind, names = _KINDS[library], compiled(library, equations.tree.sizes)
     made = _programs(equations, library, names, kind.columns)
     sizes = {**equations.tree.sizes, "n_packed": 0} if library == "derivatives" else None
+    members = [_member(name, kind) for name in (*names, *["column"] * kind.columns)]
+    # Contact points push along three directions each.
+    in_threes = library == "model" and equations.tree.n_contacts > 0
     main = _MAIN.format(
         library=library.replace("_", " "),
-        members="\n".join(_member(name, kind) for name in (*names, *["column"] * kind.columns)),
+        together=together(made["forth"], "fan_forth", SIZES.piece) + "\n" if in_threes else "",
+        members="\n".join([*members, _TOGETHER] if in_threes else members),
         maps="".join(_map(name) for name in names) if kind.mapped else "",
         abi=kind.header,
         width="1" if kind.real.type == "double" else "FAN_WIDTH",
@@ -105,6 +109,12 @@ def _map(name: str) -> str:
     return f"FAN_MAP({name}, {len(function.arguments)}, {len(function.results)})\n"
 
 
+_TOGETHER = """\
+  template <class V>
+  static void forth_together(const double* L, const V* x, V* y) {
+    scalar::fan_forth_together(L, x, y);
+  }"""
+
 _MAIN = """\
 // A compiled puppet: its library of {library}.
 #include <cmath>
@@ -117,7 +127,7 @@ namespace {space} {{
 #define casadi_real {type}
 #include "model.c"
 #undef casadi_real
-}}  // namespace {space}
+{together}}}  // namespace {space}
 
 struct Model : ModelTables {{
 #define FAN_FUNCTION(NAME)                                     \\

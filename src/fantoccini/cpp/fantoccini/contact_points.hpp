@@ -48,8 +48,8 @@ class ContactPoints : public PlacedLinks<Model, Real> {
   int n[width], most;        // points of each lane, and of the one that has most
   Point point[width][room(C)];
   bool too_many[width] = {};  // whether a lane has had more points than there is room for
-  Real row[room(3 * C)][room(N)];  // of A_D: every point's normal and tangents
-  Real rate_K[room(3 * C)];        // A_K v_K of these rows
+  Triple<Real> row[room(C)][room(N)];  // of A_D: every point's normal and tangents
+  Triple<Real> rate_K[room(C)];        // A_K v_K of these rows
   MovedBy<N> moved[room(C)];       // where a point's rows may differ from zero
 
   // The least gap of every pair at a configuration of lane 0; pairs farther apart than the margin
@@ -323,45 +323,33 @@ class ContactPoints : public PlacedLinks<Model, Real> {
 
   FAN_FN void clear(int i) {
     moved[i].n = 0;
-    for (int d = 3 * i; d < 3 * i + 3; ++d) {
-      rate_K[d] = Real(0.0);
-      for (int k = 0; k < N; ++k) row[d][k] = Real(0.0);
-    }
+    rate_K[i].clear();
+    for (int k = 0; k < N; ++k) row[i][k].clear();
   }
 
   // The rows of lane l's point i.
   FAN_FN void fill(const ContactArrays& in, int l, int i) {
     const Point& from = point[l][i];
-    const int a = in.pairs[2 * from.pair], b = in.pairs[2 * from.pair + 1];
-    for (const int solid : {a, b}) {
-      const int link = in.solids[solid].link;
-      if (link >= 0)
-        moved[i].add(
-            Model::moved_D_entry + Model::moved_D_begin[link],
-            Model::moved_D_entry + Model::moved_D_begin[link + 1]);
-    }
-    for (int d = 0; d < 3; ++d) {
-      const double* e = from.frame + 3 * d;
-      double moment[3];
-      cross(from.at, e, moment);
-      Real* out = row[3 * i + d];
-      double driven = 0.0;
-      for (int side = 0; side < 2; ++side) {
-        const int link = in.solids[side ? b : a].link;
-        if (link < 0) continue;
-        const double sign = side ? 1.0 : -1.0;
-        for (int j = Model::moved_D_begin[link]; j < Model::moved_D_begin[link + 1]; ++j) {
-          const int k = Model::moved_D_entry[j];
-          const double* s = screw_D_ + 6 * k;
-          lane_of(out[k], l) += sign * (dot3(e, s) + dot3(moment, s + 3));
-        }
-        for (int j = Model::moved_K_begin[link]; j < Model::moved_K_begin[link + 1]; ++j) {
-          const int k = Model::moved_K_entry[j];
-          const double* s = screw_K_ + 6 * k;
-          driven += sign * (dot3(e, s) + dot3(moment, s + 3)) * v_K_[k];
-        }
+    const double *e = from.frame, *at = from.at;
+    Quad of[3];  // the three directions' parts along each axis
+    FAN_UNROLL for (int c = 0; c < 3; ++c) of[c] = Quad{e[c], e[3 + c], e[6 + c], 0.0};
+    for (int side = 0; side < 2; ++side) {
+      const int link = in.solids[in.pairs[2 * from.pair + side]].link;
+      if (link < 0) continue;
+      const double sign = side ? 1.0 : -1.0;
+      const int *begin = Model::moved_D_begin + link, *entry = Model::moved_D_entry;
+      moved[i].add(entry + begin[0], entry + begin[1]);
+      const auto speed = [&](const double* s) {  // of the point, by a screw
+        return of[0] * (s[0] + s[4] * at[2] - s[5] * at[1]) +
+               of[1] * (s[1] + s[5] * at[0] - s[3] * at[2]) +
+               of[2] * (s[2] + s[3] * at[1] - s[4] * at[0]);
+      };
+      for (int j = begin[0]; j < begin[1]; ++j)
+        row[i][entry[j]].add_in(l, sign, speed(screw_D_ + 6 * entry[j]));
+      for (int j = Model::moved_K_begin[link]; j < Model::moved_K_begin[link + 1]; ++j) {
+        const int k = Model::moved_K_entry[j];
+        rate_K[i].add_in(l, sign * v_K_[k], speed(screw_K_ + 6 * k));
       }
-      lane_of(rate_K[3 * i + d], l) = driven;
     }
   }
 

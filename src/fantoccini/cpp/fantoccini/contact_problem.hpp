@@ -79,7 +79,7 @@ class ContactProblem {
       for (int b = 0; b < rows.n; ++b)
         change += lane_of(rows.problem.G[a * stride + b], l) * lane_of(found[b], l);
       for (int d = 0; d < 3 * points_.n[l]; ++d)
-        if (near_[l][d / 3]) change += 2.0 * lane_of(columns_.across[d][a], l) * lane_of(x_[d], l);
+        if (near_[l][d / 3]) change += 2.0 * lane_of(columns_.across[d / 3][a][d % 3], l) * lane_of(x_[d], l);
       add(lane_of(found[a], l), lane_of(before[a], l) - 0.5 * change);
     }
     for (int d = 0; d < 3 * points_.n[l]; ++d) {
@@ -126,13 +126,14 @@ class ContactProblem {
         const int to = n_single + 3 * i + d, own = 3 * triple[i] + d;
         for (int j = 0; j < n_single; ++j)
           problem.G[to * size + j] = problem.G[j * size + to] =
-              lane_of(columns_.across[own][single[j]], l);
-        for (int j = 0; j <= i; ++j)
+              lane_of(columns_.across[triple[i]][single[j]][d], l);
+        for (int j = 0; j <= i; ++j) {
+          const Triple<Real>& block = columns_.row_of_block(triple[i], triple[j], d);
           for (int e = 0; e < 3 && (j < i || e <= d); ++e) {
             const int at = n_single + 3 * j + e;
-            problem.G[to * size + at] = problem.G[at * size + to] =
-                lane_of(columns_.G(own, 3 * triple[j] + e), l);
+            problem.G[to * size + at] = problem.G[at * size + to] = lane_of(block[e], l);
           }
+        }
         problem.b[to] = lane_of(b_[own], l);
         problem.x[to] = lane_of(x_[own], l);
         problem.lower[to] = d == 0 ? 0.0 : -cap;

@@ -3,7 +3,7 @@
 // every sum.
 #pragma once
 
-#include "real.hpp"
+#include "triple.hpp"
 
 namespace fan {
 
@@ -36,32 +36,32 @@ struct MovedBy {
            other.entry[other.n - 1] < entry[0];
   }
 
-  // row . v.
+  // The product of three rows with v.
   template <class Real>
-  FAN_FN Real along(const Real* row, const Real* v) const {
-    Real even = Real(0.0), odd = Real(0.0);
+  FAN_FN Triple<Real> along(const Triple<Real>* row, const Real* v) const {
+    Triple<Real> even, odd;
+    even.clear();
+    odd.clear();
     int j = 0;
     for (; j + 2 <= n; j += 2) {
-      even += row[entry[j]] * v[entry[j]];
-      odd += row[entry[j + 1]] * v[entry[j + 1]];
+      even.add(v[entry[j]], row[entry[j]]);
+      odd.add(v[entry[j + 1]], row[entry[j + 1]]);
     }
-    if (j < n) even += row[entry[j]] * v[entry[j]];
-    return even + odd;
+    if (j < n) even.add(v[entry[j]], row[entry[j]]);
+    even.add(Real(1.0), odd);
+    return even;
   }
 
-  // The products of three columns of this point with another column.
+  // The products of three columns of this point with three others.
   template <class Real>
-  FAN_FN void products(const Real (*a)[room(n_vD)], const Real* b, Real* out) const {
-    Real first = Real(0.0), second = Real(0.0), third = Real(0.0);
+  FAN_FN void products(const Triple<Real>* a, const Triple<Real>* b, Triple<Real>* out) const {
+    Triple<Real> sum[3];
+    FAN_UNROLL for (int d = 0; d < 3; ++d) sum[d].clear();
     for (int j = 0; j < n; ++j) {
       const int k = entry[j];
-      first += a[0][k] * b[k];
-      second += a[1][k] * b[k];
-      third += a[2][k] * b[k];
+      FAN_UNROLL for (int d = 0; d < 3; ++d) sum[d].add(a[k][d], b[k]);
     }
-    out[0] = first;
-    out[1] = second;
-    out[2] = third;
+    FAN_UNROLL for (int d = 0; d < 3; ++d) out[d] = sum[d];
   }
 };
 
