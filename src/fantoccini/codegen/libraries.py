@@ -56,8 +56,8 @@ def generate(equations: Equations, library: str = "model") -> Generated:
     in_threes = library == "model" and equations.tree.n_contacts > 0
     main = _MAIN.format(
         library=library.replace("_", " "),
-        together=together(made["forth"], "fan_forth", SIZES.piece) + "\n" if in_threes else "",
-        members="\n".join([*members, _TOGETHER] if in_threes else members),
+        pushes=_pushes(equations, made["forth"]) if in_threes else "",
+        members="\n".join([*members, _PUSH] if in_threes else members),
         maps="".join(_map(name) for name in names) if kind.mapped else "",
         abi=kind.header,
         width="1" if kind.real.type == "double" else "FAN_WIDTH",
@@ -78,6 +78,23 @@ def _programs(
         own = {}
     shared = programs(equations, [name for name in names if name not in own], columns=columns)
     return shared | {name: program(function) for name, function in own.items()}
+
+
+def _pushes(equations: Equations, forth: Program) -> str:
+    """``fan_push(link, L, x, y)``: ``forth`` of several x, for all links or, shorter, for one's way."""
+    made = {f"fan_push_{i}": program(function) for i, function in equations.pushes.items()}
+    texts = [together(whole, name, SIZES.piece) for name, whole in made.items()]
+    cases = [f"    case {i}: return fan_push_{i}(L, x, y);" for i in equations.pushes]
+    switch = [
+        "template <class V>",
+        "inline void fan_push(int link, const double* L, const V* x, V* y) {",
+        "  switch (link) {",
+        *cases,
+        "    default: return fan_push_all(L, x, y);",
+        "  }",
+        "}",
+    ]
+    return "\n".join([*texts, together(forth, "fan_push_all", SIZES.piece), *switch, ""])
 
 
 def _member(name: str, kind: _Kind) -> str:
@@ -109,10 +126,10 @@ def _map(name: str) -> str:
     return f"FAN_MAP({name}, {len(function.arguments)}, {len(function.results)})\n"
 
 
-_TOGETHER = """\
+_PUSH = """\
   template <class V>
-  static void forth_together(const double* L, const V* x, V* y) {
-    scalar::fan_forth_together(L, x, y);
+  static void push(int link, const double* L, const V* x, V* y) {
+    scalar::fan_push(link, L, x, y);
   }"""
 
 _MAIN = """\
@@ -127,7 +144,7 @@ namespace {space} {{
 #define casadi_real {type}
 #include "model.c"
 #undef casadi_real
-{together}}}  // namespace {space}
+{pushes}}}  // namespace {space}
 
 struct Model : ModelTables {{
 #define FAN_FUNCTION(NAME)                                     \\

@@ -220,7 +220,7 @@ def pieces(
 
 
 def together(whole: Program, name: str, longest: int) -> str:
-    """The text of ``name_together(a, x, y)``: a function of (a, x) that is linear in x, for several x.
+    """The text of ``name(a, x, y)``: a function of (a, x) that is linear in x, for several x at once.
 
     ``x`` and ``y`` are arrays of any type ``V`` of several numbers, ``a`` of doubles.
 
@@ -233,7 +233,7 @@ def together(whole: Program, name: str, longest: int) -> str:
     for k in range(cut.n):
         lines += [
             "template <class V>",
-            f"void {name}_together_{k}(const double* a, const V* x, V* y, V* w) {{",
+            f"void {name}_{k}(const double* a, const V* x, V* y, V* w) {{",
             "  (void)a, (void)x, (void)y, (void)w;",
             *(_of_several(line) for line in cut.body(k)),
             "}",
@@ -241,25 +241,27 @@ def together(whole: Program, name: str, longest: int) -> str:
         ]
     lines += [
         "template <class V>",
-        f"inline void {name}_together(const double* a, const V* x, V* y) {{",
+        f"inline void {name}(const double* a, const V* x, V* y) {{",
         f"  V work[{max(1, cut.n_work)}];",
-        *(f"  {name}_together_{k}(a, x, y, work);" for k in range(cut.n)),
+        *(f"  {name}_{k}(a, x, y, work);" for k in range(cut.n)),
         "}",
     ]
     return "\n".join(lines)
 
 
-_NAMES = (("const casadi_real ", "const auto "), ("arg[0][", "a["), ("arg[1][", "x["))
+_NAMES = (
+    ("const casadi_real ", "const auto "), ("arg[0][", "a["), ("arg[1][", "x["), ("res[0][", "y[")
+)  # fmt: skip
 
 
 def _of_several(line: str) -> str:
     """A line of a piece where values that do not depend on x are doubles, and others are V."""
-    for old, new in (*_NAMES, ("res[0][", "y[")):
+    for old, new in _NAMES:
         line = line.replace(old, new)
-    if line.startswith(("  y[", "  w[")):
-        into, value = line.strip(" ;").split(" = ", 1)
-        line = f"  {into} = V{{}} + {value};"
-    return line
+    into, value = line.strip(" ;").split(" = ", 1)
+    # What is handed on, and a result that is constant, may be a double.
+    is_double = into.startswith("w[") or (into.startswith("y[") and not value.startswith("t"))
+    return f"  {into} = V{{}} + {value};" if is_double else line
 
 
 def dealt(texts: list[str], statements: int) -> list[str]:

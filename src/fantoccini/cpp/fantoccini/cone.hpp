@@ -38,7 +38,7 @@ struct ConeProblem : ConeLaw {
   static constexpr int N = room(capacity);
 
   int n_single = 0, n_contacts = 0;  // n = n_single + 3 n_contacts rows: singles, then contacts
-  double G[N * N];                   // row i, column j at i * n + j
+  double G[N * N + 1];               // row i, column j at i * n + j; whoever writes may pass its end
   double b[N];                       // solve() sets b below `negligible` to 0
   double lower[N], upper[N];  // of a contact only the upper bound of the normal counts
   double mu[N];               // of contact c
@@ -141,13 +141,17 @@ struct ConeProblem : ConeLaw {
     int rest[N];
     for (int j = 0; j < n_; ++j)
       if (!is_taken_[j]) rest[left++] = j;
-    for (int k = 0; k < n_found && left > 0; ++k) {
-      const double* row = G + found[k] * n_;
+    for (int done = 0; done < n_found && left > 0;) {
+      double influence[N] = {};  // of all that were found last: 0 where there is none
+      for (; done < n_found; ++done) {
+        const double* row = G + found[done] * n_;
+        for (int j = 0; j < n_; ++j) influence[j] += fabs(row[j]);
+      }
       int kept = 0;
       for (int r = 0; r < left; ++r) {
         const int j = rest[r];
         if (is_taken_[j]) continue;
-        if (row[j] != 0.0) add(j);
+        if (influence[j] != 0.0) add(j);
         else rest[kept++] = j;
       }
       left = kept;

@@ -28,7 +28,7 @@ struct ContactColumns {
     for (int i = 0; i < n; ++i) {
       if (i >= made_) has_[i] = false;
       if (some[i] && !has_[i]) {
-        forth(eval.L, row[i], W[i]);
+        push(eval.L, row[i], moved[i], W[i]);
         for (int j = 0; j <= i; ++j)
           if (j == i || has_[j]) multiply(i, j, moved);
         for (int j = i + 1; j < made_; ++j)
@@ -57,11 +57,17 @@ struct ContactColumns {
   }
 
  private:
-  // w = F^-T x of three columns.
-  FAN_FN static void forth(const Real* L, const Triple<Real>* x, Triple<Real>* w) {
+  // w = F^-T x of three columns, x being 0 but where it is moved.
+  FAN_FN static void push(
+      const Real* L, const Triple<Real>* x, const MovedBy<N>& moved, Triple<Real>* w) {
     if constexpr (std::is_same<Real, double>::value) {
-      Model::forth_together(
-          L, reinterpret_cast<const Quad*>(x), reinterpret_cast<Quad*>(w));
+      const Quad* own = reinterpret_cast<const Quad*>(x);
+      Quad* out = reinterpret_cast<Quad*>(w);
+      Model::push(moved.apart ? moved.link[0] : all_links, L, own, out);
+      if (moved.link[1] < 0 || !moved.apart) return;
+      Quad more[room(N)];
+      Model::push(moved.link[1], L, own, more);
+      for (int j = 0; j < moved.n; ++j) out[moved.entry[j]] += more[moved.entry[j]];
     } else {
       Real own[room(N)], found[room(N)];
       for (int d = 0; d < 3; ++d) {
@@ -82,16 +88,30 @@ struct ContactColumns {
     moved[shorter ? i : j].products(W[i], W[j], G_[i][j]);
   }
 
-  // Those of point i and the gathered rows.
+  // Those of point i and the gathered rows, two at a time: each addition waits for the one before.
   FAN_FN void multiply(int i, const RowSystem<Model, Real>& rows, const MovedBy<N>& moved) {
+    int some[room(M)], n = 0;
     for (int a = 0; a < rows.n; ++a) {
-      const Real* column = rows.column[a];
-      Triple<Real> sum;
-      sum.clear();
-      for (int j = 0; j < moved.n; ++j) sum.add(column[moved.entry[j]], W[i][moved.entry[j]]);
-      across[i][a] = sum;
+      if (!rows.is_apart(a, moved)) some[n++] = a;
+      else across[i][a].clear();
+    }
+    for (int s = 0; s < n; s += 2) {
+      const int a = some[s], b = some[s + 1 < n ? s + 1 : s];
+      const Real *first = rows.column[a], *second = rows.column[b];
+      Triple<Real> x, y;
+      x.clear();
+      y.clear();
+      for (int j = 0; j < moved.n; ++j) {
+        const int k = moved.entry[j];
+        x.add(first[k], W[i][k]);
+        y.add(second[k], W[i][k]);
+      }
+      across[i][a] = x;
+      across[i][b] = y;
     }
   }
+
+  static constexpr int all_links = -1;
 
   int made_ = 0;
   bool has_[room(C)];  // whether a point's columns are made

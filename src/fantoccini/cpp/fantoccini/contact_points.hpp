@@ -322,7 +322,7 @@ class ContactPoints : public PlacedLinks<Model, Real> {
   }
 
   FAN_FN void clear(int i) {
-    moved[i].n = 0;
+    moved[i].clear();
     rate_K[i].clear();
     for (int k = 0; k < N; ++k) row[i][k].clear();
   }
@@ -338,7 +338,7 @@ class ContactPoints : public PlacedLinks<Model, Real> {
       if (link < 0) continue;
       const double sign = side ? 1.0 : -1.0;
       const int *begin = Model::moved_D_begin + link, *entry = Model::moved_D_entry;
-      moved[i].add(entry + begin[0], entry + begin[1]);
+      moved[i].add(link, entry + begin[0], entry + begin[1]);
       const auto speed = [&](const double* s) {  // of the point, by a screw
         return of[0] * (s[0] + s[4] * at[2] - s[5] * at[1]) +
                of[1] * (s[1] + s[5] * at[0] - s[3] * at[2]) +

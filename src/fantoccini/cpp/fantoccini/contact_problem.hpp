@@ -109,12 +109,10 @@ class ContactProblem {
     problem.n_single = n_single;
     problem.n_contacts = n_triple;
     const int size = n_single + 3 * n_triple;
-    constexpr int stride = Complementarity<Real, M>::N;
+    write(l, rows, single, n_single);
     const auto& from = rows.problem;
     for (int i = 0; i < n_single; ++i) {
       const int a = single[i];
-      for (int j = 0; j < n_single; ++j)
-        problem.G[i * size + j] = lane_of(from.G[a * stride + single[j]], l);
       problem.b[i] = lane_of(from.b[a], l);
       problem.lower[i] = lane_of(from.lower[a], l);
       problem.upper[i] = lane_of(from.upper[a], l);
@@ -124,16 +122,6 @@ class ContactProblem {
       problem.mu[i] = in_->friction[points_.point[l][triple[i]].pair];
       for (int d = 0; d < 3; ++d) {
         const int to = n_single + 3 * i + d, own = 3 * triple[i] + d;
-        for (int j = 0; j < n_single; ++j)
-          problem.G[to * size + j] = problem.G[j * size + to] =
-              lane_of(columns_.across[triple[i]][single[j]][d], l);
-        for (int j = 0; j <= i; ++j) {
-          const Triple<Real>& block = columns_.row_of_block(triple[i], triple[j], d);
-          for (int e = 0; e < 3 && (j < i || e <= d); ++e) {
-            const int at = n_single + 3 * j + e;
-            problem.G[to * size + at] = problem.G[at * size + to] = lane_of(block[e], l);
-          }
-        }
         problem.b[to] = lane_of(b_[own], l);
         problem.x[to] = lane_of(x_[own], l);
         problem.lower[to] = d == 0 ? 0.0 : -cap;
@@ -164,6 +152,31 @@ class ContactProblem {
         lane_of(s_[3 * triple[i] + d], l) = problem.s[n_single + 3 * i + d];
       }
     return solved;
+  }
+
+  // G of lane l's problem, in order: three numbers are written as a register of four, whose last the
+  // next ones replace.
+  FAN_FN void write(int l, const RowSystem<Model, Real>& rows, const int* single, int n_single) {
+    constexpr int stride = Complementarity<Real, M>::N;
+    const Real* from = rows.problem.G;
+    double* out = cone_.G;
+    for (int i = 0; i < n_single; ++i) {
+      const Real* row = from + single[i] * stride;
+      for (int j = 0; j < n_single; ++j) *out++ = lane_of(row[single[j]], l);
+      for (int j = 0; j < n_triple_; ++j, out += 3)
+        quad(out) = columns_.across[triple_[j]][single[i]].in(l);
+    }
+    for (int i = 0; i < n_triple_; ++i)
+      for (int d = 0; d < 3; ++d) {
+        const int own = triple_[i];
+        for (int j = 0; j < n_single; ++j)
+          *out++ = lane_of(columns_.across[own][single[j]][d], l);
+        for (int j = 0; j <= i; ++j, out += 3)
+          quad(out) = columns_.row_of_block(own, triple_[j], d).in(l);
+        for (int j = i + 1; j < n_triple_; ++j)
+          for (int e = 0; e < 3; ++e)
+            *out++ = lane_of(columns_.row_of_block(triple_[j], own, e)[d], l);
+      }
   }
 
   // Whether a solution is found that is accepted; where the law has none, with rows that yield.

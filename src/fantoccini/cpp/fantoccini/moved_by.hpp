@@ -12,13 +12,26 @@ template <int n_vD>
 struct MovedBy {
   int n = 0;
   int entry[room(n_vD)];
+  int link[2] = {-1, -1};  // the links that were added, the last two; -1 for none
+  bool apart = true;       // whether they have no velocity in common, nor any before them
+
+  // Nothing moves it.
+  FAN_FN void clear() {
+    n = 0;
+    link[0] = link[1] = -1;
+    apart = true;
+  }
 
   // Adds those of a link, listed in order, to what is there.
-  FAN_FN void add(const int* begin, const int* end) {
+  FAN_FN void add(int which, const int* begin, const int* end) {
+    if (begin == end) return;
+    link[1] = link[0];
+    link[0] = which;
     if (n == 0) {
       while (begin < end) entry[n++] = *begin++;
       return;
     }
+    apart = apart && (entry[n - 1] < *begin || end[-1] < entry[0]);
     int merged[room(n_vD)], count = 0, i = 0;
     while (i < n || begin < end) {
       const int own = i < n ? entry[i] : n_vD, other = begin < end ? *begin : n_vD;
