@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fantoccini.codegen.model import STEM, SIZES, Generated, Real, assembled, programs, tables_text
+from fantoccini.codegen.model import SIZES, STEM, Generated, Real, assembled, programs, tables_text
 from fantoccini.codegen.straight import Program, program, together
 from fantoccini.contract import FUNCTIONS, compiled
 from fantoccini.equations import Derivatives, Equations, Variational
@@ -81,7 +81,7 @@ def _programs(
 
 
 def _pushes(equations: Equations, forth: Program) -> str:
-    """``fan_push(link, L, x, y)``: ``forth`` of several x, for all links or, shorter, for one's way."""
+    """``fan_push(link, L, x, y)``: ``forth`` of several x; shorter for the way of one link alone."""
     made = {f"fan_push_{i}": program(function) for i, function in equations.pushes.items()}
     texts = [together(whole, name, SIZES.piece) for name, whole in made.items()]
     cases = [f"    case {i}: return fan_push_{i}(L, x, y);" for i in equations.pushes]

@@ -220,7 +220,7 @@ def pieces(
 
 
 def together(whole: Program, name: str, longest: int) -> str:
-    """The text of ``name(a, x, y)``: a function of (a, x) that is linear in x, for several x at once.
+    """The text of ``name(a, x, y)``: a function of (a, x) that is linear in x, for several x.
 
     ``x`` and ``y`` are arrays of any type ``V`` of several numbers, ``a`` of doubles.
 
