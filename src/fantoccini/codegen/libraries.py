@@ -81,7 +81,7 @@ def _programs(
 
 
 def _pushes(equations: Equations, forth: Program) -> str:
-    """``fan_push(link, L, x, y)``: ``forth`` of several x; shorter for the way of one link alone."""
+    """``fan_push(link, L, x, y)``: ``forth`` of several x; shorter for one link alone."""
     made = {f"fan_push_{i}": program(function) for i, function in equations.pushes.items()}
     texts = [together(whole, name, SIZES.piece) for name, whole in made.items()]
     cases = [f"    case {i}: return fan_push_{i}(L, x, y);" for i in equations.pushes]

@@ -231,7 +231,8 @@ class ContactStep : public ContactProblem<Model, Real> {
 
   // What pushes at the end of the step as it is reported: where points share what they carry, the
   // impulses of least norm. Of one trajectory, not of lanes. Returns how many there are.
-  int shared(ContactShare<M + 3 * C>& share, Push* out) const {
+  int shared(
+      const RowSystem<Model, Real>& rows, ContactShare<M + 3 * C>& share, Push* out) {
     static_assert(width == 1);
     int found = 0, n_out = 0;
     for (int i = 0; i < points_.n[0]; ++i) found += lane_of(x_[3 * i], 0) > 0.0;
@@ -239,20 +240,30 @@ class ContactStep : public ContactProblem<Model, Real> {
       for (int i = 0; i < n[0]; ++i) out[i] = push[0][i];
       return n[0];
     }
-    double x[room(3 * C)];
-    share.find(cone_, x);
-    for (int k = 0; k < n_triple_; ++k) {
-      if (!(x[3 * k] > 0.0)) continue;
-      const Push made = pushing(0, triple_[k], x + 3 * k);
-      int place = n_out++;
-      for (; place > 0 && earlier(made, out[place - 1]); --place) out[place] = out[place - 1];
-      out[place] = made;
+    for (int g = 0; g < groups_.n; ++g) {
+      this->choose(g);
+      if (n_triple_ == 0) continue;
+      this->write(0, rows);
+      for (int k = 0; k < n_triple_; ++k)
+        for (int d = 0; d < 3; ++d) {
+          cone_.x[n_single_ + 3 * k + d] = lane_of(x_[3 * triple_[k] + d], 0);
+          cone_.s[n_single_ + 3 * k + d] = lane_of(s_[3 * triple_[k] + d], 0);
+        }
+      double x[room(3 * C)];
+      share.find(cone_, x);
+      for (int k = 0; k < n_triple_; ++k) {
+        if (!(x[3 * k] > 0.0)) continue;
+        const Push made = pushing(0, triple_[k], x + 3 * k);
+        int place = n_out++;
+        for (; place > 0 && earlier(made, out[place - 1]); --place) out[place] = out[place - 1];
+        out[place] = made;
+      }
     }
     return n_out;
   }
 
  private:
-  using Problem::cone_, Problem::triple_, Problem::n_triple_;
+  using Problem::cone_, Problem::groups_, Problem::n_single_, Problem::triple_, Problem::n_triple_;
   using Problem::points_, Problem::columns_, Problem::in_, Problem::near_, Problem::chosen_;
   using Problem::x_, Problem::s_, Problem::b_, Problem::before_, Problem::rebound_;
   using Problem::parting_, Problem::bounces_, Problem::scale_;
