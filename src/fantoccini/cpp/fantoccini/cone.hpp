@@ -142,7 +142,8 @@ struct ConeProblem : ConeLaw {
     for (int j = 0; j < n_; ++j)
       if (!is_taken_[j]) rest[left++] = j;
     for (int done = 0; done < n_found && left > 0;) {
-      double influence[N] = {};  // of all that were found last: 0 where there is none
+      double influence[N];  // of all that were found last: 0 where there is none
+      for (int j = 0; j < n_; ++j) influence[j] = 0.0;
       for (; done < n_found; ++done) {
         const double* row = G + found[done] * n_;
         for (int j = 0; j < n_; ++j) influence[j] += fabs(row[j]);
