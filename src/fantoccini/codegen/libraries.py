@@ -22,19 +22,21 @@ class _Kind:
         real: the type that its functions compute with.
         mapped: whether Python calls its functions over arrays.
         columns: whether it has ``column``.
+        touches: whether it makes time steps with contact.
     """
 
     header: str
     real: Real
     mapped: bool = False
     columns: bool = True
+    touches: bool = False
 
 
 _KINDS = {
-    "model": _Kind("abi", Real(), mapped=True),
-    "lanes": _Kind("lane_abi", WIDE),
+    "model": _Kind("abi", Real(), mapped=True, touches=True),
+    "lanes": _Kind("lane_abi", WIDE, touches=True),
     "clearance": _Kind("clearance_abi", WIDE, columns=False),
-    "rollouts": _Kind("rollouts_abi", WIDE),
+    "rollouts": _Kind("rollouts_abi", WIDE, touches=True),
     "variational": _Kind("variational_abi", Real()),
     "variational_lanes": _Kind("variational_lane_abi", WIDE),
     "derivatives": _Kind("map_abi", Real(), mapped=True, columns=False),
@@ -52,12 +54,14 @@ def generate(equations: Equations, library: str = "model") -> Generated:
     made = _programs(equations, library, names, kind.columns)
     sizes = {**equations.tree.sizes, "n_packed": 0} if library == "derivatives" else None
     members = [_member(name, kind) for name in (*names, *["column"] * kind.columns)]
-    # Contact points push along three directions each.
-    in_threes = library == "model" and equations.tree.n_contacts > 0
+    # Contact points push along three directions each. Bundles have a width of 1 on some processors.
+    in_threes = kind.touches and equations.tree.n_contacts > 0
+    if in_threes:
+        members.append(_PUSH.format(space=kind.real.space))
     main = _MAIN.format(
         library=library.replace("_", " "),
         pushes=_pushes(equations, made["forth"]) if in_threes else "",
-        members="\n".join([*members, _PUSH] if in_threes else members),
+        members="\n".join(members),
         maps="".join(_map(name) for name in names) if kind.mapped else "",
         abi=kind.header,
         width="1" if kind.real.type == "double" else "FAN_WIDTH",
@@ -128,9 +132,9 @@ def _map(name: str) -> str:
 
 _PUSH = """\
   template <class V>
-  static void push(int link, const double* L, const V* x, V* y) {
-    scalar::fan_push(link, L, x, y);
-  }"""
+  static void push(int link, const double* L, const V* x, V* y) {{
+    {space}::fan_push(link, L, x, y);
+  }}"""
 
 _MAIN = """\
 // A compiled puppet: its library of {library}.
