@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.contact import problems, scenarios
+from benchmarks.contact import problems, programs, scenarios
 from benchmarks.contact.mujoco_scene import SETTINGS, MuJoCoScene, text_of
 
 
@@ -39,6 +39,14 @@ def test_a_cube_slides_and_is_pushed_in_both(cube):
     for run in (scenarios.ours, lambda *a, **k: scenarios.theirs(*a, hard=False, **k)):
         assert scenarios._stop(run) < 2e-3
     assert scenarios._dragged(scenarios.ours) < 1e-12
+
+
+def test_the_timed_program_makes_our_steps(cube):
+    program = programs.compiled(cube, scenarios.DT)
+    burst = program.run(cube.state(), "step", 1, 200)
+    assert burst.points == 4
+    assert burst.force == pytest.approx(scenarios.MASS * scenarios.G, rel=1e-9)
+    assert burst.residual < 1e-10
 
 
 def test_bodies_that_do_not_meet_are_excluded(cube):
