@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.contact import methods, problems, scenarios
+from benchmarks.contact import methods, problems, programs, scenarios
 from benchmarks.contact.boxes import Unlike
 from benchmarks.contact.mujoco_scene import SETTINGS, MuJoCoScene, text_of
 
@@ -78,6 +78,14 @@ def test_impacts_at_the_ends_of_variational_steps_leave_the_angle_at_first_order
     assert abs(found[1][0] - angle) > 1e-3
     assert abs(found[0][0] - angle) < 8 * abs(found[1][0] - angle)  # order 2 has 16
     assert abs(found[1][1] - energy) < 1e-5
+
+
+def test_the_timed_program_makes_our_steps(cube):
+    program = programs.compiled(cube, scenarios.DT)
+    burst = program.run(cube.state(), "step", 1, 200)
+    assert burst.points == 4
+    assert burst.force == pytest.approx(scenarios.MASS * scenarios.G, rel=1e-9)
+    assert burst.residual < 1e-10
 
 
 def test_bodies_that_do_not_meet_are_excluded(cube):

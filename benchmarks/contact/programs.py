@@ -75,7 +75,7 @@ def _solids(puppet: Marionette) -> list[Sequence[float]]:
     """What touches what, as the program reads it."""
     contacts = puppet.model.contacts
     if contacts is None:
-        return [[0]] * 5
+        return [[0]] * 6
     words: list = [[len(contacts.solids)]]
     for solid in contacts.solids:
         words += [[solid[name]] for name in ("kind", "link")]

@@ -5,7 +5,7 @@
 //
 // argv: the work, how often it is timed, how many steps in each.
 // stdin: as given.hpp says, then the solids (kind, link, a, b, R, half, radius), the pairs, the
-// groups, friction and restitution, each behind their number.
+// groups, friction, restitution and meetings, each behind their number.
 // stdout: one line a time, seconds of the processor for one step; then how many points push, the
 // normal force on them [N], the largest overlap [m], the largest residual of the law.
 #include "main.cpp"
@@ -23,7 +23,7 @@ constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings, M = Model
 
 fan::FixedRun<Model> run;
 std::vector<fan::Solid> solids;
-std::vector<int> pairs, groups;
+std::vector<int> pairs, groups, meetings;
 std::vector<double> friction, restitution;
 fan::ContactArrays arrays;
 
@@ -44,8 +44,9 @@ void take_contacts() {
   }
   pairs = take_whole(2), groups = take_whole(3);
   friction = take(int(take(1)[0])), restitution = take(int(take(1)[0]));
+  meetings = take_whole(1);
   arrays = {n, (long long)(pairs.size() / 2), (long long)(groups.size() / 3), solids.data(),
-            pairs.data(), groups.data(), friction.data(), restitution.data()};
+            pairs.data(), groups.data(), friction.data(), restitution.data(), meetings.data()};
 }
 
 constexpr int rows_kept = 4, some_events = 4096, some_points = 4 * (Model::n_contacts + 1);
@@ -117,7 +118,7 @@ int main(int, char** argv) {
   if constexpr (Model::n_contacts > 0) {
     const auto& contacts = run.trajectory.at.contacts;
     points = contacts.n[0];
-    residual = contacts.residual[0];
+    residual = contacts.residual;
     for (int i = 0; i < points; ++i) {
       const auto& push = contacts.push[0][i];
       force += fan::dot3(push.impulse, push.normal) / number[0];

@@ -6,12 +6,20 @@ import casadi as ca
 import numpy as np
 import pytest
 
+import fantoccini as fan
 from cpp.toolchain import compile_program, equations, run_program
 from fantoccini import puppets
 from fantoccini.codegen import generate, model_text
-from fantoccini.codegen.straight import pieces, program
+from fantoccini.codegen.straight import pieces, program, together
 from fantoccini.puppet import load
 from harness import Model
+
+STAGE = """
+scene: stage
+floor: 0
+contact: true
+puppets: [{name: pierrot, puppet: marionette}]
+"""
 
 PROGRAM = """
 #include <cmath>
@@ -133,3 +141,48 @@ def test_small_models_are_one_file_and_large_ones_several():
     large = generate(equations("marionette"))
     assert len(large.units) > 1
     assert set(large.units) <= set(large.files)
+
+
+def test_pushes_are_forth_on_the_way_of_a_link():
+    """y = F^-T x for forces from a link to the root alone, and 0 elsewhere."""
+    of = fan.loads(STAGE).model.compiled.equations
+    rng, tree = np.random.default_rng(0), of.tree
+    L = rng.normal(size=of.n_packed)
+    assert len(of.pushes) == 10
+    for i, push in of.pushes.items():
+        moved = np.zeros(tree.coordinates.n_vD, dtype=bool)
+        for j in tree.ancestors(i):
+            moved[tree.links[j].v] = True
+        x = rng.normal(size=len(moved))
+        y = np.array(push(L, x)).ravel()
+        assert np.allclose(y, np.array(of["forth"](L, np.where(moved, x, 0.0))).ravel())
+        assert not y[~moved].any()
+
+
+def test_what_is_linear_in_x_may_be_called_for_several_x(tmp_path):
+    """The template is the function for each of them, in one piece and in many."""
+    of = equations("marionette")
+    rng, n = np.random.default_rng(0), of.tree.coordinates.n_vD
+    L, x = rng.normal(size=of.n_packed), rng.normal(size=(n, 4))
+    rows = ", ".join("{" + ", ".join(map(repr, row)) + "}" for row in x.tolist())
+    lines = [
+        "#include <cstdio>",
+        "typedef double Four __attribute__((vector_size(32)));",
+        together(program(of["forth"]), "one", 10**9),
+        together(program(of["forth"]), "many", 40),
+        f"static const double L[] = {{{', '.join(map(repr, L.tolist()))}}};",
+        f"static const Four x[] = {{{rows}}};",
+        f"static Four y[2][{n}];",
+        "int main() {",
+        "  one(L, x, y[0]);",
+        "  many(L, x, y[1]);",
+        "  for (const auto& of : y)",
+        "    for (const auto& row : of)",
+        '      for (int d = 0; d < 4; ++d) std::printf("%.17g\\n", row[d]);',
+        "}",
+    ]
+    (tmp_path / "several.cpp").write_text("\n".join(lines), encoding="ascii")
+    built = compile_program(str(tmp_path / "several.cpp"), tmp_path, "-O1")
+    found = np.array(run_program(built, "").split(), dtype=float).reshape(2, n, 4)
+    exact = np.stack([np.array(of["forth"](L, column)).ravel() for column in x.T], axis=1)
+    assert np.allclose(found, exact, rtol=1e-12, atol=1e-12 * np.abs(exact).max())

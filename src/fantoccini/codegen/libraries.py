@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fantoccini.codegen.model import STEM, Generated, Real, assembled, programs, tables_text
-from fantoccini.codegen.straight import Program, program
+from fantoccini.codegen.model import SIZES, STEM, Generated, Real, assembled, programs, tables_text
+from fantoccini.codegen.straight import Program, program, together
 from fantoccini.contract import FUNCTIONS, compiled
 from fantoccini.equations import Derivatives, Equations, Variational
 
@@ -22,19 +22,21 @@ class _Kind:
         real: the type that its functions compute with.
         mapped: whether Python calls its functions over arrays.
         columns: whether it has ``column``.
+        touches: whether it makes time steps with contact.
     """
 
     header: str
     real: Real
     mapped: bool = False
     columns: bool = True
+    touches: bool = False
 
 
 _KINDS = {
-    "model": _Kind("abi", Real(), mapped=True),
-    "lanes": _Kind("lane_abi", WIDE),
+    "model": _Kind("abi", Real(), mapped=True, touches=True),
+    "lanes": _Kind("lane_abi", WIDE, touches=True),
     "clearance": _Kind("clearance_abi", WIDE, columns=False),
-    "rollouts": _Kind("rollouts_abi", WIDE),
+    "rollouts": _Kind("rollouts_abi", WIDE, touches=True),
     "variational": _Kind("variational_abi", Real()),
     "variational_lanes": _Kind("variational_lane_abi", WIDE),
     "derivatives": _Kind("map_abi", Real(), mapped=True, columns=False),
@@ -51,9 +53,15 @@ def generate(equations: Equations, library: str = "model") -> Generated:
     kind, names = _KINDS[library], compiled(library, equations.tree.sizes)
     made = _programs(equations, library, names, kind.columns)
     sizes = {**equations.tree.sizes, "n_packed": 0} if library == "derivatives" else None
+    members = [_member(name, kind) for name in (*names, *["column"] * kind.columns)]
+    # Contact points push along three directions each. Bundles have a width of 1 on some processors.
+    in_threes = kind.touches and equations.tree.n_contacts > 0
+    if in_threes:
+        members.append(_PUSH.format(space=kind.real.space))
     main = _MAIN.format(
         library=library.replace("_", " "),
-        members="\n".join(_member(name, kind) for name in (*names, *["column"] * kind.columns)),
+        pushes=_pushes(equations, made["forth"]) if in_threes else "",
+        members="\n".join(members),
         maps="".join(_map(name) for name in names) if kind.mapped else "",
         abi=kind.header,
         width="1" if kind.real.type == "double" else "FAN_WIDTH",
@@ -74,6 +82,23 @@ def _programs(
         own = {}
     shared = programs(equations, [name for name in names if name not in own], columns=columns)
     return shared | {name: program(function) for name, function in own.items()}
+
+
+def _pushes(equations: Equations, forth: Program) -> str:
+    """``fan_push(link, L, x, y)``: ``forth`` of several x; shorter for one link alone."""
+    made = {f"fan_push_{i}": program(function) for i, function in equations.pushes.items()}
+    texts = [together(whole, name, SIZES.piece) for name, whole in made.items()]
+    cases = [f"    case {i}: return fan_push_{i}(L, x, y);" for i in equations.pushes]
+    switch = [
+        "template <class V>",
+        "inline void fan_push(int link, const double* L, const V* x, V* y) {",
+        "  switch (link) {",
+        *cases,
+        "    default: return fan_push_all(L, x, y);",
+        "  }",
+        "}",
+    ]
+    return "\n".join([*texts, together(forth, "fan_push_all", SIZES.piece), *switch, ""])
 
 
 def _member(name: str, kind: _Kind) -> str:
@@ -105,6 +130,12 @@ def _map(name: str) -> str:
     return f"FAN_MAP({name}, {len(function.arguments)}, {len(function.results)})\n"
 
 
+_PUSH = """\
+  template <class V>
+  static void push(int link, const double* L, const V* x, V* y) {{
+    {space}::fan_push(link, L, x, y);
+  }}"""
+
 _MAIN = """\
 // A compiled puppet: its library of {library}.
 #include <cmath>
@@ -117,7 +148,7 @@ namespace {space} {{
 #define casadi_real {type}
 #include "model.c"
 #undef casadi_real
-}}  // namespace {space}
+{pushes}}}  // namespace {space}
 
 struct Model : ModelTables {{
 #define FAN_FUNCTION(NAME)                                     \\

@@ -219,6 +219,51 @@ def pieces(
     return Pieces(whole_name, declarations, texts, "\n".join(lines))
 
 
+def together(whole: Program, name: str, longest: int) -> str:
+    """The text of ``name(a, x, y)``: a function of (a, x) that is linear in x, for several x.
+
+    ``x`` and ``y`` are arrays of any type ``V`` of several numbers, ``a`` of doubles.
+
+    Args:
+        whole: the function's statements, with two arguments and one result.
+        name: of the C function.
+        longest: arithmetic statements of a piece, at most.
+    """
+    cut, lines = _Cut(whole, longest, frozenset()), []
+    for k in range(cut.n):
+        lines += [
+            "template <class V>",
+            f"void {name}_{k}(const double* a, const V* x, V* y, V* w) {{",
+            "  (void)a, (void)x, (void)y, (void)w;",
+            *(_of_several(line) for line in cut.body(k)),
+            "}",
+            "",
+        ]
+    lines += [
+        "template <class V>",
+        f"inline void {name}(const double* a, const V* x, V* y) {{",
+        f"  V work[{max(1, cut.n_work)}];",
+        *(f"  {name}_{k}(a, x, y, work);" for k in range(cut.n)),
+        "}",
+    ]
+    return "\n".join(lines)
+
+
+_NAMES = (
+    ("const casadi_real ", "const auto "), ("arg[0][", "a["), ("arg[1][", "x["), ("res[0][", "y[")
+)  # fmt: skip
+
+
+def _of_several(line: str) -> str:
+    """A line of a piece where values that do not depend on x are doubles, and others are V."""
+    for old, new in _NAMES:
+        line = line.replace(old, new)
+    into, value = line.strip(" ;").split(" = ", 1)
+    # What is handed on, and a result that is constant, may be a double.
+    is_double = into.startswith("w[") or (into.startswith("y[") and not value.startswith("t"))
+    return f"  {into} = V{{}} + {value};" if is_double else line
+
+
 def dealt(texts: list[str], statements: int) -> list[str]:
     """Texts joined in order to files of at least so many statements, except the last."""
     files: list[list[str]] = [[]]

@@ -34,6 +34,8 @@ from fantoccini.tree import Link, Role, Tree
 
 _MAX_COLUMNS_SIZE = 5
 """Instructions of all ``columns`` together, relative to ``forth``, up to which they are used."""
+_MAX_PUSHES_SIZE = 8
+"""The same of all ``pushes``."""
 
 
 class Equations:
@@ -193,6 +195,28 @@ class Equations:
             made[i] = list(found), ca.Function(f"fan_column_{i}", [L, x], [y], names_in, names_out)
         total = sum(function.n_instructions() for _, function in made.values())
         return made if total < _MAX_COLUMNS_SIZE * self["forth"].n_instructions() else {}
+
+    @cached_property
+    def pushes(self) -> dict[int, ca.Function]:
+        """Links that may touch something -> (L, x) -> y = F^-T x, all entries.
+
+        For forces x in the joints from the link to the root alone; others count as 0. Empty where
+        all together are much longer than ``forth``, as for a long chain.
+        """
+        made: dict[int, ca.Function] = {}
+        (L, factor), x = self._stored, self.system.symbols.x
+        for i, link in enumerate(self.tree.links):
+            way = [self.tree.links[j] for j in self.tree.ancestors(i)]
+            moved = [w.v for w in way if w.role is Role.DYNAMIC]
+            if not (self.tree.n_contacts and link.shapes and moved):
+                continue
+            own = zeros(self.tree.coordinates.n_vD)
+            for place in moved:
+                own[place] = elements(x)[place]
+            y = ca.densify(ca.cse(column(factor.forth(own, {}))))
+            made[i] = ca.Function(f"fan_push_{i}", [L, x], [y], ["L", "x"], ["y"])
+        total = sum(function.n_instructions() for function in made.values())
+        return made if total < _MAX_PUSHES_SIZE * self["forth"].n_instructions() else {}
 
     def _limit_rates(self) -> dict[str, ca.SX]:
         """hdot of the limits at a velocity, with the constants of their Jacobians folded in."""

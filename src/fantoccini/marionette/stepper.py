@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -16,8 +15,9 @@ from fantoccini.marionette.model import Model
 from fantoccini.marionette.redundant import CONTRADICTION_STATUSES, Contradiction, contradiction
 from fantoccini.marionette.vectors import vector
 from fantoccini.motion import Input, State
+from fantoccini.motion.pieces import constant_acceleration
 from fantoccini.motion.polynomial import N_COEF
-from fantoccini.runtime import Piece, Run, RunOptions
+from fantoccini.runtime import InputPieces, Piece, Run, RunOptions
 
 Accelerations = Array | Mapping[str, float]
 Law = Callable[[State], Accelerations]
@@ -142,7 +142,7 @@ class Stepper:
         if inputs is not None and (acc_K is not None or u_D is not None):
             raise ValueError("inputs carry their own motion and forces: give them or acc_K and u_D")
         if inputs is None:
-            chosen = self._piece(duration, acc_K, u_D)
+            chosen: Input | InputPieces = self._piece(duration, acc_K, u_D)
         else:
             t = self.state.t
             chosen = bind_input(self.model, inputs, self.state.q_K, self.state.v_K, t, end)
@@ -216,7 +216,7 @@ class Stepper:
 
     def _piece(
         self, duration: float, acc_K: Accelerations | None, u_D: Array | None
-    ) -> Input:
+    ) -> InputPieces:
         """Inputs with constant accelerations and forces from the present state."""
         table = self.model.coordinates
         if isinstance(acc_K, Mapping):
@@ -230,15 +230,15 @@ class Stepper:
 
 def held_input(
     model: Model, x: State, duration: float, acc_K: Array | None, u_D: Array | None
-) -> Input:
+) -> InputPieces:
     """Inputs with constant accelerations (n_vK,) and forces (n_vD,) from a state on."""
     table = model.coordinates
     acc = vector("acc_K", acc_K, table.n_vK)
     # A trace longer than the piece, so that its last instant still lies within the input.
-    times = x.t + np.array([0.0, (1.0 + 1e-6) * duration])
-    made = Input.segments(table, times, x.q_K, x.v_K, acc[None])
-    if u_D is None:
-        return made
-    force = np.zeros((1, table.n_vD, N_COEF))
-    force[0, :, 0] = vector("u_D", u_D, table.n_vD)
-    return dataclasses.replace(made, force=force)
+    times = np.array([x.t, x.t + (1.0 + 1e-6) * duration])
+    coef, base = constant_acceleration(table, times, x.q_K, x.v_K, acc[None])
+    force = None
+    if u_D is not None:
+        force = np.zeros((1, table.n_vD, N_COEF))
+        force[0, :, 0] = vector("u_D", u_D, table.n_vD)
+    return InputPieces(times, coef, base, force)

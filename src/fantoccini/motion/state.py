@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import enum
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -57,9 +59,7 @@ class State:
     __iter__ = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "t", float(self.t))
-        if not np.isfinite(self.t):
-            raise StateError(f"t is {self.t}; a state holds finite numbers")
+        object.__setattr__(self, "t", _finite_time(self.t))
         for name in (*_MOTION, "slip"):
             value = frozen(getattr(self, name))
             if not np.isfinite(value).all():
@@ -103,6 +103,10 @@ class State:
         The active set belongs to one motion: if a configuration, velocity or slip changes, the
         copy's is not known, unless ``taut`` is given as well.
         """
+        if changes.keys() == {"t"}:  # the arrays cannot change: both may have them
+            made = copy.copy(self)
+            object.__setattr__(made, "t", _finite_time(changes["t"]))
+            return made
         moved = any(
             name in changes and not np.array_equal(changes[name], getattr(self, name))
             for name in (*_MOTION, "slip")
@@ -124,6 +128,13 @@ class State:
         if names is not None and len(names) == value.size:
             place += f" ({names[at[0]]})"
         return StateError(f"{place} is {value[at]}; a state holds finite numbers")
+
+
+def _finite_time(t: float) -> float:
+    t = float(t)
+    if not math.isfinite(t):
+        raise StateError(f"t is {t}; a state holds finite numbers")
+    return t
 
 
 @dataclass(frozen=True, eq=False)

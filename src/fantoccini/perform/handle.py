@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -12,7 +13,7 @@ from fantoccini.arrays import Array, ConfigK, Quaternion, Vec3
 from fantoccini.errors import StateError
 from fantoccini.marionette import Marionette
 from fantoccini.motion import rotation
-from fantoccini.tree import WORLD, Link
+from fantoccini.tree import WORLD, Link, Role
 
 Place = tuple[Vec3, Quaternion]
 """Position (3,) [m] and orientation (4,) as w, x, y, z in the world."""
@@ -35,6 +36,8 @@ class Handle:
         coordinates: names of its driven coordinates, as in q_K.
         link: index of its link.
         q, v: places of its coordinates in q_K and v_K.
+        base: orientation (3, 3) and origin (3,) of its joint in the world; None where its parent
+            moves.
     """
 
     name: str
@@ -46,6 +49,7 @@ class Handle:
     link: int
     q: slice
     v: slice
+    base: tuple[Array, Vec3] | None = None
 
     @property
     def moves(self) -> slice:
@@ -70,7 +74,7 @@ def handles_of(marionette: Marionette, poses: Array) -> tuple[Handle, ...]:
         lead = marionette.tree.lead(i)
         if lead is None:
             continue
-        R, _ = frame(marionette, link, poses)
+        R, r = frame(marionette, link, poses)
         own, none, free = (R @ link.axes).T, np.zeros((0, 3)), np.eye(3)
         axes, turns = {
             "revolute": (none, own),
@@ -92,9 +96,17 @@ def handles_of(marionette: Marionette, poses: Array) -> tuple[Handle, ...]:
                 link=i,
                 q=lead[0],
                 v=lead[1],
+                base=(R, r) if _stands(marionette, link) else None,
             )
         )
     return tuple(found)
+
+
+def _stands(marionette: Marionette, link: Link) -> bool:
+    """Whether nothing moves the joint of a link."""
+    tree = marionette.tree
+    way = tree.ancestors(link.parent) if link.parent != WORLD else ()
+    return all(tree.links[i].role is Role.FIXED for i in way)
 
 
 def frame(marionette: Marionette, link: Link, poses: Array) -> tuple[Array, Vec3]:
@@ -113,10 +125,10 @@ def place_of(marionette: Marionette, handle: Handle, q_K: ConfigK, poses: Array)
         marionette: the puppet.
         handle: one of its handles.
         q_K: (n_qK,) driven configuration.
-        poses: (n_links, 3, 4) of the links; may be empty for a joint in the world.
+        poses: (n_links, 3, 4) of the links; may be empty for a joint that nothing moves.
     """
     link = marionette.tree.links[handle.link]
-    R, r = frame(marionette, link, poses)
+    R, r = handle.base or frame(marionette, link, poses)
     q, turn = q_K[handle.q], None
     match link.kind:
         case "revolute":
@@ -145,7 +157,7 @@ def wanted(
         marionette: the puppet.
         handle: one of its handles.
         q: (n,) present target; parts that are not given stay.
-        poses: (n_links, 3, 4) of the links.
+        poses: (n_links, 3, 4) of the links; may be empty for a joint that nothing moves.
         position: (3,) [m], or None.
         wxyz: (4,) orientation, or None.
 
@@ -153,12 +165,12 @@ def wanted(
         StateError: a position or orientation that is none.
     """
     link = marionette.tree.links[handle.link]
-    R, r = frame(marionette, link, poses)
+    R, r = handle.base or frame(marionette, link, poses)
     q = np.array(q)
     if position is not None and len(handle.axes):
         local = R.T @ (_three(handle, position) - r)
         straight = local if link.kind == "free" else link.axes.T @ local
-        q[: len(handle.axes)] = np.clip(straight, -_MAX_DISTANCE, _MAX_DISTANCE)
+        q[: len(handle.axes)] = _bounded(straight)
     if wxyz is not None and len(handle.turns):
         turn = rotation.multiply(rotation.conjugate(quaternion(R)), _turn(handle, wxyz))
         if link.kind == "revolute":
@@ -184,9 +196,14 @@ def quaternion(R: Array) -> Quaternion:
 
 def _three(handle: Handle, position: ArrayLike) -> Vec3:
     found = np.asarray(position, dtype=float)
-    if found.shape != (3,) or not np.all(np.isfinite(found)):
+    if found.shape != (3,) or not all(map(math.isfinite, found.tolist())):
         raise StateError(f"{handle.name}: found {position!r}; a position is three finite numbers")
-    return np.clip(found, -_MAX_DISTANCE, _MAX_DISTANCE)
+    return _bounded(found)
+
+
+def _bounded(x: Vec3) -> Vec3:
+    # np.clip takes four times as long.
+    return np.minimum(np.maximum(x, -_MAX_DISTANCE), _MAX_DISTANCE)
 
 
 def _turn(handle: Handle, wxyz: ArrayLike) -> Quaternion:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -105,22 +106,34 @@ class Hands:
 
     def handle(self, name: str) -> Handle:
         """The handle of that name."""
-        for handle in self.handles:
-            if handle.name == name:
-                return handle
-        raise UnknownNameError("handle", name, [h.name for h in self.handles])
+        if name not in self._named:
+            raise UnknownNameError("handle", name, [h.name for h in self.handles])
+        return self._named[name]
 
     def carriers(self, handle: Handle) -> tuple[Handle, ...]:
         """The handles of a joint's other parts, if drives move the joint in part.
 
         Each part is a handle of its own, ``bar.carriage1``; a part has no carriers.
         """
+        return self._carriers[handle.name]
+
+    @cached_property
+    def _named(self) -> dict[str, Handle]:
+        return {h.name: h for h in reversed(self.handles)}
+
+    @cached_property
+    def _carriers(self) -> dict[str, tuple[Handle, ...]]:
         links = self.marionette.tree.links
-        if ".carriage" in handle.name:
-            return ()
-        joint = links[handle.link].joint
-        own = [h for h in self.handles if links[h.link].joint == joint]
-        return tuple(h for h in own if h.link < handle.link)
+        return {
+            name: ()
+            if ".carriage" in name
+            else tuple(
+                h
+                for h in self.handles
+                if links[h.link].joint == links[handle.link].joint and h.link < handle.link
+            )
+            for name, handle in self._named.items()
+        }
 
     def length_place(self, string: str) -> int:
         """Place in q_K of a driven length, or of its drive's command."""

@@ -17,7 +17,6 @@ from fantoccini.perform.grip import TOLERANCES, Holding, gripped
 from fantoccini.perform.handle import Handle, Place, place_of, wanted
 from fantoccini.perform.hands import Hands
 from fantoccini.perform.recording import Recorder, Recording
-from fantoccini.tree import WORLD
 
 SPEED = 1.5
 """Default bound on the speed of handles and winches [m/s]: a brisk hand."""
@@ -348,8 +347,8 @@ class Performance:
         return place_of(self.marionette, handle, q_K, self._poses(handle))
 
     def _poses(self, handle: Handle) -> Array:
-        """(n_links, 3, 4) of the links; empty if the handle's joint is fixed in the world."""
-        if self.marionette.tree.links[handle.link].parent == WORLD:
+        """(n_links, 3, 4) of the links; empty where nothing moves the handle's joint."""
+        if handle.base is not None:
             return np.zeros((0, 3, 4))
         return self.marionette.poses(self._x.q_D, self._x.q_K)
 
@@ -406,6 +405,8 @@ class Performance:
     def _note_weak_motors(self) -> None:
         """Notes the drives whose motors the last tick overloaded."""
         tree = self.marionette.tree
+        if not tree.watched:
+            return
         for index in self._stepper.events[:, EVENT_AT["row"]].astype(int) - tree.n_rows:
             if 0 <= index < len(tree.watched):
                 self._weak[tree.watched[index].name.rsplit(".", 1)[0]] = self.t

@@ -27,6 +27,7 @@ from fantoccini.runtime.rollouts import (
     Segments,
 )
 from fantoccini.runtime.solids import SOLID
+from fantoccini.runtime.structures import InputPieces
 
 __all__ = [
     "BOX",
@@ -46,6 +47,7 @@ __all__ = [
     "Functions",
     "Funnel",
     "GoalNumbers",
+    "InputPieces",
     "Library",
     "Loaded",
     "Piece",

@@ -23,7 +23,7 @@ from fantoccini.runtime import memory
 from fantoccini.runtime.contacts import Contacts
 from fantoccini.runtime.functions import Functions, pointer
 from fantoccini.runtime.options import RunOptions
-from fantoccini.runtime.structures import UNLIMITED, input_arrays, structures
+from fantoccini.runtime.structures import UNLIMITED, InputPieces, input_arrays, structures
 from fantoccini.tree import Tree
 
 MOST_TOUCHES = 8
@@ -205,7 +205,7 @@ class Run:
         x0: State,
         p: Array,
         winches: Array,
-        inputs: Input,
+        inputs: Input | InputPieces,
         save_at: Array | None = None,
     ):
         self.library = library
@@ -281,7 +281,7 @@ class Run:
         self.library.dll.fan_emit(self._run, ctypes.byref(self._record))
         return self._taken()
 
-    def set_input(self, inputs: Input) -> None:
+    def set_input(self, inputs: Input | InputPieces) -> None:
         """Replaces the inputs, bound, from the present time on."""
         arrays, held = input_arrays(inputs)
         self.library.dll.fan_set_input(self._run, ctypes.byref(arrays))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import re
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -68,7 +68,20 @@ def dtype_of(structure: Structure) -> np.dtype[np.void]:
     return np.dtype(list(found), align=True)
 
 
-def input_arrays(inputs: Input) -> tuple[ctypes.Structure, list[Array]]:
+class InputPieces(NamedTuple):
+    """The numbers of an :class:`Input`, which are known to be right.
+
+    Attributes:
+        breaks, coef, base, force: as those of the input.
+    """
+
+    breaks: Array
+    coef: Array
+    base: Array
+    force: Array | None = None
+
+
+def input_arrays(inputs: Input | InputPieces) -> tuple[ctypes.Structure, list[Array]]:
     """The structure, and the arrays that must live as long as it is read."""
     given = {name: getattr(inputs, name) for name in ("breaks", "coef", "base", "force")}
     held = {n: np.ascontiguousarray(a, dtype=float) for n, a in given.items() if a is not None}

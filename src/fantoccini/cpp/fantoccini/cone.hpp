@@ -38,7 +38,7 @@ struct ConeProblem : ConeLaw {
   static constexpr int N = room(capacity);
 
   int n_single = 0, n_contacts = 0;  // n = n_single + 3 n_contacts rows: singles, then contacts
-  double G[N * N];                   // row i, column j at i * n + j
+  double G[N * N + 1];               // row i, column j at i * n + j; whoever writes may pass its end
   double b[N];                       // solve() sets b below `negligible` to 0
   double lower[N], upper[N];  // of a contact only the upper bound of the normal counts
   double mu[N];               // of contact c
@@ -101,19 +101,26 @@ struct ConeProblem : ConeLaw {
 
   // Whether all numbers are finite and the bounds in order. If not, x and s are 0.
   FAN_FN bool is_valid() {
-    bool valid = true;
-    double most = 0.0, none = 0.0;  // `none` becomes nan with a number that is not finite
-    for (int i = 0; i < n_ * n_; ++i) {
-      most = larger(most, fabs(G[i]));
-      none += 0.0 * G[i];
-    }
-    valid = is_finite(most) && none == 0.0;
+    const double size = sum_of_squares(G, n_ * n_);  // nan with a number that is nan
+    bool valid = size < Tolerance::largest_number * Tolerance::largest_number;
     for (int i = 0; i < n_; ++i) valid = valid && is_finite(b[i]);
     for (int i = 0; i < n_single; ++i) valid = valid && lower[i] <= upper[i];
     for (int c = 0; c < n_contacts; ++c)
       valid = valid && mu[c] >= 0.0 && is_finite(mu[c]) && upper[n_single + 3 * c] >= 0.0;
     for (int i = 0; i < n_ && !valid; ++i) x[i] = s[i] = 0.0;
     return valid;
+  }
+
+  // Four sums of four at a time: each addition waits for the one before.
+  FAN_FN static double sum_of_squares(const double* x, int n) {
+    Quad sum[4] = {};
+    int i = 0;
+    for (; i + 16 <= n; i += 16)
+      FAN_UNROLL for (int q = 0; q < 4; ++q) sum[q] += quad(x + i + 4 * q) * quad(x + i + 4 * q);
+    const Quad all = (sum[0] + sum[1]) + (sum[2] + sum[3]);
+    double rest = 0.0;
+    for (; i < n; ++i) rest += x[i] * x[i];
+    return (all[0] + all[1]) + (all[2] + all[3]) + rest;
   }
 
   // Lists in own_ the rows of the island of row `first`, in order; rows of one contact go together.
@@ -134,13 +141,18 @@ struct ConeProblem : ConeLaw {
     int rest[N];
     for (int j = 0; j < n_; ++j)
       if (!is_taken_[j]) rest[left++] = j;
-    for (int k = 0; k < n_found && left > 0; ++k) {
-      const double* row = G + found[k] * n_;
+    for (int done = 0; done < n_found && left > 0;) {
+      double influence[N];  // of all that were found last: 0 where there is none
+      for (int j = 0; j < n_; ++j) influence[j] = 0.0;
+      for (; done < n_found; ++done) {
+        const double* row = G + found[done] * n_;
+        for (int j = 0; j < n_; ++j) influence[j] += fabs(row[j]);
+      }
       int kept = 0;
       for (int r = 0; r < left; ++r) {
         const int j = rest[r];
         if (is_taken_[j]) continue;
-        if (row[j] != 0.0) add(j);
+        if (influence[j] != 0.0) add(j);
         else rest[kept++] = j;
       }
       left = kept;
@@ -163,16 +175,27 @@ struct ConeProblem : ConeLaw {
       island_.along[2 * c] = along[2 * from];
       island_.along[2 * c + 1] = along[2 * from + 1];
     }
+    for (int first = 0, end = 0; first < n_own_; first = end) {
+      // Columns that follow one another in G, too.
+      while (++end < n_own_ && own_[end] == own_[end - 1] + 1) {}
+      for (int k = 0; k < n_own_; ++k)
+        copy(G + own_[k] * n_ + own_[first], end - first,
+             island_.G + k * island_.stride + first);
+    }
     for (int k = 0; k < n_own_; ++k) {
       const int i = own_[k];
-      double* row = island_.G + k * island_.stride;
-      for (int j = 0; j < n_own_; ++j) row[j] = G[i * n_ + own_[j]];
-      row[k] += yielding;
+      island_.G[k * (island_.stride + 1)] += yielding;
       island_.b[k] = b[i];
       island_.lower[k] = lower[i];
       island_.upper[k] = upper[i];
       island_.x[k] = x[i];
     }
+  }
+
+  FAN_FN static void copy(const double* from, int n, double* to) {
+    int i = 0;
+    for (; i + 4 <= n; i += 4) quad(to + i) = quad(from + i);
+    for (; i < n; ++i) to[i] = from[i];
   }
 
   int n_ = 0, n_own_ = 0;

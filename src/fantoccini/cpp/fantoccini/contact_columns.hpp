@@ -2,6 +2,8 @@
 // Delassus matrix of a time step.
 #pragma once
 
+#include <type_traits>
+
 #include "evaluation.hpp"
 #include "moved_by.hpp"
 
@@ -11,8 +13,8 @@ template <class Model, class Real>
 struct ContactColumns {
   static constexpr int C = Model::n_contacts, N = Model::n_vD, M = Model::n_rows;
 
-  Real W[room(3 * C)][room(N)];
-  Real across[room(3 * C)][room(M)];  // products with the gathered rows
+  Triple<Real> W[room(C)][room(N)];
+  Triple<Real> across[room(C)][room(M)];  // products with the gathered rows
 
   FAN_FN void begin() { made_ = 0; }
 
@@ -22,11 +24,11 @@ struct ContactColumns {
   // Makes the columns of the points i < n with some[i], from their rows of A_D and what moves them.
   FAN_FN void make(
       const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
-      const Real (*row)[room(N)], const MovedBy<N>* moved, const bool* some, int n) {
+      const Triple<Real> (*row)[room(N)], const MovedBy<N>* moved, const bool* some, int n) {
     for (int i = 0; i < n; ++i) {
       if (i >= made_) has_[i] = false;
       if (some[i] && !has_[i]) {
-        for (int d = 3 * i; d < 3 * i + 3; ++d) Call<Model, Real>::forth(eval.L, row[d], W[d]);
+        push(eval.L, row[i], moved[i], W[i]);
         for (int j = 0; j <= i; ++j)
           if (j == i || has_[j]) multiply(i, j, moved);
         for (int j = i + 1; j < made_; ++j)
@@ -38,37 +40,82 @@ struct ContactColumns {
     made_ = n;
   }
 
-  // The product of columns d and e.
-  FAN_FN const Real& G(int d, int e) const { return d < e ? G_[e][d] : G_[d][e]; }
+  // The products of column d of point i and those of point j <= i.
+  FAN_FN const Triple<Real>& row_of_block(int i, int j, int d) const { return G_[i][j][d]; }
 
-  // w <- w - W_d x, column d being of a point that these move.
-  FAN_FN void take(int d, const Real& x, const MovedBy<N>& moved, Real* w) const {
-    for (int j = 0; j < moved.n; ++j) w[moved.entry[j]] -= W[d][moved.entry[j]] * x;
+  // The product of columns d and e.
+  FAN_FN Real G(int d, int e) const {
+    return d < e ? G_[e / 3][d / 3][e % 3][d % 3] : G_[d / 3][e / 3][d % 3][e % 3];
+  }
+
+  // w <- w - W x over the columns of point i, which these move.
+  FAN_FN void take(int i, const Real* x, const MovedBy<N>& moved, Real* w) const {
+    for (int j = 0; j < moved.n; ++j) {
+      const int k = moved.entry[j];
+      w[k] -= W[i][k][0] * x[0] + W[i][k][1] * x[1] + W[i][k][2] * x[2];
+    }
   }
 
  private:
-  // The products of the columns of points i and j <= i.
-  FAN_FN void multiply(int i, int j, const MovedBy<N>* moved) {
-    const bool apart = moved[i].is_apart(moved[j]);
-    for (int e = 3 * j; e < 3 * j + 3; ++e) {
-      Real out[3] = {Real(0.0), Real(0.0), Real(0.0)};
-      if (!apart) moved[i].products(W + 3 * i, W[e], out);
-      for (int d = 0; d < 3; ++d) G_[3 * i + d][e] = out[d];
+  // w = F^-T x of three columns, x being 0 but where it is moved.
+  FAN_FN static void push(
+      const Real* L, const Triple<Real>* x, const MovedBy<N>& moved, Triple<Real>* w) {
+    if constexpr (std::is_same<Real, double>::value) {
+      const Quad* own = reinterpret_cast<const Quad*>(x);
+      Quad* out = reinterpret_cast<Quad*>(w);
+      Model::push(moved.apart ? moved.link[0] : all_links, L, own, out);
+      if (moved.link[1] < 0 || !moved.apart) return;
+      Quad more[room(N)];
+      Model::push(moved.link[1], L, own, more);
+      for (int j = 0; j < moved.n; ++j) out[moved.entry[j]] += more[moved.entry[j]];
+    } else {
+      Real own[room(N)], found[room(N)];
+      for (int d = 0; d < 3; ++d) {
+        for (int k = 0; k < N; ++k) own[k] = x[k].of[d];
+        Call<Model, Real>::forth(L, own, found);
+        for (int k = 0; k < N; ++k) w[k].of[d] = found[k];
+      }
     }
   }
 
-  // Those of point i and the gathered rows.
+  // The products of the columns of points i and j <= i.
+  FAN_FN void multiply(int i, int j, const MovedBy<N>* moved) {
+    if (moved[i].is_apart(moved[j])) {
+      for (int d = 0; d < 3; ++d) G_[i][j][d].clear();
+      return;
+    }
+    const bool shorter = moved[i].n <= moved[j].n;  // W is 0 beyond
+    moved[shorter ? i : j].products(W[i], W[j], G_[i][j]);
+  }
+
+  // Those of point i and the gathered rows, two at a time: each addition waits for the one before.
   FAN_FN void multiply(int i, const RowSystem<Model, Real>& rows, const MovedBy<N>& moved) {
+    int some[room(M)], n = 0;
     for (int a = 0; a < rows.n; ++a) {
-      Real out[3];
-      moved.products(W + 3 * i, rows.column[a], out);
-      for (int d = 0; d < 3; ++d) across[3 * i + d][a] = out[d];
+      if (!rows.is_apart(a, moved)) some[n++] = a;
+      else across[i][a].clear();
+    }
+    for (int s = 0; s < n; s += 2) {
+      const int a = some[s], b = some[s + 1 < n ? s + 1 : s];
+      const Real *first = rows.column[a], *second = rows.column[b];
+      Triple<Real> x, y;
+      x.clear();
+      y.clear();
+      for (int j = 0; j < moved.n; ++j) {
+        const int k = moved.entry[j];
+        x.add(first[k], W[i][k]);
+        y.add(second[k], W[i][k]);
+      }
+      across[i][a] = x;
+      across[i][b] = y;
     }
   }
+
+  static constexpr int all_links = -1;
 
   int made_ = 0;
   bool has_[room(C)];  // whether a point's columns are made
-  Real G_[room(3 * C)][room(3 * C)];
+  Triple<Real> G_[room(C)][room(C)][3];
 };
 
 }  // namespace fan

@@ -11,6 +11,7 @@
 #include <new>
 
 #include "moved_by.hpp"
+#include "near_pairs.hpp"
 #include "placed_links.hpp"
 
 namespace fan {
@@ -35,7 +36,6 @@ class ContactPoints : public PlacedLinks<Model, Real> {
  public:
   static constexpr int C = Model::n_contacts, N = Links::N, NK = Links::NK;
   static constexpr int width = Links::width;
-  using Links::begin;
   using Tolerance = ContactPointTolerances;
   using Mask = typename Traits<Real>::Mask;
 
@@ -48,9 +48,22 @@ class ContactPoints : public PlacedLinks<Model, Real> {
   int n[width], most;        // points of each lane, and of the one that has most
   Point point[width][room(C)];
   bool too_many[width] = {};  // whether a lane has had more points than there is room for
-  Real row[room(3 * C)][room(N)];  // of A_D: every point's normal and tangents
-  Real rate_K[room(3 * C)];        // A_K v_K of these rows
+  Triple<Real> row[room(C)][room(N)];  // of A_D: every point's normal and tangents
+  Triple<Real> rate_K[room(C)];        // A_K v_K of these rows
   MovedBy<N> moved[room(C)];       // where a point's rows may differ from zero
+
+  // Takes the solids; nothing is known of where they are.
+  FAN_FN void begin(const ContactArrays& in) {
+    Links::begin(in);
+    double sum = 0.0, n_links = 0.0;
+    for (int i = 0; i < L; ++i) {
+      if (!has_solids(i)) continue;
+      sum += Links::around_[i].radius;
+      n_links += 1.0;
+    }
+    slack_ = n_links > 0.0 ? NearPairsTolerances::slack * sum / n_links : 0.0;
+    for (int l = 0; l < width; ++l) near_[l].forget();
+  }
 
   // The least gap of every pair at a configuration of lane 0; pairs farther apart than the margin
   // keep what is in `gaps`.
@@ -166,7 +179,7 @@ class ContactPoints : public PlacedLinks<Model, Real> {
       move();
       place();
       for (int i = 0; i < L; ++i) lane_of(speed_at_start_[i], l) = speed_[i];
-      look_at_all(in, dt, l);
+      look_at_near(in, dt, l);
       if (n[l] > most) most = n[l];
     }
     for (int i = 0; i < most; ++i) clear(i);
@@ -237,8 +250,59 @@ class ContactPoints : public PlacedLinks<Model, Real> {
  private:
   using Links::L, Links::B, Links::load, Links::move, Links::place, Links::place_link;
   using Links::separation, Links::smallest_size, Links::is_far, Links::are_far;
-  using Links::links_, Links::screw_D_, Links::screw_K_, Links::v_K_, Links::twist_, Links::speed_;
-  using Links::reach_, Links::placed_, Links::ball_, Links::ball_of_, Links::is_placed_;
+  using Links::links_, Links::poses_, Links::screw_D_, Links::screw_K_, Links::v_K_, Links::twist_, Links::speed_;
+  using Links::reach_, Links::has_solids, Links::placed_, Links::ball_, Links::ball_of_, Links::is_placed_;
+
+  // Finds the points of lane l among the pairs that are near, or among all.
+  FAN_FN void look_at_near(const ContactArrays& in, double dt, int l) {
+    auto& near = near_[l];
+    double margin[room(L)];
+    for (int i = 0; i < L; ++i)
+      margin[i] = 0.5 * Tolerance::margin + Tolerance::travel * dt * speed_[i];
+    if (!near.holds(poses_, ball_of_, margin, slack_)) {
+      if (!near.is_due()) return look_at_all(in, dt, l);
+      list_near(in, near);
+      if (!near.holds(poses_, ball_of_, margin, slack_)) return look_at_all(in, dt, l);
+    }
+    for (int j = 0; j < near.n; ++j) {
+      const int k = near.pair[j], a = in.solids[in.pairs[2 * k]].link;
+      const int other = in.pairs[2 * k + 1], b = other < B ? in.solids[other].link : -1;
+      if (!is_placed_[a]) place_link(in, a);
+      if (b >= 0 && !is_placed_[b]) place_link(in, b);
+      const double speed = speed_[a] + (b < 0 ? 0.0 : speed_[b]);
+      look_at_placed(in, k, Tolerance::margin + Tolerance::travel * dt * speed, l);
+    }
+  }
+
+  // Lists the pairs that are nearer than the slack.
+  template <class Near>
+  FAN_FN void list_near(const ContactArrays& in, Near& near) {
+    near.begin(poses_, ball_of_);
+    for (int g = 0, k = 0; g < in.n_groups; ++g) {
+      const int a = in.groups[3 * g], b = in.groups[3 * g + 1], end = in.groups[3 * g + 2];
+      const bool far = b < 0 ? is_far(ball_of_[a], in.solids[-1 - b], slack_)
+                             : is_far(ball_of_[a], ball_of_[b], slack_);
+      if (far) {
+        k = end;
+        continue;
+      }
+      if (!is_placed_[a]) place_link(in, a);
+      if (b >= 0 && !is_placed_[b]) place_link(in, b);
+      for (; k < end; ++k) {
+        Touch found[max_touches];
+        if (touch(in, k, slack_, found) > 0) near.add(k);
+      }
+    }
+  }
+
+  // The points of pair k, whose solids are placed, with a gap below a margin; returns how many.
+  FAN_FN int touch(const ContactArrays& in, int k, double margin, Touch* found) {
+    const int a = in.pairs[2 * k], b = in.pairs[2 * k + 1];
+    const Solid &x = placed_[a], &y = b < B ? placed_[b] : in.solids[b];
+    if (b < B ? is_far(ball_[a], ball_[b], margin) : is_far(ball_[a], y, margin)) return 0;
+    if (are_far(x, y, margin)) return 0;
+    return touches(x, y, margin, found);
+  }
 
   // Finds the points of lane l.
   FAN_FN void look_at_all(const ContactArrays& in, double dt, int l) {
@@ -269,12 +333,8 @@ class ContactPoints : public PlacedLinks<Model, Real> {
 
   // The same where the solids of both links are placed.
   FAN_FN void look_at_placed(const ContactArrays& in, int k, double margin, int l) {
-    const int a = in.pairs[2 * k], b = in.pairs[2 * k + 1];
-    const Solid &x = placed_[a], &y = b < B ? placed_[b] : in.solids[b];
-    if (b < B ? is_far(ball_[a], ball_[b], margin) : is_far(ball_[a], y, margin)) return;
-    if (are_far(x, y, margin)) return;
     Touch found[max_touches];
-    const int n_found = touches(x, y, margin, found);
+    const int n_found = touch(in, k, margin, found);
     for (int i = 0; i < n_found; ++i) {
       if (passing_within_ > 0.0 && !joins(in, k, found[i], l)) continue;
       if (n[l] == C) {
@@ -323,49 +383,39 @@ class ContactPoints : public PlacedLinks<Model, Real> {
   }
 
   FAN_FN void clear(int i) {
-    moved[i].n = 0;
-    for (int d = 3 * i; d < 3 * i + 3; ++d) {
-      rate_K[d] = Real(0.0);
-      for (int k = 0; k < N; ++k) row[d][k] = Real(0.0);
-    }
+    moved[i].clear();
+    rate_K[i].clear();
+    for (int k = 0; k < N; ++k) row[i][k].clear();
   }
 
   // The rows of lane l's point i.
   FAN_FN void fill(const ContactArrays& in, int l, int i) {
     const Point& from = point[l][i];
-    const int a = in.pairs[2 * from.pair], b = in.pairs[2 * from.pair + 1];
-    for (const int solid : {a, b}) {
-      const int link = in.solids[solid].link;
-      if (link >= 0)
-        moved[i].add(
-            Model::moved_D_entry + Model::moved_D_begin[link],
-            Model::moved_D_entry + Model::moved_D_begin[link + 1]);
-    }
-    for (int d = 0; d < 3; ++d) {
-      const double* e = from.frame + 3 * d;
-      double moment[3];
-      cross(from.at, e, moment);
-      Real* out = row[3 * i + d];
-      double driven = 0.0;
-      for (int side = 0; side < 2; ++side) {
-        const int link = in.solids[side ? b : a].link;
-        if (link < 0) continue;
-        const double sign = side ? 1.0 : -1.0;
-        for (int j = Model::moved_D_begin[link]; j < Model::moved_D_begin[link + 1]; ++j) {
-          const int k = Model::moved_D_entry[j];
-          const double* s = screw_D_ + 6 * k;
-          lane_of(out[k], l) += sign * (dot3(e, s) + dot3(moment, s + 3));
-        }
-        for (int j = Model::moved_K_begin[link]; j < Model::moved_K_begin[link + 1]; ++j) {
-          const int k = Model::moved_K_entry[j];
-          const double* s = screw_K_ + 6 * k;
-          driven += sign * (dot3(e, s) + dot3(moment, s + 3)) * v_K_[k];
-        }
+    const double *e = from.frame, *at = from.at;
+    Quad of[3];  // the three directions' parts along each axis
+    FAN_UNROLL for (int c = 0; c < 3; ++c) of[c] = Quad{e[c], e[3 + c], e[6 + c], 0.0};
+    for (int side = 0; side < 2; ++side) {
+      const int link = in.solids[in.pairs[2 * from.pair + side]].link;
+      if (link < 0) continue;
+      const double sign = side ? 1.0 : -1.0;
+      const int *begin = Model::moved_D_begin + link, *entry = Model::moved_D_entry;
+      moved[i].add(link, entry + begin[0], entry + begin[1]);
+      const auto speed = [&](const double* s) {  // of the point, by a screw
+        return of[0] * (s[0] + s[4] * at[2] - s[5] * at[1]) +
+               of[1] * (s[1] + s[5] * at[0] - s[3] * at[2]) +
+               of[2] * (s[2] + s[3] * at[1] - s[4] * at[0]);
+      };
+      for (int j = begin[0]; j < begin[1]; ++j)
+        row[i][entry[j]].add_in(l, sign, speed(screw_D_ + 6 * entry[j]));
+      for (int j = Model::moved_K_begin[link]; j < Model::moved_K_begin[link + 1]; ++j) {
+        const int k = Model::moved_K_entry[j];
+        rate_K[i].add_in(l, sign * v_K_[k], speed(screw_K_ + 6 * k));
       }
-      lane_of(rate_K[3 * i + d], l) = driven;
     }
   }
 
+  NearPairs<L, 4 * L> near_[width];
+  double slack_ = 0.0;              // m: of the lists of near pairs
   Real speed_at_start_[room(L)];    // m/s: by which the margins of find() were chosen
   double passing_within_ = 0.0;  // s: the step, while only points that would be passed are added
 };

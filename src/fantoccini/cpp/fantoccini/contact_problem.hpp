@@ -4,6 +4,7 @@
 
 #include "cone.hpp"
 #include "contact_columns.hpp"
+#include "contact_groups.hpp"
 #include "contact_points.hpp"
 #include "contact_push.hpp"
 
@@ -49,10 +50,54 @@ class ContactProblem {
     return solved;
   }
 
+  // Chooses the rows and points of one group.
+  FAN_FN void choose(int group) {
+    n_single_ = n_triple_ = 0;
+    for (int i = 0; i < n_some_rows_; ++i)
+      if (groups_.at(some_rows_[i].group) == group) single_[n_single_++] = some_rows_[i].which;
+    for (int i = 0; i < n_some_; ++i)
+      if (groups_.at(some_[i].group) == group) triple_[n_triple_++] = some_[i].which;
+  }
+
+  // G, b and mu of lane l's problem. G in order: three numbers are written as a register of four, whose last the
+  // next ones replace.
+  FAN_FN void write(int l, const RowSystem<Model, Real>& rows) {
+    cone_.n_single = n_single_;
+    cone_.n_contacts = n_triple_;
+    for (int i = 0; i < n_single_; ++i) cone_.b[i] = lane_of(rows.problem.b[single_[i]], l);
+    for (int i = 0; i < n_triple_; ++i) {
+      cone_.mu[i] = in_->friction[points_.point[l][triple_[i]].pair];
+      for (int d = 0; d < 3; ++d)
+        cone_.b[n_single_ + 3 * i + d] = lane_of(b_[3 * triple_[i] + d], l);
+    }
+    constexpr int stride = Complementarity<Real, M>::N;
+    const Real* from = rows.problem.G;
+    double* out = cone_.G;
+    for (int i = 0; i < n_single_; ++i) {
+      const Real* row = from + single_[i] * stride;
+      for (int j = 0; j < n_single_; ++j) *out++ = lane_of(row[single_[j]], l);
+      for (int j = 0; j < n_triple_; ++j, out += 3)
+        quad(out) = columns_.across[triple_[j]][single_[i]].in(l);
+    }
+    for (int i = 0; i < n_triple_; ++i)
+      for (int d = 0; d < 3; ++d) {
+        const int own = triple_[i];
+        for (int j = 0; j < n_single_; ++j)
+          *out++ = lane_of(columns_.across[own][single_[j]][d], l);
+        for (int j = 0; j <= i; ++j, out += 3)
+          quad(out) = columns_.row_of_block(own, triple_[j], d).in(l);
+        for (int j = i + 1; j < n_triple_; ++j)
+          for (int e = 0; e < 3; ++e)
+            *out++ = lane_of(columns_.row_of_block(triple_[j], own, e)[d], l);
+      }
+  }
+
   Points points_;
   const ContactArrays* in_ = nullptr;
-  ConeProblem<M + 3 * C> cone_;    // the last that was solved,
-  int triple_[room(C)], n_triple_ = 0;  // with these points
+  ConeProblem<M + 3 * C> cone_;         // of one group,
+  int single_[room(M)], n_single_ = 0;  // with these gathered rows
+  int triple_[room(C)], n_triple_ = 0;  // and these points
+  ContactGroups<Model> groups_;         // of the lane that was solved last
   bool near_[width][room(C)];      // whether a point takes part
   // m/s: e u_n- of new contacts, 0 of others; how fast solids part without it.
   double rebound_[width][room(C)], parting_[width][room(C)];
@@ -64,6 +109,13 @@ class ContactProblem {
   ContactColumns<Model, Real> columns_;
 
  private:
+  struct Member {
+    int which, group;
+  };
+
+  int n_some_ = 0, n_some_rows_ = 0;  // points and rows that take part
+  Member some_[room(C)], some_rows_[room(M)];
+
   // Whether the impulses of lane l add energy, apart from the work of what drives the solids:
   //   sum of x . (before - G x / 2) < 0,   G x the change of hdot
   FAN_FN bool adds(
@@ -79,7 +131,7 @@ class ContactProblem {
       for (int b = 0; b < rows.n; ++b)
         change += lane_of(rows.problem.G[a * stride + b], l) * lane_of(found[b], l);
       for (int d = 0; d < 3 * points_.n[l]; ++d)
-        if (near_[l][d / 3]) change += 2.0 * lane_of(columns_.across[d][a], l) * lane_of(x_[d], l);
+        if (near_[l][d / 3]) change += 2.0 * lane_of(columns_.across[d / 3][a][d % 3], l) * lane_of(x_[d], l);
       add(lane_of(found[a], l), lane_of(before[a], l) - 0.5 * change);
     }
     for (int d = 0; d < 3 * points_.n[l]; ++d) {
@@ -92,77 +144,84 @@ class ContactProblem {
     return lost < -Tolerance::rounding * exchanged;
   }
 
-  // Solves lane l. Where bodies are wedged in, friction may hold them wherever they are, so that
-  // gaps cannot close and overlaps cannot part within the step: points then only have to stop.
+  // Solves lane l, group by group.
   FAN_FN bool solve(
       int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess, double cap,
       Real* found, Real* s) {
-    int single[room(M)], n_single = 0;
-    int* const triple = triple_;
-    int& n_triple = n_triple_;
-    n_triple = 0;
-    for (int a = 0; a < rows.n; ++a)
-      if (lane_of(near[rows.row[a]], l)) single[n_single++] = a;
-    for (int i = 0; i < points_.n[l]; ++i)
-      if (near_[l][i]) triple[n_triple++] = i;
+    for (int a = 0; a < rows.n; ++a) {
+      lane_of(found[a], l) = 0.0;
+      lane_of(s[a], l) = -lane_of(rows.problem.b[a], l);
+    }
+    sort(l, rows, near);
+    double worst = 0.0;
+    bool solved = true;
+    for (int g = 0; g < groups_.n; ++g) {
+      choose(g);
+      solved = solve_group(l, rows, guess, cap, found, s) && solved;
+      if (!(cone_.residual <= worst)) worst = cone_.residual;
+    }
+    lane_of(residual, l) = worst;
+    return solved;
+  }
+
+  // Solves the rows and points chosen. Where bodies are wedged in, friction may hold them wherever
+  // they are, so that gaps cannot close and overlaps cannot part within the step: points then only
+  // have to stop.
+  FAN_FN bool solve_group(
+      int l, const RowSystem<Model, Real>& rows, const Real* guess, double cap, Real* found,
+      Real* s) {
     auto& problem = cone_;
-    problem.n_single = n_single;
-    problem.n_contacts = n_triple;
-    const int size = n_single + 3 * n_triple;
-    constexpr int stride = Complementarity<Real, M>::N;
     const auto& from = rows.problem;
-    for (int i = 0; i < n_single; ++i) {
-      const int a = single[i];
-      for (int j = 0; j < n_single; ++j)
-        problem.G[i * size + j] = lane_of(from.G[a * stride + single[j]], l);
-      problem.b[i] = lane_of(from.b[a], l);
+    for (int i = 0; i < n_single_; ++i) {
+      const int a = single_[i];
       problem.lower[i] = lane_of(from.lower[a], l);
       problem.upper[i] = lane_of(from.upper[a], l);
       problem.x[i] = lane_of(guess[rows.row[a]], l);
     }
-    for (int i = 0; i < n_triple; ++i) {
-      problem.mu[i] = in_->friction[points_.point[l][triple[i]].pair];
+    for (int i = 0; i < n_triple_; ++i)
       for (int d = 0; d < 3; ++d) {
-        const int to = n_single + 3 * i + d, own = 3 * triple[i] + d;
-        for (int j = 0; j < n_single; ++j)
-          problem.G[to * size + j] = problem.G[j * size + to] =
-              lane_of(columns_.across[own][single[j]], l);
-        for (int j = 0; j <= i; ++j)
-          for (int e = 0; e < 3 && (j < i || e <= d); ++e) {
-            const int at = n_single + 3 * j + e;
-            problem.G[to * size + at] = problem.G[at * size + to] =
-                lane_of(columns_.G(own, 3 * triple[j] + e), l);
-          }
-        problem.b[to] = lane_of(b_[own], l);
-        problem.x[to] = lane_of(x_[own], l);
+        const int to = n_single_ + 3 * i + d;
+        problem.x[to] = lane_of(x_[3 * triple_[i] + d], l);
         problem.lower[to] = d == 0 ? 0.0 : -cap;
         problem.upper[to] = cap;
       }
-    }
+    write(l, rows);
     bool solved = has_solution();
     if (!solved) {
-      for (int i = 0; i < n_triple; ++i) {
-        const int own = 3 * triple[i], to = n_single + 3 * i;
+      for (int i = 0; i < n_triple_; ++i) {
+        const int own = 3 * triple_[i], to = n_single_ + 3 * i;
         lane_of(b_[own], l) = problem.b[to] = lane_of(before_[own], l);
       }
-      for (int i = 0; i < size; ++i) problem.x[i] = 0.0;
+      for (int i = 0; i < n_single_ + 3 * n_triple_; ++i) problem.x[i] = 0.0;
       solved = has_solution();
     }
-    lane_of(residual, l) = problem.residual;
-    for (int a = 0; a < rows.n; ++a) {
-      lane_of(found[a], l) = 0.0;
-      lane_of(s[a], l) = -lane_of(from.b[a], l);
+    for (int i = 0; i < n_single_; ++i) {
+      lane_of(found[single_[i]], l) = problem.x[i];
+      lane_of(s[single_[i]], l) = problem.s[i];
     }
-    for (int i = 0; i < n_single; ++i) {
-      lane_of(found[single[i]], l) = problem.x[i];
-      lane_of(s[single[i]], l) = problem.s[i];
-    }
-    for (int i = 0; i < n_triple; ++i)
+    for (int i = 0; i < n_triple_; ++i)
       for (int d = 0; d < 3; ++d) {
-        lane_of(x_[3 * triple[i] + d], l) = problem.x[n_single + 3 * i + d];
-        lane_of(s_[3 * triple[i] + d], l) = problem.s[n_single + 3 * i + d];
+        lane_of(x_[3 * triple_[i] + d], l) = problem.x[n_single_ + 3 * i + d];
+        lane_of(s_[3 * triple_[i] + d], l) = problem.s[n_single_ + 3 * i + d];
       }
     return solved;
+  }
+
+  // Sorts the rows and points that take part in lane l by group.
+  FAN_FN void sort(int l, const RowSystem<Model, Real>& rows, const Mask* near) {
+    groups_.begin();
+    n_some_ = 0;
+    for (int i = 0; i < points_.n[l]; ++i) {
+      if (!near_[l][i]) continue;
+      const int* pair = in_->pairs + 2 * points_.point[l][i].pair;
+      const int a = in_->solids[pair[0]].link, b = in_->solids[pair[1]].link;
+      some_[n_some_++] = {i, groups_.joined(a, b)};
+    }
+    n_some_rows_ = 0;
+    for (int a = 0; a < rows.n; ++a)
+      if (lane_of(near[rows.row[a]], l))
+        some_rows_[n_some_rows_++] = {a, groups_.of_row(rows.row[a])};
+    groups_.count();
   }
 
   // Whether a solution is found that is accepted; where the law has none, with rows that yield.

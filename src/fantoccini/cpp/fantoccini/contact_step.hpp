@@ -81,13 +81,16 @@ class ContactStep : public ContactProblem<Model, Real> {
     if (points_.most == 0) return;
     Real v[room(N)];
     unhindered(eval, v_D, dt, v);
-    for (int i = 0; i < 3 * points_.most; ++i) {
-      x_[i] = Real(0.0);
-      b_[i] = before_[i] = rate(i, v);
+    for (int i = 0; i < points_.most; ++i) {
+      const Triple<Real> now = rates(i, v);
+      for (int d = 0; d < 3; ++d) {
+        x_[3 * i + d] = Real(0.0);
+        b_[3 * i + d] = before_[3 * i + d] = now[d];
+      }
     }
     for (int l = 0; l < width; ++l) recall(l);
     for (int i = 0; i < points_.most; ++i) {
-      hdot_[i] = rate(3 * i, v_D);
+      hdot_[i] = rates(i, v_D)[0];
       for (int l = 0; l < width; ++l)
         if (i < points_.n[l]) aim(l, i, dt, whole, recovery_speed);
     }
@@ -112,9 +115,10 @@ class ContactStep : public ContactProblem<Model, Real> {
     for (int l = 0; l < width; ++l)
       for (int i = known[l]; i < points_.n[l]; ++i) {
         columns_.renew(i);
-        for (int d = 3 * i; d < 3 * i + 3; ++d) lane_of(before_[d], l) = lane_of(rate(d, v), l);
-        for (int d = 3 * i; d < 3 * i + 3; ++d) lane_of(b_[d], l) = lane_of(before_[d], l);
-        lane_of(hdot_[i], l) = lane_of(rate(3 * i, v_D), l);
+        const Triple<Real> now = rates(i, v);
+        for (int d = 0; d < 3; ++d)
+          lane_of(b_[3 * i + d], l) = lane_of(before_[3 * i + d], l) = lane_of(now[d], l);
+        lane_of(hdot_[i], l) = lane_of(rates(i, v_D)[0], l);
         steps_[l][i] = 0;
         near_[l][i] = true;
         aim(l, i, dt, whole, recovery_speed);
@@ -122,14 +126,18 @@ class ContactStep : public ContactProblem<Model, Real> {
     return true;
   }
 
-  // Whether any point takes part in lane l.
-  bool takes_part(int lane) const { return chosen_[lane] > 0; }
+  // Whether points take part in all lanes but these.
+  FAN_FN bool take_part(const Mask& idle) const {
+    for (int l = 0; l < width; ++l)
+      if (chosen_[l] == 0 && !lane_of(idle, l)) return false;
+    return true;
+  }
 
   // Adds the points that would be passed at the velocity v; whether there are any.
   FAN_FN bool watch(const Real* v) {
     bool more = false;
     for (int i = 0; i < points_.most; ++i) {
-      const Real now = rate(3 * i, v);
+      const Real now = rates(i, v)[0];
       for (int l = 0; l < width; ++l) {
         if (i >= points_.n[l] || near_[l][i]) continue;
         const double closing =
@@ -179,17 +187,18 @@ class ContactStep : public ContactProblem<Model, Real> {
 
   // w <- w - W x over the points.
   FAN_FN void add(Real* w) const {
-    for (int i = 0; i < 3 * points_.most; ++i) {
-      if (!any(x_[i] != Real(0.0))) continue;
-      columns_.take(i, x_[i], points_.moved[i / 3], w);
-    }
+    for (int i = 0; i < points_.most; ++i)
+      if (pushes(i)) columns_.take(i, x_ + 3 * i, points_.moved[i], w);
   }
 
   // What the impulses take from hdot of gathered row a.
   FAN_FN Real rate_by_impulses(int a) const {
     Real sum = Real(0.0);
-    for (int i = 0; i < 3 * points_.most; ++i)
-      if (any(x_[i] != Real(0.0))) sum += columns_.across[i][a] * x_[i];
+    for (int i = 0; i < points_.most; ++i) {
+      if (!pushes(i)) continue;
+      const Triple<Real>& by = columns_.across[i][a];
+      sum += by[0] * x_[3 * i] + by[1] * x_[3 * i + 1] + by[2] * x_[3 * i + 2];
+    }
     return sum;
   }
 
@@ -222,7 +231,8 @@ class ContactStep : public ContactProblem<Model, Real> {
 
   // What pushes at the end of the step as it is reported: where points share what they carry, the
   // impulses of least norm. Of one trajectory, not of lanes. Returns how many there are.
-  int shared(ContactShare<M + 3 * C>& share, Push* out) const {
+  int shared(
+      const RowSystem<Model, Real>& rows, ContactShare<M + 3 * C>& share, Push* out) {
     static_assert(width == 1);
     int found = 0, n_out = 0;
     for (int i = 0; i < points_.n[0]; ++i) found += lane_of(x_[3 * i], 0) > 0.0;
@@ -230,20 +240,30 @@ class ContactStep : public ContactProblem<Model, Real> {
       for (int i = 0; i < n[0]; ++i) out[i] = push[0][i];
       return n[0];
     }
-    double x[room(3 * C)];
-    share.find(cone_, x);
-    for (int k = 0; k < n_triple_; ++k) {
-      if (!(x[3 * k] > 0.0)) continue;
-      const Push made = pushing(0, triple_[k], x + 3 * k);
-      int place = n_out++;
-      for (; place > 0 && earlier(made, out[place - 1]); --place) out[place] = out[place - 1];
-      out[place] = made;
+    for (int g = 0; g < groups_.n; ++g) {
+      this->choose(g);
+      if (n_triple_ == 0) continue;
+      this->write(0, rows);
+      for (int k = 0; k < n_triple_; ++k)
+        for (int d = 0; d < 3; ++d) {
+          cone_.x[n_single_ + 3 * k + d] = lane_of(x_[3 * triple_[k] + d], 0);
+          cone_.s[n_single_ + 3 * k + d] = lane_of(s_[3 * triple_[k] + d], 0);
+        }
+      double x[room(3 * C)];
+      share.find(cone_, x);
+      for (int k = 0; k < n_triple_; ++k) {
+        if (!(x[3 * k] > 0.0)) continue;
+        const Push made = pushing(0, triple_[k], x + 3 * k);
+        int place = n_out++;
+        for (; place > 0 && earlier(made, out[place - 1]); --place) out[place] = out[place - 1];
+        out[place] = made;
+      }
     }
     return n_out;
   }
 
  private:
-  using Problem::cone_, Problem::triple_, Problem::n_triple_;
+  using Problem::cone_, Problem::groups_, Problem::n_single_, Problem::triple_, Problem::n_triple_;
   using Problem::points_, Problem::columns_, Problem::in_, Problem::near_, Problem::chosen_;
   using Problem::x_, Problem::s_, Problem::b_, Problem::before_, Problem::rebound_;
   using Problem::parting_, Problem::bounces_, Problem::scale_;
@@ -257,9 +277,17 @@ class ContactStep : public ContactProblem<Model, Real> {
     for (int k = 0; k < N; ++k) v[k] += v_D[k];
   }
 
-  // hdot of row i at the velocity v.
-  FAN_FN Real rate(int i, const Real* v) const {
-    return points_.rate_K[i] + points_.moved[i / 3].along(points_.row[i], v);
+  // hdot of the rows of point i at the velocity v.
+  FAN_FN Triple<Real> rates(int i, const Real* v) const {
+    Triple<Real> out = points_.moved[i].along(points_.row[i], v);
+    out.add(Real(1.0), points_.rate_K[i]);
+    return out;
+  }
+
+  // Whether point i has an impulse in some lane.
+  FAN_FN bool pushes(int i) const {
+    const Real* x = x_ + 3 * i;
+    return any(x[0] != Real(0.0) || x[1] != Real(0.0) || x[2] != Real(0.0));
   }
 
   // What the normal impulse of a point must take away: the speed at which it closes without
@@ -335,7 +363,7 @@ class ContactStep : public ContactProblem<Model, Real> {
   FAN_FN void book_friction(int l, int i) {
     for (int d = 3 * i; d < 3 * i + 3; ++d) {
       const double x = lane_of(x_[d], l);
-      lane_of(work, l) += x * lane_of(points_.rate_K[d], l);
+      lane_of(work, l) += x * lane_of(points_.rate_K[i][d - 3 * i], l);
       if (d != 3 * i) lane_of(friction, l) += x * after(l, d);
     }
   }
@@ -346,7 +374,7 @@ class ContactStep : public ContactProblem<Model, Real> {
     for (int d = 3 * i; d < 3 * i + 3; ++d) {
       const double x = lane_of(x_[d], l), end = after(l, d);
       const double rubs = d == 3 * i || strikes(l, i) ? 0.0 : x * end;
-      lane_of(work, l) += x * lane_of(points_.rate_K[d], l);
+      lane_of(work, l) += x * lane_of(points_.rate_K[i][d - 3 * i], l);
       lane_of(friction, l) += rubs;
       lane_of(impact, l) += 0.5 * x * (lane_of(before_[d], l) + end) - rubs;
     }

@@ -73,26 +73,57 @@ struct DenseLu {
     return true;
   }
 
-  // r <- A^-1 r.
+  // r <- A^-1 r, four rows at a time.
   FAN_FN void substitute(double* r) const {
-    double y[N];  // 0 where it is not known yet
+    const int n = this->n, stride = this->stride;
+    double y[N], sum[4];
     for (int k = 0; k < n; ++k) {
       const double held = r[swap_[k]];
       r[swap_[k]] = r[k];
       r[k] = held;
     }
-    for (int i = 0; i < stride; ++i) y[i] = 0.0;
-    for (int i = 0; i < n; ++i) y[i] = r[i] - product(A + i * stride, y, i);
-    for (int i = 0; i < n; ++i) r[i] = y[i];
-    for (int i = 0; i < stride; ++i) y[i] = 0.0;
-    for (int i = n - 1; i >= 0; --i) {
-      const int first = i / 4 * 4;
-      y[i] = (r[i] - product(A + i * stride + first, y + first, stride - first)) * inverse_[i];
+    for (int i = n; i < stride; ++i) y[i] = 0.0;
+    for (int i = 0; i < n; i += 4) {
+      const int rows = n - i < 4 ? n - i : 4;
+      products(i, rows, y, 0, i, sum);
+      for (int k = 0; k < rows; ++k) {
+        const double* own = A + (i + k) * stride + i;
+        double left = r[i + k] - sum[k];
+        for (int m = 0; m < k; ++m) left -= own[m] * y[i + m];
+        y[i + k] = left;
+      }
+    }
+    for (int i = stride - 4; i >= 0; i -= 4) {
+      const int rows = n - i < 4 ? n - i : 4;
+      products(i, rows, y, i + 4, stride, sum);
+      for (int k = rows - 1; k >= 0; --k) {
+        const double* own = A + (i + k) * stride + i;
+        double left = y[i + k] - sum[k];
+        for (int m = rows - 1; m > k; --m) left -= own[m] * y[i + m];
+        y[i + k] = left * inverse_[i + k];
+      }
     }
     for (int i = 0; i < n; ++i) r[i] = y[i];
   }
 
  private:
+  // Of up to four rows from `first` the products with y, over columns from `begin` to `end`.
+  FAN_FN void products(
+      int first, int rows, const double* y, int begin, int end, double* out) const {
+    const double* row = A + first * stride;
+    if (rows < 4) {
+      for (int k = 0; k < rows; ++k)
+        out[k] = product(row + k * stride + begin, y + begin, end - begin);
+      return;
+    }
+    Quad sum[4] = {};
+    for (int j = begin; j < end; j += 4) {
+      const Quad by = quad(y + j);
+      FAN_UNROLL for (int k = 0; k < 4; ++k) sum[k] += quad(row + k * stride + j) * by;
+    }
+    FAN_UNROLL for (int k = 0; k < 4; ++k) out[k] = (sum[k][0] + sum[k][1]) + (sum[k][2] + sum[k][3]);
+  }
+
   // Takes from the rows below k their shares of `top` in 4 `quads` columns from j.
   template <int quads>
   FAN_FN void eliminate(int k, int j, const double* top) {

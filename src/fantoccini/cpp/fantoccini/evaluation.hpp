@@ -156,6 +156,15 @@ struct RowSystem {
     }
   }
 
+  // Whether no velocity moves both gathered row a and what these move: entries of either lie beyond
+  // the other's.
+  template <class Moved>
+  FAN_FN bool is_apart(int a, const Moved& moved) const {
+    const Entries of = entries(row[a]);
+    return of.n == 0 || moved.n == 0 || of[of.n - 1] < moved.entry[0] ||
+           moved.entry[moved.n - 1] < of[0];
+  }
+
   // W^T w over the rows, two sums at a time: each addition waits for the one before.
   FAN_FN void along(const Real* w, Real* out) const {
     for (int a = 0; a < n; ++a) {

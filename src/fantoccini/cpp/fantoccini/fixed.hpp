@@ -58,8 +58,8 @@ struct FixedRun {
         trajectory.damping, trajectory.impact, trajectory.slip_loss, trajectory.friction,
         trajectory.at.slip);
     if constexpr (touches) {
-      const auto& contacts = trajectory.at.contacts;
-      const int n = contacts.shared(share_, shared_);
+      auto& contacts = trajectory.at.contacts;
+      const int n = contacts.shared(trajectory.at.rows, share_, shared_);
       out.touching(shared_, n, last_dt_, contacts.residual);
     }
   }

@@ -92,8 +92,8 @@ class FollowedPoints {
         for (int d = 0; d < 9; ++d) frame_[c][d] = from.frame[d];
         points_.make_rows(*in, i);
         for (int d = 0; d < 3; ++d) {
-          for (int k = 0; k < N; ++k) row_[3 * c + d][k] = points_.row[3 * i + d][k];
-          rate_K_[3 * c + d] = points_.rate_K[3 * i + d];
+          for (int k = 0; k < N; ++k) row_[3 * c + d][k] = points_.row[i][k][d];
+          rate_K_[3 * c + d] = points_.rate_K[i][d];
           double sum = rate_K_[3 * c + d];
           for (int k = 0; k < N; ++k) sum += row_[3 * c + d][k] * v_D[k];
           hdot[3 * c + d] = sum;

@@ -3,7 +3,7 @@
 // every sum.
 #pragma once
 
-#include "real.hpp"
+#include "triple.hpp"
 
 namespace fan {
 
@@ -12,13 +12,26 @@ template <int n_vD>
 struct MovedBy {
   int n = 0;
   int entry[room(n_vD)];
+  int link[2] = {-1, -1};  // the links that were added, the last two; -1 for none
+  bool apart = true;       // whether they have no velocity in common, nor any before them
+
+  // Nothing moves it.
+  FAN_FN void clear() {
+    n = 0;
+    link[0] = link[1] = -1;
+    apart = true;
+  }
 
   // Adds those of a link, listed in order, to what is there.
-  FAN_FN void add(const int* begin, const int* end) {
+  FAN_FN void add(int which, const int* begin, const int* end) {
+    if (begin == end) return;
+    link[1] = link[0];
+    link[0] = which;
     if (n == 0) {
       while (begin < end) entry[n++] = *begin++;
       return;
     }
+    apart = apart && (entry[n - 1] < *begin || end[-1] < entry[0]);
     int merged[room(n_vD)], count = 0, i = 0;
     while (i < n || begin < end) {
       const int own = i < n ? entry[i] : n_vD, other = begin < end ? *begin : n_vD;
@@ -36,32 +49,32 @@ struct MovedBy {
            other.entry[other.n - 1] < entry[0];
   }
 
-  // row . v.
+  // The product of three rows with v.
   template <class Real>
-  FAN_FN Real along(const Real* row, const Real* v) const {
-    Real even = Real(0.0), odd = Real(0.0);
+  FAN_FN Triple<Real> along(const Triple<Real>* row, const Real* v) const {
+    Triple<Real> even, odd;
+    even.clear();
+    odd.clear();
     int j = 0;
     for (; j + 2 <= n; j += 2) {
-      even += row[entry[j]] * v[entry[j]];
-      odd += row[entry[j + 1]] * v[entry[j + 1]];
+      even.add(v[entry[j]], row[entry[j]]);
+      odd.add(v[entry[j + 1]], row[entry[j + 1]]);
     }
-    if (j < n) even += row[entry[j]] * v[entry[j]];
-    return even + odd;
+    if (j < n) even.add(v[entry[j]], row[entry[j]]);
+    even.add(Real(1.0), odd);
+    return even;
   }
 
-  // The products of three columns of this point with another column.
+  // The products of three columns of this point with three others.
   template <class Real>
-  FAN_FN void products(const Real (*a)[room(n_vD)], const Real* b, Real* out) const {
-    Real first = Real(0.0), second = Real(0.0), third = Real(0.0);
+  FAN_FN void products(const Triple<Real>* a, const Triple<Real>* b, Triple<Real>* out) const {
+    Triple<Real> sum[3];
+    FAN_UNROLL for (int d = 0; d < 3; ++d) sum[d].clear();
     for (int j = 0; j < n; ++j) {
       const int k = entry[j];
-      first += a[0][k] * b[k];
-      second += a[1][k] * b[k];
-      third += a[2][k] * b[k];
+      FAN_UNROLL for (int d = 0; d < 3; ++d) sum[d].add(a[k][d], b[k]);
     }
-    out[0] = first;
-    out[1] = second;
-    out[2] = third;
+    FAN_UNROLL for (int d = 0; d < 3; ++d) out[d] = sum[d];
   }
 };
 

@@ -19,7 +19,7 @@ class PlacedLinks {
   FAN_FN void begin(const ContactArrays& in) {
     for (int i = 0; i < L; ++i) {
       begin_of_[i] = end_of_[i] = 0;
-      reach_[i] = speed_[i] = 0.0;
+      reach_[i] = speed_[i] = ball_of_[i].radius = 0.0;
     }
     for (int first = 0, end = 0; first < B; first = end) {
       const int link = in.solids[first].link;
@@ -50,6 +50,8 @@ class PlacedLinks {
   struct Ball {
     double at[3], radius;
   };
+
+  FAN_FN bool has_solids(int link) const { return begin_of_[link] != end_of_[link]; }
 
   // Takes a lane's poses, screws and velocities.
   FAN_FN void load(int l, const Real* v_D, const Real* v_K) {
@@ -105,7 +107,7 @@ class PlacedLinks {
   FAN_FN void place() {
     for (int link = 0; link < L; ++link) {
       is_placed_[link] = false;
-      if (begin_of_[link] == end_of_[link]) continue;
+      if (!has_solids(link)) continue;
       const double* R = poses_ + 12 * link;
       Ball& all = ball_of_[link];
       carry(R, around_[link].at, all.at);

@@ -301,7 +301,8 @@ struct TimeStep {
       problem.active[a] = takes_part && (taut[r] || problem.lower[a] < Real(0.0));
       problem.high[a] = Real(0.0) > Real(1.0);
     }
-    settle();
+    if (all_touch()) leave_to_contacts();
+    else settle();
     if constexpr (touches)
       if (solids) touch(dt, cap);
     Real w[room(N)];
@@ -311,6 +312,21 @@ struct TimeStep {
     if constexpr (touches)
       if (solids) contacts.add(w);
     eval.back(w, acc);
+  }
+
+  // Whether contacts take part in every lane that has not stopped: the rows' problem is then part
+  // of theirs.
+  FAN_FN bool all_touch() const {
+    if constexpr (touches)
+      return solids && contacts.take_part(idle);
+    else
+      return false;
+  }
+
+  // Lanes that have stopped are without impulses.
+  FAN_FN void leave_to_contacts() {
+    settled = idle;
+    for (int a = 0; a < rows.n; ++a) rows.problem.x[a] = rows.problem.s[a] = Real(0.0);
   }
 
   // Solves for the impulses of contacts, with those of the rows.

@@ -1,0 +1,41 @@
+// Three numbers of a contact point: of its normal and its two tangents. Three doubles fill one
+// register, whose last part is 0.
+#pragma once
+
+#include "dense_lu.hpp"
+
+namespace fan {
+
+template <class Real>
+struct Triple {
+  Real of[3];
+
+  FAN_FN Real operator[](int d) const { return of[d]; }
+  FAN_FN void clear() { of[0] = of[1] = of[2] = Real(0.0); }
+
+  // this <- this + by x.
+  FAN_FN void add(const Real& by, const Triple& x) {
+    FAN_UNROLL for (int d = 0; d < 3; ++d) of[d] += by * x.of[d];
+  }
+
+  // Those of one lane.
+  FAN_FN Quad in(int lane) const { return Quad{of[0][lane], of[1][lane], of[2][lane], 0.0}; }
+
+  // this <- this + by x in one lane.
+  FAN_FN void add_in(int lane, double by, const Quad& x) {
+    FAN_UNROLL for (int d = 0; d < 3; ++d) of[d][lane] += by * x[d];
+  }
+};
+
+template <>
+struct Triple<double> {
+  Quad of;
+
+  FAN_FN double operator[](int d) const { return of[d]; }
+  FAN_FN void clear() { of = Quad{}; }
+  FAN_FN void add(double by, const Triple& x) { of += by * x.of; }
+  FAN_FN Quad in(int) const { return of; }
+  FAN_FN void add_in(int, double by, const Quad& x) { of += by * x; }
+};
+
+}  // namespace fan

@@ -1,0 +1,27 @@
+"""Lists of near pairs: they hold for many steps, and leave out nothing that comes near."""
+
+from __future__ import annotations
+
+import pytest
+
+from cpp.toolchain import compile_program, run_program
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory):
+    return compile_program("near_pairs.cpp", tmp_path_factory.mktemp("near"), "-O1")
+
+
+@pytest.mark.parametrize(("speed", "turn"), [(1e-3, 0.0), (0.0, 0.02), (1e-3, 0.01), (4e-3, 0.05)])
+def test_no_pair_is_missed_while_a_list_holds(program, speed, turn):
+    made, held, close, missed = map(int, run_program(program, f"{speed} {turn}").split())
+    assert missed == 0
+    assert close > 100
+    assert held > 2 * made
+
+
+def test_links_that_are_too_fast_have_no_list(program):
+    """One is tried once in a while, and given up."""
+    made, held, _, missed = map(int, run_program(program, "0.2 1.0").split())
+    assert missed == 0
+    assert held <= made < 1000
