@@ -16,7 +16,6 @@ struct BoxTolerances {
   static constexpr double edge_share = 0.95;   // an edge wins with less than this of a face's depth
   static constexpr double same_face = 1e-4;    // of the size: lying flat, less makes no difference
   static constexpr double rounding = 1e-9;     // of the size
-  static constexpr double same_view = 1e-3;    // of the size: the caller orders the boxes
 };
 
 // The side of an axis: 1 or -1.
