@@ -60,7 +60,8 @@ struct Spot {
 // The polygon of the points of a face, the upper, above another, the lower: corners of both, and
 // where edges of the upper cross sides of the lower. Where faces lie flat, corners just off the
 // other count as on it, and near points are one, so that equal faces share four points however they
-// jitter.
+// jitter. A corner that the box goes on from through the other's plane does not carry where the face
+// ends, but the crossings beside it do: it comes after them.
 class SharedPolygon {
  public:
   Spot spots[max_touches];
@@ -77,15 +78,17 @@ class SharedPolygon {
     into(upper.normal, -1.0, up_);
     double across[3];
     cross3(lower.normal, upper.normal, across);
-    const double share = length3(across) < TouchTolerances::lying ? BoxTolerances::same_face
-                                                                  : BoxTolerances::rounding;
-    tolerance = share * fmax(fmax(lower.hu, lower.hv), fmax(upper.hu, upper.hv));
+    const bool flat = length3(across) < TouchTolerances::lying;
+    const double size = fmax(fmax(lower.hu, lower.hv), fmax(upper.hu, upper.hv));
+    tolerance = (flat ? BoxTolerances::same_face : BoxTolerances::rounding) * size;
+    rounding_ = BoxTolerances::rounding * size;
+    slope_ = flat ? BoxTolerances::same_slope : BoxTolerances::rounding;
     for (int i = 0; i < 4; ++i)
       for (int c = 0; c < 3; ++c)
         corners_[i][c] = middle_[c] + turns_[i][0] * U_[c] + turns_[i][1] * V_[c];
-    for (const bool of_upper : {!lower_is_x, lower_is_x})
-      for (int i = 0; i < 4; ++i) of_upper ? add_upper(i) : add_lower(i);
+    add_corners(true);
     for (int i = 0; i < 4; ++i) add_crossings(i);
+    add_corners(false);
   }
 
  private:
@@ -116,9 +119,31 @@ class SharedPolygon {
     return middle_[2] - (up_[0] * (x - middle_[0]) + up_[1] * (y - middle_[1])) / up_[2];
   }
 
+  // The corners of the first box, then of the second, that carry at the other's edge, or not.
+  FAN_FN void add_corners(bool that_carry) {
+    for (const bool of_upper : {!lower_is_x_, lower_is_x_})
+      for (int i = 0; i < 4; ++i) {
+        if (of_upper && carries_upper(i) == that_carry) add_upper(i);
+        if (!of_upper && carries_lower(i) == that_carry) add_lower(i);
+      }
+  }
+
+  // Whether no edge of the upper face goes down from its corner i.
+  FAN_FN bool carries_upper(int i) const {
+    return turns_[i][0] * U_[2] <= slope_ * upper_.hu && turns_[i][1] * V_[2] <= slope_ * upper_.hv;
+  }
+
+  // Whether no edge of the lower face goes up from its corner i, as the upper face sees it.
+  FAN_FN bool carries_lower(int i) const {
+    return -turns_[i][0] * up_[0] <= slope_ && -turns_[i][1] * up_[1] <= slope_;
+  }
+
+  // How far off the other face a corner still counts as on it.
+  FAN_FN double reach(bool carries) const { return carries ? tolerance : -rounding_; }
+
   FAN_FN void add_upper(int i) {
-    const double *p = corners_[i], normal[3] = {0.0, 0.0, 1.0};
-    if (fabs(p[0]) > half_[0] + tolerance || fabs(p[1]) > half_[1] + tolerance) return;
+    const double *p = corners_[i], normal[3] = {0.0, 0.0, 1.0}, more = reach(carries_upper(i));
+    if (fabs(p[0]) > half_[0] + more || fabs(p[1]) > half_[1] + more) return;
     const double x = clamped(p[0], -half_[0], half_[0]), y = clamped(p[1], -half_[1], half_[1]);
     const int corner = upper_.corner(turns_[i][0], turns_[i][1]);
     const bool on = (x == p[0] && y == p[1]) || !(up_[2] > DistanceTolerances::min_length);
@@ -132,7 +157,8 @@ class SharedPolygon {
     const double area = U_[0] * V_[1] - U_[1] * V_[0];
     if (!(fabs(area) > DistanceTolerances::min_determinant * upper_.hu * upper_.hv)) return;
     const double s = (x * V_[1] - y * V_[0]) / area, t = (U_[0] * y - U_[1] * x) / area;
-    if (fabs(s) > 1.0 + tolerance / upper_.hu || fabs(t) > 1.0 + tolerance / upper_.hv) return;
+    const double more = reach(carries_lower(i));
+    if (fabs(s) > 1.0 + more / upper_.hu || fabs(t) > 1.0 + more / upper_.hv) return;
     const int corner = lower_.corner(turns_[i][0], turns_[i][1]);
     add(middle_[0] + x, middle_[1] + y, middle_[2] + s * U_[2] + t * V_[2], up_,
         BoxFeatures::corner(lower_is_x_, corner, upper_.number()));
@@ -143,14 +169,16 @@ class SharedPolygon {
     const double *p = corners_[i], *q = corners_[(i + 1) % 4];
     const int corner = upper_.corner(turns_[i][0], turns_[i][1]);
     const int edge = edge_number((upper_.axis + 1 + i % 2) % 3, corner);
+    const double p_more = reach(carries_upper(i)), q_more = reach(carries_upper((i + 1) % 4));
     for (int side = 0; side < 4; ++side) {
       const int c = side / 2, other = 1 - c;
-      const double bound = side % 2 == 0 ? -half_[c] : half_[c];
-      const double reach = side % 2 == 0 ? bound - tolerance : bound + tolerance;
-      if ((p[c] < reach) == (q[c] < reach)) continue;
-      const double t = clamped((bound - p[c]) / (q[c] - p[c]), 0.0, 1.0);
+      const double outward = side % 2 == 0 ? -1.0 : 1.0, bound = outward * half_[c];
+      if ((outward * p[c] > half_[c] + p_more) == (outward * q[c] > half_[c] + q_more)) continue;
+      if (p[c] == q[c]) continue;
+      // A corner may count as beyond the side that is on this side of it by rounding.
+      const double t = clamped((bound - p[c]) / (q[c] - p[c]), -1.0, 2.0);
       const double along = p[other] + t * (q[other] - p[other]);
-      if (fabs(along) > half_[other]) continue;
+      if (fabs(along) > half_[other] + 2.0 * rounding_) continue;
       const int lower_corner = c == 0 ? lower_.corner(bound, 1.0) : lower_.corner(1.0, bound);
       const int lower_edge = edge_number((lower_.axis + 2 - c) % 3, lower_corner);
       double normal[3];
@@ -185,6 +213,7 @@ class SharedPolygon {
   bool lower_is_x_;
   double half_[2], middle_[3], U_[3], V_[3], corners_[4][3];
   double up_[3];  // the upper face's normal, turned round
+  double rounding_, slope_;
 };
 
 }  // namespace fan
