@@ -363,3 +363,27 @@ bodies:
         most = 0.8 * contact.normal_force
         assert np.max(np.linalg.norm(across, axis=1) - most) < 1e-8
         assert run.contact_residual.max() < 1e-9
+
+
+@pytest.mark.parametrize(("yaw", "mu", "over", "speed", "lifts"), [
+    (0.4, 0.5, 0.02, 0.0, 0.217733), (0.4, 1.0, 0.02, 0.0, 0.219386), (0.4, 0.2, 0.0, 0.5, 0.165728),
+    (0.0, 0.3, -0.1, 1.5, 0.159065), (0.4, 0.0, -0.1, 1.5, 0.146876),
+])  # fmt: skip
+def test_a_box_that_tips_over_a_tables_edge_slides_off_it_without_false_events(
+    yaw, mu, over, speed, lifts
+):
+    """Flat, about the edge, and over the corners that leave it: nothing is lost or struck."""
+    marionette = fan.loads(f"""
+puppet: edge
+contact: {{friction: {mu}}}
+obstacles:
+- {{name: table, type: box, size: [1, 1, 0.1], at: [-0.5, 0, -0.05]}}
+bodies:
+- {{name: box, joint: {{type: free}}, shapes: [{{type: box, size: [0.2, 0.12, 0.1], mass: 1}}]}}
+""")
+    turn = (np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2))
+    place = {"box.x": over, "box.z": 0.05, "box.rotation": turn}
+    run = fan.simulate(marionette, thrown(marionette, place, {"box.x": speed}), t_end=0.5)
+    sound(run, 1e-10)
+    assert [event.kind for event in run.events] == ["slide", "lift"][mu == 0.0 :]
+    assert abs(of(run, "lift")[0].t - lifts) < 1e-5
