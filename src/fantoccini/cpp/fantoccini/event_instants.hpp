@@ -72,7 +72,8 @@ struct EventInstants {
     double slip[room(S)];  // without the error of up to max_length_error (winch.hpp)
     bool taut[room(M)];
     for (int i = 0; i < S; ++i) slip[i] = flow.slip_now[i] > 0.0 ? flow.slip_now[i] : 0.0;
-    if (followed()) for (int r = 0; r < M; ++r) tension[r] = flow.tension[r];
+    if (followed())
+      for (int r = 0; r < M; ++r) tension[r] = flow.contacts.written_tension(r, flow.tension[r]);
     else closed_rows.tensions(flow, tension);
     for (int r = 0; r < M; ++r) {
       // At a release the tension is zero up to rounding, of either sign.

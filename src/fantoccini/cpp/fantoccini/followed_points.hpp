@@ -69,6 +69,7 @@ class FollowedPoints {
   // Of the latest evaluation.
   double gap[room(C)];
   double hdot[room(3 * C)], x[room(3 * C)], after[room(3 * C)];  // after: hddot with all forces
+  double lawful[room(3 * C)], after_lawful[room(3 * C)];  // likewise, where modes end
   double overlap = -unbounded, closing = 0.0;  // of the point that is deepest, and how fast
   double safe = unbounded;                     // s: until solids might pass through one another
   double friction = 0.0;                       // W
@@ -195,7 +196,7 @@ class FollowedPoints {
 
   // gamma: derivatives of hdot along the motion without accelerations of the puppet, where
   // the driven coordinates have theirs. Where a point is lost ahead, as at a corner that it is about
-  // to reach, they are taken from behind, or over less.
+  // to reach, they are taken from behind, or over less; one that is lost here keeps its latest.
   template <class F>
   void differ(const F& f, const double* q_D, const double* v_D) {
     double rate = Tolerance::slowest;
@@ -205,7 +206,6 @@ class FollowedPoints {
     for (int c = 0; c < n; ++c) {
       done[c] = !found_[c];
       left -= done[c];
-      for (int d = 0; d < 3; ++d) gamma_[3 * c + d] = 0.0;
     }
     for (double step = Tolerance::turn / rate; left > 0 && step * rate > Tolerance::least_turn;
          step *= Tolerance::finer)
@@ -305,7 +305,10 @@ class FollowedPoints {
       hdot[3 * to + d] = hdot[3 * c + d];
       x[3 * to + d] = x[3 * c + d];
       after[3 * to + d] = after[3 * c + d];
+      lawful[3 * to + d] = lawful[3 * c + d];
+      after_lawful[3 * to + d] = after_lawful[3 * c + d];
       rate_K_[3 * to + d] = rate_K_[3 * c + d];
+      gamma_[3 * to + d] = gamma_[3 * c + d];
       for (int k = 0; k < N; ++k) row_[3 * to + d][k] = row_[3 * c + d][k];
     }
   }
@@ -330,7 +333,7 @@ class FollowedPoints {
   Points points_, near_;  // of the latest evaluation; at displaced configurations
   bool found_[room(C)];
   double point_[room(C)][3], frame_[room(C)][9];
-  double row_[room(3 * C)][room(N)], rate_K_[room(3 * C)], gamma_[room(3 * C)];
+  double row_[room(3 * C)][room(N)], rate_K_[room(3 * C)], gamma_[room(3 * C)] = {};
 };
 
 }  // namespace fan
