@@ -120,6 +120,18 @@ bodies:
     assert np.isclose(run.ledger["impact"][-1], G, atol=CLOSE)
 
 
+def test_bounces_that_accumulate_about_the_end_of_a_run_end_with_it():
+    """The end of the series is ahead of the bounce that finds it, but no event is after the run."""
+    marionette = fan.loads(BALL)
+    x0 = marionette.state({"body.z": 1.1})
+    events = fan.simulate(marionette, x0, t_end=4.0).events
+    [k] = [k for k, event in enumerate(events) if event.kind == "accumulation"]
+    t_end = 0.5 * (events[k - 1].t + events[k].t)
+    assert events[k - 1].t < t_end < events[k].t
+    run = fan.simulate(marionette, x0, t_end=t_end)
+    assert [event.t for event in run.events][-1] == t_end == run.t[-1]
+
+
 def test_a_ladder_leaves_the_wall_at_two_thirds_of_its_height():
     """Without friction a ladder's top leaves the wall at 2/3 of the height it began at."""
     angle = np.deg2rad(70.0)

@@ -129,13 +129,16 @@ class FollowedPoints {
     n = kept;
   }
 
-  // Adds all points with a gap of at most `most` at the latest evaluation, as parted ones.
+  // Adds all points with a gap of at most `most` at the latest evaluation, as parted ones, or as many
+  // as there is room for (too_many).
   template <class F>
   void take_closed(const F& f, const double* q_D, const double* v_D, double most) {
-    bool more = false;
-    for (int i = 0; i < points_.n[0] && n < C; ++i) {
+    bool more = false, full = false;
+    for (int i = 0; i < points_.n[0]; ++i) {
       const auto& from = points_.point[0][i];
       if (from.gap > most || place(from.pair, from.feature) >= 0) continue;
+      full = n == C;
+      if (full) break;
       bool told = false;
       for (int c = 0; c < n; ++c) told = told || (meet(at[c].pair, from.pair) && at[c].told);
       at[n++] = {from.pair, from.feature, PARTED, false, told, true, false, {0.0, 0.0, 0.0},
@@ -146,6 +149,7 @@ class FollowedPoints {
       sort();
       look(f, q_D, v_D);
     }
+    too_many = too_many || full;
   }
 
   // Points without force may keep the distance that they have after an event.
