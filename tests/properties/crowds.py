@@ -33,7 +33,7 @@ EVENT_SHARE = 0.01
 """Part of all runs that are event-driven, which take hundreds of times as long."""
 STEPS = (40, 120)
 """Steps of a run with fixed steps."""
-DURATION = (0.03, 0.1)
+DURATION = (0.1, 0.6)
 """Of an event-driven run [s]."""
 EVERY = 4
 """Steps between samples."""
@@ -77,7 +77,7 @@ class Count:
     """Sums and extremes over runs.
 
     Attributes:
-        runs: how many.
+        runs, touched: how many; in how many of them solids lost energy to one another.
         by_status: method -> status -> runs.
         worst: method -> measure -> largest value of a run that arrived.
         failures: what is broken -> runs.
@@ -85,6 +85,7 @@ class Count:
     """
 
     runs: int = 0
+    touched: int = 0
     by_status: dict[str, Counter] = field(default_factory=dict)
     worst: dict[str, dict[str, float]] = field(default_factory=dict)
     failures: Counter = field(default_factory=Counter)
@@ -93,6 +94,7 @@ class Count:
     def merge(self, other: Count) -> None:
         """Books all runs of another count."""
         self.runs += other.runs
+        self.touched += other.touched
         for method, found in other.by_status.items():
             self.by_status.setdefault(method, Counter()).update(found)
         for method, measures in other.worst.items():
@@ -233,7 +235,8 @@ def counted(name: str, seed: int, method: str) -> Count:
     runs = ran(given)
     found, worst = broken(given, runs)
     names = Counter(Status(int(s)).name for s in runs.status)
-    count.runs = len(runs.status)
+    lost = np.nan_to_num(runs.ledger["friction"]) + np.nan_to_num(runs.ledger["impact"])
+    count.runs, count.touched = len(runs.status), int(np.sum(np.max(lost, axis=1) > 0.0))
     count.by_status[method], count.worst[method] = names, worst
     for what, where in found.items():
         which = np.flatnonzero(where)
@@ -335,14 +338,14 @@ def main() -> int:
             count = soak(names, options.runs, options.seed, options.workers, options.event, show)
         seconds = round(time.perf_counter() - start, 1)
         report = {
-            "runs": count.runs, "stages": names, "seed": options.seed, "seconds": seconds,
+            "runs": count.runs, "touched": count.touched, "stages": names, "seed": options.seed, "seconds": seconds,
             "by_status": {m: dict(c.most_common()) for m, c in count.by_status.items()},
             "worst": count.worst,
             "failures": {w: [k, count.commands[w]] for w, k in count.failures.most_common()},
         }  # fmt: skip
         options.out.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
         print(f"{count.runs} runs in {seconds} s")
-    print(count.by_status, count.worst)
+    print(f"{count.touched} of {count.runs} touched", count.by_status, count.worst)
     for what, k in count.failures.most_common():
         print(f"{k:>8}  {what}\n{'':10}{count.commands[what][0]}")
     return int(bool(count.failures))
