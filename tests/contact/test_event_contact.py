@@ -120,6 +120,18 @@ bodies:
     assert np.isclose(run.ledger["impact"][-1], G, atol=CLOSE)
 
 
+def test_bounces_that_accumulate_about_the_end_of_a_run_end_with_it():
+    """The end of the series is ahead of the bounce that finds it, but no event is after the run."""
+    marionette = fan.loads(BALL)
+    x0 = marionette.state({"body.z": 1.1})
+    events = fan.simulate(marionette, x0, t_end=4.0).events
+    [k] = [k for k, event in enumerate(events) if event.kind == "accumulation"]
+    t_end = 0.5 * (events[k - 1].t + events[k].t)
+    assert events[k - 1].t < t_end < events[k].t
+    run = fan.simulate(marionette, x0, t_end=t_end)
+    assert [event.t for event in run.events][-1] == t_end == run.t[-1]
+
+
 def test_a_ladder_leaves_the_wall_at_two_thirds_of_its_height():
     """Without friction a ladder's top leaves the wall at 2/3 of the height it began at."""
     angle = np.deg2rad(70.0)
@@ -363,3 +375,30 @@ bodies:
         most = 0.8 * contact.normal_force
         assert np.max(np.linalg.norm(across, axis=1) - most) < 1e-8
         assert run.contact_residual.max() < 1e-9
+
+
+@pytest.mark.parametrize(("yaw", "mu", "over", "speed", "lifts"), [
+    (0.4, 0.5, 0.02, 0.0, 0.217733), (0.4, 1.0, 0.02, 0.0, 0.219386), (0.4, 0.2, 0.0, 0.5, 0.165728),
+    (0.0, 0.3, -0.1, 1.5, 0.159065), (0.4, 0.0, -0.1, 1.5, 0.146876), (0.7, 0.3, -0.05, 3.0, 0.056814),
+    (0.3, 0.5, -0.1, 1.5, 0.185721),
+])  # fmt: skip
+def test_a_box_that_tips_over_a_tables_edge_slides_off_it_without_false_events(
+    yaw, mu, over, speed, lifts
+):
+    """Flat, about the edge, and over the corners that leave it: nothing is lost or struck, and forces
+    obey the law to the instants at which they stop."""
+    marionette = fan.loads(f"""
+puppet: edge
+contact: {{friction: {mu}}}
+obstacles:
+- {{name: table, type: box, size: [1, 1, 0.1], at: [-0.5, 0, -0.05]}}
+bodies:
+- {{name: box, joint: {{type: free}}, shapes: [{{type: box, size: [0.2, 0.12, 0.1], mass: 1}}]}}
+""")
+    turn = (np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2))
+    place = {"box.x": over, "box.z": 0.05, "box.rotation": turn}
+    run = fan.simulate(marionette, thrown(marionette, place, {"box.x": speed}), t_end=0.5)
+    sound(run, 1e-9)
+    assert run.contact_residual.max() < 1e-7
+    assert [event.kind for event in run.events] == ["slide", "lift"][mu == 0.0 :]
+    assert abs(of(run, "lift")[0].t - lifts) < 1e-5

@@ -85,6 +85,7 @@ struct EventRun : EventInstants<Model> {
   // Runs until t_end, for at most `budget` steps.
   Status run(double t_end, long long budget, Record<Model>& out) {
     const long long last_step = n_steps + budget;
+    this->until = t_end;
     while (flow.t < t_end) {
       if (n_steps >= last_step || !out.room_for(rows_per_step, events_per_step)) return RUNNING;
       double smooth;

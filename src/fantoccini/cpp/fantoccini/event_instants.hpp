@@ -51,6 +51,7 @@ struct EventInstants {
   double blame[room(M)] = {};  // by row, how much it is to blame for the status, 0 to 1
   Guards<Model> guards{flow};
   long long n_events = 0;
+  double until = unbounded;  // s: the end of the run, beyond which no event lies
 
   // Writes the present state.
   void emit(Record<Model>& out) { write(flow.t, flow.y, out); }
@@ -72,7 +73,8 @@ struct EventInstants {
     double slip[room(S)];  // without the error of up to max_length_error (winch.hpp)
     bool taut[room(M)];
     for (int i = 0; i < S; ++i) slip[i] = flow.slip_now[i] > 0.0 ? flow.slip_now[i] : 0.0;
-    if (followed()) for (int r = 0; r < M; ++r) tension[r] = flow.tension[r];
+    if (followed())
+      for (int r = 0; r < M; ++r) tension[r] = flow.contacts.written_tension(r, flow.tension[r]);
     else closed_rows.tensions(flow, tension);
     for (int r = 0; r < M; ++r) {
       // At a release the tension is zero up to rounding, of either sign.
@@ -256,6 +258,7 @@ struct EventInstants {
       // Whether or not it ends in an event, so that none go on for ever.
       event_rate.note(flow.t, -1, EventRateTolerances::of_contact);
       held.take_closed(flow, flow.y, flow.y + NQ, most);
+      if (held.too_many) return TOO_MANY_CONTACTS;
       Situation s = present();
       bool loose[room(C)], strained[room(C)], struck[room(C)], touched[room(C)], any_struck = false;
       for (int r = 0; r < M; ++r) {
@@ -316,7 +319,7 @@ struct EventInstants {
       }
       changed = starts || tell_modes(touched, struck, out) || changed;
       if (stopped > GuardTolerances::min_speed && accumulation.shrinking()) {
-        out.event(accumulation.limit(), ACCUMULATION, -1, 0.0, stopped);
+        out.event(fmin(accumulation.limit(), until), ACCUMULATION, -1, 0.0, stopped);
         ++n_events;
         accumulation.forget();
       }

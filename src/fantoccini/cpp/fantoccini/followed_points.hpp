@@ -17,6 +17,8 @@ struct HeldContactTolerances {
   // Part of a turn, or of a solid's size, over which differences are taken: errors of 1e-13.
   static constexpr double turn = 1e-3;
   static constexpr double slowest = 1.0;  // 1/s: rates below count as this
+  // Near a point's end they are taken over `finer` times less and so on, down to this.
+  static constexpr double finer = 0.1, least_turn = 1e-6;
   // Gap within which points are looked at [m].
   static constexpr double margin = 1e-3;
   // m: overlap above which a point that has just parted touches again, and distance at which one
@@ -67,6 +69,7 @@ class FollowedPoints {
   // Of the latest evaluation.
   double gap[room(C)];
   double hdot[room(3 * C)], x[room(3 * C)], after[room(3 * C)];  // after: hddot with all forces
+  double lawful[room(3 * C)], after_lawful[room(3 * C)];  // likewise, where modes end
   double overlap = -unbounded, closing = 0.0;  // of the point that is deepest, and how fast
   double safe = unbounded;                     // s: until solids might pass through one another
   double friction = 0.0;                       // W
@@ -126,13 +129,16 @@ class FollowedPoints {
     n = kept;
   }
 
-  // Adds all points with a gap of at most `most` at the latest evaluation, as parted ones.
+  // Adds all points with a gap of at most `most` at the latest evaluation, as parted ones, or as many
+  // as there is room for (too_many).
   template <class F>
   void take_closed(const F& f, const double* q_D, const double* v_D, double most) {
-    bool more = false;
-    for (int i = 0; i < points_.n[0] && n < C; ++i) {
+    bool more = false, full = false;
+    for (int i = 0; i < points_.n[0]; ++i) {
       const auto& from = points_.point[0][i];
       if (from.gap > most || place(from.pair, from.feature) >= 0) continue;
+      full = n == C;
+      if (full) break;
       bool told = false;
       for (int c = 0; c < n; ++c) told = told || (meet(at[c].pair, from.pair) && at[c].told);
       at[n++] = {from.pair, from.feature, PARTED, false, told, true, false, {0.0, 0.0, 0.0},
@@ -143,6 +149,7 @@ class FollowedPoints {
       sort();
       look(f, q_D, v_D);
     }
+    too_many = too_many || full;
   }
 
   // Points without force may keep the distance that they have after an event.
@@ -192,19 +199,51 @@ class FollowedPoints {
   }
 
   // gamma: derivatives of hdot along the motion without accelerations of the puppet, where
-  // the driven coordinates have theirs.
+  // the driven coordinates have theirs. Where a point is lost ahead, as at a corner that it is about
+  // to reach, they are taken from behind, or over less; one that is lost here keeps its latest.
   template <class F>
   void differ(const F& f, const double* q_D, const double* v_D) {
     double rate = Tolerance::slowest;
     for (int c = 0; c < n; ++c) rate = fmax(rate, points_.rate_of_turning(*in, at[c].pair, speed(c)));
-    const double step = Tolerance::turn / rate;
-    constexpr int ways[] = {-2, -1, 1, 2};
-    constexpr double weights[] = {1.0, -8.0, 8.0, -1.0};
-    double u[4][room(C)][3], normal_rate[4][room(C)];
+    bool done[room(C)];
+    int left = n;
+    for (int c = 0; c < n; ++c) {
+      done[c] = !found_[c];
+      left -= done[c];
+    }
+    for (double step = Tolerance::turn / rate; left > 0 && step * rate > Tolerance::least_turn;
+         step *= Tolerance::finer)
+      for (const Differences& by : ways_) {
+        if (left > 0) left -= differ(f, q_D, v_D, by, step, done);
+      }
+  }
+
+ protected:
+  // Places in steps, weights over 12, and the weight of the place itself.
+  struct Differences {
+    double at[4], weight[4], own;
+  };
+
+  // Of order 4: about the present, from behind and from ahead.
+  static constexpr Differences ways_[] = {
+      {{-2, -1, 1, 2}, {1, -8, 8, -1}, 0},
+      {{-4, -3, -2, -1}, {3, -16, 36, -48}, 25},
+      {{1, 2, 3, 4}, {48, -36, 16, -3}, -25},
+  };
+
+  // Differences for the points that are not done and found at all places; how many those are.
+  template <class F>
+  int differ(
+      const F& f, const double* q_D, const double* v_D, const Differences& by, double step,
+      bool* done) {
+    double sum[room(3 * C)];
     bool all[room(C)];
-    for (int c = 0; c < n; ++c) all[c] = true;
+    for (int c = 0; c < n; ++c) {
+      all[c] = !done[c];
+      for (int d = 0; d < 3; ++d) sum[3 * c + d] = -by.own * hdot[3 * c + d];
+    }
     for (int k = 0; k < 4; ++k) {
-      const double tau = ways[k] * step;
+      const double tau = by.at[k] * step;
       double there[room(NQ)], there_K[room(NQK)], move[room(N)], move_K[room(NK)], v_K[room(NK)];
       for (int j = 0; j < N; ++j) move[j] = tau * v_D[j];
       for (int j = 0; j < NK; ++j) {
@@ -215,30 +254,32 @@ class FollowedPoints {
       retract<typename Model::Driven>(f.q_K, move_K, there_K);
       near_.pose(*in, there, v_D, there_K, v_K, f.p);
       for (int c = 0, pair = -1; c < n; ++c) {
+        if (!all[c]) continue;
         if (at[c].pair != pair) {
           pair = at[c].pair;
           near_.look_at_pair(*in, pair, 2.0 * Tolerance::margin + 2.0 * fabs(tau) * speed(c));
         }
         int i = 0;
         while (i < near_.n[0] && near_.point[0][i].feature != at[c].feature) ++i;
-        if (i == near_.n[0]) {
-          all[c] = false;
-          continue;
-        }
-        near_.velocity(*in, i, u[k][c]);
-        normal_rate[k][c] = dot3(u[k][c], near_.point[0][i].frame);
+        all[c] = i < near_.n[0];
+        if (!all[c]) continue;
+        double u[3];
+        near_.velocity(*in, i, u);
+        sum[3 * c] += by.weight[k] * dot3(u, near_.point[0][i].frame);
+        for (int d = 1; d < 3; ++d)
+          sum[3 * c + d] += by.weight[k] * dot3(u, frame_[c] + 3 * d);
       }
     }
-    for (int c = 0; c < n; ++c)
-      for (int d = 0; d < 3; ++d) {
-        double sum = 0.0;
-        for (int k = 0; k < 4 && all[c]; ++k)
-          sum += weights[k] * (d ? dot3(u[k][c], frame_[c] + 3 * d) : normal_rate[k][c]);
-        gamma_[3 * c + d] = -sum / (12.0 * step);
-      }
+    int found = 0;
+    for (int c = 0; c < n; ++c) {
+      if (!all[c]) continue;
+      for (int d = 0; d < 3; ++d) gamma_[3 * c + d] = -sum[3 * c + d] / (12.0 * step);
+      done[c] = true;
+      ++found;
+    }
+    return found;
   }
 
- protected:
   int place(int pair, int feature) const {
     for (int c = 0; c < n; ++c)
       if (at[c].pair == pair && at[c].feature == feature) return c;
@@ -268,7 +309,10 @@ class FollowedPoints {
       hdot[3 * to + d] = hdot[3 * c + d];
       x[3 * to + d] = x[3 * c + d];
       after[3 * to + d] = after[3 * c + d];
+      lawful[3 * to + d] = lawful[3 * c + d];
+      after_lawful[3 * to + d] = after_lawful[3 * c + d];
       rate_K_[3 * to + d] = rate_K_[3 * c + d];
+      gamma_[3 * to + d] = gamma_[3 * c + d];
       for (int k = 0; k < N; ++k) row_[3 * to + d][k] = row_[3 * c + d][k];
     }
   }
@@ -293,7 +337,7 @@ class FollowedPoints {
   Points points_, near_;  // of the latest evaluation; at displaced configurations
   bool found_[room(C)];
   double point_[room(C)][3], frame_[room(C)][9];
-  double row_[room(3 * C)][room(N)], rate_K_[room(3 * C)], gamma_[room(3 * C)];
+  double row_[room(3 * C)][room(N)], rate_K_[room(3 * C)], gamma_[room(3 * C)] = {};
 };
 
 }  // namespace fan

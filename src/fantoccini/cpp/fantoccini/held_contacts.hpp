@@ -8,7 +8,8 @@
 //
 // Redundant points are held as well: of all x the one nearest to the forces at the last event is
 // taken, which are those of least norm where these are legal; where it is not legal, any other that
-// gives the same motion.
+// gives the same motion. At the instant at which none does any longer the modes end; the forces of
+// that instant are those of the law itself.
 #pragma once
 
 #include "cone.hpp"
@@ -16,11 +17,12 @@
 #include "correct.hpp"
 #include "directed_rows.hpp"
 #include "followed_points.hpp"
+#include "held_nothing.hpp"
 #include "snapshot.hpp"
 
 namespace fan {
 
-template <class Model, bool touches = (Model::n_contacts > 0)>
+template <class Model, bool touches>
 class HeldContacts : public FollowedPoints<Model> {
   using Base = FollowedPoints<Model>;
 
@@ -31,9 +33,11 @@ class HeldContacts : public FollowedPoints<Model> {
   using Contact = typename Base::Contact;
   using Base::at, Base::n, Base::in, Base::gap, Base::hdot, Base::x, Base::after, Base::overlap;
   using Base::along, Base::differ, Base::friction, Base::in_world, Base::too_many;
+  using Base::lawful, Base::after_lawful;
 
   ConeProblem<R> cone;  // for whoever chooses forces or impulses
   bool redistributed = false;  // whether redundant forces were found anew at the latest evaluation
+  bool ends = false;           // whether the law's forces there, `lawful`, part or move what is held
 
   bool active() const { return in && n > 0; }
 
@@ -64,6 +68,7 @@ class HeldContacts : public FollowedPoints<Model> {
   template <class F>
   void push(
       const F& f, const double* q_D, const double* v_D, double* w, double* tension, double* power) {
+    ends = false;
     differ(f, q_D, v_D);
     assemble(f);
     double reference[room(R)] = {};
@@ -107,7 +112,7 @@ class HeldContacts : public FollowedPoints<Model> {
       const double strays = fabs(gap[c]) - own.over - Tolerance::strayed;
       return parts > strays ? parts : strays;
     }
-    const double forces = excess(f, c);
+    const double forces = excess(f, c, x + 3 * c);
     if (own.mode == STICKING || in->friction[own.pair] == 0.0) return forces;
     const double speed = along(c);
     const double stops = own.moving ? Tolerance::stopped - speed : -speed - own.back - Tolerance::stopped;
@@ -116,10 +121,9 @@ class HeldContacts : public FollowedPoints<Model> {
     return worst > jams ? worst : jams;
   }
 
-  // By how much point c's force is illegal, relative to the weight.
+  // By how much a force of point c is illegal, relative to the weight.
   template <class F>
-  double excess(const F& f, int c) const {
-    const double* own = x + 3 * c;
+  double excess(const F& f, int c, const double* own) const {
     const double lifts = -own[0] / f.weight() - Tolerance::negligible_force;
     if (at[c].mode != STICKING) return lifts;
     const double size = sqrt(own[1] * own[1] + own[2] * own[2]);
@@ -130,7 +134,7 @@ class HeldContacts : public FollowedPoints<Model> {
 
   template <class F>
   bool breaks(const F& f, int c) const {
-    return excess(f, c) > 0.0;
+    return excess(f, c, x + 3 * c) > 0.0;
   }
 
   // By how much the latest forces and accelerations break the law of contact, relative to the weight
@@ -140,13 +144,20 @@ class HeldContacts : public FollowedPoints<Model> {
     double most = 0.0;
     for (int c = 0; c < n; ++c) {
       if (at[c].mode != STICKING && at[c].mode != SLIDING) continue;
-      most = fmax(most, excess(f, c));
+      most = fmax(most, excess(f, c, written(c)));
       const int rows = at[c].mode == STICKING ? 3 : 1;
+      const double* then = ends ? after_lawful : after;
       for (int d = 0; d < rows; ++d)
-        most = fmax(most, fabs(after[3 * c + d]) / f.hddot_scale());
+        most = fmax(most, fabs(then[3 * c + d]) / f.hddot_scale());
     }
     return most;
   }
+
+  // The force of point c that is written, in its frame.
+  const double* written(int c) const { return (ends ? lawful : x) + 3 * c; }
+
+  // Likewise the tension or force of a held row.
+  double written_tension(int row, double latest) const { return ends ? lawful_tension_[row] : latest; }
 
   // The normal influence of sliding point c's force, relative to that without friction.
   double influence(int c) const {
@@ -218,7 +229,7 @@ class HeldContacts : public FollowedPoints<Model> {
       to.feature = at[c].feature;
       to.gap = gap[c];
       double u[3] = {-hdot[3 * c], -hdot[3 * c + 1], -hdot[3 * c + 2]};
-      in_world(c, x + 3 * c, to.impulse);
+      in_world(c, written(c), to.impulse);
       in_world(c, u, to.velocity);
       for (int k = 0; k < 3; ++k) {
         to.at[k] = point_[c][k];
@@ -317,7 +328,7 @@ class HeldContacts : public FollowedPoints<Model> {
   // that a mode ends only where no forces keep it. The latest evaluation must be f's.
   template <class F>
   void redistribute(F& f) {
-    redistributed = false;
+    redistributed = ends = false;
     bool needed = false;
     for (int c = 0; c < n; ++c)
       needed = needed || ((at[c].mode == STICKING || at[c].mode == SLIDING) && found_[c] && breaks(f, c));
@@ -357,13 +368,16 @@ class HeldContacts : public FollowedPoints<Model> {
     for (int i = 0; i < n_own; ++i) {
       const bool tangent = i >= cone.n_single && (i - cone.n_single) % 3 > 0;
       if (tangent && slides[(i - cone.n_single) / 3]) continue;
-      if (fabs(cone.s[i]) > most) return;
+      ends = ends || fabs(cone.s[i]) > most;
     }
+    for (int r = 0; r < M && ends; ++r) lawful_tension_[r] = f.tension[r];
     for (int i = 0; i < n_own; ++i) {
-      if (i < cone.n_single) f.tension[f.rows.row[of[i]]] = cone.x[i];
-      else x[of[i] - n_single_] = cone.x[i];
+      const int own = of[i] - n_single_;
+      if (own < 0) (ends ? lawful_tension_ : f.tension)[f.rows.row[of[i]]] = cone.x[i];
+      else (ends ? lawful : x)[own] = cone.x[i];
+      if (own >= 0) after_lawful[own] = -cone.s[i];
     }
-    redistributed = true;
+    redistributed = !ends;
   }
 
   // w <- w - W y over all assembled rows.
@@ -413,35 +427,12 @@ class HeldContacts : public FollowedPoints<Model> {
 
   double direction_[room(C)][2] = {};  // of friction, in the tangents
   double tension_[room(M)] = {};  // at the last event
+  double lawful_tension_[room(M)];
   int n_single_ = 0, n_ = 0;
   const double* column_[room(R)];
   double W_[room(3 * C)][room(N)], G_[room(R * R)];
   double hdot_[room(R)], hddot_[room(R)], y_[room(R)], after_[room(R)];
   DirectedRows<R> directed_;
-};
-
-// Of puppets that touch nothing.
-template <class Model>
-class HeldContacts<Model, false> {
- public:
-  static constexpr ContactArrays* in = nullptr;
-  static constexpr int n = 0;
-  static constexpr double friction = 0.0, closing = 0.0;
-
-  static constexpr bool active() { return false; }
-  static constexpr bool holds() { return false; }
-  template <class F>
-  static bool look_near(const F&, const double*, const double*) { return false; }
-  template <class F>
-  static double guard_of(const F&, int) { return -1.0; }
-  template <class F>
-  static void push(const F&, const double*, const double*, double*, double*, double*) {}
-  static double after_of_row(int) { return 0.0; }
-  template <class F>
-  static Status project(F&, double, double*) { return RUNNING; }
-  template <class F>
-  static void redistribute(F&) {}
-  static void remember(Snapshot&) {}
 };
 
 }  // namespace fan

@@ -2,7 +2,8 @@
 //
 // The points of a pair stay where they are, and keep their numbers, when the solids move a little;
 // solids that lie flat have all their points. Swapping the solids gives the same points with the
-// normals turned round, and the same numbers but for two capsules that point opposite ways. Finite
+// normals turned round, and the same numbers but for two capsules that point opposite ways and boxes
+// of one size. Finite
 // solids have finite points, however deep they are in one another.
 #pragma once
 
@@ -43,16 +44,15 @@ FAN_FN void in_order(const PlacedSolid& x, const PlacedSolid& y, Touches& to) {
   touch_boxes(x, y, to);
 }
 
-// Whether y must come before x: its kind, its number, its sizes, or its view of the other says so.
-// Two boxes of one size that see the other alike stay as they are.
+// Whether y must come before x: its kind, its number or its sizes say so. Two boxes of one size stay
+// as they are.
 FAN_FN bool out_of_order(const PlacedSolid& x, const PlacedSolid& y) {
   if (rank(x) != rank(y)) return rank(x) > rank(y);
   if (rank(x) == OF_HULL) return x.mesh > y.mesh;
   if (rank(x) != OF_BOX) return false;
   for (int k = 0; k < 3; ++k)
     if (x.half[k] != y.half[k]) return x.half[k] > y.half[k];
-  if (x.radius != y.radius) return x.radius > y.radius;
-  return view_of(x, y) > view_of(y, x) + BoxTolerances::same_view * length3(x.half);
+  return x.radius > y.radius;
 }
 
 }  // namespace touching

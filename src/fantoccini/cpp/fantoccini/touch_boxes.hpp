@@ -15,8 +15,8 @@ struct BoxTolerances {
   static constexpr double core = 1e-10;        // m: a core this near meets the box
   static constexpr double edge_share = 0.95;   // an edge wins with less than this of a face's depth
   static constexpr double same_face = 1e-4;    // of the size: lying flat, less makes no difference
+  static constexpr double same_slope = 1e-5;   // likewise: what goes down by less lies flat
   static constexpr double rounding = 1e-9;     // of the size
-  static constexpr double same_view = 1e-3;    // of the size: the caller orders the boxes
 };
 
 // The side of an axis: 1 or -1.

@@ -1,0 +1,355 @@
+"""Very many short runs of stages side by side, in compiled batches: ``make soak-crowds``.
+
+A crowd is a stage with the rules, obstacles and step of its seed, and many random starts and
+inputs, which run in lanes (``timestepping``) or one by one in C++ (``event``). A run is short, and
+begins near what it will strike. ``python -m properties.crowds STAGE SEED METHOD I`` runs the I-th of
+a crowd by itself and prints what is broken.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import os
+import sys
+import time
+import zlib
+from collections import Counter
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+import fantoccini as fan
+from fantoccini import Status
+from properties import stages
+
+SIZES = {"timestepping": 256, "event": 16}
+"""Runs of a crowd, by method."""
+EVENT_SHARE = 0.01
+"""Part of all runs that are event-driven, which take hundreds of times as long."""
+STEPS = (40, 120)
+"""Steps of a run with fixed steps."""
+DURATION = (0.1, 0.6)
+"""Of an event-driven run [s]."""
+EVERY = 4
+"""Steps between samples."""
+DRAWN = 8
+"""Crowds of candidates drawn until enough of them overlap nothing."""
+EXPECTED = {
+    "timestepping": stages.EXPECTED,
+    "event": {
+        Status.DONE, Status.TOO_MANY_EVENTS, Status.NO_UNIQUE_MOTION, Status.TOO_MANY_CONTACTS,
+        Status.COLLAPSED, Status.LENGTH_NOT_POSITIVE, Status.IMPOSSIBLE_INPUT, Status.RUNAWAY,
+        Status.REDUNDANT_STRINGS, Status.NOT_SETTLED,
+    },
+}  # fmt: skip
+"""How a run may end."""
+LEDGER = {"timestepping": stages.LEDGER, "event": 1e-6}
+"""Bound on the ledger's residual where nothing is driven, relative to the energy of the stage."""
+OVERLAP = {"timestepping": stages.OVERLAP, "event": 1e-9}
+"""Depth beyond which a run may not be DONE [m]."""
+RESIDUAL = {"timestepping": stages.RESIDUAL, "event": 1e-3}
+"""Residual of the laws of contact beyond which a sample is broken, relative."""
+PATIENCE = 600.0
+"""Time without any report after which the workers count as stuck [s]."""
+KEPT = 5
+"""Commands kept of each failure; all are counted."""
+OUT = Path(__file__).resolve().parents[2] / "benchmarks" / "soak_crowds.json"
+
+
+@dataclass(frozen=True, eq=False)
+class Crowd:
+    """What the runs of one seed are given: n starts, an input for each, and a method."""
+
+    marionette: fan.Marionette
+    starts: list[fan.State]
+    inputs: fan.Inputs | None
+    t_end: float
+    method: fan.TimeStepping | fan.Event
+
+
+@dataclass
+class Count:
+    """Sums and extremes over runs.
+
+    Attributes:
+        runs, touched: how many; in how many of them solids lost energy to one another.
+        by_status: method -> status -> runs.
+        worst: method -> measure -> largest value of a run that arrived.
+        failures: what is broken -> runs.
+        commands: what is broken -> commands that show it.
+    """
+
+    runs: int = 0
+    touched: int = 0
+    by_status: dict[str, Counter] = field(default_factory=dict)
+    worst: dict[str, dict[str, float]] = field(default_factory=dict)
+    failures: Counter = field(default_factory=Counter)
+    commands: dict[str, list[str]] = field(default_factory=dict)
+
+    def merge(self, other: Count) -> None:
+        """Books all runs of another count."""
+        self.runs += other.runs
+        self.touched += other.touched
+        for method, found in other.by_status.items():
+            self.by_status.setdefault(method, Counter()).update(found)
+        for method, measures in other.worst.items():
+            own = self.worst.setdefault(method, {})
+            for name, value in measures.items():
+                own[name] = max(own.get(name, 0.0), value)
+        self.failures.update(other.failures)
+        for what, commands in other.commands.items():
+            self.commands[what] = sorted([*self.commands.get(what, []), *commands])[:KEPT]
+
+
+def command(name: str, seed: int, method: str, i: int | None = None) -> str:
+    """The command that runs a crowd, or one of it, again."""
+    one = "" if i is None else f" {i}"
+    return f"PYTHONPATH=tests .venv/bin/python -m properties.crowds {name} {seed} {method}{one}"
+
+
+def crowd(name: str, seed: int, method: str) -> Crowd | None:
+    """The crowd of a stage that belongs to a seed; None where nothing fits among its obstacles."""
+    rng = np.random.default_rng([seed, zlib.crc32(f"{name} {method}".encode())])
+    made, n = stages.stage(name, rng), SIZES[method]
+    if method == "event" and np.any(np.isfinite(made.model.upper)):
+        return None  # the event-driven method refuses contact beside winches that slip
+    dt = float(np.exp(rng.uniform(np.log(5e-4), np.log(4e-3))))
+    t_end = float(rng.uniform(*DURATION)) if method == "event" else int(rng.integers(*STEPS)) * dt
+    starts = _starts(rng, made, n)
+    if not starts:
+        return None
+    inputs = None
+    if made.coordinates.n_vK and rng.random() < 0.6:
+        inputs = fan.Inputs.random(
+            made, len(starts), seed, t_end=t_end, every=float(rng.uniform(0.04, 0.1)),
+            reach=float(rng.choice([0.003, 0.03])), turn=float(rng.choice([0.02, 0.2])),
+        )  # fmt: skip
+    options = fan.Event() if method == "event" else fan.TimeStepping(dt=dt)
+    return Crowd(made, starts, inputs, t_end, options)
+
+
+def _starts(rng: np.random.Generator, made: fan.Marionette, n: int) -> list[fan.State]:
+    """Bodies here and there that overlap nothing, thrown; strings longer than they need to be."""
+    table, x = made.coordinates, made.state()
+    spread, found = float(rng.choice([0.15, 0.3])), []
+    lengths = [s.length_index for s in made.tree.strings]
+    for k in range(DRAWN):
+        q = np.tile(x.q_D, (n, 1))
+        for at, _ in table.quaternions_D:
+            level = np.where(rng.random((n, 1)) < 0.3, 0.02, 1.0)
+            turn = rng.normal(size=(n, 4)) * level + [1, 0, 0, 0]
+            q[:, at : at + 4] = turn / np.linalg.norm(turn, axis=1)[:, None]
+            name = table.q_D[at].rpartition(".")[0]
+            if f"{name}.x" in table.q_D:
+                first = table.q_D.index(f"{name}.x")
+                low, high = (-0.2, 0.5) if "trunk" in name else (0.05, 2.0)
+                place = rng.uniform([-1, -1, low], [1, 1, high], (n, 3))
+                q[:, first : first + 3] = place * spread * (1.0 + 0.2 * k)
+        q_K = np.tile(x.q_K, (n, 1))
+        rows = made.model.library.evaluate("rows", q_D=q, q_K=q_K, p=made.p).h
+        for row, place in enumerate(lengths):
+            if place is not None:
+                q_K[:, place[0]] += rows[:, row] + rng.choice([0.001, 0.02])
+        limits = rows[:, len(lengths) :]
+        v = rng.normal(size=(n, len(x.v_D))) * rng.choice([0.0, 0.3, 2.0, 8.0], (n, 1))
+        v *= rng.random(v.shape) < 0.7
+        for i in np.flatnonzero(np.all(limits <= 0.0, axis=1)):
+            if not made.model.overlaps(q[i], q_K[i]):
+                found.append(x.replace(q_D=q[i], q_K=q_K[i], v_D=v[i]))
+            if len(found) == n:
+                return found
+    return found
+
+
+def ran(given: Crowd) -> fan.Trajectories:
+    """The runs of a crowd, on one thread."""
+    every = {} if isinstance(given.method, fan.Event) else {"save_every": EVERY}
+    times = np.linspace(0.0, given.t_end, 9) if isinstance(given.method, fan.Event) else None
+    return fan.simulate_batch(
+        given.marionette, given.starts, given.inputs, given.t_end, method=given.method,
+        save=("q_D", "v_D", "ledger", "contact_residual"), save_at=times, threads=1, **every,
+    )  # fmt: skip
+
+
+def broken(given: Crowd, runs: fan.Trajectories) -> tuple[dict[str, np.ndarray], dict[str, float]]:
+    """What is broken -> (n,) bool, in which runs; and the largest measures."""
+    method = runs.method
+    status, done = runs.status, runs.status == Status.DONE
+    reached = np.nan_to_num(runs.reached)[:, None] >= runs.t - 1e-12
+    whole = np.ones(len(status), dtype=bool)
+    for array in (runs.q_D, runs.v_D, runs.ledger.values, runs.contact_residual[..., None]):
+        whole &= np.all(np.isfinite(array) | ~reached[..., None], axis=(1, 2))
+    law = np.max(np.where(reached, np.nan_to_num(runs.contact_residual), 0.0), axis=1)
+    q_K = np.array([x.q_K for x in given.starts])
+    if given.inputs is not None:
+        bound = given.inputs.bound(q_K)
+        q_K = np.array([bound[i].evaluate(given.t_end)[0] for i in range(len(bound))])
+    depth = np.zeros(len(status))
+    for i in np.flatnonzero(done):
+        at = given.marionette.model.overlaps(runs.q_D[i, -1], q_K[i])
+        depth[i] = max(at.values(), default=0.0)
+    books = {n: np.nan_to_num(runs.ledger[n]) for n in ("kinetic", "potential", "work", "residual")}
+    size = np.max(np.abs(books["kinetic"]), axis=1) + np.max(np.abs(books["work"]), axis=1)
+    size += np.ptp(np.where(reached, books["potential"], books["potential"][:, :1]), axis=1)
+    residual = np.max(np.abs(books["residual"]), axis=1) / (size + given.marionette.weight)
+    free = np.full(len(status), given.inputs is None)
+    if isinstance(given.method, fan.TimeStepping):
+        free &= _turn(given, runs) < stages.TURN
+    off = free & done & (residual > LEDGER[method])
+    expected = np.isin(status, [int(s) for s in EXPECTED[method]])
+    found = {
+        "is not finite": ~whole,
+        "ends before its end as DONE": done & ~(runs.reached >= given.t_end - 1e-9),
+        "overlaps silently": done & (depth > OVERLAP[method]),
+        "breaks the law of contact silently": done & (law > RESIDUAL[method]),
+        "the ledger does not close": off | (free & (status == Status.GAINED_ENERGY)),
+    } | {
+        f"ends with {Status(int(s)).name}": status == s for s in np.unique(status[~expected])
+    }
+    worst = {
+        "overlap": float(np.max(depth, initial=0.0)),
+        "law": float(np.max(law[done], initial=0.0)),
+        "residual": float(np.max(residual[done & free], initial=0.0)),
+    }
+    return found, worst
+
+
+def _turn(given: Crowd, runs: fan.Trajectories) -> np.ndarray:
+    """(n,) by how much a body turns in a step at most [rad]."""
+    table, v = given.marionette.coordinates, np.abs(np.nan_to_num(runs.v_D))
+    rows = [v[..., at : at + 3] for _, at in table.quaternions_D]
+    rows += [v[..., at : at + 1] for q, at in table.scalars_D if "leg" in table.q_D[q]]
+    return given.method.dt * np.max([np.max(each, axis=(1, 2)) for each in rows], axis=0)
+
+
+def counted(name: str, seed: int, method: str) -> Count:
+    """Runs a crowd and counts."""
+    given, count = crowd(name, seed, method), Count()
+    if given is None:
+        return count
+    runs = ran(given)
+    found, worst = broken(given, runs)
+    names = Counter(Status(int(s)).name for s in runs.status)
+    lost = np.nan_to_num(runs.ledger["friction"]) + np.nan_to_num(runs.ledger["impact"])
+    count.runs, count.touched = len(runs.status), int(np.sum(np.max(lost, axis=1) > 0.0))
+    count.by_status[method], count.worst[method] = names, worst
+    for what, where in found.items():
+        which = np.flatnonzero(where)
+        if len(which):
+            key = f"{name}, {method}: {what}"
+            count.failures[key] = len(which)
+            count.commands[key] = [command(name, seed, method, int(i)) for i in which[:KEPT]]
+    return count
+
+
+def alone(name: str, seed: int, method: str, i: int) -> list[str]:
+    """What is broken in the i-th run of a crowd, run by itself."""
+    given = crowd(name, seed, method)
+    assert given is not None
+    inputs = given.inputs
+    if inputs is not None:
+        bound = inputs.bound(np.array([x.q_K for x in given.starts]))
+        inputs = fan.Inputs.of([bound[i]])
+    one = Crowd(given.marionette, [given.starts[i]], inputs, given.t_end, given.method)
+    runs = ran(one)
+    found, worst = broken(one, runs)
+    print(Status(int(runs.status[0])).name, worst)
+    return [what for what, where in found.items() if where[0]]
+
+
+def soak(names: list[str], n: int, seed: int, workers: int, event: float, progress=None) -> Count:
+    """Runs crowds in several processes until n runs are made; Ctrl-C gives the count so far."""
+    for name in names:  # once, not by every worker
+        for method in SIZES:
+            stages.load(name).model.compiled.batch_library_of(method)
+    count, context = Count(), multiprocessing.get_context("spawn")
+    made = {method: 0 for method in SIZES}
+    waiting: dict[Future, tuple[str, int, str]] = {}
+    k = 0
+    with ProcessPoolExecutor(workers, mp_context=context) as pool:
+        try:
+            while True:
+                while count.runs < n and len(waiting) < 2 * workers:
+                    method = "event" if made["event"] < event * sum(made.values()) else "timestepping"
+                    made[method] += SIZES[method]
+                    case = (names[k % len(names)], seed + k // len(names), method)
+                    waiting[pool.submit(counted, *case)] = case
+                    k += 1
+                if not waiting:
+                    break
+                done, _ = wait(waiting, timeout=PATIENCE, return_when=FIRST_COMPLETED)
+                if not done:
+                    for case in waiting.values():
+                        count.failures["no answer"] += 1
+                        count.commands.setdefault("no answer", []).append(command(*case))
+                    for process in multiprocessing.active_children():
+                        process.kill()
+                    break
+                for future in done:
+                    case = waiting.pop(future)
+                    try:
+                        count.merge(future.result())
+                    except Exception as error:  # A crash of a worker is a failure to report.
+                        what = f"{type(error).__name__}: {str(error)[:200]}"
+                        count.failures[what] += 1
+                        count.commands.setdefault(what, []).append(command(*case))
+                        if type(error).__name__ == "BrokenProcessPool":
+                            return count
+                if progress:
+                    progress(count)
+        except KeyboardInterrupt:
+            pool.shutdown(cancel_futures=True)
+    return count
+
+
+def main() -> int:
+    """Soaks, writes, prints; 1 when a property is broken."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("case", nargs="*", help="STAGE SEED METHOD [I]: one crowd, or one run")
+    parser.add_argument("--runs", type=int, default=1_000_000, help="(default 1,000,000)")
+    parser.add_argument("--workers", type=int, default=os.cpu_count(), help="(default: all cores)")
+    parser.add_argument("--seed", type=int, default=0, help="first seed of every stage")
+    parser.add_argument("--event", type=float, default=EVENT_SHARE, help="part that is event-driven")
+    parser.add_argument("--only", choices=list(stages.ALL), action="append", help="one of them")
+    parser.add_argument("--out", type=Path, default=OUT, help="(default %(default)s)")
+    options = parser.parse_args()
+    if options.case:
+        name, seed, method, *one = options.case
+        if one:
+            found = alone(name, int(seed), method, int(one[0]))
+            print("broken:", *(found or ["nothing"]), sep="\n  ")
+            return int(bool(found))
+        count = counted(name, int(seed), method)
+    else:
+        names, start = options.only or list(stages.ALL), time.perf_counter()
+        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+        with Progress(*columns, TimeRemainingColumn()) as bar:
+            task = bar.add_task("soaking", total=options.runs)
+
+            def show(count: Count) -> None:
+                text = f"soaking, {sum(count.failures.values())} broken"
+                bar.update(task, completed=count.runs, description=text)
+
+            count = soak(names, options.runs, options.seed, options.workers, options.event, show)
+        seconds = round(time.perf_counter() - start, 1)
+        report = {
+            "runs": count.runs, "touched": count.touched, "stages": names, "seed": options.seed, "seconds": seconds,
+            "by_status": {m: dict(c.most_common()) for m, c in count.by_status.items()},
+            "worst": count.worst,
+            "failures": {w: [k, count.commands[w]] for w, k in count.failures.most_common()},
+        }  # fmt: skip
+        options.out.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+        print(f"{count.runs} runs in {seconds} s")
+    print(f"{count.touched} of {count.runs} touched", count.by_status, count.worst)
+    for what, k in count.failures.most_common():
+        print(f"{k:>8}  {what}\n{'':10}{count.commands[what][0]}")
+    return int(bool(count.failures))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
