@@ -11,10 +11,11 @@ from fantoccini.arrays import Array, Indices, Times
 from fantoccini.errors import StateError
 from fantoccini.marionette import Method, MethodName, TimeStepping, as_method, check_start
 from fantoccini.motion import Input, State, Trajectory
-from fantoccini.planning.goals import Goal, StateArrays
+from fantoccini.planning.goals import Goal
 from fantoccini.planning.problem import Problem
 from fantoccini.planning.rollouts import Rollouts
 from fantoccini.planning.search_tree import SearchTree
+from fantoccini.planning.state_arrays import StateArrays
 from fantoccini.simulation import simulate
 
 
@@ -76,10 +77,14 @@ class PlanPath:
     def inputs(self) -> Input:
         """The driven coordinates: constant accelerations from node to node, then held.
 
-        A plan without segments lasts one time step.
+        Where the puppet must stay at the goal, they are brought to rest first. A plan without
+        segments lasts one time step.
         """
         start, times, acceleration = self.start, self.times, self.acceleration
-        if len(self.path) == 1:
+        if self._braking:
+            times = np.append(times, times[-1] + self._braking)
+            acceleration = np.concatenate([acceleration, -self.states.v_K[-1:] / self._braking])
+        if len(times) == 1:
             times = np.append(times, times + self.rollouts.options.dt)
             acceleration = np.zeros((1, len(start.v_K)))
         return Input.segments(self.problem.marionette, times, start.q_K, start.v_K, acceleration)
@@ -96,7 +101,7 @@ class PlanPath:
             method: of the simulation.
             effort: compute the force on every driven coordinate.
         """
-        start, end, save_at = exact_start(self.problem, method), self._end, None
+        start, end, save_at = exact_start(self.problem, method), self.end, None
         if method.name == "event":
             looks = np.arange(start.t, end, self.rollouts.options.interval)
             save_at = np.unique(np.minimum(np.append(self.times, looks), end))
@@ -110,11 +115,23 @@ class PlanPath:
         from fantoccini.exchange import mujoco_run
 
         start = exact_start(self.problem, "timestepping")
-        return mujoco_run(self.problem.marionette, start, self.inputs, self._end, dt)
+        return mujoco_run(self.problem.marionette, start, self.inputs, self.end, dt)
 
     @property
-    def _end(self) -> float:
-        return max(float(self.times[-1]), self.start.t + self.rollouts.options.dt)
+    def end(self) -> float:
+        """When simulations of the plan end [s]."""
+        last = float(self.times[-1]) + self._braking + self.problem.hold
+        return max(last, self.start.t + self.rollouts.options.dt)
+
+    @property
+    def _braking(self) -> float:
+        """How long the driven coordinates take to come to rest where the puppet is to stay [s]."""
+        if not self.problem.hold:
+            return 0.0
+        rollouts = self.rollouts
+        speed, most = np.abs(self.states.v_K[-1]), rollouts.bounds.acceleration
+        longest = float(np.max(speed[most > 0.0] / most[most > 0.0], initial=0.0))
+        return float(np.ceil(longest / rollouts.options.segment)) * rollouts.options.segment
 
 
 def exact_start(problem: Problem, method: Method | MethodName) -> State:

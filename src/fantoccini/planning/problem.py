@@ -4,24 +4,28 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from fantoccini.arrays import check_not_negative
 from fantoccini.errors import StateError
 from fantoccini.marionette import Marionette, check_start
 from fantoccini.motion import State
 from fantoccini.planning.balance import balanced
 from fantoccini.planning.clearance import Clearance
 from fantoccini.planning.feasible import out_of_reach
-from fantoccini.planning.funnels import funnels
-from fantoccini.planning.goals import Goal, GoalLike, StateArrays
+from fantoccini.planning.funnels import funnels, servo
+from fantoccini.planning.goals import Goal, GoalLike
 from fantoccini.planning.objective import Objective
-from fantoccini.planning.obstacles import HalfSpace
+from fantoccini.planning.obstacles import HalfSpace, standing
 from fantoccini.planning.rollouts import Bounds, RolloutOptions, Rollouts
+from fantoccini.planning.state_arrays import StateArrays
+from fantoccini.planning.touches import KEEP_OFF, ContactLike, Touches
 from fantoccini.puppet import Obstacle
+from fantoccini.puppet.contact import FLOOR
 from fantoccini.runtime import Funnel, default_threads
 
 
@@ -38,34 +42,41 @@ class _Tolerances:
 
 
 _TOLERANCES = _Tolerances()
+_HOLD = 1.0
+"""Time for which a puppet that is to stand must stay at the goal [s]."""
 
 
 class Problem:
     """A puppet, its start, its goal and its obstacles.
 
     Attributes:
-        marionette, name, start, goal, tolerance: see below.
+        marionette, name, start, goal, tolerance, hold: see below.
+        touches: what may touch what.
         objective: cost that better plans reduce.
         rollouts: that simulate from many states at once.
         distance: of the start from the goal.
         reason: why no plan can begin at the start; empty where one can.
-        equilibrium: whether the puppet can hang at the goal, clear of obstacles; otherwise a plan
+        equilibrium: whether the puppet can rest at the goal, clear of obstacles; otherwise a plan
             only passes it.
         out_of_reach: why no plan can end at the goal; empty where one may.
 
     Args:
-        marionette: the puppet; without its contact, since plans keep clear of what it may touch.
-            Of its own bodies only with ``self_collision``.
+        marionette: the puppet.
         start: where it begins; its driven coordinates may move.
         goal: a state, names and values (``{"elbow": 1.2}``), a :class:`Goal`, or a function of
             :class:`StateArrays` that returns distances.
         obstacles: in addition to the world's.
         name: of the problem.
+        contact: ``"keep off"``: the puppets touch nothing but themselves; or
+            ``{"touch": [("hand", "table")]}``, the pairs that may touch. What the goal asks to
+            touch may, and so may props and what they lie on.
         tolerance: largest distance from the goal, in the goal's unit [rad and m for poses and
             states, m for points].
+        hold: time for which the puppet must stay at the goal after the plan's end, with the inputs
+            brought to rest [s]; 1 s where it is to stand, otherwise 0.
         speed, acceleration: bounds of the driven coordinates, for all or by name [m/s, m/s^2].
         ranges: name of a driven coordinate -> (low, high) [m].
-        margin: least clearance [m].
+        margin: least clearance [m]; not of pairs that may touch.
         slack: whether taut strings may go slack on the way. Plans in which none does depend less
             on how exactly they are followed.
         strings: whether strings are kept clear of obstacles too.
@@ -94,7 +105,9 @@ class Problem:
         obstacles: Iterable[Obstacle | HalfSpace | Mapping[str, Any]] = (),
         *,
         name: str = "",
+        contact: ContactLike = KEEP_OFF,
         tolerance: float = 0.1,
+        hold: float | None = None,
         speed: float | Mapping[str, float] = 0.5,
         acceleration: float | Mapping[str, float] = 2.0,
         ranges: Mapping[str, tuple[float, float]] | None = None,
@@ -113,22 +126,34 @@ class Problem:
         options = options.with_segment(segment)
         self.objective = Objective.of(objective)
         check_start(marionette.model, start, "timestepping")
-        # Plans keep clear of everything, so that nothing touches.
-        marionette = Marionette(marionette.model.without_contact())
+        every = standing(marionette.puppet, obstacles)
+        spaces = [o for o in every if isinstance(o, HalfSpace) and o.name != FLOOR]
+        solid = [o for o in every if not isinstance(o, HalfSpace)]
+        marionette = Marionette(marionette.model.with_obstacles(solid))
         if not len(start.slip):
             start = start.replace(slip=np.zeros(len(marionette.tree.strings)))
         self.marionette, self.start, self.tolerance = marionette, start, tolerance
         self.name = name
-        self.goal = Goal.of(marionette, goal)
-        clearance = Clearance(marionette, obstacles, strings=strings, self_collision=self_collision)
+        wanted = Goal.of(marionette, goal)
+        self.touches = Touches(marionette, contact, wanted.touches, self_collision)
+        self.goal = wanted.for_problem(self.touches, tolerance)
+        self.hold = _HOLD if hold is None and wanted.share is not None else hold or 0.0
+        check_not_negative(hold=self.hold)
+        clearance = Clearance(
+            marionette, spaces, strings=strings, self_collision=self_collision,
+            free=self.touches.free,
+        )  # fmt: skip
         bounds = Bounds.of(marionette, speed, acceleration, ranges or {})
-        self.rollouts = Rollouts(marionette, clearance, bounds, self.goal, options)
+        kept_off = ~self.touches.may
+        self.rollouts = Rollouts(marionette, clearance, bounds, self.goal, options, kept_off)
         self.reason = _start_violation(start, self.rollouts)
         self.distance = self.goal.of_start(self.root)
         self.equilibrium = False
         self.out_of_reach = out_of_reach(self.goal, tolerance)
         if not self.infeasible:
-            self.rollouts.funnels, self.equilibrium = _hanging_at(self.goal, start, self.rollouts)
+            self.rollouts.funnels, self.equilibrium = _hanging_at(
+                self.goal, start, self.rollouts, self.touches
+            )
 
     @property
     def infeasible(self) -> str:
@@ -158,7 +183,8 @@ class Problem:
             self.tolerance, numbers.kind, numbers.link, numbers.speed_weight,
             numbers.driven_weight, options.margin, options.slack, options.dt, options.look,
             options.looks, self.marionette.coordinates.v_D, self.marionette.coordinates.v_K,
-            rollouts.clearance.meshes.digest,
+            rollouts.clearance.meshes.digest, self.hold, self.goal.share, self.goal.touches,
+            sorted(map(sorted, self.touches.free)),
         )  # fmt: skip
         digest.update(repr(plain).encode())
         return digest.hexdigest()
@@ -169,7 +195,9 @@ class Problem:
         return StateArrays.of(self.start)
 
 
-def _hanging_at(goal: Goal, start: State, rollouts: Rollouts) -> tuple[list[Funnel], bool]:
+def _hanging_at(
+    goal: Goal, start: State, rollouts: Rollouts, touches: Touches
+) -> tuple[list[Funnel], bool]:
     """The feedback law that leads to the equilibrium nearest to the goal.
 
     Returns:
@@ -190,9 +218,11 @@ def _hanging_at(goal: Goal, start: State, rollouts: Rollouts) -> tuple[list[Funn
         q_D, q_K = at.q_D, at.q_K
     if not np.all((q_K >= bounds.low) & (q_K <= bounds.high)):
         return [], False
-    rollouts.funnels = funnels(
-        marionette, q_D, q_K, bounds.moves, rollouts.run_options, rollouts.options
-    )
+    alone = replace(rollouts.run_options, contacts=None)
+    rollouts.funnels = funnels(marionette, q_D, q_K, bounds.moves, alone, rollouts.options)
+    if touches.expected:
+        segment = rollouts.options.segment
+        rollouts.funnels.append(servo(marionette, q_D, q_K, bounds.moves, segment))
     chosen = _best_of(rollouts, start)
     at_rest = start.replace(q_D=q_D, q_K=q_K, v_D=0.0 * start.v_D, v_K=0.0 * start.v_K)
     there = goal.distance(StateArrays.of(at_rest))[0] <= rollouts.stop_distance

@@ -14,7 +14,7 @@ import numpy as np
 from fantoccini.arrays import Array, check_not_negative
 from fantoccini.marionette import Method, MethodName
 from fantoccini.planning import archive
-from fantoccini.planning.check import Check, checked, holds
+from fantoccini.planning.check import Check, checked, confirmed
 from fantoccini.planning.feedback import Feedback
 from fantoccini.planning.plan_path import PlanPath
 from fantoccini.planning.planners import Planner
@@ -130,7 +130,7 @@ class PlanResult(PlanPath):
         Where the search did not confirm its plans, the first call simulates the plan.
         """
         if self.status is PlanStatus.UNCONFIRMED:
-            return holds(self)
+            return confirmed(self).arrives
         return self.status is PlanStatus.EXACT
 
     def __bool__(self) -> bool:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.planning.check import holds
+from fantoccini.planning.check import confirmed
 from fantoccini.planning.objective import Objective
 from fantoccini.planning.options import SearchOptions
 from fantoccini.planning.plan_path import PlanPath
@@ -72,6 +72,7 @@ class Search:
         problem, options: see below.
         objective: cost of plans: the options', or else the problem's.
         tree, best, tried, seconds, curve, late, refused, polished: see :class:`SearchRecord`.
+        fault: why the last plan was refused, in words; empty where none was.
 
     Args:
         problem: what is planned.
@@ -85,6 +86,7 @@ class Search:
         self.tree, self.best, self.tried, self.seconds = self._fresh(np.inf), 0, 0, 0.0
         self.late, self.refused = False, 0
         self.polished: Polish | None = None
+        self.fault = ""
         self.curve: list[tuple[float, int, float]] = []
         self._planner = options.planner_round
         self._rng = np.random.default_rng(options.seed)
@@ -129,8 +131,10 @@ class Search:
         """
         until = time.perf_counter() + seconds
         self.find_better(_EFFORT.first_growth * seconds)
-        if self.problem.goal.function is not None:
-            self.polished = Polish(PolishStatus.UNKNOWN_GOAL, distance)
+        if self.problem.goal.function is not None or self.problem.touches.expected:
+            unknown = self.problem.goal.function is not None
+            status = PolishStatus.UNKNOWN_GOAL if unknown else PolishStatus.MAY_TOUCH
+            self.polished = Polish(status, distance)
             return
         if self.best == 0:
             self.polish(distance, 0.0)
@@ -253,8 +257,12 @@ class Search:
 
     def _confirmed(self, tree: SearchTree, node: int) -> bool:
         """Whether the plan to a node counts; otherwise the node is set infinitely far away."""
-        if not self.options.confirm or holds(self._path(tree, node)):
+        if not self.options.confirm:
             return True
+        check = confirmed(self._path(tree, node))
+        if check.arrives:
+            return True
+        self.fault = check.fault
         tree.distance[node] = np.inf
         self.refused += 1
         return False
