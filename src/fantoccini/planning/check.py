@@ -45,6 +45,7 @@ class Check:
         run: the trajectory.
         touches: what a body of a puppet touched that is not its own, in order.
         share: part of the puppets' weight that rests on what they touch at the end.
+        fault: why it does not arrive, in words; empty where it does.
     """
 
     arrives: bool
@@ -54,24 +55,12 @@ class Check:
     run: Trajectory
     touches: tuple[Meeting, ...] = ()
     share: float = 0.0
+    fault: str = ""
 
     @property
     def unasked(self) -> tuple[Meeting, ...]:
         """Touches of what the plan should keep off."""
         return tuple(one for one in self.touches if not one.asked)
-
-    @property
-    def fault(self) -> str:
-        """Why the plan does not arrive, in words; empty where it does."""
-        if self.arrives:
-            return ""
-        if self.run.status is not Status.DONE:
-            return self.run.status.message
-        if self.unasked:
-            return "; ".join(str(one) for one in self.unasked)
-        if self.clearance < 0.0:
-            return "something overlaps what it should keep off"
-        return f"it ends {self.distance:.3g} from the goal"
 
 
 def checked(
@@ -99,12 +88,21 @@ def checked(
     clearance = _least_clearance(plan.rollouts, run)
     near = _nearest(run.t, plan.times)
     deviation = float(np.max(np.abs(run.q_D[near] - plan.states.q_D)))
+    marionette, goal = plan.problem.marionette, plan.goal
     complete = run.status is Status.DONE and run.t[-1] >= plan.end - _TOLERANCES.time
     touches = () if run.contact is None else plan.problem.touches.meetings(run)
-    share = carried(plan.problem.marionette, run)
-    arrives = complete and distance <= plan.tolerance and clearance >= 0.0
-    arrives = arrives and all(one.asked for one in touches) and share >= (plan.goal.share or 0.0)
-    return Check(bool(arrives), distance, clearance, deviation, run, touches, share)
+    share = carried(marionette, run)
+    faults = [str(one) for one in touches if not one.asked]
+    if not complete:
+        faults.append(run.status.message)
+    if clearance < 0.0:
+        faults.append("something overlaps what it should keep off")
+    if not distance <= plan.tolerance:
+        faults.append(f"it ends {distance:.3g} from the goal")
+    if goal.share is not None and share < goal.share:
+        faults.append(f"what it touches carries {share:.2g} of the weight, not {goal.share:.2g}")
+    fault = "; ".join(faults)
+    return Check(not fault, distance, clearance, deviation, run, touches, share, fault)
 
 
 def confirmed(plan: PlanPath) -> Check:

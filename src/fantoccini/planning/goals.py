@@ -13,7 +13,7 @@ from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.marionette import Marionette, link_index
 from fantoccini.motion import State, rotation
 from fantoccini.planning.state_arrays import StateArrays
-from fantoccini.planning.touches import Pair, Touches
+from fantoccini.planning.touches import Pair, Touches, pair_of
 from fantoccini.runtime import POINT, POSE, UNKNOWN, GoalNumbers
 from fantoccini.tree import CoordinateTable
 
@@ -99,15 +99,14 @@ class Goal:
             pairs: names of bodies, props, obstacles, ``floor``, or of puppets for all their bodies.
 
         Raises:
-            StateError: they never touch, or the goal is a function.
-            UnknownNameError: nothing of this name may touch anything.
+            StateError: what is given are not pairs of names.
         """
-        touches = self.touches + Touches(self.marionette, asked=pairs).asked
+        touches = self.touches + tuple(pair_of(one) for one in pairs)
         listed = ", ".join(f"{a} on {b}" for a, b in touches)
         text = f"{self.text}, {listed}" if self.text else listed
         return replace(self, touches=touches, text=text)
 
-    def standing(self, pairs: Iterable[Pair], share: float = 0.0) -> Goal:
+    def standing(self, pairs: Iterable[Pair], share: float = 0.1) -> Goal:
         """The same goal, where the puppet is to stand at rest on touches.
 
         Args:
@@ -115,7 +114,7 @@ class Goal:
             share: least part of the puppets' weight that these touches carry, 0 to 1.
 
         Raises:
-            StateError, UnknownNameError: see :meth:`touching`; or a share out of range.
+            StateError: see :meth:`touching`; or a share out of range.
         """
         if not 0.0 <= share <= 1.0:
             raise StateError(f"share is {share}; it must be 0 to 1")
@@ -333,7 +332,7 @@ class Goal:
         pairs: Iterable[Pair],
         *,
         pose: Mapping[str, Target] | None = None,
-        share: float = 0.0,
+        share: float = 0.1,
         speed_weight: float = 0.1,
         driven_weight: float = 1.0,
     ) -> Goal:

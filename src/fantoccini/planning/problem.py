@@ -4,46 +4,30 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from fantoccini.arrays import check_not_negative
-from fantoccini.errors import StateError
 from fantoccini.marionette import Marionette, check_start
 from fantoccini.motion import State
-from fantoccini.planning.balance import balanced
 from fantoccini.planning.clearance import Clearance
-from fantoccini.planning.feasible import out_of_reach
-from fantoccini.planning.funnels import funnels, servo
+from fantoccini.planning.feasible import out_of_reach, too_far_to_touch
 from fantoccini.planning.goals import Goal, GoalLike
+from fantoccini.planning.guidance import guidance
 from fantoccini.planning.objective import Objective
 from fantoccini.planning.obstacles import HalfSpace, standing
+from fantoccini.planning.pushing import push_of
 from fantoccini.planning.rollouts import Bounds, RolloutOptions, Rollouts
 from fantoccini.planning.state_arrays import StateArrays
 from fantoccini.planning.touches import KEEP_OFF, ContactLike, Touches
 from fantoccini.puppet import Obstacle
 from fantoccini.puppet.contact import FLOOR
-from fantoccini.runtime import Funnel, default_threads
+from fantoccini.runtime import default_threads
 
-
-@dataclass(frozen=True)
-class _Tolerances:
-    """Tolerances for the equilibrium at the goal and the choice of a feedback law."""
-
-    trial_segments: int = 20
-    """Segments after which feedback laws are compared."""
-    trial_lead_time: float = 0.6
-    """Time by which their references run ahead in that comparison [s]."""
-    max_unbalanced: float = 1e-6
-    """Force left on a puppet in equilibrium, relative to its weight."""
-
-
-_TOLERANCES = _Tolerances()
 _HOLD = 1.0
-"""Time for which a puppet that is to stand must stay at the goal [s]."""
+"""Time for which a puppet that is to stand, or a prop that is pushed, must stay [s]."""
 
 
 class Problem:
@@ -59,6 +43,9 @@ class Problem:
         equilibrium: whether the puppet can rest at the goal, clear of obstacles; otherwise a plan
             only passes it.
         out_of_reach: why no plan can end at the goal; empty where one may.
+        push: the push of a prop, where the goal is its place; otherwise None.
+        note: what was not found at the goal, in words: no stance, or none with the share of the
+            weight that is asked for. Empty where nothing is missing.
 
     Args:
         marionette: the puppet.
@@ -73,7 +60,7 @@ class Problem:
         tolerance: largest distance from the goal, in the goal's unit [rad and m for poses and
             states, m for points].
         hold: time for which the puppet must stay at the goal after the plan's end, with the inputs
-            brought to rest [s]; 1 s where it is to stand, otherwise 0.
+            brought to rest [s]; 1 s where it is to stand or a prop to be pushed, otherwise 0.
         speed, acceleration: bounds of the driven coordinates, for all or by name [m/s, m/s^2].
         ranges: name of a driven coordinate -> (low, high) [m].
         margin: least clearance [m]; not of pairs that may touch.
@@ -137,8 +124,6 @@ class Problem:
         wanted = Goal.of(marionette, goal)
         self.touches = Touches(marionette, contact, wanted.touches, self_collision)
         self.goal = wanted.for_problem(self.touches, tolerance)
-        self.hold = _HOLD if hold is None and wanted.share is not None else hold or 0.0
-        check_not_negative(hold=self.hold)
         clearance = Clearance(
             marionette, spaces, strings=strings, self_collision=self_collision,
             free=self.touches.free,
@@ -146,14 +131,25 @@ class Problem:
         bounds = Bounds.of(marionette, speed, acceleration, ranges or {})
         kept_off = ~self.touches.may
         self.rollouts = Rollouts(marionette, clearance, bounds, self.goal, options, kept_off)
-        self.reason = _start_violation(start, self.rollouts)
+        self.reason = _start_violation(start, self.rollouts, self.touches)
         self.distance = self.goal.of_start(self.root)
-        self.equilibrium = False
-        self.out_of_reach = out_of_reach(self.goal, tolerance)
+        self.push = push_of(self.goal, start, self.touches)
+        stays = self.push is not None or self.goal.share is not None
+        self.hold = (_HOLD if stays else 0.0) if hold is None else float(hold)
+        check_not_negative(hold=self.hold)
+        self.out_of_reach = out_of_reach(self.goal, tolerance) or self._out_of_touch
+        self.equilibrium, self.note = False, ""
         if not self.infeasible:
-            self.rollouts.funnels, self.equilibrium = _hanging_at(
-                self.goal, start, self.rollouts, self.touches
-            )
+            found = guidance(self.goal, start, self.rollouts, self.touches, self.push)
+            self.rollouts.funnels, self.note = found.funnels, found.note
+            self.equilibrium = found.equilibrium
+
+    @property
+    def _out_of_touch(self) -> str:
+        """Why the goal's prop or touch is out of reach."""
+        if self.push is not None and self.distance > self.tolerance and self.push.reason:
+            return self.push.reason
+        return too_far_to_touch(self.goal)
 
     @property
     def infeasible(self) -> str:
@@ -195,57 +191,14 @@ class Problem:
         return StateArrays.of(self.start)
 
 
-def _hanging_at(
-    goal: Goal, start: State, rollouts: Rollouts, touches: Touches
-) -> tuple[list[Funnel], bool]:
-    """The feedback law that leads to the equilibrium nearest to the goal.
-
-    Returns:
-        The law, or none where the driven coordinates cannot be there; and whether the equilibrium
-        is at the goal and clear.
-    """
-    marionette, bounds = rollouts.marionette, rollouts.bounds
-    q_D, q_K, left = balanced(marionette, goal, start, bounds.moves)
-    if goal.q_K is not None:
-        q_K = np.where(bounds.moves, goal.q_K, start.q_K)
-    # Lengths wound by a drive are not solved for in `balanced`.
-    wound = any(string.wound_length for string in marionette.tree.strings)
-    if wound or left > _TOLERANCES.max_unbalanced * marionette.weight or goal.q_K is not None:
-        try:
-            at = marionette.rest(start.replace(q_D=q_D, q_K=q_K))
-        except StateError:
-            return [], False
-        q_D, q_K = at.q_D, at.q_K
-    if not np.all((q_K >= bounds.low) & (q_K <= bounds.high)):
-        return [], False
-    alone = replace(rollouts.run_options, contacts=None)
-    rollouts.funnels = funnels(marionette, q_D, q_K, bounds.moves, alone, rollouts.options)
-    if touches.expected:
-        segment = rollouts.options.segment
-        rollouts.funnels.append(servo(marionette, q_D, q_K, bounds.moves, segment))
-    chosen = _best_of(rollouts, start)
-    at_rest = start.replace(q_D=q_D, q_K=q_K, v_D=0.0 * start.v_D, v_K=0.0 * start.v_K)
-    there = goal.distance(StateArrays.of(at_rest))[0] <= rollouts.stop_distance
-    return [chosen], bool(there and rollouts.clearance.at(q_D, q_K) >= rollouts.options.margin)
-
-
-def _best_of(rollouts: Rollouts, start: State) -> Funnel:
-    """The feedback law that comes nearest to the goal from the start, without obstacles."""
-    n, segments = len(rollouts.funnels), _TOLERANCES.trial_segments
-    which, none = np.arange(n), np.zeros(n, dtype=int)
-    made = rollouts.where(tolerance=-1.0, free=True).simulate(
-        StateArrays.of(start), none, np.zeros((n, segments, rollouts.marionette.coordinates.n_vK)),
-        n_given=none, funnel=which, lead_time=np.full(n, _TOLERANCES.trial_lead_time),
-    )  # fmt: skip
-    late = np.where(made.looks > 0, made.distance, np.inf)[:, segments // 2 :]
-    return rollouts.funnels[int(np.argmin(np.mean(late, axis=1)))]
-
-
-def _start_violation(start: State, rollouts: Rollouts) -> str:
+def _start_violation(start: State, rollouts: Rollouts, touches: Touches) -> str:
     """Why no plan can begin at a state; empty where one can."""
     nearest = rollouts.clearance.nearest(start)
     if nearest is not None and nearest.distance < rollouts.options.margin:
-        return f"at the start {nearest}; the margin is {rollouts.options.margin:g} m"
+        text = f"at the start {nearest}; the margin is {rollouts.options.margin:g} m"
+        pair = f"{nearest.what}, {nearest.other}"
+        meets = {nearest.what, nearest.other} in map(set, touches.names)
+        return text + (f". They may with contact: {{touch: [[{pair}]]}}" if meets else "")
     bounds, table = rollouts.bounds, rollouts.marionette.coordinates
     for k, name in enumerate(table.q_K):
         if not bounds.low[k] <= start.q_K[k] <= bounds.high[k]:

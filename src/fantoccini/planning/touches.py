@@ -24,6 +24,8 @@ Pair: TypeAlias = "tuple[str, str] | Sequence[str]"
 ContactLike: TypeAlias = "str | Mapping[str, Iterable[Pair]]"
 """``"keep off"``, or ``{"touch": [("hand", "table")]}``: the pairs that may touch."""
 
+_STEPS_BEFORE = 3
+"""Time steps before a touch from which its speed is taken."""
 _FAR = 100.0
 """Distance up to which gaps of asked touches are measured [m]."""
 
@@ -35,7 +37,7 @@ class Meeting:
     Attributes:
         parts: their names.
         t: of the first touch [s].
-        speed: at which they met [m/s]; of all their touches, the largest.
+        speed: at which they met first [m/s].
         asked: whether the plan may touch there.
         force: between them at the end of the run [N].
     """
@@ -81,20 +83,23 @@ class Touches:
         self_collision: bool = False,
     ):
         self.marionette = marionette
-        self.asked = tuple(_pair(one) for one in asked)
-        contacts = marionette.model.contacts
-        names = contacts.names if contacts is not None else ()
-        self.may = np.zeros(len(names), dtype=bool)
-        self.touch_of = np.full(len(names), -1, dtype=np.int32)
+        self.asked = tuple(pair_of(one) for one in asked)
+        self.may = np.zeros(len(self.names), dtype=bool)
+        self.touch_of = np.full(len(self.names), -1, dtype=np.int32)
         for pair in pairs_of(contact):
             self.may |= touching(marionette, pair)
         for k, pair in enumerate(self.asked):
             found = touching(marionette, pair)
             self.may |= found
             self.touch_of[found] = k
-        for k, (a, b) in enumerate(names):
+        for k, (a, b) in enumerate(self.names):
             own = bool(self._bodies & {a, b}) and not self._of_two(a, b)
             self.may[k] |= not self._bodies & {a, b} or (own and not self_collision)
+
+    @property
+    def names(self) -> tuple[tuple[str, str], ...]:
+        """The names of all pairs of contact."""
+        return () if self.contacts is None else self.contacts.names
 
     @property
     def contacts(self) -> Contacts | None:
@@ -104,20 +109,22 @@ class Touches:
     @cached_property
     def free(self) -> frozenset[frozenset[str]]:
         """The names of pairs that may touch."""
-        if self.contacts is None:
-            return frozenset()
-        names = [frozenset(pair) for pair in self.contacts.names]
+        names = [frozenset(pair) for pair in self.names]
         kept = {pair for pair, may in zip(names, self.may, strict=True) if not may}
         return frozenset(names) - kept
 
     @cached_property
     def expected(self) -> bool:
         """Whether anything may touch anything but bodies of one puppet each other."""
-        names = () if self.contacts is None else self.contacts.names
         return any(
             may and (self._of_two(*pair) or not self._bodies & set(pair))
-            for pair, may in zip(names, self.may, strict=True)
+            for pair, may in zip(self.names, self.may, strict=True)
         )
+
+    def partners(self, prop: str) -> tuple[str, ...]:
+        """The bodies of puppets that may touch a prop."""
+        met = {name for pair in self.free if prop in pair for name in pair}
+        return tuple(sorted(met & self._bodies))
 
     @cached_property
     def _of_touches(self) -> tuple[Contacts, Indices] | None:
@@ -150,24 +157,37 @@ class Touches:
 
         Those of one puppet, and of parts that belong to none, are left out.
         """
-        found: dict[frozenset[str], list[EventRecord]] = {}
+        found: dict[frozenset[str], EventRecord | None] = {}
         for event in run.events:
             if event.kind == "touch":
-                found.setdefault(frozenset(event.name.split("|")), []).append(event)
+                found.setdefault(frozenset(event.name.split("|")), event)
         end = run.contact.at(len(run) - 1)
         for k in set(end.pair.tolist()):
-            found.setdefault(frozenset(end.names[k]), [])
+            found.setdefault(frozenset(end.names[k]), None)
         made = []
-        for names, events in found.items():
+        for names, event in found.items():
             a, b = (*names, *names)[:2]
             if not self._of_two(a, b):
                 continue
-            force = float(np.sum(end.of(a, b).normal_force)) if len(end.of(a, b)) else 0.0
-            first = min((e.t for e in events), default=float(run.t[0]))
-            speed = max((e.speed for e in events), default=0.0)
+            force = float(np.sum(end.of(a, b).normal_force))
+            t = float(run.t[0]) if event is None else event.t
+            speed = 0.0 if event is None else event.speed or self._speed(run, names, event.t)
             parts = (a, b) if a in self._bodies else (b, a)
-            made.append(Meeting(parts, first, speed, names in self.free, force))
+            made.append(Meeting(parts, t, speed, names in self.free, force))
         return tuple(sorted(made, key=lambda one: one.t))
+
+    def _speed(self, run: Trajectory, names: frozenset[str], t: float) -> float:
+        """The speed at which two parts met by time-stepping, from their gaps in the steps before.
+
+        The step in which they meet and the one before it slow them down already.
+        """
+        assert self.contacts is not None  # or nothing touches
+        at = int(np.searchsorted(run.t, t))
+        before = np.arange(max(0, at - _STEPS_BEFORE), at + 1)
+        some = self.contacts.some(np.array([frozenset(n) == names for n in self.names]))
+        q_D, q_K, model = run.q_D[before], run.q_K[before], self.marionette.model
+        gaps = np.min(model.library.gaps(some, q_D, q_K, model.p, _FAR), axis=-1)
+        return float(np.max(-np.diff(gaps) / np.diff(run.t[before]), initial=0.0))
 
     @cached_property
     def _bodies(self) -> set[str]:
@@ -218,7 +238,7 @@ def pairs_of(contact: ContactLike) -> tuple[tuple[str, str], ...]:
         raise StateError(
             f"contact is {contact!r}; it must be 'keep off', or {{'touch': pairs of names}}"
         )
-    return tuple(_pair(one) for one in contact["touch"])
+    return tuple(pair_of(one) for one in contact["touch"])
 
 
 def touching(marionette: Marionette, pair: tuple[str, str]) -> MaskRows:
@@ -252,7 +272,12 @@ def touching(marionette: Marionette, pair: tuple[str, str]) -> MaskRows:
     return found
 
 
-def _pair(given: Any) -> tuple[str, str]:
+def pair_of(given: Any) -> tuple[str, str]:
+    """Two names.
+
+    Raises:
+        StateError: it is no pair of names.
+    """
     if isinstance(given, Sequence) and not isinstance(given, str) and len(given) == 2:
         one, other = given
         if isinstance(one, str) and isinstance(other, str):
