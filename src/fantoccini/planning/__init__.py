@@ -15,6 +15,7 @@ from fantoccini.planning.problem_file import load_problem, problem_names, proble
 from fantoccini.planning.result import PlanResult, PlanStatus
 from fantoccini.planning.search import Search
 from fantoccini.planning.state_arrays import StateArrays
+from fantoccini.planning.touches import Meeting, Touches
 
 __all__ = [
     "EST2007",
@@ -27,6 +28,7 @@ __all__ = [
     "Followed",
     "Goal",
     "HalfSpace",
+    "Meeting",
     "Nearest",
     "Objective",
     "PlanResult",
@@ -37,6 +39,7 @@ __all__ = [
     "Search",
     "SearchOptions",
     "StateArrays",
+    "Touches",
     "load_problem",
     "plan",
     "problem_names",

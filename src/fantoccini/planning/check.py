@@ -90,7 +90,7 @@ def checked(
     deviation = float(np.max(np.abs(run.q_D[near] - plan.states.q_D)))
     marionette, goal = plan.problem.marionette, plan.goal
     complete = run.status is Status.DONE and run.t[-1] >= plan.end - _TOLERANCES.time
-    touches = () if run.contact is None else plan.problem.touches.meetings(run)
+    touches = plan.problem.touches.meetings(run)
     share = carried(marionette, run)
     faults = [str(one) for one in touches if not one.asked]
     if not complete:

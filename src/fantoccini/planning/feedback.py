@@ -143,11 +143,13 @@ class Feedback:
                 plan; with 0, gains depend on time alone.
 
         Raises:
-            ValueError: the plan has no segment, a weight that is not greater than 0, or a negative
+            ValueError: the plan has no segment or may touch something, a weight that is not greater than 0, or a negative
                 window.
         """
         if len(plan.path) < 2:
             raise ValueError("the plan has no segment that could be followed")
+        if plan.problem.touches.expected:
+            raise ValueError("the plan may touch something, of which feedback knows nothing yet")
         check_positive(acceleration=acceleration, arrive=arrive)
         if not window >= 0:
             raise ValueError(f"window is {window}; it must be at least 0")

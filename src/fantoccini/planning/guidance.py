@@ -76,7 +76,7 @@ def _standing(goal: Goal, start: State, rollouts: Rollouts, touches: Touches) ->
 
 
 def _pushing(push: Push, start: State, rollouts: Rollouts) -> Guidance:
-    """Leads the pusher behind the prop, and on to where the prop is at the goal."""
+    """Leads the pusher to where the prop is at the goal, or behind the prop at first."""
     found = []
     for goal in push.waypoints:
         q_D, q_K, left = balanced(rollouts.marionette, goal, start, rollouts.bounds.moves)

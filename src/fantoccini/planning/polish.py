@@ -45,7 +45,7 @@ class PolishStatus(enum.Enum):
     NO_BETTER = "the plan is as it was: nothing that ends so near costs less"
     NOT_NEAR = "the plan is as it was: no rollout close to it ends so near within all bounds"
     TIMEOUT = "the plan is as it was: the time ended before it came so near to the goal"
-    NOT_HELD = "the plan is as it was: its polished versions do not hold event-driven"
+    NOT_HELD = "the plan is as it was: its polished versions do not hold in simulation"
     INTERRUPTED = "the plan is as it was: it was interrupted before anything was found"
     NO_MOTION = "the plan is as it was: it has no segment"
     MAY_TOUCH = "the plan is as it was: plans that may touch something are not polished"

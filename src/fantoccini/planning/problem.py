@@ -34,7 +34,8 @@ class Problem:
     """A puppet, its start, its goal and its obstacles.
 
     Attributes:
-        marionette, name, start, goal, tolerance, hold: see below.
+        marionette: see below; where it may touch something, among all obstacles but half-spaces.
+        name, start, goal, tolerance, hold: see below.
         touches: what may touch what.
         objective: cost that better plans reduce.
         rollouts: that simulate from many states at once.
@@ -113,10 +114,11 @@ class Problem:
         options = options.with_segment(segment)
         self.objective = Objective.of(objective)
         check_start(marionette.model, start, "timestepping")
-        every = standing(marionette.puppet, obstacles)
-        spaces = [o for o in every if isinstance(o, HalfSpace) and o.name != FLOOR]
-        solid = [o for o in every if not isinstance(o, HalfSpace)]
-        marionette = Marionette(marionette.model.with_obstacles(solid))
+        if marionette.model.contacts is not None:
+            every = standing(marionette.puppet, obstacles)
+            solid = [o for o in every if not isinstance(o, HalfSpace)]
+            marionette = Marionette(marionette.model.with_obstacles(solid))
+            obstacles = [o for o in every if isinstance(o, HalfSpace) and o.name != FLOOR]
         if not len(start.slip):
             start = start.replace(slip=np.zeros(len(marionette.tree.strings)))
         self.marionette, self.start, self.tolerance = marionette, start, tolerance
@@ -125,7 +127,7 @@ class Problem:
         self.touches = Touches(marionette, contact, wanted.touches, self_collision)
         self.goal = wanted.for_problem(self.touches, tolerance)
         clearance = Clearance(
-            marionette, spaces, strings=strings, self_collision=self_collision,
+            marionette, obstacles, strings=strings, self_collision=self_collision,
             free=self.touches.free,
         )  # fmt: skip
         bounds = Bounds.of(marionette, speed, acceleration, ranges or {})
@@ -179,10 +181,16 @@ class Problem:
             self.tolerance, numbers.kind, numbers.link, numbers.speed_weight,
             numbers.driven_weight, options.margin, options.slack, options.dt, options.look,
             options.looks, self.marionette.coordinates.v_D, self.marionette.coordinates.v_K,
-            rollouts.clearance.meshes.digest, self.hold, self.goal.share, self.goal.touches,
-            sorted(map(sorted, self.touches.free)),
+            rollouts.clearance.meshes.digest,
         )  # fmt: skip
         digest.update(repr(plain).encode())
+        contacts = self.touches.contacts
+        if contacts is not None or self.hold:
+            digest.update(repr((self.hold, self.goal.share, self.goal.touches)).encode())
+        if contacts is not None:
+            parts = contacts.pairs, contacts.friction, contacts.restitution, self.touches.may
+            for a in parts:
+                digest.update(np.ascontiguousarray(a).tobytes())
         return digest.hexdigest()
 
     @property

@@ -220,8 +220,8 @@ def load_problem(
     if file.goal.point is not None and file.goal.point.by is not None:
         goal = _goal(file.goal, marionette, start, check)
     names = (
-        "hold", "tolerance", "speed", "acceleration", "segment", "objective", "ranges", "margin", "slack",
-        "strings", "self_collision",
+        "hold", "tolerance", "speed", "acceleration", "segment", "objective", "ranges", "margin",
+        "slack", "strings", "self_collision",
     )  # fmt: skip
     contact = file.contact if file.contact == "keep off" else {"touch": file.contact.touch}
     given = (
@@ -241,9 +241,11 @@ class _Checks:
 
     def __init__(self, located: Located):
         self._located = located
-        self._found: list[tuple[tuple[str, ...], str]] = []
+        self._found: list[tuple[tuple[str | int, ...], str]] = []
 
-    def __call__(self, place: tuple[str, ...], make: Callable[..., Checked]) -> Checked | None:
+    def __call__(
+        self, place: tuple[str | int, ...], make: Callable[..., Checked]
+    ) -> Checked | None:
         """The result; None where it is refused, which is noted for a place in the file."""
         try:
             return make()
@@ -251,7 +253,7 @@ class _Checks:
             self._found.append((place, str(error)))
             return None
 
-    def need(self, place: tuple[str, ...], make: Callable[[], Checked]) -> Checked:
+    def need(self, place: tuple[str | int, ...], make: Callable[[], Checked]) -> Checked:
         """The result.
 
         Raises:
@@ -321,12 +323,9 @@ def _goal(file: GoalFile, marionette: Marionette, start: State, check: _Checks) 
 
 def _placed(file: GoalFile, marionette: Marionette, start: State, check: _Checks) -> Goal | None:
     """The pose or the point of a goal."""
+    standard = {} if file.stand is None else {"speed_weight": 0.1, "driven_weight": 1.0}
     given = {"speed_weight": file.speed_weight, "driven_weight": file.driven_weight}
-    if file.stand is not None:
-        given = {"speed_weight": 0.1, "driven_weight": 1.0} | {
-            key: value for key, value in given.items() if value is not None
-        }
-    weight = {key: value for key, value in given.items() if value is not None}
+    weight = standard | {key: value for key, value in given.items() if value is not None}
     pose, point, weights = file.pose, file.point, file.weights
     if point is not None and pose is not None:
         return check(("goal",), lambda: _refuse("found both a pose and a point; needed: one"))
@@ -336,7 +335,7 @@ def _placed(file: GoalFile, marionette: Marionette, start: State, check: _Checks
         if not file.touch and file.stand is None:
             text = "found neither a pose nor a point, touch or stand; needed: one of them"
             return check(("goal",), lambda: _refuse(text))
-        return check(("goal",), lambda: Goal.touch(marionette, (), **weight))
+        return check(("goal",), lambda: Goal.touch(marionette, (), pose=None, **weight))
     good = [
         check(
             ("goal", "pose", key), lambda key=key, value=value: Goal.pose(marionette, {key: value})

@@ -40,7 +40,7 @@ class Push:
         pusher: name of the body that pushes; empty where none may touch the prop.
         first: (3,) where the prop is at the start [m].
         place: (3,) where it is to be [m].
-        waypoints: of a point of the pusher: behind the prop, and where the prop is at its place.
+        waypoints: of a point of the pusher: where the prop is at its place, and behind the prop.
         link: the prop's.
     """
 
@@ -95,7 +95,7 @@ def push_of(goal: Goal, start: State, touches: Touches) -> Push | None:
     _, pusher, at, radius = min(knobs, key=lambda one: one[0])
     u = way / length
     reach = _extent(marionette, link, start, u) + radius
-    spots = (first - (reach + _DISTANCES.before) * u, place - (reach - _DISTANCES.beyond) * u)
+    spots = (place - (reach - _DISTANCES.beyond) * u, first - (reach + _DISTANCES.before) * u)
     waypoints = tuple(Goal.point(marionette, pusher, spot.tolist(), at=at) for spot in spots)
     return Push(prop, pusher, first, place, waypoints, link)
 

@@ -21,6 +21,7 @@ from fantoccini.planning.planners import Planner
 from fantoccini.planning.polish import Polish
 from fantoccini.planning.problem import Problem
 from fantoccini.planning.search import Search
+from fantoccini.planning.touches import Meeting
 from fantoccini.runtime import POINT
 
 
@@ -188,7 +189,8 @@ class PlanResult(PlanPath):
             The plan unchanged where it cannot be brought so near; ``polished`` says why.
 
         Raises:
-            ValueError: there is no plan, its goal is a function, or a number out of range.
+            ValueError: there is no plan, its goal is a function, something may touch, or a number
+                is out of range.
         """
         check_not_negative(seconds=seconds)
         if not self:
@@ -221,6 +223,11 @@ class PlanResult(PlanPath):
     def clearance(self) -> Array:
         """(T,) of ``trajectory`` [m]."""
         return self.rollouts.clearance.of(self.trajectory)
+
+    @property
+    def touches(self) -> tuple[Meeting, ...]:
+        """What bodies of a puppet touch that is not their own, in ``trajectory``, in order."""
+        return self.problem.touches.meetings(self.trajectory)
 
     def plot(self, path: str | Path, **options: Any) -> Path:
         """Draws the paper's Fig. 4: the tree's nodes, the path of a point (:meth:`traces`), poses.

@@ -47,7 +47,7 @@ class SearchRecord:
             plan is nearer to the goal, but may be longer than the one before it.
         random_state: of the random choices to come, as plain data.
         late: whether the time limit ended the search.
-        refused: plans that arrive by the time-stepper, but do not hold event-driven.
+        refused: plans that arrive by the time-stepper, but do not hold in simulation.
         polished: the outcome of polishing the best plan; None where it was not attempted.
     """
 
@@ -130,11 +130,13 @@ class Search:
             distance: from the goal that is near enough.
         """
         until = time.perf_counter() + seconds
+        if self.problem.touches.expected:
+            self.find_better(seconds)
+            self.polished = Polish(PolishStatus.MAY_TOUCH, distance)
+            return
         self.find_better(_EFFORT.first_growth * seconds)
-        if self.problem.goal.function is not None or self.problem.touches.expected:
-            unknown = self.problem.goal.function is not None
-            status = PolishStatus.UNKNOWN_GOAL if unknown else PolishStatus.MAY_TOUCH
-            self.polished = Polish(status, distance)
+        if self.problem.goal.function is not None:
+            self.polished = Polish(PolishStatus.UNKNOWN_GOAL, distance)
             return
         if self.best == 0:
             self.polish(distance, 0.0)
@@ -171,7 +173,8 @@ class Search:
             Whether a plan came so near; it is the best then.
 
         Raises:
-            ValueError: the goal is a function, or the distance is not greater than 0.
+            ValueError: the goal is a function, something may touch, or the distance is not greater
+                than 0.
         """
         if not distance > 0.0:
             raise ValueError(f"distance is {distance}; it must be greater than 0")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array, ConfigD, ConfigK
+from fantoccini.arrays import Array, ConfigD, ConfigK, MaskRows
 from fantoccini.errors import StateError
 from fantoccini.marionette import Marionette
 from fantoccini.marionette.settling import settled
@@ -111,7 +111,7 @@ def _share(marionette: Marionette, x: State) -> float:
     return carried(marionette, run)
 
 
-def _lower(marionette: Marionette, q_D: ConfigD, q_K: ConfigK, moves: Array) -> Array:
+def _lower(marionette: Marionette, q_D: ConfigD, q_K: ConfigK, moves: MaskRows) -> Array:
     """(n_qK,) the least change of the driven coordinates that gives every string that carries 1 m
     more, dh/dq_K change = -1; the puppet sinks by that much."""
     table, step = marionette.coordinates, _TOLERANCES.difference

@@ -158,9 +158,11 @@ class Touches:
         Those of one puppet, and of parts that belong to none, are left out.
         """
         found: dict[frozenset[str], EventRecord | None] = {}
-        for event in run.events:
-            if event.kind == "touch":
-                found.setdefault(frozenset(event.name.split("|")), event)
+        for one in run.events:
+            if one.kind == "touch":
+                found.setdefault(frozenset(one.name.split("|")), one)
+        if run.contact is None:
+            return ()
         end = run.contact.at(len(run) - 1)
         for k in set(end.pair.tolist()):
             found.setdefault(frozenset(end.names[k]), None)
