@@ -143,8 +143,8 @@ class Feedback:
                 plan; with 0, gains depend on time alone.
 
         Raises:
-            ValueError: the plan has no segment or may touch something, a weight that is not greater than 0, or a negative
-                window.
+            ValueError: the plan has no segment or may touch something, a weight that is not greater
+                than 0, or a negative window.
         """
         if len(plan.path) < 2:
             raise ValueError("the plan has no segment that could be followed")

@@ -201,12 +201,12 @@ class Problem:
 
 def _start_violation(start: State, rollouts: Rollouts, touches: Touches) -> str:
     """Why no plan can begin at a state; empty where one can."""
+    if met := touches.broken(start.q_D, start.q_K):
+        a, b = met
+        return f"at the start {a} touches {b}; they may with contact: {{touch: [[{a}, {b}]]}}"
     nearest = rollouts.clearance.nearest(start)
     if nearest is not None and nearest.distance < rollouts.options.margin:
-        text = f"at the start {nearest}; the margin is {rollouts.options.margin:g} m"
-        pair = f"{nearest.what}, {nearest.other}"
-        meets = {nearest.what, nearest.other} in map(set, touches.names)
-        return text + (f". They may with contact: {{touch: [[{pair}]]}}" if meets else "")
+        return f"at the start {nearest}; the margin is {rollouts.options.margin:g} m"
     bounds, table = rollouts.bounds, rollouts.marionette.coordinates
     for k, name in enumerate(table.q_K):
         if not bounds.low[k] <= start.q_K[k] <= bounds.high[k]:

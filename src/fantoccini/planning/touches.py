@@ -26,6 +26,8 @@ ContactLike: TypeAlias = "str | Mapping[str, Iterable[Pair]]"
 
 _STEPS_BEFORE = 3
 """Time steps before a touch from which its speed is taken."""
+_TOUCHING = 1e-6
+"""Gap up to which parts touch that are kept off [m]."""
 _FAR = 100.0
 """Distance up to which gaps of asked touches are measured [m]."""
 
@@ -133,6 +135,15 @@ class Touches:
             return None
         which = self.touch_of >= 0
         return self.contacts.some(which), self.touch_of[which]
+
+    def broken(self, q_D: Array, q_K: Array) -> tuple[str, str] | None:
+        """Two parts that touch at a configuration, though they are kept off; None without any."""
+        if self.contacts is None or np.all(self.may):
+            return None
+        kept, model = self.contacts.some(~self.may), self.marionette.model
+        gaps = model.library.gaps(kept, q_D, q_K, model.p)
+        nearest = int(np.argmin(gaps))
+        return kept.names[nearest] if gaps[nearest] <= _TOUCHING else None
 
     def gaps(self, q_D: Array, q_K: Array) -> Array:
         """(..., n_asked) gaps of the touches that are asked for; negative where parts overlap [m].
