@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.plan.touching_bodies import BOB, DRAWN, HANGING_ARM, before_prop
 
 import fantoccini as fan
 from fantoccini.marionette import link_index
 from fantoccini.planning import Problem, solve
-from tests.plan.touching_bodies import BOB, DRAWN, HANGING_ARM, before_prop
 
 CRATE = {"type": "box", "size": [0.08, 0.12, 0.16], "mass": 0.05}
 BALL = {"type": "sphere", "radius": 0.05, "mass": 0.05}

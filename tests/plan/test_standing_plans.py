@@ -71,7 +71,7 @@ def test_a_share_that_is_asked_for(promenade, hanging):
     plan = solve(problem, seed=0, time_limit=120.0)
     assert plan and plan.verify().share >= 0.25
     light = problem.goal.touching([])
-    with pytest.raises(StateError, match="share is 1.5"):
+    with pytest.raises(StateError, match=r"share is 1\.5"):
         light.standing(FEET, share=1.5)
 
 

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from tests.plan.touching_bodies import POST, over_table
 
 import fantoccini as fan
 from fantoccini.errors import StateError, UnknownNameError
@@ -13,7 +14,6 @@ from fantoccini.planning import Clearance, PlanResult, Problem, Touches, check, 
 from fantoccini.planning.plan_path import PlanPath
 from fantoccini.planning.polish import PolishStatus
 from fantoccini.planning.rollouts import Rollouts
-from tests.plan.touching_bodies import POST, over_table
 
 ARM, START = over_table()
 ON_TABLE = fan.Goal.touch(ARM, [("hand", "table")])
@@ -102,8 +102,7 @@ def test_touching_what_was_not_asked_for_is_told(touch):
     """A plan that was made without the post in its way, simulated with it."""
     free = Problem(ARM, START, ON_TABLE)
     plan = solve(free, seed=0)
-    run = plan.verify().run
-    at = run.state(int(0.6 * len(run)))
+    at = plan.verify().run.at(0.6 * plan.touches[0].t)
     tip = ARM.poses(at.q_D, at.q_K)[1] @ [0.2, 0.0, 0.0, 1.0]
     post = POST | {"size": [0.02, 0.3, 0.02], "at": (tip - [0.0, 0.0, 0.03]).tolist()}
     asked = Problem(ARM, START, ON_TABLE, [post])

@@ -10,13 +10,17 @@ ARM = """
 puppet: arm
 contact: {friction: 0.4}
 bodies:
-  - {name: upper, joint: {name: shoulder, type: revolute, axis: [0, 1, 0], at: [0, 0, 0.6], damping: 0.02},
+  - {name: upper,
+     joint: {name: shoulder, type: revolute, axis: [0, 1, 0], at: [0, 0, 0.6], damping: 0.02},
      shapes: [{type: capsule, from: [0, 0, 0], to: [0.2, 0, 0], radius: 0.015, mass: 0.1}]}
-  - {name: hand, parent: upper, joint: {name: elbow, type: revolute, axis: [0, 1, 0], at: [0.2, 0, 0], damping: 0.02},
+  - {name: hand, parent: upper,
+     joint: {name: elbow, type: revolute, axis: [0, 1, 0], at: [0.2, 0, 0], damping: 0.02},
      shapes: [{type: capsule, from: [0, 0, 0], to: [0.2, 0, 0], radius: 0.015, mass: 0.1}]}
 strings:
-  - {name: wrist, path: [{body: hand, at: [0.18, 0, 0]}, {driven: [x], at: [0.3, 0, 1.2]}], length: driven}
-  - {name: sleeve, path: [{body: upper, at: [0.18, 0, 0]}, {driven: [x], at: [0.2, 0, 1.2]}], length: driven}
+  - {name: wrist, length: driven,
+     path: [{body: hand, at: [0.18, 0, 0]}, {driven: [x], at: [0.3, 0, 1.2]}]}
+  - {name: sleeve, length: driven,
+     path: [{body: upper, at: [0.18, 0, 0]}, {driven: [x], at: [0.2, 0, 1.2]}]}
 obstacles:
   - {name: table, type: box, size: [0.2, 0.3, 0.02], at: [0.4, 0, 0.4]}
 pose: {wrist.length: 0.6, sleeve.length: 0.6}
@@ -32,13 +36,17 @@ POST = {"name": "post", "type": "box", "size": [0.04, 0.3, 0.1], "at": [0.45, 0,
 HANGING_ARM = """
 puppet: arm
 bodies:
-  - {name: upper, joint: {name: shoulder, type: revolute, axis: [0, -1, 0], at: [0, 0, 0.55], damping: 0.02},
+  - {name: upper,
+     joint: {name: shoulder, type: revolute, axis: [0, -1, 0], at: [0, 0, 0.55], damping: 0.02},
      shapes: [{type: capsule, from: [0, 0, 0], to: [0, 0, -0.25], radius: 0.015, mass: 0.1}]}
-  - {name: hand, parent: upper, joint: {name: elbow, type: revolute, axis: [0, -1, 0], at: [0, 0, -0.25], damping: 0.02},
+  - {name: hand, parent: upper,
+     joint: {name: elbow, type: revolute, axis: [0, -1, 0], at: [0, 0, -0.25], damping: 0.02},
      shapes: [{type: capsule, from: [0, 0, 0], to: [0, 0, -0.25], radius: 0.015, mass: 0.1}]}
 strings:
-  - {name: wrist, path: [{body: hand, at: [0, 0, -0.2]}, {driven: [x], at: [0.3, 0, 1.2]}], length: driven}
-  - {name: sleeve, path: [{body: upper, at: [0, 0, -0.2]}, {driven: [x], at: [0.2, 0, 1.2]}], length: driven}
+  - {name: wrist, length: driven,
+     path: [{body: hand, at: [0, 0, -0.2]}, {driven: [x], at: [0.3, 0, 1.2]}]}
+  - {name: sleeve, length: driven,
+     path: [{body: upper, at: [0, 0, -0.2]}, {driven: [x], at: [0.2, 0, 1.2]}]}
 pose: {wrist.length: 1.2, sleeve.length: 0.95}
 """
 """An arm of two links that hangs down to the floor, and is drawn forward by two strings."""

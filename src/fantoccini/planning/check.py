@@ -8,7 +8,7 @@ import numpy as np
 
 from fantoccini.arrays import Array, Indices, check_positive
 from fantoccini.errors import Status
-from fantoccini.marionette import Event, Method, MethodName, TimeStepping, as_method
+from fantoccini.marionette import Event, Marionette, Method, MethodName, TimeStepping, as_method
 from fantoccini.motion import Trajectory
 from fantoccini.planning.plan_path import PlanPath
 from fantoccini.planning.rollouts import Rollouts
@@ -25,6 +25,8 @@ class _Tolerances:
 
     integration: float = 1e-8
     """rtol and atol of the event-driven runs that confirm plans."""
+    jam: float = 0.01
+    """Tension of a jammed string, relative to the largest that runs allow: 1e3 times the weight."""
     time: float = 1e-9
     """Time by which a run may end before the plan [s]: rounding."""
 
@@ -95,6 +97,7 @@ def checked(
     faults = [str(one) for one in touches if not one.asked]
     if not complete:
         faults.append(run.status.message)
+    faults += jammed(marionette, run)
     if clearance < 0.0:
         faults.append("something overlaps what it should keep off")
     if not distance <= plan.tolerance:
@@ -103,6 +106,18 @@ def checked(
         faults.append(f"what it touches carries {share:.2g} of the weight, not {goal.share:.2g}")
     fault = "; ".join(faults)
     return Check(not fault, distance, clearance, deviation, run, touches, share, fault)
+
+
+def jammed(marionette: Marionette, run: Trajectory) -> list[str]:
+    """The strings that pull as if nothing could give way, against what the puppet touches."""
+    if run.contact is None:
+        return []
+    most = _TOLERANCES.jam * marionette.model.tension_cap
+    return [
+        f"string {name} is jammed: it pulls with {np.max(tension):.3g} N"
+        for name, tension in run.tension.items()
+        if np.max(tension) >= most
+    ]
 
 
 def confirmed(plan: PlanPath) -> Check:

@@ -27,7 +27,7 @@ from fantoccini.puppet.contact import FLOOR
 from fantoccini.runtime import default_threads
 
 _HOLD = 1.0
-"""Time for which a puppet that is to stand, or a prop that is pushed, must stay [s]."""
+"""Time for which puppets that touch or stand, and props that are pushed, must stay [s]."""
 
 
 class Problem:
@@ -61,7 +61,8 @@ class Problem:
         tolerance: largest distance from the goal, in the goal's unit [rad and m for poses and
             states, m for points].
         hold: time for which the puppet must stay at the goal after the plan's end, with the inputs
-            brought to rest [s]; 1 s where it is to stand or a prop to be pushed, otherwise 0.
+            brought to rest [s]; 1 s where it is to touch something, to stand or to push a prop,
+            otherwise 0.
         speed, acceleration: bounds of the driven coordinates, for all or by name [m/s, m/s^2].
         ranges: name of a driven coordinate -> (low, high) [m].
         margin: least clearance [m]; not of pairs that may touch.
@@ -136,7 +137,7 @@ class Problem:
         self.reason = _start_violation(start, self.rollouts, self.touches)
         self.distance = self.goal.of_start(self.root)
         self.push = push_of(self.goal, start, self.touches)
-        stays = self.push is not None or self.goal.share is not None
+        stays = self.push is not None or bool(self.goal.touches)
         self.hold = (_HOLD if stays else 0.0) if hold is None else float(hold)
         check_not_negative(hold=self.hold)
         self.out_of_reach = out_of_reach(self.goal, tolerance) or self._out_of_touch

@@ -141,7 +141,7 @@ class ProblemFile(Model):
     """Tolerance of the goal's distance."""
     hold: Annotated[NotNegative, AfterValidator(_sized)] | None = None
     """Time for which the puppet must stay at the goal after the plan's end [s]; 1 where it is to
-    stand or a prop is pushed, otherwise 0."""
+    touch something, to stand or to push a prop, otherwise 0."""
     speed: Real | dict[str, Real] = 0.5
     """Bound for all driven coordinates or by name; others hold still [m/s or rad/s]."""
     acceleration: Real | dict[str, Real] = 2.0

@@ -32,6 +32,9 @@ inline void reach(RolloutProgress& progress, long long i) {
 
 struct RolloutTolerances {
   static constexpr double speed_slack = 1e-12;  // of a bound on a speed: rounding above it
+  // m or rad by which strings may be overstepped before they count as jammed against what the puppet
+  // touches: half of what a sound run may have.
+  static constexpr double jam = 0.01;
   static constexpr double no_distance = 1e300;  // of a goal that only Python can measure
 };
 
@@ -164,6 +167,10 @@ class Rollouts {
     each_push([&](int l, int pair) { strayed_[l] = strayed_[l] || in.kept_off[pair]; });
   }
 
+  bool jammed(int lane) {
+    return led_.opt.contacts && lane_of(led_.worst_violation, lane) > RolloutTolerances::jam;
+  }
+
   // Whether all touches that the goal asks for push in a lane.
   bool touching(const GoalArrays& goal, int lane) {
     int closed = 0;
@@ -202,7 +209,7 @@ class Rollouts {
       const double clear = lane_of(clearance_.least, l);
       const bool slack = slackened_[l] && !in.may_slacken;
       const bool weak = led_.motors.verdict(l) != DONE;
-      if (lane_of(led_.status, l) > RUNNING + 0.5 || slack || weak || strayed_[l] || !(clear >= in.margin) ||
+      if (lane_of(led_.status, l) > RUNNING + 0.5 || slack || weak || strayed_[l] || jammed(l) || !(clear >= in.margin) ||
           !within_bounds(in, l)) {
         release(l);
         continue;
