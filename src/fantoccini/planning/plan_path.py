@@ -77,13 +77,13 @@ class PlanPath:
     def inputs(self) -> Input:
         """The driven coordinates: constant accelerations from node to node, then held.
 
-        Where the puppet must stay at the goal, they are brought to rest first. A plan without
-        segments lasts one time step.
+        Where the puppet must stay at the goal, they come to rest after the last node. A plan
+        without segments lasts one time step.
         """
         start, times, acceleration = self.start, self.times, self.acceleration
-        if self._braking:
-            times = np.append(times, times[-1] + self._braking)
-            acceleration = np.concatenate([acceleration, -self.states.v_K[-1:] / self._braking])
+        lasts, then = self._tail
+        times = np.concatenate([times, times[-1] + np.cumsum(lasts)])
+        acceleration = np.concatenate([acceleration, then])
         if len(times) == 1:
             times = np.append(times, times + self.rollouts.options.dt)
             acceleration = np.zeros((1, len(start.v_K)))
@@ -120,18 +120,48 @@ class PlanPath:
     @property
     def end(self) -> float:
         """When simulations of the plan end [s]."""
-        last = float(self.times[-1]) + self._braking + self.problem.hold
+        last = float(self.times[-1] + np.sum(self._tail[0])) + self.problem.hold
         return max(last, self.start.t + self.rollouts.options.dt)
 
-    @property
-    def _braking(self) -> float:
-        """How long the driven coordinates take to come to rest where the puppet is to stay [s]."""
-        if not self.problem.hold:
-            return 0.0
-        rollouts = self.rollouts
-        speed, most = np.abs(self.states.v_K[-1]), rollouts.bounds.acceleration
-        longest = float(np.max(speed[most > 0.0] / most[most > 0.0], initial=0.0))
-        return float(np.ceil(longest / rollouts.options.segment)) * rollouts.options.segment
+    @cached_property
+    def _tail(self) -> tuple[Array, Array]:
+        """Durations (k,) and accelerations (k, n_vK) after the last node.
+
+        Where the puppet must stay at the goal, its inputs are brought to rest; where it can rest
+        there on what it touches, they then go on to that rest, half of the way with constant
+        acceleration and half with its opposite.
+        """
+        rollouts, problem, v = self.rollouts, self.problem, self.states.v_K[-1]
+        bounds, table = rollouts.bounds, problem.marionette.coordinates
+        if not problem.hold:
+            return np.zeros(0), np.zeros((0, len(v)))
+        lasts, made = list[float](), list[Array]()
+        brake = self._whole(np.max(_ratio(np.abs(v), bounds.acceleration), initial=0.0))
+        if brake:
+            lasts.append(brake)
+            made.append(-v / brake)
+        way = np.zeros(len(v))
+        if problem.rest_K is not None:
+            for q, k in table.scalars_K:
+                way[k] = problem.rest_K[q] - (self.states.q_K[-1, q] + 0.5 * brake * v[k])
+        way[~bounds.moves] = 0.0
+        slowest = np.max(_ratio(np.abs(way), bounds.speed), initial=0.0)
+        weakest = np.max(_ratio(np.abs(way), bounds.acceleration), initial=0.0)
+        half = self._whole(max(slowest, np.sqrt(weakest)))
+        if half:
+            lasts += [half, half]
+            made += [way / half**2, -way / half**2]
+        return np.array(lasts), np.reshape(made, (len(made), len(v)))
+
+    def _whole(self, duration: float) -> float:
+        """A duration in whole looks [s]."""
+        interval = self.rollouts.options.interval
+        return float(np.ceil(duration / interval)) * interval
+
+
+def _ratio(a: Array, b: Array) -> Array:
+    """a / b, 0 where b is."""
+    return np.divide(a, b, out=np.zeros_like(a), where=b > 0.0)
 
 
 def exact_start(problem: Problem, method: Method | MethodName) -> State:

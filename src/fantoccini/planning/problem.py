@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.arrays import check_not_negative
+from fantoccini.arrays import ConfigK, check_not_negative
 from fantoccini.marionette import Marionette, check_start
 from fantoccini.motion import State
 from fantoccini.planning.clearance import Clearance
@@ -153,6 +153,13 @@ class Problem:
         if self.push is not None and self.distance > self.tolerance and self.push.reason:
             return self.push.reason
         return too_far_to_touch(self.goal)
+
+    @property
+    def rest_K(self) -> ConfigK | None:
+        """(n_qK,) driven coordinates with which the puppet rests on what it is to touch."""
+        if not (self.equilibrium and self.goal.touches):
+            return None
+        return self.rollouts.funnels[0].q_K
 
     @property
     def infeasible(self) -> str:

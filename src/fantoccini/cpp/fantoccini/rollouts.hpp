@@ -167,6 +167,7 @@ class Rollouts {
     each_push([&](int l, int pair) { strayed_[l] = strayed_[l] || in.kept_off[pair]; });
   }
 
+  // Whether strings are overstepped, as they are where they pull against what the puppet touches.
   bool jammed(int lane) {
     return led_.opt.contacts && lane_of(led_.worst_violation, lane) > RolloutTolerances::jam;
   }
@@ -209,8 +210,9 @@ class Rollouts {
       const double clear = lane_of(clearance_.least, l);
       const bool slack = slackened_[l] && !in.may_slacken;
       const bool weak = led_.motors.verdict(l) != DONE;
-      if (lane_of(led_.status, l) > RUNNING + 0.5 || slack || weak || strayed_[l] || jammed(l) || !(clear >= in.margin) ||
-          !within_bounds(in, l)) {
+      const bool touches_wrongly = strayed_[l] || jammed(l);
+      if (lane_of(led_.status, l) > RUNNING + 0.5 || slack || weak || touches_wrongly ||
+          !(clear >= in.margin) || !within_bounds(in, l)) {
         release(l);
         continue;
       }
