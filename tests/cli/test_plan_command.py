@@ -27,7 +27,8 @@ def test_a_bundled_problem_is_planned_verified_and_written(tmp_path) -> None:
 
 
 def test_problems_are_listed_and_the_schema_printed() -> None:
-    assert fantoccini("plan").stdout.split() == ["arm3d_boxes", "marionette_bell"]
+    listed = ["arm3d_boxes", "marionette_bell", "marionette_stand"]
+    assert fantoccini("plan").stdout.split() == listed
     schema = fantoccini("schema", "problem")
     assert schema.exit_code == 0 and '"tolerance"' in schema.stdout
 

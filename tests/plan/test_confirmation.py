@@ -1,4 +1,4 @@
-"""Plans hold event-driven, and say what did not help."""
+"""Plans hold in simulation, and say what did not help."""
 
 from __future__ import annotations
 
@@ -57,25 +57,30 @@ def test_plans_hold_event_driven_by_default(damped):
         assert damped.goal.distance(StateArrays.of(run.state(-1))) <= damped.tolerance + 1e-6
 
 
+def refused(plan: PlanPath) -> check.Check:
+    return dataclasses.replace(check.confirmed(plan), arrives=False, fault="it misses the goal")
+
+
 def test_the_search_goes_on_where_a_plan_does_not_hold(boxes, monkeypatch, tmp_path):
     """17.19: the next one is taken, and how many were refused is reported."""
     asked = []
 
-    def not_the_first_two(*arguments) -> bool:
-        asked.append(arguments)
-        return len(asked) > 2 and check.holds(*arguments)
+    def not_the_first_two(plan: PlanPath) -> check.Check:
+        asked.append(plan)
+        return check.confirmed(plan) if len(asked) > 2 else refused(plan)
 
-    monkeypatch.setattr(search, "holds", not_the_first_two)
+    monkeypatch.setattr(search, "confirmed", not_the_first_two)
     plan = solve(boxes, seed=0, time_limit=60.0)
     assert plan and plan.verify(method="event").arrives
     assert plan.refused >= 2 and len(asked) == plan.refused + 1
-    assert f"{plan.refused} refused that do not hold event-driven" in repr(plan)
+    assert f"{plan.refused} refused that do not hold in simulation" in repr(plan)
     plan.save(tmp_path / "plan.npz")
     assert PlanResult.load(tmp_path / "plan.npz", boxes).refused == plan.refused
-    monkeypatch.setattr(search, "holds", lambda *_: False)
+    monkeypatch.setattr(search, "confirmed", refused)
     none = solve(boxes, seed=0, iterations=2000, time_limit=60.0)
     assert not none and none.status is fan.PlanStatus.APPROXIMATE and none.refused > 0
-    assert "do not hold event-driven" in none.message and none.distance > boxes.tolerance
+    assert "do not hold in simulation" in none.message and none.distance > boxes.tolerance
+    assert "(it misses the goal)" in none.message
 
 
 @pytest.mark.parametrize("status", [fan.Status.LOST_STEPS, fan.Status.RUNAWAY])
@@ -88,7 +93,7 @@ def test_a_plan_whose_drives_are_too_weak_does_not_hold(boxes, monkeypatch, stat
         PlanPath, "simulate", lambda *a, **o: dataclasses.replace(made(*a, **o), status=status)
     )
     assert not plan.verify(method="event").arrives
-    assert not check.holds(plan)
+    assert not check.confirmed(plan).arrives
 
 
 def test_ctrl_c_while_a_plan_is_confirmed_ends_the_search(boxes, monkeypatch):
@@ -104,9 +109,9 @@ def test_true_means_that_a_plan_holds_whether_or_not_that_was_asked(boxes, monke
     """17.19: bool(plan) of a search that confirms nothing makes the plan again."""
     plan = first_plan(boxes, made=lambda p: solve(boxes, seed=0, confirm=False))
     assert plan.status is fan.PlanStatus.UNCONFIRMED and plan.holds
-    monkeypatch.setattr(result, "holds", lambda *_: False)
+    monkeypatch.setattr(result, "confirmed", refused)
     again = PlanResult.of(plan.search)
-    assert not again and "does not hold event-driven" in again.message
+    assert not again and "does not hold in simulation" in again.message
     assert again.distance <= boxes.tolerance
     with pytest.raises(ValueError, match="no plan to polish"):
         again.polish()
@@ -140,7 +145,7 @@ def test_polish_says_what_came_of_it(boxes, monkeypatch, tmp_path):
     assert 1e-15 < tried.polished.nearest < 1e-3 and "nearest:" in tried.message
     tried.save(tmp_path / "plan.npz")
     assert PlanResult.load(tmp_path / "plan.npz", boxes).polished == tried.polished
-    monkeypatch.setattr(search, "holds", lambda *_: False)
+    monkeypatch.setattr(search, "confirmed", refused)
     plan = solve(boxes, confirm=False)
     plan.search.options = dataclasses.replace(plan.search.options, confirm=True)
     left = plan.polish(0.2, seconds=0.0)

@@ -36,7 +36,7 @@ def written(tmp_path, text: str):
 
 
 def test_bundled_problems_are_as_they_say():
-    assert set(problem_names()) >= {"arm3d_boxes", "marionette_bell"}
+    assert set(problem_names()) >= {"arm3d_boxes", "marionette_bell", "marionette_stand"}
     arm = fan.load_problem("arm3d_boxes")
     assert arm.name == "arm3d_boxes" and not arm.reason and arm.tolerance == 0.25
     assert np.array_equal(arm.rollouts.bounds.speed, [0.5] * 3)

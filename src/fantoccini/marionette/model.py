@@ -126,13 +126,6 @@ class Model:
         puppet = self.puppet.model_copy(update={"obstacles": tuple(obstacles)})
         return dataclasses.replace(self, puppet=puppet)
 
-    def without_contact(self) -> Model:
-        """The same puppet, of which nothing touches anything."""
-        if self.puppet.touching is None:
-            return self
-        bare = Model.of(self.puppet.model_copy(update={"contact": False}))
-        return dataclasses.replace(bare, p=self.p, winches=self.winches)
-
     # -- its parts ---------------------------------------------------------------------------
 
     @property

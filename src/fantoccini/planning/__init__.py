@@ -4,7 +4,7 @@ from fantoccini.planning.api import plan, solve
 from fantoccini.planning.check import Check
 from fantoccini.planning.clearance import Clearance, Nearest
 from fantoccini.planning.feedback import Feedback, Followed
-from fantoccini.planning.goals import Goal, StateArrays
+from fantoccini.planning.goals import Goal
 from fantoccini.planning.objective import OBJECTIVES, Objective
 from fantoccini.planning.obstacles import HalfSpace
 from fantoccini.planning.options import PLANNERS, SearchOptions
@@ -14,6 +14,8 @@ from fantoccini.planning.problem import Problem
 from fantoccini.planning.problem_file import load_problem, problem_names, problem_schema
 from fantoccini.planning.result import PlanResult, PlanStatus
 from fantoccini.planning.search import Search
+from fantoccini.planning.state_arrays import StateArrays
+from fantoccini.planning.touches import Meeting, Touches
 
 __all__ = [
     "EST2007",
@@ -26,6 +28,7 @@ __all__ = [
     "Followed",
     "Goal",
     "HalfSpace",
+    "Meeting",
     "Nearest",
     "Objective",
     "PlanResult",
@@ -36,6 +39,7 @@ __all__ = [
     "Search",
     "SearchOptions",
     "StateArrays",
+    "Touches",
     "load_problem",
     "plan",
     "problem_names",

@@ -24,7 +24,7 @@ from fantoccini.marionette import Marionette
 from fantoccini.motion import State, tangent
 from fantoccini.planning.derivatives import central_differences, taut_projection
 from fantoccini.planning.funnels import riccati_step
-from fantoccini.planning.goals import StateArrays
+from fantoccini.planning.state_arrays import StateArrays
 
 
 @dataclass(frozen=True)

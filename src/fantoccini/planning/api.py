@@ -51,8 +51,8 @@ def plan(
             :class:`SearchOptions`.
 
     Returns:
-        The plan; true where it ends within the tolerance and touches nothing when simulated
-        event-driven.
+        The plan; true where it ends within the tolerance and touches only what it may when
+        simulated again.
 
     Raises:
         StateError, UnknownNameError, FileError: the problem is not well defined, or a string is too

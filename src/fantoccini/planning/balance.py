@@ -12,7 +12,8 @@ from fantoccini.arrays import Array, ConfigD, ConfigK, MaskRows
 from fantoccini.marionette import Marionette
 from fantoccini.marionette.projection import retract
 from fantoccini.motion import State
-from fantoccini.planning.goals import Goal, StateArrays
+from fantoccini.planning.goals import Goal
+from fantoccini.planning.state_arrays import StateArrays
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,8 @@ class _Tolerances:
     """Weight of displacements of driven coordinates, so that irrelevant ones stay."""
     dynamic_weight: float = 1e-4
     """Weight of displacements of dynamic coordinates."""
+    press: float = 0.002
+    """Overlap aimed for where parts are to touch [m], so that they meet before the inputs rest."""
     min_tension: float = 1e-6
     """Minimum tension, relative to the weight, to count as taut."""
     min_slack: float = 0.005
@@ -92,6 +95,7 @@ def balanced(
         """(n, m) w_0 - W T, goal residuals, limits exceeded, weighted displacements."""
         q_D, q_K = configurations(x)
         left, _, limits = best_support(marionette, q_D, q_K)
+        left = left[:, held]
         soft_K, soft_D = _TOLERANCES.driven_weight * soft, _TOLERANCES.dynamic_weight * soft
         parts = [left, soft_K * (x - first)[:, n_D:]]
         if pinned is None:
@@ -101,9 +105,16 @@ def balanced(
             parts += [soft_K * away[:, list(wound)], soft_D * x[:, :n_D]]
             none_D, none_K = np.zeros((len(x), table.n_vD)), np.zeros((len(x), table.n_vK))
             slip = np.zeros((len(x), len(tree.strings)))
-            off = goal.residuals(StateArrays(q_D, none_D, slip, q_K, none_K))
+            off = aims(StateArrays(q_D, none_D, slip, q_K, none_K))
             parts.append(off if initial is None else off - remaining * initial)
         return np.concatenate(parts, axis=1)
+
+    def aims(states: StateArrays) -> Array:
+        """(n, m) residuals of the goal, and of pressing on what it is to touch."""
+        off = goal.residuals(states)
+        if not goal.touches:
+            return off
+        return np.concatenate([off, goal.gaps(states) + _TOLERANCES.press], axis=1)
 
     def reached(q_D: Array, q_K: Array) -> Array:
         """q_K with the lengths at which the strings just reach."""
@@ -114,11 +125,12 @@ def balanced(
                 q_K[:, k] = h[:, i]
         return q_K
 
+    held = of_puppets(marionette)
     soft, x, remaining = 1.0, first, 0.0
     initial: Array | None = None
     if len(first) and tree.strings:
         if pinned is None:
-            initial = goal.residuals(StateArrays.of(start))[0]
+            initial = aims(StateArrays.of(start))[0]
             for stage in range(1, _TOLERANCES.stages):
                 remaining = 1.0 - stage / _TOLERANCES.stages
                 x = _least_squares(residuals, x)
@@ -134,7 +146,16 @@ def balanced(
     for i, k in lengths:
         if not tension[0, i] > _TOLERANCES.min_tension * marionette.weight:
             q_K[k] += max(_TOLERANCES.min_slack, -h[i])
-    return q_D[0], q_K, float(np.linalg.norm(left))
+    return q_D[0], q_K, float(np.linalg.norm(left[:, held]))
+
+
+def of_puppets(marionette: Marionette) -> MaskRows:
+    """(n_vD,) bool, the dynamic velocities of puppets; those of props hang from nothing."""
+    found = np.ones(marionette.coordinates.n_vD, dtype=bool)
+    for link in marionette.tree.links:
+        if link.name in marionette.puppet.props:
+            found[link.v] = False
+    return found
 
 
 def best_support(marionette: Marionette, q_D: Array, q_K: Array) -> tuple[Array, Array, Array]:

@@ -8,11 +8,12 @@ import numpy as np
 
 from fantoccini.arrays import Array, Indices, check_positive
 from fantoccini.errors import Status
-from fantoccini.marionette import Event, Method, MethodName, TimeStepping, as_method
+from fantoccini.marionette import Event, Marionette, Method, MethodName, TimeStepping, as_method
 from fantoccini.motion import Trajectory
-from fantoccini.planning.goals import StateArrays
 from fantoccini.planning.plan_path import PlanPath
 from fantoccini.planning.rollouts import Rollouts
+from fantoccini.planning.state_arrays import StateArrays
+from fantoccini.planning.touches import Meeting, carried
 
 BACKENDS = {"fantoccini": 0.5, "mujoco": 0.25}
 """Programs that can check a plan -> default step, as part of the planner's."""
@@ -24,6 +25,8 @@ class _Tolerances:
 
     integration: float = 1e-8
     """rtol and atol of the event-driven runs that confirm plans."""
+    jam: float = 0.01
+    """Tension of a jammed string, relative to the largest that runs allow: 1e3 times the weight."""
     time: float = 1e-9
     """Time by which a run may end before the plan [s]: rounding."""
 
@@ -36,12 +39,15 @@ class Check:
     """The result of simulating a plan again.
 
     Attributes:
-        arrives: whether the run is DONE, ends within the tolerance and touches nothing. It may use
-            up the margin.
+        arrives: whether the run is DONE, ends within the tolerance and touches nothing that it
+            should keep off. It may use up the margin.
         distance: from the goal at the end.
         clearance: the least of the run [m].
         deviation: largest difference of a dynamic coordinate from the plan's own run, at its nodes.
         run: the trajectory.
+        touches: what a body of a puppet touched that is not its own, in order.
+        share: part of the puppets' weight that rests on what they touch at the end.
+        fault: why it does not arrive, in words; empty where it does.
     """
 
     arrives: bool
@@ -49,6 +55,14 @@ class Check:
     clearance: float
     deviation: float
     run: Trajectory
+    touches: tuple[Meeting, ...] = ()
+    share: float = 0.0
+    fault: str = ""
+
+    @property
+    def unasked(self) -> tuple[Meeting, ...]:
+        """Touches of what the plan should keep off."""
+        return tuple(one for one in self.touches if not one.asked)
 
 
 def checked(
@@ -65,6 +79,8 @@ def checked(
     dt = plan.rollouts.options.dt * dt_factor
     if backend == "mujoco":
         _check_mujoco(dt_factor, method)
+        if plan.problem.touches.expected:
+            raise ValueError("backend='mujoco' knows no contact, and this plan may touch something")
         run = plan.simulate_in_mujoco(dt)
     else:
         if method == "timestepping":
@@ -74,22 +90,54 @@ def checked(
     clearance = _least_clearance(plan.rollouts, run)
     near = _nearest(run.t, plan.times)
     deviation = float(np.max(np.abs(run.q_D[near] - plan.states.q_D)))
-    complete = run.status is Status.DONE and run.t[-1] >= plan.times[-1] - _TOLERANCES.time
-    arrives = complete and distance <= plan.tolerance and clearance >= 0.0
-    return Check(bool(arrives), distance, clearance, deviation, run)
+    marionette, goal = plan.problem.marionette, plan.goal
+    complete = run.status is Status.DONE and run.t[-1] >= plan.end - _TOLERANCES.time
+    touches = plan.problem.touches.meetings(run)
+    share = carried(marionette, run)
+    faults = [str(one) for one in touches if not one.asked]
+    if not complete:
+        faults.append(run.status.message)
+    faults += jammed(marionette, run)
+    if clearance < 0.0:
+        faults.append("something overlaps what it should keep off")
+    if not distance <= plan.tolerance:
+        faults.append(f"it ends {distance:.3g} from the goal")
+    if goal.share is not None and share < goal.share:
+        faults.append(f"what it touches carries {share:.2g} of the weight, not {goal.share:.2g}")
+    fault = "; ".join(faults)
+    return Check(not fault, distance, clearance, deviation, run, touches, share, fault)
 
 
-def holds(plan: PlanPath) -> bool:
-    """Whether a plan arrives when simulated event-driven; see :class:`Check`.
+def jammed(marionette: Marionette, run: Trajectory) -> list[str]:
+    """The strings that pull as if nothing could give way, against what the puppet touches."""
+    if run.contact is None:
+        return []
+    most = _TOLERANCES.jam * marionette.model.tension_cap
+    return [
+        f"string {name} is jammed: it pulls with {np.max(tension):.3g} N"
+        for name, tension in run.tension.items()
+        if np.max(tension) >= most
+    ]
+
+
+def confirmed(plan: PlanPath) -> Check:
+    """The simulation that decides whether a plan holds; see :class:`Check`.
+
+    Event-driven; by time-stepping with half the planner's step where something may touch, and for
+    contact together with winches that slip.
 
     Raises:
         KeyboardInterrupt: Ctrl-C ended the run, so that the result is unknown.
     """
-    method = Event(rtol=_TOLERANCES.integration, atol=_TOLERANCES.integration)
+    method: Method | MethodName = "timestepping"
+    marionette, touches = plan.problem.marionette, plan.problem.touches
+    slips = touches.contacts is not None and bool(np.any(np.isfinite(marionette.model.upper)))
+    if not touches.expected and not slips:
+        method = Event(rtol=_TOLERANCES.integration, atol=_TOLERANCES.integration)
     check = checked(plan, method=method, effort=False)
     if check.run.status is Status.STOPPED:
         raise KeyboardInterrupt
-    return check.arrives
+    return check
 
 
 def _least_clearance(rollouts: Rollouts, run: Trajectory) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -66,6 +66,7 @@ class Clearance:
         string_radius: half their thickness [m].
         self_collision: whether bodies of one puppet that no joint connects are kept clear of one
             another. Those of different puppets and props of a scene always are.
+        free: names of pairs of bodies or obstacles that are not measured, as they may touch.
 
     Raises:
         FileError: an invalid obstacle.
@@ -80,6 +81,7 @@ class Clearance:
         strings: bool = True,
         string_radius: float = 0.0,
         self_collision: bool = False,
+        free: Collection[frozenset[str]] = (),
     ):
         if not 0.0 <= string_radius < np.inf:
             raise ValueError(f"string_radius is {string_radius}; it must be a number >= 0 [m]")
@@ -93,15 +95,20 @@ class Clearance:
         if not self_collision:
             of = np.array([marionette.puppet.member_of(tree.links[i].name) for i in self._links])
             pairs = pairs[of[pairs[:, 0]] != of[pairs[:, 1]]]
+        names = [tree.links[i].name for i in self._links]
+        measured = [frozenset((names[a], names[b])) not in free for a, b in pairs]
+        pairs = pairs[np.array(measured, dtype=bool)]
+        left_out = [[frozenset((a, o.name)) in free for o in self.obstacles] for a in names]
+        left = np.array(left_out, dtype=bool).reshape(len(names), len(self.obstacles))
         radius = string_radius if strings and len(still) else -1.0
         exact = self.meshes.distance if len(self.meshes) else None
-        self.solids = Solids(moving, still, pairs, np.full(len(tree.strings), radius), exact)
+        self.solids = Solids(moving, still, pairs, left, np.full(len(tree.strings), radius), exact)
 
     @property
     def measures_nothing(self) -> bool:
         """Whether there is no pair to measure."""
         strings = int(np.sum(self.solids.string_radius >= 0.0))
-        of_obstacles = len(self.solids.standing) * (len(self._links) + strings)
+        of_obstacles = len(self.solids.standing) * strings + int(np.sum(~self.solids.left_out))
         return not of_obstacles and not len(self.solids.pairs)
 
     def at(self, q_D: Array, q_K: Array, threads: int = 1) -> Array:

@@ -17,7 +17,7 @@ import numpy as np
 from fantoccini.arrays import Array, MaskRows
 from fantoccini.marionette import Marionette
 from fantoccini.motion import tangent
-from fantoccini.planning.goals import StateArrays, flattened
+from fantoccini.planning.state_arrays import StateArrays, flattened
 from fantoccini.runtime import POSE, GoalNumbers, RolloutPool, RolloutSettings, RunOptions, Solids
 
 
@@ -125,9 +125,7 @@ def _unbounded(marionette: Marionette, options: RunOptions, looks: int) -> Rollo
     table = marionette.coordinates
     fast, far = np.full(table.n_vK, np.inf), np.full(table.n_qK, np.inf)
     none_D, none_K = np.zeros(table.n_vD), np.zeros(table.n_vK)
-    nowhere = GoalNumbers(
-        POSE, np.zeros(table.n_qD), np.zeros(table.n_qD), none_D, none_D, none_K
-    )
+    nowhere = GoalNumbers(POSE, np.zeros(table.n_qD), np.zeros(table.n_qD), none_D, none_D, none_K)
     return RolloutSettings(
         options=options,
         looks=looks,

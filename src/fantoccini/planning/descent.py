@@ -129,9 +129,7 @@ def step(shooting: Shooting, now: Candidates, by: Derivatives, trust: float) -> 
     H[:n_x, :n_x] = by.residual.T @ by.residual + _TOLERANCES.smooth * jerk.T @ jerk
     H[np.arange(n_x + n_s), np.arange(n_x + n_s)] += _TOLERANCES.step
     g[:n_x] = by.residual.T @ residual + _TOLERANCES.smooth * jerk.T @ jerk_V
-    g[n_x:] = _TOLERANCES.penalty * max(
-        float(np.linalg.norm(residual)), _TOLERANCES.min_residual
-    )
+    g[n_x:] = _TOLERANCES.penalty * max(float(np.linalg.norm(residual)), _TOLERANCES.min_residual)
     # Bounds that the step cannot reach are left out.
     speed, most = bounds.speed[shooting.moves], shooting.segment * bounds.acceleration
     most = most[shooting.moves]

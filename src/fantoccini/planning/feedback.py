@@ -40,10 +40,10 @@ from fantoccini.planning.active_sets import (
 )
 from fantoccini.planning.derivatives import taut_projection
 from fantoccini.planning.funnels import SPEED_WEIGHT, regulators
-from fantoccini.planning.goals import StateArrays
 from fantoccini.planning.plan_path import PlanPath, exact_start
 from fantoccini.planning.problem import Problem
 from fantoccini.planning.saltation import event_derivatives
+from fantoccini.planning.state_arrays import StateArrays
 
 
 @dataclass(frozen=True)
@@ -143,11 +143,13 @@ class Feedback:
                 plan; with 0, gains depend on time alone.
 
         Raises:
-            ValueError: the plan has no segment, a weight that is not greater than 0, or a negative
-                window.
+            ValueError: the plan has no segment or may touch something, a weight that is not greater
+                than 0, or a negative window.
         """
         if len(plan.path) < 2:
             raise ValueError("the plan has no segment that could be followed")
+        if plan.problem.touches.expected:
+            raise ValueError("the plan may touch something, of which feedback knows nothing yet")
         check_positive(acceleration=acceleration, arrive=arrive)
         if not window >= 0:
             raise ValueError(f"window is {window}; it must be at least 0")
@@ -156,9 +158,7 @@ class Feedback:
         durations = looks.astype(float) * rollouts.options.interval
         active = _active_sets(plan)
         onto = taut_projection(marionette, nodes[:-1], active[:-1])
-        A, B = active_set_derivatives(
-            marionette, nodes[:-1], active[:-1], planned, durations, onto
-        )
+        A, B = active_set_derivatives(marionette, nodes[:-1], active[:-1], planned, durations, onto)
         catches = plan.tree.catches[list(plan.path[1:])]
         for k in np.flatnonzero(np.any(active[1:] != active[:-1], axis=1) | (catches > 0)):
             exact = event_derivatives(marionette, nodes[k], planned[k], durations[k], active[k])

@@ -10,8 +10,8 @@ from fantoccini.arrays import Array, ConfigD, ConfigK, MaskRows
 from fantoccini.marionette import Marionette
 from fantoccini.planning.balance import best_support
 from fantoccini.planning.derivatives import segment_derivatives, taut_projection
-from fantoccini.planning.goals import StateArrays
 from fantoccini.planning.rollouts import RolloutOptions
+from fantoccini.planning.state_arrays import StateArrays
 from fantoccini.runtime import Funnel, RunOptions
 
 SPEED_WEIGHT = 0.1
@@ -70,6 +70,28 @@ def funnels(
     gains = np.zeros((len(accelerations), k, 2 * (n + k)))
     gains[:, moves] = regulator(A, B[:, moves], np.diag(weight), accelerations)
     return [Funnel(q_D, q_K, K) for K in gains]
+
+
+def servo(
+    marionette: Marionette, q_D: ConfigD, q_K: ConfigK, moves: MaskRows, segment: float
+) -> Funnel:
+    """The regulator that leads the driven coordinates alone, whatever the puppet does.
+
+    Args:
+        marionette: the puppet.
+        q_D: (n_qD,) where it leads the puppet.
+        q_K: (n_qK,) where it leads the driven coordinates.
+        moves: (n_vK,) bool, the driven velocities that may be nonzero.
+        segment: duration of one step [s].
+    """
+    n, k = marionette.coordinates.n_vD, marionette.coordinates.n_vK
+    A, B = np.array([[1.0, segment], [0.0, 1.0]]), np.array([[0.5 * segment**2], [segment]])
+    R = _WEIGHTS.accelerations[0] * SPEED_WEIGHT**2 * np.eye(1)
+    gain = regulator(A, B, np.diag([1.0, SPEED_WEIGHT**2]) * SPEED_WEIGHT**2, R)[0]
+    gains = np.zeros((k, 2 * (n + k)))
+    for v in np.flatnonzero(moves):
+        gains[v, [2 * n + v, 2 * n + k + v]] = gain
+    return Funnel(q_D, q_K, gains)
 
 
 def regulator(A: Array, B: Array, Q: Array, R: Array) -> Array:

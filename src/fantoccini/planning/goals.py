@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -13,53 +12,13 @@ from fantoccini.arrays import Array, ConfigD, ConfigK
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.marionette import Marionette, link_index
 from fantoccini.motion import State, rotation
-from fantoccini.runtime import POINT, POSE, STATE, UNKNOWN, GoalNumbers
+from fantoccini.planning.state_arrays import StateArrays
+from fantoccini.planning.touches import Pair, Touches, pair_of
+from fantoccini.runtime import POINT, POSE, UNKNOWN, GoalNumbers
 from fantoccini.tree import CoordinateTable
 
-
-@dataclass(frozen=True, eq=False)
-class StateArrays:
-    """Many states of a puppet, as arrays with the same leading axes.
-
-    Attributes:
-        q_D, v_D, slip, q_K, v_K: (..., n) as of :class:`fantoccini.State`.
-    """
-
-    q_D: Array
-    v_D: Array
-    slip: Array
-    q_K: Array
-    v_K: Array
-
-    @classmethod
-    def of(cls, *states: State) -> StateArrays:
-        """Stacks single states."""
-        return cls(*(np.array([getattr(x, name) for x in states]) for name in STATE))
-
-    def __getitem__(self, index: Any) -> StateArrays:
-        return StateArrays(*(getattr(self, name)[index] for name in STATE))
-
-    @property
-    def parts(self) -> dict[str, Array]:
-        """Name -> array."""
-        return {name: getattr(self, name) for name in STATE}
-
-    @property
-    def flat(self) -> StateArrays:
-        """The same with one leading axis."""
-        return StateArrays(*(flattened(a) for a in self.parts.values()))
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Shape of the leading axes."""
-        return self.q_D.shape[:-1]
-
-
-def flattened(a: Array) -> Array:
-    """(..., width) as (n, width); the width may be 0."""
-    return a.reshape(math.prod(a.shape[:-1]), a.shape[-1])
-
-
+_CLOSED = 1e-5
+"""Gap up to which parts touch [m]: what time-stepping leaves open is a thousandth of it."""
 _DRIVEN_WEIGHT = 1.0
 """Weight of the driven velocities where the goal is a state [s]."""
 
@@ -81,7 +40,9 @@ class Goal:
         or |point - place| + ...
 
     Distances to an interval or a box are those to its nearest point. Goal velocities are 0 unless
-    the goal is a state. Made by :meth:`pose`, :meth:`point` or :meth:`of`.
+    the goal is a state. Touches that are asked for add their gaps and, while one does not touch,
+    the tolerance of the plan, so that they all do at its end. Made by :meth:`pose`, :meth:`point`,
+    :meth:`touch`, :meth:`stand`, :meth:`moved` or :meth:`of`.
 
     Attributes:
         marionette: the puppet.
@@ -89,6 +50,10 @@ class Goal:
         numbers: the goal for the compiled library.
         function: the goal, where it is a Python function.
         q_K: (n_qK,) driven coordinates at the goal, where they were given.
+        touches: pairs of parts that are to touch.
+        share: least part of the puppets' weight that the touches carry at the end, where the puppet
+            is to stand on them; None where it need not.
+        met: measures the touches of a problem; set by :class:`fantoccini.planning.Problem`.
     """
 
     marionette: Marionette
@@ -96,9 +61,66 @@ class Goal:
     numbers: GoalNumbers
     function: Distance | None = None
     q_K: ConfigK | None = None
+    touches: tuple[tuple[str, str], ...] = ()
+    share: float | None = None
+    met: Touches | None = None
 
     def distance(self, states: StateArrays) -> Array:
         """(...) distances of states."""
+        found = self._apart(states)
+        return found + self.apart(states) if self.touches else found
+
+    def apart(self, states: StateArrays) -> Array:
+        """(...) the part of the distances of states that touches add."""
+        gaps = np.maximum(self.gaps(states), 0.0)
+        sums: Array = np.sum(gaps, axis=-1)
+        return sums + self.numbers.open * np.any(gaps > _CLOSED, axis=-1)
+
+    def gaps(self, states: StateArrays) -> Array:
+        """(..., n) gaps of the touches that are asked for [m]."""
+        met = Touches(self.marionette, asked=self.touches) if self.met is None else self.met
+        return met.gaps(states.q_D, states.q_K)
+
+    def for_problem(self, met: Touches, tolerance: float) -> Goal:
+        """The same for a problem's touches and tolerance."""
+        if not self.touches:
+            return self
+        if self.function is not None:
+            raise StateError("a goal that is a function cannot ask for touches")
+        numbers = replace(
+            self.numbers, touches=met.touch_of, n_touches=len(met.asked), open=tolerance
+        )
+        return replace(self, numbers=numbers, met=met)
+
+    def touching(self, pairs: Iterable[Pair]) -> Goal:
+        """The same goal, where pairs of parts are to touch as well.
+
+        Args:
+            pairs: names of bodies, props, obstacles, ``floor``, or of puppets for all their bodies.
+
+        Raises:
+            StateError: what is given are not pairs of names.
+        """
+        touches = self.touches + tuple(pair_of(one) for one in pairs)
+        listed = ", ".join(f"{a} on {b}" for a, b in touches)
+        text = f"{self.text}, {listed}" if self.text else listed
+        return replace(self, touches=touches, text=text)
+
+    def standing(self, pairs: Iterable[Pair], share: float = 0.1) -> Goal:
+        """The same goal, where the puppet is to stand at rest on touches.
+
+        Args:
+            pairs: that are to touch: feet and what they stand on.
+            share: least part of the puppets' weight that these touches carry, 0 to 1.
+
+        Raises:
+            StateError: see :meth:`touching`; or a share out of range.
+        """
+        if not 0.0 <= share <= 1.0:
+            raise StateError(f"share is {share}; it must be 0 to 1")
+        return replace(self.touching(pairs), share=float(share))
+
+    def _apart(self, states: StateArrays) -> Array:
         if self.function is not None:
             found = np.asarray(self.function(states), dtype=float)
             return np.where(np.isnan(found), np.inf, found)
@@ -117,7 +139,7 @@ class Goal:
         return numbers.low if np.array_equal(numbers.low, numbers.high) else None
 
     def residuals(self, states: StateArrays) -> Array:
-        """(n, m) residuals of the configurations of n states; velocities do not count."""
+        """(n, m) residuals of the configurations of n states; velocities and touches left out."""
         numbers, table = self.numbers, self.marionette.coordinates
         if numbers.kind == UNKNOWN:
             return self.distance(states)[:, None]
@@ -131,7 +153,7 @@ class Goal:
             if numbers.weight[v]:
                 away = rotation.between(numbers.low[q : q + 4], states.q_D[:, q : q + 4])
                 columns += list(numbers.weight[v] * away.T)
-        return np.stack(columns, axis=1)
+        return np.stack(columns, axis=1) if columns else np.zeros((len(off), 0))
 
     def of_start(self, start: StateArrays) -> float:
         """The distance of one state (1,).
@@ -280,6 +302,103 @@ class Goal:
             target, high, _positive(speed_weight), _positive(driven_weight),
         )  # fmt: skip
         return cls(marionette, f"{body} at {target.tolist()}", numbers)
+
+    @classmethod
+    def touch(
+        cls,
+        marionette: Marionette,
+        pairs: Iterable[Pair],
+        *,
+        pose: Mapping[str, Target] | None = None,
+        speed_weight: float = 0.0,
+        driven_weight: float = 0.0,
+    ) -> Goal:
+        """Pairs of parts touch, ``[("hand", "table")]``, at a pose where one is given.
+
+        Args:
+            marionette: the puppet.
+            pairs: see :meth:`touching`.
+            pose: see :meth:`pose`.
+            speed_weight, driven_weight: weights of the norms of the dynamic and the driven
+                velocities [s].
+        """
+        goal = cls._of_pose(marionette, pose, speed_weight, driven_weight)
+        return goal.touching(pairs)
+
+    @classmethod
+    def stand(
+        cls,
+        marionette: Marionette,
+        pairs: Iterable[Pair],
+        *,
+        pose: Mapping[str, Target] | None = None,
+        share: float = 0.1,
+        speed_weight: float = 0.1,
+        driven_weight: float = 1.0,
+    ) -> Goal:
+        """The puppet stands at rest, ``[("foot_left", "floor"), ("foot_right", "floor")]``.
+
+        Args:
+            marionette: the puppet.
+            pairs, share: see :meth:`standing`.
+            pose: see :meth:`pose`.
+            speed_weight, driven_weight: weights of the norms of the dynamic and the driven
+                velocities [s].
+        """
+        goal = cls._of_pose(marionette, pose, speed_weight, driven_weight)
+        return goal.standing(pairs, share)
+
+    @classmethod
+    def moved(
+        cls,
+        marionette: Marionette,
+        body: str,
+        by: Sequence[float],
+        start: State,
+        *,
+        speed_weight: float = 0.1,
+        driven_weight: float = 0.0,
+    ) -> Goal:
+        """A body, such as a prop, farther on than at the start.
+
+        Args:
+            marionette: the puppet.
+            body: the body's name.
+            by: (3,) how much farther, in the world [m].
+            start: where the plan begins.
+            speed_weight, driven_weight: weights of the norms of the dynamic and the driven
+                velocities [s].
+
+        Raises:
+            UnknownNameError: no body has this name.
+            StateError: ``by`` is not three finite numbers.
+        """
+        link = link_index(marionette.model, body)
+        place = marionette.poses(start.q_D, start.q_K)[link, :, 3] + _triple("way", by)
+        return cls.point(
+            marionette, body, place.tolist(), speed_weight=speed_weight, driven_weight=driven_weight
+        )
+
+    @classmethod
+    def _of_pose(
+        cls,
+        marionette: Marionette,
+        pose: Mapping[str, Target] | None,
+        speed_weight: float,
+        driven_weight: float,
+    ) -> Goal:
+        """A pose; without one, anywhere."""
+        if pose:
+            return cls.pose(
+                marionette, pose, speed_weight=speed_weight, driven_weight=driven_weight
+            )
+        table = marionette.coordinates
+        none = np.zeros(table.n_qD), np.zeros(table.n_qD), np.zeros(table.n_vD)
+        numbers = GoalNumbers(
+            POSE, *none, np.zeros(table.n_vD), np.zeros(table.n_vK),
+            speed_weight=_positive(speed_weight), driven_weight=_positive(driven_weight),
+        )  # fmt: skip
+        return cls(marionette, "", numbers)
 
 
 def _ends(name: str, value: Target, turns: bool) -> tuple[Target, Target]:

@@ -23,9 +23,9 @@ class SearchOptions:
         iterations: rollouts after which it ends; unlimited by default.
         improve: time to look for better plans and to bring the end nearer to the goal, once there
             is a plan [s].
-        confirm: whether a plan counts only if it holds event-driven: it ends within the tolerance
-            and touches nothing. Otherwise the search goes on. This takes some milliseconds a plan;
-            without it, the first ``bool(plan)`` takes them.
+        confirm: whether a plan counts only if it holds when it is simulated again: it ends within
+            the tolerance and touches only what it may. Otherwise the search goes on. This takes
+            some milliseconds a plan; without it, the first ``bool(plan)`` takes them.
         objective: cost that better plans reduce; the problem's by default.
         seed: of all random choices.
 

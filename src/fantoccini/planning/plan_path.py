@@ -11,10 +11,11 @@ from fantoccini.arrays import Array, Indices, Times
 from fantoccini.errors import StateError
 from fantoccini.marionette import Method, MethodName, TimeStepping, as_method, check_start
 from fantoccini.motion import Input, State, Trajectory
-from fantoccini.planning.goals import Goal, StateArrays
+from fantoccini.planning.goals import Goal
 from fantoccini.planning.problem import Problem
 from fantoccini.planning.rollouts import Rollouts
 from fantoccini.planning.search_tree import SearchTree
+from fantoccini.planning.state_arrays import StateArrays
 from fantoccini.simulation import simulate
 
 
@@ -76,10 +77,14 @@ class PlanPath:
     def inputs(self) -> Input:
         """The driven coordinates: constant accelerations from node to node, then held.
 
-        A plan without segments lasts one time step.
+        Where the puppet must stay at the goal, they come to rest after the last node. A plan
+        without segments lasts one time step.
         """
         start, times, acceleration = self.start, self.times, self.acceleration
-        if len(self.path) == 1:
+        lasts, then = self._tail
+        times = np.concatenate([times, times[-1] + np.cumsum(lasts)])
+        acceleration = np.concatenate([acceleration, then])
+        if len(times) == 1:
             times = np.append(times, times + self.rollouts.options.dt)
             acceleration = np.zeros((1, len(start.v_K)))
         return Input.segments(self.problem.marionette, times, start.q_K, start.v_K, acceleration)
@@ -96,7 +101,7 @@ class PlanPath:
             method: of the simulation.
             effort: compute the force on every driven coordinate.
         """
-        start, end, save_at = exact_start(self.problem, method), self._end, None
+        start, end, save_at = exact_start(self.problem, method), self.end, None
         if method.name == "event":
             looks = np.arange(start.t, end, self.rollouts.options.interval)
             save_at = np.unique(np.minimum(np.append(self.times, looks), end))
@@ -110,11 +115,53 @@ class PlanPath:
         from fantoccini.exchange import mujoco_run
 
         start = exact_start(self.problem, "timestepping")
-        return mujoco_run(self.problem.marionette, start, self.inputs, self._end, dt)
+        return mujoco_run(self.problem.marionette, start, self.inputs, self.end, dt)
 
     @property
-    def _end(self) -> float:
-        return max(float(self.times[-1]), self.start.t + self.rollouts.options.dt)
+    def end(self) -> float:
+        """When simulations of the plan end [s]."""
+        last = float(self.times[-1] + np.sum(self._tail[0])) + self.problem.hold
+        return max(last, self.start.t + self.rollouts.options.dt)
+
+    @cached_property
+    def _tail(self) -> tuple[Array, Array]:
+        """Durations (k,) and accelerations (k, n_vK) after the last node.
+
+        Where the puppet must stay at the goal, its inputs are brought to rest; where it can rest
+        there on what it touches, they then go on to that rest, half of the way with constant
+        acceleration and half with its opposite.
+        """
+        rollouts, problem, v = self.rollouts, self.problem, self.states.v_K[-1]
+        bounds, table = rollouts.bounds, problem.marionette.coordinates
+        if not problem.hold:
+            return np.zeros(0), np.zeros((0, len(v)))
+        lasts, made = list[float](), list[Array]()
+        brake = self._whole(np.max(_ratio(np.abs(v), bounds.acceleration), initial=0.0))
+        if brake:
+            lasts.append(brake)
+            made.append(-v / brake)
+        way = np.zeros(len(v))
+        if problem.rest_K is not None:
+            for q, k in table.scalars_K:
+                way[k] = problem.rest_K[q] - (self.states.q_K[-1, q] + 0.5 * brake * v[k])
+        way[~bounds.moves] = 0.0
+        slowest = np.max(_ratio(np.abs(way), bounds.speed), initial=0.0)
+        weakest = np.max(_ratio(np.abs(way), bounds.acceleration), initial=0.0)
+        half = self._whole(max(slowest, np.sqrt(weakest)))
+        if half:
+            lasts += [half, half]
+            made += [way / half**2, -way / half**2]
+        return np.array(lasts), np.reshape(made, (len(made), len(v)))
+
+    def _whole(self, duration: float) -> float:
+        """A duration in whole looks [s]."""
+        interval = self.rollouts.options.interval
+        return float(np.ceil(duration / interval)) * interval
+
+
+def _ratio(a: Array, b: Array) -> Array:
+    """a / b, 0 where b is."""
+    return np.divide(a, b, out=np.zeros_like(a), where=b > 0.0)
 
 
 def exact_start(problem: Problem, method: Method | MethodName) -> State:

@@ -94,6 +94,8 @@ class Explore:
         lead_time: least and greatest time by which the regulator's reference runs ahead [s].
         cell: size of the cells in which nodes are counted [rad or m].
         haste: power with which the probability of a node falls with its time.
+        calm: rollouts that begin the search without an exploration phase where the puppet is to
+            touch something: it is not thrown about if that is not needed.
     """
 
     def __init__(
@@ -105,9 +107,11 @@ class Explore:
         lead_time: tuple[float, float] = (0.4, 1.0),
         cell: float = 0.1,
         haste: float = 4.0,
+        calm: int = 8,
     ):
         self.batch, self.exploration, self.guided = batch, exploration, guided
         self.direct, self.lead_time, self.cell, self.haste = direct, lead_time, cell, haste
+        self.calm = calm
 
     def __call__(
         self, tree: SearchTree, rollouts: Rollouts, rng: np.random.Generator
@@ -121,6 +125,8 @@ class Explore:
         led = led if rollouts.funnels else 0
         if led:
             n_given[rng.random(n) < self.direct] = 0
+        if led and rollouts.goal.touches and len(tree) == 1:
+            n_given[: self.calm] = 0  # the first that arrives is the plan
         wanted = rollouts.bounds.speed * rng.uniform(-1.0, 1.0, (n, tree.v_K.shape[1]))
         wanted *= _some_ends(rollouts, n, rng)
         acceleration = np.empty((n, random + led, wanted.shape[1]))

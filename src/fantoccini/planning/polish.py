@@ -45,9 +45,10 @@ class PolishStatus(enum.Enum):
     NO_BETTER = "the plan is as it was: nothing that ends so near costs less"
     NOT_NEAR = "the plan is as it was: no rollout close to it ends so near within all bounds"
     TIMEOUT = "the plan is as it was: the time ended before it came so near to the goal"
-    NOT_HELD = "the plan is as it was: its polished versions do not hold event-driven"
+    NOT_HELD = "the plan is as it was: its polished versions do not hold in simulation"
     INTERRUPTED = "the plan is as it was: it was interrupted before anything was found"
     NO_MOTION = "the plan is as it was: it has no segment"
+    MAY_TOUCH = "the plan is as it was: plans that may touch something are not polished"
     UNKNOWN_GOAL = "the plan is as it was: its goal is a function, which has no residuals"
 
     @property
@@ -110,12 +111,14 @@ class Polisher:
         problem: that was planned.
 
     Raises:
-        ValueError: the goal is a function, which has no residuals.
+        ValueError: the goal is a function, which has no residuals, or something may touch.
     """
 
     def __init__(self, problem: Problem):
         if problem.goal.numbers.kind == UNKNOWN:
             raise ValueError("a plan to a goal that is a function cannot be polished")
+        if problem.touches.expected:
+            raise ValueError("a plan that may touch something cannot be polished")
         self._problem, self._shooting = problem, Shooting(problem)
         self._strict = problem.rollouts.where(tolerance=-1.0)
         self.nearest: Candidates | None = None

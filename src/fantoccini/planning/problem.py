@@ -4,68 +4,68 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from fantoccini.errors import StateError
+from fantoccini.arrays import ConfigK, check_not_negative
 from fantoccini.marionette import Marionette, check_start
 from fantoccini.motion import State
-from fantoccini.planning.balance import balanced
 from fantoccini.planning.clearance import Clearance
-from fantoccini.planning.feasible import out_of_reach
-from fantoccini.planning.funnels import funnels
-from fantoccini.planning.goals import Goal, GoalLike, StateArrays
+from fantoccini.planning.feasible import out_of_reach, too_far_to_touch
+from fantoccini.planning.goals import Goal, GoalLike
+from fantoccini.planning.guidance import guidance
 from fantoccini.planning.objective import Objective
-from fantoccini.planning.obstacles import HalfSpace
+from fantoccini.planning.obstacles import HalfSpace, standing
+from fantoccini.planning.pushing import push_of
 from fantoccini.planning.rollouts import Bounds, RolloutOptions, Rollouts
+from fantoccini.planning.state_arrays import StateArrays
+from fantoccini.planning.touches import KEEP_OFF, ContactLike, Touches
 from fantoccini.puppet import Obstacle
-from fantoccini.runtime import Funnel, default_threads
+from fantoccini.puppet.contact import FLOOR
+from fantoccini.runtime import default_threads
 
-
-@dataclass(frozen=True)
-class _Tolerances:
-    """Tolerances for the equilibrium at the goal and the choice of a feedback law."""
-
-    trial_segments: int = 20
-    """Segments after which feedback laws are compared."""
-    trial_lead_time: float = 0.6
-    """Time by which their references run ahead in that comparison [s]."""
-    max_unbalanced: float = 1e-6
-    """Force left on a puppet in equilibrium, relative to its weight."""
-
-
-_TOLERANCES = _Tolerances()
+_HOLD = 1.0
+"""Time for which puppets that touch or stand, and props that are pushed, must stay [s]."""
 
 
 class Problem:
     """A puppet, its start, its goal and its obstacles.
 
     Attributes:
-        marionette, name, start, goal, tolerance: see below.
+        marionette: see below; where it may touch something, among all obstacles but half-spaces.
+        name, start, goal, tolerance, hold: see below.
+        touches: what may touch what.
         objective: cost that better plans reduce.
         rollouts: that simulate from many states at once.
         distance: of the start from the goal.
         reason: why no plan can begin at the start; empty where one can.
-        equilibrium: whether the puppet can hang at the goal, clear of obstacles; otherwise a plan
+        equilibrium: whether the puppet can rest at the goal, clear of obstacles; otherwise a plan
             only passes it.
         out_of_reach: why no plan can end at the goal; empty where one may.
+        push: the push of a prop, where the goal is its place; otherwise None.
+        note: what was not found at the goal, in words: no stance, or none with the share of the
+            weight that is asked for. Empty where nothing is missing.
 
     Args:
-        marionette: the puppet; without its contact, since plans keep clear of what it may touch.
-            Of its own bodies only with ``self_collision``.
+        marionette: the puppet.
         start: where it begins; its driven coordinates may move.
         goal: a state, names and values (``{"elbow": 1.2}``), a :class:`Goal`, or a function of
             :class:`StateArrays` that returns distances.
         obstacles: in addition to the world's.
         name: of the problem.
+        contact: ``"keep off"``: the puppets touch nothing but themselves; or
+            ``{"touch": [("hand", "table")]}``, the pairs that may touch. What the goal asks to
+            touch may, and so may props and what they lie on.
         tolerance: largest distance from the goal, in the goal's unit [rad and m for poses and
             states, m for points].
+        hold: time for which the puppet must stay at the goal after the plan's end, with the inputs
+            brought to rest [s]; 1 s where it is to touch something, to stand or to push a prop,
+            otherwise 0.
         speed, acceleration: bounds of the driven coordinates, for all or by name [m/s, m/s^2].
         ranges: name of a driven coordinate -> (low, high) [m].
-        margin: least clearance [m].
+        margin: least clearance [m]; not of pairs that may touch.
         slack: whether taut strings may go slack on the way. Plans in which none does depend less
             on how exactly they are followed.
         strings: whether strings are kept clear of obstacles too.
@@ -94,7 +94,9 @@ class Problem:
         obstacles: Iterable[Obstacle | HalfSpace | Mapping[str, Any]] = (),
         *,
         name: str = "",
+        contact: ContactLike = KEEP_OFF,
         tolerance: float = 0.1,
+        hold: float | None = None,
         speed: float | Mapping[str, float] = 0.5,
         acceleration: float | Mapping[str, float] = 2.0,
         ranges: Mapping[str, tuple[float, float]] | None = None,
@@ -113,22 +115,51 @@ class Problem:
         options = options.with_segment(segment)
         self.objective = Objective.of(objective)
         check_start(marionette.model, start, "timestepping")
-        # Plans keep clear of everything, so that nothing touches.
-        marionette = Marionette(marionette.model.without_contact())
+        if marionette.model.contacts is not None:
+            every = standing(marionette.puppet, obstacles)
+            solid = [o for o in every if not isinstance(o, HalfSpace)]
+            marionette = Marionette(marionette.model.with_obstacles(solid))
+            obstacles = [o for o in every if isinstance(o, HalfSpace) and o.name != FLOOR]
         if not len(start.slip):
             start = start.replace(slip=np.zeros(len(marionette.tree.strings)))
         self.marionette, self.start, self.tolerance = marionette, start, tolerance
         self.name = name
-        self.goal = Goal.of(marionette, goal)
-        clearance = Clearance(marionette, obstacles, strings=strings, self_collision=self_collision)
+        wanted = Goal.of(marionette, goal)
+        self.touches = Touches(marionette, contact, wanted.touches, self_collision)
+        self.goal = wanted.for_problem(self.touches, tolerance)
+        clearance = Clearance(
+            marionette, obstacles, strings=strings, self_collision=self_collision,
+            free=self.touches.free,
+        )  # fmt: skip
         bounds = Bounds.of(marionette, speed, acceleration, ranges or {})
-        self.rollouts = Rollouts(marionette, clearance, bounds, self.goal, options)
-        self.reason = _start_violation(start, self.rollouts)
+        kept_off = ~self.touches.may
+        self.rollouts = Rollouts(marionette, clearance, bounds, self.goal, options, kept_off)
+        self.reason = _start_violation(start, self.rollouts, self.touches)
         self.distance = self.goal.of_start(self.root)
-        self.equilibrium = False
-        self.out_of_reach = out_of_reach(self.goal, tolerance)
+        self.push = push_of(self.goal, start, self.touches)
+        stays = self.push is not None or bool(self.goal.touches)
+        self.hold = (_HOLD if stays else 0.0) if hold is None else float(hold)
+        check_not_negative(hold=self.hold)
+        self.out_of_reach = out_of_reach(self.goal, tolerance) or self._out_of_touch
+        self.equilibrium, self.note = False, ""
         if not self.infeasible:
-            self.rollouts.funnels, self.equilibrium = _hanging_at(self.goal, start, self.rollouts)
+            found = guidance(self.goal, start, self.rollouts, self.touches, self.push)
+            self.rollouts.funnels, self.note = found.funnels, found.note
+            self.equilibrium = found.equilibrium
+
+    @property
+    def _out_of_touch(self) -> str:
+        """Why the goal's prop or touch is out of reach."""
+        if self.push is not None and self.distance > self.tolerance and self.push.reason:
+            return self.push.reason
+        return too_far_to_touch(self.goal)
+
+    @property
+    def rest_K(self) -> ConfigK | None:
+        """(n_qK,) driven coordinates with which the puppet rests on what it is to touch."""
+        if not (self.equilibrium and self.goal.touches):
+            return None
+        return self.rollouts.funnels[0].q_K
 
     @property
     def infeasible(self) -> str:
@@ -161,6 +192,13 @@ class Problem:
             rollouts.clearance.meshes.digest,
         )  # fmt: skip
         digest.update(repr(plain).encode())
+        contacts = self.touches.contacts
+        if contacts is not None or self.hold:
+            digest.update(repr((self.hold, self.goal.share, self.goal.touches)).encode())
+        if contacts is not None:
+            parts = contacts.pairs, contacts.friction, contacts.restitution, self.touches.may
+            for a in parts:
+                digest.update(np.ascontiguousarray(a).tobytes())
         return digest.hexdigest()
 
     @property
@@ -169,50 +207,11 @@ class Problem:
         return StateArrays.of(self.start)
 
 
-def _hanging_at(goal: Goal, start: State, rollouts: Rollouts) -> tuple[list[Funnel], bool]:
-    """The feedback law that leads to the equilibrium nearest to the goal.
-
-    Returns:
-        The law, or none where the driven coordinates cannot be there; and whether the equilibrium
-        is at the goal and clear.
-    """
-    marionette, bounds = rollouts.marionette, rollouts.bounds
-    q_D, q_K, left = balanced(marionette, goal, start, bounds.moves)
-    if goal.q_K is not None:
-        q_K = np.where(bounds.moves, goal.q_K, start.q_K)
-    # Lengths wound by a drive are not solved for in `balanced`.
-    wound = any(string.wound_length for string in marionette.tree.strings)
-    if wound or left > _TOLERANCES.max_unbalanced * marionette.weight or goal.q_K is not None:
-        try:
-            at = marionette.rest(start.replace(q_D=q_D, q_K=q_K))
-        except StateError:
-            return [], False
-        q_D, q_K = at.q_D, at.q_K
-    if not np.all((q_K >= bounds.low) & (q_K <= bounds.high)):
-        return [], False
-    rollouts.funnels = funnels(
-        marionette, q_D, q_K, bounds.moves, rollouts.run_options, rollouts.options
-    )
-    chosen = _best_of(rollouts, start)
-    at_rest = start.replace(q_D=q_D, q_K=q_K, v_D=0.0 * start.v_D, v_K=0.0 * start.v_K)
-    there = goal.distance(StateArrays.of(at_rest))[0] <= rollouts.stop_distance
-    return [chosen], bool(there and rollouts.clearance.at(q_D, q_K) >= rollouts.options.margin)
-
-
-def _best_of(rollouts: Rollouts, start: State) -> Funnel:
-    """The feedback law that comes nearest to the goal from the start, without obstacles."""
-    n, segments = len(rollouts.funnels), _TOLERANCES.trial_segments
-    which, none = np.arange(n), np.zeros(n, dtype=int)
-    made = rollouts.where(tolerance=-1.0, free=True).simulate(
-        StateArrays.of(start), none, np.zeros((n, segments, rollouts.marionette.coordinates.n_vK)),
-        n_given=none, funnel=which, lead_time=np.full(n, _TOLERANCES.trial_lead_time),
-    )  # fmt: skip
-    late = np.where(made.looks > 0, made.distance, np.inf)[:, segments // 2 :]
-    return rollouts.funnels[int(np.argmin(np.mean(late, axis=1)))]
-
-
-def _start_violation(start: State, rollouts: Rollouts) -> str:
+def _start_violation(start: State, rollouts: Rollouts, touches: Touches) -> str:
     """Why no plan can begin at a state; empty where one can."""
+    if met := touches.broken(start.q_D, start.q_K):
+        a, b = met
+        return f"at the start {a} touches {b}; they may with contact: {{touch: [[{a}, {b}]]}}"
     nearest = rollouts.clearance.nearest(start)
     if nearest is not None and nearest.distance < rollouts.options.margin:
         return f"at the start {nearest}; the margin is {rollouts.options.margin:g} m"

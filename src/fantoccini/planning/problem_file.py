@@ -7,17 +7,30 @@ from collections.abc import Callable
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Any, Literal, NoReturn, TypeVar
 
-from pydantic import AfterValidator, Field, WithJsonSchema
+from pydantic import AfterValidator, Field, WithJsonSchema, model_validator
 
 from fantoccini import puppets
 from fantoccini.errors import FantocciniError, FileError, nearest
 from fantoccini.marionette import Marionette, load
+from fantoccini.motion import State
 from fantoccini.planning.goals import Goal
-from fantoccini.planning.obstacles import Standing
+from fantoccini.planning.obstacles import HalfSpace, Standing
 from fantoccini.planning.problem import Problem
 from fantoccini.planning.rollouts import Bounds, RolloutOptions, whole_looks
+from fantoccini.planning.touches import touching
 from fantoccini.puppet.located import Located, read_file, shown, validate
-from fantoccini.puppet.values import Angle, Model, Name, Positive, Real, Vector, mistake
+from fantoccini.puppet.values import (
+    Angle,
+    Model,
+    Name,
+    NotNegative,
+    Positive,
+    Real,
+    RealShare,
+    Vector,
+    entries,
+    mistake,
+)
 
 _FOLDER = Path(__file__).parent / "problems"
 
@@ -52,14 +65,45 @@ class PointGoal(Model):
     """The body's name."""
     at: Place = (0.0, 0.0, 0.0)
     """The point in the body's frame [m]."""
-    place: Place
+    place: Place | None = None
     """Its place [m]; with `to`, the lowest corner of a box."""
+    by: Place | None = None
+    """How far from its place at the start it is to be, instead of `place` [m]."""
     to: Place | None = None
     """The highest corner [m]."""
 
+    @model_validator(mode="after")
+    def _is_somewhere(self) -> PointGoal:
+        if (self.place is None) == (self.by is None):
+            found = "neither `place` nor `by`" if self.place is None else "both `place` and `by`"
+            raise mistake(f"found {found}; needed: one of them")
+        if self.by is not None and (self.to is not None or any(self.at)):
+            raise mistake("found `by` with `at` or `to`, which go with `place`")
+        return self
+
+
+Names = Annotated[tuple[str, str], entries(2, 2)]
+"""Two bodies, props, obstacles, puppets, or `floor`."""
+
+
+class StandGoal(Model):
+    """The puppet stands at rest."""
+
+    on: Annotated[tuple[Names, ...], Field(min_length=1)]
+    """Pairs that are to touch: feet and what they stand on."""
+    share: RealShare = 0.1
+    """Least part of the puppets' weight that rests on them, 0 to 1."""
+
+
+class ContactFile(Model):
+    """What may touch."""
+
+    touch: tuple[Names, ...]
+    """Pairs that may touch."""
+
 
 class GoalFile(Model):
-    """The goal: a `pose` or a `point`."""
+    """The goal: a `pose` or a `point`, touches, a stance, or touches or a stance at a pose."""
 
     pose: dict[str, Value] | None = None
     """Dynamic coordinate -> value, or [low, high]; a rotation as a vector or a quaternion."""
@@ -67,10 +111,16 @@ class GoalFile(Model):
     """Coordinate of the pose -> weight; 1 by default."""
     point: PointGoal | None = None
     """A point of a body."""
+    touch: tuple[Names, ...] = ()
+    """Pairs that are to touch."""
+    stand: StandGoal | None = None
+    """A stance."""
     speed_weight: Sized | None = None
-    """Weight of the norm of the dynamic velocities [s]; 0.1 for a pose, 0 for a point."""
-    driven_weight: Sized = 0.0
-    """Weight of the norm of the driven velocities [s]: greater than 0 where they end at rest."""
+    """Weight of the norm of the dynamic velocities [s]; 0.1 for a pose, a stance, or a point that
+    is moved by some way, 0 for other points and touches."""
+    driven_weight: Sized | None = None
+    """Weight of the norm of the driven velocities [s]: greater than 0 where they end at rest; 1 for
+    a stance, otherwise 0."""
 
 
 class ProblemFile(Model):
@@ -84,8 +134,14 @@ class ProblemFile(Model):
     """Coordinate -> value: the puppet hangs at rest with the driven ones there."""
     goal: GoalFile
     """Where the plan ends."""
+    contact: Literal["keep off"] | ContactFile = "keep off"
+    """`keep off`, or the pairs that may touch. What the goal is to touch may, and so may props and
+    what they lie on."""
     tolerance: Size = 0.1
     """Tolerance of the goal's distance."""
+    hold: Annotated[NotNegative, AfterValidator(_sized)] | None = None
+    """Time for which the puppet must stay at the goal after the plan's end [s]; 1 where it is to
+    touch something, to stand or to push a prop, otherwise 0."""
     speed: Real | dict[str, Real] = 0.5
     """Bound for all driven coordinates or by name; others hold still [m/s or rad/s]."""
     acceleration: Real | dict[str, Real] = 2.0
@@ -147,7 +203,8 @@ def load_problem(
     check = _Checks(located)
     for key, value in file.start.items():
         check(("start", key), lambda key=key, value=value: marionette.state({key: value}))
-    goal = _goal(file.goal, marionette, check)
+    goal = _goal(file.goal, marionette, marionette.state(), check)
+    _check_touches(file, marionette, check)
     check(("speed",), lambda: Bounds.of(marionette, file.speed, 1.0, {}))
     check(("acceleration",), lambda: Bounds.of(marionette, 1.0, file.acceleration, {}))
     if file.segment is not None:
@@ -160,11 +217,18 @@ def load_problem(
         )
     check.refuse()
     start = check.need(("start",), lambda: marionette.rest(file.start))
+    if file.goal.point is not None and file.goal.point.by is not None:
+        goal = _goal(file.goal, marionette, start, check)
     names = (
-        "tolerance", "speed", "acceleration", "segment", "objective", "ranges", "margin", "slack",
-        "strings", "self_collision",
+        "hold", "tolerance", "speed", "acceleration", "segment", "objective", "ranges", "margin",
+        "slack", "strings", "self_collision",
     )  # fmt: skip
-    given = {"name": file.problem} | {key: getattr(file, key) for key in names} | options
+    contact = file.contact if file.contact == "keep off" else {"touch": file.contact.touch}
+    given = (
+        {"name": file.problem, "contact": contact}
+        | {key: getattr(file, key) for key in names}
+        | options
+    )
     assert goal is not None  # or it was refused
     return check.need((), lambda: Problem(marionette, start, goal, file.obstacles, **given))
 
@@ -177,9 +241,11 @@ class _Checks:
 
     def __init__(self, located: Located):
         self._located = located
-        self._found: list[tuple[tuple[str, ...], str]] = []
+        self._found: list[tuple[tuple[str | int, ...], str]] = []
 
-    def __call__(self, place: tuple[str, ...], make: Callable[..., Checked]) -> Checked | None:
+    def __call__(
+        self, place: tuple[str | int, ...], make: Callable[..., Checked]
+    ) -> Checked | None:
         """The result; None where it is refused, which is noted for a place in the file."""
         try:
             return make()
@@ -187,7 +253,7 @@ class _Checks:
             self._found.append((place, str(error)))
             return None
 
-    def need(self, place: tuple[str, ...], make: Callable[[], Checked]) -> Checked:
+    def need(self, place: tuple[str | int, ...], make: Callable[[], Checked]) -> Checked:
         """The result.
 
         Raises:
@@ -218,20 +284,58 @@ def _puppet(name: str, located: Located, progress: Callable[[str], None] | None)
     raise located.error([(("puppet",), message)], FileError)
 
 
-def _goal(file: GoalFile, marionette: Marionette, check: _Checks) -> Goal | None:
-    weight = {} if file.speed_weight is None else {"speed_weight": file.speed_weight}
-    weight["driven_weight"] = file.driven_weight
+def _check_touches(file: ProblemFile, marionette: Marionette, check: _Checks) -> None:
+    """Notes the pairs of a file that cannot touch."""
+    places: list[tuple[tuple[str | int, ...], tuple[str, str]]] = []
+    if file.contact != "keep off":
+        places += [(("contact", "touch", k), pair) for k, pair in enumerate(file.contact.touch)]
+    places += [(("goal", "touch", k), pair) for k, pair in enumerate(file.goal.touch)]
+    if file.goal.stand is not None:
+        on = file.goal.stand.on
+        places += [(("goal", "stand", "on", k), pair) for k, pair in enumerate(on)]
+    solid = (o for o in file.obstacles if not isinstance(o, HalfSpace))
+    among = (
+        Marionette(marionette.model.with_obstacles((*marionette.puppet.obstacles, *solid)))
+        if places
+        else marionette
+    )
+    for place, pair in places:
+        check(place, lambda pair=pair: touching(among, pair))
+
+
+def _goal(file: GoalFile, marionette: Marionette, start: State, check: _Checks) -> Goal | None:
+    """The goal of a file; None where it has mistakes.
+
+    Args:
+        file: the goal.
+        marionette: the puppet.
+        start: from which bodies are moved by some way.
+        check: notes mistakes.
+    """
+    made = _placed(file, marionette, start, check)
+    if made is None:
+        return None
+    stand = file.stand
+    if stand is not None:
+        made = made.standing(stand.on, stand.share)
+    return made.touching(file.touch) if file.touch else made
+
+
+def _placed(file: GoalFile, marionette: Marionette, start: State, check: _Checks) -> Goal | None:
+    """The pose or the point of a goal."""
+    standard = {} if file.stand is None else {"speed_weight": 0.1, "driven_weight": 1.0}
+    given = {"speed_weight": file.speed_weight, "driven_weight": file.driven_weight}
+    weight = standard | {key: value for key, value in given.items() if value is not None}
     pose, point, weights = file.pose, file.point, file.weights
-    if point is not None and pose is None:
-        return check(
-            ("goal", "point"),
-            lambda: Goal.point(
-                marionette, point.body, point.place, at=point.at, to=point.to, **weight
-            ),
-        )
-    if pose is None or point is not None:
-        text = "found both a pose and a point" if point else "found neither a pose nor a point"
-        return check(("goal",), lambda: _refuse(f"{text}; needed: one of them"))
+    if point is not None and pose is not None:
+        return check(("goal",), lambda: _refuse("found both a pose and a point; needed: one"))
+    if point is not None:
+        return check(("goal", "point"), lambda: _point(point, marionette, start, weight))
+    if pose is None:
+        if not file.touch and file.stand is None:
+            text = "found neither a pose nor a point, touch or stand; needed: one of them"
+            return check(("goal",), lambda: _refuse(text))
+        return check(("goal",), lambda: Goal.touch(marionette, (), pose=None, **weight))
     good = [
         check(
             ("goal", "pose", key), lambda key=key, value=value: Goal.pose(marionette, {key: value})
@@ -250,6 +354,15 @@ def _goal(file: GoalFile, marionette: Marionette, check: _Checks) -> Goal | None
     if not all(good):
         return None
     return check(("goal",), lambda: Goal.pose(marionette, pose, weights=weights, **weight))
+
+
+def _point(
+    point: PointGoal, marionette: Marionette, start: State, weight: dict[str, float]
+) -> Goal:
+    if point.by is not None:
+        return Goal.moved(marionette, point.body, point.by, start, **weight)
+    assert point.place is not None  # or it was refused
+    return Goal.point(marionette, point.body, point.place, at=point.at, to=point.to, **weight)
 
 
 def _refuse(message: str) -> NoReturn:

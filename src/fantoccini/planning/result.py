@@ -14,20 +14,21 @@ import numpy as np
 from fantoccini.arrays import Array, check_not_negative
 from fantoccini.marionette import Method, MethodName
 from fantoccini.planning import archive
-from fantoccini.planning.check import Check, checked, holds
+from fantoccini.planning.check import Check, checked, confirmed
 from fantoccini.planning.feedback import Feedback
 from fantoccini.planning.plan_path import PlanPath
 from fantoccini.planning.planners import Planner
 from fantoccini.planning.polish import Polish
 from fantoccini.planning.problem import Problem
 from fantoccini.planning.search import Search
+from fantoccini.planning.touches import Meeting
 from fantoccini.runtime import POINT
 
 
 class PlanStatus(enum.Enum):
     """How a search ended."""
 
-    EXACT = "the plan ends within the tolerance and touches nothing, event-driven too"
+    EXACT = "the plan ends within the tolerance and touches only what it may, in simulation too"
     UNCONFIRMED = "the plan ends within the tolerance by time-stepping; it was not confirmed"
     APPROXIMATE = "the search ended before it came within the tolerance; this is the nearest"
     TIMEOUT = "the time ended before the search came within the tolerance; this is the nearest"
@@ -51,7 +52,7 @@ class PlanResult(PlanPath):
         tried: rollouts simulated.
         seconds: spent searching [s].
         curve: (seconds, rollouts, duration) of every plan that was the best, in order.
-        refused: plans that arrive by the time-stepper, but do not hold event-driven.
+        refused: plans that arrive by the time-stepper, but do not hold in simulation.
         polished: the outcome of polishing the plan; None where it was not attempted.
     """
 
@@ -125,12 +126,12 @@ class PlanResult(PlanPath):
 
     @cached_property
     def holds(self) -> bool:
-        """Whether the plan ends within the tolerance and touches nothing, event-driven.
+        """Whether the plan ends within the tolerance and touches only what it may, in simulation.
 
         Where the search did not confirm its plans, the first call simulates the plan.
         """
         if self.status is PlanStatus.UNCONFIRMED:
-            return holds(self)
+            return confirmed(self).arrives
         return self.status is PlanStatus.EXACT
 
     def __bool__(self) -> bool:
@@ -148,12 +149,31 @@ class PlanResult(PlanPath):
         """How the search ended, how many plans were refused, and the outcome of polishing."""
         text = self.reason or self.status.message
         if self.status is PlanStatus.UNCONFIRMED and not self:
-            text += ", and does not hold event-driven"
-        return text + self._notes
+            text += ", and does not hold in simulation"
+        return text + self._missing + self._notes
+
+    @property
+    def _missing(self) -> str:
+        """What is missing at the goal, where there is no plan."""
+        problem = self.problem
+        if self.reason or self.distance <= problem.tolerance:
+            return ""
+        found = [problem.note] if problem.note else []
+        if problem.push is not None:
+            found.append(problem.push.progress(problem.marionette, self.states[-1]))
+        elif problem.goal.touches:
+            gaps = problem.goal.gaps(self.states[-1:])[0]
+            found += [
+                f"{a} is {gap:.3g} m from {b}"
+                for (a, b), gap in zip(problem.goal.touches, gaps, strict=True)
+                if gap > 0.0
+            ]
+        return "".join(f"; {text}" for text in found)
 
     @property
     def _notes(self) -> str:
-        text = f"; {self.refused} refused that do not hold event-driven" if self.refused else ""
+        text = f"; {self.refused} refused that do not hold in simulation" if self.refused else ""
+        text += f" ({self.search.fault})" if self.refused and self.search.fault else ""
         return text + (f"; polish: {self.polished}" if self.polished is not None else "")
 
     def polish(self, distance: float = 1e-3, seconds: float = 0.5) -> PlanResult:
@@ -169,7 +189,8 @@ class PlanResult(PlanPath):
             The plan unchanged where it cannot be brought so near; ``polished`` says why.
 
         Raises:
-            ValueError: there is no plan, its goal is a function, or a number out of range.
+            ValueError: there is no plan, its goal is a function, something may touch, or a number
+                is out of range.
         """
         check_not_negative(seconds=seconds)
         if not self:
@@ -202,6 +223,11 @@ class PlanResult(PlanPath):
     def clearance(self) -> Array:
         """(T,) of ``trajectory`` [m]."""
         return self.rollouts.clearance.of(self.trajectory)
+
+    @property
+    def touches(self) -> tuple[Meeting, ...]:
+        """What bodies of a puppet touch that is not their own, in ``trajectory``, in order."""
+        return self.problem.touches.meetings(self.trajectory)
 
     def plot(self, path: str | Path, **options: Any) -> Path:
         """Draws the paper's Fig. 4: the tree's nodes, the path of a point (:meth:`traces`), poses.

@@ -13,7 +13,8 @@ from fantoccini.arrays import Array, Indices, MaskRows, check_not_negative, chec
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.marionette import Marionette
 from fantoccini.planning.clearance import Clearance
-from fantoccini.planning.goals import Goal, StateArrays
+from fantoccini.planning.goals import Goal
+from fantoccini.planning.state_arrays import StateArrays
 from fantoccini.runtime import Funnel, RolloutPool, RolloutSettings, Segments
 from fantoccini.tree import CoordinateTable
 
@@ -221,6 +222,7 @@ class Rollouts:
         bounds: of the driven coordinates.
         goal: where rollouts stop.
         options: how they are simulated and checked.
+        kept_off: (n_pairs,) bool, the pairs of contact that must not touch; none by default.
     """
 
     def __init__(
@@ -230,9 +232,10 @@ class Rollouts:
         bounds: Bounds,
         goal: Goal,
         options: RolloutOptions,
+        kept_off: MaskRows | None = None,
     ):
         self.marionette, self.clearance, self.bounds = marionette, clearance, bounds
-        self.goal, self.options = goal, options
+        self.goal, self.options, self.kept_off = goal, options, kept_off
         self.stop_distance = _LIMITS.stop * options.tolerance
         self.funnels: list[Funnel] = []
         # Rollouts restart at every node, so a step must depend on its state alone.
@@ -242,6 +245,7 @@ class Rollouts:
         settings = RolloutSettings(
             self.run_options, options.looks, marionette.p, marionette.winches, vars(bounds),
             options.margin, options.slack, clearance.solids, goal.numbers, self.stop_distance,
+            kept_off,
         )  # fmt: skip
         self._pool = RolloutPool(marionette.model.compiled.rollouts, settings, options.threads)
 
@@ -258,7 +262,8 @@ class Rollouts:
             speed = _LIMITS.unbounded_speed * bounds.speed
             bounds = replace(bounds, speed=speed, low=-far, high=far)
             options = replace(options, margin=-np.inf, slack=True)
-        made = Rollouts(self.marionette, self.clearance, bounds, self.goal, options)
+        kept_off = None if free else self.kept_off
+        made = Rollouts(self.marionette, self.clearance, bounds, self.goal, options, kept_off)
         made.funnels = self.funnels
         return made
 
@@ -304,7 +309,15 @@ class Rollouts:
         if self.goal.function is not None:
             whole = found.looks > 0
             found.distance[whole] = self.goal.distance(StateArrays(**found.states)[whole])
+        if self.goal.touches:
+            self._add_gaps(found)
         return found
+
+    def _add_gaps(self, found: Segments) -> None:
+        """Adds their gaps to the distances of ends at which a touch is open."""
+        far = (found.looks > 0) & (found.distance >= self.goal.numbers.open)
+        gaps = self.goal.gaps(StateArrays(**found.states)[far])
+        found.distance[far] += np.sum(np.maximum(gaps, 0.0), axis=-1)
 
     def replay(self, before: StateArrays, acceleration: Array, looks: int) -> StateArrays | None:
         """The end of one segment, simulated again; None where it is not clear.

@@ -12,7 +12,7 @@ from fantoccini.arrays import Array, MaskRows
 from fantoccini.errors import FantocciniError
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State
-from fantoccini.planning.goals import StateArrays
+from fantoccini.planning.state_arrays import StateArrays
 from fantoccini.simulation import sensitivity
 
 _INTEGRATION_TOLERANCE = 1e-6

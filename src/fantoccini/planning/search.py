@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.planning.check import holds
+from fantoccini.planning.check import confirmed
 from fantoccini.planning.objective import Objective
 from fantoccini.planning.options import SearchOptions
 from fantoccini.planning.plan_path import PlanPath
@@ -47,7 +47,7 @@ class SearchRecord:
             plan is nearer to the goal, but may be longer than the one before it.
         random_state: of the random choices to come, as plain data.
         late: whether the time limit ended the search.
-        refused: plans that arrive by the time-stepper, but do not hold event-driven.
+        refused: plans that arrive by the time-stepper, but do not hold in simulation.
         polished: the outcome of polishing the best plan; None where it was not attempted.
     """
 
@@ -72,6 +72,7 @@ class Search:
         problem, options: see below.
         objective: cost of plans: the options', or else the problem's.
         tree, best, tried, seconds, curve, late, refused, polished: see :class:`SearchRecord`.
+        fault: why the last plan was refused, in words; empty where none was.
 
     Args:
         problem: what is planned.
@@ -85,6 +86,7 @@ class Search:
         self.tree, self.best, self.tried, self.seconds = self._fresh(np.inf), 0, 0, 0.0
         self.late, self.refused = False, 0
         self.polished: Polish | None = None
+        self.fault = ""
         self.curve: list[tuple[float, int, float]] = []
         self._planner = options.planner_round
         self._rng = np.random.default_rng(options.seed)
@@ -128,6 +130,10 @@ class Search:
             distance: from the goal that is near enough.
         """
         until = time.perf_counter() + seconds
+        if self.problem.touches.expected:
+            self.find_better(seconds)
+            self.polished = Polish(PolishStatus.MAY_TOUCH, distance)
+            return
         self.find_better(_EFFORT.first_growth * seconds)
         if self.problem.goal.function is not None:
             self.polished = Polish(PolishStatus.UNKNOWN_GOAL, distance)
@@ -167,7 +173,8 @@ class Search:
             Whether a plan came so near; it is the best then.
 
         Raises:
-            ValueError: the goal is a function, or the distance is not greater than 0.
+            ValueError: the goal is a function, something may touch, or the distance is not greater
+                than 0.
         """
         if not distance > 0.0:
             raise ValueError(f"distance is {distance}; it must be greater than 0")
@@ -253,8 +260,12 @@ class Search:
 
     def _confirmed(self, tree: SearchTree, node: int) -> bool:
         """Whether the plan to a node counts; otherwise the node is set infinitely far away."""
-        if not self.options.confirm or holds(self._path(tree, node)):
+        if not self.options.confirm:
             return True
+        check = confirmed(self._path(tree, node))
+        if check.arrives:
+            return True
+        self.fault = check.fault
         tree.distance[node] = np.inf
         self.refused += 1
         return False

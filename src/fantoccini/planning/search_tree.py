@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fantoccini.arrays import Array, Indices, MaskRows
-from fantoccini.planning.goals import StateArrays, flattened
 from fantoccini.planning.objective import TIME, Objective
+from fantoccini.planning.state_arrays import StateArrays, flattened
 from fantoccini.runtime import STATE, Segments
 
 _CAPACITY = 1024

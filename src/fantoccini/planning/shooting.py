@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from fantoccini.arrays import Array, Indices
-from fantoccini.planning.goals import StateArrays, flattened
 from fantoccini.planning.problem import Problem
+from fantoccini.planning.state_arrays import StateArrays, flattened
 
 
 @dataclass(frozen=True)
@@ -180,9 +180,9 @@ class Shooting:
             }
         )
         residual = self._residual(nodes[:, -1])
-        constraints = (
-            self._measured(nodes[:, 1:].flat, flattened(acc_K)) - self._aimed
-        ).reshape(n, acc_K.shape[1], -1)
+        constraints = (self._measured(nodes[:, 1:].flat, flattened(acc_K)) - self._aimed).reshape(
+            n, acc_K.shape[1], -1
+        )
         worst = np.max(np.maximum(-constraints, 0.0), axis=1)
         merit = np.linalg.norm(residual, axis=1) + np.sum(worst, axis=1)
         merit = np.where((made.looks[:, -1] > 0) & np.isfinite(merit), merit, np.inf)

@@ -37,8 +37,10 @@ class Solids:
     """Solids, and which of them clearance is measured between.
 
     Attributes:
-        moving, standing: (n,) ``SOLID``; every moving one is measured against all standing ones.
+        moving, standing: (n,) ``SOLID``; every moving one is measured against all standing ones
+            that are not left out.
         pairs: (n, 2) indices of moving solids that are measured against one another.
+        left_out: (moving, standing) bool, those that are not measured against one another.
         string_radius: (n_strings,) of strings against standing solids [m]; negative: not measured.
         exact: distance of two placed solids (``SOLID`` records) one of which is a mesh, without
             radii [m]; negative where they overlap. None without meshes.
@@ -47,6 +49,7 @@ class Solids:
     moving: Records
     standing: Records
     pairs: NDArray[np.int32]
+    left_out: NDArray[np.bool_]
     string_radius: Array
     exact: Callable[[np.void, np.void], float] | None = None
 
@@ -54,7 +57,8 @@ class Solids:
     def none(cls, n_strings: int) -> Solids:
         """No solids: clearance is infinite."""
         solids = np.zeros(0, dtype=SOLID)
-        return cls(solids, solids, np.zeros((0, 2), dtype=np.int32), np.full(n_strings, -1.0))
+        none = np.zeros((0, 2), dtype=np.int32), np.zeros((0, 0), dtype=bool)
+        return cls(solids, solids, *none, np.full(n_strings, -1.0))
 
 
 def clearance_arrays(solids: Solids, exact: Exact, kept: list[Any]) -> ctypes.Structure:
@@ -63,6 +67,7 @@ def clearance_arrays(solids: Solids, exact: Exact, kept: list[Any]) -> ctypes.St
         "moving": np.ascontiguousarray(solids.moving, dtype=SOLID),
         "standing": np.ascontiguousarray(solids.standing, dtype=SOLID),
         "pairs": np.ascontiguousarray(solids.pairs, dtype=np.int32),
+        "left_out": np.ascontiguousarray(solids.left_out, dtype=np.uint8),
         "string_radius": np.ascontiguousarray(solids.string_radius, dtype=float),
     }
     kept += held.values()

@@ -8,6 +8,7 @@ works between them. ctypes releases the interpreter's lock during every call.
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -91,17 +92,24 @@ class Library(Functions):
             x, s, status == Solved.YES, ray if status == Solved.INFEASIBLE else None
         )
 
+    def gaps(
+        self, contacts: Contacts, q_D: Array, q_K: Array, p: Array, margin: float = 1e-3
+    ) -> Array:
+        """(..., m) distance of the solids of each pair, negative where they overlap [m].
 
-    def gaps(self, contacts: Contacts, q_D: Array, q_K: Array, p: Array) -> Array:
-        """(m,) distance of the solids of each pair, negative where they overlap [m].
-
-        Those farther apart than a millimetre count as infinitely far.
+        Args:
+            contacts: the m pairs.
+            q_D, q_K: (..., n_qD), (..., n_qK) configurations.
+            p: (n_p,) parameters.
+            margin: those farther apart count as infinitely far [m].
         """
-        out = np.full(len(contacts.pairs), np.inf)
+        out = np.full((*q_D.shape[:-1], len(contacts.pairs)), np.inf)
         given = [np.ascontiguousarray(a, dtype=float) for a in (q_D, q_K, p)]
         if self.dll.fan_gaps(
-            ctypes.byref(contacts.structure), *(pointer(a) for a in given), pointer(out)
-        ):
+            ctypes.byref(contacts.structure), ctypes.c_longlong(math.prod(q_D.shape[:-1])),
+            *(pointer(a) for a in given),
+            ctypes.c_double(margin), pointer(out),
+        ):  # fmt: skip
             raise MemoryError("no memory for contact points")
         return out
 
@@ -240,9 +248,7 @@ class Run:
             save_every=options.save_every,
         )  # fmt: skip
         self.status = Status(
-            library.dll.fan_start(
-                self._run, ctypes.byref(start), ctypes.byref(self._record)
-            )
+            library.dll.fan_start(self._run, ctypes.byref(start), ctypes.byref(self._record))
         )
         del held
 

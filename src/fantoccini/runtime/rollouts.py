@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
-from fantoccini.arrays import Array, Indices
+from fantoccini.arrays import Array, Indices, MaskRows
 from fantoccini.contract import GoalKind
 from fantoccini.runtime.clearance import Exact, Solids, clearance_arrays
 from fantoccini.runtime.functions import Loaded, pointer
@@ -49,6 +49,9 @@ class GoalNumbers:
         at: (3,) the point in the link's frame [m].
         place, place_high: (3,) corners of the target box [m].
         speed_weight, driven_weight: weights of the errors of v_D and v_K [s].
+        touches: (n_pairs,) the touch that a pair of contact is part of, or -1; None without any.
+        n_touches: touches that are asked for.
+        open: added to the distance while some touch does not push.
     """
 
     kind: int
@@ -63,6 +66,9 @@ class GoalNumbers:
     place_high: Array = field(default_factory=lambda: np.zeros(3))
     speed_weight: float = 0.0
     driven_weight: float = 0.0
+    touches: Indices | None = None
+    n_touches: int = 0
+    open: float = 0.0
 
     def structure(self, tolerance: float, kept: list[Array]) -> Any:
         """The C structure; ``kept`` owns its memory and must outlive it."""
@@ -71,6 +77,8 @@ class GoalNumbers:
         return _GoalArrays(
             kind=self.kind, link=self.link, tolerance=tolerance,
             speed_weight=self.speed_weight, driven_weight=self.driven_weight,
+            n_touches=self.n_touches, open=self.open,
+            touches=None if self.touches is None else _held(self.touches, kept, np.int32),
             **{name: _held(getattr(self, name), kept) for name in arrays},
             **{name: (ctypes.c_double * 3)(*getattr(self, name)) for name in corners},
         )  # fmt: skip
@@ -102,6 +110,7 @@ class RolloutSettings:
         margin: least clearance [m].
         slack: whether taut strings may go slack.
         solids: what is kept clear of what.
+        kept_off: (n_pairs,) bool, the pairs of contact that must not touch.
         goal: where a rollout ends.
         tolerance: distance from the goal at which it ends; negative where it goes on.
     """
@@ -116,6 +125,7 @@ class RolloutSettings:
     solids: Solids
     goal: GoalNumbers
     tolerance: float
+    kept_off: MaskRows | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,6 +190,7 @@ class RolloutPool:
             margin=settings.margin,
             may_slacken=int(settings.slack),
             goal=settings.goal.structure(settings.tolerance, kept),
+            kept_off=_bytes(settings.kept_off, kept),
         )
         self._widths = {
             "q_D": len(settings.goal.low),
@@ -292,9 +303,7 @@ class RolloutPool:
         progress = _RolloutProgress(next=0, reached=arrays.n)
 
         def work() -> int:
-            return self._library.dll.fan_rollouts(
-                ctypes.byref(arrays), ctypes.byref(progress)
-            )
+            return self._library.dll.fan_rollouts(ctypes.byref(arrays), ctypes.byref(progress))
 
         others: list[Future[int]] = []
         needed = -(-arrays.n // _THREADING.lanes) - 1
@@ -340,6 +349,11 @@ def _helpers(n: int) -> ThreadPoolExecutor:
 # A forked child has none of its parent's threads.
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_helpers.cache_clear)
+
+
+def _bytes(flags: MaskRows | None, kept: list[Any]) -> ctypes.c_void_p | None:
+    """The address of flags as bytes; None without any that is set."""
+    return None if flags is None or not np.any(flags) else _held(flags, kept, np.uint8)
 
 
 def _held(array: ArrayLike, kept: list[Any], dtype: DTypeLike = float) -> ctypes.c_void_p:

@@ -72,12 +72,12 @@ FAN_EXPORT double fan_present(const void* handle, double* y, signed char* mode) 
 
 FAN_BATCHES(fan::EventBatch<fan::Model>)
 
-// How far the solids of every pair are apart at a configuration (n_pairs,); pairs farther apart
-// than ContactPointTolerances::margin keep what is in `gaps`. 1 where there was no memory, else 0.
+// How far the solids of every pair are apart at n configurations (n, n_pairs); pairs farther apart
+// than `margin` keep what is in `gaps`. 1 where there was no memory, else 0.
 FAN_EXPORT int fan_gaps(
-    const fan::ContactArrays* in, const double* q_D, const double* q_K, const double* p,
-    double* gaps) {
-  return fan::measure_gaps<fan::Model>(*in, q_D, q_K, p, gaps);
+    const fan::ContactArrays* in, long long n, const double* q_D, const double* q_K,
+    const double* p, double margin, double* gaps) {
+  return fan::measure_gaps<fan::Model>(*in, n, q_D, q_K, p, margin, gaps);
 }
 
 // The contact points of a pair at n poses of its first solid's link (TouchPoses::find).

@@ -67,7 +67,9 @@ class Clearance {
     };
     for (long long m = 0; m < in.n_moving; ++m)
       for (long long o = 0; o < in.n_standing; ++o)
-        take(measured(placed[m], in.standing[o], counts, most()));
+        take(
+            in.left_out[m * in.n_standing + o] ? Real(Tol::far)
+                                               : measured(placed[m], in.standing[o], counts, most()));
     for (long long k = 0; k < in.n_pairs; ++k)
       take(measured(placed[in.pairs[2 * k]], placed[in.pairs[2 * k + 1]], counts, most()));
     static constexpr double no_box[3] = {};

@@ -68,7 +68,8 @@ class ContactPoints : public PlacedLinks<Model, Real> {
   // The least gap of every pair at a configuration of lane 0; pairs farther apart than the margin
   // keep what is in `gaps`.
   void measure(
-      const ContactArrays& in, const Real* q_D, const Real* q_K, const Real* p, double* gaps) {
+      const ContactArrays& in, const Real* q_D, const Real* q_K, const Real* p, double margin,
+      double* gaps) {
     Real v_D[room(N)] = {}, v_K[room(NK)] = {};
     Call<Model, Real>::screws(q_D, q_K, p, links_);
     begin(in);
@@ -77,7 +78,7 @@ class ContactPoints : public PlacedLinks<Model, Real> {
     place();
     for (int k = 0; k < in.n_pairs; ++k) {
       n[0] = 0;
-      look(in, k, Tolerance::margin, 0);
+      look(in, k, margin, 0);
       for (int i = 0; i < n[0]; ++i)
         if (i == 0 || point[0][i].gap < gaps[k]) gaps[k] = point[0][i].gap;
     }
@@ -423,11 +424,14 @@ class ContactPoints : public PlacedLinks<Model, Real> {
 // The C interface of ContactPoints::measure; 1 where there was no memory, else 0.
 template <class Model>
 int measure_gaps(
-    const ContactArrays& in, const double* q_D, const double* q_K, const double* p, double* gaps) {
+    const ContactArrays& in, long long n, const double* q_D, const double* q_K, const double* p,
+    double margin, double* gaps) {
   if constexpr (Model::n_contacts > 0) {
     auto* points = new (std::nothrow) ContactPoints<Model, double>();
     if (!points) return 1;
-    points->measure(in, q_D, q_K, p, gaps);
+    for (long long i = 0; i < n; ++i)
+      points->measure(
+          in, q_D + i * Model::n_qD, q_K + i * Model::n_qK, p, margin, gaps + i * in.n_pairs);
     delete points;
   }
   return 0;

@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x39f59e41dfa0c76b;
+constexpr long long contract_digest = 0x2534749d3253acaa;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -267,6 +267,8 @@ struct ClearanceArrays {
   const Solid* moving;  // against all standing solids
   const Solid* standing;
   const int* pairs;  // (n_pairs, 2) of moving solids, against one another
+  // (n_moving, n_standing) those that are not measured against one another
+  const unsigned char* left_out;
   const double* string_radius;  // (n_strings,) against standing solids; negative: not measured
   // distance of two solids one of which is a mesh, without radii; null without mesh
   double (*exact)(const Solid*, const Solid*);
@@ -287,6 +289,9 @@ struct GoalArrays {
   double speed_weight;  // of the error of v_D [s]
   double driven_weight;  // of the error of v_K [s]
   double tolerance;  // of the distance; negative: never stop at the goal
+  int n_touches;  // touches that are asked for
+  const int* touches;  // (n_pairs,) of contact: the touch that a pair is part of, or -1
+  double open;  // added to the distance while some touch does not push
 };
 
 // An equilibrium and the gains of the feedback to it.
@@ -341,6 +346,7 @@ struct RolloutArrays {
   double margin;  // least clearance [m]
   int may_slacken;  // whether strings that pull may go slack
   const ClearanceArrays* solids;
+  const unsigned char* kept_off;  // (n_pairs,) of contact: those that must not touch; null: none
   GoalArrays goal;
   SegmentArrays out;
 };

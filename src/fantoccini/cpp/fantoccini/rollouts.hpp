@@ -32,6 +32,9 @@ inline void reach(RolloutProgress& progress, long long i) {
 
 struct RolloutTolerances {
   static constexpr double speed_slack = 1e-12;  // of a bound on a speed: rounding above it
+  // m or rad by which strings may be overstepped before they count as jammed against what the puppet
+  // touches: half of what a sound run may have.
+  static constexpr double jam = 0.01;
   static constexpr double no_distance = 1e300;  // of a goal that only Python can measure
 };
 
@@ -92,7 +95,7 @@ class Rollouts {
       set_accelerations(in, l);
       active_[l] = rollout_[l] >= 0;
       caught_[l] = 0;
-      slackened_[l] = false;
+      slackened_[l] = strayed_[l] = false;
     }
     for (int j = 0; j < NK; ++j) still_[j] = is_constant(coef_ + n_powers * j);
     set_inputs(0.0);
@@ -108,6 +111,7 @@ class Rollouts {
         set_inputs(dt * (double(look) * in.steps + s));
         led_.advance(dt);
         count_catches(was);
+        if (in.kept_off) watch_touches(in);
       }
       ++look;
       running = check(in, progress, look);
@@ -158,6 +162,35 @@ class Rollouts {
     }
   }
 
+  // Marks the lanes in which something pushes that is kept off.
+  void watch_touches(const RolloutArrays& in) {
+    each_push([&](int l, int pair) { strayed_[l] = strayed_[l] || in.kept_off[pair]; });
+  }
+
+  // Whether strings are overstepped, as they are where they pull against what the puppet touches.
+  bool jammed(int lane) {
+    return led_.opt.contacts && lane_of(led_.worst_violation, lane) > RolloutTolerances::jam;
+  }
+
+  // Whether all touches that the goal asks for push in a lane.
+  bool touching(const GoalArrays& goal, int lane) {
+    int closed = 0;
+    for (int k = 0; k < goal.n_touches; ++k) {
+      bool pushes = false;
+      each_push([&](int l, int pair) { pushes = pushes || (l == lane && goal.touches[pair] == k); });
+      closed += pushes;
+    }
+    return closed == goal.n_touches;
+  }
+
+  // Calls `f` with the lane and the pair of every point that pushes.
+  template <class F>
+  void each_push(const F& f) {
+    if constexpr (TimeStep<Model, Real>::touches)
+      for (int l = 0; l < width; ++l)
+        for (int i = 0; i < led_.at.contacts.n[l]; ++i) f(l, led_.at.contacts.push[l][i].pair);
+  }
+
   // Checks every lane; whether any is still in its segment.
   bool check(const RolloutArrays& in, RolloutProgress& progress, int look) {
     auto& state = led_.state();
@@ -177,8 +210,9 @@ class Rollouts {
       const double clear = lane_of(clearance_.least, l);
       const bool slack = slackened_[l] && !in.may_slacken;
       const bool weak = led_.motors.verdict(l) != DONE;
-      if (lane_of(led_.status, l) > RUNNING + 0.5 || slack || weak || !(clear >= in.margin) ||
-          !within_bounds(in, l)) {
+      const bool touches_wrongly = strayed_[l] || jammed(l);
+      if (lane_of(led_.status, l) > RUNNING + 0.5 || slack || weak || touches_wrongly ||
+          !(clear >= in.margin) || !within_bounds(in, l)) {
         release(l);
         continue;
       }
@@ -186,6 +220,7 @@ class Rollouts {
       if (in.goal.kind != UNKNOWN) {
         if (in.goal.kind == POINT) get(clearance_.pose(in.goal.link), 12, l, pose);
         distance = goal_distance<Model>(in.goal, q_D, v_D, v_K, pose);
+        if (in.goal.n_touches && !touching(in.goal, l)) distance += in.goal.open;
       }
       const bool there = distance <= in.goal.tolerance;
       if (!there && look < in.looks) {
@@ -249,7 +284,7 @@ class Rollouts {
   Clearance<Model, Real> clearance_;
   std::vector<Placed<Real>> placed_;
   Real coef_[room(NK * n_powers)], base_[room(QK)];
-  bool still_[room(NK)], active_[width], slackened_[width];
+  bool still_[room(NK)], active_[width], slackened_[width], strayed_[width];
   long long rollout_[width];
   int segment_[width], caught_[width];
 };

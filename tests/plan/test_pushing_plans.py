@@ -1,0 +1,109 @@
+"""Plans that push a prop to its place, and props that are kept off."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.plan.touching_bodies import BOB, DRAWN, HANGING_ARM, before_prop
+
+import fantoccini as fan
+from fantoccini.marionette import link_index
+from fantoccini.planning import Problem, solve
+
+CRATE = {"type": "box", "size": [0.08, 0.12, 0.16], "mass": 0.05}
+BALL = {"type": "sphere", "radius": 0.05, "mass": 0.05}
+MAY = {"touch": [("hand", "crate")]}
+
+
+@pytest.fixture(scope="module")
+def crates() -> tuple[fan.Marionette, fan.State]:
+    scene = before_prop(HANGING_ARM, CRATE, 0.08)
+    return scene, scene.rest(DRAWN)
+
+
+def moved(scene: fan.Marionette, run: fan.Trajectory) -> np.ndarray:
+    """(T, 3) how far the prop went [m]."""
+    place = scene.poses(run.q_D, run.q_K)[:, link_index(scene.model, "crate"), :, 3]
+    return place - place[0]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_an_arm_pushes_a_crate_further(crates, seed):
+    """10 cm on, where it stays: simulated by other steps than the planner's."""
+    scene, x0 = crates
+    goal = fan.Goal.moved(scene, "crate", [0.1, 0.0, 0.0], x0)
+    plan = fan.plan(
+        scene, x0, goal, contact=MAY, tolerance=0.05, seed=seed, time_limit=60.0
+    )
+    assert plan and plan.problem.hold > 0.0 and plan.touches[0].parts == ("hand", "crate")
+    method = fan.TimeStepping(dt=1e-3)
+    run = fan.simulate(scene, x0, plan.inputs, plan.inputs.end + 2.0, method=method)
+    way = moved(scene, run)
+    assert np.linalg.norm(way[-1] - [0.1, 0.0, 0.0]) < 0.05
+    assert np.max(np.abs(run.v_D[-1])) < 0.05
+    first = run.contact.of("hand", "crate").sample[0]
+    assert np.max(np.abs(way[:first])) < 1e-6, "nothing else moves it"
+
+
+def test_a_place_may_be_given_as_coordinates(crates):
+    scene, x0 = crates
+    plan = fan.plan(
+        scene, x0, {"crate.x": (0.24, 0.26)}, contact=MAY, tolerance=0.03, seed=0, time_limit=60.0
+    )
+    assert plan and abs(plan.verify().run.state(-1).q_D[2] - 0.25) < 0.04
+
+
+def test_a_ball_is_pushed_past_its_place():
+    """It would roll on: hold=0 asks for no more than that it comes there."""
+    scene = before_prop(HANGING_ARM, BALL, 0.05)
+    x0 = scene.rest(DRAWN)
+    goal = fan.Goal.point(scene, "crate", [0.25, 0.0, 0.05])
+    plan = fan.plan(
+        scene, x0, goal, contact=MAY, tolerance=0.05, hold=0.0, seed=0, time_limit=60.0
+    )
+    run = plan.verify().run
+    assert plan and np.linalg.norm(moved(scene, run)[-1] - [0.1, 0.0, 0.0]) < 0.05
+    assert len(run.contact.of("hand", "crate")) > 0
+
+
+def test_a_prop_is_kept_off_and_stays_where_it_is(crates):
+    scene, x0 = crates
+    # Behind the crate the arm has room to swing back, and none ahead.
+    plan = fan.plan(scene, x0, {"shoulder": -0.1}, tolerance=0.05, seed=0, time_limit=60.0)
+    made = plan.verify()
+    assert plan and made.arrives and not made.touches and made.clearance > 0.0
+    assert np.max(np.abs(moved(scene, made.run))) < 1e-6
+    through = fan.plan(scene, x0, {"shoulder": 0.4, "elbow": 0.0}, tolerance=0.05, iterations=2000)
+    assert not through
+    along = fan.plan(
+        scene, x0, {"shoulder": 0.4, "elbow": 0.0}, contact=MAY, tolerance=0.1, seed=0,
+        time_limit=60.0,
+    )  # fmt: skip
+    made = along.verify()
+    assert along and made.touches and moved(scene, made.run)[-1, 0] > 0.05
+
+
+@pytest.mark.parametrize(("mass", "goes"), [(0.02, True), (20.0, False)])
+def test_a_crate_that_is_too_heavy_says_how_far_it_came(mass, goes):
+    """A bob on a string pushes by part of its weight."""
+    scene = before_prop(BOB, CRATE | {"mass": mass}, 0.08)
+    x0 = scene.rest()
+    goal = fan.Goal.moved(scene, "crate", [0.1, 0.0, 0.0], x0)
+    problem = Problem(
+        scene, x0, goal, contact={"touch": [("bob", "crate")]}, tolerance=0.05, speed=0.3,
+        acceleration=0.5,
+    )  # fmt: skip
+    plan = solve(problem, seed=0, iterations=None if goes else 1000, time_limit=60.0)
+    assert bool(plan) == goes
+    if goes:
+        return
+    assert plan.status is fan.PlanStatus.APPROXIMATE
+    came = float(plan.message.split("crate came ")[1].split(" m of 0.1 m")[0])
+    assert -0.01 < came < 0.05
+
+
+def test_what_nothing_may_push_cannot_be_pushed(crates):
+    scene, x0 = crates
+    plan = fan.plan(scene, x0, fan.Goal.moved(scene, "crate", [0.1, 0, 0], x0), tolerance=0.05)
+    assert plan.status is fan.PlanStatus.INFEASIBLE_GOAL
+    assert "nothing may touch crate" in plan.message

@@ -1,0 +1,178 @@
+"""Plans that touch what they are asked to, and keep off everything else."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from tests.plan.touching_bodies import POST, over_table
+
+import fantoccini as fan
+from fantoccini.errors import StateError, UnknownNameError
+from fantoccini.planning import Clearance, PlanResult, Problem, Touches, check, solve
+from fantoccini.planning.plan_path import PlanPath
+from fantoccini.planning.polish import PolishStatus
+from fantoccini.planning.rollouts import Rollouts
+
+ARM, START = over_table()
+ON_TABLE = fan.Goal.touch(ARM, [("hand", "table")])
+
+
+@pytest.fixture(scope="module")
+def past_post() -> Problem:
+    return Problem(ARM, START, ON_TABLE, [POST], margin=0.005)
+
+
+@pytest.fixture(scope="module")
+def touch(past_post) -> PlanResult:
+    return solve(past_post, seed=0, time_limit=60.0)
+
+
+@pytest.mark.parametrize("method", ["timestepping", "event"])
+def test_the_hand_touches_the_table_and_keeps_off_the_post(past_post, touch, method):
+    assert touch and touch.status is fan.PlanStatus.EXACT
+    made = touch.verify(method=method)
+    assert made.arrives and made.distance < 1e-5 and not made.fault
+    assert float(Clearance(ARM, [POST], free=[frozenset({"hand", "table"})]).of(made.run).min()) > 0
+    (met,) = made.touches
+    assert met.parts == ("hand", "table") and met.asked and met.force > 0.0
+    assert 0.0 < met.t <= made.run.t[-1]
+    gaps = past_post.touches.gaps(made.run.q_D, made.run.q_K)[:, 0]
+    assert gaps[0] > 0.1 and gaps.min() > -1e-5 and abs(gaps[-1]) < 1e-5
+
+
+def test_the_speed_of_a_touch_is_that_of_the_gap_before_it(touch):
+    """By fixed steps, where it is taken from gaps, and event-driven, where it is located."""
+    speeds = [touch.verify(0.125).touches[0].speed, touch.verify(method="event").touches[0].speed]
+    assert speeds[0] == pytest.approx(speeds[1], rel=0.1) and speeds[1] > 0.01
+    run = touch.verify(method="event").run
+    before = run.at(touch.verify(method="event").touches[0].t - 1e-4)
+    ahead = before.replace(q_D=before.q_D + 1e-5 * before.v_D, q_K=before.q_K + 1e-5 * before.v_K)
+    gaps = [touch.problem.touches.gaps(x.q_D, x.q_K)[0] for x in (before, ahead)]
+    assert (gaps[0] - gaps[1]) / 1e-5 == pytest.approx(speeds[1], rel=0.05)
+
+
+def test_a_plan_that_touches_is_kept_and_replayed(past_post, touch, tmp_path):
+    assert touch.replay()
+    touch.save(tmp_path / "plan.npz")
+    again = PlanResult.load(tmp_path / "plan.npz", past_post)
+    assert again and again.path == touch.path
+    other = Problem(ARM, START, ON_TABLE, [POST], margin=0.005, hold=0.5)
+    with pytest.raises(fan.errors.FileError, match="another problem"):
+        PlanResult.load(tmp_path / "plan.npz", other)
+
+
+def test_what_knows_nothing_of_contact_says_so(past_post, touch):
+    assert solve(past_post, improve=0.05).polished.status is PolishStatus.MAY_TOUCH
+    with pytest.raises(ValueError, match="cannot be polished"):
+        touch.polish()
+    with pytest.raises(ValueError, match="feedback knows nothing"):
+        touch.feedback()
+    with pytest.raises(ValueError, match="knows no contact"):
+        touch.verify(backend="mujoco")
+
+
+def test_a_goal_may_ask_for_a_pose_and_a_touch():
+    goal = fan.Goal.touch(ARM, [("hand", "table")], pose={"shoulder": (0.3, 0.4)})
+    plan = fan.plan(ARM, START, goal, tolerance=0.02, seed=0, time_limit=60.0)
+    made = plan.verify()
+    assert plan and made.touches and 0.28 < made.run.q_D[-1, 0] < 0.42
+
+
+def test_keeping_off_is_the_default():
+    """The arm sinks to above the table, and nothing touches where contact is simulated."""
+    plan = fan.plan(ARM, START, {"shoulder": 0.2, "elbow": 0.35}, tolerance=0.1, seed=0)
+    made = plan.verify(method="event")
+    assert plan and not plan.problem.touches.expected
+    assert made.arrives and not made.touches and made.clearance > 0.0
+    on_table = solve(Problem(ARM, START, ON_TABLE), seed=0).verify().run.state(-1)
+    resting = ARM.rest(on_table)
+    for contact, status in (
+        ("keep off", fan.PlanStatus.INFEASIBLE_START),
+        ({"touch": [("hand", "table")]}, fan.PlanStatus.EXACT),
+    ):
+        lift = fan.plan(ARM, resting, {"elbow": 0.0}, contact=contact, seed=0)
+        assert lift.status is status
+    refused = fan.plan(ARM, resting, {"elbow": 0.0})
+    assert "contact: {touch: [[hand, table]]}" in refused.message
+
+
+def test_touching_what_was_not_asked_for_is_told(touch):
+    """A plan that was made without the post in its way, simulated with it."""
+    free = Problem(ARM, START, ON_TABLE)
+    plan = solve(free, seed=0)
+    at = plan.verify().run.at(0.6 * plan.touches[0].t)
+    tip = ARM.poses(at.q_D, at.q_K)[1] @ [0.2, 0.0, 0.0, 1.0]
+    post = POST | {"size": [0.02, 0.3, 0.02], "at": (tip - [0.0, 0.0, 0.03]).tolist()}
+    asked = Problem(ARM, START, ON_TABLE, [post])
+    made = check.checked(PlanPath(asked, plan.tree, plan.path))
+    (met,) = made.unasked
+    assert not made.arrives and met.parts == ("hand", "post") and met.speed > 0.0
+    assert f"hand touches post at {met.t:.3g} s" in made.fault
+    assert solve(asked, seed=0, time_limit=30.0).verify().unasked == ()
+
+
+def test_rollouts_end_where_something_touches_that_is_kept_off(past_post, touch):
+    """Between looks too: clearance is not measured here."""
+    rollouts, start = past_post.rollouts, np.zeros(1, dtype=int)
+    acceleration = touch.acceleration[None]
+    done = rollouts.where(tolerance=-1.0).simulate(past_post.root, start, acceleration)
+    assert np.all(done.looks > 0)
+    every = np.ones(len(past_post.touches.may), dtype=bool)
+    options = dataclasses.replace(rollouts.options, tolerance=-1.0, margin=-np.inf)
+    strict = Rollouts(
+        past_post.marionette, rollouts.clearance, rollouts.bounds, past_post.goal, options, every
+    )
+    made = strict.simulate(past_post.root, start, acceleration)
+    first = int(np.flatnonzero(made.looks[0] == 0)[0])
+    met = touch.touches[0]
+    assert touch.times[first] <= met.t <= touch.times[first + 1] + rollouts.options.interval
+
+
+def test_a_table_out_of_reach_is_recognised():
+    far = {"name": "shelf", "type": "box", "size": [0.2, 0.3, 0.02], "at": [1.0, 0, 0.4]}
+    goal = fan.Goal.touch(ARM, [("hand", "shelf")])
+    plan = fan.plan(ARM, START, goal, [far], time_limit=60.0)
+    assert plan.status is fan.PlanStatus.INFEASIBLE_GOAL and not plan
+    assert "shelf is at least" in plan.message and "hand reaches no farther than" in plan.message
+
+
+def test_a_search_that_does_not_touch_says_how_far_it_is():
+    """The strings hardly move, which is not recognised beforehand."""
+    plan = fan.plan(
+        ARM, START, ON_TABLE, ranges={"wrist.length": (0.5, 0.6), "sleeve.length": (0.5, 0.61)},
+        iterations=200, time_limit=60.0,
+    )  # fmt: skip
+    assert not plan and plan.status is fan.PlanStatus.APPROXIMATE
+    assert "hand is 0." in plan.message and "m from table" in plan.message
+
+
+@pytest.mark.parametrize(
+    ("contact", "error", "message"),
+    [
+        ("touch", StateError, "must be 'keep off'"),
+        ({"touch": ["hand"]}, StateError, "a pair of names"),
+        ({"touch": [("hand", "tabel")]}, UnknownNameError, "tabel"),
+        ({"touch": [("hand", "upper")]}, UnknownNameError, "upper"),
+    ],
+)
+def test_mistakes_in_what_may_touch(contact, error, message):
+    marionette = ARM
+    if message == "upper":  # of the arm, only the hand may touch the table
+        rules = {"meets": [], "pairs": [{"between": ["hand", "table"], "friction": 0.4}]}
+        puppet = ARM.puppet.model_copy(update={"contact": fan.puppet.Contact(**rules)})
+        marionette = fan.Marionette(puppet)
+    with pytest.raises(error, match=message):
+        Problem(marionette, START, {"elbow": 0.2}, contact=contact)
+
+
+def test_a_puppet_without_contact_touches_nothing():
+    bare = fan.Marionette(ARM.puppet.model_copy(update={"contact": None}))
+    with pytest.raises(StateError, match="says nothing of contact"):
+        Problem(bare, bare.rest(START), fan.Goal.touch(bare, [("hand", "table")]))
+    with pytest.raises(StateError, match="never touch"):
+        Touches(ARM, {"touch": [("table", "table")]})
+    with pytest.raises(StateError, match="a function cannot ask for touches"):
+        goal = fan.Goal.of(ARM, lambda x: x.q_D[..., 0]).touching([("hand", "table")])
+        Problem(ARM, START, goal)
