@@ -80,8 +80,11 @@ def _descended(model: Model, start: State) -> State:
 
 
 def _settled(model: Model, start: State) -> State:
-    check_apart(model, model.states([start]))
-    return settled(model, start)
+    try:
+        return settled(model, start)
+    except StateError:
+        check_apart(model, model.states([start]))  # the likelier reason
+        raise
 
 
 def _hung(model: Model, start: State, found: relaxation.Equilibrium) -> State:
