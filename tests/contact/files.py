@@ -70,3 +70,25 @@ strings:
 - {name: rope, path: [{body: body, at: [0, 0, 0.3]}, {world: [0, 0, 1.5]}], length: driven}
 pose: {tray.z: -0.02, body.z: 0.17, rope.length: 1.0}
 """
+
+STACK = """
+puppet: stack
+floor: 0
+contact: {friction: 0.4}
+bodies:
+- {name: a, joint: {type: free}, shapes: [{type: box, size: [0.3, 0.3, 0.1], mass: 1}]}
+- {name: b, joint: {type: free}, shapes: [{type: box, size: [0.2, 0.2, 0.1], mass: 1}]}
+"""
+
+LOGS = """
+puppet: logs
+floor: 0
+contact: {friction: 0.4}
+bodies:
+- name: a
+  joint: {type: free}
+  shapes: [{type: capsule, from: [-0.1, 0, 0], to: [0.1, 0, 0], radius: 0.03, mass: 1}]
+- name: b
+  joint: {type: free}
+  shapes: [{type: capsule, from: [-0.1, 0, 0], to: [0.1, 0, 0], radius: 0.04, mass: 1}]
+"""

@@ -9,7 +9,7 @@ import pytest
 
 import fantoccini as fan
 from contact.bodies import thrown
-from contact.files import ACROBAT, BALL, BALLS, BOX, CAPSULE, EGG
+from contact.files import ACROBAT, BALL, BALLS, BOX, CAPSULE, EGG, LOGS, STACK
 from oracles.differences import apart, difference, moved, worst
 
 DT = 0.002
@@ -155,6 +155,19 @@ def test_a_capsule_lies_and_slides():
     check_step(puppet, puppet.state(low), ["stick"] * 2, steps=Steps(q=1e-8))
     speed = {"body.x": 0.3, "body.y": 0.4, "body.wz": 0.3}
     check_step(puppet, thrown(puppet, low, speed), ["slide"] * 2)
+
+
+def test_boxes_stacked_and_logs_that_lie_on_one_another():
+    """Flat on flat: points are smooth over small tilts only."""
+    flat = Steps(q=1e-8, v=1e-5, a=1e-3)
+    stack = fan.loads(STACK)
+    check_step(stack, stack.state({"a.z": 0.05, "b.z": 0.15}), ["stick"] * 8, steps=flat)
+    logs = fan.loads(LOGS)
+    x = thrown(
+        logs, {"a.z": 0.03, "b.z": 0.1, "b.x": 0.05}, {"b.x": 0.1, "b.wx": 0.2, "b.wz": 0.1}
+    )
+    modes = ["stick", "stick", "slide", "slide"]
+    check_step(logs, x, modes, steps=flat)
 
 
 def test_an_egg_rolls_on_a_floor_and_slides_on_a_dome():

@@ -124,7 +124,8 @@ def step_contacts(
         for feature, values in pair.points.items():
             if feature not in taken:
                 gap, point, normal = values[0], values[1:4], values[4:]
-                opens = pair.velocity(after, point) @ normal + gap / dt
+                parting = min(-gap / dt, LIMITS.recovery_speed)
+                opens = pair.velocity(after, point) @ normal - parting
                 open_points.append((name, pair, feature, float(opens)))
     edges += closed_without_force(after, held, open_points, still)
     return Contacts(tuple(held), tuple(dict.fromkeys(edges)))
