@@ -36,7 +36,7 @@ tolerance: 0.05
 """
 
 YARD = """\
-scene: yard
+scene: floor
 floor: 0
 contact: {friction: 0.4}
 puppets: [{name: one, puppet: hanging.yaml}]

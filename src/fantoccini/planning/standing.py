@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.arrays import Array, ConfigD, ConfigK, MaskRows
-from fantoccini.errors import StateError
-from fantoccini.marionette import Marionette
-from fantoccini.marionette.settling import settled
-from fantoccini.motion import State
+from fantoccini.errors import StateError, Status
+from fantoccini.marionette import Marionette, TimeStepping
+from fantoccini.motion import Input, State, Trajectory
 from fantoccini.planning.balance import balanced, best_support
 from fantoccini.planning.goals import Goal
 from fantoccini.planning.rollouts import Rollouts
@@ -27,8 +26,16 @@ class _Tolerances:
     """How far the strings let the puppet down from where its feet just touch [m]."""
     spare: float = 1.25
     """Share of the weight that is aimed for, relative to the one that is asked for."""
-    weighed: float = 0.2
-    """How long a puppet at rest is watched to weigh what it stands on [s]."""
+    above: float = 0.01
+    """Height above that place from which the puppet is let down [m]."""
+    lowering: float = 1.0
+    """How long it is let down [s]."""
+    settling: float = 1.5
+    """How long it then has to come to rest [s]."""
+    dt: float = 0.002
+    """Step of these runs [s]."""
+    closed: float = 1e-5
+    """Gap up to which feet stand on what is below them [m]."""
     difference: float = 1e-6
     """Step of finite differences [m or rad]."""
     min_tension: float = 1e-6
@@ -73,17 +80,22 @@ def stance(goal: Goal, start: State, rollouts: Rollouts, touches: Touches) -> St
     way = _lower(marionette, q_D, q_K, bounds.moves)
     wanted = min(1.0, _TOLERANCES.spare * (goal.share or 0.0))
     best, nearest = Stance(None, 0.0, ""), np.inf
+    raised = q_K - _TOLERANCES.above * way
+    try:
+        above = marionette.rest(start.replace(q_D=q_D, q_K=raised))
+    except StateError as error:
+        return Stance(None, 0.0, f"no rest was found above the stance: {error}")
     for down in _TOLERANCES.lowered:
         lowered = q_K + down * way
         if not np.all((lowered >= bounds.low) & (lowered <= bounds.high)):
             continue
-        try:
-            found = settled(marionette.model, start.replace(q_D=q_D, q_K=lowered))
-        except StateError:
+        run = _let_down(marionette, above, lowered)
+        found, share = run.state(-1), carried(marionette, run)
+        found = found.replace(v_D=np.zeros_like(found.v_D), v_K=np.zeros_like(found.v_K))
+        rests = np.all(touches.gaps(found.q_D, found.q_K) < _TOLERANCES.closed)
+        if run.status is not Status.DONE or not rests:
             continue
-        if not np.all(touches.gaps(found.q_D, found.q_K) < _TOLERANCES.difference):
-            continue
-        share, distance = _share(marionette, found), _distance(goal, found)
+        distance = float(goal.distance(StateArrays.of(found))[0])
         nearest = min(nearest, distance)
         if share >= wanted and distance <= rollouts.stop_distance:
             return Stance(found, share, "")
@@ -99,16 +111,16 @@ def stance(goal: Goal, start: State, rollouts: Rollouts, touches: Touches) -> St
     return Stance(best.state, best.share, note)
 
 
-def _distance(goal: Goal, x: State) -> float:
-    return float(goal.distance(StateArrays.of(x))[0])
-
-
-def _share(marionette: Marionette, x: State) -> float:
-    """The part of the weight that rests on what a puppet touches."""
-    run = simulate(
-        marionette, x.replace(t=0.0), t_end=_TOLERANCES.weighed, method="timestepping", throw=False
-    )
-    return carried(marionette, run)
+def _let_down(marionette: Marionette, x: State, q_K: ConfigK) -> Trajectory:
+    """A puppet is let down from a state to driven coordinates (n_qK,), and comes to rest there."""
+    half, last = 0.5 * _TOLERANCES.lowering, _TOLERANCES.settling
+    table, acceleration = marionette.coordinates, np.zeros((3, marionette.coordinates.n_vK))
+    for q, v in table.scalars_K:
+        acceleration[:2, v] = np.array([1.0, -1.0]) * (q_K[q] - x.q_K[q]) / half**2
+    times = np.array([0.0, half, 2.0 * half, 2.0 * half + last])
+    inputs = Input.segments(marionette, times, x.q_K, np.zeros(table.n_vK), acceleration)
+    method = TimeStepping(dt=_TOLERANCES.dt)
+    return simulate(marionette, x.replace(t=0.0), inputs, method=method, throw=False)
 
 
 def _lower(marionette: Marionette, q_D: ConfigD, q_K: ConfigK, moves: MaskRows) -> Array:
