@@ -14,7 +14,7 @@ PERFORMANCES = Path(fan.puppets.__file__).parent / "performances"
 
 @pytest.mark.parametrize(
     ("name", "performance", "duration"),
-    [("promenade", "walk", 0.4), ("stroll", "stroll", 0.7), ("visit", "visit", 1.2)],
+    [("promenade", "walk", 0.25), ("stroll", "stroll", 0.7), ("visit", "visit", 1.2)],
 )
 def test_a_bundled_scene_runs_event_driven(name, performance, duration):
     stage = getattr(fan.puppets, name)()
