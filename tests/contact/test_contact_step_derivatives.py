@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+import trimesh
 
 import fantoccini as fan
 from contact.bodies import thrown
@@ -168,6 +169,20 @@ def test_boxes_stacked_and_logs_that_lie_on_one_another():
     )
     modes = ["stick", "stick", "slide", "slide"]
     check_step(logs, x, modes, steps=flat)
+
+
+def test_a_mesh_on_its_facet(tmp_path):
+    """A wedge lies on four points, one more than its facet needs."""
+    ground = [[0, 0, 0], [0.4, 0, 0], [0, 0.2, 0], [0.4, 0.2, 0]]
+    points = np.array([*ground, [0, 0, 0.1], [0, 0.2, 0.1]])
+    mesh = trimesh.convex.convex_hull(points)
+    (tmp_path / "wedge.obj").write_text(mesh.export(file_type="obj", digits=17))
+    text = BOX.replace("{type: box, size: [0.2, 0.3, 0.1], mass: 1}",
+                       "{type: mesh, file: wedge.obj, mass: 1}")  # fmt: skip
+    (tmp_path / "wedge.yaml").write_text(text)
+    wedge = fan.load(tmp_path / "wedge.yaml")
+    x = wedge.state({"body.z": 0.0})
+    check_step(wedge, x, ["stick"] * 4, steps=Steps(q=1e-8, v=1e-4))
 
 
 def test_an_egg_rolls_on_a_floor_and_slides_on_a_dome():

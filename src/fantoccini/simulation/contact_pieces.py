@@ -80,8 +80,10 @@ class ContactPieces:
 
     def stops(self, i: int, modes: Sequence[PointMode]) -> bool:
         """Whether a point that slides in some modes is at rest at a sample."""
-        seen, still = self._points(i), self._still(i)
         sliding = [p for p in modes if p.mode is ContactMode.SLIDE and p.friction > 0.0]
+        if not sliding:
+            return False
+        seen, still = self._points(i), self._still(i)
         at = [seen.get((p.pair, p.feature)) for p in sliding]
         return any(own is not None and own.speed <= still for own in at)
 
