@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
 .PHONY: demo show test test-portable gallery docs architecture bench bench-plan
-.PHONY: soak soak-rests strings-report growth-report long-runs-report stage-report
+.PHONY: soak soak-crowds soak-rests strings-report growth-report long-runs-report stage-report
 .PHONY: reduction-report reports lint wheel clean
 .NOTPARALLEL:
 
@@ -43,6 +43,10 @@ bench-plan: $(VENV)/stamp-bench
 
 soak: $(VENV)/stamp-test
 	PYTHONPATH=tests $(BIN)/python -m properties.soak
+
+# A million short runs of stages, in compiled batches. CROWDS="--runs 20000 --workers 1" for fewer.
+soak-crowds: $(VENV)/stamp-test
+	PYTHONPATH=tests $(BIN)/python -m properties.crowds $(CROWDS)
 
 # A thousand puppets that have a rest: is one found for each?
 soak-rests: $(VENV)/stamp-test

@@ -378,15 +378,16 @@ bodies:
 
 
 @pytest.mark.parametrize(("yaw", "mu", "over", "speed", "lifts"), [
-    (0.4, 0.5, 0.02, 0.0, 0.217733), (0.4, 1.0, 0.02, 0.0, 0.219386), (0.4, 0.2, 0.0, 0.5, 0.165728),
-    (0.0, 0.3, -0.1, 1.5, 0.159065), (0.4, 0.0, -0.1, 1.5, 0.146876), (0.7, 0.3, -0.05, 3.0, 0.056814),
+    (0.4, 0.5, 0.02, 0.0, 0.217733), (0.4, 1.0, 0.02, 0.0, 0.219386),
+    (0.4, 0.2, 0.0, 0.5, 0.165728), (0.0, 0.3, -0.1, 1.5, 0.159065),
+    (0.4, 0.0, -0.1, 1.5, 0.146876), (0.7, 0.3, -0.05, 3.0, 0.056814),
     (0.3, 0.5, -0.1, 1.5, 0.185721),
 ])  # fmt: skip
 def test_a_box_that_tips_over_a_tables_edge_slides_off_it_without_false_events(
     yaw, mu, over, speed, lifts
 ):
-    """Flat, about the edge, and over the corners that leave it: nothing is lost or struck, and forces
-    obey the law to the instants at which they stop."""
+    """Flat, about the edge, and over the corners that leave it: nothing is lost or struck, and
+    forces obey the law to the instants at which they stop."""
     marionette = fan.loads(f"""
 puppet: edge
 contact: {{friction: {mu}}}

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from properties import puppets, stages
+from properties import crowds, puppets, stages
 from properties.check import METHODS, checked, simulated
 from properties.performances import performance
 from properties.soak import soak
@@ -44,6 +45,23 @@ def test_stages():
     assert tally.runs >= STAGED and tally.catches >= STAGED
     lines = [f"{n} x {what}: {found[0][1].cases[0][1]}" for what, n, found in tally.kinds()]
     assert not lines, "\n".join(["broken properties, each with a command that shows it:", *lines])
+
+
+def test_a_crowd_keeps_the_rules_and_its_runs_can_be_run_alone():
+    """What fails among very many runs is found again by its command."""
+    count = crowds.counted("balls", 1, "timestepping")
+    assert count.runs == crowds.SIZES["timestepping"] and count.touched > count.runs // 2
+    assert not count.failures, count.commands
+    given = crowds.crowd("balls", 1, "timestepping")
+    whole = crowds.ran(given)
+    one = crowds.ran(replace(given, starts=given.starts[7:8]))
+    assert np.array_equal(whole.q_D[7], one.q_D[0])
+
+
+def test_friction_that_jams_ends_event_driven_runs_by_name():
+    """Two boxes whose sliding corners push ever harder, found in a crowd: Painleve's jam."""
+    count = crowds.counted("crates", 20, "event")
+    assert count.by_status["event"]["NO_UNIQUE_MOTION"] >= 1 and not count.failures
 
 
 # Wedged bodies, a ball jammed under a pole, a winch at its bound beside contacts.

@@ -180,7 +180,7 @@ struct EventRun : EventInstants<Model> {
       } else if (s > Tolerance::sliver * left) {
         s = Tolerance::sliver * left;  // no sliver before the target
       }
-      if (s < guards.resolution()) return STEP_TOO_SMALL;
+      if (s < guards.resolution()) return flow.contacts.jamming() ? NO_UNIQUE_MOTION : STEP_TOO_SMALL;
       ++n_steps;
       if (n_steps >= flow.opt.max_steps) return TOO_MANY_STEPS;
       flow.stages(s);

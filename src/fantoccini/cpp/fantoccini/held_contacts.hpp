@@ -167,6 +167,13 @@ class HeldContacts : public FollowedPoints<Model> {
     return 1.0 + mu * (G_[i * n_ + i + 1] * d[0] + G_[i * n_ + i + 2] * d[1]) / G_[i * n_ + i];
   }
 
+  // Whether friction is about to jam a point: forces grow without bound, in ever shorter steps.
+  bool jamming() const {
+    for (int c = 0; c < n; ++c)
+      if (at[c].mode == SLIDING && found_[c] && influence(c) < Tolerance::jamming_influence) return true;
+    return false;
+  }
+
   // Remembers the latest forces as those of an event.
   template <class F>
   void keep_forces(const F& f) {
