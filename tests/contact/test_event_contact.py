@@ -403,3 +403,31 @@ bodies:
     assert run.contact_residual.max() < 1e-7
     assert [event.kind for event in run.events] == ["slide", "lift"][mu == 0.0 :]
     assert abs(of(run, "lift")[0].t - lifts) < 1e-5
+
+
+def test_friction_is_against_the_motion_from_the_instant_in_which_a_point_begins_to_slide():
+    """A capsule that lands on one end: its friction turns with its velocity, in long steps, too."""
+    rod = fan.loads("""
+puppet: rod
+floor: 0
+contact: {friction: 0.4}
+bodies:
+- name: body
+  joint: {type: free}
+  shapes: [{type: capsule, from: [-0.1, 0, 0], to: [0.15, 0, 0], radius: 0.03, mass: 1}]
+""")
+    q = np.array([6e-4, -3.294e-2, 0.2450911, 0.612495, 0.162819, 0.032402, 0.772845])
+    q[3:] /= np.linalg.norm(q[3:])
+    v = np.array([-1.06118, 0.2702, -1.00073, 0.50413, -0.34975, 0.49673])
+    start = rod.state().replace(q_D=q, v_D=v)
+    ends = []
+    for longest in (0.1, 0.001):
+        run = fan.simulate(rod, start, t_end=0.14, method=fan.Event(max_step=longest))
+        across = run.contact.velocity[:, :2], run.contact.force[:, :2]
+        u, f = (np.linalg.norm(part, axis=1) for part in across)
+        slides = (u > 1e-3) & (f > 1e-3)
+        assert slides.sum() > 2
+        against = across[0] / u[:, None] + across[1] / f[:, None]
+        assert np.abs(against[slides]).max() < 1e-9
+        ends.append(run.v_D[-1])
+    assert ends[0] == pytest.approx(ends[1], abs=1e-8)

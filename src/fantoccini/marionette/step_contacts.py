@@ -33,6 +33,7 @@ class ModeTolerances:
     acceleration: float = 1e-6  # Of a point that stays where it is [m/s^2]
     same_place: float = 1e-9  # Distance of points that are one [m]
     dependent: float = 1e-7  # Part of a row that others do not give: below, it follows from them
+    askew: float = 1e-6  # Angle between directions of sliding that are one [rad]
 
 
 TOLERANCES = ModeTolerances()
@@ -229,7 +230,26 @@ def closed_without_force(
         rest = row - span.T @ (span @ row)
         if np.linalg.norm(rest) > TOLERANCES.dependent * np.linalg.norm(row):
             edges.append(f"{name}: touches without force")
+        elif _slides_askew(pair.velocity(screws, values[1:4]), values[4:], pair.pair, held, still):
+            edges.append(f"{name}: touches without force, and slides askew of those that push")
     return edges
+
+
+def _slides_askew(
+    u: Array, normal: Array, pair: int, held: Sequence[HeldPoint], still: float
+) -> bool:
+    """Whether a point with velocity u would have friction in another direction than those held.
+
+    A motion near by may then put force on it instead of on them, which turns it otherwise.
+    """
+    across = u - normal * (normal @ u)
+    speed = float(np.linalg.norm(across))
+    return any(
+        point.pair == pair and point.mode is ContactMode.SLIDE and point.friction > 0.0
+        and (speed <= still
+             or np.linalg.norm(np.cross(point.along, across)) > TOLERANCES.askew * speed)
+        for point in held
+    )  # fmt: skip
 
 
 def _subspace(screws: Screws, links: tuple[int, int], point: Array) -> Array:

@@ -117,7 +117,8 @@ def sensitivity(
     if ends and run.contact is not None and len(run.contact):
         raise StateError(
             f"bounces accumulate at t = {ends[0]:.6g} s: infinitely many impacts have no "
-            "derivative. Let the run end earlier, or set restitution to 0"
+            "derivative. Let the run end earlier; what springs back, and does not rock, may be "
+            "given restitution 0"
         )
     t_end = inputs.end if t_end is None else float(t_end)
     bound = bind_input(marionette.model, inputs, x0.q_K, x0.v_K, x0.t, t_end)

@@ -59,8 +59,8 @@ class ContactProblem {
       if (groups_.at(some_[i].group) == group) triple_[n_triple_++] = some_[i].which;
   }
 
-  // G, b and mu of lane l's problem. G in order: three numbers are written as a register of four, whose last the
-  // next ones replace.
+  // G, b and mu of lane l's problem. G in order: three numbers are written as a register of four,
+  // whose last the next ones replace.
   FAN_FN void write(int l, const RowSystem<Model, Real>& rows) {
     cone_.n_single = n_single_;
     cone_.n_contacts = n_triple_;
@@ -77,7 +77,7 @@ class ContactProblem {
       const Real* row = from + single_[i] * stride;
       for (int j = 0; j < n_single_; ++j) *out++ = lane_of(row[single_[j]], l);
       for (int j = 0; j < n_triple_; ++j, out += 3)
-        quad(out) = columns_.across[triple_[j]][single_[i]].in(l);
+        columns_.across[triple_[j]][single_[i]].put(l, quad(out));
     }
     for (int i = 0; i < n_triple_; ++i)
       for (int d = 0; d < 3; ++d) {
@@ -85,7 +85,7 @@ class ContactProblem {
         for (int j = 0; j < n_single_; ++j)
           *out++ = lane_of(columns_.across[own][single_[j]][d], l);
         for (int j = 0; j <= i; ++j, out += 3)
-          quad(out) = columns_.row_of_block(own, triple_[j], d).in(l);
+          columns_.row_of_block(own, triple_[j], d).put(l, quad(out));
         for (int j = i + 1; j < n_triple_; ++j)
           for (int e = 0; e < 3; ++e)
             *out++ = lane_of(columns_.row_of_block(triple_[j], own, e)[d], l);

@@ -419,11 +419,11 @@ class HeldContacts : public FollowedPoints<Model> {
     }
   }
 
-  // The direction of friction at sliding point c in its tangents: that of hdot_T, or the one kept
-  // where it is at rest or turns back.
+  // The direction of friction at sliding point c in its tangents: that of hdot_T, also within the
+  // step in which it begins to slide; or the one kept, where it is at rest or turns back.
   void find_direction(int c) {
     double* d = direction_[c];
-    const bool own = at[c].moving && along(c) > Tolerance::stopped;
+    const bool own = along(c) > Tolerance::stopped;
     for (int k = 0; k < 2; ++k)
       d[k] = own ? hdot[3 * c + 1 + k] : dot3(frame_[c] + 3 * (k + 1), at[c].along);
     const double size = sqrt(d[0] * d[0] + d[1] * d[1]);

@@ -18,8 +18,10 @@ struct Triple {
     FAN_UNROLL for (int d = 0; d < 3; ++d) of[d] += by * x.of[d];
   }
 
-  // Those of one lane.
-  FAN_FN Quad in(int lane) const { return Quad{of[0][lane], of[1][lane], of[2][lane], 0.0}; }
+  // Writes those of one lane.
+  FAN_FN void put(int lane, QuadInPlace& out) const {
+    out = Quad{of[0][lane], of[1][lane], of[2][lane], 0.0};
+  }
 
   // this <- this + by x in one lane.
   FAN_FN void add_in(int lane, double by, const Quad& x) {
@@ -34,7 +36,7 @@ struct Triple<double> {
   FAN_FN double operator[](int d) const { return of[d]; }
   FAN_FN void clear() { of = Quad{}; }
   FAN_FN void add(double by, const Triple& x) { of += by * x.of; }
-  FAN_FN Quad in(int) const { return of; }
+  FAN_FN void put(int, QuadInPlace& out) const { out = of; }
   FAN_FN void add_in(int, double by, const Quad& x) { of += by * x; }
 };
 
