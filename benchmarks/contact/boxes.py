@@ -12,7 +12,7 @@ from fantoccini.puppet import Box
 
 
 class Unlike(Exception):
-    """An engine cannot have a scene, or not what is asked of it."""
+    """An engine cannot represent a scene, or does not provide the quantity that is measured."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Section 6: what variational steps with impacts would be worth, beside those that there are.
+"""Section 6: variational steps with impacts, compared with the two methods that know contact.
 
 A pendulum knocks on a wall and springs back. Where a step ends behind the wall, variational steps
 are given the impact there, as any fixed step of theirs would have it somewhere within the step.

@@ -171,7 +171,7 @@ def siconos(problem: Problem, python: str, solver: str) -> Answer | None:
 
 
 def chapter(folder: Path | None, python: str | None) -> Chapter:
-    """The section on a folder of problems; without a folder, it says what is missing."""
+    """The section on the problems in a folder; without a folder, how to supply one."""
     title = "7. Problems of others"
     files = sorted(folder.glob("*.dat")) if folder else []
     problems = [p for f in files if not f.name.startswith(OTHERS) and (p := parsed(f))]

@@ -259,7 +259,7 @@ def _of_several(line: str) -> str:
     for old, new in _NAMES:
         line = line.replace(old, new)
     into, value = line.strip(" ;").split(" = ", 1)
-    # What is handed on, and a result that is constant, may be a double.
+    # Values passed to the next piece, and constant results, may be doubles: V{} + value is a V.
     is_double = into.startswith("w[") or (into.startswith("y[") and not value.startswith("t"))
     return f"  {into} = V{{}} + {value};" if is_double else line
 
