@@ -108,7 +108,8 @@ struct Bundle {
     fan::Options options = {};
     options.dt = dt;
     options.tension_cap = 1e7;
-    led.set(t, options, winches, p);
+    led.set(t, options, winches);
+    for (int i = 0; i < Model::n_p; ++i) led.p()[i] = p[i];
     auto& in = drive.inputs;
     for (int i = 0; i < S; ++i) led.slip()[i] = Real(0.0);
     for (int k = 0; k < N; ++k) in.u_D[k] = Real(0.0);

@@ -222,3 +222,61 @@ def test_random_inputs_wander_within_reach_and_are_the_same_again():
     only = wandering(4, only=["hand.length"]).bound(X0.q_K).evaluate(0.3)[0] - X0.q_K
     moved = np.any(only != 0, axis=0)
     assert [ARM.coordinates.q_K[i] for i in np.flatnonzero(moved)] == ["hand.length"]
+
+
+@pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
+def test_each_run_may_have_its_own_parameters(method):
+    """Domain randomisation: a run of the batch is that of the puppet with its parameters."""
+    masses = np.linspace(0.05, 0.3, 11)
+    lift = fan.Input.waypoints(ARM, {"hand.length": [(0, X0["hand.length"]), (END, 0.6)]})
+    how = {"t_end": END, "method": method}
+    many = fan.simulate_batch(ARM, X0, lift, save="all", parameters={"m2": masses}, **how)
+    assert np.ptp(many.q_D[:, -1], axis=0).max() > 1e-3
+    assert np.array_equal(many.parameters["m2"], masses)
+    assert np.all(many.parameters["m1"] == 0.12)
+    for i, mass in enumerate(masses):
+        own = ARM.with_parameters({"m2": mass})
+        alone = fan.simulate_batch(own, X0, lift, save="all", **how)
+        # Event-driven tolerances of energies are relative to the weight of the marionette given.
+        if method == "event":
+            assert np.allclose(many.q_D[i], alone.q_D[0], rtol=0, atol=1e-7)
+            assert np.allclose(many.tension.values[i], alone.tension.values[0], rtol=1e-5)
+        else:
+            assert same(many, alone, slice(i, i + 1))
+        assert own.model.described == many.trajectory(i).puppet
+
+
+@pytest.mark.parametrize(
+    ("parameters", "error", "says"),
+    [
+        ({"m3": 1.0}, fan.UnknownNameError, "m3"),
+        ({"m2": [1.0, np.nan]}, fan.StateError, "parameter m2: found nan"),
+        ({"m2": [[1.0]]}, ValueError, r"shape \(1, 1\)"),
+        ({"m2": [0.1, -0.1, 0.2]}, fan.PuppetError, "mass"),
+        ({"m1": [0.1, 0.2], "m2": [0.1, 0.2, 0.3]}, ValueError, "2 of m1, 3 of m2"),
+    ],
+)
+def test_parameters_of_a_batch_that_cannot_be(parameters, error, says):
+    with pytest.raises(error, match=says):
+        fan.simulate_batch(ARM, X0, t_end=END, parameters=parameters)
+
+
+def test_parameters_inputs_and_states_are_as_many():
+    with pytest.raises(ValueError, match="3 values of parameters"):
+        fan.simulate_batch(ARM, X0, wandering(2), t_end=END, parameters={"m2": [0.1, 0.2, 0.3]})
+
+
+def test_the_parameters_of_winches_are_shared():
+    arm = fan.loads(
+        """
+puppet: weight
+bodies: [{name: bob, joint: {type: free}, shapes: [{type: sphere, radius: 0.03, mass: 0.1}]}]
+strings:
+- {name: line, path: [{body: bob, at: [0, 0, 0]}, {driven: [x], at: [0, 0, 1]}], length: 0.5,
+   max_tension: {parameter: grip, value: 3}}
+"""
+    )
+    x0 = arm.state({"bob.z": 0.5})
+    with pytest.raises(fan.StateError, match="grip belongs to the winch of line"):
+        fan.simulate_batch(arm, x0, t_end=0.1, parameters={"grip": [2.0, 3.0]})
+    fan.simulate_batch(arm, x0, t_end=0.1, parameters={"grip": 3.0})

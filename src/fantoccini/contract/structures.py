@@ -149,7 +149,7 @@ STRUCTURES: tuple[Structure, ...] = (
         Field("coef", "Shared"),
         Field("base", "Shared"),
         Field("force", "Shared"),
-        Field("p", _IN, "of all"),
+        Field("p", "Shared"),
         Field("winches", _IN, "of all"),
         Field("options", "Options"),
         Field("save_every", "int", "fixed steps from sample to sample"),

@@ -33,6 +33,7 @@ from fantoccini.marionette.methods import (
 )
 from fantoccini.marionette.model import Model
 from fantoccini.marionette.modes import Mode, Modes
+from fantoccini.marionette.parameter_rows import parameter_rows
 from fantoccini.marionette.plausible import InputWarning, input_warnings, warnings
 from fantoccini.marionette.portable import PortablePuppet
 from fantoccini.marionette.redundant import (
@@ -92,6 +93,7 @@ __all__ = [
     "load",
     "loads",
     "may_be_redundant",
+    "parameter_rows",
     "refuse_contact",
     "warnings",
 ]

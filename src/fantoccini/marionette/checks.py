@@ -125,13 +125,26 @@ def check_start(model: Model, x: State, method: str = "event") -> None:
     check_starts(model, model.states([x]), method)
 
 
-def check_starts(model: Model, states: States, method: str = "event") -> None:
-    """:func:`check_start` of many states; the first wrong one is reported."""
+def check_starts(
+    model: Model, states: States, method: str = "event", p: Array | None = None
+) -> None:
+    """:func:`check_start` of many states; the first wrong one is reported.
+
+    Args:
+        model: the puppet.
+        states: one for all parameters, or one for each.
+        method: of the runs.
+        p: (1 or n, n_p) parameters of the runs; the model's own when not given.
+    """
+    p = model.p[None] if p is None else p
     stepped = method == "timestepping"
     _check_contact(model, states, method)
+    if len(states) == 1 and len(p) > 1:
+        states = states.repeated(len(p))
     for first in range(0, len(states), _STATES_AT_ONCE):
         some = states.some(slice(first, first + _STATES_AT_ONCE))
-        h, hdot = _rows_of(model, some)
+        own = p if len(p) == 1 else p[first : first + _STATES_AT_ONCE]
+        h, hdot = _rows_of(model, some, own)
         scale = model.row_scales(some.q_D, some.q_K)
         wires, firm = model.two_sided, ~np.isfinite(model.upper)
         near = (TOLERANCES.stepped_gap if stepped else TOLERANCES.start_gap) * scale
@@ -209,11 +222,11 @@ def _check_event_contact(model: Model) -> None:
         )
 
 
-def _rows_of(model: Model, x: States) -> tuple[Array, Array]:
-    """h and hdot (n, n_rows) of states."""
+def _rows_of(model: Model, x: States, p: Array) -> tuple[Array, Array]:
+    """h and hdot (n, n_rows) of states at parameters (1 or n, n_p)."""
     tree, table = model.tree, model.coordinates
     still = {"acc_K": np.zeros(table.n_vK), "u_D": np.zeros(table.n_vD)}
-    on = model.library.evaluate("dynamics", **model.at(x), **still)
+    on = model.library.evaluate("dynamics", **model.at(x, p), **still)
     hdot_limit = np.zeros_like(on.h_limit)
     for i, limit in enumerate(tree.limits):
         place = tree.links[limit.link].v

@@ -104,6 +104,10 @@ class Model:
         self.puppet.with_values(dict(values))
         return dataclasses.replace(self, p=p, winches=_winches(self.tree, p))
 
+    def with_p(self, p: Array) -> Model:
+        """The same puppet with parameters (n_p,) that are known to be right."""
+        return self if np.array_equal(p, self.p) else dataclasses.replace(self, p=p.copy())
+
     def with_winches(self, winches: Array) -> Model:
         """The same puppet on other winches; see :meth:`Marionette.with_winches`."""
         table = np.array(winches, dtype=float)
@@ -268,9 +272,10 @@ class Model:
         """Raises :class:`StateError` unless ``x`` is a state of this puppet."""
         check_size(x, self.coordinates, self.tree.n_rows)
 
-    def at(self, x: State | States) -> dict[str, Array]:
-        """Arguments of compiled functions: q_D, v_D, q_K, v_K and p."""
-        return {"q_D": x.q_D, "v_D": x.v_D, "q_K": x.q_K, "v_K": x.v_K, "p": self.p}
+    def at(self, x: State | States, p: Array | None = None) -> dict[str, Array]:
+        """Arguments of compiled functions: q_D, v_D, q_K, v_K and p, by default the model's own."""
+        p = self.p if p is None else p
+        return {"q_D": x.q_D, "v_D": x.v_D, "q_K": x.q_K, "v_K": x.v_K, "p": p}
 
     def states(self, states: Sequence[State]) -> States:
         """States of this puppet, stacked.

@@ -193,6 +193,11 @@ class States:
     def __len__(self) -> int:
         return len(self.q_D)
 
+    def repeated(self, n: int) -> States:
+        """A single one, n times."""
+        parts = {name: getattr(self, name) for name in (*_MOTION, "taut", "slip")}
+        return States(self.t, **{k: np.repeat(x, n, axis=0) for k, x in parts.items()})
+
     def some(self, lanes: slice) -> States:
         """Those of a slice."""
         parts = {name: getattr(self, name)[lanes] for name in (*_MOTION, "taut", "slip")}

@@ -43,6 +43,7 @@ class Trajectories:
         method: event, timestepping or variational.
         coordinates: names and places of the coordinates.
         puppet: what moved.
+        parameters: (n,) by name, of each run.
         q_D, v_D, acc_D, q_K, v_K, acc_K: (n, T, ...) as of :class:`Trajectory`.
         tension, limit_force, taut, ledger, slip: (n, T) by name, as of :class:`Trajectory`.
         contact_residual: (n, T) of the laws of contact, as of :class:`Trajectory`.
@@ -58,6 +59,7 @@ class Trajectories:
     method: str
     coordinates: CoordinateTable
     puppet: Puppet | None = None
+    parameters: Columns | None = None
     q_D: Array | None = None
     v_D: Array | None = None
     acc_D: Array | None = None
@@ -125,9 +127,16 @@ class Trajectories:
             status=Status(int(self.status[i])),
             method=self.method,
             coordinates=self.coordinates,
-            puppet=self.puppet,
+            puppet=self._puppet(i),
             blamed=self.blamed(i),
         )
+
+    def _puppet(self, i: int) -> Puppet | None:
+        """The puppet with the parameters of run i."""
+        if self.puppet is None or self.parameters is None:
+            return self.puppet
+        own = {name: float(self.parameters[name][i]) for name in self.parameters}
+        return self.puppet.with_values(own) if own else self.puppet
 
     def _columns(self, name: str, i: int, samples: slice) -> Columns:
         table: Columns = getattr(self, name)

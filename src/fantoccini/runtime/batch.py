@@ -49,7 +49,7 @@ class Batch:
         t, t_end: start and end of all [s].
         q_D, v_D, slip: the start states.
         breaks, coef, base, force: the bound inputs; ``force`` may be None.
-        p: (n_p,) parameters.
+        p: (n or 1, n_p) parameters.
         winches: (n_strings, 3) as for :class:`fantoccini.runtime.Run`.
         options: of the runs.
         times: (T,) of the samples: read by event-driven runs, written by fixed steps [s].
@@ -148,7 +148,7 @@ class Batch:
             n_segments=self.coef.shape[1],
             breaks=shared(self.breaks), coef=shared(self.coef), base=shared(self.base),
             force=shared(self.force),
-            p=held(self.p), winches=held(np.minimum(self.winches, UNLIMITED)),
+            p=shared(self.p), winches=held(np.minimum(self.winches, UNLIMITED)),
             options=self.options.structure(),
             save_every=self.options.save_every,
             save_at=held(self.times), n_samples=len(self.times),

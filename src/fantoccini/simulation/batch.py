@@ -29,8 +29,9 @@ from fantoccini.marionette import (
     count_samples,
     first_excess_tension,
     may_be_redundant,
+    parameter_rows,
 )
-from fantoccini.motion import SAVED, Columns, Input, Inputs, State, Trajectories
+from fantoccini.motion import SAVED, Columns, Input, Inputs, State, States, Trajectories
 from fantoccini.motion.trajectories import RESIDUAL
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Batch, RunOptions, default_threads, whole
@@ -66,6 +67,7 @@ def simulate_batch(
     save: Sequence[str] | str | None = None,
     out: Mapping[str, Array] | None = None,
     threads: int | None = None,
+    parameters: Mapping[str, Array | float] | None = None,
     progress: Callable[[float], None] | None = None,
     max_memory: float | None = None,
 ) -> Trajectories:
@@ -87,6 +89,8 @@ def simulate_batch(
             (n, T, width); new ones where not given. ``force`` holds tension and limit_force,
             ``books`` the entries of the ledger.
         threads: all processors when not given.
+        parameters: name -> value, or (n,) values, one for each run; the marionette's own when not
+            given. All runs share the numbers of winches.
         progress: called with the mean time reached, for a progress bar [s].
         max_memory: for the arrays [bytes]; half of the free memory when not given.
 
@@ -115,17 +119,19 @@ def simulate_batch(
     elif not isinstance(inputs, Inputs):
         inputs = _listed(inputs, Input, "inputs", "Input.waypoints()")
     given = as_inputs(inputs)
-    n = max(len(states), len(given))
-    if not {len(states), len(given)} <= {1, n}:
+    p = parameter_rows(model, parameters)
+    n = max(len(states), len(given), len(p))
+    if not {len(states), len(given), len(p)} <= {1, n}:
+        several = f" and {len(p)} values of parameters" if len(p) > 1 else ""
         raise ValueError(
-            f"{len(states)} states and {len(given)} inputs do not go together; give equal numbers "
-            "of both, or a single one"
+            f"{len(states)} states and {len(given)} inputs{several} do not go together; give equal "
+            "numbers of both, or a single one"
         )
     t_end = given.end if t_end is None else float(t_end)
     check_end(t_end, t)
     bound = bind_inputs(model, given, states.q_K, states.v_K, t, t_end)
-    check_starts(model, states, name)
-    check_step(model, name, states.q_D, states.q_K, options.dt)
+    check_starts(model, states, name, p)
+    _check_steps(model, name, states, p, options.dt)
     if threads is not None:
         threads = whole("threads", threads, least=1)
     saved = _saved(model, save)
@@ -135,7 +141,7 @@ def simulate_batch(
         n=n, t=t, t_end=t_end,
         q_D=states.q_D, v_D=states.v_D, slip=states.slip,
         breaks=bound.breaks, coef=bound.coef, base=bound.base, force=bound.force,
-        p=model.p, winches=model.winches, options=options, times=times,
+        p=p, winches=model.winches, options=options, times=times,
         parts=_parts(model, saved, n, len(times), out or {}),
         status=np.full(n, Status.STOPPED, dtype=np.int32), reached=np.full(n, np.nan),
         violation=np.zeros(n),
@@ -180,15 +186,27 @@ def _find_contradictions(model: Model, batch: Batch, inputs: Inputs, method: str
             return motion(batch.times[k], parts["q_D"][i, k], parts["v_D"][i, k])
 
         found = None
+        own = model.with_p(batch.p[i if len(batch.p) > 1 else 0])
         if batch.status[i] in CONTRADICTION_STATUSES:
             end = motion(batch.reached[i], batch.end_q_D[i], batch.end_v_D[i])
-            found = contradiction(model, *end)
+            found = contradiction(own, *end)
         elif examined and batch.status[i] in ARRIVED:
-            first = first_excess_tension(model, parts["force"][i, :, :n_s], saved)
-            found = None if first is None else contradiction(model, *saved(first))
+            first = first_excess_tension(own, parts["force"][i, :, :n_s], saved)
+            found = None if first is None else contradiction(own, *saved(first))
         if found:
             batch.status[i], batch.blame[i] = Status.REDUNDANT_STRINGS, 0.0
             batch.blame[i, [strings.index(name) for name in found.names]] = 1.0
+
+
+def _check_steps(model: Model, method: str, states: States, p: Array, dt: float) -> None:
+    """Raises StateError where the step is too long for a chain or a spring of some run."""
+    rows, first = np.unique(p, axis=0, return_index=True)
+    if len(rows) == 1 or not (model.tree.chains or model.tree.springs):
+        check_step(model.with_p(p[0]), method, states.q_D, states.q_K, dt)
+        return
+    for i in map(int, np.sort(first)):
+        some = states.some(slice(i, i + 1) if len(states) > 1 else slice(None))
+        check_step(model.with_p(p[i]), method, some.q_D, some.q_K, dt)
 
 
 def _judge(marionette: Marionette, batch: Batch) -> None:
@@ -323,6 +341,8 @@ def _trajectories(
             made[name] = view[..., 0]
         else:
             made[name] = view
+    names = tuple(tree.parameters)
+    values = np.ascontiguousarray(np.broadcast_to(batch.p, (batch.n, len(names))))
     ends = ("status", "reached", "violation", "catches", "releases")
     made |= {name: _read_only(getattr(batch, name)) for name in ends}
     return Trajectories(
@@ -331,6 +351,7 @@ def _trajectories(
         method=method,
         coordinates=marionette.coordinates,
         puppet=marionette.model.described,
+        parameters=Columns(names, _read_only(values), "parameter"),
         **made,
     )
 

@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x2534749d3253acaa;
+constexpr long long contract_digest = 0x51e4ade2168636c0;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -242,7 +242,7 @@ struct BatchArrays {
   Shared coef;
   Shared base;
   Shared force;
-  const double* p;  // of all
+  Shared p;
   const double* winches;  // of all
   Options options;
   int save_every;  // fixed steps from sample to sample

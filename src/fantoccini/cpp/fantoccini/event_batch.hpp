@@ -35,7 +35,7 @@ class EventBatch {
     flow.opt = in.options;
     flow.drive.set(input_of(in, who));
     flow.t = in.t;
-    for (int i = 0; i < Model::n_p; ++i) flow.p[i] = in.p[i];
+    for (int i = 0; i < Model::n_p; ++i) flow.p[i] = of(in.p, who)[i];
     for (int j = 0; j < run.NY; ++j) flow.y[j] = 0.0;
     for (int i = 0; i < Model::n_qD; ++i) flow.y[i] = of(in.q_D, who)[i];
     for (int k = 0; k < N; ++k) flow.y[Model::n_qD + k] = of(in.v_D, who)[k];

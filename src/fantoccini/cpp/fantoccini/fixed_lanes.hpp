@@ -15,11 +15,10 @@ struct FixedLanes {
   TimeSteppingTrajectory<Model, Real> trajectory;
   Real t, status, worst_violation;
 
-  void set(double start, const Options& options, const double* winches, const double* numbers) {
+  void set(double start, const Options& options, const double* winches) {
     t = Real(start);
     trajectory.opt = options;
     trajectory.winches.set(winches);
-    for (int i = 0; i < Model::n_p; ++i) trajectory.p[i] = Real(numbers[i]);
   }
 
   Real* q_D() { return trajectory.state().q_D; }

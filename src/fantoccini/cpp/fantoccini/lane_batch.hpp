@@ -132,12 +132,13 @@ class LaneBatch {
   void begin(const BatchArrays& in, long long first, int n) {
     first_ = first;
     n_ = n;
-    bundle_.set(in.t, in.options, in.winches, in.p);
+    bundle_.set(in.t, in.options, in.winches);
     for (int l = 0; l < width; ++l) {
       const long long who = first + (l < n ? l : n - 1);
       put(bundle_.q_D(), NQ, l, of(in.q_D, who));
       put(bundle_.v_D(), N, l, of(in.v_D, who));
       put(bundle_.slip(), S, l, of(in.slip, who));
+      put(bundle_.p(), Model::n_p, l, of(in.p, who));
       drive_.set(l, input_of(in, who));
       caught_[l] = released_[l] = 0;
       reached_[l] = in.t;

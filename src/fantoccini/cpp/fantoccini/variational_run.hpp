@@ -27,7 +27,8 @@ struct VariationalRun {
     save_every = from.save_every;
     drive.set(from.input);
     n_steps = 0;
-    trajectory.set(from.t, from.options, from.winches, from.p);
+    trajectory.set(from.t, from.options, from.winches);
+    for (int i = 0; i < Model::n_p; ++i) trajectory.p()[i] = from.p[i];
     for (int i = 0; i < Model::n_qD; ++i) trajectory.q_D()[i] = from.q_D[i];
     for (int k = 0; k < N; ++k) trajectory.v_D()[k] = from.v_D[k];
     for (int i = 0; i < S; ++i) trajectory.slip()[i] = from.slip[i];

@@ -45,15 +45,14 @@ struct VariationalTrajectory {
   Mask was[room(M)];     // rows that were taut before it
   Mask slips[room(S)], slipped[room(S)];  // winches that slip in it, and in the one before
 
-  // Sets the time, options and parameters of all lanes; states are set afterwards.
-  void set(double start, const Options& options, const double* winches, const double* numbers) {
+  // Sets the time and options of all lanes; states and parameters are set afterwards.
+  void set(double start, const Options& options, const double* winches) {
     t = Real(start);
     opt = options;
     node().cap = options.tension_cap;
     const double least = options.force_scale * options.dt;
     at.least = fmax(least * least, negligible);
     node().winches.set(winches);
-    for (int i = 0; i < Model::n_p; ++i) node().p[i] = Real(numbers[i]);
   }
 
   auto& node() { return at.here; }
