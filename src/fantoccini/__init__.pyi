@@ -29,6 +29,7 @@ from .marionette import (
     Partials as Partials,
     StepLinearisation as StepLinearisation,
     Stepper as Stepper,
+    StepperBatch as StepperBatch,
     TimeStepping as TimeStepping,
     Variational as Variational,
     load as load,

@@ -11,6 +11,7 @@ from fantoccini.marionette.checks import (
     check_start,
     check_starts,
     check_step,
+    check_steps,
     count_samples,
     refuse_contact,
 )
@@ -33,7 +34,7 @@ from fantoccini.marionette.methods import (
 )
 from fantoccini.marionette.model import Model
 from fantoccini.marionette.modes import Mode, Modes
-from fantoccini.marionette.parameter_rows import parameter_rows
+from fantoccini.marionette.parameter_values import parameter_rows
 from fantoccini.marionette.plausible import InputWarning, input_warnings, warnings
 from fantoccini.marionette.portable import PortablePuppet
 from fantoccini.marionette.redundant import (
@@ -45,6 +46,7 @@ from fantoccini.marionette.redundant import (
 )
 from fantoccini.marionette.step_linearisation import StepLinearisation
 from fantoccini.marionette.stepper import Stepper
+from fantoccini.marionette.stepper_batch import StepperBatch
 
 __all__ = [
     "CONTRADICTION_STATUSES",
@@ -69,6 +71,7 @@ __all__ = [
     "PortablePuppet",
     "StepLinearisation",
     "Stepper",
+    "StepperBatch",
     "StringModel",
     "TimeStepping",
     "Variational",
@@ -82,6 +85,7 @@ __all__ = [
     "check_start",
     "check_starts",
     "check_step",
+    "check_steps",
     "contradiction",
     "coriolis_full",
     "count_samples",

@@ -62,6 +62,17 @@ def check_step(model: Model, method: str, q_D: Array, q_K: Array, dt: float) -> 
             )
 
 
+def check_steps(model: Model, method: str, states: States, p: Array, dt: float) -> None:
+    """:func:`check_step` of many states, or of one, at parameters (1 or n, n_p)."""
+    rows, first = np.unique(p, axis=0, return_index=True)
+    if len(rows) == 1 or not (model.tree.chains or model.tree.springs):
+        check_step(model.with_p(p[0]), method, states.q_D, states.q_K, dt)
+        return
+    for i in map(int, np.sort(first)):
+        some = states.some(slice(i, i + 1) if len(states) > 1 else slice(None))
+        check_step(model.with_p(p[i]), method, some.q_D, some.q_K, dt)
+
+
 def check_samples(
     model: Model,
     method: str,

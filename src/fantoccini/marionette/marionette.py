@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -25,6 +25,7 @@ from fantoccini.marionette.model import Model
 from fantoccini.marionette.modes import Modes, modes
 from fantoccini.marionette.step_linearisation import StepLinearisation, linearise_step
 from fantoccini.marionette.stepper import Stepper
+from fantoccini.marionette.stepper_batch import StepperBatch
 from fantoccini.motion import Input, State
 from fantoccini.puppet import Puppet
 from fantoccini.scene import Scene, assembled
@@ -292,6 +293,26 @@ class Marionette:
             method: ``timestepping``, ``variational`` or ``event``, or one with its options.
         """
         return Stepper.of(self.model, x0, method)
+
+    def stepper_batch(
+        self,
+        x0: State | Sequence[State],
+        n: int | None = None,
+        method: Method | MethodName = "timestepping",
+        *,
+        parameters: Mapping[str, Array | float] | None = None,
+        threads: int | None = None,
+    ) -> StepperBatch:
+        """Many runs that are advanced together, piece by piece; see :class:`StepperBatch`.
+
+        Args:
+            x0: where they start: one state, or n of one time.
+            n: number of runs; as many as states or values of parameters when not given.
+            method: of all; ``timestepping`` runs in lanes.
+            parameters: name -> value, or (n,) values, one for each run.
+            threads: all processors when not given.
+        """
+        return StepperBatch(self.model, x0, n, method, parameters, threads)
 
     def flow(self, x0: State, inputs: Input | None = None) -> Flow:
         """The motion from a state while no string catches or releases; see :class:`Flow`.

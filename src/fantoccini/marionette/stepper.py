@@ -99,6 +99,16 @@ class Stepper:
         """How the last advance ended; ``LOST_STEPS`` or ``RUNAWAY`` once a drive was too weak."""
         return self._run.status
 
+    @property
+    def blame(self) -> Array:
+        """(n_rows + n_watched,) share of each row and drive in the blame for the status, 0 to 1."""
+        return self._run.blame
+
+    @property
+    def violation(self) -> float:
+        """Largest h of all rows since the start, of fixed steps [m, rad or 1]."""
+        return float(self._run.progress.violation)
+
     def __repr__(self) -> str:
         return (
             f"<Stepper {self.model.name}: {self.method}, t = {self.state.t:g} s, "

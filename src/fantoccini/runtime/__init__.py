@@ -12,7 +12,8 @@ from fantoccini.runtime.clearance import (
 from fantoccini.runtime.compiled import Complementarity, Library, Piece, Run
 from fantoccini.runtime.contacts import Contacts
 from fantoccini.runtime.external import ExternalRun
-from fantoccini.runtime.functions import Functions, Loaded, whole
+from fantoccini.runtime.functions import AnyArray, Functions, Loaded, whole
+from fantoccini.runtime.lane_steppers import LaneSteppers
 from fantoccini.runtime.options import RunOptions
 from fantoccini.runtime.rollouts import (
     POINT,
@@ -38,6 +39,7 @@ __all__ = [
     "SOLID",
     "STATE",
     "UNKNOWN",
+    "AnyArray",
     "Batch",
     "BatchLibrary",
     "ClearanceLibrary",
@@ -48,6 +50,7 @@ __all__ = [
     "Funnel",
     "GoalNumbers",
     "InputPieces",
+    "LaneSteppers",
     "Library",
     "Loaded",
     "Piece",

@@ -24,14 +24,14 @@ from fantoccini.marionette import (
     bind_inputs,
     check_memory,
     check_starts,
-    check_step,
+    check_steps,
     contradiction,
     count_samples,
     first_excess_tension,
     may_be_redundant,
     parameter_rows,
 )
-from fantoccini.motion import SAVED, Columns, Input, Inputs, State, States, Trajectories
+from fantoccini.motion import SAVED, Columns, Input, Inputs, State, Trajectories
 from fantoccini.motion.trajectories import RESIDUAL
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Batch, RunOptions, default_threads, whole
@@ -131,7 +131,7 @@ def simulate_batch(
     check_end(t_end, t)
     bound = bind_inputs(model, given, states.q_K, states.v_K, t, t_end)
     check_starts(model, states, name, p)
-    _check_steps(model, name, states, p, options.dt)
+    check_steps(model, name, states, p, options.dt)
     if threads is not None:
         threads = whole("threads", threads, least=1)
     saved = _saved(model, save)
@@ -196,17 +196,6 @@ def _find_contradictions(model: Model, batch: Batch, inputs: Inputs, method: str
         if found:
             batch.status[i], batch.blame[i] = Status.REDUNDANT_STRINGS, 0.0
             batch.blame[i, [strings.index(name) for name in found.names]] = 1.0
-
-
-def _check_steps(model: Model, method: str, states: States, p: Array, dt: float) -> None:
-    """Raises StateError where the step is too long for a chain or a spring of some run."""
-    rows, first = np.unique(p, axis=0, return_index=True)
-    if len(rows) == 1 or not (model.tree.chains or model.tree.springs):
-        check_step(model.with_p(p[0]), method, states.q_D, states.q_K, dt)
-        return
-    for i in map(int, np.sort(first)):
-        some = states.some(slice(i, i + 1) if len(states) > 1 else slice(None))
-        check_step(model.with_p(p[i]), method, some.q_D, some.q_K, dt)
 
 
 def _judge(marionette: Marionette, batch: Batch) -> None:

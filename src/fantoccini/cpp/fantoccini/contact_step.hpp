@@ -41,6 +41,13 @@ class ContactStep : public ContactProblem<Model, Real> {
     points_.most = 0;
   }
 
+  template <class Memory>
+  FAN_FN void remember(Memory& memory) {
+    memory.keep_of_lanes(n);
+    memory.keep_of_lanes(push);
+    memory.keep_of_lanes(points_.too_many);
+  }
+
   // What pushes now and was at rest has pushed for long; all else has touched nothing yet.
   FAN_FN void take_as_resting() {
     for (int l = 0; l < width; ++l) {

@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x51e4ade2168636c0;
+constexpr long long contract_digest = 0x04627523851755bc;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -257,6 +257,30 @@ struct BatchArrays {
   double* blame;  // (n, n_rows + n_watched)
   double* end_q_D;  // (n, n_qD) the configuration reached
   double* end_v_D;  // (n, n_vD) the velocities there
+};
+
+// Trajectories that are advanced piece by piece, and one piece.
+struct StepperArrays {
+  long long n;  // trajectories
+  double duration;  // of the piece; 0 only begins those that are fresh [s]
+  Options options;
+  const double* winches;  // of all
+  Shared acc_K;  // (n_vK,) held over the piece
+  Shared u_D;  // (n_vD,) held over the piece, or null
+  unsigned char* fresh;  // (n,) those that begin anew where the arrays say; cleared
+  const double* p;  // (n, n_p)
+  double* q_D;  // (n, n_qD) the present state, and then that reached; so the others
+  double* v_D;  // (n, n_vD)
+  double* q_K;  // (n, n_qK)
+  double* v_K;  // (n, n_vK)
+  double* slip;  // (n, n_strings)
+  double* tension;  // (n, n_rows) written
+  unsigned char* taut;  // (n, n_rows) written
+  double* books;  // (n, 5) work, damping, impact, slip loss, friction; written [J]
+  double* violation;  // (n,) largest since it began; written
+  double* advanced;  // (n,) time by which it was advanced in the piece; written [s]
+  int* status;  // (n,) Status; written
+  double* blame;  // (n, n_rows + n_watched) shares of the blame for it; written
 };
 
 // Solids and pairs of them whose clearance is measured.

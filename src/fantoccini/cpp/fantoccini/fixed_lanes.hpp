@@ -57,6 +57,20 @@ struct FixedLanes {
     tell();
   }
 
+  // Takes up a trajectory that was begun before, at state() and new inputs: first the inputs, then
+  // what it remembers, then the rest.
+  template <class Drive>
+  void resume(Drive& drive) {
+    drive.start(t, trajectory.coming());
+    trajectory.take_inputs();
+    trajectory.at.ready(trajectory.opt);
+  }
+
+  void take_up() {
+    trajectory.at.idle = !(trajectory.status < Real(RUNNING + 0.5));
+    tell();
+  }
+
   template <class Drive>
   void advance(Drive& drive, double from, double next) {
     for (int r = 0; r < M; ++r) was_[r] = trajectory.at.taut[r];

@@ -5,5 +5,7 @@
 #include "export.hpp"
 #include "fixed_lanes.hpp"
 #include "lane_batch.hpp"
+#include "lane_stepper.hpp"
 
 FAN_BATCHES(fan::LaneBatch<fan::FixedLanes<fan::Model, fan::Wide>>)
+FAN_STEPPERS(fan::LaneStepper<fan::Model, fan::Wide>)

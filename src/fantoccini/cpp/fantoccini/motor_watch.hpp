@@ -92,6 +92,11 @@ struct MotorWatch {
     }
   }
 
+  template <class Memory>
+  FAN_FN void remember(Memory& memory) {
+    memory.keep(gone, low_, high_, tooth_, lost_, astray_, passed_);
+  }
+
   Mask gone = Real(0.0) > Real(1.0);  // lanes in which a drive is so far away that the run ends
 
   // How a run that reaches its end has ended, in a lane.

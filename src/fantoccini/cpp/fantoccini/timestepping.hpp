@@ -76,6 +76,15 @@ struct TimeStep {
   // Whether a row was ever overstepped by more than stirred_violation.
   Mask stirred = Real(0.0) > Real(1.0);
 
+  // Takes the options of a run; nothing has touched anything yet.
+  FAN_FN void ready(const Options& options) {
+    extrapolates = options.extrapolate != 0;
+    whole = options.dt;
+    solids = options.contacts;
+    if constexpr (touches)
+      if (solids) contacts.begin(*solids);
+  }
+
   // Steps from q_D, v_D to q_next, v_next. (q_K, v_K, acc_K) are the inputs at the start of the
   // step with v_K = dq_K/dt and acc_K the mean acceleration; `taut` is the active set of the step
   // before.
@@ -125,6 +134,12 @@ struct TimeStep {
     if (!extrapolates) steady = Real(0.0) > Real(1.0);
     if (any(!steady)) forget(!steady);
     retract<typename Model::Dynamic>(q_D, move, q_next);
+  }
+
+  template <class Memory>
+  FAN_FN void remember(Memory& memory) {
+    memory.keep(trend, lead, steady, stirred, tension, taut, held);
+    if constexpr (touches) contacts.remember(memory);
   }
 
   // The next step extrapolates nothing in these lanes.

@@ -51,11 +51,7 @@ struct TimeSteppingTrajectory {
     }
     for (int i = 0; i < S; ++i) at.slips[i] = no;
     at.stirred = at.idle = no;
-    at.extrapolates = opt.extrapolate != 0;
-    at.whole = opt.dt;
-    at.solids = opt.contacts;
-    if constexpr (TimeStep<Model, Real>::touches)
-      if (at.solids) at.contacts.begin(*at.solids);
+    at.ready(opt);
     for (int l = 0; l < width; ++l)
       for (int r = 0; r < M; ++r) blame[l][r] = 0.0;
     for (int k = 0; k < N; ++k) at.acc[k] = Real(0.0);
@@ -70,7 +66,18 @@ struct TimeSteppingTrajectory {
     if constexpr (TimeStep<Model, Real>::touches) at.contacts.take_as_resting();
     motors.begin(state().q_D, inputs().q_K, p);
     lost_ = last_loss_ = Real(0.0);
-    last_dt_ = 0.0;
+    last_dt_ = Real(0.0);
+  }
+
+  // What a later step needs to know of the steps before, besides state(), the inputs and p.
+  template <class Memory>
+  FAN_FN void remember(Memory& memory) {
+    at.remember(memory);
+    motors.remember(memory);
+    memory.keep(
+        work, damping, impact, slip_loss, friction, worst_violation, status, lost_, last_loss_,
+        last_root_, last_dt_);
+    memory.keep_of_lanes(blame);
   }
 
   // A step of length dt to the coming inputs. A trajectory for which it fails is stopped and keeps
@@ -139,12 +146,10 @@ struct TimeSteppingTrajectory {
   FAN_FN void take_loss(double dt) {
     using std::sqrt;
     const Real power = at.eval.loss, root = sqrt(select(power > Real(0.0), power, Real(0.0)));
-    if (last_dt_ > 0.0) {
-      last_loss_ = 0.5 * last_dt_ * root * (root + last_root_);
-      lost_ += last_loss_;
-    }
+    last_loss_ = 0.5 * last_dt_ * root * (root + last_root_);
+    lost_ += last_loss_;
     last_root_ = root;
-    last_dt_ = dt;
+    last_dt_ = Real(dt);
   }
 
   // Estimate of the last step's loss, while P is known only at its beginning: that of the step
@@ -190,8 +195,8 @@ struct TimeSteppingTrajectory {
   }
 
   // J: lost before the last step, and in the step before it; sqrt(P) at the start of the last step.
-  Real lost_, last_loss_, last_root_;
-  double last_dt_ = 0.0;
+  Real lost_, last_loss_, last_root_ = Real(0.0);
+  Real last_dt_ = Real(0.0);  // s: its length, 0 before the first one
   State states_[2];
   Inputs inputs_[2];
   int state_ = 0, inputs_at_ = 0;
