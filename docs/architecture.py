@@ -60,7 +60,7 @@ TASKS = (
         ("declare its arguments and results", ("contract/functions.py",)),
         ("return its expression from `_NAME`", ("equations/functions.py",)),
         ("derive it, if the system does not have it yet", ("equations/system.py",)),
-        ("evaluate it", ("marionette/marionette.py",)),
+        ("evaluate it", ("marionette/quantities.py",)),
     )),
     Task("a joint type", (
         ("schema: the type, its keys, and the words of other programs for it",

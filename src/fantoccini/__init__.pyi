@@ -28,6 +28,7 @@ from .marionette import (
     Modes as Modes,
     Partials as Partials,
     StepLinearisation as StepLinearisation,
+    StepLinearisations as StepLinearisations,
     Stepper as Stepper,
     StepperBatch as StepperBatch,
     TimeStepping as TimeStepping,

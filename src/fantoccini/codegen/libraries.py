@@ -23,6 +23,7 @@ class _Kind:
         mapped: whether Python calls its functions over arrays.
         columns: whether it has ``column``.
         touches: whether it makes time steps with contact.
+        several: whether it has ``forth`` and ``back`` of several vectors at once.
     """
 
     header: str
@@ -30,6 +31,7 @@ class _Kind:
     mapped: bool = False
     columns: bool = True
     touches: bool = False
+    several: bool = False
 
 
 _KINDS = {
@@ -40,6 +42,7 @@ _KINDS = {
     "variational": _Kind("variational_abi", Real()),
     "variational_lanes": _Kind("variational_lane_abi", WIDE),
     "derivatives": _Kind("map_abi", Real(), mapped=True, columns=False),
+    "step_derivatives": _Kind("step_derivatives_abi", Real(), several=True),
 }
 
 
@@ -58,9 +61,14 @@ def generate(equations: Equations, library: str = "model") -> Generated:
     in_threes = kind.touches and equations.tree.n_contacts > 0
     if in_threes:
         members.append(_PUSH.format(space=kind.real.space))
+    templates = [_pushes(equations, made["forth"])] if in_threes else []
+    if kind.several:
+        for name in ("forth", "back"):
+            templates.append(together(made[name], f"fan_{name}_of", SIZES.piece))
+            members.append(_SEVERAL.format(name=name, space=kind.real.space))
     main = _MAIN.format(
         library=library.replace("_", " "),
-        pushes=_pushes(equations, made["forth"]) if in_threes else "",
+        templates="\n".join([*templates, ""]) if templates else "",
         members="\n".join(members),
         maps="".join(_map(name) for name in names) if kind.mapped else "",
         abi=kind.header,
@@ -74,8 +82,8 @@ def generate(equations: Equations, library: str = "model") -> Generated:
 def _programs(
     equations: Equations, library: str, names: tuple[str, ...], columns: bool
 ) -> dict[str, Program]:
-    if library == "derivatives":
-        own = Derivatives(equations.tree).functions()
+    if library in ("derivatives", "step_derivatives"):
+        own = Derivatives(equations.tree).functions(library)
     elif library.startswith("variational"):
         own = Variational(equations).functions()
     else:
@@ -136,6 +144,12 @@ _PUSH = """\
     {space}::fan_push(link, L, x, y);
   }}"""
 
+_SEVERAL = """\
+  template <class V>
+  static void {name}_of(const double* L, const V* x, V* y) {{
+    {space}::fan_{name}_of(L, x, y);
+  }}"""
+
 _MAIN = """\
 // A compiled puppet: its library of {library}.
 #include <cmath>
@@ -148,7 +162,7 @@ namespace {space} {{
 #define casadi_real {type}
 #include "model.c"
 #undef casadi_real
-{pushes}}}  // namespace {space}
+{templates}}}  // namespace {space}
 
 struct Model : ModelTables {{
 #define FAN_FUNCTION(NAME)                                     \\

@@ -20,7 +20,7 @@ HEADER = Path(__file__).resolve().parents[1] / "cpp" / "fantoccini" / "contract.
 
 def header() -> str:
     """The text of ``contract.hpp``."""
-    called = [f for f in FUNCTIONS.values() if f.libraries and DERIVATIVES not in f.libraries]
+    called = [f for f in FUNCTIONS.values() if f.libraries and f.libraries != (DERIVATIVES,)]
     return _HEADER.format(
         digest=f"0x{digest():016x}",
         sizes=_filled("Sizes::", list(SIZES), "      "),

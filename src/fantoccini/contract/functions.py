@@ -14,8 +14,9 @@ from fantoccini.contract.quantity import Quantity, Shape
 
 MODEL, LANES, CLEARANCE, ROLLOUTS = "model", "lanes", "clearance", "rollouts"
 VARIATIONAL, VARIATIONAL_LANES, DERIVATIVES = "variational", "variational_lanes", "derivatives"
+STEP_DERIVATIVES = "step_derivatives"
 LIBRARIES = (
-    MODEL, LANES, CLEARANCE, ROLLOUTS, VARIATIONAL, VARIATIONAL_LANES, DERIVATIVES
+    MODEL, LANES, CLEARANCE, ROLLOUTS, VARIATIONAL, VARIATIONAL_LANES, DERIVATIVES, STEP_DERIVATIVES
 )  # fmt: skip
 """The libraries of a puppet, each compiled when it is first needed."""
 
@@ -116,7 +117,7 @@ _Y = Quantity("y", ("n_vD",), "", "the solution")
 _STATE = _arguments("q_D v_D q_K v_K p")
 _PLACE = _arguments("q_D q_K p")
 _FULL = _arguments("q_D v_D acc_D q_K v_K acc_K tension dt p")
-_STEPPING = (LANES, ROLLOUTS, VARIATIONAL, VARIATIONAL_LANES)
+_STEPPING = (LANES, ROLLOUTS, VARIATIONAL, VARIATIONAL_LANES, STEP_DERIVATIVES)
 
 
 def _derivative(name: str, rows: str, by: str, meaning: str) -> Quantity:
@@ -140,7 +141,7 @@ _DECLARED = (
             Quantity("f_M", ("n_motors",), _FORCE, "motors exert f_M - y_M dv over the step"),
             Quantity("y_M", ("n_motors",), "", "derivative by the change dv of velocity"),
         ),
-        (MODEL, LANES, ROLLOUTS), mapped=True, standing=_STANDING,
+        (MODEL, LANES, ROLLOUTS, STEP_DERIVATIVES), mapped=True, standing=_STANDING,
     ),
     Function(
         "limit_rates", "hdot of the limits at a velocity.", _arguments("J_limit v_D"),
@@ -249,7 +250,9 @@ _DECLARED = (
         (VARIATIONAL, VARIATIONAL_LANES),
     ),
     *(
-        Function(f"force_by_{by}", purpose, _FULL, results, (DERIVATIVES,), mapped=True)
+        Function(
+            f"force_by_{by}", purpose, _FULL, results, (DERIVATIVES, STEP_DERIVATIVES), mapped=True
+        )
         for by, purpose, results in (
             ("q", "Derivative of Eq. 10's residual r by the dynamic configuration.",
              (_derivative("r_q", "n_vD", "n_vD", "of r by tangents of q_D"),)),
@@ -263,8 +266,7 @@ _DECLARED = (
         )
     ),
     Function(
-        "rows_by", "A_D, A_K and the derivatives of h, hdot and hddot of strings and limits.",
-        _arguments("q_D v_D acc_D q_K v_K acc_K p"),
+        "rows_by", "A_D, A_K and the derivatives of h and hdot of strings and limits.", _STATE,
         (
             _derivative("A_D", "n_rows", "n_vD", "of hdot by v_D"),
             _derivative("A_K", "n_rows", "n_vK", "of hdot by v_K"),
@@ -272,6 +274,13 @@ _DECLARED = (
             _derivative("hdot_q", "n_rows", "n_vD", "of hdot by tangents of q_D"),
             _derivative("hdot_qK", "n_rows", "n_vK", "of hdot by tangents of q_K"),
             _derivative("hdot_p", "n_rows", "n_p", "of hdot by the parameters"),
+        ),
+        (DERIVATIVES, STEP_DERIVATIVES), mapped=True,
+    ),
+    Function(
+        "hddot_by", "Derivatives of hddot of strings and limits.",
+        _arguments("q_D v_D acc_D q_K v_K acc_K p"),
+        (
             _derivative("hddot_q", "n_rows", "n_vD", "of hddot by tangents of q_D"),
             _derivative("hddot_v", "n_rows", "n_vD", "of hddot by v_D"),
             _derivative("hddot_qK", "n_rows", "n_vK", "of hddot by tangents of q_K"),

@@ -49,11 +49,12 @@ class Derivatives:
         self.tree = tree
         self.system = System(tree)
 
-    def functions(self) -> dict[str, ca.Function]:
-        """The functions that are compiled, by name; all results are dense."""
+    def functions(self, library: str = DERIVATIVES) -> dict[str, ca.Function]:
+        """The functions of a library that are derivatives, by name; all results are dense."""
         symbols = self.system.symbols
         found = {**self._forces(symbols.tension), **self._rows()}
-        names = compiled(DERIVATIVES, self.tree.sizes)
+        derivatives = set(compiled(DERIVATIVES, self.tree.sizes))
+        names = [name for name in compiled(library, self.tree.sizes) if name in derivatives]
         return {name: declared(name, symbols, found) for name in names}
 
     def residual(self, tension: ca.SX) -> ca.SX:

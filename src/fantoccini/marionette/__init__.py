@@ -45,6 +45,7 @@ from fantoccini.marionette.redundant import (
     may_be_redundant,
 )
 from fantoccini.marionette.step_linearisation import StepLinearisation
+from fantoccini.marionette.step_partials import StepLinearisations
 from fantoccini.marionette.stepper import Stepper
 from fantoccini.marionette.stepper_batch import StepperBatch
 
@@ -70,6 +71,7 @@ __all__ = [
     "Partials",
     "PortablePuppet",
     "StepLinearisation",
+    "StepLinearisations",
     "Stepper",
     "StepperBatch",
     "StringModel",

@@ -19,6 +19,7 @@ from fantoccini.runtime import (
     Library,
     Loaded,
     RolloutLibrary,
+    StepDerivatives,
 )
 from fantoccini.tree import Tree
 
@@ -90,6 +91,12 @@ class Compiled:
     def derivatives(self) -> Functions:
         """The derivatives of the model."""
         return self._library("derivatives", lambda file: Functions(file, self.tree.sizes))
+
+    @cached_property
+    def step_derivatives(self) -> StepDerivatives:
+        """The derivatives of time steps."""
+        load = StepDerivatives
+        return self._library("step_derivatives", lambda file: load(file, self.tree.sizes))
 
     def batch_library_of(self, method: str) -> BatchLibrary:
         """The library for batches of a method."""

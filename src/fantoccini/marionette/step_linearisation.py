@@ -108,7 +108,7 @@ def linearise_step(
     x_next = stepper.advance(dt, acc_K, u_D=u_D)
     tension, upper = stepper.tension, np.minimum(model.upper, model.tension_cap)
     held = np.flatnonzero(model.two_sided | ((tension > 0.0) & (tension < AT_CAP * upper)))
-    path = _DrivenStep(t.quaternions_K, x.v_K, acc_K, dt)
+    path = DrivenStep(t.quaternions_K, x.v_K, acc_K, dt)
     # The model as the step sees it: the mean velocity and acceleration of the inputs, M + dt F.
     start = x.replace(v_K=path.rate)
     at = Evaluation.of(model, start, path.mean, u_D, dt)
@@ -238,7 +238,7 @@ def _carried(
     return out
 
 
-class _DrivenStep:
+class DrivenStep:
     """The driven coordinates over a step at constant acceleration.
 
     Args:
@@ -250,7 +250,7 @@ class _DrivenStep:
     def __init__(
         self, quaternions: Iterable[tuple[int, int]], v_K: Array, acc_K: Array, dt: float
     ):
-        self._quaternions, self._dt, k = tuple(quaternions), dt, len(v_K)
+        self._quaternions, self.dt, k = tuple(quaternions), dt, len(v_K)
         self._move = dt * v_K + 0.5 * dt * dt * acc_K
         end, by_v, by_a = v_K + dt * acc_K, np.eye(k), dt * np.eye(k)
         for _, v in self._quaternions:
@@ -267,19 +267,23 @@ class _DrivenStep:
         self.mean = (end - v_K) / dt
         self._end_by_v, self._end_by_a = by_v, by_a
 
+    def mean_by(self, here: slice) -> tuple[Array, Array]:
+        """Derivatives of some of ``mean`` by the same v_K and acc_K."""
+        by_v, by_a = self._end_by_v[here, here], self._end_by_a[here, here]
+        return (by_v - np.eye(len(by_v))) / self.dt, by_a / self.dt
+
     def chain(self, n: int, n_p: int) -> Array:
         """d(q_D, v_D, q_K, rate, mean, u_D, p) by (q_D, v_D, q_K, v_K, acc_K, u_D, p)."""
-        k, dt = len(self.rate), self._dt
+        k, dt = len(self.rate), self.dt
         out = np.eye(3 * n + 3 * k + n_p)
         v, a = slice(2 * n + k, 2 * n + 2 * k), slice(2 * n + 2 * k, 2 * n + 3 * k)
         out[v, a] = 0.5 * dt * np.eye(k)
-        out[a, v] = (self._end_by_v - np.eye(k)) / dt
-        out[a, a] = self._end_by_a / dt
+        out[a, v], out[a, a] = self.mean_by(slice(0, k))
         return out
 
     def state(self, n: int, n_p: int) -> Array:
         """d(q_K, v_K) after the step by (q_D, v_D, q_K, v_K, acc_K, u_D, p)."""
-        k, dt = len(self.rate), self._dt
+        k, dt = len(self.rate), self.dt
         move, speed = np.zeros((k, 3 * n + 3 * k + n_p)), np.zeros((k, 3 * n + 3 * k + n_p))
         v, a = slice(2 * n + k, 2 * n + 2 * k), slice(2 * n + 2 * k, 2 * n + 3 * k)
         move[:, v], move[:, a] = dt * np.eye(k), 0.5 * dt * dt * np.eye(k)

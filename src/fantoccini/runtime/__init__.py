@@ -28,6 +28,7 @@ from fantoccini.runtime.rollouts import (
     Segments,
 )
 from fantoccini.runtime.solids import SOLID
+from fantoccini.runtime.step_derivatives import StepDerivatives
 from fantoccini.runtime.structures import InputPieces
 
 __all__ = [
@@ -61,6 +62,7 @@ __all__ = [
     "RunOptions",
     "Segments",
     "Solids",
+    "StepDerivatives",
     "default_threads",
     "memory",
     "whole",

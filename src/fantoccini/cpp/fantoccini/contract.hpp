@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x04627523851755bc;
+constexpr long long contract_digest = 0x7073e9f834b8e40f;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -281,6 +281,27 @@ struct StepperArrays {
   double* advanced;  // (n,) time by which it was advanced in the piece; written [s]
   int* status;  // (n,) Status; written
   double* blame;  // (n, n_rows + n_watched) shares of the blame for it; written
+};
+
+// Time steps and their derivatives, one for each node.
+struct StepDerivativeArrays {
+  double dt;  // length of all steps [s]
+  double recovery_speed;  // as in Options [m/s]
+  int forces;  // whether to differentiate by u_D, too
+  Shared p;
+  Shared u_D;  // or null
+  const double* q_D;  // (n, n_qD) starts
+  const double* v_D;  // (n, n_vD)
+  const double* q_K;  // (n, n_qK)
+  const double* rate;  // (n, n_vK) dq_K/dt over the step
+  const double* mean;  // (n, n_vK) dv_K/dt over the step
+  const double* tension;  // (n, n_rows) of the step
+  const unsigned char* held;  // (n, n_rows) rows that the step holds
+  double* acc_D;  // (n, n_vD) mean acceleration over the step
+  // (n, 2 n_vD, m) of (dq_D, v_D) after the step by q_D, v_D, q_K, v_K, acc_K, u_D if asked
+  // for, and p; of driven rotations by rate and mean
+  double* motion;
+  double* pull;  // (n, n_rows, m) of the tensions; null: not asked for
 };
 
 // Solids and pairs of them whose clearance is measured.
@@ -624,6 +645,48 @@ struct Call {
     const Real* arg[] = {q_D, v_D, q_K, v_K, p};
     Real* res[] = {at(p_D)};
     Model::momenta(arg, res);
+  }
+
+  // Derivative of Eq. 10's residual r by the dynamic configuration.
+  FAN_FN static void force_by_q(
+      const Real* q_D, const Real* v_D, const Real* acc_D, const Real* q_K,
+      const Real* v_K, const Real* acc_K, const Real* tension, const Real& dt,
+      const Real* p, Real* r_q) {
+    const Real* arg[] = {q_D, v_D, acc_D, q_K, v_K, acc_K, tension, &dt, p};
+    Real* res[] = {at(r_q)};
+    Model::force_by_q(arg, res);
+  }
+
+  // Derivative of r by the dynamic velocity.
+  FAN_FN static void force_by_v(
+      const Real* q_D, const Real* v_D, const Real* acc_D, const Real* q_K,
+      const Real* v_K, const Real* acc_K, const Real* tension, const Real& dt,
+      const Real* p, Real* r_v) {
+    const Real* arg[] = {q_D, v_D, acc_D, q_K, v_K, acc_K, tension, &dt, p};
+    Real* res[] = {at(r_v)};
+    Model::force_by_v(arg, res);
+  }
+
+  // Derivatives of r by the driven coordinates and the parameters.
+  template <class Results>
+  FAN_FN static void force_by_K(
+      const Real* q_D, const Real* v_D, const Real* acc_D, const Real* q_K,
+      const Real* v_K, const Real* acc_K, const Real* tension, const Real& dt,
+      const Real* p, Results& to) {
+    const Real* arg[] = {q_D, v_D, acc_D, q_K, v_K, acc_K, tension, &dt, p};
+    Real* res[] = {at(to.r_qK), at(to.r_vK), at(to.M_DK), at(to.r_p)};
+    Model::force_by_K(arg, res);
+  }
+
+  // A_D, A_K and the derivatives of h and hdot of strings and limits.
+  template <class Results>
+  FAN_FN static void rows_by(
+      const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
+      const Real* p, Results& to) {
+    const Real* arg[] = {q_D, v_D, q_K, v_K, p};
+    Real* res[] = {at(to.A_D), at(to.A_K), at(to.h_p), at(to.hdot_q), at(to.hdot_qK),
+        at(to.hdot_p)};
+    Model::rows_by(arg, res);
   }
 
   // The entries of y = F^-T x that are not zero for x in one joint, by its number.

@@ -24,38 +24,47 @@ FAN_FN void polynomial(const Real* c, Real s, Real& p, Real& d, Real& dd) {
   dd = 2.0 * (d2 + s * e2);
 }
 
-// w = J_r phidot and its rate; J_r = 1 - a [phi] + b [phi]^2 with a = (1 - cos)/theta^2 and
-// b = (theta - sin)/theta^3.
+// The factors of J_r = 1 - a [phi] + b [phi]^2, from theta^2 = |phi|^2: a = (1 - cos)/theta^2,
+// b = (theta - sin)/theta^3, da = a'/theta and db = b'/theta.
+template <class Real>
+struct TurningFactors {
+  Real a = Real(0.0), b = a, da = a, db = a;
+
+  FAN_FN explicit TurningFactors(const Real& square) {
+    const auto small = square < Real(1.0);
+    if (any(small)) {
+      Real power = Real(1.0), before = Real(0.0);
+      double factorial = 1.0;
+      for (int k = 0; k < 10; ++k) {
+        factorial *= k == 0 ? 2.0 : (2.0 * k + 1) * (2.0 * k + 2);
+        a += power / factorial;
+        b += power / (factorial * (2 * k + 3));
+        da += 2.0 * k * before / factorial;
+        db += 2.0 * k * before / (factorial * (2 * k + 3));
+        before = -power;
+        power *= -square;
+      }
+    }
+    if (any(!small)) {
+      using std::sqrt;
+      const Real big = select(small, Real(1.0), square);
+      const Real theta = sqrt(big);
+      Real s, c;
+      sine_cosine(theta, &s, &c);
+      a = select(small, a, Real((1.0 - c) / big));
+      b = select(small, b, Real((theta - s) / (theta * big)));
+      da = select(small, da, Real((theta * s - 2.0 * (1.0 - c)) / (big * big)));
+      db = select(small, db, Real((3.0 * s - theta * (2.0 + c)) / (theta * big * big)));
+    }
+  }
+};
+
+// w = J_r phidot and its rate.
 template <class Real>
 FAN_FN void body_rates(
     const Real* phi, const Real* rate, const Real* second, Real* w, Real* alpha) {
-  const Real square = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2];
-  const auto small = square < Real(1.0);
-  Real a = Real(0.0), b = a, da = a, db = a;  // da = a'/theta, db = b'/theta
-  if (any(small)) {
-    Real power = Real(1.0), before = Real(0.0);
-    double factorial = 1.0;
-    for (int k = 0; k < 10; ++k) {
-      factorial *= k == 0 ? 2.0 : (2.0 * k + 1) * (2.0 * k + 2);
-      a += power / factorial;
-      b += power / (factorial * (2 * k + 3));
-      da += 2.0 * k * before / factorial;
-      db += 2.0 * k * before / (factorial * (2 * k + 3));
-      before = -power;
-      power *= -square;
-    }
-  }
-  if (any(!small)) {
-    using std::sqrt;
-    const Real big = select(small, Real(1.0), square);
-    const Real theta = sqrt(big);
-    Real s, c;
-    sine_cosine(theta, &s, &c);
-    a = select(small, a, Real((1.0 - c) / big));
-    b = select(small, b, Real((theta - s) / (theta * big)));
-    da = select(small, da, Real((theta * s - 2.0 * (1.0 - c)) / (big * big)));
-    db = select(small, db, Real((3.0 * s - theta * (2.0 + c)) / (theta * big * big)));
-  }
+  const TurningFactors<Real> of(phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]);
+  const Real &a = of.a, &b = of.b, &da = of.da, &db = of.db;
   Real cross1[3], cross2[3], second1[3], second2[3], turn[3];
   cross(phi, rate, cross1);
   cross(phi, cross1, cross2);

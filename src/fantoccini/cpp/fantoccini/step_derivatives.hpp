@@ -1,0 +1,280 @@
+// Derivatives of a time step (timestepping.hpp, without extrapolation) by its start, its inputs, the
+// user's forces and the parameters, with the rows that it holds:
+//
+//   (M + dt F) dacc + A_D^T dtension = -r_d
+//   A_D dacc = -(A_D v+ + A_K rate + min(h/dt, recovery speed))_d / dt
+//
+//   dv+ = dv + dt dacc,   dq+ = Exp(-dt v+) dq + J_r(dt v+) dt dv+
+//
+// r is the residual of Eq. 10 with the velocity products of the start, d any of the above. Columns are
+// solved for in bundles, as many as a vector holds.
+#pragma once
+
+#include <cstring>
+
+#include "evaluation.hpp"
+#include "timestepping.hpp"
+#include "wide.hpp"
+
+namespace fan {
+
+struct StepDerivativeTolerances {
+  // Pivot of a held row, relative to its diagonal entry, below which it depends on those before it.
+  static constexpr double dependent = 1e-12;
+};
+
+template <class Model>
+class StepDerivatives {
+ public:
+  static constexpr int NQ = Model::n_qD, N = Model::n_vD, K = Model::n_vK, P = Model::n_p;
+  static constexpr int S = Model::n_strings, M = Model::n_rows, width = Traits<Wide>::width;
+
+  // Node i of the arrays.
+  void find(const StepDerivativeArrays& in, long long i) {
+    forces_ = in.forces != 0;
+    m_ = 2 * N + 3 * K + (forces_ ? N : 0) + P;
+    evaluate(in, i);
+    hold(in, i);
+    differentiate(in, i);
+    double* motion = in.motion + i * 2 * N * m_;
+    double* pull = in.pull ? in.pull + i * M * m_ : nullptr;
+    solve(in.dt, motion + N * m_, pull);
+    chain(in.dt, motion + N * m_, N);
+    if (pull) chain(in.dt, pull, M);
+    move(in.dt, motion);
+  }
+
+ private:
+  using Tolerance = StepDerivativeTolerances;
+  static constexpr int most = 3 * N + 3 * K + P;  // columns
+
+  void evaluate(const StepDerivativeArrays& in, long long i) {
+    q_D_ = in.q_D + i * NQ;
+    v_D_ = in.v_D + i * N;
+    q_K_ = in.q_K + i * Model::n_qK;
+    rate_ = in.rate + i * K;
+    mean_ = in.mean + i * K;
+    tension_ = in.tension + i * M;
+    p_ = in.p.first + i * in.p.stride;
+    const double* force = in.u_D.first ? in.u_D.first + i * in.u_D.stride : nullptr;
+    double u_D[room(N)];
+    for (int k = 0; k < N; ++k) u_D[k] = force ? force[k] : 0.0;
+    eval_.at(q_D_, v_D_, q_K_, rate_, mean_, u_D, v_D_, in.dt, p_);
+  }
+
+  // The rows that are held, their factor, and acc_D under the tensions.
+  void hold(const StepDerivativeArrays& in, long long i) {
+    const unsigned char* held = in.held + i * M;
+    int list[room(M)], n = 0;
+    for (int r = 0; r < M; ++r)
+      if (held[r] || tension_[r] != 0.0) list[n++] = r;
+    rows_.gather(eval_, v_D_, list, n);
+    double pull[room(M)], w[room(N)];
+    for (int k = 0; k < N; ++k) w[k] = eval_.w0[k];
+    for (int a = 0; a < n; ++a) pull[a] = -tension_[rows_.row[a]];
+    rows_.add(pull, w);
+    acc_ = in.acc_D + i * N;
+    eval_.back(w, acc_);
+    for (int k = 0; k < N; ++k) v_next_[k] = v_D_[k] + in.dt * acc_[k];
+    n = 0;
+    for (int a = 0; a < rows_.n; ++a)
+      if (held[rows_.row[a]]) list[n++] = rows_.row[a];
+    rows_.gather_more(eval_, v_D_, list, n);
+    factorise();
+  }
+
+  // G = U^T D U of the held rows; rows that depend on those before them are left out.
+  void factorise() {
+    constexpr int stride = Complementarity<double, M>::N;
+    const double* G = rows_.problem.G;
+    for (int a = 0; a < rows_.n; ++a) {
+      double pivot = G[a * stride + a];
+      for (int b = 0; b < a; ++b) {
+        double sum = G[a * stride + b];
+        for (int c = 0; c < b; ++c) sum -= factor_[a][c] * factor_[b][c] * pivot_[c];
+        factor_[a][b] = pivot_[b] > 0.0 ? sum / pivot_[b] : 0.0;
+        pivot -= factor_[a][b] * sum;
+      }
+      const bool depends = !(pivot > Tolerance::dependent * G[a * stride + a]);
+      pivot_[a] = depends ? 0.0 : pivot;
+      inverse_[a] = depends ? 0.0 : 1.0 / pivot;
+    }
+  }
+
+  // r_d (force_) and the rows' part (rate_by_), column by column.
+  void differentiate(const StepDerivativeArrays& in, long long i) {
+    double* at = force_;
+    struct {
+      double *r_q, *r_v, *r_qK, *r_vK, *M_DK, *r_p;
+    } r;
+    r.r_q = at, at += N * N;
+    r.r_v = at, at += N * N;
+    r.r_qK = at, at += N * K;
+    r.r_vK = at, at += N * K;
+    r.M_DK = at, at += N * K;
+    if (forces_) {
+      for (int k = 0; k < N * N; ++k) at[k] = k % (N + 1) == 0 ? -1.0 : 0.0;
+      at += N * N;
+    }
+    r.r_p = at;
+    using Of = Call<Model, double>;
+    Of::force_by_q(q_D_, v_D_, acc_, q_K_, rate_, mean_, tension_, in.dt, p_, r.r_q);
+    Of::force_by_v(q_D_, v_D_, acc_, q_K_, rate_, mean_, tension_, in.dt, p_, r.r_v);
+    Of::force_by_K(q_D_, v_D_, acc_, q_K_, rate_, mean_, tension_, in.dt, p_, r);
+    if (rows_.n == 0) return;
+    Of::rows_by(q_D_, v_next_, q_K_, rate_, p_, by_);
+    const double shorter = 1.0 / in.dt;
+    for (int a = 0; a < rows_.n; ++a) {
+      const int row = rows_.row[a];
+      const double h = eval_.height(row), size = rows_.two_sided[a] ? fabs(h) : h;
+      const double gap = size * shorter < in.recovery_speed ? shorter : 0.0;
+      double* out = rate_by_[a];
+      for (int k = 0; k < N; ++k) *out++ = by_.hdot_q[M * k + row] + gap * by_.A_D[M * k + row];
+      for (int k = 0; k < N; ++k) *out++ = by_.A_D[M * k + row];
+      for (int k = 0; k < K; ++k) *out++ = by_.hdot_qK[M * k + row] + gap * by_.A_K[M * k + row];
+      for (int k = 0; k < K; ++k) *out++ = by_.A_K[M * k + row];
+      for (int k = 0; k < K + (forces_ ? N : 0); ++k) *out++ = 0.0;
+      for (int k = 0; k < P; ++k) *out++ = by_.hdot_p[M * k + row] + gap * by_.h_p[M * k + row];
+      for (int k = 0; k < m_; ++k) rate_by_[a][k] *= shorter;
+    }
+  }
+
+  // dv (N, m): the identity for v_D, and dt dacc.
+  void solve(double dt, double* dv, double* pull) {
+    if (pull)
+      for (int k = 0; k < M * m_; ++k) pull[k] = 0.0;
+    // Where driven coordinates move no mass, dv_K/dt has no part in the step.
+    const int mean = 2 * N + 2 * K, after = mean + K;
+    if (Model::coupled) {
+      solve(dt, 0, m_, dv, pull);
+    } else {
+      for (int k = 0; k < N; ++k)
+        for (int c = mean; c < after; ++c) dv[k * m_ + c] = 0.0;
+      solve(dt, 0, mean, dv, pull);
+      solve(dt, after, m_, dv, pull);
+    }
+    for (int k = 0; k < N; ++k) dv[k * m_ + N + k] += 1.0;
+  }
+
+  // The columns [begin, end), without the identity.
+  void solve(double dt, int begin, int end, double* dv, double* pull) const {
+    for (int first = begin; first < end; first += width) {
+      const int n = end - first < width ? end - first : width;
+      Wide x[room(N)], w[room(N)], y[room(M)];
+      for (int k = 0; k < N; ++k)
+        for (int l = 0; l < width; ++l)
+          lane_of(x[k], l) = l < n ? -force_[(first + l) * N + k] : 0.0;
+      Model::forth_of(eval_.L, x, w);
+      multipliers(w, first, n, y);
+      for (int a = 0; a < rows_.n; ++a)
+        for (int k = 0; k < N; ++k) w[k] -= rows_.column[a][k] * y[a];
+      Model::back_of(eval_.L, w, x);
+      for (int k = 0; k < N; ++k) put(dt * x[k], n, dv + k * m_ + first);
+      for (int a = 0; pull && a < rows_.n; ++a) put(y[a], n, pull + rows_.row[a] * m_ + first);
+    }
+  }
+
+  // How many columns from c on a bundle has.
+  int columns_from(int c) const { return m_ - c < width ? m_ - c : width; }
+
+  static Wide get(const double* from, int n) {
+    Wide x = Wide(0.0);
+    if (n == width) std::memcpy(&x, from, sizeof(Wide));
+    else
+      for (int l = 0; l < n; ++l) lane_of(x, l) = from[l];
+    return x;
+  }
+
+  // The first n lanes.
+  static void put(const Wide& x, int n, double* out) {
+    if (n == width) std::memcpy(out, &x, sizeof(Wide));
+    else
+      for (int l = 0; l < n; ++l) out[l] = lane_of(x, l);
+  }
+
+  // y with G y = W^T w + the rows' part.
+  void multipliers(const Wide* w, int first, int n, Wide* y) const {
+    for (int a = 0; a < rows_.n; ++a) {
+      Wide sum = get(rate_by_[a] + first, n);
+      for (int k = 0; k < N; ++k) sum += rows_.column[a][k] * w[k];
+      for (int b = 0; b < a; ++b) sum -= factor_[a][b] * y[b];
+      y[a] = sum;
+    }
+    for (int a = 0; a < rows_.n; ++a) y[a] *= inverse_[a];
+    for (int a = rows_.n - 1; a >= 0; --a)
+      for (int b = 0; b < a; ++b) y[b] -= factor_[a][b] * y[a];
+  }
+
+  // From rate and mean to v_K and acc_K of scalars, in n rows of columns: rate = v_K + dt/2 acc_K, mean = acc_K.
+  void chain(double dt, double* columns, int n) const {
+    using Space = typename Model::Driven;
+    for (int k = 0; k < n; ++k) {
+      double *rate = columns + k * m_ + 2 * N + K, *mean = rate + K;
+      for (int i = 0; i < Space::n_scalars; ++i)
+        mean[Space::scalar_v[i]] += 0.5 * dt * rate[Space::scalar_v[i]];
+    }
+  }
+
+  // dq (N, m), above dv.
+  void move(double dt, double* dq) const {
+    using Space = typename Model::Dynamic;
+    const double* dv = dq + N * m_;
+    for (int i = 0; i < Space::n_scalars; ++i) {
+      const int k = Space::scalar_v[i];
+      for (int c = 0; c < m_; c += width) {
+        const int n = columns_from(c);
+        put(dt * get(dv + k * m_ + c, n), n, dq + k * m_ + c);
+      }
+      dq[k * m_ + k] += 1.0;
+    }
+    for (int i = 0; i < Space::n_quaternions; ++i) {
+      const int k = Space::quaternion_v[i];
+      double phi[3], J[9], R[9];
+      for (int c = 0; c < 3; ++c) phi[c] = dt * v_next_[k + c];
+      rotation(phi, J, R);
+      for (int c = 0; c < m_; c += width) {
+        const int n = columns_from(c);
+        Wide turn[3];
+        for (int r = 0; r < 3; ++r) turn[r] = dt * get(dv + (k + r) * m_ + c, n);
+        for (int r = 0; r < 3; ++r)
+          put(J[3 * r] * turn[0] + J[3 * r + 1] * turn[1] + J[3 * r + 2] * turn[2], n,
+              dq + (k + r) * m_ + c);
+      }
+      for (int r = 0; r < 3; ++r)
+        for (int c = 0; c < 3; ++c) dq[(k + r) * m_ + k + c] += R[3 * r + c];
+    }
+  }
+
+  // J_r(phi), and the rotation Exp(-phi), row by row.
+  static void rotation(const double* phi, double* J, double* R) {
+    const double square = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2];
+    const TurningFactors<double> of(square);
+    for (int r = 0; r < 3; ++r)
+      for (int c = 0; c < 3; ++c) {
+        const double cross = r == c ? 0.0 : ((r + 1) % 3 == c ? -phi[3 - r - c] : phi[3 - r - c]);
+        J[3 * r + c] = double(r == c) * (1.0 - of.b * square) - of.a * cross + of.b * phi[r] * phi[c];
+      }
+    // Exp(-phi) = 1 - [phi] J_r(phi)
+    for (int r = 0; r < 3; ++r)
+      for (int c = 0; c < 3; ++c) {
+        const int s = (r + 1) % 3, t = (r + 2) % 3;
+        R[3 * r + c] = double(r == c) - (phi[s] * J[3 * t + c] - phi[t] * J[3 * s + c]);
+      }
+  }
+
+  const double *q_D_, *v_D_, *q_K_, *rate_, *mean_, *tension_, *p_;
+  double* acc_;
+  bool forces_ = false;
+  int m_ = 0;
+  double v_next_[room(N)];
+  Evaluation<Model, double> eval_;
+  RowSystem<Model, double> rows_;
+  double factor_[room(M)][room(M)], pivot_[room(M)], inverse_[room(M)];
+  double force_[room(N * most)], rate_by_[room(M)][room(most)];
+  struct {
+    double A_D[room(M * N)], A_K[room(M * K)], h_p[room(M * P)], hdot_q[room(M * N)];
+    double hdot_qK[room(M * K)], hdot_p[room(M * P)];
+  } by_;
+};
+
+}  // namespace fan

@@ -1,0 +1,179 @@
+"""Derivatives of many time steps at once, compiled: what optimal control asks for at every node.
+
+The equations are those of :mod:`fantoccini.marionette.step_linearisation`, for puppets without
+contact.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fantoccini.arrays import Array, MaskRows, check_positive
+from fantoccini.errors import Status
+from fantoccini.marionette.checks import refuse_contact
+from fantoccini.marionette.model import Model
+from fantoccini.marionette.step_linearisation import AT_CAP, SHORTENED, DrivenStep
+from fantoccini.marionette.vectors import vectors
+from fantoccini.runtime import LaneSteppers, default_threads
+from fantoccini.tree import CoordinateTable
+
+
+@dataclass(frozen=True, eq=False)
+class StepLinearisations:
+    """n time steps and their derivatives, as those of :class:`StepLinearisation`.
+
+    Attributes:
+        q_D, v_D, q_K, v_K: (n, ...) the states after the steps.
+        tension: (n, n_rows) impulses over dt [N or N m].
+        held: (n, n_rows) bool, strings and limits held in the steps.
+        motion: (n, 2 n_vD, m) derivatives of (dq_D, v_D) after the step by q_D, v_D, q_K, v_K,
+            acc_K, u_D where asked for, and p: the rows of A, B, B_u and B_p that are not those of
+            the driven coordinates.
+        pull: (n, n_rows, m) derivatives of ``tension``, where asked for; 0 for rows not held.
+        settled: (n,) bool, steps that were made and not cut short; the others' derivatives are
+            those of the equations, not of the step.
+        dt: length of the steps [s].
+        coordinates: names and places of the coordinates.
+    """
+
+    q_D: Array
+    v_D: Array
+    q_K: Array
+    v_K: Array
+    tension: Array
+    held: MaskRows
+    motion: Array
+    pull: Array | None
+    settled: Array
+    dt: float
+    coordinates: CoordinateTable
+    _driven: tuple[DrivenStep, ...]
+
+    def __len__(self) -> int:
+        return len(self.q_D)
+
+    @cached_property
+    def A(self) -> Array:
+        """(n, n_z, n_z): z = (dq_D, dv_D, dq_K, dv_K) after the step by that before it."""
+        t = self.coordinates
+        n, k = t.n_vD, t.n_vK
+        A = np.zeros((len(self), 2 * (n + k), 2 * (n + k)))
+        A[:, : 2 * n] = self.motion[..., : 2 * (n + k)]
+        A[:, 2 * n :, 2 * n :] = self._of_inputs[..., : 2 * k]
+        return A
+
+    @cached_property
+    def B(self) -> Array:
+        """(n, n_z, n_vK): by the driven accelerations."""
+        t = self.coordinates
+        n, k = t.n_vD, t.n_vK
+        B = np.zeros((len(self), 2 * (n + k), k))
+        B[:, : 2 * n] = self.motion[..., 2 * (n + k) : 2 * n + 3 * k]
+        B[:, 2 * n :] = self._of_inputs[..., 2 * k :]
+        return B
+
+    @cached_property
+    def _of_inputs(self) -> Array:
+        """(n or 1, 2 n_vK, 3 n_vK): (dq_K, dv_K) after the step by q_K, v_K and acc_K."""
+        t = self.coordinates
+        n, k = t.n_vD, t.n_vK
+        return np.array([one.state(n, 0)[:, 2 * n : 2 * n + 3 * k] for one in self._driven])
+
+
+def linearise_steps(
+    model: Model,
+    q_D: Array,
+    v_D: Array,
+    q_K: Array,
+    v_K: Array,
+    acc_K: Array | None = None,
+    u_D: Array | None = None,
+    *,
+    p: Array | None = None,
+    dt: float = 0.002,
+    forces: bool = False,
+    pull: bool = False,
+    threads: int | None = None,
+) -> StepLinearisations:
+    """One time step from each of n states; see :meth:`Marionette.linearise_steps`."""
+    check_positive(dt=dt)
+    refuse_contact(model, "linearise_steps")
+    table, tree = model.coordinates, model.tree
+    widths = {"q_D": table.n_qD, "v_D": table.n_vD, "q_K": table.n_qK, "v_K": table.n_vK}
+    given = zip(widths.items(), (q_D, v_D, q_K, v_K), strict=True)
+    starts = {name: vectors(name, a, width).reshape(-1, width) for (name, width), a in given}
+    acc = np.zeros((1, table.n_vK)) if acc_K is None else vectors("acc_K", acc_K, table.n_vK)
+    acc = acc.reshape(-1, table.n_vK)
+    force = None if u_D is None else vectors("u_D", u_D, table.n_vD).reshape(-1, table.n_vD)
+    values = model.p[None] if p is None else vectors("p", p, len(model.p)).reshape(-1, len(model.p))
+    n = max(*map(len, starts.values()), len(acc), len(values), 1 if force is None else len(force))
+    x = {name: _repeated(a, n) for name, a in starts.items()}
+    threads = default_threads() if threads is None else threads
+    options = model.run_options(dt=dt, extrapolate=False)
+    made = {name: a.copy() for name, a in x.items()} | {
+        "fresh": np.ones(n, dtype=np.uint8), "p": _repeated(values, n),
+        "slip": np.zeros((n, len(tree.strings))), "tension": np.zeros((n, tree.n_rows)),
+        "taut": np.zeros((n, tree.n_rows), dtype=np.bool_), "books": np.zeros((n, 5)),
+        "violation": np.zeros(n), "advanced": np.zeros(n), "status": np.zeros(n, dtype=np.int32),
+        "blame": np.zeros((n, len(tree.blamable))),
+    }  # fmt: skip
+    lanes = model.compiled.lanes
+    workers = max(1, min(threads, -(-n // lanes.width)))
+    LaneSteppers(lanes, n, workers, options, model.winches).advance(made, dt, acc, force)
+    driven = _driven_steps(model, x["v_K"], acc, dt)
+    along = {"rate": x["v_K"] + 0.5 * dt * acc, "mean": _repeated(acc, n)}
+    if table.quaternions_K:
+        along = {k: np.array([getattr(one, k) for one in driven]) for k in along}
+    tension = made["tension"]
+    upper = np.minimum(model.upper, model.tension_cap)
+    held = model.two_sided | ((tension > 0.0) & (tension < AT_CAP * upper))
+    found = model.compiled.step_derivatives.find(
+        {name: x[name] for name in ("q_D", "v_D", "q_K")} | {"tension": tension}
+        | along,
+        held, values, force, dt=dt, recovery_speed=options.recovery_speed, forces=forces,
+        pull=pull, threads=threads,
+    )  # fmt: skip
+    _chain_rotations(model, driven, found.motion)
+    if found.pull is not None:
+        _chain_rotations(model, driven, found.pull)
+    meant = x["v_D"] + dt * found.acc_D
+    size = 1.0 + np.max(np.abs(made["v_D"]), axis=1, initial=0.0)
+    apart = np.max(np.abs(meant - made["v_D"]), axis=1, initial=0.0)
+    return StepLinearisations(
+        **{name: made[name] for name in widths}, tension=tension, held=held, motion=found.motion,
+        pull=found.pull, settled=(made["status"] == Status.DONE) & (apart <= SHORTENED * size),
+        dt=dt, coordinates=table, _driven=driven,
+    )  # fmt: skip
+
+
+def _repeated(rows: Array, n: int) -> Array:
+    """(n, ...) a copy in C order of n rows, or of one n times."""
+    return np.array(np.broadcast_to(rows, (n, rows.shape[1])), order="C")
+
+
+def _driven_steps(
+    model: Model, v_K: Array, acc_K: Array, dt: float
+) -> tuple[DrivenStep, ...]:
+    """The driven coordinates over every step; one for all where nothing turns."""
+    quaternions = model.coordinates.quaternions_K
+    if not quaternions:
+        v_K, acc_K = v_K[:1], acc_K[:1]
+    rows = np.broadcast_to(acc_K, v_K.shape)
+    return tuple(DrivenStep(quaternions, v, a, dt) for v, a in zip(v_K, rows, strict=True))
+
+
+def _chain_rotations(model: Model, driven: tuple[DrivenStep, ...], columns: Array) -> None:
+    """From derivatives by rate and mean of driven rotations to those by v_K and acc_K, in place."""
+    t = model.coordinates
+    n, k = t.n_vD, t.n_vK
+    for _, v in t.quaternions_K:
+        by_v = slice(2 * n + k + v, 2 * n + k + v + 3)
+        by_acc = slice(by_v.start + k, by_v.stop + k)
+        for one, part in zip(driven, columns, strict=True):
+            rate, mean = part[:, by_v].copy(), part[:, by_acc].copy()
+            mean_by_v, mean_by_acc = one.mean_by(slice(v, v + 3))
+            part[:, by_v] = rate + mean @ mean_by_v
+            part[:, by_acc] = 0.5 * one.dt * rate + mean @ mean_by_acc

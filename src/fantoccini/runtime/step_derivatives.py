@@ -1,0 +1,106 @@
+"""Derivatives of many time steps at once (``cpp/fantoccini/step_derivatives.hpp``)."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from fantoccini.arrays import Array, MaskRows
+from fantoccini.runtime.functions import AnyArray, Loaded, pointer
+from fantoccini.runtime.structures import structures
+
+_LEAST = 4
+"""Nodes that are worth a thread."""
+
+
+class StepPartials(NamedTuple):
+    """Derivatives of n steps; m columns: q_D, v_D, q_K, v_K, acc_K, u_D if asked for, p.
+
+    Attributes:
+        acc_D: (n, n_vD) mean accelerations over the steps.
+        motion: (n, 2 n_vD, m) of (dq_D, v_D) after the step. Columns of v_K and acc_K of driven
+            rotations are by dq_K/dt and dv_K/dt over the step instead.
+        pull: (n, n_rows, m) of the tensions, if asked for.
+    """
+
+    acc_D: Array
+    motion: Array
+    pull: Array | None
+
+
+class StepDerivatives(Loaded):
+    """A puppet's library of derivatives of time steps."""
+
+    def find(
+        self,
+        starts: Mapping[str, Array],
+        held: MaskRows,
+        p: Array,
+        u_D: Array | None,
+        *,
+        dt: float,
+        recovery_speed: float,
+        forces: bool,
+        pull: bool,
+        threads: int,
+    ) -> StepPartials:
+        """The derivatives of n steps.
+
+        Args:
+            starts: q_D, v_D, q_K, rate (dq_K/dt over the step), mean (dv_K/dt) and tension,
+                (n, ...) each.
+            held: (n, n_rows) rows that the steps hold.
+            p: (1 or n, n_p) parameters.
+            u_D: (1 or n, n_vD) user forces; None for none.
+            dt: length of the steps [s].
+            recovery_speed: cap on how fast a violation is taken back [m/s].
+            forces: differentiate by u_D, too.
+            pull: also of the tensions.
+            threads: that share the work.
+        """
+        n, sizes = len(held), self.sizes
+        n_v, n_k = sizes["n_vD"], sizes["n_vK"]
+        m = 2 * n_v + 3 * n_k + (n_v if forces else 0) + sizes["n_p"]
+        out = StepPartials(
+            np.empty((n, n_v)), np.empty((n, 2 * n_v, m)),
+            np.empty((n, sizes["n_rows"], m)) if pull else None,
+        )  # fmt: skip
+        kept: list[AnyArray] = [np.ascontiguousarray(held, dtype=np.uint8)]
+
+        def address(a: Array) -> ctypes.c_void_p:
+            kept.append(np.ascontiguousarray(a, dtype=float))
+            return pointer(kept[-1])
+
+        def shared(a: Array | None) -> ctypes.Structure:
+            if a is None:
+                return structures["Shared"](None, 0)
+            return structures["Shared"](address(a), 0 if len(a) == 1 else a.shape[1])
+
+        arrays = structures["StepDerivativeArrays"](
+            dt=dt, recovery_speed=recovery_speed, forces=int(forces),
+            p=shared(p), u_D=shared(u_D), held=pointer(kept[0]),
+            acc_D=pointer(out.acc_D), motion=pointer(out.motion),
+            pull=None if out.pull is None else pointer(out.pull),
+            **{name: address(a) for name, a in starts.items()},
+        )  # fmt: skip
+
+        def work(ends: tuple[int, int]) -> int:
+            first, last = (ctypes.c_longlong(end) for end in ends)
+            return int(self.dll.fan_step_derivatives(ctypes.byref(arrays), first, last))
+
+        workers = max(1, min(threads, n // _LEAST))
+        cuts = [n * i // workers for i in range(workers + 1)]
+        parts = list(pairwise(cuts))
+        if workers == 1:
+            failed = [work(parts[0])]
+        else:
+            with ThreadPoolExecutor(workers) as pool:
+                failed = list(pool.map(work, parts))
+        if any(failed):
+            raise MemoryError("no memory for the derivatives of time steps")
+        return out

@@ -1,0 +1,119 @@
+"""Compiled derivatives of time steps: those of one step at a time, and central differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+
+PUPPETS = ("arm2d", "stand6", "marionette_bar", "marionette")
+
+
+def moving(name, n=4, seed=0):
+    """A puppet, and n states of it with strings and limits that pull and do not."""
+    puppet = getattr(fan.puppets, name)()
+    rng = np.random.default_rng(seed)
+    batch = puppet.stepper_batch(puppet.rest(), n)
+    for _ in range(15):
+        batch.advance(0.01, 2.0 * rng.normal(size=batch.v_K.shape))
+    batch.reset(v_D=batch.v_D + 0.3 * rng.normal(size=batch.v_D.shape), q_D=batch.q_D,
+                q_K=batch.q_K, v_K=batch.v_K)  # fmt: skip
+    return puppet, batch, rng
+
+
+def split(puppet, many):
+    """Places of the columns of ``motion``."""
+    t = puppet.coordinates
+    widths = (t.n_vD, t.n_vD, t.n_vK, t.n_vK, t.n_vK, t.n_vD, len(puppet.p))
+    return np.split(many, np.cumsum(widths)[:-1], axis=-1)
+
+
+@pytest.mark.parametrize("name", PUPPETS)
+def test_many_steps_are_differentiated_as_one(name):
+    puppet, batch, rng = moving(name)
+    acc, force = rng.normal(size=batch.v_K.shape), 0.01 * rng.normal(size=batch.v_D.shape)
+    many = puppet.linearise_steps(
+        batch.q_D, batch.v_D, batch.q_K, batch.v_K, acc, force, forces=True, pull=True, threads=2
+    )
+    assert many.settled.all() and many.held.any()
+    for i in range(len(many)):
+        one = puppet.linearise_step(batch.state(i), acc[i], force[i])
+        size = np.max(np.abs(one.A))
+        names = tuple(puppet.tree.row_names[r] for r in np.flatnonzero(many.held[i]))
+        assert names == one.rows
+        assert np.allclose(many.q_D[i], one.x_next.q_D, rtol=0, atol=1e-12)
+        assert np.allclose(many.v_D[i], one.x_next.v_D, rtol=0, atol=1e-9)
+        assert np.allclose(many.A[i], one.A, rtol=0, atol=1e-10 * size)
+        assert np.allclose(many.B[i], one.B, rtol=0, atol=1e-10)
+        *_, by_u, by_p = split(puppet, many.motion[i])
+        n = puppet.coordinates.n_vD
+        assert np.allclose(by_u, one.B_u[: 2 * n], rtol=0, atol=1e-10 * (1 + np.max(np.abs(by_u))))
+        assert np.allclose(by_p, one.B_p[: 2 * n], rtol=0, atol=1e-10)
+        for found, wanted in zip(split(puppet, many.pull[i]), vars(one.pull).values(), strict=True):
+            scale = np.max(np.abs(wanted), initial=1.0)
+            assert np.allclose(found, wanted, rtol=0, atol=1e-9 * scale)
+
+
+@pytest.mark.parametrize("name", ["arm2d", "marionette_bar", "marionette"])
+def test_they_are_what_central_differences_give(name):
+    """The steps themselves are the oracle: of fixed steps that depend on their state alone."""
+    puppet, batch, rng = moving(name, n=1, seed=3)
+    t, acc = puppet.coordinates, rng.normal(size=(1, batch.v_K.shape[1]))
+    start = [a[0].copy() for a in (batch.q_D, batch.v_D, batch.q_K, batch.v_K)]
+    many = puppet.linearise_steps(*start, acc)
+    n, k = t.n_vD, t.n_vK
+    h, widths = 1e-6, (n, n, k, k)
+    moved, changes = [], np.eye(2 * (n + k))
+    for sign in (1.0, -1.0):
+        for change in changes:
+            dq, dv, dq_K, dv_K = np.split(sign * h * change, np.cumsum(widths)[:-1])
+            moved.append([
+                puppet.integrate(start[0], dq), start[1] + dv,
+                puppet.integrate(start[2], dq_K, driven=True), start[3] + dv_K,
+            ])  # fmt: skip
+    after = puppet.linearise_steps(*map(np.array, zip(*moved, strict=True)), acc)
+    assert (after.held == many.held).all()
+    half = len(changes)
+    dq = np.array([
+        puppet.difference(after.q_D[half + i], after.q_D[i]) for i in range(half)
+    ])  # fmt: skip
+    dv = after.v_D[:half] - after.v_D[half:]
+    found = np.concatenate([dq, dv], axis=1).T / (2 * h)
+    wanted = many.A[0][: 2 * n]
+    assert np.allclose(found, wanted, rtol=0, atol=1e-7 * np.max(np.abs(wanted)))
+
+
+def test_parameters_may_differ_from_node_to_node():
+    arm = fan.puppets.arm2d()
+    x = arm.rest()
+    p = np.array([[0.12, 0.08], [0.2, 0.05]])
+    many = arm.linearise_steps(x.q_D, x.v_D, x.q_K, x.v_K, p=p)
+    for i, own in enumerate(p):
+        one = arm.with_parameters(dict(zip(("m1", "m2"), own, strict=True))).linearise_step(x)
+        assert np.allclose(many.A[i], one.A, rtol=0, atol=1e-9)
+        assert np.allclose(many.motion[i][:, -2:], one.B_p[:4], rtol=0, atol=1e-12)
+
+
+def test_a_step_that_is_cut_short_is_not_settled():
+    arm = fan.puppets.arm2d()
+    x = arm.rest()
+    many = arm.linearise_steps(x.q_D, [[0.0, 0.0], [3000.0, -3000.0]], x.q_K, x.v_K)
+    assert many.settled.tolist() == [True, False]
+
+
+def test_threads_make_no_difference():
+    puppet, batch, _ = moving("arm2d", n=23)
+    args = batch.q_D, batch.v_D, batch.q_K, batch.v_K
+    one, two = (puppet.linearise_steps(*args, threads=n) for n in (1, 2))
+    assert np.array_equal(one.motion, two.motion)
+
+
+def test_contact_is_refused_by_name():
+    scene = fan.loads(
+        "{puppet: ball, floor: 0, contact: true, bodies: [{name: b, joint: {type: free},"
+        " shapes: [{type: sphere, radius: 0.1, mass: 1}]}], pose: {b.z: 0.1}}"
+    )
+    x = scene.state()
+    with pytest.raises(fan.StateError, match="linearise_steps"):
+        scene.linearise_steps(x.q_D, x.v_D, x.q_K, x.v_K)
