@@ -54,7 +54,9 @@ OVERLAP = {"timestepping": stages.OVERLAP, "event": 1e-9}
 """Depth beyond which a run may not be DONE [m]."""
 RESIDUAL = {"timestepping": stages.RESIDUAL, "event": 1e-3}
 """Residual of the laws of contact beyond which a sample is broken, relative."""
-PATIENCE = 600.0
+LIMIT = 60.0
+"""Time after which an event-driven run is stopped, and counts as hung [s]."""
+PATIENCE = 1200.0
 """Time without any report after which the workers count as stuck [s]."""
 KEPT = 5
 """Commands kept of each failure; all are counted."""
@@ -171,10 +173,26 @@ def ran(given: Crowd) -> fan.Trajectories:
     """The runs of a crowd, on one thread."""
     every = {} if isinstance(given.method, fan.Event) else {"save_every": EVERY}
     times = np.linspace(0.0, given.t_end, 9) if isinstance(given.method, fan.Event) else None
+    began = time.monotonic()
+
+    def watch(_: float) -> None:
+        if time.monotonic() - began > LIMIT * len(given.starts):
+            raise KeyboardInterrupt  # what was reached is kept, with the status STOPPED
+
     return fan.simulate_batch(
         given.marionette, given.starts, given.inputs, given.t_end, method=given.method,
-        save=("q_D", "v_D", "ledger", "contact_residual"), save_at=times, threads=1, **every,
+        save=("q_D", "v_D", "ledger", "contact_residual"), save_at=times, threads=1,
+        progress=watch, **every,
     )  # fmt: skip
+
+
+def one_of(given: Crowd, i: int) -> Crowd:
+    """The i-th run of a crowd, by itself."""
+    inputs = given.inputs
+    if inputs is not None:
+        bound = inputs.bound(np.array([x.q_K for x in given.starts]))
+        inputs = fan.Inputs.of([bound[i]])
+    return Crowd(given.marionette, [given.starts[i]], inputs, given.t_end, given.method)
 
 
 def broken(given: Crowd, runs: fan.Trajectories) -> tuple[dict[str, np.ndarray], dict[str, float]]:
@@ -227,22 +245,26 @@ def _turn(given: Crowd, runs: fan.Trajectories) -> np.ndarray:
 
 
 def counted(name: str, seed: int, method: str) -> Count:
-    """Runs a crowd and counts."""
+    """Runs a crowd and counts: in lanes, or one by one, each within its limit of time."""
     given, count = crowd(name, seed, method), Count()
     if given is None:
         return count
-    runs = ran(given)
-    found, worst = broken(given, runs)
-    names = Counter(Status(int(s)).name for s in runs.status)
-    lost = np.nan_to_num(runs.ledger["friction"]) + np.nan_to_num(runs.ledger["impact"])
-    count.runs, count.touched = len(runs.status), int(np.sum(np.max(lost, axis=1) > 0.0))
-    count.by_status[method], count.worst[method] = names, worst
-    for what, where in found.items():
-        which = np.flatnonzero(where)
-        if len(which):
-            key = f"{name}, {method}: {what}"
-            count.failures[key] = len(which)
-            count.commands[key] = [command(name, seed, method, int(i)) for i in which[:KEPT]]
+    whole = isinstance(given.method, fan.TimeStepping)
+    for first in range(1 if whole else len(given.starts)):
+        part = given if whole else one_of(given, first)
+        runs = ran(part)
+        found, worst = broken(part, runs)
+        names = Counter(Status(int(s)).name for s in runs.status)
+        lost = np.nan_to_num(runs.ledger["friction"]) + np.nan_to_num(runs.ledger["impact"])
+        touched = int(np.sum(np.max(lost, axis=1) > 0.0))
+        here = Count(len(runs.status), touched, {method: names}, {method: worst})
+        for what, where in found.items():
+            which = first + np.flatnonzero(where)
+            if len(which):
+                key = f"{name}, {method}: {what}"
+                here.failures[key] = len(which)
+                here.commands[key] = [command(name, seed, method, int(i)) for i in which[:KEPT]]
+        count.merge(here)
     return count
 
 
@@ -250,11 +272,7 @@ def alone(name: str, seed: int, method: str, i: int) -> list[str]:
     """What is broken in the i-th run of a crowd, run by itself."""
     given = crowd(name, seed, method)
     assert given is not None
-    inputs = given.inputs
-    if inputs is not None:
-        bound = inputs.bound(np.array([x.q_K for x in given.starts]))
-        inputs = fan.Inputs.of([bound[i]])
-    one = Crowd(given.marionette, [given.starts[i]], inputs, given.t_end, given.method)
+    one = one_of(given, i)
     runs = ran(one)
     found, worst = broken(one, runs)
     print(Status(int(runs.status[0])).name, worst)

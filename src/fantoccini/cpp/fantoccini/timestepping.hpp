@@ -67,7 +67,8 @@ struct TimeStep {
   Mask steady = Real(0.0) > Real(1.0);  // whether the next step may extrapolate the last one
   Real tension[room(M)];  // Lambda / dt
   Mask taut[room(M)];    // rows that pulled in the last step
-  Mask held[room(M)];    // and in the one before it
+  Mask pulled[room(M)];  // the same, but for rows that the first step of a run catches
+  Mask held[room(M)];    // rows that pulled in the last step and in the one before it
   Real slip[room(S)];    // m, >= 0
   Mask slips[room(S)];   // in the last step
   Real work, impact, slip_loss, friction, violation;
@@ -339,10 +340,8 @@ struct TimeStep {
   // Tensions, the active set and the step's entries of the ledger. acc is v+ - v here. Returns the
   // lanes in which a row was caught.
   FAN_FN Mask account(const Real* v_D, const Real* u_D, double dt) {
-    Mask held_before[room(M)], some_caught = Real(0.0) > Real(1.0);
+    Mask some_caught = Real(0.0) > Real(1.0);
     for (int r = 0; r < M; ++r) {
-      held_before[r] = held[r];
-      held[r] = taut[r];
       tension[r] = Real(0.0);
       taut[r] = Real(0.0) > Real(1.0);
     }
@@ -364,7 +363,7 @@ struct TimeStep {
       taut[r] = rows.two_sided[a] ? Real(1.0) > Real(0.0) : x > Real(0.0);
       work += x * rows.hdot_K[a];
       // A catch takes two steps: the first ends where the row closes, the second stops it.
-      const Mask caught = taut[r] && !(held[r] && held_before[r]);
+      const Mask caught = taut[r] && !held[r];
       if (!any(caught)) continue;
       some_caught = some_caught || caught;
       Real after = before_[a];
@@ -373,6 +372,10 @@ struct TimeStep {
       if constexpr (touches)
         if (solids) after -= contacts.rate_by_impulses(a);
       impact += select(caught, Real(x * 0.5 * (before_[a] + after)), Real(0.0));
+    }
+    for (int r = 0; r < M; ++r) {
+      held[r] = taut[r] && pulled[r];
+      pulled[r] = taut[r];
     }
     if constexpr (touches)
       if (solids) {
