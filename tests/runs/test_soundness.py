@@ -69,6 +69,16 @@ strings:
   - {name: below, path: [{body: small}, {body: big}], length: 1}
 """
 
+STICK = """
+puppet: stick
+floor: 0
+contact: true
+bodies:
+  - name: stick
+    joint: {type: free}
+    shapes: [{type: capsule, from: [-0.15, 0, 0], to: [0.15, 0, 0], radius: 0.015, mass: 0.1}]
+"""
+
 BEAD = """
 puppet: bead
 gravity: [0, 0, 0]
@@ -159,6 +169,38 @@ def test_an_end_that_rebounds_and_is_thrown_back_is_booked_whole(tilt):
         x = spun(puppet.state({"rod.z": float(z), "rod.rotation": turn}), [0, 0, -8.0, 0, 0, 0])
         run = fan.simulate(puppet, x, t_end=0.02, method=fan.TimeStepping(dt=0.001))
         assert np.max(np.abs(run.ledger["residual"])) < 0.01 * run.ledger["kinetic"][0]
+
+
+def test_a_ledger_that_does_not_balance_ends_with_a_status():
+    """A spin whose energy swings by a third within 0.25 rad a step: neither gain nor DONE.
+
+    A quarter of the step balances; a batch says the same.
+    """
+    puppet = fan.loads(CAPSULE)
+    x = spun(puppet, [0, 0, 0, 113, 11, 113])
+    with pytest.raises(fan.SimulationError, match=r"% of the energy exchanged.* arose from t = ") as e:
+        fan.simulate(puppet, x, t_end=5.0, method="timestepping")
+    run = e.value.trajectory
+    assert run.status is fan.Status.UNBALANCED and run.t[-1] == 5.0
+    for dt, status in ((0.002, fan.Status.UNBALANCED), (0.0005, fan.Status.DONE)):
+        method = fan.TimeStepping(dt=dt)
+        many = fan.simulate_batch(puppet, [x], t_end=5.0, method=method, save="all")
+        assert many.status[0] == status
+        few = fan.simulate_batch(
+            puppet, [x], t_end=5.0, method=method, save="all", save_every=round(0.02 / dt)
+        )
+        assert few.status[0] == status
+
+
+def test_what_the_last_step_leaves_is_looked_at():
+    """A stick that turns by 2.4 rad in the last step strikes what no step has looked at."""
+    puppet = fan.loads(STICK)
+    turn = (np.cos(np.radians(25)), 0.0, -np.sin(np.radians(25)), 0.0)
+    x = spun(puppet.state({"stick.z": 0.14, "stick.rotation": turn}), [0, 0, 0, 0, 1200, 0])
+    with pytest.raises(fan.SimulationError, match=r"stick\|floor by .* after the last step"):
+        fan.simulate(puppet, x, t_end=0.002, method="timestepping")
+    many = fan.simulate_batch(puppet, [x], t_end=0.002, method="timestepping")
+    assert many.status[0] == fan.Status.OVERSTEPPED
 
 
 def test_drag_is_implicit():
