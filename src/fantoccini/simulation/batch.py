@@ -207,11 +207,11 @@ def _judge(marionette: Marionette, batch: Batch, inputs: Inputs) -> None:
         steps = np.maximum(np.diff(batch.times) / batch.options.dt, 1.0)
         gain[done], share[done] = gains(marionette, ledger), unbooked(marionette, ledger, steps)
     most = batch.violation.copy()
-    for i in np.flatnonzero(done & ends_fast(batch.end_v_D, batch.options.dt)):
+    for i in map(int, np.flatnonzero(done & ends_fast(batch.end_v_D, batch.options.dt))):
         q_K = inputs[i if len(inputs) > 1 else 0].evaluate(batch.t_end)[0]
         left = left_by_last_step(marionette, batch.end_q_D[i], q_K)
         most[i] = max([most[i], *left.values()])
-    for i in np.flatnonzero(done):
+    for i in map(int, np.flatnonzero(done)):
         found = verdict(float(most[i]), float(gain[i]), float(share[i]))
         if found is not Status.DONE:
             batch.status[i], batch.blame[i] = found, 0.0

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, Mask
 from fantoccini.errors import Status
 from fantoccini.marionette import Marionette, critical_step_of_tensions
 from fantoccini.motion import Columns, Trajectory, pair_name
@@ -68,20 +68,17 @@ def gains(marionette: Marionette, ledger: Mapping[str, Array] | Columns) -> Arra
 def unbooked(marionette: Marionette, ledger: Mapping[str, Array] | Columns, steps: Array) -> Array:
     """(...,) largest residual of ledgers, of either sign, relative to the energy exchanged.
 
-    The energy exchanged is the largest T, the range of V, and the largest work and loss. Left out is
-    what a sound step is off by: velocities stand for the middle of a step, by whose ends V changes
-    by half, and damping is booked a step late.
+    The energy exchanged is the largest T, the range of V and the largest work. Left out is what a
+    sound step is off by: velocities stand for the middle of a step, from which to its end
+    V changes by half, and damping is booked a step late.
 
     Args:
         marionette: the puppet.
         ledger: its columns are (..., T) [J].
         steps: (T - 1,) time between the samples, in steps, at least 1.
     """
-    names = ("damping", "impact", "slip", "friction")
-    lost = np.sum([ledger[name] for name in names], axis=0)
     exchanged = np.max(ledger["kinetic"], axis=-1) + np.ptp(ledger["potential"], axis=-1)
-    for entry in (ledger["work"], lost):
-        exchanged = exchanged + np.max(np.abs(entry), axis=-1)
+    exchanged = exchanged + np.max(np.abs(ledger["work"]), axis=-1) + _always(marionette)
     halves = 0.5 * np.abs(np.diff(ledger["potential"])) + np.abs(np.diff(ledger["damping"]))
     n = halves.shape[-1]
     beside = np.zeros((*halves.shape[:-1], n + 3))
@@ -89,7 +86,7 @@ def unbooked(marionette: Marionette, ledger: Mapping[str, Array] | Columns, step
     # Of the two steps before a sample and the one after it: the last step of a run may be short.
     sound = np.max([beside[..., k : k + n + 1] for k in range(3)], axis=0)
     wrong = np.max(np.abs(ledger["residual"]) - sound, axis=-1)
-    return np.maximum(wrong, 0.0) / (exchanged + _always(marionette))
+    return np.maximum(wrong, 0.0) / exchanged
 
 
 def _always(marionette: Marionette) -> float:
@@ -97,7 +94,7 @@ def _always(marionette: Marionette) -> float:
     return BOUNDS.fall * marionette.weight + BOUNDS.energy
 
 
-def ends_fast(v_D: Array, dt: float) -> Array:
+def ends_fast(v_D: Array, dt: float) -> Mask:
     """(...,) whether the last step of a run may have left what no step has measured.
 
     Steps measure what they find where they begin, and leave more only where they bend off their

@@ -108,8 +108,8 @@ struct TimeStep {
       gather_more(v_D);
       pull(dt, recovery_speed, cap, winches);
     }
-    const Mask caught = account(v_D, u_D, dt);
     give_way(winches, cap, dt);
+    const Mask caught = account(v_D, u_D, dt);
     Real move[room(N)], part[room(N)];
     for (int k = 0; k < N; ++k) {
       v_next[k] = v_D[k] + acc[k];
@@ -371,7 +371,10 @@ struct TimeStep {
       for (int b = 0; b < rows.n; ++b) after += rows.problem.G[a * stride + b] * pull_[b];
       if constexpr (touches)
         if (solids) after -= contacts.rate_by_impulses(a);
-      impact += select(caught, Real(x * 0.5 * (before_[a] + after)), Real(0.0));
+      // What a slipping winch takes is in slip_loss.
+      Mask booked = caught;
+      if (r < S) booked = caught && !slips[r];
+      impact += select(booked, Real(x * 0.5 * (before_[a] + after)), Real(0.0));
     }
     for (int r = 0; r < M; ++r) {
       held[r] = taut[r] && pulled[r];
