@@ -41,10 +41,15 @@ bench: $(VENV)/stamp-bench $(OLDER)/stamp
 bench-plan: $(VENV)/stamp-bench
 	$(BIN)/python -m benchmarks.planning
 
+# A million runs of stages (floor, props, two puppets; some event-driven, some thrown about live), then
+# a million of performances by all methods. Fewer: make soak CROWDS="--runs 20000" SOAK="--runs 900".
 soak: $(VENV)/stamp-test
-	PYTHONPATH=tests $(BIN)/python -m properties.soak
+	failed=0; \
+	PYTHONPATH=tests $(BIN)/python -m properties.crowds $(CROWDS) || failed=1; \
+	PYTHONPATH=tests $(BIN)/python -m properties.soak $(SOAK) || failed=1; \
+	exit $$failed
 
-# A million short runs of stages, in compiled batches. CROWDS="--runs 20000 --workers 1" for fewer.
+# The first half alone.
 soak-crowds: $(VENV)/stamp-test
 	PYTHONPATH=tests $(BIN)/python -m properties.crowds $(CROWDS)
 

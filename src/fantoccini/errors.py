@@ -157,13 +157,14 @@ class Status(enum.IntEnum):
     GAINED_ENERGY = 19, "the end was reached, but the fixed step made energy out of nothing"
     TOO_MANY_CONTACTS = 20, "more points touched at once than a step has room for"
     NO_UNIQUE_MOTION = 21, "friction jams what slides (Painlevé): no finite force, or several"
+    UNBALANCED = 22, "the end was reached, but the ledger of the fixed steps does not balance"
 
 
 ARRIVED = (Status.DONE, Status.LOST_STEPS, Status.RUNAWAY)
 """Statuses with which compiled runs may have got as far as they should.
 
-Of ``DONE`` alone all is well; ``RUNAWAY`` may end early. ``OVERSTEPPED`` and ``GAINED_ENERGY`` are
-not among them: they are given afterwards to runs that reached their end.
+Of ``DONE`` alone all is well; ``RUNAWAY`` may end early. ``OVERSTEPPED``, ``GAINED_ENERGY`` and
+``UNBALANCED`` are not among them: they are given afterwards to runs that reached their end.
 """
 
 

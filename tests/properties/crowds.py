@@ -1,9 +1,10 @@
-"""Very many short runs of stages side by side, in compiled batches: ``make soak-crowds``.
+"""Very many short runs of stages, most side by side in compiled batches: ``make soak-crowds``.
 
 A crowd is a stage with the rules, obstacles and step of its seed, and many random starts and
 inputs, which run in lanes (``timestepping``) or one by one in C++ (``event``). A run is short, and
-begins near what it will strike. ``python -m properties.crowds STAGE SEED METHOD I`` runs the I-th
-of a crowd by itself and prints what is broken.
+begins near what it will strike. A crowd may also be of performances (``live``), in which hands
+throw the puppets about. ``python -m properties.crowds STAGE SEED METHOD I`` runs the I-th of a
+crowd by itself and prints what is broken.
 """
 
 from __future__ import annotations
@@ -25,12 +26,12 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 import fantoccini as fan
 from fantoccini import Status
-from properties import stages
+from properties import stages, throws
 
-SIZES = {"timestepping": 256, "event": 16}
+SIZES = {"timestepping": 256, "event": 16, "live": 8}
 """Runs of a crowd, by method."""
-EVENT_SHARE = 0.002
-"""Part of all runs that are event-driven, which take up to a thousand times as long."""
+SHARES = {"event": 0.002, "live": 0.001}
+"""Parts of all runs that are event-driven and live, which take up to a thousand times as long."""
 STEPS = (40, 120)
 """Steps of a run with fixed steps."""
 DURATION = (0.1, 0.6)
@@ -49,12 +50,14 @@ EXPECTED = {
 }  # fmt: skip
 """How a run may end."""
 LEDGER = {"timestepping": stages.LEDGER, "event": 1e-6}
-"""Bound on the ledger's residual where nothing is driven, relative to the energy of the stage."""
+"""Bound on the ledger's residual, relative to the energy of the stage."""
 OVERLAP = {"timestepping": stages.OVERLAP, "event": 1e-9}
 """Depth beyond which a run may not be DONE [m]."""
 RESIDUAL = {"timestepping": stages.RESIDUAL, "event": 1e-3}
 """Residual of the laws of contact beyond which a sample is broken, relative."""
-PATIENCE = 600.0
+LIMIT = 60.0
+"""Time after which an event-driven run is stopped, and counts as hung [s]."""
+PATIENCE = 1200.0
 """Time without any report after which the workers count as stuck [s]."""
 KEPT = 5
 """Commands kept of each failure; all are counted."""
@@ -171,10 +174,26 @@ def ran(given: Crowd) -> fan.Trajectories:
     """The runs of a crowd, on one thread."""
     every = {} if isinstance(given.method, fan.Event) else {"save_every": EVERY}
     times = np.linspace(0.0, given.t_end, 9) if isinstance(given.method, fan.Event) else None
+    began = time.monotonic()
+
+    def watch(_: float) -> None:
+        if time.monotonic() - began > LIMIT * len(given.starts):
+            raise KeyboardInterrupt  # what was reached is kept, with the status STOPPED
+
     return fan.simulate_batch(
         given.marionette, given.starts, given.inputs, given.t_end, method=given.method,
-        save=("q_D", "v_D", "ledger", "contact_residual"), save_at=times, threads=1, **every,
+        save=("q_D", "v_D", "ledger", "contact_residual"), save_at=times, threads=1,
+        progress=watch, **every,
     )  # fmt: skip
+
+
+def one_of(given: Crowd, i: int) -> Crowd:
+    """The i-th run of a crowd, by itself."""
+    inputs = given.inputs
+    if inputs is not None:
+        bound = inputs.bound(np.array([x.q_K for x in given.starts]))
+        inputs = fan.Inputs.of([bound[i]])
+    return Crowd(given.marionette, [given.starts[i]], inputs, given.t_end, given.method)
 
 
 def broken(given: Crowd, runs: fan.Trajectories) -> tuple[dict[str, np.ndarray], dict[str, float]]:
@@ -198,22 +217,23 @@ def broken(given: Crowd, runs: fan.Trajectories) -> tuple[dict[str, np.ndarray],
     size = np.max(np.abs(books["kinetic"]), axis=1) + np.max(np.abs(books["work"]), axis=1)
     size += np.ptp(np.where(reached, books["potential"], books["potential"][:, :1]), axis=1)
     residual = np.max(np.abs(books["residual"]), axis=1) / (size + given.marionette.weight)
-    free = np.full(len(status), given.inputs is None)
+    off = done & (residual > LEDGER[method])
+    slow = np.full(len(status), given.inputs is None)
     if isinstance(given.method, fan.TimeStepping):
-        free &= _turn(given, runs) < stages.TURN
-    off = free & done & (residual > LEDGER[method])
+        slow &= _turn(given, runs) < stages.TURN / 3.0  # some turn faster between the samples
     expected = np.isin(status, [int(s) for s in EXPECTED[method]])
     found = {
         "is not finite": ~whole,
         "ends before its end as DONE": done & ~(runs.reached >= given.t_end - 1e-9),
         "overlaps silently": done & (depth > OVERLAP[method]),
         "breaks the law of contact silently": done & (law > RESIDUAL[method]),
-        "the ledger does not close": off | (free & (status == Status.GAINED_ENERGY)),
+        "the ledger does not close silently": off,
+        "the ledger does not close": slow & np.isin(status, list(stages.ADRIFT)),
     } | {f"ends with {Status(int(s)).name}": status == s for s in np.unique(status[~expected])}
     worst = {
         "overlap": float(np.max(depth, initial=0.0)),
         "law": float(np.max(law[done], initial=0.0)),
-        "residual": float(np.max(residual[done & free], initial=0.0)),
+        "residual": float(np.max(residual[done], initial=0.0)),
     }
     return found, worst
 
@@ -227,59 +247,95 @@ def _turn(given: Crowd, runs: fan.Trajectories) -> np.ndarray:
 
 
 def counted(name: str, seed: int, method: str) -> Count:
-    """Runs a crowd and counts."""
+    """Runs a crowd and counts: in lanes, or one by one, each within its limit of time."""
+    if method == "live":
+        return performed(name, seed)
     given, count = crowd(name, seed, method), Count()
     if given is None:
         return count
-    runs = ran(given)
-    found, worst = broken(given, runs)
-    names = Counter(Status(int(s)).name for s in runs.status)
-    lost = np.nan_to_num(runs.ledger["friction"]) + np.nan_to_num(runs.ledger["impact"])
-    count.runs, count.touched = len(runs.status), int(np.sum(np.max(lost, axis=1) > 0.0))
-    count.by_status[method], count.worst[method] = names, worst
-    for what, where in found.items():
-        which = np.flatnonzero(where)
-        if len(which):
-            key = f"{name}, {method}: {what}"
-            count.failures[key] = len(which)
-            count.commands[key] = [command(name, seed, method, int(i)) for i in which[:KEPT]]
+    whole = isinstance(given.method, fan.TimeStepping)
+    for first in range(1 if whole else len(given.starts)):
+        part = given if whole else one_of(given, first)
+        runs = ran(part)
+        found, worst = broken(part, runs)
+        names = Counter(Status(int(s)).name for s in runs.status)
+        lost = np.nan_to_num(runs.ledger["friction"]) + np.nan_to_num(runs.ledger["impact"])
+        touched = int(np.sum(np.max(lost, axis=1) > 0.0))
+        here = Count(len(runs.status), touched, {method: names}, {method: worst})
+        for what, where in found.items():
+            which = first + np.flatnonzero(where)
+            if len(which):
+                key = f"{name}, {method}: {what}"
+                here.failures[key] = len(which)
+                here.commands[key] = [command(name, seed, method, int(i)) for i in which[:KEPT]]
+        count.merge(here)
+    return count
+
+
+def performed(name: str, seed: int) -> Count:
+    """Throws a stage about live, and counts."""
+    count = Count()
+    for i in range(SIZES["live"]):
+        found = throws.thrown(name, seed, i)
+        if found is None:
+            continue
+        worst = {"overlap": found.overlap, "energy": found.energy}
+        here = Count(1, int(found.touched), {"live": Counter([found.status])}, {"live": worst})
+        for what in found.broken:
+            key = f"{name}, live: {what}"
+            here.failures[key], here.commands[key] = 1, [command(name, seed, "live", i)]
+        count.merge(here)
     return count
 
 
 def alone(name: str, seed: int, method: str, i: int) -> list[str]:
     """What is broken in the i-th run of a crowd, run by itself."""
+    if method == "live":
+        thrown = throws.thrown(name, seed, i)
+        print(thrown)
+        return [] if thrown is None else list(thrown.broken)
     given = crowd(name, seed, method)
     assert given is not None
-    inputs = given.inputs
-    if inputs is not None:
-        bound = inputs.bound(np.array([x.q_K for x in given.starts]))
-        inputs = fan.Inputs.of([bound[i]])
-    one = Crowd(given.marionette, [given.starts[i]], inputs, given.t_end, given.method)
+    one = one_of(given, i)
     runs = ran(one)
     found, worst = broken(one, runs)
     print(Status(int(runs.status[0])).name, worst)
     return [what for what, where in found.items() if where[0]]
 
 
-def soak(names: list[str], n: int, seed: int, workers: int, event: float, progress=None) -> Count:
+def cases(names: list[str], seed: int, shares: dict[str, float]):
+    """(stage, seed, method) of crowds without end: most with fixed steps, shares of the others."""
+    made = dict.fromkeys(SIZES, 0)
+    stages_of = {method: names for method in SIZES}
+    stages_of["live"] = [name for name in names if name in throws.STAGES]
+    rare = [method for method, share in shares.items() if share > 0.0 and stages_of[method]]
+    k = dict.fromkeys(SIZES, 0)
+    while True:
+        whole = sum(made.values())
+        method = next((m for m in rare if made[m] < shares[m] * whole), "timestepping")
+        made[method] += SIZES[method]
+        these = stages_of[method]
+        yield these[k[method] % len(these)], seed + k[method] // len(these), method
+        k[method] += 1
+
+
+def soak(
+    names: list[str], n: int, seed: int, workers: int, shares: dict[str, float], progress=None
+) -> Count:
     """Runs crowds in several processes until n runs are made; Ctrl-C gives the count so far."""
     for name in names:  # once, not by every worker
-        for method in SIZES:
+        for method in ("timestepping", "event"):
             stages.load(name).model.compiled.batch_library_of(method)
+        stages.load(name).model.compiled.library_of("timestepping")
     count, context = Count(), multiprocessing.get_context("spawn")
-    made = {method: 0 for method in SIZES}
     waiting: dict[Future, tuple[str, int, str]] = {}
-    k = 0
+    todo = cases(names, seed, shares)
     with ProcessPoolExecutor(workers, mp_context=context) as pool:
         try:
             while True:
                 while count.runs < n and len(waiting) < 2 * workers:
-                    rare = made["event"] < event * sum(made.values())
-                    method = "event" if rare else "timestepping"
-                    made[method] += SIZES[method]
-                    case = (names[k % len(names)], seed + k // len(names), method)
+                    case = next(todo)
                     waiting[pool.submit(counted, *case)] = case
-                    k += 1
                 if not waiting:
                     break
                 done, _ = wait(waiting, timeout=PATIENCE, return_when=FIRST_COMPLETED)
@@ -314,7 +370,8 @@ def main() -> int:
     parser.add_argument("--runs", type=int, default=1_000_000, help="(default 1,000,000)")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="(default: all)")
     parser.add_argument("--seed", type=int, default=0, help="first seed of every stage")
-    parser.add_argument("--event", type=float, default=EVENT_SHARE, help="event-driven part")
+    for method, share in SHARES.items():
+        parser.add_argument(f"--{method}", type=float, default=share, help=f"part that is {method}")
     parser.add_argument("--only", choices=list(stages.ALL), action="append", help="one of them")
     parser.add_argument("--out", type=Path, default=OUT, help="(default %(default)s)")
     options = parser.parse_args()
@@ -335,7 +392,8 @@ def main() -> int:
                 text = f"soaking, {sum(count.failures.values())} broken"
                 bar.update(task, completed=count.runs, description=text)
 
-            count = soak(names, options.runs, options.seed, options.workers, options.event, show)
+            shares = {method: getattr(options, method) for method in SHARES}
+            count = soak(names, options.runs, options.seed, options.workers, shares, show)
         seconds = round(time.perf_counter() - start, 1)
         report = {
             "runs": count.runs, "touched": count.touched, "stages": names,

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 import pytest
 
-from properties import crowds, puppets, stages
+from properties import crowds, puppets, stages, throws
 from properties.check import METHODS, checked, simulated
 from properties.performances import performance
 from properties.soak import soak
@@ -58,6 +59,25 @@ def test_a_crowd_keeps_the_rules_and_its_runs_can_be_run_alone():
     assert np.array_equal(whole.q_D[7], one.q_D[0])
 
 
+def test_crowds_have_event_driven_and_live_runs_among_them():
+    """Every stage with fixed steps; puppets with hands are thrown live."""
+    some = list(islice(crowds.cases(list(stages.ALL), 0, crowds.SHARES), 900))
+    runs = {m: sum(crowds.SIZES[m] for *_, m2 in some if m2 == m) for m in crowds.SIZES}
+    for method, share in crowds.SHARES.items():
+        assert runs[method] == pytest.approx(share * sum(runs.values()), rel=0.1)
+    assert {name for name, _, m in some if m == "timestepping"} == set(stages.ALL)
+    assert {name for name, _, m in some if m == "live"} == set(throws.STAGES)
+    assert len(set(some)) == len(some)
+
+
+@pytest.mark.parametrize("name", ["figure", pytest.param("duet", marks=pytest.mark.slow)])
+def test_puppets_thrown_about_live_are_not_broken(name):
+    """At the floor, at one another and anywhere, among random obstacles with random rules."""
+    found = [each for i in range(4) if (each := throws.thrown(name, 1, i))]
+    assert found and all(each.touched for each in found)
+    assert not [each for each in found if each.broken]
+
+
 def test_friction_that_jams_ends_event_driven_runs_by_name():
     """Two boxes whose sliding corners push ever harder, found in a crowd: Painleve's jam."""
     count = crowds.counted("crates", 20, "event")
@@ -73,6 +93,15 @@ def test_a_stage_that_has_broken_before(case):
     found = stages.checked(name, int(seed))
     assert not found.broken
     assert found.status == "DONE"
+
+
+# Catches within the first steps, a point that rebounds and is thrown back, a winch that slips.
+@pytest.mark.parametrize(
+    "case", ["duet 12 252", "figure 1 202", "paddle 22 141", "paddle 52 71", "heap 340 186"]
+)
+def test_a_run_of_a_crowd_that_has_broken_before(case):
+    name, seed, i = case.split()
+    assert not crowds.alone(name, int(seed), "timestepping", int(i))
 
 
 # Cases that have broken a property before, found among very many.

@@ -38,7 +38,13 @@ from fantoccini.runtime import Batch, RunOptions, default_threads, whole
 from fantoccini.simulation.batch_progress import batch_progress
 from fantoccini.simulation.checks import check_end, check_marionette, save_times
 from fantoccini.simulation.run import ledger_of
-from fantoccini.simulation.soundness import gains, verdict
+from fantoccini.simulation.soundness import (
+    ends_fast,
+    gains,
+    left_by_last_step,
+    unbooked,
+    verdict,
+)
 
 SAVE = ("q_D", "v_D", "tension")
 """What a batch saves unless told otherwise."""
@@ -159,7 +165,7 @@ def simulate_batch(
     if may_be_redundant(model):
         _find_contradictions(model, batch, bound, name)
     if name != "event":
-        _judge(marionette, batch)
+        _judge(marionette, batch, bound)
     return _trajectories(marionette, batch, name, saved)
 
 
@@ -198,16 +204,22 @@ def _find_contradictions(model: Model, batch: Batch, inputs: Inputs, method: str
             batch.blame[i, [strings.index(name) for name in found.names]] = 1.0
 
 
-def _judge(marionette: Marionette, batch: Batch) -> None:
+def _judge(marionette: Marionette, batch: Batch, inputs: Inputs) -> None:
     """Names the runs that reached their end and are not sound; energy only with a saved ledger."""
     done = np.isin(batch.status, ARRIVED) & (batch.reached >= batch.t_end)
-    gain = np.zeros(batch.n)
+    gain, share = np.zeros(batch.n), np.zeros(batch.n)
     if "books" in batch.parts and np.any(done):
         columns = np.moveaxis(_ledger(batch.parts["books"][done]), -1, 0)
-        names = ("kinetic", "potential", "work", "residual")
-        gain[done] = gains(marionette, *(columns[LEDGER.index(name)] for name in names))
-    for i in np.flatnonzero(done):
-        found = verdict(float(batch.violation[i]), float(gain[i]))
+        ledger = dict(zip(LEDGER, columns, strict=True))
+        steps = np.maximum(np.diff(batch.times) / batch.options.dt, 1.0)
+        gain[done], share[done] = gains(marionette, ledger), unbooked(marionette, ledger, steps)
+    most = batch.violation.copy()
+    for i in map(int, np.flatnonzero(done & ends_fast(batch.end_v_D, batch.options.dt))):
+        q_K = inputs[i if len(inputs) > 1 else 0].evaluate(batch.t_end)[0]
+        left = left_by_last_step(marionette, batch.end_q_D[i], q_K)
+        most[i] = max([most[i], *left.values()])
+    for i in map(int, np.flatnonzero(done)):
+        found = verdict(float(most[i]), float(gain[i]), float(share[i]))
         if found is not Status.DONE:
             batch.status[i], batch.blame[i] = found, 0.0
 

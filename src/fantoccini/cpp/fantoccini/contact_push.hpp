@@ -10,6 +10,9 @@ struct ContactStepTolerances {
   static constexpr int looks = 8;
   // Steps that an impact takes: the first ends where the solids touch, the second stops them.
   static constexpr int steps_of_impact = 2;
+  // m/s at which a point that pushes across a gap still closes it: it will be stopped in the next
+  // step, as after a rebound that another impact turns round.
+  static constexpr double closing_speed = 0.1;
   // Residual of the law up to which a step is accepted: far below the error of the step itself.
   static constexpr double accepted_residual = 1e-5;
   // By how much less, relative, an impulse at its winch's bound may be found: rounding.

@@ -342,7 +342,7 @@ class ContactStep : public ContactProblem<Model, Real> {
     Push out;
     out.pair = from.pair;
     out.feature = from.feature;
-    out.steps = steps_[l][i] + (steps_[l][i] <= Tolerance::steps_of_impact);
+    out.steps = closes(l, i) ? 1 : steps_[l][i] + (steps_[l][i] <= Tolerance::steps_of_impact);
     const double hdot = lane_of(hdot_[i], l), by_forces = lane_of(before_[3 * i], l) - hdot;
     out.rested = hdot <= (by_forces > Tolerance::passing_speed ? by_forces : Tolerance::passing_speed);
     out.gap = from.gap;
@@ -363,8 +363,13 @@ class ContactStep : public ContactProblem<Model, Real> {
     return lane_of(before_[i], l) - lane_of(s_[i], l) - lane_of(b_[i], l);
   }
 
-  // Whether point i is new enough to be part of an impact.
-  FAN_FN bool strikes(int l, int i) const { return steps_[l][i] < Tolerance::steps_of_impact; }
+  // Whether point i is part of an impact.
+  FAN_FN bool strikes(int l, int i) const {
+    return steps_[l][i] < Tolerance::steps_of_impact || closes(l, i);
+  }
+
+  // Whether point i, if it pushes, ends the step as fast as closes its gap.
+  FAN_FN bool closes(int l, int i) const { return -parting_[l][i] > Tolerance::closing_speed; }
 
   // Adds what the friction of point i takes, at the velocity after the step.
   FAN_FN void book_friction(int l, int i) {

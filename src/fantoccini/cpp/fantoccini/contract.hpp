@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x7073e9f834b8e40f;
+constexpr long long contract_digest = 0x182e07194ef41c3b;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -66,6 +66,7 @@ enum Status : int {
   GAINED_ENERGY = 19,  // the end was reached, but the fixed step made energy out of nothing
   TOO_MANY_CONTACTS = 20,  // more points touched at once than a step has room for
   NO_UNIQUE_MOTION = 21,  // friction jams what slides (Painlevé): no finite force, or several
+  UNBALANCED = 22,  // the end was reached, but the ledger of the fixed steps does not balance
 };
 
 // What happened to a row or a drive.

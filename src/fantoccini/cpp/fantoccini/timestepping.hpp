@@ -67,7 +67,8 @@ struct TimeStep {
   Mask steady = Real(0.0) > Real(1.0);  // whether the next step may extrapolate the last one
   Real tension[room(M)];  // Lambda / dt
   Mask taut[room(M)];    // rows that pulled in the last step
-  Mask held[room(M)];    // and in the one before it
+  Mask pulled[room(M)];  // the same, but for rows that the first step of a run catches
+  Mask held[room(M)];    // rows that pulled in the last step and in the one before it
   Real slip[room(S)];    // m, >= 0
   Mask slips[room(S)];   // in the last step
   Real work, impact, slip_loss, friction, violation;
@@ -116,8 +117,8 @@ struct TimeStep {
       gather_more(v_D);
       pull(dt, recovery_speed, cap, winches);
     }
-    const Mask caught = account(v_D, u_D, dt);
     give_way(winches, cap, dt);
+    const Mask caught = account(v_D, u_D, dt);
     Real move[room(N)], part[room(N)];
     for (int k = 0; k < N; ++k) {
       v_next[k] = v_D[k] + acc[k];
@@ -354,10 +355,8 @@ struct TimeStep {
   // Tensions, the active set and the step's entries of the ledger. acc is v+ - v here. Returns the
   // lanes in which a row was caught.
   FAN_FN Mask account(const Real* v_D, const Real* u_D, double dt) {
-    Mask held_before[room(M)], some_caught = Real(0.0) > Real(1.0);
+    Mask some_caught = Real(0.0) > Real(1.0);
     for (int r = 0; r < M; ++r) {
-      held_before[r] = held[r];
-      held[r] = taut[r];
       tension[r] = Real(0.0);
       taut[r] = Real(0.0) > Real(1.0);
     }
@@ -379,7 +378,7 @@ struct TimeStep {
       taut[r] = rows.two_sided[a] ? Real(1.0) > Real(0.0) : x > Real(0.0);
       work += x * rows.hdot_K[a];
       // A catch takes two steps: the first ends where the row closes, the second stops it.
-      const Mask caught = taut[r] && !(held[r] && held_before[r]);
+      const Mask caught = taut[r] && !held[r];
       if (!any(caught)) continue;
       some_caught = some_caught || caught;
       Real after = before_[a];
@@ -387,7 +386,14 @@ struct TimeStep {
       for (int b = 0; b < rows.n; ++b) after += rows.problem.G[a * stride + b] * pull_[b];
       if constexpr (touches)
         if (solids) after -= contacts.rate_by_impulses(a);
-      impact += select(caught, Real(x * 0.5 * (before_[a] + after)), Real(0.0));
+      // What a slipping winch takes is in slip_loss.
+      Mask booked = caught;
+      if (r < S) booked = caught && !slips[r];
+      impact += select(booked, Real(x * 0.5 * (before_[a] + after)), Real(0.0));
+    }
+    for (int r = 0; r < M; ++r) {
+      held[r] = taut[r] && pulled[r];
+      pulled[r] = taut[r];
     }
     if constexpr (touches)
       if (solids) {

@@ -46,7 +46,7 @@ struct TimeSteppingTrajectory {
     work = damping = impact = slip_loss = friction = worst_violation = Real(0.0);
     status = Real(RUNNING);
     for (int r = 0; r < M; ++r) {
-      at.taut[r] = at.held[r] = no;
+      at.taut[r] = at.pulled[r] = at.held[r] = no;
       at.tension[r] = Real(0.0);
     }
     for (int i = 0; i < S; ++i) at.slips[i] = no;
@@ -116,7 +116,7 @@ struct TimeSteppingTrajectory {
 
  private:
   // Rows that pull at the start are held, but for those that close faster than the forces of a step
-  // move them: these are caught in the first step.
+  // move them: these are caught from the first step on.
   FAN_FN void hold() {
     for (int r = 0; r < M; ++r) at.held[r] = at.taut[r];
     for (int a = 0; a < at.rows.n; ++a) {
@@ -126,6 +126,7 @@ struct TimeSteppingTrajectory {
       const int r = at.rows.row[a];
       at.held[r] = at.held[r] && !(at.rows.hdot[a] > most);
     }
+    for (int r = 0; r < M; ++r) at.pulled[r] = at.held[r];
   }
 
   FAN_FN State& stepped() { return states_[1 - state_]; }  // what a step makes of state()
